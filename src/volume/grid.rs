@@ -1,0 +1,143 @@
+//! The regular grid that samples sit on, and where it lies in the world.
+
+use crate::error::{Error, Result};
+
+/// Largest number of grid points along an axis.
+pub const MAX_DIM: u32 = 65_535;
+
+/// One of the grid's three axes. x is the fastest in files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Axis {
+    /// First index, fastest in files.
+    X = 0,
+    /// Second index.
+    Y = 1,
+    /// Third index; slices are stored along it.
+    Z = 2,
+}
+
+impl Axis {
+    /// All axes, x first.
+    pub const ALL: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
+
+    /// 0, 1 or 2.
+    pub const fn index(self) -> usize {
+        self as usize
+    }
+
+    /// The axis of index 0, 1 or 2; `None` for any other.
+    pub const fn from_index(index: usize) -> Option<Axis> {
+        match index {
+            0 => Some(Axis::X),
+            1 => Some(Axis::Y),
+            2 => Some(Axis::Z),
+            _ => None,
+        }
+    }
+
+    /// The two other axes, the lower first.
+    pub const fn others(self) -> [Axis; 2] {
+        match self {
+            Axis::X => [Axis::Y, Axis::Z],
+            Axis::Y => [Axis::X, Axis::Z],
+            Axis::Z => [Axis::X, Axis::Y],
+        }
+    }
+
+    /// "x", "y" or "z".
+    pub const fn name(self) -> &'static str {
+        match self {
+            Axis::X => "x",
+            Axis::Y => "y",
+            Axis::Z => "z",
+        }
+    }
+}
+
+/// A regular grid: how many points, how far apart, where.
+///
+/// World position of grid point `i`: `origin + direction * (spacing .* i)`. World axes are right-handed; where a
+/// file names an anatomical frame they are R, A, S (x to the patient's right, y to the front, z to the head).
+#[derive(Debug, Clone, PartialEq)]
+pub struct Grid {
+    /// Points along x, y, z; each 1..=[`MAX_DIM`].
+    pub dims: [u32; 3],
+    /// Distance between points along each index axis, in `unit`; finite and above 0.
+    pub spacing: [f64; 3],
+    /// World position of point (0, 0, 0), in `unit`.
+    pub origin: [f64; 3],
+    /// Unit world vectors of the index axes: `direction[a]` is where axis `a` points.
+    pub direction: [[f64; 3]; 3],
+    /// Unit of spacing and origin, if the file names one: "mm".
+    pub unit: Option<String>,
+}
+
+impl Grid {
+    /// A grid at the world's origin with its axes along the world's.
+    ///
+    /// # Errors
+    /// As [`Grid::check`].
+    pub fn new(dims: [u64; 3], spacing: [f64; 3]) -> Result<Grid> {
+        let mut narrow = [0u32; 3];
+        for axis in Axis::ALL {
+            let points = dims[axis.index()];
+            if points > u64::from(MAX_DIM) {
+                let what = format!("dimension {}", axis.name());
+                return Err(Error::Limit { what, need: points, have: u64::from(MAX_DIM) });
+            }
+            narrow[axis.index()] = u32::try_from(points).expect("bounded above");
+        }
+        let direction = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let grid = Grid { dims: narrow, spacing, origin: [0.0; 3], direction, unit: None };
+        grid.check()?;
+        Ok(grid)
+    }
+
+    /// Checks what every reader and caller must hold to.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a dimension is 0, a spacing is not finite and above 0, or origin or direction is not
+    /// finite or the direction is singular; [`Error::Limit`] if a dimension is above [`MAX_DIM`].
+    pub fn check(&self) -> Result<()> {
+        for axis in Axis::ALL {
+            let a = axis.index();
+            if self.dims[a] == 0 {
+                return Err(Error::input(format!("dimension {}", axis.name()), "is 0, but must be at least 1"));
+            }
+            if self.dims[a] > MAX_DIM {
+                let what = format!("dimension {}", axis.name());
+                return Err(Error::Limit { what, need: self.dims[a].into(), have: MAX_DIM.into() });
+            }
+            let step = self.spacing[a];
+            if !(step.is_finite() && step > 0.0) {
+                let why = format!("is {step}, but must be a finite number above 0");
+                return Err(Error::input(format!("spacing {}", axis.name()), why));
+            }
+        }
+        if !self.origin.iter().all(|c| c.is_finite()) {
+            return Err(Error::input("origin", "is not finite"));
+        }
+        let [x, y, z] = self.direction;
+        let determinant = x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0])
+            + x[2] * (y[0] * z[1] - y[1] * z[0]);
+        if !(determinant.is_finite() && determinant.abs() > 1e-6) {
+            return Err(Error::input("direction", "has axes that are not finite or lie in one plane"));
+        }
+        Ok(())
+    }
+
+    /// Samples in one z-slice.
+    pub fn slice_len(&self) -> u64 {
+        u64::from(self.dims[0]) * u64::from(self.dims[1])
+    }
+
+    /// Samples in the volume; below 2^48, so it never overflows.
+    pub fn len(&self) -> u64 {
+        self.slice_len() * u64::from(self.dims[2])
+    }
+
+    /// Never: every dimension is at least 1.
+    pub fn is_empty(&self) -> bool {
+        false
+    }
+}

@@ -1,0 +1,12 @@
+//! Volumes: regular grids of samples, read slice by slice.
+//!
+//! In: a file of any supported format, or a phantom. Out: z-slices of native-endian samples in file order
+//! (x fastest, then y, then z), one at a time, so that memory is bounded by a slice whatever the volume's size.
+
+pub mod grid;
+pub mod samples;
+pub mod source;
+
+pub use grid::{Axis, Grid, MAX_DIM};
+pub use samples::{Sample, SampleType, Samples};
+pub use source::{Header, SlabSource};
