@@ -14,7 +14,9 @@
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
+pub mod arena;
 pub mod error;
+pub mod traverse;
 pub mod volume;
 
 pub use error::{Error, Result};
