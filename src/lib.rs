@@ -15,6 +15,7 @@
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
 pub mod arena;
+pub mod classify;
 pub mod error;
 pub mod traverse;
 pub mod volume;
