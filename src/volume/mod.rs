@@ -10,3 +10,4 @@ pub mod source;
 pub use grid::{Axis, Grid, MAX_DIM};
 pub use samples::{Sample, SampleType, Samples};
 pub use source::{Header, SlabSource};
+pub mod phantom;
