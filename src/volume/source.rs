@@ -63,3 +63,31 @@ pub trait SlabSource: Send {
     /// If the file cannot be opened again.
     fn rewind(&mut self) -> Result<()>;
 }
+
+/// A volume whose samples count as they are stored: without the file's slope and intercept.
+pub struct Unscaled {
+    inner: Box<dyn SlabSource>,
+    header: Header,
+}
+
+impl Unscaled {
+    /// The same samples at slope 1 and intercept 0.
+    pub fn new(inner: Box<dyn SlabSource>) -> Unscaled {
+        let header = Header { slope: 1.0, intercept: 0.0, ..inner.header().clone() };
+        Unscaled { inner, header }
+    }
+}
+
+impl SlabSource for Unscaled {
+    fn header(&self) -> &Header {
+        &self.header
+    }
+
+    fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+        self.inner.read_slice(slice)
+    }
+
+    fn rewind(&mut self) -> Result<()> {
+        self.inner.rewind()
+    }
+}
