@@ -13,6 +13,8 @@
 //! Source: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
 //! Departs from it in comparing candidates by the squared cosine times the squared lengths: no root, no division.
 
+use std::hint::select_unpredictable;
+
 /// The code of 2x8 bits that says "no normal".
 pub const NONE8: u16 = 0x8080;
 /// The code of 2x16 bits that says "no normal".
@@ -72,24 +74,36 @@ fn nearest(gradient: [f64; 3], scale: f64) -> Option<[f64; 2]> {
     let factor = scale / sum;
     let [x, y, z] = [x * factor, y * factor, z * factor];
     // Folds the lower half out over the edges of the upper.
-    let [u, v] = if z < 0.0 { [(scale - y.abs()).copysign(x), (scale - x.abs()).copysign(y)] } else { [x, y] };
+    let fold_u = (scale - y.abs()).copysign(x);
+    let fold_v = (scale - x.abs()).copysign(y);
+    let [u, v] = [select_unpredictable(z < 0.0, fold_u, x), select_unpredictable(z < 0.0, fold_v, y)];
     // Below the largest, so that the candidate above it is within the square.
-    let [low_u, low_v] = [u, v].map(|at| at.floor().clamp(-scale, scale - 1.0));
-    let mut best = [low_u, low_v];
-    let (mut best_cosine, mut best_square) = (f64::NEG_INFINITY, 1.0);
-    for [du, dv] in [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]] {
+    let [low_u, low_v] = [u, v].map(|at| below(at, scale));
+    // Candidate k adds bit 0 of k to u and bit 1 to v.
+    let candidates = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]].map(|[du, dv]| {
         let [cu, cv] = [low_u + du, low_v + dv];
         let cz = scale - cu.abs() - cv.abs();
         let fold = (-cz).max(0.0);
         let [cx, cy] = [cu - fold.copysign(cu), cv - fold.copysign(cv)];
+        // All four are near the direction, so the product is above 0 and its square keeps the order.
         let dot = x * cx + y * cy + z * cz;
-        let cosine = dot * dot.abs();
-        let square = cx * cx + cy * cy + cz * cz;
-        if cosine * best_square > best_cosine * square {
-            (best, best_cosine, best_square) = ([cu, cv], cosine, square);
-        }
-    }
-    Some(best)
+        [dot * dot, cx * cx + cy * cy + cz * cz]
+    });
+    let nearer = |a: usize, b: usize| -> usize {
+        let ([a_dot, a_square], [b_dot, b_square]) = (candidates[a], candidates[b]);
+        select_unpredictable(b_dot * a_square > a_dot * b_square, b, a)
+    };
+    let best = nearer(nearer(0, 1), nearer(2, 3));
+    Some([low_u + (best & 1) as f64, low_v + (best >> 1) as f64])
+}
+
+/// The whole number at or below `at`, from `-scale` to `scale - 1`.
+#[inline(always)]
+fn below(at: f64, scale: f64) -> f64 {
+    // Cut off above 0, where that is rounding down: floor() is a call where the processor has no such instruction.
+    #[expect(clippy::cast_possible_truncation, reason = "0 to 65,534")]
+    let steps = (at + scale) as i32;
+    f64::from(steps).min(2.0 * scale - 1.0) - scale
 }
 
 /// A vector too long or short to add up, at a length that is not; `None` if it is zero or not finite.
