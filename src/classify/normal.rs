@@ -11,9 +11,10 @@
 //! Bytes: u in the low half, v in the high half, little endian.
 //!
 //! Source: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
-//! Departs from it in comparing candidates by the squared cosine times the squared lengths: no root, no division.
+//! Departs from it in comparing candidates by their squared sines, from cross products with the small differences:
+//! no root, and single precision is enough for both widths.
 
-use std::hint::select_unpredictable;
+use glam::Vec4;
 
 /// The code of 2x8 bits that says "no normal".
 pub const NONE8: u16 = 0x8080;
@@ -24,8 +25,8 @@ pub const NONE16: u32 = 0x8000_8000;
 #[inline]
 pub fn encode8(gradient: [f64; 3]) -> u16 {
     match nearest(gradient, 127.0) {
-        #[expect(clippy::cast_possible_truncation, reason = "both are within 127 of 0")]
-        Some([u, v]) => u16::from_le_bytes([(u as i8).cast_unsigned(), (v as i8).cast_unsigned()]),
+        #[expect(clippy::cast_possible_truncation, reason = "the low byte of each is meant")]
+        Some([u, v]) => u16::from_le_bytes([u as u8, v as u8]),
         None => NONE8,
     }
 }
@@ -34,8 +35,8 @@ pub fn encode8(gradient: [f64; 3]) -> u16 {
 #[inline]
 pub fn encode16(gradient: [f64; 3]) -> u32 {
     match nearest(gradient, 32_767.0) {
-        #[expect(clippy::cast_possible_truncation, reason = "both are within 32,767 of 0")]
-        Some([u, v]) => u32::from((u as i16).cast_unsigned()) | u32::from((v as i16).cast_unsigned()) << 16,
+        #[expect(clippy::cast_possible_truncation, reason = "the low half of each is meant")]
+        Some([u, v]) => u32::from(u as u16) | u32::from(v as u16) << 16,
         None => NONE16,
     }
 }
@@ -65,45 +66,57 @@ fn unfold(u: f32, v: f32, scale: f32, length: f32) -> [f32; 3] {
     [x * factor, y * factor, z * factor]
 }
 
-/// The best of the four codes around the place of `-gradient`, as whole numbers.
+/// The best of the four codes around the place of `-gradient`, in two's complement in the low bits.
 #[inline(always)]
-fn nearest(gradient: [f64; 3], scale: f64) -> Option<[f64; 2]> {
+fn nearest(gradient: [f64; 3], scale: f64) -> Option<[u64; 2]> {
     let [x, y, z] = gradient.map(|component| -component);
     let sum = x.abs() + y.abs() + z.abs();
     let [x, y, z, sum] = if (1e-280..1e280).contains(&sum) { [x, y, z, sum] } else { rescaled(x, y, z)? };
     let factor = scale / sum;
     let [x, y, z] = [x * factor, y * factor, z * factor];
-    // Folds the lower half out over the edges of the upper.
-    let fold_u = (scale - y.abs()).copysign(x);
-    let fold_v = (scale - x.abs()).copysign(y);
-    let [u, v] = [select_unpredictable(z < 0.0, fold_u, x), select_unpredictable(z < 0.0, fold_v, y)];
+    // Folds the lower half out over the edges of the upper: there the three lengths add up to `scale`.
+    let fold = (-z).max(0.0);
+    let [u, v] = [x + fold.copysign(x), y + fold.copysign(y)];
     // Below the largest, so that the candidate above it is within the square.
-    let [low_u, low_v] = [u, v].map(|at| below(at, scale));
+    let low_u = whole(u - 0.5).max(-scale).min(scale - 1.0);
+    let low_v = whole(v - 0.5).max(-scale).min(scale - 1.0);
     // Candidate k adds bit 0 of k to u and bit 1 to v.
-    let candidates = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]].map(|[du, dv]| {
-        let [cu, cv] = [low_u + du, low_v + dv];
-        let cz = scale - cu.abs() - cv.abs();
-        let fold = (-cz).max(0.0);
-        let [cx, cy] = [cu - fold.copysign(cu), cv - fold.copysign(cv)];
-        // All four are near the direction, so the product is above 0 and its square keeps the order.
-        let dot = x * cx + y * cy + z * cz;
-        [dot * dot, cx * cx + cy * cy + cz * cz]
-    });
-    let nearer = |a: usize, b: usize| -> usize {
-        let ([a_dot, a_square], [b_dot, b_square]) = (candidates[a], candidates[b]);
-        select_unpredictable(b_dot * a_square > a_dot * b_square, b, a)
-    };
-    let best = nearer(nearer(0, 1), nearer(2, 3));
-    Some([low_u + (best & 1) as f64, low_v + (best >> 1) as f64])
+    let us = Vec4::new(0.0, 1.0, 0.0, 1.0) + narrow(low_u);
+    let vs = Vec4::new(0.0, 0.0, 1.0, 1.0) + narrow(low_v);
+    let zs = Vec4::splat(narrow(scale)) - us.abs() - vs.abs();
+    let fold = (-zs).max(Vec4::ZERO);
+    let [xs, ys] = [us - fold.copysign(us), vs - fold.copysign(vs)];
+    // From the place to the candidates: whole numbers first, so that nothing is lost.
+    let [(whole_x, part_x), (whole_y, part_y), (whole_z, part_z)] = [split(x), split(y), split(z)];
+    let [dx, dy, dz] = [xs - whole_x - part_x, ys - whole_y - part_y, zs - whole_z - part_z];
+    let [x, y, z] = [narrow(x), narrow(y), narrow(z)];
+    let cross = [dy * z - dz * y, dz * x - dx * z, dx * y - dy * x];
+    let sines = (cross[0] * cross[0] + cross[1] * cross[1] + cross[2] * cross[2]) / (xs * xs + ys * ys + zs * zs);
+    let best = sines.cmpeq(Vec4::splat(sines.min_element())).bitmask().trailing_zeros();
+    let code = |low: f64, add: u32| (low + WHOLE).to_bits().wrapping_add(u64::from(add & 1));
+    Some([code(low_u, best), code(low_v, best >> 1)])
 }
 
-/// The whole number at or below `at`, from `-scale` to `scale - 1`.
+/// Added to a number within 2^51 of 0, it leaves the nearest whole one in the low bits.
+const WHOLE: f64 = 6_755_399_441_055_744.0;
+
+/// The nearest whole number. By addition: round() and casts are many instructions where none does it.
 #[inline(always)]
-fn below(at: f64, scale: f64) -> f64 {
-    // Cut off above 0, where that is rounding down: floor() is a call where the processor has no such instruction.
-    #[expect(clippy::cast_possible_truncation, reason = "0 to 65,534")]
-    let steps = (at + scale) as i32;
-    f64::from(steps).min(2.0 * scale - 1.0) - scale
+fn whole(number: f64) -> f64 {
+    (number + WHOLE) - WHOLE
+}
+
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "rounding is meant")]
+fn narrow(number: f64) -> f32 {
+    number as f32
+}
+
+/// The nearest whole number and the rest.
+#[inline(always)]
+fn split(number: f64) -> (f32, f32) {
+    let whole = whole(number);
+    (narrow(whole), narrow(number - whole))
 }
 
 /// A vector too long or short to add up, at a length that is not; `None` if it is zero or not finite.

@@ -12,7 +12,7 @@ use crate::volume::Grid;
 /// Lowest visible value of the shells: one voxel from the middle of the shell.
 pub(super) const SHELL_EDGE: f64 = 191.0;
 /// Lowest visible value of the gyroid: leaves 3.2 % of the samples (tests/classify.rs).
-pub(super) const GYROID_EDGE: f64 = 216.0;
+pub(super) const GYROID_EDGE: f64 = 217.0;
 
 /// A function of the grid that is asked row by row.
 pub(super) trait Field: Send {
