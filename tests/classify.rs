@@ -264,7 +264,7 @@ fn wrong_json_is_refused_with_the_place_and_the_remedy() {
             format!(r#"{{"kind":"points","points":[{one}],"gradient":[{{"magnitude":1,"factor":2}}]}}"#),
             "gradient[0].factor: is 2",
         ),
-        (regions(&[zero.clone()]), "knots: has 1, but needs at least 2"),
+        (regions(std::slice::from_ref(&zero)), "knots: has 1, but needs at least 2"),
         (regions(&[zero.clone(), zero.clone()]), "knots[1].value: is 0, as the one before it"),
         (regions(&[one.clone(), zero.clone()]), "knots[1].value: is 0, below 1"),
         (contour(r#""value":1e400,"opacity":1"#), "out of range"),
@@ -468,9 +468,9 @@ fn angles(count: u32, code: impl Fn([f64; 3]) -> [f32; 3]) -> (f64, f64) {
 #[test]
 fn normals_are_within_the_stated_angles() {
     let (mean, most) = angles(2_000_000, |g| decode8(encode8(g)));
-    assert!(mean < 0.316 && most < 0.636, "2x8: mean {mean}, largest {most}");
+    assert!(mean < 0.3152 && most < 0.6381, "2x8: mean {mean}, largest {most}");
     let (mean, most) = angles(2_000_000, |g| decode16(encode16(g)));
-    assert!(mean < 0.001_25 && most < 0.002_51, "2x16: mean {mean}, largest {most}");
+    assert!(mean < 0.001_23 && most < 0.002_48, "2x16: mean {mean}, largest {most}");
 }
 
 #[test]

@@ -253,7 +253,7 @@ impl Field for Noise {
             let bits = hash(index);
             let is_visible = bits & 0xffff_ffff < self.threshold;
             // 1..=255, all as likely to within 2^-32.
-            *value = if is_visible { (1 + ((bits >> 32) * 255 >> 32)) as f32 } else { 0.0 };
+            *value = if is_visible { (1 + (((bits >> 32) * 255) >> 32)) as f32 } else { 0.0 };
         }
     }
 }
