@@ -15,6 +15,7 @@
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
 pub mod error;
+pub mod splat;
 pub mod volume;
 
 pub use error::{Error, Result};

@@ -1,0 +1,2 @@
+//! splat
+pub mod cpu;
