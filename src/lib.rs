@@ -14,6 +14,7 @@
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
+pub mod classify;
 pub mod error;
 pub mod splat;
 pub mod volume;
