@@ -1,8 +1,8 @@
 //! What a splat does to a pixel: the five ways of putting splats together.
 //!
-//! In: a pixel's red, green, blue and fourth value, and a splat's optical depth there in units of ln 2 (0 outside
-//! its cut-off). Out: the pixel's new values. Every way leaves a pixel of optical depth 0 as it was, bit for bit, so
-//! that a kernel may run over pixels that a splat does not cover.
+//! In: a splat's optical depth at a pixel in units of ln 2 (0 outside its cut-off), then the pixel's red, green, blue
+//! and fourth value. Out: the pixel's new values. Every way leaves a pixel of optical depth 0 as it was, bit for bit,
+//! so that a kernel may run over pixels that a splat does not cover.
 
 use super::arith::{absorbed, keep_if};
 
@@ -27,8 +27,10 @@ pub(crate) trait Blend: Copy + Send + Sync {
     const FOURTH: f32;
     /// Whether pixels can freeze.
     const STOPS: bool;
-    /// The pixel after a splat of optical depth `depth` (units of ln 2).
-    fn blend(pixel: Pixel, depth: f32, ink: &Ink) -> Pixel;
+    /// What can be computed of an optical depth before the pixel is known; 0 for 0.
+    fn amount(depth: f32) -> f32;
+    /// The pixel after a splat of that amount.
+    fn blend(pixel: Pixel, amount: f32, ink: &Ink) -> Pixel;
 }
 
 /// Front to back; the fourth plane is the transmittance. Pixels below `stop` are frozen.
@@ -40,9 +42,13 @@ impl Blend for FrontToBack {
     const STOPS: bool = true;
 
     #[inline(always)]
-    fn blend([r, g, b, t]: Pixel, depth: f32, ink: &Ink) -> Pixel {
-        let depth = keep_if(t >= ink.stop, depth);
-        let taken = t * absorbed(depth);
+    fn amount(depth: f32) -> f32 {
+        absorbed(depth)
+    }
+
+    #[inline(always)]
+    fn blend([r, g, b, t]: Pixel, amount: f32, ink: &Ink) -> Pixel {
+        let taken = keep_if(t >= ink.stop, t * amount);
         [r + taken * ink.red, g + taken * ink.green, b + taken * ink.blue, t - taken]
     }
 }
@@ -56,8 +62,12 @@ impl Blend for BackToFront {
     const STOPS: bool = false;
 
     #[inline(always)]
-    fn blend([r, g, b, t]: Pixel, depth: f32, ink: &Ink) -> Pixel {
-        let a = absorbed(depth);
+    fn amount(depth: f32) -> f32 {
+        absorbed(depth)
+    }
+
+    #[inline(always)]
+    fn blend([r, g, b, t]: Pixel, a: f32, ink: &Ink) -> Pixel {
         [r + a * (ink.red - r), g + a * (ink.green - g), b + a * (ink.blue - b), t - t * a]
     }
 }
@@ -69,6 +79,11 @@ pub(crate) struct Additive;
 impl Blend for Additive {
     const FOURTH: f32 = 0.0;
     const STOPS: bool = false;
+
+    #[inline(always)]
+    fn amount(depth: f32) -> f32 {
+        depth
+    }
 
     #[inline(always)]
     fn blend([r, g, b, sum]: Pixel, depth: f32, ink: &Ink) -> Pixel {
@@ -83,6 +98,11 @@ pub(crate) struct Maximum;
 impl Blend for Maximum {
     const FOURTH: f32 = 0.0;
     const STOPS: bool = false;
+
+    #[inline(always)]
+    fn amount(depth: f32) -> f32 {
+        depth
+    }
 
     #[inline(always)]
     fn blend([r, g, b, most]: Pixel, depth: f32, _: &Ink) -> Pixel {

@@ -1,8 +1,6 @@
 //! Stage 2: splats to pixels.
 //!
-//! In: a block of projected splats in visit order, the planes of a band. Out: the band's pixels. A splat's rows are
-//! walked in steps of eight pixels; per pixel the distance along the row is squared, one exponential gives the
-//! kernel and a second what it absorbs:
+//! In: a block of projected splats in visit order, the planes of a band. Out: the band's pixels. Per pixel:
 //!
 //! ```text
 //! u     = (x - centre.x) - shear * (y - centre.y)
@@ -10,12 +8,16 @@
 //! depth = peak * 2^-q
 //! ```
 //!
-//! Departures for speed: a footprint of at most eight columns takes one step per row from its own left edge, over
-//! pixels that may lie outside its ellipse or the band (they get weight 0 or are guard pixels); wider ones are
-//! narrowed to the ellipse's chord in each row. Neither changes a pixel's bits, because its value depends on absolute
-//! coordinates only.
+//! Departures for speed (ns per splat of 5x5 pixels on one core of an EPYC with AVX-512, before and after):
+//! 1. A footprint's pixels are packed, row after row, into vectors that compute what each absorbs; only then are the
+//!    rows of the picture touched, eight pixels at a time. Row by row in one go, half of each vector lies outside the
+//!    footprint and two exponentials are one long chain of dependent steps (76 to 30).
+//! 2. Footprints wider than eight pixels are narrowed to the ellipse's chord in each row.
+//!
+//! A step may run over pixels outside the ellipse or the band: they get weight 0 or are guard pixels. A pixel's bits
+//! depend on absolute coordinates only.
 
-use super::arith::{at_most, exp2_neg, keep_if};
+use super::arith::{at_least, at_most, exp2_neg, keep_if};
 use super::blend::{Blend, Ink};
 use super::freeze::Frozen;
 use super::planes::{Eight, Planes, WIDE};
@@ -129,6 +131,7 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(
 ) -> u64 {
     let rect = planes.rect;
     let mut drawn = 0;
+    let mut amounts: Amounts = [0.0; PACK + STEP];
     for j in 0..splats.count.min(BLOCK) {
         let peak = splats.peak[j];
         let (low_x, high_x) = (splats.low_x[j], splats.high_x[j]);
@@ -150,32 +153,37 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(
             peak,
             stop: limits.stop,
         };
+        let centre =
+            Centre { x: splats.x[j], y: splats.y[j], rest_x: splats.rest_x[j], rest_y: splats.rest_y[j] };
         let ellipse = ellipses.at(j);
-        let (x, rest_x, y, rest_y) = (splats.x[j], splats.rest_x[j], splats.y[j], splats.rest_y[j]);
-        if high_x - low_x < WIDE as i32 {
-            let first = (low_x - x) as f32;
-            for row_y in low_y..=high_y {
-                let dy = (row_y - y) as f32 - rest_y;
-                let line = Line { first, centre: rest_x + ellipse.shear * dy, base: ellipse.along * (dy * dy) };
-                step::<B>(planes.row(row_y).eight(low_x), line, ellipse.across, limits.cut, &ink);
+        let columns = high_x - low_x + 1;
+        if columns <= WIDE as i32 {
+            let most_rows = PACK as i32 / columns;
+            let mut row = low_y;
+            while row <= high_y {
+                let rows = most_rows.min(high_y - row + 1);
+                let patch = Patch { x: low_x, y: row, columns, rows };
+                patch.absorb::<B>(&mut amounts, centre, &ellipse, limits.cut, peak);
+                patch.deposit::<B>(planes, &amounts, &ink);
+                row += rows;
             }
         } else {
             let (left, right) = (low_x.max(rect.x0), high_x.min(rect.x1 - 1));
             let widen = 1.0 / ellipse.across;
-            for row_y in low_y..=high_y {
-                let dy = (row_y - y) as f32 - rest_y;
-                let centre = rest_x + ellipse.shear * dy;
-                let base = ellipse.along * (dy * dy);
+            for row in low_y..=high_y {
+                let dy = (row - centre.y) as f32 - centre.rest_y;
+                let ridge = centre.rest_x + ellipse.shear * dy;
                 // The chord, with half a pixel to spare for rounding.
-                let half = ((limits.cut - base).max(0.0) * widen).sqrt() + 0.5;
-                let from = left.max(x.saturating_add((centre - half) as i32).saturating_sub(1));
-                let to = right.min(x.saturating_add((centre + half) as i32).saturating_add(1));
-                let mut row = planes.row(row_y);
-                let mut at = from;
-                while at <= to {
-                    let line = Line { first: (at - x) as f32, centre, base };
-                    step::<B>(row.eight(at), line, ellipse.across, limits.cut, &ink);
-                    at += WIDE as i32;
+                let half = (at_least(limits.cut - ellipse.along * (dy * dy), 0.0) * widen).sqrt() + 0.5;
+                let from = left.max(centre.x.saturating_add((ridge - half) as i32).saturating_sub(1));
+                let to = right.min(centre.x.saturating_add((ridge + half) as i32).saturating_add(1));
+                let mut x = from;
+                while x <= to {
+                    let columns = (to - x + 1).min(PACK as i32);
+                    let patch = Patch { x, y: row, columns, rows: 1 };
+                    patch.absorb::<B>(&mut amounts, centre, &ellipse, limits.cut, peak);
+                    patch.deposit_row::<B>(planes, &amounts, &ink);
+                    x += columns;
                 }
             }
         }
@@ -183,34 +191,136 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(
     drawn
 }
 
-/// Eight pixels of a splat's row.
-#[derive(Debug, Clone, Copy)]
-struct Line {
-    /// Column of the first of them, from the splat's nearest pixel.
-    first: f32,
-    /// Ridge of the footprint on this row, from the splat's nearest pixel.
-    centre: f32,
-    /// Exponent on the ridge.
-    base: f32,
-}
-
-/// Optical depth at one pixel: column `column` from the splat's nearest pixel.
+/// Optical depth of a footprint at a pixel, in units of ln 2; `column` and `row` count from its centre's nearest pixel.
 #[inline(always)]
-pub(crate) fn depth_at(column: f32, centre: f32, base: f32, across: f32, cut: f32, peak: f32) -> f32 {
-    let u = column - centre;
-    let q = across * (u * u) + base;
+pub(crate) fn depth_at(column: f32, row: f32, centre: Centre, ellipse: &Ellipse, cut: f32, peak: f32) -> f32 {
+    let dy = row - centre.rest_y;
+    let u = (column - centre.rest_x) - ellipse.shear * dy;
+    let q = ellipse.across * (u * u) + ellipse.along * (dy * dy);
     keep_if(q <= cut, peak * exp2_neg(at_most(q, 125.0)))
 }
 
+/// Where a footprint's centre lies.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Centre {
+    pub(crate) x: i32,
+    pub(crate) y: i32,
+    pub(crate) rest_x: f32,
+    pub(crate) rest_y: f32,
+}
+
+/// Pixels whose amounts are computed together.
+const PACK: usize = 128;
+/// Pixels of a vector step.
+const STEP: usize = 16;
+
+/// What the pixels of a patch absorb, row after row, and room for the last step and the last row's overhang.
+type Amounts = [f32; PACK + STEP];
+
+/// Column and row of the k-th pixel of a patch that is 1, 2, ... 8 columns wide, and of a single row.
+struct Places {
+    column: [[f32; PACK + STEP]; WIDE + 1],
+    row: [[f32; PACK + STEP]; WIDE + 1],
+    /// All ones in the columns of a patch that wide.
+    inside: [[u32; WIDE]; WIDE + 1],
+}
+
+static PLACES: Places = places();
+
+#[expect(clippy::cast_precision_loss, reason = "below 256")]
+const fn places() -> Places {
+    let mut places = Places {
+        column: [[0.0; PACK + STEP]; WIDE + 1],
+        row: [[0.0; PACK + STEP]; WIDE + 1],
+        inside: [[0; WIDE]; WIDE + 1],
+    };
+    let mut width = 0;
+    while width <= WIDE {
+        let mut k = 0;
+        while k < PACK + STEP {
+            // Entry 0 is the single row.
+            places.column[width][k] = (if width == 0 { k } else { k % width }) as f32;
+            places.row[width][k] = (if width == 0 { 0 } else { k / width }) as f32;
+            if k < width {
+                places.inside[width][k] = u32::MAX;
+            }
+            k += 1;
+        }
+        width += 1;
+    }
+    places
+}
+
+/// A rectangle of a footprint's pixels: at most [`PACK`].
+#[derive(Debug, Clone, Copy)]
+struct Patch {
+    x: i32,
+    y: i32,
+    columns: i32,
+    rows: i32,
+}
+
+impl Patch {
+    /// Fills `amounts` for the patch; a patch of more than eight columns has one row.
+    #[inline(always)]
+    fn absorb<B: Blend>(&self, amounts: &mut Amounts, centre: Centre, ellipse: &Ellipse, cut: f32, peak: f32) {
+        let shape = if self.columns > WIDE as i32 { 0 } else { self.columns as usize };
+        let (columns, rows) = (&PLACES.column[shape], &PLACES.row[shape]);
+        let first_column = (self.x - centre.x) as f32;
+        let first_row = (self.y - centre.y) as f32;
+        let pixels = (self.columns * self.rows) as usize;
+        let places = columns.as_chunks::<STEP>().0.iter().zip(rows.as_chunks::<STEP>().0);
+        for (out, (column, row)) in amounts.as_chunks_mut::<STEP>().0.iter_mut().zip(places).take(pixels.div_ceil(STEP))
+        {
+            let mut amount = [0.0; STEP];
+            for i in 0..STEP {
+                let (column, row) = (first_column + column[i], first_row + row[i]);
+                amount[i] = B::amount(depth_at(column, row, centre, ellipse, cut, peak));
+            }
+            *out = amount;
+        }
+    }
+
+    /// Blends a patch of at most eight columns into the picture.
+    #[inline(always)]
+    fn deposit<B: Blend>(&self, planes: &mut Planes, amounts: &Amounts, ink: &Ink) {
+        let columns = self.columns as usize;
+        let inside = &PLACES.inside[columns];
+        let mut at = 0;
+        for row in self.y..self.y + self.rows {
+            let Some(amounts) = amounts.get(at..at + WIDE) else { return };
+            let mut amount = [0.0; WIDE];
+            for i in 0..WIDE {
+                amount[i] = f32::from_bits(amounts[i].to_bits() & inside[i]);
+            }
+            step::<B>(planes.row(row).eight(self.x), &amount, ink);
+            at += columns;
+        }
+    }
+
+    /// Blends a patch of one row into the picture.
+    #[inline(always)]
+    fn deposit_row<B: Blend>(&self, planes: &mut Planes, amounts: &Amounts, ink: &Ink) {
+        let mut row = planes.row(self.y);
+        let eights = amounts.as_chunks::<WIDE>().0;
+        for (amount, x) in eights.iter().zip((self.x..self.x + self.columns).step_by(WIDE)) {
+            // Pixels past the patch's end belong to the next patch or lie outside the chord.
+            let mut amount = *amount;
+            for (i, amount) in amount.iter_mut().enumerate() {
+                *amount = keep_if(x + (i as i32) < self.x + self.columns, *amount);
+            }
+            step::<B>(row.eight(x), &amount, ink);
+        }
+    }
+}
+
 #[inline(always)]
-fn step<B: Blend>(eight: Eight<'_>, line: Line, across: f32, cut: f32, ink: &Ink) {
-    const COLUMNS: [f32; WIDE] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
-    // All eight are read before any is written: the compiler cannot know that the planes are apart.
+fn step<B: Blend>(eight: Eight<'_>, amount: &[f32; WIDE], ink: &Ink) {
+    // All are read before any is written: the compiler cannot know that the planes are apart.
     let (red, green, blue, fourth) = (*eight.red, *eight.green, *eight.blue, *eight.fourth);
     let (mut r, mut g, mut b, mut t) = ([0.0; WIDE], [0.0; WIDE], [0.0; WIDE], [0.0; WIDE]);
     for i in 0..WIDE {
-        let depth = depth_at(line.first + COLUMNS[i], line.centre, line.base, across, cut, ink.peak);
-        [r[i], g[i], b[i], t[i]] = B::blend([red[i], green[i], blue[i], fourth[i]], depth, ink);
+        [r[i], g[i], b[i], t[i]] = B::blend([red[i], green[i], blue[i], fourth[i]], amount[i], ink);
     }
     (*eight.red, *eight.green, *eight.blue, *eight.fourth) = (r, g, b, t);
 }
