@@ -14,9 +14,11 @@
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
+pub mod arena;
 pub mod classify;
 pub mod error;
 pub mod splat;
+pub mod traverse;
 pub mod volume;
 
 pub use error::{Error, Result};

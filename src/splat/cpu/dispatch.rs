@@ -52,10 +52,10 @@ mod timing {
                 let start = std::time::Instant::now();
                 let mut t = std::time::Duration::ZERO;
                 for k in 0..blocks {
-                    let (mut cx, mut cy) = ((k * 37 % 700) as f32 + 20.0, (k * 91 % 700) as f32 + 20.0);
+                    let (mut cx, mut cy) = ((k * 37 % 200) as f32 + 20.0, (k * 91 % 200) as f32 + 20.0);
                     splats.count = BLOCK;
                     for j in 0..BLOCK {
-                        cx += sigma * 1.5;
+                        cx += std::env::var("STEP").map(|v| v.parse::<f32>().unwrap()).unwrap_or(sigma * 1.5);
                         cy += sigma * 0.31;
                         splats.x[j] = cx.round() as i32; splats.rest_x[j] = cx - cx.round();
                         splats.y[j] = cy.round() as i32; splats.rest_y[j] = cy - cy.round();

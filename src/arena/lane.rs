@@ -1,0 +1,245 @@
+//! A lane: every visible voxel on the scan lines along one axis.
+//!
+//! [`Lane`] borrows its channels from wherever they lie (a map, vectors); [`OwnedLane`] is one that was built or
+//! derived in memory.
+
+use std::ops::Range;
+
+use zerocopy::byteorder::little_endian::{U16, U32};
+
+use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
+use crate::volume::Axis;
+
+/// What a stepping voxel advances.
+pub const STEPPING: u32 = 255;
+
+/// Per line, the index after its last record, counted from the first record of its tile.
+#[derive(Debug, Clone, Copy)]
+pub enum LineEnds<'a> {
+    /// For lines of at most [`super::layout::NARROW_LINE`] points.
+    Narrow(&'a [U16]),
+    /// For longer ones.
+    Wide(&'a [U32]),
+}
+
+impl LineEnds<'_> {
+    /// How many lines.
+    pub fn len(&self) -> usize {
+        match self {
+            LineEnds::Narrow(ends) => ends.len(),
+            LineEnds::Wide(ends) => ends.len(),
+        }
+    }
+
+    /// Whether there are no lines.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// The end of line `index`; `None` past the last.
+    #[inline(always)]
+    pub fn get(&self, index: usize) -> Option<u32> {
+        match self {
+            LineEnds::Narrow(ends) => ends.get(index).map(|e| u32::from(e.get())),
+            LineEnds::Wide(ends) => ends.get(index).map(|e| e.get()),
+        }
+    }
+}
+
+/// A lane, borrowed.
+#[derive(Debug, Clone, Copy)]
+pub struct Lane<'a> {
+    /// The axis its lines run along.
+    pub axis: Axis,
+    /// Grid points along x, y, z.
+    pub dims: [u32; 3],
+    /// Widths of the channels.
+    pub channels: Channels,
+    /// Non-empty tiles in the tile order.
+    pub tiles: &'a [TileRecord],
+    /// Non-empty lines, tile after tile, bit after bit.
+    pub line_ends: LineEnds<'a>,
+    /// One byte a record: distance from the previous record; 0 is a stepping voxel of 255.
+    pub steps: &'a [u8],
+    /// 1 or 2 bytes a record.
+    pub values: &'a [u8],
+    /// 0, 2 or 4 bytes a record.
+    pub normals: &'a [u8],
+    /// 0 or 1 byte a record.
+    pub magnitudes: &'a [u8],
+}
+
+impl Lane<'_> {
+    /// Records, stepping voxels included.
+    pub fn record_count(&self) -> u64 {
+        self.steps.len() as u64
+    }
+
+    /// Bytes of all its sections, without padding between them.
+    pub fn bytes(&self) -> u64 {
+        let width = match self.line_ends {
+            LineEnds::Narrow(_) => 2,
+            LineEnds::Wide(_) => 4,
+        };
+        let directory = size_of_val(self.tiles) + self.line_ends.len() * width;
+        (directory + self.steps.len() + self.values.len() + self.normals.len() + self.magnitudes.len()) as u64
+    }
+
+    /// Records that carry only distance.
+    pub fn stepping_voxels(&self) -> u64 {
+        self.steps.iter().filter(|&&step| step == 0).count() as u64
+    }
+}
+
+/// One non-empty scan line: where it is and where its records are.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct LineSpan {
+    /// Its coordinate on the lower of the two axes that are not the lane's.
+    pub u: u32,
+    /// Its coordinate on the higher one.
+    pub v: u32,
+    /// Its records; inside the channels on any content of the file, and empty where the file is wrong.
+    pub records: Range<usize>,
+}
+
+impl<'a> Lane<'a> {
+    /// The lines of tile `tile_index` in bit order.
+    ///
+    /// The plain reading of the directory; the walk has a faster one, and tests hold the two equal.
+    pub fn tile_lines(&self, tile_index: usize) -> impl Iterator<Item = LineSpan> + use<'a> {
+        let lane = *self;
+        let tile = lane.tiles.get(tile_index).copied();
+        let bits = tile.map_or(0, |tile| tile.occupancy.get());
+        let mut end = 0;
+        (0..64).filter(move |bit| bits >> bit & 1 == 1).enumerate().filter_map(move |(rank, bit)| {
+            let tile = tile?;
+            let start = end;
+            end = lane.line_ends.get(tile.first_line.get() as usize + rank)?;
+            let record = |offset: u32| usize::try_from(tile.first_record.get().checked_add(offset.into())?).ok();
+            let records = record(start)?..record(end)?;
+            let records = if lane.steps.get(records.clone()).is_some() { records } else { 0..0 };
+            let line = |tile_line: u16, within: u32| u32::from(tile_line) * u32::from(TILE_EDGE) + within;
+            Some(LineSpan { u: line(tile.tile_u.get(), bit % 8), v: line(tile.tile_v.get(), bit / 8), records })
+        })
+    }
+
+    /// Every line, tile after tile.
+    pub fn lines(&self) -> impl Iterator<Item = LineSpan> + use<'a> {
+        let lane = *self;
+        (0..self.tiles.len()).flat_map(move |tile_index| lane.tile_lines(tile_index))
+    }
+
+    /// The voxels of a line from its low end: coordinate on the lane's axis, record.
+    pub fn line_voxels(&self, records: Range<usize>) -> impl Iterator<Item = (u32, usize)> + use<'a> {
+        let steps = self.steps.get(records.clone()).unwrap_or_default();
+        // The first step is counted from -1, so the position runs one ahead of the coordinate.
+        let mut position = 0u32;
+        steps.iter().zip(records.start..).filter_map(move |(&step, record)| {
+            position = position.wrapping_add(if step == 0 { STEPPING } else { u32::from(step) });
+            (step != 0).then(|| (position.wrapping_sub(1), record))
+        })
+    }
+
+    /// The value code of `record`; 0 past the end.
+    #[inline(always)]
+    pub fn value_code(&self, record: usize) -> u16 {
+        match self.channels.value_bits {
+            8 => self.values.get(record).map_or(0, |&v| u16::from(v)),
+            _ => self.values.get(2 * record..2 * record + 2).map_or(0, |b| u16::from_le_bytes([b[0], b[1]])),
+        }
+    }
+
+    /// The normal's code of `record`, u in the low half; 0 past the end or without normals.
+    #[inline(always)]
+    pub fn normal_code(&self, record: usize) -> u32 {
+        match self.channels.normal_bits {
+            0 => 0,
+            8 => self.normals.get(2 * record..2 * record + 2).map_or(0, |b| u16::from_le_bytes([b[0], b[1]]).into()),
+            _ => {
+                self.normals.get(4 * record..4 * record + 4).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
+            }
+        }
+    }
+
+    /// The magnitude's code of `record`; 0 past the end or without magnitudes.
+    #[inline(always)]
+    pub fn magnitude_code(&self, record: usize) -> u8 {
+        self.magnitudes.get(record).copied().unwrap_or(0)
+    }
+}
+
+/// A lane in memory of its own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct OwnedLane {
+    /// The axis its lines run along.
+    pub axis: Axis,
+    /// Grid points along x, y, z.
+    pub dims: [u32; 3],
+    /// Widths of the channels.
+    pub channels: Channels,
+    /// As [`Lane::tiles`].
+    pub tiles: Vec<TileRecord>,
+    /// As [`Lane::line_ends`], by width.
+    pub line_ends: OwnedLineEnds,
+    /// As [`Lane::steps`].
+    pub steps: Vec<u8>,
+    /// As [`Lane::values`].
+    pub values: Vec<u8>,
+    /// As [`Lane::normals`].
+    pub normals: Vec<u8>,
+    /// As [`Lane::magnitudes`].
+    pub magnitudes: Vec<u8>,
+}
+
+/// Line ends in memory of their own.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum OwnedLineEnds {
+    /// Two bytes each.
+    Narrow(Vec<U16>),
+    /// Four bytes each.
+    Wide(Vec<U32>),
+}
+
+impl OwnedLineEnds {
+    /// No ends yet, of the width that lines of `line_points` grid points take.
+    pub fn for_line(line_points: u32) -> OwnedLineEnds {
+        if line_end_bytes(line_points) == 2 {
+            OwnedLineEnds::Narrow(Vec::new())
+        } else {
+            OwnedLineEnds::Wide(Vec::new())
+        }
+    }
+
+    /// Appends one.
+    ///
+    /// # Panics
+    /// If a narrow end does not fit, which [`super::layout::NARROW_LINE`] rules out.
+    pub fn push(&mut self, end: u32) {
+        match self {
+            OwnedLineEnds::Narrow(ends) => {
+                ends.push(U16::new(u16::try_from(end).expect("64 narrow lines stay below 2^16 records")));
+            }
+            OwnedLineEnds::Wide(ends) => ends.push(U32::new(end)),
+        }
+    }
+}
+
+impl OwnedLane {
+    /// The lane, borrowed.
+    pub fn view(&self) -> Lane<'_> {
+        Lane {
+            axis: self.axis,
+            dims: self.dims,
+            channels: self.channels,
+            tiles: &self.tiles,
+            line_ends: match &self.line_ends {
+                OwnedLineEnds::Narrow(ends) => LineEnds::Narrow(ends),
+                OwnedLineEnds::Wide(ends) => LineEnds::Wide(ends),
+            },
+            steps: &self.steps,
+            values: &self.values,
+            normals: &self.normals,
+            magnitudes: &self.magnitudes,
+        }
+    }
+}

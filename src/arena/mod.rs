@@ -1,0 +1,16 @@
+//! The arena: only the visible voxels, packed in lanes.
+//!
+//! In: classified slices (builder) or the bytes of a file (layout). Out: [`Lane`]s, which the walk reads in place.
+//! A lane holds every visible voxel once, on the scan lines along its axis; three lanes serve every view.
+
+// builder
+// check
+pub mod curve;
+pub mod lane;
+pub mod layout;
+pub mod pack;
+pub mod transpose;
+
+pub use curve::TileOrder;
+pub use lane::{Lane, LineEnds, OwnedLane};
+pub use layout::{Arena, Channels, TileRecord};

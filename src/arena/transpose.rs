@@ -1,0 +1,108 @@
+//! Transposition: the lane along y or z, from the lane along x.
+//!
+//! In: the x lane, which every arena has. Out: the same voxels on lines along `t`, y or z. Eight values of the
+//! third axis `o` at a time (a strip of the new lane), the strip's voxels are listed by ascending `t`, counted by
+//! their new line (x, o), and dealt out. Time is O(voxels + face); memory beside the result is one strip.
+
+use super::curve::TileOrder;
+use super::lane::{Lane, LineSpan, OwnedLane};
+use super::layout::TILE_EDGE;
+use super::pack::{LanePacker, Record};
+use crate::volume::Axis;
+
+/// A voxel on its way from one lane to the other.
+#[derive(Clone, Copy, Default)]
+struct Voxel {
+    /// Its new line in the strip: `(o % 8) * dim x + x`.
+    line: u32,
+    /// Its coordinate on the new lane's axis.
+    t: u16,
+    record: Record,
+}
+
+/// The voxels of the x lane as a lane along `axis`.
+///
+/// On a sound lane the result is what packing along `axis` gives, byte for byte. On any other it holds those
+/// voxels that lie inside the grid.
+///
+/// # Panics
+/// If `lane` is not an x lane or `axis` is x.
+pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
+    assert!(lane.axis == Axis::X && axis != Axis::X, "lanes along y and z are made from the lane along x");
+    // The face of the x lane has u = y and v = z; that of the new lane has u = x and v = o.
+    let place = |u: u32, v: u32| if axis == Axis::Y { (u, v) } else { (v, u) };
+    let [dim_x, dim_y, dim_z] = lane.dims;
+    let (dim_t, dim_o) = place(dim_y, dim_z);
+    let mut order: Vec<(u32, u32, usize)> = (0..)
+        .zip(lane.tiles)
+        .map(|(index, tile)| {
+            let (t, o) = place(tile.tile_u.get().into(), tile.tile_v.get().into());
+            (o, t, index)
+        })
+        .collect();
+    order.sort_unstable();
+    // A sound lane has each tile once and each record on one line; a damaged one must not cost more than that.
+    order.dedup_by_key(|&mut (o, t, _)| (o, t));
+    let mut budget = lane.steps.len();
+
+    let mut packer = LanePacker::new(axis, lane.dims, lane.channels, tile_order);
+    let mut strip: Vec<Voxel> = Vec::new();
+    let mut dealt: Vec<Voxel> = Vec::new();
+    let mut starts: Vec<usize> = Vec::new();
+    let mut lines: Vec<LineSpan> = Vec::with_capacity(64);
+    for tiles in order.chunk_by(|a, b| a.0 == b.0) {
+        strip.clear();
+        for &(_, _, tile) in tiles {
+            lines.clear();
+            lines.extend(lane.tile_lines(tile));
+            lines.sort_unstable_by_key(|line| place(line.u, line.v));
+            for line in &lines {
+                let (t, o) = place(line.u, line.v);
+                let Some(t) = u16::try_from(t).ok().filter(|_| t < dim_t && o < dim_o) else { continue };
+                let Some(left) = budget.checked_sub(line.records.len()) else { continue };
+                budget = left;
+                let first = o % u32::from(TILE_EDGE) * dim_x;
+                let voxels = lane.line_voxels(line.records.clone()).filter(|&(x, _)| x < dim_x);
+                strip.extend(voxels.map(|(x, index)| Voxel { line: first + x, t, record: record(lane, index) }));
+            }
+        }
+        let first_o = tiles[0].0 * u32::from(TILE_EDGE);
+        deal(&strip, &mut dealt, &mut starts, (u32::from(TILE_EDGE) * dim_x) as usize);
+        for (line, range) in (0u32..).zip(starts.windows(2)) {
+            let coordinate = |c: u32| u16::try_from(c).expect("inside a grid of at most 65,535 points an axis");
+            if range[0] < range[1] {
+                // A damaged lane may hold a voxel twice; a line holds it once.
+                let voxels =
+                    dealt[range[0]..range[1]].chunk_by(|a, b| a.t == b.t).map(|same| (same[0].t, same[0].record));
+                packer.line(coordinate(line % dim_x), coordinate(first_o + line / dim_x), voxels);
+            }
+        }
+    }
+    packer.finish()
+}
+
+/// What the lane stores of a voxel.
+fn record(lane: &Lane, index: usize) -> Record {
+    Record { value: lane.value_code(index), normal: lane.normal_code(index), magnitude: lane.magnitude_code(index) }
+}
+
+/// Orders a strip's voxels by line, keeping the order in which they came; line i ends up at `starts[i]..starts[i+1]`.
+fn deal(strip: &[Voxel], dealt: &mut Vec<Voxel>, starts: &mut Vec<usize>, lines: usize) {
+    starts.clear();
+    starts.resize(lines + 2, 0);
+    for voxel in strip {
+        starts[voxel.line as usize + 2] += 1;
+    }
+    for line in 2..lines + 2 {
+        starts[line] += starts[line - 1];
+    }
+    // `starts[line + 1]` is now where the line starts, and becomes where it ends.
+    dealt.clear();
+    dealt.resize(strip.len(), Voxel::default());
+    for &voxel in strip {
+        let next = &mut starts[voxel.line as usize + 1];
+        dealt[*next] = voxel;
+        *next += 1;
+    }
+    starts.pop();
+}

@@ -1,0 +1,77 @@
+//! Prefix sums of sixteen steps: the walk's inner loop.
+//!
+//! In: sixteen one-byte steps. Out: the coordinates after each. Left to the compiler these sums take 5 ns a voxel
+//! on a 512^3 gyroid; in SSE2, which every x86-64 has, the whole walk takes 1.4.
+#![cfg_attr(
+    target_arch = "x86_64",
+    allow(unsafe_code, reason = "one call of a function that needs SSE2, which x86-64 always has")
+)]
+
+/// Steps decoded at once.
+pub(super) const CHUNK: usize = 16;
+
+/// Coordinates after each of sixteen steps from `previous`, modulo 2^16.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(super) fn prefix_sum(steps: [u8; CHUNK], previous: u16) -> [u16; CHUNK] {
+    // SAFETY: `prefix_sum_sse2` needs SSE2 and nothing else. The x86-64 instruction set includes SSE2, so there is
+    // no machine that runs this code without it.
+    unsafe { prefix_sum_sse2(steps, previous) }
+}
+
+/// Coordinates after each of sixteen steps from `previous`, modulo 2^16.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+pub(super) fn prefix_sum(steps: [u8; CHUNK], previous: u16) -> [u16; CHUNK] {
+    prefix_sum_plain(steps, previous)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline]
+#[target_feature(enable = "sse2")]
+fn prefix_sum_sse2(steps: [u8; CHUNK], previous: u16) -> [u16; CHUNK] {
+    use std::arch::x86_64::{
+        __m128i, _mm_add_epi16, _mm_set1_epi16, _mm_setzero_si128, _mm_shuffle_epi32, _mm_shufflehi_epi16,
+        _mm_slli_si128, _mm_unpackhi_epi8, _mm_unpacklo_epi8,
+    };
+    let bytes: __m128i = bytemuck::must_cast(steps);
+    let zero = _mm_setzero_si128();
+    let sums_of_eight = |mut sums: __m128i| {
+        sums = _mm_add_epi16(sums, _mm_slli_si128::<2>(sums));
+        sums = _mm_add_epi16(sums, _mm_slli_si128::<4>(sums));
+        _mm_add_epi16(sums, _mm_slli_si128::<8>(sums))
+    };
+    let before = _mm_set1_epi16(previous.cast_signed());
+    let low = _mm_add_epi16(sums_of_eight(_mm_unpacklo_epi8(bytes, zero)), before);
+    let last_of_low = _mm_shuffle_epi32::<0xff>(_mm_shufflehi_epi16::<0xff>(low));
+    let high = _mm_add_epi16(sums_of_eight(_mm_unpackhi_epi8(bytes, zero)), last_of_low);
+    bytemuck::must_cast([low, high])
+}
+
+/// The same, plainly: the twin that judges the fast one, and the only one where there is no SSE2.
+#[cfg(any(test, not(target_arch = "x86_64")))]
+fn prefix_sum_plain(steps: [u8; CHUNK], previous: u16) -> [u16; CHUNK] {
+    let mut sum = previous;
+    steps.map(|step| {
+        sum = sum.wrapping_add(step.into());
+        sum
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_fast_sum_equals_the_plain_one() {
+        let mut state = 1u64;
+        for _ in 0..10_000 {
+            let steps = [(); CHUNK].map(|()| {
+                state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+                (state >> 56) as u8
+            });
+            let previous = (state >> 40) as u16;
+            assert_eq!(prefix_sum(steps, previous), prefix_sum_plain(steps, previous));
+        }
+    }
+}

@@ -1,0 +1,102 @@
+//! The tiles of a lane's face, by rows of the slow axis: where a walk finds the lines of a slice.
+//!
+//! In: a lane's tile records, in any order. Out: for each eight slices the tiles that hold lines of them, by
+//! ascending medium coordinate. A counting sort in O(tiles), once a walk; the paper's box-edge voxels (which
+//! slices are not empty) fall out of the occupancy masks.
+
+use super::walk::VoxelBox;
+use crate::arena::layout::TILE_EDGE;
+use crate::arena::{Lane, TileRecord};
+use crate::volume::Axis;
+
+/// Tiles of a lane's face, grouped by their eight slices.
+pub(super) struct TileRows<'a> {
+    tiles: &'a [TileRecord],
+    /// Indices into `tiles`, row after row, each by ascending medium coordinate.
+    sorted: Vec<u32>,
+    /// Where each row starts in `sorted`, and the end of the last.
+    starts: Vec<u32>,
+    slow_is_v: bool,
+}
+
+impl<'a> TileRows<'a> {
+    /// Groups those tiles of `lane` that `wants` accepts.
+    pub(super) fn new(lane: &Lane<'a>, slow: Axis, mut wants: impl FnMut(&VoxelBox) -> bool) -> TileRows<'a> {
+        let [u, v] = lane.axis.others();
+        let slow_is_v = slow == v;
+        let (slow, medium) = if slow_is_v { (v, u) } else { (u, v) };
+        let tiles_along = |axis: Axis| lane.dims[axis.index()].div_ceil(u32::from(TILE_EDGE)) as usize;
+        let place = |tile: &TileRecord| {
+            let (u, v) = (usize::from(tile.tile_u.get()), usize::from(tile.tile_v.get()));
+            if slow_is_v { (v, u) } else { (u, v) }
+        };
+        let (rows, columns) = (tiles_along(slow), tiles_along(medium));
+        // A tile outside the face can only come from a damaged file.
+        let inside = |tile: &TileRecord| place(tile).0 < rows && place(tile).1 < columns;
+        let wanted: Vec<u32> = (0u32..)
+            .zip(lane.tiles)
+            .filter(|(_, tile)| inside(tile) && wants(&tile_bounds(lane, tile)))
+            .map(|(index, _)| index)
+            .collect();
+        let tiles = lane.tiles;
+        let by_column = counting_sort(&wanted, columns, |index| place(&tiles[index as usize]).1).0;
+        let (sorted, starts) = counting_sort(&by_column, rows, |index| place(&tiles[index as usize]).0);
+        TileRows { tiles, sorted, starts, slow_is_v }
+    }
+
+    /// The non-empty slices in ascending order.
+    pub(super) fn slices(&self) -> Vec<u16> {
+        let mut slices = Vec::new();
+        for row in 0..self.starts.len() - 1 {
+            let union = self.row(row).fold(0, |union, tile| union | tile.occupancy.get());
+            for within in 0..TILE_EDGE {
+                let lines =
+                    if self.slow_is_v { union >> (8 * within) & 0xff } else { union >> within & 0x0101_0101_0101_0101 };
+                if lines != 0 {
+                    slices.push(u16::try_from(row).unwrap_or(u16::MAX).saturating_mul(TILE_EDGE) + within);
+                }
+            }
+        }
+        slices
+    }
+
+    /// The tiles of slices `8 * row ..`, by ascending medium coordinate.
+    pub(super) fn row(&self, row: usize) -> impl Iterator<Item = &'a TileRecord> {
+        let range = self.starts[row] as usize..self.starts[row + 1] as usize;
+        let tiles = self.tiles;
+        self.sorted[range].iter().map(move |&index| &tiles[index as usize])
+    }
+}
+
+/// All voxels that a tile may hold.
+fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
+    let [u, v] = lane.axis.others();
+    let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };
+    for (axis, line) in [(u, tile.tile_u.get()), (v, tile.tile_v.get())] {
+        let last = u16::try_from(lane.dims[axis.index()] - 1).unwrap_or(u16::MAX);
+        bounds.low[axis.index()] = line.saturating_mul(TILE_EDGE);
+        bounds.high[axis.index()] = line.saturating_mul(TILE_EDGE).saturating_add(TILE_EDGE - 1).min(last);
+    }
+    bounds.low[lane.axis.index()] = tile.low.get();
+    bounds.high[lane.axis.index()] = tile.high.get();
+    bounds
+}
+
+/// `items` ordered by `key`, below `keys`, stable; and where each key's items start.
+fn counting_sort(items: &[u32], keys: usize, key: impl Fn(u32) -> usize) -> (Vec<u32>, Vec<u32>) {
+    let mut starts = vec![0u32; keys + 1];
+    for &item in items {
+        starts[key(item) + 1] += 1;
+    }
+    for k in 0..keys {
+        starts[k + 1] += starts[k];
+    }
+    let mut next = starts.clone();
+    let mut sorted = vec![0; items.len()];
+    for &item in items {
+        let slot = &mut next[key(item)];
+        sorted[*slot as usize] = item;
+        *slot += 1;
+    }
+    (sorted, starts)
+}
