@@ -17,7 +17,7 @@
 //! A step may run over pixels outside the ellipse or the band: they get weight 0 or are guard pixels. A pixel's bits
 //! depend on absolute coordinates only.
 
-use super::arith::{at_least, at_most, exp2_neg, keep_if};
+use super::arith::{at_least, exp2_neg, keep_if};
 use super::blend::{Blend, Ink};
 use super::freeze::Frozen;
 use super::planes::{Eight, Planes, WIDE};
@@ -153,37 +153,67 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(
             peak,
             stop: limits.stop,
         };
-        let centre =
-            Centre { x: splats.x[j], y: splats.y[j], rest_x: splats.rest_x[j], rest_y: splats.rest_y[j] };
         let ellipse = ellipses.at(j);
-        let columns = high_x - low_x + 1;
-        if columns <= WIDE as i32 {
-            let most_rows = PACK as i32 / columns;
-            let mut row = low_y;
-            while row <= high_y {
-                let rows = most_rows.min(high_y - row + 1);
-                let patch = Patch { x: low_x, y: row, columns, rows };
-                patch.absorb::<B>(&mut amounts, centre, &ellipse, limits.cut, peak);
-                patch.deposit::<B>(planes, &amounts, &ink);
-                row += rows;
+        let corner = Corner {
+            dx: (low_x - splats.x[j]) as f32 - splats.rest_x[j],
+            dy: (splats.low_y[j] - splats.y[j]) as f32 - splats.rest_y[j],
+        };
+        let kernel = Kernel { corner, ellipse, cut: limits.cut, peak };
+        let columns = high_x.wrapping_sub(low_x).wrapping_add(1);
+        if (1..=NARROW as i32).contains(&columns) {
+            let columns = columns as usize;
+            let (places, most_rows) = (&PLACES.of_width[columns], (PACK / columns) as i32);
+            let mut first_row = low_y - splats.low_y[j];
+            let mut y = low_y;
+            while y <= high_y {
+                let rows = most_rows.min(high_y - y + 1);
+                kernel.absorb::<B>(&mut amounts, places, rows as usize * columns, 0.0, first_row as f32);
+                let mut at = 0;
+                for row_y in y..y + rows {
+                    let mut row = planes.row(row_y);
+                    for (eight, inside) in places.inside.iter().enumerate().take(columns.div_ceil(WIDE)) {
+                        let x = low_x.wrapping_add((eight * WIDE) as i32);
+                        // The second eight of a row may lie outside the band.
+                        if eight > 0 && (x >= rect.x1 || x + WIDE as i32 <= rect.x0) || x < rect.x0 - WIDE as i32 {
+                            continue;
+                        }
+                        let mut amount: [f32; WIDE] = *amounts[at + eight * WIDE..].first_chunk().expect("a margin");
+                        for i in 0..WIDE {
+                            amount[i] = f32::from_bits(amount[i].to_bits() & inside[i]);
+                        }
+                        step::<B>(row.eight(x), &amount, &ink);
+                    }
+                    at += columns;
+                }
+                first_row += rows;
+                y += rows;
             }
         } else {
             let (left, right) = (low_x.max(rect.x0), high_x.min(rect.x1 - 1));
             let widen = 1.0 / ellipse.across;
-            for row in low_y..=high_y {
-                let dy = (row - centre.y) as f32 - centre.rest_y;
-                let ridge = centre.rest_x + ellipse.shear * dy;
-                // The chord, with half a pixel to spare for rounding.
+            let places = &PLACES.of_width[0];
+            for row_y in low_y..=high_y {
+                let first_row = (row_y - splats.low_y[j]) as f32;
+                let dy = corner.dy + first_row;
+                let ridge = splats.rest_x[j] + ellipse.shear * dy;
+                // The chord, with half a pixel and more to spare for rounding.
                 let half = (at_least(limits.cut - ellipse.along * (dy * dy), 0.0) * widen).sqrt() + 0.5;
-                let from = left.max(centre.x.saturating_add((ridge - half) as i32).saturating_sub(1));
-                let to = right.min(centre.x.saturating_add((ridge + half) as i32).saturating_add(1));
+                let from = left.max(splats.x[j].saturating_add((ridge - half) as i32).saturating_sub(1));
+                let to = right.min(splats.x[j].saturating_add((ridge + half) as i32).saturating_add(1));
+                let mut row = planes.row(row_y);
                 let mut x = from;
                 while x <= to {
-                    let columns = (to - x + 1).min(PACK as i32);
-                    let patch = Patch { x, y: row, columns, rows: 1 };
-                    patch.absorb::<B>(&mut amounts, centre, &ellipse, limits.cut, peak);
-                    patch.deposit_row::<B>(planes, &amounts, &ink);
-                    x += columns;
+                    let pixels = ((to - x + 1) as usize).min(PACK);
+                    kernel.absorb::<B>(&mut amounts, places, pixels, (x - low_x) as f32, first_row);
+                    for (amount, x) in amounts.as_chunks::<WIDE>().0.iter().zip((x..x + pixels as i32).step_by(WIDE)) {
+                        // Pixels past the end belong to the next run, or lie outside the chord or the band.
+                        let mut amount = *amount;
+                        for (i, amount) in amount.iter_mut().enumerate() {
+                            *amount = keep_if(x + i as i32 <= to, *amount);
+                        }
+                        step::<B>(row.eight(x), &amount, &ink);
+                    }
+                    x += pixels as i32;
                 }
             }
         }
@@ -191,127 +221,94 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(
     drawn
 }
 
-/// Optical depth of a footprint at a pixel, in units of ln 2; `column` and `row` count from its centre's nearest pixel.
-#[inline(always)]
-pub(crate) fn depth_at(column: f32, row: f32, centre: Centre, ellipse: &Ellipse, cut: f32, peak: f32) -> f32 {
-    let dy = row - centre.rest_y;
-    let u = (column - centre.rest_x) - ellipse.shear * dy;
-    let q = ellipse.across * (u * u) + ellipse.along * (dy * dy);
-    keep_if(q <= cut, peak * exp2_neg(at_most(q, 125.0)))
+/// Where the low corner of a footprint's box lies from its centre, in pixels.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Corner {
+    pub(crate) dx: f32,
+    pub(crate) dy: f32,
 }
 
-/// Where a footprint's centre lies.
+/// What a footprint's pixels need to know of it.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Centre {
-    pub(crate) x: i32,
-    pub(crate) y: i32,
-    pub(crate) rest_x: f32,
-    pub(crate) rest_y: f32,
+pub(crate) struct Kernel {
+    pub(crate) corner: Corner,
+    pub(crate) ellipse: Ellipse,
+    pub(crate) cut: f32,
+    pub(crate) peak: f32,
+}
+
+impl Kernel {
+    /// Optical depth at a pixel, in units of ln 2; `column` and `row` are whole and count from the low corner.
+    #[inline(always)]
+    pub(crate) fn depth(&self, column: f32, row: f32) -> f32 {
+        let dy = self.corner.dy + row;
+        let u = (self.corner.dx + column) - self.ellipse.shear * dy;
+        let q = self.ellipse.across * (u * u) + self.ellipse.along * (dy * dy);
+        // Far outside the ellipse the exponential is meaningless; its bits are dropped.
+        keep_if(q <= self.cut, self.peak * exp2_neg(q))
+    }
+
+    /// What `pixels` pixels absorb; `column`, `row`: of the first of them, from the low corner.
+    #[inline(always)]
+    fn absorb<B: Blend>(&self, amounts: &mut Amounts, places: &Places, pixels: usize, column: f32, row: f32) {
+        let steps = pixels.div_ceil(STEP);
+        let from = places.column.as_chunks::<STEP>().0.iter().zip(places.row.as_chunks::<STEP>().0);
+        for (out, (columns, rows)) in amounts.as_chunks_mut::<STEP>().0.iter_mut().zip(from).take(steps) {
+            let mut amount = [0.0; STEP];
+            for i in 0..STEP {
+                amount[i] = B::amount(self.depth(columns[i] + column, rows[i] + row));
+            }
+            *out = amount;
+        }
+    }
 }
 
 /// Pixels whose amounts are computed together.
 const PACK: usize = 128;
 /// Pixels of a vector step.
 const STEP: usize = 16;
+/// Widest footprint whose rows are packed, in columns.
+const NARROW: usize = 16;
 
-/// What the pixels of a patch absorb, row after row, and room for the last step and the last row's overhang.
+/// What packed pixels absorb, row after row, and room for the last step and the last row's overhang.
 type Amounts = [f32; PACK + STEP];
 
-/// Column and row of the k-th pixel of a patch that is 1, 2, ... 8 columns wide, and of a single row.
+/// Column and row of the k-th of a footprint's packed pixels.
 struct Places {
-    column: [[f32; PACK + STEP]; WIDE + 1],
-    row: [[f32; PACK + STEP]; WIDE + 1],
-    /// All ones in the columns of a patch that wide.
-    inside: [[u32; WIDE]; WIDE + 1],
+    column: [f32; PACK + STEP],
+    row: [f32; PACK + STEP],
+    /// All ones where a row's first and second eight pixels belong to it.
+    inside: [[u32; WIDE]; NARROW / WIDE],
 }
 
-static PLACES: Places = places();
+/// By the footprint's columns; entry 0 is a single row.
+struct PlacesByWidth {
+    of_width: [Places; NARROW + 1],
+}
 
-#[expect(clippy::cast_precision_loss, reason = "below 256")]
-const fn places() -> Places {
-    let mut places = Places {
-        column: [[0.0; PACK + STEP]; WIDE + 1],
-        row: [[0.0; PACK + STEP]; WIDE + 1],
-        inside: [[0; WIDE]; WIDE + 1],
+static PLACES: PlacesByWidth = places_by_width();
+
+const fn places_by_width() -> PlacesByWidth {
+    const NONE: Places = Places {
+        column: [0.0; PACK + STEP],
+        row: [0.0; PACK + STEP],
+        inside: [[0; WIDE]; NARROW / WIDE],
     };
+    let mut places = PlacesByWidth { of_width: [NONE; NARROW + 1] };
     let mut width = 0;
-    while width <= WIDE {
+    while width <= NARROW {
         let mut k = 0;
         while k < PACK + STEP {
-            // Entry 0 is the single row.
-            places.column[width][k] = (if width == 0 { k } else { k % width }) as f32;
-            places.row[width][k] = (if width == 0 { 0 } else { k / width }) as f32;
+            places.of_width[width].column[k] = (if width == 0 { k } else { k % width }) as f32;
+            places.of_width[width].row[k] = (if width == 0 { 0 } else { k / width }) as f32;
             if k < width {
-                places.inside[width][k] = u32::MAX;
+                places.of_width[width].inside[k / WIDE][k % WIDE] = u32::MAX;
             }
             k += 1;
         }
         width += 1;
     }
     places
-}
-
-/// A rectangle of a footprint's pixels: at most [`PACK`].
-#[derive(Debug, Clone, Copy)]
-struct Patch {
-    x: i32,
-    y: i32,
-    columns: i32,
-    rows: i32,
-}
-
-impl Patch {
-    /// Fills `amounts` for the patch; a patch of more than eight columns has one row.
-    #[inline(always)]
-    fn absorb<B: Blend>(&self, amounts: &mut Amounts, centre: Centre, ellipse: &Ellipse, cut: f32, peak: f32) {
-        let shape = if self.columns > WIDE as i32 { 0 } else { self.columns as usize };
-        let (columns, rows) = (&PLACES.column[shape], &PLACES.row[shape]);
-        let first_column = (self.x - centre.x) as f32;
-        let first_row = (self.y - centre.y) as f32;
-        let pixels = (self.columns * self.rows) as usize;
-        let places = columns.as_chunks::<STEP>().0.iter().zip(rows.as_chunks::<STEP>().0);
-        for (out, (column, row)) in amounts.as_chunks_mut::<STEP>().0.iter_mut().zip(places).take(pixels.div_ceil(STEP))
-        {
-            let mut amount = [0.0; STEP];
-            for i in 0..STEP {
-                let (column, row) = (first_column + column[i], first_row + row[i]);
-                amount[i] = B::amount(depth_at(column, row, centre, ellipse, cut, peak));
-            }
-            *out = amount;
-        }
-    }
-
-    /// Blends a patch of at most eight columns into the picture.
-    #[inline(always)]
-    fn deposit<B: Blend>(&self, planes: &mut Planes, amounts: &Amounts, ink: &Ink) {
-        let columns = self.columns as usize;
-        let inside = &PLACES.inside[columns];
-        let mut at = 0;
-        for row in self.y..self.y + self.rows {
-            let Some(amounts) = amounts.get(at..at + WIDE) else { return };
-            let mut amount = [0.0; WIDE];
-            for i in 0..WIDE {
-                amount[i] = f32::from_bits(amounts[i].to_bits() & inside[i]);
-            }
-            step::<B>(planes.row(row).eight(self.x), &amount, ink);
-            at += columns;
-        }
-    }
-
-    /// Blends a patch of one row into the picture.
-    #[inline(always)]
-    fn deposit_row<B: Blend>(&self, planes: &mut Planes, amounts: &Amounts, ink: &Ink) {
-        let mut row = planes.row(self.y);
-        let eights = amounts.as_chunks::<WIDE>().0;
-        for (amount, x) in eights.iter().zip((self.x..self.x + self.columns).step_by(WIDE)) {
-            // Pixels past the patch's end belong to the next patch or lie outside the chord.
-            let mut amount = *amount;
-            for (i, amount) in amount.iter_mut().enumerate() {
-                *amount = keep_if(x + (i as i32) < self.x + self.columns, *amount);
-            }
-            step::<B>(row.eight(x), &amount, ink);
-        }
-    }
 }
 
 #[inline(always)]
