@@ -17,6 +17,7 @@
 pub mod arena;
 pub mod classify;
 pub mod error;
+pub mod file;
 pub mod splat;
 pub mod traverse;
 pub mod volume;

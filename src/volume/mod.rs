@@ -7,6 +7,22 @@ pub mod grid;
 pub mod samples;
 pub mod source;
 
+pub mod open;
+pub mod raw;
+pub mod slab;
+
+mod file_list;
+mod frame;
+mod lines;
+mod metaimage;
+mod nifti;
+mod nrrd;
+mod nrrd_axes;
+mod stream;
+mod tokens;
+mod vtk;
+
 pub use grid::{Axis, Grid, MAX_DIM};
 pub use samples::{Sample, SampleType, Samples};
 pub use source::{Header, SlabSource};
+pub mod phantom;

@@ -1,7 +1,8 @@
 //! The slab source: what every reader and phantom is to the rest of the program.
 
 use super::{Grid, SampleType, Samples};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::with_samples;
 
 /// What is known of a volume before its samples are read.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,6 +19,28 @@ pub struct Header {
     pub name: String,
     /// Its format, for people: "NRRD", "phantom".
     pub format: &'static str,
+}
+
+impl Header {
+    /// A buffer of zeros for one slice.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] if the memory for it is not there: a header can ask for slices of 34 GB.
+    pub fn new_slice(&self) -> Result<Samples> {
+        let len = self.grid.slice_len();
+        let need = len * self.sample_type.bytes() as u64;
+        let refused = || {
+            let what = format!("{}: bytes of one slice, more than this machine's memory gives", self.name);
+            Error::Limit { what, need, have: isize::MAX as u64 }
+        };
+        let len = usize::try_from(len).map_err(|_| refused())?;
+        let mut slice = Samples::zeros(self.sample_type, 0);
+        with_samples!(&mut slice, samples => {
+            samples.try_reserve_exact(len).map_err(|_| refused())?;
+            samples.resize(len, Default::default());
+        });
+        Ok(slice)
+    }
 }
 
 /// A volume that yields its z-slices in order, from 0, in memory bounded by a few slices.
