@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::Scene;
 use super::cpu::arith::LOG2_E;
+use crate::classify::MagnitudeCodec;
+use crate::error::Result;
 
 /// How splats are put together.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
@@ -42,6 +44,7 @@ pub(crate) type Look = [f32; 4];
 #[derive(Debug)]
 pub(crate) struct Table<'a> {
     scene: &'a Scene<'a>,
+    magnitudes: Option<MagnitudeCodec>,
     kind: Kind,
     looks: Vec<Look>,
     /// Optical depth per mean voxel of a unit of -ln(1 - opacity), units of ln 2.
@@ -60,31 +63,35 @@ enum Kind {
 
 impl<'a> Table<'a> {
     /// The table for a scene; `mean_voxel` in world length.
+    ///
+    /// # Errors
+    /// If the scale of the magnitudes is out of range.
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
-    pub(crate) fn new(scene: &'a Scene<'a>, mode: Mode, mean_voxel: f64) -> Table<'a> {
+    pub(crate) fn new(scene: &'a Scene<'a>, mode: Mode, mean_voxel: f64) -> Result<Table<'a>> {
+        let channels = scene.facts.channels;
         let reference = scene.transfer.reference_length().unwrap_or(mean_voxel);
         let per_depth = mean_voxel / reference * f64::from(LOG2_E);
-        let codes = 1_usize << scene.quantiser.bits();
-        let by_magnitude = scene.transfer.uses_gradient() && scene.magnitudes.is_some();
-        let kind = match (by_magnitude && !mode.is_maximum(), codes) {
+        let by_magnitude = channels.magnitude_bits > 0 && scene.transfer.uses_gradient() && !mode.is_maximum();
+        let kind = match (by_magnitude, channels.value_bits) {
             (false, _) => Kind::Value,
-            (true, 256) => Kind::Pair,
+            (true, 8) => Kind::Pair,
             (true, _) => Kind::Computed,
         };
-        let mut table = Table { scene, kind, looks: Vec::new(), per_depth };
-        let most = f64::from(scene.quantiser.largest_code().max(1));
-        for code in 0..codes as u32 {
-            let code = code as u16;
-            let value = scene.quantiser.decode(code);
+        let magnitudes = match channels.magnitude_bits {
+            0 => None,
+            _ => Some(MagnitudeCodec::new(scene.facts.scales.magnitude_scale)?),
+        };
+        let mut table = Table { scene, magnitudes, kind, looks: Vec::new(), per_depth };
+        let last = if channels.value_bits == 8 { 255 } else { u16::MAX };
+        for code in 0..=last {
+            let value = table.value(code);
             let [red, green, blue] = scene.transfer.colour(value);
             match kind {
                 Kind::Value => {
-                    let strongest = scene.magnitudes.map_or(f64::INFINITY, |codec| codec.largest());
-                    let depth = table.depth(value, strongest);
-                    let normalised = (f64::from(code) / most).min(1.0) as f32;
-                    // A maximum shows what is stored; a value of 0 stays 0.
-                    let strength = if mode.is_maximum() { normalised } else { depth };
-                    table.looks.push([red, green, blue, strength]);
+                    // Without stored magnitudes a gradient's part is taken to be full.
+                    let depth = table.depth(value, f64::MAX);
+                    let normalised = f32::from(code) / f32::from(last);
+                    table.looks.push([red, green, blue, if mode.is_maximum() { normalised } else { depth }]);
                 }
                 Kind::Pair => {
                     for magnitude in 0..=255 {
@@ -95,17 +102,28 @@ impl<'a> Table<'a> {
                 Kind::Computed => table.looks.push([red, green, blue, 0.0]),
             }
         }
-        table
+        Ok(table)
+    }
+
+    fn value(&self, code: u16) -> f64 {
+        let scales = &self.scene.facts.scales;
+        scales.value_low + f64::from(code) * scales.value_step
     }
 
     fn magnitude(&self, code: u8) -> f64 {
-        self.scene.magnitudes.map_or(0.0, |codec| f64::from(codec.decode(code)))
+        self.magnitudes.as_ref().map_or(0.0, |codec| f64::from(codec.decode(code)))
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
     fn depth(&self, value: f64, magnitude: f64) -> f32 {
-        let opacity = self.scene.transfer.opacity(value, magnitude).clamp(0.0, 1.0);
-        ((-(-opacity).ln_1p()).min(MAX_DEPTH) * self.per_depth) as f32
+        let transfer = self.scene.transfer;
+        let mut opacity = transfer.opacity(value, magnitude);
+        if opacity == 0.0 {
+            // A code at the end of the visible range may come back a rounding error outside it.
+            let nudge = (self.scene.facts.scales.value_step * 1e-6).max(value.abs() * 1e-14);
+            opacity = transfer.opacity(value - nudge, magnitude).max(transfer.opacity(value + nudge, magnitude));
+        }
+        ((-(-opacity.clamp(0.0, 1.0)).ln_1p()).min(MAX_DEPTH) * self.per_depth) as f32
     }
 
     /// The look of a record by its codes.
@@ -118,7 +136,7 @@ impl<'a> Table<'a> {
             }
             Kind::Computed => {
                 let [red, green, blue, _] = self.looks.get(usize::from(value)).copied().unwrap_or_default();
-                let depth = self.depth(self.scene.quantiser.decode(value), self.magnitude(magnitude));
+                let depth = self.depth(self.value(value), self.magnitude(magnitude));
                 [red, green, blue, depth]
             }
         }

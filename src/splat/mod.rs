@@ -15,11 +15,12 @@ pub mod kernel;
 pub mod shade;
 pub mod view;
 
-use crate::arena::Lane;
-use crate::classify::{MagnitudeCodec, Quantiser, TransferFunction};
+use crate::arena::layout::Facts;
+use crate::arena::{Lane, OwnedLane};
+use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::traverse::{Sense, SplitForm, VoxelBox};
-use crate::volume::{Axis, Grid};
+use crate::volume::Axis;
 
 pub use camera::{Camera, Orbit, Projection, Surround};
 pub use composite::Mode;
@@ -37,24 +38,30 @@ pub trait Lanes: Sync {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>>;
 }
 
+impl Lanes for [OwnedLane] {
+    fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
+        let lane = self.iter().find(|lane| lane.axis == axis);
+        lane.map(OwnedLane::view).ok_or_else(|| {
+            let why = format!("along {} is not there, but this view walks along it", axis.name());
+            Error::input("lane", why)
+        })
+    }
+}
+
 /// What a frame shows.
 #[derive(Clone, Copy)]
 pub struct Scene<'a> {
-    /// Where the voxels are.
-    pub grid: &'a Grid,
+    /// Where the voxels are and what their codes mean.
+    pub facts: &'a Facts,
     /// The voxels.
     pub lanes: &'a dyn Lanes,
-    /// What value codes mean.
-    pub quantiser: &'a Quantiser,
-    /// What magnitude codes mean; `None` if there are none.
-    pub magnitudes: Option<&'a MagnitudeCodec>,
     /// What values look like.
     pub transfer: &'a TransferFunction,
 }
 
 impl std::fmt::Debug for Scene<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.debug_struct("Scene").field("grid", self.grid).field("transfer", self.transfer).finish_non_exhaustive()
+        f.debug_struct("Scene").field("facts", self.facts).field("transfer", self.transfer).finish_non_exhaustive()
     }
 }
 

@@ -12,8 +12,6 @@ pub(crate) struct Ink {
     pub(crate) red: f32,
     pub(crate) green: f32,
     pub(crate) blue: f32,
-    /// Largest optical depth of the footprint, in units of ln 2; for the maximum, the voxel's normalised value.
-    pub(crate) peak: f32,
     /// Transmittance below which a pixel no longer changes; 0 for never.
     pub(crate) stop: f32,
 }

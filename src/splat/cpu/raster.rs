@@ -19,7 +19,6 @@
 
 use super::arith::{at_least, exp2_neg, keep_if};
 use super::blend::{Blend, Ink};
-use super::freeze::Frozen;
 use super::planes::{Eight, Planes, WIDE};
 
 /// Splats in a block: small enough that all its arrays stay in the first-level cache.
@@ -43,9 +42,14 @@ pub(crate) struct Ellipse {
 /// Largest half-width of a footprint in pixels: 128 times the largest picture.
 pub(crate) const REACH: f32 = 2_097_152.0;
 
-/// A block of splats, structure of arrays. Entries from `count` on are meaningless.
+/// A block of splats, structure of arrays: places by voxel, colours by splat.
 pub(crate) struct Splats {
+    /// How many are drawn; colours from there on are meaningless.
     pub(crate) count: usize,
+    /// Index in the block of each drawn splat's place, in visit order.
+    pub(crate) kept: [u8; BLOCK],
+    /// Peak of a unit of optical depth.
+    pub(crate) strength: [f32; BLOCK],
     /// Nearest pixel to the centre.
     pub(crate) x: [i32; BLOCK],
     pub(crate) y: [i32; BLOCK],
@@ -68,6 +72,8 @@ impl Splats {
     pub(crate) fn new() -> Box<Splats> {
         Box::new(Splats {
             count: 0,
+            kept: [0; BLOCK],
+            strength: [0.0; BLOCK],
             x: [0; BLOCK],
             y: [0; BLOCK],
             rest_x: [0.0; BLOCK],
@@ -104,6 +110,12 @@ pub(crate) struct EllipseEach {
     pub(crate) shear: [f32; BLOCK],
 }
 
+impl EllipseEach {
+    pub(crate) fn new() -> Box<EllipseEach> {
+        Box::new(EllipseEach { across: [0.0; BLOCK], along: [0.0; BLOCK], shear: [0.0; BLOCK] })
+    }
+}
+
 impl Ellipses for EllipseEach {
     #[inline(always)]
     fn at(&self, j: usize) -> Ellipse {
@@ -124,7 +136,6 @@ pub(crate) struct Limits {
 #[inline(always)]
 pub(crate) fn draw<B: Blend, E: Ellipses>(
     planes: &mut Planes,
-    frozen: &mut Frozen,
     splats: &Splats,
     ellipses: &E,
     limits: Limits,
@@ -132,25 +143,20 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(
     let rect = planes.rect;
     let mut drawn = 0;
     let mut amounts: Amounts = [0.0; PACK + STEP];
-    for j in 0..splats.count.min(BLOCK) {
-        let peak = splats.peak[j];
+    for k in 0..splats.count.min(BLOCK) {
+        let j = usize::from(splats.kept[k]) % BLOCK;
+        let peak = splats.peak[k];
         let (low_x, high_x) = (splats.low_x[j], splats.high_x[j]);
         let (low_y, high_y) = (splats.low_y[j].max(rect.y0), splats.high_y[j].min(rect.y1 - 1));
+        // Stage 1 lists only splats that reach the band; the test keeps a mistake there from leaving the planes.
         if !(peak > 0.0) || low_y > high_y || high_x < rect.x0 || low_x >= rect.x1 {
             continue;
         }
-        if B::STOPS && limits.stop > 0.0 {
-            let (left, right) = (low_x.max(rect.x0), high_x.min(rect.x1 - 1));
-            if frozen.covers(planes, limits.stop, left, low_y, right, high_y) {
-                continue;
-            }
-        }
         drawn += 1;
         let ink = Ink {
-            red: splats.red[j],
-            green: splats.green[j],
-            blue: splats.blue[j],
-            peak,
+            red: splats.red[k],
+            green: splats.green[k],
+            blue: splats.blue[k],
             stop: limits.stop,
         };
         let ellipse = ellipses.at(j);
