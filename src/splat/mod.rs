@@ -16,7 +16,7 @@ pub mod shade;
 pub mod view;
 
 use crate::arena::layout::Facts;
-use crate::arena::{Lane, OwnedLane};
+use crate::arena::{Lane, LaneSet, OwnedLane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::traverse::{Sense, SplitForm, VoxelBox};
@@ -45,6 +45,12 @@ impl Lanes for [OwnedLane] {
             let why = format!("along {} is not there, but this view walks along it", axis.name());
             Error::input("lane", why)
         })
+    }
+}
+
+impl Lanes for LaneSet<'_> {
+    fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
+        self.lane(axis)
     }
 }
 
