@@ -4,13 +4,15 @@
 //! A lane holds every visible voxel once, on the scan lines along its axis; three lanes serve every view.
 
 // builder
-// check
+pub mod check;
 pub mod curve;
 pub mod lane;
 pub mod layout;
+pub mod open;
 pub mod pack;
 pub mod transpose;
 
 pub use curve::TileOrder;
 pub use lane::{Lane, LineEnds, OwnedLane};
-pub use layout::{Arena, Channels, TileRecord};
+pub use layout::{Channels, TileRecord};
+pub use open::{Arena, Section};
