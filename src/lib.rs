@@ -16,7 +16,10 @@
 
 pub mod arena;
 pub mod classify;
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod error;
+pub mod file;
 pub mod traverse;
 pub mod volume;
 
