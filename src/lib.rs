@@ -15,7 +15,11 @@
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
 pub mod arena;
+pub mod classify;
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod error;
+pub mod file;
 pub mod traverse;
 pub mod volume;
 

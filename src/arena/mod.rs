@@ -3,14 +3,16 @@
 //! In: classified slices (builder) or the bytes of a file (layout). Out: [`Lane`]s, which the walk reads in place.
 //! A lane holds every visible voxel once, on the scan lines along its axis; three lanes serve every view.
 
-// builder
+pub mod builder;
 // check
 pub mod curve;
 pub mod lane;
+pub mod lanes;
 pub mod layout;
 pub mod pack;
 pub mod transpose;
 
 pub use curve::TileOrder;
 pub use lane::{Lane, LineEnds, OwnedLane};
+pub use lanes::LaneSet;
 pub use layout::{Arena, Channels, TileRecord};

@@ -4,8 +4,24 @@
 //! (x fastest, then y, then z), one at a time, so that memory is bounded by a slice whatever the volume's size.
 
 pub mod grid;
+pub mod histogram;
+pub mod open;
+pub mod phantom;
+pub mod raw;
 pub mod samples;
+pub mod slab;
 pub mod source;
+
+mod file_list;
+mod frame;
+mod lines;
+mod metaimage;
+mod nifti;
+mod nrrd;
+mod nrrd_axes;
+mod stream;
+mod tokens;
+mod vtk;
 
 pub use grid::{Axis, Grid, MAX_DIM};
 pub use samples::{Sample, SampleType, Samples};

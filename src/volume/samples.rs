@@ -75,6 +75,8 @@ pub trait Sample: Pod + PartialOrd + Send + Sync {
     fn to_f64(self) -> f64;
     /// Its value in single precision; exact up to 24 significant bits.
     fn to_f32(self) -> f32;
+    /// Its bits as an index, if it has 8 or 16 and is a whole number.
+    fn small_bits(self) -> Option<usize>;
 }
 
 macro_rules! samples {
@@ -89,6 +91,14 @@ macro_rules! samples {
             #[allow(clippy::cast_possible_truncation, clippy::unnecessary_cast, reason = "rounding is the contract")]
             fn to_f32(self) -> f32 {
                 self as f32
+            }
+            #[inline(always)]
+            fn small_bits(self) -> Option<usize> {
+                match *bytemuck::bytes_of(&self) {
+                    [a] => Some(usize::from(a)),
+                    [a, b] => Some(usize::from(u16::from_ne_bytes([a, b]))),
+                    _ => None,
+                }
             }
         })*
 

@@ -1,0 +1,145 @@
+//! Colours: sRGB as people write them, linear light as renderers add it.
+//!
+//! In: `"#rrggbb"` or three sRGB components. Out: linear components. Source: IEC 61966-2-1; the distinct colours
+//! are hues a golden angle apart in Oklch (B. Ottosson, "A perceptual color space for image processing", 2020).
+
+use std::fmt;
+
+use serde::de::{self, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+use crate::error::{Error, Result};
+
+/// A colour, kept as it was given: sRGB components from 0 to 1.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Colour([f64; 3]);
+
+impl Colour {
+    /// A colour from sRGB components.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a component is not from 0 to 1.
+    pub fn from_srgb(components: [f64; 3]) -> Result<Colour> {
+        match components.iter().find(|c| !(0.0..=1.0).contains(*c)) {
+            Some(wrong) => Err(Error::input("colour", format!("has the component {wrong}, but must have 0 to 1"))),
+            None => Ok(Colour(components)),
+        }
+    }
+
+    /// A colour from sRGB bytes.
+    pub const fn from_bytes(bytes: [u8; 3]) -> Colour {
+        Colour([bytes[0] as f64 / 255.0, bytes[1] as f64 / 255.0, bytes[2] as f64 / 255.0])
+    }
+
+    /// A colour from `"#rrggbb"`, upper or lower case.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if `text` is anything else.
+    pub fn from_hex(text: &str) -> Result<Colour> {
+        let refused = || Error::input("colour", format!("is \"{text}\", but must be \"#rrggbb\""));
+        let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
+        let packed = u32::from_str_radix(digits.ok_or_else(refused)?, 16).map_err(|_| refused())?;
+        let [_, r, g, b] = packed.to_be_bytes();
+        Ok(Colour::from_bytes([r, g, b]))
+    }
+
+    /// Its sRGB components, 0 to 1.
+    pub fn srgb(self) -> [f64; 3] {
+        self.0
+    }
+
+    /// Its components in linear light, 0 to 1.
+    pub fn linear(self) -> [f32; 3] {
+        #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderers'")]
+        self.0.map(|c| linear_from_srgb(c) as f32)
+    }
+
+    /// One of a fixed, endless series of pleasant colours; neighbours in the series differ clearly.
+    pub fn distinct(index: u64) -> Colour {
+        const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
+        // A fraction of a turn first: an angle of many turns would lose the digits that matter.
+        let turns = index as f64 * (GOLDEN_ANGLE / std::f64::consts::TAU);
+        let hue = (turns - turns.floor()) * std::f64::consts::TAU;
+        let lightness = [0.74, 0.62, 0.84][usize::try_from(index % 3).expect("below 3")];
+        let mut chroma = 0.14;
+        loop {
+            let rgb = linear_from_oklab([lightness, chroma * hue.cos(), chroma * hue.sin()]);
+            if chroma < 0.01 || rgb.iter().all(|c| (0.0..=1.0).contains(c)) {
+                // Rounded to bytes, so that a file shows the same colour as a program.
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
+                return Colour::from_bytes(rgb.map(|c| (srgb_from_linear(c.clamp(0.0, 1.0)) * 255.0).round() as u8));
+            }
+            chroma -= 0.01;
+        }
+    }
+}
+
+/// Linear light of an sRGB component; both 0 to 1.
+pub fn linear_from_srgb(component: f64) -> f64 {
+    if component <= 0.040_45 { component / 12.92 } else { ((component + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The sRGB component of a linear one; both 0 to 1.
+pub fn srgb_from_linear(component: f64) -> f64 {
+    if component <= 0.003_130_8 { component * 12.92 } else { 1.055 * component.powf(1.0 / 2.4) - 0.055 }
+}
+
+fn linear_from_oklab([lightness, a, b]: [f64; 3]) -> [f64; 3] {
+    let l = (lightness + 0.396_337_777_4 * a + 0.215_803_757_3 * b).powi(3);
+    let m = (lightness - 0.105_561_345_8 * a - 0.063_854_172_8 * b).powi(3);
+    let s = (lightness - 0.089_484_177_5 * a - 1.291_485_548_0 * b).powi(3);
+    [
+        4.076_741_662_1 * l - 3.307_711_591_3 * m + 0.230_969_929_2 * s,
+        -1.268_438_004_6 * l + 2.609_757_401_1 * m - 0.341_319_396_5 * s,
+        -0.004_196_086_3 * l - 0.703_418_614_7 * m + 1.707_614_701_0 * s,
+    ]
+}
+
+impl fmt::Display for Colour {
+    /// `#rrggbb`, rounded.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [r, g, b] = self.0.map(nearest_byte);
+        write!(f, "#{r:02x}{g:02x}{b:02x}")
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a component is 0 to 1")]
+fn nearest_byte(component: f64) -> u8 {
+    (component * 255.0).round() as u8
+}
+
+impl Serialize for Colour {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        if *self == Colour::from_bytes(self.0.map(nearest_byte)) {
+            serializer.collect_str(self)
+        } else {
+            self.0.serialize(serializer)
+        }
+    }
+}
+
+impl<'de> Deserialize<'de> for Colour {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Colour, D::Error> {
+        struct ColourVisitor;
+        impl<'de> Visitor<'de> for ColourVisitor {
+            type Value = Colour;
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("a colour, \"#rrggbb\" or [r, g, b] from 0 to 1")
+            }
+            fn visit_str<E: de::Error>(self, text: &str) -> Result<Colour, E> {
+                Colour::from_hex(text).map_err(E::custom)
+            }
+            fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<Colour, A::Error> {
+                let mut components = [0.0; 3];
+                for (index, component) in components.iter_mut().enumerate() {
+                    *component = items.next_element()?.ok_or_else(|| de::Error::invalid_length(index, &self))?;
+                }
+                if items.next_element::<de::IgnoredAny>()?.is_some() {
+                    return Err(de::Error::invalid_length(4, &self));
+                }
+                Colour::from_srgb(components).map_err(de::Error::custom)
+            }
+        }
+        deserializer.deserialize_any(ColourVisitor)
+    }
+}

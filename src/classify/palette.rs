@@ -1,0 +1,133 @@
+//! Palettes of label maps: a colour, an opacity and a name per label.
+//!
+//! In: JSON (see [`crate::classify`]) or a colour table of 3D Slicer. Out: look-ups by label. A value that is not a
+//! whole number is no label, and transparent.
+
+use serde::{Deserialize, Serialize};
+
+use super::colour::Colour;
+use crate::error::{Error, Result};
+
+/// A label of a segmentation.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Label {
+    /// Its value in the label map.
+    pub label: i64,
+    /// What it stands for.
+    pub name: String,
+    /// Its colour.
+    pub colour: Colour,
+    /// 0 to 1, per reference length; 1 unless given.
+    #[serde(default = "opaque")]
+    pub opacity: f64,
+}
+
+fn opaque() -> f64 {
+    1.0
+}
+
+/// What labels are that a palette does not list.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Others {
+    /// Not visible.
+    #[default]
+    Transparent,
+    /// Those above 0 are opaque, each in its own colour: [`Colour::distinct`].
+    Distinct,
+}
+
+/// The whole frog of the Lawrence Berkeley laboratory: the tissues of its segmentation. Stray voxels of 16 and above
+/// are transparent. The colours are ours.
+pub(super) const FROG: [(i64, &str, [u8; 3], f64); 15] = [
+    (1, "blood", [0xb3, 0x1b, 0x2c], 1.0),
+    (2, "brain", [0xf2, 0xb8, 0xc0], 1.0),
+    (3, "duodenum", [0xe0, 0x8e, 0x45], 1.0),
+    (4, "eye retina", [0x3a, 0x2a, 0x4d], 1.0),
+    (5, "eye white", [0xf4, 0xf4, 0xee], 1.0),
+    (6, "heart", [0xd0, 0x2f, 0x3f], 1.0),
+    (7, "ileum", [0xeb, 0xb1, 0x6c], 1.0),
+    (8, "kidney", [0x8c, 0x4a, 0x33], 1.0),
+    (9, "large intestine", [0xc9, 0xa0, 0x5a], 1.0),
+    (10, "liver", [0x7a, 0x2e, 0x26], 1.0),
+    (11, "lung", [0xf0, 0x9a, 0xa6], 1.0),
+    (12, "nerve", [0xf7, 0xe1, 0x5c], 1.0),
+    (13, "skeleton", [0xee, 0xe3, 0xc8], 1.0),
+    (14, "spleen", [0x6b, 0x2a, 0x52], 1.0),
+    (15, "stomach", [0xd9, 0x7f, 0x74], 1.0),
+];
+
+/// The entry of `label` among `labels`, which rise.
+pub(super) fn find(labels: &[Label], label: i64) -> Option<&Label> {
+    labels.binary_search_by_key(&label, |entry| entry.label).ok().map(|index| &labels[index])
+}
+
+/// The label that a value stands for, if it is a whole number.
+fn label_of(value: f64) -> Option<i64> {
+    #[expect(clippy::cast_possible_truncation, reason = "bounded: whole numbers below 2^53")]
+    (value.fract() == 0.0 && value.abs() <= 9_007_199_254_740_992.0).then_some(value as i64)
+}
+
+pub(super) fn opacity(labels: &[Label], others: Others, value: f64) -> f64 {
+    let Some(label) = label_of(value) else { return 0.0 };
+    match find(labels, label) {
+        Some(entry) => entry.opacity,
+        None => f64::from(others == Others::Distinct && label > 0),
+    }
+}
+
+pub(super) fn colour(labels: &[Label], others: Others, value: f64) -> [f32; 3] {
+    let Some(label) = label_of(value) else { return [0.0; 3] };
+    match (find(labels, label), others, u64::try_from(label)) {
+        (Some(entry), _, _) => entry.colour.linear(),
+        (None, Others::Distinct, Ok(index)) if index > 0 => Colour::distinct(index).linear(),
+        _ => [0.0; 3],
+    }
+}
+
+pub(super) fn domain(labels: &[Label], others: Others) -> (f64, f64) {
+    let visible = labels.iter().filter(|entry| entry.opacity > 0.0).map(|entry| entry.label as f64);
+    let (low, high) = visible.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
+    match others {
+        Others::Transparent => (low, high),
+        Others::Distinct => {
+            // The lowest label above 0 that is not listed as transparent.
+            let hidden = |label: &i64| find(labels, *label).is_some_and(|entry| entry.opacity == 0.0);
+            let unlisted = (1..).find(|label| !hidden(label)).expect("a palette is finite");
+            (low.min(unlisted as f64), f64::INFINITY)
+        }
+    }
+}
+
+/// Reads a colour table of 3D Slicer: `index name r g b a` a line, 0 to 255 each; `#` starts a comment.
+pub(super) fn parse_ctbl(text: &str) -> Result<Vec<Label>> {
+    let mut labels = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let line = line.trim();
+        if line.is_empty() || line.starts_with('#') {
+            continue;
+        }
+        let refused = |why: &str| Error::input(format!("colour table: line {}", index + 1), why);
+        let words: Vec<&str> = line.split_whitespace().collect();
+        if words.len() < 6 {
+            return Err(refused("has fewer than the six columns \"index name r g b a\""));
+        }
+        let label = words[0].parse().map_err(|_| refused("does not start with a whole number, the label"))?;
+        let (name, numbers) = words[1..].split_at(words.len() - 5);
+        let mut rgba = [0u8; 4];
+        for (component, word) in rgba.iter_mut().zip(numbers) {
+            *component = word.parse().map_err(|_| refused("must end in r g b a, whole numbers from 0 to 255"))?;
+        }
+        let [r, g, b, a] = rgba;
+        if labels.iter().any(|entry: &Label| entry.label == label) {
+            return Err(refused("repeats a label; keep one"));
+        }
+        let name = name.join(" ").replace('_', " ");
+        labels.push(Label { label, name, colour: Colour::from_bytes([r, g, b]), opacity: f64::from(a) / 255.0 });
+    }
+    if labels.is_empty() {
+        return Err(Error::input("colour table", "has no labels; each line is \"index name r g b a\""));
+    }
+    Ok(labels)
+}

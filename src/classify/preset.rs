@@ -1,0 +1,101 @@
+//! Transfer functions by name.
+//!
+//! CT presets are in Hounsfield units (air -1000, water 0). Many files store them 1024 or so higher, where skin
+//! begins at about 500 and bone at about 1150: ask for `ct-bone+1024`. `mr` fits T1 heads whose tissue lies at 100
+//! to 250. Values and colours are ours.
+
+use super::colour::Colour;
+use super::palette::{FROG, Label, Others};
+use super::transfer::{FactorPoint, Point, TransferFunction};
+use crate::error::{Error, Result};
+
+/// Names that [`TransferFunction::preset`] knows, each with what it shows.
+pub const PRESETS: [(&str, &str); 6] = [
+    ("ct-bone", "bone, in Hounsfield units"),
+    ("ct-skin", "skin over bone, in Hounsfield units"),
+    ("ct-angio", "vessels with contrast agent and bone, in Hounsfield units"),
+    ("mr", "T1 heads with tissue at 100 to 250"),
+    ("labels", "any label map, a distinct colour for each label above 0"),
+    ("frog", "the tissues of the whole frog's segmentation"),
+];
+
+type Knots = &'static [(f64, [u8; 3], f64)];
+
+const CT_BONE: Knots = &[
+    (126.0, [0x7d, 0x3f, 0x2c], 0.0),
+    (200.0, [0xb4, 0x78, 0x54], 0.25),
+    (400.0, [0xe3, 0xc0, 0x94], 0.65),
+    (900.0, [0xf5, 0xe8, 0xd0], 0.9),
+    (2000.0, [0xff, 0xfc, 0xf5], 0.95),
+];
+
+/// The skin is the rise from air to fat; what follows is left clear down to bone.
+const CT_SKIN: Knots = &[
+    (-560.0, [0xc9, 0x8a, 0x6b], 0.0),
+    (-420.0, [0xe0, 0xa8, 0x88], 0.35),
+    (-150.0, [0xeb, 0xb8, 0x98], 0.45),
+    (-60.0, [0xd9, 0x96, 0x76], 0.08),
+    (80.0, [0xb5, 0x5f, 0x4c], 0.08),
+    (300.0, [0xe9, 0xd0, 0xac], 0.7),
+    (1200.0, [0xff, 0xf8, 0xea], 0.95),
+];
+
+const CT_ANGIO: Knots = &[
+    (120.0, [0x7a, 0x10, 0x18], 0.0),
+    (180.0, [0xb8, 0x1f, 0x26], 0.35),
+    (320.0, [0xe0, 0x4a, 0x38], 0.75),
+    (500.0, [0xee, 0xb0, 0x84], 0.7),
+    (800.0, [0xf4, 0xe4, 0xc8], 0.8),
+    (2000.0, [0xff, 0xfb, 0xf2], 0.95),
+];
+
+const MR: Knots = &[
+    (55.0, [0x54, 0x3a, 0x3a], 0.0),
+    (100.0, [0x9c, 0x6a, 0x5e], 0.06),
+    (150.0, [0xcf, 0x9e, 0x88], 0.3),
+    (220.0, [0xee, 0xd8, 0xc2], 0.65),
+    (400.0, [0xff, 0xf7, 0xea], 0.9),
+];
+
+/// Homogeneous tissue is thinned so that boundaries stand out.
+const MR_GRADIENT: [FactorPoint; 2] =
+    [FactorPoint { magnitude: 4.0, factor: 0.25 }, FactorPoint { magnitude: 40.0, factor: 1.0 }];
+
+/// The preset called `name`, perhaps with `+offset` or `-offset` at its end.
+pub(super) fn named(name: &str) -> Result<TransferFunction> {
+    if let Some(function) = plain(name) {
+        return function;
+    }
+    let refused = || {
+        let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
+        Error::input(format!("preset \"{name}\""), format!("is not one of {}", names.join(", ")))
+    };
+    let (base, offset) = name.split_at(name.rfind(['+', '-']).ok_or_else(refused)?);
+    let offset: f64 = offset.parse().map_err(|_| refused())?;
+    plain(base).ok_or_else(refused)??.with_offset(offset)
+}
+
+fn plain(name: &str) -> Option<Result<TransferFunction>> {
+    let linear = |knots: Knots, gradient: &[FactorPoint]| {
+        let point =
+            |&(value, rgb, opacity): &(f64, [u8; 3], f64)| Point { value, colour: Colour::from_bytes(rgb), opacity };
+        TransferFunction::points(knots.iter().map(point).collect(), gradient.to_vec())
+    };
+    Some(match name {
+        "ct-bone" => linear(CT_BONE, &[]),
+        "ct-skin" => linear(CT_SKIN, &[]),
+        "ct-angio" => linear(CT_ANGIO, &[]),
+        "mr" => linear(MR, &MR_GRADIENT),
+        "labels" => TransferFunction::labels(Vec::new(), Others::Distinct),
+        "frog" => {
+            let entry = |&(label, name, rgb, opacity): &(i64, &str, [u8; 3], f64)| Label {
+                label,
+                name: name.to_owned(),
+                colour: Colour::from_bytes(rgb),
+                opacity,
+            };
+            TransferFunction::labels(FROG.iter().map(entry).collect(), Others::Transparent)
+        }
+        _ => return None,
+    })
+}

@@ -1,0 +1,272 @@
+//! Values as codes of 8 or 16 bits over the visible range, so that no code is wasted.
+//!
+//! In: the visible range, the samples' type, slope and intercept. Out: codes, and the value of each. Where the
+//! samples are whole numbers of slope steps and there are few enough of them in the range, every sample has a code
+//! of its own and comes back bit for bit. Otherwise codes are spread evenly: `low + code * step`.
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::volume::SampleType;
+
+/// A map between values and codes. Always valid; read from and written as JSON.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Fields", into = "Fields")]
+pub struct Quantiser {
+    bits: u8,
+    low: f64,
+    high: f64,
+    largest_code: u16,
+    /// Distance between codes; 0 if there is one.
+    step: f64,
+    exact: Option<Exact>,
+}
+
+/// Sample `raw` has the value `raw * slope + intercept`, as readers compute it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Exact {
+    /// The raw sample of code 0; that of a later code is higher, or lower if the slope is below 0.
+    raw: i64,
+    slope: f64,
+    intercept: f64,
+}
+
+/// The JSON of a quantiser.
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Fields {
+    bits: u8,
+    low: f64,
+    high: f64,
+    largest_code: u16,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    exact: Option<Exact>,
+}
+
+impl Quantiser {
+    /// A quantiser for values from `low` to `high`, inclusive, in codes of `bits`, 8 or 16.
+    ///
+    /// `slope`, `intercept`: of the volume's header. For whole-number samples the range may be infinite, and shrinks
+    /// to the lowest and highest sample value inside it; should there be none, it becomes `low` alone.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if `bits` is neither 8 nor 16, if slope or intercept is not finite or the slope is 0, if
+    /// `low > high` or one is NaN, or if the range is infinite for floating-point samples.
+    pub fn new(
+        low: f64,
+        high: f64,
+        bits: u8,
+        sample_type: SampleType,
+        slope: f64,
+        intercept: f64,
+    ) -> Result<Quantiser> {
+        let codes = match bits {
+            8 => 256,
+            16 => 65_536,
+            _ => return Err(Error::input("value bits", format!("are {bits}, but must be 8 or 16"))),
+        };
+        if low.is_nan() || high.is_nan() || low > high {
+            return Err(Error::input("visible range", format!("is {low}..{high}; its low end must not be above")));
+        }
+        if !(slope.is_finite() && slope != 0.0 && intercept.is_finite()) {
+            let why = format!("are {slope} and {intercept}, but must be finite and the slope not 0");
+            return Err(Error::input("slope and intercept", why));
+        }
+        let largest_code = u16::try_from(codes - 1).expect("at most 65,535");
+        let Some(range) = sample_type.integer_range() else {
+            return Quantiser::even(bits, low, high, largest_code);
+        };
+        let Some((first, last)) = samples_inside(low, high, range, slope, intercept) else {
+            let alone = if low.is_finite() { low } else { high };
+            return Quantiser::even(bits, alone, alone, largest_code);
+        };
+        let exact = Exact { raw: first, slope, intercept };
+        match first.abs_diff(last) {
+            steps if steps < codes => {
+                Ok(Quantiser::exact(bits, exact, u16::try_from(steps).expect("below the count of codes")))
+            }
+            _ => Quantiser::even(bits, exact.value(0), exact.value_of(last), largest_code),
+        }
+    }
+
+    /// A quantiser for a label map, where every label keeps its own code.
+    ///
+    /// # Errors
+    /// As [`Quantiser::new`]; and [`Error::Input`] if the labels are not whole numbers, or more than there are codes:
+    /// it says to use `--value-bits 16` where that helps.
+    pub fn for_labels(
+        low: f64,
+        high: f64,
+        bits: u8,
+        sample_type: SampleType,
+        slope: f64,
+        intercept: f64,
+    ) -> Result<Quantiser> {
+        let refused = |why: String| Err(Error::input("label map", why));
+        if sample_type.integer_range().is_none() {
+            return refused(format!("has {} samples; convert it to whole numbers", sample_type.name()));
+        }
+        let quantiser = Quantiser::new(low, high, bits, sample_type, slope, intercept)?;
+        if quantiser.exact.is_some() || quantiser.low == quantiser.high {
+            return Ok(quantiser);
+        }
+        let (low, high) = (quantiser.low, quantiser.high);
+        let wide_enough = bits == 8
+            && Quantiser::new(low, high, 16, sample_type, slope, intercept).is_ok_and(|wide| wide.exact.is_some());
+        refused(if wide_enough {
+            format!("has labels from {low} to {high}, more than 8 bits tell apart; use --value-bits 16")
+        } else {
+            format!("has labels from {low} to {high}, more than 16 bits tell apart; renumber it or choose fewer")
+        })
+    }
+
+    fn even(bits: u8, low: f64, high: f64, largest_code: u16) -> Result<Quantiser> {
+        if !(low.is_finite() && high.is_finite()) {
+            let why = format!("is {low}..{high}; give finite ends, such as the data's lowest and highest value");
+            return Err(Error::input("visible range", why));
+        }
+        let largest_code = if low == high { 0 } else { largest_code };
+        // By halves: the span of two finite numbers may overflow.
+        let step = if low == high { 0.0 } else { (high / 2.0 - low / 2.0) / f64::from(largest_code) * 2.0 };
+        Ok(Quantiser { bits, low, high, largest_code, step, exact: None })
+    }
+
+    fn exact(bits: u8, exact: Exact, largest_code: u16) -> Quantiser {
+        let (low, high) = (exact.value(0), exact.value(largest_code));
+        let step = if largest_code == 0 { 0.0 } else { exact.slope.abs() };
+        Quantiser { bits, low, high, largest_code, step, exact: Some(exact) }
+    }
+
+    /// The nearest code to `value`; the ends' beyond them, 0 for NaN.
+    #[inline]
+    pub fn encode(&self, value: f64) -> u16 {
+        let code = match &self.exact {
+            Some(exact) => {
+                let from_first = (value - exact.intercept) / exact.slope - exact.raw as f64;
+                if exact.slope > 0.0 { from_first } else { -from_first }
+            }
+            None if self.largest_code == 0 => 0.0,
+            None if value <= self.low => 0.0,
+            None => (value / 2.0 - self.low / 2.0) / self.step * 2.0,
+        };
+        // Saturates: below 0 and NaN give 0.
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the saturating cast is meant")]
+        let code = (code + 0.5) as u16;
+        code.min(self.largest_code)
+    }
+
+    /// The value of `code`; codes above the largest have the largest's. Always finite.
+    #[inline]
+    pub fn decode(&self, code: u16) -> f64 {
+        let code = code.min(self.largest_code);
+        match &self.exact {
+            Some(exact) => exact.value(code),
+            None if code == self.largest_code => self.high,
+            None => (self.low + f64::from(code) * self.step).min(self.high),
+        }
+    }
+
+    /// Value of code 0.
+    pub fn low(&self) -> f64 {
+        self.low
+    }
+
+    /// Value of the largest code.
+    pub fn high(&self) -> f64 {
+        self.high
+    }
+
+    /// Distance between the values of neighbouring codes; 0 if there is only one.
+    pub fn step(&self) -> f64 {
+        self.step
+    }
+
+    /// Bits of a code: 8 or 16.
+    pub fn bits(&self) -> u8 {
+        self.bits
+    }
+
+    /// The largest code in use; below 2^bits.
+    pub fn largest_code(&self) -> u16 {
+        self.largest_code
+    }
+
+    /// Whether every sample inside the range comes back bit for bit.
+    pub fn is_lossless(&self) -> bool {
+        self.exact.is_some() || self.largest_code == 0
+    }
+
+    /// Largest difference between a value inside the range and its decoded code.
+    pub fn largest_error(&self) -> f64 {
+        if self.is_lossless() { 0.0 } else { self.step / 2.0 }
+    }
+}
+
+impl Exact {
+    #[inline(always)]
+    fn value(&self, code: u16) -> f64 {
+        let steps = i64::from(code);
+        self.value_of(if self.slope > 0.0 { self.raw + steps } else { self.raw - steps })
+    }
+
+    #[inline(always)]
+    fn value_of(&self, raw: i64) -> f64 {
+        raw as f64 * self.slope + self.intercept
+    }
+}
+
+/// The raw samples of the lowest and the highest value from `low` to `high`, of those that `range` holds.
+fn samples_inside(low: f64, high: f64, range: (f64, f64), slope: f64, intercept: f64) -> Option<(i64, i64)> {
+    let value = |raw: f64| raw * slope + intercept;
+    let inside = |raw: f64| low <= value(raw) && value(raw) <= high;
+    // In the order of values; the estimate may be off by rounding, so the neighbours are asked too.
+    let end = |bound: f64, toward: f64| {
+        let estimate = ((bound - intercept) / slope).clamp(range.0, range.1).round();
+        let candidates = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|off| estimate + off * toward);
+        candidates.into_iter().find(|raw| (range.0..=range.1).contains(raw) && inside(*raw))
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "whole numbers of at most 32 bits")]
+    Some((end(low, slope.signum())? as i64, end(high, -slope.signum())? as i64))
+}
+
+impl From<Quantiser> for Fields {
+    fn from(quantiser: Quantiser) -> Fields {
+        let Quantiser { bits, low, high, largest_code, exact, .. } = quantiser;
+        Fields { bits, low, high, largest_code, exact }
+    }
+}
+
+impl TryFrom<Fields> for Quantiser {
+    type Error = Error;
+
+    fn try_from(fields: Fields) -> Result<Quantiser> {
+        let refused = |why: &str| Error::input("value codes", why);
+        let most = match fields.bits {
+            8 => 255,
+            16 => u16::MAX,
+            _ => return Err(refused("have bits other than 8 or 16")),
+        };
+        if fields.largest_code > most {
+            return Err(refused("have a largest code that their bits cannot hold"));
+        }
+        let quantiser = match fields.exact {
+            None if fields.low > fields.high => return Err(refused("have a low end above the high end")),
+            None => Quantiser::even(fields.bits, fields.low, fields.high, fields.largest_code)?,
+            Some(exact) => {
+                // A sample has at most 32 bits, so a raw number is far from where i64 and f64 disagree.
+                let sound = exact.slope.is_finite() && exact.slope != 0.0 && exact.raw.unsigned_abs() < 1 << 40;
+                if !sound {
+                    return Err(refused("have a slope or first sample that no volume has"));
+                }
+                Quantiser::exact(fields.bits, exact, fields.largest_code)
+            }
+        };
+        let agrees = quantiser.low == fields.low
+            && quantiser.high == fields.high
+            && quantiser.largest_code == fields.largest_code
+            && quantiser.low.is_finite()
+            && quantiser.high.is_finite();
+        if agrees { Ok(quantiser) } else { Err(refused("have ends that do not follow from their other fields")) }
+    }
+}

@@ -1,0 +1,7 @@
+//! Files: arenas on disk, written whole or not at all and read through a memory map.
+
+pub mod map;
+pub mod write;
+
+pub use map::AdjFile;
+pub use write::{arena_bytes, write_arena, write_atomically};

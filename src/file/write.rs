@@ -1,0 +1,135 @@
+//! Writing: a whole file or none.
+//!
+//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or to a file. A file is written
+//! beside its place under a temporary name, flushed to disk and renamed, so that a stop at any instant leaves the
+//! old file or the new one.
+
+use std::fs::File;
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use xxhash_rust::xxh3::xxh3_64;
+use zerocopy::IntoBytes;
+use zerocopy::byteorder::little_endian::{U16, U32, U64};
+
+use crate::arena::lane::{LineEnds, OwnedLane};
+use crate::arena::layout::Facts;
+use crate::arena::layout::{self, ALIGNMENT, FileHeader, SectionEntry, SectionKind};
+use crate::error::{Error, Result};
+
+/// The bytes of an `.adj` file, in memory.
+///
+/// `description`: a JSON text. `lanes`: along x, then y, then z, as many as there are.
+pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    write_to(&mut bytes, facts, lanes, description).expect("a vector takes every write");
+    bytes
+}
+
+/// Writes an `.adj` file; see [`arena_bytes`].
+///
+/// # Errors
+/// [`Error::Io`] if the folder or the disk refuses; then nothing is left behind and an old file is untouched.
+pub fn write_arena(path: &Path, facts: &Facts, lanes: &[OwnedLane], description: &str) -> Result<()> {
+    write_atomically(path, |out| write_to(out, facts, lanes, description))
+}
+
+/// Creates or replaces the file at `path` with what `write` writes, whole or not at all.
+///
+/// # Errors
+/// [`Error::Io`] if the folder or the disk refuses; then nothing is left behind and an old file is untouched.
+pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
+    let folder = match path.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    if path.is_dir() {
+        return Err(Error::input(path.display().to_string(), "is a folder; give a file name"));
+    }
+    let mut temporary = tempfile::Builder::new()
+        .prefix(".adj-")
+        .suffix(".tmp")
+        .permissions_of_new_files()
+        .tempfile_in(folder)
+        .map_err(Error::io("create a file in", folder))?;
+    let mut out = BufWriter::with_capacity(1 << 20, temporary.as_file_mut());
+    write(&mut out).and_then(|()| out.flush()).map_err(Error::io("write", path))?;
+    drop(out);
+    temporary.as_file().sync_all().map_err(Error::io("write", path))?;
+    temporary.persist(path).map_err(|e| Error::io("replace", path)(e.error))?;
+    // The name must be on disk too. Where folders cannot be flushed the file is still whole.
+    let _ = File::open(folder).and_then(|folder| folder.sync_all());
+    Ok(())
+}
+
+/// Files come out with the permissions that any new file gets, not a temporary file's private ones.
+trait NewFilePermissions {
+    fn permissions_of_new_files(&mut self) -> &mut Self;
+}
+
+impl NewFilePermissions for tempfile::Builder<'_, '_> {
+    #[cfg(unix)]
+    fn permissions_of_new_files(&mut self) -> &mut Self {
+        use std::os::unix::fs::PermissionsExt;
+        // The process's mask takes away from this what it takes from every new file.
+        self.permissions(std::fs::Permissions::from_mode(0o666))
+    }
+
+    #[cfg(not(unix))]
+    fn permissions_of_new_files(&mut self) -> &mut Self {
+        self
+    }
+}
+
+fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description: &str) -> io::Result<()> {
+    let mut sections: Vec<(SectionEntry, &[u8])> = Vec::new();
+    let entry = |kind: SectionKind, axis: u8, element_bytes: u8| SectionEntry {
+        kind: U16::new(kind as u16),
+        axis,
+        element_bytes,
+        reserved: U32::ZERO,
+        offset: U64::ZERO,
+        bytes: U64::ZERO,
+        xxh3: U64::ZERO,
+    };
+    sections.push((entry(SectionKind::Description, 255, 1), description.as_bytes()));
+    for lane in lanes {
+        let view = lane.view();
+        let line_ends = match view.line_ends {
+            LineEnds::Narrow(ends) => ends.as_bytes(),
+            LineEnds::Wide(ends) => ends.as_bytes(),
+        };
+        let parts = [view.tiles.as_bytes(), line_ends, view.steps, view.values, view.normals, view.magnitudes];
+        for (kind, bytes) in SectionKind::OF_LANES.into_iter().zip(parts) {
+            let element = kind.element_bytes(facts.channels, facts.grid.dims, view.axis);
+            if element > 0 {
+                let axis = u8::try_from(view.axis.index()).expect("0, 1 or 2");
+                sections.push((entry(kind, axis, element), bytes));
+            }
+        }
+    }
+    let mut end = (size_of::<FileHeader>() + sections.len() * size_of::<SectionEntry>()) as u64;
+    for (entry, bytes) in &mut sections {
+        let offset = end.next_multiple_of(ALIGNMENT);
+        end = offset + bytes.len() as u64;
+        entry.offset = U64::new(offset);
+        entry.bytes = U64::new(bytes.len() as u64);
+        entry.xxh3 = U64::new(xxh3_64(bytes));
+    }
+    let table: Vec<SectionEntry> = sections.iter().map(|(entry, _)| *entry).collect();
+    let mut header = layout::header_of(facts);
+    header.section_count = U32::new(u32::try_from(table.len()).expect("at most 19 sections"));
+    header.file_bytes = U64::new(end);
+    header.header_xxh3 = U64::new(layout::header_checksum(&header, &table));
+
+    out.write_all(header.as_bytes())?;
+    out.write_all(table.as_bytes())?;
+    let mut position = (size_of::<FileHeader>() + size_of_val(table.as_slice())) as u64;
+    for (entry, bytes) in &sections {
+        let gap = entry.offset.get() - position;
+        out.write_all(&[0; ALIGNMENT as usize][..usize::try_from(gap).expect("below the alignment")])?;
+        out.write_all(bytes)?;
+        position = entry.offset.get() + entry.bytes.get();
+    }
+    Ok(())
+}

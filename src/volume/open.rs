@@ -1,0 +1,133 @@
+//! Opening a volume of any supported format.
+//!
+//! In: a path and what the file cannot say itself. Out: a slab source. The format is found from the first bytes, and
+//! from the name only where those say nothing:
+//!
+//! ```text
+//! raw options given                        raw
+//! "NRRD"                                   NRRD
+//! "# vtk DataFile"                         VTK legacy
+//! 348 or 540, either order, and a magic    NIfTI, also inside gzip
+//! "ObjectType =", "NDims =" ...            MetaImage
+//! name ends in .hdr, .img                  NIfTI pair
+//! name ends in .nrrd .mhd .nii .vtk ...    that format, whose reader says what is wrong
+//! ```
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use flate2::read::MultiGzDecoder;
+
+use super::raw::RawOptions;
+use super::stream::open_regular;
+use super::{SlabSource, metaimage, nifti, nrrd, raw, vtk};
+use crate::error::{Error, Result};
+
+/// What a file cannot say itself, or is to be told otherwise.
+#[derive(Debug, Clone, PartialEq, Default)]
+pub struct OpenOptions {
+    /// The file is raw, and this is how to read it.
+    pub raw: Option<RawOptions>,
+    /// Which volume of a file with a fourth dimension, from 0.
+    pub volume_index: u32,
+    /// Distances between points along x, y, z that replace the file's; each finite and above 0.
+    pub spacing: Option<[f64; 3]>,
+}
+
+/// A supported file format.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Format {
+    Nrrd,
+    MetaImage,
+    Nifti,
+    Vtk,
+}
+
+/// Bytes from the front of a file that its format is found from.
+const PROBE_BYTES: u64 = 4096;
+
+/// Opens the volume at `path`; its samples are read as they are asked for.
+///
+/// Files that a header names are looked for relative to the header. Reading costs memory for no more than the slice
+/// that is handed in.
+///
+/// # Errors
+/// [`Error::Io`] if a file is missing or unreadable; [`Error::Format`] if one breaks its format, is cut short or does
+/// not hold what its header says; [`Error::Limit`] for dimensions above [`MAX_DIM`](super::MAX_DIM); [`Error::Input`]
+/// if the format is not known, or the options do not fit the file.
+pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+    if let Some(spacing) = options.spacing
+        && !spacing.iter().all(|step| step.is_finite() && *step > 0.0)
+    {
+        let [x, y, z] = spacing;
+        return Err(Error::input("spacing", format!("is {x}, {y}, {z}, but each must be finite and above 0")));
+    }
+    let (file, len) = open_regular(path, "open")?;
+    if len == 0 {
+        return Err(Error::format(path, 0, "volume file", "at least one byte", "an empty file"));
+    }
+    if let Some(raw) = &options.raw {
+        return raw::open(path, raw, options);
+    }
+    let probe = read_probe(path, file)?;
+    match from_content(&probe).or_else(|| from_name(path)) {
+        Some(Format::Nrrd) => nrrd::open(path, options),
+        Some(Format::MetaImage) => metaimage::open(path, options),
+        Some(Format::Nifti) => nifti::open(path, options),
+        Some(Format::Vtk) => vtk::open(path, options),
+        None => {
+            let why = "is in no format known here (NRRD .nrrd .nhdr, MetaImage .mhd .mha, NIfTI .nii .nii.gz .hdr \
+                .img, VTK legacy .vtk); if it is raw samples, give --dims 256x256x128 and --type u8 or alike";
+            Err(Error::input(path.display().to_string(), why))
+        }
+    }
+}
+
+/// A path's last part, for people.
+pub(super) fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// A path's extension in lower case.
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
+}
+
+fn read_probe(path: &Path, file: File) -> Result<Vec<u8>> {
+    let mut probe = Vec::new();
+    file.take(PROBE_BYTES).read_to_end(&mut probe).map_err(Error::io("read", path))?;
+    Ok(probe)
+}
+
+fn from_content(probe: &[u8]) -> Option<Format> {
+    if probe.starts_with(b"NRRD") {
+        return Some(Format::Nrrd);
+    }
+    if probe.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {
+        return Some(Format::Vtk);
+    }
+    if nifti::is_header(probe) || metaimage::is_header(probe) {
+        return Some(if nifti::is_header(probe) { Format::Nifti } else { Format::MetaImage });
+    }
+    if probe.starts_with(&[0x1f, 0x8b]) {
+        let mut inside = Vec::new();
+        // A cut stream still gives the bytes before the cut, which is all that is asked here.
+        let _ = MultiGzDecoder::new(probe).take(PROBE_BYTES).read_to_end(&mut inside);
+        return nifti::is_header(&inside).then_some(Format::Nifti);
+    }
+    None
+}
+
+fn from_name(path: &Path) -> Option<Format> {
+    match extension(path).as_str() {
+        "nrrd" | "nhdr" => Some(Format::Nrrd),
+        "mhd" | "mha" => Some(Format::MetaImage),
+        "nii" | "hdr" | "img" => Some(Format::Nifti),
+        "gz" if matches!(extension(Path::new(path.file_stem()?)).as_str(), "nii" | "hdr" | "img") => {
+            Some(Format::Nifti)
+        }
+        "vtk" => Some(Format::Vtk),
+        _ => None,
+    }
+}

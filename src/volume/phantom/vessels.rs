@@ -1,0 +1,181 @@
+//! A branching tree of vessels.
+//!
+//! In: the dimensions. Out: tubes, 255 on their centre lines, falling to [`EDGE`] at the wall and to 0 at 1.25 of
+//! the radius. Each vessel branches in two, eight times over. The cubes of the branches' radii add up to their
+//! parent's (C. D. Murray, 1926). The tree is drawn in the unit cube by fixed dice and stretched to the grid, so
+//! that every size shows the same tree.
+
+use super::fields::{Field, hash};
+
+/// Lowest visible value: that of the wall.
+pub(super) const EDGE: f64 = 92.0;
+
+/// Times that the root branches.
+const GENERATIONS: u32 = 8;
+/// The root's radius, of the geometric mean of the dimensions.
+const ROOT_RADIUS: f64 = 0.04;
+/// Values fall as 255 (1 - (d / (1.25 radius))^2): the wall has 255 (1 - 0.64).
+const SOFT_EDGE: f64 = 1.25;
+
+/// A stretch of vessel, in voxels.
+struct Segment {
+    from: [f64; 3],
+    along: [f64; 3],
+    /// 1 / length^2.
+    inverse: f64,
+    /// Where values reach 0.
+    reach: f64,
+}
+
+/// The tree, and the slice at hand.
+pub(super) struct Vessels {
+    dims: [u32; 3],
+    segments: Vec<Segment>,
+    slice: Vec<f32>,
+}
+
+impl Vessels {
+    pub(super) fn new(dims: [u32; 3]) -> Vessels {
+        let mut tree = Tree { dims, segments: Vec::new(), rolled: 0 };
+        tree.grow([0.5, 0.5, 0.02], [0.0, 0.0, 1.0], 0.3, ROOT_RADIUS, GENERATIONS);
+        Vessels { dims, segments: tree.segments, slice: Vec::new() }
+    }
+}
+
+struct Tree {
+    dims: [u32; 3],
+    segments: Vec<Segment>,
+    /// Dice rolled so far.
+    rolled: u64,
+}
+
+impl Tree {
+    /// The next fixed die: -1 to 1.
+    fn roll(&mut self) -> f64 {
+        self.rolled += 1;
+        #[expect(clippy::cast_precision_loss, reason = "52 bits")]
+        let share = (hash(self.rolled) >> 12) as f64 / (1u64 << 52) as f64;
+        share * 2.0 - 1.0
+    }
+
+    /// Adds a vessel from `from` along the unit vector `heading`, and its branches.
+    fn grow(&mut self, from: [f64; 3], heading: [f64; 3], length: f64, radius: f64, generations: u32) {
+        // Turned back at the cube's walls, so that the tree stays inside.
+        let mut to = [0.0; 3];
+        for axis in 0..3 {
+            let ahead = from[axis] + heading[axis] * length;
+            let inside = if ahead < 0.04 {
+                0.08 - ahead
+            } else if ahead > 0.96 {
+                1.92 - ahead
+            } else {
+                ahead
+            };
+            to[axis] = inside.clamp(0.04, 0.96);
+        }
+        self.add(from, to, radius);
+        if generations == 0 {
+            return;
+        }
+        let heading = unit([0, 1, 2].map(|axis| to[axis] - from[axis]));
+        let aside = {
+            let random = [self.roll(), self.roll(), self.roll()];
+            let along = dot(random, heading);
+            unit([0, 1, 2].map(|axis| random[axis] - along * heading[axis]))
+        };
+        // Murray: r^3 = r1^3 + r2^3.
+        let share = 0.5 + 0.2 * self.roll();
+        for (sign, share) in [(1.0, share), (-1.0, 1.0 - share)] {
+            let bend = sign * (0.75 + 0.25 * self.roll());
+            let branch = unit([0, 1, 2].map(|axis| heading[axis] + bend * aside[axis]));
+            let stretch = 0.80 + 0.08 * self.roll();
+            self.grow(to, branch, length * stretch, radius * share.cbrt(), generations - 1);
+        }
+    }
+
+    fn add(&mut self, from: [f64; 3], to: [f64; 3], radius: f64) {
+        let span = self.dims.map(|points| f64::from(points - 1));
+        let size = self.dims.map(f64::from).iter().product::<f64>().cbrt();
+        let from = [0, 1, 2].map(|axis| from[axis] * span[axis]);
+        let along = [0, 1, 2].map(|axis| to[axis] * span[axis] - from[axis]);
+        let squared = dot(along, along);
+        let inverse = if squared > 0.0 { 1.0 / squared } else { 0.0 };
+        // At least half a voxel wide on either side, or the thinnest would break into dots.
+        let reach = (radius * size).max(0.6) * SOFT_EDGE;
+        self.segments.push(Segment { from, along, inverse, reach });
+    }
+}
+
+impl Segment {
+    /// The squared distance of `place`, in voxels.
+    #[inline(always)]
+    fn squared_distance(&self, place: [f64; 3]) -> f64 {
+        let off = [0, 1, 2].map(|axis| place[axis] - self.from[axis]);
+        let along = (dot(off, self.along) * self.inverse).clamp(0.0, 1.0);
+        let off = [0, 1, 2].map(|axis| off[axis] - along * self.along[axis]);
+        dot(off, off)
+    }
+
+    /// The part of the segment, 0 to 1, that is within reach of where `axis` is from `low` to `high`.
+    fn clip(&self, axis: usize, low: f64, high: f64, part: (f64, f64)) -> Option<(f64, f64)> {
+        let (low, high) = (low - self.reach - self.from[axis], high + self.reach - self.from[axis]);
+        let along = self.along[axis];
+        if along == 0.0 {
+            return (low <= 0.0 && 0.0 <= high).then_some(part);
+        }
+        let (a, b) = (low / along, high / along);
+        let part = (part.0.max(a.min(b)), part.1.min(a.max(b)));
+        (part.0 <= part.1).then_some(part)
+    }
+
+    /// Indices along `axis` within reach of that part of the segment.
+    fn extent(&self, axis: usize, part: (f64, f64), points: u32) -> std::ops::RangeInclusive<usize> {
+        let [a, b] = [part.0, part.1].map(|at| self.from[axis] + at * self.along[axis]);
+        let low = (a.min(b) - self.reach).ceil().max(0.0);
+        let high = (a.max(b) + self.reach).floor().min(f64::from(points - 1));
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65,535")]
+        if low <= high { low as usize..=high as usize } else { empty() }
+    }
+}
+
+#[expect(clippy::reversed_empty_ranges, reason = "nothing is in reach")]
+fn empty() -> std::ops::RangeInclusive<usize> {
+    1..=0
+}
+
+impl Field for Vessels {
+    fn enter(&mut self, z: u32) {
+        let [width, height, _] = self.dims;
+        self.slice.clear();
+        self.slice.resize(width as usize * height as usize, 0.0);
+        let z = f64::from(z);
+        for segment in &self.segments {
+            let Some(in_slice) = segment.clip(2, z, z, (0.0, 1.0)) else { continue };
+            for y in segment.extent(1, in_slice, height) {
+                let row = &mut self.slice[y * width as usize..][..width as usize];
+                let y = y as f64;
+                let Some(in_row) = segment.clip(1, y, y, in_slice) else { continue };
+                for x in segment.extent(0, in_row, width) {
+                    let squared = segment.squared_distance([x as f64, y, z]);
+                    #[expect(clippy::cast_possible_truncation, reason = "at most 255")]
+                    let value = (255.0 * (1.0 - squared / (segment.reach * segment.reach))) as f32;
+                    row[x] = row[x].max(value);
+                }
+            }
+        }
+    }
+
+    fn row(&mut self, y: u32, row: &mut [f32]) {
+        row.copy_from_slice(&self.slice[y as usize * row.len()..][..row.len()]);
+    }
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// The vector's direction; z for none.
+fn unit(vector: [f64; 3]) -> [f64; 3] {
+    let length = dot(vector, vector).sqrt();
+    if length > 0.0 { vector.map(|component| component / length) } else { [0.0, 0.0, 1.0] }
+}
