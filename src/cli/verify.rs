@@ -54,6 +54,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 }
 
 fn check(file: &AdjFile) -> Result<()> {
-    let checked = file.arena().map(|_| Ok(()))?; //TEMP
-    checked.map_err(|fault| Error::Format { path: file.path().to_path_buf(), fault })
+    let checked = file.arena()?.check();
+    checked.map(|_| ()).map_err(|fault| Error::Format { path: file.path().to_path_buf(), fault })
 }
