@@ -10,6 +10,7 @@ mod completions;
 mod demo;
 mod info;
 mod input;
+mod picture;
 mod progress;
 mod render;
 mod verify;
@@ -21,7 +22,7 @@ use std::process::ExitCode;
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
-use crate::error::Error;
+use crate::error::{Error, Result};
 
 /// How a command that did not fail ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -60,21 +61,24 @@ pub fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     progress::catch_interrupts();
-    let answer = match cli.command {
-        Command::Build(arguments) => build::run(&arguments),
-        Command::Info(arguments) => info::run(&arguments),
-        Command::Verify(arguments) => verify::run(&arguments),
-        Command::Render(arguments) => render::run(&arguments),
-        Command::Demo(arguments) => demo::run(&arguments),
-        Command::Completions(arguments) => completions::run(&arguments),
-    };
-    match answer {
+    match run(&cli.command) {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
         Err(error) => {
             eprintln!("adj: {}", one_line(&error));
             ExitCode::from(2)
         }
+    }
+}
+
+fn run(command: &Command) -> Result<Answer> {
+    match command {
+        Command::Build(arguments) => build::run(arguments),
+        Command::Info(arguments) => info::run(arguments),
+        Command::Verify(arguments) => verify::run(arguments),
+        Command::Render(arguments) => render::run(arguments),
+        Command::Demo(arguments) => demo::run(arguments),
+        Command::Completions(arguments) => completions::run(arguments),
     }
 }
 
