@@ -5,7 +5,7 @@ As a module:
     arena = Arena(open("head.adj", "rb").read())
     voxels = arena.voxels("x")        # arrays x, y, z, value, normal, magnitude: codes
     arena.values(voxels.value)        # in the sample's unit
-    arena.normals(voxels.normal)      # unit vectors, n x 3; zeros for "no normal"
+    arena.normals(voxels.normal)      # unit vectors along the grid's axes, n x 3; zeros for "no normal"
     arena.magnitudes(voxels.magnitude)
 
 As a program:
@@ -171,7 +171,7 @@ class Arena:
         return np.where(codes == 0, 0.0, self.magnitude_scale * 2.0 ** ((codes - 255) / 16))
 
     def normals(self, codes):
-        """Normal codes as unit vectors; zeros where there is none."""
+        """Normal codes as unit vectors along the grid's axes (times `direction`: world); zeros where there is none."""
         bits = self.normal_bits
         scale = (1 << (bits - 1)) - 1
         halves = np.stack([codes & ((1 << bits) - 1), codes >> bits])

@@ -3,11 +3,11 @@
 
 use adjsplat::arena::layout::{FileHeader, SectionEntry, SectionKind, header_checksum};
 use adjsplat::arena::pack::{LanePacker, Record};
-use adjsplat::arena::{Arena, Lane, OwnedLane};
+use adjsplat::arena::{Lane, OwnedLane};
 use adjsplat::volume::Axis;
 use xxhash_rust::xxh3::xxh3_64;
+use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
-use zerocopy::{FromBytes, IntoBytes};
 
 use crate::scenes::Scene;
 
@@ -31,20 +31,6 @@ pub(crate) struct Parts {
 }
 
 impl Parts {
-    /// The parts of a file that opens.
-    pub(crate) fn of(file: &[u8]) -> Parts {
-        let arena = Arena::new(file).expect("the file opens");
-        let (header, after) = FileHeader::read_from_prefix(file).unwrap();
-        let (table, _) = <[SectionEntry]>::ref_from_prefix_with_elems(after, arena.sections().len()).unwrap();
-        let part = |(entry, section): (&SectionEntry, _)| Part {
-            kind: entry.kind.get(),
-            axis: entry.axis,
-            element_bytes: entry.element_bytes,
-            bytes: arena.section_bytes(section).to_vec(),
-        };
-        Parts { header, sections: table.iter().zip(arena.sections()).map(part).collect() }
-    }
-
     /// The parts of a scene's file.
     pub(crate) fn of_scene(scene: &Scene) -> Parts {
         let mut sections = Vec::new();
