@@ -16,7 +16,7 @@ pub mod shade;
 pub mod view;
 
 use crate::arena::layout::Facts;
-use crate::arena::{Lane, OwnedLane};
+use crate::arena::{Arena, Lane, OwnedLane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::traverse::{Sense, SplitForm, VoxelBox};
@@ -38,14 +38,20 @@ pub trait Lanes: Sync {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>>;
 }
 
-impl Lanes for [OwnedLane] {
+impl Lanes for Vec<OwnedLane> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
-        let lane = self.iter().find(|lane| lane.axis == axis);
-        lane.map(OwnedLane::view).ok_or_else(|| {
-            let why = format!("along {} is not there, but this view walks along it", axis.name());
-            Error::input("lane", why)
-        })
+        self.iter().find(|lane| lane.axis == axis).map(OwnedLane::view).ok_or_else(|| missing(axis))
     }
+}
+
+impl Lanes for Arena<'_> {
+    fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
+        Arena::lane(self, axis).ok_or_else(|| missing(axis))
+    }
+}
+
+fn missing(axis: Axis) -> Error {
+    Error::input("lane", format!("along {} is not there, but this view walks along it", axis.name()))
 }
 
 /// What a frame shows.
