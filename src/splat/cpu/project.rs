@@ -237,7 +237,10 @@ impl<'a> Projector<'a> {
                 let (x0, x1) = (out.low_x[j].max(rect.x0), out.high_x[j].min(rect.x1 - 1));
                 let (y0, y1) = (out.low_y[j].max(rect.y0), out.high_y[j].min(rect.y1 - 1));
                 out.kept[open] = out.kept[k];
-                open += usize::from(!frozen.covers(planes, limits.stop, x0, y0, x1, y1));
+                // Most splats are settled by the pixel at their centre.
+                let centre = planes.fourth(out.x[j].max(x0).min(x1), out.y[j].max(y0).min(y1));
+                let is_open = centre >= limits.stop || !frozen.covers(planes, limits.stop, x0, y0, x1, y1);
+                open += usize::from(is_open);
             }
             kept = open;
         }

@@ -177,17 +177,15 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(
                 let mut at = 0;
                 for row_y in y..y + rows {
                     let mut row = planes.row(row_y);
-                    for (eight, inside) in places.inside.iter().enumerate().take(columns.div_ceil(WIDE)) {
-                        let x = low_x.wrapping_add((eight * WIDE) as i32);
-                        // The second eight of a row may lie outside the band.
-                        if eight > 0 && (x >= rect.x1 || x + WIDE as i32 <= rect.x0) || x < rect.x0 - WIDE as i32 {
-                            continue;
+                    let amount = inside(&amounts, at, &places.inside[0]);
+                    if low_x >= rect.x0 - WIDE as i32 {
+                        step::<B>(row.eight(low_x), &amount, &ink);
+                    }
+                    if columns > WIDE {
+                        let x = low_x.wrapping_add(WIDE as i32);
+                        if x < rect.x1 && x >= rect.x0 - WIDE as i32 {
+                            step::<B>(row.eight(x), &inside(&amounts, at + WIDE, &places.inside[1]), &ink);
                         }
-                        let mut amount: [f32; WIDE] = *amounts[at + eight * WIDE..].first_chunk().expect("a margin");
-                        for i in 0..WIDE {
-                            amount[i] = f32::from_bits(amount[i].to_bits() & inside[i]);
-                        }
-                        step::<B>(row.eight(x), &amount, &ink);
                     }
                     at += columns;
                 }
@@ -225,6 +223,17 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(
         }
     }
     drawn
+}
+
+/// Eight amounts from `at`, those that belong to another row zeroed.
+#[inline(always)]
+fn inside(amounts: &Amounts, at: usize, mask: &[u32; WIDE]) -> [f32; WIDE] {
+    // The last row's overhang lies in the margin.
+    let mut eight: [f32; WIDE] = *amounts[at.min(PACK)..].first_chunk().expect("a margin");
+    for i in 0..WIDE {
+        eight[i] = f32::from_bits(eight[i].to_bits() & mask[i]);
+    }
+    eight
 }
 
 /// Where the low corner of a footprint's box lies from its centre, in pixels.
