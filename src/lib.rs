@@ -16,6 +16,8 @@
 
 pub mod arena;
 pub mod classify;
+#[cfg(feature = "cli")]
+pub mod cli;
 pub mod error;
 pub mod file;
 pub mod splat;

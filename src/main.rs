@@ -1,1 +1,7 @@
-fn main() {}
+//! `adj`: build, inspect, verify and render `.adj` files.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    adjsplat::cli::main()
+}

@@ -497,11 +497,9 @@ impl<'a> Slices<'a> {
         field: Field,
         transfer: Option<&'a TransferFunction>,
     ) -> Result<Slices<'a>> {
-        let slice_len = usize::try_from(header.grid.slice_len()).map_err(|_| Error::Limit {
-            what: "a slice of the volume".into(),
-            need: header.grid.slice_len(),
-            have: usize::MAX as u64,
-        })?;
+        // The first slice shows whether there is memory for one at all.
+        let spare_samples = vec![header.new_slice()?];
+        let slice_len = spare_samples[0].len();
         let [width, height, _] = header.grid.dims.map(|d| d as usize);
         Ok(Slices {
             source,
@@ -514,7 +512,7 @@ impl<'a> Slices<'a> {
             samples: VecDeque::new(),
             fields: VecDeque::new(),
             first_field: 0,
-            spare_samples: Vec::new(),
+            spare_samples,
             spare_fields: Vec::new(),
             slice_len,
         })
@@ -537,19 +535,21 @@ impl<'a> Slices<'a> {
             if self.read < depth {
                 self.read_slice()?;
             } else {
-                self.drain_smoother();
+                self.drain_smoother()?;
             }
         }
         Ok(())
     }
 
     fn read_slice(&mut self) -> Result<()> {
-        let (ty, len) = (self.header.sample_type, self.slice_len);
-        let mut samples = self.spare_samples.pop().unwrap_or_else(|| Samples::zeros(ty, len));
+        let mut samples = match self.spare_samples.pop() {
+            Some(samples) => samples,
+            None => self.header.new_slice()?,
+        };
         self.source.read_slice(&mut samples)?;
         self.read += 1;
         if self.field != Field::None {
-            let mut field = self.spare_fields.pop().unwrap_or_else(|| vec![0.0; len]);
+            let mut field = self.field()?;
             let (slope, intercept) = (self.header.slope, self.header.intercept);
             match (self.field, self.transfer) {
                 (Field::Visibility, Some(transfer)) => {
@@ -558,9 +558,10 @@ impl<'a> Slices<'a> {
                 }
                 _ => with_samples!(&samples, samples => fill_values(samples, &mut field, slope, intercept)),
             }
+            let spare = self.spare_fields.pop();
             match &mut self.smoother {
                 Some(smoother) => {
-                    let mut smoothed = self.spare_fields.pop().unwrap_or_else(|| vec![0.0; len]);
+                    let mut smoothed = spare.map_or_else(|| new_field(self.slice_len), Ok)?;
                     if smoother.push(&field, &mut smoothed) {
                         self.fields.push_back(smoothed);
                     } else {
@@ -568,18 +569,27 @@ impl<'a> Slices<'a> {
                     }
                     self.spare_fields.push(field);
                 }
-                None => self.fields.push_back(field),
+                None => {
+                    self.spare_fields.extend(spare);
+                    self.fields.push_back(field);
+                }
             }
         }
         self.samples.push_back(samples);
         Ok(())
     }
 
-    fn drain_smoother(&mut self) {
-        let mut smoothed = self.spare_fields.pop().unwrap_or_else(|| vec![0.0; self.slice_len]);
+    /// A field to fill.
+    fn field(&mut self) -> Result<Vec<f32>> {
+        self.spare_fields.pop().map_or_else(|| new_field(self.slice_len), Ok)
+    }
+
+    fn drain_smoother(&mut self) -> Result<()> {
+        let mut smoothed = self.field()?;
         let given = self.smoother.as_mut().is_some_and(|smoother| smoother.finish(&mut smoothed));
         assert!(given, "a smoother gives as many slices as it takes");
         self.fields.push_back(smoothed);
+        Ok(())
     }
 
     /// The current slice.
@@ -595,6 +605,14 @@ impl<'a> Slices<'a> {
         let below = z.checked_sub(1).and_then(slice);
         Some(Neighbourhood::new(below, slice(z)?, slice(z + 1), [width, height], self.header.grid.spacing))
     }
+}
+
+fn new_field(len: usize) -> Result<Vec<f32>> {
+    let mut field = Vec::new();
+    let refused = |_| Error::Limit { what: "a slice for gradients".into(), need: 4 * len as u64, have: 0 };
+    field.try_reserve_exact(len).map_err(refused)?;
+    field.resize(len, 0.0);
+    Ok(field)
 }
 
 fn fill_values<T: Sample>(samples: &[T], field: &mut [f32], slope: f64, intercept: f64) {

@@ -1,0 +1,436 @@
+//! The check: whether an arena that opened is sound, in O(bytes).
+//!
+//! In: an [`Arena`]. Out: what it counted, or the first broken rule of `formats/adj-1.md` among R12 to R22 and the
+//! byte where it is broken. It allocates nothing that grows with the file and ends on any bytes: every tile, line
+//! and record is read once, because it must start where the one before it ends.
+//!
+//! ```text
+//! for each section in file order: its checksum, the zeros after it, the description's text
+//! for each lane: for each tile: its place, mask and first indices
+//!                    for each line: its end, its steps, and a hash of each voxel added to the lane's sum
+//! all lanes have the same sum
+//! ```
+//!
+//! That lanes hold the same voxels is found without sorting them: the sum of a hash over (place, value, normal,
+//! magnitude) does not depend on the order. The hash's key is the file's fingerprint, so that a file cannot be
+//! made to fit it. Two lanes that differ have equal sums by a chance of about 2^-64.
+
+use std::mem::{offset_of, size_of};
+
+use xxhash_rust::xxh3::xxh3_64;
+
+use super::lane::{Lane, STEPPING};
+use super::layout::{Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord};
+use super::open::{Arena, Section, fault, zeros_from};
+use crate::error::FormatFault;
+use crate::volume::Axis;
+
+/// What a sound arena holds.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Checked {
+    /// Bytes of the file.
+    pub bytes: u64,
+    /// Visible voxels, the same in every lane.
+    pub visible_voxels: u64,
+    /// The stored lanes, x first.
+    pub lanes: Vec<CheckedLane>,
+}
+
+/// What one lane of a sound arena holds.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CheckedLane {
+    /// The axis its lines run along.
+    pub axis: Axis,
+    /// Tiles with voxels.
+    pub tiles: u64,
+    /// Lines with voxels.
+    pub lines: u64,
+    /// Records, stepping voxels included.
+    pub records: u64,
+    /// Records that carry only distance.
+    pub stepping_voxels: u64,
+}
+
+impl Arena<'_> {
+    /// Checks everything that opening did not: rules R12 to R22.
+    ///
+    /// O(bytes): about 1.5 ns a record and lane, and the checksums. A file that opens and passes is sound: its
+    /// lanes hold `visible_voxels` voxels each, the same ones, inside the grid, in the one way there is to store
+    /// them. Every change of a single byte of a sound file makes opening or this check fail.
+    ///
+    /// # Errors
+    /// The first broken rule, with its byte offset in the file.
+    pub fn check(&self) -> Result<Checked, FormatFault> {
+        check_sections(self)?;
+        let mut checked = Checked {
+            bytes: self.bytes().len() as u64,
+            visible_voxels: self.facts().visible_voxels,
+            lanes: Vec::with_capacity(3),
+        };
+        let mut sum_of_x = None;
+        for lane in self.lanes() {
+            let (counts, sum) = LaneCheck::new(self, lane).run()?;
+            let visible = counts.records - counts.stepping_voxels;
+            if visible != checked.visible_voxels {
+                let expected = format!("{visible} visible voxels, as lane {} has", lane.axis.name());
+                let at = offset_of!(FileHeader, visible_voxels) as u64;
+                return Err(fault(at, "R19", expected, checked.visible_voxels));
+            }
+            if sum != *sum_of_x.get_or_insert(sum) {
+                let at = section_offset(self, SectionKind::Tiles, lane.axis);
+                let got = format!("others in lane {}: rebuild the file", lane.axis.name());
+                return Err(fault(at, "R20", "the voxels of lane x", got));
+            }
+            checked.lanes.push(counts);
+        }
+        Ok(checked)
+    }
+}
+
+/// Checksums, filling and the description. R12, R21, R22.
+fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
+    let bytes = arena.bytes();
+    let index = |offset: u64| usize::try_from(offset).unwrap_or(usize::MAX);
+    let zeros = |from: u64, to: u64| zeros_from(from, "R21", bytes.get(index(from)..index(to)).unwrap_or_default());
+    let mut end = (size_of::<FileHeader>() + arena.sections().len() * size_of::<SectionEntry>()) as u64;
+    for section in arena.sections() {
+        zeros(end, section.offset)?;
+        let content = arena.section_bytes(section);
+        let sum = xxh3_64(content);
+        if sum != section.xxh3 {
+            let got = format!("{sum:#018x} in {}: the file is damaged; rebuild or copy it again", name_of(section));
+            return Err(fault(section.offset, "R12", format!("checksum {:#018x}", section.xxh3), got));
+        }
+        if section.kind == Some(SectionKind::Description) {
+            check_description(section.offset, content)?;
+        }
+        end = section.offset + section.bytes;
+    }
+    zeros(end, bytes.len() as u64)
+}
+
+fn name_of(section: &Section) -> String {
+    match (section.kind, section.axis) {
+        (Some(kind), Some(axis)) => format!("{} of lane {}", kind.name(), axis.name()),
+        (Some(kind), None) => kind.name().to_owned(),
+        (None, _) => "a section of an optional kind".to_owned(),
+    }
+}
+
+/// R22.
+fn check_description(at: u64, content: &[u8]) -> Result<(), FormatFault> {
+    let expected = "a JSON object in UTF-8";
+    let text = match std::str::from_utf8(content) {
+        Ok(text) => text,
+        Err(error) => return Err(fault(at + error.valid_up_to() as u64, "R22", expected, error)),
+    };
+    if let Err(error) = serde_json::from_str::<serde::de::IgnoredAny>(text) {
+        return Err(fault(at, "R22", expected, error));
+    }
+    // JSON's white space, then the one value.
+    match text.trim_start_matches([' ', '\t', '\n', '\r']).starts_with('{') {
+        true => Ok(()),
+        false => Err(fault(at, "R22", expected, "another JSON value")),
+    }
+}
+
+fn section_offset(arena: &Arena, kind: SectionKind, axis: Axis) -> u64 {
+    arena.section(kind, Some(axis)).map_or(0, |section| section.offset)
+}
+
+/// One lane under check.
+struct LaneCheck<'a> {
+    lane: Lane<'a>,
+    facts: &'a Facts,
+    hash: VoxelHash,
+    /// First bytes of its sections in the file, in the order of [`SectionKind::OF_LANES`].
+    offsets: [u64; 6],
+    stepping_voxels: u64,
+    sum: u64,
+}
+
+/// What the records of one line come to.
+struct LineOutcome {
+    /// One past the highest coordinate.
+    end: u32,
+    stepping_voxels: u32,
+    /// All bits that stepping voxels carry in the channels.
+    stray: u64,
+    /// Sum of the voxels' hashes.
+    sum: u64,
+}
+
+impl<'a> LaneCheck<'a> {
+    fn new(arena: &'a Arena, lane: Lane<'a>) -> LaneCheck<'a> {
+        LaneCheck {
+            lane,
+            facts: arena.facts(),
+            hash: VoxelHash::new(arena.fingerprint()),
+            offsets: SectionKind::OF_LANES.map(|kind| section_offset(arena, kind, lane.axis)),
+            stepping_voxels: 0,
+            sum: 0,
+        }
+    }
+
+    /// Counts, and the sum of all voxels' hashes. R13 to R18.
+    fn run(mut self) -> Result<(CheckedLane, u64), FormatFault> {
+        let (lane, mut next_line, mut next_record, mut last_key) = (self.lane, 0usize, 0usize, None);
+        for (index, tile) in lane.tiles.iter().enumerate() {
+            let at = self.offsets[0] + (index * size_of::<TileRecord>()) as u64;
+            self.check_place(tile, at, &mut last_key)?;
+            if tile.first_line.get() as usize != next_line {
+                let at = at + offset_of!(TileRecord, first_line) as u64;
+                return Err(fault(at, "R14", format!("first line {next_line}"), tile.first_line));
+            }
+            if tile.first_record.get() != next_record as u64 {
+                let at = at + offset_of!(TileRecord, first_record) as u64;
+                return Err(fault(at, "R14", format!("first record {next_record}"), tile.first_record));
+            }
+            let (first_record, mut low, mut high) = (next_record, u32::MAX, 0);
+            let mut occupancy = tile.occupancy.get();
+            while occupancy != 0 {
+                let bit = occupancy.trailing_zeros();
+                occupancy &= occupancy - 1;
+                let end = self.check_line_end(next_line, first_record, next_record)?;
+                let outcome = self.check_line(tile, bit, next_record..end)?;
+                low = low.min(self.first_coordinate(next_record));
+                high = high.max(outcome.end - 1);
+                (next_line, next_record) = (next_line + 1, end);
+            }
+            if (u32::from(tile.low.get()), u32::from(tile.high.get())) != (low, high) {
+                let at = at + offset_of!(TileRecord, low) as u64;
+                let got = format!("{} to {}", tile.low, tile.high);
+                return Err(fault(at, "R15", format!("coordinates {low} to {high}"), got));
+            }
+        }
+        if next_line != lane.line_ends.len() {
+            let at = self.line_end_offset(next_line);
+            return Err(fault(at, "R16", format!("{next_line} line ends, as the masks have"), lane.line_ends.len()));
+        }
+        if next_record != lane.steps.len() {
+            let at = self.offsets[2] + next_record as u64;
+            return Err(fault(at, "R16", format!("{next_record} records, as the line ends say"), lane.steps.len()));
+        }
+        let counts = CheckedLane {
+            axis: lane.axis,
+            tiles: lane.tiles.len() as u64,
+            lines: next_line as u64,
+            records: next_record as u64,
+            stepping_voxels: self.stepping_voxels,
+        };
+        Ok((counts, self.sum))
+    }
+
+    /// The tile is inside the face, after the last one, and its mask too is inside. R13.
+    fn check_place(&self, tile: &TileRecord, at: u64, last_key: &mut Option<u32>) -> Result<(), FormatFault> {
+        let edge = u32::from(TILE_EDGE);
+        let dims = self.lane.axis.others().map(|axis| self.lane.dims[axis.index()]);
+        let place = [u32::from(tile.tile_u.get()), u32::from(tile.tile_v.get())];
+        let tiles = dims.map(|dim| dim.div_ceil(edge));
+        if place[0] >= tiles[0] || place[1] >= tiles[1] {
+            return Err(fault(at, "R13", format!("a tile of the {} x {}", tiles[0], tiles[1]), format!("{place:?}")));
+        }
+        let key = self.facts.tile_order.key(tile.tile_u.get(), tile.tile_v.get());
+        if last_key.is_some_and(|last| last >= key) {
+            let expected = format!("a tile later in {} order", self.facts.tile_order.name());
+            return Err(fault(at, "R13", expected, format!("{place:?}")));
+        }
+        *last_key = Some(key);
+        // A face that ends inside the tile has `dim - 8 * place` of its lines.
+        let [across, up] = [0, 1].map(|i| (dims[i] - edge * place[i]).min(edge));
+        let inside = (u64::MAX >> (64 - edge * up)) & (0x0101_0101_0101_0101 * (0xff >> (8 - across)));
+        let occupancy = tile.occupancy.get();
+        if occupancy == 0 || occupancy & !inside != 0 {
+            let at = at + offset_of!(TileRecord, occupancy) as u64;
+            let expected = format!("at least one of the lines {inside:#018x} and no other");
+            return Err(fault(at, "R13", expected, format!("{occupancy:#018x}")));
+        }
+        Ok(())
+    }
+
+    /// The index after the last record of line `line`, which starts at record `start`. R16.
+    fn check_line_end(&self, line: usize, first_record: usize, start: usize) -> Result<usize, FormatFault> {
+        let (at, records) = (self.line_end_offset(line), self.lane.steps.len());
+        let Some(offset) = self.lane.line_ends.get(line) else {
+            return Err(fault(at, "R16", "a line end for each line of the masks", "none"));
+        };
+        let end = first_record + offset as usize;
+        if end <= start || end > records {
+            let expected = format!("a line end from {} to {}", start + 1 - first_record, records - first_record);
+            return Err(fault(at, "R16", expected, offset));
+        }
+        Ok(end)
+    }
+
+    /// Follows the steps of the line at `bit` of `tile`. R17, R18.
+    fn check_line(
+        &mut self,
+        tile: &TileRecord,
+        bit: u32,
+        records: std::ops::Range<usize>,
+    ) -> Result<LineOutcome, FormatFault> {
+        let lane = &self.lane;
+        let steps = self.offsets[2];
+        let points = lane.dims[lane.axis.index()] as usize;
+        if records.len() > points {
+            let at = steps + records.start as u64;
+            return Err(fault(at, "R17", format!("at most {points} records on a line"), records.len()));
+        }
+        if lane.steps[records.end - 1] == 0 {
+            return Err(fault(steps + records.end as u64 - 1, "R17", "a voxel at the line's end", "a stepping voxel"));
+        }
+        let outcome = self.follow(tile, bit, records.clone());
+        if outcome.end as usize > points {
+            let (position, at) = self.first_outside(records);
+            let expected = format!("coordinates below {points}");
+            return Err(fault(steps + at as u64, "R17", expected, format!("coordinate {position}")));
+        }
+        if outcome.stray != 0 {
+            return Err(self.stray_fault(records));
+        }
+        self.stepping_voxels += u64::from(outcome.stepping_voxels);
+        self.sum = self.sum.wrapping_add(outcome.sum);
+        Ok(outcome)
+    }
+
+    /// [`follow_line`] for the lane's widths.
+    fn follow(&self, tile: &TileRecord, bit: u32, records: std::ops::Range<usize>) -> LineOutcome {
+        let channels = self.lane.channels;
+        let follow = match (channels.value_bits, channels.normal_bits, channels.magnitude_bits) {
+            (8, 0, 0) => follow_line::<1, 0, 0>,
+            (8, 0, _) => follow_line::<1, 0, 1>,
+            (8, 8, 0) => follow_line::<1, 2, 0>,
+            (8, 8, _) => follow_line::<1, 2, 1>,
+            (8, _, 0) => follow_line::<1, 4, 0>,
+            (8, _, _) => follow_line::<1, 4, 1>,
+            (_, 0, 0) => follow_line::<2, 0, 0>,
+            (_, 0, _) => follow_line::<2, 0, 1>,
+            (_, 8, 0) => follow_line::<2, 2, 0>,
+            (_, 8, _) => follow_line::<2, 2, 1>,
+            (_, _, 0) => follow_line::<2, 4, 0>,
+            (_, _, _) => follow_line::<2, 4, 1>,
+        };
+        let [u, v] = self.lane.axis.others();
+        let line = |tile: u16, within: u32| u64::from(tile) * u64::from(TILE_EDGE) + u64::from(within);
+        let place = line(tile.tile_u.get(), bit % 8) << shift(u) | line(tile.tile_v.get(), bit / 8) << shift(v);
+        follow(&self.lane, records, place, self.hash)
+    }
+
+    /// The coordinate of the line's first voxel, the line having passed R17.
+    fn first_coordinate(&self, first: usize) -> u32 {
+        let mut end = 0;
+        for &step in &self.lane.steps[first..] {
+            if step != 0 {
+                return end + u32::from(step) - 1;
+            }
+            end += STEPPING;
+        }
+        end
+    }
+
+    /// The first coordinate of a line that is outside the grid, and its record.
+    fn first_outside(&self, records: std::ops::Range<usize>) -> (u32, usize) {
+        let points = self.lane.dims[self.lane.axis.index()];
+        let outside = self.lane.line_voxels(records.clone()).find(|&(coordinate, _)| coordinate >= points);
+        outside.unwrap_or((points, records.start))
+    }
+
+    /// Where a stepping voxel of the line carries something. R18.
+    fn stray_fault(&self, records: std::ops::Range<usize>) -> FormatFault {
+        let lane = &self.lane;
+        let widths = [lane.channels.value_bits / 8, lane.channels.normal_bits / 4, lane.channels.magnitude_bits / 8];
+        for record in records.clone().filter(|&record| lane.steps[record] == 0) {
+            let channels = [lane.values, lane.normals, lane.magnitudes].into_iter().zip(widths).zip(&self.offsets[3..]);
+            for ((channel, width), offset) in channels {
+                let from = record * usize::from(width);
+                let bytes = channel.get(from..from + usize::from(width)).unwrap_or_default();
+                if let Err(fault) = zeros_from(offset + from as u64, "R18", bytes) {
+                    return fault;
+                }
+            }
+        }
+        fault(self.offsets[2] + records.start as u64, "R18", "stepping voxels that carry nothing", "others")
+    }
+
+    fn line_end_offset(&self, line: usize) -> u64 {
+        let width = if matches!(self.lane.line_ends, super::LineEnds::Narrow(_)) { 2 } else { 4 };
+        self.offsets[1] + line as u64 * width
+    }
+}
+
+/// Where a coordinate on `axis` stands in a voxel's place.
+const fn shift(axis: Axis) -> u32 {
+    match axis {
+        Axis::X => 0,
+        Axis::Y => 16,
+        Axis::Z => 32,
+    }
+}
+
+/// The hash of a voxel: two folded multiplications, keyed.
+#[derive(Debug, Clone, Copy)]
+struct VoxelHash {
+    key: [u64; 2],
+}
+
+impl VoxelHash {
+    fn new(key: u64) -> VoxelHash {
+        VoxelHash { key: [xxh3_64(&key.to_le_bytes()), key] }
+    }
+
+    /// `place`: x, y, z and value in 16 bits each; `shading`: normal in 32 bits, magnitude above.
+    #[inline(always)]
+    fn of(self, place: u64, shading: u64) -> u64 {
+        let folded = fold(place ^ self.key[0], 0x9e37_79b9_7f4a_7c15);
+        fold(folded ^ shading ^ self.key[1], 0xd6e8_feb8_6659_fd93 ^ shading.rotate_left(17))
+    }
+}
+
+/// Low half of the product, exclusive-or its high half.
+#[inline(always)]
+fn fold(a: u64, b: u64) -> u64 {
+    let product = u128::from(a) * u128::from(b);
+    #[allow(clippy::cast_possible_truncation, reason = "the halves are wanted")]
+    let halves = (product as u64, (product >> 64) as u64);
+    halves.0 ^ halves.1
+}
+
+/// Follows a line of values of `V` bytes, normals of `N` and magnitudes of `M`.
+///
+/// `records` is inside the channels and no longer than 65,535, so nothing overflows; `place` has the line's two
+/// coordinates.
+fn follow_line<const V: usize, const N: usize, const M: usize>(
+    lane: &Lane,
+    records: std::ops::Range<usize>,
+    place: u64,
+    hash: VoxelHash,
+) -> LineOutcome {
+    let (from, to) = (records.start, records.end);
+    let values = &lane.values[V * from..V * to];
+    let normals = &lane.normals[N * from..N * to];
+    let magnitudes = &lane.magnitudes[M * from..M * to];
+    let shift = shift(lane.axis);
+    let mut outcome = LineOutcome { end: 0, stepping_voxels: 0, stray: 0, sum: 0 };
+    for (record, &step) in lane.steps[records].iter().enumerate() {
+        let value = number::<V>(values, record);
+        let shading = number::<N>(normals, record) | number::<M>(magnitudes, record) << 32;
+        if step == 0 {
+            outcome.end += STEPPING;
+            outcome.stepping_voxels += 1;
+            outcome.stray |= value | shading;
+        } else {
+            outcome.end += u32::from(step);
+            let place = place | u64::from(outcome.end - 1) << shift | value << 48;
+            outcome.sum = outcome.sum.wrapping_add(hash.of(place, shading));
+        }
+    }
+    outcome
+}
+
+/// Element `index` of a channel of `W` bytes, 0 to 4, little endian.
+#[inline(always)]
+fn number<const W: usize>(channel: &[u8], index: usize) -> u64 {
+    let mut bytes = [0; 8];
+    bytes[..W].copy_from_slice(&channel[W * index..W * index + W]);
+    u64::from_le_bytes(bytes)
+}

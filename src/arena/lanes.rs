@@ -3,7 +3,7 @@
 use std::sync::OnceLock;
 
 use super::lane::{Lane, OwnedLane};
-use super::layout::Arena;
+use super::open::Arena;
 use super::transpose::transpose;
 use crate::error::{Error, FormatFault, Result};
 use crate::volume::Axis;

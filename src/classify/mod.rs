@@ -42,6 +42,8 @@
 //! Every kind may have `shaded` (true unless given) and `reference_length` (the geometric mean of the spacings
 //! unless given).
 //!
+//! A colour table of 3D Slicer, lines of `index name r g b a`, will do for labels: [`TransferFunction::from_ctbl`].
+//!
 //! Source: M. Levoy, "Display of Surfaces from Volume Data", IEEE CG&A 8(3), 1988, sections 3 and 4.
 
 pub mod colour;

@@ -88,11 +88,11 @@ fn plain(name: &str) -> Option<Result<TransferFunction>> {
         "mr" => linear(MR, &MR_GRADIENT),
         "labels" => TransferFunction::labels(Vec::new(), Others::Distinct),
         "frog" => {
-            let entry = |&(label, name, rgb, opacity): &(i64, &str, [u8; 3], f64)| Label {
+            let entry = |&(label, name, rgb): &(i64, &str, [u8; 3])| Label {
                 label,
                 name: name.to_owned(),
                 colour: Colour::from_bytes(rgb),
-                opacity,
+                opacity: 1.0,
             };
             TransferFunction::labels(FROG.iter().map(entry).collect(), Others::Transparent)
         }

@@ -127,8 +127,7 @@ impl Quantiser {
             return Err(Error::input("visible range", why));
         }
         let largest_code = if low == high { 0 } else { largest_code };
-        // By halves: the span of two finite numbers may overflow.
-        let step = if low == high { 0.0 } else { (high / 2.0 - low / 2.0) / f64::from(largest_code) * 2.0 };
+        let step = if low == high { 0.0 } else { ratio(low, high, largest_code.into()) };
         Ok(Quantiser { bits, low, high, largest_code, step, exact: None })
     }
 
@@ -148,7 +147,7 @@ impl Quantiser {
             }
             None if self.largest_code == 0 => 0.0,
             None if value <= self.low => 0.0,
-            None => (value / 2.0 - self.low / 2.0) / self.step * 2.0,
+            None => ratio(self.low, value, self.step),
         };
         // Saturates: below 0 and NaN give 0.
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the saturating cast is meant")]
@@ -163,7 +162,12 @@ impl Quantiser {
         match &self.exact {
             Some(exact) => exact.value(code),
             None if code == self.largest_code => self.high,
-            None => (self.low + f64::from(code) * self.step).min(self.high),
+            None => {
+                let value = self.low + f64::from(code) * self.step;
+                // Only a range wider than the largest number overflows on the way.
+                let share = f64::from(code) / f64::from(self.largest_code);
+                if value.is_finite() { value.min(self.high) } else { self.low * (1.0 - share) + self.high * share }
+            }
         }
     }
 
@@ -216,6 +220,12 @@ impl Exact {
     }
 }
 
+/// `(to - from) / by`; by halves where the span of two finite numbers overflows.
+fn ratio(from: f64, to: f64, by: f64) -> f64 {
+    let span = to - from;
+    if span.is_finite() { span / by } else { (to / 2.0 - from / 2.0) / by * 2.0 }
+}
+
 /// The raw samples of the lowest and the highest value from `low` to `high`, of those that `range` holds.
 fn samples_inside(low: f64, high: f64, range: (f64, f64), slope: f64, intercept: f64) -> Option<(i64, i64)> {
     let value = |raw: f64| raw * slope + intercept;
@@ -252,6 +262,9 @@ impl TryFrom<Fields> for Quantiser {
         }
         let quantiser = match fields.exact {
             None if fields.low > fields.high => return Err(refused("have a low end above the high end")),
+            None if fields.low < fields.high && fields.largest_code == 0 => {
+                return Err(refused("have one code for two ends"));
+            }
             None => Quantiser::even(fields.bits, fields.low, fields.high, fields.largest_code)?,
             Some(exact) => {
                 // A sample has at most 32 bits, so a raw number is far from where i64 and f64 disagree.

@@ -14,7 +14,7 @@ use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
 use crate::arena::lane::{LineEnds, OwnedLane};
 use crate::arena::layout::Facts;
-use crate::arena::layout::{self, ALIGNMENT, FileHeader, SectionEntry, SectionKind};
+use crate::arena::layout::{self, ALIGNMENT, FileHeader, SectionEntry, SectionKind, aligned};
 use crate::error::{Error, Result};
 
 /// The bytes of an `.adj` file, in memory.
@@ -110,7 +110,7 @@ fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description
     }
     let mut end = (size_of::<FileHeader>() + sections.len() * size_of::<SectionEntry>()) as u64;
     for (entry, bytes) in &mut sections {
-        let offset = end.next_multiple_of(ALIGNMENT);
+        let offset = aligned(end);
         end = offset + bytes.len() as u64;
         entry.offset = U64::new(offset);
         entry.bytes = U64::new(bytes.len() as u64);
@@ -119,17 +119,21 @@ fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description
     let table: Vec<SectionEntry> = sections.iter().map(|(entry, _)| *entry).collect();
     let mut header = layout::header_of(facts);
     header.section_count = U32::new(u32::try_from(table.len()).expect("at most 19 sections"));
-    header.file_bytes = U64::new(end);
+    header.file_bytes = U64::new(aligned(end));
     header.header_xxh3 = U64::new(layout::header_checksum(&header, &table));
 
     out.write_all(header.as_bytes())?;
     out.write_all(table.as_bytes())?;
-    let mut position = (size_of::<FileHeader>() + size_of_val(table.as_slice())) as u64;
-    for (entry, bytes) in &sections {
-        let gap = entry.offset.get() - position;
-        out.write_all(&[0; ALIGNMENT as usize][..usize::try_from(gap).expect("below the alignment")])?;
+    fill_up(out, (size_of::<FileHeader>() + size_of_val(table.as_slice())) as u64)?;
+    for (_, bytes) in &sections {
         out.write_all(bytes)?;
-        position = entry.offset.get() + entry.bytes.get();
+        fill_up(out, bytes.len() as u64)?;
     }
     Ok(())
+}
+
+/// Zeros after `bytes` bytes, up to where a section may start.
+fn fill_up(out: &mut dyn Write, bytes: u64) -> io::Result<()> {
+    let zeros = usize::try_from(aligned(bytes) - bytes).expect("below the alignment");
+    out.write_all(&[0; ALIGNMENT as usize][..zeros])
 }

@@ -16,7 +16,7 @@ pub mod shade;
 pub mod view;
 
 use crate::arena::layout::Facts;
-use crate::arena::{Arena, Lane, OwnedLane};
+use crate::arena::{Lane, LaneSet, OwnedLane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::traverse::{Sense, SplitForm, VoxelBox};
@@ -44,14 +44,10 @@ impl Lanes for Vec<OwnedLane> {
     }
 }
 
-impl Lanes for Arena<'_> {
+impl Lanes for LaneSet<'_> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
-        Arena::lane(self, axis).ok_or_else(|| missing(axis))
+        self.lane(axis)
     }
-}
-
-fn missing(axis: Axis) -> Error {
-    Error::input("lane", format!("along {} is not there, but this view walks along it", axis.name()))
 }
 
 /// What a frame shows.

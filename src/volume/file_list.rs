@@ -6,6 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use super::MAX_DIM;
+use super::lines::Lines;
 use crate::error::{Error, Result};
 
 /// Most files that one volume may be spread over: one per slice of the longest axis.
@@ -13,6 +14,9 @@ pub(super) const MAX_FILES: u64 = MAX_DIM as u64;
 
 /// Widest number that a pattern may ask for.
 const MAX_WIDTH: usize = 64;
+
+/// Longest pattern: no system opens longer paths, and each file's name is a copy.
+const MAX_PATTERN: usize = 4096;
 
 /// A file name with one number in it, as C's `printf` writes it: `slice%03d.raw`.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -24,8 +28,11 @@ pub(super) struct Pattern {
 }
 
 impl Pattern {
-    /// The pattern in `text`; `None` if it has no `%d` or more than one.
+    /// The pattern in `text`; `None` if it has no `%d` or more than one, or is longer than any path.
     pub(super) fn parse(text: &str) -> Option<Pattern> {
+        if text.len() > MAX_PATTERN {
+            return None;
+        }
         let (before, rest) = split_conversion(text)?;
         let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
         let (width, rest) = rest.split_at(digits);
@@ -83,6 +90,27 @@ fn split_conversion(text: &str) -> Option<(&str, &str)> {
 /// The folder that names in the header at `path` are relative to.
 pub(super) fn folder_of(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
+}
+
+/// The files named on the rest of `lines`, one on each.
+///
+/// # Errors
+/// [`Error::Limit`] if there are more than [`MAX_FILES`].
+pub(super) fn listed_files(header: &Path, lines: &mut Lines) -> Result<Vec<PathBuf>> {
+    let folder = folder_of(header);
+    let mut files = Vec::new();
+    while let Some(line) = lines.next()? {
+        let name = line.text.trim();
+        if name.is_empty() {
+            continue;
+        }
+        files.push(folder.join(name));
+        let need = files.len() as u64;
+        if need > MAX_FILES {
+            return Err(Error::Limit { what: format!("{}: data files", header.display()), need, have: MAX_FILES });
+        }
+    }
+    Ok(files)
 }
 
 /// Checks that a header lists as many files as its dimensions ask for.

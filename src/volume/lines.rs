@@ -69,6 +69,11 @@ impl Lines {
 
     /// Whether the next bytes are `word`, in upper or lower case.
     pub(super) fn next_is(&mut self, word: &str) -> Result<bool> {
+        let ahead = self.reader.fill_buf().map_err(Error::io("read", &self.path))?;
+        if let Some(start) = ahead.get(..word.len()) {
+            return Ok(start.eq_ignore_ascii_case(word.as_bytes()));
+        }
+        // The buffer ends within the word, or the file does.
         let mut ahead = vec![0; word.len()];
         match self.reader.read_exact(&mut ahead) {
             Ok(()) => {}

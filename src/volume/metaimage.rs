@@ -8,7 +8,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::file_list::{Pattern, check_count, folder_of};
+use super::file_list::{Pattern, check_count, folder_of, listed_files};
 use super::frame::{Frame, IDENTITY, World};
 use super::lines::{Line, Lines, clip};
 use super::open::{OpenOptions, file_name};
@@ -22,6 +22,9 @@ const RULE_SIZE: &str = "MetaImage DimSize";
 
 /// Most dimensions that MetaIO knows.
 const MAX_NDIMS: usize = 10;
+
+/// Most lines of a header; real ones have below 50.
+const MAX_LINES: usize = 1024;
 
 /// Whether `probe`, the start of a file, is a MetaImage header.
 pub(super) fn is_header(probe: &[u8]) -> bool {
@@ -48,7 +51,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let start = match fields.header_size(path)? {
         HeaderSize::Bytes(0) if local => Start::At(lines.position()),
         HeaderSize::Bytes(bytes) => Start::At(bytes),
-        HeaderSize::FromEnd => Start::FromEnd(0),
+        HeaderSize::FromEnd => Start::FromEnd { after: 0, least: if local { lines.position() } else { 0 } },
     };
     let reader = SlabReader::new(Plan {
         header: Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "MetaImage" },
@@ -95,6 +98,10 @@ impl Fields {
             };
             last = key.trim() == "ElementDataFile";
             entries.push((key.trim().to_string(), value.trim().to_string(), at));
+            if entries.len() > MAX_LINES {
+                let what = format!("{}: header lines", path.display());
+                return Err(Error::Limit { what, need: entries.len() as u64, have: MAX_LINES as u64 });
+            }
         }
         let mut fields = Fields { entries, ndims: 0 };
         if !last {
@@ -248,12 +255,7 @@ impl Fields {
                 }
             };
             let file_dims = file_dims.ok_or_else(|| Error::format(path, at, RULE, "LIST, or LIST 2D", clip(value)))?;
-            let mut files = Vec::new();
-            while let Some(line) = lines.next()? {
-                if !line.text.trim().is_empty() {
-                    files.push(folder_of(path).join(line.text.trim()));
-                }
-            }
+            let files = listed_files(path, lines)?;
             check_count(path, at, RULE, &files, per_file(file_dims)?)?;
             return Ok((files, false));
         }

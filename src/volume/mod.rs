@@ -4,12 +4,13 @@
 //! (x fastest, then y, then z), one at a time, so that memory is bounded by a slice whatever the volume's size.
 
 pub mod grid;
-pub mod samples;
-pub mod source;
-
+pub mod histogram;
 pub mod open;
+pub mod phantom;
 pub mod raw;
+pub mod samples;
 pub mod slab;
+pub mod source;
 
 mod file_list;
 mod frame;
@@ -25,4 +26,3 @@ mod vtk;
 pub use grid::{Axis, Grid, MAX_DIM};
 pub use samples::{Sample, SampleType, Samples};
 pub use source::{Header, SlabSource};
-pub mod phantom;

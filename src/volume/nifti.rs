@@ -66,7 +66,7 @@ struct Fields {
 
 /// Opens the NIfTI volume at `path`, which may be either file of a pair.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let (header_path, image_path) = pair_of(path)?;
+    let header_path = header_path_of(path)?;
     let (bytes, header_packed) = read_header(&header_path)?;
     let fields = Fields::parse(&header_path, &bytes)?;
     let (dims, volume_count) = fields.dims(&header_path)?;
@@ -77,10 +77,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let (file, packed) = if fields.single {
         (header_path.clone(), header_packed)
     } else {
-        let image = image_path.ok_or_else(|| {
-            let why = "is half of a NIfTI pair, but its name ends in neither .hdr nor .img; rename it to .hdr";
-            Error::input(header_path.display().to_string(), why)
-        })?;
+        let image = image_path_of(path)?;
         let packed = starts_as_gzip(&image)?;
         (image, packed)
     };
@@ -234,7 +231,7 @@ impl Fields {
         }
         let offset = self.vox_offset;
         // 2^53: whole numbers up to there are exact.
-        if !(offset >= 0.0 && offset <= 9_007_199_254_740_992.0 && offset.fract() == 0.0) {
+        if !(0.0..=9_007_199_254_740_992.0).contains(&offset) || offset.fract() != 0.0 {
             let at = if self.len == HEADER_1 { 108 } else { 168 };
             return Err(Error::format(path, at, "NIfTI vox_offset", "a whole number of bytes", offset.to_string()));
         }
@@ -373,23 +370,38 @@ fn starts_as_gzip(path: &Path) -> Result<bool> {
     Ok(magic == [0x1f, 0x8b])
 }
 
-/// The header's path, and the image's if the name says that there is one.
-fn pair_of(path: &Path) -> Result<(PathBuf, Option<PathBuf>)> {
+/// The name of the file at `path`, its length without `.gz`, and its extension before that, in lower case.
+fn parts_of(path: &Path) -> (String, usize, String) {
     let name = file_name(path);
     let lower = name.to_ascii_lowercase();
     let bare = lower.strip_suffix(".gz").unwrap_or(&lower);
-    if bare.ends_with(".hdr") {
-        return Ok((path.to_path_buf(), Some(sibling(path, &name, bare.len(), "img")?)));
+    let extension = bare.rsplit_once('.').map_or("", |(_, extension)| extension);
+    (name, bare.len(), extension.to_string())
+}
+
+/// The header's path where `path` is that of either file.
+fn header_path_of(path: &Path) -> Result<PathBuf> {
+    match parts_of(path) {
+        (name, bare_len, extension) if extension == "img" => sibling(path, &name, bare_len, "hdr"),
+        _ => Ok(path.to_path_buf()),
     }
-    if bare.ends_with(".img") {
-        return Ok((sibling(path, &name, bare.len(), "hdr")?, Some(path.to_path_buf())));
+}
+
+/// The image's path where `path` is that of either file of a pair.
+fn image_path_of(path: &Path) -> Result<PathBuf> {
+    let (name, bare_len, extension) = parts_of(path);
+    match extension.as_str() {
+        "img" => Ok(path.to_path_buf()),
+        "hdr" => sibling(path, &name, bare_len, "img"),
+        _ => {
+            let why = "is the header of a NIfTI pair, but its name ends in neither .hdr nor .hdr.gz; rename it";
+            Err(Error::input(path.display().to_string(), why))
+        }
     }
-    Ok((path.to_path_buf(), None))
 }
 
 /// The file beside `path` whose extension is `other`, plain or with `.gz`.
 fn sibling(path: &Path, name: &str, bare_len: usize, other: &str) -> Result<PathBuf> {
-    // Both names are of one length in lower case, but not if letters outside ASCII were replaced on the way.
     let stem = name.get(..bare_len.saturating_sub(4)).unwrap_or(name);
     let upper = other.to_ascii_uppercase();
     let names = [format!("{stem}.{other}"), format!("{stem}.{other}.gz"), format!("{stem}.{upper}")];

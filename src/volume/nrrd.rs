@@ -9,7 +9,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::file_list::{Pattern, check_count, folder_of};
+use super::file_list::{Pattern, check_count, folder_of, listed_files};
 use super::frame::{Frame, World};
 use super::lines::{Lines, clip};
 use super::nrrd_axes as axes;
@@ -84,7 +84,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     // Where a negative skip counts from the end, lines before the samples do not matter.
     let (start, line_skip, byte_skip) = match byte_skip {
         Skip::Forward(bytes) => (Start::At(header_end), fields.whole("lineskip")?, bytes),
-        Skip::FromEnd(after) => (Start::FromEnd(after), 0, 0),
+        Skip::FromEnd(after) => (Start::FromEnd { after, least: header_end }, 0, 0),
     };
     let reader = SlabReader::new(Plan {
         header: Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "NRRD" },
@@ -302,12 +302,7 @@ impl Fields {
         let words: Vec<&str> = value.split_whitespace().collect();
         if let Some(rest) = value.strip_prefix("LIST") {
             let file_dims = self.file_dims(rest.trim(), sizes)?;
-            let mut files = Vec::new();
-            while let Some(line) = lines.next()? {
-                if !line.text.trim().is_empty() {
-                    files.push(folder_of(&self.path).join(line.text.trim()));
-                }
-            }
+            let files = listed_files(&self.path, lines)?;
             self.check_files(sizes, file_dims, &files)?;
             return Ok((files, 0));
         }
@@ -345,7 +340,7 @@ impl Fields {
         let need = if file_dims == sizes.len() {
             let last = sizes[file_dims - 1];
             let count = files.len() as u64;
-            if count > 0 && last % count == 0 {
+            if count > 0 && last.is_multiple_of(count) {
                 return Ok(());
             }
             last

@@ -1,6 +1,6 @@
 //! The slab source that every file format ends in.
 //!
-//! In: a [`Plan`], made by a format's header reader: which files hold the samples, where in them, packed how. Out:
+//! In: a plan, made by a format's header reader: which files hold the samples, where in them, packed how. Out:
 //! z-slices in order. Sizes are checked against the files before anything is read, so that a header that lies is
 //! refused while it is still cheap; nothing here allocates by a number that a file says.
 //!
@@ -30,6 +30,9 @@ impl Endian {
 }
 
 /// What may follow the last sample in a file.
+///
+/// Compressed streams and text end where they end, so more in them than the header says is a wrong header. Behind
+/// uncompressed samples some writers leave padding, and VTK other arrays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Tail {
     /// Nothing.
@@ -128,10 +131,11 @@ impl SlabReader {
         let path = plan.files.get(index).ok_or_else(|| Error::input("data files", "are too few"))?;
         let at = match plan.start {
             Start::At(at) => at,
-            Start::FromEnd(after) => {
+            Start::FromEnd { after, least } => {
                 let len = std::fs::metadata(path).map_err(Error::io("open data file", path))?.len();
                 let used = (self.file_samples * width).saturating_add(after);
-                len.checked_sub(used).ok_or_else(|| short(plan, path, used, len))?
+                let at = len.checked_sub(used).filter(|at| *at >= least);
+                at.ok_or_else(|| short(plan, path, used.saturating_add(least), len))?
             }
         };
         let mut stream = Stream::open(path, plan.codec, at, plan.line_skip, plan.rule)?;
@@ -217,7 +221,8 @@ fn check_file(plan: &Plan, path: &Path, samples: u64, width: u64) -> Result<()> 
     let len = kind.len();
     let bytes = samples * width;
     let before = match plan.start {
-        Start::At(at) | Start::FromEnd(at) => at.saturating_add(plan.line_skip),
+        Start::At(at) => at.saturating_add(plan.line_skip),
+        Start::FromEnd { after, least } => after.saturating_add(least),
     };
     let room = len.saturating_sub(before);
     match plan.codec {

@@ -2,7 +2,6 @@
 
 use super::{Grid, SampleType, Samples};
 use crate::error::{Error, Result};
-use crate::with_samples;
 
 /// What is known of a volume before its samples are read.
 #[derive(Debug, Clone, PartialEq)]
@@ -24,23 +23,29 @@ pub struct Header {
 impl Header {
     /// A buffer of zeros for one slice.
     ///
+    /// The memory is asked for first and then taken lazily, so a slice that the file turns out not to fill costs
+    /// what was read of it.
+    ///
     /// # Errors
-    /// [`Error::Limit`] if the memory for it is not there: a header can ask for slices of 34 GB.
+    /// [`Error::Limit`] if the memory is not there: a header can ask for slices of 34 GB.
     pub fn new_slice(&self) -> Result<Samples> {
-        let len = self.grid.slice_len();
-        let need = len * self.sample_type.bytes() as u64;
-        let refused = || {
-            let what = format!("{}: bytes of one slice, more than this machine's memory gives", self.name);
-            Error::Limit { what, need, have: isize::MAX as u64 }
-        };
-        let len = usize::try_from(len).map_err(|_| refused())?;
-        let mut slice = Samples::zeros(self.sample_type, 0);
-        with_samples!(&mut slice, samples => {
-            samples.try_reserve_exact(len).map_err(|_| refused())?;
-            samples.resize(len, Default::default());
-        });
-        Ok(slice)
+        let need = self.grid.slice_len() * self.sample_type.bytes() as u64;
+        let have = obtainable(need);
+        match usize::try_from(self.grid.slice_len()) {
+            Ok(len) if have == need => Ok(Samples::zeros(self.sample_type, len)),
+            _ => Err(Error::Limit { what: format!("{}: memory in bytes for one slice", self.name), need, have }),
+        }
     }
+}
+
+/// `bytes`, or if the system does not give so many at once, about as many as it does.
+fn obtainable(bytes: u64) -> u64 {
+    let gives = |bytes| usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
+    let mut bytes = bytes;
+    while bytes > 0 && !gives(bytes) {
+        bytes /= 2;
+    }
+    bytes
 }
 
 /// A volume that yields its z-slices in order, from 0, in memory bounded by a few slices.
@@ -62,4 +67,43 @@ pub trait SlabSource: Send {
     /// # Errors
     /// If the file cannot be opened again.
     fn rewind(&mut self) -> Result<()>;
+}
+
+/// A volume whose samples count as they are stored: without the file's slope and intercept.
+pub struct Unscaled {
+    inner: Box<dyn SlabSource>,
+    header: Header,
+}
+
+impl Unscaled {
+    /// The same samples at slope 1 and intercept 0.
+    pub fn new(inner: Box<dyn SlabSource>) -> Unscaled {
+        let header = Header { slope: 1.0, intercept: 0.0, ..inner.header().clone() };
+        Unscaled { inner, header }
+    }
+}
+
+impl SlabSource for Unscaled {
+    fn header(&self) -> &Header {
+        &self.header
+    }
+
+    fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+        self.inner.read_slice(slice)
+    }
+
+    fn rewind(&mut self) -> Result<()> {
+        self.inner.rewind()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn memory_that_no_machine_has_is_not_obtainable() {
+        assert_eq!(obtainable(1 << 10), 1 << 10);
+        assert!(obtainable(u64::MAX) < u64::MAX / 2);
+    }
 }

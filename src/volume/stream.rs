@@ -33,8 +33,13 @@ pub(super) enum Codec {
 pub(super) enum Start {
     /// At this byte offset.
     At(u64),
-    /// So that this many bytes follow the last sample; uncompressed samples only.
-    FromEnd(u64),
+    /// Where the last sample is the file's last but for some bytes; uncompressed samples only.
+    FromEnd {
+        /// Bytes behind the last sample.
+        after: u64,
+        /// Byte offset that samples cannot start before.
+        least: u64,
+    },
 }
 
 /// Most bytes that one byte of a deflate stream can become: 258 bytes from 2 bits.

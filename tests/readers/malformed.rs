@@ -56,6 +56,10 @@ fn unknown_formats_are_answered_with_the_known_ones() {
     let mut analyze = vec![0; 348];
     analyze[..4].copy_from_slice(&348i32.to_le_bytes());
     folder.write("c.img", &[b"abc"]);
+    let mut half = Nifti::new(1, Endian::Little, SampleType::U8);
+    half.pair();
+    refused(&folder.write("half.nii", &[half.bytes()]), &["header of a NIfTI pair", "rename"]);
+    refused(&folder.write("half.hdr", &[half.bytes()]), &["half of a pair", "half.img"]);
     refused(&folder.write("c.hdr", &[&analyze]), &["NIfTI magic", "ANALYZE"]);
 }
 
@@ -92,7 +96,7 @@ fn dimensions_beyond_the_limit_are_refused_before_anything_is_allocated() {
     nifti.dim(1, i64::MAX);
     refused(&folder.write("a.nii", &[nifti.bytes(), b"abc"]), &["9223372036854775807", "65535"]);
     // 65,535 cubed is allowed, but not in a file of a few bytes; nor volumes beyond 64 bits.
-    expect_refused(&path, &raw_options([65_535; 3], SampleType::F64), &["2251696776609000 bytes", "48 bytes"]);
+    expect_refused(&path, &raw_options([65_535; 3], SampleType::F64), &["2251696736043000 bytes", "48 bytes"]);
     let head = "NRRD0004\ntype: uchar\ndimension: 5\nsizes: 65535 65535 65535 4000000000 4000000000\nencoding: raw\n\n";
     refused(&folder.write("b.nrrd", &[head.as_bytes()]), &["all volumes"]);
     let head = head.replace("dimension: 5", "dimension: 6").replace("\nencoding", " 4000000000\nencoding");
@@ -175,6 +179,9 @@ fn data_cut_short_is_answered_with_both_sizes() {
     refused(&folder.write("a.nhdr", &[detached.as_bytes()]), &["body", "expected 24 bytes", "got 20 bytes"]);
     let detached = format!("{NRRD}byte skip: -1\ndata file: body\n");
     refused(&folder.write("a.nhdr", &[detached.as_bytes()]), &["24 bytes", "20 bytes"]);
+    // The samples would have to begin inside the header.
+    let attached = format!("{NRRD}byte skip: -1\n\n");
+    refused(&folder.write("a.nrrd", &[attached.as_bytes(), cut]), &["4 x 3 x 2 of u8"]);
     let mha = format!("{MHA}ElementDataFile = body\n");
     refused(&folder.write("a.mhd", &[mha.as_bytes()]), &["expected 24 bytes", "got 20 bytes"]);
     refused(&folder.write("a.vtk", &[VTK.as_bytes(), cut]), &["4 x 3 x 2 of u8"]);
@@ -265,6 +272,10 @@ fn members_of_file_lists_must_all_be_there() {
     ] {
         refused(&folder.write("a.nhdr", &[NRRD.as_bytes(), tail.as_bytes()]), &parts);
     }
+    let many = format!("data file: LIST\n{}", "s\n".repeat(70_000));
+    refused(&folder.write("a.nhdr", &[NRRD.as_bytes(), many.as_bytes()]), &["data files", "65535"]);
+    let long = format!("data file: {}%d 1 2 1\n", "s".repeat(5000));
+    refused(&folder.write("a.nhdr", &[NRRD.as_bytes(), long.as_bytes()]), &["cannot open data file"]);
     for (tail, parts) in [
         ("ElementDataFile = s%d 1 3 1\n", ["expected 2 data files", "got 3"]),
         ("ElementDataFile = LIST\ns1\n", ["expected 2 data files", "got 1"]),
@@ -344,6 +355,8 @@ fn header_text_without_end_does_not_fill_the_memory() {
     {
         refused(&folder.write(name, &[head.as_bytes(), &long]), &["header text", "4194304"]);
     }
+    let lines = "a = b\n".repeat(2000);
+    refused(&folder.write("b.mhd", &[lines.as_bytes()]), &["header lines", "1024"]);
     let lines = "# comment\n".repeat(500_000);
     refused(&folder.write("b.nrrd", &[b"NRRD0004\n", lines.as_bytes()]), &["header text", "4194304"]);
 }

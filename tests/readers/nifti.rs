@@ -124,7 +124,7 @@ impl Nifti {
     }
 
     /// Makes it the header of a pair.
-    fn pair(&mut self) {
+    pub(crate) fn pair(&mut self) {
         let at = if self.version == 1 { 345 } else { 5 };
         self.bytes[at] = b'i';
         self.vox_offset(0);
@@ -159,6 +159,8 @@ fn both_versions_are_read_in_every_type_and_order() {
             let image = folder.write("p.img", &[&packed]);
             expect_known(&pair, ty);
             expect_known(&image, ty);
+            let single = Nifti::new(version, endian, ty);
+            expect_known(&folder.write("alone.hdr", &[single.bytes(), &packed]), ty);
             let zipped_pair = folder.write("q.hdr.gz", &[&gzip(nifti.bytes())]);
             let zipped_image = folder.write("q.img.gz", &[&gzip(&packed)]);
             expect_known(&zipped_pair, ty);

@@ -13,6 +13,7 @@ pub(crate) const DIMS: [u64; 3] = [4, 3, 2];
 pub(crate) const LEN: usize = 24;
 
 /// A volume of every value that matters to its type: least, greatest, and no two alike in any byte order.
+#[allow(clippy::cast_possible_truncation, reason = "indices are below 24")]
 pub(crate) fn known(ty: SampleType) -> Samples {
     let mut samples = Samples::zeros(ty, LEN);
     macro_rules! fill {

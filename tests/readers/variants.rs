@@ -1,5 +1,7 @@
 //! The known volume in every variant of raw, NRRD, MetaImage and VTK.
 
+use std::io::{Seek, SeekFrom, Write};
+
 use adjsplat::volume::SampleType;
 use adjsplat::volume::open::OpenOptions;
 use adjsplat::volume::raw::RawOptions;
@@ -170,6 +172,21 @@ fn fourth_dimension_is_chosen_by_index() {
         assert_eq!(got.samples, known(SampleType::I32), "{}", path.display());
         assert_ne!(read(&path).expect("the first volume").samples, known(SampleType::I32));
     }
+}
+
+#[test]
+fn samples_beyond_four_gigabytes_are_reached_without_reading_those_before() {
+    let folder = Folder::new();
+    let head = "NRRD0004\ntype: uchar\ndimension: 4\nsizes: 4 3 2 250000000\nencoding: raw\n\n";
+    let path = folder.write("sparse.nrrd", &[head.as_bytes()]);
+    let mut file = std::fs::OpenOptions::new().write(true).open(&path).expect("just written");
+    // All but the last volume is a hole that takes no room on the disk.
+    file.seek(SeekFrom::Start(head.len() as u64 + 249_999_999 * 24)).expect("a place in a file");
+    file.write_all(known(SampleType::U8).bytes()).expect("room for 24 bytes");
+    let options = OpenOptions { volume_index: 249_999_999, ..OpenOptions::default() };
+    let got = read_with(&path, &options).unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(got.samples, known(SampleType::U8));
+    assert_eq!(read(&path).expect("the first volume").samples.bytes(), [0; 24]);
 }
 
 #[test]

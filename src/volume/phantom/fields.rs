@@ -11,8 +11,9 @@ use crate::volume::Grid;
 
 /// Lowest visible value of the shells: one voxel from the middle of the shell.
 pub(super) const SHELL_EDGE: f64 = 191.0;
-/// Lowest visible value of the gyroid: leaves 3.2 % of the samples (tests/classify.rs).
-pub(super) const GYROID_EDGE: f64 = 230.0;
+/// Lowest and highest visible value of the gyroid's sheet: 3.2 % of the samples. Halves, so that samples of all types
+/// show the same voxels.
+pub(super) const GYROID_SHEET: (f64, f64) = (117.5, 138.5);
 
 /// A function of the grid that is asked row by row.
 pub(super) trait Field: Send {
@@ -121,9 +122,15 @@ struct Gyroid {
 }
 
 impl Gyroid {
+    /// Keeps the grid off the surface's planes of symmetry, where whole rows would lie on it.
+    const PHASE: [f64; 3] = [0.4, 1.1, 2.3];
+
     fn new(dims: [u32; 3]) -> Gyroid {
         let table = |wave: fn(f64) -> f64| {
-            dims.map(|points| (0..points).map(|at| settled(wave(f64::from(at) * 4.0 * TAU / longest(dims)))).collect())
+            [0, 1, 2].map(|axis| {
+                let angle = |at: u32| f64::from(at) * 4.0 * TAU / longest(dims) + Gyroid::PHASE[axis];
+                (0..dims[axis]).map(|at| settled(wave(angle(at)))).collect()
+            })
         };
         Gyroid { sin: table(f64::sin), cos: table(f64::cos), z: 0 }
     }
@@ -139,7 +146,7 @@ impl Field for Gyroid {
         let fixed = sin_y * cos_z;
         for ((value, sin), cos) in row.iter_mut().zip(&self.sin[0]).zip(&self.cos[0]) {
             let height = sin * cos_y + fixed + sin_z * cos;
-            *value = (255.0 - 510.0 * height.abs()).max(0.0);
+            *value = (128.0 + 210.0 * height).clamp(0.0, 255.0);
         }
     }
 }
@@ -247,7 +254,7 @@ impl Field for Noise {
             let bits = hash(index);
             let is_visible = bits & 0xffff_ffff < self.threshold;
             // 1..=255, all as likely to within 2^-32.
-            *value = if is_visible { (1 + ((bits >> 32) * 255 >> 32)) as f32 } else { 0.0 };
+            *value = if is_visible { (1 + (((bits >> 32) * 255) >> 32)) as f32 } else { 0.0 };
         }
     }
 }

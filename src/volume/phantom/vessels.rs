@@ -89,13 +89,13 @@ impl Tree {
             let bend = sign * (0.75 + 0.25 * self.roll());
             let branch = unit([0, 1, 2].map(|axis| heading[axis] + bend * aside[axis]));
             let stretch = 0.80 + 0.08 * self.roll();
-            self.grow(to, branch, length * stretch, radius * share.cbrt(), generations - 1);
+            self.grow(to, branch, length * stretch, radius * cube_root(share), generations - 1);
         }
     }
 
     fn add(&mut self, from: [f64; 3], to: [f64; 3], radius: f64) {
         let span = self.dims.map(|points| f64::from(points - 1));
-        let size = self.dims.map(f64::from).iter().product::<f64>().cbrt();
+        let size = cube_root(self.dims.map(f64::from).iter().product());
         let from = [0, 1, 2].map(|axis| from[axis] * span[axis]);
         let along = [0, 1, 2].map(|axis| to[axis] * span[axis] - from[axis]);
         let squared = dot(along, along);
@@ -172,6 +172,13 @@ impl Field for Vessels {
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Rounded to 40 bits or so, so that the last digit of a platform's root does not show.
+fn cube_root(number: f64) -> f64 {
+    let root = number.cbrt();
+    let unit = 2.0f64.powi(-36) * root.max(1.0);
+    (root / unit).round() * unit
 }
 
 /// The vector's direction; z for none.

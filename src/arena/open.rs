@@ -1,0 +1,349 @@
+//! Opening: from bytes to an [`Arena`] of typed views, in O(number of sections).
+//!
+//! In: any bytes. Out: lanes that borrow the bytes, after rules R1 to R11 of `formats/adj-1.md`; nothing is copied,
+//! and nothing is allocated but the list of sections, of which there are at most [`MAX_SECTIONS`].
+//!
+//! What opening has found sound, every walk relies on: channels of one length, counts that bound each other. What
+//! the sections hold it does not look at. Any bytes that open are safe to walk and to transpose; whether they hold
+//! a sound arena is what [`Arena::check`] finds out.
+
+use std::mem::{offset_of, size_of};
+
+use zerocopy::FromBytes;
+use zerocopy::byteorder::little_endian::{F64, U16, U32};
+
+use super::curve::TileOrder;
+use super::lane::{Lane, LineEnds};
+use super::layout::{
+    Channels, Facts, FileHeader, MAGIC, MAJOR, MAX_SECTIONS, OPTIONAL_KINDS, Scales, SectionEntry, SectionKind,
+    TILE_EDGE, TileRecord, aligned, header_checksum, line_end_bytes,
+};
+use crate::error::FormatFault;
+use crate::volume::{Axis, Grid};
+
+/// The bytes of one `.adj` file, opened.
+#[derive(Debug, Clone)]
+pub struct Arena<'a> {
+    bytes: &'a [u8],
+    facts: Facts,
+    fingerprint: u64,
+    sections: Vec<Section>,
+    lanes: [Option<Lane<'a>>; 3],
+}
+
+/// Where one section lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Section {
+    /// What it holds; `None` for an optional kind that this version does not know.
+    pub kind: Option<SectionKind>,
+    /// Its lane; `None` for the description.
+    pub axis: Option<Axis>,
+    /// Bytes of an element.
+    pub element_bytes: u8,
+    /// First byte in the file.
+    pub offset: u64,
+    /// Length in bytes, without the zeros that fill it up.
+    pub bytes: u64,
+    /// What its checksum must be.
+    pub xxh3: u64,
+}
+
+/// A fault at byte `at` of the file, by `rule`.
+pub(super) fn fault(
+    at: u64,
+    rule: &'static str,
+    expected: impl Into<String>,
+    got: impl std::fmt::Display,
+) -> FormatFault {
+    FormatFault { at, rule, expected: expected.into(), got: got.to_string() }
+}
+
+/// Byte of the file at which a field of the header, or of entry `index` of the section table, starts.
+macro_rules! at {
+    (header.$field:ident) => {
+        offset_of!(FileHeader, $field) as u64
+    };
+    (entry[$index:expr].$field:ident) => {
+        (size_of::<FileHeader>() + $index * size_of::<SectionEntry>() + offset_of!(SectionEntry, $field)) as u64
+    };
+}
+
+impl<'a> Arena<'a> {
+    /// Opens an arena: header, section table and the sections' bounds; O(number of sections).
+    ///
+    /// What the sections hold is not looked at: walks are safe on any content, and [`Arena::check`] judges it.
+    ///
+    /// # Errors
+    /// The first broken rule of `formats/adj-1.md` among R1 to R11.
+    pub fn new(bytes: &'a [u8]) -> Result<Arena<'a>, FormatFault> {
+        let magic = bytes.get(..MAGIC.len()).unwrap_or(bytes);
+        if magic != MAGIC {
+            return Err(fault(0, "R1", "the first bytes of an .adj file", format!("{magic:02x?}")));
+        }
+        let Ok((header, after)) = FileHeader::read_from_prefix(bytes) else {
+            let got = format!("{} bytes: the file was cut; rebuild or copy it again", bytes.len());
+            return Err(fault(bytes.len() as u64, "R4", "a header of 256 bytes", got));
+        };
+        if header.major.get() != MAJOR {
+            let expected = format!("major version {MAJOR}: update adjsplat, or rebuild the file with this version");
+            return Err(fault(at!(header.major), "R2", expected, format!("version {}", header.major)));
+        }
+        if header.file_bytes.get() != bytes.len() as u64 {
+            let expected = format!("{} bytes, as the header says", header.file_bytes);
+            let got = format!("{} bytes: the file was cut or grew; rebuild or copy it again", bytes.len());
+            return Err(fault(at!(header.file_bytes), "R4", expected, got));
+        }
+        let count = header.section_count.get();
+        if count > MAX_SECTIONS {
+            return Err(fault(at!(header.section_count), "R5", format!("at most {MAX_SECTIONS} sections"), count));
+        }
+        let Ok((table, _)) = <[SectionEntry]>::ref_from_prefix_with_elems(after, count as usize) else {
+            let expected = format!("a table of {count} sections");
+            return Err(fault(at!(header.section_count), "R5", expected, "the end of the file"));
+        };
+        let sum = header_checksum(&header, table);
+        if sum != header.header_xxh3.get() {
+            let got = format!("{:#018x}: the header is damaged; rebuild or copy the file again", header.header_xxh3);
+            return Err(fault(at!(header.header_xxh3), "R3", format!("checksum {sum:#018x}"), got));
+        }
+        let facts = facts_of(&header)?;
+        let sections = sections_of(table, bytes.len() as u64, &facts)?;
+        let mut arena = Arena { bytes, facts, fingerprint: sum, sections, lanes: [None; 3] };
+        for axis in Axis::ALL {
+            arena.lanes[axis.index()] = arena.lane_of(axis)?;
+        }
+        let stored = arena.lanes.map(|lane| lane.is_some());
+        if !stored.is_sorted_by_key(|&stored| !stored) || !stored[0] {
+            let names: Vec<&str> = arena.lanes().map(|lane| lane.axis.name()).collect();
+            let got = format!("lanes '{}'", names.concat());
+            return Err(fault(size_of::<FileHeader>() as u64, "R10", "lanes x, xy or xyz", got));
+        }
+        Ok(arena)
+    }
+
+    /// What the header says.
+    pub fn facts(&self) -> &Facts {
+        &self.facts
+    }
+
+    /// XXH3-64 of the header and the section table, which holds the sections' checksums: in files that pass
+    /// [`Arena::check`], another content is another fingerprint.
+    pub fn fingerprint(&self) -> u64 {
+        self.fingerprint
+    }
+
+    /// The lane along `axis`, if the file stores it.
+    pub fn lane(&self, axis: Axis) -> Option<Lane<'a>> {
+        self.lanes[axis.index()]
+    }
+
+    /// The stored lanes, x first.
+    pub fn lanes(&self) -> impl Iterator<Item = Lane<'a>> + '_ {
+        self.lanes.iter().flatten().copied()
+    }
+
+    /// Every section, in file order.
+    pub fn sections(&self) -> &[Section] {
+        &self.sections
+    }
+
+    /// The section of `kind`, in the lane along `axis` or in none, if the file has it.
+    pub fn section(&self, kind: SectionKind, axis: Option<Axis>) -> Option<&Section> {
+        self.sections.iter().find(|s| s.kind == Some(kind) && s.axis == axis)
+    }
+
+    /// The bytes of a section of this arena; of another's, those that lie inside this one.
+    pub fn section_bytes(&self, section: &Section) -> &'a [u8] {
+        // Bounds were checked by `sections_of`; a section of another arena may give nothing.
+        let to = section.offset.checked_add(section.bytes);
+        let range = usize::try_from(section.offset).ok().zip(to.and_then(|to| usize::try_from(to).ok()));
+        range.and_then(|(from, to)| self.bytes.get(from..to)).unwrap_or_default()
+    }
+
+    /// All bytes.
+    pub fn bytes(&self) -> &'a [u8] {
+        self.bytes
+    }
+
+    /// The description, a JSON text; empty if there is none.
+    pub fn description(&self) -> &'a [u8] {
+        self.section(SectionKind::Description, None).map_or(&[], |section| self.section_bytes(section))
+    }
+
+    /// Views of the lane's sections. R10, R11.
+    fn lane_of(&self, axis: Axis) -> Result<Option<Lane<'a>>, FormatFault> {
+        let (channels, dims) = (self.facts.channels, self.facts.grid.dims);
+        let place = |kind: SectionKind| self.sections.iter().position(|s| s.kind == Some(kind) && s.axis == Some(axis));
+        if SectionKind::OF_LANES.into_iter().all(|kind| place(kind).is_none()) {
+            return Ok(None);
+        }
+        let mut parts: [&'a [u8]; 6] = [&[]; 6];
+        for (part, kind) in parts.iter_mut().zip(SectionKind::OF_LANES) {
+            match place(kind) {
+                Some(index) => *part = self.section_bytes(&self.sections[index]),
+                None if kind.element_bytes(channels, dims, axis) == 0 => {}
+                None => {
+                    let expected = format!("{} in lane {}", kind.name(), axis.name());
+                    return Err(fault(size_of::<FileHeader>() as u64, "R10", expected, "no such section"));
+                }
+            }
+        }
+        let [tiles, line_ends, steps, values, normals, magnitudes] = parts;
+        let tiles = <[TileRecord]>::ref_from_bytes(tiles).expect("R11 holds: a multiple of a tile's 28 bytes");
+        let line_ends = if line_end_bytes(dims[axis.index()]) == 2 {
+            LineEnds::Narrow(<[U16]>::ref_from_bytes(line_ends).expect("R11 holds: a multiple of 2 bytes"))
+        } else {
+            LineEnds::Wide(<[U32]>::ref_from_bytes(line_ends).expect("R11 holds: a multiple of 4 bytes"))
+        };
+        let [u, v] = axis.others().map(|other| u64::from(dims[other.index()]));
+        let edge = u64::from(TILE_EDGE);
+        let (tile_count, line_count, records) = (tiles.len() as u64, line_ends.len() as u64, steps.len() as u64);
+        let most_lines = (u * v).min(tile_count.saturating_mul(edge * edge));
+        let most_records = line_count.saturating_mul(dims[axis.index()].into());
+        let counts = [
+            (SectionKind::Tiles, 0, u.div_ceil(edge) * v.div_ceil(edge)),
+            (SectionKind::LineEnds, tile_count, most_lines),
+            (SectionKind::Steps, line_count.max(self.facts.visible_voxels), most_records),
+            (SectionKind::Values, records, records),
+            (SectionKind::Normals, records, records),
+            (SectionKind::Magnitudes, records, records),
+        ];
+        for (kind, least, most) in counts {
+            let Some(index) = place(kind) else { continue };
+            let Section { bytes, element_bytes, .. } = self.sections[index];
+            let count = bytes / u64::from(element_bytes);
+            if count < least || count > most {
+                let expected = format!("{least} to {most} {} in lane {}", kind.name(), axis.name());
+                return Err(fault(at!(entry[index].bytes), "R11", expected, count));
+            }
+        }
+        if self.facts.visible_voxels < line_count {
+            let expected = format!("at least one on each of the {line_count} lines of lane {}", axis.name());
+            let got = format!("{} visible voxels", self.facts.visible_voxels);
+            return Err(fault(at!(header.visible_voxels), "R11", expected, got));
+        }
+        Ok(Some(Lane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes }))
+    }
+}
+
+/// The header's fields. R6 to R9.
+fn facts_of(header: &FileHeader) -> Result<Facts, FormatFault> {
+    let triple = |v: [F64; 3]| v.map(F64::get);
+    let grid = Grid {
+        dims: header.dims.map(|d| u32::from(d.get())),
+        spacing: triple(header.spacing),
+        origin: triple(header.origin),
+        direction: header.direction.map(triple),
+        unit: None,
+    };
+    if let Err(error) = grid.check() {
+        return Err(fault(at!(header.dims), "R6", "a sound grid", error));
+    }
+    let channels = Channels {
+        value_bits: header.value_bits,
+        normal_bits: header.normal_bits,
+        magnitude_bits: header.magnitude_bits,
+    };
+    let allowed: [(u8, &[u8], u64); 3] = [
+        (channels.value_bits, &[8, 16], at!(header.value_bits)),
+        (channels.normal_bits, &[0, 8, 16], at!(header.normal_bits)),
+        (channels.magnitude_bits, &[0, 8], at!(header.magnitude_bits)),
+    ];
+    for (bits, choices, at) in allowed {
+        if !choices.contains(&bits) {
+            return Err(fault(at, "R7", format!("one of {choices:?} bits"), bits));
+        }
+    }
+    let Some(tile_order) = TileOrder::from_code(header.tile_order) else {
+        return Err(fault(at!(header.tile_order), "R7", "tile order 0, 1 or 2", header.tile_order));
+    };
+    for (zeros, at) in [(&header.reserved_0[..], at!(header.reserved_0)), (&header.reserved_1, at!(header.reserved_1))]
+    {
+        zeros_from(at, "R8", zeros)?;
+    }
+    let scales = Scales {
+        value_low: header.value_low.get(),
+        value_step: header.value_step.get(),
+        magnitude_scale: header.magnitude_scale.get(),
+    };
+    let of_scales = [
+        (scales.value_low, f64::MIN, at!(header.value_low)),
+        (scales.value_step, 0.0, at!(header.value_step)),
+        (scales.magnitude_scale, 0.0, at!(header.magnitude_scale)),
+    ];
+    for (number, least, at) in of_scales {
+        if !(number.is_finite() && number >= least) {
+            return Err(fault(at, "R9", "a finite number, 0 or above for a step or scale", number));
+        }
+    }
+    Ok(Facts { grid, channels, tile_order, scales, visible_voxels: header.visible_voxels.get() })
+}
+
+/// The section table's entries. R5, R8, R10, R11.
+fn sections_of(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result<Vec<Section>, FormatFault> {
+    let mut sections: Vec<Section> = Vec::with_capacity(table.len());
+    let mut next = aligned((size_of::<FileHeader>() + size_of_val(table)) as u64);
+    for (index, entry) in table.iter().enumerate() {
+        let number = entry.kind.get();
+        let kind = SectionKind::from_number(number);
+        if kind.is_none() && number < OPTIONAL_KINDS {
+            return Err(fault(at!(entry[index].kind), "R10", "a known section kind: update adjsplat", number));
+        }
+        let axis = Axis::from_index(entry.axis.into());
+        let fits = match kind {
+            Some(SectionKind::Description) => entry.axis == 255,
+            Some(_) => axis.is_some(),
+            None => axis.is_some() || entry.axis == 255,
+        };
+        if !fits {
+            let expected = "axis 0, 1 or 2 for a lane's section, 255 for another";
+            return Err(fault(at!(entry[index].axis), "R10", expected, entry.axis));
+        }
+        if kind.is_some() && sections.iter().any(|s| s.kind == kind && s.axis == axis) {
+            return Err(fault(at!(entry[index].kind), "R10", "each kind once a lane", "it again"));
+        }
+        zeros_from(at!(entry[index].reserved), "R8", &entry.reserved.get().to_le_bytes())?;
+        let (offset, bytes) = (entry.offset.get(), entry.bytes.get());
+        if offset != next {
+            let expected = format!("a section at {next}, the first multiple of 256 after what lies before");
+            return Err(fault(at!(entry[index].offset), "R5", expected, offset));
+        }
+        let end = offset.checked_add(bytes).filter(|&end| end <= file_bytes);
+        let Some(end) = end else {
+            let expected = format!("a section of at most {} bytes", file_bytes.saturating_sub(offset));
+            return Err(fault(at!(entry[index].bytes), "R5", expected, bytes));
+        };
+        next = aligned(end);
+        let element = match (kind, axis) {
+            (None, _) => entry.element_bytes.max(1),
+            (Some(kind), axis) => kind.element_bytes(facts.channels, facts.grid.dims, axis.unwrap_or(Axis::X)),
+        };
+        if element == 0 {
+            let got = format!("a section of {}", kind.map_or("", SectionKind::name));
+            return Err(fault(at!(entry[index].kind), "R10", "only channels that the header names", got));
+        }
+        if entry.element_bytes != element {
+            let expected = format!("elements of {element} bytes");
+            return Err(fault(at!(entry[index].element_bytes), "R11", expected, entry.element_bytes));
+        }
+        if bytes % u64::from(element) != 0 {
+            let expected = format!("a multiple of {element} bytes");
+            return Err(fault(at!(entry[index].bytes), "R11", expected, bytes));
+        }
+        let element_bytes = entry.element_bytes;
+        sections.push(Section { kind, axis, element_bytes, offset, bytes, xxh3: entry.xxh3.get() });
+    }
+    if next != file_bytes {
+        let expected = format!("the last section filled up to byte {next}, and the file's end there");
+        return Err(fault(at!(header.file_bytes), "R5", expected, file_bytes));
+    }
+    Ok(sections)
+}
+
+/// Whether `bytes`, which start at byte `from` of the file, are all 0; the fault names the first that is not.
+pub(super) fn zeros_from(from: u64, rule: &'static str, bytes: &[u8]) -> Result<(), FormatFault> {
+    match bytes.iter().position(|&byte| byte != 0) {
+        Some(index) => Err(fault(from + index as u64, rule, "0", bytes[index])),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,88 @@
+//! The volume that a command reads: a file of any format, or a phantom.
+
+use std::path::Path;
+
+use clap::Args;
+
+use crate::error::{Error, Result};
+use crate::volume::phantom::Phantom;
+use crate::volume::raw::{RawOptions, parse_dims, parse_type};
+use crate::volume::source::Unscaled;
+use crate::volume::{SampleType, SlabSource, open};
+
+/// How to read what a file does not say itself.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Reading")]
+pub(super) struct InputArguments {
+    /// Points along x, y, z of a raw file or a phantom: 256x256x128.
+    #[arg(long, value_name = "XxYxZ")]
+    dims: Option<String>,
+    /// Sample type of a raw file or a phantom: u8 i8 u16 i16 u32 i32 f32 f64, with le or be behind it.
+    #[arg(long = "type", value_name = "TYPE")]
+    sample_type: Option<String>,
+    /// Byte order of a raw file: le or be.
+    #[arg(long, value_name = "ORDER", value_parser = ["le", "be"])]
+    endian: Option<String>,
+    /// Bytes to skip at the start of a raw file.
+    #[arg(long, value_name = "BYTES")]
+    skip: Option<u64>,
+    /// Distance between points along x, y, z: 1x1x1.5. Replaces what the file says.
+    #[arg(long, value_name = "XxYxZ", allow_hyphen_values = true)]
+    spacing: Option<String>,
+    /// Which volume of a file that holds several, from 0.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    volume: u32,
+    /// Take samples as they are stored, without the file's slope and intercept.
+    #[arg(long)]
+    unscaled: bool,
+}
+
+impl InputArguments {
+    /// Opens `input`: a path, or `phantom:NAME`.
+    ///
+    /// # Errors
+    /// As the readers; and [`Error::Input`] for flags that do not go with the input.
+    pub(super) fn open(&self, input: &Path) -> Result<Box<dyn SlabSource>> {
+        let dims = self.dims.as_deref().map(parse_dims).transpose()?;
+        let spacing = self.spacing.as_deref().map(parse_spacing).transpose()?;
+        let sample_type = self.sample_type.as_deref().map(parse_type).transpose()?;
+        if let Some(phantom) = phantom(input)? {
+            let sample_type = sample_type.map_or(SampleType::U8, |(ty, _)| ty);
+            return phantom.open(dims.unwrap_or([256; 3]), sample_type, spacing.unwrap_or([1.0; 3]));
+        }
+        let raw = match (dims, sample_type) {
+            (Some(dims), Some((ty, endian))) => {
+                let mut raw = RawOptions::new(dims, ty);
+                raw.endian = match self.endian.as_deref() {
+                    Some("be") => crate::volume::slab::Endian::Big,
+                    Some(_) => crate::volume::slab::Endian::Little,
+                    None => endian,
+                };
+                raw.skip = self.skip.unwrap_or(0);
+                Some(raw)
+            }
+            (None, None) => match (&self.endian, self.skip) {
+                (None, None) => None,
+                _ => return Err(Error::input("--endian, --skip", "are for raw files; give --dims and --type too")),
+            },
+            (Some(_), None) => return Err(Error::input("--dims", "is for raw files; give --type too, such as u8")),
+            (None, Some(_)) => return Err(Error::input("--type", "is for raw files; give --dims too: 256x256x128")),
+        };
+        let source = open::open(input, &open::OpenOptions { raw, volume_index: self.volume, spacing })?;
+        Ok(if self.unscaled { Box::new(Unscaled::new(source)) } else { source })
+    }
+}
+
+/// The phantom that `phantom:NAME` means.
+pub(super) fn phantom(input: &Path) -> Result<Option<Phantom>> {
+    let name = input.to_str().and_then(|text| text.strip_prefix("phantom:"));
+    name.map(Phantom::from_name).transpose()
+}
+
+/// Three distances from text: `1x1x1.5`, or `1,1,1.5`.
+fn parse_spacing(text: &str) -> Result<[f64; 3]> {
+    let parsed: Option<Vec<f64>> = text.split(['x', 'X', ',']).map(|part| part.trim().parse().ok()).collect();
+    let why = || Error::input("spacing", format!("is \"{text}\", but must be three numbers above 0: 1x1x1.5"));
+    let spacing: [f64; 3] = parsed.and_then(|numbers| numbers.try_into().ok()).ok_or_else(why)?;
+    if spacing.iter().all(|h| h.is_finite() && *h > 0.0) { Ok(spacing) } else { Err(why()) }
+}

@@ -1,0 +1,80 @@
+//! The slow twin of `Arena::check`: rules R13 to R20, read off adj-1.md with sets and maps instead of sums.
+//!
+//! It shares the record structs with the library and nothing else.
+
+use std::collections::BTreeMap;
+
+use adjsplat::arena::{Arena, Lane, LineEnds};
+use adjsplat::volume::Axis;
+
+type Codes = (u16, u32, u8);
+
+/// Whether the lanes of an arena that opened are sound.
+pub(crate) fn sound(arena: &Arena) -> bool {
+    let lanes: Option<Vec<_>> = arena.lanes().map(|lane| voxels(&lane, arena)).collect();
+    let Some(lanes) = lanes else { return false };
+    lanes.iter().all(|lane| lane.len() as u64 == arena.facts().visible_voxels && *lane == lanes[0])
+}
+
+/// The voxels of a lane; `None` if any rule is broken.
+fn voxels(lane: &Lane, arena: &Arena) -> Option<BTreeMap<[u32; 3], Codes>> {
+    let ends: Vec<u64> = match lane.line_ends {
+        LineEnds::Narrow(ends) => ends.iter().map(|e| e.get().into()).collect(),
+        LineEnds::Wide(ends) => ends.iter().map(|e| e.get().into()).collect(),
+    };
+    let [u_axis, v_axis] = lane.axis.others().map(Axis::index);
+    let along = lane.axis.index();
+    let (mut line, mut record, mut last_key) = (0usize, 0usize, None);
+    let mut found = BTreeMap::new();
+    for tile in lane.tiles {
+        let key = arena.facts().tile_order.key(tile.tile_u.get(), tile.tile_v.get());
+        if tile.occupancy.get() == 0 || last_key >= Some(key) {
+            return None;
+        }
+        last_key = Some(key);
+        if (tile.first_line.get() as usize, tile.first_record.get()) != (line, record as u64) {
+            return None;
+        }
+        let first = record;
+        let mut coordinates = Vec::new();
+        for bit in (0..64u32).filter(|bit| tile.occupancy.get() & 1 << bit != 0) {
+            let u = 8 * u32::from(tile.tile_u.get()) + bit % 8;
+            let v = 8 * u32::from(tile.tile_v.get()) + bit / 8;
+            let end = first + usize::try_from(*ends.get(line)?).unwrap();
+            line += 1;
+            let mut next = 0u64;
+            let mut last = 0;
+            if end <= record || u >= lane.dims[u_axis] || v >= lane.dims[v_axis] {
+                return None;
+            }
+            while record < end {
+                last = *lane.steps.get(record)?;
+                let codes = (lane.value_code(record), lane.normal_code(record), lane.magnitude_code(record));
+                if last == 0 {
+                    next += 255;
+                    if codes != (0, 0, 0) {
+                        return None;
+                    }
+                } else {
+                    next += u64::from(last);
+                    let coordinate = u32::try_from(next - 1).unwrap();
+                    let mut at = [0; 3];
+                    (at[u_axis], at[v_axis], at[along]) = (u, v, coordinate);
+                    coordinates.push(coordinate);
+                    if coordinate >= lane.dims[along] || found.insert(at, codes).is_some() {
+                        return None;
+                    }
+                }
+                record += 1;
+            }
+            if last == 0 {
+                return None;
+            }
+        }
+        let (low, high) = (coordinates.iter().min()?, coordinates.iter().max()?);
+        if (*low, *high) != (tile.low.get().into(), tile.high.get().into()) {
+            return None;
+        }
+    }
+    (line == ends.len() && record == lane.steps.len()).then_some(found)
+}
