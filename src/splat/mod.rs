@@ -40,7 +40,10 @@ pub trait Lanes: Sync {
 
 impl Lanes for Vec<OwnedLane> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
-        self.iter().find(|lane| lane.axis == axis).map(OwnedLane::view).ok_or_else(|| missing(axis))
+        self.iter().find(|lane| lane.axis == axis).map(OwnedLane::view).ok_or_else(|| {
+            let why = format!("along {} is not there, but this view walks along it", axis.name());
+            Error::input("lane", why)
+        })
     }
 }
 

@@ -17,6 +17,11 @@
 //! A step may run over pixels outside the ellipse or the band: they get weight 0 or are guard pixels. A pixel's bits
 //! depend on absolute coordinates only.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    reason = "pixel counts are below 2^15; casts of coordinates saturate and are clipped to the band"
+)]
+
 use super::arith::{at_least, exp2_neg, keep_if};
 use super::blend::{Blend, Ink};
 use super::planes::{Eight, Planes, WIDE};
@@ -134,12 +139,7 @@ pub(crate) struct Limits {
 
 /// Draws a block; gives how many splats touched the band.
 #[inline(always)]
-pub(crate) fn draw<B: Blend, E: Ellipses>(
-    planes: &mut Planes,
-    splats: &Splats,
-    ellipses: &E,
-    limits: Limits,
-) -> u64 {
+pub(crate) fn draw<B: Blend, E: Ellipses>(planes: &mut Planes, splats: &Splats, ellipses: &E, limits: Limits) -> u64 {
     let rect = planes.rect;
     let mut drawn = 0;
     let mut amounts: Amounts = [0.0; PACK + STEP];
@@ -149,16 +149,11 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(
         let (low_x, high_x) = (splats.low_x[j], splats.high_x[j]);
         let (low_y, high_y) = (splats.low_y[j].max(rect.y0), splats.high_y[j].min(rect.y1 - 1));
         // Stage 1 lists only splats that reach the band; the test keeps a mistake there from leaving the planes.
-        if !(peak > 0.0) || low_y > high_y || high_x < rect.x0 || low_x >= rect.x1 {
+        if peak <= 0.0 || low_y > high_y || high_x < rect.x0 || low_x >= rect.x1 {
             continue;
         }
         drawn += 1;
-        let ink = Ink {
-            red: splats.red[k],
-            green: splats.green[k],
-            blue: splats.blue[k],
-            stop: limits.stop,
-        };
+        let ink = Ink { red: splats.red[k], green: splats.green[k], blue: splats.blue[k], stop: limits.stop };
         let ellipse = ellipses.at(j);
         let corner = Corner {
             dx: (low_x - splats.x[j]) as f32 - splats.rest_x[j],
@@ -304,18 +299,18 @@ struct PlacesByWidth {
 static PLACES: PlacesByWidth = places_by_width();
 
 const fn places_by_width() -> PlacesByWidth {
-    const NONE: Places = Places {
-        column: [0.0; PACK + STEP],
-        row: [0.0; PACK + STEP],
-        inside: [[0; WIDE]; NARROW / WIDE],
-    };
+    const NONE: Places =
+        Places { column: [0.0; PACK + STEP], row: [0.0; PACK + STEP], inside: [[0; WIDE]; NARROW / WIDE] };
     let mut places = PlacesByWidth { of_width: [NONE; NARROW + 1] };
     let mut width = 0;
     while width <= NARROW {
         let mut k = 0;
         while k < PACK + STEP {
             places.of_width[width].column[k] = (if width == 0 { k } else { k % width }) as f32;
-            places.of_width[width].row[k] = (if width == 0 { 0 } else { k / width }) as f32;
+            places.of_width[width].row[k] = match k.checked_div(width) {
+                Some(row) => row as f32,
+                None => 0.0,
+            };
             if k < width {
                 places.of_width[width].inside[k / WIDE][k % WIDE] = u32::MAX;
             }
