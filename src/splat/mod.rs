@@ -40,10 +40,7 @@ pub trait Lanes: Sync {
 
 impl Lanes for Vec<OwnedLane> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
-        self.iter().find(|lane| lane.axis == axis).map(OwnedLane::view).ok_or_else(|| {
-            let why = format!("along {} is not there, but this view walks along it", axis.name());
-            Error::input("lane", why)
-        })
+        self.iter().find(|lane| lane.axis == axis).map(OwnedLane::view).ok_or_else(|| missing(axis))
     }
 }
 
@@ -51,6 +48,10 @@ impl Lanes for LaneSet<'_> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
         self.lane(axis)
     }
+}
+
+fn missing(axis: Axis) -> Error {
+    Error::input("lane", format!("along {} is not there, but this view walks along it", axis.name()))
 }
 
 /// What a frame shows.
