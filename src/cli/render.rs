@@ -25,7 +25,9 @@ use crate::traverse::{SplitForm, VoxelBox};
 
 /// Render an .adj file, or directly a volume, to a picture or a turntable.
 #[derive(Debug, Args)]
-#[command(after_help = "Examples:\n  adj render head.adj -o head.png --azimuth 30 --elevation 10\n  adj render head.adj -o turn.apng --frames 36 --size 400x400\n  adj render ct.nhdr --tf ct-bone+1024 -o bone.png --perspective 30\n  adj render head.adj -o inside.png --camera eye.json\n      with eye.json: {\"position\": [0, 90, 0], \"target\": [0, 0, 0], \"up\": [0, 0, 1], \"fov\": 60}")]
+#[command(
+    after_help = "Examples:\n  adj render head.adj -o head.png --azimuth 30 --elevation 10\n  adj render head.adj -o turn.apng --frames 36 --size 400x400\n  adj render ct.nhdr --tf ct-bone+1024 -o bone.png --perspective 30\n  adj render head.adj -o inside.png --camera eye.json\n      with eye.json: {\"position\": [0, 90, 0], \"target\": [0, 0, 0], \"up\": [0, 0, 1], \"fov\": 60}"
+)]
 pub(super) struct Arguments {
     /// An .adj file, or a volume (then say what is visible).
     #[arg(value_name = "IN")]
@@ -266,15 +268,12 @@ fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u
             return Err(Error::input("--camera", "is one view; leave out --frames, or use --azimuth and --elevation"));
         }
         let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
-        return serde_json::from_str(&text).map_err(|fault| Error::input(path.display().to_string(), fault.to_string()));
+        return serde_json::from_str(&text)
+            .map_err(|fault| Error::input(path.display().to_string(), fault.to_string()));
     }
     let turned = 360.0 * f64::from(frame_index) / f64::from(view.frames);
-    let orbit = Orbit {
-        azimuth: view.azimuth + turned,
-        elevation: view.elevation,
-        zoom: view.zoom,
-        fov: view.perspective,
-    };
+    let orbit =
+        Orbit { azimuth: view.azimuth + turned, elevation: view.elevation, zoom: view.zoom, fov: view.perspective };
     Camera::orbiting(orbit, around, size)
 }
 
@@ -282,7 +281,10 @@ fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u
 fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
     let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     serde_json::from_value(description["transfer_function"].clone()).map_err(|_| {
-        Error::input(path.display().to_string(), "stores no transfer function that this program reads; give one with --tf")
+        Error::input(
+            path.display().to_string(),
+            "stores no transfer function that this program reads; give one with --tf",
+        )
     })
 }
 
@@ -303,7 +305,8 @@ fn parse_size(text: &str) -> Result<[u32; 2]> {
 
 /// `0..127,0..63,10..20`, inclusive; ends beyond the grid are the grid's.
 fn parse_crop(text: &str, dims: [u32; 3]) -> Result<VoxelBox> {
-    let why = || Error::input("--crop", format!("is \"{text}\", but must look like 0..127,0..63,10..20, inside the grid"));
+    let why =
+        || Error::input("--crop", format!("is \"{text}\", but must look like 0..127,0..63,10..20, inside the grid"));
     let parts: Vec<&str> = text.split(',').collect();
     let parts: [&str; 3] = parts.try_into().map_err(|_| why())?;
     let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };
@@ -332,7 +335,9 @@ fn parse_background(text: &str) -> Result<Option<[f32; 3]>> {
         "white" => Some([1.0; 3]),
         hex => Some(
             Colour::from_hex(hex)
-                .map_err(|_| Error::input("--background", format!("is \"{hex}\"; give #rrggbb, black, white or transparent")))?
+                .map_err(|_| {
+                    Error::input("--background", format!("is \"{hex}\"; give #rrggbb, black, white or transparent"))
+                })?
                 .linear(),
         ),
     })

@@ -227,9 +227,9 @@ impl Camera {
         let right = if right.length() > 1e-9 {
             right.normalize()
         } else {
-            let farthest = [DVec3::Z, DVec3::Y, DVec3::X].into_iter().min_by(|a, b| {
-                forward.dot(*a).abs().total_cmp(&forward.dot(*b).abs())
-            });
+            let farthest = [DVec3::Z, DVec3::Y, DVec3::X]
+                .into_iter()
+                .min_by(|a, b| forward.dot(*a).abs().total_cmp(&forward.dot(*b).abs()));
             forward.cross(farthest.unwrap_or(DVec3::Z)).normalize()
         };
         [right, right.cross(forward), forward]

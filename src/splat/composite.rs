@@ -131,9 +131,7 @@ impl<'a> Table<'a> {
     pub(crate) fn look(&self, value: u16, magnitude: u8) -> Look {
         match self.kind {
             Kind::Value => self.looks.get(usize::from(value)).copied().unwrap_or_default(),
-            Kind::Pair => {
-                self.looks.get(usize::from(value) << 8 | usize::from(magnitude)).copied().unwrap_or_default()
-            }
+            Kind::Pair => self.looks.get(usize::from(value) << 8 | usize::from(magnitude)).copied().unwrap_or_default(),
             Kind::Computed => {
                 let [red, green, blue, _] = self.looks.get(usize::from(value)).copied().unwrap_or_default();
                 let depth = self.depth(self.value(value), self.magnitude(magnitude));

@@ -134,12 +134,7 @@ pub(crate) struct Limits {
 
 /// Draws a block; gives how many splats touched the band.
 #[inline(always)]
-pub(crate) fn draw<B: Blend, E: Ellipses>(
-    planes: &mut Planes,
-    splats: &Splats,
-    ellipses: &E,
-    limits: Limits,
-) -> u64 {
+pub(crate) fn draw<B: Blend, E: Ellipses>(planes: &mut Planes, splats: &Splats, ellipses: &E, limits: Limits) -> u64 {
     let rect = planes.rect;
     let mut drawn = 0;
     let mut amounts: Amounts = [0.0; PACK + STEP];
@@ -153,12 +148,7 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(
             continue;
         }
         drawn += 1;
-        let ink = Ink {
-            red: splats.red[k],
-            green: splats.green[k],
-            blue: splats.blue[k],
-            stop: limits.stop,
-        };
+        let ink = Ink { red: splats.red[k], green: splats.green[k], blue: splats.blue[k], stop: limits.stop };
         let ellipse = ellipses.at(j);
         let corner = Corner {
             dx: (low_x - splats.x[j]) as f32 - splats.rest_x[j],
@@ -295,11 +285,8 @@ struct PlacesByWidth {
 static PLACES: PlacesByWidth = places_by_width();
 
 const fn places_by_width() -> PlacesByWidth {
-    const NONE: Places = Places {
-        column: [0.0; PACK + STEP],
-        row: [0.0; PACK + STEP],
-        inside: [[0; WIDE]; NARROW / WIDE],
-    };
+    const NONE: Places =
+        Places { column: [0.0; PACK + STEP], row: [0.0; PACK + STEP], inside: [[0; WIDE]; NARROW / WIDE] };
     let mut places = PlacesByWidth { of_width: [NONE; NARROW + 1] };
     let mut width = 0;
     while width <= NARROW {
