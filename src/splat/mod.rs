@@ -38,13 +38,9 @@ pub trait Lanes: Sync {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>>;
 }
 
-impl Lanes for [OwnedLane] {
+impl Lanes for Vec<OwnedLane> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
-        let lane = self.iter().find(|lane| lane.axis == axis);
-        lane.map(OwnedLane::view).ok_or_else(|| {
-            let why = format!("along {} is not there, but this view walks along it", axis.name());
-            Error::input("lane", why)
-        })
+        self.iter().find(|lane| lane.axis == axis).map(OwnedLane::view).ok_or_else(|| missing(axis))
     }
 }
 
@@ -52,6 +48,10 @@ impl Lanes for LaneSet<'_> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
         self.lane(axis)
     }
+}
+
+fn missing(axis: Axis) -> Error {
+    Error::input("lane", format!("along {} is not there, but this view walks along it", axis.name()))
 }
 
 /// What a frame shows.
