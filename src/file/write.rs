@@ -5,7 +5,7 @@
 //! old file or the new one.
 
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Read, Write};
 use std::path::Path;
 
 use xxhash_rust::xxh3::xxh3_64;
@@ -14,7 +14,7 @@ use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
 use crate::arena::lane::{LineEnds, OwnedLane};
 use crate::arena::layout::Facts;
-use crate::arena::layout::{self, ALIGNMENT, FileHeader, SectionEntry, SectionKind, aligned};
+use crate::arena::layout::{self, FileHeader, SectionEntry, SectionKind, aligned};
 use crate::error::{Error, Result};
 
 /// The bytes of an `.adj` file, in memory.
@@ -134,6 +134,5 @@ fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description
 
 /// Zeros after `bytes` bytes, up to where a section may start.
 fn fill_up(out: &mut dyn Write, bytes: u64) -> io::Result<()> {
-    let zeros = usize::try_from(aligned(bytes) - bytes).expect("below the alignment");
-    out.write_all(&[0; ALIGNMENT as usize][..zeros])
+    io::copy(&mut io::repeat(0).take(aligned(bytes) - bytes), out).map(|_| ())
 }
