@@ -5,7 +5,7 @@
 
 use super::gather::Line;
 use super::order::AxisOrder;
-use super::prefix::{CHUNK, prefix_sum, zero_steps};
+use super::prefix::{CHUNK, prefix_sum, reversed, zero_steps};
 use super::walk::Batch;
 use crate::arena::Lane;
 
@@ -196,7 +196,7 @@ fn decode_down(steps: &[u8], line: &Line, base: u64, out: &mut Places, at: usize
             previous = coordinates[CHUNK - 1];
             let low = start - CHUNK;
             *chunk_of(out.medium, low) = [line.medium; CHUNK];
-            *chunk_of(out.fast, low) = std::array::from_fn(|lane| coordinates[CHUNK - 1 - lane]);
+            *chunk_of(out.fast, low) = reversed(coordinates);
             *chunk_of(out.record, low) = std::array::from_fn(|lane| first.wrapping_add(u32_of(CHUNK - 1 - lane)));
             start -= valid;
         }

@@ -51,7 +51,7 @@ impl Gather {
         &mut self,
         rows: &TileRows,
         slow: u16,
-        line_end: &impl Fn(usize) -> Option<u32>,
+        line_end: impl Fn(usize) -> Option<u32>,
         visitor: &mut V,
     ) -> &mut [Line] {
         let tiles = rows.row(usize::from(slow / TILE_EDGE));
@@ -59,17 +59,21 @@ impl Gather {
         if self.lines.len() < room {
             self.lines.resize(room, Line::default());
         }
+        // Taken out of `self`, so that they stay in registers while `lines` is written.
+        let (slow_is_v, longest, record_count) = (self.slow_is_v, self.longest, self.record_count);
+        let order = self.order;
+        let lines = &mut self.lines[..];
         let within = slow % TILE_EDGE;
         let mut count = 0;
         for tile in tiles {
-            let row = if self.slow_is_v { RowOfLines::of_v(tile, within) } else { RowOfLines::of_u(tile, within) };
-            if row.occupied == 0 || !visitor.wants_row(&self.row_bounds(tile, slow)) {
+            let row = if slow_is_v { RowOfLines::of_v(tile, within) } else { RowOfLines::of_u(tile, within) };
+            if row.occupied == 0 || !visitor.wants_row(&row_bounds(&order, slow_is_v, tile, slow)) {
                 continue;
             }
             let first_record = tile.first_record.get();
-            let Some(records) = self.record_count.checked_sub(first_record) else { continue };
+            let Some(records) = record_count.checked_sub(first_record) else { continue };
             let first_line = tile.first_line.get() as usize;
-            let medium_tile = if self.slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() };
+            let medium_tile = if slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() };
             let first_medium = TILE_EDGE.wrapping_mul(medium_tile);
             let mut occupied = row.occupied;
             while occupied != 0 {
@@ -87,31 +91,31 @@ impl Gather {
                     count: line_records as u16,
                     medium: first_medium.wrapping_add(bit),
                 };
-                self.lines[count] = line;
-                let is_sound = line_records.wrapping_sub(1) < self.longest && u64::from(end) <= records;
+                lines[count] = line;
+                let is_sound = line_records.wrapping_sub(1) < longest && u64::from(end) <= records;
                 count += usize::from(is_sound);
             }
         }
-        &mut self.lines[..count]
+        &mut lines[..count]
     }
+}
 
-    /// All voxels that `tile` may hold in slice `slow`.
-    #[inline(always)]
-    fn row_bounds(&self, tile: &TileRecord, slow: u16) -> VoxelBox {
-        let medium_tile = if self.slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() };
-        let first = medium_tile.wrapping_mul(TILE_EDGE);
-        let bounds = |axis: Axis| {
-            if axis == self.order.slow {
-                (slow, slow)
-            } else if axis == self.order.fast {
-                (tile.low.get(), tile.high.get())
-            } else {
-                (first, first.saturating_add(TILE_EDGE - 1))
-            }
-        };
-        let [x, y, z] = Axis::ALL.map(bounds);
-        VoxelBox { low: [x.0, y.0, z.0], high: [x.1, y.1, z.1] }
-    }
+/// All voxels that `tile` may hold in slice `slow`.
+#[inline(always)]
+fn row_bounds(order: &Order, slow_is_v: bool, tile: &TileRecord, slow: u16) -> VoxelBox {
+    let medium_tile = if slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() };
+    let first = medium_tile.wrapping_mul(TILE_EDGE);
+    let bounds = |axis: Axis| {
+        if axis == order.slow {
+            (slow, slow)
+        } else if axis == order.fast {
+            (tile.low.get(), tile.high.get())
+        } else {
+            (first, first.saturating_add(TILE_EDGE - 1))
+        }
+    };
+    let [x, y, z] = Axis::ALL.map(bounds);
+    VoxelBox { low: [x.0, y.0, z.0], high: [x.1, y.1, z.1] }
 }
 
 /// The up to eight lines that a tile has in one slice.

@@ -63,6 +63,39 @@ pub(super) fn zero_steps(steps: [u8; CHUNK]) -> u32 {
     zero_steps_plain(steps)
 }
 
+/// The same coordinates, last first.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(super) fn reversed(coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
+    // SAFETY: as in `prefix_sum`: `reversed_sse2` needs SSE2 and nothing else, and x86-64 always has it.
+    unsafe { reversed_sse2(coordinates) }
+}
+
+/// The same coordinates, last first.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+pub(super) fn reversed(coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
+    reversed_plain(coordinates)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline]
+#[target_feature(enable = "sse2")]
+fn reversed_sse2(coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
+    use std::arch::x86_64::{__m128i, _mm_shuffle_epi32, _mm_shufflehi_epi16, _mm_shufflelo_epi16};
+    let [low, high]: [__m128i; 2] = bytemuck::must_cast(coordinates);
+    // Fours within each half, then the halves.
+    let reverse = |eight| _mm_shuffle_epi32::<0x4e>(_mm_shufflehi_epi16::<0x1b>(_mm_shufflelo_epi16::<0x1b>(eight)));
+    bytemuck::must_cast([reverse(high), reverse(low)])
+}
+
+/// The same, plainly.
+#[cfg(any(test, not(target_arch = "x86_64")))]
+fn reversed_plain(mut coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
+    coordinates.reverse();
+    coordinates
+}
+
 #[cfg(target_arch = "x86_64")]
 #[inline]
 #[target_feature(enable = "sse2")]
@@ -101,6 +134,8 @@ mod tests {
             });
             let previous = (state >> 40) as u16;
             assert_eq!(prefix_sum(steps, previous), prefix_sum_plain(steps, previous));
+            let sums = prefix_sum(steps, previous);
+            assert_eq!(reversed(sums), reversed_plain(sums));
             let sparse = steps.map(|step| step.saturating_sub(100));
             assert_eq!(zero_steps(sparse), zero_steps_plain(sparse));
         }

@@ -118,7 +118,7 @@ fn walk_slices<V: Visitor + ?Sized>(
     lane: &Lane,
     order: &Order,
     rows: &TileRows,
-    line_end: impl Fn(usize) -> Option<u32>,
+    line_end: impl Fn(usize) -> Option<u32> + Copy,
     visitor: &mut V,
 ) {
     let along = |axis: crate::volume::Axis| order.along[axis.index()];
@@ -130,7 +130,7 @@ fn walk_slices<V: Visitor + ?Sized>(
     let slices = rows.slices();
     along(order.slow).for_each_index(&slices, |index| {
         let slow = slices[index];
-        let gathered = gather.lines_of(rows, slow, &line_end, visitor);
+        let gathered = gather.lines_of(rows, slow, line_end, visitor);
         let mut lines = match along(order.medium) {
             AxisOrder::Ascending => &*gathered,
             AxisOrder::Descending => {
