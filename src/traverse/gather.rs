@@ -80,7 +80,7 @@ impl Gather {
                 #[allow(clippy::cast_possible_truncation, reason = "a bit of a byte is below 8")]
                 let bit = occupied.trailing_zeros() as u16;
                 occupied &= occupied - 1;
-                let rank = usize::from((row.ranks >> (8 * bit)) as u8);
+                let rank = (row.ranks >> (8 * bit) & 0xff) as usize;
                 let Some(end) = line_end(first_line + rank) else { break };
                 let start = if rank == 0 { 0 } else { line_end(first_line + rank - 1).unwrap_or(end) };
                 // A line that ends before it starts gets a count beyond any axis.

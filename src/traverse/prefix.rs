@@ -125,6 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[allow(clippy::cast_possible_truncation, reason = "bits of a random number are wanted")]
     fn the_fast_functions_equal_the_plain_ones() {
         let mut state = 1u64;
         for _ in 0..10_000 {
