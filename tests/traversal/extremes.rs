@@ -126,7 +126,7 @@ impl adjsplat::traverse::Visitor for Boxes {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn a_refused_box_changes_nothing_else(volume in a_volume(), seed in any::<u64>()) {
