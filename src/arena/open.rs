@@ -173,8 +173,7 @@ impl<'a> Arena<'a> {
     /// Views of the lane's sections. R10, R11.
     fn lane_of(&self, axis: Axis) -> Result<Option<Lane<'a>>, FormatFault> {
         let (channels, dims) = (self.facts.channels, self.facts.grid.dims);
-        let place =
-            |kind: SectionKind| self.sections.iter().position(|s| s.kind == Some(kind) && s.axis == Some(axis));
+        let place = |kind: SectionKind| self.sections.iter().position(|s| s.kind == Some(kind) && s.axis == Some(axis));
         if SectionKind::OF_LANES.into_iter().all(|kind| place(kind).is_none()) {
             return Ok(None);
         }
@@ -317,9 +316,7 @@ fn sections_of(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
         next = aligned(end);
         let element = match (kind, axis) {
             (None, _) => entry.element_bytes.max(1),
-            (Some(kind), axis) => {
-                kind.element_bytes(facts.channels, facts.grid.dims, axis.unwrap_or(Axis::X))
-            }
+            (Some(kind), axis) => kind.element_bytes(facts.channels, facts.grid.dims, axis.unwrap_or(Axis::X)),
         };
         if element == 0 {
             let got = format!("a section of {}", kind.map_or("", SectionKind::name));
