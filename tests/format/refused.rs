@@ -60,22 +60,31 @@ pub fn refused() -> Vec<(&'static str, Vec<u8>)> {
         ("x-huge-count.adj", patched(worked, |f| put(f, 12, &1_025u32.to_le_bytes()))),
         ("x-table-past-end.adj", patched(worked, |f| put(f, 12, &1_000u32.to_le_bytes()))),
         ("x-unaligned.adj", patched(worked, |f| f[FIRST_ENTRY + 8] += 4)),
-        ("x-overlap.adj", patched(worked, |f| {
-            let before: [u8; 8] = f[FIRST_ENTRY + ENTRY + 8..][..8].try_into().unwrap();
-            put(f, FIRST_ENTRY + 2 * ENTRY + 8, &before);
-        })),
-        ("x-hole.adj", patched(worked, |f| {
-            f[FIRST_ENTRY + 4 * ENTRY + 9] += 1;
-            let len = f.len() as u64 + 256;
-            f.resize(f.len() + 256, 0);
-            put(f, 16, &len.to_le_bytes());
-        })),
+        (
+            "x-overlap.adj",
+            patched(worked, |f| {
+                let before: [u8; 8] = f[FIRST_ENTRY + ENTRY + 8..][..8].try_into().unwrap();
+                put(f, FIRST_ENTRY + 2 * ENTRY + 8, &before);
+            }),
+        ),
+        (
+            "x-hole.adj",
+            patched(worked, |f| {
+                f[FIRST_ENTRY + 4 * ENTRY + 9] += 1;
+                let len = f.len() as u64 + 256;
+                f.resize(f.len() + 256, 0);
+                put(f, 16, &len.to_le_bytes());
+            }),
+        ),
         ("x-section-past-end.adj", patched(worked, |f| put(f, FIRST_ENTRY + 16, &u64::MAX.to_le_bytes()))),
-        ("x-not-filled-up.adj", patched(worked, |f| {
-            f.truncate(f.len() - 16);
-            let len = f.len() as u64;
-            put(f, 16, &len.to_le_bytes());
-        })),
+        (
+            "x-not-filled-up.adj",
+            patched(worked, |f| {
+                f.truncate(f.len() - 16);
+                let len = f.len() as u64;
+                put(f, 16, &len.to_le_bytes());
+            }),
+        ),
         ("x-no-grid-points.adj", rebuilt(worked, |p| p.header.dims[1].set(0))),
         ("x-spacing.adj", rebuilt(worked, |p| p.header.spacing[2].set(f64::NAN))),
         ("x-direction.adj", rebuilt(worked, |p| p.header.direction[2] = p.header.direction[1])),
@@ -102,11 +111,14 @@ pub fn refused() -> Vec<(&'static str, Vec<u8>)> {
             file
         }),
         ("x-tile-outside.adj", rebuilt(worked, |p| p.section(Tiles, x).bytes[0] = 1)),
-        ("x-tile-sequence.adj", rebuilt("hilbert.adj", |p| {
-            let tiles = &mut p.section(Tiles, x).bytes;
-            let (a, b) = tiles.split_at_mut(28);
-            a[..4].swap_with_slice(&mut b[..4]);
-        })),
+        (
+            "x-tile-sequence.adj",
+            rebuilt("hilbert.adj", |p| {
+                let tiles = &mut p.section(Tiles, x).bytes;
+                let (a, b) = tiles.split_at_mut(28);
+                a[..4].swap_with_slice(&mut b[..4]);
+            }),
+        ),
         ("x-tile-order-differs.adj", rebuilt("hilbert.adj", |p| p.header.tile_order = 2)),
         ("x-occupancy-empty.adj", rebuilt(worked, |p| p.section(Tiles, x).bytes[16..24].fill(0))),
         ("x-occupancy-outside.adj", rebuilt(worked, |p| p.section(Tiles, x).bytes[16] = 0b101)),
@@ -116,26 +128,35 @@ pub fn refused() -> Vec<(&'static str, Vec<u8>)> {
         ("x-high.adj", rebuilt(worked, |p| p.section(Tiles, x).bytes[26] -= 1)),
         ("x-line-end-repeated.adj", rebuilt(worked, |p| p.section(LineEnds, x).bytes[2] = 2)),
         ("x-line-end-past-end.adj", rebuilt(worked, |p| p.section(LineEnds, x).bytes[2] = 5)),
-        ("x-records-left-over.adj", rebuilt(worked, |p| {
-            p.section(Steps, x).bytes.push(1);
-            p.section(Values, x).bytes.push(1);
-        })),
-        ("x-mask-without-line-end.adj", rebuilt("rows.adj", |p| {
-            let mask = &mut p.section(Tiles, x).bytes[16..24];
-            let byte = mask.iter_mut().find(|byte| **byte != 0xff).unwrap();
-            *byte |= 1 << byte.trailing_ones();
-        })),
+        (
+            "x-records-left-over.adj",
+            rebuilt(worked, |p| {
+                p.section(Steps, x).bytes.push(1);
+                p.section(Values, x).bytes.push(1);
+            }),
+        ),
+        (
+            "x-mask-without-line-end.adj",
+            rebuilt("rows.adj", |p| {
+                let mask = &mut p.section(Tiles, x).bytes[16..24];
+                let byte = mask.iter_mut().find(|byte| **byte != 0xff).unwrap();
+                *byte |= 1 << byte.trailing_ones();
+            }),
+        ),
         ("x-step-past-end.adj", rebuilt(worked, |p| p.section(Steps, x).bytes[3] = 46)),
         ("x-trailing-stepping.adj", rebuilt(worked, |p| p.section(Steps, x).bytes[1] = 0)),
         ("x-stepping-with-value.adj", rebuilt(worked, |p| p.section(Values, x).bytes[2] = 7)),
         ("x-visible-count.adj", rebuilt(worked, |p| p.header.visible_voxels.set(4))),
         ("x-lanes-value.adj", rebuilt("magnitudes-only.adj", |p| p.section(Values, Axis::Y).bytes[1] ^= 1)),
-        ("x-lanes-swapped.adj", rebuilt("magnitudes-only.adj", |p| {
-            // Two voxels of a lane exchange their magnitudes: every count and every sum of codes stays.
-            let magnitudes = &mut p.section(SectionKind::Magnitudes, Axis::Y).bytes;
-            let other = (1..magnitudes.len()).find(|&i| magnitudes[i] != magnitudes[0]).unwrap();
-            magnitudes.swap(0, other);
-        })),
+        (
+            "x-lanes-swapped.adj",
+            rebuilt("magnitudes-only.adj", |p| {
+                // Two voxels of a lane exchange their magnitudes: every count and every sum of codes stays.
+                let magnitudes = &mut p.section(SectionKind::Magnitudes, Axis::Y).bytes;
+                let other = (1..magnitudes.len()).find(|&i| magnitudes[i] != magnitudes[0]).unwrap();
+                magnitudes.swap(0, other);
+            }),
+        ),
         ("x-filling.adj", patched(worked, |f| *f.last_mut().unwrap() = 1)),
         ("x-table-filling.adj", patched(worked, |f| f[FIRST_ENTRY + 5 * ENTRY] = 1)),
         ("x-description-utf8.adj", rebuilt(worked, |p| p.sections[0].bytes[2] = 0xff)),

@@ -75,17 +75,25 @@ pub fn scenes() -> Vec<Scene> {
     // The distances at which the number of stepping voxels changes, on all three axes; the x lane's line ends are
     // wide, those of y, with 1,023 points a line, just not.
     let gaps = [
-        [0, 0, 0], [255, 0, 0], [511, 0, 0], [1021, 0, 0], [1532, 0, 0],
-        [0, 255, 0], [0, 511, 0], [0, 1022, 0],
-        [0, 0, 255], [0, 0, 511],
-        [254, 9, 1], [255, 9, 2], [256, 9, 3], [1599, 9, 4],
+        [0, 0, 0],
+        [255, 0, 0],
+        [511, 0, 0],
+        [1021, 0, 0],
+        [1532, 0, 0],
+        [0, 255, 0],
+        [0, 511, 0],
+        [0, 1022, 0],
+        [0, 0, 255],
+        [0, 0, 511],
+        [254, 9, 1],
+        [255, 9, 2],
+        [256, 9, 3],
+        [1599, 9, 4],
     ];
     let dims_of_curves = [24, 40, 40];
     let on_curves = scattered(7, dims_of_curves, bytes, 48);
-    let ordered = |name, tile_order, lanes| Scene {
-        tile_order,
-        ..scene(name, dims_of_curves, bytes, lanes, on_curves.clone())
-    };
+    let ordered =
+        |name, tile_order, lanes| Scene { tile_order, ..scene(name, dims_of_curves, bytes, lanes, on_curves.clone()) };
     let wide = channels(16, 16, 8);
     let narrow = channels(8, 8, 0);
     vec![
