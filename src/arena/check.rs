@@ -15,13 +15,15 @@
 //! magnitude) does not depend on the order. The hash's key is the file's fingerprint, so that a file cannot be
 //! made to fit it. Two lanes that differ have equal sums by a chance of about 2^-64.
 
+use std::mem::{offset_of, size_of};
+
+use xxhash_rust::xxh3::xxh3_64;
+
 use super::lane::{Lane, STEPPING};
 use super::layout::{Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord};
 use super::open::{Arena, Section, fault, zeros_from};
 use crate::error::FormatFault;
 use crate::volume::Axis;
-use std::mem::{offset_of, size_of};
-use xxhash_rust::xxh3::xxh3_64;
 
 /// What a sound arena holds.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -358,7 +360,11 @@ impl<'a> LaneCheck<'a> {
 
 /// Where a coordinate on `axis` stands in a voxel's place.
 const fn shift(axis: Axis) -> u32 {
-    16 * axis.index() as u32
+    match axis {
+        Axis::X => 0,
+        Axis::Y => 16,
+        Axis::Z => 32,
+    }
 }
 
 /// The hash of a voxel: two folded multiplications, keyed.

@@ -85,6 +85,32 @@ impl Lane<'_> {
         (directory + self.steps.len() + self.values.len() + self.normals.len() + self.magnitudes.len()) as u64
     }
 
+    /// Lowest and highest coordinates of its voxels, by x, y, z; `None` if it has no tiles.
+    ///
+    /// From the directory alone: O(tiles). On a file that was not checked it may be wrong.
+    pub fn bounds(&self) -> Option<([u16; 3], [u16; 3])> {
+        let [u, v] = self.axis.others();
+        let (mut low, mut high) = ([u16::MAX; 3], [0; 3]);
+        for tile in self.tiles {
+            let mask = tile.occupancy.get();
+            let columns = mask.to_le_bytes().into_iter().fold(0u8, |columns, row| columns | row);
+            let lines = |first: U16, occupied: u64| {
+                let line = |bit: u32| first.get().saturating_mul(TILE_EDGE).saturating_add(u16::try_from(bit).unwrap_or(0));
+                (line(occupied.trailing_zeros()), line(63 - occupied.leading_zeros().min(63)))
+            };
+            let rows = (mask.trailing_zeros() / 8, (63 - mask.leading_zeros().min(63)) / 8);
+            let along_u = lines(tile.tile_u, columns.into());
+            let along_v = lines(tile.tile_v, 1 << rows.0.min(7) | 1 << rows.1);
+            for (axis, (from, to)) in [(u, along_u), (v, along_v), (self.axis, (tile.low.get(), tile.high.get()))] {
+                low[axis.index()] = low[axis.index()].min(from);
+                high[axis.index()] = high[axis.index()].max(to);
+            }
+        }
+        let last = self.dims.map(|points| u16::try_from(points - 1).unwrap_or(u16::MAX));
+        let inside = |corner: [u16; 3]| std::array::from_fn(|a| corner[a].min(last[a]));
+        (!self.tiles.is_empty()).then(|| (inside(low), inside(high)))
+    }
+
     /// Records that carry only distance.
     pub fn stepping_voxels(&self) -> u64 {
         self.steps.iter().filter(|&&step| step == 0).count() as u64

@@ -6,17 +6,18 @@
 
 use super::colour::Colour;
 use super::palette::{FROG, Label, Others};
-use super::transfer::{FactorPoint, Point, TransferFunction};
+use super::transfer::{Contour, FactorPoint, Point, TransferFunction};
 use crate::error::{Error, Result};
 
 /// Names that [`TransferFunction::preset`] knows, each with what it shows.
-pub const PRESETS: [(&str, &str); 6] = [
+pub const PRESETS: [(&str, &str); 7] = [
     ("ct-bone", "bone, in Hounsfield units"),
     ("ct-skin", "skin over bone, in Hounsfield units"),
     ("ct-angio", "vessels with contrast agent and bone, in Hounsfield units"),
     ("mr", "T1 heads with tissue at 100 to 250"),
     ("labels", "any label map, a distinct colour for each label above 0"),
     ("frog", "the tissues of the whole frog's segmentation"),
+    ("gyroid", "both sides of the gyroid phantom"),
 ];
 
 type Knots = &'static [(f64, [u8; 3], f64)];
@@ -95,6 +96,10 @@ fn plain(name: &str) -> Option<Result<TransferFunction>> {
                 opacity: 1.0,
             };
             TransferFunction::labels(FROG.iter().map(entry).collect(), Others::Transparent)
+        }
+        "gyroid" => {
+            let side = |value, rgb| Contour { value, opacity: 0.95, width: 1.5, colour: Colour::from_bytes(rgb) };
+            TransferFunction::contours(vec![side(104.0, [0x2f, 0x7f, 0x9e]), side(152.0, [0xef, 0xc2, 0x7b])])
         }
         _ => return None,
     })

@@ -25,9 +25,9 @@ const CONTOUR_OPACITY: f64 = 0.9;
 pub(super) const CONTOUR_COLOUR: Colour = Colour::from_bytes([0xef, 0xe2, 0xcc]);
 /// Colours of a range unless given: warm bone, from brown marrow to ivory.
 pub(super) const RANGE_COLOURS: [Colour; 4] = [
-    Colour::from_bytes([0x9a, 0x5b, 0x3c]),
-    Colour::from_bytes([0xd2, 0x9f, 0x72]),
-    Colour::from_bytes([0xee, 0xd9, 0xb6]),
+    Colour::from_bytes([0xb8, 0x80, 0x5c]),
+    Colour::from_bytes([0xdd, 0xb8, 0x90]),
+    Colour::from_bytes([0xf1, 0xe2, 0xc8]),
     Colour::from_bytes([0xff, 0xf9, 0xee]),
 ];
 

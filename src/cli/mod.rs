@@ -10,6 +10,7 @@ mod completions;
 mod demo;
 mod info;
 mod input;
+mod picture;
 mod progress;
 mod render;
 mod verify;
@@ -50,7 +51,7 @@ enum Command {
     Build(Box<build::Arguments>),
     Info(info::Arguments),
     Verify(verify::Arguments),
-    Render(render::Arguments),
+    Render(Box<render::Arguments>),
     Demo(demo::Arguments),
     Completions(completions::Arguments),
 }
@@ -62,21 +63,24 @@ pub fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     progress::catch_interrupts();
-    let answer = match cli.command {
-        Command::Build(arguments) => build::run(&arguments),
-        Command::Info(arguments) => info::run(&arguments),
-        Command::Verify(arguments) => verify::run(&arguments),
-        Command::Render(arguments) => render::run(&arguments),
-        Command::Demo(arguments) => demo::run(&arguments),
-        Command::Completions(arguments) => completions::run(&arguments),
-    };
-    match answer {
+    match run(&cli.command) {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
         Err(error) => {
             print_note(&one_line(&error));
             ExitCode::from(2)
         }
+    }
+}
+
+fn run(command: &Command) -> Result<Answer> {
+    match command {
+        Command::Build(arguments) => build::run(arguments),
+        Command::Info(arguments) => info::run(arguments),
+        Command::Verify(arguments) => verify::run(arguments),
+        Command::Render(arguments) => render::run(arguments),
+        Command::Demo(arguments) => demo::run(arguments),
+        Command::Completions(arguments) => completions::run(arguments),
     }
 }
 

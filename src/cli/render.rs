@@ -1,7 +1,381 @@
-use super::Answer;
-use crate::error::Result;
-#[derive(Debug, clap::Args)]
-pub(super) struct Arguments {}
-pub(super) fn run(_: &Arguments) -> Result<Answer> {
+//! `adj render`: from an `.adj` file, or a volume, to pictures.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use clap::{Args, ValueEnum};
+use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
+
+use super::build::{PackingArguments, build_with_warnings, description};
+use super::classification::ClassificationArguments;
+use super::info::is_adj;
+use super::input::InputArguments;
+use super::picture::{Depth, Picture, PictureKind, write_animation};
+use super::progress::{Progress, interrupted};
+use super::{Answer, is_same_file, print_note, print_result};
+use crate::arena::builder::voxel_length;
+use crate::arena::layout::Scales;
+use crate::arena::{Arena, LaneSet};
+use crate::classify::{Colour, TransferFunction};
+use crate::error::{Error, Result};
+use crate::file::{AdjFile, arena_bytes, check_writable, write_atomically};
+use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Stats, Surround, cpu};
+use crate::traverse::{SplitForm, VoxelBox};
+
+/// Render an .adj file, or directly a volume, to a picture or a turntable.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  adj render head.adj -o head.png --azimuth 30 --elevation 10\n  adj render head.adj -o turn.apng --frames 36 --size 400x400\n  adj render ct.nhdr --tf ct-bone+1024 -o bone.png --perspective 30\n  adj render head.adj -o inside.png --camera eye.json\n      with eye.json: {\"position\": [0, 90, 0], \"target\": [0, 0, 0], \"up\": [0, 0, 1], \"fov\": 60}"
+)]
+pub(super) struct Arguments {
+    /// An .adj file, or a volume (then say what is visible).
+    #[arg(value_name = "IN")]
+    input: PathBuf,
+    /// The picture: .png, .apng (all frames in one) or .exr (linear, 32-bit float).
+    #[arg(short, long, value_name = "OUT")]
+    output: PathBuf,
+    #[command(flatten)]
+    view: ViewArguments,
+    #[command(flatten)]
+    look: LookArguments,
+    #[command(flatten)]
+    classification: ClassificationArguments,
+    #[command(flatten)]
+    packing: PackingArguments,
+    #[command(flatten)]
+    reading: InputArguments,
+    /// Write counts, times and the picture's checksum to this file, as JSON.
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+    /// Threads; all processors unless given.
+    #[arg(long, value_name = "N")]
+    threads: Option<usize>,
+    /// cpu; auto takes the best that there is.
+    #[arg(long, value_name = "R", value_enum, default_value_t = Renderer::Auto)]
+    renderer: Renderer,
+    /// No progress bar.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+enum Renderer {
+    Auto,
+    Cpu,
+}
+
+/// Where the camera is.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "View")]
+pub(super) struct ViewArguments {
+    /// Columns and rows of the picture.
+    #[arg(long, value_name = "WxH", default_value = "800x800")]
+    size: String,
+    /// Degrees around the vertical; 0 looks from the front (at a face), 90 from the right of the picture.
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true)]
+    azimuth: f64,
+    /// Degrees above the horizontal.
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true)]
+    elevation: f64,
+    /// Magnification; at 1 everything fits.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_hyphen_values = true)]
+    zoom: f64,
+    /// Perspective with this vertical angle of view; parallel unless given.
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
+    perspective: Option<f64>,
+    /// Camera in world coordinates, as a JSON file: position, target, up, and fov or height.
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["azimuth", "elevation", "zoom", "perspective"])]
+    camera: Option<PathBuf>,
+    /// Frames of a full turn around the vertical: numbered files, or one .apng.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    frames: u32,
+    /// Only voxels in this box, by index, inclusive: 0..127,0..63,10..20; an end may be left out.
+    #[arg(long, value_name = "X,Y,Z")]
+    crop: Option<String>,
+}
+
+/// How the picture is made.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Look")]
+pub(super) struct LookArguments {
+    /// Kernel and where rays end: each step is about twice as slow.
+    #[arg(long, value_name = "Q", default_value = "standard", value_parser = ["draft", "standard", "high", "reference"])]
+    quality: String,
+    /// composite: light and shade; maximum, maximum-grey: largest value along each ray; xray: sum along each ray.
+    #[arg(long, value_name = "MODE", default_value = "composite", value_parser = ["composite", "maximum", "maximum-grey", "xray"])]
+    mode: String,
+    /// Colour behind the volume: #rrggbb, black, white or transparent.
+    #[arg(long, value_name = "COLOUR", default_value = "white")]
+    background: String,
+    /// No lighting.
+    #[arg(long)]
+    unlit: bool,
+    /// Order where the eye's plane splits an axis: interleaved (right where splats overlap) or split.
+    #[arg(long, value_name = "FORM", default_value = "interleaved", value_parser = ["interleaved", "split"])]
+    form: String,
+    /// Bits of a PNG's sample.
+    #[arg(long, value_name = "BITS", default_value = "8", value_parser = ["8", "16"])]
+    bits: String,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    let kind = PictureKind::of(&arguments.output)?;
+    check_writable(&arguments.output)?;
+    if let Some(stats) = &arguments.stats {
+        if is_same_file(stats, &arguments.input) {
+            return Err(Error::input("--stats", "is the input itself, which it would replace; give another name"));
+        }
+        check_writable(stats)?;
+    }
+    let outputs = if arguments.view.frames > 1 && kind != PictureKind::Apng {
+        numbered(&arguments.output, arguments.view.frames)
+    } else {
+        vec![arguments.output.clone()]
+    };
+    let settings = settings(arguments)?;
+    let start = Instant::now();
+    if is_adj(&arguments.input)? {
+        let file = AdjFile::open(&arguments.input)?;
+        let transfer = arguments.classification.transfer(&arguments.input)?;
+        let arena = file.arena()?;
+        return draw(arguments, kind, &outputs, settings, arena, transfer, start);
+    }
+    let transfer = arguments.classification.required(&arguments.input)?;
+    let options = arguments.packing.options(transfer)?;
+    let mut source = arguments.reading.open(&arguments.input)?;
+    let header = source.header().clone();
+    let built = build_with_warnings(&mut *source, &options, arguments.quiet)?;
+    let bytes = arena_bytes(&built.facts, &built.lanes, &description(&header, &built));
+    let transfer = Some(built.transfer.clone());
+    drop(built);
+    let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
+    draw(arguments, kind, &outputs, settings, arena, transfer, start)
+}
+
+fn draw(
+    arguments: &Arguments,
+    kind: PictureKind,
+    outputs: &[PathBuf],
+    mut settings: Settings,
+    arena: Arena,
+    transfer: Option<TransferFunction>,
+    start: Instant,
+) -> Result<Answer> {
+    let facts = arena.facts().clone();
+    let transfer = match transfer {
+        Some(transfer) => transfer,
+        None => stored_transfer(&arena, &arguments.input)?,
+    };
+    let Scales { value_low, value_step, .. } = facts.scales;
+    let codes = f64::from((1u32 << facts.channels.value_bits) - 1);
+    let transfer = transfer
+        .with_voxel_length(voxel_length(&facts.grid))?
+        .with_value_range(value_low, value_low + codes * value_step)?;
+    if transfer.uses_gradient() && facts.channels.magnitude_bits == 0 {
+        let why = "needs gradient magnitudes, which this file does not store; build it again with this function";
+        return Err(Error::input("transfer function", why));
+    }
+    settings.crop = arguments.view.crop.as_deref().map(|text| parse_crop(text, facts.grid.dims)).transpose()?;
+    let around = match (settings.crop, arena.lanes().next().and_then(|lane| lane.bounds())) {
+        (Some(crop), _) => Surround::of_voxels(&facts.grid, crop.low, crop.high),
+        (None, Some((low, high))) => Surround::of_voxels(&facts.grid, low, high),
+        (None, None) => Surround::of_grid(&facts.grid),
+    };
+    let lanes = LaneSet::new(arena, None);
+    let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
+    let background = parse_background(&arguments.look.background)?;
+    let depth = if arguments.look.bits == "16" { Depth::Sixteen } else { Depth::Eight };
+    let mut progress = Progress::new(arguments.quiet || arguments.view.frames == 1);
+    let mut pictures = Vec::new();
+    let mut all_stats = Vec::new();
+    let mut digest = Sha256::new();
+    for frame_index in 0..arguments.view.frames {
+        if interrupted() {
+            return Err(Error::Interrupted);
+        }
+        progress.show("render", frame_index.into(), arguments.view.frames.into());
+        let camera = camera(&arguments.view, around, settings.size, frame_index)?;
+        let (mut frame, stats) = cpu::render(&scene, &camera, &settings)?;
+        if let Some(background) = background {
+            frame.over(background);
+        }
+        all_stats.push(stats);
+        let picture = Picture::new(&frame, kind, depth);
+        digest.update(picture.bytes());
+        match kind {
+            PictureKind::Apng => pictures.push(picture),
+            _ => write_picture(&outputs[frame_index as usize], &picture)?,
+        }
+    }
+    if kind == PictureKind::Apng {
+        write_atomically(&outputs[0], |out| write_animation(out, &pictures))?;
+    }
+    drop(progress);
+    if let Some(path) = &arguments.stats {
+        let stats = stats_json(&settings, &all_stats, &hex(&digest.finalize()));
+        write_atomically(path, |out| writeln!(out, "{stats:#}"))?;
+    }
+    let drawn = all_stats.iter().map(|stats| stats.splats_drawn).max().unwrap_or(0);
+    if drawn == 0 {
+        print_note("warning: the picture is empty: nothing visible lies in view; try without --crop or --camera");
+    }
+    let mean = all_stats.iter().map(|stats| stats.frame_ms).sum::<f64>() / all_stats.len() as f64;
+    let many = if outputs.len() > 1 { format!(" to {}", outputs[outputs.len() - 1].display()) } else { String::new() };
+    print_result(&format!(
+        "{}{many}: {}x{}, {drawn} splats, {mean:.1} ms a frame, {:.2} s in all",
+        outputs[0].display(),
+        settings.size[0],
+        settings.size[1],
+        start.elapsed().as_secs_f64(),
+    ));
     Ok(Answer::Yes)
+}
+
+fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
+    write_atomically(path, |out| picture.write(out))
+}
+
+fn settings(arguments: &Arguments) -> Result<Settings> {
+    let Arguments { view, look, .. } = arguments;
+    let processors = std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = arguments.threads.unwrap_or(processors);
+    if threads == 0 || threads > 1_024 {
+        return Err(Error::input("--threads", format!("is {threads}, but must be 1 to 1024")));
+    }
+    if view.frames == 0 || view.frames > 100_000 {
+        return Err(Error::input("--frames", format!("is {}, but must be 1 to 100000", view.frames)));
+    }
+    let mut settings = Settings::new(parse_size(&view.size)?);
+    settings.quality = match look.quality.as_str() {
+        "draft" => Quality::Draft,
+        "high" => Quality::High,
+        "reference" => Quality::Reference,
+        _ => Quality::Standard,
+    };
+    settings.mode = match look.mode.as_str() {
+        "maximum" => Mode::Maximum,
+        "maximum-grey" => Mode::MaximumGrey,
+        "xray" => Mode::Additive,
+        _ => Mode::Composite,
+    };
+    settings.form = if look.form == "split" { SplitForm::Split } else { SplitForm::Interleaved };
+    if look.unlit {
+        settings.lighting = None;
+    }
+    settings.threads = threads;
+    settings.check()?;
+    Ok(settings)
+}
+
+fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u32) -> Result<Camera> {
+    if let Some(path) = &view.camera {
+        if view.frames > 1 {
+            return Err(Error::input("--camera", "is one view; leave out --frames, or use --azimuth and --elevation"));
+        }
+        let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+        return serde_json::from_str(&text)
+            .map_err(|fault| Error::input(path.display().to_string(), fault.to_string()));
+    }
+    let turned = 360.0 * f64::from(frame_index) / f64::from(view.frames);
+    let orbit =
+        Orbit { azimuth: view.azimuth + turned, elevation: view.elevation, zoom: view.zoom, fov: view.perspective };
+    Camera::orbiting(orbit, around, size)
+}
+
+/// The transfer function that the file was built with.
+fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
+    let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
+    serde_json::from_value(description["transfer_function"].clone()).map_err(|_| {
+        Error::input(
+            path.display().to_string(),
+            "stores no transfer function that this program reads; give one with --tf",
+        )
+    })
+}
+
+/// `out.png` as `out-000.png`, `out-001.png` ...
+fn numbered(path: &Path, frames: u32) -> Vec<PathBuf> {
+    let width = (frames - 1).to_string().len().max(3);
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
+    (0..frames).map(|frame| path.with_file_name(format!("{stem}-{frame:0width$}.{extension}"))).collect()
+}
+
+fn parse_size(text: &str) -> Result<[u32; 2]> {
+    let why = || Error::input("--size", format!("is \"{text}\", but must look like 800x600, up to 16384 a side"));
+    let (columns, rows) = text.split_once(['x', 'X']).ok_or_else(why)?;
+    let number = |part: &str| part.trim().parse::<u32>().map_err(|_| why());
+    Ok([number(columns)?, number(rows)?])
+}
+
+/// `0..127,0..63,10..20`, inclusive; ends beyond the grid are the grid's.
+fn parse_crop(text: &str, dims: [u32; 3]) -> Result<VoxelBox> {
+    let why =
+        || Error::input("--crop", format!("is \"{text}\", but must look like 0..127,0..63,10..20, inside the grid"));
+    let parts: Vec<&str> = text.split(',').collect();
+    let parts: [&str; 3] = parts.try_into().map_err(|_| why())?;
+    let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };
+    for (a, part) in parts.iter().enumerate() {
+        let (low, high) = part.split_once("..").ok_or_else(why)?;
+        let last = dims[a] - 1;
+        let end = |text: &str, open: u32| match text.trim() {
+            "" => Ok(open),
+            number => number.parse::<u32>().map_err(|_| why()),
+        };
+        let (low, high) = (end(low, 0)?, end(high, last)?.min(last));
+        if low > high {
+            return Err(why());
+        }
+        bounds.low[a] = u16::try_from(low).map_err(|_| why())?;
+        bounds.high[a] = u16::try_from(high).map_err(|_| why())?;
+    }
+    Ok(bounds)
+}
+
+/// Linear colour, or `None` for a transparent background.
+fn parse_background(text: &str) -> Result<Option<[f32; 3]>> {
+    Ok(match text {
+        "transparent" => None,
+        "black" => Some([0.0; 3]),
+        "white" => Some([1.0; 3]),
+        hex => Some(
+            Colour::from_hex(hex)
+                .map_err(|_| {
+                    Error::input("--background", format!("is \"{hex}\"; give #rrggbb, black, white or transparent"))
+                })?
+                .linear(),
+        ),
+    })
+}
+
+fn stats_json(settings: &Settings, stats: &[Stats], image_sha256: &str) -> Value {
+    let total = |count: fn(&Stats) -> u64| stats.iter().map(count).sum::<u64>();
+    let times = |time: fn(&Stats) -> f64| stats.iter().map(time).collect::<Vec<f64>>();
+    json!({
+        "renderer": "cpu",
+        "adapter": Value::Null,
+        "threads": settings.threads,
+        "size": settings.size,
+        "frames": stats.len(),
+        "splats_drawn": total(|s| s.splats_drawn),
+        "splats_skipped": total(|s| s.splats_skipped),
+        "frame_ms": times(|s| s.frame_ms),
+        "walk_ms": times(|s| s.walk_ms),
+        "draw_ms": times(|s| s.draw_ms),
+        "peak_rss_bytes": peak_rss_bytes(),
+        "image_sha256": image_sha256,
+    })
+}
+
+/// Largest resident size of the process so far; `None` where the system does not say.
+fn peak_rss_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024)
+}
+
+fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

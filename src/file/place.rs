@@ -50,14 +50,21 @@ pub fn check_writable(path: &Path) -> Result<()> {
 
 /// Creates or replaces the file at `path` with what `write` writes, whole or not at all; its result comes back.
 ///
-/// `stop` is asked every few megabytes, and once more before the file takes its place.
+/// # Errors
+/// [`Error::Input`] if it is a folder or in none; [`Error::Io`] if the folder or the disk refuses. Then nothing is
+/// left behind and an old file is untouched.
+pub fn write_atomically<T>(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<T>) -> Result<T> {
+    write_atomically_unless(&|| false, path, write)
+}
+
+/// As [`write_atomically`], unless `stop` says yes: it is asked every few megabytes, and once more before the file
+/// takes its place.
 ///
 /// # Errors
-/// [`Error::Io`] if the folder or the disk refuses, [`Error::Interrupted`] if `stop` says so; then nothing is left
-/// behind and an old file is untouched.
-pub fn write_atomically<T>(
-    path: &Path,
+/// Likewise; and [`Error::Interrupted`] if `stop` says so.
+pub fn write_atomically_unless<T>(
     stop: &dyn Fn() -> bool,
+    path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
 ) -> Result<T> {
     match Place::of(path)? {

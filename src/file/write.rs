@@ -1,7 +1,7 @@
 //! Writing arenas.
 //!
-//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or, by [`write_atomically`], to a
-//! file.
+//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or, by [`write_atomically_unless`], to
+//! a file.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::arena::lane::{LineEnds, OwnedLane};
 use crate::arena::layout::Facts;
 use crate::arena::layout::{self, ALIGNMENT, FileHeader, SectionEntry, SectionKind, aligned};
 use crate::error::Result;
-use crate::file::place::write_atomically;
+use crate::file::place::write_atomically_unless;
 
 /// The bytes of an `.adj` file, in memory.
 ///
@@ -28,7 +28,7 @@ pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec
 /// Writes an `.adj` file, see [`arena_bytes`], and says how many bytes it has.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// As [`write_atomically_unless`].
 pub fn write_arena(path: &Path, facts: &Facts, lanes: &[OwnedLane], description: &str) -> Result<u64> {
     write_arena_unless(&|| false, path, facts, lanes, description)
 }
@@ -36,7 +36,7 @@ pub fn write_arena(path: &Path, facts: &Facts, lanes: &[OwnedLane], description:
 /// As [`write_arena`], unless `stop` says yes before the file is in its place.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// As [`write_atomically_unless`].
 pub fn write_arena_unless(
     stop: &dyn Fn() -> bool,
     path: &Path,
@@ -44,7 +44,7 @@ pub fn write_arena_unless(
     lanes: &[OwnedLane],
     description: &str,
 ) -> Result<u64> {
-    write_atomically(path, stop, |out| write_to(out, facts, lanes, description))
+    write_atomically_unless(stop, path, |out| write_to(out, facts, lanes, description))
 }
 
 fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description: &str) -> io::Result<u64> {

@@ -181,7 +181,7 @@ impl<'a, E: Fn(usize) -> Option<u32>> Walker<'a, E> {
             }
             let first_line = tile.first_line.get() as usize;
             let first_medium = TILE_EDGE.wrapping_mul(if slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() });
-            let longest = self.lane.dims[self.lane.axis.index()];
+            let (longest, records) = (self.lane.dims[self.lane.axis.index()], self.lane.record_count());
             let mut occupied = lines.occupied;
             while occupied != 0 {
                 #[allow(clippy::cast_possible_truncation, reason = "a bit of a byte is below 8")]
@@ -191,13 +191,14 @@ impl<'a, E: Fn(usize) -> Option<u32>> Walker<'a, E> {
                 let Some(end) = (self.line_end)(first_line + rank) else { return };
                 let start = if rank == 0 { 0 } else { (self.line_end)(first_line + rank - 1).unwrap_or(end) };
                 let count = end.wrapping_sub(start);
-                if count > longest {
+                let first_record = tile.first_record.get().wrapping_add(start.into());
+                // So no sum of a batch's base and a record overflows.
+                if count > longest || first_record >= records {
                     continue;
                 }
                 let Some(budget) = self.budget.checked_sub(count.into()) else { return };
                 self.budget = budget;
                 let medium = first_medium.wrapping_add(bit);
-                let first_record = tile.first_record.get().wrapping_add(start.into());
                 #[allow(clippy::cast_possible_truncation, reason = "no line is longer than 65,535")]
                 self.lines.push(Line { first_record, count: count as u16, medium });
                 self.mediums.push(medium);

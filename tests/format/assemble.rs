@@ -3,50 +3,36 @@
 
 use adjsplat::arena::layout::{FileHeader, SectionEntry, SectionKind, header_checksum};
 use adjsplat::arena::pack::{LanePacker, Record};
-use adjsplat::arena::{Arena, Lane, OwnedLane};
+use adjsplat::arena::{Lane, OwnedLane};
 use adjsplat::volume::Axis;
 use xxhash_rust::xxh3::xxh3_64;
+use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
-use zerocopy::{FromBytes, IntoBytes};
 
 use crate::scenes::Scene;
 
 /// One voxel: x, y, z and what is stored of it.
-pub type Voxel = ([u16; 3], Record);
+pub(crate) type Voxel = ([u16; 3], Record);
 
 /// A section and what its table entry says of it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Part {
-    pub kind: u16,
-    pub axis: u8,
-    pub element_bytes: u8,
-    pub bytes: Vec<u8>,
+pub(crate) struct Part {
+    pub(crate) kind: u16,
+    pub(crate) axis: u8,
+    pub(crate) element_bytes: u8,
+    pub(crate) bytes: Vec<u8>,
 }
 
 /// A file in parts; offsets, lengths and checksums come with [`Parts::file`].
 #[derive(Debug, Clone)]
-pub struct Parts {
-    pub header: FileHeader,
-    pub sections: Vec<Part>,
+pub(crate) struct Parts {
+    pub(crate) header: FileHeader,
+    pub(crate) sections: Vec<Part>,
 }
 
 impl Parts {
-    /// The parts of a file that opens.
-    pub fn of(file: &[u8]) -> Parts {
-        let arena = Arena::new(file).expect("the file opens");
-        let (header, after) = FileHeader::read_from_prefix(file).unwrap();
-        let (table, _) = <[SectionEntry]>::ref_from_prefix_with_elems(after, arena.sections().len()).unwrap();
-        let part = |(entry, section): (&SectionEntry, _)| Part {
-            kind: entry.kind.get(),
-            axis: entry.axis,
-            element_bytes: entry.element_bytes,
-            bytes: arena.section_bytes(section).to_vec(),
-        };
-        Parts { header, sections: table.iter().zip(arena.sections()).map(part).collect() }
-    }
-
     /// The parts of a scene's file.
-    pub fn of_scene(scene: &Scene) -> Parts {
+    pub(crate) fn of_scene(scene: &Scene) -> Parts {
         let mut sections = Vec::new();
         if let Some(text) = &scene.description {
             let kind = SectionKind::Description as u16;
@@ -62,13 +48,13 @@ impl Parts {
     }
 
     /// The section of `kind` in the lane along `axis`.
-    pub fn section(&mut self, kind: SectionKind, axis: Axis) -> &mut Part {
+    pub(crate) fn section(&mut self, kind: SectionKind, axis: Axis) -> &mut Part {
         let axis = u8::try_from(axis.index()).unwrap();
         self.sections.iter_mut().find(|s| s.kind == kind as u16 && s.axis == axis).expect("the file has it")
     }
 
     /// The file's bytes, with every offset, length and checksum right.
-    pub fn file(&self) -> Vec<u8> {
+    pub(crate) fn file(&self) -> Vec<u8> {
         let mut header = self.header;
         let mut table = Vec::new();
         let mut end = 256 + 32 * self.sections.len();
@@ -100,7 +86,7 @@ impl Parts {
 
 /// Makes the header's checksum right again in a file that was changed in place; one whose table reaches past its
 /// end has no right one.
-pub fn repair_header(file: &mut [u8]) {
+pub(crate) fn repair_header(file: &mut [u8]) {
     let count = u32::from_le_bytes(file[12..16].try_into().unwrap()) as usize;
     if 256 + 32 * count <= file.len() {
         file[24..32].fill(0);
@@ -133,7 +119,7 @@ fn lane_parts(lane: &Lane) -> Vec<Part> {
 }
 
 /// The scene's voxels, packed along `axis`.
-pub fn pack(scene: &Scene, axis: Axis) -> OwnedLane {
+pub(crate) fn pack(scene: &Scene, axis: Axis) -> OwnedLane {
     let [u, v] = axis.others().map(Axis::index);
     let along = axis.index();
     let mut voxels = scene.voxels.clone();
@@ -146,7 +132,7 @@ pub fn pack(scene: &Scene, axis: Axis) -> OwnedLane {
 }
 
 /// The voxels of a lane in the order of z, y, x: the plain reading.
-pub fn voxels_of(lane: &Lane) -> Vec<Voxel> {
+pub(crate) fn voxels_of(lane: &Lane) -> Vec<Voxel> {
     let [u, v] = lane.axis.others().map(Axis::index);
     let mut voxels = Vec::new();
     for line in lane.lines() {
@@ -164,27 +150,27 @@ pub fn voxels_of(lane: &Lane) -> Vec<Voxel> {
 }
 
 /// A line of text a voxel: `x y z value normal magnitude`.
-pub fn listing(voxels: &[Voxel]) -> String {
+pub(crate) fn listing(voxels: &[Voxel]) -> String {
     let line = |&([x, y, z], r): &Voxel| format!("{x} {y} {z} {} {} {}\n", r.value, r.normal, r.magnitude);
     voxels.iter().map(line).collect()
 }
 
 /// Numbers that a seed repeats.
-pub struct Random(pub u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
     /// A number below `bound`, at least 1.
-    pub fn below(&mut self, bound: u64) -> u64 {
+    pub(crate) fn below(&mut self, bound: u64) -> u64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let mixed = (self.0 ^ self.0 >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         (mixed ^ mixed >> 32) % bound
     }
 
-    pub fn index(&mut self, len: usize) -> usize {
+    pub(crate) fn index(&mut self, len: usize) -> usize {
         usize::try_from(self.below(len as u64)).unwrap()
     }
 
-    pub fn byte(&mut self) -> u8 {
+    pub(crate) fn byte(&mut self) -> u8 {
         u8::try_from(self.below(256)).unwrap()
     }
 }

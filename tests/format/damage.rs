@@ -13,7 +13,7 @@ use crate::scenes::scenes;
 /// Walks every lane of an arena in one order each way.
 fn walk_lanes(arena: &Arena) {
     for lane in arena.lanes() {
-        for order in (0..6).map(|nesting| Order::parallel(nesting, nesting as u8)).filter(|o| o.fast == lane.axis) {
+        for order in (0u8..6).map(|nesting| Order::parallel(nesting.into(), nesting)).filter(|o| o.fast == lane.axis) {
             let mut visited = 0;
             walk(&lane, &order, &mut |batch: &Batch| visited += batch.len() as u64);
             assert!(visited <= lane.record_count());

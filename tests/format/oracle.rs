@@ -10,7 +10,7 @@ use adjsplat::volume::Axis;
 type Codes = (u16, u32, u8);
 
 /// Whether the lanes of an arena that opened are sound.
-pub fn sound(arena: &Arena) -> bool {
+pub(crate) fn sound(arena: &Arena) -> bool {
     let lanes: Option<Vec<_>> = arena.lanes().map(|lane| voxels(&lane, arena)).collect();
     let Some(lanes) = lanes else { return false };
     lanes.iter().all(|lane| lane.len() as u64 == arena.facts().visible_voxels && *lane == lanes[0])

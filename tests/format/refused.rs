@@ -32,7 +32,7 @@ fn patched(base: &str, change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
 }
 
 /// Every file that must be refused.
-pub fn refused() -> Vec<(&'static str, Vec<u8>)> {
+pub(crate) fn refused() -> Vec<(&'static str, Vec<u8>)> {
     use SectionKind::{LineEnds, Steps, Tiles, Values};
     let x = Axis::X;
     // The worked example's table: description, tiles, line ends, steps, values.

@@ -9,21 +9,21 @@ use crate::assemble::{Part, Random, Voxel};
 
 /// One valid file.
 #[derive(Debug, Clone)]
-pub struct Scene {
-    pub name: &'static str,
-    pub dims: [u32; 3],
-    pub channels: Channels,
-    pub tile_order: TileOrder,
+pub(crate) struct Scene {
+    pub(crate) name: &'static str,
+    pub(crate) dims: [u32; 3],
+    pub(crate) channels: Channels,
+    pub(crate) tile_order: TileOrder,
     /// 1, 2 or 3: x, xy or xyz.
-    pub lanes: usize,
-    pub voxels: Vec<Voxel>,
-    pub description: Option<String>,
-    pub minor: u16,
-    pub extra: Vec<Part>,
+    pub(crate) lanes: usize,
+    pub(crate) voxels: Vec<Voxel>,
+    pub(crate) description: Option<String>,
+    pub(crate) minor: u16,
+    pub(crate) extra: Vec<Part>,
 }
 
 impl Scene {
-    pub fn facts(&self) -> Facts {
+    pub(crate) fn facts(&self) -> Facts {
         let mut grid = Grid::new(self.dims.map(u64::from), [0.5, 1.0, 2.0]).unwrap();
         grid.origin = [-1.0, 0.0, 3.5];
         let magnitude_scale = if self.channels.magnitude_bits == 0 { 0.0 } else { 93.5 };
@@ -70,7 +70,7 @@ fn numbered(places: &[[u16; 3]]) -> Vec<Voxel> {
 }
 
 /// Every valid example.
-pub fn scenes() -> Vec<Scene> {
+pub(crate) fn scenes() -> Vec<Scene> {
     let bytes = channels(8, 0, 0);
     // The distances at which the number of stepping voxels changes, on all three axes; the x lane's line ends are
     // wide, those of y, with 1,023 points a line, just not.

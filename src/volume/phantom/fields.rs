@@ -11,8 +11,9 @@ use crate::volume::Grid;
 
 /// Lowest visible value of the shells: one voxel from the middle of the shell.
 pub(super) const SHELL_EDGE: f64 = 191.0;
-/// Lowest visible value of the gyroid: leaves 3.2 % of the samples (tests/classify.rs).
-pub(super) const GYROID_EDGE: f64 = 217.0;
+/// Lowest and highest visible value of the gyroid's sheet: 3.2 % of the samples. Halves, so that samples of all types
+/// show the same voxels.
+pub(super) const GYROID_SHEET: (f64, f64) = (117.5, 138.5);
 
 /// A function of the grid that is asked row by row.
 pub(super) trait Field: Send {
@@ -145,7 +146,7 @@ impl Field for Gyroid {
         let fixed = sin_y * cos_z;
         for ((value, sin), cos) in row.iter_mut().zip(&self.sin[0]).zip(&self.cos[0]) {
             let height = sin * cos_y + fixed + sin_z * cos;
-            *value = (255.0 - 765.0 * height.abs()).max(0.0);
+            *value = (128.0 + 210.0 * height).clamp(0.0, 255.0);
         }
     }
 }

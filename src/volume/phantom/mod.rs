@@ -23,7 +23,8 @@ pub enum Phantom {
     Constant,
     /// Six concentric spherical shells, two voxels thick.
     Shells,
-    /// A sheet along the gyroid, four periods along the longest axis; 3.2 % of the samples are visible.
+    /// The gyroid, 128 on its surface and four periods along the longest axis; the sheet around the surface that is
+    /// visible holds 3.2 % of the samples.
     Gyroid,
     /// The signal of Marschner and Lobb, near the Nyquist frequency at 40^3.
     MarschnerLobb,
@@ -91,7 +92,7 @@ impl Phantom {
     pub fn visible_range(&self) -> (f64, f64) {
         match self {
             Phantom::Shells => (fields::SHELL_EDGE, 255.0),
-            Phantom::Gyroid => (fields::GYROID_EDGE, 255.0),
+            Phantom::Gyroid => fields::GYROID_SHEET,
             Phantom::MarschnerLobb => (128.0, 255.0),
             Phantom::Hydrogen => (13.0, 255.0),
             Phantom::Vessels => (vessels::EDGE, 255.0),

@@ -1,0 +1,82 @@
+//! Splats per second of the processor's renderer, one thread, projection and shading included; and of its plain twin.
+//!
+//! `cargo bench --bench splat_cpu`. Scene: a 96^3 block of thin matter, every voxel shaded, none behind what is opaque,
+//! so that every visited voxel is drawn. Throughput counts splats.
+
+use adjsplat::arena::layout::{Channels, Facts, Scales};
+use adjsplat::arena::pack::{LanePacker, Record};
+use adjsplat::arena::transpose::transpose;
+use adjsplat::arena::{OwnedLane, TileOrder};
+use adjsplat::classify::{Point, TransferFunction, normal};
+use adjsplat::splat::{Camera, Code, Orbit, Scene, Settings, Surround, cpu};
+use adjsplat::volume::{Axis, Grid};
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+
+const SIDE: u16 = 96;
+
+fn block() -> (Facts, Vec<OwnedLane>, TransferFunction) {
+    let side = u64::from(SIDE);
+    let grid = Grid::new([side, side, side], [1.0; 3]).expect("a grid");
+    let channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0 };
+    let mut packer = LanePacker::new(Axis::X, grid.dims, channels, TileOrder::Morton);
+    for z in 0..SIDE {
+        for y in 0..SIDE {
+            let record = |x: u16| {
+                let gradient = [f64::from(x) - 47.3, f64::from(y) - 40.1, f64::from(z) - 51.7];
+                Record { value: (x * 3 + y * 5 + z) % 256, normal: normal::encode8(gradient).into(), magnitude: 0 }
+            };
+            packer.line(y, z, (0..SIDE).map(|x| (x, record(x))));
+        }
+    }
+    let visible_voxels = packer.visible();
+    let x = packer.finish();
+    let others = [Axis::Y, Axis::Z].map(|axis| transpose(&x.view(), axis, TileOrder::Morton));
+    let scales = Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 1.0 };
+    let facts = Facts { grid, channels, tile_order: TileOrder::Morton, scales, visible_voxels };
+    let colour = |text: &str| serde_json::from_str(&format!("\"{text}\"")).expect("a colour");
+    let points = vec![
+        Point { value: 0.0, colour: colour("#c03020"), opacity: 0.001 },
+        Point { value: 255.0, colour: colour("#e0e8ff"), opacity: 0.02 },
+    ];
+    let transfer = TransferFunction::points(points, vec![]).expect("a function");
+    (facts, std::iter::once(x).chain(others).collect(), transfer)
+}
+
+fn splats(criterion: &mut Criterion) {
+    let (facts, lanes, transfer) = block();
+    let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
+    let around = Surround::of_grid(&facts.grid);
+    let mut group = criterion.benchmark_group("splats");
+    group.sample_size(10);
+    group.throughput(Throughput::Elements(facts.visible_voxels));
+    // Pixels per voxel at standard quality (radius 2): footprints of 4, 5 and 6 pixels across.
+    for (across, zoom) in [(4, 1.0), (5, 1.25), (6, 1.5)] {
+        for fov in [None, Some(30.0)] {
+            let size = [512, 512];
+            let fit = f64::from(across) / 4.0 * 2.0 * around.radius * 1.04 / 512.0 / zoom;
+            let orbit = Orbit { azimuth: 25.0, elevation: 20.0, zoom: fit * zoom, fov };
+            let camera = Camera::orbiting(orbit, around, size).expect("a camera");
+            let kind = if fov.is_some() { "perspective" } else { "parallel" };
+            let want = cpu::render(&scene, &camera, &Settings { code: Code::Plain, ..Settings::new(size) });
+            let (want, stats) = want.expect("a frame");
+            assert_eq!(stats.splats_drawn, facts.visible_voxels);
+            let codes = [("best", Code::Best), ("avx2", Code::Avx2), ("portable", Code::Portable), ("plain", Code::Plain)];
+            for (name, code) in codes {
+                let settings = Settings { code, ..Settings::new(size) };
+                let id = BenchmarkId::new(format!("{kind}/{name}"), format!("{across} px"));
+                let (frame, _) = cpu::render(&scene, &camera, &settings).expect("a frame");
+                assert!(frame == want, "all code gives the same bits");
+                group.bench_function(id, |bencher| {
+                    bencher.iter(|| {
+                        let (_, stats) = cpu::render(&scene, &camera, &settings).expect("a frame");
+                        assert_eq!(stats.splats_drawn, facts.visible_voxels);
+                    });
+                });
+            }
+        }
+    }
+    group.finish();
+}
+
+criterion_group!(benches, splats);
+criterion_main!(benches);

@@ -1,0 +1,232 @@
+#!/usr/bin/env python3
+"""Reads .adj files, version 1, with numpy alone. Written from adj-1.md, not from the library.
+
+As a module:
+    arena = Arena(open("head.adj", "rb").read())
+    voxels = arena.voxels("x")        # arrays x, y, z, value, normal, magnitude: codes
+    arena.values(voxels.value)        # in the sample's unit
+    arena.normals(voxels.normal)      # unit vectors along the grid's axes, n x 3; zeros for "no normal"
+    arena.magnitudes(voxels.magnitude)
+
+As a program:
+    read_adj.py FILE...                 what each lane holds
+    read_adj.py --list FILE...          a line a voxel, by z, y, x: x y z value normal magnitude
+    read_adj.py --csv OUT FILE          the voxels of the x lane as text; --npz OUT as numpy arrays
+    --lane x|y|z                        that lane only
+
+It checks what rules R1, R2, R4, R5, R7, R10 and R11 ask of header and section table. It reads no checksum and does
+not judge what the sections hold: a damaged file gives a message or wrong voxels. Exit code 2 if a file is refused.
+"""
+
+import argparse
+import json
+import struct
+import sys
+from collections import namedtuple
+
+import numpy as np
+
+Voxels = namedtuple("Voxels", "x y z value normal magnitude")
+Section = namedtuple("Section", "kind axis element_bytes offset bytes xxh3")
+
+MAGIC = b"\x89ADJ\r\n\x1a\n"
+DESCRIPTION, TILES, LINE_ENDS, STEPS, VALUES, NORMALS, MAGNITUDES = range(1, 8)
+NAMES = ["", "description", "tiles", "line ends", "steps", "values", "normals", "magnitudes"]
+ORDERS = ["morton", "hilbert", "rows"]
+TILE = np.dtype([
+    ("tile_u", "<u2"), ("tile_v", "<u2"), ("first_line", "<u4"), ("first_record", "<u8"),
+    ("occupancy", "<u8"), ("low", "<u2"), ("high", "<u2"),
+])
+
+
+class Refused(Exception):
+    """The file breaks a rule of the format."""
+
+
+def require(holds, rule, what):
+    if not holds:
+        raise Refused(f"{rule}: {what}")
+
+
+class Arena:
+    """An opened file: `dims`, `spacing`, `origin`, `direction`, `description`, `lanes` and what the methods give."""
+
+    def __init__(self, content):
+        self.content = content
+        require(content[:8] == MAGIC, "R1", "not an .adj file")
+        require(len(content) >= 256, "R4", "the file was cut: its header takes 256 bytes")
+        self.major, self.minor, count, file_bytes, self.fingerprint = struct.unpack_from("<HHIQQ", content, 8)
+        require(self.major == 1, "R2", f"version {self.major}, this reader knows 1")
+        require(file_bytes == len(content), "R4", f"{len(content)} bytes, the header says {file_bytes}")
+        self.dims = struct.unpack_from("<3H", content, 32)
+        bits = struct.unpack_from("<4B", content, 38)
+        self.value_bits, self.normal_bits, self.magnitude_bits, order = bits
+        (self.visible_voxels,) = struct.unpack_from("<Q", content, 48)
+        self.spacing = np.frombuffer(content, "<f8", 3, 56)
+        self.origin = np.frombuffer(content, "<f8", 3, 80)
+        self.direction = np.frombuffer(content, "<f8", 9, 104).reshape(3, 3)
+        self.value_low, self.value_step, self.magnitude_scale = struct.unpack_from("<3d", content, 176)
+        require(self.value_bits in (8, 16), "R7", f"values of {self.value_bits} bits")
+        require(self.normal_bits in (0, 8, 16), "R7", f"normals of {self.normal_bits} bits")
+        require(self.magnitude_bits in (0, 8), "R7", f"magnitudes of {self.magnitude_bits} bits")
+        require(order < 3, "R7", f"tile order {order}")
+        self.tile_order = ORDERS[order]
+        self._read_table(count)
+
+    def _read_table(self, count):
+        require(count <= 1024 and 256 + 32 * count <= len(self.content), "R5", f"a table of {count} sections")
+        self.sections, self._parts, end = [], {}, 256 + 32 * count
+        for index in range(count):
+            kind, axis, element, _, offset, length, xxh3 = struct.unpack_from("<HBBIQQQ", self.content, 256 + 32 * index)
+            require(0 < kind < 8 or kind >= 0x8000, "R10", f"section kind {kind} is unknown")
+            require(offset == -(-end // 256) * 256, "R5", f"section {index} starts at byte {offset}")
+            end = offset + length
+            require(end <= len(self.content), "R5", f"section {index} ends at byte {end}")
+            self.sections.append(Section(kind, axis, element, offset, length, xxh3))
+            if kind >= 0x8000:
+                continue
+            wanted = self._element_bytes(kind, axis)
+            require(element == wanted, "R11", f"{NAMES[kind]} in elements of {element} bytes")
+            require(length % wanted == 0, "R11", f"{length} bytes of {NAMES[kind]}")
+            require((kind, axis) not in self._parts, "R10", f"{NAMES[kind]} twice")
+            self._parts[kind, axis] = self.content[offset:offset + length]
+        require(-(-end // 256) * 256 == len(self.content), "R5", "the file does not end after its last section")
+        text = self._parts.get((DESCRIPTION, 255))
+        self.description = None if text is None else json.loads(text.decode("utf-8"))
+        self.lanes = "".join(name for axis, name in enumerate("xyz") if (TILES, axis) in self._parts)
+        require(self.lanes in ("x", "xy", "xyz"), "R10", f"lanes '{self.lanes}'")
+        for axis in range(len(self.lanes)):
+            for kind in range(LINE_ENDS, MAGNITUDES + 1):
+                width = self._element_bytes(kind, axis, or_zero=True)
+                require(width == 0 or (kind, axis) in self._parts, "R10", f"no {NAMES[kind]} in lane {'xyz'[axis]}")
+                if width and kind > STEPS:
+                    records = len(self._parts[kind, axis]) // width
+                    require(records == len(self._parts[STEPS, axis]), "R11", f"{records} {NAMES[kind]}")
+
+    def _element_bytes(self, kind, axis, or_zero=False):
+        require((axis == 255) if kind == DESCRIPTION else axis < 3, "R10", f"{NAMES[kind]} on axis {axis}")
+        if kind in (DESCRIPTION, STEPS):
+            return 1
+        if kind == TILES:
+            return 28
+        if kind == LINE_ENDS:
+            return 2 if self.dims[axis] <= 1023 else 4
+        width = {VALUES: self.value_bits // 8, NORMALS: self.normal_bits // 4, MAGNITUDES: self.magnitude_bits // 8}[kind]
+        require(or_zero or width > 0, "R10", f"{NAMES[kind]}, which the header says there are none of")
+        return width
+
+    def tiles(self, lane="x"):
+        """The lane's tile records as a structured array."""
+        return np.frombuffer(self._parts[TILES, "xyz".index(lane)], TILE)
+
+    def records(self, lane="x"):
+        """How many records the lane has, and how many of them are stepping voxels."""
+        steps = np.frombuffer(self._parts[STEPS, "xyz".index(lane)], "u1")
+        return len(steps), int(np.count_nonzero(steps == 0))
+
+    def voxels(self, lane="x"):
+        """The voxels of a lane in the order in which they are stored."""
+        axis = "xyz".index(lane)
+        u_axis, v_axis = [other for other in range(3) if other != axis]
+        tiles = self.tiles(lane)
+        steps = np.frombuffer(self._parts[STEPS, axis], "u1")
+        ends = np.frombuffer(self._parts[LINE_ENDS, axis], f"<u{self._element_bytes(LINE_ENDS, axis)}").astype(np.int64)
+
+        # Lines, tile after tile, bit after bit: bit (v % 8) * 8 + u % 8 of the mask.
+        bits = np.unpackbits(tiles["occupancy"].copy().view("u1").reshape(-1, 8), axis=1, bitorder="little")
+        tile_of_line, bit = np.nonzero(bits)
+        require(len(ends) == len(tile_of_line), "R16", f"{len(ends)} line ends for {len(tile_of_line)} lines")
+        line_u = tiles["tile_u"][tile_of_line].astype(np.int64) * 8 + bit % 8
+        line_v = tiles["tile_v"][tile_of_line].astype(np.int64) * 8 + bit // 8
+        line_end = tiles["first_record"][tile_of_line].astype(np.int64) + ends
+        line_start = np.concatenate([[0], line_end[:-1]]).astype(np.int64)
+        counts = line_end - line_start
+        require((counts > 0).all() and counts.sum() == len(steps), "R16", "line ends that do not rise to the last record")
+
+        # A line's coordinates are running sums of its steps, the first counted from -1; 0 advances 255.
+        advance = np.where(steps == 0, 255, steps).astype(np.int64)
+        total = np.concatenate([[0], np.cumsum(advance)])
+        line_of_record = np.repeat(np.arange(len(counts)), counts)
+        along = total[1:] - total[line_start][line_of_record] - 1
+        kept = steps != 0
+        place = [None, None, None]
+        place[axis] = along[kept]
+        place[u_axis] = line_u[line_of_record][kept]
+        place[v_axis] = line_v[line_of_record][kept]
+        codes = [self._codes(kind, axis, len(steps))[kept] for kind in (VALUES, NORMALS, MAGNITUDES)]
+        return Voxels(*place, *codes)
+
+    def _codes(self, kind, axis, records):
+        width = self._element_bytes(kind, axis, or_zero=True)
+        if width == 0:
+            return np.zeros(records, np.int64)
+        return np.frombuffer(self._parts[kind, axis], f"<u{width}").astype(np.int64)
+
+    def values(self, codes):
+        """Value codes as values in the sample's unit."""
+        return self.value_low + codes * self.value_step
+
+    def magnitudes(self, codes):
+        """Magnitude codes as gradient magnitudes, per world length."""
+        return np.where(codes == 0, 0.0, self.magnitude_scale * 2.0 ** ((codes - 255) / 16))
+
+    def normals(self, codes):
+        """Normal codes as unit vectors along the grid's axes (times `direction`: world); zeros where there is none."""
+        bits = self.normal_bits
+        scale = (1 << (bits - 1)) - 1
+        halves = np.stack([codes & ((1 << bits) - 1), codes >> bits])
+        u, v = np.maximum(np.where(halves > scale, halves - (1 << bits), halves), -scale).astype(float)
+        z = scale - np.abs(u) - np.abs(v)
+        fold = np.maximum(-z, 0)
+        normal = np.stack([u - np.copysign(fold, u), v - np.copysign(fold, v), z], axis=-1)
+        none = codes == (1 << (bits - 1)) * (1 + (1 << bits))
+        normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
+        return np.where(none[..., None], 0.0, normal)
+
+
+def sorted_rows(voxels):
+    """Voxels as rows by z, then y, then x."""
+    order = np.lexsort((voxels.x, voxels.y, voxels.z))
+    return np.stack(voxels, axis=-1)[order]
+
+
+def main():
+    parser = argparse.ArgumentParser(description="Read .adj files.")
+    parser.add_argument("files", nargs="+", metavar="FILE")
+    parser.add_argument("--lane", choices=list("xyz"))
+    parser.add_argument("--list", action="store_true", help="a line a voxel")
+    parser.add_argument("--csv", metavar="OUT")
+    parser.add_argument("--npz", metavar="OUT")
+    arguments = parser.parse_args()
+    for name in arguments.files:
+        try:
+            with open(name, "rb") as file:
+                arena = Arena(file.read())
+            for lane in arguments.lane or arena.lanes:
+                require(lane in arena.lanes, "R10", f"no lane {lane}")
+                show(arena, name, lane, arguments)
+        except (OSError, ValueError, Refused) as problem:
+            print(f"read_adj: {name}: {problem}", file=sys.stderr)
+            return 2
+    return 0
+
+
+def show(arena, name, lane, arguments):
+    voxels = arena.voxels(lane)
+    if arguments.list:
+        print(f"# {name} lane {lane}")
+        for row in sorted_rows(voxels).tolist():
+            print(*row)
+    elif arguments.csv:
+        np.savetxt(arguments.csv, sorted_rows(voxels), "%d", ",", header=",".join(Voxels._fields), comments="")
+    elif arguments.npz:
+        np.savez_compressed(arguments.npz, **voxels._asdict())
+    else:
+        records, stepping = arena.records(lane)
+        dims = "x".join(map(str, arena.dims))
+        print(f"{name} lane {lane}: {dims}, {len(voxels.x)} voxels, {len(arena.tiles(lane))} tiles, "
+              f"{records} records, {stepping} stepping voxels, {arena.tile_order} order")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

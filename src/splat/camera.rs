@@ -1,0 +1,279 @@
+//! Cameras in world space: where the eye is, what it looks at, how it projects.
+//!
+//! In: an orbit (azimuth, elevation, zoom) around a box of the world, or explicit position, target and up. Out: a
+//! checked [`Camera`]. World axes are right-handed; where a file names an anatomical frame they are R, A, S, and an
+//! orbit at azimuth 0, elevation 0 looks at the face: from the front (+y) with the head (+z) up, the patient's right
+//! at the picture's left. Pictures are never mirrored.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::volume::Grid;
+
+/// How a camera projects.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Projection {
+    /// All rays parallel.
+    Parallel {
+        /// World length that the picture's height shows; finite and above 0.
+        height: f64,
+    },
+    /// All rays from the eye.
+    Perspective {
+        /// Vertical angle of view in degrees, above 0 and below 180.
+        fov: f64,
+    },
+}
+
+/// A camera, in world units. Read from and written as JSON:
+/// `{"position": [..], "target": [..], "up": [..], "fov": 30}`, or `"height"` instead of `"fov"` for a parallel one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Document", into = "Document")]
+pub struct Camera {
+    position: DVec3,
+    target: DVec3,
+    up: DVec3,
+    projection: Projection,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    position: [f64; 3],
+    target: [f64; 3],
+    up: [f64; 3],
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    fov: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    height: Option<f64>,
+}
+
+/// A camera on a sphere around what it looks at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Orbit {
+    /// Degrees counter-clockwise seen from above (+z); 0 is in front (+y). Any finite number.
+    pub azimuth: f64,
+    /// Degrees above the horizontal plane; any finite number: beyond 90 the picture goes over the top.
+    pub elevation: f64,
+    /// Magnification at the centre; finite and above 0. At 1 everything fits into the picture.
+    pub zoom: f64,
+    /// Vertical angle of view in degrees, above 0 and below 180; `None` for a parallel projection.
+    pub fov: Option<f64>,
+}
+
+impl Default for Orbit {
+    fn default() -> Orbit {
+        Orbit { azimuth: 0.0, elevation: 0.0, zoom: 1.0, fov: None }
+    }
+}
+
+/// A box of grid points, as the world sees it: the smallest sphere around its corners' middle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surround {
+    /// World position of the middle.
+    pub centre: [f64; 3],
+    /// World distance from it to the farthest corner, a voxel's half included; above 0.
+    pub radius: f64,
+}
+
+impl Surround {
+    /// Around the grid points `low..=high`, by x, y, z.
+    pub fn of_voxels(grid: &Grid, low: [u16; 3], high: [u16; 3]) -> Surround {
+        let frame = WorldFrame::of(grid);
+        let middle: [f64; 3] = std::array::from_fn(|a| (f64::from(low[a]) + f64::from(high[a])) / 2.0);
+        let centre = frame.world_from_voxel(middle);
+        let mut radius = 0.0f64;
+        for corner in 0..8 {
+            let point = std::array::from_fn(|a| {
+                if corner >> a & 1 == 1 { f64::from(high[a]) + 0.5 } else { f64::from(low[a]) - 0.5 }
+            });
+            radius = radius.max(frame.world_from_voxel(point).distance(centre));
+        }
+        Surround { centre: centre.to_array(), radius }
+    }
+
+    /// Around the whole grid.
+    pub fn of_grid(grid: &Grid) -> Surround {
+        let high = grid.dims.map(|points| u16::try_from(points.saturating_sub(1)).unwrap_or(u16::MAX));
+        Surround::of_voxels(grid, [0; 3], high)
+    }
+}
+
+/// The grid's affine map into the world.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct WorldFrame {
+    pub(crate) origin: DVec3,
+    /// World vector from a grid point to the next on each axis.
+    pub(crate) steps: [DVec3; 3],
+}
+
+impl WorldFrame {
+    pub(crate) fn of(grid: &Grid) -> WorldFrame {
+        let step = |a: usize| DVec3::from_array(grid.direction[a]) * grid.spacing[a];
+        WorldFrame { origin: DVec3::from_array(grid.origin), steps: [step(0), step(1), step(2)] }
+    }
+
+    pub(crate) fn world_from_voxel(&self, voxel: [f64; 3]) -> DVec3 {
+        self.origin + self.steps[0] * voxel[0] + self.steps[1] * voxel[1] + self.steps[2] * voxel[2]
+    }
+
+    /// Index-space components of a world vector.
+    pub(crate) fn voxel_from_world_vector(&self, vector: DVec3) -> [f64; 3] {
+        let [x, y, z] = self.steps;
+        // Cramer's rule over unit vectors: no product of three spacings, which may overflow.
+        let [ux, uy, uz] = [x.normalize(), y.normalize(), z.normalize()];
+        let determinant = ux.dot(uy.cross(uz));
+        [
+            vector.dot(uy.cross(uz)) / determinant / x.length(),
+            vector.dot(uz.cross(ux)) / determinant / y.length(),
+            vector.dot(ux.cross(uy)) / determinant / z.length(),
+        ]
+    }
+}
+
+/// Room around what fits into the picture.
+const MARGIN: f64 = 1.04;
+
+impl Camera {
+    /// A camera at `position` that looks at `target`.
+    ///
+    /// Where `up` is parallel to the view, the world axis farthest from it takes its place.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a number is not finite, if position and target coincide, if up has length 0, or if the
+    /// projection's number is out of its range.
+    pub fn new(position: [f64; 3], target: [f64; 3], up: [f64; 3], projection: Projection) -> Result<Camera> {
+        for (name, vector) in [("position", position), ("target", target), ("up", up)] {
+            if !vector.iter().all(|c| c.is_finite()) {
+                return Err(Error::input(format!("camera {name}"), format!("is {vector:?}, but must be finite")));
+            }
+        }
+        let [position, target, up] = [position, target, up].map(DVec3::from_array);
+        if (target - position).try_normalize().is_none() {
+            return Err(Error::input("camera target", "is where the camera is; it must look somewhere"));
+        }
+        if up.try_normalize().is_none() {
+            return Err(Error::input("camera up", "has length 0"));
+        }
+        match projection {
+            Projection::Parallel { height } if !(height.is_finite() && height > 0.0) => {
+                return Err(Error::input("camera height", format!("is {height}, but must be finite and above 0")));
+            }
+            Projection::Perspective { fov } if !(fov > 0.0 && fov < 180.0) => {
+                let why = format!("is {fov} degrees, but must be above 0 and below 180");
+                return Err(Error::input("camera angle of view", why));
+            }
+            _ => Ok(Camera { position, target, up, projection }),
+        }
+    }
+
+    /// A camera on the orbit, so that at zoom 1 all of `around` fits into a picture of `size` (columns, rows).
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a number of the orbit is out of its range or `size` is 0.
+    pub fn orbiting(orbit: Orbit, around: Surround, size: [u32; 2]) -> Result<Camera> {
+        let Orbit { azimuth, elevation, zoom, fov } = orbit;
+        for (name, angle) in [("azimuth", azimuth), ("elevation", elevation)] {
+            if !angle.is_finite() {
+                return Err(Error::input(name, format!("is {angle}, but must be finite")));
+            }
+        }
+        if !(zoom.is_finite() && zoom > 0.0) {
+            return Err(Error::input("zoom", format!("is {zoom}, but must be finite and above 0")));
+        }
+        if size.contains(&0) {
+            return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
+        }
+        let (sin_a, cos_a) = sin_cos_degrees(azimuth);
+        let (sin_e, cos_e) = sin_cos_degrees(elevation);
+        let outward = DVec3::new(-sin_a * cos_e, cos_a * cos_e, sin_e);
+        let up = DVec3::new(sin_a * sin_e, -cos_a * sin_e, cos_e);
+        let centre = DVec3::from_array(around.centre);
+        let radius = around.radius * MARGIN;
+        // The picture's smaller side must hold the sphere.
+        let tall = (f64::from(size[1]) / f64::from(size[0])).max(1.0);
+        let (distance, projection) = match fov {
+            None => (2.0 * radius, Projection::Parallel { height: 2.0 * radius * tall / zoom }),
+            Some(fov) if fov > 0.0 && fov < 180.0 => {
+                let tangent = (fov.to_radians() / 2.0).tan();
+                let distance = radius / (tangent / tall).atan().sin();
+                let zoomed = 2.0 * (tangent / zoom).atan().to_degrees();
+                (distance, Projection::Perspective { fov: zoomed })
+            }
+            Some(fov) => {
+                let why = format!("is {fov} degrees, but must be above 0 and below 180");
+                return Err(Error::input("angle of view", why));
+            }
+        };
+        Camera::new((centre + outward * distance).to_array(), around.centre, up.to_array(), projection)
+    }
+
+    /// Where the eye is.
+    pub fn position(&self) -> [f64; 3] {
+        self.position.to_array()
+    }
+
+    /// How it projects.
+    pub fn projection(&self) -> Projection {
+        self.projection
+    }
+
+    /// Unit vectors to the picture's right, to its top, and along the view.
+    pub(crate) fn axes(&self) -> [DVec3; 3] {
+        let forward = (self.target - self.position).normalize();
+        let up = self.up.normalize();
+        let right = forward.cross(up);
+        let right = if right.length() > 1e-9 {
+            right.normalize()
+        } else {
+            let farthest = [DVec3::Z, DVec3::Y, DVec3::X].into_iter().min_by(|a, b| {
+                forward.dot(*a).abs().total_cmp(&forward.dot(*b).abs())
+            });
+            forward.cross(farthest.unwrap_or(DVec3::Z)).normalize()
+        };
+        [right, right.cross(forward), forward]
+    }
+}
+
+/// Sine and cosine of an angle in degrees, exact at multiples of 90, the same after whole turns.
+fn sin_cos_degrees(angle: f64) -> (f64, f64) {
+    let turned = angle.rem_euclid(360.0);
+    let quarter = (turned / 90.0).round();
+    let (sin, cos) = (turned - 90.0 * quarter).to_radians().sin_cos();
+    match quarter {
+        1.0 => (cos, -sin),
+        2.0 => (-sin, -cos),
+        3.0 => (-cos, sin),
+        _ => (sin, cos),
+    }
+}
+
+impl TryFrom<Document> for Camera {
+    type Error = Error;
+
+    fn try_from(document: Document) -> Result<Camera> {
+        let projection = match (document.fov, document.height) {
+            (Some(fov), None) => Projection::Perspective { fov },
+            (None, Some(height)) => Projection::Parallel { height },
+            _ => return Err(Error::input("camera", "needs either `fov` in degrees or `height` in world length")),
+        };
+        Camera::new(document.position, document.target, document.up, projection)
+    }
+}
+
+impl From<Camera> for Document {
+    fn from(camera: Camera) -> Document {
+        let (fov, height) = match camera.projection {
+            Projection::Parallel { height } => (None, Some(height)),
+            Projection::Perspective { fov } => (Some(fov), None),
+        };
+        Document {
+            position: camera.position.to_array(),
+            target: camera.target.to_array(),
+            up: camera.up.to_array(),
+            fov,
+            height,
+        }
+    }
+}

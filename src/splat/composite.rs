@@ -1,0 +1,149 @@
+//! Compositing: the modes, and what each value code looks like.
+//!
+//! In: a transfer function, the codecs of a structure's channels. Out: a table of colour and optical depth per mean
+//! voxel for each code. Opacities are per reference length, so extinction = -ln(1 - opacity) / length; an opacity of 1
+//! is an optical depth of [`MAX_DEPTH`], whose transmittance is below what single precision can add to 1.
+
+use serde::{Deserialize, Serialize};
+
+use super::Scene;
+use super::cpu::arith::LOG2_E;
+use crate::classify::MagnitudeCodec;
+use crate::error::Result;
+
+/// How splats are put together.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Mode {
+    /// Emission and absorption along each ray, in visibility order.
+    #[default]
+    Composite,
+    /// The largest normalised value (0 to 1 over the visible range) times kernel weight along each ray, in the
+    /// transfer function's colour of that value, as opaque as the value is large. Any order.
+    Maximum,
+    /// As `Maximum`, in grey.
+    MaximumGrey,
+    /// Like an X-ray: colour times optical depth summed along each ray and shown as `1 - exp(-sum)`. Any order.
+    Additive,
+}
+
+impl Mode {
+    /// Whether it is one of the two maxima.
+    pub fn is_maximum(self) -> bool {
+        matches!(self, Mode::Maximum | Mode::MaximumGrey)
+    }
+}
+
+/// Largest optical depth of a reference length, and of a splat at a pixel: `e^-16` is below 2^-23.
+pub const MAX_DEPTH: f64 = 16.0;
+
+/// Colour (linear) and optical depth per mean voxel (units of ln 2), or normalised value.
+pub(crate) type Look = [f32; 4];
+
+/// What each record looks like.
+#[derive(Debug)]
+pub(crate) struct Table<'a> {
+    scene: &'a Scene<'a>,
+    magnitudes: Option<MagnitudeCodec>,
+    kind: Kind,
+    looks: Vec<Look>,
+    /// Optical depth per mean voxel of a unit of -ln(1 - opacity), units of ln 2.
+    per_depth: f64,
+}
+
+/// What a record's look depends on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Value,
+    /// 8-bit value and magnitude: a table of all pairs, value in the high byte.
+    Pair,
+    /// 16-bit value and magnitude: opacity is computed for each voxel, as a table would take 64 MiB.
+    Computed,
+}
+
+impl<'a> Table<'a> {
+    /// The table for a scene; `mean_voxel` in world length.
+    ///
+    /// # Errors
+    /// If the scale of the magnitudes is out of range.
+    #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
+    pub(crate) fn new(scene: &'a Scene<'a>, mode: Mode, mean_voxel: f64) -> Result<Table<'a>> {
+        let channels = scene.facts.channels;
+        let reference = scene.transfer.reference_length().unwrap_or(mean_voxel);
+        let per_depth = mean_voxel / reference * f64::from(LOG2_E);
+        let by_magnitude = channels.magnitude_bits > 0 && scene.transfer.uses_gradient() && !mode.is_maximum();
+        let kind = match (by_magnitude, channels.value_bits) {
+            (false, _) => Kind::Value,
+            (true, 8) => Kind::Pair,
+            (true, _) => Kind::Computed,
+        };
+        let magnitudes = match channels.magnitude_bits {
+            0 => None,
+            _ => Some(MagnitudeCodec::new(scene.facts.scales.magnitude_scale)?),
+        };
+        let mut table = Table { scene, magnitudes, kind, looks: Vec::new(), per_depth };
+        let last = if channels.value_bits == 8 { 255 } else { u16::MAX };
+        for code in 0..=last {
+            let value = table.value(code);
+            let [red, green, blue] = scene.transfer.colour(value);
+            match kind {
+                Kind::Value => {
+                    // Without stored magnitudes a gradient's part is taken to be full.
+                    let depth = table.depth(value, f64::MAX);
+                    let normalised = f32::from(code) / f32::from(last);
+                    table.looks.push([red, green, blue, if mode.is_maximum() { normalised } else { depth }]);
+                }
+                Kind::Pair => {
+                    for magnitude in 0..=255 {
+                        let depth = table.depth(value, table.magnitude(magnitude));
+                        table.looks.push([red, green, blue, depth]);
+                    }
+                }
+                Kind::Computed => table.looks.push([red, green, blue, 0.0]),
+            }
+        }
+        Ok(table)
+    }
+
+    fn value(&self, code: u16) -> f64 {
+        let scales = &self.scene.facts.scales;
+        scales.value_low + f64::from(code) * scales.value_step
+    }
+
+    fn magnitude(&self, code: u8) -> f64 {
+        self.magnitudes.as_ref().map_or(0.0, |codec| f64::from(codec.decode(code)))
+    }
+
+    #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
+    fn depth(&self, value: f64, magnitude: f64) -> f32 {
+        let transfer = self.scene.transfer;
+        let mut opacity = transfer.opacity(value, magnitude);
+        if opacity == 0.0 {
+            // A code at the end of the visible range may come back a rounding error outside it.
+            let nudge = (self.scene.facts.scales.value_step * 1e-6).max(value.abs() * 1e-14);
+            opacity = transfer.opacity(value - nudge, magnitude).max(transfer.opacity(value + nudge, magnitude));
+        }
+        ((-(-opacity.clamp(0.0, 1.0)).ln_1p()).min(MAX_DEPTH) * self.per_depth) as f32
+    }
+
+    /// The look of a record by its codes.
+    #[inline(always)]
+    pub(crate) fn look(&self, value: u16, magnitude: u8) -> Look {
+        match self.kind {
+            Kind::Value => self.looks.get(usize::from(value)).copied().unwrap_or_default(),
+            Kind::Pair => {
+                self.looks.get(usize::from(value) << 8 | usize::from(magnitude)).copied().unwrap_or_default()
+            }
+            Kind::Computed => {
+                let [red, green, blue, _] = self.looks.get(usize::from(value)).copied().unwrap_or_default();
+                let depth = self.depth(self.value(value), self.magnitude(magnitude));
+                [red, green, blue, depth]
+            }
+        }
+    }
+
+    /// Whether records' magnitudes matter.
+    pub(crate) fn needs_magnitude(&self) -> bool {
+        self.kind != Kind::Value
+    }
+}

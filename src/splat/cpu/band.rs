@@ -1,0 +1,204 @@
+//! A band of the picture: the part that one thread draws.
+//!
+//! In: a lane, an order, the band's rectangle. Out: the band's planes. Every band walks the lane for itself and skips
+//! tiles and rows of tiles that do not project into it, lie outside the crop, or lie behind what is opaque. So no
+//! memory is spent on sorting splats into bands, and a pixel sees the same splats in the same order whatever the
+//! bands are.
+
+use std::marker::PhantomData;
+use std::time::{Duration, Instant};
+
+use super::blend::Blend;
+use super::dispatch::{self, Bench};
+use super::freeze::Frozen;
+use super::planes::{Planes, Rect};
+use super::project::Projector;
+use super::raster::{BLOCK, EllipseEach, Limits, Splats};
+use crate::error::Result;
+use crate::splat::{Code, View};
+use crate::traverse::{Batch, Order, Visitor, VoxelBox, walk};
+
+/// What a band's thread gives back.
+pub(crate) struct Drawn {
+    pub(crate) planes: Planes,
+    pub(crate) visited: u64,
+    pub(crate) drawn: u64,
+    pub(crate) walking: Duration,
+    pub(crate) drawing: Duration,
+}
+
+/// Draws the band `rect`.
+///
+/// # Errors
+/// If the memory cannot be had.
+pub(crate) fn draw<B: Blend>(
+    projector: &Projector,
+    view: &View,
+    order: &Order,
+    rect: Rect,
+    limits: Limits,
+    code: Code,
+) -> Result<Drawn> {
+    let mut band = Band::<B> {
+        projector,
+        view,
+        half: projector.half(),
+        fast: order.fast.index(),
+        limits,
+        code,
+        bench: Bench {
+            planes: Planes::new(rect, B::FOURTH)?,
+            frozen: Frozen::new(rect),
+            splats: Splats::new(),
+            each: EllipseEach::new(),
+        },
+        visited: 0,
+        drawn: 0,
+        drawing: Duration::ZERO,
+        blend: PhantomData,
+    };
+    let start = Instant::now();
+    walk(&projector.lane, order, &mut band);
+    let walking = start.elapsed().saturating_sub(band.drawing);
+    let Band { bench, visited, drawn, drawing, .. } = band;
+    Ok(Drawn { planes: bench.planes, visited, drawn, walking, drawing })
+}
+
+struct Band<'a, B> {
+    projector: &'a Projector<'a>,
+    view: &'a View,
+    half: [f64; 2],
+    fast: usize,
+    limits: Limits,
+    code: Code,
+    bench: Bench,
+    visited: u64,
+    drawn: u64,
+    drawing: Duration,
+    blend: PhantomData<B>,
+}
+
+/// Voxels along the fast axis that are asked about at once: their boxes on the screen stay small.
+const PIECE: u16 = 32;
+
+impl<B: Blend> Band<'_, B> {
+    /// The pixels of the band that `bounds` may touch; `None` if there are none.
+    fn pixels(&self, bounds: &VoxelBox) -> Option<Rect> {
+        let rect = self.bench.planes.rect;
+        let [left, right, top, bottom] = self.view.pixel_bounds(bounds, self.half)?;
+        // Clipped before the cast, which would saturate anyway.
+        let whole = |at: f64, low: i32, high: i32| at.clamp(f64::from(low), f64::from(high)) as i32;
+        let meets = right >= f64::from(rect.x0)
+            && left <= f64::from(rect.x1 - 1)
+            && bottom >= f64::from(rect.y0)
+            && top <= f64::from(rect.y1 - 1);
+        meets.then(|| Rect {
+            x0: whole(left.floor(), rect.x0, rect.x1 - 1),
+            x1: whole(right.ceil(), rect.x0, rect.x1 - 1) + 1,
+            y0: whole(top.floor(), rect.y0, rect.y1 - 1),
+            y1: whole(bottom.ceil(), rect.y0, rect.y1 - 1) + 1,
+        })
+    }
+
+    fn in_crop(&self, bounds: &VoxelBox) -> bool {
+        self.projector.crop.is_none_or(|crop| (0..3).all(|a| bounds.low[a] <= crop.high[a] && bounds.high[a] >= crop.low[a]))
+    }
+}
+
+impl<B: Blend> Visitor for Band<'_, B> {
+    fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
+        self.in_crop(bounds) && self.pixels(bounds).is_some()
+    }
+
+    fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
+        if !self.in_crop(bounds) {
+            return false;
+        }
+        let Some(all) = self.pixels(bounds) else { return false };
+        if !(B::STOPS && self.limits.stop > 0.0) {
+            return true;
+        }
+        // One look settles most rows while the picture is still open.
+        let middle = Rect { x0: (all.x0 + all.x1) / 2, y0: (all.y0 + all.y1) / 2, ..all };
+        if self.bench.planes.fourth(middle.x0, middle.y0) >= self.limits.stop {
+            return true;
+        }
+        let (low, high) = (bounds.low[self.fast], bounds.high[self.fast]);
+        let mut from = low;
+        loop {
+            let to = high.min(from.saturating_add(PIECE - 1));
+            let mut piece = *bounds;
+            (piece.low[self.fast], piece.high[self.fast]) = (from, to);
+            if let Some(rect) = self.pixels(&piece) {
+                let Bench { planes, frozen, .. } = &mut self.bench;
+                if !frozen.covers_widely(planes, self.limits.stop, rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1) {
+                    return true;
+                }
+            }
+            if to == high {
+                return false;
+            }
+            from = to + 1;
+        }
+    }
+
+    fn visit(&mut self, batch: &Batch) {
+        let start = Instant::now();
+        for from in (0..batch.len()).step_by(BLOCK) {
+            self.drawn +=
+                dispatch::block::<B>(self.code, self.projector, batch, from, &mut self.bench, self.limits);
+        }
+        self.visited += batch.len() as u64;
+        self.drawing += start.elapsed();
+    }
+}
+
+/// Borders of `count` bands of about equal work, across rows (or columns): `count + 1` of them, from 0 to the side.
+pub(crate) fn borders(projector: &Projector, view: &View, by_rows: bool, count: usize) -> Vec<i32> {
+    let side = usize::try_from(view.size[usize::from(by_rows)]).unwrap_or(1);
+    let lane = &projector.lane;
+    let [u_axis, v_axis] = lane.axis.others().map(|axis| axis.index());
+    let half = projector.half();
+    // Every row costs a little even where nothing lands.
+    let mut work = vec![0.0f64; side + 1];
+    // Enough tiles for an estimate; a frame should not wait for millions.
+    let stride = (lane.tiles.len() / 100_000).max(1);
+    for (index, tile) in lane.tiles.iter().enumerate().step_by(stride) {
+        let next = lane.tiles.get(index + 1).map_or(lane.record_count(), |next| next.first_record.get());
+        let records = next.saturating_sub(tile.first_record.get()) as f64;
+        let mut bounds = VoxelBox { low: [tile.low.get(); 3], high: [tile.high.get(); 3] };
+        for (axis, tile_line) in [(u_axis, tile.tile_u.get()), (v_axis, tile.tile_v.get())] {
+            let first = u32::from(tile_line) * 8;
+            let last = (first + 7).min(lane.dims[axis].saturating_sub(1));
+            bounds.low[axis] = u16::try_from(first).unwrap_or(u16::MAX);
+            bounds.high[axis] = u16::try_from(last).unwrap_or(u16::MAX);
+        }
+        let Some([left, right, top, bottom]) = view.pixel_bounds(&bounds, half) else { continue };
+        let (low, high) = if by_rows { (top, bottom) } else { (left, right) };
+        let (from, to) = (low.max(0.0), high.min(side as f64 - 1.0));
+        if from <= to {
+            let density = records / (high - low + 1.0);
+            work[from as usize] += density;
+            work[to as usize + 1] -= density;
+        }
+    }
+    let mut running = 0.0;
+    let mut total = 0.0;
+    for row in &mut work[..side] {
+        running += *row;
+        total += running.max(0.0);
+        *row = total;
+    }
+    let mut borders = vec![0];
+    for band in 1..count {
+        let share = total * band as f64 / count as f64;
+        let even = side * band / count;
+        let border = if total > 0.0 { work[..side].partition_point(|&done| done < share) } else { even };
+        // At least a row each.
+        let least = usize::try_from(borders[band - 1]).unwrap_or(0) + 1;
+        let most = side - (count - band);
+        borders.push(i32::try_from(border.clamp(least, most.max(least))).unwrap_or(i32::MAX));
+    }
+    borders.push(i32::try_from(side).unwrap_or(i32::MAX));
+    borders
+}

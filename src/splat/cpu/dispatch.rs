@@ -1,0 +1,77 @@
+//! Both stages, compiled once for each instruction set and chosen when the program runs.
+//!
+//! The loops are plain arithmetic on arrays, so all versions give the same bits; only the number of voxels or pixels
+//! that go side by side differs.
+
+use multiversion::multiversion;
+
+use super::blend::Blend;
+use super::freeze::Frozen;
+use super::planes::Planes;
+use super::project::{Kind, Projector};
+use super::raster::{self, EllipseEach, Limits, Splats};
+use crate::splat::Code;
+use crate::traverse::Batch;
+
+/// What a band works with.
+pub(crate) struct Bench {
+    pub(crate) planes: Planes,
+    pub(crate) frozen: Frozen,
+    pub(crate) splats: Box<Splats>,
+    pub(crate) each: Box<EllipseEach>,
+}
+
+/// Projects and draws the voxels of `batch` from `from` on, a block at most; gives how many splats were drawn.
+pub(crate) fn block<B: Blend>(
+    code: Code,
+    projector: &Projector,
+    batch: &Batch,
+    from: usize,
+    bench: &mut Bench,
+    limits: Limits,
+) -> u64 {
+    match code {
+        Code::Best => block_best::<B>(projector, batch, from, bench, limits),
+        Code::Avx2 => block_avx2::<B>(projector, batch, from, bench, limits),
+        Code::Portable | Code::Plain => block_any::<B>(projector, batch, from, bench, limits),
+    }
+}
+
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+fn block_best<B: Blend>(
+    projector: &Projector,
+    batch: &Batch,
+    from: usize,
+    bench: &mut Bench,
+    limits: Limits,
+) -> u64 {
+    block_any::<B>(projector, batch, from, bench, limits)
+}
+
+#[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
+fn block_avx2<B: Blend>(
+    projector: &Projector,
+    batch: &Batch,
+    from: usize,
+    bench: &mut Bench,
+    limits: Limits,
+) -> u64 {
+    block_any::<B>(projector, batch, from, bench, limits)
+}
+
+#[inline(always)]
+fn block_any<B: Blend>(
+    projector: &Projector,
+    batch: &Batch,
+    from: usize,
+    bench: &mut Bench,
+    limits: Limits,
+) -> u64 {
+    let Bench { planes, frozen, splats, each } = bench;
+    let limits = if B::STOPS { limits } else { Limits { stop: 0.0, ..limits } };
+    projector.block(batch, from, splats, each, planes, frozen, limits);
+    match &projector.kind {
+        Kind::Parallel { ellipse, .. } => raster::draw::<B, _>(planes, splats, ellipse, limits),
+        Kind::Perspective { .. } => raster::draw::<B, _>(planes, splats, &**each, limits),
+    }
+}

@@ -1,0 +1,191 @@
+//! The renderer on the processor.
+//!
+//! In: a scene, a camera, settings. Out: a frame and what it took. Threads own bands of the picture and each walks
+//! the lane for itself; the picture has the same bits for any number of threads and any instruction set.
+
+pub(crate) mod arith;
+mod band;
+mod blend;
+mod dispatch;
+mod freeze;
+mod plain;
+mod planes;
+mod project;
+pub(crate) mod raster;
+
+use std::time::{Duration, Instant};
+
+use self::arith::absorbed;
+use self::band::Drawn;
+use self::blend::{Additive, BackToFront, Blend, FrontToBack, Maximum};
+use self::planes::Rect;
+use self::project::Projector;
+use self::raster::Limits;
+use super::composite::{Mode, Table};
+use super::frame::Frame;
+use super::shade::Lights;
+use super::view::{PixelMap, View};
+use super::{Camera, Code, Scene, Settings, Stats};
+use crate::error::{Error, Result};
+use crate::traverse::{Order, Sense};
+
+/// Draws a frame.
+///
+/// Memory: 16 bytes a pixel for the frame and as much for the bands. The result depends on the arguments but not on
+/// `settings.threads` or `settings.code`.
+///
+/// # Errors
+/// [`Error::Input`] or [`Error::Limit`] if the settings or the camera cannot be used or there is not enough memory;
+/// whatever [`Lanes::lane`](super::Lanes::lane) fails with.
+pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
+    let start = Instant::now();
+    settings.check()?;
+    let kernel = settings.kernel();
+    let view = View::new(camera, &scene.facts.grid, settings.size, kernel, settings.near)?;
+    let order = Order::new(view.viewpoint, scene.facts.grid.dims, settings.sense, settings.form)?;
+    let lane = scene.lanes.lane(order.fast)?;
+    if lane.channels != scene.facts.channels || lane.dims != scene.facts.grid.dims || lane.axis != order.fast {
+        return Err(Error::input("lane", "does not belong to the scene's grid or runs along another axis"));
+    }
+    let table = Table::new(scene, settings.mode, view.mean_voxel)?;
+    let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !settings.mode.is_maximum();
+    let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
+    let maximum = settings.mode.is_maximum();
+    let projector = Projector::new(&view, &order, lane, &table, lights, kernel, settings.crop, maximum);
+    let limits = Limits { cut: kernel.cut(), stop: settings.termination() };
+    let job = Job { projector: &projector, view: &view, order: &order, limits, settings };
+    let (bands, finish): (Vec<Drawn>, Finish) = match (settings.mode, settings.sense) {
+        (Mode::Composite, Sense::FrontToBack) => (job.bands::<FrontToBack>()?, Finish::Transmittance),
+        (Mode::Composite, Sense::BackToFront) => (job.bands::<BackToFront>()?, Finish::Transmittance),
+        (Mode::Additive, _) => (job.bands::<Additive>()?, Finish::Sum),
+        (Mode::Maximum, _) => (job.bands::<Maximum>()?, Finish::Maximum(scene)),
+        (Mode::MaximumGrey, _) => (job.bands::<Maximum>()?, Finish::Grey),
+    };
+    let frame = assemble(&bands, settings, finish)?;
+    let total = |time: fn(&Drawn) -> Duration| bands.iter().map(time).sum::<Duration>().as_secs_f64() * 1e3;
+    let visited: u64 = bands.iter().map(|band| band.visited).sum();
+    let drawn = bands.iter().map(|band| band.drawn).sum();
+    let stats = Stats {
+        splats_drawn: drawn,
+        splats_skipped: visited - drawn,
+        bands: bands.len(),
+        frame_ms: start.elapsed().as_secs_f64() * 1e3,
+        walk_ms: total(|band| band.walking),
+        draw_ms: total(|band| band.drawing),
+    };
+    Ok((frame, stats))
+}
+
+struct Job<'a> {
+    projector: &'a Projector<'a>,
+    view: &'a View,
+    order: &'a Order,
+    limits: Limits,
+    settings: &'a Settings,
+}
+
+impl Job<'_> {
+    fn bands<B: Blend>(&self) -> Result<Vec<Drawn>> {
+        let [columns, rows] = self.settings.size.map(u32::cast_signed);
+        let whole = Rect { x0: 0, y0: 0, x1: columns, y1: rows };
+        if self.settings.code == Code::Plain {
+            return Ok(vec![plain::draw::<B>(self.projector, self.order, whole, self.limits)?]);
+        }
+        let by_rows = self.lines_run_across();
+        let side = usize::try_from(if by_rows { rows } else { columns }).unwrap_or(1);
+        let count = self.settings.threads.clamp(1, side);
+        let borders = band::borders(self.projector, self.view, by_rows, count);
+        let draw = |low: i32, high: i32| {
+            let rect = if by_rows { Rect { y0: low, y1: high, ..whole } } else { Rect { x0: low, x1: high, ..whole } };
+            band::draw::<B>(self.projector, self.view, self.order, rect, self.limits, self.settings.code)
+        };
+        if count == 1 {
+            return Ok(vec![draw(borders[0], borders[1])?]);
+        }
+        std::thread::scope(|scope| {
+            let draw = &draw;
+            let threads: Vec<_> =
+                borders.windows(2).map(|pair| scope.spawn(move || draw(pair[0], pair[1]))).collect();
+            threads
+                .into_iter()
+                .map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+                .collect()
+        })
+    }
+
+    /// Whether the lane's lines run rather along the picture's rows: then bands of rows cut fewest tiles.
+    fn lines_run_across(&self) -> bool {
+        let fast = self.order.fast.index();
+        let [x, y] = match &self.view.map {
+            PixelMap::Parallel { pixel_from_voxel: [x, y], .. } => [x, y],
+            PixelMap::Perspective { camera_from_voxel: [x, y, _], .. } => [x, y],
+        };
+        x[fast].abs() >= y[fast].abs()
+    }
+}
+
+/// From what the planes hold to colours.
+#[derive(Clone, Copy)]
+enum Finish<'a> {
+    Transmittance,
+    Sum,
+    Maximum(&'a Scene<'a>),
+    Grey,
+}
+
+impl Finish<'_> {
+    #[inline(always)]
+    fn pixel(self, [r, g, b, fourth]: [f32; 4]) -> [f32; 4] {
+        // Sums of optical depth may be larger than the exponential takes.
+        let shown = |sum: f32| absorbed(sum.clamp(0.0, 125.0));
+        match self {
+            Finish::Transmittance => [r, g, b, 1.0 - fourth],
+            Finish::Sum => [shown(r), shown(g), shown(b), shown(fourth)],
+            Finish::Grey => [fourth; 4],
+            Finish::Maximum(scene) => {
+                let scales = &scene.facts.scales;
+                let last = if scene.facts.channels.value_bits == 8 { 255.0 } else { 65_535.0 };
+                let [r, g, b] = scene.transfer.colour(scales.value_low + last * scales.value_step * f64::from(fourth));
+                [r * fourth, g * fourth, b * fourth, fourth]
+            }
+        }
+    }
+}
+
+/// Puts the bands together, rows shared out among threads.
+fn assemble(bands: &[Drawn], settings: &Settings, finish: Finish) -> Result<Frame> {
+    let mut frame = Frame::transparent(settings.size)?;
+    let row_len = 4 * settings.size[0] as usize;
+    let rows = settings.size[1] as usize;
+    let share = rows.div_ceil(settings.threads.min(rows).max(1));
+    let fill = |first: usize, rows: &mut [f32]| {
+        for (offset, row) in rows.chunks_exact_mut(row_len).enumerate() {
+            let y = i32::try_from(first + offset).unwrap_or(i32::MAX);
+            for band in bands {
+                let rect = band.planes.rect;
+                if !(rect.y0..rect.y1).contains(&y) {
+                    continue;
+                }
+                let [red, green, blue, fourth] = band.planes.pixels(y);
+                let left = 4 * usize::try_from(rect.x0).unwrap_or(0);
+                let out = &mut row[left..left + 4 * rect.width()];
+                let values = red.iter().zip(green).zip(blue).zip(fourth);
+                for (pixel, (((&r, &g), &b), &f)) in out.chunks_exact_mut(4).zip(values) {
+                    pixel.copy_from_slice(&finish.pixel([r, g, b, f]));
+                }
+            }
+        }
+    };
+    let pieces = frame.pixels_mut().chunks_mut(share * row_len);
+    std::thread::scope(|scope| {
+        for (index, piece) in pieces.enumerate() {
+            let fill = &fill;
+            if share == rows {
+                fill(0, piece);
+            } else {
+                scope.spawn(move || fill(index * share, piece));
+            }
+        }
+    });
+    Ok(frame)
+}

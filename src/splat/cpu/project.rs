@@ -1,0 +1,372 @@
+//! Stage 1: voxels to splats.
+//!
+//! In: up to a block of voxels of one slice, with their records. Out: their footprints, colours and peaks. Every loop
+//! over a block is elementwise, so that any number of voxels may go side by side:
+//!
+//! ```text
+//! place        centre, ellipse, bounding box                 all voxels of the block
+//! keep         indices of those that reach the band          those not yet frozen, in the crop
+//! colour       code -> look; normal -> light                 kept ones only
+//! ```
+//!
+//! Centres are computed in double precision and split into the nearest pixel and the rest, so that a picture of
+//! 16,384 pixels is as exact as a small one.
+
+use super::arith::{LOG2_E, at_least, at_most, keep_if};
+use super::freeze::Frozen;
+use super::planes::Planes;
+use super::raster::{BLOCK, Ellipse, EllipseEach, Limits, Splats};
+use crate::arena::Lane;
+use crate::classify::normal;
+use crate::splat::composite::{Look, MAX_DEPTH, Table};
+use crate::splat::kernel::{KernelShape, footprint};
+use crate::splat::shade::Lights;
+use crate::splat::view::{PixelMap, View};
+use crate::traverse::{Batch, Order, VoxelBox};
+
+/// What stage 1 needs of a frame.
+#[derive(Debug)]
+pub(crate) struct Projector<'a> {
+    pub(crate) lane: Lane<'a>,
+    pub(crate) table: &'a Table<'a>,
+    pub(crate) lights: Option<Lights>,
+    pub(crate) crop: Option<VoxelBox>,
+    /// Whether peaks are normalised values.
+    pub(crate) maximum: bool,
+    pub(super) sigma: f32,
+    pub(super) cut_off: f32,
+    /// Indices of the slow, medium and fast axis.
+    pub(crate) nesting: [usize; 3],
+    pub(crate) kind: Kind,
+    /// The eye by axis, in mean voxels; the distance of voxels on each axis.
+    pub(super) eye: [f32; 3],
+    pub(super) steps: [f32; 3],
+}
+
+/// What differs between the projections.
+#[derive(Debug)]
+pub(crate) enum Kind {
+    Parallel {
+        pixel_from_voxel: [[f64; 4]; 2],
+        ellipse: Ellipse,
+        /// Peak of a unit of optical depth.
+        strength: f32,
+    },
+    Perspective {
+        camera_from_voxel: [[f64; 4]; 3],
+        focal: f64,
+        centre: [f64; 2],
+        near: f64,
+        /// Kernel normalisation times focal length squared.
+        strength: f32,
+    },
+}
+
+impl<'a> Projector<'a> {
+    #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
+    pub(crate) fn new(
+        view: &View,
+        order: &Order,
+        lane: Lane<'a>,
+        table: &'a Table<'a>,
+        lights: Option<Lights>,
+        kernel: KernelShape,
+        crop: Option<VoxelBox>,
+        maximum: bool,
+    ) -> Projector<'a> {
+        let (sigma, cut_off) = (kernel.sigma, kernel.cut_off());
+        let normalisation = kernel.normalisation();
+        let kind = match view.map {
+            PixelMap::Parallel { pixel_from_voxel, scale } => {
+                let rows = pixel_from_voxel.map(|m| [m[0] as f32, m[1] as f32, m[2] as f32]);
+                let print = footprint(rows, sigma, cut_off);
+                let strength = normalisation * print.density * (scale * scale) as f32;
+                Kind::Parallel { pixel_from_voxel, ellipse: print.ellipse, strength }
+            }
+            PixelMap::Perspective { camera_from_voxel, focal, centre, near } => {
+                let strength = normalisation * (focal * focal) as f32;
+                Kind::Perspective { camera_from_voxel, focal, centre, near, strength }
+            }
+        };
+        Projector {
+            lane,
+            table,
+            lights,
+            crop,
+            maximum,
+            sigma,
+            cut_off,
+            nesting: [order.slow.index(), order.medium.index(), order.fast.index()],
+            kind,
+            eye: view.eye_scaled.map(|c| c as f32),
+            steps: view.steps.map(|c| c as f32),
+        }
+    }
+
+    /// Half-widths of all footprints of a parallel view; 0 otherwise.
+    pub(crate) fn half(&self) -> [f64; 2] {
+        match &self.kind {
+            Kind::Parallel { ellipse, .. } => [ellipse.half_x.into(), ellipse.half_y.into()],
+            Kind::Perspective { .. } => [0.0; 2],
+        }
+    }
+
+    /// Stage 1 for the voxels `from..from + count` of a batch; `count` is at most [`BLOCK`].
+    #[inline(always)]
+    pub(crate) fn block(
+        &self,
+        batch: &Batch,
+        from: usize,
+        out: &mut Splats,
+        each: &mut EllipseEach,
+        planes: &Planes,
+        frozen: &mut Frozen,
+        limits: Limits,
+    ) {
+        let count = (batch.fast.len() - from).min(BLOCK);
+        let mut medium = [0u16; BLOCK];
+        let mut fast = [0u16; BLOCK];
+        medium[..count].copy_from_slice(&batch.medium[from..from + count]);
+        fast[..count].copy_from_slice(&batch.fast[from..from + count]);
+        match &self.kind {
+            Kind::Parallel { .. } => self.place_parallel(batch.slow, &medium, &fast, out),
+            Kind::Perspective { .. } => self.place_perspective(batch.slow, &medium, &fast, out, each),
+        }
+        self.keep(batch.slow, &medium, &fast, count, out, planes, frozen, limits);
+        self.colour(batch, from, &medium, &fast, out);
+    }
+
+    #[inline(always)]
+    fn place_parallel(&self, slow: u16, medium: &[u16; BLOCK], fast: &[u16; BLOCK], out: &mut Splats) {
+        let Kind::Parallel { pixel_from_voxel, ellipse, strength } = &self.kind else { return };
+        let [s, m, f] = self.nesting;
+        let base = pixel_from_voxel.map(|map| map[3] + map[s] * f64::from(slow));
+        let [column, row] = pixel_from_voxel;
+        for j in 0..BLOCK {
+            let (along_m, along_f) = (f64::from(medium[j]), f64::from(fast[j]));
+            let x = split(base[0] + column[m] * along_m + column[f] * along_f);
+            let y = split(base[1] + row[m] * along_m + row[f] * along_f);
+            (out.x[j], out.rest_x[j]) = x;
+            (out.y[j], out.rest_y[j]) = y;
+            (out.low_x[j], out.high_x[j]) = span(x, ellipse.half_x);
+            (out.low_y[j], out.high_y[j]) = span(y, ellipse.half_y);
+        }
+        out.strength = [*strength; BLOCK];
+    }
+
+    #[inline(always)]
+    fn place_perspective(
+        &self,
+        slow: u16,
+        medium: &[u16; BLOCK],
+        fast: &[u16; BLOCK],
+        out: &mut Splats,
+        each: &mut EllipseEach,
+    ) {
+        let Kind::Perspective { camera_from_voxel, focal, centre, near, strength } = &self.kind else { return };
+        let [right, up, along] = camera_from_voxel;
+        let [s, m, f] = self.nesting;
+        let base = camera_from_voxel.map(|map| map[3] + map[s] * f64::from(slow));
+        let single = |map: &[f64; 4]| [map[0] as f32, map[1] as f32, map[2] as f32];
+        let steps = [single(right), single(up), single(along)];
+        let focal_single = *focal as f32;
+        for j in 0..BLOCK {
+            let (along_m, along_f) = (f64::from(medium[j]), f64::from(fast[j]));
+            let t0 = base[0] + right[m] * along_m + right[f] * along_f;
+            let t1 = base[1] + up[m] * along_m + up[f] * along_f;
+            let t2 = base[2] + along[m] * along_m + along[f] * along_f;
+            let in_front = t2 >= *near;
+            let closeness = 1.0 / if in_front { t2 } else { *near };
+            let (across, above) = (t0 * closeness, t1 * closeness);
+            let x = split(centre[0] + focal * across);
+            let y = split(centre[1] - focal * above);
+            let (tx, ty, closeness) = (across as f32, above as f32, closeness as f32);
+            let print = footprint(jacobian(&steps, tx, ty, focal_single * closeness), self.sigma, self.cut_off);
+            out.strength[j] = keep_if(in_front, *strength * print.density * slant(tx, ty) * (closeness * closeness));
+            each.across[j] = print.ellipse.across;
+            each.along[j] = print.ellipse.along;
+            each.shear[j] = print.ellipse.shear;
+            (out.x[j], out.rest_x[j]) = x;
+            (out.y[j], out.rest_y[j]) = y;
+            (out.low_x[j], out.high_x[j]) = span(x, print.ellipse.half_x);
+            (out.low_y[j], out.high_y[j]) = span(y, print.ellipse.half_y);
+        }
+    }
+
+    /// Lists the splats that can change the band's pixels.
+    #[inline(always)]
+    fn keep(
+        &self,
+        slow: u16,
+        medium: &[u16; BLOCK],
+        fast: &[u16; BLOCK],
+        count: usize,
+        out: &mut Splats,
+        planes: &Planes,
+        frozen: &mut Frozen,
+        limits: Limits,
+    ) {
+        let rect = planes.rect;
+        let [s, m, f] = self.nesting;
+        let crop = self.crop.unwrap_or(VoxelBox { low: [0; 3], high: [u16::MAX; 3] });
+        let slow_inside = (crop.low[s]..=crop.high[s]).contains(&slow);
+        let mut wanted = [false; BLOCK];
+        for j in 0..BLOCK {
+            let reaches = (out.high_x[j] >= rect.x0)
+                & (out.low_x[j] < rect.x1)
+                & (out.high_y[j] >= rect.y0)
+                & (out.low_y[j] < rect.y1)
+                & (out.low_x[j] <= out.high_x[j])
+                & (out.low_y[j] <= out.high_y[j]);
+            let inside = slow_inside
+                & (medium[j] >= crop.low[m])
+                & (medium[j] <= crop.high[m])
+                & (fast[j] >= crop.low[f])
+                & (fast[j] <= crop.high[f]);
+            wanted[j] = reaches & inside & (out.strength[j] > 0.0);
+        }
+        let mut kept = 0;
+        for j in 0..count {
+            out.kept[kept] = j as u8;
+            kept += usize::from(wanted[j]);
+        }
+        if limits.stop > 0.0 {
+            let mut open = 0;
+            for k in 0..kept {
+                let j = usize::from(out.kept[k]) % BLOCK;
+                let (x0, x1) = (out.low_x[j].max(rect.x0), out.high_x[j].min(rect.x1 - 1));
+                let (y0, y1) = (out.low_y[j].max(rect.y0), out.high_y[j].min(rect.y1 - 1));
+                out.kept[open] = out.kept[k];
+                open += usize::from(!frozen.covers(planes, limits.stop, x0, y0, x1, y1));
+            }
+            kept = open;
+        }
+        out.count = kept;
+    }
+
+    /// Colours and peaks of the kept splats.
+    #[inline(always)]
+    fn colour(&self, batch: &Batch, from: usize, medium: &[u16; BLOCK], fast: &[u16; BLOCK], out: &mut Splats) {
+        let records = &batch.record[from..];
+        let count = out.count;
+        for k in 0..count {
+            let j = usize::from(out.kept[k]) % BLOCK;
+            let record = usize::try_from(batch.base).unwrap_or(usize::MAX).saturating_add(records[j] as usize);
+            let look = self.look(record);
+            [out.red[k], out.green[k], out.blue[k], out.peak[k]] = look;
+        }
+        let most = MAX_DEPTH as f32 * LOG2_E;
+        if !self.maximum {
+            for k in 0..count {
+                let strength = out.strength[usize::from(out.kept[k]) % BLOCK];
+                out.peak[k] = at_most(out.peak[k] * strength, most);
+            }
+        }
+        if let Some(lights) = &self.lights {
+            self.light(lights, batch, from, medium, fast, out);
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn look(&self, record: usize) -> Look {
+        let magnitude = if self.table.needs_magnitude() { self.lane.magnitude_code(record) } else { 0 };
+        self.table.look(self.lane.value_code(record), magnitude)
+    }
+
+    #[inline(always)]
+    fn light(
+        &self,
+        lights: &Lights,
+        batch: &Batch,
+        from: usize,
+        medium: &[u16; BLOCK],
+        fast: &[u16; BLOCK],
+        out: &mut Splats,
+    ) {
+        let records = &batch.record[from..];
+        let base = usize::try_from(batch.base).unwrap_or(usize::MAX);
+        let mut codes = [0u32; BLOCK];
+        for k in 0..out.count {
+            let j = usize::from(out.kept[k]) % BLOCK;
+            codes[k] = self.lane.normal_code(base.saturating_add(records[j] as usize));
+        }
+        let mut normals = [[0.0f32; BLOCK]; 3];
+        if self.lane.channels.normal_bits == 8 {
+            for k in 0..BLOCK {
+                [normals[0][k], normals[1][k], normals[2][k]] = normal::decode8(codes[k] as u16);
+            }
+        } else {
+            for k in 0..BLOCK {
+                [normals[0][k], normals[1][k], normals[2][k]] = normal::decode16(codes[k]);
+            }
+        }
+        let mut shades = [[0.0f32; BLOCK]; 2];
+        if let Kind::Parallel { .. } = self.kind {
+            for k in 0..BLOCK {
+                let normal = [normals[0][k], normals[1][k], normals[2][k]];
+                [shades[0][k], shades[1][k]] = lights.shade(normal, lights.eye);
+            }
+        } else {
+            let [s, m, f] = self.nesting;
+            let mut toward = [[0.0f32; BLOCK]; 3];
+            let slow = self.eye[s] - self.steps[s] * f32::from(batch.slow);
+            for k in 0..out.count {
+                let j = usize::from(out.kept[k]) % BLOCK;
+                toward[s][k] = slow;
+                toward[m][k] = self.eye[m] - self.steps[m] * f32::from(medium[j]);
+                toward[f][k] = self.eye[f] - self.steps[f] * f32::from(fast[j]);
+            }
+            for k in 0..BLOCK {
+                let [x, y, z] = [toward[0][k], toward[1][k], toward[2][k]];
+                let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
+                let normal = [normals[0][k], normals[1][k], normals[2][k]];
+                [shades[0][k], shades[1][k]] = lights.shade(normal, [x / length, y / length, z / length]);
+            }
+        }
+        for k in 0..BLOCK {
+            out.red[k] = out.red[k] * shades[0][k] + shades[1][k];
+            out.green[k] = out.green[k] * shades[0][k] + shades[1][k];
+            out.blue[k] = out.blue[k] * shades[0][k] + shades[1][k];
+        }
+    }
+}
+
+/// Pixels per voxel along each axis, for tangents `tx`, `ty` and `scale` pixels per mean voxel.
+#[inline(always)]
+pub(super) fn jacobian(steps: &[[f32; 3]; 3], tx: f32, ty: f32, scale: f32) -> [[f32; 3]; 2] {
+    let [right, up, along] = steps;
+    let mut rows = [[0.0; 3]; 2];
+    for a in 0..3 {
+        rows[0][a] = scale * (right[a] - tx * along[a]);
+        rows[1][a] = scale * (ty * along[a] - up[a]);
+    }
+    rows
+}
+
+/// Length of a ray per length along the view axis. World area of a pixel across the ray: t2^3 / (|t| focal^2).
+#[inline(always)]
+pub(super) fn slant(tx: f32, ty: f32) -> f32 {
+    (1.0 + tx * tx + ty * ty).sqrt()
+}
+
+/// The nearest pixel and the rest; beyond a thousand million pixels, and for NaN, that far.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the low half holds the number")]
+pub(super) fn split(at: f64) -> (i32, f32) {
+    // Adding it leaves the nearest whole number in the low bits of the sum.
+    const ROUND: f64 = 6_755_399_441_055_744.0;
+    const FAR: f64 = 1e9;
+    let at = if at < FAR { at } else { FAR };
+    let at = if at > -FAR { at } else { -FAR };
+    let rounded = at + ROUND;
+    (rounded.to_bits() as u32 as i32, (at - (rounded - ROUND)) as f32)
+}
+
+/// First and last pixel within `half` of a centre; may take in a pixel that is a hair outside.
+#[inline(always)]
+pub(super) fn span((nearest, rest): (i32, f32), half: f32) -> (i32, i32) {
+    const ROUND: f32 = 12_582_912.0;
+    const NEARLY_HALF: f32 = 0.499_99;
+    let whole = |value: f32| ((value + ROUND).to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32);
+    (nearest.wrapping_add(whole(rest - half + NEARLY_HALF)), nearest.wrapping_add(whole(rest + half - NEARLY_HALF)))
+}

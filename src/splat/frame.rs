@@ -1,0 +1,96 @@
+//! A finished picture: linear light, premultiplied, single precision.
+//!
+//! In: a renderer's pixels. Out: the same over a background, or as sRGB samples for a picture file. Rows run down.
+
+use crate::error::{Error, Result};
+
+/// Red, green, blue, alpha for each pixel, row after row from the top; linear light, premultiplied by alpha.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Frame {
+    size: [u32; 2],
+    pixels: Vec<f32>,
+}
+
+impl Frame {
+    /// A frame of nothing.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a side of `size` (columns, rows) is 0; [`Error::Limit`] if the memory cannot be had.
+    pub fn transparent(size: [u32; 2]) -> Result<Frame> {
+        if size.contains(&0) {
+            return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
+        }
+        let floats = u64::from(size[0]) * u64::from(size[1]) * 4;
+        let refused = || Error::Limit { what: "memory for the picture in bytes".into(), need: 4 * floats, have: 0 };
+        let len = usize::try_from(floats).map_err(|_| refused())?;
+        let mut pixels = Vec::new();
+        pixels.try_reserve_exact(len).map_err(|_| refused())?;
+        pixels.resize(len, 0.0);
+        Ok(Frame { size, pixels })
+    }
+
+    /// Columns and rows.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// All pixels: four numbers each.
+    pub fn pixels(&self) -> &[f32] {
+        &self.pixels
+    }
+
+    /// All pixels, to be written.
+    pub fn pixels_mut(&mut self) -> &mut [f32] {
+        &mut self.pixels
+    }
+
+    /// Pixel in `column` and `row`.
+    ///
+    /// # Panics
+    /// If it lies outside the picture.
+    pub fn pixel(&self, column: u32, row: u32) -> [f32; 4] {
+        assert!(column < self.size[0] && row < self.size[1], "pixel ({column}, {row}) lies outside {:?}", self.size);
+        let at = 4 * (row as usize * self.size[0] as usize + column as usize);
+        [self.pixels[at], self.pixels[at + 1], self.pixels[at + 2], self.pixels[at + 3]]
+    }
+
+    /// Puts the picture over an opaque background of a linear colour.
+    pub fn over(&mut self, background: [f32; 3]) {
+        for pixel in self.pixels.chunks_exact_mut(4) {
+            let clear = 1.0 - pixel[3];
+            for (channel, behind) in pixel.iter_mut().zip(background) {
+                *channel += clear * behind;
+            }
+            pixel[3] = 1.0;
+        }
+    }
+
+    /// Samples of 8 bits for a picture file: sRGB, not premultiplied.
+    pub fn srgb8(&self) -> Vec<u8> {
+        self.encoded(255.0).map(|sample| u8::try_from(sample).unwrap_or(u8::MAX)).collect()
+    }
+
+    /// Samples of 16 bits for a picture file: sRGB, not premultiplied.
+    pub fn srgb16(&self) -> Vec<u16> {
+        self.encoded(65_535.0).collect()
+    }
+
+    fn encoded(&self, most: f32) -> impl Iterator<Item = u16> {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65,535")]
+        let whole = move |value: f32| (value.clamp(0.0, 1.0) * most + 0.5) as u16;
+        self.pixels.chunks_exact(4).flat_map(move |pixel| {
+            let alpha = pixel[3];
+            let part = |channel: f32| whole(srgb_from_linear(if alpha > 0.0 { channel / alpha } else { 0.0 }));
+            [part(pixel[0]), part(pixel[1]), part(pixel[2]), whole(alpha)]
+        })
+    }
+}
+
+/// The sRGB transfer function, IEC 61966-2-1; NaN gives 0.
+pub fn srgb_from_linear(linear: f32) -> f32 {
+    if linear <= 0.003_130_8 {
+        linear.max(0.0) * 12.92
+    } else {
+        1.055 * linear.min(1.0).powf(1.0 / 2.4) - 0.055
+    }
+}

@@ -1,0 +1,447 @@
+//! The renderer on the processor, judged by closed forms, by its plain twin, and by itself with other threads.
+
+use adjsplat::arena::layout::{Channels, Facts, Scales};
+use adjsplat::arena::pack::{LanePacker, Record};
+use adjsplat::arena::transpose::transpose;
+use adjsplat::arena::{OwnedLane, TileOrder};
+use adjsplat::classify::{Point, TransferFunction, normal};
+use adjsplat::splat::{
+    Camera, Code, Frame, KernelShape, Mode, Orbit, Projection, Quality, Scene, Settings, Stats, Surround, cpu,
+};
+use adjsplat::traverse::{Sense, VoxelBox};
+use adjsplat::volume::{Axis, Grid};
+
+/// A structure in memory.
+struct Model {
+    facts: Facts,
+    lanes: Vec<OwnedLane>,
+    transfer: TransferFunction,
+}
+
+impl Model {
+    fn new(
+        dims: [u64; 3],
+        spacing: [f64; 3],
+        channels: Channels,
+        transfer: TransferFunction,
+        voxel: impl Fn(u16, u16, u16) -> Option<Record>,
+    ) -> Model {
+        let grid = Grid::new(dims, spacing).unwrap();
+        let mut packer = LanePacker::new(Axis::X, grid.dims, channels, TileOrder::Morton);
+        let [nx, ny, nz] = dims.map(|d| u16::try_from(d).unwrap());
+        for z in 0..nz {
+            for y in 0..ny {
+                packer.line(y, z, (0..nx).filter_map(|x| voxel(x, y, z).map(|record| (x, record))));
+            }
+        }
+        let visible_voxels = packer.visible();
+        let x = packer.finish();
+        let others = [Axis::Y, Axis::Z].map(|axis| transpose(&x.view(), axis, TileOrder::Morton));
+        let lanes = std::iter::once(x).chain(others).collect();
+        let scales = Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 1.0 };
+        let facts = Facts { grid, channels, tile_order: TileOrder::Morton, scales, visible_voxels };
+        Model { facts, lanes, transfer }
+    }
+
+    fn render(&self, camera: &Camera, settings: &Settings) -> (Frame, Stats) {
+        let scene = Scene { facts: &self.facts, lanes: &self.lanes, transfer: &self.transfer };
+        cpu::render(&scene, camera, settings).unwrap()
+    }
+
+    fn surround(&self) -> Surround {
+        Surround::of_grid(&self.facts.grid)
+    }
+
+    fn orbit(&self, azimuth: f64, elevation: f64, fov: Option<f64>, size: [u32; 2]) -> Camera {
+        Camera::orbiting(Orbit { azimuth, elevation, zoom: 1.0, fov }, self.surround(), size).unwrap()
+    }
+}
+
+const PLAIN: Channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0 };
+const LIT: Channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0 };
+
+/// Opacity per world length of 1, one colour.
+fn constant(opacity: f64, colour: &str) -> TransferFunction {
+    let text = format!(
+        r#"{{"kind": "points", "points": [{{"value": 0, "colour": "{colour}", "opacity": {opacity}}}], "reference_length": 1, "shaded": false}}"#
+    );
+    TransferFunction::from_json(&text).unwrap()
+}
+
+fn ramp() -> TransferFunction {
+    let colour = |text: &str| serde_json::from_str(&format!("\"{text}\"")).unwrap();
+    let points = vec![
+        Point { value: 0.0, colour: colour("#c03020"), opacity: 0.02 },
+        Point { value: 120.0, colour: colour("#30a040"), opacity: 0.3 },
+        Point { value: 255.0, colour: colour("#e0e8ff"), opacity: 1.0 },
+    ];
+    TransferFunction::points(points, vec![]).unwrap()
+}
+
+/// A lumpy shell with normals: about 12,000 voxels.
+fn shell() -> Model {
+    Model::new([48, 40, 44], [1.0, 1.2, 0.8], LIT, ramp(), |x, y, z| {
+        let d = [f64::from(x) - 23.5, f64::from(y) - 19.5, f64::from(z) - 21.5];
+        let r = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
+        let bumps = (f64::from(x) * 0.7).sin() + (f64::from(y) * 0.9).cos();
+        ((12.0 + bumps)..18.0).contains(&r).then(|| Record {
+            value: (u16::from(x as u8) * 5 + y * 3 + z * 7) % 256,
+            normal: u32::from(normal::encode8(d)),
+            magnitude: 0,
+        })
+    })
+}
+
+fn largest_difference(a: &Frame, b: &Frame) -> f32 {
+    assert_eq!(a.size(), b.size());
+    a.pixels().iter().zip(b.pixels()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+}
+
+fn bits(frame: &Frame) -> Vec<u32> {
+    frame.pixels().iter().map(|value| value.to_bits()).collect()
+}
+
+#[test]
+fn a_slab_lets_through_what_beer_and_lambert_say() {
+    // Quality, largest deviation of optical depth, deviation of its mean.
+    for (quality, peak, mean) in [(Quality::Standard, 4e-3, 1e-4), (Quality::High, 3e-4, 1e-4)] {
+        for spacing in [[1.0, 1.0, 1.0], [1.0, 1.0, 8.0], [1.0, 1.0, 1000.0]] {
+            for direction in [
+                [0.0, 0.0, 1.0f64],
+                [5.0f64.to_radians().tan(), 0.0, 1.0],
+                [15.0f64.to_radians().tan(), 0.1, 1.0],
+                [30.0f64.to_radians().tan(), 0.0, 1.0],
+                [1.0, 0.0, 1.0],
+                [1.0, 1.0, 1.0],
+            ] {
+                slab(quality, spacing, direction, peak, mean);
+            }
+        }
+    }
+}
+
+/// A slab of 12 layers across z, seen through its middle along `direction` (index space).
+fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3], peak: f64, mean: f64) {
+    let layers = 12;
+    // Wide enough that no border comes near the central ray.
+    let side = 64;
+    let opacity = 1.0 - (-0.5 / (12.0 * spacing[2])).exp();
+    let model =
+        Model::new([side, side, layers], spacing, PLAIN, constant(opacity, "#ffffff"), |_, _, _| Some(Record::default()));
+    let world: [f64; 3] = std::array::from_fn(|a| direction[a] * spacing[a]);
+    let length = world.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let target = Surround::of_grid(&model.facts.grid).centre;
+    let position = std::array::from_fn(|a| target[a] - world[a] / length * 50_000.0);
+    // 150 pixels across 6 voxels of the finer axes. The lattice is commensurate with the pixels, so a coarser picture
+    // would sample each kernel's cut-off edge in the same few places.
+    let camera = Camera::new(position, target, [0.0, 1.0, 0.0], Projection::Parallel { height: 6.0 }).unwrap();
+    let mut settings = Settings::new([150, 150]);
+    settings.quality = quality;
+    settings.termination = Some(0.0);
+    let (frame, _) = model.render(&camera, &settings);
+    // Path through the slab: cosine in world space.
+    let path = layers as f64 * spacing[2] * length / world[2];
+    let want = -(1.0 - opacity).ln() * path;
+    let depths: Vec<f64> = frame.pixels().chunks_exact(4).map(|p| -(1.0 - f64::from(p[3])).ln()).collect();
+    let average = depths.iter().sum::<f64>() / depths.len() as f64 / want - 1.0;
+    let worst = depths.iter().map(|d| (d / want - 1.0).abs()).fold(0.0, f64::max);
+    assert!(worst <= peak && average.abs() <= mean, "{quality:?} {spacing:?} {direction:?}: {worst:e} {average:e}");
+}
+
+#[test]
+fn one_splat_sums_to_its_optical_depth() {
+    let model = Model::new([1, 1, 1], [1.0, 1.5, 0.5], PLAIN, constant(0.3, "#ffffff"), |_, _, _| {
+        Some(Record::default())
+    });
+    let extinction = -(0.7f64).ln();
+    let volume = 0.75;
+    // From a hundredth of a pixel per voxel to a splat as wide as the picture.
+    for height in [1e4, 400.0, 40.0, 8.0] {
+        for (azimuth, elevation, shift) in [(0.0, 0.0, 0.0), (33.0, 21.0, 0.37), (90.0, -65.0, 0.5)] {
+            let (sin_a, cos_a) = f64::to_radians(azimuth).sin_cos();
+            let (sin_e, cos_e) = f64::to_radians(elevation).sin_cos();
+            let target = [shift * height / 100.0, 0.0, 0.0];
+            let position = [target[0] - sin_a * cos_e, cos_a * cos_e, sin_e];
+            let projection = Projection::Parallel { height };
+            let camera = Camera::new(position, target, [0.0, 0.0, 1.0], projection).unwrap();
+            let mut settings = Settings::new([101, 101]);
+            settings.quality = Quality::Reference;
+            let (frame, _) = model.render(&camera, &settings);
+            // Alpha alone would round away the depth of tiny splats: X-ray mode shows 1 - exp(-sum).
+            settings.mode = Mode::Additive;
+            let (sum, _) = model.render(&camera, &settings);
+            let pixel_area = (height / 101.0).powi(2);
+            for (frame, tolerance) in [(&frame, 2e-2), (&sum, 4e-3)] {
+                let total: f64 = frame.pixels().chunks_exact(4).map(|p| -(-f64::from(p[3])).ln_1p()).sum();
+                let ratio = total * pixel_area / (extinction * volume);
+                assert!((ratio - 1.0).abs() < tolerance, "height {height}, azimuth {azimuth}: {ratio}");
+            }
+        }
+    }
+}
+
+#[test]
+fn fast_code_equals_its_plain_twin_bit_for_bit() {
+    let model = shell();
+    let eye_inside = Camera::new([23.0, 19.0, 21.0], [40.0, 30.0, 25.0], [0.0, 0.0, 1.0], Projection::Perspective {
+        fov: 80.0,
+    });
+    let views = [
+        (model.orbit(20.0, 15.0, None, [97, 61]), [97, 61]),
+        (model.orbit(200.0, -70.0, None, [400, 300]), [400, 300]),
+        (model.orbit(75.0, 35.0, Some(40.0), [130, 170]), [130, 170]),
+        (eye_inside.unwrap(), [90, 90]),
+    ];
+    let crop = VoxelBox { low: [5, 9, 3], high: [40, 33, 21] };
+    for (camera, size) in views {
+        for mode in [Mode::Composite, Mode::Maximum, Mode::Additive] {
+            for (quality, sense, crop) in [
+                (Quality::Standard, Sense::FrontToBack, None),
+                (Quality::Draft, Sense::FrontToBack, Some(crop)),
+                (Quality::High, Sense::BackToFront, None),
+            ] {
+                let settings = Settings { quality, sense, crop, mode, ..Settings::new(size) };
+                let (want, plain) = model.render(&camera, &Settings { code: Code::Plain, ..settings.clone() });
+                assert!(plain.splats_drawn > 100, "{plain:?}");
+                for (code, threads) in [
+                    (Code::Best, 1),
+                    (Code::Avx2, 1),
+                    (Code::Portable, 1),
+                    (Code::Best, 2),
+                    (Code::Best, 3),
+                    (Code::Portable, 7),
+                ] {
+                    let (got, stats) = model.render(&camera, &Settings { code, threads, ..settings.clone() });
+                    let same = bits(&got) == bits(&want);
+                    assert!(same, "{code:?} {threads} {mode:?} {quality:?} {sense:?}: {}", {
+                        largest_difference(&got, &want)
+                    });
+                    assert_eq!(stats.bands, threads);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn both_senses_and_any_termination_give_one_picture() {
+    let model = shell();
+    let camera = model.orbit(20.0, 15.0, None, [160, 120]);
+    let settings = Settings { quality: Quality::Reference, ..Settings::new([160, 120]) };
+    let (front, all) = model.render(&camera, &settings);
+    let (back, _) = model.render(&camera, &Settings { sense: Sense::BackToFront, ..settings.clone() });
+    assert!(largest_difference(&front, &back) < 2e-5, "{}", largest_difference(&front, &back));
+    for termination in [0.5f32, 0.1, 0.01, 1e-3] {
+        let (early, stats) = model.render(&camera, &Settings { termination: Some(termination), ..settings.clone() });
+        let difference = largest_difference(&front, &early);
+        // Highlights go a little above 1.
+        assert!(difference <= termination * 1.2 + 1e-6, "{termination}: {difference}");
+        assert!(stats.splats_drawn < all.splats_drawn || termination < 0.1, "{termination}: {stats:?}");
+    }
+}
+
+#[test]
+fn one_colour_stays_one_colour() {
+    let model = Model::new([20, 20, 20], [1.0; 3], PLAIN, constant(0.2, "#8040c0"), |x, y, z| {
+        ((x + y + z) % 3 != 0).then(Record::default)
+    });
+    let [red, green, blue] = model.transfer.colour(0.0);
+    let camera = model.orbit(31.0, 17.0, None, [80, 80]);
+    let (frame, _) = model.render(&camera, &Settings::new([80, 80]));
+    for pixel in frame.pixels().chunks_exact(4) {
+        for (got, want) in pixel.iter().zip([red, green, blue]) {
+            assert!((got - want * pixel[3]).abs() < 2e-6, "{pixel:?}");
+        }
+    }
+    // Over black and white the difference is the transmittance.
+    let (mut black, mut white) = (frame.clone(), frame.clone());
+    black.over([0.0; 3]);
+    white.over([1.0; 3]);
+    let pairs = black.pixels().chunks_exact(4).zip(white.pixels().chunks_exact(4)).zip(frame.pixels().chunks_exact(4));
+    for ((black, white), pixel) in pairs {
+        assert!((white[0] - black[0] - (1.0 - pixel[3])).abs() < 1e-6);
+    }
+}
+
+#[test]
+fn an_opaque_voxel_is_finite_and_hides_what_is_behind() {
+    let model = Model::new([3, 9, 3], [1.0; 3], PLAIN, constant(1.0, "#ffffff"), |_, _, _| Some(Record::default()));
+    let camera = model.orbit(0.0, 0.0, None, [33, 33]);
+    let (frame, _) = model.render(&camera, &Settings { quality: Quality::Reference, ..Settings::new([33, 33]) });
+    let centre = frame.pixel(16, 16);
+    assert!(centre[3] > 0.999_999 && centre.iter().all(|c| c.is_finite()), "{centre:?}");
+}
+
+#[test]
+fn the_picture_is_not_mirrored() {
+    // Bright at +x, +z; seen from +y: +x is at the left, +z at the top.
+    let model = Model::new([9, 9, 9], [1.0; 3], PLAIN, constant(0.9, "#ffffff"), |x, _, z| {
+        (x > 5 && z > 5).then(Record::default)
+    });
+    let camera = model.orbit(0.0, 0.0, None, [40, 40]);
+    let (frame, _) = model.render(&camera, &Settings::new([40, 40]));
+    let mass = |columns: std::ops::Range<u32>, rows: std::ops::Range<u32>| -> f32 {
+        rows.flat_map(|row| columns.clone().map(move |column| (column, row))).map(|(c, r)| frame.pixel(c, r)[3]).sum()
+    };
+    let (left_top, all) = (mass(0..20, 0..20), mass(0..40, 0..40));
+    assert!(left_top > 0.98 * all && all > 1.0, "{left_top} of {all}");
+    // Azimuth turns counter-clockwise seen from above: at 90 degrees the eye is at -x and +y is at the left.
+    let camera = model.orbit(90.0, 0.0, None, [40, 40]);
+    assert!(camera.position()[0] < -1.0, "{:?}", camera.position());
+}
+
+#[test]
+fn whole_turns_come_back_bit_equal() {
+    let model = shell();
+    let settings = Settings::new([40, 40]);
+    let pictures = [0.0, 360.0, -720.0].map(|azimuth| {
+        bits(&model.render(&model.orbit(azimuth, 0.0, Some(30.0), [40, 40]), &settings).0)
+    });
+    assert!(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
+}
+
+#[test]
+fn far_away_perspective_is_parallel() {
+    let model = shell();
+    let target = model.surround().centre;
+    let distance = 1e9;
+    let position = [target[0] + 0.317 * distance, target[1] + distance, target[2] + 0.229 * distance];
+    let far = (0.317f64 * 0.317 + 1.0 + 0.229 * 0.229).sqrt() * distance;
+    let height = 60.0;
+    let fov = 2.0 * (height / 2.0 / far).atan().to_degrees();
+    let up = [0.0, 0.0, 1.0];
+    let settings = Settings { quality: Quality::Reference, ..Settings::new([90, 90]) };
+    let camera = Camera::new(position, target, up, Projection::Perspective { fov }).unwrap();
+    let (far, _) = model.render(&camera, &settings);
+    let camera = Camera::new(position, target, up, Projection::Parallel { height }).unwrap();
+    let (parallel, _) = model.render(&camera, &settings);
+    let difference = largest_difference(&far, &parallel);
+    assert!(difference < 2e-3, "{difference}");
+}
+
+#[test]
+fn extremes_end_in_finite_pictures_or_errors() {
+    let model = shell();
+    let finite = |frame: &Frame| frame.pixels().iter().all(|value| value.is_finite() && *value >= -1e-3);
+    let target = model.surround().centre;
+    let scene = Scene { facts: &model.facts, lanes: &model.lanes, transfer: &model.transfer };
+    for zoom in [1e-9, 1e-3, 1e3, 1e6, 1e9, 1e12] {
+        for fov in [None, Some(1e-6), Some(40.0), Some(179.9)] {
+            let orbit = Orbit { azimuth: 33.0, elevation: 10.0, zoom, fov };
+            let camera = Camera::orbiting(orbit, model.surround(), [33, 17]).unwrap();
+            let (frame, _) = model.render(&camera, &Settings::new([33, 17]));
+            assert!(finite(&frame), "zoom {zoom}, fov {fov:?}");
+        }
+    }
+    // Eyes on a voxel, on a grid plane, in the shell; looking away.
+    for position in [[23.0, 19.2, 16.0], [0.0, 0.0, 0.0], [23.0, 3.6, 16.0], [1e9, 0.0, 0.0]] {
+        for target in [target, [position[0] - 5.0, position[1] + 1.0, position[2] - 77.0]] {
+            let projection = Projection::Perspective { fov: 60.0 };
+            let camera = Camera::new(position, target, [0.0, 0.0, 1.0], projection).unwrap();
+            assert!(finite(&model.render(&camera, &Settings::new([33, 17])).0), "{position:?}");
+        }
+    }
+    // Up along the view falls back.
+    let projection = Projection::Parallel { height: 50.0 };
+    let camera = Camera::new([target[0], target[1], 99.0], target, [0.0, 0.0, 1.0], projection).unwrap();
+    let (frame, stats) = model.render(&camera, &Settings::new([64, 1]));
+    assert!(finite(&frame) && stats.splats_drawn > 0);
+    // All voxels behind the eye: nothing.
+    let projection = Projection::Perspective { fov: 30.0 };
+    let camera = Camera::new([0.0, 0.0, 200.0], [0.0, 0.0, 300.0], [0.0, 1.0, 0.0], projection).unwrap();
+    let (frame, stats) = model.render(&camera, &Settings::new([10, 10]));
+    assert!(stats.splats_drawn == 0 && frame.pixels().iter().all(|value| *value == 0.0));
+    let refused = |settings: Settings| cpu::render(&scene, &camera, &settings).unwrap_err().to_string();
+    assert!(refused(Settings::new([0, 5])).contains("picture size"));
+    assert!(refused(Settings::new([16_385, 5])).contains("limit is 16384"));
+    assert!(refused(Settings { threads: 0, ..Settings::new([5, 5]) }).contains("threads"));
+    assert!(refused(Settings { termination: Some(f32::NAN), ..Settings::new([5, 5]) }).contains("termination"));
+    assert!(refused(Settings { near: Some(0.0), ..Settings::new([5, 5]) }).contains("near"));
+    let kernel = Some(KernelShape { sigma: f32::NAN, radius: 2.0 });
+    assert!(refused(Settings { kernel, ..Settings::new([5, 5]) }).contains("kernel"));
+}
+
+#[test]
+fn cameras_that_cannot_be_are_refused() {
+    let perspective = |fov| Projection::Perspective { fov };
+    let parallel = |height| Projection::Parallel { height };
+    let good = ([1.0, 2.0, 3.0], [0.0; 3], [0.0, 0.0, 1.0]);
+    for (position, target, up, projection) in [
+        ([f64::NAN, 0.0, 0.0], good.1, good.2, perspective(30.0)),
+        (good.0, good.0, good.2, perspective(30.0)),
+        (good.0, good.1, [0.0; 3], perspective(30.0)),
+        (good.0, good.1, good.2, perspective(0.0)),
+        (good.0, good.1, good.2, perspective(180.0)),
+        (good.0, good.1, good.2, perspective(f64::NAN)),
+        (good.0, good.1, good.2, parallel(0.0)),
+        (good.0, good.1, good.2, parallel(f64::INFINITY)),
+    ] {
+        let error = Camera::new(position, target, up, projection).unwrap_err();
+        assert!(error.to_string().starts_with("camera "), "{error}");
+    }
+    let text = r#"{"position": [1, 2, 3], "target": [0, 0, 0], "up": [0, 0, 1], "fov": 30}"#;
+    let camera: Camera = serde_json::from_str(text).unwrap();
+    assert_eq!(camera, serde_json::from_str(&serde_json::to_string(&camera).unwrap()).unwrap());
+    assert!(serde_json::from_str::<Camera>(&text.replace(", \"fov\": 30", "")).is_err());
+    assert!(serde_json::from_str::<Camera>(&text.replace("30", "30, \"height\": 2")).is_err());
+}
+
+#[test]
+fn a_crop_shows_what_a_smaller_volume_would() {
+    let model = shell();
+    let crop = VoxelBox { low: [10, 0, 12], high: [37, 25, 30] };
+    let whole = shell();
+    let inside = |x: u16, y: u16, z: u16| {
+        [x, y, z].iter().zip(crop.low.iter().zip(crop.high)).all(|(at, (low, high))| (*low..=high).contains(at))
+    };
+    let lane = whole.lanes[0].view();
+    let mut records = std::collections::HashMap::new();
+    for line in lane.lines() {
+        for (x, record) in lane.line_voxels(line.records.clone()) {
+            let codes = Record {
+                value: lane.value_code(record),
+                normal: lane.normal_code(record),
+                magnitude: 0,
+            };
+            records.insert((x as u16, line.u as u16, line.v as u16), codes);
+        }
+    }
+    let small = Model::new([48, 40, 44], [1.0, 1.2, 0.8], LIT, ramp(), |x, y, z| {
+        records.get(&(x, y, z)).copied().filter(|_| inside(x, y, z))
+    });
+    let camera = model.orbit(-40.0, 25.0, Some(50.0), [120, 90]);
+    let settings = Settings::new([120, 90]);
+    let (cropped, _) = model.render(&camera, &Settings { crop: Some(crop), ..settings.clone() });
+    let (want, _) = small.render(&camera, &settings);
+    assert!(bits(&cropped) == bits(&want), "{}", largest_difference(&cropped, &want));
+}
+
+#[test]
+fn pictures_of_one_row_and_one_column_work() {
+    let model = shell();
+    for size in [[1, 1], [1, 65], [65, 1], [2048, 2], [3, 999]] {
+        let camera = model.orbit(10.0, 10.0, None, size);
+        for threads in [1, 4] {
+            let (frame, stats) = model.render(&camera, &Settings { threads, ..Settings::new(size) });
+            assert_eq!(frame.size(), size);
+            assert!(stats.splats_drawn > 0 && frame.pixels().iter().all(|value| value.is_finite()));
+        }
+    }
+}
+
+#[test]
+fn a_normal_and_its_opposite_look_the_same() {
+    let lit = |sign: f64| {
+        let transfer = ramp();
+        Model::new([12, 12, 12], [1.0; 3], LIT, transfer, move |x, y, z| {
+            let gradient = [f64::from(x) - 5.2, f64::from(y) - 5.7, f64::from(z) - 4.1].map(|c| sign * c);
+            Some(Record { value: 100, normal: u32::from(normal::encode8(gradient)), magnitude: 0 })
+        })
+    };
+    let (one, other) = (lit(1.0), lit(-1.0));
+    for fov in [None, Some(50.0)] {
+        let camera = one.orbit(30.0, 20.0, fov, [50, 50]);
+        let pictures = [&one, &other].map(|model| model.render(&camera, &Settings::new([50, 50])).0);
+        assert!(largest_difference(&pictures[0], &pictures[1]) < 2e-2);
+    }
+}
