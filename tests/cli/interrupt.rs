@@ -4,7 +4,7 @@
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use super::harness::{Folder, program};
+use super::harness::{Folder, program, skipped};
 
 fn start(folder: &Folder, line: &str) -> Child {
     program()
@@ -81,7 +81,7 @@ fn a_build_that_is_stopped_while_it_writes_leaves_nothing() {
         }
     }
     if stopped == 0 {
-        eprintln!("SKIPPED: the disk was faster than the signal; no write was stopped");
+        skipped("the disk was faster than the signal; no write was stopped");
     }
 }
 
