@@ -211,8 +211,13 @@ impl Plan {
         let domain = transfer.domain(largest);
         let (low, high) = (domain.0.max(lowest), domain.1.min(highest));
         if low > high {
-            let findings = Findings { lowest, highest, not_finite: 0, surveyed };
-            return Err(nothing_visible(&findings));
+            // The range of the type says little: only the samples' own tells the user what to ask for.
+            let found = if surveyed {
+                Findings { lowest, highest, not_finite: 0, surveyed }
+            } else {
+                survey(source, header, false, observer)?.findings()
+            };
+            return Err(nothing_visible(&found));
         }
         let quantiser = if transfer.is_labels() { Quantiser::for_labels } else { Quantiser::new };
         let quantiser = quantiser(low, high, options.value_bits, header.sample_type, header.slope, header.intercept)?;

@@ -8,13 +8,13 @@ use serde_json::json;
 
 use super::classification::ClassificationArguments;
 use super::input::InputArguments;
-use super::progress::Progress;
-use super::{Answer, print_result};
+use super::progress::{Progress, interrupted};
+use super::{Answer, is_same_file, print_note, print_result, starts_as_adj};
 use crate::arena::TileOrder;
 use crate::arena::builder::{BuildOptions, Built, build};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::file::write_arena;
+use crate::file::{check_writable, write_arena_unless};
 use crate::volume::{Header, SlabSource};
 
 /// Build an .adj file from a volume: only the visible voxels, in lanes.
@@ -32,18 +32,18 @@ pub(super) struct Arguments {
     /// The .adj file to write.
     #[arg(short, long, value_name = "OUT.adj")]
     output: PathBuf,
-    #[command(flatten)]
-    packing: PackingArguments,
-    #[command(flatten)]
-    classification: ClassificationArguments,
-    #[command(flatten)]
-    reading: InputArguments,
     /// Print the result as JSON.
     #[arg(long)]
     json: bool,
     /// No progress bar.
     #[arg(long, short)]
     quiet: bool,
+    #[command(flatten)]
+    classification: ClassificationArguments,
+    #[command(flatten)]
+    packing: PackingArguments,
+    #[command(flatten)]
+    reading: InputArguments,
 }
 
 /// How the visible voxels are stored.
@@ -84,40 +84,46 @@ impl PackingArguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
-    check_output(&arguments.output)?;
+    let mut source = arguments.reading.open(&arguments.input)?;
     let transfer = arguments.classification.required(&arguments.input)?;
     let options = arguments.packing.options(transfer)?;
-    let mut source = arguments.reading.open(&arguments.input)?;
+    check_output(&arguments.output, &arguments.input)?;
     let header = source.header().clone();
     let built = build_with_warnings(&mut *source, &options, arguments.quiet)?;
-    write_arena(&arguments.output, &built.facts, &built.lanes, &description(&header, &built))?;
-    report(arguments, &header, &built, start.elapsed().as_secs_f64())?;
+    let description = description(&header, &built);
+    let bytes = write_arena_unless(&interrupted, &arguments.output, &built.facts, &built.lanes, &description)?;
+    report(arguments, &header, &built, bytes, start.elapsed().as_secs_f64());
     Ok(Answer::Yes)
 }
 
 /// Builds with a progress bar, and says on stderr what a user should know of the samples.
 pub(super) fn build_with_warnings(source: &mut dyn SlabSource, options: &BuildOptions, quiet: bool) -> Result<Built> {
     if options.needs_survey(source.header().sample_type) && !quiet {
-        eprintln!("adj: reading the samples twice: their range is needed first (a closed --range A..B avoids it)");
+        let hint = if options.transfer.uses_gradient() { "" } else { "; a range with both ends, A..B, avoids it" };
+        print_note(&format!("reading the samples twice, as their own range decides what codes mean{hint}"));
     }
     let built = build(source, options, &mut Progress::new(quiet))?;
-    if built.findings.not_finite > 0 {
-        eprintln!("adj: warning: {} samples are NaN or infinite: they are transparent", built.findings.not_finite);
+    match built.findings.not_finite {
+        0 => {}
+        1 => print_note("warning: 1 sample is NaN or infinite; it is transparent"),
+        count => print_note(&format!("warning: {count} samples are NaN or infinite; they are transparent")),
     }
     Ok(built)
 }
 
-/// Finds out now, not after a long build, that the output cannot be written.
-pub(super) fn check_output(path: &Path) -> Result<()> {
-    let folder = path.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if path.is_dir() {
-        return Err(Error::input(path.display().to_string(), "is a folder; give a file name"));
+/// Finds out now, not after a long build, that the output cannot be written, or that it would cost the user a file.
+fn check_output(output: &Path, input: &Path) -> Result<()> {
+    if is_same_file(output, input) {
+        return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
     }
-    if !folder.is_dir() {
-        return Err(Error::input(folder.display().to_string(), "is no folder; create it first"));
+    // A header may name other files that hold the samples: those must not be lost to a slip either.
+    let named = output.extension().is_some_and(|extension| extension == "adj");
+    let old = std::fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0);
+    if old && !named && !starts_as_adj(output)? {
+        let why = "is there already and is no .adj file; remove it first, or give a name that ends in .adj";
+        return Err(Error::input(output.display().to_string(), why));
     }
-    // Only creating a file tells whether one can be created.
-    tempfile::tempfile_in(folder).map(drop).map_err(Error::io("create a file in", folder))
+    check_writable(output)
 }
 
 /// What the file says of itself to people and tools.
@@ -139,9 +145,8 @@ pub(super) fn description(header: &Header, built: &Built) -> String {
     description.to_string()
 }
 
-fn report(arguments: &Arguments, header: &Header, built: &Built, seconds: f64) -> Result<()> {
+fn report(arguments: &Arguments, header: &Header, built: &Built, bytes: u64, seconds: f64) {
     let path = &arguments.output;
-    let bytes = std::fs::metadata(path).map_err(Error::io("read", path))?.len();
     let visible = built.facts.visible_voxels;
     let samples = header.grid.len();
     let per_voxel = bytes as f64 / visible as f64;
@@ -160,13 +165,13 @@ fn report(arguments: &Arguments, header: &Header, built: &Built, seconds: f64) -
             })
             .to_string(),
         );
-        return Ok(());
+        return;
     }
     let share = 100.0 * visible as f64 / samples as f64;
+    let are = if visible == 1 { "voxel is" } else { "voxels are" };
     print_result(&format!(
-        "{}: {visible} of {samples} voxels visible ({share:.2} %), {}, {per_voxel:.2} bytes a visible voxel, {seconds:.2} s",
+        "{}: {visible} {are} visible of {samples} ({share:.2} %); {}, {per_voxel:.2} bytes a visible voxel, {seconds:.2} s",
         path.display(),
         indicatif::HumanBytes(bytes),
     ));
-    Ok(())
 }

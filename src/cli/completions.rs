@@ -1,9 +1,11 @@
 //! `adj completions`: a script for the shell.
 
+use std::io::Write as _;
+
 use clap::{Args, CommandFactory as _};
 use clap_complete::Shell;
 
-use super::{Answer, Cli};
+use super::{Answer, Cli, finish_stdout};
 use crate::error::Result;
 
 /// Print a completion script for a shell.
@@ -15,6 +17,9 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    clap_complete::generate(arguments.shell, &mut Cli::command(), "adj", &mut std::io::stdout());
+    // By way of memory: the generator panics where a pipe is closed.
+    let mut script = Vec::new();
+    clap_complete::generate(arguments.shell, &mut Cli::command(), "adj", &mut script);
+    finish_stdout(std::io::stdout().write_all(&script));
     Ok(Answer::Yes)
 }

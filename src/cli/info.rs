@@ -6,8 +6,8 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::input::InputArguments;
-use super::{Answer, print_result};
-use crate::arena::layout::{Facts, MAGIC};
+use super::{Answer, print_result, starts_as_adj};
+use crate::arena::layout::Facts;
 use crate::arena::{Arena, Lane};
 use crate::error::{Error, Result};
 use crate::file::AdjFile;
@@ -23,12 +23,15 @@ pub(super) struct Arguments {
     /// An .adj file or a volume.
     #[arg(value_name = "FILE")]
     input: PathBuf,
-    #[command(flatten)]
-    reading: InputArguments,
     /// Print the result as JSON.
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    reading: InputArguments,
 }
+
+/// Shares of a volume's samples whose bounds are shown.
+const QUANTILES: [f64; 8] = [0.01, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let answer = if is_adj(&arguments.input)? { of_arena(&arguments.input)? } else { of_volume(arguments)? };
@@ -38,16 +41,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 
 /// Whether `path` is an `.adj` file, by its first bytes, or by its name if it is too short for any.
 pub(super) fn is_adj(path: &Path) -> Result<bool> {
-    use std::io::Read as _;
     let named = path.extension().is_some_and(|extension| extension == "adj");
     // Only regular files are read here; what is wrong with another kind is the reader's to say.
     if named || !std::fs::metadata(path).is_ok_and(|m| m.is_file()) {
         return Ok(named);
     }
-    let mut first = Vec::new();
-    let file = std::fs::File::open(path).map_err(Error::io("open", path))?;
-    file.take(8).read_to_end(&mut first).map_err(Error::io("read", path))?;
-    Ok(first == MAGIC)
+    starts_as_adj(path)
 }
 
 fn of_arena(path: &Path) -> Result<Value> {
@@ -178,7 +177,7 @@ fn of_volume(arguments: &Arguments) -> Result<Value> {
     let header = source.header().clone();
     let histogram = Histogram::of(&mut *source)?;
     let quantiles: Vec<Value> =
-        [0.01, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999].iter().map(|&q| json!([q, histogram.quantile(q)])).collect();
+        QUANTILES.iter().map(|&share| json!({ "share": share, "value": histogram.quantile(share) })).collect();
     Ok(json!({
         "file": arguments.input.display().to_string(),
         "format": header.format,

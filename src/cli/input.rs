@@ -4,6 +4,7 @@ use std::path::Path;
 
 use clap::Args;
 
+use super::starts_as_adj;
 use crate::error::{Error, Result};
 use crate::volume::phantom::Phantom;
 use crate::volume::raw::{RawOptions, parse_dims, parse_type};
@@ -49,6 +50,10 @@ impl InputArguments {
         if let Some(phantom) = phantom(input)? {
             let sample_type = sample_type.map_or(SampleType::U8, |(ty, _)| ty);
             return phantom.open(dims.unwrap_or([256; 3]), sample_type, spacing.unwrap_or([1.0; 3]));
+        }
+        if std::fs::metadata(input).is_ok_and(|found| found.is_file()) && starts_as_adj(input)? {
+            let why = "is an .adj file, which holds no volume; give the volume that it was built from";
+            return Err(Error::input(input.display().to_string(), why));
         }
         let raw = match (dims, sample_type) {
             (Some(dims), Some((ty, endian))) => {

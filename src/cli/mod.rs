@@ -16,12 +16,14 @@ mod render;
 mod verify;
 
 use std::error::Error as _;
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory as _, Parser, Subcommand};
 
+use crate::arena::layout::MAGIC;
 use crate::error::{Error, Result};
 
 /// How a command that did not fail ended.
@@ -46,10 +48,10 @@ struct Cli {
 
 #[derive(Debug, Subcommand)]
 enum Command {
-    Build(build::Arguments),
+    Build(Box<build::Arguments>),
     Info(info::Arguments),
     Verify(verify::Arguments),
-    Render(render::Arguments),
+    Render(Box<render::Arguments>),
     Demo(demo::Arguments),
     Completions(completions::Arguments),
 }
@@ -65,7 +67,7 @@ pub fn main() -> ExitCode {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
         Err(error) => {
-            eprintln!("adj: {}", one_line(&error));
+            print_note(&one_line(&error));
             ExitCode::from(2)
         }
     }
@@ -91,39 +93,70 @@ fn one_line(error: &Error) -> String {
         line.push_str(&cause.to_string());
         source = cause.source();
     }
-    line.replace('\n', " ")
+    line
 }
 
 /// Help as asked for, or what is wrong with the arguments in one line.
 fn usage(error: &clap::Error) -> ExitCode {
     match error.kind() {
-        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion => {
-            // A closed pipe is the reader's choice.
-            let _ = write!(std::io::stdout(), "{}", error.render().ansi());
-            ExitCode::SUCCESS
-        }
-        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            eprint!("{}", error.render().ansi());
-            ExitCode::from(2)
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            // To stdout where it was asked for; a closed pipe is the reader's choice.
+            let _ = error.print();
+            ExitCode::from(if error.use_stderr() { 2 } else { 0 })
         }
         _ => {
             // clap's message is a paragraph for what is wrong, then tips and usage.
             let text = error.render().to_string();
             let wrong: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
             let tip = text.lines().map(str::trim).find_map(|line| line.strip_prefix("tip: "));
-            let command = std::env::args().nth(1).filter(|word| !word.starts_with('-')).unwrap_or_default();
-            let help = format!("adj {command} --help").replace("  ", " ");
+            let word = std::env::args_os().nth(1).unwrap_or_default();
+            let command =
+                Cli::command().get_subcommands().find(|c| c.get_name() == word).map(|c| c.get_name().to_owned());
+            let help = command.map_or("adj --help".to_owned(), |command| format!("adj {command} --help"));
             let message = wrong.join(" ");
             let message = message.strip_prefix("error: ").unwrap_or(&message);
             let tip = tip.map_or(String::new(), |tip| format!("; {tip}"));
-            eprintln!("adj: {message}{tip}; see {help}");
+            print_note(&format!("{message}{tip}; see {help}"));
             ExitCode::from(2)
         }
     }
 }
 
-/// Prints a result; a reader that closed its end is content.
+/// Prints a result; a reader that closed its end is content. Ends the program if stdout takes it for another reason.
 fn print_result(text: &str) {
     let mut stdout = std::io::stdout().lock();
-    let _ = stdout.write_all(text.as_bytes()).and_then(|()| stdout.write_all(b"\n"));
+    let written =
+        stdout.write_all(text.as_bytes()).and_then(|()| stdout.write_all(b"\n")).and_then(|()| stdout.flush());
+    finish_stdout(written);
+}
+
+/// Ends the program with exit code 2 if writing a result failed, unless its reader went away.
+fn finish_stdout(written: std::io::Result<()>) {
+    if let Err(error) = written
+        && error.kind() != std::io::ErrorKind::BrokenPipe
+    {
+        print_note(&format!("cannot write the result: {error}"));
+        std::process::exit(2);
+    }
+}
+
+/// Tells an error or a warning, in one line on stderr; whether anyone reads it does not matter.
+fn print_note(text: &str) {
+    let _ = writeln!(std::io::stderr(), "adj: {}", text.replace(['\n', '\r'], " "));
+}
+
+/// Whether both paths lead to one file that is there.
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// Whether the regular file at `path` starts as `.adj` files do.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be read.
+fn starts_as_adj(path: &Path) -> Result<bool> {
+    let mut first = Vec::new();
+    let file = std::fs::File::open(path).map_err(Error::io("open", path))?;
+    file.take(MAGIC.len() as u64).read_to_end(&mut first).map_err(Error::io("read", path))?;
+    Ok(first == MAGIC)
 }

@@ -8,6 +8,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::arena::builder::{Observer, Phase};
+use crate::file::abandon_writes;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
@@ -16,6 +17,7 @@ pub(super) fn catch_interrupts() {
     // Without a handler Ctrl-C ends the process at once, and a temporary file may stay: worse, but no reason to stop.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            abandon_writes();
             std::process::exit(130);
         }
     });

@@ -7,19 +7,19 @@ use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::build::{PackingArguments, build_with_warnings, check_output, description};
+use super::build::{PackingArguments, build_with_warnings, description};
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::input::InputArguments;
 use super::picture::{Depth, Picture, PictureKind, write_animation};
 use super::progress::{Progress, interrupted};
-use super::{Answer, print_result};
+use super::{Answer, is_same_file, print_note, print_result};
 use crate::arena::builder::voxel_length;
 use crate::arena::layout::Scales;
 use crate::arena::{Arena, LaneSet};
 use crate::classify::{Colour, TransferFunction};
 use crate::error::{Error, Result};
-use crate::file::{AdjFile, arena_bytes, write_atomically};
+use crate::file::{AdjFile, arena_bytes, check_writable, write_atomically};
 use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Stats, Surround, cpu};
 use crate::traverse::{SplitForm, VoxelBox};
 
@@ -121,7 +121,13 @@ pub(super) struct LookArguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let kind = PictureKind::of(&arguments.output)?;
-    check_output(&arguments.output)?;
+    check_writable(&arguments.output)?;
+    if let Some(stats) = &arguments.stats {
+        if is_same_file(stats, &arguments.input) {
+            return Err(Error::input("--stats", "is the input itself, which it would replace; give another name"));
+        }
+        check_writable(stats)?;
+    }
     let outputs = if arguments.view.frames > 1 && kind != PictureKind::Apng {
         numbered(&arguments.output, arguments.view.frames)
     } else {
@@ -212,7 +218,7 @@ fn draw(
     }
     let drawn = all_stats.iter().map(|stats| stats.splats_drawn).max().unwrap_or(0);
     if drawn == 0 {
-        eprintln!("adj: warning: the picture is empty: nothing visible lies in view; try without --crop or --camera");
+        print_note("warning: the picture is empty: nothing visible lies in view; try without --crop or --camera");
     }
     let mean = all_stats.iter().map(|stats| stats.frame_ms).sum::<f64>() / all_stats.len() as f64;
     let many = if outputs.len() > 1 { format!(" to {}", outputs[outputs.len() - 1].display()) } else { String::new() };

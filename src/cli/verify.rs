@@ -1,18 +1,18 @@
 //! `adj verify`: is the file whole and sound?
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
 use serde_json::json;
 
-use super::{Answer, print_result};
+use super::{Answer, one_line, print_note, print_result};
 use crate::error::{Error, Result};
 use crate::file::AdjFile;
 
 /// Check every byte of .adj files: checksums, structure, and that all lanes hold the same voxels.
 ///
-/// Exit code 0: sound; 1: not, with the first broken rule of the format; 2: could not be read.
+/// Exit code 0: sound; 1: not, with the first broken rule of the format; 2: one could not be read.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: adj verify head.adj")]
 pub(super) struct Arguments {
@@ -26,34 +26,44 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut answer = Answer::Yes;
+    let mut trouble = None;
     for path in &arguments.files {
         let start = Instant::now();
-        let fault = match AdjFile::open(path).and_then(|file| check(&file)) {
-            Ok(()) => None,
+        let fault = match check(path) {
+            Ok(bytes) => {
+                let rate = bytes as f64 / 1e9 / start.elapsed().as_secs_f64();
+                if !arguments.json {
+                    print_result(&format!("{}: sound ({bytes} bytes, {rate:.1} GB/s)", path.display()));
+                }
+                None
+            }
             Err(Error::Format { fault, .. }) => Some(fault),
-            Err(error) => return Err(error),
+            Err(error) => {
+                // The other files are judged all the same; the last trouble is told by the caller.
+                if let Some(earlier) = trouble.replace(error) {
+                    print_note(&one_line(&earlier));
+                }
+                continue;
+            }
         };
         if arguments.json {
-            let fault =
+            let told =
                 fault.as_ref().map(|f| json!({ "at": f.at, "rule": f.rule, "expected": f.expected, "got": f.got }));
-            let sound = fault.is_none();
-            print_result(&json!({ "file": path.display().to_string(), "sound": sound, "fault": fault }).to_string());
-        } else {
-            let bytes = std::fs::metadata(path).map_err(Error::io("read", path))?.len();
-            let rate = bytes as f64 / 1e9 / start.elapsed().as_secs_f64();
-            print_result(&match &fault {
-                None => format!("{}: sound ({bytes} bytes, {rate:.1} GB/s)", path.display()),
-                Some(fault) => format!("{}: not sound: {fault}", path.display()),
-            });
+            let file = path.display().to_string();
+            print_result(&json!({ "file": file, "sound": fault.is_none(), "fault": told }).to_string());
+        } else if let Some(fault) = &fault {
+            print_result(&format!("{}: not sound: {fault}", path.display()));
         }
         if fault.is_some() {
             answer = Answer::No;
         }
     }
-    Ok(answer)
+    trouble.map_or(Ok(answer), Err)
 }
 
-fn check(file: &AdjFile) -> Result<()> {
+/// Checks everything; the file's length.
+fn check(path: &Path) -> Result<u64> {
+    let file = AdjFile::open(path)?;
     let checked = file.arena()?.check();
-    checked.map(|_| ()).map_err(|fault| Error::Format { path: file.path().to_path_buf(), fault })
+    checked.map(|found| found.bytes).map_err(|fault| Error::Format { path: path.to_path_buf(), fault })
 }

@@ -1,7 +1,9 @@
 //! Files: arenas on disk, written whole or not at all and read through a memory map.
 
 pub mod map;
+pub mod place;
 pub mod write;
 
 pub use map::AdjFile;
-pub use write::{arena_bytes, write_arena, write_atomically};
+pub use place::{abandon_writes, check_writable, write_atomically, write_atomically_unless};
+pub use write::{arena_bytes, write_arena, write_arena_unless};

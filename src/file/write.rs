@@ -1,11 +1,9 @@
-//! Writing: a whole file or none.
+//! Writing arenas.
 //!
-//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or to a file. A file is written
-//! beside its place under a temporary name, flushed to disk and renamed, so that a stop at any instant leaves the
-//! old file or the new one.
+//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or, by [`write_atomically_unless`], to
+//! a file.
 
-use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, Read as _, Write};
 use std::path::Path;
 
 use xxhash_rust::xxh3::xxh3_64;
@@ -15,7 +13,8 @@ use zerocopy::byteorder::little_endian::{U16, U32, U64};
 use crate::arena::lane::{LineEnds, OwnedLane};
 use crate::arena::layout::Facts;
 use crate::arena::layout::{self, FileHeader, SectionEntry, SectionKind, aligned};
-use crate::error::{Error, Result};
+use crate::error::Result;
+use crate::file::place::write_atomically_unless;
 
 /// The bytes of an `.adj` file, in memory.
 ///
@@ -26,62 +25,29 @@ pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec
     bytes
 }
 
-/// Writes an `.adj` file; see [`arena_bytes`].
+/// Writes an `.adj` file, see [`arena_bytes`], and says how many bytes it has.
 ///
 /// # Errors
-/// [`Error::Io`] if the folder or the disk refuses; then nothing is left behind and an old file is untouched.
-pub fn write_arena(path: &Path, facts: &Facts, lanes: &[OwnedLane], description: &str) -> Result<()> {
-    write_atomically(path, |out| write_to(out, facts, lanes, description))
+/// As [`write_atomically_unless`].
+pub fn write_arena(path: &Path, facts: &Facts, lanes: &[OwnedLane], description: &str) -> Result<u64> {
+    write_arena_unless(&|| false, path, facts, lanes, description)
 }
 
-/// Creates or replaces the file at `path` with what `write` writes, whole or not at all.
+/// As [`write_arena`], unless `stop` says yes before the file is in its place.
 ///
 /// # Errors
-/// [`Error::Io`] if the folder or the disk refuses; then nothing is left behind and an old file is untouched.
-pub fn write_atomically(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
-    let folder = match path.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    if path.is_dir() {
-        return Err(Error::input(path.display().to_string(), "is a folder; give a file name"));
-    }
-    let mut temporary = tempfile::Builder::new()
-        .prefix(".adj-")
-        .suffix(".tmp")
-        .permissions_of_new_files()
-        .tempfile_in(folder)
-        .map_err(Error::io("create a file in", folder))?;
-    let mut out = BufWriter::with_capacity(1 << 20, temporary.as_file_mut());
-    write(&mut out).and_then(|()| out.flush()).map_err(Error::io("write", path))?;
-    drop(out);
-    temporary.as_file().sync_all().map_err(Error::io("write", path))?;
-    temporary.persist(path).map_err(|e| Error::io("replace", path)(e.error))?;
-    // The name must be on disk too. Where folders cannot be flushed the file is still whole.
-    let _ = File::open(folder).and_then(|folder| folder.sync_all());
-    Ok(())
+/// As [`write_atomically_unless`].
+pub fn write_arena_unless(
+    stop: &dyn Fn() -> bool,
+    path: &Path,
+    facts: &Facts,
+    lanes: &[OwnedLane],
+    description: &str,
+) -> Result<u64> {
+    write_atomically_unless(stop, path, |out| write_to(out, facts, lanes, description))
 }
 
-/// Files come out with the permissions that any new file gets, not a temporary file's private ones.
-trait NewFilePermissions {
-    fn permissions_of_new_files(&mut self) -> &mut Self;
-}
-
-impl NewFilePermissions for tempfile::Builder<'_, '_> {
-    #[cfg(unix)]
-    fn permissions_of_new_files(&mut self) -> &mut Self {
-        use std::os::unix::fs::PermissionsExt;
-        // The process's mask takes away from this what it takes from every new file.
-        self.permissions(std::fs::Permissions::from_mode(0o666))
-    }
-
-    #[cfg(not(unix))]
-    fn permissions_of_new_files(&mut self) -> &mut Self {
-        self
-    }
-}
-
-fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description: &str) -> io::Result<()> {
+fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description: &str) -> io::Result<u64> {
     let mut sections: Vec<(SectionEntry, &[u8])> = Vec::new();
     let entry = |kind: SectionKind, axis: u8, element_bytes: u8| SectionEntry {
         kind: U16::new(kind as u16),
@@ -129,7 +95,7 @@ fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description
         out.write_all(bytes)?;
         fill_up(out, bytes.len() as u64)?;
     }
-    Ok(())
+    Ok(aligned(end))
 }
 
 /// Zeros after `bytes` bytes, up to where a section may start.

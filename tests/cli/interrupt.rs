@@ -1,0 +1,102 @@
+//! Ctrl-C: the program ends soon and leaves nothing half-written.
+#![cfg(unix)]
+
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use super::harness::{Folder, program, skipped};
+
+fn start(folder: &Folder, line: &str) -> Child {
+    program()
+        .current_dir(folder.path())
+        .args(line.split_whitespace())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("the program was built")
+}
+
+fn signal(child: &Child, name: &str) {
+    let sent = Command::new("kill").args([name, &child.id().to_string()]).status().expect("there is a kill");
+    assert!(sent.success());
+}
+
+/// Waits for `child` to end; its exit code.
+fn ended(child: &mut Child, within: Duration) -> Option<i32> {
+    let start = Instant::now();
+    loop {
+        if let Some(status) = child.try_wait().expect("it is ours") {
+            return status.code();
+        }
+        if start.elapsed() > within {
+            let _ = child.kill();
+            let _ = child.wait();
+            panic!("it went on for {within:?} after the signal");
+        }
+        std::thread::sleep(Duration::from_millis(5));
+    }
+}
+
+#[test]
+fn a_long_build_stops_and_leaves_nothing() {
+    for name in ["-INT", "-TERM"] {
+        let folder = Folder::new();
+        folder.small_arena("old.adj");
+        let old = std::fs::read(folder.file("old.adj")).expect("it was built");
+        let mut child = start(&folder, "build phantom:noise --dims 1024x1024x4096 -o old.adj --quiet");
+        std::thread::sleep(Duration::from_millis(400));
+        signal(&child, name);
+        assert_eq!(ended(&mut child, Duration::from_secs(10)), Some(2));
+        assert_eq!(folder.names(), ["old.adj"]);
+        assert!(std::fs::read(folder.file("old.adj")).expect("it is there") == old);
+    }
+}
+
+#[test]
+fn a_build_that_is_stopped_while_it_writes_leaves_nothing() {
+    let mut stopped = 0;
+    for signals in [1, 2, 2] {
+        let folder = Folder::new();
+        // 2 million voxels in three lanes: 25 MB to write.
+        let mut child = start(&folder, "build phantom:constant --dims 128x128x128 -o out.adj --quiet");
+        while !folder.names().iter().any(|name| name.starts_with(".adj-"))
+            && child.try_wait().expect("it is ours").is_none()
+        {
+            std::thread::sleep(Duration::from_micros(200));
+        }
+        for _ in 0..signals {
+            // It may have ended meanwhile.
+            let _ = Command::new("kill").args(["-INT", &child.id().to_string()]).stderr(Stdio::null()).status();
+        }
+        match ended(&mut child, Duration::from_secs(10)) {
+            Some(0) => {
+                assert_eq!(folder.names(), ["out.adj"]);
+                folder.adj("verify out.adj").done();
+            }
+            code => {
+                assert!(matches!(code, Some(2 | 130)), "{code:?}");
+                assert!(folder.names().iter().all(|name| name == "out.adj"), "{:?}", folder.names());
+                stopped += 1;
+            }
+        }
+    }
+    if stopped == 0 {
+        skipped("the disk was faster than the signal; no write was stopped");
+    }
+}
+
+#[test]
+fn asked_twice_it_ends_even_where_it_waits() {
+    let folder = Folder::new();
+    let pipe = folder.file("pipe");
+    assert!(Command::new("mkfifo").arg(&pipe).status().expect("there is a mkfifo").success());
+    // Nobody reads the pipe, so opening it waits for ever.
+    let mut child = start(&folder, "build phantom:shells --dims 16x16x16 -o pipe --quiet");
+    std::thread::sleep(Duration::from_millis(300));
+    signal(&child, "-INT");
+    std::thread::sleep(Duration::from_millis(100));
+    assert!(child.try_wait().expect("it is ours").is_none(), "it waits");
+    signal(&child, "-INT");
+    assert_eq!(ended(&mut child, Duration::from_secs(5)), Some(130));
+    assert_eq!(folder.names(), ["pipe"]);
+}

@@ -1,0 +1,184 @@
+//! Where output goes: whole files or none, under any name, and nothing lost that was there.
+//!
+//! Cannot catch: a temporary file left by SIGKILL or a power cut; those leave one, and the old file whole.
+
+use std::ffi::OsStr;
+use std::path::Path;
+
+use super::harness::{Folder, RAW, adj, in_private_mounts};
+
+const BUILD: &str = "phantom:shells --dims 24x24x24 -o";
+
+#[test]
+fn places_that_take_no_file() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("folder")).expect("new");
+    folder.write("text", b"hello");
+    folder.build_refused(&format!("{BUILD} gone/out.adj"), &["gone", "create it first"]);
+    folder.build_refused(&format!("{BUILD} folder"), &["folder", "is a folder; give a file name"]);
+    folder.build_refused(&format!("{BUILD} folder/"), &["is a folder"]);
+    folder.build_refused(&format!("{BUILD} new/"), &["is a folder"]);
+    folder.build_refused(&format!("{BUILD} ."), &["is a folder"]);
+    folder.build_refused(&format!("{BUILD} .."), &["is a folder"]);
+    folder.build_refused(&format!("{BUILD} text/out.adj"), &["text/out.adj", "Not a directory"]);
+    folder.build_refused(&format!("{BUILD} {}.adj", "n".repeat(252)), &["name too long"]);
+    if cfg!(target_os = "linux") {
+        folder.build_refused(&format!("{BUILD} /proc/out.adj"), &["cannot create a file in /proc"]);
+    }
+    let name = "n".repeat(251) + ".adj";
+    folder.adj(&format!("build {BUILD} {name}")).done();
+    folder.adj(&format!("verify {name}")).done();
+}
+
+#[test]
+fn an_old_file_is_replaced_only_by_a_whole_new_one() {
+    let folder = Folder::new();
+    folder.write("v.raw", &RAW);
+    folder.small_arena("a.adj");
+    let old = std::fs::read(folder.file("a.adj")).expect("it was built");
+    folder.build_refused("v.raw --dims 4x3x3 --type u8 --range 1.. -o a.adj", &["36 bytes"]);
+    folder.build_refused("v.raw --dims 4x3x2 --type u8 --range 99.. -o a.adj", &["nothing is visible"]);
+    assert!(std::fs::read(folder.file("a.adj")).expect("it is there") == old);
+    folder.adj("build v.raw --dims 4x3x2 --type u8 --range 1.. -o a.adj").done();
+    assert!(std::fs::read(folder.file("a.adj")).expect("it is there") != old);
+    folder.adj("verify a.adj").done();
+    assert_eq!(folder.names(), ["a.adj", "v.raw"]);
+}
+
+#[test]
+fn the_volume_itself_is_never_overwritten() {
+    let folder = Folder::new();
+    folder.write("v.raw", &RAW);
+    folder.write("v.adj", &RAW);
+    let raw = "--dims 4x3x2 --type u8 --range 1..";
+    folder.build_refused(&format!("v.raw {raw} -o v.raw"), &["--output", "the volume itself"]);
+    folder.build_refused(&format!("v.raw {raw} -o ./v.raw"), &["the volume itself"]);
+    folder.build_refused(&format!("v.adj {raw} -o v.adj"), &["the volume itself"]);
+    // The file that a header names is as much the volume.
+    folder.write("v.nhdr", b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\ndata file: v.raw\n\n");
+    folder.build_refused("v.nhdr --range 1.. -o v.raw", &["v.raw", "is no .adj file", "ends in .adj"]);
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink("v.raw", folder.file("link")).expect("new");
+        folder.build_refused(&format!("v.raw {raw} -o link"), &["the volume itself"]);
+    }
+    assert_eq!(std::fs::read(folder.file("v.raw")).expect("it is there"), RAW);
+    assert_eq!(std::fs::read(folder.file("v.adj")).expect("it is there"), RAW);
+    // An empty file costs nobody anything, and an .adj file may have any name.
+    folder.write("empty", b"");
+    folder.adj(&format!("build v.raw {raw} -o empty")).done();
+    folder.adj(&format!("build v.raw {raw} -o empty")).done();
+}
+
+#[test]
+#[cfg(unix)]
+fn names_that_are_unusual() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = Folder::new();
+    for name in
+        [&b"two words.adj"[..], b"\xff\xfe.adj", "\u{1f438}.adj".as_bytes(), b"-dash.adj", b"a\nline.adj", b"'\"$x.adj"]
+    {
+        let input = folder.file(OsStr::from_bytes(&[name, b".raw"].concat()));
+        let output = folder.file(OsStr::from_bytes(name));
+        std::fs::write(&input, RAW).expect("the folder can be written");
+        let words = ["--dims", "4x3x2", "--type", "u8", "--range", "1..", "-o"].map(OsStr::new);
+        let line = [&[OsStr::new("build"), input.as_os_str()], &words[..], &[output.as_os_str()]].concat();
+        adj(&line).done();
+        adj([OsStr::new("verify"), output.as_os_str()]).done();
+        adj([OsStr::new("info"), output.as_os_str(), OsStr::new("--json")]).json();
+        std::fs::remove_file(&input).expect("it is there");
+        adj(&line).refused(&["cannot open"]);
+    }
+    adj([OsStr::from_bytes(b"\xff")]).refused(&["adj --help"]);
+    adj([OsStr::new("build"), OsStr::from_bytes(b"--\xff")]).refused(&["adj build --help"]);
+}
+
+#[test]
+#[cfg(unix)]
+fn permissions_are_those_of_any_new_file() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = Folder::new();
+    for (mask, mode) in [("022", 0o644), ("027", 0o640), ("077", 0o600), ("002", 0o664)] {
+        let script = format!("umask {mask} && exec \"$0\" build {BUILD} out.adj");
+        let ran = std::process::Command::new("sh")
+            .args(["-c", &script, env!("CARGO_BIN_EXE_adj")])
+            .current_dir(folder.path())
+            .output()
+            .expect("there is a shell");
+        assert!(ran.status.success());
+        let found = std::fs::metadata(folder.file("out.adj")).expect("it was built").permissions().mode();
+        assert_eq!(found & 0o777, mode, "umask {mask}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_link_stays_and_what_it_names_is_replaced() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("folder")).expect("new");
+    std::os::unix::fs::symlink("folder/real.adj", folder.file("link.adj")).expect("new");
+    for _ in ["to a file that is not there yet", "to one that is"] {
+        folder.adj(&format!("build {BUILD} link.adj")).done();
+        assert!(folder.file("link.adj").is_symlink());
+        folder.adj("verify folder/real.adj").done();
+    }
+    assert_eq!(folder.names(), ["folder", "link.adj"]);
+    assert_eq!(std::fs::read_dir(folder.file("folder")).expect("it is there").count(), 1);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn devices_take_the_bytes_and_stay_what_they_are() {
+    use std::os::unix::fs::FileTypeExt;
+    let folder = Folder::new();
+    let told = folder.adj(&format!("build {BUILD} /dev/null --json")).json();
+    assert!(told["bytes_total"].as_u64().expect("bytes") > 4096);
+    folder.adj(&format!("build {BUILD} /dev/full")).refused(&["cannot write /dev/full", "No space left"]);
+    for device in ["/dev/null", "/dev/full"] {
+        let kind = std::fs::metadata(device).expect("it is there").file_type();
+        assert!(kind.is_char_device(), "{device}");
+    }
+    // A pipe, as in `-o >(program)`.
+    let script = format!("\"$0\" build {BUILD} /dev/fd/3 3>&1 >/dev/null | cat > out.adj");
+    let ran = std::process::Command::new("sh")
+        .args(["-c", &script, env!("CARGO_BIN_EXE_adj")])
+        .current_dir(folder.path())
+        .output()
+        .expect("there is a shell");
+    assert!(ran.status.success() && ran.stderr.is_empty());
+    folder.adj("verify out.adj").done();
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_leaves_nothing_behind() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("disk")).expect("new");
+    let build = "\"$0\" build phantom:gyroid --dims 64x64x64 -o disk/out.adj";
+    let script = format!("mount -t tmpfs -o size=64k tmpfs disk; {build}; echo $?; ls -A disk");
+    let Some(ran) = in_private_mounts(&script, folder.path()) else { return };
+    assert_eq!(ran.stdout, "2\n");
+    assert!(ran.stderr.contains("cannot write disk/out.adj: No space left"), "{}", ran.stderr);
+    assert_eq!(ran.stderr.lines().count(), 1);
+    // What was there is still there.
+    let old = "\"$0\" build phantom:corners --dims 9x9x9 -o disk/out.adj >/dev/null";
+    let script = format!(
+        "mount -t tmpfs -o size=64k tmpfs disk; {old}; {build}; echo $?; ls -A disk; \"$0\" verify disk/out.adj"
+    );
+    let ran = in_private_mounts(&script, folder.path()).expect("it could mount before");
+    assert!(ran.stdout.starts_with("2\nout.adj\ndisk/out.adj: sound"), "{}", ran.stdout);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_disk_that_is_read_only_is_told_before_the_work() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("disk")).expect("new");
+    // So much work that a test would run into its limit.
+    let build = "timeout 20 \"$0\" build phantom:noise --dims 4000x4000x4000 -o disk/out.adj";
+    let script = format!("mount -t tmpfs -o ro tmpfs disk; {build}; echo $?; ls -A disk");
+    let Some(ran) = in_private_mounts(&script, folder.path()) else { return };
+    assert_eq!(ran.stdout, "2\n");
+    assert!(ran.stderr.contains("cannot create a file in disk: Read-only file system"), "{}", ran.stderr);
+    assert_eq!(std::fs::read_dir(Path::new(&folder.file("disk"))).expect("it is there").count(), 0);
+}

@@ -1,0 +1,142 @@
+//! Help, wrong flags, completions, and readers that go away.
+
+use std::process::Stdio;
+
+use super::harness::{Folder, Ran, adj, program, skipped};
+
+/// The subcommands, as the program's own help lists them.
+fn commands() -> Vec<String> {
+    let help = adj(["--help"]).done();
+    let list = help.split("Commands:\n").nth(1).expect("a list of commands");
+    let lines = list.lines().take_while(|line| !line.is_empty());
+    let names = lines.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    let names: Vec<String> = names.filter_map(|line| line.split_whitespace().next()).map(str::to_owned).collect();
+    names.into_iter().filter(|name| name != "help").collect()
+}
+
+#[test]
+fn every_command_has_help_with_an_example_that_parses() {
+    let commands = commands();
+    for name in ["build", "info", "verify", "completions"] {
+        assert!(commands.iter().any(|command| command == name), "{name}");
+    }
+    for command in &commands {
+        let command = command.as_str();
+        let help = adj([command, "--help"]).done();
+        assert!(help.contains("Example") && help.contains(&format!("adj {command} ")), "{help}");
+        assert!(!help.contains('\u{1b}'), "colours only for a terminal: {help:?}");
+        let short = adj([command, "-h"]).done();
+        assert!(short.contains("Usage: adj"), "{short}");
+        if command == "demo" {
+            continue; // its example works: it draws a picture
+        }
+        let examples = help.split("Example").nth(1).expect("it is there");
+        let typed = |line: &str| line.trim_start_matches([':', 's', ' ']).strip_prefix("adj ").map(str::to_owned);
+        for line in examples.lines().filter_map(typed) {
+            let line = line.split(['>', '(', '&']).next().expect("a part");
+            let ran = Folder::new().adj(line);
+            // The file is missing, and nothing else is wrong.
+            let fine = ran.code == Some(0) || ran.stderr.contains("cannot open");
+            assert!(fine && !ran.stderr.contains("--help"), "{line}: {}", ran.stderr);
+        }
+    }
+}
+
+#[test]
+fn no_arguments_print_the_help_and_fail() {
+    let ran = adj::<&str>([]);
+    assert_eq!((ran.code, ran.stdout.as_str()), (Some(2), ""));
+    assert!(ran.stderr.contains("Usage: adj") && ran.stderr.contains("adj demo"), "{}", ran.stderr);
+    assert!(!ran.stderr.contains('\u{1b}'), "colours only for a terminal");
+    assert!(adj(["--version"]).done().starts_with("adj 0."));
+}
+
+#[test]
+fn wrong_flags_are_one_line_that_names_the_help() {
+    let refused = |line: &str, parts: &[&str]| Folder::new().adj(line).refused(parts);
+    refused("build", &["--output <OUT.adj>", "<IN>", "see adj build --help"]);
+    refused("build x.nii", &["--output", "see adj build --help"]);
+    refused("build x.nii --lane x -o a.adj", &["--lane", "'--lanes'", "see adj build --help"]);
+    refused("build x.nii --lanes y -o a.adj", &["'y'", "x, xy, xyz", "see adj build --help"]);
+    refused("build x.nii --order random -o a.adj", &["morton, hilbert, rows"]);
+    refused("build x.nii --value-bits 12 -o a.adj", &["'12'", "8, 16"]);
+    refused("build x.nii --skip -1 -o a.adj", &["-1"]);
+    refused("build x.nii --iso abc -o a.adj", &["--iso", "abc"]);
+    refused("build x.nii y.nii -o a.adj", &["y.nii", "see adj build --help"]);
+    refused("biuld x.nii", &["biuld", "build", "see adj --help"]);
+    refused("--frobnicate", &["--frobnicate", "see adj --help"]);
+    refused("verify", &["<FILE>", "see adj verify --help"]);
+    refused("info", &["<FILE>", "see adj info --help"]);
+    refused("completions tcsh", &["tcsh", "bash", "zsh", "fish"]);
+    refused("build x.nii --dims 1x1x1 --type u8 --endian middle -o a.adj", &["middle", "le, be"]);
+}
+
+#[test]
+fn completions_for_the_shells() {
+    for (shell, sign) in [("bash", "complete -F"), ("zsh", "#compdef adj"), ("fish", "complete -c adj")] {
+        let script = adj(["completions", shell]).done();
+        assert!(script.contains(sign) && script.contains("value-bits"), "{shell}");
+    }
+    // What a shell says of its own script, where there is the shell.
+    let script = adj(["completions", "bash"]).done();
+    let folder = Folder::new();
+    folder.write("adj.bash", script.as_bytes());
+    match std::process::Command::new("bash").arg("-n").arg(folder.file("adj.bash")).output() {
+        Ok(ran) => assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr)),
+        Err(error) => skipped(&format!("bash did not read its script: {error}")),
+    }
+}
+
+/// Runs with an end of a pipe that nobody reads as stdout or stderr.
+fn run_with_closed(line: &str, folder: &Folder, stderr_too: bool) -> Ran {
+    let (reader, writer) = std::io::pipe().expect("there are pipes");
+    drop(reader);
+    let mut command = program();
+    command.current_dir(folder.path()).args(line.split_whitespace());
+    command.stdout(writer.try_clone().expect("a pipe"));
+    if stderr_too {
+        command.stderr(writer);
+    } else {
+        command.stderr(Stdio::piped());
+    }
+    Ran::new(&command.output().expect("the program was built"))
+}
+
+#[test]
+fn a_reader_that_goes_away_is_no_trouble() {
+    let folder = Folder::new();
+    folder.small_arena("a.adj");
+    let lines = [
+        "info a.adj",
+        "info a.adj --json",
+        "verify a.adj",
+        "completions bash",
+        "completions zsh",
+        "--help",
+        "build --help",
+        "--version",
+        "build phantom:shells --dims 9x9x9 -o b.adj",
+    ];
+    for line in lines {
+        let ran = run_with_closed(line, &folder, false);
+        assert_eq!((ran.code, ran.stderr.as_str()), (Some(0), ""), "{line}");
+    }
+    for (line, code) in [("info gone.adj", 2), ("build", 2), ("", 2), ("info a.adj", 0)] {
+        assert_eq!(run_with_closed(line, &folder, true).code, Some(code), "{line}");
+    }
+    folder.adj("verify b.adj").done();
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_result_that_could_not_be_written_is_told() {
+    let folder = Folder::new();
+    folder.small_arena("a.adj");
+    for line in ["info a.adj", "verify a.adj", "completions fish"] {
+        let full = std::fs::File::options().write(true).open("/dev/full").expect("it is there");
+        let ran =
+            program().current_dir(folder.path()).args(line.split(' ')).stdout(full).output().expect("it was built");
+        assert_eq!(ran.status.code(), Some(2), "{line}");
+        assert_eq!(Ran::new(&ran).stderr, "adj: cannot write the result: No space left on device (os error 28)\n");
+    }
+}

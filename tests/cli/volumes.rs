@@ -1,0 +1,186 @@
+//! Volumes that cannot be read: exit code 2, one line that says what to do, and no file.
+
+use super::harness::{Folder, RAW, adj, gzip, nrrd};
+
+const BUILD_RAW: &str = "v.raw --type u8 --range 1.. -o out.adj";
+
+#[test]
+fn a_good_volume_is_built_in_every_format_here() {
+    let folder = Folder::new();
+    folder.write("v.raw", &RAW);
+    folder.write("v.nrrd", &nrrd("raw", &RAW));
+    folder.write("z.nrrd", &nrrd("gzip", &gzip(&RAW)));
+    folder.write("v.raw.gz", &gzip(&RAW));
+    let mut visible = Vec::new();
+    for line in ["v.raw --dims 4x3x2 --type u8", "v.nrrd", "z.nrrd", "v.raw.gz --dims 4x3x2 --type u8"] {
+        let told = folder.adj(&format!("build {line} --range 5.. -o out.adj --json")).json();
+        visible.push(told["visible_voxels"].as_u64().expect("a count"));
+        assert_eq!(told["samples"], 24);
+        assert_eq!(told["bytes_total"], std::fs::metadata(folder.file("out.adj")).expect("it was built").len());
+        folder.adj("verify out.adj").done();
+    }
+    assert_eq!(visible, [20; 4]);
+}
+
+#[test]
+fn no_volume_at_all() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("folder")).expect("new");
+    folder.write("empty.raw", b"");
+    folder.write("empty.nii", b"");
+    folder.build_refused("missing.nii -o out.adj", &["cannot open missing.nii", "No such file"]);
+    folder.build_refused("missing.nii --range 1.. -o out.adj", &["cannot open missing.nii"]);
+    folder.build_refused("missing.adj --range 1.. -o out.adj", &["cannot open missing.adj"]);
+    folder.build_refused("folder --range 1.. -o out.adj", &["folder", "is a folder"]);
+    folder.build_refused("empty.raw --dims 4x3x2 --type u8 --range 1.. -o out.adj", &["empty.raw", "an empty file"]);
+    folder.build_refused("empty.nii --range 1.. -o out.adj", &["empty.nii", "an empty file"]);
+    folder.build_refused("phantom:gyro --range 1.. -o out.adj", &["gyro", "gyroid", "vessels"]);
+    folder.build_refused("/dev/zero --dims 4x3x2 --type u8 --range 1.. -o out.adj", &["/dev/zero", "device"]);
+}
+
+#[test]
+fn a_file_of_no_known_format_asks_for_what_a_raw_file_does_not_say() {
+    let folder = Folder::new();
+    folder.write("v.raw", &RAW);
+    folder.write("v.xyz", b"some text that means nothing");
+    folder.build_refused("v.raw --range 1.. -o out.adj", &["v.raw", "--dims", "--type"]);
+    folder.build_refused("v.xyz --range 1.. -o out.adj", &["v.xyz", ".nrrd", "--dims"]);
+    folder.build_refused("v.raw --dims 4x3x2 --range 1.. -o out.adj", &["--type"]);
+    folder.build_refused("v.raw --type u8 --range 1.. -o out.adj", &["--dims"]);
+    folder.build_refused("v.raw --skip 3 --range 1.. -o out.adj", &["--skip", "--dims"]);
+    folder.build_refused("v.raw --dims 4x3x2 --type u9 --range 1.. -o out.adj", &["u9", "u8, i8, u16"]);
+    folder.build_refused("v.raw --dims 4x3x2 --type i64 --range 1.. -o out.adj", &["i64", "f64"]);
+}
+
+#[test]
+fn an_arena_is_no_volume() {
+    let folder = Folder::new();
+    folder.small_arena("a.adj");
+    folder.build_refused("a.adj --range 1.. -o out.adj", &["a.adj", "is an .adj file", "the volume"]);
+    std::fs::rename(folder.file("a.adj"), folder.file("a.raw")).expect("it is there");
+    folder.build_refused("a.raw --range 1.. -o out.adj", &["is an .adj file"]);
+}
+
+#[test]
+fn sizes_that_do_not_match() {
+    let folder = Folder::new();
+    folder.write("v.raw", &RAW);
+    let dims = |dims: &str, parts: &[&str]| folder.build_refused(&format!("{BUILD_RAW} --dims {dims}"), parts);
+    dims("4x3x3", &["v.raw", "36 bytes", "24 bytes", "--dims 4x3x2"]);
+    dims("4x3x1", &["12 bytes", "24 bytes"]);
+    dims("4x3", &["12 bytes", "24 bytes"]);
+    dims("65535x65535x65535", &["281462092005375 bytes", "24 bytes"]);
+    dims("65536x1x1", &["65536", "65535"]);
+    dims("4000000000x4000000000x4000000000", &["4000000000", "65535"]);
+    dims("99999999999999999999x1x1", &["99999999999999999999x1x1", "256x256x128"]);
+    for bad in ["0x3x2", "4x0x2", "4x3x0"] {
+        dims(bad, &["at least one point", "got 0 along"]);
+    }
+    for bad in ["-4x3x2", "4", "4x3x2x1", "axbxc", "4.5x3x2", "NaNx1x1"] {
+        folder.build_refused(&format!("{BUILD_RAW} --dims={bad}"), &[bad, "256x256x128"]);
+    }
+    folder
+        .build_refused("v.raw --dims 4x3x2 --type u16 --range 1.. -o out.adj", &["48 bytes", "24 bytes", "--type u8"]);
+    folder.build_refused(&format!("{BUILD_RAW} --dims 4x3x2 --skip 1"), &["24 bytes after 1 skipped", "23 bytes"]);
+    folder.build_refused(&format!("{BUILD_RAW} --dims 4x3x2 --skip 18446744073709551615"), &["v.raw"]);
+    folder.build_refused(&format!("{BUILD_RAW} --dims 4x3x2 --volume 1"), &["volume", "1"]);
+    folder.build_refused("phantom:noise --dims 70000x1x1 -o out.adj", &["70000", "65535"]);
+}
+
+#[test]
+fn spacings_that_are_no_lengths() {
+    let folder = Folder::new();
+    folder.write("v.raw", &RAW);
+    for bad in ["0x1x1", "-1x1x1", "1x1xNaN", "1xinfx1", "1x1", "1", "", "axbxc", "1e999x1x1"] {
+        let flag = format!("--spacing={bad}");
+        for input in [&["v.raw", "--dims", "4x3x2", "--type", "u8"][..], &["phantom:noise"]] {
+            let mut line = vec!["build"];
+            line.extend(input);
+            line.extend([&flag, "--range", "1..", "-o"]);
+            let output = folder.file("out.adj");
+            let path = folder.file(input[0]);
+            line[1] = if input[0] == "v.raw" { path.to_str().expect("UTF-8") } else { input[0] };
+            line.push(output.to_str().expect("UTF-8"));
+            adj(&line).refused(&["spacing", bad, "above 0"]);
+            assert_eq!(folder.names(), ["v.raw"]);
+        }
+    }
+    // A header's own.
+    let bad = String::from_utf8(nrrd("raw", b"")).expect("text").replace("encoding", "spacings: 1 0 1\nencoding");
+    folder.write("v.nrrd", &[bad.trim_end().as_bytes(), b"\n\n", &RAW].concat());
+    folder.build_refused("v.nrrd --range 1.. -o out.adj", &["v.nrrd", "spacing"]);
+}
+
+#[test]
+fn data_that_was_cut() {
+    let folder = Folder::new();
+    folder.write("cut.nrrd", &nrrd("raw", &RAW[..23]));
+    folder.write("short.nrrd", &nrrd("raw", b""));
+    let packed = gzip(&RAW);
+    folder.write("cut-gzip.nrrd", &nrrd("gzip", &packed[..packed.len() / 2]));
+    folder.write("cut-sum.nrrd", &nrrd("gzip", &packed[..packed.len() - 3]));
+    folder.write("cut.raw.gz", &packed[..packed.len() / 2]);
+    folder.write("few.nrrd", &nrrd("gzip", &gzip(&RAW[..20])));
+    folder.write("no-gzip.nrrd", &nrrd("gzip", &RAW));
+    for name in ["cut.nrrd", "short.nrrd", "cut-gzip.nrrd", "cut-sum.nrrd", "few.nrrd", "no-gzip.nrrd"] {
+        folder.build_refused(&format!("{name} --range 1.. -o out.adj"), &[name, "expected", "got"]);
+    }
+    folder
+        .build_refused("cut.raw.gz --dims 4x3x2 --type u8 --range 1.. -o out.adj", &["cut.raw.gz", "expected", "got"]);
+    // A header alone, and a header cut anywhere: an error, whatever it says.
+    let whole = nrrd("raw", &RAW);
+    for cut in 1..whole.len() {
+        folder.write("cut.nrrd", &whole[..cut]);
+        folder.build_refused("cut.nrrd --range 1.. -o out.adj", &["cut.nrrd"]);
+    }
+}
+
+#[test]
+fn a_header_that_lies_about_its_compressed_size_is_read_by_what_the_data_says() {
+    let folder = Folder::new();
+    let mut zlib = flate2::write::ZlibEncoder::new(Vec::new(), flate2::Compression::default());
+    std::io::Write::write_all(&mut zlib, &RAW).expect("writes to memory");
+    folder.write("v.zraw", &zlib.finish().expect("writes to memory"));
+    let header = |dims: &str| {
+        format!(
+            "ObjectType = Image\nNDims = 3\nDimSize = {dims}\nElementType = MET_UCHAR\nCompressedData = True\n\
+             CompressedDataSize = 7\nElementDataFile = v.zraw\n"
+        )
+    };
+    folder.write("v.mhd", header("4 3 2").as_bytes());
+    folder.adj("build v.mhd --range 1.. -o out.adj --quiet").done();
+    std::fs::remove_file(folder.file("out.adj")).expect("it was built");
+    // More samples than the stream has, then more than any stream of that length can have.
+    folder.write("v.mhd", header("4 3 3").as_bytes());
+    folder.build_refused("v.mhd --range 1.. -o out.adj", &["v.zraw", "36 bytes", "24 bytes"]);
+    folder.write("v.mhd", header("4000 3000 2000").as_bytes());
+    folder.build_refused("v.mhd --range 1.. -o out.adj", &["v.zraw", "24000000000", "at most"]);
+    folder.write("v.mhd", header("4 3 2").replace("v.zraw", "gone.zraw").as_bytes());
+    folder.build_refused("v.mhd --range 1.. -o out.adj", &["gone.zraw", "No such file"]);
+}
+
+#[test]
+fn nothing_visible_says_what_there_is() {
+    let folder = Folder::new();
+    folder.write("v.raw", &RAW);
+    let raw = "v.raw --dims 4x3x2 --type u8 -o out.adj";
+    folder.build_refused(&format!("{raw} --range 25.."), &["nothing is visible", "from 1 to 24", "--range 12.5..24"]);
+    folder.build_refused(&format!("{raw} --range 300..400"), &["nothing is visible", "from 1 to 24"]);
+    folder.build_refused(&format!("{raw} --iso 500"), &["nothing is visible", "from 1 to 24"]);
+    let floats: Vec<u8> = [f32::NAN; 24].iter().flat_map(|f| f.to_le_bytes()).collect();
+    folder.write("v.raw", &floats);
+    folder
+        .build_refused("v.raw --dims 4x3x2 --type f32 -o out.adj --range 1..2", &["nothing is visible", "24 are not"]);
+}
+
+#[test]
+fn samples_that_are_no_numbers_are_told_as_a_warning() {
+    let folder = Folder::new();
+    let floats: Vec<u8> =
+        (0..24).map(|i| if i < 3 { f32::NAN } else { 5.0 }).flat_map(|f: f32| f.to_le_bytes()).collect();
+    folder.write("v.raw", &floats);
+    let ran = folder.adj("build v.raw --dims 4x3x2 --type f32 -o out.adj --range 1..9 --json");
+    assert_eq!(ran.stderr, "adj: warning: 3 samples are NaN or infinite; they are transparent\n");
+    let told = ran.json();
+    assert_eq!((&told["not_finite"], &told["visible_voxels"]), (&3.into(), &21.into()));
+}
