@@ -314,3 +314,17 @@ fn an_empty_volume_has_nothing_to_visit() {
         assert!(visits(&lanes[order.fast.index()].view(), &order).is_empty());
     }
 }
+
+#[test]
+fn a_tile_beyond_any_channel_does_not_carry_others_past_the_end() {
+    // Both tiles lie in one slice. Offsets from a base near 2^64 once wrapped to the sound tile's records.
+    let mut lane = Dense::new([4, 16, 1], |_| 1).pack(Axis::X, PLAIN, TileOrder::Rows);
+    lane.tiles[0].first_record = U64::new(u64::MAX);
+    // z slow, y medium, x fast.
+    let order = Order::parallel(5, 0);
+    let mut records = Vec::new();
+    walk(&lane.view(), &order, &mut |batch: &Batch| {
+        records.extend((0..batch.len()).map(|index| batch.record_index(index)));
+    });
+    assert_eq!(records, (32..64).collect::<Vec<_>>());
+}
