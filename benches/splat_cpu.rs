@@ -60,7 +60,8 @@ fn splats(criterion: &mut Criterion) {
             let want = cpu::render(&scene, &camera, &Settings { code: Code::Plain, ..Settings::new(size) });
             let (want, stats) = want.expect("a frame");
             assert_eq!(stats.splats_drawn, facts.visible_voxels);
-            let codes = [("best", Code::Best), ("avx2", Code::Avx2), ("portable", Code::Portable), ("plain", Code::Plain)];
+            let codes =
+                [("best", Code::Best), ("avx2", Code::Avx2), ("portable", Code::Portable), ("plain", Code::Plain)];
             for (name, code) in codes {
                 let settings = Settings { code, ..Settings::new(size) };
                 let id = BenchmarkId::new(format!("{kind}/{name}"), format!("{across} px"));

@@ -143,7 +143,8 @@ impl Scene {
                 _ => (step * (count.cast_signed() - 1), -step, count),
             }
         });
-        let along = |(first, step, count): (isize, isize, usize)| (0..count.cast_signed()).map(move |i| first + i * step);
+        let along =
+            |(first, step, count): (isize, isize, usize)| (0..count.cast_signed()).map(move |i| first + i * step);
         let start = Instant::now();
         let mut voxels = 0u64;
         for s in along(slow) {
@@ -232,8 +233,12 @@ fn main() {
         words.is_empty() || words.iter().any(|word| name.contains(word.as_str()))
     };
     let full = |edge: u64| if is_test { 48 } else { edge };
-    let phantoms =
-        [(Phantom::Gyroid, 512), (Phantom::Shells, 512), (Phantom::Vessels, 512), (Phantom::Noise { visible: 0.01 }, 256)];
+    let phantoms = [
+        (Phantom::Gyroid, 512),
+        (Phantom::Shells, 512),
+        (Phantom::Vessels, 512),
+        (Phantom::Noise { visible: 0.01 }, 256),
+    ];
     let scenes = phantoms.iter().filter(|(phantom, _)| is_wanted(phantom.name())).map(|(phantom, edge)| {
         // One at a time: a scene of 512^3 takes 150 MB.
         Some(Scene::phantom(phantom, full(*edge)))

@@ -11,11 +11,13 @@ As a module:
 As a program:
     read_adj.py FILE...                 what each lane holds
     read_adj.py --list FILE...          a line a voxel, by z, y, x: x y z value normal magnitude
+    read_adj.py --decoded FILE...       the same with what codes mean: x y z value nx ny nz magnitude
     read_adj.py --csv OUT FILE          the voxels of the x lane as text; --npz OUT as numpy arrays
     --lane x|y|z                        that lane only
 
-It checks what rules R1, R2, R4, R5, R7, R10 and R11 ask of header and section table. It reads no checksum and does
-not judge what the sections hold: a damaged file gives a message or wrong voxels. Exit code 2 if a file is refused.
+It checks what rules R1, R2, R4, R5, R7, R10 and R11 ask of header and section table, that tiles lie in their order
+(R13) and line ends in the channels (R16). It reads no checksum and judges nothing else: a damaged file gives a message
+or wrong voxels. Exit code 2 if a file is refused.
 """
 
 import argparse
@@ -132,6 +134,9 @@ class Arena:
         steps = np.frombuffer(self._parts[STEPS, axis], "u1")
         ends = np.frombuffer(self._parts[LINE_ENDS, axis], f"<u{self._element_bytes(LINE_ENDS, axis)}").astype(np.int64)
 
+        keys = tile_keys(self.tile_order, tiles["tile_u"].astype(np.int64), tiles["tile_v"].astype(np.int64))
+        require((np.diff(keys) > 0).all(), "R13", f"tiles of lane {lane} that do not lie in {self.tile_order} order")
+
         # Lines, tile after tile, bit after bit: bit (v % 8) * 8 + u % 8 of the mask.
         bits = np.unpackbits(tiles["occupancy"].copy().view("u1").reshape(-1, 8), axis=1, bitorder="little")
         tile_of_line, bit = np.nonzero(bits)
@@ -184,10 +189,37 @@ class Arena:
         return np.where(none[..., None], 0.0, normal)
 
 
+def tile_keys(order, u, v):
+    """Where tiles stand in the tile order."""
+    if order == "rows":
+        return 65536 * v + u
+    key = np.zeros_like(u)
+    if order == "morton":
+        for bit in range(13):
+            key |= (u >> bit & 1) << 2 * bit | (v >> bit & 1) << 2 * bit + 1
+        return key
+    for bit in reversed(range(13)):
+        half = 1 << bit
+        right, upper = u >= half, v >= half
+        key = 4 * key + np.where(right, np.where(upper, 2, 3), np.where(upper, 1, 0))
+        u, v = u % half, v % half
+        turned = right & ~upper
+        u, v = np.where(turned, half - 1 - u, u), np.where(turned, half - 1 - v, v)
+        u, v = np.where(upper, u, v), np.where(upper, v, u)
+    return key
+
+
 def sorted_rows(voxels):
     """Voxels as rows by z, then y, then x."""
     order = np.lexsort((voxels.x, voxels.y, voxels.z))
     return np.stack(voxels, axis=-1)[order]
+
+
+def decoded_rows(arena, rows):
+    """Rows of x, y, z, value, the normal's three components, magnitude."""
+    place, (value, normal, magnitude) = rows[:, :3], rows[:, 3:].T
+    normals = arena.normals(normal) if arena.normal_bits else np.zeros((len(rows), 3))
+    return np.column_stack([place, arena.values(value), normals, arena.magnitudes(magnitude)])
 
 
 def main():
@@ -195,9 +227,11 @@ def main():
     parser.add_argument("files", nargs="+", metavar="FILE")
     parser.add_argument("--lane", choices=list("xyz"))
     parser.add_argument("--list", action="store_true", help="a line a voxel")
+    parser.add_argument("--decoded", action="store_true", help="a line a voxel, with what codes mean")
     parser.add_argument("--csv", metavar="OUT")
     parser.add_argument("--npz", metavar="OUT")
     arguments = parser.parse_args()
+    status = 0
     for name in arguments.files:
         try:
             with open(name, "rb") as file:
@@ -207,8 +241,8 @@ def main():
                 show(arena, name, lane, arguments)
         except (OSError, ValueError, Refused) as problem:
             print(f"read_adj: {name}: {problem}", file=sys.stderr)
-            return 2
-    return 0
+            status = 2
+    return status
 
 
 def show(arena, name, lane, arguments):
@@ -216,6 +250,10 @@ def show(arena, name, lane, arguments):
     if arguments.list:
         print(f"# {name} lane {lane}")
         for row in sorted_rows(voxels).tolist():
+            print(*row)
+    elif arguments.decoded:
+        print(f"# {name} lane {lane}")
+        for row in decoded_rows(arena, sorted_rows(voxels)).tolist():
             print(*row)
     elif arguments.csv:
         np.savetxt(arguments.csv, sorted_rows(voxels), "%d", ",", header=",".join(Voxels._fields), comments="")

@@ -126,8 +126,9 @@ fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3], peak: f64, mea
     // Wide enough that no border comes near the central ray.
     let side = 64;
     let opacity = 1.0 - (-0.5 / (12.0 * spacing[2])).exp();
-    let model =
-        Model::new([side, side, layers], spacing, PLAIN, constant(opacity, "#ffffff"), |_, _, _| Some(Record::default()));
+    let model = Model::new([side, side, layers], spacing, PLAIN, constant(opacity, "#ffffff"), |_, _, _| {
+        Some(Record::default())
+    });
     let world: [f64; 3] = std::array::from_fn(|a| direction[a] * spacing[a]);
     let length = world.iter().map(|c| c * c).sum::<f64>().sqrt();
     let target = Surround::of_grid(&model.facts.grid).centre;
@@ -150,9 +151,8 @@ fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3], peak: f64, mea
 
 #[test]
 fn one_splat_sums_to_its_optical_depth() {
-    let model = Model::new([1, 1, 1], [1.0, 1.5, 0.5], PLAIN, constant(0.3, "#ffffff"), |_, _, _| {
-        Some(Record::default())
-    });
+    let model =
+        Model::new([1, 1, 1], [1.0, 1.5, 0.5], PLAIN, constant(0.3, "#ffffff"), |_, _, _| Some(Record::default()));
     let extinction = -(0.7f64).ln();
     let volume = 0.75;
     // From a hundredth of a pixel per voxel to a splat as wide as the picture.
@@ -183,9 +183,8 @@ fn one_splat_sums_to_its_optical_depth() {
 #[test]
 fn fast_code_equals_its_plain_twin_bit_for_bit() {
     let model = shell();
-    let eye_inside = Camera::new([23.0, 19.0, 21.0], [40.0, 30.0, 25.0], [0.0, 0.0, 1.0], Projection::Perspective {
-        fov: 80.0,
-    });
+    let eye_inside =
+        Camera::new([23.0, 19.0, 21.0], [40.0, 30.0, 25.0], [0.0, 0.0, 1.0], Projection::Perspective { fov: 80.0 });
     let views = [
         (model.orbit(20.0, 15.0, None, [97, 61]), [97, 61]),
         (model.orbit(200.0, -70.0, None, [400, 300]), [400, 300]),
@@ -294,9 +293,8 @@ fn the_picture_is_not_mirrored() {
 fn whole_turns_come_back_bit_equal() {
     let model = shell();
     let settings = Settings::new([40, 40]);
-    let pictures = [0.0, 360.0, -720.0].map(|azimuth| {
-        bits(&model.render(&model.orbit(azimuth, 0.0, Some(30.0), [40, 40]), &settings).0)
-    });
+    let pictures = [0.0, 360.0, -720.0]
+        .map(|azimuth| bits(&model.render(&model.orbit(azimuth, 0.0, Some(30.0), [40, 40]), &settings).0));
     assert!(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
 }
 
@@ -398,11 +396,7 @@ fn a_crop_shows_what_a_smaller_volume_would() {
     let mut records = std::collections::HashMap::new();
     for line in lane.lines() {
         for (x, record) in lane.line_voxels(line.records.clone()) {
-            let codes = Record {
-                value: lane.value_code(record),
-                normal: lane.normal_code(record),
-                magnitude: 0,
-            };
+            let codes = Record { value: lane.value_code(record), normal: lane.normal_code(record), magnitude: 0 };
             records.insert((x as u16, line.u as u16, line.v as u16), codes);
         }
     }

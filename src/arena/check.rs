@@ -54,7 +54,7 @@ pub struct CheckedLane {
 impl Arena<'_> {
     /// Checks everything that opening did not: rules R12 to R22.
     ///
-    /// O(bytes): about 1.5 ns a record and lane, and the checksums. A file that opens and passes is sound: its
+    /// O(bytes): 4 to 7 ns a record, all channels and the checksums included (benches/check.rs). A file that opens and passes is sound: its
     /// lanes hold `visible_voxels` voxels each, the same ones, inside the grid, in the one way there is to store
     /// them. Every change of a single byte of a sound file makes opening or this check fail.
     ///
@@ -69,7 +69,7 @@ impl Arena<'_> {
         };
         let mut sum_of_x = None;
         for lane in self.lanes() {
-            let (counts, sum) = LaneCheck::new(self, lane).run()?;
+            let (counts, sum) = LaneCheck::new(self, lane).run_by_width()?;
             let visible = counts.records - counts.stepping_voxels;
             if visible != checked.visible_voxels {
                 let expected = format!("{visible} visible voxels, as lane {} has", lane.axis.name());
@@ -172,8 +172,28 @@ impl<'a> LaneCheck<'a> {
         }
     }
 
-    /// Counts, and the sum of all voxels' hashes. R13 to R18.
-    fn run(mut self) -> Result<(CheckedLane, u64), FormatFault> {
+    /// [`LaneCheck::run`] for the widths of the lane's channels.
+    fn run_by_width(self) -> Result<(CheckedLane, u64), FormatFault> {
+        let channels = self.lane.channels;
+        match (channels.value_bits, channels.normal_bits, channels.magnitude_bits) {
+            (8, 0, 0) => self.run::<1, 0, 0>(),
+            (8, 0, _) => self.run::<1, 0, 1>(),
+            (8, 8, 0) => self.run::<1, 2, 0>(),
+            (8, 8, _) => self.run::<1, 2, 1>(),
+            (8, _, 0) => self.run::<1, 4, 0>(),
+            (8, _, _) => self.run::<1, 4, 1>(),
+            (_, 0, 0) => self.run::<2, 0, 0>(),
+            (_, 0, _) => self.run::<2, 0, 1>(),
+            (_, 8, 0) => self.run::<2, 2, 0>(),
+            (_, 8, _) => self.run::<2, 2, 1>(),
+            (_, _, 0) => self.run::<2, 4, 0>(),
+            (_, _, _) => self.run::<2, 4, 1>(),
+        }
+    }
+
+    /// Counts, and the sum of all voxels' hashes, of values of `V` bytes, normals of `N` and magnitudes of `M`.
+    /// R13 to R18.
+    fn run<const V: usize, const N: usize, const M: usize>(mut self) -> Result<(CheckedLane, u64), FormatFault> {
         let (lane, mut next_line, mut next_record, mut last_key) = (self.lane, 0usize, 0usize, None);
         for (index, tile) in lane.tiles.iter().enumerate() {
             let at = self.offsets[0] + (index * size_of::<TileRecord>()) as u64;
@@ -192,7 +212,7 @@ impl<'a> LaneCheck<'a> {
                 let bit = occupancy.trailing_zeros();
                 occupancy &= occupancy - 1;
                 let end = self.check_line_end(next_line, first_record, next_record)?;
-                let outcome = self.check_line(tile, bit, next_record..end)?;
+                let outcome = self.check_line::<V, N, M>(tile, bit, next_record..end)?;
                 low = low.min(self.first_coordinate(next_record));
                 high = high.max(outcome.end - 1);
                 (next_line, next_record) = (next_line + 1, end);
@@ -249,6 +269,7 @@ impl<'a> LaneCheck<'a> {
     }
 
     /// The index after the last record of line `line`, which starts at record `start`. R16.
+    #[inline(always)]
     fn check_line_end(&self, line: usize, first_record: usize, start: usize) -> Result<usize, FormatFault> {
         let (at, records) = (self.line_end_offset(line), self.lane.steps.len());
         let Some(offset) = self.lane.line_ends.get(line) else {
@@ -263,7 +284,8 @@ impl<'a> LaneCheck<'a> {
     }
 
     /// Follows the steps of the line at `bit` of `tile`. R17, R18.
-    fn check_line(
+    #[inline(always)]
+    fn check_line<const V: usize, const N: usize, const M: usize>(
         &mut self,
         tile: &TileRecord,
         bit: u32,
@@ -279,7 +301,7 @@ impl<'a> LaneCheck<'a> {
         if lane.steps[records.end - 1] == 0 {
             return Err(fault(steps + records.end as u64 - 1, "R17", "a voxel at the line's end", "a stepping voxel"));
         }
-        let outcome = self.follow(tile, bit, records.clone());
+        let outcome = follow_line::<V, N, M>(lane, records.clone(), self.place(tile, bit), self.hash);
         if outcome.end as usize > points {
             let (position, at) = self.first_outside(records);
             let expected = format!("coordinates below {points}");
@@ -293,30 +315,16 @@ impl<'a> LaneCheck<'a> {
         Ok(outcome)
     }
 
-    /// [`follow_line`] for the lane's widths.
-    fn follow(&self, tile: &TileRecord, bit: u32, records: std::ops::Range<usize>) -> LineOutcome {
-        let channels = self.lane.channels;
-        let follow = match (channels.value_bits, channels.normal_bits, channels.magnitude_bits) {
-            (8, 0, 0) => follow_line::<1, 0, 0>,
-            (8, 0, _) => follow_line::<1, 0, 1>,
-            (8, 8, 0) => follow_line::<1, 2, 0>,
-            (8, 8, _) => follow_line::<1, 2, 1>,
-            (8, _, 0) => follow_line::<1, 4, 0>,
-            (8, _, _) => follow_line::<1, 4, 1>,
-            (_, 0, 0) => follow_line::<2, 0, 0>,
-            (_, 0, _) => follow_line::<2, 0, 1>,
-            (_, 8, 0) => follow_line::<2, 2, 0>,
-            (_, 8, _) => follow_line::<2, 2, 1>,
-            (_, _, 0) => follow_line::<2, 4, 0>,
-            (_, _, _) => follow_line::<2, 4, 1>,
-        };
+    /// The line's two coordinates, where a voxel's hash has them.
+    #[inline(always)]
+    fn place(&self, tile: &TileRecord, bit: u32) -> u64 {
         let [u, v] = self.lane.axis.others();
         let line = |tile: u16, within: u32| u64::from(tile) * u64::from(TILE_EDGE) + u64::from(within);
-        let place = line(tile.tile_u.get(), bit % 8) << shift(u) | line(tile.tile_v.get(), bit / 8) << shift(v);
-        follow(&self.lane, records, place, self.hash)
+        line(tile.tile_u.get(), bit % 8) << shift(u) | line(tile.tile_v.get(), bit / 8) << shift(v)
     }
 
     /// The coordinate of the line's first voxel, the line having passed R17.
+    #[inline(always)]
     fn first_coordinate(&self, first: usize) -> u32 {
         let mut end = 0;
         for &step in &self.lane.steps[first..] {
@@ -399,19 +407,21 @@ fn fold(a: u64, b: u64) -> u64 {
 ///
 /// `records` is inside the channels and no longer than 65,535, so nothing overflows; `place` has the line's two
 /// coordinates.
+#[inline(always)]
 fn follow_line<const V: usize, const N: usize, const M: usize>(
     lane: &Lane,
     records: std::ops::Range<usize>,
     place: u64,
     hash: VoxelHash,
 ) -> LineOutcome {
-    let (from, to) = (records.start, records.end);
-    let values = &lane.values[V * from..V * to];
-    let normals = &lane.normals[N * from..N * to];
-    let magnitudes = &lane.magnitudes[M * from..M * to];
+    let (from, count) = (records.start, records.len());
+    let steps = &lane.steps[from..][..count];
+    let values = &lane.values[V * from..][..V * count];
+    let normals = &lane.normals[N * from..][..N * count];
+    let magnitudes = &lane.magnitudes[M * from..][..M * count];
     let shift = shift(lane.axis);
     let mut outcome = LineOutcome { end: 0, stepping_voxels: 0, stray: 0, sum: 0 };
-    for (record, &step) in lane.steps[records].iter().enumerate() {
+    for (record, &step) in steps.iter().enumerate() {
         let value = number::<V>(values, record);
         let shading = number::<N>(normals, record) | number::<M>(magnitudes, record) << 32;
         if step == 0 {

@@ -95,7 +95,8 @@ impl Lane<'_> {
             let mask = tile.occupancy.get();
             let columns = mask.to_le_bytes().into_iter().fold(0u8, |columns, row| columns | row);
             let lines = |first: U16, occupied: u64| {
-                let line = |bit: u32| first.get().saturating_mul(TILE_EDGE).saturating_add(u16::try_from(bit).unwrap_or(0));
+                let line =
+                    |bit: u32| first.get().saturating_mul(TILE_EDGE).saturating_add(u16::try_from(bit).unwrap_or(0));
                 (line(occupied.trailing_zeros()), line(63 - occupied.leading_zeros().min(63)))
             };
             let rows = (mask.trailing_zeros() / 8, (63 - mask.leading_zeros().min(63)) / 8);

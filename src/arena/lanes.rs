@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use super::lane::{Lane, OwnedLane};
 use super::open::Arena;
 use super::transpose::transpose;
-use crate::error::{Error, FormatFault, Result};
+use crate::error::{Error, Result};
 use crate::volume::Axis;
 
 /// An arena with a lane along every axis: those that it stores, and those made from them on first need.
@@ -40,7 +40,7 @@ impl<'a> LaneSet<'a> {
         if let Some(lane) = derived.get() {
             return Ok(lane.view());
         }
-        let source = self.source()?;
+        let source = self.arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
         if let Some(memory) = self.memory {
             let others = self.derived.iter().filter_map(OnceLock::get).map(|lane| lane.view().bytes()).sum::<u64>();
             // Records need the same room in every lane; directories and the strip at hand add about as much again.
@@ -51,12 +51,5 @@ impl<'a> LaneSet<'a> {
             }
         }
         Ok(derived.get_or_init(|| transpose(&source, axis, self.arena.facts().tile_order)).view())
-    }
-
-    fn source(&self) -> Result<Lane<'a>> {
-        self.arena.lane(Axis::X).ok_or_else(|| Error::Format {
-            path: "arena".into(),
-            fault: FormatFault { at: 256, rule: "R10", expected: "a lane along x".into(), got: "none".into() },
-        })
     }
 }

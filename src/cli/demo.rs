@@ -20,7 +20,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     std::fs::create_dir_all(&arguments.folder).map_err(Error::io("create", &arguments.folder))?;
     let file = arguments.folder.join("adj-demo.adj");
     let picture = arguments.folder.join("adj-demo.png");
-    say_and_do(&["build", "phantom:gyroid", "--tf", "gyroid"], &[Path::new("-o"), &file])?;
+    say_and_do(&["build", "phantom:gyroid", "--dims", "192x192x192", "--tf", "gyroid"], &[Path::new("-o"), &file])?;
     let view = ["--azimuth", "30", "--elevation", "25", "--perspective", "30"];
     say_and_do(&["render"], &[[file.as_path(), Path::new("-o"), &picture].as_slice(), &view.map(Path::new)].concat())?;
     let (file, picture) = (file.display(), picture.display());

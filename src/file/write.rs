@@ -1,9 +1,9 @@
 //! Writing arenas.
 //!
-//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or, by [`write_atomically_unless`], to
-//! a file.
+//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or, by [`write_atomically_unless`],
+//! to a file.
 
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 use xxhash_rust::xxh3::xxh3_64;
@@ -12,7 +12,7 @@ use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
 use crate::arena::lane::{LineEnds, OwnedLane};
 use crate::arena::layout::Facts;
-use crate::arena::layout::{self, ALIGNMENT, FileHeader, SectionEntry, SectionKind, aligned};
+use crate::arena::layout::{self, FileHeader, SectionEntry, SectionKind, aligned};
 use crate::error::Result;
 use crate::file::place::write_atomically_unless;
 
@@ -98,12 +98,7 @@ fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description
     Ok(aligned(end))
 }
 
-/// The most zeros there can be between sections, and one more.
-const FILLING: [u8; 256] = [0; 256];
-const _: () = assert!(FILLING.len() as u64 == ALIGNMENT);
-
 /// Zeros after `bytes` bytes, up to where a section may start.
 fn fill_up(out: &mut dyn Write, bytes: u64) -> io::Result<()> {
-    let zeros = usize::try_from(aligned(bytes) - bytes).expect("below the alignment");
-    out.write_all(&FILLING[..zeros])
+    io::copy(&mut io::repeat(0).take(aligned(bytes) - bytes), out).map(|_| ())
 }

@@ -158,11 +158,11 @@ impl Camera {
         }
         match projection {
             Projection::Parallel { height } if !(height.is_finite() && height > 0.0) => {
-                return Err(Error::input("camera height", format!("is {height}, but must be finite and above 0")));
+                Err(Error::input("camera height", format!("is {height}, but must be finite and above 0")))
             }
             Projection::Perspective { fov } if !(fov > 0.0 && fov < 180.0) => {
                 let why = format!("is {fov} degrees, but must be above 0 and below 180");
-                return Err(Error::input("camera angle of view", why));
+                Err(Error::input("camera angle of view", why))
             }
             _ => Ok(Camera { position, target, up, projection }),
         }
@@ -227,9 +227,9 @@ impl Camera {
         let right = if right.length() > 1e-9 {
             right.normalize()
         } else {
-            let farthest = [DVec3::Z, DVec3::Y, DVec3::X].into_iter().min_by(|a, b| {
-                forward.dot(*a).abs().total_cmp(&forward.dot(*b).abs())
-            });
+            let farthest = [DVec3::Z, DVec3::Y, DVec3::X]
+                .into_iter()
+                .min_by(|a, b| forward.dot(*a).abs().total_cmp(&forward.dot(*b).abs()));
             forward.cross(farthest.unwrap_or(DVec3::Z)).normalize()
         };
         [right, right.cross(forward), forward]

@@ -66,7 +66,6 @@ impl<'a> Table<'a> {
     ///
     /// # Errors
     /// If the scale of the magnitudes is out of range.
-    #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
     pub(crate) fn new(scene: &'a Scene<'a>, mode: Mode, mean_voxel: f64) -> Result<Table<'a>> {
         let channels = scene.facts.channels;
         let reference = scene.transfer.reference_length().unwrap_or(mean_voxel);
@@ -111,7 +110,7 @@ impl<'a> Table<'a> {
     }
 
     fn magnitude(&self, code: u8) -> f64 {
-        self.magnitudes.as_ref().map_or(0.0, |codec| f64::from(codec.decode(code)))
+        self.magnitudes.as_ref().map_or(0.0, |codec| codec.decode(code))
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
@@ -131,9 +130,7 @@ impl<'a> Table<'a> {
     pub(crate) fn look(&self, value: u16, magnitude: u8) -> Look {
         match self.kind {
             Kind::Value => self.looks.get(usize::from(value)).copied().unwrap_or_default(),
-            Kind::Pair => {
-                self.looks.get(usize::from(value) << 8 | usize::from(magnitude)).copied().unwrap_or_default()
-            }
+            Kind::Pair => self.looks.get(usize::from(value) << 8 | usize::from(magnitude)).copied().unwrap_or_default(),
             Kind::Computed => {
                 let [red, green, blue, _] = self.looks.get(usize::from(value)).copied().unwrap_or_default();
                 let depth = self.depth(self.value(value), self.magnitude(magnitude));

@@ -88,9 +88,5 @@ impl Frame {
 
 /// The sRGB transfer function, IEC 61966-2-1; NaN gives 0.
 pub fn srgb_from_linear(linear: f32) -> f32 {
-    if linear <= 0.003_130_8 {
-        linear.max(0.0) * 12.92
-    } else {
-        1.055 * linear.min(1.0).powf(1.0 / 2.4) - 0.055
-    }
+    if linear <= 0.003_130_8 { linear.max(0.0) * 12.92 } else { 1.055 * linear.min(1.0).powf(1.0 / 2.4) - 0.055 }
 }

@@ -72,13 +72,7 @@ impl View {
     /// # Errors
     /// [`Error::Input`] if a side of `size` is 0, or `near` is not finite and above 0; [`Error::Limit`] if a side is
     /// above [`MAX_SIZE`].
-    pub fn new(
-        camera: &Camera,
-        grid: &Grid,
-        size: [u32; 2],
-        kernel: KernelShape,
-        near: Option<f64>,
-    ) -> Result<View> {
+    pub fn new(camera: &Camera, grid: &Grid, size: [u32; 2], kernel: KernelShape, near: Option<f64>) -> Result<View> {
         for side in size {
             if side == 0 {
                 return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
@@ -147,8 +141,7 @@ impl View {
         let middle: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.low[a]) + f64::from(bounds.high[a])) / 2.0);
         let extent: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.high[a]) - f64::from(bounds.low[a])) / 2.0);
         let at = |m: &Affine| m[0] * middle[0] + m[1] * middle[1] + m[2] * middle[2] + m[3];
-        let spread =
-            |m: &Affine| m[0].abs() * extent[0] + m[1].abs() * extent[1] + m[2].abs() * extent[2];
+        let spread = |m: &Affine| m[0].abs() * extent[0] + m[1].abs() * extent[1] + m[2].abs() * extent[2];
         match &self.map {
             PixelMap::Parallel { pixel_from_voxel: [column, row], .. } => {
                 let (x, y) = (at(column), at(row));
@@ -165,7 +158,10 @@ impl View {
                 let side = |m: &Affine| {
                     let (middle, spread) = (at(m), spread(m));
                     let (low, high) = (middle - spread, middle + spread);
-                    (low / if low < 0.0 { nearest } else { farthest }, high / if high < 0.0 { farthest } else { nearest })
+                    (
+                        low / if low < 0.0 { nearest } else { farthest },
+                        high / if high < 0.0 { farthest } else { nearest },
+                    )
                 };
                 let ((left, right), (bottom, top)) = (side(right), side(up));
                 // A footprint's half-width: the Jacobian's norm is at most focal * |t| / t2^2, the kernel's length at

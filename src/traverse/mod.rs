@@ -2,6 +2,8 @@
 //!
 //! In: a [`crate::arena::Lane`] and a viewpoint in voxel units. Out: batches of voxels in visit order.
 
+mod decode;
+mod gather;
 pub mod order;
 mod prefix;
 mod tiles;

@@ -1,10 +1,10 @@
-//! Prefix sums of sixteen steps: the walk's inner loop.
+//! Sixteen steps at once: the walk's inner loop.
 //!
-//! In: sixteen one-byte steps. Out: the coordinates after each. Left to the compiler these sums take 5 ns a voxel
+//! In: sixteen one-byte steps. Out: the coordinates after each, by prefix sums, and which of them are 0. Left to the compiler these sums take 5 ns a voxel
 //! on a 512^3 gyroid; in SSE2, which every x86-64 has, the whole walk takes 1.4.
 #![cfg_attr(
     target_arch = "x86_64",
-    allow(unsafe_code, reason = "one call of a function that needs SSE2, which x86-64 always has")
+    allow(unsafe_code, reason = "calls of functions that need SSE2, which x86-64 always has")
 )]
 
 /// Steps decoded at once.
@@ -48,6 +48,68 @@ fn prefix_sum_sse2(steps: [u8; CHUNK], previous: u16) -> [u16; CHUNK] {
     bytemuck::must_cast([low, high])
 }
 
+/// Bit i: whether step i is 0.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(super) fn zero_steps(steps: [u8; CHUNK]) -> u32 {
+    // SAFETY: as in `prefix_sum`: `zero_steps_sse2` needs SSE2 and nothing else, and x86-64 always has it.
+    unsafe { zero_steps_sse2(steps) }
+}
+
+/// Bit i: whether step i is 0.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+pub(super) fn zero_steps(steps: [u8; CHUNK]) -> u32 {
+    zero_steps_plain(steps)
+}
+
+/// The same coordinates, last first.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(super) fn reversed(coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
+    // SAFETY: as in `prefix_sum`: `reversed_sse2` needs SSE2 and nothing else, and x86-64 always has it.
+    unsafe { reversed_sse2(coordinates) }
+}
+
+/// The same coordinates, last first.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+pub(super) fn reversed(coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
+    reversed_plain(coordinates)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline]
+#[target_feature(enable = "sse2")]
+fn reversed_sse2(coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
+    use std::arch::x86_64::{__m128i, _mm_shuffle_epi32, _mm_shufflehi_epi16, _mm_shufflelo_epi16};
+    let [low, high]: [__m128i; 2] = bytemuck::must_cast(coordinates);
+    // Fours within each half, then the halves.
+    let reverse = |eight| _mm_shuffle_epi32::<0x4e>(_mm_shufflehi_epi16::<0x1b>(_mm_shufflelo_epi16::<0x1b>(eight)));
+    bytemuck::must_cast([reverse(high), reverse(low)])
+}
+
+/// The same, plainly.
+#[cfg(any(test, not(target_arch = "x86_64")))]
+fn reversed_plain(mut coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
+    coordinates.reverse();
+    coordinates
+}
+
+#[cfg(target_arch = "x86_64")]
+#[inline]
+#[target_feature(enable = "sse2")]
+fn zero_steps_sse2(steps: [u8; CHUNK]) -> u32 {
+    use std::arch::x86_64::{_mm_cmpeq_epi8, _mm_movemask_epi8, _mm_setzero_si128};
+    _mm_movemask_epi8(_mm_cmpeq_epi8(bytemuck::must_cast(steps), _mm_setzero_si128())).cast_unsigned()
+}
+
+/// The same, plainly.
+#[cfg(any(test, not(target_arch = "x86_64")))]
+fn zero_steps_plain(steps: [u8; CHUNK]) -> u32 {
+    (0..).zip(steps).map(|(bit, step)| u32::from(step == 0) << bit).sum()
+}
+
 /// The same, plainly: the twin that judges the fast one, and the only one where there is no SSE2.
 #[cfg(any(test, not(target_arch = "x86_64")))]
 fn prefix_sum_plain(steps: [u8; CHUNK], previous: u16) -> [u16; CHUNK] {
@@ -63,7 +125,8 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_fast_sum_equals_the_plain_one() {
+    #[allow(clippy::cast_possible_truncation, reason = "bits of a random number are wanted")]
+    fn the_fast_functions_equal_the_plain_ones() {
         let mut state = 1u64;
         for _ in 0..10_000 {
             let steps = [(); CHUNK].map(|()| {
@@ -72,6 +135,10 @@ mod tests {
             });
             let previous = (state >> 40) as u16;
             assert_eq!(prefix_sum(steps, previous), prefix_sum_plain(steps, previous));
+            let sums = prefix_sum(steps, previous);
+            assert_eq!(reversed(sums), reversed_plain(sums));
+            let sparse = steps.map(|step| step.saturating_sub(100));
+            assert_eq!(zero_steps(sparse), zero_steps_plain(sparse));
         }
     }
 }

@@ -61,7 +61,7 @@ impl<'a> TileRows<'a> {
     }
 
     /// The tiles of slices `8 * row ..`, by ascending medium coordinate.
-    pub(super) fn row(&self, row: usize) -> impl Iterator<Item = &'a TileRecord> {
+    pub(super) fn row(&self, row: usize) -> impl ExactSizeIterator<Item = &'a TileRecord> {
         let range = self.starts[row] as usize..self.starts[row + 1] as usize;
         let tiles = self.tiles;
         self.sorted[range].iter().map(move |&index| &tiles[index as usize])

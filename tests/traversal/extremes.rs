@@ -80,7 +80,7 @@ fn lines_longer_than_a_batch_and_batches_of_many_lines() {
                 })
             };
             assert!(seen.is_sorted_by(|a, b| key(a.0) < key(b.0)), "{dims:?} {order:?}");
-            assert!(seen.iter().all(|&(at, code)| code == volume.at(at).into()), "{dims:?} {order:?}");
+            assert!(seen.iter().all(|&(at, code)| code == u16::from(volume.at(at))), "{dims:?} {order:?}");
         }
     }
 }
@@ -126,7 +126,7 @@ impl adjsplat::traverse::Visitor for Boxes {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 24, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
     fn a_refused_box_changes_nothing_else(volume in a_volume(), seed in any::<u64>()) {

@@ -6,6 +6,8 @@
 //!
 //! What they cannot catch: a wrong value or normal that was packed wrongly already (tests of the builder do).
 
+#![allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "small or random numbers")]
+
 mod extremes;
 mod oracle;
 mod twin;

@@ -22,8 +22,7 @@ fn dot(p: [i64; 3], q: [i64; 3]) -> i64 {
 
 /// All vectors of integers from -`reach` to `reach`.
 fn cube(reach: i64) -> impl Iterator<Item = [i64; 3]> {
-    (-reach..=reach)
-        .flat_map(move |z| (-reach..=reach).flat_map(move |y| (-reach..=reach).map(move |x| [x, y, z])))
+    (-reach..=reach).flat_map(move |z| (-reach..=reach).flat_map(move |y| (-reach..=reach).map(move |x| [x, y, z])))
 }
 
 fn voxels([nx, ny, nz]: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
@@ -69,7 +68,9 @@ fn on_every_parallel_ray_the_farther_voxel_comes_first() {
     // For each difference of two voxels, the directions whose rays join them.
     let reach = EDGE - 1;
     let rays_along: Vec<Vec<usize>> = cube(reach)
-        .map(|d| (0..directions.len()).filter(|&v| cross_is_zero(d, directions[v]) && dot(d, directions[v]) > 0).collect())
+        .map(|d| {
+            (0..directions.len()).filter(|&v| cross_is_zero(d, directions[v]) && dot(d, directions[v]) > 0).collect()
+        })
         .collect();
     let rays_of = |d: [i64; 3]| {
         let index = ((d[2] + reach) * 13 + d[1] + reach) * 13 + d[0] + reach;

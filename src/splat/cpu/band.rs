@@ -5,6 +5,8 @@
 //! memory is spent on sorting splats into bands, and a pixel sees the same splats in the same order whatever the
 //! bands are.
 
+#![expect(clippy::cast_possible_truncation, reason = "coordinates are clipped to the picture before the cast")]
+
 use std::marker::PhantomData;
 use std::time::{Duration, Instant};
 
@@ -101,7 +103,9 @@ impl<B: Blend> Band<'_, B> {
     }
 
     fn in_crop(&self, bounds: &VoxelBox) -> bool {
-        self.projector.crop.is_none_or(|crop| (0..3).all(|a| bounds.low[a] <= crop.high[a] && bounds.high[a] >= crop.low[a]))
+        self.projector
+            .crop
+            .is_none_or(|crop| (0..3).all(|a| bounds.low[a] <= crop.high[a] && bounds.high[a] >= crop.low[a]))
     }
 }
 
@@ -145,8 +149,7 @@ impl<B: Blend> Visitor for Band<'_, B> {
     fn visit(&mut self, batch: &Batch) {
         let start = Instant::now();
         for from in (0..batch.len()).step_by(BLOCK) {
-            self.drawn +=
-                dispatch::block::<B>(self.code, self.projector, batch, from, &mut self.bench, self.limits);
+            self.drawn += dispatch::block::<B>(self.code, self.projector, batch, from, &mut self.bench, self.limits);
         }
         self.visited += batch.len() as u64;
         self.drawing += start.elapsed();

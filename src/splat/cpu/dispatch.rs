@@ -38,35 +38,17 @@ pub(crate) fn block<B: Blend>(
 }
 
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn block_best<B: Blend>(
-    projector: &Projector,
-    batch: &Batch,
-    from: usize,
-    bench: &mut Bench,
-    limits: Limits,
-) -> u64 {
+fn block_best<B: Blend>(projector: &Projector, batch: &Batch, from: usize, bench: &mut Bench, limits: Limits) -> u64 {
     block_any::<B>(projector, batch, from, bench, limits)
 }
 
 #[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
-fn block_avx2<B: Blend>(
-    projector: &Projector,
-    batch: &Batch,
-    from: usize,
-    bench: &mut Bench,
-    limits: Limits,
-) -> u64 {
+fn block_avx2<B: Blend>(projector: &Projector, batch: &Batch, from: usize, bench: &mut Bench, limits: Limits) -> u64 {
     block_any::<B>(projector, batch, from, bench, limits)
 }
 
 #[inline(always)]
-fn block_any<B: Blend>(
-    projector: &Projector,
-    batch: &Batch,
-    from: usize,
-    bench: &mut Bench,
-    limits: Limits,
-) -> u64 {
+fn block_any<B: Blend>(projector: &Projector, batch: &Batch, from: usize, bench: &mut Bench, limits: Limits) -> u64 {
     let Bench { planes, frozen, splats, each } = bench;
     let limits = if B::STOPS { limits } else { Limits { stop: 0.0, ..limits } };
     projector.block(batch, from, splats, each, planes, frozen, limits);

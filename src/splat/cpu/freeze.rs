@@ -102,16 +102,7 @@ impl Frozen {
 
     #[expect(clippy::too_many_arguments, reason = "the cold half of the function above")]
     #[inline(never)]
-    fn advance(
-        &mut self,
-        planes: &Planes,
-        stop: f32,
-        index: usize,
-        x0: i32,
-        y0: i32,
-        width: i32,
-        row: i32,
-    ) -> bool {
+    fn advance(&mut self, planes: &Planes, stop: f32, index: usize, x0: i32, y0: i32, width: i32, row: i32) -> bool {
         let height = self.rect.y1.min((row + 1) << SQUARE) - y0;
         let mut at = i32::from(self.witness[index]);
         while at < width * height {

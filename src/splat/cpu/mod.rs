@@ -104,8 +104,7 @@ impl Job<'_> {
         }
         std::thread::scope(|scope| {
             let draw = &draw;
-            let threads: Vec<_> =
-                borders.windows(2).map(|pair| scope.spawn(move || draw(pair[0], pair[1]))).collect();
+            let threads: Vec<_> = borders.windows(2).map(|pair| scope.spawn(move || draw(pair[0], pair[1]))).collect();
             threads
                 .into_iter()
                 .map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))

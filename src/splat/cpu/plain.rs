@@ -3,6 +3,8 @@
 //! In and out as for a band. It shares the arithmetic of a single voxel and a single pixel with the fast code and
 //! nothing else: no blocks, no packing, no chords, no frozen squares, no bands. Tests hold the two to equal bits.
 
+#![expect(clippy::cast_possible_truncation, reason = "as the fast code, whose bits it must give")]
+
 use std::time::{Duration, Instant};
 
 use super::arith::{LOG2_E, at_least, at_most};
@@ -37,13 +39,7 @@ pub(crate) fn draw<B: Blend>(projector: &Projector, order: &Order, rect: Rect, l
     Ok(Drawn { planes, visited, drawn, walking: start.elapsed(), drawing: Duration::ZERO })
 }
 
-fn splat<B: Blend>(
-    projector: &Projector,
-    planes: &mut Planes,
-    limits: Limits,
-    voxel: [u16; 3],
-    record: usize,
-) -> bool {
+fn splat<B: Blend>(projector: &Projector, planes: &mut Planes, limits: Limits, voxel: [u16; 3], record: usize) -> bool {
     if projector.crop.is_some_and(|crop| (0..3).any(|a| voxel[a] < crop.low[a] || voxel[a] > crop.high[a])) {
         return false;
     }
@@ -110,8 +106,7 @@ fn light(projector: &Projector, voxel: [u16; 3], record: usize, colour: [f32; 3]
     let eye = match projector.kind {
         Kind::Parallel { .. } => lights.eye,
         Kind::Perspective { .. } => {
-            let toward: [f32; 3] =
-                std::array::from_fn(|a| projector.eye[a] - projector.steps[a] * f32::from(voxel[a]));
+            let toward: [f32; 3] = std::array::from_fn(|a| projector.eye[a] - projector.steps[a] * f32::from(voxel[a]));
             let [x, y, z] = toward;
             let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
             toward.map(|c| c / length)

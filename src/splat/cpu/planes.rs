@@ -11,7 +11,9 @@ use crate::error::{Error, Result};
 pub(crate) const WIDE: usize = 8;
 
 /// Guard pixels on either side of a row.
-const GUARD: usize = WIDE;
+const GUARD: usize = 8;
+/// The same, for coordinates.
+const GUARD_COLUMNS: i32 = 8;
 
 /// A half-open rectangle of pixels, in absolute picture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -82,7 +84,7 @@ impl Planes {
         let (red, rest) = self.floats[start..start + 4 * self.pitch].split_at_mut(self.pitch);
         let (green, rest) = rest.split_at_mut(self.pitch);
         let (blue, fourth) = rest.split_at_mut(self.pitch);
-        Row { left: self.rect.x0 - GUARD as i32, red, green, blue, fourth }
+        Row { left: self.rect.x0 - GUARD_COLUMNS, red, green, blue, fourth }
     }
 
     /// Pixel (`x`, `y`) of the fourth plane; the pixel lies in the rectangle.

@@ -12,6 +12,12 @@
 //! Centres are computed in double precision and split into the nearest pixel and the rest, so that a picture of
 //! 16,384 pixels is as exact as a small one.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::needless_range_loop,
+    reason = "stages compute in single precision from double, and index loops over several arrays run side by side"
+)]
+
 use super::arith::{LOG2_E, at_least, at_most, keep_if};
 use super::freeze::Frozen;
 use super::planes::Planes;
@@ -63,7 +69,7 @@ pub(crate) enum Kind {
 }
 
 impl<'a> Projector<'a> {
-    #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
+    #[expect(clippy::too_many_arguments, reason = "all that a frame is made of; one caller")]
     pub(crate) fn new(
         view: &View,
         order: &Order,
@@ -113,6 +119,7 @@ impl<'a> Projector<'a> {
 
     /// Stage 1 for the voxels `from..from + count` of a batch; `count` is at most [`BLOCK`].
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "separate arrays tell the compiler that they are apart")]
     pub(crate) fn block(
         &self,
         batch: &Batch,
@@ -195,6 +202,7 @@ impl<'a> Projector<'a> {
 
     /// Lists the splats that can change the band's pixels.
     #[inline(always)]
+    #[expect(clippy::too_many_arguments, reason = "separate arrays tell the compiler that they are apart")]
     fn keep(
         &self,
         slow: u16,
@@ -237,7 +245,10 @@ impl<'a> Projector<'a> {
                 let (x0, x1) = (out.low_x[j].max(rect.x0), out.high_x[j].min(rect.x1 - 1));
                 let (y0, y1) = (out.low_y[j].max(rect.y0), out.high_y[j].min(rect.y1 - 1));
                 out.kept[open] = out.kept[k];
-                open += usize::from(!frozen.covers(planes, limits.stop, x0, y0, x1, y1));
+                // Most splats are settled by the pixel at their centre.
+                let centre = planes.fourth(out.x[j].max(x0).min(x1), out.y[j].max(y0).min(y1));
+                let is_open = centre >= limits.stop || !frozen.covers(planes, limits.stop, x0, y0, x1, y1);
+                open += usize::from(is_open);
             }
             kept = open;
         }
@@ -351,7 +362,6 @@ pub(super) fn slant(tx: f32, ty: f32) -> f32 {
 
 /// The nearest pixel and the rest; beyond a thousand million pixels, and for NaN, that far.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the low half holds the number")]
 pub(super) fn split(at: f64) -> (i32, f32) {
     // Adding it leaves the nearest whole number in the low bits of the sum.
     const ROUND: f64 = 6_755_399_441_055_744.0;

@@ -1,0 +1,168 @@
+//! Gathering: the non-empty lines of one slice, from the occupancy masks of its tiles.
+//!
+//! In: the tiles of a slice by ascending medium coordinate. Out: [`Line`]s, ascending. Each is checked against the
+//! channels here, once, so that nothing after has to ask where a line's records lie.
+
+use super::order::Order;
+use super::tiles::TileRows;
+use super::walk::{Visitor, VoxelBox};
+use crate::arena::Lane;
+use crate::arena::layout::{TILE_EDGE, TileRecord};
+use crate::volume::Axis;
+
+/// One line of the slice at hand.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Line {
+    /// Its records, all inside the channels, start here.
+    pub(super) first_record: u64,
+    /// How many: 1 to the length of the fast axis.
+    pub(super) count: u16,
+    /// Its coordinate on the medium axis.
+    pub(super) medium: u16,
+}
+
+/// Finds the lines of slices, one slice after another.
+pub(super) struct Gather {
+    order: Order,
+    slow_is_v: bool,
+    /// Records of the lane.
+    record_count: u64,
+    /// Grid points of a line.
+    longest: u32,
+    /// Room for the lines of a slice, kept for the next.
+    lines: Vec<Line>,
+}
+
+impl Gather {
+    /// For slices of `lane` across the slow axis of `order`.
+    pub(super) fn new(lane: &Lane, order: &Order) -> Gather {
+        Gather {
+            order: *order,
+            slow_is_v: order.slow == lane.axis.others()[1],
+            record_count: lane.record_count(),
+            longest: lane.dims[lane.axis.index()],
+            lines: Vec::new(),
+        }
+    }
+
+    /// The lines of slice `slow` by ascending medium coordinate.
+    #[inline(always)]
+    pub(super) fn lines_of<V: Visitor + ?Sized>(
+        &mut self,
+        rows: &TileRows,
+        slow: u16,
+        line_end: impl Fn(usize) -> Option<u32>,
+        visitor: &mut V,
+    ) -> &mut [Line] {
+        let tiles = rows.row(usize::from(slow / TILE_EDGE));
+        let room = tiles.len() * usize::from(TILE_EDGE);
+        if self.lines.len() < room {
+            self.lines.resize(room, Line::default());
+        }
+        // Taken out of `self`, so that they stay in registers while `lines` is written.
+        let (slow_is_v, longest, record_count) = (self.slow_is_v, self.longest, self.record_count);
+        let order = self.order;
+        let lines = &mut self.lines[..];
+        let within = slow % TILE_EDGE;
+        let mut count = 0;
+        for tile in tiles {
+            let row = if slow_is_v { RowOfLines::of_v(tile, within) } else { RowOfLines::of_u(tile, within) };
+            if row.occupied == 0 || !visitor.wants_row(&row_bounds(&order, slow_is_v, tile, slow)) {
+                continue;
+            }
+            let first_record = tile.first_record.get();
+            let Some(records) = record_count.checked_sub(first_record) else { continue };
+            let first_line = tile.first_line.get() as usize;
+            let medium_tile = if slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() };
+            let first_medium = TILE_EDGE.wrapping_mul(medium_tile);
+            let mut occupied = row.occupied;
+            while occupied != 0 {
+                #[allow(clippy::cast_possible_truncation, reason = "a bit of a byte is below 8")]
+                let bit = occupied.trailing_zeros() as u16;
+                occupied &= occupied - 1;
+                let rank = (row.ranks >> (8 * bit) & 0xff) as usize;
+                let Some(end) = line_end(first_line + rank) else { break };
+                let start = if rank == 0 { 0 } else { line_end(first_line + rank - 1).unwrap_or(end) };
+                // A line that ends before it starts gets a count beyond any axis.
+                let line_records = end.wrapping_sub(start);
+                #[allow(clippy::cast_possible_truncation, reason = "only kept if it is at most 65,535")]
+                let line = Line {
+                    first_record: first_record + u64::from(start),
+                    count: line_records as u16,
+                    medium: first_medium.wrapping_add(bit),
+                };
+                lines[count] = line;
+                let is_sound = line_records.wrapping_sub(1) < longest && u64::from(end) <= records;
+                count += usize::from(is_sound);
+            }
+        }
+        &mut lines[..count]
+    }
+}
+
+/// All voxels that `tile` may hold in slice `slow`.
+#[inline(always)]
+fn row_bounds(order: &Order, slow_is_v: bool, tile: &TileRecord, slow: u16) -> VoxelBox {
+    let medium_tile = if slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() };
+    let first = medium_tile.wrapping_mul(TILE_EDGE);
+    let bounds = |axis: Axis| {
+        if axis == order.slow {
+            (slow, slow)
+        } else if axis == order.fast {
+            (tile.low.get(), tile.high.get())
+        } else {
+            (first, first.saturating_add(TILE_EDGE - 1))
+        }
+    };
+    let [x, y, z] = Axis::ALL.map(bounds);
+    VoxelBox { low: [x.0, y.0, z.0], high: [x.1, y.1, z.1] }
+}
+
+/// The up to eight lines that a tile has in one slice.
+struct RowOfLines {
+    /// Bit m: whether there is a line at medium coordinate m of the tile.
+    occupied: u8,
+    /// Byte m: how many of the tile's lines come before that one.
+    ranks: u64,
+}
+
+/// 1 in each byte.
+const ONES: u64 = 0x0101_0101_0101_0101;
+
+impl RowOfLines {
+    /// Lines of one v; u is the medium axis. Bits of one byte of the mask.
+    #[inline(always)]
+    fn of_v(tile: &TileRecord, v: u16) -> RowOfLines {
+        let mask = tile.occupancy.get();
+        let shift = 8 * u32::from(v);
+        #[allow(clippy::cast_possible_truncation, reason = "one byte is wanted")]
+        let occupied = (mask >> shift) as u8;
+        let before = (mask & ((1 << shift) - 1)).count_ones();
+        // Spread the eight bits over eight bytes; the prefix sum of bytes is a multiplication by ONES.
+        let spread =
+            ((u64::from(occupied) * ONES) & 0x8040_2010_0804_0201).wrapping_add(0x7f7f_7f7f_7f7f_7f7f) >> 7 & ONES;
+        let ranks = (spread.wrapping_mul(ONES) << 8).wrapping_add(u64::from(before).wrapping_mul(ONES));
+        RowOfLines { occupied, ranks }
+    }
+
+    /// Lines of one u; v is the medium axis. One bit of each byte of the mask.
+    #[inline(always)]
+    fn of_u(tile: &TileRecord, u: u16) -> RowOfLines {
+        let mask = tile.occupancy.get();
+        let column = mask >> u & ONES;
+        // Byte i of the column's bit moves to bit i: each partial product lands on its own bit of the top byte.
+        #[allow(clippy::cast_possible_truncation, reason = "the top byte is what is left")]
+        let occupied = (column.wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8;
+        let bytes_below = mask_bytes_popcount(mask).wrapping_mul(ONES) << 8;
+        let bits_below = mask_bytes_popcount(mask & ONES.wrapping_mul((1 << u) - 1));
+        RowOfLines { occupied, ranks: bytes_below.wrapping_add(bits_below) }
+    }
+}
+
+/// Set bits of each byte.
+#[inline(always)]
+fn mask_bytes_popcount(mask: u64) -> u64 {
+    let pairs = mask - (mask >> 1 & 0x5555_5555_5555_5555);
+    let fours = (pairs & 0x3333_3333_3333_3333) + (pairs >> 2 & 0x3333_3333_3333_3333);
+    (fours + (fours >> 4)) & 0x0f0f_0f0f_0f0f_0f0f
+}
