@@ -144,6 +144,9 @@ fn verify_finds_every_cut_and_nothing_reads_on() {
     for file in files.iter().step_by(97).chain(&files[files.len() - 2..]) {
         let told = adj([Path::new("info"), file]).refused(&["at byte"]);
         assert!(told.contains(": R"), "{told}");
+        let picture = folder.file("picture.png");
+        let told = adj([Path::new("render"), file, Path::new("-o"), &picture]).refused(&["at byte"]);
+        assert!(told.contains(": R") && !picture.exists(), "{told}");
     }
 }
 
@@ -174,4 +177,19 @@ fn verify_goes_on_to_the_other_files() {
     assert!(lines[1].starts_with("a.adj: sound"), "{}", ran.stdout);
     assert!(lines[2].starts_with("empty.adj: not sound"), "{}", ran.stdout);
     folder.adj("verify .").refused(&["is a folder"]);
+}
+
+#[test]
+fn render_leaves_its_input_alone() {
+    let folder = Folder::new();
+    folder.small_arena("a.adj");
+    let old = std::fs::read(folder.file("a.adj")).expect("it was built");
+    let render = "render a.adj --size 20x20 -o a.png";
+    folder.adj(&format!("{render} --stats a.adj")).refused(&["--stats", "the input itself"]);
+    folder.adj(&format!("{render} --stats gone/a.json")).refused(&["gone", "create it first"]);
+    folder.adj("render a.adj -o a.adj").refused(&["a.adj", ".png"]);
+    assert_eq!(folder.names(), ["a.adj"]);
+    assert!(std::fs::read(folder.file("a.adj")).expect("it is there") == old);
+    folder.adj(&format!("{render} --stats a.json")).done();
+    assert_eq!(folder.names(), ["a.adj", "a.json", "a.png"]);
 }
