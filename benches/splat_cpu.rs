@@ -54,7 +54,7 @@ fn splats(criterion: &mut Criterion) {
         for fov in [None, Some(30.0)] {
             let size = [512, 512];
             let fit = f64::from(across) / 4.0 * 2.0 * around.radius * 1.04 / 512.0 / zoom;
-            let orbit = Orbit { azimuth: 25.0, elevation: 20.0, zoom: fit * zoom, fov };
+            let orbit = Orbit { azimuth: 25.0, elevation: 20.0, zoom: fit * zoom, fov, ..Orbit::default() };
             let camera = Camera::orbiting(orbit, around, size).expect("a camera");
             let kind = if fov.is_some() { "perspective" } else { "parallel" };
             let want = cpu::render(&scene, &camera, &Settings { code: Code::Plain, ..Settings::new(size) });

@@ -53,7 +53,8 @@ impl Model {
     }
 
     fn orbit(&self, azimuth: f64, elevation: f64, fov: Option<f64>, size: [u32; 2]) -> Camera {
-        Camera::orbiting(Orbit { azimuth, elevation, zoom: 1.0, fov }, self.surround(), size).unwrap()
+        Camera::orbiting(Orbit { azimuth, elevation, zoom: 1.0, fov, ..Orbit::default() }, self.surround(), size)
+            .unwrap()
     }
 }
 
@@ -325,7 +326,7 @@ fn extremes_end_in_finite_pictures_or_errors() {
     let scene = Scene { facts: &model.facts, lanes: &model.lanes, transfer: &model.transfer };
     for zoom in [1e-9, 1e-3, 1e3, 1e6, 1e9, 1e12] {
         for fov in [None, Some(1e-6), Some(40.0), Some(179.9)] {
-            let orbit = Orbit { azimuth: 33.0, elevation: 10.0, zoom, fov };
+            let orbit = Orbit { azimuth: 33.0, elevation: 10.0, zoom, fov, ..Orbit::default() };
             let camera = Camera::orbiting(orbit, model.surround(), [33, 17]).unwrap();
             let (frame, _) = model.render(&camera, &Settings::new([33, 17]));
             assert!(finite(&frame), "zoom {zoom}, fov {fov:?}");

@@ -20,7 +20,7 @@ use crate::arena::{Arena, LaneSet};
 use crate::classify::{Colour, TransferFunction};
 use crate::error::{Error, Result};
 use crate::file::{AdjFile, arena_bytes, check_writable, write_atomically};
-use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Stats, Surround, cpu};
+use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Stats, Surround, Up, cpu};
 use crate::traverse::{SplitForm, VoxelBox};
 
 /// Render an .adj file, or directly a volume, to a picture or a turntable.
@@ -78,6 +78,9 @@ pub(super) struct ViewArguments {
     /// Degrees above the horizontal.
     #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true)]
     elevation: f64,
+    /// World axis that is up, and that the azimuth turns around: x, -x, y, -y, z or -z.
+    #[arg(long, value_name = "AXIS", default_value = "z", allow_hyphen_values = true)]
+    up: String,
     /// Magnification; at 1 everything fits.
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_hyphen_values = true)]
     zoom: f64,
@@ -85,7 +88,7 @@ pub(super) struct ViewArguments {
     #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
     perspective: Option<f64>,
     /// Camera in world coordinates, as a JSON file: position, target, up, and fov or height.
-    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["azimuth", "elevation", "zoom", "perspective"])]
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["azimuth", "elevation", "up", "zoom", "perspective"])]
     camera: Option<PathBuf>,
     /// Frames of a full turn around the vertical: numbered files, or one .apng.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -278,8 +281,13 @@ fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u
             .map_err(|fault| Error::input(path.display().to_string(), fault.to_string()));
     }
     let turned = 360.0 * f64::from(frame_index) / f64::from(view.frames);
-    let orbit =
-        Orbit { azimuth: view.azimuth + turned, elevation: view.elevation, zoom: view.zoom, fov: view.perspective };
+    let orbit = Orbit {
+        azimuth: view.azimuth + turned,
+        elevation: view.elevation,
+        zoom: view.zoom,
+        fov: view.perspective,
+        up: Up::from_name(&view.up)?,
+    };
     Camera::orbiting(orbit, around, size)
 }
 

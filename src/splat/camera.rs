@@ -9,7 +9,7 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
-use crate::volume::Grid;
+use crate::volume::{Axis, Grid};
 
 /// How a camera projects.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,11 +60,57 @@ pub struct Orbit {
     pub zoom: f64,
     /// Vertical angle of view in degrees, above 0 and below 180; `None` for a parallel projection.
     pub fov: Option<f64>,
+    /// What is up in the picture, and what the azimuth turns around.
+    pub up: Up,
 }
 
 impl Default for Orbit {
     fn default() -> Orbit {
-        Orbit { azimuth: 0.0, elevation: 0.0, zoom: 1.0, fov: None }
+        Orbit { azimuth: 0.0, elevation: 0.0, zoom: 1.0, fov: None, up: Up::default() }
+    }
+}
+
+/// The world axis that an orbit's picture shows upright: volumes without an anatomical frame lie any way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Up {
+    /// Along an axis; azimuth 0 looks from +y, or from -z where y itself is up or down.
+    Plus(Axis),
+    /// Against it.
+    Minus(Axis),
+}
+
+/// +z: the head, where the world is anatomical.
+impl Default for Up {
+    fn default() -> Up {
+        Up::Plus(Axis::Z)
+    }
+}
+
+impl Up {
+    /// `z`, `-y` and so on.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for any other text.
+    pub fn from_name(name: &str) -> Result<Up> {
+        let (minus, letter) = name.strip_prefix('-').map_or((false, name), |letter| (true, letter));
+        let axis = Axis::ALL.into_iter().find(|axis| axis.name() == letter);
+        let axis =
+            axis.ok_or_else(|| Error::input("up", format!("is \"{name}\", but must be x, -x, y, -y, z or -z")))?;
+        Ok(if minus { Up::Minus(axis) } else { Up::Plus(axis) })
+    }
+
+    /// What stands in for the world's x, y and z when an orbit is laid out: right-handed, upright along `z`.
+    fn frame(self) -> [DVec3; 3] {
+        let upright = match self {
+            Up::Plus(Axis::X) => DVec3::X,
+            Up::Minus(Axis::X) => DVec3::NEG_X,
+            Up::Plus(Axis::Y) => DVec3::Y,
+            Up::Minus(Axis::Y) => DVec3::NEG_Y,
+            Up::Minus(Axis::Z) => DVec3::NEG_Z,
+            Up::Plus(Axis::Z) => DVec3::Z,
+        };
+        let front = if upright.y == 0.0 { DVec3::Y } else { DVec3::NEG_Z };
+        [front.cross(upright), front, upright]
     }
 }
 
@@ -173,7 +219,7 @@ impl Camera {
     /// # Errors
     /// [`Error::Input`] if a number of the orbit is out of its range or `size` is 0.
     pub fn orbiting(orbit: Orbit, around: Surround, size: [u32; 2]) -> Result<Camera> {
-        let Orbit { azimuth, elevation, zoom, fov } = orbit;
+        let Orbit { azimuth, elevation, zoom, fov, up } = orbit;
         for (name, angle) in [("azimuth", azimuth), ("elevation", elevation)] {
             if !angle.is_finite() {
                 return Err(Error::input(name, format!("is {angle}, but must be finite")));
@@ -187,8 +233,9 @@ impl Camera {
         }
         let (sin_a, cos_a) = sin_cos_degrees(azimuth);
         let (sin_e, cos_e) = sin_cos_degrees(elevation);
-        let outward = DVec3::new(-sin_a * cos_e, cos_a * cos_e, sin_e);
-        let up = DVec3::new(sin_a * sin_e, -cos_a * sin_e, cos_e);
+        let [side, front, upright] = up.frame();
+        let outward = side * (-sin_a * cos_e) + front * (cos_a * cos_e) + upright * sin_e;
+        let up = side * (sin_a * sin_e) - front * (cos_a * sin_e) + upright * cos_e;
         let centre = DVec3::from_array(around.centre);
         let radius = around.radius * MARGIN;
         // The picture's smaller side must hold the sphere.

@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::traverse::{Sense, SplitForm, VoxelBox};
 use crate::volume::Axis;
 
-pub use camera::{Camera, Orbit, Projection, Surround};
+pub use camera::{Camera, Orbit, Projection, Surround, Up};
 pub use composite::Mode;
 pub use frame::Frame;
 pub use kernel::{KernelShape, Quality};
