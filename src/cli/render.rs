@@ -108,9 +108,13 @@ pub(super) struct LookArguments {
     /// composite: light and shade; maximum, maximum-grey: largest value along each ray; xray: sum along each ray.
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = ["composite", "maximum", "maximum-grey", "xray"])]
     mode: String,
-    /// Colour behind the volume: #rrggbb, black, white or transparent.
-    #[arg(long, value_name = "COLOUR", default_value = "white")]
-    background: String,
+    /// Brightness of xray; chosen by what is visible unless given.
+    #[arg(long, value_name = "FACTOR", allow_hyphen_values = true)]
+    exposure: Option<f32>,
+    /// Colour behind the volume: #rrggbb, black, white or transparent. White, or black for maximum and xray, unless
+    /// given.
+    #[arg(long, value_name = "COLOUR")]
+    background: Option<String>,
     /// No lighting.
     #[arg(long)]
     unlit: bool,
@@ -187,7 +191,10 @@ fn draw(
     };
     let lanes = LaneSet::new(arena, None);
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
-    let background = parse_background(&arguments.look.background)?;
+    let background = parse_background(arguments.look.background.as_deref().unwrap_or(match settings.mode {
+        Mode::Composite => "white",
+        _ => "black",
+    }))?;
     let depth = if arguments.look.bits == "16" { Depth::Sixteen } else { Depth::Eight };
     let mut progress = Progress::new(arguments.quiet || arguments.view.frames == 1);
     let mut pictures = Vec::new();
@@ -266,6 +273,7 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
     if look.unlit {
         settings.lighting = None;
     }
+    settings.exposure = look.exposure;
     settings.threads = threads;
     settings.check()?;
     Ok(settings)

@@ -6,8 +6,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Scene;
 use super::cpu::arith::LOG2_E;
+use super::{Scene, Settings};
+use crate::arena::Lane;
 use crate::classify::MagnitudeCodec;
 use crate::error::Result;
 
@@ -18,8 +19,9 @@ pub enum Mode {
     /// Emission and absorption along each ray, in visibility order.
     #[default]
     Composite,
-    /// The largest normalised value (0 to 1 over the visible range) times kernel weight along each ray, in the
-    /// transfer function's colour of that value, as opaque as the value is large. Any order.
+    /// The largest normalised value (0 to 1 over the visible range) along each ray, in the transfer function's colour
+    /// of that value, as opaque as the value is large. A voxel counts in full over its cell and falls off outside it
+    /// like its kernel. Any order.
     Maximum,
     /// As `Maximum`, in grey.
     MaximumGrey,
@@ -62,11 +64,12 @@ enum Kind {
 }
 
 impl<'a> Table<'a> {
-    /// The table for a scene; `mean_voxel` in world length.
+    /// The table for a scene, one of whose lanes is `lane`; `mean_voxel` in world length.
     ///
     /// # Errors
     /// If the scale of the magnitudes is out of range.
-    pub(crate) fn new(scene: &'a Scene<'a>, mode: Mode, mean_voxel: f64) -> Result<Table<'a>> {
+    pub(crate) fn new(scene: &'a Scene<'a>, lane: &Lane, settings: &Settings, mean_voxel: f64) -> Result<Table<'a>> {
+        let mode = settings.mode;
         let channels = scene.facts.channels;
         let reference = scene.transfer.reference_length().unwrap_or(mean_voxel);
         let per_depth = mean_voxel / reference * f64::from(LOG2_E);
@@ -90,7 +93,9 @@ impl<'a> Table<'a> {
                     // Without stored magnitudes a gradient's part is taken to be full.
                     let depth = table.depth(value, f64::MAX);
                     let normalised = f32::from(code) / f32::from(last);
-                    table.looks.push([red, green, blue, if mode.is_maximum() { normalised } else { depth }]);
+                    // The maximum knows a voxel by its value alone, and takes it from the place of red too.
+                    let look = [red, green, blue, depth];
+                    table.looks.push(if mode.is_maximum() { [normalised; 4] } else { look });
                 }
                 Kind::Pair => {
                     for magnitude in 0..=255 {
@@ -101,7 +106,24 @@ impl<'a> Table<'a> {
                 Kind::Computed => table.looks.push([red, green, blue, 0.0]),
             }
         }
+        if mode == Mode::Additive {
+            let exposure = settings.exposure.unwrap_or_else(|| table.exposure(lane));
+            table.per_depth *= f64::from(exposure);
+            table.looks.iter_mut().for_each(|look| look[3] *= exposure);
+        }
         Ok(table)
+    }
+
+    /// What makes a ray through as many visible voxels as a cube of them is wide come out at `1 - exp(-1.4)`.
+    fn exposure(&self, lane: &Lane) -> f32 {
+        let voxels = self.scene.facts.visible_voxels.max(1) as f64;
+        let depth = |record| self.look(lane.value_code(record), lane.magnitude_code(record))[3];
+        let sum: f64 =
+            (0..lane.steps.len()).filter(|&record| lane.steps[record] != 0).map(|r| f64::from(depth(r))).sum();
+        let typical = sum / voxels * voxels.cbrt() / f64::from(LOG2_E);
+        #[expect(clippy::cast_possible_truncation, reason = "a factor for people's eyes")]
+        let exposure = if typical > 0.0 { (1.4 / typical) as f32 } else { 1.0 };
+        exposure
     }
 
     fn value(&self, code: u16) -> f64 {

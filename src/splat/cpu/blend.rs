@@ -4,7 +4,7 @@
 //! and fourth value. Out: the pixel's new values. Every way leaves a pixel of optical depth 0 as it was, bit for bit,
 //! so that a kernel may run over pixels that a splat does not cover.
 
-use super::arith::{absorbed, keep_if};
+use super::arith::{absorbed, at_most, keep_if};
 
 /// A splat's uniform inputs to its pixels.
 #[derive(Debug, Clone, Copy)]
@@ -89,7 +89,11 @@ impl Blend for Additive {
     }
 }
 
-/// The largest normalised value times weight; the fourth plane holds it.
+/// What a voxel's weight is multiplied by before it is capped at 1: cells stay whole, with no dips between voxels, as
+/// long as a kernel is wide enough to weigh more than 1/e at a cell's corner, which takes a sigma of 1/2.
+const WHOLE_CELL: f32 = std::f32::consts::E;
+
+/// The largest normalised value, at full weight over its cell; the fourth plane holds it, ink's red the voxel's.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Maximum;
 
@@ -99,11 +103,12 @@ impl Blend for Maximum {
 
     #[inline(always)]
     fn amount(depth: f32) -> f32 {
-        depth
+        depth * WHOLE_CELL
     }
 
     #[inline(always)]
-    fn blend([r, g, b, most]: Pixel, depth: f32, _: &Ink) -> Pixel {
-        [r, g, b, if depth > most { depth } else { most }]
+    fn blend([r, g, b, most]: Pixel, weighted: f32, ink: &Ink) -> Pixel {
+        let value = at_most(weighted, ink.red);
+        [r, g, b, if value > most { value } else { most }]
     }
 }

@@ -47,7 +47,7 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
     if lane.channels != scene.facts.channels || lane.dims != scene.facts.grid.dims || lane.axis != order.fast {
         return Err(Error::input("lane", "does not belong to the scene's grid or runs along another axis"));
     }
-    let table = Table::new(scene, settings.mode, view.mean_voxel)?;
+    let table = Table::new(scene, &lane, settings, view.mean_voxel)?;
     let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !settings.mode.is_maximum();
     let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
     let maximum = settings.mode.is_maximum();
