@@ -86,7 +86,7 @@ fn shell() -> Model {
         let r = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
         let bumps = (f64::from(x) * 0.7).sin() + (f64::from(y) * 0.9).cos();
         ((12.0 + bumps)..18.0).contains(&r).then(|| Record {
-            value: (u16::from(x as u8) * 5 + y * 3 + z * 7) % 256,
+            value: (x % 256 * 5 + y * 3 + z * 7) % 256,
             normal: u32::from(normal::encode8(d)),
             magnitude: 0,
         })
@@ -398,11 +398,11 @@ fn a_crop_shows_what_a_smaller_volume_would() {
     for line in lane.lines() {
         for (x, record) in lane.line_voxels(line.records.clone()) {
             let codes = Record { value: lane.value_code(record), normal: lane.normal_code(record), magnitude: 0 };
-            records.insert((x as u16, line.u as u16, line.v as u16), codes);
+            records.insert([x, line.u, line.v].map(|c| u16::try_from(c).unwrap()), codes);
         }
     }
     let small = Model::new([48, 40, 44], [1.0, 1.2, 0.8], LIT, ramp(), |x, y, z| {
-        records.get(&(x, y, z)).copied().filter(|_| inside(x, y, z))
+        records.get(&[x, y, z]).copied().filter(|_| inside(x, y, z))
     });
     let camera = model.orbit(-40.0, 25.0, Some(50.0), [120, 90]);
     let settings = Settings::new([120, 90]);
