@@ -215,7 +215,7 @@ fn presets_are_valid_and_come_back_from_json_bit_for_bit() {
         assert!(TransferFunction::preset(wrong).is_err(), "{wrong}");
     }
     let message = TransferFunction::preset("bone").unwrap_err().to_string();
-    assert_eq!(message, "preset \"bone\": is not one of ct-bone, ct-skin, ct-angio, mr, labels, frog");
+    assert_eq!(message, "preset \"bone\": is not one of ct-bone, ct-skin, ct-angio, mr, labels, frog, gyroid");
     let awkward = TransferFunction::range(0.1 + 0.2, 1.0 / 3.0).unwrap().with_reference_length(1e-7).unwrap();
     assert_eq!(TransferFunction::from_json(&awkward.to_json()).unwrap(), awkward);
     let open = TransferFunction::range(f64::NEG_INFINITY, 4.0).unwrap().with_shaded(false);
