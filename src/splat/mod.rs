@@ -19,7 +19,7 @@ use crate::arena::layout::Facts;
 use crate::arena::{Lane, LaneSet, OwnedLane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::traverse::{Sense, SplitForm, VoxelBox};
+use crate::traverse::{Order, Sense, SplitForm, VoxelBox};
 use crate::volume::Axis;
 
 pub use camera::{Camera, Orbit, Projection, Surround, Up};
@@ -104,6 +104,9 @@ pub struct Settings {
     pub sense: Sense,
     /// How the two sides of the eye follow each other.
     pub form: SplitForm,
+    /// Takes the place of the order that the camera asks for: for studies of what order is worth. `sense` still says how
+    /// splats are composited.
+    pub order: Option<Order>,
     /// Takes the place of the quality's termination: 0 to 1.
     pub termination: Option<f32>,
     /// Takes the place of the quality's kernel.
@@ -129,6 +132,7 @@ impl Settings {
             threads: 1,
             sense: Sense::FrontToBack,
             form: SplitForm::default(),
+            order: None,
             termination: None,
             kernel: None,
             near: None,

@@ -42,7 +42,10 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
     settings.check()?;
     let kernel = settings.kernel();
     let view = View::new(camera, &scene.facts.grid, settings.size, kernel, settings.near)?;
-    let order = Order::new(view.viewpoint, scene.facts.grid.dims, settings.sense, settings.form)?;
+    let order = match settings.order {
+        Some(order) => order,
+        None => Order::new(view.viewpoint, scene.facts.grid.dims, settings.sense, settings.form)?,
+    };
     let lane = scene.lanes.lane(order.fast)?;
     if lane.channels != scene.facts.channels || lane.dims != scene.facts.grid.dims || lane.axis != order.fast {
         return Err(Error::input("lane", "does not belong to the scene's grid or runs along another axis"));
