@@ -11,7 +11,9 @@ pub mod lanes;
 pub mod layout;
 pub mod open;
 pub mod pack;
+mod plan;
 pub mod transpose;
+mod window;
 
 pub use curve::TileOrder;
 pub use lane::{Lane, LineEnds, OwnedLane};

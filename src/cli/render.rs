@@ -14,7 +14,6 @@ use super::input::InputArguments;
 use super::picture::{Depth, Picture, PictureKind, write_animation};
 use super::progress::{Progress, interrupted};
 use super::{Answer, is_same_file, print_note, print_result};
-use crate::arena::builder::voxel_length;
 use crate::arena::layout::Scales;
 use crate::arena::{Arena, LaneSet};
 use crate::classify::{Colour, TransferFunction};
@@ -177,7 +176,7 @@ fn draw(
     let Scales { value_low, value_step, .. } = facts.scales;
     let codes = f64::from((1u32 << facts.channels.value_bits) - 1);
     let transfer = transfer
-        .with_voxel_length(voxel_length(&facts.grid))?
+        .with_voxel_length(facts.grid.mean_spacing())?
         .with_value_range(value_low, value_low + codes * value_step)?;
     if transfer.uses_gradient() && facts.channels.magnitude_bits == 0 {
         let why = "needs gradient magnitudes, which this file does not store; build it again with this function";

@@ -126,6 +126,12 @@ impl Grid {
         Ok(())
     }
 
+    /// Geometric mean of the spacings: the edge of a cube as large as a cell.
+    pub fn mean_spacing(&self) -> f64 {
+        // By logarithms: the product of three tiny or huge spacings leaves the range of numbers.
+        (self.spacing.iter().map(|h| h.ln()).sum::<f64>() / 3.0).exp()
+    }
+
     /// Samples in one z-slice.
     pub fn slice_len(&self) -> u64 {
         u64::from(self.dims[0]) * u64::from(self.dims[1])

@@ -1,6 +1,6 @@
 //! Every kind of transfer function, and what needs a first reading.
 
-use adjsplat::arena::builder::{BuildOptions, voxel_length};
+use adjsplat::arena::builder::BuildOptions;
 use adjsplat::classify::{Colour, Contour, FactorPoint, Label, Others, Point, TransferFunction};
 use adjsplat::volume::SampleType;
 
@@ -99,7 +99,7 @@ fn contours_count_widths_in_the_volumes_own_voxels() {
     };
     assert_eq!(count([1.0, 1.0, 1.0]), count([0.5, 0.5, 0.5]));
     let grid = volume(SampleType::F32).header.grid;
-    assert!((voxel_length(&grid) - (0.9f64 * 1.1 * 1.3).cbrt()).abs() < 1e-15);
+    assert!((grid.mean_spacing() - (0.9f64 * 1.1 * 1.3).cbrt()).abs() < 1e-15);
 }
 
 #[test]
