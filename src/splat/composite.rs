@@ -161,6 +161,14 @@ impl<'a> Table<'a> {
         }
     }
 
+    /// The looks of 8-bit values, if these are all that a look depends on.
+    pub(crate) fn of_bytes(&self) -> Option<&[Look; 256]> {
+        match self.kind {
+            Kind::Value => self.looks.first_chunk(),
+            Kind::Pair | Kind::Computed => None,
+        }
+    }
+
     /// Whether records' magnitudes matter.
     pub(crate) fn needs_magnitude(&self) -> bool {
         self.kind != Kind::Value

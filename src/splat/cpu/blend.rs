@@ -1,43 +1,37 @@
-//! What a splat does to a pixel: the five ways of putting splats together.
+//! What a splat does to a pixel: the ways of putting splats together.
 //!
-//! In: a splat's optical depth at a pixel in units of ln 2 (0 outside its cut-off), then the pixel's red, green, blue
-//! and fourth value. Out: the pixel's new values. Every way leaves a pixel of optical depth 0 as it was, bit for bit,
-//! so that a kernel may run over pixels that a splat does not cover.
+//! In: a splat's optical depth at a pixel in units of ln 2 (0 outside its cut-off), then the pixel's values. Out: the
+//! pixel's new values. A pixel's red, green, blue and fourth value lie side by side, so one formula serves all four:
+//! what differs is the splat's *ink*, which has a number for each. Every way leaves a pixel of optical depth 0 as it
+//! was, bit for bit, so that a kernel may run over pixels that a splat does not cover.
 
-use super::arith::{absorbed, at_most, keep_if};
-
-/// A splat's uniform inputs to its pixels.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Ink {
-    pub(crate) red: f32,
-    pub(crate) green: f32,
-    pub(crate) blue: f32,
-    /// Transmittance below which a pixel no longer changes; 0 for never.
-    pub(crate) stop: f32,
-}
-
-/// A pixel: red, green, blue and the fourth plane.
-pub(crate) type Pixel = [f32; 4];
+use super::arith::{absorbed, absorbed_little, at_most, keep_if};
 
 /// One way of compositing.
 pub(crate) trait Blend: Copy + Send + Sync {
-    /// What the fourth plane starts as.
+    /// What the fourth value starts as.
     const FOURTH: f32;
     /// Whether pixels can freeze.
     const STOPS: bool;
+    /// A splat's ink for the fourth value.
+    const INK: f32;
     /// What can be computed of an optical depth before the pixel is known; 0 for 0.
     fn amount(depth: f32) -> f32;
-    /// The pixel after a splat of that amount.
-    fn blend(pixel: Pixel, amount: f32, ink: &Ink) -> Pixel;
+    /// The same for depths up to [`LITTLE`](super::arith::LITTLE): the same bits for less work.
+    fn little(depth: f32) -> f32;
+    /// One of a pixel's values after a splat of that amount. `stop`: transmittance below which the pixel no longer
+    /// changes; 0 for never.
+    fn blend(value: f32, fourth: f32, amount: f32, ink: f32, stop: f32) -> f32;
 }
 
-/// Front to back; the fourth plane is the transmittance. Pixels below `stop` are frozen.
+/// Front to back; the fourth value is the transmittance. Pixels below `stop` are frozen.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FrontToBack;
 
 impl Blend for FrontToBack {
     const FOURTH: f32 = 1.0;
     const STOPS: bool = true;
+    const INK: f32 = -1.0;
 
     #[inline(always)]
     fn amount(depth: f32) -> f32 {
@@ -45,19 +39,24 @@ impl Blend for FrontToBack {
     }
 
     #[inline(always)]
-    fn blend([r, g, b, t]: Pixel, amount: f32, ink: &Ink) -> Pixel {
-        let taken = keep_if(t >= ink.stop, t * amount);
-        [r + taken * ink.red, g + taken * ink.green, b + taken * ink.blue, t - taken]
+    fn little(depth: f32) -> f32 {
+        absorbed_little(depth)
+    }
+
+    #[inline(always)]
+    fn blend(value: f32, fourth: f32, amount: f32, ink: f32, stop: f32) -> f32 {
+        value + keep_if(fourth >= stop, fourth * amount) * ink
     }
 }
 
-/// Back to front; the fourth plane is the transmittance.
+/// Back to front; the fourth value is the transmittance.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BackToFront;
 
 impl Blend for BackToFront {
     const FOURTH: f32 = 1.0;
     const STOPS: bool = false;
+    const INK: f32 = 0.0;
 
     #[inline(always)]
     fn amount(depth: f32) -> f32 {
@@ -65,18 +64,24 @@ impl Blend for BackToFront {
     }
 
     #[inline(always)]
-    fn blend([r, g, b, t]: Pixel, a: f32, ink: &Ink) -> Pixel {
-        [r + a * (ink.red - r), g + a * (ink.green - g), b + a * (ink.blue - b), t - t * a]
+    fn little(depth: f32) -> f32 {
+        absorbed_little(depth)
+    }
+
+    #[inline(always)]
+    fn blend(value: f32, _: f32, amount: f32, ink: f32, _: f32) -> f32 {
+        value + amount * (ink - value)
     }
 }
 
-/// Sums of colour times optical depth; the fourth plane is the sum of optical depth, in units of ln 2.
+/// Sums of colour times optical depth; the fourth value is the sum of optical depth, in units of ln 2.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Additive;
 
 impl Blend for Additive {
     const FOURTH: f32 = 0.0;
     const STOPS: bool = false;
+    const INK: f32 = 1.0;
 
     #[inline(always)]
     fn amount(depth: f32) -> f32 {
@@ -84,8 +89,13 @@ impl Blend for Additive {
     }
 
     #[inline(always)]
-    fn blend([r, g, b, sum]: Pixel, depth: f32, ink: &Ink) -> Pixel {
-        [r + depth * ink.red, g + depth * ink.green, b + depth * ink.blue, sum + depth]
+    fn little(depth: f32) -> f32 {
+        depth
+    }
+
+    #[inline(always)]
+    fn blend(value: f32, _: f32, amount: f32, ink: f32, _: f32) -> f32 {
+        value + amount * ink
     }
 }
 
@@ -93,13 +103,14 @@ impl Blend for Additive {
 /// long as a kernel is wide enough to weigh more than 1/e at a cell's corner, which takes a sigma of 1/2.
 const WHOLE_CELL: f32 = std::f32::consts::E;
 
-/// The largest normalised value, at full weight over its cell; the fourth plane holds it, ink's red the voxel's.
+/// The largest normalised value, at full weight over its cell; red holds it, as red's ink is the voxel's value.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Maximum;
 
 impl Blend for Maximum {
     const FOURTH: f32 = 0.0;
     const STOPS: bool = false;
+    const INK: f32 = 1.0;
 
     #[inline(always)]
     fn amount(depth: f32) -> f32 {
@@ -107,8 +118,13 @@ impl Blend for Maximum {
     }
 
     #[inline(always)]
-    fn blend([r, g, b, most]: Pixel, weighted: f32, ink: &Ink) -> Pixel {
-        let value = at_most(weighted, ink.red);
-        [r, g, b, if value > most { value } else { most }]
+    fn little(depth: f32) -> f32 {
+        depth * WHOLE_CELL
+    }
+
+    #[inline(always)]
+    fn blend(value: f32, _: f32, amount: f32, ink: f32, _: f32) -> f32 {
+        let offered = at_most(amount, ink);
+        if offered > value { offered } else { value }
     }
 }

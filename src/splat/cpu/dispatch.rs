@@ -53,6 +53,7 @@ fn block_any<B: Blend>(projector: &Projector, batch: &Batch, from: usize, bench:
     let limits = if B::STOPS { limits } else { Limits { stop: 0.0, ..limits } };
     projector.block(batch, from, splats, each, planes, frozen, limits);
     match &projector.kind {
+        Kind::Parallel { stamp: Some(stamp), .. } => raster::draw_stamped::<B>(planes, splats, stamp, limits),
         Kind::Parallel { ellipse, .. } => raster::draw::<B, _>(planes, splats, ellipse, limits),
         Kind::Perspective { .. } => raster::draw::<B, _>(planes, splats, &**each, limits),
     }

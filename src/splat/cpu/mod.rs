@@ -12,6 +12,7 @@ mod plain;
 mod planes;
 mod project;
 pub(crate) mod raster;
+mod stamp;
 
 use std::time::{Duration, Instant};
 
@@ -53,8 +54,14 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
     let table = Table::new(scene, &lane, settings, view.mean_voxel)?;
     let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !settings.mode.is_maximum();
     let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
+    let ink = match (settings.mode, settings.sense) {
+        (Mode::Composite, Sense::FrontToBack) => FrontToBack::INK,
+        (Mode::Composite, Sense::BackToFront) => BackToFront::INK,
+        (Mode::Additive, _) => Additive::INK,
+        (Mode::Maximum | Mode::MaximumGrey, _) => Maximum::INK,
+    };
     let maximum = settings.mode.is_maximum();
-    let projector = Projector::new(&view, &order, lane, &table, lights, kernel, settings.crop, maximum);
+    let projector = Projector::new(&view, &order, lane, &table, lights, kernel, settings.crop, maximum, ink);
     let limits = Limits { cut: kernel.cut(), stop: settings.termination() };
     let job = Job { projector: &projector, view: &view, order: &order, limits, settings };
     let (bands, finish): (Vec<Drawn>, Finish) = match (settings.mode, settings.sense) {
@@ -143,12 +150,12 @@ impl Finish<'_> {
         match self {
             Finish::Transmittance => [r, g, b, 1.0 - fourth],
             Finish::Sum => [shown(r), shown(g), shown(b), shown(fourth)],
-            Finish::Grey => [fourth; 4],
+            Finish::Grey => [r; 4],
             Finish::Maximum(scene) => {
                 let scales = &scene.facts.scales;
                 let last = if scene.facts.channels.value_bits == 8 { 255.0 } else { 65_535.0 };
-                let [r, g, b] = scene.transfer.colour(scales.value_low + last * scales.value_step * f64::from(fourth));
-                [r * fourth, g * fourth, b * fourth, fourth]
+                let colour = scene.transfer.colour(scales.value_low + last * scales.value_step * f64::from(r));
+                [r * colour[0], r * colour[1], r * colour[2], r]
             }
         }
     }
@@ -168,12 +175,10 @@ fn assemble(bands: &[Drawn], settings: &Settings, finish: Finish) -> Result<Fram
                 if !(rect.y0..rect.y1).contains(&y) {
                     continue;
                 }
-                let [red, green, blue, fourth] = band.planes.pixels(y);
                 let left = 4 * usize::try_from(rect.x0).unwrap_or(0);
-                let out = &mut row[left..left + 4 * rect.width()];
-                let values = red.iter().zip(green).zip(blue).zip(fourth);
-                for (pixel, (((&r, &g), &b), &f)) in out.chunks_exact_mut(4).zip(values) {
-                    pixel.copy_from_slice(&finish.pixel([r, g, b, f]));
+                let out = row[left..left + 4 * rect.width()].as_chunks_mut().0;
+                for (pixel, values) in out.iter_mut().zip(band.planes.pixels(y)) {
+                    *pixel = finish.pixel(*values);
                 }
             }
         }

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::arith::{LOG2_E, at_least, at_most};
 use super::band::Drawn;
-use super::blend::{Blend, Ink};
+use super::blend::Blend;
 use super::planes::{Planes, Rect};
 use super::project::{Kind, Projector, jacobian, slant, span, split};
 use super::raster::{Corner, Ellipse, Kernel, Limits};
@@ -47,7 +47,7 @@ fn splat<B: Blend>(projector: &Projector, planes: &mut Planes, limits: Limits, v
     let [red, green, blue, depth] = projector.look(record);
     let peak = if projector.maximum { depth } else { at_most(depth * strength, MAX_DEPTH as f32 * LOG2_E) };
     let [red, green, blue] = light(projector, voxel, record, [red, green, blue]);
-    let ink = Ink { red, green, blue, stop: if B::STOPS { limits.stop } else { 0.0 } };
+    let (ink, stop) = ([red, green, blue, B::INK], if B::STOPS { limits.stop } else { 0.0 });
     let (low_x, high_x) = span(x, ellipse.half_x);
     let (low_y, high_y) = span(y, ellipse.half_y);
     if !(strength > 0.0 && peak > 0.0) {
@@ -55,16 +55,28 @@ fn splat<B: Blend>(projector: &Projector, planes: &mut Planes, limits: Limits, v
     }
     let corner = Corner { dx: (low_x - x.0) as f32 - x.1, dy: (low_y - y.0) as f32 - y.1 };
     let kernel = Kernel { corner, ellipse, cut: limits.cut, peak };
+    let stamp = match &projector.kind {
+        Kind::Parallel { stamp, .. } => stamp.as_ref(),
+        Kind::Perspective { .. } => None,
+    };
     let rect = planes.rect;
     let mut touched = false;
     for row in low_y.max(rect.y0)..=high_y.min(rect.y1 - 1) {
         for column in low_x.max(rect.x0)..=high_x.min(rect.x1 - 1) {
             touched = true;
-            let amount = B::amount(kernel.depth((column - low_x) as f32, (row - low_y) as f32));
-            let mut row = planes.row(row);
-            let eight = row.eight(column);
-            let pixel = [eight.red[0], eight.green[0], eight.blue[0], eight.fourth[0]];
-            [eight.red[0], eight.green[0], eight.blue[0], eight.fourth[0]] = B::blend(pixel, amount, &ink);
+            let depth = match stamp {
+                Some(stamp) => {
+                    let lean = stamp.quadratic.lean(x.1, y.1);
+                    stamp.depth(&lean, (column - x.0) as f32, (row - y.0) as f32, peak)
+                }
+                None => kernel.depth((column - low_x) as f32, (row - low_y) as f32),
+            };
+            let amount = B::amount(depth);
+            let pixel = planes.pixel(column, row);
+            let fourth = pixel[3];
+            for (value, ink) in pixel.iter_mut().zip(ink) {
+                *value = B::blend(*value, fourth, amount, ink, stop);
+            }
         }
     }
     touched
@@ -77,7 +89,7 @@ fn place(projector: &Projector, voxel: [u16; 3]) -> Option<Place> {
     let [slow, medium, fast] = [s, m, f].map(|a| f64::from(voxel[a]));
     let at = |map: &[f64; 4]| (map[3] + map[s] * slow) + map[m] * medium + map[f] * fast;
     match &projector.kind {
-        Kind::Parallel { pixel_from_voxel: [column, row], ellipse, strength } => {
+        Kind::Parallel { pixel_from_voxel: [column, row], ellipse, strength, .. } => {
             Some((split(at(column)), split(at(row)), *ellipse, *strength))
         }
         Kind::Perspective { camera_from_voxel, focal, centre, near, strength } => {

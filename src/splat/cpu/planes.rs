@@ -1,19 +1,16 @@
-//! The accumulation buffer of a band: four planes per picture row.
+//! The accumulation buffer of a band.
 //!
-//! In: a rectangle of the picture, in absolute pixel coordinates. Out: rows of red, green, blue and transmittance as
-//! separate arrays, with guard pixels on both sides that a kernel eight pixels wide may overwrite. The pitch keeps
-//! rows away from multiples of 4,096 bytes: at such a pitch all rows of a splat fall into one cache set and stores
-//! block the loads of the next row (measured: four times slower).
+//! In: a rectangle of the picture, in absolute pixel coordinates. Out: rows of pixels, red, green, blue and a fourth
+//! value side by side, with guard pixels on all sides that a kernel may overwrite. Memory is touched two whole pixels
+//! at a time, always at the same 32 bytes: neighbouring splats overlap, and a processor hands a store on to the next
+//! load only where that asks for no more than was stored (four planes of eight unaligned pixels each: half as fast).
+//! The pitch keeps rows away from multiples of 4,096 bytes: at such a pitch all rows of a splat fall into one cache
+//! set and stores block the loads of the next row (measured: four times slower).
 
 use crate::error::{Error, Result};
 
-/// Pixels that a kernel handles at once.
-pub(crate) const WIDE: usize = 8;
-
-/// Guard pixels on either side of a row.
-const GUARD: usize = 8;
-/// The same, for coordinates.
-const GUARD_COLUMNS: i32 = 8;
+/// Guard pixels on every side; at least.
+const GUARD: i32 = 8;
 
 /// A half-open rectangle of pixels, in absolute picture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -40,98 +37,92 @@ impl Rect {
     }
 }
 
-/// Planes of one band. What the fourth plane holds is the blend's business.
+/// Two neighbouring pixels, the first in an even column.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[repr(align(32))]
+pub(crate) struct Pair(pub(crate) [f32; 8]);
+
+/// Pixels of one band. What the fourth value holds is the blend's business.
 #[derive(Debug)]
 pub(crate) struct Planes {
     pub(crate) rect: Rect,
+    /// Pairs from row to row.
     pitch: usize,
-    floats: Vec<f32>,
-}
-
-/// Where eight neighbouring pixels of each plane lie.
-pub(crate) struct Eight<'a> {
-    pub(crate) red: &'a mut [f32; WIDE],
-    pub(crate) green: &'a mut [f32; WIDE],
-    pub(crate) blue: &'a mut [f32; WIDE],
-    pub(crate) fourth: &'a mut [f32; WIDE],
+    /// Column and row of the first pixel, a guard; the column is even.
+    left: i32,
+    top: i32,
+    pairs: Vec<Pair>,
 }
 
 impl Planes {
-    /// Planes for `rect`: colours 0, the fourth plane `fourth`.
+    /// Pixels for `rect`: colours 0, the fourth value `fourth`.
     ///
     /// # Errors
     /// [`Error::Limit`] if the memory cannot be had.
     pub(crate) fn new(rect: Rect, fourth: f32) -> Result<Planes> {
-        let pitch = pitch_for(rect.width());
-        let len = 4 * pitch * rect.height();
-        let mut floats = Vec::new();
-        floats.try_reserve_exact(len).map_err(|_| Error::Limit {
+        let (left, top) = ((rect.x0 & !1) - GUARD, rect.y0 - GUARD);
+        let guards = 2 * GUARD as usize;
+        let pitch = pitch_for(rect.width() + guards + 1);
+        let len = pitch * (rect.height() + guards);
+        let mut pairs = Vec::new();
+        pairs.try_reserve_exact(len).map_err(|_| Error::Limit {
             what: "memory for the picture in bytes".into(),
-            need: 4 * len as u64,
+            need: (size_of::<Pair>() * len) as u64,
             have: 0,
         })?;
-        floats.resize(len, 0.0);
-        for row in floats.chunks_exact_mut(4 * pitch) {
-            row[3 * pitch..].fill(fourth);
-        }
-        Ok(Planes { rect, pitch, floats })
+        pairs.resize(len, Pair([0.0, 0.0, 0.0, fourth, 0.0, 0.0, 0.0, fourth]));
+        Ok(Planes { rect, pitch, left, top, pairs })
     }
 
-    /// The four planes of row `y`, each with its guards. `y` lies in the rectangle.
+    /// Index of the pair that holds pixel (`x`, `y`), which may be a guard.
     #[inline(always)]
-    pub(crate) fn row(&mut self, y: i32) -> Row<'_> {
-        let start = (y - self.rect.y0) as usize * 4 * self.pitch;
-        let (red, rest) = self.floats[start..start + 4 * self.pitch].split_at_mut(self.pitch);
-        let (green, rest) = rest.split_at_mut(self.pitch);
-        let (blue, fourth) = rest.split_at_mut(self.pitch);
-        Row { left: self.rect.x0 - GUARD_COLUMNS, red, green, blue, fourth }
+    pub(crate) fn index(&self, x: i32, y: i32) -> usize {
+        (y - self.top) as usize * self.pitch + ((x - self.left) >> 1) as usize
     }
 
-    /// Pixel (`x`, `y`) of the fourth plane; the pixel lies in the rectangle.
+    /// Pairs from row to row.
+    #[inline(always)]
+    pub(crate) fn pitch(&self) -> usize {
+        self.pitch
+    }
+
+    /// All pairs.
+    #[inline(always)]
+    pub(crate) fn pairs(&mut self) -> &mut [Pair] {
+        &mut self.pairs
+    }
+
+    /// Fourth value of pixel (`x`, `y`), which lies in the rectangle.
     #[inline(always)]
     pub(crate) fn fourth(&self, x: i32, y: i32) -> f32 {
-        let row = (y - self.rect.y0) as usize * 4 + 3;
-        self.floats[row * self.pitch + GUARD + (x - self.rect.x0) as usize]
+        let Pair(pair) = &self.pairs[self.index(x, y)];
+        if x & 1 == 0 { pair[3] } else { pair[7] }
     }
 
-    /// Pixels of row `y` without guards: red, green, blue, fourth.
-    pub(crate) fn pixels(&self, y: i32) -> [&[f32]; 4] {
-        let start = (y - self.rect.y0) as usize * 4 * self.pitch + GUARD;
-        let width = self.rect.width();
-        [0, 1, 2, 3].map(|plane| &self.floats[start + plane * self.pitch..][..width])
+    /// Pixel (`x`, `y`), which lies in the rectangle.
+    pub(crate) fn pixel(&mut self, x: i32, y: i32) -> &mut [f32; 4] {
+        let index = self.index(x, y);
+        let (pixels, _) = self.pairs[index].0.as_chunks_mut();
+        &mut pixels[(x & 1) as usize]
     }
-}
 
-/// One row of all four planes.
-pub(crate) struct Row<'a> {
-    left: i32,
-    red: &'a mut [f32],
-    green: &'a mut [f32],
-    blue: &'a mut [f32],
-    fourth: &'a mut [f32],
-}
-
-impl Row<'_> {
-    /// Eight pixels from column `x`; `x` is at most eight columns left of the rectangle and left of its right end.
-    #[inline(always)]
-    pub(crate) fn eight(&mut self, x: i32) -> Eight<'_> {
-        let at = (x - self.left) as usize;
-        Eight {
-            red: (&mut self.red[at..at + WIDE]).try_into().expect("eight"),
-            green: (&mut self.green[at..at + WIDE]).try_into().expect("eight"),
-            blue: (&mut self.blue[at..at + WIDE]).try_into().expect("eight"),
-            fourth: (&mut self.fourth[at..at + WIDE]).try_into().expect("eight"),
-        }
+    /// Pixels of row `y` without guards.
+    pub(crate) fn pixels(&self, y: i32) -> impl Iterator<Item = &[f32; 4]> {
+        let row = &self.pairs[self.index(self.left, y)..][..self.pitch];
+        let skip = usize::try_from(self.rect.x0 - self.left).unwrap_or(0);
+        row.iter().flat_map(|Pair(pair)| pair.as_chunks().0).skip(skip).take(self.rect.width())
     }
 }
 
-/// Floats per plane row: an odd multiple of four, so that a row of four planes is an odd number of cache lines.
-fn pitch_for(width: usize) -> usize {
-    let mut quads = (width + 2 * GUARD).div_ceil(4) | 1;
-    while !(8..=248).contains(&(quads % 256)) {
-        quads += 2;
+/// Pairs per row of at least so many pixels: up to eight rows keep off each other's places in a page.
+fn pitch_for(pixels: usize) -> usize {
+    /// Pairs in 4,096 bytes.
+    const PAGE: usize = 128;
+    let mut pitch = pixels.div_ceil(2);
+    while !(1..=8).all(|rows| (5..=PAGE - 5).contains(&(rows * pitch % PAGE))) {
+        pitch += 1;
     }
-    4 * quads
+    pitch
 }
 
 #[cfg(test)]
@@ -140,12 +131,12 @@ mod tests {
 
     #[test]
     fn no_rows_of_a_splat_are_a_multiple_of_a_page_apart() {
-        for width in 1..=16_384 {
-            let pitch = pitch_for(width);
-            assert!(pitch >= width + 2 * GUARD);
-            for planes in 1..=64 {
-                let apart = planes * pitch * 4 % 4096;
-                assert!(apart != 0, "width {width}: {planes} planes apart");
+        for pixels in 1..=16_401 {
+            let pitch = pitch_for(pixels);
+            assert!(2 * pitch >= pixels && pitch < pixels / 2 + 64, "{pixels}: {pitch}");
+            for rows in 1..8 {
+                let apart = rows * pitch * size_of::<Pair>() % 4096;
+                assert!((160..=4096 - 160).contains(&apart), "{pixels} pixels: {rows} rows apart");
             }
         }
     }

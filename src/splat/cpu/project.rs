@@ -22,6 +22,7 @@ use super::arith::{LOG2_E, at_least, at_most, keep_if};
 use super::freeze::Frozen;
 use super::planes::Planes;
 use super::raster::{BLOCK, Ellipse, EllipseEach, Limits, Splats};
+use super::stamp::Stamp;
 use crate::arena::Lane;
 use crate::classify::normal;
 use crate::splat::composite::{Look, MAX_DEPTH, Table};
@@ -39,6 +40,8 @@ pub(crate) struct Projector<'a> {
     pub(crate) crop: Option<VoxelBox>,
     /// Whether peaks are normalised values.
     pub(crate) maximum: bool,
+    /// Ink of the fourth value: the blend's.
+    pub(crate) fourth_ink: f32,
     pub(super) sigma: f32,
     pub(super) cut_off: f32,
     /// Indices of the slow, medium and fast axis.
@@ -55,6 +58,8 @@ pub(crate) enum Kind {
     Parallel {
         pixel_from_voxel: [[f64; 4]; 2],
         ellipse: Ellipse,
+        /// Of footprints that are small enough.
+        stamp: Option<Stamp>,
         /// Peak of a unit of optical depth.
         strength: f32,
     },
@@ -79,6 +84,7 @@ impl<'a> Projector<'a> {
         kernel: KernelShape,
         crop: Option<VoxelBox>,
         maximum: bool,
+        fourth_ink: f32,
     ) -> Projector<'a> {
         let (sigma, cut_off) = (kernel.sigma, kernel.cut_off());
         let normalisation = kernel.normalisation();
@@ -87,7 +93,8 @@ impl<'a> Projector<'a> {
                 let rows = pixel_from_voxel.map(|m| [m[0] as f32, m[1] as f32, m[2] as f32]);
                 let print = footprint(rows, sigma, cut_off);
                 let strength = normalisation * print.density * (scale * scale) as f32;
-                Kind::Parallel { pixel_from_voxel, ellipse: print.ellipse, strength }
+                let stamp = Stamp::new(&print.ellipse, kernel.cut());
+                Kind::Parallel { pixel_from_voxel, ellipse: print.ellipse, stamp, strength }
             }
             PixelMap::Perspective { camera_from_voxel, focal, centre, near } => {
                 let strength = normalisation * (focal * focal) as f32;
@@ -100,6 +107,7 @@ impl<'a> Projector<'a> {
             lights,
             crop,
             maximum,
+            fourth_ink,
             sigma,
             cut_off,
             nesting: [order.slow.index(), order.medium.index(), order.fast.index()],
@@ -145,7 +153,7 @@ impl<'a> Projector<'a> {
 
     #[inline(always)]
     fn place_parallel(&self, slow: u16, medium: &[u16; BLOCK], fast: &[u16; BLOCK], out: &mut Splats) {
-        let Kind::Parallel { pixel_from_voxel, ellipse, strength } = &self.kind else { return };
+        let Kind::Parallel { pixel_from_voxel, ellipse, strength, .. } = &self.kind else { return };
         let [s, m, f] = self.nesting;
         let base = pixel_from_voxel.map(|map| map[3] + map[s] * f64::from(slow));
         let [column, row] = pixel_from_voxel;
@@ -260,11 +268,17 @@ impl<'a> Projector<'a> {
     fn colour(&self, batch: &Batch, from: usize, medium: &[u16; BLOCK], fast: &[u16; BLOCK], out: &mut Splats) {
         let records = &batch.record[from..];
         let count = out.count;
+        let base = usize::try_from(batch.base).unwrap_or(usize::MAX);
+        // The commonest kind has a loop of its own: no question is asked twice.
+        let bytes = self.table.of_bytes().filter(|_| self.lane.channels.value_bits == 8);
         for k in 0..count {
             let j = usize::from(out.kept[k]) % BLOCK;
-            let record = usize::try_from(batch.base).unwrap_or(usize::MAX).saturating_add(records[j] as usize);
-            let look = self.look(record);
-            [out.red[k], out.green[k], out.blue[k], out.peak[k]] = look;
+            let record = base.saturating_add(records[j] as usize);
+            let [red, green, blue, peak] = match bytes {
+                Some(looks) => looks[usize::from(self.lane.values.get(record).copied().unwrap_or(0))],
+                None => self.look(record),
+            };
+            (out.ink[k], out.peak[k]) = ([red, green, blue, self.fourth_ink], peak);
         }
         let most = MAX_DEPTH as f32 * LOG2_E;
         if !self.maximum {
@@ -297,9 +311,18 @@ impl<'a> Projector<'a> {
         let records = &batch.record[from..];
         let base = usize::try_from(batch.base).unwrap_or(usize::MAX);
         let mut codes = [0u32; BLOCK];
-        for k in 0..out.count {
-            let j = usize::from(out.kept[k]) % BLOCK;
-            codes[k] = self.lane.normal_code(base.saturating_add(records[j] as usize));
+        if self.lane.channels.normal_bits == 8 {
+            let (normals, _) = self.lane.normals.as_chunks::<2>();
+            for k in 0..out.count {
+                let j = usize::from(out.kept[k]) % BLOCK;
+                let code = normals.get(base.saturating_add(records[j] as usize)).copied().unwrap_or_default();
+                codes[k] = u16::from_le_bytes(code).into();
+            }
+        } else {
+            for k in 0..out.count {
+                let j = usize::from(out.kept[k]) % BLOCK;
+                codes[k] = self.lane.normal_code(base.saturating_add(records[j] as usize));
+            }
         }
         let mut normals = [[0.0f32; BLOCK]; 3];
         if self.lane.channels.normal_bits == 8 {
@@ -335,9 +358,9 @@ impl<'a> Projector<'a> {
             }
         }
         for k in 0..BLOCK {
-            out.red[k] = out.red[k] * shades[0][k] + shades[1][k];
-            out.green[k] = out.green[k] * shades[0][k] + shades[1][k];
-            out.blue[k] = out.blue[k] * shades[0][k] + shades[1][k];
+            let [red, green, blue, fourth] = out.ink[k];
+            let [factor, highlight] = [shades[0][k], shades[1][k]];
+            out.ink[k] = [red * factor + highlight, green * factor + highlight, blue * factor + highlight, fourth];
         }
     }
 }
@@ -376,7 +399,7 @@ pub(super) fn split(at: f64) -> (i32, f32) {
 #[inline(always)]
 pub(super) fn span((nearest, rest): (i32, f32), half: f32) -> (i32, i32) {
     const ROUND: f32 = 12_582_912.0;
-    const NEARLY_HALF: f32 = 0.499_99;
+    const NEARLY_HALF: f32 = 0.499_9;
     let whole = |value: f32| ((value + ROUND).to_bits() as i32).wrapping_sub(ROUND.to_bits() as i32);
     (nearest.wrapping_add(whole(rest - half + NEARLY_HALF)), nearest.wrapping_add(whole(rest + half - NEARLY_HALF)))
 }

@@ -1,21 +1,19 @@
 //! Stage 2: splats to pixels.
 //!
-//! In: a block of projected splats in visit order, the planes of a band. Out: the band's pixels. Per pixel:
+//! In: a block of projected splats in visit order, the pixels of a band. Out: the band's pixels.
 //!
 //! ```text
-//! u     = (x - centre.x) - shear * (y - centre.y)
-//! q     = across * u^2 + along * (y - centre.y)^2        in units of ln 2; beyond `cut` the weight is 0
+//! q     = across * u^2 + along * y^2, u = x - shear * y     from the centre; in units of ln 2; beyond `cut` it is none
 //! depth = peak * 2^-q
 //! ```
 //!
 //! Departures for speed:
-//! 1. A footprint's pixels are packed, row after row, into vectors that compute what each absorbs; only then are the
-//!    rows of the picture touched, eight pixels at a time. Row by row in one go, half of each vector lies outside the
-//!    footprint and two exponentials are one long chain of dependent steps (5x5 pixels, one core of an EPYC with
-//!    AVX-512, mean: 81 ns a splat, packed 66).
-//! 2. Footprints wider than sixteen pixels are narrowed to the ellipse's chord in each row.
+//! 1. Footprints of a parallel view that are seven pixels wide or less have no exponential per pixel: [`Stamp`].
+//! 2. Eight pixels of a row from an even column on, or twice eight, go together, then two by two into the band's
+//!    pixels. That is half empty for small footprints, but nothing is packed, unpacked or masked.
+//! 3. Wider footprints are narrowed to the ellipse's chord in each row.
 //!
-//! A step may run over pixels outside the ellipse or the band: they get weight 0 or are guard pixels. A pixel's bits
+//! A step may run over pixels outside the ellipse or the band: they get depth 0 or are guard pixels. A pixel's bits
 //! depend on absolute coordinates only.
 
 #![expect(
@@ -23,9 +21,10 @@
     reason = "pixel counts are below 2^15; casts of coordinates saturate and are clipped to the band"
 )]
 
-use super::arith::{at_least, exp2_neg, keep_if};
-use super::blend::{Blend, Ink};
-use super::planes::{Eight, Planes, WIDE};
+use super::arith::{LITTLE, at_least, exp2_neg, keep_if};
+use super::blend::Blend;
+use super::planes::{Pair, Planes};
+use super::stamp::{COLUMNS, ROWS, Stamp};
 
 /// Splats in a block: small enough that all its arrays stay in the first-level cache.
 pub(crate) const BLOCK: usize = 128;
@@ -67,10 +66,9 @@ pub(crate) struct Splats {
     pub(crate) high_x: [i32; BLOCK],
     pub(crate) low_y: [i32; BLOCK],
     pub(crate) high_y: [i32; BLOCK],
-    pub(crate) red: [f32; BLOCK],
-    pub(crate) green: [f32; BLOCK],
-    pub(crate) blue: [f32; BLOCK],
-    /// As [`Ink::peak`]; 0 for a splat that is not drawn.
+    /// What it adds to a pixel's four values.
+    pub(crate) ink: [[f32; 4]; BLOCK],
+    /// Optical depth at the centre, in units of ln 2, or normalised value; 0 for a splat that is not drawn.
     pub(crate) peak: [f32; BLOCK],
 }
 
@@ -88,9 +86,7 @@ impl Splats {
             high_x: [0; BLOCK],
             low_y: [0; BLOCK],
             high_y: [0; BLOCK],
-            red: [0.0; BLOCK],
-            green: [0.0; BLOCK],
-            blue: [0.0; BLOCK],
+            ink: [[0.0; 4]; BLOCK],
             peak: [0.0; BLOCK],
         })
     }
@@ -134,8 +130,151 @@ impl Ellipses for EllipseEach {
 pub(crate) struct Limits {
     /// Exponent at the cut-off, units of ln 2.
     pub(crate) cut: f32,
-    /// As [`Ink::stop`].
+    /// Transmittance below which a pixel no longer changes; 0 for never.
     pub(crate) stop: f32,
+}
+
+/// Narrow footprints between the computation of what their pixels absorb and the pixels. Each is one long chain of
+/// dependent steps; sixteen after the other in each loop let the processor overlap them.
+struct Queue {
+    count: usize,
+    slots: [Slot; QUEUE],
+    /// Eight rows of eight pixels.
+    amounts: [[f32; COLUMNS * ROWS]; QUEUE],
+}
+
+/// Footprints in a queue.
+const QUEUE: usize = 16;
+
+/// Where a narrow footprint's pixels lie.
+#[derive(Debug, Clone, Copy, Default)]
+struct Slot {
+    /// Its ink.
+    splat: usize,
+    /// First pair.
+    index: usize,
+    /// Pairs across, four at most.
+    across: usize,
+    /// Rows, eight at most.
+    rows: usize,
+}
+
+impl Queue {
+    fn new() -> Queue {
+        Queue { count: 0, slots: [Slot::default(); QUEUE], amounts: [[0.0; COLUMNS * ROWS]; QUEUE] }
+    }
+
+    /// Puts the queued footprints into the picture.
+    #[inline(always)]
+    fn flush<B: Blend>(&mut self, planes: &mut Planes, splats: &Splats, stop: f32) {
+        let pitch = planes.pitch();
+        let pairs = planes.pairs();
+        for (slot, amounts) in self.slots.iter().zip(&self.amounts).take(self.count) {
+            let ink = &splats.ink[slot.splat % BLOCK];
+            let mut at = slot.index;
+            for eight in &amounts.as_chunks::<COLUMNS>().0[..slot.rows.min(ROWS)] {
+                deposit::<B>(pairs, at, slot.across, eight, ink, stop);
+                at += pitch;
+            }
+        }
+        self.count = 0;
+    }
+}
+
+/// What the pixels of up to eight rows absorb, of the depths that `of_two` gives for two rows.
+#[inline(always)]
+fn absorb(
+    amounts: &mut [f32; COLUMNS * ROWS],
+    rows: usize,
+    of_two: impl Fn(usize) -> [f32; STEP],
+    amount: impl Fn(f32) -> f32,
+) {
+    for (two, out) in amounts.as_chunks_mut::<STEP>().0.iter_mut().enumerate().take(rows.div_ceil(2)) {
+        let depths = of_two(two);
+        let mut step = [0.0; STEP];
+        for i in 0..STEP {
+            step[i] = amount(depths[i]);
+        }
+        *out = step;
+    }
+}
+
+/// Draws a block whose splats share a stamp; gives how many splats touched the band.
+#[inline(always)]
+pub(crate) fn draw_stamped<B: Blend>(planes: &mut Planes, splats: &Splats, stamp: &Stamp, limits: Limits) -> u64 {
+    let rect = planes.rect;
+    let mut drawn = 0;
+    let mut queue = Queue::new();
+    let mut sides = [[0.0; COLUMNS + ROWS]; QUEUE];
+    let mut starts = [[0; 2]; QUEUE];
+    let count = splats.count.min(BLOCK);
+    let mut k = 0;
+    while k < count {
+        let mut queued = 0;
+        while k < count && queued < QUEUE {
+            let j = usize::from(splats.kept[k]) % BLOCK;
+            let (low_x, low_y) = (splats.low_x[j], splats.low_y[j]);
+            let rows = splats.high_y[j].wrapping_sub(low_y).wrapping_add(1).clamp(1, ROWS as i32) as usize;
+            // Stage 1 lists only splats that reach the band; the test keeps a mistake there from leaving the planes.
+            if splats.peak[k] > 0.0
+                && low_x > rect.x0 - COLUMNS as i32
+                && low_x < rect.x1
+                && low_y > rect.y0 - ROWS as i32
+                && low_y < rect.y1
+            {
+                let start_x = low_x & !1;
+                let lean = stamp.quadratic.lean(splats.rest_x[j], splats.rest_y[j]);
+                let (column, row) = (start_x - splats.x[j], low_y - splats.y[j]);
+                sides[queued] = lean.sides(column as f32, row as f32);
+                starts[queued] = [column, row];
+                let across = ((splats.high_x[j] - start_x) as usize / 2 + 1).max(stamp.across).min(COLUMNS / 2);
+                queue.slots[queued] = Slot { splat: k, index: planes.index(start_x, low_y), across, rows };
+                queued += 1;
+            }
+            k += 1;
+        }
+        for n in 0..queued {
+            let Slot { splat, rows, .. } = queue.slots[n];
+            let (peak, sides, weights) =
+                (splats.peak[splat % BLOCK], &sides[n], stamp.from(starts[n][0], starts[n][1]));
+            let floor = peak * stamp.floor;
+            let depths = |two: usize| {
+                let weights: &[f32; STEP] = &weights.as_chunks().0[two];
+                let of_rows = [0, 1].map(|row| sides[COLUMNS + 2 * two + row] * peak);
+                let mut depths = [0.0; STEP];
+                for i in 0..STEP {
+                    let depth = (weights[i] * sides[i % COLUMNS]) * of_rows[i / COLUMNS];
+                    depths[i] = keep_if(depth >= floor, depth);
+                }
+                depths
+            };
+            if peak <= LITTLE {
+                absorb(&mut queue.amounts[n], rows, depths, B::little);
+            } else {
+                absorb(&mut queue.amounts[n], rows, depths, B::amount);
+            }
+        }
+        queue.count = queued;
+        queue.flush::<B>(planes, splats, limits.stop);
+        drawn += queued as u64;
+    }
+    drawn
+}
+
+/// Pixels of a row, two by two.
+#[inline(always)]
+fn deposit<B: Blend>(pairs: &mut [Pair], at: usize, across: usize, amounts: &[f32], ink: &[f32; 4], stop: f32) {
+    let (twos, _) = amounts.as_chunks::<2>();
+    // Indices are checked one by one on purpose: else the compiler takes several pairs at once, by gathers.
+    for k in 0..across {
+        let two = twos[k];
+        let old = pairs[at + k].0;
+        let mut new = [0.0; 8];
+        for i in 0..8 {
+            new[i] = B::blend(old[i], old[i | 3], two[i / 4], ink[i % 4], stop);
+        }
+        pairs[at + k].0 = new;
+    }
 }
 
 /// Draws a block; gives how many splats touched the band.
@@ -143,93 +282,77 @@ pub(crate) struct Limits {
 pub(crate) fn draw<B: Blend, E: Ellipses>(planes: &mut Planes, splats: &Splats, ellipses: &E, limits: Limits) -> u64 {
     let rect = planes.rect;
     let mut drawn = 0;
-    let mut amounts: Amounts = [0.0; PACK + STEP];
+    let mut queue = Queue::new();
     for k in 0..splats.count.min(BLOCK) {
         let j = usize::from(splats.kept[k]) % BLOCK;
         let peak = splats.peak[k];
         let (low_x, high_x) = (splats.low_x[j], splats.high_x[j]);
-        let (low_y, high_y) = (splats.low_y[j].max(rect.y0), splats.high_y[j].min(rect.y1 - 1));
-        // Stage 1 lists only splats that reach the band; the test keeps a mistake there from leaving the planes.
-        if peak <= 0.0 || low_y > high_y || high_x < rect.x0 || low_x >= rect.x1 {
+        let (low_y, high_y) = (splats.low_y[j], splats.high_y[j]);
+        // As above.
+        if peak <= 0.0 || low_y >= rect.y1 || high_y < rect.y0 || low_x >= rect.x1 || high_x < rect.x0 {
             continue;
         }
         drawn += 1;
-        let ink = Ink { red: splats.red[k], green: splats.green[k], blue: splats.blue[k], stop: limits.stop };
+        let ink = &splats.ink[k];
         let ellipse = ellipses.at(j);
         let corner = Corner {
             dx: (low_x - splats.x[j]) as f32 - splats.rest_x[j],
-            dy: (splats.low_y[j] - splats.y[j]) as f32 - splats.rest_y[j],
+            dy: (low_y - splats.y[j]) as f32 - splats.rest_y[j],
         };
         let kernel = Kernel { corner, ellipse, cut: limits.cut, peak };
-        let columns = high_x.wrapping_sub(low_x).wrapping_add(1);
-        if (1..=NARROW as i32).contains(&columns) {
-            let columns = columns as usize;
-            let (places, most_rows) = (&PLACES.of_width[columns], (PACK / columns) as i32);
-            let mut first_row = low_y - splats.low_y[j];
-            let mut y = low_y;
-            while y <= high_y {
-                let rows = most_rows.min(high_y - y + 1);
-                kernel.absorb::<B>(&mut amounts, places, rows as usize * columns, 0.0, first_row as f32);
-                let mut at = 0;
-                for row_y in y..y + rows {
-                    let mut row = planes.row(row_y);
-                    let amount = inside(&amounts, at, &places.inside[0]);
-                    if low_x >= rect.x0 - WIDE as i32 {
-                        step::<B>(row.eight(low_x), &amount, &ink);
-                    }
-                    if columns > WIDE {
-                        let x = low_x.wrapping_add(WIDE as i32);
-                        if x < rect.x1 && x >= rect.x0 - WIDE as i32 {
-                            step::<B>(row.eight(x), &inside(&amounts, at + WIDE, &places.inside[1]), &ink);
-                        }
-                    }
-                    at += columns;
-                }
-                first_row += rows;
-                y += rows;
+        let (columns, rows) = (high_x.wrapping_sub(low_x).wrapping_add(1), high_y.wrapping_sub(low_y).wrapping_add(1));
+        if (1..COLUMNS as i32).contains(&columns) && (1..=ROWS as i32).contains(&rows) {
+            if queue.count == QUEUE {
+                queue.flush::<B>(planes, splats, limits.stop);
             }
+            let (index, across) = (planes.index(low_x & !1, low_y), (high_x - (low_x & !1)) as usize / 2 + 1);
+            let rows = rows as usize;
+            queue.slots[queue.count] = Slot { splat: k, index, across, rows };
+            let first = -((low_x & 1) as f32);
+            let depths = |two: usize| {
+                let row = [0.0, 2.0, 4.0, 6.0][two];
+                let mut depths = [0.0; STEP];
+                for i in 0..STEP {
+                    depths[i] = kernel.depth(first + (i % COLUMNS) as f32, row + (i / COLUMNS) as f32);
+                }
+                depths
+            };
+            if peak <= LITTLE {
+                absorb(&mut queue.amounts[queue.count], rows, depths, B::little);
+            } else {
+                absorb(&mut queue.amounts[queue.count], rows, depths, B::amount);
+            }
+            queue.count += 1;
         } else {
+            queue.flush::<B>(planes, splats, limits.stop);
             let (left, right) = (low_x.max(rect.x0), high_x.min(rect.x1 - 1));
             let widen = 1.0 / ellipse.across;
-            let places = &PLACES.of_width[0];
-            for row_y in low_y..=high_y {
-                let first_row = (row_y - splats.low_y[j]) as f32;
-                let dy = corner.dy + first_row;
+            for row_y in low_y.max(rect.y0)..=high_y.min(rect.y1 - 1) {
+                let row = (row_y - low_y) as f32;
+                let dy = corner.dy + row;
                 let ridge = splats.rest_x[j] + ellipse.shear * dy;
                 // The chord, with half a pixel and more to spare for rounding.
                 let half = (at_least(limits.cut - ellipse.along * (dy * dy), 0.0) * widen).sqrt() + 0.5;
-                let from = left.max(splats.x[j].saturating_add((ridge - half) as i32).saturating_sub(1));
+                let from = left.max(splats.x[j].saturating_add((ridge - half) as i32).saturating_sub(1)) & !1;
                 let to = right.min(splats.x[j].saturating_add((ridge + half) as i32).saturating_add(1));
-                let mut row = planes.row(row_y);
                 let mut x = from;
                 while x <= to {
-                    let pixels = ((to - x + 1) as usize).min(PACK);
-                    kernel.absorb::<B>(&mut amounts, places, pixels, (x - low_x) as f32, first_row);
-                    for (amount, x) in amounts.as_chunks::<WIDE>().0.iter().zip((x..x + pixels as i32).step_by(WIDE)) {
-                        // Pixels past the end belong to the next run, or lie outside the chord or the band.
-                        let mut amount = *amount;
-                        for (i, amount) in amount.iter_mut().enumerate() {
-                            *amount = keep_if(x + i as i32 <= to, *amount);
-                        }
-                        step::<B>(row.eight(x), &amount, &ink);
+                    let mut amounts = [0.0; STEP];
+                    for i in 0..STEP {
+                        let column = x - low_x + i as i32;
+                        let inside = (column >= 0) & (column < columns);
+                        amounts[i] = keep_if(inside, B::amount(kernel.depth(column as f32, row)));
                     }
-                    x += pixels as i32;
+                    let index = planes.index(x, row_y);
+                    let across = ((to - x) as usize / 2 + 1).min(STEP / 2);
+                    deposit::<B>(planes.pairs(), index, across, &amounts, ink, limits.stop);
+                    x += STEP as i32;
                 }
             }
         }
     }
+    queue.flush::<B>(planes, splats, limits.stop);
     drawn
-}
-
-/// Eight amounts from `at`, those that belong to another row zeroed.
-#[inline(always)]
-fn inside(amounts: &Amounts, at: usize, mask: &[u32; WIDE]) -> [f32; WIDE] {
-    // The last row's overhang lies in the margin.
-    let mut eight: [f32; WIDE] = *amounts[at.min(PACK)..].first_chunk().expect("a margin");
-    for i in 0..WIDE {
-        eight[i] = f32::from_bits(eight[i].to_bits() & mask[i]);
-    }
-    eight
 }
 
 /// Where the low corner of a footprint's box lies from its centre, in pixels.
@@ -258,77 +381,7 @@ impl Kernel {
         // Far outside the ellipse the exponential is meaningless; its bits are dropped.
         keep_if(q <= self.cut, self.peak * exp2_neg(q))
     }
-
-    /// What `pixels` pixels absorb; `column`, `row`: of the first of them, from the low corner.
-    #[inline(always)]
-    fn absorb<B: Blend>(&self, amounts: &mut Amounts, places: &Places, pixels: usize, column: f32, row: f32) {
-        let steps = pixels.div_ceil(STEP);
-        let from = places.column.as_chunks::<STEP>().0.iter().zip(places.row.as_chunks::<STEP>().0);
-        for (out, (columns, rows)) in amounts.as_chunks_mut::<STEP>().0.iter_mut().zip(from).take(steps) {
-            let mut amount = [0.0; STEP];
-            for i in 0..STEP {
-                amount[i] = B::amount(self.depth(columns[i] + column, rows[i] + row));
-            }
-            *out = amount;
-        }
-    }
 }
 
-/// Pixels whose amounts are computed together.
-const PACK: usize = 128;
 /// Pixels of a vector step.
 const STEP: usize = 16;
-/// Widest footprint whose rows are packed, in columns.
-const NARROW: usize = 16;
-
-/// What packed pixels absorb, row after row, and room for the last step and the last row's overhang.
-type Amounts = [f32; PACK + STEP];
-
-/// Column and row of the k-th of a footprint's packed pixels.
-struct Places {
-    column: [f32; PACK + STEP],
-    row: [f32; PACK + STEP],
-    /// All ones where a row's first and second eight pixels belong to it.
-    inside: [[u32; WIDE]; NARROW / WIDE],
-}
-
-/// By the footprint's columns; entry 0 is a single row.
-struct PlacesByWidth {
-    of_width: [Places; NARROW + 1],
-}
-
-static PLACES: PlacesByWidth = places_by_width();
-
-const fn places_by_width() -> PlacesByWidth {
-    const NONE: Places =
-        Places { column: [0.0; PACK + STEP], row: [0.0; PACK + STEP], inside: [[0; WIDE]; NARROW / WIDE] };
-    let mut places = PlacesByWidth { of_width: [NONE; NARROW + 1] };
-    let mut width = 0;
-    while width <= NARROW {
-        let mut k = 0;
-        while k < PACK + STEP {
-            places.of_width[width].column[k] = (if width == 0 { k } else { k % width }) as f32;
-            places.of_width[width].row[k] = match k.checked_div(width) {
-                Some(row) => row as f32,
-                None => 0.0,
-            };
-            if k < width {
-                places.of_width[width].inside[k / WIDE][k % WIDE] = u32::MAX;
-            }
-            k += 1;
-        }
-        width += 1;
-    }
-    places
-}
-
-#[inline(always)]
-fn step<B: Blend>(eight: Eight<'_>, amount: &[f32; WIDE], ink: &Ink) {
-    // All are read before any is written: the compiler cannot know that the planes are apart.
-    let (red, green, blue, fourth) = (*eight.red, *eight.green, *eight.blue, *eight.fourth);
-    let (mut r, mut g, mut b, mut t) = ([0.0; WIDE], [0.0; WIDE], [0.0; WIDE], [0.0; WIDE]);
-    for i in 0..WIDE {
-        [r[i], g[i], b[i], t[i]] = B::blend([red[i], green[i], blue[i], fourth[i]], amount[i], ink);
-    }
-    (*eight.red, *eight.green, *eight.blue, *eight.fourth) = (r, g, b, t);
-}
