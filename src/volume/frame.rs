@@ -89,7 +89,7 @@ impl Frame {
         let spacing = spacing.unwrap_or(self.spacing);
         if !spacing.iter().all(|step| step.is_finite() && *step > 0.0) {
             let [x, y, z] = spacing;
-            let expected = "three spacings above 0 (they can be given with --spacing X,Y,Z)";
+            let expected = "three spacings above 0 (they can be given with --spacing XxYxZ)";
             return Err(Error::format(path, 0, rule, expected, format!("{x}, {y}, {z}")));
         }
         let signs = self.world.signs();
