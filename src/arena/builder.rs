@@ -75,6 +75,9 @@ pub struct Findings {
     pub not_finite: u64,
     /// Whether the samples were read twice.
     pub surveyed: bool,
+    /// Visible voxels whose code stands for a value that is transparent: too few bits for the transfer function's
+    /// narrow features.
+    pub blurred_away: u64,
 }
 
 /// Lanes in memory and what they mean.
@@ -178,6 +181,7 @@ fn pack(
     };
     let depth = header.grid.dims[2];
     let mut tally = Tally::default();
+    let mut blurred_away = 0;
     let mut slices = Window::new(source, header, field, Some(&plan.transfer))?;
     let domain = (plan.quantiser.low(), plan.quantiser.high());
     let codes = CodeTable::new(header, plan, domain);
@@ -188,13 +192,14 @@ fn pack(
         let hood = slices.neighbourhood();
         let z = u16::try_from(z).expect("a grid has at most 65,535 slices");
         with_samples!(slices.samples(), samples => {
-            pack_slice(samples, z, header, plan, &codes, hood.as_ref(), packer);
+            blurred_away += pack_slice(samples, z, header, plan, &codes, hood.as_ref(), packer);
         });
     }
     let Tally { lowest, highest, not_finite } = tally;
-    Ok(Findings { lowest, highest, not_finite, surveyed: false })
+    Ok(Findings { lowest, highest, not_finite, surveyed: false, blurred_away })
 }
 
+/// Packs a slice; gives how many of its voxels are [blurred away](Findings::blurred_away).
 fn pack_slice<T: Sample>(
     samples: &[T],
     z: u16,
@@ -203,7 +208,8 @@ fn pack_slice<T: Sample>(
     codes: &CodeTable,
     hood: Option<&Neighbourhood>,
     packer: &mut LanePacker,
-) {
+) -> u64 {
+    let mut blurred_away = 0;
     let width = header.grid.dims[0] as usize;
     for (y, row) in (0u16..).zip(samples.chunks_exact(width)) {
         let voxels = row.iter().enumerate().filter_map(|(x, &sample)| {
@@ -211,8 +217,10 @@ fn pack_slice<T: Sample>(
             let value = codes.value(sample);
             let gradient = || hood.map_or([0.0; 3], |hood| hood.gradient(x, usize::from(y)));
             let record = plan.record(value, code, gradient)?;
+            blurred_away += u64::from(plan.blurs_away(value, record));
             Some((u16::try_from(x).expect("a row has at most 65,535 samples"), record))
         });
         packer.line(y, z, voxels);
     }
+    blurred_away
 }

@@ -112,6 +112,11 @@ impl Lane<'_> {
         (!self.tiles.is_empty()).then(|| (inside(low), inside(high)))
     }
 
+    /// The largest value code of a voxel; 0 if there is none. O(records).
+    pub fn largest_value_code(&self) -> u16 {
+        (0..self.steps.len()).filter(|&record| self.steps[record] != 0).map(|r| self.value_code(r)).max().unwrap_or(0)
+    }
+
     /// Records that carry only distance.
     pub fn stepping_voxels(&self) -> u64 {
         self.steps.iter().filter(|&&step| step == 0).count() as u64

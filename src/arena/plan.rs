@@ -14,6 +14,9 @@ use crate::error::{Error, Result};
 use crate::volume::{Header, Sample, SampleType, Samples, SlabSource};
 use crate::with_samples;
 
+/// An opacity that one would miss.
+const SEEN: f64 = 0.02;
+
 /// What is decided before the first slice is packed.
 pub(super) struct Plan {
     pub(super) transfer: TransferFunction,
@@ -62,7 +65,7 @@ impl Plan {
         if low > high {
             // The range of the type says little: only the samples' own tells the user what to ask for.
             let found = if surveyed {
-                Findings { lowest, highest, not_finite: 0, surveyed }
+                Findings { lowest, highest, not_finite: 0, surveyed, blurred_away: 0 }
             } else {
                 survey(source, header, false, observer)?.findings()
             };
@@ -105,6 +108,17 @@ impl Plan {
         Some(record)
     }
 
+    /// Whether a voxel that can be seen is stored under a code whose value is transparent.
+    #[inline]
+    pub(super) fn blurs_away(&self, value: f64, record: Record) -> bool {
+        if self.quantiser.is_lossless() {
+            return false;
+        }
+        let magnitude = self.magnitudes.decode(record.magnitude);
+        let opacity = |value| self.transfer.opacity(value, magnitude);
+        opacity(value) >= SEEN && opacity(self.quantiser.decode(record.value)) == 0.0
+    }
+
     /// The code of a value that may be visible, depending on its gradient.
     fn candidate(&self, value: f64, domain: (f64, f64)) -> Option<u16> {
         if !(value >= domain.0 && value <= domain.1) {
@@ -135,7 +149,13 @@ struct Survey {
 
 impl Survey {
     fn findings(&self) -> Findings {
-        Findings { lowest: self.lowest, highest: self.highest, not_finite: self.not_finite, surveyed: true }
+        Findings {
+            lowest: self.lowest,
+            highest: self.highest,
+            not_finite: self.not_finite,
+            surveyed: true,
+            blurred_away: 0,
+        }
     }
 }
 

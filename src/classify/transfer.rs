@@ -212,7 +212,7 @@ impl TransferFunction {
     /// # Errors
     /// [`Error::Io`], or [`Error::Input`] that names the file.
     pub fn read(path: &std::path::Path) -> Result<TransferFunction> {
-        let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+        let text = crate::volume::read_text(path)?;
         let is_table = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ctbl"));
         let parsed = if is_table { TransferFunction::from_ctbl(&text) } else { TransferFunction::from_json(&text) };
         parsed.map_err(|error| match error {

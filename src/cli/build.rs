@@ -65,6 +65,17 @@ pub(super) struct PackingArguments {
 }
 
 impl PackingArguments {
+    /// A flag that was given another value than its default, if any was.
+    pub(super) fn given(&self) -> Option<&'static str> {
+        let flags = [
+            ("--lanes", self.lanes != "xyz"),
+            ("--order", self.order != "morton"),
+            ("--value-bits", self.value_bits != "8"),
+            ("--normals", self.normals != "8"),
+        ];
+        flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
+    }
+
     /// The builder's options.
     pub(super) fn options(&self, transfer: TransferFunction) -> Result<BuildOptions> {
         let normal_bits = match self.normals.as_str() {
@@ -103,6 +114,14 @@ pub(super) fn build_with_warnings(source: &mut dyn SlabSource, options: &BuildOp
         print_note(&format!("reading the samples twice, as their own range decides what codes mean{hint}"));
     }
     let built = build(source, options, &mut Progress::new(quiet))?;
+    if built.findings.blurred_away > 0 {
+        let count = built.findings.blurred_away;
+        let better =
+            if options.value_bits == 8 { "use --value-bits 16" } else { "narrow the range of what is visible" };
+        print_note(&format!(
+            "warning: {count} visible voxels turn transparent, as their values share codes with transparent ones; {better}"
+        ));
+    }
     match built.findings.not_finite {
         0 => {}
         1 => print_note("warning: 1 sample is NaN or infinite; it is transparent"),

@@ -39,6 +39,20 @@ pub(super) struct InputArguments {
 }
 
 impl InputArguments {
+    /// A flag that was given, if any was.
+    pub(super) fn given(&self) -> Option<&'static str> {
+        let flags = [
+            ("--dims", self.dims.is_some()),
+            ("--type", self.sample_type.is_some()),
+            ("--endian", self.endian.is_some()),
+            ("--skip", self.skip.is_some()),
+            ("--spacing", self.spacing.is_some()),
+            ("--volume", self.volume != 0),
+            ("--unscaled", self.unscaled),
+        ];
+        flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
+    }
+
     /// Opens `input`: a path, or `phantom:NAME`.
     ///
     /// # Errors

@@ -21,6 +21,7 @@ use crate::error::{Error, Result};
 use crate::file::{AdjFile, arena_bytes, check_writable, write_atomically};
 use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Stats, Surround, Up, cpu};
 use crate::traverse::{SplitForm, VoxelBox};
+use crate::volume::read_text;
 
 /// Render an .adj file, or directly a volume, to a picture or a turntable.
 #[derive(Debug, Args)]
@@ -142,6 +143,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let settings = settings(arguments)?;
     let start = Instant::now();
     if is_adj(&arguments.input)? {
+        if let Some(flag) = arguments.reading.given().or(arguments.packing.given()) {
+            return Err(Error::input(flag, "is for volumes, but the input is an .adj file; leave it out"));
+        }
         let file = AdjFile::open(&arguments.input)?;
         let transfer = arguments.classification.transfer(&arguments.input)?;
         let arena = file.arena()?;
@@ -153,10 +157,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let header = source.header().clone();
     let built = build_with_warnings(&mut *source, &options, arguments.quiet)?;
     let bytes = arena_bytes(&built.facts, &built.lanes, &description(&header, &built));
-    let transfer = Some(built.transfer.clone());
     drop(built);
     let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
-    draw(arguments, kind, &outputs, settings, arena, transfer, start)
+    draw(arguments, kind, &outputs, settings, arena, None, start)
 }
 
 fn draw(
@@ -170,14 +173,16 @@ fn draw(
 ) -> Result<Answer> {
     let facts = arena.facts().clone();
     let transfer = match transfer {
-        Some(transfer) => transfer,
+        Some(transfer) => {
+            let Scales { value_low, value_step, .. } = facts.scales;
+            let largest = arena.lanes().next().map_or(0, |lane| lane.largest_value_code());
+            transfer
+                .with_voxel_length(facts.grid.mean_spacing())?
+                .with_value_range(value_low, value_low + f64::from(largest) * value_step)?
+        }
+        // Filled in by the builder.
         None => stored_transfer(&arena, &arguments.input)?,
     };
-    let Scales { value_low, value_step, .. } = facts.scales;
-    let codes = f64::from((1u32 << facts.channels.value_bits) - 1);
-    let transfer = transfer
-        .with_voxel_length(facts.grid.mean_spacing())?
-        .with_value_range(value_low, value_low + codes * value_step)?;
     if transfer.uses_gradient() && facts.channels.magnitude_bits == 0 {
         let why = "needs gradient magnitudes, which this file does not store; build it again with this function";
         return Err(Error::input("transfer function", why));
@@ -227,7 +232,9 @@ fn draw(
     }
     let drawn = all_stats.iter().map(|stats| stats.splats_drawn).max().unwrap_or(0);
     if drawn == 0 {
-        print_note("warning: the picture is empty: nothing visible lies in view; try without --crop or --camera");
+        print_note(
+            "warning: the picture is empty: nothing visible lies in view, or it is too small, too near or transparent",
+        );
     }
     let mean = all_stats.iter().map(|stats| stats.frame_ms).sum::<f64>() / all_stats.len() as f64;
     let many = if outputs.len() > 1 { format!(" to {}", outputs[outputs.len() - 1].display()) } else { String::new() };
@@ -272,6 +279,9 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
     if look.unlit {
         settings.lighting = None;
     }
+    if look.exposure.is_some() && settings.mode != Mode::Additive {
+        return Err(Error::input("--exposure", "is for --mode xray; leave it out"));
+    }
     settings.exposure = look.exposure;
     settings.threads = threads;
     settings.check()?;
@@ -283,7 +293,7 @@ fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u
         if view.frames > 1 {
             return Err(Error::input("--camera", "is one view; leave out --frames, or use --azimuth and --elevation"));
         }
-        let text = std::fs::read_to_string(path).map_err(Error::io("read", path))?;
+        let text = read_text(path)?;
         return serde_json::from_str(&text)
             .map_err(|fault| Error::input(path.display().to_string(), fault.to_string()));
     }

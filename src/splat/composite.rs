@@ -19,7 +19,7 @@ pub enum Mode {
     /// Emission and absorption along each ray, in visibility order.
     #[default]
     Composite,
-    /// The largest normalised value (0 to 1 over the visible range) along each ray, in the transfer function's colour
+    /// The largest normalised value (0 to 1 from the lowest to the highest visible one) along each ray, in the transfer function's colour
     /// of that value, as opaque as the value is large. A voxel counts in full over its cell and falls off outside it
     /// like its kernel. Any order.
     Maximum,
@@ -51,6 +51,8 @@ pub(crate) struct Table<'a> {
     looks: Vec<Look>,
     /// Optical depth per mean voxel of a unit of -ln(1 - opacity), units of ln 2.
     per_depth: f64,
+    /// The code that a maximum shows at full brightness.
+    brightest: u16,
 }
 
 /// What a record's look depends on.
@@ -83,8 +85,11 @@ impl<'a> Table<'a> {
             0 => None,
             _ => Some(MagnitudeCodec::new(scene.facts.scales.magnitude_scale)?),
         };
-        let mut table = Table { scene, magnitudes, kind, looks: Vec::new(), per_depth };
+        let mut table = Table { scene, magnitudes, kind, looks: Vec::new(), per_depth, brightest: u16::MAX };
         let last = if channels.value_bits == 8 { 255 } else { u16::MAX };
+        // Codes that no voxel has, of a range with fewer values than codes, would leave the maximum dark.
+        let brightest = if mode.is_maximum() { lane.largest_value_code().max(1) } else { last };
+        table.brightest = brightest;
         for code in 0..=last {
             let value = table.value(code);
             let [red, green, blue] = scene.transfer.colour(value);
@@ -92,7 +97,7 @@ impl<'a> Table<'a> {
                 Kind::Value => {
                     // Without stored magnitudes a gradient's part is taken to be full.
                     let depth = table.depth(value, f64::MAX);
-                    let normalised = f32::from(code) / f32::from(last);
+                    let normalised = (f32::from(code) / f32::from(brightest)).min(1.0);
                     // The maximum knows a voxel by its value alone, and takes it from the place of red too.
                     let look = [red, green, blue, depth];
                     table.looks.push(if mode.is_maximum() { [normalised; 4] } else { look });
@@ -167,6 +172,13 @@ impl<'a> Table<'a> {
             Kind::Value => self.looks.first_chunk(),
             Kind::Pair | Kind::Computed => None,
         }
+    }
+
+    /// Colour of a normalised value, 0 to 1, of a maximum.
+    pub(crate) fn colour_of(&self, normalised: f32) -> [f32; 3] {
+        let scales = &self.scene.facts.scales;
+        let code = f64::from(normalised) * f64::from(self.brightest);
+        self.scene.transfer.colour(scales.value_low + code * scales.value_step)
     }
 
     /// Whether records' magnitudes matter.

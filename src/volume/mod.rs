@@ -26,3 +26,4 @@ mod vtk;
 pub use grid::{Axis, Grid, MAX_DIM};
 pub use samples::{Sample, SampleType, Samples};
 pub use source::{Header, SlabSource};
+pub use stream::read_text;

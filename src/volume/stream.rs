@@ -65,6 +65,24 @@ pub(super) fn open_regular(path: &Path, action: &'static str) -> Result<(File, u
     Ok((file, len))
 }
 
+/// Longest file of text that is read as a whole: a palette of 65,536 labels takes a tenth of it.
+const LONGEST_TEXT: u64 = 64 << 20;
+
+/// A file of text, such as a transfer function.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be read or is not UTF-8; [`Error::Input`] if it is no regular file, [`Error::Limit`] if
+/// it is longer than 64 MiB.
+pub fn read_text(path: &Path) -> Result<String> {
+    let (file, need) = open_regular(path, "read")?;
+    if need > LONGEST_TEXT {
+        return Err(Error::Limit { what: format!("bytes of {}", path.display()), need, have: LONGEST_TEXT });
+    }
+    let mut text = String::new();
+    file.take(LONGEST_TEXT).read_to_string(&mut text).map_err(Error::io("read", path))?;
+    Ok(text)
+}
+
 /// The samples of one file, from the first to be read.
 pub(super) struct Stream {
     path: PathBuf,

@@ -68,7 +68,7 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
         (Mode::Composite, Sense::FrontToBack) => (job.bands::<FrontToBack>()?, Finish::Transmittance),
         (Mode::Composite, Sense::BackToFront) => (job.bands::<BackToFront>()?, Finish::Transmittance),
         (Mode::Additive, _) => (job.bands::<Additive>()?, Finish::Sum),
-        (Mode::Maximum, _) => (job.bands::<Maximum>()?, Finish::Maximum(scene)),
+        (Mode::Maximum, _) => (job.bands::<Maximum>()?, Finish::Maximum(&table)),
         (Mode::MaximumGrey, _) => (job.bands::<Maximum>()?, Finish::Grey),
     };
     let frame = assemble(&bands, settings, finish)?;
@@ -138,7 +138,7 @@ impl Job<'_> {
 enum Finish<'a> {
     Transmittance,
     Sum,
-    Maximum(&'a Scene<'a>),
+    Maximum(&'a Table<'a>),
     Grey,
 }
 
@@ -151,10 +151,8 @@ impl Finish<'_> {
             Finish::Transmittance => [r, g, b, 1.0 - fourth],
             Finish::Sum => [shown(r), shown(g), shown(b), shown(fourth)],
             Finish::Grey => [r; 4],
-            Finish::Maximum(scene) => {
-                let scales = &scene.facts.scales;
-                let last = if scene.facts.channels.value_bits == 8 { 255.0 } else { 65_535.0 };
-                let colour = scene.transfer.colour(scales.value_low + last * scales.value_step * f64::from(r));
+            Finish::Maximum(table) => {
+                let colour = table.colour_of(r);
                 [r * colour[0], r * colour[1], r * colour[2], r]
             }
         }
