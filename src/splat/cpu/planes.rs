@@ -3,14 +3,14 @@
 //! In: a rectangle of the picture, in absolute pixel coordinates. Out: rows of pixels, red, green, blue and a fourth
 //! value side by side, with guard pixels on all sides that a kernel may overwrite. Memory is touched two whole pixels
 //! at a time, always at the same 32 bytes: neighbouring splats overlap, and a processor hands a store on to the next
-//! load only where that asks for no more than was stored (four planes of eight unaligned pixels each: half as fast).
-//! The pitch keeps rows away from multiples of 4,096 bytes: at such a pitch all rows of a splat fall into one cache
-//! set and stores block the loads of the next row (measured: four times slower).
+//! load only where that asks for no more than was stored. Footprints of eight pixels and more pay for it (see
+//! `raster.rs`). The pitch keeps rows away from multiples of 4,096 bytes: at such a pitch all rows of a splat fall
+//! into one cache set and stores block the loads of the next row (measured: four times slower).
 
 use crate::error::{Error, Result};
 
 /// Guard pixels on every side; at least.
-const GUARD: i32 = 8;
+const GUARD: i32 = 16;
 
 /// A half-open rectangle of pixels, in absolute picture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -131,7 +131,7 @@ mod tests {
 
     #[test]
     fn no_rows_of_a_splat_are_a_multiple_of_a_page_apart() {
-        for pixels in 1..=16_401 {
+        for pixels in 1..=16_417 {
             let pitch = pitch_for(pixels);
             assert!(2 * pitch >= pixels && pitch < pixels / 2 + 64, "{pixels}: {pitch}");
             for rows in 1..8 {

@@ -9,16 +9,23 @@
 //!
 //! Departures for speed:
 //! 1. Footprints of a parallel view that are seven pixels wide or less have no exponential per pixel: [`Stamp`].
-//! 2. Eight pixels of a row from an even column on, or twice eight, go together, then two by two into the band's
-//!    pixels. That is half empty for small footprints, but nothing is packed, unpacked or masked.
-//! 3. Wider footprints are narrowed to the ellipse's chord in each row.
+//! 2. Up to seven pixels wide: eight pixels of two rows go together, from an even column on; half of them are empty,
+//!    but nothing is packed or masked. Sixteen footprints are queued between the arithmetic and the pixels, so that
+//!    the processor overlaps their chains (one by one: 5 px 62 ns, queued 54).
+//! 3. Wider ones: sixteen pixels of a row together, from sixteen columns on within the ellipse's chord in each row.
+//!    Against rows packed without gaps and one plane per colour that is slower: 8 px 96 against 163 ns, 20 px 930
+//!    against 1090.
+//!
+//! Two of the loops look clumsier than they could: the compiler takes four pixels at a time where arithmetic and
+//! pixels share a loop, and gathers where it sees that pairs of pixels are independent (three times slower).
 //!
 //! A step may run over pixels outside the ellipse or the band: they get depth 0 or are guard pixels. A pixel's bits
 //! depend on absolute coordinates only.
 
 #![expect(
     clippy::cast_possible_truncation,
-    reason = "pixel counts are below 2^15; casts of coordinates saturate and are clipped to the band"
+    clippy::needless_range_loop,
+    reason = "index loops over arrays run side by side; pixel counts are below 2^15; casts of coordinates saturate and are clipped to the band"
 )]
 
 use super::arith::{LITTLE, at_least, exp2_neg, keep_if};
@@ -283,6 +290,7 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(planes: &mut Planes, splats: &Splats, 
     let rect = planes.rect;
     let mut drawn = 0;
     let mut queue = Queue::new();
+    let mut run = [0.0; RUN];
     for k in 0..splats.count.min(BLOCK) {
         let j = usize::from(splats.kept[k]) % BLOCK;
         let peak = splats.peak[k];
@@ -323,10 +331,32 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(planes: &mut Planes, splats: &Splats, 
                 absorb(&mut queue.amounts[queue.count], rows, depths, B::amount);
             }
             queue.count += 1;
+        } else if (1..STEP as i32).contains(&columns) {
+            queue.flush::<B>(planes, splats, limits.stop);
+            let across = (high_x - (low_x & !1)) as usize / 2 + 1;
+            let first = -((low_x & 1) as f32);
+            let (mut y, end) = (low_y.max(rect.y0), high_y.min(rect.y1 - 1) + 1);
+            while y < end {
+                let rows = ((end - y) as usize).min(RUN / STEP);
+                let row = (y - low_y) as f32;
+                for (from, out) in LINES.iter().zip(run.as_chunks_mut::<STEP>().0).take(rows) {
+                    let mut amounts = [0.0; STEP];
+                    for i in 0..STEP {
+                        amounts[i] = B::amount(kernel.depth(first + i as f32, row + from));
+                    }
+                    *out = amounts;
+                }
+                for amounts in &run.as_chunks::<STEP>().0[..rows] {
+                    let index = planes.index(low_x & !1, y);
+                    deposit::<B>(planes.pairs(), index, across, amounts, ink, limits.stop);
+                    y += 1;
+                }
+            }
         } else {
             queue.flush::<B>(planes, splats, limits.stop);
             let (left, right) = (low_x.max(rect.x0), high_x.min(rect.x1 - 1));
             let widen = 1.0 / ellipse.across;
+            let last = columns as f32;
             for row_y in low_y.max(rect.y0)..=high_y.min(rect.y1 - 1) {
                 let row = (row_y - low_y) as f32;
                 let dy = corner.dy + row;
@@ -337,16 +367,22 @@ pub(crate) fn draw<B: Blend, E: Ellipses>(planes: &mut Planes, splats: &Splats, 
                 let to = right.min(splats.x[j].saturating_add((ridge + half) as i32).saturating_add(1));
                 let mut x = from;
                 while x <= to {
-                    let mut amounts = [0.0; STEP];
-                    for i in 0..STEP {
-                        let column = x - low_x + i as i32;
-                        let inside = (column >= 0) & (column < columns);
-                        amounts[i] = keep_if(inside, B::amount(kernel.depth(column as f32, row)));
+                    let pixels = ((to - x + 1) as usize).min(RUN);
+                    let mut column = (x - low_x) as f32;
+                    for out in &mut run.as_chunks_mut::<STEP>().0[..pixels.div_ceil(STEP)] {
+                        let mut amounts = [0.0; STEP];
+                        for i in 0..STEP {
+                            // The first pixel may lie outside the box, and the last ones.
+                            let column = column + i as f32;
+                            let inside = (column >= 0.0) & (column < last);
+                            amounts[i] = keep_if(inside, B::amount(kernel.depth(column, row)));
+                        }
+                        *out = amounts;
+                        column += STEP as f32;
                     }
                     let index = planes.index(x, row_y);
-                    let across = ((to - x) as usize / 2 + 1).min(STEP / 2);
-                    deposit::<B>(planes.pairs(), index, across, &amounts, ink, limits.stop);
-                    x += STEP as i32;
+                    deposit::<B>(planes.pairs(), index, pixels.div_ceil(2), &run, ink, limits.stop);
+                    x += RUN as i32;
                 }
             }
         }
@@ -385,3 +421,8 @@ impl Kernel {
 
 /// Pixels of a vector step.
 const STEP: usize = 16;
+/// Pixels of a wider footprint that are computed before they are put into the picture.
+const RUN: usize = 256;
+
+/// Numbers of rows, as the arithmetic needs them.
+const LINES: [f32; RUN / STEP] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];

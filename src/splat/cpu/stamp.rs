@@ -9,8 +9,12 @@
 //! 2^-q    =       the stamp           *     a column's     *             a row's factor
 //! ```
 //!
-//! The stamp is computed once a frame; the factors of eight columns and eight rows are one exponential of sixteen.
-//! The cut-off is a test of the product. (Two exponentials per pixel, of q and of what is absorbed: 0.65 of the speed.)
+//! The stamp is computed once a frame; the factors of eight columns and eight rows are one exponential of sixteen. The
+//! cut-off is a test of the product. Measured with the layout of `planes.rs` and the queue of `raster.rs`, all three
+//! at once, one thread, EPYC: 6 px 73.5 to 59.5 ns a splat with AVX-512, 103 to 63 with AVX2; 4 px 48.6 to 45.7, 57 to
+//! 48.
+
+#![expect(clippy::cast_possible_truncation, reason = "a footprint here is at most eight pixels wide")]
 
 use super::arith::{at_most, exp2_neg, keep_if};
 use super::raster::Ellipse;
