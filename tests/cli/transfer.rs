@@ -1,6 +1,6 @@
 //! Flags and files that say what is visible.
 
-use super::harness::{Folder, RAW};
+use super::harness::{Folder, RAW, skipped};
 
 fn folder() -> Folder {
     let folder = Folder::new();
@@ -98,4 +98,49 @@ fn a_palette_and_a_colour_table() {
     assert_eq!(told["visible_voxels"], 24);
     folder.write("t.ctbl", b"3 organ 200 100\n");
     folder.build_refused(&format!("{BUILD} --labels t.ctbl"), &["t.ctbl", "line 1"]);
+}
+
+#[test]
+fn a_pipe_as_a_transfer_function_is_refused_and_not_waited_for() {
+    let folder = Folder::new();
+    let made = std::process::Command::new("mkfifo").arg(folder.file("pipe.json")).status();
+    if !made.is_ok_and(|status| status.success()) {
+        return skipped("mkfifo is not there");
+    }
+    folder.build_refused("phantom:gyroid --dims 8x8x8 --tf pipe.json -o out.adj", &["pipe.json", "pipe or a device"]);
+}
+
+#[test]
+fn visible_voxels_that_share_codes_with_transparent_ones_are_told_of() {
+    let folder = Folder::new();
+    let samples: Vec<u8> = (0..512u16).flat_map(|i| [10u16, 5150, 61_000][usize::from(i % 3)].to_le_bytes()).collect();
+    folder.write("wide.raw", &samples);
+    let peak = |value: u32, colour: &str| {
+        let point =
+            |value: u32, opacity: f64| format!(r#"{{"value":{value},"colour":"{colour}","opacity":{opacity}}}"#);
+        [point(value - 5, 0.0), point(value, 0.9), point(value + 5, 0.0)].join(",")
+    };
+    let points = [peak(10, "#00ff00"), peak(5150, "#ff0000"), peak(61_000, "#0000ff")].join(",");
+    folder.write("peaks.json", format!(r#"{{"kind":"points","points":[{points}]}}"#).as_bytes());
+    let line = "build wide.raw --dims 8x8x8 --type u16 --tf peaks.json -o wide.adj";
+    let coarse = folder.adj(line);
+    assert!(
+        coarse.stderr.contains("turn transparent") && coarse.stderr.contains("--value-bits 16"),
+        "{}",
+        coarse.stderr
+    );
+    let fine = folder.adj(&format!("{line} --value-bits 16"));
+    assert!(!fine.stderr.contains("turn transparent"), "{}", fine.stderr);
+}
+
+#[test]
+fn flags_for_volumes_are_refused_for_an_adj_file() {
+    let folder = Folder::new();
+    folder.small_arena("small.adj");
+    for flag in ["--dims 3x3x3", "--spacing 1x1x1", "--unscaled", "--lanes x", "--value-bits 16"] {
+        folder
+            .adj(&format!("render small.adj -o x.png {flag}"))
+            .refused(&[flag.split(' ').next().unwrap(), ".adj file"]);
+    }
+    folder.adj("render small.adj -o x.png --exposure 2").refused(&["--exposure", "xray"]);
 }
