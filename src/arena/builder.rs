@@ -160,7 +160,7 @@ impl BuildOptions {
     }
 }
 
-pub(super) fn go_on(observer: &mut dyn Observer, phase: Phase, done: u64, total: u64) -> Result<()> {
+pub(crate) fn go_on(observer: &mut dyn Observer, phase: Phase, done: u64, total: u64) -> Result<()> {
     match observer.progress(phase, done, total) {
         ControlFlow::Continue(()) => Ok(()),
         ControlFlow::Break(()) => Err(Error::Interrupted),

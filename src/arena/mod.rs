@@ -12,6 +12,7 @@ pub mod layout;
 pub mod open;
 pub mod pack;
 mod plan;
+pub mod rows;
 pub mod transpose;
 mod window;
 
@@ -20,3 +21,4 @@ pub use lane::{Lane, LineEnds, OwnedLane};
 pub use lanes::LaneSet;
 pub use layout::{Channels, TileRecord};
 pub use open::{Arena, Section};
+pub use rows::{Region, Rows, Voxel};

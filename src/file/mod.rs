@@ -6,4 +6,4 @@ pub mod write;
 
 pub use map::AdjFile;
 pub use place::{abandon_writes, check_writable, write_atomically, write_atomically_unless};
-pub use write::{arena_bytes, write_arena, write_arena_unless};
+pub use write::{RowsOutput, arena_bytes, write_arena, write_arena_unless, write_rows};

@@ -10,11 +10,16 @@ use xxhash_rust::xxh3::xxh3_64;
 use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
+use crate::arena::builder::{Observer, Phase, go_on};
 use crate::arena::lane::{LineEnds, OwnedLane};
 use crate::arena::layout::Facts;
 use crate::arena::layout::{self, FileHeader, SectionEntry, SectionKind, aligned};
-use crate::error::Result;
+use crate::arena::pack::LanePacker;
+use crate::arena::transpose::transpose;
+use crate::arena::{Region, Rows};
+use crate::error::{Error, Result};
 use crate::file::place::write_atomically_unless;
+use crate::volume::Axis;
 
 /// The bytes of an `.adj` file, in memory.
 ///
@@ -45,6 +50,50 @@ pub fn write_arena_unless(
     description: &str,
 ) -> Result<u64> {
     write_atomically_unless(stop, path, |out| write_to(out, facts, lanes, description))
+}
+
+/// What [`write_rows`] writes.
+pub struct RowsOutput<'a> {
+    /// The header's part; its count of visible voxels is counted anew.
+    pub facts: Facts,
+    /// A JSON text.
+    pub description: &'a str,
+    /// 1: x. 2: x and y. 3: x, y and z.
+    pub lane_count: u8,
+    /// Bytes of memory that may be taken.
+    pub memory: u64,
+    /// Threads to work with, at least 1.
+    pub threads: usize,
+}
+
+/// Writes an `.adj` file of the voxels that `rows` gives; its facts and how many bytes it has.
+///
+/// # Errors
+/// As [`write_atomically_unless`]; [`crate::error::Error::Input`] if there are no voxels; and what reading the rows
+/// gives.
+pub fn write_rows(
+    path: &Path,
+    rows: &dyn Rows,
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<(Facts, u64)> {
+    let dims = rows.dims();
+    let mut packer = LanePacker::new(Axis::X, dims, rows.channels(), output.facts.tile_order);
+    for z in 0..dims[2] {
+        go_on(observer, Phase::Pack, z.into(), dims[2].into())?;
+        let region = Region { xs: 0..dims[0], ys: 0..dims[1], zs: z..z + 1 };
+        rows.read(region, &mut |y, z, voxels| packer.line(y, z, voxels.iter().map(|v| (v.x, v.record))))?;
+    }
+    let facts = Facts { visible_voxels: packer.visible(), ..output.facts.clone() };
+    if facts.visible_voxels == 0 {
+        return Err(Error::input("nothing is visible", "no voxel is left to write"));
+    }
+    let mut lanes = vec![packer.finish()];
+    for axis in [Axis::Y, Axis::Z].into_iter().take(usize::from(output.lane_count) - 1) {
+        lanes.push(transpose(&lanes[0].view(), axis, facts.tile_order));
+    }
+    let bytes = write_arena(path, &facts, &lanes, output.description)?;
+    Ok((facts, bytes))
 }
 
 fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description: &str) -> io::Result<u64> {

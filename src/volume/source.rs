@@ -67,6 +67,13 @@ pub trait SlabSource: Send {
     /// # Errors
     /// If the file cannot be opened again.
     fn rewind(&mut self) -> Result<()>;
+
+    /// Most bytes of memory that it holds while it reads, beside the slice that it is given.
+    ///
+    /// A build counts them in its need. What is below a megabyte, such as a decompressor's window, need not be said.
+    fn buffer_bytes(&self) -> u64 {
+        0
+    }
 }
 
 /// A volume whose samples count as they are stored: without the file's slope and intercept.
@@ -94,6 +101,10 @@ impl SlabSource for Unscaled {
 
     fn rewind(&mut self) -> Result<()> {
         self.inner.rewind()
+    }
+
+    fn buffer_bytes(&self) -> u64 {
+        self.inner.buffer_bytes()
     }
 }
 
