@@ -109,9 +109,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 
 /// Builds with a progress bar, and says on stderr what a user should know of the samples.
 pub(super) fn build_with_warnings(source: &mut dyn SlabSource, options: &BuildOptions, quiet: bool) -> Result<Built> {
-    if options.needs_survey(source.header().sample_type) && !quiet {
-        let hint = if options.transfer.uses_gradient() { "" } else { "; a range with both ends, A..B, avoids it" };
-        print_note(&format!("reading the samples twice, as their own range decides what codes mean{hint}"));
+    if options.needs_survey() && !quiet {
+        print_note("reading the samples twice, as what is visible depends on their largest gradient");
     }
     let built = build(source, options, &mut Progress::new(quiet))?;
     if built.findings.blurred_away > 0 {
