@@ -111,6 +111,11 @@ impl Budget {
         })
     }
 
+    /// Whether `voxels` visible ones would not all fit in memory.
+    pub fn may_spill(&self, voxels: u64) -> bool {
+        voxels.saturating_mul(self.spill_bytes_per_voxel) > self.spill_memory
+    }
+
     pub(super) fn pace(&self) -> Pace {
         Pace { batch: self.batch, read_ahead: self.read_ahead, threads: self.threads }
     }

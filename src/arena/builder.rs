@@ -128,18 +128,30 @@ pub struct Classified {
 /// # Errors
 /// As [`classify`].
 pub fn build(source: &mut dyn SlabSource, options: &BuildOptions, observer: &mut dyn Observer) -> Result<Built> {
-    let Classified { facts, rows, transfer, findings } = classify(source, options, &Resources::default(), observer)?;
-    let mut lanes = Vec::new();
-    for axis in [Axis::X, Axis::Y, Axis::Z].into_iter().take(options.lane_count.into()) {
-        let assembly = Assembly { axis, tile_order: facts.tile_order, memory: None, threads: 1 };
-        let mut lane = OwnedLane::new(axis, facts.grid.dims, facts.channels);
-        assemble(&rows, &assembly, observer, &mut |_| Ok(()), &mut |run| {
-            lane.append(run);
-            Ok(())
-        })?;
-        lanes.push(lane);
-    }
+    let classified = classify(source, options, &Resources::default(), observer)?;
+    let lanes = classified.lanes(options.lane_count, 1, observer)?;
+    let Classified { facts, transfer, findings, .. } = classified;
     Ok(Built { facts, lanes, transfer, findings })
+}
+
+impl Classified {
+    /// Lanes in memory, along x, then y, then z, assembled by `threads` threads.
+    ///
+    /// # Errors
+    /// What reading the rows gives; [`Error::Interrupted`] if the observer says so.
+    pub fn lanes(&self, lane_count: u8, threads: usize, observer: &mut dyn Observer) -> Result<Vec<OwnedLane>> {
+        let Facts { grid, channels, tile_order, .. } = &self.facts;
+        let assembled = |axis| {
+            let assembly = Assembly { axis, tile_order: *tile_order, memory: None, threads };
+            let mut lane = OwnedLane::new(axis, grid.dims, *channels);
+            assemble(&self.rows, &assembly, observer, &mut |_| Ok(()), &mut |run| {
+                lane.append(run);
+                Ok(())
+            })?;
+            Ok(lane)
+        };
+        [Axis::X, Axis::Y, Axis::Z].into_iter().take(lane_count.into()).map(assembled).collect()
+    }
 }
 
 /// Reads `source`, which must be at its first slice, and keeps what is visible.

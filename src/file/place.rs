@@ -48,6 +48,17 @@ pub fn check_writable(path: &Path) -> Result<()> {
     }
 }
 
+/// The folder for what a file at `path` needs while it is made: its own, or the system's for a device.
+///
+/// # Errors
+/// As [`check_writable`], without creating anything.
+pub fn scratch_folder(path: &Path) -> Result<PathBuf> {
+    Ok(match Place::of(path)? {
+        Place::Device => std::env::temp_dir(),
+        Place::File { folder, .. } => folder,
+    })
+}
+
 /// Creates or replaces the file at `path` with what `write` writes, whole or not at all; its result comes back.
 ///
 /// # Errors

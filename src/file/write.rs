@@ -1,6 +1,6 @@
 //! Writing arenas.
 //!
-//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or, by [`write_atomically_unless`],
+//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or, by [`write_atomically`] or [`write_rows`],
 //! to a file.
 
 use std::cell::RefCell;
@@ -19,7 +19,7 @@ use crate::arena::lane::{LineEnds, OwnedLane};
 use crate::arena::layout::{self, Facts, FileHeader, SectionEntry, SectionKind, TileRecord, aligned};
 use crate::arena::rows::Rows;
 use crate::error::{Error, Result};
-use crate::file::place::{write_atomically_unless, write_file_atomically};
+use crate::file::place::{write_atomically, write_file_atomically};
 use crate::volume::Axis;
 
 /// The bytes of an `.adj` file, in memory.
@@ -34,23 +34,9 @@ pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec
 /// Writes an `.adj` file, see [`arena_bytes`], and says how many bytes it has.
 ///
 /// # Errors
-/// As [`write_atomically_unless`].
+/// As [`write_atomically`].
 pub fn write_arena(path: &Path, facts: &Facts, lanes: &[OwnedLane], description: &str) -> Result<u64> {
-    write_arena_unless(&|| false, path, facts, lanes, description)
-}
-
-/// As [`write_arena`], unless `stop` says yes before the file is in its place.
-///
-/// # Errors
-/// As [`write_atomically_unless`].
-pub fn write_arena_unless(
-    stop: &dyn Fn() -> bool,
-    path: &Path,
-    facts: &Facts,
-    lanes: &[OwnedLane],
-    description: &str,
-) -> Result<u64> {
-    write_atomically_unless(stop, path, |out| write_to(out, facts, lanes, description))
+    write_atomically(path, |out| write_to(out, facts, lanes, description))
 }
 
 /// What [`write_rows`] writes.
@@ -72,7 +58,7 @@ pub struct RowsOutput<'a> {
 /// The bytes are the same for any memory and any number of threads.
 ///
 /// # Errors
-/// As [`write_atomically_unless`]; [`Error::Input`] if there are no voxels; [`Error::Interrupted`] if the observer says
+/// As [`write_atomically`]; [`Error::Input`] if there are no voxels; [`Error::Interrupted`] if the observer says
 /// so; and what reading the rows gives.
 pub fn write_rows(
     path: &Path,
