@@ -5,10 +5,12 @@
 
 use std::ops::Range;
 
+use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32};
 
 use super::assemble::TileRun;
 use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
+use super::pager::{Pager, tell};
 use crate::volume::Axis;
 
 /// What a stepping voxel advances.
@@ -21,6 +23,17 @@ pub enum LineEnds<'a> {
     Narrow(&'a [U16]),
     /// For longer ones.
     Wide(&'a [U32]),
+}
+
+impl<'a> LineEnds<'a> {
+    /// The bytes of the ends of lines `range`, of those that there are.
+    pub(crate) fn bytes_of(&self, range: Range<usize>) -> &'a [u8] {
+        let within = |len: usize| range.start.min(len)..range.end.min(len).max(range.start.min(len));
+        match self {
+            LineEnds::Narrow(ends) => ends[within(ends.len())].as_bytes(),
+            LineEnds::Wide(ends) => ends[within(ends.len())].as_bytes(),
+        }
+    }
 }
 
 impl LineEnds<'_> {
@@ -68,6 +81,55 @@ pub struct Lane<'a> {
     pub normals: &'a [u8],
     /// 0 or 1 byte a record.
     pub magnitudes: &'a [u8],
+    /// Told what is about to be read of all these; `None` where nobody needs to know.
+    pub pager: Option<&'a dyn Pager>,
+}
+
+/// Tiles, and records, of a sweep that are told of at once.
+const SWEEP_TILES: usize = 1 << 10;
+const SWEEP_RECORDS: usize = 1 << 14;
+
+impl<'a> Lane<'a> {
+    /// Tells the pager that these records are about to be read, in any channel.
+    #[inline]
+    pub fn about_to_read(&self, records: Range<usize>) {
+        if self.pager.is_some() {
+            let widths =
+                [1, self.channels.value_bits / 8, self.channels.normal_bits / 4, self.channels.magnitude_bits / 8];
+            for (channel, width) in [self.steps, self.values, self.normals, self.magnitudes].into_iter().zip(widths) {
+                let end = records.end.saturating_mul(width.into()).min(channel.len());
+                let start = records.start.saturating_mul(width.into()).min(end);
+                tell(self.pager, &channel[start..end]);
+            }
+        }
+    }
+
+    /// Tile `index`; the pager is told.
+    #[inline]
+    pub fn tile(&self, index: usize) -> Option<&'a TileRecord> {
+        let tile = self.tiles.get(index)?;
+        tell(self.pager, tile.as_bytes());
+        Some(tile)
+    }
+
+    /// All tiles; the pager is told on the way.
+    pub fn sweep_tiles(&self) -> impl Iterator<Item = &'a TileRecord> + use<'a> {
+        let pager = self.pager;
+        self.tiles.chunks(SWEEP_TILES).flat_map(move |chunk| {
+            tell(pager, chunk.as_bytes());
+            chunk
+        })
+    }
+
+    /// All records, in ranges from the first to the last; the pager is told on the way.
+    pub fn sweep_records(&self) -> impl Iterator<Item = Range<usize>> + use<'a> {
+        let lane = *self;
+        (0..lane.steps.len()).step_by(SWEEP_RECORDS).map(move |start| {
+            let records = start..(start + SWEEP_RECORDS).min(lane.steps.len());
+            lane.about_to_read(records.clone());
+            records
+        })
+    }
 }
 
 impl Lane<'_> {
@@ -92,7 +154,7 @@ impl Lane<'_> {
     pub fn bounds(&self) -> Option<([u16; 3], [u16; 3])> {
         let [u, v] = self.axis.others();
         let (mut low, mut high) = ([u16::MAX; 3], [0; 3]);
-        for tile in self.tiles {
+        for tile in self.sweep_tiles() {
             let mask = tile.occupancy.get();
             let columns = mask.to_le_bytes().into_iter().fold(0u8, |columns, row| columns | row);
             let lines = |first: U16, occupied: u64| {
@@ -115,12 +177,13 @@ impl Lane<'_> {
 
     /// The largest value code of a voxel; 0 if there is none. O(records).
     pub fn largest_value_code(&self) -> u16 {
-        (0..self.steps.len()).filter(|&record| self.steps[record] != 0).map(|r| self.value_code(r)).max().unwrap_or(0)
+        let voxels = self.sweep_records().flatten().filter(|&record| self.steps[record] != 0);
+        voxels.map(|record| self.value_code(record)).max().unwrap_or(0)
     }
 
     /// Records that carry only distance.
     pub fn stepping_voxels(&self) -> u64 {
-        self.steps.iter().filter(|&&step| step == 0).count() as u64
+        self.sweep_records().map(|records| self.steps[records].iter().filter(|&&step| step == 0).count() as u64).sum()
     }
 }
 
@@ -141,8 +204,9 @@ impl<'a> Lane<'a> {
     /// The plain reading of the directory; the walk has a faster one, and tests hold the two equal.
     pub fn tile_lines(&self, tile_index: usize) -> impl Iterator<Item = LineSpan> + use<'a> {
         let lane = *self;
-        let tile = lane.tiles.get(tile_index).copied();
+        let tile = lane.tile(tile_index).copied();
         let bits = tile.map_or(0, |tile| tile.occupancy.get());
+        tell(lane.pager, tile.map_or(&[], |tile| lane.line_ends.bytes_of(tile.lines())));
         let mut end = 0;
         (0..64).filter(move |bit| bits >> bit & 1 == 1).enumerate().filter_map(move |(rank, bit)| {
             let tile = tile?;
@@ -164,6 +228,7 @@ impl<'a> Lane<'a> {
 
     /// The voxels of a line from its low end: coordinate on the lane's axis, record.
     pub fn line_voxels(&self, records: Range<usize>) -> impl Iterator<Item = (u32, usize)> + use<'a> {
+        self.about_to_read(records.clone());
         let steps = self.steps.get(records.clone()).unwrap_or_default();
         // The first step is counted from -1, so the position runs one ahead of the coordinate.
         let mut position = 0u32;
@@ -307,6 +372,7 @@ impl OwnedLane {
             values: &self.values,
             normals: &self.normals,
             magnitudes: &self.magnitudes,
+            pager: None,
         }
     }
 }

@@ -14,6 +14,7 @@ mod picture;
 mod progress;
 mod render;
 mod resources;
+mod room;
 mod size;
 mod verify;
 
