@@ -4,6 +4,7 @@
 mod arenas;
 mod harness;
 mod interrupt;
+mod memory;
 mod outputs;
 mod transfer;
 mod usage;
