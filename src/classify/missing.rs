@@ -19,7 +19,7 @@
 use super::palette::Others;
 use super::transfer::{Kind, TransferFunction};
 
-/// Stretches that are narrower, relative to their ends, are what rounding left between two equal knots.
+/// Knots that are nearer, relative to their size, are one that was rounded in two ways.
 const SLIVER: f64 = 1e-9;
 
 impl TransferFunction {
@@ -47,7 +47,10 @@ impl TransferFunction {
         cuts.extend([lowest, highest]);
         cuts.retain(|cut| cut.is_finite() && (lowest..=highest).contains(cut));
         cuts.sort_unstable_by(f64::total_cmp);
-        cuts.dedup();
+        // Knots that rounding put apart are one: what each side of one says of itself is not missing on the other.
+        let knots: Vec<Vec<f64>> =
+            cuts.chunk_by(|a, b| b - a <= SLIVER * a.abs().max(b.abs())).map(|same| same.to_vec()).collect();
+        cuts = knots.iter().map(|same| same[0]).collect();
 
         let is_missing = |value: f64| self.shows_beyond(stored, value, most);
         let mut missing: Vec<[f64; 2]> = Vec::new();
@@ -67,7 +70,7 @@ impl TransferFunction {
             add(is_missing(below), [lowest, first.map_or(highest, |first| if labels { first - 1.0 } else { first })]);
         }
         for (index, &cut) in cuts.iter().enumerate() {
-            add(is_missing(cut), [cut, cut]);
+            add(knots[index].iter().all(|&value| is_missing(value)), [cut, cut]);
             let next = cuts.get(index + 1).copied();
             let (between, range) = match (next, labels) {
                 (Some(next), true) if next - cut < 2.0 => continue,
@@ -79,7 +82,6 @@ impl TransferFunction {
             };
             add(is_missing(between), range);
         }
-        missing.retain(|[from, to]| from == to || to - from > SLIVER * from.abs().max(to.abs()));
         missing
     }
 
