@@ -12,6 +12,7 @@ mod info;
 mod input;
 mod picture;
 mod progress;
+mod raw;
 mod render;
 mod resources;
 mod size;
@@ -55,6 +56,7 @@ enum Command {
     Verify(verify::Arguments),
     Render(Box<render::Arguments>),
     Demo(demo::Arguments),
+    Raw(raw::Arguments),
     Completions(completions::Arguments),
 }
 
@@ -82,6 +84,7 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Verify(arguments) => verify::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
+        Command::Raw(arguments) => raw::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),
     }
 }
