@@ -81,8 +81,10 @@ impl Gather {
                 let bit = occupied.trailing_zeros() as u16;
                 occupied &= occupied - 1;
                 let rank = (row.ranks >> (8 * bit) & 0xff) as usize;
-                let Some(end) = line_end(first_line + rank) else { break };
-                let start = if rank == 0 { 0 } else { line_end(first_line + rank - 1).unwrap_or(end) };
+                // Where addresses have 32 bits a damaged number may wrap: it is another line's then, and judged as any.
+                let line = first_line.wrapping_add(rank);
+                let Some(end) = line_end(line) else { break };
+                let start = if rank == 0 { 0 } else { line_end(line.wrapping_sub(1)).unwrap_or(end) };
                 // A line that ends before it starts gets a count beyond any axis: in 64 bits, as in 32 a start near
                 // 2^32 would give a small one.
                 let (start, end) = (u64::from(start), u64::from(end));

@@ -340,3 +340,12 @@ fn a_line_that_starts_near_the_end_of_32_bits_is_no_line() {
         walk(&lane.view(), &order, &mut |batch: &Batch| panic!("visits record {}", batch.record_index(0)));
     }
 }
+
+#[test]
+fn codes_past_the_end_are_zero_however_far() {
+    let lane = Dense::new([3, 1, 1], |_| 7).pack(Axis::X, WIDE, TileOrder::Morton);
+    for record in [3, usize::MAX / 4, usize::MAX / 2, usize::MAX] {
+        let lane = lane.view();
+        assert_eq!((lane.value_code(record), lane.normal_code(record), lane.magnitude_code(record)), (0, 0, 0));
+    }
+}
