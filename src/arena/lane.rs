@@ -147,7 +147,7 @@ impl<'a> Lane<'a> {
         (0..64).filter(move |bit| bits >> bit & 1 == 1).enumerate().filter_map(move |(rank, bit)| {
             let tile = tile?;
             let start = end;
-            end = lane.line_ends.get(tile.first_line.get() as usize + rank)?;
+            end = lane.line_ends.get(usize::try_from(tile.first_line.get()).ok()?.checked_add(rank)?)?;
             let record = |offset: u32| usize::try_from(tile.first_record.get().checked_add(offset.into())?).ok();
             let records = record(start)?..record(end)?;
             let records = if lane.steps.get(records.clone()).is_some() { records } else { 0..0 };
@@ -178,7 +178,7 @@ impl<'a> Lane<'a> {
     pub fn value_code(&self, record: usize) -> u16 {
         match self.channels.value_bits {
             8 => self.values.get(record).map_or(0, |&v| u16::from(v)),
-            _ => self.values.get(2 * record..2 * record + 2).map_or(0, |b| u16::from_le_bytes([b[0], b[1]])),
+            _ => self.values.as_chunks().0.get(record).map_or(0, |&code| u16::from_le_bytes(code)),
         }
     }
 
@@ -187,10 +187,8 @@ impl<'a> Lane<'a> {
     pub fn normal_code(&self, record: usize) -> u32 {
         match self.channels.normal_bits {
             0 => 0,
-            8 => self.normals.get(2 * record..2 * record + 2).map_or(0, |b| u16::from_le_bytes([b[0], b[1]]).into()),
-            _ => {
-                self.normals.get(4 * record..4 * record + 4).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-            }
+            8 => self.normals.as_chunks().0.get(record).map_or(0, |&code| u16::from_le_bytes(code).into()),
+            _ => self.normals.as_chunks().0.get(record).map_or(0, |&code| u32::from_le_bytes(code)),
         }
     }
 
