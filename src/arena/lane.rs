@@ -8,6 +8,7 @@ use std::ops::Range;
 use zerocopy::byteorder::little_endian::{U16, U32};
 
 use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
+use super::pack::Record;
 use crate::volume::Axis;
 
 /// What a stepping voxel advances.
@@ -135,18 +136,17 @@ pub struct LineSpan {
 }
 
 impl<'a> Lane<'a> {
-    /// The lines of tile `tile_index` in bit order.
+    /// The lines of `tile` in bit order, of those that `wanted` has a bit for.
     ///
     /// The plain reading of the directory; the walk has a faster one, and tests hold the two equal.
-    pub fn tile_lines(&self, tile_index: usize) -> impl Iterator<Item = LineSpan> + use<'a> {
-        let lane = *self;
-        let tile = lane.tiles.get(tile_index).copied();
-        let bits = tile.map_or(0, |tile| tile.occupancy.get());
-        let mut end = 0;
-        (0..64).filter(move |bit| bits >> bit & 1 == 1).enumerate().filter_map(move |(rank, bit)| {
-            let tile = tile?;
-            let start = end;
-            end = lane.line_ends.get(tile.first_line.get() as usize + rank)?;
+    pub fn tile_lines(&self, tile: &TileRecord, wanted: u64) -> impl Iterator<Item = LineSpan> + use<'a> {
+        let (lane, tile) = (*self, *tile);
+        let occupied = tile.occupancy.get();
+        (0u32..64).filter(move |bit| (occupied & wanted) >> bit & 1 == 1).filter_map(move |bit| {
+            let rank = (occupied & ((1 << bit) - 1)).count_ones() as usize;
+            let first = tile.first_line.get() as usize;
+            let end = lane.line_end(first + rank)?;
+            let start = if rank == 0 { 0 } else { lane.line_end(first + rank - 1)? };
             let record = |offset: u32| usize::try_from(tile.first_record.get().checked_add(offset.into())?).ok();
             let records = record(start)?..record(end)?;
             let records = if lane.steps.get(records.clone()).is_some() { records } else { 0..0 };
@@ -158,7 +158,20 @@ impl<'a> Lane<'a> {
     /// Every line, tile after tile.
     pub fn lines(&self) -> impl Iterator<Item = LineSpan> + use<'a> {
         let lane = *self;
-        (0..self.tiles.len()).flat_map(move |tile_index| lane.tile_lines(tile_index))
+        lane.tiles.iter().flat_map(move |tile| lane.tile_lines(tile, u64::MAX))
+    }
+
+    /// How many records the lines of `tile` have, by its last line's end; 0 where the file is wrong.
+    pub fn tile_records(&self, tile: &TileRecord) -> u64 {
+        let lines = tile.occupancy.get().count_ones() as usize;
+        let last = (tile.first_line.get() as usize + lines).checked_sub(1);
+        last.and_then(|last| self.line_end(last)).map_or(0, u64::from)
+    }
+
+    /// The end of line `index`, counted from its tile's first record; `None` past the last.
+    #[inline(always)]
+    pub fn line_end(&self, index: usize) -> Option<u32> {
+        self.line_ends.get(index)
     }
 
     /// The voxels of a line from its low end: coordinate on the lane's axis, record.
@@ -170,6 +183,16 @@ impl<'a> Lane<'a> {
             position = position.wrapping_add(if step == 0 { STEPPING } else { u32::from(step) });
             (step != 0).then(|| (position.wrapping_sub(1), record))
         })
+    }
+
+    /// The codes of `record`; 0 past the end and for channels that are not there.
+    #[inline(always)]
+    pub fn record(&self, record: usize) -> Record {
+        Record {
+            value: self.value_code(record),
+            normal: self.normal_code(record),
+            magnitude: self.magnitude_code(record),
+        }
     }
 
     /// The value code of `record`; 0 past the end.

@@ -13,6 +13,7 @@ mod input;
 mod picture;
 mod progress;
 mod render;
+mod trim;
 mod verify;
 
 use std::error::Error as _;
@@ -51,6 +52,7 @@ enum Command {
     Build(Box<build::Arguments>),
     Info(info::Arguments),
     Verify(verify::Arguments),
+    Trim(Box<trim::Arguments>),
     Render(Box<render::Arguments>),
     Demo(demo::Arguments),
     Completions(completions::Arguments),
@@ -78,6 +80,7 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Build(arguments) => build::run(arguments),
         Command::Info(arguments) => info::run(arguments),
         Command::Verify(arguments) => verify::run(arguments),
+        Command::Trim(arguments) => trim::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),
