@@ -43,7 +43,7 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
     order.sort_unstable();
     // A sound lane has each tile once and each record on one line; a damaged one must not cost more than that.
     order.dedup_by_key(|&mut (o, t, _)| (o, t));
-    let mut budget = lane.steps.len();
+    let mut budget = usize::try_from(lane.record_count()).unwrap_or(usize::MAX);
 
     let mut packer = LanePacker::new(axis, lane.dims, lane.channels, tile_order);
     let mut strip: Vec<Voxel> = Vec::new();

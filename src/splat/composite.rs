@@ -123,8 +123,8 @@ impl<'a> Table<'a> {
     fn exposure(&self, lane: &Lane) -> f32 {
         let voxels = self.scene.facts.visible_voxels.max(1) as f64;
         let depth = |record| self.look(lane.value_code(record), lane.magnitude_code(record))[3];
-        let sum: f64 =
-            (0..lane.steps.len()).filter(|&record| lane.steps[record] != 0).map(|r| f64::from(depth(r))).sum();
+        let mut sum = 0.0;
+        lane.each_record(|record| sum += f64::from(depth(record)));
         let typical = sum / voxels * voxels.cbrt() / f64::from(LOG2_E);
         #[expect(clippy::cast_possible_truncation, reason = "a factor for people's eyes")]
         let exposure = if typical > 0.0 { (1.4 / typical) as f32 } else { 1.0 };
