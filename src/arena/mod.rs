@@ -13,6 +13,7 @@ pub mod layout;
 pub mod open;
 pub mod overlay;
 pub mod pack;
+mod patch;
 mod plan;
 pub mod rows;
 pub mod transpose;

@@ -39,17 +39,14 @@
 //! # Ok::<(), adjsplat::Error>(())
 //! ```
 
-use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
-use zerocopy::byteorder::little_endian::{U32, U64};
-
-use super::curve::TileOrder;
-use super::lane::{Lane, OwnedLane};
+use super::lane::Lane;
 use super::lane_rows::LaneRows;
 use super::lanes::LaneSet;
-use super::layout::{Facts, TILE_EDGE, TileRecord};
-use super::pack::{LanePacker, Record};
+use super::layout::{Facts, TILE_EDGE};
+use super::pack::Record;
+use super::patch::{Edits, Patch, find_tile};
 use super::rows::Rows;
 use super::visible::VisibleCodes;
 use crate::classify::TransferFunction;
@@ -60,8 +57,7 @@ use crate::volume::Axis;
 #[derive(Debug)]
 pub struct Overlay<'a> {
     lanes: &'a LaneSet<'a>,
-    /// By z, y, x, where it differs from the arena: the record that is there, or `None`.
-    edits: BTreeMap<[u16; 3], Option<Record>>,
+    edits: Edits,
     visible_voxels: u64,
     shown: Option<VisibleCodes>,
     patches: [OnceLock<Patch>; 3],
@@ -71,7 +67,7 @@ impl<'a> Overlay<'a> {
     /// No edits yet.
     pub fn new(lanes: &'a LaneSet<'a>) -> Overlay<'a> {
         let visible_voxels = lanes.arena().facts().visible_voxels;
-        Overlay { lanes, edits: BTreeMap::new(), visible_voxels, shown: None, patches: Default::default() }
+        Overlay { lanes, edits: Edits::new(), visible_voxels, shown: None, patches: Default::default() }
     }
 
     /// Puts a voxel at `at` (x, y, z), in the place of one that is there; what was there.
@@ -224,119 +220,4 @@ impl<'a> Overlay<'a> {
             .filter(|&(at, _)| at == u32::from(x))
             .map(|(_, index)| lane.record(index))
     }
-}
-
-/// The tile at (u, v) of a lane whose tiles lie in `order`.
-fn find_tile<'l>(lane: &Lane<'l>, order: TileOrder, u: u16, v: u16) -> Option<&'l TileRecord> {
-    let key = order.key(u, v);
-    let place = |tile: &TileRecord| order.key(tile.tile_u.get(), tile.tile_v.get());
-    lane.tiles.binary_search_by_key(&key, place).ok().map(|index| &lane.tiles[index])
-}
-
-/// A lane's changed tiles.
-#[derive(Debug)]
-struct Patch {
-    /// All tiles of the lane, changed or not, in the tile order.
-    tiles: Vec<TileRecord>,
-    /// Lines and records of the changed ones.
-    records: OwnedLane,
-}
-
-/// An edit by its place in a lane.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Edit {
-    v: u16,
-    u: u16,
-    at: u16,
-    /// Index in the order of the edits; no two share a place.
-    index: usize,
-}
-
-impl Patch {
-    fn new(lane: &Lane, order: TileOrder, edits: &BTreeMap<[u16; 3], Option<Record>>) -> Patch {
-        let [u_axis, v_axis] = lane.axis.others();
-        let along = |[z, y, x]: [u16; 3], axis: Axis| [x, y, z][axis.index()];
-        let records: Vec<Option<Record>> = edits.values().copied().collect();
-        let mut sorted: Vec<Edit> = (0..)
-            .zip(edits.keys())
-            .map(|(index, &place)| {
-                let [v, u, at] = [v_axis, u_axis, lane.axis].map(|axis| along(place, axis));
-                Edit { v, u, at, index }
-            })
-            .collect();
-        sorted.sort_unstable();
-
-        let mut packer = LanePacker::new(lane.axis, lane.dims, lane.channels, order);
-        let mut changed = Vec::new();
-        let mut line = Vec::new();
-        for strip in sorted.chunk_by(|a, b| a.v / TILE_EDGE == b.v / TILE_EDGE) {
-            let tile_v = strip[0].v / TILE_EDGE;
-            let mut tile_us: Vec<u16> = strip.iter().map(|edit| edit.u / TILE_EDGE).collect();
-            tile_us.sort_unstable();
-            tile_us.dedup();
-            let tiles: Vec<Option<&TileRecord>> = tile_us.iter().map(|&u| find_tile(lane, order, u, tile_v)).collect();
-            changed.extend(tile_us.iter().map(|&u| order.key(u, tile_v)));
-            let mut rest = strip;
-            for within_v in 0..TILE_EDGE {
-                for (&tile_u, tile) in tile_us.iter().zip(&tiles) {
-                    for within_u in 0..TILE_EDGE {
-                        let (u, v) =
-                            (u32::from(tile_u * TILE_EDGE + within_u), u32::from(tile_v * TILE_EDGE + within_v));
-                        if u >= lane.dims[u_axis.index()] || v >= lane.dims[v_axis.index()] {
-                            continue;
-                        }
-                        let count = rest.partition_point(|edit| (u32::from(edit.v), u32::from(edit.u)) <= (v, u));
-                        let (here, later) = rest.split_at(count);
-                        rest = later;
-                        let bit = 1 << (within_v * TILE_EDGE + within_u);
-                        let stored = tile.and_then(|tile| lane.tile_lines(tile, bit).next());
-                        line.clear();
-                        merge(lane, stored.map(|line| line.records).unwrap_or_default(), here, &records, &mut line);
-                        let (u, v) = (tile_u * TILE_EDGE + within_u, tile_v * TILE_EDGE + within_v);
-                        packer.line(u, v, line.iter().copied());
-                    }
-                }
-            }
-        }
-        let records = packer.finish();
-        let mut tiles: Vec<TileRecord> = Vec::with_capacity(lane.tiles.len() + records.tiles.len());
-        let key = |tile: &TileRecord| order.key(tile.tile_u.get(), tile.tile_v.get());
-        changed.sort_unstable();
-        tiles.extend(lane.tiles.iter().filter(|tile| changed.binary_search(&key(tile)).is_err()));
-        let lines = u32::try_from(lane.line_ends.len()).expect("checked with the patch's lines");
-        tiles.extend(records.tiles.iter().map(|tile| TileRecord {
-            first_line: U32::new(tile.first_line.get() + lines),
-            first_record: U64::new(tile.first_record.get() + lane.steps.len() as u64),
-            ..*tile
-        }));
-        // Two runs in order: a merge.
-        tiles.sort_by_key(key);
-        Patch { tiles, records }
-    }
-}
-
-/// A stored line and the edits on it, by ascending place, as one line.
-fn merge(
-    lane: &Lane,
-    stored: std::ops::Range<usize>,
-    edits: &[Edit],
-    records: &[Option<Record>],
-    line: &mut Vec<(u16, Record)>,
-) {
-    let points = lane.dims[lane.axis.index()];
-    // A damaged line may be longer than its axis.
-    let stored = if stored.len() <= points as usize { stored } else { 0..0 };
-    let mut edits = edits.iter().peekable();
-    let voxels = lane.line_voxels(stored).take_while(|&(at, _)| at < points);
-    for (at, index) in voxels {
-        let at = u16::try_from(at).expect("inside a grid of at most 65,535 points an axis");
-        while let Some(edit) = edits.next_if(|edit| edit.at < at) {
-            line.extend(records[edit.index].map(|record| (edit.at, record)));
-        }
-        match edits.next_if(|edit| edit.at == at) {
-            Some(edit) => line.extend(records[edit.index].map(|record| (at, record))),
-            None => line.push((at, lane.record(index))),
-        }
-    }
-    line.extend(edits.filter_map(|edit| Some((edit.at, records[edit.index]?))));
 }

@@ -85,7 +85,7 @@ const MEMORY: u64 = 2 << 30;
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
-    if arguments.input.exists() && !is_adj(&arguments.input)? {
+    if arguments.input.is_file() && !is_adj(&arguments.input)? {
         let why = "is no .adj file; build one from it first: adj build";
         return Err(Error::input(arguments.input.display().to_string(), why));
     }

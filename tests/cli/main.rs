@@ -6,5 +6,6 @@ mod harness;
 mod interrupt;
 mod outputs;
 mod transfer;
+mod trim;
 mod usage;
 mod volumes;
