@@ -72,18 +72,16 @@ struct Places<'a> {
     record: &'a mut [u32],
 }
 
-/// The steps of a lane and of the patch behind it.
+/// The steps of a lane, and the lane for those of its patch.
 #[derive(Clone, Copy)]
 struct Steps<'a> {
     own: &'a [u8],
-    patch: &'a [u8],
+    lane: &'a Lane<'a>,
 }
 
 /// Decodes lines of one lane.
 pub(super) struct Decoder<'a> {
-    /// The lane, where not all of its voxels are shown.
-    shown: Option<Lane<'a>>,
-    steps: Steps<'a>,
+    lane: &'a Lane<'a>,
     capacity: usize,
     fast: AxisOrder,
     batch: BatchArrays,
@@ -93,13 +91,12 @@ pub(super) struct Decoder<'a> {
 
 impl<'a> Decoder<'a> {
     /// For lines of `lane` whose voxels come in the order `fast`.
-    pub(super) fn new(lane: &Lane<'a>, fast: AxisOrder) -> Decoder<'a> {
+    pub(super) fn new(lane: &'a Lane<'a>, fast: AxisOrder) -> Decoder<'a> {
         let longest = lane.dims[lane.axis.index()] as usize;
         let capacity = longest.max(BATCH);
         let line = if matches!(fast, AxisOrder::TwoSided { .. }) { longest } else { 0 };
         let (batch, line) = (BatchArrays::new(capacity), BatchArrays::new(line));
-        let steps = Steps { own: lane.steps, patch: lane.patch.map_or(&[], |patch| &patch.steps) };
-        Decoder { shown: lane.shown.map(|_| *lane), steps, capacity, fast, batch, line }
+        Decoder { lane, capacity, fast, batch, line }
     }
 
     /// Records that a group may have.
@@ -110,12 +107,13 @@ impl<'a> Decoder<'a> {
     /// Decodes a group of lines of slice `slow`.
     #[inline(always)]
     pub(super) fn decode(&mut self, lines: &[Line], base: u64, slow: u16) -> Batch<'_> {
+        let steps = Steps { own: self.lane.steps, lane: self.lane };
         let range = match self.fast {
             AxisOrder::Ascending => {
                 let mut places = self.batch.places();
                 let mut end = CHUNK;
                 for line in lines {
-                    end = decode_up(self.steps, line, base, &mut places, end);
+                    end = decode_up(steps, line, base, &mut places, end);
                 }
                 CHUNK..end
             }
@@ -124,7 +122,7 @@ impl<'a> Decoder<'a> {
                 let top = CHUNK + self.capacity;
                 let mut start = top;
                 for line in lines.iter().rev() {
-                    start = decode_down(self.steps, line, base, &mut places, start);
+                    start = decode_down(steps, line, base, &mut places, start);
                 }
                 start..top
             }
@@ -132,7 +130,7 @@ impl<'a> Decoder<'a> {
                 let places = self.batch.places();
                 let mut end = CHUNK;
                 for line in lines {
-                    let line_end = decode_up(self.steps, line, base, &mut self.line.places(), CHUNK);
+                    let line_end = decode_up(steps, line, base, &mut self.line.places(), CHUNK);
                     let (coordinates, records) = (&self.line.fast[CHUNK..line_end], &self.line.record[CHUNK..line_end]);
                     self.fast.for_each_index(coordinates, |index| {
                         places.medium[end] = line.medium;
@@ -144,9 +142,9 @@ impl<'a> Decoder<'a> {
                 CHUNK..end
             }
         };
-        let range = match &self.shown {
+        let range = match self.lane.shown {
             None => range,
-            Some(lane) => keep_shown(lane, base, &mut self.batch.places(), range),
+            Some(_) => keep_shown(self.lane, base, &mut self.batch.places(), range),
         };
         let BatchArrays { medium, fast, record } = &self.batch;
         Batch { slow, medium: &medium[range.clone()], fast: &fast[range.clone()], record: &record[range], base }
@@ -247,16 +245,17 @@ fn load(steps: Steps, from: usize) -> [u8; CHUNK] {
     let rest = steps.own.get(from..).unwrap_or_default();
     match rest.first_chunk() {
         Some(chunk) => *chunk,
-        None => load_last(steps, from),
+        None => load_last(steps.lane, from),
     }
 }
 
 /// The channel's last steps, filled up; or the patch's.
 #[cold]
-fn load_last(steps: Steps, from: usize) -> [u8; CHUNK] {
-    let rest = match from.checked_sub(steps.own.len()) {
-        None => &steps.own[from..],
-        Some(from) => steps.patch.get(from..).unwrap_or_default(),
+fn load_last(lane: &Lane, from: usize) -> [u8; CHUNK] {
+    let (own, patch) = (lane.steps, lane.patch.map_or(&[][..], |patch| &patch.steps));
+    let rest = match from.checked_sub(own.len()) {
+        None => &own[from..],
+        Some(from) => patch.get(from..).unwrap_or_default(),
     };
     let mut chunk = [1; CHUNK];
     let count = rest.len().min(CHUNK);
