@@ -95,6 +95,10 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
         self.channels
     }
 
+    fn memory(&self) -> u64 {
+        4 * (self.tiles.tiles.len() + self.tiles.starts.len()) as u64
+    }
+
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
         let [xs, ys, zs] = self.inside(&region);
         if xs.is_empty() || ys.is_empty() || zs.is_empty() {

@@ -3,6 +3,8 @@
 //! In: classified slices (builder) or the bytes of a file (open). Out: [`Lane`]s, which the walk reads in place.
 //! A lane holds every visible voxel once, on the scan lines along its axis; three lanes serve every view.
 
+pub mod assemble;
+pub mod budget;
 pub mod builder;
 pub mod check;
 pub mod curve;
@@ -16,10 +18,13 @@ pub mod pack;
 mod patch;
 mod plan;
 pub mod rows;
+mod sieve;
+pub mod spill;
+mod store;
+mod sweep;
 pub mod transpose;
 pub mod trim;
 pub mod visible;
-mod window;
 
 pub use curve::TileOrder;
 pub use lane::{Lane, LineEnds, OwnedLane};

@@ -6,8 +6,6 @@
 
 use std::collections::BTreeMap;
 
-use zerocopy::byteorder::little_endian::{U32, U64};
-
 use super::curve::TileOrder;
 use super::lane::{Lane, OwnedLane};
 use super::layout::{TILE_EDGE, TileRecord};
@@ -92,11 +90,7 @@ impl Patch {
         changed.sort_unstable();
         tiles.extend(lane.tiles.iter().filter(|tile| changed.binary_search(&key(tile)).is_err()));
         let lines = u32::try_from(lane.line_ends.len()).expect("checked with the patch's lines");
-        tiles.extend(records.tiles.iter().map(|tile| TileRecord {
-            first_line: U32::new(tile.first_line.get() + lines),
-            first_record: U64::new(tile.first_record.get() + lane.steps.len() as u64),
-            ..*tile
-        }));
+        tiles.extend(records.tiles.iter().map(|tile| tile.moved(lines, lane.steps.len() as u64)));
         // Two runs in order: a merge.
         tiles.sort_by_key(key);
         Patch { tiles, records }

@@ -13,6 +13,8 @@ mod input;
 mod picture;
 mod progress;
 mod render;
+mod resources;
+mod size;
 mod trim;
 mod verify;
 

@@ -11,6 +11,7 @@ use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::progress::Progress;
 use super::render::{parse_crop, stored_transfer};
+use super::resources::ResourceArguments;
 use super::{Answer, print_note, print_result};
 use crate::arena::layout::Facts;
 use crate::arena::{Arena, Region, TileOrder, Trim, TrimOptions, trim};
@@ -57,6 +58,8 @@ pub(super) struct Arguments {
     classification: ClassificationArguments,
     #[command(flatten)]
     packing: PackingArguments,
+    #[command(flatten)]
+    resources: ResourceArguments,
 }
 
 /// How the voxels that stay are stored; as they are unless told otherwise.
@@ -80,11 +83,9 @@ struct PackingArguments {
     order: Option<String>,
 }
 
-/// Bytes that writing may take in memory.
-const MEMORY: u64 = 2 << 30;
-
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
+    let (memory, threads) = (arguments.resources.memory()?, arguments.resources.threads()?);
     if arguments.input.is_file() && !is_adj(&arguments.input)? {
         let why = "is no .adj file; build one from it first: adj build";
         return Err(Error::input(arguments.input.display().to_string(), why));
@@ -117,8 +118,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
             Some(lanes) => u8::try_from(lanes.len()).map_err(|_| Error::input("--lanes", "must be x, xy or xyz"))?,
             None => u8::try_from(arena.lanes().count()).expect("there are three axes"),
         },
-        memory: MEMORY,
-        threads: std::thread::available_parallelism().map_or(1, usize::from),
+        memory: Some(memory),
+        threads,
     };
     let (facts, bytes) = write_rows(&arguments.output, &left.rows, &output, &mut Progress::new(arguments.quiet))?;
     report(arguments, &arena, &facts, bytes, start.elapsed().as_secs_f64());

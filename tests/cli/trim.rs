@@ -207,7 +207,7 @@ fn cutting_open_a_file_without_hidden_voxels_is_told() {
         facts: left.facts.clone(),
         description: &description.to_string(),
         lane_count: 1,
-        memory: 1 << 30,
+        memory: None,
         threads: 1,
     };
     write_rows(&folder.file("h.adj"), &left.rows, &output, &mut Unobserved).expect("writes");

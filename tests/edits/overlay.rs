@@ -110,7 +110,7 @@ fn check(overlay: &Overlay, model: &Model, random: &mut Random) {
         facts: overlay.facts().expect("counts"),
         description: "{}",
         lane_count: 3,
-        memory: 1 << 30,
+        memory: None,
         threads: 1,
     };
     let written = write_rows(&path, &overlay.rows().expect("rows"), &output, &mut Unobserved);

@@ -21,7 +21,7 @@ fn trimmed(bytes: &[u8], stored: Option<&TransferFunction>, options: &TrimOption
     let folder = tempfile::tempdir().expect("there is a temporary folder");
     let path = folder.path().join("out.adj");
     let output =
-        RowsOutput { facts: left.facts.clone(), description: "{}", lane_count: lanes, memory: 1 << 30, threads: 1 };
+        RowsOutput { facts: left.facts.clone(), description: "{}", lane_count: lanes, memory: None, threads: 1 };
     let (facts, _) = write_rows(&path, &left.rows, &output, &mut Unobserved).expect("writes");
     assert_eq!(facts, left.facts, "the voxels were counted right");
     let bytes = std::fs::read(&path).expect("it was written");
