@@ -151,7 +151,7 @@ fn wanted_lines(tile: &TileRecord, us: &Range<u32>, vs: &Range<u32>) -> u64 {
     };
     let (columns, rows) = (eight(us, tile.tile_u.get()), eight(vs, tile.tile_v.get()));
     // Bit i of `rows` becomes byte i.
-    let spread = (0..8).map(|row| (rows >> row & 1) * 0xff << (8 * row)).sum::<u64>();
+    let spread = (0..8).map(|row| (rows >> row & 1) * (0xff << (8 * row))).sum::<u64>();
     spread & columns.wrapping_mul(0x0101_0101_0101_0101)
 }
 

@@ -9,7 +9,7 @@
 //! lane          the arena's lines and records, in place, then the patch's; one table of tiles for both
 //! ```
 //!
-//! Memory: about 40 bytes an edit. Each lane that is asked for adds its tile table (28 bytes a tile) and the records of
+//! Memory: 20 to 35 bytes an edit. Each lane that is asked for adds its tile table (28 bytes a tile) and the records of
 //! the tiles that hold edits: up to 64 lines for a lone voxel, so edits side by side are cheap and scattered ones are
 //! not. Time: an edit looks its place up in O(log tiles) and one line; the first use of a lane after an edit packs its
 //! patch anew, in O(tiles + records of the tiles that hold edits). Without edits nothing is made and nothing is slower.

@@ -23,7 +23,8 @@ use crate::traverse::VoxelBox;
 /// Make a smaller .adj file from an .adj file, without the volume: crop it, raise the threshold, drop channels or lanes.
 ///
 /// Voxels that stay keep their codes, so nothing is lost in them. The output may be the input, which is then replaced
-/// by the whole new file. The input is checked first, as adj verify does.
+/// by the whole new file. The input is checked first, as adj verify does. It is read in place: its pages, which the
+/// system takes back at need, are not counted as memory.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj trim head.adj -o nose.adj --crop 100..180,150..,..\n  adj trim head.adj -o bone.adj --range 300..\n  adj trim head.adj -o small.adj --lanes x --drop normals\n  adj trim head.adj -o head.adj --order hilbert      (in place)"

@@ -76,10 +76,10 @@ fn a_window_and_a_closure_leave_out_the_rest() {
         let asked = region(&mut random, model.dims());
         let keep = |at: [u16; 3], index: usize, record: Record| {
             assert_eq!((Some(record), view.record(index)), (model.get(at.map(u32::from)), record));
-            (record.value % 3 != 0).then_some(Record { magnitude: 0, ..record })
+            (!record.value.is_multiple_of(3)).then_some(Record { magnitude: 0, ..record })
         };
         let left = |region: &Region, model: &Model| -> Vec<_> {
-            let some = expected(model, region).into_iter().filter(|(_, record)| record.value % 3 != 0);
+            let some = expected(model, region).into_iter().filter(|(_, record)| !record.value.is_multiple_of(3));
             some.map(|(at, record)| (at, Record { magnitude: 0, ..record })).collect()
         };
         let rows = LaneRows::new(view, keep).within(&window);
