@@ -174,6 +174,11 @@ fn check_output(output: &Path, input: &Path) -> Result<()> {
     if is_same_file(output, input) {
         return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
     }
+    check_replaceable(output)
+}
+
+/// Finds out that the output can be written, and that no file but an old .adj file would be lost to it.
+pub(super) fn check_replaceable(output: &Path) -> Result<()> {
     // A header may name other files that hold the samples: those must not be lost to a slip either.
     let named = output.extension().is_some_and(|extension| extension == "adj");
     let old = std::fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0);

@@ -16,6 +16,7 @@ mod raw;
 mod render;
 mod resources;
 mod size;
+mod trim;
 mod verify;
 
 use std::error::Error as _;
@@ -54,6 +55,7 @@ enum Command {
     Build(Box<build::Arguments>),
     Info(info::Arguments),
     Verify(verify::Arguments),
+    Trim(Box<trim::Arguments>),
     Render(Box<render::Arguments>),
     Demo(demo::Arguments),
     Raw(raw::Arguments),
@@ -82,6 +84,7 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Build(arguments) => build::run(arguments),
         Command::Info(arguments) => info::run(arguments),
         Command::Verify(arguments) => verify::run(arguments),
+        Command::Trim(arguments) => trim::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
         Command::Raw(arguments) => raw::run(arguments),

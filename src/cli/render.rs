@@ -309,7 +309,7 @@ fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u
 }
 
 /// The transfer function that the file was built with.
-fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
+pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
     let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     serde_json::from_value(description["transfer_function"].clone()).map_err(|_| {
         Error::input(
@@ -335,7 +335,7 @@ fn parse_size(text: &str) -> Result<[u32; 2]> {
 }
 
 /// `0..127,0..63,10..20`, inclusive; ends beyond the grid are the grid's.
-fn parse_crop(text: &str, dims: [u32; 3]) -> Result<VoxelBox> {
+pub(super) fn parse_crop(text: &str, dims: [u32; 3]) -> Result<VoxelBox> {
     let why =
         || Error::input("--crop", format!("is \"{text}\", but must look like 0..127,0..63,10..20, inside the grid"));
     let parts: Vec<&str> = text.split(',').collect();

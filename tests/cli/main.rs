@@ -7,5 +7,6 @@ mod interrupt;
 mod killed;
 mod outputs;
 mod transfer;
+mod trim;
 mod usage;
 mod volumes;
