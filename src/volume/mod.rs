@@ -21,6 +21,9 @@ mod nrrd;
 mod nrrd_axes;
 mod stream;
 mod tokens;
+mod vti;
+mod vti_array;
+mod vti_tags;
 mod vtk;
 
 pub use grid::{Axis, Grid, MAX_DIM};

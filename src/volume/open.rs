@@ -7,6 +7,7 @@
 //! raw options given                        raw
 //! "NRRD"                                   NRRD
 //! "# vtk DataFile"                         VTK legacy
+//! "<VTKFile", also behind "<?xml"          VTK XML image
 //! 348 or 540, either order, and a magic    NIfTI, also inside gzip
 //! "ObjectType =", "NDims =" ...            MetaImage
 //! name ends in .hdr, .img                  NIfTI pair
@@ -21,7 +22,7 @@ use flate2::read::MultiGzDecoder;
 
 use super::raw::RawOptions;
 use super::stream::open_regular;
-use super::{SlabSource, metaimage, nifti, nrrd, raw, vtk};
+use super::{SlabSource, metaimage, nifti, nrrd, raw, vti, vtk};
 use crate::error::{Error, Result};
 
 /// What a file cannot say itself, or is to be told otherwise.
@@ -42,6 +43,7 @@ enum Format {
     MetaImage,
     Nifti,
     Vtk,
+    Vti,
 }
 
 /// Bytes from the front of a file that its format is found from.
@@ -76,9 +78,10 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
         Some(Format::MetaImage) => metaimage::open(path, options),
         Some(Format::Nifti) => nifti::open(path, options),
         Some(Format::Vtk) => vtk::open(path, options),
+        Some(Format::Vti) => vti::open(path, options),
         None => {
             let why = "is in no format known here (NRRD .nrrd .nhdr, MetaImage .mhd .mha, NIfTI .nii .nii.gz .hdr \
-                .img, VTK legacy .vtk); if it is raw samples, give --dims 256x256x128 and --type u8 or alike";
+                .img, VTK .vtk .vti); if it is raw samples, give --dims 256x256x128 and --type u8 or alike";
             Err(Error::input(path.display().to_string(), why))
         }
     }
@@ -107,6 +110,9 @@ fn from_content(probe: &[u8]) -> Option<Format> {
     if probe.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {
         return Some(Format::Vtk);
     }
+    if vti::is_header(probe) {
+        return Some(Format::Vti);
+    }
     if nifti::is_header(probe) || metaimage::is_header(probe) {
         return Some(if nifti::is_header(probe) { Format::Nifti } else { Format::MetaImage });
     }
@@ -128,6 +134,7 @@ fn from_name(path: &Path) -> Option<Format> {
             Some(Format::Nifti)
         }
         "vtk" => Some(Format::Vtk),
+        "vti" => Some(Format::Vti),
         _ => None,
     }
 }

@@ -3,8 +3,10 @@
 //!
 //! What this cannot catch: a misreading of a specification that the writers below share.
 
+mod damage;
 mod malformed;
 mod nifti;
 mod real;
 mod sample;
 mod variants;
+mod vti;
