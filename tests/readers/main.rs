@@ -8,5 +8,6 @@ mod malformed;
 mod nifti;
 mod real;
 mod sample;
+mod tiff;
 mod variants;
 mod vti;
