@@ -38,8 +38,8 @@ pub(crate) fn expect_no_panic(path: &Path, rounds: u32) {
     std::fs::write(path, &whole).expect("can be written");
 }
 
-/// Cuts the good file at `path` at every length. Below `needed` bytes each must be refused; a longer one may be read, and
-/// must then be the known volume of `ty`.
+/// Cuts the good file at `path` at every length. Below `needed` bytes each must be refused; a longer one may be read,
+/// and must then be the known volume of `ty`.
 pub(crate) fn expect_truncations_refused(path: &Path, needed: usize, ty: SampleType) {
     let whole = std::fs::read(path).expect("just written");
     for len in 0..whole.len() {

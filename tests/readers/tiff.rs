@@ -34,6 +34,7 @@ enum Packing {
     /// Differences along rows, then deflate.
     DeflatePredicted,
     PackBits,
+    Lzw,
     Zstd,
 }
 
@@ -133,6 +134,16 @@ impl Tiff {
             Packing::Deflate | Packing::DeflatePredicted => zlib(plain),
             // Runs of literals: a count less one, and the bytes.
             Packing::PackBits => plain.chunks(7).flat_map(|run| [&[small(run.len() - 1)], run].concat()).collect(),
+            // Codes of 9 bits, the highest first: 256 starts a table, which is never let grow to 10; 257 ends it.
+            Packing::Lzw => {
+                let runs = plain.chunks(200).flat_map(|run| [256].into_iter().chain(run.iter().map(|b| u16::from(*b))));
+                let bits: String = runs.chain([257]).map(|code| format!("{code:09b}")).collect();
+                let byte = |bits: &[u8]| {
+                    let digits = std::str::from_utf8(bits).expect("digits");
+                    u8::from_str_radix(&format!("{digits:0<8}"), 2).expect("digits")
+                };
+                bits.as_bytes().chunks(8).map(byte).collect()
+            }
             // RFC 8878: magic, one segment with a size of 4 bytes, and one last block of bytes as they are.
             Packing::Zstd => {
                 let size = u32::try_from(plain.len()).expect("chunks here are small");
@@ -154,6 +165,7 @@ impl Tiff {
             Packing::Deflate => (8, 1),
             Packing::DeflatePredicted => (8, if kind == 3 { 3 } else { 2 }),
             Packing::PackBits => (32_773, 1),
+            Packing::Lzw => (5, 1),
             Packing::Zstd => (50_000, 1),
         };
         let short = |value: usize| Value::Short(vec![value as u64]);
@@ -240,8 +252,8 @@ impl Tiff {
 }
 
 const CUTS: [Cut; 5] = [Cut::Strips(3), Cut::Strips(2), Cut::Strips(99), Cut::Tiles(16, 16), Cut::Tiles(3, 2)];
-const PACKINGS: [Packing; 5] =
-    [Packing::Plain, Packing::Deflate, Packing::DeflatePredicted, Packing::PackBits, Packing::Zstd];
+const PACKINGS: [Packing; 6] =
+    [Packing::Plain, Packing::Deflate, Packing::DeflatePredicted, Packing::PackBits, Packing::Lzw, Packing::Zstd];
 
 fn refused(path: &std::path::Path, parts: &[&str]) {
     expect_refused(path, &OpenOptions::default(), parts);
@@ -261,6 +273,17 @@ fn every_type_order_cut_and_packing_is_read() {
                     }
                 }
             }
+        }
+    }
+}
+
+#[test]
+fn tiles_in_lzw_that_reach_beyond_the_page_are_read_to_their_end() {
+    let folder = Folder::new();
+    for ty in SampleType::ALL {
+        for cut in [Cut::Tiles(16, 16), Cut::Tiles(5, 3), Cut::Tiles(3, 2), Cut::Tiles(64, 1)] {
+            let tiff = Tiff { cut, packing: Packing::Lzw, ..Tiff::new(ty) };
+            expect_known(&folder.write("a.tif", &[&tiff.known_file()]), ty);
         }
     }
 }
@@ -671,7 +694,7 @@ fn pages_that_cannot_be_read_are_named_with_what_would_do() {
 #[test]
 fn packed_chunks_that_are_damaged_or_too_short_are_refused() {
     let folder = Folder::new();
-    for packing in [Packing::Deflate, Packing::Zstd, Packing::PackBits] {
+    for packing in [Packing::Deflate, Packing::Zstd, Packing::Lzw, Packing::PackBits] {
         let tiff = Tiff { packing, ..Tiff::new(SampleType::U16) };
         let (good, chunk) = (tiff.known_file(), tiff.chunks(&tiff.slices()[1])[0].clone());
         let at = good.windows(chunk.len()).position(|found| found == chunk).expect("it is there");
@@ -716,7 +739,10 @@ fn one_tile_is_what_is_held() {
         let source: Box<dyn SlabSource> = open(&path, &OpenOptions::default()).expect("good");
         source.buffer_bytes()
     };
-    assert_eq!((held(Cut::Strips(2)), held(Cut::Tiles(16, 2)), held(Cut::Tiles(3, 2))), (0, 16, 12));
+    assert_eq!((held(Cut::Strips(2)), held(Cut::Tiles(16, 2)), held(Cut::Tiles(16, 16))), (0, 64, 96));
+    let wide =
+        Tiff { cut: Cut::Tiles(16, 3), tags: vec![(322, Value::Long(vec![1 << 28]))], ..Tiff::new(SampleType::U16) };
+    refused(&folder.write("a.tif", &[&wide.known_file()]), &["bytes of one tile", "1610612736"]);
 }
 
 #[test]
@@ -728,7 +754,7 @@ fn damage_is_refused_and_never_panics() {
                 let tiff = Tiff { cut, packing, endian, big, ..Tiff::new(SampleType::I16) };
                 let path = folder.write("a.tif", &[&tiff.known_file()]);
                 expect_no_panic(&path, 100);
-                if packing != Packing::PackBits && packing != Packing::Zstd {
+                if matches!(packing, Packing::Plain | Packing::Deflate) {
                     expect_truncations_refused(&path, tiff.known_file().len(), SampleType::I16);
                 }
             }

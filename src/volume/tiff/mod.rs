@@ -13,7 +13,8 @@
 //! Each channel at each time is a volume of its own, counted channels first. Elsewhere resolution tags give the
 //! spacing along x and y, in millimetres where they have a unit, and that along z, which the format does not know, is
 //! taken to be that along x; 72 to the inch is what writers put that know no resolution, and counts as none.
-//! Samples are taken as they are stored, also where 0 is to be shown white (MinIsWhite): so do ImageJ and others.
+//! Samples are taken as they are stored, also where 0 is to be shown white (MinIsWhite): so do ImageJ and others. Only
+//! signed and floating-point samples shown so are refused, as unpacking them would round.
 //!
 //! Source: TIFF 6.0 (Adobe 1992); OME-TIFF specification (docs.openmicroscopy.org).
 

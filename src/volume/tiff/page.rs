@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use ::tiff::TiffError;
 use ::tiff::decoder::ifd::Value;
-use ::tiff::decoder::{ChunkType, Decoder, Limits};
+use ::tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use ::tiff::tags::{ByteOrder, Tag};
 
 use crate::error::{Error, Result};
@@ -19,6 +19,9 @@ use crate::volume::raw::type_names;
 use crate::volume::slab::Endian;
 use crate::volume::stream::{DEFLATE_RATIO, open_regular};
 use crate::volume::{SampleType, Samples};
+
+/// Most bytes of one tile: the `tiff` crate's own limit.
+const LARGEST_TILE: u64 = 256 << 20;
 
 /// Longest description that is read: that of an OME-TIFF tells of every plane.
 const LONGEST_DESCRIPTION: u64 = 64 << 20;
@@ -42,7 +45,7 @@ pub(super) struct Shape {
 impl Shape {
     /// Bytes of its samples.
     pub(super) fn bytes(&self) -> u64 {
-        // Below 2^67 only if both are 32-bit: dimensions are checked with the grid, so saturate here.
+        // Both are of 32 bits, and are checked only with the grid.
         (u64::from(self.width) * u64::from(self.height)).saturating_mul(self.sample_type.bytes() as u64)
     }
 
@@ -80,8 +83,6 @@ pub(super) struct Pages {
     file_len: u64,
     /// The page that the decoder stands at.
     number: usize,
-    /// One tile.
-    tile: Vec<u8>,
 }
 
 impl Pages {
@@ -92,13 +93,7 @@ impl Pages {
         let mut limits = Limits::default();
         // Chunks are unpacked as a stream into memory that is asked for here.
         limits.intermediate_buffer_size = usize::MAX;
-        Ok(Pages {
-            path: path.to_path_buf(),
-            decoder: decoder.with_limits(limits),
-            file_len,
-            number: 0,
-            tile: Vec::new(),
-        })
+        Ok(Pages { path: path.to_path_buf(), decoder: decoder.with_limits(limits), file_len, number: 0 })
     }
 
     /// Walks the chain of directories to its end.
@@ -196,6 +191,11 @@ impl Pages {
             let got = format!("{} in page {}", own.described(), self.number);
             return Err(self.format_fault("TIFF page", expected, got));
         }
+        let need = self.tile_bytes(shape);
+        if need > LARGEST_TILE {
+            let what = format!("{}: bytes of one tile", self.path.display());
+            return Err(Error::Limit { what, need, have: LARGEST_TILE });
+        }
         let ratio = self.ratio()?;
         let (chunk_width, chunk_height) = self.decoder.chunk_dimensions();
         let (offsets, counts) = self.chunks()?;
@@ -285,18 +285,21 @@ impl Pages {
         let columns = shape.width.div_ceil(across.max(1));
         let tiled = self.decoder.get_chunk_type() == ChunkType::Tile;
         let chunks = columns.saturating_mul(shape.height.div_ceil(down.max(1)));
+        let mut tile = DecodingResult::U8(Vec::new());
         for index in 0..chunks {
             let (chunk_width, chunk_height) = self.decoder.chunk_data_dimensions(index);
             let left = (index % columns) as usize * across as usize * width;
             let top = (index / columns) as usize * down as usize;
-            let line = chunk_width as usize * width;
             if tiled {
-                self.make_tile(line * chunk_height as usize)?;
-                let unpacked = self.decoder.read_chunk_bytes(index, &mut self.tile);
+                // Asked for at its full width, a tile is unpacked in one read. In tiff 0.11.3 tiles in LZW that reach
+                // beyond the page cannot be read row by row: it misses the end of the codes.
+                let line = across as usize * width;
+                let unpacked = self.decoder.read_chunk_to_buffer(&mut tile, index, line);
                 unpacked.map_err(|error| self.page_fault(error))?;
+                let used = chunk_width as usize * width;
                 let rows = slice.bytes_mut()[top * row..].chunks_exact_mut(row);
-                for (into, from) in rows.zip(self.tile.chunks_exact(line)) {
-                    into[left..left + line].copy_from_slice(from);
+                for (into, from) in rows.zip(tile.as_buffer(0).as_bytes().chunks_exact(line)) {
+                    into[left..left + used].copy_from_slice(&from[..used]);
                 }
             } else {
                 let strip = &mut slice.bytes_mut()[top * row..][..chunk_height as usize * row];
@@ -325,23 +328,14 @@ impl Pages {
         Ok(())
     }
 
-    /// Bytes of the memory that one tile takes; 0 for strips, which are unpacked in place.
+    /// Bytes that one tile takes, without its rows below the page; 0 for strips, which are unpacked in place.
     pub(super) fn tile_bytes(&self, shape: &Shape) -> u64 {
         if self.decoder.get_chunk_type() == ChunkType::Strip {
             return 0;
         }
         let (width, height) = self.decoder.chunk_dimensions();
-        let samples = u64::from(width.min(shape.width)) * u64::from(height.min(shape.height));
+        let samples = u64::from(width) * u64::from(height.min(shape.height));
         samples.saturating_mul(shape.sample_type.bytes() as u64)
-    }
-
-    fn make_tile(&mut self, len: usize) -> Result<()> {
-        if self.tile.try_reserve_exact(len.saturating_sub(self.tile.len())).is_err() {
-            let what = format!("{}: memory in bytes for one tile", self.path.display());
-            return Err(Error::Limit { what, need: len as u64, have: self.tile.len() as u64 });
-        }
-        self.tile.resize(len, 0);
-        Ok(())
     }
 
     /// Byte offsets and packed bytes of the page's chunks.
