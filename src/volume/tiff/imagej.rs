@@ -35,7 +35,7 @@ impl ImageJ {
         }
         let value = |key: &str| {
             let values = text.lines().filter_map(|line| line.split_once('='));
-            values.filter(|(found, _)| *found == key).map(|(_, value)| value.trim()).last()
+            values.filter(|(found, _)| *found == key).map(|(_, value)| value.trim()).next_back()
         };
         // Counts were written as decimals by some.
         let count = |key| value(key).and_then(|text| text.strip_suffix(".0").unwrap_or(text).parse::<u64>().ok());
