@@ -133,7 +133,8 @@ impl ArrayReader {
                 };
                 packed_sizes.push(packed);
             }
-            block_bytes = full;
+            // One block may be said to have room for more than there is.
+            block_bytes = full.min(bytes);
         } else {
             let told = number()?;
             if told != bytes {

@@ -415,13 +415,13 @@ fn numbered(tiff: &Tiff) -> Vec<Vec<u8>> {
 }
 
 /// First samples of the slices of each volume of the file at `path`, and the refusal of the one after the last.
-fn volumes_of(path: &std::path::Path, count: u32) -> Vec<Vec<u32>> {
+fn volumes_of(path: &std::path::Path, count: u32) -> Vec<Vec<f64>> {
     let options = |volume_index| OpenOptions { volume_index, ..OpenOptions::default() };
     expect_refused(path, &options(count), &["volume", &format!("is {count}, but the file holds {count} volume")]);
     let first = |volume| {
         let got = read_with(path, &options(volume)).unwrap_or_else(|error| panic!("{error}"));
         let slices = got.header.grid.dims[2] as usize;
-        (0..slices).map(|slice| got.samples.get(slice * 12) as u32).collect()
+        (0..slices).map(|slice| got.samples.get(slice * 12)).collect()
     };
     (0..count).map(first).collect()
 }
@@ -431,12 +431,12 @@ fn imagej_channels_and_frames_are_volumes() {
     let folder = Folder::new();
     for endian in ENDIANS {
         for (sizes, volumes) in [
-            ("slices=6\n", vec![vec![0, 100, 200, 300, 400, 500]]),
-            ("", vec![vec![0, 100, 200, 300, 400, 500]]),
-            ("channels=2\nslices=3\nhyperstack=true\n", vec![vec![0, 200, 400], vec![100, 300, 500]]),
-            ("slices=3\nframes=2\n", vec![vec![0, 100, 200], vec![300, 400, 500]]),
-            ("channels=3\nframes=2\n", (0..6).map(|page| vec![100 * page]).collect()),
-            ("channels=2.0\n", vec![vec![0, 200, 400], vec![100, 300, 500]]),
+            ("slices=6\n", vec![vec![0.0, 100.0, 200.0, 300.0, 400.0, 500.0]]),
+            ("", vec![vec![0.0, 100.0, 200.0, 300.0, 400.0, 500.0]]),
+            ("channels=2\nslices=3\nhyperstack=true\n", vec![vec![0.0, 200.0, 400.0], vec![100.0, 300.0, 500.0]]),
+            ("slices=3\nframes=2\n", vec![vec![0.0, 100.0, 200.0], vec![300.0, 400.0, 500.0]]),
+            ("channels=3\nframes=2\n", (0..6).map(|page| vec![f64::from(100 * page)]).collect()),
+            ("channels=2.0\n", vec![vec![0.0, 200.0, 400.0], vec![100.0, 300.0, 500.0]]),
         ] {
             let text = format!("ImageJ=1.54f\nimages=6\n{sizes}");
             let tiff = Tiff { endian, ..Tiff::described(SampleType::U16, &text) };
@@ -498,8 +498,8 @@ fn ome_says_which_page_is_which_slice() {
     let czt = "DimensionOrder=\"XYCZT\" SizeZ=\"3\" SizeC=\"2\" SizeT=\"1\"";
     let zct = "DimensionOrder=\"XYZCT\" SizeZ=\"3\" SizeC=\"2\" SizeT=\"1\"";
     let tzc = "DimensionOrder=\"XYTZC\" SizeZ=\"3\" SizeC=\"1\" SizeT=\"2\"";
-    let (even, odd) = (vec![0, 200, 400], vec![100, 300, 500]);
-    let (low, high) = (vec![0, 100, 200], vec![300, 400, 500]);
+    let (even, odd) = (vec![0.0, 200.0, 400.0], vec![100.0, 300.0, 500.0]);
+    let (low, high) = (vec![0.0, 100.0, 200.0], vec![300.0, 400.0, 500.0]);
     let one_by_one = "<TiffData FirstC=\"0\" FirstZ=\"2\" IFD=\"0\"/><TiffData IFD=\"1\" FirstZ=\"1\" PlaneCount=\"1\"/>\
                       <TiffData IFD=\"5\" FirstZ=\"0\"/><TiffData IFD=\"2\" FirstC=\"1\" PlaneCount=\"3\"/>";
     let named = "<TiffData IFD=\"0\" PlaneCount=\"6\"><UUID FileName=\"old name.tif\">urn:uuid:1</UUID></TiffData>";
@@ -508,7 +508,7 @@ fn ome_says_which_page_is_which_slice() {
         (czt, "<TiffData/>", vec![even.clone(), odd.clone()]),
         (zct, "<TiffData IFD=\"0\" PlaneCount=\"6\"/>", vec![low.clone(), high.clone()]),
         (tzc, named, vec![even, odd]),
-        (zct, one_by_one, vec![vec![500, 100, 0], vec![200, 300, 400]]),
+        (zct, one_by_one, vec![vec![500.0, 100.0, 0.0], vec![200.0, 300.0, 400.0]]),
     ] {
         let tiff = Tiff::described(SampleType::U16, &ome(pixels, inside));
         let path = folder.write("a.ome.tif", &[&tiff.file(&numbered(&tiff))]);
@@ -518,7 +518,7 @@ fn ome_says_which_page_is_which_slice() {
     let small = "DimensionOrder=\"XYZCT\" SizeZ=\"2\" SizeC=\"1\" SizeT=\"1\"";
     let tiff = Tiff::described(SampleType::U16, &ome(small, "<TiffData IFD=\"0\" PlaneCount=\"2\"/>"));
     let path = folder.write("a.ome.tif", &[&tiff.file(&numbered(&tiff))]);
-    assert_eq!(volumes_of(&path, 1), [[0, 100]]);
+    assert_eq!(volumes_of(&path, 1), [[0.0, 100.0]]);
 }
 
 #[test]
@@ -592,7 +592,7 @@ fn a_folder_of_files_is_a_stack_in_natural_order() {
     folder.write("slice3.txt", &[b"nor this"]);
     folder.write(".slice4.tif", &[b"II*\0"]);
     std::fs::create_dir(folder.path().join("slice5")).expect("new");
-    assert_eq!(volumes_of(folder.path(), 1), [[0, 100, 200, 300, 400, 500]]);
+    assert_eq!(volumes_of(folder.path(), 1), [[0.0, 100.0, 200.0, 300.0, 400.0, 500.0]]);
     let got = read(folder.path()).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(got.header.grid.unit.as_deref(), Some("mm"));
     assert_eq!(got.header.name, folder.path().file_name().expect("a name").to_string_lossy());
@@ -732,14 +732,14 @@ fn descriptions_that_lie_about_their_length_are_refused() {
 }
 
 #[test]
-fn one_tile_is_what_is_held() {
+fn one_tile_and_the_list_of_chunks_are_what_is_held() {
     let folder = Folder::new();
     let held = |cut| {
         let path: PathBuf = folder.write("a.tif", &[&Tiff { cut, ..Tiff::new(SampleType::U16) }.known_file()]);
         let source: Box<dyn SlabSource> = open(&path, &OpenOptions::default()).expect("good");
         source.buffer_bytes()
     };
-    assert_eq!((held(Cut::Strips(2)), held(Cut::Tiles(16, 2)), held(Cut::Tiles(16, 16))), (0, 64, 96));
+    assert_eq!((held(Cut::Strips(2)), held(Cut::Tiles(16, 2)), held(Cut::Tiles(16, 16))), (160, 64 + 160, 96 + 80));
     let wide =
         Tiff { cut: Cut::Tiles(16, 3), tags: vec![(322, Value::Long(vec![1 << 28]))], ..Tiff::new(SampleType::U16) };
     refused(&folder.write("a.tif", &[&wide.known_file()]), &["bytes of one tile", "1610612736"]);

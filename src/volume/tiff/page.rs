@@ -23,6 +23,9 @@ use crate::volume::{SampleType, Samples};
 /// Most bytes of one tile: the `tiff` crate's own limit.
 const LARGEST_TILE: u64 = 256 << 20;
 
+/// Bytes of memory that a chunk's place and length take while the lists of them are read.
+const CHUNK_LISTED: u64 = 80;
+
 /// Longest description that is read: that of an OME-TIFF tells of every plane.
 const LONGEST_DESCRIPTION: u64 = 64 << 20;
 
@@ -328,8 +331,16 @@ impl Pages {
         Ok(())
     }
 
+    /// Bytes that reading a page holds: a tile, and where each chunk is.
+    pub(super) fn buffer_bytes(&self, shape: &Shape) -> u64 {
+        let (width, height) = self.decoder.chunk_dimensions();
+        let down = u64::from(shape.height.div_ceil(height.max(1)));
+        let chunks = u64::from(shape.width.div_ceil(width.max(1))).saturating_mul(down);
+        self.tile_bytes(shape).saturating_add(chunks.saturating_mul(CHUNK_LISTED))
+    }
+
     /// Bytes that one tile takes, without its rows below the page; 0 for strips, which are unpacked in place.
-    pub(super) fn tile_bytes(&self, shape: &Shape) -> u64 {
+    fn tile_bytes(&self, shape: &Shape) -> u64 {
         if self.decoder.get_chunk_type() == ChunkType::Strip {
             return 0;
         }

@@ -43,7 +43,7 @@ impl TiffReader {
             let shape = reader.shape.clone();
             let pages = reader.pages(file)?;
             pages.go_to(page)?;
-            reader.buffer_bytes = pages.tile_bytes(&shape);
+            reader.buffer_bytes = pages.buffer_bytes(&shape);
         }
         Ok(reader)
     }
