@@ -10,7 +10,7 @@ use serde_json::json;
 use super::classification::ClassificationArguments;
 use super::input::InputArguments;
 use super::progress::Progress;
-use super::resources::ResourceArguments;
+use super::resources::{ResourceArguments, peak_rss_bytes};
 use super::{Answer, is_same_file, print_note, print_result, starts_as_adj};
 use crate::arena::TileOrder;
 use crate::arena::budget::Budget;
@@ -224,6 +224,7 @@ fn report(arguments: &Arguments, header: &Header, built: &Classified, bytes: u64
                 "lowest": built.findings.lowest,
                 "highest": built.findings.highest,
                 "not_finite": built.findings.not_finite,
+                "peak_rss_bytes": peak_rss_bytes(),
                 "seconds": seconds,
             })
             .to_string(),
