@@ -94,7 +94,7 @@ fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
     let index = |offset: u64| usize::try_from(offset).unwrap_or(usize::MAX);
     let zeros = |from: u64, to: u64| {
         let between = bytes.get(index(from)..index(to)).unwrap_or_default();
-        tell(arena.pager(), between);
+        tell(arena.pager(), || between);
         zeros_from(from, "R21", between)
     };
     let mut end = (size_of::<FileHeader>() + arena.sections().len() * size_of::<SectionEntry>()) as u64;
@@ -212,7 +212,7 @@ impl<'a> LaneCheck<'a> {
     fn run<const V: usize, const N: usize, const M: usize>(mut self) -> Result<(CheckedLane, u64), FormatFault> {
         let (lane, mut next_line, mut next_record, mut last_key) = (self.lane, 0usize, 0usize, None);
         for (index, tile) in lane.sweep_tiles().enumerate() {
-            tell(lane.pager, lane.line_ends.bytes_of(tile.lines()));
+            tell(lane.pager, || lane.line_ends.bytes_of(tile.lines()));
             let at = self.offsets[0] + (index * size_of::<TileRecord>()) as u64;
             self.check_place(tile, at, &mut last_key)?;
             if tile.first_line.get() as usize != next_line {
@@ -292,7 +292,8 @@ impl<'a> LaneCheck<'a> {
         let Some(offset) = self.lane.line_ends.get(line) else {
             return Err(fault(at, "R16", "a line end for each line of the masks", "none"));
         };
-        let end = first_record + offset as usize;
+        // Where addresses have 32 bits the sum may not fit; then it is outside too.
+        let end = first_record.saturating_add(offset as usize);
         if end <= start || end > records {
             let expected = format!("a line end from {} to {}", start + 1 - first_record, records - first_record);
             return Err(fault(at, "R16", expected, offset));

@@ -199,7 +199,7 @@ impl<'a> Arena<'a> {
     /// The description, a JSON text; empty if there is none.
     pub fn description(&self) -> &'a [u8] {
         let description = self.section(SectionKind::Description, None).map_or(&[][..], |s| self.section_bytes(s));
-        tell(self.pager, description);
+        tell(self.pager, || description);
         description
     }
 
@@ -255,7 +255,10 @@ impl<'a> Arena<'a> {
             let got = format!("{} visible voxels", self.facts.visible_voxels);
             return Err(fault(at!(header.visible_voxels), "R11", expected, got));
         }
-        Ok(Some(Lane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes, pager: None }))
+        let (patch, shown, pager) = (None, None, None);
+        let lane =
+            Lane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes, patch, shown, pager };
+        Ok(Some(lane))
     }
 }
 

@@ -16,10 +16,10 @@ pub trait Pager: Debug + Send + Sync {
     fn about_to_read(&self, bytes: &[u8]);
 }
 
-/// Tells `pager`, if there is one.
+/// Tells `pager`, if there is one, of `bytes`.
 #[inline(always)]
-pub(crate) fn tell(pager: Option<&dyn Pager>, bytes: &[u8]) {
+pub(crate) fn tell<'a>(pager: Option<&dyn Pager>, bytes: impl FnOnce() -> &'a [u8]) {
     if let Some(pager) = pager {
-        pager.about_to_read(bytes);
+        pager.about_to_read(bytes());
     }
 }

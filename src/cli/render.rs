@@ -13,8 +13,8 @@ use super::info::is_adj;
 use super::input::InputArguments;
 use super::picture::{Depth, Picture, PictureKind, write_animation};
 use super::progress::{Progress, interrupted};
-use super::resources::thread_count;
-use super::room::{Room, RoomyLanes, peak_resident_bytes};
+use super::resources::{peak_rss_bytes, thread_count};
+use super::room::{Room, RoomyLanes};
 use super::size::parse_memory;
 use super::{Answer, is_same_file, print_note, print_result};
 use crate::arena::builder::Resources;
@@ -375,7 +375,7 @@ fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u
 }
 
 /// The transfer function that the file was built with.
-fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
+pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
     let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     serde_json::from_value(description["transfer_function"].clone()).map_err(|_| {
         Error::input(
@@ -445,7 +445,7 @@ fn parse_size(text: &str) -> Result<[u32; 2]> {
 }
 
 /// `0..127,0..63,10..20`, inclusive; ends beyond the grid are the grid's.
-fn parse_crop(text: &str, dims: [u32; 3]) -> Result<VoxelBox> {
+pub(super) fn parse_crop(text: &str, dims: [u32; 3]) -> Result<VoxelBox> {
     let why =
         || Error::input("--crop", format!("is \"{text}\", but must look like 0..127,0..63,10..20, inside the grid"));
     let parts: Vec<&str> = text.split(',').collect();
@@ -498,7 +498,7 @@ fn stats_json(settings: &Settings, stats: &[Stats], image_sha256: &str) -> Value
         "frame_ms": times(|s| s.frame_ms),
         "walk_ms": times(|s| s.walk_ms),
         "draw_ms": times(|s| s.draw_ms),
-        "peak_rss_bytes": peak_resident_bytes(),
+        "peak_rss_bytes": peak_rss_bytes(),
         "image_sha256": image_sha256,
     })
 }

@@ -10,6 +10,7 @@
 use indicatif::HumanBytes;
 
 use super::picture::{Depth, PictureKind};
+use super::resources::resident_bytes;
 use crate::arena::pager::IN_FLIGHT;
 use crate::arena::{Arena, Lane, LaneSet};
 use crate::error::{Error, Result};
@@ -106,23 +107,4 @@ impl Lanes for RoomyLanes<'_> {
             (error, _) => error,
         })
     }
-}
-
-/// Resident size of the process; `None` where the system does not say.
-fn resident_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    kib_of(&status, "VmRSS:")
-}
-
-/// Largest resident size of the process so far; `None` where the system does not say.
-pub(super) fn peak_resident_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    kib_of(&status, "VmHWM:")
-}
-
-/// The bytes that a line of the system's status gives in kB, which are KiB.
-fn kib_of(status: &str, name: &str) -> Option<u64> {
-    let line = status.lines().find_map(|line| line.strip_prefix(name))?;
-    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kib * 1024)
 }

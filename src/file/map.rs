@@ -82,7 +82,7 @@ impl AdjFile {
     /// From now on at most `bytes` of the map's pages are resident, and [`IN_FLIGHT`](crate::arena::pager::IN_FLIGHT)
     /// more for each thread that reads; at least 64 KiB.
     ///
-    /// Holds for everything that this crate reads of the file's arena. Reading it is slower where the bound makes the
+    /// Holds for walks, pictures, the check, and whatever else tells the [`Pager`] of the arena. Reading it is slower where the bound makes the
     /// same pages come and go.
     ///
     /// # Errors

@@ -168,8 +168,7 @@ pub(crate) fn borders(projector: &Projector, view: &View, by_rows: bool, count: 
     let stride = (lane.tiles.len() / 100_000).max(1);
     for index in (0..lane.tiles.len()).step_by(stride) {
         let Some(tile) = lane.tile(index) else { break };
-        let next = lane.tile(index + 1).map_or(lane.record_count(), |next| next.first_record.get());
-        let records = next.saturating_sub(tile.first_record.get()) as f64;
+        let records = lane.tile_records(tile) as f64;
         let mut bounds = VoxelBox { low: [tile.low.get(); 3], high: [tile.high.get(); 3] };
         for (axis, tile_line) in [(u_axis, tile.tile_u.get()), (v_axis, tile.tile_v.get())] {
             let first = u32::from(tile_line) * 8;
