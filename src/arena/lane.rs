@@ -135,7 +135,7 @@ impl Lane<'_> {
     /// Whether the voxel of `record` is shown.
     #[inline(always)]
     pub fn shows(&self, record: usize) -> bool {
-        self.shown.is_none_or(|shown| shown.has(self.record(record)))
+        self.shown.is_none_or(|shown| shown.has(self.value_code(record), self.magnitude_code(record)))
     }
 
     /// The largest value code of a voxel that is shown; 0 if there is none. O(records).
