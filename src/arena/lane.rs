@@ -170,14 +170,14 @@ impl<'a> Lane<'a> {
     /// The lines of `tile` in bit order, of those that `wanted` has a bit for.
     ///
     /// The plain reading of the directory; the walk has a faster one, and tests hold the two equal.
-    pub fn tile_lines(&self, tile: &TileRecord, wanted: u64) -> impl Iterator<Item = LineSpan> + use<'a> {
+    pub fn lines_of(&self, tile: &TileRecord, wanted: u64) -> impl Iterator<Item = LineSpan> + use<'a> {
         let (lane, tile) = (*self, *tile);
         let occupied = tile.occupancy.get();
         (0u32..64).filter(move |bit| (occupied & wanted) >> bit & 1 == 1).filter_map(move |bit| {
             let rank = (occupied & ((1 << bit) - 1)).count_ones() as usize;
-            let first = tile.first_line.get() as usize;
-            let end = lane.line_end(first + rank)?;
-            let start = if rank == 0 { 0 } else { lane.line_end(first + rank - 1)? };
+            let first = usize::try_from(tile.first_line.get()).ok()?;
+            let end = lane.line_end(first.checked_add(rank)?)?;
+            let start = if rank == 0 { 0 } else { lane.line_end(first.checked_add(rank - 1)?)? };
             let record = |offset: u32| usize::try_from(tile.first_record.get().checked_add(offset.into())?).ok();
             let records = record(start)?..record(end)?;
             let records = if lane.steps_of(records.clone()).len() == records.len() { records } else { 0..0 };
@@ -186,16 +186,23 @@ impl<'a> Lane<'a> {
         })
     }
 
+    /// The lines of tile `tile_index` in bit order.
+    pub fn tile_lines(&self, tile_index: usize) -> impl Iterator<Item = LineSpan> + use<'a> {
+        let lane = *self;
+        lane.tiles.get(tile_index).into_iter().flat_map(move |tile| lane.lines_of(tile, u64::MAX))
+    }
+
     /// Every line, tile after tile.
     pub fn lines(&self) -> impl Iterator<Item = LineSpan> + use<'a> {
         let lane = *self;
-        lane.tiles.iter().flat_map(move |tile| lane.tile_lines(tile, u64::MAX))
+        lane.tiles.iter().flat_map(move |tile| lane.lines_of(tile, u64::MAX))
     }
 
     /// How many records the lines of `tile` have, by its last line's end; 0 where the file is wrong.
     pub fn tile_records(&self, tile: &TileRecord) -> u64 {
-        let lines = tile.occupancy.get().count_ones() as usize;
-        let last = (tile.first_line.get() as usize + lines).checked_sub(1);
+        let lines = u64::from(tile.occupancy.get().count_ones());
+        let last =
+            (u64::from(tile.first_line.get()) + lines).checked_sub(1).and_then(|last| usize::try_from(last).ok());
         last.and_then(|last| self.line_end(last)).map_or(0, u64::from)
     }
 
@@ -255,7 +262,7 @@ impl<'a> Lane<'a> {
     pub fn value_code(&self, record: usize) -> u16 {
         let code = match self.channels.value_bits {
             8 => self.values.get(record).map(|&v| u16::from(v)),
-            _ => self.values.get(2 * record..2 * record + 2).map(|b| u16::from_le_bytes([b[0], b[1]])),
+            _ => self.values.as_chunks().0.get(record).map(|&code| u16::from_le_bytes(code)),
         };
         code.unwrap_or_else(|| self.patched(record, |patch, record| patch.value_code(record)))
     }
@@ -265,8 +272,8 @@ impl<'a> Lane<'a> {
     pub fn normal_code(&self, record: usize) -> u32 {
         let code = match self.channels.normal_bits {
             0 => return 0,
-            8 => self.normals.get(2 * record..2 * record + 2).map(|b| u16::from_le_bytes([b[0], b[1]]).into()),
-            _ => self.normals.get(4 * record..4 * record + 4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])),
+            8 => self.normals.as_chunks().0.get(record).map(|&code| u16::from_le_bytes(code).into()),
+            _ => self.normals.as_chunks().0.get(record).map(|&code| u32::from_le_bytes(code)),
         };
         code.unwrap_or_else(|| self.patched(record, |patch, record| patch.normal_code(record)))
     }

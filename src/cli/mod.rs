@@ -12,6 +12,7 @@ mod info;
 mod input;
 mod picture;
 mod progress;
+mod raw;
 mod render;
 mod resources;
 mod size;
@@ -57,6 +58,7 @@ enum Command {
     Trim(Box<trim::Arguments>),
     Render(Box<render::Arguments>),
     Demo(demo::Arguments),
+    Raw(raw::Arguments),
     Completions(completions::Arguments),
 }
 
@@ -85,6 +87,7 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Trim(arguments) => trim::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
+        Command::Raw(arguments) => raw::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),
     }
 }

@@ -4,6 +4,7 @@
 mod arenas;
 mod harness;
 mod interrupt;
+mod killed;
 mod outputs;
 mod transfer;
 mod trim;
