@@ -170,14 +170,14 @@ impl<'a> Lane<'a> {
     /// The lines of `tile` in bit order, of those that `wanted` has a bit for.
     ///
     /// The plain reading of the directory; the walk has a faster one, and tests hold the two equal.
-    pub fn lines_of(&self, tile: &TileRecord, wanted: u64) -> impl Iterator<Item = LineSpan> + use<'a> {
+    pub fn tile_lines(&self, tile: &TileRecord, wanted: u64) -> impl Iterator<Item = LineSpan> + use<'a> {
         let (lane, tile) = (*self, *tile);
         let occupied = tile.occupancy.get();
         (0u32..64).filter(move |bit| (occupied & wanted) >> bit & 1 == 1).filter_map(move |bit| {
             let rank = (occupied & ((1 << bit) - 1)).count_ones() as usize;
-            let first = usize::try_from(tile.first_line.get()).ok()?;
-            let end = lane.line_end(first.checked_add(rank)?)?;
-            let start = if rank == 0 { 0 } else { lane.line_end(first.checked_add(rank - 1)?)? };
+            let line = usize::try_from(tile.first_line.get()).ok()?.checked_add(rank)?;
+            let end = lane.line_end(line)?;
+            let start = if rank == 0 { 0 } else { lane.line_end(line - 1)? };
             let record = |offset: u32| usize::try_from(tile.first_record.get().checked_add(offset.into())?).ok();
             let records = record(start)?..record(end)?;
             let records = if lane.steps_of(records.clone()).len() == records.len() { records } else { 0..0 };
@@ -186,16 +186,10 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// The lines of tile `tile_index` in bit order.
-    pub fn tile_lines(&self, tile_index: usize) -> impl Iterator<Item = LineSpan> + use<'a> {
-        let lane = *self;
-        lane.tiles.get(tile_index).into_iter().flat_map(move |tile| lane.lines_of(tile, u64::MAX))
-    }
-
     /// Every line, tile after tile.
     pub fn lines(&self) -> impl Iterator<Item = LineSpan> + use<'a> {
         let lane = *self;
-        lane.tiles.iter().flat_map(move |tile| lane.lines_of(tile, u64::MAX))
+        lane.tiles.iter().flat_map(move |tile| lane.tile_lines(tile, u64::MAX))
     }
 
     /// How many records the lines of `tile` have, by its last line's end; 0 where the file is wrong.

@@ -109,7 +109,7 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
         for tile_v in zs.start / edge..=(zs.end - 1) / edge {
             for tile in self.tiles.row(&self.lane, tile_v, ys.start / edge..=(ys.end - 1) / edge) {
                 let wanted = wanted_lines(tile, &ys, &zs);
-                for line in self.lane.lines_of(tile, wanted) {
+                for line in self.lane.tile_lines(tile, wanted) {
                     if line.records.len() > self.lane.dims[0] as usize {
                         continue;
                     }

@@ -215,7 +215,7 @@ impl<'a> Overlay<'a> {
         let lane = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
         let tile = find_tile(&lane, arena.facts().tile_order, y / TILE_EDGE, z / TILE_EDGE)?;
         let bit = 1 << (z % TILE_EDGE * TILE_EDGE + y % TILE_EDGE);
-        let line = lane.lines_of(tile, bit).next()?;
+        let line = lane.tile_lines(tile, bit).next()?;
         let mut voxels = lane.line_voxels(line.records);
         voxels
             .find(|&(at, _)| at >= u32::from(x))

@@ -76,7 +76,7 @@ impl Patch {
                         let (here, later) = rest.split_at(count);
                         rest = later;
                         let bit = 1 << (within_v * TILE_EDGE + within_u);
-                        let stored = tile.and_then(|tile| lane.lines_of(tile, bit).next());
+                        let stored = tile.and_then(|tile| lane.tile_lines(tile, bit).next());
                         line.clear();
                         merge(lane, stored.map(|line| line.records).unwrap_or_default(), here, &mut line);
                         packer.line(u, v, line.iter().copied());

@@ -54,7 +54,7 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
         strip.clear();
         for &(_, _, tile) in tiles {
             lines.clear();
-            lines.extend(lane.tile_lines(tile));
+            lines.extend(lane.tile_lines(&lane.tiles[tile], u64::MAX));
             lines.sort_unstable_by_key(|line| place(line.u, line.v));
             for line in &lines {
                 let (t, o) = place(line.u, line.v);

@@ -13,7 +13,7 @@ use super::info::is_adj;
 use super::input::InputArguments;
 use super::picture::{Depth, Picture, PictureKind, write_animation};
 use super::progress::{Progress, interrupted};
-use super::resources::thread_count;
+use super::resources::{peak_rss_bytes, thread_count};
 use super::{Answer, is_same_file, print_note, print_result};
 use crate::arena::builder::Resources;
 use crate::arena::layout::Scales;
@@ -391,14 +391,6 @@ fn stats_json(settings: &Settings, stats: &[Stats], image_sha256: &str) -> Value
         "peak_rss_bytes": peak_rss_bytes(),
         "image_sha256": image_sha256,
     })
-}
-
-/// Largest resident size of the process so far; `None` where the system does not say.
-fn peak_rss_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kib * 1024)
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -2,6 +2,7 @@
 #![cfg(feature = "cli")]
 
 mod arenas;
+mod budgets;
 mod harness;
 mod interrupt;
 mod killed;
