@@ -2,7 +2,7 @@
 
 use std::cell::Cell;
 use std::fs::File;
-use std::io::{self, Read, Seek, Write};
+use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -10,9 +10,7 @@ use adjsplat::Error;
 use adjsplat::arena::builder::{BuildOptions, Built, Unobserved, build};
 use adjsplat::arena::{Arena, TileOrder};
 use adjsplat::classify::TransferFunction;
-use adjsplat::file::{
-    AdjFile, arena_bytes, check_writable, spill_beside, write_arena, write_atomically, write_atomically_unless,
-};
+use adjsplat::file::{AdjFile, arena_bytes, check_writable, write_arena, write_atomically, write_atomically_unless};
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
 
@@ -166,23 +164,6 @@ fn no_write_loses_its_file_to_another_one_that_tidies_up() {
         }
     });
     assert_eq!(names(folder.path()), ["file"]);
-}
-
-#[test]
-fn room_beside_an_output_has_no_name() {
-    let folder = tempfile::tempdir().expect("there is a temporary folder");
-    let mut spill = spill_beside(&folder.path().join("file")).expect("there is room");
-    assert!(names(folder.path()).is_empty());
-    spill.write_all(b"spilt").expect("writes");
-    spill.rewind().expect("seeks");
-    let mut read = String::new();
-    spill.read_to_string(&mut read).expect("reads");
-    assert_eq!(read, "spilt");
-    assert!(names(folder.path()).is_empty());
-    assert!(spill_beside(&folder.path().join("gone/file")).is_err());
-    if cfg!(target_os = "linux") {
-        spill_beside(Path::new("/dev/null")).expect("beside a device it is elsewhere");
-    }
 }
 
 fn shells(side: u64) -> Built {

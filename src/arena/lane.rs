@@ -7,6 +7,7 @@ use std::ops::Range;
 
 use zerocopy::byteorder::little_endian::{U16, U32};
 
+use super::assemble::TileRun;
 use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
 use crate::volume::Axis;
 
@@ -240,6 +241,13 @@ impl OwnedLineEnds {
         }
     }
 
+    fn len(&self) -> usize {
+        match self {
+            OwnedLineEnds::Narrow(ends) => ends.len(),
+            OwnedLineEnds::Wide(ends) => ends.len(),
+        }
+    }
+
     /// Appends one.
     ///
     /// # Panics
@@ -255,6 +263,33 @@ impl OwnedLineEnds {
 }
 
 impl OwnedLane {
+    /// A lane without voxels.
+    pub fn new(axis: Axis, dims: [u32; 3], channels: Channels) -> OwnedLane {
+        OwnedLane {
+            axis,
+            dims,
+            channels,
+            tiles: Vec::new(),
+            line_ends: OwnedLineEnds::for_line(dims[axis.index()]),
+            steps: Vec::new(),
+            values: Vec::new(),
+            normals: Vec::new(),
+            magnitudes: Vec::new(),
+        }
+    }
+
+    /// Appends the next tiles.
+    pub fn append(&mut self, run: TileRun) {
+        let (first_line, first_record) = (self.line_ends.len(), self.steps.len() as u64);
+        let first_line = u32::try_from(first_line).expect("a face has fewer than 2^32 lines");
+        self.tiles.extend(run.tiles.iter().map(|tile| tile.moved(first_line, first_record)));
+        run.line_ends.iter().for_each(|&end| self.line_ends.push(end));
+        self.steps.extend(run.arrays.steps);
+        self.values.extend(run.arrays.values);
+        self.normals.extend(run.arrays.normals);
+        self.magnitudes.extend(run.arrays.magnitudes);
+    }
+
     /// The lane, borrowed.
     pub fn view(&self) -> Lane<'_> {
         Lane {

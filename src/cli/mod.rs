@@ -13,6 +13,8 @@ mod input;
 mod picture;
 mod progress;
 mod render;
+mod resources;
+mod size;
 mod verify;
 
 use std::error::Error as _;

@@ -8,7 +8,7 @@
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
 use super::temporary::{Temporary, remove_dead, unnamed};
@@ -36,6 +36,17 @@ pub fn check_writable(path: &Path) -> Result<()> {
     }
 }
 
+/// The folder for what a file at `path` needs while it is made: its own, or the system's for a device.
+///
+/// # Errors
+/// As [`check_writable`], without creating anything.
+pub fn scratch_folder(path: &Path) -> Result<PathBuf> {
+    Ok(match Place::of(path)? {
+        Place::Device => std::env::temp_dir(),
+        Place::File { folder, .. } => folder,
+    })
+}
+
 /// Creates or replaces the file at `path` with what `write` writes, whole or not at all; its result comes back.
 ///
 /// # Errors
@@ -55,38 +66,34 @@ pub fn write_atomically_unless<T>(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
 ) -> Result<T> {
-    match Place::of(path)? {
-        Place::Device => {
-            let file = File::options().write(true).open(path).map_err(Error::io("open", path))?;
-            write_through(path, &file, stop, write)
-        }
-        Place::File { folder, name } => {
-            let temporary = Temporary::new(&folder)?;
-            let result = write_through(path, temporary.file(), stop, write)?;
-            temporary.file().sync_all().map_err(Error::io("write", path))?;
-            if stop() {
-                return Err(Error::Interrupted);
-            }
-            temporary.place(&folder.join(name)).map_err(Error::io("replace", path))?;
-            // The name must be on disk too. Where folders cannot be flushed the file is still whole.
-            let _ = File::open(&folder).and_then(|folder| folder.sync_all());
-            Ok(result)
-        }
+    let place = Place::of(path)?;
+    if matches!(place, Place::Device) {
+        let file = File::options().write(true).open(path).map_err(Error::io("open", path))?;
+        return write_through(path, &file, stop, write);
     }
+    place.replace(path, |file| {
+        let result = write_through(path, file, stop, write)?;
+        // Flushing takes long enough for somebody to change their mind.
+        file.sync_all().map_err(Error::io("write", path))?;
+        if stop() { Err(Error::Interrupted) } else { Ok(result) }
+    })
 }
 
-/// Room on disk for what does not fit memory: a file without a name, on the disk that `output` will be on; beside a
-/// device there is none, and the system's temporary folder has it.
-///
-/// It is gone when it is closed, and so when the process ends in whatever way. See [`super::temporary`].
+/// Creates or replaces the file at `path` with what `write` writes into a new file, at any offset, whole or not at all;
+/// its result comes back. A device or a pipe takes the bytes when they are complete.
 ///
 /// # Errors
-/// As [`check_writable`].
-pub fn spill_beside(output: &Path) -> Result<File> {
-    match Place::of(output)? {
-        Place::Device => unnamed(&std::env::temp_dir()),
-        Place::File { folder, .. } => unnamed(&folder),
+/// As [`write_atomically`], and what `write` gives.
+pub(super) fn write_file_atomically<T>(path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
+    let place = Place::of(path)?;
+    if matches!(place, Place::Device) {
+        let mut file = unnamed(&std::env::temp_dir())?;
+        let result = write(&file)?;
+        let mut device = File::options().write(true).open(path).map_err(Error::io("open", path))?;
+        let copied = file.seek(SeekFrom::Start(0)).and_then(|_| io::copy(&mut file, &mut device));
+        return copied.map(|_| result).map_err(Error::io("write", path));
     }
+    place.replace(path, write)
 }
 
 /// Where a path leads.
@@ -98,6 +105,18 @@ enum Place {
 }
 
 impl Place {
+    /// Puts the file that `write` fills in its place.
+    fn replace<T>(self, path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
+        let Place::File { folder, name } = self else { unreachable!("devices are written to as they are") };
+        let temporary = Temporary::new(&folder)?;
+        let result = write(temporary.file())?;
+        temporary.file().sync_all().map_err(Error::io("write", path))?;
+        temporary.place(&folder.join(name)).map_err(Error::io("replace", path))?;
+        // The name must be on disk too. Where folders cannot be flushed the file is still whole.
+        let _ = File::open(&folder).and_then(|folder| folder.sync_all());
+        Ok(result)
+    }
+
     fn of(path: &Path) -> Result<Place> {
         let is_folder = || Error::input(path.display().to_string(), "is a folder; give a file name");
         match std::fs::metadata(path) {
