@@ -203,7 +203,8 @@ fn records_beyond_2_to_the_32_are_walked_derived_and_drawn() {
     let small = small_lane(&voxels);
 
     // The plain reading of the directory.
-    let lines: Vec<_> = INHABITED.iter().flat_map(|&tile| lane.tile_lines(tile as usize).take(2)).collect();
+    let lines: Vec<_> =
+        INHABITED.iter().flat_map(|&tile| lane.tile_lines(&lane.tiles[tile as usize], u64::MAX).take(2)).collect();
     let read: Vec<Voxel> = lines
         .iter()
         .flat_map(|line| {

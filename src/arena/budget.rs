@@ -19,13 +19,13 @@ const BATCH_SAMPLES: u64 = 1 << 21;
 pub(crate) const WRITE_BYTES: u64 = 1 << 18;
 /// Sections of a lane.
 const SECTIONS: u64 = 6;
-/// Bytes of a record on its way into a lane: 16 unordered, 4 for its place, up to 8 packed, and what growing them
-/// wastes.
-pub(super) const RECORD_BYTES: u64 = 36;
+/// Bytes of a record on its way into a lane: 16 unordered, 4 for its place, up to 8 packed in each of two results that
+/// may wait; the rest is what the allocator wastes, as measured.
+pub(super) const RECORD_BYTES: u64 = 64;
 /// Bytes that a tile of a face takes while its lane is assembled: its count, and its place among those of the curve.
 const TILE_BYTES: u64 = 4 + 12;
 /// Records of a lane to assemble at once, beyond which more make nothing faster.
-const RUN_RECORDS: u64 = 1 << 20;
+const RUN_RECORDS: u64 = 1 << 19;
 
 /// Who may have how much memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

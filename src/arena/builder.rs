@@ -11,7 +11,7 @@
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 
-use super::assemble::{Assembly, assemble};
+use super::assemble::Assembler;
 use super::budget::Budget;
 use super::curve::TileOrder;
 use super::lane::OwnedLane;
@@ -141,10 +141,10 @@ impl Classified {
     /// What reading the rows gives; [`Error::Interrupted`] if the observer says so.
     pub fn lanes(&self, lane_count: u8, threads: usize, observer: &mut dyn Observer) -> Result<Vec<OwnedLane>> {
         let Facts { grid, channels, tile_order, .. } = &self.facts;
+        let assembler = Assembler::new(&self.rows, *tile_order, None, threads);
         let assembled = |axis| {
-            let assembly = Assembly { axis, tile_order: *tile_order, memory: None, threads };
             let mut lane = OwnedLane::new(axis, grid.dims, *channels);
-            assemble(&self.rows, &assembly, observer, &mut |_| Ok(()), &mut |run| {
+            assembler.lane(axis, observer, &mut |_| Ok(()), &mut |run| {
                 lane.append(run);
                 Ok(())
             })?;

@@ -10,7 +10,7 @@ use serde_json::json;
 use super::classification::ClassificationArguments;
 use super::input::InputArguments;
 use super::progress::Progress;
-use super::resources::ResourceArguments;
+use super::resources::{ResourceArguments, peak_rss_bytes};
 use super::{Answer, is_same_file, print_note, print_result, starts_as_adj};
 use crate::arena::TileOrder;
 use crate::arena::budget::Budget;
@@ -22,14 +22,14 @@ use crate::volume::{Header, SlabSource};
 
 /// Build an .adj file from a volume: only the visible voxels, in lanes.
 ///
-/// Reads raw, NRRD, MetaImage, NIfTI and VTK legacy files, or phantom:NAME (constant, shells, gyroid,
-/// marschner-lobb, hydrogen, vessels, noise, corners).
+/// Reads raw, NRRD, MetaImage, NIfTI, TIFF and VTK (.vtk, .vti) files, a folder of TIFF slices, or phantom:NAME
+/// (constant, shells, gyroid, marschner-lobb, hydrogen, vessels, noise, corners).
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj build engine.nii.gz --range 60.. -o engine.adj\n  adj build ct.raw --dims 512x512x300 --type i16le --spacing 0.7x0.7x1 --tf ct-bone -o ct.adj\n  adj build frog.mhd --labels frog -o frog.adj\n  adj build phantom:gyroid --dims 512x512x512 -o gyroid.adj"
 )]
 pub(super) struct Arguments {
-    /// The volume.
+    /// The volume: a file, or a folder of slices.
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// The .adj file to write.
@@ -174,6 +174,11 @@ fn check_output(output: &Path, input: &Path) -> Result<()> {
     if is_same_file(output, input) {
         return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
     }
+    check_replaceable(output)
+}
+
+/// Finds out that the output can be written, and that no file but an old .adj file would be lost to it.
+pub(super) fn check_replaceable(output: &Path) -> Result<()> {
     // A header may name other files that hold the samples: those must not be lost to a slip either.
     let named = output.extension().is_some_and(|extension| extension == "adj");
     let old = std::fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0);
@@ -219,6 +224,7 @@ fn report(arguments: &Arguments, header: &Header, built: &Classified, bytes: u64
                 "lowest": built.findings.lowest,
                 "highest": built.findings.highest,
                 "not_finite": built.findings.not_finite,
+                "peak_rss_bytes": peak_rss_bytes(),
                 "seconds": seconds,
             })
             .to_string(),

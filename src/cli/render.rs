@@ -13,7 +13,7 @@ use super::info::is_adj;
 use super::input::InputArguments;
 use super::picture::{Depth, Picture, PictureKind, write_animation};
 use super::progress::{Progress, interrupted};
-use super::resources::thread_count;
+use super::resources::{peak_rss_bytes, thread_count};
 use super::{Answer, is_same_file, print_note, print_result};
 use crate::arena::builder::Resources;
 use crate::arena::layout::Scales;
@@ -309,7 +309,7 @@ fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u
 }
 
 /// The transfer function that the file was built with.
-fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
+pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
     let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     serde_json::from_value(description["transfer_function"].clone()).map_err(|_| {
         Error::input(
@@ -335,7 +335,7 @@ fn parse_size(text: &str) -> Result<[u32; 2]> {
 }
 
 /// `0..127,0..63,10..20`, inclusive; ends beyond the grid are the grid's.
-fn parse_crop(text: &str, dims: [u32; 3]) -> Result<VoxelBox> {
+pub(super) fn parse_crop(text: &str, dims: [u32; 3]) -> Result<VoxelBox> {
     let why =
         || Error::input("--crop", format!("is \"{text}\", but must look like 0..127,0..63,10..20, inside the grid"));
     let parts: Vec<&str> = text.split(',').collect();
@@ -391,14 +391,6 @@ fn stats_json(settings: &Settings, stats: &[Stats], image_sha256: &str) -> Value
         "peak_rss_bytes": peak_rss_bytes(),
         "image_sha256": image_sha256,
     })
-}
-
-/// Largest resident size of the process so far; `None` where the system does not say.
-fn peak_rss_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kib * 1024)
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -48,3 +48,11 @@ pub(super) fn thread_count(asked: Option<usize>) -> Result<usize> {
     }
     Ok(threads)
 }
+
+/// Largest resident size of the process so far; `None` where the system does not say.
+pub(super) fn peak_rss_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    Some(kib * 1024)
+}

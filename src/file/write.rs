@@ -12,7 +12,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
-use crate::arena::assemble::{Assembly, LaneTotals, TileRun, assemble};
+use crate::arena::assemble::{Assembler, LaneTotals, TileRun};
 use crate::arena::budget::WRITE_BYTES;
 use crate::arena::builder::{Observer, Phase, go_on};
 use crate::arena::lane::{LineEnds, OwnedLane};
@@ -83,10 +83,9 @@ pub fn write_rows(
         let mut description = place.section(SectionKind::Description, 255, 1, output.description.len() as u64);
         description.write(output.description.as_bytes())?;
         let mut table = vec![description.finish()?];
+        let assembler = Assembler::new(rows, facts.tile_order, output.memory, output.threads);
         let mut visible_voxels = 0;
         for axis in lanes {
-            let assembly =
-                Assembly { axis, tile_order: facts.tile_order, memory: output.memory, threads: output.threads };
             let sections = RefCell::new(Vec::new());
             let mut begin = |totals: &LaneTotals| {
                 if totals.voxels == 0 {
@@ -130,7 +129,7 @@ pub fn write_rows(
                 records += run.arrays.steps.len() as u64;
                 Ok(())
             };
-            assemble(rows, &assembly, observer, &mut begin, &mut take)?;
+            assembler.lane(axis, observer, &mut begin, &mut take)?;
             for (_, section) in sections.into_inner() {
                 table.push(section.finish()?);
             }
