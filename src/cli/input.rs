@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::Args;
 
-use super::starts_as_adj;
+use super::{print_note, starts_as_adj};
 use crate::error::{Error, Result};
 use crate::volume::phantom::Phantom;
 use crate::volume::raw::{RawOptions, parse_dims, parse_type};
@@ -33,6 +33,9 @@ pub(super) struct InputArguments {
     /// Which volume of a file that holds several, from 0.
     #[arg(long, value_name = "N", default_value_t = 0)]
     volume: u32,
+    /// Which series of a DICOM folder that holds several: its number in the list that is shown, or its UID's end.
+    #[arg(long, value_name = "NUMBER|UID")]
+    series: Option<String>,
     /// Take samples as they are stored, without the file's slope and intercept.
     #[arg(long)]
     unscaled: bool,
@@ -48,12 +51,13 @@ impl InputArguments {
             ("--skip", self.skip.is_some()),
             ("--spacing", self.spacing.is_some()),
             ("--volume", self.volume != 0),
+            ("--series", self.series.is_some()),
             ("--unscaled", self.unscaled),
         ];
         flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
     }
 
-    /// Opens `input`: a path, or `phantom:NAME`.
+    /// Opens `input`: a path, or `phantom:NAME`; notes of its reader go to stderr.
     ///
     /// # Errors
     /// As the readers; and [`Error::Input`] for flags that do not go with the input.
@@ -87,7 +91,13 @@ impl InputArguments {
             (Some(_), None) => return Err(Error::input("--dims", "is for raw files; give --type too, such as u8")),
             (None, Some(_)) => return Err(Error::input("--type", "is for raw files; give --dims too: 256x256x128")),
         };
-        let source = open::open(input, &open::OpenOptions { raw, volume_index: self.volume, spacing })?;
+        let source = open::open(
+            input,
+            &open::OpenOptions { raw, volume_index: self.volume, spacing, series: self.series.clone() },
+        )?;
+        for note in source.notes() {
+            print_note(note);
+        }
         Ok(if self.unscaled { Box::new(Unscaled::new(source)) } else { source })
     }
 }

@@ -1,6 +1,6 @@
 //! Volumes: regular grids of samples, read slice by slice.
 //!
-//! In: a file of any supported format, or a phantom. Out: z-slices of native-endian samples in file order
+//! In: a file or folder of any supported format, or a phantom. Out: z-slices of native-endian samples in file order
 //! (x fastest, then y, then z), one at a time, so that memory is bounded by a slice whatever the volume's size.
 
 pub mod grid;
@@ -12,7 +12,9 @@ pub mod samples;
 pub mod slab;
 pub mod source;
 
+mod dicom;
 mod file_list;
+mod folder;
 mod frame;
 mod lines;
 mod metaimage;

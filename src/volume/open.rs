@@ -4,10 +4,12 @@
 //! from the name only where those say nothing:
 //!
 //! ```text
+//! a folder                                 what its files are: see `folder`
 //! raw options given                        raw
 //! "NRRD"                                   NRRD
 //! "# vtk DataFile"                         VTK legacy
 //! 348 or 540, either order, and a magic    NIfTI, also inside gzip
+//! "DICM" at byte 128                       DICOM
 //! "ObjectType =", "NDims =" ...            MetaImage
 //! name ends in .hdr, .img                  NIfTI pair
 //! name ends in .nrrd .mhd .nii .vtk ...    that format, whose reader says what is wrong
@@ -21,7 +23,7 @@ use flate2::read::MultiGzDecoder;
 
 use super::raw::RawOptions;
 use super::stream::open_regular;
-use super::{SlabSource, metaimage, nifti, nrrd, raw, vtk};
+use super::{SlabSource, dicom, folder, metaimage, nifti, nrrd, raw, vtk};
 use crate::error::{Error, Result};
 
 /// What a file cannot say itself, or is to be told otherwise.
@@ -33,6 +35,8 @@ pub struct OpenOptions {
     pub volume_index: u32,
     /// Distances between points along x, y, z that replace the file's; each finite and above 0.
     pub spacing: Option<[f64; 3]>,
+    /// Which of several DICOM series: its number in the refusal's list, from 0, or the end of its UID.
+    pub series: Option<String>,
 }
 
 /// A supported file format.
@@ -42,12 +46,13 @@ enum Format {
     MetaImage,
     Nifti,
     Vtk,
+    Dicom,
 }
 
 /// Bytes from the front of a file that its format is found from.
 const PROBE_BYTES: u64 = 4096;
 
-/// Opens the volume at `path`; its samples are read as they are asked for.
+/// Opens the volume at `path`, a file or a folder; its samples are read as they are asked for.
 ///
 /// Files that a header names are looked for relative to the header. Reading costs memory for no more than the slice
 /// that is handed in.
@@ -63,6 +68,9 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
         let [x, y, z] = spacing;
         return Err(Error::input("spacing", format!("is {x}, {y}, {z}, but each must be finite and above 0")));
     }
+    if options.raw.is_none() && std::fs::metadata(path).is_ok_and(|found| found.is_dir()) {
+        return folder::open(path, options);
+    }
     let (file, len) = open_regular(path, "open")?;
     if len == 0 {
         return Err(Error::format(path, 0, "volume file", "at least one byte", "an empty file"));
@@ -76,9 +84,10 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
         Some(Format::MetaImage) => metaimage::open(path, options),
         Some(Format::Nifti) => nifti::open(path, options),
         Some(Format::Vtk) => vtk::open(path, options),
+        Some(Format::Dicom) => dicom::open(path, None, options),
         None => {
             let why = "is in no format known here (NRRD .nrrd .nhdr, MetaImage .mhd .mha, NIfTI .nii .nii.gz .hdr \
-                .img, VTK legacy .vtk); if it is raw samples, give --dims 256x256x128 and --type u8 or alike";
+                .img, VTK legacy .vtk, DICOM .dcm or a folder of them); if it is raw samples, give --dims 256x256x128 and --type u8 or alike";
             Err(Error::input(path.display().to_string(), why))
         }
     }
@@ -107,6 +116,9 @@ fn from_content(probe: &[u8]) -> Option<Format> {
     if probe.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {
         return Some(Format::Vtk);
     }
+    if dicom::is_header(probe) {
+        return Some(Format::Dicom);
+    }
     if nifti::is_header(probe) || metaimage::is_header(probe) {
         return Some(if nifti::is_header(probe) { Format::Nifti } else { Format::MetaImage });
     }
@@ -128,6 +140,7 @@ fn from_name(path: &Path) -> Option<Format> {
             Some(Format::Nifti)
         }
         "vtk" => Some(Format::Vtk),
+        "dcm" | "dicom" => Some(Format::Dicom),
         _ => None,
     }
 }

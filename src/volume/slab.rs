@@ -175,16 +175,7 @@ impl SlabSource for SlabReader {
 
     fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
         let header = &self.plan.header;
-        if slice.sample_type() != header.sample_type || slice.len() as u64 != header.grid.slice_len() {
-            let why = format!(
-                "holds {} samples of {}, but a slice has {} of {}",
-                slice.len(),
-                slice.sample_type().name(),
-                header.grid.slice_len(),
-                header.sample_type.name()
-            );
-            return Err(Error::input("slice buffer", why));
-        }
+        header.check_slice(slice)?;
         if self.lost {
             return Err(Error::input("slice", "comes after one that failed; rewind first"));
         }

@@ -3,6 +3,7 @@
 //!
 //! What this cannot catch: a misreading of a specification that the writers below share.
 
+mod dicom;
 mod malformed;
 mod nifti;
 mod real;

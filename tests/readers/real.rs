@@ -121,3 +121,14 @@ fn first_of_two_volumes_is_read_behind_a_header_extension() {
     let file = "nifti-zarr/tests/data/example4d.nii.gz";
     check(file, SampleType::I16, [128, 96, 24], [2.0, 2.0, 2.2], "c375bdf18eba0821");
 }
+
+#[test]
+fn a_dicom_series_of_192_files_is_stacked() {
+    if let Some(header) = check("SAG-anon", SampleType::U16, [256, 256, 192], [0.8594, 0.8594, 0.9], "810caf7501483436")
+    {
+        // A sagittal head: x runs to the back, y to the feet, z to the patient's right.
+        let [x, y, z] = header.grid.direction;
+        assert!(x[1] < -0.9 && y[2] < -0.9 && z[0] > 0.9, "{:?}", header.grid.direction);
+        assert_eq!((header.slope, header.intercept, header.grid.unit.as_deref()), (1.0, 0.0, Some("mm")));
+    }
+}
