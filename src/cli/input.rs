@@ -33,6 +33,9 @@ pub(super) struct InputArguments {
     /// Which volume of a file that holds several, from 0.
     #[arg(long, value_name = "N", default_value_t = 0)]
     volume: u32,
+    /// Which resolution of an OME-Zarr image, from 0, the finest.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    level: u32,
     /// Which series of a DICOM folder that holds several: its number in the list that is shown, or its UID's end.
     #[arg(long, value_name = "NUMBER|UID")]
     series: Option<String>,
@@ -51,6 +54,7 @@ impl InputArguments {
             ("--skip", self.skip.is_some()),
             ("--spacing", self.spacing.is_some()),
             ("--volume", self.volume != 0),
+            ("--level", self.level != 0),
             ("--series", self.series.is_some()),
             ("--unscaled", self.unscaled),
         ];
@@ -91,10 +95,9 @@ impl InputArguments {
             (Some(_), None) => return Err(Error::input("--dims", "is for raw files; give --type too, such as u8")),
             (None, Some(_)) => return Err(Error::input("--type", "is for raw files; give --dims too: 256x256x128")),
         };
-        let source = open::open(
-            input,
-            &open::OpenOptions { raw, volume_index: self.volume, spacing, series: self.series.clone() },
-        )?;
+        let (level, series) = (self.level, self.series.clone());
+        let options = open::OpenOptions { raw, volume_index: self.volume, spacing, level, series };
+        let source = open::open(input, &options)?;
         for note in source.notes() {
             print_note(note);
         }

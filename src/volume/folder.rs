@@ -9,7 +9,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::open::{OpenOptions, file_name};
-use super::{SlabSource, dicom};
+use super::{SlabSource, dicom, zarr};
 use crate::error::{Error, Result};
 
 /// Most entries of a folder that are listed.
@@ -23,13 +23,18 @@ const PROBE_BYTES: u64 = 132;
 /// # Errors
 /// [`Error::Input`] if no file is in a format that is read from folders; what the format's reader gives.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+    if zarr::is_node(path) {
+        options.expect_one_series()?;
+        return zarr::open(path, options);
+    }
     let Listing { files, folders } = list(path)?;
     for file in &files {
         if probe(file)?.is_some_and(|probe| dicom::is_header(&probe)) {
+            options.expect_one_level()?;
             return dicom::open(path, Some(files), options);
         }
     }
-    let mut why = "is a folder, but holds no DICOM series; name a file in it".to_string();
+    let mut why = "is a folder, but holds no DICOM series and is no Zarr group or array; name a file in it".to_string();
     if let Some(first) = folders.first() {
         why += &format!(", or one of its subfolders, such as {}", file_name(first));
     }
@@ -37,12 +42,15 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 }
 
 /// What is in a folder, each in natural order; hidden entries are left out.
-struct Listing {
-    files: Vec<PathBuf>,
-    folders: Vec<PathBuf>,
+pub(super) struct Listing {
+    /// Regular files.
+    pub(super) files: Vec<PathBuf>,
+    /// Subfolders.
+    pub(super) folders: Vec<PathBuf>,
 }
 
-fn list(path: &Path) -> Result<Listing> {
+/// Lists the folder at `path`.
+pub(super) fn list(path: &Path) -> Result<Listing> {
     let mut listing = Listing { files: Vec::new(), folders: Vec::new() };
     for (seen, entry) in (1..).zip(std::fs::read_dir(path).map_err(Error::io("open", path))?) {
         let entry = entry.map_err(Error::io("read", path))?.path();

@@ -24,6 +24,7 @@ mod nrrd_axes;
 mod stream;
 mod tokens;
 mod vtk;
+mod zarr;
 
 pub use grid::{Axis, Grid, MAX_DIM};
 pub use samples::{Sample, SampleType, Samples};

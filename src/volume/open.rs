@@ -35,8 +35,34 @@ pub struct OpenOptions {
     pub volume_index: u32,
     /// Distances between points along x, y, z that replace the file's; each finite and above 0.
     pub spacing: Option<[f64; 3]>,
+    /// Which resolution of an OME-Zarr image, from 0, the finest.
+    pub level: u32,
     /// Which of several DICOM series: its number in the refusal's list, from 0, or the end of its UID.
     pub series: Option<String>,
+}
+
+impl OpenOptions {
+    /// For formats of one resolution.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if another level than the first is asked for.
+    pub(super) fn expect_one_level(&self) -> Result<()> {
+        match self.level {
+            0 => Ok(()),
+            level => Err(Error::input("level", format!("is {level}, but only OME-Zarr images have more than level 0"))),
+        }
+    }
+
+    /// For formats without series.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a series is asked for.
+    pub(super) fn expect_one_series(&self) -> Result<()> {
+        match self.series {
+            None => Ok(()),
+            Some(_) => Err(Error::input("series", "is for DICOM; leave it out")),
+        }
+    }
 }
 
 /// A supported file format.
@@ -76,10 +102,17 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
         return Err(Error::format(path, 0, "volume file", "at least one byte", "an empty file"));
     }
     if let Some(raw) = &options.raw {
+        options.expect_one_level()?;
+        options.expect_one_series()?;
         return raw::open(path, raw, options);
     }
     let probe = read_probe(path, file)?;
-    match from_content(&probe).or_else(|| from_name(path)) {
+    let format = from_content(&probe).or_else(|| from_name(path));
+    options.expect_one_level()?;
+    if format != Some(Format::Dicom) {
+        options.expect_one_series()?;
+    }
+    match format {
         Some(Format::Nrrd) => nrrd::open(path, options),
         Some(Format::MetaImage) => metaimage::open(path, options),
         Some(Format::Nifti) => nifti::open(path, options),
@@ -87,7 +120,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
         Some(Format::Dicom) => dicom::open(path, None, options),
         None => {
             let why = "is in no format known here (NRRD .nrrd .nhdr, MetaImage .mhd .mha, NIfTI .nii .nii.gz .hdr \
-                .img, VTK legacy .vtk, DICOM .dcm or a folder of them); if it is raw samples, give --dims 256x256x128 and --type u8 or alike";
+                .img, VTK legacy .vtk, DICOM .dcm or a folder of them, Zarr folders); if it is raw samples, give --dims 256x256x128 and --type u8 or alike";
             Err(Error::input(path.display().to_string(), why))
         }
     }

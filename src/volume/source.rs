@@ -57,7 +57,7 @@ impl Header {
 }
 
 /// `bytes`, or if the system does not give so many at once, about as many as it does.
-fn obtainable(bytes: u64) -> u64 {
+pub(super) fn obtainable(bytes: u64) -> u64 {
     let gives = |bytes| usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
     let mut bytes = bytes;
     while bytes > 0 && !gives(bytes) {
