@@ -70,6 +70,9 @@ impl InputArguments {
         let spacing = self.spacing.as_deref().map(parse_spacing).transpose()?;
         let sample_type = self.sample_type.as_deref().map(parse_type).transpose()?;
         if let Some(phantom) = phantom(input)? {
+            if self.level != 0 || self.series.is_some() {
+                return Err(Error::input("--level, --series", "are for OME-Zarr and DICOM; leave them out"));
+            }
             let sample_type = sample_type.map_or(SampleType::U8, |(ty, _)| ty);
             return phantom.open(dims.unwrap_or([256; 3]), sample_type, spacing.unwrap_or([1.0; 3]));
         }

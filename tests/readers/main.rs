@@ -9,3 +9,4 @@ mod nifti;
 mod real;
 mod sample;
 mod variants;
+mod zarr;

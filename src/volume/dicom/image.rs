@@ -114,7 +114,11 @@ pub(super) fn read(elements: Elements, file: usize) -> Result<Found> {
     let samples = root.number(tags::SAMPLES_PER_PIXEL, "DICOM Samples per Pixel")?.unwrap_or(1);
     if samples != 1 || !["", "MONOCHROME1", "MONOCHROME2"].contains(&photometric.as_str()) {
         let expected = "one grey sample a pixel, MONOCHROME1 or MONOCHROME2 (extract one channel with another tool)";
-        let fault = root.fault("DICOM Photometric Interpretation", expected, format!("{samples} of {photometric}"));
+        let fault = root.fault(
+            "DICOM Photometric Interpretation",
+            expected,
+            format!("{samples} of {}", photometric.escape_debug()),
+        );
         return Ok(Found::Colour(fault));
     }
     let series = Series {

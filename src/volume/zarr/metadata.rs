@@ -113,7 +113,7 @@ impl Fields {
 
     fn fault(&self, field: &str, expected: impl Into<String>, got: impl Into<String>) -> Error {
         let expected = format!("{} in \"{field}\"", expected.into());
-        Error::format(&self.path, 0, "Zarr metadata", expected, got)
+        Error::format(&self.path, 0, "Zarr metadata", expected, printable(&got.into()))
     }
 
     fn value(&self, field: &str) -> &Value {
@@ -427,11 +427,16 @@ fn name_of(extension: &Value) -> Option<&str> {
     extension["name"].as_str().or(extension.as_str())
 }
 
+/// A text of a file without what would break a line.
+pub(super) fn printable(text: &str) -> String {
+    text.replace(char::is_control, " ")
+}
+
 /// A value as text, cut where it is long.
 pub(super) fn clip(value: &Value) -> String {
     let text = value.to_string();
     match text.char_indices().nth(60) {
-        Some((at, _)) => format!("{}...", &text[..at]),
+        Some((at, _)) => format!("{}... and more", &text[..at]),
         None => text,
     }
 }

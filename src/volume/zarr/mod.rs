@@ -47,9 +47,9 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let level = options.level as usize;
     let count = found.image.as_ref().map_or(1, |image| image.levels.len());
     if level >= count {
-        let levels = if count == 1 { "level" } else { "levels" };
+        let (are, levels) = if count == 1 { ("is", "level") } else { ("are", "levels") };
         let listed = found.image.as_ref().map_or(String::new(), |image| format!(": {}", listed_levels(image)));
-        return Err(Error::input("level", format!("is {level}, but there are {count} {levels}, from 0{listed}")));
+        return Err(Error::input("level", format!("is {level}, but there {are} {count} {levels}, from 0{listed}")));
     }
     let mut notes = Vec::new();
     let array = match &found.image {
@@ -143,9 +143,11 @@ impl Axes {
             }
             Some(image) => image.axes.clone(),
             None => {
-                let given = |at: usize| array.names.get(at).cloned().flatten().unwrap_or_default().to_lowercase();
+                let given = |at: usize| array.names.get(at).cloned().flatten().unwrap_or_default();
                 let unit = || None;
-                (0..dimensions).map(|at| AxisName { name: given(at), unit: unit() }).collect()
+                (0..dimensions)
+                    .map(|at| AxisName { name: metadata::printable(&given(at).to_lowercase()), unit: unit() })
+                    .collect()
             }
         };
         let by_name = |name: &str| named.iter().position(|axis| axis.name == name);

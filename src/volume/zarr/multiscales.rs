@@ -14,7 +14,7 @@ use std::path::{Component, Path, PathBuf};
 
 use serde_json::{Map, Value};
 
-use super::metadata::clip;
+use super::metadata::{clip, printable};
 use crate::error::{Error, Result};
 
 /// Levels that an image may have: each is half as large as the one before.
@@ -89,7 +89,7 @@ fn axis(value: &Value) -> Option<AxisName> {
         "nanometer" => "nm",
         other => other,
     });
-    Some(AxisName { name: name.to_lowercase(), unit: unit.map(str::to_owned) })
+    Some(AxisName { name: printable(&name.to_lowercase()), unit: unit.map(printable) })
 }
 
 /// The path `value` below `path`; `None` if it leads anywhere else.
