@@ -4,29 +4,32 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use indicatif::HumanBytes;
 use serde_json::json;
 
 use super::classification::ClassificationArguments;
 use super::input::InputArguments;
-use super::progress::{Progress, interrupted};
+use super::progress::Progress;
+use super::resources::ResourceArguments;
 use super::{Answer, is_same_file, print_note, print_result, starts_as_adj};
 use crate::arena::TileOrder;
-use crate::arena::builder::{BuildOptions, Built, build};
+use crate::arena::budget::Budget;
+use crate::arena::builder::{BuildOptions, Classified, Resources, classify};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::file::{check_writable, write_arena_unless};
+use crate::file::{RowsOutput, check_writable, scratch_folder, write_rows};
 use crate::volume::{Header, SlabSource};
 
 /// Build an .adj file from a volume: only the visible voxels, in lanes.
 ///
-/// Reads raw, NRRD, MetaImage, NIfTI, VTK legacy and DICOM files, folders of DICOM slices, Zarr and OME-Zarr
-/// folders, or phantom:NAME (constant, shells, gyroid, marschner-lobb, hydrogen, vessels, noise, corners).
+/// Reads raw, NRRD, MetaImage, NIfTI, TIFF, VTK (.vtk, .vti) and DICOM files, folders of TIFF or DICOM slices, Zarr
+/// and OME-Zarr folders, or phantom:NAME (constant, shells, gyroid, marschner-lobb, hydrogen, vessels, noise, corners).
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj build engine.nii.gz --range 60.. -o engine.adj\n  adj build ct.raw --dims 512x512x300 --type i16le --spacing 0.7x0.7x1 --tf ct-bone -o ct.adj\n  adj build frog.mhd --labels frog -o frog.adj\n  adj build dicom-folder --tf ct-bone -o ct.adj\n  adj build brain.ome.zarr --level 2 --volume 1 --range 300.. -o brain.adj\n  adj build phantom:gyroid --dims 512x512x512 -o gyroid.adj"
 )]
 pub(super) struct Arguments {
-    /// The volume.
+    /// The volume: a file, or a folder of slices.
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// The .adj file to write.
@@ -44,6 +47,8 @@ pub(super) struct Arguments {
     packing: PackingArguments,
     #[command(flatten)]
     reading: InputArguments,
+    #[command(flatten)]
+    resources: ResourceArguments,
 }
 
 /// How the visible voxels are stored.
@@ -95,25 +100,59 @@ impl PackingArguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
+    let (memory, threads) = (arguments.resources.memory()?, arguments.resources.threads()?);
     let mut source = arguments.reading.open(&arguments.input)?;
     let transfer = arguments.classification.required(&arguments.input)?;
     let options = arguments.packing.options(transfer)?;
     check_output(&arguments.output, &arguments.input)?;
     let header = source.header().clone();
-    let built = build_with_warnings(&mut *source, &options, arguments.quiet)?;
-    let description = description(&header, &built);
-    let bytes = write_arena_unless(&interrupted, &arguments.output, &built.facts, &built.lanes, &description)?;
-    report(arguments, &header, &built, bytes, start.elapsed().as_secs_f64());
+    let folder = Some(scratch_folder(&arguments.output)?);
+    let resources = Resources { memory: Some(memory), threads, folder };
+    let budget = Budget::new(&header, &options, &resources, source.buffer_bytes())?;
+    if !arguments.quiet && (arguments.resources.memory_given() || budget.may_spill(header.grid.len())) {
+        say_need(&budget, &header);
+    }
+    let visible = classify_with_warnings(&mut *source, &options, &resources, arguments.quiet)?;
+    let description = description(&header, &visible);
+    let output = RowsOutput {
+        facts: visible.facts.clone(),
+        description: &description,
+        lane_count: options.lane_count,
+        memory: Some(memory),
+        threads,
+    };
+    let mut progress = Progress::new(arguments.quiet);
+    let (_, bytes) = write_rows(&arguments.output, &visible.rows, &output, &mut progress)?;
+    drop(progress);
+    report(arguments, &header, &visible, bytes, start.elapsed().as_secs_f64());
     Ok(Answer::Yes)
 }
 
-/// Builds with a progress bar, and says on stderr what a user should know of the samples.
-pub(super) fn build_with_warnings(source: &mut dyn SlabSource, options: &BuildOptions, quiet: bool) -> Result<Built> {
-    if options.needs_survey(source.header().sample_type) && !quiet {
-        let hint = if options.transfer.uses_gradient() { "" } else { "; a range with both ends, A..B, avoids it" };
-        print_note(&format!("reading the samples twice, as their own range decides what codes mean{hint}"));
+/// Says what the build will take, before it does.
+fn say_need(budget: &Budget, header: &Header) {
+    let memory = HumanBytes(budget.need);
+    let voxels = header.grid.len();
+    let most = HumanBytes(voxels.saturating_mul(budget.spill_bytes_per_voxel));
+    let disk = if budget.may_spill(voxels) {
+        let each = budget.spill_bytes_per_voxel;
+        format!("; beside the output for a while {each} bytes of disk a visible voxel, at most {most}")
+    } else {
+        String::new()
+    };
+    print_note(&format!("takes at most {memory} of memory{disk}"));
+}
+
+/// Reads a volume with a progress bar, and says on stderr what a user should know of the samples.
+pub(super) fn classify_with_warnings(
+    source: &mut dyn SlabSource,
+    options: &BuildOptions,
+    resources: &Resources,
+    quiet: bool,
+) -> Result<Classified> {
+    if options.needs_survey() && !quiet {
+        print_note("reading the samples twice, as what is visible depends on their largest gradient");
     }
-    let built = build(source, options, &mut Progress::new(quiet))?;
+    let built = classify(source, options, resources, &mut Progress::new(quiet))?;
     if built.findings.blurred_away > 0 {
         let count = built.findings.blurred_away;
         let better =
@@ -135,6 +174,11 @@ fn check_output(output: &Path, input: &Path) -> Result<()> {
     if is_same_file(output, input) {
         return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
     }
+    check_replaceable(output)
+}
+
+/// Finds out that the output can be written, and that no file but an old .adj file would be lost to it.
+pub(super) fn check_replaceable(output: &Path) -> Result<()> {
     // A header may name other files that hold the samples: those must not be lost to a slip either.
     let named = output.extension().is_some_and(|extension| extension == "adj");
     let old = std::fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0);
@@ -146,7 +190,7 @@ fn check_output(output: &Path, input: &Path) -> Result<()> {
 }
 
 /// What the file says of itself to people and tools.
-pub(super) fn description(header: &Header, built: &Built) -> String {
+pub(super) fn description(header: &Header, built: &Classified) -> String {
     let source = json!({
         "name": header.name,
         "format": header.format,
@@ -164,7 +208,7 @@ pub(super) fn description(header: &Header, built: &Built) -> String {
     description.to_string()
 }
 
-fn report(arguments: &Arguments, header: &Header, built: &Built, bytes: u64, seconds: f64) {
+fn report(arguments: &Arguments, header: &Header, built: &Classified, bytes: u64, seconds: f64) {
     let path = &arguments.output;
     let visible = built.facts.visible_voxels;
     let samples = header.grid.len();
@@ -191,6 +235,6 @@ fn report(arguments: &Arguments, header: &Header, built: &Built, bytes: u64, sec
     print_result(&format!(
         "{}: {visible} {are} visible of {samples} ({share:.2} %); {}, {per_voxel:.2} bytes a visible voxel, {seconds:.2} s",
         path.display(),
-        indicatif::HumanBytes(bytes),
+        HumanBytes(bytes),
     ));
 }

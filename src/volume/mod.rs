@@ -22,7 +22,11 @@ mod nifti;
 mod nrrd;
 mod nrrd_axes;
 mod stream;
+mod tiff;
 mod tokens;
+mod vti;
+mod vti_array;
+mod vti_tags;
 mod vtk;
 mod zarr;
 

@@ -4,10 +4,12 @@
 //! from the name only where those say nothing:
 //!
 //! ```text
-//! a folder                                 what its files are: see `folder`
+//! a folder                                 what its files are (see `folder`)
 //! raw options given                        raw
 //! "NRRD"                                   NRRD
 //! "# vtk DataFile"                         VTK legacy
+//! "<VTKFile", also behind "<?xml"          VTK XML image
+//! "II" or "MM", and 42 or 43               TIFF, BigTIFF
 //! 348 or 540, either order, and a magic    NIfTI, also inside gzip
 //! "DICM" at byte 128                       DICOM
 //! "ObjectType =", "NDims =" ...            MetaImage
@@ -23,7 +25,7 @@ use flate2::read::MultiGzDecoder;
 
 use super::raw::RawOptions;
 use super::stream::open_regular;
-use super::{SlabSource, dicom, folder, metaimage, nifti, nrrd, raw, vtk};
+use super::{SlabSource, dicom, folder, metaimage, nifti, nrrd, raw, tiff, vti, vtk};
 use crate::error::{Error, Result};
 
 /// What a file cannot say itself, or is to be told otherwise.
@@ -73,6 +75,8 @@ enum Format {
     Nifti,
     Vtk,
     Dicom,
+    Vti,
+    Tiff,
 }
 
 /// Bytes from the front of a file that its format is found from.
@@ -94,7 +98,7 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
         let [x, y, z] = spacing;
         return Err(Error::input("spacing", format!("is {x}, {y}, {z}, but each must be finite and above 0")));
     }
-    if options.raw.is_none() && std::fs::metadata(path).is_ok_and(|found| found.is_dir()) {
+    if path.is_dir() {
         return folder::open(path, options);
     }
     let (file, len) = open_regular(path, "open")?;
@@ -118,9 +122,12 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
         Some(Format::Nifti) => nifti::open(path, options),
         Some(Format::Vtk) => vtk::open(path, options),
         Some(Format::Dicom) => dicom::open(path, None, options),
+        Some(Format::Vti) => vti::open(path, options),
+        Some(Format::Tiff) => tiff::open(path, options),
         None => {
             let why = "is in no format known here (NRRD .nrrd .nhdr, MetaImage .mhd .mha, NIfTI .nii .nii.gz .hdr \
-                .img, VTK legacy .vtk, DICOM .dcm or a folder of them, Zarr folders); if it is raw samples, give --dims 256x256x128 and --type u8 or alike";
+                .img, VTK .vtk .vti, TIFF .tif, DICOM .dcm, or a folder of slices or Zarr chunks); if it is raw \
+                samples, give --dims 256x256x128 and --type u8 or alike";
             Err(Error::input(path.display().to_string(), why))
         }
     }
@@ -149,8 +156,15 @@ fn from_content(probe: &[u8]) -> Option<Format> {
     if probe.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {
         return Some(Format::Vtk);
     }
+    // Before TIFF: slides may be both, with a TIFF header in the bytes that DICOM leaves free.
     if dicom::is_header(probe) {
         return Some(Format::Dicom);
+    }
+    if tiff::is_header(probe) {
+        return Some(Format::Tiff);
+    }
+    if vti::is_header(probe) {
+        return Some(Format::Vti);
     }
     if nifti::is_header(probe) || metaimage::is_header(probe) {
         return Some(if nifti::is_header(probe) { Format::Nifti } else { Format::MetaImage });
@@ -174,6 +188,8 @@ fn from_name(path: &Path) -> Option<Format> {
         }
         "vtk" => Some(Format::Vtk),
         "dcm" | "dicom" => Some(Format::Dicom),
+        "vti" => Some(Format::Vti),
+        "tif" | "tiff" => Some(Format::Tiff),
         _ => None,
     }
 }

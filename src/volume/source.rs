@@ -36,24 +36,6 @@ impl Header {
             _ => Err(Error::Limit { what: format!("{}: memory in bytes for one slice", self.name), need, have }),
         }
     }
-
-    /// Checks that `slice` can hold one slice.
-    ///
-    /// # Errors
-    /// [`Error::Input`] if it has another type or length.
-    pub(super) fn check_slice(&self, slice: &Samples) -> Result<()> {
-        if slice.sample_type() == self.sample_type && slice.len() as u64 == self.grid.slice_len() {
-            return Ok(());
-        }
-        let why = format!(
-            "holds {} samples of {}, but a slice has {} of {}",
-            slice.len(),
-            slice.sample_type().name(),
-            self.grid.slice_len(),
-            self.sample_type.name()
-        );
-        Err(Error::input("slice buffer", why))
-    }
 }
 
 /// `bytes`, or if the system does not give so many at once, about as many as it does.

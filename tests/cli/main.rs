@@ -4,7 +4,9 @@
 mod arenas;
 mod harness;
 mod interrupt;
+mod killed;
 mod outputs;
 mod transfer;
+mod trim;
 mod usage;
 mod volumes;

@@ -3,10 +3,13 @@
 //!
 //! What this cannot catch: a misreading of a specification that the writers below share.
 
+mod damage;
 mod dicom;
 mod malformed;
 mod nifti;
 mod real;
 mod sample;
+mod tiff;
 mod variants;
+mod vti;
 mod zarr;

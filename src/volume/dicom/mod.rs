@@ -25,6 +25,7 @@ use self::image::{Found, Frame, ImageFile};
 use self::pixels::PixelReader;
 use super::file_list::MAX_FILES;
 use super::open::{OpenOptions, file_name};
+use super::slab::check_turn;
 use super::{Header, SampleType, Samples, SlabSource};
 use crate::error::{Error, Result};
 use crate::with_samples;
@@ -82,7 +83,7 @@ fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Resu
     let (mut other, mut without, mut coloured): (Vec<PathBuf>, Vec<PathBuf>, Vec<PathBuf>) = Default::default();
     let mut colour = None;
     for path in paths {
-        if !super::folder::probe(&path)?.is_some_and(|probe| is_header(&probe)) {
+        if !is_header(&super::folder::probe(&path)?) {
             other.push(path);
             continue;
         }
@@ -131,7 +132,7 @@ struct DicomReader {
     scaled: bool,
     pixels: PixelReader,
     /// Slices read since the start.
-    slices_read: usize,
+    slices_read: u32,
     notes: Vec<String>,
 }
 
@@ -148,10 +149,8 @@ impl SlabSource for DicomReader {
     }
 
     fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
-        self.header.check_slice(slice)?;
-        let Some(frame) = self.frames.get(self.slices_read) else {
-            return Err(Error::input("slice", "comes after the last; rewind first"));
-        };
+        check_turn(&self.header, slice, self.slices_read, false)?;
+        let frame = &self.frames[self.slices_read as usize];
         let file = &self.files[frame.file];
         if self.scaled {
             if self.stored.is_none() {

@@ -25,9 +25,9 @@ use self::metadata::Array;
 use self::multiscales::{AxisName, Level, Multiscales};
 use super::frame::{Frame, IDENTITY, World};
 use super::open::{OpenOptions, file_name};
-use super::slab::Endian;
+use super::slab::{Endian, check_turn};
 use super::source::obtainable;
-use super::{Grid, Header, Samples, SlabSource, nifti};
+use super::{Header, Samples, SlabSource, nifti};
 use crate::error::{Error, Result};
 
 pub(super) use metadata::is_node;
@@ -374,11 +374,7 @@ impl SlabSource for ZarrReader {
     }
 
     fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
-        self.header.check_slice(slice)?;
-        let Grid { dims, .. } = &self.header.grid;
-        if self.slices_read == dims[2] {
-            return Err(Error::input("slice", "comes after the last; rewind first"));
-        }
+        check_turn(&self.header, slice, self.slices_read, false)?;
         let z = u64::from(self.slices_read);
         let layer = z / self.chunk_points(2);
         if self.loaded != Some(layer) {
