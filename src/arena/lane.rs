@@ -198,7 +198,7 @@ impl Lane<'_> {
     /// Whether the voxel of `record` is shown.
     #[inline(always)]
     pub fn shows(&self, record: usize) -> bool {
-        self.shown.is_none_or(|shown| shown.has(self.record(record)))
+        self.shown.is_none_or(|shown| shown.has(self.value_code(record), self.magnitude_code(record)))
     }
 
     /// The largest value code of a voxel that is shown; 0 if there is none. O(records).
@@ -258,9 +258,10 @@ impl<'a> Lane<'a> {
 
     /// How many records the lines of `tile` have, by its last line's end; 0 where the file is wrong.
     pub fn tile_records(&self, tile: &TileRecord) -> u64 {
-        let lines = tile.occupancy.get().count_ones() as usize;
-        let last = (tile.first_line.get() as usize + lines).checked_sub(1);
-        tell(self.pager, || last.map_or(&[], |last| self.line_ends.bytes_of(last..last + 1)));
+        let lines = u64::from(tile.occupancy.get().count_ones());
+        let last =
+            (u64::from(tile.first_line.get()) + lines).checked_sub(1).and_then(|last| usize::try_from(last).ok());
+        tell(self.pager, || last.map_or(&[], |last| self.line_ends.bytes_of(last..last.saturating_add(1))));
         last.and_then(|last| self.line_end(last)).map_or(0, u64::from)
     }
 

@@ -298,12 +298,11 @@ fn keep_shown(lane: &Lane, base: u64, places: &mut Places, range: Range<usize>) 
     let base = usize::try_from(base).unwrap_or(usize::MAX);
     let mut end = range.start;
     for from in range.clone() {
-        if lane.shows(base.saturating_add(places.record[from] as usize)) {
-            places.medium[end] = places.medium[from];
-            places.fast[end] = places.fast[from];
-            places.record[end] = places.record[from];
-            end += 1;
-        }
+        // Moved first and counted after: whether a voxel is shown is hard to foretell.
+        places.medium[end] = places.medium[from];
+        places.fast[end] = places.fast[from];
+        places.record[end] = places.record[from];
+        end += usize::from(lane.shows(base.saturating_add(places.record[end] as usize)));
     }
     range.start..end
 }
