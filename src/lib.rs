@@ -8,7 +8,7 @@
 //! volume -> classify -> arena <-> file -> traverse -> splat -> frame
 //! ```
 //!
-//! Modules import only from those to their left. The structure is "implementation B" of Orchard and Möller,
+//! Modules import only from those to their left; errors and limits are everyone's. The structure is "implementation B" of Orchard and Möller,
 //! "Accelerated Splatting using a 3D Adjacency Data Structure", Graphics Interface 2001, with the one-byte
 //! steps and the cache-coherent order that the paper proposes.
 
@@ -20,6 +20,7 @@ pub mod classify;
 pub mod cli;
 pub mod error;
 pub mod file;
+pub mod limits;
 mod parallel;
 pub mod splat;
 pub mod traverse;

@@ -202,6 +202,10 @@ pub(super) fn description(header: &Header, built: &Classified) -> String {
         "transfer_function": serde_json::to_value(&built.transfer).expect("a transfer function is plain JSON"),
         "counts": { "nan": built.findings.not_finite },
     });
+    let (lowest, highest) = (built.findings.lowest, built.findings.highest);
+    if lowest <= highest {
+        description["values"] = json!({ "lowest": lowest, "highest": highest });
+    }
     if let Some(unit) = &header.grid.unit {
         description["unit"] = json!(unit);
     }

@@ -1,5 +1,6 @@
 //! Files: arenas on disk, written whole or not at all and read through a memory map.
 
+mod ledger;
 pub mod map;
 pub mod place;
 pub mod temporary;

@@ -27,6 +27,7 @@ use super::raw::RawOptions;
 use super::stream::open_regular;
 use super::{SlabSource, dicom, folder, metaimage, nifti, nrrd, raw, tiff, vti, vtk};
 use crate::error::{Error, Result};
+use crate::limits::Limits;
 
 /// What a file cannot say itself, or is to be told otherwise.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -131,6 +132,21 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
             Err(Error::input(path.display().to_string(), why))
         }
     }
+}
+
+/// As [`open`], for a file that one does not trust: refused if its volume is larger than `limits` allow.
+///
+/// No reader allocates by a size that a file states; who reads its slices does.
+///
+/// # Errors
+/// Likewise; and [`Error::Limit`] that names the file and what is too large.
+pub fn open_with(path: &Path, options: &OpenOptions, limits: &Limits) -> Result<Box<dyn SlabSource>> {
+    let source = open(path, options)?;
+    let header = source.header();
+    limits.check_grid(path, &header.grid.dims.map(u64::from))?;
+    let slice = header.grid.slice_len().saturating_mul(header.sample_type.bytes() as u64);
+    limits.check(path, "bytes of a slice", slice, limits.slice_bytes)?;
+    Ok(source)
 }
 
 /// A path's last part, for people.

@@ -6,6 +6,7 @@ mod budgets;
 mod harness;
 mod interrupt;
 mod killed;
+mod memory;
 mod outputs;
 mod transfer;
 mod trim;

@@ -8,6 +8,7 @@ mod band;
 mod blend;
 mod dispatch;
 mod freeze;
+mod need;
 mod plain;
 mod planes;
 mod project;
@@ -15,6 +16,8 @@ pub(crate) mod raster;
 mod stamp;
 
 use std::time::{Duration, Instant};
+
+pub use self::need::memory_need;
 
 use self::arith::absorbed;
 use self::band::Drawn;
