@@ -6,19 +6,24 @@
 pub mod builder;
 pub mod check;
 pub mod curve;
+pub mod erode;
 pub mod lane;
+pub mod lane_rows;
 pub mod lanes;
 pub mod layout;
 pub mod open;
 pub mod pack;
 mod plan;
+pub mod record_set;
 pub mod rows;
 pub mod transpose;
 mod window;
 
 pub use curve::TileOrder;
 pub use lane::{Lane, LineEnds, OwnedLane};
+pub use lane_rows::LaneRows;
 pub use lanes::LaneSet;
 pub use layout::{Channels, TileRecord};
 pub use open::{Arena, Section};
+pub use record_set::RecordSet;
 pub use rows::{Region, Rows, Voxel};

@@ -7,6 +7,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::classification::ClassificationArguments;
+use super::cull::{CullArguments, Culled, cull};
 use super::input::InputArguments;
 use super::progress::{Progress, interrupted};
 use super::{Answer, is_same_file, print_note, print_result, starts_as_adj};
@@ -14,7 +15,7 @@ use crate::arena::TileOrder;
 use crate::arena::builder::{BuildOptions, Built, build};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::file::{check_writable, write_arena_unless};
+use crate::file::{Scratch, check_writable, write_arena_unless};
 use crate::volume::{Header, SlabSource};
 
 /// Build an .adj file from a volume: only the visible voxels, in lanes.
@@ -42,6 +43,8 @@ pub(super) struct Arguments {
     classification: ClassificationArguments,
     #[command(flatten)]
     packing: PackingArguments,
+    #[command(flatten)]
+    culling: CullArguments,
     #[command(flatten)]
     reading: InputArguments,
 }
@@ -98,12 +101,26 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut source = arguments.reading.open(&arguments.input)?;
     let transfer = arguments.classification.required(&arguments.input)?;
     let options = arguments.packing.options(transfer)?;
+    let culling = arguments.culling.culling()?;
     check_output(&arguments.output, &arguments.input)?;
     let header = source.header().clone();
-    let built = build_with_warnings(&mut *source, &options, arguments.quiet)?;
+    let mut built = build_with_warnings(&mut *source, &options, arguments.quiet)?;
     let description = description(&header, &built);
-    let bytes = write_arena_unless(&interrupted, &arguments.output, &built.facts, &built.lanes, &description)?;
-    report(arguments, &header, &built, bytes, start.elapsed().as_secs_f64());
+    let (bytes, culled) = match culling {
+        None => {
+            let output = &arguments.output;
+            (write_arena_unless(&interrupted, output, &built.facts, &built.lanes, &description)?, None)
+        }
+        Some(culling) => {
+            let scratch = Scratch::beside(&arguments.output)?;
+            write_arena_unless(&interrupted, scratch.path(), &built.facts, &built.lanes, &description)?;
+            built.lanes.clear();
+            let culled = cull(scratch.path(), &arguments.output, &culling, arguments.quiet)?;
+            built.facts = culled.facts.clone();
+            (culled.bytes, Some(culled))
+        }
+    };
+    report(arguments, &header, &built, bytes, culled.as_ref(), start.elapsed().as_secs_f64());
     Ok(Answer::Yes)
 }
 
@@ -164,26 +181,27 @@ pub(super) fn description(header: &Header, built: &Built) -> String {
     description.to_string()
 }
 
-fn report(arguments: &Arguments, header: &Header, built: &Built, bytes: u64, seconds: f64) {
+fn report(arguments: &Arguments, header: &Header, built: &Built, bytes: u64, culled: Option<&Culled>, seconds: f64) {
     let path = &arguments.output;
     let visible = built.facts.visible_voxels;
     let samples = header.grid.len();
     let per_voxel = bytes as f64 / visible as f64;
     if arguments.json {
-        print_result(
-            &json!({
-                "output": path.display().to_string(),
-                "visible_voxels": visible,
-                "samples": samples,
-                "bytes_total": bytes,
-                "bytes_per_visible_voxel": per_voxel,
-                "lowest": built.findings.lowest,
-                "highest": built.findings.highest,
-                "not_finite": built.findings.not_finite,
-                "seconds": seconds,
-            })
-            .to_string(),
-        );
+        let mut result = json!({
+            "output": path.display().to_string(),
+            "visible_voxels": visible,
+            "samples": samples,
+            "bytes_total": bytes,
+            "bytes_per_visible_voxel": per_voxel,
+            "lowest": built.findings.lowest,
+            "highest": built.findings.highest,
+            "not_finite": built.findings.not_finite,
+            "seconds": seconds,
+        });
+        if let Some(culled) = culled {
+            result["hidden_voxels"] = culled.report.clone();
+        }
+        print_result(&result.to_string());
         return;
     }
     let share = 100.0 * visible as f64 / samples as f64;
@@ -193,4 +211,7 @@ fn report(arguments: &Arguments, header: &Header, built: &Built, bytes: u64, sec
         path.display(),
         indicatif::HumanBytes(bytes),
     ));
+    if let Some(culled) = culled {
+        print_result(&culled.line());
+    }
 }

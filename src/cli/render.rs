@@ -309,7 +309,7 @@ fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u
 }
 
 /// The transfer function that the file was built with.
-fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
+pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
     let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     serde_json::from_value(description["transfer_function"].clone()).map_err(|_| {
         Error::input(

@@ -119,6 +119,30 @@ impl Place {
     }
 }
 
+/// A file for work in between, beside where a result will be; removed when this value goes.
+pub struct Scratch {
+    file: Temporary,
+}
+
+impl Scratch {
+    /// An empty file in the folder of `path`, or in the system's folder for temporary files if `path` is a device.
+    ///
+    /// # Errors
+    /// As [`check_writable`].
+    pub fn beside(path: &Path) -> Result<Scratch> {
+        let folder = match Place::of(path)? {
+            Place::Device => std::env::temp_dir(),
+            Place::File { folder, .. } => folder,
+        };
+        Ok(Scratch { file: Temporary::new(&folder)? })
+    }
+
+    /// Where it is.
+    pub fn path(&self) -> &Path {
+        self.file.file.path()
+    }
+}
+
 /// A temporary file that is listed among the unfinished ones for as long as it is there.
 struct Temporary {
     file: tempfile::NamedTempFile,
