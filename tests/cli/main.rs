@@ -3,6 +3,7 @@
 
 mod arenas;
 mod harness;
+mod hidden;
 mod interrupt;
 mod outputs;
 mod transfer;

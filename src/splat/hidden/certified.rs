@@ -57,12 +57,18 @@ pub(super) fn uncertain(scene: &Scene, seen: &RecordSet, culling: &Culling, watc
     let need = -(culling.eps.ln());
     let table = Table::new(scene, &x_lane, &Settings::new([1, 1]), mean)?;
     let mut done = 0;
+    let mut known: Vec<([f64; 3], KernelShape, LayerWeights)> = Vec::new();
     for slow in Axis::ALL {
         let fast = if slow == Axis::X { Axis::Y } else { Axis::X };
         let lane = scene.lanes.lane(fast)?;
         let open = RecordSet::new(lane.steps.len())?;
         for kernel in kernels {
-            let weights = layer_weights(kernel, slow, lengths);
+            // Equal distances, which are common, have equal weights.
+            let [u, v] = slow.others();
+            let apart = [slow, u, v].map(|axis| lengths[axis.index()]);
+            let found = known.iter().find(|(other, shape, _)| *other == apart && *shape == kernel);
+            let weights = found.map_or_else(|| layer_weights(kernel, slow, lengths), |(.., weights)| *weights);
+            known.push((apart, kernel, weights));
             let strongest = peak(kernel) * lengths.iter().copied().fold(0.0, f64::max);
             for along in [AxisOrder::Ascending, AxisOrder::Descending] {
                 if watch(Stage::Look, done, 18).is_break() {

@@ -174,7 +174,8 @@ fn spare_memory(records: usize, dims: [u32; 3], culling: &Culling) -> Result<u64
     let sets = 4 * RecordSet::bytes_for(records);
     let pictures = measure::bytes_a_thread() * culling.threads as u64;
     let fixed = sets.saturating_add(erode_bytes(dims, SKIN)).saturating_add(pictures);
-    let need = fixed.saturating_add(1 << 20);
+    // Views are looked at eight times at most.
+    let need = fixed.saturating_add(RecordSet::bytes_for(records).div_ceil(8));
     if need > culling.memory {
         let what = "memory for finding hidden voxels in bytes; leave out --cull-hidden, or use fewer threads";
         return Err(Error::Limit { what: what.into(), need, have: culling.memory });
