@@ -20,6 +20,7 @@ pub mod classify;
 pub mod cli;
 pub mod error;
 pub mod file;
+mod parallel;
 pub mod splat;
 pub mod traverse;
 pub mod volume;

@@ -275,7 +275,8 @@ impl<'a> LaneCheck<'a> {
         let Some(offset) = self.lane.line_ends.get(line) else {
             return Err(fault(at, "R16", "a line end for each line of the masks", "none"));
         };
-        let end = first_record + offset as usize;
+        // Where addresses have 32 bits the sum may not fit; then it is outside too.
+        let end = first_record.saturating_add(offset as usize);
         if end <= start || end > records {
             let expected = format!("a line end from {} to {}", start + 1 - first_record, records - first_record);
             return Err(fault(at, "R16", expected, offset));

@@ -42,7 +42,10 @@ pub fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<RecordSet> {
     tiles.sort_unstable();
     let lines_of = |row: usize| {
         let first = tiles.partition_point(|tile| tile.0 < row);
-        tiles[first..].iter().take_while(move |tile| tile.0 == row).flat_map(|tile| lane.tile_lines(tile.1))
+        tiles[first..]
+            .iter()
+            .take_while(move |tile| tile.0 == row)
+            .flat_map(|tile| lane.tile_lines(&lane.tiles[tile.1], u64::MAX))
     };
     // A slice's table has, first, whether a point is in the set; then whether all of its neighbours in the slice are.
     let ring = EDGE + 2 * reach;

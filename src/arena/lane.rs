@@ -7,7 +7,10 @@ use std::ops::Range;
 
 use zerocopy::byteorder::little_endian::{U16, U32};
 
+use super::assemble::TileRun;
 use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
+use super::pack::Record;
+use super::visible::VisibleCodes;
 use crate::volume::Axis;
 
 /// What a stepping voxel advances.
@@ -67,12 +70,16 @@ pub struct Lane<'a> {
     pub normals: &'a [u8],
     /// 0 or 1 byte a record.
     pub magnitudes: &'a [u8],
+    /// What follows its lines and records: those of the tiles that an [overlay](super::Overlay) changes.
+    pub patch: Option<&'a OwnedLane>,
+    /// The codes of the voxels that are shown; `None` for all.
+    pub shown: Option<&'a VisibleCodes>,
 }
 
 impl Lane<'_> {
-    /// Records, stepping voxels included.
+    /// Records, stepping voxels and the patch's included.
     pub fn record_count(&self) -> u64 {
-        self.steps.len() as u64
+        (self.steps.len() + self.patch.map_or(0, |patch| patch.steps.len())) as u64
     }
 
     /// Bytes of all its sections, without padding between them.
@@ -82,7 +89,8 @@ impl Lane<'_> {
             LineEnds::Wide(_) => 4,
         };
         let directory = size_of_val(self.tiles) + self.line_ends.len() * width;
-        (directory + self.steps.len() + self.values.len() + self.normals.len() + self.magnitudes.len()) as u64
+        let own = directory + self.steps.len() + self.values.len() + self.normals.len() + self.magnitudes.len();
+        own as u64 + self.patch.map_or(0, |patch| patch.view().bytes())
     }
 
     /// Lowest and highest coordinates of its voxels, by x, y, z; `None` if it has no tiles.
@@ -112,14 +120,38 @@ impl Lane<'_> {
         (!self.tiles.is_empty()).then(|| (inside(low), inside(high)))
     }
 
-    /// The largest value code of a voxel; 0 if there is none. O(records).
+    /// Calls `see` with the record of each voxel that is shown, in the order of the lane's records. O(records).
+    pub fn each_record(&self, mut see: impl FnMut(usize)) {
+        if self.patch.is_none() {
+            (0..self.steps.len()).filter(|&record| self.steps[record] != 0 && self.shows(record)).for_each(see);
+        } else {
+            // Tiles that were changed left their records behind: only lines tell which ones count.
+            for line in self.lines() {
+                self.line_voxels(line.records).filter(|&(_, record)| self.shows(record)).for_each(|(_, r)| see(r));
+            }
+        }
+    }
+
+    /// Whether the voxel of `record` is shown.
+    #[inline(always)]
+    pub fn shows(&self, record: usize) -> bool {
+        self.shown.is_none_or(|shown| shown.has(self.record(record)))
+    }
+
+    /// The largest value code of a voxel that is shown; 0 if there is none. O(records).
     pub fn largest_value_code(&self) -> u16 {
-        (0..self.steps.len()).filter(|&record| self.steps[record] != 0).map(|r| self.value_code(r)).max().unwrap_or(0)
+        let mut largest = 0;
+        self.each_record(|record| largest = largest.max(self.value_code(record)));
+        largest
     }
 
     /// Records that carry only distance.
     pub fn stepping_voxels(&self) -> u64 {
-        self.steps.iter().filter(|&&step| step == 0).count() as u64
+        let count = |steps: &[u8]| steps.iter().filter(|&&step| step == 0).count() as u64;
+        match self.patch {
+            None => count(self.steps),
+            Some(_) => self.lines().map(|line| count(self.steps_of(line.records))).sum(),
+        }
     }
 }
 
@@ -135,21 +167,20 @@ pub struct LineSpan {
 }
 
 impl<'a> Lane<'a> {
-    /// The lines of tile `tile_index` in bit order.
+    /// The lines of `tile` in bit order, of those that `wanted` has a bit for.
     ///
     /// The plain reading of the directory; the walk has a faster one, and tests hold the two equal.
-    pub fn tile_lines(&self, tile_index: usize) -> impl Iterator<Item = LineSpan> + use<'a> {
-        let lane = *self;
-        let tile = lane.tiles.get(tile_index).copied();
-        let bits = tile.map_or(0, |tile| tile.occupancy.get());
-        let mut end = 0;
-        (0..64).filter(move |bit| bits >> bit & 1 == 1).enumerate().filter_map(move |(rank, bit)| {
-            let tile = tile?;
-            let start = end;
-            end = lane.line_ends.get(tile.first_line.get() as usize + rank)?;
+    pub fn tile_lines(&self, tile: &TileRecord, wanted: u64) -> impl Iterator<Item = LineSpan> + use<'a> {
+        let (lane, tile) = (*self, *tile);
+        let occupied = tile.occupancy.get();
+        (0u32..64).filter(move |bit| (occupied & wanted) >> bit & 1 == 1).filter_map(move |bit| {
+            let rank = (occupied & ((1 << bit) - 1)).count_ones() as usize;
+            let line = usize::try_from(tile.first_line.get()).ok()?.checked_add(rank)?;
+            let end = lane.line_end(line)?;
+            let start = if rank == 0 { 0 } else { lane.line_end(line - 1)? };
             let record = |offset: u32| usize::try_from(tile.first_record.get().checked_add(offset.into())?).ok();
             let records = record(start)?..record(end)?;
-            let records = if lane.steps.get(records.clone()).is_some() { records } else { 0..0 };
+            let records = if lane.steps_of(records.clone()).len() == records.len() { records } else { 0..0 };
             let line = |tile_line: u16, within: u32| u32::from(tile_line) * u32::from(TILE_EDGE) + within;
             Some(LineSpan { u: line(tile.tile_u.get(), bit % 8), v: line(tile.tile_v.get(), bit / 8), records })
         })
@@ -158,12 +189,49 @@ impl<'a> Lane<'a> {
     /// Every line, tile after tile.
     pub fn lines(&self) -> impl Iterator<Item = LineSpan> + use<'a> {
         let lane = *self;
-        (0..self.tiles.len()).flat_map(move |tile_index| lane.tile_lines(tile_index))
+        lane.tiles.iter().flat_map(move |tile| lane.tile_lines(tile, u64::MAX))
+    }
+
+    /// How many records the lines of `tile` have, by its last line's end; 0 where the file is wrong.
+    pub fn tile_records(&self, tile: &TileRecord) -> u64 {
+        let lines = tile.occupancy.get().count_ones() as usize;
+        let last = (tile.first_line.get() as usize + lines).checked_sub(1);
+        last.and_then(|last| self.line_end(last)).map_or(0, u64::from)
+    }
+
+    /// The end of line `index`, counted from its tile's first record; `None` past the last.
+    #[inline(always)]
+    pub fn line_end(&self, index: usize) -> Option<u32> {
+        self.line_ends.get(index).or_else(|| self.patched_line_end(index))
+    }
+
+    /// [`Lane::line_end`] of a line past the lane's own.
+    #[cold]
+    pub(crate) fn patched_line_end(&self, index: usize) -> Option<u32> {
+        self.patch?.view().line_ends.get(index.checked_sub(self.line_ends.len())?)
+    }
+
+    /// The steps of `records`; none if some lie past the end.
+    pub fn steps_of(&self, records: Range<usize>) -> &'a [u8] {
+        self.steps.get(records.clone()).unwrap_or_else(|| {
+            let own = self.steps.len();
+            let patched = records.start.checked_sub(own).zip(records.end.checked_sub(own));
+            self.patch.zip(patched).and_then(|(patch, (from, to))| patch.steps.get(from..to)).unwrap_or_default()
+        })
+    }
+
+    /// A code of `record`, which lies past the lane's own: the patch's; 0 past that one's end too.
+    #[cold]
+    fn patched<T: Default>(&self, record: usize, code: impl Fn(&Lane<'_>, usize) -> T) -> T {
+        match self.patch.zip(record.checked_sub(self.steps.len())) {
+            Some((patch, record)) => code(&patch.view(), record),
+            None => T::default(),
+        }
     }
 
     /// The voxels of a line from its low end: coordinate on the lane's axis, record.
     pub fn line_voxels(&self, records: Range<usize>) -> impl Iterator<Item = (u32, usize)> + use<'a> {
-        let steps = self.steps.get(records.clone()).unwrap_or_default();
+        let steps = self.steps_of(records.clone());
         // The first step is counted from -1, so the position runs one ahead of the coordinate.
         let mut position = 0u32;
         steps.iter().zip(records.start..).filter_map(move |(&step, record)| {
@@ -172,31 +240,45 @@ impl<'a> Lane<'a> {
         })
     }
 
+    /// The codes of `record`; 0 past the end and for channels that are not there.
+    #[inline(always)]
+    pub fn record(&self, record: usize) -> Record {
+        Record {
+            value: self.value_code(record),
+            normal: self.normal_code(record),
+            magnitude: self.magnitude_code(record),
+        }
+    }
+
     /// The value code of `record`; 0 past the end.
     #[inline(always)]
     pub fn value_code(&self, record: usize) -> u16 {
-        match self.channels.value_bits {
-            8 => self.values.get(record).map_or(0, |&v| u16::from(v)),
-            _ => self.values.get(2 * record..2 * record + 2).map_or(0, |b| u16::from_le_bytes([b[0], b[1]])),
-        }
+        let code = match self.channels.value_bits {
+            8 => self.values.get(record).map(|&v| u16::from(v)),
+            _ => self.values.as_chunks().0.get(record).map(|&code| u16::from_le_bytes(code)),
+        };
+        code.unwrap_or_else(|| self.patched(record, |patch, record| patch.value_code(record)))
     }
 
     /// The normal's code of `record`, u in the low half; 0 past the end or without normals.
     #[inline(always)]
     pub fn normal_code(&self, record: usize) -> u32 {
-        match self.channels.normal_bits {
-            0 => 0,
-            8 => self.normals.get(2 * record..2 * record + 2).map_or(0, |b| u16::from_le_bytes([b[0], b[1]]).into()),
-            _ => {
-                self.normals.get(4 * record..4 * record + 4).map_or(0, |b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]))
-            }
-        }
+        let code = match self.channels.normal_bits {
+            0 => return 0,
+            8 => self.normals.as_chunks().0.get(record).map(|&code| u16::from_le_bytes(code).into()),
+            _ => self.normals.as_chunks().0.get(record).map(|&code| u32::from_le_bytes(code)),
+        };
+        code.unwrap_or_else(|| self.patched(record, |patch, record| patch.normal_code(record)))
     }
 
     /// The magnitude's code of `record`; 0 past the end or without magnitudes.
     #[inline(always)]
     pub fn magnitude_code(&self, record: usize) -> u8 {
-        self.magnitudes.get(record).copied().unwrap_or(0)
+        if self.channels.magnitude_bits == 0 {
+            return 0;
+        }
+        let code = self.magnitudes.get(record).copied();
+        code.unwrap_or_else(|| self.patched(record, |patch, record| patch.magnitude_code(record)))
     }
 }
 
@@ -242,6 +324,13 @@ impl OwnedLineEnds {
         }
     }
 
+    fn len(&self) -> usize {
+        match self {
+            OwnedLineEnds::Narrow(ends) => ends.len(),
+            OwnedLineEnds::Wide(ends) => ends.len(),
+        }
+    }
+
     /// Appends one.
     ///
     /// # Panics
@@ -257,6 +346,33 @@ impl OwnedLineEnds {
 }
 
 impl OwnedLane {
+    /// A lane without voxels.
+    pub fn new(axis: Axis, dims: [u32; 3], channels: Channels) -> OwnedLane {
+        OwnedLane {
+            axis,
+            dims,
+            channels,
+            tiles: Vec::new(),
+            line_ends: OwnedLineEnds::for_line(dims[axis.index()]),
+            steps: Vec::new(),
+            values: Vec::new(),
+            normals: Vec::new(),
+            magnitudes: Vec::new(),
+        }
+    }
+
+    /// Appends the next tiles.
+    pub fn append(&mut self, run: TileRun) {
+        let (first_line, first_record) = (self.line_ends.len(), self.steps.len() as u64);
+        let first_line = u32::try_from(first_line).expect("a face has fewer than 2^32 lines");
+        self.tiles.extend(run.tiles.iter().map(|tile| tile.moved(first_line, first_record)));
+        run.line_ends.iter().for_each(|&end| self.line_ends.push(end));
+        self.steps.extend(run.arrays.steps);
+        self.values.extend(run.arrays.values);
+        self.normals.extend(run.arrays.normals);
+        self.magnitudes.extend(run.arrays.magnitudes);
+    }
+
     /// The lane, borrowed.
     pub fn view(&self) -> Lane<'_> {
         Lane {
@@ -272,6 +388,8 @@ impl OwnedLane {
             values: &self.values,
             normals: &self.normals,
             magnitudes: &self.magnitudes,
+            patch: None,
+            shown: None,
         }
     }
 }

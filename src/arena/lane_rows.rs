@@ -1,85 +1,210 @@
-//! Rows of a lane: what is left of an arena, given as rows again.
+//! The rows of a lane: what an arena stores, read in place, without what is to be left out.
 //!
-//! In: the lane along x and which of its records are kept. Out: [`Rows`]. Memory: eight bytes a tile.
+//! In: the x lane of an open arena and a closure that keeps, changes or drops each voxel. Out: [`Rows`], which
+//! [`crate::file::write_rows`] makes a file of. Nothing is copied but the row at hand; an index of the tiles by
+//! place takes 4 bytes a tile (of up to 64 lines) and 4 a row of tiles.
+//!
+//! Safe on any bytes: of a lane that is not sound it gives some voxels inside the grid, at most as many as there are
+//! records, and the same ones on every reading.
+
+use std::ops::Range;
 
 use super::lane::Lane;
-use super::layout::{Channels, TILE_EDGE};
+use super::layout::{Channels, TILE_EDGE, TileRecord};
 use super::pack::Record;
 use super::rows::{Region, Rows, Voxel};
 use crate::error::Result;
 use crate::volume::Axis;
 
-/// Which records of the lane along x stay, by their index.
-pub type Kept<'a> = &'a (dyn Fn(usize) -> bool + Sync);
-
-/// The voxels of a lane along x, or some of them.
-pub struct LaneRows<'a> {
+/// Rows of the x lane. `keep` gets x, y, z, the voxel's record as an index and as codes, and gives what is kept.
+pub struct LaneRows<'a, K> {
     lane: Lane<'a>,
-    kept: Option<Kept<'a>>,
-    /// `tile_v`, `tile_u` and index of every tile, in this order.
-    tiles: Vec<(u16, u16, u32)>,
+    tiles: TilesByRow,
+    /// What is read, in the lane's coordinates.
+    window: [Range<u32>; 3],
+    /// The lane's coordinates of the rows' point (0, 0, 0).
+    origin: [u16; 3],
+    dims: [u32; 3],
+    channels: Channels,
+    keep: K,
 }
 
-impl<'a> LaneRows<'a> {
-    /// The rows of `lane`; `kept` says which records stay, `None` for all.
+impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K> {
+    /// The rows of `lane`, as `keep` leaves them.
     ///
     /// # Panics
-    /// If `lane` does not run along x.
-    pub fn new(lane: Lane<'a>, kept: Option<Kept<'a>>) -> LaneRows<'a> {
-        assert!(lane.axis == Axis::X, "rows are lines along x");
-        let place = |tile: &super::TileRecord| (tile.tile_v.get(), tile.tile_u.get());
-        let mut tiles: Vec<(u16, u16, u32)> =
-            lane.tiles.iter().map(place).zip(0..).map(|((v, u), index)| (v, u, index)).collect();
-        tiles.sort_unstable();
-        // A sound lane has each tile once.
-        tiles.dedup_by_key(|&mut (v, u, _)| (v, u));
-        LaneRows { lane, kept, tiles }
+    /// If `lane` is not an x lane.
+    pub fn new(lane: Lane<'a>, keep: K) -> LaneRows<'a, K> {
+        assert!(lane.axis == Axis::X, "rows run along x");
+        LaneRows {
+            tiles: TilesByRow::new(&lane),
+            window: lane.dims.map(|points| 0..points),
+            origin: [0; 3],
+            dims: lane.dims,
+            channels: lane.channels,
+            keep,
+            lane,
+        }
+    }
+
+    /// Only the voxels in `window`; the grid stays.
+    pub fn within(mut self, window: &Region) -> LaneRows<'a, K> {
+        let parts = [&window.xs, &window.ys, &window.zs];
+        for (a, part) in parts.into_iter().enumerate() {
+            let high = part.end.min(self.lane.dims[a]);
+            self.window[a] = part.start.min(high)..high;
+        }
+        self
+    }
+
+    /// Only the voxels in `window`, and a grid of no more than it.
+    ///
+    /// # Panics
+    /// If `window` holds no point of the grid.
+    pub fn cropped(self, window: &Region) -> LaneRows<'a, K> {
+        let mut rows = self.within(window);
+        assert!(rows.window.iter().all(|part| !part.is_empty()), "a window holds at least one point");
+        rows.origin = std::array::from_fn(|a| narrow(rows.window[a].start));
+        rows.dims = std::array::from_fn(|a| rows.window[a].end - rows.window[a].start);
+        rows
+    }
+
+    /// Says which channels the records that `keep` gives have.
+    pub fn with_channels(mut self, channels: Channels) -> LaneRows<'a, K> {
+        self.channels = channels;
+        self
+    }
+
+    /// The part of the window that `region` means, in the lane's coordinates.
+    fn inside(&self, region: &Region) -> [Range<u32>; 3] {
+        let parts = [&region.xs, &region.ys, &region.zs];
+        std::array::from_fn(|a| {
+            let shift = |end: u32| end.saturating_add(self.origin[a].into());
+            let window = &self.window[a];
+            shift(parts[a].start).max(window.start)..shift(parts[a].end).min(window.end)
+        })
     }
 }
 
-impl Rows for LaneRows<'_> {
+impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<'_, K> {
     fn dims(&self) -> [u32; 3] {
-        self.lane.dims
+        self.dims
     }
 
     fn channels(&self) -> Channels {
-        self.lane.channels
+        self.channels
+    }
+
+    fn memory(&self) -> u64 {
+        4 * (self.tiles.tiles.len() + self.tiles.starts.len()) as u64
     }
 
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
+        let [xs, ys, zs] = self.inside(&region);
+        if xs.is_empty() || ys.is_empty() || zs.is_empty() {
+            return Ok(());
+        }
         let edge = u32::from(TILE_EDGE);
-        let lane = &self.lane;
-        let [xs, ys, zs] = [region.xs, region.ys, region.zs];
-        let xs = xs.start..xs.end.min(lane.dims[0]);
-        let (ys, zs) = (ys.start..ys.end.min(lane.dims[1]), zs.start..zs.end.min(lane.dims[2]));
-        let first = self.tiles.partition_point(|&(v, ..)| u32::from(v) < zs.start / edge);
-        let inside = |v: u16| u32::from(v) * edge < zs.end;
-        let mut voxels = Vec::new();
-        for &(_, tile_u, tile) in self.tiles[first..].iter().take_while(|&&(v, ..)| inside(v)) {
-            let low = u32::from(tile_u) * edge;
-            if low >= ys.end || low + edge <= ys.start {
-                continue;
-            }
-            for line in lane.tile_lines(tile as usize) {
-                if !(ys.contains(&line.u) && zs.contains(&line.v)) {
-                    continue;
-                }
-                voxels.clear();
-                let stays = |record: usize| self.kept.is_none_or(|kept| kept(record));
-                let found = lane.line_voxels(line.records).filter(|(x, _)| xs.contains(x));
-                voxels.extend(found.filter(|&(_, index)| stays(index)).map(|(x, index)| Voxel {
-                    x: u16::try_from(x).unwrap_or(u16::MAX),
-                    record: Record {
-                        value: lane.value_code(index),
-                        normal: lane.normal_code(index),
-                        magnitude: lane.magnitude_code(index),
-                    },
-                }));
-                if let ([_, ..], Ok(y), Ok(z)) = (voxels.as_slice(), u16::try_from(line.u), u16::try_from(line.v)) {
-                    row(y, z, &voxels);
+        let mut voxels: Vec<Voxel> = Vec::new();
+        for tile_v in zs.start / edge..=(zs.end - 1) / edge {
+            for tile in self.tiles.row(&self.lane, tile_v, ys.start / edge..=(ys.end - 1) / edge) {
+                let wanted = wanted_lines(tile, &ys, &zs);
+                for line in self.lane.tile_lines(tile, wanted) {
+                    if line.records.len() > self.lane.dims[0] as usize {
+                        continue;
+                    }
+                    let (y, z) = (narrow(line.u), narrow(line.v));
+                    voxels.clear();
+                    for (x, index) in self.lane.line_voxels(line.records) {
+                        if x >= xs.end {
+                            break;
+                        }
+                        if x >= xs.start
+                            && let Some(record) = (self.keep)([narrow(x), y, z], index, self.lane.record(index))
+                        {
+                            voxels.push(Voxel { x: narrow(x) - self.origin[0], record });
+                        }
+                    }
+                    if !voxels.is_empty() {
+                        row(y - self.origin[1], z - self.origin[2], &voxels);
+                    }
                 }
             }
         }
         Ok(())
+    }
+}
+
+/// A coordinate inside a grid.
+fn narrow(coordinate: u32) -> u16 {
+    u16::try_from(coordinate).expect("inside a grid of at most 65,535 points an axis")
+}
+
+/// The lines of `tile` that lie in `us` and `vs`, as bits.
+fn wanted_lines(tile: &TileRecord, us: &Range<u32>, vs: &Range<u32>) -> u64 {
+    let edge = u32::from(TILE_EDGE);
+    // Bits `from..to` of eight, for a range that meets the tile.
+    let eight = |range: &Range<u32>, tile: u16| {
+        let first = u32::from(tile) * edge;
+        let end = |end: u32| end.saturating_sub(first).min(edge);
+        (1u64 << end(range.end)) - (1u64 << end(range.start))
+    };
+    let (columns, rows) = (eight(us, tile.tile_u.get()), eight(vs, tile.tile_v.get()));
+    // Bit i of `rows` becomes byte i.
+    let spread = (0..8).map(|row| (rows >> row & 1) * (0xff << (8 * row))).sum::<u64>();
+    spread & columns.wrapping_mul(0x0101_0101_0101_0101)
+}
+
+/// A lane's tiles by v, then u, whatever order they lie in.
+struct TilesByRow {
+    /// Indices of tiles.
+    tiles: Vec<u32>,
+    /// Where each v starts in `tiles`, and the end of the last.
+    starts: Vec<u32>,
+}
+
+impl TilesByRow {
+    fn new(lane: &Lane) -> TilesByRow {
+        let [across, up] = lane.axis.others().map(|a| lane.dims[a.index()].div_ceil(u32::from(TILE_EDGE)));
+        let place = |tile: &TileRecord| (tile.tile_v.get(), tile.tile_u.get());
+        let mut budget = lane.record_count();
+        // A sound lane has each tile once, inside the face, lines one after the other, and no more records in its tiles
+        // than it has; a damaged one must not cost more.
+        let mut is_sound = |tile: &TileRecord| {
+            let inside = u32::from(tile.tile_u.get()) < across && u32::from(tile.tile_v.get()) < up;
+            let first = tile.first_line.get() as usize;
+            let lines = first..first + tile.occupancy.get().count_ones() as usize;
+            let ascending = lines.clone().map(|line| lane.line_end(line).unwrap_or(0)).is_sorted();
+            let left = budget.checked_sub(lane.tile_records(tile)).filter(|_| inside && ascending);
+            budget = left.unwrap_or(budget);
+            left.is_some()
+        };
+        let sound = (0u32..).zip(lane.tiles).filter(|(_, tile)| is_sound(tile));
+        let mut tiles: Vec<u32> = sound.map(|(index, _)| index).collect();
+        tiles.sort_by_key(|&index| place(&lane.tiles[index as usize]));
+        tiles.dedup_by_key(|&mut index| place(&lane.tiles[index as usize]));
+        let mut starts = vec![0; up as usize + 1];
+        for &index in &tiles {
+            starts[usize::from(lane.tiles[index as usize].tile_v.get()) + 1] += 1;
+        }
+        for v in 0..up as usize {
+            starts[v + 1] += starts[v];
+        }
+        TilesByRow { tiles, starts }
+    }
+
+    /// The tiles at `v` whose u is in `us`, ascending.
+    fn row<'t>(
+        &self,
+        lane: &Lane<'t>,
+        v: u32,
+        us: std::ops::RangeInclusive<u32>,
+    ) -> impl Iterator<Item = &'t TileRecord> {
+        let all = &self.tiles[self.starts[v as usize] as usize..self.starts[v as usize + 1] as usize];
+        let tiles = lane.tiles;
+        let u = move |index: u32| u32::from(tiles[index as usize].tile_u.get());
+        let from = all.partition_point(|&index| u(index) < *us.start());
+        let to = all.partition_point(|&index| u(index) <= *us.end());
+        all[from..to].iter().map(move |&index| &tiles[index as usize])
     }
 }

@@ -145,6 +145,15 @@ pub struct TileRecord {
     pub high: U16,
 }
 
+impl TileRecord {
+    /// The tile with its first line and its first record counted from further back.
+    pub(crate) fn moved(mut self, lines: u32, records: u64) -> TileRecord {
+        self.first_line = U32::new(self.first_line.get() + lines);
+        self.first_record = U64::new(self.first_record.get() + records);
+        self
+    }
+}
+
 const _: () = {
     assert!(size_of::<TileRecord>() == 28);
     assert!(offset_of!(TileRecord, first_record) == 8);

@@ -3,6 +3,8 @@
 //! In: classified slices (builder) or the bytes of a file (open). Out: [`Lane`]s, which the walk reads in place.
 //! A lane holds every visible voxel once, on the scan lines along its axis; three lanes serve every view.
 
+pub mod assemble;
+pub mod budget;
 pub mod builder;
 pub mod check;
 pub mod curve;
@@ -12,12 +14,19 @@ pub mod lane_rows;
 pub mod lanes;
 pub mod layout;
 pub mod open;
+pub mod overlay;
 pub mod pack;
+mod patch;
 mod plan;
 pub mod record_set;
 pub mod rows;
+mod sieve;
+pub mod spill;
+mod store;
+mod sweep;
 pub mod transpose;
-mod window;
+pub mod trim;
+pub mod visible;
 
 pub use curve::TileOrder;
 pub use lane::{Lane, LineEnds, OwnedLane};
@@ -25,5 +34,8 @@ pub use lane_rows::LaneRows;
 pub use lanes::LaneSet;
 pub use layout::{Channels, TileRecord};
 pub use open::{Arena, Section};
+pub use overlay::Overlay;
 pub use record_set::RecordSet;
 pub use rows::{Region, Rows, Voxel};
+pub use trim::{Trim, TrimOptions, trim};
+pub use visible::{VisibleCodes, stored_opacity};

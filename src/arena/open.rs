@@ -222,7 +222,8 @@ impl<'a> Arena<'a> {
             let got = format!("{} visible voxels", self.facts.visible_voxels);
             return Err(fault(at!(header.visible_voxels), "R11", expected, got));
         }
-        Ok(Some(Lane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes }))
+        let (patch, shown) = (None, None);
+        Ok(Some(Lane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes, patch, shown }))
     }
 }
 

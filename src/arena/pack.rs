@@ -23,11 +23,11 @@ pub struct Record {
 
 /// The channels of some records, one array each.
 #[derive(Debug, Default)]
-pub(super) struct ChannelArrays {
-    pub(super) steps: Vec<u8>,
-    pub(super) values: Vec<u8>,
-    pub(super) normals: Vec<u8>,
-    pub(super) magnitudes: Vec<u8>,
+pub(crate) struct ChannelArrays {
+    pub(crate) steps: Vec<u8>,
+    pub(crate) values: Vec<u8>,
+    pub(crate) normals: Vec<u8>,
+    pub(crate) magnitudes: Vec<u8>,
 }
 
 impl ChannelArrays {
@@ -50,6 +50,30 @@ impl ChannelArrays {
         }
     }
 
+    /// Appends a line's records, stepping voxels included; gives its lowest and highest coordinate.
+    ///
+    /// # Panics
+    /// If the voxels do not come by ascending coordinate, or there are none.
+    #[inline]
+    pub(super) fn push_line(&mut self, channels: Channels, voxels: impl Iterator<Item = (u16, Record)>) -> (u16, u16) {
+        let mut next = 0u32; // one past the last coordinate: a step is counted from -1 at first
+        let mut low = None;
+        let mut high = 0;
+        for (coordinate, record) in voxels {
+            assert!(u32::from(coordinate) >= next, "voxels come by ascending coordinate");
+            let mut gap = u32::from(coordinate) + 1 - next;
+            while gap > STEPPING {
+                self.push(channels, 0, Record::default());
+                gap -= STEPPING;
+            }
+            self.push(channels, u8::try_from(gap).expect("at most 255 is left"), record);
+            next = u32::from(coordinate) + 1;
+            low = low.or(Some(coordinate));
+            high = coordinate;
+        }
+        (low.expect("a line that is packed has a voxel"), high)
+    }
+
     /// Appends records `from..to` of `other`.
     fn append(&mut self, channels: Channels, other: &ChannelArrays, from: usize, to: usize) {
         let value = usize::from(channels.value_bits / 8);
@@ -61,7 +85,7 @@ impl ChannelArrays {
         self.magnitudes.extend_from_slice(&other.magnitudes[magnitude * from..magnitude * to]);
     }
 
-    fn with_capacity(channels: Channels, records: usize) -> ChannelArrays {
+    pub(super) fn with_capacity(channels: Channels, records: usize) -> ChannelArrays {
         ChannelArrays {
             steps: Vec::with_capacity(records),
             values: Vec::with_capacity(records * usize::from(channels.value_bits / 8)),
@@ -142,24 +166,10 @@ impl LanePacker {
                 self.close_strip();
             }
         }
-        let from = self.pending.steps.len();
-        let mut next = 0u32; // one past the last coordinate: a step is counted from -1 at first
-        let mut low = None;
-        let mut high = 0;
-        for (coordinate, record) in voxels {
-            assert!(u32::from(coordinate) >= next, "voxels come by ascending coordinate");
-            let mut gap = u32::from(coordinate) + 1 - next;
-            while gap > STEPPING {
-                self.pending.push(self.channels, 0, Record::default());
-                gap -= STEPPING;
-            }
-            self.pending.push(self.channels, u8::try_from(gap).expect("at most 255 is left"), record);
-            next = u32::from(coordinate) + 1;
-            low = low.or(Some(coordinate));
-            high = coordinate;
-            self.visible += 1;
-        }
-        if let Some(low) = low {
+        let mut voxels = voxels.inspect(|_| self.visible += 1).peekable();
+        if voxels.peek().is_some() {
+            let from = self.pending.steps.len();
+            let (low, high) = self.pending.push_line(self.channels, voxels);
             self.pending_lines.push(PendingLine { u, v, from, to: self.pending.steps.len(), low, high });
         }
     }

@@ -119,7 +119,7 @@ pub fn carry(from: &Lane, set: &dyn Fn(usize) -> bool, to: &Lane, into: &RecordS
                 (a < piece && b < wide).then(|| a * wide + b)
             };
             for &(_, tile) in tiles {
-                for line in from.tile_lines(tile) {
+                for line in from.tile_lines(&from.tiles[tile], u64::MAX) {
                     let (across, bit) = (line_at(from, &line, to), line_bit(from, &line, to));
                     for (along, _) in from.line_voxels(line.records).filter(|&(_, record)| set(record)) {
                         if let Some(at) = place(along, across) {
@@ -129,7 +129,7 @@ pub fn carry(from: &Lane, set: &dyn Fn(usize) -> bool, to: &Lane, into: &RecordS
                 }
             }
             for &(_, tile) in own {
-                for line in to.tile_lines(tile) {
+                for line in to.tile_lines(&to.tiles[tile], u64::MAX) {
                     let (across, bit) = (line_at(to, &line, from), line_bit(to, &line, from));
                     for (along, record) in to.line_voxels(line.records) {
                         if place(across, along).is_some_and(|at| table[at] & bit != 0) {

@@ -37,6 +37,11 @@ pub trait Rows: Sync {
     /// What is stored of a voxel.
     fn channels(&self) -> Channels;
 
+    /// Bytes of memory that they hold.
+    fn memory(&self) -> u64 {
+        0
+    }
+
     /// Calls `row` with y, z and the voxels, by ascending x, of each row that is not empty inside `region`.
     ///
     /// Rows of one z come by ascending y, rows of one y by ascending z; more is not promised.

@@ -43,7 +43,7 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
     order.sort_unstable();
     // A sound lane has each tile once and each record on one line; a damaged one must not cost more than that.
     order.dedup_by_key(|&mut (o, t, _)| (o, t));
-    let mut budget = lane.steps.len();
+    let mut budget = usize::try_from(lane.record_count()).unwrap_or(usize::MAX);
 
     let mut packer = LanePacker::new(axis, lane.dims, lane.channels, tile_order);
     let mut strip: Vec<Voxel> = Vec::new();
@@ -54,7 +54,7 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
         strip.clear();
         for &(_, _, tile) in tiles {
             lines.clear();
-            lines.extend(lane.tile_lines(tile));
+            lines.extend(lane.tile_lines(&lane.tiles[tile], u64::MAX));
             lines.sort_unstable_by_key(|line| place(line.u, line.v));
             for line in &lines {
                 let (t, o) = place(line.u, line.v);
@@ -63,7 +63,7 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
                 budget = left;
                 let first = o % u32::from(TILE_EDGE) * dim_x;
                 let voxels = lane.line_voxels(line.records.clone()).filter(|&(x, _)| x < dim_x);
-                strip.extend(voxels.map(|(x, index)| Voxel { line: first + x, t, record: record(lane, index) }));
+                strip.extend(voxels.map(|(x, index)| Voxel { line: first + x, t, record: lane.record(index) }));
             }
         }
         let first_o = tiles[0].0 * u32::from(TILE_EDGE);
@@ -79,11 +79,6 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
         }
     }
     packer.finish()
-}
-
-/// What the lane stores of a voxel.
-fn record(lane: &Lane, index: usize) -> Record {
-    Record { value: lane.value_code(index), normal: lane.normal_code(index), magnitude: lane.magnitude_code(index) }
 }
 
 /// Orders a strip's voxels by line, keeping the order in which they came; line i ends up at `starts[i]..starts[i+1]`.

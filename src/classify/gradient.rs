@@ -1,26 +1,30 @@
 //! Gradients in world units from three neighbouring slices.
 //!
-//! In: a slice of single-precision samples, the slices below and above it, the spacing. Out: the gradient at a
+//! In: a slice of samples, taken in single precision, the slices below and above it, the spacing. Out: the gradient at a
 //! sample, along the index axes, in units per world length; turn it by [`Grid::direction`](crate::volume::Grid) for
 //! world axes. Central differences `(f+ - f-) / 2h`, one-sided at borders and next to samples that are not finite,
 //! 0 where there is no neighbour. Exact for linear fields, at faces too. Differences are taken in double precision,
 //! so that no single-precision field and no spacing overflows or loses its direction.
+
+use crate::volume::Sample;
 
 /// Largest factor that a difference of single-precision samples, at most 2^129, can take and stay finite.
 const LARGEST_INVERSE: f64 = 1e250;
 
 /// A slice and its neighbours along z.
 #[derive(Debug, Clone, Copy)]
-pub struct Neighbourhood<'a> {
-    below: Option<&'a [f32]>,
-    here: &'a [f32],
-    above: Option<&'a [f32]>,
+pub struct Neighbourhood<'a, T = f32> {
+    below: Option<&'a [T]>,
+    here: &'a [T],
+    above: Option<&'a [T]>,
     dims: [usize; 2],
+    /// A sample counts as `raw * slope + intercept`; `None` where that is the sample itself.
+    scale: Option<(f64, f64)>,
     /// 1 / h, bounded.
     inverse: [f64; 3],
 }
 
-impl<'a> Neighbourhood<'a> {
+impl<'a, T: Sample> Neighbourhood<'a, T> {
     /// The slice `here` between `below` (z - 1) and `above` (z + 1), `None` beyond the volume.
     ///
     /// `dims`: samples along x and y; every slice has their product. `spacing`: world lengths, finite and above 0.
@@ -28,17 +32,32 @@ impl<'a> Neighbourhood<'a> {
     /// # Panics
     /// If a slice's length is not the product of `dims`.
     pub fn new(
-        below: Option<&'a [f32]>,
-        here: &'a [f32],
-        above: Option<&'a [f32]>,
+        below: Option<&'a [T]>,
+        here: &'a [T],
+        above: Option<&'a [T]>,
         dims: [usize; 2],
         spacing: [f64; 3],
-    ) -> Neighbourhood<'a> {
+    ) -> Neighbourhood<'a, T> {
         for slice in [below, Some(here), above].into_iter().flatten() {
             assert_eq!(slice.len(), dims[0] * dims[1], "a slice holds dims[0] * dims[1] samples");
         }
         let inverse = spacing.map(|h| (1.0 / h).min(LARGEST_INVERSE));
-        Neighbourhood { below, here, above, dims, inverse }
+        Neighbourhood { below, here, above, dims, scale: None, inverse }
+    }
+
+    /// The same slices, whose samples count as `raw * slope + intercept`.
+    pub fn scaled(self, slope: f64, intercept: f64) -> Neighbourhood<'a, T> {
+        Neighbourhood { scale: (slope != 1.0 || intercept != 0.0).then_some((slope, intercept)), ..self }
+    }
+
+    /// A sample's value in single precision.
+    #[inline(always)]
+    fn value(&self, sample: T) -> f64 {
+        #[allow(clippy::cast_possible_truncation, reason = "gradients are taken of single-precision fields")]
+        match self.scale {
+            None => sample.to_f32().into(),
+            Some((slope, intercept)) => f64::from((sample.to_f64() * slope + intercept) as f32),
+        }
     }
 
     /// The gradient at (`x`, `y`), along the index axes, in units per world length; always finite.
@@ -50,9 +69,9 @@ impl<'a> Neighbourhood<'a> {
         let [width, height] = self.dims;
         assert!(x < width && y < height, "a sample inside the slice");
         let at = y * width + x;
-        let here = f64::from(self.here[at]);
-        let neighbour = |inside: bool, index: usize| if inside { self.here[index].into() } else { f64::NAN };
-        let slice = |slice: Option<&[f32]>| slice.map_or(f64::NAN, |samples| samples[at].into());
+        let here = self.value(self.here[at]);
+        let neighbour = |inside: bool, index: usize| if inside { self.value(self.here[index]) } else { f64::NAN };
+        let slice = |slice: Option<&[T]>| slice.map_or(f64::NAN, |samples| self.value(samples[at]));
         [
             slope(neighbour(x > 0, at.wrapping_sub(1)), here, neighbour(x + 1 < width, at + 1), self.inverse[0]),
             slope(

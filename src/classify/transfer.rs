@@ -441,6 +441,15 @@ impl TransferFunction {
         }
     }
 
+    /// The lowest and highest value of the data, where a range knows them: see
+    /// [`TransferFunction::with_value_range`].
+    pub fn value_range(&self) -> Option<[f64; 2]> {
+        match self.kind {
+            Kind::Range { value_range, .. } => value_range,
+            _ => None,
+        }
+    }
+
     /// Whether it is a label map's palette.
     pub fn is_labels(&self) -> bool {
         matches!(self.kind, Kind::Labels { .. })

@@ -4,30 +4,34 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
+use indicatif::HumanBytes;
 use serde_json::json;
 
 use super::classification::ClassificationArguments;
 use super::cull::{CullArguments, Culled, cull};
 use super::input::InputArguments;
-use super::progress::{Progress, interrupted};
+use super::progress::Progress;
+use super::resources::{ResourceArguments, peak_rss_bytes};
 use super::{Answer, is_same_file, print_note, print_result, starts_as_adj};
 use crate::arena::TileOrder;
-use crate::arena::builder::{BuildOptions, Built, build};
+use crate::arena::budget::Budget;
+use crate::arena::builder::{BuildOptions, Classified, Findings, Resources, classify};
+use crate::arena::layout::Facts;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::file::{Scratch, check_writable, write_arena_unless};
+use crate::file::{RowsOutput, Scratch, check_writable, scratch_folder, write_rows};
 use crate::volume::{Header, SlabSource};
 
 /// Build an .adj file from a volume: only the visible voxels, in lanes.
 ///
-/// Reads raw, NRRD, MetaImage, NIfTI and VTK legacy files, or phantom:NAME (constant, shells, gyroid,
-/// marschner-lobb, hydrogen, vessels, noise, corners).
+/// Reads raw, NRRD, MetaImage, NIfTI, TIFF and VTK (.vtk, .vti) files, a folder of TIFF slices, or phantom:NAME
+/// (constant, shells, gyroid, marschner-lobb, hydrogen, vessels, noise, corners).
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj build engine.nii.gz --range 60.. -o engine.adj\n  adj build ct.raw --dims 512x512x300 --type i16le --spacing 0.7x0.7x1 --tf ct-bone -o ct.adj\n  adj build frog.mhd --labels frog -o frog.adj\n  adj build phantom:gyroid --dims 512x512x512 -o gyroid.adj"
 )]
 pub(super) struct Arguments {
-    /// The volume.
+    /// The volume: a file, or a folder of slices.
     #[arg(value_name = "IN")]
     input: PathBuf,
     /// The .adj file to write.
@@ -47,6 +51,8 @@ pub(super) struct Arguments {
     culling: CullArguments,
     #[command(flatten)]
     reading: InputArguments,
+    #[command(flatten)]
+    resources: ResourceArguments,
 }
 
 /// How the visible voxels are stored.
@@ -98,39 +104,80 @@ impl PackingArguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
+    let (memory, threads) = (arguments.resources.memory()?, arguments.resources.threads()?);
     let mut source = arguments.reading.open(&arguments.input)?;
     let transfer = arguments.classification.required(&arguments.input)?;
     let options = arguments.packing.options(transfer)?;
-    let culling = arguments.culling.culling()?;
+    let culling = arguments.culling.culling(memory, threads)?;
     check_output(&arguments.output, &arguments.input)?;
     let header = source.header().clone();
-    let mut built = build_with_warnings(&mut *source, &options, arguments.quiet)?;
-    let description = description(&header, &built);
-    let (bytes, culled) = match culling {
-        None => {
-            let output = &arguments.output;
-            (write_arena_unless(&interrupted, output, &built.facts, &built.lanes, &description)?, None)
-        }
-        Some(culling) => {
-            let scratch = Scratch::beside(&arguments.output)?;
-            write_arena_unless(&interrupted, scratch.path(), &built.facts, &built.lanes, &description)?;
-            built.lanes.clear();
-            let culled = cull(scratch.path(), &arguments.output, &culling, arguments.quiet)?;
-            built.facts = culled.facts.clone();
-            (culled.bytes, Some(culled))
-        }
+    let folder = Some(scratch_folder(&arguments.output)?);
+    let resources = Resources { memory: Some(memory), threads, folder };
+    let budget = Budget::new(&header, &options, &resources, source.buffer_bytes())?;
+    if !arguments.quiet && (arguments.resources.memory_given() || budget.may_spill(header.grid.len())) {
+        say_need(&budget, &header);
+    }
+    let visible = classify_with_warnings(&mut *source, &options, &resources, arguments.quiet)?;
+    let description = description(&header, &visible);
+    let output = RowsOutput {
+        facts: visible.facts.clone(),
+        description: &description,
+        lane_count: options.lane_count,
+        memory: Some(memory),
+        threads,
     };
-    report(arguments, &header, &built, bytes, culled.as_ref(), start.elapsed().as_secs_f64());
+    let mut scratch = culling.map(|_| Scratch::beside(&arguments.output)).transpose()?;
+    let path = scratch.as_ref().map_or(arguments.output.as_path(), Scratch::path);
+    let mut progress = Progress::new(arguments.quiet);
+    let (facts, bytes) = write_rows(path, &visible.rows, &output, &mut progress)?;
+    drop(progress);
+    let written = Written { facts, bytes, culled: None };
+    let (header, findings) = (header, visible.findings);
+    drop(visible.rows);
+    let written = match (culling, &mut scratch) {
+        (Some(culling), Some(scratch)) => {
+            scratch.hold()?;
+            let culled = cull(scratch.path(), &arguments.output, &culling, arguments.quiet)?;
+            Written { facts: culled.facts.clone(), bytes: culled.bytes, culled: Some(culled) }
+        }
+        _ => written,
+    };
+    report(arguments, &header, &findings, &written, start.elapsed().as_secs_f64());
     Ok(Answer::Yes)
 }
 
-/// Builds with a progress bar, and says on stderr what a user should know of the samples.
-pub(super) fn build_with_warnings(source: &mut dyn SlabSource, options: &BuildOptions, quiet: bool) -> Result<Built> {
-    if options.needs_survey(source.header().sample_type) && !quiet {
-        let hint = if options.transfer.uses_gradient() { "" } else { "; a range with both ends, A..B, avoids it" };
-        print_note(&format!("reading the samples twice, as their own range decides what codes mean{hint}"));
+/// What a build left.
+struct Written {
+    facts: Facts,
+    bytes: u64,
+    culled: Option<Culled>,
+}
+
+/// Says what the build will take, before it does.
+fn say_need(budget: &Budget, header: &Header) {
+    let memory = HumanBytes(budget.need);
+    let voxels = header.grid.len();
+    let most = HumanBytes(voxels.saturating_mul(budget.spill_bytes_per_voxel));
+    let disk = if budget.may_spill(voxels) {
+        let each = budget.spill_bytes_per_voxel;
+        format!("; beside the output for a while {each} bytes of disk a visible voxel, at most {most}")
+    } else {
+        String::new()
+    };
+    print_note(&format!("takes at most {memory} of memory{disk}"));
+}
+
+/// Reads a volume with a progress bar, and says on stderr what a user should know of the samples.
+pub(super) fn classify_with_warnings(
+    source: &mut dyn SlabSource,
+    options: &BuildOptions,
+    resources: &Resources,
+    quiet: bool,
+) -> Result<Classified> {
+    if options.needs_survey() && !quiet {
+        print_note("reading the samples twice, as what is visible depends on their largest gradient");
     }
-    let built = build(source, options, &mut Progress::new(quiet))?;
+    let built = classify(source, options, resources, &mut Progress::new(quiet))?;
     if built.findings.blurred_away > 0 {
         let count = built.findings.blurred_away;
         let better =
@@ -152,6 +199,11 @@ fn check_output(output: &Path, input: &Path) -> Result<()> {
     if is_same_file(output, input) {
         return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
     }
+    check_replaceable(output)
+}
+
+/// Finds out that the output can be written, and that no file but an old .adj file would be lost to it.
+pub(super) fn check_replaceable(output: &Path) -> Result<()> {
     // A header may name other files that hold the samples: those must not be lost to a slip either.
     let named = output.extension().is_some_and(|extension| extension == "adj");
     let old = std::fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0);
@@ -163,7 +215,7 @@ fn check_output(output: &Path, input: &Path) -> Result<()> {
 }
 
 /// What the file says of itself to people and tools.
-pub(super) fn description(header: &Header, built: &Built) -> String {
+pub(super) fn description(header: &Header, built: &Classified) -> String {
     let source = json!({
         "name": header.name,
         "format": header.format,
@@ -181,9 +233,10 @@ pub(super) fn description(header: &Header, built: &Built) -> String {
     description.to_string()
 }
 
-fn report(arguments: &Arguments, header: &Header, built: &Built, bytes: u64, culled: Option<&Culled>, seconds: f64) {
+fn report(arguments: &Arguments, header: &Header, findings: &Findings, written: &Written, seconds: f64) {
     let path = &arguments.output;
-    let visible = built.facts.visible_voxels;
+    let Written { facts, bytes, culled } = written;
+    let (visible, bytes) = (facts.visible_voxels, *bytes);
     let samples = header.grid.len();
     let per_voxel = bytes as f64 / visible as f64;
     if arguments.json {
@@ -193,9 +246,10 @@ fn report(arguments: &Arguments, header: &Header, built: &Built, bytes: u64, cul
             "samples": samples,
             "bytes_total": bytes,
             "bytes_per_visible_voxel": per_voxel,
-            "lowest": built.findings.lowest,
-            "highest": built.findings.highest,
-            "not_finite": built.findings.not_finite,
+            "lowest": findings.lowest,
+            "highest": findings.highest,
+            "not_finite": findings.not_finite,
+            "peak_rss_bytes": peak_rss_bytes(),
             "seconds": seconds,
         });
         if let Some(culled) = culled {
@@ -209,7 +263,7 @@ fn report(arguments: &Arguments, header: &Header, built: &Built, bytes: u64, cul
     print_result(&format!(
         "{}: {visible} {are} visible of {samples} ({share:.2} %); {}, {per_voxel:.2} bytes a visible voxel, {seconds:.2} s",
         path.display(),
-        indicatif::HumanBytes(bytes),
+        HumanBytes(bytes),
     ));
     if let Some(culled) = culled {
         print_result(&culled.line());

@@ -4,7 +4,6 @@
 
 use std::ops::ControlFlow;
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
 
 use clap::Args;
 use serde_json::{Value, json};
@@ -18,9 +17,6 @@ use crate::file::{AdjFile, RowsOutput, write_rows};
 use crate::splat::Scene;
 use crate::splat::hidden::{Algorithm, Culling, DEFAULT_EPS, DEFAULT_VIEWS, Stage, find};
 use crate::volume::Axis;
-
-/// Bytes that finding hidden voxels may take beside the file's own.
-const MEMORY: u64 = 2 << 30;
 
 /// What no view from outside shows.
 #[derive(Debug, Args)]
@@ -39,11 +35,11 @@ pub(super) struct CullArguments {
 }
 
 impl CullArguments {
-    /// What the flags ask for, if they ask for anything.
+    /// What the flags ask for, if they ask for anything, with so many bytes of memory and threads.
     ///
     /// # Errors
     /// [`Error::Input`] if a number cannot be used.
-    pub(super) fn culling(&self) -> Result<Option<Culling>> {
+    pub(super) fn culling(&self, memory: u64, threads: usize) -> Result<Option<Culling>> {
         let eps = match self.cull_hidden {
             Some(eps) => eps.unwrap_or(DEFAULT_EPS),
             None if self.cull_hidden_certified => DEFAULT_EPS,
@@ -66,8 +62,8 @@ impl CullArguments {
             algorithm: if certified { Algorithm::Certified } else { Algorithm::Sampled },
             views,
             judging_views: 200,
-            threads: std::thread::available_parallelism().map_or(1, usize::from),
-            memory: MEMORY,
+            threads,
+            memory,
         }))
     }
 }
@@ -115,16 +111,16 @@ pub(super) fn cull(input: &Path, output: &Path, culling: &Culling, quiet: bool) 
     // Lanes that are not stored are derived, and count too.
     let lanes = LaneSet::new(arena, Some(culling.memory));
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
-    let progress = Mutex::new(Progress::new(quiet));
-    let watch = |stage, done, total| {
+    let mut progress = Progress::new(quiet);
+    let mut watch = |stage, done, total| {
         let what = match stage {
             Stage::Look => "look",
             Stage::Compare => "compare",
         };
-        progress.lock().unwrap_or_else(PoisonError::into_inner).show(what, done, total);
+        progress.show(what, done, total);
         if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
-    let hidden = find(&scene, culling, &watch)?;
+    let hidden = find(&scene, culling, &mut watch)?;
     drop(progress);
     let algorithm = match culling.algorithm {
         Algorithm::Sampled => "sampled",
@@ -143,13 +139,13 @@ pub(super) fn cull(input: &Path, output: &Path, culling: &Culling, quiet: bool) 
                  other modes and other transfer functions show that voxels are missing",
     });
     description["hidden_voxels"] = record.clone();
-    let kept = |index: usize| !hidden.records.contains(index);
-    let rows = LaneRows::new(lanes.lane(Axis::X)?, Some(&kept));
+    let rows =
+        LaneRows::new(lanes.lane(Axis::X)?, |_, index, record| (!hidden.records.contains(index)).then_some(record));
     let wanted = RowsOutput {
         facts: facts.clone(),
         description: &description.to_string(),
         lane_count,
-        memory: culling.memory,
+        memory: Some(culling.memory),
         threads: culling.threads,
     };
     let (written, bytes) = write_rows(output, &rows, &wanted, &mut Progress::new(quiet))?;

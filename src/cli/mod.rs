@@ -13,7 +13,11 @@ mod info;
 mod input;
 mod picture;
 mod progress;
+mod raw;
 mod render;
+mod resources;
+mod size;
+mod trim;
 mod verify;
 
 use std::error::Error as _;
@@ -52,8 +56,10 @@ enum Command {
     Build(Box<build::Arguments>),
     Info(info::Arguments),
     Verify(verify::Arguments),
+    Trim(Box<trim::Arguments>),
     Render(Box<render::Arguments>),
     Demo(demo::Arguments),
+    Raw(raw::Arguments),
     Completions(completions::Arguments),
 }
 
@@ -79,8 +85,10 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Build(arguments) => build::run(arguments),
         Command::Info(arguments) => info::run(arguments),
         Command::Verify(arguments) => verify::run(arguments),
+        Command::Trim(arguments) => trim::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
+        Command::Raw(arguments) => raw::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),
     }
 }

@@ -9,6 +9,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::arena::builder::{Observer, Phase};
 use crate::file::abandon_writes;
+use crate::volume::Axis;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
@@ -66,7 +67,10 @@ impl Observer for Progress {
         let what = match phase {
             Phase::Survey => "survey",
             Phase::Pack => "pack",
-            Phase::Transpose(_) => "transpose",
+            Phase::Assemble(Axis::X) => "lane x",
+            Phase::Assemble(Axis::Y) => "lane y",
+            Phase::Assemble(Axis::Z) => "lane z",
+            Phase::Flush => "flush",
         };
         self.show(what, done, total);
         if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

@@ -7,13 +7,15 @@ use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::build::{PackingArguments, build_with_warnings, description};
+use super::build::{PackingArguments, classify_with_warnings, description};
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::input::InputArguments;
 use super::picture::{Depth, Picture, PictureKind, write_animation};
 use super::progress::{Progress, interrupted};
+use super::resources::{peak_rss_bytes, thread_count};
 use super::{Answer, is_same_file, print_note, print_result};
+use crate::arena::builder::Resources;
 use crate::arena::layout::Scales;
 use crate::arena::{Arena, LaneSet};
 use crate::classify::{Colour, TransferFunction};
@@ -155,9 +157,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let options = arguments.packing.options(transfer)?;
     let mut source = arguments.reading.open(&arguments.input)?;
     let header = source.header().clone();
-    let built = build_with_warnings(&mut *source, &options, arguments.quiet)?;
-    let bytes = arena_bytes(&built.facts, &built.lanes, &description(&header, &built));
-    drop(built);
+    let resources = Resources { memory: None, threads: settings.threads, folder: None };
+    let visible = classify_with_warnings(&mut *source, &options, &resources, arguments.quiet)?;
+    let lanes = visible.lanes(options.lane_count, settings.threads, &mut Progress::new(arguments.quiet))?;
+    let bytes = arena_bytes(&visible.facts, &lanes, &description(&header, &visible));
+    drop((visible, lanes));
     let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
     draw(arguments, kind, &outputs, settings, arena, None, start)
 }
@@ -299,11 +303,7 @@ fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
 
 fn settings(arguments: &Arguments) -> Result<Settings> {
     let Arguments { view, look, .. } = arguments;
-    let processors = std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = arguments.threads.unwrap_or(processors);
-    if threads == 0 || threads > 1_024 {
-        return Err(Error::input("--threads", format!("is {threads}, but must be 1 to 1024")));
-    }
+    let threads = thread_count(arguments.threads)?;
     if view.frames == 0 || view.frames > 100_000 {
         return Err(Error::input("--frames", format!("is {}, but must be 1 to 100000", view.frames)));
     }
@@ -380,7 +380,7 @@ fn parse_size(text: &str) -> Result<[u32; 2]> {
 }
 
 /// `0..127,0..63,10..20`, inclusive; ends beyond the grid are the grid's.
-fn parse_crop(text: &str, dims: [u32; 3]) -> Result<VoxelBox> {
+pub(super) fn parse_crop(text: &str, dims: [u32; 3]) -> Result<VoxelBox> {
     let why =
         || Error::input("--crop", format!("is \"{text}\", but must look like 0..127,0..63,10..20, inside the grid"));
     let parts: Vec<&str> = text.split(',').collect();
@@ -436,14 +436,6 @@ fn stats_json(settings: &Settings, stats: &[Stats], image_sha256: &str) -> Value
         "peak_rss_bytes": peak_rss_bytes(),
         "image_sha256": image_sha256,
     })
-}
-
-/// Largest resident size of the process so far; `None` where the system does not say.
-fn peak_rss_bytes() -> Option<u64> {
-    let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
-    let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kib * 1024)
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -2,8 +2,10 @@
 
 pub mod map;
 pub mod place;
+pub mod temporary;
 pub mod write;
 
 pub use map::AdjFile;
-pub use place::{Scratch, abandon_writes, check_writable, write_atomically, write_atomically_unless};
-pub use write::{RowsOutput, arena_bytes, write_arena, write_arena_unless, write_rows};
+pub use place::{Scratch, check_writable, scratch_folder, write_atomically, write_atomically_unless};
+pub use temporary::abandon_writes;
+pub use write::{RowsOutput, arena_bytes, write_arena, write_rows};

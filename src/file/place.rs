@@ -1,16 +1,17 @@
 //! Where a file goes: put in its place whole or not at all.
 //!
 //! In: a path and what writes the bytes. A regular file is written beside its place under a temporary name, flushed
-//! to disk and renamed, so that a stop at any instant leaves the old file or the new one. A link is followed: the
+//! to disk and renamed, so that a stop at any instant leaves the old file or the new one. What becomes of the temporary
+//! file is told in [`super::temporary`]. A link is followed: the
 //! file that it names is replaced, the link stays. A device or a pipe cannot be replaced and takes the bytes as they
 //! come.
 
 use std::ffi::OsString;
 use std::fs::File;
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
 
+use super::temporary::{Temporary, remove_dead, unnamed};
 use crate::error::{Error, Result};
 
 /// Between two looks at whether to stop.
@@ -18,22 +19,8 @@ const CHUNK_BYTES: usize = 4 << 20;
 /// Links to follow; the system's own limit.
 const MOST_LINKS: usize = 40;
 
-/// Temporary files that a forced exit would leave behind.
-static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
-
-/// Removes the temporary files of every write that is not done; call it only to end the process right after.
-///
-/// Writes that go on fail or wait for ever: none puts a file in its place any more.
-pub fn abandon_writes() {
-    let unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
-    for path in unfinished.iter() {
-        let _ = std::fs::remove_file(path);
-    }
-    // Held until the process ends, so that no new one comes up.
-    std::mem::forget(unfinished);
-}
-
-/// Finds out, before any work, whether [`write_atomically`] could write at `path`; leaves nothing behind.
+/// Finds out, before any work, whether [`write_atomically`] could write at `path`; leaves nothing behind, not even
+/// what killed runs left in its folder.
 ///
 /// # Errors
 /// [`Error::Input`] if it is a folder or in none; [`Error::Io`] if its folder takes no file, or no file of that name.
@@ -42,10 +29,22 @@ pub fn check_writable(path: &Path) -> Result<()> {
         // Opening a pipe would wait for its reader.
         Place::Device => Ok(()),
         Place::File { folder, .. } => {
+            remove_dead(&folder);
             // Only creating a file tells whether one can be created.
-            tempfile::tempfile_in(&folder).map(drop).map_err(Error::io("create a file in", &folder))
+            unnamed(&folder).map(drop)
         }
     }
+}
+
+/// The folder for what a file at `path` needs while it is made: its own, or the system's for a device.
+///
+/// # Errors
+/// As [`check_writable`], without creating anything.
+pub fn scratch_folder(path: &Path) -> Result<PathBuf> {
+    Ok(match Place::of(path)? {
+        Place::Device => std::env::temp_dir(),
+        Place::File { folder, .. } => folder,
+    })
 }
 
 /// Creates or replaces the file at `path` with what `write` writes, whole or not at all; its result comes back.
@@ -67,24 +66,34 @@ pub fn write_atomically_unless<T>(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
 ) -> Result<T> {
-    match Place::of(path)? {
-        Place::Device => {
-            let file = File::options().write(true).open(path).map_err(Error::io("open", path))?;
-            write_through(path, &file, stop, write)
-        }
-        Place::File { folder, name } => {
-            let temporary = Temporary::new(&folder)?;
-            let result = write_through(path, temporary.file.as_file(), stop, write)?;
-            temporary.file.as_file().sync_all().map_err(Error::io("write", path))?;
-            if stop() {
-                return Err(Error::Interrupted);
-            }
-            temporary.place(&folder.join(name)).map_err(Error::io("replace", path))?;
-            // The name must be on disk too. Where folders cannot be flushed the file is still whole.
-            let _ = File::open(&folder).and_then(|folder| folder.sync_all());
-            Ok(result)
-        }
+    let place = Place::of(path)?;
+    if matches!(place, Place::Device) {
+        let file = File::options().write(true).open(path).map_err(Error::io("open", path))?;
+        return write_through(path, &file, stop, write);
     }
+    place.replace(path, |file| {
+        let result = write_through(path, file, stop, write)?;
+        // Flushing takes long enough for somebody to change their mind.
+        file.sync_all().map_err(Error::io("write", path))?;
+        if stop() { Err(Error::Interrupted) } else { Ok(result) }
+    })
+}
+
+/// Creates or replaces the file at `path` with what `write` writes into a new file, at any offset, whole or not at all;
+/// its result comes back. A device or a pipe takes the bytes when they are complete.
+///
+/// # Errors
+/// As [`write_atomically`], and what `write` gives.
+pub(super) fn write_file_atomically<T>(path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
+    let place = Place::of(path)?;
+    if matches!(place, Place::Device) {
+        let mut file = tempfile::tempfile().map_err(Error::io("create a file in", &std::env::temp_dir()))?;
+        let result = write(&file)?;
+        let mut device = File::options().write(true).open(path).map_err(Error::io("open", path))?;
+        let copied = file.seek(SeekFrom::Start(0)).and_then(|_| io::copy(&mut file, &mut device));
+        return copied.map(|_| result).map_err(Error::io("write", path));
+    }
+    place.replace(path, write)
 }
 
 /// Where a path leads.
@@ -96,6 +105,18 @@ enum Place {
 }
 
 impl Place {
+    /// Puts the file that `write` fills in its place.
+    fn replace<T>(self, path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
+        let Place::File { folder, name } = self else { unreachable!("devices are written to as they are") };
+        let temporary = Temporary::new(&folder)?;
+        let result = write(temporary.file())?;
+        temporary.file().sync_all().map_err(Error::io("write", path))?;
+        temporary.place(&folder.join(name)).map_err(Error::io("replace", path))?;
+        // The name must be on disk too. Where folders cannot be flushed the file is still whole.
+        let _ = File::open(&folder).and_then(|folder| folder.sync_all());
+        Ok(result)
+    }
+
     fn of(path: &Path) -> Result<Place> {
         let is_folder = || Error::input(path.display().to_string(), "is a folder; give a file name");
         match std::fs::metadata(path) {
@@ -120,70 +141,37 @@ impl Place {
 }
 
 /// A file for work in between, beside where a result will be; removed when this value goes.
+#[derive(Debug)]
 pub struct Scratch {
     file: Temporary,
+    /// What was put in its place, open and locked: nobody takes it for a dead run's.
+    held: Option<File>,
 }
 
 impl Scratch {
-    /// An empty file in the folder of `path`, or in the system's folder for temporary files if `path` is a device.
+    /// An empty file in the [`scratch_folder`] of `path`.
     ///
     /// # Errors
-    /// As [`check_writable`].
+    /// [`Error::Io`] if the folder takes no file.
     pub fn beside(path: &Path) -> Result<Scratch> {
-        let folder = match Place::of(path)? {
-            Place::Device => std::env::temp_dir(),
-            Place::File { folder, .. } => folder,
-        };
-        Ok(Scratch { file: Temporary::new(&folder)? })
+        Ok(Scratch { file: Temporary::new(&scratch_folder(path)?)?, held: None })
     }
 
-    /// Where it is.
+    /// Where it is; write there, then [`Scratch::hold`] what was written.
     pub fn path(&self) -> &Path {
-        self.file.file.path()
-    }
-}
-
-/// A temporary file that is listed among the unfinished ones for as long as it is there.
-struct Temporary {
-    file: tempfile::NamedTempFile,
-}
-
-impl Temporary {
-    fn new(folder: &Path) -> Result<Temporary> {
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".adj-").suffix(".tmp");
-        #[cfg(unix)]
-        {
-            use std::os::unix::fs::PermissionsExt;
-            // Not a temporary file's private permissions: the process's mask takes from these what it takes from
-            // every new file's.
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        let mut unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
-        let file = builder.tempfile_in(folder).map_err(Error::io("create a file in", folder))?;
-        unfinished.push(file.path().to_path_buf());
-        Ok(Temporary { file })
+        self.file.path()
     }
 
-    /// Renames it; a failed one is removed.
-    fn place(mut self, target: &Path) -> io::Result<()> {
-        let path = self.file.path().to_path_buf();
-        // Not while writes are being abandoned: the name that ends would be the target's by then.
-        let mut unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
-        std::fs::rename(&path, target)?;
-        self.file.disable_cleanup(true);
-        unfinished.retain(|listed| *listed != path);
+    /// Claims the file that was written at its path.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it is not there any more.
+    pub fn hold(&mut self) -> Result<()> {
+        let file = File::options().read(true).write(true).open(self.path()).map_err(Error::io("open", self.path()))?;
+        // A disk without locks has no removers either.
+        let _ = file.try_lock();
+        self.held = Some(file);
         Ok(())
-    }
-}
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        let mut unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
-        if let Some(listed) = unfinished.iter().position(|listed| listed == self.file.path()) {
-            let _ = std::fs::remove_file(unfinished.swap_remove(listed));
-            self.file.disable_cleanup(true);
-        }
     }
 }
 

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cpu::arith::LOG2_E;
 use super::{Scene, Settings};
-use crate::arena::Lane;
+use crate::arena::{Lane, stored_opacity};
 use crate::classify::MagnitudeCodec;
 use crate::error::Result;
 
@@ -96,7 +96,7 @@ impl<'a> Table<'a> {
             match kind {
                 Kind::Value => {
                     // Without stored magnitudes a gradient's part is taken to be full.
-                    let depth = table.depth(value, f64::MAX);
+                    let depth = table.depth(code, f64::MAX);
                     let normalised = (f32::from(code) / f32::from(brightest)).min(1.0);
                     // The maximum knows a voxel by its value alone, and takes it from the place of red too.
                     let look = [red, green, blue, depth];
@@ -104,7 +104,7 @@ impl<'a> Table<'a> {
                 }
                 Kind::Pair => {
                     for magnitude in 0..=255 {
-                        let depth = table.depth(value, table.magnitude(magnitude));
+                        let depth = table.depth(code, table.magnitude(magnitude));
                         table.looks.push([red, green, blue, depth]);
                     }
                 }
@@ -123,8 +123,8 @@ impl<'a> Table<'a> {
     fn exposure(&self, lane: &Lane) -> f32 {
         let voxels = self.scene.facts.visible_voxels.max(1) as f64;
         let depth = |record| self.look(lane.value_code(record), lane.magnitude_code(record))[3];
-        let sum: f64 =
-            (0..lane.steps.len()).filter(|&record| lane.steps[record] != 0).map(|r| f64::from(depth(r))).sum();
+        let mut sum = 0.0;
+        lane.each_record(|record| sum += f64::from(depth(record)));
         let typical = sum / voxels * voxels.cbrt() / f64::from(LOG2_E);
         #[expect(clippy::cast_possible_truncation, reason = "a factor for people's eyes")]
         let exposure = if typical > 0.0 { (1.4 / typical) as f32 } else { 1.0 };
@@ -141,14 +141,8 @@ impl<'a> Table<'a> {
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
-    fn depth(&self, value: f64, magnitude: f64) -> f32 {
-        let transfer = self.scene.transfer;
-        let mut opacity = transfer.opacity(value, magnitude);
-        if opacity == 0.0 {
-            // A code at the end of the visible range may come back a rounding error outside it.
-            let nudge = (self.scene.facts.scales.value_step * 1e-6).max(value.abs() * 1e-14);
-            opacity = transfer.opacity(value - nudge, magnitude).max(transfer.opacity(value + nudge, magnitude));
-        }
+    fn depth(&self, code: u16, magnitude: f64) -> f32 {
+        let opacity = stored_opacity(self.scene.transfer, &self.scene.facts.scales, code, magnitude);
         ((-(-opacity.clamp(0.0, 1.0)).ln_1p()).min(MAX_DEPTH) * self.per_depth) as f32
     }
 
@@ -160,7 +154,7 @@ impl<'a> Table<'a> {
             Kind::Pair => self.looks.get(usize::from(value) << 8 | usize::from(magnitude)).copied().unwrap_or_default(),
             Kind::Computed => {
                 let [red, green, blue, _] = self.looks.get(usize::from(value)).copied().unwrap_or_default();
-                let depth = self.depth(self.value(value), self.magnitude(magnitude));
+                let depth = self.depth(value, self.magnitude(magnitude));
                 [red, green, blue, depth]
             }
         }

@@ -17,7 +17,7 @@ pub mod shade;
 pub mod view;
 
 use crate::arena::layout::Facts;
-use crate::arena::{Lane, LaneSet, OwnedLane};
+use crate::arena::{Lane, LaneSet, Overlay, OwnedLane};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::traverse::{Order, Sense, SplitForm, VoxelBox};
@@ -46,6 +46,12 @@ impl Lanes for Vec<OwnedLane> {
 }
 
 impl Lanes for LaneSet<'_> {
+    fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
+        self.lane(axis)
+    }
+}
+
+impl Lanes for Overlay<'_> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
         self.lane(axis)
     }

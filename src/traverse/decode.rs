@@ -3,6 +3,8 @@
 //! In: lines of one slice in medium order, all inside the channels. Out: a [`Batch`] in the fast order. The
 //! departures for speed are those of the walk, [`super::walk`].
 
+use std::ops::Range;
+
 use super::gather::Line;
 use super::order::AxisOrder;
 use super::prefix::{CHUNK, prefix_sum, reversed, zero_steps};
@@ -70,9 +72,16 @@ struct Places<'a> {
     record: &'a mut [u32],
 }
 
+/// The steps of a lane, and the lane for those of its patch.
+#[derive(Clone, Copy)]
+struct Steps<'a> {
+    own: &'a [u8],
+    lane: &'a Lane<'a>,
+}
+
 /// Decodes lines of one lane.
 pub(super) struct Decoder<'a> {
-    steps: &'a [u8],
+    lane: &'a Lane<'a>,
     capacity: usize,
     fast: AxisOrder,
     batch: BatchArrays,
@@ -82,12 +91,12 @@ pub(super) struct Decoder<'a> {
 
 impl<'a> Decoder<'a> {
     /// For lines of `lane` whose voxels come in the order `fast`.
-    pub(super) fn new(lane: &Lane<'a>, fast: AxisOrder) -> Decoder<'a> {
+    pub(super) fn new(lane: &'a Lane<'a>, fast: AxisOrder) -> Decoder<'a> {
         let longest = lane.dims[lane.axis.index()] as usize;
         let capacity = longest.max(BATCH);
         let line = if matches!(fast, AxisOrder::TwoSided { .. }) { longest } else { 0 };
         let (batch, line) = (BatchArrays::new(capacity), BatchArrays::new(line));
-        Decoder { steps: lane.steps, capacity, fast, batch, line }
+        Decoder { lane, capacity, fast, batch, line }
     }
 
     /// Records that a group may have.
@@ -98,12 +107,13 @@ impl<'a> Decoder<'a> {
     /// Decodes a group of lines of slice `slow`.
     #[inline(always)]
     pub(super) fn decode(&mut self, lines: &[Line], base: u64, slow: u16) -> Batch<'_> {
+        let steps = Steps { own: self.lane.steps, lane: self.lane };
         let range = match self.fast {
             AxisOrder::Ascending => {
                 let mut places = self.batch.places();
                 let mut end = CHUNK;
                 for line in lines {
-                    end = decode_up(self.steps, line, base, &mut places, end);
+                    end = decode_up(steps, line, base, &mut places, end);
                 }
                 CHUNK..end
             }
@@ -112,7 +122,7 @@ impl<'a> Decoder<'a> {
                 let top = CHUNK + self.capacity;
                 let mut start = top;
                 for line in lines.iter().rev() {
-                    start = decode_down(self.steps, line, base, &mut places, start);
+                    start = decode_down(steps, line, base, &mut places, start);
                 }
                 start..top
             }
@@ -120,7 +130,7 @@ impl<'a> Decoder<'a> {
                 let places = self.batch.places();
                 let mut end = CHUNK;
                 for line in lines {
-                    let line_end = decode_up(self.steps, line, base, &mut self.line.places(), CHUNK);
+                    let line_end = decode_up(steps, line, base, &mut self.line.places(), CHUNK);
                     let (coordinates, records) = (&self.line.fast[CHUNK..line_end], &self.line.record[CHUNK..line_end]);
                     self.fast.for_each_index(coordinates, |index| {
                         places.medium[end] = line.medium;
@@ -132,6 +142,10 @@ impl<'a> Decoder<'a> {
                 CHUNK..end
             }
         };
+        let range = match self.lane.shown {
+            None => range,
+            Some(_) => keep_shown(self.lane, base, &mut self.batch.places(), range),
+        };
         let BatchArrays { medium, fast, record } = &self.batch;
         Batch { slow, medium: &medium[range.clone()], fast: &fast[range.clone()], record: &record[range], base }
     }
@@ -139,7 +153,7 @@ impl<'a> Decoder<'a> {
 
 /// Writes a line's voxels, ascending, from `at` up; gives the end.
 #[inline(always)]
-fn decode_up(steps: &[u8], line: &Line, base: u64, out: &mut Places, at: usize) -> usize {
+fn decode_up(steps: Steps, line: &Line, base: u64, out: &mut Places, at: usize) -> usize {
     let (from, offset) = place(line, base);
     let count = usize::from(line.count);
     let mut end = at;
@@ -173,7 +187,7 @@ fn decode_up(steps: &[u8], line: &Line, base: u64, out: &mut Places, at: usize) 
 
 /// Writes a line's voxels, descending, below `at`; gives the start.
 #[inline(always)]
-fn decode_down(steps: &[u8], line: &Line, base: u64, out: &mut Places, at: usize) -> usize {
+fn decode_down(steps: Steps, line: &Line, base: u64, out: &mut Places, at: usize) -> usize {
     let (from, offset) = place(line, base);
     let count = usize::from(line.count);
     let mut start = at;
@@ -227,20 +241,41 @@ fn chunk_of<T>(array: &mut [T], from: usize) -> &mut [T; CHUNK] {
 
 /// Sixteen steps from `from`, filled up where the channel ends.
 #[inline(always)]
-fn load(steps: &[u8], from: usize) -> [u8; CHUNK] {
-    let rest = steps.get(from..).unwrap_or_default();
+fn load(steps: Steps, from: usize) -> [u8; CHUNK] {
+    let rest = steps.own.get(from..).unwrap_or_default();
     match rest.first_chunk() {
         Some(chunk) => *chunk,
-        None => load_last(rest),
+        None => load_last(steps.lane, from),
     }
 }
 
-/// The channel's last steps, filled up.
+/// The channel's last steps, filled up; or the patch's.
 #[cold]
-fn load_last(rest: &[u8]) -> [u8; CHUNK] {
+fn load_last(lane: &Lane, from: usize) -> [u8; CHUNK] {
+    let (own, patch) = (lane.steps, lane.patch.map_or(&[][..], |patch| &patch.steps));
+    let rest = match from.checked_sub(own.len()) {
+        None => &own[from..],
+        Some(from) => patch.get(from..).unwrap_or_default(),
+    };
     let mut chunk = [1; CHUNK];
-    chunk[..rest.len()].copy_from_slice(rest);
+    let count = rest.len().min(CHUNK);
+    chunk[..count].copy_from_slice(&rest[..count]);
     chunk
+}
+
+/// Moves the voxels that are shown to the front of `range`; where they end.
+fn keep_shown(lane: &Lane, base: u64, places: &mut Places, range: Range<usize>) -> Range<usize> {
+    let base = usize::try_from(base).unwrap_or(usize::MAX);
+    let mut end = range.start;
+    for from in range.clone() {
+        if lane.shows(base.saturating_add(places.record[from] as usize)) {
+            places.medium[end] = places.medium[from];
+            places.fast[end] = places.fast[from];
+            places.record[end] = places.record[from];
+            end += 1;
+        }
+    }
+    range.start..end
 }
 
 /// Whether one of the first `valid` steps is 0.

@@ -28,7 +28,7 @@ pub(super) struct Gather {
     /// Records of the lane.
     record_count: u64,
     /// Grid points of a line.
-    longest: u32,
+    longest: u64,
     /// Room for the lines of a slice, kept for the next.
     lines: Vec<Line>,
 }
@@ -40,7 +40,7 @@ impl Gather {
             order: *order,
             slow_is_v: order.slow == lane.axis.others()[1],
             record_count: lane.record_count(),
-            longest: lane.dims[lane.axis.index()],
+            longest: lane.dims[lane.axis.index()].into(),
             lines: Vec::new(),
         }
     }
@@ -81,18 +81,22 @@ impl Gather {
                 let bit = occupied.trailing_zeros() as u16;
                 occupied &= occupied - 1;
                 let rank = (row.ranks >> (8 * bit) & 0xff) as usize;
-                let Some(end) = line_end(first_line + rank) else { break };
-                let start = if rank == 0 { 0 } else { line_end(first_line + rank - 1).unwrap_or(end) };
-                // A line that ends before it starts gets a count beyond any axis.
+                // Where addresses have 32 bits a damaged number may wrap: it is another line's then, and judged as any.
+                let line = first_line.wrapping_add(rank);
+                let Some(end) = line_end(line) else { break };
+                let start = if rank == 0 { 0 } else { line_end(line.wrapping_sub(1)).unwrap_or(end) };
+                // A line that ends before it starts gets a count beyond any axis: in 64 bits, as in 32 a start near
+                // 2^32 would give a small one.
+                let (start, end) = (u64::from(start), u64::from(end));
                 let line_records = end.wrapping_sub(start);
                 #[allow(clippy::cast_possible_truncation, reason = "only kept if it is at most 65,535")]
                 let line = Line {
-                    first_record: first_record + u64::from(start),
+                    first_record: first_record + start,
                     count: line_records as u16,
                     medium: first_medium.wrapping_add(bit),
                 };
                 lines[count] = line;
-                let is_sound = line_records.wrapping_sub(1) < longest && u64::from(end) <= records;
+                let is_sound = line_records.wrapping_sub(1) < longest && end <= records;
                 count += usize::from(is_sound);
             }
         }

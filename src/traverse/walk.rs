@@ -20,6 +20,9 @@
 //! 4. A medium axis of one direction takes the gathered lines as they are, or reversed in place; only two sides need
 //!    another list.
 //!
+//! An [overlay](crate::arena::Overlay) costs only the lines that it changes: their ends and records lie past the
+//! lane's own, where the bounds checks that every line passes anyway find them to be the patch's.
+//!
 //! Safe on any bytes: a line outside the channels, or longer than its axis, is skipped, and no walk visits more
 //! records than the lane has.
 
@@ -109,8 +112,14 @@ pub fn walk<V: Visitor + ?Sized>(lane: &Lane, order: &Order, visitor: &mut V) {
     assert_eq!(lane.axis, order.fast, "a walk needs the lane along its fast axis");
     let rows = TileRows::new(lane, order.slow, |bounds| visitor.wants_tile(bounds));
     match lane.line_ends {
-        LineEnds::Narrow(ends) => walk_slices(lane, order, &rows, |i| ends.get(i).map(|e| e.get().into()), visitor),
-        LineEnds::Wide(ends) => walk_slices(lane, order, &rows, |i| ends.get(i).map(|e| e.get()), visitor),
+        LineEnds::Narrow(ends) => {
+            let line_end = |i: usize| ends.get(i).map(|e| u32::from(e.get())).or_else(|| lane.patched_line_end(i));
+            walk_slices(lane, order, &rows, line_end, visitor);
+        }
+        LineEnds::Wide(ends) => {
+            let line_end = |i: usize| ends.get(i).map(|e| e.get()).or_else(|| lane.patched_line_end(i));
+            walk_slices(lane, order, &rows, line_end, visitor);
+        }
     }
 }
 

@@ -13,6 +13,7 @@ pub mod slab;
 pub mod source;
 
 mod file_list;
+mod folder;
 mod frame;
 mod lines;
 mod metaimage;
@@ -20,7 +21,11 @@ mod nifti;
 mod nrrd;
 mod nrrd_axes;
 mod stream;
+mod tiff;
 mod tokens;
+mod vti;
+mod vti_array;
+mod vti_tags;
 mod vtk;
 
 pub use grid::{Axis, Grid, MAX_DIM};

@@ -4,9 +4,12 @@
 //! from the name only where those say nothing:
 //!
 //! ```text
+//! a folder                                 slices in its files (see `folder`)
 //! raw options given                        raw
 //! "NRRD"                                   NRRD
 //! "# vtk DataFile"                         VTK legacy
+//! "<VTKFile", also behind "<?xml"          VTK XML image
+//! "II" or "MM", and 42 or 43               TIFF, BigTIFF
 //! 348 or 540, either order, and a magic    NIfTI, also inside gzip
 //! "ObjectType =", "NDims =" ...            MetaImage
 //! name ends in .hdr, .img                  NIfTI pair
@@ -21,7 +24,7 @@ use flate2::read::MultiGzDecoder;
 
 use super::raw::RawOptions;
 use super::stream::open_regular;
-use super::{SlabSource, metaimage, nifti, nrrd, raw, vtk};
+use super::{SlabSource, folder, metaimage, nifti, nrrd, raw, tiff, vti, vtk};
 use crate::error::{Error, Result};
 
 /// What a file cannot say itself, or is to be told otherwise.
@@ -42,12 +45,14 @@ enum Format {
     MetaImage,
     Nifti,
     Vtk,
+    Vti,
+    Tiff,
 }
 
 /// Bytes from the front of a file that its format is found from.
 const PROBE_BYTES: u64 = 4096;
 
-/// Opens the volume at `path`; its samples are read as they are asked for.
+/// Opens the volume at `path`, a file or a folder of slices; its samples are read as they are asked for.
 ///
 /// Files that a header names are looked for relative to the header. Reading costs memory for no more than the slice
 /// that is handed in.
@@ -63,6 +68,9 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
         let [x, y, z] = spacing;
         return Err(Error::input("spacing", format!("is {x}, {y}, {z}, but each must be finite and above 0")));
     }
+    if path.is_dir() {
+        return folder::open(path, options);
+    }
     let (file, len) = open_regular(path, "open")?;
     if len == 0 {
         return Err(Error::format(path, 0, "volume file", "at least one byte", "an empty file"));
@@ -76,9 +84,11 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
         Some(Format::MetaImage) => metaimage::open(path, options),
         Some(Format::Nifti) => nifti::open(path, options),
         Some(Format::Vtk) => vtk::open(path, options),
+        Some(Format::Vti) => vti::open(path, options),
+        Some(Format::Tiff) => tiff::open(path, options),
         None => {
             let why = "is in no format known here (NRRD .nrrd .nhdr, MetaImage .mhd .mha, NIfTI .nii .nii.gz .hdr \
-                .img, VTK legacy .vtk); if it is raw samples, give --dims 256x256x128 and --type u8 or alike";
+                .img, VTK .vtk .vti, TIFF .tif); if it is raw samples, give --dims 256x256x128 and --type u8 or alike";
             Err(Error::input(path.display().to_string(), why))
         }
     }
@@ -107,6 +117,12 @@ fn from_content(probe: &[u8]) -> Option<Format> {
     if probe.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {
         return Some(Format::Vtk);
     }
+    if tiff::is_header(probe) {
+        return Some(Format::Tiff);
+    }
+    if vti::is_header(probe) {
+        return Some(Format::Vti);
+    }
     if nifti::is_header(probe) || metaimage::is_header(probe) {
         return Some(if nifti::is_header(probe) { Format::Nifti } else { Format::MetaImage });
     }
@@ -128,6 +144,8 @@ fn from_name(path: &Path) -> Option<Format> {
             Some(Format::Nifti)
         }
         "vtk" => Some(Format::Vtk),
+        "vti" => Some(Format::Vti),
+        "tif" | "tiff" => Some(Format::Tiff),
         _ => None,
     }
 }

@@ -77,6 +77,19 @@ pub trait Sample: Pod + PartialOrd + Send + Sync {
     fn to_f32(self) -> f32;
     /// Its bits as an index, if it has 8 or 16 and is a whole number.
     fn small_bits(self) -> Option<usize>;
+    /// The sample of these bits, of which a sample of 8 bits has the lower ones.
+    ///
+    /// # Panics
+    /// If the type has more than 16 bits.
+    fn from_small_bits(bits: u16) -> Self;
+    /// The samples, if they are of this type.
+    fn slice_of(samples: &Samples) -> Option<&[Self]>;
+    /// Lowest and highest sample that is a finite number.
+    const ENDS: [Self; 2];
+    /// A sample at or below `value`, or the lowest; close to it.
+    fn below(value: f64) -> Self;
+    /// A sample at or above `value`, or the highest; close to it.
+    fn above(value: f64) -> Self;
 }
 
 macro_rules! samples {
@@ -99,6 +112,32 @@ macro_rules! samples {
                     [a, b] => Some(usize::from(u16::from_ne_bytes([a, b]))),
                     _ => None,
                 }
+            }
+            #[inline(always)]
+            fn from_small_bits(bits: u16) -> $type {
+                let [low, high] = bits.to_le_bytes();
+                match size_of::<$type>() {
+                    1 => bytemuck::pod_read_unaligned(&[low][..size_of::<$type>().min(1)]),
+                    _ => bytemuck::pod_read_unaligned(&u16::from_le_bytes([low, high]).to_ne_bytes()[..]),
+                }
+            }
+            fn slice_of(samples: &Samples) -> Option<&[$type]> {
+                match samples {
+                    Samples::$variant(samples) => Some(samples),
+                    _ => None,
+                }
+            }
+            const ENDS: [$type; 2] = [<$type>::MIN, <$type>::MAX];
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::unnecessary_cast, reason = "saturates")]
+            fn below(value: f64) -> $type {
+                let near = value as $type;
+                // Rounding to single precision, or toward 0, may have gone up: by less than the step down.
+                if f64::from(near) > value { (value - value.abs() * 1e-6 - 1.0) as $type } else { near }
+            }
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::unnecessary_cast, reason = "saturates")]
+            fn above(value: f64) -> $type {
+                let near = value as $type;
+                if f64::from(near) < value { (value + value.abs() * 1e-6 + 1.0) as $type } else { near }
             }
         })*
 
@@ -188,6 +227,47 @@ macro_rules! with_samples {
             $crate::volume::Samples::I32($slice) => $body,
             $crate::volume::Samples::F32($slice) => $body,
             $crate::volume::Samples::F64($slice) => $body,
+        }
+    };
+}
+
+/// Runs `$body` with `$T` standing for the machine type of a [`SampleType`]: one copy of the code per type.
+#[macro_export]
+macro_rules! with_sample_type {
+    ($sample_type:expr, $T:ident => $body:expr) => {
+        match $sample_type {
+            $crate::volume::SampleType::U8 => {
+                type $T = u8;
+                $body
+            }
+            $crate::volume::SampleType::I8 => {
+                type $T = i8;
+                $body
+            }
+            $crate::volume::SampleType::U16 => {
+                type $T = u16;
+                $body
+            }
+            $crate::volume::SampleType::I16 => {
+                type $T = i16;
+                $body
+            }
+            $crate::volume::SampleType::U32 => {
+                type $T = u32;
+                $body
+            }
+            $crate::volume::SampleType::I32 => {
+                type $T = i32;
+                $body
+            }
+            $crate::volume::SampleType::F32 => {
+                type $T = f32;
+                $body
+            }
+            $crate::volume::SampleType::F64 => {
+                type $T = f64;
+                $body
+            }
         }
     };
 }

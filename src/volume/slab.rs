@@ -92,15 +92,7 @@ impl SlabReader {
     pub(super) fn new(plan: Plan) -> Result<SlabReader> {
         plan.header.grid.check()?;
         let volume_samples = plan.header.grid.len();
-        if plan.volume_index >= plan.volume_count {
-            let why = format!(
-                "is {}, but the file holds {} volume{}, counted from 0",
-                plan.volume_index,
-                plan.volume_count,
-                if plan.volume_count == 1 { "" } else { "s" }
-            );
-            return Err(Error::input("volume", why));
-        }
+        check_volume(plan.volume_index, plan.volume_count)?;
         let width = plan.header.sample_type.bytes() as u64;
         let first = plan.files.first().ok_or_else(|| Error::input("data files", "are none"))?;
         let whole = volume_samples.checked_mul(plan.volume_count);
@@ -174,27 +166,11 @@ impl SlabSource for SlabReader {
     }
 
     fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
-        let header = &self.plan.header;
-        if slice.sample_type() != header.sample_type || slice.len() as u64 != header.grid.slice_len() {
-            let why = format!(
-                "holds {} samples of {}, but a slice has {} of {}",
-                slice.len(),
-                slice.sample_type().name(),
-                header.grid.slice_len(),
-                header.sample_type.name()
-            );
-            return Err(Error::input("slice buffer", why));
-        }
-        if self.lost {
-            return Err(Error::input("slice", "comes after one that failed; rewind first"));
-        }
-        if self.slices_read == header.grid.dims[2] {
-            return Err(Error::input("slice", "comes after the last; rewind first"));
-        }
+        check_turn(&self.plan.header, slice, self.slices_read, self.lost)?;
         self.lost = true;
         self.fill(slice)?;
         self.lost = false;
-        if self.plan.codec != Codec::Text && self.plan.endian != Endian::NATIVE {
+        if !self.plan.codec.is_text() && self.plan.endian != Endian::NATIVE {
             slice.swap_bytes();
         }
         self.slices_read += 1;
@@ -210,6 +186,48 @@ impl SlabSource for SlabReader {
         self.lost = false;
         Ok(())
     }
+
+    fn buffer_bytes(&self) -> u64 {
+        self.stream.as_ref().map_or(0, Stream::buffer_bytes)
+    }
+}
+
+/// Checks that `slice` fits a volume, and that there is a next slice to read into it.
+///
+/// `slices_read` counts those before it; `lost` says that one of them failed, so that the place is not known.
+///
+/// # Errors
+/// [`Error::Input`] if not.
+pub(super) fn check_turn(header: &Header, slice: &Samples, slices_read: u32, lost: bool) -> Result<()> {
+    if slice.sample_type() != header.sample_type || slice.len() as u64 != header.grid.slice_len() {
+        let why = format!(
+            "holds {} samples of {}, but a slice has {} of {}",
+            slice.len(),
+            slice.sample_type().name(),
+            header.grid.slice_len(),
+            header.sample_type.name()
+        );
+        return Err(Error::input("slice buffer", why));
+    }
+    if lost {
+        return Err(Error::input("slice", "comes after one that failed; rewind first"));
+    }
+    if slices_read == header.grid.dims[2] {
+        return Err(Error::input("slice", "comes after the last; rewind first"));
+    }
+    Ok(())
+}
+
+/// Checks that volume `index` is one of `count`.
+///
+/// # Errors
+/// [`Error::Input`] if not.
+pub(super) fn check_volume(index: u64, count: u64) -> Result<()> {
+    if index < count {
+        return Ok(());
+    }
+    let s = if count == 1 { "" } else { "s" };
+    Err(Error::input("volume", format!("is {index}, but the file holds {count} volume{s}, counted from 0")))
 }
 
 /// Checks that the file at `path` is there and long enough for `samples` samples of `width` bytes.
@@ -237,16 +255,19 @@ fn check_file(plan: &Plan, path: &Path, samples: u64, width: u64) -> Result<()> 
                 return Err(Error::format(path, need, plan.rule, expected, got));
             }
         }
-        Codec::Deflate => {
-            let most = room.saturating_mul(DEFLATE_RATIO);
+        Codec::Deflate | Codec::Array(_) => {
+            let most = match plan.codec {
+                Codec::Array(coding) => coding.most_bytes(room),
+                _ => room.saturating_mul(DEFLATE_RATIO),
+            };
             let need = bytes.saturating_add(plan.byte_skip);
             if most < need {
                 let expected = format!("{need} decompressed bytes ({})", described(plan));
-                let got = format!("{room} compressed bytes, which can hold at most {most}");
+                let got = format!("{room} packed bytes, which can hold at most {most}");
                 return Err(Error::format(path, len, plan.rule, expected, got));
             }
         }
-        Codec::Text => {
+        Codec::Text | Codec::TextToTag => {
             // A digit and a space each, no space behind the last.
             let need = samples.saturating_mul(2).saturating_add(plan.byte_skip) - 1;
             if room < need {

@@ -13,6 +13,8 @@ use std::path::{Path, PathBuf};
 
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 
+use super::tokens::TextReader;
+use super::vti_array::{ArrayReader, Coding};
 use super::{Samples, tokens};
 use crate::error::{Error, Result};
 use crate::with_samples;
@@ -26,6 +28,17 @@ pub(super) enum Codec {
     Deflate,
     /// Numbers as text, between white space or commas.
     Text,
+    /// The same, up to the next XML tag.
+    TextToTag,
+    /// An array of a VTK XML file.
+    Array(Coding),
+}
+
+impl Codec {
+    /// Whether samples are numbers as text.
+    pub(super) fn is_text(self) -> bool {
+        matches!(self, Codec::Text | Codec::TextToTag)
+    }
 }
 
 /// Where a file's samples start, before decoding.
@@ -95,7 +108,8 @@ enum Packed {
     Raw(File),
     Gzip(Box<MultiGzDecoder<BufReader<File>>>),
     Zlib(Box<ZlibDecoder<BufReader<File>>>),
-    Text(BufReader<File>),
+    Text(TextReader),
+    Array(Box<ArrayReader>),
 }
 
 impl Stream {
@@ -107,7 +121,8 @@ impl Stream {
         reader.seek(SeekFrom::Start(at)).map_err(read_failed())?;
         skip_lines(&mut reader, line_skip).map_err(read_failed())?;
         let packed = match codec {
-            Codec::Text => Packed::Text(reader),
+            Codec::Text | Codec::TextToTag => Packed::Text(TextReader::new(reader, codec == Codec::TextToTag)),
+            Codec::Array(coding) => Packed::Array(Box::new(ArrayReader::open(path, reader, coding, rule)?)),
             Codec::Raw => {
                 let at = reader.stream_position().map_err(read_failed())?;
                 let mut file = reader.into_inner();
@@ -161,11 +176,8 @@ impl Stream {
                 });
                 at.map(|_| ()).map_err(failed())
             }
-            Packed::Text(reader) => {
-                let to = reader.stream_position().map_err(failed())?.saturating_add(count);
-                reader.seek(SeekFrom::Start(to)).map(|_| ()).map_err(failed())
-            }
-            Packed::Gzip(_) | Packed::Zlib(_) => {
+            Packed::Text(reader) => reader.skip(count).map_err(failed()),
+            Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_) => {
                 let mut waste = [0; 16 << 10];
                 let mut left = count;
                 while left > 0 {
@@ -191,6 +203,7 @@ impl Stream {
             Packed::Raw(file) => read_some(file, &mut next).map_err(|e| self.fault(e, 0))? > 0,
             Packed::Gzip(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
             Packed::Zlib(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
+            Packed::Array(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
         };
         if more {
             let at = self.position();
@@ -209,6 +222,7 @@ impl Stream {
                 Packed::Gzip(reader) => read_some(reader, rest),
                 Packed::Zlib(reader) => read_some(reader, rest),
                 Packed::Text(reader) => read_some(reader, rest),
+                Packed::Array(reader) => read_some(reader, rest),
             };
             let wanted = rest.len();
             match read {
@@ -225,7 +239,7 @@ impl Stream {
 
     /// What a failed read means for the user.
     fn fault(&mut self, source: io::Error, wanted: usize) -> Error {
-        let packed = matches!(self.packed, Packed::Gzip(_) | Packed::Zlib(_));
+        let packed = matches!(self.packed, Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_));
         let (kind, read) = (source.kind(), self.bytes_read);
         let at = self.position();
         let intact = "an intact compressed stream (copy or download the file again)";
@@ -245,13 +259,22 @@ impl Stream {
         }
     }
 
+    /// Bytes of memory that decoding holds, where that may be above a megabyte.
+    pub(super) fn buffer_bytes(&self) -> u64 {
+        match &self.packed {
+            Packed::Array(reader) => reader.buffer_bytes(),
+            _ => 0,
+        }
+    }
+
     /// Byte offset in the file, for messages.
     fn position(&mut self) -> u64 {
         match &mut self.packed {
             Packed::Raw(file) => file.stream_position(),
             Packed::Gzip(reader) => reader.get_mut().stream_position(),
             Packed::Zlib(reader) => reader.get_mut().stream_position(),
-            Packed::Text(reader) => reader.stream_position(),
+            Packed::Text(reader) => Ok(reader.position()),
+            Packed::Array(reader) => reader.position(),
         }
         .unwrap_or(0)
     }

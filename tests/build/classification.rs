@@ -26,7 +26,7 @@ fn point(value: f64, opacity: f64) -> Point {
 }
 
 /// Builds each type's volume in each width; the number of visible voxels of each.
-fn each(transfer: &TransferFunction, surveyed: impl Fn(SampleType) -> bool) -> Vec<u64> {
+fn each(transfer: &TransferFunction, surveyed: bool) -> Vec<u64> {
     let types = [SampleType::U8, SampleType::I8, SampleType::U16, SampleType::I16, SampleType::F32, SampleType::F64];
     let mut counts = Vec::new();
     for sample_type in types {
@@ -34,16 +34,12 @@ fn each(transfer: &TransferFunction, surveyed: impl Fn(SampleType) -> bool) -> V
         for (value_bits, normal_bits) in [(8, 8), (16, 0), (16, 16)] {
             let options = BuildOptions { value_bits, normal_bits, ..options(transfer.clone()) };
             let built = build_and_compare(&volume, &options);
-            assert_eq!(built.findings.surveyed, surveyed(sample_type), "{}", sample_type.name());
-            assert_eq!(options.needs_survey(sample_type), surveyed(sample_type));
+            assert_eq!(built.findings.surveyed, surveyed, "{}", sample_type.name());
+            assert_eq!(options.needs_survey(), surveyed);
             counts.push(built.facts.visible_voxels);
         }
     }
     counts
-}
-
-fn wide(sample_type: SampleType) -> bool {
-    sample_type.bytes() > 1
 }
 
 #[test]
@@ -56,13 +52,13 @@ fn points() {
         point(90.0, 1.0),
         point(99.0, 0.0),
     ];
-    each(&TransferFunction::points(points, Vec::new()).expect("sound"), |_| false);
+    each(&TransferFunction::points(points, Vec::new()).expect("sound"), false);
     // Opaque beyond its last point: where the data ends must be known.
     let open = vec![point(20.0, 0.0), point(40.0, 0.3)];
-    each(&TransferFunction::points(open, Vec::new()).expect("sound"), wide);
+    each(&TransferFunction::points(open, Vec::new()).expect("sound"), false);
     // A step: the more opaque side holds at the value itself.
     let step = vec![point(50.0, 0.0), point(50.0, 0.8), point(70.0, 0.8), point(70.0, 0.0)];
-    each(&TransferFunction::points(step, Vec::new()).expect("sound"), |_| false);
+    each(&TransferFunction::points(step, Vec::new()).expect("sound"), false);
 }
 
 #[test]
@@ -71,26 +67,26 @@ fn points_with_a_gradient_ramp() {
     // Neither flat places nor steep ones.
     let ramp = [(7.5, 0.0), (9.0, 1.0), (17.0, 1.0), (17.5, 0.0)];
     let ramp = ramp.map(|(magnitude, factor)| FactorPoint { magnitude, factor }).to_vec();
-    let plain = each(&TransferFunction::points(points.clone(), Vec::new()).expect("sound"), |_| false);
-    let ramped = each(&TransferFunction::points(points, ramp).expect("sound"), wide);
+    let plain = each(&TransferFunction::points(points.clone(), Vec::new()).expect("sound"), false);
+    let ramped = each(&TransferFunction::points(points, ramp).expect("sound"), false);
     assert!(plain.iter().zip(&ramped).all(|(plain, ramped)| ramped < plain), "{plain:?} {ramped:?}");
 }
 
 #[test]
 fn ranges_closed_and_open() {
-    each(&TransferFunction::range(30.0, 70.0).expect("sound"), |_| false);
-    each(&TransferFunction::range(30.0, f64::INFINITY).expect("sound"), wide);
-    each(&TransferFunction::range(f64::NEG_INFINITY, 70.0).expect("sound"), wide);
-    each(&TransferFunction::range(f64::NEG_INFINITY, f64::INFINITY).expect("sound"), wide);
+    each(&TransferFunction::range(30.0, 70.0).expect("sound"), false);
+    each(&TransferFunction::range(30.0, f64::INFINITY).expect("sound"), false);
+    each(&TransferFunction::range(f64::NEG_INFINITY, 70.0).expect("sound"), false);
+    each(&TransferFunction::range(f64::NEG_INFINITY, f64::INFINITY).expect("sound"), false);
 }
 
 #[test]
 fn contours_count_widths_in_the_volumes_own_voxels() {
-    each(&TransferFunction::contour(60.0).expect("sound"), wide);
+    each(&TransferFunction::contour(60.0).expect("sound"), false);
     let colour = Colour::from_bytes([1, 2, 3]);
     let contour = |value, opacity, width| Contour { value, opacity, width, colour };
     let several = vec![contour(30.0, 0.1, 0.5), contour(50.0, 0.0, 9.0), contour(80.0, 0.9, 1.5)];
-    each(&TransferFunction::contours(several).expect("sound"), wide);
+    each(&TransferFunction::contours(several).expect("sound"), false);
     // Half as long a voxel, twice the gradient: the same voxels.
     let count = |spacing: [f64; 3]| {
         let mut volume = volume(SampleType::F32);
@@ -106,11 +102,11 @@ fn contours_count_widths_in_the_volumes_own_voxels() {
 fn region_boundaries_are_relative_to_the_largest_gradient_of_the_data() {
     let knots = vec![point(10.0, 0.0), point(50.0, 0.4), point(95.0, 0.7)];
     let given = TransferFunction::region(knots, 20.0).expect("sound");
-    each(&given, wide);
+    each(&given, false);
     let mut json: serde_json::Value = serde_json::from_str(&given.to_json()).expect("JSON");
     json.as_object_mut().expect("an object").remove("largest_magnitude").expect("it was given");
     let relative = TransferFunction::from_json(&json.to_string()).expect("sound");
-    each(&relative, |_| true);
+    each(&relative, true);
     let built = build_and_compare(&volume(SampleType::F64), &options(relative));
     let largest = built.facts.scales.magnitude_scale;
     let codes = built.lanes[0].view().magnitudes;

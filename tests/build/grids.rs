@@ -128,7 +128,7 @@ fn samples_that_are_no_numbers_are_transparent_and_counted() {
                 let built = build_and_compare(&volume, &options);
                 assert_eq!(built.findings.not_finite, wrong);
                 assert!(wrong > 200, "{wrong}");
-                assert_eq!(built.findings.surveyed, !(low.is_finite() && high.is_finite()));
+                assert!(!built.findings.surveyed, "an open range needs no second reading");
             }
         }
     }

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use adjsplat::arena::builder::{BuildOptions, Observer, Phase, Unobserved, build};
-use adjsplat::classify::TransferFunction;
+use adjsplat::classify::{Colour, Point, TransferFunction};
 use adjsplat::volume::{Axis, SampleType};
 use adjsplat::{Error, Result};
 
@@ -105,14 +105,22 @@ fn label_maps_that_codes_cannot_hold_are_refused_with_the_way_out() {
 }
 
 #[test]
-fn the_samples_are_read_once_unless_their_range_is_needed_first() {
+fn the_samples_are_read_once_unless_what_is_visible_depends_on_all_of_them() {
+    let knots = vec![point(10.0), point(50.0)];
+    let given = TransferFunction::region(knots, 20.0).expect("sound");
+    let mut json: serde_json::Value = serde_json::from_str(&given.to_json()).expect("JSON");
+    json.as_object_mut().expect("an object").remove("largest_magnitude").expect("it was given");
+    let relative = TransferFunction::from_json(&json.to_string()).expect("sound");
     for (sample_type, shown, passes) in [
         (SampleType::U8, range(5.0, f64::INFINITY), 1),
         (SampleType::I16, range(5.0, 60.0), 1),
-        (SampleType::I16, range(5.0, f64::INFINITY), 2),
-        (SampleType::F32, range(f64::NEG_INFINITY, 60.0), 2),
-        (SampleType::F32, TransferFunction::contour(40.0).expect("sound"), 2),
+        (SampleType::I16, range(5.0, f64::INFINITY), 1),
+        (SampleType::F32, range(f64::NEG_INFINITY, 60.0), 1),
+        (SampleType::F32, TransferFunction::contour(40.0).expect("sound"), 1),
         (SampleType::U8, TransferFunction::contour(40.0).expect("sound"), 1),
+        (SampleType::U8, given, 1),
+        (SampleType::U8, relative.clone(), 2),
+        (SampleType::F32, relative, 2),
     ] {
         let mut volume = rough(sample_type);
         let built = build(&mut volume, &options(shown), &mut Unobserved).expect("builds");
@@ -134,6 +142,10 @@ impl Observer for Stopper {
     }
 }
 
+fn point(value: f64) -> Point {
+    Point { value, colour: Colour::from_bytes([200, 100, 50]), opacity: 0.5 }
+}
+
 fn observed(left: usize) -> (Result<u64>, Vec<(Phase, u64, u64)>) {
     let mut stopper = Stopper { left, told: Vec::new() };
     let options = options(range(5.0, f64::INFINITY));
@@ -145,11 +157,11 @@ fn observed(left: usize) -> (Result<u64>, Vec<(Phase, u64, u64)>) {
 fn a_build_stops_wherever_its_observer_says_so() {
     let (whole, told) = observed(usize::MAX);
     assert_eq!(whole.expect("builds"), 1320);
-    let phases = [Phase::Survey, Phase::Pack, Phase::Transpose(Axis::Y), Phase::Transpose(Axis::Z)];
+    let phases = [Phase::Pack, Phase::Assemble(Axis::X), Phase::Assemble(Axis::Y), Phase::Assemble(Axis::Z)];
     let mut seen: Vec<Phase> = told.iter().map(|(phase, _, _)| *phase).collect();
     seen.dedup();
     assert_eq!(seen, phases);
-    assert!(told.iter().all(|(_, done, total)| done < total));
+    assert!(told.iter().all(|(_, done, total)| done <= total));
     for left in 0..told.len() {
         let (result, told) = observed(left);
         assert!(matches!(result, Err(Error::Interrupted)), "after {left}");

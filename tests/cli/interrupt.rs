@@ -86,6 +86,23 @@ fn a_build_that_is_stopped_while_it_writes_leaves_nothing() {
 }
 
 #[test]
+fn a_trim_in_place_that_is_stopped_leaves_a_whole_file() {
+    let folder = Folder::new();
+    folder.adj("build phantom:constant --dims 96x96x96 -o a.adj").done();
+    for wait in [0, 5, 20, 60, 120, 250] {
+        let mut child = start(&folder, "trim a.adj -o a.adj --order hilbert --quiet");
+        std::thread::sleep(Duration::from_millis(wait));
+        // It may have ended meanwhile.
+        let _ = Command::new("kill").args(["-INT", &child.id().to_string()]).stderr(Stdio::null()).status();
+        let code = ended(&mut child, Duration::from_secs(20));
+        // Before it listens the signal ends it, and there is no code.
+        assert!(matches!(code, Some(0 | 2) | None), "{code:?} after {wait} ms");
+        assert_eq!(folder.names(), ["a.adj"], "after {wait} ms");
+        folder.adj("verify a.adj").done();
+    }
+}
+
+#[test]
 fn asked_twice_it_ends_even_where_it_waits() {
     let folder = Folder::new();
     let pipe = folder.file("pipe");

@@ -2,10 +2,13 @@
 #![cfg(feature = "cli")]
 
 mod arenas;
+mod budgets;
 mod harness;
 mod hidden;
 mod interrupt;
+mod killed;
 mod outputs;
 mod transfer;
+mod trim;
 mod usage;
 mod volumes;

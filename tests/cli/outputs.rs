@@ -1,11 +1,11 @@
 //! Where output goes: whole files or none, under any name, and nothing lost that was there.
 //!
-//! Cannot catch: a temporary file left by SIGKILL or a power cut; those leave one, and the old file whole.
+//! Cannot catch: what a power cut does to a file system.
 
 use std::ffi::OsStr;
 use std::path::Path;
 
-use super::harness::{Folder, RAW, adj, in_private_mounts};
+use super::harness::{Folder, RAW, adj, in_private_mounts, skipped};
 
 const BUILD: &str = "phantom:shells --dims 24x24x24 -o";
 
@@ -149,24 +149,63 @@ fn devices_take_the_bytes_and_stay_what_they_are() {
     folder.adj("verify out.adj").done();
 }
 
+/// The disk is full at the header (nothing is written in less than a page), in the middle, and at the last page. A
+/// disk that says so only when it flushes is the next test's.
 #[test]
 #[cfg(target_os = "linux")]
 fn a_full_disk_leaves_nothing_behind() {
     let folder = Folder::new();
     std::fs::create_dir(folder.file("disk")).expect("new");
-    let build = "\"$0\" build phantom:gyroid --dims 64x64x64 -o disk/out.adj";
-    let script = format!("mount -t tmpfs -o size=64k tmpfs disk; {build}; echo $?; ls -A disk");
-    let Some(ran) = in_private_mounts(&script, folder.path()) else { return };
-    assert_eq!(ran.stdout, "2\n");
-    assert!(ran.stderr.contains("cannot write disk/out.adj: No space left"), "{}", ran.stderr);
-    assert_eq!(ran.stderr.lines().count(), 1);
-    // What was there is still there.
+    folder.adj("build phantom:constant --dims 80x80x80 -o whole.adj").done();
+    let bytes = std::fs::metadata(folder.file("whole.adj")).expect("it was built").len();
+    std::fs::remove_file(folder.file("whole.adj")).expect("it is there");
+    let pages = bytes.div_ceil(4096);
+    assert!(bytes > 4 << 20, "{bytes} bytes");
+    let build = "\"$0\" build phantom:constant --dims 80x80x80 -o disk/out.adj";
     let old = "\"$0\" build phantom:corners --dims 9x9x9 -o disk/out.adj >/dev/null";
-    let script = format!(
-        "mount -t tmpfs -o size=64k tmpfs disk; {old}; {build}; echo $?; ls -A disk; \"$0\" verify disk/out.adj"
-    );
-    let ran = in_private_mounts(&script, folder.path()).expect("it could mount before");
-    assert!(ran.stdout.starts_with("2\nout.adj\ndisk/out.adj: sound"), "{}", ran.stdout);
+    // A tmpfs counts a page for its root folder at most; so `pages - 1` is too small in any case.
+    for room in [1, 2, 3, pages / 4, pages / 2, pages - 2, pages - 1] {
+        let script = format!("mount -t tmpfs -o size={} tmpfs disk; {build}; echo $?; ls -A disk", room * 4096);
+        let Some(ran) = in_private_mounts(&script, folder.path()) else { return };
+        assert_eq!(ran.stdout, "2\n", "room of {room} pages");
+        assert!(ran.stderr.contains("cannot write disk/out.adj: No space left"), "{room}: {}", ran.stderr);
+        assert_eq!(ran.stderr.lines().count(), 1);
+        // What was there is still there, and readable.
+        let mount = format!("mount -t tmpfs -o size={} tmpfs disk", (room + 3) * 4096);
+        let script = format!(
+            "{mount}; {old}; dd if=/dev/zero of=disk/ballast bs=4096 count=$(( $(stat -f -c %a disk) - {room} )) \
+             status=none; {build}; echo $?; ls -A disk; \"$0\" verify disk/out.adj"
+        );
+        let ran = in_private_mounts(&script, folder.path()).expect("it could mount before");
+        let ends = ran.stdout.replace("ballast\n", "");
+        assert!(ends.starts_with("2\nout.adj\ndisk/out.adj: sound"), "{room}: {}{}", ran.stdout, ran.stderr);
+        assert!(ran.stderr.contains("No space left"), "{room}: {}", ran.stderr);
+    }
+    // With room for it all it is written: what the sizes above lacked was room.
+    let script = format!("mount -t tmpfs -o size={} tmpfs disk; {build} >/dev/null; echo $?", (pages + 2) * 4096);
+    assert_eq!(in_private_mounts(&script, folder.path()).expect("it could mount before").stdout, "0\n");
+}
+
+/// A disk that takes every write and finds no room for it only when it flushes: a file system in a sparse image on a
+/// smaller disk, as thin volumes and some network disks are.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_disk_that_is_full_only_when_it_flushes_leaves_nothing_behind() {
+    let folder = Folder::new();
+    for name in ["outer", "disk"] {
+        std::fs::create_dir(folder.file(name)).expect("new");
+    }
+    let script = "mount -t tmpfs -o size=3m tmpfs outer && truncate -s 60m outer/image \
+        && mkfs.ext4 -q -O ^has_journal outer/image && mount -o loop outer/image disk || { echo none; exit; }; \
+        \"$0\" build phantom:corners --dims 9x9x9 -o disk/out.adj >/dev/null; rm -r disk/lost+found; \
+        \"$0\" build phantom:constant --dims 80x80x80 -o disk/out.adj; echo $?; ls -A disk; \"$0\" verify disk/out.adj";
+    let Some(ran) = in_private_mounts(script, folder.path()) else { return };
+    if ran.stdout == "none\n" {
+        return skipped("this machine mounts no image, so a disk that is full when it flushes was not tested");
+    }
+    assert!(ran.stdout.starts_with("2\nout.adj\ndisk/out.adj: sound"), "{}{}", ran.stdout, ran.stderr);
+    assert_eq!(ran.stderr.lines().count(), 1, "{}", ran.stderr);
+    assert!(ran.stderr.contains("cannot write disk/out.adj: "), "{}", ran.stderr);
 }
 
 #[test]

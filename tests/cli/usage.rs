@@ -17,7 +17,7 @@ fn commands() -> Vec<String> {
 #[test]
 fn every_command_has_help_with_an_example_that_parses() {
     let commands = commands();
-    for name in ["build", "info", "verify", "completions"] {
+    for name in ["build", "info", "verify", "trim", "completions"] {
         assert!(commands.iter().any(|command| command == name), "{name}");
     }
     for command in &commands {
@@ -75,7 +75,7 @@ fn wrong_flags_are_one_line_that_names_the_help() {
 fn completions_for_the_shells() {
     for (shell, sign) in [("bash", "complete -F"), ("zsh", "#compdef adj"), ("fish", "complete -c adj")] {
         let script = adj(["completions", shell]).done();
-        assert!(script.contains(sign) && script.contains("value-bits"), "{shell}");
+        assert!(script.contains(sign) && script.contains("value-bits") && script.contains("keep-grid"), "{shell}");
     }
     // What a shell says of its own script, where there is the shell.
     let script = adj(["completions", "bash"]).done();

@@ -23,6 +23,32 @@ fn a_good_volume_is_built_in_every_format_here() {
 }
 
 #[test]
+fn a_folder_of_tiff_files_is_built_like_one_file_of_pages() {
+    use tiff::encoder::{TiffEncoder, colortype::Gray8};
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("stack")).expect("new");
+    let create =
+        |name: &str| TiffEncoder::new(std::fs::File::create(folder.file(name)).expect("new")).expect("a header");
+    let mut pages = create("pages.tif");
+    // Ten is behind two, as people count.
+    for (name, slice) in ["stack/s2.tif", "stack/s10.tif"].iter().zip(RAW.chunks(12)) {
+        create(name).write_image::<Gray8>(4, 3, slice).expect("can be written");
+        pages.write_image::<Gray8>(4, 3, slice).expect("can be written");
+    }
+    for input in ["stack", "pages.tif"] {
+        let told = folder.adj(&format!("build {input} --range 5.. --value-bits 8 -o {input}.adj --json")).json();
+        assert_eq!((told["visible_voxels"].as_u64(), told["samples"].as_u64()), (Some(20), Some(24)));
+    }
+    let records = |name: &str| folder.adj(&format!("info {name} --json")).json()["lanes"].clone();
+    assert_eq!(records("stack.adj"), records("pages.tif.adj"));
+    let samples = folder.adj("info stack --json").json();
+    assert_eq!(samples["dims"], serde_json::json!([4, 3, 2]));
+    std::fs::remove_file(folder.file("stack/s10.tif")).expect("it is there");
+    std::fs::write(folder.file("stack/s10.tif"), b"II*\0").expect("can be written");
+    folder.build_refused("stack --range 1.. -o out.adj", &["s10.tif", "its end before"]);
+}
+
+#[test]
 fn no_volume_at_all() {
     let folder = Folder::new();
     std::fs::create_dir(folder.file("folder")).expect("new");

@@ -8,9 +8,11 @@
 //! `ADJ_PYTHON=require` makes a missing Python or numpy a failure.
 
 mod assemble;
+mod consume;
 mod damage;
 mod examples;
 mod mutants;
+mod mutate;
 mod oracle;
 mod python;
 mod refused;

@@ -99,15 +99,14 @@ pub(crate) fn culling(algorithm: Algorithm) -> Culling {
 }
 
 pub(crate) fn find_in(model: &Model, algorithm: Algorithm) -> Hidden {
-    find(&model.scene(), &culling(algorithm), &|_, _, _| ControlFlow::Continue(())).unwrap()
+    find(&model.scene(), &culling(algorithm), &mut |_, _, _| ControlFlow::Continue(())).unwrap()
 }
 
 /// Which places of the volume are hidden, and how finding went.
 pub(crate) fn hidden(dense: &Dense, algorithm: Algorithm) -> (Vec<bool>, Hidden) {
     let model = Model::new(dense);
     let found = find_in(&model, algorithm);
-    let kept = |index: usize| found.records.contains(index);
-    let rows = LaneRows::new(model.x_lane().view(), Some(&kept));
+    let rows = LaneRows::new(model.x_lane().view(), |_, index, record| found.records.contains(index).then_some(record));
     let [xs, ys, zs] = dense.dims.map(|d| 0..u32::try_from(d).unwrap());
     let mut is_hidden = vec![false; dense.values.len()];
     rows.read(Region { xs, ys, zs }, &mut |y, z, voxels| {

@@ -144,7 +144,7 @@ fn lines_of_voxels_and_single_ones_are_no_special_case() {
         }
     }
     let nothing = Model::new(&Dense::new([4; 3], 1.0, |_| 0));
-    let none = find(&nothing.scene(), &culling(Algorithm::Sampled), &|_, _, _| ControlFlow::Continue(()));
+    let none = find(&nothing.scene(), &culling(Algorithm::Sampled), &mut |_, _, _| ControlFlow::Continue(()));
     assert!(none.unwrap_err().to_string().contains("no voxels"));
 }
 
@@ -153,7 +153,7 @@ fn little_memory_means_more_passes_and_the_same_voxels() {
     let model = Model::new(&ball(30, 0.0, 14.0));
     let run = |memory: u64, threads: usize| {
         let culling = Culling { memory, threads, ..culling(Algorithm::Sampled) };
-        find(&model.scene(), &culling, &|_, _, _| ControlFlow::Continue(()))
+        find(&model.scene(), &culling, &mut |_, _, _| ControlFlow::Continue(()))
     };
     let whole = find_in(&model, Algorithm::Sampled);
     let Err(Error::Limit { need, .. }) = run(1, 1) else { panic!("one byte is enough?") };
@@ -169,7 +169,7 @@ fn little_memory_means_more_passes_and_the_same_voxels() {
 fn a_search_stops_when_asked_to() {
     let model = Model::new(&ball(20, 0.0, 9.0));
     for algorithm in BOTH {
-        let stopped = find(&model.scene(), &culling(algorithm), &|_, done, _| {
+        let stopped = find(&model.scene(), &culling(algorithm), &mut |_, done, _| {
             if done >= 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
         assert!(matches!(stopped, Err(Error::Interrupted)), "{algorithm:?}");

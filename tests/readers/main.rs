@@ -3,8 +3,11 @@
 //!
 //! What this cannot catch: a misreading of a specification that the writers below share.
 
+mod damage;
 mod malformed;
 mod nifti;
 mod real;
 mod sample;
+mod tiff;
 mod variants;
+mod vti;

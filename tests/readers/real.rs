@@ -111,6 +111,11 @@ fn carotid_is_read_and_its_vectors_are_left_alone() {
 }
 
 #[test]
+fn hydrogen_is_read_from_its_blocks() {
+    check("hydrogen/hydrogen.vti", SampleType::F32, [64; 3], [1.0; 3], "789756a94c4e8b43");
+}
+
+#[test]
 fn atlas_is_read() {
     let file = "allen-human-atlas/AllenAtlas.nii.gz";
     check(file, SampleType::U8, [318, 388, 310], [0.5; 3], "53b416553526ed31");

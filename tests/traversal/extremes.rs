@@ -328,3 +328,24 @@ fn a_tile_beyond_any_channel_does_not_carry_others_past_the_end() {
     });
     assert_eq!(records, (32..64).collect::<Vec<_>>());
 }
+
+#[test]
+fn a_line_that_starts_near_the_end_of_32_bits_is_no_line() {
+    // In 32 bits the second line, from 2^32 - 1 to 12, has 13 records: in truth it has none.
+    let mut lane = long(Axis::X, |x| u8::from(x < 20)).pack(Axis::X, PLAIN, TileOrder::Morton);
+    lane.line_ends = OwnedLineEnds::Wide(vec![U32::new(u32::MAX), U32::new(12)]);
+    lane.tiles[0].occupancy = U64::new(0b11);
+    lane.dims = [LONGEST, 2, 1];
+    for order in parallel_orders().filter(|order| order.fast == Axis::X) {
+        walk(&lane.view(), &order, &mut |batch: &Batch| panic!("visits record {}", batch.record_index(0)));
+    }
+}
+
+#[test]
+fn codes_past_the_end_are_zero_however_far() {
+    let lane = Dense::new([3, 1, 1], |_| 7).pack(Axis::X, WIDE, TileOrder::Morton);
+    for record in [3, usize::MAX / 4, usize::MAX / 2, usize::MAX] {
+        let lane = lane.view();
+        assert_eq!((lane.value_code(record), lane.normal_code(record), lane.magnitude_code(record)), (0, 0, 0));
+    }
+}

@@ -188,9 +188,8 @@ pub(crate) fn borders(projector: &Projector, view: &View, by_rows: bool, count: 
     let mut work = vec![0.0f64; side + 1];
     // Enough tiles for an estimate; a frame should not wait for millions.
     let stride = (lane.tiles.len() / 100_000).max(1);
-    for (index, tile) in lane.tiles.iter().enumerate().step_by(stride) {
-        let next = lane.tiles.get(index + 1).map_or(lane.record_count(), |next| next.first_record.get());
-        let records = next.saturating_sub(tile.first_record.get()) as f64;
+    for tile in lane.tiles.iter().step_by(stride) {
+        let records = lane.tile_records(tile) as f64;
         let mut bounds = VoxelBox { low: [tile.low.get(); 3], high: [tile.high.get(); 3] };
         for (axis, tile_line) in [(u_axis, tile.tile_u.get()), (v_axis, tile.tile_v.get())] {
             let first = u32::from(tile_line) * 8;

@@ -275,7 +275,13 @@ impl<'a> Projector<'a> {
             let j = usize::from(out.kept[k]) % BLOCK;
             let record = base.saturating_add(records[j] as usize);
             let [red, green, blue, peak] = match bytes {
-                Some(looks) => looks[usize::from(self.lane.values.get(record).copied().unwrap_or(0))],
+                Some(looks) => {
+                    let code = match self.lane.values.get(record) {
+                        Some(&code) => code,
+                        None => self.lane.value_code(record) as u8,
+                    };
+                    looks[usize::from(code)]
+                }
                 None => self.look(record),
             };
             (out.ink[k], out.peak[k]) = ([red, green, blue, self.fourth_ink], peak);
@@ -315,8 +321,11 @@ impl<'a> Projector<'a> {
             let (normals, _) = self.lane.normals.as_chunks::<2>();
             for k in 0..out.count {
                 let j = usize::from(out.kept[k]) % BLOCK;
-                let code = normals.get(base.saturating_add(records[j] as usize)).copied().unwrap_or_default();
-                codes[k] = u16::from_le_bytes(code).into();
+                let record = base.saturating_add(records[j] as usize);
+                codes[k] = match normals.get(record) {
+                    Some(&code) => u16::from_le_bytes(code).into(),
+                    None => self.lane.normal_code(record),
+                };
             }
         } else {
             for k in 0..out.count {

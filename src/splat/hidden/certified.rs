@@ -21,7 +21,7 @@
 //! ones cut voxels off, and see footprints that an affine map does not fit).
 
 use super::weight::{LayerWeights, layer_weights};
-use super::{Culling, Stage, Watch};
+use super::{Culling, Stage, Watch, go_on};
 use crate::arena::record_set::carry;
 use crate::arena::{Lane, RecordSet};
 use crate::error::{Error, Result};
@@ -71,12 +71,10 @@ pub(super) fn uncertain(scene: &Scene, seen: &RecordSet, culling: &Culling, watc
             known.push((apart, kernel, weights));
             let strongest = peak(kernel) * lengths.iter().copied().fold(0.0, f64::max);
             for along in [AxisOrder::Ascending, AxisOrder::Descending] {
-                if watch(Stage::Look, done, 18).is_break() {
-                    return Err(Error::Interrupted);
-                }
                 let march = March { lane, table: &table, slow, low, high, weights, kernel, need };
                 march.run(along, MAX_DEPTH / strongest, &open, culling.memory)?;
                 done += 1;
+                go_on(watch, Stage::Look, done, 18)?;
             }
         }
         if fast == Axis::X {

@@ -19,12 +19,12 @@ mod views;
 mod weight;
 
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use self::views::{Subject, deciding, judging};
 use crate::arena::RecordSet;
 use crate::arena::erode::{erode, erode_bytes};
 use crate::error::{Error, Result};
+use crate::parallel::in_order;
 use crate::splat::Scene;
 use crate::volume::Axis;
 
@@ -69,7 +69,7 @@ pub enum Stage {
 }
 
 /// Told how many of how many steps of a stage are done; `Break` stops with [`Error::Interrupted`].
-pub type Watch<'a> = &'a (dyn Fn(Stage, u64, u64) -> ControlFlow<()> + Sync);
+pub type Watch<'a> = &'a mut dyn FnMut(Stage, u64, u64) -> ControlFlow<()>;
 
 /// Hidden voxels, and how they were found.
 #[derive(Debug)]
@@ -183,7 +183,7 @@ fn spare_memory(records: usize, dims: [u32; 3], culling: &Culling) -> Result<u64
     Ok(culling.memory - fixed)
 }
 
-/// Does `job` for 0 to `count`, shared out among threads; the first error comes back.
+/// Does `job` for 0 to `count`, shared out among threads.
 fn share_out(
     count: usize,
     threads: usize,
@@ -191,31 +191,15 @@ fn share_out(
     watch: Watch,
     job: impl Fn(usize) -> Result<()> + Sync,
 ) -> Result<()> {
-    let (next, done) = (AtomicUsize::new(0), AtomicUsize::new(0));
-    let work = || -> Result<()> {
-        loop {
-            let index = next.fetch_add(1, Relaxed);
-            if index >= count {
-                return Ok(());
-            }
-            let behind = done.load(Relaxed) as u64;
-            let go_on = watch(stage, behind, count as u64);
-            let result = if go_on.is_break() { Err(Error::Interrupted) } else { job(index) };
-            if result.is_err() {
-                next.store(count, Relaxed);
-                return result;
-            }
-            done.fetch_add(1, Relaxed);
-        }
-    };
-    std::thread::scope(|scope| {
-        let work = &work;
-        let others: Vec<_> = (1..threads.min(count)).map(|_| scope.spawn(work)).collect();
-        let mut result = work();
-        for thread in others {
-            let other = thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
-            result = result.and(other);
-        }
-        result
-    })
+    in_order(
+        count,
+        threads,
+        || (),
+        |(), index| job(index),
+        |index, ()| go_on(watch, stage, index as u64 + 1, count as u64),
+    )
+}
+
+fn go_on(watch: Watch, stage: Stage, done: u64, total: u64) -> Result<()> {
+    if watch(stage, done, total).is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }

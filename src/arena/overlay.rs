@@ -1,0 +1,223 @@
+//! The overlay: voxels added and removed after the fact, over an arena that stays as it is.
+//!
+//! In: an open arena and edits. Out: lanes that a walk visits as if they had been built from the edited voxels, in
+//! exact order, and [`Rows`] that write them to a new file.
+//!
+//! ```text
+//! edits         by place: the record that is there instead, or none
+//! patch         for a lane: the tiles that hold edits packed anew, with their lines and records; made on first need
+//! lane          the arena's lines and records, in place, then the patch's; one table of tiles for both
+//! ```
+//!
+//! Memory: 20 to 35 bytes an edit. Each lane that is asked for adds its tile table (28 bytes a tile) and the records of
+//! the tiles that hold edits: up to 64 lines for a lone voxel, so edits side by side are cheap and scattered ones are
+//! not. Time: an edit looks its place up in O(log tiles) and one line; the first use of a lane after an edit packs its
+//! patch anew, in O(tiles + records of the tiles that hold edits). Without edits nothing is made and nothing is slower.
+//!
+//! ```
+//! use adjsplat::arena::pack::Record;
+//! use adjsplat::arena::{Arena, LaneSet, Overlay, TileOrder, builder};
+//! use adjsplat::classify::TransferFunction;
+//! use adjsplat::volume::{SampleType, phantom::Phantom};
+//!
+//! let mut shells = Phantom::from_name("shells")?.open([32; 3], SampleType::U8, [1.0; 3])?;
+//! let options = builder::BuildOptions {
+//!     transfer: TransferFunction::range(100.0, f64::INFINITY)?,
+//!     lane_count: 1,
+//!     tile_order: TileOrder::Morton,
+//!     value_bits: 8,
+//!     normal_bits: 0,
+//! };
+//! let built = builder::build(&mut *shells, &options, &mut builder::Unobserved)?;
+//! let bytes = adjsplat::file::arena_bytes(&built.facts, &built.lanes, "{}");
+//! let lanes = LaneSet::new(Arena::new(&bytes).expect("it was just built"), None);
+//!
+//! let mut overlay = Overlay::new(&lanes);
+//! overlay.insert([0, 0, 0], Record { value: 7, ..Record::default() })?;
+//! assert_eq!(overlay.facts()?.visible_voxels, built.facts.visible_voxels + 1);
+//! assert_eq!(overlay.remove([0, 0, 0])?.map(|record| record.value), Some(7));
+//! # Ok::<(), adjsplat::Error>(())
+//! ```
+
+use std::sync::OnceLock;
+
+use super::lane::Lane;
+use super::lane_rows::LaneRows;
+use super::lanes::LaneSet;
+use super::layout::{Facts, TILE_EDGE};
+use super::pack::Record;
+use super::patch::{Edits, Patch, find_tile};
+use super::rows::Rows;
+use super::visible::VisibleCodes;
+use crate::classify::TransferFunction;
+use crate::error::{Error, Result};
+use crate::volume::Axis;
+
+/// An arena with voxels added and removed.
+#[derive(Debug)]
+pub struct Overlay<'a> {
+    lanes: &'a LaneSet<'a>,
+    edits: Edits,
+    visible_voxels: u64,
+    shown: Option<VisibleCodes>,
+    patches: [OnceLock<Patch>; 3],
+}
+
+impl<'a> Overlay<'a> {
+    /// No edits yet.
+    pub fn new(lanes: &'a LaneSet<'a>) -> Overlay<'a> {
+        let visible_voxels = lanes.arena().facts().visible_voxels;
+        Overlay { lanes, edits: Edits::new(), visible_voxels, shown: None, patches: Default::default() }
+    }
+
+    /// Puts a voxel at `at` (x, y, z), in the place of one that is there; what was there.
+    ///
+    /// Codes of channels that the arena has not are ignored.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if `at` is outside the grid, or a code does not fit its channel.
+    pub fn insert(&mut self, at: [u32; 3], record: Record) -> Result<Option<Record>> {
+        let place = self.place(at)?;
+        let channels = self.lanes.arena().facts().channels;
+        let normal = if channels.normal_bits == 0 { 0 } else { record.normal };
+        let magnitude = if channels.magnitude_bits == 0 { 0 } else { record.magnitude };
+        let widths = [
+            ("value", u32::from(record.value), u32::from(channels.value_bits)),
+            ("normal", normal, 2 * u32::from(channels.normal_bits)),
+        ];
+        for (what, code, bits) in widths {
+            if u64::from(code) >> bits != 0 {
+                let why = format!("is {code}, but the file's channel has {bits} bits");
+                return Err(Error::input(format!("{what} code of voxel {at:?}"), why));
+            }
+        }
+        Ok(self.put(place, Some(Record { value: record.value, normal, magnitude })))
+    }
+
+    /// Takes the voxel at `at` (x, y, z) away; what was there.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if `at` is outside the grid.
+    pub fn remove(&mut self, at: [u32; 3]) -> Result<Option<Record>> {
+        let place = self.place(at)?;
+        Ok(self.put(place, None))
+    }
+
+    /// The voxel at `at` (x, y, z), shown or not; `None` where there is none, and outside the grid.
+    pub fn get(&self, at: [u32; 3]) -> Option<Record> {
+        let [x, y, z] = self.place(at).ok()?;
+        self.edits.get(&[z, y, x]).copied().unwrap_or_else(|| self.stored([x, y, z]))
+    }
+
+    /// Shows only voxels whose opacity under `transfer`, judged by their codes, is at least `threshold`, and above 0.
+    ///
+    /// The others stay where they are: a walk passes them over, [`Overlay::rows`] leaves them out. Takes a table of 32
+    /// bytes to 2 MiB, and a look into it for each voxel of a walk.
+    ///
+    /// # Errors
+    /// As [`VisibleCodes::new`].
+    pub fn set_opacity_threshold(&mut self, transfer: &TransferFunction, threshold: f64) -> Result<()> {
+        let facts = self.lanes.arena().facts();
+        self.shown = Some(VisibleCodes::new(transfer, facts.channels, &facts.scales, threshold)?);
+        Ok(())
+    }
+
+    /// Shows all voxels again.
+    pub fn clear_opacity_threshold(&mut self) {
+        self.shown = None;
+    }
+
+    /// How many voxels differ from the arena's.
+    pub fn edit_count(&self) -> usize {
+        self.edits.len()
+    }
+
+    /// What the arena says of itself, the voxels that are shown counted: O(1), or O(records) with a threshold.
+    ///
+    /// # Errors
+    /// As [`Overlay::lane`].
+    pub fn facts(&self) -> Result<Facts> {
+        let mut visible_voxels = self.visible_voxels;
+        if self.shown.is_some() {
+            visible_voxels = 0;
+            self.lane(Axis::X)?.each_record(|_| visible_voxels += 1);
+        }
+        Ok(Facts { visible_voxels, ..self.lanes.arena().facts().clone() })
+    }
+
+    /// The lane along `axis` with all edits; its patch is packed on first use after an edit.
+    ///
+    /// # Errors
+    /// As [`LaneSet::lane`]; and [`Error::Limit`] if there are more lines than a tile can name.
+    pub fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
+        let mut lane = self.lanes.lane(axis)?;
+        lane.shown = self.shown.as_ref();
+        if self.edits.is_empty() {
+            return Ok(lane);
+        }
+        let lines_of_tile = u64::from(TILE_EDGE) * u64::from(TILE_EDGE);
+        let need = lane.line_ends.len() as u64 + lines_of_tile * self.edits.len() as u64;
+        if need > u32::MAX.into() {
+            let what = format!("lines of the edited lane along {}; write it to a file first", axis.name());
+            return Err(Error::Limit { what, need, have: u32::MAX.into() });
+        }
+        let tile_order = self.lanes.arena().facts().tile_order;
+        let patch = self.patches[axis.index()].get_or_init(|| Patch::new(&lane, tile_order, &self.edits));
+        lane.tiles = &patch.tiles;
+        lane.patch = Some(&patch.records);
+        Ok(lane)
+    }
+
+    /// The voxels that are shown, to write to a file.
+    ///
+    /// # Errors
+    /// As [`Overlay::lane`].
+    pub fn rows(&self) -> Result<impl Rows> {
+        let lane = self.lane(Axis::X)?;
+        let shown = lane.shown;
+        Ok(LaneRows::new(lane, move |_, _, record| shown.is_none_or(|shown| shown.has(record)).then_some(record)))
+    }
+
+    /// `at` as coordinates inside the grid.
+    fn place(&self, at: [u32; 3]) -> Result<[u16; 3]> {
+        let dims = self.lanes.arena().facts().grid.dims;
+        if (0..3).any(|a| at[a] >= dims[a]) {
+            let [nx, ny, nz] = dims;
+            return Err(Error::input(format!("voxel {at:?}"), format!("lies outside the {nx} x {ny} x {nz} grid")));
+        }
+        Ok(at.map(|c| u16::try_from(c).expect("a grid has at most 65,535 points an axis")))
+    }
+
+    /// Makes `record` what is at a place; what was there.
+    fn put(&mut self, [x, y, z]: [u16; 3], record: Option<Record>) -> Option<Record> {
+        let stored = self.stored([x, y, z]);
+        let place = [z, y, x];
+        let before = self.edits.get(&place).copied().unwrap_or(stored);
+        if record == before {
+            return before;
+        }
+        if record == stored {
+            self.edits.remove(&place);
+        } else {
+            self.edits.insert(place, record);
+        }
+        self.visible_voxels =
+            self.visible_voxels.saturating_add(record.is_some().into()).saturating_sub(before.is_some().into());
+        self.patches = Default::default();
+        before
+    }
+
+    /// What the arena has at a place.
+    fn stored(&self, [x, y, z]: [u16; 3]) -> Option<Record> {
+        let arena = self.lanes.arena();
+        let lane = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
+        let tile = find_tile(&lane, arena.facts().tile_order, y / TILE_EDGE, z / TILE_EDGE)?;
+        let bit = 1 << (z % TILE_EDGE * TILE_EDGE + y % TILE_EDGE);
+        let line = lane.tile_lines(tile, bit).next()?;
+        let mut voxels = lane.line_voxels(line.records);
+        voxels
+            .find(|&(at, _)| at >= u32::from(x))
+            .filter(|&(at, _)| at == u32::from(x))
+            .map(|(_, index)| lane.record(index))
+    }
+}

@@ -1,0 +1,118 @@
+//! The patch: the tiles of a lane that hold edits, packed anew.
+//!
+//! In: a lane and edits. Out: the lines and records of the tiles with edits, and a tile table of the whole lane, in
+//! which those tiles point past the lane's own lines and records. Time is O(tiles + records of the tiles with edits);
+//! the tiles' records, lines without edits included, are what it takes in memory.
+
+use std::collections::BTreeMap;
+
+use super::curve::TileOrder;
+use super::lane::{Lane, OwnedLane};
+use super::layout::{TILE_EDGE, TileRecord};
+use super::pack::{LanePacker, Record};
+use crate::volume::Axis;
+
+/// What is there instead of what the arena has, by z, y, x; only where the two differ.
+pub(super) type Edits = BTreeMap<[u16; 3], Option<Record>>;
+
+/// The tile at (u, v) of a lane whose tiles lie in `order`.
+pub(super) fn find_tile<'l>(lane: &Lane<'l>, order: TileOrder, u: u16, v: u16) -> Option<&'l TileRecord> {
+    let key = order.key(u, v);
+    let place = |tile: &TileRecord| order.key(tile.tile_u.get(), tile.tile_v.get());
+    lane.tiles.binary_search_by_key(&key, place).ok().map(|index| &lane.tiles[index])
+}
+
+/// A lane's changed tiles.
+#[derive(Debug)]
+pub(super) struct Patch {
+    /// All tiles of the lane, changed or not, in the tile order.
+    pub(super) tiles: Vec<TileRecord>,
+    /// Lines and records of the changed ones.
+    pub(super) records: OwnedLane,
+}
+
+/// An edit by its place in a lane.
+#[derive(Debug, Clone, Copy)]
+struct Edit {
+    v: u16,
+    u: u16,
+    at: u16,
+    record: Option<Record>,
+}
+
+impl Patch {
+    /// Packs the tiles of `lane`, which lie in `order`, that hold edits.
+    pub(super) fn new(lane: &Lane, order: TileOrder, edits: &Edits) -> Patch {
+        let [u_axis, v_axis] = lane.axis.others();
+        let along = |[z, y, x]: [u16; 3], axis: Axis| [x, y, z][axis.index()];
+        let mut sorted: Vec<Edit> = edits
+            .iter()
+            .map(|(&place, &record)| {
+                let [v, u, at] = [v_axis, u_axis, lane.axis].map(|axis| along(place, axis));
+                Edit { v, u, at, record }
+            })
+            .collect();
+        sorted.sort_unstable_by_key(|edit| (edit.v, edit.u, edit.at));
+
+        let mut packer = LanePacker::new(lane.axis, lane.dims, lane.channels, order);
+        let mut changed = Vec::new();
+        let mut line = Vec::new();
+        for strip in sorted.chunk_by(|a, b| a.v / TILE_EDGE == b.v / TILE_EDGE) {
+            let tile_v = strip[0].v / TILE_EDGE;
+            let mut tile_us: Vec<u16> = strip.iter().map(|edit| edit.u / TILE_EDGE).collect();
+            tile_us.sort_unstable();
+            tile_us.dedup();
+            let tiles: Vec<Option<&TileRecord>> = tile_us.iter().map(|&u| find_tile(lane, order, u, tile_v)).collect();
+            changed.extend(tile_us.iter().map(|&u| order.key(u, tile_v)));
+            let mut rest = strip;
+            for within_v in 0..TILE_EDGE {
+                for (&tile_u, tile) in tile_us.iter().zip(&tiles) {
+                    for within_u in 0..TILE_EDGE {
+                        let (u, v) = (tile_u * TILE_EDGE + within_u, tile_v * TILE_EDGE + within_v);
+                        if u32::from(u) >= lane.dims[u_axis.index()] || u32::from(v) >= lane.dims[v_axis.index()] {
+                            continue;
+                        }
+                        let count = rest.partition_point(|edit| (edit.v, edit.u) <= (v, u));
+                        let (here, later) = rest.split_at(count);
+                        rest = later;
+                        let bit = 1 << (within_v * TILE_EDGE + within_u);
+                        let stored = tile.and_then(|tile| lane.tile_lines(tile, bit).next());
+                        line.clear();
+                        merge(lane, stored.map(|line| line.records).unwrap_or_default(), here, &mut line);
+                        packer.line(u, v, line.iter().copied());
+                    }
+                }
+            }
+        }
+        let records = packer.finish();
+        let mut tiles: Vec<TileRecord> = Vec::with_capacity(lane.tiles.len() + records.tiles.len());
+        let key = |tile: &TileRecord| order.key(tile.tile_u.get(), tile.tile_v.get());
+        changed.sort_unstable();
+        tiles.extend(lane.tiles.iter().filter(|tile| changed.binary_search(&key(tile)).is_err()));
+        let lines = u32::try_from(lane.line_ends.len()).expect("checked with the patch's lines");
+        tiles.extend(records.tiles.iter().map(|tile| tile.moved(lines, lane.steps.len() as u64)));
+        // Two runs in order: a merge.
+        tiles.sort_by_key(key);
+        Patch { tiles, records }
+    }
+}
+
+/// A stored line and the edits on it, by ascending place, as one line.
+fn merge(lane: &Lane, stored: std::ops::Range<usize>, edits: &[Edit], line: &mut Vec<(u16, Record)>) {
+    let points = lane.dims[lane.axis.index()];
+    // A damaged line may be longer than its axis.
+    let stored = if stored.len() <= points as usize { stored } else { 0..0 };
+    let mut edits = edits.iter().peekable();
+    let voxels = lane.line_voxels(stored).take_while(|&(at, _)| at < points);
+    for (at, index) in voxels {
+        let at = u16::try_from(at).expect("inside a grid of at most 65,535 points an axis");
+        while let Some(edit) = edits.next_if(|edit| edit.at < at) {
+            line.extend(edit.record.map(|record| (edit.at, record)));
+        }
+        match edits.next_if(|edit| edit.at == at) {
+            Some(edit) => line.extend(edit.record.map(|record| (at, record))),
+            None => line.push((at, lane.record(index))),
+        }
+    }
+    line.extend(edits.filter_map(|edit| Some((edit.at, edit.record?))));
+}

@@ -1,0 +1,102 @@
+//! The sieve: which samples may be visible, known before the first one is read.
+//!
+//! In: a transfer function and a volume's header. Out: for a sample, whether it may be visible; where opacity depends
+//! on the gradient, its magnitude has the last word.
+
+use super::builder::BuildOptions;
+use crate::classify::TransferFunction;
+use crate::error::Result;
+use crate::volume::{Header, Sample, SampleType};
+
+/// What lets visible samples through.
+pub(super) struct Sieve {
+    transfer: TransferFunction,
+    uses_gradient: bool,
+    domain: (f64, f64),
+    slope: f64,
+    intercept: f64,
+    /// Whether a sample passes, by its bits; empty for samples of more than 16 bits.
+    table: Vec<bool>,
+    /// Bits of the lowest and the highest sample that pass; `None` if none do or the table is empty.
+    ends: Option<[u16; 2]>,
+}
+
+impl Sieve {
+    /// `largest_magnitude`: of the volume's gradients, where the transfer function is relative to it.
+    pub(super) fn new(header: &Header, options: &BuildOptions, largest_magnitude: Option<f64>) -> Result<Sieve> {
+        let mut transfer = options.transfer.clone().with_voxel_length(header.grid.mean_spacing())?;
+        if let Some(largest) = largest_magnitude.filter(|&largest| largest > 0.0) {
+            transfer = transfer.with_largest_magnitude(largest)?;
+        }
+        let mut sieve = Sieve {
+            uses_gradient: transfer.uses_gradient(),
+            domain: transfer.domain(f64::INFINITY),
+            transfer,
+            slope: header.slope,
+            intercept: header.intercept,
+            table: Vec::new(),
+            ends: None,
+        };
+        if header.sample_type.bytes() <= 2 {
+            let numbers = small_samples(header.sample_type);
+            sieve.table = vec![false; numbers.len()];
+            for (bits, number) in numbers {
+                if sieve.may_be_visible(number * sieve.slope + sieve.intercept) {
+                    sieve.table[usize::from(bits)] = true;
+                    sieve.ends = Some([sieve.ends.map_or(bits, |[low, _]| low), bits]);
+                }
+            }
+        }
+        Ok(sieve)
+    }
+
+    fn may_be_visible(&self, value: f64) -> bool {
+        let inside = value.is_finite() && value >= self.domain.0 && value <= self.domain.1;
+        inside && (self.uses_gradient || self.transfer.opacity(value, 0.0) > 0.0)
+    }
+
+    /// A sample's value in its own unit.
+    #[inline(always)]
+    pub(super) fn value<T: Sample>(&self, sample: T) -> f64 {
+        sample.to_f64() * self.slope + self.intercept
+    }
+
+    /// Whether a sample may be visible.
+    #[inline(always)]
+    pub(super) fn passes<T: Sample>(&self, sample: T) -> bool {
+        match sample.small_bits() {
+            Some(bits) => self.table[bits],
+            None => self.may_be_visible(self.value(sample)),
+        }
+    }
+
+    /// Whether a sample that passes is visible, once its gradient is known.
+    #[inline]
+    pub(super) fn is_visible(&self, value: f64, magnitude: f64) -> bool {
+        self.transfer.opacity(value, magnitude) > 0.0
+    }
+
+    /// Samples between which all that pass lie, both inclusive; `None` if none pass.
+    pub(super) fn ends<T: Sample>(&self) -> Option<[T; 2]> {
+        if !self.table.is_empty() {
+            return Some(self.ends?.map(T::from_small_bits));
+        }
+        // Only where raw samples are values: elsewhere rounding would have to be bounded.
+        let raw = self.slope == 1.0 && self.intercept == 0.0;
+        let [lowest, highest] = T::ENDS;
+        let [low, high] = if raw { [T::below(self.domain.0), T::above(self.domain.1)] } else { T::ENDS };
+        (low <= high).then_some([if low > lowest { low } else { lowest }, if high < highest { high } else { highest }])
+    }
+}
+
+/// The bits and the number of each sample of a type of 8 or 16 bits, ascending by number.
+pub(super) fn small_samples(sample_type: SampleType) -> impl ExactSizeIterator<Item = (u16, f64)> {
+    let signed = matches!(sample_type, SampleType::I8 | SampleType::I16);
+    let count = 1i32 << (8 * sample_type.bytes());
+    let first = if signed { -count / 2 } else { 0 };
+    (0..usize::try_from(count).expect("256 or 65,536")).map(move |index| {
+        let number = first + i32::try_from(index).expect("at most 65,535");
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the low bits are meant")]
+        ((number & (count - 1)) as u16, f64::from(number))
+    })
+}

@@ -1,0 +1,99 @@
+//! A store: bytes that are appended once and read back at will, in memory or, where they grow too many, in a file.
+//!
+//! The file has no name where the system can do that, so that nothing of it stays however the process ends.
+
+use std::fs::File;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+
+use crate::error::{Error, Result};
+
+/// Appended bytes.
+#[derive(Debug)]
+pub(super) struct Store {
+    bytes: Vec<u8>,
+    file: Option<File>,
+    /// Bytes in all.
+    len: u64,
+    /// Where the file goes; without a folder all stays in memory.
+    folder: Option<PathBuf>,
+    /// Most bytes to hold in memory.
+    memory: u64,
+}
+
+impl Store {
+    /// A store that moves to an unnamed file in `folder` when it outgrows `memory` bytes.
+    pub(super) fn new(folder: Option<&Path>, memory: u64) -> Store {
+        Store { bytes: Vec::new(), file: None, len: 0, folder: folder.map(Path::to_path_buf), memory }
+    }
+
+    /// Bytes so far.
+    pub(super) fn len(&self) -> u64 {
+        self.len
+    }
+
+    /// Bytes that are held in memory.
+    pub(super) fn memory(&self) -> u64 {
+        self.bytes.capacity() as u64
+    }
+
+    pub(super) fn append(&mut self, bytes: &[u8]) -> Result<()> {
+        let len = self.len + bytes.len() as u64;
+        if let Some(folder) = self.folder.as_ref().filter(|_| self.file.is_none() && len > self.memory) {
+            let mut file = tempfile::tempfile_in(folder).map_err(Error::io("create a temporary file in", folder))?;
+            file.write_all(&self.bytes).map_err(Error::io("write a temporary file in", folder))?;
+            self.file = Some(file);
+            self.bytes = Vec::new();
+        }
+        match &mut self.file {
+            Some(file) => {
+                let folder = self.folder.as_deref().unwrap_or(Path::new("."));
+                file.write_all(bytes).map_err(Error::io("write a temporary file in", folder))?;
+            }
+            None => {
+                let refused = |_| Error::Limit { what: "memory for visible voxels".into(), need: len, have: self.len };
+                self.bytes.try_reserve(bytes.len()).map_err(refused)?;
+                self.bytes.extend_from_slice(bytes);
+            }
+        }
+        self.len = len;
+        Ok(())
+    }
+
+    /// Bytes `from..to`; `buffer` is where they go if they must be read.
+    ///
+    /// # Panics
+    /// If they were not all appended.
+    pub(super) fn read<'a>(&'a self, from: u64, to: u64, buffer: &'a mut Vec<u8>) -> Result<&'a [u8]> {
+        assert!(from <= to && to <= self.len, "only what was appended is read");
+        let index = |at: u64| usize::try_from(at).expect("what is in memory or read at once fits the address space");
+        match &self.file {
+            None => Ok(&self.bytes[index(from)..index(to)]),
+            Some(file) => {
+                buffer.resize(index(to - from), 0);
+                let folder = self.folder.as_deref().unwrap_or(Path::new("."));
+                read_exact_at(file, buffer, from).map_err(Error::io("read a temporary file in", folder))?;
+                Ok(buffer)
+            }
+        }
+    }
+}
+
+#[cfg(unix)]
+fn read_exact_at(file: &File, buffer: &mut [u8], at: u64) -> io::Result<()> {
+    std::os::unix::fs::FileExt::read_exact_at(file, buffer, at)
+}
+
+#[cfg(windows)]
+fn read_exact_at(file: &File, mut buffer: &mut [u8], mut at: u64) -> io::Result<()> {
+    while !buffer.is_empty() {
+        match std::os::windows::fs::FileExt::seek_read(file, buffer, at)? {
+            0 => return Err(io::ErrorKind::UnexpectedEof.into()),
+            read => {
+                buffer = &mut buffer[read..];
+                at += read as u64;
+            }
+        }
+    }
+    Ok(())
+}

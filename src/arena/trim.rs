@@ -1,0 +1,241 @@
+//! Trimming: a smaller arena from an arena, without the volume.
+//!
+//! In: an open arena and what is to stay. Out: the [`Rows`] of what is left, read in place, and the header's part for
+//! [`crate::file::write_rows`]. Codes are kept as they are, and so is what they mean, unless values are narrowed to
+//! 8 bits: then they are spread over the values that are left, exactly where these have no more than 256 codes.
+//! Normals stay those of the whole volume.
+
+use super::lane::Lane;
+use super::lane_rows::LaneRows;
+use super::layout::{Channels, Facts, Scales};
+use super::open::Arena;
+use super::pack::Record;
+use super::rows::{Region, Rows};
+use super::visible::VisibleCodes;
+use crate::classify::{Quantiser, TransferFunction, normal};
+use crate::error::{Error, Result};
+use crate::volume::{Axis, Grid, SampleType};
+
+/// An opacity that one would miss, as in a build.
+const SEEN: f64 = 0.02;
+
+/// What is to stay; by default everything.
+#[derive(Debug, Clone, Default)]
+pub struct TrimOptions {
+    /// Only voxels in this box of grid points.
+    pub crop: Option<Region>,
+    /// Whether the grid keeps its size and origin where it is cropped; otherwise it shrinks to the box.
+    pub keep_grid: bool,
+    /// Only voxels whose codes are visible under this transfer function.
+    pub transfer: Option<TransferFunction>,
+    /// Whether values of 16 bits become such of 8.
+    pub narrow_values: bool,
+    /// Whether normals of 16 bits a component become such of 8.
+    pub narrow_normals: bool,
+    /// Whether normals go; the voxels are unlit then.
+    pub drop_normals: bool,
+    /// Whether gradient magnitudes go.
+    pub drop_magnitudes: bool,
+}
+
+/// What is left of an arena.
+#[derive(Debug)]
+pub struct Trim<R> {
+    /// The voxels.
+    pub rows: R,
+    /// The header's part, the voxels counted.
+    pub facts: Facts,
+    /// The new transfer function with everything filled in that the arena decides, if one was given.
+    pub transfer: Option<TransferFunction>,
+    /// Voxels that were visible and whose narrowed value is transparent.
+    pub blurred_away: u64,
+}
+
+/// What is left of `arena` by `options`; `stored`: the transfer function that it was built with, if it is known.
+///
+/// Reads the x lane once for counts, twice where values are narrowed.
+///
+/// # Errors
+/// [`Error::Input`] if the crop lies outside the grid, if the transfer function needs magnitudes that are not stored or
+/// are to be dropped, if labels would lose their codes, or if nothing is left.
+pub fn trim<'a>(
+    arena: &Arena<'a>,
+    stored: Option<&TransferFunction>,
+    options: &TrimOptions,
+) -> Result<Trim<impl Rows + use<'a>>> {
+    let lane = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
+    let old = arena.facts();
+    let transfer = options.transfer.clone().map(|new| filled_in(new, stored, &lane, old)).transpose()?;
+    let in_force = transfer.as_ref().or(stored);
+    if options.drop_magnitudes && in_force.is_some_and(TransferFunction::uses_gradient) {
+        let why = "cannot be dropped: the opacity of the transfer function depends on them; give another function too";
+        return Err(Error::input("gradient magnitudes", why));
+    }
+    let visible = match &transfer {
+        Some(transfer) => Some(VisibleCodes::new(transfer, old.channels, &old.scales, 0.0)?),
+        None => None,
+    };
+    let keep = move |record: Record| visible.as_ref().is_none_or(|visible| visible.has(record)).then_some(record);
+    let crop = crop_of(options, &old.grid)?;
+
+    let left = LaneRows::new(lane, |_, _, record| keep(record)).within(&crop);
+    let counts = Counts::of(&left)?;
+    if counts.voxels == 0 {
+        let why = format!("none of the {} visible voxels is to stay; keep more of them", old.visible_voxels);
+        return Err(Error::input("nothing is left", why));
+    }
+    let channels = Channels {
+        value_bits: if options.narrow_values { 8 } else { old.channels.value_bits },
+        normal_bits: match old.channels.normal_bits {
+            _ if options.drop_normals => 0,
+            16 if options.narrow_normals => 8,
+            bits => bits,
+        },
+        magnitude_bits: if options.drop_magnitudes { 0 } else { old.channels.magnitude_bits },
+    };
+    let mut scales = old.scales;
+    if channels.magnitude_bits == 0 {
+        scales.magnitude_scale = 0.0;
+    }
+    let mut narrowing = None;
+    let mut blurred_away = 0;
+    if channels.value_bits < old.channels.value_bits {
+        let quantiser = quantiser(&old.scales, counts, in_force)?;
+        scales.value_low = quantiser.low();
+        scales.value_step = quantiser.step();
+        blurred_away = match in_force {
+            Some(transfer) if !quantiser.is_lossless() => blurred(&left, transfer, old, &quantiser)?,
+            _ => 0,
+        };
+        narrowing = Some(Narrowing { quantiser, scales: old.scales });
+    }
+    drop(left);
+    let narrow_normals = channels.normal_bits < old.channels.normal_bits && channels.normal_bits > 0;
+    let change = move |record: Record| {
+        let record = keep(record)?;
+        let value = narrowing.as_ref().map_or(record.value, |narrowing| narrowing.value(record.value));
+        Some(Record { value, normal: if narrow_normals { narrowed(record.normal) } else { record.normal }, ..record })
+    };
+    let rows = LaneRows::new(lane, move |_, _, record| change(record)).with_channels(channels);
+    let (rows, grid) = if options.keep_grid {
+        (rows.within(&crop), old.grid.clone())
+    } else {
+        (rows.cropped(&crop), cropped(&old.grid, &crop))
+    };
+    let facts = Facts { grid, channels, scales, visible_voxels: counts.voxels, ..*old };
+    Ok(Trim { rows, facts, transfer, blurred_away })
+}
+
+/// The function with what a build takes from the volume: where colours end, lengths and the largest magnitude.
+fn filled_in(
+    transfer: TransferFunction,
+    stored: Option<&TransferFunction>,
+    lane: &Lane,
+    facts: &Facts,
+) -> Result<TransferFunction> {
+    let Scales { value_low, value_step, magnitude_scale } = facts.scales;
+    let [lowest, highest] = stored
+        .and_then(TransferFunction::value_range)
+        .unwrap_or_else(|| [value_low, value_low + f64::from(lane.largest_value_code()) * value_step]);
+    let transfer = transfer.with_voxel_length(facts.grid.mean_spacing())?.with_value_range(lowest, highest)?;
+    if magnitude_scale > 0.0 { transfer.with_largest_magnitude(magnitude_scale) } else { Ok(transfer) }
+}
+
+/// The box that stays, inside the grid.
+fn crop_of(options: &TrimOptions, grid: &Grid) -> Result<Region> {
+    let [nx, ny, nz] = grid.dims;
+    let Some(crop) = &options.crop else { return Ok(Region { xs: 0..nx, ys: 0..ny, zs: 0..nz }) };
+    let inside = |part: &std::ops::Range<u32>, points: u32| part.start..part.end.min(points);
+    let crop = Region { xs: inside(&crop.xs, nx), ys: inside(&crop.ys, ny), zs: inside(&crop.zs, nz) };
+    if [&crop.xs, &crop.ys, &crop.zs].into_iter().any(std::ops::Range::is_empty) {
+        return Err(Error::input("crop", format!("has no point of the {nx} x {ny} x {nz} grid")));
+    }
+    Ok(crop)
+}
+
+/// The grid of the points in `crop`, each where it was in the world.
+fn cropped(grid: &Grid, crop: &Region) -> Grid {
+    let parts = [&crop.xs, &crop.ys, &crop.zs];
+    let mut cropped = grid.clone();
+    for (a, part) in parts.into_iter().enumerate() {
+        cropped.dims[a] = part.end - part.start;
+        for w in 0..3 {
+            cropped.origin[w] += grid.direction[a][w] * (grid.spacing[a] * f64::from(part.start));
+        }
+    }
+    cropped
+}
+
+/// What is in some rows.
+#[derive(Debug, Clone, Copy)]
+struct Counts {
+    voxels: u64,
+    lowest_code: u16,
+    highest_code: u16,
+}
+
+impl Counts {
+    fn of(rows: &dyn Rows) -> Result<Counts> {
+        let mut counts = Counts { voxels: 0, lowest_code: u16::MAX, highest_code: 0 };
+        each_record(rows, |record| {
+            counts.voxels += 1;
+            counts.lowest_code = counts.lowest_code.min(record.value);
+            counts.highest_code = counts.highest_code.max(record.value);
+        })?;
+        Ok(counts)
+    }
+}
+
+fn each_record(rows: &dyn Rows, mut see: impl FnMut(Record)) -> Result<()> {
+    let [nx, ny, nz] = rows.dims();
+    rows.read(Region { xs: 0..nx, ys: 0..ny, zs: 0..nz }, &mut |_, _, voxels| {
+        voxels.iter().for_each(|voxel| see(voxel.record));
+    })
+}
+
+/// Codes of 8 bits for the values that are left: the old codes are its samples.
+fn quantiser(old: &Scales, counts: Counts, transfer: Option<&TransferFunction>) -> Result<Quantiser> {
+    // One code alone has a step of 0, which no samples have.
+    let step = if old.value_step > 0.0 { old.value_step } else { 1.0 };
+    let value = |code: u16| f64::from(code) * step + old.value_low;
+    let (low, high) = (value(counts.lowest_code), value(counts.highest_code));
+    let of_labels = transfer.is_some_and(TransferFunction::is_labels);
+    let make = if of_labels { Quantiser::for_labels } else { Quantiser::new };
+    make(low, high, 8, SampleType::U16, step, old.value_low)
+}
+
+/// From old value codes to narrow ones.
+#[derive(Debug, Clone)]
+struct Narrowing {
+    quantiser: Quantiser,
+    scales: Scales,
+}
+
+impl Narrowing {
+    #[inline(always)]
+    fn value(&self, code: u16) -> u16 {
+        self.quantiser.encode(f64::from(code) * self.scales.value_step + self.scales.value_low)
+    }
+}
+
+/// How many voxels one would miss after narrowing.
+fn blurred(rows: &dyn Rows, transfer: &TransferFunction, old: &Facts, quantiser: &Quantiser) -> Result<u64> {
+    let narrow = Narrowing { quantiser: *quantiser, scales: old.scales };
+    let scales = Scales { value_low: quantiser.low(), value_step: quantiser.step(), ..old.scales };
+    let channels = Channels { value_bits: 8, ..old.channels };
+    let before = VisibleCodes::new(transfer, old.channels, &old.scales, SEEN)?;
+    let after = VisibleCodes::new(transfer, channels, &scales, 0.0)?;
+    let mut count = 0;
+    each_record(rows, |record| {
+        let narrowed = Record { value: narrow.value(record.value), ..record };
+        count += u64::from(before.has(record) && !after.has(narrowed));
+    })?;
+    Ok(count)
+}
+
+/// The code of 2x8 bits for a code of 2x16.
+fn narrowed(code: u32) -> u32 {
+    // Codes are of the vector against the gradient.
+    let gradient = normal::decode16(code).map(|component| -f64::from(component));
+    normal::encode8(gradient).into()
+}

@@ -1,0 +1,87 @@
+//! Visible codes: which stored records a transfer function shows.
+//!
+//! In: a transfer function and what an arena's codes mean. Out: a table with a bit for each value code, or for each
+//! pair of value and magnitude where the opacity depends on both: 32 bytes to 2 MiB. A stored voxel is judged by its
+//! codes, not by the sample they came from.
+
+use super::layout::{Channels, Scales};
+use super::pack::Record;
+use crate::classify::{MagnitudeCodec, TransferFunction};
+use crate::error::{Error, Result};
+
+/// Opacity of a stored voxel of value code `value`, 0 to 1, per reference length; `magnitude`: of its gradient.
+///
+/// A code at the end of a visible range may come back a rounding error outside it; that does not hide it.
+pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, magnitude: f64) -> f64 {
+    let value = scales.value_low + f64::from(value) * scales.value_step;
+    let opacity = transfer.opacity(value, magnitude);
+    if opacity > 0.0 {
+        return opacity;
+    }
+    let nudge = (scales.value_step * 1e-6).max(value.abs() * 1e-14);
+    transfer.opacity(value - nudge, magnitude).max(transfer.opacity(value + nudge, magnitude))
+}
+
+/// The codes of visible voxels.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct VisibleCodes {
+    /// A bit for each value code, or for each pair: value in the high part, magnitude in the low byte.
+    bits: Vec<u64>,
+    by_magnitude: bool,
+}
+
+impl VisibleCodes {
+    /// The codes whose opacity under `transfer` is above 0 and at least `threshold`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the opacity depends on gradient magnitudes and there are none, if their scale cannot be used,
+    /// or if `threshold` is not from 0 to 1.
+    pub fn new(
+        transfer: &TransferFunction,
+        channels: Channels,
+        scales: &Scales,
+        threshold: f64,
+    ) -> Result<VisibleCodes> {
+        if !(0.0..=1.0).contains(&threshold) {
+            return Err(Error::input("opacity threshold", format!("is {threshold}, but must be from 0 to 1")));
+        }
+        let by_magnitude = transfer.uses_gradient();
+        if by_magnitude && channels.magnitude_bits == 0 {
+            let why = "needs gradient magnitudes, which this file does not store; build it again with this function";
+            return Err(Error::input("transfer function", why));
+        }
+        let magnitudes: Vec<f64> = if by_magnitude {
+            let codec = MagnitudeCodec::new(scales.magnitude_scale)?;
+            (0..=255).map(|code| codec.decode(code)).collect()
+        } else {
+            vec![0.0]
+        };
+        let last = if channels.value_bits == 8 { 255 } else { u16::MAX };
+        let mut codes =
+            VisibleCodes { bits: vec![0; ((usize::from(last) + 1) * magnitudes.len()).div_ceil(64)], by_magnitude };
+        for value in 0..=last {
+            for (magnitude_code, &magnitude) in (0u8..=255).zip(&magnitudes) {
+                let opacity = stored_opacity(transfer, scales, value, magnitude);
+                if opacity > 0.0 && opacity >= threshold {
+                    let place = codes.place(value, magnitude_code);
+                    codes.bits[place / 64] |= 1 << (place % 64);
+                }
+            }
+        }
+        Ok(codes)
+    }
+
+    /// Whether a voxel with these codes is visible.
+    #[inline(always)]
+    pub fn has(&self, record: Record) -> bool {
+        let place = self.place(record.value, record.magnitude);
+        self.bits.get(place / 64).is_some_and(|word| word >> (place % 64) & 1 == 1)
+    }
+
+    fn place(&self, value: u16, magnitude: u8) -> usize {
+        match self.by_magnitude {
+            false => value.into(),
+            true => usize::from(value) << 8 | usize::from(magnitude),
+        }
+    }
+}

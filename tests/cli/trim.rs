@@ -1,0 +1,219 @@
+//! `adj trim`: what is left, what is said of it, and what is refused; nothing half-written, whatever goes wrong.
+//!
+//! Cannot catch: a voxel too many or too few in a file that is sound (`tests/edits/trim.rs` does).
+
+use adjsplat::arena::builder::Unobserved;
+use adjsplat::arena::layout::SectionKind;
+use adjsplat::arena::{Arena, TrimOptions, trim};
+use adjsplat::file::{RowsOutput, write_rows};
+use serde_json::{Value, json};
+
+use super::harness::{Folder, RAW, in_private_mounts};
+
+/// A ramp of 1 to 24, of which those from 5 up are visible, in three lanes.
+fn ramp(folder: &Folder, name: &str) {
+    folder.write("v.raw", &RAW);
+    let build = "build v.raw --dims 4x3x2 --type u8 --spacing 1x2x3 --range 5..";
+    folder.adj(&format!("{build} -o {name}")).done();
+}
+
+fn bytes(folder: &Folder, name: &str) -> Vec<u8> {
+    std::fs::read(folder.file(name)).expect("it is there")
+}
+
+/// The sections of the lanes.
+fn lanes(bytes: &[u8]) -> Vec<(String, Vec<u8>)> {
+    let arena = Arena::new(bytes).expect("opens");
+    let lanes = arena.sections().iter().filter(|section| section.axis.is_some());
+    lanes
+        .map(|section| (format!("{:?}", (section.kind, section.axis)), arena.section_bytes(section).to_vec()))
+        .collect()
+}
+
+fn info(folder: &Folder, name: &str) -> Value {
+    folder.adj(&format!("verify {name}")).done();
+    folder.adj(&format!("info {name} --json")).json()
+}
+
+/// Checks that trimming is refused in one line that has all of `parts`, and leaves nothing new.
+fn refused(folder: &Folder, line: &str, parts: &[&str]) {
+    let before = folder.names();
+    let told = folder.adj(&format!("trim {line}")).refused(parts);
+    assert_eq!(folder.names(), before, "{line}: {told}");
+}
+
+#[test]
+fn a_threshold_leaves_what_is_above_and_says_so() {
+    let folder = Folder::new();
+    ramp(&folder, "a.adj");
+    let told = folder.adj("trim a.adj -o b.adj --range 20.. --json").json();
+    assert_eq!((&told["visible_voxels"], &told["visible_voxels_before"]), (&5.into(), &20.into()));
+    assert_eq!(told["bytes_total"], bytes(&folder, "b.adj").len());
+    assert_eq!(told["bytes_before"], bytes(&folder, "a.adj").len());
+    let b = info(&folder, "b.adj");
+    assert_eq!(
+        (&b["visible_voxels"], &b["dims"], &b["spacing"]),
+        (&5.into(), &json!([4, 3, 2]), &json!([1.0, 2.0, 3.0]))
+    );
+    let description = &b["description"];
+    assert_eq!(description["source"]["name"], "v.raw");
+    assert_eq!(description["transfer_function"]["low"], 20.0);
+    let entry = &description["trimmed"][0];
+    assert_eq!((&entry["visible_voxels_before"], &entry["transfer_function_before"]["low"]), (&20.into(), &json!(5.0)));
+    let told = folder.adj("trim b.adj -o b.adj --range 24..24").done();
+    assert!(told.starts_with("b.adj: 1 of 5 visible voxels are left (20.00 %); "), "{told}");
+    let b = info(&folder, "b.adj");
+    assert_eq!((&b["visible_voxels"], b["description"]["trimmed"].as_array().map(Vec::len)), (&1.into(), Some(2)));
+    // The function it is drawn with is the new one.
+    folder.adj("render a.adj -o a.png --size 40x40 --range 24..24").done();
+    folder.adj("render b.adj -o b.png --size 40x40").done();
+}
+
+#[test]
+fn a_crop_moves_nothing_in_the_world() {
+    let folder = Folder::new();
+    ramp(&folder, "a.adj");
+    folder.adj("trim a.adj -o b.adj --crop 1..2,2..2,..").done();
+    let b = info(&folder, "b.adj");
+    assert_eq!((&b["dims"], &b["visible_voxels"]), (&json!([2, 1, 2]), &4.into()));
+    let a = info(&folder, "a.adj");
+    let origin = |told: &Value, a: usize| told["origin"][a].as_f64().expect("a number");
+    assert_eq!([0, 1, 2].map(|axis| origin(&b, axis) - origin(&a, axis)), [1.0, 4.0, 0.0]);
+    assert_eq!(b["description"]["trimmed"][0]["crop"], json!([[1, 2], [2, 2], [0, 1]]));
+    folder.adj("trim a.adj -o c.adj --crop 1..2,2..2,.. --keep-grid").done();
+    let c = info(&folder, "c.adj");
+    assert_eq!((&c["dims"], &c["origin"], &c["visible_voxels"]), (&a["dims"], &a["origin"], &4.into()));
+}
+
+#[test]
+fn without_flags_only_the_description_grows() {
+    let folder = Folder::new();
+    folder.adj("build phantom:gyroid --dims 40x30x20 --normals 16 --value-bits 16 -o a.adj").done();
+    folder.adj("trim a.adj -o b.adj").done();
+    assert!(lanes(&bytes(&folder, "a.adj")) == lanes(&bytes(&folder, "b.adj")));
+    let [a, b] = ["a.adj", "b.adj"].map(|name| bytes(&folder, name));
+    let [a, b] = [&a, &b].map(|bytes| Arena::new(bytes).expect("opens").facts().clone());
+    assert_eq!(a, b);
+    // The same again is the same.
+    folder.adj("trim a.adj -o c.adj").done();
+    assert!(bytes(&folder, "b.adj") == bytes(&folder, "c.adj"));
+}
+
+#[test]
+fn lanes_channels_and_orders_change_and_come_back() {
+    let folder = Folder::new();
+    folder.adj("build phantom:vessels --dims 40x30x50 --normals 16 --value-bits 16 -o a.adj").done();
+    let all = lanes(&bytes(&folder, "a.adj"));
+    folder.adj("trim a.adj -o x.adj --lanes x").done();
+    assert!(lanes(&bytes(&folder, "x.adj"))[..] == all[..5]);
+    folder.adj("trim x.adj -o xyz.adj --lanes xyz").done();
+    assert!(lanes(&bytes(&folder, "xyz.adj")) == all);
+    folder.adj("trim a.adj -o h.adj --order hilbert").done();
+    assert_eq!(info(&folder, "h.adj")["tile_order"], "hilbert");
+    folder.adj("trim h.adj -o h.adj --order morton").done();
+    assert!(lanes(&bytes(&folder, "h.adj")) == all);
+    folder.adj("trim a.adj -o small.adj --value-bits 8 --normals 8").done();
+    let small = info(&folder, "small.adj");
+    assert_eq!((&small["channels"]["value_bits"], &small["channels"]["normal_bits"]), (&8.into(), &8.into()));
+    folder.adj("trim small.adj -o smaller.adj --drop normals,magnitudes --value-bits 8").done();
+    let smaller = info(&folder, "smaller.adj");
+    assert_eq!((&smaller["channels"]["record_bytes"], smaller["lanes"].as_array().map(Vec::len)), (&2.into(), Some(3)));
+    folder.adj("render smaller.adj -o a.png --size 40x40").done();
+}
+
+#[test]
+fn what_cannot_be_done_is_refused() {
+    let folder = Folder::new();
+    ramp(&folder, "a.adj");
+    refused(&folder, "a.adj -o b.adj --range 2..", &["values from 2 to 5", "does not store", "--force"]);
+    refused(&folder, "a.adj -o b.adj --range ..9", &["values from", "to 5"]);
+    refused(&folder, "a.adj -o b.adj --iso 9", &["gradient magnitudes"]);
+    refused(&folder, "a.adj -o b.adj --range 99..", &["nothing is left", "20 visible voxels"]);
+    refused(&folder, "a.adj -o b.adj --crop 0..0,0..0,0..0", &["nothing is left"]);
+    refused(&folder, "a.adj -o b.adj --crop 4..,..,..", &["--crop", "inside the grid"]);
+    refused(&folder, "a.adj -o b.adj --crop 2..1,..,..", &["--crop"]);
+    refused(&folder, "a.adj -o b.adj --keep-grid", &["--crop", "see adj trim --help"]);
+    refused(&folder, "a.adj -o b.adj --drop values", &["'values'", "normals, magnitudes"]);
+    refused(&folder, "a.adj -o b.adj --value-bits 16", &["'16'", "8"]);
+    refused(&folder, "a.adj -o b.adj --lanes z", &["x, xy, xyz"]);
+    refused(&folder, "a.adj", &["--output <OUT.adj>"]);
+    refused(&folder, "gone.adj -o b.adj", &["cannot open gone.adj"]);
+    refused(&folder, "v.raw -o b.adj", &["is no .adj file", "adj build"]);
+    refused(&folder, "a.adj -o gone/b.adj", &["gone", "create it first"]);
+    refused(&folder, "a.adj -o v.raw", &["v.raw", "is no .adj file"]);
+    refused(&folder, ". -o b.adj", &["is a folder"]);
+    folder.adj("trim a.adj -o b.adj --range 2.. --force").done();
+    assert_eq!(info(&folder, "b.adj")["visible_voxels"], 20);
+}
+
+#[test]
+fn a_function_as_wide_as_the_data_is_no_trouble() {
+    let folder = Folder::new();
+    folder.write("v.raw", &RAW);
+    // Bytes end at 255, so nothing is missing above.
+    folder.adj("build v.raw --dims 4x3x2 --type u8 --range 5..255 -o a.adj").done();
+    folder.adj("trim a.adj -o b.adj --range 20..").done();
+    assert_eq!(info(&folder, "b.adj")["visible_voxels"], 5);
+}
+
+#[test]
+fn a_damaged_file_is_found_before_it_is_trimmed() {
+    let folder = Folder::new();
+    let good = std::fs::read(folder.small_arena("a.adj")).expect("it was built");
+    for at in (0..good.len()).step_by(211) {
+        let mut bytes = good.clone();
+        bytes[at] ^= 1 << (at % 8);
+        folder.write("b.adj", &bytes);
+        refused(&folder, "b.adj -o c.adj", &["b.adj", "at byte"]);
+        // Not checked it may be trimmed, wrongly or not, but there is nothing between a sound file and one line.
+        let ran = folder.adj("trim b.adj -o c.adj --no-verify");
+        if ran.code == Some(0) {
+            folder.adj("verify c.adj").done();
+            std::fs::remove_file(folder.file("c.adj")).expect("it was written");
+        } else {
+            ran.refused(&[]);
+        }
+    }
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_full_disk_leaves_the_old_file() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("disk")).expect("new");
+    folder.adj("build phantom:gyroid --dims 64x64x64 -o a.adj").done();
+    let old = "\"$0\" build phantom:corners --dims 9x9x9 -o disk/out.adj >/dev/null";
+    let trim = "\"$0\" trim a.adj -o disk/out.adj";
+    let script = format!(
+        "mount -t tmpfs -o size=64k tmpfs disk; {old}; {trim}; echo $?; ls -A disk; \"$0\" verify disk/out.adj"
+    );
+    let Some(ran) = in_private_mounts(&script, folder.path()) else { return };
+    assert!(ran.stdout.starts_with("2\nout.adj\ndisk/out.adj: sound"), "{} {}", ran.stdout, ran.stderr);
+    assert!(ran.stderr.contains("No space left") && ran.stderr.lines().count() == 1, "{}", ran.stderr);
+}
+
+#[test]
+fn cutting_open_a_file_without_hidden_voxels_is_told() {
+    let folder = Folder::new();
+    ramp(&folder, "a.adj");
+    let bytes = bytes(&folder, "a.adj");
+    let arena = Arena::new(&bytes).expect("opens");
+    let left = trim(&arena, None, &TrimOptions::default()).expect("all is left");
+    let mut description: Value =
+        serde_json::from_slice(arena.section_bytes(arena.section(SectionKind::Description, None).expect("there")))
+            .expect("JSON");
+    description["hidden_voxels"] = json!({ "algorithm": "sampled", "removed": 9 });
+    let output = RowsOutput {
+        facts: left.facts.clone(),
+        description: &description.to_string(),
+        lane_count: 1,
+        memory: None,
+        threads: 1,
+    };
+    write_rows(&folder.file("h.adj"), &left.rows, &output, &mut Unobserved).expect("writes");
+    let ran = folder.adj("trim h.adj -o b.adj --crop ..,1..,..");
+    assert!(ran.code == Some(0) && ran.stderr.contains("hidden voxels"), "{}", ran.stderr);
+    let ran = folder.adj("trim h.adj -o b.adj --lanes x");
+    assert!(ran.code == Some(0) && ran.stderr.is_empty(), "{}", ran.stderr);
+    assert_eq!(info(&folder, "b.adj")["description"]["hidden_voxels"]["removed"], 9);
+}
