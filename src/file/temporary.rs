@@ -108,6 +108,11 @@ impl Temporary {
         self.file.as_file()
     }
 
+    /// Where it is.
+    pub(super) fn path(&self) -> &Path {
+        self.file.path()
+    }
+
     /// Renames it; a failed one is removed.
     ///
     /// # Errors
