@@ -23,7 +23,7 @@ use crate::arena::{Arena, LaneSet};
 use crate::classify::{Colour, MagnitudeCodec, TransferFunction};
 use crate::error::{Error, Result};
 use crate::file::{
-    AdjFile, RowsOutput, arena_bytes, check_writable, scratch_folder, write_atomically_unless, write_rows,
+    AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder, write_atomically_unless,
 };
 use crate::limits::Limits;
 use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Stats, Surround, Up, View, cpu};
@@ -171,16 +171,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let visible = classify_with_warnings(&mut *source, &options, &resources, arguments.quiet)?;
     if let Some(folder) = folder {
         // What is visible may be larger than the memory, so it goes through a file that nobody else sees.
-        let scratch = tempfile::Builder::new().prefix(".adj-").tempdir_in(&folder);
-        let scratch = scratch.map_err(Error::io("create a folder in", &folder))?;
-        let path = scratch.path().join("visible.adj");
         let description = description(&header, &visible);
         let lane_count = options.lane_count;
         let facts = visible.facts.clone();
         let output = RowsOutput { facts, description: &description, lane_count, memory, threads: settings.threads };
-        write_rows(&path, &visible.rows, &output, &mut Progress::new(arguments.quiet))?;
+        let file = open_rows(&folder, &visible.rows, &output, &mut Progress::new(arguments.quiet))?;
         drop((visible, source));
-        return job.draw_file(job.open(&path)?, settings, None, start);
+        return job.draw_file(file, settings, None, start);
     }
     let lanes = visible.lanes(options.lane_count, settings.threads, &mut Progress::new(arguments.quiet))?;
     let bytes = arena_bytes(&visible.facts, &lanes, &description(&header, &visible));

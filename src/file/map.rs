@@ -62,16 +62,22 @@ impl AdjFile {
             let kind = if metadata.is_dir() { "a folder" } else { "not a regular file" };
             return Err(Error::input(path.display().to_string(), format!("is {kind}; give an .adj file")));
         }
-        limits.check(path, "file bytes", metadata.len(), limits.file_bytes)?;
         let file = File::open(path).map_err(Error::io("open", path))?;
-        let map = if metadata.len() == 0 {
+        AdjFile::of(&file, path, limits)
+    }
+
+    /// Maps an open file; `path` is for messages.
+    pub(super) fn of(file: &File, path: &Path, limits: &Limits) -> Result<AdjFile> {
+        let len = file.metadata().map_err(Error::io("open", path))?.len();
+        limits.check(path, "file bytes", len, limits.file_bytes)?;
+        let map = if len == 0 {
             None
         } else {
             // SAFETY: the map is read-only and lives as long as this value; its bytes are only read as `&[u8]`. That
             // is sound as long as no other process changes them meanwhile, which the system cannot promise: it is
             // the documented condition of this type, and `adj` itself only ever replaces files by renaming. A file
             // cut short under the map raises SIGBUS, as with every mapped file.
-            let map = unsafe { Mmap::map(&file) }.map_err(Error::io("map", path))?;
+            let map = unsafe { Mmap::map(file) }.map_err(Error::io("map", path))?;
             Some(Mapped { map, ledger: None, releasing: Mutex::new(()) })
         };
         let opened = AdjFile { path: path.to_path_buf(), map, limits: *limits };

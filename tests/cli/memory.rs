@@ -20,11 +20,10 @@ fn rendered(folder: &Folder, line: &str) -> (Option<u64>, String) {
 fn a_file_larger_than_the_memory_gives_the_same_picture_within_it() {
     let folder = Folder::new();
     folder.write("thin.json", THIN.as_bytes());
-    folder.adj("build phantom:gyroid --dims 224x224x224 --tf thin.json -o big.adj --quiet").done();
+    folder.adj("build phantom:gyroid --dims 304x304x304 --tf thin.json -o big.adj --quiet").done();
     let bytes = std::fs::metadata(folder.file("big.adj")).expect("it was built").len();
-    assert!(bytes > LEAST + (LEAST >> 1), "{bytes} bytes would fit");
-    // Fast along x, y and z; by perspective.
-    for view in ["--azimuth 80", "--azimuth 20 --elevation 10", "--elevation 85", "--perspective 50 --azimuth 200"] {
+    assert!(bytes > 3 * LEAST, "{bytes} bytes: a lane would fit");
+    for view in ["--azimuth 80", "--perspective 50 --azimuth 200"] {
         let (free, want) = rendered(&folder, &format!("big.adj {view}"));
         for threads in [1, 2] {
             let (peak, got) = rendered(&folder, &format!("big.adj {view} --memory 64MiB --threads {threads}"));
