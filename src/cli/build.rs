@@ -8,16 +8,18 @@ use indicatif::HumanBytes;
 use serde_json::json;
 
 use super::classification::ClassificationArguments;
+use super::cull::{CullArguments, Culled, cull};
 use super::input::InputArguments;
 use super::progress::Progress;
 use super::resources::{ResourceArguments, peak_rss_bytes};
 use super::{Answer, is_same_file, print_note, print_result, starts_as_adj};
 use crate::arena::TileOrder;
 use crate::arena::budget::Budget;
-use crate::arena::builder::{BuildOptions, Classified, Resources, classify};
+use crate::arena::builder::{BuildOptions, Classified, Findings, Resources, classify};
+use crate::arena::layout::Facts;
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::file::{RowsOutput, check_writable, scratch_folder, write_rows};
+use crate::file::{RowsOutput, Scratch, check_writable, scratch_folder, write_rows};
 use crate::volume::{Header, SlabSource};
 
 /// Build an .adj file from a volume: only the visible voxels, in lanes.
@@ -45,6 +47,8 @@ pub(super) struct Arguments {
     classification: ClassificationArguments,
     #[command(flatten)]
     packing: PackingArguments,
+    #[command(flatten)]
+    culling: CullArguments,
     #[command(flatten)]
     reading: InputArguments,
     #[command(flatten)]
@@ -104,6 +108,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut source = arguments.reading.open(&arguments.input)?;
     let transfer = arguments.classification.required(&arguments.input)?;
     let options = arguments.packing.options(transfer)?;
+    let culling = arguments.culling.culling(memory, threads)?;
     check_output(&arguments.output, &arguments.input)?;
     let header = source.header().clone();
     let folder = Some(scratch_folder(&arguments.output)?);
@@ -121,11 +126,31 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         memory: Some(memory),
         threads,
     };
+    let mut scratch = culling.map(|_| Scratch::beside(&arguments.output)).transpose()?;
+    let path = scratch.as_ref().map_or(arguments.output.as_path(), Scratch::path);
     let mut progress = Progress::new(arguments.quiet);
-    let (_, bytes) = write_rows(&arguments.output, &visible.rows, &output, &mut progress)?;
+    let (facts, bytes) = write_rows(path, &visible.rows, &output, &mut progress)?;
     drop(progress);
-    report(arguments, &header, &visible, bytes, start.elapsed().as_secs_f64());
+    let written = Written { facts, bytes, culled: None };
+    let (header, findings) = (header, visible.findings);
+    drop(visible.rows);
+    let written = match (culling, &mut scratch) {
+        (Some(culling), Some(scratch)) => {
+            scratch.hold()?;
+            let culled = cull(scratch.path(), &arguments.output, &culling, arguments.quiet)?;
+            Written { facts: culled.facts.clone(), bytes: culled.bytes, culled: Some(culled) }
+        }
+        _ => written,
+    };
+    report(arguments, &header, &findings, &written, start.elapsed().as_secs_f64());
     Ok(Answer::Yes)
+}
+
+/// What a build left.
+struct Written {
+    facts: Facts,
+    bytes: u64,
+    culled: Option<Culled>,
 }
 
 /// Says what the build will take, before it does.
@@ -212,27 +237,29 @@ pub(super) fn description(header: &Header, built: &Classified) -> String {
     description.to_string()
 }
 
-fn report(arguments: &Arguments, header: &Header, built: &Classified, bytes: u64, seconds: f64) {
+fn report(arguments: &Arguments, header: &Header, findings: &Findings, written: &Written, seconds: f64) {
     let path = &arguments.output;
-    let visible = built.facts.visible_voxels;
+    let Written { facts, bytes, culled } = written;
+    let (visible, bytes) = (facts.visible_voxels, *bytes);
     let samples = header.grid.len();
     let per_voxel = bytes as f64 / visible as f64;
     if arguments.json {
-        print_result(
-            &json!({
-                "output": path.display().to_string(),
-                "visible_voxels": visible,
-                "samples": samples,
-                "bytes_total": bytes,
-                "bytes_per_visible_voxel": per_voxel,
-                "lowest": built.findings.lowest,
-                "highest": built.findings.highest,
-                "not_finite": built.findings.not_finite,
-                "peak_rss_bytes": peak_rss_bytes(),
-                "seconds": seconds,
-            })
-            .to_string(),
-        );
+        let mut result = json!({
+            "output": path.display().to_string(),
+            "visible_voxels": visible,
+            "samples": samples,
+            "bytes_total": bytes,
+            "bytes_per_visible_voxel": per_voxel,
+            "lowest": findings.lowest,
+            "highest": findings.highest,
+            "not_finite": findings.not_finite,
+            "peak_rss_bytes": peak_rss_bytes(),
+            "seconds": seconds,
+        });
+        if let Some(culled) = culled {
+            result["hidden_voxels"] = culled.report.clone();
+        }
+        print_result(&result.to_string());
         return;
     }
     let share = 100.0 * visible as f64 / samples as f64;
@@ -242,4 +269,7 @@ fn report(arguments: &Arguments, header: &Header, built: &Classified, bytes: u64
         path.display(),
         HumanBytes(bytes),
     ));
+    if let Some(culled) = culled {
+        print_result(&culled.line());
+    }
 }

@@ -7,6 +7,7 @@
 mod build;
 mod classification;
 mod completions;
+mod cull;
 mod demo;
 mod info;
 mod input;

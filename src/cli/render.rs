@@ -26,8 +26,8 @@ use crate::file::{
     AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder, write_atomically_unless,
 };
 use crate::limits::Limits;
-use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Stats, Surround, Up, cpu};
-use crate::traverse::{SplitForm, VoxelBox};
+use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Stats, Surround, Up, View, cpu};
+use crate::traverse::{SplitForm, Viewpoint, VoxelBox};
 use crate::volume::read_text;
 
 /// Render an .adj file, or directly a volume, to a picture or a turntable.
@@ -236,6 +236,7 @@ fn draw(
     let Job { arguments, kind, outputs, memory } = *job;
     let arena = lanes.arena();
     let facts = arena.facts().clone();
+    let transfer_given = transfer.is_some();
     let transfer = match transfer {
         Some(transfer) => {
             let given = transfer.clone().with_voxel_length(facts.grid.mean_spacing())?;
@@ -259,6 +260,9 @@ fn draw(
         (None, Some((low, high))) => Surround::of_voxels(&facts.grid, low, high),
         (None, None) => Surround::of_grid(&facts.grid),
     };
+    if let Some(note) = missing_note(arguments, arena, &settings, transfer_given, around)? {
+        print_note(note);
+    }
     let lanes = RoomyLanes { lanes, memory };
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
     let background = parse_background(arguments.look.background.as_deref().unwrap_or(match settings.mode {
@@ -314,6 +318,47 @@ fn draw(
     ));
     Ok(Answer::Yes)
 }
+
+/// What to say of a file without its hidden voxels where the picture may show that they are missing.
+fn missing_note(
+    arguments: &Arguments,
+    arena: &Arena,
+    settings: &Settings,
+    transfer_given: bool,
+    around: Surround,
+) -> Result<Option<&'static str>> {
+    let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
+    if !description["hidden_voxels"].is_object() {
+        return Ok(None);
+    }
+    if settings.mode != Mode::Composite {
+        return Ok(Some(
+            "note: this file was built with --cull-hidden; this mode shows that hidden voxels are missing",
+        ));
+    }
+    if transfer_given {
+        return Ok(Some(
+            "note: this file was built with --cull-hidden; another transfer function may show that voxels are missing",
+        ));
+    }
+    let Some((low, high)) = arena.lanes().next().and_then(|lane| lane.bounds()) else { return Ok(None) };
+    if settings.crop.is_some_and(|crop| (0..3).any(|a| crop.low[a] > low[a] || crop.high[a] < high[a])) {
+        return Ok(Some("note: this file was built with --cull-hidden; a crop may show that voxels are missing"));
+    }
+    let camera = camera(&arguments.view, around, settings.size, 0)?;
+    let view = View::new(&camera, &arena.facts().grid, settings.size, settings.kernel(), None)?;
+    let inside = match view.viewpoint {
+        Viewpoint::Parallel { .. } => false,
+        Viewpoint::Perspective { eye, .. } => {
+            (0..3).all(|a| (f64::from(low[a]) - NEAR..=f64::from(high[a]) + NEAR).contains(&eye[a]))
+        }
+    };
+    let note = "note: this file was built with --cull-hidden; an eye inside or very near shows that voxels are missing";
+    Ok(inside.then_some(note))
+}
+
+/// Voxels from the visible ones' box within which an eye counts as inside: views that decided were farther away.
+const NEAR: f64 = 8.0;
 
 fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
     write_atomically_unless(&interrupted, path, |out| picture.write(out))

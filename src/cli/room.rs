@@ -82,7 +82,7 @@ impl Room {
 
 /// What of `memory` the pages of a file may have that one thread reads and that nothing is made from.
 pub(super) fn memory_of_pages(memory: u64) -> u64 {
-    memory.saturating_sub(BASE.max(resident_bytes().unwrap_or(0) + GROWTH) + IN_FLIGHT).max(LEAST_RESIDENT)
+    memory.saturating_sub(BASE.max(resident_bytes().unwrap_or(0)) + GROWTH + IN_FLIGHT).max(LEAST_RESIDENT)
 }
 
 /// The lanes of a file, of which missing ones are derived only where there is room.

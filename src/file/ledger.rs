@@ -80,10 +80,12 @@ impl Ledger {
 mod tests {
     use super::*;
 
+    const SIZE: usize = 1 << 16;
+
     #[test]
     fn pieces_count_once_until_they_are_released() {
-        let bytes = vec![0u8; 40 * PIECE as usize];
-        let piece = |index: usize| &bytes[index * PIECE as usize..][..1];
+        let bytes = vec![0u8; 40 * SIZE];
+        let piece = |index: usize| &bytes[index * SIZE..][..1];
         let ledger = Ledger::new(&bytes, 4 * PIECE);
         for _ in 0..3 {
             assert!((0..4).all(|index| !ledger.note(piece(index))));
@@ -92,16 +94,16 @@ mod tests {
         ledger.clear();
         assert!(!ledger.is_full() && ledger.held.load(Ordering::Relaxed) == 0);
         // A range counts every piece that it meets; one that is not in the map none.
-        assert!(ledger.note(&bytes[..5 * PIECE as usize + 1]));
+        assert!(ledger.note(&bytes[..5 * SIZE + 1]));
         ledger.clear();
-        let others = vec![0u8; 40 * PIECE as usize];
+        let others = vec![0u8; 40 * SIZE];
         assert!(!ledger.note(&others) && !ledger.note(&bytes[..0]));
         assert_eq!(ledger.held.load(Ordering::Relaxed), 0);
     }
 
     #[test]
     fn threads_share_one_count() {
-        let bytes = vec![0u8; 64 * PIECE as usize];
+        let bytes = vec![0u8; 64 * SIZE];
         let ledger = Ledger::new(&bytes, u64::MAX);
         std::thread::scope(|scope| {
             for _ in 0..4 {

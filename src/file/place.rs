@@ -140,6 +140,41 @@ impl Place {
     }
 }
 
+/// A file for work in between, beside where a result will be; removed when this value goes.
+#[derive(Debug)]
+pub struct Scratch {
+    file: Temporary,
+    /// What was put in its place, open and locked: nobody takes it for a dead run's.
+    held: Option<File>,
+}
+
+impl Scratch {
+    /// An empty file in the [`scratch_folder`] of `path`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the folder takes no file.
+    pub fn beside(path: &Path) -> Result<Scratch> {
+        Ok(Scratch { file: Temporary::new(&scratch_folder(path)?)?, held: None })
+    }
+
+    /// Where it is; write there, then [`Scratch::hold`] what was written.
+    pub fn path(&self) -> &Path {
+        self.file.path()
+    }
+
+    /// Claims the file that was written at its path.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if it is not there any more.
+    pub fn hold(&mut self) -> Result<()> {
+        let file = File::options().read(true).write(true).open(self.path()).map_err(Error::io("open", self.path()))?;
+        // A disk without locks has no removers either.
+        let _ = file.try_lock();
+        self.held = Some(file);
+        Ok(())
+    }
+}
+
 fn write_through<T>(
     path: &Path,
     file: &File,

@@ -11,6 +11,7 @@ pub mod camera;
 pub mod composite;
 pub mod cpu;
 pub mod frame;
+pub mod hidden;
 pub mod kernel;
 pub mod shade;
 pub mod view;

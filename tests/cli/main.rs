@@ -4,6 +4,7 @@
 mod arenas;
 mod budgets;
 mod harness;
+mod hidden;
 mod interrupt;
 mod killed;
 mod memory;

@@ -590,6 +590,7 @@ fn codecs_that_are_not_here_are_named() {
 }
 
 /// `jpeg` in a file of 13 x 9 of 12 bits.
+#[cfg(feature = "jpeg")]
 fn as_jpeg(folder: &Folder, jpeg: &[u8]) -> PathBuf {
     let mut elements = slice(SampleType::I16, &[], 0.0)
         .number(0x28, 0x10, 9)

@@ -158,10 +158,7 @@ fn chunks_are_put_together_over_edges_and_missing_ones_are_filled() {
     // 3 x 3 x 5 samples in chunks of 2 x 2 x 2; sample = 100 z + 10 y + x. Beyond the edge there is padding.
     let chunk = |z: u8, y: u8, x: u8| -> Vec<u8> {
         let at = |k: u8| [2 * z + (k >> 2), 2 * y + (k >> 1 & 1), 2 * x + (k & 1)];
-        (0..8)
-            .map(|k| at(k))
-            .map(|[z, y, x]| if z < 3 && y < 3 && x < 5 { 100 * z + 10 * y + x } else { 255 })
-            .collect()
+        (0..8).map(at).map(|[z, y, x]| if z < 3 && y < 3 && x < 5 { 100 * z + 10 * y + x } else { 255 }).collect()
     };
     let array = json!({ "zarr_format": 2, "shape": [3, 3, 5], "chunks": [2, 2, 2], "dtype": "|u1", "order": "C",
                         "compressor": null, "filters": [], "fill_value": 7, "dimension_separator": "/" });

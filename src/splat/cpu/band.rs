@@ -16,6 +16,9 @@ use super::freeze::Frozen;
 use super::planes::{Planes, Rect};
 use super::project::Projector;
 use super::raster::{BLOCK, EllipseEach, Limits, Splats};
+use super::seen::Seen;
+use super::without::Without;
+use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::splat::{Code, View};
 use crate::traverse::{Batch, Order, Visitor, VoxelBox, walk};
@@ -29,6 +32,15 @@ pub(crate) struct Drawn {
     pub(crate) drawing: Duration,
 }
 
+/// What a band does beside drawing what the walk visits.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Extra<'a> {
+    /// Records of the walk's lane that are not drawn.
+    pub(crate) left_out: Option<&'a RecordSet>,
+    /// Where to note which records are seen; for front to back compositing.
+    pub(crate) seen: Option<Seen<'a>>,
+}
+
 /// Draws the band `rect`.
 ///
 /// # Errors
@@ -40,6 +52,7 @@ pub(crate) fn draw<B: Blend>(
     rect: Rect,
     limits: Limits,
     code: Code,
+    extra: Extra,
 ) -> Result<Drawn> {
     let mut band = Band::<B> {
         projector,
@@ -48,6 +61,7 @@ pub(crate) fn draw<B: Blend>(
         fast: order.fast.index(),
         limits,
         code,
+        seen: extra.seen,
         bench: Bench {
             planes: Planes::new(rect, B::FOURTH)?,
             frozen: Frozen::new(rect),
@@ -60,7 +74,10 @@ pub(crate) fn draw<B: Blend>(
         blend: PhantomData,
     };
     let start = Instant::now();
-    walk(&projector.lane, order, &mut band);
+    match extra.left_out {
+        None => walk(&projector.lane, order, &mut band),
+        Some(left_out) => walk(&projector.lane, order, &mut Without::new(&mut band, left_out)),
+    }
     let walking = start.elapsed().saturating_sub(band.drawing);
     let Band { bench, visited, drawn, drawing, .. } = band;
     Ok(Drawn { planes: bench.planes, visited, drawn, walking, drawing })
@@ -73,6 +90,7 @@ struct Band<'a, B> {
     fast: usize,
     limits: Limits,
     code: Code,
+    seen: Option<Seen<'a>>,
     bench: Bench,
     visited: u64,
     drawn: u64,
@@ -149,7 +167,11 @@ impl<B: Blend> Visitor for Band<'_, B> {
     fn visit(&mut self, batch: &Batch) {
         let start = Instant::now();
         for from in (0..batch.len()).step_by(BLOCK) {
-            self.drawn += dispatch::block::<B>(self.code, self.projector, batch, from, &mut self.bench, self.limits);
+            let Band { code, projector, bench, limits, .. } = self;
+            self.drawn += match self.seen {
+                None => dispatch::block::<B>(*code, projector, batch, from, bench, *limits),
+                Some(seen) => dispatch::block_seen(projector, batch, from, bench, *limits, seen),
+            };
         }
         self.visited += batch.len() as u64;
         self.drawing += start.elapsed();

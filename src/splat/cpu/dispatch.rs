@@ -5,11 +5,12 @@
 
 use multiversion::multiversion;
 
-use super::blend::Blend;
+use super::blend::{Blend, FrontToBack};
 use super::freeze::Frozen;
 use super::planes::Planes;
 use super::project::{Kind, Projector};
 use super::raster::{self, EllipseEach, Limits, Splats};
+use super::seen::Seen;
 use crate::splat::Code;
 use crate::traverse::Batch;
 
@@ -47,14 +48,41 @@ fn block_avx2<B: Blend>(projector: &Projector, batch: &Batch, from: usize, bench
     block_any::<B>(projector, batch, from, bench, limits)
 }
 
+/// As [`block`] front to back, and notes what is seen of the block before it is drawn.
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+pub(crate) fn block_seen(
+    projector: &Projector,
+    batch: &Batch,
+    from: usize,
+    bench: &mut Bench,
+    limits: Limits,
+    seen: Seen,
+) -> u64 {
+    let Bench { planes, frozen, splats, each } = bench;
+    projector.block(batch, from, splats, each, planes, frozen, limits);
+    seen.note(projector, batch, from, splats, each, planes, limits);
+    draw::<FrontToBack>(projector, planes, splats, each, limits)
+}
+
 #[inline(always)]
 fn block_any<B: Blend>(projector: &Projector, batch: &Batch, from: usize, bench: &mut Bench, limits: Limits) -> u64 {
     let Bench { planes, frozen, splats, each } = bench;
     let limits = if B::STOPS { limits } else { Limits { stop: 0.0, ..limits } };
     projector.block(batch, from, splats, each, planes, frozen, limits);
+    draw::<B>(projector, planes, splats, each, limits)
+}
+
+#[inline(always)]
+fn draw<B: Blend>(
+    projector: &Projector,
+    planes: &mut Planes,
+    splats: &Splats,
+    each: &EllipseEach,
+    limits: Limits,
+) -> u64 {
     match &projector.kind {
         Kind::Parallel { stamp: Some(stamp), .. } => raster::draw_stamped::<B>(planes, splats, stamp, limits),
         Kind::Parallel { ellipse, .. } => raster::draw::<B, _>(planes, splats, ellipse, limits),
-        Kind::Perspective { .. } => raster::draw::<B, _>(planes, splats, &**each, limits),
+        Kind::Perspective { .. } => raster::draw::<B, _>(planes, splats, each, limits),
     }
 }

@@ -13,23 +13,27 @@ mod plain;
 mod planes;
 mod project;
 pub(crate) mod raster;
+mod seen;
 mod stamp;
+mod without;
 
 use std::time::{Duration, Instant};
 
 pub use self::need::memory_need;
 
 use self::arith::absorbed;
-use self::band::Drawn;
+use self::band::{Drawn, Extra};
 use self::blend::{Additive, BackToFront, Blend, FrontToBack, Maximum};
 use self::planes::Rect;
 use self::project::Projector;
 use self::raster::Limits;
+pub(crate) use self::seen::Seen;
 use super::composite::{Mode, Table};
 use super::frame::Frame;
 use super::shade::Lights;
 use super::view::{PixelMap, View};
 use super::{Camera, Code, Scene, Settings, Stats};
+use crate::arena::RecordSet;
 use crate::error::{Error, Result};
 use crate::traverse::{Order, Sense};
 
@@ -42,6 +46,20 @@ use crate::traverse::{Order, Sense};
 /// [`Error::Input`] or [`Error::Limit`] if the settings or the camera cannot be used or there is not enough memory;
 /// whatever [`Lanes::lane`](super::Lanes::lane) fails with.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
+    render_without(scene, camera, settings, None)
+}
+
+/// As [`render`], without the records `left_out` of the lane that the view walks along: the picture of a scene from
+/// which their voxels were removed, bit for bit. `left_out` is not for [`Code::Plain`].
+///
+/// # Errors
+/// Likewise.
+pub(crate) fn render_without(
+    scene: &Scene,
+    camera: &Camera,
+    settings: &Settings,
+    left_out: Option<&RecordSet>,
+) -> Result<(Frame, Stats)> {
     let start = Instant::now();
     settings.check()?;
     let kernel = settings.kernel();
@@ -66,7 +84,8 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
     let maximum = settings.mode.is_maximum();
     let projector = Projector::new(&view, &order, lane, &table, lights, kernel, settings.crop, maximum, ink);
     let limits = Limits { cut: kernel.cut(), stop: settings.termination() };
-    let job = Job { projector: &projector, view: &view, order: &order, limits, settings };
+    let extra = Extra { left_out, seen: None };
+    let job = Job { projector: &projector, view: &view, order: &order, limits, settings, extra };
     let (bands, finish): (Vec<Drawn>, Finish) = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) => (job.bands::<FrontToBack>()?, Finish::Transmittance),
         (Mode::Composite, Sense::BackToFront) => (job.bands::<BackToFront>()?, Finish::Transmittance),
@@ -89,12 +108,42 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
     Ok((frame, stats))
 }
 
+/// Notes in `seen` what a view shows, by a transmittance of at least the settings' termination in front of a voxel at
+/// any pixel of its footprint; composited front to back, whatever the settings say.
+///
+/// One thread. Memory: 16 bytes a pixel, of [`STRIP_PIXELS`] pixels at most (or one row).
+///
+/// # Errors
+/// As [`render`].
+pub(crate) fn note_seen(scene: &Scene, camera: &Camera, settings: &Settings, seen: Seen) -> Result<()> {
+    settings.check()?;
+    let kernel = settings.kernel();
+    let view = View::new(camera, &scene.facts.grid, settings.size, kernel, settings.near)?;
+    let order = Order::new(view.viewpoint, scene.facts.grid.dims, Sense::FrontToBack, settings.form)?;
+    let lane = scene.lanes.lane(order.fast)?;
+    let table = Table::new(scene, &lane, settings, view.mean_voxel)?;
+    let projector = Projector::new(&view, &order, lane, &table, None, kernel, settings.crop, false, FrontToBack::INK);
+    let limits = Limits { cut: kernel.cut(), stop: settings.termination() };
+    let [columns, rows] = settings.size.map(u32::cast_signed);
+    let strip = (STRIP_PIXELS / columns.max(1)).max(1);
+    for y0 in (0..rows).step_by(usize::try_from(strip).unwrap_or(1)) {
+        let rect = Rect { x0: 0, y0, x1: columns, y1: rows.min(y0 + strip) };
+        let extra = Extra { left_out: None, seen: Some(seen) };
+        band::draw::<FrontToBack>(&projector, &view, &order, rect, limits, Code::Best, extra)?;
+    }
+    Ok(())
+}
+
+/// Pixels of the strips in which a view is looked at.
+const STRIP_PIXELS: i32 = 1 << 22;
+
 struct Job<'a> {
     projector: &'a Projector<'a>,
     view: &'a View,
     order: &'a Order,
     limits: Limits,
     settings: &'a Settings,
+    extra: Extra<'a>,
 }
 
 impl Job<'_> {
@@ -110,7 +159,7 @@ impl Job<'_> {
         let borders = band::borders(self.projector, self.view, by_rows, count);
         let draw = |low: i32, high: i32| {
             let rect = if by_rows { Rect { y0: low, y1: high, ..whole } } else { Rect { x0: low, x1: high, ..whole } };
-            band::draw::<B>(self.projector, self.view, self.order, rect, self.limits, self.settings.code)
+            band::draw::<B>(self.projector, self.view, self.order, rect, self.limits, self.settings.code, self.extra)
         };
         if count == 1 {
             return Ok(vec![draw(borders[0], borders[1])?]);
