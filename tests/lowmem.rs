@@ -119,15 +119,16 @@ fn pictures_have_the_same_bits_whatever_is_resident() {
 #[test]
 fn no_more_of_the_map_is_resident_than_was_asked_for() {
     let folder = tempfile::tempdir().unwrap();
-    let path = build(folder.path(), 160, 3);
+    let path = build(folder.path(), 192, 3);
     let size = std::fs::metadata(&path).unwrap().len();
     if resident_of(&path).is_none() {
         eprintln!("SKIPPED: this system does not say which pages are resident");
         return;
     }
-    let most = 1 << 20;
+    // Large beside what is in flight, small beside a lane: who is told of a part only lets most of the lane stay.
+    let most = 4 << 20;
     let bound = |threads: u64| most + threads * IN_FLIGHT;
-    assert!(size > 8 * bound(1), "{size} bytes");
+    assert!(size / 3 > 2 * bound(1), "{size} bytes");
     for view in [views()[0], views()[3], views()[4]] {
         let free = AdjFile::open(&path).unwrap();
         let all = peak_of(&path, || drop(draw(&free, view, Mode::Additive, 1)));
