@@ -7,6 +7,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::CLEARANCE;
 use crate::arena::layout::Facts;
 use crate::error::Result;
 use crate::splat::camera::WorldFrame;
@@ -83,10 +84,9 @@ impl Subject {
         self.perspective(self.centre - direction * (away * self.radius), self.centre, fov, kernel, most)
     }
 
-    /// From just outside the box of the voxels, at a place that `along` picks (three numbers of 0 to 1), to the middle.
+    /// From near the box of the voxels, at a place that `along` picks (three numbers of 0 to 1), to the middle.
     fn from_a_face(&self, face: usize, along: [f64; 3], kernel: KernelShape, most: u32) -> Result<Shot> {
         let axis = face / 2;
-        // Beyond the near distance, below which voxels are not drawn.
         let clear = CLEARANCE * self.coarsest / self.frame.steps[axis].length();
         let at = std::array::from_fn(|a| {
             let (low, high) = (f64::from(self.low[a]), f64::from(self.high[a]));
@@ -96,12 +96,9 @@ impl Subject {
                 _ => low + along[a] * (high - low),
             }
         });
-        self.perspective(self.frame.world_from_voxel(at), self.centre, 80.0, kernel, most)
+        self.perspective(self.frame.world_from_voxel(at), self.centre, 60.0, kernel, most)
     }
 }
-
-/// Distance of the nearest eyes from the box of the voxels, in the coarsest distance between voxels.
-const CLEARANCE: f64 = 8.0;
 
 fn pixels(needed: f64, most: u32) -> u32 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
