@@ -54,7 +54,6 @@ impl Seen<'_> {
 
 /// Whether a splat finds an open pixel.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "coordinates lie in the picture")]
 fn shows(splats: &Splats, j: usize, ellipse: Ellipse, planes: &Planes, limits: Limits) -> bool {
     let rect = planes.rect;
     let (low_x, high_x) = (splats.low_x[j].max(rect.x0), splats.high_x[j].min(rect.x1 - 1));
