@@ -26,6 +26,7 @@ use crate::file::{
     AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder, write_atomically_unless,
 };
 use crate::limits::Limits;
+use crate::splat::hidden::CLEARANCE;
 use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Stats, Surround, Up, View, cpu};
 use crate::traverse::{SplitForm, Viewpoint, VoxelBox};
 use crate::volume::read_text;
@@ -347,18 +348,18 @@ fn missing_note(
     }
     let camera = camera(&arguments.view, around, settings.size, 0)?;
     let view = View::new(&camera, &arena.facts().grid, settings.size, settings.kernel(), None)?;
+    let spacing = arena.facts().grid.spacing;
+    let coarsest = spacing.into_iter().fold(0.0, f64::max);
+    let near = spacing.map(|step| CLEARANCE * coarsest / step);
     let inside = match view.viewpoint {
         Viewpoint::Parallel { .. } => false,
         Viewpoint::Perspective { eye, .. } => {
-            (0..3).all(|a| (f64::from(low[a]) - NEAR..=f64::from(high[a]) + NEAR).contains(&eye[a]))
+            (0..3).all(|a| (f64::from(low[a]) - near[a]..=f64::from(high[a]) + near[a]).contains(&eye[a]))
         }
     };
-    let note = "note: this file was built with --cull-hidden; an eye inside or very near shows that voxels are missing";
+    let note = "note: this file was built with --cull-hidden; an eye inside or near may show that voxels are missing";
     Ok(inside.then_some(note))
 }
-
-/// Voxels from the visible ones' box within which an eye counts as inside: views that decided were farther away.
-const NEAR: f64 = 8.0;
 
 fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
     write_atomically_unless(&interrupted, path, |out| picture.write(out))

@@ -95,7 +95,7 @@ impl Model {
 }
 
 pub(crate) fn culling(algorithm: Algorithm) -> Culling {
-    Culling { eps: EPS, algorithm, views: 120, judging_views: 40, threads: 2, memory: 1 << 30 }
+    Culling { eps: EPS, algorithm, views: 90, judging_views: 24, threads: 2, memory: 1 << 30 }
 }
 
 pub(crate) fn find_in(model: &Model, algorithm: Algorithm) -> Hidden {

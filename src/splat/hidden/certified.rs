@@ -16,9 +16,7 @@
 //! every parallel view, and in a perspective one on every ray that is steepest along the axis that the view is.
 //! Layers' own voxels never count. Cells outside are open: lines come from anywhere.
 //!
-//! Certified are the kernels of draft, standard and high, in pictures in which voxels are at least 1.2 pixels apart
-//! (below it footprints are widened), from eyes that are at least eight voxels away from the box of the voxels (nearer
-//! ones cut voxels off, and see footprints that an affine map does not fit).
+//! Certified are the kernels of draft, standard and high, for views from outside as [`super`] defines them.
 
 use super::weight::{LayerWeights, layer_weights};
 use super::{Culling, Stage, Watch, go_on};

@@ -7,6 +7,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
+use super::CLEARANCE;
 use crate::arena::layout::Facts;
 use crate::error::Result;
 use crate::splat::camera::WorldFrame;
@@ -78,15 +79,14 @@ impl Subject {
     }
 
     /// Along `direction` toward the middle, `away` radii from it, all in the picture.
-    fn shot_from_afar(&self, direction: DVec3, away: f64, kernel: KernelShape, most: u32) -> Result<Shot> {
+    fn afar(&self, direction: DVec3, away: f64, kernel: KernelShape, most: u32) -> Result<Shot> {
         let fov = 2.0 * (1.0 / away).asin().to_degrees();
         self.perspective(self.centre - direction * (away * self.radius), self.centre, fov, kernel, most)
     }
 
-    /// From just outside the box of the voxels, at a place that `along` picks (three numbers of 0 to 1), to the middle.
-    fn shot_from_a_face(&self, face: usize, along: [f64; 3], kernel: KernelShape, most: u32) -> Result<Shot> {
+    /// From near the box of the voxels, at a place that `along` picks (three numbers of 0 to 1), to the middle.
+    fn beside_face(&self, face: usize, along: [f64; 3], kernel: KernelShape, most: u32) -> Result<Shot> {
         let axis = face / 2;
-        // Beyond the near distance, below which voxels are not drawn.
         let clear = CLEARANCE * self.coarsest / self.frame.steps[axis].length();
         let at = std::array::from_fn(|a| {
             let (low, high) = (f64::from(self.low[a]), f64::from(self.high[a]));
@@ -96,12 +96,9 @@ impl Subject {
                 _ => low + along[a] * (high - low),
             }
         });
-        self.perspective(self.frame.world_from_voxel(at), self.centre, 80.0, kernel, most)
+        self.perspective(self.frame.world_from_voxel(at), self.centre, 60.0, kernel, most)
     }
 }
-
-/// Distance of the nearest eyes from the box of the voxels, in the coarsest distance between voxels.
-const CLEARANCE: f64 = 8.0;
 
 fn pixels(needed: f64, most: u32) -> u32 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
@@ -150,14 +147,14 @@ pub(super) fn deciding(subject: &Subject, count: u32) -> Result<Vec<Shot>> {
         // Neighbours on the sphere are a Fibonacci number of steps apart: kinds alternate among them too.
         let kernel = KERNELS[(index % 4).saturating_sub(1) as usize].kernel();
         shots.push(match index % 5 {
-            3 => subject.shot_from_afar(direction, 1.0 + chance.number() * 3.0 + 0.15, kernel, MAX_SIZE)?,
+            3 => subject.afar(direction, 1.0 + chance.number() * 3.0 + 0.15, kernel, MAX_SIZE)?,
             _ => subject.parallel(direction, kernel, MAX_SIZE)?,
         });
     }
     for face in 0..6 {
         for _ in 0..(count / 60).max(1) {
             let along = [chance.number(), chance.number(), chance.number()];
-            shots.push(subject.shot_from_a_face(face, along, Quality::Standard.kernel(), MAX_SIZE)?);
+            shots.push(subject.beside_face(face, along, Quality::Standard.kernel(), MAX_SIZE)?);
         }
     }
     Ok(shots)
@@ -172,7 +169,7 @@ pub(super) fn judging(subject: &Subject, count: u32, round: u32) -> Result<Vec<S
     let mut shots = Vec::new();
     for direction in axes_and_diagonals(&subject.frame) {
         let kernel = Quality::Standard.kernel();
-        shots.push(subject.shot_from_afar(direction, 1.3 + f64::from(round), kernel, JUDGING_SIDE)?);
+        shots.push(subject.afar(direction, 1.3 + f64::from(round), kernel, JUDGING_SIDE)?);
     }
     for index in 0..count {
         let z = 2.0 * chance.number() - 1.0;
@@ -182,10 +179,10 @@ pub(super) fn judging(subject: &Subject, count: u32, round: u32) -> Result<Vec<S
         let kernel = KERNELS[(index % 4).saturating_sub(1) as usize].kernel();
         shots.push(match index % 6 {
             0..=2 => subject.parallel(direction, kernel, JUDGING_SIDE)?,
-            3 | 4 => subject.shot_from_afar(direction, 1.15 + 3.0 * chance.number(), kernel, JUDGING_SIDE)?,
+            3 | 4 => subject.afar(direction, 1.15 + 3.0 * chance.number(), kernel, JUDGING_SIDE)?,
             _ => {
                 let along = [chance.number(), chance.number(), chance.number()];
-                subject.shot_from_a_face((index / 6 % 6) as usize, along, kernel, JUDGING_SIDE)?
+                subject.beside_face((index / 6 % 6) as usize, along, kernel, JUDGING_SIDE)?
             }
         });
     }
