@@ -8,9 +8,9 @@
 //! volume -> classify -> arena <-> file -> traverse -> splat -> frame
 //! ```
 //!
-//! Modules import only from those to their left. The structure is "implementation B" of Orchard and Möller,
-//! "Accelerated Splatting using a 3D Adjacency Data Structure", Graphics Interface 2001, with the one-byte
-//! steps and the cache-coherent order that the paper proposes.
+//! Modules import only from those to their left; errors and limits are everyone's. The structure is "implementation
+//! B" of Orchard and Möller, "Accelerated Splatting using a 3D Adjacency Data Structure", Graphics Interface 2001, with
+//! the one-byte steps and the cache-coherent order that the paper proposes.
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 
@@ -20,6 +20,7 @@ pub mod classify;
 pub mod cli;
 pub mod error;
 pub mod file;
+pub mod limits;
 mod parallel;
 pub mod splat;
 pub mod traverse;

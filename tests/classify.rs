@@ -664,3 +664,130 @@ fn labels_keep_their_codes_or_say_which_bits_would_do() {
     assert!(error.contains("renumber"), "{error}");
     assert!(labels(3.0, 8, SampleType::F32).unwrap_err().to_string().contains("whole numbers"));
 }
+
+const EVERYWHERE: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
+
+fn range(low: f64, high: f64) -> TransferFunction {
+    TransferFunction::range(low, high).unwrap()
+}
+
+fn json(text: &str) -> TransferFunction {
+    TransferFunction::from_json(text).unwrap()
+}
+
+#[test]
+fn what_was_not_stored_is_found_exactly() {
+    let (low, high) = (f64::NEG_INFINITY, f64::INFINITY);
+    let missing = |shown: &TransferFunction, stored: &TransferFunction| shown.missing_from(stored, EVERYWHERE, high);
+    assert_eq!(missing(&range(20.0, 60.0), &range(20.0, 60.0)), [[0.0; 2]; 0]);
+    assert_eq!(missing(&range(30.0, 50.0), &range(20.0, 60.0)), [[0.0; 2]; 0]);
+    assert_eq!(missing(&range(20.0, 60.0), &range(30.0, 50.0)), [[20.0, 30.0], [50.0, 60.0]]);
+    assert_eq!(missing(&range(20.0, 60.0), &range(70.0, 80.0)), [[20.0, 60.0]]);
+    assert_eq!(missing(&range(low, high), &range(70.0, high)), [[low, 70.0]]);
+    assert_eq!(missing(&range(low, high), &range(low, high)), [[0.0; 2]; 0]);
+    // The volume has no other values.
+    assert_eq!(range(low, high).missing_from(&range(70.0, 255.0), [70.0, 255.0], high), [[0.0; 2]; 0]);
+    assert_eq!(range(low, high).missing_from(&range(70.0, 255.0), [0.0, 255.0], high), [[0.0, 70.0]]);
+    // A ramp is visible from beyond its transparent knot on: the knot's own value is stored by the range alone.
+    let ramp = r##"{"kind":"points","points":[{"value":20,"colour":"#fff000","opacity":0},{"value":60,"colour":"#fff000","opacity":1}]}"##;
+    assert_eq!(missing(&range(20.0, 60.0), &json(ramp)), [[20.0, 20.0]]);
+    assert_eq!(missing(&json(ramp), &range(20.0, 60.0)), [[60.0, high]]);
+    // Knots that rounding put apart are the same.
+    assert_eq!(missing(&range(0.3, 1.0), &range(0.1 + 0.2, 1.0)), [[0.3, 0.3]; 0]);
+}
+
+#[test]
+fn labels_that_were_not_stored_are_whole_numbers() {
+    let palette = |labels: &[i64], others: Others| {
+        let label = |&label: &i64| adjsplat::classify::Label {
+            label,
+            name: String::new(),
+            colour: Colour::from_hex("#ffffff").unwrap(),
+            opacity: 1.0,
+        };
+        TransferFunction::labels(labels.iter().map(label).collect(), others).unwrap()
+    };
+    let (few, more) = (palette(&[1, 2, 7], Others::Transparent), palette(&[1, 2, 5, 7, 9], Others::Transparent));
+    let all = palette(&[], Others::Distinct);
+    let values = [0.0, 20.0];
+    assert_eq!(few.missing_from(&more, values, 0.0), [[0.0; 2]; 0]);
+    assert_eq!(more.missing_from(&few, values, 0.0), [[5.0, 5.0], [9.0, 9.0]]);
+    assert_eq!(all.missing_from(&few, values, 0.0), [[3.0, 6.0], [8.0, 20.0]]);
+    assert_eq!(all.missing_from(&few, EVERYWHERE, 0.0), [[3.0, 6.0], [8.0, f64::INFINITY]]);
+    assert_eq!(range(0.0, 8.0).missing_from(&few, values, 0.0), [[0.0, 0.0], [3.0, 6.0], [8.0, 8.0]]);
+    assert_eq!(few.missing_from(&range(1.0, 7.0), values, 0.0), [[0.0; 2]; 0]);
+}
+
+/// A function of whole-number knots from 0 to 40, of any kind but labels.
+fn any_function(dice: &mut Dice) -> TransferFunction {
+    let mut pick = |most: u64| dice.bits() % (most + 1);
+    let mut knots: Vec<u64> = (0..=pick(3) + 1).map(|_| pick(40)).collect();
+    knots.sort_unstable();
+    knots.dedup();
+    let point = |value: &u64, opacity: u64| {
+        format!(r##"{{"value":{value},"colour":"#fff000","opacity":{}}}"##, opacity as f64 / 2.0)
+    };
+    let kind = pick(4);
+    match kind {
+        0 => range(knots[0] as f64, knots[knots.len() - 1] as f64),
+        1 | 2 => {
+            let points: Vec<String> = knots.iter().map(|value| point(value, pick(2))).collect();
+            let (from, factor) = (pick(5), pick(1));
+            let ramp = format!(
+                r#","gradient":[{{"magnitude":{from},"factor":{}}},{{"magnitude":{},"factor":{factor}}}]"#,
+                1 - factor,
+                from + 1 + pick(5)
+            );
+            let ramp = if kind == 1 { "" } else { &ramp };
+            json(&format!(r#"{{"kind":"points","points":[{}]{ramp}}}"#, points.join(",")))
+        }
+        3 if knots.len() > 1 => {
+            let points: Vec<String> = knots.iter().map(|value| point(value, pick(2))).collect();
+            json(&format!(r#"{{"kind":"region","knots":[{}]}}"#, points.join(",")))
+        }
+        _ => {
+            let contours: Vec<String> = knots
+                .iter()
+                .map(|value| format!(r#"{{"value":{value},"opacity":0.5,"width":{}}}"#, pick(6) as f64 / 2.0))
+                .collect();
+            json(&format!(r#"{{"kind":"contour","contours":[{}]}}"#, contours.join(",")))
+        }
+    }
+}
+
+#[test]
+fn what_was_not_stored_is_what_asking_everywhere_finds() {
+    let mut dice = Dice(7);
+    let (mut found, mut clean) = (0, 0);
+    for _ in 0..400 {
+        let (shown, stored) = (any_function(&mut dice), any_function(&mut dice));
+        assert_eq!(shown.missing_from(&shown, EVERYWHERE, 9.0), [[0.0; 2]; 0], "{shown:?}");
+        let missing = shown.missing_from(&stored, [-3.0, 43.0], 9.0);
+        // On a lattice that meets every knot and the inside of every piece.
+        let magnitudes = || (0..=216).map(|i| f64::from(i) / 24.0);
+        let mut lattice = (-72..=1032).map(|i| f64::from(i) / 24.0);
+        let is_missing =
+            |value: f64| magnitudes().any(|m| shown.opacity(value, m) > 1e-12 && stored.opacity(value, m) == 0.0);
+        let mut some = false;
+        lattice
+            .try_for_each(|value| {
+                let listed = missing.iter().any(|[from, to]| (from..=to).contains(&&value));
+                some |= listed;
+                if is_missing(value) { listed.then_some(()) } else { Some(()) }
+            })
+            .unwrap_or_else(|| panic!("not all of it: {missing:?}\n{shown:?}\n{stored:?}"));
+        for &[from, to] in &missing {
+            // Fine enough for pieces that lie between the lattice's points.
+            let inside = (1..96).map(|i| from + (to - from) * f64::from(i) / 96.0).chain([from, to]);
+            let real = inside.into_iter().any(|value| {
+                (0..=1_800).any(|i| {
+                    let m = f64::from(i) / 200.0;
+                    shown.opacity(value, m) > 0.0 && stored.opacity(value, m) == 0.0
+                })
+            });
+            assert!(real, "{from}..{to} is not missing\n{shown:?}\n{stored:?}");
+        }
+        (found, clean) = (found + i32::from(some), clean + i32::from(missing.is_empty()));
+    }
+    assert!(found > 100 && clean > 20, "{found} with something missing, {clean} without");
+}

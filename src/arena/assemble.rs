@@ -12,7 +12,7 @@ use std::sync::{Mutex, PoisonError};
 
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
-use super::budget::run_records;
+use super::budget::{RECORD_BYTES, RUN_RECORDS, free_for_runs, large_tile_bytes};
 use super::builder::{Observer, Phase, go_on};
 use super::curve::TileOrder;
 use super::lane::STEPPING;
@@ -88,20 +88,22 @@ impl<'a> Assembler<'a> {
         go_on(observer, phase, 0, 1)?;
         let (places, totals) = face.census(self.rows, self.tile_order, self.threads)?;
         begin(&totals)?;
-        let limit = run_records(self.memory, self.rows.memory(), face.tiles(), self.threads).max(1);
         let fullest = places.iter().map(|place| u64::from(place.records)).max().unwrap_or(0);
-        // A tile is not divided: where one is too large for every thread's share, fewer threads work.
-        let threads = limit.saturating_mul(self.threads as u64) / fullest.max(1);
-        let threads = usize::try_from(threads).unwrap_or(self.threads).clamp(1, self.threads);
+        let free = free_for_runs(self.memory, self.rows.memory(), face.tiles());
+        let limit = (free / RECORD_BYTES / self.threads as u64).clamp(1, RUN_RECORDS);
+        // A tile comes out whole: where one is too large for every thread's share, fewer threads work.
+        let threads = free / (2 * large_tile_bytes(fullest, self.rows.channels())).max(1);
+        let fewer = usize::try_from(threads).unwrap_or(self.threads).clamp(1, self.threads);
+        let threads = if fullest > limit { fewer } else { self.threads };
         let mut runs = Vec::new();
         // Several runs a thread, so that none waits long for the others.
         let fair = totals.records.div_ceil(8 * threads as u64).max(1 << 14);
-        cut(&places, 0, limit.min(fair).max(fullest), &mut runs);
+        cut(&places, 0, limit.min(fair), &mut runs);
         let mut done = 0;
         let dealers = || self.dealers.lock().unwrap_or_else(PoisonError::into_inner);
         let work = |(): &mut (), run: usize| {
             let mut dealer = dealers().pop().unwrap_or_default();
-            let packed = dealer.run(self.rows, &face, &places[runs[run].clone()]);
+            let packed = dealer.run(self.rows, &face, &places[runs[run].clone()], limit);
             dealers().push(dealer);
             packed
         };
@@ -239,7 +241,8 @@ struct Dealer {
 }
 
 impl Dealer {
-    fn run(&mut self, rows: &dyn Rows, face: &Face, places: &[Place]) -> Result<TileRun> {
+    /// Packs the tiles at `places`. A single one of more than `limit` records is dealt out a row of its lines at a time.
+    fn run(&mut self, rows: &dyn Rows, face: &Face, places: &[Place], limit: u64) -> Result<TileRun> {
         let edge = u32::from(TILE_EDGE);
         let bounds = |coordinate: fn(&Place) -> u16| {
             let (low, high) = places.iter().map(coordinate).fold((u16::MAX, 0), |(l, h), c| (l.min(c), h.max(c)));
@@ -254,18 +257,42 @@ impl Dealer {
             self.numbers[v as usize * columns + u as usize] = number;
         }
         let records = places.iter().map(|place| place.records as usize).sum();
+        let mut run = TileRun {
+            tiles: places.iter().map(Place::without_lines).collect(),
+            line_ends: Vec::new(),
+            arrays: ChannelArrays::with_capacity(rows.channels(), records),
+        };
         self.voxels.clear();
-        self.voxels.reserve_exact(records);
+        self.voxels.reserve_exact(records.min(usize::try_from(limit).unwrap_or(usize::MAX)));
+        let lines = vs.start * edge..vs.end * edge;
+        let step = if records as u64 > limit && places.len() == 1 { 1 } else { lines.len() };
+        for first in lines.clone().step_by(step) {
+            let part = first..(first + u32::try_from(step).expect("at most 65,536 lines")).min(lines.end);
+            let region = face.region(us.start * edge..us.end * edge, part);
+            self.deal(rows, face, region, [us.start as usize, vs.start as usize, columns], places.len())?;
+            self.pack(&mut run, rows.channels());
+        }
+        Ok(run)
+    }
+
+    /// Sorts the voxels of `region` by line. `first_u`, `first_v`, `columns`: of the box that `numbers` is for.
+    fn deal(
+        &mut self,
+        rows: &dyn Rows,
+        face: &Face,
+        region: Region,
+        [first_u, first_v, columns]: [usize; 3],
+        tiles: usize,
+    ) -> Result<()> {
+        self.voxels.clear();
         // Each line's count stands two places on, so that the sums below make starts of them.
         self.starts.clear();
-        self.starts.resize(64 * places.len() + 2, 0);
-        let region = face.region(us.start * edge..us.end * edge, vs.start * edge..vs.end * edge);
-        let first = (us.start as usize, vs.start as usize);
+        self.starts.resize(64 * tiles + 2, 0);
         rows.read(region, &mut |y, z, voxels| {
             for voxel in voxels {
                 let (u, v, t) = face.locate(voxel.x, y, z);
-                let tile = (usize::from(u / TILE_EDGE) - first.0, usize::from(v / TILE_EDGE) - first.1);
-                let Some(number) = self.numbers[tile.1 * columns + tile.0].checked_sub(1) else { continue };
+                let tile = [usize::from(u / TILE_EDGE) - first_u, usize::from(v / TILE_EDGE) - first_v];
+                let Some(number) = self.numbers[tile[1] * columns + tile[0]].checked_sub(1) else { continue };
                 let line = number * 64 + u32::from(v % TILE_EDGE * TILE_EDGE + u % TILE_EDGE);
                 let Record { value, normal, magnitude } = voxel.record;
                 self.voxels.push(Dealt { line, t, value, normal, magnitude });
@@ -283,36 +310,45 @@ impl Dealer {
             self.order[*next as usize] = index;
             *next += 1;
         }
-        Ok(self.pack(places, rows.channels(), records))
+        Ok(())
     }
 
-    fn pack(&self, places: &[Place], channels: Channels, records: usize) -> TileRun {
-        let mut run = TileRun { arrays: ChannelArrays::with_capacity(channels, records), ..TileRun::default() };
-        for (place, starts) in places.iter().zip(self.starts.windows(65).step_by(64)) {
-            let first_record = run.arrays.steps.len();
-            let mut tile = TileRecord {
-                tile_u: U16::new(place.u),
-                tile_v: U16::new(place.v),
-                first_line: U32::new(u32::try_from(run.line_ends.len()).expect("a face has fewer than 2^32 lines")),
-                first_record: U64::new(first_record as u64),
-                occupancy: U64::ZERO,
-                low: U16::new(u16::MAX),
-                high: U16::ZERO,
-            };
+    /// Appends the lines that were dealt out; of a tile, those come after the ones that it has.
+    fn pack(&self, run: &mut TileRun, channels: Channels) {
+        let TileRun { tiles, line_ends, arrays } = run;
+        for (tile, starts) in tiles.iter_mut().zip(self.starts.windows(65).step_by(64)) {
             for (bit, range) in starts.windows(2).enumerate().filter(|(_, range)| range[0] < range[1]) {
+                if tile.occupancy.get() == 0 {
+                    tile.first_line =
+                        U32::new(u32::try_from(line_ends.len()).expect("a face has fewer than 2^32 lines"));
+                    tile.first_record = U64::new(arrays.steps.len() as u64);
+                }
                 let line = &self.order[range[0] as usize..range[1] as usize];
                 let voxels = line.iter().map(|&index| self.voxels[index as usize]);
                 let voxels =
                     voxels.map(|Dealt { t, value, normal, magnitude, .. }| (t, Record { value, normal, magnitude }));
-                let (low, high) = run.arrays.push_line(channels, voxels);
+                let (low, high) = arrays.push_line(channels, voxels);
                 tile.low = U16::new(tile.low.get().min(low));
                 tile.high = U16::new(tile.high.get().max(high));
                 tile.occupancy = U64::new(tile.occupancy.get() | 1 << bit);
-                let end = run.arrays.steps.len() - first_record;
-                run.line_ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
+                let end = arrays.steps.len() as u64 - tile.first_record.get();
+                line_ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
             }
-            run.tiles.push(tile);
         }
-        run
+    }
+}
+
+impl Place {
+    /// The tile's record, before its lines are packed.
+    fn without_lines(&self) -> TileRecord {
+        TileRecord {
+            tile_u: U16::new(self.u),
+            tile_v: U16::new(self.v),
+            first_line: U32::ZERO,
+            first_record: U64::ZERO,
+            occupancy: U64::ZERO,
+            low: U16::new(u16::MAX),
+            high: U16::ZERO,
+        }
     }
 }

@@ -4,7 +4,7 @@
 //! what the stages hold at once; tests/memory.rs holds them against the process's peak.
 
 use super::builder::{BuildOptions, Resources};
-use super::layout::TILE_EDGE;
+use super::layout::{Channels, TILE_EDGE};
 use super::spill::Widths;
 use super::sweep::{Field, Pace, piece_rows};
 use crate::error::{Error, Result};
@@ -25,7 +25,7 @@ pub(super) const RECORD_BYTES: u64 = 64;
 /// Bytes that a tile of a face takes while its lane is assembled: its count, and its place among those of the curve.
 const TILE_BYTES: u64 = 4 + 12;
 /// Records of a lane to assemble at once, beyond which more make nothing faster.
-const RUN_RECORDS: u64 = 1 << 19;
+pub(super) const RUN_RECORDS: u64 = 1 << 19;
 
 /// Who may have how much memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,7 +76,8 @@ impl Budget {
             |axis: Axis| axis.others().map(|a| u64::from(header.grid.dims[a.index()]).min(8)).iter().product::<u64>();
         let tile = |axis: Axis| lines(axis) * u64::from(header.grid.dims[axis.index()]);
         let fullest = [Axis::X, Axis::Y, Axis::Z].into_iter().map(tile).max().unwrap_or(0);
-        let assemble = BASE + TILE_BYTES * faces + SECTIONS * WRITE_BYTES + RECORD_BYTES * fullest;
+        let fullest = large_tile_bytes(fullest, options.channels());
+        let assemble = BASE + TILE_BYTES * faces + SECTIONS * WRITE_BYTES + fullest;
 
         let least = sweep(1).max(assemble);
         let memory = resources.memory.unwrap_or(u64::MAX);
@@ -95,7 +96,7 @@ impl Budget {
         let sweeps = sweep(if read_ahead { 2 * batch } else { batch });
         // The spill stays through both stages; in the second it shares with the runs at hand.
         let runs = RECORD_BYTES * RUN_RECORDS * workers;
-        let assembles = BASE + TILE_BYTES * faces + SECTIONS * WRITE_BYTES + runs.max(RECORD_BYTES * fullest);
+        let assembles = BASE + TILE_BYTES * faces + SECTIONS * WRITE_BYTES + runs.max(fullest);
         let rest = memory.saturating_sub(sweeps.max(assembles));
         // A store that grows may hold twice its bytes for a moment.
         let spill_memory = if resources.memory.is_none() { u64::MAX } else { rest / 2 };
@@ -121,11 +122,14 @@ impl Budget {
     }
 }
 
-/// Records of a run that a thread may have at hand, when `held` bytes of `memory` are taken already.
-///
-/// `tiles`: of the face.
-pub(crate) fn run_records(memory: Option<u64>, held: u64, tiles: u64, threads: usize) -> u64 {
-    let Some(memory) = memory else { return RUN_RECORDS };
-    let taken = BASE + held + TILE_BYTES * tiles + SECTIONS * WRITE_BYTES;
-    (memory.saturating_sub(taken) / RECORD_BYTES / threads as u64).min(RUN_RECORDS)
+/// Bytes that are free for runs when `held` bytes of `memory` are taken already. `tiles`: of the face.
+pub(super) fn free_for_runs(memory: Option<u64>, held: u64, tiles: u64) -> u64 {
+    memory.map_or(u64::MAX, |memory| memory.saturating_sub(BASE + held + TILE_BYTES * tiles + SECTIONS * WRITE_BYTES))
+}
+
+/// Bytes that a tile of `records` takes if it is too large for a run of its own: its packed records, and an eighth of it
+/// unpacked.
+pub(super) fn large_tile_bytes(records: u64, channels: Channels) -> u64 {
+    let packed = 1 + u64::from(channels.value_bits / 8 + channels.normal_bits / 4 + channels.magnitude_bits / 8);
+    records * packed + records.div_ceil(8) * 20
 }

@@ -301,7 +301,7 @@ fn survey(
         work,
         |piece, magnitude| {
             largest = largest.max(magnitude);
-            if piece.rows.start > 0 { Ok(()) } else { go_on(observer, Phase::Survey, piece.z.into(), depth.into()) }
+            go_on(observer, Phase::Survey, piece.z.into(), depth.into())
         },
     )?;
     Ok(largest)
@@ -345,11 +345,12 @@ fn keep_visible(
     sweep(source, header, field, &options.transfer, budget.pace(), RowArrays::default, work, |piece, kept| {
         findings.join(&kept.findings);
         spill.append(&kept.rows)?;
-        if piece.rows.end < height {
-            return Ok(());
+        let ended = piece.rows.end == height;
+        if ended {
+            spill.end_slice()?;
         }
-        spill.end_slice()?;
-        go_on(observer, Phase::Pack, u64::from(piece.z) + 1, depth.into())
+        // A slice may be so large that nobody wants to wait for its end.
+        go_on(observer, Phase::Pack, u64::from(piece.z) + u64::from(ended), depth.into())
     })?;
     Ok(findings)
 }

@@ -17,11 +17,12 @@
 
 use std::mem::{offset_of, size_of};
 
-use xxhash_rust::xxh3::xxh3_64;
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::lane::{Lane, STEPPING};
 use super::layout::{Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord};
 use super::open::{Arena, Section, fault, zeros_from};
+use super::pager::tell;
 use crate::error::FormatFault;
 use crate::volume::Axis;
 
@@ -91,22 +92,37 @@ impl Arena<'_> {
 fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
     let bytes = arena.bytes();
     let index = |offset: u64| usize::try_from(offset).unwrap_or(usize::MAX);
-    let zeros = |from: u64, to: u64| zeros_from(from, "R21", bytes.get(index(from)..index(to)).unwrap_or_default());
+    let zeros = |from: u64, to: u64| {
+        let between = bytes.get(index(from)..index(to)).unwrap_or_default();
+        tell(arena.pager(), || between);
+        zeros_from(from, "R21", between)
+    };
     let mut end = (size_of::<FileHeader>() + arena.sections().len() * size_of::<SectionEntry>()) as u64;
     for section in arena.sections() {
         zeros(end, section.offset)?;
         let content = arena.section_bytes(section);
-        let sum = xxh3_64(content);
+        let sum = checksum(arena, content);
         if sum != section.xxh3 {
             let got = format!("{sum:#018x} in {}: the file is damaged; rebuild or copy it again", name_of(section));
             return Err(fault(section.offset, "R12", format!("checksum {:#018x}", section.xxh3), got));
         }
         if section.kind == Some(SectionKind::Description) {
-            check_description(section.offset, content)?;
+            check_description(section.offset, arena.description())?;
         }
         end = section.offset + section.bytes;
     }
     zeros(end, bytes.len() as u64)
+}
+
+/// XXH3-64 of a section, piece by piece, so that its pages need not all be there at once.
+fn checksum(arena: &Arena, content: &[u8]) -> u64 {
+    let Some(pager) = arena.pager() else { return xxh3_64(content) };
+    let mut sum = Xxh3::new();
+    for piece in content.chunks(1 << 20) {
+        pager.about_to_read(piece);
+        sum.update(piece);
+    }
+    sum.digest()
 }
 
 fn name_of(section: &Section) -> String {
@@ -195,7 +211,8 @@ impl<'a> LaneCheck<'a> {
     /// R13 to R18.
     fn run<const V: usize, const N: usize, const M: usize>(mut self) -> Result<(CheckedLane, u64), FormatFault> {
         let (lane, mut next_line, mut next_record, mut last_key) = (self.lane, 0usize, 0usize, None);
-        for (index, tile) in lane.tiles.iter().enumerate() {
+        for (index, tile) in lane.sweep_tiles().enumerate() {
+            tell(lane.pager, || lane.line_ends.bytes_of(tile.lines()));
             let at = self.offsets[0] + (index * size_of::<TileRecord>()) as u64;
             self.check_place(tile, at, &mut last_key)?;
             if tile.first_line.get() as usize != next_line {
@@ -295,6 +312,7 @@ impl<'a> LaneCheck<'a> {
         let lane = &self.lane;
         let steps = self.offsets[2];
         let points = lane.dims[lane.axis.index()] as usize;
+        lane.about_to_read(records.clone());
         if records.len() > points {
             let at = steps + records.start as u64;
             return Err(fault(at, "R17", format!("at most {points} records on a line"), records.len()));

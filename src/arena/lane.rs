@@ -5,11 +5,13 @@
 
 use std::ops::Range;
 
+use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32};
 
 use super::assemble::TileRun;
 use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
 use super::pack::Record;
+use super::pager::{Pager, tell};
 use super::visible::VisibleCodes;
 use crate::volume::Axis;
 
@@ -23,6 +25,17 @@ pub enum LineEnds<'a> {
     Narrow(&'a [U16]),
     /// For longer ones.
     Wide(&'a [U32]),
+}
+
+impl<'a> LineEnds<'a> {
+    /// The bytes of the ends of lines `range`, of those that there are.
+    pub(crate) fn bytes_of(&self, range: Range<usize>) -> &'a [u8] {
+        let within = |len: usize| range.start.min(len)..range.end.min(len).max(range.start.min(len));
+        match self {
+            LineEnds::Narrow(ends) => ends[within(ends.len())].as_bytes(),
+            LineEnds::Wide(ends) => ends[within(ends.len())].as_bytes(),
+        }
+    }
 }
 
 impl LineEnds<'_> {
@@ -74,6 +87,55 @@ pub struct Lane<'a> {
     pub patch: Option<&'a OwnedLane>,
     /// The codes of the voxels that are shown; `None` for all.
     pub shown: Option<&'a VisibleCodes>,
+    /// Told what is about to be read of all these; `None` where nobody needs to know.
+    pub pager: Option<&'a dyn Pager>,
+}
+
+/// Tiles, and records, of a sweep that are told of at once.
+const SWEEP_TILES: usize = 1 << 10;
+const SWEEP_RECORDS: usize = 1 << 14;
+
+impl<'a> Lane<'a> {
+    /// Tells the pager that these records are about to be read, in any channel.
+    #[inline]
+    pub fn about_to_read(&self, records: Range<usize>) {
+        if self.pager.is_some() {
+            let widths =
+                [1, self.channels.value_bits / 8, self.channels.normal_bits / 4, self.channels.magnitude_bits / 8];
+            for (channel, width) in [self.steps, self.values, self.normals, self.magnitudes].into_iter().zip(widths) {
+                let end = records.end.saturating_mul(width.into()).min(channel.len());
+                let start = records.start.saturating_mul(width.into()).min(end);
+                tell(self.pager, || &channel[start..end]);
+            }
+        }
+    }
+
+    /// Tile `index`; the pager is told.
+    #[inline]
+    pub fn tile(&self, index: usize) -> Option<&'a TileRecord> {
+        let tile = self.tiles.get(index)?;
+        tell(self.pager, || tile.as_bytes());
+        Some(tile)
+    }
+
+    /// All tiles; the pager is told on the way.
+    pub fn sweep_tiles(&self) -> impl Iterator<Item = &'a TileRecord> + use<'a> {
+        let pager = self.pager;
+        self.tiles.chunks(SWEEP_TILES).flat_map(move |chunk| {
+            tell(pager, || chunk.as_bytes());
+            chunk
+        })
+    }
+
+    /// All records, in ranges from the first to the last; the pager is told on the way.
+    pub fn sweep_records(&self) -> impl Iterator<Item = Range<usize>> + use<'a> {
+        let lane = *self;
+        (0..lane.steps.len()).step_by(SWEEP_RECORDS).map(move |start| {
+            let records = start..(start + SWEEP_RECORDS).min(lane.steps.len());
+            lane.about_to_read(records.clone());
+            records
+        })
+    }
 }
 
 impl Lane<'_> {
@@ -99,7 +161,7 @@ impl Lane<'_> {
     pub fn bounds(&self) -> Option<([u16; 3], [u16; 3])> {
         let [u, v] = self.axis.others();
         let (mut low, mut high) = ([u16::MAX; 3], [0; 3]);
-        for tile in self.tiles {
+        for tile in self.sweep_tiles() {
             let mask = tile.occupancy.get();
             let columns = mask.to_le_bytes().into_iter().fold(0u8, |columns, row| columns | row);
             let lines = |first: U16, occupied: u64| {
@@ -123,7 +185,8 @@ impl Lane<'_> {
     /// Calls `see` with the record of each voxel that is shown, in the order of the lane's records. O(records).
     pub fn each_record(&self, mut see: impl FnMut(usize)) {
         if self.patch.is_none() {
-            (0..self.steps.len()).filter(|&record| self.steps[record] != 0 && self.shows(record)).for_each(see);
+            let voxels = self.sweep_records().flatten().filter(|&record| self.steps[record] != 0);
+            voxels.filter(|&record| self.shows(record)).for_each(see);
         } else {
             // Tiles that were changed left their records behind: only lines tell which ones count.
             for line in self.lines() {
@@ -135,7 +198,7 @@ impl Lane<'_> {
     /// Whether the voxel of `record` is shown.
     #[inline(always)]
     pub fn shows(&self, record: usize) -> bool {
-        self.shown.is_none_or(|shown| shown.has(self.record(record)))
+        self.shown.is_none_or(|shown| shown.has(self.value_code(record), self.magnitude_code(record)))
     }
 
     /// The largest value code of a voxel that is shown; 0 if there is none. O(records).
@@ -149,7 +212,7 @@ impl Lane<'_> {
     pub fn stepping_voxels(&self) -> u64 {
         let count = |steps: &[u8]| steps.iter().filter(|&&step| step == 0).count() as u64;
         match self.patch {
-            None => count(self.steps),
+            None => self.sweep_records().map(|records| count(&self.steps[records])).sum(),
             Some(_) => self.lines().map(|line| count(self.steps_of(line.records))).sum(),
         }
     }
@@ -172,6 +235,7 @@ impl<'a> Lane<'a> {
     /// The plain reading of the directory; the walk has a faster one, and tests hold the two equal.
     pub fn tile_lines(&self, tile: &TileRecord, wanted: u64) -> impl Iterator<Item = LineSpan> + use<'a> {
         let (lane, tile) = (*self, *tile);
+        tell(lane.pager, || lane.line_ends.bytes_of(tile.lines()));
         let occupied = tile.occupancy.get();
         (0u32..64).filter(move |bit| (occupied & wanted) >> bit & 1 == 1).filter_map(move |bit| {
             let rank = (occupied & ((1 << bit) - 1)).count_ones() as usize;
@@ -189,13 +253,15 @@ impl<'a> Lane<'a> {
     /// Every line, tile after tile.
     pub fn lines(&self) -> impl Iterator<Item = LineSpan> + use<'a> {
         let lane = *self;
-        lane.tiles.iter().flat_map(move |tile| lane.tile_lines(tile, u64::MAX))
+        lane.sweep_tiles().flat_map(move |tile| lane.tile_lines(tile, u64::MAX))
     }
 
     /// How many records the lines of `tile` have, by its last line's end; 0 where the file is wrong.
     pub fn tile_records(&self, tile: &TileRecord) -> u64 {
-        let lines = tile.occupancy.get().count_ones() as usize;
-        let last = (tile.first_line.get() as usize + lines).checked_sub(1);
+        let lines = u64::from(tile.occupancy.get().count_ones());
+        let last =
+            (u64::from(tile.first_line.get()) + lines).checked_sub(1).and_then(|last| usize::try_from(last).ok());
+        tell(self.pager, || last.map_or(&[], |last| self.line_ends.bytes_of(last..last.saturating_add(1))));
         last.and_then(|last| self.line_end(last)).map_or(0, u64::from)
     }
 
@@ -231,6 +297,7 @@ impl<'a> Lane<'a> {
 
     /// The voxels of a line from its low end: coordinate on the lane's axis, record.
     pub fn line_voxels(&self, records: Range<usize>) -> impl Iterator<Item = (u32, usize)> + use<'a> {
+        self.about_to_read(records.clone());
         let steps = self.steps_of(records.clone());
         // The first step is counted from -1, so the position runs one ahead of the coordinate.
         let mut position = 0u32;
@@ -390,6 +457,7 @@ impl OwnedLane {
             magnitudes: &self.magnitudes,
             patch: None,
             shown: None,
+            pager: None,
         }
     }
 }

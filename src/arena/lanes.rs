@@ -6,6 +6,7 @@ use super::lane::{Lane, OwnedLane};
 use super::open::Arena;
 use super::transpose::transpose;
 use crate::error::{Error, Result};
+use crate::limits::Limits;
 use crate::volume::Axis;
 
 /// An arena with a lane along every axis: those that it stores, and those made from them on first need.
@@ -13,14 +14,19 @@ use crate::volume::Axis;
 pub struct LaneSet<'a> {
     arena: Arena<'a>,
     derived: [OnceLock<OwnedLane>; 3],
-    /// Bytes that derived lanes may take; `None` for no limit.
-    memory: Option<u64>,
+    /// Bytes that derived lanes may take.
+    memory: u64,
 }
 
 impl<'a> LaneSet<'a> {
-    /// Lanes of `arena`; derived ones may take `memory` bytes in all.
+    /// Lanes of `arena`; derived ones may take `memory` bytes in all, `None` for no limit.
     pub fn new(arena: Arena<'a>, memory: Option<u64>) -> LaneSet<'a> {
-        LaneSet { arena, derived: Default::default(), memory }
+        LaneSet { arena, derived: Default::default(), memory: memory.unwrap_or(u64::MAX) }
+    }
+
+    /// Lanes of `arena`; derived ones may take what `limits` allow.
+    pub fn within(arena: Arena<'a>, limits: &Limits) -> LaneSet<'a> {
+        LaneSet::new(arena, Some(limits.derived_bytes))
     }
 
     /// The arena.
@@ -41,14 +47,12 @@ impl<'a> LaneSet<'a> {
             return Ok(lane.view());
         }
         let source = self.arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
-        if let Some(memory) = self.memory {
-            let others = self.derived.iter().filter_map(OnceLock::get).map(|lane| lane.view().bytes()).sum::<u64>();
-            // Records need the same room in every lane; directories and the strip at hand add about as much again.
-            let need = others + 2 * source.bytes();
-            if need > memory {
-                let what = format!("deriving the lane along {} (or build with --lanes xyz)", axis.name());
-                return Err(Error::Limit { what, need, have: memory });
-            }
+        let others = self.derived.iter().filter_map(OnceLock::get).map(|lane| lane.view().bytes()).sum::<u64>();
+        // Records need the same room in every lane; directories and the strip at hand add about as much again.
+        let need = others.saturating_add(source.bytes().saturating_mul(2));
+        if need > self.memory {
+            let what = format!("bytes for the lane along {}, which the file does not store", axis.name());
+            return Err(Error::Limit { what, need, have: self.memory });
         }
         Ok(derived.get_or_init(|| transpose(&source, axis, self.arena.facts().tile_order)).view())
     }

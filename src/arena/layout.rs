@@ -146,6 +146,12 @@ pub struct TileRecord {
 }
 
 impl TileRecord {
+    /// Its lines' places among the lane's line ends; on a damaged file they may reach beyond the last.
+    pub(crate) fn lines(&self) -> std::ops::Range<usize> {
+        let first = self.first_line.get() as usize;
+        first..first.saturating_add(self.occupancy.get().count_ones() as usize)
+    }
+
     /// The tile with its first line and its first record counted from further back.
     pub(crate) fn moved(mut self, lines: u32, records: u64) -> TileRecord {
         self.first_line = U32::new(self.first_line.get() + lines);

@@ -8,6 +8,7 @@
 //! a sound arena is what [`Arena::check`] finds out.
 
 use std::mem::{offset_of, size_of};
+use std::path::Path;
 
 use zerocopy::FromBytes;
 use zerocopy::byteorder::little_endian::{F64, U16, U32};
@@ -18,7 +19,9 @@ use super::layout::{
     Channels, Facts, FileHeader, MAGIC, MAJOR, MAX_SECTIONS, OPTIONAL_KINDS, Scales, SectionEntry, SectionKind,
     TILE_EDGE, TileRecord, aligned, header_checksum, line_end_bytes,
 };
-use crate::error::FormatFault;
+use super::pager::{Pager, tell};
+use crate::error::{Error, FormatFault};
+use crate::limits::Limits;
 use crate::volume::{Axis, Grid};
 
 /// The bytes of one `.adj` file, opened.
@@ -29,6 +32,7 @@ pub struct Arena<'a> {
     fingerprint: u64,
     sections: Vec<Section>,
     lanes: [Option<Lane<'a>>; 3],
+    pager: Option<&'a dyn Pager>,
 }
 
 /// Where one section lies.
@@ -108,7 +112,7 @@ impl<'a> Arena<'a> {
         }
         let facts = facts_of(&header)?;
         let sections = sections_of(table, bytes.len() as u64, &facts)?;
-        let mut arena = Arena { bytes, facts, fingerprint: sum, sections, lanes: [None; 3] };
+        let mut arena = Arena { bytes, facts, fingerprint: sum, sections, lanes: [None; 3], pager: None };
         for axis in Axis::ALL {
             arena.lanes[axis.index()] = arena.lane_of(axis)?;
         }
@@ -119,6 +123,33 @@ impl<'a> Arena<'a> {
             return Err(fault(size_of::<FileHeader>() as u64, "R10", "lanes x, xy or xyz", got));
         }
         Ok(arena)
+    }
+
+    /// Refuses an arena that is larger than `limits` allow; `path` is for the message.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] that names the file and what is too large.
+    pub fn within(&self, path: &Path, limits: &Limits) -> Result<(), Error> {
+        limits.check(path, "file bytes", self.bytes.len() as u64, limits.file_bytes)?;
+        limits.check_grid(path, &self.facts.grid.dims.map(u64::from))?;
+        limits.check(path, "sections", self.sections.len() as u64, limits.sections.into())?;
+        for section in &self.sections {
+            limits.check(path, "bytes in a section", section.bytes, limits.section_bytes)?;
+        }
+        let description = self.section(SectionKind::Description, None).map_or(0, |section| section.bytes);
+        limits.check(path, "bytes of description", description, limits.description_bytes)
+    }
+
+    /// The same arena; `pager` is told what is about to be read of it.
+    pub fn with_pager(mut self, pager: &'a dyn Pager) -> Arena<'a> {
+        self.pager = Some(pager);
+        self.lanes.iter_mut().flatten().for_each(|lane| lane.pager = Some(pager));
+        self
+    }
+
+    /// Who is told what is about to be read.
+    pub(super) fn pager(&self) -> Option<&'a dyn Pager> {
+        self.pager
     }
 
     /// What the header says.
@@ -167,7 +198,9 @@ impl<'a> Arena<'a> {
 
     /// The description, a JSON text; empty if there is none.
     pub fn description(&self) -> &'a [u8] {
-        self.section(SectionKind::Description, None).map_or(&[], |section| self.section_bytes(section))
+        let description = self.section(SectionKind::Description, None).map_or(&[][..], |s| self.section_bytes(s));
+        tell(self.pager, || description);
+        description
     }
 
     /// Views of the lane's sections. R10, R11.
@@ -222,8 +255,10 @@ impl<'a> Arena<'a> {
             let got = format!("{} visible voxels", self.facts.visible_voxels);
             return Err(fault(at!(header.visible_voxels), "R11", expected, got));
         }
-        let (patch, shown) = (None, None);
-        Ok(Some(Lane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes, patch, shown }))
+        let (patch, shown, pager) = (None, None, None);
+        let lane =
+            Lane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes, patch, shown, pager };
+        Ok(Some(lane))
     }
 }
 

@@ -13,6 +13,7 @@
 //! the tiles that hold edits: up to 64 lines for a lone voxel, so edits side by side are cheap and scattered ones are
 //! not. Time: an edit looks its place up in O(log tiles) and one line; the first use of a lane after an edit packs its
 //! patch anew, in O(tiles + records of the tiles that hold edits). Without edits nothing is made and nothing is slower.
+//! `benches/overlay.rs` measures it: docs/studies/overlay.md.
 //!
 //! ```
 //! use adjsplat::arena::pack::Record;
@@ -175,7 +176,8 @@ impl<'a> Overlay<'a> {
     pub fn rows(&self) -> Result<impl Rows> {
         let lane = self.lane(Axis::X)?;
         let shown = lane.shown;
-        Ok(LaneRows::new(lane, move |_, _, record| shown.is_none_or(|shown| shown.has(record)).then_some(record)))
+        let is_shown = move |record: Record| shown.is_none_or(|shown| shown.has(record.value, record.magnitude));
+        Ok(LaneRows::new(lane, move |_, _, record| is_shown(record).then_some(record)))
     }
 
     /// `at` as coordinates inside the grid.

@@ -127,6 +127,8 @@ pub(super) fn sweep<S, T: Send>(
     let mut resident = Resident { header, samples: VecDeque::new(), first: 0, fields: VecDeque::new(), first_field: 0 };
     let reach = u32::from(field != Field::None);
     let step = piece_rows(width);
+    // Small slices go several at once: handing work over costs some microseconds.
+    let together = (PIECE_SAMPLES / (width * step.min(height))).max(1);
     let mut from = 0;
     while from < depth {
         let end_of = |from: u32| (from + pace.batch).min(depth);
@@ -142,12 +144,13 @@ pub(super) fn sweep<S, T: Send>(
                 let (intake, resident, end) = (&mut intake, &resident, end_of(to));
                 scope.spawn(move || intake.read(resident, end, (end + reach).min(depth)))
             });
+            let groups: Vec<&[Piece]> = pieces.chunks(together as usize).collect();
             let worked = in_order(
-                pieces.len(),
+                groups.len(),
                 pace.threads,
                 &scratch,
-                |scratch, index| work(scratch, &resident, &pieces[index]),
-                |index, result| take(&pieces[index], result),
+                |scratch, index| groups[index].iter().map(|piece| work(scratch, &resident, piece)).collect(),
+                |index, results: Vec<T>| groups[index].iter().zip(results).try_for_each(|(piece, r)| take(piece, r)),
             );
             let next = next.map(|reader| reader.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
             worked.and(next.transpose())

@@ -34,7 +34,7 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
     let [dim_x, dim_y, dim_z] = lane.dims;
     let (dim_t, dim_o) = place(dim_y, dim_z);
     let mut order: Vec<(u32, u32, usize)> = (0..)
-        .zip(lane.tiles)
+        .zip(lane.sweep_tiles())
         .map(|(index, tile)| {
             let (t, o) = place(tile.tile_u.get().into(), tile.tile_v.get().into());
             (o, t, index)

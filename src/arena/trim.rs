@@ -75,7 +75,8 @@ pub fn trim<'a>(
         Some(transfer) => Some(VisibleCodes::new(transfer, old.channels, &old.scales, 0.0)?),
         None => None,
     };
-    let keep = move |record: Record| visible.as_ref().is_none_or(|visible| visible.has(record)).then_some(record);
+    let stays = move |record: Record| visible.as_ref().is_none_or(|codes| codes.has(record.value, record.magnitude));
+    let keep = move |record: Record| stays(record).then_some(record);
     let crop = crop_of(options, &old.grid)?;
 
     let left = LaneRows::new(lane, |_, _, record| keep(record)).within(&crop);
@@ -227,8 +228,8 @@ fn blurred(rows: &dyn Rows, transfer: &TransferFunction, old: &Facts, quantiser:
     let after = VisibleCodes::new(transfer, channels, &scales, 0.0)?;
     let mut count = 0;
     each_record(rows, |record| {
-        let narrowed = Record { value: narrow.value(record.value), ..record };
-        count += u64::from(before.has(record) && !after.has(narrowed));
+        let seen = before.has(record.value, record.magnitude);
+        count += u64::from(seen && !after.has(narrow.value(record.value), record.magnitude));
     })?;
     Ok(count)
 }

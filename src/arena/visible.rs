@@ -5,7 +5,6 @@
 //! codes, not by the sample they came from.
 
 use super::layout::{Channels, Scales};
-use super::pack::Record;
 use crate::classify::{MagnitudeCodec, TransferFunction};
 use crate::error::{Error, Result};
 
@@ -73,8 +72,8 @@ impl VisibleCodes {
 
     /// Whether a voxel with these codes is visible.
     #[inline(always)]
-    pub fn has(&self, record: Record) -> bool {
-        let place = self.place(record.value, record.magnitude);
+    pub fn has(&self, value: u16, magnitude: u8) -> bool {
+        let place = self.place(value, magnitude);
         self.bits.get(place / 64).is_some_and(|word| word >> (place % 64) & 1 == 1)
     }
 

@@ -50,6 +50,7 @@ pub mod colour;
 mod document;
 pub mod gradient;
 pub mod magnitude;
+mod missing;
 pub mod normal;
 pub mod palette;
 mod preset;

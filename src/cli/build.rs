@@ -24,11 +24,11 @@ use crate::volume::{Header, SlabSource};
 
 /// Build an .adj file from a volume: only the visible voxels, in lanes.
 ///
-/// Reads raw, NRRD, MetaImage, NIfTI, TIFF and VTK (.vtk, .vti) files, a folder of TIFF slices, or phantom:NAME
-/// (constant, shells, gyroid, marschner-lobb, hydrogen, vessels, noise, corners).
+/// Reads raw, NRRD, MetaImage, NIfTI, TIFF, VTK (.vtk, .vti) and DICOM files, folders of TIFF or DICOM slices, Zarr
+/// and OME-Zarr folders, or phantom:NAME (constant, shells, gyroid, marschner-lobb, hydrogen, vessels, noise, corners).
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  adj build engine.nii.gz --range 60.. -o engine.adj\n  adj build ct.raw --dims 512x512x300 --type i16le --spacing 0.7x0.7x1 --tf ct-bone -o ct.adj\n  adj build frog.mhd --labels frog -o frog.adj\n  adj build phantom:gyroid --dims 512x512x512 -o gyroid.adj"
+    after_help = "Examples:\n  adj build engine.nii.gz --range 60.. -o engine.adj\n  adj build ct.raw --dims 512x512x300 --type i16le --spacing 0.7x0.7x1 --tf ct-bone -o ct.adj\n  adj build frog.mhd --labels frog -o frog.adj\n  adj build dicom-folder --tf ct-bone -o ct.adj\n  adj build brain.ome.zarr --level 2 --volume 1 --range 300.. -o brain.adj\n  adj build phantom:gyroid --dims 512x512x512 -o gyroid.adj"
 )]
 pub(super) struct Arguments {
     /// The volume: a file, or a folder of slices.
@@ -227,6 +227,10 @@ pub(super) fn description(header: &Header, built: &Classified) -> String {
         "transfer_function": serde_json::to_value(&built.transfer).expect("a transfer function is plain JSON"),
         "counts": { "nan": built.findings.not_finite },
     });
+    let (lowest, highest) = (built.findings.lowest, built.findings.highest);
+    if lowest <= highest {
+        description["values"] = json!({ "lowest": lowest, "highest": highest });
+    }
     if let Some(unit) = &header.grid.unit {
         description["unit"] = json!(unit);
     }

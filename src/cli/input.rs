@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::Args;
 
-use super::starts_as_adj;
+use super::{print_note, starts_as_adj};
 use crate::error::{Error, Result};
 use crate::volume::phantom::Phantom;
 use crate::volume::raw::{RawOptions, parse_dims, parse_type};
@@ -33,6 +33,12 @@ pub(super) struct InputArguments {
     /// Which volume of a file that holds several, from 0.
     #[arg(long, value_name = "N", default_value_t = 0)]
     volume: u32,
+    /// Which resolution of an OME-Zarr image, from 0, the finest.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    level: u32,
+    /// Which series of a DICOM folder that holds several: its number in the list that is shown, or its UID's end.
+    #[arg(long, value_name = "NUMBER|UID")]
+    series: Option<String>,
     /// Take samples as they are stored, without the file's slope and intercept.
     #[arg(long)]
     unscaled: bool,
@@ -48,12 +54,14 @@ impl InputArguments {
             ("--skip", self.skip.is_some()),
             ("--spacing", self.spacing.is_some()),
             ("--volume", self.volume != 0),
+            ("--level", self.level != 0),
+            ("--series", self.series.is_some()),
             ("--unscaled", self.unscaled),
         ];
         flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
     }
 
-    /// Opens `input`: a path, or `phantom:NAME`.
+    /// Opens `input`: a path, or `phantom:NAME`; notes of its reader go to stderr.
     ///
     /// # Errors
     /// As the readers; and [`Error::Input`] for flags that do not go with the input.
@@ -62,6 +70,9 @@ impl InputArguments {
         let spacing = self.spacing.as_deref().map(parse_spacing).transpose()?;
         let sample_type = self.sample_type.as_deref().map(parse_type).transpose()?;
         if let Some(phantom) = phantom(input)? {
+            if self.level != 0 || self.series.is_some() {
+                return Err(Error::input("--level, --series", "are for OME-Zarr and DICOM; leave them out"));
+            }
             let sample_type = sample_type.map_or(SampleType::U8, |(ty, _)| ty);
             return phantom.open(dims.unwrap_or([256; 3]), sample_type, spacing.unwrap_or([1.0; 3]));
         }
@@ -87,7 +98,12 @@ impl InputArguments {
             (Some(_), None) => return Err(Error::input("--dims", "is for raw files; give --type too, such as u8")),
             (None, Some(_)) => return Err(Error::input("--type", "is for raw files; give --dims too: 256x256x128")),
         };
-        let source = open::open(input, &open::OpenOptions { raw, volume_index: self.volume, spacing })?;
+        let (level, series) = (self.level, self.series.clone());
+        let options = open::OpenOptions { raw, volume_index: self.volume, spacing, level, series };
+        let source = open::open(input, &options)?;
+        for note in source.notes() {
+            print_note(note);
+        }
         Ok(if self.unscaled { Box::new(Unscaled::new(source)) } else { source })
     }
 }

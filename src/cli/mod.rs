@@ -16,6 +16,7 @@ mod progress;
 mod raw;
 mod render;
 mod resources;
+mod room;
 mod size;
 mod trim;
 mod verify;

@@ -41,6 +41,34 @@ pub(super) enum Depth {
     Sixteen,
 }
 
+impl PictureKind {
+    /// Bytes that encoding a picture takes at most: it, what it is compressed to, and the encoder's buffers.
+    ///
+    /// An animation is encoded at its end, one frame at a time.
+    pub(super) fn memory(self, depth: Depth, pixels: u64) -> u64 {
+        let picture = pixels.saturating_mul(self.pixel_bytes(depth));
+        // Samples of 16 bits are there twice while a picture is made from a frame, which is there too.
+        let converting = pixels.saturating_mul(16).saturating_add(picture.saturating_mul(2));
+        picture.saturating_mul(4).max(converting)
+    }
+
+    /// Bytes of pictures that wait for others: an animation is written whole.
+    pub(super) fn kept(self, depth: Depth, pixels: u64, frames: u32) -> u64 {
+        match self {
+            PictureKind::Apng => pixels.saturating_mul(self.pixel_bytes(depth)).saturating_mul(frames.into()),
+            _ => 0,
+        }
+    }
+
+    fn pixel_bytes(self, depth: Depth) -> u64 {
+        match (self, depth) {
+            (PictureKind::Exr, _) => 16,
+            (_, Depth::Sixteen) => 8,
+            (_, Depth::Eight) => 4,
+        }
+    }
+}
+
 /// Frames of a second in an animation.
 const RATE: u16 = 12;
 

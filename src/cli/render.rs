@@ -14,13 +14,18 @@ use super::input::InputArguments;
 use super::picture::{Depth, Picture, PictureKind, write_animation};
 use super::progress::{Progress, interrupted};
 use super::resources::{peak_rss_bytes, thread_count};
+use super::room::{Room, RoomyLanes};
+use super::size::parse_memory;
 use super::{Answer, is_same_file, print_note, print_result};
 use crate::arena::builder::Resources;
 use crate::arena::layout::Scales;
 use crate::arena::{Arena, LaneSet};
-use crate::classify::{Colour, TransferFunction};
+use crate::classify::{Colour, MagnitudeCodec, TransferFunction};
 use crate::error::{Error, Result};
-use crate::file::{AdjFile, arena_bytes, check_writable, write_atomically};
+use crate::file::{
+    AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder, write_atomically_unless,
+};
+use crate::limits::Limits;
 use crate::splat::hidden::CLEARANCE;
 use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Stats, Surround, Up, View, cpu};
 use crate::traverse::{SplitForm, Viewpoint, VoxelBox};
@@ -51,7 +56,10 @@ pub(super) struct Arguments {
     /// Write counts, times and the picture's checksum to this file, as JSON.
     #[arg(long, value_name = "FILE.json")]
     stats: Option<PathBuf>,
-    /// Threads; all processors unless given.
+    /// Most memory that the program may take, from 64MiB; no limit unless given. The picture does not depend on it.
+    #[arg(long, value_name = "SIZE")]
+    memory: Option<String>,
+    /// Threads; all processors unless given, or as many as --memory has room for.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
     /// cpu; auto takes the best that there is.
@@ -144,42 +152,96 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         vec![arguments.output.clone()]
     };
     let settings = settings(arguments)?;
+    let memory = arguments.memory.as_deref().map(parse_memory).transpose()?;
+    let job = Job { arguments, kind, outputs: &outputs, memory };
     let start = Instant::now();
     if is_adj(&arguments.input)? {
         if let Some(flag) = arguments.reading.given().or(arguments.packing.given()) {
             return Err(Error::input(flag, "is for volumes, but the input is an .adj file; leave it out"));
         }
-        let file = AdjFile::open(&arguments.input)?;
+        let file = job.open(&arguments.input)?;
         let transfer = arguments.classification.transfer(&arguments.input)?;
-        let arena = file.arena()?;
-        return draw(arguments, kind, &outputs, settings, arena, transfer, start);
+        return job.draw_file(file, settings, transfer, start);
     }
     let transfer = arguments.classification.required(&arguments.input)?;
     let options = arguments.packing.options(transfer)?;
     let mut source = arguments.reading.open(&arguments.input)?;
     let header = source.header().clone();
-    let resources = Resources { memory: None, threads: settings.threads, folder: None };
+    let folder = memory.is_some().then(|| scratch_folder(&arguments.output)).transpose()?;
+    let resources = Resources { memory, threads: settings.threads, folder: folder.clone() };
     let visible = classify_with_warnings(&mut *source, &options, &resources, arguments.quiet)?;
+    if let Some(folder) = folder {
+        // What is visible may be larger than the memory, so it goes through a file that nobody else sees.
+        let description = description(&header, &visible);
+        let lane_count = options.lane_count;
+        let facts = visible.facts.clone();
+        let output = RowsOutput { facts, description: &description, lane_count, memory, threads: settings.threads };
+        let file = open_rows(&folder, &visible.rows, &output, &mut Progress::new(arguments.quiet))?;
+        drop((visible, source));
+        return job.draw_file(file, settings, None, start);
+    }
     let lanes = visible.lanes(options.lane_count, settings.threads, &mut Progress::new(arguments.quiet))?;
     let bytes = arena_bytes(&visible.facts, &lanes, &description(&header, &visible));
     drop((visible, lanes));
     let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
-    draw(arguments, kind, &outputs, settings, arena, None, start)
+    draw(&job, settings, LaneSet::new(arena, None), None, start)
+}
+
+/// What all ways to a picture share.
+struct Job<'a> {
+    arguments: &'a Arguments,
+    kind: PictureKind,
+    outputs: &'a [PathBuf],
+    /// Most memory to take.
+    memory: Option<u64>,
+}
+
+impl Job<'_> {
+    fn open(&self, path: &Path) -> Result<AdjFile> {
+        // As JSON values a text takes ten times its bytes and more.
+        let description_bytes = self.memory.map_or(u64::MAX, |memory| memory / 64);
+        AdjFile::open_with(path, &Limits { description_bytes, ..Limits::default() })
+    }
+
+    fn draw_file(
+        &self,
+        file: AdjFile,
+        mut settings: Settings,
+        transfer: Option<TransferFunction>,
+        start: Instant,
+    ) -> Result<Answer> {
+        let Some(memory) = self.memory else {
+            return draw(self, settings, LaneSet::new(file.arena()?, None), transfer, start);
+        };
+        let frames = self.arguments.view.frames;
+        let room = Room::divide(memory, &file.arena()?, &settings, self.kind, self.arguments.look.depth(), frames)?;
+        settings.threads = room.threads;
+        let file = file.keep_resident_below(room.resident)?;
+        draw(self, settings, LaneSet::new(file.arena()?, Some(room.derived)), transfer, start)
+    }
+}
+
+impl LookArguments {
+    fn depth(&self) -> Depth {
+        if self.bits == "16" { Depth::Sixteen } else { Depth::Eight }
+    }
 }
 
 fn draw(
-    arguments: &Arguments,
-    kind: PictureKind,
-    outputs: &[PathBuf],
+    job: &Job,
     mut settings: Settings,
-    arena: Arena,
+    lanes: LaneSet,
     transfer: Option<TransferFunction>,
     start: Instant,
 ) -> Result<Answer> {
+    let Job { arguments, kind, outputs, memory } = *job;
+    let arena = lanes.arena();
     let facts = arena.facts().clone();
     let transfer_given = transfer.is_some();
     let transfer = match transfer {
         Some(transfer) => {
+            let given = transfer.clone().with_voxel_length(facts.grid.mean_spacing())?;
+            tell_missing(arena, &given)?;
             let Scales { value_low, value_step, .. } = facts.scales;
             let largest = arena.lanes().next().map_or(0, |lane| lane.largest_value_code());
             transfer
@@ -187,7 +249,7 @@ fn draw(
                 .with_value_range(value_low, value_low + f64::from(largest) * value_step)?
         }
         // Filled in by the builder.
-        None => stored_transfer(&arena, &arguments.input)?,
+        None => stored_transfer(arena, &arguments.input)?,
     };
     if transfer.uses_gradient() && facts.channels.magnitude_bits == 0 {
         let why = "needs gradient magnitudes, which this file does not store; build it again with this function";
@@ -199,16 +261,16 @@ fn draw(
         (None, Some((low, high))) => Surround::of_voxels(&facts.grid, low, high),
         (None, None) => Surround::of_grid(&facts.grid),
     };
-    if let Some(note) = missing_note(arguments, &arena, &settings, transfer_given, around)? {
+    if let Some(note) = missing_note(arguments, arena, &settings, transfer_given, around)? {
         print_note(note);
     }
-    let lanes = LaneSet::new(arena, None);
+    let lanes = RoomyLanes { lanes, memory };
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
     let background = parse_background(arguments.look.background.as_deref().unwrap_or(match settings.mode {
         Mode::Composite => "white",
         _ => "black",
     }))?;
-    let depth = if arguments.look.bits == "16" { Depth::Sixteen } else { Depth::Eight };
+    let depth = arguments.look.depth();
     let mut progress = Progress::new(arguments.quiet || arguments.view.frames == 1);
     let mut pictures = Vec::new();
     let mut all_stats = Vec::new();
@@ -225,6 +287,7 @@ fn draw(
         }
         all_stats.push(stats);
         let picture = Picture::new(&frame, kind, depth);
+        drop(frame);
         digest.update(picture.bytes());
         match kind {
             PictureKind::Apng => pictures.push(picture),
@@ -232,12 +295,12 @@ fn draw(
         }
     }
     if kind == PictureKind::Apng {
-        write_atomically(&outputs[0], |out| write_animation(out, &pictures))?;
+        write_atomically_unless(&interrupted, &outputs[0], |out| write_animation(out, &pictures))?;
     }
     drop(progress);
     if let Some(path) = &arguments.stats {
         let stats = stats_json(&settings, &all_stats, &hex(&digest.finalize()));
-        write_atomically(path, |out| writeln!(out, "{stats:#}"))?;
+        write_atomically_unless(&interrupted, path, |out| writeln!(out, "{stats:#}"))?;
     }
     let drawn = all_stats.iter().map(|stats| stats.splats_drawn).max().unwrap_or(0);
     if drawn == 0 {
@@ -299,7 +362,7 @@ fn missing_note(
 }
 
 fn write_picture(path: &Path, picture: &Picture) -> Result<()> {
-    write_atomically(path, |out| picture.write(out))
+    write_atomically_unless(&interrupted, path, |out| picture.write(out))
 }
 
 fn settings(arguments: &Arguments) -> Result<Settings> {
@@ -363,6 +426,50 @@ pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunc
             "stores no transfer function that this program reads; give one with --tf",
         )
     })
+}
+
+/// Says which values `transfer` shows and the file did not store; says nothing of a file that does not tell.
+fn tell_missing(arena: &Arena, transfer: &TransferFunction) -> Result<()> {
+    let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
+    let Ok(stored) = serde_json::from_value::<TransferFunction>(description["transfer_function"].clone()) else {
+        return Ok(());
+    };
+    let values = &description["values"];
+    let values =
+        [values["lowest"].as_f64().unwrap_or(f64::NEG_INFINITY), values["highest"].as_f64().unwrap_or(f64::INFINITY)];
+    let largest_magnitude = match arena.facts().channels.magnitude_bits {
+        0 => f64::INFINITY,
+        _ => MagnitudeCodec::new(arena.facts().scales.magnitude_scale)?.largest(),
+    };
+    let missing = transfer.missing_from(&stored, values, largest_magnitude);
+    if !missing.is_empty() {
+        print_note(&format!(
+            "note: values {} are visible under this transfer function, but the file does not store all of them; build it again with this function",
+            described(&missing)
+        ));
+    }
+    Ok(())
+}
+
+/// `20..60, 80 and above 100`.
+fn described(ranges: &[[f64; 2]]) -> String {
+    /// Of these the first are named.
+    const MOST: usize = 6;
+    let one = |&[low, high]: &[f64; 2]| match (low.is_finite(), high.is_finite()) {
+        _ if low == high => format!("{low}"),
+        (true, true) => format!("{low}..{high}"),
+        (true, false) => format!("above {low}"),
+        (false, true) => format!("below {high}"),
+        (false, false) => "of any size".to_owned(),
+    };
+    let mut parts: Vec<String> = ranges.iter().take(MOST).map(one).collect();
+    if ranges.len() > MOST {
+        parts.push("others".to_owned());
+    }
+    match parts.pop() {
+        Some(last) if !parts.is_empty() => format!("{} and {last}", parts.join(", ")),
+        last => last.unwrap_or_default(),
+    }
 }
 
 /// `out.png` as `out-000.png`, `out-001.png` ...

@@ -6,6 +6,8 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::json;
 
+use super::room::memory_of_pages;
+use super::size::parse_memory;
 use super::{Answer, one_line, print_note, print_result};
 use crate::error::{Error, Result};
 use crate::file::AdjFile;
@@ -22,14 +24,18 @@ pub(super) struct Arguments {
     /// One JSON object a file.
     #[arg(long)]
     json: bool,
+    /// Most memory that the program may take, from 64MiB; no limit unless given.
+    #[arg(long, value_name = "SIZE")]
+    memory: Option<String>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    let memory = arguments.memory.as_deref().map(parse_memory).transpose()?;
     let mut answer = Answer::Yes;
     let mut trouble = None;
     for path in &arguments.files {
         let start = Instant::now();
-        let fault = match check(path) {
+        let fault = match check(path, memory) {
             Ok(bytes) => {
                 let rate = bytes as f64 / 1e9 / start.elapsed().as_secs_f64();
                 if !arguments.json {
@@ -62,8 +68,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 }
 
 /// Checks everything; the file's length.
-fn check(path: &Path) -> Result<u64> {
-    let file = AdjFile::open(path)?;
+fn check(path: &Path, memory: Option<u64>) -> Result<u64> {
+    let mut file = AdjFile::open(path)?;
+    if let Some(memory) = memory {
+        file = file.keep_resident_below(memory_of_pages(memory))?;
+    }
     let checked = file.arena()?.check();
     checked.map(|found| found.bytes).map_err(|fault| Error::Format { path: path.to_path_buf(), fault })
 }

@@ -87,7 +87,7 @@ pub fn write_atomically_unless<T>(
 pub(super) fn write_file_atomically<T>(path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
     let place = Place::of(path)?;
     if matches!(place, Place::Device) {
-        let mut file = tempfile::tempfile().map_err(Error::io("create a file in", &std::env::temp_dir()))?;
+        let mut file = unnamed(&std::env::temp_dir())?;
         let result = write(&file)?;
         let mut device = File::options().write(true).open(path).map_err(Error::io("open", path))?;
         let copied = file.seek(SeekFrom::Start(0)).and_then(|_| io::copy(&mut file, &mut device));

@@ -1,12 +1,12 @@
 //! Temporary files: beside an output for as long as a run needs them, and no longer.
 //!
-//! In: a folder. Out: a [`Temporary`] file that takes its place under another name or goes; or one without a name.
+//! In: a folder. Out: a `Temporary` file that takes its place under another name or goes; or one without a name.
 //!
 //! However a run ends, nothing of it stays:
 //!
-//! 1. Done, failed or panicked: [`Temporary::place`] renames the file, dropping it removes it.
+//! 1. Done, failed or panicked: `Temporary::place` renames the file, dropping it removes it.
 //! 2. Ended in a hurry: [`abandon_writes`] removes all that are listed.
-//! 3. Killed, or cut off from power: the next run that writes to the folder finds it and removes it, [`remove_dead`].
+//! 3. Killed, or cut off from power: the next run that writes to the folder finds it and removes it, `remove_dead`.
 //! 4. A file without a name is gone with its last opener, whatever happens.
 //!
 //! For 3 a run must tell dead files from those that other runs still write. So the owner of a file holds the system's

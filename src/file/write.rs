@@ -19,7 +19,10 @@ use crate::arena::lane::{LineEnds, OwnedLane};
 use crate::arena::layout::{self, Facts, FileHeader, SectionEntry, SectionKind, TileRecord, aligned};
 use crate::arena::rows::Rows;
 use crate::error::{Error, Result};
+use crate::file::map::AdjFile;
 use crate::file::place::{write_atomically, write_file_atomically};
+use crate::file::temporary::unnamed;
+use crate::limits::Limits;
 use crate::volume::Axis;
 
 /// The bytes of an `.adj` file, in memory.
@@ -67,80 +70,101 @@ pub fn write_rows(
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
     write_file_atomically(path, |file| {
-        let mut place = Placed { file, path, end: 0 };
-        let lane_count = usize::from(output.lane_count);
-        let lanes = [Axis::X, Axis::Y, Axis::Z].into_iter().take(lane_count);
-        let facts = &output.facts;
-        let kinds = |axis| {
-            SectionKind::OF_LANES.into_iter().filter_map(move |kind| {
-                let element = kind.element_bytes(facts.channels, facts.grid.dims, axis);
-                (element > 0).then_some((kind, element))
-            })
-        };
-        let section_count = 1 + lanes.clone().map(|axis| kinds(axis).count()).sum::<usize>();
-        place.end = (size_of::<FileHeader>() + section_count * size_of::<SectionEntry>()) as u64;
-
-        let mut description = place.section(SectionKind::Description, 255, 1, output.description.len() as u64);
-        description.write(output.description.as_bytes())?;
-        let mut table = vec![description.finish()?];
-        let assembler = Assembler::new(rows, facts.tile_order, output.memory, output.threads);
-        let mut visible_voxels = 0;
-        for axis in lanes {
-            let sections = RefCell::new(Vec::new());
-            let mut begin = |totals: &LaneTotals| {
-                if totals.voxels == 0 {
-                    return Err(Error::input("nothing is visible", "no voxel is left to write"));
-                }
-                visible_voxels = totals.voxels;
-                let number = u8::try_from(axis.index()).expect("0, 1 or 2");
-                for (kind, element) in kinds(axis) {
-                    let elements = match kind {
-                        SectionKind::Tiles => totals.tiles,
-                        SectionKind::LineEnds => totals.lines,
-                        _ => totals.records,
-                    };
-                    let bytes = elements * u64::from(element);
-                    sections.borrow_mut().push((kind, place.section(kind, number, element, bytes)));
-                }
-                Ok(())
-            };
-            let (mut lines, mut records) = (0u32, 0u64);
-            let mut take = |run: TileRun| {
-                let tiles: Vec<TileRecord> = run.tiles.iter().map(|tile| tile.moved(lines, records)).collect();
-                for (kind, section) in sections.borrow_mut().iter_mut() {
-                    match kind {
-                        SectionKind::Tiles => section.write(tiles.as_bytes())?,
-                        SectionKind::LineEnds if section.element_bytes() == 2 => {
-                            let narrow = |&end: &u32| U16::new(u16::try_from(end).expect("R14: narrow lines fit"));
-                            section.write(run.line_ends.iter().map(narrow).collect::<Vec<_>>().as_bytes())?;
-                        }
-                        SectionKind::LineEnds => {
-                            section
-                                .write(run.line_ends.iter().map(|&end| U32::new(end)).collect::<Vec<_>>().as_bytes())?;
-                        }
-                        SectionKind::Steps => section.write(&run.arrays.steps)?,
-                        SectionKind::Values => section.write(&run.arrays.values)?,
-                        SectionKind::Normals => section.write(&run.arrays.normals)?,
-                        SectionKind::Magnitudes => section.write(&run.arrays.magnitudes)?,
-                        SectionKind::Description => {}
-                    }
-                }
-                lines += u32::try_from(run.line_ends.len()).expect("a face has fewer than 2^32 lines");
-                records += run.arrays.steps.len() as u64;
-                Ok(())
-            };
-            assembler.lane(axis, observer, &mut begin, &mut take)?;
-            for (_, section) in sections.into_inner() {
-                table.push(section.finish()?);
-            }
-        }
-        let facts = Facts { visible_voxels, ..facts.clone() };
-        let bytes = place.finish(&facts, &table)?;
+        let written = write_rows_to(file, path, rows, output, observer)?;
         // Flushing takes long enough for somebody to change their mind.
         file.sync_all().map_err(Error::io("write", path))?;
         go_on(observer, Phase::Flush, 1, 1)?;
-        Ok((facts, bytes))
+        Ok(written)
     })
+}
+
+/// As [`write_rows`], to a file without a name in `folder`, which is opened and goes when it is closed.
+///
+/// # Errors
+/// Likewise.
+pub fn open_rows(folder: &Path, rows: &dyn Rows, output: &RowsOutput, observer: &mut dyn Observer) -> Result<AdjFile> {
+    let file = unnamed(folder)?;
+    write_rows_to(&file, folder, rows, output, observer)?;
+    AdjFile::of(&file, folder, &Limits::default())
+}
+
+/// Writes what [`write_rows`] says to `file`; `path` is for messages.
+fn write_rows_to(
+    file: &File,
+    path: &Path,
+    rows: &dyn Rows,
+    output: &RowsOutput,
+    observer: &mut dyn Observer,
+) -> Result<(Facts, u64)> {
+    let mut place = Placed { file, path, end: 0 };
+    let lane_count = usize::from(output.lane_count);
+    let lanes = [Axis::X, Axis::Y, Axis::Z].into_iter().take(lane_count);
+    let facts = &output.facts;
+    let kinds = |axis| {
+        SectionKind::OF_LANES.into_iter().filter_map(move |kind| {
+            let element = kind.element_bytes(facts.channels, facts.grid.dims, axis);
+            (element > 0).then_some((kind, element))
+        })
+    };
+    let section_count = 1 + lanes.clone().map(|axis| kinds(axis).count()).sum::<usize>();
+    place.end = (size_of::<FileHeader>() + section_count * size_of::<SectionEntry>()) as u64;
+
+    let mut description = place.section(SectionKind::Description, 255, 1, output.description.len() as u64);
+    description.write(output.description.as_bytes())?;
+    let mut table = vec![description.finish()?];
+    let assembler = Assembler::new(rows, facts.tile_order, output.memory, output.threads);
+    let mut visible_voxels = 0;
+    for axis in lanes {
+        let sections = RefCell::new(Vec::new());
+        let mut begin = |totals: &LaneTotals| {
+            if totals.voxels == 0 {
+                return Err(Error::input("nothing is visible", "no voxel is left to write"));
+            }
+            visible_voxels = totals.voxels;
+            let number = u8::try_from(axis.index()).expect("0, 1 or 2");
+            for (kind, element) in kinds(axis) {
+                let elements = match kind {
+                    SectionKind::Tiles => totals.tiles,
+                    SectionKind::LineEnds => totals.lines,
+                    _ => totals.records,
+                };
+                let bytes = elements * u64::from(element);
+                sections.borrow_mut().push((kind, place.section(kind, number, element, bytes)));
+            }
+            Ok(())
+        };
+        let (mut lines, mut records) = (0u32, 0u64);
+        let mut take = |run: TileRun| {
+            let tiles: Vec<TileRecord> = run.tiles.iter().map(|tile| tile.moved(lines, records)).collect();
+            for (kind, section) in sections.borrow_mut().iter_mut() {
+                match kind {
+                    SectionKind::Tiles => section.write(tiles.as_bytes())?,
+                    SectionKind::LineEnds if section.element_bytes() == 2 => {
+                        let narrow = |&end: &u32| U16::new(u16::try_from(end).expect("R14: narrow lines fit"));
+                        section.write(run.line_ends.iter().map(narrow).collect::<Vec<_>>().as_bytes())?;
+                    }
+                    SectionKind::LineEnds => {
+                        section.write(run.line_ends.iter().map(|&end| U32::new(end)).collect::<Vec<_>>().as_bytes())?;
+                    }
+                    SectionKind::Steps => section.write(&run.arrays.steps)?,
+                    SectionKind::Values => section.write(&run.arrays.values)?,
+                    SectionKind::Normals => section.write(&run.arrays.normals)?,
+                    SectionKind::Magnitudes => section.write(&run.arrays.magnitudes)?,
+                    SectionKind::Description => {}
+                }
+            }
+            lines += u32::try_from(run.line_ends.len()).expect("a face has fewer than 2^32 lines");
+            records += run.arrays.steps.len() as u64;
+            Ok(())
+        };
+        assembler.lane(axis, observer, &mut begin, &mut take)?;
+        for (_, section) in sections.into_inner() {
+            table.push(section.finish()?);
+        }
+    }
+    let facts = Facts { visible_voxels, ..facts.clone() };
+    let bytes = place.finish(&facts, &table)?;
+    Ok((facts, bytes))
 }
 
 /// A file whose sections are placed one after the other.

@@ -26,6 +26,28 @@ pub(super) struct Group {
     pub(super) base: u64,
 }
 
+/// A group whose lines lie in more pieces of the channels than this, of [`PIECE`] records each, is cut.
+const MOST_PIECES: u64 = 2;
+/// As many bytes as a system maps at once.
+const PIECE: u64 = 1 << 16;
+
+impl Group {
+    /// Cuts the group, of the first of `lines`, so that what a pager is told of at once stays small: at most 24 pieces
+    /// in all channels, which have up to 8 bytes a record ([`crate::arena::pager::IN_FLIGHT`]).
+    pub(super) fn stay_near(&mut self, lines: &[Line]) {
+        let (mut pieces, mut last, mut records) = (0, None, 0);
+        for (index, line) in lines[..self.line_count].iter().enumerate() {
+            let (first, end) = (line.first_record / PIECE, (line.first_record + u64::from(line.count) - 1) / PIECE);
+            pieces += end - first + u64::from(last != Some(first));
+            if index > 0 && pieces > MOST_PIECES {
+                (self.line_count, self.records) = (index, records);
+                return;
+            }
+            (last, records) = (Some(end), records + u64::from(line.count));
+        }
+    }
+}
+
 /// The first group of `lines`, of which there is at least one, with at most `capacity` records.
 #[inline(always)]
 pub(super) fn group(lines: &[Line], capacity: usize) -> Group {
@@ -42,6 +64,14 @@ pub(super) fn group(lines: &[Line], capacity: usize) -> Group {
         line_count += 1;
     }
     Group { line_count, records, base }
+}
+
+impl Line {
+    /// The records that decoding it reads: the last sixteen steps may reach beyond its own.
+    pub(super) fn records_read(&self) -> std::ops::Range<usize> {
+        let start = usize::try_from(self.first_record).unwrap_or(usize::MAX);
+        start..start.saturating_add(usize::from(self.count) + CHUNK)
+    }
 }
 
 /// The arrays of a batch, all of one length, with a margin of one chunk at either end.
@@ -268,12 +298,11 @@ fn keep_shown(lane: &Lane, base: u64, places: &mut Places, range: Range<usize>) 
     let base = usize::try_from(base).unwrap_or(usize::MAX);
     let mut end = range.start;
     for from in range.clone() {
-        if lane.shows(base.saturating_add(places.record[from] as usize)) {
-            places.medium[end] = places.medium[from];
-            places.fast[end] = places.fast[from];
-            places.record[end] = places.record[from];
-            end += 1;
-        }
+        // Moved first and counted after: whether a voxel is shown is hard to foretell.
+        places.medium[end] = places.medium[from];
+        places.fast[end] = places.fast[from];
+        places.record[end] = places.record[from];
+        end += usize::from(lane.shows(base.saturating_add(places.record[end] as usize)));
     }
     range.start..end
 }

@@ -8,6 +8,7 @@ use super::tiles::TileRows;
 use super::walk::{Visitor, VoxelBox};
 use crate::arena::Lane;
 use crate::arena::layout::{TILE_EDGE, TileRecord};
+use crate::arena::pager::tell;
 use crate::volume::Axis;
 
 /// One line of the slice at hand.
@@ -22,7 +23,8 @@ pub(super) struct Line {
 }
 
 /// Finds the lines of slices, one slice after another.
-pub(super) struct Gather {
+pub(super) struct Gather<'a> {
+    lane: Lane<'a>,
     order: Order,
     slow_is_v: bool,
     /// Records of the lane.
@@ -33,10 +35,11 @@ pub(super) struct Gather {
     lines: Vec<Line>,
 }
 
-impl Gather {
+impl<'a> Gather<'a> {
     /// For slices of `lane` across the slow axis of `order`.
-    pub(super) fn new(lane: &Lane, order: &Order) -> Gather {
+    pub(super) fn new(lane: &Lane<'a>, order: &Order) -> Gather<'a> {
         Gather {
+            lane: *lane,
             order: *order,
             slow_is_v: order.slow == lane.axis.others()[1],
             record_count: lane.record_count(),
@@ -61,7 +64,7 @@ impl Gather {
         }
         // Taken out of `self`, so that they stay in registers while `lines` is written.
         let (slow_is_v, longest, record_count) = (self.slow_is_v, self.longest, self.record_count);
-        let order = self.order;
+        let (order, lane) = (self.order, self.lane);
         let lines = &mut self.lines[..];
         let within = slow % TILE_EDGE;
         let mut count = 0;
@@ -70,6 +73,7 @@ impl Gather {
             if row.occupied == 0 || !visitor.wants_row(&row_bounds(&order, slow_is_v, tile, slow)) {
                 continue;
             }
+            tell(lane.pager, || lane.line_ends.bytes_of(tile.lines()));
             let first_record = tile.first_record.get();
             let Some(records) = record_count.checked_sub(first_record) else { continue };
             let first_line = tile.first_line.get() as usize;

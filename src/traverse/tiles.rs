@@ -11,8 +11,8 @@ use crate::volume::Axis;
 
 /// Tiles of a lane's face, grouped by their eight slices.
 pub(super) struct TileRows<'a> {
-    tiles: &'a [TileRecord],
-    /// Indices into `tiles`, row after row, each by ascending medium coordinate.
+    lane: Lane<'a>,
+    /// Indices into the lane's tiles, row after row, each by ascending medium coordinate.
     sorted: Vec<u32>,
     /// Where each row starts in `sorted`, and the end of the last.
     starts: Vec<u32>,
@@ -34,14 +34,13 @@ impl<'a> TileRows<'a> {
         // A tile outside the face can only come from a damaged file.
         let inside = |tile: &TileRecord| place(tile).0 < rows && place(tile).1 < columns;
         let wanted: Vec<u32> = (0u32..)
-            .zip(lane.tiles)
+            .zip(lane.sweep_tiles())
             .filter(|(_, tile)| inside(tile) && wants(&tile_bounds(lane, tile)))
             .map(|(index, _)| index)
             .collect();
-        let tiles = lane.tiles;
-        let by_column = counting_sort(&wanted, columns, |index| place(&tiles[index as usize]).1).0;
-        let (sorted, starts) = counting_sort(&by_column, rows, |index| place(&tiles[index as usize]).0);
-        TileRows { tiles, sorted, starts, slow_is_v }
+        let by_column = counting_sort(&wanted, columns, |index| place(tile_of(lane, index)).1).0;
+        let (sorted, starts) = counting_sort(&by_column, rows, |index| place(tile_of(lane, index)).0);
+        TileRows { lane: *lane, sorted, starts, slow_is_v }
     }
 
     /// The non-empty slices in ascending order.
@@ -63,9 +62,15 @@ impl<'a> TileRows<'a> {
     /// The tiles of slices `8 * row ..`, by ascending medium coordinate.
     pub(super) fn row(&self, row: usize) -> impl ExactSizeIterator<Item = &'a TileRecord> {
         let range = self.starts[row] as usize..self.starts[row + 1] as usize;
-        let tiles = self.tiles;
-        self.sorted[range].iter().map(move |&index| &tiles[index as usize])
+        let lane = self.lane;
+        self.sorted[range].iter().map(move |&index| tile_of(&lane, index))
     }
+}
+
+/// The tile at `index`, of which there is one.
+#[inline(always)]
+fn tile_of<'a>(lane: &Lane<'a>, index: u32) -> &'a TileRecord {
+    lane.tile(index as usize).expect("an index of a tile that was looked at before")
 }
 
 /// All voxels that a tile may hold.

@@ -155,7 +155,13 @@ fn walk_slices<V: Visitor + ?Sized>(
             }
         };
         while !lines.is_empty() {
-            let group = group(lines, decoder.capacity());
+            let mut group = group(lines, decoder.capacity());
+            if lane.pager.is_some() {
+                group.stay_near(lines);
+                for line in &lines[..group.line_count] {
+                    lane.about_to_read(line.records_read());
+                }
+            }
             let Some(left) = budget.checked_sub(group.records) else { return };
             budget = left;
             let (now, later) = lines.split_at(group.line_count);

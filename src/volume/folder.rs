@@ -1,7 +1,8 @@
-//! A folder as a volume: files of one slice each, in the order in which people count.
+//! A folder as a volume: which format its files are in.
 //!
-//! In: a folder. Out: a slab source over those of its files that are slices of a known kind, by content, whatever
-//! else lies beside them. Hidden files are passed over.
+//! In: a folder. Out: a slab source over a Zarr node, a DICOM series or a stack of TIFF slices, told by content, whatever
+//! else lies beside the files. Files are taken in the order in which people count; hidden ones are passed over. Subfolders
+//! are not looked into: the slices of one volume lie in one folder.
 
 use std::cmp::Ordering;
 use std::fs::File;
@@ -9,12 +10,15 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::file_list::MAX_FILES;
-use super::open::OpenOptions;
-use super::{SlabSource, tiff};
+use super::open::{OpenOptions, file_name};
+use super::{SlabSource, dicom, tiff, zarr};
 use crate::error::{Error, Result};
 
+/// Most entries of a folder that are listed.
+const MOST_ENTRIES: u64 = 1 << 20;
+
 /// Bytes from the front of a file that tell whether it is a slice.
-const PROBE_BYTES: u64 = 16;
+const PROBE_BYTES: u64 = 132;
 
 /// Opens the folder at `path`.
 ///
@@ -25,10 +29,33 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     if options.raw.is_some() {
         return Err(Error::input(path.display().to_string(), "is a folder, but raw samples are in one file; name it"));
     }
-    let slices = files_of(path, tiff::is_header)?;
+    if zarr::is_node(path) {
+        options.expect_one_series()?;
+        return zarr::open(path, options);
+    }
+    options.expect_one_level()?;
+    let Listing { files, folders } = list(path)?;
+    let mut slices = Vec::new();
+    for file in &files {
+        let probe = probe(file)?;
+        if dicom::is_header(&probe) {
+            return dicom::open(path, Some(files), options);
+        }
+        if tiff::is_header(&probe) {
+            slices.push(file.clone());
+        }
+    }
+    options.expect_one_series()?;
+    let need = slices.len() as u64;
+    if need > MAX_FILES {
+        return Err(Error::Limit { what: format!("{}: files of slices", path.display()), need, have: MAX_FILES });
+    }
     match slices.as_slice() {
         [] => {
-            let why = "is a folder without TIFF files; name a file in it";
+            let mut why = "is a folder without TIFF or DICOM files, and no Zarr array; name a file in it".to_string();
+            if let Some(first) = folders.first() {
+                why += &format!(", or one of its subfolders, such as {}", file_name(first));
+            }
             Err(Error::input(path.display().to_string(), why))
         }
         [one] => tiff::open(one, options),
@@ -36,28 +63,48 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     }
 }
 
-/// The files in the folder at `path` whose first bytes are a slice's, in natural order.
-fn files_of(path: &Path, is_slice: fn(&[u8]) -> bool) -> Result<Vec<PathBuf>> {
-    let mut files = Vec::new();
-    for entry in std::fs::read_dir(path).map_err(Error::io("list", path))? {
-        let file = entry.map_err(Error::io("list", path))?.path();
-        let hidden = file.file_name().is_none_or(|name| name.as_encoded_bytes().starts_with(b"."));
-        if hidden || !std::fs::metadata(&file).is_ok_and(|found| found.is_file()) {
+/// What is in a folder, each in natural order; hidden entries are left out.
+pub(super) struct Listing {
+    /// Regular files.
+    pub(super) files: Vec<PathBuf>,
+    /// Subfolders.
+    pub(super) folders: Vec<PathBuf>,
+}
+
+/// Lists the folder at `path`.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be listed; [`Error::Limit`] if it has more entries than any volume has files.
+pub(super) fn list(path: &Path) -> Result<Listing> {
+    let mut listing = Listing { files: Vec::new(), folders: Vec::new() };
+    for (seen, entry) in (1..).zip(std::fs::read_dir(path).map_err(Error::io("list", path))?) {
+        let entry = entry.map_err(Error::io("list", path))?.path();
+        if seen > MOST_ENTRIES {
+            let what = format!("{}: entries", path.display());
+            return Err(Error::Limit { what, need: seen, have: MOST_ENTRIES });
+        }
+        if entry.file_name().is_none_or(|name| name.as_encoded_bytes().starts_with(b".")) {
             continue;
         }
-        let mut probe = Vec::new();
-        let opened = File::open(&file).map_err(Error::io("open", &file))?;
-        opened.take(PROBE_BYTES).read_to_end(&mut probe).map_err(Error::io("read", &file))?;
-        if is_slice(&probe) {
-            files.push(file);
-        }
-        let need = files.len() as u64;
-        if need > MAX_FILES {
-            return Err(Error::Limit { what: format!("{}: files of slices", path.display()), need, have: MAX_FILES });
+        // An entry that is neither, or a link to nothing, is no part of a volume.
+        match std::fs::metadata(&entry) {
+            Ok(found) if found.is_file() => listing.files.push(entry),
+            Ok(found) if found.is_dir() => listing.folders.push(entry),
+            _ => {}
         }
     }
-    files.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
-    Ok(files)
+    for entries in [&mut listing.files, &mut listing.folders] {
+        entries.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
+    }
+    Ok(listing)
+}
+
+/// The first bytes of the file at `path`.
+pub(super) fn probe(path: &Path) -> Result<Vec<u8>> {
+    let mut probe = Vec::new();
+    let file = File::open(path).map_err(Error::io("open", path))?;
+    file.take(PROBE_BYTES).read_to_end(&mut probe).map_err(Error::io("read", path))?;
+    Ok(probe)
 }
 
 /// The order in which people count: runs of digits by their value, all else by letter, capitals like others.

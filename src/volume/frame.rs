@@ -59,6 +59,11 @@ impl Frame {
         Frame { spacing: steps.map(length), direction: steps, origin, world, unit: None }
     }
 
+    /// The unit world vector of index axis `axis`.
+    pub(super) fn unit_direction(&self, axis: usize) -> [f64; 3] {
+        self.direction[axis].map(|c| c / length(self.direction[axis]))
+    }
+
     /// The grid of `dims` points in this frame; `spacing`, if given, stands in for the file's.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Volumes: regular grids of samples, read slice by slice.
 //!
-//! In: a file of any supported format, or a phantom. Out: z-slices of native-endian samples in file order
+//! In: a file or folder of any supported format, or a phantom. Out: z-slices of native-endian samples in file order
 //! (x fastest, then y, then z), one at a time, so that memory is bounded by a slice whatever the volume's size.
 
 pub mod grid;
@@ -12,6 +12,7 @@ pub mod samples;
 pub mod slab;
 pub mod source;
 
+mod dicom;
 mod file_list;
 mod folder;
 mod frame;
@@ -27,6 +28,7 @@ mod vti;
 mod vti_array;
 mod vti_tags;
 mod vtk;
+mod zarr;
 
 pub use grid::{Axis, Grid, MAX_DIM};
 pub use samples::{Sample, SampleType, Samples};

@@ -105,6 +105,16 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     Ok(Box::new(reader))
 }
 
+/// Where a header places its volume, its slope and its intercept; `path` is named in errors.
+///
+/// # Errors
+/// [`Error::Format`] if `bytes` do not start with a header.
+pub(super) fn place_of(path: &Path, bytes: &[u8]) -> Result<(Frame, f64, f64)> {
+    let fields = Fields::parse(path, bytes)?;
+    let (slope, intercept) = fields.scaling(path)?;
+    Ok((fields.frame(), slope, intercept))
+}
+
 impl Fields {
     fn parse(path: &Path, bytes: &[u8]) -> Result<Fields> {
         let Some((version, endian)) = version_of(bytes) else {

@@ -39,6 +39,16 @@ impl SampleType {
         }
     }
 
+    /// Bits of one sample.
+    pub(super) const fn bits(self) -> u32 {
+        match self {
+            SampleType::U8 | SampleType::I8 => 8,
+            SampleType::U16 | SampleType::I16 => 16,
+            SampleType::U32 | SampleType::I32 | SampleType::F32 => 32,
+            SampleType::F64 => 64,
+        }
+    }
+
     /// "u8", "i16", "f32" and so on.
     pub const fn name(self) -> &'static str {
         match self {

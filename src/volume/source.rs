@@ -39,7 +39,7 @@ impl Header {
 }
 
 /// `bytes`, or if the system does not give so many at once, about as many as it does.
-fn obtainable(bytes: u64) -> u64 {
+pub(super) fn obtainable(bytes: u64) -> u64 {
     let gives = |bytes| usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
     let mut bytes = bytes;
     while bytes > 0 && !gives(bytes) {
@@ -74,6 +74,11 @@ pub trait SlabSource: Send {
     fn buffer_bytes(&self) -> u64 {
         0
     }
+
+    /// What a user should know of how the volume was read, a line each: files left out, gaps, guesses.
+    fn notes(&self) -> &[String] {
+        &[]
+    }
 }
 
 /// A volume whose samples count as they are stored: without the file's slope and intercept.
@@ -105,6 +110,10 @@ impl SlabSource for Unscaled {
 
     fn buffer_bytes(&self) -> u64 {
         self.inner.buffer_bytes()
+    }
+
+    fn notes(&self) -> &[String] {
+        self.inner.notes()
     }
 }
 

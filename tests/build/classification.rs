@@ -8,7 +8,7 @@ use super::dense::{Dense, random_at};
 use super::twin::{build_and_compare, options};
 
 /// A blob with some roughness, 0 to 200.
-fn blob([x, y, z]: [u32; 3]) -> f64 {
+pub(super) fn blob([x, y, z]: [u32; 3]) -> f64 {
     let d = [f64::from(x) - 11.3, f64::from(y) - 9.1, (f64::from(z) - 7.4) * 1.3];
     let r = d.iter().map(|c| c * c).sum::<f64>().sqrt();
     (200.0 - 17.0 * r).max(0.0) + 10.0 * random_at([x, y, z])

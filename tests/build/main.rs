@@ -8,6 +8,7 @@
 mod classification;
 mod dense;
 mod grids;
+mod memory;
 mod real;
 mod refusals;
 mod size;

@@ -7,6 +7,7 @@ mod harness;
 mod hidden;
 mod interrupt;
 mod killed;
+mod memory;
 mod outputs;
 mod transfer;
 mod trim;

@@ -144,3 +144,34 @@ fn flags_for_volumes_are_refused_for_an_adj_file() {
     }
     folder.adj("render small.adj -o x.png --exposure 2").refused(&["--exposure", "xray"]);
 }
+
+#[test]
+fn a_function_that_shows_what_was_not_stored_is_told_of() {
+    let folder = folder();
+    let render = |line: &str| {
+        let ran = folder.adj(&format!("render out.adj -o out.png --size 20x20 {line}"));
+        assert_eq!(ran.code, Some(0), "{}", ran.stderr);
+        ran.stderr
+    };
+    // Values 1 to 24.
+    folder.adj(&format!("build {BUILD} --range 10..20")).done();
+    for quiet in ["", "--range 10..20", "--range 12..18", "--tf narrow.json"] {
+        folder.write("narrow.json", points(&[point("10", "0"), point("15", "1"), point("20", "0")]).as_bytes());
+        assert_eq!(render(quiet), "", "{quiet}");
+    }
+    let told = render("--range 5..20");
+    assert!(told.starts_with("adj: note: values 5..10 are visible under this transfer function"), "{told}");
+    assert!(told.contains("build it again") && told.lines().count() == 1, "{told}");
+    let told = render("--range ..");
+    assert!(told.contains("values 1..10 and 20..24 are visible"), "{told}");
+    // Where the volume has no more values nothing is missing.
+    folder.adj(&format!("build {BUILD} --range 10..24")).done();
+    assert_eq!(render("--range 10.."), "");
+    folder.adj(&format!("build {BUILD} --iso 12")).done();
+    assert_eq!(render("--iso 12"), "");
+    assert!(render("--iso 11").contains("note: values "));
+    folder.adj(&format!("build {BUILD} --levoy 0:0,12:0.2,24:0.8")).done();
+    assert_eq!(render("--levoy 0:0,12:0.2,24:0.8"), "");
+    folder.adj(&format!("build {BUILD} --labels distinct")).done();
+    assert_eq!(render("--labels distinct"), "");
+}

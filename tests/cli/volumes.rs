@@ -1,5 +1,7 @@
 //! Volumes that cannot be read: exit code 2, one line that says what to do, and no file.
 
+use std::path::Path;
+
 use super::harness::{Folder, RAW, adj, gzip, nrrd};
 
 const BUILD_RAW: &str = "v.raw --type u8 --range 1.. -o out.adj";
@@ -209,4 +211,40 @@ fn samples_that_are_no_numbers_are_told_as_a_warning() {
     assert_eq!(ran.stderr, "adj: warning: 3 samples are NaN or infinite; they are transparent\n");
     let told = ran.json();
     assert_eq!((&told["not_finite"], &told["visible_voxels"]), (&3.into(), &21.into()));
+}
+
+#[test]
+fn a_dicom_folder_is_built_and_what_was_left_out_is_told() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("series")).expect("the folder can be written");
+    let slices = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers/compressed/multi-rle.dcm");
+    std::fs::copy(slices, folder.file("series/IM 1")).expect("it is there");
+    folder.write("series/readme.txt", b"hello");
+    let ran = folder.adj("info series --json");
+    assert!(ran.stderr.contains("adj: skipped 1 file that is no DICOM (readme.txt)\n"), "{}", ran.stderr);
+    assert_eq!(ran.json()["dims"], serde_json::json!([12, 10, 3]));
+    folder.adj("build series --range 100.. -o out.adj --quiet").done();
+    folder.adj("build series --series 0 --range 100.. -o out.adj --quiet").done();
+    folder.build_refused("series --series 1 --range 1.. -o new.adj", &["series", "no series \"1\"", "3 slices"]);
+    folder.build_refused("series --level 1 --range 1.. -o new.adj", &["level", "only OME-Zarr"]);
+    folder.build_refused("phantom:noise --series 1 -o new.adj", &["--series", "DICOM"]);
+    folder.write("v.raw", &RAW);
+    folder.build_refused("v.raw --dims 4x3x2 --type u8 --series 1 --range 1.. -o new.adj", &["series", "DICOM"]);
+    folder.build_refused(". --range 1.. -o new.adj", &["is a folder", "subfolders, such as series"]);
+}
+
+#[test]
+fn a_zarr_array_is_built_by_its_folder() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("a.zarr")).expect("the folder can be written");
+    let array = "{\"zarr_format\": 2, \"shape\": [2, 3, 4], \"chunks\": [2, 3, 4], \"dtype\": \"|u1\", \"order\": \"C\", \
+                 \"compressor\": null, \"filters\": null, \"fill_value\": 0}";
+    folder.write("a.zarr/.zarray", array.as_bytes());
+    folder.write("a.zarr/0.0.0", &RAW);
+    let told = folder.adj("build a.zarr --range 1.. -o out.adj --json --quiet").json();
+    assert_eq!(told["visible_voxels"], 24);
+    folder.build_refused("a.zarr --level 1 --range 1.. -o new.adj", &["level", "there is 1 level"]);
+    folder.build_refused("a.zarr --volume 1 --range 1.. -o new.adj", &["volume", "holds 1 volume"]);
+    folder.write("a.zarr/0.0.0", &RAW[..9]);
+    folder.build_refused("a.zarr --range 1.. -o new.adj", &["0.0.0", "intact chunk of 24 bytes", "9 bytes"]);
 }

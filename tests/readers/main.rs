@@ -4,6 +4,7 @@
 //! What this cannot catch: a misreading of a specification that the writers below share.
 
 mod damage;
+mod dicom;
 mod malformed;
 mod nifti;
 mod real;
@@ -11,3 +12,4 @@ mod sample;
 mod tiff;
 mod variants;
 mod vti;
+mod zarr;

@@ -126,3 +126,25 @@ fn first_of_two_volumes_is_read_behind_a_header_extension() {
     let file = "nifti-zarr/tests/data/example4d.nii.gz";
     check(file, SampleType::I16, [128, 96, 24], [2.0, 2.0, 2.2], "c375bdf18eba0821");
 }
+
+#[test]
+fn a_dicom_series_of_192_files_is_stacked() {
+    if let Some(header) = check("SAG-anon", SampleType::U16, [256, 256, 192], [0.8594, 0.8594, 0.9], "810caf7501483436")
+    {
+        // A sagittal head: x runs to the back, y to the feet, z to the patient's right.
+        let [x, y, z] = header.grid.direction;
+        assert!(x[1] < -0.9 && y[2] < -0.9 && z[0] > 0.9, "{:?}", header.grid.direction);
+        assert_eq!((header.slope, header.intercept, header.grid.unit.as_deref()), (1.0, 0.0, Some("mm")));
+    }
+}
+
+#[test]
+fn a_nifti_zarr_is_read_as_the_file_that_it_was_made_from() {
+    let folder = "nifti-zarr/tests/data/";
+    let file = |name: &str| format!("{folder}{name}");
+    let (dims, spacing, sha) = ([128, 96, 24], [2.0, 2.0, 2.2], "c375bdf18eba0821");
+    let Some(made) = check(&file("example4d.nii.zarr"), SampleType::I16, dims, spacing, sha) else { return };
+    let from = check(&file("example4d.nii.gz"), SampleType::I16, dims, spacing, sha).expect("the folder is here");
+    assert_eq!(made.grid, from.grid);
+    assert_eq!((made.slope, made.intercept, made.format), (from.slope, from.intercept, "OME-Zarr"));
+}

@@ -609,7 +609,7 @@ fn folders_that_are_no_stack_are_refused_by_the_file_at_fault() {
     let names = ["s1.tif", "s2.tif", "s3.tif"];
     let folder = Folder::new();
     folder.write("a.txt", &[b"hello"]);
-    refused(folder.path(), &["is a folder without TIFF files", "name a file in it"]);
+    refused(folder.path(), &["is a folder without TIFF or DICOM files", "name a file in it"]);
     let raw = adjsplat::volume::raw::RawOptions::new(DIMS, SampleType::U8);
     expect_refused(
         folder.path(),

@@ -188,7 +188,8 @@ pub(crate) fn borders(projector: &Projector, view: &View, by_rows: bool, count: 
     let mut work = vec![0.0f64; side + 1];
     // Enough tiles for an estimate; a frame should not wait for millions.
     let stride = (lane.tiles.len() / 100_000).max(1);
-    for tile in lane.tiles.iter().step_by(stride) {
+    for index in (0..lane.tiles.len()).step_by(stride) {
+        let Some(tile) = lane.tile(index) else { break };
         let records = lane.tile_records(tile) as f64;
         let mut bounds = VoxelBox { low: [tile.low.get(); 3], high: [tile.high.get(); 3] };
         for (axis, tile_line) in [(u_axis, tile.tile_u.get()), (v_axis, tile.tile_v.get())] {

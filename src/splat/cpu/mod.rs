@@ -8,6 +8,7 @@ mod band;
 mod blend;
 mod dispatch;
 mod freeze;
+mod need;
 mod plain;
 mod planes;
 mod project;
@@ -17,6 +18,8 @@ mod stamp;
 mod without;
 
 use std::time::{Duration, Instant};
+
+pub use self::need::memory_need;
 
 use self::arith::absorbed;
 use self::band::{Drawn, Extra};

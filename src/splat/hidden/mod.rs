@@ -101,7 +101,7 @@ pub struct Hidden {
 
 /// Sets of judging views that may be asked for.
 const ROUNDS: u32 = 8;
-/// Cells around a hidden voxel that must be hidden voxels too.
+/// Cells around a hidden voxel that must be hidden voxels too, at first.
 const SKIN: usize = 1;
 
 /// Finds the hidden voxels of a scene.
@@ -109,7 +109,7 @@ const SKIN: usize = 1;
 /// ```text
 /// seen = what deciding views show (sampled), or what is not proven hidden (certified)
 /// repeat
-///     hidden = not seen; for the sampled ones, with all 26 neighbours
+///     hidden = not seen; for the sampled ones, with all neighbours up to `skin` away, which grows by one each time
 ///     done if no judging view differs by more than eps without the hidden ones
 ///     seen += what these views show, at half the threshold; judge by new ones
 /// ```
@@ -147,7 +147,7 @@ pub fn find(scene: &Scene, culling: &Culling, watch: Watch) -> Result<Hidden> {
     for round in 0..ROUNDS {
         let rest = sampled::rest(&lane, &seen)?;
         let hidden = match culling.algorithm {
-            Algorithm::Sampled => erode(&lane, &rest, SKIN)?,
+            Algorithm::Sampled => erode(&lane, &rest, SKIN + round as usize)?,
             Algorithm::Certified => rest,
         };
         let judges = judging(&subject, culling.judging_views, round)?;
@@ -180,7 +180,7 @@ fn spare_memory(records: usize, dims: [u32; 3], culling: &Culling) -> Result<u64
     // What is seen, the rest, its inner part, and one of them along another lane.
     let sets = 4 * RecordSet::bytes_for(records);
     let pictures = measure::bytes_a_thread() * culling.threads as u64;
-    let fixed = sets.saturating_add(erode_bytes(dims, SKIN)).saturating_add(pictures);
+    let fixed = sets.saturating_add(erode_bytes(dims, SKIN + ROUNDS as usize)).saturating_add(pictures);
     // Views are looked at eight times at most.
     let need = fixed.saturating_add(RecordSet::bytes_for(records).div_ceil(8));
     if need > culling.memory {

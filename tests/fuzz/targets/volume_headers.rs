@@ -7,7 +7,8 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use adjsplat::volume::raw::RawOptions;
-use adjsplat::volume::{OpenOptions, SampleType, open};
+use adjsplat::volume::SampleType;
+use adjsplat::volume::open::{OpenOptions, open};
 use libfuzzer_sys::fuzz_target;
 
 /// One name for each way into a reader.
