@@ -101,15 +101,18 @@ pub struct Hidden {
 
 /// Sets of judging views that may be asked for.
 const ROUNDS: u32 = 8;
-/// Cells around a hidden voxel that must be hidden voxels too, at first.
-const SKIN: usize = 1;
+/// Cells around a hidden voxel that must be hidden voxels too: one, and where three sets of judges disagreed one more
+/// for each set after them.
+fn skin(round: u32) -> usize {
+    1 + round.saturating_sub(2) as usize
+}
 
 /// Finds the hidden voxels of a scene.
 ///
 /// ```text
 /// seen = what deciding views show (sampled), or what is not proven hidden (certified)
 /// repeat
-///     hidden = not seen; for the sampled ones, with all neighbours up to `skin` away, which grows by one each time
+///     hidden = not seen; for the sampled ones, with all neighbours up to `skin` away
 ///     done if no judging view differs by more than eps without the hidden ones
 ///     seen += what these views show, at half the threshold; judge by new ones
 /// ```
@@ -147,7 +150,7 @@ pub fn find(scene: &Scene, culling: &Culling, watch: Watch) -> Result<Hidden> {
     for round in 0..ROUNDS {
         let rest = sampled::rest(&lane, &seen)?;
         let hidden = match culling.algorithm {
-            Algorithm::Sampled => erode(&lane, &rest, SKIN + round as usize)?,
+            Algorithm::Sampled => erode(&lane, &rest, skin(round))?,
             Algorithm::Certified => rest,
         };
         let judges = judging(&subject, culling.judging_views, round)?;
@@ -180,7 +183,7 @@ fn spare_memory(records: usize, dims: [u32; 3], culling: &Culling) -> Result<u64
     // What is seen, the rest, its inner part, and one of them along another lane.
     let sets = 4 * RecordSet::bytes_for(records);
     let pictures = measure::bytes_a_thread() * culling.threads as u64;
-    let fixed = sets.saturating_add(erode_bytes(dims, SKIN + ROUNDS as usize)).saturating_add(pictures);
+    let fixed = sets.saturating_add(erode_bytes(dims, skin(ROUNDS))).saturating_add(pictures);
     // Views are looked at eight times at most.
     let need = fixed.saturating_add(RecordSet::bytes_for(records).div_ceil(8));
     if need > culling.memory {
