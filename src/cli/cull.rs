@@ -26,7 +26,7 @@ pub(super) struct CullArguments {
     /// on views that did not decide. Inside views, crops and other transfer functions show that they are missing.
     #[arg(long, value_name = "EPS", num_args = 0..=1, require_equals = true)]
     cull_hidden: Option<Option<f64>>,
-    /// Leave out only voxels that are proven hidden, from everywhere: fewer.
+    /// Leave out only voxels that are proven hidden in all parallel views from outside (in perspective for most rays): fewer.
     #[arg(long)]
     cull_hidden_certified: bool,
     /// Views that decide what is hidden; 26 axes and diagonals and 200 others always judge.

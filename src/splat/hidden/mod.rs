@@ -2,8 +2,8 @@
 //!
 //! In: a scene, and by how much pictures may change. Out: the set of its hidden voxels, as records of the lane along
 //! x, and how it was found. Two algorithms: [`sampled`](Algorithm::Sampled) looks from many sides and measures, on
-//! other views, what leaving the voxels out does to the picture; [`certified`](Algorithm::Certified) proves it for
-//! every view, and finds fewer.
+//! other views, what leaving the voxels out does to the picture; [`certified`](Algorithm::Certified) proves it
+//! for every parallel view, in perspective where the walk's order is the ray's, and finds fewer.
 //!
 //! What makes either safe: if every voxel that is left out has a transmittance of at most e in front of it, at every
 //! pixel of its footprint, then a pixel's frontmost missing splat and all behind it weigh e together. So the picture
