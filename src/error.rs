@@ -49,6 +49,12 @@ pub enum Error {
         /// How much there may be.
         have: u64,
     },
+    /// A graphics device cannot be had, failed or was lost: use another one, or the renderer on the processor.
+    #[error("graphics device: {why}")]
+    Device {
+        /// What happened, and what would help.
+        why: String,
+    },
     /// The caller's observer asked to stop; nothing was left behind.
     #[error("stopped before it was done; nothing was written")]
     Interrupted,
@@ -78,6 +84,11 @@ impl Error {
     /// An [`Error::Input`] about `what`.
     pub fn input(what: impl Into<String>, why: impl Into<String>) -> Error {
         Error::Input { what: what.into(), why: why.into() }
+    }
+
+    /// An [`Error::Device`].
+    pub fn device(why: impl Into<String>) -> Error {
+        Error::Device { why: why.into() }
     }
 
     /// An [`Error::Format`] in `path`, at byte `at`.

@@ -77,6 +77,11 @@ impl VisibleCodes {
         self.bits.get(place / 64).is_some_and(|word| word >> (place % 64) & 1 == 1)
     }
 
+    /// Whether magnitudes matter.
+    pub(crate) fn by_magnitude(&self) -> bool {
+        self.by_magnitude
+    }
+
     fn place(&self, value: u16, magnitude: u8) -> usize {
         match self.by_magnitude {
             false => value.into(),

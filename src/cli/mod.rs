@@ -9,12 +9,15 @@ mod classification;
 mod completions;
 mod cull;
 mod demo;
+#[cfg(feature = "gpu")]
+mod devices;
 mod info;
 mod input;
 mod picture;
 mod progress;
 mod raw;
 mod render;
+mod renderer;
 mod resources;
 mod room;
 mod size;
@@ -60,6 +63,8 @@ enum Command {
     Trim(Box<trim::Arguments>),
     Render(Box<render::Arguments>),
     Demo(demo::Arguments),
+    #[cfg(feature = "gpu")]
+    Devices(devices::Arguments),
     Raw(raw::Arguments),
     Completions(completions::Arguments),
 }
@@ -89,6 +94,8 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Trim(arguments) => trim::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
+        #[cfg(feature = "gpu")]
+        Command::Devices(arguments) => devices::run(arguments),
         Command::Raw(arguments) => raw::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),
     }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
@@ -13,6 +13,7 @@ use super::info::is_adj;
 use super::input::InputArguments;
 use super::picture::{Depth, Picture, PictureKind, write_animation};
 use super::progress::{Progress, interrupted};
+use super::renderer::{FrameStats, Renderer, RendererArguments};
 use super::resources::{peak_rss_bytes, thread_count};
 use super::room::{Room, RoomyLanes};
 use super::size::parse_memory;
@@ -27,7 +28,7 @@ use crate::file::{
 };
 use crate::limits::Limits;
 use crate::splat::hidden::CLEARANCE;
-use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Stats, Surround, Up, View, cpu};
+use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Surround, Up, View};
 use crate::traverse::{SplitForm, Viewpoint, VoxelBox};
 use crate::volume::read_text;
 
@@ -62,18 +63,11 @@ pub(super) struct Arguments {
     /// Threads; all processors unless given, or as many as --memory has room for.
     #[arg(long, value_name = "N")]
     threads: Option<usize>,
-    /// cpu; auto takes the best that there is.
-    #[arg(long, value_name = "R", value_enum, default_value_t = Renderer::Auto)]
-    renderer: Renderer,
+    #[command(flatten)]
+    renderer: RendererArguments,
     /// No progress bar.
     #[arg(long, short)]
     quiet: bool,
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Renderer {
-    Auto,
-    Cpu,
 }
 
 /// Where the camera is.
@@ -266,6 +260,7 @@ fn draw(
     }
     let lanes = RoomyLanes { lanes, memory };
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
+    let mut renderer = arguments.renderer.renderer(scene)?;
     let background = parse_background(arguments.look.background.as_deref().unwrap_or(match settings.mode {
         Mode::Composite => "white",
         _ => "black",
@@ -281,7 +276,7 @@ fn draw(
         }
         progress.show("render", frame_index.into(), arguments.view.frames.into());
         let camera = camera(&arguments.view, around, settings.size, frame_index)?;
-        let (mut frame, stats) = cpu::render(&scene, &camera, &settings)?;
+        let (mut frame, stats) = renderer.render(&camera, &settings)?;
         if let Some(background) = background {
             frame.over(background);
         }
@@ -299,7 +294,7 @@ fn draw(
     }
     drop(progress);
     if let Some(path) = &arguments.stats {
-        let stats = stats_json(&settings, &all_stats, &hex(&digest.finalize()));
+        let stats = stats_json(&settings, &renderer, &all_stats, &hex(&digest.finalize()));
         write_atomically_unless(&interrupted, path, |out| writeln!(out, "{stats:#}"))?;
     }
     let drawn = all_stats.iter().map(|stats| stats.splats_drawn).max().unwrap_or(0);
@@ -527,23 +522,26 @@ fn parse_background(text: &str) -> Result<Option<[f32; 3]>> {
     })
 }
 
-fn stats_json(settings: &Settings, stats: &[Stats], image_sha256: &str) -> Value {
-    let total = |count: fn(&Stats) -> u64| stats.iter().map(count).sum::<u64>();
-    let times = |time: fn(&Stats) -> f64| stats.iter().map(time).collect::<Vec<f64>>();
-    json!({
-        "renderer": "cpu",
-        "adapter": Value::Null,
+fn stats_json(settings: &Settings, renderer: &Renderer, stats: &[FrameStats], image_sha256: &str) -> Value {
+    let total = |count: fn(&FrameStats) -> u64| stats.iter().map(count).sum::<u64>();
+    let mut document = json!({
+        "renderer": renderer.name(),
+        "adapter": renderer.adapter(),
         "threads": settings.threads,
         "size": settings.size,
         "frames": stats.len(),
         "splats_drawn": total(|s| s.splats_drawn),
         "splats_skipped": total(|s| s.splats_skipped),
-        "frame_ms": times(|s| s.frame_ms),
-        "walk_ms": times(|s| s.walk_ms),
-        "draw_ms": times(|s| s.draw_ms),
-        "peak_rss_bytes": peak_rss_bytes(),
-        "image_sha256": image_sha256,
-    })
+        "frame_ms": stats.iter().map(|s| s.frame_ms).collect::<Vec<f64>>(),
+    });
+    // Each frame's, as far as it has them.
+    for (name, _) in stats.last().map_or(&[][..], |last| &last.others) {
+        let of = |frame: &FrameStats| frame.others.iter().find(|(n, _)| n == name).map(|(_, value)| value.clone());
+        document[name] = stats.iter().map(|frame| of(frame).unwrap_or(Value::Null)).collect();
+    }
+    document["peak_rss_bytes"] = json!(peak_rss_bytes());
+    document["image_sha256"] = json!(image_sha256);
+    document
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::cpu::arith::LOG2_E;
+use super::cpu::arith::{LOG2_E, absorbed};
 use super::{Scene, Settings};
 use crate::arena::{Lane, stored_opacity};
 use crate::classify::MagnitudeCodec;
@@ -45,7 +45,7 @@ pub(crate) type Look = [f32; 4];
 /// What each record looks like.
 #[derive(Debug)]
 pub(crate) struct Table<'a> {
-    scene: &'a Scene<'a>,
+    scene: Scene<'a>,
     magnitudes: Option<MagnitudeCodec>,
     kind: Kind,
     looks: Vec<Look>,
@@ -53,6 +53,7 @@ pub(crate) struct Table<'a> {
     per_depth: f64,
     /// The code that a maximum shows at full brightness.
     brightest: u16,
+    mode: Mode,
 }
 
 /// What a record's look depends on.
@@ -70,7 +71,7 @@ impl<'a> Table<'a> {
     ///
     /// # Errors
     /// If the scale of the magnitudes is out of range.
-    pub(crate) fn new(scene: &'a Scene<'a>, lane: &Lane, settings: &Settings, mean_voxel: f64) -> Result<Table<'a>> {
+    pub(crate) fn new(scene: &Scene<'a>, lane: &Lane, settings: &Settings, mean_voxel: f64) -> Result<Table<'a>> {
         let mode = settings.mode;
         let channels = scene.facts.channels;
         let reference = scene.transfer.reference_length().unwrap_or(mean_voxel);
@@ -85,7 +86,8 @@ impl<'a> Table<'a> {
             0 => None,
             _ => Some(MagnitudeCodec::new(scene.facts.scales.magnitude_scale)?),
         };
-        let mut table = Table { scene, magnitudes, kind, looks: Vec::new(), per_depth, brightest: u16::MAX };
+        let mut table =
+            Table { scene: *scene, magnitudes, kind, looks: Vec::new(), per_depth, brightest: u16::MAX, mode };
         let last = if channels.value_bits == 8 { 255 } else { u16::MAX };
         // Codes that no voxel has, of a range with fewer values than codes, would leave the maximum dark.
         let brightest = if mode.is_maximum() { lane.largest_value_code().max(1) } else { last };
@@ -178,5 +180,46 @@ impl<'a> Table<'a> {
     /// Whether records' magnitudes matter.
     pub(crate) fn needs_magnitude(&self) -> bool {
         self.kind != Kind::Value
+    }
+}
+
+/// From what a pixel has accumulated to its colour and alpha.
+#[derive(Clone, Copy)]
+pub(crate) enum Finish<'a> {
+    /// Colours, and a transmittance.
+    Transmittance,
+    /// Sums of optical depth, in units of ln 2.
+    Sum,
+    /// A normalised value, four times.
+    Maximum(&'a Table<'a>),
+    /// As `Maximum`, in grey.
+    Grey,
+}
+
+impl<'a> Finish<'a> {
+    /// Of the pixels of a table's mode.
+    pub(crate) fn new(table: &'a Table<'a>) -> Finish<'a> {
+        match table.mode {
+            Mode::Composite => Finish::Transmittance,
+            Mode::Additive => Finish::Sum,
+            Mode::Maximum => Finish::Maximum(table),
+            Mode::MaximumGrey => Finish::Grey,
+        }
+    }
+
+    /// The pixel of a frame.
+    #[inline(always)]
+    pub(crate) fn pixel(self, [r, g, b, fourth]: [f32; 4]) -> [f32; 4] {
+        // Sums of optical depth may be larger than the exponential takes.
+        let shown = |sum: f32| absorbed(sum.clamp(0.0, 125.0));
+        match self {
+            Finish::Transmittance => [r, g, b, 1.0 - fourth],
+            Finish::Sum => [shown(r), shown(g), shown(b), shown(fourth)],
+            Finish::Grey => [r; 4],
+            Finish::Maximum(table) => {
+                let colour = table.colour_of(r);
+                [r * colour[0], r * colour[1], r * colour[2], r]
+            }
+        }
     }
 }

@@ -11,9 +11,12 @@ pub mod camera;
 pub mod composite;
 pub mod cpu;
 pub mod frame;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 pub mod hidden;
 pub mod kernel;
 pub mod shade;
+mod shot;
 pub mod view;
 
 use crate::arena::layout::Facts;

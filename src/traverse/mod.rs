@@ -4,10 +4,12 @@
 
 mod decode;
 mod gather;
+pub mod lines;
 pub mod order;
 mod prefix;
 mod tiles;
 pub mod walk;
 
+pub use lines::{OrderedLine, ordered_lines};
 pub use order::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 pub use walk::{Batch, Visitor, VoxelBox, walk};

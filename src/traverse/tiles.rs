@@ -61,9 +61,14 @@ impl<'a> TileRows<'a> {
 
     /// The tiles of slices `8 * row ..`, by ascending medium coordinate.
     pub(super) fn row(&self, row: usize) -> impl ExactSizeIterator<Item = &'a TileRecord> {
+        self.numbered_row(row).map(|(_, tile)| tile)
+    }
+
+    /// As [`TileRows::row`], each with its index in the lane.
+    pub(super) fn numbered_row(&self, row: usize) -> impl ExactSizeIterator<Item = (u32, &'a TileRecord)> {
         let range = self.starts[row] as usize..self.starts[row + 1] as usize;
         let lane = self.lane;
-        self.sorted[range].iter().map(move |&index| tile_of(&lane, index))
+        self.sorted[range].iter().map(move |&index| (index, tile_of(&lane, index)))
     }
 }
 

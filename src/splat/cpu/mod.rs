@@ -21,20 +21,19 @@ use std::time::{Duration, Instant};
 
 pub use self::need::memory_need;
 
-use self::arith::absorbed;
 use self::band::{Drawn, Extra};
 use self::blend::{Additive, BackToFront, Blend, FrontToBack, Maximum};
 use self::planes::Rect;
 use self::project::Projector;
 use self::raster::Limits;
 pub(crate) use self::seen::Seen;
-use super::composite::{Mode, Table};
+use super::composite::{Finish, Mode, Table};
 use super::frame::Frame;
-use super::shade::Lights;
+use super::shot::Shot;
 use super::view::{PixelMap, View};
 use super::{Camera, Code, Scene, Settings, Stats};
 use crate::arena::RecordSet;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::traverse::{Order, Sense};
 
 /// Draws a frame.
@@ -61,39 +60,25 @@ pub(crate) fn render_without(
     left_out: Option<&RecordSet>,
 ) -> Result<(Frame, Stats)> {
     let start = Instant::now();
-    settings.check()?;
-    let kernel = settings.kernel();
-    let view = View::new(camera, &scene.facts.grid, settings.size, kernel, settings.near)?;
-    let order = match settings.order {
-        Some(order) => order,
-        None => Order::new(view.viewpoint, scene.facts.grid.dims, settings.sense, settings.form)?,
-    };
-    let lane = scene.lanes.lane(order.fast)?;
-    if lane.channels != scene.facts.channels || lane.dims != scene.facts.grid.dims || lane.axis != order.fast {
-        return Err(Error::input("lane", "does not belong to the scene's grid or runs along another axis"));
-    }
-    let table = Table::new(scene, &lane, settings, view.mean_voxel)?;
-    let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !settings.mode.is_maximum();
-    let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
+    let shot = Shot::new(scene, camera, settings)?;
+    let table = Table::new(scene, &shot.lane, settings, shot.view.mean_voxel)?;
     let ink = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) => FrontToBack::INK,
         (Mode::Composite, Sense::BackToFront) => BackToFront::INK,
         (Mode::Additive, _) => Additive::INK,
         (Mode::Maximum | Mode::MaximumGrey, _) => Maximum::INK,
     };
-    let maximum = settings.mode.is_maximum();
-    let projector = Projector::new(&view, &order, lane, &table, lights, kernel, settings.crop, maximum, ink);
-    let limits = Limits { cut: kernel.cut(), stop: settings.termination() };
+    let projector = Projector::new(&shot, &table, ink);
+    let limits = Limits { cut: shot.kernel.cut(), stop: settings.termination() };
     let extra = Extra { left_out, seen: None };
-    let job = Job { projector: &projector, view: &view, order: &order, limits, settings, extra };
-    let (bands, finish): (Vec<Drawn>, Finish) = match (settings.mode, settings.sense) {
-        (Mode::Composite, Sense::FrontToBack) => (job.bands::<FrontToBack>()?, Finish::Transmittance),
-        (Mode::Composite, Sense::BackToFront) => (job.bands::<BackToFront>()?, Finish::Transmittance),
-        (Mode::Additive, _) => (job.bands::<Additive>()?, Finish::Sum),
-        (Mode::Maximum, _) => (job.bands::<Maximum>()?, Finish::Maximum(&table)),
-        (Mode::MaximumGrey, _) => (job.bands::<Maximum>()?, Finish::Grey),
+    let job = Job { projector: &projector, view: &shot.view, order: &shot.order, limits, settings, extra };
+    let bands: Vec<Drawn> = match (settings.mode, settings.sense) {
+        (Mode::Composite, Sense::FrontToBack) => job.bands::<FrontToBack>()?,
+        (Mode::Composite, Sense::BackToFront) => job.bands::<BackToFront>()?,
+        (Mode::Additive, _) => job.bands::<Additive>()?,
+        (Mode::Maximum | Mode::MaximumGrey, _) => job.bands::<Maximum>()?,
     };
-    let frame = assemble(&bands, settings, finish)?;
+    let frame = assemble(&bands, settings, Finish::new(&table))?;
     let total = |time: fn(&Drawn) -> Duration| bands.iter().map(time).sum::<Duration>().as_secs_f64() * 1e3;
     let visited: u64 = bands.iter().map(|band| band.visited).sum();
     let drawn = bands.iter().map(|band| band.drawn).sum();
@@ -116,20 +101,18 @@ pub(crate) fn render_without(
 /// # Errors
 /// As [`render`].
 pub(crate) fn note_seen(scene: &Scene, camera: &Camera, settings: &Settings, seen: Seen) -> Result<()> {
-    settings.check()?;
-    let kernel = settings.kernel();
-    let view = View::new(camera, &scene.facts.grid, settings.size, kernel, settings.near)?;
-    let order = Order::new(view.viewpoint, scene.facts.grid.dims, Sense::FrontToBack, settings.form)?;
-    let lane = scene.lanes.lane(order.fast)?;
-    let table = Table::new(scene, &lane, settings, view.mean_voxel)?;
-    let projector = Projector::new(&view, &order, lane, &table, None, kernel, settings.crop, false, FrontToBack::INK);
-    let limits = Limits { cut: kernel.cut(), stop: settings.termination() };
+    let settings =
+        Settings { sense: Sense::FrontToBack, order: None, mode: Mode::Composite, lighting: None, ..settings.clone() };
+    let shot = Shot::new(scene, camera, &settings)?;
+    let table = Table::new(scene, &shot.lane, &settings, shot.view.mean_voxel)?;
+    let projector = Projector::new(&shot, &table, FrontToBack::INK);
+    let limits = Limits { cut: shot.kernel.cut(), stop: settings.termination() };
     let [columns, rows] = settings.size.map(u32::cast_signed);
     let strip = (STRIP_PIXELS / columns.max(1)).max(1);
     for y0 in (0..rows).step_by(usize::try_from(strip).unwrap_or(1)) {
         let rect = Rect { x0: 0, y0, x1: columns, y1: rows.min(y0 + strip) };
         let extra = Extra { left_out: None, seen: Some(seen) };
-        band::draw::<FrontToBack>(&projector, &view, &order, rect, limits, Code::Best, extra)?;
+        band::draw::<FrontToBack>(&projector, &shot.view, &shot.order, rect, limits, Code::Best, extra)?;
     }
     Ok(())
 }
@@ -182,32 +165,6 @@ impl Job<'_> {
             PixelMap::Perspective { camera_from_voxel: [x, y, _], .. } => [x, y],
         };
         x[fast].abs() >= y[fast].abs()
-    }
-}
-
-/// From what the planes hold to colours.
-#[derive(Clone, Copy)]
-enum Finish<'a> {
-    Transmittance,
-    Sum,
-    Maximum(&'a Table<'a>),
-    Grey,
-}
-
-impl Finish<'_> {
-    #[inline(always)]
-    fn pixel(self, [r, g, b, fourth]: [f32; 4]) -> [f32; 4] {
-        // Sums of optical depth may be larger than the exponential takes.
-        let shown = |sum: f32| absorbed(sum.clamp(0.0, 125.0));
-        match self {
-            Finish::Transmittance => [r, g, b, 1.0 - fourth],
-            Finish::Sum => [shown(r), shown(g), shown(b), shown(fourth)],
-            Finish::Grey => [r; 4],
-            Finish::Maximum(table) => {
-                let colour = table.colour_of(r);
-                [r * colour[0], r * colour[1], r * colour[2], r]
-            }
-        }
     }
 }
 

@@ -26,10 +26,11 @@ use super::stamp::Stamp;
 use crate::arena::Lane;
 use crate::classify::normal;
 use crate::splat::composite::{Look, MAX_DEPTH, Table};
-use crate::splat::kernel::{KernelShape, footprint};
+use crate::splat::kernel::footprint;
 use crate::splat::shade::Lights;
-use crate::splat::view::{PixelMap, View};
-use crate::traverse::{Batch, Order, VoxelBox};
+use crate::splat::shot::Shot;
+use crate::splat::view::PixelMap;
+use crate::traverse::{Batch, VoxelBox};
 
 /// What stage 1 needs of a frame.
 #[derive(Debug)]
@@ -74,18 +75,8 @@ pub(crate) enum Kind {
 }
 
 impl<'a> Projector<'a> {
-    #[expect(clippy::too_many_arguments, reason = "all that a frame is made of; one caller")]
-    pub(crate) fn new(
-        view: &View,
-        order: &Order,
-        lane: Lane<'a>,
-        table: &'a Table<'a>,
-        lights: Option<Lights>,
-        kernel: KernelShape,
-        crop: Option<VoxelBox>,
-        maximum: bool,
-        fourth_ink: f32,
-    ) -> Projector<'a> {
+    pub(crate) fn new(shot: &Shot<'a>, table: &'a Table<'a>, fourth_ink: f32) -> Projector<'a> {
+        let Shot { view, order, lane, lights, kernel, crop, maximum } = shot;
         let (sigma, cut_off) = (kernel.sigma, kernel.cut_off());
         let normalisation = kernel.normalisation();
         let kind = match view.map {
@@ -102,11 +93,11 @@ impl<'a> Projector<'a> {
             }
         };
         Projector {
-            lane,
+            lane: *lane,
             table,
-            lights,
-            crop,
-            maximum,
+            lights: *lights,
+            crop: *crop,
+            maximum: *maximum,
             fourth_ink,
             sigma,
             cut_off,

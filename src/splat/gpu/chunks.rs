@@ -1,0 +1,68 @@
+//! Chunks: which blocks of a slab a frame draws, and where their voxels go.
+//!
+//! In: a slab's blocks, a view and a window of its picture. Out: the blocks that may have a voxel there, in order, and
+//! runs of them that fit the buffers. O(blocks), for each frame; lines are not looked at.
+
+use super::layout::{Block, Chunk};
+use super::lines::{LineBlock, LineList, Slab};
+use crate::splat::View;
+use crate::traverse::VoxelBox;
+
+/// Part of a picture, and which voxels may show there.
+#[derive(Debug)]
+pub(crate) struct Sight<'a> {
+    pub(crate) view: &'a View,
+    /// Half-widths of a parallel view's footprints.
+    pub(crate) half: [f64; 2],
+    /// First column and row, one past the last.
+    pub(crate) window: [i32; 4],
+    pub(crate) crop: Option<VoxelBox>,
+}
+
+impl Sight<'_> {
+    /// Whether a voxel of `bounds` may show; and whether none of them can miss the window.
+    fn meets(&self, bounds: &VoxelBox) -> (bool, bool) {
+        let Some([left, right, top, bottom]) = self.view.pixel_bounds(bounds, self.half) else { return (false, false) };
+        let [x0, y0, x1, y1] = self.window.map(f64::from);
+        let meets = right >= x0 && left <= x1 - 1.0 && bottom >= y0 && top <= y1 - 1.0;
+        let cropped =
+            self.crop.is_some_and(|crop| (0..3).any(|a| bounds.low[a] > crop.high[a] || bounds.high[a] < crop.low[a]));
+        let is_inside = left >= x0 && right <= x1 - 1.0 && top >= y0 && bottom <= y1 - 1.0 && self.crop.is_none();
+        (meets && !cropped, is_inside)
+    }
+}
+
+/// What a slab gives to draw.
+#[derive(Debug, Default)]
+pub(crate) struct Chunks {
+    pub(crate) blocks: Vec<Block>,
+    /// Each with the number of its blocks.
+    pub(crate) chunks: Vec<(Chunk, u32)>,
+}
+
+impl Chunks {
+    /// Of `slab` as `sight` sees it, in chunks of at most `slots` records.
+    pub(crate) fn new(list: &LineList, slab: &Slab, sight: &Sight, slots: u32) -> Chunks {
+        let (meets, all_inside) = sight.meets(&list.bounds);
+        let mut chunks = Chunks::default();
+        if meets {
+            for block in slab.blocks.iter().filter(|block| all_inside || sight.meets(&block.bounds).0) {
+                chunks.push(block, slots);
+            }
+        }
+        chunks
+    }
+
+    fn push(&mut self, block: &LineBlock, slots: u32) {
+        let first_block = u32::try_from(self.blocks.len()).expect("fewer blocks than lines, which are below 2^32");
+        if self.chunks.last().is_none_or(|(chunk, _)| chunk.slot_count + block.records > slots) {
+            self.chunks.push((Chunk { first_block, slot_count: 0, index: 0, is_first: 0 }, 0));
+        }
+        let (chunk, count) = self.chunks.last_mut().expect("one was put there");
+        let first_slot = chunk.slot_count;
+        chunk.slot_count += block.records;
+        *count += 1;
+        let LineBlock { first_line, line_count, .. } = *block;
+        self.blocks.push(Block { first_line, line_count, first_slot, end_slot: chunk.slot_count });
+    }
+}

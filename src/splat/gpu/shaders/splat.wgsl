@@ -1,0 +1,46 @@
+// Stage: splat. In: splats in visit order. Out: the window's pixels, blended by the device in the order of instances.
+// Twin: twin/splat.rs
+//
+// One instance a splat: a quad over its box. Blend states: quads.rs.
+
+@group(0) @binding(0) var<uniform> shot: Shot;
+@group(0) @binding(1) var<storage, read> splats: array<Splat>;
+
+// cpu/blend.rs
+override BLEND: u32 = 0u;
+const ADDITIVE: u32 = 2u;
+const MAXIMUM: u32 = 3u;
+const WHOLE_CELL: f32 = 2.718281828459045;
+
+struct Corner {
+    @builtin(position) position: vec4<f32>,
+    @location(0) @interpolate(flat, either) slot: u32,
+}
+
+@vertex
+fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> Corner {
+    let columns = splats[slot].columns;
+    let rows = splats[slot].rows;
+    let low = vec2<i32>(low_half(columns), low_half(rows));
+    let high = vec2<i32>(high_half(columns), high_half(rows)) + 1;
+    let is_nothing = columns == NOTHING;
+    let x = select(low.x, high.x, (vertex & 1u) == 1u && !is_nothing);
+    let y = select(low.y, high.y, (vertex & 2u) == 2u && !is_nothing);
+    let size = vec2<f32>(shot.window.zw - shot.window.xy);
+    let at = vec2<f32>(vec2<i32>(x, y) - shot.window.xy) / size;
+    return Corner(vec4<f32>(2.0 * at.x - 1.0, 1.0 - 2.0 * at.y, 0.0, 1.0), slot);
+}
+
+@fragment
+fn pixel(in: Corner) -> @location(0) vec4<f32> {
+    let splat = splats[in.slot];
+    let at = vec2<i32>(floor(in.position.xy)) + shot.window.xy;
+    let dx = splat.corner_x + f32(at.x - low_half(splat.columns));
+    let dy = splat.corner_y + f32(at.y - low_half(splat.rows));
+    let depth = depth_at(dx, dy, splat.across, splat.along, splat.shear, splat.peak, shot.cut);
+    let ink = vec4<f32>(splat.red, splat.green, splat.blue, 1.0);
+    if BLEND == MAXIMUM {
+        return min(vec4<f32>(depth * WHOLE_CELL), ink);
+    }
+    return ink * select(absorbed(depth), depth, BLEND == ADDITIVE);
+}

@@ -1,0 +1,97 @@
+//! The lines of a walk in its order, without their voxels: what a graphics processor needs to walk by itself.
+//!
+//! In: a lane and an order. Out: every non-empty scan line, slice by slice in the slow order, within a slice in the
+//! medium order. O(tiles + lines); the channels are not read. What [`super::walk`] would skip is skipped.
+
+use super::order::{AxisOrder, Order};
+use super::tiles::TileRows;
+use super::walk::VoxelBox;
+use crate::arena::Lane;
+use crate::arena::layout::TILE_EDGE;
+use crate::arena::pager::tell;
+
+/// A scan line as a walk comes to it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OrderedLine {
+    /// Its coordinate on the slow axis.
+    pub slow: u16,
+    /// Its coordinate on the medium axis.
+    pub medium: u16,
+    /// Its tile's index in the lane.
+    pub tile: u32,
+    /// Which line of the tile it is: its bit in the occupancy mask.
+    pub bit: u8,
+    /// Its records, stepping voxels included: 1 to the length of the fast axis.
+    pub records: u32,
+    /// Lowest and highest coordinate on the fast axis of all lines of its tile.
+    pub extent: [u16; 2],
+}
+
+/// Calls `visit` with the lines of `lane` in `order`, and before them `wants_tile` with the voxels that each tile may
+/// hold: lines of tiles that it declines are left out.
+///
+/// # Panics
+/// If the lane does not run along the order's fast axis.
+pub fn ordered_lines(
+    lane: &Lane,
+    order: &Order,
+    wants_tile: impl FnMut(&VoxelBox) -> bool,
+    mut visit: impl FnMut(OrderedLine),
+) {
+    assert_eq!(lane.axis, order.fast, "a walk needs the lane along its fast axis");
+    let rows = TileRows::new(lane, order.slow, wants_tile);
+    let slow_is_v = order.slow == lane.axis.others()[1];
+    let slices = rows.slices();
+    let (mut gathered, mut mediums) = (Vec::new(), Vec::new());
+    order.along[order.slow.index()].for_each_index(&slices, |index| {
+        let slow = slices[index];
+        gathered.clear();
+        for (tile, record) in rows.numbered_row(usize::from(slow / TILE_EDGE)) {
+            let within = slow % TILE_EDGE;
+            let medium_tile = if slow_is_v { record.tile_u.get() } else { record.tile_v.get() };
+            let occupied = record.occupancy.get();
+            let bit_of = |medium: u16| if slow_is_v { 8 * within + medium } else { 8 * medium + within };
+            if (0..TILE_EDGE).all(|medium| occupied >> bit_of(medium) & 1 == 0) {
+                continue;
+            }
+            tell(lane.pager, || lane.line_ends.bytes_of(record.lines()));
+            let Some(room) = lane.record_count().checked_sub(record.first_record.get()) else { continue };
+            for medium in 0..TILE_EDGE {
+                let bit = bit_of(medium);
+                if occupied >> bit & 1 == 0 {
+                    continue;
+                }
+                let Some([start, end]) = line_bounds(lane, record.first_line.get(), occupied, bit) else { continue };
+                let records = end.wrapping_sub(start);
+                let is_sound = records.wrapping_sub(1) < lane.dims[lane.axis.index()] && u64::from(end) <= room;
+                if is_sound && start <= end {
+                    gathered.push(OrderedLine {
+                        slow,
+                        medium: TILE_EDGE.wrapping_mul(medium_tile).wrapping_add(medium),
+                        tile,
+                        bit: u8::try_from(bit).unwrap_or(0),
+                        records,
+                        extent: [record.low.get(), record.high.get()],
+                    });
+                }
+            }
+        }
+        match order.along[order.medium.index()] {
+            AxisOrder::Ascending => gathered.iter().for_each(|&line| visit(line)),
+            AxisOrder::Descending => gathered.iter().rev().for_each(|&line| visit(line)),
+            sides @ AxisOrder::TwoSided { .. } => {
+                mediums.clear();
+                mediums.extend(gathered.iter().map(|line| line.medium));
+                sides.for_each_index(&mediums, |index| visit(gathered[index]));
+            }
+        }
+    });
+}
+
+/// Start and end of the line at `bit`, counted from its tile's first record.
+fn line_bounds(lane: &Lane, first_line: u32, occupied: u64, bit: u16) -> Option<[u32; 2]> {
+    let rank = (occupied & ((1 << bit) - 1)).count_ones();
+    let line = first_line.checked_add(rank)? as usize;
+    let start = if rank == 0 { 0 } else { lane.line_end(line - 1)? };
+    Some([start, lane.line_end(line)?])
+}
