@@ -1,0 +1,97 @@
+//! A frame's splats, taken from the renderer's own buffers chunk by chunk, and what its stages had to do.
+
+use adjsplat::splat::gpu::layout::{BATCH, Shot, Splat, TILE, Voxel};
+use adjsplat::splat::gpu::probe::Probe;
+use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats};
+use adjsplat::splat::{Camera, Frame, Settings, View};
+
+use super::device::Gpu;
+use super::subject::Subject;
+
+/// Enough for the largest of the scenes: a ceiling, of which is taken what is needed.
+pub(crate) const VRAM: u64 = 6 << 30;
+
+/// What the stages of a frame had to do.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Work {
+    /// Records that were walked.
+    pub(crate) records: u64,
+    pub(crate) lines: u64,
+    /// Splats that were drawn.
+    pub(crate) splats: u64,
+    /// Pixels of all splats' boxes.
+    pub(crate) pixels_touched: u64,
+    /// Batches of splats that tiles read, over all tiles.
+    pub(crate) tile_batches: u64,
+    pub(crate) chunks: u64,
+    /// Bytes of a record's value, normal and magnitude.
+    pub(crate) channel_bytes: u64,
+}
+
+/// The splats.
+pub(crate) struct Capture {
+    pub(crate) shot: Shot,
+    pub(crate) work: Work,
+    pub(crate) frame: Frame,
+    /// In visit order: all that were drawn, or as many of the first as were asked for.
+    pub(crate) splats: Vec<Splat>,
+    /// Where each one's record lies in its lane.
+    pub(crate) records: Vec<u32>,
+    /// From the eye, in world units.
+    pub(crate) distances: Vec<f32>,
+}
+
+/// Draws a frame with `renderer`, which must do so in one window and one slab, and keeps at most `most` of its splats.
+pub(crate) fn capture(gpu: &Gpu, subject: &Subject, camera: &Camera, settings: &Settings, most: usize) -> Capture {
+    let options = Options { vram: VRAM, compositor: Some(Compositor::Tiles) };
+    let renderer = Renderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
+    let mut renderer = renderer.expect("a renderer");
+    let facts = subject.scene.facts;
+    let view = View::new(camera, &facts.grid, settings.size, settings.kernel(), settings.near).expect("a view");
+    let distance = |voxel: &Voxel| {
+        let at = [voxel.xy & 0xffff, voxel.xy >> 16, voxel.z];
+        let square = |a: usize| (view.eye_scaled[a] - f64::from(at[a]) * facts.grid.spacing[a]).powi(2);
+        #[expect(clippy::cast_possible_truncation, reason = "keys are of single precision")]
+        let distance = (0..3).map(square).sum::<f64>().sqrt() as f32;
+        distance
+    };
+    let (mut splats, mut records, mut distances) = (Vec::new(), Vec::new(), Vec::new());
+    let mut work = Work { channel_bytes: facts.channels.record_bytes() - 1, ..Work::default() };
+    let mut shot = None;
+    let mut look = |probe: &Probe| {
+        shot = Some(*probe.shot);
+        let count = probe.chunk.slot_count as usize;
+        work.records += count as u64;
+        work.lines += probe.blocks.iter().map(|block| u64::from(block.line_count)).sum::<u64>();
+        work.chunks += 1;
+        let tiles = [2, 3].map(|side| {
+            u64::from((probe.shot.window[side] - probe.shot.window[side - 2]).cast_unsigned().div_ceil(TILE))
+        });
+        let words = (tiles[0] * tiles[1]) as usize * probe.shot.mask_words as usize;
+        let masks: Vec<u32> = gpu.read(probe.masks.expect("tiles have masks"), words);
+        // Words beyond the chunk's batches are not looked at.
+        let used = count.div_ceil(BATCH as usize).div_ceil(32);
+        let rows = masks.chunks_exact(probe.shot.mask_words as usize);
+        work.tile_batches += rows.flat_map(|row| &row[..used]).map(|word| u64::from(word.count_ones())).sum::<u64>();
+        let voxels: Vec<Voxel> = gpu.read(probe.voxels, count);
+        let drawn: Vec<Splat> = gpu.read(probe.splats, count);
+        for (voxel, splat) in voxels.iter().zip(&drawn) {
+            let side = |halves: u32| i64::from(halves >> 16) - i64::from(halves & 0xffff) + 1;
+            if side(splat.columns) <= 0 || side(splat.rows) <= 0 {
+                continue;
+            }
+            work.splats += 1;
+            work.pixels_touched += (side(splat.columns) * side(splat.rows)).cast_unsigned();
+            if splats.len() < most {
+                splats.push(*splat);
+                records.push(voxel.record);
+                distances.push(distance(voxel));
+            }
+        }
+    };
+    let (frame, stats) = renderer.render_probed(camera, settings, Some(&mut look)).expect("a frame");
+    let Stats { splats_drawn, slabs, windows, .. } = stats;
+    assert_eq!((slabs, windows), (1, 1), "records and masks are read as those of one slab and one window");
+    assert_eq!(work.splats, splats_drawn, "the device counted other splats than it left");
+    Capture { shot: shot.expect("something is in view"), work, frame, splats, records, distances }
+}

@@ -1,0 +1,61 @@
+//! The limit: the bytes that each stage must move, against what the memory moves in the same time.
+//!
+//! A stage's bytes are what it reads and writes if each is read or written once, caches of no help and no harm. Tiles
+//! are given twice: every splat once, and as often as tiles read its batch, which caches may serve.
+
+use adjsplat::splat::gpu::layout::{BATCH, Splat, Voxel};
+use serde::Serialize;
+
+use super::capture::Work;
+use super::order::OrderRow;
+use super::paths::PathRow;
+use super::{quads, sort};
+
+/// Bytes of a line in the list, and of its end.
+const LINE: u64 = 4 + 4;
+/// Bytes of a pixel of tiles.
+const PIXEL: u64 = 16;
+
+/// A stage's bytes and time.
+#[derive(Debug, Serialize)]
+pub(crate) struct LimitRow {
+    pub(crate) scene: String,
+    pub(crate) stage: &'static str,
+    pub(crate) bytes: u64,
+    /// What the memory would take.
+    pub(crate) limit_ms: f64,
+    pub(crate) ms: f64,
+}
+
+/// The limits of a scene whose first view has `work`; `bandwidth` in gigabytes a second.
+pub(crate) fn rows(work: &Work, tiles: &PathRow, order: &OrderRow, bandwidth: f64) -> Vec<LimitRow> {
+    let (voxel, splat) = (size_of::<Voxel>() as u64, size_of::<Splat>() as u64);
+    let pixels = u64::from(tiles.size[0]) * u64::from(tiles.size[1]);
+    let blended = |splats: f64| {
+        // What is compared may be a part of the frame.
+        let touched = work.pixels_touched as f64 * splats / work.splats as f64;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of bytes")]
+        let bytes = (splats * splat as f64 + touched * 2.0 * quads::PIXEL_BYTES as f64) as u64;
+        bytes
+    };
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of splats")]
+    let sorted = order.splats as u64;
+    let stored = PIXEL * pixels * (2 * work.chunks - 1);
+    let stages = [
+        ("walk", work.records * (1 + voxel) + work.lines * LINE, tiles.walk_ms),
+        ("project", work.records * (voxel + work.channel_bytes + splat), tiles.project_ms),
+        ("bin", work.records * splat, tiles.bin_ms),
+        ("tile, each splat once", work.records * splat + stored, tiles.composite_ms),
+        ("tile, as often as read", work.tile_batches * u64::from(BATCH) * splat + stored, tiles.composite_ms),
+        ("quads in visit order, 16 bits", blended(order.splats), order.visit_order_ms),
+        ("sort", sorted * sort::BYTES, order.sort_ms),
+    ];
+    let row = |(stage, bytes, ms): (&'static str, u64, f64)| LimitRow {
+        scene: tiles.scene.clone(),
+        stage,
+        bytes,
+        limit_ms: bytes as f64 / bandwidth * 1e-6,
+        ms,
+    };
+    stages.map(row).into()
+}

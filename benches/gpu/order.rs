@@ -1,0 +1,165 @@
+//! What order costs and what the structure saves: the same splats drawn as quads into 16-bit floats three times.
+//!
+//! ```text
+//! visit order     as the walk leaves them: a right picture, nothing sorted
+//! storage order   as their records lie: a wrong picture, the same work without order
+//! sorted          in storage order, their distances sorted in each frame, drawn through the sorted places
+//! ```
+
+use adjsplat::splat::Settings;
+use adjsplat::splat::gpu::layout::Splat;
+use serde::Serialize;
+
+use super::capture::{Capture, Work, capture};
+use super::device::Gpu;
+use super::quads::Quads;
+use super::report::median;
+use super::sort::Sorter;
+use super::subject::Subject;
+
+/// Times that each draw is repeated; the median counts.
+const REPEATS: usize = 5;
+
+/// Medians over some views of a turn; times in milliseconds.
+#[derive(Debug, Serialize)]
+pub(crate) struct OrderRow {
+    pub(crate) scene: String,
+    pub(crate) views: usize,
+    /// Splats of the frame.
+    pub(crate) splats_of_frame: f64,
+    /// Of them, the first in visit order that fit a binding: what is compared.
+    pub(crate) splats: f64,
+    pub(crate) visit_order_ms: f64,
+    pub(crate) storage_order_ms: f64,
+    pub(crate) sort_ms: f64,
+    pub(crate) sorted_ms: f64,
+}
+
+/// Milliseconds of one view.
+struct Times {
+    visit: f64,
+    storage: f64,
+    sort: f64,
+    sorted: f64,
+}
+
+/// The draws of one view, ready to run.
+struct Draws {
+    quads: Quads,
+    visit: wgpu::Buffer,
+    storage: wgpu::Buffer,
+    sorting: super::sort::Sorting,
+    count: u32,
+}
+
+impl Draws {
+    fn new(gpu: &Gpu, sorter: &Sorter, capture: &Capture) -> Draws {
+        let mut as_stored: Vec<u32> = (0..).take(capture.splats.len()).collect();
+        as_stored.sort_unstable_by_key(|&place| capture.records[place as usize]);
+        let stored: Vec<Splat> = as_stored.iter().map(|&place| capture.splats[place as usize]).collect();
+        let distances: Vec<f32> = as_stored.iter().map(|&place| capture.distances[place as usize]).collect();
+        Draws {
+            quads: Quads::new(gpu, &capture.shot),
+            visit: gpu.filled("visit order", &capture.splats),
+            storage: gpu.filled("storage order", &stored),
+            sorting: sorter.prepare(gpu, &distances),
+            count: u32::try_from(stored.len()).expect("fewer than a binding's bytes"),
+        }
+    }
+
+    fn visit(&self, gpu: &Gpu) -> f64 {
+        self.quads.draw(gpu, &self.visit, None, self.count)
+    }
+
+    fn storage(&self, gpu: &Gpu) -> f64 {
+        self.quads.draw(gpu, &self.storage, None, self.count)
+    }
+
+    fn sorted(&self, gpu: &Gpu) -> f64 {
+        self.quads.draw(gpu, &self.storage, Some(&self.sorting.places), self.count)
+    }
+}
+
+fn most_splats(gpu: &Gpu) -> usize {
+    usize::try_from(gpu.most_binding()).unwrap_or(usize::MAX) / size_of::<Splat>()
+}
+
+/// `views` views of a turn; also the work of the first.
+pub(crate) fn measure(gpu: &Gpu, subject: &Subject, settings: &Settings, views: usize) -> (OrderRow, Work) {
+    let sorter = Sorter::new(gpu);
+    let mut work = None;
+    let (mut of_frame, mut compared) = (Vec::new(), Vec::new());
+    let times: Vec<Times> = (0..views)
+        .map(|index| {
+            let camera = subject.camera(index, views, settings.size);
+            let capture = capture(gpu, subject, &camera, settings, most_splats(gpu));
+            work.get_or_insert(capture.work);
+            of_frame.push(capture.work.splats as f64);
+            compared.push(capture.splats.len() as f64);
+            let draws = Draws::new(gpu, &sorter, &capture);
+            let repeat = |of: &dyn Fn() -> f64| {
+                of();
+                median((0..REPEATS).map(|_| of()).collect())
+            };
+            Times {
+                visit: repeat(&|| draws.visit(gpu)),
+                storage: repeat(&|| draws.storage(gpu)),
+                sort: repeat(&|| sorter.sort(gpu, &draws.sorting)),
+                sorted: repeat(&|| draws.sorted(gpu)),
+            }
+        })
+        .collect();
+    let middle = |of: fn(&Times) -> f64| median(times.iter().map(of).collect());
+    let row = OrderRow {
+        scene: subject.name.clone(),
+        views,
+        splats_of_frame: median(of_frame),
+        splats: median(compared),
+        visit_order_ms: middle(|times| times.visit),
+        storage_order_ms: middle(|times| times.storage),
+        sort_ms: middle(|times| times.sort),
+        sorted_ms: middle(|times| times.sorted),
+    };
+    (row, work.expect("at least one view"))
+}
+
+/// Holds the pictures to what they must be: visit order the renderer's own, the sort's close to it, storage order's not.
+pub(crate) fn check(gpu: &Gpu, subject: &Subject, settings: &Settings) {
+    let sorter = Sorter::new(gpu);
+    let camera = subject.camera(1, 7, settings.size);
+    let capture = capture(gpu, subject, &camera, settings, most_splats(gpu));
+    let draws = Draws::new(gpu, &sorter, &capture);
+    let frame: Vec<[f32; 4]> = capture.frame.pixels().as_chunks().0.to_vec();
+    let pictures = [
+        {
+            draws.visit(gpu);
+            draws.quads.picture(gpu)
+        },
+        {
+            draws.storage(gpu);
+            draws.quads.picture(gpu)
+        },
+        {
+            sorter.sort(gpu, &draws.sorting);
+            draws.sorted(gpu);
+            draws.quads.picture(gpu)
+        },
+    ];
+    let [visit, storage, sorted] = pictures.map(|picture| largest_mean_difference(&frame, &picture));
+    println!("mean difference of colour from tiles: visit {visit:.5}, sorted {sorted:.5}, storage {storage:.5}");
+    // 16-bit floats and rays without end: a few thousandths where matter is dense.
+    assert!(visit < 2e-3, "quads in visit order differ from tiles by {visit} in the mean");
+    // Splats that overlap are not composited in one true order: by rows or by distance they differ a little.
+    assert!(sorted < 1e-2, "sorted quads differ from tiles by {sorted} in the mean");
+    assert!(storage > 3.0 * sorted, "without order the picture should be wrong: {storage} against {sorted}");
+}
+
+/// Mean over the pixels of the absolute difference of a colour, of the colour where it is largest.
+fn largest_mean_difference(frame: &[[f32; 4]], picture: &[[f32; 4]]) -> f64 {
+    assert_eq!(frame.len(), picture.len());
+    let mean = |c: usize| {
+        let differences = frame.iter().zip(picture).map(|(a, b)| f64::from((a[c] - b[c]).abs()));
+        differences.sum::<f64>() / frame.len() as f64
+    };
+    (0..3).map(mean).fold(0.0, f64::max)
+}

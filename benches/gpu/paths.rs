@@ -1,0 +1,86 @@
+//! The renderer itself, over a turn: tiles, and quads in each target that the device blends.
+
+use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
+use adjsplat::splat::{Quality, Settings};
+use serde::Serialize;
+
+use super::capture::VRAM;
+use super::device::Gpu;
+use super::report::median;
+use super::subject::Subject;
+
+/// Medians over the frames of a turn; times in milliseconds, of stages by the device's clock.
+#[derive(Debug, Serialize)]
+pub(crate) struct PathRow {
+    pub(crate) scene: String,
+    pub(crate) size: [u32; 2],
+    pub(crate) quality: Quality,
+    pub(crate) compositor: &'static str,
+    pub(crate) frames: usize,
+    pub(crate) splats: f64,
+    /// From the call to the picture in the processor's memory.
+    pub(crate) frame_ms: f64,
+    pub(crate) walk_ms: f64,
+    pub(crate) project_ms: f64,
+    pub(crate) bin_ms: f64,
+    pub(crate) composite_ms: f64,
+    /// Of the four stages.
+    pub(crate) device_ms: f64,
+    pub(crate) read_back_ms: f64,
+    pub(crate) frames_a_second: f64,
+    /// Drawn splats over the time of the four stages; over that of the frame where the device has no clock.
+    pub(crate) splats_a_second: f64,
+    /// Over the whole turn: line lists made, and the processor's time for them.
+    pub(crate) line_lists: u64,
+    pub(crate) line_lists_ms: f64,
+}
+
+/// The ways to pixels that the device has.
+pub(crate) fn compositors(gpu: &Gpu) -> Vec<(&'static str, Compositor)> {
+    let mut found = vec![("tiles", Compositor::Tiles), ("quads, 16 bits", Compositor::Quads(Target::Float16))];
+    if gpu.facts.blends_float32 {
+        found.push(("quads, 32 bits", Compositor::Quads(Target::Float32)));
+    }
+    found
+}
+
+/// A turn of `frames` frames by each compositor.
+pub(crate) fn measure(gpu: &Gpu, subject: &Subject, settings: &Settings, frames: usize) -> Vec<PathRow> {
+    let measure = |(name, compositor)| {
+        let options = Options { vram: VRAM, compositor: Some(compositor) };
+        let renderer = Renderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
+        let mut renderer = renderer.expect("a renderer");
+        let mut draw = |index| {
+            let camera = subject.camera(index, frames, settings.size);
+            renderer.render(&camera, settings).expect("a frame").1
+        };
+        // Pipelines are made and the first lane is copied in a frame that does not count.
+        draw(0);
+        let turn: Vec<Stats> = (0..frames).map(draw).collect();
+        let middle = |of: fn(&Stats) -> f64| median(turn.iter().map(of).collect());
+        let device = |stats: &Stats| stats.walk_ms + stats.project_ms + stats.bin_ms + stats.composite_ms;
+        let (splats, frame_ms) = (middle(|stats| stats.splats_drawn as f64), middle(|stats| stats.frame_ms));
+        let device_ms = middle(device);
+        let busy_ms = if gpu.has_clock() { device_ms } else { frame_ms };
+        PathRow {
+            scene: subject.name.clone(),
+            size: settings.size,
+            quality: settings.quality,
+            compositor: name,
+            frames,
+            splats,
+            frame_ms,
+            walk_ms: middle(|stats| stats.walk_ms),
+            project_ms: middle(|stats| stats.project_ms),
+            bin_ms: middle(|stats| stats.bin_ms),
+            composite_ms: middle(|stats| stats.composite_ms),
+            device_ms,
+            read_back_ms: middle(|stats| stats.read_back_ms),
+            frames_a_second: 1e3 / frame_ms,
+            splats_a_second: 1e3 * splats / busy_ms,
+            line_lists: turn.iter().map(|stats| stats.line_lists).sum(),
+            line_lists_ms: turn.iter().map(|stats| stats.line_list_ms).sum(),
+        }
+    };
+    compositors(gpu).into_iter().map(measure).collect()
+}
