@@ -88,6 +88,14 @@ impl Plan {
     }
 }
 
+impl Plan {
+    /// With chunks no larger than `records` need.
+    pub(crate) fn for_records(self, records: u64) -> Plan {
+        let enough = u32::try_from(records.max(LEAST_SLOTS)).unwrap_or(u32::MAX);
+        Plan { slots: self.slots.min(enough), ..self }
+    }
+}
+
 fn sum((a, b): (u64, u64)) -> u64 {
     a + b
 }

@@ -22,7 +22,10 @@ pub mod layout;
 mod lines;
 mod looks;
 pub mod probe;
+mod read_back;
 mod residence;
+mod resolve;
+mod scratch;
 pub mod stages;
 mod timing;
 
@@ -33,11 +36,14 @@ use wgpu::{Device, Features, Queue};
 
 use self::budget::{Plan, Question};
 use self::context::Context;
-use self::draw::Scratch;
+use self::draw::Output;
 use self::lines::{Key, LineList};
 use self::looks::Looks;
 use self::probe::Look;
 use self::residence::{Residence, Sizes};
+pub use self::resolve::Canvas;
+use self::resolve::Resolver;
+use self::scratch::Scratch;
 use self::stages::Stages;
 use self::timing::Timer;
 use super::composite::Table;
@@ -138,6 +144,7 @@ pub struct Renderer<'a> {
     /// Where slabs pass through.
     passage: Option<(Sizes, Residence)>,
     scratch: Scratch,
+    resolver: Option<Resolver>,
 }
 
 /// A line list and what it is for.
@@ -176,6 +183,7 @@ impl<'a> Renderer<'a> {
             residents: Vec::new(),
             passage: None,
             scratch: Scratch::default(),
+            resolver: None,
         })
     }
 
@@ -212,22 +220,40 @@ impl<'a> Renderer<'a> {
         settings: &Settings,
         look: Option<Look>,
     ) -> Result<(Frame, Stats)> {
-        let start = Instant::now();
-        let shot = Shot::new(&self.scene, camera, settings)?;
-        let context = self.context.clone();
-        let (frame, mut stats) = context.watch(|| self.draw(&shot, settings, look))?;
-        stats.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        let mut frame = Frame::transparent(settings.size)?;
+        let stats = self.draw(camera, settings, Output::Frame(&mut frame), look)?;
         Ok((frame, stats))
     }
 
-    fn draw(&mut self, shot: &Shot<'a>, settings: &Settings, look: Option<Look>) -> Result<(Frame, Stats)> {
+    /// Draws a frame into a texture, and does not wait for it: the work is handed to the queue that the renderer has.
+    ///
+    /// `settings.size` is the texture's. Splats are not counted and stages not timed.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn render_to(&mut self, camera: &Camera, settings: &Settings, canvas: &Canvas) -> Result<Stats> {
+        self.draw(camera, settings, Output::Canvas(canvas), None)
+    }
+
+    fn draw(&mut self, camera: &Camera, settings: &Settings, output: Output, look: Option<Look>) -> Result<Stats> {
+        let start = Instant::now();
+        let shot = Shot::new(&self.scene, camera, settings)?;
+        let context = self.context.clone();
         let mut stats = Stats::default();
-        self.prepare_looks(shot, settings, &mut stats)?;
-        let plan = self.plan(shot, settings)?;
-        self.prepare_list(shot, plan, &mut stats)?;
-        let frame = draw::frame(self, shot, settings, plan, &mut stats, look)?;
+        context.watch(|| {
+            self.prepare_looks(&shot, settings, &mut stats)?;
+            let plan = self.plan(&shot, settings)?;
+            let records = self.prepare_list(&shot, plan, &mut stats)?;
+            draw::frame(self, &shot, settings, plan.for_records(records), output, &mut stats, look)
+        })?;
         stats.vram_bytes = self.vram_bytes();
-        Ok((frame, stats))
+        stats.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(stats)
+    }
+
+    /// The looks of the frame at hand.
+    fn table(&self) -> &Table<'a> {
+        &self.looks.as_ref().expect("a frame begins with its looks").2
     }
 
     fn plan(&self, shot: &Shot, settings: &Settings) -> Result<Plan> {
@@ -253,7 +279,8 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    fn prepare_list(&mut self, shot: &Shot, plan: Plan, stats: &mut Stats) -> Result<()> {
+    /// Gives the list's records.
+    fn prepare_list(&mut self, shot: &Shot, plan: Plan, stats: &mut Stats) -> Result<u64> {
         let start = Instant::now();
         let (axis, key, room) = (shot.order.fast, Key::new(&shot.order), plan.room);
         let fits = |listed: &Listed| listed.axis == axis && listed.room == room && listed.list.key == key;
@@ -263,7 +290,7 @@ impl<'a> Renderer<'a> {
             stats.line_lists = 1;
             stats.line_list_ms = start.elapsed().as_secs_f64() * 1e3;
         }
-        Ok(())
+        Ok(self.list.as_ref().map_or(0, |listed| listed.list.records))
     }
 
     fn vram_bytes(&self) -> u64 {
