@@ -32,7 +32,7 @@ mod timing;
 use std::sync::Arc;
 use std::time::Instant;
 
-use wgpu::{Device, Features, Queue};
+use wgpu::{Device, DeviceType, Features, Queue};
 
 use self::budget::{Plan, Question};
 use self::context::Context;
@@ -136,6 +136,8 @@ pub struct Renderer<'a> {
     timer: Option<Timer>,
     scene: Scene<'a>,
     options: Options,
+    /// The faster compositor on this device.
+    best: Compositor,
     /// The tables, and the mode and exposure they are for.
     looks: Option<(Mode, Option<f32>, Table<'a>, Looks)>,
     list: Option<Listed>,
@@ -171,6 +173,7 @@ impl<'a> Renderer<'a> {
             return Err(Error::device(why));
         }
         let context = Arc::new(Context::new(device, queue));
+        let best = best_compositor(&context.device);
         let (stages, timer) = context.watch(|| Ok((Stages::new(&context.device), Timer::new(&context)?)))?;
         Ok(Renderer {
             context,
@@ -178,6 +181,7 @@ impl<'a> Renderer<'a> {
             timer,
             scene,
             options,
+            best,
             looks: None,
             list: None,
             residents: Vec::new(),
@@ -193,9 +197,16 @@ impl<'a> Renderer<'a> {
         self.looks = None;
     }
 
-    /// How splats become pixels on this device.
+    /// How splats become pixels: as asked for, or as is best on this device.
     pub fn compositor(&self) -> Compositor {
-        self.options.compositor.unwrap_or(Compositor::Tiles)
+        self.options.compositor.unwrap_or(self.best)
+    }
+
+    /// Makes pixels of splats in another way from the next frame on; `None` for the best one.
+    pub fn set_compositor(&mut self, compositor: Option<Compositor>) {
+        self.options.compositor = compositor;
+        self.scratch = Scratch::default();
+        self.resolver = None;
     }
 
     /// Draws a frame.
@@ -297,5 +308,15 @@ impl<'a> Renderer<'a> {
         let looks = self.looks.as_ref().map_or(0, |(.., looks)| looks.bytes());
         let passage = self.passage.as_ref().map_or(0, |(_, residence)| residence.bytes());
         looks + passage + self.residents.iter().map(Residence::bytes).sum::<u64>() + self.scratch.bytes()
+    }
+}
+
+/// Tiles; quads where the device is a processor, which spends as long on one of a tile's barriers as on a hundred pixels
+/// (docs/studies/gpu.md).
+fn best_compositor(device: &Device) -> Compositor {
+    let is_software = device.adapter_info().device_type == DeviceType::Cpu;
+    match is_software && device.features().contains(Features::FLOAT32_BLENDABLE) {
+        true => Compositor::Quads(Target::Float32),
+        false => Compositor::Tiles,
     }
 }
