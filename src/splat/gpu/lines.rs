@@ -98,6 +98,8 @@ pub(crate) struct Room {
     pub(crate) bytes: u64,
     /// Records, by the device's largest binding.
     pub(crate) records: u64,
+    /// Lines, likewise.
+    pub(crate) lines: u64,
     /// Tiles, likewise.
     pub(crate) tiles: u64,
 }
@@ -109,8 +111,9 @@ impl LineList {
     /// [`Error::Limit`] if there is no room for the tiles of a single slice.
     pub(crate) fn new(lane: &Lane, order: &Order, room: Room) -> Result<LineList> {
         let nesting = [order.slow.index(), order.medium.index(), order.fast.index()];
-        let bytes = lane.bytes() + LINE_BYTES * line_count(lane);
-        let whole = Load { bytes, records: lane.record_count(), tiles: lane.tiles.len() as u64 };
+        let lines = line_count(lane);
+        let bytes = lane.bytes() + LINE_BYTES * lines;
+        let whole = Load { bytes, records: lane.record_count(), lines, tiles: lane.tiles.len() as u64 };
         let mut open = Open::new(lane, nesting, whole.fits(room));
         let mut slabs = Vec::new();
         let mut slice: Vec<OrderedLine> = Vec::new();
@@ -155,17 +158,19 @@ impl LineList {
 struct Load {
     bytes: u64,
     records: u64,
+    lines: u64,
     tiles: u64,
 }
 
 impl Load {
     fn fits(self, room: Room) -> bool {
-        self.bytes <= room.bytes && self.records <= room.records && self.tiles <= room.tiles
+        self.bytes <= room.bytes && self.records <= room.records && self.lines <= room.lines && self.tiles <= room.tiles
     }
 
     fn add(&mut self, other: Load) {
         self.bytes = self.bytes.saturating_add(other.bytes);
         self.records = self.records.saturating_add(other.records);
+        self.lines += other.lines;
         self.tiles += other.tiles;
     }
 }
@@ -283,5 +288,5 @@ fn tile_load(lane: &Lane, index: u32) -> Load {
     let bytes = size_of::<TileRecord>() as u64
         + lines * (line_end + LINE_BYTES)
         + records.saturating_mul(lane.channels.record_bytes());
-    Load { bytes, records, tiles: 1 }
+    Load { bytes, records, lines, tiles: 1 }
 }

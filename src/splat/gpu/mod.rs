@@ -12,6 +12,8 @@
 //! A frame is drawn chunk by chunk, each of as many records as the buffers hold, in exact visibility order: nothing is
 //! sorted. A lane stays on the device as long as there is room; one that is too large passes through in slabs along the
 //! slow axis. A picture that is too large is drawn in windows. The pixels do not depend on any of this.
+//!
+#![doc = include_str!("../../../docs/EMBEDDING.md")]
 
 pub mod adapter;
 mod budget;
@@ -32,9 +34,10 @@ mod timing;
 use std::sync::Arc;
 use std::time::Instant;
 
+pub use wgpu;
 use wgpu::{Device, DeviceType, Features, Queue};
 
-use self::budget::{Plan, Question};
+use self::budget::{Plan, Question, in_flight};
 use self::context::Context;
 use self::draw::Output;
 use self::lines::{Key, LineList};
@@ -172,7 +175,7 @@ impl<'a> Renderer<'a> {
             let why = "cannot blend 32-bit floats; take tiles, or accumulate in 16 bits";
             return Err(Error::device(why));
         }
-        let context = Arc::new(Context::new(device, queue));
+        let context = Arc::new(Context::new(device, queue, in_flight(options.vram)));
         let best = best_compositor(&context.device);
         let (stages, timer) = context.watch(|| Ok((Stages::new(&context.device), Timer::new(&context)?)))?;
         Ok(Renderer {
