@@ -7,9 +7,9 @@
 //! ceiling = tables + copies on their way + chunk (voxels, splats, masks) + pixels (accumulated, read back) + lanes
 //! ```
 
-use super::context::IN_FLIGHT;
 use super::layout::{BATCH, Splat, TILE, Voxel};
 use super::lines::Room;
+use crate::arena::TileRecord;
 use crate::error::{Error, Result};
 
 /// Most records of a chunk: enough to keep a large device busy.
@@ -20,6 +20,8 @@ const LEAST_SLOTS: u64 = 1 << 16;
 const PIXEL: u64 = 2 * 16;
 /// Uniforms, counters, times, and what a driver rounds up.
 const SMALL: u64 = 1 << 20;
+/// Bytes of a line's end, and of its word in the list, at most.
+const WIDEST_LINE: u64 = 4;
 /// Least that is left for a lane.
 const LEAST_LANE: u64 = 1 << 20;
 
@@ -57,7 +59,7 @@ impl Plan {
     pub(crate) fn new(question: Question) -> Result<Plan> {
         let Question { ceiling, most_binding, size, tables, widest } = question;
         let [columns, rows] = size.map(u64::from);
-        let base = SMALL + tables + IN_FLIGHT.min(ceiling / 8);
+        let base = SMALL + tables + in_flight(ceiling);
         let window = |tile_rows: u64, slots: u64| {
             let tiles = columns.div_ceil(TILE.into()) * tile_rows;
             let pixels = columns * (tile_rows * u64::from(TILE)).min(rows);
@@ -82,14 +84,30 @@ impl Plan {
         };
         let tile_rows = std::iter::once(all_rows).chain((1..all_rows).rev()).find(fits).unwrap_or(1);
         let left = free.saturating_sub(chunk(slots) + sum(window(tile_rows, slots))).max(LEAST_LANE);
-        let room = Room { bytes: left, records: most_binding / widest.max(1), tiles: most_binding / 28 };
+        let of_binding = |bytes: u64| most_binding / bytes.max(1);
+        let tile = size_of::<TileRecord>() as u64;
+        let room =
+            Room { bytes: left, records: of_binding(widest), lines: of_binding(WIDEST_LINE), tiles: of_binding(tile) };
         let window_rows = u32::try_from((tile_rows * u64::from(TILE)).min(rows)).expect("a picture's rows");
         Ok(Plan { slots: u32::try_from(slots).expect("below 2^32"), window_rows, room })
     }
 }
 
+impl Plan {
+    /// With chunks no larger than `records` need.
+    pub(crate) fn for_records(self, records: u64) -> Plan {
+        let enough = u32::try_from(records.max(LEAST_SLOTS)).unwrap_or(u32::MAX);
+        Plan { slots: self.slots.min(enough), ..self }
+    }
+}
+
 fn sum((a, b): (u64, u64)) -> u64 {
     a + b
+}
+
+/// Bytes of copies that may be on their way to the device, of a ceiling: they take memory there too.
+pub(crate) fn in_flight(ceiling: u64) -> u64 {
+    (ceiling / 8).min(8 << 20)
 }
 
 /// Words of a tile's mask, for chunks of so many records.

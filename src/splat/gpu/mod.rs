@@ -12,6 +12,8 @@
 //! A frame is drawn chunk by chunk, each of as many records as the buffers hold, in exact visibility order: nothing is
 //! sorted. A lane stays on the device as long as there is room; one that is too large passes through in slabs along the
 //! slow axis. A picture that is too large is drawn in windows. The pixels do not depend on any of this.
+//!
+#![doc = include_str!("../../../docs/EMBEDDING.md")]
 
 pub mod adapter;
 mod budget;
@@ -22,22 +24,29 @@ pub mod layout;
 mod lines;
 mod looks;
 pub mod probe;
+mod read_back;
 mod residence;
+mod resolve;
+mod scratch;
 pub mod stages;
 mod timing;
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use wgpu::{Device, Features, Queue};
+pub use wgpu;
+use wgpu::{Device, DeviceType, Features, Queue};
 
-use self::budget::{Plan, Question};
+use self::budget::{Plan, Question, in_flight};
 use self::context::Context;
-use self::draw::Scratch;
+use self::draw::Output;
 use self::lines::{Key, LineList};
 use self::looks::Looks;
 use self::probe::Look;
 use self::residence::{Residence, Sizes};
+pub use self::resolve::Canvas;
+use self::resolve::Resolver;
+use self::scratch::Scratch;
 use self::stages::Stages;
 use self::timing::Timer;
 use super::composite::Table;
@@ -130,6 +139,8 @@ pub struct Renderer<'a> {
     timer: Option<Timer>,
     scene: Scene<'a>,
     options: Options,
+    /// The faster compositor on this device.
+    best: Compositor,
     /// The tables, and the mode and exposure they are for.
     looks: Option<(Mode, Option<f32>, Table<'a>, Looks)>,
     list: Option<Listed>,
@@ -138,6 +149,7 @@ pub struct Renderer<'a> {
     /// Where slabs pass through.
     passage: Option<(Sizes, Residence)>,
     scratch: Scratch,
+    resolver: Option<Resolver>,
 }
 
 /// A line list and what it is for.
@@ -163,7 +175,8 @@ impl<'a> Renderer<'a> {
             let why = "cannot blend 32-bit floats; take tiles, or accumulate in 16 bits";
             return Err(Error::device(why));
         }
-        let context = Arc::new(Context::new(device, queue));
+        let context = Arc::new(Context::new(device, queue, in_flight(options.vram)));
+        let best = best_compositor(&context.device);
         let (stages, timer) = context.watch(|| Ok((Stages::new(&context.device), Timer::new(&context)?)))?;
         Ok(Renderer {
             context,
@@ -171,11 +184,13 @@ impl<'a> Renderer<'a> {
             timer,
             scene,
             options,
+            best,
             looks: None,
             list: None,
             residents: Vec::new(),
             passage: None,
             scratch: Scratch::default(),
+            resolver: None,
         })
     }
 
@@ -185,9 +200,16 @@ impl<'a> Renderer<'a> {
         self.looks = None;
     }
 
-    /// How splats become pixels on this device.
+    /// How splats become pixels: as asked for, or as is best on this device.
     pub fn compositor(&self) -> Compositor {
-        self.options.compositor.unwrap_or(Compositor::Tiles)
+        self.options.compositor.unwrap_or(self.best)
+    }
+
+    /// Makes pixels of splats in another way from the next frame on; `None` for the best one.
+    pub fn set_compositor(&mut self, compositor: Option<Compositor>) {
+        self.options.compositor = compositor;
+        self.scratch = Scratch::default();
+        self.resolver = None;
     }
 
     /// Draws a frame.
@@ -212,22 +234,40 @@ impl<'a> Renderer<'a> {
         settings: &Settings,
         look: Option<Look>,
     ) -> Result<(Frame, Stats)> {
-        let start = Instant::now();
-        let shot = Shot::new(&self.scene, camera, settings)?;
-        let context = self.context.clone();
-        let (frame, mut stats) = context.watch(|| self.draw(&shot, settings, look))?;
-        stats.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        let mut frame = Frame::transparent(settings.size)?;
+        let stats = self.draw(camera, settings, Output::Frame(&mut frame), look)?;
         Ok((frame, stats))
     }
 
-    fn draw(&mut self, shot: &Shot<'a>, settings: &Settings, look: Option<Look>) -> Result<(Frame, Stats)> {
+    /// Draws a frame into a texture, and does not wait for it: the work is handed to the queue that the renderer has.
+    ///
+    /// `settings.size` is the texture's. Splats are not counted and stages not timed.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn render_to(&mut self, camera: &Camera, settings: &Settings, canvas: &Canvas) -> Result<Stats> {
+        self.draw(camera, settings, Output::Canvas(canvas), None)
+    }
+
+    fn draw(&mut self, camera: &Camera, settings: &Settings, output: Output, look: Option<Look>) -> Result<Stats> {
+        let start = Instant::now();
+        let shot = Shot::new(&self.scene, camera, settings)?;
+        let context = self.context.clone();
         let mut stats = Stats::default();
-        self.prepare_looks(shot, settings, &mut stats)?;
-        let plan = self.plan(shot, settings)?;
-        self.prepare_list(shot, plan, &mut stats)?;
-        let frame = draw::frame(self, shot, settings, plan, &mut stats, look)?;
+        context.watch(|| {
+            self.prepare_looks(&shot, settings, &mut stats)?;
+            let plan = self.plan(&shot, settings)?;
+            let records = self.prepare_list(&shot, plan, &mut stats)?;
+            draw::frame(self, &shot, settings, plan.for_records(records), output, &mut stats, look)
+        })?;
         stats.vram_bytes = self.vram_bytes();
-        Ok((frame, stats))
+        stats.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(stats)
+    }
+
+    /// The looks of the frame at hand.
+    fn table(&self) -> &Table<'a> {
+        &self.looks.as_ref().expect("a frame begins with its looks").2
     }
 
     fn plan(&self, shot: &Shot, settings: &Settings) -> Result<Plan> {
@@ -253,7 +293,8 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    fn prepare_list(&mut self, shot: &Shot, plan: Plan, stats: &mut Stats) -> Result<()> {
+    /// Gives the list's records.
+    fn prepare_list(&mut self, shot: &Shot, plan: Plan, stats: &mut Stats) -> Result<u64> {
         let start = Instant::now();
         let (axis, key, room) = (shot.order.fast, Key::new(&shot.order), plan.room);
         let fits = |listed: &Listed| listed.axis == axis && listed.room == room && listed.list.key == key;
@@ -263,12 +304,22 @@ impl<'a> Renderer<'a> {
             stats.line_lists = 1;
             stats.line_list_ms = start.elapsed().as_secs_f64() * 1e3;
         }
-        Ok(())
+        Ok(self.list.as_ref().map_or(0, |listed| listed.list.records))
     }
 
     fn vram_bytes(&self) -> u64 {
         let looks = self.looks.as_ref().map_or(0, |(.., looks)| looks.bytes());
         let passage = self.passage.as_ref().map_or(0, |(_, residence)| residence.bytes());
         looks + passage + self.residents.iter().map(Residence::bytes).sum::<u64>() + self.scratch.bytes()
+    }
+}
+
+/// Tiles; quads where the device is a processor, which spends as long on one of a tile's barriers as on a hundred pixels
+/// (docs/studies/gpu.md).
+fn best_compositor(device: &Device) -> Compositor {
+    let is_software = device.adapter_info().device_type == DeviceType::Cpu;
+    match is_software && device.features().contains(Features::FLOAT32_BLENDABLE) {
+        true => Compositor::Quads(Target::Float32),
+        false => Compositor::Tiles,
     }
 }
