@@ -30,6 +30,15 @@ struct Clock {
     resolved: Buffer,
 }
 
+/// Milliseconds of a pass.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Taken {
+    /// From hand-over until it was done.
+    pub(crate) passed: f64,
+    /// By the device's clock.
+    pub(crate) by_clock: Option<f64>,
+}
+
 impl Gpu {
     /// The adapter that the renderer would take, or what there is instead.
     pub(crate) fn open() -> Result<Gpu, String> {
@@ -64,6 +73,16 @@ impl Gpu {
     /// Whether times are the device's own.
     pub(crate) fn has_clock(&self) -> bool {
         self.clock.is_some()
+    }
+
+    /// Times by the processor's clock from now on.
+    pub(crate) fn distrust_clock(&mut self) {
+        self.clock = None;
+    }
+
+    /// The device's time where it has a clock.
+    pub(crate) fn best(&self, taken: Taken) -> f64 {
+        taken.by_clock.unwrap_or(taken.passed)
     }
 
     /// Bytes of the largest buffer that a shader can read as a whole.
@@ -115,6 +134,11 @@ impl Gpu {
 
     /// Milliseconds of a compute pass.
     pub(crate) fn time_compute(&self, record: impl FnOnce(&mut ComputePass)) -> f64 {
+        self.best(self.compute(record))
+    }
+
+    /// Runs a compute pass.
+    pub(crate) fn compute(&self, record: impl FnOnce(&mut ComputePass)) -> Taken {
         self.time(|encoder, clock| {
             let timestamp_writes = clock.map(|clock| ComputePassTimestampWrites {
                 query_set: &clock.set,
@@ -127,7 +151,7 @@ impl Gpu {
 
     /// Milliseconds of a render pass into `target`, which starts as `start`.
     pub(crate) fn time_draw(&self, target: &TextureView, start: Color, record: impl FnOnce(&mut RenderPass)) -> f64 {
-        self.time(|encoder, clock| {
+        let taken = self.time(|encoder, clock| {
             let timestamp_writes = clock.map(|clock| RenderPassTimestampWrites {
                 query_set: &clock.set,
                 beginning_of_pass_write_index: Some(0),
@@ -145,10 +169,11 @@ impl Gpu {
                 timestamp_writes,
                 ..Default::default()
             }));
-        })
+        });
+        self.best(taken)
     }
 
-    fn time(&self, record: impl FnOnce(&mut CommandEncoder, Option<&Clock>)) -> f64 {
+    fn time(&self, record: impl FnOnce(&mut CommandEncoder, Option<&Clock>)) -> Taken {
         self.wait();
         let mut encoder = self.device.create_command_encoder(&Default::default());
         record(&mut encoder, self.clock.as_ref());
@@ -160,8 +185,10 @@ impl Gpu {
         self.queue.submit([work]);
         self.wait();
         let passed = start.elapsed().as_secs_f64() * 1e3;
-        let Some(clock) = &self.clock else { return passed };
-        let ticks: Vec<u64> = self.read(&clock.resolved, 2);
-        ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.queue.get_timestamp_period()) * 1e-6
+        let by_clock = self.clock.as_ref().map(|clock| {
+            let ticks: Vec<u64> = self.read(&clock.resolved, 2);
+            ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.queue.get_timestamp_period()) * 1e-6
+        });
+        Taken { passed, by_clock }
     }
 }

@@ -13,6 +13,9 @@ pub(crate) struct Report {
     pub(crate) device: String,
     pub(crate) driver: String,
     pub(crate) kind: &'static str,
+    /// Whether the device says that it has a clock.
+    pub(crate) offers_clock: bool,
+    /// Whether it has one that does not stop before the work is done; else stages are not timed.
     pub(crate) has_clock: bool,
     /// Host code with debug assertions: its milliseconds mean little.
     pub(crate) has_debug_assertions: bool,
@@ -42,7 +45,8 @@ impl Report {
             println!("This is a processor that plays a graphics device: nothing here is about cards.");
         }
         if !self.has_clock {
-            println!("The device has no clock: draws and sorts are timed from hand-over to done, stages not at all.");
+            let why = if self.offers_clock { "'s clock stops before the work is done" } else { " has no clock" };
+            println!("The device{why}: draws and sorts are timed from hand-over to done, stages not at all (0).");
         }
         self.print_paths();
         self.print_order();
