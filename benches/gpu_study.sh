@@ -27,6 +27,7 @@ if [[ -z $binary ]]; then
     binary=$(sed -n 's/.*(\(.*gpu_study-[0-9a-f]*\(\.exe\)\{0,1\}\)).*/\1/p' <<<"$said" | tail -n 1)
     [[ $binary == /* ]] || binary=$root/$binary
 fi
+[[ $binary == */* ]] || binary=./$binary
 if [[ -n $build_to ]]; then
     cp -- "$binary" "$build_to"
     echo "$build_to" >&2

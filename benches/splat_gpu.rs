@@ -1,9 +1,9 @@
 //! Splats per second of the renderer on graphics devices, from the walk to the picture in the processor's memory: tiles
 //! and quads, beside the processor's renderer.
 //!
-//! `cargo bench --bench splat_gpu`. Scene: the gyroid's sheet, 128^3, standard quality, 512 x 512. Without a graphics device it is
-//! skipped, and says so; with `ADJ_GPU=require` that is a failure. Software devices run on the processor: their
-//! numbers say nothing of cards. What each stage takes: benches/gpu/main.rs.
+//! `cargo bench --bench splat_gpu`. Scene: the gyroid's sheet, 128^3, standard quality, 512 x 512. Without a graphics
+//! device it is skipped, and says so; with `ADJ_GPU=require` that is a failure. Software devices run on the processor:
+//! their numbers say nothing of cards. What each stage takes: benches/gpu/main.rs.
 
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::builder::{BuildOptions, Built, Unobserved, build};

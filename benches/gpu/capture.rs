@@ -64,10 +64,9 @@ pub(crate) fn capture(gpu: &Gpu, subject: &Subject, camera: &Camera, settings: &
         work.records += count as u64;
         work.lines += probe.blocks.iter().map(|block| u64::from(block.line_count)).sum::<u64>();
         work.chunks += 1;
-        let tiles = [2, 3].map(|side| {
-            u64::from((probe.shot.window[side] - probe.shot.window[side - 2]).cast_unsigned().div_ceil(TILE))
-        });
-        let words = (tiles[0] * tiles[1]) as usize * probe.shot.mask_words as usize;
+        let [left, top, right, bottom] = probe.shot.window;
+        let tiles = [right - left, bottom - top].map(|side| side.cast_unsigned().div_ceil(TILE) as usize);
+        let words = tiles[0] * tiles[1] * probe.shot.mask_words as usize;
         let masks: Vec<u32> = gpu.read(probe.masks.expect("tiles have masks"), words);
         // Words beyond the chunk's batches are not looked at.
         let used = count.div_ceil(BATCH as usize).div_ceil(32);

@@ -1,7 +1,8 @@
 //! The device of the study, and its stop watch.
 //!
 //! In: work. Out: milliseconds, by the device's own clock where it has one, else from hand-over to done; buffers filled
-//! and read back. The device is opened with all its adapter allows, so that a frame's splats fit one binding where they can.
+//! and read back. The device is opened with the largest bindings of its adapter, so that a frame's splats fit one where
+//! they can.
 
 use std::time::Instant;
 
@@ -11,7 +12,7 @@ use wgpu::util::{BufferInitDescriptor, DeviceExt};
 use wgpu::{
     Adapter, Backends, Buffer, BufferDescriptor, BufferUsages, Color, CommandEncoder, ComputePass,
     ComputePassDescriptor, ComputePassTimestampWrites, Device, DeviceDescriptor, Features, Instance,
-    InstanceDescriptor, LoadOp, MapMode, Operations, PollType, QuerySet, QuerySetDescriptor, QueryType, Queue,
+    InstanceDescriptor, Limits, LoadOp, MapMode, Operations, PollType, QuerySet, QuerySetDescriptor, QueryType, Queue,
     RenderPass, RenderPassColorAttachment, RenderPassDescriptor, RenderPassTimestampWrites, StoreOp, TextureView,
 };
 
@@ -30,15 +31,6 @@ struct Clock {
     resolved: Buffer,
 }
 
-/// Milliseconds of a pass.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Taken {
-    /// From hand-over until it was done.
-    pub(crate) passed: f64,
-    /// By the device's clock.
-    pub(crate) by_clock: Option<f64>,
-}
-
 impl Gpu {
     /// The adapter that the renderer would take, or what there is instead.
     pub(crate) fn open() -> Result<Gpu, String> {
@@ -50,10 +42,16 @@ impl Gpu {
             found.name == facts.name && found.backend.to_string() == facts.backend
         };
         let adapter = adapters.into_iter().find(is_same).ok_or("the adapter is gone")?;
+        let have = adapter.limits();
         let descriptor = DeviceDescriptor {
             label: Some("study"),
             required_features: adapter.features() & (Features::TIMESTAMP_QUERY | Features::FLOAT32_BLENDABLE),
-            required_limits: adapter.limits(),
+            required_limits: Limits {
+                max_storage_buffer_binding_size: have.max_storage_buffer_binding_size,
+                max_buffer_size: have.max_buffer_size,
+                max_texture_dimension_2d: have.max_texture_dimension_2d,
+                ..Limits::defaults()
+            },
             ..Default::default()
         };
         let (device, queue) =
@@ -73,16 +71,6 @@ impl Gpu {
     /// Whether times are the device's own.
     pub(crate) fn has_clock(&self) -> bool {
         self.clock.is_some()
-    }
-
-    /// Times by the processor's clock from now on.
-    pub(crate) fn distrust_clock(&mut self) {
-        self.clock = None;
-    }
-
-    /// The device's time where it has a clock.
-    pub(crate) fn best(&self, taken: Taken) -> f64 {
-        taken.by_clock.unwrap_or(taken.passed)
     }
 
     /// Bytes of the largest buffer that a shader can read as a whole.
@@ -134,11 +122,6 @@ impl Gpu {
 
     /// Milliseconds of a compute pass.
     pub(crate) fn time_compute(&self, record: impl FnOnce(&mut ComputePass)) -> f64 {
-        self.best(self.compute(record))
-    }
-
-    /// Runs a compute pass.
-    pub(crate) fn compute(&self, record: impl FnOnce(&mut ComputePass)) -> Taken {
         self.time(|encoder, clock| {
             let timestamp_writes = clock.map(|clock| ComputePassTimestampWrites {
                 query_set: &clock.set,
@@ -151,7 +134,7 @@ impl Gpu {
 
     /// Milliseconds of a render pass into `target`, which starts as `start`.
     pub(crate) fn time_draw(&self, target: &TextureView, start: Color, record: impl FnOnce(&mut RenderPass)) -> f64 {
-        let taken = self.time(|encoder, clock| {
+        self.time(|encoder, clock| {
             let timestamp_writes = clock.map(|clock| RenderPassTimestampWrites {
                 query_set: &clock.set,
                 beginning_of_pass_write_index: Some(0),
@@ -169,11 +152,10 @@ impl Gpu {
                 timestamp_writes,
                 ..Default::default()
             }));
-        });
-        self.best(taken)
+        })
     }
 
-    fn time(&self, record: impl FnOnce(&mut CommandEncoder, Option<&Clock>)) -> Taken {
+    fn time(&self, record: impl FnOnce(&mut CommandEncoder, Option<&Clock>)) -> f64 {
         self.wait();
         let mut encoder = self.device.create_command_encoder(&Default::default());
         record(&mut encoder, self.clock.as_ref());
@@ -185,10 +167,8 @@ impl Gpu {
         self.queue.submit([work]);
         self.wait();
         let passed = start.elapsed().as_secs_f64() * 1e3;
-        let by_clock = self.clock.as_ref().map(|clock| {
-            let ticks: Vec<u64> = self.read(&clock.resolved, 2);
-            ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.queue.get_timestamp_period()) * 1e-6
-        });
-        Taken { passed, by_clock }
+        let Some(clock) = &self.clock else { return passed };
+        let ticks: Vec<u64> = self.read(&clock.resolved, 2);
+        ticks[1].saturating_sub(ticks[0]) as f64 * f64::from(self.queue.get_timestamp_period()) * 1e-6
     }
 }

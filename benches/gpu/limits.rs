@@ -1,7 +1,8 @@
 //! The limit: the bytes that each stage must move, against what the memory moves in the same time.
 //!
 //! A stage's bytes are what it reads and writes if each is read or written once, caches of no help and no harm. Tiles
-//! are given twice: every splat once, and as often as tiles read its batch, which caches may serve.
+//! are given twice: every splat once, and as often as it lies in a batch that a tile reads, had none ended early; caches
+//! may serve those.
 
 use adjsplat::splat::gpu::layout::{BATCH, Splat, Voxel};
 use serde::Serialize;
@@ -24,7 +25,7 @@ pub(crate) struct LimitRow {
     pub(crate) bytes: u64,
     /// What the memory would take.
     pub(crate) limit_ms: f64,
-    pub(crate) ms: f64,
+    pub(crate) ms: Option<f64>,
 }
 
 /// The limits of a scene whose first view has `work`; `bandwidth` in gigabytes a second.
@@ -41,21 +42,26 @@ pub(crate) fn rows(work: &Work, tiles: &PathRow, order: &OrderRow, bandwidth: f6
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of splats")]
     let sorted = order.splats as u64;
     let stored = PIXEL * pixels * (2 * work.chunks - 1);
-    let stages = [
-        ("walk", work.records * (1 + voxel) + work.lines * LINE, tiles.walk_ms),
-        ("project", work.records * (voxel + work.channel_bytes + splat), tiles.project_ms),
-        ("bin", work.records * splat, tiles.bin_ms),
-        ("tile, each splat once", work.records * splat + stored, tiles.composite_ms),
-        ("tile, as often as read", work.tile_batches * u64::from(BATCH) * splat + stored, tiles.composite_ms),
-        ("quads in visit order, 16 bits", blended(order.splats), order.visit_order_ms),
-        ("sort", sorted * sort::BYTES, order.sort_ms),
+    let stages = tiles.stages.as_ref();
+    let parts = [
+        ("walk", work.records * (1 + voxel) + work.lines * LINE, stages.map(|stages| stages.walk_ms)),
+        ("project", work.records * (voxel + work.channel_bytes + splat), stages.map(|stages| stages.project_ms)),
+        ("bin", work.records * splat, stages.map(|stages| stages.bin_ms)),
+        ("tile, each splat once", work.records * splat + stored, stages.map(|stages| stages.composite_ms)),
+        (
+            "tile, at most as often as read",
+            work.tile_batches * u64::from(BATCH) * splat + stored,
+            stages.map(|stages| stages.composite_ms),
+        ),
+        ("quads in visit order, 16 bits", blended(order.splats), Some(order.visit_order_ms)),
+        ("sort", sorted * sort::BYTES, Some(order.sort_ms)),
     ];
-    let row = |(stage, bytes, ms): (&'static str, u64, f64)| LimitRow {
+    let row = |(stage, bytes, ms): (&'static str, u64, Option<f64>)| LimitRow {
         scene: tiles.scene.clone(),
         stage,
         bytes,
         limit_ms: bytes as f64 / bandwidth * 1e-6,
         ms,
     };
-    stages.map(row).into()
+    parts.map(row).into()
 }

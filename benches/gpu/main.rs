@@ -24,7 +24,6 @@ use std::process::ExitCode;
 
 use adjsplat::splat::{Quality, Settings};
 
-use self::bandwidth::Copier;
 use self::device::Gpu;
 use self::report::Report;
 use self::subject::{Subject, with_subject};
@@ -49,7 +48,7 @@ fn main() -> ExitCode {
             return ExitCode::from(2);
         }
     };
-    let mut gpu = match Gpu::open() {
+    let gpu = match Gpu::open() {
         Ok(gpu) => gpu,
         Err(why) if std::env::var("ADJ_GPU").is_ok_and(|wish| wish == "require") => {
             eprintln!("error: {why}");
@@ -60,7 +59,7 @@ fn main() -> ExitCode {
             return ExitCode::SUCCESS;
         }
     };
-    match run(&mut gpu, &plan) {
+    match run(&gpu, &plan) {
         Ok(()) => ExitCode::SUCCESS,
         Err(fault) => {
             eprintln!("error: {fault}");
@@ -69,30 +68,23 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(gpu: &mut Gpu, plan: &Plan) -> Result<(), String> {
-    let copier = Copier::new(gpu);
-    let offers_clock = gpu.has_clock();
-    if offers_clock && !copier.clock_is_honest(gpu) {
-        gpu.distrust_clock();
-    }
-    let gpu = &*gpu;
+fn run(gpu: &Gpu, plan: &Plan) -> Result<(), String> {
     if plan.test {
         sort::check(gpu);
     }
+    let copy = (!plan.paths_only).then(|| bandwidth::measure(gpu));
     let mut report = Report {
         device: gpu.facts.name.clone(),
         driver: gpu.facts.driver.clone(),
         kind: gpu.facts.kind,
-        offers_clock,
         has_clock: gpu.has_clock(),
         has_debug_assertions: cfg!(debug_assertions),
-        copy_gigabytes_a_second: (!plan.paths_only).then(|| copier.bandwidth(gpu)),
-        copy_bytes: copier.bytes,
+        copy_gigabytes_a_second: copy.map(|(bandwidth, _)| bandwidth),
+        copy_bytes: copy.map_or(0, |(_, bytes)| bytes),
         paths: Vec::new(),
         order: Vec::new(),
         limits: Vec::new(),
     };
-    drop(copier);
     for name in &plan.scenes {
         eprintln!("{name}: building or opening");
         with_subject(name, &mut |subject| measure(gpu, plan, subject, &mut report))?;

@@ -6,8 +6,8 @@
 //! sorted          in storage order, their distances sorted in each frame, drawn through the sorted places
 //! ```
 
-use adjsplat::splat::Settings;
 use adjsplat::splat::gpu::layout::Splat;
+use adjsplat::splat::{Quality, Settings};
 use serde::Serialize;
 
 use super::capture::{Capture, Work, capture};
@@ -24,6 +24,8 @@ const REPEATS: usize = 5;
 #[derive(Debug, Serialize)]
 pub(crate) struct OrderRow {
     pub(crate) scene: String,
+    pub(crate) size: [u32; 2],
+    pub(crate) quality: Quality,
     pub(crate) views: usize,
     /// Splats of the frame.
     pub(crate) splats_of_frame: f64,
@@ -41,6 +43,18 @@ struct Times {
     storage: f64,
     sort: f64,
     sorted: f64,
+}
+
+impl Times {
+    fn medians(of: &[Times]) -> Times {
+        let middle = |part: fn(&Times) -> f64| median(of.iter().map(part).collect());
+        Times {
+            visit: middle(|times| times.visit),
+            storage: middle(|times| times.storage),
+            sort: middle(|times| times.sort),
+            sorted: middle(|times| times.sorted),
+        }
+    }
 }
 
 /// The draws of one view, ready to run.
@@ -97,28 +111,29 @@ pub(crate) fn measure(gpu: &Gpu, subject: &Subject, settings: &Settings, views: 
             of_frame.push(capture.work.splats as f64);
             compared.push(capture.splats.len() as f64);
             let draws = Draws::new(gpu, &sorter, &capture);
-            let repeat = |of: &dyn Fn() -> f64| {
-                of();
-                median((0..REPEATS).map(|_| of()).collect())
+            let one = || Times {
+                visit: draws.visit(gpu),
+                storage: draws.storage(gpu),
+                sort: sorter.sort(gpu, &draws.sorting),
+                sorted: draws.sorted(gpu),
             };
-            Times {
-                visit: repeat(&|| draws.visit(gpu)),
-                storage: repeat(&|| draws.storage(gpu)),
-                sort: repeat(&|| sorter.sort(gpu, &draws.sorting)),
-                sorted: repeat(&|| draws.sorted(gpu)),
-            }
+            // Pipelines warm up once; then all take turns, so that what else the machine does meets all alike.
+            one();
+            Times::medians(&(0..REPEATS).map(|_| one()).collect::<Vec<_>>())
         })
         .collect();
-    let middle = |of: fn(&Times) -> f64| median(times.iter().map(of).collect());
+    let times = Times::medians(&times);
     let row = OrderRow {
         scene: subject.name.clone(),
+        size: settings.size,
+        quality: settings.quality,
         views,
         splats_of_frame: median(of_frame),
         splats: median(compared),
-        visit_order_ms: middle(|times| times.visit),
-        storage_order_ms: middle(|times| times.storage),
-        sort_ms: middle(|times| times.sort),
-        sorted_ms: middle(|times| times.sorted),
+        visit_order_ms: times.visit,
+        storage_order_ms: times.storage,
+        sort_ms: times.sort,
+        sorted_ms: times.sorted,
     };
     (row, work.expect("at least one view"))
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::limits::LimitRow;
 use super::order::OrderRow;
-use super::paths::PathRow;
+use super::paths::{PathRow, Stages};
 
 /// All that was measured.
 #[derive(Debug, Serialize)]
@@ -13,9 +13,7 @@ pub(crate) struct Report {
     pub(crate) device: String,
     pub(crate) driver: String,
     pub(crate) kind: &'static str,
-    /// Whether the device says that it has a clock.
-    pub(crate) offers_clock: bool,
-    /// Whether it has one that does not stop before the work is done; else stages are not timed.
+    /// Whether draws and sorts are timed by the device's clock; else from hand-over to done.
     pub(crate) has_clock: bool,
     /// Host code with debug assertions: its milliseconds mean little.
     pub(crate) has_debug_assertions: bool,
@@ -27,10 +25,14 @@ pub(crate) struct Report {
     pub(crate) limits: Vec<LimitRow>,
 }
 
-/// The middle one, of at least one.
+/// The middle one of at least one, or the mean of the two in the middle.
 pub(crate) fn median(mut of: Vec<f64>) -> f64 {
     of.sort_by(f64::total_cmp);
-    of[of.len() / 2]
+    f64::midpoint(of[(of.len() - 1) / 2], of[of.len() / 2])
+}
+
+fn milliseconds(time: Option<f64>) -> String {
+    time.map_or("-".into(), |ms| format!("{ms:.3}"))
 }
 
 fn quality(quality: Quality) -> String {
@@ -45,8 +47,10 @@ impl Report {
             println!("This is a processor that plays a graphics device: nothing here is about cards.");
         }
         if !self.has_clock {
-            let why = if self.offers_clock { "'s clock stops before the work is done" } else { " has no clock" };
-            println!("The device{why}: draws and sorts are timed from hand-over to done, stages not at all (0).");
+            println!("The device has no clock: draws and sorts are timed from hand-over to done.");
+        }
+        if self.paths.iter().any(|row| row.stages.is_none()) {
+            println!("Stages without times: the device has no clock, or one that stops before the work is done.");
         }
         self.print_paths();
         self.print_order();
@@ -61,9 +65,9 @@ impl Report {
         );
         println!("|{}", " --- |".repeat(16));
         for row in &self.paths {
+            let stage = |of: fn(&Stages) -> f64| milliseconds(row.stages.as_ref().map(of));
             println!(
-                "| {} | {}x{} | {} | {} | {:.0} | {:.2} | {:.2} | {:.2} | {:.3} | {:.3} | {:.3} | {:.3} | {:.3} | \
-                 {:.2} | {} | {:.2} |",
+                "| {} | {}x{} | {} | {} | {:.0} | {:.2} | {:.2} | {:.2} | {} | {} | {} | {} | {} | {:.2} | {} | {:.2} |",
                 row.scene,
                 row.size[0],
                 row.size[1],
@@ -73,11 +77,11 @@ impl Report {
                 row.frames_a_second,
                 row.splats_a_second * 1e-6,
                 row.frame_ms,
-                row.walk_ms,
-                row.project_ms,
-                row.bin_ms,
-                row.composite_ms,
-                row.device_ms,
+                stage(|stages| stages.walk_ms),
+                stage(|stages| stages.project_ms),
+                stage(|stages| stages.bin_ms),
+                stage(|stages| stages.composite_ms),
+                stage(|stages| stages.all_ms),
                 row.read_back_ms,
                 row.line_lists,
                 row.line_lists_ms,
@@ -96,21 +100,28 @@ impl Report {
         );
         println!("|{}", " --- |".repeat(11));
         for row in &self.order {
-            // The walk of all of the frame's splats, scaled to those that are compared.
-            let of_tiles = self.paths.iter().find(|path| path.scene == row.scene && path.compositor == "tiles");
-            let walk = of_tiles.map_or(0.0, |path| path.walk_ms) * row.splats / row.splats_of_frame.max(1.0);
+            let of_tiles = self.paths.iter().find(|path| {
+                (&path.scene, path.size, path.quality) == (&row.scene, row.size, row.quality)
+                    && path.compositor == "tiles"
+            });
+            // The walk is that of all of the frame's splats: here the share of those that are compared.
+            let share = row.splats / row.splats_of_frame.max(1.0);
+            let walk = of_tiles.and_then(|path| path.stages.as_ref()).map(|stages| stages.walk_ms * share);
+            let costs = walk.map(|walk| walk + row.visit_order_ms - row.storage_order_ms);
+            let saves = walk.map(|walk| row.sort_ms + row.sorted_ms - walk - row.visit_order_ms);
             println!(
-                "| {} | {:.0} | {:.0} | {walk:.3} | {:.3} | {:.3} | {:.3} | {:.2} | {:.3} | {:+.3} | {:+.3} |",
+                "| {} | {:.0} | {:.0} | {} | {:.3} | {:.3} | {:.3} | {:.2} | {:.3} | {} | {} |",
                 row.scene,
                 row.splats,
                 row.splats_of_frame,
+                milliseconds(walk),
                 row.visit_order_ms,
                 row.storage_order_ms,
                 row.sort_ms,
                 row.sort_ms * 1e6 / row.splats,
                 row.sorted_ms,
-                walk + row.visit_order_ms - row.storage_order_ms,
-                row.sort_ms + row.sorted_ms - walk - row.visit_order_ms,
+                milliseconds(costs),
+                milliseconds(saves),
             );
         }
     }
@@ -125,13 +136,13 @@ impl Report {
         println!("|{}", " --- |".repeat(6));
         for row in &self.limits {
             println!(
-                "| {} | {} | {:.1} | {:.3} | {:.3} | {:.1} |",
+                "| {} | {} | {:.1} | {:.3} | {} | {} |",
                 row.scene,
                 row.stage,
                 row.bytes as f64 * 1e-6,
                 row.limit_ms,
-                row.ms,
-                row.ms / row.limit_ms,
+                milliseconds(row.ms),
+                row.ms.map_or("-".into(), |ms| format!("{:.1}", ms / row.limit_ms)),
             );
         }
     }
