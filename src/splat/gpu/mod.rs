@@ -208,7 +208,9 @@ impl<'a> Renderer<'a> {
     /// Makes pixels of splats in another way from the next frame on; `None` for the best one.
     pub fn set_compositor(&mut self, compositor: Option<Compositor>) {
         self.options.compositor = compositor;
+        // All buffers go, so that the other compositor's do not count towards the budget; the list's lines with them.
         self.scratch = Scratch::default();
+        self.list = None;
         self.resolver = None;
     }
 
