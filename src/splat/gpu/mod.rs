@@ -25,6 +25,7 @@ pub mod probe;
 mod residence;
 pub mod stages;
 mod timing;
+pub mod twin;
 
 use std::sync::Arc;
 use std::time::Instant;
