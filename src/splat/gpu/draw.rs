@@ -266,7 +266,6 @@ impl Job<'_, '_> {
                 continue;
             }
             for (chunk, _) in &mut chunks.chunks {
-                #[expect(clippy::cast_possible_truncation, reason = "below the number of counters")]
                 let counter = (stats.chunks % COUNTERS) as u32;
                 (chunk.index, chunk.is_first) = (counter, u32::from(std::mem::take(&mut is_first)));
                 stats.chunks += 1;
