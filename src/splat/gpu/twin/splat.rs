@@ -7,12 +7,27 @@ use super::super::layout::{NOTHING, Shot, Splat};
 use super::super::stages::Blend;
 use super::{WHOLE_CELL, absorbed, depth_at, high_half, low_half};
 
+/// Which of the two neighbours a device takes for a value between them: what draws may do either.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rounding {
+    /// The nearest.
+    Nearest,
+    /// The one nearer to 0.
+    TowardZero,
+}
+
 /// Draws `splats`, a chunk's, onto `pixels` of a target, which start as the chunk before left them: for each splat, in
 /// order, the fragments of its box, each blended in single precision and rounded to the target.
 ///
 /// # Panics
 /// If a splat lies outside the window, or `pixels` are fewer than it has.
-pub fn splat(shot: &Shot, blend: Blend, target: Target, splats: &[Splat], pixels: &mut [[f32; 4]]) {
+pub fn splat(
+    shot: &Shot,
+    blend: Blend,
+    (target, rounding): (Target, Rounding),
+    splats: &[Splat],
+    pixels: &mut [[f32; 4]],
+) {
     let [x0, y0, x1, _] = shot.window;
     for splat in splats.iter().filter(|splat| splat.columns != NOTHING) {
         let (left, top) = (low_half(splat.columns), low_half(splat.rows));
@@ -23,7 +38,7 @@ pub fn splat(shot: &Shot, blend: Blend, target: Target, splats: &[Splat], pixels
                 let source = fragment(blend, splat, depth_at(dx, dy, splat, shot.cut));
                 let place = (y - y0).cast_unsigned() * (x1 - x0).cast_unsigned() + (x - x0).cast_unsigned();
                 let pixel = &mut pixels[place as usize];
-                *pixel = blended(blend, target, source, *pixel).map(|value| rounded(target, value));
+                *pixel = blended(blend, target, source, *pixel).map(|value| rounded(target, rounding, value));
             }
         }
     }
@@ -52,11 +67,22 @@ fn blended(blend: Blend, target: Target, source: [f32; 4], pixel: [f32; 4]) -> [
     }
 }
 
-/// The nearest value that the target holds.
-fn rounded(target: Target, value: f32) -> f32 {
+/// The value as the target holds it.
+fn rounded(target: Target, rounding: Rounding, value: f32) -> f32 {
     match target {
         Target::Float32 => value,
-        Target::Float16 => f16::from_f32(value).to_f32(),
-        Target::Unorm8 => (value.clamp(0.0, 1.0) * 255.0).round_ties_even() / 255.0,
+        Target::Float16 => {
+            let nearest = f16::from_f32(value);
+            let is_farther = nearest.to_f32().abs() > value.abs();
+            match rounding {
+                Rounding::TowardZero if is_farther => f16::from_bits(nearest.to_bits() - 1).to_f32(),
+                _ => nearest.to_f32(),
+            }
+        }
+        Target::Unorm8 => {
+            let steps = value.clamp(0.0, 1.0) * 255.0;
+            let whole = if rounding == Rounding::Nearest { steps.round_ties_even() } else { steps.floor() };
+            whole / 255.0
+        }
     }
 }
