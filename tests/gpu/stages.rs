@@ -10,10 +10,11 @@ use adjsplat::splat::gpu::probe::Probe;
 use adjsplat::splat::gpu::stages::Blend;
 use adjsplat::splat::gpu::twin::splat::Rounding;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target, twin};
-use adjsplat::splat::{Camera, Frame, Lanes as _, Lighting, Mode, Quality, Settings};
+use adjsplat::splat::{Camera, Frame, Lanes as _, Lighting, Mode, Quality, Settings, cpu};
 use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, VoxelBox, walk};
 use zerocopy::FromBytes;
 
+use crate::compare::psnr;
 use crate::device::{device, read, say};
 use crate::scenes::{EDGES, LAYERS, inside, orbit, phantom, real, real_volumes, scene, transfer, zoomed};
 
@@ -430,6 +431,26 @@ fn each_stage_of_quads_does_what_its_twin_does() {
             };
             assert!(rms <= allowed, "{name}, {target:?}: {rms:e}");
             drop(judged);
+        }
+    }
+}
+
+/// What one chunk leaves is what the next goes on with.
+#[test]
+fn pixels_of_many_chunks_are_what_the_twins_make_of_them() {
+    let text = r#"{ "kind": "range", "low": 1, "opacity": 0.05 }"#;
+    let built = phantom("constant", [80, 50, 60], [1.0; 3], transfer(text), 8);
+    let size = [24, 20];
+    for fov in [None, Some(60.0)] {
+        let camera = orbit(&built, 31.0, 24.0, fov, size);
+        for settings in [high(size), Settings { sense: Sense::BackToFront, ..high(size) }] {
+            let options = Options { vram: TIGHT, compositor: Some(Compositor::Tiles) };
+            let Some((judged, frame, _)) = judged(&built, &camera, &settings, options, true) else { return };
+            assert!(judged.stats.chunks > 2, "{:?}", judged.stats);
+            judged.apart.check(&format!("chunks, {fov:?}"), if fov.is_none() { &PARALLEL } else { &PERSPECTIVE });
+            let (want, _) = cpu::render(&scene(&built), &camera, &settings).unwrap();
+            let found = psnr(&frame, &want);
+            assert!(found >= 80.0, "{fov:?}, {:?}: {found:.1} dB", settings.sense);
         }
     }
 }
