@@ -62,6 +62,20 @@ fn unsafe_stays_in_its_files() {
     }
 }
 
+#[test]
+fn graphics_devices_stay_in_their_folder() {
+    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    for path in rust_files(&source, "") {
+        let name = path.strip_prefix(&source).unwrap().to_string_lossy().into_owned();
+        let text = std::fs::read_to_string(&path).unwrap();
+        let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
+        let names_wgpu = code.clone().any(|line| line.contains("wgpu::") || line.contains("use wgpu"));
+        assert!(!names_wgpu || name.starts_with("splat/gpu/"), "{name} names wgpu");
+        let asks = code.into_iter().any(|line| line.contains("Instance::new(") || line.contains("request_device("));
+        assert!(!asks || name == "splat/gpu/adapter.rs", "{name} asks the system for a device");
+    }
+}
+
 /// Modules that a line names behind `crate::`, one or several in braces.
 fn imports(line: &str) -> Vec<String> {
     let line = line.split("//").next().unwrap_or_default();

@@ -78,6 +78,7 @@ impl VisibleCodes {
     }
 
     /// Whether magnitudes matter.
+    #[cfg(feature = "gpu")]
     pub(crate) fn by_magnitude(&self) -> bool {
         self.by_magnitude
     }

@@ -13,6 +13,8 @@ mod demo;
 mod devices;
 mod info;
 mod input;
+#[cfg(feature = "gpu")]
+mod on_device;
 mod picture;
 mod progress;
 mod raw;

@@ -260,7 +260,7 @@ fn draw(
     }
     let lanes = RoomyLanes { lanes, memory };
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
-    let mut renderer = arguments.renderer.renderer(scene)?;
+    let mut renderer = arguments.renderer.renderer(scene, memory.is_some())?;
     let background = parse_background(arguments.look.background.as_deref().unwrap_or(match settings.mode {
         Mode::Composite => "white",
         _ => "black",
@@ -306,11 +306,12 @@ fn draw(
     let mean = all_stats.iter().map(|stats| stats.frame_ms).sum::<f64>() / all_stats.len() as f64;
     let many = if outputs.len() > 1 { format!(" to {}", outputs[outputs.len() - 1].display()) } else { String::new() };
     print_result(&format!(
-        "{}{many}: {}x{}, {drawn} splats, {mean:.1} ms a frame, {:.2} s in all",
+        "{}{many}: {}x{}, {drawn} splats, {mean:.1} ms a frame, {:.2} s in all{}",
         outputs[0].display(),
         settings.size[0],
         settings.size[1],
         start.elapsed().as_secs_f64(),
+        renderer.adapter().map(|adapter| format!(", by {adapter}")).unwrap_or_default(),
     ));
     Ok(Answer::Yes)
 }

@@ -5,6 +5,9 @@
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
+#[cfg(feature = "gpu")]
+use super::on_device::OnDevice;
+#[cfg(feature = "gpu")]
 use super::print_note;
 use crate::error::{Error, Result};
 use crate::splat::{Camera, Frame, Scene, Settings, cpu};
@@ -18,16 +21,17 @@ pub(super) struct RendererArguments {
     renderer: Which,
     /// Graphics device whose name or driver contains this (adj devices lists them); the best one unless given.
     #[arg(long, value_name = "NAME")]
-    adapter: Option<String>,
+    pub(super) adapter: Option<String>,
     /// Most video memory that drawing may take, from 16MiB. The picture does not depend on it.
     #[arg(long, value_name = "SIZE", default_value = "1GiB")]
-    vram: String,
+    pub(super) vram: String,
     /// How a graphics device makes pixels of splats: tiles (in compute; ends early) or quads (blended by the device).
     #[arg(long, value_name = "C", value_parser = ["tiles", "quads"])]
-    compositor: Option<String>,
-    /// Bits in which quads are accumulated: 16 and 8 are faster on some devices, and wrong where opacities are small.
+    pub(super) compositor: Option<String>,
+    /// Bits in which quads accumulate: 16 and 8 are faster on some devices, and wrong where opacities are small; how
+    /// wrong is measured on the first frame.
     #[arg(long, value_name = "BITS", default_value = "32", value_parser = ["32", "16", "8"])]
-    accumulate: String,
+    pub(super) accumulate: String,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -51,17 +55,24 @@ pub(super) struct FrameStats {
 pub(super) enum Renderer<'a> {
     Cpu(Scene<'a>),
     #[cfg(feature = "gpu")]
-    Gpu(Box<device::OnDevice<'a>>),
+    Gpu(Box<OnDevice<'a>>),
 }
 
 impl RendererArguments {
     /// The renderer asked for.
     ///
+    /// `is_bounded`: by `--memory`, which no graphics driver keeps to.
+    ///
     /// # Errors
     /// [`Error::Device`] if a graphics device was asked for and cannot be had; [`Error::Input`] for a flag out of place.
-    pub(super) fn renderer<'a>(&self, scene: Scene<'a>) -> Result<Renderer<'a>> {
+    pub(super) fn renderer<'a>(&self, scene: Scene<'a>, is_bounded: bool) -> Result<Renderer<'a>> {
         match self.renderer {
             Which::Cpu => Ok(Renderer::Cpu(scene)),
+            Which::Auto if is_bounded && self.adapter.is_none() => Ok(Renderer::Cpu(scene)),
+            _ if is_bounded => {
+                let why = "cannot be kept by a graphics driver; leave it out (--vram bounds the device), or take --renderer cpu";
+                Err(Error::input("--memory", why))
+            }
             which => self.device_or_cpu(scene, which == Which::Auto),
         }
     }
@@ -114,99 +125,6 @@ impl<'a> Renderer<'a> {
             Renderer::Cpu(_) => None,
             #[cfg(feature = "gpu")]
             Renderer::Gpu(on_device) => Some(&on_device.adapter),
-        }
-    }
-}
-
-#[cfg(feature = "gpu")]
-mod device {
-    use serde_json::json;
-
-    use super::{FrameStats, Renderer, RendererArguments};
-    use crate::cli::print_note;
-    use crate::cli::size::parse_memory;
-    use crate::error::{Error, Result};
-    use crate::splat::gpu::adapter::{self, Opened};
-    use crate::splat::gpu::{self, Compositor, Options, Target};
-    use crate::splat::{Camera, Frame, Scene, Settings};
-
-    /// A renderer on a graphics device.
-    pub(in crate::cli) struct OnDevice<'a> {
-        pub(super) scene: Scene<'a>,
-        pub(super) renderer: gpu::Renderer<'a>,
-        pub(super) adapter: String,
-        /// Whether the processor may draw instead.
-        pub(super) is_auto: bool,
-    }
-
-    impl RendererArguments {
-        pub(super) fn device_or_cpu<'a>(&self, scene: Scene<'a>, is_auto: bool) -> Result<Renderer<'a>> {
-            let options = self.options()?;
-            let opened = match adapter::open(self.adapter.as_deref()) {
-                Ok(opened) if is_auto && self.adapter.is_none() && opened.facts.is_software() => {
-                    return Ok(Renderer::Cpu(scene));
-                }
-                Err(_) if is_auto && self.adapter.is_none() => return Ok(Renderer::Cpu(scene)),
-                opened => opened?,
-            };
-            let Opened { facts, device, queue } = opened;
-            match gpu::Renderer::new(device, queue, scene, options) {
-                Ok(renderer) => Ok(Renderer::Gpu(Box::new(OnDevice { scene, renderer, adapter: facts.name, is_auto }))),
-                Err(fault) if is_auto => {
-                    print_note(&format!("note: {fault}; the processor draws instead"));
-                    Ok(Renderer::Cpu(scene))
-                }
-                Err(fault) => Err(fault),
-            }
-        }
-
-        fn options(&self) -> Result<Options> {
-            let target = match self.accumulate.as_str() {
-                "16" => Target::Float16,
-                "8" => Target::Unorm8,
-                _ => Target::Float32,
-            };
-            let compositor = match self.compositor.as_deref() {
-                Some("quads") => Some(Compositor::Quads(target)),
-                Some("tiles") if target != Target::Float32 => {
-                    return Err(Error::input("--accumulate", "is for quads; tiles accumulate in 32 bits"));
-                }
-                Some(_) => Some(Compositor::Tiles),
-                None if target != Target::Float32 => Some(Compositor::Quads(target)),
-                None => None,
-            };
-            Ok(Options { vram: parse_memory(&self.vram)?, compositor })
-        }
-    }
-
-    impl OnDevice<'_> {
-        pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
-            let (frame, stats) = self.renderer.render(camera, settings)?;
-            let compositor = match self.renderer.compositor() {
-                Compositor::Tiles => "tiles",
-                Compositor::Quads(Target::Float32) => "quads, 32 bits",
-                Compositor::Quads(Target::Float16) => "quads, 16 bits",
-                Compositor::Quads(Target::Unorm8) => "quads, 8 bits",
-            };
-            let others = vec![
-                ("compositor", json!(compositor)),
-                ("line_lists", json!(stats.line_lists)),
-                ("slabs", json!(stats.slabs)),
-                ("windows", json!(stats.windows)),
-                ("chunks", json!(stats.chunks)),
-                ("upload_bytes", json!(stats.upload_bytes)),
-                ("list_bytes", json!(stats.list_bytes)),
-                ("vram_bytes", json!(stats.vram_bytes)),
-                ("line_list_ms", json!(stats.line_list_ms)),
-                ("upload_ms", json!(stats.upload_ms)),
-                ("walk_ms", json!(stats.walk_ms)),
-                ("project_ms", json!(stats.project_ms)),
-                ("bin_ms", json!(stats.bin_ms)),
-                ("composite_ms", json!(stats.composite_ms)),
-                ("read_back_ms", json!(stats.read_back_ms)),
-            ];
-            let (splats_drawn, splats_skipped) = (stats.splats_drawn, stats.splats_skipped);
-            Ok((frame, FrameStats { splats_drawn, splats_skipped, frame_ms: stats.frame_ms, others }))
         }
     }
 }

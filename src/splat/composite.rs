@@ -177,6 +177,12 @@ impl<'a> Table<'a> {
         self.scene.transfer.colour(scales.value_low + code * scales.value_step)
     }
 
+    /// The mode it is for.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn mode(&self) -> Mode {
+        self.mode
+    }
+
     /// Whether records' magnitudes matter.
     pub(crate) fn needs_magnitude(&self) -> bool {
         self.kind != Kind::Value

@@ -72,6 +72,13 @@ pub struct Opened {
     pub queue: Queue,
 }
 
+/// Whether the system shows any sign of graphics hardware. Where it shows none there is no need to ask for adapters,
+/// which loads every driver that is installed.
+pub fn has_hardware() -> bool {
+    const SIGNS: [&str; 5] = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
+    !cfg!(target_os = "linux") || SIGNS.iter().any(|sign| std::path::Path::new(sign).exists())
+}
+
 /// All adapters that can run the stages, best first: discrete, integrated, virtual, other, software.
 pub fn adapters() -> Vec<AdapterFacts> {
     ranked().iter().map(AdapterFacts::new).collect()

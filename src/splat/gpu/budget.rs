@@ -7,19 +7,24 @@
 //! ceiling = tables + copies on their way + chunk (voxels, splats, masks) + pixels (accumulated, read back) + lanes
 //! ```
 
-use super::context::IN_FLIGHT;
 use super::layout::{BATCH, Splat, TILE, Voxel};
 use super::lines::Room;
+use crate::arena::TileRecord;
 use crate::error::{Error, Result};
 
 /// Most records of a chunk: enough to keep a large device busy.
 const MOST_SLOTS: u64 = 1 << 20;
+/// The same where the device is a processor. Mesa's llvmpipe, before version 25, ends the loops of an invocation after
+/// 65,535 turns in all and says nothing; a tile that all of these splats meet takes 38,000.
+const MOST_SLOTS_IN_SOFTWARE: u64 = 1 << 17;
 /// Fewest: the longest line.
 const LEAST_SLOTS: u64 = 1 << 16;
 /// Accumulated, and read back.
 const PIXEL: u64 = 2 * 16;
 /// Uniforms, counters, times, and what a driver rounds up.
 const SMALL: u64 = 1 << 20;
+/// Bytes of a line's end, and of its word in the list, at most.
+const WIDEST_LINE: u64 = 4;
 /// Least that is left for a lane.
 const LEAST_LANE: u64 = 1 << 20;
 
@@ -36,6 +41,8 @@ pub(crate) struct Question {
     pub(crate) tables: u64,
     /// Bytes of a lane's widest channel per record.
     pub(crate) widest: u64,
+    /// Whether the device is a processor.
+    pub(crate) is_software: bool,
 }
 
 /// The shares.
@@ -55,9 +62,10 @@ impl Plan {
     /// # Errors
     /// [`Error::Limit`] if there is too little for the smallest shares.
     pub(crate) fn new(question: Question) -> Result<Plan> {
-        let Question { ceiling, most_binding, size, tables, widest } = question;
+        let Question { ceiling, most_binding, size, tables, widest, is_software } = question;
+        let most_slots = if is_software { MOST_SLOTS_IN_SOFTWARE } else { MOST_SLOTS };
         let [columns, rows] = size.map(u64::from);
-        let base = SMALL + tables + IN_FLIGHT.min(ceiling / 8);
+        let base = SMALL + tables + in_flight(ceiling);
         let window = |tile_rows: u64, slots: u64| {
             let tiles = columns.div_ceil(TILE.into()) * tile_rows;
             let pixels = columns * (tile_rows * u64::from(TILE)).min(rows);
@@ -72,7 +80,7 @@ impl Plan {
         };
         // A third each for chunks and pixels where that is enough; the rest is the lanes'.
         let splat = size_of::<Splat>() as u64;
-        let slots = std::iter::successors(Some(MOST_SLOTS), |slots| Some(slots / 2))
+        let slots = std::iter::successors(Some(most_slots), |slots| Some(slots / 2))
             .take_while(|&slots| slots > LEAST_SLOTS)
             .find(|&slots| chunk(slots) <= free / 3 && slots * splat <= most_binding)
             .unwrap_or(LEAST_SLOTS);
@@ -83,14 +91,30 @@ impl Plan {
         };
         let tile_rows = std::iter::once(all_rows).chain((1..all_rows).rev()).find(fits).unwrap_or(1);
         let left = free.saturating_sub(chunk(slots) + sum(window(tile_rows, slots))).max(LEAST_LANE);
-        let room = Room { bytes: left, records: most_binding / widest.max(1), tiles: most_binding / 28 };
+        let of_binding = |bytes: u64| most_binding / bytes.max(1);
+        let tile = size_of::<TileRecord>() as u64;
+        let room =
+            Room { bytes: left, records: of_binding(widest), lines: of_binding(WIDEST_LINE), tiles: of_binding(tile) };
         let window_rows = u32::try_from((tile_rows * u64::from(TILE)).min(rows)).expect("a picture's rows");
         Ok(Plan { slots: u32::try_from(slots).expect("below 2^32"), window_rows, room })
     }
 }
 
+impl Plan {
+    /// With chunks no larger than `records` need.
+    pub(crate) fn for_records(self, records: u64) -> Plan {
+        let enough = u32::try_from(records.max(LEAST_SLOTS)).unwrap_or(u32::MAX);
+        Plan { slots: self.slots.min(enough), ..self }
+    }
+}
+
 fn sum((a, b): (u64, u64)) -> u64 {
     a + b
+}
+
+/// Bytes of copies that may be on their way to the device, of a ceiling: they take memory there too.
+pub(crate) fn in_flight(ceiling: u64) -> u64 {
+    (ceiling / 8).min(8 << 20)
 }
 
 /// Words of a tile's mask, for chunks of so many records.

@@ -14,8 +14,6 @@ use crate::error::{Error, Result};
 
 /// Largest binding in use, whatever a device allows: what every device allows.
 pub(crate) const MOST_BINDING: u64 = 128 << 20;
-/// Bytes of copies that may be on their way to the device: they take memory there too.
-pub(crate) const IN_FLIGHT: u64 = 8 << 20;
 
 /// A device, its queue, and what is on its way.
 #[derive(Debug)]
@@ -23,13 +21,15 @@ pub(crate) struct Context {
     pub(crate) device: Device,
     pub(crate) queue: Queue,
     pub(crate) limits: Limits,
+    most_in_flight: u64,
     in_flight: AtomicU64,
 }
 
 impl Context {
-    pub(crate) fn new(device: Device, queue: Queue) -> Context {
+    /// `most_in_flight`: bytes of copies to the device that may be on their way.
+    pub(crate) fn new(device: Device, queue: Queue, most_in_flight: u64) -> Context {
         let limits = device.limits();
-        Context { device, queue, limits, in_flight: AtomicU64::new(0) }
+        Context { device, queue, limits, most_in_flight, in_flight: AtomicU64::new(0) }
     }
 
     /// Largest binding.
@@ -84,7 +84,7 @@ impl Context {
     pub(crate) fn write(&self, buffer: &Buffer, offset: u64, bytes: &[u8]) -> Result<()> {
         self.queue.write_buffer(buffer, offset, bytes);
         let in_flight = self.in_flight.fetch_add(bytes.len() as u64, Ordering::Relaxed) + bytes.len() as u64;
-        if in_flight > IN_FLIGHT { self.submit([]).and_then(|()| self.wait()) } else { Ok(()) }
+        if in_flight > self.most_in_flight { self.submit([]).and_then(|()| self.wait()) } else { Ok(()) }
     }
 
     /// Hands work to the device.

@@ -20,6 +20,9 @@ use crate::volume::Axis;
 /// Largest number of records of a block of more than one line.
 const BLOCK_RECORDS: u32 = 1 << 14;
 
+/// Bytes of a line in the lists on the device: its word, and its share of a block.
+pub(crate) const LINE_BYTES: u64 = 8;
+
 /// What a list depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Key {
@@ -65,6 +68,8 @@ pub(crate) struct LineList {
     pub(crate) slabs: Vec<Slab>,
     /// All voxels that there may be.
     pub(crate) bounds: VoxelBox,
+    /// Records of all lines.
+    pub(crate) records: u64,
 }
 
 /// What is on the device at a time: tiles of a lane, and lines that lie in them.
@@ -89,10 +94,12 @@ pub(crate) struct LineBlock {
 /// How much of a lane there may be on the device at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Room {
-    /// Bytes of tiles, line ends and channels.
+    /// Bytes of tiles, line ends, channels and lists.
     pub(crate) bytes: u64,
     /// Records, by the device's largest binding.
     pub(crate) records: u64,
+    /// Lines, likewise.
+    pub(crate) lines: u64,
     /// Tiles, likewise.
     pub(crate) tiles: u64,
 }
@@ -104,7 +111,9 @@ impl LineList {
     /// [`Error::Limit`] if there is no room for the tiles of a single slice.
     pub(crate) fn new(lane: &Lane, order: &Order, room: Room) -> Result<LineList> {
         let nesting = [order.slow.index(), order.medium.index(), order.fast.index()];
-        let whole = Load { bytes: lane.bytes(), records: lane.record_count(), tiles: lane.tiles.len() as u64 };
+        let lines = line_count(lane);
+        let bytes = lane.bytes() + LINE_BYTES * lines;
+        let whole = Load { bytes, records: lane.record_count(), lines, tiles: lane.tiles.len() as u64 };
         let mut open = Open::new(lane, nesting, whole.fits(room));
         let mut slabs = Vec::new();
         let mut slice: Vec<OrderedLine> = Vec::new();
@@ -139,7 +148,8 @@ impl LineList {
         slabs.extend(open.close());
         let bounds = slabs.iter().flat_map(|slab: &Slab| &slab.blocks).map(|block| block.bounds).reduce(union);
         let bounds = bounds.unwrap_or(VoxelBox { low: [0; 3], high: [0; 3] });
-        Ok(LineList { key: Key::new(order), slabs, bounds })
+        let records = slabs.iter().flat_map(|slab| &slab.blocks).map(|block| u64::from(block.records)).sum();
+        Ok(LineList { key: Key::new(order), slabs, bounds, records })
     }
 }
 
@@ -148,17 +158,19 @@ impl LineList {
 struct Load {
     bytes: u64,
     records: u64,
+    lines: u64,
     tiles: u64,
 }
 
 impl Load {
     fn fits(self, room: Room) -> bool {
-        self.bytes <= room.bytes && self.records <= room.records && self.tiles <= room.tiles
+        self.bytes <= room.bytes && self.records <= room.records && self.lines <= room.lines && self.tiles <= room.tiles
     }
 
     fn add(&mut self, other: Load) {
         self.bytes = self.bytes.saturating_add(other.bytes);
         self.records = self.records.saturating_add(other.records);
+        self.lines += other.lines;
         self.tiles += other.tiles;
     }
 }
@@ -254,6 +266,11 @@ impl Slab {
     }
 }
 
+/// Lines of `lane`, its patch's included.
+pub(crate) fn line_count(lane: &Lane) -> u64 {
+    (lane.line_ends.len() + lane.patch.map_or(0, |patch| patch.view().line_ends.len())) as u64
+}
+
 fn union(a: VoxelBox, b: VoxelBox) -> VoxelBox {
     VoxelBox {
         low: std::array::from_fn(|axis| a.low[axis].min(b.low[axis])),
@@ -267,7 +284,8 @@ fn tile_load(lane: &Lane, index: u32) -> Load {
     let lines = u64::from(tile.occupancy.get().count_ones());
     let records = lane.tile_records(tile);
     let line_end = u64::from(line_end_bytes(lane.dims[lane.axis.index()]));
-    let bytes =
-        size_of::<TileRecord>() as u64 + lines * line_end + records.saturating_mul(lane.channels.record_bytes());
-    Load { bytes, records, tiles: 1 }
+    let bytes = size_of::<TileRecord>() as u64
+        + lines * (line_end + LINE_BYTES)
+        + records.saturating_mul(lane.channels.record_bytes());
+    Load { bytes, records, lines, tiles: 1 }
 }

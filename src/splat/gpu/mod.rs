@@ -12,6 +12,8 @@
 //! A frame is drawn chunk by chunk, each of as many records as the buffers hold, in exact visibility order: nothing is
 //! sorted. A lane stays on the device as long as there is room; one that is too large passes through in slabs along the
 //! slow axis. A picture that is too large is drawn in windows. The pixels do not depend on any of this.
+//!
+#![doc = include_str!("../../../docs/EMBEDDING.md")]
 
 pub mod adapter;
 mod budget;
@@ -22,7 +24,10 @@ pub mod layout;
 mod lines;
 mod looks;
 pub mod probe;
+mod read_back;
 mod residence;
+mod resolve;
+mod scratch;
 pub mod stages;
 mod timing;
 pub mod twin;
@@ -30,20 +35,25 @@ pub mod twin;
 use std::sync::Arc;
 use std::time::Instant;
 
-use wgpu::{Device, Features, Queue};
+pub use wgpu;
+use wgpu::{Device, DeviceType, Features, Queue};
 
-use self::budget::{Plan, Question};
+use self::budget::{Plan, Question, in_flight};
 use self::context::Context;
-use self::draw::Scratch;
+use self::draw::Output;
 use self::lines::{Key, LineList};
 use self::looks::Looks;
 use self::probe::Look;
 use self::residence::{Residence, Sizes};
+pub use self::resolve::Canvas;
+use self::resolve::Resolver;
+use self::scratch::Scratch;
 use self::stages::Stages;
 use self::timing::Timer;
 use super::composite::Table;
 use super::frame::Frame;
 use super::shot::Shot;
+use super::view::check_size;
 use super::{Camera, Mode, Scene, Settings};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
@@ -131,6 +141,8 @@ pub struct Renderer<'a> {
     timer: Option<Timer>,
     scene: Scene<'a>,
     options: Options,
+    /// Whether the device is a processor.
+    is_software: bool,
     /// The tables, and the mode and exposure they are for.
     looks: Option<(Mode, Option<f32>, Table<'a>, Looks)>,
     list: Option<Listed>,
@@ -139,6 +151,7 @@ pub struct Renderer<'a> {
     /// Where slabs pass through.
     passage: Option<(Sizes, Residence)>,
     scratch: Scratch,
+    resolver: Option<Resolver>,
 }
 
 /// A line list and what it is for.
@@ -164,7 +177,8 @@ impl<'a> Renderer<'a> {
             let why = "cannot blend 32-bit floats; take tiles, or accumulate in 16 bits";
             return Err(Error::device(why));
         }
-        let context = Arc::new(Context::new(device, queue));
+        let context = Arc::new(Context::new(device, queue, in_flight(options.vram)));
+        let is_software = context.device.adapter_info().device_type == DeviceType::Cpu;
         let (stages, timer) = context.watch(|| Ok((Stages::new(&context.device), Timer::new(&context)?)))?;
         Ok(Renderer {
             context,
@@ -172,11 +186,13 @@ impl<'a> Renderer<'a> {
             timer,
             scene,
             options,
+            is_software,
             looks: None,
             list: None,
             residents: Vec::new(),
             passage: None,
             scratch: Scratch::default(),
+            resolver: None,
         })
     }
 
@@ -186,9 +202,23 @@ impl<'a> Renderer<'a> {
         self.looks = None;
     }
 
-    /// How splats become pixels on this device.
+    /// How splats become pixels: as asked for; else by tiles, or by quads where the device is a processor, which spends
+    /// as long on one of a tile's barriers as on a hundred pixels (docs/studies/gpu.md).
     pub fn compositor(&self) -> Compositor {
-        self.options.compositor.unwrap_or(Compositor::Tiles)
+        let can_blend = self.context.device.features().contains(Features::FLOAT32_BLENDABLE);
+        self.options.compositor.unwrap_or(match self.is_software && can_blend {
+            true => Compositor::Quads(Target::Float32),
+            false => Compositor::Tiles,
+        })
+    }
+
+    /// Makes pixels of splats in another way from the next frame on; `None` for the best one.
+    pub fn set_compositor(&mut self, compositor: Option<Compositor>) {
+        self.options.compositor = compositor;
+        // All buffers go, so that the other compositor's do not count towards the budget; the list's lines with them.
+        self.scratch = Scratch::default();
+        self.list = None;
+        self.resolver = None;
     }
 
     /// Draws a frame.
@@ -213,22 +243,41 @@ impl<'a> Renderer<'a> {
         settings: &Settings,
         look: Option<Look>,
     ) -> Result<(Frame, Stats)> {
-        let start = Instant::now();
-        let shot = Shot::new(&self.scene, camera, settings)?;
-        let context = self.context.clone();
-        let (frame, mut stats) = context.watch(|| self.draw(&shot, settings, look))?;
-        stats.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        check_size(settings.size)?;
+        let mut frame = Frame::transparent(settings.size)?;
+        let stats = self.draw(camera, settings, Output::Frame(&mut frame), look)?;
         Ok((frame, stats))
     }
 
-    fn draw(&mut self, shot: &Shot<'a>, settings: &Settings, look: Option<Look>) -> Result<(Frame, Stats)> {
+    /// Draws a frame into a texture, and does not wait for it: the work is handed to the queue that the renderer has.
+    ///
+    /// `settings.size` is the texture's. Splats are not counted and stages not timed.
+    ///
+    /// # Errors
+    /// As [`Renderer::render`].
+    pub fn render_to(&mut self, camera: &Camera, settings: &Settings, canvas: &Canvas) -> Result<Stats> {
+        self.draw(camera, settings, Output::Canvas(canvas), None)
+    }
+
+    fn draw(&mut self, camera: &Camera, settings: &Settings, output: Output, look: Option<Look>) -> Result<Stats> {
+        let start = Instant::now();
+        let shot = Shot::new(&self.scene, camera, settings)?;
+        let context = self.context.clone();
         let mut stats = Stats::default();
-        self.prepare_looks(shot, settings, &mut stats)?;
-        let plan = self.plan(shot, settings)?;
-        self.prepare_list(shot, plan, &mut stats)?;
-        let frame = draw::frame(self, shot, settings, plan, &mut stats, look)?;
+        context.watch(|| {
+            self.prepare_looks(&shot, settings, &mut stats)?;
+            let plan = self.plan(&shot, settings)?;
+            let records = self.prepare_list(&shot, plan, &mut stats)?;
+            draw::frame(self, &shot, settings, plan.for_records(records), output, &mut stats, look)
+        })?;
         stats.vram_bytes = self.vram_bytes();
-        Ok((frame, stats))
+        stats.frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(stats)
+    }
+
+    /// The looks of the frame at hand.
+    fn table(&self) -> &Table<'a> {
+        &self.looks.as_ref().expect("a frame begins with its looks").2
     }
 
     fn plan(&self, shot: &Shot, settings: &Settings) -> Result<Plan> {
@@ -239,6 +288,7 @@ impl<'a> Renderer<'a> {
             size: settings.size,
             tables: Looks::need(&shot.lane, self.scene.transfer.uses_gradient() || shot.lane.shown.is_some()),
             widest: [1, channels.value_bits / 8, channels.normal_bits / 4].into_iter().max().unwrap_or(1).into(),
+            is_software: self.is_software,
         })
     }
 
@@ -254,7 +304,8 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    fn prepare_list(&mut self, shot: &Shot, plan: Plan, stats: &mut Stats) -> Result<()> {
+    /// Gives the list's records.
+    fn prepare_list(&mut self, shot: &Shot, plan: Plan, stats: &mut Stats) -> Result<u64> {
         let start = Instant::now();
         let (axis, key, room) = (shot.order.fast, Key::new(&shot.order), plan.room);
         let fits = |listed: &Listed| listed.axis == axis && listed.room == room && listed.list.key == key;
@@ -264,7 +315,7 @@ impl<'a> Renderer<'a> {
             stats.line_lists = 1;
             stats.line_list_ms = start.elapsed().as_secs_f64() * 1e3;
         }
-        Ok(())
+        Ok(self.list.as_ref().map_or(0, |listed| listed.list.records))
     }
 
     fn vram_bytes(&self) -> u64 {

@@ -12,6 +12,7 @@ use wgpu::{Buffer, BufferUsages};
 use zerocopy::IntoBytes;
 
 use super::context::Context;
+use super::lines::line_count;
 use crate::arena::layout::{TileRecord, line_end_bytes};
 use crate::arena::{Lane, LineEnds};
 use crate::error::{Error, Result};
@@ -90,8 +91,7 @@ fn span(lane: &Lane, tile: &TileRecord) -> Run {
     let lines = tile.lines();
     let first = tile.first_record.get();
     let end = first.saturating_add(lane.tile_records(tile));
-    let all_lines = lane.line_ends.len() + lane.patch.map_or(0, |patch| patch.view().line_ends.len());
-    if end > lane.record_count() || lines.end > all_lines {
+    if end > lane.record_count() || lines.end as u64 > line_count(lane) {
         return Run { lines: 0..0, records: 0..0 };
     }
     Run { lines: lines.start as u64..lines.end as u64, records: first..end }

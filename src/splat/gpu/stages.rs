@@ -15,6 +15,7 @@ use wgpu::{
     ShaderSource, ShaderStages, TextureFormat, VertexState,
 };
 
+use super::Target;
 use super::layout::Chunk;
 use crate::splat::Mode;
 use crate::traverse::Sense;
@@ -27,6 +28,9 @@ pub const SHADERS: [(&str, &str); 5] = [
     ("tile", concat!(include_str!("shaders/common.wgsl"), include_str!("shaders/tile.wgsl"))),
     ("splat", concat!(include_str!("shaders/common.wgsl"), include_str!("shaders/splat.wgsl"))),
 ];
+
+/// Text of what puts pixels into a texture.
+pub(crate) const RESOLVE: &str = concat!(include_str!("shaders/common.wgsl"), include_str!("shaders/resolve.wgsl"));
 
 /// How a pixel takes splats; numbered as in the shaders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,6 +82,28 @@ impl Blend {
             Blend::Maximum => (max, max),
         };
         BlendState { color, alpha }
+    }
+}
+
+impl Target {
+    pub(super) fn format(self) -> TextureFormat {
+        match self {
+            Target::Float32 => TextureFormat::Rgba32Float,
+            Target::Float16 => TextureFormat::Rgba16Float,
+            Target::Unorm8 => TextureFormat::Rgba8Unorm,
+        }
+    }
+
+    pub(super) fn pixel_bytes(self) -> u32 {
+        match self {
+            Target::Float32 => 16,
+            Target::Float16 => 8,
+            Target::Unorm8 => 4,
+        }
+    }
+
+    fn number(self) -> usize {
+        [Target::Float32, Target::Float16, Target::Unorm8].iter().position(|&target| target == self).unwrap_or(0)
     }
 }
 
@@ -147,9 +173,10 @@ impl Stages {
         })
     }
 
-    /// The quads for a way of blending into a target, `place` among the targets; compiled on first use.
-    pub(crate) fn splat(&self, device: &Device, blend: Blend, format: TextureFormat, place: usize) -> &RenderPipeline {
-        self.splats[blend.number()][place].get_or_init(|| {
+    /// The quads for a way of blending into a target; compiled on first use.
+    pub(crate) fn splat(&self, device: &Device, blend: Blend, target: Target) -> &RenderPipeline {
+        self.splats[blend.number()][target.number()].get_or_init(|| {
+            let format = target.format();
             let constants = [("BLEND", blend.number() as f64)];
             let options = || PipelineCompilationOptions { constants: &constants, ..Default::default() };
             let target = ColorTargetState { format, blend: Some(blend.state()), write_mask: ColorWrites::ALL };
