@@ -49,7 +49,7 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
     let text = r#"{ "kind": "range", "low": 1, "opacity": 0.05 }"#;
     let built = phantom("constant", [110, 100, 100], [1.0; 3], transfer(text), 8);
     let lane_bytes = built.lanes[0].view().bytes();
-    let size = [200, 120];
+    let size = [96, 80];
     let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
     let views = [
         ("parallel", orbit(&built, 31.0, 24.0, None, size), SplitForm::default()),
@@ -82,6 +82,7 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
             most - before.min(most)
         ));
         assert!(stats.vram_bytes <= TIGHT);
+        assert_eq!(stats.windows, 1, "{what}");
         assert!(stats.slabs >= 3 && stats.chunks as usize > stats.slabs * stats.windows, "{what}: {stats:?}");
         let largest_slab = lane_bytes / 3;
         assert!(stats.upload_bytes > 0 && largest_slab < TIGHT);
@@ -89,7 +90,8 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
     }
 }
 
-/// A picture whose pixels do not fit either is drawn in windows.
+/// A picture whose pixels do not fit either is drawn in windows. Boxes of splats end at a window's border, and places
+/// counted from there are rounded anew: by units in the last place.
 #[test]
 fn windows_give_the_same_picture() {
     let Some(opened) = own_device() else { return };
@@ -102,7 +104,9 @@ fn windows_give_the_same_picture() {
         let (frame, many, _) = drawn(&opened, &mut renderer(&opened, &built, TIGHT), &camera, &settings, PLENTY);
         assert!(many.vram_bytes <= TIGHT, "{many:?}");
         assert!(one.windows == 1 && many.windows > 1, "{} and {}", one.windows, many.windows);
-        assert!(frame == whole, "{fov:?}: {:?} apart, {:.1} dB", worst(&frame, &whole), psnr(&frame, &whole));
+        let (most, at) = worst(&frame, &whole);
+        say(&format!("{} windows: {most:e} apart", many.windows));
+        assert!(most <= 1e-6, "{fov:?}: {most:e} apart at {at:?}, {:.1} dB", psnr(&frame, &whole));
     }
 }
 
@@ -157,12 +161,12 @@ fn a_line_list_lasts_as_long_as_its_order() {
     let size = [64, 64];
     let settings = Settings::new(size);
     let mut lists = |settings: &Settings, azimuth| {
-        let (_, stats) = renderer.render(&orbit(&built, azimuth, 20.0, None, size), settings).unwrap();
+        let (_, stats) = renderer.render(&orbit(&built, azimuth, 10.0, None, size), settings).unwrap();
         (stats.line_lists, stats.list_bytes > 0)
     };
-    assert_eq!(lists(&settings, 20.0), (1, true));
-    assert_eq!(lists(&settings, 24.0), (0, false), "the same order");
-    assert_eq!(lists(&settings, 27.0), (0, false), "the same order");
+    assert_eq!(lists(&settings, 30.0), (1, true));
+    assert_eq!(lists(&settings, 33.0), (0, false), "the same order");
+    assert_eq!(lists(&settings, 36.0), (0, false), "the same order");
     let ordered = |down| Settings { order: Some(Order::parallel(0, down)), ..settings.clone() };
     assert_eq!(lists(&ordered(0), 20.0).0, 1);
     assert_eq!(lists(&ordered(0b100), 20.0), (0, false), "the fast axis the other way");
@@ -192,15 +196,15 @@ fn a_picture_of_16384_columns() {
     let built = phantom("gyroid", [256, 8, 8], [1.0; 3], transfer(LAYERS), 8);
     let size = [16_384, 64];
     let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
-    let camera = zoomed(&built, 4.0, 3.0, None, 230.0, size);
+    let camera = zoomed(&built, 4.0, 3.0, None, 250.0, size);
     let (want, _) = cpu::render(&scene(&built), &camera, &settings).unwrap();
     for vram in [24 << 20, PLENTY] {
         let (got, stats) = renderer(opened, &built, vram).render(&camera, &settings).unwrap();
         assert!(stats.vram_bytes <= vram);
         let found = psnr(&got, &want);
         say(&format!("16,384 columns in {} windows: {found:.1} dB", stats.windows));
-        let ends = [200, 16_184].map(|column| (0..64).any(|row| want.pixel(column, row)[3] > 0.0));
-        assert_eq!(ends, [true; 2], "it reaches from end to end");
+        let filled = |column| (0..64).any(|row| want.pixel(column, row)[3] > 0.0);
+        assert!((0..1_000).any(filled) && (15_384..16_384).any(filled), "it reaches from end to end");
         assert!(found >= 50.0, "{found:.1} dB, {:?}", worst(&got, &want));
     }
 }

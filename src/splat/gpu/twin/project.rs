@@ -77,8 +77,6 @@ fn unit(shift: i32) -> f32 {
 
 fn place(row: &Row, shift: i32, xyz: [u32; 3]) -> Place {
     let at = xyz.map(|c| c as f32);
-    let whole = row.whole.map(|factor| factor as f32 * unit(shift));
-    let rough = whole[0] * at[0] + whole[1] * at[1] + whole[2] * at[2] + whole[3];
     let sum = whole_sum(row, xyz.map(u32::cast_signed));
     let (mut nearest, mut rest) = (sum, 0.0);
     if shift > 0 {
@@ -87,7 +85,7 @@ fn place(row: &Row, shift: i32, xyz: [u32; 3]) -> Place {
     }
     rest += leftover(row, at);
     let more = rest.round_ties_even();
-    Place { nearest: nearest.wrapping_add(more as i32), rest: rest - more, is_near: rough.abs() < FAR }
+    Place { nearest: nearest.wrapping_add(more as i32), rest: rest - more, is_near: rest.abs() < FAR }
 }
 
 fn coordinate(row: &Row, shift: i32, xyz: [u32; 3]) -> f32 {
