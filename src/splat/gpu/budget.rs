@@ -84,9 +84,10 @@ impl Plan {
             .take_while(|&slots| slots > LEAST_SLOTS)
             .find(|&slots| chunk(slots) <= free / 3 && slots * splat <= most_binding)
             .unwrap_or(LEAST_SLOTS);
+        let most = (free / 3).min(free.saturating_sub(chunk(slots) + LEAST_LANE));
         let fits = |&tile_rows: &u64| {
             let (pixels, masks) = window(tile_rows, slots);
-            pixels + masks <= free / 3 && pixels / 2 <= most_binding && masks <= most_binding
+            pixels + masks <= most && pixels / 2 <= most_binding && masks <= most_binding
         };
         let tile_rows = std::iter::once(all_rows).chain((1..all_rows).rev()).find(fits).unwrap_or(1);
         let left = free.saturating_sub(chunk(slots) + sum(window(tile_rows, slots))).max(LEAST_LANE);
