@@ -73,15 +73,7 @@ impl View {
     /// [`Error::Input`] if a side of `size` is 0, or `near` is not finite and above 0; [`Error::Limit`] if a side is
     /// above [`MAX_SIZE`].
     pub fn new(camera: &Camera, grid: &Grid, size: [u32; 2], kernel: KernelShape, near: Option<f64>) -> Result<View> {
-        for side in size {
-            if side == 0 {
-                return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
-            }
-            if side > MAX_SIZE {
-                let what = "picture size in pixels".to_string();
-                return Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() });
-            }
-        }
+        check_size(size)?;
         if let Some(near) = near.filter(|near| !(near.is_finite() && *near > 0.0)) {
             return Err(Error::input("near distance", format!("is {near}, but must be finite and above 0")));
         }
@@ -190,6 +182,21 @@ impl View {
         // `reach` is the cut-off radius times `forward`.
         self.reach / forward * (x * x + y * y + z * z).sqrt()
     }
+}
+
+/// # Errors
+/// [`Error::Input`] if a side of `size` is 0; [`Error::Limit`] if one is above [`MAX_SIZE`].
+pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
+    for side in size {
+        if side == 0 {
+            return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
+        }
+        if side > MAX_SIZE {
+            let what = "picture size in pixels".to_string();
+            return Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() });
+        }
+    }
+    Ok(())
 }
 
 /// Half-width in pixels that the low-pass can add, at any cut-off in use.

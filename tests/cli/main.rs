@@ -3,6 +3,7 @@
 
 mod arenas;
 mod budgets;
+mod devices;
 mod harness;
 mod hidden;
 mod interrupt;

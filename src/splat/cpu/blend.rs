@@ -101,7 +101,7 @@ impl Blend for Additive {
 
 /// What a voxel's weight is multiplied by before it is capped at 1: cells stay whole, with no dips between voxels, as
 /// long as a kernel is wide enough to weigh more than 1/e at a cell's corner, which takes a sigma of 1/2.
-const WHOLE_CELL: f32 = std::f32::consts::E;
+pub(crate) const WHOLE_CELL: f32 = std::f32::consts::E;
 
 /// The largest normalised value, at full weight over its cell; red holds it, as red's ink is the voxel's value.
 #[derive(Debug, Clone, Copy)]

@@ -5,7 +5,7 @@
 
 pub(crate) mod arith;
 mod band;
-mod blend;
+pub(crate) mod blend;
 mod dispatch;
 mod freeze;
 mod need;

@@ -14,6 +14,9 @@ use crate::error::{Error, Result};
 
 /// Most records of a chunk: enough to keep a large device busy.
 const MOST_SLOTS: u64 = 1 << 20;
+/// The same where the device is a processor. Mesa's llvmpipe, before version 25, ends the loops of an invocation after
+/// 65,535 turns in all and says nothing; a tile that all of these splats meet takes 38,000.
+const MOST_SLOTS_IN_SOFTWARE: u64 = 1 << 17;
 /// Fewest: the longest line.
 const LEAST_SLOTS: u64 = 1 << 16;
 /// Accumulated, and read back.
@@ -38,6 +41,8 @@ pub(crate) struct Question {
     pub(crate) tables: u64,
     /// Bytes of a lane's widest channel per record.
     pub(crate) widest: u64,
+    /// Whether the device is a processor.
+    pub(crate) is_software: bool,
 }
 
 /// The shares.
@@ -57,7 +62,8 @@ impl Plan {
     /// # Errors
     /// [`Error::Limit`] if there is too little for the smallest shares.
     pub(crate) fn new(question: Question) -> Result<Plan> {
-        let Question { ceiling, most_binding, size, tables, widest } = question;
+        let Question { ceiling, most_binding, size, tables, widest, is_software } = question;
+        let most_slots = if is_software { MOST_SLOTS_IN_SOFTWARE } else { MOST_SLOTS };
         let [columns, rows] = size.map(u64::from);
         let base = SMALL + tables + in_flight(ceiling);
         let window = |tile_rows: u64, slots: u64| {
@@ -74,13 +80,14 @@ impl Plan {
         };
         // A third each for chunks and pixels where that is enough; the rest is the lanes'.
         let splat = size_of::<Splat>() as u64;
-        let slots = std::iter::successors(Some(MOST_SLOTS), |slots| Some(slots / 2))
+        let slots = std::iter::successors(Some(most_slots), |slots| Some(slots / 2))
             .take_while(|&slots| slots > LEAST_SLOTS)
             .find(|&slots| chunk(slots) <= free / 3 && slots * splat <= most_binding)
             .unwrap_or(LEAST_SLOTS);
+        let most = (free / 3).min(free.saturating_sub(chunk(slots) + LEAST_LANE));
         let fits = |&tile_rows: &u64| {
             let (pixels, masks) = window(tile_rows, slots);
-            pixels + masks <= free / 3 && pixels / 2 <= most_binding && masks <= most_binding
+            pixels + masks <= most && pixels / 2 <= most_binding && masks <= most_binding
         };
         let tile_rows = std::iter::once(all_rows).chain((1..all_rows).rev()).find(fits).unwrap_or(1);
         let left = free.saturating_sub(chunk(slots) + sum(window(tile_rows, slots))).max(LEAST_LANE);

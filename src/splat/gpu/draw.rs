@@ -327,18 +327,17 @@ impl Job<'_, '_> {
         let lane = &shot.lane;
         if self.list.slabs.len() == 1 {
             let place = renderer.residents.iter().position(|residence| residence.axis == lane.axis);
-            let residence = match place {
-                Some(place) => renderer.residents.remove(place),
+            let kept = place.map(|place| renderer.residents.remove(place));
+            let sizes = Sizes::of(lane, &slab.tiles)?;
+            let need = sizes.total() + LINE_BYTES * line_count(lane);
+            let used = |residents: &[Residence]| residents.iter().map(Residence::bytes).sum::<u64>();
+            while used(&renderer.residents) + need > self.plan.room.bytes && !renderer.residents.is_empty() {
+                renderer.residents.remove(0);
+            }
+            let residence = match kept {
+                Some(residence) => residence,
                 None => {
                     renderer.passage = None;
-                    let sizes = Sizes::of(lane, &slab.tiles)?;
-                    let used = |residents: &[Residence]| residents.iter().map(Residence::bytes).sum::<u64>();
-                    let lists = LINE_BYTES * line_count(lane);
-                    while used(&renderer.residents) + sizes.total() + lists > self.plan.room.bytes
-                        && !renderer.residents.is_empty()
-                    {
-                        renderer.residents.remove(0);
-                    }
                     let residence = Residence::new(context, lane.axis, sizes)?;
                     stats.upload_bytes += residence.upload(context, lane, &slab.tiles)?;
                     residence

@@ -151,16 +151,20 @@ pub struct Splat {
 impl Row {
     /// The row of `map` over a grid of `dims` points, and its shift.
     ///
-    /// Whole numbers of 2^-shift are as fine as the sum's magnitude over the grid allows in 31 bits, so that a
-    /// pixel's coordinate has an error of 2^-31 of its range: THEORY's double precision is not to be had here.
+    /// Whole numbers of 2^-shift are as fine as the sum's magnitude over the grid allows in 31 bits; what they leave over
+    /// is small, so that single precision is enough for it.
     fn new(map: &Affine, dims: [u32; 3]) -> (Row, i32) {
         let reach: f64 = (0..3).map(|a| map[a].abs() * f64::from(dims[a] - 1)).sum::<f64>() + map[3].abs();
-        // A sum of 0 needs no bits; beyond 2^29 pixels there is nothing to see, and nothing to shift.
+        if reach > f64::from(1 << 29) {
+            // So large that a voxel is large too: single precision errs by less than a hundredth of one.
+            return (Row { whole: [0; 4], rest: map.map(|factor| factor as f32) }, 0);
+        }
+        // A sum of 0 needs no bits.
         let shift = (29.0 - reach.max(1e-6).log2().ceil()).clamp(0.0, 30.0);
         let unit = (-shift).exp2();
         let whole = map.map(|factor| (factor / unit).round());
         let rest = std::array::from_fn(|i| (map[i] - whole[i] * unit) as f32);
-        // Sums wrap around: the low 32 bits are what counts.
+        // Along an axis of one point a factor may be anything: it is multiplied by 0.
         (Row { whole: whole.map(|factor| factor.clamp(-9e15, 9e15) as i64 as i32), rest }, shift as i32)
     }
 }

@@ -196,14 +196,13 @@ impl<'a> Open<'a> {
 
     /// What the tiles of `slice` take that are not here yet.
     fn load_of(&self, slice: &[OrderedLine]) -> Load {
+        // Lines of a tile need not come one after the other: with an eye between, two tiles take turns.
+        let mut tiles: Vec<u32> = slice.iter().map(|line| line.tile).collect();
+        tiles.sort_unstable();
+        tiles.dedup();
         let mut load = Load::default();
-        let mut last = None;
-        // Lines of a tile come one after the other.
-        for line in slice {
-            if last != Some(line.tile) && !self.has_tile[line.tile as usize] {
-                load.add(tile_load(self.lane, line.tile));
-            }
-            last = Some(line.tile);
+        for tile in tiles.into_iter().filter(|&tile| !self.has_tile[tile as usize]) {
+            load.add(tile_load(self.lane, tile));
         }
         load
     }

@@ -30,6 +30,7 @@ mod resolve;
 mod scratch;
 pub mod stages;
 mod timing;
+pub mod twin;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -52,6 +53,7 @@ use self::timing::Timer;
 use super::composite::Table;
 use super::frame::Frame;
 use super::shot::Shot;
+use super::view::check_size;
 use super::{Camera, Mode, Scene, Settings};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
@@ -139,8 +141,8 @@ pub struct Renderer<'a> {
     timer: Option<Timer>,
     scene: Scene<'a>,
     options: Options,
-    /// The faster compositor on this device.
-    best: Compositor,
+    /// Whether the device is a processor.
+    is_software: bool,
     /// The tables, and the mode and exposure they are for.
     looks: Option<(Mode, Option<f32>, Table<'a>, Looks)>,
     list: Option<Listed>,
@@ -176,7 +178,7 @@ impl<'a> Renderer<'a> {
             return Err(Error::device(why));
         }
         let context = Arc::new(Context::new(device, queue, in_flight(options.vram)));
-        let best = best_compositor(&context.device);
+        let is_software = context.device.adapter_info().device_type == DeviceType::Cpu;
         let (stages, timer) = context.watch(|| Ok((Stages::new(&context.device), Timer::new(&context)?)))?;
         Ok(Renderer {
             context,
@@ -184,7 +186,7 @@ impl<'a> Renderer<'a> {
             timer,
             scene,
             options,
-            best,
+            is_software,
             looks: None,
             list: None,
             residents: Vec::new(),
@@ -200,15 +202,22 @@ impl<'a> Renderer<'a> {
         self.looks = None;
     }
 
-    /// How splats become pixels: as asked for, or as is best on this device.
+    /// How splats become pixels: as asked for; else by tiles, or by quads where the device is a processor, which spends
+    /// as long on one of a tile's barriers as on a hundred pixels (docs/studies/gpu.md).
     pub fn compositor(&self) -> Compositor {
-        self.options.compositor.unwrap_or(self.best)
+        let can_blend = self.context.device.features().contains(Features::FLOAT32_BLENDABLE);
+        self.options.compositor.unwrap_or(match self.is_software && can_blend {
+            true => Compositor::Quads(Target::Float32),
+            false => Compositor::Tiles,
+        })
     }
 
     /// Makes pixels of splats in another way from the next frame on; `None` for the best one.
     pub fn set_compositor(&mut self, compositor: Option<Compositor>) {
         self.options.compositor = compositor;
+        // All buffers go, so that the other compositor's do not count towards the budget; the list's lines with them.
         self.scratch = Scratch::default();
+        self.list = None;
         self.resolver = None;
     }
 
@@ -234,6 +243,7 @@ impl<'a> Renderer<'a> {
         settings: &Settings,
         look: Option<Look>,
     ) -> Result<(Frame, Stats)> {
+        check_size(settings.size)?;
         let mut frame = Frame::transparent(settings.size)?;
         let stats = self.draw(camera, settings, Output::Frame(&mut frame), look)?;
         Ok((frame, stats))
@@ -278,6 +288,7 @@ impl<'a> Renderer<'a> {
             size: settings.size,
             tables: Looks::need(&shot.lane, self.scene.transfer.uses_gradient() || shot.lane.shown.is_some()),
             widest: [1, channels.value_bits / 8, channels.normal_bits / 4].into_iter().max().unwrap_or(1).into(),
+            is_software: self.is_software,
         })
     }
 
@@ -311,15 +322,5 @@ impl<'a> Renderer<'a> {
         let looks = self.looks.as_ref().map_or(0, |(.., looks)| looks.bytes());
         let passage = self.passage.as_ref().map_or(0, |(_, residence)| residence.bytes());
         looks + passage + self.residents.iter().map(Residence::bytes).sum::<u64>() + self.scratch.bytes()
-    }
-}
-
-/// Tiles; quads where the device is a processor, which spends as long on one of a tile's barriers as on a hundred pixels
-/// (docs/studies/gpu.md).
-fn best_compositor(device: &Device) -> Compositor {
-    let is_software = device.adapter_info().device_type == DeviceType::Cpu;
-    match is_software && device.features().contains(Features::FLOAT32_BLENDABLE) {
-        true => Compositor::Quads(Target::Float32),
-        false => Compositor::Tiles,
     }
 }

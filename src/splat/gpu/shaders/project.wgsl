@@ -59,7 +59,6 @@ fn whole_sum(row: Row, at: vec3<i32>) -> i32 {
 fn place(row: Row, shift: i32, xyz: vec3<u32>) -> Place {
     let at = vec3<f32>(xyz);
     let unit = ldexp(1.0, -shift);
-    let rough = dot(vec4<f32>(row.whole) * unit, vec4<f32>(at, 1.0));
     let sum = whole_sum(row, vec3<i32>(xyz));
     var nearest = sum;
     var rest = 0.0;
@@ -69,7 +68,7 @@ fn place(row: Row, shift: i32, xyz: vec3<u32>) -> Place {
     }
     rest += leftover(row, at);
     let more = round(rest);
-    return Place(nearest + i32(more), rest - more, abs(rough) < FAR);
+    return Place(nearest + i32(more), rest - more, abs(rest) < FAR);
 }
 
 fn coordinate(row: Row, shift: i32, xyz: vec3<u32>) -> f32 {

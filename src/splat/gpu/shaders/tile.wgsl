@@ -50,6 +50,16 @@ fn is_open(pixel: vec4<f32>) -> bool {
     return BLEND != FRONT_TO_BACK || pixel.w >= shot.stop;
 }
 
+// The pixel after splat `j` of the batch; `place`: the pixel in its tile.
+fn composite(pixel: vec4<f32>, j: u32, place: vec2<f32>) -> vec4<f32> {
+    let n = near[j];
+    let depth = depth_at(n.dx + place.x, n.dy + place.y, n.across, n.along, n.shear, n.peak, shot.cut);
+    if depth > 0.0 && is_open(pixel) {
+        return blend(pixel, inks[j], depth);
+    }
+    return pixel;
+}
+
 @compute @workgroup_size(16, 16)
 fn tile(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -99,14 +109,21 @@ fn tile(
             is_done = workgroupUniformLoad(&any_open) == 0u;
             for (var h = 0u; h < 8u && !is_done; h++) {
                 var hit = atomicLoad(&hits[h]);
+                // Four at a time: a turn of the loop costs, and one driver ends loops after 65,535 of them (budget.rs).
                 while hit != 0u {
-                    let j = 32u * h + firstTrailingBit(hit);
+                    pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner);
                     hit &= hit - 1u;
-                    let n = near[j];
-                    let depth = depth_at(
-                        n.dx + from_corner.x, n.dy + from_corner.y, n.across, n.along, n.shear, n.peak, shot.cut);
-                    if depth > 0.0 && is_open(pixel) {
-                        pixel = blend(pixel, inks[j], depth);
+                    if hit != 0u {
+                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner);
+                        hit &= hit - 1u;
+                    }
+                    if hit != 0u {
+                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner);
+                        hit &= hit - 1u;
+                    }
+                    if hit != 0u {
+                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner);
+                        hit &= hit - 1u;
                     }
                 }
             }

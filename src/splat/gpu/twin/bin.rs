@@ -1,0 +1,25 @@
+//! Twin of `shaders/bin.wgsl`: from splats to each tile's mask of batches.
+
+use super::super::layout::{BATCH, NOTHING, Shot, Splat, TILE};
+use super::{high_half, low_half};
+
+/// Sets in `masks`, which are 0, the bit of each batch on each tile that one of its splats' boxes meets.
+///
+/// # Panics
+/// If a splat lies outside the window.
+pub fn bin(shot: &Shot, splats: &[Splat], masks: &mut [u32]) {
+    for (splat, slot) in splats.iter().zip(0u32..) {
+        if splat.columns == NOTHING {
+            continue;
+        }
+        let batch = slot / BATCH;
+        let tile_of = |pixel: i32, first: i32| (pixel - first).cast_unsigned() / TILE;
+        let [x0, y0, ..] = shot.window;
+        for row in tile_of(low_half(splat.rows), y0)..=tile_of(high_half(splat.rows), y0) {
+            for column in tile_of(low_half(splat.columns), x0)..=tile_of(high_half(splat.columns), x0) {
+                let tile = row * shot.tile_columns + column;
+                masks[(tile * shot.mask_words + batch / 32) as usize] |= 1 << (batch % 32);
+            }
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! The stages on the processor: what each shader must do, one file a shader, of the same name.
+//!
+//! In and out: what the shader of that name reads and writes, as slices. Each is the shader line by line, one
+//! invocation after the other; nothing here is fast and nothing is drawn with it: tests/gpu runs a stage and its twin
+//! on the same buffers and compares what they wrote. Arithmetic is in single precision, each step rounded, where a
+//! device may fuse steps and be a few units off in exponentials and roots; whole numbers are equal bit for bit.
+
+pub mod bin;
+pub mod project;
+pub mod splat;
+pub mod tile;
+pub mod walk;
+
+use super::layout::{NOTHING, Splat};
+use crate::splat::cpu::{blend, raster};
+
+/// Largest half-width of a footprint in pixels: the processor's.
+pub const REACH: f32 = raster::REACH;
+/// What a voxel's weight in a maximum is multiplied by before it is capped: the processor's.
+pub const WHOLE_CELL: f32 = blend::WHOLE_CELL;
+
+/// A splat of no pixels.
+const EMPTY: Splat = Splat {
+    columns: NOTHING,
+    rows: NOTHING,
+    corner_x: 0.0,
+    corner_y: 0.0,
+    across: 0.0,
+    along: 0.0,
+    shear: 0.0,
+    peak: 0.0,
+    red: 0.0,
+    green: 0.0,
+    blue: 0.0,
+};
+
+fn low_half(word: u32) -> i32 {
+    (word & 0xffff).cast_signed()
+}
+
+fn high_half(word: u32) -> i32 {
+    (word >> 16).cast_signed()
+}
+
+/// An element of a word, `bits` wide, of an array that starts with `words`; 0 beyond the last.
+fn element(words: &[u32], index: u32, bits: u32) -> u32 {
+    let in_a_word = 32 / bits;
+    let word = words.get((index / in_a_word) as usize).copied().unwrap_or(0);
+    (word >> (bits * (index % in_a_word))) & (u32::MAX >> (32 - bits))
+}
+
+/// `1 - 2^-x` for `x` of 0 to 125.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 125")]
+pub fn absorbed(x: f32) -> f32 {
+    let whole = x.round_ties_even();
+    let f = x - whole;
+    let square = f * f;
+    let low = std::f32::consts::LN_2 + -2.402_265e-1 * f;
+    let middle = 5.550_357_4e-2 + -9.618_237e-3 * f;
+    let high = 1.339_073_5e-3 + -1.540_351_3e-4 * f;
+    let rest = low + square * (middle + square * high);
+    let scale = f32::from_bits(0x3f80_0000 - ((whole as u32) << 23));
+    (1.0 - scale) + scale * (f * rest)
+}
+
+/// Optical depth of a splat at `dx`, `dy` from its centre, in units of ln 2; 0 outside its ellipse.
+pub fn depth_at(dx: f32, dy: f32, splat: &Splat, cut: f32) -> f32 {
+    let u = dx - splat.shear * dy;
+    let q = splat.across * (u * u) + splat.along * (dy * dy);
+    if q <= cut { splat.peak * (-q).exp2() } else { 0.0 }
+}

@@ -1,0 +1,88 @@
+//! Twin of `shaders/splat.wgsl` and of what a device blends: from splats to the pixels of a target.
+
+use half::f16;
+
+use super::super::Target;
+use super::super::layout::{NOTHING, Shot, Splat};
+use super::super::stages::Blend;
+use super::{WHOLE_CELL, absorbed, depth_at, high_half, low_half};
+
+/// Which of the two neighbours a device takes for a value between them: what draws may do either.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rounding {
+    /// The nearest.
+    Nearest,
+    /// The one nearer to 0.
+    TowardZero,
+}
+
+/// Draws `splats`, a chunk's, onto `pixels` of a target, which start as the chunk before left them: for each splat, in
+/// order, the fragments of its box, each blended in single precision and rounded to the target.
+///
+/// # Panics
+/// If a splat lies outside the window, or `pixels` are fewer than it has.
+pub fn splat(
+    shot: &Shot,
+    blend: Blend,
+    (target, rounding): (Target, Rounding),
+    splats: &[Splat],
+    pixels: &mut [[f32; 4]],
+) {
+    let [x0, y0, x1, _] = shot.window;
+    for splat in splats.iter().filter(|splat| splat.columns != NOTHING) {
+        let (left, top) = (low_half(splat.columns), low_half(splat.rows));
+        for y in top..=high_half(splat.rows) {
+            for x in left..=high_half(splat.columns) {
+                let dx = splat.corner_x + (x - left) as f32;
+                let dy = splat.corner_y + (y - top) as f32;
+                let source = fragment(blend, splat, depth_at(dx, dy, splat, shot.cut));
+                let place = (y - y0).cast_unsigned() * (x1 - x0).cast_unsigned() + (x - x0).cast_unsigned();
+                let pixel = &mut pixels[place as usize];
+                *pixel = blended(blend, target, source, *pixel).map(|value| rounded(target, rounding, value));
+            }
+        }
+    }
+}
+
+/// What the shader gives.
+fn fragment(blend: Blend, splat: &Splat, depth: f32) -> [f32; 4] {
+    let ink = [splat.red, splat.green, splat.blue, 1.0];
+    match blend {
+        Blend::Maximum => ink.map(|ink| ink.min(depth * WHOLE_CELL)),
+        Blend::Additive => ink.map(|ink| ink * depth),
+        Blend::FrontToBack | Blend::BackToFront => ink.map(|ink| ink * absorbed(depth)),
+    }
+}
+
+/// What the blend state makes of it; a target of whole numbers takes no source outside 0 to 1.
+fn blended(blend: Blend, target: Target, source: [f32; 4], pixel: [f32; 4]) -> [f32; 4] {
+    let source = if target == Target::Unorm8 { source.map(|value| value.clamp(0.0, 1.0)) } else { source };
+    let [sr, sg, sb, sa] = source;
+    let [r, g, b, a] = pixel;
+    match blend {
+        Blend::FrontToBack => [sr * a + r, sg * a + g, sb * a + b, a * (1.0 - sa)],
+        Blend::BackToFront => [sr + r * (1.0 - sa), sg + g * (1.0 - sa), sb + b * (1.0 - sa), a * (1.0 - sa)],
+        Blend::Additive => [sr + r, sg + g, sb + b, sa + a],
+        Blend::Maximum => [sr.max(r), sg.max(g), sb.max(b), sa.max(a)],
+    }
+}
+
+/// The value as the target holds it.
+fn rounded(target: Target, rounding: Rounding, value: f32) -> f32 {
+    match target {
+        Target::Float32 => value,
+        Target::Float16 => {
+            let nearest = f16::from_f32(value);
+            let is_farther = nearest.to_f32().abs() > value.abs();
+            match rounding {
+                Rounding::TowardZero if is_farther => f16::from_bits(nearest.to_bits() - 1).to_f32(),
+                _ => nearest.to_f32(),
+            }
+        }
+        Target::Unorm8 => {
+            let steps = value.clamp(0.0, 1.0) * 255.0;
+            let whole = if rounding == Rounding::Nearest { steps.round_ties_even() } else { steps.floor() };
+            whole / 255.0
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! Rendering on graphics devices through the program: what is there, what is asked for, what is said when it cannot be.
+//!
+//! Cannot catch: what hardware does; the pictures themselves are judged by tests/gpu.
+#![cfg(feature = "gpu")]
+
+use std::path::Path;
+use std::process::Command;
+
+use super::harness::{Folder, Ran, program, skipped};
+
+/// The program where a display server's complaints do not mix with its own.
+fn adj(folder: &Folder, line: &str, environment: &[(&str, &str)]) -> Ran {
+    let mut command: Command = program();
+    command.current_dir(folder.path()).args(line.split_whitespace()).env("XDG_RUNTIME_DIR", folder.path());
+    command.envs(environment.iter().copied());
+    Ran::new(&command.output().expect("the program was built"))
+}
+
+/// Whether there is a device; says so where there is none, and fails under `ADJ_GPU=require`.
+fn has_device(folder: &Folder) -> bool {
+    let has = adj(folder, "devices", &[]).code == Some(0);
+    if !has {
+        assert!(std::env::var("ADJ_GPU").as_deref() != Ok("require"), "no graphics device, but ADJ_GPU=require");
+        skipped("no graphics device");
+    }
+    has
+}
+
+fn samples(path: &Path) -> Vec<u8> {
+    let decoder = png::Decoder::new(std::io::BufReader::new(std::fs::File::open(path).expect("it was written")));
+    let mut reader = decoder.read_info().expect("a PNG");
+    let mut bytes = vec![0; reader.output_buffer_size().expect("a small picture")];
+    reader.next_frame(&mut bytes).expect("a frame");
+    bytes
+}
+
+#[test]
+fn devices_are_listed_for_people_and_for_programs() {
+    let folder = Folder::new();
+    if !has_device(&folder) {
+        return;
+    }
+    let list = adj(&folder, "devices", &[]).done();
+    let rows = adj(&folder, "devices --json", &[]).json();
+    let names: Vec<&str> =
+        rows["devices"].as_array().expect("rows").iter().map(|row| row["name"].as_str().expect("a name")).collect();
+    assert_eq!(list.lines().count(), names.len());
+    for (line, name) in list.lines().zip(&names) {
+        assert!(line.starts_with(name), "{line}");
+    }
+}
+
+#[test]
+fn a_device_draws_what_the_processor_draws() {
+    let folder = Folder::new();
+    if !has_device(&folder) {
+        return;
+    }
+    adj(&folder, "build phantom:gyroid --dims 40x36x32 -o g.adj", &[]).done();
+    let view = "render g.adj --size 90x70 --azimuth 30 --elevation 20 --perspective 35 --quality high";
+    adj(&folder, &format!("{view} --renderer cpu -o cpu.png"), &[]).done();
+    for compositor in ["tiles", "quads"] {
+        let line = format!("{view} --renderer gpu --compositor {compositor} -o gpu.png --stats s.json --vram 16MiB");
+        let said = adj(&folder, &line, &[]).done();
+        assert!(said.contains(", by "), "the device is not named: {said}");
+        let (a, b) = (samples(&folder.file("cpu.png")), samples(&folder.file("gpu.png")));
+        // A rounding of single precision may tip a sample of 8 bits; early termination is below a hundredth of one.
+        let largest = a.iter().zip(&b).map(|(a, b)| a.abs_diff(*b)).max();
+        assert!(largest <= Some(1), "{compositor}: {largest:?}");
+        let text = std::fs::read_to_string(folder.file("s.json")).expect("it was written");
+        let stats: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!(stats["renderer"], "gpu");
+        assert!(stats["adapter"].is_string() && stats["compositor"][0].as_str().expect("text").starts_with(compositor));
+        assert_eq!(stats["line_lists"][0], 1);
+        assert!(stats["vram_bytes"][0].as_u64().expect("a number") <= 16 << 20);
+        for name in ["upload_ms", "line_list_ms", "walk_ms", "project_ms", "splat_ms", "read_back_ms"] {
+            assert!(stats[name][0].is_number(), "{name}");
+        }
+    }
+}
+
+#[test]
+fn few_bits_are_used_only_when_asked_for_and_their_error_is_told() {
+    let folder = Folder::new();
+    if !has_device(&folder) {
+        return;
+    }
+    adj(&folder, "build phantom:vessels --dims 32x32x32 -o v.adj", &[]).done();
+    let ran = adj(&folder, "render v.adj -o v.png --size 60x60 --renderer gpu --accumulate 8 --stats s.json", &[]);
+    assert!(ran.stderr.contains("accumulating in few bits changed the first picture by up to 0."), "{}", ran.stderr);
+    ran.done();
+    let text = std::fs::read_to_string(folder.file("s.json")).expect("it was written");
+    let stats: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    let largest = stats["accumulation_error"][0]["largest"].as_f64().expect("a number");
+    assert!(largest > 0.001 && largest < 0.5, "{largest}");
+    adj(&folder, "render v.adj -o w.png --renderer gpu --accumulate 16 --compositor tiles", &[])
+        .refused(&["--accumulate", "is for quads"]);
+}
+
+#[test]
+fn a_device_that_is_not_there_is_refused_in_one_line() {
+    let folder = Folder::new();
+    adj(&folder, "build phantom:gyroid --dims 16x16x16 -o g.adj", &[]).done();
+    let none =
+        [("VK_DRIVER_FILES", "/nowhere.json"), ("VK_ICD_FILENAMES", "/nowhere.json"), ("WGPU_BACKEND", "vulkan")];
+    adj(&folder, "render g.adj -o g.png --renderer gpu", &none).refused(&["graphics device", "--renderer cpu"]);
+    assert_eq!(adj(&folder, "devices", &none).code, Some(1));
+    adj(&folder, "render g.adj -o g.png --size 20x20", &none).done();
+    let all = folder.names();
+    assert_eq!(all, ["g.adj", "g.png"]);
+    if has_device(&folder) {
+        adj(&folder, "render g.adj -o h.png --renderer gpu --adapter abacus", &[])
+            .refused(&["none is called \"abacus\"", "there are: "]);
+        adj(&folder, "render g.adj -o h.png", &[("WGPU_ADAPTER_NAME", "abacus")]).done();
+    }
+}
+
+#[test]
+fn flags_out_of_place() {
+    let folder = Folder::new();
+    adj(&folder, "build phantom:gyroid --dims 16x16x16 -o g.adj", &[]).done();
+    for (flags, parts) in [
+        ("--renderer gpu --vram 1MiB", &["--vram", "at least 16MiB"]),
+        ("--renderer gpu --vram much", &["--vram", "must be a size"]),
+        ("--renderer gpu --memory 256MiB", &["--memory", "graphics driver"]),
+        ("--renderer tpu", &["tpu", "gpu"]),
+        ("--accumulate 12", &["12", "16"]),
+    ] {
+        adj(&folder, &format!("render g.adj -o g.png {flags}"), &[]).refused(parts);
+    }
+    assert_eq!(folder.names(), ["g.adj"]);
+}

@@ -1,0 +1,51 @@
+//! The device that the tests run on.
+
+use std::io::Write as _;
+use std::sync::OnceLock;
+
+use adjsplat::splat::gpu::adapter::{Opened, open};
+use bytemuck::Pod;
+use wgpu::{Buffer, BufferDescriptor, BufferUsages, Device, MapMode, PollType, Queue};
+
+/// The device that most tests share; `None`, said loudly, where there is none.
+pub(crate) fn device() -> Option<&'static Opened> {
+    static SHARED: OnceLock<Option<Opened>> = OnceLock::new();
+    SHARED.get_or_init(own_device).as_ref()
+}
+
+/// A device of the test's own.
+pub(crate) fn own_device() -> Option<Opened> {
+    match open(None) {
+        Ok(opened) => {
+            let facts = &opened.facts;
+            say(&format!("tests/gpu runs on {} ({}, {})", facts.name, facts.backend, facts.driver));
+            Some(opened)
+        }
+        Err(fault) => {
+            let required = std::env::var("ADJ_GPU").is_ok_and(|value| value == "require");
+            assert!(!required, "ADJ_GPU=require, but: {fault}");
+            say(&format!("SKIPPED: a test of the graphics renderer: {fault}"));
+            None
+        }
+    }
+}
+
+/// Straight to the stream, so that it shows although the test passes.
+pub(crate) fn say(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
+}
+
+/// What a buffer holds.
+pub(crate) fn read<T: Pod>(device: &Device, queue: &Queue, buffer: &Buffer) -> Vec<T> {
+    let size = buffer.size();
+    let usage = BufferUsages::MAP_READ | BufferUsages::COPY_DST;
+    let back = device.create_buffer(&BufferDescriptor { label: None, size, usage, mapped_at_creation: false });
+    let mut encoder = device.create_command_encoder(&Default::default());
+    encoder.copy_buffer_to_buffer(buffer, 0, &back, 0, None);
+    queue.submit([encoder.finish()]);
+    back.slice(..).map_async(MapMode::Read, |result| result.expect("the device maps its buffers"));
+    device.poll(PollType::wait_indefinitely()).expect("the device answers");
+    let bytes = back.slice(..).get_mapped_range().expect("it is mapped").to_vec();
+    let whole = bytes.len() - bytes.len() % size_of::<T>();
+    bytemuck::pod_collect_to_vec(&bytes[..whole])
+}

@@ -1,0 +1,25 @@
+//! The renderer on graphics devices, judged stage by stage and by its pictures.
+//!
+//! - `layout`: Rust, WGSL and the format's tables lay records out alike, and know the same constants. No device.
+//! - `stages`: each stage's buffers against its twin on the processor, chunk by chunk.
+//! - `pictures`: frames against the processor's, over phantoms and real sets, in all modes and orders.
+//! - `targets`: what quads lose in targets of 16 and 8 bits, and tiles do not.
+//! - `memory`: slabs, windows and chunks change no bit; video memory stays below its ceiling.
+//! - `damage`: lanes of random bytes end.
+//!
+//! Without a device all but `layout` say so and pass; `ADJ_GPU=require` makes that a failure. `WGPU_ADAPTER_NAME`
+//! and `VK_DRIVER_FILES` choose the device. What they cannot catch: a twin that is wrong as its shader is, but for
+//! what the pictures of the processor show.
+
+#![cfg(feature = "gpu")]
+#![allow(clippy::cast_possible_truncation, reason = "small numbers, and single precision is the renderers'")]
+
+mod compare;
+mod damage;
+mod device;
+mod layout;
+mod memory;
+mod pictures;
+mod scenes;
+mod stages;
+mod targets;

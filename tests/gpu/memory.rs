@@ -1,0 +1,210 @@
+//! Video memory: below its ceiling, whatever the structure; and no bit of a picture depends on it.
+
+use adjsplat::Error;
+use adjsplat::arena::builder::Built;
+use adjsplat::splat::gpu::adapter::Opened;
+use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats};
+use adjsplat::splat::{Camera, Frame, Lanes as _, Quality, Settings, cpu};
+use adjsplat::traverse::{Order, SplitForm};
+use adjsplat::volume::Axis;
+
+use crate::compare::{psnr, shows, worst};
+use crate::device::{device, own_device, say};
+use crate::scenes::{LAYERS, inside, orbit, phantom, scene, transfer, zoomed};
+
+/// Leaves about 1 MiB for a lane, beside chunks of 65,536 records and half of a small picture.
+const TIGHT: u64 = 7 << 20;
+const PLENTY: u64 = 512 << 20;
+
+fn renderer<'a>(opened: &Opened, built: &'a Built, vram: u64) -> Renderer<'a> {
+    let options = Options { vram, compositor: Some(Compositor::Tiles) };
+    Renderer::new(opened.device.clone(), opened.queue.clone(), scene(built), options).unwrap()
+}
+
+/// Bytes that the device has given out, where it says so.
+fn allocated(opened: &Opened) -> u64 {
+    opened.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes)
+}
+
+/// Draws, and holds the memory in use after each chunk to `vram`.
+fn drawn(
+    opened: &Opened,
+    renderer: &mut Renderer,
+    camera: &Camera,
+    settings: &Settings,
+    vram: u64,
+) -> (Frame, Stats, u64) {
+    let mut most = 0;
+    let mut look = |_: &adjsplat::splat::gpu::probe::Probe| most = most.max(allocated(opened));
+    let (frame, stats) = renderer.render_probed(camera, settings, Some(&mut look)).unwrap();
+    assert!(stats.vram_bytes <= vram, "{} bytes of {vram}: {stats:?}", stats.vram_bytes);
+    assert!(most <= vram, "the device gave out {most} bytes of {vram}");
+    (frame, stats, most)
+}
+
+/// 4 bytes a record: 4 MB of them, of which there is room for 1.
+#[test]
+fn a_structure_that_is_too_large_gives_the_same_picture() {
+    let Some(opened) = own_device() else { return };
+    let text = r#"{ "kind": "range", "low": 1, "opacity": 0.05 }"#;
+    let built = phantom("constant", [110, 100, 100], [1.0; 3], transfer(text), 8);
+    let lane_bytes = built.lanes[0].view().bytes();
+    let size = [96, 80];
+    let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
+    let views = [
+        ("parallel", orbit(&built, 31.0, 24.0, None, size), SplitForm::default()),
+        ("inside, in turn", inside(&built, [50.3, 44.5, 61.0], [1.0, 0.4, 0.2]), SplitForm::Interleaved),
+        ("inside, split", inside(&built, [50.3, 44.5, 61.0], [0.1, 0.3, -1.0]), SplitForm::Split),
+    ];
+    // One after the other: the two would share a device's memory.
+    let whole: Vec<Frame> = {
+        let mut renderer = renderer(&opened, &built, PLENTY);
+        let frame = |(what, camera, form): &(&str, Camera, SplitForm)| {
+            let settings = Settings { form: *form, ..settings.clone() };
+            let (frame, stats, _) = drawn(&opened, &mut renderer, camera, &settings, PLENTY);
+            assert_eq!((stats.slabs, stats.windows), (1, 1), "{what}");
+            assert!(shows(&frame));
+            frame
+        };
+        views.iter().map(frame).collect()
+    };
+    let before = allocated(&opened);
+    let mut renderer = renderer(&opened, &built, TIGHT);
+    for ((what, camera, form), whole) in views.iter().zip(&whole) {
+        let settings = Settings { form: *form, ..settings.clone() };
+        let (frame, stats, most) = drawn(&opened, &mut renderer, camera, &settings, TIGHT + before);
+        say(&format!(
+            "{what}: {} slabs, {} windows, {} chunks, {} bytes of {TIGHT} by its own count, {} by the device's",
+            stats.slabs,
+            stats.windows,
+            stats.chunks,
+            stats.vram_bytes,
+            most - before.min(most)
+        ));
+        assert!(stats.vram_bytes <= TIGHT);
+        assert_eq!(stats.windows, 1, "{what}");
+        assert!(stats.slabs >= 3 && stats.chunks as usize > stats.slabs * stats.windows, "{what}: {stats:?}");
+        let largest_slab = lane_bytes / 3;
+        assert!(stats.upload_bytes > 0 && largest_slab < TIGHT);
+        assert!(frame == *whole, "{what}: {:?} apart, {:.1} dB", worst(&frame, whole), psnr(&frame, whole));
+    }
+}
+
+/// A picture whose pixels do not fit either is drawn in windows. Boxes of splats end at a window's border, and places
+/// counted from there are rounded anew: by units in the last place.
+#[test]
+fn windows_give_the_same_picture() {
+    let Some(opened) = own_device() else { return };
+    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LAYERS), 8);
+    let size = [300, 280];
+    let settings = Settings { quality: Quality::High, ..Settings::new(size) };
+    for fov in [None, Some(50.0)] {
+        let camera = orbit(&built, 31.0, 24.0, fov, size);
+        let (whole, one, _) = drawn(&opened, &mut renderer(&opened, &built, PLENTY), &camera, &settings, PLENTY);
+        let (frame, many, _) = drawn(&opened, &mut renderer(&opened, &built, TIGHT), &camera, &settings, PLENTY);
+        assert!(many.vram_bytes <= TIGHT, "{many:?}");
+        assert!(one.windows == 1 && many.windows > 1, "{} and {}", one.windows, many.windows);
+        let (most, at) = worst(&frame, &whole);
+        say(&format!("{} windows: {most:e} apart", many.windows));
+        assert!(most <= 1e-6, "{fov:?}: {most:e} apart at {at:?}, {:.1} dB", psnr(&frame, &whole));
+    }
+}
+
+#[test]
+fn pictures_of_other_sizes_one_after_the_other_stay_within() {
+    let Some(opened) = own_device() else { return };
+    let built = phantom("gyroid", [64, 64, 64], [1.0; 3], transfer(LAYERS), 8);
+    let vram = 12 << 20;
+    let mut renderer = renderer(&opened, &built, vram);
+    for size in [[32, 32], [400, 300], [220, 220], [16, 300], [100, 100]] {
+        let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
+        for (azimuth, elevation) in [(10.0, 5.0), (80.0, 5.0), (10.0, 80.0)] {
+            let camera = orbit(&built, azimuth, elevation, None, size);
+            let (_, stats, _) = drawn(&opened, &mut renderer, &camera, &settings, vram);
+            assert!(stats.vram_bytes <= vram);
+        }
+    }
+}
+
+#[test]
+fn a_lane_is_uploaded_once_as_it_is() {
+    let Some(opened) = device() else { return };
+    for bits in [8, 16] {
+        let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LAYERS), bits);
+        let mut renderer = renderer(opened, &built, PLENTY);
+        let size = [64, 64];
+        let settings = Settings::new(size);
+        for (azimuth, elevation, axis) in [(10.0, 5.0, Axis::Z), (10.0, 5.0, Axis::Z)] {
+            let camera = orbit(&built, azimuth, elevation, None, size);
+            let (_, first) = renderer.render(&camera, &settings).unwrap();
+            let (_, second) = renderer.render(&camera, &settings).unwrap();
+            let lane = built.lanes.lane(axis).unwrap();
+            assert!([0, lane.bytes()].contains(&first.upload_bytes), "{first:?}");
+            assert_eq!(second.upload_bytes, 0);
+        }
+        let mut fresh = self::renderer(opened, &built, PLENTY);
+        for (nesting, axis) in [(0, Axis::Z), (1, Axis::Y), (3, Axis::X)] {
+            let settings = Settings { order: Some(Order::parallel(nesting, 0)), ..settings.clone() };
+            let camera = orbit(&built, 10.0, 5.0, None, size);
+            let bytes = built.lanes.lane(axis).unwrap().bytes();
+            assert_eq!(fresh.render(&camera, &settings).unwrap().1.upload_bytes, bytes, "{bits} bits, {axis:?}");
+            assert_eq!(fresh.render(&camera, &settings).unwrap().1.upload_bytes, 0, "{bits} bits, {axis:?}");
+        }
+    }
+}
+
+#[test]
+fn a_line_list_lasts_as_long_as_its_order() {
+    let Some(opened) = device() else { return };
+    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LAYERS), 8);
+    let mut renderer = renderer(opened, &built, PLENTY);
+    let size = [64, 64];
+    let settings = Settings::new(size);
+    let mut lists = |settings: &Settings, azimuth| {
+        let (_, stats) = renderer.render(&orbit(&built, azimuth, 10.0, None, size), settings).unwrap();
+        (stats.line_lists, stats.list_bytes > 0)
+    };
+    assert_eq!(lists(&settings, 30.0), (1, true));
+    assert_eq!(lists(&settings, 33.0), (0, false), "the same order");
+    assert_eq!(lists(&settings, 36.0), (0, false), "the same order");
+    let ordered = |down| Settings { order: Some(Order::parallel(0, down)), ..settings.clone() };
+    assert_eq!(lists(&ordered(0), 20.0).0, 1);
+    assert_eq!(lists(&ordered(0b100), 20.0), (0, false), "the fast axis the other way");
+    assert_eq!(lists(&ordered(0b010), 20.0), (1, true), "the medium axis the other way");
+    assert_eq!(lists(&ordered(0b011), 20.0), (1, true), "the slow axis the other way");
+}
+
+#[test]
+fn too_little_video_memory_is_a_clear_error() {
+    let Some(opened) = device() else { return };
+    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LAYERS), 8);
+    let size = [64, 64];
+    for vram in [0, 1, 1 << 20, 4 << 20] {
+        match renderer(opened, &built, vram).render(&orbit(&built, 0.0, 0.0, None, size), &Settings::new(size)) {
+            Err(Error::Limit { what, need, have }) => {
+                assert!(what.contains("--vram") && need > have && have == vram, "{what}: {need}, {have}");
+            }
+            other => panic!("{vram} bytes: {other:?}"),
+        }
+    }
+}
+
+/// The largest number of columns, which no device need have for a texture.
+#[test]
+fn a_picture_of_16384_columns() {
+    let Some(opened) = device() else { return };
+    let built = phantom("gyroid", [256, 8, 8], [1.0; 3], transfer(LAYERS), 8);
+    let size = [16_384, 64];
+    let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
+    let camera = zoomed(&built, 4.0, 3.0, None, 250.0, size);
+    let (want, _) = cpu::render(&scene(&built), &camera, &settings).unwrap();
+    for vram in [24 << 20, PLENTY] {
+        let (got, stats) = renderer(opened, &built, vram).render(&camera, &settings).unwrap();
+        assert!(stats.vram_bytes <= vram);
+        let found = psnr(&got, &want);
+        say(&format!("16,384 columns in {} windows: {found:.1} dB", stats.windows));
+        let filled = |column| (0..64).any(|row| want.pixel(column, row)[3] > 0.0);
+        assert!((0..1_000).any(filled) && (15_384..16_384).any(filled), "it reaches from end to end");
+        assert!(found >= 50.0, "{found:.1} dB, {:?}", worst(&got, &want));
+    }
+}

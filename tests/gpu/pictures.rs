@@ -1,0 +1,271 @@
+//! Frames against the processor's: at least 50 dB over the pixels that show something.
+//!
+//! Both splat the same voxels in the same order, with the same footprints and the same exponential; what is left are
+//! single precision's roundings, places of perspective views (double precision there, single here), which differ by
+//! some 1e-4 pixels, and pixels on the very edge of a footprint. Most pictures agree to more than 80 dB.
+
+use adjsplat::arena::builder::Built;
+use adjsplat::arena::{Arena, LaneSet, Overlay, OwnedLane};
+use adjsplat::classify::TransferFunction;
+use adjsplat::file::arena_bytes;
+use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
+use adjsplat::splat::{Camera, Lighting, Mode, Quality, Scene, Settings, cpu};
+use adjsplat::traverse::{Order, Sense, SplitForm, VoxelBox};
+
+use crate::compare::{psnr, shows, worst};
+use crate::device::{device, say};
+use crate::scenes::{EDGES, LAYERS, block, inside, orbit, phantom, real, real_volumes, scene, transfer, zoomed};
+
+const LEAST_DB: f64 = 50.0;
+
+/// Ways of making pixels that must give the processor's picture: those that add up in 32 bits.
+fn compositors() -> Vec<Compositor> {
+    let blends = device().is_some_and(|opened| opened.facts.blends_float32);
+    let quads = blends.then_some(Compositor::Quads(Target::Float32));
+    if !blends {
+        say("SKIPPED: quads in 32 bits, which this device does not blend");
+    }
+    std::iter::once(Compositor::Tiles).chain(quads).collect()
+}
+
+/// Holds the device's frames to the processor's.
+fn check(what: &str, scene: Scene, views: &[(Camera, Settings)]) {
+    let Some(opened) = device() else { return };
+    for compositor in compositors() {
+        let options = Options { vram: 512 << 20, compositor: Some(compositor) };
+        let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene, options).unwrap();
+        let mut least = f64::INFINITY;
+        for (camera, settings) in views {
+            let (want, _) = cpu::render(&scene, camera, settings).unwrap();
+            let (got, _) = renderer.render(camera, settings).unwrap();
+            assert!(shows(&want), "{what}: shows nothing");
+            let (found, (most, at)) = (psnr(&got, &want), worst(&got, &want));
+            least = least.min(found);
+            assert!(found >= LEAST_DB, "{what}, {compositor:?}: {found:.1} dB, {most} at {at:?}: {settings:?}");
+        }
+        say(&format!("{what}, {compositor:?}: at least {least:.1} dB in {} views", views.len()));
+    }
+}
+
+fn check_one(what: &str, built: &Built, camera: Camera, settings: Settings) {
+    check(what, scene(built), &[(camera, settings)]);
+}
+
+fn high(size: [u32; 2]) -> Settings {
+    Settings { quality: Quality::High, ..Settings::new(size) }
+}
+
+fn gyroid(dims: [u64; 3], spacing: [f64; 3]) -> Built {
+    phantom("gyroid", dims, spacing, transfer(LAYERS), 8)
+}
+
+#[test]
+fn all_48_orders() {
+    let built = gyroid([20, 24, 22], [1.0, 1.2, 0.9]);
+    let size = [64, 64];
+    let camera = orbit(&built, 31.0, 24.0, None, size);
+    let orders = (0..6).flat_map(|nesting| (0..8).map(move |down| Order::parallel(nesting, down)));
+    let settings = orders.map(|order| Settings { order: Some(order), ..high(size) });
+    check("orders", scene(&built), &settings.map(|settings| (camera, settings)).collect::<Vec<_>>());
+}
+
+#[test]
+fn modes_shading_and_crops() {
+    let built = gyroid([44, 48, 40], [1.0; 3]);
+    let size = [112, 96];
+    let cameras = [orbit(&built, 31.0, 24.0, None, size), orbit(&built, 200.0, -35.0, Some(50.0), size)];
+    let base = high(size);
+    let crop = Some(VoxelBox { low: [8, 0, 13], high: [40, 30, 39] });
+    let glossy = Lighting { ambient: 0.1, diffuse: 0.5, specular: 1.0, shininess: 90, toward_light: [1.0, 1.0, 0.2] };
+    let settings = [
+        base.clone(),
+        Settings { sense: Sense::BackToFront, ..base.clone() },
+        Settings { mode: Mode::Additive, ..base.clone() },
+        Settings { mode: Mode::Additive, exposure: None, ..base.clone() },
+        Settings { mode: Mode::Maximum, ..base.clone() },
+        Settings { mode: Mode::MaximumGrey, ..base.clone() },
+        Settings { lighting: None, ..base.clone() },
+        Settings { lighting: Some(glossy), ..base.clone() },
+        Settings { crop, ..base.clone() },
+        Settings { quality: Quality::Draft, termination: Some(0.0), ..base.clone() },
+        Settings { quality: Quality::Reference, ..base },
+    ];
+    let views = cameras.iter().flat_map(|camera| settings.iter().map(|settings| (*camera, settings.clone())));
+    check("modes", scene(&built), &views.collect::<Vec<_>>());
+}
+
+#[test]
+fn eyes_outside_inside_and_on_a_voxel() {
+    let built = gyroid([40, 44, 36], [1.0, 1.0, 1.3]);
+    let size = [96, 80];
+    let mut views = vec![(orbit(&built, 31.0, 24.0, Some(40.0), size), high(size))];
+    for (eye, toward) in [
+        ([20.3, 21.7, 18.1], [1.0, 0.5, -0.2]),
+        ([20.5, 22.0, 18.0], [-0.3, 1.0, 0.6]),
+        ([20.0, 22.0, 18.0], [0.2, 0.1, 1.0]),
+        ([-3.0, 20.0, 18.5], [1.0, 0.1, 0.0]),
+    ] {
+        for form in [SplitForm::Split, SplitForm::Interleaved] {
+            for sense in [Sense::FrontToBack, Sense::BackToFront] {
+                views.push((inside(&built, eye, toward), Settings { form, sense, ..high(size) }));
+            }
+        }
+    }
+    check("eyes", scene(&built), &views);
+}
+
+#[test]
+fn anisotropic_and_mirrored_grids() {
+    let flat = gyroid([48, 44, 8], [1.0, 1.0, 20.0]);
+    let size = [96, 96];
+    let views = |built: &Built| {
+        let camera = |fov| orbit(built, 31.0, 24.0, fov, size);
+        vec![(camera(None), high(size)), (camera(Some(50.0)), high(size))]
+    };
+    check("1:1:20", scene(&flat), &views(&flat));
+    let mut mirrored = gyroid([40, 36, 32], [1.0, 1.5, 0.8]);
+    mirrored.facts.grid.direction = [[-1.0, 0.0, 0.0], [0.0, 0.6, 0.8], [0.0, 0.8, -0.6]];
+    mirrored.facts.grid.origin = [30.0, -200.0, 7.0];
+    check("mirrored", scene(&mirrored), &views(&mirrored));
+}
+
+#[test]
+fn widths_of_channels_and_gradients() {
+    let size = [96, 96];
+    for (what, text, bits) in
+        [("16 bits", LAYERS, 16), ("gradient, 8 bits", EDGES, 8), ("gradient, 16 bits", EDGES, 16)]
+    {
+        let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(text), bits);
+        let views = [
+            (orbit(&built, 31.0, 24.0, None, size), high(size)),
+            (orbit(&built, 131.0, -24.0, Some(60.0), size), high(size)),
+        ];
+        check(what, scene(&built), &views);
+    }
+}
+
+#[test]
+fn another_transfer_function() {
+    let Some(opened) = device() else { return };
+    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(EDGES), 8);
+    let size = [96, 96];
+    let (camera, settings) = (orbit(&built, 31.0, 24.0, None, size), high(size));
+    let sheet = TransferFunction::range(110.0, 140.0).unwrap().with_shaded(false);
+    let edges = transfer(&EDGES.replace("#20c040", "#f0c040").replace("0.6", "0.3"));
+    let options = Options { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
+    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene(&built), options).unwrap();
+    let (_, first) = renderer.render(&camera, &settings).unwrap();
+    assert!(first.upload_bytes > 0);
+    for (what, other) in [("sheet", &sheet), ("edges", &edges)] {
+        renderer.set_transfer(other);
+        let (got, stats) = renderer.render(&camera, &settings).unwrap();
+        let (want, _) = cpu::render(&Scene { transfer: other, ..scene(&built) }, &camera, &settings).unwrap();
+        assert!(psnr(&got, &want) >= LEAST_DB, "{what}: {}", psnr(&got, &want));
+        assert_eq!(stats.upload_bytes, 0, "{what}: the lane stays on the device");
+    }
+}
+
+#[test]
+fn overlays_with_edits_and_with_fewer_voxels_shown() {
+    for text in [LAYERS, EDGES] {
+        let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(text), 8);
+        let bytes = arena_bytes(&built.facts, &built.lanes, "{}");
+        let lanes = LaneSet::new(Arena::new(&bytes).unwrap(), None);
+        let mut overlay = Overlay::new(&lanes);
+        let size = [96, 96];
+        let views = [
+            (orbit(&built, 31.0, 24.0, None, size), high(size)),
+            (orbit(&built, 131.0, 64.0, Some(60.0), size), high(size)),
+        ];
+        let record = lanes_record(&built);
+        for k in 0..400u32 {
+            overlay.insert([k % 20 + 5, k * 7 % 44, k * 3 % 36], record).unwrap();
+            overlay.remove([k * 5 % 40, k * 11 % 44, k % 36]).unwrap();
+        }
+        let edited = |overlay: &Overlay| {
+            let facts = overlay.facts().unwrap();
+            check("overlay", Scene { facts: &facts, lanes: overlay, transfer: &built.transfer }, &views);
+        };
+        edited(&overlay);
+        overlay.set_opacity_threshold(&built.transfer, 0.3).unwrap();
+        edited(&overlay);
+    }
+}
+
+/// Some voxel's record.
+fn lanes_record(built: &Built) -> adjsplat::arena::pack::Record {
+    built.lanes[0].view().record(100)
+}
+
+#[test]
+fn near_and_far_views_and_odd_pictures() {
+    let built = gyroid([24, 24, 24], [1.0; 3]);
+    let size = [128, 96];
+    check_one("zoomed in", &built, zoomed(&built, 31.0, 24.0, None, 60.0, size), high(size));
+    check_one("zoomed in, perspective", &built, zoomed(&built, 31.0, 24.0, Some(50.0), 40.0, size), high(size));
+    check_one("sub-pixel", &built, zoomed(&built, 31.0, 24.0, None, 0.08, size), high(size));
+    check_one("sub-pixel, perspective", &built, zoomed(&built, 31.0, 24.0, Some(50.0), 0.08, size), high(size));
+    for size in [[1, 1], [1, 65], [700, 3]] {
+        let views = [None, Some(50.0)].map(|fov| (orbit(&built, 31.0, 24.0, fov, size), high(size)));
+        check(&format!("{size:?}"), scene(&built), &views);
+    }
+}
+
+/// Where a pixel ends early what it would still take is below the threshold.
+#[test]
+fn early_termination() {
+    let built = block([40, 40, 40], "#ff8040", 0.5);
+    let size = [96, 96];
+    let camera = orbit(&built, 31.0, 24.0, None, size);
+    let Some(opened) = device() else { return };
+    let options = Options { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
+    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene(&built), options).unwrap();
+    for termination in [1.0 / 32.0, 1.0 / 1024.0, 1e-5] {
+        let settings = Settings { termination: Some(termination), ..high(size) };
+        let (got, _) = renderer.render(&camera, &settings).unwrap();
+        let (want, _) = cpu::render(&scene(&built), &camera, &settings).unwrap();
+        let (whole, _) =
+            cpu::render(&scene(&built), &camera, &Settings { termination: Some(0.0), ..settings }).unwrap();
+        assert!(psnr(&got, &want) >= LEAST_DB, "{termination}: {}", psnr(&got, &want));
+        let (most, at) = worst(&got, &whole);
+        // 2e-5: some hundred roundings.
+        assert!(most <= termination + 2e-5, "{termination}: {most} at {at:?}");
+        assert!(termination < 1e-3 || most > 1e-4, "{termination}: pixels do not end early");
+    }
+}
+
+#[test]
+fn an_empty_scene() {
+    let Some(opened) = device() else { return };
+    // A structure that has lost all of its voxels: the builder makes none without.
+    let mut built = gyroid([16, 16, 16], [1.0; 3]);
+    let Built { facts, lanes, .. } = &mut built;
+    facts.visible_voxels = 0;
+    lanes.iter_mut().for_each(|lane| *lane = OwnedLane::new(lane.axis, lane.dims, lane.channels));
+    for compositor in compositors() {
+        let options = Options { vram: 64 << 20, compositor: Some(compositor) };
+        let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene(&built), options).unwrap();
+        for mode in [Mode::Composite, Mode::Additive, Mode::Maximum] {
+            for fov in [None, Some(50.0)] {
+                let settings = Settings { mode, ..high([40, 30]) };
+                let (frame, stats) = renderer.render(&orbit(&built, 0.0, 0.0, fov, [40, 30]), &settings).unwrap();
+                assert!(!shows(&frame));
+                assert_eq!((stats.splats_drawn, stats.splats_skipped), (0, 0));
+            }
+        }
+    }
+}
+
+#[test]
+fn real_sets() {
+    if device().is_none() {
+        return;
+    }
+    for (path, transfer) in real_volumes() {
+        let built = real(&path, transfer);
+        let size = [112, 112];
+        let views = [(20.0, 15.0, None), (-100.0, 60.0, Some(45.0))]
+            .map(|(azimuth, elevation, fov)| (orbit(&built, azimuth, elevation, fov, size), high(size)));
+        check(&path.file_name().unwrap_or_default().to_string_lossy(), scene(&built), &views);
+    }
+}
