@@ -1,8 +1,8 @@
 //! The limit: the bytes that each stage must move, against what the memory moves in the same time.
 //!
 //! A stage's bytes are what it reads and writes if each is read or written once, caches of no help and no harm. Tiles
-//! are given twice: every splat once, and as often as it lies in a batch that a tile reads, had none ended early; caches
-//! may serve those.
+//! are given twice: every splat once, and as often as it lies in a batch that a tile reads, had none ended early;
+//! caches may serve those.
 
 use adjsplat::splat::gpu::layout::{BATCH, Splat, Voxel};
 use serde::Serialize;

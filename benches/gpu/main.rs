@@ -1,12 +1,12 @@
 //! Study of the renderer on graphics devices: what order costs, what the structure saves, how far the memory is.
 //!
 //! `cargo bench --bench gpu_study -- [--quick] [--scene gyroid:512 | --scene FILE.adj]... [--size 1920x1080]...
-//! [--quality standard]... [--frames 48] [--views 4] [--paths-only] [--json FILE]` prints tables for docs/studies/gpu.md;
-//! benches/gpu_study.sh does so for a person with a card. With `--test` a small scene is measured once and everything
-//! is checked: the sort against the processor's, the pictures against the renderer's.
+//! [--quality standard]... [--frames 48] [--views 4] [--paths-only] [--json FILE]` prints tables for
+//! docs/studies/gpu.md; benches/gpu_study.sh does so for a person with a card. With `--test` a small scene is measured
+//! once and everything is checked: the sort against the processor's, the pictures against the renderer's.
 //!
-//! It is a bench and not an example or a part of the program, as it measures, is run once by `cargo bench -- --test` with
-//! the other benches, and nobody installs it.
+//! It is a bench and not an example or a part of the program, as it measures, is run once by `cargo bench -- --test`
+//! with the other benches, and nobody installs it.
 
 mod bandwidth;
 mod capture;

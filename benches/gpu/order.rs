@@ -138,7 +138,8 @@ pub(crate) fn measure(gpu: &Gpu, subject: &Subject, settings: &Settings, views: 
     (row, work.expect("at least one view"))
 }
 
-/// Holds the pictures to what they must be: visit order the renderer's own, the sort's close to it, storage order's not.
+/// Holds the pictures to what they must be: visit order's the renderer's own, the sort's close to it, storage order's
+/// not.
 pub(crate) fn check(gpu: &Gpu, subject: &Subject, settings: &Settings) {
     let sorter = Sorter::new(gpu);
     let camera = subject.camera(1, 7, settings.size);

@@ -1,8 +1,9 @@
 // A stable radix sort of keys and what goes with them, 8 bits at a time, lowest first: count, scan, scatter.
 //
-// A workgroup has ROUNDS x 256 neighbours. `count`: how many of them have each digit. `scan`: one workgroup a digit, how
-// many come before each workgroup's. `scatter`: round by round each invocation sets its bit in the mask of its digit,
-// so that the bits below its own are its rank among equals; nothing overtakes, so that equal keys keep their order.
+// A workgroup has ROUNDS x 256 neighbours. `count`: how many of them have each digit. `scan`: one workgroup a digit,
+// how many come before each workgroup's. `scatter`: round by round each invocation sets its bit in the mask of its
+// digit, so that the bits below its own are its rank among equals; nothing overtakes, so that equal keys keep their
+// order.
 
 override SHIFT: u32 = 0u;
 
