@@ -117,7 +117,8 @@ impl Context {
         });
         self.wait()?;
         let failed = || Error::device("did not give its results back; it was lost, or it is out of memory");
-        receiver.try_recv().map_err(|_| failed())?.map_err(|_| failed())?;
+        // Another thread that waits for the device may be the one that was told, and a moment later than this one.
+        receiver.recv().map_err(|_| failed())?.map_err(|_| failed())?;
         let view = slice.get_mapped_range().map_err(|_| failed())?;
         let result = read(&view);
         drop(view);
