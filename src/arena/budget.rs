@@ -1,7 +1,7 @@
 //! The budget: how a build divides the memory that it may take.
 //!
 //! In: a volume's header, what to build, the ceiling. Out: [`Budget`], or what would do. The sums are upper bounds of
-//! what the stages hold at once; tests/memory.rs holds them against the process's peak.
+//! what the stages hold at once; tests/build/memory.rs holds them against the process's peak.
 
 use super::builder::{BuildOptions, Resources};
 use super::layout::{Channels, TILE_EDGE};

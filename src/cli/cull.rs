@@ -9,7 +9,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::progress::{Progress, interrupted};
-use super::render::stored_transfer;
+use super::stored::stored_transfer;
 use crate::arena::layout::Facts;
 use crate::arena::{LaneRows, LaneSet};
 use crate::error::{Error, Result};

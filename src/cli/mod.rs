@@ -23,6 +23,7 @@ mod renderer;
 mod resources;
 mod room;
 mod size;
+mod stored;
 mod trim;
 mod verify;
 

@@ -17,11 +17,12 @@ use super::renderer::{FrameStats, Renderer, RendererArguments};
 use super::resources::{peak_rss_bytes, thread_count};
 use super::room::{Room, RoomyLanes};
 use super::size::parse_memory;
+use super::stored::{missing_values, stored_transfer};
 use super::{Answer, is_same_file, print_note, print_result};
 use crate::arena::builder::Resources;
 use crate::arena::layout::Scales;
 use crate::arena::{Arena, LaneSet};
-use crate::classify::{Colour, MagnitudeCodec, TransferFunction};
+use crate::classify::{Colour, TransferFunction};
 use crate::error::{Error, Result};
 use crate::file::{
     AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder, write_atomically_unless,
@@ -235,7 +236,11 @@ fn draw(
     let transfer = match transfer {
         Some(transfer) => {
             let given = transfer.clone().with_voxel_length(facts.grid.mean_spacing())?;
-            tell_missing(arena, &given)?;
+            if let Some(values) = missing_values(arena, &given)? {
+                print_note(&format!(
+                    "note: values {values} are visible under this transfer function, but the file does not store all of them; build it again with this function"
+                ));
+            }
             let Scales { value_low, value_step, .. } = facts.scales;
             let largest = arena.lanes().next().map_or(0, |lane| lane.largest_value_code());
             transfer
@@ -411,61 +416,6 @@ fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u
         up: Up::from_name(&view.up)?,
     };
     Camera::orbiting(orbit, around, size)
-}
-
-/// The transfer function that the file was built with.
-pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
-    let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
-    serde_json::from_value(description["transfer_function"].clone()).map_err(|_| {
-        Error::input(
-            path.display().to_string(),
-            "stores no transfer function that this program reads; give one with --tf",
-        )
-    })
-}
-
-/// Says which values `transfer` shows and the file did not store; says nothing of a file that does not tell.
-fn tell_missing(arena: &Arena, transfer: &TransferFunction) -> Result<()> {
-    let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
-    let Ok(stored) = serde_json::from_value::<TransferFunction>(description["transfer_function"].clone()) else {
-        return Ok(());
-    };
-    let values = &description["values"];
-    let values =
-        [values["lowest"].as_f64().unwrap_or(f64::NEG_INFINITY), values["highest"].as_f64().unwrap_or(f64::INFINITY)];
-    let largest_magnitude = match arena.facts().channels.magnitude_bits {
-        0 => f64::INFINITY,
-        _ => MagnitudeCodec::new(arena.facts().scales.magnitude_scale)?.largest(),
-    };
-    let missing = transfer.missing_from(&stored, values, largest_magnitude);
-    if !missing.is_empty() {
-        print_note(&format!(
-            "note: values {} are visible under this transfer function, but the file does not store all of them; build it again with this function",
-            described(&missing)
-        ));
-    }
-    Ok(())
-}
-
-/// `20..60, 80 and above 100`.
-fn described(ranges: &[[f64; 2]]) -> String {
-    /// Of these the first are named.
-    const MOST: usize = 6;
-    let one = |&[low, high]: &[f64; 2]| match (low.is_finite(), high.is_finite()) {
-        _ if low == high => format!("{low}"),
-        (true, true) => format!("{low}..{high}"),
-        (true, false) => format!("above {low}"),
-        (false, true) => format!("below {high}"),
-        (false, false) => "of any size".to_owned(),
-    };
-    let mut parts: Vec<String> = ranges.iter().take(MOST).map(one).collect();
-    if ranges.len() > MOST {
-        parts.push("others".to_owned());
-    }
-    match parts.pop() {
-        Some(last) if !parts.is_empty() => format!("{} and {last}", parts.join(", ")),
-        last => last.unwrap_or_default(),
-    }
 }
 
 /// `out.png` as `out-000.png`, `out-001.png` ...

@@ -10,8 +10,9 @@ use super::build::check_replaceable;
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::progress::Progress;
-use super::render::{parse_crop, stored_transfer};
+use super::render::parse_crop;
 use super::resources::ResourceArguments;
+use super::stored::{missing_values, stored_transfer};
 use super::{Answer, print_note, print_result};
 use crate::arena::layout::Facts;
 use crate::arena::{Arena, Region, TileOrder, Trim, TrimOptions, trim};
@@ -103,8 +104,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let transfer = arguments.classification.transfer(&arguments.input)?;
     let options = arguments.options(crop, transfer);
     let left = trim(&arena, stored.as_ref(), &options)?;
-    if let (Some(new), Some(stored), false) = (&left.transfer, &stored, arguments.force) {
-        refuse_missing(new, stored, &old)?;
+    if let (Some(new), false) = (&left.transfer, arguments.force)
+        && let Some(values) = missing_values(&arena, new)?
+    {
+        let why = format!(
+            "shows values {values}, which the file does not store; build it again with this function, or give --force"
+        );
+        return Err(Error::input("transfer function", why));
     }
     warn(&arena, &options, &left);
     let description = description(&arena, arguments, crop, left.transfer.as_ref());
@@ -141,37 +147,6 @@ impl Arguments {
             drop_magnitudes: drops("magnitudes"),
         }
     }
-}
-
-/// Refuses a function that is visible below or above all that was stored.
-fn refuse_missing(new: &TransferFunction, stored: &TransferFunction, facts: &Facts) -> Result<()> {
-    let largest = facts.scales.magnitude_scale;
-    let [lowest, highest] = stored.value_range().unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
-    let within = |(low, high): (f64, f64)| (low.max(lowest), high.min(highest));
-    let (wanted, there) = (within(new.domain(largest)), within(stored.domain(largest)));
-    let mut missing = Vec::new();
-    if wanted.0 < there.0 {
-        missing.push(if wanted.0.is_finite() {
-            format!("from {} to {}", wanted.0, there.0)
-        } else {
-            format!("below {}", there.0)
-        });
-    }
-    if wanted.1 > there.1 {
-        missing.push(if wanted.1.is_finite() {
-            format!("from {} to {}", there.1, wanted.1)
-        } else {
-            format!("above {}", there.1)
-        });
-    }
-    if wanted.0 > wanted.1 || missing.is_empty() {
-        return Ok(());
-    }
-    let why = format!(
-        "shows values {}, which the file does not store; build it again with this function, or give --force",
-        missing.join(" and ")
-    );
-    Err(Error::input("transfer function", why))
 }
 
 /// Says what a user should know before it is written.

@@ -1,7 +1,7 @@
 //! Writing arenas.
 //!
-//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or, by [`write_atomically`] or [`write_rows`],
-//! to a file.
+//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or, by [`write_atomically`] or
+//! [`write_rows`], to a file.
 
 use std::cell::RefCell;
 use std::fs::File;
@@ -202,13 +202,12 @@ impl<'a> Placed<'a> {
     fn finish(&self, facts: &Facts, table: &[SectionEntry]) -> Result<u64> {
         let header = header_with_checksum(facts, table, self.end);
         let mut file = self.file;
-        let write = || {
+        let mut write = || {
             file.set_len(aligned(self.end))?;
             file.seek(SeekFrom::Start(0))?;
             file.write_all(header.as_bytes())?;
             file.write_all(table.as_bytes())
         };
-        let mut write = write;
         write().map_err(Error::io("write", self.path))?;
         Ok(aligned(self.end))
     }

@@ -125,8 +125,8 @@ fn lanes_channels_and_orders_change_and_come_back() {
 fn what_cannot_be_done_is_refused() {
     let folder = Folder::new();
     ramp(&folder, "a.adj");
-    refused(&folder, "a.adj -o b.adj --range 2..", &["values from 2 to 5", "does not store", "--force"]);
-    refused(&folder, "a.adj -o b.adj --range ..9", &["values from", "to 5"]);
+    refused(&folder, "a.adj -o b.adj --range 2..", &["values 2..5", "does not store", "--force"]);
+    refused(&folder, "a.adj -o b.adj --range ..9", &["values 1..5"]);
     refused(&folder, "a.adj -o b.adj --iso 9", &["gradient magnitudes"]);
     refused(&folder, "a.adj -o b.adj --range 99..", &["nothing is left", "20 visible voxels"]);
     refused(&folder, "a.adj -o b.adj --crop 0..0,0..0,0..0", &["nothing is left"]);
