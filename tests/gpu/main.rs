@@ -6,6 +6,7 @@
 //! - `targets`: what quads lose in targets of 16 and 8 bits, and tiles do not.
 //! - `memory`: slabs, windows and chunks change no bit; video memory stays below its ceiling.
 //! - `damage`: lanes of random bytes end.
+//! - `embed`: textures of the caller's show what frames show; a lost device is an error.
 //!
 //! Without a device all but `layout` say so and pass; `ADJ_GPU=require` makes that a failure. `WGPU_ADAPTER_NAME`
 //! and `VK_DRIVER_FILES` choose the device. What they cannot catch: a twin that is wrong as its shader is, but for
@@ -17,6 +18,7 @@
 mod compare;
 mod damage;
 mod device;
+mod embed;
 mod layout;
 mod memory;
 mod pictures;

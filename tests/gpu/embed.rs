@@ -1,0 +1,114 @@
+//! Pictures in a texture of the caller's against frames that were read back; a device that goes away.
+
+use adjsplat::error::Error;
+use adjsplat::splat::gpu::{Canvas, Compositor, Options, Renderer, Target};
+use adjsplat::splat::{Camera, Frame, Mode, Settings};
+use wgpu::{
+    Extent3d, Origin3d, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo, Texture, TextureAspect,
+    TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
+};
+
+use crate::device::{device, own_device, read};
+use crate::scenes::{LAYERS, orbit, phantom, scene, transfer};
+
+/// As wide as rows of copies ask for: 256 bytes in the narrower of the two formats.
+const SIZE: [u32; 2] = [64, 50];
+
+fn texture(device: &wgpu::Device, format: TextureFormat) -> Texture {
+    device.create_texture(&TextureDescriptor {
+        label: Some("the caller's"),
+        size: Extent3d { width: SIZE[0], height: SIZE[1], depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count: 1,
+        dimension: TextureDimension::D2,
+        format,
+        usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC,
+        view_formats: &[],
+    })
+}
+
+/// The texture's bytes.
+fn content(device: &wgpu::Device, queue: &wgpu::Queue, texture: &Texture, pixel_bytes: u32) -> Vec<u8> {
+    let bytes = SIZE[0] * SIZE[1] * pixel_bytes;
+    let buffer = device.create_buffer(&wgpu::BufferDescriptor {
+        label: None,
+        size: bytes.into(),
+        usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC,
+        mapped_at_creation: false,
+    });
+    let mut encoder = device.create_command_encoder(&Default::default());
+    let source = TexelCopyTextureInfo { texture, mip_level: 0, origin: Origin3d::ZERO, aspect: TextureAspect::All };
+    let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(SIZE[0] * pixel_bytes), rows_per_image: None };
+    encoder.copy_texture_to_buffer(source, TexelCopyBufferInfo { buffer: &buffer, layout }, texture.size());
+    queue.submit([encoder.finish()]);
+    read(device, queue, &buffer)
+}
+
+fn over(frame: &Frame, background: Option<[f32; 3]>) -> Frame {
+    let mut frame = frame.clone();
+    if let Some(background) = background {
+        frame.over(background);
+    }
+    frame
+}
+
+#[test]
+fn a_texture_shows_what_a_frame_shows() {
+    let Some(opened) = device() else { return };
+    let built = phantom("gyroid", [24, 20, 28], [1.0; 3], transfer(LAYERS), 8);
+    let camera: Camera = orbit(&built, 35.0, 20.0, Some(40.0), SIZE);
+    let quads = Compositor::Quads(if opened.facts.blends_float32 { Target::Float32 } else { Target::Float16 });
+    for compositor in [Compositor::Tiles, quads] {
+        let options = Options { compositor: Some(compositor), ..Options::default() };
+        let (device, queue) = (&opened.device, &opened.queue);
+        let mut renderer = Renderer::new(device.clone(), queue.clone(), scene(&built), options).unwrap();
+        for mode in [Mode::Composite, Mode::Additive, Mode::Maximum, Mode::MaximumGrey] {
+            let settings = Settings { mode, ..Settings::new(SIZE) };
+            let (frame, _) = renderer.render(&camera, &settings).unwrap();
+            for background in [None, Some([0.2, 0.5, 0.9])] {
+                let want = over(&frame, background);
+                let format = TextureFormat::Rgba32Float;
+                let target = texture(device, format);
+                let view = target.create_view(&Default::default());
+                renderer.render_to(&camera, &settings, &Canvas { view: &view, format, background }).unwrap();
+                let bytes = content(device, queue, &target, 16);
+                let worst = bytes
+                    .as_chunks()
+                    .0
+                    .iter()
+                    .zip(want.pixels())
+                    .map(|(got, want)| (f32::from_le_bytes(*got) - want).abs())
+                    .fold(0.0, f32::max);
+                // Roundings; colours of a maximum are interpolated between 1,024 of them, bent at three points.
+                let tolerance = if mode == Mode::Maximum { 2e-3 } else { 1e-5 };
+                assert!(worst <= tolerance, "{compositor:?}, {mode:?}, {background:?}: {worst}");
+            }
+        }
+        let settings = Settings::new(SIZE);
+        let (frame, _) = renderer.render(&camera, &settings).unwrap();
+        let format = TextureFormat::Rgba8UnormSrgb;
+        let target = texture(device, format);
+        let view = target.create_view(&Default::default());
+        let background = Some([1.0; 3]);
+        renderer.render_to(&camera, &settings, &Canvas { view: &view, format, background }).unwrap();
+        let got = content(device, queue, &target, 4);
+        let want = over(&frame, background).srgb8();
+        let worst = got.iter().zip(&want).map(|(got, want)| got.abs_diff(*want)).max();
+        // The device's own encoding of sRGB may be off by a step.
+        assert!(worst <= Some(1), "{compositor:?}: {worst:?}");
+    }
+}
+
+#[test]
+fn a_device_that_was_lost_is_an_error() {
+    let Some(opened) = own_device() else { return };
+    let built = phantom("gyroid", [16, 16, 16], [1.0; 3], transfer(LAYERS), 8);
+    let (device, queue) = (opened.device.clone(), opened.queue.clone());
+    let mut renderer = Renderer::new(device, queue, scene(&built), Options::default()).unwrap();
+    let (camera, settings) = (orbit(&built, 0.0, 0.0, None, SIZE), Settings::new(SIZE));
+    renderer.render(&camera, &settings).unwrap();
+    opened.device.destroy();
+    let fault = renderer.render(&camera, &settings).unwrap_err();
+    assert!(matches!(fault, Error::Device { .. }), "{fault}");
+    assert!(!fault.to_string().contains('\n'), "{fault}");
+}
