@@ -89,7 +89,7 @@ fn drawing_a_damaged_lane_ends() {
     let sound = phantom("gyroid", [28, 24, 20], [1.0; 3], transfer(EDGES), 8);
     let size = [24, 24];
     let (mut drew, mut refused) = (0, 0);
-    for seed in 0..48 {
+    for seed in 0..24 {
         let mut random = Random(seed);
         let mut built: Built = sound.clone();
         built.lanes.iter_mut().for_each(|lane| damage(lane, &mut random));

@@ -43,8 +43,11 @@ pub(crate) fn read<T: Pod>(device: &Device, queue: &Queue, buffer: &Buffer) -> V
     let mut encoder = device.create_command_encoder(&Default::default());
     encoder.copy_buffer_to_buffer(buffer, 0, &back, 0, None);
     queue.submit([encoder.finish()]);
-    back.slice(..).map_async(MapMode::Read, |result| result.expect("the device maps its buffers"));
+    let (sender, receiver) = std::sync::mpsc::channel();
+    back.slice(..).map_async(MapMode::Read, move |result| sender.send(result).expect("it is waited for"));
     device.poll(PollType::wait_indefinitely()).expect("the device answers");
+    // Tests share the device: another's waiting may be what is told.
+    receiver.recv().expect("the device answers").expect("the device maps its buffers");
     let bytes = back.slice(..).get_mapped_range().expect("it is mapped").to_vec();
     let whole = bytes.len() - bytes.len() % size_of::<T>();
     bytemuck::pod_collect_to_vec(&bytes[..whole])

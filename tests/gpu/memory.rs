@@ -49,7 +49,7 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
     let text = r#"{ "kind": "range", "low": 1, "opacity": 0.05 }"#;
     let built = phantom("constant", [110, 100, 100], [1.0; 3], transfer(text), 8);
     let lane_bytes = built.lanes[0].view().bytes();
-    let size = [96, 80];
+    let size = [64, 56];
     let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
     let views = [
         ("parallel", orbit(&built, 31.0, 24.0, None, size), SplitForm::default()),
@@ -113,10 +113,10 @@ fn windows_give_the_same_picture() {
 #[test]
 fn pictures_of_other_sizes_one_after_the_other_stay_within() {
     let Some(opened) = own_device() else { return };
-    let built = phantom("gyroid", [64, 64, 64], [1.0; 3], transfer(LAYERS), 8);
+    let built = phantom("gyroid", [40, 40, 40], [1.0; 3], transfer(LAYERS), 8);
     let vram = 12 << 20;
     let mut renderer = renderer(&opened, &built, vram);
-    for size in [[32, 32], [400, 300], [220, 220], [16, 300], [100, 100]] {
+    for size in [[32, 32], [300, 260], [200, 180], [16, 300], [100, 100]] {
         let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
         for (azimuth, elevation) in [(10.0, 5.0), (80.0, 5.0), (10.0, 80.0)] {
             let camera = orbit(&built, azimuth, elevation, None, size);

@@ -2,7 +2,7 @@
 //!
 //! Both splat the same voxels in the same order, with the same footprints and the same exponential; what is left are
 //! single precision's roundings, places of perspective views (double precision there, single here), which differ by
-//! some 1e-4 pixels, and pixels on the very edge of a footprint. Most pictures agree to more than 80 dB.
+//! some 1e-4 pixels, and pixels on the very edge of a footprint. On software drivers they agree to more than 100 dB.
 
 use adjsplat::arena::builder::Built;
 use adjsplat::arena::{Arena, LaneSet, Overlay, OwnedLane};

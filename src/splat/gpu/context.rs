@@ -5,6 +5,7 @@
 //! the caller's.
 
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
 
 use wgpu::{
     Buffer, BufferDescriptor, BufferUsages, CommandBuffer, Device, ErrorFilter, Limits, MapMode, PollType, Queue,
@@ -117,7 +118,8 @@ impl Context {
         });
         self.wait()?;
         let failed = || Error::device("did not give its results back; it was lost, or it is out of memory");
-        receiver.try_recv().map_err(|_| failed())?.map_err(|_| failed())?;
+        // Another thread that waits for the device may be the one that is told, a moment later.
+        receiver.recv_timeout(Duration::from_secs(60)).map_err(|_| failed())?.map_err(|_| failed())?;
         let view = slice.get_mapped_range().map_err(|_| failed())?;
         let result = read(&view);
         drop(view);
