@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::splat::gpu::adapter::{self, Opened};
 use crate::splat::gpu::{self, Compositor, Options, Target};
 use crate::splat::{Camera, Frame, Scene, Settings};
+use crate::traverse::Sense;
 
 /// Least video memory that is worth trying.
 const LEAST_VRAM: u64 = 16 << 20;
@@ -80,11 +81,13 @@ impl RendererArguments {
 
 impl OnDevice<'_> {
     pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
-        let (frame, stats) = self.renderer.render(camera, settings)?;
         let compositor = self.renderer.compositor();
-        if matches!(compositor, Compositor::Quads(Target::Float16 | Target::Unorm8))
-            && self.accumulation_error.is_none()
-        {
+        let has_few_bits = matches!(compositor, Compositor::Quads(Target::Float16 | Target::Unorm8));
+        // Quads do not end early; and back to front each splat shrinks the roundings behind it.
+        let sense = if has_few_bits { Sense::BackToFront } else { settings.sense };
+        let settings = &Settings { sense, ..settings.clone() };
+        let (frame, stats) = self.renderer.render(camera, settings)?;
+        if has_few_bits && self.accumulation_error.is_none() {
             self.renderer.set_compositor(Some(Compositor::Tiles));
             let (exact, _) = self.renderer.render(camera, &Settings { termination: Some(0.0), ..settings.clone() })?;
             self.renderer.set_compositor(Some(compositor));

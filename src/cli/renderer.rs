@@ -99,15 +99,18 @@ impl<'a> Renderer<'a> {
                 result => return result,
             }
         }
-        let scene = match self {
-            Renderer::Cpu(scene) => scene,
-            #[cfg(feature = "gpu")]
-            Renderer::Gpu(on_device) => &on_device.scene,
-        };
-        let (frame, stats) = cpu::render(scene, camera, settings)?;
+        let (frame, stats) = cpu::render(self.scene(), camera, settings)?;
         let others = vec![("walk_ms", json!(stats.walk_ms)), ("draw_ms", json!(stats.draw_ms))];
         let (splats_drawn, splats_skipped) = (stats.splats_drawn, stats.splats_skipped);
         Ok((frame, FrameStats { splats_drawn, splats_skipped, frame_ms: stats.frame_ms, others }))
+    }
+
+    fn scene(&self) -> &Scene<'a> {
+        match self {
+            Renderer::Cpu(scene) => scene,
+            #[cfg(feature = "gpu")]
+            Renderer::Gpu(on_device) => &on_device.scene,
+        }
     }
 
     /// `cpu` or `gpu`.

@@ -1,7 +1,7 @@
 //! The lines of a walk in its order, without their voxels: what a graphics processor needs to walk by itself.
 //!
 //! In: a lane and an order. Out: every non-empty scan line, slice by slice in the slow order, within a slice in the
-//! medium order. O(tiles + lines); the channels are not read. What [`super::walk`] would skip is skipped.
+//! medium order. O(tiles + lines); the channels are not read. What a [walk](super::walk()) would skip is skipped.
 
 use super::order::{AxisOrder, Order};
 use super::tiles::TileRows;

@@ -54,7 +54,7 @@ fn shaders_and_rust_lay_records_out_alike() {
             fields!(Shot: rows shift steps eye light weights ellipse half centre focal near sigma cut_off cut stop most
                 fourth window crop_low crop_high eye_ceil eye_twice fast_order back_to_front fast_axis longest
                 line_end_bytes value_bits normal_bits by_magnitude maximum perspective shininess tile_columns
-                mask_words unused),
+                mask_words picture_rows),
         ),
         ("Chunk", fields!(Chunk: first_block slot_count index is_first)),
         ("Voxel", fields!(Voxel: xy z record)),

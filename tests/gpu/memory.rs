@@ -105,8 +105,7 @@ fn windows_give_the_same_picture() {
         assert!(many.vram_bytes <= TIGHT, "{many:?}");
         assert!(one.windows == 1 && many.windows > 1, "{} and {}", one.windows, many.windows);
         let (most, at) = worst(&frame, &whole);
-        say(&format!("{} windows: {most:e} apart", many.windows));
-        assert!(most <= 1e-6, "{fov:?}: {most:e} apart at {at:?}, {:.1} dB", psnr(&frame, &whole));
+        assert!(frame == whole, "{fov:?}: {most:e} apart at {at:?}, {:.1} dB", psnr(&frame, &whole));
     }
 }
 

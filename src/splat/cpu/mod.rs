@@ -42,7 +42,7 @@ use crate::traverse::{Order, Sense};
 /// `settings.threads` or `settings.code`.
 ///
 /// # Errors
-/// [`Error::Input`] or [`Error::Limit`] if the settings or the camera cannot be used or there is not enough memory;
+/// [`Error::Input`](crate::Error::Input) or [`Error::Limit`](crate::Error::Limit) if the settings or the camera cannot be used or there is not enough memory;
 /// whatever [`Lanes::lane`](super::Lanes::lane) fails with.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
     render_without(scene, camera, settings, None)

@@ -1,6 +1,6 @@
 //! The records of the stages' buffers: the only place in Rust that knows how they lie.
 //!
-//! In: a [`Shot`](crate::splat::shot::Shot) and a window of its picture. Out: the same for the device. Each struct is
+//! In: what a frame is made of, and a window of its picture. Out: the same for the device. Each struct is
 //! that of `shaders/common.wgsl` (or, where it says so, another shader) with the same name; tests/gpu holds the two
 //! equal by reflection. All are little-endian words, as WGSL has them.
 
@@ -77,7 +77,7 @@ pub struct Shot {
     pub shininess: u32,
     pub tile_columns: u32,
     pub mask_words: u32,
-    pub unused: u32,
+    pub picture_rows: u32,
 }
 
 /// As many voxels of the walk as the buffers hold.
@@ -124,7 +124,7 @@ pub struct Voxel {
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Splat {
-    /// First column in the low half, last column in the high half, of the picture; [`NOTHING`] for none.
+    /// First column in the low half, last column in the high half, within the picture; [`NOTHING`] for none.
     pub columns: u32,
     /// Likewise.
     pub rows: u32,
@@ -225,6 +225,7 @@ impl Shot {
         shot.value_bits = channels.value_bits.into();
         shot.normal_bits = channels.normal_bits.into();
         shot.maximum = host.maximum.into();
+        shot.picture_rows = view.size[1];
         shot.tile_columns = ((window[2] - window[0]).cast_unsigned()).div_ceil(TILE);
         shot
     }

@@ -11,7 +11,8 @@
 //!
 //! A frame is drawn chunk by chunk, each of as many records as the buffers hold, in exact visibility order: nothing is
 //! sorted. A lane stays on the device as long as there is room; one that is too large passes through in slabs along the
-//! slow axis. A picture that is too large is drawn in windows. The pixels do not depend on any of this.
+//! slow axis. A picture that is too large is drawn in windows. The pixels do not depend on any of this,
+//! bit for bit.
 //!
 #![doc = include_str!("../../../docs/EMBEDDING.md")]
 
@@ -69,6 +70,9 @@ pub enum Compositor {
 }
 
 /// What quads accumulate in.
+///
+/// In few bits back to front is the better sense: each splat shrinks the roundings behind it. Measured on lavapipe, which
+/// rounds toward 0, opacities of 0.1 and above in 16 bits: 42 dB, and 35 dB front to back (tests/gpu).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Target {
     /// 32-bit float, where the device blends it.

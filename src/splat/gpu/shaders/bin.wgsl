@@ -19,8 +19,10 @@ fn bin(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index)
     }
     let rows = splats[slot].rows;
     let bit = 1u << (batch & 31u);
-    let first = (vec2<i32>(low_half(columns), low_half(rows)) - shot.window.xy) / TILE;
-    let last = (vec2<i32>(high_half(columns), high_half(rows)) - shot.window.xy) / TILE;
+    let low = max(vec2<i32>(low_half(columns), low_half(rows)), shot.window.xy);
+    let high = min(vec2<i32>(high_half(columns), high_half(rows)), shot.window.zw - 1);
+    let first = (low - shot.window.xy) / TILE;
+    let last = (high - shot.window.xy) / TILE;
     for (var row = first.y; row <= last.y; row++) {
         for (var column = first.x; column <= last.x; column++) {
             let tile = u32(row) * shot.tile_columns + u32(column);

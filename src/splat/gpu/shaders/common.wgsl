@@ -73,7 +73,8 @@ struct Shot {
     tile_columns: u32,
     // Words of a tile's mask.
     mask_words: u32,
-    unused: u32,
+    // Rows of the whole picture, of which the window has some.
+    picture_rows: u32,
 }
 
 const ASCENDING: u32 = 0u;
@@ -104,7 +105,8 @@ const NO_RECORD: u32 = 0xffffffffu;
 
 // A splat: what a voxel does to the pixels of its box.
 struct Splat {
-    // First column in the low half, last column in the high half; of nothing if they are the wrong way around.
+    // First column in the low half, last column in the high half; of nothing if they are the wrong way around. Within
+    // the picture, so that a splat is the same for every window that it meets.
     columns: u32,
     rows: u32,
     // From the centre to the first column and row, in pixels.

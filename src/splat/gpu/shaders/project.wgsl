@@ -212,8 +212,9 @@ fn splat_of(voxel: Voxel) -> Splat {
         strength *= print.density * sqrt(1.0 + tx * tx + ty * ty) * (closeness * closeness);
     }
     let columns = span(x, print.half.x, shot.window.x, shot.window.z - 1);
-    let rows = span(y, print.half.y, shot.window.y, shot.window.w - 1);
-    if !x.is_near || !y.is_near || columns.x > columns.y || rows.x > rows.y || !(strength > 0.0) {
+    let rows = span(y, print.half.y, 0, i32(shot.picture_rows) - 1);
+    let is_in_window = rows.x < shot.window.w && rows.y >= shot.window.y;
+    if !x.is_near || !y.is_near || columns.x > columns.y || rows.x > rows.y || !is_in_window || !(strength > 0.0) {
         return nothing();
     }
     let look = look_of(voxel.record);

@@ -21,8 +21,8 @@ struct Corner {
 fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> Corner {
     let columns = splats[slot].columns;
     let rows = splats[slot].rows;
-    let low = vec2<i32>(low_half(columns), low_half(rows));
-    let high = vec2<i32>(high_half(columns), high_half(rows)) + 1;
+    let low = max(vec2<i32>(low_half(columns), low_half(rows)), shot.window.xy);
+    let high = min(vec2<i32>(high_half(columns), high_half(rows)) + 1, shot.window.zw);
     let is_nothing = columns == NOTHING;
     let x = select(low.x, high.x, (vertex & 1u) == 1u && !is_nothing);
     let y = select(low.y, high.y, (vertex & 2u) == 2u && !is_nothing);

@@ -209,9 +209,10 @@ fn splat_of(shot: &Shot, voxel: &Voxel, channels: &Channels) -> Splat {
     }
     let [x0, y0, x1, y1] = shot.window;
     let columns = span(x, print.half[0], x0, x1 - 1);
-    let rows = span(y, print.half[1], y0, y1 - 1);
+    let rows = span(y, print.half[1], 0, shot.picture_rows.cast_signed() - 1);
     let is_off = !x.is_near || !y.is_near || columns[0] > columns[1] || rows[0] > rows[1];
-    if is_off || strength <= 0.0 || strength.is_nan() {
+    let is_in_window = rows[0] < y1 && rows[1] >= y0;
+    if is_off || !is_in_window || strength <= 0.0 || strength.is_nan() {
         return EMPTY;
     }
     let [red, green, blue, depth] = look_of(shot, channels, voxel.record);

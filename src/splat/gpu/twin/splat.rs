@@ -20,7 +20,7 @@ pub enum Rounding {
 /// order, the fragments of its box, each blended in single precision and rounded to the target.
 ///
 /// # Panics
-/// If a splat lies outside the window, or `pixels` are fewer than it has.
+/// If `pixels` are fewer than the window has.
 pub fn splat(
     shot: &Shot,
     blend: Blend,
@@ -28,11 +28,11 @@ pub fn splat(
     splats: &[Splat],
     pixels: &mut [[f32; 4]],
 ) {
-    let [x0, y0, x1, _] = shot.window;
+    let [x0, y0, x1, y1] = shot.window;
     for splat in splats.iter().filter(|splat| splat.columns != NOTHING) {
         let (left, top) = (low_half(splat.columns), low_half(splat.rows));
-        for y in top..=high_half(splat.rows) {
-            for x in left..=high_half(splat.columns) {
+        for y in top.max(y0)..=high_half(splat.rows).min(y1 - 1) {
+            for x in left.max(x0)..=high_half(splat.columns).min(x1 - 1) {
                 let dx = splat.corner_x + (x - left) as f32;
                 let dy = splat.corner_y + (y - top) as f32;
                 let source = fragment(blend, splat, depth_at(dx, dy, splat, shot.cut));
