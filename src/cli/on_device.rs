@@ -31,18 +31,21 @@ impl RendererArguments {
     /// A graphics device; or the processor, if that is as good.
     pub(super) fn device_or_cpu<'a>(&self, scene: Scene<'a>, is_auto: bool) -> Result<Renderer<'a>> {
         let options = self.options()?;
-        let is_free = is_auto && self.adapter.is_none();
+        // Who names a device wants that one, be it software.
+        let is_named = self.adapter.is_some() || std::env::var_os("WGPU_ADAPTER_NAME").is_some();
+        let is_free = is_auto && !is_named;
         if is_free && !adapter::has_hardware() {
             return Ok(Renderer::Cpu(scene));
         }
         let opened = match adapter::open(self.adapter.as_deref()) {
             Ok(opened) if is_free && opened.facts.is_software() => return Ok(Renderer::Cpu(scene)),
-            Err(fault) if is_free => {
+            Err(fault) if is_auto && self.adapter.is_none() => {
                 print_note(&format!("note: {fault}; the processor draws instead"));
                 return Ok(Renderer::Cpu(scene));
             }
             opened => opened?,
         };
+        quiet_about_lost_devices();
         let Opened { facts, device, queue } = opened;
         match gpu::Renderer::new(device, queue, scene, options) {
             Ok(renderer) => {
@@ -58,9 +61,9 @@ impl RendererArguments {
     }
 
     fn options(&self) -> Result<Options> {
-        let target = match self.accumulate.as_str() {
-            "16" => Target::Float16,
-            "8" => Target::Unorm8,
+        let target = match self.accumulate.as_deref() {
+            Some("16") => Target::Float16,
+            Some("8") => Target::Unorm8,
             _ => Target::Float32,
         };
         let compositor = match self.compositor.as_deref() {
@@ -71,12 +74,22 @@ impl RendererArguments {
             None if target == Target::Float32 => None,
             _ => Some(Compositor::Quads(target)),
         };
-        let vram = parse_size("--vram", &self.vram)?;
+        let vram = self.vram.as_deref().map_or(Ok(Options::default().vram), |vram| parse_size("--vram", vram))?;
         if vram < LEAST_VRAM {
-            return Err(Error::input("--vram", format!("is {}, but must be at least 16MiB", self.vram)));
+            return Err(Error::input("--vram", "must be at least 16MiB"));
         }
         Ok(Options { vram, compositor })
     }
+}
+
+/// What wgpu panics of comes back as an error; its message would be one line too many.
+fn quiet_about_lost_devices() {
+    let tell = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !panic.location().is_some_and(|location| location.file().contains("wgpu")) {
+            tell(panic);
+        }
+    }));
 }
 
 impl OnDevice<'_> {
@@ -88,9 +101,9 @@ impl OnDevice<'_> {
         let settings = &Settings { sense, ..settings.clone() };
         let (frame, stats) = self.renderer.render(camera, settings)?;
         if has_few_bits && self.accumulation_error.is_none() {
-            self.renderer.set_compositor(Some(Compositor::Tiles));
+            self.renderer.set_compositor(Some(Compositor::Tiles))?;
             let (exact, _) = self.renderer.render(camera, &Settings { termination: Some(0.0), ..settings.clone() })?;
-            self.renderer.set_compositor(Some(compositor));
+            self.renderer.set_compositor(Some(compositor))?;
             let [largest, rms] = difference(&frame, &exact);
             print_note(&format!(
                 "note: accumulating in few bits changed the first picture by up to {largest:.4} of full brightness, {rms:.4} on average (root mean square)"

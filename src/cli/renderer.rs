@@ -22,16 +22,16 @@ pub(super) struct RendererArguments {
     /// Graphics device whose name or driver contains this (adj devices lists them); the best one unless given.
     #[arg(long, value_name = "NAME")]
     pub(super) adapter: Option<String>,
-    /// Most video memory that drawing may take, from 16MiB. The picture does not depend on it.
-    #[arg(long, value_name = "SIZE", default_value = "1GiB")]
-    pub(super) vram: String,
+    /// Most video memory that drawing may take, from 16MiB; 1GiB unless given. The picture does not depend on it.
+    #[arg(long, value_name = "SIZE")]
+    pub(super) vram: Option<String>,
     /// How a graphics device makes pixels of splats: tiles (in compute; ends early) or quads (blended by the device).
     #[arg(long, value_name = "C", value_parser = ["tiles", "quads"])]
     pub(super) compositor: Option<String>,
-    /// Bits in which quads accumulate: 16 and 8 are faster on some devices, and wrong where opacities are small; how
-    /// wrong is measured on the first frame.
-    #[arg(long, value_name = "BITS", default_value = "32", value_parser = ["32", "16", "8"])]
-    pub(super) accumulate: String,
+    /// Bits in which quads accumulate, 32 unless given: 16 and 8 are faster on some devices, and wrong where opacities
+    /// are small; how wrong is measured on the first frame.
+    #[arg(long, value_name = "BITS", value_parser = ["32", "16", "8"])]
+    pub(super) accumulate: Option<String>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -66,20 +66,30 @@ impl RendererArguments {
     /// # Errors
     /// [`Error::Device`] if a graphics device was asked for and cannot be had; [`Error::Input`] for a flag out of place.
     pub(super) fn renderer<'a>(&self, scene: Scene<'a>, is_bounded: bool) -> Result<Renderer<'a>> {
-        match self.renderer {
-            Which::Cpu => Ok(Renderer::Cpu(scene)),
-            Which::Auto if is_bounded && self.adapter.is_none() => Ok(Renderer::Cpu(scene)),
+        let given = [
+            ("--adapter", self.adapter.is_some()),
+            ("--vram", self.vram.is_some()),
+            ("--compositor", self.compositor.is_some()),
+            ("--accumulate", self.accumulate.is_some()),
+        ];
+        match (self.renderer, given.into_iter().find(|(_, is_given)| *is_given)) {
+            (Which::Cpu, Some((flag, _))) => Err(Error::input(flag, "is for graphics devices; leave it out")),
+            (Which::Cpu, None) => Ok(Renderer::Cpu(scene)),
+            (Which::Auto, _) if is_bounded && self.adapter.is_none() => Ok(Renderer::Cpu(scene)),
             _ if is_bounded => {
                 let why = "cannot be kept by a graphics driver; leave it out (--vram bounds the device), or take --renderer cpu";
                 Err(Error::input("--memory", why))
             }
-            which => self.device_or_cpu(scene, which == Which::Auto),
+            (which, _) => self.device_or_cpu(scene, which == Which::Auto),
         }
     }
 
     #[cfg(not(feature = "gpu"))]
     fn device_or_cpu<'a>(&self, scene: Scene<'a>, is_auto: bool) -> Result<Renderer<'a>> {
-        if is_auto { Ok(Renderer::Cpu(scene)) } else { Err(Error::device("support was left out of this program")) }
+        match is_auto && self.adapter.is_none() {
+            true => Ok(Renderer::Cpu(scene)),
+            false => Err(Error::device("support was left out of this program; take --renderer cpu")),
+        }
     }
 }
 

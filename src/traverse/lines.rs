@@ -5,7 +5,6 @@
 
 use super::order::{AxisOrder, Order};
 use super::tiles::TileRows;
-use super::walk::VoxelBox;
 use crate::arena::Lane;
 use crate::arena::layout::TILE_EDGE;
 use crate::arena::pager::tell;
@@ -27,19 +26,13 @@ pub struct OrderedLine {
     pub extent: [u16; 2],
 }
 
-/// Calls `visit` with the lines of `lane` in `order`, and before them `wants_tile` with the voxels that each tile may
-/// hold: lines of tiles that it declines are left out.
+/// Calls `visit` with the lines of `lane` in `order`.
 ///
 /// # Panics
 /// If the lane does not run along the order's fast axis.
-pub fn ordered_lines(
-    lane: &Lane,
-    order: &Order,
-    wants_tile: impl FnMut(&VoxelBox) -> bool,
-    mut visit: impl FnMut(OrderedLine),
-) {
+pub fn ordered_lines(lane: &Lane, order: &Order, mut visit: impl FnMut(OrderedLine)) {
     assert_eq!(lane.axis, order.fast, "a walk needs the lane along its fast axis");
-    let rows = TileRows::new(lane, order.slow, wants_tile);
+    let rows = TileRows::new(lane, order.slow, |_| true);
     let slow_is_v = order.slow == lane.axis.others()[1];
     let slices = rows.slices();
     let (mut gathered, mut mediums) = (Vec::new(), Vec::new());

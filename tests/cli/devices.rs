@@ -111,7 +111,9 @@ fn a_device_that_is_not_there_is_refused_in_one_line() {
     if has_device(&folder) {
         adj(&folder, "render g.adj -o h.png --renderer gpu --adapter abacus", &[])
             .refused(&["none is called \"abacus\"", "there are: "]);
-        adj(&folder, "render g.adj -o h.png", &[("WGPU_ADAPTER_NAME", "abacus")]).done();
+        let ran = adj(&folder, "render g.adj -o h.png", &[("WGPU_ADAPTER_NAME", "abacus")]);
+        assert!(ran.stderr.contains("the processor draws instead"), "{}", ran.stderr);
+        ran.done();
     }
 }
 
@@ -124,6 +126,8 @@ fn flags_out_of_place() {
         ("--renderer gpu --vram much", &["--vram", "must be a size"]),
         ("--renderer gpu --memory 256MiB", &["--memory", "graphics driver"]),
         ("--renderer tpu", &["tpu", "gpu"]),
+        ("--renderer cpu --vram 64MiB", &["--vram", "leave it out"]),
+        ("--renderer cpu --adapter x", &["--adapter", "leave it out"]),
         ("--accumulate 12", &["12", "16"]),
     ] {
         adj(&folder, &format!("render g.adj -o g.png {flags}"), &[]).refused(parts);

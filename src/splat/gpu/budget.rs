@@ -19,8 +19,10 @@ const MOST_SLOTS: u64 = 1 << 20;
 const MOST_SLOTS_IN_SOFTWARE: u64 = 1 << 17;
 /// Fewest: the longest line.
 const LEAST_SLOTS: u64 = 1 << 16;
-/// Accumulated, and read back.
-const PIXEL: u64 = 2 * 16;
+/// Bytes of a pixel, accumulated and again read back.
+const PIXEL: u64 = 16;
+/// Bytes that a row which is read back is a multiple of.
+const ROW: u64 = 256;
 /// Uniforms, counters, times, and what a driver rounds up.
 const SMALL: u64 = 1 << 20;
 /// Bytes of a line's end, and of its word in the list, at most.
@@ -48,7 +50,7 @@ pub(crate) struct Question {
 /// The shares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Plan {
-    /// Records of a chunk: a multiple of [`BATCH`].
+    /// Records of a chunk.
     pub(crate) slots: u32,
     /// Rows of pixels that are drawn at a time: a multiple of [`TILE`], or all.
     pub(crate) window_rows: u32,
@@ -68,8 +70,9 @@ impl Plan {
         let base = SMALL + tables + in_flight(ceiling);
         let window = |tile_rows: u64, slots: u64| {
             let tiles = columns.div_ceil(TILE.into()) * tile_rows;
-            let pixels = columns * (tile_rows * u64::from(TILE)).min(rows);
-            (pixels * PIXEL, tiles * mask_words(slots) * 4)
+            let pixel_rows = (tile_rows * u64::from(TILE)).min(rows);
+            let row = columns * PIXEL;
+            (pixel_rows * (row + row.next_multiple_of(ROW)), tiles * mask_words(slots) * 4)
         };
         let chunk = |slots: u64| slots * (size_of::<Voxel>() + size_of::<Splat>()) as u64;
         let all_rows = rows.div_ceil(TILE.into());

@@ -4,6 +4,7 @@
 //! device complains of as [`Error::Device`]. Faults are caught in error scopes, so that the device's own handlers stay
 //! the caller's.
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
@@ -15,6 +16,9 @@ use crate::error::{Error, Result};
 
 /// Largest binding in use, whatever a device allows: what every device allows.
 pub(crate) const MOST_BINDING: u64 = 128 << 20;
+
+/// A device that has not answered for so long is taken to hang; software draws large frames for minutes.
+const HUNG: Duration = Duration::from_secs(600);
 
 /// A device, its queue, and what is on its way.
 #[derive(Debug)]
@@ -64,7 +68,7 @@ impl Context {
     /// # Errors
     /// [`Error::Limit`] if the device allows no binding as large.
     pub(crate) fn buffer(&self, label: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
-        // The walk reads a step beyond the last; 16 bytes are the largest element.
+        // 16 bytes are the largest element.
         let size = bytes.max(16).next_multiple_of(16);
         let have =
             if usage.contains(BufferUsages::STORAGE) { self.most_binding() } else { self.limits.max_buffer_size };
@@ -92,7 +96,7 @@ impl Context {
     pub(crate) fn submit(&self, work: impl IntoIterator<Item = CommandBuffer>) -> Result<()> {
         self.queue.submit(work);
         // Lets go of what is done.
-        self.device.poll(PollType::Poll).map(drop).map_err(lost)
+        self.poll(PollType::Poll)
     }
 
     /// Waits until all work is done.
@@ -100,9 +104,18 @@ impl Context {
     /// # Errors
     /// If the device is lost.
     pub(crate) fn wait(&self) -> Result<()> {
-        self.device.poll(PollType::wait_indefinitely()).map_err(lost)?;
+        self.poll(PollType::Wait { submission_index: None, timeout: Some(HUNG) })?;
         self.in_flight.store(0, Ordering::Relaxed);
         Ok(())
+    }
+
+    /// wgpu panics where a driver says that its device is lost: here it is an error.
+    fn poll(&self, how: PollType) -> Result<()> {
+        match catch_unwind(AssertUnwindSafe(|| self.device.poll(how))) {
+            Ok(Ok(_)) => Ok(()),
+            Ok(Err(fault)) => Err(Error::device(format!("does not answer: {}", one_line(&fault.to_string())))),
+            Err(_) => Err(Error::device("was lost, or is out of memory")),
+        }
     }
 
     /// Gives the first `bytes` bytes of `buffer`, which can be mapped, to `read`, once all work is done.
@@ -119,17 +132,13 @@ impl Context {
         self.wait()?;
         let failed = || Error::device("did not give its results back; it was lost, or it is out of memory");
         // Another thread that waits for the device may be the one that is told, a moment later.
-        receiver.recv_timeout(Duration::from_secs(60)).map_err(|_| failed())?.map_err(|_| failed())?;
+        receiver.recv_timeout(HUNG).map_err(|_| failed())?.map_err(|_| failed())?;
         let view = slice.get_mapped_range().map_err(|_| failed())?;
         let result = read(&view);
         drop(view);
         buffer.unmap();
         Ok(result)
     }
-}
-
-fn lost(fault: wgpu::PollError) -> Error {
-    Error::device(format!("was lost: {}", one_line(&fault.to_string())))
 }
 
 /// A message without its line ends.

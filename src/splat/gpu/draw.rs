@@ -17,7 +17,7 @@ use super::layout::{self, BATCH, Block, Chunk, FastOrder, Splat, TILE, Voxel};
 use super::lines::{LINE_BYTES, LineList, Slab, line_count};
 use super::probe::{Look, Probe};
 use super::read_back::{self, COUNTERS};
-use super::residence::{Residence, Sizes};
+use super::residence::Residence;
 use super::resolve::{self, Canvas};
 use super::scratch::Name;
 use super::stages::{Blend, Stage, Stages, one_chunk};
@@ -68,13 +68,14 @@ pub(super) fn frame<'a>(
         plan,
         stop: settings.termination(),
         blend: Blend::new(settings.mode, settings.sense),
-        compositor: renderer.compositor(),
+        compositor: renderer.current,
         list: renderer.list.as_ref().expect("prepared before").list.clone(),
         stages: renderer.stages.clone(),
         context: context.clone(),
         is_timed: matches!(output, Output::Frame(_)),
     };
     stats.slabs = job.list.slabs.len();
+    job.make_room(renderer);
     let drawn = renderer.scratch.make(&context, Name::Drawn, 4 * COUNTERS)?;
     let mut encoder = context.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("begin") });
     encoder.clear_buffer(&drawn, 0, None);
@@ -241,11 +242,10 @@ impl Job<'_, '_> {
         let Job { context, stages, .. } = self;
         let start = Instant::now();
         let slab = &self.list.slabs[index];
-        let residence = self.reside(renderer, slab, stats)?;
+        let residence = self.reside(renderer, index, stats)?;
         let [tiles, line_ends, steps, values, normals, magnitudes] = residence.buffers.clone();
-        let most = |count: fn(&Slab) -> usize| self.list.slabs.iter().map(count).max().unwrap_or(0) as u64;
         let scratch = &mut renderer.scratch;
-        let lines = scratch.make(context, Name::Lines, 4 * most(|slab| slab.lines.len()))?;
+        let lines = scratch.make(context, Name::Lines, 4 * slab.lines.len() as u64)?;
         let listed = renderer.list.as_mut().expect("prepared before");
         if listed.on_device != Some(index) {
             for (piece, lines_of) in (0u64..).zip(slab.lines.chunks(1 << 18)) {
@@ -254,7 +254,7 @@ impl Job<'_, '_> {
             stats.list_bytes += 4 * slab.lines.len() as u64;
             listed.on_device = Some(index);
         }
-        let blocks = scratch.make(context, Name::Blocks, size_of::<Block>() as u64 * most(|slab| slab.blocks.len()))?;
+        let blocks = scratch.make(context, Name::Blocks, (size_of::<Block>() * slab.blocks.len()) as u64)?;
         context.write(&blocks, 0, bytemuck::cast_slice(&chunks.blocks))?;
         let stride = self.chunk_stride();
         let mut uniforms = vec![0u8; stride * chunks.chunks.len()];
@@ -302,7 +302,7 @@ impl Job<'_, '_> {
         let (chunk, count) = chunks.chunks[place];
         let first = chunk.first_block as usize;
         let looks = &renderer.looks.as_ref().expect("prepared before").3;
-        let resident = renderer.residents.last().or(renderer.passage.as_ref().map(|(_, passage)| passage));
+        let resident = renderer.residents.last().or(renderer.passage.as_ref());
         let buffer = |name: Name| renderer.scratch.get(name);
         let has_tiles = self.compositor == Compositor::Tiles;
         Probe {
@@ -321,42 +321,43 @@ impl Job<'_, '_> {
         }
     }
 
-    /// The slab's buffers: kept if it is the whole lane, else filled anew.
-    fn reside<'r>(&self, renderer: &'r mut Renderer, slab: &Slab, stats: &mut Stats) -> Result<&'r Residence> {
+    /// Lets lanes go that the frame has no room for beside its own.
+    fn make_room(&self, renderer: &mut Renderer) {
+        renderer.passage = None;
+        let axis = self.shot.lane.axis;
+        if self.list.slabs.len() > 1 {
+            renderer.residents.clear();
+        }
+        // The frame's own lane is the last to go.
+        renderer.residents.sort_by_key(|residence| residence.axis == axis);
+        let listed = renderer.list.as_ref().expect("prepared before");
+        let need = listed.sizes.first().map_or(0, |sizes| sizes.total()) + LINE_BYTES * line_count(&self.shot.lane);
+        let others = |residents: &[Residence]| -> u64 {
+            residents.iter().filter(|residence| residence.axis != axis).map(Residence::bytes).sum()
+        };
+        while others(&renderer.residents) > 0 && others(&renderer.residents) + need > self.plan.room.bytes {
+            renderer.residents.remove(0);
+        }
+    }
+
+    /// The buffers of slab `index`: kept if it is the whole lane, else filled anew.
+    fn reside<'r>(&self, renderer: &'r mut Renderer, index: usize, stats: &mut Stats) -> Result<&'r Residence> {
         let Job { context, shot, .. } = self;
-        let lane = &shot.lane;
+        let (lane, tiles) = (&shot.lane, &self.list.slabs[index].tiles);
+        let sizes = renderer.list.as_ref().expect("prepared before").sizes[index];
         if self.list.slabs.len() == 1 {
-            let place = renderer.residents.iter().position(|residence| residence.axis == lane.axis);
-            let kept = place.map(|place| renderer.residents.remove(place));
-            let sizes = Sizes::of(lane, &slab.tiles)?;
-            let need = sizes.total() + LINE_BYTES * line_count(lane);
-            let used = |residents: &[Residence]| residents.iter().map(Residence::bytes).sum::<u64>();
-            while used(&renderer.residents) + need > self.plan.room.bytes && !renderer.residents.is_empty() {
-                renderer.residents.remove(0);
+            if renderer.residents.last().is_none_or(|last| last.axis != lane.axis) {
+                let residence = Residence::new(context, lane.axis, sizes)?;
+                stats.upload_bytes += residence.upload(context, lane, tiles)?;
+                renderer.residents.push(residence);
             }
-            let residence = match kept {
-                Some(residence) => residence,
-                None => {
-                    renderer.passage = None;
-                    let residence = Residence::new(context, lane.axis, sizes)?;
-                    stats.upload_bytes += residence.upload(context, lane, &slab.tiles)?;
-                    residence
-                }
-            };
-            renderer.residents.push(residence);
-            return Ok(renderer.residents.last().expect("it was just put there"));
+            return Ok(renderer.residents.last().expect("it is there"));
         }
-        renderer.residents.clear();
-        let sizes =
-            self.list.slabs.iter().try_fold(Sizes::default(), |most, slab| {
-                Sizes::of(lane, &slab.tiles).map(|sizes| most.at_least(sizes))
-            })?;
-        if renderer.passage.as_ref().is_none_or(|(have, _)| *have != sizes) {
-            renderer.passage = None;
-            renderer.passage = Some((sizes, Residence::new(context, lane.axis, sizes)?));
-        }
-        let residence = &renderer.passage.as_ref().expect("it was just made").1;
-        stats.upload_bytes += residence.upload(context, lane, &slab.tiles)?;
+        // The slab before goes once the device is done with it, so that there is never more than one.
+        renderer.passage = None;
+        context.wait()?;
+        let residence = renderer.passage.insert(Residence::new(context, lane.axis, sizes)?);
+        stats.upload_bytes += residence.upload(context, lane, tiles)?;
         Ok(residence)
     }
 

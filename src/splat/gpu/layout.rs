@@ -88,7 +88,7 @@ pub struct Chunk {
     pub first_block: u32,
     /// Its records: places of voxels and splats.
     pub slot_count: u32,
-    /// Which of the frame's chunks it is.
+    /// Which counter of drawn splats is its own.
     pub index: u32,
     /// 1 where pixels start anew.
     pub is_first: u32,

@@ -122,28 +122,22 @@ impl LineList {
             if refused.is_none() && !open.take(slice, room) {
                 slabs.extend(open.close());
                 if !open.take(slice, room) {
-                    refused = Some(open.load_of(slice).bytes);
+                    refused = Some(open.load_of(slice));
                 }
             }
             slice.clear();
         };
-        ordered_lines(
-            lane,
-            order,
-            |_| true,
-            |line| {
-                if slice.last().is_some_and(|last| last.slow != line.slow) {
-                    end_slice(&mut slice);
-                }
-                slice.push(line);
-            },
-        );
+        ordered_lines(lane, order, |line| {
+            if slice.last().is_some_and(|last| last.slow != line.slow) {
+                end_slice(&mut slice);
+            }
+            slice.push(line);
+        });
         if !slice.is_empty() {
             end_slice(&mut slice);
         }
-        if let Some(need) = refused {
-            let what = "video memory in bytes for the tiles of one slice (give more --vram)".into();
-            return Err(Error::Limit { what, need, have: room.bytes });
+        if let Some(load) = refused {
+            return Err(load.refusal(room));
         }
         slabs.extend(open.close());
         let bounds = slabs.iter().flat_map(|slab: &Slab| &slab.blocks).map(|block| block.bounds).reduce(union);
@@ -165,6 +159,20 @@ struct Load {
 impl Load {
     fn fits(self, room: Room) -> bool {
         self.bytes <= room.bytes && self.records <= room.records && self.lines <= room.lines && self.tiles <= room.tiles
+    }
+
+    /// What of a single slice is too much.
+    fn refusal(self, room: Room) -> Error {
+        let (what, need, have) = if self.bytes > room.bytes {
+            ("video memory in bytes for the tiles of one slice (give more --vram)", self.bytes, room.bytes)
+        } else if self.records > room.records {
+            ("records of one slice in a device's largest binding (take --renderer cpu)", self.records, room.records)
+        } else if self.lines > room.lines {
+            ("lines of one slice in a device's largest binding (take --renderer cpu)", self.lines, room.lines)
+        } else {
+            ("tiles of one slice in a device's largest binding (take --renderer cpu)", self.tiles, room.tiles)
+        };
+        Error::Limit { what: what.into(), need, have }
     }
 
     fn add(&mut self, other: Load) {

@@ -152,9 +152,11 @@ pub struct Renderer<'a> {
     list: Option<Listed>,
     /// Lanes that are on the device as a whole, the last used last.
     residents: Vec<Residence>,
-    /// Where slabs pass through.
-    passage: Option<(Sizes, Residence)>,
+    /// The slab of a larger lane that is on the device.
+    passage: Option<Residence>,
     scratch: Scratch,
+    /// How the frame at hand is composited.
+    current: Compositor,
     resolver: Option<Resolver>,
 }
 
@@ -164,6 +166,8 @@ struct Listed {
     axis: Axis,
     room: lines::Room,
     list: Arc<LineList>,
+    /// Of each slab.
+    sizes: Vec<Sizes>,
     /// The slab whose lines are on the device.
     on_device: Option<usize>,
 }
@@ -173,14 +177,9 @@ impl<'a> Renderer<'a> {
     /// are not timed) and `FLOAT32_BLENDABLE` (for [`Target::Float32`]).
     ///
     /// # Errors
-    /// [`Error::Device`] if the device fails; [`Error::Input`] if it cannot blend what `options` asks for.
+    /// [`Error::Device`] if the device fails, or cannot blend what `options` asks for.
     pub fn new(device: Device, queue: Queue, scene: Scene<'a>, options: Options) -> Result<Renderer<'a>> {
-        if options.compositor == Some(Compositor::Quads(Target::Float32))
-            && !device.features().contains(Features::FLOAT32_BLENDABLE)
-        {
-            let why = "cannot blend 32-bit floats; take tiles, or accumulate in 16 bits";
-            return Err(Error::device(why));
-        }
+        check_blends(&device, options.compositor)?;
         let context = Arc::new(Context::new(device, queue, in_flight(options.vram)));
         let is_software = context.device.adapter_info().device_type == DeviceType::Cpu;
         let (stages, timer) = context.watch(|| Ok((Stages::new(&context.device), Timer::new(&context)?)))?;
@@ -196,6 +195,7 @@ impl<'a> Renderer<'a> {
             residents: Vec::new(),
             passage: None,
             scratch: Scratch::default(),
+            current: Compositor::Tiles,
             resolver: None,
         })
     }
@@ -217,12 +217,19 @@ impl<'a> Renderer<'a> {
     }
 
     /// Makes pixels of splats in another way from the next frame on; `None` for the best one.
-    pub fn set_compositor(&mut self, compositor: Option<Compositor>) {
+    ///
+    /// # Errors
+    /// [`Error::Device`] if the device cannot blend it.
+    pub fn set_compositor(&mut self, compositor: Option<Compositor>) -> Result<()> {
+        check_blends(&self.context.device, compositor)?;
         self.options.compositor = compositor;
         // All buffers go, so that the other compositor's do not count towards the budget; the list's lines with them.
         self.scratch = Scratch::default();
-        self.list = None;
         self.resolver = None;
+        if let Some(listed) = &mut self.list {
+            listed.on_device = None;
+        }
+        Ok(())
     }
 
     /// Draws a frame.
@@ -254,6 +261,7 @@ impl<'a> Renderer<'a> {
     }
 
     /// Draws a frame into a texture, and does not wait for it: the work is handed to the queue that the renderer has.
+    /// Only copies to the device may have to wait for earlier ones.
     ///
     /// `settings.size` is the texture's. Splats are not counted and stages not timed.
     ///
@@ -268,15 +276,36 @@ impl<'a> Renderer<'a> {
         let shot = Shot::new(&self.scene, camera, settings)?;
         let context = self.context.clone();
         let mut stats = Stats::default();
-        context.watch(|| {
-            self.prepare_looks(&shot, settings, &mut stats)?;
+        self.current = self.compositor_for(settings.size);
+        let drawn = context.watch(|| {
             let plan = self.plan(&shot, settings)?;
+            self.prepare_looks(&shot, settings, &mut stats)?;
             let records = self.prepare_list(&shot, plan, &mut stats)?;
             draw::frame(self, &shot, settings, plan.for_records(records), output, &mut stats, look)
-        })?;
+        });
+        if let Err(fault) = drawn {
+            // Some of what is on the device may not be what it should be.
+            self.let_go();
+            return Err(fault);
+        }
         stats.vram_bytes = self.vram_bytes();
         stats.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(stats)
+    }
+
+    fn let_go(&mut self) {
+        (self.looks, self.list, self.passage, self.resolver) = (None, None, None, None);
+        self.residents.clear();
+        self.scratch = Scratch::default();
+        if let Some(timer) = &mut self.timer {
+            timer.clear();
+        }
+    }
+
+    /// As [`Renderer::compositor`], but that what was not asked for must be able to draw a picture of this size.
+    fn compositor_for(&self, size: [u32; 2]) -> Compositor {
+        let fits = size.into_iter().all(|side| side <= self.context.limits.max_texture_dimension_2d);
+        if fits || self.options.compositor.is_some() { self.compositor() } else { Compositor::Tiles }
     }
 
     /// The looks of the frame at hand.
@@ -300,6 +329,7 @@ impl<'a> Renderer<'a> {
         let start = Instant::now();
         let (mode, exposure) = (settings.mode, settings.exposure);
         if self.looks.as_ref().is_none_or(|(m, e, ..)| (*m, *e) != (mode, exposure)) {
+            self.looks = None;
             let table = Table::new(&self.scene, &shot.lane, settings, shot.view.mean_voxel)?;
             let looks = Looks::new(&self.context, &table, &shot.lane)?;
             self.looks = Some((mode, exposure, table, looks));
@@ -315,7 +345,8 @@ impl<'a> Renderer<'a> {
         let fits = |listed: &Listed| listed.axis == axis && listed.room == room && listed.list.key == key;
         if !self.list.as_ref().is_some_and(fits) {
             let list = Arc::new(LineList::new(&shot.lane, &shot.order, room)?);
-            self.list = Some(Listed { axis, room, list, on_device: None });
+            let sizes = list.slabs.iter().map(|slab| Sizes::of(&shot.lane, &slab.tiles)).collect::<Result<_>>()?;
+            self.list = Some(Listed { axis, room, list, sizes, on_device: None });
             stats.line_lists = 1;
             stats.line_list_ms = start.elapsed().as_secs_f64() * 1e3;
         }
@@ -324,7 +355,18 @@ impl<'a> Renderer<'a> {
 
     fn vram_bytes(&self) -> u64 {
         let looks = self.looks.as_ref().map_or(0, |(.., looks)| looks.bytes());
-        let passage = self.passage.as_ref().map_or(0, |(_, residence)| residence.bytes());
+        let passage = self.passage.as_ref().map_or(0, Residence::bytes);
         looks + passage + self.residents.iter().map(Residence::bytes).sum::<u64>() + self.scratch.bytes()
     }
+}
+
+/// # Errors
+/// [`Error::Device`] if `device` cannot blend what `compositor` asks for.
+fn check_blends(device: &Device, compositor: Option<Compositor>) -> Result<()> {
+    if compositor == Some(Compositor::Quads(Target::Float32))
+        && !device.features().contains(Features::FLOAT32_BLENDABLE)
+    {
+        return Err(Error::device("cannot blend 32-bit floats; take tiles, or accumulate in 16 bits"));
+    }
+    Ok(())
 }

@@ -25,7 +25,7 @@ pub(super) const COUNTERS: u64 = 4_096;
 /// If the device fails.
 pub(super) fn window(renderer: &mut Renderer, size: [u32; 2], out: &mut [f32], stats: &mut Stats) -> Result<()> {
     let start = Instant::now();
-    let (context, compositor) = (renderer.context.clone(), renderer.compositor());
+    let (context, compositor) = (renderer.context.clone(), renderer.current);
     let [width, height] = size;
     let (target, pitch) = match compositor {
         Compositor::Tiles => (Target::Float32, 16 * width),

@@ -36,7 +36,7 @@ pub(crate) struct Residence {
 }
 
 /// Bytes of each buffer.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct Sizes([u64; 6]);
 
 impl Sizes {
@@ -60,10 +60,6 @@ impl Sizes {
         let tiles = tiles.len() as u64 * size_of::<TileRecord>() as u64;
         let [steps, values, normals, magnitudes] = widths.map(|width| records * width);
         Ok(Sizes([tiles, lines * ends, steps, values, normals, magnitudes]))
-    }
-
-    pub(crate) fn at_least(self, other: Sizes) -> Sizes {
-        Sizes(std::array::from_fn(|k| self.0[k].max(other.0[k])))
     }
 }
 

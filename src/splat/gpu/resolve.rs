@@ -59,7 +59,7 @@ pub(super) struct Resolver {
 pub(super) fn window(renderer: &mut Renderer, window: [i32; 4], canvas: &Canvas) -> Result<()> {
     let context = renderer.context.clone();
     let device = &context.device;
-    let is_buffer = renderer.compositor() == Compositor::Tiles;
+    let is_buffer = renderer.current == Compositor::Tiles;
     if renderer.resolver.as_ref().is_none_or(|resolver| resolver.format != canvas.format) {
         let pipeline = pipeline(&context, canvas.format, is_buffer);
         renderer.resolver = Some(Resolver { format: canvas.format, pipeline });

@@ -64,6 +64,7 @@ impl Scratch {
         {
             return Ok(target.clone());
         }
+        self.target = None;
         let target = context.device.create_texture(&TextureDescriptor {
             label: Some("target"),
             size: Extent3d { width, height, depth_or_array_layers: 1 },

@@ -1,7 +1,8 @@
 //! The stages: pipelines and what they bind.
 //!
 //! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat for each way of
-//! blending. Each shader is `shaders/common.wgsl` and its own file; each has a twin of the same name in `twin/`.
+//! blending. Each shader is `shaders/common.wgsl` and its own file; each has a twin of the same name in `twin/`;
+//! what resolve does is judged by frames that were read back.
 
 use std::num::NonZeroU64;
 use std::sync::OnceLock;
@@ -46,8 +47,6 @@ pub enum Blend {
 }
 
 impl Blend {
-    const ALL: [Blend; 4] = [Blend::FrontToBack, Blend::BackToFront, Blend::Additive, Blend::Maximum];
-
     /// Of settings.
     pub(crate) fn new(mode: Mode, sense: Sense) -> Blend {
         match (mode, sense) {
@@ -67,7 +66,7 @@ impl Blend {
     }
 
     fn number(self) -> usize {
-        Blend::ALL.iter().position(|&blend| blend == self).unwrap_or(0)
+        self as usize
     }
 
     /// What a device does to a pixel: colours, fourth value.
@@ -103,7 +102,7 @@ impl Target {
     }
 
     fn number(self) -> usize {
-        [Target::Float32, Target::Float16, Target::Unorm8].iter().position(|&target| target == self).unwrap_or(0)
+        self as usize
     }
 }
 

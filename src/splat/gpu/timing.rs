@@ -10,7 +10,7 @@ use wgpu::{
 use super::context::Context;
 use crate::error::Result;
 
-/// Times of a frame: two a pass. Passes beyond them are not timed; 1,024 chunks are a thousand million voxels.
+/// Times of a window: two a pass. Passes beyond them are not timed: those of its chunks after the 512th.
 const QUERIES: u32 = 4_096;
 const QUERY_BYTES: u64 = 8;
 
@@ -61,6 +61,11 @@ impl Timer {
             read: buffer("times read back", BufferUsages::MAP_READ | BufferUsages::COPY_DST),
             passes: Vec::new(),
         }))
+    }
+
+    /// Forgets what was timed.
+    pub(crate) fn clear(&mut self) {
+        self.passes.clear();
     }
 
     fn next(&mut self, pass: Pass) -> Option<[u32; 2]> {

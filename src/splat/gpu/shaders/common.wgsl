@@ -86,7 +86,7 @@ const INTERLEAVED: u32 = 3u;
 struct Chunk {
     first_block: u32,
     slot_count: u32,
-    // Which of the frame's chunks it is.
+    // Which counter of drawn splats is its own.
     index: u32,
     // 1 where pixels start anew.
     is_first: u32,

@@ -201,14 +201,10 @@ fn splat_of(voxel: Voxel) -> Splat {
         x = nearest_pixel(shot.centre.x + shot.focal * tx);
         y = nearest_pixel(shot.centre.y - shot.focal * ty);
         let scale = shot.focal * closeness;
-        var across: vec3<f32>;
-        var down: vec3<f32>;
-        for (var a = 0; a < 3; a++) {
-            let step = shot.steps[a];
-            across[a] = scale * (step.x - tx * step.z);
-            down[a] = scale * (ty * step.z - step.y);
-        }
-        print = footprint(across, down);
+        let right = vec3<f32>(shot.steps[0].x, shot.steps[1].x, shot.steps[2].x);
+        let up = vec3<f32>(shot.steps[0].y, shot.steps[1].y, shot.steps[2].y);
+        let forward = vec3<f32>(shot.steps[0].z, shot.steps[1].z, shot.steps[2].z);
+        print = footprint(scale * (right - tx * forward), scale * (ty * forward - up));
         strength *= print.density * sqrt(1.0 + tx * tx + ty * ty) * (closeness * closeness);
     }
     let columns = span(x, print.half.x, shot.window.x, shot.window.z - 1);

@@ -1,7 +1,7 @@
 // Stage: splat. In: splats in visit order. Out: the window's pixels, blended by the device in the order of instances.
 // Twin: twin/splat.rs
 //
-// One instance a splat: a quad over its box. Blend states: quads.rs.
+// One instance a splat: a quad over its box. Blend states: stages.rs.
 
 @group(0) @binding(0) var<uniform> shot: Shot;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
