@@ -1,12 +1,15 @@
 //! Video memory: below its ceiling, whatever the structure; and no bit of a picture depends on it.
 
 use adjsplat::Error;
+use adjsplat::arena::TileOrder;
 use adjsplat::arena::builder::Built;
+use adjsplat::arena::layout::{Channels, Facts, Scales};
+use adjsplat::arena::pack::{LanePacker, Record};
 use adjsplat::splat::gpu::adapter::Opened;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats};
-use adjsplat::splat::{Camera, Frame, Lanes as _, Quality, Settings, cpu};
+use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
+use adjsplat::splat::{Camera, Frame, Lanes as _, Orbit, Quality, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::{Order, SplitForm};
-use adjsplat::volume::Axis;
+use adjsplat::volume::{Axis, Grid};
 
 use crate::compare::{psnr, shows, worst};
 use crate::device::{device, own_device, say};
@@ -40,6 +43,43 @@ fn drawn(
     assert!(stats.vram_bytes <= vram, "{} bytes of {vram}: {stats:?}", stats.vram_bytes);
     assert!(most <= vram, "the device gave out {most} bytes of {vram}");
     (frame, stats, most)
+}
+
+/// Slabs of dust have long directories, solid ones long channels: buffers that served both would be too large.
+#[test]
+fn dust_beside_a_solid_stays_within() {
+    let Some(opened) = own_device() else { return };
+    let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0 };
+    let grid = Grid::new([192, 192, 1_600], [1.0; 3]).unwrap();
+    let mut packer = LanePacker::new(Axis::X, grid.dims, channels, TileOrder::Morton);
+    let voxel = |x: u16| (x, Record { value: 200, normal: 0, magnitude: 0 });
+    for z in 0..1_600 {
+        for y in 0..192 {
+            packer.line(y, z, (0..if z < 1_560 { 1 } else { 192 }).map(voxel));
+        }
+    }
+    let visible_voxels = packer.visible();
+    let scales = Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 1.0 };
+    let facts = Facts { grid, channels, tile_order: TileOrder::Morton, scales, visible_voxels };
+    let lanes = vec![packer.finish()];
+    let transfer = transfer(r#"{ "kind": "range", "low": 1, "opacity": 0.01 }"#);
+    let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
+    let size = [40, 56];
+    let around = Surround::of_grid(&facts.grid);
+    let camera = Camera::orbiting(Orbit { azimuth: 20.0, elevation: 40.0, ..Orbit::default() }, around, size).unwrap();
+    // Slow z, medium y, fast x.
+    let order = Some(Order::parallel(5, 0));
+    let settings = Settings { quality: Quality::Draft, order, ..Settings::new(size) };
+    let options = |vram| Options { vram, compositor: Some(Compositor::Quads(Target::Float16)) };
+    let draw = |vram| {
+        let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene, options(vram)).unwrap();
+        drawn(&opened, &mut renderer, &camera, &settings, vram)
+    };
+    let (whole, one, _) = draw(PLENTY);
+    let (frame, many, most) = draw(TIGHT);
+    say(&format!("dust: {} slabs, {} bytes of {TIGHT}, {most} by the device", many.slabs, many.vram_bytes));
+    assert!(one.slabs == 1 && many.slabs > 3, "{} and {} slabs", one.slabs, many.slabs);
+    assert!(shows(&whole) && frame == whole);
 }
 
 /// 4 bytes a record: 4 MB of them, of which there is room for 1.
