@@ -39,10 +39,7 @@ impl RendererArguments {
         }
         let opened = match adapter::open(self.adapter.as_deref()) {
             Ok(opened) if is_free && opened.facts.is_software() => return Ok(Renderer::Cpu(scene)),
-            Err(fault) if is_auto && self.adapter.is_none() => {
-                print_note(&format!("note: {fault}; the processor draws instead"));
-                return Ok(Renderer::Cpu(scene));
-            }
+            Err(fault) if is_auto && self.adapter.is_none() => return Ok(Renderer::instead(&fault, scene)),
             opened => opened?,
         };
         quiet_about_lost_devices();
@@ -52,10 +49,7 @@ impl RendererArguments {
                 let adapter = facts.name;
                 Ok(Renderer::Gpu(Box::new(OnDevice { scene, adapter, is_auto, renderer, accumulation_error: None })))
             }
-            Err(fault) if is_auto => {
-                print_note(&format!("note: {fault}; the processor draws instead"));
-                Ok(Renderer::Cpu(scene))
-            }
+            Err(fault) if is_auto => Ok(Renderer::instead(&fault, scene)),
             Err(fault) => Err(fault),
         }
     }

@@ -103,8 +103,7 @@ impl<'a> Renderer<'a> {
         if let Renderer::Gpu(on_device) = self {
             match on_device.render(camera, settings) {
                 Err(fault @ (Error::Device { .. } | Error::Limit { .. })) if on_device.is_auto => {
-                    print_note(&format!("note: {fault}; the processor draws instead"));
-                    *self = Renderer::Cpu(on_device.scene);
+                    *self = Renderer::instead(&fault, on_device.scene);
                 }
                 result => return result,
             }
@@ -113,6 +112,13 @@ impl<'a> Renderer<'a> {
         let others = vec![("walk_ms", json!(stats.walk_ms)), ("draw_ms", json!(stats.draw_ms))];
         let (splats_drawn, splats_skipped) = (stats.splats_drawn, stats.splats_skipped);
         Ok((frame, FrameStats { splats_drawn, splats_skipped, frame_ms: stats.frame_ms, others }))
+    }
+
+    /// The processor's, said so, after a device that was not asked for by name failed.
+    #[cfg(feature = "gpu")]
+    pub(super) fn instead(fault: &Error, scene: Scene<'a>) -> Renderer<'a> {
+        print_note(&format!("note: {fault}; the processor draws instead"));
+        Renderer::Cpu(scene)
     }
 
     fn scene(&self) -> &Scene<'a> {

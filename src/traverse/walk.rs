@@ -41,6 +41,14 @@ pub struct VoxelBox {
     pub high: [u16; 3],
 }
 
+impl VoxelBox {
+    /// Whether the boxes have a voxel in common.
+    #[inline(always)]
+    pub(crate) fn meets(&self, other: &VoxelBox) -> bool {
+        (0..3).all(|a| self.low[a] <= other.high[a] && self.high[a] >= other.low[a])
+    }
+}
+
 /// Voxels of one slice in visit order.
 ///
 /// Coordinates lie inside the grid if the lane is sound. On a damaged one they may be any; records are always inside

@@ -121,9 +121,7 @@ impl<B: Blend> Band<'_, B> {
     }
 
     fn in_crop(&self, bounds: &VoxelBox) -> bool {
-        self.projector
-            .crop
-            .is_none_or(|crop| (0..3).all(|a| bounds.low[a] <= crop.high[a] && bounds.high[a] >= crop.low[a]))
+        self.projector.crop.is_none_or(|crop| bounds.meets(&crop))
     }
 }
 

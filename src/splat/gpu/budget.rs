@@ -101,9 +101,7 @@ impl Plan {
         let window_rows = u32::try_from((tile_rows * u64::from(TILE)).min(rows)).expect("a picture's rows");
         Ok(Plan { slots: u32::try_from(slots).expect("below 2^32"), window_rows, room })
     }
-}
 
-impl Plan {
     /// With chunks no larger than `records` need.
     pub(crate) fn for_records(self, records: u64) -> Plan {
         let enough = u32::try_from(records.max(LEAST_SLOTS)).unwrap_or(u32::MAX);

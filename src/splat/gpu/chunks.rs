@@ -25,10 +25,8 @@ impl Sight<'_> {
         let Some([left, right, top, bottom]) = self.view.pixel_bounds(bounds, self.half) else { return (false, false) };
         let [x0, y0, x1, y1] = self.window.map(f64::from);
         let meets = right >= x0 && left <= x1 - 1.0 && bottom >= y0 && top <= y1 - 1.0;
-        let cropped =
-            self.crop.is_some_and(|crop| (0..3).any(|a| bounds.low[a] > crop.high[a] || bounds.high[a] < crop.low[a]));
         let is_inside = left >= x0 && right <= x1 - 1.0 && top >= y0 && bottom <= y1 - 1.0 && self.crop.is_none();
-        (meets && !cropped, is_inside)
+        (meets && self.crop.is_none_or(|crop| bounds.meets(&crop)), is_inside)
     }
 }
 

@@ -135,7 +135,7 @@ impl Job<'_, '_> {
     ) -> Result<u64> {
         let Job { context, plan, shot, .. } = self;
         let [width, height] = extent(window);
-        let looks = &renderer.looks.as_ref().expect("prepared before").3;
+        let looks = &renderer.looks.as_ref().expect("prepared before");
         let fast = FastOrder::new(shot.order.along[shot.order.fast.index()]);
         let mut uniform = layout::Shot::new(shot, window, fast);
         uniform.stop = self.stop;
@@ -267,7 +267,7 @@ impl Job<'_, '_> {
 
         let buffer = |name: Name| scratch.get(name).as_entire_binding();
         let [shot, voxels, splats, drawn] = [Name::Shot, Name::Voxels, Name::Splats, Name::Drawn].map(buffer);
-        let looks = &renderer.looks.as_ref().expect("prepared before").3;
+        let looks = &renderer.looks.as_ref().expect("prepared before");
         let chunk = one_chunk(&chunk_buffer);
         let device = &context.device;
         let walk = [&tiles, &line_ends, &steps, &lines, &blocks].map(|buffer| buffer.as_entire_binding());
@@ -301,7 +301,7 @@ impl Job<'_, '_> {
     ) -> Probe<'p> {
         let (chunk, count) = chunks.chunks[place];
         let first = chunk.first_block as usize;
-        let looks = &renderer.looks.as_ref().expect("prepared before").3;
+        let looks = &renderer.looks.as_ref().expect("prepared before");
         let resident = renderer.residents.last().or(renderer.passage.as_ref());
         let buffer = |name: Name| renderer.scratch.get(name);
         let has_tiles = self.compositor == Compositor::Tiles;

@@ -10,16 +10,22 @@ use super::context::Context;
 use crate::arena::Lane;
 use crate::error::Result;
 use crate::splat::composite::Table;
+use crate::splat::shot::Shot;
+use crate::splat::{Mode, Scene, Settings};
 
-/// The tables, and what they depend on beside the scene.
+/// The tables, the host's and what they depend on beside the scene.
 #[derive(Debug)]
-pub(crate) struct Looks {
+pub(crate) struct Looks<'a> {
+    pub(crate) mode: Mode,
+    pub(crate) exposure: Option<f32>,
+    /// The host's.
+    pub(crate) table: Table<'a>,
     pub(crate) by_value: Buffer,
     pub(crate) by_pair: Buffer,
     pub(crate) by_magnitude: bool,
 }
 
-impl Looks {
+impl<'a> Looks<'a> {
     /// Bytes that the tables of `lane` take at most.
     pub(crate) fn need(lane: &Lane, uses_gradient: bool) -> u64 {
         let codes = 1u64 << lane.channels.value_bits;
@@ -29,7 +35,9 @@ impl Looks {
 
     /// # Errors
     /// If the device has no memory for the tables.
-    pub(crate) fn new(context: &Context, table: &Table, lane: &Lane) -> Result<Looks> {
+    pub(crate) fn new(context: &Context, scene: &Scene<'a>, shot: &Shot, settings: &Settings) -> Result<Looks<'a>> {
+        let lane = &shot.lane;
+        let table = Table::new(scene, lane, settings, shot.view.mean_voxel)?;
         let last = if lane.channels.value_bits == 8 { u16::from(u8::MAX) } else { u16::MAX };
         let by_magnitude = table.needs_magnitude()
             || lane.shown.is_some_and(|shown| shown.by_magnitude() && lane.channels.magnitude_bits > 0);
@@ -56,7 +64,8 @@ impl Looks {
         };
         let by_value = store("looks", bytemuck::cast_slice(&values))?;
         let by_pair = store("depths", bytemuck::cast_slice(&pairs))?;
-        Ok(Looks { by_value, by_pair, by_magnitude })
+        let Settings { mode, exposure, .. } = *settings;
+        Ok(Looks { mode, exposure, table, by_value, by_pair, by_magnitude })
     }
 
     /// Bytes of the tables.

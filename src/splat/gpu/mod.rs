@@ -11,8 +11,7 @@
 //!
 //! A frame is drawn chunk by chunk, each of as many records as the buffers hold, in exact visibility order: nothing is
 //! sorted. A lane stays on the device as long as there is room; one that is too large passes through in slabs along the
-//! slow axis. A picture that is too large is drawn in windows. The pixels do not depend on any of this,
-//! bit for bit.
+//! slow axis. A picture that is too large is drawn in windows. The pixels do not depend on any of this, bit for bit.
 //!
 #![doc = include_str!("../../../docs/EMBEDDING.md")]
 
@@ -55,7 +54,7 @@ use super::composite::Table;
 use super::frame::Frame;
 use super::shot::Shot;
 use super::view::check_size;
-use super::{Camera, Mode, Scene, Settings};
+use super::{Camera, Scene, Settings};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::volume::Axis;
@@ -147,8 +146,7 @@ pub struct Renderer<'a> {
     options: Options,
     /// Whether the device is a processor.
     is_software: bool,
-    /// The tables, and the mode and exposure they are for.
-    looks: Option<(Mode, Option<f32>, Table<'a>, Looks)>,
+    looks: Option<Looks<'a>>,
     list: Option<Listed>,
     /// Lanes that are on the device as a whole, the last used last.
     residents: Vec<Residence>,
@@ -310,7 +308,7 @@ impl<'a> Renderer<'a> {
 
     /// The looks of the frame at hand.
     fn table(&self) -> &Table<'a> {
-        &self.looks.as_ref().expect("a frame begins with its looks").2
+        &self.looks.as_ref().expect("a frame begins with its looks").table
     }
 
     fn plan(&self, shot: &Shot, settings: &Settings) -> Result<Plan> {
@@ -327,12 +325,11 @@ impl<'a> Renderer<'a> {
 
     fn prepare_looks(&mut self, shot: &Shot, settings: &Settings, stats: &mut Stats) -> Result<()> {
         let start = Instant::now();
-        let (mode, exposure) = (settings.mode, settings.exposure);
-        if self.looks.as_ref().is_none_or(|(m, e, ..)| (*m, *e) != (mode, exposure)) {
+        let wanted = (settings.mode, settings.exposure);
+        if self.looks.as_ref().is_none_or(|looks| (looks.mode, looks.exposure) != wanted) {
+            // The old tables go first: the budget counts one set.
             self.looks = None;
-            let table = Table::new(&self.scene, &shot.lane, settings, shot.view.mean_voxel)?;
-            let looks = Looks::new(&self.context, &table, &shot.lane)?;
-            self.looks = Some((mode, exposure, table, looks));
+            self.looks = Some(Looks::new(&self.context, &self.scene, shot, settings)?);
         }
         stats.upload_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(())
@@ -354,7 +351,7 @@ impl<'a> Renderer<'a> {
     }
 
     fn vram_bytes(&self) -> u64 {
-        let looks = self.looks.as_ref().map_or(0, |(.., looks)| looks.bytes());
+        let looks = self.looks.as_ref().map_or(0, Looks::bytes);
         let passage = self.passage.as_ref().map_or(0, Residence::bytes);
         looks + passage + self.residents.iter().map(Residence::bytes).sum::<u64>() + self.scratch.bytes()
     }

@@ -61,9 +61,8 @@ impl Sizes {
         let [steps, values, normals, magnitudes] = widths.map(|width| records * width);
         Ok(Sizes([tiles, lines * ends, steps, values, normals, magnitudes]))
     }
-}
 
-impl Sizes {
+    /// Of all of them.
     pub(crate) fn total(self) -> u64 {
         self.0.into_iter().fold(0, u64::saturating_add)
     }
