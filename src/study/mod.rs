@@ -1,0 +1,17 @@
+//! Studies: the structure beside its rivals.
+//!
+//! In: a [`Subject`], which is a scene whose visible voxels every method is built from. Out: how fast each method walks
+//! and draws, what memory it takes, what it asks of the caches.
+//!
+//! ```text
+//! subject -> baselines (and our own walk) -> receiver: a counter, or the splatter
+//!                     \-> trace: a cache model, or nothing
+//! ```
+
+pub mod baselines;
+pub mod subject;
+pub mod trace;
+
+pub use baselines::{Receiver, Walker};
+pub use subject::Subject;
+pub use trace::{Trace, Untraced};
