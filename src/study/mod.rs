@@ -9,6 +9,7 @@
 //! ```
 
 pub mod baselines;
+pub mod cache;
 pub mod subject;
 pub mod trace;
 
