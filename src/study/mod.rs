@@ -9,6 +9,7 @@
 //! ```
 
 pub mod baselines;
+pub mod report;
 pub mod subject;
 pub mod trace;
 
