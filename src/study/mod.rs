@@ -10,6 +10,7 @@
 
 pub mod baselines;
 pub mod cache;
+pub mod report;
 pub mod subject;
 pub mod trace;
 

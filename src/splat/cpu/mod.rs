@@ -14,6 +14,8 @@ mod planes;
 mod project;
 pub(crate) mod raster;
 mod seen;
+#[cfg(feature = "cli")]
+pub(crate) mod splatter;
 mod stamp;
 mod without;
 
