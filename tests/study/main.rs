@@ -4,3 +4,4 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "small or random numbers")]
 
 mod cache;
+mod own_walk;

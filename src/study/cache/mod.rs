@@ -17,11 +17,14 @@
 pub mod geometry;
 pub mod level;
 pub mod model;
+pub mod own_walk;
 pub mod reuse;
+mod scratch;
 pub mod touched;
 
 pub use geometry::{Associativity, Geometry};
 pub use level::Level;
-pub use model::{Figures, Model};
+pub use model::{Figures, Misses, Model};
+pub use own_walk::{CodesRead, OwnWalk};
 pub use reuse::{Reuse, ReuseFigures};
 pub use touched::Touched;
