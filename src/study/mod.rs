@@ -10,6 +10,8 @@
 
 pub mod baselines;
 pub mod cache;
+pub mod lane_walk;
+pub mod layouts;
 pub mod report;
 pub mod subject;
 pub mod trace;

@@ -10,7 +10,7 @@ use adjsplat::arena::pack::{LanePacker, Record};
 use adjsplat::arena::{Channels, Lane, LineEnds, OwnedLane, Pager, TileOrder};
 use adjsplat::study::Trace;
 use adjsplat::study::Walker;
-use adjsplat::study::cache::{CodesRead, OwnWalk};
+use adjsplat::study::lane_walk::{CodesRead, OwnWalk};
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::Axis;
 use zerocopy::IntoBytes as _;

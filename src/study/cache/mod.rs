@@ -14,17 +14,19 @@
 //! order of its `arrays()`, each from the start of a page, with a page between that nobody touches. A figure so is the
 //! same on every machine, and does not hang on where an allocator puts things.
 
+pub mod counters;
+pub mod export;
 pub mod geometry;
 pub mod level;
+pub mod measure;
 pub mod model;
-pub mod own_walk;
 pub mod reuse;
-mod scratch;
 pub mod touched;
 
+pub use export::{RecordedArray, TraceWriter, replay};
 pub use geometry::{Associativity, Geometry};
 pub use level::Level;
+pub use measure::measure;
 pub use model::{Figures, Misses, Model};
-pub use own_walk::{CodesRead, OwnWalk};
 pub use reuse::{Reuse, ReuseFigures};
 pub use touched::Touched;

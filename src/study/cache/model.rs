@@ -44,6 +44,17 @@ struct Place {
     scratch: bool,
 }
 
+/// Where each of `arrays` starts: at a page, with a page before it that nobody touches.
+pub(super) fn addresses(arrays: &[Array]) -> Vec<u64> {
+    let mut next = PAGE_BYTES;
+    let mut starts = Vec::new();
+    for array in arrays {
+        starts.push(next);
+        next += array.bytes.next_multiple_of(PAGE_BYTES) + PAGE_BYTES;
+    }
+    starts
+}
+
 /// What a hierarchy did.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Figures {
@@ -104,12 +115,9 @@ impl Model {
     /// An empty hierarchy for a walker with `arrays`; `reuse`: whether distances are followed, which costs most of the
     /// time.
     pub fn new(geometry: &Geometry, arrays: &[Array], reuse: bool) -> Model {
-        let mut address = PAGE_BYTES;
-        let mut places = Vec::new();
-        for array in arrays {
-            places.push(Place { address, bytes: array.bytes, scratch: array.scratch });
-            address += array.bytes.next_multiple_of(PAGE_BYTES) + PAGE_BYTES;
-        }
+        let place = |(array, address): (&Array, u64)| Place { address, bytes: array.bytes, scratch: array.scratch };
+        let places: Vec<Place> = arrays.iter().zip(addresses(arrays)).map(place).collect();
+        let end = places.last().map_or(0, |last| last.address + last.bytes).next_multiple_of(LARGE_PAGE_BYTES);
         let levels = |shapes: &[_]| shapes.iter().copied().map(Level::new).collect::<Vec<_>>();
         Model {
             geometry: geometry.clone(),
@@ -122,11 +130,11 @@ impl Model {
                 translation: vec![0; geometry.translation.len()],
                 ..Figures::default()
             },
-            used: Touched::new(address),
-            structure_lines: Touched::new(address / geometry.line_bytes),
-            pages: Touched::new(address / PAGE_BYTES),
-            large_pages: Touched::new(address.div_ceil(LARGE_PAGE_BYTES)),
-            reuse: reuse.then(|| Reuse::new(address / geometry.line_bytes)),
+            used: Touched::new(end),
+            structure_lines: Touched::new(end / geometry.line_bytes),
+            pages: Touched::new(end / PAGE_BYTES),
+            large_pages: Touched::new(end / LARGE_PAGE_BYTES),
+            reuse: reuse.then(|| Reuse::new(end / geometry.line_bytes)),
             line: u64::MAX,
             page: u64::MAX,
         }
