@@ -9,9 +9,13 @@
 //! ```
 
 pub mod baselines;
+pub mod memory;
+pub mod receive;
 pub mod report;
+pub mod speed;
 pub mod subject;
 pub mod trace;
+pub mod walks;
 
 pub use baselines::{Receiver, Walker};
 pub use subject::Subject;
