@@ -9,10 +9,11 @@
 //! ```
 
 pub mod baselines;
+pub mod ours;
 pub mod report;
 pub mod subject;
 pub mod trace;
 
-pub use baselines::{Receiver, Walker};
+pub use baselines::{Built, Method, Receiver, Walker};
 pub use subject::Subject;
 pub use trace::{Trace, Untraced};
