@@ -8,10 +8,9 @@ use serde_json::{Value, json};
 use super::input::InputArguments;
 use super::{Answer, print_result, starts_as_adj};
 use crate::arena::layout::Facts;
-use crate::arena::{Arena, Lane};
-use crate::study::memory::virtual_voxels;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::file::AdjFile;
+use crate::study::memory::virtual_voxels;
 use crate::volume::Axis;
 use crate::volume::histogram::Histogram;
 

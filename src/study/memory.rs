@@ -95,13 +95,7 @@ pub const TABLE_3: [PaperSet; 5] = [
         structure: 128_255,
         megabytes: [37.72, 15.03, 5.75],
     },
-    PaperSet {
-        name: "HIPIP",
-        dims: [64, 64, 64],
-        visible: 19_253,
-        structure: 31_372,
-        megabytes: [4.25, 2.21, 1.41],
-    },
+    PaperSet { name: "HIPIP", dims: [64, 64, 64], visible: 19_253, structure: 31_372, megabytes: [4.25, 2.21, 1.41] },
 ];
 
 /// Share of the grid's cells, box included, that are in the structure when A and B take the same memory.
@@ -130,7 +124,8 @@ pub struct Crossing {
 pub fn crossing(subject: &Subject) -> Result<Crossing> {
     let structure = subject.voxels.len() as u64 + virtual_voxels(subject.lanes.arena())?;
     let cells: f64 = subject.dims().iter().map(|&points| f64::from(points) + 2.0).product();
-    let [a, b] = [Method::AdjacencyA, Method::AdjacencyB].map(|method| method.build(subject).map(|built| built.bytes()));
+    let [a, b] =
+        [Method::AdjacencyA, Method::AdjacencyB].map(|method| method.build(subject).map(|built| built.bytes()));
     Ok(Crossing { share: structure as f64 / cells, a: a?, b: b? })
 }
 

@@ -10,6 +10,7 @@
 
 pub mod baselines;
 pub mod memory;
+pub mod ours;
 pub mod receive;
 pub mod report;
 pub mod speed;
@@ -17,6 +18,6 @@ pub mod subject;
 pub mod trace;
 pub mod walks;
 
-pub use baselines::{Receiver, Walker};
+pub use baselines::{Built, Method, Receiver, Walker};
 pub use subject::Subject;
 pub use trace::{Trace, Untraced};

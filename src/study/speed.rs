@@ -180,7 +180,9 @@ fn splatted(
     let (frame, _) = splatter::splat(scene, camera, settings, drawing, |splatter| {
         match built {
             Built::Adjsplat(_) => {
-                walk(&scene.lanes.lane(viewing.order.fast)?, &viewing.order, &mut |batch: &Batch| splatter.batch(batch));
+                walk(&scene.lanes.lane(viewing.order.fast)?, &viewing.order, &mut |batch: &Batch| {
+                    splatter.batch(batch)
+                });
             }
             _ => built.walk(viewing, splatter, &mut Untraced),
         }

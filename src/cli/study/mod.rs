@@ -11,8 +11,8 @@ use std::ops::ControlFlow;
 use clap::{Args, Subcommand};
 
 use self::sets::{SetArguments, Wanted};
-use super::progress::{Progress, interrupted};
 use super::Answer;
+use super::progress::{Progress, interrupted};
 use crate::error::{Error, Result};
 use crate::study::Subject;
 use crate::study::baselines::Method;
@@ -50,7 +50,7 @@ fn choose(names: &[String]) -> Result<Vec<Method>> {
     if names.is_empty() {
         return Ok(Method::ALL.to_vec());
     }
-    names.iter().map(|name| Method::from_name(name)).collect()
+    names.iter().map(|name| Method::named(name)).collect()
 }
 
 /// Is told what is done of how much, and may stop the work.

@@ -1,6 +1,5 @@
 //! Where a study's results go: a table on stdout, and files.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use clap::Args;

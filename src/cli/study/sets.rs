@@ -6,12 +6,12 @@ use clap::Args;
 
 use super::super::build::{classify_with_warnings, description};
 use super::super::input::phantom;
+use super::super::progress::Progress;
 use super::super::resources::thread_count;
 use super::super::stored::stored_transfer;
 use super::super::{print_note, starts_as_adj};
-use super::super::progress::Progress;
-use crate::arena::{LaneSet, TileOrder};
 use crate::arena::builder::{BuildOptions, Resources};
+use crate::arena::{LaneSet, TileOrder};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::file::{AdjFile, RowsOutput, open_rows};
@@ -134,7 +134,8 @@ impl SetArguments {
                 Some(made_up) => {
                     let edge = self.edge()?;
                     let (low, high) = made_up.visible_range();
-                    let transfer = TransferFunction::preset(made_up.name()).or_else(|_| TransferFunction::range(low, high))?;
+                    let transfer =
+                        TransferFunction::preset(made_up.name()).or_else(|_| TransferFunction::range(low, high))?;
                     let source = made_up.open([edge.into(); 3], SampleType::U8, [1.0; 3])?;
                     build(format!("{} {edge}^3", made_up.name()), source, transfer)
                 }
@@ -183,8 +184,7 @@ fn opened(path: &Path) -> Result<Set> {
 
 fn build(name: String, mut source: Box<dyn SlabSource>, transfer: TransferFunction) -> Result<Set> {
     let normal_bits = if transfer.shaded() { 8 } else { 0 };
-    let options =
-        BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits };
+    let options = BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits };
     let folder = std::env::temp_dir();
     let resources = Resources { memory: None, threads: thread_count(None)?, folder: Some(folder.clone()) };
     let header = source.header().clone();

@@ -45,8 +45,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     if !(1..=3600).contains(&frames) {
         return Err(Error::input("--frames", format!("are {frames}, but must be 1 to 3600")));
     }
-    let options =
-        SpeedOptions { size: parse_size(&arguments.size)?, frames, elevation: 20.0, fov: 30.0, methods: methods.clone() };
+    let options = SpeedOptions {
+        size: parse_size(&arguments.size)?,
+        frames,
+        elevation: 20.0,
+        fov: 30.0,
+        methods: methods.clone(),
+    };
     arguments.output.check()?;
     check_plots(&arguments.figure5)?;
     let mut report = Report::new(&[
@@ -93,8 +98,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     })?;
     arguments.output.write(&report, &by_set(&methods, names, &all))?;
     write_plots(&arguments.figure5, &figure5(&methods, all))?;
-    let shown =
-        ["set", "method", "projection", "displaying", "splats", "fps", "ns_per_visible", "walk_ns_per_visible"];
+    let shown = ["set", "method", "projection", "displaying", "splats", "fps", "ns_per_visible", "walk_ns_per_visible"];
     print_result(report.table(&shown).trim_end());
     Ok(Answer::Yes)
 }
@@ -124,7 +128,9 @@ fn by_set(methods: &[Method], names: Vec<String>, all: &[(f64, Vec<Speed>)]) -> 
 fn figure5(methods: &[Method], mut all: Vec<(f64, Vec<Speed>)>) -> Plot {
     all.sort_by(|(a, _), (b, _)| a.total_cmp(b));
     let mut series = Vec::new();
-    for (dashed, seconds) in [(false, (|speed| speed.displaying) as fn(&Speed) -> f64), (true, |speed| speed.non_displaying)] {
+    for (dashed, seconds) in
+        [(false, (|speed| speed.displaying) as fn(&Speed) -> f64), (true, |speed| speed.non_displaying)]
+    {
         for &method in methods {
             let points = all.iter().filter_map(|(visible, found)| {
                 let speed = found.iter().find(|speed| speed.method == method && !speed.perspective)?;

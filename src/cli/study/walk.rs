@@ -8,8 +8,8 @@ use super::sets::SetArguments;
 use super::{choose, each_set};
 use crate::error::{Error, Result};
 use crate::study::baselines::Method;
-use crate::study::report::plot::{Plot, Series, Side};
 use crate::study::report::Report;
+use crate::study::report::plot::{Plot, Series, Side};
 use crate::study::walks::{self, Walks};
 
 /// Time the walks alone, in each of the 48 orders of parallel views, on one thread.

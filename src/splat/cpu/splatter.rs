@@ -190,7 +190,8 @@ pub(crate) fn splat(
     let settings = Settings { sense: Sense::FrontToBack, mode: Mode::Composite, crop: None, ..settings.clone() };
     let shot = Shot::new(scene, camera, &settings)?;
     let table = Table::new(scene, &shot.lane, &settings, shot.view.mean_voxel)?;
-    let looks = *table.of_bytes().ok_or_else(|| Error::input("values", "have 16 bits, or looks depend on gradients"))?;
+    let looks =
+        *table.of_bytes().ok_or_else(|| Error::input("values", "have 16 bits, or looks depend on gradients"))?;
     let projector = Projector::new(&shot, &table, FrontToBack::INK);
     let [columns, rows] = settings.size.map(u32::cast_signed);
     let rect = Rect { x0: 0, y0: 0, x1: columns, y1: rows };
