@@ -13,8 +13,24 @@
 //! | sorted | what renderers of splats do today | by distance |
 //! | bricks | Museth 2013: leaves of bit masks | exact slice order, or brick by brick |
 
+pub mod adjacency_a;
+pub mod adjacency_b;
+mod appearance;
+pub mod bricks;
+mod follow;
+mod method;
+pub mod octree;
+mod room;
+pub mod shell;
+pub mod sorted;
+pub mod traditional;
+pub mod unordered;
+
+pub use method::{Built, Method, names};
+
 use super::trace::{Array, Trace};
-use crate::traverse::{AxisOrder, Order, Viewpoint};
+use crate::error::Result;
+use crate::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 
 /// From where a walk looks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +51,30 @@ impl Viewing {
             direction[axis.index()] = sign * share;
         }
         Viewing { order, viewpoint: Viewpoint::Parallel { direction } }
+    }
+
+    /// The view from `viewpoint` of a grid of `dims` points.
+    ///
+    /// # Errors
+    /// As [`Order::new`].
+    pub fn new(viewpoint: Viewpoint, dims: [u32; 3], sense: Sense, form: SplitForm) -> Result<Viewing> {
+        Ok(Viewing { order: Order::new(viewpoint, dims, sense, form)?, viewpoint })
+    }
+
+    /// Which end of the visibility order comes first, as the order's slow axis has it.
+    pub fn sense(&self) -> Sense {
+        let axis = self.order.slow.index();
+        // Front to back an axis runs away from the eye: up where the eye is below its range.
+        let runs_up = match self.order.along[axis] {
+            AxisOrder::Ascending => true,
+            AxisOrder::Descending => false,
+            AxisOrder::TwoSided { sense, .. } => return sense,
+        };
+        let eye_is_below = match self.viewpoint {
+            Viewpoint::Parallel { direction } => direction[axis] >= 0.0,
+            Viewpoint::Perspective { eye, .. } => eye[axis] <= 0.0,
+        };
+        if runs_up == eye_is_below { Sense::FrontToBack } else { Sense::BackToFront }
     }
 }
 
