@@ -4,4 +4,5 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "small or random numbers")]
 
 mod cache;
+mod layouts;
 mod own_walk;

@@ -21,12 +21,14 @@
 
 mod own;
 mod passage;
+mod repacked;
 mod scratch;
 mod sort;
 pub(super) mod store;
 
 pub use own::OwnWalk;
 pub(super) use passage::{Room, Visited, passage};
+pub use repacked::repacked;
 
 /// What is read of a voxel's codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -40,6 +42,9 @@ pub enum CodesRead {
 }
 
 impl CodesRead {
+    /// All of them.
+    pub const ALL: [CodesRead; 3] = [CodesRead::Nothing, CodesRead::Values, CodesRead::ValuesAndNormals];
+
     /// Its name on the command line.
     pub const fn name(self) -> &'static str {
         match self {
