@@ -99,8 +99,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let shown = table(&names, &all);
     arguments.output.write(&report, &by_set(&methods, names, &all))?;
     write_plots(&arguments.figure5, &figure5(&methods, all))?;
-    let shown = ["set", "method", "projection", "displaying", "splats", "fps", "ns_per_visible", "walk_ns_per_visible"];
-    print_result(report.table(&shown).trim_end());
+    print_result(&shown);
     Ok(Answer::Yes)
 }
 
