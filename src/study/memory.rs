@@ -13,8 +13,8 @@ use crate::volume::Axis;
 /// What a method takes of one set.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Memory {
-    /// The method.
-    pub method: Method,
+    /// The method's name; ours once with the lanes for all views and once with the one that serves the others.
+    pub name: &'static str,
     /// Bytes that it has allocated between frames.
     pub bytes: u64,
     /// Bytes that it works in while it walks, and leaves empty.
@@ -23,19 +23,27 @@ pub struct Memory {
     pub formula: Option<u64>,
 }
 
+/// Ours with the lane along x alone.
+pub const ONE_LANE: &str = "adjsplat_one_lane";
+
 /// What each method takes, built one after another.
 ///
 /// # Errors
 /// As building the methods.
 pub fn measure(subject: &Subject, methods: &[Method]) -> Result<Vec<Memory>> {
     let structure = subject.voxels.len() as u64 + virtual_voxels(subject.lanes.arena())?;
-    let measured = methods.iter().map(|&method| {
+    let mut measured = Vec::new();
+    for &method in methods {
         let arrays = method.build(subject)?.arrays();
         let of = |scratch: bool| arrays.iter().filter(|a| a.scratch == scratch).map(|a| a.bytes).sum();
         let formula = formula(method, subject.dims(), structure);
-        Ok(Memory { method, bytes: of(false), scratch: of(true), formula })
-    });
-    measured.collect()
+        measured.push(Memory { name: method.name(), bytes: of(false), scratch: of(true), formula });
+        if method == Method::Adjsplat {
+            let bytes = subject.lane(Axis::X).bytes();
+            measured.push(Memory { name: ONE_LANE, bytes, scratch: of(true), formula: None });
+        }
+    }
+    Ok(measured)
 }
 
 /// Bytes of the paper's methods for a grid of `dims` and `structure` voxels of the structure, visible and virtual;

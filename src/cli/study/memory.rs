@@ -46,11 +46,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
         let found = memory::measure(subject, &methods)?;
         let visible = subject.voxels.len() as u64;
-        let ours = found.iter().find(|memory| memory.method == Method::Adjsplat).map(|memory| memory.bytes);
+        let ours = found.iter().find(|memory| memory.name == Method::Adjsplat.name()).map(|memory| memory.bytes);
         for memory in &found {
             report.push(vec![
                 subject.name.as_str().into(),
-                memory.method.name().into(),
+                memory.name.into(),
                 visible.into(),
                 memory.bytes.into(),
                 (memory.bytes as f64 / visible as f64).into(),

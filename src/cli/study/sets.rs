@@ -134,8 +134,7 @@ impl SetArguments {
                 Some(made_up) => {
                     let edge = self.edge()?;
                     let (low, high) = made_up.visible_range();
-                    let transfer =
-                        TransferFunction::preset(made_up.name()).or_else(|_| TransferFunction::range(low, high))?;
+                    let transfer = TransferFunction::range(low, high)?;
                     let source = made_up.open([edge.into(); 3], SampleType::U8, [1.0; 3])?;
                     build(format!("{} {edge}^3", made_up.name()), source, transfer)
                 }

@@ -96,11 +96,49 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         all.push((visible, found));
         Ok(())
     })?;
+    let shown = table(&names, &all);
     arguments.output.write(&report, &by_set(&methods, names, &all))?;
     write_plots(&arguments.figure5, &figure5(&methods, all))?;
-    let shown = ["set", "method", "projection", "displaying", "splats", "fps", "ns_per_visible", "walk_ns_per_visible"];
-    print_result(report.table(&shown).trim_end());
+    print_result(&shown);
     Ok(Answer::Yes)
+}
+
+/// A row for each set and method, and which pictures are equal.
+fn table(names: &[String], all: &[(f64, Vec<Speed>)]) -> String {
+    let mut report = Report::new(&[
+        "set",
+        "method",
+        "splats",
+        "fps",
+        "fps_not_displaying",
+        "walk_ns",
+        "perspective_fps",
+        "not_displaying",
+        "perspective_walk_ns",
+        "picture",
+    ]);
+    for (name, (visible, found)) in names.iter().zip(all) {
+        let mut pictures: Vec<u64> = Vec::new();
+        for pair in found.chunks_exact(2) {
+            let [parallel, perspective] = [&pair[0], &pair[1]];
+            // Both turns at once: methods whose pictures are equal in one are so in the other, or differ.
+            let both = parallel.pictures ^ perspective.pictures.rotate_left(32);
+            let kind = pictures.iter().position(|picture| *picture == both).unwrap_or_else(|| {
+                pictures.push(both);
+                pictures.len() - 1
+            });
+            let letter = char::from(b'A' + u8::try_from(kind).unwrap_or(25).min(25));
+            let mut row = vec![name.as_str().into(), parallel.method.name().into(), parallel.splats.into()];
+            for speed in [parallel, perspective] {
+                row.push((1.0 / speed.displaying).into());
+                row.push((1.0 / speed.non_displaying).into());
+                row.push((1e9 * speed.walk / visible).into());
+            }
+            row.push(letter.to_string().as_str().into());
+            report.push(row);
+        }
+    }
+    format!("{}\nPictures of one set with the same letter are equal, bit for bit, in all frames.", report.table(&[]))
 }
 
 fn projection(speed: &Speed) -> &'static str {
@@ -124,6 +162,10 @@ fn by_set(methods: &[Method], names: Vec<String>, all: &[(f64, Vec<Speed>)]) -> 
     }
 }
 
+/// What Figure 5 shows: the paper's methods and ours.
+const FIGURE_5: [Method; 6] =
+    [Method::Adjsplat, Method::Traditional, Method::Unordered, Method::Octree, Method::AdjacencyA, Method::AdjacencyB];
+
 /// Time of a frame against its splats, displaying (solid) and not (dashed), parallel views.
 fn figure5(methods: &[Method], mut all: Vec<(f64, Vec<Speed>)>) -> Plot {
     all.sort_by(|(a, _), (b, _)| a.total_cmp(b));
@@ -131,7 +173,7 @@ fn figure5(methods: &[Method], mut all: Vec<(f64, Vec<Speed>)>) -> Plot {
     for (dashed, seconds) in
         [(false, (|speed| speed.displaying) as fn(&Speed) -> f64), (true, |speed| speed.non_displaying)]
     {
-        for &method in methods {
+        for &method in methods.iter().filter(|method| FIGURE_5.contains(method)) {
             let points = all.iter().filter_map(|(visible, found)| {
                 let speed = found.iter().find(|speed| speed.method == method && !speed.perspective)?;
                 Some([*visible, seconds(speed)])
