@@ -119,24 +119,78 @@ struct Bricks {
     across: [usize; 2],
     /// Where each brick's payload starts, dense, four bytes each.
     bases: Vec<u32>,
-    payload: Payload,
+    /// Value and normal.
+    payload: Records,
 }
 
-/// Values and normals in the order of records or slots.
-#[derive(Debug, Default)]
-struct Payload {
-    values: Vec<u8>,
-    normals: Vec<u8>,
+/// Channels of records: an array each, or one in which they follow each other.
+#[derive(Debug, Clone)]
+struct Records {
+    interleaved: bool,
+    /// Bytes of each channel.
+    widths: Vec<usize>,
+    /// Number of the first array.
+    first_array: usize,
+    /// An array for each channel; the first alone has all where they are interleaved.
+    arrays: Vec<Vec<u8>>,
 }
 
-impl Payload {
-    fn push(&mut self, value: u8, normal: u16, normal_bytes: usize) {
-        self.values.push(value);
-        self.normals.extend_from_slice(&normal.to_le_bytes()[..normal_bytes]);
+impl Records {
+    fn new(interleaved: bool, widths: &[usize], first_array: usize) -> Records {
+        Records { interleaved, widths: widths.to_vec(), first_array, arrays: vec![Vec::new(); widths.len()] }
     }
 
-    fn normal(&self, index: usize) -> u16 {
-        self.normals.as_chunks().0.get(index).map_or(0, |&code| u16::from_le_bytes(code))
+    /// Appends a record, a code for each channel.
+    fn push(&mut self, codes: &[u16]) {
+        for (channel, (&code, &width)) in codes.iter().zip(&self.widths).enumerate() {
+            let array = if self.interleaved { 0 } else { channel };
+            self.arrays[array].extend_from_slice(&code.to_le_bytes()[..width]);
+        }
+    }
+
+    fn len(&self) -> usize {
+        let width = if self.interleaved { self.widths.iter().sum() } else { self.widths[0] };
+        self.arrays[0].len() / width
+    }
+
+    /// Array of a channel, where its code of `record` starts, and how far codes are apart.
+    #[inline(always)]
+    fn place(&self, channel: usize, record: usize) -> (usize, usize, usize) {
+        if self.interleaved {
+            let width: usize = self.widths.iter().sum();
+            (0, record * width + self.widths[..channel].iter().sum::<usize>(), width)
+        } else {
+            (channel, record * self.widths[channel], self.widths[channel])
+        }
+    }
+
+    /// The code of `record` in `channel`, of one or two bytes; 0 for a channel of none.
+    #[inline(always)]
+    fn code<T: Trace>(&self, channel: usize, record: usize, trace: &mut T) -> u16 {
+        let width = self.widths[channel];
+        if width == 0 {
+            return 0;
+        }
+        let (array, at, _) = self.place(channel, record);
+        trace.read(self.first_array + array, at, width);
+        let bytes = &self.arrays[array][at..at + width];
+        u16::from(bytes[0]) | bytes.get(1).map_or(0, |&high| u16::from(high) << 8)
+    }
+
+    /// Up to sixteen codes of one byte from `record` on, filled up with ones.
+    #[inline(always)]
+    fn chunk<T: Trace>(&self, record: usize, trace: &mut T) -> [u8; CHUNK] {
+        let (array, at, apart) = self.place(0, record);
+        let rest = &self.arrays[array][at..];
+        let mut chunk = [1; CHUNK];
+        let count = (rest.len() / apart).min(CHUNK);
+        trace.read(self.first_array + array, at, count * apart);
+        if apart == 1 {
+            chunk[..count].copy_from_slice(&rest[..count]);
+        } else {
+            chunk.iter_mut().zip(rest.iter().step_by(apart)).for_each(|(code, &byte)| *code = byte);
+        }
+        chunk
     }
 }
 
@@ -148,7 +202,7 @@ fn brick_of([x, y, z]: [u16; 3], across: [usize; 2]) -> usize {
 
 impl Bricks {
     /// The bricks, and the slot of each voxel, in the subject's order.
-    fn new(subject: &Subject, normal_bytes: usize) -> Result<(Bricks, Vec<u8>)> {
+    fn new(subject: &Subject, interleaved: bool, normal_bytes: usize) -> Result<(Bricks, Vec<u8>)> {
         let [nx, ny, nz] = [0, 1, 2].map(|a| (subject.dims()[a] as usize).div_ceil(BRICK[a].into()));
         let across = [nx, ny];
         let mut counts = vec![0u16; nx * ny * nz];
@@ -170,10 +224,10 @@ impl Bricks {
             bases[brick] + u32::from(slots[index])
         };
         order.sort_unstable_by_key(|&index| place(index));
-        let mut payload = Payload::default();
+        let mut payload = Records::new(interleaved, &[1, normal_bytes], BRICK_VALUES);
         for index in order {
             let VisibleVoxel { value, normal, .. } = subject.voxels[index];
-            payload.push(value, normal, normal_bytes);
+            payload.push(&[value.into(), normal]);
         }
         Ok((Bricks { across, bases, payload }, slots))
     }
@@ -187,7 +241,7 @@ fn too_many(subject: &Subject) -> Error {
     }
 }
 
-/// A lane in some layout. Channels that are interleaved are counted so, and lie in arrays of their own all the same.
+/// A lane in some layout.
 #[derive(Debug)]
 struct LayoutLane {
     layout: Layout,
@@ -197,24 +251,18 @@ struct LayoutLane {
     tiles: Vec<u8>,
     lines: Vec<u8>,
     line_bytes: usize,
-    steps: Vec<u8>,
-    /// Slots, of a shared payload; else the payload itself.
-    slots: Vec<u8>,
-    payload: Payload,
-    normal_bytes: usize,
+    /// Step, value and normal; or step and slot, of a shared payload.
+    records: Records,
     bricks: Option<Arc<Bricks>>,
 }
 
 /// Arrays of a lane, by their place among its five; then those of bricks.
 const TILES: usize = 0;
 const LINES: usize = 1;
-const STEPS: usize = 2;
-const VALUES: usize = 3;
-const NORMALS: usize = 4;
+const RECORDS: usize = 2;
 const OF_A_LANE: usize = 5;
 const BASES: usize = 3 * OF_A_LANE;
 const BRICK_VALUES: usize = BASES + 1;
-const BRICK_NORMALS: usize = BASES + 2;
 const SCRATCH: usize = BASES + 3;
 const NAMES: [[&str; OF_A_LANE]; 3] = [
     ["tiles x", "lines x", "steps x", "values x", "normals x"],
@@ -222,7 +270,11 @@ const NAMES: [[&str; OF_A_LANE]; 3] = [
     ["tiles z", "lines z", "steps z", "values z", "normals z"],
 ];
 
-/// Lines of a tile, and their voxels with their slots.
+/// Channels of a lane's records, where they have them.
+const VALUE_OR_SLOT: usize = 1;
+const NORMAL: usize = 2;
+
+/// Where a voxel comes in the lane, the voxel, and its slot.
 type Placed<'a> = (u64, &'a VisibleVoxel, u8);
 
 impl LayoutLane {
@@ -250,23 +302,24 @@ impl LayoutLane {
             tiles: Vec::new(),
             lines: Vec::new(),
             line_bytes: 0,
-            steps: Vec::new(),
-            slots: Vec::new(),
-            payload: Payload::default(),
-            normal_bytes,
+            records: Records::new(
+                layout.interleaved,
+                &[1, 1, if layout.shared { 0 } else { normal_bytes }],
+                OF_A_LANE * axis.index() + RECORDS,
+            ),
             bricks: shared.map(|(bricks, _)| Arc::clone(bricks)),
         };
         // Ends, lowest and highest coordinates of lines: their width is known when all are.
         let mut lines: Vec<[u32; 3]> = Vec::new();
         for tile in placed.chunk_by(|a, b| a.0 >> 32 == b.0 >> 32) {
-            let first_record = lane.steps.len();
+            let first_record = lane.records.len();
             let first_line = lines.len();
             let mut mask = Mask::default();
             for line in tile.chunk_by(|a, b| a.0 >> 16 == b.0 >> 16) {
                 let bit = usize::try_from(line[0].0 >> 16 & 0xff).expect("a byte");
                 mask[bit / 64] |= 1 << (bit % 64);
                 lane.push_line(line);
-                let end = u32::try_from(lane.steps.len() - first_record).expect("256 lines of 65,535 records");
+                let end = u32::try_from(lane.records.len() - first_record).expect("256 lines of 65,535 records");
                 lines.push([end, at(line[0].1, axis).into(), at(line[line.len() - 1].1, axis).into()]);
             }
             let place = [u_axis, v_axis].map(|axis| at(tile[0].1, axis) / edge);
@@ -290,20 +343,13 @@ impl LayoutLane {
             let coordinate = u32::from(voxel.position[self.axis.index()]);
             let mut gap = coordinate + 1 - next;
             while gap > STEPPING {
-                self.push_record(0, 0, 0, 0);
+                self.records.push(&[0; 3]);
                 gap -= STEPPING;
             }
-            self.push_record(u8::try_from(gap).expect("at most 255 is left"), *slot, voxel.value, voxel.normal);
+            let step = u16::try_from(gap).expect("at most 255 is left");
+            let code = if self.layout.shared { *slot } else { voxel.value };
+            self.records.push(&[step, code.into(), voxel.normal]);
             next = coordinate + 1;
-        }
-    }
-
-    fn push_record(&mut self, step: u8, slot: u8, value: u8, normal: u16) {
-        self.steps.push(step);
-        if self.layout.shared {
-            self.slots.push(slot);
-        } else {
-            self.payload.push(value, normal, self.normal_bytes);
         }
     }
 
@@ -325,23 +371,11 @@ impl LayoutLane {
         OF_A_LANE * self.axis.index()
     }
 
-    /// Bytes of a record where channels are interleaved.
-    fn record_bytes(&self) -> usize {
-        if self.layout.shared { 2 } else { 2 + self.normal_bytes }
-    }
-
     /// Its arrays, by number; those that this layout has not are empty.
     fn arrays(&self) -> [Array; OF_A_LANE] {
-        let steps = self.steps.len();
-        let channels = if self.layout.interleaved {
-            [steps * self.record_bytes(), 0, 0]
-        } else if self.layout.shared {
-            [steps, steps, 0]
-        } else {
-            [steps, self.payload.values.len(), self.payload.normals.len()]
-        };
         let names = NAMES[self.axis.index()];
-        let sizes = [self.tiles.len(), self.lines.len(), channels[0], channels[1], channels[2]];
+        let channels = &self.records.arrays;
+        let sizes = [self.tiles.len(), self.lines.len(), channels[0].len(), channels[1].len(), channels[2].len()];
         std::array::from_fn(|i| Array { name: names[i], bytes: sizes[i] as u64, scratch: false })
     }
 
@@ -367,14 +401,10 @@ impl LayoutLane {
     /// Where the payload of the voxel at `position` lies among the bricks'; its slot and its brick are read.
     #[inline]
     fn brick_place<T: Trace>(&self, bricks: &Bricks, position: [u16; 3], record: usize, trace: &mut T) -> usize {
-        if self.layout.interleaved {
-            trace.read(self.arrays_from() + STEPS, 2 * record + 1, 1);
-        } else {
-            trace.read(self.arrays_from() + VALUES, record, 1);
-        }
+        let slot = self.records.code(VALUE_OR_SLOT, record, trace);
         let brick = brick_of(position, bricks.across);
         trace.read(BASES, 4 * brick, 4);
-        bricks.bases[brick] as usize + usize::from(self.slots[record])
+        bricks.bases[brick] as usize + usize::from(slot)
     }
 }
 
@@ -392,7 +422,7 @@ impl Store for LayoutLane {
     }
 
     fn record_count(&self) -> u64 {
-        self.steps.len() as u64
+        self.records.len() as u64
     }
 
     fn tile_count(&self) -> u32 {
@@ -459,54 +489,24 @@ impl Store for LayoutLane {
 
     #[inline]
     fn steps<T: Trace>(&self, from: usize, trace: &mut T) -> [u8; CHUNK] {
-        let rest = &self.steps[from..];
-        let count = rest.len().min(CHUNK);
-        let width = if self.layout.interleaved { self.record_bytes() } else { 1 };
-        trace.read(self.arrays_from() + STEPS, from * width, count * width);
-        let mut chunk = [1; CHUNK];
-        chunk[..count].copy_from_slice(&rest[..count]);
-        chunk
+        self.records.chunk(from, trace)
     }
 
     #[inline]
     fn value<T: Trace>(&self, position: [u16; 3], record: usize, trace: &mut T) -> u8 {
-        if let Some(bricks) = &self.bricks {
-            let place = self.brick_place(bricks, position, record, trace);
-            if self.layout.interleaved {
-                trace.read(BRICK_VALUES, place * (1 + self.normal_bytes), 1);
-            } else {
-                trace.read(BRICK_VALUES, place, 1);
-            }
-            return bricks.payload.values[place];
-        }
-        if self.layout.interleaved {
-            trace.read(self.arrays_from() + STEPS, record * self.record_bytes() + 1, 1);
-        } else {
-            trace.read(self.arrays_from() + VALUES, record, 1);
-        }
-        self.payload.values[record]
+        let code = match &self.bricks {
+            Some(bricks) => bricks.payload.code(0, self.brick_place(bricks, position, record, trace), trace),
+            None => self.records.code(VALUE_OR_SLOT, record, trace),
+        };
+        u8::try_from(code).expect("a code of one byte")
     }
 
     #[inline]
     fn normal<T: Trace>(&self, position: [u16; 3], record: usize, trace: &mut T) -> u16 {
-        if self.normal_bytes == 0 {
-            return 0;
+        match &self.bricks {
+            Some(bricks) => bricks.payload.code(1, self.brick_place(bricks, position, record, trace), trace),
+            None => self.records.code(NORMAL, record, trace),
         }
-        if let Some(bricks) = &self.bricks {
-            let place = self.brick_place(bricks, position, record, trace);
-            if self.layout.interleaved {
-                trace.read(BRICK_VALUES, place * (1 + self.normal_bytes) + 1, self.normal_bytes);
-            } else {
-                trace.read(BRICK_NORMALS, place * self.normal_bytes, self.normal_bytes);
-            }
-            return bricks.payload.normal(place);
-        }
-        if self.layout.interleaved {
-            trace.read(self.arrays_from() + STEPS, record * self.record_bytes() + 2, self.normal_bytes);
-        } else {
-            trace.read(self.arrays_from() + NORMALS, record * self.normal_bytes, self.normal_bytes);
-        }
-        self.payload.normal(record)
     }
 }
 
@@ -534,7 +534,7 @@ impl LayoutWalk {
         }
         let normal_bytes = usize::from(subject.facts.channels.normal_bits / 4);
         let shared = if layout.shared {
-            let (bricks, slots) = Bricks::new(subject, normal_bytes)?;
+            let (bricks, slots) = Bricks::new(subject, layout.interleaved, normal_bytes)?;
             Some((Arc::new(bricks), slots))
         } else {
             None
@@ -562,9 +562,7 @@ impl Walker for LayoutWalk {
         }
         let bricks = self.lanes.first().and_then(|lane| lane.bricks.as_ref());
         let sizes = bricks.map_or([0; 3], |bricks| {
-            let [bases, values] = [4 * bricks.bases.len(), bricks.payload.values.len()];
-            let normals = bricks.payload.normals.len();
-            if self.layout.interleaved { [bases, values + normals, 0] } else { [bases, values, normals] }
+            [4 * bricks.bases.len(), bricks.payload.arrays[0].len(), bricks.payload.arrays[1].len()]
         });
         let names = ["bricks", "brick values", "brick normals"];
         arrays.extend(names.into_iter().zip(sizes).map(|(name, bytes)| Array { bytes: bytes as u64, ..none(name) }));

@@ -3,6 +3,7 @@
 
 mod arenas;
 mod budgets;
+mod cache;
 mod devices;
 mod harness;
 mod hidden;
