@@ -10,7 +10,7 @@
 //! section 4.2.
 
 use super::appearance::Appearance;
-use super::room::{filled, product};
+use super::room::{check, filled, product};
 use super::{Normal, Receiver, Viewing, Walker};
 use crate::error::Result;
 use crate::study::Subject;
@@ -37,6 +37,7 @@ impl Traditional {
     /// [`Error::Limit`](crate::Error::Limit) if memory cannot be had; as [`Subject::looks`].
     pub fn new(subject: &Subject) -> Result<Traditional> {
         let points = product(subject.dims().map(u64::from));
+        check("the dense volume", points.saturating_mul(17))?;
         let mut volume = Traditional {
             dims: subject.dims().map(|d| d as usize),
             values: filled("the dense volume's values", points, 0)?,
