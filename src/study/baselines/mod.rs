@@ -34,6 +34,18 @@ use super::trace::{Array, Trace};
 use crate::error::Result;
 use crate::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 
+/// `position` with `coordinate` on `axis`. By selection: an element of an array in memory, written and then read
+/// with the others, would stall every voxel.
+#[inline(always)]
+pub(super) fn placed(position: [u16; 3], axis: usize, coordinate: u16) -> [u16; 3] {
+    let [x, y, z] = position;
+    [
+        if axis == 0 { coordinate } else { x },
+        if axis == 1 { coordinate } else { y },
+        if axis == 2 { coordinate } else { z },
+    ]
+}
+
 /// From where a walk looks.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Viewing {

@@ -16,7 +16,7 @@
 //! Transformation", SIGGRAPH 1994.
 
 use super::room::{filled, push, room};
-use super::{Normal, Receiver, Viewing, Walker};
+use super::{Normal, Receiver, Viewing, Walker, placed};
 use crate::error::{Error, Result};
 use crate::study::Subject;
 use crate::study::subject::VisibleVoxel;
@@ -188,7 +188,7 @@ impl Walker for RunLength {
                 let mut show = |coordinate: u16, payload: usize, trace: &mut T| {
                     trace.read(array + 2, payload, 1);
                     trace.read(array + 3, 2 * payload, 2);
-                    position[fast] = coordinate;
+                    let position = placed(position, fast, coordinate);
                     receiver.voxel(position, lines.values[payload], Normal::Code(lines.normals[payload]));
                 };
                 let first_pair = start.pair as usize;

@@ -11,7 +11,7 @@
 
 use super::appearance::Appearance;
 use super::room::{check, filled, product};
-use super::{Normal, Receiver, Viewing, Walker};
+use super::{Normal, Receiver, Viewing, Walker, placed};
 use crate::error::Result;
 use crate::study::Subject;
 use crate::study::trace::{Array, Trace};
@@ -87,7 +87,7 @@ impl Walker for Traditional {
                     if self.colours[index][3] != 0 {
                         trace.read(VALUES, index, 1);
                         trace.read(GRADIENTS, 12 * index, 12);
-                        position[fast] = fast_all[f];
+                        let position = placed(position, fast, fast_all[f]);
                         receiver.voxel(position, self.values[index], Normal::Vector(self.gradients[index]));
                     }
                 });
