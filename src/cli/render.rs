@@ -426,7 +426,7 @@ fn numbered(path: &Path, frames: u32) -> Vec<PathBuf> {
     (0..frames).map(|frame| path.with_file_name(format!("{stem}-{frame:0width$}.{extension}"))).collect()
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2]> {
+pub(super) fn parse_size(text: &str) -> Result<[u32; 2]> {
     let why = || Error::input("--size", format!("is \"{text}\", but must look like 800x600, up to 16384 a side"));
     let (columns, rows) = text.split_once(['x', 'X']).ok_or_else(why)?;
     let number = |part: &str| part.trim().parse::<u32>().map_err(|_| why());

@@ -9,10 +9,14 @@
 //! ```
 
 pub mod baselines;
+pub mod memory;
 pub mod ours;
+pub mod receive;
 pub mod report;
+pub mod speed;
 pub mod subject;
 pub mod trace;
+pub mod walks;
 
 pub use baselines::{Built, Method, Receiver, Walker};
 pub use subject::Subject;

@@ -61,9 +61,11 @@ pub struct Plot {
     pub series: Vec<Series>,
 }
 
-/// Colours that stay apart for most eyes and in print (Okabe and Ito 2008), then greys.
-const COLOURS: [&str; 10] =
-    ["#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31", "#7f7f7f", "#7b4173"];
+/// Colours that stay apart for most eyes and in print (Okabe and Ito 2008), then darker and lighter ones.
+const COLOURS: [&str; 12] = [
+    "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31", "#7f7f7f", "#7b4173",
+    "#b5cf6b", "#ff9896",
+];
 
 impl Plot {
     fn drawn(&self) -> (Vec<Drawn>, Layout) {
