@@ -285,7 +285,7 @@ fn bytes_are_those_of_the_paper() {
             assert_eq!(bytes(Method::Shell), 4 * (h * d + 1) + 6 * visible);
             let bricks = w.div_ceil(8) * h.div_ceil(8) * d.div_ceil(8);
             let full = bytes(Method::Bricks) - 4 * bricks - 3 * visible;
-            assert!(full % 84 == 0 && full / 84 <= bricks.min(visible), "{full} bytes of bricks");
+            assert!(full.is_multiple_of(84) && full / 84 <= bricks.min(visible), "{full} bytes of bricks");
             let lanes = Axis::ALL.map(|axis| subject.lane(axis).bytes()).iter().sum::<u64>();
             assert_eq!(bytes(Method::Adjsplat), lanes);
         });
