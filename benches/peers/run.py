@@ -30,6 +30,7 @@ import tables  # noqa: E402
 import views  # noqa: E402
 
 PROGRAMS = ("adj", "volpack", "vtk", "openvdb")
+ORDER = [source.name for source in sets.SETS]
 
 
 def arguments():
@@ -38,11 +39,11 @@ def arguments():
     parser.add_argument("--out", type=Path, required=True, help="folder of results; sets are made in it once")
     parser.add_argument("--adj", type=Path, default=ROOT / "target/release/adj", help="our program")
     parser.add_argument("--volumes", type=Path, default=ROOT.parent / "shared/data", help="folder of real volumes")
-    parser.add_argument("--sets", help="only these, separated by commas: " + ",".join(s.name for s in sets.SETS))
+    parser.add_argument("--sets", help="only these, separated by commas: " + ",".join(ORDER))
     parser.add_argument("--programs", help="only these: " + ",".join(PROGRAMS))
     parser.add_argument("--study", action="store_true", help="renew the tables of the study and its pictures")
     given = parser.parse_args()
-    given.sets = among(given.sets, [s.name for s in sets.SETS], "--sets")
+    given.sets = among(given.sets, ORDER, "--sets")
     given.programs = among(given.programs, PROGRAMS, "--programs")
     if not given.adj.exists():
         sys.exit(f"peers: {given.adj} is missing: cargo build --release")
@@ -100,7 +101,10 @@ def main():
         for program in programs:
             renewed = measure.rows(program, given.adj, described, folder, given.out)
             rows = [r for r in rows if (r["set"], r["program"]) != (source.name, program)] + renewed
+        rows.sort(key=lambda row: (ORDER.index(row["set"]), PROGRAMS.index(row["program"])))
         written.write_text(json.dumps({"machine": machine(given.adj), "rows": rows}, indent=1))
+    if not rows:
+        sys.exit("peers: nothing was measured")
     document = json.loads(written.read_text())
     text = tables.all_tables(document)
     (given.out / "peers.md").write_text(text)
@@ -113,7 +117,7 @@ def main():
         else:
             import sheets
 
-            sheets.write(given.out / "pictures", [s.name for s in sets.SETS], ROOT / "docs/pictures")
+            sheets.write(given.out / "pictures", ORDER, ROOT / "docs/pictures")
 
 
 if __name__ == "__main__":

@@ -14,9 +14,9 @@ class Rows:
         self.rows = document["rows"]
         self.sets = list(dict.fromkeys(row["set"] for row in self.rows))
 
-    def drawn(self, size):
-        """The sets that were drawn at a size."""
-        return [name for name in self.sets if self.one(kind="draw", set=name, size=size)]
+    def drawn_by(self, program, size):
+        """The sets that a program drew at a size."""
+        return [name for name in self.sets if self.one(kind="draw", set=name, size=size, program=program)]
 
     def one(self, **wanted):
         """The row that says all this, or nothing."""
@@ -55,7 +55,7 @@ def volpack(rows, size):
     head = ["set", "visible", "drawn", "adj, 1 thread", "adj, 2", "adj, 2, perspective", "VolPack grey 0.95",
             "colour 0.999", "adj, 2 / grey", "adj, 2 / colour", "adj, 1 / colour"]
     lines = []
-    for name in rows.drawn(size):
+    for name in rows.drawn_by("volpack", size):
         one, two = (rows.draw(name, "adj", size, "parallel", threads) for threads in (1, 2))
         perspective = rows.draw(name, "adj", size, "perspective", 2)
         grey, colour = (rows.draw(name, "volpack", size, "parallel", 1, form) for form in ("grey 0.95", "colour 0.999"))
@@ -69,7 +69,7 @@ def vtk(rows, size):
     """Beside VTK's ray caster, two threads each."""
     head = ["set", "adj, parallel", "VTK, parallel", "VTK / adj", "adj, perspective", "VTK, perspective", "VTK / adj"]
     lines = []
-    for name in rows.drawn(size):
+    for name in rows.drawn_by("vtk", size):
         line = [name]
         for projection in ("parallel", "perspective"):
             ours, theirs = (rows.draw(name, program, size, projection, 2) for program in ("adj", "vtk"))
@@ -82,7 +82,7 @@ def projections(rows, size):
     """What perspective costs us, two threads."""
     head = ["set", "parallel: median (best to worst)", "perspective: median (best to worst)", "perspective / parallel"]
     lines = []
-    for name in rows.drawn(size):
+    for name in rows.drawn_by("adj", size):
         pair = [rows.draw(name, "adj", size, projection, 2) for projection in ("parallel", "perspective")]
         spans = [f"{r['median_ms']:.1f} ({r['best_ms']:.1f} to {r['worst_ms']:.1f})" if r else "-" for r in pair]
         lines.append([name, *spans, ratio(pair[1], pair[0])])
@@ -123,8 +123,8 @@ def built(rows):
 
 def load(rows):
     """How busy the machine was."""
-    loads = [row["load"] for row in rows.rows]
-    return f"Load before a measurement: {min(loads):.1f} to {max(loads):.1f}.\n"
+    loads = [row["load"] for row in rows.rows if row["kind"] == "draw"]
+    return f"The machine's load before a turn: {min(loads):.1f} to {max(loads):.1f}.\n" if loads else ""
 
 
 def machine(document):

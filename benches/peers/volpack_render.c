@@ -3,9 +3,9 @@
  *   volpack_render FOLDER NX NY NZ SX SY SZ SIZE MAX_RAY_OPACITY grey|colour REPEATS PICTURE
  *
  * FOLDER has codes.raw, look.txt (256 lines: opacity and linear red green blue) and views.txt (a line a view: right,
- * up, forward, centre, height). Prints JSON. The volume is classified once (run-length encoded for all three axes); then each view
- * gets its shading table, and of each only vpRenderClassifiedVolume is timed, the table beside it. The colour form
- * shades three materials, red, green and blue, mixed by the voxel's code. VolPack works in one thread.
+ * up, forward, centre, height). Prints JSON. The volume is classified once (run-length encoded for all three axes); then
+ * each view gets its shading table, and only vpRenderClassifiedVolume is timed, the best of REPEATS, the table beside it.
+ * The colour form shades three materials, red, green and blue, mixed by the voxel's code. VolPack works in one thread.
  */
 
 #include <fcntl.h>
@@ -92,6 +92,7 @@ int main(int count, char **words)
         if (fscanf(file, "%f %f %f %f", &opacity[code], &weights[code][0], &weights[code][1], &weights[code][2]) != 4)
             fail("look.txt needs 256 lines of 4 numbers");
     fclose(file);
+    /* VolPack lights and writes colours as they are: sRGB, which its pictures are shown as. */
     for (int code = 0; code < CODES; code++)
         for (int part = 0; part < 3; part++) {
             float c = weights[code][part];
@@ -128,7 +129,9 @@ int main(int count, char **words)
     float *shades = malloc((VP_NORM_MAX + 1) * sizeof(float) * channels * materials);
     int shades_bytes = (VP_NORM_MAX + 1) * (int)sizeof(float) * channels * materials;
     if (colour) {
-        check(context, vpSetLookupShader(context, 3, 3, NORMAL_FIELD, shades, shades_bytes, CODE_FIELD, &weights[0][0], sizeof weights), "shader");
+        check(context,
+            vpSetLookupShader(context, 3, 3, NORMAL_FIELD, shades, shades_bytes, CODE_FIELD, &weights[0][0], sizeof weights),
+            "shader");
         set_material(context, VP_MATERIAL0, 1, 0, 0);
         set_material(context, VP_MATERIAL1, 0, 1, 0);
         set_material(context, VP_MATERIAL2, 0, 0, 1);
