@@ -23,6 +23,8 @@ pub mod file;
 pub mod limits;
 mod parallel;
 pub mod splat;
+#[cfg(feature = "cli")]
+pub mod study;
 pub mod traverse;
 pub mod volume;
 

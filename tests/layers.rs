@@ -12,7 +12,8 @@ const MAY_IMPORT: &[(&str, &[&str])] = &[
     ("file", &["volume", "arena"]),
     ("traverse", &["volume", "arena"]),
     ("splat", &["volume", "classify", "arena", "traverse"]),
-    ("cli", &["volume", "classify", "arena", "file", "traverse", "splat"]),
+    ("study", &["volume", "classify", "arena", "file", "traverse", "splat"]),
+    ("cli", &["volume", "classify", "arena", "file", "traverse", "splat", "study"]),
 ];
 
 #[test]

@@ -11,6 +11,8 @@ use super::planes::Planes;
 use super::project::{Kind, Projector};
 use super::raster::{self, EllipseEach, Limits, Splats};
 use super::seen::Seen;
+#[cfg(feature = "cli")]
+use super::splatter;
 use crate::splat::Code;
 use crate::traverse::Batch;
 
@@ -62,6 +64,34 @@ pub(crate) fn block_seen(
     projector.block(batch, from, splats, each, planes, frozen, limits);
     seen.note(projector, batch, from, splats, each, planes, limits);
     draw::<FrontToBack>(projector, planes, splats, each, limits)
+}
+
+/// As [`block`], but for the drawing; gives how many splats would be drawn.
+#[cfg(feature = "cli")]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+pub(crate) fn project(projector: &Projector, batch: &Batch, from: usize, bench: &mut Bench, limits: Limits) -> u64 {
+    let Bench { planes, frozen, splats, each } = bench;
+    projector.block(batch, from, splats, each, planes, frozen, limits);
+    std::hint::black_box(&bench.splats).count as u64
+}
+
+/// Projects and, if `drawing`, draws a block that was handed over; gives how many splats were drawn, or would be.
+#[cfg(feature = "cli")]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+pub(crate) fn handed(
+    projector: &Projector,
+    block: &mut splatter::Block,
+    bench: &mut Bench,
+    limits: Limits,
+    drawing: bool,
+) -> u64 {
+    splatter::project(projector, block, bench, limits);
+    if drawing {
+        let Bench { planes, splats, each, .. } = bench;
+        draw::<FrontToBack>(projector, planes, splats, each, limits)
+    } else {
+        std::hint::black_box(&bench.splats).count as u64
+    }
 }
 
 #[inline(always)]

@@ -53,6 +53,44 @@ pub(crate) struct Projector<'a> {
     pub(super) steps: [f32; 3],
 }
 
+/// Where the voxels of a block are, along the slow, medium and fast axis; for every index below [`BLOCK`].
+pub(super) trait Coordinates {
+    fn slow(&self, j: usize) -> f64;
+    fn medium(&self, j: usize) -> f64;
+    fn fast(&self, j: usize) -> f64;
+    /// All three.
+    fn single(&self, j: usize) -> [f32; 3];
+}
+
+/// Voxels of one slice.
+struct InSlice {
+    slow: u16,
+    medium: [u16; BLOCK],
+    fast: [u16; BLOCK],
+}
+
+impl Coordinates for InSlice {
+    #[inline(always)]
+    fn slow(&self, _: usize) -> f64 {
+        self.slow.into()
+    }
+
+    #[inline(always)]
+    fn medium(&self, j: usize) -> f64 {
+        self.medium[j].into()
+    }
+
+    #[inline(always)]
+    fn fast(&self, j: usize) -> f64 {
+        self.fast[j].into()
+    }
+
+    #[inline(always)]
+    fn single(&self, j: usize) -> [f32; 3] {
+        [self.slow.into(), self.medium[j].into(), self.fast[j].into()]
+    }
+}
+
 /// What differs between the projections.
 #[derive(Debug)]
 pub(crate) enum Kind {
@@ -108,6 +146,31 @@ impl<'a> Projector<'a> {
         }
     }
 
+    /// The same for cubes of `edge` voxels a side that are one splat each: a kernel as many times as wide, which holds
+    /// as many voxels' volumes.
+    #[cfg(feature = "cli")]
+    pub(super) fn of_cubes(&self, edge: u32) -> Projector<'a> {
+        let width = edge as f32;
+        let sigma = self.sigma * width;
+        let kind = match &self.kind {
+            Kind::Parallel { pixel_from_voxel, ellipse, strength, .. } => {
+                let rows = pixel_from_voxel.map(|m| [m[0] as f32, m[1] as f32, m[2] as f32]);
+                let (one, many) = (footprint(rows, self.sigma, self.cut_off), footprint(rows, sigma, self.cut_off));
+                debug_assert_eq!(one.ellipse, *ellipse);
+                let strength = strength * (many.density / one.density) * width.powi(3);
+                Kind::Parallel { pixel_from_voxel: *pixel_from_voxel, ellipse: many.ellipse, stamp: None, strength }
+            }
+            Kind::Perspective { camera_from_voxel, focal, centre, near, strength } => Kind::Perspective {
+                camera_from_voxel: *camera_from_voxel,
+                focal: *focal,
+                centre: *centre,
+                near: *near,
+                strength: strength * width.powi(3),
+            },
+        };
+        Projector { lane: self.lane, table: self.table, lights: self.lights, crop: self.crop, sigma, kind, ..*self }
+    }
+
     /// Half-widths of all footprints of a parallel view; 0 otherwise.
     pub(crate) fn half(&self) -> [f64; 2] {
         match &self.kind {
@@ -130,28 +193,43 @@ impl<'a> Projector<'a> {
         limits: Limits,
     ) {
         let count = (batch.fast.len() - from).min(BLOCK);
-        let mut medium = [0u16; BLOCK];
-        let mut fast = [0u16; BLOCK];
-        medium[..count].copy_from_slice(&batch.medium[from..from + count]);
-        fast[..count].copy_from_slice(&batch.fast[from..from + count]);
+        let mut at = InSlice { slow: batch.slow, medium: [0; BLOCK], fast: [0; BLOCK] };
+        at.medium[..count].copy_from_slice(&batch.medium[from..from + count]);
+        at.fast[..count].copy_from_slice(&batch.fast[from..from + count]);
+        let crop = self.crop.unwrap_or(VoxelBox { low: [0; 3], high: [u16::MAX; 3] });
+        let [s, m, f] = self.nesting;
+        let slow_inside = (crop.low[s]..=crop.high[s]).contains(&batch.slow);
+        let (medium, fast) = (&at.medium, &at.fast);
+        let in_crop = |j: usize| {
+            slow_inside
+                & (medium[j] >= crop.low[m])
+                & (medium[j] <= crop.high[m])
+                & (fast[j] >= crop.low[f])
+                & (fast[j] <= crop.high[f])
+        };
+        self.place(&at, out, each);
+        self.keep(count, in_crop, out, planes, frozen, limits);
+        self.colour(batch, from, &at, out);
+    }
+
+    /// Centres, ellipses and bounding boxes of a whole block.
+    #[inline(always)]
+    pub(super) fn place<C: Coordinates>(&self, at: &C, out: &mut Splats, each: &mut EllipseEach) {
         match &self.kind {
-            Kind::Parallel { .. } => self.place_parallel(batch.slow, &medium, &fast, out),
-            Kind::Perspective { .. } => self.place_perspective(batch.slow, &medium, &fast, out, each),
+            Kind::Parallel { .. } => self.place_parallel(at, out),
+            Kind::Perspective { .. } => self.place_perspective(at, out, each),
         }
-        self.keep(batch.slow, &medium, &fast, count, out, planes, frozen, limits);
-        self.colour(batch, from, &medium, &fast, out);
     }
 
     #[inline(always)]
-    fn place_parallel(&self, slow: u16, medium: &[u16; BLOCK], fast: &[u16; BLOCK], out: &mut Splats) {
+    fn place_parallel<C: Coordinates>(&self, at: &C, out: &mut Splats) {
         let Kind::Parallel { pixel_from_voxel, ellipse, strength, .. } = &self.kind else { return };
         let [s, m, f] = self.nesting;
-        let base = pixel_from_voxel.map(|map| map[3] + map[s] * f64::from(slow));
         let [column, row] = pixel_from_voxel;
         for j in 0..BLOCK {
-            let (along_m, along_f) = (f64::from(medium[j]), f64::from(fast[j]));
-            let x = split(base[0] + column[m] * along_m + column[f] * along_f);
-            let y = split(base[1] + row[m] * along_m + row[f] * along_f);
+            let base = pixel_from_voxel.map(|map| map[3] + map[s] * at.slow(j));
+            let x = split(base[0] + column[m] * at.medium(j) + column[f] * at.fast(j));
+            let y = split(base[1] + row[m] * at.medium(j) + row[f] * at.fast(j));
             (out.x[j], out.rest_x[j]) = x;
             (out.y[j], out.rest_y[j]) = y;
             (out.low_x[j], out.high_x[j]) = span(x, ellipse.half_x);
@@ -161,23 +239,16 @@ impl<'a> Projector<'a> {
     }
 
     #[inline(always)]
-    fn place_perspective(
-        &self,
-        slow: u16,
-        medium: &[u16; BLOCK],
-        fast: &[u16; BLOCK],
-        out: &mut Splats,
-        each: &mut EllipseEach,
-    ) {
+    fn place_perspective<C: Coordinates>(&self, at: &C, out: &mut Splats, each: &mut EllipseEach) {
         let Kind::Perspective { camera_from_voxel, focal, centre, near, strength } = &self.kind else { return };
         let [right, up, along] = camera_from_voxel;
         let [s, m, f] = self.nesting;
-        let base = camera_from_voxel.map(|map| map[3] + map[s] * f64::from(slow));
         let single = |map: &[f64; 4]| [map[0] as f32, map[1] as f32, map[2] as f32];
         let steps = [single(right), single(up), single(along)];
         let focal_single = *focal as f32;
         for j in 0..BLOCK {
-            let (along_m, along_f) = (f64::from(medium[j]), f64::from(fast[j]));
+            let base = camera_from_voxel.map(|map| map[3] + map[s] * at.slow(j));
+            let (along_m, along_f) = (at.medium(j), at.fast(j));
             let t0 = base[0] + right[m] * along_m + right[f] * along_f;
             let t1 = base[1] + up[m] * along_m + up[f] * along_f;
             let t2 = base[2] + along[m] * along_m + along[f] * along_f;
@@ -199,25 +270,19 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Lists the splats that can change the band's pixels.
+    /// Lists those of the first `count` splats that can change the band's pixels, of those that `wanted` lets through.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "separate arrays tell the compiler that they are apart")]
-    fn keep(
+    pub(super) fn keep(
         &self,
-        slow: u16,
-        medium: &[u16; BLOCK],
-        fast: &[u16; BLOCK],
         count: usize,
+        wanted: impl Fn(usize) -> bool,
         out: &mut Splats,
         planes: &Planes,
         frozen: &mut Frozen,
         limits: Limits,
     ) {
         let rect = planes.rect;
-        let [s, m, f] = self.nesting;
-        let crop = self.crop.unwrap_or(VoxelBox { low: [0; 3], high: [u16::MAX; 3] });
-        let slow_inside = (crop.low[s]..=crop.high[s]).contains(&slow);
-        let mut wanted = [false; BLOCK];
+        let mut reaching = [false; BLOCK];
         for j in 0..BLOCK {
             let reaches = (out.high_x[j] >= rect.x0)
                 & (out.low_x[j] < rect.x1)
@@ -225,17 +290,12 @@ impl<'a> Projector<'a> {
                 & (out.low_y[j] < rect.y1)
                 & (out.low_x[j] <= out.high_x[j])
                 & (out.low_y[j] <= out.high_y[j]);
-            let inside = slow_inside
-                & (medium[j] >= crop.low[m])
-                & (medium[j] <= crop.high[m])
-                & (fast[j] >= crop.low[f])
-                & (fast[j] <= crop.high[f]);
-            wanted[j] = reaches & inside & (out.strength[j] > 0.0);
+            reaching[j] = reaches & wanted(j) & (out.strength[j] > 0.0);
         }
         let mut kept = 0;
         for j in 0..count {
             out.kept[kept] = j as u8;
-            kept += usize::from(wanted[j]);
+            kept += usize::from(reaching[j]);
         }
         if limits.stop > 0.0 {
             let mut open = 0;
@@ -256,7 +316,7 @@ impl<'a> Projector<'a> {
 
     /// Colours and peaks of the kept splats.
     #[inline(always)]
-    fn colour(&self, batch: &Batch, from: usize, medium: &[u16; BLOCK], fast: &[u16; BLOCK], out: &mut Splats) {
+    fn colour(&self, batch: &Batch, from: usize, at: &InSlice, out: &mut Splats) {
         let records = &batch.record[from..];
         let count = out.count;
         let base = usize::try_from(batch.base).unwrap_or(usize::MAX);
@@ -277,15 +337,12 @@ impl<'a> Projector<'a> {
             };
             (out.ink[k], out.peak[k]) = ([red, green, blue, self.fourth_ink], peak);
         }
-        let most = MAX_DEPTH as f32 * LOG2_E;
         if !self.maximum {
-            for k in 0..count {
-                let strength = out.strength[usize::from(out.kept[k]) % BLOCK];
-                out.peak[k] = at_most(out.peak[k] * strength, most);
-            }
+            weigh(out);
         }
         if let Some(lights) = &self.lights {
-            self.light(lights, batch, from, medium, fast, out);
+            let normals = self.normals(batch, from, out);
+            self.light(lights, &normals, at, out);
         }
     }
 
@@ -295,16 +352,9 @@ impl<'a> Projector<'a> {
         self.table.look(self.lane.value_code(record), magnitude)
     }
 
+    /// Normals of the kept splats.
     #[inline(always)]
-    fn light(
-        &self,
-        lights: &Lights,
-        batch: &Batch,
-        from: usize,
-        medium: &[u16; BLOCK],
-        fast: &[u16; BLOCK],
-        out: &mut Splats,
-    ) {
+    fn normals(&self, batch: &Batch, from: usize, out: &Splats) -> [[f32; BLOCK]; 3] {
         let records = &batch.record[from..];
         let base = usize::try_from(batch.base).unwrap_or(usize::MAX);
         let mut codes = [0u32; BLOCK];
@@ -334,6 +384,12 @@ impl<'a> Projector<'a> {
                 [normals[0][k], normals[1][k], normals[2][k]] = normal::decode16(codes[k]);
             }
         }
+        normals
+    }
+
+    /// Lights the kept splats by their normals.
+    #[inline(always)]
+    pub(super) fn light<C: Coordinates>(&self, lights: &Lights, normals: &[[f32; BLOCK]; 3], at: &C, out: &mut Splats) {
         let mut shades = [[0.0f32; BLOCK]; 2];
         if let Kind::Parallel { .. } = self.kind {
             for k in 0..BLOCK {
@@ -343,12 +399,12 @@ impl<'a> Projector<'a> {
         } else {
             let [s, m, f] = self.nesting;
             let mut toward = [[0.0f32; BLOCK]; 3];
-            let slow = self.eye[s] - self.steps[s] * f32::from(batch.slow);
             for k in 0..out.count {
                 let j = usize::from(out.kept[k]) % BLOCK;
-                toward[s][k] = slow;
-                toward[m][k] = self.eye[m] - self.steps[m] * f32::from(medium[j]);
-                toward[f][k] = self.eye[f] - self.steps[f] * f32::from(fast[j]);
+                let [slow, medium, fast] = at.single(j);
+                toward[s][k] = self.eye[s] - self.steps[s] * slow;
+                toward[m][k] = self.eye[m] - self.steps[m] * medium;
+                toward[f][k] = self.eye[f] - self.steps[f] * fast;
             }
             for k in 0..BLOCK {
                 let [x, y, z] = [toward[0][k], toward[1][k], toward[2][k]];
@@ -362,6 +418,16 @@ impl<'a> Projector<'a> {
             let [factor, highlight] = [shades[0][k], shades[1][k]];
             out.ink[k] = [red * factor + highlight, green * factor + highlight, blue * factor + highlight, fourth];
         }
+    }
+}
+
+/// Peaks of the kept splats, from their optical depths per mean voxel.
+#[inline(always)]
+pub(super) fn weigh(out: &mut Splats) {
+    let most = MAX_DEPTH as f32 * LOG2_E;
+    for k in 0..out.count {
+        let strength = out.strength[usize::from(out.kept[k]) % BLOCK];
+        out.peak[k] = at_most(out.peak[k] * strength, most);
     }
 }
 

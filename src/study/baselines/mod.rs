@@ -1,0 +1,127 @@
+//! Baselines: other ways of walking a volume's visible voxels, each a real structure built from a [`Subject`](super::Subject).
+//!
+//! In: a subject and a [`Viewing`]. Out: every visible voxel, handed to a [`Receiver`] in the method's order. All
+//! methods hand over the same codes, so that one splatter draws them all.
+//!
+//! | method | source | its order |
+//! | --- | --- | --- |
+//! | traditional | Westover 1990, as Orchard and Möller 2001 measure it | exact slice order |
+//! | unordered | Crawfis 1996, as Orchard and Möller 2001 measure it | storage |
+//! | octree | Laur and Hanrahan 1991 | octants, back to front |
+//! | adjacency A, adjacency B | Orchard and Möller 2001 | exact slice order |
+//! | shell | Udupa and Odhner 1993, Botha and Post 2003 | exact slice order |
+//! | sorted | what renderers of splats do today | by distance |
+//! | bricks | Museth 2013: leaves of bit masks | exact slice order, or brick by brick |
+
+pub mod adjacency_a;
+pub mod adjacency_b;
+mod appearance;
+pub mod bricks;
+mod follow;
+mod method;
+pub mod octree;
+mod room;
+pub mod shell;
+pub mod sorted;
+pub mod traditional;
+pub mod unordered;
+
+pub use method::{Built, Method, names};
+
+use super::trace::{Array, Trace};
+use crate::error::Result;
+use crate::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
+
+/// From where a walk looks.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Viewing {
+    /// Nesting and directions, for methods that nest.
+    pub order: Order,
+    /// The same view, for methods that measure distances.
+    pub viewpoint: Viewpoint,
+}
+
+impl Viewing {
+    /// A parallel view that asks for `order`, whose axes all run one way.
+    pub fn along(order: Order) -> Viewing {
+        let mut direction = [0.0; 3];
+        for (axis, share) in [(order.slow, 3.0), (order.medium, 2.0), (order.fast, 1.0)] {
+            // Front to back an axis runs the way that the view looks.
+            let sign = if matches!(order.along[axis.index()], AxisOrder::Ascending) { 1.0 } else { -1.0 };
+            direction[axis.index()] = sign * share;
+        }
+        Viewing { order, viewpoint: Viewpoint::Parallel { direction } }
+    }
+
+    /// The view from `viewpoint` of a grid of `dims` points.
+    ///
+    /// # Errors
+    /// As [`Order::new`].
+    pub fn new(viewpoint: Viewpoint, dims: [u32; 3], sense: Sense, form: SplitForm) -> Result<Viewing> {
+        Ok(Viewing { order: Order::new(viewpoint, dims, sense, form)?, viewpoint })
+    }
+
+    /// Which end of the visibility order comes first, as the order's slow axis has it.
+    pub fn sense(&self) -> Sense {
+        let axis = self.order.slow.index();
+        // Front to back an axis runs away from the eye: up where the eye is below its range.
+        let runs_up = match self.order.along[axis] {
+            AxisOrder::Ascending => true,
+            AxisOrder::Descending => false,
+            AxisOrder::TwoSided { sense, .. } => return sense,
+        };
+        let eye_is_below = match self.viewpoint {
+            Viewpoint::Parallel { direction } => direction[axis] >= 0.0,
+            Viewpoint::Perspective { eye, .. } => eye[axis] <= 0.0,
+        };
+        if runs_up == eye_is_below { Sense::FrontToBack } else { Sense::BackToFront }
+    }
+}
+
+/// A voxel's normal, as its method stores it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Normal {
+    /// The code of [`crate::classify::normal::decode8`].
+    Code(u16),
+    /// What that code decodes to; zero for none.
+    Vector([f32; 3]),
+}
+
+/// A cube of voxels drawn as one splat.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Node {
+    /// Its lowest voxel, x, y, z.
+    pub low: [u16; 3],
+    /// Its edge is 2 to this, in voxels; above 0.
+    pub level: u8,
+    /// Red, green, blue, averaged by optical depth, and the mean optical depth, over all its cells, empty ones
+    /// included; as [`Subject::looks`](super::Subject::looks).
+    pub look: [f32; 4],
+    /// Mean normal, made unit; zero for none.
+    pub normal: [f32; 3],
+}
+
+/// Takes what a walk visits, in visit order.
+pub trait Receiver {
+    /// A voxel: x, y, z and its codes.
+    fn voxel(&mut self, position: [u16; 3], value: u8, normal: Normal);
+    /// A cube of voxels; only an octree with a threshold above 0 has any.
+    fn node(&mut self, node: &Node);
+}
+
+/// A structure that can be walked.
+pub trait Walker {
+    /// Its name in tables and files.
+    fn method(&self) -> &'static str;
+
+    /// Its allocations, in the order of the numbers that a trace is told.
+    fn arrays(&self) -> Vec<Array>;
+
+    /// Hands every visible voxel to `receiver`, in this method's order for `viewing`.
+    fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T);
+
+    /// Bytes that the structure takes between frames.
+    fn bytes(&self) -> u64 {
+        self.arrays().iter().filter(|array| !array.scratch).map(|array| array.bytes).sum()
+    }
+}

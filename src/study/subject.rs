@@ -1,0 +1,101 @@
+//! A subject: the scene that a study's methods are built from.
+//!
+//! In: an arena of 8-bit values and normals of 2 x 8 bits or none. Out: its visible voxels in scan order (x fastest), as
+//! every method takes them, and its three lanes.
+
+use crate::arena::layout::Facts;
+use crate::arena::{Lane, LaneSet};
+use crate::classify::TransferFunction;
+use crate::error::{Error, Result};
+use crate::splat::composite::Table;
+use crate::splat::{Scene, Settings};
+use crate::traverse::{Batch, Order, walk};
+use crate::volume::Axis;
+
+/// One visible voxel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct VisibleVoxel {
+    /// x, y, z.
+    pub position: [u16; 3],
+    /// Value code.
+    pub value: u8,
+    /// Code of its normal; 0 where there are none.
+    pub normal: u16,
+}
+
+/// A scene under study.
+#[derive(Debug)]
+pub struct Subject<'a> {
+    /// What tables call it.
+    pub name: String,
+    /// Grid and codecs.
+    pub facts: &'a Facts,
+    /// What values look like.
+    pub transfer: TransferFunction,
+    /// The lanes, stored or derived.
+    pub lanes: &'a LaneSet<'a>,
+    /// The visible voxels, x fastest, then y, then z.
+    pub voxels: Vec<VisibleVoxel>,
+}
+
+impl<'a> Subject<'a> {
+    /// The scene of `lanes` under `transfer`, called `name`. O(voxels); 8 bytes a voxel.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if its channels are not those that every method stores, or memory cannot be had; whatever
+    /// deriving a lane fails with.
+    pub fn new(name: &str, lanes: &'a LaneSet<'a>, transfer: TransferFunction) -> Result<Subject<'a>> {
+        let facts = lanes.arena().facts();
+        let channels = facts.channels;
+        if channels.value_bits != 8 || !matches!(channels.normal_bits, 0 | 8) || channels.magnitude_bits != 0 {
+            let why = "has other channels than the methods of a study store; build it with --value-bits 8, --normals 8 \
+                       or none, and no gradient opacity";
+            return Err(Error::input(name, why));
+        }
+        let mut voxels = Vec::new();
+        let count = usize::try_from(facts.visible_voxels).unwrap_or(usize::MAX);
+        voxels.try_reserve_exact(count).map_err(|_| Error::Limit {
+            what: format!("memory for the voxels of {name} in bytes"),
+            need: facts.visible_voxels.saturating_mul(size_of::<VisibleVoxel>() as u64),
+            have: 0,
+        })?;
+        let lane = lanes.lane(Axis::X)?;
+        // Nesting z, y, x, all ascending: scan order.
+        walk(&lane, &Order::parallel(5, 0), &mut |batch: &Batch| {
+            for index in 0..batch.len() {
+                let record = batch.record_index(index);
+                let value = u8::try_from(lane.value_code(record)).expect("values are 8-bit");
+                let normal = u16::try_from(lane.normal_code(record)).expect("normals are 2 x 8 bits");
+                voxels.push(VisibleVoxel {
+                    position: [batch.fast[index], batch.medium[index], batch.slow],
+                    value,
+                    normal,
+                });
+            }
+        });
+        Ok(Subject { name: name.to_owned(), facts, transfer, lanes, voxels })
+    }
+
+    /// Grid points along x, y, z.
+    pub fn dims(&self) -> [u32; 3] {
+        self.facts.grid.dims
+    }
+
+    /// The lane along `axis`.
+    ///
+    /// # Panics
+    /// If it cannot be derived, which a study does before it begins.
+    pub fn lane(&self, axis: Axis) -> Lane<'_> {
+        self.lanes.lane(axis).expect("lanes of a study fit its memory")
+    }
+
+    /// Red, green, blue (linear) and optical depth per mean voxel, in units of ln 2, of each value code.
+    ///
+    /// # Errors
+    /// If the file's scales are out of range.
+    pub fn looks(&self) -> Result<[[f32; 4]; 256]> {
+        let scene = Scene { facts: self.facts, lanes: self.lanes, transfer: &self.transfer };
+        let table = Table::new(&scene, &self.lane(Axis::X), &Settings::new([1; 2]), self.facts.grid.mean_spacing())?;
+        Ok(*table.of_bytes().expect("looks depend on 8-bit values alone"))
+    }
+}
