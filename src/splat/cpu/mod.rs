@@ -53,12 +53,12 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
 }
 
 /// The view with fewer pixels, if the settings allow it and it is worth while.
-fn coarse(shot: &Shot, settings: &Settings) -> Option<Coarse> {
+fn coarse(shot: &Shot, table: &Table, settings: &Settings) -> Option<Coarse> {
     if settings.sampling == Sampling::EveryPixel || settings.mode != Mode::Composite {
         return None;
     }
     let (low, high) = shot.lane.bounds()?;
-    Coarse::of(&shot.view, shot.kernel, &VoxelBox { low, high })
+    Coarse::of(&shot.view, shot.kernel, &VoxelBox { low, high }, table.deepest())
 }
 
 /// As [`render`], without the records `left_out` of the lane that the view walks along: the picture of a scene from
@@ -74,12 +74,12 @@ pub(crate) fn render_without(
 ) -> Result<(Frame, Stats)> {
     let start = Instant::now();
     let mut shot = Shot::new(scene, camera, settings)?;
-    let coarse = coarse(&shot, settings);
+    let table = Table::new(scene, &shot.lane, settings, shot.view.mean_voxel)?;
+    let coarse = coarse(&shot, &table, settings);
     if let Some(coarse) = &coarse {
         shot.view = coarse.view(&shot.view);
     }
     let settings = &Settings { size: shot.view.size, ..settings.clone() };
-    let table = Table::new(scene, &shot.lane, settings, shot.view.mean_voxel)?;
     let ink = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) => FrontToBack::INK,
         (Mode::Composite, Sense::BackToFront) => BackToFront::INK,

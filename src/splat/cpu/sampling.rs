@@ -3,8 +3,9 @@
 //! In: a view whose narrowest footprint is wide. Out: the same view with fewer, larger pixels to draw, and from what is
 //! drawn there the picture, by cubic B-spline interpolation. A picture of Gaussian footprints has hardly any detail
 //! finer than a footprint: with a standard deviation of [`ENOUGH`] pixels a footprint's frequencies fall to 1 % of its
-//! mean at half the sampling rate. What does have finer detail are the edges of what is opaque. Measured beside every
-//! pixel drawn, over non-empty pixels: 49 to 61 dB (docs/studies/sampling.md).
+//! mean at half the sampling rate. What does have finer detail are the edges of what is opaque: where a splat's depth at
+//! its centre is p > 1, `1 - exp(-p exp(-r^2 / 2 sigma^2))` rises within sigma / sqrt(2 ln p), and that width counts.
+//! Measured beside every pixel drawn: docs/studies/sampling.md.
 //!
 //! ```text
 //! view -> fewer pixels, with a margin -> draw -> coefficients (a recursive filter) -> columns -> rows -> picture
@@ -19,6 +20,8 @@
     clippy::needless_range_loop,
     reason = "places are inside pictures of 16,384 pixels a side; weights are single precision; index loops over several arrays run side by side"
 )]
+
+use std::f64::consts::TAU;
 
 use multiversion::multiversion;
 
@@ -50,8 +53,9 @@ pub(super) struct Coarse {
 }
 
 impl Coarse {
-    /// The coarse view that is enough for the voxels in `bounds`; `None` if every pixel is needed.
-    pub(super) fn of(view: &View, kernel: KernelShape, bounds: &VoxelBox) -> Option<Coarse> {
+    /// The coarse view that is enough for the voxels in `bounds`, whose optical depth per mean voxel is `deepest` at
+    /// most; `None` if every pixel is needed.
+    pub(super) fn of(view: &View, kernel: KernelShape, bounds: &VoxelBox, deepest: f64) -> Option<Coarse> {
         if view.size.into_iter().any(|side| side < SMALL) {
             return None;
         }
@@ -79,7 +83,9 @@ impl Coarse {
                 corners.fold(f32::INFINITY, f32::min)
             }
         };
-        let factor = ENOUGH / f64::from(sigma);
+        let peak = deepest / (TAU * f64::from(kernel.sigma).powi(2));
+        let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
+        let factor = ENOUGH * sharpness / f64::from(sigma);
         // Not so coarse that a picture is all margin; and a footprint that is not finite says nothing.
         let factor = factor.max(1.0 / 16.0);
         (factor <= WORTH_IT).then_some(Coarse { factor, size: view.size })
