@@ -2,7 +2,7 @@
 //!
 //! In: a subject, whose lanes it borrows. Out: the exact slice order, batch by batch, handed over voxel by voxel.
 
-use super::baselines::{Normal, Receiver, Viewing, Walker};
+use super::baselines::{Normal, Receiver, Viewing, Walker, placed};
 use super::subject::Subject;
 use super::trace::{Array, Trace};
 use crate::arena::{Lane, LineEnds};
@@ -61,16 +61,17 @@ impl Walker for Adjsplat<'_> {
         let order = viewing.order;
         let lane = self.subject.lane(order.fast);
         let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
-        let mut position = [0; 3];
+        // A subject's lanes have no patch: its records lie in the channels.
+        let (values, normals) = (lane.values, lane.normals.as_chunks().0);
         walk(&lane, &order, &mut |batch: &Batch| {
-            position[slow] = batch.slow;
-            for index in 0..batch.len() {
-                position[medium] = batch.medium[index];
-                position[fast] = batch.fast[index];
-                let record = batch.record_index(index);
-                let value = u8::try_from(lane.value_code(record)).expect("a subject's values are 8-bit");
-                let normal = u16::try_from(lane.normal_code(record)).expect("a subject's normals are 2 x 8 bits");
-                receiver.voxel(position, value, Normal::Code(normal));
+            let slice = placed([0; 3], slow, batch.slow);
+            let voxels = batch.medium.iter().zip(batch.fast).zip(batch.record);
+            let first = batch.record_index(0) - batch.record[0] as usize;
+            for ((&m, &f), &record) in voxels {
+                let position = placed(placed(slice, medium, m), fast, f);
+                let record = first + record as usize;
+                let normal = normals.get(record).map_or(0, |&code| u16::from_le_bytes(code));
+                receiver.voxel(position, values[record], Normal::Code(normal));
             }
         });
     }

@@ -22,7 +22,7 @@ use zerocopy::little_endian::U32;
 use super::appearance::Appearance;
 use super::follow::{Chain, follow, needs_both_ends, starts_high};
 use super::room::{filled, product, push};
-use super::{Normal, Receiver, Viewing, Walker};
+use super::{Normal, Receiver, Viewing, Walker, placed};
 use crate::error::{Error, Result};
 use crate::study::Subject;
 use crate::study::subject::VisibleVoxel;
@@ -415,7 +415,7 @@ impl Walker for AdjacencyA {
                 let row = line(fast, face.cell(node.coordinate) - starts[1]);
                 let caps = ends(walk, row, Some(node.record));
                 follow(fast_order, row, caps, walk, |walk, node| {
-                    position[fast] = node.coordinate - 1;
+                    let position = placed(position, fast, node.coordinate - 1);
                     let (cell, record) = (row.cell(node.coordinate), node.record as usize);
                     walk.trace.read(CELLS, 5 * cell + 4, 1);
                     walk.trace.read(RECORDS, 28 * record + 4, 12);

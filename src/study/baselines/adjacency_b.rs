@@ -28,7 +28,7 @@ use super::adjacency_a::last_places;
 use super::appearance::Appearance;
 use super::follow::{Chain, follow, needs_both_ends, starts_high};
 use super::room::{push, room};
-use super::{Normal, Receiver, Viewing, Walker};
+use super::{Normal, Receiver, Viewing, Walker, placed};
 use crate::error::{Error, Result};
 use crate::study::Subject;
 use crate::study::subject::VisibleVoxel;
@@ -359,7 +359,7 @@ impl Walker for AdjacencyB {
                 position[medium] = node.coordinate - 1;
                 let caps = node.records.map(|record| Node { coordinate: 0, records: [record] });
                 follow(fast_order, row, caps, walk, |walk, node| {
-                    position[fast] = node.coordinate - 1;
+                    let position = placed(position, fast, node.coordinate - 1);
                     let index = node.records[0] as usize;
                     let record = &walk.records[index];
                     walk.trace.read(RECORDS, RECORD * index + offset_of!(Record, intensity), 1);

@@ -10,7 +10,8 @@ use crate::study::subject::VisibleVoxel;
 /// Colours of all value codes, and how normals become vectors.
 #[derive(Debug, Clone)]
 pub(super) struct Appearance {
-    colours: [[u8; 4]; 256],
+    /// Apart, so that a structure that keeps them stays small itself.
+    colours: Box<[[u8; 4]; 256]>,
     has_normals: bool,
 }
 
@@ -20,7 +21,8 @@ impl Appearance {
     /// # Errors
     /// As [`Subject::looks`].
     pub(super) fn of(subject: &Subject) -> Result<Appearance> {
-        Ok(Appearance { colours: subject.looks()?.map(colour), has_normals: subject.facts.channels.normal_bits > 0 })
+        let colours = Box::new(subject.looks()?.map(colour));
+        Ok(Appearance { colours, has_normals: subject.facts.channels.normal_bits > 0 })
     }
 
     /// Red, green, blue (linear), opacity; opacity 0 is left to cells without a visible voxel.

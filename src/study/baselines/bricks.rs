@@ -21,7 +21,7 @@
 //! the place of its tree, as volumes here have bounds.
 
 use super::room::{filled, product, room};
-use super::{Normal, Receiver, Viewing, Walker};
+use super::{Normal, Receiver, Viewing, Walker, placed};
 use crate::error::{Error, Result};
 use crate::study::Subject;
 use crate::study::trace::{Array, Trace};
@@ -243,11 +243,11 @@ impl<R: Receiver, T: Trace> Walk<'_, R, T> {
     /// Hands over the voxel at `payload`, the position's other coordinates being set.
     #[inline(always)]
     fn show(&mut self, fast: u16, payload: usize) {
-        self.position[self.nesting.fast] = fast;
         self.trace.read(VALUES, payload, 1);
         self.trace.read(NORMALS, 2 * payload, 2);
         let bricks = self.bricks;
-        self.receiver.voxel(self.position, bricks.values[payload], Normal::Code(bricks.normals[payload]));
+        let position = placed(self.position, self.nesting.fast, fast);
+        self.receiver.voxel(position, bricks.values[payload], Normal::Code(bricks.normals[payload]));
     }
 
     /// Where a row's voxels are in the payload: see [`RowPayload`].
@@ -424,7 +424,25 @@ struct AxisBricks {
     /// Bricks in the order in which they come.
     sequence: Vec<u16>,
     /// For each brick of the axis, by number, its places in the order in which they come.
-    places: Vec<Vec<u16>>,
+    places: Vec<Places>,
+}
+
+/// The places of a brick along an axis.
+struct Places {
+    sequence: Vec<u16>,
+    /// Whether they run up, or down; `None` if they do neither.
+    up: Option<bool>,
+}
+
+impl Places {
+    fn new(sequence: Vec<u16>) -> Places {
+        let up = match (sequence.is_sorted(), sequence.is_sorted_by(|a, b| a > b)) {
+            (true, _) => Some(true),
+            (false, true) => Some(false),
+            (false, false) => None,
+        };
+        Places { sequence, up }
+    }
 }
 
 impl AxisBricks {
@@ -435,7 +453,7 @@ impl AxisBricks {
             order.for_each_index(coordinates, |index| sequence.push(coordinates[index] - base));
             sequence
         };
-        let places: Vec<_> = all.chunks(EDGE).map(|brick| in_order(order, brick, brick[0])).collect();
+        let places = all.chunks(EDGE).map(|brick| Places::new(in_order(order, brick, brick[0]))).collect::<Vec<_>>();
         // Bricks are parted half-way between voxels; the one that the eye is in is nearest to both sides.
         let of_bricks = match order {
             AxisOrder::TwoSided { eye, form, sense } => {
@@ -456,9 +474,9 @@ fn by_bricks<R: Receiver, T: Trace>(walk: &mut Walk<R, T>, order: &Order) {
     let axis = |axis: usize| AxisBricks::new(order.along[axis], bricks.dims[axis]);
     let (slow_bricks, medium_bricks, fast_bricks) = (axis(slow), axis(medium), axis(fast));
     for &s in &slow_bricks.sequence {
-        let slow_places = &slow_bricks.places[usize::from(s)];
+        let slow_places = &slow_bricks.places[usize::from(s)].sequence;
         for &m in &medium_bricks.sequence {
-            let medium_places = &medium_bricks.places[usize::from(m)];
+            let medium_places = &medium_bricks.places[usize::from(m)].sequence;
             for &f in &fast_bricks.sequence {
                 let cell =
                     usize::from(s) * stride[slow] + usize::from(m) * stride[medium] + usize::from(f) * stride[fast];
@@ -482,12 +500,10 @@ fn by_bricks<R: Receiver, T: Trace>(walk: &mut Walk<R, T>, order: &Order) {
                         }
                         walk.position[medium] = narrow(EDGE * usize::from(m)) + medium_place;
                         let row = walk.row_payload(brick, usize::from(slow_place), usize::from(medium_place));
-                        if fast_places.is_sorted() {
-                            walk.row(&row, voxels, base, true);
-                        } else if fast_places.is_sorted_by(|a, b| a > b) {
-                            walk.row(&row, voxels, base, false);
+                        if let Some(up) = fast_places.up {
+                            walk.row(&row, voxels, base, up);
                         } else {
-                            for &place in fast_places.iter().filter(|&&place| voxels >> place & 1 != 0) {
+                            for &place in fast_places.sequence.iter().filter(|&&place| voxels >> place & 1 != 0) {
                                 let before = (voxels & ((1 << place) - 1)).count_ones() as usize;
                                 let payload = walk.payload(&row, before, usize::from(place));
                                 walk.show(base + place, payload);

@@ -6,6 +6,7 @@ use super::adjacency_a::AdjacencyA;
 use super::adjacency_b::{AdjacencyB, Storage};
 use super::bricks::{BrickOrder, Bricks};
 use super::octree::Octree;
+use super::run_length::RunLength;
 use super::shell::{Lists, Shell};
 use super::sorted::Sorted;
 use super::traditional::Traditional;
@@ -48,11 +49,13 @@ pub enum Method {
     Bricks,
     /// [`Bricks`], brick by brick.
     BricksBrickwise,
+    /// [`RunLength`].
+    RunLength,
 }
 
 impl Method {
     /// All of them, ours first.
-    pub const ALL: [Method; 12] = [
+    pub const ALL: [Method; 13] = [
         Method::Adjsplat,
         Method::Traditional,
         Method::Unordered,
@@ -65,6 +68,7 @@ impl Method {
         Method::Sorted,
         Method::Bricks,
         Method::BricksBrickwise,
+        Method::RunLength,
     ];
 
     /// Its name in tables and files.
@@ -82,6 +86,7 @@ impl Method {
             Method::Sorted => "sorted",
             Method::Bricks => "bricks",
             Method::BricksBrickwise => "bricks_brickwise",
+            Method::RunLength => "run_length",
         }
     }
 
@@ -103,7 +108,8 @@ impl Method {
             | Method::AdjacencyB
             | Method::AdjacencyBShuffled
             | Method::ShellThree
-            | Method::Bricks => true,
+            | Method::Bricks
+            | Method::RunLength => true,
             Method::Unordered | Method::Octree | Method::Shell | Method::Sorted | Method::BricksBrickwise => false,
         }
     }
@@ -126,6 +132,7 @@ impl Method {
             Method::Sorted => Built::Sorted(Sorted::new(subject)?),
             Method::Bricks => Built::Bricks(Bricks::new(subject, BrickOrder::Slices)?),
             Method::BricksBrickwise => Built::Bricks(Bricks::new(subject, BrickOrder::Bricks)?),
+            Method::RunLength => Built::RunLength(RunLength::new(subject)?),
         })
     }
 }
@@ -148,6 +155,7 @@ pub enum Built<'a> {
     Shell(Shell),
     Sorted(Sorted),
     Bricks(Bricks),
+    RunLength(RunLength),
 }
 
 /// Calls the same of whichever structure it is.
@@ -163,6 +171,7 @@ macro_rules! whichever {
             Built::Shell($walker) => $call,
             Built::Sorted($walker) => $call,
             Built::Bricks($walker) => $call,
+            Built::RunLength($walker) => $call,
         }
     };
 }

@@ -14,7 +14,7 @@
 //! Source: Udupa and Odhner, "Shell Rendering", CG&A 1993; Botha and Post, "ShellSplatting", VisSym 2003.
 
 use super::room::{filled, product, room};
-use super::{Normal, Receiver, Viewing, Walker};
+use super::{Normal, Receiver, Viewing, Walker, placed};
 use crate::error::{Error, Result};
 use crate::study::Subject;
 use crate::study::trace::{Array, Trace};
@@ -219,7 +219,7 @@ impl Walker for Shell {
                 };
                 let mut show = |index: usize, voxel: &ShellVoxel, trace: &mut T| {
                     trace.read(voxel_array, 6 * (first + index), 6);
-                    position[fast] = voxel.coordinate;
+                    let position = placed(position, fast, voxel.coordinate);
                     if self.hides {
                         let hiding = across | toward_eye(viewpoint, fast, voxel.coordinate);
                         if voxel.opaque_neighbours & hiding == hiding {

@@ -94,9 +94,10 @@ impl Sorted {
         }
     }
 
-    /// Sorts the pairs by key; pairs of one key stay in the order of the list.
+    /// Sorts the pairs by key; pairs of one key stay in the order of the list. The number of the array that they are
+    /// in then: an odd number of passes leaves them in the other one.
     #[inline(always)]
-    fn sort<T: Trace>(&mut self, trace: &mut T) {
+    fn sort<T: Trace>(&mut self, trace: &mut T) -> usize {
         let [mut from, mut to] = [PAIRS, SPARE];
         for (pass, counts) in self.counts.iter_mut().enumerate() {
             let count = self.pairs.len();
@@ -121,6 +122,7 @@ impl Sorted {
             std::mem::swap(&mut from, &mut to);
         }
         debug_assert!(self.pairs.is_sorted_by_key(|pair| pair.key));
+        from
     }
 }
 
@@ -173,9 +175,9 @@ impl Walker for Sorted {
                 self.keys(sense, distance(near), distance(far), distance, trace);
             }
         }
-        self.sort(trace);
+        let pairs = self.sort(trace);
         for (place, pair) in self.pairs.iter().enumerate() {
-            trace.read(PAIRS, 8 * place + 4, 4);
+            trace.read(pairs, 8 * place + 4, 4);
             trace.read(VOXELS, 10 * pair.index as usize, 10);
             let voxel = self.voxels[pair.index as usize];
             receiver.voxel(voxel.position, voxel.value, Normal::Code(voxel.normal));

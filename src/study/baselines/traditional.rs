@@ -10,8 +10,8 @@
 //! section 4.2.
 
 use super::appearance::Appearance;
-use super::room::{filled, product};
-use super::{Normal, Receiver, Viewing, Walker};
+use super::room::{check, filled, product};
+use super::{Normal, Receiver, Viewing, Walker, placed};
 use crate::error::Result;
 use crate::study::Subject;
 use crate::study::trace::{Array, Trace};
@@ -37,6 +37,7 @@ impl Traditional {
     /// [`Error::Limit`](crate::Error::Limit) if memory cannot be had; as [`Subject::looks`].
     pub fn new(subject: &Subject) -> Result<Traditional> {
         let points = product(subject.dims().map(u64::from));
+        check("the dense volume", points.saturating_mul(17))?;
         let mut volume = Traditional {
             dims: subject.dims().map(|d| d as usize),
             values: filled("the dense volume's values", points, 0)?,
@@ -86,7 +87,7 @@ impl Walker for Traditional {
                     if self.colours[index][3] != 0 {
                         trace.read(VALUES, index, 1);
                         trace.read(GRADIENTS, 12 * index, 12);
-                        position[fast] = fast_all[f];
+                        let position = placed(position, fast, fast_all[f]);
                         receiver.voxel(position, self.values[index], Normal::Vector(self.gradients[index]));
                     }
                 });
