@@ -96,7 +96,7 @@ fn studies_refuse_what_they_cannot_do() {
         ("study speed phantom:shells --frames 0", ["--frames", "1"]),
         ("study walk phantom:shells --repetitions 0", ["--repetitions", "1"]),
         ("study memory phantom:shells --plot memory.txt", ["memory.txt", ".svg"]),
-        ("study memory phantom:shells --json missing/m.json", ["missing", "m.json"]),
+        ("study memory phantom:shells --json missing/m.json", ["missing", "folder"]),
     ] {
         folder.adj(line).refused(&parts);
     }
