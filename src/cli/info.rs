@@ -8,9 +8,9 @@ use serde_json::{Value, json};
 use super::input::InputArguments;
 use super::{Answer, print_result, starts_as_adj};
 use crate::arena::layout::Facts;
-use crate::arena::{Arena, Lane};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::file::AdjFile;
+use crate::study::memory::virtual_voxels;
 use crate::volume::Axis;
 use crate::volume::histogram::Histogram;
 
@@ -115,61 +115,6 @@ fn channels(facts: &Facts) -> Value {
         "magnitude_scale": facts.scales.magnitude_scale,
         "record_bytes": facts.channels.record_bytes(),
     })
-}
-
-/// Virtual voxels that implementation B of the paper adds (section 3.1): two box-face voxels a non-empty line, four
-/// box-edge voxels a non-empty slice, over all three axes, and eight corners.
-fn virtual_voxels(arena: &Arena) -> Result<u64> {
-    let dims = arena.facts().grid.dims;
-    let lane = arena.lanes().next().ok_or_else(|| Error::input("file", "has no lane"))?;
-    let mut lines = [0; 3];
-    let mut slices = [0; 3];
-    let [u, v] = lane.axis.others();
-    lines[lane.axis.index()] = lane.line_ends.len() as u64;
-    // Lines along u are what differs in (fast, v), lines along v in (fast, u).
-    let mut along_u = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[v.index()]));
-    let mut along_v = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[u.index()]));
-    let mut coordinates = Axis::ALL.map(|axis| Occupied::new(dims[axis.index()].into()));
-    each_voxel(&lane, |fast, line_u, line_v| {
-        along_u.set(u64::from(line_v) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
-        along_v.set(u64::from(line_u) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
-        coordinates[lane.axis.index()].set(fast.into());
-        coordinates[u.index()].set(line_u.into());
-        coordinates[v.index()].set(line_v.into());
-    });
-    lines[u.index()] = along_u.count();
-    lines[v.index()] = along_v.count();
-    for axis in Axis::ALL {
-        slices[axis.index()] = coordinates[axis.index()].count();
-    }
-    Ok(2 * lines.iter().sum::<u64>() + 4 * slices.iter().sum::<u64>() + 8)
-}
-
-fn each_voxel(lane: &Lane, mut visit: impl FnMut(u32, u32, u32)) {
-    for line in lane.lines() {
-        for (coordinate, _) in lane.line_voxels(line.records) {
-            visit(coordinate, line.u, line.v);
-        }
-    }
-}
-
-/// A set of small numbers; numbers beyond its end are ignored.
-struct Occupied(Vec<u64>);
-
-impl Occupied {
-    fn new(len: u64) -> Occupied {
-        Occupied(vec![0; usize::try_from(len.div_ceil(64)).unwrap_or(0)])
-    }
-
-    fn set(&mut self, number: u64) {
-        if let Some(word) = usize::try_from(number / 64).ok().and_then(|index| self.0.get_mut(index)) {
-            *word |= 1 << (number % 64);
-        }
-    }
-
-    fn count(&self) -> u64 {
-        self.0.iter().map(|word| u64::from(word.count_ones())).sum()
-    }
 }
 
 fn of_volume(arguments: &Arguments) -> Result<Value> {

@@ -24,6 +24,7 @@ mod resources;
 mod room;
 mod size;
 mod stored;
+mod study;
 mod trim;
 mod verify;
 
@@ -69,6 +70,7 @@ enum Command {
     #[cfg(feature = "gpu")]
     Devices(devices::Arguments),
     Raw(raw::Arguments),
+    Study(Box<study::Arguments>),
     Completions(completions::Arguments),
 }
 
@@ -100,6 +102,7 @@ fn run(command: &Command) -> Result<Answer> {
         #[cfg(feature = "gpu")]
         Command::Devices(arguments) => devices::run(arguments),
         Command::Raw(arguments) => raw::run(arguments),
+        Command::Study(arguments) => study::run(arguments),
         Command::Completions(arguments) => completions::run(arguments),
     }
 }

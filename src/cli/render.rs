@@ -29,7 +29,7 @@ use crate::file::{
 };
 use crate::limits::Limits;
 use crate::splat::hidden::CLEARANCE;
-use crate::splat::{Camera, Mode, Orbit, Quality, Scene, Settings, Surround, Up, View};
+use crate::splat::{Camera, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View};
 use crate::traverse::{SplitForm, Viewpoint, VoxelBox};
 use crate::volume::read_text;
 
@@ -111,6 +111,11 @@ pub(super) struct LookArguments {
     /// Kernel and where rays end: each step is about twice as slow.
     #[arg(long, value_name = "Q", default_value = "standard", value_parser = ["draft", "standard", "high", "reference"])]
     quality: String,
+    /// Pixels that are drawn: enough leaves out those that wide splats (seven pixels and more) do not need, and
+    /// interpolates them; every takes all. Enough for draft and standard, every for high and reference unless given;
+    /// graphics devices draw every pixel.
+    #[arg(long, value_name = "PIXELS", value_parser = ["enough", "every"])]
+    sampling: Option<String>,
     /// composite: light and shade; maximum, maximum-grey: largest value along each ray; xray: sum along each ray.
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = ["composite", "maximum", "maximum-grey", "xray"])]
     mode: String,
@@ -385,6 +390,10 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
         "xray" => Mode::Additive,
         _ => Mode::Composite,
     };
+    settings.sampling = match (look.sampling.as_deref(), settings.quality) {
+        (Some("every"), _) | (None, Quality::High | Quality::Reference) => Sampling::EveryPixel,
+        _ => Sampling::Enough,
+    };
     settings.form = if look.form == "split" { SplitForm::Split } else { SplitForm::Interleaved };
     if look.unlit {
         settings.lighting = None;
@@ -426,7 +435,7 @@ fn numbered(path: &Path, frames: u32) -> Vec<PathBuf> {
     (0..frames).map(|frame| path.with_file_name(format!("{stem}-{frame:0width$}.{extension}"))).collect()
 }
 
-fn parse_size(text: &str) -> Result<[u32; 2]> {
+pub(super) fn parse_size(text: &str) -> Result<[u32; 2]> {
     let why = || Error::input("--size", format!("is \"{text}\", but must look like 800x600, up to 16384 a side"));
     let (columns, rows) = text.split_once(['x', 'X']).ok_or_else(why)?;
     let number = |part: &str| part.trim().parse::<u32>().map_err(|_| why());

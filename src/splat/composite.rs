@@ -170,6 +170,14 @@ impl<'a> Table<'a> {
         }
     }
 
+    /// The largest optical depth per mean voxel of any code.
+    pub(crate) fn deepest(&self) -> f64 {
+        match self.kind {
+            Kind::Computed => MAX_DEPTH * self.per_depth / f64::from(LOG2_E),
+            _ => f64::from(self.looks.iter().fold(0.0f32, |most, look| most.max(look[3])) / LOG2_E),
+        }
+    }
+
     /// Colour of a normalised value, 0 to 1, of a maximum.
     pub(crate) fn colour_of(&self, normalised: f32) -> [f32; 3] {
         let scales = &self.scene.facts.scales;

@@ -111,9 +111,18 @@ pub(crate) struct Footprint {
     pub(crate) density: f32,
 }
 
-/// Footprint of a kernel under the Jacobian `rows`, pixels per voxel; finite for any finite one.
+/// A footprint's covariance on the screen before the low-pass, in square pixels.
+struct Covariance {
+    xx: f32,
+    xy: f32,
+    yy: f32,
+    determinant: f32,
+    /// Its smaller eigenvalue.
+    narrowest: f32,
+}
+
 #[inline(always)]
-pub(crate) fn footprint([x, y]: [[f32; 3]; 2], sigma: f32, cut_off: f32) -> Footprint {
+fn covariance([x, y]: [[f32; 3]; 2], sigma: f32) -> Covariance {
     let square = sigma * sigma;
     let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let cross = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
@@ -123,6 +132,19 @@ pub(crate) fn footprint([x, y]: [[f32; 3]; 2], sigma: f32, cut_off: f32) -> Foot
     // The smaller eigenvalue as a quotient: the difference of the usual form would cancel.
     let root = at_least(trace * trace - 4.0 * determinant, 0.0).sqrt();
     let narrowest = 2.0 * determinant / at_least(trace + root, f32::MIN_POSITIVE);
+    Covariance { xx, xy, yy, determinant, narrowest }
+}
+
+/// Standard deviation of a kernel's footprint across its narrowest direction, in pixels, before the low-pass.
+pub(crate) fn narrowest(rows: [[f32; 3]; 2], sigma: f32) -> f32 {
+    covariance(rows, sigma).narrowest.sqrt()
+}
+
+/// Footprint of a kernel under the Jacobian `rows`, pixels per voxel; finite for any finite one.
+#[inline(always)]
+pub(crate) fn footprint([x, y]: [[f32; 3]; 2], sigma: f32, cut_off: f32) -> Footprint {
+    let Covariance { xx, xy, yy, determinant, narrowest } = covariance([x, y], sigma);
+    let trace = xx + yy;
     let added = at_least(LOW_PASS * LOW_PASS - narrowest, 0.0);
     let (xx, yy) = (xx + added, yy + added);
     let determinant = at_least(determinant + added * (trace + added), f32::MIN_POSITIVE);

@@ -58,7 +58,7 @@ pub struct View {
     /// The eye in voxel coordinates times spacing; meaningless for a parallel view.
     pub eye_scaled: [f64; 3],
     /// Length of a kernel's cut-off ellipsoid along the view axis is at most this, in mean voxels.
-    reach: f64,
+    pub(super) reach: f64,
     /// Distance between voxels on each axis, in mean voxels.
     pub(crate) steps: [f64; 3],
 }

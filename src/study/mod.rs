@@ -9,9 +9,15 @@
 //! ```
 
 pub mod baselines;
+pub mod memory;
+pub mod ours;
+pub mod receive;
+pub mod report;
+pub mod speed;
 pub mod subject;
 pub mod trace;
+pub mod walks;
 
-pub use baselines::{Receiver, Walker};
+pub use baselines::{Built, Method, Receiver, Walker};
 pub use subject::Subject;
 pub use trace::{Trace, Untraced};

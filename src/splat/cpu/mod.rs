@@ -12,6 +12,7 @@ mod plain;
 mod planes;
 mod project;
 pub(crate) mod raster;
+mod sampling;
 mod seen;
 #[cfg(feature = "cli")]
 pub(crate) mod splatter;
@@ -26,15 +27,16 @@ use self::blend::{Additive, BackToFront, Blend, FrontToBack, Maximum};
 use self::planes::Rect;
 use self::project::Projector;
 use self::raster::Limits;
+use self::sampling::Coarse;
 pub(crate) use self::seen::Seen;
 use super::composite::{Finish, Mode, Table};
 use super::frame::Frame;
 use super::shot::Shot;
 use super::view::{PixelMap, View};
-use super::{Camera, Code, Scene, Settings, Stats};
+use super::{Camera, Code, Sampling, Scene, Settings, Stats};
 use crate::arena::RecordSet;
 use crate::error::Result;
-use crate::traverse::{Order, Sense};
+use crate::traverse::{Order, Sense, VoxelBox};
 
 /// Draws a frame.
 ///
@@ -46,6 +48,15 @@ use crate::traverse::{Order, Sense};
 /// whatever [`Lanes::lane`](super::Lanes::lane) fails with.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
     render_without(scene, camera, settings, None)
+}
+
+/// The view with fewer pixels, if the settings allow it and it is worth while.
+fn coarse(shot: &Shot, table: &Table, settings: &Settings) -> Option<Coarse> {
+    if settings.sampling == Sampling::EveryPixel || settings.mode != Mode::Composite {
+        return None;
+    }
+    let (low, high) = shot.lane.bounds()?;
+    Coarse::of(&shot.view, shot.kernel, &VoxelBox { low, high }, table.deepest())
 }
 
 /// As [`render`], without the records `left_out` of the lane that the view walks along: the picture of a scene from
@@ -60,8 +71,13 @@ pub(crate) fn render_without(
     left_out: Option<&RecordSet>,
 ) -> Result<(Frame, Stats)> {
     let start = Instant::now();
-    let shot = Shot::new(scene, camera, settings)?;
+    let mut shot = Shot::new(scene, camera, settings)?;
     let table = Table::new(scene, &shot.lane, settings, shot.view.mean_voxel)?;
+    let coarse = coarse(&shot, &table, settings);
+    if let Some(coarse) = &coarse {
+        shot.view = coarse.view(&shot.view);
+    }
+    let settings = &Settings { size: shot.view.size, ..settings.clone() };
     let ink = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) => FrontToBack::INK,
         (Mode::Composite, Sense::BackToFront) => BackToFront::INK,
@@ -78,17 +94,23 @@ pub(crate) fn render_without(
         (Mode::Additive, _) => job.bands::<Additive>()?,
         (Mode::Maximum | Mode::MaximumGrey, _) => job.bands::<Maximum>()?,
     };
-    let frame = assemble(&bands, settings, Finish::new(&table))?;
+    let mut frame = assemble(&bands, settings, Finish::new(&table))?;
     let total = |time: fn(&Drawn) -> Duration| bands.iter().map(time).sum::<Duration>().as_secs_f64() * 1e3;
     let visited: u64 = bands.iter().map(|band| band.visited).sum();
     let drawn = bands.iter().map(|band| band.drawn).sum();
+    let (walking, drawing) = (total(|band| band.walking), total(|band| band.drawing));
+    let band_count = bands.len();
+    drop(bands);
+    if let Some(coarse) = coarse {
+        frame = coarse.enlarge(frame, settings.threads)?;
+    }
     let stats = Stats {
         splats_drawn: drawn,
         splats_skipped: visited - drawn,
-        bands: bands.len(),
+        bands: band_count,
         frame_ms: start.elapsed().as_secs_f64() * 1e3,
-        walk_ms: total(|band| band.walking),
-        draw_ms: total(|band| band.drawing),
+        walk_ms: walking,
+        draw_ms: drawing,
     };
     Ok((frame, stats))
 }

@@ -11,12 +11,11 @@ use super::project::{Coordinates, GROUP, Projector, Voxels, weigh};
 use super::raster::{BLOCK, EllipseEach, Limits, Splats};
 use super::{Drawn, assemble};
 use crate::classify::normal;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::splat::composite::{Finish, Look, Table};
 use crate::splat::shot::Shot;
-use crate::splat::view::View;
 use crate::splat::{Camera, Code, Frame, Mode, Scene, Settings};
-use crate::traverse::{Batch, Order, Sense};
+use crate::traverse::{Batch, Sense};
 
 /// Edges of cubes are 2 to less than this.
 const LEVELS: usize = 17;
@@ -25,6 +24,8 @@ const LEVELS: usize = 17;
 pub(crate) struct Splatter<'a> {
     /// By level of the cubes; voxels are level 0.
     projectors: Vec<Projector<'a>>,
+    /// By value code.
+    looks: [Look; 256],
     nesting: [usize; 3],
     limits: Limits,
     drawing: bool,
@@ -72,12 +73,18 @@ impl Coordinates for Block {
 }
 
 impl Splatter<'_> {
-    /// A voxel whose normal is a code.
+    /// A voxel by its codes.
     #[inline(always)]
-    pub(crate) fn coded(&mut self, position: [u16; 3], look: Look, normal: u16) {
+    pub(crate) fn coded(&mut self, position: [u16; 3], value: u8, normal: u16) {
         let place = self.room(0, true);
         self.block.codes[place] = normal;
-        self.put(place, position.map(f64::from), look);
+        self.put(place, position.map(f64::from), self.look(value));
+    }
+
+    /// What a value looks like.
+    #[inline(always)]
+    pub(crate) fn look(&self, value: u8) -> Look {
+        self.looks[usize::from(value)]
     }
 
     /// A cube of voxels of edge `1 << level` with its lowest voxel at `low`; `level` 0 for a voxel. Its normal is a unit
@@ -176,7 +183,7 @@ pub(super) fn project(projector: &Projector, block: &mut Block, bench: &mut Benc
     block.count = 0;
 }
 
-/// What a picture is made of: `feed` is given the splatter, and the order and view that it must follow.
+/// The picture of what `feed` gives to the splatter, in the order of the view.
 ///
 /// `settings` are for compositing front to back. Without `drawing` everything is done but the drawing itself. Gives the
 /// frame and how many splats touched it; without drawing, how many would have.
@@ -188,15 +195,18 @@ pub(crate) fn splat(
     camera: &Camera,
     settings: &Settings,
     drawing: bool,
-    feed: impl FnOnce(&mut Splatter, &Order, &View) -> Result<()>,
+    feed: impl FnOnce(&mut Splatter) -> Result<()>,
 ) -> Result<(Frame, u64)> {
     let settings = Settings { sense: Sense::FrontToBack, mode: Mode::Composite, crop: None, ..settings.clone() };
     let shot = Shot::new(scene, camera, &settings)?;
     let table = Table::new(scene, &shot.lane, &settings, shot.view.mean_voxel)?;
+    let looks =
+        *table.of_bytes().ok_or_else(|| Error::input("values", "have 16 bits, or looks depend on gradients"))?;
     let projector = Projector::new(&shot, &table, FrontToBack::INK);
     let [columns, rows] = settings.size.map(u32::cast_signed);
     let rect = Rect { x0: 0, y0: 0, x1: columns, y1: rows };
     let mut splatter = Splatter {
+        looks,
         nesting: projector.nesting,
         projectors: vec![projector],
         limits: Limits { cut: shot.kernel.cut(), stop: settings.termination() },
@@ -218,7 +228,7 @@ pub(crate) fn splat(
         },
         drawn: 0,
     };
-    feed(&mut splatter, &shot.order, &shot.view)?;
+    feed(&mut splatter)?;
     splatter.flush();
     let Splatter { bench, drawn, .. } = splatter;
     let band =

@@ -9,12 +9,42 @@
 //! | unordered | Crawfis 1996, as Orchard and Möller 2001 measure it | storage |
 //! | octree | Laur and Hanrahan 1991 | octants, back to front |
 //! | adjacency A, adjacency B | Orchard and Möller 2001 | exact slice order |
-//! | shell | Udupa and Odhner 1993, Botha and Post 2003 | exact slice order |
+//! | shell | Udupa and Odhner 1993, Botha and Post 2003 | exact, x innermost; with three lists exact slice order |
 //! | sorted | what renderers of splats do today | by distance |
 //! | bricks | Museth 2013: leaves of bit masks | exact slice order, or brick by brick |
+//! | runs | Lacroute and Levoy 1994: run lengths along each axis | exact slice order |
+
+pub mod adjacency_a;
+pub mod adjacency_b;
+mod appearance;
+pub mod bricks;
+mod follow;
+mod method;
+pub mod octree;
+mod room;
+pub mod run_length;
+pub mod shell;
+pub mod sorted;
+pub mod traditional;
+pub mod unordered;
+
+pub use method::{Built, Method, names};
 
 use super::trace::{Array, Trace};
-use crate::traverse::{AxisOrder, Order, Viewpoint};
+use crate::error::Result;
+use crate::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
+
+/// `position` with `coordinate` on `axis`. By selection: an element of an array in memory, written and then read
+/// with the others, would stall every voxel.
+#[inline(always)]
+pub(super) fn placed(position: [u16; 3], axis: usize, coordinate: u16) -> [u16; 3] {
+    let [x, y, z] = position;
+    [
+        if axis == 0 { coordinate } else { x },
+        if axis == 1 { coordinate } else { y },
+        if axis == 2 { coordinate } else { z },
+    ]
+}
 
 /// From where a walk looks.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +65,30 @@ impl Viewing {
             direction[axis.index()] = sign * share;
         }
         Viewing { order, viewpoint: Viewpoint::Parallel { direction } }
+    }
+
+    /// The view from `viewpoint` of a grid of `dims` points.
+    ///
+    /// # Errors
+    /// As [`Order::new`].
+    pub fn new(viewpoint: Viewpoint, dims: [u32; 3], sense: Sense, form: SplitForm) -> Result<Viewing> {
+        Ok(Viewing { order: Order::new(viewpoint, dims, sense, form)?, viewpoint })
+    }
+
+    /// Which end of the visibility order comes first, as the order's slow axis has it.
+    pub fn sense(&self) -> Sense {
+        let axis = self.order.slow.index();
+        // Front to back an axis runs away from the eye: up where the eye is below its range.
+        let runs_up = match self.order.along[axis] {
+            AxisOrder::Ascending => true,
+            AxisOrder::Descending => false,
+            AxisOrder::TwoSided { sense, .. } => return sense,
+        };
+        let eye_is_below = match self.viewpoint {
+            Viewpoint::Parallel { direction } => direction[axis] >= 0.0,
+            Viewpoint::Perspective { eye, .. } => eye[axis] <= 0.0,
+        };
+        if runs_up == eye_is_below { Sense::FrontToBack } else { Sense::BackToFront }
     }
 }
 

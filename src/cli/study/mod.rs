@@ -1,0 +1,92 @@
+//! `adj study`: the structure beside its rivals.
+
+mod memory;
+mod output;
+mod sets;
+mod speed;
+mod walk;
+
+use std::ops::ControlFlow;
+
+use clap::{Args, Subcommand};
+
+use self::sets::{SetArguments, Wanted};
+use super::Answer;
+use super::progress::{Progress, interrupted};
+use crate::error::{Error, Result};
+use crate::study::Subject;
+use crate::study::baselines::Method;
+
+/// Measure our structure beside the paper's and others: speed, walks, memory, caches.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  adj study memory --quick\n  adj study speed --data volumes --plot speed.svg --json speed.json\n  adj study walk phantom:gyroid --edge 512"
+)]
+pub(super) struct Arguments {
+    #[command(subcommand)]
+    study: Study,
+}
+
+#[derive(Debug, Subcommand)]
+enum Study {
+    Speed(speed::Arguments),
+    Walk(walk::Arguments),
+    Memory(memory::Arguments),
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    match &arguments.study {
+        Study::Speed(arguments) => speed::run(arguments),
+        Study::Walk(arguments) => walk::run(arguments),
+        Study::Memory(arguments) => memory::run(arguments),
+    }
+}
+
+/// The methods of these names; all for none.
+///
+/// # Errors
+/// [`Error::Input`] for a name that is none.
+fn choose(names: &[String]) -> Result<Vec<Method>> {
+    if names.is_empty() {
+        return Ok(Method::ALL.to_vec());
+    }
+    names.iter().map(|name| Method::named(name)).collect()
+}
+
+/// Is told what is done of how much, and may stop the work.
+type GoOn<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
+
+/// Studies one set after another, each loaded, studied and dropped, with a progress bar.
+///
+/// # Errors
+/// As loading a set, and as `study`; [`Error::Interrupted`] by Ctrl-C.
+fn each_set(sets: &SetArguments, quiet: bool, study: impl FnMut(&Subject, GoOn) -> Result<()>) -> Result<()> {
+    each_of(sets, sets.list()?, quiet, study)
+}
+
+/// The same of the sets in `list`.
+///
+/// # Errors
+/// Likewise.
+fn each_of(
+    sets: &SetArguments,
+    list: Vec<Wanted>,
+    quiet: bool,
+    mut study: impl FnMut(&Subject, GoOn) -> Result<()>,
+) -> Result<()> {
+    let mut progress = Progress::new(quiet);
+    for (index, wanted) in list.iter().enumerate() {
+        if interrupted() {
+            return Err(Error::Interrupted);
+        }
+        let set = sets.load(wanted)?;
+        let lanes = set.lanes()?;
+        let what = format!("{}/{} {}", index + 1, list.len(), set.name());
+        let subject = set.subject(&lanes)?;
+        study(&subject, &mut |done, total| {
+            progress.show(&what, done, total);
+            if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        })?;
+    }
+    Ok(())
+}

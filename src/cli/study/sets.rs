@@ -1,0 +1,202 @@
+//! The sets of a study: those of the paper, phantoms, and whatever else is named.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::super::build::{classify_with_warnings, description};
+use super::super::input::phantom;
+use super::super::progress::Progress;
+use super::super::resources::thread_count;
+use super::super::stored::stored_transfer;
+use super::super::{print_note, starts_as_adj};
+use crate::arena::builder::{BuildOptions, Resources};
+use crate::arena::{LaneSet, TileOrder};
+use crate::classify::TransferFunction;
+use crate::error::{Error, Result};
+use crate::file::{AdjFile, RowsOutput, open_rows};
+use crate::study::Subject;
+use crate::volume::phantom::Phantom;
+use crate::volume::{SampleType, SlabSource, open};
+
+/// What to study.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Sets")]
+pub(super) struct SetArguments {
+    /// What to study: .adj files with 8-bit values and normals, and phantom:NAME. The paper's sets, as far as --data has
+    /// them, and four phantoms unless given.
+    #[arg(value_name = "SET")]
+    sets: Vec<PathBuf>,
+    /// Folder with the real volumes frogtissue, ironProt, headsq-quarter, SAG-anon and carotid.
+    #[arg(long, value_name = "FOLDER")]
+    data: Option<PathBuf>,
+    /// Points a side of phantoms; 256 unless given, 48 with --quick.
+    #[arg(long, value_name = "N")]
+    edge: Option<u16>,
+    /// Small phantoms and few views: under a minute, to see that everything works; its figures mean little.
+    #[arg(long)]
+    pub(super) quick: bool,
+}
+
+/// A real volume of a study.
+struct Real {
+    name: &'static str,
+    path: &'static str,
+    visible: Visible,
+}
+
+/// What of it is visible.
+enum Visible {
+    Preset(&'static str),
+    AtLeast(f64),
+}
+
+/// The paper's sets, or what stands in for them: names say which.
+const PAPER: [Real; 5] = [
+    Real { name: "t1-head (for Jeff)", path: "SAG-anon", visible: Visible::AtLeast(250.0) },
+    Real { name: "frog", path: "frogtissue/frogtissue.mhd", visible: Visible::Preset("frog") },
+    Real { name: "ct-head (half size)", path: "headsq-quarter/quarter.nhdr", visible: Visible::AtLeast(1150.0) },
+    Real { name: "carotid (for abdomen)", path: "carotid/carotid.vtk", visible: Visible::AtLeast(150.0) },
+    Real { name: "iron protein (half)", path: "ironProt/ironProt.vtk", visible: Visible::AtLeast(30.0) },
+];
+
+/// Phantoms of a study.
+const PHANTOMS: [&str; 4] = ["phantom:gyroid", "phantom:shells", "phantom:vessels", "phantom:noise"];
+
+/// A set that is ready to be studied.
+pub(super) struct Set {
+    name: String,
+    file: AdjFile,
+    transfer: TransferFunction,
+}
+
+impl Set {
+    /// What tables call it.
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Its lanes; those that the file does not store are derived.
+    pub(super) fn lanes(&self) -> Result<LaneSet<'_>> {
+        Ok(LaneSet::new(self.file.arena()?, None))
+    }
+
+    /// What a study takes.
+    pub(super) fn subject<'a>(&self, lanes: &'a LaneSet<'a>) -> Result<Subject<'a>> {
+        Subject::new(&self.name, lanes, self.transfer.clone())
+    }
+}
+
+impl SetArguments {
+    /// How many sets there are.
+    ///
+    /// # Errors
+    /// If --data is no folder, or a set cannot be named.
+    pub(super) fn list(&self) -> Result<Vec<Wanted>> {
+        if let Some(data) = &self.data
+            && !data.is_dir()
+        {
+            return Err(Error::input(data.display().to_string(), "is no folder; give --data the one with the volumes"));
+        }
+        if !self.sets.is_empty() {
+            return Ok(self.sets.iter().cloned().map(Wanted::Named).collect());
+        }
+        let mut wanted = Vec::new();
+        for (index, real) in PAPER.iter().enumerate() {
+            match &self.data {
+                Some(data) if data.join(real.path).exists() => wanted.push(Wanted::Paper(index)),
+                Some(data) => print_note(&format!("note: no {} in {}; left out", real.path, data.display())),
+                None => {}
+            }
+        }
+        if self.data.is_none() {
+            print_note("note: the paper's sets need --data FOLDER; phantoms only");
+        }
+        wanted.extend(PHANTOMS.map(|name| Wanted::Named(PathBuf::from(name))));
+        Ok(wanted)
+    }
+
+    fn edge(&self) -> Result<u16> {
+        let edge = self.edge.unwrap_or(if self.quick { 48 } else { 256 });
+        if !(8..=2048).contains(&edge) {
+            return Err(Error::input("--edge", format!("is {edge}, but must be 8 to 2048")));
+        }
+        Ok(edge)
+    }
+
+    /// Builds or opens one.
+    ///
+    /// # Errors
+    /// As `adj build` and opening a file.
+    pub(super) fn load(&self, wanted: &Wanted) -> Result<Set> {
+        match wanted {
+            Wanted::Named(path) => match phantom(path)? {
+                Some(made_up) => {
+                    let edge = self.edge()?;
+                    let (low, high) = made_up.visible_range();
+                    let transfer = TransferFunction::range(low, high)?;
+                    let source = made_up.open([edge.into(); 3], SampleType::U8, [1.0; 3])?;
+                    build(format!("{} {edge}^3", made_up.name()), source, transfer)
+                }
+                None => opened(path),
+            },
+            Wanted::Noise { share, edge } => {
+                let noise = Phantom::Noise { visible: *share };
+                let source = noise.open([(*edge).into(); 3], SampleType::U8, [1.0; 3])?;
+                build(format!("noise {:.0} %", 100.0 * share), source, TransferFunction::range(1.0, 255.0)?)
+            }
+            Wanted::Paper(index) => {
+                let real = &PAPER[*index];
+                let folder = self.data.as_deref().unwrap_or(Path::new("."));
+                let source = open::open(&folder.join(real.path), &open::OpenOptions::default())?;
+                let transfer = match real.visible {
+                    Visible::Preset(name) => TransferFunction::preset(name)?,
+                    Visible::AtLeast(low) => TransferFunction::range(low, f64::INFINITY)?,
+                };
+                build(real.name.to_owned(), source, transfer)
+            }
+        }
+    }
+}
+
+/// A set that was asked for.
+#[derive(Debug, Clone)]
+pub(super) enum Wanted {
+    /// A file or a phantom.
+    Named(PathBuf),
+    /// Number in [`PAPER`].
+    Paper(usize),
+    /// Noise with this share of visible voxels.
+    Noise { share: f64, edge: u16 },
+}
+
+fn opened(path: &Path) -> Result<Set> {
+    if !starts_as_adj(path)? {
+        let why = "is no .adj file; build one first: adj build VOLUME --range LOW.. -o FILE.adj";
+        return Err(Error::input(path.display().to_string(), why));
+    }
+    let file = AdjFile::open(path)?;
+    let transfer = stored_transfer(&file.arena()?, path)?;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    Ok(Set { name, file, transfer })
+}
+
+fn build(name: String, mut source: Box<dyn SlabSource>, transfer: TransferFunction) -> Result<Set> {
+    let normal_bits = if transfer.shaded() { 8 } else { 0 };
+    let options = BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits };
+    let folder = std::env::temp_dir();
+    let resources = Resources { memory: None, threads: thread_count(None)?, folder: Some(folder.clone()) };
+    let header = source.header().clone();
+    let visible = classify_with_warnings(&mut *source, &options, &resources, true)?;
+    let description = description(&header, &visible);
+    let output = RowsOutput {
+        facts: visible.facts.clone(),
+        description: &description,
+        lane_count: options.lane_count,
+        memory: None,
+        threads: resources.threads,
+    };
+    let file = open_rows(&folder, &visible.rows, &output, &mut Progress::new(true))?;
+    let transfer = visible.transfer.clone();
+    Ok(Set { name, file, transfer })
+}

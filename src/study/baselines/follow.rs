@@ -1,0 +1,156 @@
+//! Following: a chain of voxels that are linked both ways, visited in the order of an axis.
+//!
+//! In: a chain between its two caps, and an [`AxisOrder`]. Out: its nodes in that order, found by links alone. Where
+//! an axis has two sides of the eye, a chain is followed from both its ends; from front to back the place where the
+//! sides meet is first found by following the links to it.
+
+use crate::traverse::{AxisOrder, Sense, SplitForm};
+
+/// A scan line of linked nodes, walked within a context `C` that holds the structure.
+pub(super) trait Chain<C>: Copy {
+    /// A node at hand.
+    type Node: Copy;
+
+    /// The node that `from` is linked to, on the side of higher coordinates if `up`; `None` if that is a cap.
+    fn step(self, context: &mut C, from: Self::Node, up: bool) -> Option<Self::Node>;
+
+    /// A node's coordinate on the axis.
+    fn coordinate(self, node: Self::Node) -> u16;
+}
+
+/// Whether a walk in this order begins at a chain's high end.
+pub(super) fn starts_high(order: AxisOrder) -> bool {
+    order == AxisOrder::Descending
+}
+
+/// Whether a walk in this order needs both ends of a chain.
+pub(super) fn needs_both_ends(order: AxisOrder) -> bool {
+    matches!(order, AxisOrder::TwoSided { .. })
+}
+
+/// Calls `visit` with the nodes of `chain` in this order.
+///
+/// `start` is the cap at the end where the order begins, the low one where it has two sides; `far` is the other cap,
+/// and only looked at where the order has two sides.
+#[inline(always)]
+pub(super) fn follow<C, L: Chain<C>>(
+    order: AxisOrder,
+    chain: L,
+    [start, far]: [L::Node; 2],
+    context: &mut C,
+    mut visit: impl FnMut(&mut C, L::Node),
+) {
+    match order {
+        AxisOrder::Ascending => run(chain, chain.step(context, start, true), true, context, visit),
+        AxisOrder::Descending => run(chain, chain.step(context, start, false), false, context, visit),
+        AxisOrder::TwoSided { eye, form, sense: Sense::BackToFront } => {
+            back_to_front(eye, form, chain, [start, far], context, &mut visit);
+        }
+        AxisOrder::TwoSided { eye, form, sense: Sense::FrontToBack } => {
+            front_to_back(eye, form, chain, start, context, &mut visit);
+        }
+    }
+}
+
+/// Visits `first` and all that follow it.
+#[inline(always)]
+fn run<C, L: Chain<C>>(
+    chain: L,
+    first: Option<L::Node>,
+    up: bool,
+    context: &mut C,
+    mut visit: impl FnMut(&mut C, L::Node),
+) {
+    let mut at = first;
+    while let Some(node) = at {
+        visit(context, node);
+        at = chain.step(context, node, up);
+    }
+}
+
+/// From both ends toward the eye.
+fn back_to_front<C, L: Chain<C>>(
+    eye: f64,
+    form: SplitForm,
+    chain: L,
+    [low_cap, high_cap]: [L::Node; 2],
+    context: &mut C,
+    visit: &mut impl FnMut(&mut C, L::Node),
+) {
+    let place = |node| f64::from(chain.coordinate(node));
+    let mut low = chain.step(context, low_cap, true);
+    let mut high = chain.step(context, high_cap, false);
+    match form {
+        SplitForm::Split => {
+            while let Some(node) = low.filter(|&node| place(node) < eye) {
+                visit(context, node);
+                low = chain.step(context, node, true);
+            }
+            while let Some(node) = high.filter(|&node| place(node) > eye) {
+                visit(context, node);
+                high = chain.step(context, node, false);
+            }
+            // On the eye's plane a node is nearest to both sides: it comes last.
+            if let Some(node) = low.filter(|&node| place(node) == eye) {
+                visit(context, node);
+            }
+        }
+        SplitForm::Interleaved => {
+            // Neither is a cap before they meet.
+            while let (Some(below), Some(above)) = (low, high) {
+                let is_last = chain.coordinate(below) == chain.coordinate(above);
+                if eye - place(below) >= place(above) - eye {
+                    visit(context, below);
+                    low = if is_last { None } else { chain.step(context, below, true) };
+                } else {
+                    visit(context, above);
+                    high = if is_last { None } else { chain.step(context, above, false) };
+                }
+            }
+        }
+    }
+}
+
+/// From where the sides meet toward both ends: the exact reverse.
+fn front_to_back<C, L: Chain<C>>(
+    eye: f64,
+    form: SplitForm,
+    chain: L,
+    low_cap: L::Node,
+    context: &mut C,
+    visit: &mut impl FnMut(&mut C, L::Node),
+) {
+    let place = |node| f64::from(chain.coordinate(node));
+    let mut low = None;
+    let mut high = chain.step(context, low_cap, true);
+    while let Some(node) = high.filter(|&node| place(node) < eye) {
+        low = Some(node);
+        high = chain.step(context, node, true);
+    }
+    match form {
+        SplitForm::Split => {
+            run(chain, high, true, context, &mut *visit);
+            run(chain, low, false, context, visit);
+        }
+        SplitForm::Interleaved => loop {
+            // On a tie the low side is the farther one of the reverse order: it comes second.
+            let low_is_next = match (low, high) {
+                (Some(below), Some(above)) => eye - place(below) < place(above) - eye,
+                (Some(_), None) => true,
+                (None, Some(_)) => false,
+                (None, None) => break,
+            };
+            if low_is_next {
+                low = low.and_then(|node| {
+                    visit(context, node);
+                    chain.step(context, node, false)
+                });
+            } else {
+                high = high.and_then(|node| {
+                    visit(context, node);
+                    chain.step(context, node, true)
+                });
+            }
+        },
+    }
+}

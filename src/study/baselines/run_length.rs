@@ -1,0 +1,245 @@
+//! Runs of voxels: each line's lengths of empty and visible stretches, and the visible voxels' payload.
+//!
+//! In: a subject. Out: the exact slice order, for which lines are stored along each of the three axes, as the
+//! shear-warp algorithm stores them for the three axes that it may be viewed along.
+//!
+//! ```text
+//! lines    8 bytes for each line of the volume: where its pairs and its payload begin
+//! pairs    2 bytes: so many voxels are empty, so many visible after that; 0 to 255 each; they fill the line
+//! payload  3 bytes a visible voxel, in the order of lines: value 1, normal 2
+//! ```
+//!
+//! Pairs that fill the line can be read from its end, too. The original stores where a slice begins, not a line: its
+//! resampling takes the lines of a slice in one order.
+//!
+//! Source: Lacroute and Levoy, "Fast Volume Rendering Using a Shear-Warp Factorization of the Viewing
+//! Transformation", SIGGRAPH 1994.
+
+use super::room::{filled, push, room};
+use super::{Normal, Receiver, Viewing, Walker, placed};
+use crate::error::{Error, Result};
+use crate::study::Subject;
+use crate::study::subject::VisibleVoxel;
+use crate::study::trace::{Array, Trace};
+use crate::traverse::AxisOrder;
+use crate::volume::Axis;
+
+/// Arrays of an axis: lines, pairs, values, normals.
+const ARRAYS: usize = 4;
+
+/// Where a line begins.
+#[derive(Debug, Clone, Copy, Default)]
+#[repr(C)]
+struct LineStart {
+    pair: u32,
+    payload: u32,
+}
+
+/// The lines along one axis.
+#[derive(Debug)]
+struct Lines {
+    /// The line of the lower other axis fastest; and the end of the last.
+    starts: Vec<LineStart>,
+    /// Empty voxels, visible ones.
+    pairs: Vec<[u8; 2]>,
+    values: Vec<u8>,
+    normals: Vec<u16>,
+    /// Distance of lines in `starts` whose coordinate differs by 1, by axis.
+    stride: [usize; 3],
+}
+
+/// Runs of voxels along each axis.
+#[derive(Debug)]
+pub struct RunLength {
+    dims: [u32; 3],
+    lines: [Lines; 3],
+}
+
+impl RunLength {
+    /// The voxels of `subject`.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] if there are 2^32 voxels or runs along an axis, or memory cannot be had.
+    pub fn new(subject: &Subject) -> Result<RunLength> {
+        let [x, y, z] = Axis::ALL.map(|axis| Lines::new(subject, axis));
+        Ok(RunLength { dims: subject.dims(), lines: [x?, y?, z?] })
+    }
+}
+
+impl Lines {
+    fn new(subject: &Subject, axis: Axis) -> Result<Lines> {
+        let [u, v] = axis.others().map(Axis::index);
+        let fast = axis.index();
+        let dims = subject.dims();
+        let mut stride = [0; 3];
+        (stride[u], stride[v]) = (1, dims[u] as usize);
+        let line = |voxel: &VisibleVoxel| usize::from(voxel.position[u]) + usize::from(voxel.position[v]) * stride[v];
+        let count = subject.voxels.len() as u64;
+        let mut ordered: Vec<VisibleVoxel> = room("voxels in the order of lines", count)?;
+        ordered.extend_from_slice(&subject.voxels);
+        // Stable: within a line the list's scan order is ascending, whatever the axis.
+        ordered.sort_by_key(line);
+        let line_count = u64::from(dims[u]) * u64::from(dims[v]);
+        let mut lines = Lines {
+            starts: filled("lines of runs", line_count + 1, LineStart::default())?,
+            pairs: Vec::new(),
+            values: room("the runs' values", count)?,
+            normals: room("the runs' normals", count)?,
+            stride,
+        };
+        lines.values.extend(ordered.iter().map(|voxel| voxel.value));
+        lines.normals.extend(ordered.iter().map(|voxel| voxel.normal));
+        let mut at = 0;
+        for index in 0..lines.starts.len() {
+            lines.starts[index] = LineStart { pair: u32_of(lines.pairs.len())?, payload: u32_of(at)? };
+            let voxels = ordered[at..].iter().take_while(|voxel| line(voxel) == index);
+            let from = at;
+            let mut next = 0;
+            for voxel in voxels {
+                let coordinate = u32::from(voxel.position[fast]);
+                if at == from || coordinate != next {
+                    lines.empty(coordinate - next)?;
+                }
+                lines.visible()?;
+                next = coordinate + 1;
+                at += 1;
+            }
+            if at > from {
+                lines.empty(dims[fast] - next)?;
+            }
+        }
+        lines.pairs.shrink_to_fit();
+        Ok(lines)
+    }
+
+    /// Appends so many empty voxels, as pairs without visible ones but for the last, which may get some.
+    fn empty(&mut self, mut count: u32) -> Result<()> {
+        loop {
+            let part = u8::try_from(count).unwrap_or(u8::MAX);
+            push("pairs of runs", &mut self.pairs, [part, 0])?;
+            count -= u32::from(part);
+            if count == 0 {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Appends a visible voxel to the last pair.
+    fn visible(&mut self) -> Result<()> {
+        match self.pairs.last_mut().filter(|pair| pair[1] < u8::MAX) {
+            Some(pair) => pair[1] += 1,
+            None => push("pairs of runs", &mut self.pairs, [0, 1])?,
+        }
+        Ok(())
+    }
+}
+
+/// A place in an array of at most 2^32 elements.
+fn u32_of(place: usize) -> Result<u32> {
+    u32::try_from(place).map_err(|_| Error::Limit {
+        what: "voxels or runs along an axis".into(),
+        need: place as u64,
+        have: u32::MAX.into(),
+    })
+}
+
+impl Walker for RunLength {
+    fn method(&self) -> &'static str {
+        "run_length"
+    }
+
+    fn arrays(&self) -> Vec<Array> {
+        const NAMES: [[&str; ARRAYS]; 3] = [
+            ["lines along x", "pairs along x", "values along x", "normals along x"],
+            ["lines along y", "pairs along y", "values along y", "normals along y"],
+            ["lines along z", "pairs along z", "values along z", "normals along z"],
+        ];
+        let arrays = |(lines, names): (&Lines, [&'static str; ARRAYS])| {
+            [
+                Array::of(names[0], &lines.starts),
+                Array::of(names[1], &lines.pairs),
+                Array::of(names[2], &lines.values),
+                Array::of(names[3], &lines.normals),
+            ]
+        };
+        self.lines.iter().zip(NAMES).flat_map(arrays).collect()
+    }
+
+    fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
+        let order = &viewing.order;
+        let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
+        let lines = &self.lines[fast];
+        let array = ARRAYS * fast;
+        let coordinates = |axis: usize| (0..=u16::MAX).take(self.dims[axis] as usize).collect::<Vec<u16>>();
+        let [slow_all, medium_all] = [slow, medium].map(coordinates);
+        let last = usize::try_from(self.dims[fast]).expect("an axis has at most 65,535 points");
+        let mut position = [0; 3];
+        let mut row: Vec<u16> = Vec::new();
+        order.along[slow].for_each_index(&slow_all, |s| {
+            position[slow] = slow_all[s];
+            order.along[medium].for_each_index(&medium_all, |m| {
+                let line = s * lines.stride[slow] + m * lines.stride[medium];
+                trace.read(array, 8 * line, 16);
+                let [start, end] = [lines.starts[line], lines.starts[line + 1]];
+                if start.payload == end.payload {
+                    return;
+                }
+                position[medium] = medium_all[m];
+                let mut show = |coordinate: u16, payload: usize, trace: &mut T| {
+                    trace.read(array + 2, payload, 1);
+                    trace.read(array + 3, 2 * payload, 2);
+                    let position = placed(position, fast, coordinate);
+                    receiver.voxel(position, lines.values[payload], Normal::Code(lines.normals[payload]));
+                };
+                let first_pair = start.pair as usize;
+                let pairs = lines.pairs[first_pair..end.pair as usize].iter().enumerate();
+                let mut payload = start.payload as usize;
+                match order.along[fast] {
+                    AxisOrder::Ascending => {
+                        let mut at = 0;
+                        for (index, &[empty, visible]) in pairs {
+                            trace.read(array + 1, 2 * (first_pair + index), 2);
+                            at += usize::from(empty);
+                            for _ in 0..visible {
+                                show(narrow(at), payload, trace);
+                                at += 1;
+                                payload += 1;
+                            }
+                        }
+                    }
+                    AxisOrder::Descending => {
+                        let mut at = last;
+                        payload = end.payload as usize;
+                        for (index, &[empty, visible]) in pairs.rev() {
+                            trace.read(array + 1, 2 * (first_pair + index), 2);
+                            for _ in 0..visible {
+                                at -= 1;
+                                payload -= 1;
+                                show(narrow(at), payload, trace);
+                            }
+                            at -= usize::from(empty);
+                        }
+                    }
+                    AxisOrder::TwoSided { .. } => {
+                        row.clear();
+                        let mut at = 0;
+                        for (index, &[empty, visible]) in pairs {
+                            trace.read(array + 1, 2 * (first_pair + index), 2);
+                            at += usize::from(empty);
+                            row.extend((at..at + usize::from(visible)).map(narrow));
+                            at += usize::from(visible);
+                        }
+                        order.along[fast].for_each_index(&row, |index| show(row[index], payload + index, trace));
+                    }
+                }
+            });
+        });
+    }
+}
+
+/// A coordinate of the grid.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "grids have at most 65,535 points an axis")]
+fn narrow(coordinate: usize) -> u16 {
+    coordinate as u16
+}

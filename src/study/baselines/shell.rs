@@ -1,0 +1,252 @@
+//! Shell splatting: rows of voxels that are left of the volume, behind an array of row pointers.
+//!
+//! In: a subject. Out: its voxels, row by row. For each row of the volume a pointer says where its voxels lie in a
+//! list; a voxel is its coordinate on the row 2, value 1, code of its neighbours 1, normal 2: 6 bytes.
+//!
+//! Rows run along x, and x stays innermost whatever the view: any nesting is in order for voxels that are points. So
+//! the order is the view's with x moved to the end. With three lists ([`Lists::Three`]) rows run along the view's fast
+//! axis, and the order is the exact slice order.
+//!
+//! Bit 2a (2a + 1) of the code of its neighbours says that the one below (above) on axis a is opaque. Where the three
+//! toward the eye are, a voxel can be taken for hidden. That changes pictures (a splat is wider than a voxel), so it
+//! happens only where [`Shell::hide`] asks for it.
+//!
+//! Source: Udupa and Odhner, "Shell Rendering", CG&A 1993; Botha and Post, "ShellSplatting", VisSym 2003.
+
+use super::room::{filled, product, room};
+use super::{Normal, Receiver, Viewing, Walker, placed};
+use crate::error::{Error, Result};
+use crate::study::Subject;
+use crate::study::trace::{Array, Trace};
+use crate::traverse::{AxisOrder, Viewpoint};
+use crate::volume::Axis;
+
+/// Which rows are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Lists {
+    /// Those along x, as the sources do.
+    One,
+    /// Those along each axis.
+    Three,
+}
+
+/// A voxel of a row.
+#[derive(Debug, Clone, Copy)]
+#[repr(C)]
+struct ShellVoxel {
+    /// Along the row.
+    coordinate: u16,
+    normal: u16,
+    value: u8,
+    opaque_neighbours: u8,
+}
+
+const _: () = assert!(size_of::<ShellVoxel>() == 6);
+
+/// The rows along one axis.
+#[derive(Debug)]
+struct Rows {
+    axis: Axis,
+    /// Where each row's voxels begin, the row of the lower other axis fastest; and the end of the last.
+    pointers: Vec<u32>,
+    voxels: Vec<ShellVoxel>,
+    /// Distance of rows in `pointers` whose coordinate differs by 1, by axis.
+    stride: [usize; 3],
+}
+
+/// Rows of voxels along one axis, or along each.
+#[derive(Debug)]
+pub struct Shell {
+    dims: [u32; 3],
+    lists: Vec<Rows>,
+    hides: bool,
+    skipped: u64,
+}
+
+impl Shell {
+    /// The voxels of `subject`. A neighbour is opaque from an opacity of `opaque` on, above 0 to 1.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had; as [`Subject::looks`].
+    pub fn new(subject: &Subject, lists: Lists, opaque: f32) -> Result<Shell> {
+        let opaque_codes = subject.looks()?.map(|look| 1.0 - (-look[3]).exp2() >= opaque);
+        let [width, height, depth] = subject.dims().map(u64::from);
+        // A bit for each grid point. Neighbours outside the grid wrap to coordinates that are outside too.
+        let bit = |[x, y, z]: [u16; 3]| {
+            let [x, y, z] = [x, y, z].map(u64::from);
+            let inside = x < width && y < height && z < depth;
+            inside.then(|| (z * height + y) * width + x)
+        };
+        let word = |bit: u64| usize::try_from(bit / 64).expect("as many words were allocated");
+        let words = product([width, height, depth]).div_ceil(64);
+        let mut is_opaque = filled("a bit for each grid point", words, 0u64)?;
+        for voxel in subject.voxels.iter().filter(|voxel| opaque_codes[usize::from(voxel.value)]) {
+            let bit = bit(voxel.position).expect("voxels lie inside the grid");
+            is_opaque[word(bit)] |= 1 << (bit % 64);
+        }
+        let opaque_neighbours = |position: [u16; 3]| {
+            (0..6).fold(0u8, |code, side| {
+                let mut near = position;
+                let step = if side % 2 == 0 { u16::MAX } else { 1 };
+                near[side / 2] = near[side / 2].wrapping_add(step);
+                let opaque = bit(near).is_some_and(|bit| is_opaque[word(bit)] >> (bit % 64) & 1 != 0);
+                code | u8::from(opaque) << side
+            })
+        };
+        let axes = match lists {
+            Lists::One => &Axis::ALL[..1],
+            Lists::Three => &Axis::ALL[..],
+        };
+        let lists = axes.iter().map(|&axis| Rows::new(subject, axis, opaque_neighbours));
+        Ok(Shell { dims: subject.dims(), lists: lists.collect::<Result<_>>()?, hides: false, skipped: 0 })
+    }
+
+    /// Whether voxels with three opaque neighbours toward the eye are skipped; off at first.
+    pub fn hide(&mut self, hides: bool) {
+        self.hides = hides;
+    }
+
+    /// Voxels that the last walk skipped.
+    pub fn skipped(&self) -> u64 {
+        self.skipped
+    }
+}
+
+impl Rows {
+    fn new(subject: &Subject, axis: Axis, opaque_neighbours: impl Fn([u16; 3]) -> u8) -> Result<Rows> {
+        let count = subject.voxels.len() as u64;
+        if count > u32::MAX.into() {
+            return Err(Error::Limit { what: "voxels of shell splatting".into(), need: count, have: u32::MAX.into() });
+        }
+        let [u, v] = axis.others().map(Axis::index);
+        let dims = subject.dims();
+        let mut stride = [0; 3];
+        stride[u] = 1;
+        stride[v] = dims[u] as usize;
+        let row = |position: [u16; 3]| (0..3).map(|a| usize::from(position[a]) * stride[a]).sum::<usize>();
+        let row_count = u64::from(dims[u]) * u64::from(dims[v]);
+        let mut pointers: Vec<u32> = filled("row pointers", row_count + 1, 0)?;
+        for voxel in &subject.voxels {
+            pointers[row(voxel.position) + 1] += 1;
+        }
+        let mut next = 0;
+        for pointer in &mut pointers {
+            next += *pointer;
+            *pointer = next;
+        }
+        // The list in scan order has each row's voxels by ascending coordinate, whatever the axis.
+        let mut next: Vec<u32> = room("row pointers", row_count + 1)?;
+        next.extend_from_slice(&pointers);
+        let none = ShellVoxel { coordinate: 0, normal: 0, value: 0, opaque_neighbours: 0 };
+        let mut voxels = filled("voxels of rows", count, none)?;
+        for voxel in &subject.voxels {
+            let slot = &mut next[row(voxel.position)];
+            voxels[*slot as usize] = ShellVoxel {
+                coordinate: voxel.position[axis.index()],
+                normal: voxel.normal,
+                value: voxel.value,
+                opaque_neighbours: opaque_neighbours(voxel.position),
+            };
+            *slot += 1;
+        }
+        Ok(Rows { axis, pointers, voxels, stride })
+    }
+}
+
+/// Which neighbours of a voxel at each coordinate of an axis are toward the eye, as bits of its code.
+fn toward_eye(viewpoint: Viewpoint, axis: usize, coordinate: u16) -> u8 {
+    let sides = match viewpoint {
+        Viewpoint::Parallel { direction } => direction[axis].partial_cmp(&0.0),
+        Viewpoint::Perspective { eye, .. } => f64::from(coordinate).partial_cmp(&eye[axis]),
+    };
+    let bits = match sides {
+        Some(std::cmp::Ordering::Greater) => 0b01,
+        Some(std::cmp::Ordering::Less) => 0b10,
+        // Across the view: both must be opaque.
+        _ => 0b11,
+    };
+    bits << (2 * axis)
+}
+
+impl Walker for Shell {
+    fn method(&self) -> &'static str {
+        if self.lists.len() == 1 { "shell" } else { "shell_three" }
+    }
+
+    fn arrays(&self) -> Vec<Array> {
+        const NAMES: [[&str; 2]; 3] = [
+            ["row pointers along x", "voxels along x"],
+            ["row pointers along y", "voxels along y"],
+            ["row pointers along z", "voxels along z"],
+        ];
+        let arrays = |(rows, [pointers, voxels]): (&Rows, [&'static str; 2])| {
+            [Array::of(pointers, &rows.pointers), Array::of(voxels, &rows.voxels)]
+        };
+        self.lists.iter().zip(NAMES).flat_map(arrays).collect()
+    }
+
+    fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
+        let order = &viewing.order;
+        let list = if self.lists.len() == 1 { 0 } else { order.fast.index() };
+        let rows = &self.lists[list];
+        let [pointer_array, voxel_array] = [2 * list, 2 * list + 1];
+        // The view's nesting with the axis of the rows moved to the end.
+        let [slow, medium] = {
+            let mut others = [order.slow, order.medium, order.fast].into_iter().filter(|&axis| axis != rows.axis);
+            [0; 2].map(|_: usize| others.next().expect("two of three axes").index())
+        };
+        let fast = rows.axis.index();
+        let viewpoint = viewing.viewpoint;
+        let (mut position, mut skipped) = ([0; 3], 0);
+        let mut line = Vec::new();
+        let coordinates = |axis: usize| (0..=u16::MAX).take(self.dims[axis] as usize).collect::<Vec<u16>>();
+        let [slow_all, medium_all] = [slow, medium].map(coordinates);
+        order.along[slow].for_each_index(&slow_all, |s| {
+            position[slow] = slow_all[s];
+            order.along[medium].for_each_index(&medium_all, |m| {
+                let row = s * rows.stride[slow] + m * rows.stride[medium];
+                trace.read(pointer_array, 4 * row, 8);
+                let first = rows.pointers[row] as usize;
+                let voxels = &rows.voxels[first..rows.pointers[row + 1] as usize];
+                if voxels.is_empty() {
+                    return;
+                }
+                position[medium] = medium_all[m];
+                let across = if self.hides {
+                    toward_eye(viewpoint, slow, slow_all[s]) | toward_eye(viewpoint, medium, medium_all[m])
+                } else {
+                    0
+                };
+                let mut show = |index: usize, voxel: &ShellVoxel, trace: &mut T| {
+                    trace.read(voxel_array, 6 * (first + index), 6);
+                    let position = placed(position, fast, voxel.coordinate);
+                    if self.hides {
+                        let hiding = across | toward_eye(viewpoint, fast, voxel.coordinate);
+                        if voxel.opaque_neighbours & hiding == hiding {
+                            skipped += 1;
+                            return;
+                        }
+                    }
+                    receiver.voxel(position, voxel.value, Normal::Code(voxel.normal));
+                };
+                match order.along[fast] {
+                    AxisOrder::Ascending => {
+                        voxels.iter().enumerate().for_each(|(index, voxel)| show(index, voxel, trace));
+                    }
+                    AxisOrder::Descending => {
+                        voxels.iter().enumerate().rev().for_each(|(index, voxel)| show(index, voxel, trace));
+                    }
+                    AxisOrder::TwoSided { .. } => {
+                        line.clear();
+                        for (index, voxel) in voxels.iter().enumerate() {
+                            trace.read(voxel_array, 6 * (first + index), 2);
+                            line.push(voxel.coordinate);
+                        }
+                        order.along[fast].for_each_index(&line, |index| show(index, &voxels[index], trace));
+                    }
+                }
+            });
+        });
+        self.skipped = skipped;
+    }
+}

@@ -1,0 +1,208 @@
+//! Memory: what every method takes, beside the formulas of the paper.
+//!
+//! In: a subject, methods; or nothing but a share of visible voxels. Out: bytes that are allocated, structure by
+//! structure; the paper's Table 3 from its own formulas (Orchard and Möller 2001, section 4.2); where implementations A
+//! and B take the same memory.
+
+use super::baselines::{Method, Walker as _};
+use super::subject::Subject;
+use crate::arena::{Arena, Lane};
+use crate::error::{Error, Result};
+use crate::volume::Axis;
+
+/// What a method takes of one set.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Memory {
+    /// The method's name; ours once with the lanes for all views and once with the one that serves the others.
+    pub name: &'static str,
+    /// Bytes that it has allocated between frames.
+    pub bytes: u64,
+    /// Bytes that it works in while it walks, and leaves empty.
+    pub scratch: u64,
+    /// The paper's formula, for its own methods.
+    pub formula: Option<u64>,
+}
+
+/// Ours with the lane along x alone.
+pub const ONE_LANE: &str = "adjsplat_one_lane";
+
+/// What each method takes, built one after another.
+///
+/// # Errors
+/// As building the methods.
+pub fn measure(subject: &Subject, methods: &[Method]) -> Result<Vec<Memory>> {
+    let structure = subject.voxels.len() as u64 + virtual_voxels(subject.lanes.arena())?;
+    let mut measured = Vec::new();
+    for &method in methods {
+        let arrays = method.build(subject)?.arrays();
+        let of = |scratch: bool| arrays.iter().filter(|a| a.scratch == scratch).map(|a| a.bytes).sum();
+        let formula = formula(method, subject.dims(), structure);
+        measured.push(Memory { name: method.name(), bytes: of(false), scratch: of(true), formula });
+        if method == Method::Adjsplat {
+            let bytes = subject.lane(Axis::X).bytes();
+            measured.push(Memory { name: ONE_LANE, bytes, scratch: of(true), formula: None });
+        }
+    }
+    Ok(measured)
+}
+
+/// Bytes of the paper's methods for a grid of `dims` and `structure` voxels of the structure, visible and virtual;
+/// `None` for others. Section 4.2: m_T = 17 whd, m_A = 5 (w+2)(h+2)(d+2) + 28 s, m_B = 47 s.
+pub fn formula(method: Method, dims: [u32; 3], structure: u64) -> Option<u64> {
+    let cells = |border: u64| dims.iter().map(|&points| u64::from(points) + border).product::<u64>();
+    match method {
+        Method::Traditional => Some(17 * cells(0)),
+        Method::AdjacencyA => Some(5 * cells(2) + 28 * structure),
+        Method::AdjacencyB => Some(47 * structure),
+        _ => None,
+    }
+}
+
+/// One set of the paper's Table 3.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PaperSet {
+    /// Its name.
+    pub name: &'static str,
+    /// Grid points along x, y, z.
+    pub dims: [u32; 3],
+    /// Visible voxels.
+    pub visible: u64,
+    /// Visible and virtual voxels.
+    pub structure: u64,
+    /// Megabytes (2^20 bytes) that the paper gives for traditional, A and B.
+    pub megabytes: [f64; 3],
+}
+
+/// Table 3.
+pub const TABLE_3: [PaperSet; 5] = [
+    PaperSet {
+        name: "Jeff",
+        dims: [256, 256, 129],
+        visible: 513_799,
+        structure: 629_487,
+        megabytes: [137.06, 58.39, 28.22],
+    },
+    PaperSet {
+        name: "Frog",
+        dims: [500, 470, 136],
+        visible: 354_894,
+        structure: 600_979,
+        megabytes: [518.15, 171.97, 26.94],
+    },
+    PaperSet {
+        name: "CT Head",
+        dims: [128, 128, 93],
+        visible: 197_828,
+        structure: 257_365,
+        megabytes: [24.70, 14.53, 11.54],
+    },
+    PaperSet {
+        name: "CT Abdomen",
+        dims: [128, 128, 142],
+        visible: 79_914,
+        structure: 128_255,
+        megabytes: [37.72, 15.03, 5.75],
+    },
+    PaperSet { name: "HIPIP", dims: [64, 64, 64], visible: 19_253, structure: 31_372, megabytes: [4.25, 2.21, 1.41] },
+];
+
+/// Share of the grid's cells, box included, that are in the structure when A and B take the same memory.
+///
+/// `record_b`: bytes of a record of B. The paper gives it as 47 in its text and as 43 + k = 59 in its Table 2, from which
+/// its break-even of 16.1 % follows; with 47 it is 5 / (47 - 28) = 26.3 %.
+pub fn break_even(record_b: f64) -> f64 {
+    5.0 / (record_b - 28.0)
+}
+
+/// What A and B have allocated of one set, against the share of cells in the structure.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Crossing {
+    /// Share of the (w+2)(h+2)(d+2) cells that are in the structure.
+    pub share: f64,
+    /// Bytes of A.
+    pub a: u64,
+    /// Bytes of B.
+    pub b: u64,
+}
+
+/// Builds A and B of a set.
+///
+/// # Errors
+/// As building them.
+pub fn crossing(subject: &Subject) -> Result<Crossing> {
+    let structure = subject.voxels.len() as u64 + virtual_voxels(subject.lanes.arena())?;
+    let cells: f64 = subject.dims().iter().map(|&points| f64::from(points) + 2.0).product();
+    let [a, b] =
+        [Method::AdjacencyA, Method::AdjacencyB].map(|method| method.build(subject).map(|built| built.bytes()));
+    Ok(Crossing { share: structure as f64 / cells, a: a?, b: b? })
+}
+
+/// Where the bytes of A and B are equal, between the two of `crossings` (by rising share) that lie on either side of it;
+/// `None` if no two do.
+pub fn crossover(crossings: &[Crossing]) -> Option<f64> {
+    let surplus = |c: &Crossing| c.b as f64 - c.a as f64;
+    crossings.windows(2).find(|pair| surplus(&pair[0]) < 0.0 && surplus(&pair[1]) >= 0.0).map(|pair| {
+        let [low, high] = [surplus(&pair[0]), surplus(&pair[1])];
+        pair[0].share + (pair[1].share - pair[0].share) * low / (low - high)
+    })
+}
+
+/// Virtual voxels that implementation B of the paper adds (section 3.1): two box-face voxels a non-empty line, four
+/// box-edge voxels a non-empty slice, over all three axes, and eight corners.
+///
+/// O(records).
+///
+/// # Errors
+/// [`Error::Input`] for an arena without lanes.
+pub fn virtual_voxels(arena: &Arena) -> Result<u64> {
+    let dims = arena.facts().grid.dims;
+    let lane = arena.lanes().next().ok_or_else(|| Error::input("file", "has no lane"))?;
+    let mut lines = [0; 3];
+    let mut slices = [0; 3];
+    let [u, v] = lane.axis.others();
+    lines[lane.axis.index()] = lane.line_ends.len() as u64;
+    // Lines along u are what differs in (fast, v), lines along v in (fast, u).
+    let mut along_u = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[v.index()]));
+    let mut along_v = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[u.index()]));
+    let mut coordinates = Axis::ALL.map(|axis| Occupied::new(dims[axis.index()].into()));
+    each_voxel(&lane, |fast, line_u, line_v| {
+        along_u.set(u64::from(line_v) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
+        along_v.set(u64::from(line_u) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
+        coordinates[lane.axis.index()].set(fast.into());
+        coordinates[u.index()].set(line_u.into());
+        coordinates[v.index()].set(line_v.into());
+    });
+    lines[u.index()] = along_u.count();
+    lines[v.index()] = along_v.count();
+    for axis in Axis::ALL {
+        slices[axis.index()] = coordinates[axis.index()].count();
+    }
+    Ok(2 * lines.iter().sum::<u64>() + 4 * slices.iter().sum::<u64>() + 8)
+}
+
+fn each_voxel(lane: &Lane, mut visit: impl FnMut(u32, u32, u32)) {
+    for line in lane.lines() {
+        for (coordinate, _) in lane.line_voxels(line.records) {
+            visit(coordinate, line.u, line.v);
+        }
+    }
+}
+
+/// A set of small numbers; numbers beyond its end are ignored.
+struct Occupied(Vec<u64>);
+
+impl Occupied {
+    fn new(len: u64) -> Occupied {
+        Occupied(vec![0; usize::try_from(len.div_ceil(64)).unwrap_or(0)])
+    }
+
+    fn set(&mut self, number: u64) {
+        if let Some(word) = usize::try_from(number / 64).ok().and_then(|index| self.0.get_mut(index)) {
+            *word |= 1 << (number % 64);
+        }
+    }
+
+    fn count(&self) -> u64 {
+        self.0.iter().map(|word| u64::from(word.count_ones())).sum()
+    }
+}

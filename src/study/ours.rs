@@ -1,0 +1,78 @@
+//! Our own walk beside its rivals: the production walk over a subject's lanes.
+//!
+//! In: a subject, whose lanes it borrows. Out: the exact slice order, batch by batch, handed over voxel by voxel.
+
+use super::baselines::{Normal, Receiver, Viewing, Walker, placed};
+use super::subject::Subject;
+use super::trace::{Array, Trace};
+use crate::arena::{Lane, LineEnds};
+use crate::error::Result;
+use crate::traverse::{Batch, walk};
+use crate::volume::Axis;
+
+/// The lanes of a subject.
+#[derive(Debug, Clone, Copy)]
+pub struct Adjsplat<'a> {
+    subject: &'a Subject<'a>,
+}
+
+impl<'a> Adjsplat<'a> {
+    /// Those of `subject`, derived where the arena has none.
+    ///
+    /// # Errors
+    /// [`Error::Limit`](crate::Error::Limit) if a derived lane would not fit the lanes' memory.
+    pub fn new(subject: &'a Subject<'a>) -> Result<Adjsplat<'a>> {
+        for axis in Axis::ALL {
+            subject.lanes.lane(axis)?;
+        }
+        Ok(Adjsplat { subject })
+    }
+}
+
+/// Names of a lane's arrays.
+const NAMES: [[&str; 5]; 3] = [
+    ["tiles along x", "line ends along x", "steps along x", "values along x", "normals along x"],
+    ["tiles along y", "line ends along y", "steps along y", "values along y", "normals along y"],
+    ["tiles along z", "line ends along z", "steps along z", "values along z", "normals along z"],
+];
+
+/// Bytes of a lane's arrays, as they are named.
+fn bytes(lane: &Lane) -> [u64; 5] {
+    let line_ends = match lane.line_ends {
+        LineEnds::Narrow(ends) => size_of_val(ends),
+        LineEnds::Wide(ends) => size_of_val(ends),
+    };
+    [size_of_val(lane.tiles), line_ends, lane.steps.len(), lane.values.len(), lane.normals.len()]
+        .map(|bytes| bytes as u64)
+}
+
+impl Walker for Adjsplat<'_> {
+    fn method(&self) -> &'static str {
+        "adjsplat"
+    }
+
+    fn arrays(&self) -> Vec<Array> {
+        let lanes = Axis::ALL.map(|axis| bytes(&self.subject.lane(axis)));
+        let arrays = NAMES.iter().flatten().zip(lanes.into_iter().flatten());
+        arrays.map(|(name, bytes)| Array { name, bytes, scratch: false }).collect()
+    }
+
+    fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, _trace: &mut T) {
+        let order = viewing.order;
+        let lane = self.subject.lane(order.fast);
+        let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
+        // A subject's lanes have no patch: its records lie in the channels.
+        let (values, normals) = (lane.values, lane.normals.as_chunks().0);
+        walk(&lane, &order, &mut |batch: &Batch| {
+            let slice = placed([0; 3], slow, batch.slow);
+            let voxels = batch.medium.iter().zip(batch.fast).zip(batch.record);
+            let first = batch.record_index(0) - batch.record[0] as usize;
+            for ((&m, &f), &record) in voxels {
+                let position = placed(placed(slice, medium, m), fast, f);
+                let record = first + record as usize;
+                let normal = normals.get(record).map_or(0, |&code| u16::from_le_bytes(code));
+                receiver.voxel(position, values[record], Normal::Code(normal));
+            }
+        });
+    }
+}

@@ -1,0 +1,221 @@
+//! Reports: what a study found, for people and for programs.
+//!
+//! In: columns and rows of cells. Out: a table to read, JSON `{"rows": [...]}`, CSV; and [`plot`]s.
+
+pub mod plot;
+
+use serde_json::{Map, Value, json};
+
+/// One value of a row.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Cell {
+    /// A name.
+    Text(String),
+    /// A whole number.
+    Count(u64),
+    /// A measurement; tables show four significant digits.
+    Number(f64),
+    /// Yes or no.
+    Flag(bool),
+    /// There is none: blank in tables and CSV, null in JSON.
+    None,
+}
+
+impl From<&str> for Cell {
+    fn from(text: &str) -> Cell {
+        Cell::Text(text.to_owned())
+    }
+}
+
+impl From<u64> for Cell {
+    fn from(count: u64) -> Cell {
+        Cell::Count(count)
+    }
+}
+
+impl From<f64> for Cell {
+    fn from(number: f64) -> Cell {
+        if number.is_finite() { Cell::Number(number) } else { Cell::None }
+    }
+}
+
+impl From<bool> for Cell {
+    fn from(flag: bool) -> Cell {
+        Cell::Flag(flag)
+    }
+}
+
+impl<T: Into<Cell>> From<Option<T>> for Cell {
+    fn from(cell: Option<T>) -> Cell {
+        cell.map_or(Cell::None, Into::into)
+    }
+}
+
+impl Cell {
+    /// As people read it.
+    fn shown(&self) -> String {
+        match self {
+            Cell::Text(text) => text.clone(),
+            Cell::Count(count) => grouped(*count),
+            Cell::Number(number) => significant(*number),
+            Cell::Flag(flag) => if *flag { "yes" } else { "no" }.to_owned(),
+            Cell::None => String::new(),
+        }
+    }
+
+    fn value(&self) -> Value {
+        match self {
+            Cell::Text(text) => json!(text),
+            Cell::Count(count) => json!(count),
+            Cell::Number(number) => json!(number),
+            Cell::Flag(flag) => json!(flag),
+            Cell::None => Value::Null,
+        }
+    }
+
+    fn comma_separated(&self) -> String {
+        match self {
+            Cell::Text(text) if text.contains([',', '"', '\n', '\r']) => format!("\"{}\"", text.replace('"', "\"\"")),
+            Cell::Text(text) => text.clone(),
+            Cell::Count(count) => count.to_string(),
+            Cell::Number(number) => number.to_string(),
+            Cell::Flag(flag) => flag.to_string(),
+            Cell::None => String::new(),
+        }
+    }
+
+    fn is_text(&self) -> bool {
+        matches!(self, Cell::Text(_))
+    }
+}
+
+/// 1,234,567.
+fn grouped(count: u64) -> String {
+    let digits = count.to_string();
+    let mut out = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            out.push(',');
+        }
+        out.push(digit);
+    }
+    out
+}
+
+/// Four significant digits, without an exponent; whole thousands in full.
+fn significant(number: f64) -> String {
+    let digits = match number.abs() {
+        0.0 => 0,
+        size if size >= 1000.0 => 0,
+        size if size >= 100.0 => 1,
+        size if size >= 10.0 => 2,
+        size if size >= 1.0 => 3,
+        size if size >= 1e-9 => size.log10().floor().abs() as usize + 3,
+        _ => 12,
+    };
+    format!("{number:.digits$}")
+}
+
+/// What a study found.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// Names of the columns: keys of the JSON rows, headings elsewhere.
+    columns: Vec<&'static str>,
+    rows: Vec<Vec<Cell>>,
+}
+
+impl Report {
+    /// A report without rows.
+    pub fn new(columns: &[&'static str]) -> Report {
+        Report { columns: columns.to_vec(), rows: Vec::new() }
+    }
+
+    /// Appends a row.
+    ///
+    /// # Panics
+    /// If it has more or fewer cells than there are columns.
+    pub fn push(&mut self, row: Vec<Cell>) {
+        assert_eq!(row.len(), self.columns.len(), "a cell for each of {:?}", self.columns);
+        self.rows.push(row);
+    }
+
+    /// The rows, in order.
+    pub fn rows(&self) -> &[Vec<Cell>] {
+        &self.rows
+    }
+
+    /// The cells of column `name`, in order.
+    ///
+    /// # Panics
+    /// If there is no such column.
+    pub fn column(&self, name: &str) -> impl Iterator<Item = &Cell> {
+        let index = self.columns.iter().position(|column| *column == name).expect("a column of this report");
+        self.rows.iter().map(move |row| &row[index])
+    }
+
+    /// A table with aligned columns; `shown` are its columns, all if empty.
+    pub fn table(&self, shown: &[&str]) -> String {
+        let indices: Vec<usize> =
+            (0..self.columns.len()).filter(|&i| shown.is_empty() || shown.contains(&self.columns[i])).collect();
+        let mut lines: Vec<Vec<String>> = vec![indices.iter().map(|&i| self.columns[i].replace('_', " ")).collect()];
+        lines.extend(self.rows.iter().map(|row| indices.iter().map(|&i| row[i].shown()).collect()));
+        let widths: Vec<usize> =
+            (0..indices.len()).map(|i| lines.iter().map(|line| line[i].chars().count()).max().unwrap_or(0)).collect();
+        let left: Vec<bool> = indices.iter().map(|&i| self.rows.iter().any(|row| row[i].is_text())).collect();
+        let mut out = String::new();
+        for line in &lines {
+            let cells: Vec<String> = (0..indices.len())
+                .map(|i| {
+                    if left[i] { format!("{:<1$}", line[i], widths[i]) } else { format!("{:>1$}", line[i], widths[i]) }
+                })
+                .collect();
+            out.push_str(cells.join("  ").trim_end());
+            out.push('\n');
+        }
+        out
+    }
+
+    /// `{"rows": [...]}`, an object a row.
+    pub fn json(&self) -> Value {
+        let row = |row: &Vec<Cell>| {
+            let pairs = self.columns.iter().zip(row).map(|(column, cell)| ((*column).to_owned(), cell.value()));
+            Value::Object(pairs.collect::<Map<_, _>>())
+        };
+        json!({ "rows": self.rows.iter().map(row).collect::<Vec<_>>() })
+    }
+
+    /// Comma-separated values with a line of headings.
+    pub fn csv(&self) -> String {
+        let mut out = self.columns.join(",");
+        out.push('\n');
+        for row in &self.rows {
+            out.push_str(&row.iter().map(Cell::comma_separated).collect::<Vec<_>>().join(","));
+            out.push('\n');
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_report_reads_the_same_in_all_three_forms() {
+        let mut report = Report::new(&["set", "bytes", "ns_per_visible", "displaying"]);
+        report.push(vec!["frog, whole".into(), 1_234_567u64.into(), 0.012_345.into(), true.into()]);
+        report.push(vec!["noise".into(), Cell::None, f64::NAN.into(), false.into()]);
+        assert_eq!(
+            report.table(&[]),
+            "set              bytes  ns per visible  displaying\n\
+             frog, whole  1,234,567         0.01235         yes\n\
+             noise                                           no\n"
+        );
+        assert_eq!(
+            report.csv(),
+            "set,bytes,ns_per_visible,displaying\n\"frog, whole\",1234567,0.012345,true\nnoise,,,false\n"
+        );
+        assert_eq!(report.json()["rows"][1]["ns_per_visible"], Value::Null);
+        assert_eq!(report.json()["rows"][0]["bytes"], json!(1_234_567));
+    }
+}

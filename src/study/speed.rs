@@ -1,0 +1,192 @@
+//! Speed: frames a second of every method over a turn around the volume.
+//!
+//! In: a subject, methods, a picture size. Out: times of 36 frames, 10 degrees apart, as Orchard and Möller (2001,
+//! Table 1 and Figure 5) measure them, for parallel and perspective views: *displaying*, everything; *non-displaying*,
+//! everything but the drawing of splats; and the *walk*, which only adds up what it visits. All on one thread, all front
+//! to back by one splatter. Our own displaying frames are those of the renderer, which skips what is hidden row by row.
+
+use std::hint::black_box;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use xxhash_rust::xxh3::Xxh3;
+
+use super::baselines::{Built, Method, Viewing, Walker as _};
+use super::receive::Sum;
+use super::subject::Subject;
+use super::trace::Untraced;
+use crate::error::{Error, Result};
+use crate::splat::cpu::{self, splatter};
+use crate::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, View};
+use crate::traverse::{Batch, Order, Sense, walk};
+
+/// What to measure.
+#[derive(Debug, Clone)]
+pub struct SpeedOptions {
+    /// Columns and rows; the paper's are 300 x 300.
+    pub size: [u32; 2],
+    /// Frames of a turn; the paper's are 36. At least 1.
+    pub frames: u32,
+    /// Degrees above the horizontal plane.
+    pub elevation: f64,
+    /// Vertical angle of perspective views, degrees.
+    pub fov: f64,
+    /// What to measure.
+    pub methods: Vec<Method>,
+}
+
+/// What a method took in one projection.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Speed {
+    /// The method.
+    pub method: Method,
+    /// Whether views were perspective.
+    pub perspective: bool,
+    /// Voxels (or cubes of an octree) of a frame, mean.
+    pub splats: f64,
+    /// Seconds of a frame, mean.
+    pub displaying: f64,
+    /// The same without drawing.
+    pub non_displaying: f64,
+    /// The same of the walk alone.
+    pub walk: f64,
+    /// Seconds that building the structure took.
+    pub build: f64,
+    /// XXH3-64 of the turn's displayed frames: equal where pictures are, bit for bit.
+    pub pictures: u64,
+}
+
+/// Measures all methods; `go_on` is told what is done of how much, and may stop it.
+///
+/// # Errors
+/// As building the methods and drawing; [`Error::Interrupted`] if `go_on` says so.
+pub fn measure(
+    subject: &Subject,
+    options: &SpeedOptions,
+    mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
+) -> Result<Vec<Speed>> {
+    let mut found = Vec::new();
+    let total = options.methods.len() as u64 * 2 * u64::from(options.frames);
+    let mut done = 0;
+    for &method in &options.methods {
+        let start = Instant::now();
+        let mut built = method.build(subject)?;
+        let build = start.elapsed().as_secs_f64();
+        for perspective in [false, true] {
+            let mut speed = Speed {
+                method,
+                perspective,
+                splats: 0.0,
+                displaying: 0.0,
+                non_displaying: 0.0,
+                walk: 0.0,
+                build,
+                pictures: 0,
+            };
+            let mut pictures = Xxh3::new();
+            for frame in 0..options.frames {
+                let share = 1.0 / f64::from(options.frames);
+                let turned = 360.0 * f64::from(frame) * share;
+                let fov = perspective.then_some(options.fov);
+                let one = measure_frame(subject, &mut built, options, turned, fov)?;
+                speed.splats += share * one.splats;
+                speed.displaying += share * one.displaying;
+                speed.non_displaying += share * one.non_displaying;
+                speed.walk += share * one.walk;
+                one.picture.pixels().iter().for_each(|sample| pictures.update(&sample.to_le_bytes()));
+                done += 1;
+                if go_on(done, total).is_break() {
+                    return Err(Error::Interrupted);
+                }
+            }
+            speed.pictures = pictures.digest();
+            found.push(speed);
+        }
+    }
+    Ok(found)
+}
+
+/// What one frame took, in seconds.
+struct FrameTimes {
+    splats: f64,
+    displaying: f64,
+    non_displaying: f64,
+    walk: f64,
+    picture: Frame,
+}
+
+fn measure_frame(
+    subject: &Subject,
+    built: &mut Built,
+    options: &SpeedOptions,
+    azimuth: f64,
+    fov: Option<f64>,
+) -> Result<FrameTimes> {
+    let scene = Scene { facts: subject.facts, lanes: subject.lanes, transfer: &subject.transfer };
+    let settings = Settings::new(options.size);
+    let around = match subject.lane(crate::volume::Axis::X).bounds() {
+        Some((low, high)) => Surround::of_voxels(&subject.facts.grid, low, high),
+        None => Surround::of_grid(&subject.facts.grid),
+    };
+    let orbit = Orbit { azimuth, elevation: options.elevation, fov, ..Orbit::default() };
+    let camera = Camera::orbiting(orbit, around, options.size)?;
+    let view = View::new(&camera, &subject.facts.grid, options.size, settings.kernel(), None)?;
+    let order = Order::new(view.viewpoint, subject.dims(), Sense::FrontToBack, settings.form)?;
+    let viewing = Viewing { order, viewpoint: view.viewpoint };
+
+    let start = Instant::now();
+    let sum = black_box(summed(subject, built, &viewing));
+    let walk = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    drop(black_box(splatted(&scene, &camera, &settings, built, &viewing, false)?));
+    let non_displaying = start.elapsed().as_secs_f64();
+
+    let start = Instant::now();
+    let picture = match built {
+        Built::Adjsplat(_) => cpu::render(&scene, &camera, &settings)?.0,
+        _ => splatted(&scene, &camera, &settings, built, &viewing, true)?,
+    };
+    let displaying = start.elapsed().as_secs_f64();
+    Ok(FrameTimes { splats: sum.count as f64, displaying, non_displaying, walk, picture })
+}
+
+/// Walks and adds up; our own walk hands over batches, as it does to a renderer.
+pub fn summed(subject: &Subject, built: &mut Built, viewing: &Viewing) -> Sum {
+    let mut sum = Sum::default();
+    match built {
+        Built::Adjsplat(_) => {
+            let lane = subject.lane(viewing.order.fast);
+            let shaded = lane.channels.normal_bits > 0;
+            walk(&lane, &viewing.order, &mut |batch: &Batch| sum.add(&lane, batch, shaded));
+        }
+        _ => built.walk(viewing, &mut sum, &mut Untraced),
+    }
+    sum
+}
+
+/// The picture of what a method visits, or everything but the drawing of it.
+///
+/// # Errors
+/// As [`cpu::render`].
+fn splatted(
+    scene: &Scene,
+    camera: &Camera,
+    settings: &Settings,
+    built: &mut Built,
+    viewing: &Viewing,
+    drawing: bool,
+) -> Result<Frame> {
+    let (frame, _) = splatter::splat(scene, camera, settings, drawing, |splatter| {
+        match built {
+            Built::Adjsplat(_) => {
+                walk(&scene.lanes.lane(viewing.order.fast)?, &viewing.order, &mut |batch: &Batch| {
+                    splatter.batch(batch)
+                });
+            }
+            _ => built.walk(viewing, splatter, &mut Untraced),
+        }
+        Ok(())
+    })?;
+    Ok(frame)
+}
