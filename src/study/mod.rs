@@ -14,6 +14,7 @@ pub mod lane_walk;
 pub mod layouts;
 pub mod memory;
 pub mod ours;
+pub mod picture;
 pub mod receive;
 pub mod report;
 pub mod speed;

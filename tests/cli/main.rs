@@ -11,6 +11,7 @@ mod interrupt;
 mod killed;
 mod memory;
 mod outputs;
+mod study;
 mod transfer;
 mod trim;
 mod usage;

@@ -13,4 +13,5 @@ mod cache;
 mod layouts;
 mod oracle;
 mod own_walk;
+mod pictures;
 mod scene;
