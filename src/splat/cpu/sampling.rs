@@ -33,7 +33,7 @@ use crate::splat::view::{PixelMap, View};
 use crate::traverse::VoxelBox;
 
 /// Standard deviation, in pixels, of the narrowest footprint of a coarse view. Footprints of the standard kernel are
-/// then seven pixels wide at most, which is what a [stamp](super::stamp) covers.
+/// then seven pixels wide at most: four to nine tiles of the planes.
 const ENOUGH: f64 = 0.97;
 /// Views whose pixels would not become fewer than by this factor a side are drawn as they are.
 const WORTH_IT: f64 = 0.8;
