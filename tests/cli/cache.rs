@@ -83,7 +83,7 @@ fn wrong_words_are_refused_with_the_right_ones() {
     refused("--tile-order snake", &["tile order", "hilbert"]);
     refused("--methods ours", &["adjsplat"]);
     refused("--curves c.gif", &["c.gif", ".svg or .png"]);
-    refused("--trace gone/t", &["gone"]);
+    refused("--methods adjsplat --orders +z+y+x --trace gone/t", &["gone"]);
 }
 
 #[test]

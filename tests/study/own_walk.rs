@@ -32,7 +32,7 @@ fn lanes(dims: [u32; 3], sparsity: u64, tile_order: TileOrder) -> [OwnedLane; 3]
                 let voxels = (0..dims[axis.index()]).filter_map(|c| {
                     let mut at = [0; 3];
                     (at[axis.index()], at[u_axis.index()], at[v_axis.index()]) = (c, u, v);
-                    visible(at).then(|| (c as u16, Record { value: 7, normal: 9, magnitude: 0 }))
+                    visible(at).then_some((c as u16, Record { value: 7, normal: 9, magnitude: 0 }))
                 });
                 packer.line(u as u16, v as u16, voxels);
             }

@@ -138,10 +138,6 @@ struct Wanted {
 
 impl Arguments {
     fn wanted(&self) -> Result<Wanted> {
-        let codes = |name: &String| {
-            let why = || Error::input("--channels", format!("has {name}, but must be steps, value or value+normal"));
-            CodesRead::ALL.into_iter().find(|codes| codes.name() == name).ok_or_else(why)
-        };
         let levels: Vec<String> =
             [&self.l1, &self.l2, &self.l3].into_iter().filter(|level| *level != "none").cloned().collect();
         // A few orders, of every nesting, where quick figures are wanted.
@@ -149,7 +145,7 @@ impl Arguments {
         Ok(Wanted {
             methods: choose(&self.methods)?,
             orders: orders::parse(orders)?,
-            codes: self.channels.iter().map(codes).collect::<Result<_>>()?,
+            codes: self.channels.iter().map(|name| CodesRead::named(name)).collect::<Result<_>>()?,
             tile_orders: self.tile_order.iter().map(|name| TileOrder::from_name(name)).collect::<Result<_>>()?,
             geometry: Geometry::parse(self.line, &levels, &self.tlb)?,
         })

@@ -38,6 +38,9 @@ pub(super) struct Arguments {
         allow_hyphen_values = true
     )]
     orders: String,
+    /// What is read of a voxel beside its steps: steps, value or value+normal.
+    #[arg(long, value_name = "CHANNELS", default_value = "value+normal")]
+    channels: String,
     /// Walks of each layout in each order, of which the fastest counts.
     #[arg(long, value_name = "N", default_value_t = 3)]
     repetitions: u32,
@@ -61,6 +64,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     if !(1..=1000).contains(&arguments.repetitions) {
         return Err(Error::input("--repetitions", format!("are {}, but must be 1 to 1000", arguments.repetitions)));
     }
+    let codes = CodesRead::named(&arguments.channels)?;
     arguments.output.check()?;
     let mut report = Report::new(&[
         "set",
@@ -83,7 +87,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut series: Vec<Series> = Vec::new();
     each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
         let layouts = Layout::studied(subject.dims());
-        let found = measure_all(subject, &layouts, &orders, arguments.repetitions, go_on)?;
+        let found = measure_all(subject, &layouts, codes, &orders, arguments.repetitions, go_on)?;
         for (layout, one) in layouts.iter().zip(&found) {
             report.push(row(subject, layout, one, &found[0], &orders));
         }
@@ -140,6 +144,7 @@ fn row(subject: &Subject, layout: &Layout, found: &Found, ours: &Found, orders: 
 fn measure_all(
     subject: &Subject,
     layouts: &[Layout],
+    codes: CodesRead,
     orders: &[Order],
     repetitions: u32,
     go_on: GoOn,
@@ -147,7 +152,7 @@ fn measure_all(
     let geometry = Geometry::default();
     let mut walks: Vec<LayoutWalk> = Vec::new();
     for &layout in layouts {
-        walks.push(LayoutWalk::new(subject, layout, CodesRead::ValuesAndNormals)?);
+        walks.push(LayoutWalk::new(subject, layout, codes)?);
     }
     let mut found: Vec<Found> = walks.iter().map(|walk| Found { bytes: walk.bytes(), ..Found::default() }).collect();
     for (index, order) in orders.iter().enumerate() {
