@@ -167,10 +167,10 @@ impl<B: Blend> Visitor for Band<'_, B> {
             let to = high.min(from.saturating_add(PIECE - 1));
             let mut piece = *bounds;
             (piece.low[self.fast], piece.high[self.fast]) = (from, to);
-            if let Some(rect) = self.pixels(&piece) {
-                if !self.bench.planes.is_widely_frozen(rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1) {
-                    return true;
-                }
+            if let Some(rect) = self.pixels(&piece)
+                && !self.bench.planes.is_widely_frozen(rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1)
+            {
+                return true;
             }
             if to == high {
                 return false;

@@ -80,7 +80,8 @@ impl Count {
             let (first, last) = (low >> cell, (high - 1) >> cell);
             let more = shift - cell;
             (first >> more..=last >> more)
-                .map(|square| (last.min(((square + 1) << more) - 1) - first.max(square << more) + 1) as u8)
+                .map(|square| last.min(((square + 1) << more) - 1) - first.max(square << more) + 1)
+                .map(|cells| u8::try_from(cells).expect("eight cells along a square at most"))
                 .collect::<Vec<u8>>()
         };
         let (across, down) = (cells(rect.x0, rect.x1), cells(rect.y0, rect.y1));

@@ -17,8 +17,7 @@
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
-    clippy::needless_range_loop,
-    reason = "places are inside pictures of 16,384 pixels a side; weights are single precision; index loops over several arrays run side by side"
+    reason = "places are inside pictures of 16,384 pixels a side; weights are single precision"
 )]
 
 use std::f64::consts::TAU;

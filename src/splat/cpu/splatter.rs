@@ -166,16 +166,15 @@ pub(super) fn project(projector: &Projector, block: &mut Block, bench: &mut Benc
         let mut normals = [[0.0f32; BLOCK]; 3];
         if block.coded {
             let mut codes = [0; BLOCK];
-            for k in 0..splats.count {
-                codes[k] = block.codes[usize::from(splats.kept[k]) % BLOCK];
+            for (code, &j) in codes.iter_mut().zip(&splats.kept[..splats.count]) {
+                *code = block.codes[usize::from(j) % BLOCK];
             }
-            for k in 0..BLOCK {
-                [normals[0][k], normals[1][k], normals[2][k]] = normal::decode8(codes[k]);
+            for (k, &code) in codes.iter().enumerate() {
+                [normals[0][k], normals[1][k], normals[2][k]] = normal::decode8(code);
             }
         } else {
-            for k in 0..splats.count {
-                let j = usize::from(splats.kept[k]) % BLOCK;
-                (0..3).for_each(|a| normals[a][k] = block.normals[a][j]);
+            for (k, &j) in splats.kept[..splats.count].iter().enumerate() {
+                (0..3).for_each(|a| normals[a][k] = block.normals[a][usize::from(j) % BLOCK]);
             }
         }
         projector.light(lights, &normals, block, splats);

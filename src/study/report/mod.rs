@@ -104,15 +104,17 @@ fn grouped(count: u64) -> String {
 
 /// Four significant digits, without an exponent; whole thousands in full.
 fn significant(number: f64) -> String {
-    let digits = match number.abs() {
-        0.0 => 0,
-        size if size >= 1000.0 => 0,
-        size if size >= 100.0 => 1,
-        size if size >= 10.0 => 2,
-        size if size >= 1.0 => 3,
-        size if size >= 1e-9 => size.log10().floor().abs() as usize + 3,
-        _ => 12,
-    };
+    if number == 0.0 {
+        return "0".to_owned();
+    }
+    let mut digits = 3;
+    let mut size = number.abs();
+    while digits > 0 && size >= 10.0 {
+        (digits, size) = (digits - 1, size / 10.0);
+    }
+    while digits < 12 && size > 0.0 && size < 1.0 {
+        (digits, size) = (digits + 1, size * 10.0);
+    }
     format!("{number:.digits$}")
 }
 
