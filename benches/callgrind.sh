@@ -35,7 +35,7 @@ cp -- "$binary" "$work/callgrind"
 vectors=$(grep -qw avx2 /proc/cpuinfo && echo AVX2 || echo 'no AVX2')
 {
     echo "# date: $(date -u +%F)"
-    echo "# commit: $(git describe --always --dirty)"
+    echo "# commit: $(git rev-parse --short HEAD)$(git diff --quiet HEAD -- . ':!benches/record' || echo ' and changes')"
     echo "# machine: $(uname -m), $vectors"
     echo "# compiler: $(rustc --version)"
     echo "# C library: $(getconf GNU_LIBC_VERSION), $(valgrind --version)"

@@ -23,7 +23,7 @@ done
 
 work=$(mktemp -d)
 trap 'rm -rf -- "$work"' EXIT
-commit=$(git describe --always --dirty)
+commit=$(git rev-parse --short HEAD)$(git diff --quiet HEAD -- . ':!benches/record' || echo ' and changes')
 for stage in "${stages[@]}"; do
     cargo bench --locked --no-run --bench "$stage"
 done
