@@ -9,8 +9,12 @@
 //! ```
 
 pub mod baselines;
+pub mod cache;
+pub mod lane_walk;
+pub mod layouts;
 pub mod memory;
 pub mod ours;
+pub mod picture;
 pub mod receive;
 pub mod report;
 pub mod speed;

@@ -12,13 +12,13 @@ use std::time::Instant;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::baselines::{Built, Method, Viewing, Walker as _};
+use super::picture;
 use super::receive::Sum;
 use super::subject::Subject;
 use super::trace::Untraced;
 use crate::error::{Error, Result};
-use crate::splat::cpu::{self, splatter};
-use crate::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, View};
-use crate::traverse::{Batch, Order, Sense, walk};
+use crate::splat::{Frame, Orbit, Settings, cpu};
+use crate::traverse::{Batch, walk};
 
 /// What to measure.
 #[derive(Debug, Clone)]
@@ -122,30 +122,23 @@ fn measure_frame(
     azimuth: f64,
     fov: Option<f64>,
 ) -> Result<FrameTimes> {
-    let scene = Scene { facts: subject.facts, lanes: subject.lanes, transfer: &subject.transfer };
     let settings = Settings::new(options.size);
-    let around = match subject.lane(crate::volume::Axis::X).bounds() {
-        Some((low, high)) => Surround::of_voxels(&subject.facts.grid, low, high),
-        None => Surround::of_grid(&subject.facts.grid),
-    };
     let orbit = Orbit { azimuth, elevation: options.elevation, fov, ..Orbit::default() };
-    let camera = Camera::orbiting(orbit, around, options.size)?;
-    let view = View::new(&camera, &subject.facts.grid, options.size, settings.kernel(), None)?;
-    let order = Order::new(view.viewpoint, subject.dims(), Sense::FrontToBack, settings.form)?;
-    let viewing = Viewing { order, viewpoint: view.viewpoint };
+    let camera = picture::camera(subject, orbit, options.size)?;
+    let viewing = picture::viewing(subject, &camera, &settings)?;
 
     let start = Instant::now();
     let sum = black_box(summed(subject, built, &viewing));
     let walk = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
-    drop(black_box(splatted(&scene, &camera, &settings, built, &viewing, false)?));
+    drop(black_box(picture::of_method(subject, &camera, &settings, built, false)?));
     let non_displaying = start.elapsed().as_secs_f64();
 
     let start = Instant::now();
     let picture = match built {
-        Built::Adjsplat(_) => cpu::render(&scene, &camera, &settings)?.0,
-        _ => splatted(&scene, &camera, &settings, built, &viewing, true)?,
+        Built::Adjsplat(_) => cpu::render(&picture::scene(subject), &camera, &settings)?.0,
+        _ => picture::of_method(subject, &camera, &settings, built, true)?,
     };
     let displaying = start.elapsed().as_secs_f64();
     Ok(FrameTimes { splats: sum.count as f64, displaying, non_displaying, walk, picture })
@@ -163,30 +156,4 @@ pub fn summed(subject: &Subject, built: &mut Built, viewing: &Viewing) -> Sum {
         _ => built.walk(viewing, &mut sum, &mut Untraced),
     }
     sum
-}
-
-/// The picture of what a method visits, or everything but the drawing of it.
-///
-/// # Errors
-/// As [`cpu::render`].
-fn splatted(
-    scene: &Scene,
-    camera: &Camera,
-    settings: &Settings,
-    built: &mut Built,
-    viewing: &Viewing,
-    drawing: bool,
-) -> Result<Frame> {
-    let (frame, _) = splatter::splat(scene, camera, settings, drawing, |splatter| {
-        match built {
-            Built::Adjsplat(_) => {
-                walk(&scene.lanes.lane(viewing.order.fast)?, &viewing.order, &mut |batch: &Batch| {
-                    splatter.batch(batch)
-                });
-            }
-            _ => built.walk(viewing, splatter, &mut Untraced),
-        }
-        Ok(())
-    })?;
-    Ok(frame)
 }

@@ -39,7 +39,7 @@ pub struct Subject<'a> {
 }
 
 impl<'a> Subject<'a> {
-    /// The scene of `lanes` under `transfer`, called `name`. O(voxels); 8 bytes a voxel.
+    /// The scene of `lanes` under `transfer`, called `name`. O(voxels); 10 bytes a voxel.
     ///
     /// # Errors
     /// [`Error::Input`] if its channels are not those that every method stores, or memory cannot be had; whatever

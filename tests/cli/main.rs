@@ -3,6 +3,7 @@
 
 mod arenas;
 mod budgets;
+mod cache;
 mod devices;
 mod harness;
 mod hidden;
@@ -10,6 +11,7 @@ mod interrupt;
 mod killed;
 mod memory;
 mod outputs;
+mod study;
 mod transfer;
 mod trim;
 mod usage;

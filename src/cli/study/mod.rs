@@ -1,6 +1,9 @@
 //! `adj study`: the structure beside its rivals.
 
+mod cache;
+mod layouts;
 mod memory;
+mod orders;
 mod output;
 mod sets;
 mod speed;
@@ -32,6 +35,8 @@ enum Study {
     Speed(speed::Arguments),
     Walk(walk::Arguments),
     Memory(memory::Arguments),
+    Cache(Box<cache::Arguments>),
+    Layouts(layouts::Arguments),
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
@@ -39,6 +44,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         Study::Speed(arguments) => speed::run(arguments),
         Study::Walk(arguments) => walk::run(arguments),
         Study::Memory(arguments) => memory::run(arguments),
+        Study::Cache(arguments) => cache::run(arguments),
+        Study::Layouts(arguments) => layouts::run(arguments),
     }
 }
 

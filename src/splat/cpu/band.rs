@@ -12,10 +12,9 @@ use std::time::{Duration, Instant};
 
 use super::blend::Blend;
 use super::dispatch::{self, Bench};
-use super::freeze::Frozen;
 use super::planes::{Planes, Rect};
-use super::project::Projector;
-use super::raster::{BLOCK, EllipseEach, Limits, Splats};
+use super::project::{GROUP, Projector, Voxels};
+use super::raster::{EllipseEach, Limits, Splats};
 use super::seen::Seen;
 use super::without::Without;
 use crate::arena::RecordSet;
@@ -62,12 +61,8 @@ pub(crate) fn draw<B: Blend>(
         limits,
         code,
         seen: extra.seen,
-        bench: Bench {
-            planes: Planes::new(rect, B::FOURTH)?,
-            frozen: Frozen::new(rect),
-            splats: Splats::new(),
-            each: EllipseEach::new(),
-        },
+        voxels: Voxels::new(),
+        bench: Bench { planes: Planes::new(rect, B::FOURTH)?, splats: Splats::new(), each: EllipseEach::new() },
         visited: 0,
         drawn: 0,
         drawing: Duration::ZERO,
@@ -78,6 +73,7 @@ pub(crate) fn draw<B: Blend>(
         None => walk(&projector.lane, order, &mut band),
         Some(left_out) => walk(&projector.lane, order, &mut Without::new(&mut band, left_out)),
     }
+    band.flush();
     let walking = start.elapsed().saturating_sub(band.drawing);
     let Band { bench, visited, drawn, drawing, .. } = band;
     Ok(Drawn { planes: bench.planes, visited, drawn, walking, drawing })
@@ -91,6 +87,7 @@ struct Band<'a, B> {
     limits: Limits,
     code: Code,
     seen: Option<Seen<'a>>,
+    voxels: Box<Voxels>,
     bench: Bench,
     visited: u64,
     drawn: u64,
@@ -120,6 +117,33 @@ impl<B: Blend> Band<'_, B> {
         })
     }
 
+    /// Whether nothing of a group of voxels can be seen: they lie outside the band or behind what is opaque.
+    #[inline(always)]
+    fn is_hidden(&self, batch: &Batch, from: usize) -> bool {
+        let to = (from + GROUP).min(batch.len());
+        let range =
+            |along: &[u16]| along[from..to].iter().fold((u16::MAX, 0), |(low, high), &at| (low.min(at), high.max(at)));
+        let [s, m, f] = self.projector.nesting;
+        let mut bounds = VoxelBox { low: [batch.slow; 3], high: [batch.slow; 3] };
+        debug_assert_eq!(s + m + f, 3);
+        (bounds.low[m], bounds.high[m]) = range(batch.medium);
+        (bounds.low[f], bounds.high[f]) = range(batch.fast);
+        match self.pixels(&bounds) {
+            Some(rect) => self.bench.planes.is_widely_frozen(rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1),
+            None => true,
+        }
+    }
+
+    /// Draws the voxels that wait.
+    fn flush(&mut self) {
+        let Band { code, projector, voxels, bench, limits, .. } = self;
+        self.drawn += match self.seen {
+            None => dispatch::block::<B>(*code, projector, voxels, bench, *limits),
+            Some(seen) => dispatch::block_seen(projector, voxels, bench, *limits, seen),
+        };
+        voxels.count = 0;
+    }
+
     fn in_crop(&self, bounds: &VoxelBox) -> bool {
         self.projector.crop.is_none_or(|crop| bounds.meets(&crop))
     }
@@ -134,14 +158,8 @@ impl<B: Blend> Visitor for Band<'_, B> {
         if !self.in_crop(bounds) {
             return false;
         }
-        let Some(all) = self.pixels(bounds) else { return false };
         if !(B::STOPS && self.limits.stop > 0.0) {
-            return true;
-        }
-        // One look settles most rows while the picture is still open.
-        let middle = Rect { x0: (all.x0 + all.x1) / 2, y0: (all.y0 + all.y1) / 2, ..all };
-        if self.bench.planes.fourth(middle.x0, middle.y0) >= self.limits.stop {
-            return true;
+            return self.pixels(bounds).is_some();
         }
         let (low, high) = (bounds.low[self.fast], bounds.high[self.fast]);
         let mut from = low;
@@ -150,8 +168,7 @@ impl<B: Blend> Visitor for Band<'_, B> {
             let mut piece = *bounds;
             (piece.low[self.fast], piece.high[self.fast]) = (from, to);
             if let Some(rect) = self.pixels(&piece) {
-                let Bench { planes, frozen, .. } = &mut self.bench;
-                if !frozen.covers_widely(planes, self.limits.stop, rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1) {
+                if !self.bench.planes.is_widely_frozen(rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1) {
                     return true;
                 }
             }
@@ -164,12 +181,15 @@ impl<B: Blend> Visitor for Band<'_, B> {
 
     fn visit(&mut self, batch: &Batch) {
         let start = Instant::now();
-        for from in (0..batch.len()).step_by(BLOCK) {
-            let Band { code, projector, bench, limits, .. } = self;
-            self.drawn += match self.seen {
-                None => dispatch::block::<B>(*code, projector, batch, from, bench, *limits),
-                Some(seen) => dispatch::block_seen(projector, batch, from, bench, *limits, seen),
-            };
+        let stops = B::STOPS && self.limits.stop > 0.0;
+        for from in (0..batch.len()).step_by(GROUP) {
+            if stops && self.is_hidden(batch, from) {
+                continue;
+            }
+            if !self.voxels.have_room(GROUP) {
+                self.flush();
+            }
+            self.voxels.add(batch, from);
         }
         self.visited += batch.len() as u64;
         self.drawing += start.elapsed();

@@ -6,72 +6,61 @@
 use multiversion::multiversion;
 
 use super::blend::{Blend, FrontToBack};
-use super::freeze::Frozen;
 use super::planes::Planes;
-use super::project::{Kind, Projector};
+use super::project::{Kind, Projector, Voxels};
 use super::raster::{self, EllipseEach, Limits, Splats};
 use super::seen::Seen;
 #[cfg(feature = "cli")]
 use super::splatter;
 use crate::splat::Code;
-use crate::traverse::Batch;
 
 /// What a band works with.
 pub(crate) struct Bench {
     pub(crate) planes: Planes,
-    pub(crate) frozen: Frozen,
     pub(crate) splats: Box<Splats>,
     pub(crate) each: Box<EllipseEach>,
 }
 
-/// Projects and draws the voxels of `batch` from `from` on, a block at most; gives how many splats were drawn.
+/// Projects and draws a block of voxels; gives how many splats were drawn.
 pub(crate) fn block<B: Blend>(
     code: Code,
     projector: &Projector,
-    batch: &Batch,
-    from: usize,
+    voxels: &Voxels,
     bench: &mut Bench,
     limits: Limits,
 ) -> u64 {
     match code {
-        Code::Best => block_best::<B>(projector, batch, from, bench, limits),
-        Code::Avx2 => block_avx2::<B>(projector, batch, from, bench, limits),
-        Code::Portable | Code::Plain => block_any::<B>(projector, batch, from, bench, limits),
+        Code::Best => block_best::<B>(projector, voxels, bench, limits),
+        Code::Avx2 => block_avx2::<B>(projector, voxels, bench, limits),
+        Code::Portable | Code::Plain => block_any::<B>(projector, voxels, bench, limits),
     }
 }
 
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn block_best<B: Blend>(projector: &Projector, batch: &Batch, from: usize, bench: &mut Bench, limits: Limits) -> u64 {
-    block_any::<B>(projector, batch, from, bench, limits)
+fn block_best<B: Blend>(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
+    block_any::<B>(projector, voxels, bench, limits)
 }
 
 #[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
-fn block_avx2<B: Blend>(projector: &Projector, batch: &Batch, from: usize, bench: &mut Bench, limits: Limits) -> u64 {
-    block_any::<B>(projector, batch, from, bench, limits)
+fn block_avx2<B: Blend>(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
+    block_any::<B>(projector, voxels, bench, limits)
 }
 
 /// As [`block`] front to back, and notes what is seen of the block before it is drawn.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-pub(crate) fn block_seen(
-    projector: &Projector,
-    batch: &Batch,
-    from: usize,
-    bench: &mut Bench,
-    limits: Limits,
-    seen: Seen,
-) -> u64 {
-    let Bench { planes, frozen, splats, each } = bench;
-    projector.block(batch, from, splats, each, planes, frozen, limits);
-    seen.note(projector, batch, from, splats, each, planes, limits);
+pub(crate) fn block_seen(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits, seen: Seen) -> u64 {
+    let Bench { planes, splats, each } = bench;
+    projector.block(voxels, splats, each, planes, limits);
+    seen.note(projector, voxels, splats, each, planes, limits);
     draw::<FrontToBack>(projector, planes, splats, each, limits)
 }
 
 /// As [`block`], but for the drawing; gives how many splats would be drawn.
 #[cfg(feature = "cli")]
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-pub(crate) fn project(projector: &Projector, batch: &Batch, from: usize, bench: &mut Bench, limits: Limits) -> u64 {
-    let Bench { planes, frozen, splats, each } = bench;
-    projector.block(batch, from, splats, each, planes, frozen, limits);
+pub(crate) fn project(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
+    let Bench { planes, splats, each } = bench;
+    projector.block(voxels, splats, each, planes, limits);
     std::hint::black_box(&bench.splats).count as u64
 }
 
@@ -95,10 +84,10 @@ pub(crate) fn handed(
 }
 
 #[inline(always)]
-fn block_any<B: Blend>(projector: &Projector, batch: &Batch, from: usize, bench: &mut Bench, limits: Limits) -> u64 {
-    let Bench { planes, frozen, splats, each } = bench;
+fn block_any<B: Blend>(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
+    let Bench { planes, splats, each } = bench;
     let limits = if B::STOPS { limits } else { Limits { stop: 0.0, ..limits } };
-    projector.block(batch, from, splats, each, planes, frozen, limits);
+    projector.block(voxels, splats, each, planes, limits);
     draw::<B>(projector, planes, splats, each, limits)
 }
 
@@ -111,7 +100,6 @@ fn draw<B: Blend>(
     limits: Limits,
 ) -> u64 {
     match &projector.kind {
-        Kind::Parallel { stamp: Some(stamp), .. } => raster::draw_stamped::<B>(planes, splats, stamp, limits),
         Kind::Parallel { ellipse, .. } => raster::draw::<B, _>(planes, splats, ellipse, limits),
         Kind::Perspective { .. } => raster::draw::<B, _>(planes, splats, each, limits),
     }

@@ -7,7 +7,6 @@ pub(crate) mod arith;
 mod band;
 pub(crate) mod blend;
 mod dispatch;
-mod freeze;
 mod need;
 mod plain;
 mod planes;
@@ -17,7 +16,6 @@ mod sampling;
 mod seen;
 #[cfg(feature = "cli")]
 pub(crate) mod splatter;
-mod stamp;
 mod without;
 
 use std::time::{Duration, Instant};
@@ -206,10 +204,12 @@ fn assemble(bands: &[Drawn], settings: &Settings, finish: Finish) -> Result<Fram
                 if !(rect.y0..rect.y1).contains(&y) {
                     continue;
                 }
-                let left = 4 * usize::try_from(rect.x0).unwrap_or(0);
-                let out = row[left..left + 4 * rect.width()].as_chunks_mut().0;
-                for (pixel, values) in out.iter_mut().zip(band.planes.pixels(y)) {
-                    *pixel = finish.pixel(*values);
+                for (x, pixels, count) in band.planes.row(y) {
+                    let left = 4 * usize::try_from(x).unwrap_or(0);
+                    let out = row[left..left + 4 * count].as_chunks_mut().0;
+                    for (pixel, values) in out.iter_mut().zip(pixels) {
+                        *pixel = finish.pixel(values);
+                    }
                 }
             }
         }

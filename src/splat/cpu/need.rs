@@ -2,7 +2,7 @@
 
 use crate::splat::Settings;
 
-/// Guard pixels and padding of a band's rows: columns and rows, at most (`planes.rs`).
+/// What tiles, their pitch, their states and counts add to a band: columns and rows, at most (`planes.rs`).
 const PADDING: [u64; 2] = [32 + 1 + 128, 32];
 /// Colours and depths of all codes, and what growing them wastes.
 const TABLE: u64 = 2 << 20;

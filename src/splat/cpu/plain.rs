@@ -1,7 +1,7 @@
 //! The plain twin: one voxel after the other, one pixel after the other.
 //!
 //! In and out as for a band. It shares the arithmetic of a single voxel and a single pixel with the fast code and
-//! nothing else: no blocks, no packing, no chords, no frozen squares, no bands. Tests hold the two to equal bits.
+//! nothing else: no blocks, no tiles, no chords, nothing frozen, no bands. Tests hold the two to equal bits.
 
 #![expect(clippy::cast_possible_truncation, reason = "as the fast code, whose bits it must give")]
 
@@ -12,7 +12,7 @@ use super::band::Drawn;
 use super::blend::Blend;
 use super::planes::{Planes, Rect};
 use super::project::{Kind, Projector, jacobian, slant, span, split};
-use super::raster::{Corner, Ellipse, Kernel, Limits};
+use super::raster::{Centre, Ellipse, Kernel, Limits};
 use crate::classify::normal;
 use crate::error::Result;
 use crate::splat::composite::MAX_DEPTH;
@@ -53,30 +53,16 @@ fn splat<B: Blend>(projector: &Projector, planes: &mut Planes, limits: Limits, v
     if !(strength > 0.0 && peak > 0.0) {
         return false;
     }
-    let corner = Corner { dx: (low_x - x.0) as f32 - x.1, dy: (low_y - y.0) as f32 - y.1 };
-    let kernel = Kernel { corner, ellipse, cut: limits.cut, peak };
-    let stamp = match &projector.kind {
-        Kind::Parallel { stamp, .. } => stamp.as_ref(),
-        Kind::Perspective { .. } => None,
-    };
+    let kernel = Kernel { centre: Centre { x: x.0, y: y.0, rest_x: x.1, rest_y: y.1 }, ellipse, cut: limits.cut, peak };
     let rect = planes.rect;
     let mut touched = false;
     for row in low_y.max(rect.y0)..=high_y.min(rect.y1 - 1) {
         for column in low_x.max(rect.x0)..=high_x.min(rect.x1 - 1) {
             touched = true;
-            let depth = match stamp {
-                Some(stamp) => {
-                    let lean = stamp.quadratic.lean(x.1, y.1);
-                    stamp.depth(&lean, (column - x.0) as f32, (row - y.0) as f32, peak)
-                }
-                None => kernel.depth((column - low_x) as f32, (row - low_y) as f32),
-            };
-            let amount = B::amount(depth);
-            let pixel = planes.pixel(column, row);
-            let fourth = pixel[3];
-            for (value, ink) in pixel.iter_mut().zip(ink) {
-                *value = B::blend(*value, fourth, amount, ink, stop);
-            }
+            let amount = B::amount(kernel.depth(column, row));
+            let old = planes.pixel(column, row);
+            let new = std::array::from_fn(|c| B::blend(old[c], old[3], amount, ink[c], stop));
+            planes.set_pixel(column, row, new);
         }
     }
     touched

@@ -1,16 +1,27 @@
-//! The accumulation buffer of a band.
+//! The accumulation buffer of a band, and which parts of it can no longer change.
 //!
-//! In: a rectangle of the picture, in absolute pixel coordinates. Out: rows of pixels, red, green, blue and a fourth
-//! value side by side, with guard pixels on all sides that a kernel may overwrite. Memory is touched two whole pixels
-//! at a time, always at the same 32 bytes: neighbouring splats overlap, and a processor hands a store on to the next
-//! load only where that asks for no more than was stored. Footprints of eight pixels and more pay for it (see
-//! `raster.rs`). The pitch keeps rows away from multiples of 4,096 bytes: at such a pitch all rows of a splat fall
-//! into one cache set and stores block the loads of the next row (measured: four times slower).
+//! In: a rectangle of the picture, in absolute pixel coordinates. Out: tiles of 4 x 4 pixels on the picture's fixed
+//! grid, each with sixteen reds, greens, blues and fourth values side by side: a footprint of any size and place is a
+//! few whole tiles, and every vector step is full. A processor hands a store on to the next load only where that asks
+//! for no more than was stored, so a tile's values are always read and written whole.
+//!
+//! A tile is *fresh* until something is drawn on it: then its memory was never touched, and an empty part of the
+//! picture costs nothing. It is *frozen* when all its pixels are below the stopping threshold. Squares of 4 x 4 tiles
+//! count their tiles that are not frozen, blocks of 8 x 8 squares their squares that have such tiles, so that large
+//! rectangles are asked about quickly.
+
+use bytemuck::Zeroable;
 
 use crate::error::{Error, Result};
 
-/// Guard pixels on every side; at least.
-const GUARD: i32 = 16;
+/// Side of a tile in pixels, as a shift.
+pub(crate) const TILE: i32 = 2;
+/// Pixels of a tile.
+pub(crate) const PIXELS: usize = 1 << (2 * TILE);
+/// Side of a square of tiles in pixels, as a shift.
+const SQUARE: i32 = 4;
+/// Side of a block of squares in pixels, as a shift.
+const BLOCK: i32 = 7;
 
 /// A half-open rectangle of pixels, in absolute picture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -25,119 +36,227 @@ pub(crate) struct Rect {
     pub y1: i32,
 }
 
-impl Rect {
-    /// Columns; 0 if the rectangle is empty.
-    pub(crate) fn width(&self) -> usize {
-        usize::try_from(self.x1 - self.x0).unwrap_or(0)
-    }
+/// The values of 4 x 4 pixels, row by row: reds, greens, blues, fourth values.
+#[derive(Debug, Clone, Copy, PartialEq, Zeroable)]
+#[repr(C, align(64))]
+pub(crate) struct Tile(pub(crate) [[f32; PIXELS]; 4]);
 
-    /// Rows; 0 if the rectangle is empty.
-    pub(crate) fn height(&self) -> usize {
-        usize::try_from(self.y1 - self.y0).unwrap_or(0)
-    }
-}
-
-/// Two neighbouring pixels, the first in an even column.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[repr(align(32))]
-pub(crate) struct Pair(pub(crate) [f32; 8]);
+/// Nothing was drawn on the tile yet.
+const FRESH: u8 = 0;
+/// Something was, and some pixel may still change.
+const OPEN: u8 = 1;
+/// No pixel changes any more.
+const FROZEN: u8 = 2;
 
 /// Pixels of one band. What the fourth value holds is the blend's business.
-#[derive(Debug)]
 pub(crate) struct Planes {
     pub(crate) rect: Rect,
-    /// Pairs from row to row.
+    /// What the fourth value of a fresh pixel is.
+    fourth: f32,
+    /// Tiles from row to row.
     pitch: usize,
-    /// Column and row of the first pixel, a guard; the column is even.
+    tiles: Box<[Tile]>,
+    /// One of each tile.
+    states: Vec<u8>,
+    /// Tiles of each square that are not frozen.
+    squares: Count,
+    /// Squares of each block that have such tiles.
+    blocks: Count,
+}
+
+/// A number for each cell of a grid of squares.
+struct Count {
     left: i32,
     top: i32,
-    pairs: Vec<Pair>,
+    columns: usize,
+    shift: i32,
+    counts: Vec<u8>,
+}
+
+impl Count {
+    /// For each square of `1 << shift` pixels how many cells of `1 << cell` pixels it shares with the rectangle.
+    fn new(rect: Rect, shift: i32, cell: i32) -> Count {
+        let cells = |low: i32, high: i32| {
+            let (first, last) = (low >> cell, (high - 1) >> cell);
+            let more = shift - cell;
+            (first >> more..=last >> more)
+                .map(|square| (last.min(((square + 1) << more) - 1) - first.max(square << more) + 1) as u8)
+                .collect::<Vec<u8>>()
+        };
+        let (across, down) = (cells(rect.x0, rect.x1), cells(rect.y0, rect.y1));
+        let counts = down.iter().flat_map(|rows| across.iter().map(move |columns| rows * columns)).collect();
+        Count { left: rect.x0 >> shift, top: rect.y0 >> shift, columns: across.len(), shift, counts }
+    }
+
+    /// The number of the square that holds pixel (`x`, `y`).
+    #[inline(always)]
+    fn at(&mut self, x: i32, y: i32) -> &mut u8 {
+        let (column, row) = ((x >> self.shift) - self.left, (y >> self.shift) - self.top);
+        &mut self.counts[row as usize * self.columns + column as usize]
+    }
+
+    #[inline(always)]
+    fn is_zero(&self, x: i32, y: i32) -> bool {
+        let (column, row) = ((x >> self.shift) - self.left, (y >> self.shift) - self.top);
+        self.counts[row as usize * self.columns + column as usize] == 0
+    }
 }
 
 impl Planes {
-    /// Pixels for `rect`: colours 0, the fourth value `fourth`.
+    /// Pixels for `rect`, which is not empty: colours 0, the fourth value `fourth`.
     ///
     /// # Errors
     /// [`Error::Limit`] if the memory cannot be had.
     pub(crate) fn new(rect: Rect, fourth: f32) -> Result<Planes> {
-        let (left, top) = ((rect.x0 & !1) - GUARD, rect.y0 - GUARD);
-        let guards = 2 * GUARD as usize;
-        let pitch = pitch_for(rect.width() + guards + 1);
-        let len = pitch * (rect.height() + guards);
-        let mut pairs = Vec::new();
-        pairs.try_reserve_exact(len).map_err(|_| Error::Limit {
+        let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
+        let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
+        let len = pitch * tiles_along(rect.y0, rect.y1);
+        let tiles = bytemuck::allocation::try_zeroed_slice_box(len).map_err(|()| Error::Limit {
             what: "memory for the picture in bytes".into(),
-            need: (size_of::<Pair>() * len) as u64,
+            need: (size_of::<Tile>() * len) as u64,
             have: 0,
         })?;
-        pairs.resize(len, Pair([0.0, 0.0, 0.0, fourth, 0.0, 0.0, 0.0, fourth]));
-        Ok(Planes { rect, pitch, left, top, pairs })
+        let (squares, blocks) = (Count::new(rect, SQUARE, TILE), Count::new(rect, BLOCK, SQUARE));
+        Ok(Planes { rect, fourth, pitch, tiles, states: vec![FRESH; len], squares, blocks })
     }
 
-    /// Index of the pair that holds pixel (`x`, `y`), which may be a guard.
+    /// Index of the tile in `column` and `row` of the picture's grid, which meets the rectangle.
     #[inline(always)]
-    pub(crate) fn index(&self, x: i32, y: i32) -> usize {
-        (y - self.top) as usize * self.pitch + ((x - self.left) >> 1) as usize
+    fn index(&self, column: i32, row: i32) -> usize {
+        (row - (self.rect.y0 >> TILE)) as usize * self.pitch + (column - (self.rect.x0 >> TILE)) as usize
     }
 
-    /// Pairs from row to row.
+    /// The values of the tile in `column` and `row` of the picture's grid, which meets the rectangle, and its index;
+    /// `None` if it is frozen.
     #[inline(always)]
-    pub(crate) fn pitch(&self) -> usize {
-        self.pitch
+    pub(crate) fn tile(&mut self, column: i32, row: i32) -> Option<(usize, &mut Tile)> {
+        let index = self.index(column, row);
+        match self.states[index] {
+            OPEN => {}
+            FRESH => self.begin(index, column, row),
+            _ => return None,
+        }
+        Some((index, &mut self.tiles[index]))
     }
 
-    /// All pairs.
-    #[inline(always)]
-    pub(crate) fn pairs(&mut self) -> &mut [Pair] {
-        &mut self.pairs
+    /// Gives the pixels of a fresh tile their fourth value. Those outside the rectangle stay 0, which never stops a tile
+    /// from being frozen.
+    #[inline(never)]
+    fn begin(&mut self, index: usize, column: i32, row: i32) {
+        let (x0, y0) = (column << TILE, row << TILE);
+        for (i, fourth) in (0..).zip(&mut self.tiles[index].0[3]) {
+            let (x, y) = (x0 + (i & 3), y0 + (i >> TILE));
+            let inside = (self.rect.x0..self.rect.x1).contains(&x) && (self.rect.y0..self.rect.y1).contains(&y);
+            *fourth = if inside { self.fourth } else { 0.0 };
+        }
+        self.states[index] = OPEN;
     }
 
-    /// Fourth value of pixel (`x`, `y`), which lies in the rectangle.
+    /// Notes that no pixel of an open tile changes any more.
+    #[inline(never)]
+    pub(crate) fn freeze(&mut self, index: usize, column: i32, row: i32) {
+        self.states[index] = FROZEN;
+        let (x, y) = (column << TILE, row << TILE);
+        let tiles = self.squares.at(x, y);
+        *tiles -= 1;
+        if *tiles == 0 {
+            *self.blocks.at(x, y) -= 1;
+        }
+    }
+
+    /// Whether all tiles that meet the pixels `x0..=x1`, `y0..=y1` are frozen. The pixels lie in the rectangle.
     #[inline(always)]
-    pub(crate) fn fourth(&self, x: i32, y: i32) -> f32 {
-        let Pair(pair) = &self.pairs[self.index(x, y)];
-        if x & 1 == 0 { pair[3] } else { pair[7] }
+    pub(crate) fn is_frozen(&self, x0: i32, y0: i32, x1: i32, y1: i32) -> bool {
+        for row in y0 >> TILE..=y1 >> TILE {
+            for column in x0 >> TILE..=x1 >> TILE {
+                if self.states[self.index(column, row)] != FROZEN {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    /// As [`Planes::is_frozen`] for large rectangles: looks at whole blocks and squares where it can.
+    pub(crate) fn is_widely_frozen(&self, x0: i32, y0: i32, x1: i32, y1: i32) -> bool {
+        for (x0, y0, x1, y1) in pieces(BLOCK, x0, y0, x1, y1) {
+            if self.blocks.is_zero(x0, y0) {
+                continue;
+            }
+            for (x0, y0, x1, y1) in pieces(SQUARE, x0, y0, x1, y1) {
+                if !self.squares.is_zero(x0, y0) && !self.is_frozen(x0, y0, x1, y1) {
+                    return false;
+                }
+            }
+        }
+        true
     }
 
     /// Pixel (`x`, `y`), which lies in the rectangle.
-    pub(crate) fn pixel(&mut self, x: i32, y: i32) -> &mut [f32; 4] {
-        let index = self.index(x, y);
-        let (pixels, _) = self.pairs[index].0.as_chunks_mut();
-        &mut pixels[(x & 1) as usize]
+    pub(crate) fn pixel(&self, x: i32, y: i32) -> [f32; 4] {
+        let index = self.index(x >> TILE, y >> TILE);
+        match self.states[index] {
+            FRESH => [0.0, 0.0, 0.0, self.fourth],
+            _ => self.tiles[index].0.map(|plane| plane[place(x, y)]),
+        }
     }
 
-    /// Pixels of row `y` without guards.
-    pub(crate) fn pixels(&self, y: i32) -> impl Iterator<Item = &[f32; 4]> {
-        let row = &self.pairs[self.index(self.left, y)..][..self.pitch];
-        let skip = usize::try_from(self.rect.x0 - self.left).unwrap_or(0);
-        row.iter().flat_map(|Pair(pair)| pair.as_chunks().0).skip(skip).take(self.rect.width())
+    /// Sets pixel (`x`, `y`), which lies in the rectangle.
+    pub(crate) fn set_pixel(&mut self, x: i32, y: i32, values: [f32; 4]) {
+        let index = self.index(x >> TILE, y >> TILE);
+        if self.states[index] == FRESH {
+            self.begin(index, x >> TILE, y >> TILE);
+        }
+        for (plane, value) in self.tiles[index].0.iter_mut().zip(values) {
+            plane[place(x, y)] = value;
+        }
+    }
+
+    /// Pixels of row `y` on which something was drawn, in pieces of at most four: the first one's column, and they.
+    pub(crate) fn row(&self, y: i32) -> impl Iterator<Item = (i32, [[f32; 4]; 1 << TILE], usize)> {
+        let Rect { x0, x1, .. } = self.rect;
+        (x0 >> TILE..=(x1 - 1) >> TILE).filter_map(move |column| {
+            let index = self.index(column, y >> TILE);
+            if self.states[index] == FRESH {
+                return None;
+            }
+            let (from, to) = (x0.max(column << TILE), x1.min((column + 1) << TILE));
+            let first = place(from, y);
+            let Tile(values) = &self.tiles[index];
+            let pixels = std::array::from_fn(|i| values.map(|plane| plane[(first + i) % PIXELS]));
+            Some((from, pixels, (to - from) as usize))
+        })
     }
 }
 
-/// Pairs per row of at least so many pixels: up to eight rows keep off each other's places in a page.
-fn pitch_for(pixels: usize) -> usize {
-    /// Pairs in 4,096 bytes.
-    const PAGE: usize = 128;
-    let mut pitch = pixels.div_ceil(2);
-    while !(1..=8).all(|rows| (5..=PAGE - 5).contains(&(rows * pitch % PAGE))) {
+/// The parts of the pixels `x0..=x1`, `y0..=y1` that lie in each square of `1 << shift` pixels.
+#[inline(always)]
+fn pieces(shift: i32, x0: i32, y0: i32, x1: i32, y1: i32) -> impl Iterator<Item = (i32, i32, i32, i32)> {
+    let part =
+        move |low: i32, high: i32, square: i32| (low.max(square << shift), high.min(((square + 1) << shift) - 1));
+    (y0 >> shift..=y1 >> shift).flat_map(move |row| {
+        let (top, bottom) = part(y0, y1, row);
+        (x0 >> shift..=x1 >> shift).map(move |column| {
+            let (left, right) = part(x0, x1, column);
+            (left, top, right, bottom)
+        })
+    })
+}
+
+/// Where a pixel's values lie in its tile.
+#[inline(always)]
+fn place(x: i32, y: i32) -> usize {
+    ((y & 3) << TILE | (x & 3)) as usize
+}
+
+/// Tiles per row of at least so many: up to three rows keep off each other's places in a page. At a pitch of 4,096
+/// bytes all rows of a splat fall into one cache set and stores block the loads of the next row.
+fn pitch_for(tiles: usize) -> usize {
+    /// Tiles in 4,096 bytes.
+    const PAGE: usize = 4096 / size_of::<Tile>();
+    let mut pitch = tiles;
+    while !(1..=3).all(|rows| (3..=PAGE - 3).contains(&(rows * pitch % PAGE))) && tiles > PAGE / 2 {
         pitch += 1;
     }
     pitch
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn no_rows_of_a_splat_are_a_multiple_of_a_page_apart() {
-        for pixels in 1..=16_417 {
-            let pitch = pitch_for(pixels);
-            assert!(2 * pitch >= pixels && pitch < pixels / 2 + 64, "{pixels}: {pitch}");
-            for rows in 1..8 {
-                let apart = rows * pitch * size_of::<Pair>() % 4096;
-                assert!((160..=4096 - 160).contains(&apart), "{pixels} pixels: {rows} rows apart");
-            }
-        }
-    }
 }

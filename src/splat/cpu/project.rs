@@ -19,10 +19,8 @@
 )]
 
 use super::arith::{LOG2_E, at_least, at_most, keep_if};
-use super::freeze::Frozen;
 use super::planes::Planes;
 use super::raster::{BLOCK, Ellipse, EllipseEach, Limits, Splats};
-use super::stamp::Stamp;
 use crate::arena::Lane;
 use crate::classify::normal;
 use crate::splat::composite::{Look, MAX_DEPTH, Table};
@@ -62,32 +60,67 @@ pub(super) trait Coordinates {
     fn single(&self, j: usize) -> [f32; 3];
 }
 
-/// Voxels of one slice.
-struct InSlice {
-    slow: u16,
-    medium: [u16; BLOCK],
-    fast: [u16; BLOCK],
+/// Coordinates along the slow, medium and fast axis.
+#[derive(Clone, Copy)]
+struct Positions([[u16; BLOCK]; 3]);
+
+/// Voxels of a lane that wait for a block to be full.
+pub(crate) struct Voxels {
+    pub(crate) count: usize,
+    at: Positions,
+    /// Their records in the lane's channels.
+    pub(crate) records: [usize; BLOCK],
 }
 
-impl Coordinates for InSlice {
+impl Voxels {
+    pub(crate) fn new() -> Box<Voxels> {
+        Box::new(Voxels { count: 0, at: Positions([[0; BLOCK]; 3]), records: [0; BLOCK] })
+    }
+
+    /// Whether there is room for `more`.
     #[inline(always)]
-    fn slow(&self, _: usize) -> f64 {
-        self.slow.into()
+    pub(crate) fn have_room(&self, more: usize) -> bool {
+        self.count + more <= BLOCK
+    }
+
+    /// Adds the voxels of `batch` from `from` on, as many as a group has at most, for which there is room.
+    #[inline(always)]
+    pub(crate) fn add(&mut self, batch: &Batch, from: usize) {
+        let count = (batch.len() - from).min(GROUP);
+        let (group, places) = (from..from + count, self.count..self.count + count);
+        let Positions([slow, medium, fast]) = &mut self.at;
+        slow[places.clone()].fill(batch.slow);
+        medium[places.clone()].copy_from_slice(&batch.medium[group.clone()]);
+        fast[places.clone()].copy_from_slice(&batch.fast[group.clone()]);
+        for (out, index) in self.records[places].iter_mut().zip(group) {
+            *out = batch.record_index(index);
+        }
+        self.count += count;
+    }
+}
+
+/// Voxels that are asked about and added at once.
+pub(crate) const GROUP: usize = 16;
+
+impl Coordinates for Positions {
+    #[inline(always)]
+    fn slow(&self, j: usize) -> f64 {
+        self.0[0][j].into()
     }
 
     #[inline(always)]
     fn medium(&self, j: usize) -> f64 {
-        self.medium[j].into()
+        self.0[1][j].into()
     }
 
     #[inline(always)]
     fn fast(&self, j: usize) -> f64 {
-        self.fast[j].into()
+        self.0[2][j].into()
     }
 
     #[inline(always)]
     fn single(&self, j: usize) -> [f32; 3] {
-        [self.slow.into(), self.medium[j].into(), self.fast[j].into()]
+        self.0.map(|along| along[j].into())
     }
 }
 
@@ -97,8 +130,6 @@ pub(crate) enum Kind {
     Parallel {
         pixel_from_voxel: [[f64; 4]; 2],
         ellipse: Ellipse,
-        /// Of footprints that are small enough.
-        stamp: Option<Stamp>,
         /// Peak of a unit of optical depth.
         strength: f32,
     },
@@ -122,8 +153,7 @@ impl<'a> Projector<'a> {
                 let rows = pixel_from_voxel.map(|m| [m[0] as f32, m[1] as f32, m[2] as f32]);
                 let print = footprint(rows, sigma, cut_off);
                 let strength = normalisation * print.density * (scale * scale) as f32;
-                let stamp = Stamp::new(&print.ellipse, kernel.cut());
-                Kind::Parallel { pixel_from_voxel, ellipse: print.ellipse, stamp, strength }
+                Kind::Parallel { pixel_from_voxel, ellipse: print.ellipse, strength }
             }
             PixelMap::Perspective { camera_from_voxel, focal, centre, near } => {
                 let strength = normalisation * (focal * focal) as f32;
@@ -158,7 +188,7 @@ impl<'a> Projector<'a> {
                 let (one, many) = (footprint(rows, self.sigma, self.cut_off), footprint(rows, sigma, self.cut_off));
                 debug_assert_eq!(one.ellipse, *ellipse);
                 let strength = strength * (many.density / one.density) * width.powi(3);
-                Kind::Parallel { pixel_from_voxel: *pixel_from_voxel, ellipse: many.ellipse, stamp: None, strength }
+                Kind::Parallel { pixel_from_voxel: *pixel_from_voxel, ellipse: many.ellipse, strength }
             }
             Kind::Perspective { camera_from_voxel, focal, centre, near, strength } => Kind::Perspective {
                 camera_from_voxel: *camera_from_voxel,
@@ -179,37 +209,32 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Stage 1 for the voxels `from..from + count` of a batch; `count` is at most [`BLOCK`].
+    /// Stage 1 for a block.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "separate arrays tell the compiler that they are apart")]
     pub(crate) fn block(
         &self,
-        batch: &Batch,
-        from: usize,
+        voxels: &Voxels,
         out: &mut Splats,
         each: &mut EllipseEach,
         planes: &Planes,
-        frozen: &mut Frozen,
         limits: Limits,
     ) {
-        let count = (batch.fast.len() - from).min(BLOCK);
-        let mut at = InSlice { slow: batch.slow, medium: [0; BLOCK], fast: [0; BLOCK] };
-        at.medium[..count].copy_from_slice(&batch.medium[from..from + count]);
-        at.fast[..count].copy_from_slice(&batch.fast[from..from + count]);
         let crop = self.crop.unwrap_or(VoxelBox { low: [0; 3], high: [u16::MAX; 3] });
-        let [s, m, f] = self.nesting;
-        let slow_inside = (crop.low[s]..=crop.high[s]).contains(&batch.slow);
-        let (medium, fast) = (&at.medium, &at.fast);
+        let (low, high) = (self.nesting.map(|axis| crop.low[axis]), self.nesting.map(|axis| crop.high[axis]));
+        // A copy of their own tells the compiler that they and the results are apart.
+        let at = voxels.at;
+        let Positions([slow, medium, fast]) = &at;
         let in_crop = |j: usize| {
-            slow_inside
-                & (medium[j] >= crop.low[m])
-                & (medium[j] <= crop.high[m])
-                & (fast[j] >= crop.low[f])
-                & (fast[j] <= crop.high[f])
+            (slow[j] >= low[0])
+                & (slow[j] <= high[0])
+                & (medium[j] >= low[1])
+                & (medium[j] <= high[1])
+                & (fast[j] >= low[2])
+                & (fast[j] <= high[2])
         };
         self.place(&at, out, each);
-        self.keep(count, in_crop, out, planes, frozen, limits);
-        self.colour(batch, from, &at, out);
+        self.keep(voxels.count, in_crop, out, planes, limits);
+        self.colour(voxels, &at, out);
     }
 
     /// Centres, ellipses and bounding boxes of a whole block.
@@ -224,49 +249,61 @@ impl<'a> Projector<'a> {
     #[inline(always)]
     fn place_parallel<C: Coordinates>(&self, at: &C, out: &mut Splats) {
         let Kind::Parallel { pixel_from_voxel, ellipse, strength, .. } = &self.kind else { return };
-        let [s, m, f] = self.nesting;
-        let [column, row] = pixel_from_voxel;
-        for j in 0..BLOCK {
-            let base = pixel_from_voxel.map(|map| map[3] + map[s] * at.slow(j));
-            let x = split(base[0] + column[m] * at.medium(j) + column[f] * at.fast(j));
-            let y = split(base[1] + row[m] * at.medium(j) + row[f] * at.fast(j));
-            (out.x[j], out.rest_x[j]) = x;
-            (out.y[j], out.rest_y[j]) = y;
-            (out.low_x[j], out.high_x[j]) = span(x, ellipse.half_x);
-            (out.low_y[j], out.high_y[j]) = span(y, ellipse.half_y);
+        let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
+        let (half_x, half_y) = (ellipse.half_x, ellipse.half_y);
+        for from in (0..BLOCK).step_by(LANES) {
+            let (mut x, mut y) = (Side::default(), Side::default());
+            for j in 0..LANES {
+                let place = [at.slow(from + j), at.medium(from + j), at.fast(from + j)];
+                x.put(j, split(along(&column, place)), half_x);
+                y.put(j, split(along(&row, place)), half_y);
+            }
+            x.store(from, &mut out.x, &mut out.rest_x, &mut out.low_x, &mut out.high_x);
+            y.store(from, &mut out.y, &mut out.rest_y, &mut out.low_y, &mut out.high_y);
         }
         out.strength = [*strength; BLOCK];
+    }
+
+    /// An affine map by slow, medium and fast coordinate.
+    #[inline(always)]
+    fn nested(&self, map: &[f64; 4]) -> [f64; 4] {
+        let [s, m, f] = self.nesting;
+        [map[s], map[m], map[f], map[3]]
     }
 
     #[inline(always)]
     fn place_perspective<C: Coordinates>(&self, at: &C, out: &mut Splats, each: &mut EllipseEach) {
         let Kind::Perspective { camera_from_voxel, focal, centre, near, strength } = &self.kind else { return };
-        let [right, up, along] = camera_from_voxel;
-        let [s, m, f] = self.nesting;
         let single = |map: &[f64; 4]| [map[0] as f32, map[1] as f32, map[2] as f32];
-        let steps = [single(right), single(up), single(along)];
-        let focal_single = *focal as f32;
-        for j in 0..BLOCK {
-            let base = camera_from_voxel.map(|map| map[3] + map[s] * at.slow(j));
-            let (along_m, along_f) = (at.medium(j), at.fast(j));
-            let t0 = base[0] + right[m] * along_m + right[f] * along_f;
-            let t1 = base[1] + up[m] * along_m + up[f] * along_f;
-            let t2 = base[2] + along[m] * along_m + along[f] * along_f;
-            let in_front = t2 >= *near;
-            let closeness = 1.0 / if in_front { t2 } else { *near };
-            let (across, above) = (t0 * closeness, t1 * closeness);
-            let x = split(centre[0] + focal * across);
-            let y = split(centre[1] - focal * above);
-            let (tx, ty, closeness) = (across as f32, above as f32, closeness as f32);
-            let print = footprint(jacobian(&steps, tx, ty, focal_single * closeness), self.sigma, self.cut_off);
-            out.strength[j] = keep_if(in_front, *strength * print.density * slant(tx, ty) * (closeness * closeness));
-            each.across[j] = print.ellipse.across;
-            each.along[j] = print.ellipse.along;
-            each.shear[j] = print.ellipse.shear;
-            (out.x[j], out.rest_x[j]) = x;
-            (out.y[j], out.rest_y[j]) = y;
-            (out.low_x[j], out.high_x[j]) = span(x, print.ellipse.half_x);
-            (out.low_y[j], out.high_y[j]) = span(y, print.ellipse.half_y);
+        let steps = camera_from_voxel.each_ref().map(single);
+        let [right, up, forward] = camera_from_voxel.map(|map| self.nested(&map));
+        let (focal, near, strength, [centre_x, centre_y]) = (*focal, *near, *strength, *centre);
+        let (focal_single, sigma, cut_off) = (focal as f32, self.sigma, self.cut_off);
+        for from in (0..BLOCK).step_by(LANES) {
+            let (mut x, mut y) = (Side::default(), Side::default());
+            let mut strengths = [0.0; LANES];
+            let mut ellipses = [[0.0; LANES]; 3];
+            for j in 0..LANES {
+                let place = [at.slow(from + j), at.medium(from + j), at.fast(from + j)];
+                let [t0, t1, t2] = [along(&right, place), along(&up, place), along(&forward, place)];
+                let in_front = t2 >= near;
+                let closeness = 1.0 / if in_front { t2 } else { near };
+                let (across, above) = (t0 * closeness, t1 * closeness);
+                let (tx, ty, near_by) = (across as f32, above as f32, closeness as f32);
+                let print = footprint(jacobian(&steps, tx, ty, focal_single * near_by), sigma, cut_off);
+                strengths[j] = keep_if(in_front, strength * print.density * slant(tx, ty) * (near_by * near_by));
+                ellipses[0][j] = print.ellipse.across;
+                ellipses[1][j] = print.ellipse.along;
+                ellipses[2][j] = print.ellipse.shear;
+                x.put(j, split(centre_x + focal * across), print.ellipse.half_x);
+                y.put(j, split(centre_y - focal * above), print.ellipse.half_y);
+            }
+            x.store(from, &mut out.x, &mut out.rest_x, &mut out.low_x, &mut out.high_x);
+            y.store(from, &mut out.y, &mut out.rest_y, &mut out.low_y, &mut out.high_y);
+            out.strength[from..from + LANES].copy_from_slice(&strengths);
+            each.across[from..from + LANES].copy_from_slice(&ellipses[0]);
+            each.along[from..from + LANES].copy_from_slice(&ellipses[1]);
+            each.shear[from..from + LANES].copy_from_slice(&ellipses[2]);
         }
     }
 
@@ -278,7 +315,6 @@ impl<'a> Projector<'a> {
         wanted: impl Fn(usize) -> bool,
         out: &mut Splats,
         planes: &Planes,
-        frozen: &mut Frozen,
         limits: Limits,
     ) {
         let rect = planes.rect;
@@ -304,9 +340,9 @@ impl<'a> Projector<'a> {
                 let (x0, x1) = (out.low_x[j].max(rect.x0), out.high_x[j].min(rect.x1 - 1));
                 let (y0, y1) = (out.low_y[j].max(rect.y0), out.high_y[j].min(rect.y1 - 1));
                 out.kept[open] = out.kept[k];
-                // Most splats are settled by the pixel at their centre.
-                let centre = planes.fourth(out.x[j].max(x0).min(x1), out.y[j].max(y0).min(y1));
-                let is_open = centre >= limits.stop || !frozen.covers(planes, limits.stop, x0, y0, x1, y1);
+                // Most splats are settled by the tile at their centre.
+                let (x, y) = (out.x[j].max(x0).min(x1), out.y[j].max(y0).min(y1));
+                let is_open = !planes.is_frozen(x, y, x, y) || !planes.is_frozen(x0, y0, x1, y1);
                 open += usize::from(is_open);
             }
             kept = open;
@@ -316,15 +352,13 @@ impl<'a> Projector<'a> {
 
     /// Colours and peaks of the kept splats.
     #[inline(always)]
-    fn colour(&self, batch: &Batch, from: usize, at: &InSlice, out: &mut Splats) {
-        let records = &batch.record[from..];
+    fn colour(&self, voxels: &Voxels, at: &Positions, out: &mut Splats) {
         let count = out.count;
-        let base = usize::try_from(batch.base).unwrap_or(usize::MAX);
         // The commonest kind has a loop of its own: no question is asked twice.
         let bytes = self.table.of_bytes().filter(|_| self.lane.channels.value_bits == 8);
         for k in 0..count {
             let j = usize::from(out.kept[k]) % BLOCK;
-            let record = base.saturating_add(records[j] as usize);
+            let record = voxels.records[j];
             let [red, green, blue, peak] = match bytes {
                 Some(looks) => {
                     let code = match self.lane.values.get(record) {
@@ -341,7 +375,7 @@ impl<'a> Projector<'a> {
             weigh(out);
         }
         if let Some(lights) = &self.lights {
-            let normals = self.normals(batch, from, out);
+            let normals = self.normals(voxels, out);
             self.light(lights, &normals, at, out);
         }
     }
@@ -354,15 +388,13 @@ impl<'a> Projector<'a> {
 
     /// Normals of the kept splats.
     #[inline(always)]
-    fn normals(&self, batch: &Batch, from: usize, out: &Splats) -> [[f32; BLOCK]; 3] {
-        let records = &batch.record[from..];
-        let base = usize::try_from(batch.base).unwrap_or(usize::MAX);
+    fn normals(&self, voxels: &Voxels, out: &Splats) -> [[f32; BLOCK]; 3] {
         let mut codes = [0u32; BLOCK];
         if self.lane.channels.normal_bits == 8 {
             let (normals, _) = self.lane.normals.as_chunks::<2>();
             for k in 0..out.count {
                 let j = usize::from(out.kept[k]) % BLOCK;
-                let record = base.saturating_add(records[j] as usize);
+                let record = voxels.records[j];
                 codes[k] = match normals.get(record) {
                     Some(&code) => u16::from_le_bytes(code).into(),
                     None => self.lane.normal_code(record),
@@ -371,13 +403,19 @@ impl<'a> Projector<'a> {
         } else {
             for k in 0..out.count {
                 let j = usize::from(out.kept[k]) % BLOCK;
-                codes[k] = self.lane.normal_code(base.saturating_add(records[j] as usize));
+                codes[k] = self.lane.normal_code(voxels.records[j]);
             }
         }
         let mut normals = [[0.0f32; BLOCK]; 3];
         if self.lane.channels.normal_bits == 8 {
-            for k in 0..BLOCK {
-                [normals[0][k], normals[1][k], normals[2][k]] = normal::decode8(codes[k] as u16);
+            for from in (0..out.count.min(BLOCK)).step_by(LANES) {
+                let mut parts = [[0.0; LANES]; 3];
+                for k in 0..LANES {
+                    [parts[0][k], parts[1][k], parts[2][k]] = normal::decode8(codes[from + k] as u16);
+                }
+                for (normals, parts) in normals.iter_mut().zip(&parts) {
+                    normals[from..from + LANES].copy_from_slice(parts);
+                }
             }
         } else {
             for k in 0..BLOCK {
@@ -392,9 +430,16 @@ impl<'a> Projector<'a> {
     pub(super) fn light<C: Coordinates>(&self, lights: &Lights, normals: &[[f32; BLOCK]; 3], at: &C, out: &mut Splats) {
         let mut shades = [[0.0f32; BLOCK]; 2];
         if let Kind::Parallel { .. } = self.kind {
-            for k in 0..BLOCK {
-                let normal = [normals[0][k], normals[1][k], normals[2][k]];
-                [shades[0][k], shades[1][k]] = lights.shade(normal, lights.eye);
+            let lights = *lights;
+            for from in (0..out.count.min(BLOCK)).step_by(LANES) {
+                let mut parts = [[0.0; LANES]; 2];
+                for k in 0..LANES {
+                    let normal = [normals[0][from + k], normals[1][from + k], normals[2][from + k]];
+                    [parts[0][k], parts[1][k]] = lights.shade(normal, lights.eye);
+                }
+                for (shades, parts) in shades.iter_mut().zip(&parts) {
+                    shades[from..from + LANES].copy_from_slice(parts);
+                }
             }
         } else {
             let [s, m, f] = self.nesting;
@@ -406,19 +451,60 @@ impl<'a> Projector<'a> {
                 toward[m][k] = self.eye[m] - self.steps[m] * medium;
                 toward[f][k] = self.eye[f] - self.steps[f] * fast;
             }
-            for k in 0..BLOCK {
+            for k in 0..out.count.min(BLOCK).next_multiple_of(LANES) {
                 let [x, y, z] = [toward[0][k], toward[1][k], toward[2][k]];
                 let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();
                 let normal = [normals[0][k], normals[1][k], normals[2][k]];
                 [shades[0][k], shades[1][k]] = lights.shade(normal, [x / length, y / length, z / length]);
             }
         }
-        for k in 0..BLOCK {
+        for k in 0..out.count.min(BLOCK) {
             let [red, green, blue, fourth] = out.ink[k];
             let [factor, highlight] = [shades[0][k], shades[1][k]];
             out.ink[k] = [red * factor + highlight, green * factor + highlight, blue * factor + highlight, fourth];
         }
     }
+}
+
+/// Voxels that are computed together, in arrays of their own: so the compiler knows them to be apart from all else.
+const LANES: usize = 16;
+
+/// Centres and boxes along a picture's rows or columns.
+#[derive(Default)]
+struct Side {
+    nearest: [i32; LANES],
+    rest: [f32; LANES],
+    low: [i32; LANES],
+    high: [i32; LANES],
+}
+
+impl Side {
+    #[inline(always)]
+    fn put(&mut self, j: usize, centre: (i32, f32), half: f32) {
+        (self.nearest[j], self.rest[j]) = centre;
+        (self.low[j], self.high[j]) = span(centre, half);
+    }
+
+    #[inline(always)]
+    fn store(
+        &self,
+        from: usize,
+        nearest: &mut [i32; BLOCK],
+        rest: &mut [f32; BLOCK],
+        low: &mut [i32; BLOCK],
+        high: &mut [i32; BLOCK],
+    ) {
+        nearest[from..from + LANES].copy_from_slice(&self.nearest);
+        rest[from..from + LANES].copy_from_slice(&self.rest);
+        low[from..from + LANES].copy_from_slice(&self.low);
+        high[from..from + LANES].copy_from_slice(&self.high);
+    }
+}
+
+/// An affine map of a place, both by slow, medium and fast coordinate.
+#[inline(always)]
+fn along(map: &[f64; 4], [slow, medium, fast]: [f64; 3]) -> f64 {
+    (map[3] + map[0] * slow) + map[1] * medium + map[2] * fast
 }
 
 /// Peaks of the kept splats, from their optical depths per mean voxel.

@@ -1,26 +1,15 @@
 //! Stage 2: splats to pixels.
 //!
-//! In: a block of projected splats in visit order, the pixels of a band. Out: the band's pixels.
+//! In: a block of projected splats in visit order, the tiles of a band. Out: the band's pixels.
 //!
 //! ```text
 //! q     = across * u^2 + along * y^2, u = x - shear * y     from the centre; in units of ln 2; beyond `cut` it is none
 //! depth = peak * 2^-q
 //! ```
 //!
-//! Departures for speed:
-//! 1. Footprints of a parallel view that are seven pixels wide or less have no exponential per pixel: [`Stamp`].
-//! 2. Up to seven pixels wide: eight pixels of two rows go together, from an even column on; half of them are empty,
-//!    but nothing is packed or masked. Sixteen footprints are queued between the arithmetic and the pixels, so that
-//!    the processor overlaps their chains (one by one: 5 px 62 ns, queued 54).
-//! 3. Wider ones: sixteen pixels of a row together, from sixteen columns on within the ellipse's chord in each row.
-//!    Against rows packed without gaps and one plane per colour that is slower: 8 px 96 against 163 ns, 20 px 930
-//!    against 1090.
-//!
-//! Two of the loops look clumsier than they could: the compiler takes four pixels at a time where arithmetic and
-//! pixels share a loop, and gathers where it sees that pairs of pixels are independent (three times slower).
-//!
-//! A step may run over pixels outside the ellipse or the band: they get depth 0 or are guard pixels. A pixel's bits
-//! depend on absolute coordinates only.
+//! A splat is put on every tile of 4 x 4 pixels that its box meets, sixteen pixels together; of a wide one, on those
+//! that its ellipse meets. Tiles that are frozen are passed over. A tile may have pixels outside the ellipse or the
+//! band: they get depth 0 or are of no consequence. A pixel's bits depend on absolute coordinates only.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -28,10 +17,9 @@
     reason = "index loops over arrays run side by side; pixel counts are below 2^15; casts of coordinates saturate and are clipped to the band"
 )]
 
-use super::arith::{LITTLE, at_least, exp2_neg, keep_if};
+use super::arith::{LITTLE, at_least, at_most, exp2_neg, keep_if};
 use super::blend::Blend;
-use super::planes::{Pair, Planes};
-use super::stamp::{COLUMNS, ROWS, Stamp};
+use super::planes::{PIXELS, Planes, TILE, Tile};
 
 /// Splats in a block: small enough that all its arrays stay in the first-level cache.
 pub(crate) const BLOCK: usize = 128;
@@ -141,288 +129,179 @@ pub(crate) struct Limits {
     pub(crate) stop: f32,
 }
 
-/// Narrow footprints between the computation of what their pixels absorb and the pixels. Each is one long chain of
-/// dependent steps; sixteen after the other in each loop let the processor overlap them.
-struct Queue {
-    count: usize,
-    slots: [Slot; QUEUE],
-    /// Eight rows of eight pixels.
-    amounts: [[f32; COLUMNS * ROWS]; QUEUE],
-}
-
-/// Footprints in a queue.
-const QUEUE: usize = 16;
-
-/// Where a narrow footprint's pixels lie.
-#[derive(Debug, Clone, Copy, Default)]
-struct Slot {
-    /// Its ink.
-    splat: usize,
-    /// First pair.
-    index: usize,
-    /// Pairs across, four at most.
-    across: usize,
-    /// Rows, eight at most.
-    rows: usize,
-}
-
-impl Queue {
-    fn new() -> Queue {
-        Queue { count: 0, slots: [Slot::default(); QUEUE], amounts: [[0.0; COLUMNS * ROWS]; QUEUE] }
-    }
-
-    /// Puts the queued footprints into the picture.
-    #[inline(always)]
-    fn flush<B: Blend>(&mut self, planes: &mut Planes, splats: &Splats, stop: f32) {
-        let pitch = planes.pitch();
-        let pairs = planes.pairs();
-        for (slot, amounts) in self.slots.iter().zip(&self.amounts).take(self.count) {
-            let ink = &splats.ink[slot.splat % BLOCK];
-            let mut at = slot.index;
-            for eight in &amounts.as_chunks::<COLUMNS>().0[..slot.rows.min(ROWS)] {
-                deposit::<B>(pairs, at, slot.across, eight, ink, stop);
-                at += pitch;
-            }
-        }
-        self.count = 0;
-    }
-}
-
-/// What the pixels of up to eight rows absorb, of the depths that `of_two` gives for two rows.
-#[inline(always)]
-fn absorb(
-    amounts: &mut [f32; COLUMNS * ROWS],
-    rows: usize,
-    of_two: impl Fn(usize) -> [f32; STEP],
-    amount: impl Fn(f32) -> f32,
-) {
-    for (two, out) in amounts.as_chunks_mut::<STEP>().0.iter_mut().enumerate().take(rows.div_ceil(2)) {
-        let depths = of_two(two);
-        let mut step = [0.0; STEP];
-        for i in 0..STEP {
-            step[i] = amount(depths[i]);
-        }
-        *out = step;
-    }
-}
-
-/// Draws a block whose splats share a stamp; gives how many splats touched the band.
-#[inline(always)]
-pub(crate) fn draw_stamped<B: Blend>(planes: &mut Planes, splats: &Splats, stamp: &Stamp, limits: Limits) -> u64 {
-    let rect = planes.rect;
-    let mut drawn = 0;
-    let mut queue = Queue::new();
-    let mut sides = [[0.0; COLUMNS + ROWS]; QUEUE];
-    let mut starts = [[0; 2]; QUEUE];
-    let count = splats.count.min(BLOCK);
-    let mut k = 0;
-    while k < count {
-        let mut queued = 0;
-        while k < count && queued < QUEUE {
-            let j = usize::from(splats.kept[k]) % BLOCK;
-            let (low_x, low_y) = (splats.low_x[j], splats.low_y[j]);
-            let rows = splats.high_y[j].wrapping_sub(low_y).wrapping_add(1).clamp(1, ROWS as i32) as usize;
-            // Stage 1 lists only splats that reach the band; the test keeps a mistake there from leaving the planes.
-            if splats.peak[k] > 0.0
-                && low_x > rect.x0 - COLUMNS as i32
-                && low_x < rect.x1
-                && low_y > rect.y0 - ROWS as i32
-                && low_y < rect.y1
-            {
-                let start_x = low_x & !1;
-                let lean = stamp.quadratic.lean(splats.rest_x[j], splats.rest_y[j]);
-                let (column, row) = (start_x - splats.x[j], low_y - splats.y[j]);
-                sides[queued] = lean.sides(column as f32, row as f32);
-                starts[queued] = [column, row];
-                let across = ((splats.high_x[j] - start_x) as usize / 2 + 1).max(stamp.across).min(COLUMNS / 2);
-                queue.slots[queued] = Slot { splat: k, index: planes.index(start_x, low_y), across, rows };
-                queued += 1;
-            }
-            k += 1;
-        }
-        for n in 0..queued {
-            let Slot { splat, rows, .. } = queue.slots[n];
-            let (peak, sides, weights) =
-                (splats.peak[splat % BLOCK], &sides[n], stamp.from(starts[n][0], starts[n][1]));
-            let floor = peak * stamp.floor;
-            let depths = |two: usize| {
-                let weights: &[f32; STEP] = &weights.as_chunks().0[two];
-                let of_rows = [0, 1].map(|row| sides[COLUMNS + 2 * two + row] * peak);
-                let mut depths = [0.0; STEP];
-                for i in 0..STEP {
-                    let depth = (weights[i] * sides[i % COLUMNS]) * of_rows[i / COLUMNS];
-                    depths[i] = keep_if(depth >= floor, depth);
-                }
-                depths
-            };
-            if peak <= LITTLE {
-                absorb(&mut queue.amounts[n], rows, depths, B::little);
-            } else {
-                absorb(&mut queue.amounts[n], rows, depths, B::amount);
-            }
-        }
-        queue.count = queued;
-        queue.flush::<B>(planes, splats, limits.stop);
-        drawn += queued as u64;
-    }
-    drawn
-}
-
-/// Pixels of a row, two by two.
-#[inline(always)]
-fn deposit<B: Blend>(pairs: &mut [Pair], at: usize, across: usize, amounts: &[f32], ink: &[f32; 4], stop: f32) {
-    let (twos, _) = amounts.as_chunks::<2>();
-    // Indices are checked one by one on purpose: else the compiler takes several pairs at once, by gathers.
-    for k in 0..across {
-        let two = twos[k];
-        let old = pairs[at + k].0;
-        let mut new = [0.0; 8];
-        for i in 0..8 {
-            new[i] = B::blend(old[i], old[i | 3], two[i / 4], ink[i % 4], stop);
-        }
-        pairs[at + k].0 = new;
-    }
-}
-
 /// Draws a block; gives how many splats touched the band.
 #[inline(always)]
 pub(crate) fn draw<B: Blend, E: Ellipses>(planes: &mut Planes, splats: &Splats, ellipses: &E, limits: Limits) -> u64 {
     let rect = planes.rect;
     let mut drawn = 0;
-    let mut queue = Queue::new();
-    let mut run = [0.0; RUN];
     for k in 0..splats.count.min(BLOCK) {
         let j = usize::from(splats.kept[k]) % BLOCK;
         let peak = splats.peak[k];
-        let (low_x, high_x) = (splats.low_x[j], splats.high_x[j]);
-        let (low_y, high_y) = (splats.low_y[j], splats.high_y[j]);
-        // As above.
-        if peak <= 0.0 || low_y >= rect.y1 || high_y < rect.y0 || low_x >= rect.x1 || high_x < rect.x0 {
+        let (low_x, high_x) = (splats.low_x[j].max(rect.x0), splats.high_x[j].min(rect.x1 - 1));
+        let (low_y, high_y) = (splats.low_y[j].max(rect.y0), splats.high_y[j].min(rect.y1 - 1));
+        // Stage 1 lists only splats that reach the band; the test keeps a mistake there from leaving the tiles.
+        if peak <= 0.0 || low_x > high_x || low_y > high_y {
             continue;
         }
         drawn += 1;
-        let ink = &splats.ink[k];
-        let ellipse = ellipses.at(j);
-        let corner = Corner {
-            dx: (low_x - splats.x[j]) as f32 - splats.rest_x[j],
-            dy: (low_y - splats.y[j]) as f32 - splats.rest_y[j],
-        };
-        let kernel = Kernel { corner, ellipse, cut: limits.cut, peak };
-        let (columns, rows) = (high_x.wrapping_sub(low_x).wrapping_add(1), high_y.wrapping_sub(low_y).wrapping_add(1));
-        if (1..COLUMNS as i32).contains(&columns) && (1..=ROWS as i32).contains(&rows) {
-            if queue.count == QUEUE {
-                queue.flush::<B>(planes, splats, limits.stop);
-            }
-            let (index, across) = (planes.index(low_x & !1, low_y), (high_x - (low_x & !1)) as usize / 2 + 1);
-            let rows = rows as usize;
-            queue.slots[queue.count] = Slot { splat: k, index, across, rows };
-            let first = -((low_x & 1) as f32);
-            let depths = |two: usize| {
-                let row = [0.0, 2.0, 4.0, 6.0][two];
-                let mut depths = [0.0; STEP];
-                for i in 0..STEP {
-                    depths[i] = kernel.depth(first + (i % COLUMNS) as f32, row + (i / COLUMNS) as f32);
-                }
-                depths
-            };
-            if peak <= LITTLE {
-                absorb(&mut queue.amounts[queue.count], rows, depths, B::little);
-            } else {
-                absorb(&mut queue.amounts[queue.count], rows, depths, B::amount);
-            }
-            queue.count += 1;
-        } else if (1..STEP as i32).contains(&columns) {
-            queue.flush::<B>(planes, splats, limits.stop);
-            let across = (high_x - (low_x & !1)) as usize / 2 + 1;
-            let first = -((low_x & 1) as f32);
-            let (mut y, end) = (low_y.max(rect.y0), high_y.min(rect.y1 - 1) + 1);
-            while y < end {
-                let rows = ((end - y) as usize).min(RUN / STEP);
-                let row = (y - low_y) as f32;
-                for (from, out) in LINES.iter().zip(run.as_chunks_mut::<STEP>().0).take(rows) {
-                    let mut amounts = [0.0; STEP];
-                    for i in 0..STEP {
-                        amounts[i] = B::amount(kernel.depth(first + i as f32, row + from));
-                    }
-                    *out = amounts;
-                }
-                for amounts in &run.as_chunks::<STEP>().0[..rows] {
-                    let index = planes.index(low_x & !1, y);
-                    deposit::<B>(planes.pairs(), index, across, amounts, ink, limits.stop);
-                    y += 1;
-                }
-            }
+        let centre = Centre { x: splats.x[j], y: splats.y[j], rest_x: splats.rest_x[j], rest_y: splats.rest_y[j] };
+        let kernel = Kernel { centre, ellipse: ellipses.at(j), cut: limits.cut, peak };
+        let columns = [low_x >> TILE, high_x >> TILE];
+        let rows = [low_y >> TILE, high_y >> TILE];
+        if peak <= LITTLE {
+            footprint::<B, true>(planes, &kernel, columns, rows, &splats.ink[k], limits.stop);
         } else {
-            queue.flush::<B>(planes, splats, limits.stop);
-            let (left, right) = (low_x.max(rect.x0), high_x.min(rect.x1 - 1));
-            let widen = 1.0 / ellipse.across;
-            let last = columns as f32;
-            for row_y in low_y.max(rect.y0)..=high_y.min(rect.y1 - 1) {
-                let row = (row_y - low_y) as f32;
-                let dy = corner.dy + row;
-                let ridge = splats.rest_x[j] + ellipse.shear * dy;
-                // The chord, with half a pixel and more to spare for rounding.
-                let half = (at_least(limits.cut - ellipse.along * (dy * dy), 0.0) * widen).sqrt() + 0.5;
-                let from = left.max(splats.x[j].saturating_add((ridge - half) as i32).saturating_sub(1)) & !1;
-                let to = right.min(splats.x[j].saturating_add((ridge + half) as i32).saturating_add(1));
-                let mut x = from;
-                while x <= to {
-                    let pixels = ((to - x + 1) as usize).min(RUN);
-                    let mut column = (x - low_x) as f32;
-                    for out in &mut run.as_chunks_mut::<STEP>().0[..pixels.div_ceil(STEP)] {
-                        let mut amounts = [0.0; STEP];
-                        for i in 0..STEP {
-                            // The first pixel may lie outside the box, and the last ones.
-                            let column = column + i as f32;
-                            let inside = (column >= 0.0) & (column < last);
-                            amounts[i] = keep_if(inside, B::amount(kernel.depth(column, row)));
-                        }
-                        *out = amounts;
-                        column += STEP as f32;
-                    }
-                    let index = planes.index(x, row_y);
-                    deposit::<B>(planes.pairs(), index, pixels.div_ceil(2), &run, ink, limits.stop);
-                    x += RUN as i32;
+            footprint::<B, false>(planes, &kernel, columns, rows, &splats.ink[k], limits.stop);
+        }
+    }
+    drawn
+}
+
+/// Puts a splat on the tiles from the first to the last of `columns` and `rows`; `LITTLE` if its peak is.
+#[inline(always)]
+fn footprint<B: Blend, const LITTLE: bool>(
+    planes: &mut Planes,
+    kernel: &Kernel,
+    [left, right]: [i32; 2],
+    [top, bottom]: [i32; 2],
+    ink: &[f32; 4],
+    stop: f32,
+) {
+    let root = kernel.ellipse.across.sqrt();
+    for row in top..bottom + 1 {
+        let line = kernel.line(root, row);
+        let (mut from, mut to) = (left, right);
+        if right - left >= WIDE {
+            let [first, last] = kernel.chord(row);
+            (from, to) = (from.max(first), to.min(last));
+        }
+        for column in from..to + 1 {
+            let Some((index, Tile(values))) = planes.tile(column, row) else { continue };
+            let mut amounts = kernel.depths(root, &line, column);
+            for i in 0..PIXELS {
+                amounts[i] = if LITTLE { B::little(amounts[i]) } else { B::amount(amounts[i]) };
+            }
+            let [red, green, blue, fourth] = values;
+            let before = *fourth;
+            put::<B>(red, &before, &amounts, ink[0], stop);
+            put::<B>(green, &before, &amounts, ink[1], stop);
+            put::<B>(blue, &before, &amounts, ink[2], stop);
+            put::<B>(fourth, &before, &amounts, ink[3], stop);
+            if B::STOPS {
+                let mut is_open = false;
+                for i in 0..PIXELS {
+                    is_open |= fourth[i] >= stop;
+                }
+                if !is_open {
+                    planes.freeze(index, column, row);
                 }
             }
         }
     }
-    queue.flush::<B>(planes, splats, limits.stop);
-    drawn
 }
 
-/// Where the low corner of a footprint's box lies from its centre, in pixels.
+/// One of the four values of a tile's pixels after a splat. A function and no loop over the values: the compiler would
+/// take four of them together, by gathers.
+#[inline(always)]
+fn put<B: Blend>(values: &mut [f32; PIXELS], fourth: &[f32; PIXELS], amounts: &[f32; PIXELS], ink: f32, stop: f32) {
+    let mut new = [0.0; PIXELS];
+    for i in 0..PIXELS {
+        new[i] = B::blend(values[i], fourth[i], amounts[i], ink, stop);
+    }
+    *values = new;
+}
+
+/// Tiles from the first to the last from which on a row of them is worth the question which ones the ellipse meets.
+const WIDE: i32 = 3;
+
+/// Where a splat's centre is: the nearest pixel and the rest.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Corner {
-    pub(crate) dx: f32,
-    pub(crate) dy: f32,
+pub(crate) struct Centre {
+    pub(crate) x: i32,
+    pub(crate) y: i32,
+    pub(crate) rest_x: f32,
+    pub(crate) rest_y: f32,
 }
 
 /// What a footprint's pixels need to know of it.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Kernel {
-    pub(crate) corner: Corner,
+    pub(crate) centre: Centre,
     pub(crate) ellipse: Ellipse,
     pub(crate) cut: f32,
     pub(crate) peak: f32,
 }
 
+/// What the tiles of a row share, of each pixel.
+struct Line {
+    /// Where it lies from the ridge if the tile's first column is the centre's, times the root of `across`.
+    place: [f32; PIXELS],
+    /// The exponent on the ridge.
+    exponent: [f32; PIXELS],
+}
+
 impl Kernel {
-    /// Optical depth at a pixel, in units of ln 2; `column` and `row` are whole and count from the low corner.
+    /// Optical depth at a pixel, in units of ln 2.
+    pub(crate) fn depth(&self, x: i32, y: i32) -> f32 {
+        let root = self.ellipse.across.sqrt();
+        let (place, exponent) = self.pixel(root, ((y & !3) - self.centre.y) as f32, (x & 3) as f32, (y & 3) as f32);
+        self.depth_at(((x & !3) - self.centre.x) as f32 * root, place, exponent)
+    }
+
+    /// Of a pixel of a tile whose first row is `first` rows below the centre's.
     #[inline(always)]
-    pub(crate) fn depth(&self, column: f32, row: f32) -> f32 {
-        let dy = self.corner.dy + row;
-        let u = (self.corner.dx + column) - self.ellipse.shear * dy;
-        let q = self.ellipse.across * (u * u) + self.ellipse.along * (dy * dy);
+    fn pixel(&self, root: f32, first: f32, across: f32, down: f32) -> (f32, f32) {
+        let dy = (first + down) - self.centre.rest_y;
+        let place = (across - self.centre.rest_x) - self.ellipse.shear * dy;
+        (root * place, self.ellipse.along * (dy * dy))
+    }
+
+    #[inline(always)]
+    fn depth_at(&self, first: f32, place: f32, exponent: f32) -> f32 {
+        let u = first + place;
+        let q = u * u + exponent;
         // Far outside the ellipse the exponential is meaningless; its bits are dropped.
         keep_if(q <= self.cut, self.peak * exp2_neg(q))
     }
+
+    /// Of a row of tiles.
+    #[inline(always)]
+    fn line(&self, root: f32, row: i32) -> Line {
+        let first = ((row << TILE) - self.centre.y) as f32;
+        let mut line = Line { place: [0.0; PIXELS], exponent: [0.0; PIXELS] };
+        for i in 0..PIXELS {
+            (line.place[i], line.exponent[i]) = self.pixel(root, first, ACROSS[i], DOWN[i]);
+        }
+        line
+    }
+
+    /// Of the pixels of a tile.
+    #[inline(always)]
+    fn depths(&self, root: f32, line: &Line, column: i32) -> [f32; PIXELS] {
+        let first = ((column << TILE) - self.centre.x) as f32 * root;
+        let mut depths = [0.0; PIXELS];
+        for i in 0..PIXELS {
+            depths[i] = self.depth_at(first, line.place[i], line.exponent[i]);
+        }
+        depths
+    }
+
+    /// First and last tile of a row that the ellipse may meet, with half a pixel and more to spare for rounding.
+    #[inline(always)]
+    fn chord(&self, row: i32) -> [i32; 2] {
+        let low = ((row << TILE) - self.centre.y) as f32 - self.centre.rest_y;
+        let high = low + 3.0;
+        let nearest = at_least(at_least(low, 0.0 - high), 0.0);
+        let Ellipse { across, along, shear, .. } = self.ellipse;
+        let half = (at_least(self.cut - along * (nearest * nearest), 0.0) / across).sqrt() + 1.0;
+        let (one, other) = (shear * low, shear * high);
+        let column = |x: f32| self.centre.x.saturating_add(x as i32) >> TILE;
+        let (from, to) = (at_most(one, other) - half, at_least(one, other) + half);
+        [column(self.centre.rest_x + from - 1.0), column(self.centre.rest_x + to + 1.0)]
+    }
 }
 
-/// Pixels of a vector step.
-const STEP: usize = 16;
-/// Pixels of a wider footprint that are computed before they are put into the picture.
-const RUN: usize = 256;
-
-/// Numbers of rows, as the arithmetic needs them.
-const LINES: [f32; RUN / STEP] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0, 11.0, 12.0, 13.0, 14.0, 15.0];
+/// Which column of its tile a pixel is in.
+const ACROSS: [f32; PIXELS] = [0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3.];
+/// Which row of its tile a pixel is in.
+const DOWN: [f32; PIXELS] = [0., 0., 0., 0., 1., 1., 1., 1., 2., 2., 2., 2., 3., 3., 3., 3.];

@@ -9,10 +9,9 @@
 //! that errs on the side of what is seen.
 
 use super::planes::Planes;
-use super::project::{Kind, Projector};
-use super::raster::{BLOCK, Corner, Ellipse, EllipseEach, Ellipses as _, Kernel, Limits, Splats};
+use super::project::{Kind, Projector, Voxels};
+use super::raster::{BLOCK, Centre, Ellipse, EllipseEach, Ellipses as _, Kernel, Limits, Splats};
 use crate::arena::RecordSet;
-use crate::traverse::Batch;
 
 /// Where a view notes what it shows: the records from `first` on of its lane.
 #[derive(Debug, Clone, Copy)]
@@ -22,14 +21,12 @@ pub(crate) struct Seen<'a> {
 }
 
 impl Seen<'_> {
-    /// Adds the shown ones of the splats of a block that starts at voxel `from` of `batch`.
+    /// Adds the shown ones of the splats of a block.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "separate arrays tell the compiler that they are apart")]
     pub(super) fn note(
         &self,
         projector: &Projector,
-        batch: &Batch,
-        from: usize,
+        voxels: &Voxels,
         splats: &Splats,
         each: &EllipseEach,
         planes: &Planes,
@@ -37,7 +34,7 @@ impl Seen<'_> {
     ) {
         for k in 0..splats.count.min(BLOCK) {
             let j = usize::from(splats.kept[k]) % BLOCK;
-            let Some(record) = batch.record_index(from + j).checked_sub(self.first) else { continue };
+            let Some(record) = voxels.records[j].checked_sub(self.first) else { continue };
             if record >= self.records.len() || self.records.contains(record) {
                 continue;
             }
@@ -58,14 +55,11 @@ fn shows(splats: &Splats, j: usize, ellipse: Ellipse, planes: &Planes, limits: L
     let rect = planes.rect;
     let (low_x, high_x) = (splats.low_x[j].max(rect.x0), splats.high_x[j].min(rect.x1 - 1));
     let (low_y, high_y) = (splats.low_y[j].max(rect.y0), splats.high_y[j].min(rect.y1 - 1));
-    let corner = Corner {
-        dx: (low_x - splats.x[j]) as f32 - splats.rest_x[j],
-        dy: (low_y - splats.y[j]) as f32 - splats.rest_y[j],
-    };
-    let kernel = Kernel { corner, ellipse, cut: limits.cut, peak: 1.0 };
+    let centre = Centre { x: splats.x[j], y: splats.y[j], rest_x: splats.rest_x[j], rest_y: splats.rest_y[j] };
+    let kernel = Kernel { centre, ellipse, cut: limits.cut, peak: 1.0 };
     for y in low_y..=high_y {
         for x in low_x..=high_x {
-            if planes.fourth(x, y) >= limits.stop && kernel.depth((x - low_x) as f32, (y - low_y) as f32) > 0.0 {
+            if planes.pixel(x, y)[3] >= limits.stop && kernel.depth(x, y) > 0.0 {
                 return true;
             }
         }

@@ -6,9 +6,8 @@
 
 use super::blend::{Blend, FrontToBack};
 use super::dispatch::{self, Bench};
-use super::freeze::Frozen;
 use super::planes::{Planes, Rect};
-use super::project::{Coordinates, Projector, weigh};
+use super::project::{Coordinates, GROUP, Projector, Voxels, weigh};
 use super::raster::{BLOCK, EllipseEach, Limits, Splats};
 use super::{Drawn, assemble};
 use crate::classify::normal;
@@ -32,6 +31,8 @@ pub(crate) struct Splatter<'a> {
     drawing: bool,
     bench: Bench,
     level: usize,
+    /// Of a lane's batch.
+    voxels: Box<Voxels>,
     block: Block,
     drawn: u64,
 }
@@ -120,14 +121,23 @@ impl Splatter<'_> {
     /// Voxels of the lane that the order asks for.
     pub(crate) fn batch(&mut self, batch: &Batch) {
         self.flush();
-        for from in (0..batch.len()).step_by(BLOCK) {
-            let (projector, bench) = (&self.projectors[0], &mut self.bench);
-            self.drawn += if self.drawing {
-                dispatch::block::<FrontToBack>(Code::Best, projector, batch, from, bench, self.limits)
-            } else {
-                dispatch::project(projector, batch, from, bench, self.limits)
-            };
+        for from in (0..batch.len()).step_by(GROUP) {
+            if !self.voxels.have_room(GROUP) {
+                self.flush_voxels();
+            }
+            self.voxels.add(batch, from);
         }
+        self.flush_voxels();
+    }
+
+    fn flush_voxels(&mut self) {
+        let (projector, bench) = (&self.projectors[0], &mut self.bench);
+        self.drawn += if self.drawing {
+            dispatch::block::<FrontToBack>(Code::Best, projector, &self.voxels, bench, self.limits)
+        } else {
+            dispatch::project(projector, &self.voxels, bench, self.limits)
+        };
+        self.voxels.count = 0;
     }
 
     fn flush(&mut self) {
@@ -143,9 +153,9 @@ impl Splatter<'_> {
 /// Stage 1 of a block that was handed over, which is empty then.
 #[inline(always)]
 pub(super) fn project(projector: &Projector, block: &mut Block, bench: &mut Bench, limits: Limits) {
-    let Bench { planes, frozen, splats, each } = bench;
+    let Bench { planes, splats, each } = bench;
     projector.place(block, splats, each);
-    projector.keep(block.count, |_| true, splats, planes, frozen, limits);
+    projector.keep(block.count, |_| true, splats, planes, limits);
     for k in 0..splats.count {
         let j = usize::from(splats.kept[k]) % BLOCK;
         let [red, green, blue, depth] = block.looks[j];
@@ -203,11 +213,11 @@ pub(crate) fn splat(
         drawing,
         bench: Bench {
             planes: Planes::new(rect, FrontToBack::FOURTH)?,
-            frozen: Frozen::new(rect),
             splats: Splats::new(),
             each: EllipseEach::new(),
         },
         level: 0,
+        voxels: Voxels::new(),
         block: Block {
             count: 0,
             at: [[0.0; BLOCK]; 3],

@@ -1,0 +1,36 @@
+//! Measuring: one walk through an empty hierarchy.
+
+use super::geometry::Geometry;
+use super::model::{Figures, Model};
+use crate::study::baselines::{Node, Normal, Receiver, Viewing, Walker};
+use crate::study::trace::Untraced;
+
+/// What the hierarchy of `geometry` does on one walk; `reuse`: whether distances are followed. Also how many voxels and
+/// cubes were handed over.
+///
+/// The walker walks once before, untraced: arrays that grow have grown then.
+pub fn measure<W: Walker>(walker: &mut W, viewing: &Viewing, geometry: &Geometry, reuse: bool) -> (Figures, u64) {
+    walker.walk(viewing, &mut Count::default(), &mut Untraced);
+    let mut model = Model::new(geometry, &walker.arrays(), reuse);
+    let mut count = Count::default();
+    walker.walk(viewing, &mut count, &mut model);
+    (model.figures(), count.visited)
+}
+
+/// Counts what it is given.
+#[derive(Debug, Default)]
+struct Count {
+    visited: u64,
+}
+
+impl Receiver for Count {
+    #[inline]
+    fn voxel(&mut self, _: [u16; 3], _: u8, _: Normal) {
+        self.visited += 1;
+    }
+
+    #[inline]
+    fn node(&mut self, _: &Node) {
+        self.visited += 1;
+    }
+}

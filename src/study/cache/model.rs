@@ -1,0 +1,226 @@
+//! The model: from the accesses of a walk to what a hierarchy of caches does.
+//!
+//! In: a walker's arrays and its accesses. Out: [`Figures`].
+//!
+//! ```text
+//! access -> its lines, one touch each: the first level; what misses there asks the next
+//!        -> their pages: the first translation buffer; what misses there asks the next
+//! ```
+//!
+//! Reads and writes are the same: what is written comes in first (write-allocate). What leaves a level stays in the
+//! others: none is made to hold what another does. The hierarchy starts empty, so each first touch is a miss at every
+//! level. There is no prefetching: misses are lines that come from further out, early or late.
+
+use super::geometry::{Geometry, LARGE_PAGE_BYTES, PAGE_BYTES};
+use super::level::Level;
+use super::reuse::{Reuse, ReuseFigures};
+use super::touched::Touched;
+use crate::study::trace::{Array, Trace};
+
+/// A hierarchy that listens to a walk.
+#[derive(Debug, Clone)]
+pub struct Model {
+    geometry: Geometry,
+    places: Vec<Place>,
+    levels: Vec<Level>,
+    translation: Vec<Level>,
+    figures: Figures,
+    /// Bytes of the structure, by address.
+    used: Touched,
+    structure_lines: Touched,
+    pages: Touched,
+    large_pages: Touched,
+    reuse: Option<Reuse>,
+    /// The line and the page at hand: they are in the nearest place already.
+    line: u64,
+    page: u64,
+}
+
+/// Where an array lies.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    address: u64,
+    bytes: u64,
+    scratch: bool,
+}
+
+/// Where each of `arrays` starts: at a page, with a page before it that nobody touches.
+pub(super) fn addresses(arrays: &[Array]) -> Vec<u64> {
+    let mut next = PAGE_BYTES;
+    let mut starts = Vec::new();
+    for array in arrays {
+        starts.push(next);
+        next += array.bytes.next_multiple_of(PAGE_BYTES) + PAGE_BYTES;
+    }
+    starts
+}
+
+/// What a hierarchy did.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Figures {
+    /// Bytes of a line.
+    pub line_bytes: u64,
+    /// Reads and writes, of any number of bytes.
+    pub accesses: u64,
+    /// Touches of lines: an access touches each line that it lies in.
+    pub touches: u64,
+    /// Distinct bytes of the structure that were read or written.
+    pub used_bytes: u64,
+    /// Distinct lines of the structure that were touched.
+    pub structure_lines: u64,
+    /// By level, from the nearest.
+    pub levels: Vec<Misses>,
+    /// Misses of the translation buffers, from the nearest.
+    pub translation: Vec<u64>,
+    /// Distinct pages of 4 KiB.
+    pub pages: u64,
+    /// Distinct pages of 2 MiB.
+    pub large_pages: u64,
+    /// How lines come again, where that was asked for.
+    pub reuse: Option<ReuseFigures>,
+}
+
+/// Misses of a level.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Misses {
+    /// All.
+    pub all: u64,
+    /// Those of arrays that hold the structure: all but those of scratch.
+    pub structure: u64,
+    /// First touches.
+    pub cold: u64,
+    /// Those that a fully associative level of this size would have too, fed with every touch; 0 where distances were
+    /// not asked for.
+    pub capacity: u64,
+    /// All others; likewise.
+    pub conflict: u64,
+}
+
+impl Figures {
+    /// Fewest lines that hold the bytes which were used.
+    pub fn compulsory_lines(&self) -> u64 {
+        self.used_bytes.div_ceil(self.line_bytes.max(1))
+    }
+
+    /// Bytes that come into `level` for each byte of the structure that is used.
+    ///
+    /// # Panics
+    /// If there is no such level.
+    pub fn overfetch(&self, level: usize) -> f64 {
+        (self.levels[level].all * self.line_bytes) as f64 / self.used_bytes.max(1) as f64
+    }
+}
+
+impl Model {
+    /// An empty hierarchy for a walker with `arrays`; `reuse`: whether distances are followed, which costs most of the
+    /// time.
+    pub fn new(geometry: &Geometry, arrays: &[Array], reuse: bool) -> Model {
+        let place = |(array, address): (&Array, u64)| Place { address, bytes: array.bytes, scratch: array.scratch };
+        let places: Vec<Place> = arrays.iter().zip(addresses(arrays)).map(place).collect();
+        let end = places.last().map_or(0, |last| last.address + last.bytes).next_multiple_of(LARGE_PAGE_BYTES);
+        let levels = |shapes: &[_]| shapes.iter().copied().map(Level::new).collect::<Vec<_>>();
+        Model {
+            geometry: geometry.clone(),
+            places,
+            levels: levels(&geometry.levels),
+            translation: levels(&geometry.translation),
+            figures: Figures {
+                line_bytes: geometry.line_bytes,
+                levels: vec![Misses::default(); geometry.levels.len()],
+                translation: vec![0; geometry.translation.len()],
+                ..Figures::default()
+            },
+            used: Touched::new(end),
+            structure_lines: Touched::new(end / geometry.line_bytes),
+            pages: Touched::new(end / PAGE_BYTES),
+            large_pages: Touched::new(end / LARGE_PAGE_BYTES),
+            reuse: reuse.then(|| Reuse::new(end / geometry.line_bytes)),
+            line: u64::MAX,
+            page: u64::MAX,
+        }
+    }
+
+    /// What the hierarchy did so far.
+    pub fn figures(&self) -> Figures {
+        Figures {
+            used_bytes: self.used.count(),
+            structure_lines: self.structure_lines.count(),
+            pages: self.pages.count(),
+            large_pages: self.large_pages.count(),
+            reuse: self.reuse.as_ref().map(Reuse::figures),
+            ..self.figures.clone()
+        }
+    }
+
+    #[inline]
+    fn access(&mut self, array: usize, offset: usize, bytes: usize) {
+        let place = self.places[array];
+        let (offset, bytes) = (offset as u64, bytes as u64);
+        assert!(
+            bytes > 0 && offset + bytes <= place.bytes,
+            "array {array} has {} bytes, not {offset} + {bytes}",
+            place.bytes
+        );
+        let first = place.address + offset;
+        self.figures.accesses += 1;
+        if !place.scratch {
+            self.used.add(first, first + bytes);
+        }
+        let line_bytes = self.geometry.line_bytes;
+        for line in first / line_bytes..=(first + bytes - 1) / line_bytes {
+            self.touch(line, place.scratch);
+        }
+    }
+
+    #[inline]
+    fn touch(&mut self, line: u64, scratch: bool) {
+        self.figures.touches += 1;
+        let distance = self.reuse.as_mut().map(|reuse| reuse.touch(line));
+        if line == self.line {
+            return;
+        }
+        self.line = line;
+        let page = line * self.geometry.line_bytes / PAGE_BYTES;
+        if page != self.page {
+            self.page = page;
+            self.pages.add(page, page + 1);
+            let large = page * PAGE_BYTES / LARGE_PAGE_BYTES;
+            self.large_pages.add(large, large + 1);
+            for (buffer, misses) in self.translation.iter_mut().zip(&mut self.figures.translation) {
+                if buffer.touch(page) {
+                    break;
+                }
+                *misses += 1;
+            }
+        }
+        if !scratch {
+            self.structure_lines.add(line, line + 1);
+        }
+        for (index, level) in self.levels.iter_mut().enumerate() {
+            if level.touch(line) {
+                break;
+            }
+            let misses = &mut self.figures.levels[index];
+            misses.all += 1;
+            misses.structure += u64::from(!scratch);
+            match distance {
+                None => {}
+                Some(None) => misses.cold += 1,
+                Some(Some(distance)) if distance >= self.geometry.levels[index].places => misses.capacity += 1,
+                Some(Some(_)) => misses.conflict += 1,
+            }
+        }
+    }
+}
+
+impl Trace for Model {
+    #[inline]
+    fn read(&mut self, array: usize, offset: usize, bytes: usize) {
+        self.access(array, offset, bytes);
+    }
+
+    #[inline]
+    fn write(&mut self, array: usize, offset: usize, bytes: usize) {
+        self.access(array, offset, bytes);
+    }
+}

@@ -1,0 +1,59 @@
+//! What was touched at all: distinct bytes, lines and pages.
+//!
+//! In: ranges of bytes of arrays. Out: counts. A bit a byte of every array, so a range costs a step for each 64 bytes.
+
+/// A set of numbers from 0.
+#[derive(Debug, Clone, Default)]
+pub struct Touched {
+    words: Vec<u64>,
+    count: u64,
+}
+
+impl Touched {
+    /// None of the numbers below `numbers`.
+    pub fn new(numbers: u64) -> Touched {
+        let words = usize::try_from(numbers.div_ceil(64)).expect("arrays that lie in memory have that many bytes");
+        Touched { words: vec![0; words], count: 0 }
+    }
+
+    /// Adds `first` to `end`, exclusive; how many of them are new.
+    ///
+    /// # Panics
+    /// If there are no such numbers.
+    #[inline]
+    pub fn add(&mut self, first: u64, end: u64) -> u64 {
+        let before = self.count;
+        let mut from = first;
+        while from < end {
+            let bit = from % 64;
+            let upto = (from - bit + 64).min(end);
+            let mask = (u64::MAX >> (64 - (upto - from))) << bit;
+            let word = &mut self.words[usize::try_from(from / 64).expect("below their number")];
+            self.count += u64::from((mask & !*word).count_ones());
+            *word |= mask;
+            from = upto;
+        }
+        self.count - before
+    }
+
+    /// How many were added.
+    pub fn count(&self) -> u64 {
+        self.count
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_count_each_number_once() {
+        let mut touched = Touched::new(1000);
+        assert_eq!(touched.add(60, 70), 10);
+        assert_eq!(touched.add(0, 64), 60);
+        assert_eq!(touched.add(64, 128), 58);
+        assert_eq!(touched.add(5, 5), 0);
+        assert_eq!(touched.add(0, 1000), 1000 - 128);
+        assert_eq!(touched.count(), 1000);
+    }
+}

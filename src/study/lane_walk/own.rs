@@ -1,0 +1,72 @@
+//! Our own lanes as a walker.
+
+use super::CodesRead;
+use super::passage::{Room, Visited, passage};
+use super::store::{OF_A_LANE, OwnStore};
+use crate::arena::Lane;
+use crate::study::baselines::{Normal, Receiver, Viewing, Walker};
+use crate::study::trace::{Array, Trace};
+use crate::traverse::{Batch, Order};
+use crate::volume::Axis;
+
+/// Our lanes, walked by the twin that tells all.
+#[derive(Debug, Clone)]
+pub struct OwnWalk<'a> {
+    lanes: [OwnStore<'a>; 3],
+    codes: CodesRead,
+}
+
+impl<'a> OwnWalk<'a> {
+    /// Of sound lanes along x, y and z, of which a voxel's `codes` are read as it is visited; the others are handed over
+    /// as 0.
+    ///
+    /// # Panics
+    /// If the lanes run along other axes, have patches, or other channels than values of 8 and normals of 2 x 8 bits or
+    /// none.
+    pub fn new(lanes: [Lane<'a>; 3], codes: CodesRead) -> OwnWalk<'a> {
+        assert!(lanes.iter().map(|lane| lane.axis).eq(Axis::ALL), "lanes along x, y and z");
+        for lane in &lanes {
+            let channels = lane.channels;
+            assert!(channels.value_bits == 8 && matches!(channels.normal_bits, 0 | 8) && lane.patch.is_none());
+        }
+        let store = |lane: Lane<'a>| OwnStore { lane, arrays: OF_A_LANE * lane.axis.index() };
+        OwnWalk { lanes: lanes.map(store), codes }
+    }
+
+    /// Walks in `order`; `visit` is given each block of a batch, first of all of which the batch is whole.
+    pub fn walk_batches<T: Trace>(&self, order: &Order, trace: &mut T, visit: &mut impl FnMut(&Batch)) {
+        let mut whole = |visited: &Visited| {
+            if visited.block.start == 0 {
+                visit(visited.batch);
+            }
+        };
+        passage(&self.lanes[order.fast.index()], order, self.codes, self.room(), trace, &mut whole);
+    }
+
+    fn room(&self) -> Room {
+        Room::of(&self.lanes, 3 * OF_A_LANE)
+    }
+}
+
+impl Walker for OwnWalk<'_> {
+    fn method(&self) -> &'static str {
+        "adjsplat"
+    }
+
+    fn arrays(&self) -> Vec<Array> {
+        let mut arrays: Vec<Array> = self.lanes.iter().flat_map(OwnStore::arrays).collect();
+        arrays.extend(self.room().arrays());
+        arrays
+    }
+
+    fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
+        let order = &viewing.order;
+        let store = self.lanes[order.fast.index()];
+        passage(&store, order, self.codes, self.room(), trace, &mut |visited: &Visited| {
+            for (index, position) in visited.positions(order) {
+                let (value, normal) = (visited.values[index], visited.normals[index]);
+                receiver.voxel(position, value, Normal::Code(normal));
+            }
+        });
+    }
+}

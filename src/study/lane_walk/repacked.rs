@@ -1,0 +1,23 @@
+//! Our lanes in another tile order, from a subject's voxels.
+
+use crate::arena::pack::{LanePacker, Record};
+use crate::arena::{OwnedLane, TileOrder};
+use crate::study::subject::{Subject, VisibleVoxel};
+use crate::volume::Axis;
+
+/// The lanes along x, y and z of `subject`, their tiles in `tile_order`. O(n log n).
+pub fn repacked(subject: &Subject, tile_order: TileOrder) -> [OwnedLane; 3] {
+    Axis::ALL.map(|axis| {
+        let [u, v] = axis.others();
+        let at = |voxel: &VisibleVoxel, axis: Axis| voxel.position[axis.index()];
+        let mut voxels: Vec<&VisibleVoxel> = subject.voxels.iter().collect();
+        voxels.sort_by_key(|voxel| (at(voxel, v), at(voxel, u), at(voxel, axis)));
+        let mut packer = LanePacker::new(axis, subject.dims(), subject.facts.channels, tile_order);
+        for line in voxels.chunk_by(|a, b| at(a, u) == at(b, u) && at(a, v) == at(b, v)) {
+            let record =
+                |voxel: &VisibleVoxel| Record { value: voxel.value.into(), normal: voxel.normal.into(), magnitude: 0 };
+            packer.line(at(line[0], u), at(line[0], v), line.iter().map(|voxel| (at(voxel, axis), record(voxel))));
+        }
+        packer.finish()
+    })
+}

@@ -1,0 +1,59 @@
+//! Tiles by row and column: two counting sorts, access by access.
+
+use super::passage::Numbers;
+use super::scratch::Scratch;
+use super::store::Store;
+use crate::study::trace::Trace;
+
+/// Tiles by row of the slow axis, in each by column, and where rows start. O(tiles).
+pub(super) fn sorted_tiles<S: Store, T: Trace>(
+    store: &S,
+    slow_is_v: bool,
+    [rows, columns]: [usize; 2],
+    numbers: &Numbers,
+    trace: &mut T,
+) -> (Scratch<u32>, Scratch<u32>) {
+    let place = |tile: u32, trace: &mut T| {
+        let [u, v] = store.place(tile, trace).map(usize::from);
+        if slow_is_v { [v, u] } else { [u, v] }
+    };
+    let mut wanted = Scratch::new(numbers.wanted, store.tile_count() as usize);
+    let mut count = 0;
+    for tile in 0..store.tile_count() {
+        let [row, column] = place(tile, trace);
+        // Whether a renderer wants the tile hangs on its extent; here it wants all.
+        store.extent(tile, trace);
+        if row < rows && column < columns {
+            wanted.set(count, tile, trace);
+            count += 1;
+        }
+    }
+    let mut sort = |tiles: &Scratch<u32>, keys: usize, which: usize, arrays: [usize; 3]| {
+        let [starts, next, sorted] = arrays;
+        let (mut starts, mut next) = (Scratch::new(starts, keys + 1), Scratch::new(next, keys + 1));
+        let mut sorted = Scratch::new(sorted, count);
+        for item in 0..count {
+            let slot = place(tiles.get(item, trace), trace)[which] + 1;
+            let more = starts.get(slot, trace) + 1;
+            starts.set(slot, more, trace);
+        }
+        for slot in 0..keys {
+            let sum = starts.get(slot, trace) + starts.get(slot + 1, trace);
+            starts.set(slot + 1, sum, trace);
+        }
+        for slot in 0..=keys {
+            let start = starts.get(slot, trace);
+            next.set(slot, start, trace);
+        }
+        for item in 0..count {
+            let tile = tiles.get(item, trace);
+            let slot = place(tile, trace)[which];
+            let at = next.get(slot, trace);
+            sorted.set(at as usize, tile, trace);
+            next.set(slot, at + 1, trace);
+        }
+        (sorted, starts)
+    };
+    let (by_column, _) = sort(&wanted, columns, 1, [numbers.column_starts, numbers.column_next, numbers.by_column]);
+    sort(&by_column, rows, 0, [numbers.row_starts, numbers.row_next, numbers.sorted])
+}

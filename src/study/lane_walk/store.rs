@@ -1,0 +1,215 @@
+//! Where the bytes of a lane lie, and which of them each question reads.
+//!
+//! In: a question of the walk. Out: the answer, and the trace told of the bytes that it took.
+
+use crate::arena::layout::{TILE_EDGE, TileRecord};
+use crate::arena::{Lane, LineEnds};
+use crate::study::trace::{Array, Trace};
+use crate::volume::Axis;
+
+/// Steps that are read at once.
+pub(in crate::study) const CHUNK: usize = 16;
+
+/// The lines of a tile that are there: bit `edge * v + u` for the line at (u, v) of the tile. Up to 16 x 16.
+pub(in crate::study) type Mask = [u64; 4];
+
+/// Whether `mask` has `bit`.
+#[inline(always)]
+pub(in crate::study) fn has_bit(mask: &Mask, bit: u32) -> bool {
+    mask[bit as usize / 64] >> (bit % 64) & 1 == 1
+}
+
+/// How many bits of `mask` come before `bit`.
+#[inline(always)]
+pub(in crate::study) fn rank(mask: &Mask, bit: u32) -> u32 {
+    let word = bit as usize / 64;
+    let before: u32 = mask[..word].iter().map(|bits| bits.count_ones()).sum();
+    before + (mask[word] & ((1 << (bit % 64)) - 1)).count_ones()
+}
+
+/// Where a tile's lines and records start.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::study) struct TileStart {
+    /// Place on the face, in tiles.
+    pub(in crate::study) place: [u16; 2],
+    /// Index of its first line.
+    pub(in crate::study) first_line: u64,
+    /// Index of its first record.
+    pub(in crate::study) first_record: u64,
+}
+
+/// A lane in some layout.
+pub(in crate::study) trait Store {
+    /// The axis its lines run along.
+    fn axis(&self) -> Axis;
+    /// Grid points along x, y, z.
+    fn dims(&self) -> [u32; 3];
+    /// Lines along a side of a tile: 1, 4, 8 or 16.
+    fn edge(&self) -> u16;
+    /// Records, stepping voxels included.
+    fn record_count(&self) -> u64;
+    /// Tiles that are not empty.
+    fn tile_count(&self) -> u32;
+    /// u and v of a tile, in tiles.
+    fn place<T: Trace>(&self, tile: u32, trace: &mut T) -> [u16; 2];
+    /// Reads the lowest and the highest coordinate of a tile's voxels, for whoever culls by them.
+    fn extent<T: Trace>(&self, tile: u32, trace: &mut T);
+    /// The lines of a tile that are there.
+    fn mask<T: Trace>(&self, tile: u32, trace: &mut T) -> Mask;
+    /// All of a tile's record.
+    fn start<T: Trace>(&self, tile: u32, trace: &mut T) -> TileStart;
+    /// First record and end of the tile's line of this rank, counted from its first record; `None` if there is none.
+    fn line<T: Trace>(&self, tile: u32, start: &TileStart, rank: u32, trace: &mut T) -> Option<[u64; 2]>;
+    /// Sixteen steps from record `from`, filled up with ones where there are no more.
+    fn steps<T: Trace>(&self, from: usize, trace: &mut T) -> [u8; CHUNK];
+    /// Value code of the voxel at `position`, whose record this is.
+    fn value<T: Trace>(&self, position: [u16; 3], record: usize, trace: &mut T) -> u8;
+    /// Its normal's code; 0 for none.
+    fn normal<T: Trace>(&self, position: [u16; 3], record: usize, trace: &mut T) -> u16;
+}
+
+/// Our own lane, and the number of its first array.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct OwnStore<'a> {
+    pub(super) lane: Lane<'a>,
+    pub(super) arrays: usize,
+}
+
+/// Arrays of a lane, by their place among its five.
+const TILES: usize = 0;
+const LINE_ENDS: usize = 1;
+const STEPS: usize = 2;
+const VALUES: usize = 3;
+const NORMALS: usize = 4;
+/// How many.
+pub(super) const OF_A_LANE: usize = 5;
+const NAMES: [[&str; OF_A_LANE]; 3] = [
+    ["tiles x", "line ends x", "steps x", "values x", "normals x"],
+    ["tiles y", "line ends y", "steps y", "values y", "normals y"],
+    ["tiles z", "line ends z", "steps z", "values z", "normals z"],
+];
+
+/// Bytes of fields of a tile record: where, and how many.
+const PLACE: (usize, usize) = (0, 4);
+const OCCUPANCY: (usize, usize) = (16, 8);
+const EXTENT: (usize, usize) = (24, 4);
+const WHOLE: (usize, usize) = (0, size_of::<TileRecord>());
+
+impl OwnStore<'_> {
+    /// Its arrays.
+    pub(super) fn arrays(&self) -> [Array; OF_A_LANE] {
+        let lane = &self.lane;
+        let sizes = [
+            size_of_val(lane.tiles),
+            lane.line_ends.len() * self.end_bytes(),
+            lane.steps.len(),
+            lane.values.len(),
+            lane.normals.len(),
+        ];
+        let names = NAMES[lane.axis.index()];
+        std::array::from_fn(|i| Array { name: names[i], bytes: sizes[i] as u64, scratch: false })
+    }
+
+    fn end_bytes(&self) -> usize {
+        match self.lane.line_ends {
+            LineEnds::Narrow(_) => 2,
+            LineEnds::Wide(_) => 4,
+        }
+    }
+
+    /// A tile, of which `(offset, bytes)` is read.
+    #[inline]
+    fn tile<T: Trace>(&self, index: u32, (offset, bytes): (usize, usize), trace: &mut T) -> &TileRecord {
+        trace.read(self.arrays + TILES, index as usize * size_of::<TileRecord>() + offset, bytes);
+        &self.lane.tiles[index as usize]
+    }
+
+    #[inline]
+    fn line_end<T: Trace>(&self, line: usize, trace: &mut T) -> Option<u64> {
+        let end = self.lane.line_end(line)?;
+        let bytes = self.end_bytes();
+        trace.read(self.arrays + LINE_ENDS, line * bytes, bytes);
+        Some(end.into())
+    }
+}
+
+impl Store for OwnStore<'_> {
+    fn axis(&self) -> Axis {
+        self.lane.axis
+    }
+
+    fn dims(&self) -> [u32; 3] {
+        self.lane.dims
+    }
+
+    fn edge(&self) -> u16 {
+        TILE_EDGE
+    }
+
+    fn record_count(&self) -> u64 {
+        self.lane.record_count()
+    }
+
+    fn tile_count(&self) -> u32 {
+        u32::try_from(self.lane.tiles.len()).expect("a face has fewer than 2^32 tiles")
+    }
+
+    #[inline]
+    fn place<T: Trace>(&self, tile: u32, trace: &mut T) -> [u16; 2] {
+        let tile = self.tile(tile, PLACE, trace);
+        [tile.tile_u.get(), tile.tile_v.get()]
+    }
+
+    #[inline]
+    fn extent<T: Trace>(&self, tile: u32, trace: &mut T) {
+        self.tile(tile, EXTENT, trace);
+    }
+
+    #[inline]
+    fn mask<T: Trace>(&self, tile: u32, trace: &mut T) -> Mask {
+        [self.tile(tile, OCCUPANCY, trace).occupancy.get(), 0, 0, 0]
+    }
+
+    #[inline]
+    fn start<T: Trace>(&self, tile: u32, trace: &mut T) -> TileStart {
+        let tile = self.tile(tile, WHOLE, trace);
+        TileStart {
+            place: [tile.tile_u.get(), tile.tile_v.get()],
+            first_line: tile.first_line.get().into(),
+            first_record: tile.first_record.get(),
+        }
+    }
+
+    #[inline]
+    fn line<T: Trace>(&self, _: u32, start: &TileStart, rank: u32, trace: &mut T) -> Option<[u64; 2]> {
+        let line = usize::try_from(start.first_line + u64::from(rank)).ok()?;
+        let end = self.line_end(line, trace)?;
+        let first = if rank == 0 { 0 } else { self.line_end(line - 1, trace)? };
+        Some([first, end])
+    }
+
+    #[inline]
+    fn steps<T: Trace>(&self, from: usize, trace: &mut T) -> [u8; CHUNK] {
+        let rest = &self.lane.steps[from..];
+        let count = rest.len().min(CHUNK);
+        trace.read(self.arrays + STEPS, from, count);
+        let mut chunk = [1; CHUNK];
+        chunk[..count].copy_from_slice(&rest[..count]);
+        chunk
+    }
+
+    #[inline]
+    fn value<T: Trace>(&self, _: [u16; 3], record: usize, trace: &mut T) -> u8 {
+        trace.read(self.arrays + VALUES, record, 1);
+        self.lane.values[record]
+    }
+
+    #[inline]
+    fn normal<T: Trace>(&self, _: [u16; 3], record: usize, trace: &mut T) -> u16 {
+        if self.lane.normals.is_empty() {
+            return 0;
+        }
+        trace.read(self.arrays + NORMALS, 2 * record, 2);
+        u16::from_le_bytes([self.lane.normals[2 * record], self.lane.normals[2 * record + 1]])
+    }
+}

@@ -1,0 +1,84 @@
+//! Pictures of what methods visit: all by one splatter, front to back, on one thread.
+//!
+//! In: a subject, a camera, and a method or a sequence of voxels. Out: a frame. The same voxels in the same order give
+//! the same bits, whoever hands them over, and those of [`cpu::render`] where the order is the renderer's.
+
+use super::baselines::{Built, Normal, Receiver as _, Viewing, Walker as _};
+use super::subject::{Subject, VisibleVoxel};
+use super::trace::Untraced;
+use crate::error::Result;
+use crate::splat::cpu::splatter;
+use crate::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, View};
+use crate::traverse::{Batch, Order, Sense, walk};
+use crate::volume::Axis;
+
+/// What `camera` sees of a subject, front to back.
+///
+/// # Errors
+/// As [`View::new`] and [`Order::new`].
+pub fn viewing(subject: &Subject, camera: &Camera, settings: &Settings) -> Result<Viewing> {
+    let view = View::new(camera, &subject.facts.grid, settings.size, settings.kernel(), None)?;
+    let order = Order::new(view.viewpoint, subject.dims(), Sense::FrontToBack, settings.form)?;
+    Ok(Viewing { order, viewpoint: view.viewpoint })
+}
+
+/// A camera on an orbit around the visible voxels.
+///
+/// # Errors
+/// As [`Camera::orbiting`].
+pub fn camera(subject: &Subject, orbit: Orbit, size: [u32; 2]) -> Result<Camera> {
+    let around = match subject.lane(Axis::X).bounds() {
+        Some((low, high)) => Surround::of_voxels(&subject.facts.grid, low, high),
+        None => Surround::of_grid(&subject.facts.grid),
+    };
+    Camera::orbiting(orbit, around, size)
+}
+
+/// The scene, as a renderer takes it.
+pub fn scene<'a>(subject: &'a Subject) -> Scene<'a> {
+    Scene { facts: subject.facts, lanes: subject.lanes, transfer: &subject.transfer }
+}
+
+/// The picture of what a method visits; without `drawing` everything is done but the drawing of splats, and the frame is
+/// empty.
+///
+/// # Errors
+/// As [`cpu::render`](crate::splat::cpu::render).
+pub fn of_method(
+    subject: &Subject,
+    camera: &Camera,
+    settings: &Settings,
+    built: &mut Built,
+    drawing: bool,
+) -> Result<Frame> {
+    let viewing = viewing(subject, camera, settings)?;
+    let (frame, _) = splatter::splat(&scene(subject), camera, settings, drawing, |splatter| {
+        match built {
+            Built::Adjsplat(_) => {
+                walk(&subject.lane(viewing.order.fast), &viewing.order, &mut |batch: &Batch| splatter.batch(batch));
+            }
+            _ => built.walk(&viewing, splatter, &mut Untraced),
+        }
+        Ok(())
+    })?;
+    Ok(frame)
+}
+
+/// The picture of voxels in the order in which they come.
+///
+/// # Errors
+/// Likewise.
+pub fn of_voxels(
+    subject: &Subject,
+    camera: &Camera,
+    settings: &Settings,
+    voxels: impl IntoIterator<Item = VisibleVoxel>,
+) -> Result<Frame> {
+    let (frame, _) = splatter::splat(&scene(subject), camera, settings, true, |splatter| {
+        for voxel in voxels {
+            splatter.voxel(voxel.position, voxel.value, Normal::Code(voxel.normal));
+        }
+        Ok(())
+    })?;
+    Ok(frame)
+}
