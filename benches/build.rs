@@ -1,58 +1,22 @@
-//! Benchmark of the builder: millions of samples a second, from slices in the cache.
+//! Benchmark of the builder: samples a second, from slices in the cache.
 //!
-//! `cargo bench --bench build` prints a table for 8- and 16-bit phantoms: a plain copy of the slices, keeping what is
-//! visible with its gradients on one thread and on two, assembling lane x and all three from that, and the obvious
-//! twin: every sample looked up, every gradient taken. All find the same voxels, which is asserted. With `--test` the
-//! volumes are small.
+//! `cargo bench --bench build`. One group a phantom and sample type: a plain copy of the slices (the least that reading
+//! costs), keeping what is visible with its gradients on one thread and on two, whole builds of lane x and of all three
+//! on one thread, and the obvious twin: every sample looked up, every gradient of what is visible taken. The twin says
+//! which voxels are visible and what their normals are; every build must say the same. With `--test` the volumes are
+//! small.
 
-use std::time::Instant;
+mod in_memory;
 
-use adjsplat::Result;
-use adjsplat::arena::TileOrder;
+use std::time::Duration;
+
 use adjsplat::arena::builder::{BuildOptions, Classified, Resources, Unobserved, classify};
+use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::classify::{Neighbourhood, TransferFunction, normal};
 use adjsplat::volume::phantom::Phantom;
-use adjsplat::volume::{Header, SampleType, Samples, SlabSource};
-
-/// A volume in memory; small enough for the last cache, it costs a copy to read.
-struct InMemory {
-    header: Header,
-    samples: Samples,
-    read: usize,
-}
-
-impl InMemory {
-    fn new(phantom: &Phantom, dims: [u64; 3], sample_type: SampleType) -> InMemory {
-        let mut source = phantom.open(dims, sample_type, [1.0; 3]).expect("a sound phantom");
-        let header = source.header().clone();
-        let mut samples = Samples::zeros(sample_type, usize::try_from(header.grid.len()).expect("fits"));
-        let mut slice = header.new_slice().expect("memory for a slice");
-        let bytes = slice.bytes().len();
-        for part in samples.bytes_mut().chunks_exact_mut(bytes) {
-            source.read_slice(&mut slice).expect("a phantom has all its slices");
-            part.copy_from_slice(slice.bytes());
-        }
-        InMemory { header, samples, read: 0 }
-    }
-}
-
-impl SlabSource for InMemory {
-    fn header(&self) -> &Header {
-        &self.header
-    }
-
-    fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
-        let len = slice.bytes().len();
-        slice.bytes_mut().copy_from_slice(&self.samples.bytes()[self.read * len..][..len]);
-        self.read += 1;
-        Ok(())
-    }
-
-    fn rewind(&mut self) -> Result<()> {
-        self.read = 0;
-        Ok(())
-    }
-}
+use adjsplat::volume::{SampleType, SlabSource};
+use criterion::{Criterion, Throughput};
+use in_memory::InMemory;
 
 /// Visible voxels and the sum of their normals' codes, one sample after the other.
 fn plainly(volume: &InMemory, transfer: &TransferFunction) -> (u64, u64) {
@@ -77,69 +41,75 @@ fn plainly(volume: &InMemory, transfer: &TransferFunction) -> (u64, u64) {
     (count, sum)
 }
 
-/// The shortest of some runs, in seconds, and what the last one gave.
-fn time<T>(runs: usize, mut run: impl FnMut() -> T) -> (f64, T) {
-    let mut once = || {
-        let start = Instant::now();
-        let result = std::hint::black_box(run());
-        (start.elapsed().as_secs_f64(), result)
+/// What a build found, to be held against what [`plainly`] gives.
+fn found(lane: &OwnedLane) -> (u64, u64) {
+    let lane = lane.view();
+    let visible = lane.lines().map(|line| lane.line_voxels(line.records).count() as u64).sum();
+    (visible, (0..lane.steps.len()).map(|record| u64::from(lane.normal_code(record))).sum())
+}
+
+fn bench(criterion: &mut Criterion, phantom: &Phantom, sample_type: SampleType, edge: u64) {
+    let mut volume = InMemory::new(phantom, [edge; 3], sample_type);
+    let (low, high) = phantom.visible_range();
+    let options = BuildOptions {
+        transfer: TransferFunction::range(low, high).expect("a sound range"),
+        lane_count: 3,
+        tile_order: TileOrder::Morton,
+        value_bits: 8,
+        normal_bits: 8,
     };
-    (1..runs).fold(once(), |best, _| {
-        let next = once();
-        (best.0.min(next.0), next.1)
-    })
+    let want = plainly(&volume, &options.transfer);
+    let keep = |volume: &mut InMemory, threads: usize| -> Classified {
+        volume.rewind().expect("in memory");
+        let resources = Resources { threads, ..Resources::default() };
+        classify(volume, &options, &resources, &mut Unobserved).expect("builds")
+    };
+    let build = |volume: &mut InMemory, lane_count: u8| -> Vec<OwnedLane> {
+        keep(volume, 1).lanes(lane_count, 1, &mut Unobserved).expect("builds")
+    };
+    for lane in build(&mut volume, 3) {
+        assert_eq!(found(&lane), want, "{} {}, lane {}", phantom.name(), sample_type.name(), lane.axis.name());
+    }
+
+    let mut group = criterion.benchmark_group(format!("build {} {edge}^3 {}", phantom.name(), sample_type.name()));
+    group.throughput(Throughput::Elements(volume.header.grid.len()));
+    group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
+    let mut slice = volume.header.new_slice().expect("memory for a slice");
+    group.bench_function("copy", |bencher| {
+        bencher.iter(|| {
+            volume.rewind().expect("in memory");
+            (0..edge).for_each(|_| volume.read_slice(&mut slice).expect("in memory"));
+            std::hint::black_box(slice.bytes());
+        });
+    });
+    for (name, threads) in [("keep visible, 1 thread", 1), ("keep visible, 2 threads", 2)] {
+        group.bench_function(name, |bencher| {
+            bencher.iter(|| assert_eq!(keep(&mut volume, threads).facts.visible_voxels, want.0));
+        });
+    }
+    for (name, lane_count) in [("lane x", 1), ("three lanes", 3)] {
+        group.bench_function(name, |bencher| bencher.iter(|| build(&mut volume, lane_count)));
+    }
+    group.bench_function("plain twin", |bencher| {
+        bencher.iter(|| assert_eq!(plainly(&volume, &options.transfer), want));
+    });
+    group.finish();
 }
 
 fn main() {
+    let mut criterion = Criterion::default().configure_from_args();
     // As criterion decides it: cargo passes --bench when it measures.
     let is_test = !std::env::args().any(|a| a == "--bench") || std::env::args().any(|a| a == "--test");
-    let (runs, edge) = if is_test { (1, 32) } else { (5, 256) };
-    println!(
-        "million samples a second   visible      read   keep, 1 thread   2 threads   + lane x   + xyz   plain twin"
-    );
-    let phantoms = [Phantom::Gyroid, Phantom::Shells, Phantom::Vessels, Phantom::Noise { visible: 0.01 }];
-    for (phantom, sample_type) in
-        phantoms.iter().flat_map(|p| [SampleType::U8, SampleType::U16, SampleType::F32].map(|ty| (p, ty)))
-    {
-        let mut volume = InMemory::new(phantom, [edge; 3], sample_type);
-        let (low, high) = phantom.visible_range();
-        let transfer = TransferFunction::range(low, high).expect("a sound range");
-        let options = BuildOptions {
-            transfer: transfer.clone(),
-            lane_count: 3,
-            tile_order: TileOrder::Morton,
-            value_bits: 8,
-            normal_bits: 8,
-        };
-        let mut keep = |threads: usize| -> Classified {
-            volume.rewind().expect("in memory");
-            let resources = Resources { threads, ..Resources::default() };
-            classify(&mut volume, &options, &resources, &mut Unobserved).expect("builds")
-        };
-        let (one, classified) = time(runs, || keep(1));
-        let (two, _) = time(runs, || keep(2));
-        let (x, lanes) = time(runs, || classified.lanes(1, 1, &mut Unobserved).expect("builds"));
-        let (xyz, _) = time(runs, || classified.lanes(3, 1, &mut Unobserved).expect("builds"));
-        let mut slice = volume.header.new_slice().expect("memory for a slice");
-        let (read, _) = time(runs, || {
-            volume.rewind().expect("in memory");
-            (0..edge).for_each(|_| volume.read_slice(&mut slice).expect("in memory"));
-        });
-        let (plain, (count, normals)) = time(if is_test { 1 } else { 2 }, || plainly(&volume, &transfer));
-        assert_eq!(classified.facts.visible_voxels, count);
-        let lane = lanes[0].view();
-        assert_eq!((0..lane.steps.len()).map(|record| u64::from(lane.normal_code(record))).sum::<u64>(), normals);
-        let rate = |seconds: f64| volume.header.grid.len() as f64 / 1e6 / seconds;
-        println!(
-            "{:<26} {:>6.2} % {:>9.0} {:>16.0} {:>11.0} {:>10.0} {:>7.0} {:>12.0}",
-            format!("{} {edge}^3 {}", phantom.name(), sample_type.name()),
-            100.0 * count as f64 / volume.header.grid.len() as f64,
-            rate(read),
-            rate(one),
-            rate(two),
-            rate(one + x),
-            rate(one + xyz),
-            rate(plain)
-        );
+    let edge = if is_test { 32 } else { 256 };
+    for (phantom, sample_type) in [
+        (Phantom::Gyroid, SampleType::U8),
+        (Phantom::Gyroid, SampleType::U16),
+        (Phantom::Gyroid, SampleType::F32),
+        (Phantom::Shells, SampleType::U8),
+        (Phantom::Vessels, SampleType::U8),
+        (Phantom::Noise { visible: 0.01 }, SampleType::U8),
+    ] {
+        bench(&mut criterion, &phantom, sample_type, edge);
     }
+    criterion.final_summary();
 }

@@ -1,9 +1,12 @@
 //! Splats per second of the renderer on graphics devices, from the walk to the picture in the processor's memory: tiles
 //! and quads, beside the processor's renderer.
 //!
-//! `cargo bench --bench splat_gpu`. Scene: the gyroid's sheet, 128^3, standard quality, 512 x 512. Without a graphics
+//! `cargo bench --bench splat_gpu`. Scene: the gyroid's sheet, 128^3, standard quality, 512 x 512; every picture must be
+//! like the processor's, the twin here, within the decibels that its numbers allow. Without a graphics
 //! device it is skipped, and says so; with `ADJ_GPU=require` that is a failure. Software devices run on the processor:
 //! their numbers say nothing of cards. What each stage takes: benches/gpu/main.rs.
+
+use std::time::Duration;
 
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::builder::{BuildOptions, Built, Unobserved, build};
@@ -46,12 +49,12 @@ fn splats(criterion: &mut Criterion) {
             return;
         }
     };
-    println!("{} ({}), {}", opened.facts.name, opened.facts.kind, opened.facts.driver);
+    println!("device: {} ({}), {}", opened.facts.name, opened.facts.kind, opened.facts.driver);
     let built = gyroid();
     let scene = Scene { facts: &built.facts, lanes: &built.lanes, transfer: &built.transfer };
     let around = Surround::of_grid(&built.facts.grid);
     let mut group = criterion.benchmark_group("splats on a graphics device");
-    group.sample_size(10);
+    group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
     for fov in [None, Some(30.0)] {
         let orbit = Orbit { azimuth: 25.0, elevation: 20.0, fov, ..Orbit::default() };
         let camera = Camera::orbiting(orbit, around, SIZE).expect("a camera");
@@ -85,7 +88,10 @@ fn splats(criterion: &mut Criterion) {
             });
         }
         group.bench_function(BenchmarkId::new(kind, "processor"), |bencher| {
-            bencher.iter(|| cpu::render(&scene, &camera, &settings).expect("a frame"));
+            bencher.iter(|| {
+                let (_, stats) = cpu::render(&scene, &camera, &settings).expect("a frame");
+                assert_eq!(stats.splats_drawn, drawn);
+            });
         });
     }
     group.finish();

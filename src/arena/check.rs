@@ -55,7 +55,7 @@ pub struct CheckedLane {
 impl Arena<'_> {
     /// Checks everything that opening did not: rules R12 to R22.
     ///
-    /// O(bytes): 4 to 7 ns a record, all channels and the checksums included (benches/check.rs). A file that opens and passes is sound: its
+    /// O(bytes): 4 to 7 ns a record, all channels and the checksums included (benches/open.rs). A file that opens and passes is sound: its
     /// lanes hold `visible_voxels` voxels each, the same ones, inside the grid, in the one way there is to store
     /// them. Every change of a single byte of a sound file makes opening or this check fail.
     ///
