@@ -191,6 +191,11 @@ impl<B: Blend> Visitor for Band<'_, B> {
             }
             self.voxels.add(batch, from);
         }
+        // Voxels that wait for the next batch would hide each other no more where what is seen is noted; and be read
+        // after the pager was told of others.
+        if self.seen.is_some() || self.projector.lane.pager.is_some() {
+            self.flush();
+        }
         self.visited += batch.len() as u64;
         self.drawing += start.elapsed();
     }
