@@ -17,7 +17,7 @@ use super::receive::Sum;
 use super::subject::Subject;
 use super::trace::Untraced;
 use crate::error::{Error, Result};
-use crate::splat::{Frame, Orbit, Settings, cpu};
+use crate::splat::{Camera, Frame, Orbit, Settings, cpu};
 use crate::traverse::{Batch, walk};
 
 /// What to measure.
@@ -84,16 +84,21 @@ pub fn measure(
                 pictures: 0,
             };
             let mut pictures = Xxh3::new();
+            let share = 1.0 / f64::from(options.frames);
+            let undrawn_share = 1.0 / f64::from(options.frames.div_ceil(UNDRAWN));
             for frame in 0..options.frames {
-                let share = 1.0 / f64::from(options.frames);
                 let turned = 360.0 * f64::from(frame) * share;
                 let fov = perspective.then_some(options.fov);
-                let one = measure_frame(subject, &mut built, options, turned, fov)?;
-                speed.splats += share * one.splats;
-                speed.displaying += share * one.displaying;
-                speed.non_displaying += share * one.non_displaying;
-                speed.walk += share * one.walk;
-                one.picture.pixels().iter().for_each(|sample| pictures.update(&sample.to_le_bytes()));
+                let view = TurnedView::new(subject, options, turned, fov)?;
+                if frame.is_multiple_of(UNDRAWN) {
+                    let undrawn = view.undrawn(subject, &mut built)?;
+                    speed.splats += undrawn_share * undrawn.splats;
+                    speed.non_displaying += undrawn_share * undrawn.non_displaying;
+                    speed.walk += undrawn_share * undrawn.walk;
+                }
+                let (picture, seconds) = view.drawn(subject, &mut built)?;
+                speed.displaying += share * seconds;
+                picture.pixels().iter().for_each(|sample| pictures.update(&sample.to_le_bytes()));
                 done += 1;
                 if go_on(done, total).is_break() {
                     return Err(Error::Interrupted);
@@ -106,42 +111,51 @@ pub fn measure(
     Ok(found)
 }
 
-/// What one frame took, in seconds.
-struct FrameTimes {
-    splats: f64,
-    displaying: f64,
-    non_displaying: f64,
-    walk: f64,
-    picture: Frame,
+/// Of so many frames one is also timed without drawing: nothing but the drawing changes much from one to the next.
+const UNDRAWN: u32 = 3;
+
+/// One view of the turn.
+struct TurnedView {
+    settings: Settings,
+    camera: Camera,
+    viewing: Viewing,
 }
 
-fn measure_frame(
-    subject: &Subject,
-    built: &mut Built,
-    options: &SpeedOptions,
-    azimuth: f64,
-    fov: Option<f64>,
-) -> Result<FrameTimes> {
-    let settings = Settings::new(options.size);
-    let orbit = Orbit { azimuth, elevation: options.elevation, fov, ..Orbit::default() };
-    let camera = picture::camera(subject, orbit, options.size)?;
-    let viewing = picture::viewing(subject, &camera, &settings)?;
+/// What a frame took without drawing, in seconds, and how many splats it had.
+struct Undrawn {
+    splats: f64,
+    non_displaying: f64,
+    walk: f64,
+}
 
-    let start = Instant::now();
-    let sum = black_box(summed(subject, built, &viewing));
-    let walk = start.elapsed().as_secs_f64();
+impl TurnedView {
+    fn new(subject: &Subject, options: &SpeedOptions, azimuth: f64, fov: Option<f64>) -> Result<TurnedView> {
+        let settings = Settings::new(options.size);
+        let orbit = Orbit { azimuth, elevation: options.elevation, fov, ..Orbit::default() };
+        let camera = picture::camera(subject, orbit, options.size)?;
+        let viewing = picture::viewing(subject, &camera, &settings)?;
+        Ok(TurnedView { settings, camera, viewing })
+    }
 
-    let start = Instant::now();
-    drop(black_box(picture::of_method(subject, &camera, &settings, built, false)?));
-    let non_displaying = start.elapsed().as_secs_f64();
+    fn undrawn(&self, subject: &Subject, built: &mut Built) -> Result<Undrawn> {
+        let start = Instant::now();
+        let sum = black_box(summed(subject, built, &self.viewing));
+        let walk = start.elapsed().as_secs_f64();
+        let start = Instant::now();
+        drop(black_box(picture::of_method(subject, &self.camera, &self.settings, built, false)?));
+        let non_displaying = start.elapsed().as_secs_f64();
+        Ok(Undrawn { splats: sum.count as f64, non_displaying, walk })
+    }
 
-    let start = Instant::now();
-    let picture = match built {
-        Built::Adjsplat(_) => cpu::render(&picture::scene(subject), &camera, &settings)?.0,
-        _ => picture::of_method(subject, &camera, &settings, built, true)?,
-    };
-    let displaying = start.elapsed().as_secs_f64();
-    Ok(FrameTimes { splats: sum.count as f64, displaying, non_displaying, walk, picture })
+    /// The picture, and seconds.
+    fn drawn(&self, subject: &Subject, built: &mut Built) -> Result<(Frame, f64)> {
+        let start = Instant::now();
+        let picture = match built {
+            Built::Adjsplat(_) => cpu::render(&picture::scene(subject), &self.camera, &self.settings)?.0,
+            _ => picture::of_method(subject, &self.camera, &self.settings, built, true)?,
+        };
+        Ok((picture, start.elapsed().as_secs_f64()))
+    }
 }
 
 /// Walks and adds up; our own walk hands over batches, as it does to a renderer.

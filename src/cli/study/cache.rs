@@ -37,14 +37,8 @@ pub(super) struct Arguments {
     /// Methods, with commas between; all unless given.
     #[arg(long, value_name = "NAMES", value_delimiter = ',')]
     methods: Vec<String>,
-    /// Orders of parallel views: all 48, how many of them, or names such as +z-y+x (slow z up, medium y down, fast x up).
-    #[arg(
-        long,
-        value_name = "all|N|NAMES",
-        default_value = "all",
-        hide_default_value = true,
-        allow_hyphen_values = true
-    )]
+    /// Orders of parallel views: how many of the 48 (7 have every nesting), all, or names such as +z-y+x (slow z up, medium y down, fast x up).
+    #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true)]
     orders: String,
     /// What our walk reads of a voxel beside its steps: steps, value or value+normal, with commas between.
     #[arg(long, value_name = "CHANNELS", value_delimiter = ',', default_value = "value+normal")]
@@ -140,11 +134,9 @@ impl Arguments {
     fn wanted(&self) -> Result<Wanted> {
         let levels: Vec<String> =
             [&self.l1, &self.l2, &self.l3].into_iter().filter(|level| *level != "none").cloned().collect();
-        // A few orders, of every nesting, where quick figures are wanted.
-        let orders = if self.sets.quick && self.orders == "all" { "7" } else { &self.orders };
         Ok(Wanted {
             methods: choose(&self.methods)?,
-            orders: orders::parse(orders)?,
+            orders: orders::parse(&self.orders)?,
             codes: self.channels.iter().map(|name| CodesRead::named(name)).collect::<Result<_>>()?,
             tile_orders: self.tile_order.iter().map(|name| TileOrder::from_name(name)).collect::<Result<_>>()?,
             geometry: Geometry::parse(self.line, &levels, &self.tlb)?,

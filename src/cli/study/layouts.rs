@@ -29,14 +29,8 @@ use crate::traverse::Order;
 pub(super) struct Arguments {
     #[command(flatten)]
     sets: SetArguments,
-    /// Orders of parallel views: all 48, how many of them, or names such as +z-y+x.
-    #[arg(
-        long,
-        value_name = "all|N|NAMES",
-        default_value = "all",
-        hide_default_value = true,
-        allow_hyphen_values = true
-    )]
+    /// Orders of parallel views: how many of the 48 (7 have every nesting), all, or names such as +z-y+x.
+    #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true)]
     orders: String,
     /// What is read of a voxel beside its steps: steps, value or value+normal.
     #[arg(long, value_name = "CHANNELS", default_value = "value+normal")]
@@ -59,8 +53,7 @@ struct Found {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    let quick = arguments.sets.quick && arguments.orders == "all";
-    let orders = orders::parse(if quick { "7" } else { &arguments.orders })?;
+    let orders = orders::parse(&arguments.orders)?;
     if !(1..=1000).contains(&arguments.repetitions) {
         return Err(Error::input("--repetitions", format!("are {}, but must be 1 to 1000", arguments.repetitions)));
     }

@@ -30,7 +30,7 @@ pub(super) struct SetArguments {
     /// Folder with the real volumes frogtissue, ironProt, headsq-quarter, SAG-anon and carotid.
     #[arg(long, value_name = "FOLDER")]
     data: Option<PathBuf>,
-    /// Points a side of phantoms; 256 unless given, 48 with --quick.
+    /// Points a side of phantoms; 192 unless given, 48 with --quick.
     #[arg(long, value_name = "N")]
     edge: Option<u16>,
     /// Small phantoms and few views: under a minute, to see that everything works; its figures mean little.
@@ -117,7 +117,7 @@ impl SetArguments {
     }
 
     fn edge(&self) -> Result<u16> {
-        let edge = self.edge.unwrap_or(if self.quick { 48 } else { 256 });
+        let edge = self.edge.unwrap_or(if self.quick { 48 } else { 192 });
         if !(8..=2048).contains(&edge) {
             return Err(Error::input("--edge", format!("is {edge}, but must be 8 to 2048")));
         }
