@@ -4,28 +4,34 @@ use std::process::Stdio;
 
 use super::harness::{Folder, Ran, adj, program, skipped};
 
-/// The subcommands, as the program's own help lists them.
-fn commands() -> Vec<String> {
-    let help = adj(["--help"]).done();
+/// The subcommands of `words`, as the help lists them.
+fn commands_of(words: &[&str]) -> Vec<String> {
+    let help = adj([words, &["--help"]].concat()).done();
     let list = help.split("Commands:\n").nth(1).expect("a list of commands");
     let lines = list.lines().take_while(|line| !line.is_empty());
     let names = lines.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
     let names: Vec<String> = names.filter_map(|line| line.split_whitespace().next()).map(str::to_owned).collect();
-    names.into_iter().filter(|name| name != "help").collect()
+    names.into_iter().filter(|name| name != "help").map(|name| [words, &[&name]].concat().join(" ")).collect()
+}
+
+/// All of them, with those of `study`.
+fn commands() -> Vec<String> {
+    [commands_of(&[]), commands_of(&["study"])].concat()
 }
 
 #[test]
 fn every_command_has_help_with_an_example_that_parses() {
     let commands = commands();
-    for name in ["build", "info", "verify", "trim", "completions"] {
+    for name in ["build", "info", "verify", "trim", "completions", "study", "study speed", "study cache"] {
         assert!(commands.iter().any(|command| command == name), "{name}");
     }
     for command in &commands {
         let command = command.as_str();
-        let help = adj([command, "--help"]).done();
+        let asked = |flag: &str| adj(command.split(' ').chain([flag])).done();
+        let help = asked("--help");
         assert!(help.contains("Example") && help.contains(&format!("adj {command} ")), "{help}");
         assert!(!help.contains('\u{1b}'), "colours only for a terminal: {help:?}");
-        let short = adj([command, "-h"]).done();
+        let short = asked("-h");
         assert!(short.contains("Usage: adj"), "{short}");
         if command == "demo" {
             continue; // its example works: it draws a picture

@@ -29,7 +29,7 @@ use crate::traverse::Order;
 /// Count cache misses of every walk in a model that is the same on every machine.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Misses are lines that come into a level, by visible voxel; \"compulsory\" are the lines that the bytes which the walk uses would fill. Each walk starts with empty caches. The table sums up the orders; --json and --csv have every one.\n\nExamples:\n  adj study cache phantom:gyroid --edge 256 --methods adjsplat,bricks,adjacency_b --plot misses.svg\n  adj study cache phantom:gyroid --methods adjsplat --orders +z+y+x --trace walk.trace"
+    after_help = "Misses are lines that come into a level, by visible voxel; \"compulsory\" are the lines that the bytes which the walk uses would fill. Each walk starts with empty caches. The table sums up the orders; --json and --csv have every one.\n\nExamples:\n  adj study cache head.adj --methods adjsplat,bricks,adjacency_b --plot misses.svg\n  adj study cache head.adj --methods adjsplat --orders +z+y+x --trace walk.trace"
 )]
 pub(super) struct Arguments {
     #[command(flatten)]

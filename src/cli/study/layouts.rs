@@ -24,7 +24,7 @@ use crate::traverse::Order;
 /// Hold other layouts of lanes against ours: bytes, misses, time of the same plain walk.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "A layout's name: tile edge, tile order, arrays or interleaved records, bytes of a line record, payload in each lane (own) or once (shared), lanes. The first is ours. Times are of a plain walk, alike for all, and not of the walk that pictures are made with.\n\nExample: adj study layouts phantom:gyroid --edge 256 --orders 12"
+    after_help = "A layout's name: tile edge, tile order, arrays or interleaved records, bytes of a line record, payload in each lane (own) or once (shared), lanes. The first is ours. Times are of a plain walk, alike for all, and not of the walk that pictures are made with.\n\nExample: adj study layouts head.adj --orders 12"
 )]
 pub(super) struct Arguments {
     #[command(flatten)]

@@ -15,7 +15,7 @@ use crate::study::report::plot::{Plot, Series, Side};
 /// What every method takes in memory: the paper's Table 3, and where its two implementations meet.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Bytes are what is allocated between frames. The paper's own formulas stand beside those of its methods.\n\nExample: adj study memory --data volumes --json memory.json --plot memory.svg"
+    after_help = "Bytes are what is allocated between frames. The paper's own formulas stand beside those of its methods.\n\nExample: adj study memory head.adj --json memory.json --plot memory.svg"
 )]
 pub(super) struct Arguments {
     #[command(flatten)]

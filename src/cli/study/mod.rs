@@ -23,7 +23,7 @@ use crate::study::baselines::Method;
 /// Measure our structure beside the paper's and others: speed, walks, memory, caches.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  adj study memory --quick\n  adj study speed --data volumes --plot speed.svg --json speed.json\n  adj study walk phantom:gyroid --edge 512"
+    after_help = "Examples:\n  adj study memory --quick\n  adj study speed head.adj --plot speed.svg --json speed.json\n  adj study walk head.adj"
 )]
 pub(super) struct Arguments {
     #[command(subcommand)]

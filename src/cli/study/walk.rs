@@ -15,7 +15,7 @@ use crate::study::walks::{self, Walks};
 /// Time the walks alone, in each of the 48 orders of parallel views, on one thread.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Each figure is nanoseconds a visible voxel, the fastest of the repetitions; coordinates, values and normals are read and added up.\n\nExample: adj study walk phantom:gyroid --edge 512 --methods adjsplat,bricks,adjacency_b"
+    after_help = "Each figure is nanoseconds a visible voxel, the fastest of the repetitions; coordinates, values and normals are read and added up.\n\nExample: adj study walk head.adj --methods adjsplat,bricks,adjacency_b"
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
