@@ -1,7 +1,8 @@
 //! Pictures of what methods visit: all by one splatter, front to back, on one thread.
 //!
 //! In: a subject, a camera, and a method or a sequence of voxels. Out: a frame. The same voxels in the same order give
-//! the same bits, whoever hands them over, and those of [`cpu::render`] where the order is the renderer's.
+//! the same bits, whoever hands them over, and those of [`render`](crate::splat::cpu::render) where the order is the
+//! renderer's.
 
 use super::baselines::{Built, Normal, Receiver as _, Viewing, Walker as _};
 use super::subject::{Subject, VisibleVoxel};
