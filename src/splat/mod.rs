@@ -139,7 +139,7 @@ pub enum Sampling {
     #[default]
     EveryPixel,
     /// As many as the narrowest footprint needs, when composited; the others are interpolated between them. Pictures
-    /// differ by 49 to 61 dB in what was measured (docs/studies/sampling.md), and by 0.1 at single pixels of opaque
+    /// differ by 45 to 67 dB in what was measured (docs/studies/sampling.md), and by 0.1 at single pixels of opaque
     /// edges. Work falls with the square of the magnification.
     Enough,
 }

@@ -32,7 +32,7 @@ use crate::splat::view::{PixelMap, View};
 use crate::traverse::VoxelBox;
 
 /// Standard deviation, in pixels, of the narrowest footprint of a coarse view: at 0.97 footprints of the standard kernel
-/// are 6.5 pixels wide, and what is left out is 49 dB below the picture or more.
+/// are 6.5 pixels wide, and what is left out is 45 dB below the picture or more.
 const ENOUGH: f64 = 0.97;
 /// Views whose pixels would not become fewer than by this factor a side are drawn as they are.
 const WORTH_IT: f64 = 0.8;
