@@ -6,6 +6,7 @@
 pub(crate) mod arith;
 mod band;
 pub(crate) mod blend;
+mod deep;
 mod dispatch;
 mod need;
 mod plain;
@@ -78,15 +79,58 @@ pub(crate) fn render_without(
         shot.view = coarse.view(&shot.view);
     }
     let settings = &Settings { size: shot.view.size, ..settings.clone() };
+    let extra = Extra { left_out, seen: None };
+    let (mut frame, took) = match deep::slabs(scene, &shot, &table, settings) {
+        Some(slabs) => deep::draw(&mut shot, &table, settings, extra, &slabs)?,
+        None => draw_whole(&shot, &table, settings, extra)?,
+    };
+    if let Some(coarse) = coarse {
+        frame = coarse.enlarge(frame, settings.threads)?;
+    }
+    let stats = Stats {
+        splats_drawn: took.drawn,
+        splats_skipped: took.visited - took.drawn,
+        bands: took.bands,
+        frame_ms: start.elapsed().as_secs_f64() * 1e3,
+        walk_ms: took.walking.as_secs_f64() * 1e3,
+        draw_ms: took.drawing.as_secs_f64() * 1e3,
+    };
+    Ok((frame, stats))
+}
+
+/// What drawing bands took, summed over threads.
+#[derive(Debug, Clone, Copy, Default)]
+struct Took {
+    visited: u64,
+    drawn: u64,
+    bands: usize,
+    walking: Duration,
+    drawing: Duration,
+}
+
+impl Took {
+    fn add(&mut self, bands: &[Drawn]) {
+        self.visited += bands.iter().map(|band| band.visited).sum::<u64>();
+        self.drawn += bands.iter().map(|band| band.drawn).sum::<u64>();
+        self.bands = bands.len();
+        self.walking += bands.iter().map(|band| band.walking).sum::<Duration>();
+        self.drawing += bands.iter().map(|band| band.drawing).sum::<Duration>();
+    }
+}
+
+/// Draws all voxels into one set of bands.
+///
+/// # Errors
+/// If the memory cannot be had.
+fn draw_whole(shot: &Shot, table: &Table, settings: &Settings, extra: Extra) -> Result<(Frame, Took)> {
     let ink = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) => FrontToBack::INK,
         (Mode::Composite, Sense::BackToFront) => BackToFront::INK,
         (Mode::Additive, _) => Additive::INK,
         (Mode::Maximum | Mode::MaximumGrey, _) => Maximum::INK,
     };
-    let projector = Projector::new(&shot, &table, ink);
+    let projector = Projector::new(shot, table, ink);
     let limits = Limits { cut: shot.kernel.cut(), stop: settings.termination() };
-    let extra = Extra { left_out, seen: None };
     let job = Job { projector: &projector, view: &shot.view, order: &shot.order, limits, settings, extra };
     let bands: Vec<Drawn> = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) => job.bands::<FrontToBack>()?,
@@ -94,25 +138,9 @@ pub(crate) fn render_without(
         (Mode::Additive, _) => job.bands::<Additive>()?,
         (Mode::Maximum | Mode::MaximumGrey, _) => job.bands::<Maximum>()?,
     };
-    let mut frame = assemble(&bands, settings, Finish::new(&table))?;
-    let total = |time: fn(&Drawn) -> Duration| bands.iter().map(time).sum::<Duration>().as_secs_f64() * 1e3;
-    let visited: u64 = bands.iter().map(|band| band.visited).sum();
-    let drawn = bands.iter().map(|band| band.drawn).sum();
-    let (walking, drawing) = (total(|band| band.walking), total(|band| band.drawing));
-    let band_count = bands.len();
-    drop(bands);
-    if let Some(coarse) = coarse {
-        frame = coarse.enlarge(frame, settings.threads)?;
-    }
-    let stats = Stats {
-        splats_drawn: drawn,
-        splats_skipped: visited - drawn,
-        bands: band_count,
-        frame_ms: start.elapsed().as_secs_f64() * 1e3,
-        walk_ms: walking,
-        draw_ms: drawing,
-    };
-    Ok((frame, stats))
+    let mut took = Took::default();
+    took.add(&bands);
+    Ok((assemble(&bands, settings, Finish::new(table))?, took))
 }
 
 /// Notes in `seen` what a view shows, by a transmittance of at least the settings' termination in front of a voxel at
@@ -190,9 +218,18 @@ impl Job<'_> {
     }
 }
 
-/// Puts the bands together, rows shared out among threads.
+/// The frame of finished bands.
+///
+/// # Errors
+/// If the memory cannot be had.
 fn assemble(bands: &[Drawn], settings: &Settings, finish: Finish) -> Result<Frame> {
     let mut frame = Frame::transparent(settings.size)?;
+    put_together(bands, settings, &mut frame, |pixel, values| *pixel = finish.pixel(values));
+    Ok(frame)
+}
+
+/// Puts the bands' pixels to those of a frame, rows shared out among threads.
+fn put_together(bands: &[Drawn], settings: &Settings, frame: &mut Frame, put: impl Fn(&mut [f32; 4], [f32; 4]) + Sync) {
     let row_len = 4 * settings.size[0] as usize;
     let rows = settings.size[1] as usize;
     let share = rows.div_ceil(settings.threads.min(rows).max(1));
@@ -208,7 +245,7 @@ fn assemble(bands: &[Drawn], settings: &Settings, finish: Finish) -> Result<Fram
                     let left = 4 * usize::try_from(x).unwrap_or(0);
                     let out = row[left..left + 4 * count].as_chunks_mut().0;
                     for (pixel, values) in out.iter_mut().zip(pixels) {
-                        *pixel = finish.pixel(values);
+                        put(pixel, values);
                     }
                 }
             }
@@ -225,5 +262,4 @@ fn assemble(bands: &[Drawn], settings: &Settings, finish: Finish) -> Result<Fram
             }
         }
     });
-    Ok(frame)
 }
