@@ -178,6 +178,12 @@ impl<'a> Table<'a> {
         }
     }
 
+    /// Whether a code's optical depth per mean voxel is at least `depth`; `deepest`, ended by the first that is.
+    pub(crate) fn reaches(&self, depth: f64) -> bool {
+        let in_table = |look: &Look| f64::from(look[3] / LOG2_E) >= depth;
+        self.kind == Kind::Computed || self.looks.iter().any(in_table)
+    }
+
     /// Colour of a normalised value, 0 to 1, of a maximum.
     pub(crate) fn colour_of(&self, normalised: f32) -> [f32; 3] {
         let code = f64::from(normalised) * f64::from(self.brightest);

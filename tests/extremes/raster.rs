@@ -191,6 +191,7 @@ fn pictures_that_cannot_be_are_refused_before_memory_is_taken() {
 /// Kernels seen edge on, up to ten thousand million times as long as wide: a covariance whose determinant is rounding.
 #[test]
 fn needles_are_finite_and_no_deeper_than_they_should_be() {
+    let mut largest = 0.0f64;
     for (spacing, along) in [
         ([1.0, 1.0, 1e5], [1.0, 0.0, 0.0]),
         ([1.0, 1.0, 1e5], [0.0, 1.0, 1e-5]),
@@ -218,13 +219,13 @@ fn needles_are_finite_and_no_deeper_than_they_should_be() {
                 let error = worst(&frame, &want);
                 assert!(error <= splats as f64 * 2f64.powi(-24) + 1e-2, "{spacing:?} {along:?} {height:e}: {error:e}");
                 let most = want.iter().copied().fold(0.0, f64::max);
-                assert!(
-                    alphas(&frame).all(|alpha| alpha <= -(-most * 1.0001).exp_m1() + 1e-6),
-                    "{spacing:?} {along:?}"
-                );
+                let (got, want) = (alphas(&frame).fold(0.0, f64::max), -(-most).exp_m1());
+                assert!(got <= want + 1e-3, "{spacing:?} {along:?} {height:e}: {got}, not {want}");
+                largest = largest.max(error);
             }
         }
     }
+    println!("needles: within {largest:.1e}");
 }
 
 /// A camera that moves by a pixel moves the picture by a pixel; by half a pixel, it is between.

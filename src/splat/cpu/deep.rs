@@ -2,12 +2,12 @@
 //!
 //! In: a frame whose splats all take less than [`FAINT`] of a pixel's light. Out: its pixels. Single precision holds a
 //! transmittance near 1 to 2^-25, so that a million splats of 1e-7 would lose a fifth of what they take. An opacity near
-//! 0 is as fine as it is small, until many have been added to it. So slices are drawn slab by slab, each as opacity and
-//! from nothing, and slabs are composited:
+//! 0 is as fine as it is small, until many have been added to it. So slices are drawn stack by stack, each as opacity and
+//! from nothing, and stacks are composited:
 //!
 //! ```text
-//! slab      a += (1 - a) * splat         at most about 2^14 splats: relative error of its depth below 2^14 * 2^-25
-//! picture   A += (1 - A) * a             at most SLABS: error below SLABS * 2^-25
+//! stack      a += (1 - a) * splat         at most about 2^14 splats: relative error of its depth below 2^14 * 2^-25
+//! picture   A += (1 - A) * a             at most STACKS: error below STACKS * 2^-25
 //! ```
 //!
 //! Ordinary scenes have a splat that is not faint and pay nothing. Measured: docs/NUMERICS.md.
@@ -28,15 +28,15 @@ use crate::traverse::{AxisOrder, Sense, VoxelBox};
 const FAINT: f64 = 1.0 / 4096.0;
 /// Voxels below which nothing is lost: 2^12 splats lose 2^-13.
 const FEW: u64 = 1 << 12;
-/// Voxels of a slab, as long as there are not too many slabs.
-const SLAB: u64 = 1 << 14;
-/// Most slabs: each costs about as much as clearing the picture.
-const SLABS: u64 = 256;
+/// Voxels of a stack, as long as there are not too many stacks.
+const STACK: u64 = 1 << 14;
+/// Most stacks: each costs about as much as clearing the picture.
+const STACKS: u64 = 256;
 
-/// The slabs of a faint scene, in the order of the walk; `None` for any other.
+/// The stacks of a faint scene, in the order of the walk; `None` for any other.
 ///
 /// None either where the eye is between slices of the slow axis, which then has two sides.
-pub(super) fn slabs(scene: &Scene, shot: &Shot, table: &Table, settings: &Settings) -> Option<Vec<VoxelBox>> {
+pub(super) fn stacks(scene: &Scene, shot: &Shot, table: &Table, settings: &Settings) -> Option<Vec<VoxelBox>> {
     let voxels = scene.facts.visible_voxels;
     if settings.mode != Mode::Composite || voxels <= FEW {
         return None;
@@ -55,7 +55,7 @@ pub(super) fn slabs(scene: &Scene, shot: &Shot, table: &Table, settings: &Settin
                 / f64::from(shot.kernel.sigma).powi(2)
         }
     };
-    if table.deepest() * strongest >= FAINT {
+    if table.reaches(FAINT / strongest) {
         return None;
     }
     let (mut low, mut high) = shot.lane.bounds()?;
@@ -65,28 +65,28 @@ pub(super) fn slabs(scene: &Scene, shot: &Shot, table: &Table, settings: &Settin
             return None;
         }
     }
-    // Tiles are eight slices thick: a slab is some of them.
+    // Tiles are eight slices thick: a stack is some of them.
     let slices = u64::from(high[slow] - low[slow]) + 1;
-    let thickness = slices.div_ceil((voxels / SLAB).clamp(1, SLABS)).next_multiple_of(8);
-    let of = |slab: u64| {
-        let first = u64::from(low[slow]) / 8 * 8 + slab * thickness;
+    let thickness = slices.div_ceil((voxels / STACK).clamp(1, STACKS)).next_multiple_of(8);
+    let of = |stack: u64| {
+        let first = u64::from(low[slow]) / 8 * 8 + stack * thickness;
         let last = (first + thickness - 1).min(high[slow].into());
-        let mut slab = VoxelBox { low, high };
-        slab.low[slow] = low[slow].max(u16::try_from(first).unwrap_or(u16::MAX));
-        slab.high[slow] = u16::try_from(last).unwrap_or(u16::MAX);
-        slab
+        let mut stack = VoxelBox { low, high };
+        stack.low[slow] = low[slow].max(u16::try_from(first).unwrap_or(u16::MAX));
+        stack.high[slow] = u16::try_from(last).unwrap_or(u16::MAX);
+        stack
     };
     let count = (u64::from(high[slow]) - u64::from(low[slow]) / 8 * 8) / thickness + 1;
-    let mut slabs: Vec<VoxelBox> = (0..count).map(of).collect();
+    let mut stacks: Vec<VoxelBox> = (0..count).map(of).collect();
     if !ascends {
-        slabs.reverse();
+        stacks.reverse();
     }
-    Some(slabs)
+    Some(stacks)
 }
 
-/// Draws a frame slab by slab; no ray ends early.
+/// Draws a frame stack by stack; no ray ends early.
 ///
-/// Memory: as without slabs.
+/// Memory: as without stacks.
 ///
 /// # Errors
 /// If the memory cannot be had.
@@ -95,13 +95,13 @@ pub(super) fn draw(
     table: &Table,
     settings: &Settings,
     extra: Extra,
-    slabs: &[VoxelBox],
+    stacks: &[VoxelBox],
 ) -> Result<(Frame, Took)> {
     let mut frame = Frame::transparent(settings.size)?;
     let mut took = Took::default();
     let limits = Limits { cut: shot.kernel.cut(), stop: 0.0 };
-    for slab in slabs {
-        shot.crop = Some(*slab);
+    for stack in stacks {
+        shot.crop = Some(*stack);
         let projector = Projector::new(shot, table, 1.0);
         let job = Job { projector: &projector, view: &shot.view, order: &shot.order, limits, settings, extra };
         let bands: Vec<Drawn> = match settings.sense {

@@ -80,8 +80,8 @@ pub(crate) fn render_without(
     }
     let settings = &Settings { size: shot.view.size, ..settings.clone() };
     let extra = Extra { left_out, seen: None };
-    let (mut frame, took) = match deep::slabs(scene, &shot, &table, settings) {
-        Some(slabs) => deep::draw(&mut shot, &table, settings, extra, &slabs)?,
+    let (mut frame, took) = match deep::stacks(scene, &shot, &table, settings) {
+        Some(stacks) => deep::draw(&mut shot, &table, settings, extra, &stacks)?,
         None => draw_whole(&shot, &table, settings, extra)?,
     };
     if let Some(coarse) = coarse {
