@@ -21,15 +21,11 @@ fn rounding_stays_within_its_bound_over_half_a_million_layers() {
     let kept = -(-0.5 * (3.0f64 / 0.7).powi(2)).exp_m1();
     let per_pixel = std::f64::consts::TAU * 0.36 * kept / (scale * scale);
     // Depth of a voxel that is `opacity` at the pixel, per millionth of a voxel.
-    let opaque = |code: u16| -((-opacity(code)).ln_1p() * per_pixel * 1e-6).exp_m1();
-    let opaque = |code: u16| {
-        let part = opaque(code);
-        if part < 0.0 { -part } else { part }
-    };
+    let opaque = |code: u16| ((-opacity(code)).ln_1p() * per_pixel * 1e-6).exp_m1().abs();
     for least in [1u16, 40, 160] {
         let points: Vec<String> = (0..=255)
             .map(|code: u16| {
-                let (red, blue) = if code % 2 == 0 { (1, 0) } else { (0, 1) };
+                let (red, blue) = if code.is_multiple_of(2) { (1, 0) } else { (0, 1) };
                 format!(r##"{{"value": {code}, "colour": [{red}, 0, {blue}], "opacity": {:e}}}"##, opaque(code))
             })
             .collect();
@@ -53,7 +49,7 @@ fn rounding_stays_within_its_bound_over_half_a_million_layers() {
                 let code = code([x, y, z]);
                 let off = [f64::from(x) - 1.5, f64::from(y) - 1.5].iter().map(|c| (c * scale).powi(2)).sum::<f64>();
                 let taken = light * -((-opacity(code)).ln_1p() * (-off / 0.72).exp()).exp_m1();
-                if code % 2 == 0 {
+                if code.is_multiple_of(2) {
                     red += taken
                 } else {
                     blue += taken

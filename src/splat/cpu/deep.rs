@@ -14,9 +14,10 @@
 
 use super::band::{Drawn, Extra};
 use super::blend::{FaintBackToFront, FaintFrontToBack};
+use super::planes::Planes;
 use super::project::{Kind, Projector};
 use super::raster::Limits;
-use super::{Job, Took, put_together};
+use super::{Job, Totals, put_together};
 use crate::error::Result;
 use crate::splat::composite::{Mode, Table};
 use crate::splat::frame::Frame;
@@ -96,17 +97,17 @@ pub(super) fn draw(
     settings: &Settings,
     extra: Extra,
     stacks: &[VoxelBox],
-) -> Result<(Frame, Took)> {
+) -> Result<(Frame, Totals)> {
     let mut frame = Frame::transparent(settings.size)?;
-    let mut took = Took::default();
+    let mut totals = Totals::default();
     let limits = Limits { cut: shot.kernel.cut(), stop: 0.0 };
     for stack in stacks {
         shot.crop = Some(*stack);
         let projector = Projector::new(shot, table, 1.0);
         let job = Job { projector: &projector, view: &shot.view, order: &shot.order, limits, settings, extra };
-        let bands: Vec<Drawn> = match settings.sense {
-            Sense::FrontToBack => job.bands::<FaintFrontToBack>()?,
-            Sense::BackToFront => job.bands::<FaintBackToFront>()?,
+        let bands: Vec<Drawn<Planes>> = match settings.sense {
+            Sense::FrontToBack => job.splat::<FaintFrontToBack>()?,
+            Sense::BackToFront => job.splat::<FaintBackToFront>()?,
         };
         match settings.sense {
             Sense::FrontToBack => put_together(&bands, settings, &mut frame, |pixel, behind| {
@@ -118,7 +119,8 @@ pub(super) fn draw(
                 (0..4).for_each(|c| pixel[c] = front[c] + clear * pixel[c]);
             }),
         }
-        took.add(&bands);
+        totals.bands = bands.len();
+        bands.iter().for_each(|band| totals.add(&band.work));
     }
-    Ok((frame, took))
+    Ok((frame, totals))
 }

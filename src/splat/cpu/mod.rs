@@ -5,6 +5,7 @@
 
 pub(crate) mod arith;
 mod band;
+mod base_plane;
 pub(crate) mod blend;
 mod deep;
 mod dispatch;
@@ -17,18 +18,20 @@ mod sampling;
 mod seen;
 #[cfg(feature = "cli")]
 pub(crate) mod splatter;
+mod stamp;
 mod without;
 
 use std::time::{Duration, Instant};
 
 pub use self::need::memory_need;
 
-use self::band::{Drawn, Extra};
+use self::band::{Drawn, Extra, Work};
+use self::base_plane::BasePlane;
 use self::blend::{Additive, BackToFront, Blend, FrontToBack, Maximum};
-use self::planes::Rect;
+use self::planes::{Planes, Rect};
 use self::project::Projector;
 use self::raster::Limits;
-use self::sampling::Coarse;
+use self::sampling::{Coarse, in_shares};
 pub(crate) use self::seen::Seen;
 use super::composite::{Finish, Mode, Table};
 use super::frame::Frame;
@@ -51,13 +54,43 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
     render_without(scene, camera, settings, None)
 }
 
-/// The view with fewer pixels, if the settings allow it and it is worth while.
-fn coarse(shot: &Shot, table: &Table, settings: &Settings) -> Option<Coarse> {
-    if settings.sampling == Sampling::EveryPixel || settings.mode != Mode::Composite {
-        return None;
+/// Where a picture is drawn if not pixel by pixel.
+enum Stage {
+    Coarse(Coarse),
+    BasePlane(BasePlane),
+}
+
+impl Stage {
+    /// The best for a view, if the settings allow one and it is worth while.
+    fn of(shot: &Shot, table: &Table, settings: &Settings) -> Option<Stage> {
+        if settings.sampling == Sampling::EveryPixel || settings.mode != Mode::Composite {
+            return None;
+        }
+        let (low, high) = shot.lane.bounds()?;
+        let bounds = VoxelBox { low, high };
+        let plane = (settings.sampling == Sampling::BasePlane && settings.sense == Sense::FrontToBack)
+            .then(|| BasePlane::of(&shot.view, &shot.order, shot.kernel, &bounds))
+            .flatten();
+        match plane {
+            Some(plane) => Some(Stage::BasePlane(plane)),
+            None => Coarse::of(&shot.view, shot.kernel, &bounds, table.deepest()).map(Stage::Coarse),
+        }
     }
-    let (low, high) = shot.lane.bounds()?;
-    Coarse::of(&shot.view, shot.kernel, &VoxelBox { low, high }, table.deepest())
+
+    fn view(&self, view: &View) -> View {
+        match self {
+            Stage::Coarse(coarse) => coarse.view(view),
+            Stage::BasePlane(plane) => plane.view(view),
+        }
+    }
+
+    /// The picture, from what was drawn.
+    fn picture(&self, drawn: Frame, threads: usize) -> Result<Frame> {
+        match self {
+            Stage::Coarse(coarse) => coarse.enlarge(drawn, threads),
+            Stage::BasePlane(plane) => plane.warp(drawn, threads),
+        }
+    }
 }
 
 /// As [`render`], without the records `left_out` of the lane that the view walks along: the picture of a scene from
@@ -74,55 +107,43 @@ pub(crate) fn render_without(
     let start = Instant::now();
     let mut shot = Shot::new(scene, camera, settings)?;
     let table = Table::new(scene, &shot.lane, settings, shot.view.mean_voxel)?;
-    let coarse = coarse(&shot, &table, settings);
-    if let Some(coarse) = &coarse {
-        shot.view = coarse.view(&shot.view);
+    let stage = Stage::of(&shot, &table, settings);
+    if let Some(stage) = &stage {
+        shot.view = stage.view(&shot.view);
     }
     let settings = &Settings { size: shot.view.size, ..settings.clone() };
     let extra = Extra { left_out, seen: None };
-    let (mut frame, took) = match deep::stacks(scene, &shot, &table, settings) {
+    let (drawn, Totals { work, bands }) = match deep::stacks(scene, &shot, &table, settings) {
         Some(stacks) => deep::draw(&mut shot, &table, settings, extra, &stacks)?,
-        None => draw_whole(&shot, &table, settings, extra)?,
+        None => draw_whole(&shot, &table, settings, extra, matches!(stage, Some(Stage::BasePlane(_))))?,
     };
-    if let Some(coarse) = coarse {
-        frame = coarse.enlarge(frame, settings.threads)?;
-    }
+    let frame = match stage {
+        Some(stage) => stage.picture(drawn, settings.threads)?,
+        None => drawn,
+    };
+    let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let stats = Stats {
-        splats_drawn: took.drawn,
-        splats_skipped: took.visited - took.drawn,
-        bands: took.bands,
-        frame_ms: start.elapsed().as_secs_f64() * 1e3,
-        walk_ms: took.walking.as_secs_f64() * 1e3,
-        draw_ms: took.drawing.as_secs_f64() * 1e3,
+        splats_drawn: work.drawn,
+        splats_skipped: work.visited - work.drawn,
+        bands,
+        frame_ms: milliseconds(start.elapsed()),
+        walk_ms: milliseconds(work.walking),
+        draw_ms: milliseconds(work.drawing),
     };
     Ok((frame, stats))
 }
 
-/// What drawing bands took, summed over threads.
-#[derive(Debug, Clone, Copy, Default)]
-struct Took {
-    visited: u64,
-    drawn: u64,
-    bands: usize,
-    walking: Duration,
-    drawing: Duration,
-}
-
-impl Took {
-    fn add(&mut self, bands: &[Drawn]) {
-        self.visited += bands.iter().map(|band| band.visited).sum::<u64>();
-        self.drawn += bands.iter().map(|band| band.drawn).sum::<u64>();
-        self.bands = bands.len();
-        self.walking += bands.iter().map(|band| band.walking).sum::<Duration>();
-        self.drawing += bands.iter().map(|band| band.drawing).sum::<Duration>();
-    }
-}
-
-/// Draws all voxels into one set of bands.
+/// Draws all voxels into one set of bands; by stamps, if the view is that of a base plane.
 ///
 /// # Errors
 /// If the memory cannot be had.
-fn draw_whole(shot: &Shot, table: &Table, settings: &Settings, extra: Extra) -> Result<(Frame, Took)> {
+fn draw_whole(
+    shot: &Shot,
+    table: &Table,
+    settings: &Settings,
+    extra: Extra,
+    is_base_plane: bool,
+) -> Result<(Frame, Totals)> {
     let ink = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) => FrontToBack::INK,
         (Mode::Composite, Sense::BackToFront) => BackToFront::INK,
@@ -132,15 +153,14 @@ fn draw_whole(shot: &Shot, table: &Table, settings: &Settings, extra: Extra) -> 
     let projector = Projector::new(shot, table, ink);
     let limits = Limits { cut: shot.kernel.cut(), stop: settings.termination() };
     let job = Job { projector: &projector, view: &shot.view, order: &shot.order, limits, settings, extra };
-    let bands: Vec<Drawn> = match (settings.mode, settings.sense) {
-        (Mode::Composite, Sense::FrontToBack) => job.bands::<FrontToBack>()?,
-        (Mode::Composite, Sense::BackToFront) => job.bands::<BackToFront>()?,
-        (Mode::Additive, _) => job.bands::<Additive>()?,
-        (Mode::Maximum | Mode::MaximumGrey, _) => job.bands::<Maximum>()?,
-    };
-    let mut took = Took::default();
-    took.add(&bands);
-    Ok((assemble(&bands, settings, Finish::new(table))?, took))
+    let finish = Finish::new(table);
+    match (settings.mode, settings.sense) {
+        _ if is_base_plane && settings.code != Code::Plain => job.stamp(finish),
+        (Mode::Composite, Sense::FrontToBack) => job.draw::<FrontToBack>(finish),
+        (Mode::Composite, Sense::BackToFront) => job.draw::<BackToFront>(finish),
+        (Mode::Additive, _) => job.draw::<Additive>(finish),
+        (Mode::Maximum | Mode::MaximumGrey, _) => job.draw::<Maximum>(finish),
+    }
 }
 
 /// Notes in `seen` what a view shows, by a transmittance of at least the settings' termination in front of a voxel at
@@ -180,19 +200,58 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    fn bands<B: Blend>(&self) -> Result<Vec<Drawn>> {
-        let [columns, rows] = self.settings.size.map(u32::cast_signed);
-        let whole = Rect { x0: 0, y0: 0, x1: columns, y1: rows };
+    /// Draws the whole picture.
+    fn draw<B: Blend>(&self, finish: Finish) -> Result<(Frame, Totals)> {
+        let bands = self.splat::<B>()?;
+        Ok((assemble(&bands, self.settings, finish)?, Totals::of(&bands)))
+    }
+
+    /// Bands of splats.
+    fn splat<B: Blend>(&self) -> Result<Vec<Drawn<Planes>>> {
         if self.settings.code == Code::Plain {
-            return Ok(vec![plain::draw::<B>(self.projector, self.order, whole, self.limits)?]);
+            return Ok(vec![plain::draw::<B>(self.projector, self.order, self.whole(), self.limits)?]);
         }
-        let by_rows = self.lines_run_across();
-        let side = usize::try_from(if by_rows { rows } else { columns }).unwrap_or(1);
+        self.bands(self.lines_run_across(), |rect| {
+            band::draw::<B>(self.projector, self.view, self.order, rect, self.limits, self.settings.code, self.extra)
+        })
+    }
+
+    /// Draws a base plane.
+    fn stamp(&self, finish: Finish) -> Result<(Frame, Totals)> {
+        let bands = self.bands(true, |rect| {
+            stamp::draw(self.projector, self.view, self.order, rect, self.limits, self.settings.code, self.extra)
+        })?;
+        let mut frame = Frame::transparent(self.settings.size)?;
+        let row_len = 4 * self.settings.size[0] as usize;
+        in_shares(frame.pixels_mut(), row_len, self.settings.threads, |first, rows| {
+            for (y, row) in (first..).zip(rows.chunks_exact_mut(row_len)) {
+                let y = i32::try_from(y).unwrap_or(i32::MAX);
+                let Some(band) = bands.iter().find(|band| (band.pixels.rect.y0..band.pixels.rect.y1).contains(&y))
+                else {
+                    continue;
+                };
+                let [red, green, blue, clear] = band.pixels.row(y);
+                for (i, pixel) in row.as_chunks_mut().0.iter_mut().enumerate() {
+                    *pixel = finish.pixel([red[i], green[i], blue[i], clear[i]]);
+                }
+            }
+        });
+        Ok((frame, Totals::of(&bands)))
+    }
+
+    fn whole(&self) -> Rect {
+        let [columns, rows] = self.settings.size.map(u32::cast_signed);
+        Rect { x0: 0, y0: 0, x1: columns, y1: rows }
+    }
+
+    /// What `draw` gives for bands of rows or of columns, each on a thread of its own.
+    fn bands<P: Send>(&self, by_rows: bool, draw: impl Fn(Rect) -> Result<Drawn<P>> + Sync) -> Result<Vec<Drawn<P>>> {
+        let whole = self.whole();
+        let side = usize::try_from(if by_rows { whole.y1 } else { whole.x1 }).unwrap_or(1);
         let count = self.settings.threads.clamp(1, side);
         let borders = band::borders(self.projector, self.view, by_rows, count);
         let draw = |low: i32, high: i32| {
-            let rect = if by_rows { Rect { y0: low, y1: high, ..whole } } else { Rect { x0: low, x1: high, ..whole } };
-            band::draw::<B>(self.projector, self.view, self.order, rect, self.limits, self.settings.code, self.extra)
+            draw(if by_rows { Rect { y0: low, y1: high, ..whole } } else { Rect { x0: low, x1: high, ..whole } })
         };
         if count == 1 {
             return Ok(vec![draw(borders[0], borders[1])?]);
@@ -218,18 +277,45 @@ impl Job<'_> {
     }
 }
 
+/// What all bands took together.
+#[derive(Default)]
+struct Totals {
+    work: Work,
+    bands: usize,
+}
+
+impl Totals {
+    fn of<P>(bands: &[Drawn<P>]) -> Totals {
+        let mut totals = Totals { work: Work::default(), bands: bands.len() };
+        bands.iter().for_each(|band| totals.add(&band.work));
+        totals
+    }
+
+    fn add(&mut self, work: &Work) {
+        self.work.visited += work.visited;
+        self.work.drawn += work.drawn;
+        self.work.walking += work.walking;
+        self.work.drawing += work.drawing;
+    }
+}
+
 /// The frame of finished bands.
 ///
 /// # Errors
 /// If the memory cannot be had.
-fn assemble(bands: &[Drawn], settings: &Settings, finish: Finish) -> Result<Frame> {
+fn assemble(bands: &[Drawn<Planes>], settings: &Settings, finish: Finish) -> Result<Frame> {
     let mut frame = Frame::transparent(settings.size)?;
     put_together(bands, settings, &mut frame, |pixel, values| *pixel = finish.pixel(values));
     Ok(frame)
 }
 
 /// Puts the bands' pixels to those of a frame, rows shared out among threads.
-fn put_together(bands: &[Drawn], settings: &Settings, frame: &mut Frame, put: impl Fn(&mut [f32; 4], [f32; 4]) + Sync) {
+fn put_together(
+    bands: &[Drawn<Planes>],
+    settings: &Settings,
+    frame: &mut Frame,
+    put: impl Fn(&mut [f32; 4], [f32; 4]) + Sync,
+) {
     let row_len = 4 * settings.size[0] as usize;
     let rows = settings.size[1] as usize;
     let share = rows.div_ceil(settings.threads.min(rows).max(1));
@@ -237,11 +323,11 @@ fn put_together(bands: &[Drawn], settings: &Settings, frame: &mut Frame, put: im
         for (offset, row) in rows.chunks_exact_mut(row_len).enumerate() {
             let y = i32::try_from(first + offset).unwrap_or(i32::MAX);
             for band in bands {
-                let rect = band.planes.rect;
+                let rect = band.pixels.rect;
                 if !(rect.y0..rect.y1).contains(&y) {
                     continue;
                 }
-                for (x, pixels, count) in band.planes.row(y) {
+                for (x, pixels, count) in band.pixels.row(y) {
                     let left = 4 * usize::try_from(x).unwrap_or(0);
                     let out = row[left..left + 4 * count].as_chunks_mut().0;
                     for (pixel, values) in out.iter_mut().zip(pixels) {
