@@ -76,7 +76,7 @@ fn rounding_stays_within_its_bound_over_half_a_million_layers() {
     }
 }
 
-/// Peak to peak, axis on: the worst view (THEORY 1.2).
+/// Peak to peak, axis on: the worst view (docs/NUMERICS.md).
 #[test]
 fn ripple_is_what_each_quality_promises() {
     // Standard's largest are spikes at points of the lattice, where four splats end: pixels meet some of them.

@@ -51,7 +51,7 @@ fn views_along_an_axis_are_right_either_way() {
 }
 
 /// Views along diagonals, and a rounding to either side. The nesting that is chosen is the same every time; colours of
-/// the two nestings at a tie differ by what splats that overlap do (THEORY: up to 3.46 voxels out of order).
+/// the two nestings at a tie differ by what splats that overlap do (up to 3.46 voxels out of order).
 #[test]
 fn tied_axes_are_drawn_alike_on_both_sides_of_the_tie() {
     let mut most = [0.0f64; 2];
@@ -75,7 +75,7 @@ fn tied_axes_are_drawn_alike_on_both_sides_of_the_tie() {
         }
     }
     println!("tied axes: colours differ by up to {:.4} at opacity 0.05, {:.4} at 0.6", most[0], most[1]);
-    // Second order in the opacity of a splat (THEORY 2.1): 0.05 and 0.6 are peaks of 0.017 and 0.26.
+    // Second order in the opacity of a splat (docs/NUMERICS.md): 0.05 and 0.6 are peaks of 0.017 and 0.26.
     assert!(most[0] <= 0.01 && most[1] <= 0.25, "{most:?}");
     assert!(most[1] > 0.0, "another nesting was never tried");
 }
