@@ -29,7 +29,7 @@ use crate::file::{
 };
 use crate::limits::Limits;
 use crate::splat::hidden::CLEARANCE;
-use crate::splat::{Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View};
+use crate::splat::{Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View, dial};
 use crate::traverse::{SplitForm, Viewpoint, VoxelBox};
 use crate::volume::read_text;
 
@@ -117,6 +117,10 @@ pub(super) struct LookArguments {
     /// unless given; graphics devices draw every pixel
     #[arg(long, value_name = "PIXELS", value_parser = ["fewest", "enough", "every"])]
     sampling: Option<String>,
+    /// The fastest settings whose largest error, of a linear sample from 0 to 1 beside --quality reference, is within
+    /// this: measured in small windows of the pictures, and doubled
+    #[arg(long, value_name = "E", conflicts_with_all = ["quality", "sampling", "kernel", "termination"])]
+    max_error: Option<f64>,
     /// Kernel in place of the quality's: standard deviation and radius, in voxels.
     #[arg(long, value_name = "SIGMA,RADIUS", value_parser = kernel)]
     kernel: Option<KernelShape>,
@@ -221,7 +225,12 @@ impl Job<'_> {
             return draw(self, settings, LaneSet::new(file.arena()?, None), transfer, start);
         };
         let frames = self.arguments.view.frames;
-        let room = Room::divide(memory, &file.arena()?, &settings, self.kind, self.arguments.look.depth(), frames)?;
+        // The dial may choose any sampling.
+        let dearest = match self.arguments.look.max_error {
+            Some(_) => Settings { sampling: Sampling::Fewest, ..settings.clone() },
+            None => settings.clone(),
+        };
+        let room = Room::divide(memory, &file.arena()?, &dearest, self.kind, self.arguments.look.depth(), frames)?;
         settings.threads = room.threads;
         let file = file.keep_resident_below(room.resident)?;
         draw(self, settings, LaneSet::new(file.arena()?, Some(room.derived)), transfer, start)
@@ -278,6 +287,16 @@ fn draw(
     let lanes = RoomyLanes { lanes, memory };
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
     let mut renderer = arguments.renderer.renderer(scene, memory.is_some())?;
+    let cameras = (0..arguments.view.frames)
+        .map(|frame_index| camera(&arguments.view, around, settings.size, frame_index))
+        .collect::<Result<Vec<_>>>()?;
+    let mut measured = None;
+    if let Some(bound) = arguments.look.max_error {
+        let choice = dial::choose(&scene, &cameras, &settings, bound, || !interrupted())?;
+        settings = choice.settings;
+        measured = Some(choice.measured);
+        print_note(&format!("note: {}", chosen(&settings, choice.measured)));
+    }
     let background = parse_background(arguments.look.background.as_deref().unwrap_or(match settings.mode {
         Mode::Composite => "white",
         _ => "black",
@@ -287,13 +306,12 @@ fn draw(
     let mut pictures = Vec::new();
     let mut all_stats = Vec::new();
     let mut digest = Sha256::new();
-    for frame_index in 0..arguments.view.frames {
+    for (output, camera) in (0..).zip(&cameras) {
         if interrupted() {
             return Err(Error::Interrupted);
         }
-        progress.show("render", frame_index.into(), arguments.view.frames.into());
-        let camera = camera(&arguments.view, around, settings.size, frame_index)?;
-        let (mut frame, stats) = renderer.render(&camera, &settings)?;
+        progress.show("render", output, arguments.view.frames.into());
+        let (mut frame, stats) = renderer.render(camera, &settings)?;
         if let Some(background) = background {
             frame.over(background);
         }
@@ -303,7 +321,7 @@ fn draw(
         digest.update(picture.bytes());
         match kind {
             PictureKind::Apng => pictures.push(picture),
-            _ => write_picture(&outputs[frame_index as usize], &picture)?,
+            _ => write_picture(&outputs[output as usize], &picture)?,
         }
     }
     if kind == PictureKind::Apng {
@@ -311,7 +329,8 @@ fn draw(
     }
     drop(progress);
     if let Some(path) = &arguments.stats {
-        let stats = stats_json(&settings, &renderer, &all_stats, &hex(&digest.finalize()));
+        let mut stats = stats_json(&settings, &renderer, &all_stats, &hex(&digest.finalize()));
+        stats["measured_error"] = json!(measured);
         write_atomically_unless(&interrupted, path, |out| writeln!(out, "{stats:#}"))?;
     }
     let drawn = all_stats.iter().map(|stats| stats.splats_drawn).max().unwrap_or(0);
@@ -331,6 +350,21 @@ fn draw(
         renderer.adapter().map(|adapter| format!(", by {adapter}")).unwrap_or_default(),
     ));
     Ok(Answer::Yes)
+}
+
+/// What the dial chose, in words.
+fn chosen(settings: &Settings, measured: f64) -> String {
+    let KernelShape { sigma, radius } = settings.kernel();
+    let ends = match settings.termination() {
+        0.0 => "no ray ends early".to_string(),
+        termination => format!("rays end at {termination}"),
+    };
+    let pixels = match settings.sampling {
+        Sampling::EveryPixel => "every pixel",
+        Sampling::Enough => "enough pixels",
+        Sampling::Fewest => "fewest pixels",
+    };
+    format!("kernel {sigma},{radius}, {ends}, {pixels}: largest error measured {measured:.2e}")
 }
 
 /// What to say of a file without its hidden voxels where the picture may show that they are missing.
@@ -507,6 +541,9 @@ fn stats_json(settings: &Settings, renderer: &Renderer, stats: &[FrameStats], im
         "adapter": renderer.adapter(),
         "threads": settings.threads,
         "size": settings.size,
+        "kernel": settings.kernel(),
+        "termination": settings.termination(),
+        "sampling": settings.sampling,
         "frames": stats.len(),
         "splats_drawn": total(|s| s.splats_drawn),
         "splats_skipped": total(|s| s.splats_skipped),
