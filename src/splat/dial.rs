@@ -57,6 +57,8 @@ const PLACES: [[f64; 2]; 5] = [[0.5, 0.5], [0.22, 0.3], [0.75, 0.22], [0.8, 0.74
 pub struct Choice {
     /// The settings given, with the rung's.
     pub settings: Settings,
+    /// Which of [`RUNGS`] it is.
+    pub rung: usize,
     /// The largest error measured with them.
     pub measured: f64,
 }
@@ -95,31 +97,31 @@ pub fn choose(
     if cameras.is_empty() {
         return Err(Error::input("cameras", "are none; the dial needs a view"));
     }
-    let [reference, candidates @ ..] = &RUNGS.map(|rung| rung.applied(settings)).into_iter().rev().collect::<Vec<_>>()[..]
-    else {
-        unreachable!("there are rungs")
-    };
-    let windows = windows(scene, cameras, reference)?;
+    let settings_of = |rung: usize| RUNGS[rung].applied(settings);
+    let last = RUNGS.len() - 1;
+    let reference = settings_of(last);
+    let windows = windows(scene, cameras, &reference)?;
     let draw = |settings: &Settings, window: &Window| {
         if !go_on() {
             return Err(Error::Interrupted);
         }
         Ok(cpu::render(scene, &window.camera, &Settings { size: window.size, ..settings.clone() })?.0)
     };
-    let right = windows.iter().map(|window| draw(reference, window)).collect::<Result<Vec<_>>>()?;
-    for candidate in candidates.iter().rev() {
+    let right = windows.iter().map(|window| draw(&reference, window)).collect::<Result<Vec<_>>>()?;
+    for rung in 0..last {
+        let settings = settings_of(rung);
         let mut measured = 0.0;
         for (window, right) in windows.iter().zip(&right) {
-            measured = largest_difference(right, &draw(candidate, window)?).max(measured);
+            measured = largest_difference(right, &draw(&settings, window)?).max(measured);
             if measured * CAUTION > bound {
                 break;
             }
         }
         if measured * CAUTION <= bound {
-            return Ok(Choice { settings: candidate.clone(), measured });
+            return Ok(Choice { settings, rung, measured });
         }
     }
-    Ok(Choice { settings: reference.clone(), measured: 0.0 })
+    Ok(Choice { settings: reference, rung: last, measured: 0.0 })
 }
 
 /// A part of a picture, as a camera of its own.
