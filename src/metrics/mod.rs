@@ -1,0 +1,1 @@
+//! Metrics: how far two pictures are apart.
