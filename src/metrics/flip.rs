@@ -18,7 +18,7 @@ use super::display::{Display, decoded};
 use super::filter::{Kernel, filtered};
 
 /// Pixels a degree of a display 0.7 m wide of 3,840 pixels, 0.7 m away: the authors' viewing conditions.
-const PIXELS_PER_DEGREE: f64 = 67.020_643;
+const PIXELS_PER_DEGREE: f64 = 67.020_645;
 /// Exponent of a colour distance.
 const COLOUR_EXPONENT: f64 = 0.7;
 /// Share of the largest colour distance that is mapped to [`KNEE_AT`], linearly; the rest goes into what is left.
