@@ -40,22 +40,31 @@ fn thin_shell() -> VisibleVoxels {
     })
 }
 
-fn tenth_noise() -> VisibleVoxels {
+fn tenth_noise(smooth: bool) -> VisibleVoxels {
     made([32; 3], [1.0; 3], |at| {
-        let colour = [noise(at.map(|c| c + 100)), noise(at.map(|c| c + 200)), noise(at.map(|c| c + 300))];
-        (noise(at) < 0.1).then_some((-(0.1f64).ln(), colour.map(|c| c as f32)))
+        let random = [100, 200, 300].map(|seed| noise(at.map(|c| c + seed)) as f32);
+        let colour = if smooth { at.map(|c| f32::from(c) / 31.0) } else { random };
+        (noise(at) < 0.1).then_some((-(0.1f64).ln(), colour))
     })
 }
 
+/// Measured on these scenes, in two views each: exponential 47.9 to 79.2 dB, classic 17.7 to 42.0. Neighbours that are
+/// opaque and of unrelated colours are the worst case of splatting: whichever comes first covers the other, where the
+/// integral mixes them (39.5 and 41.9 dB).
 #[test]
 fn exponential_blending_comes_far_nearer_to_the_integral_than_the_classic_form() {
-    for (name, scene) in
-        [("opaque shell", opaque_shell()), ("checker ball", checker_ball()), ("noise", tenth_noise()), ("thin shell", thin_shell())]
-    {
+    for (name, scene, least) in [
+        ("opaque shell", opaque_shell(), 46.0),
+        ("checker ball", checker_ball(), 46.0),
+        ("noise, smooth colours", tenth_noise(true), 46.0),
+        ("noise, random colours", tenth_noise(false), 38.0),
+        ("thin shell", thin_shell(), 46.0),
+    ] {
         for (azimuth, elevation) in [(0.0, 0.0), (33.0, 21.0)] {
             let size = [64, 64];
             let camera = orbit(scene.grid(), azimuth, elevation, None, size);
-            let rays = integrated(&scene, &camera, ray::Settings { sigma: 0.6, tolerance: 1e-5, ..ray::Settings::new(size) });
+            let settings = ray::Settings { sigma: 0.6, tolerance: 1e-5, ..ray::Settings::new(size) };
+            let rays = integrated(&scene, &camera, settings);
             let of = |blending, order| {
                 let settings = splat::Settings { sigma: 0.6, blending, order, ..splat::Settings::new(size) };
                 decibels(&splatted(&scene, &camera, settings), &rays)
@@ -63,9 +72,10 @@ fn exponential_blending_comes_far_nearer_to_the_integral_than_the_classic_form()
             let exponential = of(splat::Blending::Exponential, splat::Order::Sorted);
             let nested = of(splat::Blending::Exponential, splat::Order::Nested);
             let linear = of(splat::Blending::Linear, splat::Order::Sorted);
-            println!("{name} {azimuth} {elevation}: exponential {exponential:.1}, nested {nested:.1}, linear {linear:.1} dB");
-            assert!(exponential > 44.0, "{name}: {exponential}");
-            assert!(linear < 47.0 && linear < exponential - 9.0, "{name}: {linear} against {exponential}");
+            println!("{name}, {azimuth}, {elevation}: {exponential:.1} dB, nested {nested:.1}, classic {linear:.1}");
+            assert!(exponential > least && nested > least - 3.0, "{name}: {exponential}, nested {nested}");
+            // Worth 10 dB and more, on the scene of sharp colours the least.
+            assert!(linear < 43.0 && linear < exponential - 10.0, "{name}: {linear} against {exponential}");
         }
     }
 }

@@ -32,12 +32,13 @@ fn the_picture_has_the_same_bits_for_any_threads_and_alpha_in_any_order() {
     }
 }
 
-/// The eye of this view lies between the planes of all three axes: nothing may be drawn before what it hides.
+/// The eye of this view is on planes of all three axes, and beyond the near distance of 4.2: nothing may be drawn before
+/// what hides it.
 #[test]
 fn an_eye_inside_sees_the_near_voxel_before_the_far_one() {
     let scene = made([21, 21, 21], [1.0; 3], |at| match at {
-        [10, 10, 14] | [14, 10, 10] | [6, 10, 10] => Some((16.0, [1.0, 0.0, 0.0])),
-        [10, 10, 18] | [18, 10, 10] | [2, 10, 10] => Some((16.0, [0.0, 1.0, 0.0])),
+        [10, 10, 15] | [15, 10, 10] | [5, 10, 10] => Some((16.0, [1.0, 0.0, 0.0])),
+        [10, 10, 19] | [19, 10, 10] | [1, 10, 10] => Some((16.0, [0.0, 1.0, 0.0])),
         _ => None,
     });
     let judge = Judge::of_voxels(scene);
