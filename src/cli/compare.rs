@@ -139,9 +139,8 @@ fn document(metrics: &Metrics, within: Option<bool>) -> Value {
 
 fn table(metrics: &Metrics) -> String {
     let Metrics { psnr, ssim, flip, max_abs, max_at, rmse, energy, display } = metrics;
-    let line = |name: &str, linear: f64, shown_as: f64| {
-        format!("{name:<8} {:>12} {:>12}", shown(linear), shown(shown_as))
-    };
+    let line =
+        |name: &str, linear: f64, shown_as: f64| format!("{name:<8} {:>12} {:>12}", shown(linear), shown(shown_as));
     [
         format!("{:<8} {:>12} {:>12}", "", "linear", "display"),
         line("psnr", *psnr, display.psnr),

@@ -28,7 +28,8 @@ pub(super) fn read_picture(path: &Path) -> Result<Frame> {
 }
 
 fn broken(path: &Path, fault: impl std::fmt::Display) -> Error {
-    Error::input(path.display().to_string(), format!("cannot be read as a picture: {fault}"))
+    let fault = fault.to_string();
+    Error::input(path.display().to_string(), format!("cannot be read as a picture: {}", fault.trim_end_matches('.')))
 }
 
 /// A frame to fill.

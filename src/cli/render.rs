@@ -233,7 +233,10 @@ impl Job<'_> {
             return Err(needs_volume());
         }
         if let Some(flag) = arguments.packing.given() {
-            return Err(Error::input(flag, "is for what is stored, of which the reference knows nothing; leave it out"));
+            return Err(Error::input(
+                flag,
+                "is for what is stored, of which the reference knows nothing; leave it out",
+            ));
         }
         if self.memory.is_some() {
             return Err(Error::input("--memory", "is not kept by the reference, which holds all voxels; leave it out"));

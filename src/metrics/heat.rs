@@ -28,9 +28,8 @@ impl Heat {
             return Err(Error::input("pictures", "differ in size; compare pictures of one size"));
         }
         let pairs = a.pixels().as_chunks::<4>().0.iter().zip(b.pixels().as_chunks::<4>().0);
-        let apart = |(a, b): (&[f32; 4], &[f32; 4])| {
-            a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max)
-        };
+        let apart =
+            |(a, b): (&[f32; 4], &[f32; 4])| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max);
         let differences: Vec<f64> = pairs.map(apart).collect();
         let brightest = differences.iter().copied().fold(0.0, f64::max);
         let colours: Vec<[f32; 3]> = (0..=255u8).map(|step| colour(f64::from(step) / 255.0)).collect();
@@ -51,9 +50,10 @@ fn colour(share: f64) -> [f32; 3] {
     let hue = (300.0 + 165.0 * share).to_radians();
     let wanted = 0.23 * (std::f64::consts::PI * share).sin();
     // As colourful as a display can show at that lightness and hue.
-    let chroma = (0..=64).rev().map(|step| wanted * f64::from(step) / 64.0).find(|&chroma| {
-        linear_from_oklab(lightness, chroma, hue).iter().all(|c| (-1e-9..=1.0 + 1e-9).contains(c))
-    });
+    let chroma = (0..=64)
+        .rev()
+        .map(|step| wanted * f64::from(step) / 64.0)
+        .find(|&chroma| linear_from_oklab(lightness, chroma, hue).iter().all(|c| (-1e-9..=1.0 + 1e-9).contains(c)));
     #[expect(clippy::cast_possible_truncation, reason = "single precision is a frame's")]
     linear_from_oklab(lightness, chroma.unwrap_or(0.0), hue).map(|c| c.clamp(0.0, 1.0) as f32)
 }

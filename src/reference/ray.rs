@@ -257,15 +257,8 @@ const STAGES: [&[f64]; 6] = [
 /// Where the stages are, of a step.
 const PLACES: [f64; 6] = [1.0 / 5.0, 3.0 / 10.0, 4.0 / 5.0, 8.0 / 9.0, 1.0, 1.0];
 /// Fifth order less fourth.
-const DIFFERENCE: [f64; 7] = [
-    71.0 / 57_600.0,
-    0.0,
-    -71.0 / 16_695.0,
-    71.0 / 1_920.0,
-    -17_253.0 / 339_200.0,
-    22.0 / 525.0,
-    -1.0 / 40.0,
-];
+const DIFFERENCE: [f64; 7] =
+    [71.0 / 57_600.0, 0.0, -71.0 / 16_695.0, 71.0 / 1_920.0, -17_253.0 / 339_200.0, 22.0 / 525.0, -1.0 / 40.0];
 
 /// The pixel of a ray past `bumps`, all `width` wide (standard deviation, mean voxels), from `start` on.
 fn integrate(bumps: &[Bump], width: f64, start: f64, tolerance: f64) -> [f64; 4] {

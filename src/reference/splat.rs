@@ -17,8 +17,8 @@
 //! Source: Zwicker et al., "EWA Volume Splatting", 2001.
 
 use super::light::Lights;
-use super::order::front_to_back;
 pub use super::order::Order;
+use super::order::front_to_back;
 use super::picture::Picture;
 use super::voxels::{VisibleVoxels, Voxel};
 use crate::classify::TransferFunction;
@@ -211,12 +211,7 @@ impl Footprint {
         let widest = (xx + yy) / 2.0 + ((xx - yy) / 2.0).hypot(xy);
         let narrowest = if widest > 0.0 { determinant / widest } else { 0.0 };
         let added = (f64::from(LOW_PASS).powi(2) - narrowest).max(0.0);
-        Footprint {
-            xx: xx + added,
-            xy,
-            yy: yy + added,
-            determinant: determinant + added * (xx + yy + added),
-        }
+        Footprint { xx: xx + added, xy, yy: yy + added, determinant: determinant + added * (xx + yy + added) }
     }
 }
 

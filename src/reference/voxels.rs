@@ -114,9 +114,8 @@ impl VisibleVoxels {
     pub fn bounds(&self) -> Option<([u16; 3], [u16; 3])> {
         let first = self.voxels.first()?.position;
         Some(self.voxels.iter().fold((first, first), |(low, high), voxel| {
-            let end = |pick: fn(u16, u16) -> u16, end: [u16; 3]| {
-                std::array::from_fn(|a| pick(end[a], voxel.position[a]))
-            };
+            let end =
+                |pick: fn(u16, u16) -> u16, end: [u16; 3]| std::array::from_fn(|a| pick(end[a], voxel.position[a]));
             (end(u16::min, low), end(u16::max, high))
         }))
     }

@@ -35,9 +35,7 @@ fn checker_ball() -> VisibleVoxels {
 }
 
 fn thin_shell() -> VisibleVoxels {
-    made([32; 3], [1.0; 3], |at| {
-        (10.0..13.0).contains(&radius(at)).then_some((0.1, at.map(|c| f32::from(c) / 31.0)))
-    })
+    made([32; 3], [1.0; 3], |at| (10.0..13.0).contains(&radius(at)).then_some((0.1, at.map(|c| f32::from(c) / 31.0))))
 }
 
 fn tenth_noise(smooth: bool) -> VisibleVoxels {

@@ -14,8 +14,7 @@ fn worst(source: &mut dyn SlabSource, text: &str, fov: Option<f64>) -> f64 {
     let judge = Judge::new(source, &transfer).unwrap();
     source.rewind().unwrap();
     let normal_bits = if transfer.shaded() { 16 } else { 0 };
-    let options =
-        BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 16, normal_bits };
+    let options = BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 16, normal_bits };
     let built = build(source, &options, &mut Unobserved).unwrap();
     assert_eq!(built.facts.visible_voxels, judge.visible().voxels().len() as u64);
     assert_eq!(Some(&built.transfer), judge.visible().transfer());

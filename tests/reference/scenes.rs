@@ -84,11 +84,11 @@ pub(crate) fn decibels(a: &Picture, b: &Picture) -> f64 {
     -20.0 * rmse(a, b).log10()
 }
 
-/// Slope of log error over log step, by least squares; steps halve from one to the next.
-pub(crate) fn order_of_convergence(errors: &[f64]) -> f64 {
+/// Slope of log error over log step, by least squares; `points`: of an axis, in inverse proportion to the step.
+pub(crate) fn order_of_convergence(points: &[u64], errors: &[f64]) -> f64 {
     let count = errors.len() as f64;
-    let points = || errors.iter().enumerate().map(|(at, error)| (-(at as f64), error.log2()));
-    let (mean_x, mean_y) = points().fold((0.0, 0.0), |(sx, sy), (x, y)| (sx + x / count, sy + y / count));
-    let slope = points().map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>();
-    slope / points().map(|(x, _)| (x - mean_x).powi(2)).sum::<f64>()
+    let logs = || points.iter().zip(errors).map(|(&points, error)| (-(points as f64).ln(), error.ln()));
+    let (mean_x, mean_y) = logs().fold((0.0, 0.0), |(sx, sy), (x, y)| (sx + x / count, sy + y / count));
+    let slope = logs().map(|(x, y)| (x - mean_x) * (y - mean_y)).sum::<f64>();
+    slope / logs().map(|(x, _)| (x - mean_x).powi(2)).sum::<f64>()
 }

@@ -17,9 +17,7 @@ fn the_picture_has_the_same_bits_for_any_threads_and_alpha_in_any_order() {
     let judge = Judge::new(&mut *source, &transfer).unwrap();
     for fov in [None, Some(50.0)] {
         let camera = orbit(judge.visible().grid(), 31.0, 24.0, fov, [50, 37]);
-        let of = |order, threads| {
-            judge.draw(&camera, &Settings { order, threads, ..Settings::new([50, 37]) }).unwrap()
-        };
+        let of = |order, threads| judge.draw(&camera, &Settings { order, threads, ..Settings::new([50, 37]) }).unwrap();
         let first = of(Order::Nested, 1);
         for threads in [2, 3, 64] {
             assert!(of(Order::Nested, threads) == first, "{threads} threads");
