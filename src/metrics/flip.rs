@@ -44,7 +44,7 @@ const WIDEST: f64 = 0.04;
 
 /// Mean FLIP, 0 to 1.
 pub(super) fn mean(reference: &Display, test: &Display) -> f64 {
-    let pictures = [reference, test].map(|picture| Opponent::new(picture));
+    let pictures = [reference, test].map(Opponent::new);
     let columns = reference.size[0];
     let [seen_reference, seen_test] = pictures.each_ref().map(|picture| picture.seen(columns));
     let luminances = pictures.each_ref().map(|picture| picture.planes[0].iter().map(|y| (y + 16.0) / 116.0).collect());

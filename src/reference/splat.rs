@@ -350,5 +350,5 @@ fn whole(low: f64, high: f64, first: usize, count: usize) -> Option<(usize, usiz
     let (from, to) = (low.ceil().max(first as f64), high.floor().min(last as f64));
     // NaN compares false.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between `first` and `last`")]
-    (from <= to).then(|| (from as usize, to as usize))
+    (from <= to).then_some((from as usize, to as usize))
 }

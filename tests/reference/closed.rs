@@ -153,6 +153,7 @@ fn a_linear_ramp_is_approached_at_second_order() {
             .map(|layers| {
                 let share = |z: u16| (f64::from(z) + 0.5) / f64::from(layers);
                 let ramp = made([17, 17, layers], [1.0; 3], |[_, _, z]| {
+                    #[expect(clippy::cast_possible_truncation, reason = "colours are in single precision")]
                     let colour = (near + (far - near) * share(z)) as f32;
                     Some((depth / f64::from(layers), [colour; 3]))
                 });

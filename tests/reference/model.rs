@@ -40,6 +40,7 @@ fn thin_shell() -> VisibleVoxels {
 
 fn tenth_noise(smooth: bool) -> VisibleVoxels {
     made([32; 3], [1.0; 3], |at| {
+        #[expect(clippy::cast_possible_truncation, reason = "colours are in single precision")]
         let random = [100, 200, 300].map(|seed| noise(at.map(|c| c + seed)) as f32);
         let colour = if smooth { at.map(|c| f32::from(c) / 31.0) } else { random };
         (noise(at) < 0.1).then_some((-(0.1f64).ln(), colour))
