@@ -115,7 +115,7 @@ pub(super) struct LookArguments {
     /// Pixels that are drawn: enough leaves out those that wide splats (seven pixels and more) do not need, and
     /// interpolates them; every takes all. Enough for draft and standard, every for high and reference unless given;
     /// graphics devices draw every pixel.
-    #[arg(long, value_name = "PIXELS", value_parser = ["enough", "every"])]
+    #[arg(long, value_name = "PIXELS", value_parser = ["base-plane", "enough", "every"])]
     sampling: Option<String>,
     /// composite: light and shade; maximum, maximum-grey: largest value along each ray; xray: sum along each ray.
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = ["composite", "maximum", "maximum-grey", "xray"])]
@@ -437,6 +437,7 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
         _ => Mode::Composite,
     };
     settings.sampling = match (look.sampling.as_deref(), settings.quality) {
+        (Some("base-plane"), _) => Sampling::BasePlane,
         (Some("every"), _) | (None, Quality::High | Quality::Reference) => Sampling::EveryPixel,
         _ => Sampling::Enough,
     };

@@ -142,6 +142,10 @@ pub enum Sampling {
     /// differ by 45 to 67 dB in what was measured (docs/studies/sampling.md), and by 0.1 at single pixels of opaque
     /// edges. Work falls with the square of the magnification.
     Enough,
+    /// Those of the *base plane*, where the view is parallel, composited front to back, and its pixels are not much
+    /// finer than the voxels: one for each scan line that the view looks onto, of all slices laid over each other. The
+    /// picture is interpolated from them (shear-warp; Lacroute and Levoy 1994). Otherwise as `Enough`.
+    BasePlane,
 }
 
 impl Settings {

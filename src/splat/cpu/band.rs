@@ -23,8 +23,14 @@ use crate::splat::{Code, View};
 use crate::traverse::{Batch, Order, Visitor, VoxelBox, walk};
 
 /// What a band's thread gives back.
-pub(crate) struct Drawn {
-    pub(crate) planes: Planes,
+pub(crate) struct Drawn<P> {
+    pub(crate) pixels: P,
+    pub(crate) work: Work,
+}
+
+/// What drawing took.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Work {
     pub(crate) visited: u64,
     pub(crate) drawn: u64,
     pub(crate) walking: Duration,
@@ -52,7 +58,7 @@ pub(crate) fn draw<B: Blend>(
     limits: Limits,
     code: Code,
     extra: Extra,
-) -> Result<Drawn> {
+) -> Result<Drawn<Planes>> {
     let mut band = Band::<B> {
         projector,
         view,
@@ -76,7 +82,7 @@ pub(crate) fn draw<B: Blend>(
     band.flush();
     let walking = start.elapsed().saturating_sub(band.drawing);
     let Band { bench, visited, drawn, drawing, .. } = band;
-    Ok(Drawn { planes: bench.planes, visited, drawn, walking, drawing })
+    Ok(Drawn { pixels: bench.planes, work: Work { visited, drawn, walking, drawing } })
 }
 
 struct Band<'a, B> {
@@ -99,22 +105,8 @@ struct Band<'a, B> {
 const PIECE: u16 = 32;
 
 impl<B: Blend> Band<'_, B> {
-    /// The pixels of the band that `bounds` may touch; `None` if there are none.
     fn pixels(&self, bounds: &VoxelBox) -> Option<Rect> {
-        let rect = self.bench.planes.rect;
-        let [left, right, top, bottom] = self.view.pixel_bounds(bounds, self.half)?;
-        // Clipped before the cast, which would saturate anyway.
-        let whole = |at: f64, low: i32, high: i32| at.clamp(f64::from(low), f64::from(high)) as i32;
-        let meets = right >= f64::from(rect.x0)
-            && left <= f64::from(rect.x1 - 1)
-            && bottom >= f64::from(rect.y0)
-            && top <= f64::from(rect.y1 - 1);
-        meets.then(|| Rect {
-            x0: whole(left.floor(), rect.x0, rect.x1 - 1),
-            x1: whole(right.ceil(), rect.x0, rect.x1 - 1) + 1,
-            y0: whole(top.floor(), rect.y0, rect.y1 - 1),
-            y1: whole(bottom.ceil(), rect.y0, rect.y1 - 1) + 1,
-        })
+        pixels(self.view, self.half, self.bench.planes.rect, bounds)
     }
 
     /// Whether nothing of a group of voxels can be seen: they lie outside the band or behind what is opaque.
@@ -189,7 +181,7 @@ impl<B: Blend> Visitor for Band<'_, B> {
             if !self.voxels.have_room(GROUP) {
                 self.flush();
             }
-            self.voxels.add(batch, from);
+            self.voxels.add(batch, from, GROUP);
         }
         // Voxels that wait for the next batch would hide each other no more where what is seen is noted; and be read
         // after the pager was told of others.
@@ -199,6 +191,23 @@ impl<B: Blend> Visitor for Band<'_, B> {
         self.visited += batch.len() as u64;
         self.drawing += start.elapsed();
     }
+}
+
+/// The pixels of `rect` that voxels in `bounds` may touch; `None` if there are none.
+pub(super) fn pixels(view: &View, half: [f64; 2], rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
+    let [left, right, top, bottom] = view.pixel_bounds(bounds, half)?;
+    // Clipped before the cast, which would saturate anyway.
+    let whole = |at: f64, low: i32, high: i32| at.clamp(f64::from(low), f64::from(high)) as i32;
+    let meets = right >= f64::from(rect.x0)
+        && left <= f64::from(rect.x1 - 1)
+        && bottom >= f64::from(rect.y0)
+        && top <= f64::from(rect.y1 - 1);
+    meets.then(|| Rect {
+        x0: whole(left.floor(), rect.x0, rect.x1 - 1),
+        x1: whole(right.ceil(), rect.x0, rect.x1 - 1) + 1,
+        y0: whole(top.floor(), rect.y0, rect.y1 - 1),
+        y1: whole(bottom.ceil(), rect.y0, rect.y1 - 1) + 1,
+    })
 }
 
 /// Borders of `count` bands of about equal work, across rows (or columns): `count + 1` of them, from 0 to the side.

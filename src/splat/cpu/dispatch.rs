@@ -12,6 +12,7 @@ use super::raster::{self, EllipseEach, Limits, Splats};
 use super::seen::Seen;
 #[cfg(feature = "cli")]
 use super::splatter;
+use super::stamp::{self, Amounts, CODES, Rows, Stamp};
 use crate::splat::Code;
 
 /// What a band works with.
@@ -81,6 +82,50 @@ pub(crate) fn handed(
     } else {
         std::hint::black_box(&bench.splats).count as u64
     }
+}
+
+/// Draws a block of voxels of one slice with the slice's stamp; gives how many splats were drawn.
+pub(super) fn stamped(
+    code: Code,
+    projector: &Projector,
+    voxels: &Voxels,
+    stamp: &Stamp,
+    splats: &mut Splats,
+    amounts: &mut [Amounts; CODES],
+    rows: &mut Rows,
+    limits: Limits,
+) -> u64 {
+    match code {
+        Code::Best => stamped_best(projector, voxels, stamp, splats, amounts, rows, limits),
+        Code::Avx2 => stamped_avx2(projector, voxels, stamp, splats, amounts, rows, limits),
+        Code::Portable | Code::Plain => stamp::block(projector, voxels, stamp, splats, amounts, rows, limits),
+    }
+}
+
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+fn stamped_best(
+    projector: &Projector,
+    voxels: &Voxels,
+    stamp: &Stamp,
+    splats: &mut Splats,
+    amounts: &mut [Amounts; CODES],
+    rows: &mut Rows,
+    limits: Limits,
+) -> u64 {
+    stamp::block(projector, voxels, stamp, splats, amounts, rows, limits)
+}
+
+#[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
+fn stamped_avx2(
+    projector: &Projector,
+    voxels: &Voxels,
+    stamp: &Stamp,
+    splats: &mut Splats,
+    amounts: &mut [Amounts; CODES],
+    rows: &mut Rows,
+    limits: Limits,
+) -> u64 {
+    stamp::block(projector, voxels, stamp, splats, amounts, rows, limits)
 }
 
 #[inline(always)]

@@ -5,6 +5,7 @@
 
 pub(crate) mod arith;
 mod band;
+mod base_plane;
 pub(crate) mod blend;
 mod dispatch;
 mod need;
@@ -16,18 +17,20 @@ mod sampling;
 mod seen;
 #[cfg(feature = "cli")]
 pub(crate) mod splatter;
+mod stamp;
 mod without;
 
 use std::time::{Duration, Instant};
 
 pub use self::need::memory_need;
 
-use self::band::{Drawn, Extra};
+use self::band::{Drawn, Extra, Work};
+use self::base_plane::BasePlane;
 use self::blend::{Additive, BackToFront, Blend, FrontToBack, Maximum};
-use self::planes::Rect;
+use self::planes::{Planes, Rect};
 use self::project::Projector;
 use self::raster::Limits;
-use self::sampling::Coarse;
+use self::sampling::{Coarse, in_shares};
 pub(crate) use self::seen::Seen;
 use super::composite::{Finish, Mode, Table};
 use super::frame::Frame;
@@ -50,13 +53,43 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
     render_without(scene, camera, settings, None)
 }
 
-/// The view with fewer pixels, if the settings allow it and it is worth while.
-fn coarse(shot: &Shot, table: &Table, settings: &Settings) -> Option<Coarse> {
-    if settings.sampling == Sampling::EveryPixel || settings.mode != Mode::Composite {
-        return None;
+/// Where a picture is drawn if not pixel by pixel.
+enum Stage {
+    Coarse(Coarse),
+    BasePlane(BasePlane),
+}
+
+impl Stage {
+    /// The best for a view, if the settings allow one and it is worth while.
+    fn of(shot: &Shot, table: &Table, settings: &Settings) -> Option<Stage> {
+        if settings.sampling == Sampling::EveryPixel || settings.mode != Mode::Composite {
+            return None;
+        }
+        let (low, high) = shot.lane.bounds()?;
+        let bounds = VoxelBox { low, high };
+        let plane = (settings.sampling == Sampling::BasePlane && settings.sense == Sense::FrontToBack)
+            .then(|| BasePlane::of(&shot.view, &shot.order, shot.kernel, &bounds))
+            .flatten();
+        match plane {
+            Some(plane) => Some(Stage::BasePlane(plane)),
+            None => Coarse::of(&shot.view, shot.kernel, &bounds, table.deepest()).map(Stage::Coarse),
+        }
     }
-    let (low, high) = shot.lane.bounds()?;
-    Coarse::of(&shot.view, shot.kernel, &VoxelBox { low, high }, table.deepest())
+
+    fn view(&self, view: &View) -> View {
+        match self {
+            Stage::Coarse(coarse) => coarse.view(view),
+            Stage::BasePlane(plane) => plane.view(view),
+        }
+    }
+
+    /// The picture, from what was drawn.
+    fn picture(&self, drawn: Frame, threads: usize) -> Result<Frame> {
+        match self {
+            Stage::Coarse(coarse) => coarse.enlarge(drawn, threads),
+            Stage::BasePlane(plane) => plane.warp(drawn, threads),
+        }
+    }
 }
 
 /// As [`render`], without the records `left_out` of the lane that the view walks along: the picture of a scene from
@@ -73,9 +106,9 @@ pub(crate) fn render_without(
     let start = Instant::now();
     let mut shot = Shot::new(scene, camera, settings)?;
     let table = Table::new(scene, &shot.lane, settings, shot.view.mean_voxel)?;
-    let coarse = coarse(&shot, &table, settings);
-    if let Some(coarse) = &coarse {
-        shot.view = coarse.view(&shot.view);
+    let stage = Stage::of(&shot, &table, settings);
+    if let Some(stage) = &stage {
+        shot.view = stage.view(&shot.view);
     }
     let settings = &Settings { size: shot.view.size, ..settings.clone() };
     let ink = match (settings.mode, settings.sense) {
@@ -88,29 +121,26 @@ pub(crate) fn render_without(
     let limits = Limits { cut: shot.kernel.cut(), stop: settings.termination() };
     let extra = Extra { left_out, seen: None };
     let job = Job { projector: &projector, view: &shot.view, order: &shot.order, limits, settings, extra };
-    let bands: Vec<Drawn> = match (settings.mode, settings.sense) {
-        (Mode::Composite, Sense::FrontToBack) => job.bands::<FrontToBack>()?,
-        (Mode::Composite, Sense::BackToFront) => job.bands::<BackToFront>()?,
-        (Mode::Additive, _) => job.bands::<Additive>()?,
-        (Mode::Maximum | Mode::MaximumGrey, _) => job.bands::<Maximum>()?,
+    let finish = Finish::new(&table);
+    let (drawn, Totals { work, bands }) = match (&stage, settings.mode, settings.sense) {
+        (Some(Stage::BasePlane(_)), ..) if settings.code != Code::Plain => job.stamp(finish)?,
+        (_, Mode::Composite, Sense::FrontToBack) => job.draw::<FrontToBack>(finish)?,
+        (_, Mode::Composite, Sense::BackToFront) => job.draw::<BackToFront>(finish)?,
+        (_, Mode::Additive, _) => job.draw::<Additive>(finish)?,
+        (_, Mode::Maximum | Mode::MaximumGrey, _) => job.draw::<Maximum>(finish)?,
     };
-    let mut frame = assemble(&bands, settings, Finish::new(&table))?;
-    let total = |time: fn(&Drawn) -> Duration| bands.iter().map(time).sum::<Duration>().as_secs_f64() * 1e3;
-    let visited: u64 = bands.iter().map(|band| band.visited).sum();
-    let drawn = bands.iter().map(|band| band.drawn).sum();
-    let (walking, drawing) = (total(|band| band.walking), total(|band| band.drawing));
-    let band_count = bands.len();
-    drop(bands);
-    if let Some(coarse) = coarse {
-        frame = coarse.enlarge(frame, settings.threads)?;
-    }
+    let frame = match stage {
+        Some(stage) => stage.picture(drawn, settings.threads)?,
+        None => drawn,
+    };
+    let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let stats = Stats {
-        splats_drawn: drawn,
-        splats_skipped: visited - drawn,
-        bands: band_count,
-        frame_ms: start.elapsed().as_secs_f64() * 1e3,
-        walk_ms: walking,
-        draw_ms: drawing,
+        splats_drawn: work.drawn,
+        splats_skipped: work.visited - work.drawn,
+        bands,
+        frame_ms: milliseconds(start.elapsed()),
+        walk_ms: milliseconds(work.walking),
+        draw_ms: milliseconds(work.drawing),
     };
     Ok((frame, stats))
 }
@@ -152,19 +182,53 @@ struct Job<'a> {
 }
 
 impl Job<'_> {
-    fn bands<B: Blend>(&self) -> Result<Vec<Drawn>> {
+    /// Draws the whole picture.
+    fn draw<B: Blend>(&self, finish: Finish) -> Result<(Frame, Totals)> {
+        let bands = if self.settings.code == Code::Plain {
+            vec![plain::draw::<B>(self.projector, self.order, self.whole(), self.limits)?]
+        } else {
+            self.bands(self.lines_run_across(), |rect| {
+                band::draw::<B>(self.projector, self.view, self.order, rect, self.limits, self.settings.code, self.extra)
+            })?
+        };
+        Ok((assemble(&bands, self.settings, finish)?, Totals::of(&bands)))
+    }
+
+    /// Draws a base plane.
+    fn stamp(&self, finish: Finish) -> Result<(Frame, Totals)> {
+        let bands = self.bands(true, |rect| {
+            stamp::draw(self.projector, self.view, self.order, rect, self.limits, self.settings.code, self.extra)
+        })?;
+        let mut frame = Frame::transparent(self.settings.size)?;
+        let row_len = 4 * self.settings.size[0] as usize;
+        in_shares(frame.pixels_mut(), row_len, self.settings.threads, |first, rows| {
+            for (y, row) in (first..).zip(rows.chunks_exact_mut(row_len)) {
+                let y = i32::try_from(y).unwrap_or(i32::MAX);
+                let Some(band) = bands.iter().find(|band| (band.pixels.rect.y0..band.pixels.rect.y1).contains(&y)) else {
+                    continue;
+                };
+                let [red, green, blue, clear] = band.pixels.row(y);
+                for (i, pixel) in row.as_chunks_mut().0.iter_mut().enumerate() {
+                    *pixel = finish.pixel([red[i], green[i], blue[i], clear[i]]);
+                }
+            }
+        });
+        Ok((frame, Totals::of(&bands)))
+    }
+
+    fn whole(&self) -> Rect {
         let [columns, rows] = self.settings.size.map(u32::cast_signed);
-        let whole = Rect { x0: 0, y0: 0, x1: columns, y1: rows };
-        if self.settings.code == Code::Plain {
-            return Ok(vec![plain::draw::<B>(self.projector, self.order, whole, self.limits)?]);
-        }
-        let by_rows = self.lines_run_across();
-        let side = usize::try_from(if by_rows { rows } else { columns }).unwrap_or(1);
+        Rect { x0: 0, y0: 0, x1: columns, y1: rows }
+    }
+
+    /// What `draw` gives for bands of rows or of columns, each on a thread of its own.
+    fn bands<P: Send>(&self, by_rows: bool, draw: impl Fn(Rect) -> Result<Drawn<P>> + Sync) -> Result<Vec<Drawn<P>>> {
+        let whole = self.whole();
+        let side = usize::try_from(if by_rows { whole.y1 } else { whole.x1 }).unwrap_or(1);
         let count = self.settings.threads.clamp(1, side);
         let borders = band::borders(self.projector, self.view, by_rows, count);
         let draw = |low: i32, high: i32| {
-            let rect = if by_rows { Rect { y0: low, y1: high, ..whole } } else { Rect { x0: low, x1: high, ..whole } };
-            band::draw::<B>(self.projector, self.view, self.order, rect, self.limits, self.settings.code, self.extra)
+            draw(if by_rows { Rect { y0: low, y1: high, ..whole } } else { Rect { x0: low, x1: high, ..whole } })
         };
         if count == 1 {
             return Ok(vec![draw(borders[0], borders[1])?]);
@@ -190,8 +254,26 @@ impl Job<'_> {
     }
 }
 
+/// What all bands took together.
+struct Totals {
+    work: Work,
+    bands: usize,
+}
+
+impl Totals {
+    fn of<P>(bands: &[Drawn<P>]) -> Totals {
+        let work = bands.iter().fold(Work::default(), |sum, band| Work {
+            visited: sum.visited + band.work.visited,
+            drawn: sum.drawn + band.work.drawn,
+            walking: sum.walking + band.work.walking,
+            drawing: sum.drawing + band.work.drawing,
+        });
+        Totals { work, bands: bands.len() }
+    }
+}
+
 /// Puts the bands together, rows shared out among threads.
-fn assemble(bands: &[Drawn], settings: &Settings, finish: Finish) -> Result<Frame> {
+fn assemble(bands: &[Drawn<Planes>], settings: &Settings, finish: Finish) -> Result<Frame> {
     let mut frame = Frame::transparent(settings.size)?;
     let row_len = 4 * settings.size[0] as usize;
     let rows = settings.size[1] as usize;
@@ -200,11 +282,11 @@ fn assemble(bands: &[Drawn], settings: &Settings, finish: Finish) -> Result<Fram
         for (offset, row) in rows.chunks_exact_mut(row_len).enumerate() {
             let y = i32::try_from(first + offset).unwrap_or(i32::MAX);
             for band in bands {
-                let rect = band.planes.rect;
+                let rect = band.pixels.rect;
                 if !(rect.y0..rect.y1).contains(&y) {
                     continue;
                 }
-                for (x, pixels, count) in band.planes.row(y) {
+                for (x, pixels, count) in band.pixels.row(y) {
                     let left = 4 * usize::try_from(x).unwrap_or(0);
                     let out = row[left..left + 4 * count].as_chunks_mut().0;
                     for (pixel, values) in out.iter_mut().zip(pixels) {

@@ -8,7 +8,7 @@
 use std::time::{Duration, Instant};
 
 use super::arith::{LOG2_E, at_least, at_most};
-use super::band::Drawn;
+use super::band::{Drawn, Work};
 use super::blend::Blend;
 use super::planes::{Planes, Rect};
 use super::project::{Kind, Projector, jacobian, slant, span, split};
@@ -23,7 +23,7 @@ use crate::traverse::{Batch, Order, walk};
 ///
 /// # Errors
 /// If the memory cannot be had.
-pub(crate) fn draw<B: Blend>(projector: &Projector, order: &Order, rect: Rect, limits: Limits) -> Result<Drawn> {
+pub(crate) fn draw<B: Blend>(projector: &Projector, order: &Order, rect: Rect, limits: Limits) -> Result<Drawn<Planes>> {
     let mut planes = Planes::new(rect, B::FOURTH)?;
     let (mut visited, mut drawn) = (0, 0);
     let start = Instant::now();
@@ -36,7 +36,7 @@ pub(crate) fn draw<B: Blend>(projector: &Projector, order: &Order, rect: Rect, l
             drawn += u64::from(splat::<B>(projector, &mut planes, limits, voxel, batch.record_index(j)));
         }
     });
-    Ok(Drawn { planes, visited, drawn, walking: start.elapsed(), drawing: Duration::ZERO })
+    Ok(Drawn { pixels: planes, work: Work { visited, drawn, walking: start.elapsed(), drawing: Duration::ZERO } })
 }
 
 fn splat<B: Blend>(projector: &Projector, planes: &mut Planes, limits: Limits, voxel: [u16; 3], record: usize) -> bool {

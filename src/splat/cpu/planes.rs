@@ -65,7 +65,7 @@ pub(crate) struct Planes {
 }
 
 /// A number for each cell of a grid of squares.
-struct Count {
+pub(super) struct Count {
     left: i32,
     top: i32,
     columns: usize,
@@ -75,7 +75,7 @@ struct Count {
 
 impl Count {
     /// For each square of `1 << shift` pixels how many cells of `1 << cell` pixels it shares with the rectangle.
-    fn new(rect: Rect, shift: i32, cell: i32) -> Count {
+    pub(super) fn new(rect: Rect, shift: i32, cell: i32) -> Count {
         let cells = |low: i32, high: i32| {
             let (first, last) = (low >> cell, (high - 1) >> cell);
             let more = shift - cell;
@@ -91,13 +91,13 @@ impl Count {
 
     /// The number of the square that holds pixel (`x`, `y`).
     #[inline(always)]
-    fn at(&mut self, x: i32, y: i32) -> &mut u8 {
+    pub(super) fn at(&mut self, x: i32, y: i32) -> &mut u8 {
         let (column, row) = ((x >> self.shift) - self.left, (y >> self.shift) - self.top);
         &mut self.counts[row as usize * self.columns + column as usize]
     }
 
     #[inline(always)]
-    fn is_zero(&self, x: i32, y: i32) -> bool {
+    pub(super) fn is_zero(&self, x: i32, y: i32) -> bool {
         let (column, row) = ((x >> self.shift) - self.left, (y >> self.shift) - self.top);
         self.counts[row as usize * self.columns + column as usize] == 0
     }

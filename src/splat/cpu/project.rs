@@ -83,10 +83,10 @@ impl Voxels {
         self.count + more <= BLOCK
     }
 
-    /// Adds the voxels of `batch` from `from` on, as many as a group has at most, for which there is room.
+    /// Adds the voxels of `batch` from `from` on, `most` of them or as many as there is room for; gives how many.
     #[inline(always)]
-    pub(crate) fn add(&mut self, batch: &Batch, from: usize) {
-        let count = (batch.len() - from).min(GROUP);
+    pub(crate) fn add(&mut self, batch: &Batch, from: usize, most: usize) -> usize {
+        let count = (batch.len() - from).min(most).min(BLOCK - self.count);
         let (group, places) = (from..from + count, self.count..self.count + count);
         let Positions([slow, medium, fast]) = &mut self.at;
         slow[places.clone()].fill(batch.slow);
@@ -96,6 +96,7 @@ impl Voxels {
             *out = batch.record_index(index);
         }
         self.count += count;
+        count
     }
 }
 
@@ -219,22 +220,39 @@ impl<'a> Projector<'a> {
         planes: &Planes,
         limits: Limits,
     ) {
-        let crop = self.crop.unwrap_or(VoxelBox { low: [0; 3], high: [u16::MAX; 3] });
-        let (low, high) = (self.nesting.map(|axis| crop.low[axis]), self.nesting.map(|axis| crop.high[axis]));
         // A copy of their own tells the compiler that they and the results are apart.
         let at = voxels.at;
-        let Positions([slow, medium, fast]) = &at;
-        let in_crop = |j: usize| {
-            (slow[j] >= low[0])
+        self.place(&at, out, each);
+        self.keep(voxels.count, self.in_crop(voxels), out, planes, limits);
+        self.colour(voxels, out);
+    }
+
+    /// Which voxels of a block lie in the crop.
+    #[inline(always)]
+    pub(super) fn in_crop(&self, voxels: &Voxels) -> [bool; BLOCK] {
+        let crop = self.crop.unwrap_or(VoxelBox { low: [0; 3], high: [u16::MAX; 3] });
+        let (low, high) = (self.nesting.map(|axis| crop.low[axis]), self.nesting.map(|axis| crop.high[axis]));
+        let Positions([slow, medium, fast]) = &voxels.at;
+        let mut in_crop = [false; BLOCK];
+        for j in 0..BLOCK {
+            in_crop[j] = (slow[j] >= low[0])
                 & (slow[j] <= high[0])
                 & (medium[j] >= low[1])
                 & (medium[j] <= high[1])
                 & (fast[j] >= low[2])
-                & (fast[j] <= high[2])
-        };
-        self.place(&at, out, each);
-        self.keep(voxels.count, in_crop, out, planes, limits);
-        self.colour(voxels, &at, out);
+                & (fast[j] <= high[2]);
+        }
+        in_crop
+    }
+
+    /// First pixels of the stamps of a slice's voxels, where that of a voxel at 0 lies at column `left` and row `top`.
+    #[inline(always)]
+    pub(super) fn plane_places(voxels: &Voxels, [left, top]: [i32; 2], out: &mut Splats) {
+        let Positions([_, medium, fast]) = &voxels.at;
+        for j in 0..BLOCK {
+            out.x[j] = left + i32::from(fast[j]);
+            out.y[j] = top + i32::from(medium[j]);
+        }
     }
 
     /// Centres, ellipses and bounding boxes of a whole block.
@@ -312,7 +330,7 @@ impl<'a> Projector<'a> {
     pub(super) fn keep(
         &self,
         count: usize,
-        wanted: impl Fn(usize) -> bool,
+        wanted: [bool; BLOCK],
         out: &mut Splats,
         planes: &Planes,
         limits: Limits,
@@ -326,7 +344,7 @@ impl<'a> Projector<'a> {
                 & (out.low_y[j] < rect.y1)
                 & (out.low_x[j] <= out.high_x[j])
                 & (out.low_y[j] <= out.high_y[j]);
-            reaching[j] = reaches & wanted(j) & (out.strength[j] > 0.0);
+            reaching[j] = reaches & wanted[j] & (out.strength[j] > 0.0);
         }
         let mut kept = 0;
         for j in 0..count {
@@ -352,7 +370,7 @@ impl<'a> Projector<'a> {
 
     /// Colours and peaks of the kept splats.
     #[inline(always)]
-    fn colour(&self, voxels: &Voxels, at: &Positions, out: &mut Splats) {
+    pub(super) fn colour(&self, voxels: &Voxels, out: &mut Splats) {
         let count = out.count;
         // The commonest kind has a loop of its own: no question is asked twice.
         let bytes = self.table.of_bytes().filter(|_| self.lane.channels.value_bits == 8);
@@ -376,7 +394,7 @@ impl<'a> Projector<'a> {
         }
         if let Some(lights) = &self.lights {
             let normals = self.normals(voxels, out);
-            self.light(lights, &normals, at, out);
+            self.light(lights, &normals, &voxels.at, out);
         }
     }
 
@@ -503,7 +521,7 @@ impl Side {
 
 /// An affine map of a place, both by slow, medium and fast coordinate.
 #[inline(always)]
-fn along(map: &[f64; 4], [slow, medium, fast]: [f64; 3]) -> f64 {
+pub(super) fn along(map: &[f64; 4], [slow, medium, fast]: [f64; 3]) -> f64 {
     (map[3] + map[0] * slow) + map[1] * medium + map[2] * fast
 }
 

@@ -158,15 +158,8 @@ impl Coarse {
         let place = |index: u32| {
             let at = (f64::from(index) + 0.5) * self.factor - 0.5 + f64::from(MARGIN);
             let first = (at.floor() as usize).saturating_sub(1).min(coarse - 4);
-            let t = at - at.floor();
-            let s = 1.0 - t;
-            let weights = [
-                s * s * s / 6.0,
-                2.0 / 3.0 - t * t * (2.0 - t) / 2.0,
-                2.0 / 3.0 - s * s * (2.0 - s) / 2.0,
-                t * t * t / 6.0,
-            ];
-            Place { first, nearest: (at.round() as usize).min(coarse - 1), weights: weights.map(|w| (GAIN * w) as f32) }
+            let weights = spline((at - at.floor()) as f32);
+            Place { first, nearest: (at.round() as usize).min(coarse - 1), weights }
         };
         (0..count).map(place).collect()
     }
@@ -181,7 +174,7 @@ struct Place {
 }
 
 /// Whether one of the nine pixels around each is not empty.
-fn covered(frame: &Frame) -> Vec<bool> {
+pub(super) fn covered(frame: &Frame) -> Vec<bool> {
     let [columns, rows] = frame.size().map(|side| side as usize);
     let drawn: Vec<bool> = frame.pixels().chunks_exact(4).map(|pixel| pixel[3] > 0.0).collect();
     let mut beside = vec![false; drawn.len()];
@@ -204,11 +197,23 @@ fn covered(frame: &Frame) -> Vec<bool> {
 /// The pole of the cubic B-spline's recursive filter: the square root of 3, less 2.
 const POLE: f32 = -0.267_949_2;
 /// What both directions of the filter leave to be multiplied by: -6 times the pole. It is in the weights.
-const GAIN: f64 = 6.0 * 0.267_949_192_431_122_7;
+const GAIN: f32 = 6.0 * 0.267_949_2;
+
+/// Weights of the four coefficients around a place `t` past the second, 0 to 1; with [`GAIN`].
+#[inline(always)]
+pub(super) fn spline(t: f32) -> [f32; 4] {
+    let s = 1.0 - t;
+    [
+        GAIN / 6.0 * (s * s * s),
+        GAIN * (2.0 / 3.0 - t * t * (2.0 - t) / 2.0),
+        GAIN * (2.0 / 3.0 - s * s * (2.0 - s) / 2.0),
+        GAIN / 6.0 * (t * t * t),
+    ]
+}
 
 /// Samples of a line to coefficients whose B-spline goes through them, but for [`GAIN`]; beyond its ends a line goes on
 /// as it ends.
-fn to_coefficients(line: &mut [[f32; 4]]) {
+pub(super) fn to_coefficients(line: &mut [[f32; 4]]) {
     filter(line.iter_mut());
     filter(line.iter_mut().rev());
 }
@@ -225,7 +230,7 @@ fn filter<'a>(mut line: impl Iterator<Item = &'a mut [f32; 4]>) {
 }
 
 /// The same of all columns, of rows of `len` numbers.
-fn columns_to_coefficients(rows: &mut [f32], len: usize) {
+pub(super) fn columns_to_coefficients(rows: &mut [f32], len: usize) {
     let count = rows.len() / len;
     let edge = |row: &mut [f32]| row.iter_mut().for_each(|value| *value /= 1.0 - POLE);
     let step = |row: &mut [f32], before: &[f32]| row.iter_mut().zip(before).for_each(|(v, b)| *v += POLE * b);
@@ -251,7 +256,7 @@ fn blend(taps: [&[f32]; 4], weights: [f32; 4], out: &mut [f32]) {
 }
 
 /// Shares the rows of `len` numbers out among threads: each is told its first row.
-fn in_shares(rows: &mut [f32], len: usize, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
+pub(super) fn in_shares(rows: &mut [f32], len: usize, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
     let share = (rows.len() / len).div_ceil(threads.max(1));
     if threads <= 1 {
         return fill(0, rows);

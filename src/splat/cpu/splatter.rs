@@ -9,7 +9,7 @@ use super::dispatch::{self, Bench};
 use super::planes::{Planes, Rect};
 use super::project::{Coordinates, GROUP, Projector, Voxels, weigh};
 use super::raster::{BLOCK, EllipseEach, Limits, Splats};
-use super::{Drawn, assemble};
+use super::{Drawn, Work, assemble};
 use crate::classify::normal;
 use crate::error::{Error, Result};
 use crate::splat::composite::{Finish, Look, Table};
@@ -125,7 +125,7 @@ impl Splatter<'_> {
             if !self.voxels.have_room(GROUP) {
                 self.flush_voxels();
             }
-            self.voxels.add(batch, from);
+            self.voxels.add(batch, from, GROUP);
         }
         self.flush_voxels();
     }
@@ -155,7 +155,7 @@ impl Splatter<'_> {
 pub(super) fn project(projector: &Projector, block: &mut Block, bench: &mut Bench, limits: Limits) {
     let Bench { planes, splats, each } = bench;
     projector.place(block, splats, each);
-    projector.keep(block.count, |_| true, splats, planes, limits);
+    projector.keep(block.count, [true; BLOCK], splats, planes, limits);
     for k in 0..splats.count {
         let j = usize::from(splats.kept[k]) % BLOCK;
         let [red, green, blue, depth] = block.looks[j];
@@ -231,6 +231,6 @@ pub(crate) fn splat(
     splatter.flush();
     let Splatter { bench, drawn, .. } = splatter;
     let band =
-        Drawn { planes: bench.planes, visited: drawn, drawn, walking: Default::default(), drawing: Default::default() };
+        Drawn { pixels: bench.planes, work: Work { visited: drawn, drawn, ..Work::default() } };
     Ok((assemble(&[band], &settings, Finish::new(&table))?, drawn))
 }

@@ -1,0 +1,207 @@
+//! The base plane: the plane of a parallel view's slices, in which every slice is a lattice of pixels.
+//!
+//! In: a parallel view and the order of its walk. Out: the same view onto a plane whose columns and rows are those of
+//! the voxels of a slice, each slice shifted by as much as the view is slanted (Lacroute and Levoy, "Fast volume
+//! rendering using a shear-warp factorization of the viewing transformation", 1994); and from the picture on that
+//! plane the picture that was asked for, by cubic B-splines.
+//!
+//! ```text
+//! column = fast   + slope_f * slow + a          pixel = A (column, row) + b
+//! row    = medium + slope_m * slow + c
+//! ```
+//!
+//! All voxels of a slice lie alike between the plane's pixels, so they have one footprint in common, pixel for pixel
+//! ([`stamp`](super::stamp)), and what a frame costs depends on its voxels, not on the size of the picture.
+
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "places are inside planes of 16,384 pixels a side; weights are single precision"
+)]
+
+use multiversion::multiversion;
+
+use super::sampling::{columns_to_coefficients, covered, in_shares, spline, to_coefficients};
+use super::stamp;
+use crate::error::Result;
+use crate::splat::Frame;
+use crate::splat::kernel::{KernelShape, LOW_PASS, footprint, narrowest};
+use crate::splat::view::{Affine, MAX_SIZE, PixelMap, View};
+use crate::traverse::{Order, VoxelBox};
+
+/// Pixels around what is drawn on the plane, so that its edge is interpolated like the rest.
+const MARGIN: f64 = 6.0;
+/// Planes with more pixels than this for each of the picture are not worth while, nor within
+/// [`memory_need`](super::memory_need).
+pub(super) const MOST_PIXELS: u64 = 4;
+/// Pixels of the picture for one of the plane, along either direction, beyond which the plane is too coarse.
+const COARSEST: f64 = 1.25;
+
+/// A view's base plane.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct BasePlane {
+    /// Columns and rows of the picture.
+    picture: [u32; 2],
+    /// Columns and rows of the plane.
+    size: [u32; 2],
+    /// Column and row of the plane from a voxel.
+    plane_from_voxel: [Affine; 2],
+    /// Column and row of the plane from a pixel of the picture: two factors and a constant.
+    plane_from_pixel: [[f64; 3]; 2],
+    /// Pixels of the plane per mean voxel, as a length.
+    scale: f64,
+    /// Variance in square pixels of the picture by which the low-pass widens it, each way.
+    blur: f64,
+}
+
+impl BasePlane {
+    /// The base plane of a parallel view of the voxels in `bounds`; `None` if the view is not parallel, if the plane
+    /// would be too coarse for the picture or too large, or if `order` is not the view's own.
+    pub(super) fn of(view: &View, order: &Order, kernel: KernelShape, bounds: &VoxelBox) -> Option<BasePlane> {
+        let PixelMap::Parallel { pixel_from_voxel: [x, y], scale } = &view.map else { return None };
+        let [slow, medium, fast] = [order.slow.index(), order.medium.index(), order.fast.index()];
+        let area = x[fast] * y[medium] - x[medium] * y[fast];
+        // The inverse of A, whose columns are a voxel's steps along the fast and the medium axis.
+        let inverse = [[y[medium] / area, -x[medium] / area], [-y[fast] / area, x[fast] / area]];
+        let from_pixels = |[a, b]: [f64; 2], [p, q]: [f64; 2]| a * p + b * q;
+        let slope = inverse.map(|row| from_pixels(row, [x[slow], y[slow]]));
+        let is_coarsest = |steps: [f64; 2]| steps[0].hypot(steps[1]) > COARSEST;
+        // A slope is at most 1 where the slow axis is the view's; more is no slice that the view looks onto.
+        if !slope.iter().all(|slope| slope.abs() < 1.001)
+            || is_coarsest([x[fast], y[fast]])
+            || is_coarsest([x[medium], y[medium]])
+        {
+            return None;
+        }
+        let base = |axis: usize, slope: f64| {
+            let mut map = [0.0; 4];
+            (map[axis], map[slow]) = (1.0, slope);
+            map
+        };
+        let mut plane_from_voxel = [base(fast, slope[0]), base(medium, slope[1])];
+        // What the picture shows of the plane, and what of it has voxels.
+        let [columns, rows] = view.size.map(f64::from);
+        let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
+            .map(|[across, down]: [f64; 2]| [across - 0.5 - x[3], down - 0.5 - y[3]]);
+        let mut size = [0; 2];
+        let mut first = [0.0; 2];
+        for side in 0..2 {
+            let shown = corners.map(|corner| from_pixels(inverse[side], corner));
+            let shown = [shown.iter().copied().fold(f64::INFINITY, f64::min), shown.iter().copied().fold(-f64::INFINITY, f64::max)];
+            let axis = [fast, medium][side];
+            let ends = [bounds.low[slow], bounds.high[slow]].map(|at| slope[side] * f64::from(at));
+            let reach = f64::from(kernel.radius) * 1.5 + 1.0;
+            let low = f64::from(bounds.low[axis]) + ends[0].min(ends[1]) - reach;
+            let high = f64::from(bounds.high[axis]) + ends[0].max(ends[1]) + reach;
+            let (low, high) = (low.max(shown[0] - 2.0), high.min(shown[1] + 2.0));
+            first[side] = low.floor() - MARGIN;
+            let pixels = (high.ceil() - first[side] + MARGIN + 1.0).max(2.0 * MARGIN);
+            if !(pixels <= f64::from(MAX_SIZE)) {
+                return None;
+            }
+            size[side] = pixels as u32;
+            plane_from_voxel[side][3] = -first[side];
+        }
+        let pixels = |[columns, rows]: [u32; 2]| u64::from(columns) * u64::from(rows);
+        if pixels(size) > MOST_PIXELS * pixels(view.size) {
+            return None;
+        }
+        let plane_from_pixel = [0, 1].map(|side| {
+            let [a, b]: [f64; 2] = inverse[side];
+            [a, b, -first[side] - a * x[3] - b * y[3]]
+        });
+        let single = |map: &Affine| [map[0] as f32, map[1] as f32, map[2] as f32];
+        let print = footprint(plane_from_voxel.each_ref().map(single), kernel.sigma, kernel.cut_off()).ellipse;
+        if print.half_x.max(print.half_y) >= stamp::REACH {
+            return None;
+        }
+        let width = narrowest([single(x), single(y)], kernel.sigma);
+        let blur = (f64::from(LOW_PASS * LOW_PASS) - f64::from(width * width)).max(0.0);
+        Some(BasePlane { picture: view.size, size, plane_from_voxel, plane_from_pixel, scale: scale / area.abs().sqrt(), blur })
+    }
+
+    /// `view` onto the plane.
+    pub(super) fn view(&self, view: &View) -> View {
+        let map = PixelMap::Parallel { pixel_from_voxel: self.plane_from_voxel, scale: self.scale };
+        View { map, size: self.size, ..view.clone() }
+    }
+
+    /// The picture, from the frame of the plane.
+    ///
+    /// O(pixels of both). The result does not depend on `threads`.
+    ///
+    /// # Errors
+    /// If memory cannot be had.
+    pub(super) fn warp(&self, mut plane: Frame, threads: usize) -> Result<Frame> {
+        let columns = plane.size()[0] as usize;
+        let covered = covered(&plane);
+        in_shares(plane.pixels_mut(), 4 * columns, threads, |_, rows| {
+            for row in rows.chunks_exact_mut(4 * columns) {
+                to_coefficients(row.as_chunks_mut().0);
+            }
+        });
+        columns_to_coefficients(plane.pixels_mut(), 4 * columns);
+        let mut picture = Frame::transparent(self.picture)?;
+        let width = 4 * self.picture[0] as usize;
+        // Two points each way, a standard deviation from the pixel, blur by that variance.
+        let apart = self.blur.sqrt();
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
+        let points: Vec<[f64; 2]> =
+            if apart < LEAST_BLUR { vec![[0.0; 2]] } else { corners.map(|point| point.map(|c| c * apart)).to_vec() };
+        let coefficients = Coefficients { values: plane.pixels().as_chunks().0, covered: &covered, columns };
+        in_shares(picture.pixels_mut(), width, threads, |first, out| {
+            for (y, row) in (first..).zip(out.chunks_exact_mut(width)) {
+                resample(&coefficients, &self.plane_from_pixel, &points, y as f64, row.as_chunks_mut().0);
+            }
+        });
+        Ok(picture)
+    }
+}
+
+/// Blurs by less than this, in pixels, are left out: they change nothing by more than a thousandth.
+const LEAST_BLUR: f64 = 0.03;
+
+/// A plane's spline.
+struct Coefficients<'a> {
+    values: &'a [[f32; 4]],
+    /// Whether something was drawn at or beside each pixel.
+    covered: &'a [bool],
+    columns: usize,
+}
+
+/// A row of the picture: the mean of the plane's spline at `points` around each pixel.
+#[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
+fn resample(from: &Coefficients, map: &[[f64; 3]; 2], points: &[[f64; 2]], y: f64, row: &mut [[f32; 4]]) {
+    let rows = from.values.len() / from.columns;
+    let share = 1.0 / points.len() as f32;
+    for (x, pixel) in row.iter_mut().enumerate() {
+        let mut sum = [0.0f32; 4];
+        for [across, down] in points {
+            let at = [x as f64 + across, y + down];
+            let [u, v] = [0, 1].map(|side: usize| map[side][0] * at[0] + map[side][1] * at[1] + map[side][2]);
+            // Outside, and where no four pixels are around, nothing was drawn.
+            if !(u >= 1.0 && v >= 1.0 && u < (from.columns - 2) as f64 && v < (rows - 2) as f64) {
+                continue;
+            }
+            let (left, top) = (u as usize, v as usize);
+            let (nearest_u, nearest_v) = ((u + 0.5) as usize, (v + 0.5) as usize);
+            if !from.covered[from.columns * nearest_v + nearest_u] {
+                continue;
+            }
+            let (across, down) = (spline((u - left as f64) as f32), spline((v - top as f64) as f32));
+            let mut sums = [0.0f32; 16];
+            for k in 0..4 {
+                let taps = &from.values[from.columns * (top + k - 1) + left - 1..][..4].as_flattened()[..16];
+                for i in 0..16 {
+                    sums[i] += down[k] * taps[i];
+                }
+            }
+            for i in 0..16 {
+                sum[i % 4] += across[i / 4] * sums[i];
+            }
+        }
+        // Interpolation overshoots a little at edges.
+        let [red, green, blue, alpha] = sum.map(|value| (value * share).max(0.0));
+        *pixel = [red, green, blue, alpha.min(1.0)];
+    }
+}
