@@ -87,7 +87,10 @@ impl BasePlane {
         let mut first = [0.0; 2];
         for side in 0..2 {
             let shown = corners.map(|corner| from_pixels(inverse[side], corner));
-            let shown = [shown.iter().copied().fold(f64::INFINITY, f64::min), shown.iter().copied().fold(-f64::INFINITY, f64::max)];
+            let shown = [
+                shown.iter().copied().fold(f64::INFINITY, f64::min),
+                shown.iter().copied().fold(-f64::INFINITY, f64::max),
+            ];
             let axis = [fast, medium][side];
             let ends = [bounds.low[slow], bounds.high[slow]].map(|at| slope[side] * f64::from(at));
             let reach = f64::from(kernel.radius) * 1.5 + 1.0;
@@ -117,7 +120,14 @@ impl BasePlane {
         }
         let width = narrowest([single(x), single(y)], kernel.sigma);
         let blur = (f64::from(LOW_PASS * LOW_PASS) - f64::from(width * width)).max(0.0);
-        Some(BasePlane { picture: view.size, size, plane_from_voxel, plane_from_pixel, scale: scale / area.abs().sqrt(), blur })
+        Some(BasePlane {
+            picture: view.size,
+            size,
+            plane_from_voxel,
+            plane_from_pixel,
+            scale: scale / area.abs().sqrt(),
+            blur,
+        })
     }
 
     /// `view` onto the plane.

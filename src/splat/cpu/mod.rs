@@ -188,7 +188,15 @@ impl Job<'_> {
             vec![plain::draw::<B>(self.projector, self.order, self.whole(), self.limits)?]
         } else {
             self.bands(self.lines_run_across(), |rect| {
-                band::draw::<B>(self.projector, self.view, self.order, rect, self.limits, self.settings.code, self.extra)
+                band::draw::<B>(
+                    self.projector,
+                    self.view,
+                    self.order,
+                    rect,
+                    self.limits,
+                    self.settings.code,
+                    self.extra,
+                )
             })?
         };
         Ok((assemble(&bands, self.settings, finish)?, Totals::of(&bands)))
@@ -204,7 +212,8 @@ impl Job<'_> {
         in_shares(frame.pixels_mut(), row_len, self.settings.threads, |first, rows| {
             for (y, row) in (first..).zip(rows.chunks_exact_mut(row_len)) {
                 let y = i32::try_from(y).unwrap_or(i32::MAX);
-                let Some(band) = bands.iter().find(|band| (band.pixels.rect.y0..band.pixels.rect.y1).contains(&y)) else {
+                let Some(band) = bands.iter().find(|band| (band.pixels.rect.y0..band.pixels.rect.y1).contains(&y))
+                else {
                     continue;
                 };
                 let [red, green, blue, clear] = band.pixels.row(y);

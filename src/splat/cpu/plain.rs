@@ -23,7 +23,12 @@ use crate::traverse::{Batch, Order, walk};
 ///
 /// # Errors
 /// If the memory cannot be had.
-pub(crate) fn draw<B: Blend>(projector: &Projector, order: &Order, rect: Rect, limits: Limits) -> Result<Drawn<Planes>> {
+pub(crate) fn draw<B: Blend>(
+    projector: &Projector,
+    order: &Order,
+    rect: Rect,
+    limits: Limits,
+) -> Result<Drawn<Planes>> {
     let mut planes = Planes::new(rect, B::FOURTH)?;
     let (mut visited, mut drawn) = (0, 0);
     let start = Instant::now();

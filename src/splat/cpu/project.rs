@@ -327,14 +327,7 @@ impl<'a> Projector<'a> {
 
     /// Lists those of the first `count` splats that can change the band's pixels, of those that `wanted` lets through.
     #[inline(always)]
-    pub(super) fn keep(
-        &self,
-        count: usize,
-        wanted: [bool; BLOCK],
-        out: &mut Splats,
-        planes: &Planes,
-        limits: Limits,
-    ) {
+    pub(super) fn keep(&self, count: usize, wanted: [bool; BLOCK], out: &mut Splats, planes: &Planes, limits: Limits) {
         let rect = planes.rect;
         let mut reaching = [false; BLOCK];
         for j in 0..BLOCK {

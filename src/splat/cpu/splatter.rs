@@ -230,7 +230,6 @@ pub(crate) fn splat(
     feed(&mut splatter)?;
     splatter.flush();
     let Splatter { bench, drawn, .. } = splatter;
-    let band =
-        Drawn { pixels: bench.planes, work: Work { visited: drawn, drawn, ..Work::default() } };
+    let band = Drawn { pixels: bench.planes, work: Work { visited: drawn, drawn, ..Work::default() } };
     Ok((assemble(&[band], &settings, Finish::new(&table))?, drawn))
 }

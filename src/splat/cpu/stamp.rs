@@ -23,7 +23,7 @@ use super::arith::{absorbed, keep_if};
 use super::band::{self, Drawn, Extra, Work};
 use super::dispatch;
 use super::planes::{Count, Rect};
-use super::project::{Kind, Projector, Voxels, along, split, span};
+use super::project::{Kind, Projector, Voxels, along, span, split};
 use super::raster::{BLOCK, Centre, Kernel, Limits, Splats};
 use super::without::Without;
 use crate::error::{Error, Result};
@@ -53,7 +53,8 @@ impl Stamp {
             unreachable!("a base plane is a parallel view's")
         };
         let [s, m, f] = projector.nesting;
-        let [column, row] = pixel_from_voxel.map(|map| split(along(&[map[s], map[m], map[f], map[3]], [slow.into(), 0.0, 0.0])));
+        let [column, row] =
+            pixel_from_voxel.map(|map| split(along(&[map[s], map[m], map[f], map[3]], [slow.into(), 0.0, 0.0])));
         let (left, right) = span(column, ellipse.half_x);
         let (top, bottom) = span(row, ellipse.half_y);
         let rows = ((bottom - top + 1).max(0) as usize).min(SIDE);
@@ -116,7 +117,8 @@ impl Rows {
         let rows = (rect.y1 - rect.y0) as usize;
         let len = 4 * pitch * rows;
         let mut values = Vec::new();
-        let refused = |_| Error::Limit { what: "memory for the picture in bytes".into(), need: 4 * len as u64, have: 0 };
+        let refused =
+            |_| Error::Limit { what: "memory for the picture in bytes".into(), need: 4 * len as u64, have: 0 };
         values.try_reserve_exact(len).map_err(refused)?;
         values.resize(len, 0.0);
         for row in values.chunks_exact_mut(4 * pitch) {
@@ -135,11 +137,8 @@ impl Rows {
     /// Whether no pixel of `rect`, which lies in the band's, changes any more.
     fn is_closed(&self, rect: Rect) -> bool {
         let cells = |low: i32, high: i32| (low >> CELL..=(high - 1) >> CELL).map(|cell| cell << CELL);
-        cells(rect.y0, rect.y1).all(|y| {
-            cells(rect.x0, rect.x1).all(|x| {
-                self.blocks.is_zero(x, y) || self.cells.is_zero(x, y)
-            })
-        })
+        cells(rect.y0, rect.y1)
+            .all(|y| cells(rect.x0, rect.x1).all(|x| self.blocks.is_zero(x, y) || self.cells.is_zero(x, y)))
     }
 
     /// Counts pixels of row `y` from column `x` on that changed for the last time.
@@ -346,14 +345,7 @@ fn is_open(rows: &Rows, stamp: &Stamp, x: i32, y: i32, stop: f32) -> bool {
 
 /// Puts a splat on its pixels.
 #[inline(always)]
-fn put(
-    rows: &mut Rows,
-    stamp: &Stamp,
-    [x, y]: [i32; 2],
-    amounts: &[[f32; SIDE]; SIDE],
-    ink: &[f32; 4],
-    stop: f32,
-) {
+fn put(rows: &mut Rows, stamp: &Stamp, [x, y]: [i32; 2], amounts: &[[f32; SIDE]; SIDE], ink: &[f32; 4], stop: f32) {
     let pitch = rows.pitch;
     for row in clipped(rows, stamp, y) {
         let at = rows.at(x, y + row as i32);
