@@ -36,6 +36,7 @@ fn frame(size: [u32; 2], pixel: Pixel) -> Frame {
             let linear = |s: f64| if s <= 0.04045 { s / 12.92 } else { ((s + 0.055) / 1.055).powf(2.4) };
             let at = 4 * (y * size[0] + x) as usize;
             let premultiplied = [linear(r) * alpha, linear(g) * alpha, linear(b) * alpha, alpha];
+            #[expect(clippy::cast_possible_truncation, reason = "single precision is a frame's")]
             frame.pixels_mut()[at..at + 4].copy_from_slice(&premultiplied.map(|sample| sample as f32));
         }
     }
