@@ -1,4 +1,7 @@
 //! Lighting in double precision: Blinn-Phong with two-sided normals, as `splat/shade.rs` describes it.
+//!
+//! It is not continuous: a normal seen exactly from the side is turned one way or the other, and the light is elsewhere.
+//! So a renderer whose stored normal turns another way may be 7e-3 away at that voxel (tests/reference/renderer.rs).
 
 use glam::DVec3;
 
