@@ -1,5 +1,7 @@
 //! Pictures drawn on the base plane of a parallel view, beside those whose every pixel is drawn.
 
+#![expect(clippy::cast_possible_truncation, reason = "pixels of small pictures")]
+
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::builder::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;

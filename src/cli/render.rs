@@ -30,7 +30,7 @@ use crate::file::{
 use crate::limits::Limits;
 use crate::reference::splat::Judge;
 use crate::splat::hidden::CLEARANCE;
-use crate::splat::{Camera, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View};
+use crate::splat::{Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View};
 use crate::traverse::{SplitForm, Viewpoint, VoxelBox};
 use crate::volume::{Grid, read_text};
 
@@ -118,6 +118,12 @@ pub(super) struct LookArguments {
     /// unless given; graphics devices draw every pixel
     #[arg(long, value_name = "PIXELS", value_parser = ["fewest", "enough", "every"])]
     sampling: Option<String>,
+    /// Kernel in place of the quality's: standard deviation and radius, in voxels.
+    #[arg(long, value_name = "SIGMA,RADIUS", value_parser = kernel)]
+    kernel: Option<KernelShape>,
+    /// Transmittance below which a ray ends, in place of the quality's: 0 to 1. It is also the most that a pixel loses.
+    #[arg(long, value_name = "T")]
+    termination: Option<f32>,
     /// composite: light and shade; maximum, maximum-grey: largest value along each ray; xray: sum along each ray.
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = ["composite", "maximum", "maximum-grey", "xray"])]
     mode: String,
@@ -437,11 +443,13 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
         "xray" => Mode::Additive,
         _ => Mode::Composite,
     };
-    settings.sampling = match (look.sampling.as_deref(), settings.quality) {
-        (Some("every"), _) | (None, Quality::High | Quality::Reference) => Sampling::EveryPixel,
-        (Some("fewest"), _) | (None, Quality::Draft) => Sampling::Fewest,
-        _ => Sampling::Enough,
+    settings.sampling = match look.sampling.as_deref() {
+        Some("every") => Sampling::EveryPixel,
+        Some("enough") => Sampling::Enough,
+        Some("fewest") => Sampling::Fewest,
+        _ => settings.quality.sampling(),
     };
+    (settings.kernel, settings.termination) = (look.kernel, look.termination);
     settings.form = if look.form == "split" { SplitForm::Split } else { SplitForm::Interleaved };
     if look.unlit {
         settings.lighting = None;
@@ -453,6 +461,14 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
     settings.threads = threads;
     settings.check()?;
     Ok(settings)
+}
+
+/// A kernel from `SIGMA,RADIUS`.
+fn kernel(text: &str) -> std::result::Result<KernelShape, String> {
+    let wrong = || "give two numbers, such as 0.6,2".to_string();
+    let (sigma, radius) = text.split_once(',').ok_or_else(wrong)?;
+    let number = |text: &str| text.trim().parse::<f32>().map_err(|_| wrong());
+    Ok(KernelShape { sigma: number(sigma)?, radius: number(radius)? })
 }
 
 fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u32) -> Result<Camera> {

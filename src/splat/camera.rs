@@ -178,6 +178,9 @@ impl WorldFrame {
     }
 }
 
+/// Lengths whose squares are numbers of full precision.
+pub(crate) const SOUND_LENGTHS: std::ops::RangeInclusive<f64> = 1e-150..=1e150;
+
 /// Room around what fits into the picture.
 const MARGIN: f64 = 1.04;
 
@@ -196,11 +199,14 @@ impl Camera {
             }
         }
         let [position, target, up] = [position, target, up].map(DVec3::from_array);
-        if (target - position).try_normalize().is_none() {
+        if target == position {
             return Err(Error::input("camera target", "is where the camera is; it must look somewhere"));
         }
-        if up.try_normalize().is_none() {
-            return Err(Error::input("camera up", "has length 0"));
+        if !SOUND_LENGTHS.contains(&(target - position).length()) {
+            return Err(Error::input("camera target", "is too near to the camera or too far from it for a direction"));
+        }
+        if !SOUND_LENGTHS.contains(&up.length()) {
+            return Err(Error::input("camera up", "has length 0, or one beyond 1e-150 to 1e150"));
         }
         match projection {
             Projection::Parallel { height } if !(height.is_finite() && height > 0.0) => {

@@ -19,6 +19,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::cpu::arith::{LOG2_E, at_least, at_most};
+use super::Sampling;
 use super::cpu::raster::{Ellipse, REACH};
 use crate::error::{Error, Result};
 
@@ -60,6 +61,15 @@ impl Quality {
             Quality::Standard => 1.0 / 1024.0,
             Quality::High => 1e-5,
             Quality::Reference => 0.0,
+        }
+    }
+
+    /// Which pixels are drawn.
+    pub fn sampling(self) -> Sampling {
+        match self {
+            Quality::Draft => Sampling::Fewest,
+            Quality::Standard => Sampling::Enough,
+            Quality::High | Quality::Reference => Sampling::EveryPixel,
         }
     }
 }
