@@ -272,6 +272,28 @@ impl Camera {
         self.projection
     }
 
+    /// The same camera, moved to the picture's right and top by world lengths, with another projection.
+    ///
+    /// # Errors
+    /// As [`Camera::new`].
+    pub(crate) fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
+        let [across, above, _] = self.axes();
+        let by = across * right + above * up;
+        Camera::new((self.position + by).to_array(), (self.target + by).to_array(), self.up.to_array(), projection)
+    }
+
+    /// The same camera, turned to look along the ray with these tangents to the picture's right and top, with another
+    /// projection.
+    ///
+    /// # Errors
+    /// As [`Camera::new`].
+    pub(crate) fn turned(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
+        let [across, above, forward] = self.axes();
+        let distance = (self.target - self.position).length();
+        let target = self.position + (forward + across * right + above * up) * distance;
+        Camera::new(self.position.to_array(), target.to_array(), self.up.to_array(), projection)
+    }
+
     /// Unit vectors to the picture's right, to its top, and along the view.
     pub(crate) fn axes(&self) -> [DVec3; 3] {
         let forward = (self.target - self.position).normalize();

@@ -18,8 +18,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::cpu::arith::{LOG2_E, at_least, at_most};
 use super::Sampling;
+use super::cpu::arith::{LOG2_E, at_least, at_most};
 use super::cpu::raster::{Ellipse, REACH};
 use crate::error::{Error, Result};
 
