@@ -365,11 +365,11 @@ fn draw_frames(
     let mut pictures = Vec::new();
     let mut all_stats = Vec::new();
     let mut digest = Sha256::new();
-    for (output, camera) in (0..).zip(cameras) {
+    for (number, camera) in cameras.iter().enumerate() {
         if interrupted() {
             return Err(Error::Interrupted);
         }
-        progress.show("render", output, arguments.view.frames.into());
+        progress.show("render", number as u64, arguments.view.frames.into());
         let (mut frame, stats) = renderer.render(camera, settings)?;
         if let Some(background) = background {
             frame.over(background);
@@ -380,7 +380,7 @@ fn draw_frames(
         digest.update(picture.bytes());
         match kind {
             PictureKind::Apng => pictures.push(picture),
-            _ => write_picture(&outputs[output as usize], &picture)?,
+            _ => write_picture(&outputs[number], &picture)?,
         }
     }
     if kind == PictureKind::Apng {
