@@ -8,6 +8,9 @@
 //! volume -> classify -> arena <-> file -> traverse -> splat -> frame
 //! ```
 //!
+//! Beside them, `reference` draws the same pictures slowly and in double precision, straight from the volume, and
+//! `metrics` says how far two pictures are apart.
+//!
 //! Modules import only from those to their left; errors and limits are everyone's. The structure is "implementation
 //! B" of Orchard and Möller, "Accelerated Splatting using a 3D Adjacency Data Structure", Graphics Interface 2001, with
 //! the one-byte steps and the cache-coherent order that the paper proposes.
@@ -21,7 +24,9 @@ pub mod cli;
 pub mod error;
 pub mod file;
 pub mod limits;
+pub mod metrics;
 mod parallel;
+pub mod reference;
 pub mod splat;
 #[cfg(feature = "cli")]
 pub mod study;

@@ -1,4 +1,5 @@
-//! Imports point upstream only: volume -> classify -> arena <-> file -> traverse -> splat; the program drives all.
+//! Imports point upstream only: volume -> classify -> arena <-> file -> traverse -> splat; `reference` judges splats from the volume alone,
+//! `metrics` compares pictures; the program drives all.
 
 use std::path::{Path, PathBuf};
 
@@ -12,8 +13,10 @@ const MAY_IMPORT: &[(&str, &[&str])] = &[
     ("file", &["volume", "arena"]),
     ("traverse", &["volume", "arena"]),
     ("splat", &["volume", "classify", "arena", "traverse"]),
-    ("study", &["volume", "classify", "arena", "file", "traverse", "splat"]),
-    ("cli", &["volume", "classify", "arena", "file", "traverse", "splat", "study"]),
+    ("reference", &["volume", "classify", "splat"]),
+    ("metrics", &["splat"]),
+    ("study", &["volume", "classify", "arena", "file", "traverse", "splat", "reference", "metrics"]),
+    ("cli", &["volume", "classify", "arena", "file", "traverse", "splat", "reference", "metrics", "study"]),
 ];
 
 #[test]

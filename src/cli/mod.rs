@@ -1,11 +1,12 @@
 //! The program `adj`: one file a subcommand.
 //!
-//! Results go to stdout, progress and warnings to stderr. Exit code 0: done; 1: the answer is no (`verify`); 2:
+//! Results go to stdout, progress and warnings to stderr. Exit code 0: done; 1: the answer is no (`verify`, `compare`); 2:
 //! trouble or wrong usage, told in one line that says what to do.
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks")]
 
 mod build;
 mod classification;
+mod compare;
 mod completions;
 mod cull;
 mod demo;
@@ -18,6 +19,7 @@ mod on_device;
 mod picture;
 mod progress;
 mod raw;
+mod read_picture;
 mod render;
 mod renderer;
 mod resources;
@@ -66,6 +68,7 @@ enum Command {
     Verify(verify::Arguments),
     Trim(Box<trim::Arguments>),
     Render(Box<render::Arguments>),
+    Compare(compare::Arguments),
     Demo(demo::Arguments),
     #[cfg(feature = "gpu")]
     Devices(devices::Arguments),
@@ -98,6 +101,7 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Verify(arguments) => verify::run(arguments),
         Command::Trim(arguments) => trim::run(arguments),
         Command::Render(arguments) => render::run(arguments),
+        Command::Compare(arguments) => compare::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),
         #[cfg(feature = "gpu")]
         Command::Devices(arguments) => devices::run(arguments),

@@ -13,7 +13,7 @@ use super::info::is_adj;
 use super::input::InputArguments;
 use super::picture::{Depth, Picture, PictureKind, write_animation};
 use super::progress::{Progress, interrupted};
-use super::renderer::{FrameStats, Renderer, RendererArguments};
+use super::renderer::{FrameStats, Renderer, RendererArguments, needs_volume};
 use super::resources::{peak_rss_bytes, thread_count};
 use super::room::{Room, RoomyLanes};
 use super::size::parse_memory;
@@ -28,10 +28,11 @@ use crate::file::{
     AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder, write_atomically_unless,
 };
 use crate::limits::Limits;
+use crate::reference::splat::Judge;
 use crate::splat::hidden::CLEARANCE;
 use crate::splat::{Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View, dial};
 use crate::traverse::{SplitForm, Viewpoint, VoxelBox};
-use crate::volume::read_text;
+use crate::volume::{Grid, read_text};
 
 /// Render an .adj file, or directly a volume, to a picture or a turntable.
 #[derive(Debug, Args)]
@@ -166,6 +167,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let memory = arguments.memory.as_deref().map(parse_memory).transpose()?;
     let job = Job { arguments, kind, outputs: &outputs, memory };
     let start = Instant::now();
+    if arguments.renderer.is_reference() {
+        return job.draw_reference(settings, start);
+    }
     if is_adj(&arguments.input)? {
         if let Some(flag) = arguments.reading.given().or(arguments.packing.given()) {
             return Err(Error::input(flag, "is for volumes, but the input is an .adj file; leave it out"));
@@ -237,6 +241,49 @@ impl Job<'_> {
     }
 }
 
+impl Job<'_> {
+    /// Draws by the judge, which reads the volume itself.
+    fn draw_reference(&self, mut settings: Settings, start: Instant) -> Result<Answer> {
+        let arguments = self.arguments;
+        if is_adj(&arguments.input)? {
+            return Err(needs_volume());
+        }
+        if let Some(flag) = arguments.packing.given() {
+            return Err(Error::input(
+                flag,
+                "is for what is stored, of which the reference knows nothing; leave it out",
+            ));
+        }
+        if self.memory.is_some() {
+            return Err(Error::input("--memory", "is not kept by the reference, which holds all voxels; leave it out"));
+        }
+        for (flag, given) in [
+            ("--max-error", arguments.look.max_error.is_some()),
+            ("--termination", arguments.look.termination.is_some()),
+        ] {
+            if given {
+                return Err(Error::input(flag, "is for renderers, which the reference judges; leave it out"));
+            }
+        }
+        let transfer = arguments.classification.required(&arguments.input)?;
+        let judge = Judge::new(&mut *arguments.reading.open(&arguments.input)?, &transfer)?;
+        let grid = judge.visible().grid().clone();
+        settings.crop = arguments.view.crop.as_deref().map(|text| parse_crop(text, grid.dims)).transpose()?;
+        let around = surround(&grid, settings.crop, judge.visible().bounds());
+        let cameras = cameras(&arguments.view, around, settings.size)?;
+        draw_frames(self, &settings, &cameras, arguments.renderer.reference(judge)?, None, start)
+    }
+}
+
+/// What a camera is to see: what is visible and not cropped.
+fn surround(grid: &Grid, crop: Option<VoxelBox>, visible: Option<([u16; 3], [u16; 3])>) -> Surround {
+    match (crop, visible) {
+        (Some(crop), _) => Surround::of_voxels(grid, crop.low, crop.high),
+        (None, Some((low, high))) => Surround::of_voxels(grid, low, high),
+        (None, None) => Surround::of_grid(grid),
+    }
+}
+
 impl LookArguments {
     fn depth(&self) -> Depth {
         if self.bits == "16" { Depth::Sixteen } else { Depth::Eight }
@@ -250,7 +297,7 @@ fn draw(
     transfer: Option<TransferFunction>,
     start: Instant,
 ) -> Result<Answer> {
-    let Job { arguments, kind, outputs, memory } = *job;
+    let Job { arguments, memory, .. } = *job;
     let arena = lanes.arena();
     let facts = arena.facts().clone();
     let transfer_given = transfer.is_some();
@@ -276,20 +323,14 @@ fn draw(
         return Err(Error::input("transfer function", why));
     }
     settings.crop = arguments.view.crop.as_deref().map(|text| parse_crop(text, facts.grid.dims)).transpose()?;
-    let around = match (settings.crop, arena.lanes().next().and_then(|lane| lane.bounds())) {
-        (Some(crop), _) => Surround::of_voxels(&facts.grid, crop.low, crop.high),
-        (None, Some((low, high))) => Surround::of_voxels(&facts.grid, low, high),
-        (None, None) => Surround::of_grid(&facts.grid),
-    };
+    let around = surround(&facts.grid, settings.crop, arena.lanes().next().and_then(|lane| lane.bounds()));
     if let Some(note) = missing_note(arguments, arena, &settings, transfer_given, around)? {
         print_note(note);
     }
     let lanes = RoomyLanes { lanes, memory };
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
-    let mut renderer = arguments.renderer.renderer(scene, memory.is_some())?;
-    let cameras = (0..arguments.view.frames)
-        .map(|frame_index| camera(&arguments.view, around, settings.size, frame_index))
-        .collect::<Result<Vec<_>>>()?;
+    let renderer = arguments.renderer.renderer(scene, memory.is_some())?;
+    let cameras = cameras(&arguments.view, around, settings.size)?;
     let mut measured = None;
     if let Some(bound) = arguments.look.max_error {
         let choice = dial::choose(&scene, &cameras, &settings, bound, || !interrupted())?;
@@ -297,6 +338,24 @@ fn draw(
         measured = Some(choice.measured);
         print_note(&format!("note: {}", chosen(&settings, choice.measured)));
     }
+    draw_frames(job, &settings, &cameras, renderer, measured, start)
+}
+
+/// The camera of every frame.
+fn cameras(view: &ViewArguments, around: Surround, size: [u32; 2]) -> Result<Vec<Camera>> {
+    (0..view.frames).map(|frame_index| camera(view, around, size, frame_index)).collect()
+}
+
+/// Draws every frame and writes it. `measured`: the largest error, where it was asked for.
+fn draw_frames(
+    job: &Job,
+    settings: &Settings,
+    cameras: &[Camera],
+    mut renderer: Renderer,
+    measured: Option<f64>,
+    start: Instant,
+) -> Result<Answer> {
+    let Job { arguments, kind, outputs, .. } = *job;
     let background = parse_background(arguments.look.background.as_deref().unwrap_or(match settings.mode {
         Mode::Composite => "white",
         _ => "black",
@@ -306,12 +365,12 @@ fn draw(
     let mut pictures = Vec::new();
     let mut all_stats = Vec::new();
     let mut digest = Sha256::new();
-    for (output, camera) in (0..).zip(&cameras) {
+    for (number, camera) in cameras.iter().enumerate() {
         if interrupted() {
             return Err(Error::Interrupted);
         }
-        progress.show("render", output, arguments.view.frames.into());
-        let (mut frame, stats) = renderer.render(camera, &settings)?;
+        progress.show("render", number as u64, arguments.view.frames.into());
+        let (mut frame, stats) = renderer.render(camera, settings)?;
         if let Some(background) = background {
             frame.over(background);
         }
@@ -321,7 +380,7 @@ fn draw(
         digest.update(picture.bytes());
         match kind {
             PictureKind::Apng => pictures.push(picture),
-            _ => write_picture(&outputs[output as usize], &picture)?,
+            _ => write_picture(&outputs[number], &picture)?,
         }
     }
     if kind == PictureKind::Apng {
@@ -329,7 +388,7 @@ fn draw(
     }
     drop(progress);
     if let Some(path) = &arguments.stats {
-        let mut stats = stats_json(&settings, &renderer, &all_stats, &hex(&digest.finalize()));
+        let mut stats = stats_json(settings, &renderer, &all_stats, &hex(&digest.finalize()));
         stats["measured_error"] = json!(measured);
         write_atomically_unless(&interrupted, path, |out| writeln!(out, "{stats:#}"))?;
     }
@@ -519,7 +578,7 @@ pub(super) fn parse_crop(text: &str, dims: [u32; 3]) -> Result<VoxelBox> {
 }
 
 /// Linear colour, or `None` for a transparent background.
-fn parse_background(text: &str) -> Result<Option<[f32; 3]>> {
+pub(super) fn parse_background(text: &str) -> Result<Option<[f32; 3]>> {
     Ok(match text {
         "transparent" => None,
         "black" => Some([0.0; 3]),

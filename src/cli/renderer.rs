@@ -1,6 +1,8 @@
-//! The renderer that draws: on the processor or on a graphics device, as asked for or as there is one.
+//! The renderer that draws: on the processor or on a graphics device, as asked for or as there is one; or the judge.
 //!
 //! In: `--renderer`, `--adapter`, `--vram` and their like. Out: frames, and one set of numbers for `--stats`.
+
+use std::time::Instant;
 
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
@@ -10,13 +12,15 @@ use super::on_device::OnDevice;
 #[cfg(feature = "gpu")]
 use super::print_note;
 use crate::error::{Error, Result};
+use crate::reference::splat::{Judge, Settings as JudgeSettings};
 use crate::splat::{Camera, Frame, Scene, Settings, cpu};
 
 /// What draws.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Renderer")]
 pub(super) struct RendererArguments {
-    /// cpu, gpu, or auto: a graphics device if there is one that is not software.
+    /// cpu, gpu, or auto: a graphics device if there is one that is not software. reference: slowly, in double precision,
+    /// straight from a volume: what the others should draw at --quality reference.
     #[arg(long, value_name = "R", value_enum, default_value_t = Which::Auto)]
     renderer: Which,
     /// Graphics device whose name or driver contains this (adj devices lists them); the best one unless given.
@@ -39,6 +43,7 @@ enum Which {
     Auto,
     Cpu,
     Gpu,
+    Reference,
 }
 
 /// What drawing a frame took.
@@ -56,9 +61,36 @@ pub(super) enum Renderer<'a> {
     Cpu(Scene<'a>),
     #[cfg(feature = "gpu")]
     Gpu(Box<OnDevice<'a>>),
+    Reference(Box<Judge>),
 }
 
 impl RendererArguments {
+    /// Whether the judge is asked for, which draws volumes only.
+    pub(super) fn is_reference(&self) -> bool {
+        self.renderer == Which::Reference
+    }
+
+    /// Flags of graphics devices, with whether they were given.
+    fn of_devices(&self) -> [(&'static str, bool); 4] {
+        [
+            ("--adapter", self.adapter.is_some()),
+            ("--vram", self.vram.is_some()),
+            ("--compositor", self.compositor.is_some()),
+            ("--accumulate", self.accumulate.is_some()),
+        ]
+    }
+
+    /// The judge as a renderer.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a flag of graphics devices.
+    pub(super) fn reference(&self, judge: Judge) -> Result<Renderer<'static>> {
+        match self.of_devices().into_iter().find(|(_, is_given)| *is_given) {
+            Some((flag, _)) => Err(Error::input(flag, "is for graphics devices; leave it out")),
+            None => Ok(Renderer::Reference(Box::new(judge))),
+        }
+    }
+
     /// The renderer asked for.
     ///
     /// `is_bounded`: by `--memory`, which no graphics driver keeps to.
@@ -66,15 +98,10 @@ impl RendererArguments {
     /// # Errors
     /// [`Error::Device`] if a graphics device was asked for and cannot be had; [`Error::Input`] for a flag out of place.
     pub(super) fn renderer<'a>(&self, scene: Scene<'a>, is_bounded: bool) -> Result<Renderer<'a>> {
-        let given = [
-            ("--adapter", self.adapter.is_some()),
-            ("--vram", self.vram.is_some()),
-            ("--compositor", self.compositor.is_some()),
-            ("--accumulate", self.accumulate.is_some()),
-        ];
-        match (self.renderer, given.into_iter().find(|(_, is_given)| *is_given)) {
+        match (self.renderer, self.of_devices().into_iter().find(|(_, is_given)| *is_given)) {
             (Which::Cpu, Some((flag, _))) => Err(Error::input(flag, "is for graphics devices; leave it out")),
             (Which::Cpu, None) => Ok(Renderer::Cpu(scene)),
+            (Which::Reference, _) => Err(needs_volume()),
             (Which::Auto, _) if is_bounded && self.adapter.is_none() => Ok(Renderer::Cpu(scene)),
             _ if is_bounded => {
                 let why = "cannot be kept by a graphics driver; leave it out (--vram bounds the device), or take --renderer cpu";
@@ -108,7 +135,10 @@ impl<'a> Renderer<'a> {
                 result => return result,
             }
         }
-        let (frame, stats) = cpu::render(self.scene(), camera, settings)?;
+        if let Renderer::Reference(judge) = self {
+            return judged(judge, camera, settings);
+        }
+        let (frame, stats) = cpu::render(self.scene()?, camera, settings)?;
         let others = vec![("walk_ms", json!(stats.walk_ms)), ("draw_ms", json!(stats.draw_ms))];
         let (splats_drawn, splats_skipped) = (stats.splats_drawn, stats.splats_skipped);
         Ok((frame, FrameStats { splats_drawn, splats_skipped, frame_ms: stats.frame_ms, others }))
@@ -121,29 +151,61 @@ impl<'a> Renderer<'a> {
         Renderer::Cpu(scene)
     }
 
-    fn scene(&self) -> &Scene<'a> {
+    fn scene(&self) -> Result<&Scene<'a>> {
         match self {
-            Renderer::Cpu(scene) => scene,
+            Renderer::Cpu(scene) => Ok(scene),
             #[cfg(feature = "gpu")]
-            Renderer::Gpu(on_device) => &on_device.scene,
+            Renderer::Gpu(on_device) => Ok(&on_device.scene),
+            Renderer::Reference(_) => Err(needs_volume()),
         }
     }
 
-    /// `cpu` or `gpu`.
+    /// `cpu`, `gpu` or `reference`.
     pub(super) fn name(&self) -> &'static str {
         match self {
             Renderer::Cpu(_) => "cpu",
             #[cfg(feature = "gpu")]
             Renderer::Gpu(_) => "gpu",
+            Renderer::Reference(_) => "reference",
         }
     }
 
     /// The graphics device's name.
     pub(super) fn adapter(&self) -> Option<&str> {
         match self {
-            Renderer::Cpu(_) => None,
+            Renderer::Cpu(_) | Renderer::Reference(_) => None,
             #[cfg(feature = "gpu")]
             Renderer::Gpu(on_device) => Some(&on_device.adapter),
         }
     }
+}
+
+/// Why an .adj file has no reference picture.
+pub(super) fn needs_volume() -> Error {
+    let why = "reference needs the volume, and this file holds codes; give the volume that it was built from";
+    Error::input("--renderer", why)
+}
+
+/// A frame by the judge: of the kernel asked for the sigma, else that of reference quality whatever the quality.
+fn judged(judge: &Judge, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
+    let start = Instant::now();
+    let usual = JudgeSettings::new(settings.size);
+    let judge_settings = JudgeSettings {
+        sigma: settings.kernel.map_or(usual.sigma, |kernel| kernel.sigma.into()),
+        mode: settings.mode,
+        lighting: settings.lighting,
+        exposure: settings.exposure.map(f64::from),
+        near: settings.near,
+        crop: settings.crop.map(|crop| (crop.low, crop.high)),
+        threads: settings.threads,
+        ..usual
+    };
+    let frame = judge.draw(camera, &judge_settings)?.to_frame()?;
+    let stats = FrameStats {
+        splats_drawn: judge.visible().voxels().len() as u64,
+        splats_skipped: 0,
+        frame_ms: start.elapsed().as_secs_f64() * 1e3,
+        others: Vec::new(),
+    };
+    Ok((frame, stats))
 }

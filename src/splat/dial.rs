@@ -26,21 +26,21 @@ pub struct Rung {
     pub sampling: Sampling,
 }
 
-const fn rung(sigma: f32, radius: f32, termination: f32, sampling: Sampling) -> Rung {
-    Rung { kernel: KernelShape { sigma, radius }, termination, sampling }
+const fn rung(radius: f32, termination: f32, sampling: Sampling) -> Rung {
+    Rung { kernel: KernelShape { sigma: 0.7, radius }, termination, sampling }
 }
 
-/// From the fastest on; the last is [`Quality::Reference`].
+/// From the fastest on; the last is [`Quality::Reference`]. Measured: docs/studies/0003-accuracy.md.
 pub const RUNGS: [Rung; 9] = [
-    rung(0.5, 1.5, 1.0 / 128.0, Sampling::Fewest),
-    rung(0.6, 2.0, 1.0 / 1024.0, Sampling::Enough),
-    rung(0.7, 1.75, 1.0 / 255.0, Sampling::Enough),
-    rung(0.7, 1.75, 1.0 / 255.0, Sampling::EveryPixel),
-    rung(0.7, 2.1, 1.0 / 1024.0, Sampling::EveryPixel),
-    rung(0.7, 2.5, 2e-4, Sampling::EveryPixel),
-    rung(0.7, 2.8, 5e-5, Sampling::EveryPixel),
-    rung(0.7, 3.0, 1e-5, Sampling::EveryPixel),
-    rung(0.7, 3.0, 0.0, Sampling::EveryPixel),
+    rung(2.1, 1.0 / 128.0, Sampling::Fewest),
+    rung(2.1, 1.0 / 255.0, Sampling::Enough),
+    rung(2.5, 1.0 / 1024.0, Sampling::Enough),
+    rung(2.1, 1.0 / 255.0, Sampling::EveryPixel),
+    rung(2.5, 1.0 / 1024.0, Sampling::EveryPixel),
+    rung(2.8, 1.0 / 4096.0, Sampling::EveryPixel),
+    rung(3.0, 1e-5, Sampling::EveryPixel),
+    rung(3.5, 1e-5, Sampling::EveryPixel),
+    rung(4.2, 0.0, Sampling::EveryPixel),
 ];
 
 /// What is measured in windows is doubled: a picture has more pixels than they, and a turn more views.

@@ -38,7 +38,8 @@ pub enum Quality {
     Standard,
     /// For pictures to measure in: what is left out is below a sample of 16 bits.
     High,
-    /// As `High`, and no ray ends early.
+    /// As `High`, but the kernel goes on to six standard deviations, and no ray ends early: what a cut-off at 3.0 loses of
+    /// solid layers seen edge-on adds up (5e-4 of full scale on a gyroid, tests/reference).
     Reference,
 }
 
@@ -52,7 +53,8 @@ impl Quality {
         let radius = match self {
             Quality::Draft => 2.1,
             Quality::Standard => 2.5,
-            Quality::High | Quality::Reference => 3.0,
+            Quality::High => 3.0,
+            Quality::Reference => 4.2,
         };
         KernelShape { sigma: SIGMA, radius }
     }
@@ -82,7 +84,7 @@ impl Quality {
 pub struct KernelShape {
     /// Standard deviation; 0.2 to 4.
     pub sigma: f32,
-    /// Where it is cut off; 1 to 5 times `sigma`.
+    /// Where it is cut off; 1 to 6 times `sigma`.
     pub radius: f32,
 }
 
@@ -92,11 +94,11 @@ impl KernelShape {
     /// # Errors
     /// [`Error::Input`] if a number is outside its range.
     pub fn check(self) -> Result<()> {
-        let in_range = (0.2..=4.0).contains(&self.sigma) && (1.0..=5.0).contains(&(self.radius / self.sigma));
+        let in_range = (0.2..=4.0).contains(&self.sigma) && (1.0..=6.0).contains(&(self.radius / self.sigma));
         if in_range {
             Ok(())
         } else {
-            let why = format!("is sigma {}, radius {}; use 0.2 to 4, and 1 to 5 sigma", self.sigma, self.radius);
+            let why = format!("is sigma {}, radius {}; use 0.2 to 4, and 1 to 6 sigma", self.sigma, self.radius);
             Err(Error::input("kernel", why))
         }
     }

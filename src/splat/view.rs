@@ -172,6 +172,22 @@ impl View {
         }
     }
 
+    /// Unit direction of view through the picture's centre, in index space.
+    pub fn direction(&self) -> [f64; 3] {
+        match self.viewpoint {
+            Viewpoint::Parallel { direction } => direction,
+            Viewpoint::Perspective { toward, .. } => toward,
+        }
+    }
+
+    /// The eye in voxel coordinates; `None` for a parallel view.
+    pub fn eye(&self) -> Option<[f64; 3]> {
+        match self.viewpoint {
+            Viewpoint::Parallel { .. } => None,
+            Viewpoint::Perspective { eye, .. } => Some(eye),
+        }
+    }
+
     /// Longest half-axis of the kernel's cut-off ellipsoid is at most this, in mean voxels.
     fn reach_of_kernel(&self) -> f64 {
         let [x, y, z] = self.steps;

@@ -4,6 +4,7 @@
 mod arenas;
 mod budgets;
 mod cache;
+mod compare;
 mod devices;
 mod harness;
 mod hidden;

@@ -1,0 +1,108 @@
+//! `adj compare`, and pictures by the judge.
+
+use serde_json::Value;
+
+use super::harness::Folder;
+
+const SCENE: &str = "phantom:gyroid --dims 24x24x24 --range 117.5..138.5 --size 40x30 --azimuth 30 --elevation 20";
+
+fn render(folder: &Folder, more: &str) {
+    folder.adj(&format!("render {SCENE} {more}")).done();
+}
+
+#[test]
+fn pictures_in_every_format_are_read_as_they_were_written() {
+    let folder = Folder::new();
+    for (name, more) in [("a.exr", ""), ("a8.png", ""), ("a16.png", "--bits 16"), ("a.apng", "--frames 2")] {
+        // What a highlight or interpolation takes above white is cut off in a PNG.
+        render(&folder, &format!("{more} --unlit --sampling every --renderer cpu --background transparent -o {name}"));
+    }
+    let of = |line: &str| folder.adj(&format!("compare {line} --json -")).json();
+    let number = |found: &Value, name: &str| found[name].as_f64().unwrap_or(f64::INFINITY);
+    assert_eq!(number(&of("a.exr a.exr"), "psnr"), f64::INFINITY);
+    // Half a step of 8 or 16 bits of sRGB, which is steepest, 2.28 times, where it is brightest.
+    for (name, most) in [("a16.png", 2.0e-5), ("a8.png", 5e-3), ("a.apng", 5e-3)] {
+        let found = of(&format!("a.exr {name}"));
+        assert!(number(&found, "max_abs") <= most && number(&found, "max_abs") > 0.0, "{name}: {found}");
+        assert!(number(&found, "flip") < 0.02 && number(&found, "ssim") > 0.99, "{name}: {found}");
+    }
+    // One flag, in three forms.
+    folder.adj("compare a.exr a8.png --json numbers.json").done();
+    let written: Value =
+        serde_json::from_slice(&std::fs::read(folder.file("numbers.json")).expect("there")).expect("JSON");
+    assert_eq!(written, of("a.exr a8.png"));
+    assert_eq!(folder.adj("compare a.exr a8.png --json").json(), written);
+    for name in ["psnr", "ssim", "flip", "max_abs", "rmse"] {
+        assert!(written[name].is_number(), "{name}: {written}");
+    }
+}
+
+#[test]
+fn the_exit_code_says_whether_pictures_are_near_enough() {
+    let folder = Folder::new();
+    render(&folder, "--renderer cpu -o a.png");
+    render(&folder, "--renderer cpu --quality draft -o b.png");
+    let code = |line: &str| folder.adj(&format!("compare {line}")).code;
+    assert_eq!(code("a.png a.png --max-error 0"), Some(0));
+    assert_eq!(code("a.png b.png"), Some(0));
+    for metric in ["max", "rmse", "flip"] {
+        assert_eq!(code(&format!("a.png b.png --max-error 0.0001 --metric {metric}")), Some(1), "{metric}");
+        assert_eq!(code(&format!("a.png b.png --max-error 0.9 --metric {metric}")), Some(0), "{metric}");
+    }
+    for (metric, least, most) in [("psnr", 10, 90), ("ssim", 0, 1)] {
+        assert_eq!(code(&format!("a.png b.png --max-error {least} --metric {metric}")), Some(0), "{metric}");
+        assert_eq!(code(&format!("a.png b.png --max-error {most} --metric {metric}")), Some(1), "{metric}");
+    }
+    let ran = folder.adj("compare a.png b.png --max-error 0.0001 --diff where.png");
+    assert_eq!((ran.code, ran.stderr.as_str()), (Some(1), ""));
+    for part in ["psnr", "flip", "where.png: absolute differences", "pale yellow", "max", "is beyond 0.0001"] {
+        assert!(ran.stdout.contains(part), "\"{part}\" is not in: {}", ran.stdout);
+    }
+    assert!(folder.file("where.png").is_file());
+}
+
+#[test]
+fn what_cannot_be_compared_is_refused() {
+    let folder = Folder::new();
+    render(&folder, "--renderer cpu -o a.png");
+    folder.adj("render phantom:corners --dims 9x9x9 --range 1.. --size 8x8 --renderer cpu -o small.png").done();
+    folder.write("text.png", b"hello");
+    folder.write("text.exr", b"hello");
+    let refused = |line: &str, parts: &[&str]| folder.adj(&format!("compare {line}")).refused(parts);
+    refused("a.png small.png", &["40x30", "8x8", "one size"]);
+    refused("a.png gone.png", &["cannot open gone.png"]);
+    refused("gone.exr a.png", &["cannot open gone.exr"]);
+    refused("a.png text.png", &["text.png", "cannot be read as a picture"]);
+    refused("text.exr a.png", &["text.exr", "cannot be read as a picture"]);
+    refused("a.png a.jpg", &["a.jpg", "must end in .png"]);
+    refused("a.png a.png --max-error NaN", &["--max-error", "must be a number"]);
+    refused("a.png a.png --background transparent", &["--background", "give a colour"]);
+    refused("a.png small.png --diff a.png", &["--diff", "give another name"]);
+    refused("a.png a.png --diff gone/where.png", &["gone", "create it first"]);
+    assert_eq!(folder.names(), ["a.png", "small.png", "text.exr", "text.png"]);
+}
+
+/// The judge has neither codes nor single precision; values of 8 bits are their own codes here, and normals of 16 bits
+/// are within 0.0025 degrees.
+#[test]
+fn reference_quality_is_the_judges_picture() {
+    let folder = Folder::new();
+    for view in ["", "--perspective 40", "--mode xray"] {
+        render(&folder, &format!("{view} --renderer reference -o judge.exr"));
+        render(&folder, &format!("{view} --renderer cpu --quality reference --normals 16 -o ours.exr"));
+        folder.adj("compare judge.exr ours.exr --max-error 1e-4").done();
+    }
+    // Of another kernel the judge takes the sigma.
+    render(&folder, "--kernel 0.6,3.6 --renderer reference -o judge.exr");
+    render(&folder, "--kernel 0.6,3.6 --quality reference --renderer cpu --normals 16 -o ours.exr");
+    folder.adj("compare judge.exr ours.exr --max-error 1e-4").done();
+    folder.adj("build phantom:gyroid --dims 24x24x24 --range 117.5..138.5 -o g.adj").done();
+    let refused =
+        |line: &str, parts: &[&str]| folder.adj(&format!("render {line} --renderer reference")).refused(parts);
+    refused("g.adj -o x.png", &["--renderer", "needs the volume"]);
+    refused(&format!("{SCENE} --normals 16 -o x.png"), &["--normals", "leave it out"]);
+    refused(&format!("{SCENE} --memory 1GiB -o x.png"), &["--memory", "leave it out"]);
+    refused(&format!("{SCENE} --adapter any -o x.png"), &["--adapter", "leave it out"]);
+    refused(&format!("{SCENE} --max-error 0.1 -o x.png"), &["--max-error", "leave it out"]);
+    refused(&format!("{SCENE} --mode maximum -o x.png"), &["mode", "no reference"]);
+}
