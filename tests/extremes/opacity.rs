@@ -89,7 +89,8 @@ fn reference_lengths_from_tiny_to_huge_are_finite() {
         let model = Model::new(grid, transfer, |[x, _, _]| Some(x.min(1) * 2));
         for mode in MODES {
             for exposure in [Some(1.0), None] {
-                let settings = Settings { mode, exposure, ..Settings::new([21, 21]) };
+                // No ray ends before it is dark.
+                let settings = Settings { mode, exposure, termination: Some(0.0), ..Settings::new([21, 21]) };
                 let (frame, stats) = model.draw(&parallel([2.0, 1.5, 1.5], [0.0, 0.0, 1.0], UP, 6.0), &settings);
                 // Transparent voxels are not drawn, nor depths that underflow; maxima show values.
                 let drawn = if reference < 1e100 || mode.is_maximum() { 64 } else { 0 };
