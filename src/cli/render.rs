@@ -109,7 +109,8 @@ pub(super) struct ViewArguments {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Look")]
 pub(super) struct LookArguments {
-    /// Kernel and where rays end: each step is about twice as slow.
+    /// Where the kernel is cut off, where rays end and which pixels are drawn: all look alike, and differ in what they leave
+    /// out
     #[arg(long, value_name = "Q", default_value = "standard", value_parser = ["draft", "standard", "high", "reference"])]
     quality: String,
     /// Pixels that are drawn: every is all of the picture's; enough is fewer where splats are wide (seven pixels and more)
