@@ -112,10 +112,11 @@ pub(super) struct LookArguments {
     /// Kernel and where rays end: each step is about twice as slow.
     #[arg(long, value_name = "Q", default_value = "standard", value_parser = ["draft", "standard", "high", "reference"])]
     quality: String,
-    /// Pixels that are drawn: enough leaves out those that wide splats (seven pixels and more) do not need, and
-    /// interpolates them; every takes all. Enough for draft and standard, every for high and reference unless given;
-    /// graphics devices draw every pixel.
-    #[arg(long, value_name = "PIXELS", value_parser = ["base-plane", "enough", "every"])]
+    /// Pixels that are drawn: every is all of the picture's; enough is fewer where splats are wide (seven pixels and more)
+    /// and, in parallel views whose voxels are finer than pixels, those of the slices, and the picture is interpolated from
+    /// them; fewest is one for each voxel of a parallel view's slices. Fewest for draft, enough for standard, every for high and reference
+    /// unless given; graphics devices draw every pixel
+    #[arg(long, value_name = "PIXELS", value_parser = ["fewest", "enough", "every"])]
     sampling: Option<String>,
     /// composite: light and shade; maximum, maximum-grey: largest value along each ray; xray: sum along each ray.
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = ["composite", "maximum", "maximum-grey", "xray"])]
@@ -437,8 +438,8 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
         _ => Mode::Composite,
     };
     settings.sampling = match (look.sampling.as_deref(), settings.quality) {
-        (Some("base-plane"), _) => Sampling::BasePlane,
         (Some("every"), _) | (None, Quality::High | Quality::Reference) => Sampling::EveryPixel,
+        (Some("fewest"), _) | (None, Quality::Draft) => Sampling::Fewest,
         _ => Sampling::Enough,
     };
     settings.form = if look.form == "split" { SplitForm::Split } else { SplitForm::Interleaved };

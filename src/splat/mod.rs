@@ -138,14 +138,15 @@ pub enum Sampling {
     /// All.
     #[default]
     EveryPixel,
-    /// As many as the narrowest footprint needs, when composited; the others are interpolated between them. Pictures
-    /// differ by 45 to 67 dB in what was measured (docs/studies/sampling.md), and by 0.1 at single pixels of opaque
-    /// edges. Work falls with the square of the magnification.
+    /// As many as a picture needs that is composited; the others are interpolated between them. Where the voxels of a
+    /// parallel view are finer than its pixels, those of the *base plane*: one for each scan line that the view looks onto,
+    /// of all slices laid over each other (shear-warp; Lacroute and Levoy 1994), which is also the more exact.
+    /// Elsewhere as many as the narrowest footprint needs: work falls with the square of the magnification. How far
+    /// pictures differ: docs/studies/sampling.md.
     Enough,
-    /// Those of the *base plane*, where the view is parallel, composited front to back, and its pixels are not much
-    /// finer than the voxels: one for each scan line that the view looks onto, of all slices laid over each other. The
-    /// picture is interpolated from them (shear-warp; Lacroute and Levoy 1994). Otherwise as `Enough`.
-    BasePlane,
+    /// For moving the camera: the base plane of a parallel view where voxels are up to three pixels apart; in
+    /// perspective two fifths of the pixels that are enough.
+    Fewest,
 }
 
 impl Settings {

@@ -52,6 +52,38 @@ impl Receiver for Sum {
     }
 }
 
+/// Adds up coordinates alone: what a walk itself costs.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Places {
+    /// Voxels and cubes.
+    pub count: u64,
+    /// Of coordinates; wraps.
+    pub of_all: u64,
+}
+
+impl Places {
+    /// Adds those of a batch.
+    #[inline(always)]
+    pub fn add(&mut self, batch: &Batch) {
+        let sum = |along: &[u16]| along.iter().map(|&c| u64::from(c)).sum::<u64>();
+        self.count += batch.len() as u64;
+        let sum = u64::from(batch.slow) * batch.len() as u64 + sum(batch.medium) + sum(batch.fast);
+        self.of_all = self.of_all.wrapping_add(sum);
+    }
+}
+
+impl Receiver for Places {
+    #[inline(always)]
+    fn voxel(&mut self, position: [u16; 3], _: u8, _: Normal) {
+        self.count += 1;
+        self.of_all = self.of_all.wrapping_add(position.iter().map(|&c| u64::from(c)).sum());
+    }
+
+    fn node(&mut self, node: &Node) {
+        self.voxel(node.low, 0, Normal::Code(0));
+    }
+}
+
 impl Receiver for Splatter<'_> {
     #[inline(always)]
     fn voxel(&mut self, position: [u16; 3], value: u8, normal: Normal) {

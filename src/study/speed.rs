@@ -13,7 +13,7 @@ use xxhash_rust::xxh3::Xxh3;
 
 use super::baselines::{Built, Method, Viewing, Walker as _};
 use super::picture;
-use super::receive::Sum;
+use super::receive::{Places, Sum};
 use super::subject::Subject;
 use super::trace::Untraced;
 use crate::error::{Error, Result};
@@ -156,6 +156,18 @@ impl TurnedView {
         };
         Ok((picture, start.elapsed().as_secs_f64()))
     }
+}
+
+/// As [`summed`], but for coordinates alone.
+pub fn summed_places(subject: &Subject, built: &mut Built, viewing: &Viewing) -> Places {
+    let mut sum = Places::default();
+    match built {
+        Built::Adjsplat(_) => {
+            walk(&subject.lane(viewing.order.fast), &viewing.order, &mut |batch: &Batch| sum.add(batch));
+        }
+        _ => built.walk(viewing, &mut sum, &mut Untraced),
+    }
+    sum
 }
 
 /// Walks and adds up; our own walk hands over batches, as it does to a renderer.

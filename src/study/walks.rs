@@ -1,21 +1,31 @@
 //! Walks: nanoseconds a visible voxel in each of the 48 orders of parallel views.
 //!
 //! In: a subject, methods. Out: the fastest of several walks of each method in each order, on one thread; every walk adds
-//! up coordinates, values and normals, so nothing that a renderer would read is left unread. The methods take turns in
-//! every order, so that a change of the machine's pace meets all of them.
+//! up coordinates, values and normals, so nothing that a renderer would read is left unread, or coordinates alone. The
+//! methods take turns in every order, so that a change of the machine's pace meets all of them.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::baselines::{Method, Viewing};
-use super::speed::summed;
+use super::speed::{summed, summed_places};
 use super::subject::Subject;
 use crate::error::{Error, Result};
 use crate::traverse::Order;
 
 /// Orders of parallel views: six nestings, eight directions.
 pub const ORDERS: usize = 48;
+
+/// What a walk reads of each voxel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Reading {
+    /// Coordinates, value and normal.
+    #[default]
+    Everything,
+    /// Where it is.
+    Coordinates,
+}
 
 /// What one method's walks took.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,7 +63,7 @@ pub fn order(index: usize) -> Order {
 
 /// Measures every `stride`-th order `repetitions` times; `go_on` is told what is done of how much, and may stop it.
 ///
-/// All structures are in memory at once.
+/// The structures of all `methods` are in memory at once.
 ///
 /// # Errors
 /// As building the methods; [`Error::Interrupted`] if `go_on` says so.
@@ -62,6 +72,7 @@ pub fn measure(
     methods: &[Method],
     stride: usize,
     repetitions: u32,
+    reading: Reading,
     mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
 ) -> Result<Vec<Walks>> {
     let mut built = methods.iter().map(|method| method.build(subject)).collect::<Result<Vec<_>>>()?;
@@ -73,7 +84,10 @@ pub fn measure(
         for _ in 0..repetitions.max(1) {
             for (built, fastest) in built.iter_mut().zip(&mut fastest) {
                 let start = Instant::now();
-                black_box(summed(subject, built, &viewing));
+                match reading {
+                    Reading::Everything => _ = black_box(summed(subject, built, &viewing)),
+                    Reading::Coordinates => _ = black_box(summed_places(subject, built, &viewing)),
+                }
                 *fastest = fastest.min(start.elapsed().as_secs_f64());
             }
         }

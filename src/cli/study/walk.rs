@@ -10,12 +10,12 @@ use crate::error::{Error, Result};
 use crate::study::baselines::Method;
 use crate::study::report::Report;
 use crate::study::report::plot::{Plot, Series, Side};
-use crate::study::walks::{self, Walks};
+use crate::study::walks::{self, Reading, Walks};
 
 /// Time the walks alone, in each of the 48 orders of parallel views, on one thread.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Each figure is nanoseconds a visible voxel, the fastest of the repetitions; coordinates, values and normals are read and added up.\n\nExample: adj study walk head.adj --methods adjsplat,bricks,adjacency_b"
+    after_help = "Each figure is nanoseconds a visible voxel, the fastest of the repetitions.\n\nExample: adj study walk head.adj --methods adjsplat,bricks,adjacency_b"
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
@@ -26,6 +26,9 @@ pub(super) struct Arguments {
     /// Walks of each method in each order, of which the fastest counts.
     #[arg(long, value_name = "N", default_value_t = 3)]
     repetitions: u32,
+    /// What is read of each voxel and added up: everything is its coordinates, value and normal.
+    #[arg(long, value_name = "WHAT", value_parser = ["everything", "coordinates"], default_value = "everything")]
+    read: String,
     #[command(flatten)]
     output: OutputArguments,
 }
@@ -41,9 +44,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut names = Vec::new();
     let mut series: Vec<Series> =
         methods.iter().map(|method| Series { name: method.name().into(), points: Vec::new(), dashed: false }).collect();
+    let reading = if arguments.read == "coordinates" { Reading::Coordinates } else { Reading::Everything };
     let stride = if arguments.sets.quick { 7 } else { 1 };
     each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
-        let found = walks::measure(subject, &methods, stride, arguments.repetitions, go_on)?;
+        let found = walks::measure(subject, &methods, stride, arguments.repetitions, reading, go_on)?;
         let ours = found.iter().find(|walks| walks.method == Method::Adjsplat).map(Walks::geometric_mean);
         names.push(subject.name.clone());
         for (walks, series) in found.iter().zip(&mut series) {

@@ -12,7 +12,7 @@ use super::raster::{self, EllipseEach, Limits, Splats};
 use super::seen::Seen;
 #[cfg(feature = "cli")]
 use super::splatter;
-use super::stamp::{self, Amounts, CODES, Rows, Stamp};
+use super::stamp;
 use crate::splat::Code;
 
 /// What a band works with.
@@ -89,43 +89,24 @@ pub(super) fn stamped(
     code: Code,
     projector: &Projector,
     voxels: &Voxels,
-    stamp: &Stamp,
-    splats: &mut Splats,
-    amounts: &mut [Amounts; CODES],
-    rows: &mut Rows,
+    bench: &mut stamp::Bench,
     limits: Limits,
 ) -> u64 {
     match code {
-        Code::Best => stamped_best(projector, voxels, stamp, splats, amounts, rows, limits),
-        Code::Avx2 => stamped_avx2(projector, voxels, stamp, splats, amounts, rows, limits),
-        Code::Portable | Code::Plain => stamp::block(projector, voxels, stamp, splats, amounts, rows, limits),
+        Code::Best => stamped_best(projector, voxels, bench, limits),
+        Code::Avx2 => stamped_avx2(projector, voxels, bench, limits),
+        Code::Portable | Code::Plain => stamp::block(projector, voxels, bench, limits),
     }
 }
 
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn stamped_best(
-    projector: &Projector,
-    voxels: &Voxels,
-    stamp: &Stamp,
-    splats: &mut Splats,
-    amounts: &mut [Amounts; CODES],
-    rows: &mut Rows,
-    limits: Limits,
-) -> u64 {
-    stamp::block(projector, voxels, stamp, splats, amounts, rows, limits)
+fn stamped_best(projector: &Projector, voxels: &Voxels, bench: &mut stamp::Bench, limits: Limits) -> u64 {
+    stamp::block(projector, voxels, bench, limits)
 }
 
 #[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
-fn stamped_avx2(
-    projector: &Projector,
-    voxels: &Voxels,
-    stamp: &Stamp,
-    splats: &mut Splats,
-    amounts: &mut [Amounts; CODES],
-    rows: &mut Rows,
-    limits: Limits,
-) -> u64 {
-    stamp::block(projector, voxels, stamp, splats, amounts, rows, limits)
+fn stamped_avx2(projector: &Projector, voxels: &Voxels, bench: &mut stamp::Bench, limits: Limits) -> u64 {
+    stamp::block(projector, voxels, bench, limits)
 }
 
 #[inline(always)]

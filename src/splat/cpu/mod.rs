@@ -67,12 +67,13 @@ impl Stage {
         }
         let (low, high) = shot.lane.bounds()?;
         let bounds = VoxelBox { low, high };
-        let plane = (settings.sampling == Sampling::BasePlane && settings.sense == Sense::FrontToBack)
-            .then(|| BasePlane::of(&shot.view, &shot.order, shot.kernel, &bounds))
-            .flatten();
+        let plane = match settings.sense {
+            Sense::FrontToBack => BasePlane::of(&shot.view, &shot.order, shot.kernel, &bounds, settings.sampling),
+            Sense::BackToFront => None,
+        };
         match plane {
             Some(plane) => Some(Stage::BasePlane(plane)),
-            None => Coarse::of(&shot.view, shot.kernel, &bounds, table.deepest()).map(Stage::Coarse),
+            None => Coarse::of(&shot.view, shot.kernel, &bounds, table.deepest(), settings.sampling).map(Stage::Coarse),
         }
     }
 

@@ -36,7 +36,7 @@ pub(super) const SIDE: usize = 8;
 pub(super) const REACH: f32 = 4.0;
 
 /// The weights of a slice's footprints.
-pub(super) struct Stamp {
+struct Stamp {
     /// Its first column and row, of a voxel whose fast and medium coordinates are 0.
     left: i32,
     top: i32,
@@ -71,11 +71,11 @@ impl Stamp {
 }
 
 /// Value codes of which the amounts on a slice's stamps are kept.
-pub(super) const CODES: usize = 256;
+const CODES: usize = 256;
 
 /// What a voxel takes of each pixel of its stamp.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Amounts {
+struct Amounts {
     /// The slice, and the peak of optical depth; NaN for none yet.
     slow: u16,
     peak: f32,
@@ -99,7 +99,7 @@ pub(super) struct Rows {
     pub(super) rect: Rect,
     /// Columns of each of the four values' rows: with a stamp to spare.
     pitch: usize,
-    values: Vec<f32>,
+    values: Box<[f32]>,
     /// Pixels of each cell of 8 x 8 that may still change.
     cells: Count,
     /// Cells of each block of 8 x 8 cells that have such pixels.
@@ -125,7 +125,7 @@ impl Rows {
             row[3 * pitch..][..columns].fill(1.0);
         }
         let (cells, blocks) = (Count::new(rect, CELL, 0), Count::new(rect, BLOCK_OF_CELLS, CELL));
-        Ok(Rows { rect, pitch, values, cells, blocks })
+        Ok(Rows { rect, pitch, values: values.into_boxed_slice(), cells, blocks })
     }
 
     /// Where row `y`'s reds begin in column `x`.
@@ -164,6 +164,15 @@ impl Rows {
     }
 }
 
+/// What a band's thread works with.
+pub(super) struct Bench {
+    pub(super) rows: Rows,
+    /// Of the slice whose voxels wait.
+    stamp: Stamp,
+    splats: Box<Splats>,
+    amounts: Box<[Amounts; CODES]>,
+}
+
 /// Draws the rows `rect` of the plane.
 ///
 /// # Errors
@@ -184,11 +193,13 @@ pub(super) fn draw(
         limits,
         code,
         slow: None,
-        stamp: Stamp { left: 0, top: 0, rows: 0, slow: 0, weights: [[0.0; SIDE]; SIDE] },
         voxels: Voxels::new(),
-        splats: Splats::new(),
-        amounts: Box::new([Amounts { slow: 0, peak: f32::NAN, rows: [[0.0; SIDE]; SIDE] }; CODES]),
-        rows: Rows::new(rect)?,
+        bench: Bench {
+            rows: Rows::new(rect)?,
+            stamp: Stamp { left: 0, top: 0, rows: 0, slow: 0, weights: [[0.0; SIDE]; SIDE] },
+            splats: Splats::new(),
+            amounts: Box::new([Amounts { slow: 0, peak: f32::NAN, rows: [[0.0; SIDE]; SIDE] }; CODES]),
+        },
         visited: 0,
         drawn: 0,
         drawing: Duration::ZERO,
@@ -200,8 +211,8 @@ pub(super) fn draw(
     }
     band.flush();
     let walking = start.elapsed().saturating_sub(band.drawing);
-    let Band { rows, visited, drawn, drawing, .. } = band;
-    Ok(Drawn { pixels: rows, work: Work { visited, drawn, walking, drawing } })
+    let Band { bench, visited, drawn, drawing, .. } = band;
+    Ok(Drawn { pixels: bench.rows, work: Work { visited, drawn, walking, drawing } })
 }
 
 struct Band<'a> {
@@ -210,13 +221,10 @@ struct Band<'a> {
     half: [f64; 2],
     limits: Limits,
     code: Code,
-    /// The slice whose voxels wait, and its stamp.
+    /// The slice whose voxels wait.
     slow: Option<u16>,
-    stamp: Stamp,
     voxels: Box<Voxels>,
-    splats: Box<Splats>,
-    amounts: Box<[Amounts; CODES]>,
-    rows: Rows,
+    bench: Bench,
     visited: u64,
     drawn: u64,
     drawing: Duration,
@@ -224,7 +232,7 @@ struct Band<'a> {
 
 impl Band<'_> {
     fn pixels(&self, bounds: &VoxelBox) -> Option<Rect> {
-        band::pixels(self.view, self.half, self.rows.rect, bounds)
+        band::pixels(self.view, self.half, self.bench.rows.rect, bounds)
     }
 
     fn in_crop(&self, bounds: &VoxelBox) -> bool {
@@ -233,9 +241,9 @@ impl Band<'_> {
 
     /// Draws the voxels that wait.
     fn flush(&mut self) {
-        let Band { projector, voxels, splats, amounts, rows, stamp, limits, code, .. } = self;
+        let Band { projector, voxels, bench, limits, code, .. } = self;
         if voxels.count > 0 {
-            self.drawn += dispatch::stamped(*code, projector, voxels, stamp, splats, amounts, rows, *limits);
+            self.drawn += dispatch::stamped(*code, projector, voxels, bench, *limits);
             voxels.count = 0;
         }
     }
@@ -247,7 +255,7 @@ impl Visitor for Band<'_> {
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
-        self.in_crop(bounds) && self.pixels(bounds).is_some_and(|rect| !self.rows.is_closed(rect))
+        self.in_crop(bounds) && self.pixels(bounds).is_some_and(|rect| !self.bench.rows.is_closed(rect))
     }
 
     fn visit(&mut self, batch: &Batch) {
@@ -255,7 +263,7 @@ impl Visitor for Band<'_> {
         if self.slow != Some(batch.slow) {
             self.flush();
             self.slow = Some(batch.slow);
-            self.stamp = Stamp::of(self.projector, batch.slow, self.limits);
+            self.bench.stamp = Stamp::of(self.projector, batch.slow, self.limits);
         }
         let mut from = 0;
         while from < batch.len() {
@@ -274,15 +282,8 @@ impl Visitor for Band<'_> {
 
 /// Draws a block of voxels of the stamp's slice; gives how many splats were drawn.
 #[inline(always)]
-pub(super) fn block(
-    projector: &Projector,
-    voxels: &Voxels,
-    stamp: &Stamp,
-    splats: &mut Splats,
-    amounts: &mut [Amounts; CODES],
-    rows: &mut Rows,
-    limits: Limits,
-) -> u64 {
+pub(super) fn block(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
+    let Bench { rows, stamp, splats, amounts } = bench;
     let Kind::Parallel { strength, .. } = &projector.kind else { return 0 };
     Projector::plane_places(voxels, [stamp.left, stamp.top], splats);
     splats.strength = [*strength; BLOCK];
@@ -313,7 +314,7 @@ pub(super) fn block(
 fn clipped(rows: &Rows, stamp: &Stamp, y: i32) -> std::ops::Range<usize> {
     let from = (rows.rect.y0 - y).max(0) as usize;
     let to = (rows.rect.y1 - y).max(0) as usize;
-    from..to.min(stamp.rows)
+    from..to.min(stamp.rows).min(SIDE)
 }
 
 /// Whether a stamp's first column lies where all its columns are on the plane or on what is to spare.
@@ -329,12 +330,14 @@ fn is_open(rows: &Rows, stamp: &Stamp, x: i32, y: i32, stop: f32) -> bool {
         return false;
     }
     let mut most = [-1.0f32; SIDE];
-    for row in clipped(rows, stamp, y) {
-        let at = rows.at(x, y + row as i32) + 3 * rows.pitch;
+    let range = clipped(rows, stamp, y);
+    let (mut at, stride) = (rows.at(x, y + range.start as i32) + 3 * rows.pitch, 4 * rows.pitch);
+    for _ in range {
         let clear: &[f32; SIDE] = rows.values[at..].first_chunk().expect("rows have a stamp to spare");
         for i in 0..SIDE {
             most[i] = if clear[i] > most[i] { clear[i] } else { most[i] };
         }
+        at += stride;
     }
     let mut is_open = false;
     for i in 0..SIDE {
@@ -347,28 +350,27 @@ fn is_open(rows: &Rows, stamp: &Stamp, x: i32, y: i32, stop: f32) -> bool {
 #[inline(always)]
 fn put(rows: &mut Rows, stamp: &Stamp, [x, y]: [i32; 2], amounts: &[[f32; SIDE]; SIDE], ink: &[f32; 4], stop: f32) {
     let pitch = rows.pitch;
-    for row in clipped(rows, stamp, y) {
-        let at = rows.at(x, y + row as i32);
-        let strip = &mut rows.values[at..at + 3 * pitch + SIDE];
-        let (red, strip) = strip.split_at_mut(pitch);
-        let (green, strip) = strip.split_at_mut(pitch);
-        let (blue, clear) = strip.split_at_mut(pitch);
-        let clear = eight(clear);
+    let range = clipped(rows, stamp, y);
+    let mut at = rows.at(x, y + range.start as i32);
+    for row in range {
+        let values = &mut rows.values;
+        let clear = eight(values, at + 3 * pitch);
         let before = *clear;
         let (parts, after) = part(&before, &amounts[row], stop);
         *clear = after;
-        add(eight(red), &parts, ink[0]);
-        add(eight(green), &parts, ink[1]);
-        add(eight(blue), &parts, ink[2]);
+        add(eight(values, at), &parts, ink[0]);
+        add(eight(values, at + pitch), &parts, ink[1]);
+        add(eight(values, at + 2 * pitch), &parts, ink[2]);
         if has_closed(&before, &after, stop) {
             rows.close(x, y + row as i32, &before, &after, stop);
         }
+        at += 4 * pitch;
     }
 }
 
 #[inline(always)]
-fn eight(row: &mut [f32]) -> &mut [f32; SIDE] {
-    row.first_chunk_mut().expect("rows have a stamp to spare")
+fn eight(values: &mut [f32], at: usize) -> &mut [f32; SIDE] {
+    values[at..].first_chunk_mut().expect("rows have a stamp to spare")
 }
 
 /// What a row's pixels take of a splat, and the transmittances that it leaves.
