@@ -437,10 +437,11 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
         "xray" => Mode::Additive,
         _ => Mode::Composite,
     };
-    settings.sampling = match (look.sampling.as_deref(), settings.quality) {
-        (Some("every"), _) | (None, Quality::High | Quality::Reference) => Sampling::EveryPixel,
-        (Some("fewest"), _) | (None, Quality::Draft) => Sampling::Fewest,
-        _ => Sampling::Enough,
+    settings.sampling = match look.sampling.as_deref() {
+        Some("every") => Sampling::EveryPixel,
+        Some("enough") => Sampling::Enough,
+        Some("fewest") => Sampling::Fewest,
+        _ => Sampling::of(settings.quality),
     };
     settings.form = if look.form == "split" { SplitForm::Split } else { SplitForm::Interleaved };
     if look.unlit {

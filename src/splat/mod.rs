@@ -149,6 +149,17 @@ pub enum Sampling {
     Fewest,
 }
 
+impl Sampling {
+    /// What a quality draws unless told otherwise.
+    pub fn of(quality: Quality) -> Sampling {
+        match quality {
+            Quality::Draft => Sampling::Fewest,
+            Quality::Standard => Sampling::Enough,
+            Quality::High | Quality::Reference => Sampling::EveryPixel,
+        }
+    }
+}
+
 impl Settings {
     /// Standard quality, composited front to back with lighting, by one thread.
     pub fn new(size: [u32; 2]) -> Settings {
