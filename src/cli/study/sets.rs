@@ -25,7 +25,7 @@ use crate::volume::{SampleType, SlabSource, open};
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Sets")]
 pub(super) struct SetArguments {
-    /// What to study: .adj files with 8-bit values and normals, and phantom:NAME. The paper's sets, as far as --data has
+    /// What to study: .adj files with 8-bit values and normals (for accuracy: volumes), and phantom:NAME. The paper's sets, as far as --data has
     /// them, and four phantoms unless given.
     #[arg(value_name = "SET")]
     sets: Vec<PathBuf>,
@@ -129,6 +129,17 @@ pub(super) struct Unbuilt {
 }
 
 impl Unbuilt {
+    /// The volume at `path`, of which `transfer` says what is visible.
+    ///
+    /// # Errors
+    /// As opening it.
+    pub(super) fn of_file(path: &Path, transfer: TransferFunction) -> Result<Unbuilt> {
+        let source = open::open(path, &open::OpenOptions::default())?;
+        source.notes().iter().for_each(|note| print_note(note));
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Unbuilt { name, source, transfer, is_read: false })
+    }
+
     /// What tables call it.
     pub(super) fn name(&self) -> &str {
         &self.name

@@ -108,15 +108,29 @@ pub struct Candidate {
 }
 
 /// Kernels that are swept: from below the draft's to the widest that is used.
-const KERNELS: [(f32, f32); 9] =
-    [(0.5, 1.5), (0.6, 1.5), (0.6, 2.0), (0.65, 2.0), (0.65, 2.5), (0.7, 2.0), (0.7, 2.1), (0.7, 2.5), (0.7, 3.0)];
+const KERNELS: [(f32, f32); 13] = [
+    (0.5, 1.5),
+    (0.6, 1.5),
+    (0.6, 2.0),
+    (0.65, 2.0),
+    (0.65, 2.5),
+    (0.7, 1.5),
+    (0.7, 1.8),
+    (0.7, 2.0),
+    (0.7, 2.1),
+    (0.7, 2.3),
+    (0.7, 2.5),
+    (0.7, 2.8),
+    (0.7, 3.0),
+];
 const TERMINATIONS: [f32; 6] = [0.0, 1e-5, 1.0 / 1024.0, 1.0 / 255.0, 1.0 / 128.0, 1.0 / 32.0];
 const SAMPLINGS: [Sampling; 3] = [Sampling::EveryPixel, Sampling::Enough, Sampling::Fewest];
 /// Values and normals of 8 and 16 bits, and no normals.
 const CODES: [(u8, u8); 5] = [(8, 8), (16, 16), (16, 8), (8, 16), (8, 0)];
 const THRESHOLDS: [f32; 3] = [0.01, 0.03, 0.1];
 /// What is combined, and with which kernels.
-const COMBINED_KERNELS: [(f32, f32); 5] = [(0.5, 1.5), (0.6, 1.5), (0.6, 2.0), (0.65, 2.5), (0.7, 3.0)];
+const COMBINED_KERNELS: [(f32, f32); 7] =
+    [(0.5, 1.5), (0.6, 1.5), (0.65, 2.0), (0.7, 1.5), (0.7, 1.8), (0.7, 2.1), (0.7, 2.5)];
 const COMBINED_TERMINATIONS: [f32; 2] = [1.0 / 128.0, 1.0 / 32.0];
 
 impl Candidate {
@@ -253,7 +267,7 @@ pub fn candidates(quick: bool) -> Vec<Candidate> {
         return all;
     }
     for (sigma, radius) in COMBINED_KERNELS {
-        for sampling in SAMPLINGS {
+        for sampling in [Sampling::Enough, Sampling::Fewest] {
             let kernel = KernelShape { sigma, radius };
             add(Candidate { kernel, sampling, ..Candidate::away(Family::Combined) });
             for termination in COMBINED_TERMINATIONS {

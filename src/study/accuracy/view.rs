@@ -28,7 +28,9 @@ pub struct JudgedView {
 const PIXELS: f64 = 1.25;
 /// The same close to voxels, where splats are wide and pixels may be left out.
 const CLOSE: f64 = 3.0;
-/// The same of the fine view.
+/// Longest side of a picture: of larger ones it is the middle. Comparing takes longer than drawing, by the pixel.
+const LONGEST: u32 = 512;
+/// Pixels a voxel of the fine view.
 const FINE: f64 = 0.6;
 
 /// A view before its picture has a size.
@@ -78,15 +80,11 @@ impl Plan {
             }
         };
         // Close views show the middle, in a picture that would show everything at [`PIXELS`].
-        let whole = pixels.min(PIXELS);
-        #[expect(
-            clippy::cast_possible_truncation,
-            clippy::cast_sign_loss,
-            reason = "a picture's side, checked by View"
-        )]
-        let side = (shown / closest * whole).ceil().max(1.0) as u32;
-        let camera = Camera::orbiting(orbit(pixels / whole), around, [side, side])?;
-        let pixels_per_voxel = f64::from(side) / shown * closest * (pixels / whole);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most a picture's longest side")]
+        let side = (shown / closest * pixels.min(PIXELS)).ceil().clamp(1.0, f64::from(LONGEST)) as u32;
+        let zoom = (pixels * shown / closest / f64::from(side)).max(1.0);
+        let camera = Camera::orbiting(orbit(zoom), around, [side, side])?;
+        let pixels_per_voxel = f64::from(side) / shown * closest * zoom;
         Ok(JudgedView { name, camera, size: [side; 2], pixels_per_voxel, is_fine: pixels < 1.0 })
     }
 }

@@ -6,9 +6,10 @@ mod trade;
 
 use clap::Args;
 
-use super::super::Answer;
+use super::super::classification::ClassificationArguments;
 use super::super::progress::{Progress, interrupted};
 use super::super::resources::thread_count;
+use super::super::{Answer, starts_as_adj};
 use super::output::OutputArguments;
 use super::sets::{Origin, Set, SetArguments, Unbuilt, Wanted};
 use crate::arena::LaneSet;
@@ -19,11 +20,13 @@ use crate::study::accuracy::{Judged, Stored};
 /// What every knob of the renderer saves in time and costs in error, beside the judge in double precision.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Sets are volumes: the judge sees samples, which .adj files do not hold. Errors are of linear premultiplied samples.\nThe last rows are over all sets: times are geometric means, errors the worst. \"front\": nothing else is both faster and nearer.\n\nExamples:\n  adj study accuracy phantom:gyroid --plot accuracy.svg --json accuracy.json\n  adj study accuracy --popping phantom:shells\n  adj study accuracy --model phantom:gyroid --edge 40"
+    after_help = "Sets are volumes (the flags say what of them is visible) and phantoms: the judge sees samples, which .adj files do not hold. Errors are of linear premultiplied samples.\nThe last rows are over all sets: times are geometric means, errors the worst. \"front\": nothing else is both faster and nearer.\n\nExamples:\n  adj study accuracy head.nii.gz --range 60.. --plot accuracy.svg --json accuracy.json\n  adj study accuracy head.nii.gz --iso 60 --popping\n  adj study accuracy phantom:gyroid --model --quick"
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
     sets: SetArguments,
+    #[command(flatten)]
+    visible: ClassificationArguments,
     /// Also the other real volumes in --data: engine, fuel, MR head, T1 brain, orbital, T1 slab, atlas.
     #[arg(long, requires = "data")]
     all: bool,
@@ -71,7 +74,7 @@ impl Arguments {
         }
         let mut progress = Progress::new(self.output.quiet);
         for (index, wanted) in list.iter().enumerate() {
-            let mut volume = volume(sets, wanted)?;
+            let mut volume = volume(sets, wanted, &self.visible)?;
             let judge = volume.judge()?;
             let files = files(&mut volume)?;
             let lanes = files.iter().map(|(_, set)| set.lanes()).collect::<Result<Vec<LaneSet>>>()?;
@@ -98,15 +101,19 @@ impl Arguments {
     }
 }
 
-fn volume(sets: &SetArguments, wanted: &Wanted) -> Result<Unbuilt> {
+fn volume(sets: &SetArguments, wanted: &Wanted, visible: &ClassificationArguments) -> Result<Unbuilt> {
     if interrupted() {
         return Err(Error::Interrupted);
     }
     match sets.read(wanted)? {
         Origin::Volume(volume) => Ok(volume),
         Origin::File(path) => {
-            let why = "has no samples to judge pictures by; give --data FOLDER with volumes, or phantom:NAME";
-            Err(Error::input(path.display().to_string(), why))
+            if path.is_file() && starts_as_adj(&path)? {
+                let why =
+                    "is an .adj file, which has no samples to judge pictures by; give the volume it was built from";
+                return Err(Error::input(path.display().to_string(), why));
+            }
+            Unbuilt::of_file(&path, visible.required(&path)?)
         }
     }
 }
