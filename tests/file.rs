@@ -195,3 +195,38 @@ fn an_open_file_keeps_its_content_when_another_takes_its_place() {
     assert!(content(&opened) == before, "nor does it go");
     assert_eq!(names(folder.path()), Vec::<String>::new());
 }
+
+/// What the documentation says of a mapped file that another process changes in place: longer, it is as it was; cut short,
+/// the system ends who reads on (SIGBUS), or gives zeros, which the check finds. A process of its own finds out.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_file_that_grows_is_as_it_was_and_one_that_is_cut_is_not() {
+    use std::os::unix::process::ExitStatusExt as _;
+
+    const LENGTH: &str = "ADJ_TEST_LENGTH_UNDER_THE_MAP";
+    const NAME: &str = "a_file_that_grows_is_as_it_was_and_one_that_is_cut_is_not";
+    let folder = tempfile::tempdir().expect("there is a temporary folder");
+    let path = folder.path().join("a.adj");
+    let built = shells(40);
+    write_arena(&path, &built.facts, &built.lanes, "{}").expect("writes");
+    let whole = std::fs::metadata(&path).expect("it is there").len();
+    if let Ok(part) = std::env::var(LENGTH) {
+        let opened = AdjFile::open(&path).expect("opens");
+        let share: f64 = part.parse().expect("a number");
+        let file = File::options().write(true).open(&path).expect("opens");
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a length")]
+        file.set_len((whole as f64 * share) as u64).expect("another length");
+        let sound = opened.arena().is_ok_and(|arena| arena.check().is_ok());
+        std::process::exit(if sound { 0 } else { 3 });
+    }
+    let outcome = |share: &str| {
+        let program = std::env::current_exe().expect("it runs");
+        let mut child = std::process::Command::new(program);
+        child.args(["--exact", NAME, "--nocapture"]).env(LENGTH, share).env("RUST_BACKTRACE", "0");
+        child.output().expect("it runs").status
+    };
+    assert_eq!(outcome("1.5").code(), Some(0), "a longer file");
+    // Half of the pages are gone; or, on file systems that give zeros for them, not what they were.
+    let cut = outcome("0.5");
+    assert!(cut.signal() == Some(7) || cut.code() == Some(3), "{cut:?}");
+}

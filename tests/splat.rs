@@ -106,6 +106,7 @@ fn bits(frame: &Frame) -> Vec<u32> {
 fn a_slab_lets_through_what_beer_and_lambert_say() {
     // Quality, largest deviation of optical depth, deviation of its mean.
     for (quality, peak, mean) in [(Quality::Standard, 4e-3, 1e-4), (Quality::High, 3e-4, 1e-4)] {
+        let mut found = [0.0f64; 2];
         for spacing in [[1.0, 1.0, 1.0], [1.0, 1.0, 8.0], [1.0, 1.0, 1000.0]] {
             for direction in [
                 [0.0, 0.0, 1.0f64],
@@ -115,14 +116,19 @@ fn a_slab_lets_through_what_beer_and_lambert_say() {
                 [1.0, 0.0, 1.0],
                 [1.0, 1.0, 1.0],
             ] {
-                slab(quality, spacing, direction, peak, mean);
+                let apart = slab(quality, spacing, direction);
+                let is_within = apart[0] <= peak && apart[1] <= mean;
+                assert!(is_within, "{quality:?} {spacing:?} {direction:?}: {apart:?}");
+                (0..2).for_each(|n| found[n] = found[n].max(apart[n]));
             }
         }
+        println!("{quality:?}: depths within {:.1e}, their means within {:.1e}", found[0], found[1]);
     }
 }
 
-/// A slab of 12 layers across z, seen through its middle along `direction` (index space).
-fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3], peak: f64, mean: f64) {
+/// A slab of 12 layers across z, seen through its middle along `direction` (index space): largest deviation of its
+/// optical depth, and that of the mean, relative.
+fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3]) -> [f64; 2] {
     let layers = 12;
     // Wide enough that no border comes near the central ray.
     let side = 64;
@@ -147,7 +153,7 @@ fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3], peak: f64, mea
     let depths: Vec<f64> = frame.pixels().chunks_exact(4).map(|p| -(1.0 - f64::from(p[3])).ln()).collect();
     let average = depths.iter().sum::<f64>() / depths.len() as f64 / want - 1.0;
     let worst = depths.iter().map(|d| (d / want - 1.0).abs()).fold(0.0, f64::max);
-    assert!(worst <= peak && average.abs() <= mean, "{quality:?} {spacing:?} {direction:?}: {worst:e} {average:e}");
+    [worst, average.abs()]
 }
 
 #[test]
@@ -235,6 +241,7 @@ fn both_senses_and_any_termination_give_one_picture() {
         let (early, stats) = model.render(&camera, &Settings { termination: Some(termination), ..settings.clone() });
         let difference = largest_difference(&front, &early);
         // Highlights go a little above 1.
+        println!("rays that end at {termination}: off by {difference:.1e}");
         assert!(difference <= termination * 1.2 + 1e-6, "{termination}: {difference}");
         assert!(stats.splats_drawn < all.splats_drawn || termination < 0.1, "{termination}: {stats:?}");
     }

@@ -276,6 +276,16 @@ pub struct Scales {
     pub magnitude_scale: f64,
 }
 
+impl Scales {
+    /// The value of a code, whole or between two; finite where both ends of the range are.
+    #[inline]
+    pub fn value(&self, code: f64) -> f64 {
+        let value = self.value_low + code * self.value_step;
+        // The width of a range of numbers may be more than a number.
+        if value.is_finite() { value } else { (self.value_low / 2.0 + code * (self.value_step / 2.0)) * 2.0 }
+    }
+}
+
 /// What an arena says of itself, decoded from its header.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Facts {

@@ -134,10 +134,10 @@ fn filled_in(
     lane: &Lane,
     facts: &Facts,
 ) -> Result<TransferFunction> {
-    let Scales { value_low, value_step, magnitude_scale } = facts.scales;
+    let Scales { value_low, magnitude_scale, .. } = facts.scales;
     let [lowest, highest] = stored
         .and_then(TransferFunction::value_range)
-        .unwrap_or_else(|| [value_low, value_low + f64::from(lane.largest_value_code()) * value_step]);
+        .unwrap_or_else(|| [value_low, facts.scales.value(lane.largest_value_code().into())]);
     let transfer = transfer.with_voxel_length(facts.grid.mean_spacing())?.with_value_range(lowest, highest)?;
     if magnitude_scale > 0.0 { transfer.with_largest_magnitude(magnitude_scale) } else { Ok(transfer) }
 }
@@ -215,7 +215,7 @@ struct Narrowing {
 impl Narrowing {
     #[inline(always)]
     fn value(&self, code: u16) -> u16 {
-        self.quantiser.encode(f64::from(code) * self.scales.value_step + self.scales.value_low)
+        self.quantiser.encode(self.scales.value(code.into()))
     }
 }
 

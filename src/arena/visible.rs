@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 ///
 /// A code at the end of a visible range may come back a rounding error outside it; that does not hide it.
 pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, magnitude: f64) -> f64 {
-    let value = scales.value_low + f64::from(value) * scales.value_step;
+    let value = scales.value(value.into());
     let opacity = transfer.opacity(value, magnitude);
     if opacity > 0.0 {
         return opacity;

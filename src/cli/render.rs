@@ -30,7 +30,7 @@ use crate::file::{
 use crate::limits::Limits;
 use crate::reference::splat::Judge;
 use crate::splat::hidden::CLEARANCE;
-use crate::splat::{Camera, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View};
+use crate::splat::{Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View, dial};
 use crate::traverse::{SplitForm, Viewpoint, VoxelBox};
 use crate::volume::{Grid, read_text};
 
@@ -109,7 +109,8 @@ pub(super) struct ViewArguments {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Look")]
 pub(super) struct LookArguments {
-    /// Kernel and where rays end: each step is about twice as slow.
+    /// Where the kernel is cut off, where rays end and which pixels are drawn: all look alike, and differ in what they leave
+    /// out
     #[arg(long, value_name = "Q", default_value = "standard", value_parser = ["draft", "standard", "high", "reference"])]
     quality: String,
     /// Pixels that are drawn: every is all of the picture's; enough is fewer where splats are wide (seven pixels and more)
@@ -118,6 +119,16 @@ pub(super) struct LookArguments {
     /// unless given; graphics devices draw every pixel
     #[arg(long, value_name = "PIXELS", value_parser = ["fewest", "enough", "every"])]
     sampling: Option<String>,
+    /// The fastest settings whose largest error, of a linear sample from 0 to 1 beside --quality reference, is within
+    /// this: measured in small windows of the pictures, and doubled
+    #[arg(long, value_name = "E", conflicts_with_all = ["quality", "sampling", "kernel", "termination"])]
+    max_error: Option<f64>,
+    /// Kernel in place of the quality's: standard deviation and radius, in voxels.
+    #[arg(long, value_name = "SIGMA,RADIUS", value_parser = kernel)]
+    kernel: Option<KernelShape>,
+    /// Transmittance below which a ray ends, in place of the quality's: 0 to 1. It is also the most that a pixel loses.
+    #[arg(long, value_name = "T")]
+    termination: Option<f32>,
     /// composite: light and shade; maximum, maximum-grey: largest value along each ray; xray: sum along each ray.
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = ["composite", "maximum", "maximum-grey", "xray"])]
     mode: String,
@@ -219,7 +230,12 @@ impl Job<'_> {
             return draw(self, settings, LaneSet::new(file.arena()?, None), transfer, start);
         };
         let frames = self.arguments.view.frames;
-        let room = Room::divide(memory, &file.arena()?, &settings, self.kind, self.arguments.look.depth(), frames)?;
+        // The dial may choose any sampling.
+        let dearest = match self.arguments.look.max_error {
+            Some(_) => Settings { sampling: Sampling::Fewest, ..settings.clone() },
+            None => settings.clone(),
+        };
+        let room = Room::divide(memory, &file.arena()?, &dearest, self.kind, self.arguments.look.depth(), frames)?;
         settings.threads = room.threads;
         let file = file.keep_resident_below(room.resident)?;
         draw(self, settings, LaneSet::new(file.arena()?, Some(room.derived)), transfer, start)
@@ -242,12 +258,21 @@ impl Job<'_> {
         if self.memory.is_some() {
             return Err(Error::input("--memory", "is not kept by the reference, which holds all voxels; leave it out"));
         }
+        for (flag, given) in [
+            ("--max-error", arguments.look.max_error.is_some()),
+            ("--termination", arguments.look.termination.is_some()),
+        ] {
+            if given {
+                return Err(Error::input(flag, "is for renderers, which the reference judges; leave it out"));
+            }
+        }
         let transfer = arguments.classification.required(&arguments.input)?;
         let judge = Judge::new(&mut *arguments.reading.open(&arguments.input)?, &transfer)?;
         let grid = judge.visible().grid().clone();
         settings.crop = arguments.view.crop.as_deref().map(|text| parse_crop(text, grid.dims)).transpose()?;
         let around = surround(&grid, settings.crop, judge.visible().bounds());
-        draw_frames(self, &settings, around, arguments.renderer.reference(judge)?, start)
+        let cameras = cameras(&arguments.view, around, settings.size)?;
+        draw_frames(self, &settings, &cameras, arguments.renderer.reference(judge)?, None, start)
     }
 }
 
@@ -306,15 +331,29 @@ fn draw(
     let lanes = RoomyLanes { lanes, memory };
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
     let renderer = arguments.renderer.renderer(scene, memory.is_some())?;
-    draw_frames(job, &settings, around, renderer, start)
+    let cameras = cameras(&arguments.view, around, settings.size)?;
+    let mut measured = None;
+    if let Some(bound) = arguments.look.max_error {
+        let choice = dial::choose(&scene, &cameras, &settings, bound, || !interrupted())?;
+        settings = choice.settings;
+        measured = Some(choice.measured);
+        print_note(&format!("note: {}", chosen(&settings, choice.measured)));
+    }
+    draw_frames(job, &settings, &cameras, renderer, measured, start)
 }
 
-/// Draws every frame and writes it.
+/// The camera of every frame.
+fn cameras(view: &ViewArguments, around: Surround, size: [u32; 2]) -> Result<Vec<Camera>> {
+    (0..view.frames).map(|frame_index| camera(view, around, size, frame_index)).collect()
+}
+
+/// Draws every frame and writes it. `measured`: the largest error, where it was asked for.
 fn draw_frames(
     job: &Job,
     settings: &Settings,
-    around: Surround,
+    cameras: &[Camera],
     mut renderer: Renderer,
+    measured: Option<f64>,
     start: Instant,
 ) -> Result<Answer> {
     let Job { arguments, kind, outputs, .. } = *job;
@@ -327,13 +366,12 @@ fn draw_frames(
     let mut pictures = Vec::new();
     let mut all_stats = Vec::new();
     let mut digest = Sha256::new();
-    for frame_index in 0..arguments.view.frames {
+    for (number, camera) in cameras.iter().enumerate() {
         if interrupted() {
             return Err(Error::Interrupted);
         }
-        progress.show("render", frame_index.into(), arguments.view.frames.into());
-        let camera = camera(&arguments.view, around, settings.size, frame_index)?;
-        let (mut frame, stats) = renderer.render(&camera, settings)?;
+        progress.show("render", number as u64, arguments.view.frames.into());
+        let (mut frame, stats) = renderer.render(camera, settings)?;
         if let Some(background) = background {
             frame.over(background);
         }
@@ -343,7 +381,7 @@ fn draw_frames(
         digest.update(picture.bytes());
         match kind {
             PictureKind::Apng => pictures.push(picture),
-            _ => write_picture(&outputs[frame_index as usize], &picture)?,
+            _ => write_picture(&outputs[number], &picture)?,
         }
     }
     if kind == PictureKind::Apng {
@@ -351,7 +389,8 @@ fn draw_frames(
     }
     drop(progress);
     if let Some(path) = &arguments.stats {
-        let stats = stats_json(settings, &renderer, &all_stats, &hex(&digest.finalize()));
+        let mut stats = stats_json(settings, &renderer, &all_stats, &hex(&digest.finalize()));
+        stats["measured_error"] = json!(measured);
         write_atomically_unless(&interrupted, path, |out| writeln!(out, "{stats:#}"))?;
     }
     let drawn = all_stats.iter().map(|stats| stats.splats_drawn).max().unwrap_or(0);
@@ -371,6 +410,21 @@ fn draw_frames(
         renderer.adapter().map(|adapter| format!(", by {adapter}")).unwrap_or_default(),
     ));
     Ok(Answer::Yes)
+}
+
+/// What the dial chose, in words.
+fn chosen(settings: &Settings, measured: f64) -> String {
+    let KernelShape { sigma, radius } = settings.kernel();
+    let ends = match settings.termination() {
+        0.0 => "no ray ends early".to_string(),
+        termination => format!("rays end at {termination}"),
+    };
+    let pixels = match settings.sampling {
+        Sampling::EveryPixel => "every pixel",
+        Sampling::Enough => "enough pixels",
+        Sampling::Fewest => "fewest pixels",
+    };
+    format!("kernel {sigma},{radius}, {ends}, {pixels}: largest error measured {measured:.2e}")
 }
 
 /// What to say of a file without its hidden voxels where the picture may show that they are missing.
@@ -441,8 +495,9 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
         Some("every") => Sampling::EveryPixel,
         Some("enough") => Sampling::Enough,
         Some("fewest") => Sampling::Fewest,
-        _ => Sampling::of(settings.quality),
+        _ => settings.quality.sampling(),
     };
+    (settings.kernel, settings.termination) = (look.kernel, look.termination);
     settings.form = if look.form == "split" { SplitForm::Split } else { SplitForm::Interleaved };
     if look.unlit {
         settings.lighting = None;
@@ -454,6 +509,14 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
     settings.threads = threads;
     settings.check()?;
     Ok(settings)
+}
+
+/// A kernel from `SIGMA,RADIUS`.
+fn kernel(text: &str) -> std::result::Result<KernelShape, String> {
+    let wrong = || "give two numbers, such as 0.6,2".to_string();
+    let (sigma, radius) = text.split_once(',').ok_or_else(wrong)?;
+    let number = |text: &str| text.trim().parse::<f32>().map_err(|_| wrong());
+    Ok(KernelShape { sigma: number(sigma)?, radius: number(radius)? })
 }
 
 fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u32) -> Result<Camera> {
@@ -538,6 +601,9 @@ fn stats_json(settings: &Settings, renderer: &Renderer, stats: &[FrameStats], im
         "adapter": renderer.adapter(),
         "threads": settings.threads,
         "size": settings.size,
+        "kernel": settings.kernel(),
+        "termination": settings.termination(),
+        "sampling": settings.sampling,
         "frames": stats.len(),
         "splats_drawn": total(|s| s.splats_drawn),
         "splats_skipped": total(|s| s.splats_skipped),

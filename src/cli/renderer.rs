@@ -186,17 +186,19 @@ pub(super) fn needs_volume() -> Error {
     Error::input("--renderer", why)
 }
 
-/// A frame by the judge: the kernel of reference quality, whatever the quality asked for.
+/// A frame by the judge: of the kernel asked for the sigma, else that of reference quality whatever the quality.
 fn judged(judge: &Judge, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
     let start = Instant::now();
+    let usual = JudgeSettings::new(settings.size);
     let judge_settings = JudgeSettings {
+        sigma: settings.kernel.map_or(usual.sigma, |kernel| kernel.sigma.into()),
         mode: settings.mode,
         lighting: settings.lighting,
         exposure: settings.exposure.map(f64::from),
         near: settings.near,
         crop: settings.crop.map(|crop| (crop.low, crop.high)),
         threads: settings.threads,
-        ..JudgeSettings::new(settings.size)
+        ..usual
     };
     let frame = judge.draw(camera, &judge_settings)?.to_frame()?;
     let stats = FrameStats {

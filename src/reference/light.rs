@@ -1,4 +1,4 @@
-//! Lighting in double precision: Blinn-Phong with two-sided normals, as `splat/shade.rs` describes it.
+//! Lighting in double precision: Blinn-Phong with both sides lit alike, as `splat/shade.rs` describes it.
 
 use glam::DVec3;
 
@@ -40,11 +40,10 @@ impl Lights {
         }
         let place = self.steps * DVec3::from_array(voxel.position.map(f64::from));
         let toward_eye = self.eye.map_or(self.toward_eye, |eye| (eye - place).normalize_or_zero());
-        let normal = if normal.dot(toward_eye) < 0.0 { -normal } else { normal };
         let half = (self.toward_light + toward_eye).normalize_or_zero();
         let Lighting { ambient, diffuse, specular, shininess, .. } = self.lighting;
-        let factor = f64::from(ambient) + f64::from(diffuse) * normal.dot(self.toward_light).max(0.0);
-        let highlight = f64::from(specular) * normal.dot(half).max(0.0).powi(shininess.into());
+        let factor = f64::from(ambient) + f64::from(diffuse) * normal.dot(self.toward_light).abs();
+        let highlight = f64::from(specular) * normal.dot(half).abs().powi(shininess.into());
         colour.map(|c| c * factor + highlight)
     }
 }

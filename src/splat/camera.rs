@@ -178,6 +178,9 @@ impl WorldFrame {
     }
 }
 
+/// Lengths whose squares are numbers of full precision.
+pub(crate) const SOUND_LENGTHS: std::ops::RangeInclusive<f64> = 1e-150..=1e150;
+
 /// Room around what fits into the picture.
 const MARGIN: f64 = 1.04;
 
@@ -196,11 +199,14 @@ impl Camera {
             }
         }
         let [position, target, up] = [position, target, up].map(DVec3::from_array);
-        if (target - position).try_normalize().is_none() {
+        if target == position {
             return Err(Error::input("camera target", "is where the camera is; it must look somewhere"));
         }
-        if up.try_normalize().is_none() {
-            return Err(Error::input("camera up", "has length 0"));
+        if !SOUND_LENGTHS.contains(&(target - position).length()) {
+            return Err(Error::input("camera target", "is too near to the camera or too far from it for a direction"));
+        }
+        if !SOUND_LENGTHS.contains(&up.length()) {
+            return Err(Error::input("camera up", "has length 0, or one beyond 1e-150 to 1e150"));
         }
         match projection {
             Projection::Parallel { height } if !(height.is_finite() && height > 0.0) => {
@@ -264,6 +270,28 @@ impl Camera {
     /// How it projects.
     pub fn projection(&self) -> Projection {
         self.projection
+    }
+
+    /// The same camera, moved to the picture's right and top by world lengths, with another projection.
+    ///
+    /// # Errors
+    /// As [`Camera::new`].
+    pub(crate) fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
+        let [across, above, _] = self.axes();
+        let by = across * right + above * up;
+        Camera::new((self.position + by).to_array(), (self.target + by).to_array(), self.up.to_array(), projection)
+    }
+
+    /// The same camera, turned to look along the ray with these tangents to the picture's right and top, with another
+    /// projection.
+    ///
+    /// # Errors
+    /// As [`Camera::new`].
+    pub(crate) fn turned(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
+        let [across, above, forward] = self.axes();
+        let distance = (self.target - self.position).length();
+        let target = self.position + (forward + across * right + above * up) * distance;
+        Camera::new(self.position.to_array(), target.to_array(), self.up.to_array(), projection)
     }
 
     /// Unit vectors to the picture's right, to its top, and along the view.

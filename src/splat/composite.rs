@@ -75,7 +75,8 @@ impl<'a> Table<'a> {
         let mode = settings.mode;
         let channels = scene.facts.channels;
         let reference = scene.transfer.reference_length().unwrap_or(mean_voxel);
-        let per_depth = mean_voxel / reference * f64::from(LOG2_E);
+        // The tiniest reference lengths would make it infinite, and a transparent voxel's depth no number.
+        let per_depth = (mean_voxel / reference).min(1e30) * f64::from(LOG2_E);
         let by_magnitude = channels.magnitude_bits > 0 && scene.transfer.uses_gradient() && !mode.is_maximum();
         let kind = match (by_magnitude, channels.value_bits) {
             (false, _) => Kind::Value,
@@ -134,8 +135,7 @@ impl<'a> Table<'a> {
     }
 
     fn value(&self, code: u16) -> f64 {
-        let scales = &self.scene.facts.scales;
-        scales.value_low + f64::from(code) * scales.value_step
+        self.scene.facts.scales.value(code.into())
     }
 
     fn magnitude(&self, code: u8) -> f64 {
@@ -178,11 +178,16 @@ impl<'a> Table<'a> {
         }
     }
 
+    /// Whether a code's optical depth per mean voxel is at least `depth`; `deepest`, ended by the first that is.
+    pub(crate) fn reaches(&self, depth: f64) -> bool {
+        let in_table = |look: &Look| f64::from(look[3] / LOG2_E) >= depth;
+        self.kind == Kind::Computed || self.looks.iter().any(in_table)
+    }
+
     /// Colour of a normalised value, 0 to 1, of a maximum.
     pub(crate) fn colour_of(&self, normalised: f32) -> [f32; 3] {
-        let scales = &self.scene.facts.scales;
         let code = f64::from(normalised) * f64::from(self.brightest);
-        self.scene.transfer.colour(scales.value_low + code * scales.value_step)
+        self.scene.transfer.colour(self.scene.facts.scales.value(code))
     }
 
     /// The mode it is for.

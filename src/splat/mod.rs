@@ -10,6 +10,7 @@
 pub mod camera;
 pub mod composite;
 pub mod cpu;
+pub mod dial;
 pub mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -18,6 +19,8 @@ pub mod kernel;
 pub mod shade;
 mod shot;
 pub mod view;
+
+use serde::{Deserialize, Serialize};
 
 use crate::arena::layout::Facts;
 use crate::arena::{Lane, LaneSet, Overlay, OwnedLane};
@@ -133,10 +136,12 @@ pub struct Settings {
 }
 
 /// How many pixels are drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Sampling {
     /// All.
     #[default]
+    #[serde(rename = "every")]
     EveryPixel,
     /// As many as a picture needs that is composited; the others are interpolated between them. Where the voxels of a
     /// parallel view are finer than its pixels, those of the *base plane*: one for each scan line that the view looks onto,
@@ -147,17 +152,6 @@ pub enum Sampling {
     /// For moving the camera: the base plane of a parallel view where voxels are up to three pixels apart; in
     /// perspective two fifths of the pixels that are enough.
     Fewest,
-}
-
-impl Sampling {
-    /// What a quality draws unless told otherwise.
-    pub fn of(quality: Quality) -> Sampling {
-        match quality {
-            Quality::Draft => Sampling::Fewest,
-            Quality::Standard => Sampling::Enough,
-            Quality::High | Quality::Reference => Sampling::EveryPixel,
-        }
-    }
 }
 
 impl Settings {

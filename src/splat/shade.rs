@@ -1,8 +1,9 @@
 //! Lighting: Blinn-Phong with two-sided normals and a light that moves with the camera.
 //!
 //! In: a unit normal and a unit vector toward the eye, both by index axis. Out: a factor on the voxel's colour and a
-//! white highlight to add. A normal that faces away is turned around. A voxel without a normal keeps its colour as it
-//! is: its ambient weight is 1.
+//! white highlight to add. Both sides of a surface are lit alike: cosines count without their sign, so that light is a
+//! continuous function of the normal. (Were normals turned toward the eye, a normal across the view would make light
+//! jump by half; a rounded code could turn it.) A voxel without a normal keeps its colour as it is: its ambient weight is 1.
 
 use serde::{Deserialize, Serialize};
 
@@ -93,9 +94,8 @@ impl Lights {
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let half = [self.light[0] + eye[0], self.light[1] + eye[1], self.light[2] + eye[2]];
         let half_length = at_least(dot(half, half), 1e-12).sqrt();
-        let side = if dot(normal, eye) < 0.0 { -1.0 } else { 1.0 };
-        let lit = at_least(side * dot(normal, self.light), 0.0);
-        let glance = at_least(side * dot(normal, half) / half_length, 0.0);
+        let lit = dot(normal, self.light).abs();
+        let glance = (dot(normal, half) / half_length).abs();
         // The exponent's bits are the same for all voxels, so that this too runs side by side.
         let (mut power, mut square) = (1.0, glance);
         for bit in 0..8 {

@@ -7,7 +7,7 @@
 
 use glam::DVec3;
 
-use super::camera::{Camera, Projection, WorldFrame};
+use super::camera::{Camera, Projection, SOUND_LENGTHS, WorldFrame};
 use super::kernel::KernelShape;
 use crate::error::{Error, Result};
 use crate::traverse::{Viewpoint, VoxelBox};
@@ -116,8 +116,9 @@ impl View {
             PixelMap::Parallel { pixel_from_voxel, .. } => pixel_from_voxel.as_flattened(),
             PixelMap::Perspective { camera_from_voxel, .. } => camera_from_voxel.as_flattened(),
         };
-        if !numbers.iter().chain(&toward).all(|c| c.is_finite()) {
-            let why = "is too near or too far for this grid's spacing; its transform is not finite";
+        let is_sound = world.steps.iter().all(|step| SOUND_LENGTHS.contains(&step.length()));
+        if !(is_sound && numbers.iter().chain(&toward).all(|c| c.is_finite())) {
+            let why = "is too near or too far for this grid's spacing; its transform is not finite (spacings 1e-150 to 1e150)";
             return Err(Error::input("camera", why));
         }
         let by_axis = |vector: DVec3| grid.direction.map(|axis| DVec3::from_array(axis).dot(vector));

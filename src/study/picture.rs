@@ -10,17 +10,16 @@ use super::trace::Untraced;
 use crate::error::Result;
 use crate::splat::cpu::splatter;
 use crate::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, View};
-use crate::traverse::{Batch, Order, Sense, walk};
+use crate::traverse::{Batch, Sense, walk};
 use crate::volume::Axis;
 
 /// What `camera` sees of a subject, front to back.
 ///
 /// # Errors
-/// As [`View::new`] and [`Order::new`].
+/// As [`View::new`] and [`Viewing::new`].
 pub fn viewing(subject: &Subject, camera: &Camera, settings: &Settings) -> Result<Viewing> {
     let view = View::new(camera, &subject.facts.grid, settings.size, settings.kernel(), None)?;
-    let order = Order::new(view.viewpoint, subject.dims(), Sense::FrontToBack, settings.form)?;
-    Ok(Viewing { order, viewpoint: view.viewpoint })
+    Viewing::new(view.viewpoint, subject.dims(), Sense::FrontToBack, settings.form)
 }
 
 /// A camera on an orbit around the visible voxels.

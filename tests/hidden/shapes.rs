@@ -146,6 +146,32 @@ fn lines_of_voxels_and_single_ones_are_no_special_case() {
     assert!(none.unwrap_err().to_string().contains("no voxels"));
 }
 
+/// What is left hides as much or less: nothing more is found in it.
+#[test]
+fn removing_again_removes_nothing() {
+    let dense = ball(31, 0.0, 14.0);
+    for algorithm in BOTH {
+        let (gone, found) = hidden(&dense, algorithm);
+        assert!(found.count > 100, "{algorithm:?}: {}", found.count);
+        assert_eq!(hidden(&without(&dense, &gone), algorithm).1.count, 0, "{algorithm:?}");
+    }
+}
+
+#[test]
+fn thresholds_from_none_to_all() {
+    let model = Model::new(&ball(25, 0.0, 11.0));
+    let run = |eps: f64| {
+        let culling = Culling { eps, ..culling(Algorithm::Sampled) };
+        find(&model.scene(), &culling, &mut |_, _, _| ControlFlow::Continue(()))
+    };
+    for eps in [0.0, 1.0, -0.5, f64::NAN, f64::INFINITY] {
+        assert!(matches!(run(eps), Err(Error::Input { .. })), "{eps}");
+    }
+    let [few, most] = [1e-9, 0.999].map(|eps| run(eps).unwrap());
+    assert!(few.worst_difference <= 1e-9 && most.worst_difference <= 0.999);
+    assert!(few.count < most.count, "{} {}", few.count, most.count);
+}
+
 #[test]
 fn little_memory_means_more_passes_and_the_same_voxels() {
     let model = Model::new(&ball(30, 0.0, 14.0));

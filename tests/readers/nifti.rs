@@ -204,6 +204,11 @@ fn scaling_units_and_transforms_are_taken() {
         nifti.pixdim(0, 1.0);
         let y = read(&nifti).grid.direction[1];
         assert!(y[1].abs() < 1e-6 && (y[2] - 1.0).abs() < 1e-6, "{y:?}");
+        // A quaternion that is longer than one is a half turn about where it points.
+        nifti.quatern(1, [0.0, 30.0, 40.0], [0.0; 3]);
+        let y = read(&nifti).grid.direction[1];
+        let want = [0.0, 0.36 - 0.64, 0.96];
+        assert!((0..3).all(|c| (y[c] - want[c]).abs() < 1e-6), "{y:?}");
         // A transform that cannot be inverted is passed over, one that can has the word.
         nifti.sform(1, [[0.0; 4]; 3]);
         assert_eq!(read(&nifti).grid.spacing, [2.0, 3.0, 0.5]);

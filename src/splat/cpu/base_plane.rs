@@ -33,11 +33,12 @@ use crate::traverse::{Order, VoxelBox};
 const MARGIN: f64 = 6.0;
 /// Planes with more pixels than this for each of the picture are not worth while.
 const MOST_PIXELS: u64 = 4;
-/// Pixels of the picture for one of the plane, along either direction, up to which the plane is the more exact: from 0.6
-/// to 0.9 it was nearer to finer pixels in all of 72 views, by 1 to 18 dB; at 1 in 6 of 18 (docs/studies/sampling.md).
-const ENOUGH: f64 = 0.95;
+/// Standard deviation of a kernel in pixels of the picture, along either direction of the plane, up to which the plane is the
+/// more exact: below, the low-pass widens splats. Up to 0.49 it was nearer to finer pixels in all of 36 views, by 5 to 19 dB; at
+/// 0.56 in 15 of 18 (docs/studies/sampling.md).
+const ENOUGH: f64 = 0.53;
 /// The same where 32 dB are enough: in the worst view, nearly along an axis, it is 34 dB at any magnification.
-const FEWEST: f64 = 3.0;
+const FEWEST: f64 = 2.1;
 
 /// A view's base plane.
 #[derive(Debug, Clone, PartialEq)]
@@ -78,7 +79,8 @@ impl BasePlane {
         let inverse = [[y[medium] / area, -x[medium] / area], [-y[fast] / area, x[fast] / area]];
         let from_pixels = |[a, b]: [f64; 2], [p, q]: [f64; 2]| a * p + b * q;
         let slope = inverse.map(|row| from_pixels(row, [x[slow], y[slow]]));
-        let is_too_coarse = |steps: [f64; 2]| steps[0].hypot(steps[1]) > coarsest;
+        let sigma = f64::from(kernel.sigma);
+        let is_too_coarse = |steps: [f64; 2]| sigma * steps[0].hypot(steps[1]) > coarsest;
         // A slope is at most 1 where the slow axis is the view's; more is no slice that the view looks onto.
         if !slope.iter().all(|slope| slope.abs() < 1.001)
             || is_too_coarse([x[fast], y[fast]])

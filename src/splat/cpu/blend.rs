@@ -74,6 +74,56 @@ impl Blend for BackToFront {
     }
 }
 
+/// Front to back, where a pixel takes little: the fourth value is the opacity, as fine as it is small (`deep.rs`).
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FaintFrontToBack;
+
+impl Blend for FaintFrontToBack {
+    const FOURTH: f32 = 0.0;
+    const STOPS: bool = false;
+    const INK: f32 = 1.0;
+
+    #[inline(always)]
+    fn amount(depth: f32) -> f32 {
+        absorbed(depth)
+    }
+
+    #[inline(always)]
+    fn little(depth: f32) -> f32 {
+        absorbed_little(depth)
+    }
+
+    #[inline(always)]
+    fn blend(value: f32, fourth: f32, amount: f32, ink: f32, _: f32) -> f32 {
+        value + (1.0 - fourth) * amount * ink
+    }
+}
+
+/// Back to front; the fourth value is the opacity.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct FaintBackToFront;
+
+impl Blend for FaintBackToFront {
+    const FOURTH: f32 = 0.0;
+    const STOPS: bool = false;
+    const INK: f32 = 1.0;
+
+    #[inline(always)]
+    fn amount(depth: f32) -> f32 {
+        absorbed(depth)
+    }
+
+    #[inline(always)]
+    fn little(depth: f32) -> f32 {
+        absorbed_little(depth)
+    }
+
+    #[inline(always)]
+    fn blend(value: f32, _: f32, amount: f32, ink: f32, _: f32) -> f32 {
+        value + amount * (ink - value)
+    }
+}
+
 /// Sums of colour times optical depth; the fourth value is the sum of optical depth, in units of ln 2.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Additive;

@@ -7,6 +7,7 @@ pub(crate) mod arith;
 mod band;
 mod base_plane;
 pub(crate) mod blend;
+mod deep;
 mod dispatch;
 mod need;
 mod plain;
@@ -112,23 +113,10 @@ pub(crate) fn render_without(
         shot.view = stage.view(&shot.view);
     }
     let settings = &Settings { size: shot.view.size, ..settings.clone() };
-    let ink = match (settings.mode, settings.sense) {
-        (Mode::Composite, Sense::FrontToBack) => FrontToBack::INK,
-        (Mode::Composite, Sense::BackToFront) => BackToFront::INK,
-        (Mode::Additive, _) => Additive::INK,
-        (Mode::Maximum | Mode::MaximumGrey, _) => Maximum::INK,
-    };
-    let projector = Projector::new(&shot, &table, ink);
-    let limits = Limits { cut: shot.kernel.cut(), stop: settings.termination() };
     let extra = Extra { left_out, seen: None };
-    let job = Job { projector: &projector, view: &shot.view, order: &shot.order, limits, settings, extra };
-    let finish = Finish::new(&table);
-    let (drawn, Totals { work, bands }) = match (&stage, settings.mode, settings.sense) {
-        (Some(Stage::BasePlane(_)), ..) if settings.code != Code::Plain => job.stamp(finish)?,
-        (_, Mode::Composite, Sense::FrontToBack) => job.draw::<FrontToBack>(finish)?,
-        (_, Mode::Composite, Sense::BackToFront) => job.draw::<BackToFront>(finish)?,
-        (_, Mode::Additive, _) => job.draw::<Additive>(finish)?,
-        (_, Mode::Maximum | Mode::MaximumGrey, _) => job.draw::<Maximum>(finish)?,
+    let (drawn, Totals { work, bands }) = match deep::stacks(scene, &shot, &table, settings) {
+        Some(stacks) => deep::draw(&mut shot, &table, settings, extra, &stacks)?,
+        None => draw_whole(&shot, &table, settings, extra, matches!(stage, Some(Stage::BasePlane(_))))?,
     };
     let frame = match stage {
         Some(stage) => stage.picture(drawn, settings.threads)?,
@@ -144,6 +132,36 @@ pub(crate) fn render_without(
         draw_ms: milliseconds(work.drawing),
     };
     Ok((frame, stats))
+}
+
+/// Draws all voxels into one set of bands; by stamps, if the view is that of a base plane.
+///
+/// # Errors
+/// If the memory cannot be had.
+fn draw_whole(
+    shot: &Shot,
+    table: &Table,
+    settings: &Settings,
+    extra: Extra,
+    is_base_plane: bool,
+) -> Result<(Frame, Totals)> {
+    let ink = match (settings.mode, settings.sense) {
+        (Mode::Composite, Sense::FrontToBack) => FrontToBack::INK,
+        (Mode::Composite, Sense::BackToFront) => BackToFront::INK,
+        (Mode::Additive, _) => Additive::INK,
+        (Mode::Maximum | Mode::MaximumGrey, _) => Maximum::INK,
+    };
+    let projector = Projector::new(shot, table, ink);
+    let limits = Limits { cut: shot.kernel.cut(), stop: settings.termination() };
+    let job = Job { projector: &projector, view: &shot.view, order: &shot.order, limits, settings, extra };
+    let finish = Finish::new(table);
+    match (settings.mode, settings.sense) {
+        _ if is_base_plane && settings.code != Code::Plain => job.stamp(finish),
+        (Mode::Composite, Sense::FrontToBack) => job.draw::<FrontToBack>(finish),
+        (Mode::Composite, Sense::BackToFront) => job.draw::<BackToFront>(finish),
+        (Mode::Additive, _) => job.draw::<Additive>(finish),
+        (Mode::Maximum | Mode::MaximumGrey, _) => job.draw::<Maximum>(finish),
+    }
 }
 
 /// Notes in `seen` what a view shows, by a transmittance of at least the settings' termination in front of a voxel at
@@ -185,22 +203,18 @@ struct Job<'a> {
 impl Job<'_> {
     /// Draws the whole picture.
     fn draw<B: Blend>(&self, finish: Finish) -> Result<(Frame, Totals)> {
-        let bands = if self.settings.code == Code::Plain {
-            vec![plain::draw::<B>(self.projector, self.order, self.whole(), self.limits)?]
-        } else {
-            self.bands(self.lines_run_across(), |rect| {
-                band::draw::<B>(
-                    self.projector,
-                    self.view,
-                    self.order,
-                    rect,
-                    self.limits,
-                    self.settings.code,
-                    self.extra,
-                )
-            })?
-        };
+        let bands = self.splat::<B>()?;
         Ok((assemble(&bands, self.settings, finish)?, Totals::of(&bands)))
+    }
+
+    /// Bands of splats.
+    fn splat<B: Blend>(&self) -> Result<Vec<Drawn<Planes>>> {
+        if self.settings.code == Code::Plain {
+            return Ok(vec![plain::draw::<B>(self.projector, self.order, self.whole(), self.limits)?]);
+        }
+        self.bands(self.lines_run_across(), |rect| {
+            band::draw::<B>(self.projector, self.view, self.order, rect, self.limits, self.settings.code, self.extra)
+        })
     }
 
     /// Draws a base plane.
@@ -265,6 +279,7 @@ impl Job<'_> {
 }
 
 /// What all bands took together.
+#[derive(Default)]
 struct Totals {
     work: Work,
     bands: usize,
@@ -272,19 +287,36 @@ struct Totals {
 
 impl Totals {
     fn of<P>(bands: &[Drawn<P>]) -> Totals {
-        let work = bands.iter().fold(Work::default(), |sum, band| Work {
-            visited: sum.visited + band.work.visited,
-            drawn: sum.drawn + band.work.drawn,
-            walking: sum.walking + band.work.walking,
-            drawing: sum.drawing + band.work.drawing,
-        });
-        Totals { work, bands: bands.len() }
+        let mut totals = Totals { work: Work::default(), bands: bands.len() };
+        bands.iter().for_each(|band| totals.add(&band.work));
+        totals
+    }
+
+    fn add(&mut self, work: &Work) {
+        self.work.visited += work.visited;
+        self.work.drawn += work.drawn;
+        self.work.walking += work.walking;
+        self.work.drawing += work.drawing;
     }
 }
 
-/// Puts the bands together, rows shared out among threads.
+/// The frame of finished bands.
+///
+/// # Errors
+/// If the memory cannot be had.
 fn assemble(bands: &[Drawn<Planes>], settings: &Settings, finish: Finish) -> Result<Frame> {
     let mut frame = Frame::transparent(settings.size)?;
+    put_together(bands, settings, &mut frame, |pixel, values| *pixel = finish.pixel(values));
+    Ok(frame)
+}
+
+/// Puts the bands' pixels to those of a frame, rows shared out among threads.
+fn put_together(
+    bands: &[Drawn<Planes>],
+    settings: &Settings,
+    frame: &mut Frame,
+    put: impl Fn(&mut [f32; 4], [f32; 4]) + Sync,
+) {
     let row_len = 4 * settings.size[0] as usize;
     let rows = settings.size[1] as usize;
     let share = rows.div_ceil(settings.threads.min(rows).max(1));
@@ -300,7 +332,7 @@ fn assemble(bands: &[Drawn<Planes>], settings: &Settings, finish: Finish) -> Res
                     let left = 4 * usize::try_from(x).unwrap_or(0);
                     let out = row[left..left + 4 * count].as_chunks_mut().0;
                     for (pixel, values) in out.iter_mut().zip(pixels) {
-                        *pixel = finish.pixel(values);
+                        put(pixel, values);
                     }
                 }
             }
@@ -317,5 +349,4 @@ fn assemble(bands: &[Drawn<Planes>], settings: &Settings, finish: Finish) -> Res
             }
         }
     });
-    Ok(frame)
 }

@@ -1,6 +1,6 @@
 //! Stage 1: voxels to splats.
 //!
-//! In: up to a block of voxels of one slice, with their records. Out: their footprints, colours and peaks. Every loop
+//! In: up to a block of voxels, with their records. Out: their footprints, colours and peaks. Every loop
 //! over a block is elementwise, so that any number of voxels may go side by side:
 //!
 //! ```text

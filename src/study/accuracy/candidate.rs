@@ -129,8 +129,7 @@ const SAMPLINGS: [Sampling; 3] = [Sampling::EveryPixel, Sampling::Enough, Sampli
 const CODES: [(u8, u8); 5] = [(8, 8), (16, 16), (16, 8), (8, 16), (8, 0)];
 const THRESHOLDS: [f32; 3] = [0.01, 0.03, 0.1];
 /// What is combined, and with which kernels.
-const COMBINED_KERNELS: [(f32, f32); 7] =
-    [(0.5, 1.5), (0.6, 1.5), (0.65, 2.0), (0.7, 1.5), (0.7, 1.8), (0.7, 2.1), (0.7, 2.5)];
+const COMBINED_KERNELS: [(f32, f32); 6] = [(0.6, 1.5), (0.6, 2.0), (0.7, 1.5), (0.7, 1.8), (0.7, 2.1), (0.7, 3.0)];
 const COMBINED_TERMINATIONS: [f32; 2] = [1.0 / 128.0, 1.0 / 32.0];
 
 impl Candidate {
@@ -141,7 +140,7 @@ impl Candidate {
             quality: Some(quality),
             kernel: quality.kernel(),
             termination: quality.termination(),
-            sampling: Sampling::of(quality),
+            sampling: quality.sampling(),
             value_bits: bits,
             normal_bits: bits,
             nesting: Nesting::Own,
@@ -155,7 +154,7 @@ impl Candidate {
         Candidate { family, quality: None, ..Candidate::preset(Quality::Standard, 8) }
     }
 
-    /// All knobs in one line: `sigma=0.6 radius=2 stop=1/1024 sampling=enough values=8 normals=8`, and what is unusual.
+    /// All knobs in one line: `sigma=0.7 radius=2.5 stop=1/1024 sampling=enough values=8 normals=8`, and what is unusual.
     pub fn settings_text(&self) -> String {
         let sampling = match self.sampling {
             Sampling::EveryPixel => "every",
@@ -285,7 +284,7 @@ mod tests {
     #[test]
     fn settings_name_every_knob_and_no_two_candidates_are_the_same() {
         let standard = Candidate::preset(Quality::Standard, 8);
-        assert_eq!(standard.settings_text(), "sigma=0.6 radius=2 stop=1/1024 sampling=enough values=8 normals=8");
+        assert_eq!(standard.settings_text(), "sigma=0.7 radius=2.5 stop=1/1024 sampling=enough values=8 normals=8");
         let high = Candidate::preset(Quality::High, 16);
         assert_eq!(high.settings_text(), "sigma=0.7 radius=3 stop=1e-5 sampling=every values=16 normals=16");
         for quick in [true, false] {

@@ -10,11 +10,9 @@ use super::candidate::{Candidate, Drawer};
 use super::front::front;
 use super::truth::truth;
 use super::view::JudgedView;
-use crate::classify::normal;
 use crate::error::{Error, Result};
 use crate::metrics::{Metrics, compare};
 use crate::parallel::in_order;
-use crate::reference::VisibleVoxels;
 use crate::reference::splat::{self as judge, Blending};
 use crate::splat::{Frame, Quality, View, cpu};
 use crate::study::baselines::Built;
@@ -49,9 +47,6 @@ pub struct Outcome {
     pub max_abs: f64,
     /// Root mean square difference; the highest of the views.
     pub rmse: f64,
-    /// Voxels whose stored normal is turned to the eye the other way than the volume's: the light of such a voxel jumps.
-    /// The most of any view.
-    pub turned: u64,
     /// Whether it is on the front of (time, PSNR) of its view, or of all views.
     pub front: bool,
 }
@@ -90,7 +85,6 @@ pub fn measure(
         step(0)?;
         let found = artist.errors(view, candidates, &truth, effort.threads)?;
         step(candidates.len())?;
-        let turned = turned(set.judge.visible(), view)?;
         let mut fastest = vec![None::<f64>; candidates.len()];
         for round in 0..effort.repetitions {
             for (candidate, fastest) in candidates.iter().zip(&mut fastest) {
@@ -128,31 +122,6 @@ pub fn measure(
     Ok(outcomes)
 }
 
-/// How many voxels' normals turn another way once they are stored, in 8 and in 16 bits a component.
-///
-/// Lighting is two-sided: a normal that faces away from the eye is taken the other way round. Where it lies in the
-/// picture's plane, rounding decides.
-fn turned(visible: &VisibleVoxels, view: &JudgedView) -> Result<[(u8, u64); 2]> {
-    let grid = visible.grid();
-    let looked = View::new(&view.camera, grid, view.size, Quality::Reference.kernel(), None)?;
-    let mut counts = [(8, 0), (16, 0)];
-    for voxel in visible.voxels() {
-        let toward: [f64; 3] = match looked.eye() {
-            None => looked.axes[2].map(|along| -along),
-            Some(eye) => std::array::from_fn(|a| (eye[a] - f64::from(voxel.position[a])) * grid.spacing[a]),
-        };
-        let faces_away = |n: [f64; 3]| n[0] * toward[0] + n[1] * toward[1] + n[2] * toward[2] < 0.0;
-        let here = faces_away(voxel.normal);
-        // The codec takes gradients, which run against normals.
-        let slope = voxel.normal.map(|along| -along);
-        let stored = [normal::decode8(normal::encode8(slope)), normal::decode16(normal::encode16(slope))];
-        for (count, stored) in counts.iter_mut().zip(stored) {
-            count.1 += u64::from(faces_away(stored.map(f64::from)) != here);
-        }
-    }
-    Ok(counts)
-}
-
 /// An outcome of each candidate over all views whose voxels are not finer than pixels.
 fn over_all(views: &[JudgedView], candidates: usize, outcomes: &[Outcome]) -> Vec<Outcome> {
     let count = views.iter().filter(|view| !view.is_fine).count().max(1) as f64;
@@ -168,7 +137,6 @@ fn over_all(views: &[JudgedView], candidates: usize, outcomes: &[Outcome]) -> Ve
                 all.flip = all.flip.max(shared.flip);
                 all.max_abs = all.max_abs.max(shared.max_abs);
                 all.rmse = all.rmse.max(shared.rmse);
-                all.turned = all.turned.max(shared.turned);
             }
         }
     }

@@ -20,7 +20,7 @@ struct Found {
     outcomes: Vec<Outcome>,
 }
 
-const COLUMNS: [&str; 17] = [
+const COLUMNS: [&str; 16] = [
     "set",
     "visible_voxels",
     "view",
@@ -36,10 +36,9 @@ const COLUMNS: [&str; 17] = [
     "flip",
     "max_abs",
     "rmse",
-    "turned",
     "front",
 ];
-const SHOWN: [&str; 10] = ["set", "family", "quality", "settings", "ms", "psnr", "ssim", "max_abs", "turned", "front"];
+const SHOWN: [&str; 9] = ["set", "family", "quality", "settings", "ms", "psnr", "ssim", "max_abs", "front"];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let quick = arguments.sets.quick;
@@ -111,7 +110,6 @@ impl Found {
             outcome.flip.into(),
             outcome.max_abs.into(),
             outcome.rmse.into(),
-            outcome.turned.into(),
             outcome.front.into(),
         ]
     }
@@ -137,7 +135,6 @@ fn over_sets(found: &[Found], count: usize) -> Vec<Outcome> {
             flip: worst(|o| o.flip, f64::max).unwrap_or(0.0),
             max_abs: worst(|o| o.max_abs, f64::max).unwrap_or(0.0),
             rmse: worst(|o| o.rmse, f64::max).unwrap_or(0.0),
-            turned: outcomes.iter().map(|outcome| outcome.turned).max().unwrap_or(0),
             front: false,
         });
     }

@@ -134,9 +134,8 @@ fn shade(normal: vec3<f32>, eye: vec3<f32>) -> vec2<f32> {
         return vec2<f32>(1.0, 0.0);
     }
     let between = shot.light.xyz + eye;
-    let side = select(1.0, -1.0, dot(normal, eye) < 0.0);
-    let lit = max(side * dot(normal, shot.light.xyz), 0.0);
-    let glance = max(side * dot(normal, between) / sqrt(max(dot(between, between), 1.0e-12)), 0.0);
+    let lit = abs(dot(normal, shot.light.xyz));
+    let glance = abs(dot(normal, between) / sqrt(max(dot(between, between), 1.0e-12)));
     var power = 1.0;
     var square = glance;
     for (var bits = shot.shininess; bits != 0u; bits = bits >> 1u) {

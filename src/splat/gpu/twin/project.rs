@@ -148,9 +148,8 @@ fn shade(shot: &Shot, normal: [f32; 3], eye: [f32; 3]) -> [f32; 2] {
     }
     let light = [shot.light[0], shot.light[1], shot.light[2]];
     let between = [light[0] + eye[0], light[1] + eye[1], light[2] + eye[2]];
-    let side = if dot(normal, eye) < 0.0 { -1.0 } else { 1.0 };
-    let lit = (side * dot(normal, light)).max(0.0);
-    let glance = (side * dot(normal, between) / dot(between, between).max(1.0e-12).sqrt()).max(0.0);
+    let lit = dot(normal, light).abs();
+    let glance = (dot(normal, between) / dot(between, between).max(1.0e-12).sqrt()).abs();
     let (mut power, mut square, mut bits) = (1.0, glance, shot.shininess);
     while bits != 0 {
         if bits & 1 == 1 {
