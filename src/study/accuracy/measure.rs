@@ -96,22 +96,16 @@ pub fn measure(
             }
             step(0)?;
         }
-        outcomes.extend(found.iter().zip(fastest).enumerate().map(|(candidate, (metrics, fastest))| {
-            Outcome {
-                view: Some(index),
-                candidate,
-                milliseconds: fastest.map(|seconds| 1e3 * seconds),
-                psnr: metrics.psnr,
-                ssim: metrics.ssim,
-                flip: metrics.flip,
-                max_abs: metrics.max_abs,
-                rmse: metrics.rmse,
-                turned: turned
-                    .iter()
-                    .find(|(bits, _)| *bits == candidates[candidate].normal_bits)
-                    .map_or(0, |(_, count)| *count),
-                front: false,
-            }
+        outcomes.extend(found.iter().zip(fastest).enumerate().map(|(candidate, (metrics, fastest))| Outcome {
+            view: Some(index),
+            candidate,
+            milliseconds: fastest.map(|seconds| 1e3 * seconds),
+            psnr: metrics.psnr,
+            ssim: metrics.ssim,
+            flip: metrics.flip,
+            max_abs: metrics.max_abs,
+            rmse: metrics.rmse,
+            front: false,
         }));
     }
     outcomes.extend(over_all(views, candidates.len(), &outcomes));
