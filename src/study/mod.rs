@@ -8,6 +8,7 @@
 //!                     \-> trace: a cache model, or nothing
 //! ```
 
+pub mod accuracy;
 pub mod baselines;
 pub mod cache;
 pub mod lane_walk;

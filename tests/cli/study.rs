@@ -1,4 +1,4 @@
-//! `adj study speed`, `walk` and `memory`: what they print and write, in little time.
+//! `adj study speed`, `walk`, `memory` and `accuracy`: what they print and write, in little time.
 
 use std::collections::BTreeSet;
 
@@ -83,9 +83,81 @@ fn memory_is_what_the_papers_formulas_say() {
 }
 
 #[test]
+fn accuracy_has_a_row_for_every_view_and_candidate_and_marks_the_front() {
+    let folder = Folder::new();
+    let line = "study accuracy phantom:gyroid phantom:shells --quick --edge 24 --quiet --json a.json --csv a.csv --plot a.svg --plot a.png";
+    let table = folder.adj(line).done();
+    assert!(table.contains("reference") && table.contains("all 2 sets"), "{table}");
+    let rows = rows(&folder, "a.json");
+    assert_eq!(
+        names(&rows, "quality"),
+        BTreeSet::from(["", "draft", "high", "reference", "standard"].map(str::to_owned))
+    );
+    let of = |set: &str, view: &str| -> Vec<&Value> {
+        rows.iter().filter(|row| row["set"] == set && row["view"] == view).collect()
+    };
+    let number = |row: &Value, name: &str| row[name].as_f64().unwrap_or_else(|| panic!("{name} of {row}"));
+    for set in ["gyroid 24^3", "shells 24^3"] {
+        let all = of(set, "all");
+        let settings: BTreeSet<&str> = all.iter().map(|row| row["settings"].as_str().unwrap()).collect();
+        assert!(all.len() > 20 && settings.len() == all.len(), "{set}: {} of {}", settings.len(), all.len());
+        assert_eq!(of(set, "oblique").len(), all.len(), "quick studies have one view");
+        let preset = |quality: &str, bits: u64| {
+            let found = all.iter().find(|row| row["quality"] == quality && row["value_bits"] == bits);
+            **found.unwrap_or_else(|| panic!("{set}: no {quality} of {bits} bits"))
+        };
+        // Each quality is nearer to the truth than the one before; codes of 16 bits do not let go of it.
+        let decibels = ["draft", "standard", "high", "reference"].map(|quality| number(&preset(quality, 16), "psnr"));
+        assert!(decibels.is_sorted() && decibels[0] > 25.0 && decibels[3] > 75.0, "{set}: {decibels:?}");
+        let timed: Vec<&&Value> = all.iter().filter(|row| !row["ms"].is_null()).collect();
+        assert_eq!(timed.len() + 1, all.len(), "only the judge is not timed");
+        for row in &timed {
+            let beats = |other: &&&Value| {
+                let (faster, nearer) =
+                    (number(other, "ms") - number(row, "ms"), number(other, "psnr") - number(row, "psnr"));
+                faster <= 0.0 && nearer >= 0.0 && (faster, nearer) != (0.0, 0.0)
+            };
+            assert_eq!(row["front"].as_bool().unwrap(), !timed.iter().any(beats), "{row}");
+            assert!((0.0..=1.0).contains(&number(row, "flip")) && number(row, "ssim") <= 1.0, "{row}");
+            assert!(number(row, "rmse") <= number(row, "max_abs"), "{row}");
+        }
+    }
+    assert_eq!(std::fs::read_to_string(folder.file("a.csv")).unwrap().lines().count(), rows.len() + 1);
+    let plot = std::fs::read_to_string(folder.file("a.svg")).unwrap();
+    assert!(["front", "kernel", "standard, 8 bits"].iter().all(|part| plot.contains(part)));
+    assert!(std::fs::read(folder.file("a.png")).unwrap().starts_with(b"\x89PNG"));
+}
+
+#[test]
+fn the_order_pops_where_it_switches_and_the_error_falls_in_three() {
+    let folder = Folder::new();
+    folder.adj("study accuracy phantom:shells --popping --edge 24 --quiet --json p.json").done();
+    let popping = rows(&folder, "p.json");
+    // Two places, two steps, three who draw.
+    assert_eq!(popping.len(), 12);
+    for row in &popping {
+        let number = |name: &str| row[name].as_f64().unwrap_or_else(|| panic!("{name} of {row}"));
+        assert!((number("max_abs") - number("sorted_max_abs") - number("popping_max_abs")).abs() < 1e-12, "{row}");
+        // A grid of equal sides seen from ten degrees above changes its slow axis at 45 degrees.
+        assert_eq!(row["across"] == true, (number("azimuth") - 45.0).abs() < 1e-3, "{row}");
+    }
+    folder.adj("study accuracy phantom:shells --model --quick --edge 16 --quiet --json m.json --plot m.svg").done();
+    let parts = rows(&folder, "m.json");
+    let decibels = |part: &str, quality: &str| {
+        let row = parts.iter().find(|row| row["part"] == part && row["quality"] == quality);
+        row.unwrap_or_else(|| panic!("no {part} of {quality}"))["psnr"].as_f64().unwrap()
+    };
+    // At `reference` the model is what is left; at `draft` the arithmetic is.
+    assert!(decibels("arithmetic", "reference") > decibels("model", "") + 10.0);
+    assert!(decibels("arithmetic", "draft") < decibels("model", ""));
+    assert!((decibels("all", "reference") - decibels("model", "")).abs() < 6.0);
+}
+
+#[test]
 fn studies_refuse_what_they_cannot_do() {
     let folder = Folder::new();
     std::fs::write(folder.file("note.txt"), "no volume").unwrap();
+    folder.small_arena("small.adj");
     for (line, parts) in [
         ("study speed phantom:shells --methods magic", ["magic", "traditional"]),
         ("study speed phantom:nothing", ["phantom", "gyroid"]),
@@ -97,6 +169,12 @@ fn studies_refuse_what_they_cannot_do() {
         ("study walk phantom:shells --repetitions 0", ["--repetitions", "1"]),
         ("study memory phantom:shells --plot memory.txt", ["memory.txt", ".svg"]),
         ("study memory phantom:shells --json missing/m.json", ["missing", "folder"]),
+        ("study accuracy small.adj", ["small.adj", "samples"]),
+        ("study accuracy note.txt", ["what is visible", "--range"]),
+        ("study accuracy --all", ["--all", "--data"]),
+        ("study accuracy --popping --model", ["--popping", "--model"]),
+        ("study accuracy phantom:shells --model --edge 65", ["shells", "--edge"]),
+        ("study accuracy phantom:shells --repetitions 1001", ["--repetitions", "1000"]),
     ] {
         folder.adj(line).refused(&parts);
     }

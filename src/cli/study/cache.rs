@@ -518,9 +518,9 @@ impl Found {
         let misses = |sum: &SumOfOrders| average(&sum.misses) / sum.visible;
         let least = |sum: &SumOfOrders| average(&sum.compulsory) / sum.visible;
         let mut series: Vec<Series> = (0..self.levels.len())
-            .map(|level| Series { name: self.levels[level].clone(), points: mean(&misses, level), dashed: false })
+            .map(|level| Series::solid(self.levels[level].clone(), mean(&misses, level)))
             .collect();
-        series.push(Series { name: "compulsory".into(), points: mean(&least, 0), dashed: true });
+        series.push(Series::dashed("compulsory", mean(&least, 0)));
         Plot {
             title: "Cache misses: mean over orders".into(),
             x: Side::named("", names.into_iter().map(str::to_owned).collect()),
@@ -532,10 +532,10 @@ impl Found {
     /// Miss ratios by size, of each structure's worst order.
     fn curves(&self) -> Plot {
         let several = self.curves.iter().any(|(set, ..)| *set != self.curves[0].0);
-        let series = self.curves.iter().map(|(set, name, ratios)| Series {
-            name: if several { format!("{name}, {set}") } else { name.clone() },
-            points: ratios.iter().enumerate().map(|(power, &ratio)| [(1u64 << power) as f64, ratio]).collect(),
-            dashed: false,
+        let series = self.curves.iter().map(|(set, name, ratios)| {
+            let name = if several { format!("{name}, {set}") } else { name.clone() };
+            let points = ratios.iter().enumerate().map(|(power, &ratio)| [(1u64 << power) as f64, ratio]);
+            Series::solid(name, points.collect())
         });
         Plot {
             title: "Miss ratio of fully associative caches".into(),

@@ -85,11 +85,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
             report.push(row(subject, layout, one, &found[0], &orders));
         }
         let visible = subject.voxels.len() as f64;
-        series.push(Series {
-            name: subject.name.clone(),
-            points: found.iter().map(|one| [one.bytes as f64 / visible, mean(one, 1) / visible]).collect(),
-            dashed: false,
-        });
+        let points = found.iter().map(|one| [one.bytes as f64 / visible, mean(one, 1) / visible]).collect();
+        series.push(Series::solid(subject.name.clone(), points));
         Ok(())
     })?;
     let plot = Plot {

@@ -112,10 +112,8 @@ fn table_3() -> Report {
 
 /// Bytes a grid point against the share of cells in the structure.
 fn plot(crossings: &[(Crossing, f64)], ours: Vec<[f64; 2]>) -> Plot {
-    let line = |name: &str, bytes: fn(&Crossing) -> u64| Series {
-        name: name.into(),
-        points: crossings.iter().map(|(c, points)| [c.share, bytes(c) as f64 / points]).collect(),
-        dashed: false,
+    let line = |name: &str, bytes: fn(&Crossing) -> u64| {
+        Series::solid(name, crossings.iter().map(|(c, points)| [c.share, bytes(c) as f64 / points]).collect())
     };
     let traditional = crossings.iter().map(|(c, _)| [c.share, 17.0]).collect();
     Plot {
@@ -123,8 +121,8 @@ fn plot(crossings: &[(Crossing, f64)], ours: Vec<[f64; 2]>) -> Plot {
         x: Side::linear("share of cells in the structure, visible and virtual"),
         y: Side::linear("bytes a grid point"),
         series: vec![
-            Series { name: "adjsplat, three lanes".into(), points: ours, dashed: false },
-            Series { name: "traditional".into(), points: traditional, dashed: false },
+            Series::solid("adjsplat, three lanes", ours),
+            Series::solid("traditional", traditional),
             line("adjacency A", |c| c.a),
             line("adjacency B", |c| c.b),
         ],

@@ -1,5 +1,6 @@
 //! `adj study`: the structure beside its rivals.
 
+mod accuracy;
 mod cache;
 mod layouts;
 mod memory;
@@ -20,7 +21,7 @@ use crate::error::{Error, Result};
 use crate::study::Subject;
 use crate::study::baselines::Method;
 
-/// Measure our structure beside the paper's and others: speed, walks, memory, caches.
+/// Measure our structure beside the paper's and others: speed, walks, memory, caches; and what speed costs in accuracy.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj study memory --quick\n  adj study speed head.adj --plot speed.svg --json speed.json\n  adj study walk head.adj"
@@ -32,6 +33,7 @@ pub(super) struct Arguments {
 
 #[derive(Debug, Subcommand)]
 enum Study {
+    Accuracy(Box<accuracy::Arguments>),
     Speed(speed::Arguments),
     Walk(walk::Arguments),
     Memory(memory::Arguments),
@@ -41,6 +43,7 @@ enum Study {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     match &arguments.study {
+        Study::Accuracy(arguments) => accuracy::run(arguments),
         Study::Speed(arguments) => speed::run(arguments),
         Study::Walk(arguments) => walk::run(arguments),
         Study::Memory(arguments) => memory::run(arguments),

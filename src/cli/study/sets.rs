@@ -15,15 +15,17 @@ use crate::arena::{LaneSet, TileOrder};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::file::{AdjFile, RowsOutput, open_rows};
+use crate::reference::splat::Judge;
+use crate::splat::Scene;
 use crate::study::Subject;
 use crate::volume::phantom::Phantom;
 use crate::volume::{SampleType, SlabSource, open};
 
 /// What to study.
-#[derive(Debug, Args)]
+#[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Sets")]
 pub(super) struct SetArguments {
-    /// What to study: .adj files with 8-bit values and normals, and phantom:NAME. The paper's sets, as far as --data has
+    /// What to study: .adj files with 8-bit values and normals (for accuracy: volumes), and phantom:NAME. The paper's sets, as far as --data has
     /// them, and four phantoms unless given.
     #[arg(value_name = "SET")]
     sets: Vec<PathBuf>,
@@ -51,6 +53,15 @@ enum Visible {
     AtLeast(f64),
 }
 
+impl Visible {
+    fn transfer(&self) -> Result<TransferFunction> {
+        match self {
+            Visible::Preset(name) => TransferFunction::preset(name),
+            Visible::AtLeast(low) => TransferFunction::range(*low, f64::INFINITY),
+        }
+    }
+}
+
 /// The paper's sets, or what stands in for them: names say which.
 const PAPER: [Real; 5] = [
     Real { name: "t1-head (for Jeff)", path: "SAG-anon", visible: Visible::AtLeast(250.0) },
@@ -59,6 +70,22 @@ const PAPER: [Real; 5] = [
     Real { name: "carotid (for abdomen)", path: "carotid/carotid.vtk", visible: Visible::AtLeast(150.0) },
     Real { name: "iron protein (half)", path: "ironProt/ironProt.vtk", visible: Visible::AtLeast(30.0) },
 ];
+
+/// The other real volumes.
+const OTHERS: [Real; 7] = [
+    Real { name: "engine", path: "scivis-engine/engine.nii.gz", visible: Visible::AtLeast(60.0) },
+    Real { name: "fuel", path: "scivis-fuel/fuel.nii.gz", visible: Visible::AtLeast(20.0) },
+    Real { name: "mr-head", path: "seg3d-MR/MR.nii.gz", visible: Visible::AtLeast(120.0) },
+    Real { name: "t1-brain", path: "stroke-T1/T1.nii.gz", visible: Visible::AtLeast(150.0) },
+    Real { name: "orbital", path: "hydrogen/hydrogen.vti", visible: Visible::AtLeast(0.05) },
+    Real { name: "t1-slab", path: "nifti-zarr/tests/data/example4d.nii.gz", visible: Visible::AtLeast(200.0) },
+    Real { name: "atlas", path: "allen-human-atlas/AllenAtlas.nii.gz", visible: Visible::Preset("labels") },
+];
+
+/// Number `index` of the paper's sets and the others.
+fn real(index: usize) -> &'static Real {
+    PAPER.get(index).unwrap_or_else(|| &OTHERS[index - PAPER.len()])
+}
 
 /// Phantoms of a study.
 const PHANTOMS: [&str; 4] = ["phantom:gyroid", "phantom:shells", "phantom:vessels", "phantom:noise"];
@@ -81,13 +108,106 @@ impl Set {
         Ok(LaneSet::new(self.file.arena()?, None))
     }
 
+    /// What a renderer takes, of its `lanes`.
+    pub(super) fn scene<'a>(&'a self, lanes: &'a LaneSet<'a>) -> Scene<'a> {
+        Scene { facts: lanes.arena().facts(), lanes, transfer: &self.transfer }
+    }
+
     /// What a study takes.
     pub(super) fn subject<'a>(&self, lanes: &'a LaneSet<'a>) -> Result<Subject<'a>> {
         Subject::new(&self.name, lanes, self.transfer.clone())
     }
 }
 
+/// A set as it was read: samples, from which files are built and which a judge sees.
+pub(super) struct Unbuilt {
+    name: String,
+    source: Box<dyn SlabSource>,
+    transfer: TransferFunction,
+    /// Whether slices were read, so that the source must start over.
+    is_read: bool,
+}
+
+impl Unbuilt {
+    /// The volume at `path`, of which `transfer` says what is visible.
+    ///
+    /// # Errors
+    /// As opening it.
+    pub(super) fn of_file(path: &Path, transfer: TransferFunction) -> Result<Unbuilt> {
+        let source = open::open(path, &open::OpenOptions::default())?;
+        source.notes().iter().for_each(|note| print_note(note));
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(Unbuilt { name, source, transfer, is_read: false })
+    }
+
+    /// What tables call it.
+    pub(super) fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Whether its voxels are lit, and so have normals.
+    pub(super) fn is_shaded(&self) -> bool {
+        self.transfer.shaded()
+    }
+
+    fn from_the_start(&mut self) -> Result<&mut dyn SlabSource> {
+        if std::mem::replace(&mut self.is_read, true) {
+            self.source.rewind()?;
+        }
+        Ok(&mut *self.source)
+    }
+
+    /// The judge of its samples.
+    ///
+    /// # Errors
+    /// As [`Judge::new`].
+    pub(super) fn judge(&mut self) -> Result<Judge> {
+        let transfer = self.transfer.clone();
+        Judge::new(self.from_the_start()?, &transfer)
+    }
+
+    /// A file of it, without a name, in the system's folder for temporary files.
+    ///
+    /// # Errors
+    /// As `adj build`.
+    pub(super) fn build(&mut self, value_bits: u8, normal_bits: u8) -> Result<Set> {
+        let (name, transfer) = (self.name.clone(), self.transfer.clone());
+        build(name, self.from_the_start()?, transfer, value_bits, normal_bits)
+    }
+}
+
+/// Where a set comes from.
+pub(super) enum Origin {
+    /// Samples.
+    Volume(Unbuilt),
+    /// A file that was built before.
+    File(PathBuf),
+}
+
 impl SetArguments {
+    /// The same with phantoms of `edge` points a side, unless the user said how many.
+    pub(super) fn with_edge(&self, edge: u16) -> SetArguments {
+        SetArguments { edge: self.edge.or(Some(edge)), ..self.clone() }
+    }
+
+    /// The real volumes that --data has beside the paper's, and notes of those that it has not.
+    pub(super) fn others(&self) -> Vec<Wanted> {
+        self.real(PAPER.len(), &OTHERS)
+    }
+
+    fn real(&self, first: usize, list: &[Real]) -> Vec<Wanted> {
+        let Some(data) = &self.data else { return Vec::new() };
+        let mut wanted = Vec::new();
+        for (index, real) in (first..).zip(list) {
+            if data.join(real.path).exists() {
+                wanted.push(Wanted::Real(index));
+            } else {
+                print_note(&format!("note: no {} in {}; left out", real.path, data.display()));
+            }
+        }
+        wanted
+    }
+
     /// How many sets there are.
     ///
     /// # Errors
@@ -101,14 +221,7 @@ impl SetArguments {
         if !self.sets.is_empty() {
             return Ok(self.sets.iter().cloned().map(Wanted::Named).collect());
         }
-        let mut wanted = Vec::new();
-        for (index, real) in PAPER.iter().enumerate() {
-            match &self.data {
-                Some(data) if data.join(real.path).exists() => wanted.push(Wanted::Paper(index)),
-                Some(data) => print_note(&format!("note: no {} in {}; left out", real.path, data.display())),
-                None => {}
-            }
-        }
+        let mut wanted = self.real(0, &PAPER);
         if self.data.is_none() {
             print_note("note: the paper's sets need --data FOLDER; phantoms only");
         }
@@ -124,38 +237,43 @@ impl SetArguments {
         Ok(edge)
     }
 
-    /// Builds or opens one.
+    /// Builds or opens one, with 8-bit values and normals.
     ///
     /// # Errors
     /// As `adj build` and opening a file.
     pub(super) fn load(&self, wanted: &Wanted) -> Result<Set> {
-        match wanted {
-            Wanted::Named(path) => match phantom(path)? {
-                Some(made_up) => {
-                    let edge = self.edge()?;
-                    let (low, high) = made_up.visible_range();
-                    let transfer = TransferFunction::range(low, high)?;
-                    let source = made_up.open([edge.into(); 3], SampleType::U8, [1.0; 3])?;
-                    build(format!("{} {edge}^3", made_up.name()), source, transfer)
-                }
-                None => opened(path),
-            },
+        match self.read(wanted)? {
+            Origin::Volume(mut volume) => volume.build(8, 8),
+            Origin::File(path) => opened(&path),
+        }
+    }
+
+    /// Opens one for reading, if it is a volume.
+    ///
+    /// # Errors
+    /// As opening a volume.
+    pub(super) fn read(&self, wanted: &Wanted) -> Result<Origin> {
+        let (name, source, transfer) = match wanted {
+            Wanted::Named(path) => {
+                let Some(made_up) = phantom(path)? else { return Ok(Origin::File(path.clone())) };
+                let edge = self.edge()?;
+                let (low, high) = made_up.visible_range();
+                let source = made_up.open([edge.into(); 3], SampleType::U8, [1.0; 3])?;
+                (format!("{} {edge}^3", made_up.name()), source, TransferFunction::range(low, high)?)
+            }
             Wanted::Noise { share, edge } => {
                 let noise = Phantom::Noise { visible: *share };
                 let source = noise.open([(*edge).into(); 3], SampleType::U8, [1.0; 3])?;
-                build(format!("noise {:.0} %", 100.0 * share), source, TransferFunction::range(1.0, 255.0)?)
+                (format!("noise {:.0} %", 100.0 * share), source, TransferFunction::range(1.0, 255.0)?)
             }
-            Wanted::Paper(index) => {
-                let real = &PAPER[*index];
+            Wanted::Real(index) => {
+                let real = real(*index);
                 let folder = self.data.as_deref().unwrap_or(Path::new("."));
                 let source = open::open(&folder.join(real.path), &open::OpenOptions::default())?;
-                let transfer = match real.visible {
-                    Visible::Preset(name) => TransferFunction::preset(name)?,
-                    Visible::AtLeast(low) => TransferFunction::range(low, f64::INFINITY)?,
-                };
-                build(real.name.to_owned(), source, transfer)
+                (real.name.to_owned(), source, real.visible.transfer()?)
             }
-        }
+        };
+        Ok(Origin::Volume(Unbuilt { name, source, transfer, is_read: false }))
     }
 }
 
@@ -164,8 +282,8 @@ impl SetArguments {
 pub(super) enum Wanted {
     /// A file or a phantom.
     Named(PathBuf),
-    /// Number in [`PAPER`].
-    Paper(usize),
+    /// Number of a real volume: the paper's, then the others.
+    Real(usize),
     /// Noise with this share of visible voxels.
     Noise { share: f64, edge: u16 },
 }
@@ -181,13 +299,19 @@ fn opened(path: &Path) -> Result<Set> {
     Ok(Set { name, file, transfer })
 }
 
-fn build(name: String, mut source: Box<dyn SlabSource>, transfer: TransferFunction) -> Result<Set> {
-    let normal_bits = if transfer.shaded() { 8 } else { 0 };
-    let options = BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits };
+fn build(
+    name: String,
+    source: &mut dyn SlabSource,
+    transfer: TransferFunction,
+    value_bits: u8,
+    normal_bits: u8,
+) -> Result<Set> {
+    let normal_bits = if transfer.shaded() { normal_bits } else { 0 };
+    let options = BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits, normal_bits };
     let folder = std::env::temp_dir();
     let resources = Resources { memory: None, threads: thread_count(None)?, folder: Some(folder.clone()) };
     let header = source.header().clone();
-    let visible = classify_with_warnings(&mut *source, &options, &resources, true)?;
+    let visible = classify_with_warnings(source, &options, &resources, true)?;
     let description = description(&header, &visible);
     let output = RowsOutput {
         facts: visible.facts.clone(),

@@ -12,7 +12,7 @@ use super::{choose, each_set};
 use crate::error::{Error, Result};
 use crate::study::baselines::Method;
 use crate::study::report::Report;
-use crate::study::report::plot::{Plot, Series, Side};
+use crate::study::report::plot::{Plot, Series, Side, Stroke};
 use crate::study::speed::{self, Speed, SpeedOptions};
 
 /// Frames a second of all methods over a turn: the paper's Table 1 and Figure 5.
@@ -152,7 +152,7 @@ fn by_set(methods: &[Method], names: Vec<String>, all: &[(f64, Vec<Speed>)]) -> 
             let speed = found.iter().find(|speed| speed.method == method && !speed.perspective)?;
             Some([f64::from(place), 1e9 * speed.non_displaying / visible])
         });
-        Series { name: method.name().into(), points: points.collect(), dashed: false }
+        Series::solid(method.name(), points.collect())
     });
     Plot {
         title: "Not displaying: everything but the drawing of splats, parallel views".into(),
@@ -170,15 +170,16 @@ const FIGURE_5: [Method; 6] =
 fn figure5(methods: &[Method], mut all: Vec<(f64, Vec<Speed>)>) -> Plot {
     all.sort_by(|(a, _), (b, _)| a.total_cmp(b));
     let mut series = Vec::new();
-    for (dashed, seconds) in
-        [(false, (|speed| speed.displaying) as fn(&Speed) -> f64), (true, |speed| speed.non_displaying)]
-    {
+    for (stroke, seconds) in [
+        (Stroke::Solid, (|speed| speed.displaying) as fn(&Speed) -> f64),
+        (Stroke::Dashed, |speed| speed.non_displaying),
+    ] {
         for &method in methods.iter().filter(|method| FIGURE_5.contains(method)) {
             let points = all.iter().filter_map(|(visible, found)| {
                 let speed = found.iter().find(|speed| speed.method == method && !speed.perspective)?;
                 Some([*visible, seconds(speed)])
             });
-            series.push(Series { name: method.name().into(), points: points.collect(), dashed });
+            series.push(Series { stroke, ..Series::solid(method.name(), points.collect()) });
         }
     }
     Plot {

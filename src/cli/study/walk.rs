@@ -42,8 +42,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut report =
         Report::new(&["set", "method", "visible_voxels", "ns_geometric_mean", "ns_median", "ns_worst", "times_ours"]);
     let mut names = Vec::new();
-    let mut series: Vec<Series> =
-        methods.iter().map(|method| Series { name: method.name().into(), points: Vec::new(), dashed: false }).collect();
+    let mut series: Vec<Series> = methods.iter().map(|method| Series::solid(method.name(), Vec::new())).collect();
     let reading = if arguments.read == "coordinates" { Reading::Coordinates } else { Reading::Everything };
     let stride = if arguments.sets.quick { 7 } else { 1 };
     each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {

@@ -37,6 +37,17 @@ impl Side {
     }
 }
 
+/// How a series' points are joined.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Stroke {
+    /// By a line.
+    Solid,
+    /// By a dashed line.
+    Dashed,
+    /// Not at all.
+    None,
+}
+
 /// Points that belong together.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Series {
@@ -44,11 +55,30 @@ pub struct Series {
     pub name: String,
     /// From left to right.
     pub points: Vec<[f64; 2]>,
-    /// Whether its line is dashed.
-    pub dashed: bool,
+    /// What joins them.
+    pub stroke: Stroke,
+    /// What stands beside each point; empty for nothing.
+    pub labels: Vec<String>,
 }
 
-/// A plot of lines through points.
+impl Series {
+    /// Points joined by a line.
+    pub fn solid(name: impl Into<String>, points: Vec<[f64; 2]>) -> Series {
+        Series { name: name.into(), points, stroke: Stroke::Solid, labels: Vec::new() }
+    }
+
+    /// Points joined by a dashed line.
+    pub fn dashed(name: impl Into<String>, points: Vec<[f64; 2]>) -> Series {
+        Series { stroke: Stroke::Dashed, ..Series::solid(name, points) }
+    }
+
+    /// Points alone.
+    pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> Series {
+        Series { stroke: Stroke::None, ..Series::solid(name, points) }
+    }
+}
+
+/// A plot of points, and lines through them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
     /// What it says.
@@ -80,19 +110,29 @@ impl Plot {
             let colour = COLOURS[index % COLOURS.len()];
             // What is 0 or less has no place among ratios.
             let shown = |&[x, y]: &[f64; 2]| (!self.x.logarithmic || x > 0.0) && (!self.y.logarithmic || y > 0.0);
-            let points: Vec<(f64, f64)> = series.points.iter().filter(|p| shown(p)).map(|&[x, y]| (x, y)).collect();
+            let at: Vec<usize> = (0..series.points.len()).filter(|&at| shown(&series.points[at])).collect();
+            let points: Vec<(f64, f64)> = at.iter().map(|&at| series.points[at].into()).collect();
             if points.is_empty() {
                 continue;
             }
-            let mut line = LinePlot::new().with_data(points.iter().copied()).with_color(colour).with_stroke_width(1.6);
-            if series.dashed {
+            let legend = known.is_none().then(|| series.name.clone());
+            let mut marks = ScatterPlot::new().with_data(points.iter().copied()).with_color(colour).with_size(3.0);
+            if !series.labels.is_empty() {
+                let label = |&at: &usize| series.labels.get(at).map_or("", String::as_str);
+                marks = marks.with_labels(at.iter().map(label)).with_repel_labels();
+            }
+            if series.stroke == Stroke::None {
+                // Without a line to see, marks are larger.
+                marks = marks.with_size(4.0);
+                plots.push(Drawn::Scatter(legend.into_iter().fold(marks, ScatterPlot::with_legend)));
+                continue;
+            }
+            let mut line = LinePlot::new().with_data(points).with_color(colour).with_stroke_width(1.6);
+            if series.stroke == Stroke::Dashed {
                 line = line.with_line_style(LineStyle::Dashed);
             }
-            if known.is_none() {
-                line = line.with_legend(series.name.clone());
-            }
-            plots.push(Drawn::Line(line));
-            plots.push(Drawn::Scatter(ScatterPlot::new().with_data(points).with_color(colour).with_size(3.0)));
+            plots.push(Drawn::Line(legend.into_iter().fold(line, LinePlot::with_legend)));
+            plots.push(Drawn::Scatter(marks));
         }
         let mut layout = Layout::auto_from_plots(&plots)
             .with_title(self.title.clone())

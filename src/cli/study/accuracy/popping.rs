@@ -1,0 +1,68 @@
+//! What pictures jump by where the order switches: table and rows.
+
+use super::super::super::{Answer, print_result};
+use super::Arguments;
+use crate::error::Result;
+use crate::splat::Quality;
+use crate::study::accuracy::Candidate;
+use crate::study::accuracy::popping::{STEPS, measure};
+use crate::study::report::Report;
+use crate::study::report::plot::{Plot, Series, Side};
+
+pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    let presets = [(Quality::Standard, 8), (Quality::High, 16)]
+        .map(|(quality, bits)| (quality, Candidate::preset(quality, bits)));
+    let threads = arguments.threads()?;
+    let mut report = Report::new(&[
+        "set",
+        "azimuth",
+        "across",
+        "step_degrees",
+        "drawer",
+        "max_abs",
+        "rms",
+        "sorted_max_abs",
+        "sorted_rms",
+        "popping_max_abs",
+        "popping_rms",
+    ]);
+    let mut series: Vec<Series> = Vec::new();
+    let mut names = Vec::new();
+    arguments.each_judged(&arguments.sets, false, |set, go_on| {
+        names.push(set.name.to_owned());
+        for found in measure(set, &presets, threads)? {
+            let excess = found.found.largest - found.sorted.largest;
+            if found.across && found.step == STEPS[STEPS.len() - 1] {
+                let point = [names.len() as f64, excess.max(0.0)];
+                match series.iter_mut().find(|series| series.name == found.drawer) {
+                    Some(series) => series.points.push(point),
+                    None => series.push(Series::points(found.drawer.as_str(), vec![point])),
+                }
+            }
+            report.push(vec![
+                set.name.into(),
+                found.azimuth.into(),
+                found.across.into(),
+                found.step.into(),
+                found.drawer.as_str().into(),
+                found.found.largest.into(),
+                found.found.rms.into(),
+                found.sorted.largest.into(),
+                found.sorted.rms.into(),
+                excess.into(),
+                (found.found.rms - found.sorted.rms).into(),
+            ]);
+        }
+        let _ = go_on(1, 1);
+        Ok(())
+    })?;
+    let plot = Plot {
+        title: "Popping: largest change as the slow axis switches, less that of sorted splats".into(),
+        x: Side::named("", names),
+        y: Side::linear("of full scale"),
+        series,
+    };
+    arguments.output.write(&report, &plot)?;
+    print_result(report.table(&[]).trim_end());
+    Ok(Answer::Yes)
+}

@@ -1,0 +1,67 @@
+//! The error in three: table and rows.
+
+use super::super::super::{Answer, print_result};
+use super::{Arguments, bounds, quality_name};
+use crate::error::Result;
+use crate::splat::Quality;
+use crate::study::accuracy::model::{Part, measure};
+use crate::study::accuracy::{Candidate, views};
+use crate::study::report::Report;
+use crate::study::report::plot::{Plot, Series, Side};
+
+pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    let presets = [(Quality::Draft, 8), (Quality::Standard, 8), (Quality::High, 16), (Quality::Reference, 16)]
+        .map(|(quality, bits)| Candidate::preset(quality, bits));
+    let threads = arguments.threads()?;
+    let sets = arguments.sets.with_edge(if arguments.sets.quick { 24 } else { 40 });
+    let mut report =
+        Report::new(&["set", "view", "part", "quality", "settings", "psnr", "ssim", "flip", "max_abs", "rmse"]);
+    let mut series: Vec<Series> = Vec::new();
+    let mut places = Vec::new();
+    arguments.each_judged(&sets, false, |set, go_on| {
+        let (low, high) = bounds(set.judge, set.name)?;
+        let views = views(set.judge.visible().grid(), low, high, arguments.sets.quick)?;
+        let mut last = None;
+        for share in measure(set, &views, &presets, threads)? {
+            let view = views[share.view].name;
+            if last != Some(share.view) {
+                places.push(format!("{}, {view}", set.name));
+                last = Some(share.view);
+            }
+            let candidate = share.candidate.map(|index| &presets[index]);
+            let quality = quality_name(candidate.and_then(|candidate| candidate.quality));
+            if share.part != Part::All && share.metrics.psnr.is_finite() {
+                let name = format!("{} {quality}", share.part.name());
+                let point = [places.len() as f64, share.metrics.psnr];
+                match series.iter_mut().find(|series| series.name == name.trim_end()) {
+                    Some(series) => series.points.push(point),
+                    None => series.push(Series::points(name.trim_end(), vec![point])),
+                }
+            }
+            let metrics = share.metrics;
+            report.push(vec![
+                set.name.into(),
+                view.into(),
+                share.part.name().into(),
+                quality.into(),
+                candidate.map_or(String::new(), Candidate::settings_text).as_str().into(),
+                metrics.psnr.into(),
+                metrics.ssim.into(),
+                metrics.flip.into(),
+                metrics.max_abs.into(),
+                metrics.rmse.into(),
+            ]);
+        }
+        let _ = go_on(1, 1);
+        Ok(())
+    })?;
+    let plot = Plot {
+        title: "The error in three: model, order, arithmetic of the presets".into(),
+        x: Side::named("", places),
+        y: Side::linear("PSNR, dB"),
+        series,
+    };
+    arguments.output.write(&report, &plot)?;
+    print_result(report.table(&["set", "view", "part", "quality", "psnr", "ssim", "max_abs"]).trim_end());
+    Ok(Answer::Yes)
+}

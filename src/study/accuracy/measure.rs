@@ -1,0 +1,206 @@
+//! Measuring: every candidate's picture of every view beside the judge's, and its time.
+
+use std::hint::black_box;
+use std::ops::ControlFlow;
+use std::sync::Mutex;
+use std::time::Instant;
+
+use super::Judged;
+use super::candidate::{Candidate, Drawer};
+use super::front::front;
+use super::truth::truth;
+use super::view::JudgedView;
+use crate::error::{Error, Result};
+use crate::metrics::{Metrics, compare};
+use crate::parallel::in_order;
+use crate::reference::splat::{self as judge, Blending};
+use crate::splat::{Frame, Quality, View, cpu};
+use crate::study::baselines::Built;
+use crate::study::baselines::octree::Octree;
+use crate::study::picture;
+
+/// How much is done.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Effort {
+    /// Rounds of timing, of which the fastest counts; 0 for none.
+    pub repetitions: u32,
+    /// Threads that measure errors, and those of the judge.
+    pub threads: usize,
+}
+
+/// What came of a candidate in a view, or in all of them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Outcome {
+    /// Number of the view; `None` for all whose voxels are not finer than pixels.
+    pub view: Option<usize>,
+    /// Number of the candidate.
+    pub candidate: usize,
+    /// Milliseconds of a frame on one thread; the mean over views. `None` if it was not timed.
+    pub milliseconds: Option<f64>,
+    /// Decibels; the lowest of the views.
+    pub psnr: f64,
+    /// Structural similarity; the lowest of the views.
+    pub ssim: f64,
+    /// FLIP; the highest of the views.
+    pub flip: f64,
+    /// Largest difference of a sample; of the views.
+    pub max_abs: f64,
+    /// Root mean square difference; the highest of the views.
+    pub rmse: f64,
+    /// Whether it is on the front of (time, PSNR) of its view, or of all views.
+    pub front: bool,
+}
+
+/// Measures `candidates`, all of which the set can draw, in `views`; `go_on` is told what is done of how much, and may
+/// stop it.
+///
+/// Gives for each view, then for all, an outcome of each candidate. Memory: one frame a thread, and the judge's
+/// pictures of all views.
+///
+/// # Errors
+/// As drawing; [`Error::Interrupted`] if `go_on` says so.
+pub fn measure(
+    set: &Judged,
+    views: &[JudgedView],
+    candidates: &[Candidate],
+    effort: Effort,
+    mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
+) -> Result<Vec<Outcome>> {
+    let octree = match set.subject {
+        Some(subject) if candidates.iter().any(|candidate| matches!(candidate.drawer, Drawer::Octree(_))) => {
+            Some(Mutex::new(Built::Octree(Octree::new(subject, 0.0)?)))
+        }
+        _ => None,
+    };
+    let artist = Artist { set, octree };
+    let total = (candidates.len() * views.len()) as u64 * 2;
+    let mut done = 0;
+    let mut step = |steps: usize| {
+        done += steps as u64;
+        if go_on(done.min(total), total).is_break() { Err(Error::Interrupted) } else { Ok(()) }
+    };
+    let mut outcomes = Vec::new();
+    for (index, view) in views.iter().enumerate() {
+        let truth = truth(set.judge, view, effort.threads)?;
+        step(0)?;
+        let found = artist.errors(view, candidates, &truth, effort.threads)?;
+        step(candidates.len())?;
+        let mut fastest = vec![None::<f64>; candidates.len()];
+        for round in 0..effort.repetitions {
+            for (candidate, fastest) in candidates.iter().zip(&mut fastest) {
+                let Some(seconds) = artist.timed(view, candidate)? else { continue };
+                *fastest = Some(fastest.map_or(seconds, |best| best.min(seconds)));
+                if round == 0 {
+                    step(1)?;
+                }
+            }
+            step(0)?;
+        }
+        outcomes.extend(found.iter().zip(fastest).enumerate().map(|(candidate, (metrics, fastest))| Outcome {
+            view: Some(index),
+            candidate,
+            milliseconds: fastest.map(|seconds| 1e3 * seconds),
+            psnr: metrics.psnr,
+            ssim: metrics.ssim,
+            flip: metrics.flip,
+            max_abs: metrics.max_abs,
+            rmse: metrics.rmse,
+            front: false,
+        }));
+    }
+    outcomes.extend(over_all(views, candidates.len(), &outcomes));
+    for outcomes in outcomes.chunks_mut(candidates.len().max(1)) {
+        let points: Vec<_> = outcomes.iter().map(|outcome| (outcome.milliseconds, outcome.psnr)).collect();
+        outcomes.iter_mut().zip(front(&points)).for_each(|(outcome, front)| outcome.front = front);
+    }
+    Ok(outcomes)
+}
+
+/// An outcome of each candidate over all views whose voxels are not finer than pixels.
+fn over_all(views: &[JudgedView], candidates: usize, outcomes: &[Outcome]) -> Vec<Outcome> {
+    let count = views.iter().filter(|view| !view.is_fine).count().max(1) as f64;
+    let mut all: Vec<Outcome> = Vec::new();
+    for outcome in outcomes.iter().filter(|outcome| outcome.view.is_some_and(|view| !views[view].is_fine)) {
+        let shared = Outcome { view: None, milliseconds: outcome.milliseconds.map(|ms| ms / count), ..*outcome };
+        match all.get_mut(outcome.candidate) {
+            None => all.push(shared),
+            Some(all) => {
+                all.milliseconds = all.milliseconds.zip(shared.milliseconds).map(|(a, b)| a + b);
+                all.psnr = all.psnr.min(shared.psnr);
+                all.ssim = all.ssim.min(shared.ssim);
+                all.flip = all.flip.max(shared.flip);
+                all.max_abs = all.max_abs.max(shared.max_abs);
+                all.rmse = all.rmse.max(shared.rmse);
+            }
+        }
+    }
+    debug_assert!(all.is_empty() || all.len() == candidates, "views come one after the other");
+    all
+}
+
+/// Draws what candidates ask for.
+struct Artist<'a> {
+    set: &'a Judged<'a>,
+    /// Its threshold is set for each picture.
+    octree: Option<Mutex<Built<'a>>>,
+}
+
+impl Artist<'_> {
+    /// How far each candidate's picture is from `truth`.
+    fn errors(
+        &self,
+        view: &JudgedView,
+        candidates: &[Candidate],
+        truth: &Frame,
+        threads: usize,
+    ) -> Result<Vec<Metrics>> {
+        let background = [0.0; 3];
+        let mut found = Vec::with_capacity(candidates.len());
+        let compared = |(): &mut (), index: usize| compare(truth, &self.draw(view, &candidates[index])?, background);
+        in_order(
+            candidates.len(),
+            threads,
+            || (),
+            compared,
+            |_, metrics| {
+                found.push(metrics);
+                Ok(())
+            },
+        )?;
+        Ok(found)
+    }
+
+    /// Seconds of a frame; `None` for what is not timed.
+    fn timed(&self, view: &JudgedView, candidate: &Candidate) -> Result<Option<f64>> {
+        if candidate.drawer == Drawer::LinearJudge {
+            return Ok(None);
+        }
+        let start = Instant::now();
+        black_box(self.draw(view, candidate)?);
+        Ok(Some(start.elapsed().as_secs_f64()))
+    }
+
+    fn draw(&self, view: &JudgedView, candidate: &Candidate) -> Result<Frame> {
+        let set = self.set;
+        if candidate.drawer == Drawer::LinearJudge {
+            let settings = judge::Settings { blending: Blending::Linear, ..judge::Settings::new(view.size) };
+            return set.judge.draw(&view.camera, &settings)?.to_frame();
+        }
+        let grid = set.judge.visible().grid();
+        let looked = View::new(&view.camera, grid, view.size, Quality::Reference.kernel(), None)?;
+        let settings = candidate.settings(&looked, grid.dims)?;
+        match (candidate.drawer, &self.octree, set.subject) {
+            (Drawer::Octree(threshold), Some(octree), Some(subject)) => {
+                let mut built = octree.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+                if let Built::Octree(octree) = &mut *built {
+                    octree.set_threshold(threshold)?;
+                }
+                picture::of_method(subject, &view.camera, &settings, &mut built, true)
+            }
+            _ => {
+                let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
+                Ok(cpu::render(&scene, &view.camera, &settings)?.0)
+            }
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! The error in three: of the model, of the order, of the arithmetic.
+//!
+//! In: a small set. Out: for each view how far the ray judge's picture, which is the integral itself, is from that of
+//! splats in the order of distance (model: splats overlap, the integral does not), that one from splats in nested order
+//! (order), and that one from the renderer's (arithmetic: codes, cut-off, termination, sampling, single precision); and
+//! the first from the last, which is all of it.
+
+use super::view::JudgedView;
+use super::{Candidate, Judged};
+use crate::error::{Error, Result};
+use crate::metrics::{Metrics, compare};
+use crate::reference::ray;
+use crate::reference::splat::{self as splats, Order};
+use crate::splat::{Frame, Quality, Settings, View, cpu};
+
+/// Most grid points of a set: a ray costs about a microsecond a voxel near it.
+pub const MOST_POINTS: u64 = 64 * 64 * 64;
+
+/// What lies between two pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Part {
+    /// Rays against sorted splats.
+    Model,
+    /// Sorted against nested splats.
+    Order,
+    /// Nested splats against a preset's picture.
+    Arithmetic,
+    /// Rays against a preset's picture.
+    All,
+}
+
+impl Part {
+    /// Its name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Part::Model => "model",
+            Part::Order => "order",
+            Part::Arithmetic => "arithmetic",
+            Part::All => "all",
+        }
+    }
+}
+
+/// A part of the error of one view.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Share {
+    /// Number of the view.
+    pub view: usize,
+    /// Which part.
+    pub part: Part,
+    /// Number of the candidate whose picture it is, where it is one's.
+    pub candidate: Option<usize>,
+    /// How large it is.
+    pub metrics: Metrics,
+}
+
+/// Splits the error of `candidates` in each of `views` whose voxels are not finer than pixels.
+///
+/// # Errors
+/// [`Error::Limit`] if the grid has more than [`MOST_POINTS`]; as drawing.
+pub fn measure(set: &Judged, views: &[JudgedView], candidates: &[Candidate], threads: usize) -> Result<Vec<Share>> {
+    let visible = set.judge.visible();
+    let points = visible.grid().len();
+    if points > MOST_POINTS {
+        let what = format!("grid points of {} for the ray judge (give phantoms a smaller --edge)", set.name);
+        return Err(Error::Limit { what, need: points, have: MOST_POINTS });
+    }
+    let rays = ray::Judge::new(visible);
+    let mut shares = Vec::new();
+    for (index, view) in views.iter().enumerate().filter(|(_, view)| !view.is_fine) {
+        let integral = rays.draw(&view.camera, &ray::Settings { threads, ..ray::Settings::new(view.size) })?;
+        let integral = integral.to_frame()?;
+        let splatted = |order: Order| -> Result<Frame> {
+            let settings = splats::Settings { order, threads, ..splats::Settings::new(view.size) };
+            set.judge.draw(&view.camera, &settings)?.to_frame()
+        };
+        let [sorted, nested] = [splatted(Order::Sorted)?, splatted(Order::Nested)?];
+        let mut push = |part: Part, candidate: Option<usize>, right: &Frame, other: &Frame| -> Result<()> {
+            shares.push(Share { view: index, part, candidate, metrics: compare(right, other, [0.0; 3])? });
+            Ok(())
+        };
+        push(Part::Model, None, &integral, &sorted)?;
+        push(Part::Order, None, &sorted, &nested)?;
+        let looked = View::new(&view.camera, visible.grid(), view.size, Quality::Reference.kernel(), None)?;
+        for (number, candidate) in candidates.iter().enumerate() {
+            let settings = Settings { threads, ..candidate.settings(&looked, visible.grid().dims)? };
+            let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
+            let drawn = cpu::render(&scene, &view.camera, &settings)?.0;
+            push(Part::Arithmetic, Some(number), &nested, &drawn)?;
+            push(Part::All, Some(number), &integral, &drawn)?;
+        }
+    }
+    Ok(shares)
+}

@@ -1,0 +1,172 @@
+//! Popping: what a picture jumps by where the order of the walk switches.
+//!
+//! In: a set. Out: differences of neighbouring frames of a turn, across the azimuth at which another axis becomes the slow
+//! one and away from it. A turn changes every picture a little, so the same is measured of the judge with splats sorted by
+//! distance, whose order changes by two splats at a time; what is above that is popping. Long steps show what an eye
+//! meets at a usual pace; short ones leave the jump alone.
+//!
+//! Source: Radl et al., "StopThePop", 2024, measures popping of splats as what a moving camera does not explain; departs
+//! from it in the sorted judge, which takes the place of optical flow.
+
+use super::Judged;
+use super::candidate::Candidate;
+use crate::error::Result;
+use crate::metrics::compare;
+use crate::reference::splat::{self as judge, Order};
+use crate::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View, cpu};
+use crate::traverse::{self, Sense, SplitForm};
+use crate::volume::{Axis, Grid};
+
+/// Degrees between frames.
+pub const STEPS: [f64; 2] = [0.5, 0.05];
+/// Frames around each place; between the middle two the order switches.
+const FRAMES: u32 = 4;
+/// Degrees above the horizontal plane.
+const ELEVATION: f64 = 10.0;
+/// Pixels a voxel.
+const PIXELS: f64 = 1.25;
+
+/// How much neighbouring frames differ.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Change {
+    /// Largest difference of a sample, of all pairs.
+    pub largest: f64,
+    /// Root mean square difference over pixels that are not empty, the highest of all pairs.
+    pub rms: f64,
+}
+
+/// What one renderer's frames change by, beside those of the judge with sorted splats.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Popping {
+    /// Azimuth in the middle, degrees.
+    pub azimuth: f64,
+    /// Whether the slow axis switches there.
+    pub across: bool,
+    /// Degrees between frames.
+    pub step: f64,
+    /// Who draws: a preset's name with the bits of its file, or the judge in nested order.
+    pub drawer: String,
+    /// Of its frames.
+    pub found: Change,
+    /// Of the judge with sorted splats.
+    pub sorted: Change,
+}
+
+/// Measures the judge in nested order and the presets `qualities`, each on the file of so many bits.
+///
+/// Nothing where no azimuth switches the slow axis.
+///
+/// # Errors
+/// As drawing.
+pub fn measure(set: &Judged, qualities: &[(Quality, Candidate)], threads: usize) -> Result<Vec<Popping>> {
+    let visible = set.judge.visible();
+    let (grid, Some((low, high))) = (visible.grid(), visible.bounds()) else { return Ok(Vec::new()) };
+    let turn = Turn::new(grid, Surround::of_voxels(grid, low, high))?;
+    let Some(switch) = turn.switch()? else { return Ok(Vec::new()) };
+    let mut all = Vec::new();
+    for (azimuth, across) in [(switch, true), (turn.calm_from(switch)?, false)] {
+        for step in STEPS {
+            let cameras = (0..FRAMES)
+                .map(|frame| turn.camera(azimuth + (f64::from(frame) - f64::from(FRAMES - 1) / 2.0) * step))
+                .collect::<Result<Vec<_>>>()?;
+            let judged = |order: Order| {
+                let settings = judge::Settings { order, threads, ..judge::Settings::new(turn.size) };
+                change(&cameras, |camera| set.judge.draw(camera, &settings)?.to_frame())
+            };
+            let sorted = judged(Order::Sorted)?;
+            let mut push = |drawer: String, found: Change| {
+                all.push(Popping { azimuth, across, step, drawer, found, sorted });
+            };
+            push("judge, nested".to_owned(), judged(Order::Nested)?);
+            for (quality, candidate) in qualities {
+                let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
+                let found = change(&cameras, |camera| {
+                    let settings = candidate.settings(&turn.view(camera)?, grid.dims)?;
+                    Ok(cpu::render(&scene, camera, &crate::splat::Settings { threads, ..settings })?.0)
+                })?;
+                push(format!("{quality:?}, {} bits", candidate.value_bits).to_lowercase(), found);
+            }
+        }
+    }
+    Ok(all)
+}
+
+/// The change from each camera's frame to the next.
+fn change(cameras: &[Camera], draw: impl Fn(&Camera) -> Result<Frame>) -> Result<Change> {
+    let mut change = Change { largest: 0.0, rms: 0.0 };
+    let mut before = None;
+    for camera in cameras {
+        let frame = draw(camera)?;
+        if let Some(before) = &before {
+            let metrics = compare(before, &frame, [0.0; 3])?;
+            change = Change { largest: change.largest.max(metrics.max_abs), rms: change.rms.max(metrics.rmse) };
+        }
+        before = Some(frame);
+    }
+    Ok(change)
+}
+
+/// A turn around a set.
+struct Turn<'a> {
+    grid: &'a Grid,
+    around: Surround,
+    size: [u32; 2],
+}
+
+impl<'a> Turn<'a> {
+    fn new(grid: &'a Grid, around: Surround) -> Result<Turn<'a>> {
+        let mut turn = Turn { grid, around, size: [1; 2] };
+        let closest = grid.spacing.into_iter().fold(f64::INFINITY, f64::min);
+        if let Projection::Parallel { height } = turn.camera(0.0)?.projection() {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked by View")]
+            let side = (height / closest * PIXELS).ceil().max(1.0) as u32;
+            turn.size = [side; 2];
+        }
+        Ok(turn)
+    }
+
+    fn camera(&self, azimuth: f64) -> Result<Camera> {
+        Camera::orbiting(Orbit { azimuth, elevation: ELEVATION, ..Orbit::default() }, self.around, self.size)
+    }
+
+    fn view(&self, camera: &Camera) -> Result<View> {
+        View::new(camera, self.grid, self.size, Quality::Reference.kernel(), None)
+    }
+
+    fn slow(&self, azimuth: f64) -> Result<Axis> {
+        let view = self.view(&self.camera(azimuth)?)?;
+        let order = traverse::Order::new(view.viewpoint, self.grid.dims, Sense::FrontToBack, SplitForm::default())?;
+        Ok(order.slow)
+    }
+
+    /// The first azimuth of half a turn at which another axis becomes the slow one.
+    fn switch(&self) -> Result<Option<f64>> {
+        let first = self.slow(0.0)?;
+        for degree in 1..=180u32 {
+            let mut high = f64::from(degree);
+            if self.slow(high)? == first {
+                continue;
+            }
+            let mut low = high - 1.0;
+            // To a millionth of a degree.
+            for _ in 0..20 {
+                let middle = f64::midpoint(low, high);
+                if self.slow(middle)? == first { low = middle } else { high = middle }
+            }
+            return Ok(Some(high));
+        }
+        Ok(None)
+    }
+
+    /// An azimuth past `from` around which no axis switches.
+    fn calm_from(&self, from: f64) -> Result<f64> {
+        for past in [20.0, 10.0, 5.0, 30.0] {
+            let at = from + past;
+            let [low, high] = [at - 2.0, at + 2.0];
+            if self.slow(low)? == self.slow(high)? {
+                return Ok(at);
+            }
+        }
+        Ok(from + 20.0)
+    }
+}

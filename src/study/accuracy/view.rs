@@ -1,0 +1,90 @@
+//! Views that a set is judged in.
+//!
+//! In: a grid and a box of voxels. Out: cameras with pictures so large that a footprint of the narrowest kernel is as
+//! wide as EWA's low-pass or wider, so that the low-pass does not act and pictures of all kernels have one truth; and one
+//! view of voxels finer than pixels, where it does.
+
+use crate::error::Result;
+use crate::splat::{Camera, Orbit, Projection, Surround};
+use crate::volume::Grid;
+
+/// A view, and how it is judged.
+#[derive(Debug, Clone, PartialEq)]
+pub struct JudgedView {
+    /// What tables call it.
+    pub name: &'static str,
+    /// From where.
+    pub camera: Camera,
+    /// Columns and rows.
+    pub size: [u32; 2],
+    /// Pixels from a voxel to the next where they are closest: along the axis of the smallest spacing, seen at a right
+    /// angle, of the farthest voxels.
+    pub pixels_per_voxel: f64,
+    /// Whether voxels are finer than pixels: the truth is then a picture of finer pixels, seen through the low-pass.
+    pub is_fine: bool,
+}
+
+/// Pixels a voxel: a sigma of 0.5 voxels, the narrowest in use, is 0.62 pixels, the low-pass 0.6.
+const PIXELS: f64 = 1.25;
+/// The same close to voxels, where splats are wide and pixels may be left out.
+const CLOSE: f64 = 3.0;
+/// Longest side of a picture: of larger ones it is the middle. Comparing takes longer than drawing, by the pixel.
+const LONGEST: u32 = 512;
+/// Pixels a voxel of the fine view.
+const FINE: f64 = 0.6;
+
+/// A view before its picture has a size.
+struct Plan {
+    name: &'static str,
+    azimuth: f64,
+    elevation: f64,
+    fov: Option<f64>,
+    pixels: f64,
+}
+
+const PLANS: [Plan; 8] = [
+    Plan { name: "along an axis", azimuth: 0.0, elevation: 0.0, fov: None, pixels: PIXELS },
+    Plan { name: "oblique", azimuth: 33.0, elevation: 21.0, fov: None, pixels: PIXELS },
+    Plan { name: "nearly along an axis", azimuth: 187.0, elevation: 4.0, fov: None, pixels: PIXELS },
+    Plan { name: "diagonal", azimuth: -44.0, elevation: 35.0, fov: None, pixels: PIXELS },
+    Plan { name: "close", azimuth: 120.0, elevation: -28.0, fov: None, pixels: CLOSE },
+    Plan { name: "perspective", azimuth: 33.0, elevation: 21.0, fov: Some(30.0), pixels: PIXELS },
+    // Its nearest voxels are ten times as large as its farthest.
+    Plan { name: "wide perspective", azimuth: -110.0, elevation: 15.0, fov: Some(75.0), pixels: 1.0 },
+    Plan { name: "fine voxels", azimuth: 33.0, elevation: 21.0, fov: None, pixels: FINE },
+];
+
+/// The views of the voxels `low..=high` of `grid`; `quick`: the oblique one alone.
+///
+/// # Errors
+/// As [`Camera::orbiting`].
+pub fn views(grid: &Grid, low: [u16; 3], high: [u16; 3], quick: bool) -> Result<Vec<JudgedView>> {
+    let around = Surround::of_voxels(grid, low, high);
+    let plans = PLANS.iter().filter(|plan| !quick || plan.name == "oblique");
+    plans.map(|plan| plan.view(grid, around)).collect()
+}
+
+impl Plan {
+    fn view(&self, grid: &Grid, around: Surround) -> Result<JudgedView> {
+        let Plan { name, azimuth, elevation, fov, pixels } = *self;
+        let orbit = |zoom: f64| Orbit { azimuth, elevation, zoom, fov, ..Orbit::default() };
+        let camera = Camera::orbiting(orbit(1.0), around, [1, 1])?;
+        let closest = grid.spacing.into_iter().fold(f64::INFINITY, f64::min);
+        // World length that the picture shows as deep as its farthest voxels lie.
+        let shown = match camera.projection() {
+            Projection::Parallel { height } => height,
+            Projection::Perspective { fov } => {
+                let eye = camera.position();
+                let apart = (0..3).map(|a| (eye[a] - around.centre[a]).powi(2)).sum::<f64>().sqrt();
+                2.0 * (fov.to_radians() / 2.0).tan() * (apart + around.radius)
+            }
+        };
+        // Close views show the middle, in a picture that would show everything at [`PIXELS`].
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most a picture's longest side")]
+        let side = (shown / closest * pixels.min(PIXELS)).ceil().clamp(1.0, f64::from(LONGEST)) as u32;
+        let zoom = (pixels * shown / closest / f64::from(side)).max(1.0);
+        let camera = Camera::orbiting(orbit(zoom), around, [side, side])?;
+        let pixels_per_voxel = f64::from(side) / shown * closest * zoom;
+        Ok(JudgedView { name, camera, size: [side; 2], pixels_per_voxel, is_fine: pixels < 1.0 })
+    }
+}
