@@ -104,10 +104,10 @@ fn accuracy_has_a_row_for_every_view_and_candidate_and_marks_the_front() {
         assert_eq!(of(set, "oblique").len(), all.len(), "quick studies have one view");
         let preset = |quality: &str, bits: u64| {
             let found = all.iter().find(|row| row["quality"] == quality && row["value_bits"] == bits);
-            **found.unwrap_or_else(|| panic!("{set}: no {quality} of {bits} bits"))
+            *found.unwrap_or_else(|| panic!("{set}: no {quality} of {bits} bits"))
         };
         // Each quality is nearer to the truth than the one before; codes of 16 bits do not let go of it.
-        let decibels = ["draft", "standard", "high", "reference"].map(|quality| number(&preset(quality, 16), "psnr"));
+        let decibels = ["draft", "standard", "high", "reference"].map(|quality| number(preset(quality, 16), "psnr"));
         assert!(decibels.is_sorted() && decibels[0] > 25.0 && decibels[3] > 75.0, "{set}: {decibels:?}");
         let timed: Vec<&&Value> = all.iter().filter(|row| !row["ms"].is_null()).collect();
         assert_eq!(timed.len() + 1, all.len(), "only the judge is not timed");
@@ -171,7 +171,7 @@ fn studies_refuse_what_they_cannot_do() {
         ("study memory phantom:shells --json missing/m.json", ["missing", "folder"]),
         ("study accuracy small.adj", ["small.adj", "samples"]),
         ("study accuracy note.txt", ["what is visible", "--range"]),
-        ("study accuracy --all", ["--all", "--data"]),
+        ("study accuracy --all", ["--data <FOLDER>", "required"]),
         ("study accuracy --popping --model", ["--popping", "--model"]),
         ("study accuracy phantom:shells --model --edge 65", ["shells", "--edge"]),
         ("study accuracy phantom:shells --repetitions 1001", ["--repetitions", "1000"]),

@@ -150,7 +150,7 @@ impl Unbuilt {
         self.transfer.shaded()
     }
 
-    fn from_the_start(&mut self) -> Result<&mut dyn SlabSource> {
+    fn restarted(&mut self) -> Result<&mut dyn SlabSource> {
         if std::mem::replace(&mut self.is_read, true) {
             self.source.rewind()?;
         }
@@ -163,7 +163,7 @@ impl Unbuilt {
     /// As [`Judge::new`].
     pub(super) fn judge(&mut self) -> Result<Judge> {
         let transfer = self.transfer.clone();
-        Judge::new(self.from_the_start()?, &transfer)
+        Judge::new(self.restarted()?, &transfer)
     }
 
     /// A file of it, without a name, in the system's folder for temporary files.
@@ -172,7 +172,7 @@ impl Unbuilt {
     /// As `adj build`.
     pub(super) fn build(&mut self, value_bits: u8, normal_bits: u8) -> Result<Set> {
         let (name, transfer) = (self.name.clone(), self.transfer.clone());
-        build(name, self.from_the_start()?, transfer, value_bits, normal_bits)
+        build(name, self.restarted()?, transfer, value_bits, normal_bits)
     }
 }
 

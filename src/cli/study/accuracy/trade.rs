@@ -153,7 +153,8 @@ fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[Found]) -> Plot {
     let mut front: Vec<[f64; 2]> = outcomes.iter().filter(|outcome| outcome.front).filter_map(place).collect();
     front.sort_by(|a, b| a[0].total_cmp(&b[0]));
     series.push(Series::solid("front", front));
-    for family in Family::ALL {
+    // Presets lie on top of the others, but come first in the legend.
+    for family in Family::ALL.into_iter().chain([Family::Presets]) {
         let members = outcomes.iter().filter(|outcome| all[outcome.candidate].family == family);
         let timed: Vec<(usize, [f64; 2])> = members.filter_map(|o| Some((o.candidate, place(o)?))).collect();
         let label = |&(candidate, _): &(usize, [f64; 2])| {
