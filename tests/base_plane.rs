@@ -175,9 +175,10 @@ fn a_crop_and_a_picture_that_cuts_the_volume_are_cut_alike() {
     let built = built("gyroid", [60, 60, 60], [1.0; 3], 8);
     let crop = VoxelBox { low: [10, 0, 20], high: [40, 30, 59] };
     let size = [40, 36];
-    let camera = camera(&built, [30.0, 20.0], 0.74, size);
+    let camera = camera(&built, [30.0, 20.0], 1.0, size);
     for crop in [None, Some(crop)] {
-        let (some, all) = (Settings { crop, ..enough(size) }, Settings { crop, ..Settings::new(size) });
+        let all = Settings { crop, ..Settings::new(size) };
+        let some = Settings { sampling: Sampling::Fewest, ..all.clone() };
         let (some, all) = (draw(&built, &camera, &some), draw(&built, &camera, &all));
         let (decibels, most) = difference(&some, &all);
         assert!(decibels > 38.0, "{crop:?}: {decibels:.1} dB, largest {most}");
@@ -187,5 +188,15 @@ fn a_crop_and_a_picture_that_cuts_the_volume_are_cut_alike() {
                 assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.15), "row {at}: {a:?} and {b:?}");
             }
         }
+    }
+}
+
+#[test]
+fn a_volume_that_is_small_in_its_picture_is_drawn_pixel_by_pixel() {
+    let built = built("gyroid", [60, 60, 60], [1.0; 3], 8);
+    let size = [200, 200];
+    for pixels in [0.3, 0.1, 0.01] {
+        let camera = camera(&built, [30.0, 20.0], pixels, size);
+        assert!(draw(&built, &camera, &enough(size)) == draw(&built, &camera, &Settings::new(size)), "{pixels}");
     }
 }

@@ -229,13 +229,13 @@ impl Job<'_> {
         let Some(memory) = self.memory else {
             return draw(self, settings, LaneSet::new(file.arena()?, None), transfer, start);
         };
-        let frames = self.arguments.view.frames;
+        let cameras = pictured(self.arguments, &file.arena()?, &mut settings)?;
         // The dial may choose any sampling.
         let dearest = match self.arguments.look.max_error {
             Some(_) => Settings { sampling: Sampling::Fewest, ..settings.clone() },
             None => settings.clone(),
         };
-        let room = Room::divide(memory, &file.arena()?, &dearest, self.kind, self.arguments.look.depth(), frames)?;
+        let room = Room::divide(memory, &file.arena()?, &dearest, self.kind, self.arguments.look.depth(), &cameras)?;
         settings.threads = room.threads;
         let file = file.keep_resident_below(room.resident)?;
         draw(self, settings, LaneSet::new(file.arena()?, Some(room.derived)), transfer, start)
@@ -323,15 +323,13 @@ fn draw(
         let why = "needs gradient magnitudes, which this file does not store; build it again with this function";
         return Err(Error::input("transfer function", why));
     }
-    settings.crop = arguments.view.crop.as_deref().map(|text| parse_crop(text, facts.grid.dims)).transpose()?;
-    let around = surround(&facts.grid, settings.crop, arena.lanes().next().and_then(|lane| lane.bounds()));
-    if let Some(note) = missing_note(arguments, arena, &settings, transfer_given, around)? {
+    let cameras = pictured(arguments, arena, &mut settings)?;
+    if let Some(note) = missing_note(arena, &settings, transfer_given, &cameras[0])? {
         print_note(note);
     }
     let lanes = RoomyLanes { lanes, memory };
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
     let renderer = arguments.renderer.renderer(scene, memory.is_some())?;
-    let cameras = cameras(&arguments.view, around, settings.size)?;
     let mut measured = None;
     if let Some(bound) = arguments.look.max_error {
         let choice = dial::choose(&scene, &cameras, &settings, bound, || !interrupted())?;
@@ -340,6 +338,14 @@ fn draw(
         print_note(&format!("note: {}", chosen(&settings, choice.measured)));
     }
     draw_frames(job, &settings, &cameras, renderer, measured, start)
+}
+
+/// The camera of every frame of a file; the crop goes into the settings.
+fn pictured(arguments: &Arguments, arena: &Arena, settings: &mut Settings) -> Result<Vec<Camera>> {
+    let grid = &arena.facts().grid;
+    settings.crop = arguments.view.crop.as_deref().map(|text| parse_crop(text, grid.dims)).transpose()?;
+    let around = surround(grid, settings.crop, arena.lanes().next().and_then(|lane| lane.bounds()));
+    cameras(&arguments.view, around, settings.size)
 }
 
 /// The camera of every frame.
@@ -429,11 +435,10 @@ fn chosen(settings: &Settings, measured: f64) -> String {
 
 /// What to say of a file without its hidden voxels where the picture may show that they are missing.
 fn missing_note(
-    arguments: &Arguments,
     arena: &Arena,
     settings: &Settings,
     transfer_given: bool,
-    around: Surround,
+    camera: &Camera,
 ) -> Result<Option<&'static str>> {
     let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     if !description["hidden_voxels"].is_object() {
@@ -453,8 +458,7 @@ fn missing_note(
     if settings.crop.is_some_and(|crop| (0..3).any(|a| crop.low[a] > low[a] || crop.high[a] < high[a])) {
         return Ok(Some("note: this file was built with --cull-hidden; a crop may show that voxels are missing"));
     }
-    let camera = camera(&arguments.view, around, settings.size, 0)?;
-    let view = View::new(&camera, &arena.facts().grid, settings.size, settings.kernel(), None)?;
+    let view = View::new(camera, &arena.facts().grid, settings.size, settings.kernel(), None)?;
     let spacing = arena.facts().grid.spacing;
     let coarsest = spacing.into_iter().fold(0.0, f64::max);
     let near = spacing.map(|step| CLEARANCE * coarsest / step);

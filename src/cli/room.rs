@@ -14,7 +14,8 @@ use super::resources::resident_bytes;
 use crate::arena::pager::IN_FLIGHT;
 use crate::arena::{Arena, Lane, LaneSet};
 use crate::error::{Error, Result};
-use crate::splat::{Lanes, Settings, cpu};
+use crate::splat::{Camera, Lanes, Settings, cpu};
+use crate::traverse::VoxelBox;
 use crate::volume::Axis;
 
 /// What the program takes before it draws: code, stacks, the allocator's slack. Measured: 7 to 10 MiB.
@@ -47,15 +48,24 @@ impl Room {
         settings: &Settings,
         kind: PictureKind,
         depth: Depth,
-        frames: u32,
+        cameras: &[Camera],
     ) -> Result<Room> {
+        let frames = u32::try_from(cameras.len()).expect("frames are counted in 32 bits");
         let dims = arena.facts().grid.dims;
+        let grid = &arena.facts().grid;
+        let plane = match arena.lanes().next().and_then(|lane| lane.bounds()) {
+            Some((low, high)) => cameras
+                .iter()
+                .map(|camera| cpu::plane_pixels(grid, &VoxelBox { low, high }, camera, settings))
+                .try_fold(0, |most, pixels| pixels.map(|pixels| pixels.max(most)))?,
+            None => 0,
+        };
         let tiles = arena.lanes().map(|lane| lane.tiles.len() as u64).max().unwrap_or(0);
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
         let need = |threads: usize| {
             let settings = Settings { threads, ..settings.clone() };
-            let drawing = cpu::memory_need(dims, tiles, &settings);
+            let drawing = cpu::memory_need(dims, tiles, plane, &settings);
             // The frame is gone when its picture is encoded.
             let writing = kind.memory(depth, pixels);
             let in_flight = IN_FLIGHT * threads as u64;
@@ -67,7 +77,7 @@ impl Room {
             let [columns, rows] = settings.size;
             let frames = if frames > 1 { format!(", {frames} frames") } else { String::new() };
             let why = format!(
-                "is {}, but a picture of {columns}x{rows}{frames} from this file takes {enough}MiB; give that much, or a smaller --size",
+                "is {}, but a picture of {columns}x{rows}{frames} from this file takes {enough}MiB; give that much, a smaller --size, or --sampling every",
                 HumanBytes(memory)
             );
             return Err(Error::input("--memory", why));

@@ -32,7 +32,7 @@ use crate::traverse::{Order, VoxelBox};
 /// Pixels around what is drawn on the plane, so that its edge is interpolated like the rest.
 const MARGIN: f64 = 6.0;
 /// Planes with more pixels than this for each of the picture are not worth while.
-const MOST_PIXELS: u64 = 4;
+const MOST_PIXELS: f64 = 6.0;
 /// Standard deviation of a kernel in pixels of the picture, along either direction of the plane, up to which the plane is the
 /// more exact: below, the low-pass widens splats. Up to 0.49 it was nearer to finer pixels in all of 36 views, by 5 to 19 dB; at
 /// 0.56 in 15 of 18 (docs/studies/sampling.md).
@@ -57,9 +57,13 @@ pub(super) struct BasePlane {
     blur: f64,
 }
 
+/// Pixels of the picture for one of the plane, along both directions, below which the plane is too fine: four points a pixel
+/// would no longer see all of it.
+const FINEST: f64 = 0.4;
+
 impl BasePlane {
     /// The base plane of a parallel view of the voxels in `bounds`; `None` if the view is not parallel, if the plane
-    /// would be too coarse for `sampling` or too large, or if `order` is not the view's own.
+    /// would be too coarse for `sampling`, too fine or too large, or if `order` is not the view's own.
     pub(super) fn of(
         view: &View,
         order: &Order,
@@ -80,11 +84,12 @@ impl BasePlane {
         let from_pixels = |[a, b]: [f64; 2], [p, q]: [f64; 2]| a * p + b * q;
         let slope = inverse.map(|row| from_pixels(row, [x[slow], y[slow]]));
         let sigma = f64::from(kernel.sigma);
-        let is_too_coarse = |steps: [f64; 2]| sigma * steps[0].hypot(steps[1]) > coarsest;
+        let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
         // A slope is at most 1 where the slow axis is the view's; more is no slice that the view looks onto.
         if !slope.iter().all(|slope| slope.abs() < 1.001)
-            || is_too_coarse([x[fast], y[fast]])
-            || is_too_coarse([x[medium], y[medium]])
+            || steps.iter().any(|step| sigma * step > coarsest)
+            || steps.iter().all(|step| *step < FINEST)
+            || area.abs() < 1.0 / MOST_PIXELS
         {
             return None;
         }
@@ -120,10 +125,6 @@ impl BasePlane {
             size[side] = pixels as u32;
             plane_from_voxel[side][3] = -first[side];
         }
-        let pixels = |[columns, rows]: [u32; 2]| u64::from(columns) * u64::from(rows);
-        if pixels(size) > MOST_PIXELS * pixels(view.size) {
-            return None;
-        }
         let plane_from_pixel = [0, 1].map(|side| {
             let [a, b]: [f64; 2] = inverse[side];
             [a, b, -first[side] - a * x[3] - b * y[3]]
@@ -143,6 +144,11 @@ impl BasePlane {
             scale: scale / area.abs().sqrt(),
             blur,
         })
+    }
+
+    /// Pixels of the plane.
+    pub(super) fn pixels(&self) -> u64 {
+        u64::from(self.size[0]) * u64::from(self.size[1])
     }
 
     /// `view` onto the plane.
@@ -183,19 +189,14 @@ impl BasePlane {
     }
 }
 
-/// Most bytes that drawing on a plane takes beside a picture of `pixels`: a band's rows, the plane's frame, and what of it
+/// Most bytes that drawing on a plane of `pixels` takes beside the picture: a band's rows, the plane's frame, and what of it
 /// is covered.
-pub(super) fn memory_need(dims: [u32; 3], pixels: u64) -> u64 {
+pub(super) fn memory_need(pixels: u64) -> u64 {
     const PIXEL: u64 = 2 * 16 + 2;
-    let [x, y, z] = dims.map(|dim| u64::from(dim) + 64);
-    // A side of the plane is as long as the slices' side and the slanted slow axis together.
-    let largest = [(x, y, z), (y, z, x), (z, x, y)].map(|(slow, a, b)| (slow + a).saturating_mul(slow + b));
-    let plane = largest.into_iter().fold(0, u64::max).min(MOST_PIXELS.saturating_mul(pixels));
-    PIXEL.saturating_mul(plane.saturating_add(SPARE))
+    // Rows' room for a stamp.
+    const SPARE: u64 = 16 * stamp::SIDE as u64 * MAX_SIZE as u64;
+    if pixels == 0 { 0 } else { PIXEL.saturating_mul(pixels).saturating_add(SPARE) }
 }
-
-/// Pixels beside those of a plane: rows' room for a stamp.
-const SPARE: u64 = (stamp::SIDE as u64) * MAX_SIZE as u64;
 
 /// Blurs by less than this, in pixels, are left out: they change nothing by more than a thousandth.
 const LEAST_BLUR: f64 = 0.03;

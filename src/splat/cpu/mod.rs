@@ -41,6 +41,7 @@ use super::{Camera, Code, Sampling, Scene, Settings, Stats};
 use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::traverse::{Order, Sense, VoxelBox};
+use crate::volume::Grid;
 
 /// Draws a frame.
 ///
@@ -52,6 +53,23 @@ use crate::traverse::{Order, Sense, VoxelBox};
 /// whatever [`Lanes::lane`](super::Lanes::lane) fails with.
 pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
     render_without(scene, camera, settings, None)
+}
+
+/// Pixels of the base plane on which a picture is drawn; 0 if it is not drawn on one. `bounds`: of all voxels.
+///
+/// # Errors
+/// As [`render`], but for memory.
+pub fn plane_pixels(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settings) -> Result<u64> {
+    if settings.mode != Mode::Composite || settings.sense == Sense::BackToFront {
+        return Ok(0);
+    }
+    let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
+    let order = match settings.order {
+        Some(order) => order,
+        None => Order::new(view.viewpoint, grid.dims, settings.sense, settings.form)?,
+    };
+    let plane = BasePlane::of(&view, &order, settings.kernel(), bounds, settings.sampling);
+    Ok(plane.map_or(0, |plane| plane.pixels()))
 }
 
 /// Where a picture is drawn if not pixel by pixel.

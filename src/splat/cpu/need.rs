@@ -1,7 +1,7 @@
 //! What drawing a frame takes of memory, before it is drawn.
 
 use super::base_plane;
-use crate::splat::{Sampling, Settings};
+use crate::splat::Settings;
 
 /// What tiles, their pitch, their states and counts add to a band: columns and rows, at most (`planes.rs`).
 const PADDING: [u64; 2] = [32 + 1 + 128, 32];
@@ -16,8 +16,9 @@ const POINT: u64 = 64;
 
 /// Upper bound of the bytes that [`render`](super::render) takes beside the lanes: frame, bands, tables and lists.
 ///
-/// `dims`: of the grid. `tiles`: of the lane with the most.
-pub fn memory_need(dims: [u32; 3], tiles: u64, settings: &Settings) -> u64 {
+/// `dims`: of the grid. `tiles`: of the lane with the most. `plane`: what [`plane_pixels`](super::plane_pixels) gives, the most
+/// of all cameras.
+pub fn memory_need(dims: [u32; 3], tiles: u64, plane: u64, settings: &Settings) -> u64 {
     let [columns, rows] = settings.size.map(u64::from);
     let threads = (settings.threads as u64).clamp(1, columns.max(rows));
     let pixel = 4 * size_of::<f32>() as u64;
@@ -26,12 +27,9 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, settings: &Settings) -> u64 {
     let across = (columns + PADDING[0]) * (rows + threads * PADDING[1]);
     let along = (columns + threads * PADDING[0]) * (rows + PADDING[1]);
     let bands = pixel.saturating_mul(across.max(along));
-    // Which of the two draws depends on the view.
-    let plane = match settings.sampling {
-        Sampling::EveryPixel => 0,
-        Sampling::Enough | Sampling::Fewest => base_plane::memory_need(dims, columns * rows),
-    };
     let longest = dims.into_iter().max().map_or(0, u64::from).max(2_048);
     let walk = THREAD + TILE.saturating_mul(tiles) + POINT * longest;
-    [bands.max(plane), TABLE, threads.saturating_mul(walk)].into_iter().fold(frame, u64::saturating_add)
+    [bands.max(base_plane::memory_need(plane)), TABLE, threads.saturating_mul(walk)]
+        .into_iter()
+        .fold(frame, u64::saturating_add)
 }
