@@ -174,6 +174,7 @@ fn studies_refuse_what_they_cannot_do() {
         ("study accuracy --all", ["--data <FOLDER>", "required"]),
         ("study accuracy --popping --model", ["--popping", "--model"]),
         ("study accuracy phantom:shells --model --edge 65", ["shells", "--edge"]),
+        ("study accuracy phantom:shells --families magic", ["magic", "termination"]),
         ("study accuracy phantom:shells --repetitions 1001", ["--repetitions", "1000"]),
     ] {
         folder.adj(line).refused(&parts);

@@ -42,7 +42,9 @@ const SHOWN: [&str; 9] = ["set", "family", "quality", "settings", "ms", "psnr", 
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let quick = arguments.sets.quick;
-    let all = candidates(quick);
+    let families = arguments.families.iter().map(|name| Family::named(name)).collect::<Result<Vec<Family>>>()?;
+    let mut all = candidates(quick);
+    all.retain(|candidate| families.is_empty() || families.contains(&candidate.family));
     let repetitions = arguments.repetitions.unwrap_or(if quick { 1 } else { 5 });
     let effort = Effort { repetitions, threads: arguments.threads()? };
     let mut found: Vec<Found> = Vec::new();
