@@ -171,9 +171,10 @@ fn studies_refuse_what_they_cannot_do() {
         ("study memory phantom:shells --json missing/m.json", ["missing", "folder"]),
         ("study accuracy small.adj", ["small.adj", "samples"]),
         ("study accuracy note.txt", ["what is visible", "--range"]),
-        ("study accuracy --all", ["--all", "--data"]),
+        ("study accuracy --all", ["--data <FOLDER>", "required"]),
         ("study accuracy --popping --model", ["--popping", "--model"]),
         ("study accuracy phantom:shells --model --edge 65", ["shells", "--edge"]),
+        ("study accuracy phantom:shells --families magic", ["magic", "termination"]),
         ("study accuracy phantom:shells --repetitions 1001", ["--repetitions", "1000"]),
     ] {
         folder.adj(line).refused(&parts);

@@ -1,9 +1,10 @@
 //! Candidates: settings of every knob, each with a name that says them all.
 //!
-//! In: nothing. Out: the presets on files of 8 and of 16 bits, every knob alone away from `standard`, and a grid of
+//! In: nothing. Out: the presets on files of 8 and of 16 bits, the dial's rungs, every knob alone away from `standard`, and a grid of
 //! combinations of the knobs that matter most for time.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::splat::dial::{self, Rung};
 use crate::splat::{KernelShape, Quality, Sampling, Settings, View};
 use crate::traverse::{Order, Sense, SplitForm};
 
@@ -12,6 +13,8 @@ use crate::traverse::{Order, Sense, SplitForm};
 pub enum Family {
     /// `draft`, `standard`, `high`, `reference`.
     Presets,
+    /// What `--max-error` chooses from.
+    Dial,
     /// Width and cut-off of the kernel.
     Kernel,
     /// Transmittance below which a ray ends.
@@ -32,8 +35,9 @@ pub enum Family {
 
 impl Family {
     /// All of them.
-    pub const ALL: [Family; 9] = [
+    pub const ALL: [Family; 10] = [
         Family::Presets,
+        Family::Dial,
         Family::Kernel,
         Family::Termination,
         Family::Sampling,
@@ -44,10 +48,22 @@ impl Family {
         Family::Combined,
     ];
 
+    /// The family of this name.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with all names if there is none.
+    pub fn named(name: &str) -> Result<Family> {
+        Family::ALL.into_iter().find(|family| family.name() == name).ok_or_else(|| {
+            let names = Family::ALL.map(Family::name).join(", ");
+            Error::input("--families", format!("has {name}, but must be of {names}"))
+        })
+    }
+
     /// Its name in tables and legends.
     pub fn name(self) -> &'static str {
         match self {
             Family::Presets => "presets",
+            Family::Dial => "dial",
             Family::Kernel => "kernel",
             Family::Termination => "termination",
             Family::Sampling => "sampling",
@@ -240,6 +256,11 @@ pub fn candidates(quick: bool) -> Vec<Candidate> {
             all.push(candidate);
         }
     };
+    // The dial's error leaves out what a file left out: here its files leave out least.
+    for Rung { kernel, termination, sampling } in dial::RUNGS {
+        let stored = Candidate { value_bits: 16, normal_bits: 16, ..Candidate::away(Family::Dial) };
+        add(Candidate { kernel, termination, sampling, ..stored });
+    }
     let step = if quick { 3 } else { 1 };
     for &(sigma, radius) in KERNELS.iter().step_by(step) {
         add(Candidate { kernel: KernelShape { sigma, radius }, ..Candidate::away(Family::Kernel) });

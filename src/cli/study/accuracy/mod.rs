@@ -36,6 +36,10 @@ pub(super) struct Arguments {
     /// The error in three (model, order, arithmetic), of sets of up to 64^3 points, instead; phantoms of 40^3.
     #[arg(long, group = "part")]
     model: bool,
+    /// Which candidates, with commas between: presets, dial, kernel, termination, sampling, codes, order, blending, octree,
+    /// combined; all unless given.
+    #[arg(long, value_name = "FAMILIES", value_delimiter = ',', conflicts_with = "part")]
+    families: Vec<String>,
     /// Rounds of timing, of which the fastest counts; 0 for errors alone. 5 unless given, 1 with --quick.
     #[arg(long, value_name = "N")]
     repetitions: Option<u32>,

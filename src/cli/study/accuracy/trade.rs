@@ -42,7 +42,9 @@ const SHOWN: [&str; 9] = ["set", "family", "quality", "settings", "ms", "psnr", 
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let quick = arguments.sets.quick;
-    let all = candidates(quick);
+    let families = arguments.families.iter().map(|name| Family::named(name)).collect::<Result<Vec<Family>>>()?;
+    let mut all = candidates(quick);
+    all.retain(|candidate| families.is_empty() || families.contains(&candidate.family));
     let repetitions = arguments.repetitions.unwrap_or(if quick { 1 } else { 5 });
     let effort = Effort { repetitions, threads: arguments.threads()? };
     let mut found: Vec<Found> = Vec::new();
@@ -153,7 +155,8 @@ fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[Found]) -> Plot {
     let mut front: Vec<[f64; 2]> = outcomes.iter().filter(|outcome| outcome.front).filter_map(place).collect();
     front.sort_by(|a, b| a[0].total_cmp(&b[0]));
     series.push(Series::solid("front", front));
-    for family in Family::ALL {
+    // Presets lie on top of the others, but come first in the legend.
+    for family in Family::ALL.into_iter().chain([Family::Presets]) {
         let members = outcomes.iter().filter(|outcome| all[outcome.candidate].family == family);
         let timed: Vec<(usize, [f64; 2])> = members.filter_map(|o| Some((o.candidate, place(o)?))).collect();
         let label = |&(candidate, _): &(usize, [f64; 2])| {
