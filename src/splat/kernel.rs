@@ -51,8 +51,7 @@ impl Quality {
     /// The kernel.
     pub fn kernel(self) -> KernelShape {
         let radius = match self {
-            Quality::Draft => 2.1,
-            Quality::Standard => 2.5,
+            Quality::Draft | Quality::Standard => 2.5,
             Quality::High => 3.0,
             Quality::Reference => 4.2,
         };
