@@ -22,7 +22,7 @@
 use multiversion::multiversion;
 
 use super::sampling::{columns_to_coefficients, covered, in_shares, spline, to_coefficients};
-use super::stamp;
+use super::{plane_rows, stamp};
 use crate::error::Result;
 use crate::splat::kernel::{KernelShape, LOW_PASS, footprint, narrowest};
 use crate::splat::view::{Affine, MAX_SIZE, PixelMap, View};
@@ -193,8 +193,8 @@ impl BasePlane {
 /// is covered.
 pub(super) fn memory_need(pixels: u64) -> u64 {
     const PIXEL: u64 = 2 * 16 + 2;
-    // Rows' room for a stamp.
-    const SPARE: u64 = 16 * stamp::SIDE as u64 * MAX_SIZE as u64;
+    // What rows have to spare.
+    const SPARE: u64 = 16 * plane_rows::SPARE as u64 * MAX_SIZE as u64;
     if pixels == 0 { 0 } else { PIXEL.saturating_mul(pixels).saturating_add(SPARE) }
 }
 

@@ -14,6 +14,7 @@ use super::seen::Seen;
 use super::splatter;
 use super::stamp;
 use crate::splat::Code;
+use crate::traverse::Batch;
 
 /// What a band works with.
 pub(crate) struct Bench {
@@ -84,29 +85,48 @@ pub(crate) fn handed(
     }
 }
 
-/// Draws a block of voxels of one slice with the slice's stamp; gives how many splats were drawn.
-pub(super) fn stamped(
-    code: Code,
-    projector: &Projector,
-    voxels: &Voxels,
-    bench: &mut stamp::Bench,
-    limits: Limits,
-) -> u64 {
+/// [`stamp::Bench::flush`].
+pub(super) fn stamped(code: Code, projector: &Projector, bench: &mut stamp::Bench, limits: Limits) -> u64 {
     match code {
-        Code::Best => stamped_best(projector, voxels, bench, limits),
-        Code::Avx2 => stamped_avx2(projector, voxels, bench, limits),
-        Code::Portable | Code::Plain => stamp::block(projector, voxels, bench, limits),
+        Code::Best => stamped_best(projector, bench, limits),
+        Code::Avx2 => stamped_avx2(projector, bench, limits),
+        Code::Portable | Code::Plain => bench.flush(projector, limits),
     }
 }
 
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn stamped_best(projector: &Projector, voxels: &Voxels, bench: &mut stamp::Bench, limits: Limits) -> u64 {
-    stamp::block(projector, voxels, bench, limits)
+fn stamped_best(projector: &Projector, bench: &mut stamp::Bench, limits: Limits) -> u64 {
+    bench.flush(projector, limits)
 }
 
 #[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
-fn stamped_avx2(projector: &Projector, voxels: &Voxels, bench: &mut stamp::Bench, limits: Limits) -> u64 {
-    stamp::block(projector, voxels, bench, limits)
+fn stamped_avx2(projector: &Projector, bench: &mut stamp::Bench, limits: Limits) -> u64 {
+    bench.flush(projector, limits)
+}
+
+/// [`stamp::Bench::sift`].
+pub(super) fn sifted(
+    code: Code,
+    projector: &Projector,
+    bench: &mut stamp::Bench,
+    limits: Limits,
+    batch: &Batch,
+) -> u64 {
+    match code {
+        Code::Best => sifted_best(projector, bench, limits, batch),
+        Code::Avx2 => sifted_avx2(projector, bench, limits, batch),
+        Code::Portable | Code::Plain => bench.sift(code, projector, limits, batch),
+    }
+}
+
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+fn sifted_best(projector: &Projector, bench: &mut stamp::Bench, limits: Limits, batch: &Batch) -> u64 {
+    bench.sift(Code::Best, projector, limits, batch)
+}
+
+#[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
+fn sifted_avx2(projector: &Projector, bench: &mut stamp::Bench, limits: Limits, batch: &Batch) -> u64 {
+    bench.sift(Code::Avx2, projector, limits, batch)
 }
 
 #[inline(always)]

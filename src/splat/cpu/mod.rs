@@ -11,6 +11,7 @@ mod deep;
 mod dispatch;
 mod need;
 mod plain;
+mod plane_rows;
 mod planes;
 mod project;
 pub(crate) mod raster;
