@@ -8,6 +8,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are clipped to the picture before the cast")]
 
 use std::marker::PhantomData;
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use super::blend::Blend;
@@ -101,6 +102,8 @@ struct Band<'a, B> {
     blend: PhantomData<B>,
 }
 
+/// Voxels that are asked about at once before groups of them: inside what is opaque one answer does.
+const MANY: usize = 64;
 /// Voxels along the fast axis that are asked about at once: their boxes on the screen stay small.
 const PIECE: u16 = 32;
 
@@ -111,15 +114,15 @@ impl<B: Blend> Band<'_, B> {
 
     /// Whether nothing of a group of voxels can be seen: they lie outside the band or behind what is opaque.
     #[inline(always)]
-    fn is_hidden(&self, batch: &Batch, from: usize) -> bool {
-        let to = (from + GROUP).min(batch.len());
-        let range =
-            |along: &[u16]| along[from..to].iter().fold((u16::MAX, 0), |(low, high), &at| (low.min(at), high.max(at)));
+    fn is_hidden(&self, batch: &Batch, range: Range<usize>) -> bool {
+        let ends = |along: &[u16]| {
+            along[range.clone()].iter().fold((u16::MAX, 0), |(low, high), &at| (low.min(at), high.max(at)))
+        };
         let [s, m, f] = self.projector.nesting;
         let mut bounds = VoxelBox { low: [batch.slow; 3], high: [batch.slow; 3] };
         debug_assert_eq!(s + m + f, 3);
-        (bounds.low[m], bounds.high[m]) = range(batch.medium);
-        (bounds.low[f], bounds.high[f]) = range(batch.fast);
+        (bounds.low[m], bounds.high[m]) = ends(batch.medium);
+        (bounds.low[f], bounds.high[f]) = ends(batch.fast);
         match self.pixels(&bounds) {
             Some(rect) => self.bench.planes.is_widely_frozen(rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1),
             None => true,
@@ -174,14 +177,22 @@ impl<B: Blend> Visitor for Band<'_, B> {
     fn visit(&mut self, batch: &Batch) {
         let start = Instant::now();
         let stops = B::STOPS && self.limits.stop > 0.0;
-        for from in (0..batch.len()).step_by(GROUP) {
-            if stops && self.is_hidden(batch, from) {
+        let pieces = |range: Range<usize>, len: usize| {
+            range.clone().step_by(len).map(move |from| from..range.end.min(from + len))
+        };
+        for many in pieces(0..batch.len(), MANY) {
+            if stops && self.is_hidden(batch, many.clone()) {
                 continue;
             }
-            if !self.voxels.have_room(GROUP) {
-                self.flush();
+            for group in pieces(many, GROUP) {
+                if stops && self.is_hidden(batch, group.clone()) {
+                    continue;
+                }
+                if !self.voxels.have_room(GROUP) {
+                    self.flush();
+                }
+                self.voxels.add(batch, group.start, GROUP);
             }
-            self.voxels.add(batch, from, GROUP);
         }
         // Voxels that wait for the next batch would hide each other no more where what is seen is noted; and be read
         // after the pager was told of others.
@@ -196,17 +207,21 @@ impl<B: Blend> Visitor for Band<'_, B> {
 /// The pixels of `rect` that voxels in `bounds` may touch; `None` if there are none.
 pub(super) fn pixels(view: &View, half: [f64; 2], rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
     let [left, right, top, bottom] = view.pixel_bounds(bounds, half)?;
-    // Clipped before the cast, which would saturate anyway.
-    let whole = |at: f64, low: i32, high: i32| at.clamp(f64::from(low), f64::from(high)) as i32;
+    // Of what is clipped, and so not negative, a cast is the floor.
+    let floor = |at: f64, low: i32, high: i32| at.clamp(f64::from(low), f64::from(high)) as i32;
+    let ceil = |at: f64, low: i32, high: i32| {
+        let floor = floor(at, low, high);
+        (floor + i32::from(f64::from(floor) < at)).min(high)
+    };
     let meets = right >= f64::from(rect.x0)
         && left <= f64::from(rect.x1 - 1)
         && bottom >= f64::from(rect.y0)
         && top <= f64::from(rect.y1 - 1);
     meets.then(|| Rect {
-        x0: whole(left.floor(), rect.x0, rect.x1 - 1),
-        x1: whole(right.ceil(), rect.x0, rect.x1 - 1) + 1,
-        y0: whole(top.floor(), rect.y0, rect.y1 - 1),
-        y1: whole(bottom.ceil(), rect.y0, rect.y1 - 1) + 1,
+        x0: floor(left, rect.x0, rect.x1 - 1),
+        x1: ceil(right, rect.x0, rect.x1 - 1) + 1,
+        y0: floor(top, rect.y0, rect.y1 - 1),
+        y1: ceil(bottom, rect.y0, rect.y1 - 1) + 1,
     })
 }
 

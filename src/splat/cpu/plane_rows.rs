@@ -8,8 +8,7 @@
     clippy::cast_possible_truncation,
     clippy::cast_possible_wrap,
     clippy::cast_sign_loss,
-    clippy::needless_range_loop,
-    reason = "coordinates lie on a plane of 16,384 pixels a side; index loops over arrays run side by side"
+    reason = "coordinates lie on a plane of 16,384 pixels a side"
 )]
 
 use std::ops::Range;
