@@ -10,9 +10,13 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::{Error, Result};
 
-/// A colour, kept as it was given: sRGB components from 0 to 1.
+/// A colour, kept as it was given, sRGB components from 0 to 1; and in linear light, which takes powers that a table of
+/// 65,536 codes' colours should not wait for.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Colour([f64; 3]);
+pub struct Colour {
+    srgb: [f64; 3],
+    linear: [f32; 3],
+}
 
 impl Colour {
     /// A colour from sRGB components.
@@ -22,13 +26,19 @@ impl Colour {
     pub fn from_srgb(components: [f64; 3]) -> Result<Colour> {
         match components.iter().find(|c| !(0.0..=1.0).contains(*c)) {
             Some(wrong) => Err(Error::input("colour", format!("has the component {wrong}, but must have 0 to 1"))),
-            None => Ok(Colour(components)),
+            None => Ok(Colour::of(components)),
         }
     }
 
     /// A colour from sRGB bytes.
-    pub const fn from_bytes(bytes: [u8; 3]) -> Colour {
-        Colour([bytes[0] as f64 / 255.0, bytes[1] as f64 / 255.0, bytes[2] as f64 / 255.0])
+    pub fn from_bytes(bytes: [u8; 3]) -> Colour {
+        Colour::of(bytes.map(|byte| f64::from(byte) / 255.0))
+    }
+
+    fn of(srgb: [f64; 3]) -> Colour {
+        #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderers'")]
+        let linear = srgb.map(|component| linear_from_srgb(component) as f32);
+        Colour { srgb, linear }
     }
 
     /// A colour from `"#rrggbb"`, upper or lower case.
@@ -45,13 +55,12 @@ impl Colour {
 
     /// Its sRGB components, 0 to 1.
     pub fn srgb(self) -> [f64; 3] {
-        self.0
+        self.srgb
     }
 
     /// Its components in linear light, 0 to 1.
     pub fn linear(self) -> [f32; 3] {
-        #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderers'")]
-        self.0.map(|c| linear_from_srgb(c) as f32)
+        self.linear
     }
 
     /// One of a fixed, endless series of pleasant colours; neighbours in the series differ clearly.
@@ -98,7 +107,7 @@ fn linear_from_oklab([lightness, a, b]: [f64; 3]) -> [f64; 3] {
 impl fmt::Display for Colour {
     /// `#rrggbb`, rounded.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let [r, g, b] = self.0.map(nearest_byte);
+        let [r, g, b] = self.srgb.map(nearest_byte);
         write!(f, "#{r:02x}{g:02x}{b:02x}")
     }
 }
@@ -110,10 +119,10 @@ fn nearest_byte(component: f64) -> u8 {
 
 impl Serialize for Colour {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        if *self == Colour::from_bytes(self.0.map(nearest_byte)) {
+        if *self == Colour::from_bytes(self.srgb.map(nearest_byte)) {
             serializer.collect_str(self)
         } else {
-            self.0.serialize(serializer)
+            self.srgb.serialize(serializer)
         }
     }
 }

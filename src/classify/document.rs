@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::colour::Colour;
 use super::palette::{Label, Others};
-use super::transfer::{Contour, FactorPoint, Kind, Point, RANGE_COLOURS, RANGE_OPACITY, TransferFunction};
+use super::transfer::{Contour, FactorPoint, Kind, Point, RANGE_OPACITY, TransferFunction, range_colours};
 use crate::error::{Error, Result};
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -139,7 +139,7 @@ impl TryFrom<Document> for TransferFunction {
                 low: document.low.unwrap_or(f64::NEG_INFINITY),
                 high: document.high.unwrap_or(f64::INFINITY),
                 opacity: document.opacity.unwrap_or(RANGE_OPACITY),
-                colours: document.colours.unwrap_or_else(|| RANGE_COLOURS.to_vec()),
+                colours: document.colours.unwrap_or_else(range_colours),
                 value_range: document.value_range,
             },
             KindName::Region => Kind::Region {

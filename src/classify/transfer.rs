@@ -21,15 +21,17 @@ pub(super) const RANGE_OPACITY: f64 = 0.8;
 pub(super) const CONTOUR_WIDTH: f64 = 2.0;
 /// Opacity of a contour made by [`TransferFunction::contour`].
 const CONTOUR_OPACITY: f64 = 0.9;
+/// Colours of a range unless given, as bytes: warm bone, from brown marrow to ivory.
+const RANGE_COLOURS: [[u8; 3]; 4] = [[0xb8, 0x80, 0x5c], [0xdd, 0xb8, 0x90], [0xf1, 0xe2, 0xc8], [0xff, 0xf9, 0xee]];
+
 /// Colour of a contour unless given: ivory.
-pub(super) const CONTOUR_COLOUR: Colour = Colour::from_bytes([0xef, 0xe2, 0xcc]);
-/// Colours of a range unless given: warm bone, from brown marrow to ivory.
-pub(super) const RANGE_COLOURS: [Colour; 4] = [
-    Colour::from_bytes([0xb8, 0x80, 0x5c]),
-    Colour::from_bytes([0xdd, 0xb8, 0x90]),
-    Colour::from_bytes([0xf1, 0xe2, 0xc8]),
-    Colour::from_bytes([0xff, 0xf9, 0xee]),
-];
+pub(super) fn contour_colour() -> Colour {
+    Colour::from_bytes([0xef, 0xe2, 0xcc])
+}
+
+pub(super) fn range_colours() -> Vec<Colour> {
+    RANGE_COLOURS.map(Colour::from_bytes).to_vec()
+}
 
 /// A knot of a piecewise-linear function of the value.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -65,16 +67,12 @@ pub struct Contour {
     #[serde(default = "default_width")]
     pub width: f64,
     /// Its colour.
-    #[serde(default = "default_colour")]
+    #[serde(default = "contour_colour")]
     pub colour: Colour,
 }
 
 fn default_width() -> f64 {
     CONTOUR_WIDTH
-}
-
-fn default_colour() -> Colour {
-    CONTOUR_COLOUR
 }
 
 /// The kinds, each checked: see `document.rs`.
@@ -131,7 +129,7 @@ impl TransferFunction {
     /// # Errors
     /// [`Error::Input`] if an end is NaN, if `low > high`, or if an end is infinite on the wrong side.
     pub fn range(low: f64, high: f64) -> Result<TransferFunction> {
-        let colours = RANGE_COLOURS.to_vec();
+        let colours = range_colours();
         TransferFunction::of(Kind::Range { low, high, opacity: RANGE_OPACITY, colours, value_range: None }).checked()
     }
 
@@ -140,7 +138,7 @@ impl TransferFunction {
     /// # Errors
     /// [`Error::Input`] if `iso` is not finite.
     pub fn contour(iso: f64) -> Result<TransferFunction> {
-        let contour = Contour { value: iso, opacity: CONTOUR_OPACITY, width: CONTOUR_WIDTH, colour: CONTOUR_COLOUR };
+        let contour = Contour { value: iso, opacity: CONTOUR_OPACITY, width: CONTOUR_WIDTH, colour: contour_colour() };
         TransferFunction::contours(vec![contour])
     }
 
