@@ -8,6 +8,7 @@ use kuva::render::layout::Layout;
 use kuva::render::plots::Plot as Drawn;
 
 use crate::error::{Error, Result};
+use crate::study::baselines::Method;
 
 /// What a plot shows along one side.
 #[derive(Debug, Clone, PartialEq)]
@@ -91,10 +92,11 @@ pub struct Plot {
     pub series: Vec<Series>,
 }
 
-/// Colours that stay apart for most eyes and in print (Okabe and Ito 2008), then darker and lighter ones.
-const COLOURS: [&str; 12] = [
+/// Colours that stay apart for most eyes and in print (Okabe and Ito 2008), then darker and lighter ones: one for each
+/// method, of which no plot has more.
+const COLOURS: [&str; Method::ALL.len()] = [
     "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31", "#7f7f7f", "#7b4173",
-    "#b5cf6b", "#ff9896",
+    "#b5cf6b", "#ff9896", "#00441b",
 ];
 
 impl Plot {
