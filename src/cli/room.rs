@@ -22,6 +22,8 @@ use crate::volume::Axis;
 const BASE: u64 = 14 << 20;
 /// What it may still take beyond what it has.
 const GROWTH: u64 = 6 << 20;
+/// What the program may take beside what it took in another run: how much of its code a system maps at once differs.
+const BETWEEN_RUNS: u64 = 2 << 20;
 /// Fewest bytes of resident pages to work with: below, it faults more than it draws.
 const LEAST_RESIDENT: u64 = 4 << 20;
 /// Bytes that deriving a lane takes for each byte of the lane along x: its own, the other side of growing them, a strip.
@@ -73,7 +75,7 @@ impl Room {
         };
         let left = |threads: usize| memory.checked_sub(need(threads)).filter(|&left| left >= LEAST_RESIDENT);
         let Some((threads, left)) = (1..=settings.threads).rev().find_map(|n| left(n).map(|left| (n, left))) else {
-            let enough = need(1).saturating_add(LEAST_RESIDENT).div_ceil(1 << 20);
+            let enough = need(1).saturating_add(LEAST_RESIDENT + BETWEEN_RUNS).div_ceil(1 << 20);
             let [columns, rows] = settings.size;
             let frames = if frames > 1 { format!(", {frames} frames") } else { String::new() };
             let why = format!(
