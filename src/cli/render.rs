@@ -111,7 +111,7 @@ pub(super) struct ViewArguments {
 pub(super) struct LookArguments {
     /// Where the kernel is cut off, where rays end and which pixels are drawn: all look alike, and differ in what they leave
     /// out
-    #[arg(long, value_name = "Q", default_value = "standard", value_parser = ["draft", "standard", "high", "reference"])]
+    #[arg(long, value_name = "Q", default_value = "standard", value_parser = Quality::ALL.map(Quality::name))]
     quality: String,
     /// Pixels that are drawn: every is all of the picture's; enough is fewer where splats are wide (seven pixels and more)
     /// and, in parallel views whose voxels are finer than pixels, those of the slices, and the picture is interpolated from
@@ -483,12 +483,7 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
         return Err(Error::input("--frames", format!("is {}, but must be 1 to 100000", view.frames)));
     }
     let mut settings = Settings::new(parse_size(&view.size)?);
-    settings.quality = match look.quality.as_str() {
-        "draft" => Quality::Draft,
-        "high" => Quality::High,
-        "reference" => Quality::Reference,
-        _ => Quality::Standard,
-    };
+    settings.quality = Quality::ALL.into_iter().find(|quality| quality.name() == look.quality).unwrap_or_default();
     settings.mode = match look.mode.as_str() {
         "maximum" => Mode::Maximum,
         "maximum-grey" => Mode::MaximumGrey,

@@ -48,6 +48,19 @@ pub enum Quality {
 const SIGMA: f32 = 0.7;
 
 impl Quality {
+    /// All of them, from fast to exact.
+    pub const ALL: [Quality; 4] = [Quality::Draft, Quality::Standard, Quality::High, Quality::Reference];
+
+    /// Its name in commands and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Quality::Draft => "draft",
+            Quality::Standard => "standard",
+            Quality::High => "high",
+            Quality::Reference => "reference",
+        }
+    }
+
     /// The kernel.
     pub fn kernel(self) -> KernelShape {
         let radius = match self {

@@ -126,6 +126,11 @@ impl Grid {
         Ok(())
     }
 
+    /// The smallest of the spacings.
+    pub fn finest_spacing(&self) -> f64 {
+        self.spacing.into_iter().fold(f64::INFINITY, f64::min)
+    }
+
     /// Geometric mean of the spacings: the edge of a cube as large as a cell.
     pub fn mean_spacing(&self) -> f64 {
         // By logarithms: the product of three tiny or huge spacings leaves the range of numbers.

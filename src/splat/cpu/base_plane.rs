@@ -194,7 +194,7 @@ impl BasePlane {
 pub(super) fn memory_need(pixels: u64) -> u64 {
     const PIXEL: u64 = 2 * 16 + 2;
     // What rows have to spare.
-    const SPARE: u64 = 16 * plane_rows::SPARE as u64 * MAX_SIZE as u64;
+    const SPARE: u64 = 16 * plane_rows::WIDE as u64 * MAX_SIZE as u64;
     if pixels == 0 { 0 } else { PIXEL.saturating_mul(pixels).saturating_add(SPARE) }
 }
 

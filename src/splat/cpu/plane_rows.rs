@@ -19,8 +19,8 @@ use crate::error::{Error, Result};
 
 /// Pixels that are read and written at once.
 pub(super) const EIGHT: usize = 8;
-/// Columns to spare: eight pixels may begin up to eight right of the band's last.
-pub(super) const SPARE: usize = 2 * EIGHT;
+/// Columns that are asked about at once, at most. As many are to spare, as they may begin at the band's last pixel.
+pub(super) const WIDE: usize = 16;
 
 /// Side of a cell in pixels, as a shift; and of a block.
 const CELL: i32 = 3;
@@ -29,7 +29,7 @@ const BLOCK_OF_CELLS: i32 = 6;
 /// A band of the plane.
 pub(super) struct Rows {
     pub(super) rect: Rect,
-    /// Columns of each of the four values' rows, with [`SPARE`].
+    /// Columns of each of the four values' rows, and [`WIDE`] to spare.
     pitch: usize,
     values: Box<[f32]>,
     /// Pixels of each cell that may still change.
@@ -43,7 +43,7 @@ impl Rows {
     /// [`Error::Limit`] if the memory cannot be had.
     pub(super) fn new(rect: Rect) -> Result<Rows> {
         let columns = (rect.x1 - rect.x0) as usize;
-        let pitch = columns + SPARE;
+        let pitch = columns + WIDE;
         let rows = (rect.y1 - rect.y0) as usize;
         let len = 4 * pitch * rows;
         let mut values = Vec::new();
@@ -65,7 +65,7 @@ impl Rows {
     }
 
     /// Whether one of `COLUMNS` columns from `x` on may still change in one of `count` rows from `y` on; the column lies in
-    /// the band, and as many are on it or to spare.
+    /// the band, and they are [`WIDE`] at most.
     #[inline(always)]
     pub(super) fn are_open<const COLUMNS: usize>(&self, x: i32, y: i32, count: usize, stop: f32) -> bool {
         let mut most = [-1.0f32; COLUMNS];

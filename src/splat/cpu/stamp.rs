@@ -23,7 +23,7 @@ use std::time::{Duration, Instant};
 use super::arith::absorbed;
 use super::band::{self, Drawn, Extra, Work};
 use super::dispatch;
-use super::plane_rows::{EIGHT, Rows};
+use super::plane_rows::{EIGHT, Rows, WIDE};
 use super::planes::Rect;
 use super::project::{Kind, Projector, Voxels, along, span, split};
 use super::raster::{BLOCK, Centre, Kernel, Limits, Splats};
@@ -33,7 +33,7 @@ use crate::splat::{Code, View};
 use crate::traverse::{Batch, Order, Visitor, VoxelBox, walk};
 
 /// Pixels of a stamp's row, and its rows, at most.
-pub(super) const SIDE: usize = EIGHT;
+const SIDE: usize = EIGHT;
 /// Footprints whose half-widths are below this fit a stamp: two of them and a pixel's width are at most [`SIDE`].
 pub(super) const REACH: f32 = 4.0;
 
@@ -175,6 +175,9 @@ impl Band<'_> {
 
     /// Draws the voxels that wait.
     fn flush(&mut self) {
+        if self.bench.voxels.count == 0 {
+            return;
+        }
         self.drawn += dispatch::stamped(self.code, self.projector, &mut self.bench, self.limits);
     }
 }
@@ -289,12 +292,9 @@ impl Bench {
 
 /// Of fewer neighbours each is asked for itself, later.
 const FEW: usize = 5;
-/// Voxels and columns that are looked at at once.
-const NEAR: usize = 16;
-const WIDE: usize = 16;
 
 impl Stamp {
-    /// How many voxels of a batch from `at` on lie on one line and have all their pixels among `WIDE`.
+    /// How many voxels of a batch from `at` on lie on one line and have all their pixels among [`WIDE`]: they are fewer.
     #[inline(always)]
     fn neighbours(&self, batch: &Batch, at: usize) -> usize {
         let (medium, fast) = (batch.medium[at], batch.fast[at]);
@@ -303,12 +303,12 @@ impl Stamp {
             |other_medium: u16, other_fast: u16| (other_medium == medium) & (other_fast.abs_diff(fast) <= most);
         let (mediums, fasts) = (&batch.medium[at..], &batch.fast[at..]);
         let mut count = 0u16;
-        if let (Some(mediums), Some(fasts)) = (mediums.first_chunk::<NEAR>(), fasts.first_chunk::<NEAR>()) {
-            for i in 0..NEAR {
+        if let (Some(mediums), Some(fasts)) = (mediums.first_chunk::<WIDE>(), fasts.first_chunk::<WIDE>()) {
+            for i in 0..WIDE {
                 count += u16::from(is_near(mediums[i], fasts[i]));
             }
         } else {
-            for (medium, fast) in mediums.iter().zip(fasts).take(NEAR) {
+            for (medium, fast) in mediums.iter().zip(fasts).take(WIDE) {
                 count += u16::from(is_near(*medium, *fast));
             }
         }

@@ -52,7 +52,7 @@ impl Subject {
             // Footprints reach beyond the outermost voxels.
             radius: radius + 3.5 * spacing.iter().copied().fold(0.0, f64::max),
             frame: WorldFrame::of(&facts.grid),
-            finest: spacing.iter().copied().fold(f64::INFINITY, f64::min),
+            finest: facts.grid.finest_spacing(),
             coarsest: spacing.iter().copied().fold(0.0, f64::max),
             low,
             high,

@@ -170,6 +170,11 @@ impl Candidate {
         Candidate { family, quality: None, ..Candidate::preset(Quality::Standard, 8) }
     }
 
+    /// The name of the preset that it is; empty for none.
+    pub fn quality_name(&self) -> &'static str {
+        self.quality.map_or("", Quality::name)
+    }
+
     /// All knobs in one line: `sigma=0.7 radius=2.5 stop=1/1024 sampling=enough values=8 normals=8`, and what is unusual.
     pub fn settings_text(&self) -> String {
         let sampling = match self.sampling {
@@ -245,7 +250,7 @@ fn share(part: f32) -> String {
 pub fn candidates(quick: bool) -> Vec<Candidate> {
     let mut all = Vec::new();
     for bits in [8, 16] {
-        for quality in [Quality::Draft, Quality::Standard, Quality::High, Quality::Reference] {
+        for quality in Quality::ALL {
             all.push(Candidate::preset(quality, bits));
         }
     }

@@ -4,7 +4,7 @@
 /// one. Of equal ones all are. A point without a time is not on it.
 ///
 /// O(points squared).
-pub fn front(points: &[(Option<f64>, f64)]) -> Vec<bool> {
+pub(super) fn front(points: &[(Option<f64>, f64)]) -> Vec<bool> {
     let beats = |(time, decibels): (f64, f64), (than, worse): (f64, f64)| {
         time <= than && decibels >= worse && (time < than || decibels > worse)
     };

@@ -51,6 +51,23 @@ pub struct Outcome {
     pub front: bool,
 }
 
+impl Outcome {
+    /// Takes the worse of each error.
+    pub fn worsen(&mut self, other: &Outcome) {
+        self.psnr = self.psnr.min(other.psnr);
+        self.ssim = self.ssim.min(other.ssim);
+        self.flip = self.flip.max(other.flip);
+        self.max_abs = self.max_abs.max(other.max_abs);
+        self.rmse = self.rmse.max(other.rmse);
+    }
+}
+
+/// Marks those that no other beats in time and PSNR.
+pub fn mark_front(outcomes: &mut [Outcome]) {
+    let points: Vec<_> = outcomes.iter().map(|outcome| (outcome.milliseconds, outcome.psnr)).collect();
+    outcomes.iter_mut().zip(front(&points)).for_each(|(outcome, front)| outcome.front = front);
+}
+
 /// Measures `candidates`, all of which the set can draw, in `views`; `go_on` is told what is done of how much, and may
 /// stop it.
 ///
@@ -109,10 +126,7 @@ pub fn measure(
         }));
     }
     outcomes.extend(over_all(views, candidates.len(), &outcomes));
-    for outcomes in outcomes.chunks_mut(candidates.len().max(1)) {
-        let points: Vec<_> = outcomes.iter().map(|outcome| (outcome.milliseconds, outcome.psnr)).collect();
-        outcomes.iter_mut().zip(front(&points)).for_each(|(outcome, front)| outcome.front = front);
-    }
+    outcomes.chunks_mut(candidates.len().max(1)).for_each(mark_front);
     Ok(outcomes)
 }
 
@@ -126,11 +140,7 @@ fn over_all(views: &[JudgedView], candidates: usize, outcomes: &[Outcome]) -> Ve
             None => all.push(shared),
             Some(all) => {
                 all.milliseconds = all.milliseconds.zip(shared.milliseconds).map(|(a, b)| a + b);
-                all.psnr = all.psnr.min(shared.psnr);
-                all.ssim = all.ssim.min(shared.ssim);
-                all.flip = all.flip.max(shared.flip);
-                all.max_abs = all.max_abs.max(shared.max_abs);
-                all.rmse = all.rmse.max(shared.rmse);
+                all.worsen(&shared);
             }
         }
     }

@@ -22,8 +22,7 @@ mod truth;
 mod view;
 
 pub use candidate::{Candidate, Drawer, Family, Nesting, candidates};
-pub use front::front;
-pub use measure::{Effort, Outcome, measure};
+pub use measure::{Effort, Outcome, mark_front, measure};
 pub use view::{JudgedView, views};
 
 use super::subject::Subject;

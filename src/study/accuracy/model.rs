@@ -5,6 +5,8 @@
 //! (order), and that one from the renderer's (arithmetic: codes, cut-off, termination, sampling, single precision); and
 //! the first from the last, which is all of it.
 
+use std::ops::ControlFlow;
+
 use super::view::JudgedView;
 use super::{Candidate, Judged};
 use crate::error::{Error, Result};
@@ -54,11 +56,18 @@ pub struct Share {
     pub metrics: Metrics,
 }
 
-/// Splits the error of `candidates` in each of `views` whose voxels are not finer than pixels.
+/// Splits the error of `candidates` in each of `views` whose voxels are not finer than pixels; `go_on` is told what is
+/// done of how much, and may stop it.
 ///
 /// # Errors
-/// [`Error::Limit`] if the grid has more than [`MOST_POINTS`]; as drawing.
-pub fn measure(set: &Judged, views: &[JudgedView], candidates: &[Candidate], threads: usize) -> Result<Vec<Share>> {
+/// [`Error::Limit`] if the grid has more than [`MOST_POINTS`]; as drawing; [`Error::Interrupted`] if `go_on` says so.
+pub fn measure(
+    set: &Judged,
+    views: &[JudgedView],
+    candidates: &[Candidate],
+    threads: usize,
+    mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
+) -> Result<Vec<Share>> {
     let visible = set.judge.visible();
     let points = visible.grid().len();
     if points > MOST_POINTS {
@@ -88,6 +97,9 @@ pub fn measure(set: &Judged, views: &[JudgedView], candidates: &[Candidate], thr
             let drawn = cpu::render(&scene, &view.camera, &settings)?.0;
             push(Part::Arithmetic, Some(number), &nested, &drawn)?;
             push(Part::All, Some(number), &integral, &drawn)?;
+        }
+        if go_on(index as u64 + 1, views.len() as u64).is_break() {
+            return Err(Error::Interrupted);
         }
     }
     Ok(shares)

@@ -8,9 +8,11 @@
 //! Source: Radl et al., "StopThePop", 2024, measures popping of splats as what a moving camera does not explain; departs
 //! from it in the sorted judge, which takes the place of optical flow.
 
+use std::ops::ControlFlow;
+
 use super::Judged;
 use super::candidate::Candidate;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::reference::splat::{self as judge, Order};
 use crate::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View, cpu};
 use crate::traverse::{self, Sense, SplitForm};
@@ -52,19 +54,25 @@ pub struct Popping {
     pub sorted: Change,
 }
 
-/// Measures the judge in nested order and the presets `qualities`, each on the file of so many bits.
+/// Measures the judge in nested order and `presets`; `go_on` is told what is done of how much, and may stop it.
 ///
 /// Nothing where no azimuth switches the slow axis.
 ///
 /// # Errors
-/// As drawing.
-pub fn measure(set: &Judged, qualities: &[(Quality, Candidate)], threads: usize) -> Result<Vec<Popping>> {
+/// As drawing; [`Error::Interrupted`] if `go_on` says so.
+pub fn measure(
+    set: &Judged,
+    presets: &[Candidate],
+    threads: usize,
+    mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
+) -> Result<Vec<Popping>> {
     let visible = set.judge.visible();
     let (grid, Some((low, high))) = (visible.grid(), visible.bounds()) else { return Ok(Vec::new()) };
     let turn = Turn::new(grid, Surround::of_voxels(grid, low, high))?;
     let Some(switch) = turn.switch()? else { return Ok(Vec::new()) };
-    let mut all = Vec::new();
-    for (azimuth, across) in [(switch, true), (turn.calm_from(switch)?, false)] {
+    let places = [(switch, true), (turn.calm_from(switch)?, false)];
+    let (mut all, mut done, total) = (Vec::new(), 0, (places.len() * STEPS.len()) as u64);
+    for (azimuth, across) in places {
         for step in STEPS {
             let cameras = (0..FRAMES)
                 .map(|frame| turn.camera(azimuth + (f64::from(frame) - f64::from(FRAMES - 1) / 2.0) * step))
@@ -78,13 +86,17 @@ pub fn measure(set: &Judged, qualities: &[(Quality, Candidate)], threads: usize)
                 all.push(Popping { azimuth, across, step, drawer, found, sorted });
             };
             push("judge, nested".to_owned(), judged(Order::Nested)?);
-            for (quality, candidate) in qualities {
+            for candidate in presets {
                 let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
                 let found = change(&cameras, |camera| {
                     let settings = candidate.settings(&turn.view(camera)?, grid.dims)?;
                     Ok(cpu::render(&scene, camera, &crate::splat::Settings { threads, ..settings })?.0)
                 })?;
-                push(format!("{quality:?}, {} bits", candidate.value_bits).to_lowercase(), found);
+                push(format!("{}, {} bits", candidate.quality_name(), candidate.value_bits), found);
+            }
+            done += 1;
+            if go_on(done, total).is_break() {
+                return Err(Error::Interrupted);
             }
         }
     }
@@ -120,10 +132,9 @@ struct Turn<'a> {
 impl<'a> Turn<'a> {
     fn new(grid: &'a Grid, around: Surround) -> Result<Turn<'a>> {
         let mut turn = Turn { grid, around, size: [1; 2] };
-        let closest = grid.spacing.into_iter().fold(f64::INFINITY, f64::min);
         if let Projection::Parallel { height } = turn.camera(0.0)?.projection() {
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked by View")]
-            let side = (height / closest * PIXELS).ceil().max(1.0) as u32;
+            let side = (height / grid.finest_spacing() * PIXELS).ceil().max(1.0) as u32;
             turn.size = [side; 2];
         }
         Ok(turn)

@@ -69,7 +69,7 @@ impl Plan {
         let Plan { name, azimuth, elevation, fov, pixels } = *self;
         let orbit = |zoom: f64| Orbit { azimuth, elevation, zoom, fov, ..Orbit::default() };
         let camera = Camera::orbiting(orbit(1.0), around, [1, 1])?;
-        let closest = grid.spacing.into_iter().fold(f64::INFINITY, f64::min);
+        let closest = grid.finest_spacing();
         // World length that the picture shows as deep as its farthest voxels lie.
         let shown = match camera.projection() {
             Projection::Parallel { height } => height,

@@ -77,6 +77,14 @@ impl Series {
     pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> Series {
         Series { stroke: Stroke::None, ..Series::solid(name, points) }
     }
+
+    /// Adds a point to the one of `all` that has this name, or to a new one of points alone.
+    pub fn add_point(all: &mut Vec<Series>, name: &str, point: [f64; 2]) {
+        match all.iter_mut().find(|series| series.name == name) {
+            Some(series) => series.points.push(point),
+            None => all.push(Series::points(name, vec![point])),
+        }
+    }
 }
 
 /// A plot of points, and lines through them.

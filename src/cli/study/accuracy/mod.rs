@@ -134,15 +134,3 @@ fn files(volume: &mut Unbuilt) -> Result<Vec<([u8; 2], Set)>> {
 fn bounds(judge: &Judge, name: &str) -> Result<([u16; 3], [u16; 3])> {
     judge.visible().bounds().ok_or_else(|| Error::input(name, "has no visible voxels; there is no picture to compare"))
 }
-
-/// A preset's name, as `--quality` has it.
-fn quality_name(quality: Option<crate::splat::Quality>) -> &'static str {
-    use crate::splat::Quality;
-    match quality {
-        None => "",
-        Some(Quality::Draft) => "draft",
-        Some(Quality::Standard) => "standard",
-        Some(Quality::High) => "high",
-        Some(Quality::Reference) => "reference",
-    }
-}

@@ -10,8 +10,7 @@ use crate::study::report::Report;
 use crate::study::report::plot::{Plot, Series, Side};
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    let presets = [(Quality::Standard, 8), (Quality::High, 16)]
-        .map(|(quality, bits)| (quality, Candidate::preset(quality, bits)));
+    let presets = [Candidate::preset(Quality::Standard, 8), Candidate::preset(Quality::High, 16)];
     let threads = arguments.threads()?;
     let mut report = Report::new(&[
         "set",
@@ -30,14 +29,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut names = Vec::new();
     arguments.each_judged(&arguments.sets, false, |set, go_on| {
         names.push(set.name.to_owned());
-        for found in measure(set, &presets, threads)? {
+        for found in measure(set, &presets, threads, go_on)? {
             let excess = found.found.largest - found.sorted.largest;
             if found.across && found.step == STEPS[STEPS.len() - 1] {
-                let point = [names.len() as f64, excess.max(0.0)];
-                match series.iter_mut().find(|series| series.name == found.drawer) {
-                    Some(series) => series.points.push(point),
-                    None => series.push(Series::points(found.drawer.as_str(), vec![point])),
-                }
+                Series::add_point(&mut series, &found.drawer, [names.len() as f64, excess.max(0.0)]);
             }
             report.push(vec![
                 set.name.into(),
@@ -53,7 +48,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
                 (found.found.rms - found.sorted.rms).into(),
             ]);
         }
-        let _ = go_on(1, 1);
         Ok(())
     })?;
     let plot = Plot {

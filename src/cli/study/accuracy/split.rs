@@ -1,7 +1,7 @@
 //! The error in three: table and rows.
 
 use super::super::super::{Answer, print_result};
-use super::{Arguments, bounds, quality_name};
+use super::{Arguments, bounds};
 use crate::error::Result;
 use crate::splat::Quality;
 use crate::study::accuracy::model::{Part, measure};
@@ -22,21 +22,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         let (low, high) = bounds(set.judge, set.name)?;
         let views = views(set.judge.visible().grid(), low, high, arguments.sets.quick)?;
         let mut last = None;
-        for share in measure(set, &views, &presets, threads)? {
+        for share in measure(set, &views, &presets, threads, go_on)? {
             let view = views[share.view].name;
             if last != Some(share.view) {
                 places.push(format!("{}, {view}", set.name));
                 last = Some(share.view);
             }
             let candidate = share.candidate.map(|index| &presets[index]);
-            let quality = quality_name(candidate.and_then(|candidate| candidate.quality));
+            let quality = candidate.map_or("", Candidate::quality_name);
             if share.part != Part::All && share.metrics.psnr.is_finite() {
                 let name = format!("{} {quality}", share.part.name());
-                let point = [places.len() as f64, share.metrics.psnr];
-                match series.iter_mut().find(|series| series.name == name.trim_end()) {
-                    Some(series) => series.points.push(point),
-                    None => series.push(Series::points(name.trim_end(), vec![point])),
-                }
+                Series::add_point(&mut series, name.trim_end(), [places.len() as f64, share.metrics.psnr]);
             }
             let metrics = share.metrics;
             report.push(vec![
@@ -52,7 +48,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
                 metrics.rmse.into(),
             ]);
         }
-        let _ = go_on(1, 1);
         Ok(())
     })?;
     let plot = Plot {

@@ -1,11 +1,11 @@
 //! Time against error: the table, the rows and the plot.
 
 use super::super::super::{Answer, print_result};
-use super::{Arguments, bounds, quality_name};
+use super::{Arguments, bounds};
 use crate::error::Result;
 use crate::splat::Quality;
 use crate::study::accuracy::{
-    Candidate, Drawer, Effort, Family, JudgedView, Outcome, candidates, front, measure, views,
+    Candidate, Drawer, Effort, Family, JudgedView, Outcome, candidates, mark_front, measure, views,
 };
 use crate::study::report::plot::{Plot, Series, Side};
 use crate::study::report::{Cell, Report};
@@ -102,7 +102,7 @@ impl Found {
             view.map_or("all", |view| view.name).into(),
             view.map(|view| view.pixels_per_voxel).into(),
             candidate.family.name().into(),
-            quality_name(candidate.quality).into(),
+            candidate.quality_name().into(),
             candidate.settings_text().as_str().into(),
             stored(candidate.value_bits).into(),
             stored(candidate.normal_bits).into(),
@@ -126,22 +126,14 @@ fn over_sets(found: &[Found], count: usize) -> Vec<Outcome> {
             set.outcomes.iter().find(in_all).copied()
         };
         let Some(outcomes) = found.iter().map(of_set).collect::<Option<Vec<Outcome>>>() else { continue };
+        let Some((first, others)) = outcomes.split_first() else { continue };
         let logs: Option<f64> = outcomes.iter().map(|outcome| outcome.milliseconds.map(f64::ln)).sum();
-        let worst = |of: fn(&Outcome) -> f64, pick: fn(f64, f64) -> f64| outcomes.iter().map(of).reduce(pick);
-        all.push(Outcome {
-            view: None,
-            candidate,
-            milliseconds: logs.map(|sum| (sum / outcomes.len() as f64).exp()),
-            psnr: worst(|o| o.psnr, f64::min).unwrap_or(f64::INFINITY),
-            ssim: worst(|o| o.ssim, f64::min).unwrap_or(1.0),
-            flip: worst(|o| o.flip, f64::max).unwrap_or(0.0),
-            max_abs: worst(|o| o.max_abs, f64::max).unwrap_or(0.0),
-            rmse: worst(|o| o.rmse, f64::max).unwrap_or(0.0),
-            front: false,
-        });
+        let milliseconds = logs.map(|sum| (sum / outcomes.len() as f64).exp());
+        let mut together = Outcome { candidate, milliseconds, ..*first };
+        others.iter().for_each(|outcome| together.worsen(outcome));
+        all.push(together);
     }
-    let points: Vec<_> = all.iter().map(|outcome| (outcome.milliseconds, outcome.psnr)).collect();
-    all.iter_mut().zip(front(&points)).for_each(|(outcome, front)| outcome.front = front);
+    mark_front(&mut all);
     all
 }
 
@@ -161,9 +153,9 @@ fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[Found]) -> Plot {
         let timed: Vec<(usize, [f64; 2])> = members.filter_map(|o| Some((o.candidate, place(o)?))).collect();
         let label = |&(candidate, _): &(usize, [f64; 2])| {
             let candidate = &all[candidate];
-            candidate.quality.map_or(String::new(), |_| {
-                format!("{}, {} bits", quality_name(candidate.quality), candidate.value_bits)
-            })
+            candidate
+                .quality
+                .map_or(String::new(), |_| format!("{}, {} bits", candidate.quality_name(), candidate.value_bits))
         };
         let labels = if family == Family::Presets { timed.iter().map(label).collect() } else { Vec::new() };
         let points: Vec<[f64; 2]> = timed.into_iter().map(|(_, point)| point).collect();
