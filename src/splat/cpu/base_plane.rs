@@ -19,6 +19,7 @@
     reason = "places are inside planes of 16,384 pixels a side; weights are single precision"
 )]
 
+use glam::Vec4;
 use multiversion::multiversion;
 
 use super::sampling::{columns_to_coefficients, covered, in_shares, spline, to_coefficients};
@@ -209,39 +210,86 @@ struct Coefficients<'a> {
     columns: usize,
 }
 
+/// Pixels of a row whose places are computed together.
+const TOGETHER: usize = 16;
+
 /// A row of the picture: the mean of the plane's spline at `points` around each pixel.
-#[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 fn resample(from: &Coefficients, map: &[[f64; 3]; 2], points: &[[f64; 2]], y: f64, row: &mut [[f32; 4]]) {
-    let rows = from.values.len() / from.columns;
     let share = 1.0 / points.len() as f32;
-    for (x, pixel) in row.iter_mut().enumerate() {
-        let mut sum = [0.0f32; 4];
+    let mut sides = [Along::default(), Along::default()];
+    for (first, pixels) in (0u32..).step_by(TOGETHER).zip(row.chunks_mut(TOGETHER)) {
+        let mut sums = [Vec4::ZERO; TOGETHER];
         for [across, down] in points {
-            let at = [x as f64 + across, y + down];
-            let [u, v] = [0, 1].map(|side: usize| map[side][0] * at[0] + map[side][1] * at[1] + map[side][2]);
+            for (side, [a, b, c]) in sides.iter_mut().zip(map) {
+                side.place(*a, (f64::from(first) + across) * a + (b * (y + down) + c));
+            }
+            from.add(&sides, &mut sums[..pixels.len()]);
+        }
+        for (pixel, sum) in pixels.iter_mut().zip(sums) {
+            // Interpolation overshoots a little at edges.
+            let value = (sum * share).max(Vec4::ZERO);
+            *pixel = value.min(Vec4::new(f32::MAX, f32::MAX, f32::MAX, 1.0)).to_array();
+        }
+    }
+}
+
+impl Coefficients<'_> {
+    /// Adds the spline at the places `sides` to `sums`.
+    #[inline(always)]
+    fn add(&self, [u, v]: &[Along; 2], sums: &mut [Vec4]) {
+        let ends = [self.columns, self.values.len() / self.columns].map(|side| side as i32 - 2);
+        for (i, sum) in sums.iter_mut().enumerate() {
             // Outside, and where no four pixels are around, nothing was drawn.
-            if !(u >= 1.0 && v >= 1.0 && u < (from.columns - 2) as f64 && v < (rows - 2) as f64) {
+            if u.first[i] < 1 || v.first[i] < 1 || u.first[i] >= ends[0] || v.first[i] >= ends[1] {
                 continue;
             }
-            let (left, top) = (u as usize, v as usize);
-            let (nearest_u, nearest_v) = ((u + 0.5) as usize, (v + 0.5) as usize);
-            if !from.covered[from.columns * nearest_v + nearest_u] {
-                continue;
-            }
-            let (across, down) = (spline((u - left as f64) as f32), spline((v - top as f64) as f32));
-            let mut sums = [0.0f32; 16];
-            for (row, weight) in (top - 1..).zip(down) {
-                let taps = &from.values[from.columns * row + left - 1..][..4].as_flattened()[..16];
-                for i in 0..16 {
-                    sums[i] += weight * taps[i];
-                }
-            }
-            for i in 0..16 {
-                sum[i % 4] += across[i / 4] * sums[i];
+            let (left, top) = (u.first[i] as usize, v.first[i] as usize);
+            let nearest = self.columns * (top + usize::from(v.rest[i] >= 0.5)) + left + usize::from(u.rest[i] >= 0.5);
+            if self.covered[nearest] {
+                let weights = |side: &Along| [0, 1, 2, 3].map(|k| side.weights[k][i]);
+                *sum += self.at(left - 1, top - 1, weights(u), weights(v));
             }
         }
-        // Interpolation overshoots a little at edges.
-        let [red, green, blue, alpha] = sum.map(|value| (value * share).max(0.0));
-        *pixel = [red, green, blue, alpha.min(1.0)];
+    }
+
+    /// The spline where the first of the 4 x 4 pixels around is in column `left` and row `top`.
+    #[inline(always)]
+    fn at(&self, left: usize, top: usize, across: [f32; 4], down: [f32; 4]) -> Vec4 {
+        let row = |k: usize| {
+            let taps: &[[f32; 4]; 4] =
+                self.values[self.columns * (top + k) + left..].first_chunk().expect("four pixels are around");
+            let [a, b, c, d] = taps.map(Vec4::from_array);
+            (a * across[0] + b * across[1]) + (c * across[2] + d * across[3])
+        };
+        (row(0) * down[0] + row(1) * down[1]) + (row(2) * down[2] + row(3) * down[3])
+    }
+}
+
+/// Where the pixels of a part of a row lie along one side of the plane.
+#[derive(Default)]
+struct Along {
+    /// The pixel at or before each.
+    first: [i32; TOGETHER],
+    /// How far past it.
+    rest: [f32; TOGETHER],
+    weights: [[f32; TOGETHER]; 4],
+}
+
+impl Along {
+    /// Places pixels `step` apart, the first at `at`.
+    #[inline(always)]
+    fn place(&mut self, step: f64, at: f64) {
+        for i in 0..TOGETHER {
+            let at = at + i as f64 * step;
+            let floor = at.floor();
+            (self.first[i], self.rest[i]) = (floor as i32, (at - floor) as f32);
+        }
+        for i in 0..TOGETHER {
+            let weights = spline(self.rest[i]);
+            for k in 0..4 {
+                self.weights[k][i] = weights[k];
+            }
+        }
     }
 }
