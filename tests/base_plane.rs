@@ -192,11 +192,12 @@ fn a_crop_and_a_picture_that_cuts_the_volume_are_cut_alike() {
 }
 
 #[test]
-fn a_volume_that_is_small_in_its_picture_is_drawn_pixel_by_pixel() {
+fn a_volume_that_is_small_in_its_picture_is_drawn_by_finer_pixels() {
     let built = built("gyroid", [60, 60, 60], [1.0; 3], 8);
     let size = [200, 200];
     for pixels in [0.3, 0.1, 0.01] {
         let camera = camera(&built, [30.0, 20.0], pixels, size);
-        assert!(draw(&built, &camera, &enough(size)) == draw(&built, &camera, &Settings::new(size)), "{pixels}");
+        let finer = Settings { sampling: Sampling::Finer, ..Settings::new(size) };
+        assert!(draw(&built, &camera, &enough(size)) == draw(&built, &camera, &finer), "{pixels}");
     }
 }

@@ -104,7 +104,7 @@ fn where_nothing_is_nothing_is_drawn() {
 #[test]
 fn narrow_splats_and_other_modes_take_every_pixel() {
     let fine = built("gyroid", [96, 96, 96], 0.5);
-    let small = [100, 100];
+    let small = [160, 160];
     let view = camera(&fine, 1.0, Some(40.0), small);
     let settings = Settings::new(small);
     assert!(draw(&fine, &view, &settings) == draw(&fine, &view, &enough(&settings)));

@@ -8,6 +8,7 @@ use super::print_note;
 use super::renderer::{FrameStats, Renderer, RendererArguments};
 use super::size::parse_size;
 use crate::error::{Error, Result};
+use crate::splat::finer::Finer;
 use crate::splat::gpu::adapter::{self, Opened};
 use crate::splat::gpu::{self, Compositor, Options, Target};
 use crate::splat::{Camera, Frame, Scene, Settings};
@@ -93,10 +94,13 @@ impl OnDevice<'_> {
         // Quads do not end early; and back to front each splat shrinks the roundings behind it.
         let sense = if has_few_bits { Sense::BackToFront } else { settings.sense };
         let settings = &Settings { sense, ..settings.clone() };
-        let (frame, stats) = self.renderer.render(camera, settings)?;
+        let grid = &self.scene.facts.grid;
+        let renderer = &mut self.renderer;
+        let (frame, stats) = Finer::drawn(grid, camera, settings, |settings| renderer.render(camera, settings))?;
         if has_few_bits && self.accumulation_error.is_none() {
             self.renderer.set_compositor(Some(Compositor::Tiles))?;
-            let (exact, _) = self.renderer.render(camera, &Settings { termination: Some(0.0), ..settings.clone() })?;
+            let exact = Settings { termination: Some(0.0), ..settings.clone() };
+            let (exact, _) = Finer::drawn(grid, camera, &exact, |settings| self.renderer.render(camera, settings))?;
             self.renderer.set_compositor(Some(compositor))?;
             let [largest, rms] = difference(&frame, &exact);
             print_note(&format!(

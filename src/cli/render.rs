@@ -113,11 +113,12 @@ pub(super) struct LookArguments {
     /// out
     #[arg(long, value_name = "Q", default_value = "standard", value_parser = Quality::ALL.map(Quality::name))]
     quality: String,
-    /// Pixels that are drawn: every is all of the picture's; enough is fewer where splats are wide (seven pixels and more)
-    /// and, in parallel views whose voxels are finer than pixels, those of the slices, and the picture is interpolated from
-    /// them; fewest is one for each voxel of a parallel view's slices. Fewest for draft, enough for standard, every for high and reference
-    /// unless given; graphics devices draw every pixel
-    #[arg(long, value_name = "PIXELS", value_parser = ["fewest", "enough", "every"])]
+    /// Pixels that are drawn: every is all of the picture's; finer is several for each where voxels are finer than they; enough
+    /// is fewer where splats are wide (seven pixels and more) and, in parallel views whose voxels are finer than pixels, those
+    /// of the slices, and the picture is interpolated from them; fewest is one for each voxel of a parallel view's slices.
+    /// Fewest for draft, enough for standard, finer for high and reference unless given; graphics devices and the reference
+    /// know every and finer, and take the others for finer
+    #[arg(long, value_name = "PIXELS", value_parser = ["fewest", "enough", "every", "finer"])]
     sampling: Option<String>,
     /// The fastest settings whose largest error, of a linear sample from 0 to 1 beside --quality reference, is within
     /// this: measured in small windows of the pictures, and doubled
@@ -230,12 +231,12 @@ impl Job<'_> {
             return draw(self, settings, LaneSet::new(file.arena()?, None), transfer, start);
         };
         let cameras = pictured(self.arguments, &file.arena()?, &mut settings)?;
-        // The dial may choose any sampling.
-        let dearest = match self.arguments.look.max_error {
-            Some(_) => Settings { sampling: Sampling::Fewest, ..settings.clone() },
-            None => settings.clone(),
+        let samplings = match self.arguments.look.max_error {
+            Some(_) => dial::RUNGS.map(|rung| rung.sampling).to_vec(),
+            None => vec![settings.sampling],
         };
-        let room = Room::divide(memory, &file.arena()?, &dearest, self.kind, self.arguments.look.depth(), &cameras)?;
+        let depth = self.arguments.look.depth();
+        let room = Room::divide(memory, &file.arena()?, &settings, &samplings, self.kind, depth, &cameras)?;
         settings.threads = room.threads;
         let file = file.keep_resident_below(room.resident)?;
         draw(self, settings, LaneSet::new(file.arena()?, Some(room.derived)), transfer, start)
@@ -427,6 +428,7 @@ fn chosen(settings: &Settings, measured: f64) -> String {
     };
     let pixels = match settings.sampling {
         Sampling::EveryPixel => "every pixel",
+        Sampling::Finer => "every pixel or finer ones",
         Sampling::Enough => "enough pixels",
         Sampling::Fewest => "fewest pixels",
     };
@@ -492,6 +494,7 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
     };
     settings.sampling = match look.sampling.as_deref() {
         Some("every") => Sampling::EveryPixel,
+        Some("finer") => Sampling::Finer,
         Some("enough") => Sampling::Enough,
         Some("fewest") => Sampling::Fewest,
         _ => settings.quality.sampling(),

@@ -13,6 +13,7 @@ use super::on_device::OnDevice;
 use super::print_note;
 use crate::error::{Error, Result};
 use crate::reference::splat::{Judge, Settings as JudgeSettings};
+use crate::splat::finer::Finer;
 use crate::splat::{Camera, Frame, Scene, Settings, cpu};
 
 /// What draws.
@@ -189,18 +190,21 @@ pub(super) fn needs_volume() -> Error {
 /// A frame by the judge: of the kernel asked for the sigma, else that of reference quality whatever the quality.
 fn judged(judge: &Judge, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
     let start = Instant::now();
-    let usual = JudgeSettings::new(settings.size);
-    let judge_settings = JudgeSettings {
-        sigma: settings.kernel.map_or(usual.sigma, |kernel| kernel.sigma.into()),
-        mode: settings.mode,
-        lighting: settings.lighting,
-        exposure: settings.exposure.map(f64::from),
-        near: settings.near,
-        crop: settings.crop.map(|crop| (crop.low, crop.high)),
-        threads: settings.threads,
-        ..usual
+    let draw = |settings: &Settings| {
+        let usual = JudgeSettings::new(settings.size);
+        let judge_settings = JudgeSettings {
+            sigma: settings.kernel.map_or(usual.sigma, |kernel| kernel.sigma.into()),
+            mode: settings.mode,
+            lighting: settings.lighting,
+            exposure: settings.exposure.map(f64::from),
+            near: settings.near,
+            crop: settings.crop.map(|crop| (crop.low, crop.high)),
+            threads: settings.threads,
+            ..usual
+        };
+        Ok((judge.draw(camera, &judge_settings)?.to_frame()?, ()))
     };
-    let frame = judge.draw(camera, &judge_settings)?.to_frame()?;
+    let (frame, ()) = Finer::drawn(judge.visible().grid(), camera, settings, draw)?;
     let stats = FrameStats {
         splats_drawn: judge.visible().voxels().len() as u64,
         splats_skipped: 0,

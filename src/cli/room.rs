@@ -14,7 +14,8 @@ use super::resources::resident_bytes;
 use crate::arena::pager::IN_FLIGHT;
 use crate::arena::{Arena, Lane, LaneSet};
 use crate::error::{Error, Result};
-use crate::splat::{Camera, Lanes, Settings, cpu};
+use crate::splat::cpu::{self, Canvas};
+use crate::splat::{Camera, Lanes, Sampling, Settings};
 use crate::traverse::VoxelBox;
 use crate::volume::Axis;
 
@@ -40,7 +41,7 @@ pub(super) struct Room {
 }
 
 impl Room {
-    /// Divides `memory`.
+    /// Divides `memory` for pictures by `settings` with any of `samplings` in the place of its own.
     ///
     /// # Errors
     /// [`Error::Input`] if even one thread does not fit, with what would.
@@ -48,6 +49,7 @@ impl Room {
         memory: u64,
         arena: &Arena,
         settings: &Settings,
+        samplings: &[Sampling],
         kind: PictureKind,
         depth: Depth,
         cameras: &[Camera],
@@ -55,19 +57,22 @@ impl Room {
         let frames = u32::try_from(cameras.len()).expect("frames are counted in 32 bits");
         let dims = arena.facts().grid.dims;
         let grid = &arena.facts().grid;
-        let plane = match arena.lanes().next().and_then(|lane| lane.bounds()) {
-            Some((low, high)) => cameras
-                .iter()
-                .map(|camera| cpu::plane_pixels(grid, &VoxelBox { low, high }, camera, settings))
-                .try_fold(0, |most, pixels| pixels.map(|pixels| pixels.max(most)))?,
-            None => 0,
-        };
+        let mut canvases = vec![Canvas::Picture];
+        if let Some((low, high)) = arena.lanes().next().and_then(|lane| lane.bounds()) {
+            for &sampling in samplings {
+                let settings = Settings { sampling, ..settings.clone() };
+                for camera in cameras {
+                    canvases.push(cpu::canvas(grid, &VoxelBox { low, high }, camera, &settings)?);
+                }
+            }
+        }
         let tiles = arena.lanes().map(|lane| lane.tiles.len() as u64).max().unwrap_or(0);
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
         let need = |threads: usize| {
             let settings = Settings { threads, ..settings.clone() };
-            let drawing = cpu::memory_need(dims, tiles, plane, &settings);
+            let drawing = canvases.iter().map(|&canvas| cpu::memory_need(dims, tiles, canvas, &settings)).max();
+            let drawing = drawing.unwrap_or(0);
             // The frame is gone when its picture is encoded.
             let writing = kind.memory(depth, pixels);
             let in_flight = IN_FLIGHT * threads as u64;

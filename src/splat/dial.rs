@@ -35,12 +35,12 @@ pub const RUNGS: [Rung; 9] = [
     rung(2.1, 1.0 / 128.0, Sampling::Fewest),
     rung(2.1, 1.0 / 255.0, Sampling::Enough),
     rung(2.5, 1.0 / 1024.0, Sampling::Enough),
-    rung(2.1, 1.0 / 255.0, Sampling::EveryPixel),
-    rung(2.5, 1.0 / 1024.0, Sampling::EveryPixel),
-    rung(2.8, 1.0 / 4096.0, Sampling::EveryPixel),
-    rung(3.0, 1e-5, Sampling::EveryPixel),
-    rung(3.5, 1e-5, Sampling::EveryPixel),
-    rung(4.2, 0.0, Sampling::EveryPixel),
+    rung(2.1, 1.0 / 255.0, Sampling::Finer),
+    rung(2.5, 1.0 / 1024.0, Sampling::Finer),
+    rung(2.8, 1.0 / 4096.0, Sampling::Finer),
+    rung(3.0, 1e-5, Sampling::Finer),
+    rung(3.5, 1e-5, Sampling::Finer),
+    rung(4.2, 0.0, Sampling::Finer),
 ];
 
 /// What is measured in windows is doubled: a picture has more pixels than they, and a turn more views.

@@ -2,6 +2,8 @@
 //!
 //! In: a renderer's pixels. Out: the same over a background, or as sRGB samples for a picture file. Rows run down.
 
+use std::ops::Range;
+
 use crate::error::{Error, Result};
 
 /// Red, green, blue, alpha for each pixel, row after row from the top; linear light, premultiplied by alpha.
@@ -42,6 +44,28 @@ impl Frame {
     /// All pixels, to be written.
     pub fn pixels_mut(&mut self) -> &mut [f32] {
         &mut self.pixels
+    }
+
+    /// Shares all rows out among threads: each is told the first of its rows.
+    pub(crate) fn in_shares(&mut self, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
+        self.rows_in_shares(0..self.size[1], threads, fill);
+    }
+
+    /// The same of some rows.
+    pub(crate) fn rows_in_shares(&mut self, rows: Range<u32>, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
+        let len = 4 * self.size[0] as usize;
+        let [from, to] = [rows.start, rows.end].map(|row| row as usize);
+        let pixels = &mut self.pixels[len * from..len * to];
+        let share = (to - from).div_ceil(threads.max(1)).max(1);
+        if threads <= 1 {
+            return fill(from, pixels);
+        }
+        std::thread::scope(|scope| {
+            for (index, rows) in pixels.chunks_mut(share * len).enumerate() {
+                let fill = &fill;
+                scope.spawn(move || fill(from + index * share, rows));
+            }
+        });
     }
 
     /// Pixel in `column` and `row`.

@@ -86,7 +86,7 @@ impl Quality {
         match self {
             Quality::Draft => Sampling::Fewest,
             Quality::Standard => Sampling::Enough,
-            Quality::High | Quality::Reference => Sampling::EveryPixel,
+            Quality::High | Quality::Reference => Sampling::Finer,
         }
     }
 }

@@ -11,6 +11,7 @@ pub mod camera;
 pub mod composite;
 pub mod cpu;
 pub mod dial;
+pub(crate) mod finer;
 pub mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
@@ -129,7 +130,7 @@ pub struct Settings {
     /// Factor on the optical depths of [`Mode::Additive`], above 0; `None`: such that a typical ray through the
     /// visible voxels comes out at three quarters of full brightness, the same for every view of a scene.
     pub exposure: Option<f32>,
-    /// How many pixels are drawn, of those that the picture has. The processor's renderer alone knows fewer than all.
+    /// How many pixels are drawn for those that the picture has. The processor's renderer alone knows this.
     pub sampling: Sampling,
     /// Which code draws.
     pub code: Code,
@@ -143,11 +144,14 @@ pub enum Sampling {
     #[default]
     #[serde(rename = "every")]
     EveryPixel,
+    /// All; of a composited picture whose voxels are finer than its pixels, several for each, which are then seen through a
+    /// Gaussian. Pictures of more than 2^24 such pixels have as many as that.
+    Finer,
     /// As many as a picture needs that is composited; the others are interpolated between them. Where the voxels of a
     /// parallel view are finer than its pixels, those of the *base plane*: one for each scan line that the view looks onto,
     /// of all slices laid over each other (shear-warp; Lacroute and Levoy 1994), which is also the more exact.
-    /// Elsewhere as many as the narrowest footprint needs: work falls with the square of the magnification. How far
-    /// pictures differ: docs/studies/sampling.md.
+    /// Elsewhere as many as the narrowest footprint needs: work falls with the square of the magnification; finer ones as
+    /// [`Sampling::Finer`] where that is more than all. How far pictures differ: docs/studies/sampling.md.
     Enough,
     /// For moving the camera: the base plane of a parallel view where voxels are up to three pixels apart; in
     /// perspective two fifths of the pixels that are enough.

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::traverse::{Order, VoxelBox};
 
 /// What a frame is made of, beside the looks of codes.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Shot<'a> {
     pub(crate) view: View,
     pub(crate) order: Order,

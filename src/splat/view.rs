@@ -5,6 +5,8 @@
 //! x to the right, y down. Lengths on the way are counted in *mean voxels*, the cube root of a cell's volume, so that
 //! neither tiny nor huge spacings leave single precision.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use super::camera::{Camera, Projection, SOUND_LENGTHS, WorldFrame};
@@ -125,6 +127,33 @@ impl View {
         let eye_scaled = std::array::from_fn(|a| eye_voxel[a] * steps[a]);
         let axes = [by_axis(right), by_axis(up), by_axis(forward)];
         Ok(View { size, viewpoint, map, mean_voxel, axes, eye_scaled, reach, steps })
+    }
+
+    /// The same view with `factor` pixels for each along a side, a picture of `size` that has `margin` more on the left and at
+    /// the top.
+    pub(crate) fn with_pixels(&self, factor: f64, size: [u32; 2], margin: f64) -> View {
+        // Pixel 0 is centred at 0, so that the picture begins at -1/2.
+        let place = |at: f64| (at + 0.5) * factor - 0.5 + margin;
+        let map = match self.map {
+            PixelMap::Parallel { pixel_from_voxel, scale } => PixelMap::Parallel {
+                pixel_from_voxel: pixel_from_voxel.map(|[x, y, z, at]| [x * factor, y * factor, z * factor, place(at)]),
+                scale: scale * factor,
+            },
+            PixelMap::Perspective { camera_from_voxel, focal, centre, near } => {
+                PixelMap::Perspective { camera_from_voxel, focal: focal * factor, centre: centre.map(place), near }
+            }
+        };
+        View { map, size, ..self.clone() }
+    }
+
+    /// Some rows of the picture as a picture.
+    pub(crate) fn with_rows(&self, rows: Range<u32>) -> View {
+        let mut view = View { size: [self.size[0], rows.end - rows.start], ..self.clone() };
+        match &mut view.map {
+            PixelMap::Parallel { pixel_from_voxel: [_, row], .. } => row[3] -= f64::from(rows.start),
+            PixelMap::Perspective { centre, .. } => centre[1] -= f64::from(rows.start),
+        }
+        view
     }
 
     /// Pixel box of all footprints of the voxels in `bounds`: columns low and high, rows low and high.

@@ -58,15 +58,17 @@ fn a_device_draws_what_the_processor_draws() {
     }
     adj(&folder, "build phantom:gyroid --dims 40x36x32 -o g.adj", &[]).done();
     let view = "render g.adj --size 90x70 --azimuth 30 --elevation 20 --perspective 35 --quality high";
-    adj(&folder, &format!("{view} --renderer cpu -o cpu.png"), &[]).done();
-    for compositor in ["tiles", "quads"] {
+    // At the smaller magnification voxels are finer than pixels.
+    for (zoom, compositor) in [(1.0, "tiles"), (1.0, "quads"), (0.4, "tiles")] {
+        let view = format!("{view} --zoom {zoom}");
+        adj(&folder, &format!("{view} --renderer cpu -o cpu.png"), &[]).done();
         let line = format!("{view} --renderer gpu --compositor {compositor} -o gpu.png --stats s.json --vram 16MiB");
         let said = adj(&folder, &line, &[]).done();
         assert!(said.contains(", by "), "the device is not named: {said}");
         let (a, b) = (samples(&folder.file("cpu.png")), samples(&folder.file("gpu.png")));
         // A rounding of single precision may tip a sample of 8 bits; early termination is below a hundredth of one.
         let largest = a.iter().zip(&b).map(|(a, b)| a.abs_diff(*b)).max();
-        assert!(largest <= Some(1), "{compositor}: {largest:?}");
+        assert!(largest <= Some(1), "{zoom} {compositor}: {largest:?}");
         let text = std::fs::read_to_string(folder.file("s.json")).expect("it was written");
         let stats: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         assert_eq!(stats["renderer"], "gpu");

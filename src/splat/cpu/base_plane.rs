@@ -22,9 +22,10 @@
 use glam::Vec4;
 use multiversion::multiversion;
 
-use super::sampling::{columns_to_coefficients, covered, in_shares, spline, to_coefficients};
+use super::sampling::{columns_to_coefficients, covered, spline, to_coefficients};
 use super::{plane_rows, stamp};
 use crate::error::Result;
+use crate::splat::finer;
 use crate::splat::kernel::{KernelShape, LOW_PASS, footprint, narrowest};
 use crate::splat::view::{Affine, MAX_SIZE, PixelMap, View};
 use crate::splat::{Frame, Sampling};
@@ -37,7 +38,7 @@ const MOST_PIXELS: f64 = 6.0;
 /// Standard deviation of a kernel in pixels of the picture, along either direction of the plane, up to which the plane is the
 /// more exact: below, the low-pass widens splats. Up to 0.49 it was nearer to finer pixels in all of 36 views, by 5 to 19 dB; at
 /// 0.56 in 15 of 18 (docs/studies/sampling.md).
-const ENOUGH: f64 = 0.53;
+const ENOUGH: f64 = finer::ENOUGH;
 /// The same where 32 dB are enough: in the worst view, nearly along an axis, it is 34 dB at any magnification.
 const FEWEST: f64 = 2.1;
 
@@ -73,7 +74,7 @@ impl BasePlane {
         sampling: Sampling,
     ) -> Option<BasePlane> {
         let coarsest = match sampling {
-            Sampling::EveryPixel => return None,
+            Sampling::EveryPixel | Sampling::Finer => return None,
             Sampling::Enough => ENOUGH,
             Sampling::Fewest => FEWEST,
         };
@@ -167,7 +168,7 @@ impl BasePlane {
     pub(super) fn warp(&self, mut plane: Frame, threads: usize) -> Result<Frame> {
         let columns = plane.size()[0] as usize;
         let covered = covered(&plane);
-        in_shares(plane.pixels_mut(), 4 * columns, threads, |_, rows| {
+        plane.in_shares(threads, |_, rows| {
             for row in rows.chunks_exact_mut(4 * columns) {
                 to_coefficients(row.as_chunks_mut().0);
             }
@@ -181,7 +182,7 @@ impl BasePlane {
         let points: Vec<[f64; 2]> =
             if apart < LEAST_BLUR { vec![[0.0; 2]] } else { corners.map(|point| point.map(|c| c * apart)).to_vec() };
         let coefficients = Coefficients { values: plane.pixels().as_chunks().0, covered: &covered, columns };
-        in_shares(picture.pixels_mut(), width, threads, |first, out| {
+        picture.in_shares(threads, |first, out| {
             for (y, row) in (first..).zip(out.chunks_exact_mut(width)) {
                 resample(&coefficients, &self.plane_from_pixel, &points, y as f64, row.as_chunks_mut().0);
             }
@@ -285,11 +286,9 @@ impl Along {
             let floor = at.floor();
             (self.first[i], self.rest[i]) = (floor as i32, (at - floor) as f32);
         }
+        let [a, b, c, d] = &mut self.weights;
         for i in 0..TOGETHER {
-            let weights = spline(self.rest[i]);
-            for k in 0..4 {
-                self.weights[k][i] = weights[k];
-            }
+            [a[i], b[i], c[i], d[i]] = spline(self.rest[i]);
         }
     }
 }

@@ -24,7 +24,7 @@ mod without;
 
 use std::time::{Duration, Instant};
 
-pub use self::need::memory_need;
+pub use self::need::{Canvas, canvas, memory_need};
 
 use self::band::{Drawn, Extra, Work};
 use self::base_plane::BasePlane;
@@ -32,9 +32,10 @@ use self::blend::{Additive, BackToFront, Blend, FrontToBack, Maximum};
 use self::planes::{Planes, Rect};
 use self::project::Projector;
 use self::raster::Limits;
-use self::sampling::{Coarse, in_shares};
+use self::sampling::Coarse;
 pub(crate) use self::seen::Seen;
 use super::composite::{Finish, Mode, Table};
+use super::finer::Finer;
 use super::frame::Frame;
 use super::shot::Shot;
 use super::view::{PixelMap, View};
@@ -42,7 +43,6 @@ use super::{Camera, Code, Sampling, Scene, Settings, Stats};
 use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::traverse::{Order, Sense, VoxelBox};
-use crate::volume::Grid;
 
 /// Draws a frame.
 ///
@@ -56,27 +56,11 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
     render_without(scene, camera, settings, None)
 }
 
-/// Pixels of the base plane on which a picture is drawn; 0 if it is not drawn on one. `bounds`: of all voxels.
-///
-/// # Errors
-/// As [`render`], but for memory.
-pub fn plane_pixels(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settings) -> Result<u64> {
-    if settings.mode != Mode::Composite || settings.sense == Sense::BackToFront {
-        return Ok(0);
-    }
-    let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
-    let order = match settings.order {
-        Some(order) => order,
-        None => Order::new(view.viewpoint, grid.dims, settings.sense, settings.form)?,
-    };
-    let plane = BasePlane::of(&view, &order, settings.kernel(), bounds, settings.sampling);
-    Ok(plane.map_or(0, |plane| plane.pixels()))
-}
-
 /// Where a picture is drawn if not pixel by pixel.
 enum Stage {
     Coarse(Coarse),
     BasePlane(BasePlane),
+    Finer(Finer),
 }
 
 impl Stage {
@@ -91,25 +75,10 @@ impl Stage {
             Sense::FrontToBack => BasePlane::of(&shot.view, &shot.order, shot.kernel, &bounds, settings.sampling),
             Sense::BackToFront => None,
         };
-        match plane {
-            Some(plane) => Some(Stage::BasePlane(plane)),
-            None => Coarse::of(&shot.view, shot.kernel, &bounds, table.deepest(), settings.sampling).map(Stage::Coarse),
-        }
-    }
-
-    fn view(&self, view: &View) -> View {
-        match self {
-            Stage::Coarse(coarse) => coarse.view(view),
-            Stage::BasePlane(plane) => plane.view(view),
-        }
-    }
-
-    /// The picture, from what was drawn.
-    fn picture(&self, drawn: Frame, threads: usize) -> Result<Frame> {
-        match self {
-            Stage::Coarse(coarse) => coarse.enlarge(drawn, threads),
-            Stage::BasePlane(plane) => plane.warp(drawn, threads),
-        }
+        let finer = || Finer::of(&shot.view, shot.lane.dims, shot.kernel.sigma).map(Stage::Finer);
+        let coarse =
+            || Coarse::of(&shot.view, shot.kernel, &bounds, table.deepest(), settings.sampling).map(Stage::Coarse);
+        plane.map(Stage::BasePlane).or_else(finer).or_else(coarse)
     }
 }
 
@@ -125,21 +94,40 @@ pub(crate) fn render_without(
     left_out: Option<&RecordSet>,
 ) -> Result<(Frame, Stats)> {
     let start = Instant::now();
-    let mut shot = Shot::new(scene, camera, settings)?;
+    let shot = Shot::new(scene, camera, settings)?;
     let table = Table::new(scene, &shot.lane, settings, shot.view.mean_voxel)?;
-    let stage = Stage::of(&shot, &table, settings);
-    if let Some(stage) = &stage {
-        shot.view = stage.view(&shot.view);
-    }
-    let settings = &Settings { size: shot.view.size, ..settings.clone() };
     let extra = Extra { left_out, seen: None };
-    let (drawn, Totals { work, bands }) = match deep::stacks(scene, &shot, &table, settings) {
-        Some(stacks) => deep::draw(&mut shot, &table, settings, extra, &stacks)?,
-        None => draw_whole(&shot, &table, settings, extra, matches!(stage, Some(Stage::BasePlane(_))))?,
+    let stage = Stage::of(&shot, &table, settings);
+    let is_base_plane = matches!(stage, Some(Stage::BasePlane(_)));
+    let draw = |view: View| {
+        let settings = &Settings { size: view.size, ..settings.clone() };
+        let mut shot = Shot { view, ..shot.clone() };
+        match deep::stacks(scene, &shot, &table, settings) {
+            Some(stacks) => deep::draw(&mut shot, &table, settings, extra, &stacks),
+            None => draw_whole(&shot, &table, settings, extra, is_base_plane),
+        }
     };
-    let frame = match stage {
-        Some(stage) => stage.picture(drawn, settings.threads)?,
-        None => drawn,
+    let threads = settings.threads;
+    let (frame, Totals { work, bands }) = match stage {
+        None => draw(shot.view.clone())?,
+        Some(Stage::Coarse(coarse)) => {
+            let (drawn, totals) = draw(coarse.view(&shot.view))?;
+            (coarse.enlarge(drawn, threads)?, totals)
+        }
+        Some(Stage::BasePlane(plane)) => {
+            let (drawn, totals) = draw(plane.view(&shot.view))?;
+            (plane.warp(drawn, threads)?, totals)
+        }
+        Some(Stage::Finer(finer)) => {
+            let (mut picture, mut totals) = (Frame::transparent(settings.size)?, Totals::default());
+            for strip in finer.strips() {
+                let (drawn, of_strip) = draw(finer.view(&shot.view, &strip))?;
+                finer.reduce(&drawn, &strip, threads, &mut picture);
+                totals.add(&of_strip.work);
+                totals.bands += of_strip.bands;
+            }
+            (picture, totals)
+        }
     };
     let milliseconds = |time: Duration| time.as_secs_f64() * 1e3;
     let stats = Stats {
@@ -243,7 +231,7 @@ impl Job<'_> {
         })?;
         let mut frame = Frame::transparent(self.settings.size)?;
         let row_len = 4 * self.settings.size[0] as usize;
-        in_shares(frame.pixels_mut(), row_len, self.settings.threads, |first, rows| {
+        frame.in_shares(self.settings.threads, |first, rows| {
             for (y, row) in (first..).zip(rows.chunks_exact_mut(row_len)) {
                 let y = i32::try_from(y).unwrap_or(i32::MAX);
                 let Some(band) = bands.iter().find(|band| (band.pixels.rect.y0..band.pixels.rect.y1).contains(&y))

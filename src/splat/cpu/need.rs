@@ -1,7 +1,11 @@
 //! What drawing a frame takes of memory, before it is drawn.
 
-use super::base_plane;
-use crate::splat::Settings;
+use super::base_plane::{self, BasePlane};
+use crate::error::Result;
+use crate::splat::finer::Finer;
+use crate::splat::{Camera, Mode, Sampling, Settings, View};
+use crate::traverse::{Order, Sense, VoxelBox};
+use crate::volume::Grid;
 
 /// What tiles, their pitch, their states and counts add to a band: columns and rows, at most (`planes.rs`).
 const PADDING: [u64; 2] = [32 + 1 + 128, 32];
@@ -14,22 +18,66 @@ const TILE: u64 = 16;
 /// Bytes of a grid point along an axis: lines of a slice, gathered and reordered, and a batch of one line's voxels.
 const POINT: u64 = 64;
 
+/// Bytes of a pixel, in a frame and in bands.
+const PIXEL: u64 = 4 * size_of::<f32>() as u64;
+
+/// What a picture is drawn on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Canvas {
+    /// Its own pixels, or fewer.
+    Picture,
+    /// A base plane of so many pixels.
+    BasePlane(u64),
+    /// Finer pixels, in strips of so many columns and rows at most.
+    Finer([u32; 2]),
+}
+
+/// What the picture by `camera` is drawn on. `bounds`: of all voxels.
+///
+/// # Errors
+/// As [`render`](super::render), but for memory.
+pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settings) -> Result<Canvas> {
+    if settings.mode != Mode::Composite || settings.sampling == Sampling::EveryPixel {
+        return Ok(Canvas::Picture);
+    }
+    let kernel = settings.kernel();
+    let view = View::new(camera, grid, settings.size, kernel, settings.near)?;
+    let order = match settings.order {
+        Some(order) => order,
+        None => Order::new(view.viewpoint, grid.dims, settings.sense, settings.form)?,
+    };
+    let plane = match settings.sense {
+        Sense::FrontToBack => BasePlane::of(&view, &order, kernel, bounds, settings.sampling),
+        Sense::BackToFront => None,
+    };
+    let finer = || Finer::of(&view, grid.dims, kernel.sigma).map(|finer| Canvas::Finer(finer.strip_size()));
+    Ok(plane.map(|plane| Canvas::BasePlane(plane.pixels())).or_else(finer).unwrap_or(Canvas::Picture))
+}
+
 /// Upper bound of the bytes that [`render`](super::render) takes beside the lanes: frame, bands, tables and lists.
 ///
-/// `dims`: of the grid. `tiles`: of the lane with the most. `plane`: what [`plane_pixels`](super::plane_pixels) gives, the most
-/// of all cameras.
-pub fn memory_need(dims: [u32; 3], tiles: u64, plane: u64, settings: &Settings) -> u64 {
+/// `dims`: of the grid. `tiles`: of the lane with the most. `canvas`: what [`canvas`] gives.
+pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settings) -> u64 {
     let [columns, rows] = settings.size.map(u64::from);
     let threads = (settings.threads as u64).clamp(1, columns.max(rows));
-    let pixel = 4 * size_of::<f32>() as u64;
-    let frame = pixel.saturating_mul(columns * rows);
-    // Bands lie beside or above each other; either way each pads what it shares with no other.
-    let across = (columns + PADDING[0]) * (rows + threads * PADDING[1]);
-    let along = (columns + threads * PADDING[0]) * (rows + PADDING[1]);
-    let bands = pixel.saturating_mul(across.max(along));
+    let frame = |[columns, rows]: [u64; 2]| PIXEL.saturating_mul(columns * rows);
+    let drawing = match canvas {
+        Canvas::Picture => bands([columns, rows], threads),
+        Canvas::BasePlane(pixels) => bands([columns, rows], threads).max(base_plane::memory_need(pixels)),
+        Canvas::Finer(size) => {
+            let size = size.map(u64::from);
+            bands(size, threads).saturating_add(frame(size)).saturating_add(threads * PIXEL * size[0])
+        }
+    };
     let longest = dims.into_iter().max().map_or(0, u64::from).max(2_048);
     let walk = THREAD + TILE.saturating_mul(tiles) + POINT * longest;
-    [bands.max(base_plane::memory_need(plane)), TABLE, threads.saturating_mul(walk)]
-        .into_iter()
-        .fold(frame, u64::saturating_add)
+    [drawing, TABLE, threads.saturating_mul(walk)].into_iter().fold(frame([columns, rows]), u64::saturating_add)
+}
+
+/// Bytes of the bands of a picture of so many columns and rows.
+fn bands([columns, rows]: [u64; 2], threads: u64) -> u64 {
+    // They lie beside or above each other; either way each pads what it shares with no other.
+    let across = (columns + PADDING[0]) * (rows + threads * PADDING[1]);
+    let along = (columns + threads * PADDING[0]) * (rows + PADDING[1]);
+    PIXEL.saturating_mul(across.max(along))
 }

@@ -64,7 +64,7 @@ impl Coarse {
         sampling: Sampling,
     ) -> Option<Coarse> {
         let enough = match sampling {
-            Sampling::EveryPixel => return None,
+            Sampling::EveryPixel | Sampling::Finer => return None,
             Sampling::Enough => ENOUGH,
             Sampling::Fewest => FEWEST,
         };
@@ -105,20 +105,8 @@ impl Coarse {
 
     /// `view` with fewer pixels.
     pub(super) fn view(&self, view: &View) -> View {
-        let factor = self.factor;
-        // Pixel 0 is centred at 0, so that the picture begins at -1/2.
-        let place = |at: f64| (at + 0.5) * factor - 0.5 + f64::from(MARGIN);
-        let map = match view.map {
-            PixelMap::Parallel { pixel_from_voxel, scale } => PixelMap::Parallel {
-                pixel_from_voxel: pixel_from_voxel.map(|[x, y, z, at]| [x * factor, y * factor, z * factor, place(at)]),
-                scale: scale * factor,
-            },
-            PixelMap::Perspective { camera_from_voxel, focal, centre, near } => {
-                PixelMap::Perspective { camera_from_voxel, focal: focal * factor, centre: centre.map(place), near }
-            }
-        };
-        let side = |pixels: u32| (f64::from(pixels) * factor).ceil() as u32 + 2 * MARGIN;
-        View { map, size: self.size.map(side), ..view.clone() }
+        let side = |pixels: u32| (f64::from(pixels) * self.factor).ceil() as u32 + 2 * MARGIN;
+        view.with_pixels(self.factor, self.size.map(side), f64::from(MARGIN))
     }
 
     /// The picture, from the frame of the coarse view.
@@ -134,7 +122,7 @@ impl Coarse {
         let places = self.places(self.size[0], columns);
         let width = self.size[0] as usize;
         let mut wide = Frame::transparent([self.size[0], coarse.size()[1]])?;
-        in_shares(wide.pixels_mut(), 4 * width, threads, |first, wide| {
+        wide.in_shares(threads, |first, wide| {
             for (row, out) in (first..).zip(wide.chunks_exact_mut(4 * width)) {
                 let mut line: Vec<[f32; 4]> =
                     coarse.pixels()[4 * columns * row..][..4 * columns].as_chunks().0.to_vec();
@@ -150,7 +138,7 @@ impl Coarse {
         let across: Vec<usize> = places.iter().map(|place| place.nearest).collect();
         let places = self.places(self.size[1], rows);
         let wide = wide.pixels();
-        in_shares(picture.pixels_mut(), 4 * width, threads, |first, out| {
+        picture.in_shares(threads, |first, out| {
             for (row, place) in out.chunks_exact_mut(4 * width).zip(&places[first..]) {
                 let tap = |k: usize| &wide[4 * width * (place.first + k)..][..4 * width];
                 blend([tap(0), tap(1), tap(2), tap(3)], place.weights, row);
@@ -266,18 +254,4 @@ fn blend(taps: [&[f32]; 4], weights: [f32; 4], out: &mut [f32]) {
     for i in 0..out.len() {
         out[i] = (weights[0] * a[i] + weights[1] * b[i]) + (weights[2] * c[i] + weights[3] * d[i]);
     }
-}
-
-/// Shares the rows of `len` numbers out among threads: each is told its first row.
-pub(super) fn in_shares(rows: &mut [f32], len: usize, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
-    let share = (rows.len() / len).div_ceil(threads.max(1));
-    if threads <= 1 {
-        return fill(0, rows);
-    }
-    std::thread::scope(|scope| {
-        for (index, rows) in rows.chunks_mut(share * len).enumerate() {
-            let fill = &fill;
-            scope.spawn(move || fill(index * share, rows));
-        }
-    });
 }

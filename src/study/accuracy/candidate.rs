@@ -140,7 +140,7 @@ const KERNELS: [(f32, f32); 13] = [
     (0.7, 3.0),
 ];
 const TERMINATIONS: [f32; 6] = [0.0, 1e-5, 1.0 / 1024.0, 1.0 / 255.0, 1.0 / 128.0, 1.0 / 32.0];
-const SAMPLINGS: [Sampling; 3] = [Sampling::EveryPixel, Sampling::Enough, Sampling::Fewest];
+const SAMPLINGS: [Sampling; 4] = [Sampling::EveryPixel, Sampling::Finer, Sampling::Enough, Sampling::Fewest];
 /// Values and normals of 8 and 16 bits, and no normals.
 const CODES: [(u8, u8); 5] = [(8, 8), (16, 16), (16, 8), (8, 16), (8, 0)];
 const THRESHOLDS: [f32; 3] = [0.01, 0.03, 0.1];
@@ -179,6 +179,7 @@ impl Candidate {
     pub fn settings_text(&self) -> String {
         let sampling = match self.sampling {
             Sampling::EveryPixel => "every",
+            Sampling::Finer => "finer",
             Sampling::Enough => "enough",
             Sampling::Fewest => "fewest",
         };
@@ -312,7 +313,7 @@ mod tests {
         let standard = Candidate::preset(Quality::Standard, 8);
         assert_eq!(standard.settings_text(), "sigma=0.7 radius=2.5 stop=1/1024 sampling=enough values=8 normals=8");
         let high = Candidate::preset(Quality::High, 16);
-        assert_eq!(high.settings_text(), "sigma=0.7 radius=3 stop=1e-5 sampling=every values=16 normals=16");
+        assert_eq!(high.settings_text(), "sigma=0.7 radius=3 stop=1e-5 sampling=finer values=16 normals=16");
         for quick in [true, false] {
             let all = candidates(quick);
             let names: std::collections::BTreeSet<String> = all.iter().map(Candidate::settings_text).collect();

@@ -1,0 +1,260 @@
+//! Finer pixels: what a pixel shows of voxels that are finer than it.
+//!
+//! In: a view whose footprints are narrower than the low-pass. Out: how many pixels to draw for one; and from the picture of
+//! those the picture, seen through a Gaussian. EWA's low-pass widens each splat to a pixel before its depth is put through the
+//! exponential, so opaque detail comes out too opaque, by 26 to 37 dB (docs/studies/sampling.md). Finer pixels composite
+//! voxels at their own width, and light is filtered afterwards:
+//!
+//! ```text
+//! view -> factor x factor pixels for each -> draw -> Gaussian of LOW_PASS^2 - width^2 -> picture
+//! ```
+//!
+//! Every renderer can draw the larger picture: the same camera, more columns and rows.
+
+#![expect(clippy::cast_possible_truncation, reason = "weights are single precision")]
+
+use std::ops::Range;
+
+use glam::{DVec3, Vec4};
+
+use super::kernel::{LOW_PASS, narrowest};
+use super::view::{MAX_SIZE, PixelMap, View};
+use super::{Camera, Frame, Mode, Sampling, Settings};
+use crate::error::Result;
+use crate::volume::Grid;
+
+/// Standard deviation of a footprint across its narrowest direction, in pixels, from which on a picture's own pixels do. Up to
+/// 0.49 finer ones were nearer to a picture of sixteen times as many in all of 36 views (docs/studies/sampling.md).
+pub(super) const ENOUGH: f64 = 0.53;
+/// Finer pixels for one, along a side, at most: a footprint that is still narrower is widened to a thirteenth of a pixel.
+const MOST: u32 = 8;
+/// Finer pixels that the processor draws at once: what it needs for them is 16 MiB, and 5 strips of 800 x 800 pixels cost it
+/// little more than one.
+const STRIP_PIXELS: u32 = 1 << 19;
+
+/// How much finer pixels are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Finer {
+    /// Pixels for one, along a side; at least 2.
+    factor: u32,
+    /// Columns and rows of the picture.
+    size: [u32; 2],
+    /// Standard deviation of the Gaussian, in finer pixels.
+    sigma: f64,
+}
+
+impl Finer {
+    /// What `draw` gives at `settings`' size; or at a larger one, reduced to it, where settings and view ask for finer pixels.
+    ///
+    /// # Errors
+    /// As [`View::new`]; as `draw`; if memory cannot be had.
+    pub(crate) fn drawn<T>(
+        grid: &Grid,
+        camera: &Camera,
+        settings: &Settings,
+        draw: impl FnOnce(&Settings) -> Result<(Frame, T)>,
+    ) -> Result<(Frame, T)> {
+        let kernel = settings.kernel();
+        let view = View::new(camera, grid, settings.size, kernel, settings.near)?;
+        let is_asked_for = settings.mode == Mode::Composite && settings.sampling != Sampling::EveryPixel;
+        match Finer::of(&view, grid.dims, kernel.sigma).filter(|_| is_asked_for) {
+            None => draw(settings),
+            Some(finer) => {
+                let (frame, rest) = draw(&Settings { size: finer.size(), ..settings.clone() })?;
+                let mut picture = Frame::transparent(settings.size)?;
+                finer.reduce(&frame, &finer.whole(), settings.threads, &mut picture);
+                Ok((picture, rest))
+            }
+        }
+    }
+
+    /// For a view of a grid of `dims` by a kernel of standard deviation `sigma`; `None` if the picture's own pixels do, or twice as
+    /// many along a side are more than a picture may have. In perspective the voxel in the middle of the grid says how wide footprints are.
+    pub(crate) fn of(view: &View, dims: [u32; 3], sigma: f32) -> Option<Finer> {
+        let width = f64::from(width(view, dims, sigma));
+        // Not so for NaN.
+        let is_fine = width < ENOUGH;
+        if !is_fine {
+            return None;
+        }
+        let low_pass = f64::from(LOW_PASS);
+        let fits = |factor: u32| factor <= MOST && view.size.iter().all(|side| side.saturating_mul(factor) <= MAX_SIZE);
+        let mut factor = 1;
+        while fits(factor + 1) && f64::from(factor) * width < low_pass {
+            factor += 1;
+        }
+        if factor == 1 {
+            return None;
+        }
+        // What finer pixels leave to be widened by the low-pass of their own.
+        let width = width.max(low_pass / f64::from(factor));
+        let sigma = f64::from(factor) * (low_pass * low_pass - width * width).sqrt();
+        Some(Finer { factor, size: view.size, sigma })
+    }
+
+    /// Columns and rows of finer pixels.
+    pub(crate) fn size(&self) -> [u32; 2] {
+        self.size.map(|side| side * self.factor)
+    }
+
+    fn whole(&self) -> Strip {
+        Strip { rows: 0..self.size[1], finer: 0..self.size()[1] }
+    }
+
+    /// The picture in parts, from top to bottom.
+    pub(crate) fn strips(&self) -> Vec<Strip> {
+        let taps = self.taps();
+        let [columns, rows] = self.size();
+        let around = taps.weights.len() as u32 - 1;
+        let some = (STRIP_PIXELS / columns).saturating_sub(around).div_euclid(self.factor).max(1);
+        let strip = |from: u32| {
+            let to = self.size[1].min(from + some);
+            let first = (from * self.factor).saturating_sub(taps.before);
+            let end = ((to - 1) * self.factor + taps.weights.len() as u32).saturating_sub(taps.before);
+            Strip { rows: from..to, finer: first..end.min(rows) }
+        };
+        (0..self.size[1]).step_by(some as usize).map(strip).collect()
+    }
+
+    /// Columns and rows of finer pixels of the largest strip.
+    pub(crate) fn strip_size(&self) -> [u32; 2] {
+        let most = self.strips().iter().map(|strip| strip.finer.len()).max();
+        [self.size()[0], most.map_or(0, |rows| rows as u32)]
+    }
+
+    /// A strip of `view` in finer pixels.
+    pub(crate) fn view(&self, view: &View, strip: &Strip) -> View {
+        view.with_pixels(f64::from(self.factor), self.size(), 0.0).with_rows(strip.finer.clone())
+    }
+
+    /// A strip of `picture`, from its finer pixels; nothing lies beyond the edge of all of them.
+    ///
+    /// O(finer pixels). The result does not depend on `threads`.
+    pub(crate) fn reduce(&self, finer: &Frame, strip: &Strip, threads: usize, picture: &mut Frame) {
+        let columns = finer.size()[0];
+        let Taps { before, weights } = self.taps();
+        // Finer pixels of a side that count for pixel `index`, and their weights.
+        let taps = |index: usize, all: Range<u32>| {
+            let first = index as u32 * self.factor;
+            (0..).zip(&weights).filter_map(move |(tap, &weight)| {
+                let place = (first + tap).checked_sub(before).filter(|place| all.contains(place))?;
+                Some(((place - all.start) as usize, weight))
+            })
+        };
+        let (width, len) = (4 * self.size[0] as usize, 4 * columns as usize);
+        picture.rows_in_shares(strip.rows.clone(), threads, |first, out| {
+            let mut sums = vec![0.0f32; len];
+            for (row, out) in (first..).zip(out.chunks_exact_mut(width)) {
+                sums.fill(0.0);
+                for (place, weight) in taps(row, strip.finer.clone()) {
+                    let line = &finer.pixels()[len * place..][..len];
+                    sums.iter_mut().zip(line).for_each(|(sum, value)| *sum += weight * value);
+                }
+                let sums = sums.as_chunks::<4>().0;
+                for (column, pixel) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
+                    let sum = taps(column, 0..columns)
+                        .fold(Vec4::ZERO, |sum, (place, weight)| sum + weight * Vec4::from_array(sums[place]));
+                    *pixel = sum.to_array();
+                }
+            }
+        });
+    }
+
+    /// Weights around the middle of a pixel; they add up to 1.
+    fn taps(&self) -> Taps {
+        let factor = f64::from(self.factor);
+        let middle = (factor - 1.0) / 2.0;
+        // Five standard deviations lose 6e-7.
+        let reach = (5.0 * self.sigma).max(0.5);
+        let first = (middle - reach).ceil();
+        let count = (middle + reach).floor() - first;
+        let weights: Vec<f64> = (0..=count as i32)
+            .map(|place| (-0.5 * ((first + f64::from(place) - middle) / self.sigma).powi(2)).exp())
+            .collect();
+        let total: f64 = weights.iter().sum();
+        #[expect(clippy::cast_sign_loss, reason = "the first is before the middle of a pixel, or is 0")]
+        let before = -first.min(0.0) as u32;
+        Taps { before, weights: weights.into_iter().map(|weight| (weight / total) as f32).collect() }
+    }
+}
+
+/// Some rows of a picture, and the finer rows that they show.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Strip {
+    rows: Range<u32>,
+    finer: Range<u32>,
+}
+
+struct Taps {
+    /// How many finer pixels before a pixel's first the taps begin.
+    before: u32,
+    weights: Vec<f32>,
+}
+
+/// Standard deviation of a footprint across its narrowest direction, in pixels: of any voxel of a parallel view, of the middle one
+/// in perspective, as if the view went there.
+fn width(view: &View, dims: [u32; 3], sigma: f32) -> f32 {
+    let single = |map: &[f64; 4]| [map[0] as f32, map[1] as f32, map[2] as f32];
+    match &view.map {
+        PixelMap::Parallel { pixel_from_voxel, .. } => narrowest(pixel_from_voxel.each_ref().map(single), sigma),
+        PixelMap::Perspective { camera_from_voxel, focal, near, .. } => {
+            let middle = dims.map(|points| (f64::from(points) - 1.0) / 2.0);
+            let [right, up, along] = camera_from_voxel;
+            let place = |m: &[f64; 4]| m[0] * middle[0] + m[1] * middle[1] + m[2] * middle[2] + m[3];
+            let toward = DVec3::new(place(right), place(up), place(along));
+            let distance = toward.length().max(*near);
+            let direction = toward.try_normalize().unwrap_or(DVec3::Z);
+            let (across, above) = direction.any_orthonormal_pair();
+            let scale = focal / distance;
+            let row = |axis: DVec3| [0, 1, 2].map(|a| (scale * axis.dot(DVec3::new(right[a], up[a], along[a]))) as f32);
+            narrowest([row(across), row(above)], sigma)
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_lie_around_the_middle_of_a_pixel_and_add_up_to_one() {
+        for (factor, sigma) in [(2, 0.56), (2, 1.04), (3, 1.5), (8, 4.79)] {
+            let Taps { before, weights } = Finer { factor, size: [1, 1], sigma }.taps();
+            let places = || (0..).map(|tap| f64::from(tap) - f64::from(before) - f64::from(factor - 1) / 2.0);
+            let moment = |power: i32| -> f64 {
+                places().zip(&weights).map(|(place, weight)| place.powi(power) * f64::from(*weight)).sum()
+            };
+            // Rounding to single precision; samples two to a standard deviation have a Gaussian's width within 2 %.
+            assert!((moment(0) - 1.0).abs() < 1e-6 && moment(1).abs() < 1e-5, "{} {}", moment(0), moment(1));
+            assert!((moment(2) / (sigma * sigma) - 1.0).abs() < 0.06, "{factor} {sigma}: {}", moment(2));
+        }
+    }
+
+    #[test]
+    fn strips_are_the_whole_picture_bit_for_bit() {
+        for size in [[1, 1], [700, 500], [9, 2000], [2048, 300]] {
+            let finer = Finer { factor: 3, size, sigma: 1.4 };
+            let strips = finer.strips();
+            let (mut whole, [columns, rows]) = (Frame::transparent(finer.size()).unwrap(), finer.size());
+            for (index, value) in whole.pixels_mut().iter_mut().enumerate() {
+                *value = (index % 1009) as f32 / 1009.0;
+            }
+            let [mut once, mut by_strips] = [0; 2].map(|_| Frame::transparent(size).unwrap());
+            finer.reduce(&whole, &finer.whole(), 1, &mut once);
+            let mut next = 0;
+            for strip in &strips {
+                assert_eq!(strip.rows.start, next);
+                next = strip.rows.end;
+                assert!(strip.finer.end <= rows && strip.finer.len() <= finer.strip_size()[1] as usize);
+                let mut part = Frame::transparent([columns, strip.finer.len() as u32]).unwrap();
+                let first = 4 * (columns * strip.finer.start) as usize;
+                part.pixels_mut().copy_from_slice(&whole.pixels()[first..][..4 * columns as usize * strip.finer.len()]);
+                finer.reduce(&part, strip, 2, &mut by_strips);
+            }
+            assert_eq!(next, size[1]);
+            assert!(once == by_strips, "{size:?} in {} strips", strips.len());
+            let pixels = finer.strip_size()[0] * finer.strip_size()[1];
+            assert!(pixels <= STRIP_PIXELS || strips.len() == size[1] as usize, "{size:?}: {pixels}");
+        }
+    }
+}
