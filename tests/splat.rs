@@ -6,7 +6,7 @@ use adjsplat::arena::transpose::transpose;
 use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::classify::{Point, TransferFunction, normal};
 use adjsplat::splat::{
-    Camera, Code, Frame, KernelShape, Mode, Orbit, Projection, Quality, Scene, Settings, Stats, Surround, cpu,
+    Blending, Camera, Code, Frame, KernelShape, Mode, Orbit, Projection, Quality, Scene, Settings, Stats, Surround, cpu,
 };
 use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat::volume::{Axis, Grid};
@@ -201,12 +201,18 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
     let crop = VoxelBox { low: [5, 9, 3], high: [40, 33, 21] };
     for (camera, size) in views {
         for mode in [Mode::Composite, Mode::Maximum, Mode::Additive] {
-            for (quality, sense, crop) in [
-                (Quality::Standard, Sense::FrontToBack, None),
-                (Quality::Draft, Sense::FrontToBack, Some(crop)),
-                (Quality::High, Sense::BackToFront, None),
+            for (quality, sense, blending, crop) in [
+                (Quality::Standard, Sense::FrontToBack, Blending::Exponential, None),
+                (Quality::Draft, Sense::FrontToBack, Blending::Exponential, Some(crop)),
+                (Quality::High, Sense::BackToFront, Blending::Exponential, None),
+                (Quality::Standard, Sense::FrontToBack, Blending::Linear, None),
+                (Quality::Standard, Sense::FrontToBack, Blending::Sheets, Some(crop)),
+                (Quality::Reference, Sense::FrontToBack, Blending::Sheets, None),
             ] {
-                let settings = Settings { quality, sense, crop, mode, ..Settings::new(size) };
+                if mode != Mode::Composite && blending != Blending::Exponential {
+                    continue;
+                }
+                let settings = Settings { quality, sense, blending, crop, mode, ..Settings::new(size) };
                 let (want, plain) = model.render(&camera, &Settings { code: Code::Plain, ..settings.clone() });
                 assert!(plain.splats_drawn > 100, "{plain:?}");
                 for (code, threads) in [
@@ -219,7 +225,7 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
                 ] {
                     let (got, stats) = model.render(&camera, &Settings { code, threads, ..settings.clone() });
                     let same = bits(&got) == bits(&want);
-                    assert!(same, "{code:?} {threads} {mode:?} {quality:?} {sense:?}: {}", {
+                    assert!(same, "{code:?} {threads} {mode:?} {quality:?} {sense:?} {blending:?}: {}", {
                         largest_difference(&got, &want)
                     });
                     assert_eq!(stats.bands, threads);
@@ -247,6 +253,24 @@ fn both_senses_and_any_termination_give_one_picture() {
     }
 }
 
+/// Depths of a slice add up in any order: what a sheet changes is which colour is in front.
+#[test]
+fn sheets_are_as_opaque_as_their_splats() {
+    let model = shell();
+    let settings = Settings { termination: Some(0.0), ..Settings::new([160, 120]) };
+    for camera in [model.orbit(20.0, 15.0, None, [160, 120]), model.orbit(140.0, -50.0, Some(50.0), [160, 120])] {
+        let (splats, _) = model.render(&camera, &settings);
+        let (sheets, _) = model.render(&camera, &Settings { blending: Blending::Sheets, ..settings.clone() });
+        let pairs = splats.pixels().chunks_exact(4).zip(sheets.pixels().chunks_exact(4));
+        // Some hundred roundings of a transmittance.
+        assert!(pairs.clone().all(|(a, b)| (a[3] - b[3]).abs() < 1e-5));
+        let colours =
+            pairs.flat_map(|(a, b)| a[..3].iter().zip(&b[..3])).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        // Neighbours in a slice differ by a fifth in colour at most, and share what a pixel shows.
+        assert!((1e-3..0.2).contains(&colours), "{colours}");
+    }
+}
+
 #[test]
 fn one_colour_stays_one_colour() {
     let model = Model::new([20, 20, 20], [1.0; 3], PLAIN, constant(0.2, "#8040c0"), |x, y, z| {
@@ -254,10 +278,13 @@ fn one_colour_stays_one_colour() {
     });
     let [red, green, blue] = model.transfer.colour(0.0);
     let camera = model.orbit(31.0, 17.0, None, [80, 80]);
-    let (frame, _) = model.render(&camera, &Settings::new([80, 80]));
-    for pixel in frame.pixels().chunks_exact(4) {
-        for (got, want) in pixel.iter().zip([red, green, blue]) {
-            assert!((got - want * pixel[3]).abs() < 2e-6, "{pixel:?}");
+    let draw = |blending: Blending| model.render(&camera, &Settings { blending, ..Settings::new([80, 80]) }).0;
+    let frame = draw(Blending::Exponential);
+    for frame in [&frame, &draw(Blending::Linear), &draw(Blending::Sheets)] {
+        for pixel in frame.pixels().chunks_exact(4) {
+            for (got, want) in pixel.iter().zip([red, green, blue]) {
+                assert!((got - want * pixel[3]).abs() < 2e-6, "{pixel:?}");
+            }
         }
     }
     // Over black and white the difference is the transmittance.

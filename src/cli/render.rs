@@ -30,7 +30,9 @@ use crate::file::{
 use crate::limits::Limits;
 use crate::reference::splat::Judge;
 use crate::splat::hidden::CLEARANCE;
-use crate::splat::{Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View, dial};
+use crate::splat::{
+    Blending, Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View, dial,
+};
 use crate::traverse::{SplitForm, Viewpoint, VoxelBox};
 use crate::volume::{Grid, read_text};
 
@@ -122,7 +124,7 @@ pub(super) struct LookArguments {
     sampling: Option<String>,
     /// The fastest settings whose largest error, of a linear sample from 0 to 1 beside --quality reference, is within
     /// this: measured in small windows of the pictures, and doubled
-    #[arg(long, value_name = "E", conflicts_with_all = ["quality", "sampling", "kernel", "termination"])]
+    #[arg(long, value_name = "E", conflicts_with_all = ["quality", "sampling", "kernel", "termination", "blending"])]
     max_error: Option<f64>,
     /// Kernel in place of the quality's: standard deviation and radius, in voxels.
     #[arg(long, value_name = "SIGMA,RADIUS", value_parser = kernel)]
@@ -133,6 +135,10 @@ pub(super) struct LookArguments {
     /// composite: light and shade; maximum, maximum-grey: largest value along each ray; xray: sum along each ray.
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = ["composite", "maximum", "maximum-grey", "xray"])]
     mode: String,
+    /// What a splat of composite takes of the light: exponential, 1 - exp(-depth); linear, opacity times weight, the classic
+    /// form; sheets, that of the sum of a slice's splats. Graphics devices know exponential alone
+    #[arg(long, value_name = "B", default_value = "exponential", value_parser = Blending::ALL.map(Blending::name))]
+    blending: String,
     /// Brightness of xray; chosen by what is visible unless given.
     #[arg(long, value_name = "FACTOR", allow_hyphen_values = true)]
     exposure: Option<f32>,
@@ -330,7 +336,7 @@ fn draw(
     }
     let lanes = RoomyLanes { lanes, memory };
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
-    let renderer = arguments.renderer.renderer(scene, memory.is_some())?;
+    let renderer = arguments.renderer.renderer(scene, memory.is_some(), settings.blending)?;
     let mut measured = None;
     if let Some(bound) = arguments.look.max_error {
         let choice = dial::choose(&scene, &cameras, &settings, bound, || !interrupted())?;
@@ -492,6 +498,10 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
         "xray" => Mode::Additive,
         _ => Mode::Composite,
     };
+    settings.blending = Blending::ALL.into_iter().find(|blending| blending.name() == look.blending).unwrap_or_default();
+    if settings.blending != Blending::Exponential && settings.mode != Mode::Composite {
+        return Err(Error::input("--blending", "is for --mode composite; leave it out"));
+    }
     settings.sampling = match look.sampling.as_deref() {
         Some("every") => Sampling::EveryPixel,
         Some("finer") => Sampling::Finer,
@@ -606,6 +616,7 @@ fn stats_json(settings: &Settings, renderer: &Renderer, stats: &[FrameStats], im
         "kernel": settings.kernel(),
         "termination": settings.termination(),
         "sampling": settings.sampling,
+        "blending": settings.blending,
         "frames": stats.len(),
         "splats_drawn": total(|s| s.splats_drawn),
         "splats_skipped": total(|s| s.splats_skipped),

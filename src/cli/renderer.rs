@@ -12,9 +12,9 @@ use super::on_device::OnDevice;
 #[cfg(feature = "gpu")]
 use super::print_note;
 use crate::error::{Error, Result};
-use crate::reference::splat::{Judge, Settings as JudgeSettings};
+use crate::reference::splat::{self as judge, Judge, Settings as JudgeSettings};
 use crate::splat::finer::Finer;
-use crate::splat::{Camera, Frame, Scene, Settings, cpu};
+use crate::splat::{Blending, Camera, Frame, Scene, Settings, cpu};
 
 /// What draws.
 #[derive(Debug, Args)]
@@ -94,16 +94,21 @@ impl RendererArguments {
 
     /// The renderer asked for.
     ///
-    /// `is_bounded`: by `--memory`, which no graphics driver keeps to.
+    /// `is_bounded`: by `--memory`, which no graphics driver keeps to. No device knows another `blending` than the exponential.
     ///
     /// # Errors
     /// [`Error::Device`] if a graphics device was asked for and cannot be had; [`Error::Input`] for a flag out of place.
-    pub(super) fn renderer<'a>(&self, scene: Scene<'a>, is_bounded: bool) -> Result<Renderer<'a>> {
+    pub(super) fn renderer<'a>(&self, scene: Scene<'a>, is_bounded: bool, blending: Blending) -> Result<Renderer<'a>> {
+        let is_for_devices = blending == Blending::Exponential;
         match (self.renderer, self.of_devices().into_iter().find(|(_, is_given)| *is_given)) {
             (Which::Cpu, Some((flag, _))) => Err(Error::input(flag, "is for graphics devices; leave it out")),
             (Which::Cpu, None) => Ok(Renderer::Cpu(scene)),
             (Which::Reference, _) => Err(needs_volume()),
-            (Which::Auto, _) if is_bounded && self.adapter.is_none() => Ok(Renderer::Cpu(scene)),
+            (Which::Auto, _) if (is_bounded || !is_for_devices) && self.adapter.is_none() => Ok(Renderer::Cpu(scene)),
+            _ if !is_for_devices => {
+                let why = format!("{} is not for graphics devices; take --renderer cpu", blending.name());
+                Err(Error::input("--blending", why))
+            }
             _ if is_bounded => {
                 let why = "cannot be kept by a graphics driver; leave it out (--vram bounds the device), or take --renderer cpu";
                 Err(Error::input("--memory", why))
@@ -190,11 +195,20 @@ pub(super) fn needs_volume() -> Error {
 /// A frame by the judge: of the kernel asked for the sigma, else that of reference quality whatever the quality.
 fn judged(judge: &Judge, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
     let start = Instant::now();
+    let blending = match settings.blending {
+        Blending::Exponential => judge::Blending::Exponential,
+        Blending::Linear => judge::Blending::Linear,
+        Blending::Sheets => {
+            let why = "sheets have no reference: what they differ by from exponential is their error";
+            return Err(Error::input("--blending", why));
+        }
+    };
     let draw = |settings: &Settings| {
         let usual = JudgeSettings::new(settings.size);
         let judge_settings = JudgeSettings {
             sigma: settings.kernel.map_or(usual.sigma, |kernel| kernel.sigma.into()),
             mode: settings.mode,
+            blending,
             lighting: settings.lighting,
             exposure: settings.exposure.map(f64::from),
             near: settings.near,

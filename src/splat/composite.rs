@@ -36,10 +36,38 @@ impl Mode {
     }
 }
 
+/// What the splats of a composited picture take of the light that is left.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Blending {
+    /// `1 - exp(-depth)` of a splat's optical depth at a pixel: the integral along the ray.
+    #[default]
+    Exponential,
+    /// Opacity times weight, 1 at most: the classic form (Westover 1990). 17 dB from the other where it is worst.
+    Linear,
+    /// As `Exponential` of the sums of a slice's splats, colours in proportion to their depths: sheet buffers (Westover 1991).
+    /// Within a slice no splat is in front of another.
+    Sheets,
+}
+
+impl Blending {
+    /// All of them.
+    pub const ALL: [Blending; 3] = [Blending::Exponential, Blending::Linear, Blending::Sheets];
+
+    /// Its name in commands and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Blending::Exponential => "exponential",
+            Blending::Linear => "linear",
+            Blending::Sheets => "sheets",
+        }
+    }
+}
+
 /// Largest optical depth of a reference length, and of a splat at a pixel: `e^-16` is below 2^-23.
 pub const MAX_DEPTH: f64 = 16.0;
 
-/// Colour (linear) and optical depth per mean voxel (units of ln 2), or normalised value.
+/// Colour (linear) and optical depth per mean voxel (units of ln 2; for linear blending opacity), or normalised value.
 pub(crate) type Look = [f32; 4];
 
 /// What each record looks like.
@@ -54,6 +82,7 @@ pub(crate) struct Table<'a> {
     /// The code that a maximum shows at full brightness.
     brightest: u16,
     mode: Mode,
+    blending: Blending,
 }
 
 /// What a record's look depends on.
@@ -87,8 +116,16 @@ impl<'a> Table<'a> {
             0 => None,
             _ => Some(MagnitudeCodec::new(scene.facts.scales.magnitude_scale)?),
         };
-        let mut table =
-            Table { scene: *scene, magnitudes, kind, looks: Vec::new(), per_depth, brightest: u16::MAX, mode };
+        let mut table = Table {
+            scene: *scene,
+            magnitudes,
+            kind,
+            looks: Vec::new(),
+            per_depth,
+            brightest: u16::MAX,
+            mode,
+            blending: settings.blending,
+        };
         let last = if channels.value_bits == 8 { 255 } else { u16::MAX };
         // Codes that no voxel has, of a range with fewer values than codes, would leave the maximum dark.
         let brightest = if mode.is_maximum() { lane.largest_value_code().max(1) } else { last };
@@ -145,7 +182,11 @@ impl<'a> Table<'a> {
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
     fn depth(&self, code: u16, magnitude: f64) -> f32 {
         let opacity = stored_opacity(self.scene.transfer, &self.scene.facts.scales, code, magnitude);
-        ((-(-opacity.clamp(0.0, 1.0)).ln_1p()).min(MAX_DEPTH) * self.per_depth) as f32
+        let depth = (-(-opacity.clamp(0.0, 1.0)).ln_1p()).min(MAX_DEPTH) * self.per_depth;
+        match self.blending {
+            Blending::Exponential | Blending::Sheets => depth as f32,
+            Blending::Linear => -(-depth / f64::from(LOG2_E)).exp_m1() as f32,
+        }
     }
 
     /// The look of a record by its codes.

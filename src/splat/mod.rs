@@ -31,7 +31,7 @@ use crate::traverse::{Order, Sense, SplitForm, VoxelBox};
 use crate::volume::Axis;
 
 pub use camera::{Camera, Orbit, Projection, Surround, Up};
-pub use composite::Mode;
+pub use composite::{Blending, Mode};
 pub use frame::Frame;
 pub use kernel::{KernelShape, Quality};
 pub use shade::Lighting;
@@ -108,6 +108,9 @@ pub struct Settings {
     pub quality: Quality,
     /// How splats are put together.
     pub mode: Mode,
+    /// What composited splats take of the light; other than [`Blending::Exponential`] front to back only, and by the
+    /// processor's renderer alone.
+    pub blending: Blending,
     /// Lighting where the transfer function is shaded and voxels have normals; `None` for none.
     pub lighting: Option<Lighting>,
     /// Only voxels in this box are drawn.
@@ -165,6 +168,7 @@ impl Settings {
             size,
             quality: Quality::default(),
             mode: Mode::default(),
+            blending: Blending::default(),
             lighting: Some(Lighting::default()),
             crop: None,
             threads: 1,
@@ -202,6 +206,14 @@ impl Settings {
         }
         if let Some(exposure) = self.exposure.filter(|exposure| !(exposure.is_finite() && *exposure > 0.0)) {
             return Err(Error::input("exposure", format!("is {exposure}, but must be finite and above 0")));
+        }
+        let is_composited = self.mode == Mode::Composite && self.sense == Sense::FrontToBack;
+        if self.blending != Blending::Exponential && !is_composited {
+            let why = format!(
+                "is {}, but that is for composited pictures, front to back; leave it out",
+                self.blending.name()
+            );
+            return Err(Error::input("blending", why));
         }
         if self.threads == 0 {
             return Err(Error::input("threads", "are 0, but must be at least 1"));

@@ -97,6 +97,9 @@ fn reference_quality_is_the_judges_picture() {
     render(&folder, "--kernel 0.6,3.6 --renderer reference -o judge.exr");
     render(&folder, "--kernel 0.6,3.6 --quality reference --renderer cpu --normals 16 -o ours.exr");
     folder.adj("compare judge.exr ours.exr --max-error 1e-4").done();
+    render(&folder, "--blending linear --renderer reference -o judge.exr");
+    render(&folder, "--blending linear --quality reference --renderer cpu --normals 16 -o ours.exr");
+    folder.adj("compare judge.exr ours.exr --max-error 1e-4").done();
     folder.adj("build phantom:gyroid --dims 24x24x24 --range 117.5..138.5 -o g.adj").done();
     let refused =
         |line: &str, parts: &[&str]| folder.adj(&format!("render {line} --renderer reference")).refused(parts);
@@ -106,4 +109,5 @@ fn reference_quality_is_the_judges_picture() {
     refused(&format!("{SCENE} --adapter any -o x.png"), &["--adapter", "leave it out"]);
     refused(&format!("{SCENE} --max-error 0.1 -o x.png"), &["--max-error", "leave it out"]);
     refused(&format!("{SCENE} --mode maximum -o x.png"), &["mode", "no reference"]);
+    refused(&format!("{SCENE} --blending sheets -o x.png"), &["--blending", "no reference"]);
 }

@@ -45,6 +45,8 @@ pub(crate) struct Extra<'a> {
     pub(crate) left_out: Option<&'a RecordSet>,
     /// Where to note which records are seen; for front to back compositing.
     pub(crate) seen: Option<Seen<'a>>,
+    /// Whether the splats of a slice are added up before they are composited; for front to back compositing.
+    pub(crate) has_sheets: bool,
 }
 
 /// Draws the band `rect`.
@@ -69,7 +71,13 @@ pub(crate) fn draw<B: Blend>(
         code,
         seen: extra.seen,
         voxels: Voxels::new(),
-        bench: Bench { planes: Planes::new(rect, B::FOURTH)?, splats: Splats::new(), each: EllipseEach::new() },
+        slow: None,
+        bench: Bench {
+            planes: Planes::new(rect, B::FOURTH)?,
+            splats: Splats::new(),
+            each: EllipseEach::new(),
+            sheet: extra.has_sheets.then(|| Planes::sheet(rect)).transpose()?,
+        },
         visited: 0,
         drawn: 0,
         drawing: Duration::ZERO,
@@ -80,7 +88,7 @@ pub(crate) fn draw<B: Blend>(
         None => walk(&projector.lane, order, &mut band),
         Some(left_out) => walk(&projector.lane, order, &mut Without::new(&mut band, left_out)),
     }
-    band.flush();
+    band.finish_sheet();
     let walking = start.elapsed().saturating_sub(band.drawing);
     let Band { bench, visited, drawn, drawing, .. } = band;
     Ok(Drawn { pixels: bench.planes, work: Work { visited, drawn, walking, drawing } })
@@ -95,6 +103,8 @@ struct Band<'a, B> {
     code: Code,
     seen: Option<Seen<'a>>,
     voxels: Box<Voxels>,
+    /// The slice of the last batch.
+    slow: Option<u16>,
     bench: Bench,
     visited: u64,
     drawn: u64,
@@ -139,6 +149,12 @@ impl<B: Blend> Band<'_, B> {
         voxels.count = 0;
     }
 
+    /// Draws the voxels that wait, which are the last of their slice.
+    fn finish_sheet(&mut self) {
+        self.flush();
+        dispatch::sheet(&mut self.bench, self.limits);
+    }
+
     fn in_crop(&self, bounds: &VoxelBox) -> bool {
         self.projector.crop.is_none_or(|crop| bounds.meets(&crop))
     }
@@ -176,6 +192,9 @@ impl<B: Blend> Visitor for Band<'_, B> {
 
     fn visit(&mut self, batch: &Batch) {
         let start = Instant::now();
+        if self.bench.sheet.is_some() && self.slow.replace(batch.slow) != Some(batch.slow) {
+            self.finish_sheet();
+        }
         let stops = B::STOPS && self.limits.stop > 0.0;
         let pieces = |range: Range<usize>, len: usize| {
             range.clone().step_by(len).map(move |from| from..range.end.min(from + len))

@@ -28,8 +28,8 @@ use crate::error::Result;
 use crate::splat::finer;
 use crate::splat::kernel::{KernelShape, LOW_PASS, footprint, narrowest};
 use crate::splat::view::{Affine, MAX_SIZE, PixelMap, View};
-use crate::splat::{Frame, Sampling};
-use crate::traverse::{Order, VoxelBox};
+use crate::splat::{Blending, Frame, Mode, Sampling, Settings};
+use crate::traverse::{Order, Sense, VoxelBox};
 
 /// Pixels around what is drawn on the plane, so that its edge is interpolated like the rest.
 const MARGIN: f64 = 6.0;
@@ -65,15 +65,22 @@ const FINEST: f64 = 0.4;
 
 impl BasePlane {
     /// The base plane of a parallel view of the voxels in `bounds`; `None` if the view is not parallel, if the plane
-    /// would be too coarse for `sampling`, too fine or too large, or if `order` is not the view's own.
+    /// would be too coarse for `settings`, too fine or too large, if `order` is not the view's own, or if splats are put together
+    /// in another way than a stamp's.
     pub(super) fn of(
         view: &View,
         order: &Order,
         kernel: KernelShape,
         bounds: &VoxelBox,
-        sampling: Sampling,
+        settings: &Settings,
     ) -> Option<BasePlane> {
-        let coarsest = match sampling {
+        let is_stamped = settings.mode == Mode::Composite
+            && settings.sense == Sense::FrontToBack
+            && settings.blending == Blending::Exponential;
+        if !is_stamped {
+            return None;
+        }
+        let coarsest = match settings.sampling {
             Sampling::EveryPixel | Sampling::Finer => return None,
             Sampling::Enough => ENOUGH,
             Sampling::Fewest => FEWEST,

@@ -5,7 +5,7 @@
 //! what differs is the splat's *ink*, which has a number for each. Every way leaves a pixel of optical depth 0 as it
 //! was, bit for bit, so that a kernel may run over pixels that a splat does not cover.
 
-use super::arith::{absorbed, absorbed_little, at_most, keep_if};
+use super::arith::{absorbed, absorbed_little, at_least, at_most, keep_if};
 
 /// One way of compositing.
 pub(crate) trait Blend: Copy + Send + Sync {
@@ -47,6 +47,40 @@ impl Blend for FrontToBack {
     fn blend(value: f32, fourth: f32, amount: f32, ink: f32, stop: f32) -> f32 {
         value + keep_if(fourth >= stop, fourth * amount) * ink
     }
+}
+
+/// Front to back, opacity times weight; the fourth value is the transmittance.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LinearFrontToBack;
+
+impl Blend for LinearFrontToBack {
+    const FOURTH: f32 = 1.0;
+    const STOPS: bool = true;
+    const INK: f32 = -1.0;
+
+    #[inline(always)]
+    fn amount(opacity: f32) -> f32 {
+        at_most(opacity, 1.0)
+    }
+
+    #[inline(always)]
+    fn little(opacity: f32) -> f32 {
+        opacity
+    }
+
+    #[inline(always)]
+    fn blend(value: f32, fourth: f32, amount: f32, ink: f32, stop: f32) -> f32 {
+        FrontToBack::blend(value, fourth, amount, ink, stop)
+    }
+}
+
+/// What a pixel takes of a sheet, front to back, and that per optical depth of the sheet. `depth` in units of ln 2.
+#[inline(always)]
+pub(crate) fn sheet_parts(transmittance: f32, depth: f32, stop: f32) -> [f32; 2] {
+    /// More than the exponential takes; a sheet of a few splats of the largest depth has it.
+    const MOST: f32 = 125.0;
+    let part = keep_if(transmittance >= stop, transmittance * absorbed(at_most(depth, MOST)));
+    [part, part / at_least(depth, f32::MIN_POSITIVE)]
 }
 
 /// Back to front; the fourth value is the transmittance.

@@ -19,7 +19,7 @@ use super::project::{Kind, Projector};
 use super::raster::Limits;
 use super::{Job, Totals, put_together};
 use crate::error::Result;
-use crate::splat::composite::{Mode, Table};
+use crate::splat::composite::{Blending, Mode, Table};
 use crate::splat::frame::Frame;
 use crate::splat::shot::Shot;
 use crate::splat::{Scene, Settings};
@@ -39,7 +39,8 @@ const STACKS: u64 = 256;
 /// None either where the eye is between slices of the slow axis, which then has two sides.
 pub(super) fn stacks(scene: &Scene, shot: &Shot, table: &Table, settings: &Settings) -> Option<Vec<VoxelBox>> {
     let voxels = scene.facts.visible_voxels;
-    if settings.mode != Mode::Composite || voxels <= FEW {
+    let is_exponential = settings.mode == Mode::Composite && settings.blending == Blending::Exponential;
+    if !is_exponential || voxels <= FEW {
         return None;
     }
     let slow = shot.order.slow.index();

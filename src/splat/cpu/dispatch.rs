@@ -5,7 +5,7 @@
 
 use multiversion::multiversion;
 
-use super::blend::{Blend, FrontToBack};
+use super::blend::{Additive, Blend, FrontToBack};
 use super::planes::Planes;
 use super::project::{Kind, Projector, Voxels};
 use super::raster::{self, EllipseEach, Limits, Splats};
@@ -21,6 +21,8 @@ pub(crate) struct Bench {
     pub(crate) planes: Planes,
     pub(crate) splats: Box<Splats>,
     pub(crate) each: Box<EllipseEach>,
+    /// Where the splats of a slice are added up before they are composited, if they are.
+    pub(crate) sheet: Option<Planes>,
 }
 
 /// Projects and draws a block of voxels; gives how many splats were drawn.
@@ -51,7 +53,7 @@ fn block_avx2<B: Blend>(projector: &Projector, voxels: &Voxels, bench: &mut Benc
 /// As [`block`] front to back, and notes what is seen of the block before it is drawn.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 pub(crate) fn block_seen(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits, seen: Seen) -> u64 {
-    let Bench { planes, splats, each } = bench;
+    let Bench { planes, splats, each, .. } = bench;
     projector.block(voxels, splats, each, planes, limits);
     seen.note(projector, voxels, splats, each, planes, limits);
     draw::<FrontToBack>(projector, planes, splats, each, limits)
@@ -61,7 +63,7 @@ pub(crate) fn block_seen(projector: &Projector, voxels: &Voxels, bench: &mut Ben
 #[cfg(feature = "cli")]
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 pub(crate) fn project(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
-    let Bench { planes, splats, each } = bench;
+    let Bench { planes, splats, each, .. } = bench;
     projector.block(voxels, splats, each, planes, limits);
     std::hint::black_box(&bench.splats).count as u64
 }
@@ -131,10 +133,21 @@ fn sifted_avx2(projector: &Projector, bench: &mut stamp::Bench, limits: Limits, 
 
 #[inline(always)]
 fn block_any<B: Blend>(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
-    let Bench { planes, splats, each } = bench;
+    let Bench { planes, splats, each, sheet } = bench;
     let limits = if B::STOPS { limits } else { Limits { stop: 0.0, ..limits } };
     projector.block(voxels, splats, each, planes, limits);
-    draw::<B>(projector, planes, splats, each, limits)
+    match sheet {
+        None => draw::<B>(projector, planes, splats, each, limits),
+        Some(sheet) => draw::<Additive>(projector, sheet, splats, each, limits),
+    }
+}
+
+/// Composites a bench's sheet, if it has one.
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+pub(crate) fn sheet(bench: &mut Bench, limits: Limits) {
+    if let Bench { planes, sheet: Some(sheet), .. } = bench {
+        planes.composite(sheet, limits.stop);
+    }
 }
 
 #[inline(always)]

@@ -28,13 +28,13 @@ pub use self::need::{Canvas, canvas, memory_need};
 
 use self::band::{Drawn, Extra, Work};
 use self::base_plane::BasePlane;
-use self::blend::{Additive, BackToFront, Blend, FrontToBack, Maximum};
+use self::blend::{Additive, BackToFront, Blend, FrontToBack, LinearFrontToBack, Maximum};
 use self::planes::{Planes, Rect};
 use self::project::Projector;
 use self::raster::Limits;
 use self::sampling::Coarse;
 pub(crate) use self::seen::Seen;
-use super::composite::{Finish, Mode, Table};
+use super::composite::{Blending, Finish, Mode, Table};
 use super::finer::Finer;
 use super::frame::Frame;
 use super::shot::Shot;
@@ -71,10 +71,7 @@ impl Stage {
         }
         let (low, high) = shot.lane.bounds()?;
         let bounds = VoxelBox { low, high };
-        let plane = match settings.sense {
-            Sense::FrontToBack => BasePlane::of(&shot.view, &shot.order, shot.kernel, &bounds, settings.sampling),
-            Sense::BackToFront => None,
-        };
+        let plane = BasePlane::of(&shot.view, &shot.order, shot.kernel, &bounds, settings);
         let finer = || Finer::of(&shot.view, shot.lane.dims, shot.kernel.sigma).map(Stage::Finer);
         let coarse =
             || Coarse::of(&shot.view, shot.kernel, &bounds, table.deepest(), settings.sampling).map(Stage::Coarse);
@@ -96,7 +93,7 @@ pub(crate) fn render_without(
     let start = Instant::now();
     let shot = Shot::new(scene, camera, settings)?;
     let table = Table::new(scene, &shot.lane, settings, shot.view.mean_voxel)?;
-    let extra = Extra { left_out, seen: None };
+    let extra = Extra { left_out, seen: None, has_sheets: settings.blending == Blending::Sheets };
     let stage = Stage::of(&shot, &table, settings);
     let is_base_plane = matches!(stage, Some(Stage::BasePlane(_)));
     let draw = |view: View| {
@@ -153,6 +150,7 @@ fn draw_whole(
     is_base_plane: bool,
 ) -> Result<(Frame, Totals)> {
     let ink = match (settings.mode, settings.sense) {
+        (Mode::Composite, _) if settings.blending == Blending::Sheets => Additive::INK,
         (Mode::Composite, Sense::FrontToBack) => FrontToBack::INK,
         (Mode::Composite, Sense::BackToFront) => BackToFront::INK,
         (Mode::Additive, _) => Additive::INK,
@@ -164,6 +162,9 @@ fn draw_whole(
     let finish = Finish::new(table);
     match (settings.mode, settings.sense) {
         _ if is_base_plane && settings.code != Code::Plain => job.stamp(finish),
+        (Mode::Composite, Sense::FrontToBack) if settings.blending == Blending::Linear => {
+            job.draw::<LinearFrontToBack>(finish)
+        }
         (Mode::Composite, Sense::FrontToBack) => job.draw::<FrontToBack>(finish),
         (Mode::Composite, Sense::BackToFront) => job.draw::<BackToFront>(finish),
         (Mode::Additive, _) => job.draw::<Additive>(finish),
@@ -181,6 +182,7 @@ fn draw_whole(
 pub(crate) fn note_seen(scene: &Scene, camera: &Camera, settings: &Settings, seen: Seen) -> Result<()> {
     let settings =
         Settings { sense: Sense::FrontToBack, order: None, mode: Mode::Composite, lighting: None, ..settings.clone() };
+    let settings = Settings { blending: Blending::Exponential, ..settings };
     let shot = Shot::new(scene, camera, &settings)?;
     let table = Table::new(scene, &shot.lane, &settings, shot.view.mean_voxel)?;
     let projector = Projector::new(&shot, &table, FrontToBack::INK);
@@ -189,7 +191,7 @@ pub(crate) fn note_seen(scene: &Scene, camera: &Camera, settings: &Settings, see
     let strip = (STRIP_PIXELS / columns.max(1)).max(1);
     for y0 in (0..rows).step_by(usize::try_from(strip).unwrap_or(1)) {
         let rect = Rect { x0: 0, y0, x1: columns, y1: rows.min(y0 + strip) };
-        let extra = Extra { left_out: None, seen: Some(seen) };
+        let extra = Extra { left_out: None, seen: Some(seen), has_sheets: false };
         band::draw::<FrontToBack>(&projector, &shot.view, &shot.order, rect, limits, Code::Best, extra)?;
     }
     Ok(())
@@ -217,7 +219,11 @@ impl Job<'_> {
     /// Bands of splats.
     fn splat<B: Blend>(&self) -> Result<Vec<Drawn<Planes>>> {
         if self.settings.code == Code::Plain {
-            return Ok(vec![plain::draw::<B>(self.projector, self.order, self.whole(), self.limits)?]);
+            let drawn = match self.extra.has_sheets {
+                false => plain::draw::<B>(self.projector, self.order, self.whole(), self.limits)?,
+                true => plain::draw_sheets(self.projector, self.order, self.whole(), self.limits)?,
+            };
+            return Ok(vec![drawn]);
         }
         self.bands(self.lines_run_across(), |rect| {
             band::draw::<B>(self.projector, self.view, self.order, rect, self.limits, self.settings.code, self.extra)

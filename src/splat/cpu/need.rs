@@ -3,8 +3,8 @@
 use super::base_plane::{self, BasePlane};
 use crate::error::Result;
 use crate::splat::finer::Finer;
-use crate::splat::{Camera, Mode, Sampling, Settings, View};
-use crate::traverse::{Order, Sense, VoxelBox};
+use crate::splat::{Blending, Camera, Mode, Sampling, Settings, View};
+use crate::traverse::{Order, VoxelBox};
 use crate::volume::Grid;
 
 /// What tiles, their pitch, their states and counts add to a band: columns and rows, at most (`planes.rs`).
@@ -46,10 +46,7 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
         Some(order) => order,
         None => Order::new(view.viewpoint, grid.dims, settings.sense, settings.form)?,
     };
-    let plane = match settings.sense {
-        Sense::FrontToBack => BasePlane::of(&view, &order, kernel, bounds, settings.sampling),
-        Sense::BackToFront => None,
-    };
+    let plane = BasePlane::of(&view, &order, kernel, bounds, settings);
     let finer = || Finer::of(&view, grid.dims, kernel.sigma).map(|finer| Canvas::Finer(finer.strip_size()));
     Ok(plane.map(|plane| Canvas::BasePlane(plane.pixels())).or_else(finer).unwrap_or(Canvas::Picture))
 }
@@ -61,12 +58,15 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
     let [columns, rows] = settings.size.map(u64::from);
     let threads = (settings.threads as u64).clamp(1, columns.max(rows));
     let frame = |[columns, rows]: [u64; 2]| PIXEL.saturating_mul(columns * rows);
+    // A sheet beside each.
+    let sheets = 1 + u64::from(settings.blending == Blending::Sheets);
+    let bands = |size: [u64; 2]| bands(size, threads).saturating_mul(sheets);
     let drawing = match canvas {
-        Canvas::Picture => bands([columns, rows], threads),
-        Canvas::BasePlane(pixels) => bands([columns, rows], threads).max(base_plane::memory_need(pixels)),
+        Canvas::Picture => bands([columns, rows]),
+        Canvas::BasePlane(pixels) => bands([columns, rows]).max(base_plane::memory_need(pixels)),
         Canvas::Finer(size) => {
             let size = size.map(u64::from);
-            bands(size, threads).saturating_add(frame(size)).saturating_add(threads * PIXEL * size[0])
+            bands(size).saturating_add(frame(size)).saturating_add(threads * PIXEL * size[0])
         }
     };
     let longest = dims.into_iter().max().map_or(0, u64::from).max(2_048);

@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use super::arith::{LOG2_E, at_least, at_most};
 use super::band::{Drawn, Work};
-use super::blend::Blend;
+use super::blend::{Blend, FrontToBack, sheet_parts};
 use super::planes::{Planes, Rect};
 use super::project::{Kind, Projector, jacobian, slant, span, split};
 use super::raster::{Centre, Ellipse, Kernel, Limits};
@@ -30,47 +30,101 @@ pub(crate) fn draw<B: Blend>(
     limits: Limits,
 ) -> Result<Drawn<Planes>> {
     let mut planes = Planes::new(rect, B::FOURTH)?;
-    let (mut visited, mut drawn) = (0, 0);
+    let stop = if B::STOPS { limits.stop } else { 0.0 };
+    let mut drawn = 0;
     let start = Instant::now();
+    let visited = each(projector, order, |voxel, record, _| {
+        let Some((kernel, [red, green, blue])) = splat(projector, limits, voxel, record) else { return };
+        let ink = [red, green, blue, B::INK];
+        let mut is_drawn = false;
+        each_pixel(&kernel, rect, |column, row, depth| {
+            is_drawn = true;
+            let (amount, old) = (B::amount(depth), planes.pixel(column, row));
+            planes.set_pixel(column, row, std::array::from_fn(|c| B::blend(old[c], old[3], amount, ink[c], stop)));
+        });
+        drawn += u64::from(is_drawn);
+    });
+    Ok(Drawn { pixels: planes, work: Work { visited, drawn, walking: start.elapsed(), drawing: Duration::ZERO } })
+}
+
+/// Draws the whole picture front to back, slice by slice: the sum of one's splats, then that behind what is there.
+///
+/// # Errors
+/// If the memory cannot be had.
+pub(crate) fn draw_sheets(projector: &Projector, order: &Order, rect: Rect, limits: Limits) -> Result<Drawn<Planes>> {
+    let mut planes = Planes::new(rect, FrontToBack::FOURTH)?;
+    let mut sheet = Planes::new(rect, 0.0)?;
+    let (mut drawn, mut last) = (0, None);
+    let pixels = || (rect.y0..rect.y1).flat_map(move |row| (rect.x0..rect.x1).map(move |column| (column, row)));
+    let composite = |planes: &mut Planes, sheet: &mut Planes| {
+        for (column, row) in pixels() {
+            let (old, added) = (planes.pixel(column, row), sheet.pixel(column, row));
+            let [part, share] = sheet_parts(old[3], added[3], limits.stop);
+            let [red, green, blue] = [0, 1, 2].map(|c| old[c] + share * added[c]);
+            planes.set_pixel(column, row, [red, green, blue, old[3] - part]);
+            sheet.set_pixel(column, row, [0.0; 4]);
+        }
+    };
+    let start = Instant::now();
+    let visited = each(projector, order, |voxel, record, slow| {
+        if last.replace(slow).is_some_and(|last| last != slow) {
+            composite(&mut planes, &mut sheet);
+        }
+        let Some((kernel, [red, green, blue])) = splat(projector, limits, voxel, record) else { return };
+        let mut is_drawn = false;
+        each_pixel(&kernel, rect, |column, row, depth| {
+            is_drawn = true;
+            let old = sheet.pixel(column, row);
+            let [red, green, blue] = [old[0] + depth * red, old[1] + depth * green, old[2] + depth * blue];
+            sheet.set_pixel(column, row, [red, green, blue, old[3] + depth]);
+        });
+        drawn += u64::from(is_drawn);
+    });
+    composite(&mut planes, &mut sheet);
+    Ok(Drawn { pixels: planes, work: Work { visited, drawn, walking: start.elapsed(), drawing: Duration::ZERO } })
+}
+
+/// Visits each voxel, with its record and its slice; gives how many there were.
+fn each(projector: &Projector, order: &Order, mut visit: impl FnMut([u16; 3], usize, u16)) -> u64 {
+    let mut visited = 0;
     walk(&projector.lane, order, &mut |batch: &Batch| {
         for j in 0..batch.len() {
             visited += 1;
             let mut voxel = [0u16; 3];
             let [s, m, f] = projector.nesting;
             (voxel[s], voxel[m], voxel[f]) = (batch.slow, batch.medium[j], batch.fast[j]);
-            drawn += u64::from(splat::<B>(projector, &mut planes, limits, voxel, batch.record_index(j)));
+            visit(voxel, batch.record_index(j), batch.slow);
         }
     });
-    Ok(Drawn { pixels: planes, work: Work { visited, drawn, walking: start.elapsed(), drawing: Duration::ZERO } })
+    visited
 }
 
-fn splat<B: Blend>(projector: &Projector, planes: &mut Planes, limits: Limits, voxel: [u16; 3], record: usize) -> bool {
-    if projector.crop.is_some_and(|crop| (0..3).any(|a| voxel[a] < crop.low[a] || voxel[a] > crop.high[a])) {
-        return false;
-    }
-    let Some((x, y, ellipse, strength)) = place(projector, voxel) else { return false };
-    let [red, green, blue, depth] = projector.look(record);
-    let peak = if projector.maximum { depth } else { at_most(depth * strength, MAX_DEPTH as f32 * LOG2_E) };
-    let [red, green, blue] = light(projector, voxel, record, [red, green, blue]);
-    let (ink, stop) = ([red, green, blue, B::INK], if B::STOPS { limits.stop } else { 0.0 });
-    let (low_x, high_x) = span(x, ellipse.half_x);
-    let (low_y, high_y) = span(y, ellipse.half_y);
-    if !(strength > 0.0 && peak > 0.0) {
-        return false;
-    }
-    let kernel = Kernel { centre: Centre { x: x.0, y: y.0, rest_x: x.1, rest_y: y.1 }, ellipse, cut: limits.cut, peak };
-    let rect = planes.rect;
-    let mut touched = false;
+/// Optical depth (in units of ln 2) at each pixel of a splat's box.
+fn each_pixel(kernel: &Kernel, rect: Rect, mut put: impl FnMut(i32, i32, f32)) {
+    let Kernel { centre, ellipse, .. } = kernel;
+    let (low_x, high_x) = span((centre.x, centre.rest_x), ellipse.half_x);
+    let (low_y, high_y) = span((centre.y, centre.rest_y), ellipse.half_y);
     for row in low_y.max(rect.y0)..=high_y.min(rect.y1 - 1) {
         for column in low_x.max(rect.x0)..=high_x.min(rect.x1 - 1) {
-            touched = true;
-            let amount = B::amount(kernel.depth(column, row));
-            let old = planes.pixel(column, row);
-            let new = std::array::from_fn(|c| B::blend(old[c], old[3], amount, ink[c], stop));
-            planes.set_pixel(column, row, new);
+            put(column, row, kernel.depth(column, row));
         }
     }
-    touched
+}
+
+/// A voxel's kernel and colour; `None` if it is not drawn.
+fn splat(projector: &Projector, limits: Limits, voxel: [u16; 3], record: usize) -> Option<(Kernel, [f32; 3])> {
+    if projector.crop.is_some_and(|crop| (0..3).any(|a| voxel[a] < crop.low[a] || voxel[a] > crop.high[a])) {
+        return None;
+    }
+    let (x, y, ellipse, strength) = place(projector, voxel)?;
+    let [red, green, blue, depth] = projector.look(record);
+    let peak = if projector.maximum { depth } else { at_most(depth * strength, MAX_DEPTH as f32 * LOG2_E) };
+    if !(strength > 0.0 && peak > 0.0) {
+        return None;
+    }
+    let colour = light(projector, voxel, record, [red, green, blue]);
+    let centre = Centre { x: x.0, y: y.0, rest_x: x.1, rest_y: y.1 };
+    Some((Kernel { centre, ellipse, cut: limits.cut, peak }, colour))
 }
 
 type Place = ((i32, f32), (i32, f32), Ellipse, f32);

@@ -12,6 +12,7 @@
 
 use bytemuck::Zeroable;
 
+use super::blend::{Additive, Blend as _, sheet_parts};
 use crate::error::{Error, Result};
 
 /// Side of a tile in pixels, as a shift.
@@ -62,6 +63,8 @@ pub(crate) struct Planes {
     squares: Count,
     /// Squares of each block that have such tiles.
     blocks: Count,
+    /// Index, column and row of each tile that is not fresh, of a sheet's.
+    begun: Option<Vec<(usize, i32, i32)>>,
 }
 
 /// A number for each cell of a grid of squares.
@@ -118,7 +121,46 @@ impl Planes {
             have: 0,
         })?;
         let (squares, blocks) = (Count::new(rect, SQUARE, TILE), Count::new(rect, BLOCK, SQUARE));
-        Ok(Planes { rect, fourth, pitch, tiles, states: vec![FRESH; len], squares, blocks })
+        Ok(Planes { rect, fourth, pitch, tiles, states: vec![FRESH; len], squares, blocks, begun: None })
+    }
+
+    /// Pixels of a sheet: sums of colour times optical depth, and of optical depth.
+    ///
+    /// # Errors
+    /// As [`Planes::new`].
+    pub(crate) fn sheet(rect: Rect) -> Result<Planes> {
+        Ok(Planes { begun: Some(Vec::new()), ..Planes::new(rect, Additive::FOURTH)? })
+    }
+
+    /// Composites a sheet of the same rectangle behind what is there, front to back, and empties it.
+    #[inline(always)]
+    pub(super) fn composite(&mut self, sheet: &mut Planes, stop: f32) {
+        let mut begun = sheet.begun.take().unwrap_or_default();
+        for (from, column, row) in begun.drain(..) {
+            let Tile(added) = &mut sheet.tiles[from];
+            if let Some((index, Tile([red, green, blue, clear]))) = self.tile(column, row) {
+                let (mut parts, mut shares) = ([0.0; PIXELS], [0.0; PIXELS]);
+                for i in 0..PIXELS {
+                    [parts[i], shares[i]] = sheet_parts(clear[i], added[3][i], stop);
+                }
+                for (values, added) in [red, green, blue].into_iter().zip(&*added) {
+                    for i in 0..PIXELS {
+                        values[i] += shares[i] * added[i];
+                    }
+                }
+                let mut is_open = false;
+                for i in 0..PIXELS {
+                    clear[i] -= parts[i];
+                    is_open |= clear[i] >= stop;
+                }
+                if !is_open {
+                    self.freeze(index, column, row);
+                }
+            }
+            *added = [[0.0; PIXELS]; 4];
+            sheet.states[from] = FRESH;
+        }
+        sheet.begun = Some(begun);
     }
 
     /// Index of the tile in `column` and `row` of the picture's grid, which meets the rectangle.
@@ -151,6 +193,9 @@ impl Planes {
             *fourth = if inside { self.fourth } else { 0.0 };
         }
         self.states[index] = OPEN;
+        if let Some(begun) = &mut self.begun {
+            begun.push((index, column, row));
+        }
     }
 
     /// Notes that no pixel of an open tile changes any more.

@@ -153,7 +153,7 @@ impl Splatter<'_> {
 /// Stage 1 of a block that was handed over, which is empty then.
 #[inline(always)]
 pub(super) fn project(projector: &Projector, block: &mut Block, bench: &mut Bench, limits: Limits) {
-    let Bench { planes, splats, each } = bench;
+    let Bench { planes, splats, each, .. } = bench;
     projector.place(block, splats, each);
     projector.keep(block.count, [true; BLOCK], splats, planes, limits);
     for k in 0..splats.count {
@@ -214,6 +214,7 @@ pub(crate) fn splat(
             planes: Planes::new(rect, FrontToBack::FOURTH)?,
             splats: Splats::new(),
             each: EllipseEach::new(),
+            sheet: None,
         },
         level: 0,
         voxels: Voxels::new(),

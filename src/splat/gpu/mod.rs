@@ -54,7 +54,7 @@ use super::composite::Table;
 use super::frame::Frame;
 use super::shot::Shot;
 use super::view::check_size;
-use super::{Camera, Scene, Settings};
+use super::{Blending, Camera, Scene, Settings};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::volume::Axis;
@@ -272,6 +272,11 @@ impl<'a> Renderer<'a> {
     fn draw(&mut self, camera: &Camera, settings: &Settings, output: Output, look: Option<Look>) -> Result<Stats> {
         let start = Instant::now();
         let shot = Shot::new(&self.scene, camera, settings)?;
+        if settings.blending != Blending::Exponential {
+            let why =
+                format!("{} is not for graphics devices; take the processor's renderer", settings.blending.name());
+            return Err(Error::input("blending", why));
+        }
         let context = self.context.clone();
         let mut stats = Stats::default();
         self.current = self.compositor_for(settings.size);

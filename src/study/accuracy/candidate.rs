@@ -5,7 +5,7 @@
 
 use crate::error::{Error, Result};
 use crate::splat::dial::{self, Rung};
-use crate::splat::{KernelShape, Quality, Sampling, Settings, View};
+use crate::splat::{Blending, KernelShape, Quality, Sampling, Settings, View};
 use crate::traverse::{Order, Sense, SplitForm};
 
 /// Candidates that belong together: a series of a plot.
@@ -25,7 +25,7 @@ pub enum Family {
     Codes,
     /// Nesting and sense of the walk.
     Order,
-    /// Opacity times weight, the classic form.
+    /// What splats take of the light: the classic form, sheet buffers.
     Blending,
     /// Cubes of voxels as one splat.
     Octree,
@@ -94,8 +94,6 @@ pub enum Drawer {
     Renderer,
     /// The same splats, of an octree whose cubes are one splat where their error is below this.
     Octree(f32),
-    /// The splat judge with opacity times weight: an error, no time.
-    LinearJudge,
 }
 
 /// Settings of every knob.
@@ -119,6 +117,8 @@ pub struct Candidate {
     pub nesting: Nesting,
     /// Which end comes first.
     pub sense: Sense,
+    /// What a splat takes of the light.
+    pub blending: Blending,
     /// Who draws.
     pub drawer: Drawer,
 }
@@ -161,6 +161,7 @@ impl Candidate {
             normal_bits: bits,
             nesting: Nesting::Own,
             sense: Sense::FrontToBack,
+            blending: Blending::Exponential,
             drawer: Drawer::Renderer,
         }
     }
@@ -199,11 +200,11 @@ impl Candidate {
         if self.sense == Sense::BackToFront {
             text.push_str(" sense=back-to-front");
         }
-        match self.drawer {
-            Drawer::Renderer => {}
-            Drawer::Octree(threshold) => text.push_str(&format!(" octree={threshold}")),
-            // The judge's own kernel, out to six standard deviations, from the samples themselves.
-            Drawer::LinearJudge => return "blending=linear sigma=0.7 radius=4.2 stop=0 values=judge".to_owned(),
+        if self.blending != Blending::Exponential {
+            text.push_str(&format!(" blending={}", self.blending.name()));
+        }
+        if let Drawer::Octree(threshold) = self.drawer {
+            text.push_str(&format!(" octree={threshold}"));
         }
         text
     }
@@ -229,6 +230,7 @@ impl Candidate {
             termination: Some(self.termination),
             sampling: self.sampling,
             sense: self.sense,
+            blending: self.blending,
             order,
             ..Settings::new(view.size)
         })
@@ -284,7 +286,9 @@ pub fn candidates(quick: bool) -> Vec<Candidate> {
         add(Candidate { nesting, ..Candidate::away(Family::Order) });
     }
     add(Candidate { sense: Sense::BackToFront, ..Candidate::away(Family::Order) });
-    add(Candidate { drawer: Drawer::LinearJudge, ..Candidate::away(Family::Blending) });
+    for blending in [Blending::Linear, Blending::Sheets] {
+        add(Candidate { blending, ..Candidate::away(Family::Blending) });
+    }
     for &threshold in THRESHOLDS.iter().step_by(step) {
         let drawer = Drawer::Octree(threshold);
         add(Candidate { drawer, sampling: Sampling::EveryPixel, ..Candidate::away(Family::Octree) });

@@ -13,7 +13,6 @@ use super::view::JudgedView;
 use crate::error::{Error, Result};
 use crate::metrics::{Metrics, compare};
 use crate::parallel::in_order;
-use crate::reference::splat::{self as judge, Blending};
 use crate::splat::{Frame, Quality, View, cpu};
 use crate::study::baselines::Built;
 use crate::study::baselines::octree::Octree;
@@ -105,7 +104,7 @@ pub fn measure(
         let mut fastest = vec![None::<f64>; candidates.len()];
         for round in 0..effort.repetitions {
             for (candidate, fastest) in candidates.iter().zip(&mut fastest) {
-                let Some(seconds) = artist.timed(view, candidate)? else { continue };
+                let seconds = artist.timed(view, candidate)?;
                 *fastest = Some(fastest.map_or(seconds, |best| best.min(seconds)));
                 if round == 0 {
                     step(1)?;
@@ -180,22 +179,15 @@ impl Artist<'_> {
         Ok(found)
     }
 
-    /// Seconds of a frame; `None` for what is not timed.
-    fn timed(&self, view: &JudgedView, candidate: &Candidate) -> Result<Option<f64>> {
-        if candidate.drawer == Drawer::LinearJudge {
-            return Ok(None);
-        }
+    /// Seconds of a frame.
+    fn timed(&self, view: &JudgedView, candidate: &Candidate) -> Result<f64> {
         let start = Instant::now();
         black_box(self.draw(view, candidate)?);
-        Ok(Some(start.elapsed().as_secs_f64()))
+        Ok(start.elapsed().as_secs_f64())
     }
 
     fn draw(&self, view: &JudgedView, candidate: &Candidate) -> Result<Frame> {
         let set = self.set;
-        if candidate.drawer == Drawer::LinearJudge {
-            let settings = judge::Settings { blending: Blending::Linear, ..judge::Settings::new(view.size) };
-            return set.judge.draw(&view.camera, &settings)?.to_frame();
-        }
         let grid = set.judge.visible().grid();
         let looked = View::new(&view.camera, grid, view.size, Quality::Reference.kernel(), None)?;
         let settings = candidate.settings(&looked, grid.dims)?;

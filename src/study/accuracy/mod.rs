@@ -72,7 +72,6 @@ impl<'a> Judged<'a> {
         match candidate.drawer {
             Drawer::Renderer => self.file(candidate.value_bits, candidate.normal_bits).is_ok(),
             Drawer::Octree(_) => self.subject.is_some(),
-            Drawer::LinearJudge => true,
         }
     }
 }

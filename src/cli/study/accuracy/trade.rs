@@ -4,9 +4,7 @@ use super::super::super::{Answer, print_result};
 use super::{Arguments, bounds};
 use crate::error::Result;
 use crate::splat::Quality;
-use crate::study::accuracy::{
-    Candidate, Drawer, Effort, Family, JudgedView, Outcome, candidates, mark_front, measure, views,
-};
+use crate::study::accuracy::{Candidate, Effort, Family, JudgedView, Outcome, candidates, mark_front, measure, views};
 use crate::study::report::plot::{Plot, Series, Side};
 use crate::study::report::{Cell, Report};
 
@@ -94,8 +92,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 impl Found {
     fn row(&self, candidate: &Candidate, outcome: &Outcome) -> Vec<Cell> {
         let view = outcome.view.map(|view| &self.views[view]);
-        // The judge draws from samples, not from codes.
-        let stored = |bits: u8| (candidate.drawer != Drawer::LinearJudge).then_some(u64::from(bits));
         vec![
             self.name.as_str().into(),
             self.voxels.into(),
@@ -104,8 +100,8 @@ impl Found {
             candidate.family.name().into(),
             candidate.quality_name().into(),
             candidate.settings_text().as_str().into(),
-            stored(candidate.value_bits).into(),
-            stored(candidate.normal_bits).into(),
+            u64::from(candidate.value_bits).into(),
+            u64::from(candidate.normal_bits).into(),
             outcome.milliseconds.into(),
             outcome.psnr.into(),
             outcome.ssim.into(),
