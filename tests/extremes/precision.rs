@@ -202,20 +202,24 @@ fn eight_bits_of_normal_change_a_picture_within_their_angle() {
 /// Where splats are widened to a pixel their depths are averaged and not what they let through: a small picture of
 /// something with holes is more opaque than the mean of a large one, and never less.
 #[test]
-fn small_pictures_of_things_with_holes_are_too_opaque() {
+fn small_pictures_of_things_with_holes_are_too_opaque_but_for_finer_pixels() {
     let grid = Grid::new([64, 64, 1], [1.0; 3]).unwrap();
     let model = Model::new(grid, constant(0.9, 1.0), |[x, y, _]| ((x / 2 + y / 2) % 2 == 0).then_some(1));
-    let mean = |pixels: f64, size: u32| {
+    let mean = |pixels: f64, size: u32, sampling: Sampling| {
         let camera = parallel([31.5, 31.5, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], f64::from(size) / pixels);
-        let settings = Settings { quality: Quality::Reference, ..Settings::new([size; 2]) };
+        let settings = Settings { quality: Quality::Reference, sampling, ..Settings::new([size; 2]) };
         let (frame, _) = model.draw(&camera, &settings);
         alphas(&frame).sum::<f64>() / f64::from(size * size)
     };
     // 40 x 40 voxels in the middle.
-    let (large, same, small) = (mean(8.0, 320), mean(1.0, 40), mean(0.25, 10));
+    let every = Sampling::EveryPixel;
+    let (large, same, small) = (mean(8.0, 320, every), mean(1.0, 40, every), mean(0.25, 10, every));
+    let finer = mean(0.25, 10, Sampling::Finer);
     let most = -(0.1f64.ln() / 2.0).exp_m1();
     println!(
-        "checkers of opacity 0.9: mean {large:.3} at 8 pixels a voxel, {same:.3} at 1, {small:.3} at 1/4; {most:.3} if even"
+        "checkers of opacity 0.9: mean {large:.3} at 8 pixels a voxel, {same:.3} at 1, {small:.3} at 1/4; {most:.3} if even; {finer:.3} by finer pixels"
     );
+    // Pixels on the edge see a little less than a checker on one side.
+    assert!((finer - large).abs() < 4e-3, "{finer} {large}");
     assert!(large < small - 0.01 && same < small - 0.01 && small <= most + 3e-3, "{large} {same} {small} {most}");
 }
