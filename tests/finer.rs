@@ -90,7 +90,7 @@ fn finer_pixels_show_what_much_finer_ones_show() {
     const FINER: u32 = 12;
     for name in ["gyroid", "shells", "noise"] {
         let built = built(name);
-        for (side, fov) in [(60, None), (60, Some(40.0)), (24, None), (30, Some(60.0))] {
+        for (side, fov) in [(60, None), (60, Some(40.0)), (24, None), (30, Some(60.0)), (9, None)] {
             let size = [side; 2];
             let camera = camera(&built, fov, size);
             let width = width(&built, &camera, side);
@@ -124,7 +124,7 @@ fn finer_pixels_have_the_same_bits_for_any_threads_and_instructions() {
 fn all_samplings_but_every_pixel_show_fine_voxels_alike() {
     let built = built("shells");
     // At 80 pixels a parallel view is drawn on the base plane.
-    for (side, fov) in [(80, None), (50, None), (50, Some(40.0))] {
+    for (side, fov) in [(80, None), (50, None), (50, Some(40.0)), (20, None), (12, Some(40.0))] {
         let size = [side; 2];
         let camera = camera(&built, fov, size);
         let finer = draw(&built, &camera, &settings(size, Sampling::Finer));
@@ -132,7 +132,8 @@ fn all_samplings_but_every_pixel_show_fine_voxels_alike() {
             // The base plane, where there is one, is as near to it as to much finer pixels.
             let near = decibels(&draw(&built, &camera, &settings(size, sampling)), &finer);
             println!("{side} {fov:?} {sampling:?}: {near:.1} dB");
-            assert!(near > 40.0, "{side} {fov:?} {sampling:?}: {near:.1} dB");
+            let lowest = if sampling == Sampling::Fewest { 32.0 } else { 40.0 };
+            assert!(near > lowest, "{side} {fov:?} {sampling:?}: {near:.1} dB");
         }
     }
 }

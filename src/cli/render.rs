@@ -119,7 +119,8 @@ pub(super) struct LookArguments {
     /// is fewer where splats are wide (seven pixels and more) and, in parallel views whose voxels are finer than pixels, those
     /// of the slices, and the picture is interpolated from them; fewest is one for each voxel of a parallel view's slices.
     /// Fewest for draft, enough for standard, finer for high and reference unless given; graphics devices and the reference
-    /// know every and finer, and take the others for finer
+    /// know every and finer, and take the others for finer. Where nothing is to be left out, enough and fewest are finer too, fewest
+    /// with half as many a side
     #[arg(long, value_name = "PIXELS", value_parser = ["fewest", "enough", "every", "finer"])]
     sampling: Option<String>,
     /// The fastest settings whose largest error, of a linear sample from 0 to 1 beside --quality reference, is within
@@ -136,7 +137,8 @@ pub(super) struct LookArguments {
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = ["composite", "maximum", "maximum-grey", "xray"])]
     mode: String,
     /// What a splat of composite takes of the light: exponential, 1 - exp(-depth); linear, opacity times weight, the classic
-    /// form; sheets, that of the sum of a slice's splats. Graphics devices know exponential alone
+    /// form; sheets, that of the sum of a slice's splats. Linear and sheets are the processor's alone, on every pixel or finer
+    /// ones, and keep no account of a million layers of next to no opacity
     #[arg(long, value_name = "B", default_value = "exponential", value_parser = Blending::ALL.map(Blending::name))]
     blending: String,
     /// Brightness of xray; chosen by what is visible unless given.
@@ -237,10 +239,11 @@ impl Job<'_> {
             return draw(self, settings, LaneSet::new(file.arena()?, None), transfer, start);
         };
         let cameras = pictured(self.arguments, &file.arena()?, &mut settings)?;
-        let samplings = match self.arguments.look.max_error {
+        let mut samplings = match self.arguments.look.max_error {
             Some(_) => dial::RUNGS.map(|rung| rung.sampling).to_vec(),
             None => vec![settings.sampling],
         };
+        samplings.dedup();
         let depth = self.arguments.look.depth();
         let room = Room::divide(memory, &file.arena()?, &settings, &samplings, self.kind, depth, &cameras)?;
         settings.threads = room.threads;

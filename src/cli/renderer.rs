@@ -15,6 +15,7 @@ use crate::error::{Error, Result};
 use crate::reference::splat::{self as judge, Judge, Settings as JudgeSettings};
 use crate::splat::finer::Finer;
 use crate::splat::{Blending, Camera, Frame, Scene, Settings, cpu};
+use crate::traverse::VoxelBox;
 
 /// What draws.
 #[derive(Debug, Args)]
@@ -104,11 +105,12 @@ impl RendererArguments {
             (Which::Cpu, Some((flag, _))) => Err(Error::input(flag, "is for graphics devices; leave it out")),
             (Which::Cpu, None) => Ok(Renderer::Cpu(scene)),
             (Which::Reference, _) => Err(needs_volume()),
-            (Which::Auto, _) if (is_bounded || !is_for_devices) && self.adapter.is_none() => Ok(Renderer::Cpu(scene)),
+            (Which::Auto, None) if !is_for_devices => Ok(Renderer::Cpu(scene)),
             _ if !is_for_devices => {
                 let why = format!("{} is not for graphics devices; take --renderer cpu", blending.name());
                 Err(Error::input("--blending", why))
             }
+            (Which::Auto, _) if is_bounded && self.adapter.is_none() => Ok(Renderer::Cpu(scene)),
             _ if is_bounded => {
                 let why = "cannot be kept by a graphics driver; leave it out (--vram bounds the device), or take --renderer cpu";
                 Err(Error::input("--memory", why))
@@ -218,7 +220,8 @@ fn judged(judge: &Judge, camera: &Camera, settings: &Settings) -> Result<(Frame,
         };
         Ok((judge.draw(camera, &judge_settings)?.to_frame()?, ()))
     };
-    let (frame, ()) = Finer::drawn(judge.visible().grid(), camera, settings, draw)?;
+    let bounds = judge.visible().bounds().map(|(low, high)| VoxelBox { low, high });
+    let (frame, ()) = Finer::drawn(judge.visible().grid(), bounds, camera, settings, draw)?;
     let stats = FrameStats {
         splats_drawn: judge.visible().voxels().len() as u64,
         splats_skipped: 0,

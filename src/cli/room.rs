@@ -15,7 +15,7 @@ use crate::arena::pager::IN_FLIGHT;
 use crate::arena::{Arena, Lane, LaneSet};
 use crate::error::{Error, Result};
 use crate::splat::cpu::{self, Canvas};
-use crate::splat::{Camera, Lanes, Sampling, Settings};
+use crate::splat::{Blending, Camera, Lanes, Sampling, Settings};
 use crate::traverse::VoxelBox;
 use crate::volume::Axis;
 
@@ -83,8 +83,15 @@ impl Room {
             let enough = need(1).saturating_add(LEAST_RESIDENT + BETWEEN_RUNS).div_ceil(1 << 20);
             let [columns, rows] = settings.size;
             let frames = if frames > 1 { format!(", {frames} frames") } else { String::new() };
+            let instead = match () {
+                () if settings.blending == Blending::Sheets => ", a smaller --size, or --blending exponential",
+                () if canvases.iter().any(|canvas| *canvas != Canvas::Picture) => {
+                    ", a smaller --size, or --sampling every"
+                }
+                () => ", or a smaller --size",
+            };
             let why = format!(
-                "is {}, but a picture of {columns}x{rows}{frames} from this file takes {enough}MiB; give that much, a smaller --size, or --sampling every",
+                "is {}, but a picture of {columns}x{rows}{frames} from this file takes {enough}MiB; give that much{instead}",
                 HumanBytes(memory)
             );
             return Err(Error::input("--memory", why));

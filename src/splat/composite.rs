@@ -46,7 +46,8 @@ pub enum Blending {
     /// Opacity times weight, 1 at most: the classic form (Westover 1990). 17 dB from the other where it is worst.
     Linear,
     /// As `Exponential` of the sums of a slice's splats, colours in proportion to their depths: sheet buffers (Westover 1991).
-    /// Within a slice no splat is in front of another.
+    /// Within a slice no splat is in front of another. Neither this nor `Linear` is exact for a million layers of next to no
+    /// opacity, as `Exponential` is.
     Sheets,
 }
 

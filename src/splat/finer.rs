@@ -21,16 +21,18 @@ use super::kernel::{LOW_PASS, narrowest};
 use super::view::{MAX_SIZE, PixelMap, View};
 use super::{Camera, Frame, Mode, Sampling, Settings};
 use crate::error::Result;
+use crate::traverse::VoxelBox;
 use crate::volume::Grid;
 
 /// Standard deviation of a footprint across its narrowest direction, in pixels, from which on a picture's own pixels do. Up to
 /// 0.49 finer ones were nearer to a picture of sixteen times as many in all of 36 views (docs/studies/sampling.md).
-pub(super) const ENOUGH: f64 = 0.53;
-/// Finer pixels for one, along a side, at most: a footprint that is still narrower is widened to a thirteenth of a pixel.
-const MOST: u32 = 8;
-/// Finer pixels that the processor draws at once: what it needs for them is 16 MiB, and 5 strips of 800 x 800 pixels cost it
-/// little more than one.
-const STRIP_PIXELS: u32 = 1 << 19;
+pub(super) const WIDE_ENOUGH: f64 = 0.53;
+/// Part of the low-pass that finer pixels of footprints need not be wider than where 32 dB are enough.
+const FEWEST: f64 = 0.5;
+/// Finer pixels of a picture, at most: 256 MiB where they are all there at a time.
+const MOST_PIXELS: u64 = 1 << 24;
+/// Finer pixels that are drawn at once, if rows are not too long for it: 16 MiB, frame and bands.
+const AT_ONCE: u32 = 1 << 19;
 
 /// How much finer pixels are.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -45,42 +47,51 @@ pub(crate) struct Finer {
 
 impl Finer {
     /// What `draw` gives at `settings`' size; or at a larger one, reduced to it, where settings and view ask for finer pixels.
+    /// `bounds`: of all voxels; `None` if there are none.
     ///
     /// # Errors
     /// As [`View::new`]; as `draw`; if memory cannot be had.
     pub(crate) fn drawn<T>(
         grid: &Grid,
+        bounds: Option<VoxelBox>,
         camera: &Camera,
         settings: &Settings,
         draw: impl FnOnce(&Settings) -> Result<(Frame, T)>,
     ) -> Result<(Frame, T)> {
-        let kernel = settings.kernel();
-        let view = View::new(camera, grid, settings.size, kernel, settings.near)?;
-        let is_asked_for = settings.mode == Mode::Composite && settings.sampling != Sampling::EveryPixel;
-        match Finer::of(&view, grid.dims, kernel.sigma).filter(|_| is_asked_for) {
-            None => draw(settings),
-            Some(finer) => {
-                let (frame, rest) = draw(&Settings { size: finer.size(), ..settings.clone() })?;
-                let mut picture = Frame::transparent(settings.size)?;
-                finer.reduce(&frame, &finer.whole(), settings.threads, &mut picture);
-                Ok((picture, rest))
-            }
-        }
+        let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
+        let Some(finer) = bounds.and_then(|bounds| Finer::of(&view, &bounds, settings)) else { return draw(settings) };
+        let (frame, rest) = draw(&Settings { size: finer.size(), ..settings.clone() })?;
+        let mut picture = Frame::transparent(settings.size)?;
+        finer.reduce(&frame, &finer.whole(), settings.threads, &mut picture);
+        Ok((picture, rest))
     }
 
-    /// For a view of a grid of `dims` by a kernel of standard deviation `sigma`; `None` if the picture's own pixels do, or twice as
-    /// many along a side are more than a picture may have. In perspective the voxel in the middle of the grid says how wide footprints are.
-    pub(crate) fn of(view: &View, dims: [u32; 3], sigma: f32) -> Option<Finer> {
-        let width = f64::from(width(view, dims, sigma));
+    /// For a view of the voxels in `bounds`; `None` if the picture's own pixels do, if twice as many along a side are too many, or
+    /// if `settings` want none. In perspective the middle of what is drawn says how wide footprints are.
+    pub(crate) fn of(view: &View, bounds: &VoxelBox, settings: &Settings) -> Option<Finer> {
+        if settings.mode != Mode::Composite || settings.sampling == Sampling::EveryPixel {
+            return None;
+        }
+        let VoxelBox { low, high } = settings.crop.unwrap_or(*bounds);
+        let middle = [0, 1, 2].map(|a| {
+            let (low, high) = (low[a].max(bounds.low[a]), high[a].min(bounds.high[a]));
+            (f64::from(low) + f64::from(high)) / 2.0
+        });
+        let width = f64::from(width(view, middle, settings.kernel().sigma));
         // Not so for NaN.
-        let is_fine = width < ENOUGH;
+        let is_fine = width < WIDE_ENOUGH;
         if !is_fine {
             return None;
         }
         let low_pass = f64::from(LOW_PASS);
-        let fits = |factor: u32| factor <= MOST && view.size.iter().all(|side| side.saturating_mul(factor) <= MAX_SIZE);
+        let wanted = if settings.sampling == Sampling::Fewest { FEWEST * low_pass } else { low_pass };
+        let pixels = u64::from(view.size[0]) * u64::from(view.size[1]);
+        let fits = |factor: u32| {
+            view.size.iter().all(|side| side.saturating_mul(factor) <= MAX_SIZE)
+                && pixels * u64::from(factor).pow(2) <= MOST_PIXELS
+        };
         let mut factor = 1;
-        while fits(factor + 1) && f64::from(factor) * width < low_pass {
+        while fits(factor + 1) && (factor == 1 || f64::from(factor) * width < wanted) {
             factor += 1;
         }
         if factor == 1 {
@@ -105,8 +116,9 @@ impl Finer {
     pub(crate) fn strips(&self) -> Vec<Strip> {
         let taps = self.taps();
         let [columns, rows] = self.size();
-        let around = taps.weights.len() as u32 - 1;
-        let some = (STRIP_PIXELS / columns).saturating_sub(around).div_euclid(self.factor).max(1);
+        // Rows around a strip's own are drawn for the next one again: they should not be most of it.
+        let around = taps.weights.len() as u32;
+        let some = ((AT_ONCE / columns).max(3 * around) - around) / self.factor;
         let strip = |from: u32| {
             let to = self.size[1].min(from + some);
             let first = (from * self.factor).saturating_sub(taps.before);
@@ -154,7 +166,8 @@ impl Finer {
                 for (column, pixel) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
                     let sum = taps(column, 0..columns)
                         .fold(Vec4::ZERO, |sum, (place, weight)| sum + weight * Vec4::from_array(sums[place]));
-                    *pixel = sum.to_array();
+                    // Weights add up to 1 but for rounding.
+                    *pixel = sum.min(Vec4::new(f32::MAX, f32::MAX, f32::MAX, 1.0)).to_array();
                 }
             }
         });
@@ -165,15 +178,15 @@ impl Finer {
         let factor = f64::from(self.factor);
         let middle = (factor - 1.0) / 2.0;
         // Five standard deviations lose 6e-7.
-        let reach = (5.0 * self.sigma).max(0.5);
+        let reach = 5.0 * self.sigma;
         let first = (middle - reach).ceil();
         let count = (middle + reach).floor() - first;
         let weights: Vec<f64> = (0..=count as i32)
             .map(|place| (-0.5 * ((first + f64::from(place) - middle) / self.sigma).powi(2)).exp())
             .collect();
         let total: f64 = weights.iter().sum();
-        #[expect(clippy::cast_sign_loss, reason = "the first is before the middle of a pixel, or is 0")]
-        let before = -first.min(0.0) as u32;
+        #[expect(clippy::cast_sign_loss, reason = "the Gaussian is wider than a finer pixel's half: see `WIDE_ENOUGH`")]
+        let before = -first as u32;
         Taps { before, weights: weights.into_iter().map(|weight| (weight / total) as f32).collect() }
     }
 }
@@ -191,14 +204,13 @@ struct Taps {
     weights: Vec<f32>,
 }
 
-/// Standard deviation of a footprint across its narrowest direction, in pixels: of any voxel of a parallel view, of the middle one
-/// in perspective, as if the view went there.
-fn width(view: &View, dims: [u32; 3], sigma: f32) -> f32 {
+/// Standard deviation of a footprint across its narrowest direction, in pixels: of any voxel of a parallel view, of one in
+/// the `middle` in perspective, as if the view went there.
+fn width(view: &View, middle: [f64; 3], sigma: f32) -> f32 {
     let single = |map: &[f64; 4]| [map[0] as f32, map[1] as f32, map[2] as f32];
     match &view.map {
         PixelMap::Parallel { pixel_from_voxel, .. } => narrowest(pixel_from_voxel.each_ref().map(single), sigma),
         PixelMap::Perspective { camera_from_voxel, focal, near, .. } => {
-            let middle = dims.map(|points| (f64::from(points) - 1.0) / 2.0);
             let [right, up, along] = camera_from_voxel;
             let place = |m: &[f64; 4]| m[0] * middle[0] + m[1] * middle[1] + m[2] * middle[2] + m[3];
             let toward = DVec3::new(place(right), place(up), place(along));
@@ -218,7 +230,7 @@ mod tests {
 
     #[test]
     fn weights_lie_around_the_middle_of_a_pixel_and_add_up_to_one() {
-        for (factor, sigma) in [(2, 0.56), (2, 1.04), (3, 1.5), (8, 4.79)] {
+        for (factor, sigma) in [(2, 0.56), (2, 1.04), (3, 1.5), (5, 2.94)] {
             let Taps { before, weights } = Finer { factor, size: [1, 1], sigma }.taps();
             let places = || (0..).map(|tap| f64::from(tap) - f64::from(before) - f64::from(factor - 1) / 2.0);
             let moment = |power: i32| -> f64 {
@@ -254,7 +266,7 @@ mod tests {
             assert_eq!(next, size[1]);
             assert!(once == by_strips, "{size:?} in {} strips", strips.len());
             let pixels = finer.strip_size()[0] * finer.strip_size()[1];
-            assert!(pixels <= STRIP_PIXELS || strips.len() == size[1] as usize, "{size:?}: {pixels}");
+            assert!(pixels <= AT_ONCE.max(columns * 3 * 15), "{size:?}: {pixels}");
         }
     }
 }

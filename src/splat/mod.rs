@@ -147,8 +147,8 @@ pub enum Sampling {
     #[default]
     #[serde(rename = "every")]
     EveryPixel,
-    /// All; of a composited picture whose voxels are finer than its pixels, several for each, which are then seen through a
-    /// Gaussian. Pictures of more than 2^24 such pixels have as many as that.
+    /// All; of a composited picture whose voxels are finer than its pixels, several finer ones for each, as narrow as the voxels,
+    /// which are then seen through a Gaussian: 2^24 in all at most, so that pictures of more than 2,048 x 2,048 pixels have none.
     Finer,
     /// As many as a picture needs that is composited; the others are interpolated between them. Where the voxels of a
     /// parallel view are finer than its pixels, those of the *base plane*: one for each scan line that the view looks onto,
@@ -157,7 +157,7 @@ pub enum Sampling {
     /// [`Sampling::Finer`] where that is more than all. How far pictures differ: docs/studies/sampling.md.
     Enough,
     /// For moving the camera: the base plane of a parallel view where voxels are up to three pixels apart; in
-    /// perspective two fifths of the pixels that are enough.
+    /// perspective two fifths of the pixels that are enough, or a quarter of the finer ones where voxels are finer.
     Fewest,
 }
 
@@ -233,11 +233,11 @@ impl Settings {
 /// What drawing a frame took.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Stats {
-    /// Splats that reached the picture. With several threads a splat on the border of two bands counts twice.
+    /// Splats that reached the picture. One on the border of two threads' bands, or of two strips of finer pixels, counts twice.
     pub splats_drawn: u64,
     /// Voxels that were visited but not drawn: transparent, off the picture, or behind what is opaque.
     pub splats_skipped: u64,
-    /// Bands of the picture, one per thread.
+    /// Bands of what is drawn at a time, one per thread.
     pub bands: usize,
     /// Milliseconds of the whole frame.
     pub frame_ms: f64,

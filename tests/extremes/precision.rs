@@ -2,7 +2,7 @@
 
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::builder::{BuildOptions, Built, Unobserved, build};
-use adjsplat::splat::{Camera, Frame, Lighting, Orbit, Projection, Quality, Scene, Settings, Surround, cpu};
+use adjsplat::splat::{Camera, Frame, Lighting, Orbit, Projection, Quality, Sampling, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::Sense;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Grid, SampleType};

@@ -26,7 +26,7 @@ use super::sampling::{columns_to_coefficients, covered, spline, to_coefficients}
 use super::{plane_rows, stamp};
 use crate::error::Result;
 use crate::splat::finer;
-use crate::splat::kernel::{KernelShape, LOW_PASS, footprint, narrowest};
+use crate::splat::kernel::{LOW_PASS, footprint, narrowest};
 use crate::splat::view::{Affine, MAX_SIZE, PixelMap, View};
 use crate::splat::{Blending, Frame, Mode, Sampling, Settings};
 use crate::traverse::{Order, Sense, VoxelBox};
@@ -38,7 +38,7 @@ const MOST_PIXELS: f64 = 6.0;
 /// Standard deviation of a kernel in pixels of the picture, along either direction of the plane, up to which the plane is the
 /// more exact: below, the low-pass widens splats. Up to 0.49 it was nearer to finer pixels in all of 36 views, by 5 to 19 dB; at
 /// 0.56 in 15 of 18 (docs/studies/sampling.md).
-const ENOUGH: f64 = finer::ENOUGH;
+const ENOUGH: f64 = finer::WIDE_ENOUGH;
 /// The same where 32 dB are enough: in the worst view, nearly along an axis, it is 34 dB at any magnification.
 const FEWEST: f64 = 2.1;
 
@@ -67,19 +67,14 @@ impl BasePlane {
     /// The base plane of a parallel view of the voxels in `bounds`; `None` if the view is not parallel, if the plane
     /// would be too coarse for `settings`, too fine or too large, if `order` is not the view's own, or if splats are put together
     /// in another way than a stamp's.
-    pub(super) fn of(
-        view: &View,
-        order: &Order,
-        kernel: KernelShape,
-        bounds: &VoxelBox,
-        settings: &Settings,
-    ) -> Option<BasePlane> {
+    pub(super) fn of(view: &View, order: &Order, bounds: &VoxelBox, settings: &Settings) -> Option<BasePlane> {
         let is_stamped = settings.mode == Mode::Composite
             && settings.sense == Sense::FrontToBack
             && settings.blending == Blending::Exponential;
         if !is_stamped {
             return None;
         }
+        let kernel = settings.kernel();
         let coarsest = match settings.sampling {
             Sampling::EveryPixel | Sampling::Finer => return None,
             Sampling::Enough => ENOUGH,

@@ -39,14 +39,14 @@ use super::finer::Finer;
 use super::frame::Frame;
 use super::shot::Shot;
 use super::view::{PixelMap, View};
-use super::{Camera, Code, Sampling, Scene, Settings, Stats};
+use super::{Camera, Code, Scene, Settings, Stats};
 use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::traverse::{Order, Sense, VoxelBox};
 
 /// Draws a frame.
 ///
-/// Memory: 16 bytes a pixel for the frame and as much for the bands. The result depends on the arguments but not on
+/// Memory: [`memory_need`]; 16 bytes a pixel for the frame and as much for the bands, if every pixel is drawn. The result depends on the arguments but not on
 /// `settings.threads` or `settings.code`.
 ///
 /// # Errors
@@ -64,18 +64,13 @@ enum Stage {
 }
 
 impl Stage {
-    /// The best for a view, if the settings allow one and it is worth while.
-    fn of(shot: &Shot, table: &Table, settings: &Settings) -> Option<Stage> {
-        if settings.sampling == Sampling::EveryPixel || settings.mode != Mode::Composite {
-            return None;
-        }
-        let (low, high) = shot.lane.bounds()?;
-        let bounds = VoxelBox { low, high };
-        let plane = BasePlane::of(&shot.view, &shot.order, shot.kernel, &bounds, settings);
-        let finer = || Finer::of(&shot.view, shot.lane.dims, shot.kernel.sigma).map(Stage::Finer);
-        let coarse =
-            || Coarse::of(&shot.view, shot.kernel, &bounds, table.deepest(), settings.sampling).map(Stage::Coarse);
-        plane.map(Stage::BasePlane).or_else(finer).or_else(coarse)
+    /// The best for a view of the voxels in `bounds`, whose optical depth per mean voxel is `deepest` at most; `None` for every
+    /// pixel.
+    fn of(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<Stage> {
+        let plane = BasePlane::of(view, order, bounds, settings).map(Stage::BasePlane);
+        let finer = || Finer::of(view, bounds, settings).map(Stage::Finer);
+        let coarse = || Coarse::of(view, bounds, deepest, settings).map(Stage::Coarse);
+        plane.or_else(finer).or_else(coarse)
     }
 }
 
@@ -94,7 +89,8 @@ pub(crate) fn render_without(
     let shot = Shot::new(scene, camera, settings)?;
     let table = Table::new(scene, &shot.lane, settings, shot.view.mean_voxel)?;
     let extra = Extra { left_out, seen: None, has_sheets: settings.blending == Blending::Sheets };
-    let stage = Stage::of(&shot, &table, settings);
+    let bounds = shot.lane.bounds().map(|(low, high)| VoxelBox { low, high });
+    let stage = bounds.and_then(|bounds| Stage::of(&shot.view, &shot.order, &bounds, table.deepest(), settings));
     let is_base_plane = matches!(stage, Some(Stage::BasePlane(_)));
     let draw = |view: View| {
         let settings = &Settings { size: view.size, ..settings.clone() };
@@ -118,10 +114,14 @@ pub(crate) fn render_without(
         Some(Stage::Finer(finer)) => {
             let (mut picture, mut totals) = (Frame::transparent(settings.size)?, Totals::default());
             for strip in finer.strips() {
-                let (drawn, of_strip) = draw(finer.view(&shot.view, &strip))?;
+                let view = finer.view(&shot.view, &strip);
+                if bounds.is_some_and(|bounds| !view.shows(&bounds, settings.kernel())) {
+                    continue;
+                }
+                let (drawn, of_strip) = draw(view)?;
                 finer.reduce(&drawn, &strip, threads, &mut picture);
                 totals.add(&of_strip.work);
-                totals.bands += of_strip.bands;
+                totals.bands = totals.bands.max(of_strip.bands);
             }
             (picture, totals)
         }
@@ -331,8 +331,6 @@ fn put_together(
     put: impl Fn(&mut [f32; 4], [f32; 4]) + Sync,
 ) {
     let row_len = 4 * settings.size[0] as usize;
-    let rows = settings.size[1] as usize;
-    let share = rows.div_ceil(settings.threads.min(rows).max(1));
     let fill = |first: usize, rows: &mut [f32]| {
         for (offset, row) in rows.chunks_exact_mut(row_len).enumerate() {
             let y = i32::try_from(first + offset).unwrap_or(i32::MAX);
@@ -351,15 +349,5 @@ fn put_together(
             }
         }
     };
-    let pieces = frame.pixels_mut().chunks_mut(share * row_len);
-    std::thread::scope(|scope| {
-        for (index, piece) in pieces.enumerate() {
-            let fill = &fill;
-            if share == rows {
-                fill(0, piece);
-            } else {
-                scope.spawn(move || fill(index * share, piece));
-            }
-        }
-    });
+    frame.in_shares(settings.threads, fill);
 }

@@ -1,9 +1,8 @@
 //! What drawing a frame takes of memory, before it is drawn.
 
-use super::base_plane::{self, BasePlane};
+use super::{Stage, base_plane};
 use crate::error::Result;
-use crate::splat::finer::Finer;
-use crate::splat::{Blending, Camera, Mode, Sampling, Settings, View};
+use crate::splat::{Blending, Camera, Settings, View};
 use crate::traverse::{Order, VoxelBox};
 use crate::volume::Grid;
 
@@ -37,18 +36,17 @@ pub enum Canvas {
 /// # Errors
 /// As [`render`](super::render), but for memory.
 pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settings) -> Result<Canvas> {
-    if settings.mode != Mode::Composite || settings.sampling == Sampling::EveryPixel {
-        return Ok(Canvas::Picture);
-    }
-    let kernel = settings.kernel();
-    let view = View::new(camera, grid, settings.size, kernel, settings.near)?;
+    let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
     let order = match settings.order {
         Some(order) => order,
         None => Order::new(view.viewpoint, grid.dims, settings.sense, settings.form)?,
     };
-    let plane = BasePlane::of(&view, &order, kernel, bounds, settings);
-    let finer = || Finer::of(&view, grid.dims, kernel.sigma).map(|finer| Canvas::Finer(finer.strip_size()));
-    Ok(plane.map(|plane| Canvas::BasePlane(plane.pixels())).or_else(finer).unwrap_or(Canvas::Picture))
+    // How opaque voxels are is asked for coarser pixels alone, which need no more than the picture's.
+    Ok(match Stage::of(&view, &order, bounds, 0.0, settings) {
+        Some(Stage::BasePlane(plane)) => Canvas::BasePlane(plane.pixels()),
+        Some(Stage::Finer(finer)) => Canvas::Finer(finer.strip_size()),
+        Some(Stage::Coarse(_)) | None => Canvas::Picture,
+    })
 }
 
 /// Upper bound of the bytes that [`render`](super::render) takes beside the lanes: frame, bands, tables and lists.
@@ -56,11 +54,16 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
 /// `dims`: of the grid. `tiles`: of the lane with the most. `canvas`: what [`canvas`] gives.
 pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settings) -> u64 {
     let [columns, rows] = settings.size.map(u64::from);
-    let threads = (settings.threads as u64).clamp(1, columns.max(rows));
+    let threads = settings.threads as u64;
     let frame = |[columns, rows]: [u64; 2]| PIXEL.saturating_mul(columns * rows);
-    // A sheet beside each.
-    let sheets = 1 + u64::from(settings.blending == Blending::Sheets);
-    let bands = |size: [u64; 2]| bands(size, threads).saturating_mul(sheets);
+    let bands = |size: [u64; 2]| {
+        let bands = bands(size, threads);
+        match settings.blending {
+            // A sheet beside each, and four bytes for each of its tiles of 256.
+            Blending::Sheets => bands.saturating_mul(2).saturating_add(bands / 64),
+            Blending::Exponential | Blending::Linear => bands,
+        }
+    };
     let drawing = match canvas {
         Canvas::Picture => bands([columns, rows]),
         Canvas::BasePlane(pixels) => bands([columns, rows]).max(base_plane::memory_need(pixels)),

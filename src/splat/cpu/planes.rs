@@ -10,6 +10,8 @@
 //! count their tiles that are not frozen, blocks of 8 x 8 squares their squares that have such tiles, so that large
 //! rectangles are asked about quickly.
 
+#![expect(clippy::cast_possible_truncation, reason = "a picture of 16,384 pixels a side has 2^24 tiles")]
+
 use bytemuck::Zeroable;
 
 use super::blend::{Additive, Blend as _, sheet_parts};
@@ -63,8 +65,8 @@ pub(crate) struct Planes {
     squares: Count,
     /// Squares of each block that have such tiles.
     blocks: Count,
-    /// Index, column and row of each tile that is not fresh, of a sheet's.
-    begun: Option<Vec<(usize, i32, i32)>>,
+    /// Index of each tile that is not fresh, of a sheet's.
+    begun: Option<Vec<u32>>,
 }
 
 /// A number for each cell of a grid of squares.
@@ -129,14 +131,25 @@ impl Planes {
     /// # Errors
     /// As [`Planes::new`].
     pub(crate) fn sheet(rect: Rect) -> Result<Planes> {
-        Ok(Planes { begun: Some(Vec::new()), ..Planes::new(rect, Additive::FOURTH)? })
+        let planes = Planes::new(rect, Additive::FOURTH)?;
+        let mut begun = Vec::new();
+        begun.try_reserve_exact(planes.tiles.len()).map_err(|_| Error::Limit {
+            what: "memory for the picture in bytes".into(),
+            need: (size_of::<u32>() * planes.tiles.len()) as u64,
+            have: 0,
+        })?;
+        Ok(Planes { begun: Some(begun), ..planes })
     }
 
     /// Composites a sheet of the same rectangle behind what is there, front to back, and empties it.
     #[inline(always)]
     pub(super) fn composite(&mut self, sheet: &mut Planes, stop: f32) {
         let mut begun = sheet.begun.take().unwrap_or_default();
-        for (from, column, row) in begun.drain(..) {
+        for from in begun.drain(..) {
+            let from = from as usize;
+            // Both have the same tiles.
+            let column = (self.rect.x0 >> TILE) + (from % self.pitch) as i32;
+            let row = (self.rect.y0 >> TILE) + (from / self.pitch) as i32;
             let Tile(added) = &mut sheet.tiles[from];
             if let Some((index, Tile([red, green, blue, clear]))) = self.tile(column, row) {
                 let (mut parts, mut shares) = ([0.0; PIXELS], [0.0; PIXELS]);
@@ -194,7 +207,7 @@ impl Planes {
         }
         self.states[index] = OPEN;
         if let Some(begun) = &mut self.begun {
-            begun.push((index, column, row));
+            begun.push(index as u32);
         }
     }
 

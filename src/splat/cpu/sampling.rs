@@ -26,9 +26,9 @@ use multiversion::multiversion;
 
 use super::project::jacobian;
 use crate::error::Result;
-use crate::splat::kernel::{KernelShape, narrowest};
+use crate::splat::kernel::narrowest;
 use crate::splat::view::{PixelMap, View};
-use crate::splat::{Frame, Sampling};
+use crate::splat::{Blending, Frame, Mode, Sampling, Settings};
 use crate::traverse::VoxelBox;
 
 /// Standard deviation, in pixels, of the narrowest footprint of a coarse view: at 0.97 footprints of the standard kernel
@@ -55,15 +55,14 @@ pub(super) struct Coarse {
 
 impl Coarse {
     /// The coarse view that is enough for the voxels in `bounds`, whose optical depth per mean voxel is `deepest` at
-    /// most; `None` if every pixel is needed.
-    pub(super) fn of(
-        view: &View,
-        kernel: KernelShape,
-        bounds: &VoxelBox,
-        deepest: f64,
-        sampling: Sampling,
-    ) -> Option<Coarse> {
-        let enough = match sampling {
+    /// most; `None` if every pixel is needed, or if splats are put together in another way than the edges of what is opaque are
+    /// computed for.
+    pub(super) fn of(view: &View, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<Coarse> {
+        if settings.mode != Mode::Composite || settings.blending != Blending::Exponential {
+            return None;
+        }
+        let kernel = settings.kernel();
+        let enough = match settings.sampling {
             Sampling::EveryPixel | Sampling::Finer => return None,
             Sampling::Enough => ENOUGH,
             Sampling::Fewest => FEWEST,

@@ -287,7 +287,8 @@ pub fn candidates(quick: bool) -> Vec<Candidate> {
     }
     add(Candidate { sense: Sense::BackToFront, ..Candidate::away(Family::Order) });
     for blending in [Blending::Linear, Blending::Sheets] {
-        add(Candidate { blending, ..Candidate::away(Family::Blending) });
+        // They have no coarser pixels: beside them stands standard with finer ones.
+        add(Candidate { blending, sampling: Sampling::Finer, ..Candidate::away(Family::Blending) });
     }
     for &threshold in THRESHOLDS.iter().step_by(step) {
         let drawer = Drawer::Octree(threshold);
