@@ -72,12 +72,7 @@ impl Finer {
         if settings.mode != Mode::Composite || settings.sampling == Sampling::EveryPixel {
             return None;
         }
-        let VoxelBox { low, high } = settings.crop.unwrap_or(*bounds);
-        let middle = [0, 1, 2].map(|a| {
-            let (low, high) = (low[a].max(bounds.low[a]), high[a].min(bounds.high[a]));
-            (f64::from(low) + f64::from(high)) / 2.0
-        });
-        let width = f64::from(width(view, middle, settings.kernel().sigma));
+        let width = f64::from(width_in_the_middle(view, bounds, settings));
         // Not so for NaN.
         let is_fine = width < WIDE_ENOUGH;
         if !is_fine {
@@ -204,13 +199,19 @@ struct Taps {
     weights: Vec<f32>,
 }
 
-/// Standard deviation of a footprint across its narrowest direction, in pixels: of any voxel of a parallel view, of one in
-/// the `middle` in perspective, as if the view went there.
-fn width(view: &View, middle: [f64; 3], sigma: f32) -> f32 {
+/// Standard deviation of a footprint across its narrowest direction, in pixels: of any voxel of a parallel view, in perspective of
+/// one in the middle of what is drawn of `bounds`, as if the view went there.
+pub(super) fn width_in_the_middle(view: &View, bounds: &VoxelBox, settings: &Settings) -> f32 {
+    let sigma = settings.kernel().sigma;
     let single = |map: &[f64; 4]| [map[0] as f32, map[1] as f32, map[2] as f32];
     match &view.map {
         PixelMap::Parallel { pixel_from_voxel, .. } => narrowest(pixel_from_voxel.each_ref().map(single), sigma),
         PixelMap::Perspective { camera_from_voxel, focal, near, .. } => {
+            let VoxelBox { low, high } = settings.crop.unwrap_or(*bounds);
+            let middle = [0, 1, 2].map(|a| {
+                let (low, high) = (low[a].max(bounds.low[a]), high[a].min(bounds.high[a]));
+                (f64::from(low) + f64::from(high)) / 2.0
+            });
             let [right, up, along] = camera_from_voxel;
             let place = |m: &[f64; 4]| m[0] * middle[0] + m[1] * middle[1] + m[2] * middle[2] + m[3];
             let toward = DVec3::new(place(right), place(up), place(along));
