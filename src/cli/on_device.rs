@@ -7,10 +7,9 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::print_note;
-use super::renderer::{FrameStats, Renderer, RendererArguments};
+use super::renderer::{FrameStats, Renderer, RendererArguments, finely};
 use super::size::parse_size;
 use crate::error::{Error, Result};
-use crate::splat::finer::Finer;
 use crate::splat::gpu::adapter::{self, Opened};
 use crate::splat::gpu::{self, Compositor, Options, Target};
 use crate::splat::{Camera, Frame, Scene, Settings};
@@ -101,13 +100,13 @@ impl OnDevice<'_> {
         let bounds = self.scene.lanes.lane(Axis::X)?.bounds().map(|(low, high)| VoxelBox { low, high });
         let start = Instant::now();
         let draw = |settings: &Settings| self.renderer.render(camera, settings);
-        let (frame, stats) = Finer::drawn(grid, bounds, camera, settings, draw)?;
+        let (frame, stats) = finely(grid, bounds, camera, settings, draw)?;
         let frame_ms = start.elapsed().as_secs_f64() * 1e3;
         if has_few_bits && self.accumulation_error.is_none() {
             self.renderer.set_compositor(Some(Compositor::Tiles))?;
             let exact = Settings { termination: Some(0.0), ..settings.clone() };
             let draw = |settings: &Settings| self.renderer.render(camera, settings);
-            let (exact, _) = Finer::drawn(grid, bounds, camera, &exact, draw)?;
+            let (exact, _) = finely(grid, bounds, camera, &exact, draw)?;
             self.renderer.set_compositor(Some(compositor))?;
             let [largest, rms] = difference(&frame, &exact);
             print_note(&format!(

@@ -14,8 +14,9 @@ use super::print_note;
 use crate::error::{Error, Result};
 use crate::reference::splat::{self as judge, Judge, Settings as JudgeSettings};
 use crate::splat::finer::Finer;
-use crate::splat::{Blending, Camera, Frame, Scene, Settings, cpu};
+use crate::splat::{Blending, Camera, Frame, Scene, Settings, View, cpu};
 use crate::traverse::VoxelBox;
+use crate::volume::Grid;
 
 /// What draws.
 #[derive(Debug, Args)]
@@ -194,6 +195,26 @@ pub(super) fn needs_volume() -> Error {
     Error::input("--renderer", why)
 }
 
+/// What `draw` gives at `settings`' size; or at a larger one, reduced to it, where settings and view ask for finer pixels.
+/// `bounds`: of all voxels; `None` if there are none.
+///
+/// # Errors
+/// As [`View::new`]; as `draw`; if memory cannot be had.
+pub(super) fn finely<T>(
+    grid: &Grid,
+    bounds: Option<VoxelBox>,
+    camera: &Camera,
+    settings: &Settings,
+    draw: impl FnOnce(&Settings) -> Result<(Frame, T)>,
+) -> Result<(Frame, T)> {
+    let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
+    let Some(finer) = bounds.and_then(|bounds| Finer::of(&view, &bounds, settings)) else { return draw(settings) };
+    let (frame, rest) = draw(&Settings { size: finer.size(), ..settings.clone() })?;
+    let mut picture = Frame::transparent(settings.size)?;
+    finer.reduce(&frame, &finer.whole(), settings.threads, &mut picture);
+    Ok((picture, rest))
+}
+
 /// A frame by the judge: of the kernel asked for the sigma, else that of reference quality whatever the quality.
 fn judged(judge: &Judge, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
     let start = Instant::now();
@@ -221,7 +242,7 @@ fn judged(judge: &Judge, camera: &Camera, settings: &Settings) -> Result<(Frame,
         Ok((judge.draw(camera, &judge_settings)?.to_frame()?, ()))
     };
     let bounds = judge.visible().bounds().map(|(low, high)| VoxelBox { low, high });
-    let (frame, ()) = Finer::drawn(judge.visible().grid(), bounds, camera, settings, draw)?;
+    let (frame, ()) = finely(judge.visible().grid(), bounds, camera, settings, draw)?;
     let stats = FrameStats {
         splats_drawn: judge.visible().voxels().len() as u64,
         splats_skipped: 0,

@@ -19,10 +19,8 @@ use glam::{DVec3, Vec4};
 
 use super::kernel::{LOW_PASS, narrowest};
 use super::view::{MAX_SIZE, PixelMap, View};
-use super::{Camera, Frame, Mode, Sampling, Settings};
-use crate::error::Result;
+use super::{Frame, Mode, Sampling, Settings};
 use crate::traverse::VoxelBox;
-use crate::volume::Grid;
 
 /// Standard deviation of a footprint across its narrowest direction, in pixels, from which on a picture's own pixels do. Up to
 /// 0.49 finer ones were nearer to a picture of sixteen times as many in all of 36 views (docs/studies/sampling.md).
@@ -46,26 +44,6 @@ pub(crate) struct Finer {
 }
 
 impl Finer {
-    /// What `draw` gives at `settings`' size; or at a larger one, reduced to it, where settings and view ask for finer pixels.
-    /// `bounds`: of all voxels; `None` if there are none.
-    ///
-    /// # Errors
-    /// As [`View::new`]; as `draw`; if memory cannot be had.
-    pub(crate) fn drawn<T>(
-        grid: &Grid,
-        bounds: Option<VoxelBox>,
-        camera: &Camera,
-        settings: &Settings,
-        draw: impl FnOnce(&Settings) -> Result<(Frame, T)>,
-    ) -> Result<(Frame, T)> {
-        let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
-        let Some(finer) = bounds.and_then(|bounds| Finer::of(&view, &bounds, settings)) else { return draw(settings) };
-        let (frame, rest) = draw(&Settings { size: finer.size(), ..settings.clone() })?;
-        let mut picture = Frame::transparent(settings.size)?;
-        finer.reduce(&frame, &finer.whole(), settings.threads, &mut picture);
-        Ok((picture, rest))
-    }
-
     /// For a view of the voxels in `bounds`; `None` if the picture's own pixels do, if twice as many along a side are too many, or
     /// if `settings` want none. In perspective the middle of what is drawn says how wide footprints are.
     pub(crate) fn of(view: &View, bounds: &VoxelBox, settings: &Settings) -> Option<Finer> {
@@ -103,7 +81,9 @@ impl Finer {
         self.size.map(|side| side * self.factor)
     }
 
-    fn whole(&self) -> Strip {
+    /// The whole picture as one.
+    #[cfg(any(feature = "cli", test))]
+    pub(crate) fn whole(&self) -> Strip {
         Strip { rows: 0..self.size[1], finer: 0..self.size()[1] }
     }
 
