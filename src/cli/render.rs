@@ -115,12 +115,10 @@ pub(super) struct LookArguments {
     /// out
     #[arg(long, value_name = "Q", default_value = "standard", value_parser = Quality::ALL.map(Quality::name))]
     quality: String,
-    /// Pixels that are drawn: every is all of the picture's; finer is several for each where voxels are finer than they; enough
-    /// is fewer where splats are wide (seven pixels and more) and, in parallel views whose voxels are finer than pixels, those
-    /// of the slices, and the picture is interpolated from them; fewest is one for each voxel of a parallel view's slices.
-    /// Fewest for draft, enough for standard, finer for high and reference unless given; graphics devices and the reference
-    /// know every and finer, and take the others for finer. Where nothing is to be left out, enough and fewest are finer too, fewest
-    /// with half as many a side
+    /// Pixels that are drawn. every: the picture's own. finer: several for each where voxels are finer than pixels. enough: as
+    /// finer, but fewer where splats are seven pixels wide and more, and in a parallel view of fine voxels one for each voxel
+    /// of a slice; the picture is interpolated. fewest: enough for 32 dB. Fewest for draft, enough for standard, finer for
+    /// high and reference unless given; graphics devices and the reference take fewest and enough for finer
     #[arg(long, value_name = "PIXELS", value_parser = ["fewest", "enough", "every", "finer"])]
     sampling: Option<String>,
     /// The fastest settings whose largest error, of a linear sample from 0 to 1 beside --quality reference, is within
@@ -136,9 +134,9 @@ pub(super) struct LookArguments {
     /// composite: light and shade; maximum, maximum-grey: largest value along each ray; xray: sum along each ray.
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = ["composite", "maximum", "maximum-grey", "xray"])]
     mode: String,
-    /// What a splat of composite takes of the light: exponential, 1 - exp(-depth); linear, opacity times weight, the classic
-    /// form; sheets, that of the sum of a slice's splats. Linear and sheets are the processor's alone, on every pixel or finer
-    /// ones, and keep no account of a million layers of next to no opacity
+    /// What a splat of composite takes of the light. exponential: 1 - exp(-depth). linear: opacity times weight, the classic
+    /// form. sheets: exponential of the sum of a slice's splats. The last two are the processor's alone, and not exact for
+    /// very many very faint layers
     #[arg(long, value_name = "B", default_value = "exponential", value_parser = Blending::ALL.map(Blending::name))]
     blending: String,
     /// Brightness of xray; chosen by what is visible unless given.
