@@ -114,35 +114,29 @@ impl Finer {
         view.with_pixels(f64::from(self.factor), self.size(), 0.0).with_rows(strip.finer.clone())
     }
 
-    /// A strip of `picture`, from its finer pixels; nothing lies beyond the edge of all of them.
+    /// A strip of `picture`, from its finer pixels; what lies beyond the edge of all of them is as what is within.
     ///
     /// O(finer pixels). The result does not depend on `threads`.
     pub(crate) fn reduce(&self, finer: &Frame, strip: &Strip, threads: usize, picture: &mut Frame) {
-        let columns = finer.size()[0];
-        let Taps { before, weights } = self.taps();
-        // Finer pixels of a side that count for pixel `index`, and their weights.
-        let taps = |index: usize, all: Range<u32>| {
-            let first = index as u32 * self.factor;
-            (0..).zip(&weights).filter_map(move |(tap, &weight)| {
-                let place = (first + tap).checked_sub(before).filter(|place| all.contains(place))?;
-                Some(((place - all.start) as usize, weight))
-            })
-        };
-        let (width, len) = (4 * self.size[0] as usize, 4 * columns as usize);
+        let taps = self.taps();
+        let columns: Vec<Part> =
+            (0..self.size[0]).map(|column| taps.part(column * self.factor, &(0..finer.size()[0]))).collect();
+        let (width, len) = (4 * self.size[0] as usize, 4 * finer.size()[0] as usize);
         picture.rows_in_shares(strip.rows.clone(), threads, |first, out| {
             let mut sums = vec![0.0f32; len];
-            for (row, out) in (first..).zip(out.chunks_exact_mut(width)) {
+            for (row, out) in (first as u32..).zip(out.chunks_exact_mut(width)) {
                 sums.fill(0.0);
-                for (place, weight) in taps(row, strip.finer.clone()) {
-                    let line = &finer.pixels()[len * place..][..len];
+                let part = taps.part(row * self.factor, &strip.finer);
+                for (line, weight) in finer.pixels()[len * part.first..].chunks_exact(len).zip(part.weights) {
+                    let weight = part.share * weight;
                     sums.iter_mut().zip(line).for_each(|(sum, value)| *sum += weight * value);
                 }
                 let sums = sums.as_chunks::<4>().0;
-                for (column, pixel) in out.as_chunks_mut::<4>().0.iter_mut().enumerate() {
-                    let sum = taps(column, 0..columns)
-                        .fold(Vec4::ZERO, |sum, (place, weight)| sum + weight * Vec4::from_array(sums[place]));
+                for (pixel, part) in out.as_chunks_mut::<4>().0.iter_mut().zip(&columns) {
+                    let seen = sums[part.first..].iter().zip(part.weights);
+                    let sum = seen.fold(Vec4::ZERO, |sum, (values, weight)| sum + *weight * Vec4::from_array(*values));
                     // Weights add up to 1 but for rounding.
-                    *pixel = sum.min(Vec4::new(f32::MAX, f32::MAX, f32::MAX, 1.0)).to_array();
+                    *pixel = (part.share * sum).min(Vec4::new(f32::MAX, f32::MAX, f32::MAX, 1.0)).to_array();
                 }
             }
         });
@@ -177,6 +171,26 @@ struct Taps {
     /// How many finer pixels before a pixel's first the taps begin.
     before: u32,
     weights: Vec<f32>,
+}
+
+/// Those of a pixel's taps that lie in a picture.
+struct Part<'a> {
+    /// The place of the first.
+    first: usize,
+    weights: &'a [f32],
+    /// One over their sum.
+    share: f32,
+}
+
+impl Taps {
+    /// Of the pixel whose first finer one is `at`; of finer ones there are those of `all`, the first at place 0.
+    fn part(&self, at: u32, all: &Range<u32>) -> Part<'_> {
+        let from = all.start.max(at.saturating_sub(self.before));
+        let left_out = (from + self.before - at) as usize;
+        let weights = &self.weights[left_out..];
+        let weights = &weights[..weights.len().min((all.end - from) as usize)];
+        Part { first: (from - all.start) as usize, weights, share: 1.0 / weights.iter().sum::<f32>() }
+    }
 }
 
 /// Standard deviation of a footprint across its narrowest direction, in pixels: of any voxel of a parallel view, in perspective of

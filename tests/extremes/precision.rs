@@ -219,7 +219,7 @@ fn small_pictures_of_things_with_holes_are_too_opaque_but_for_finer_pixels() {
     println!(
         "checkers of opacity 0.9: mean {large:.3} at 8 pixels a voxel, {same:.3} at 1, {small:.3} at 1/4; {most:.3} if even; {finer:.3} by finer pixels"
     );
-    // Pixels on the edge see a little less than a checker on one side.
+    // Pixels on the edge see more of some checkers than of others.
     assert!((finer - large).abs() < 4e-3, "{finer} {large}");
     assert!(large < small - 0.01 && same < small - 0.01 && small <= most + 3e-3, "{large} {same} {small} {most}");
 }
