@@ -86,6 +86,11 @@ impl Error {
         Error::Input { what: what.into(), why: why.into() }
     }
 
+    /// The [`Error::Limit`] of `bytes` that a picture needs and cannot have.
+    pub(crate) fn picture_memory(bytes: u64) -> Error {
+        Error::Limit { what: "memory for the picture in bytes".into(), need: bytes, have: 0 }
+    }
+
     /// An [`Error::Device`].
     pub fn device(why: impl Into<String>) -> Error {
         Error::Device { why: why.into() }

@@ -2,6 +2,8 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "pixels of small pictures")]
 
+mod low_pass;
+
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::builder::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
@@ -9,6 +11,8 @@ use adjsplat::splat::{Camera, Code, Frame, KernelShape, Projection, Sampling, Sc
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
+
+use low_pass::seen_through;
 
 fn built(name: &str, dims: [u64; 3], spacing: [f64; 3], value_bits: u8) -> Built {
     let phantom = Phantom::from_name(name).unwrap();
@@ -124,31 +128,6 @@ fn the_fewest_pixels_give_a_draft_at_any_magnification() {
     }
 }
 
-/// The picture of pixels `FINER` times as fine, seen through the Gaussian that the low-pass is.
-fn through_the_low_pass(fine: &Frame, size: [u32; 2], sigma: f64) -> Frame {
-    let mut out = Frame::transparent(size).unwrap();
-    let reach = (4.0 * sigma).ceil() as i64;
-    for (index, pixel) in out.pixels_mut().chunks_exact_mut(4).enumerate() {
-        let (x, y) = (index as u32 % size[0], index as u32 / size[0]);
-        let centre = [x, y].map(|at| f64::from(at * FINER) + f64::from(FINER - 1) / 2.0);
-        let (mut sum, mut weights) = ([0.0f64; 4], 0.0);
-        for v in centre[1] as i64 - reach..=centre[1] as i64 + reach {
-            for u in centre[0] as i64 - reach..=centre[0] as i64 + reach {
-                let square = (u as f64 - centre[0]).powi(2) + (v as f64 - centre[1]).powi(2);
-                let weight = (-square / (2.0 * sigma * sigma)).exp();
-                weights += weight;
-                let inside = |at: i64, side: u32| (0..i64::from(side)).contains(&at);
-                if inside(u, fine.size()[0]) && inside(v, fine.size()[1]) {
-                    let values = fine.pixel(u as u32, v as u32);
-                    (0..4).for_each(|c| sum[c] += weight * f64::from(values[c]));
-                }
-            }
-        }
-        (0..4).for_each(|c| pixel[c] = (sum[c] / weights) as f32);
-    }
-    out
-}
-
 const FINER: u32 = 4;
 
 #[test]
@@ -161,7 +140,7 @@ fn voxels_finer_than_pixels_are_nearer_to_finer_pixels_than_widened_splats_are()
         let fine = draw(&built, &camera(&built, view, pixels * f64::from(FINER), fine_size), &Settings::new(fine_size));
         // The low-pass is 0.6 pixels, a voxel's kernel 0.7 voxels.
         let blur = f64::from(FINER) * (0.36 - 0.49 * pixels * pixels).sqrt();
-        let truth = through_the_low_pass(&fine, size, blur);
+        let truth = seen_through(&fine, size, FINER, blur);
         let camera = camera(&built, view, pixels, size);
         let (plane, _) = difference(&draw(&built, &camera, &enough(size)), &truth);
         let (splats, _) = difference(&draw(&built, &camera, &Settings::new(size)), &truth);

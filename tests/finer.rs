@@ -1,6 +1,6 @@
 //! Pictures whose voxels are finer than their pixels, beside much larger ones seen through the Gaussian that a pixel is.
 
-#![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "places in small pictures")]
+mod low_pass;
 
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::builder::{BuildOptions, Built, Unobserved, build};
@@ -8,6 +8,8 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Code, Frame, Mode, Orbit, Sampling, Scene, Settings, Surround, cpu};
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
+
+use low_pass::seen_through;
 
 const POINTS: u64 = 72;
 
@@ -59,30 +61,6 @@ fn width(built: &Built, camera: &Camera, rows: u32) -> f64 {
         }
     };
     0.7 * pixels
-}
-
-/// `fine` of `finer` pixels for each along a side, seen through a Gaussian of `sigma` of them; beyond its edge it goes on.
-fn seen_through(fine: &Frame, size: [u32; 2], finer: u32, sigma: f64) -> Frame {
-    let mut out = Frame::transparent(size).unwrap();
-    let reach = (4.0 * sigma).ceil() as i64;
-    for (index, pixel) in out.pixels_mut().chunks_exact_mut(4).enumerate() {
-        let place = [index as u32 % size[0], index as u32 / size[0]];
-        let middle = place.map(|at| f64::from(at * finer) + f64::from(finer - 1) / 2.0);
-        let (mut sum, mut weights) = ([0.0f64; 4], 0.0);
-        for v in middle[1] as i64 - reach..=middle[1] as i64 + reach {
-            for u in middle[0] as i64 - reach..=middle[0] as i64 + reach {
-                let square = (u as f64 - middle[0]).powi(2) + (v as f64 - middle[1]).powi(2);
-                let weight = (-square / (2.0 * sigma * sigma)).exp();
-                if (0..i64::from(fine.size()[0])).contains(&u) && (0..i64::from(fine.size()[1])).contains(&v) {
-                    weights += weight;
-                    let values = fine.pixel(u as u32, v as u32);
-                    (0..4).for_each(|c| sum[c] += weight * f64::from(values[c]));
-                }
-            }
-        }
-        (0..4).for_each(|c| pixel[c] = (sum[c] / weights) as f32);
-    }
-    out
 }
 
 #[test]

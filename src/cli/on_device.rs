@@ -96,17 +96,12 @@ impl OnDevice<'_> {
         // Quads do not end early; and back to front each splat shrinks the roundings behind it.
         let sense = if has_few_bits { Sense::BackToFront } else { settings.sense };
         let settings = &Settings { sense, ..settings.clone() };
-        let grid = &self.scene.facts.grid;
-        let bounds = self.scene.lanes.lane(Axis::X)?.bounds().map(|(low, high)| VoxelBox { low, high });
         let start = Instant::now();
-        let draw = |settings: &Settings| self.renderer.render(camera, settings);
-        let (frame, stats) = finely(grid, bounds, camera, settings, draw)?;
+        let (frame, stats) = self.draw(camera, settings)?;
         let frame_ms = start.elapsed().as_secs_f64() * 1e3;
         if has_few_bits && self.accumulation_error.is_none() {
             self.renderer.set_compositor(Some(Compositor::Tiles))?;
-            let exact = Settings { termination: Some(0.0), ..settings.clone() };
-            let draw = |settings: &Settings| self.renderer.render(camera, settings);
-            let (exact, _) = finely(grid, bounds, camera, &exact, draw)?;
+            let (exact, _) = self.draw(camera, &Settings { termination: Some(0.0), ..settings.clone() })?;
             self.renderer.set_compositor(Some(compositor))?;
             let [largest, rms] = difference(&frame, &exact);
             print_note(&format!(
@@ -142,6 +137,14 @@ impl OnDevice<'_> {
         }
         let (splats_drawn, splats_skipped) = (stats.splats_drawn, stats.splats_skipped);
         Ok((frame, FrameStats { splats_drawn, splats_skipped, frame_ms, others }))
+    }
+
+    /// Draws a frame, on finer pixels where they are wanted.
+    fn draw(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, gpu::Stats)> {
+        // A look at all tiles: not for pictures that keep their pixels.
+        let bounds = if settings.keeps_pixels() { None } else { self.scene.lanes.lane(Axis::X)?.bounds() };
+        let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
+        finely(&self.scene.facts.grid, bounds, camera, settings, |settings| self.renderer.render(camera, settings))
     }
 }
 

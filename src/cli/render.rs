@@ -119,7 +119,7 @@ pub(super) struct LookArguments {
     /// finer, but fewer where splats are seven pixels wide and more, and in a parallel view of fine voxels one for each voxel
     /// of a slice; the picture is interpolated. fewest: enough for 32 dB. Fewest for draft, enough for standard, finer for
     /// high and reference unless given; graphics devices and the reference take fewest and enough for finer
-    #[arg(long, value_name = "PIXELS", value_parser = ["fewest", "enough", "every", "finer"])]
+    #[arg(long, value_name = "PIXELS", value_parser = Sampling::ALL.map(Sampling::name))]
     sampling: Option<String>,
     /// The fastest settings whose largest error, of a linear sample from 0 to 1 beside --quality reference, is within
     /// this: measured in small windows of the pictures, and doubled
@@ -503,13 +503,8 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
     if settings.blending != Blending::Exponential && settings.mode != Mode::Composite {
         return Err(Error::input("--blending", "is for --mode composite; leave it out"));
     }
-    settings.sampling = match look.sampling.as_deref() {
-        Some("every") => Sampling::EveryPixel,
-        Some("finer") => Sampling::Finer,
-        Some("enough") => Sampling::Enough,
-        Some("fewest") => Sampling::Fewest,
-        _ => settings.quality.sampling(),
-    };
+    let sampling = Sampling::ALL.into_iter().find(|sampling| Some(sampling.name()) == look.sampling.as_deref());
+    settings.sampling = sampling.unwrap_or_else(|| settings.quality.sampling());
     (settings.kernel, settings.termination) = (look.kernel, look.termination);
     settings.form = if look.form == "split" { SplitForm::Split } else { SplitForm::Interleaved };
     if look.unlit {

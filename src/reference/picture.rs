@@ -17,7 +17,7 @@ impl Picture {
     /// [`Error::Limit`] if the memory cannot be had.
     pub(super) fn filled(size: [u32; 2], pixel: [f64; 4]) -> Result<Picture> {
         let count = u64::from(size[0]) * u64::from(size[1]);
-        let refused = || Error::Limit { what: "memory for the picture in bytes".into(), need: 32 * count, have: 0 };
+        let refused = || Error::picture_memory(32 * count);
         let len = usize::try_from(count).map_err(|_| refused())?;
         let mut pixels = Vec::new();
         pixels.try_reserve_exact(len).map_err(|_| refused())?;

@@ -2,7 +2,7 @@
 //!
 //! In: a view whose footprints are narrower than the low-pass. Out: how many pixels to draw for one; and from the picture of
 //! those the picture, seen through a Gaussian. EWA's low-pass widens each splat to a pixel before its depth is put through the
-//! exponential, so opaque detail comes out too opaque, by 26 to 37 dB (docs/studies/sampling.md). Finer pixels composite
+//! exponential, so opaque detail comes out too opaque: 11 to 37 dB from what it should be (docs/studies/sampling.md). Finer pixels composite
 //! voxels at their own width, and light is filtered afterwards:
 //!
 //! ```text
@@ -17,9 +17,10 @@ use std::ops::Range;
 
 use glam::{DVec3, Vec4};
 
+use super::frame::in_range;
 use super::kernel::{LOW_PASS, narrowest};
 use super::view::{MAX_SIZE, PixelMap, View};
-use super::{Frame, Mode, Sampling, Settings};
+use super::{Frame, Sampling, Settings};
 use crate::traverse::VoxelBox;
 
 /// Standard deviation of a footprint across its narrowest direction, in pixels, from which on a picture's own pixels do. Up to
@@ -47,7 +48,7 @@ impl Finer {
     /// For a view of the voxels in `bounds`; `None` if the picture's own pixels do, if twice as many along a side are too many, or
     /// if `settings` want none. In perspective the middle of what is drawn says how wide footprints are.
     pub(crate) fn of(view: &View, bounds: &VoxelBox, settings: &Settings) -> Option<Finer> {
-        if settings.mode != Mode::Composite || settings.sampling == Sampling::EveryPixel {
+        if settings.keeps_pixels() {
             return None;
         }
         let width = f64::from(width_in_the_middle(view, bounds, settings));
@@ -135,8 +136,7 @@ impl Finer {
                 for (pixel, part) in out.as_chunks_mut::<4>().0.iter_mut().zip(&columns) {
                     let seen = sums[part.first..].iter().zip(part.weights);
                     let sum = seen.fold(Vec4::ZERO, |sum, (values, weight)| sum + *weight * Vec4::from_array(*values));
-                    // Weights add up to 1 but for rounding.
-                    *pixel = (part.share * sum).min(Vec4::new(f32::MAX, f32::MAX, f32::MAX, 1.0)).to_array();
+                    *pixel = in_range(part.share * sum);
                 }
             }
         });

@@ -4,6 +4,8 @@
 
 use std::ops::Range;
 
+use glam::Vec4;
+
 use crate::error::{Error, Result};
 
 /// Red, green, blue, alpha for each pixel, row after row from the top; linear light, premultiplied by alpha.
@@ -23,7 +25,7 @@ impl Frame {
             return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
         }
         let floats = u64::from(size[0]) * u64::from(size[1]) * 4;
-        let refused = || Error::Limit { what: "memory for the picture in bytes".into(), need: 4 * floats, have: 0 };
+        let refused = || Error::picture_memory(4 * floats);
         let len = usize::try_from(floats).map_err(|_| refused())?;
         let mut pixels = Vec::new();
         pixels.try_reserve_exact(len).map_err(|_| refused())?;
@@ -108,6 +110,12 @@ impl Frame {
             [part(pixel[0]), part(pixel[1]), part(pixel[2]), whole(alpha)]
         })
     }
+}
+
+/// A pixel without what interpolation and rounding take beyond its range: colours of 0 and more, alpha of 0 to 1.
+#[inline(always)]
+pub(crate) fn in_range(pixel: Vec4) -> [f32; 4] {
+    pixel.max(Vec4::ZERO).min(Vec4::new(f32::MAX, f32::MAX, f32::MAX, 1.0)).to_array()
 }
 
 /// The sRGB transfer function, IEC 61966-2-1; NaN gives 0.

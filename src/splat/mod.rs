@@ -161,6 +161,21 @@ pub enum Sampling {
     Fewest,
 }
 
+impl Sampling {
+    /// All of them.
+    pub const ALL: [Sampling; 4] = [Sampling::Fewest, Sampling::Enough, Sampling::EveryPixel, Sampling::Finer];
+
+    /// Its name in commands and tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Sampling::EveryPixel => "every",
+            Sampling::Finer => "finer",
+            Sampling::Enough => "enough",
+            Sampling::Fewest => "fewest",
+        }
+    }
+}
+
 impl Settings {
     /// Standard quality, composited front to back with lighting, by one thread.
     pub fn new(size: [u32; 2]) -> Settings {
@@ -192,6 +207,11 @@ impl Settings {
     /// The termination in force.
     pub fn termination(&self) -> f32 {
         self.termination.unwrap_or_else(|| self.quality.termination())
+    }
+
+    /// Whether a picture's own pixels are drawn, whatever the view.
+    pub(crate) fn keeps_pixels(&self) -> bool {
+        self.mode != Mode::Composite || self.sampling == Sampling::EveryPixel
     }
 
     /// Checks what is not checked by type; [`View::new`] checks size and near distance.

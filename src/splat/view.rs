@@ -10,7 +10,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::camera::{Camera, Projection, SOUND_LENGTHS, WorldFrame};
-use super::kernel::{KernelShape, footprint};
+use super::kernel::KernelShape;
 use crate::error::{Error, Result};
 use crate::traverse::{Viewpoint, VoxelBox};
 use crate::volume::Grid;
@@ -199,23 +199,6 @@ impl View {
                 ])
             }
         }
-    }
-
-    /// Whether a kernel's footprints of voxels in `bounds` may reach into the picture.
-    pub(crate) fn shows(&self, bounds: &VoxelBox, kernel: KernelShape) -> bool {
-        let half = match &self.map {
-            PixelMap::Parallel { pixel_from_voxel, .. } => {
-                #[expect(clippy::cast_possible_truncation, reason = "as a renderer computes footprints")]
-                let rows = pixel_from_voxel.map(|map| [map[0] as f32, map[1] as f32, map[2] as f32]);
-                let ellipse = footprint(rows, kernel.sigma, kernel.cut_off()).ellipse;
-                [ellipse.half_x.into(), ellipse.half_y.into()]
-            }
-            PixelMap::Perspective { .. } => [0.0; 2],
-        };
-        let [columns, rows] = self.size.map(f64::from);
-        self.pixel_bounds(bounds, half).is_some_and(|[left, right, top, bottom]| {
-            right >= 0.0 && left <= columns - 1.0 && bottom >= 0.0 && top <= rows - 1.0
-        })
     }
 
     /// Unit direction of view through the picture's centre, in index space.

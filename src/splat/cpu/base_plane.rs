@@ -26,9 +26,10 @@ use super::sampling::{columns_to_coefficients, covered, spline, to_coefficients}
 use super::{plane_rows, stamp};
 use crate::error::Result;
 use crate::splat::finer;
+use crate::splat::frame::in_range;
 use crate::splat::kernel::{LOW_PASS, footprint, narrowest};
 use crate::splat::view::{Affine, MAX_SIZE, PixelMap, View};
-use crate::splat::{Blending, Frame, Mode, Sampling, Settings};
+use crate::splat::{Blending, Frame, Sampling, Settings};
 use crate::traverse::{Order, Sense, VoxelBox};
 
 /// Pixels around what is drawn on the plane, so that its edge is interpolated like the rest.
@@ -68,10 +69,8 @@ impl BasePlane {
     /// would be too coarse for `settings`, too fine or too large, if `order` is not the view's own, or if splats are put together
     /// in another way than a stamp's.
     pub(super) fn of(view: &View, order: &Order, bounds: &VoxelBox, settings: &Settings) -> Option<BasePlane> {
-        let is_stamped = settings.mode == Mode::Composite
-            && settings.sense == Sense::FrontToBack
-            && settings.blending == Blending::Exponential;
-        if !is_stamped {
+        let is_stamped = settings.sense == Sense::FrontToBack && settings.blending == Blending::Exponential;
+        if settings.keeps_pixels() || !is_stamped {
             return None;
         }
         let kernel = settings.kernel();
@@ -230,9 +229,7 @@ fn resample(from: &Coefficients, map: &[[f64; 3]; 2], points: &[[f64; 2]], y: f6
             from.add(&sides, &mut sums[..pixels.len()]);
         }
         for (pixel, sum) in pixels.iter_mut().zip(sums) {
-            // Interpolation overshoots a little at edges.
-            let value = (sum * share).max(Vec4::ZERO);
-            *pixel = value.min(Vec4::new(f32::MAX, f32::MAX, f32::MAX, 1.0)).to_array();
+            *pixel = in_range(sum * share);
         }
     }
 }

@@ -54,9 +54,9 @@ impl Blend for FrontToBack {
 pub(crate) struct LinearFrontToBack;
 
 impl Blend for LinearFrontToBack {
-    const FOURTH: f32 = 1.0;
-    const STOPS: bool = true;
-    const INK: f32 = -1.0;
+    const FOURTH: f32 = FrontToBack::FOURTH;
+    const STOPS: bool = FrontToBack::STOPS;
+    const INK: f32 = FrontToBack::INK;
 
     #[inline(always)]
     fn amount(opacity: f32) -> f32 {

@@ -66,10 +66,16 @@ enum Stage {
 impl Stage {
     /// The best for a view of the voxels in `bounds`, whose optical depth per mean voxel is `deepest` at most; `None` for every
     /// pixel.
-    fn of(view: &View, order: &Order, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<Stage> {
+    fn of(
+        view: &View,
+        order: &Order,
+        bounds: &VoxelBox,
+        deepest: impl FnOnce() -> f64,
+        settings: &Settings,
+    ) -> Option<Stage> {
         let plane = BasePlane::of(view, order, bounds, settings).map(Stage::BasePlane);
         let finer = || Finer::of(view, bounds, settings).map(Stage::Finer);
-        let coarse = || Coarse::of(view, bounds, deepest, settings).map(Stage::Coarse);
+        let coarse = || Coarse::of(view, bounds, deepest(), settings).map(Stage::Coarse);
         plane.or_else(finer).or_else(coarse)
     }
 }
@@ -89,8 +95,10 @@ pub(crate) fn render_without(
     let shot = Shot::new(scene, camera, settings)?;
     let table = Table::new(scene, &shot.lane, settings, shot.view.mean_voxel)?;
     let extra = Extra { left_out, seen: None, has_sheets: settings.blending == Blending::Sheets };
-    let bounds = shot.lane.bounds().map(|(low, high)| VoxelBox { low, high });
-    let stage = bounds.and_then(|bounds| Stage::of(&shot.view, &shot.order, &bounds, table.deepest(), settings));
+    // A look at all tiles, and one at all looks: not for pictures that keep their pixels.
+    let bounds = if settings.keeps_pixels() { None } else { shot.lane.bounds() };
+    let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
+    let stage = bounds.and_then(|bounds| Stage::of(&shot.view, &shot.order, &bounds, || table.deepest(), settings));
     let is_base_plane = matches!(stage, Some(Stage::BasePlane(_)));
     let draw = |view: View| {
         let settings = &Settings { size: view.size, ..settings.clone() };
@@ -114,11 +122,12 @@ pub(crate) fn render_without(
         Some(Stage::Finer(finer)) => {
             let (mut picture, mut totals) = (Frame::transparent(settings.size)?, Totals::default());
             for strip in finer.strips() {
-                let view = finer.view(&shot.view, &strip);
-                if bounds.is_some_and(|bounds| !view.shows(&bounds, settings.kernel())) {
+                let shot = Shot { view: finer.view(&shot.view, &strip), ..shot.clone() };
+                let (half, rect) = (Projector::new(&shot, &table, FrontToBack::INK).half(), whole(shot.view.size));
+                if bounds.is_some_and(|bounds| band::pixels(&shot.view, half, rect, &bounds).is_none()) {
                     continue;
                 }
-                let (drawn, of_strip) = draw(view)?;
+                let (drawn, of_strip) = draw(shot.view)?;
                 finer.reduce(&drawn, &strip, threads, &mut picture);
                 totals.add(&of_strip.work);
                 totals.bands = totals.bands.max(of_strip.bands);
@@ -180,9 +189,14 @@ fn draw_whole(
 /// # Errors
 /// As [`render`].
 pub(crate) fn note_seen(scene: &Scene, camera: &Camera, settings: &Settings, seen: Seen) -> Result<()> {
-    let settings =
-        Settings { sense: Sense::FrontToBack, order: None, mode: Mode::Composite, lighting: None, ..settings.clone() };
-    let settings = Settings { blending: Blending::Exponential, ..settings };
+    let settings = Settings {
+        sense: Sense::FrontToBack,
+        order: None,
+        mode: Mode::Composite,
+        lighting: None,
+        blending: Blending::Exponential,
+        ..settings.clone()
+    };
     let shot = Shot::new(scene, camera, &settings)?;
     let table = Table::new(scene, &shot.lane, &settings, shot.view.mean_voxel)?;
     let projector = Projector::new(&shot, &table, FrontToBack::INK);
@@ -254,8 +268,7 @@ impl Job<'_> {
     }
 
     fn whole(&self) -> Rect {
-        let [columns, rows] = self.settings.size.map(u32::cast_signed);
-        Rect { x0: 0, y0: 0, x1: columns, y1: rows }
+        whole(self.settings.size)
     }
 
     /// What `draw` gives for bands of rows or of columns, each on a thread of its own.
@@ -289,6 +302,12 @@ impl Job<'_> {
         };
         x[fast].abs() >= y[fast].abs()
     }
+}
+
+/// All pixels of a picture.
+fn whole(size: [u32; 2]) -> Rect {
+    let [columns, rows] = size.map(u32::cast_signed);
+    Rect { x0: 0, y0: 0, x1: columns, y1: rows }
 }
 
 /// What all bands took together.

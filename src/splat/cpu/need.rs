@@ -42,7 +42,7 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
         None => Order::new(view.viewpoint, grid.dims, settings.sense, settings.form)?,
     };
     // How opaque voxels are is asked for coarser pixels alone, which need no more than the picture's.
-    Ok(match Stage::of(&view, &order, bounds, 0.0, settings) {
+    Ok(match Stage::of(&view, &order, bounds, || 0.0, settings) {
         Some(Stage::BasePlane(plane)) => Canvas::BasePlane(plane.pixels()),
         Some(Stage::Finer(finer)) => Canvas::Finer(finer.strip_size()),
         Some(Stage::Coarse(_)) | None => Canvas::Picture,

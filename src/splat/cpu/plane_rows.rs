@@ -47,9 +47,7 @@ impl Rows {
         let rows = (rect.y1 - rect.y0) as usize;
         let len = 4 * pitch * rows;
         let mut values = Vec::new();
-        let refused =
-            |_| Error::Limit { what: "memory for the picture in bytes".into(), need: 4 * len as u64, have: 0 };
-        values.try_reserve_exact(len).map_err(refused)?;
+        values.try_reserve_exact(len).map_err(|_| Error::picture_memory(4 * len as u64))?;
         values.resize(len, 0.0);
         for row in values.chunks_exact_mut(4 * pitch) {
             row[3 * pitch..][..columns].fill(1.0);

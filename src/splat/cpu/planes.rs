@@ -117,11 +117,8 @@ impl Planes {
         let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
         let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
         let len = pitch * tiles_along(rect.y0, rect.y1);
-        let tiles = bytemuck::allocation::try_zeroed_slice_box(len).map_err(|()| Error::Limit {
-            what: "memory for the picture in bytes".into(),
-            need: (size_of::<Tile>() * len) as u64,
-            have: 0,
-        })?;
+        let tiles = bytemuck::allocation::try_zeroed_slice_box(len)
+            .map_err(|()| Error::picture_memory((size_of::<Tile>() * len) as u64))?;
         let (squares, blocks) = (Count::new(rect, SQUARE, TILE), Count::new(rect, BLOCK, SQUARE));
         Ok(Planes { rect, fourth, pitch, tiles, states: vec![FRESH; len], squares, blocks, begun: None })
     }
@@ -133,11 +130,8 @@ impl Planes {
     pub(crate) fn sheet(rect: Rect) -> Result<Planes> {
         let planes = Planes::new(rect, Additive::FOURTH)?;
         let mut begun = Vec::new();
-        begun.try_reserve_exact(planes.tiles.len()).map_err(|_| Error::Limit {
-            what: "memory for the picture in bytes".into(),
-            need: (size_of::<u32>() * planes.tiles.len()) as u64,
-            have: 0,
-        })?;
+        let len = planes.tiles.len();
+        begun.try_reserve_exact(len).map_err(|_| Error::picture_memory((size_of::<u32>() * len) as u64))?;
         Ok(Planes { begun: Some(begun), ..planes })
     }
 

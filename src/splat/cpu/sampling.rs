@@ -22,14 +22,16 @@
 
 use std::f64::consts::TAU;
 
+use glam::Vec4;
 use multiversion::multiversion;
 
 use super::project::jacobian;
 use crate::error::Result;
 use crate::splat::finer::width_in_the_middle;
+use crate::splat::frame::in_range;
 use crate::splat::kernel::narrowest;
 use crate::splat::view::{PixelMap, View};
-use crate::splat::{Blending, Frame, Mode, Sampling, Settings};
+use crate::splat::{Blending, Frame, Sampling, Settings};
 use crate::traverse::VoxelBox;
 
 /// Standard deviation, in pixels, of the narrowest footprint of a coarse view: at 0.97 footprints of the standard kernel
@@ -59,7 +61,7 @@ impl Coarse {
     /// most; `None` if every pixel is needed, or if splats are put together in another way than the edges of what is opaque are
     /// computed for.
     pub(super) fn of(view: &View, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<Coarse> {
-        if settings.mode != Mode::Composite || settings.blending != Blending::Exponential {
+        if settings.keeps_pixels() || settings.blending != Blending::Exponential {
             return None;
         }
         let kernel = settings.kernel();
@@ -151,10 +153,9 @@ impl Coarse {
                 blend([tap(0), tap(1), tap(2), tap(3)], place.weights, row);
                 let mask = &mask[columns * place.nearest..][..columns];
                 for (pixel, &column) in row.as_chunks_mut::<4>().0.iter_mut().zip(&across) {
-                    // Nothing is where nothing was drawn near; and interpolation overshoots a little at edges.
+                    // Nothing is where nothing was drawn near.
                     let here = if mask[column] { 1.0 } else { 0.0 };
-                    let [red, green, blue, alpha] = pixel.map(|value| value.max(0.0) * here);
-                    *pixel = [red, green, blue, alpha.min(1.0)];
+                    *pixel = in_range(here * Vec4::from_array(*pixel));
                 }
             }
         });

@@ -178,12 +178,7 @@ impl Candidate {
 
     /// All knobs in one line: `sigma=0.7 radius=2.5 stop=1/1024 sampling=enough values=8 normals=8`, and what is unusual.
     pub fn settings_text(&self) -> String {
-        let sampling = match self.sampling {
-            Sampling::EveryPixel => "every",
-            Sampling::Finer => "finer",
-            Sampling::Enough => "enough",
-            Sampling::Fewest => "fewest",
-        };
+        let sampling = self.sampling.name();
         let normals = if self.normal_bits == 0 { "none".to_owned() } else { self.normal_bits.to_string() };
         let mut text = format!(
             "sigma={} radius={} stop={} sampling={sampling} values={} normals={normals}",
