@@ -6,17 +6,15 @@
 //! which voxels are visible and what their normals are; every build must say the same. With `--test` the volumes are
 //! small.
 
-mod in_memory;
-
 use std::time::Duration;
 
-use adjsplat::arena::builder::{BuildOptions, Classified, Resources, Unobserved, classify};
 use adjsplat::arena::{OwnedLane, TileOrder};
+use adjsplat::build::builder::{BuildOptions, Classified, Resources, Unobserved, classify};
 use adjsplat::classify::{Neighbourhood, TransferFunction, normal};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};
+use adjsplat_benches::InMemory;
 use criterion::{Criterion, Throughput};
-use in_memory::InMemory;
 
 /// Visible voxels and the sum of their normals' codes, one sample after the other.
 fn plainly(volume: &InMemory, transfer: &TransferFunction) -> (u64, u64) {

@@ -4,20 +4,18 @@
 //! before, and its right answer is asserted after. Without a name all stages run, so that `cargo bench -- --test` sees
 //! that they work. One thread throughout: callgrind counts the threads of a program apart.
 
-mod in_memory;
-
 use std::hint::black_box;
 
-use adjsplat::arena::builder::{BuildOptions, Classified, Resources, Unobserved, classify};
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, OwnedLane, TileOrder};
+use adjsplat::build::builder::{BuildOptions, Classified, Resources, Unobserved, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::{Camera, Orbit, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
-use in_memory::InMemory;
+use adjsplat_benches::InMemory;
 
 /// Points along each axis of the volume: seconds a stage under callgrind.
 const EDGE: u64 = 96;

@@ -14,9 +14,9 @@ use adjsplat::arena::pack::{LanePacker, Record};
 use adjsplat::arena::transpose::transpose;
 use adjsplat::arena::{Channels, Lane, OwnedLane, TileOrder};
 use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, walk};
-use adjsplat::volume::open::{OpenOptions, open};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType, Samples, SlabSource};
+use adjsplat_readers::open::{OpenOptions, open};
 use criterion::{BenchmarkId, Criterion, Throughput};
 
 /// One byte a voxel: what a walk reads does not depend on it.
@@ -86,7 +86,7 @@ impl Scene {
 
     /// The segmented frog, where there is the folder of real volumes.
     fn frog() -> Option<Scene> {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/frogtissue/frogtissue.mhd");
+        let path = adjsplat_tests::repository().join("../shared/data/frogtissue/frogtissue.mhd");
         if !path.exists() {
             println!("SKIPPED: no frog, because there is no {}", path.display());
             return None;

@@ -6,7 +6,8 @@
 
 use std::time::Instant;
 
-use adjsplat::splat::gpu::adapter::{self, AdapterFacts};
+use adjsplat::splat::gpu::adapter;
+use adjsplat::splat::gpu::adapter::AdapterFacts;
 use bytemuck::Pod;
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 use wgpu::{

@@ -5,14 +5,14 @@ use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Header, SampleType, Samples, SlabSource};
 
 /// A volume in memory; small enough for the last cache, it costs a copy to read.
-pub(crate) struct InMemory {
-    pub(crate) header: Header,
-    pub(crate) samples: Samples,
+pub struct InMemory {
+    pub header: Header,
+    pub samples: Samples,
     read: usize,
 }
 
 impl InMemory {
-    pub(crate) fn new(phantom: &Phantom, dims: [u64; 3], sample_type: SampleType) -> InMemory {
+    pub fn new(phantom: &Phantom, dims: [u64; 3], sample_type: SampleType) -> InMemory {
         let mut source = phantom.open(dims, sample_type, [1.0; 3]).expect("a sound phantom");
         let header = source.header().clone();
         let mut samples = Samples::zeros(sample_type, usize::try_from(header.grid.len()).expect("fits"));

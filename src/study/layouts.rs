@@ -19,12 +19,12 @@ use super::lane_walk::store::{CHUNK, Mask, Store, TileStart};
 use super::lane_walk::{CodesRead, Room, Visited, passage};
 use super::subject::{Subject, VisibleVoxel};
 use super::trace::{Array, Trace};
-use crate::arena::TileOrder;
-use crate::arena::lane::STEPPING;
-use crate::arena::layout::line_end_bytes;
-use crate::error::{Error, Result};
-use crate::traverse::Order;
-use crate::volume::Axis;
+use adjsplat::arena::TileOrder;
+use adjsplat::arena::lane::STEPPING;
+use adjsplat::arena::layout::line_end_bytes;
+use adjsplat::error::{Error, Result};
+use adjsplat::traverse::Order;
+use adjsplat::volume::Axis;
 
 /// A way to lay out lanes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

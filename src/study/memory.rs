@@ -6,9 +6,9 @@
 
 use super::baselines::{Method, Walker as _};
 use super::subject::Subject;
-use crate::arena::{Arena, Lane};
-use crate::error::{Error, Result};
-use crate::volume::Axis;
+use adjsplat::arena::{Arena, Lane};
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::Axis;
 
 /// What a method takes of one set.
 #[derive(Debug, Clone, PartialEq, Eq)]

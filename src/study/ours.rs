@@ -5,10 +5,10 @@
 use super::baselines::{Normal, Receiver, Viewing, Walker, placed};
 use super::subject::Subject;
 use super::trace::{Array, Trace};
-use crate::arena::{Lane, LineEnds};
-use crate::error::Result;
-use crate::traverse::{Batch, walk};
-use crate::volume::Axis;
+use adjsplat::arena::{Lane, LineEnds};
+use adjsplat::error::Result;
+use adjsplat::traverse::{Batch, walk};
+use adjsplat::volume::Axis;
 
 /// The lanes of a subject.
 #[derive(Debug, Clone, Copy)]
@@ -20,7 +20,7 @@ impl<'a> Adjsplat<'a> {
     /// Those of `subject`, derived where the arena has none.
     ///
     /// # Errors
-    /// [`Error::Limit`](crate::Error::Limit) if a derived lane would not fit the lanes' memory.
+    /// [`Error::Limit`](adjsplat::Error::Limit) if a derived lane would not fit the lanes' memory.
     pub fn new(subject: &'a Subject<'a>) -> Result<Adjsplat<'a>> {
         for axis in Axis::ALL {
             subject.lanes.lane(axis)?;

@@ -1,17 +1,17 @@
 //! Pictures of what methods visit: all by one splatter, front to back, on one thread.
 //!
 //! In: a subject, a camera, and a method or a sequence of voxels. Out: a frame. The same voxels in the same order give
-//! the same bits, whoever hands them over, and those of [`render`](crate::splat::cpu::render) where the order is the
+//! the same bits, whoever hands them over, and those of [`render`](adjsplat::splat::cpu::render) where the order is the
 //! renderer's.
 
 use super::baselines::{Built, Normal, Receiver as _, Viewing, Walker as _};
 use super::subject::{Subject, VisibleVoxel};
 use super::trace::Untraced;
-use crate::error::Result;
-use crate::splat::cpu::splatter;
-use crate::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, View};
-use crate::traverse::{Batch, Sense, walk};
-use crate::volume::Axis;
+use adjsplat::error::Result;
+use adjsplat::splat::cpu::splatter;
+use adjsplat::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, View};
+use adjsplat::traverse::{Batch, Sense, walk};
+use adjsplat::volume::Axis;
 
 /// What `camera` sees of a subject, front to back.
 ///
@@ -43,7 +43,7 @@ pub fn scene<'a>(subject: &'a Subject) -> Scene<'a> {
 /// empty.
 ///
 /// # Errors
-/// As [`cpu::render`](crate::splat::cpu::render).
+/// As [`cpu::render`](adjsplat::splat::cpu::render).
 pub fn of_method(
     subject: &Subject,
     camera: &Camera,

@@ -1,9 +1,9 @@
 //! What studies do with the voxels that a walk hands over.
 
 use super::baselines::{Node, Normal, Receiver};
-use crate::arena::Lane;
-use crate::splat::cpu::splatter::Splatter;
-use crate::traverse::Batch;
+use adjsplat::arena::Lane;
+use adjsplat::splat::cpu::splatter::Splatter;
+use adjsplat::traverse::Batch;
 
 /// Adds up what it is given: the least that uses all of it.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]

@@ -16,9 +16,9 @@ use super::picture;
 use super::receive::{Places, Sum};
 use super::subject::Subject;
 use super::trace::Untraced;
-use crate::error::{Error, Result};
-use crate::splat::{Camera, Frame, Orbit, Settings, cpu};
-use crate::traverse::{Batch, walk};
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::{Camera, Frame, Orbit, Settings, cpu};
+use adjsplat::traverse::{Batch, walk};
 
 /// What to measure.
 #[derive(Debug, Clone)]

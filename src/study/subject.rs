@@ -3,14 +3,14 @@
 //! In: an arena of 8-bit values and normals of 2 x 8 bits or none. Out: its visible voxels in scan order (x fastest), as
 //! every method takes them, and its three lanes.
 
-use crate::arena::layout::Facts;
-use crate::arena::{Lane, LaneSet};
-use crate::classify::TransferFunction;
-use crate::error::{Error, Result};
-use crate::splat::composite::Table;
-use crate::splat::{Scene, Settings};
-use crate::traverse::{Batch, Order, walk};
-use crate::volume::Axis;
+use adjsplat::arena::layout::Facts;
+use adjsplat::arena::{Lane, LaneSet};
+use adjsplat::classify::TransferFunction;
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::composite::Table;
+use adjsplat::splat::{Scene, Settings};
+use adjsplat::traverse::{Batch, Order, walk};
+use adjsplat::volume::Axis;
 
 /// One visible voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

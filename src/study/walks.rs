@@ -11,8 +11,8 @@ use std::time::Instant;
 use super::baselines::{Method, Viewing};
 use super::speed::{summed, summed_places};
 use super::subject::Subject;
-use crate::error::{Error, Result};
-use crate::traverse::Order;
+use adjsplat::error::{Error, Result};
+use adjsplat::traverse::Order;
 
 /// Orders of parallel views: six nestings, eight directions.
 pub const ORDERS: usize = 48;

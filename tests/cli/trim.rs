@@ -2,9 +2,9 @@
 //!
 //! Cannot catch: a voxel too many or too few in a file that is sound (`tests/edits/trim.rs` does).
 
-use adjsplat::arena::builder::Unobserved;
 use adjsplat::arena::layout::SectionKind;
 use adjsplat::arena::{Arena, TrimOptions, trim};
+use adjsplat::build::builder::Unobserved;
 use adjsplat::file::{RowsOutput, write_rows};
 use serde_json::{Value, json};
 

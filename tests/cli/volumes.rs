@@ -217,7 +217,7 @@ fn samples_that_are_no_numbers_are_told_as_a_warning() {
 fn a_dicom_folder_is_built_and_what_was_left_out_is_told() {
     let folder = Folder::new();
     std::fs::create_dir(folder.file("series")).expect("the folder can be written");
-    let slices = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers/compressed/multi-rle.dcm");
+    let slices = adjsplat_tests::repository().join("tests/readers/compressed/multi-rle.dcm");
     std::fs::copy(slices, folder.file("series/IM 1")).expect("it is there");
     folder.write("series/readme.txt", b"hello");
     let ran = folder.adj("info series --json");

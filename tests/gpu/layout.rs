@@ -96,7 +96,7 @@ fn elements_of_arrays_are_as_far_apart_as_in_rust() {
 #[test]
 fn the_walk_reads_tiles_as_the_format_has_them() {
     let rust = fields!(TileRecord: tile_u tile_v first_line first_record occupancy low high);
-    let text = Path::new(env!("CARGO_MANIFEST_DIR")).join("formats/adj-1.md");
+    let text = adjsplat_tests::repository().join("formats/adj-1.md");
     let text = std::fs::read_to_string(text).unwrap();
     let section = text.split_once("### 5.1 Tiles").unwrap().1.split("\n## ").next().unwrap();
     let rows = section.lines().skip_while(|line| !line.starts_with("| field |")).skip(2);
@@ -169,7 +169,7 @@ fn numbers(text: &str, function: &str) -> Vec<f32> {
 /// The polynomial of 1 - 2^-x: five numbers beside ln 2, in one order.
 #[test]
 fn the_device_computes_exponentials_with_the_processors_polynomial() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/splat/cpu/arith.rs");
+    let path = adjsplat_tests::repository().join("src/core/splat/cpu/arith.rs");
     let processor = numbers(&std::fs::read_to_string(path).unwrap(), "fn rest(");
     assert_eq!(processor.len(), 5, "{processor:?}");
     for (stage, text) in SHADERS {

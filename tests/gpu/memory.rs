@@ -2,9 +2,9 @@
 
 use adjsplat::Error;
 use adjsplat::arena::TileOrder;
-use adjsplat::arena::builder::Built;
 use adjsplat::arena::layout::{Channels, Facts, Scales};
 use adjsplat::arena::pack::{LanePacker, Record};
+use adjsplat::build::builder::Built;
 use adjsplat::splat::gpu::adapter::Opened;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Orbit, Quality, Scene, Settings, Surround, cpu};

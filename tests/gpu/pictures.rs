@@ -4,8 +4,8 @@
 //! single precision's roundings, places of perspective views (double precision there, single here), which differ by
 //! some 1e-4 pixels, and pixels on the very edge of a footprint. On software drivers they agree to more than 100 dB.
 
-use adjsplat::arena::builder::Built;
 use adjsplat::arena::{Arena, LaneSet, Overlay, OwnedLane};
+use adjsplat::build::builder::Built;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};

@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use adjsplat::arena::TileOrder;
-use adjsplat::arena::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Orbit, Projection, Scene, Surround};
 use adjsplat::volume::phantom::Phantom;
-use adjsplat::volume::{SampleType, SlabSource, open};
+use adjsplat::volume::{SampleType, SlabSource};
+use adjsplat_readers::open;
 
 use crate::device::say;
 
@@ -88,7 +89,7 @@ pub(crate) fn inside(built: &Built, eye: [f64; 3], toward: [f64; 3]) -> Camera {
 
 /// Real volumes with what to show of them; none, said loudly, where they are not at hand.
 pub(crate) fn real_volumes() -> Vec<(PathBuf, TransferFunction)> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data");
+    let folder = adjsplat_tests::repository().join("../shared/data");
     if !folder.is_dir() {
         say(&format!("SKIPPED: {} is not there", folder.display()));
         return Vec::new();

@@ -3,8 +3,8 @@
 //! Whole numbers must be equal: voxels, masks, the boxes of splats. Numbers of single precision may differ by what a
 //! device is allowed: fused or reordered sums, and 2 to 3 units in the last place of divisions, roots and exponentials.
 
-use adjsplat::arena::builder::Built;
 use adjsplat::arena::layout::TileRecord;
+use adjsplat::build::builder::Built;
 use adjsplat::splat::gpu::layout::{NO_RECORD, NOTHING, Shot, Splat, Voxel};
 use adjsplat::splat::gpu::probe::Probe;
 use adjsplat::splat::gpu::stages::Blend;

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use adjsplat::volume::SampleType;
-use adjsplat::volume::open::{OpenOptions, open};
+use adjsplat_readers::open::{OpenOptions, open};
 
 use super::sample::{known, read};
 

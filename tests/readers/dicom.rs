@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use adjsplat::volume::open::{OpenOptions, open};
 use adjsplat::volume::{SampleType, Samples};
+use adjsplat_readers::open::{OpenOptions, open};
 
 use super::sample::{Folder, Read, bytes, expect_refused, known, read, read_with};
 
@@ -190,7 +190,7 @@ pub(crate) fn slice(ty: SampleType, samples: &[u8], z: f64) -> Elements {
 
 /// Slice `z` of the known volume.
 fn known_slice(ty: SampleType, z: usize) -> Elements {
-    let bytes = bytes(&known(ty), adjsplat::volume::slab::Endian::Little);
+    let bytes = bytes(&known(ty), adjsplat_readers::slab::Endian::Little);
     let half = bytes.len() / 2;
     slice(ty, &bytes[z * half..(z + 1) * half], 2.0 * z as f64)
 }
@@ -526,7 +526,7 @@ fn the_pixels_of_an_icon_are_passed_over() {
 }
 
 fn compressed(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers/compressed").join(name)
+    adjsplat_tests::repository().join("tests/readers/compressed").join(name)
 }
 
 /// What the writer of the compressed files put in: 13 x 9 or 12 x 10 x 3 samples of `bits` bits.

@@ -3,10 +3,10 @@
 use std::path::{Path, PathBuf};
 
 use adjsplat::error::Error;
-use adjsplat::volume::open::{OpenOptions, open};
-use adjsplat::volume::raw::RawOptions;
-use adjsplat::volume::slab::Endian;
 use adjsplat::volume::{SampleType, Samples};
+use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_readers::raw::RawOptions;
+use adjsplat_readers::slab::Endian;
 
 use super::nifti::Nifti;
 use super::sample::{DIMS, Folder, bytes, expect_known, expect_refused, gzip, known, read, read_with, text, zlib};

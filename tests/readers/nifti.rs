@@ -1,8 +1,8 @@
 //! The known volume as NIfTI-1 and -2, written field by field from the standard's offsets.
 
 use adjsplat::volume::SampleType;
-use adjsplat::volume::open::OpenOptions;
-use adjsplat::volume::slab::Endian;
+use adjsplat_readers::open::OpenOptions;
+use adjsplat_readers::slab::Endian;
 
 use super::sample::{ENDIANS, Folder, bytes, expect_known, expect_refused, gzip, known, read, read_with};
 

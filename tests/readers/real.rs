@@ -2,17 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use adjsplat::volume::open::OpenOptions;
 use adjsplat::volume::{Header, SampleType};
+use adjsplat_readers::open::OpenOptions;
 use sha2::{Digest, Sha256};
 
 use super::sample::read_with;
 
 /// The folder of real volumes; `None`, with a line that says so, where it is not on this machine.
 fn folder() -> Option<PathBuf> {
-    let folder = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared/data"));
+    let folder = adjsplat_tests::repository().join("../shared/data");
     if folder.is_dir() {
-        return Some(folder.to_path_buf());
+        return Some(folder);
     }
     eprintln!("SKIPPED: no real volumes in {}; readers were checked on written files only", folder.display());
     None

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use adjsplat::error::Error;
-use adjsplat::volume::open::{OpenOptions, open};
-use adjsplat::volume::slab::Endian;
 use adjsplat::volume::{Header, SampleType, SlabSource};
+use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_readers::slab::Endian;
 
 use super::damage::{expect_no_panic, expect_truncations_refused};
 use super::sample::{DIMS, ENDIANS, Folder, bytes, expect_known, expect_refused, known, read, read_with, zlib};
@@ -610,7 +610,7 @@ fn folders_that_are_no_stack_are_refused_by_the_file_at_fault() {
     let folder = Folder::new();
     folder.write("a.txt", &[b"hello"]);
     refused(folder.path(), &["is a folder without TIFF or DICOM files", "name a file in it"]);
-    let raw = adjsplat::volume::raw::RawOptions::new(DIMS, SampleType::U8);
+    let raw = adjsplat_readers::raw::RawOptions::new(DIMS, SampleType::U8);
     expect_refused(
         folder.path(),
         &OpenOptions { raw: Some(raw), ..OpenOptions::default() },

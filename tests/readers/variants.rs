@@ -3,9 +3,9 @@
 use std::io::{Seek, SeekFrom, Write};
 
 use adjsplat::volume::SampleType;
-use adjsplat::volume::open::OpenOptions;
-use adjsplat::volume::raw::RawOptions;
-use adjsplat::volume::slab::Endian;
+use adjsplat_readers::open::OpenOptions;
+use adjsplat_readers::raw::RawOptions;
+use adjsplat_readers::slab::Endian;
 
 use super::sample::{DIMS, ENDIANS, Folder, bytes, expect_known, gzip, known, read, read_with, text, zlib};
 

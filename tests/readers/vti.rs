@@ -1,8 +1,8 @@
 //! The known volume in every variant of VTK XML images, and such files that must be refused.
 
-use adjsplat::volume::open::open;
-use adjsplat::volume::slab::Endian;
 use adjsplat::volume::{SampleType, SlabSource};
+use adjsplat_readers::open::open;
+use adjsplat_readers::slab::Endian;
 
 use super::damage::{expect_no_panic, expect_truncations_refused};
 use super::sample::{ENDIANS, Folder, bytes, expect_known, expect_refused, known, read, text, zlib};

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use adjsplat::volume::SampleType;
-use adjsplat::volume::open::{OpenOptions, open};
-use adjsplat::volume::slab::Endian;
+use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_readers::slab::Endian;
 use serde_json::{Value, json};
 
 use super::sample::{ENDIANS, Folder, Read, bytes, expect_known, expect_refused, gzip, known, read, read_with, zlib};
@@ -130,7 +130,7 @@ fn crc32c(bytes: &[u8]) -> u32 {
 }
 
 fn packed(name: &str) -> Vec<u8> {
-    std::fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/readers/chunks").join(name)).expect("it is there")
+    std::fs::read(adjsplat_tests::repository().join("tests/readers/chunks").join(name)).expect("it is there")
 }
 
 fn packed_array(compressor: &str) -> Value {

@@ -7,21 +7,21 @@ use std::io::Write as _;
 use std::path::Path;
 
 use adjsplat::Error;
-use adjsplat::arena::builder::{BuildOptions, Unobserved, build};
 use adjsplat::arena::{Arena, LaneSet, TileOrder};
+use adjsplat::build::builder::{BuildOptions, Unobserved, build};
 use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::file::arena_bytes;
-use adjsplat::study::baselines::adjacency_a::AdjacencyA;
-use adjsplat::study::baselines::adjacency_b::{AdjacencyB, Storage};
-use adjsplat::study::baselines::octree::Octree;
-use adjsplat::study::baselines::shell::{Lists, Shell};
-use adjsplat::study::baselines::{Node, Normal, Viewing, names};
-use adjsplat::study::subject::VisibleVoxel;
-use adjsplat::study::trace::Array;
-use adjsplat::study::{Built, Method, Receiver, Subject, Trace, Untraced, Walker};
 use adjsplat::traverse::{Order, Sense, SplitForm, Viewpoint};
 use adjsplat::volume::Axis;
-use adjsplat::volume::open::{OpenOptions, open};
+use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_study::baselines::adjacency_a::AdjacencyA;
+use adjsplat_study::baselines::adjacency_b::{AdjacencyB, Storage};
+use adjsplat_study::baselines::octree::Octree;
+use adjsplat_study::baselines::shell::{Lists, Shell};
+use adjsplat_study::baselines::{Node, Normal, Viewing, names};
+use adjsplat_study::subject::VisibleVoxel;
+use adjsplat_study::trace::Array;
+use adjsplat_study::{Built, Method, Receiver, Subject, Trace, Untraced, Walker};
 
 use crate::oracle::{directions, disorder, eye_viewings, nested, parallel_viewings, slices};
 use crate::scene::{Dense, Random, with_subject};
@@ -559,7 +559,7 @@ fn methods_have_names() {
 
 #[test]
 fn the_frog_has_as_many_virtual_voxels_as_its_lines_ask_for() {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/frogtissue/frogtissue.mhd");
+    let path = adjsplat_tests::repository().join("../shared/data/frogtissue/frogtissue.mhd");
     if !path.exists() {
         // Not by eprintln, which the test runner keeps to itself where a test passes.
         let _ = writeln!(std::io::stderr(), "SKIPPED: no frog, because there is no {}", path.display());

@@ -2,9 +2,9 @@
 //!
 //! What it cannot catch: a walk that tells a wrong address (`own_walk` does, for our own).
 
-use adjsplat::study::Trace;
-use adjsplat::study::cache::{Associativity, Figures, Geometry, Level, Model, Reuse};
-use adjsplat::study::trace::Array;
+use adjsplat_study::Trace;
+use adjsplat_study::cache::{Associativity, Figures, Geometry, Level, Model, Reuse};
+use adjsplat_study::trace::Array;
 
 /// One array of the structure.
 fn array(bytes: u64) -> Array {

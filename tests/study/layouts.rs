@@ -1,18 +1,18 @@
 //! Layouts, held to our lanes: the shipped one must be ours, and each must hand over what the subject holds.
 
-use adjsplat::arena::builder::{BuildOptions, Unobserved, build};
 use adjsplat::arena::{Arena, LaneSet, OwnedLane, TileOrder};
+use adjsplat::build::builder::{BuildOptions, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::write::arena_bytes;
-use adjsplat::study::baselines::{Node, Normal, Viewing};
-use adjsplat::study::cache::{Geometry, TraceWriter, measure, replay};
-use adjsplat::study::lane_walk::{CodesRead, OwnWalk, repacked};
-use adjsplat::study::layouts::{Layout, LayoutWalk};
-use adjsplat::study::subject::VisibleVoxel;
-use adjsplat::study::{Receiver, Subject, Trace, Untraced, Walker};
 use adjsplat::traverse::Order;
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
+use adjsplat_study::baselines::{Node, Normal, Viewing};
+use adjsplat_study::cache::{Geometry, TraceWriter, measure, replay};
+use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
+use adjsplat_study::layouts::{Layout, LayoutWalk};
+use adjsplat_study::subject::VisibleVoxel;
+use adjsplat_study::{Receiver, Subject, Trace, Untraced, Walker};
 
 /// Calls `test` with a phantom of `dims` points.
 fn with_subject(phantom: &Phantom, dims: [u64; 3], test: impl FnOnce(&Subject)) {
@@ -91,7 +91,7 @@ fn the_shipped_layout_is_ours_byte_for_byte_and_access_for_access() {
                 LayoutWalk::new(subject, Layout::shipped(subject.dims()), CodesRead::ValuesAndNormals).unwrap();
             assert_eq!(shipped.bytes(), ours.bytes());
             assert_eq!(shipped.bytes(), lanes.iter().map(|lane| lane.view().bytes()).sum::<u64>());
-            let structure = |walk: &[adjsplat::study::trace::Array]| -> Vec<u64> {
+            let structure = |walk: &[adjsplat_study::trace::Array]| -> Vec<u64> {
                 walk.iter().take(15).map(|array| array.bytes).collect()
             };
             assert_eq!(structure(&shipped.arrays()), structure(&ours.arrays()));
@@ -194,7 +194,7 @@ fn traces_come_back_from_their_files() {
 
 #[test]
 fn long_accesses_are_several_records() {
-    let array = adjsplat::study::trace::Array { name: "long", bytes: 10_000, scratch: true };
+    let array = adjsplat_study::trace::Array { name: "long", bytes: 10_000, scratch: true };
     let mut file = Vec::new();
     let mut writer = TraceWriter::new(&mut file, &[array]).unwrap();
     writer.read(0, 100, 5_000);

@@ -2,10 +2,10 @@
 
 use std::collections::HashMap;
 
-use adjsplat::study::baselines::Viewing;
-use adjsplat::study::subject::VisibleVoxel;
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 use adjsplat::volume::Axis;
+use adjsplat_study::baselines::Viewing;
+use adjsplat_study::subject::VisibleVoxel;
 
 use crate::scene::Dense;
 

@@ -8,11 +8,11 @@ use std::sync::Mutex;
 
 use adjsplat::arena::pack::{LanePacker, Record};
 use adjsplat::arena::{Channels, Lane, LineEnds, OwnedLane, Pager, TileOrder};
-use adjsplat::study::Trace;
-use adjsplat::study::Walker;
-use adjsplat::study::lane_walk::{CodesRead, OwnWalk};
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::Axis;
+use adjsplat_study::Trace;
+use adjsplat_study::Walker;
+use adjsplat_study::lane_walk::{CodesRead, OwnWalk};
 use zerocopy::IntoBytes as _;
 
 const CHANNELS: Channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0 };

@@ -2,10 +2,10 @@
 //! that give an order otherwise.
 
 use adjsplat::splat::{Camera, Frame, Orbit, Sampling, Settings, cpu};
-use adjsplat::study::baselines::Viewing;
-use adjsplat::study::subject::VisibleVoxel;
-use adjsplat::study::{Method, Subject, picture};
 use adjsplat::traverse::Viewpoint;
+use adjsplat_study::baselines::Viewing;
+use adjsplat_study::subject::VisibleVoxel;
+use adjsplat_study::{Method, Subject, picture};
 
 use crate::oracle::slices;
 use crate::scene::Dense;

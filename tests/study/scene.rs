@@ -5,9 +5,9 @@ use adjsplat::arena::pack::{LanePacker, Record};
 use adjsplat::arena::{Arena, LaneSet, TileOrder};
 use adjsplat::classify::{Colour, Point, TransferFunction};
 use adjsplat::file::arena_bytes;
-use adjsplat::study::Subject;
-use adjsplat::study::subject::VisibleVoxel;
 use adjsplat::volume::{Axis, Grid};
+use adjsplat_study::Subject;
+use adjsplat_study::subject::VisibleVoxel;
 
 /// A small generator, so that failures repeat (SplitMix64, Steele et al. 2014).
 pub(crate) struct Random(pub(crate) u64);

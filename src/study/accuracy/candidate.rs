@@ -3,10 +3,11 @@
 //! In: nothing. Out: the presets on files of 8 and of 16 bits, the dial's rungs, every knob alone away from `standard`, and a grid of
 //! combinations of the knobs that matter most for time.
 
-use crate::error::{Error, Result};
-use crate::splat::dial::{self, Rung};
-use crate::splat::{Blending, KernelShape, Quality, Sampling, Settings, View};
-use crate::traverse::{Order, Sense, SplitForm};
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::dial;
+use adjsplat::splat::dial::Rung;
+use adjsplat::splat::{Blending, KernelShape, Quality, Sampling, Settings, View};
+use adjsplat::traverse::{Order, Sense, SplitForm};
 
 /// Candidates that belong together: a series of a plot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

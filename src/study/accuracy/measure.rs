@@ -10,13 +10,13 @@ use super::candidate::{Candidate, Drawer};
 use super::front::front;
 use super::truth::truth;
 use super::view::JudgedView;
-use crate::error::{Error, Result};
-use crate::metrics::{Metrics, compare};
-use crate::parallel::in_order;
-use crate::splat::{Frame, Quality, View, cpu};
-use crate::study::baselines::Built;
-use crate::study::baselines::octree::Octree;
-use crate::study::picture;
+use crate::baselines::Built;
+use crate::baselines::octree::Octree;
+use crate::picture;
+use adjsplat::error::{Error, Result};
+use adjsplat::parallel::in_order;
+use adjsplat::splat::{Frame, Quality, View, cpu};
+use adjsplat_judge::metrics::{Metrics, compare};
 
 /// How much is done.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

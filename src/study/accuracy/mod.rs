@@ -26,9 +26,9 @@ pub use measure::{Effort, Outcome, mark_front, measure};
 pub use view::{JudgedView, views};
 
 use super::subject::Subject;
-use crate::error::{Error, Result};
-use crate::reference::splat::Judge;
-use crate::splat::Scene;
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::Scene;
+use adjsplat_judge::reference::splat::Judge;
 
 /// A file of a set.
 #[derive(Debug, Clone, Copy)]

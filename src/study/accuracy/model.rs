@@ -9,11 +9,12 @@ use std::ops::ControlFlow;
 
 use super::view::JudgedView;
 use super::{Candidate, Judged};
-use crate::error::{Error, Result};
-use crate::metrics::{Metrics, compare};
-use crate::reference::ray;
-use crate::reference::splat::{self as splats, Order};
-use crate::splat::{Frame, Quality, Settings, View, cpu};
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::{Frame, Quality, Settings, View, cpu};
+use adjsplat_judge::metrics::{Metrics, compare};
+use adjsplat_judge::reference::ray;
+use adjsplat_judge::reference::splat as splats;
+use adjsplat_judge::reference::splat::Order;
 
 /// Most grid points of a set: a ray costs about a microsecond a voxel near it.
 pub const MOST_POINTS: u64 = 64 * 64 * 64;

@@ -12,11 +12,13 @@ use std::ops::ControlFlow;
 
 use super::Judged;
 use super::candidate::Candidate;
-use crate::error::{Error, Result};
-use crate::reference::splat::{self as judge, Order};
-use crate::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View, cpu};
-use crate::traverse::{self, Sense, SplitForm};
-use crate::volume::{Axis, Grid};
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View, cpu};
+use adjsplat::traverse;
+use adjsplat::traverse::{Sense, SplitForm};
+use adjsplat::volume::{Axis, Grid};
+use adjsplat_judge::reference::splat as judge;
+use adjsplat_judge::reference::splat::Order;
 
 /// Degrees between frames.
 pub const STEPS: [f64; 2] = [0.5, 0.05];
@@ -90,7 +92,7 @@ pub fn measure(
                 let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
                 let found = change(&cameras, |camera| {
                     let settings = candidate.settings(&turn.view(camera)?, grid.dims)?;
-                    Ok(cpu::render(&scene, camera, &crate::splat::Settings { threads, ..settings })?.0)
+                    Ok(cpu::render(&scene, camera, &adjsplat::splat::Settings { threads, ..settings })?.0)
                 })?;
                 push(format!("{}, {} bits", candidate.quality_name(), candidate.value_bits), found);
             }

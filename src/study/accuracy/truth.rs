@@ -5,12 +5,12 @@
 //! which EWA's low-pass widens a footprint.
 
 use super::view::JudgedView;
-use crate::error::Result;
-use crate::reference::splat::{Judge, Settings};
-use crate::reference::{Picture, splat};
-use crate::splat::kernel::{LOW_PASS, narrowest};
-use crate::splat::view::PixelMap;
-use crate::splat::{Frame, Quality, View};
+use adjsplat::error::Result;
+use adjsplat::splat::kernel::{LOW_PASS, narrowest};
+use adjsplat::splat::view::PixelMap;
+use adjsplat::splat::{Frame, Quality, View};
+use adjsplat_judge::reference::splat::{Judge, Settings};
+use adjsplat_judge::reference::{Picture, splat};
 
 /// Finer pixels in one, along a side.
 const FINER: u32 = 4;

@@ -4,9 +4,9 @@
 //! wide as EWA's low-pass or wider, so that the low-pass does not act and pictures of all kernels have one truth; and one
 //! view of voxels finer than pixels, where it does.
 
-use crate::error::Result;
-use crate::splat::{Camera, Orbit, Projection, Surround};
-use crate::volume::Grid;
+use adjsplat::error::Result;
+use adjsplat::splat::{Camera, Orbit, Projection, Surround};
+use adjsplat::volume::Grid;
 
 /// A view, and how it is judged.
 #[derive(Debug, Clone, PartialEq)]

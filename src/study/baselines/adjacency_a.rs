@@ -23,11 +23,11 @@ use super::appearance::Appearance;
 use super::follow::{Chain, follow, needs_both_ends, starts_high};
 use super::room::{filled, product, push};
 use super::{Normal, Receiver, Viewing, Walker, placed};
-use crate::error::{Error, Result};
-use crate::study::Subject;
-use crate::study::subject::VisibleVoxel;
-use crate::study::trace::{Array, Trace};
-use crate::volume::Axis;
+use crate::Subject;
+use crate::subject::VisibleVoxel;
+use crate::trace::{Array, Trace};
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::Axis;
 
 const CELLS: usize = 0;
 const RECORDS: usize = 1;

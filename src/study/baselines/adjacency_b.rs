@@ -29,10 +29,10 @@ use super::appearance::Appearance;
 use super::follow::{Chain, follow, needs_both_ends, starts_high};
 use super::room::{push, room};
 use super::{Normal, Receiver, Viewing, Walker, placed};
-use crate::error::{Error, Result};
-use crate::study::Subject;
-use crate::study::subject::VisibleVoxel;
-use crate::study::trace::{Array, Trace};
+use crate::Subject;
+use crate::subject::VisibleVoxel;
+use crate::trace::{Array, Trace};
+use adjsplat::error::{Error, Result};
 
 const RECORDS: usize = 0;
 

@@ -2,10 +2,10 @@
 //!
 //! In: a subject. Out: the four bytes of colour and the three floats of gradient that such methods compute in advance.
 
-use crate::classify::normal;
-use crate::error::Result;
-use crate::study::Subject;
-use crate::study::subject::VisibleVoxel;
+use crate::Subject;
+use crate::subject::VisibleVoxel;
+use adjsplat::classify::normal;
+use adjsplat::error::Result;
 
 /// Colours of all value codes, and how normals become vectors.
 #[derive(Debug, Clone)]

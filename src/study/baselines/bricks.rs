@@ -22,10 +22,10 @@
 
 use super::room::{filled, product, room};
 use super::{Normal, Receiver, Viewing, Walker, placed};
-use crate::error::{Error, Result};
-use crate::study::Subject;
-use crate::study::trace::{Array, Trace};
-use crate::traverse::{AxisOrder, Order};
+use crate::Subject;
+use crate::trace::{Array, Trace};
+use adjsplat::error::{Error, Result};
+use adjsplat::traverse::{AxisOrder, Order};
 
 const TABLE: usize = 0;
 const MASKS: usize = 1;

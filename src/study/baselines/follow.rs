@@ -4,7 +4,7 @@
 //! an axis has two sides of the eye, a chain is followed from both its ends; from front to back the place where the
 //! sides meet is first found by following the links to it.
 
-use crate::traverse::{AxisOrder, Sense, SplitForm};
+use adjsplat::traverse::{AxisOrder, Sense, SplitForm};
 
 /// A scan line of linked nodes, walked within a context `C` that holds the structure.
 pub(super) trait Chain<C>: Copy {

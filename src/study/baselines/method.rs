@@ -12,10 +12,10 @@ use super::sorted::Sorted;
 use super::traditional::Traditional;
 use super::unordered::Unordered;
 use super::{Receiver, Viewing, Walker};
-use crate::error::{Error, Result};
-use crate::study::Subject;
-use crate::study::ours::Adjsplat;
-use crate::study::trace::{Array, Trace};
+use crate::Subject;
+use crate::ours::Adjsplat;
+use crate::trace::{Array, Trace};
+use adjsplat::error::{Error, Result};
 
 /// Seed of the records' order in [`Method::AdjacencyBShuffled`].
 const SEED: u64 = 2001;

@@ -31,8 +31,8 @@ pub mod unordered;
 pub use method::{Built, Method, names};
 
 use super::trace::{Array, Trace};
-use crate::error::Result;
-use crate::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
+use adjsplat::error::Result;
+use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 
 /// `position` with `coordinate` on `axis`. By selection: an element of an array in memory, written and then read
 /// with the others, would stall every voxel.
@@ -95,7 +95,7 @@ impl Viewing {
 /// A voxel's normal, as its method stores it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Normal {
-    /// The code of [`crate::classify::normal::decode8`].
+    /// The code of [`adjsplat::classify::normal::decode8`].
     Code(u16),
     /// What that code decodes to; zero for none.
     Vector([f32; 3]),

@@ -24,11 +24,11 @@
 use super::appearance::Appearance;
 use super::room::{push, room};
 use super::{Node, Normal, Receiver, Viewing, Walker};
-use crate::error::{Error, Result};
-use crate::study::Subject;
-use crate::study::subject::VisibleVoxel;
-use crate::study::trace::{Array, Trace};
-use crate::traverse::{Sense, Viewpoint};
+use crate::Subject;
+use crate::subject::VisibleVoxel;
+use crate::trace::{Array, Trace};
+use adjsplat::error::{Error, Result};
+use adjsplat::traverse::{Sense, Viewpoint};
 
 const BRANCHES: usize = 0;
 const LOOKS: usize = 1;

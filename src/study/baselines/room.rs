@@ -2,7 +2,7 @@
 //!
 //! In: how many elements. Out: an empty array with room for exactly so many, or an error that says how much is missing.
 
-use crate::error::{Error, Result};
+use adjsplat::error::{Error, Result};
 
 /// Whether the system has `need` bytes for `what` available; where it does not say so, it has.
 ///

@@ -17,12 +17,12 @@
 
 use super::room::{filled, push, room};
 use super::{Normal, Receiver, Viewing, Walker, placed};
-use crate::error::{Error, Result};
-use crate::study::Subject;
-use crate::study::subject::VisibleVoxel;
-use crate::study::trace::{Array, Trace};
-use crate::traverse::AxisOrder;
-use crate::volume::Axis;
+use crate::Subject;
+use crate::subject::VisibleVoxel;
+use crate::trace::{Array, Trace};
+use adjsplat::error::{Error, Result};
+use adjsplat::traverse::AxisOrder;
+use adjsplat::volume::Axis;
 
 /// Arrays of an axis: lines, pairs, values, normals.
 const ARRAYS: usize = 4;

@@ -15,11 +15,11 @@
 
 use super::room::{filled, product, room};
 use super::{Normal, Receiver, Viewing, Walker, placed};
-use crate::error::{Error, Result};
-use crate::study::Subject;
-use crate::study::trace::{Array, Trace};
-use crate::traverse::{AxisOrder, Viewpoint};
-use crate::volume::Axis;
+use crate::Subject;
+use crate::trace::{Array, Trace};
+use adjsplat::error::{Error, Result};
+use adjsplat::traverse::{AxisOrder, Viewpoint};
+use adjsplat::volume::Axis;
 
 /// Which rows are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

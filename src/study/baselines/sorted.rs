@@ -9,11 +9,11 @@
 
 use super::room::{filled, room};
 use super::{Normal, Receiver, Viewing, Walker};
-use crate::error::Result;
-use crate::study::Subject;
-use crate::study::subject::VisibleVoxel;
-use crate::study::trace::{Array, Trace};
-use crate::traverse::{Sense, Viewpoint};
+use crate::Subject;
+use crate::subject::VisibleVoxel;
+use crate::trace::{Array, Trace};
+use adjsplat::error::Result;
+use adjsplat::traverse::{Sense, Viewpoint};
 
 const VOXELS: usize = 0;
 const PAIRS: usize = 1;
@@ -48,7 +48,7 @@ impl Sorted {
     /// The voxels of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`](crate::Error::Limit) if memory cannot be had.
+    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had.
     pub fn new(subject: &Subject) -> Result<Sorted> {
         let count = subject.voxels.len() as u64;
         let mut voxels = room("the list of voxels", count)?;

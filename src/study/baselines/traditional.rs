@@ -12,9 +12,9 @@
 use super::appearance::Appearance;
 use super::room::{check, filled, product};
 use super::{Normal, Receiver, Viewing, Walker, placed};
-use crate::error::Result;
-use crate::study::Subject;
-use crate::study::trace::{Array, Trace};
+use crate::Subject;
+use crate::trace::{Array, Trace};
+use adjsplat::error::Result;
 
 const VALUES: usize = 0;
 const COLOURS: usize = 1;
@@ -34,7 +34,7 @@ impl Traditional {
     /// The volume of `subject`; 17 bytes a grid point.
     ///
     /// # Errors
-    /// [`Error::Limit`](crate::Error::Limit) if memory cannot be had; as [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; as [`Subject::looks`].
     pub fn new(subject: &Subject) -> Result<Traditional> {
         let points = product(subject.dims().map(u64::from));
         check("the dense volume", points.saturating_mul(17))?;

@@ -11,9 +11,9 @@
 use super::appearance::Appearance;
 use super::room::room;
 use super::{Normal, Receiver, Viewing, Walker};
-use crate::error::Result;
-use crate::study::Subject;
-use crate::study::trace::{Array, Trace};
+use crate::Subject;
+use crate::trace::{Array, Trace};
+use adjsplat::error::Result;
 
 const POSITIONS: usize = 0;
 const VALUES: usize = 1;
@@ -32,7 +32,7 @@ impl Unordered {
     /// The voxels of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`](crate::Error::Limit) if memory cannot be had; as [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; as [`Subject::looks`].
     pub fn new(subject: &Subject) -> Result<Unordered> {
         let appearance = Appearance::of(subject)?;
         let count = subject.voxels.len() as u64;

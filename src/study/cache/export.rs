@@ -7,8 +7,8 @@ use std::io::{self, BufRead, Write};
 use std::path::Path;
 
 use super::model::addresses;
-use crate::error::{Error, Result};
-use crate::study::trace::{Array, Trace};
+use crate::trace::{Array, Trace};
+use adjsplat::error::{Error, Result};
 
 /// First bytes of a file.
 const MAGIC: [u8; 8] = *b"adjtrace";

@@ -2,7 +2,7 @@
 //!
 //! In: text such as `32KiB/8`. Out: a [`Geometry`] whose sets are whole.
 
-use crate::error::{Error, Result};
+use adjsplat::error::{Error, Result};
 
 /// Places and how many of them an address may go to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -2,8 +2,8 @@
 
 use super::geometry::Geometry;
 use super::model::{Figures, Model};
-use crate::study::baselines::{Node, Normal, Receiver, Viewing, Walker};
-use crate::study::trace::Untraced;
+use crate::baselines::{Node, Normal, Receiver, Viewing, Walker};
+use crate::trace::Untraced;
 
 /// What the hierarchy of `geometry` does on one walk; `reuse`: whether distances are followed. Also how many voxels and
 /// cubes were handed over.

@@ -15,7 +15,7 @@ use super::geometry::{Geometry, LARGE_PAGE_BYTES, PAGE_BYTES};
 use super::level::Level;
 use super::reuse::{Reuse, ReuseFigures};
 use super::touched::Touched;
-use crate::study::trace::{Array, Trace};
+use crate::trace::{Array, Trace};
 
 /// A hierarchy that listens to a walk.
 #[derive(Debug, Clone)]

@@ -1,6 +1,6 @@
 //! The walk through lanes, access by access.
 //!
-//! In: lanes in some layout, and a trace. Out: the voxels that [`crate::traverse::walk()`] visits, in the same batches,
+//! In: lanes in some layout, and a trace. Out: the voxels that [`adjsplat::traverse::walk()`] visits, in the same batches,
 //! while the trace is told of what that walk reads and writes, in the same sequence, and of what the renderer's first
 //! stage reads of each batch.
 //!
@@ -13,7 +13,7 @@
 //! slice: its tiles -> its lines, from their ends                   passage    (traverse/gather.rs)
 //! group of lines: sixteen steps at a time -> batch                 passage    (traverse/decode.rs)
 //! batch, 128 voxels at a time: coordinates; values; normals        passage    (splat/cpu/project.rs)
-//! what lies where                                                  store: our lanes; crate::study::layouts: others
+//! what lies where                                                  store: our lanes; crate::layouts: others
 //! ```
 //!
 //! Not told: what stays in registers, where an axis with two sides looks for the eye, and the copies of a vector that
@@ -30,7 +30,7 @@ pub use own::OwnWalk;
 pub(super) use passage::{Room, Visited, passage};
 pub use repacked::repacked;
 
-use crate::error::{Error, Result};
+use adjsplat::error::{Error, Result};
 
 /// What is read of a voxel's codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]

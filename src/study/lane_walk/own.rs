@@ -3,11 +3,11 @@
 use super::CodesRead;
 use super::passage::{Room, Visited, passage};
 use super::store::{OF_A_LANE, OwnStore};
-use crate::arena::Lane;
-use crate::study::baselines::{Normal, Receiver, Viewing, Walker};
-use crate::study::trace::{Array, Trace};
-use crate::traverse::{Batch, Order};
-use crate::volume::Axis;
+use crate::baselines::{Normal, Receiver, Viewing, Walker};
+use crate::trace::{Array, Trace};
+use adjsplat::arena::Lane;
+use adjsplat::traverse::{Batch, Order};
+use adjsplat::volume::Axis;
 
 /// Our lanes, walked by the twin that tells all.
 #[derive(Debug, Clone)]

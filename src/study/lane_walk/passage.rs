@@ -8,10 +8,10 @@ use super::CodesRead;
 use super::scratch::Scratch;
 use super::sort::sorted_tiles;
 use super::store::{CHUNK, Mask, Store, has_bit, rank};
-use crate::splat::cpu::raster::BLOCK;
-use crate::study::trace::{Array, Trace};
-use crate::traverse::{AxisOrder, Batch, Order};
-use crate::volume::Axis;
+use crate::trace::{Array, Trace};
+use adjsplat::splat::cpu::raster::BLOCK;
+use adjsplat::traverse::{AxisOrder, Batch, Order};
+use adjsplat::volume::Axis;
 
 /// Voxels that a batch holds unless a single line has more.
 const BATCH: usize = 2_048;
@@ -19,19 +19,19 @@ const BATCH: usize = 2_048;
 const REACH: u64 = 1 << 31;
 
 /// Up to [`BLOCK`] voxels of a batch, as the renderer's first stage takes them.
-pub(in crate::study) struct Visited<'a> {
-    pub(in crate::study) batch: &'a Batch<'a>,
+pub(crate) struct Visited<'a> {
+    pub(crate) batch: &'a Batch<'a>,
     /// Which of the batch's voxels.
-    pub(in crate::study) block: Range<usize>,
+    pub(crate) block: Range<usize>,
     /// Their codes; zeros for those that are not read.
-    pub(in crate::study) values: &'a [u8],
-    pub(in crate::study) normals: &'a [u16],
+    pub(crate) values: &'a [u8],
+    pub(crate) normals: &'a [u16],
 }
 
 impl Visited<'_> {
     /// Each voxel's index in the block, and its place, x, y, z.
     #[inline]
-    pub(in crate::study) fn positions(&self, order: &Order) -> impl Iterator<Item = (usize, [u16; 3])> {
+    pub(crate) fn positions(&self, order: &Order) -> impl Iterator<Item = (usize, [u16; 3])> {
         let axes = [order.slow.index(), order.medium.index(), order.fast.index()];
         let batch = self.batch;
         self.block.clone().enumerate().map(move |(index, voxel)| (index, position(axes, batch, voxel)))
@@ -49,7 +49,7 @@ fn position([slow, medium, fast]: [usize; 3], batch: &Batch, voxel: usize) -> [u
 ///
 /// # Panics
 /// If the lane does not run along the order's fast axis, or is not sound.
-pub(in crate::study) fn passage<S: Store, T: Trace>(
+pub(crate) fn passage<S: Store, T: Trace>(
     store: &S,
     order: &Order,
     codes: CodesRead,
@@ -63,7 +63,7 @@ pub(in crate::study) fn passage<S: Store, T: Trace>(
 
 /// Sizes of scratch arrays that do for any lane of a walker, and the number of the first.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::study) struct Room {
+pub(crate) struct Room {
     first_array: usize,
     /// Tiles of the lane that has most.
     tiles: usize,
@@ -91,7 +91,7 @@ pub(super) struct Numbers {
 
 impl Room {
     /// For `lanes`; scratch arrays are numbered from `first_array`.
-    pub(in crate::study) fn of<S: Store>(lanes: &[S], first_array: usize) -> Room {
+    pub(crate) fn of<S: Store>(lanes: &[S], first_array: usize) -> Room {
         let most = |of: fn(&S) -> u32| lanes.iter().map(of).max().unwrap_or(0) as usize;
         Room {
             first_array,
@@ -126,7 +126,7 @@ impl Room {
     }
 
     /// The scratch arrays, by number.
-    pub(in crate::study) fn arrays(self) -> [Array; 17] {
+    pub(crate) fn arrays(self) -> [Array; 17] {
         let rows = self.lines() / self.edge.max(1) + 1;
         let (batch, line) = (self.points.max(BATCH) + 2 * CHUNK, self.points + 2 * CHUNK);
         let sizes = [

@@ -1,9 +1,9 @@
 //! Our lanes in another tile order, from a subject's voxels.
 
-use crate::arena::pack::{LanePacker, Record};
-use crate::arena::{OwnedLane, TileOrder};
-use crate::study::subject::{Subject, VisibleVoxel};
-use crate::volume::Axis;
+use crate::subject::{Subject, VisibleVoxel};
+use adjsplat::arena::pack::{LanePacker, Record};
+use adjsplat::arena::{OwnedLane, TileOrder};
+use adjsplat::volume::Axis;
 
 /// The lanes along x, y and z of `subject`, their tiles in `tile_order`. O(n log n).
 pub fn repacked(subject: &Subject, tile_order: TileOrder) -> [OwnedLane; 3] {

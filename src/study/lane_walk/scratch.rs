@@ -1,6 +1,6 @@
 //! Scratch arrays that tell a trace of each element.
 
-use crate::study::trace::Trace;
+use crate::trace::Trace;
 
 /// A walker's array: elements, and its number.
 #[derive(Debug, Clone)]

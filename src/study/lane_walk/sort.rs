@@ -3,7 +3,7 @@
 use super::passage::Numbers;
 use super::scratch::Scratch;
 use super::store::Store;
-use crate::study::trace::Trace;
+use crate::trace::Trace;
 
 /// Tiles by row of the slow axis, in each by column, and where rows start. O(tiles).
 pub(super) fn sorted_tiles<S: Store, T: Trace>(

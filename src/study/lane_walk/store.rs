@@ -2,26 +2,26 @@
 //!
 //! In: a question of the walk. Out: the answer, and the trace told of the bytes that it took.
 
-use crate::arena::layout::{TILE_EDGE, TileRecord};
-use crate::arena::{Lane, LineEnds};
-use crate::study::trace::{Array, Trace};
-use crate::volume::Axis;
+use crate::trace::{Array, Trace};
+use adjsplat::arena::layout::{TILE_EDGE, TileRecord};
+use adjsplat::arena::{Lane, LineEnds};
+use adjsplat::volume::Axis;
 
 /// Steps that are read at once.
-pub(in crate::study) const CHUNK: usize = 16;
+pub(crate) const CHUNK: usize = 16;
 
 /// The lines of a tile that are there: bit `edge * v + u` for the line at (u, v) of the tile. Up to 16 x 16.
-pub(in crate::study) type Mask = [u64; 4];
+pub(crate) type Mask = [u64; 4];
 
 /// Whether `mask` has `bit`.
 #[inline(always)]
-pub(in crate::study) fn has_bit(mask: &Mask, bit: u32) -> bool {
+pub(crate) fn has_bit(mask: &Mask, bit: u32) -> bool {
     mask[bit as usize / 64] >> (bit % 64) & 1 == 1
 }
 
 /// How many bits of `mask` come before `bit`.
 #[inline(always)]
-pub(in crate::study) fn rank(mask: &Mask, bit: u32) -> u32 {
+pub(crate) fn rank(mask: &Mask, bit: u32) -> u32 {
     let word = bit as usize / 64;
     let before: u32 = mask[..word].iter().map(|bits| bits.count_ones()).sum();
     before + (mask[word] & ((1 << (bit % 64)) - 1)).count_ones()
@@ -29,17 +29,17 @@ pub(in crate::study) fn rank(mask: &Mask, bit: u32) -> u32 {
 
 /// Where a tile's lines and records start.
 #[derive(Debug, Clone, Copy)]
-pub(in crate::study) struct TileStart {
+pub(crate) struct TileStart {
     /// Place on the face, in tiles.
-    pub(in crate::study) place: [u16; 2],
+    pub(crate) place: [u16; 2],
     /// Index of its first line.
-    pub(in crate::study) first_line: u64,
+    pub(crate) first_line: u64,
     /// Index of its first record.
-    pub(in crate::study) first_record: u64,
+    pub(crate) first_record: u64,
 }
 
 /// A lane in some layout.
-pub(in crate::study) trait Store {
+pub(crate) trait Store {
     /// The axis its lines run along.
     fn axis(&self) -> Axis;
     /// Grid points along x, y, z.

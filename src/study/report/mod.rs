@@ -2,6 +2,8 @@
 //!
 //! In: columns and rows of cells. Out: a table to read, JSON `{"rows": [...]}`, CSV; and [`plot`]s.
 
+#[cfg(feature = "plot")]
+mod draw;
 pub mod plot;
 
 use serde_json::{Map, Value, json};

@@ -1,14 +1,7 @@
-//! Plots of what a study found.
-//!
-//! In: named series of points. Out: SVG, or PNG of the same drawing. The drawing itself is the library's.
+//! Plots of what a study found: named series of points, which [`draw`](super::draw) turns into a picture.
 
-use kuva::plot::scatter::ScatterPlot;
-use kuva::plot::{LinePlot, LineStyle};
-use kuva::render::layout::Layout;
-use kuva::render::plots::Plot as Drawn;
-
-use crate::error::{Error, Result};
-use crate::study::baselines::Method;
+#[cfg(not(feature = "plot"))]
+use adjsplat::error::{Error, Result};
 
 /// What a plot shows along one side.
 #[derive(Debug, Clone, PartialEq)]
@@ -100,80 +93,21 @@ pub struct Plot {
     pub series: Vec<Series>,
 }
 
-/// Colours that stay apart for most eyes and in print (Okabe and Ito 2008), then darker and lighter ones: one for each
-/// method, of which no plot has more.
-const COLOURS: [&str; Method::ALL.len()] = [
-    "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31", "#7f7f7f", "#7b4173",
-    "#b5cf6b", "#ff9896", "#00441b",
-];
-
+#[cfg(not(feature = "plot"))]
 impl Plot {
-    fn drawn(&self) -> (Vec<Drawn>, Layout) {
-        let mut names: Vec<&str> = Vec::new();
-        let mut plots = Vec::new();
-        for series in &self.series {
-            let known = names.iter().position(|name| *name == series.name);
-            let index = known.unwrap_or_else(|| {
-                names.push(&series.name);
-                names.len() - 1
-            });
-            let colour = COLOURS[index % COLOURS.len()];
-            // What is 0 or less has no place among ratios.
-            let shown = |&[x, y]: &[f64; 2]| (!self.x.logarithmic || x > 0.0) && (!self.y.logarithmic || y > 0.0);
-            let at: Vec<usize> = (0..series.points.len()).filter(|&at| shown(&series.points[at])).collect();
-            let points: Vec<(f64, f64)> = at.iter().map(|&at| series.points[at].into()).collect();
-            if points.is_empty() {
-                continue;
-            }
-            let legend = known.is_none().then(|| series.name.clone());
-            let mut marks = ScatterPlot::new().with_data(points.iter().copied()).with_color(colour).with_size(3.0);
-            if !series.labels.is_empty() {
-                let label = |&at: &usize| series.labels.get(at).map_or("", String::as_str);
-                marks = marks.with_labels(at.iter().map(label)).with_repel_labels();
-            }
-            if series.stroke == Stroke::None {
-                // Without a line to see, marks are larger.
-                marks = marks.with_size(4.0);
-                plots.push(Drawn::Scatter(legend.into_iter().fold(marks, ScatterPlot::with_legend)));
-                continue;
-            }
-            let mut line = LinePlot::new().with_data(points).with_color(colour).with_stroke_width(1.6);
-            if series.stroke == Stroke::Dashed {
-                line = line.with_line_style(LineStyle::Dashed);
-            }
-            plots.push(Drawn::Line(legend.into_iter().fold(line, LinePlot::with_legend)));
-            plots.push(Drawn::Scatter(marks));
-        }
-        let mut layout = Layout::auto_from_plots(&plots)
-            .with_title(self.title.clone())
-            .with_width(860.0)
-            .with_height(520.0)
-            .with_x_label(self.x.label.clone())
-            .with_y_label(self.y.label.clone());
-        if self.x.logarithmic {
-            layout = layout.with_log_x();
-        }
-        if self.y.logarithmic {
-            layout = layout.with_log_y();
-        }
-        if !self.x.names.is_empty() {
-            layout = layout.with_x_categories(self.x.names.clone()).with_x_tick_rotate(-30.0);
-        }
-        (plots, layout)
-    }
-
-    /// As scalable vector graphics.
-    pub fn svg(&self) -> String {
-        let (plots, layout) = self.drawn();
-        kuva::render_to_svg(plots, layout)
-    }
-
-    /// As a PNG file's bytes, twice as many pixels a side as the SVG has units.
+    /// Fails: this build has no plotting library.
     ///
     /// # Errors
-    /// [`Error::Input`] if the drawing cannot be made into pixels.
-    pub fn png(&self) -> Result<Vec<u8>> {
-        let (plots, layout) = self.drawn();
-        kuva::render_to_png(plots, layout, 2.0).map_err(|why| Error::input("plot", why))
+    /// [`Error::Input`].
+    pub fn to_svg(&self) -> Result<Vec<u8>> {
+        Err(Error::input("plot", "cannot be drawn: the feature `plot` of adjsplat-study is off"))
+    }
+
+    /// Fails, as [`Plot::to_svg`].
+    ///
+    /// # Errors
+    /// [`Error::Input`].
+    pub fn to_png(&self) -> Result<Vec<u8>> {
+        self.to_svg()
     }
 }

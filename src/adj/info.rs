@@ -1,0 +1,173 @@
+//! `adj info`: what a file holds.
+
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+use serde_json::{Value, json};
+
+use super::input::InputArguments;
+use super::{Answer, print_result, starts_as_adj};
+use adjsplat::arena::layout::Facts;
+use adjsplat::error::Result;
+use adjsplat::file::AdjFile;
+use adjsplat::volume::Axis;
+use adjsplat::volume::histogram::Histogram;
+use adjsplat_study::memory::virtual_voxels;
+
+/// Show what an .adj file or a volume holds: sizes, counts, bytes; for a volume its values.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  adj info head.adj --json\n  adj info head.nii.gz        (which values would be worth showing?)"
+)]
+pub(super) struct Arguments {
+    /// An .adj file or a volume.
+    #[arg(value_name = "FILE")]
+    input: PathBuf,
+    /// Print the result as JSON.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    reading: InputArguments,
+}
+
+/// Shares of a volume's samples whose bounds are shown.
+const QUANTILES: [f64; 8] = [0.01, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999];
+
+pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    let answer = if is_adj(&arguments.input)? { of_arena(&arguments.input)? } else { of_volume(arguments)? };
+    print_result(&if arguments.json { answer.to_string() } else { as_text(&answer) });
+    Ok(Answer::Yes)
+}
+
+/// Whether `path` is an `.adj` file, by its first bytes, or by its name if it is too short for any.
+pub(super) fn is_adj(path: &Path) -> Result<bool> {
+    let named = path.extension().is_some_and(|extension| extension == "adj");
+    // Only regular files are read here; what is wrong with another kind is the reader's to say.
+    if named || !std::fs::metadata(path).is_ok_and(|m| m.is_file()) {
+        return Ok(named);
+    }
+    starts_as_adj(path)
+}
+
+fn of_arena(path: &Path) -> Result<Value> {
+    let file = AdjFile::open(path)?;
+    let arena = file.arena()?;
+    let facts = arena.facts();
+    let virtual_voxels = virtual_voxels(&arena)?;
+    let bytes_total = arena.bytes().len() as u64;
+    let visible = facts.visible_voxels;
+    let lanes: Vec<Value> = arena
+        .lanes()
+        .map(|lane| {
+            json!({
+                "axis": lane.axis.name(),
+                "lines": lane.line_ends.len(),
+                "tiles": lane.tiles.len(),
+                "records": lane.record_count(),
+                "stepping_voxels": lane.stepping_voxels(),
+                "bytes": lane.bytes(),
+            })
+        })
+        .collect();
+    let sections: Vec<Value> = arena
+        .sections()
+        .iter()
+        .map(|section| {
+            json!({
+                "kind": section.kind.map_or("unknown", |kind| kind.name()),
+                "axis": section.axis.map(Axis::name),
+                "offset": section.offset,
+                "bytes": section.bytes,
+            })
+        })
+        .collect();
+    // The description is for people: a file without a readable one is still a file.
+    let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
+    Ok(json!({
+        "file": path.display().to_string(),
+        "dims": facts.grid.dims,
+        "spacing": facts.grid.spacing,
+        "origin": facts.grid.origin,
+        "direction": facts.grid.direction,
+        "visible_voxels": visible,
+        "visible_share": visible as f64 / facts.grid.len() as f64,
+        "stepping_voxels": arena.lanes().map(|lane| lane.stepping_voxels()).sum::<u64>(),
+        "lanes": lanes,
+        "sections": sections,
+        "channels": channels(facts),
+        "tile_order": facts.tile_order.name(),
+        "bytes_total": bytes_total,
+        "bytes_per_visible_voxel": bytes_total as f64 / visible as f64,
+        "virtual_voxels": virtual_voxels,
+        "paper_b_bytes": 47 * (visible + virtual_voxels),
+        "paper_b_bytes_per_visible_voxel": 47.0 * (visible + virtual_voxels) as f64 / visible as f64,
+        "description": description,
+    }))
+}
+
+fn channels(facts: &Facts) -> Value {
+    json!({
+        "value_bits": facts.channels.value_bits,
+        "value_low": facts.scales.value_low,
+        "value_step": facts.scales.value_step,
+        "normal_bits": facts.channels.normal_bits,
+        "magnitude_bits": facts.channels.magnitude_bits,
+        "magnitude_scale": facts.scales.magnitude_scale,
+        "record_bytes": facts.channels.record_bytes(),
+    })
+}
+
+fn of_volume(arguments: &Arguments) -> Result<Value> {
+    let mut source = arguments.reading.open(&arguments.input)?;
+    let header = source.header().clone();
+    let histogram = Histogram::of(&mut *source)?;
+    let quantiles: Vec<Value> =
+        QUANTILES.iter().map(|&share| json!({ "share": share, "value": histogram.quantile(share) })).collect();
+    Ok(json!({
+        "file": arguments.input.display().to_string(),
+        "format": header.format,
+        "dims": header.grid.dims,
+        "spacing": header.grid.spacing,
+        "origin": header.grid.origin,
+        "direction": header.grid.direction,
+        "unit": header.grid.unit,
+        "sample_type": header.sample_type.name(),
+        "slope": header.slope,
+        "intercept": header.intercept,
+        "lowest": histogram.lowest,
+        "highest": histogram.highest,
+        "mean": histogram.mean,
+        "not_finite": histogram.not_finite,
+        "quantiles": quantiles,
+    }))
+}
+
+/// One member a line; lists of objects one object a line.
+fn as_text(answer: &Value) -> String {
+    let mut text = String::new();
+    let members = answer.as_object().into_iter().flatten();
+    for (name, value) in members {
+        match value {
+            Value::Array(entries) if entries.iter().any(Value::is_object) => {
+                text.push_str(&format!("{name}:\n"));
+                for entry in entries {
+                    let parts = entry.as_object().into_iter().flatten();
+                    let parts: Vec<String> = parts.map(|(name, value)| format!("{name} {}", plain(value))).collect();
+                    text.push_str(&format!("  {}\n", parts.join(", ")));
+                }
+            }
+            Value::Object(_) => text.push_str(&format!("{name}: {value}\n")),
+            _ => text.push_str(&format!("{name}: {}\n", plain(value))),
+        }
+    }
+    text.trim_end().to_string()
+}
+
+fn plain(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(entries) => entries.iter().map(plain).collect::<Vec<_>>().join(" "),
+        Value::Null => "-".into(),
+        _ => value.to_string(),
+    }
+}

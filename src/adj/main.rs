@@ -1,0 +1,189 @@
+//! The program `adj`: one file a subcommand.
+//!
+//! Results go to stdout, progress and warnings to stderr. Exit code 0: done; 1: the answer is no (`verify`, `compare`); 2:
+//! trouble or wrong usage, told in one line that says what to do.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks")]
+
+mod build;
+mod classification;
+mod compare;
+mod completions;
+mod cull;
+mod demo;
+#[cfg(feature = "gpu")]
+mod devices;
+mod info;
+mod input;
+#[cfg(feature = "gpu")]
+mod on_device;
+mod picture;
+mod progress;
+mod raw;
+mod read_picture;
+mod render;
+mod renderer;
+mod resources;
+mod room;
+mod size;
+mod stored;
+mod study;
+mod trim;
+mod verify;
+
+use std::error::Error as _;
+use std::io::{Read as _, Write as _};
+use std::path::Path;
+use std::process::ExitCode;
+
+use clap::error::ErrorKind;
+use clap::{CommandFactory as _, Parser, Subcommand};
+
+use adjsplat::arena::layout::MAGIC;
+use adjsplat::error::{Error, Result};
+
+/// How a command that did not fail ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Answer {
+    /// Done, or yes.
+    Yes,
+    /// The question was answered with no.
+    No,
+}
+
+/// Volume splatting of only the visible voxels: build .adj files from volumes, look into them, render them.
+#[derive(Debug, Parser)]
+#[command(name = "adj", version, max_term_width = 100, arg_required_else_help = true)]
+#[command(
+    after_help = "Start with: adj demo\nThen:       adj build head.nii.gz --range 60.. -o head.adj && adj render head.adj -o head.png"
+)]
+struct Cli {
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    Build(Box<build::Arguments>),
+    Info(info::Arguments),
+    Verify(verify::Arguments),
+    Trim(Box<trim::Arguments>),
+    Render(Box<render::Arguments>),
+    Compare(compare::Arguments),
+    Demo(demo::Arguments),
+    #[cfg(feature = "gpu")]
+    Devices(devices::Arguments),
+    Raw(raw::Arguments),
+    Study(Box<study::Arguments>),
+    Completions(completions::Arguments),
+}
+
+/// Runs the program with the process's arguments.
+fn main() -> ExitCode {
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return usage(&error),
+    };
+    progress::catch_interrupts();
+    match run(&cli.command) {
+        Ok(Answer::Yes) => ExitCode::SUCCESS,
+        Ok(Answer::No) => ExitCode::from(1),
+        Err(error) => {
+            print_note(&one_line(&error));
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn run(command: &Command) -> Result<Answer> {
+    match command {
+        Command::Build(arguments) => build::run(arguments),
+        Command::Info(arguments) => info::run(arguments),
+        Command::Verify(arguments) => verify::run(arguments),
+        Command::Trim(arguments) => trim::run(arguments),
+        Command::Render(arguments) => render::run(arguments),
+        Command::Compare(arguments) => compare::run(arguments),
+        Command::Demo(arguments) => demo::run(arguments),
+        #[cfg(feature = "gpu")]
+        Command::Devices(arguments) => devices::run(arguments),
+        Command::Raw(arguments) => raw::run(arguments),
+        Command::Study(arguments) => study::run(arguments),
+        Command::Completions(arguments) => completions::run(arguments),
+    }
+}
+
+/// The error and its causes.
+fn one_line(error: &Error) -> String {
+    let mut line = error.to_string();
+    let mut source = error.source();
+    while let Some(cause) = source {
+        line.push_str(": ");
+        line.push_str(&cause.to_string());
+        source = cause.source();
+    }
+    line
+}
+
+/// Help as asked for, or what is wrong with the arguments in one line.
+fn usage(error: &clap::Error) -> ExitCode {
+    match error.kind() {
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
+            // To stdout where it was asked for; a closed pipe is the reader's choice.
+            let _ = error.print();
+            ExitCode::from(if error.use_stderr() { 2 } else { 0 })
+        }
+        _ => {
+            // clap's message is a paragraph for what is wrong, then tips and usage.
+            let text = error.render().to_string();
+            let wrong: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
+            let tip = text.lines().map(str::trim).find_map(|line| line.strip_prefix("tip: "));
+            let word = std::env::args_os().nth(1).unwrap_or_default();
+            let command =
+                Cli::command().get_subcommands().find(|c| c.get_name() == word).map(|c| c.get_name().to_owned());
+            let help = command.map_or("adj --help".to_owned(), |command| format!("adj {command} --help"));
+            let message = wrong.join(" ");
+            let message = message.strip_prefix("error: ").unwrap_or(&message);
+            let tip = tip.map_or(String::new(), |tip| format!("; {tip}"));
+            print_note(&format!("{message}{tip}; see {help}"));
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Prints a result; a reader that closed its end is content. Ends the program if stdout takes it for another reason.
+fn print_result(text: &str) {
+    let mut stdout = std::io::stdout().lock();
+    let written =
+        stdout.write_all(text.as_bytes()).and_then(|()| stdout.write_all(b"\n")).and_then(|()| stdout.flush());
+    finish_stdout(written);
+}
+
+/// Ends the program with exit code 2 if writing a result failed, unless its reader went away.
+fn finish_stdout(written: std::io::Result<()>) {
+    if let Err(error) = written
+        && error.kind() != std::io::ErrorKind::BrokenPipe
+    {
+        print_note(&format!("cannot write the result: {error}"));
+        std::process::exit(2);
+    }
+}
+
+/// Tells an error or a warning, in one line on stderr; whether anyone reads it does not matter.
+fn print_note(text: &str) {
+    let _ = writeln!(std::io::stderr(), "adj: {}", text.replace(['\n', '\r'], " "));
+}
+
+/// Whether both paths lead to one file that is there.
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
+}
+
+/// Whether the regular file at `path` starts as `.adj` files do.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be read.
+fn starts_as_adj(path: &Path) -> Result<bool> {
+    let mut first = Vec::new();
+    let file = std::fs::File::open(path).map_err(Error::io("open", path))?;
+    file.take(MAGIC.len() as u64).read_to_end(&mut first).map_err(Error::io("read", path))?;
+    Ok(first == MAGIC)
+}

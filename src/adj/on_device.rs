@@ -1,0 +1,159 @@
+//! Drawing on a graphics device for `adj render`.
+//!
+//! In: what was asked for. Out: frames; where they accumulate in few bits, how far the first one is from 32 bits.
+
+use std::time::Instant;
+
+use serde_json::{Value, json};
+
+use super::print_note;
+use super::renderer::{FrameStats, Renderer, RendererArguments, finely};
+use super::size::parse_size;
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::gpu;
+use adjsplat::splat::gpu::adapter;
+use adjsplat::splat::gpu::adapter::Opened;
+use adjsplat::splat::gpu::{Compositor, Options, Target};
+use adjsplat::splat::{Camera, Frame, Scene, Settings};
+use adjsplat::traverse::{Sense, VoxelBox};
+use adjsplat::volume::Axis;
+
+/// Least video memory that is worth trying.
+const LEAST_VRAM: u64 = 16 << 20;
+
+/// A renderer on a graphics device.
+pub(super) struct OnDevice<'a> {
+    pub(super) scene: Scene<'a>,
+    pub(super) adapter: String,
+    /// Whether the processor may draw instead.
+    pub(super) is_auto: bool,
+    renderer: gpu::Renderer<'a>,
+    /// Largest difference and root mean square of the first frame to one in 32 bits.
+    accumulation_error: Option<[f64; 2]>,
+}
+
+impl RendererArguments {
+    /// A graphics device; or the processor, if that is as good.
+    pub(super) fn device_or_cpu<'a>(&self, scene: Scene<'a>, is_auto: bool) -> Result<Renderer<'a>> {
+        let options = self.options()?;
+        // Who names a device wants that one, be it software.
+        let is_named = self.adapter.is_some() || std::env::var_os("WGPU_ADAPTER_NAME").is_some();
+        let is_free = is_auto && !is_named;
+        if is_free && !adapter::has_hardware() {
+            return Ok(Renderer::Cpu(scene));
+        }
+        let opened = match adapter::open(self.adapter.as_deref()) {
+            Ok(opened) if is_free && opened.facts.is_software() => return Ok(Renderer::Cpu(scene)),
+            Err(fault) if is_auto && self.adapter.is_none() => return Ok(Renderer::instead(&fault, scene)),
+            opened => opened?,
+        };
+        quiet_about_lost_devices();
+        let Opened { facts, device, queue } = opened;
+        match gpu::Renderer::new(device, queue, scene, options) {
+            Ok(renderer) => {
+                let adapter = facts.name;
+                Ok(Renderer::Gpu(Box::new(OnDevice { scene, adapter, is_auto, renderer, accumulation_error: None })))
+            }
+            Err(fault) if is_auto => Ok(Renderer::instead(&fault, scene)),
+            Err(fault) => Err(fault),
+        }
+    }
+
+    fn options(&self) -> Result<Options> {
+        let target = match self.accumulate.as_deref() {
+            Some("16") => Target::Float16,
+            Some("8") => Target::Unorm8,
+            _ => Target::Float32,
+        };
+        let compositor = match self.compositor.as_deref() {
+            Some("tiles") if target != Target::Float32 => {
+                return Err(Error::input("--accumulate", "is for quads; tiles accumulate in 32 bits"));
+            }
+            Some("tiles") => Some(Compositor::Tiles),
+            None if target == Target::Float32 => None,
+            _ => Some(Compositor::Quads(target)),
+        };
+        let vram = self.vram.as_deref().map_or(Ok(Options::default().vram), |vram| parse_size("--vram", vram))?;
+        if vram < LEAST_VRAM {
+            return Err(Error::input("--vram", "must be at least 16MiB"));
+        }
+        Ok(Options { vram, compositor })
+    }
+}
+
+/// What wgpu panics of comes back as an error; its message would be one line too many.
+fn quiet_about_lost_devices() {
+    let tell = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        if !panic.location().is_some_and(|location| location.file().contains("wgpu")) {
+            tell(panic);
+        }
+    }));
+}
+
+impl OnDevice<'_> {
+    pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
+        let compositor = self.renderer.compositor();
+        let has_few_bits = matches!(compositor, Compositor::Quads(Target::Float16 | Target::Unorm8));
+        // Quads do not end early; and back to front each splat shrinks the roundings behind it.
+        let sense = if has_few_bits { Sense::BackToFront } else { settings.sense };
+        let settings = &Settings { sense, ..settings.clone() };
+        let start = Instant::now();
+        let (frame, stats) = self.draw(camera, settings)?;
+        let frame_ms = start.elapsed().as_secs_f64() * 1e3;
+        if has_few_bits && self.accumulation_error.is_none() {
+            self.renderer.set_compositor(Some(Compositor::Tiles))?;
+            let (exact, _) = self.draw(camera, &Settings { termination: Some(0.0), ..settings.clone() })?;
+            self.renderer.set_compositor(Some(compositor))?;
+            let [largest, rms] = difference(&frame, &exact);
+            print_note(&format!(
+                "note: accumulating in few bits changed the first picture by up to {largest:.4} of full brightness, {rms:.4} on average (root mean square)"
+            ));
+            self.accumulation_error = Some([largest, rms]);
+        }
+        let compositor = match compositor {
+            Compositor::Tiles => "tiles",
+            Compositor::Quads(Target::Float32) => "quads, 32 bits",
+            Compositor::Quads(Target::Float16) => "quads, 16 bits",
+            Compositor::Quads(Target::Unorm8) => "quads, 8 bits",
+        };
+        let mut others: Vec<(&'static str, Value)> = vec![
+            ("compositor", json!(compositor)),
+            ("line_lists", json!(stats.line_lists)),
+            ("slabs", json!(stats.slabs)),
+            ("windows", json!(stats.windows)),
+            ("chunks", json!(stats.chunks)),
+            ("upload_bytes", json!(stats.upload_bytes)),
+            ("list_bytes", json!(stats.list_bytes)),
+            ("vram_bytes", json!(stats.vram_bytes)),
+            ("line_list_ms", json!(stats.line_list_ms)),
+            ("upload_ms", json!(stats.upload_ms)),
+            ("walk_ms", json!(stats.walk_ms)),
+            ("project_ms", json!(stats.project_ms)),
+            ("bin_ms", json!(stats.bin_ms)),
+            ("splat_ms", json!(stats.composite_ms)),
+            ("read_back_ms", json!(stats.read_back_ms)),
+        ];
+        if let Some([largest, rms]) = self.accumulation_error {
+            others.push(("accumulation_error", json!({ "largest": largest, "rms": rms })));
+        }
+        let (splats_drawn, splats_skipped) = (stats.splats_drawn, stats.splats_skipped);
+        Ok((frame, FrameStats { splats_drawn, splats_skipped, frame_ms, others }))
+    }
+
+    /// Draws a frame, on finer pixels where they are wanted.
+    fn draw(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, gpu::Stats)> {
+        // A look at all tiles: not for pictures that keep their pixels.
+        let bounds = if settings.keeps_pixels() { None } else { self.scene.lanes.lane(Axis::X)?.bounds() };
+        let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
+        finely(&self.scene.facts.grid, bounds, camera, settings, |settings| self.renderer.render(camera, settings))
+    }
+}
+
+/// Largest difference and root mean square over all values of two frames of one size.
+fn difference(a: &Frame, b: &Frame) -> [f64; 2] {
+    let differences = a.pixels().iter().zip(b.pixels()).map(|(a, b)| f64::from(a - b).abs());
+    let [largest, squares] =
+        differences.fold([0.0f64, 0.0], |[largest, squares], d| [largest.max(d), d.mul_add(d, squares)]);
+    [largest, (squares / a.pixels().len() as f64).sqrt()]
+}

@@ -1,0 +1,148 @@
+//! Pictures: frames as files.
+//!
+//! In: frames of linear premultiplied light. Out: PNG (sRGB, 8 or 16 bits, not premultiplied), animated PNG, or
+//! OpenEXR (linear, premultiplied, 32-bit float).
+
+use std::io::{self, Cursor, Write};
+use std::path::Path;
+
+use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage as _};
+
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::Frame;
+
+/// Format of a picture file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum PictureKind {
+    Png,
+    Apng,
+    Exr,
+}
+
+impl PictureKind {
+    /// The format that a file's name asks for.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for any other name.
+    pub(super) fn of(path: &Path) -> Result<PictureKind> {
+        match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
+            Some("png") => Ok(PictureKind::Png),
+            Some("apng") => Ok(PictureKind::Apng),
+            Some("exr") => Ok(PictureKind::Exr),
+            _ => Err(Error::input(path.display().to_string(), "must end in .png, .apng or .exr")),
+        }
+    }
+}
+
+/// Bits of a PNG's sample.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Depth {
+    Eight,
+    Sixteen,
+}
+
+impl PictureKind {
+    /// Bytes that encoding a picture takes at most: it, what it is compressed to, and the encoder's buffers.
+    ///
+    /// An animation is encoded at its end, one frame at a time.
+    pub(super) fn memory(self, depth: Depth, pixels: u64) -> u64 {
+        let picture = pixels.saturating_mul(self.pixel_bytes(depth));
+        // Samples of 16 bits are there twice while a picture is made from a frame, which is there too.
+        let converting = pixels.saturating_mul(16).saturating_add(picture.saturating_mul(2));
+        picture.saturating_mul(4).max(converting)
+    }
+
+    /// Bytes of pictures that wait for others: an animation is written whole.
+    pub(super) fn kept(self, depth: Depth, pixels: u64, frames: u32) -> u64 {
+        match self {
+            PictureKind::Apng => pixels.saturating_mul(self.pixel_bytes(depth)).saturating_mul(frames.into()),
+            _ => 0,
+        }
+    }
+
+    fn pixel_bytes(self, depth: Depth) -> u64 {
+        match (self, depth) {
+            (PictureKind::Exr, _) => 16,
+            (_, Depth::Sixteen) => 8,
+            (_, Depth::Eight) => 4,
+        }
+    }
+}
+
+/// Frames of a second in an animation.
+const RATE: u16 = 12;
+
+/// One picture, encoded but for its container.
+pub(super) struct Picture {
+    size: [u32; 2],
+    kind: PictureKind,
+    depth: Depth,
+    /// Samples as the file stores them: PNG's are big endian, OpenEXR's little.
+    bytes: Vec<u8>,
+}
+
+impl Picture {
+    pub(super) fn new(frame: &Frame, kind: PictureKind, depth: Depth) -> Picture {
+        let bytes = match (kind, depth) {
+            (PictureKind::Exr, _) => frame.pixels().iter().flat_map(|sample| sample.to_le_bytes()).collect(),
+            (_, Depth::Eight) => frame.srgb8(),
+            (_, Depth::Sixteen) => frame.srgb16().iter().flat_map(|sample| sample.to_be_bytes()).collect(),
+        };
+        Picture { size: frame.size(), kind, depth, bytes }
+    }
+
+    /// Red, green, blue, alpha of each pixel, for a checksum.
+    pub(super) fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// Writes the file's bytes.
+    pub(super) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+        match self.kind {
+            PictureKind::Exr => self.write_exr(out),
+            _ => write_png(out, std::slice::from_ref(self)),
+        }
+    }
+
+    fn write_exr(&self, out: &mut dyn Write) -> io::Result<()> {
+        let [columns, rows] = self.size.map(|side| side as usize);
+        let sample = |position: exr::prelude::Vec2<usize>, channel: usize| {
+            let at = 4 * (4 * (position.y() * columns + position.x()) + channel);
+            f32::from_le_bytes(self.bytes[at..at + 4].try_into().expect("four bytes"))
+        };
+        let channels = SpecificChannels::rgba(|position: exr::prelude::Vec2<usize>| {
+            (sample(position, 0), sample(position, 1), sample(position, 2), sample(position, 3))
+        });
+        let attributes = LayerAttributes::named("adjsplat");
+        let layer = Layer::new((columns, rows), attributes, Encoding::SMALL_LOSSLESS, channels);
+        // The encoder goes back to fill in its tables.
+        let mut file = Cursor::new(Vec::new());
+        let written = Image::from_layer(layer).write().to_buffered(&mut file);
+        written.map_err(|fault| io::Error::other(fault.to_string()))?;
+        out.write_all(file.get_ref())
+    }
+}
+
+/// Writes an animated PNG that repeats for ever.
+pub(super) fn write_animation(out: &mut dyn Write, pictures: &[Picture]) -> io::Result<()> {
+    write_png(out, pictures)
+}
+
+fn write_png(out: &mut dyn Write, pictures: &[Picture]) -> io::Result<()> {
+    let Some(first) = pictures.first() else { return Ok(()) };
+    let mut encoder = png::Encoder::new(out, first.size[0], first.size[1]);
+    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_depth(if first.depth == Depth::Eight { png::BitDepth::Eight } else { png::BitDepth::Sixteen });
+    encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+    if pictures.len() > 1 {
+        let count = u32::try_from(pictures.len()).map_err(io::Error::other)?;
+        encoder.set_animated(count, 0)?;
+        encoder.set_frame_delay(1, RATE)?;
+    }
+    let mut writer = encoder.write_header()?;
+    for picture in pictures {
+        writer.write_image_data(&picture.bytes)?;
+    }
+    writer.finish()?;
+    Ok(())
+}

@@ -1,0 +1,84 @@
+//! Progress on stderr when it is a terminal, and Ctrl-C.
+
+use std::io::IsTerminal as _;
+use std::ops::ControlFlow;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use adjsplat::build::builder::{Observer, Phase};
+use adjsplat::file::abandon_writes;
+use adjsplat::volume::Axis;
+
+static INTERRUPTED: AtomicBool = AtomicBool::new(false);
+
+/// From now on Ctrl-C asks the work to stop, so that nothing half-written stays; asked twice, it ends the process.
+pub(super) fn catch_interrupts() {
+    // Without a handler Ctrl-C ends the process at once, and a temporary file may stay: worse, but no reason to stop.
+    let _ = ctrlc::set_handler(|| {
+        if INTERRUPTED.swap(true, Ordering::Relaxed) {
+            abandon_writes();
+            std::process::exit(130);
+        }
+    });
+}
+
+/// Whether Ctrl-C was pressed.
+pub(super) fn interrupted() -> bool {
+    INTERRUPTED.load(Ordering::Relaxed)
+}
+
+/// A bar for long work.
+pub(super) struct Progress {
+    bar: ProgressBar,
+    phase: Option<Phase>,
+}
+
+impl Progress {
+    /// A bar on stderr; hidden if that is no terminal or `quiet`.
+    pub(super) fn new(quiet: bool) -> Progress {
+        let target = if quiet || !std::io::stderr().is_terminal() {
+            ProgressDrawTarget::hidden()
+        } else {
+            ProgressDrawTarget::stderr_with_hz(8)
+        };
+        let style = ProgressStyle::with_template("{prefix:>12} {bar:32} {pos}/{len} {per_sec}, {eta} left")
+            .expect("the template is a constant");
+        let bar = ProgressBar::with_draw_target(Some(0), target).with_style(style);
+        bar.enable_steady_tick(Duration::from_millis(250));
+        Progress { bar, phase: None }
+    }
+
+    /// Shows `done` of `total` steps of `what`.
+    pub(super) fn show(&mut self, what: &str, done: u64, total: u64) {
+        self.bar.set_prefix(what.to_string());
+        self.bar.set_length(total);
+        self.bar.set_position(done);
+    }
+}
+
+impl Observer for Progress {
+    fn progress(&mut self, phase: Phase, done: u64, total: u64) -> ControlFlow<()> {
+        if self.phase != Some(phase) {
+            self.phase = Some(phase);
+            self.bar.reset();
+        }
+        let what = match phase {
+            Phase::Survey => "survey",
+            Phase::Pack => "pack",
+            Phase::Assemble(Axis::X) => "lane x",
+            Phase::Assemble(Axis::Y) => "lane y",
+            Phase::Assemble(Axis::Z) => "lane z",
+            Phase::Flush => "flush",
+        };
+        self.show(what, done, total);
+        if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+}
+
+impl Drop for Progress {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}

@@ -1,0 +1,80 @@
+//! `adj raw`: a volume's samples as a headerless file, for tools that read nothing else.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use serde_json::json;
+
+use super::input::InputArguments;
+use super::progress::{Progress, interrupted};
+use super::{Answer, is_same_file, print_result};
+use adjsplat::error::{Error, Result};
+use adjsplat::file::{check_writable, write_atomically_unless};
+
+/// Write a volume's samples as a raw file: x fastest, little endian, nothing else.
+///
+/// Reads whatever adj build reads. Samples are as they are stored: slope and intercept are not applied.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "Examples:\n  adj raw head.nii.gz -o head.raw\n  adj raw phantom:gyroid --dims 2048x2048x1024 -o gyroid.raw"
+)]
+pub(super) struct Arguments {
+    /// The volume.
+    #[arg(value_name = "IN")]
+    input: PathBuf,
+    /// The raw file to write.
+    #[arg(short, long, value_name = "OUT.raw")]
+    output: PathBuf,
+    /// Print the result as JSON.
+    #[arg(long)]
+    json: bool,
+    /// No progress bar.
+    #[arg(long, short)]
+    quiet: bool,
+    #[command(flatten)]
+    reading: InputArguments,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    let mut source = arguments.reading.open(&arguments.input)?;
+    if is_same_file(&arguments.output, &arguments.input) {
+        return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
+    }
+    check_writable(&arguments.output)?;
+    let header = source.header().clone();
+    let mut slice = header.new_slice()?;
+    let mut progress = Progress::new(arguments.quiet);
+    let depth = header.grid.dims[2];
+    let mut failed = None;
+    let written = write_atomically_unless(&interrupted, &arguments.output, |out| {
+        for z in 0..depth {
+            progress.show("raw", z.into(), depth.into());
+            if let Err(error) = source.read_slice(&mut slice) {
+                failed = Some(error);
+                return Err(std::io::Error::other("the volume cannot be read"));
+            }
+            if cfg!(target_endian = "big") {
+                slice.swap_bytes();
+            }
+            out.write_all(slice.bytes())?;
+        }
+        Ok(())
+    });
+    drop(progress);
+    if let Some(error) = failed {
+        return Err(error);
+    }
+    written?;
+    let [x, y, z] = header.grid.dims;
+    let [dx, dy, dz] = header.grid.spacing;
+    let name = header.sample_type.name();
+    let path = arguments.output.display();
+    print_result(&if arguments.json {
+        json!({ "output": path.to_string(), "dims": header.grid.dims, "type": name, "spacing": header.grid.spacing,
+                "slope": header.slope, "intercept": header.intercept })
+        .to_string()
+    } else {
+        format!("{path}: read it with --dims {x}x{y}x{z} --type {name} --spacing {dx}x{dy}x{dz}")
+    });
+    Ok(Answer::Yes)
+}

@@ -1,0 +1,118 @@
+//! Pictures from files: PNG and OpenEXR as frames of linear premultiplied light.
+//!
+//! In: a path. Out: a [`Frame`]. PNG samples of up to 16 bits are taken for sRGB and not premultiplied, grey and
+//! palettes for colours; of an animation the first frame counts. OpenEXR samples are taken as they are: linear and
+//! premultiplied; a layer without alpha is opaque.
+
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
+use exr::prelude::{ReadChannels as _, ReadLayers as _};
+
+use super::picture::PictureKind;
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::Frame;
+use adjsplat::splat::view::MAX_SIZE;
+
+/// The picture at `path`; its ending says which format it has.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be opened; [`Error::Input`] if it is no picture of that format; [`Error::Limit`] if a side
+/// is above [`MAX_SIZE`] or the memory cannot be had.
+pub(super) fn read_picture(path: &Path) -> Result<Frame> {
+    match PictureKind::of(path)? {
+        PictureKind::Png | PictureKind::Apng => read_png(path),
+        PictureKind::Exr => read_exr(path),
+    }
+}
+
+fn broken(path: &Path, fault: impl std::fmt::Display) -> Error {
+    let fault = fault.to_string();
+    Error::input(path.display().to_string(), format!("cannot be read as a picture: {}", fault.trim_end_matches('.')))
+}
+
+/// A frame to fill.
+fn frame(path: &Path, size: [u32; 2]) -> Result<Frame> {
+    if let Some(&side) = size.iter().find(|&&side| side > MAX_SIZE) {
+        let what = format!("{}: picture size in pixels", path.display());
+        return Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() });
+    }
+    Frame::transparent(size)
+}
+
+fn read_png(path: &Path) -> Result<Frame> {
+    let file = File::open(path).map_err(Error::io("open", path))?;
+    let mut decoder = png::Decoder::new(BufReader::new(file));
+    decoder.set_transformations(png::Transformations::EXPAND);
+    let mut reader = decoder.read_info().map_err(|fault| broken(path, fault))?;
+    let mut frame = frame(path, [reader.info().width, reader.info().height])?;
+    let (colour, depth) = reader.output_color_type();
+    let bytes = reader.output_buffer_size().ok_or_else(|| broken(path, "it is too large"))?;
+    let mut samples = Vec::new();
+    let refused = |_| Error::Limit { what: "memory for a picture in bytes".into(), need: bytes as u64, have: 0 };
+    samples.try_reserve_exact(bytes).map_err(refused)?;
+    samples.resize(bytes, 0);
+    reader.next_frame(&mut samples).map_err(|fault| broken(path, fault))?;
+    let channels = colour.samples();
+    let wide = depth == png::BitDepth::Sixteen;
+    let linear = linear_samples(wide);
+    let sample = |at: usize| {
+        if wide { u16::from_be_bytes([samples[2 * at], samples[2 * at + 1]]) } else { samples[at].into() }
+    };
+    let most = if wide { 65_535.0 } else { 255.0 };
+    for (at, pixel) in frame.pixels_mut().as_chunks_mut::<4>().0.iter_mut().enumerate() {
+        let of = |channel: usize| sample(at * channels + channel);
+        let light = |channel: usize| linear[usize::from(of(channel))];
+        let ([r, g, b], alpha) = match channels {
+            1 => ([light(0); 3], most),
+            2 => ([light(0); 3], of(1).into()),
+            3 => ([0, 1, 2].map(light), most),
+            _ => ([0, 1, 2].map(light), of(3).into()),
+        };
+        let alpha: f32 = alpha / most;
+        *pixel = [r * alpha, g * alpha, b * alpha, alpha];
+    }
+    Ok(frame)
+}
+
+/// The light of each sRGB sample of 8 or 16 bits: IEC 61966-2-1.
+fn linear_samples(wide: bool) -> Vec<f32> {
+    let last = if wide { u16::MAX } else { 255 };
+    let linear = |encoded: f64| {
+        if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "single precision is a frame's")]
+    (0..=last).map(|sample| linear(f64::from(sample) / f64::from(last)) as f32).collect()
+}
+
+/// A picture that is read, or why it cannot be.
+struct Pixels {
+    columns: usize,
+    frame: Result<Frame>,
+}
+
+fn read_exr(path: &Path) -> Result<Frame> {
+    // Asked first, so that a file that is not there is told as such.
+    File::open(path).map_err(Error::io("open", path))?;
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .rgba_channels(
+            |size, _| {
+                let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
+                Pixels { columns: size.x(), frame: frame(path, [side(size.x()), side(size.y())]) }
+            },
+            |pixels: &mut Pixels, at, (r, g, b, a): (f32, f32, f32, f32)| {
+                if let Ok(frame) = &mut pixels.frame {
+                    let first = 4 * (at.y() * pixels.columns + at.x());
+                    frame.pixels_mut()[first..first + 4].copy_from_slice(&[r, g, b, a]);
+                }
+            },
+        )
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(path)
+        .map_err(|fault| broken(path, fault))?;
+    image.layer_data.channel_data.pixels.frame
+}

@@ -1,0 +1,59 @@
+//! What a file says of its own making: the transfer function it was built with, and what that one left out.
+
+use std::path::Path;
+
+use serde_json::Value;
+
+use adjsplat::arena::Arena;
+use adjsplat::classify::{MagnitudeCodec, TransferFunction};
+use adjsplat::error::{Error, Result};
+
+/// The transfer function that the file was built with.
+pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
+    let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
+    serde_json::from_value(description["transfer_function"].clone()).map_err(|_| {
+        Error::input(
+            path.display().to_string(),
+            "stores no transfer function that this program reads; give one with --tf",
+        )
+    })
+}
+
+/// The values that `transfer` shows and the file did not store, in words; `None` if there are none, or if the file does
+/// not tell.
+pub(super) fn missing_values(arena: &Arena, transfer: &TransferFunction) -> Result<Option<String>> {
+    let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
+    let Ok(stored) = serde_json::from_value::<TransferFunction>(description["transfer_function"].clone()) else {
+        return Ok(None);
+    };
+    let values = &description["values"];
+    let values =
+        [values["lowest"].as_f64().unwrap_or(f64::NEG_INFINITY), values["highest"].as_f64().unwrap_or(f64::INFINITY)];
+    let largest_magnitude = match arena.facts().channels.magnitude_bits {
+        0 => f64::INFINITY,
+        _ => MagnitudeCodec::new(arena.facts().scales.magnitude_scale)?.largest(),
+    };
+    let missing = transfer.missing_from(&stored, values, largest_magnitude);
+    Ok((!missing.is_empty()).then(|| described(&missing)))
+}
+
+/// `20..60, 80 and above 100`.
+fn described(ranges: &[[f64; 2]]) -> String {
+    /// Of these the first are named.
+    const MOST: usize = 6;
+    let one = |&[low, high]: &[f64; 2]| match (low.is_finite(), high.is_finite()) {
+        _ if low == high => format!("{low}"),
+        (true, true) => format!("{low}..{high}"),
+        (true, false) => format!("above {low}"),
+        (false, true) => format!("below {high}"),
+        (false, false) => "of any size".to_owned(),
+    };
+    let mut parts: Vec<String> = ranges.iter().take(MOST).map(one).collect();
+    if ranges.len() > MOST {
+        parts.push("others".to_owned());
+    }
+    match parts.pop() {
+        Some(last) if !parts.is_empty() => format!("{} and {last}", parts.join(", ")),
+        last => last.unwrap_or_default(),
+    }
+}

@@ -1,0 +1,173 @@
+//! `adj study layouts`: other ways to lay out lanes.
+
+use std::hint::black_box;
+use std::time::Instant;
+
+use clap::Args;
+
+use super::super::{Answer, print_result};
+use super::output::OutputArguments;
+use super::sets::SetArguments;
+use super::{GoOn, each_set, orders};
+use adjsplat::error::{Error, Result};
+use adjsplat::traverse::Order;
+use adjsplat_study::Subject;
+use adjsplat_study::baselines::{Viewing, Walker};
+use adjsplat_study::cache::{Geometry, measure};
+use adjsplat_study::lane_walk::CodesRead;
+use adjsplat_study::layouts::{Layout, LayoutWalk};
+use adjsplat_study::receive::Sum;
+use adjsplat_study::report::plot::{Plot, Series, Side};
+use adjsplat_study::report::{Cell, Report};
+use adjsplat_study::trace::Untraced;
+
+/// Hold other layouts of lanes against ours: bytes, misses, time of the same plain walk.
+#[derive(Debug, Args)]
+#[command(
+    after_help = "A layout's name: tile edge, tile order, arrays or interleaved records, bytes of a line record, payload in each lane (own) or once (shared), lanes. The first is ours. Times are of a plain walk, alike for all, and not of the walk that pictures are made with.\n\nExample: adj study layouts head.adj --orders 12"
+)]
+pub(super) struct Arguments {
+    #[command(flatten)]
+    sets: SetArguments,
+    /// Orders of parallel views: how many of the 48 (7 have every nesting), all, or names such as +z-y+x.
+    #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true)]
+    orders: String,
+    /// What is read of a voxel beside its steps: steps, value or value+normal.
+    #[arg(long, value_name = "CHANNELS", default_value = "value+normal")]
+    channels: String,
+    /// Walks of each layout in each order, of which the fastest counts.
+    #[arg(long, value_name = "N", default_value_t = 3)]
+    repetitions: u32,
+    #[command(flatten)]
+    output: OutputArguments,
+}
+
+/// What was found of one layout.
+#[derive(Default)]
+struct Found {
+    bytes: u64,
+    /// By order: misses of three levels and of the first translation buffer.
+    misses: Vec<[u64; 4]>,
+    /// Nanoseconds a walk, by order.
+    ns: Vec<f64>,
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    let orders = orders::parse(&arguments.orders)?;
+    if !(1..=1000).contains(&arguments.repetitions) {
+        return Err(Error::input("--repetitions", format!("are {}, but must be 1 to 1000", arguments.repetitions)));
+    }
+    let codes = CodesRead::named(&arguments.channels)?;
+    arguments.output.check()?;
+    let mut report = Report::new(&[
+        "set",
+        "layout",
+        "bytes_per_visible",
+        "exact_orders",
+        "l1_mean",
+        "l1_worst",
+        "l2_mean",
+        "l2_worst",
+        "l3_mean",
+        "tlb_mean",
+        "ns_mean",
+        "ns_worst",
+        "times_bytes",
+        "times_l1",
+        "times_l2",
+        "times_ns",
+    ]);
+    let mut series: Vec<Series> = Vec::new();
+    each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
+        let layouts = Layout::studied(subject.dims());
+        let found = measure_all(subject, &layouts, codes, &orders, arguments.repetitions, go_on)?;
+        for (layout, one) in layouts.iter().zip(&found) {
+            report.push(row(subject, layout, one, &found[0], &orders));
+        }
+        let visible = subject.voxels.len() as f64;
+        let points = found.iter().map(|one| [one.bytes as f64 / visible, mean(one, 1) / visible]).collect();
+        series.push(Series::solid(subject.name.clone(), points));
+        Ok(())
+    })?;
+    let plot = Plot {
+        title: "Layouts of lanes".into(),
+        x: Side::linear("bytes a visible voxel"),
+        y: Side::linear("misses of the second level a visible voxel"),
+        series,
+    };
+    arguments.output.write(&report, &plot)?;
+    print_result(report.table(&[]).trim_end());
+    Ok(Answer::Yes)
+}
+
+/// Mean over the orders of the misses at `level`.
+fn mean(found: &Found, level: usize) -> f64 {
+    found.misses.iter().map(|misses| misses[level] as f64).sum::<f64>() / found.misses.len().max(1) as f64
+}
+
+fn row(subject: &Subject, layout: &Layout, found: &Found, ours: &Found, orders: &[Order]) -> Vec<Cell> {
+    let visible = subject.voxels.len() as f64;
+    let worst = |level: usize| found.misses.iter().map(|misses| misses[level]).max().unwrap_or(0) as f64;
+    let time = |found: &Found| found.ns.iter().sum::<f64>() / found.ns.len().max(1) as f64;
+    let exact = orders.iter().filter(|order| layout.nested(order) == **order).count() as u64;
+    vec![
+        subject.name.as_str().into(),
+        layout.name().as_str().into(),
+        (found.bytes as f64 / visible).into(),
+        exact.into(),
+        (mean(found, 0) / visible).into(),
+        (worst(0) / visible).into(),
+        (mean(found, 1) / visible).into(),
+        (worst(1) / visible).into(),
+        (mean(found, 2) / visible).into(),
+        (mean(found, 3) / visible).into(),
+        (time(found) / visible).into(),
+        (found.ns.iter().copied().fold(0.0, f64::max) / visible).into(),
+        (found.bytes as f64 / ours.bytes as f64).into(),
+        (mean(found, 0) / mean(ours, 0)).into(),
+        (mean(found, 1) / mean(ours, 1)).into(),
+        (time(found) / time(ours)).into(),
+    ]
+}
+
+/// Misses of each layout, then times, for which the layouts take turns in every order.
+fn measure_all(
+    subject: &Subject,
+    layouts: &[Layout],
+    codes: CodesRead,
+    orders: &[Order],
+    repetitions: u32,
+    go_on: GoOn,
+) -> Result<Vec<Found>> {
+    let geometry = Geometry::default();
+    let mut walks: Vec<LayoutWalk> = Vec::new();
+    for &layout in layouts {
+        walks.push(LayoutWalk::new(subject, layout, codes)?);
+    }
+    let mut found: Vec<Found> = walks.iter().map(|walk| Found { bytes: walk.bytes(), ..Found::default() }).collect();
+    for (index, order) in orders.iter().enumerate() {
+        let viewing = Viewing::along(*order);
+        for (walk, found) in walks.iter_mut().zip(&mut found) {
+            let (figures, _) = measure(walk, &viewing, &geometry, false);
+            let [first, second, third] = [0, 1, 2].map(|level| figures.levels[level].all);
+            found.misses.push([first, second, third, figures.translation[0]]);
+        }
+        let mut fastest = vec![f64::INFINITY; walks.len()];
+        for _ in 0..repetitions {
+            for (walk, fastest) in walks.iter_mut().zip(&mut fastest) {
+                let start = Instant::now();
+                let mut sum = Sum::default();
+                walk.walk(&viewing, &mut sum, &mut Untraced);
+                black_box(sum);
+                *fastest = fastest.min(start.elapsed().as_secs_f64() * 1e9);
+            }
+        }
+        for (found, ns) in found.iter_mut().zip(fastest) {
+            found.ns.push(ns);
+        }
+        if go_on(index as u64 + 1, orders.len() as u64).is_break() {
+            return Err(Error::Interrupted);
+        }
+    }
+    Ok(found)
+}

@@ -1,0 +1,120 @@
+//! The plan of a build: what its codes mean, known when all samples have been seen.
+//!
+//! In: a volume's header, what to build, the range of the samples. Out: [`Plan`]: the transfer function with
+//! everything filled in that the volume decides, and the codecs.
+
+use super::builder::{BuildOptions, Findings};
+use super::sieve::small_samples;
+use crate::arena::layout::{Channels, Scales};
+use crate::classify::quantise::Quantiser;
+use crate::classify::{MagnitudeCodec, TransferFunction};
+use crate::error::{Error, Result};
+use crate::volume::{Header, Sample};
+
+/// An opacity that one would miss.
+const SEEN: f64 = 0.02;
+
+/// What the codes of a build mean.
+pub(super) struct Plan {
+    pub(super) transfer: TransferFunction,
+    pub(super) channels: Channels,
+    quantiser: Quantiser,
+    pub(super) magnitudes: MagnitudeCodec,
+    /// The code of a sample by its bits; empty for samples of more than 16 bits.
+    table: Vec<u16>,
+    slope: f64,
+    intercept: f64,
+}
+
+impl Plan {
+    /// `findings`: of all samples. `largest_magnitude`: of their gradients, where it was asked for.
+    pub(super) fn new(
+        header: &Header,
+        options: &BuildOptions,
+        findings: &Findings,
+        largest_magnitude: Option<f64>,
+    ) -> Result<Plan> {
+        let (lowest, highest) = if options.needs_data_range(header.sample_type) {
+            (findings.lowest, findings.highest)
+        } else {
+            let (low, high) = header.sample_type.integer_range().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
+            let ends = [low * header.slope + header.intercept, high * header.slope + header.intercept];
+            (ends[0].min(ends[1]), ends[0].max(ends[1]))
+        };
+        let grid = &header.grid;
+        let uses_gradient = options.transfer.uses_gradient();
+        // No difference is larger than the range over the spacing, on any axis.
+        let steepest = grid.spacing.iter().map(|h| 1.0 / (h * h)).sum::<f64>().sqrt();
+        let bound = if uses_gradient { ((highest - lowest) * steepest).min(f64::MAX) } else { 0.0 };
+        let largest = largest_magnitude.unwrap_or(bound);
+
+        let mut transfer = options.transfer.clone().with_voxel_length(grid.mean_spacing())?;
+        if largest > 0.0 {
+            transfer = transfer.with_largest_magnitude(largest)?;
+        }
+        if lowest.is_finite() && highest.is_finite() {
+            transfer = transfer.with_value_range(lowest, highest)?;
+        }
+        let domain = transfer.domain(largest);
+        let (low, high) = (domain.0.max(lowest), domain.1.min(highest));
+        let quantiser = if transfer.is_labels() { Quantiser::for_labels } else { Quantiser::new };
+        let quantiser = quantiser(low, high, options.value_bits, header.sample_type, header.slope, header.intercept)?;
+        let (slope, intercept) = (header.slope, header.intercept);
+        let mut table = Vec::new();
+        if header.sample_type.bytes() <= 2 {
+            let numbers = small_samples(header.sample_type);
+            table.resize(numbers.len(), 0);
+            numbers.for_each(|(bits, number)| {
+                table[usize::from(bits)] = quantiser.encode(number * slope + intercept);
+            });
+        }
+        let magnitudes = MagnitudeCodec::new(if uses_gradient { largest } else { 0.0 })?;
+        Ok(Plan { transfer, channels: options.channels(), quantiser, magnitudes, table, slope, intercept })
+    }
+
+    /// The header's part that says what codes mean.
+    pub(super) fn scales(&self) -> Scales {
+        Scales {
+            value_low: self.quantiser.low(),
+            value_step: self.quantiser.step(),
+            magnitude_scale: self.magnitudes.largest(),
+        }
+    }
+
+    /// A sample's value in its own unit.
+    #[inline(always)]
+    fn value<T: Sample>(&self, sample: T) -> f64 {
+        sample.to_f64() * self.slope + self.intercept
+    }
+
+    /// The code of a visible sample.
+    #[inline(always)]
+    pub(super) fn code<T: Sample>(&self, sample: T) -> u16 {
+        match sample.small_bits() {
+            Some(bits) => self.table[bits],
+            None => self.quantiser.encode(self.value(sample)),
+        }
+    }
+
+    /// Whether some samples may share a code.
+    pub(super) fn is_lossy(&self) -> bool {
+        !self.quantiser.is_lossless()
+    }
+
+    /// Whether a voxel that can be seen is stored under a code whose value is transparent.
+    pub(super) fn blurs_away<T: Sample>(&self, sample: T, magnitude: u8) -> bool {
+        let magnitude = self.magnitudes.decode(magnitude);
+        let opacity = |value| self.transfer.opacity(value, magnitude);
+        opacity(self.value(sample)) >= SEEN && opacity(self.quantiser.decode(self.code(sample))) == 0.0
+    }
+}
+
+pub(super) fn nothing_visible(findings: &Findings) -> Error {
+    let Findings { lowest, highest, not_finite, .. } = *findings;
+    if lowest > highest {
+        return Error::input("nothing is visible", format!("none of the samples is a number ({not_finite} are not)"));
+    }
+    let middle = (lowest / 2.0 + highest / 2.0).clamp(lowest, highest);
+    let why = format!("the samples run from {lowest} to {highest}; try --range {middle}..{highest}");
+    Error::input("nothing is visible", why)
+}

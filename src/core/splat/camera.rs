@@ -1,0 +1,354 @@
+//! Cameras in world space: where the eye is, what it looks at, how it projects.
+//!
+//! In: an orbit (azimuth, elevation, zoom) around a box of the world, or explicit position, target and up. Out: a
+//! checked [`Camera`]. World axes are right-handed; where a file names an anatomical frame they are R, A, S, and an
+//! orbit at azimuth 0, elevation 0 looks at the face: from the front (+y) with the head (+z) up, the patient's right
+//! at the picture's left. Pictures are never mirrored.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::volume::{Axis, Grid};
+
+/// How a camera projects.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Projection {
+    /// All rays parallel.
+    Parallel {
+        /// World length that the picture's height shows; finite and above 0.
+        height: f64,
+    },
+    /// All rays from the eye.
+    Perspective {
+        /// Vertical angle of view in degrees, above 0 and below 180.
+        fov: f64,
+    },
+}
+
+/// A camera, in world units. Read from and written as JSON:
+/// `{"position": [..], "target": [..], "up": [..], "fov": 30}`, or `"height"` instead of `"fov"` for a parallel one.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Document", into = "Document")]
+pub struct Camera {
+    position: DVec3,
+    target: DVec3,
+    up: DVec3,
+    projection: Projection,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Document {
+    position: [f64; 3],
+    target: [f64; 3],
+    up: [f64; 3],
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    fov: Option<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    height: Option<f64>,
+}
+
+/// A camera on a sphere around what it looks at.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Orbit {
+    /// Degrees counter-clockwise seen from above (+z); 0 is in front (+y). Any finite number.
+    pub azimuth: f64,
+    /// Degrees above the horizontal plane; any finite number: beyond 90 the picture goes over the top.
+    pub elevation: f64,
+    /// Magnification at the centre; finite and above 0. At 1 everything fits into the picture.
+    pub zoom: f64,
+    /// Vertical angle of view in degrees, above 0 and below 180; `None` for a parallel projection.
+    pub fov: Option<f64>,
+    /// What is up in the picture, and what the azimuth turns around.
+    pub up: Up,
+}
+
+impl Default for Orbit {
+    fn default() -> Orbit {
+        Orbit { azimuth: 0.0, elevation: 0.0, zoom: 1.0, fov: None, up: Up::default() }
+    }
+}
+
+/// The world axis that an orbit's picture shows upright: volumes without an anatomical frame lie any way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Up {
+    /// Along an axis; azimuth 0 looks from +y, or from -z where y itself is up or down.
+    Plus(Axis),
+    /// Against it.
+    Minus(Axis),
+}
+
+/// +z: the head, where the world is anatomical.
+impl Default for Up {
+    fn default() -> Up {
+        Up::Plus(Axis::Z)
+    }
+}
+
+impl Up {
+    /// `z`, `-y` and so on.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for any other text.
+    pub fn from_name(name: &str) -> Result<Up> {
+        let (minus, letter) = name.strip_prefix('-').map_or((false, name), |letter| (true, letter));
+        let axis = Axis::ALL.into_iter().find(|axis| axis.name() == letter);
+        let axis =
+            axis.ok_or_else(|| Error::input("up", format!("is \"{name}\", but must be x, -x, y, -y, z or -z")))?;
+        Ok(if minus { Up::Minus(axis) } else { Up::Plus(axis) })
+    }
+
+    /// What stands in for the world's x, y and z when an orbit is laid out: right-handed, upright along `z`.
+    fn frame(self) -> [DVec3; 3] {
+        let upright = match self {
+            Up::Plus(Axis::X) => DVec3::X,
+            Up::Minus(Axis::X) => DVec3::NEG_X,
+            Up::Plus(Axis::Y) => DVec3::Y,
+            Up::Minus(Axis::Y) => DVec3::NEG_Y,
+            Up::Minus(Axis::Z) => DVec3::NEG_Z,
+            Up::Plus(Axis::Z) => DVec3::Z,
+        };
+        let front = if upright.y == 0.0 { DVec3::Y } else { DVec3::NEG_Z };
+        [front.cross(upright), front, upright]
+    }
+}
+
+/// A box of grid points, as the world sees it: the smallest sphere around its corners' middle.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Surround {
+    /// World position of the middle.
+    pub centre: [f64; 3],
+    /// World distance from it to the farthest corner, a voxel's half included; above 0.
+    pub radius: f64,
+}
+
+impl Surround {
+    /// Around the grid points `low..=high`, by x, y, z.
+    pub fn of_voxels(grid: &Grid, low: [u16; 3], high: [u16; 3]) -> Surround {
+        let frame = WorldFrame::of(grid);
+        let middle: [f64; 3] = std::array::from_fn(|a| (f64::from(low[a]) + f64::from(high[a])) / 2.0);
+        let centre = frame.world_from_voxel(middle);
+        let mut radius = 0.0f64;
+        for corner in 0..8 {
+            let point = std::array::from_fn(|a| {
+                if corner >> a & 1 == 1 { f64::from(high[a]) + 0.5 } else { f64::from(low[a]) - 0.5 }
+            });
+            radius = radius.max(frame.world_from_voxel(point).distance(centre));
+        }
+        Surround { centre: centre.to_array(), radius }
+    }
+
+    /// Around the whole grid.
+    pub fn of_grid(grid: &Grid) -> Surround {
+        let high = grid.dims.map(|points| u16::try_from(points.saturating_sub(1)).unwrap_or(u16::MAX));
+        Surround::of_voxels(grid, [0; 3], high)
+    }
+}
+
+/// The grid's affine map into the world.
+#[derive(Debug, Clone, Copy)]
+pub struct WorldFrame {
+    pub origin: DVec3,
+    /// World vector from a grid point to the next on each axis.
+    pub steps: [DVec3; 3],
+}
+
+impl WorldFrame {
+    pub fn of(grid: &Grid) -> WorldFrame {
+        let step = |a: usize| DVec3::from_array(grid.direction[a]) * grid.spacing[a];
+        WorldFrame { origin: DVec3::from_array(grid.origin), steps: [step(0), step(1), step(2)] }
+    }
+
+    pub fn world_from_voxel(&self, voxel: [f64; 3]) -> DVec3 {
+        self.origin + self.steps[0] * voxel[0] + self.steps[1] * voxel[1] + self.steps[2] * voxel[2]
+    }
+
+    /// Index-space components of a world vector.
+    pub fn voxel_from_world_vector(&self, vector: DVec3) -> [f64; 3] {
+        let [x, y, z] = self.steps;
+        // Cramer's rule over unit vectors: no product of three spacings, which may overflow.
+        let [ux, uy, uz] = [x.normalize(), y.normalize(), z.normalize()];
+        let determinant = ux.dot(uy.cross(uz));
+        [
+            vector.dot(uy.cross(uz)) / determinant / x.length(),
+            vector.dot(uz.cross(ux)) / determinant / y.length(),
+            vector.dot(ux.cross(uy)) / determinant / z.length(),
+        ]
+    }
+}
+
+/// Lengths whose squares are numbers of full precision.
+pub(crate) const SOUND_LENGTHS: std::ops::RangeInclusive<f64> = 1e-150..=1e150;
+
+/// Room around what fits into the picture.
+const MARGIN: f64 = 1.04;
+
+impl Camera {
+    /// A camera at `position` that looks at `target`.
+    ///
+    /// Where `up` is parallel to the view, the world axis farthest from it takes its place.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a number is not finite, if position and target coincide, if up has length 0, or if the
+    /// projection's number is out of its range.
+    pub fn new(position: [f64; 3], target: [f64; 3], up: [f64; 3], projection: Projection) -> Result<Camera> {
+        for (name, vector) in [("position", position), ("target", target), ("up", up)] {
+            if !vector.iter().all(|c| c.is_finite()) {
+                return Err(Error::input(format!("camera {name}"), format!("is {vector:?}, but must be finite")));
+            }
+        }
+        let [position, target, up] = [position, target, up].map(DVec3::from_array);
+        if target == position {
+            return Err(Error::input("camera target", "is where the camera is; it must look somewhere"));
+        }
+        if !SOUND_LENGTHS.contains(&(target - position).length()) {
+            return Err(Error::input("camera target", "is too near to the camera or too far from it for a direction"));
+        }
+        if !SOUND_LENGTHS.contains(&up.length()) {
+            return Err(Error::input("camera up", "has length 0, or one beyond 1e-150 to 1e150"));
+        }
+        match projection {
+            Projection::Parallel { height } if !(height.is_finite() && height > 0.0) => {
+                Err(Error::input("camera height", format!("is {height}, but must be finite and above 0")))
+            }
+            Projection::Perspective { fov } if !(fov > 0.0 && fov < 180.0) => {
+                let why = format!("is {fov} degrees, but must be above 0 and below 180");
+                Err(Error::input("camera angle of view", why))
+            }
+            _ => Ok(Camera { position, target, up, projection }),
+        }
+    }
+
+    /// A camera on the orbit, so that at zoom 1 all of `around` fits into a picture of `size` (columns, rows).
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a number of the orbit is out of its range or `size` is 0.
+    pub fn orbiting(orbit: Orbit, around: Surround, size: [u32; 2]) -> Result<Camera> {
+        let Orbit { azimuth, elevation, zoom, fov, up } = orbit;
+        for (name, angle) in [("azimuth", azimuth), ("elevation", elevation)] {
+            if !angle.is_finite() {
+                return Err(Error::input(name, format!("is {angle}, but must be finite")));
+            }
+        }
+        if !(zoom.is_finite() && zoom > 0.0) {
+            return Err(Error::input("zoom", format!("is {zoom}, but must be finite and above 0")));
+        }
+        if size.contains(&0) {
+            return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
+        }
+        let (sin_a, cos_a) = sin_cos_degrees(azimuth);
+        let (sin_e, cos_e) = sin_cos_degrees(elevation);
+        let [side, front, upright] = up.frame();
+        let outward = side * (-sin_a * cos_e) + front * (cos_a * cos_e) + upright * sin_e;
+        let up = side * (sin_a * sin_e) - front * (cos_a * sin_e) + upright * cos_e;
+        let centre = DVec3::from_array(around.centre);
+        let radius = around.radius * MARGIN;
+        // The picture's smaller side must hold the sphere.
+        let tall = (f64::from(size[1]) / f64::from(size[0])).max(1.0);
+        let (distance, projection) = match fov {
+            None => (2.0 * radius, Projection::Parallel { height: 2.0 * radius * tall / zoom }),
+            Some(fov) if fov > 0.0 && fov < 180.0 => {
+                let tangent = (fov.to_radians() / 2.0).tan();
+                let distance = radius / (tangent / tall).atan().sin();
+                let zoomed = 2.0 * (tangent / zoom).atan().to_degrees();
+                (distance, Projection::Perspective { fov: zoomed })
+            }
+            Some(fov) => {
+                let why = format!("is {fov} degrees, but must be above 0 and below 180");
+                return Err(Error::input("angle of view", why));
+            }
+        };
+        Camera::new((centre + outward * distance).to_array(), around.centre, up.to_array(), projection)
+    }
+
+    /// Where the eye is.
+    pub fn position(&self) -> [f64; 3] {
+        self.position.to_array()
+    }
+
+    /// How it projects.
+    pub fn projection(&self) -> Projection {
+        self.projection
+    }
+
+    /// The same camera, moved to the picture's right and top by world lengths, with another projection.
+    ///
+    /// # Errors
+    /// As [`Camera::new`].
+    pub(crate) fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
+        let [across, above, _] = self.axes();
+        let by = across * right + above * up;
+        Camera::new((self.position + by).to_array(), (self.target + by).to_array(), self.up.to_array(), projection)
+    }
+
+    /// The same camera, turned to look along the ray with these tangents to the picture's right and top, with another
+    /// projection.
+    ///
+    /// # Errors
+    /// As [`Camera::new`].
+    pub(crate) fn turned(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
+        let [across, above, forward] = self.axes();
+        let distance = (self.target - self.position).length();
+        let target = self.position + (forward + across * right + above * up) * distance;
+        Camera::new(self.position.to_array(), target.to_array(), self.up.to_array(), projection)
+    }
+
+    /// Unit vectors to the picture's right, to its top, and along the view.
+    pub fn axes(&self) -> [DVec3; 3] {
+        let forward = (self.target - self.position).normalize();
+        let up = self.up.normalize();
+        let right = forward.cross(up);
+        let right = if right.length() > 1e-9 {
+            right.normalize()
+        } else {
+            let farthest = [DVec3::Z, DVec3::Y, DVec3::X]
+                .into_iter()
+                .min_by(|a, b| forward.dot(*a).abs().total_cmp(&forward.dot(*b).abs()));
+            forward.cross(farthest.unwrap_or(DVec3::Z)).normalize()
+        };
+        [right, right.cross(forward), forward]
+    }
+}
+
+/// Sine and cosine of an angle in degrees, exact at multiples of 90, the same after whole turns.
+fn sin_cos_degrees(angle: f64) -> (f64, f64) {
+    let turned = angle.rem_euclid(360.0);
+    let quarter = (turned / 90.0).round();
+    let (sin, cos) = (turned - 90.0 * quarter).to_radians().sin_cos();
+    match quarter {
+        1.0 => (cos, -sin),
+        2.0 => (-sin, -cos),
+        3.0 => (-cos, sin),
+        _ => (sin, cos),
+    }
+}
+
+impl TryFrom<Document> for Camera {
+    type Error = Error;
+
+    fn try_from(document: Document) -> Result<Camera> {
+        let projection = match (document.fov, document.height) {
+            (Some(fov), None) => Projection::Perspective { fov },
+            (None, Some(height)) => Projection::Parallel { height },
+            _ => return Err(Error::input("camera", "needs either `fov` in degrees or `height` in world length")),
+        };
+        Camera::new(document.position, document.target, document.up, projection)
+    }
+}
+
+impl From<Camera> for Document {
+    fn from(camera: Camera) -> Document {
+        let (fov, height) = match camera.projection {
+            Projection::Parallel { height } => (None, Some(height)),
+            Projection::Perspective { fov } => (Some(fov), None),
+        };
+        Document {
+            position: camera.position.to_array(),
+            target: camera.target.to_array(),
+            up: camera.up.to_array(),
+            fov,
+            height,
+        }
+    }
+}

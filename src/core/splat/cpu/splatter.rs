@@ -1,0 +1,237 @@
+//! Splats of voxels that are handed over one by one, whoever walks them.
+//!
+//! In: positions, looks and normals in visit order, front to back, from structures that are no lanes. Out: a frame: for
+//! the same voxels in the same order the bits of [`super::render`]. One thread, no crop. Cubes of voxels, the nodes of
+//! an octree, are splats of a kernel as many times as wide.
+
+use super::blend::{Blend, FrontToBack};
+use super::dispatch;
+use super::dispatch::Bench;
+use super::planes::{Planes, Rect};
+use super::project::{Coordinates, GROUP, Projector, Voxels, weigh};
+use super::raster::{BLOCK, EllipseEach, Limits, Splats};
+use super::{Drawn, Work, assemble};
+use crate::classify::normal;
+use crate::error::{Error, Result};
+use crate::splat::composite::{Finish, Look, Table};
+use crate::splat::shot::Shot;
+use crate::splat::{Camera, Code, Frame, Mode, Scene, Settings};
+use crate::traverse::{Batch, Sense};
+
+/// Edges of cubes are 2 to less than this.
+const LEVELS: usize = 17;
+
+/// Draws what it is given.
+pub struct Splatter<'a> {
+    /// By level of the cubes; voxels are level 0.
+    projectors: Vec<Projector<'a>>,
+    /// By value code.
+    looks: [Look; 256],
+    nesting: [usize; 3],
+    limits: Limits,
+    drawing: bool,
+    bench: Bench,
+    level: usize,
+    /// Of a lane's batch.
+    voxels: Box<Voxels>,
+    block: Block,
+    drawn: u64,
+}
+
+/// Voxels that wait for the block to be full.
+pub(super) struct Block {
+    pub(super) count: usize,
+    /// Along the slow, medium and fast axis.
+    at: [[f64; BLOCK]; 3],
+    looks: [Look; BLOCK],
+    codes: [u16; BLOCK],
+    normals: [[f32; BLOCK]; 3],
+    /// Whether normals are codes.
+    coded: bool,
+}
+
+impl Coordinates for Block {
+    #[inline(always)]
+    fn slow(&self, j: usize) -> f64 {
+        self.at[0][j]
+    }
+
+    #[inline(always)]
+    fn medium(&self, j: usize) -> f64 {
+        self.at[1][j]
+    }
+
+    #[inline(always)]
+    fn fast(&self, j: usize) -> f64 {
+        self.at[2][j]
+    }
+
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16 and whole or half")]
+    fn single(&self, j: usize) -> [f32; 3] {
+        self.at.map(|along| along[j] as f32)
+    }
+}
+
+impl Splatter<'_> {
+    /// A voxel by its codes.
+    #[inline(always)]
+    pub fn coded(&mut self, position: [u16; 3], value: u8, normal: u16) {
+        let place = self.room(0, true);
+        self.block.codes[place] = normal;
+        self.put(place, position.map(f64::from), self.look(value));
+    }
+
+    /// What a value looks like.
+    #[inline(always)]
+    pub fn look(&self, value: u8) -> Look {
+        self.looks[usize::from(value)]
+    }
+
+    /// A cube of voxels of edge `1 << level` with its lowest voxel at `low`; `level` 0 for a voxel. Its normal is a unit
+    /// vector, or 0 for none.
+    #[inline(always)]
+    pub fn cube(&mut self, low: [u16; 3], level: u8, look: Look, normal: [f32; 3]) {
+        let place = self.room(usize::from(level), false);
+        for (array, part) in self.block.normals.iter_mut().zip(normal) {
+            array[place] = part;
+        }
+        let half = f64::from((1u32 << level) - 1) / 2.0;
+        self.put(place, low.map(|c| f64::from(c) + half), look);
+    }
+
+    #[inline(always)]
+    fn put(&mut self, place: usize, position: [f64; 3], look: Look) {
+        for (array, axis) in self.block.at.iter_mut().zip(self.nesting) {
+            array[place] = position[axis];
+        }
+        self.block.looks[place] = look;
+        self.block.count = place + 1;
+    }
+
+    /// Where the next voxel goes.
+    #[inline(always)]
+    fn room(&mut self, level: usize, coded: bool) -> usize {
+        if self.block.count == BLOCK || level != self.level || coded != self.block.coded {
+            self.flush();
+            (self.level, self.block.coded) = (level.min(LEVELS - 1), coded);
+        }
+        self.block.count % BLOCK
+    }
+
+    /// Voxels of the lane that the order asks for.
+    pub fn batch(&mut self, batch: &Batch) {
+        self.flush();
+        for from in (0..batch.len()).step_by(GROUP) {
+            if !self.voxels.have_room(GROUP) {
+                self.flush_voxels();
+            }
+            self.voxels.add(batch, from, GROUP);
+        }
+        self.flush_voxels();
+    }
+
+    fn flush_voxels(&mut self) {
+        let (projector, bench) = (&self.projectors[0], &mut self.bench);
+        self.drawn += if self.drawing {
+            dispatch::block::<FrontToBack>(Code::Best, projector, &self.voxels, bench, self.limits)
+        } else {
+            dispatch::project(projector, &self.voxels, bench, self.limits)
+        };
+        self.voxels.count = 0;
+    }
+
+    fn flush(&mut self) {
+        while self.projectors.len() <= self.level {
+            let edge = 1 << self.projectors.len();
+            self.projectors.push(self.projectors[0].of_cubes(edge));
+        }
+        let projector = &self.projectors[self.level];
+        self.drawn += dispatch::handed(projector, &mut self.block, &mut self.bench, self.limits, self.drawing);
+    }
+}
+
+/// Stage 1 of a block that was handed over, which is empty then.
+#[inline(always)]
+pub(super) fn project(projector: &Projector, block: &mut Block, bench: &mut Bench, limits: Limits) {
+    let Bench { planes, splats, each, .. } = bench;
+    projector.place(block, splats, each);
+    projector.keep(block.count, [true; BLOCK], splats, planes, limits);
+    for k in 0..splats.count {
+        let j = usize::from(splats.kept[k]) % BLOCK;
+        let [red, green, blue, depth] = block.looks[j];
+        (splats.ink[k], splats.peak[k]) = ([red, green, blue, projector.fourth_ink], depth);
+    }
+    weigh(splats);
+    if let Some(lights) = &projector.lights {
+        let mut normals = [[0.0f32; BLOCK]; 3];
+        if block.coded {
+            let mut codes = [0; BLOCK];
+            for (code, &j) in codes.iter_mut().zip(&splats.kept[..splats.count]) {
+                *code = block.codes[usize::from(j) % BLOCK];
+            }
+            for (k, &code) in codes.iter().enumerate() {
+                [normals[0][k], normals[1][k], normals[2][k]] = normal::decode8(code);
+            }
+        } else {
+            for (k, &j) in splats.kept[..splats.count].iter().enumerate() {
+                (0..3).for_each(|a| normals[a][k] = block.normals[a][usize::from(j) % BLOCK]);
+            }
+        }
+        projector.light(lights, &normals, block, splats);
+    }
+    block.count = 0;
+}
+
+/// The picture of what `feed` gives to the splatter, in the order of the view.
+///
+/// `settings` are for compositing front to back. Without `drawing` everything is done but the drawing itself. Gives the
+/// frame and how many splats touched it; without drawing, how many would have.
+///
+/// # Errors
+/// As [`super::render`], and whatever `feed` fails with.
+pub fn splat(
+    scene: &Scene,
+    camera: &Camera,
+    settings: &Settings,
+    drawing: bool,
+    feed: impl FnOnce(&mut Splatter) -> Result<()>,
+) -> Result<(Frame, u64)> {
+    let settings = Settings { sense: Sense::FrontToBack, mode: Mode::Composite, crop: None, ..settings.clone() };
+    let shot = Shot::new(scene, camera, &settings)?;
+    let table = Table::new(scene, &shot.lane, &settings, shot.view.mean_voxel)?;
+    let looks =
+        *table.of_bytes().ok_or_else(|| Error::input("values", "have 16 bits, or looks depend on gradients"))?;
+    let projector = Projector::new(&shot, &table, FrontToBack::INK);
+    let [columns, rows] = settings.size.map(u32::cast_signed);
+    let rect = Rect { x0: 0, y0: 0, x1: columns, y1: rows };
+    let mut splatter = Splatter {
+        looks,
+        nesting: projector.nesting,
+        projectors: vec![projector],
+        limits: Limits { cut: shot.kernel.cut(), stop: settings.termination() },
+        drawing,
+        bench: Bench {
+            planes: Planes::new(rect, FrontToBack::FOURTH)?,
+            splats: Splats::new(),
+            each: EllipseEach::new(),
+            sheet: None,
+        },
+        level: 0,
+        voxels: Voxels::new(),
+        block: Block {
+            count: 0,
+            at: [[0.0; BLOCK]; 3],
+            looks: [[0.0; 4]; BLOCK],
+            codes: [0; BLOCK],
+            normals: [[0.0; BLOCK]; 3],
+            coded: true,
+        },
+        drawn: 0,
+    };
+    feed(&mut splatter)?;
+    splatter.flush();
+    let Splatter { bench, drawn, .. } = splatter;
+    let band = Drawn { pixels: bench.planes, work: Work { visited: drawn, drawn, ..Work::default() } };
+    Ok((assemble(&[band], &settings, Finish::new(&table))?, drawn))
+}

@@ -1,0 +1,206 @@
+//! The views that decide what is hidden, and those that judge it.
+//!
+//! In: what the visible voxels fill. Out: cameras around it, all outside of it, with the size of their picture and a
+//! kernel. No view of the one kind is one of the other.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::CLEARANCE;
+use adjsplat::arena::layout::Facts;
+use adjsplat::error::Result;
+use adjsplat::splat::camera::WorldFrame;
+use adjsplat::splat::view::MAX_SIZE;
+use adjsplat::splat::{Camera, KernelShape, Projection, Quality, Surround};
+
+/// Pixels of the smallest distance between voxels: footprints of every kernel stay clear of the low-pass, which would
+/// show more than there is, and still are small enough to be drawn fast.
+const PIXELS_PER_VOXEL: f64 = 1.5;
+
+/// The same at the far end of a perspective view: the least that keeps clear of the low-pass.
+const PIXELS_PER_FARTHEST: f64 = 1.2;
+
+/// One picture.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Shot {
+    pub(super) camera: Camera,
+    pub(super) size: [u32; 2],
+    pub(super) kernel: KernelShape,
+}
+
+/// What views are laid around.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Subject {
+    centre: DVec3,
+    radius: f64,
+    frame: WorldFrame,
+    /// Smallest and largest distance between voxels, in world length.
+    finest: f64,
+    coarsest: f64,
+    low: [u16; 3],
+    high: [u16; 3],
+}
+
+impl Subject {
+    /// The voxels in `low..=high`, by x, y, z.
+    pub(super) fn new(facts: &Facts, (low, high): ([u16; 3], [u16; 3])) -> Subject {
+        let Surround { centre, radius } = Surround::of_voxels(&facts.grid, low, high);
+        let spacing = facts.grid.spacing;
+        Subject {
+            centre: DVec3::from_array(centre),
+            // Footprints reach beyond the outermost voxels.
+            radius: radius + 3.5 * spacing.iter().copied().fold(0.0, f64::max),
+            frame: WorldFrame::of(&facts.grid),
+            finest: facts.grid.finest_spacing(),
+            coarsest: spacing.iter().copied().fold(0.0, f64::max),
+            low,
+            high,
+        }
+    }
+
+    /// A parallel view of everything, along `direction`.
+    fn parallel(&self, direction: DVec3, kernel: KernelShape, most: u32) -> Result<Shot> {
+        let side = pixels(2.0 * self.radius / self.finest * PIXELS_PER_VOXEL, most);
+        let eye = self.centre - direction * (2.0 * self.radius);
+        let projection = Projection::Parallel { height: 2.0 * self.radius };
+        let camera = Camera::new(eye.to_array(), self.centre.to_array(), up(direction), projection)?;
+        Ok(Shot { camera, size: [side; 2], kernel })
+    }
+
+    /// A perspective view from `eye` to `target` with an angle of `fov` degrees.
+    fn perspective(&self, eye: DVec3, target: DVec3, fov: f64, kernel: KernelShape, most: u32) -> Result<Shot> {
+        // Fine enough at the far end; what is nearer is larger anyway.
+        let width = 2.0 * (fov.to_radians() / 2.0).tan() * (eye.distance(self.centre) + self.radius);
+        let side = pixels(width / self.finest * PIXELS_PER_FARTHEST, most);
+        let projection = Projection::Perspective { fov };
+        let camera = Camera::new(eye.to_array(), target.to_array(), up(target - eye), projection)?;
+        Ok(Shot { camera, size: [side; 2], kernel })
+    }
+
+    /// Along `direction` toward the middle, `away` radii from it, all in the picture.
+    fn afar(&self, direction: DVec3, away: f64, kernel: KernelShape, most: u32) -> Result<Shot> {
+        let fov = 2.0 * (1.0 / away).asin().to_degrees();
+        self.perspective(self.centre - direction * (away * self.radius), self.centre, fov, kernel, most)
+    }
+
+    /// From near the box of the voxels, at a place that `along` picks (three numbers of 0 to 1), to the middle.
+    fn beside_face(&self, face: usize, along: [f64; 3], kernel: KernelShape, most: u32) -> Result<Shot> {
+        let axis = face / 2;
+        let clear = CLEARANCE * self.coarsest / self.frame.steps[axis].length();
+        let at = std::array::from_fn(|a| {
+            let (low, high) = (f64::from(self.low[a]), f64::from(self.high[a]));
+            match (a == axis, face % 2) {
+                (true, 0) => low - clear,
+                (true, _) => high + clear,
+                _ => low + along[a] * (high - low),
+            }
+        });
+        self.perspective(self.frame.world_from_voxel(at), self.centre, 60.0, kernel, most)
+    }
+}
+
+fn pixels(needed: f64, most: u32) -> u32 {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    let side = needed.ceil().clamp(16.0, f64::from(most)) as u32;
+    side
+}
+
+/// Any direction across the view; the same for the same view.
+fn up(direction: DVec3) -> [f64; 3] {
+    direction.any_orthogonal_vector().to_array()
+}
+
+/// `index` of `count` directions spread evenly over the sphere.
+///
+/// Source: Fibonacci sphere; Swinbank and Purser, "Fibonacci grids", 2006.
+fn spread(index: u32, count: u32) -> DVec3 {
+    let golden = PI * (5.0f64.sqrt() - 1.0);
+    let z = 1.0 - (2.0 * f64::from(index) + 1.0) / f64::from(count);
+    let across = (1.0 - z * z).sqrt();
+    let (sin, cos) = (golden * f64::from(index)).sin_cos();
+    DVec3::new(across * cos, across * sin, z)
+}
+
+/// The 26 directions along axes and diagonals of the grid's index space.
+fn axes_and_diagonals(frame: &WorldFrame) -> impl Iterator<Item = DVec3> + '_ {
+    let signs = |n: i32| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1];
+    (0..27).filter(|&n| n != 13).map(move |n| {
+        let [x, y, z] = signs(n).map(f64::from);
+        (frame.steps[0] * x + frame.steps[1] * y + frame.steps[2] * z).normalize()
+    })
+}
+
+const KERNELS: [Quality; 3] = [Quality::Standard, Quality::High, Quality::Draft];
+
+/// The deciding views: along all axes and diagonals with every kernel, then `count` around, alternating.
+pub(super) fn deciding(subject: &Subject, count: u32) -> Result<Vec<Shot>> {
+    let mut shots = Vec::new();
+    for direction in axes_and_diagonals(&subject.frame) {
+        for quality in KERNELS {
+            shots.push(subject.parallel(direction, quality.kernel(), MAX_SIZE)?);
+        }
+    }
+    let mut chance = Chance(1);
+    for index in 0..count {
+        let direction = spread(index, count);
+        // Neighbours on the sphere are a Fibonacci number of steps apart: kinds alternate among them too.
+        let kernel = KERNELS[(index % 4).saturating_sub(1) as usize].kernel();
+        shots.push(match index % 5 {
+            3 => subject.afar(direction, 1.0 + chance.number() * 3.0 + 0.15, kernel, MAX_SIZE)?,
+            _ => subject.parallel(direction, kernel, MAX_SIZE)?,
+        });
+    }
+    for face in 0..6 {
+        for _ in 0..(count / 60).max(1) {
+            let along = [chance.number(), chance.number(), chance.number()];
+            shots.push(subject.beside_face(face, along, Quality::Standard.kernel(), MAX_SIZE)?);
+        }
+    }
+    Ok(shots)
+}
+
+/// Side in pixels that judging pictures have at most: they are held in memory twice.
+pub(super) const JUDGING_SIDE: u32 = 1_536;
+
+/// Perspective views along all axes and diagonals, and `count` from where chance has it; others for every `round`.
+pub(super) fn judging(subject: &Subject, count: u32, round: u32) -> Result<Vec<Shot>> {
+    let mut chance = Chance(0x9e37_79b9 + u64::from(round));
+    let mut shots = Vec::new();
+    for direction in axes_and_diagonals(&subject.frame) {
+        let kernel = Quality::Standard.kernel();
+        shots.push(subject.afar(direction, 1.3 + f64::from(round), kernel, JUDGING_SIDE)?);
+    }
+    for index in 0..count {
+        let z = 2.0 * chance.number() - 1.0;
+        let (sin, cos) = (2.0 * PI * chance.number()).sin_cos();
+        let across = (1.0 - z * z).sqrt();
+        let direction = DVec3::new(across * cos, across * sin, z);
+        let kernel = KERNELS[(index % 4).saturating_sub(1) as usize].kernel();
+        shots.push(match index % 6 {
+            0..=2 => subject.parallel(direction, kernel, JUDGING_SIDE)?,
+            3 | 4 => subject.afar(direction, 1.15 + 3.0 * chance.number(), kernel, JUDGING_SIDE)?,
+            _ => {
+                let along = [chance.number(), chance.number(), chance.number()];
+                subject.beside_face((index / 6 % 6) as usize, along, kernel, JUDGING_SIDE)?
+            }
+        });
+    }
+    Ok(shots)
+}
+
+/// Numbers from 0 to 1 that are the same on every machine.
+///
+/// Source: Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014 (SplitMix64).
+struct Chance(u64);
+
+impl Chance {
+    fn number(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut bits = self.0;
+        bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        bits ^= bits >> 31;
+        (bits >> 11) as f64 / (1u64 << 53) as f64
+    }
+}

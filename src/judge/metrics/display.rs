@@ -1,0 +1,40 @@
+//! A frame as a display shows it: over a background, in sRGB.
+
+use adjsplat::splat::Frame;
+
+/// sRGB values of a picture.
+pub(super) struct Display {
+    /// Columns, rows.
+    pub(super) size: [usize; 2],
+    /// Red, green, blue, 0 to 1.
+    pub(super) colours: Vec<[f64; 3]>,
+}
+
+impl Display {
+    pub(super) fn new(frame: &Frame, background: [f32; 3]) -> Display {
+        let behind = background.map(f64::from);
+        let shown = |&[r, g, b, alpha]: &[f32; 4]| {
+            let clear = 1.0 - f64::from(alpha);
+            let over = [r, g, b].map(f64::from);
+            std::array::from_fn(|c| encoded(over[c] + clear * behind[c]))
+        };
+        let colours = frame.pixels().as_chunks::<4>().0.iter().map(shown).collect();
+        Display { size: frame.size().map(|side| side as usize), colours }
+    }
+
+    /// One number of each pixel.
+    pub(super) fn plane(&self, of: impl Fn([f64; 3]) -> f64) -> Vec<f64> {
+        self.colours.iter().map(|&colour| of(colour)).collect()
+    }
+}
+
+/// The sRGB transfer function, IEC 61966-2-1.
+fn encoded(linear: f64) -> f64 {
+    let linear = linear.clamp(0.0, 1.0);
+    if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// Its inverse.
+pub(super) fn decoded(encoded: f64) -> f64 {
+    if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
+}

@@ -1,0 +1,49 @@
+//! Lighting in double precision: Blinn-Phong with both sides lit alike, as `splat/shade.rs` describes it.
+
+use glam::DVec3;
+
+use super::voxels::Voxel;
+use adjsplat::splat::{Lighting, View};
+
+/// A view's lighting, in the index axes.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Lights {
+    lighting: Lighting,
+    toward_light: DVec3,
+    /// Of a parallel view.
+    toward_eye: DVec3,
+    /// The eye, in mean voxels; `None` for a parallel view.
+    eye: Option<DVec3>,
+    /// Distance between voxels on each axis, in mean voxels.
+    steps: DVec3,
+}
+
+impl Lights {
+    pub(super) fn new(lighting: Lighting, view: &View) -> Lights {
+        let [right, up, forward] = view.axes.map(DVec3::from_array);
+        let [x, y, z] = lighting.toward_light;
+        Lights {
+            lighting,
+            toward_light: (right * x + up * y - forward * z).normalize_or_zero(),
+            toward_eye: -forward.normalize_or_zero(),
+            eye: view.eye().map(|_| DVec3::from_array(view.eye_scaled)),
+            steps: DVec3::from_array(view.steps),
+        }
+    }
+
+    /// The colour that the eye sees of a voxel, linear; a highlight may take it above 1.
+    pub(super) fn lit(&self, voxel: &Voxel) -> [f64; 3] {
+        let colour = voxel.colour.map(f64::from);
+        let normal = DVec3::from_array(voxel.normal);
+        if normal == DVec3::ZERO {
+            return colour;
+        }
+        let place = self.steps * DVec3::from_array(voxel.position.map(f64::from));
+        let toward_eye = self.eye.map_or(self.toward_eye, |eye| (eye - place).normalize_or_zero());
+        let half = (self.toward_light + toward_eye).normalize_or_zero();
+        let Lighting { ambient, diffuse, specular, shininess, .. } = self.lighting;
+        let factor = f64::from(ambient) + f64::from(diffuse) * normal.dot(self.toward_light).abs();
+        let highlight = f64::from(specular) * normal.dot(half).abs().powi(shininess.into());
+        colour.map(|c| c * factor + highlight)
+    }
+}

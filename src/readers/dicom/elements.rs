@@ -1,0 +1,467 @@
+//! A DICOM file as the values of the tags that matter here, and the place of its pixels.
+//!
+//! In: a file with the `DICM` prefix. Out: [`Elements`]: values at the root and in functional groups, and where the
+//! pixel data lie. No pixel is read, and no length that a file says is believed before it is held against what is left
+//! of the file or of the sequence around it.
+//!
+//! ```text
+//! at each step: close every level that ends here; inside a sequence read an item, else an element
+//! element:  a sequence, or of undefined length    a level more
+//!           pixel data at the root                done
+//!           any other                             kept if wanted, passed over if not
+//! ```
+//!
+//! Own code and no library for it: those at hand fill memory by the lengths that a file says (up to 4 GB for twelve
+//! bytes), follow nested sequences on the stack, and do not tell where pixels lie, so that a file of many frames would
+//! be read whole.
+//!
+//! Source: DICOM PS3.5, sections 7 (data sets, sequences) and A.4 (encapsulated pixels); PS3.10, section 7 (files).
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use super::tags;
+use super::tags::Tag;
+use crate::file_list::MAX_FILES;
+use crate::slab::Endian;
+use adjsplat::error::{Error, Result};
+use adjsplat::internals::open_regular;
+
+/// Bytes before the prefix, and the prefix.
+const PREFIX: (usize, &[u8; 4]) = (128, b"DICM");
+
+/// Levels of sequences and items; enhanced objects use four.
+const DEEPEST: usize = 64;
+
+/// Longest value that is kept: the longest wanted one has six decimal numbers.
+const LONGEST_VALUE: u64 = 4096;
+
+/// Most fragments of one file: eight a frame of as many frames as there may be.
+const MOST_FRAGMENTS: usize = 1 << 19;
+
+/// Values by tag.
+pub(super) type Values = BTreeMap<Tag, Vec<u8>>;
+
+/// How the elements behind the file's meta group are written.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Coding {
+    explicit: bool,
+    endian: Endian,
+}
+
+/// Where pixels lie in their file.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Pixels {
+    /// As they are, in `len` bytes from byte `at`.
+    Native {
+        /// Byte offset in the file.
+        at: u64,
+        /// Bytes.
+        len: u64,
+        /// The element: integer, float or double pixels.
+        tag: Tag,
+        /// Their byte order.
+        endian: Endian,
+    },
+    /// Compressed, in fragments.
+    Encapsulated {
+        /// Offsets of the frames' first fragments from the first fragment's item; may be empty.
+        offsets: Vec<u32>,
+        /// Byte offset of each fragment's item in the file, and the bytes that follow its eight of header.
+        fragments: Vec<(u64, u32)>,
+    },
+}
+
+/// What is read of a file.
+#[derive(Debug, Clone)]
+pub(super) struct Elements {
+    /// The file.
+    pub(super) path: PathBuf,
+    /// Its transfer syntax.
+    pub(super) syntax: String,
+    /// Values at the root.
+    pub(super) root: Values,
+    /// Values in the shared functional groups.
+    pub(super) shared: Values,
+    /// Values in the functional groups of each frame.
+    pub(super) per_frame: Vec<Values>,
+    /// Where the pixels are; `None` if the file has none.
+    pub(super) pixels: Option<Pixels>,
+}
+
+/// Whether a file that starts with `probe` is DICOM.
+pub(crate) fn is_header(probe: &[u8]) -> bool {
+    probe.get(PREFIX.0..).is_some_and(|rest| rest.starts_with(PREFIX.1))
+}
+
+/// Reads the file at `path` up to its pixels.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be read; [`Error::Format`] if it is no DICOM file, breaks off or contradicts itself.
+pub(super) fn read(path: &Path) -> Result<Elements> {
+    let (file, len) = open_regular(path, "open")?;
+    let mut walk = Walk::new(path, file, len);
+    let syntax = walk.read_meta()?;
+    walk.read_data_set(syntax)
+}
+
+/// A sequence or an item that is open.
+struct Level {
+    is_item: bool,
+    /// The sequence's tag.
+    tag: Tag,
+    /// Which item of its sequence.
+    index: usize,
+    /// Byte offset of its end; `None` if a delimiter ends it.
+    end: Option<u64>,
+    /// Coding outside, to return to.
+    outside: Coding,
+}
+
+struct Walk<'a> {
+    path: &'a Path,
+    reader: BufReader<File>,
+    len: u64,
+    at: u64,
+    coding: Coding,
+    levels: Vec<Level>,
+}
+
+struct ElementHeader {
+    tag: Tag,
+    vr: Option<[u8; 2]>,
+    /// `None`: undefined, so a delimiter follows.
+    len: Option<u32>,
+}
+
+impl<'a> Walk<'a> {
+    fn new(path: &'a Path, file: File, len: u64) -> Walk<'a> {
+        let coding = Coding { explicit: true, endian: Endian::Little };
+        Walk { path, reader: BufReader::new(file), len, at: 0, coding, levels: Vec::new() }
+    }
+
+    fn fault(&self, at: u64, rule: &'static str, expected: impl Into<String>, got: impl Into<String>) -> Error {
+        Error::format(self.path, at, rule, expected, got)
+    }
+
+    /// Reads the group that says how the rest is written; its transfer syntax.
+    fn read_meta(&mut self) -> Result<String> {
+        let mut prefix = [0; PREFIX.0 + PREFIX.1.len()];
+        if self.len < prefix.len() as u64 {
+            let got = format!("{} bytes", self.len);
+            return Err(self.fault(0, "DICOM prefix", "\"DICM\" at byte 128", got));
+        }
+        self.fill(&mut prefix)?;
+        if !is_header(&prefix) {
+            return Err(self.fault(PREFIX.0 as u64, "DICOM prefix", "\"DICM\"", "other bytes; it is no DICOM file"));
+        }
+        let mut syntax = None;
+        // The group ends where another begins, whatever its length element says.
+        while self.left() >= 8 {
+            let start = self.at;
+            let mut group = [0; 2];
+            self.fill(&mut group)?;
+            self.seek(start)?;
+            if group != [2, 0] {
+                break;
+            }
+            let header = self.element_header()?;
+            let len =
+                header.len.ok_or_else(|| self.fault(start, "DICOM meta group", "defined lengths", "undefined"))?;
+            if header.tag == tags::TRANSFER_SYNTAX {
+                syntax = Some(text(&self.value(start, len)?));
+            } else {
+                self.skip(start, len)?;
+            }
+        }
+        syntax.ok_or_else(|| self.fault(self.at, "DICOM meta group", "a transfer syntax (0002,0010)", "none"))
+    }
+
+    fn read_data_set(&mut self, syntax: String) -> Result<Elements> {
+        self.coding = match syntax.as_str() {
+            "1.2.840.10008.1.2" => Coding { explicit: false, endian: Endian::Little },
+            "1.2.840.10008.1.2.2" => Coding { explicit: true, endian: Endian::Big },
+            "1.2.840.10008.1.2.1.99" => {
+                let expected = "a data set that is not deflated (convert it with gdcmconv --raw or dcmconv +te)";
+                return Err(self.fault(self.at, "DICOM transfer syntax", expected, "Deflated Explicit VR"));
+            }
+            _ => self.coding,
+        };
+        let mut elements = Elements {
+            path: self.path.to_path_buf(),
+            syntax,
+            root: Values::new(),
+            shared: Values::new(),
+            per_frame: Vec::new(),
+            pixels: None,
+        };
+        while self.close_levels()? {
+            if self.levels.last().is_some_and(|level| !level.is_item) {
+                self.open_item()?;
+                continue;
+            }
+            let start = self.at;
+            let header = self.element_header()?;
+            if header.tag == tags::ITEM_END {
+                self.end_item(start)?;
+            } else if self.levels.is_empty() && header.tag.is_pixels() {
+                elements.pixels = Some(self.pixels(start, &header)?);
+                break;
+            } else {
+                self.element(start, &header, &mut elements)?;
+            }
+        }
+        Ok(elements)
+    }
+
+    /// Ends every level that ends at this byte. Whether there is more of the data set.
+    fn close_levels(&mut self) -> Result<bool> {
+        while let Some(end) = self.levels.last().and_then(|level| level.end) {
+            if self.at < end {
+                return Ok(true);
+            }
+            self.close();
+        }
+        // Up to seven bytes of padding are no element.
+        let more = self.left() >= 8;
+        match self.levels.last() {
+            Some(level) if !more => {
+                let expected = format!("the end of the sequence {}", level.tag);
+                Err(self.fault(self.at, "DICOM sequence", expected, "the end of the file (copy it again)"))
+            }
+            _ => Ok(more),
+        }
+    }
+
+    fn close(&mut self) {
+        if let Some(level) = self.levels.pop() {
+            self.coding = level.outside;
+        }
+    }
+
+    fn end_item(&mut self, start: u64) -> Result<()> {
+        match self.levels.last() {
+            Some(level) if level.is_item && level.end.is_none() => {
+                self.close();
+                Ok(())
+            }
+            _ => Err(self.fault(start, "DICOM item", "an element", "the end of an item that is not open")),
+        }
+    }
+
+    /// Reads an item's header, or the end of the sequence.
+    fn open_item(&mut self) -> Result<()> {
+        let start = self.at;
+        let header = self.element_header()?;
+        let Some(level) = self.levels.last_mut() else { return Ok(()) };
+        let (tag, index) = (level.tag, level.index);
+        match header.tag {
+            tags::ITEM => {
+                level.index += 1;
+                self.open(start, Level { is_item: true, tag, index, end: None, outside: self.coding }, header.len)
+            }
+            tags::SEQUENCE_END if level.end.is_none() => {
+                self.close();
+                Ok(())
+            }
+            other => Err(self.fault(start, "DICOM sequence", format!("an item of {tag}"), other.to_string())),
+        }
+    }
+
+    /// Opens a level of `len` bytes, which must end inside the one around it.
+    fn open(&mut self, start: u64, level: Level, len: Option<u32>) -> Result<()> {
+        if self.levels.len() == DEEPEST {
+            return Err(self.fault(start, "DICOM sequence", format!("at most {DEEPEST} levels"), "more"));
+        }
+        let end = len.map(|len| self.end_of(start, len)).transpose()?;
+        self.levels.push(Level { end, ..level });
+        Ok(())
+    }
+
+    /// Takes in or passes over one element that is no pixel data.
+    fn element(&mut self, start: u64, header: &ElementHeader, elements: &mut Elements) -> Result<()> {
+        let tag = header.tag;
+        // Without a value representation only the sequences that matter here can be told from other values.
+        if header.len.is_none() && (tag.is_pixels() || matches!(&header.vr, Some([b'O', _]))) {
+            // Of an icon, or private: fragments hold no elements.
+            return self.pixels(start, header).map(drop);
+        }
+        let sequence = header.vr == Some(*b"SQ") || (header.vr.is_none() && tags::SEQUENCES.contains(&tag));
+        if sequence || header.len.is_none() {
+            let level = Level { is_item: false, tag, index: 0, end: None, outside: self.coding };
+            self.open(start, level, header.len)?;
+            if header.vr == Some(*b"UN") {
+                // PS3.5, 6.2.2 note 2: the inside of an unknown sequence is implicit, little endian.
+                self.coding = Coding { explicit: false, endian: Endian::Little };
+            }
+            if self.levels.len() == 1 && tag == tags::MODALITY_LUT {
+                elements.root.insert(tag, Vec::new());
+            }
+            return Ok(());
+        }
+        let len = header.len.unwrap_or(0);
+        if !tags::WANTED.contains(&tag) {
+            return self.skip(start, len);
+        }
+        let values = match self.levels.as_slice() {
+            [] => &mut elements.root,
+            [groups, item, group, _] if tags::GROUPS.contains(&group.tag) => match (groups.tag, item.index) {
+                (tags::SHARED_GROUPS, 0) => &mut elements.shared,
+                (tags::FRAME_GROUPS, index) if (index as u64) < MAX_FILES => {
+                    if elements.per_frame.len() <= index {
+                        elements.per_frame.resize_with(index + 1, Values::new);
+                    }
+                    &mut elements.per_frame[index]
+                }
+                _ => return self.skip(start, len),
+            },
+            _ => return self.skip(start, len),
+        };
+        let mut value = self.value(start, len)?;
+        if self.coding.endian == Endian::Big && tags::NUMBERS.contains(&tag) {
+            value.reverse();
+        }
+        values.insert(tag, value);
+        Ok(())
+    }
+
+    fn pixels(&mut self, start: u64, header: &ElementHeader) -> Result<Pixels> {
+        if let Some(len) = header.len {
+            let at = self.at;
+            self.end_of(start, len)?;
+            return Ok(Pixels::Native { at, len: len.into(), tag: header.tag, endian: self.coding.endian });
+        }
+        let mut offsets = Vec::new();
+        let mut fragments = Vec::new();
+        let mut is_table = true;
+        loop {
+            let start = self.at;
+            let item = self.element_header()?;
+            let len = match (item.tag, item.len) {
+                (tags::SEQUENCE_END, _) => break,
+                (tags::ITEM, Some(len)) => len,
+                (tag, _) => return Err(self.fault(start, "DICOM fragment", "an item with a length", tag.to_string())),
+            };
+            if std::mem::take(&mut is_table) {
+                offsets = self.offset_table(start, len)?;
+                continue;
+            }
+            if fragments.len() == MOST_FRAGMENTS {
+                return Err(self.fault(start, "DICOM fragment", format!("at most {MOST_FRAGMENTS}"), "more"));
+            }
+            self.skip(start, len)?;
+            fragments.push((start, len));
+            if self.left() < 8 {
+                // Some writers leave out the end; all fragments are there.
+                break;
+            }
+        }
+        Ok(Pixels::Encapsulated { offsets, fragments })
+    }
+
+    fn offset_table(&mut self, start: u64, len: u32) -> Result<Vec<u32>> {
+        if u64::from(len) > 4 * MAX_FILES {
+            let got = format!("{len} bytes");
+            return Err(self.fault(start, "DICOM offset table", format!("at most {MAX_FILES} frames"), got));
+        }
+        self.end_of(start, len)?;
+        let mut bytes = vec![0; len as usize];
+        self.fill(&mut bytes)?;
+        // Encapsulated pixels are always little endian.
+        Ok(bytes.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect())
+    }
+
+    fn element_header(&mut self) -> Result<ElementHeader> {
+        let start = self.at;
+        let mut first = [0; 8];
+        if self.left() < 8 {
+            return Err(self.fault(start, "DICOM element", "eight bytes of header", "the end of the file"));
+        }
+        self.fill(&mut first)?;
+        let [g0, g1, e0, e1, a, b, c, d] = first;
+        let Coding { explicit, endian } = self.coding;
+        let short = |bytes| if endian == Endian::Big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) };
+        let long = |bytes| if endian == Endian::Big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) };
+        let tag = Tag::new(short([g0, g1]), short([e0, e1]));
+        let defined = |len: u32| Some(len).filter(|len| *len != u32::MAX);
+        if tag.is_delimiter() || !explicit {
+            return Ok(ElementHeader { tag, vr: None, len: defined(long([a, b, c, d])) });
+        }
+        let vr = [a, b];
+        if !vr.iter().all(u8::is_ascii_uppercase) {
+            let got = format!("\"{}\" for {tag}", vr.escape_ascii());
+            return Err(self.fault(start + 4, "DICOM element", "a value representation of two capital letters", got));
+        }
+        let len = if tags::LONG_FORMS.contains(&&vr) {
+            let mut wide = [0; 4];
+            if self.left() < 4 {
+                return Err(self.fault(start, "DICOM element", "twelve bytes of header", "the end of the file"));
+            }
+            self.fill(&mut wide)?;
+            defined(long(wide))
+        } else {
+            Some(short([c, d]).into())
+        };
+        Ok(ElementHeader { tag, vr: Some(vr), len })
+    }
+
+    /// The value of `len` bytes that begins here; `start` is its element.
+    fn value(&mut self, start: u64, len: u32) -> Result<Vec<u8>> {
+        if u64::from(len) > LONGEST_VALUE {
+            let got = format!("{len} bytes");
+            return Err(self.fault(start, "DICOM element", format!("a value of at most {LONGEST_VALUE} bytes"), got));
+        }
+        self.end_of(start, len)?;
+        let mut value = vec![0; len as usize];
+        self.fill(&mut value)?;
+        Ok(value)
+    }
+
+    fn skip(&mut self, start: u64, len: u32) -> Result<()> {
+        let end = self.end_of(start, len)?;
+        self.seek(end)
+    }
+
+    /// The byte behind a value of `len` bytes that begins here, which must be in the file and in its level.
+    fn end_of(&self, start: u64, len: u32) -> Result<u64> {
+        let end = self.at + u64::from(len);
+        if end > self.len {
+            let got = format!("{} bytes left in the file (copy it again)", self.left());
+            return Err(self.fault(start, "DICOM element", format!("{len} bytes of value"), got));
+        }
+        if let Some(around) = self.levels.iter().rev().find_map(|level| level.end)
+            && end > around
+        {
+            let got = format!("an element of {len} bytes across its end");
+            return Err(self.fault(start, "DICOM sequence", format!("its end at byte {around}"), got));
+        }
+        Ok(end)
+    }
+
+    fn left(&self) -> u64 {
+        self.len.saturating_sub(self.at)
+    }
+
+    fn fill(&mut self, into: &mut [u8]) -> Result<()> {
+        self.reader.read_exact(into).map_err(Error::io("read", self.path))?;
+        self.at += into.len() as u64;
+        Ok(())
+    }
+
+    fn seek(&mut self, to: u64) -> Result<()> {
+        let step = to.cast_signed() - self.at.cast_signed();
+        let moved = match self.reader.seek_relative(step) {
+            Ok(()) => Ok(to),
+            Err(_) => self.reader.seek(SeekFrom::Start(to)),
+        };
+        self.at = moved.map_err(Error::io("read", self.path))?;
+        Ok(())
+    }
+}
+
+/// A text value without its padding. Bytes that are no UTF-8 are shown as question marks: they name things for people.
+pub(super) fn text(value: &[u8]) -> String {
+    String::from_utf8_lossy(value).trim_matches(['\0', ' ']).to_string()
+}

@@ -1,0 +1,363 @@
+//! What one DICOM file says of its frames: size, type, place, scaling.
+//!
+//! In: the file's elements. Out: an [`ImageFile`] and its [`Frame`]s. Values are looked for in the frame's functional
+//! groups, then in the shared ones, then at the root, so that enhanced and plain objects read alike.
+//!
+//! Source: DICOM PS3.3, C.7.6.2 (image plane), C.7.6.3 (image pixel), C.7.6.16 (functional groups), C.11.1 (rescale).
+
+use std::path::{Path, PathBuf};
+
+use super::codec::Codec;
+use super::elements::{Elements, Pixels, Values, text};
+use super::tags;
+use super::tags::Tag;
+use crate::file_list::MAX_FILES;
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::{MAX_DIM, SampleType};
+
+/// How a pixel lies in its cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Layout {
+    /// The type of its cell.
+    pub(super) sample_type: SampleType,
+    /// Bits of the cell that count: 1 to all of them.
+    pub(super) stored: u32,
+    /// Bits below them.
+    pub(super) shift: u32,
+}
+
+/// What files of one series have in common.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Series {
+    /// Its unique identifier; empty if the file has none.
+    pub(super) uid: String,
+    /// Its name, for people.
+    pub(super) description: String,
+    /// "CT", "MR".
+    pub(super) modality: String,
+    /// "MONOCHROME2".
+    pub(super) photometric: String,
+}
+
+/// One file of pixels.
+#[derive(Debug, Clone)]
+pub(super) struct ImageFile {
+    pub(super) path: PathBuf,
+    pub(super) series: Series,
+    /// Pixels along x, y.
+    pub(super) size: [u32; 2],
+    pub(super) layout: Layout,
+    pub(super) codec: Codec,
+    pub(super) pixels: Pixels,
+    /// For compressed pixels: the first fragment of each frame.
+    pub(super) first_fragments: Vec<u32>,
+    /// It has a table of values that is not applied.
+    pub(super) has_lut: bool,
+}
+
+/// Where a frame lies. Lengths are in mm, directions in L, P, S.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Place {
+    /// Of the first pixel's centre.
+    pub(super) position: [f64; 3],
+    /// Unit vectors along a row (towards higher columns) and along a column.
+    pub(super) orientation: [[f64; 3]; 2],
+}
+
+/// One frame of a file.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Frame {
+    /// Which file.
+    pub(super) file: usize,
+    /// Which of its frames, from 0.
+    pub(super) index: u32,
+    pub(super) place: Option<Place>,
+    /// Distance between neighbouring columns (along x) and rows (along y), in mm.
+    pub(super) spacing: Option<[f64; 2]>,
+    /// Distance to the next slice as the file says it, in mm.
+    pub(super) depth: Option<f64>,
+    pub(super) slope: f64,
+    pub(super) intercept: f64,
+    /// The instance number.
+    pub(super) number: Option<i64>,
+}
+
+/// What a file turned out to be.
+pub(super) enum Found {
+    /// Grey frames.
+    Image(ImageFile, Vec<Frame>),
+    /// Coloured ones, such as a screenshot; the error says so.
+    Colour(Error),
+    /// No pixels, as in a report.
+    Nothing,
+}
+
+/// Reads the file and its frames; `file` is its number.
+///
+/// # Errors
+/// [`Error::Format`] for what contradicts itself or cannot be read here; [`Error::Limit`] for sizes.
+pub(super) fn read(elements: Elements, file: usize) -> Result<Found> {
+    let Some(pixels) = elements.pixels.clone() else { return Ok(Found::Nothing) };
+    let root = Attributes { path: &elements.path, sources: vec![&elements.root] };
+    let size = [root.size(tags::COLUMNS, "DICOM Columns")?, root.size(tags::ROWS, "DICOM Rows")?];
+    let frame_count = match root.whole(tags::FRAME_COUNT, "DICOM Number of Frames")? {
+        None => 1,
+        Some(count) => u32::try_from(count)
+            .ok()
+            .filter(|count| *count > 0)
+            .ok_or_else(|| root.fault("DICOM Number of Frames", "at least 1", count.to_string()))?,
+    };
+    if u64::from(frame_count) > MAX_FILES {
+        let what = format!("{}: frames", elements.path.display());
+        return Err(Error::Limit { what, need: frame_count.into(), have: MAX_FILES });
+    }
+    let photometric = root.text(tags::PHOTOMETRIC);
+    let samples = root.number(tags::SAMPLES_PER_PIXEL, "DICOM Samples per Pixel")?.unwrap_or(1);
+    if samples != 1 || !["", "MONOCHROME1", "MONOCHROME2"].contains(&photometric.as_str()) {
+        let expected = "one grey sample a pixel, MONOCHROME1 or MONOCHROME2 (extract one channel with another tool)";
+        let fault = root.fault(
+            "DICOM Photometric Interpretation",
+            expected,
+            format!("{samples} of {}", photometric.escape_debug()),
+        );
+        return Ok(Found::Colour(fault));
+    }
+    let series = Series {
+        uid: root.text(tags::SERIES_UID),
+        description: root.text(tags::SERIES_DESCRIPTION),
+        modality: root.text(tags::MODALITY),
+        photometric,
+    };
+    let layout = root.layout(&pixels)?;
+    let codec = Codec::of(&elements.path, &elements.syntax, &pixels)?;
+    let first_fragments = check_pixels(&elements.path, &pixels, size, frame_count, layout)?;
+    let mut frames = Vec::new();
+    let none = Values::new();
+    for index in 0..frame_count {
+        let own = elements.per_frame.get(index as usize).unwrap_or(&none);
+        let attributes = Attributes { path: &elements.path, sources: vec![own, &elements.shared, &elements.root] };
+        frames.push(attributes.frame(file, index)?);
+    }
+    let has_lut = elements.root.contains_key(&tags::MODALITY_LUT);
+    let path = elements.path;
+    Ok(Found::Image(ImageFile { path, series, size, layout, codec, pixels, first_fragments, has_lut }, frames))
+}
+
+/// Checks that the pixels are as many as the sizes say; the first fragment of each frame.
+fn check_pixels(path: &Path, pixels: &Pixels, size: [u32; 2], frame_count: u32, layout: Layout) -> Result<Vec<u32>> {
+    let [x, y] = size;
+    let described = format!("{x} x {y} x {frame_count} of {}", layout.sample_type.name());
+    match pixels {
+        Pixels::Native { at, len, .. } => {
+            // Below 2^16 each, and at most 8 bytes: no overflow.
+            let need = u64::from(x) * u64::from(y) * u64::from(frame_count) * layout.sample_type.bytes() as u64;
+            if *len < need {
+                let got = format!("{len} bytes");
+                return Err(Error::format(path, *at, "DICOM Pixel Data", format!("{need} bytes ({described})"), got));
+            }
+            Ok(Vec::new())
+        }
+        Pixels::Encapsulated { offsets, fragments } => {
+            let at = fragments.first().map_or(0, |(at, _)| *at);
+            let fault = |expected: &str| {
+                let got = format!("{} fragments and {} offsets ({described})", fragments.len(), offsets.len());
+                Error::format(path, at, "DICOM Pixel Data", expected, got)
+            };
+            if fragments.is_empty() {
+                return Err(fault("at least one fragment"));
+            }
+            if frame_count == 1 {
+                return Ok(vec![0]);
+            }
+            if fragments.len() == frame_count as usize {
+                return Ok((0..frame_count).collect());
+            }
+            if offsets.len() != frame_count as usize {
+                return Err(fault("one fragment a frame, or an offset for each frame"));
+            }
+            let first = |offset: &u32| {
+                let wanted = at + u64::from(*offset);
+                let found = fragments.binary_search_by_key(&wanted, |(at, _)| *at).ok();
+                found.and_then(|index| u32::try_from(index).ok())
+            };
+            let starts: Option<Vec<u32>> = offsets.iter().map(first).collect();
+            let starts = starts.filter(|starts| starts.is_sorted_by(|a, b| a < b) && starts[0] == 0);
+            starts.ok_or_else(|| fault("offsets that lead to the fragments, in order"))
+        }
+    }
+}
+
+/// Values of one frame or file, most specific source first.
+struct Attributes<'a> {
+    path: &'a Path,
+    sources: Vec<&'a Values>,
+}
+
+impl Attributes<'_> {
+    fn fault(&self, rule: &'static str, expected: impl Into<String>, got: impl Into<String>) -> Error {
+        Error::format(self.path, 0, rule, expected, got)
+    }
+
+    /// The value of `tag`, if it is there and not empty.
+    fn value(&self, tag: Tag) -> Option<&[u8]> {
+        let values = self.sources.iter().filter_map(|source| source.get(&tag));
+        values.map(Vec::as_slice).find(|value| value.iter().any(|b| !matches!(b, 0 | b' ')))
+    }
+
+    fn text(&self, tag: Tag) -> String {
+        self.value(tag).map(text).unwrap_or_default()
+    }
+
+    /// A binary number of 16 bits.
+    fn number(&self, tag: Tag, rule: &'static str) -> Result<Option<u16>> {
+        // 0 is a value here, so `value` does not do.
+        let Some(value) = self.sources.iter().find_map(|source| source.get(&tag)) else { return Ok(None) };
+        match value.as_slice() {
+            [] => Ok(None),
+            [a, b] => Ok(Some(u16::from_le_bytes([*a, *b]))),
+            other => Err(self.fault(rule, "a number of two bytes", format!("{} bytes", other.len()))),
+        }
+    }
+
+    /// A whole number that is written as text.
+    fn whole(&self, tag: Tag, rule: &'static str) -> Result<Option<i64>> {
+        let Some(value) = self.value(tag) else { return Ok(None) };
+        let text = text(value);
+        match text.parse() {
+            Ok(number) => Ok(Some(number)),
+            Err(_) => Err(self.fault(rule, "a whole number", format!("\"{}\"", text.escape_debug()))),
+        }
+    }
+
+    /// `N` numbers that are written as text.
+    fn decimals<const N: usize>(&self, tag: Tag, rule: &'static str) -> Result<Option<[f64; N]>> {
+        let Some(value) = self.value(tag) else { return Ok(None) };
+        let text = text(value);
+        let numbers: Option<Vec<f64>> = text.split('\\').map(|word| word.trim().parse().ok()).collect();
+        let numbers = numbers.filter(|numbers| numbers.iter().all(|number| number.is_finite()));
+        match numbers.and_then(|numbers| <[f64; N]>::try_from(numbers).ok()) {
+            Some(numbers) => Ok(Some(numbers)),
+            None => Err(self.fault(rule, format!("{N} finite numbers"), format!("\"{}\"", text.escape_debug()))),
+        }
+    }
+
+    /// One length in mm; 0 and below mean that it is not known.
+    fn length(&self, tag: Tag, rule: &'static str) -> Result<Option<f64>> {
+        Ok(self.decimals::<1>(tag, rule)?.map(|[length]| length).filter(|length| *length > 0.0))
+    }
+
+    fn size(&self, tag: Tag, rule: &'static str) -> Result<u32> {
+        let size = self.number(tag, rule)?.unwrap_or(0);
+        if size == 0 {
+            return Err(self.fault(rule, format!("1 to {MAX_DIM}"), "none"));
+        }
+        Ok(size.into())
+    }
+
+    fn layout(&self, pixels: &Pixels) -> Result<Layout> {
+        let whole = |sample_type: SampleType| Layout { sample_type, stored: sample_type.bits(), shift: 0 };
+        match pixels {
+            Pixels::Native { tag: tags::FLOAT_PIXELS, .. } => return Ok(whole(SampleType::F32)),
+            Pixels::Native { tag: tags::DOUBLE_PIXELS, .. } => return Ok(whole(SampleType::F64)),
+            _ => {}
+        }
+        let rule = "DICOM Bits Allocated";
+        let allocated: u32 = self.number(tags::BITS_ALLOCATED, rule)?.unwrap_or(0).into();
+        let signed = self.number(tags::PIXEL_REPRESENTATION, "DICOM Pixel Representation")?.unwrap_or(0) == 1;
+        let sample_type = match (allocated, signed) {
+            (8, false) => SampleType::U8,
+            (8, true) => SampleType::I8,
+            (16, false) => SampleType::U16,
+            (16, true) => SampleType::I16,
+            (32, false) => SampleType::U32,
+            (32, true) => SampleType::I32,
+            _ => return Err(self.fault(rule, "8, 16 or 32", allocated.to_string())),
+        };
+        let stored = self.number(tags::BITS_STORED, "DICOM Bits Stored")?.map_or(allocated, u32::from);
+        let high = self.number(tags::HIGH_BIT, "DICOM High Bit")?.map_or(stored.saturating_sub(1), u32::from);
+        if stored == 0 || high >= allocated || high + 1 < stored {
+            let got = format!("{stored} with high bit {high}");
+            return Err(self.fault("DICOM Bits Stored", format!("bits inside the {allocated} allocated"), got));
+        }
+        Ok(Layout { sample_type, stored, shift: high + 1 - stored })
+    }
+
+    fn frame(&self, file: usize, index: u32) -> Result<Frame> {
+        let position = self.decimals::<3>(tags::POSITION, "DICOM Image Position (Patient)")?;
+        let orientation = self.decimals::<6>(tags::ORIENTATION, "DICOM Image Orientation (Patient)")?;
+        let place = match (position, orientation) {
+            (Some(position), Some([a, b, c, d, e, f])) => {
+                let orientation = [unit([a, b, c]), unit([d, e, f])];
+                let normal = cross(orientation);
+                // Rounded text leaves right angles within a thousandth; 0.1 is no angle of an image.
+                if length(normal).is_nan() || length(normal) < 0.99 {
+                    let rule = "DICOM Image Orientation (Patient)";
+                    return Err(self.fault(rule, "two directions at right angles", format!("{orientation:?}")));
+                }
+                Some(Place { position, orientation })
+            }
+            _ => None,
+        };
+        // Between rows first, then between columns.
+        let spacing = match self.decimals::<2>(tags::PIXEL_SPACING, "DICOM Pixel Spacing")? {
+            Some(spacing) => Some(spacing),
+            None => self.decimals::<2>(tags::IMAGER_SPACING, "DICOM Imager Pixel Spacing")?,
+        };
+        let depth = match self.length(tags::SLICE_SPACING, "DICOM Spacing Between Slices")? {
+            Some(depth) => Some(depth),
+            None => self.length(tags::SLICE_THICKNESS, "DICOM Slice Thickness")?,
+        };
+        let slope = self.decimals::<1>(tags::SLOPE, "DICOM Rescale Slope")?.map_or(1.0, |[slope]| slope);
+        if slope == 0.0 {
+            return Err(self.fault("DICOM Rescale Slope", "a slope that is not 0", "0"));
+        }
+        Ok(Frame {
+            file,
+            index,
+            place,
+            spacing: spacing.map(|[rows, columns]| [columns, rows]),
+            depth,
+            slope,
+            intercept: self.decimals::<1>(tags::INTERCEPT, "DICOM Rescale Intercept")?.map_or(0.0, |[value]| value),
+            number: self.whole(tags::INSTANCE_NUMBER, "DICOM Instance Number")?,
+        })
+    }
+}
+
+/// What of the acquisition can differ between two frames at one place: name and value of each, most telling first.
+pub(super) fn circumstances(elements: &Elements, frame: u32) -> Vec<(&'static str, Vec<u8>)> {
+    let none = Values::new();
+    let own = elements.per_frame.get(frame as usize).unwrap_or(&none);
+    let attributes = Attributes { path: &elements.path, sources: vec![own, &elements.shared, &elements.root] };
+    [
+        ("echo time", tags::ECHO_TIME),
+        ("temporal position", tags::TEMPORAL_POSITION),
+        ("temporal position", tags::TEMPORAL_INDEX),
+        ("trigger time", tags::TRIGGER_TIME),
+        ("diffusion b-value", tags::B_VALUE),
+        ("stack", tags::STACK),
+        ("image type", tags::IMAGE_TYPE),
+        ("acquisition number", tags::ACQUISITION_NUMBER),
+        ("acquisition time", tags::ACQUISITION_TIME),
+    ]
+    .map(|(name, tag)| (name, attributes.value(tag).map(<[u8]>::to_vec).unwrap_or_default()))
+    .into()
+}
+
+/// The direction that slices with these rows and columns face.
+pub(super) fn cross([r, c]: [[f64; 3]; 2]) -> [f64; 3] {
+    [r[1] * c[2] - r[2] * c[1], r[2] * c[0] - r[0] * c[2], r[0] * c[1] - r[1] * c[0]]
+}
+
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub(super) fn length(v: [f64; 3]) -> f64 {
+    v[0].hypot(v[1]).hypot(v[2])
+}
+
+fn unit(v: [f64; 3]) -> [f64; 3] {
+    let length = length(v);
+    v.map(|c| c / length)
+}

@@ -1,0 +1,198 @@
+//! DICOM: a folder that holds a series of slices, or one file of one or more frames.
+//!
+//! In: a folder's files, or one file. Out: a slab source; each slice is one frame, read when it is asked for. All
+//! headers are read first, and no pixels: the frames are grouped into series, sorted by their positions and measured.
+//! Files of the folder that are not DICOM, or have no grey pixels, are passed over and counted in a note.
+//!
+//! Samples are the stored values: bits beyond `Bits Stored` are masked out, negative ones extended. Where all slices
+//! have one rescale slope and intercept these become the header's; where they differ, as in PET, samples are f32 of
+//! `stored * slope + intercept`. MONOCHROME1, where low values are white, keeps its values too. Look-up tables and
+//! windows are not applied.
+
+mod codec;
+mod elements;
+mod image;
+mod jpeg;
+mod pixels;
+mod series;
+mod tags;
+
+use std::path::{Path, PathBuf};
+
+use self::codec::Codec;
+use self::image::{Found, Frame, ImageFile};
+use self::pixels::PixelReader;
+use super::file_list::MAX_FILES;
+use super::open::{OpenOptions, file_name};
+use super::slab::check_turn;
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::{Header, SampleType, Samples, SlabSource};
+use adjsplat::with_samples;
+
+pub(super) use elements::is_header;
+
+/// Opens one file, or `files`, those of the folder at `path`.
+pub(super) fn open(path: &Path, files: Option<Vec<PathBuf>>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+    let what = path.display().to_string();
+    let mut notes = Vec::new();
+    let (files, frames) = match files {
+        None => read_file(path)?,
+        Some(paths) => read_folder(&what, paths, &mut notes)?,
+    };
+    let frames = series::choose(&what, &files, frames, options.series.as_deref())?;
+    if options.volume_index > 0 {
+        let why = format!("is {}, but a DICOM series holds 1 volume, counted from 0", options.volume_index);
+        return Err(Error::input("volume", why));
+    }
+    let series::Stack { frames, grid } = series::stack(&what, &files, frames, &mut notes)?;
+    let first = &files[frames[0].file];
+    let [x, y] = first.size.map(u64::from);
+    let grid = grid.grid(path, "DICOM grid", [x, y, frames.len() as u64], options.spacing)?;
+    let same = |value: fn(&Frame) -> f64| frames.iter().all(|frame| value(frame) == value(&frames[0]));
+    let scaled = !(same(|frame| frame.slope) && same(|frame| frame.intercept));
+    let (sample_type, slope, intercept) = if scaled {
+        notes.push("the rescale slope differs from slice to slice; samples are taken as f32 in their own unit".into());
+        (SampleType::F32, 1.0, 0.0)
+    } else {
+        (first.layout.sample_type, frames[0].slope, frames[0].intercept)
+    };
+    if first.series.photometric == "MONOCHROME1" {
+        notes.push("MONOCHROME1: low values are meant to be white; they are kept as they are stored".into());
+    }
+    if frames.iter().any(|frame| files[frame.file].has_lut) {
+        notes.push("the modality look-up table is not applied; samples are as stored".into());
+    }
+    let header = Header { grid, sample_type, slope, intercept, name: file_name(path), format: "DICOM" };
+    Ok(Box::new(DicomReader::new(header, files, frames, scaled, notes)))
+}
+
+fn read_file(path: &Path) -> Result<(Vec<ImageFile>, Vec<Frame>)> {
+    match image::read(elements::read(path)?, 0)? {
+        Found::Image(file, frames) => Ok((vec![file], frames)),
+        Found::Colour(error) => Err(error),
+        Found::Nothing => {
+            let why = "has no pixels (it is a DICOMDIR, a report or alike); give the folder that holds the images";
+            Err(Error::input(path.display().to_string(), why))
+        }
+    }
+}
+
+fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Result<(Vec<ImageFile>, Vec<Frame>)> {
+    let (mut files, mut frames) = (Vec::new(), Vec::new());
+    let (mut other, mut without, mut coloured): (Vec<PathBuf>, Vec<PathBuf>, Vec<PathBuf>) = Default::default();
+    let mut colour = None;
+    for path in paths {
+        if !is_header(&super::folder::probe(&path)?) {
+            other.push(path);
+            continue;
+        }
+        match image::read(elements::read(&path)?, files.len())? {
+            Found::Image(file, mut own) => {
+                files.push(file);
+                frames.append(&mut own);
+            }
+            Found::Colour(error) => {
+                coloured.push(path);
+                colour.get_or_insert(error);
+            }
+            Found::Nothing => without.push(path),
+        }
+        let need = frames.len() as u64;
+        if need > MAX_FILES {
+            return Err(Error::Limit { what: format!("{what}: slices"), need, have: MAX_FILES });
+        }
+    }
+    if frames.is_empty() {
+        return Err(colour.unwrap_or_else(|| Error::input(what, "holds DICOM files, but none has pixels")));
+    }
+    tell_skipped(&other, "is no DICOM", "are no DICOM", notes);
+    tell_skipped(&without, "has no pixels", "have no pixels", notes);
+    tell_skipped(&coloured, "is in colour", "are in colour", notes);
+    Ok((files, frames))
+}
+
+/// "skipped 2 files that are no DICOM (LICENSE, ...)".
+fn tell_skipped(paths: &[PathBuf], is: &str, are: &str, notes: &mut Vec<String>) {
+    let Some(first) = paths.first() else { return };
+    let name = file_name(first);
+    notes.push(match paths.len() {
+        1 => format!("skipped 1 file that {is} ({name})"),
+        count => format!("skipped {count} files that {are} ({name}, ...)"),
+    });
+}
+
+/// Reads a stack's slices, each from its own frame.
+struct DicomReader {
+    header: Header,
+    files: Vec<ImageFile>,
+    frames: Vec<Frame>,
+    /// Slopes differ, so samples are made f32 here, by way of this slice of stored ones.
+    stored: Option<Samples>,
+    scaled: bool,
+    pixels: PixelReader,
+    /// Slices read since the start.
+    slices_read: u32,
+    notes: Vec<String>,
+}
+
+impl DicomReader {
+    fn new(header: Header, files: Vec<ImageFile>, frames: Vec<Frame>, scaled: bool, notes: Vec<String>) -> Self {
+        let pixels = PixelReader::default();
+        DicomReader { header, files, frames, stored: None, scaled, pixels, slices_read: 0, notes }
+    }
+}
+
+impl SlabSource for DicomReader {
+    fn header(&self) -> &Header {
+        &self.header
+    }
+
+    fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+        check_turn(&self.header, slice, self.slices_read, false)?;
+        let frame = &self.frames[self.slices_read as usize];
+        let file = &self.files[frame.file];
+        if self.scaled {
+            if self.stored.is_none() {
+                let stored = Header { sample_type: file.layout.sample_type, ..self.header.clone() };
+                self.stored = Some(stored.new_slice()?);
+            }
+            let Some(stored) = &mut self.stored else { return Ok(()) };
+            self.pixels.read(file, frame.index, stored)?;
+            let Samples::F32(numbers) = slice else { return Ok(()) };
+            with_samples!(stored, stored => scale(stored, frame, numbers));
+        } else {
+            self.pixels.read(file, frame.index, slice)?;
+        }
+        self.slices_read += 1;
+        Ok(())
+    }
+
+    fn rewind(&mut self) -> Result<()> {
+        self.slices_read = 0;
+        Ok(())
+    }
+
+    fn buffer_bytes(&self) -> u64 {
+        let pixels = self.header.grid.slice_len();
+        let largest = self.files.iter().map(|file| {
+            let packed = if file.codec == Codec::Native { 0 } else { file.largest_frame() };
+            packed + file.codec.working_bytes(pixels)
+        });
+        let stored = if self.scaled { 4 * pixels } else { 0 };
+        let tables = self.files.iter().map(ImageFile::table_bytes).sum::<u64>()
+            + self.frames.len() as u64 * size_of::<Frame>() as u64;
+        largest.max().unwrap_or(0) + stored + tables
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+}
+
+/// Stored samples in their own unit.
+#[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is documented")]
+fn scale<T: adjsplat::volume::Sample>(stored: &[T], frame: &Frame, numbers: &mut [f32]) {
+    for (number, stored) in numbers.iter_mut().zip(stored) {
+        *number = (stored.to_f64() * frame.slope + frame.intercept) as f32;
+    }
+}

@@ -1,0 +1,157 @@
+//! Samples spread over many files: names with a number in them, and lists.
+//!
+//! In: what a header says after `data file:` or `ElementDataFile =`. Out: the files' paths, relative to the header's
+//! folder. At most [`MAX_FILES`] of them, whatever numbers the header gives.
+
+use std::path::{Path, PathBuf};
+
+use super::lines::Lines;
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::MAX_DIM;
+
+/// Most files that one volume may be spread over: one per slice of the longest axis.
+pub(super) const MAX_FILES: u64 = MAX_DIM as u64;
+
+/// Widest number that a pattern may ask for.
+const MAX_WIDTH: usize = 64;
+
+/// Longest pattern: no system opens longer paths, and each file's name is a copy.
+const MAX_PATTERN: usize = 4096;
+
+/// A file name with one number in it, as C's `printf` writes it: `slice%03d.raw`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Pattern {
+    before: String,
+    width: usize,
+    zeros: bool,
+    after: String,
+}
+
+impl Pattern {
+    /// The pattern in `text`; `None` if it has no `%d` or more than one, or is longer than any path.
+    pub(super) fn parse(text: &str) -> Option<Pattern> {
+        if text.len() > MAX_PATTERN {
+            return None;
+        }
+        let (before, rest) = split_conversion(text)?;
+        let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
+        let (width, rest) = rest.split_at(digits);
+        let after = rest.strip_prefix(['d', 'i', 'u'])?;
+        if split_conversion(after).is_some() {
+            return None;
+        }
+        let zeros = width.starts_with('0');
+        let width = if width.is_empty() { 0 } else { width.parse().ok().filter(|w| *w <= MAX_WIDTH)? };
+        Some(Pattern { before: before.replace("%%", "%"), width, zeros, after: after.replace("%%", "%") })
+    }
+
+    /// The name of file `number`.
+    pub(super) fn name(&self, number: i64) -> String {
+        let Pattern { before, width, zeros, after } = self;
+        if *zeros { format!("{before}{number:0width$}{after}") } else { format!("{before}{number:width$}{after}") }
+    }
+
+    /// The files numbered `min`, `min + step` and so on up to `max`, which is included.
+    ///
+    /// # Errors
+    /// [`Error::Format`] under `rule` if `step` does not lead from `min` to `max`; [`Error::Limit`] if there are more
+    /// than [`MAX_FILES`].
+    pub(super) fn files(&self, header: &Path, rule: &'static str, range: [i64; 3]) -> Result<Vec<PathBuf>> {
+        let [min, max, step] = range.map(i128::from);
+        if step == 0 || (max - min) * step < 0 {
+            let got = format!("from {min} to {max} by {step}");
+            return Err(Error::format(header, 0, rule, "a step that leads from the first number to the last", got));
+        }
+        let count = (max - min) / step + 1;
+        let need = u64::try_from(count).unwrap_or(u64::MAX);
+        if need > MAX_FILES {
+            return Err(Error::Limit { what: format!("{}: data files", header.display()), need, have: MAX_FILES });
+        }
+        let folder = folder_of(header);
+        let number = |k: i128| i64::try_from(min + k * step).unwrap_or(i64::MAX);
+        Ok((0..count).map(|k| folder.join(self.name(number(k)))).collect())
+    }
+}
+
+/// Splits at the first `%` that is not half of a `%%`; the `%` is dropped.
+fn split_conversion(text: &str) -> Option<(&str, &str)> {
+    let bytes = text.as_bytes();
+    let mut at = 0;
+    while at < bytes.len() {
+        match (bytes[at], bytes.get(at + 1)) {
+            (b'%', Some(b'%')) => at += 2,
+            (b'%', _) => return Some((&text[..at], &text[at + 1..])),
+            _ => at += 1,
+        }
+    }
+    None
+}
+
+/// The folder that names in the header at `path` are relative to.
+pub(super) fn folder_of(path: &Path) -> &Path {
+    path.parent().unwrap_or(Path::new(""))
+}
+
+/// The files named on the rest of `lines`, one on each.
+///
+/// # Errors
+/// [`Error::Limit`] if there are more than [`MAX_FILES`].
+pub(super) fn listed_files(header: &Path, lines: &mut Lines) -> Result<Vec<PathBuf>> {
+    let folder = folder_of(header);
+    let mut files = Vec::new();
+    while let Some(line) = lines.next()? {
+        let name = line.text.trim();
+        if name.is_empty() {
+            continue;
+        }
+        files.push(folder.join(name));
+        let need = files.len() as u64;
+        if need > MAX_FILES {
+            return Err(Error::Limit { what: format!("{}: data files", header.display()), need, have: MAX_FILES });
+        }
+    }
+    Ok(files)
+}
+
+/// Checks that a header lists as many files as its dimensions ask for.
+///
+/// # Errors
+/// [`Error::Format`] under `rule`.
+pub(super) fn check_count(header: &Path, at: u64, rule: &'static str, files: &[PathBuf], need: u64) -> Result<()> {
+    if files.len() as u64 == need {
+        return Ok(());
+    }
+    let expected = format!("{need} data files, by the dimensions");
+    Err(Error::format(header, at, rule, expected, format!("{}", files.len())))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn patterns_write_numbers_as_printf_does() {
+        for (pattern, number, name) in [
+            ("quarter.%d", 93, "quarter.93"),
+            ("s%03d.raw", 7, "s007.raw"),
+            ("s%3d.raw", 7, "s  7.raw"),
+            ("100%%_%02i.x", -1, "100%_-1.x"),
+        ] {
+            assert_eq!(Pattern::parse(pattern).map(|p| p.name(number)).as_deref(), Some(name), "{pattern}");
+        }
+        for plain in ["a.raw", "a%20b.raw", "a%d%d", "a%", "%999d", "50%%", "é%"] {
+            assert_eq!(Pattern::parse(plain), None, "{plain}");
+        }
+    }
+
+    #[test]
+    fn ranges_are_counted_before_names_are_made() {
+        let pattern = Pattern::parse("f%d").expect("has a number");
+        let files = |range| pattern.files(Path::new("d/h.nhdr"), "rule", range);
+        assert_eq!(files([3, 1, -1]).expect("counts down").len(), 3);
+        assert_eq!(files([1, 6, 2]).expect("5 is the last").last(), Some(&PathBuf::from("d/f5")));
+        assert!(matches!(files([0, 5, 0]), Err(Error::Format { .. })));
+        assert!(matches!(files([5, 0, 1]), Err(Error::Format { .. })));
+        assert!(matches!(files([i64::MIN, i64::MAX, 1]), Err(Error::Limit { .. })));
+    }
+}

@@ -1,0 +1,156 @@
+//! A folder as a volume: which format its files are in.
+//!
+//! In: a folder. Out: a slab source over a Zarr node, a DICOM series or a stack of TIFF slices, told by content, whatever
+//! else lies beside the files. Files are taken in the order in which people count; hidden ones are passed over. Subfolders
+//! are not looked into: the slices of one volume lie in one folder.
+
+use std::cmp::Ordering;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::file_list::MAX_FILES;
+use super::open::{OpenOptions, file_name};
+use super::{dicom, tiff, zarr};
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::SlabSource;
+
+/// Most entries of a folder that are listed.
+const MOST_ENTRIES: u64 = 1 << 20;
+
+/// Bytes from the front of a file that tell whether it is a slice.
+const PROBE_BYTES: u64 = 132;
+
+/// Opens the folder at `path`.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be listed; [`Error::Input`] if it holds no slices; [`Error::Limit`] if more than
+/// [`MAX_FILES`]; and those of the slices' format.
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+    if options.raw.is_some() {
+        return Err(Error::input(path.display().to_string(), "is a folder, but raw samples are in one file; name it"));
+    }
+    if zarr::is_node(path) {
+        options.expect_one_series()?;
+        return zarr::open(path, options);
+    }
+    options.expect_one_level()?;
+    let Listing { files, folders } = list(path)?;
+    let mut slices = Vec::new();
+    for file in &files {
+        let probe = probe(file)?;
+        if dicom::is_header(&probe) {
+            return dicom::open(path, Some(files), options);
+        }
+        if tiff::is_header(&probe) {
+            slices.push(file.clone());
+        }
+    }
+    options.expect_one_series()?;
+    let need = slices.len() as u64;
+    if need > MAX_FILES {
+        return Err(Error::Limit { what: format!("{}: files of slices", path.display()), need, have: MAX_FILES });
+    }
+    match slices.as_slice() {
+        [] => {
+            let mut why = "is a folder without TIFF or DICOM files, and no Zarr array; name a file in it".to_string();
+            if let Some(first) = folders.first() {
+                why += &format!(", or one of its subfolders, such as {}", file_name(first));
+            }
+            Err(Error::input(path.display().to_string(), why))
+        }
+        [one] => tiff::open(one, options),
+        _ => tiff::open_stack(path, slices, options),
+    }
+}
+
+/// What is in a folder, each in natural order; hidden entries are left out.
+pub(super) struct Listing {
+    /// Regular files.
+    pub(super) files: Vec<PathBuf>,
+    /// Subfolders.
+    pub(super) folders: Vec<PathBuf>,
+}
+
+/// Lists the folder at `path`.
+///
+/// # Errors
+/// [`Error::Io`] if it cannot be listed; [`Error::Limit`] if it has more entries than any volume has files.
+pub(super) fn list(path: &Path) -> Result<Listing> {
+    let mut listing = Listing { files: Vec::new(), folders: Vec::new() };
+    for (seen, entry) in (1..).zip(std::fs::read_dir(path).map_err(Error::io("list", path))?) {
+        let entry = entry.map_err(Error::io("list", path))?.path();
+        if seen > MOST_ENTRIES {
+            let what = format!("{}: entries", path.display());
+            return Err(Error::Limit { what, need: seen, have: MOST_ENTRIES });
+        }
+        if entry.file_name().is_none_or(|name| name.as_encoded_bytes().starts_with(b".")) {
+            continue;
+        }
+        // An entry that is neither, or a link to nothing, is no part of a volume.
+        match std::fs::metadata(&entry) {
+            Ok(found) if found.is_file() => listing.files.push(entry),
+            Ok(found) if found.is_dir() => listing.folders.push(entry),
+            _ => {}
+        }
+    }
+    for entries in [&mut listing.files, &mut listing.folders] {
+        entries.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
+    }
+    Ok(listing)
+}
+
+/// The first bytes of the file at `path`.
+pub(super) fn probe(path: &Path) -> Result<Vec<u8>> {
+    let mut probe = Vec::new();
+    let file = File::open(path).map_err(Error::io("open", path))?;
+    file.take(PROBE_BYTES).read_to_end(&mut probe).map_err(Error::io("read", path))?;
+    Ok(probe)
+}
+
+/// The order in which people count: runs of digits by their value, all else by letter, capitals like others.
+///
+/// Names that differ only in leading zeros or capitals are told apart by their bytes, so that no two are equal.
+fn natural(a: &str, b: &str) -> Ordering {
+    let (mut left, mut right) = (a, b);
+    loop {
+        let (Some(x), Some(y)) = (left.chars().next(), right.chars().next()) else {
+            return left.len().cmp(&right.len()).then_with(|| a.cmp(b));
+        };
+        let order = if x.is_ascii_digit() && y.is_ascii_digit() {
+            let (number, other) = (digits(&mut left), digits(&mut right));
+            number.len().cmp(&other.len()).then_with(|| number.cmp(other))
+        } else {
+            (left, right) = (&left[x.len_utf8()..], &right[y.len_utf8()..]);
+            x.to_lowercase().cmp(y.to_lowercase())
+        };
+        if order != Ordering::Equal {
+            return order;
+        }
+    }
+}
+
+/// Takes the digits at the front of `text`; without leading zeros.
+fn digits<'t>(text: &mut &'t str) -> &'t str {
+    let (number, rest) = text.split_at(text.bytes().take_while(u8::is_ascii_digit).count());
+    *text = rest;
+    number.trim_start_matches('0')
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_sorted_as_people_count() {
+        let sorted = ["", "a", "A2", "a002", "a10", "a10b2", "a10b11", "b", "s 2 z", "s2", "s\u{e9}1", "s\u{e9}12"];
+        for (i, a) in sorted.iter().enumerate() {
+            for (j, b) in sorted.iter().enumerate() {
+                assert_eq!(natural(a, b) == Ordering::Less, i < j, "{a} {b}");
+            }
+        }
+        // Numbers may be longer than any machine's.
+        let long = "9".repeat(50);
+        assert_eq!(natural(&format!("z{long}8"), &format!("z{long}10")), Ordering::Less);
+    }
+}

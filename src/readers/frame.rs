@@ -1,0 +1,119 @@
+//! From what a file says of its world to the crate's: right-handed, and R, A, S where the frame is anatomical.
+//!
+//! In: spacing, direction and origin as the file gives them, and the name of its frame. Out: a checked [`Grid`].
+//! A frame that differs from ours by the signs of axes is turned by negating those world components of direction and
+//! origin; two negations are half a turn and one undoes a left-handed frame, so no picture comes out mirrored.
+
+use std::path::Path;
+
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::{Axis, Grid, MAX_DIM};
+
+/// The world that a file's vectors are in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum World {
+    /// Right-handed: R, A, S, or a frame that names no anatomy.
+    RightHanded,
+    /// L, P, S, as DICOM and ITK have it: x and y are negated.
+    LeftPosterior,
+    /// L, A, S, or a left-handed frame that names no anatomy: x is negated.
+    LeftHanded,
+}
+
+impl World {
+    fn signs(self) -> [f64; 3] {
+        match self {
+            World::RightHanded => [1.0, 1.0, 1.0],
+            World::LeftPosterior => [-1.0, -1.0, 1.0],
+            World::LeftHanded => [-1.0, 1.0, 1.0],
+        }
+    }
+}
+
+/// Where a file says that its grid lies.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Frame {
+    /// Distance between points along each index axis.
+    pub(super) spacing: [f64; 3],
+    /// World vectors of the index axes; made unit length here.
+    pub(super) direction: [[f64; 3]; 3],
+    /// World position of the first point.
+    pub(super) origin: [f64; 3],
+    /// What the vectors are relative to.
+    pub(super) world: World,
+    /// Unit of lengths.
+    pub(super) unit: Option<String>,
+}
+
+/// Index axes along world axes.
+pub(super) const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+impl Frame {
+    /// A frame along the world's axes, at its origin.
+    pub(super) fn upright(spacing: [f64; 3]) -> Frame {
+        Frame { spacing, direction: IDENTITY, origin: [0.0; 3], world: World::RightHanded, unit: None }
+    }
+
+    /// A frame from the world vectors between neighbouring points: `steps[a]` for index axis `a`.
+    pub(super) fn from_steps(steps: [[f64; 3]; 3], origin: [f64; 3], world: World) -> Frame {
+        Frame { spacing: steps.map(length), direction: steps, origin, world, unit: None }
+    }
+
+    /// The unit world vector of index axis `axis`.
+    pub(super) fn unit_direction(&self, axis: usize) -> [f64; 3] {
+        self.direction[axis].map(|c| c / length(self.direction[axis]))
+    }
+
+    /// The grid of `dims` points in this frame; `spacing`, if given, stands in for the file's.
+    ///
+    /// # Errors
+    /// [`Error::Format`] under `rule` if a dimension is 0, a spacing is not finite and above 0, or the axes are not
+    /// independent; [`Error::Limit`] if a dimension is above [`MAX_DIM`].
+    pub(super) fn grid(
+        self,
+        path: &Path,
+        rule: &'static str,
+        dims: [u64; 3],
+        spacing: Option<[f64; 3]>,
+    ) -> Result<Grid> {
+        let mut narrow = [0; 3];
+        for axis in Axis::ALL {
+            let points = dims[axis.index()];
+            if points == 0 {
+                let got = format!("0 along {}", axis.name());
+                return Err(Error::format(path, 0, rule, "at least one point along each axis", got));
+            }
+            narrow[axis.index()] = match u32::try_from(points) {
+                Ok(points) if points <= MAX_DIM => points,
+                _ => {
+                    let what = format!("{}: points along {}", path.display(), axis.name());
+                    return Err(Error::Limit { what, need: points, have: MAX_DIM.into() });
+                }
+            };
+        }
+        let spacing = spacing.unwrap_or(self.spacing);
+        if !spacing.iter().all(|step| step.is_finite() && *step > 0.0) {
+            let [x, y, z] = spacing;
+            let expected = "three spacings above 0 (they can be given with --spacing XxYxZ)";
+            return Err(Error::format(path, 0, rule, expected, format!("{x}, {y}, {z}")));
+        }
+        let signs = self.world.signs();
+        // Adding 0.0 turns a negated zero into a plain one.
+        let turned = |v: [f64; 3]| [v[0] * signs[0] + 0.0, v[1] * signs[1] + 0.0, v[2] * signs[2] + 0.0];
+        let direction = self.direction.map(|axis| turned(axis.map(|c| c / length(axis))));
+        let grid = Grid { dims: narrow, spacing, origin: turned(self.origin), direction, unit: self.unit };
+        match grid.check() {
+            Ok(()) => Ok(grid),
+            Err(Error::Input { what, why }) => {
+                let expected = "a finite origin and three independent directions";
+                Err(Error::format(path, 0, rule, expected, format!("a grid whose {what} {why}")))
+            }
+            Err(other) => Err(other),
+        }
+    }
+}
+
+fn length(v: [f64; 3]) -> f64 {
+    // hypot keeps an axis-aligned step exact and does not overflow.
+    v[0].hypot(v[1]).hypot(v[2])
+}

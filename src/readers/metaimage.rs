@@ -1,0 +1,299 @@
+//! MetaImage: `.mha` with its samples behind the header, `.mhd` with them in other files.
+//!
+//! In: `Key = value` lines up to `ElementDataFile`. Out: a slab source. World vectors are L, P, S as in ITK and are
+//! turned to R, A, S; `AnatomicalOrientation` gives the directions only where no matrix does.
+//! `CompressedDataSize` is not used: writers have left wrong values in it, and a compressed stream ends by itself.
+//!
+//! Source: the MetaIO documentation (itk.org/Wiki/ITK/MetaIO/Documentation).
+
+use std::path::{Path, PathBuf};
+
+use super::file_list::{Pattern, check_count, folder_of, listed_files};
+use super::frame::{Frame, IDENTITY, World};
+use super::lines::{Line, Lines, clip};
+use super::open::{OpenOptions, file_name};
+use super::raw::type_names;
+use super::slab::{Endian, Plan, SlabReader, Tail};
+use super::stream::{Codec, Start};
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::{Header, SampleType, SlabSource};
+
+const RULE_SIZE: &str = "MetaImage DimSize";
+
+/// Most dimensions that MetaIO knows.
+const MAX_NDIMS: usize = 10;
+
+/// Most lines of a header; real ones have below 50.
+const MAX_LINES: usize = 1024;
+
+/// Whether `probe`, the start of a file, is a MetaImage header.
+pub(super) fn is_header(probe: &[u8]) -> bool {
+    let mut lines = probe.split(|byte| *byte == b'\n').filter(|line| !line.trim_ascii().is_empty()).take(20);
+    let keys = lines.try_fold(false, |found, line| {
+        let key = line.split(|byte| *byte == b'=').next().filter(|key| key.len() < line.len())?.trim_ascii();
+        Some(found || [&b"ObjectType"[..], b"NDims", b"ElementDataFile"].contains(&key))
+    });
+    // Twenty lines of keys, or the data begins among them: either way a key must have been seen first.
+    keys.unwrap_or_else(|| {
+        probe.starts_with(b"ObjectType") || probe.starts_with(b"NDims") || probe.starts_with(b"Comment")
+    })
+}
+
+/// Opens the MetaImage header at `path`.
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+    let mut lines = Lines::open(path)?;
+    let fields = Fields::read(path, &mut lines)?;
+    let (dims, volume_count) = fields.dims(path)?;
+    let sample_type = fields.sample_type(path)?;
+    let codec = fields.codec(path)?;
+    let grid = fields.frame(path)?.grid(path, "MetaImage grid", dims, options.spacing)?;
+    let (files, local) = fields.files(path, &mut lines)?;
+    let start = match fields.header_size(path)? {
+        HeaderSize::Bytes(0) if local => Start::At(lines.position()),
+        HeaderSize::Bytes(bytes) => Start::At(bytes),
+        HeaderSize::FromEnd => Start::FromEnd { after: 0, least: if local { lines.position() } else { 0 } },
+    };
+    let reader = SlabReader::new(Plan {
+        header: Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "MetaImage" },
+        codec,
+        endian: if fields.flag(&["BinaryDataByteOrderMSB", "ElementByteOrderMSB"]) {
+            Endian::Big
+        } else {
+            Endian::Little
+        },
+        files,
+        start,
+        line_skip: 0,
+        byte_skip: 0,
+        volume_count,
+        volume_index: options.volume_index.into(),
+        tail: if codec == Codec::Raw { Tail::Anything } else { Tail::Nothing },
+        rule: RULE_SIZE,
+    })?;
+    Ok(Box::new(reader))
+}
+
+enum HeaderSize {
+    Bytes(u64),
+    FromEnd,
+}
+
+/// The header's keys and values.
+struct Fields {
+    /// Key, value and offset of each line; the last is `ElementDataFile`.
+    entries: Vec<(String, String, u64)>,
+    ndims: usize,
+}
+
+impl Fields {
+    fn read(path: &Path, lines: &mut Lines) -> Result<Fields> {
+        let mut entries = Vec::new();
+        let mut last = false;
+        while !last && let Some(Line { at, text }) = lines.next()? {
+            if text.trim().is_empty() {
+                continue;
+            }
+            let Some((key, value)) = text.split_once('=') else {
+                return Err(Error::format(path, at, "MetaImage line", "Key = value", clip(&text)));
+            };
+            last = key.trim() == "ElementDataFile";
+            entries.push((key.trim().to_string(), value.trim().to_string(), at));
+            if entries.len() > MAX_LINES {
+                let what = format!("{}: header lines", path.display());
+                return Err(Error::Limit { what, need: entries.len() as u64, have: MAX_LINES as u64 });
+            }
+        }
+        let mut fields = Fields { entries, ndims: 0 };
+        if !last {
+            let at = lines.position();
+            return Err(Error::format(path, at, "MetaImage ElementDataFile", "such a line", "the end of the file"));
+        }
+        let (ndims, at) = fields.require(path, "NDims")?;
+        fields.ndims = ndims.parse().ok().filter(|n| (2..=MAX_NDIMS).contains(n)).ok_or_else(|| {
+            Error::format(path, at, "MetaImage NDims", format!("2 to {MAX_NDIMS} dimensions"), clip(ndims))
+        })?;
+        Ok(fields)
+    }
+
+    /// Value and offset of the first of `keys` that is there.
+    fn get(&self, keys: &[&str]) -> Option<(&str, u64)> {
+        keys.iter().find_map(|key| {
+            self.entries.iter().find(|(have, ..)| have.eq_ignore_ascii_case(key)).map(|(_, v, at)| (v.as_str(), *at))
+        })
+    }
+
+    fn require(&self, path: &Path, key: &'static str) -> Result<(&str, u64)> {
+        self.get(&[key]).ok_or_else(|| Error::format(path, 0, "MetaImage key", key, "no such line"))
+    }
+
+    fn flag(&self, keys: &[&str]) -> bool {
+        self.get(keys).is_some_and(|(value, _)| value.starts_with(['T', 't', '1']))
+    }
+
+    /// `count` numbers under the first of `keys` that is there.
+    fn numbers<T: std::str::FromStr>(&self, path: &Path, keys: &[&str], count: usize) -> Result<Option<Vec<T>>> {
+        let Some((value, at)) = self.get(keys) else { return Ok(None) };
+        let parsed: Option<Vec<T>> = value.split_whitespace().map(|word| word.parse().ok()).collect();
+        match parsed.filter(|values| values.len() == count) {
+            Some(values) => Ok(Some(values)),
+            None => Err(Error::format(path, at, "MetaImage values", format!("{count} numbers"), clip(value))),
+        }
+    }
+
+    /// Sizes of all dimensions.
+    fn sizes(&self, path: &Path) -> Result<Vec<u64>> {
+        let sizes = self.numbers(path, &["DimSize"], self.ndims)?;
+        sizes.ok_or_else(|| Error::format(path, 0, RULE_SIZE, "such a line", "none"))
+    }
+
+    /// Points along x, y, z, and how many volumes.
+    fn dims(&self, path: &Path) -> Result<([u64; 3], u64)> {
+        let sizes = self.sizes(path)?;
+        let volumes = sizes.iter().skip(3).try_fold(1u64, |count, size| count.checked_mul(*size));
+        let volumes = volumes.filter(|count| *count > 0).ok_or_else(|| {
+            Error::format(path, 0, RULE_SIZE, "a number of volumes above 0 that can be counted", format!("{sizes:?}"))
+        })?;
+        Ok(([sizes[0], sizes[1], sizes.get(2).copied().unwrap_or(1)], volumes))
+    }
+
+    fn sample_type(&self, path: &Path) -> Result<SampleType> {
+        if let Some((value, at)) = self.get(&["ElementNumberOfChannels"])
+            && value != "1"
+        {
+            return Err(Error::format(path, at, "MetaImage ElementNumberOfChannels", "1", clip(value)));
+        }
+        let (value, at) = self.require(path, "ElementType")?;
+        Ok(match value {
+            "MET_UCHAR" => SampleType::U8,
+            "MET_CHAR" => SampleType::I8,
+            "MET_USHORT" => SampleType::U16,
+            "MET_SHORT" => SampleType::I16,
+            "MET_UINT" => SampleType::U32,
+            "MET_INT" => SampleType::I32,
+            "MET_FLOAT" => SampleType::F32,
+            "MET_DOUBLE" => SampleType::F64,
+            _ => {
+                let expected = format!("one of {} (MET_UCHAR ... MET_DOUBLE)", type_names());
+                return Err(Error::format(path, at, "MetaImage ElementType", expected, clip(value)));
+            }
+        })
+    }
+
+    fn codec(&self, path: &Path) -> Result<Codec> {
+        let text = self.get(&["BinaryData"]).is_some() && !self.flag(&["BinaryData"]);
+        match (text, self.flag(&["CompressedData"])) {
+            (true, true) => {
+                let got = "BinaryData = False and CompressedData = True";
+                Err(Error::format(path, 0, "MetaImage data", "text or compressed bytes", got))
+            }
+            (true, false) => Ok(Codec::Text),
+            (false, true) => Ok(Codec::Deflate),
+            (false, false) => Ok(Codec::Raw),
+        }
+    }
+
+    fn header_size(&self, path: &Path) -> Result<HeaderSize> {
+        let Some((value, at)) = self.get(&["HeaderSize"]) else { return Ok(HeaderSize::Bytes(0)) };
+        if value == "-1" {
+            if self.codec(path)? == Codec::Raw {
+                return Ok(HeaderSize::FromEnd);
+            }
+            let expected = "0 or more, as -1 needs uncompressed binary samples";
+            return Err(Error::format(path, at, "MetaImage HeaderSize", expected, "-1"));
+        }
+        let bytes = value
+            .parse()
+            .map_err(|_| Error::format(path, at, "MetaImage HeaderSize", "a number of bytes, or -1", clip(value)))?;
+        Ok(HeaderSize::Bytes(bytes))
+    }
+
+    fn frame(&self, path: &Path) -> Result<Frame> {
+        let n = self.ndims;
+        let spacing: Option<Vec<f64>> = self.numbers(path, &["ElementSpacing", "ElementSize"], n)?;
+        let offset: Option<Vec<f64>> = self.numbers(path, &["Offset", "Position", "Origin"], n)?;
+        let matrix: Option<Vec<f64>> = self.numbers(path, &["TransformMatrix", "Rotation", "Orientation"], n * n)?;
+        let pad = |values: Option<Vec<f64>>, missing: f64| {
+            let values = values.unwrap_or_default();
+            [0, 1, 2].map(|i| values.get(i).copied().unwrap_or(missing))
+        };
+        let mut direction = IDENTITY;
+        if let Some(matrix) = matrix {
+            let kept = n.min(3);
+            for (axis, row) in direction.iter_mut().enumerate().take(kept) {
+                row[..kept].copy_from_slice(&matrix[axis * n..axis * n + kept]);
+            }
+        } else if let Some(letters) = self.get(&["AnatomicalOrientation"]).and_then(|(text, _)| directions(text)) {
+            direction = letters;
+        }
+        Ok(Frame {
+            spacing: pad(spacing, 1.0),
+            direction,
+            origin: pad(offset, 0.0),
+            world: World::LeftPosterior,
+            unit: self.get(&["DistanceUnits"]).map(|(unit, _)| unit.to_string()).filter(|unit| unit != "?"),
+        })
+    }
+
+    /// The files that hold the samples, and whether that is this file.
+    fn files(&self, path: &Path, lines: &mut Lines) -> Result<(Vec<PathBuf>, bool)> {
+        const RULE: &str = "MetaImage ElementDataFile";
+        let (value, at) = self.require(path, "ElementDataFile")?;
+        if value.eq_ignore_ascii_case("LOCAL") {
+            return Ok((vec![path.to_path_buf()], true));
+        }
+        let sizes = self.sizes(path)?;
+        let per_file = |file_dims: usize| {
+            let count = sizes.iter().skip(file_dims).try_fold(1u64, |count, size| count.checked_mul(*size));
+            count.ok_or_else(|| Error::format(path, at, RULE, "a number of files that can be counted", "more"))
+        };
+        let words: Vec<&str> = value.split_whitespace().collect();
+        if let Some(rest) = value.strip_prefix("LIST") {
+            let file_dims = match rest.trim() {
+                "" => Some(self.ndims - 1),
+                given => {
+                    given.trim_end_matches(['D', 'd']).trim().parse().ok().filter(|d| (1..=self.ndims).contains(d))
+                }
+            };
+            let file_dims = file_dims.ok_or_else(|| Error::format(path, at, RULE, "LIST, or LIST 2D", clip(value)))?;
+            let files = listed_files(path, lines)?;
+            check_count(path, at, RULE, &files, per_file(file_dims)?)?;
+            return Ok((files, false));
+        }
+        // A pattern: `name%03d.raw`, then up to three numbers: first, last, step.
+        let numbers: Vec<i64> = words.iter().rev().map_while(|word| word.parse().ok()).take(3).collect();
+        let name = words[..words.len() - numbers.len()].join(" ");
+        if let Some(pattern) = Pattern::parse(&name) {
+            let need = per_file(self.ndims - 1)?;
+            let first = numbers.last().copied().unwrap_or(1);
+            let last = match numbers.len() {
+                0 | 1 => first.saturating_add(i64::try_from(need).unwrap_or(i64::MAX)).saturating_sub(1),
+                count => numbers[count - 2],
+            };
+            let step = if numbers.len() == 3 { numbers[0] } else { 1 };
+            let files = pattern.files(path, RULE, [first, last, step])?;
+            check_count(path, at, RULE, &files, need)?;
+            return Ok((files, false));
+        }
+        if value.is_empty() {
+            return Err(Error::format(path, at, RULE, "LOCAL, LIST or a file name", "nothing"));
+        }
+        Ok((vec![folder_of(path).join(value)], false))
+    }
+}
+
+/// World directions, in L, P, S, by three letters that say from where each axis comes: "RAI" is the identity.
+fn directions(letters: &str) -> Option<[[f64; 3]; 3]> {
+    let axes: Option<Vec<[f64; 3]>> = letters
+        .chars()
+        .map(|letter| match letter {
+            'R' => Some([1.0, 0.0, 0.0]),
+            'L' => Some([-1.0, 0.0, 0.0]),
+            'A' => Some([0.0, 1.0, 0.0]),
+            'P' => Some([0.0, -1.0, 0.0]),
+            'I' => Some([0.0, 0.0, 1.0]),
+            'S' => Some([0.0, 0.0, -1.0]),
+            _ => None,
+        })
+        .collect();
+    axes?.try_into().ok()
+}

@@ -1,0 +1,353 @@
+//! NRRD: attached (`.nrrd`), or a header (`.nhdr`) and the files it names.
+//!
+//! In: `field: value` lines up to a blank one, versions 1 to 5. Out: a slab source. Encodings: raw, gzip, text.
+//! `3D-left-handed` and `left-anterior-superior` worlds have their x axis negated, `left-posterior-superior` ones x
+//! and y, so that the world is right-handed (R, A, S where it is anatomical) and pictures are not mirrored.
+//! A field that is not in the format is refused: it may be a misspelled one that matters.
+//!
+//! Source: "Definition of NRRD File Format" (teem.sourceforge.net/nrrd/format.html).
+
+use std::path::{Path, PathBuf};
+
+use super::file_list::{Pattern, check_count, folder_of, listed_files};
+use super::frame::{Frame, World};
+use super::lines::{Lines, clip};
+use super::nrrd_axes as axes;
+use super::open::{OpenOptions, file_name};
+use super::raw::type_names;
+use super::slab::{Endian, Plan, SlabReader, Tail};
+use super::stream::{Codec, Start};
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::{Header, SampleType, SlabSource};
+
+const RULE_SIZES: &str = "NRRD sizes";
+const RULE_FILES: &str = "NRRD data file";
+
+/// Most dimensions that a NRRD may have.
+const MAX_DIMENSION: usize = 16;
+
+/// Fields that say nothing about which samples there are or where.
+const IGNORED: &[&str] = &[
+    "content",
+    "number",
+    "sampleunits",
+    "blocksize",
+    "min",
+    "max",
+    "oldmin",
+    "oldmax",
+    "axismins",
+    "axismaxs",
+    "centers",
+    "centerings",
+    "labels",
+    "units",
+    "thicknesses",
+    "measurementframe",
+    "spacedimension",
+];
+
+/// Fields that do.
+const USED: &[&str] = &[
+    "dimension",
+    "sizes",
+    "type",
+    "encoding",
+    "endian",
+    "spacings",
+    "space",
+    "spacedirections",
+    "spaceorigin",
+    "spaceunits",
+    "kinds",
+    "lineskip",
+    "byteskip",
+    "datafile",
+];
+
+/// Opens the NRRD at `path`.
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+    let mut lines = Lines::open(path)?;
+    let fields = Fields::read(path, &mut lines)?;
+    let sizes = fields.sizes()?;
+    let sample_type = fields.sample_type()?;
+    let codec = fields.codec()?;
+    let endian = fields.endian(codec, sample_type)?;
+    let dims = [sizes[0], sizes[1], sizes.get(2).copied().unwrap_or(1)];
+    let volumes = sizes.iter().skip(3).try_fold(1u64, |count, size| count.checked_mul(*size));
+    let volume_count = volumes
+        .filter(|count| *count > 0)
+        .ok_or_else(|| fields.fault("sizes", RULE_SIZES, "a number of volumes above 0 that can be counted".into()))?;
+    let grid = fields.frame(sizes.len())?.grid(path, "NRRD grid", dims, options.spacing)?;
+    let (files, header_end) = fields.files(&sizes, &mut lines)?;
+    let byte_skip = fields.byte_skip(codec)?;
+    // Where a negative skip counts from the end, lines before the samples do not matter.
+    let (start, line_skip, byte_skip) = match byte_skip {
+        Skip::Forward(bytes) => (Start::At(header_end), fields.whole("lineskip")?, bytes),
+        Skip::FromEnd(after) => (Start::FromEnd { after, least: header_end }, 0, 0),
+    };
+    let reader = SlabReader::new(Plan {
+        header: Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "NRRD" },
+        codec,
+        endian,
+        files,
+        start,
+        line_skip,
+        byte_skip,
+        volume_count,
+        volume_index: options.volume_index.into(),
+        tail: if codec == Codec::Raw { Tail::Anything } else { Tail::Nothing },
+        rule: RULE_SIZES,
+    })?;
+    Ok(Box::new(reader))
+}
+
+enum Skip {
+    Forward(u64),
+    FromEnd(u64),
+}
+
+/// The header's fields: names in lower case without spaces, values, offsets.
+struct Fields {
+    path: PathBuf,
+    entries: Vec<(String, String, u64)>,
+    /// A blank line ended the header, so samples may follow.
+    ended: bool,
+}
+
+impl Fields {
+    fn read(path: &Path, lines: &mut Lines) -> Result<Fields> {
+        let fault = |at, rule, expected: &str, got: &str| Err(Error::format(path, at, rule, expected, clip(got)));
+        let magic = lines.next()?.map(|line| line.text).unwrap_or_default();
+        if !matches!(magic.trim_end().strip_prefix("NRRD000"), Some("1" | "2" | "3" | "4" | "5")) {
+            return fault(0, "NRRD magic", "NRRD0001 to NRRD0005", &magic);
+        }
+        let mut fields = Fields { path: path.to_path_buf(), entries: Vec::new(), ended: false };
+        while let Some(line) = lines.next()? {
+            let text = line.text.trim_end();
+            if text.is_empty() {
+                fields.ended = true;
+                break;
+            }
+            if text.starts_with('#') {
+                continue;
+            }
+            // A key of the user's own is `key:=value`; its key may hold a colon that is not before a space.
+            let (field, pair) = (text.find(": "), text.find(":="));
+            if pair.is_some_and(|pair| field.is_none_or(|field| pair < field)) {
+                continue;
+            }
+            let Some((name, value)) = text.split_once(": ").or_else(|| text.strip_suffix(':').map(|n| (n, ""))) else {
+                return fault(line.at, "NRRD line", "field: value, key:=value or # comment", text);
+            };
+            let name = name.to_ascii_lowercase().replace(' ', "");
+            let listed = name == "datafile" && value.trim().starts_with("LIST");
+            if USED.contains(&name.as_str()) {
+                if fields.entries.iter().any(|(have, ..)| *have == name) {
+                    return fault(line.at, "NRRD field", "each field once", text);
+                }
+                fields.entries.push((name, value.trim().to_string(), line.at));
+            } else if !IGNORED.contains(&name.as_str()) {
+                return fault(line.at, "NRRD field", "a field of the format (check its spelling)", text);
+            }
+            if listed {
+                // The names of the files follow to the end.
+                break;
+            }
+        }
+        Ok(fields)
+    }
+
+    fn get(&self, name: &str) -> Option<&str> {
+        self.entries.iter().find(|(have, ..)| have == name).map(|(_, value, _)| value.as_str())
+    }
+
+    fn require(&self, name: &'static str) -> Result<&str> {
+        let missing = || Error::format(&self.path, 0, "NRRD field", format!("a line \"{name}: \""), "none");
+        self.get(name).ok_or_else(missing)
+    }
+
+    /// An error at the field `name`.
+    fn fault(&self, name: &str, rule: &'static str, expected: String) -> Error {
+        let entry = self.entries.iter().find(|(have, ..)| have == name);
+        let (value, at) = entry.map_or(("", 0), |(_, value, at)| (value.as_str(), *at));
+        Error::format(&self.path, at, rule, expected, clip(value))
+    }
+
+    /// A number of 0 or more; 0 if the field is not there.
+    fn whole(&self, name: &'static str) -> Result<u64> {
+        match self.get(name) {
+            None => Ok(0),
+            Some(value) => value.parse().map_err(|_| self.fault(name, "NRRD number", "0 or more".into())),
+        }
+    }
+
+    /// Sizes of all axes, two at least, and not counting a first axis of one component.
+    fn sizes(&self) -> Result<Vec<u64>> {
+        let dimension = self.require("dimension")?.parse().ok().filter(|d| (2..=MAX_DIMENSION).contains(d));
+        let dimension = dimension.ok_or_else(|| self.fault("dimension", "NRRD dimension", "2 to 16".into()))?;
+        let sizes: Option<Vec<u64>> = self.require("sizes")?.split_whitespace().map(|w| w.parse().ok()).collect();
+        let sizes = sizes.filter(|sizes| sizes.len() == dimension);
+        let sizes = sizes.ok_or_else(|| self.fault("sizes", RULE_SIZES, format!("{dimension} whole numbers")))?;
+        if let Some(directions) = self.get("spacedirections") {
+            let none = axes::vectors(directions).and_then(|all| all.iter().take(3).position(Option::is_none));
+            if let Some(axis) = none.filter(|axis| *axis < dimension) {
+                let expected = "a direction for each of the first three axes (components within samples, as in \
+                                colours, are not supported)";
+                let got = format!("none for axis {axis} of {} points", sizes[axis]);
+                return Err(Error::format(&self.path, 0, "NRRD space directions", expected, got));
+            }
+        }
+        let kinds = self.get("kinds").unwrap_or_default().split_whitespace();
+        if let Some((axis, kind)) = kinds.take(3).enumerate().find(|(axis, kind)| !axes::is_spatial(*axis, kind)) {
+            let expected = "axes in space first (components within samples, as in colours, are not supported)";
+            return Err(Error::format(&self.path, 0, "NRRD kinds", expected, format!("axis {axis}: {}", clip(kind))));
+        }
+        Ok(sizes)
+    }
+
+    fn sample_type(&self) -> Result<SampleType> {
+        let name = self.require("type")?.to_ascii_lowercase();
+        Ok(match name.as_str() {
+            "uchar" | "unsigned char" | "uint8" | "uint8_t" => SampleType::U8,
+            "signed char" | "int8" | "int8_t" => SampleType::I8,
+            "ushort" | "unsigned short" | "unsigned short int" | "uint16" | "uint16_t" => SampleType::U16,
+            "short" | "short int" | "signed short" | "signed short int" | "int16" | "int16_t" => SampleType::I16,
+            "uint" | "unsigned int" | "uint32" | "uint32_t" => SampleType::U32,
+            "int" | "signed int" | "int32" | "int32_t" => SampleType::I32,
+            "float" => SampleType::F32,
+            "double" => SampleType::F64,
+            _ => {
+                let expected = format!("one of {} (NRRD: uchar ... double)", type_names());
+                return Err(self.fault("type", "NRRD type", expected));
+            }
+        })
+    }
+
+    fn codec(&self) -> Result<Codec> {
+        Ok(match self.require("encoding")?.to_ascii_lowercase().as_str() {
+            "raw" => Codec::Raw,
+            "gzip" | "gz" => Codec::Deflate,
+            "ascii" | "text" | "txt" => Codec::Text,
+            _ => return Err(self.fault("encoding", "NRRD encoding", "raw, gzip or text".into())),
+        })
+    }
+
+    fn endian(&self, codec: Codec, sample_type: SampleType) -> Result<Endian> {
+        match self.get("endian").map(str::to_ascii_lowercase).as_deref() {
+            Some("little") => Ok(Endian::Little),
+            Some("big") => Ok(Endian::Big),
+            None if codec == Codec::Text || sample_type.bytes() == 1 => Ok(Endian::NATIVE),
+            _ => Err(self.fault("endian", "NRRD endian", "little or big".into())),
+        }
+    }
+
+    fn byte_skip(&self, codec: Codec) -> Result<Skip> {
+        let Some(value) = self.get("byteskip") else { return Ok(Skip::Forward(0)) };
+        match value.parse::<i64>() {
+            // -1 puts the samples at the end of the file; each less leaves one more byte behind them.
+            Ok(skip) if skip < 0 && codec == Codec::Raw => Ok(Skip::FromEnd(skip.unsigned_abs() - 1)),
+            Ok(skip) if skip >= 0 => Ok(Skip::Forward(skip.unsigned_abs())),
+            _ => Err(self.fault("byteskip", "NRRD byte skip", "a number, 0 or more unless the encoding is raw".into())),
+        }
+    }
+
+    /// Where the first three of `dimension` axes lie.
+    fn frame(&self, dimension: usize) -> Result<Frame> {
+        const RULE: &str = "NRRD space";
+        let world = match self.get("space") {
+            None => World::RightHanded,
+            Some(name) => axes::world(name)
+                .ok_or_else(|| self.fault("space", RULE, "a space of three dimensions, with or without time".into()))?,
+        };
+        let mut frame = match self.get("spacedirections") {
+            Some(text) => {
+                let steps = axes::vectors(text).filter(|all| all.len() == dimension).and_then(|all| axes::steps(&all));
+                let expected = || format!("{dimension} vectors (x,y,z) or \"none\"");
+                let steps = steps.ok_or_else(|| self.fault("spacedirections", "NRRD space directions", expected()))?;
+                Frame::from_steps(steps, [0.0; 3], world)
+            }
+            None => {
+                let spacing = match self.get("spacings") {
+                    None => [1.0; 3],
+                    Some(text) => {
+                        let all: Option<Vec<f64>> = text.split_whitespace().map(|word| word.parse().ok()).collect();
+                        let all = all.filter(|all| all.len() == dimension);
+                        let expected = || format!("{dimension} numbers");
+                        let all = all.ok_or_else(|| self.fault("spacings", "NRRD spacings", expected()))?;
+                        [all[0], all[1], all.get(2).copied().unwrap_or(1.0)]
+                    }
+                };
+                Frame { world, ..Frame::upright(spacing) }
+            }
+        };
+        if let Some(text) = self.get("spaceorigin") {
+            let origin = axes::vectors(text).filter(|all| all.len() == 1).and_then(|all| all[0]);
+            frame.origin = origin.ok_or_else(|| self.fault("spaceorigin", "NRRD space origin", "(x,y,z)".into()))?;
+        }
+        frame.unit = self.get("spaceunits").and_then(axes::first_quoted);
+        Ok(frame)
+    }
+
+    /// The files that hold the samples, and where in each they start.
+    fn files(&self, sizes: &[u64], lines: &mut Lines) -> Result<(Vec<PathBuf>, u64)> {
+        let Some(value) = self.get("datafile") else {
+            if !self.ended {
+                let got = "the end of the file";
+                let expected = "a blank line and the samples, or a line \"data file: \"";
+                return Err(Error::format(&self.path, lines.position(), RULE_FILES, expected, got));
+            }
+            return Ok((vec![self.path.clone()], lines.position()));
+        };
+        let words: Vec<&str> = value.split_whitespace().collect();
+        if let Some(rest) = value.strip_prefix("LIST") {
+            let file_dims = self.file_dims(rest.trim(), sizes)?;
+            let files = listed_files(&self.path, lines)?;
+            self.check_files(sizes, file_dims, &files)?;
+            return Ok((files, 0));
+        }
+        // A pattern: `name%03d.raw`, then three or four numbers: first, last, step, dimensions of each file.
+        let numbers: Vec<i64> = words.iter().rev().map_while(|word| word.parse().ok()).take(4).collect();
+        if numbers.len() >= 3
+            && let Some(pattern) = Pattern::parse(&words[..words.len() - numbers.len()].join(" "))
+        {
+            let mut numbers = numbers;
+            numbers.reverse();
+            let subdim = numbers.get(3).map(i64::to_string).unwrap_or_default();
+            let file_dims = self.file_dims(&subdim, sizes)?;
+            let files = pattern.files(&self.path, RULE_FILES, [numbers[0], numbers[1], numbers[2]])?;
+            self.check_files(sizes, file_dims, &files)?;
+            return Ok((files, 0));
+        }
+        if value.is_empty() {
+            return Err(self.fault("datafile", RULE_FILES, "a file name, a pattern or LIST".into()));
+        }
+        Ok((vec![folder_of(&self.path).join(value)], 0))
+    }
+
+    /// Dimensions of each of many files; one less than the volume's if the header does not say.
+    fn file_dims(&self, text: &str, sizes: &[u64]) -> Result<usize> {
+        if text.is_empty() {
+            return Ok(sizes.len() - 1);
+        }
+        let parsed = text.parse().ok().filter(|d| (1..=sizes.len()).contains(d));
+        parsed.ok_or_else(|| self.fault("datafile", RULE_FILES, format!("files of 1 to {} dimensions", sizes.len())))
+    }
+
+    /// Checks the number of files. Files of as many dimensions as the volume share out its last axis.
+    fn check_files(&self, sizes: &[u64], file_dims: usize, files: &[PathBuf]) -> Result<()> {
+        let at = self.entries.iter().find(|(name, ..)| name == "datafile").map_or(0, |entry| entry.2);
+        let need = if file_dims == sizes.len() {
+            let last = sizes[file_dims - 1];
+            let count = files.len() as u64;
+            if count > 0 && last.is_multiple_of(count) {
+                return Ok(());
+            }
+            last
+        } else {
+            let need = sizes.iter().skip(file_dims).try_fold(1u64, |count, size| count.checked_mul(*size));
+            need.ok_or_else(|| self.fault("sizes", RULE_SIZES, "a number of files that can be counted".into()))?
+        };
+        check_count(&self.path, at, RULE_FILES, files, need)
+    }
+}

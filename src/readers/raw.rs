@@ -1,0 +1,180 @@
+//! Raw volumes: samples and nothing else. Everything but the bytes comes from the caller.
+//!
+//! In: a file of `dims[0] * dims[1] * dims[2]` samples, x fastest, behind `skip` bytes that are not samples; or the
+//! same in gzip, if the name ends in `.gz`. Out: a slab source. The file must be exactly that long: a wrong size is
+//! the only sign there is of wrong dimensions.
+
+use std::io::Read;
+use std::path::Path;
+
+use super::frame::Frame;
+use super::open::{OpenOptions, file_name};
+use super::slab::{Endian, Plan, SlabReader, Tail};
+use super::stream::{Codec, Start};
+use adjsplat::error::{Error, Result};
+use adjsplat::internals::open_regular;
+use adjsplat::volume::{Header, MAX_DIM, SampleType, SlabSource};
+
+const RULE: &str = "raw size";
+
+/// What a raw file does not say of itself.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RawOptions {
+    /// Points along x, y, z.
+    pub dims: [u64; 3],
+    /// Type of the samples.
+    pub sample_type: SampleType,
+    /// Their byte order.
+    pub endian: Endian,
+    /// Distance between points along x, y, z; finite and above 0.
+    pub spacing: [f64; 3],
+    /// Bytes before the first sample.
+    pub skip: u64,
+}
+
+impl RawOptions {
+    /// Little-endian samples from the first byte on, at unit spacing.
+    pub fn new(dims: [u64; 3], sample_type: SampleType) -> RawOptions {
+        RawOptions { dims, sample_type, endian: Endian::Little, spacing: [1.0; 3], skip: 0 }
+    }
+}
+
+/// Dimensions from text: `256x256x128`, or `256x256` for one slice.
+///
+/// # Errors
+/// [`Error::Input`] if the text is anything else; sizes are not judged here.
+pub fn parse_dims(text: &str) -> Result<[u64; 3]> {
+    let parsed: Option<Vec<u64>> = text.split(['x', 'X', ',']).map(|part| part.trim().parse().ok()).collect();
+    match parsed.as_deref() {
+        Some(&[x, y, z]) => Ok([x, y, z]),
+        Some(&[x, y]) => Ok([x, y, 1]),
+        _ => Err(Error::input("dims", format!("are \"{text}\", but must look like 256x256x128"))),
+    }
+}
+
+/// Sample type and byte order from text: `u8`, `i16le`, `f32be`; little endian if it does not say.
+///
+/// # Errors
+/// [`Error::Input`] if the text names no supported type; the message lists them.
+pub fn parse_type(text: &str) -> Result<(SampleType, Endian)> {
+    let lower = text.to_ascii_lowercase();
+    let (name, endian) = match (lower.strip_suffix("le"), lower.strip_suffix("be")) {
+        (Some(name), _) => (name, Endian::Little),
+        (_, Some(name)) => (name, Endian::Big),
+        _ => (lower.as_str(), Endian::Little),
+    };
+    match SampleType::ALL.into_iter().find(|ty| ty.name() == name) {
+        Some(ty) => Ok((ty, endian)),
+        None => {
+            let why = format!("is \"{text}\", but must be one of {}, with le or be behind it", type_names());
+            Err(Error::input("type", why))
+        }
+    }
+}
+
+/// "u8, i8, u16, ...": what every reader supports.
+pub(super) fn type_names() -> String {
+    SampleType::ALL.map(SampleType::name).join(", ")
+}
+
+/// Opens the raw file at `path`.
+pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+    let grid = Frame::upright(raw.spacing).grid(path, "raw dims", raw.dims, options.spacing)?;
+    let (mut file, len) = open_regular(path, "open")?;
+    let mut magic = Vec::new();
+    (&mut file).take(2).read_to_end(&mut magic).map_err(Error::io("read", path))?;
+    let named_gz = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz"));
+    let codec = if named_gz && magic == [0x1f, 0x8b] { Codec::Deflate } else { Codec::Raw };
+    let header = Header {
+        grid,
+        sample_type: raw.sample_type,
+        slope: 1.0,
+        intercept: 0.0,
+        name: file_name(path),
+        format: if codec == Codec::Raw { "raw" } else { "raw, gzip" },
+    };
+    if codec == Codec::Raw {
+        check_size(path, raw, &header, len)?;
+    }
+    // In a compressed file the skipped bytes are compressed too.
+    let (start, byte_skip) = if codec == Codec::Raw { (raw.skip, 0) } else { (0, raw.skip) };
+    let reader = SlabReader::new(Plan {
+        header,
+        codec,
+        endian: raw.endian,
+        files: vec![path.to_path_buf()],
+        start: Start::At(start),
+        line_skip: 0,
+        byte_skip,
+        volume_count: 1,
+        volume_index: options.volume_index.into(),
+        tail: Tail::Nothing,
+        rule: RULE,
+    })?;
+    Ok(Box::new(reader))
+}
+
+/// Checks the file's length against the dimensions, and says what would fit.
+fn check_size(path: &Path, raw: &RawOptions, header: &Header, len: u64) -> Result<()> {
+    let need = header.grid.len() * raw.sample_type.bytes() as u64;
+    if raw.skip.checked_add(need) == Some(len) {
+        return Ok(());
+    }
+    let [x, y, z] = raw.dims;
+    let after_skip = if raw.skip > 0 { format!(" after {} skipped", raw.skip) } else { String::new() };
+    let expected = format!("{need} bytes{after_skip} ({x}x{y}x{z} of {})", raw.sample_type.name());
+    let fits = what_fits(raw, len);
+    let hint = if fits.is_empty() { String::new() } else { format!("; these would fit: {}", fits.join(", ")) };
+    let have = len.saturating_sub(raw.skip);
+    Err(Error::format(path, len, RULE, expected, format!("{have} bytes{hint}")))
+}
+
+/// Options that a file of `len` bytes would satisfy, the likeliest first; at most four.
+fn what_fits(raw: &RawOptions, len: u64) -> Vec<String> {
+    let mut fits = Vec::new();
+    let [x, y, z] = raw.dims;
+    let width = raw.sample_type.bytes() as u64;
+    let Some(bytes) = len.checked_sub(raw.skip).filter(|bytes| *bytes > 0) else {
+        return fits;
+    };
+    // Below 2^48 by the grid's limits.
+    let points = x * y * z;
+    if bytes % points == 0 {
+        let same = SampleType::ALL.into_iter().filter(|ty| ty.bytes() as u64 == bytes / points);
+        let names: Vec<_> = same.map(SampleType::name).collect();
+        if !names.is_empty() {
+            fits.push(format!("--type {}", names.join(" or ")));
+        }
+    }
+    let row = x * y * width;
+    if bytes % row == 0 && bytes / row <= u64::from(MAX_DIM) {
+        fits.push(format!("--dims {x}x{y}x{}", bytes / row));
+    }
+    if let Some(edge) = (1..=u64::from(MAX_DIM)).find(|n| n * n * n * width >= bytes)
+        && edge * edge * edge * width == bytes
+    {
+        fits.push(format!("--dims {edge}x{edge}x{edge}"));
+    }
+    let extra = bytes.saturating_sub(points * width);
+    if extra > 0 && extra <= 65_536 {
+        fits.push(format!("--skip {}", raw.skip + extra));
+    }
+    fits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dims_and_types_are_read_as_the_command_line_writes_them() {
+        assert_eq!(parse_dims("256x256x128").expect("three"), [256, 256, 128]);
+        assert_eq!(parse_dims("5x7").expect("two"), [5, 7, 1]);
+        for bad in ["", "x", "5", "1x2x3x4", "-1x2x3", "1x2x99999999999999999999"] {
+            assert!(parse_dims(bad).is_err(), "{bad}");
+        }
+        assert_eq!(parse_type("u8").expect("u8"), (SampleType::U8, Endian::Little));
+        assert_eq!(parse_type("I16BE").expect("i16be"), (SampleType::I16, Endian::Big));
+        assert!(parse_type("i64").expect_err("no i64").to_string().contains("u8, i8, u16"));
+    }
+}

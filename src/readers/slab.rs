@@ -1,0 +1,298 @@
+//! The slab source that every file format ends in.
+//!
+//! In: a plan, made by a format's header reader: which files hold the samples, where in them, packed how. Out:
+//! z-slices in order. Sizes are checked against the files before anything is read, so that a header that lies is
+//! refused while it is still cheap; nothing here allocates by a number that a file says.
+//!
+//! ```text
+//! open:  for each file: it exists, and can hold its share of the samples
+//! read:  fill the slice from the current file; at its share's end check that it ends, go to the next
+//! ```
+
+use std::path::{Path, PathBuf};
+
+use super::stream::{Codec, DEFLATE_RATIO, Start, Stream};
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::{Header, Samples, SlabSource};
+
+/// Order of the bytes of one sample in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Endian {
+    /// Lowest byte first.
+    Little,
+    /// Highest byte first.
+    Big,
+}
+
+impl Endian {
+    /// This machine's order.
+    pub const NATIVE: Endian = if cfg!(target_endian = "big") { Endian::Big } else { Endian::Little };
+}
+
+/// What may follow the last sample in a file.
+///
+/// Compressed streams and text end where they end, so more in them than the header says is a wrong header. Behind
+/// uncompressed samples some writers leave padding, and VTK other arrays.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Tail {
+    /// Nothing.
+    Nothing,
+    /// Anything: other arrays, padding.
+    Anything,
+}
+
+/// Where a volume's samples are.
+#[derive(Debug, Clone)]
+pub(super) struct Plan {
+    /// What is known of the volume.
+    pub(super) header: Header,
+    /// How samples are packed.
+    pub(super) codec: Codec,
+    /// Their byte order; of no meaning for text and single bytes.
+    pub(super) endian: Endian,
+    /// The files, in order; each holds the same number of samples. At least one.
+    pub(super) files: Vec<PathBuf>,
+    /// Where samples start in each.
+    pub(super) start: Start,
+    /// Lines to skip from there, before decoding.
+    pub(super) line_skip: u64,
+    /// Bytes to skip from there, after decoding.
+    pub(super) byte_skip: u64,
+    /// Volumes that the files hold, one after the other.
+    pub(super) volume_count: u64,
+    /// Which of them is read.
+    pub(super) volume_index: u64,
+    /// What may follow the last sample of a file.
+    pub(super) tail: Tail,
+    /// The rule that sizes break, for messages: "NRRD sizes".
+    pub(super) rule: &'static str,
+}
+
+/// Reads a plan's slices.
+pub(super) struct SlabReader {
+    plan: Plan,
+    /// Samples that each file holds.
+    file_samples: u64,
+    /// Slices read since the start.
+    slices_read: u32,
+    /// The file that is open, its samples not yet read, and which file it is.
+    stream: Option<Stream>,
+    left: u64,
+    file_index: usize,
+    /// A read failed, so the position is not known.
+    lost: bool,
+}
+
+impl SlabReader {
+    /// Checks `plan` against the files.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if a file is missing; [`Error::Format`] if one cannot hold its samples; [`Error::Limit`] if
+    /// sizes overflow; [`Error::Input`] if there is no such volume.
+    pub(super) fn new(plan: Plan) -> Result<SlabReader> {
+        plan.header.grid.check()?;
+        let volume_samples = plan.header.grid.len();
+        check_volume(plan.volume_index, plan.volume_count)?;
+        let width = plan.header.sample_type.bytes() as u64;
+        let first = plan.files.first().ok_or_else(|| Error::input("data files", "are none"))?;
+        let whole = volume_samples.checked_mul(plan.volume_count);
+        let Some(whole) = whole.filter(|samples| samples.checked_mul(width).is_some()) else {
+            let what = format!("{}: samples of all volumes", first.display());
+            let need = volume_samples.saturating_mul(plan.volume_count);
+            return Err(Error::Limit { what, need, have: u64::MAX / width });
+        };
+        let file_count = plan.files.len() as u64;
+        if whole % file_count != 0 {
+            let expected = format!("a number of files that divides {whole} samples");
+            return Err(Error::format(first, 0, plan.rule, expected, format!("{file_count} files")));
+        }
+        let file_samples = whole / file_count;
+        for path in &plan.files {
+            check_file(&plan, path, file_samples, width)?;
+        }
+        let mut reader =
+            SlabReader { plan, file_samples, slices_read: 0, stream: None, left: 0, file_index: 0, lost: false };
+        reader.rewind()?;
+        Ok(reader)
+    }
+
+    /// Opens file `index` and skips `skip` of its samples.
+    fn open_file(&mut self, index: usize, skip: u64) -> Result<()> {
+        let plan = &self.plan;
+        let width = plan.header.sample_type.bytes() as u64;
+        let path = plan.files.get(index).ok_or_else(|| Error::input("data files", "are too few"))?;
+        let at = match plan.start {
+            Start::At(at) => at,
+            Start::FromEnd { after, least } => {
+                let len = std::fs::metadata(path).map_err(Error::io("open data file", path))?.len();
+                let used = (self.file_samples * width).saturating_add(after);
+                let at = len.checked_sub(used).filter(|at| *at >= least);
+                at.ok_or_else(|| short(plan, path, used.saturating_add(least), len))?
+            }
+        };
+        let mut stream = Stream::open(path, plan.codec, at, plan.line_skip, plan.rule)?;
+        stream.skip_bytes(plan.byte_skip)?;
+        stream.skip_samples(skip, width)?;
+        self.stream = Some(stream);
+        self.left = self.file_samples - skip;
+        self.file_index = index;
+        Ok(())
+    }
+
+    fn fill(&mut self, slice: &mut Samples) -> Result<()> {
+        let mut done = 0;
+        while done < slice.len() {
+            if self.left == 0 {
+                self.open_file(self.file_index + 1, 0)?;
+            }
+            let Some(stream) = &mut self.stream else {
+                return Err(Error::input("slice", "is asked for before the file was opened; rewind first"));
+            };
+            let part = usize::try_from(self.left).unwrap_or(usize::MAX).min(slice.len() - done);
+            stream.read(slice, done..done + part)?;
+            done += part;
+            self.left -= part as u64;
+            if self.left == 0 && self.plan.tail == Tail::Nothing {
+                stream.expect_end()?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl SlabSource for SlabReader {
+    fn header(&self) -> &Header {
+        &self.plan.header
+    }
+
+    fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+        check_turn(&self.plan.header, slice, self.slices_read, self.lost)?;
+        self.lost = true;
+        self.fill(slice)?;
+        self.lost = false;
+        if !self.plan.codec.is_text() && self.plan.endian != Endian::NATIVE {
+            slice.swap_bytes();
+        }
+        self.slices_read += 1;
+        Ok(())
+    }
+
+    fn rewind(&mut self) -> Result<()> {
+        let first = self.plan.volume_index * self.plan.header.grid.len();
+        let file = usize::try_from(first / self.file_samples).unwrap_or(usize::MAX);
+        self.lost = true;
+        self.open_file(file, first % self.file_samples)?;
+        self.slices_read = 0;
+        self.lost = false;
+        Ok(())
+    }
+
+    fn buffer_bytes(&self) -> u64 {
+        self.stream.as_ref().map_or(0, Stream::buffer_bytes)
+    }
+}
+
+/// Checks that `slice` fits a volume, and that there is a next slice to read into it.
+///
+/// `slices_read` counts those before it; `lost` says that one of them failed, so that the place is not known.
+///
+/// # Errors
+/// [`Error::Input`] if not.
+pub(super) fn check_turn(header: &Header, slice: &Samples, slices_read: u32, lost: bool) -> Result<()> {
+    if slice.sample_type() != header.sample_type || slice.len() as u64 != header.grid.slice_len() {
+        let why = format!(
+            "holds {} samples of {}, but a slice has {} of {}",
+            slice.len(),
+            slice.sample_type().name(),
+            header.grid.slice_len(),
+            header.sample_type.name()
+        );
+        return Err(Error::input("slice buffer", why));
+    }
+    if lost {
+        return Err(Error::input("slice", "comes after one that failed; rewind first"));
+    }
+    if slices_read == header.grid.dims[2] {
+        return Err(Error::input("slice", "comes after the last; rewind first"));
+    }
+    Ok(())
+}
+
+/// Checks that volume `index` is one of `count`.
+///
+/// # Errors
+/// [`Error::Input`] if not.
+pub(super) fn check_volume(index: u64, count: u64) -> Result<()> {
+    if index < count {
+        return Ok(());
+    }
+    let s = if count == 1 { "" } else { "s" };
+    Err(Error::input("volume", format!("is {index}, but the file holds {count} volume{s}, counted from 0")))
+}
+
+/// Checks that the file at `path` is there and long enough for `samples` samples of `width` bytes.
+fn check_file(plan: &Plan, path: &Path, samples: u64, width: u64) -> Result<()> {
+    let kind = std::fs::metadata(path).map_err(Error::io("open data file", path))?;
+    if !kind.is_file() {
+        return Err(Error::input(path.display().to_string(), "is not a regular file, but the header says it is data"));
+    }
+    let len = kind.len();
+    let bytes = samples * width;
+    let before = match plan.start {
+        Start::At(at) => at.saturating_add(plan.line_skip),
+        Start::FromEnd { after, least } => after.saturating_add(least),
+    };
+    let room = len.saturating_sub(before);
+    match plan.codec {
+        Codec::Raw => {
+            let need = before.saturating_add(plan.byte_skip).saturating_add(bytes);
+            if len < need {
+                return Err(short(plan, path, need, len));
+            }
+            if plan.tail == Tail::Nothing && len > need && plan.line_skip == 0 {
+                let expected = format!("{need} bytes ({})", described(plan));
+                let got = format!("{len} bytes; check the dimensions and the type");
+                return Err(Error::format(path, need, plan.rule, expected, got));
+            }
+        }
+        Codec::Deflate | Codec::Array(_) => {
+            let most = match plan.codec {
+                Codec::Array(coding) => coding.most_bytes(room),
+                _ => room.saturating_mul(DEFLATE_RATIO),
+            };
+            let need = bytes.saturating_add(plan.byte_skip);
+            if most < need {
+                let expected = format!("{need} decompressed bytes ({})", described(plan));
+                let got = format!("{room} packed bytes, which can hold at most {most}");
+                return Err(Error::format(path, len, plan.rule, expected, got));
+            }
+        }
+        Codec::Text | Codec::TextToTag => {
+            // A digit and a space each, no space behind the last.
+            let need = samples.saturating_mul(2).saturating_add(plan.byte_skip) - 1;
+            if room < need {
+                let expected = format!("{samples} numbers ({})", described(plan));
+                let got = format!("{room} bytes of text, too short for them");
+                return Err(Error::format(path, len, plan.rule, expected, got));
+            }
+        }
+    }
+    Ok(())
+}
+
+/// "64 x 64 x 93 of i16", and how many volumes and files where there are more than one.
+fn described(plan: &Plan) -> String {
+    let [x, y, z] = plan.header.grid.dims;
+    let mut text = format!("{x} x {y} x {z} of {}", plan.header.sample_type.name());
+    if plan.volume_count > 1 {
+        text += &format!(", {} volumes", plan.volume_count);
+    }
+    if plan.files.len() > 1 {
+        text += &format!(", in {} files", plan.files.len());
+    }
+    text
+}
+
+fn short(plan: &Plan, path: &Path, need: u64, len: u64) -> Error {
+    Error::format(path, len, plan.rule, format!("{need} bytes ({})", described(plan)), format!("{len} bytes"))
+}

@@ -1,0 +1,284 @@
+//! One file's samples as a forward stream of bytes or of numbers, decoded on the way.
+//!
+//! In: a file, where in it the samples start, and how they are packed. Out: bytes, or numbers where the samples are
+//! text. Nothing is held but a small buffer; uncompressed bytes go straight from the file into the caller's slice by
+//! whole-slice reads, which is as fast as a memory map that is read once from front to back, and needs no `unsafe`.
+//!
+//! Compressed samples name their own wrapper in their first two bytes: gzip (RFC 1952) or zlib (RFC 1950). Both are
+//! taken wherever a format says "compressed", as writers of every format here have been seen to mix them up.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
+
+use super::tokens;
+use super::tokens::TextReader;
+use super::vti_array::{ArrayReader, Coding};
+use adjsplat::error::{Error, Result};
+use adjsplat::internals::open_regular;
+use adjsplat::volume::Samples;
+use adjsplat::with_samples;
+
+/// How samples are packed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Codec {
+    /// Bytes as they are.
+    Raw,
+    /// Bytes in a gzip or zlib stream.
+    Deflate,
+    /// Numbers as text, between white space or commas.
+    Text,
+    /// The same, up to the next XML tag.
+    TextToTag,
+    /// An array of a VTK XML file.
+    Array(Coding),
+}
+
+impl Codec {
+    /// Whether samples are numbers as text.
+    pub(super) fn is_text(self) -> bool {
+        matches!(self, Codec::Text | Codec::TextToTag)
+    }
+}
+
+/// Where a file's samples start, before decoding.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Start {
+    /// At this byte offset.
+    At(u64),
+    /// Where the last sample is the file's last but for some bytes; uncompressed samples only.
+    FromEnd {
+        /// Bytes behind the last sample.
+        after: u64,
+        /// Byte offset that samples cannot start before.
+        least: u64,
+    },
+}
+
+/// Most bytes that one byte of a deflate stream can become: 258 bytes from 2 bits.
+pub(super) const DEFLATE_RATIO: u64 = 1032;
+
+const BUFFER_BYTES: usize = 64 << 10;
+
+/// The samples of one file, from the first to be read.
+pub(super) struct Stream {
+    path: PathBuf,
+    rule: &'static str,
+    bytes_read: u64,
+    packed: Packed,
+}
+
+enum Packed {
+    Raw(File),
+    Gzip(Box<MultiGzDecoder<BufReader<File>>>),
+    Zlib(Box<ZlibDecoder<BufReader<File>>>),
+    Text(TextReader),
+    Array(Box<ArrayReader>),
+}
+
+impl Stream {
+    /// Opens `path` with `codec`; samples start at byte `at`, after `line_skip` more lines.
+    pub(super) fn open(path: &Path, codec: Codec, at: u64, line_skip: u64, rule: &'static str) -> Result<Stream> {
+        let (file, _) = open_regular(path, "open data file")?;
+        let read_failed = || Error::io("read", path);
+        let mut reader = BufReader::with_capacity(BUFFER_BYTES, file);
+        reader.seek(SeekFrom::Start(at)).map_err(read_failed())?;
+        skip_lines(&mut reader, line_skip).map_err(read_failed())?;
+        let packed = match codec {
+            Codec::Text | Codec::TextToTag => Packed::Text(TextReader::new(reader, codec == Codec::TextToTag)),
+            Codec::Array(coding) => Packed::Array(Box::new(ArrayReader::open(path, reader, coding, rule)?)),
+            Codec::Raw => {
+                let at = reader.stream_position().map_err(read_failed())?;
+                let mut file = reader.into_inner();
+                file.seek(SeekFrom::Start(at)).map_err(read_failed())?;
+                Packed::Raw(file)
+            }
+            Codec::Deflate => match wrapper(&mut reader).map_err(read_failed())? {
+                Some(Wrapper::Gzip) => Packed::Gzip(Box::new(MultiGzDecoder::new(reader))),
+                Some(Wrapper::Zlib) => Packed::Zlib(Box::new(ZlibDecoder::new(reader))),
+                None => {
+                    let at = reader.stream_position().map_err(read_failed())?;
+                    return Err(Error::format(path, at, rule, "a gzip or zlib stream", "other bytes"));
+                }
+            },
+        };
+        Ok(Stream { path: path.to_path_buf(), rule, bytes_read: 0, packed })
+    }
+
+    /// Fills samples `range` of `slice`, in the file's byte order.
+    pub(super) fn read(&mut self, slice: &mut Samples, range: std::ops::Range<usize>) -> Result<()> {
+        let width = slice.sample_type().bytes();
+        if let Packed::Text(reader) = &mut self.packed {
+            let place = tokens::Place { path: &self.path, rule: self.rule };
+            return with_samples!(slice, samples => tokens::read_numbers(reader, &mut samples[range], place));
+        }
+        self.read_bytes(&mut slice.bytes_mut()[range.start * width..range.end * width])
+    }
+
+    /// Skips `count` samples of `width` bytes.
+    pub(super) fn skip_samples(&mut self, count: u64, width: u64) -> Result<()> {
+        match &mut self.packed {
+            Packed::Text(reader) => {
+                let place = tokens::Place { path: &self.path, rule: self.rule };
+                for _ in 0..count {
+                    tokens::skip_number(reader, place)?;
+                }
+                Ok(())
+            }
+            _ => self.skip_bytes(count.saturating_mul(width)),
+        }
+    }
+
+    /// Skips `count` decoded bytes.
+    pub(super) fn skip_bytes(&mut self, count: u64) -> Result<()> {
+        let failed = || Error::io("read", &self.path);
+        match &mut self.packed {
+            Packed::Raw(file) => {
+                let at = file.stream_position().and_then(|at| {
+                    let to = at.checked_add(count).ok_or(io::ErrorKind::InvalidInput)?;
+                    file.seek(SeekFrom::Start(to))
+                });
+                at.map(|_| ()).map_err(failed())
+            }
+            Packed::Text(reader) => reader.skip(count).map_err(failed()),
+            Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_) => {
+                let mut waste = [0; 16 << 10];
+                let mut left = count;
+                while left > 0 {
+                    let part = usize::try_from(left).unwrap_or(usize::MAX).min(waste.len());
+                    self.read_bytes(&mut waste[..part])?;
+                    left -= u64::try_from(part).unwrap_or(left);
+                }
+                Ok(())
+            }
+        }
+    }
+
+    /// Checks that nothing follows the last sample: no decoded byte, no number.
+    ///
+    /// For a compressed stream this also checks its checksum.
+    pub(super) fn expect_end(&mut self) -> Result<()> {
+        let mut next = [0];
+        let more = match &mut self.packed {
+            Packed::Text(reader) => {
+                let place = tokens::Place { path: &self.path, rule: self.rule };
+                !tokens::at_end(reader, place)?
+            }
+            Packed::Raw(file) => read_some(file, &mut next).map_err(|e| self.fault(e, 0))? > 0,
+            Packed::Gzip(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
+            Packed::Zlib(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
+            Packed::Array(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
+        };
+        if more {
+            let at = self.position();
+            let got = "more after them; check the dimensions and the type";
+            return Err(Error::format(&self.path, at, self.rule, "nothing after the last sample", got));
+        }
+        Ok(())
+    }
+
+    fn read_bytes(&mut self, into: &mut [u8]) -> Result<()> {
+        let mut done = 0;
+        while done < into.len() {
+            let rest = &mut into[done..];
+            let read = match &mut self.packed {
+                Packed::Raw(file) => read_some(file, rest),
+                Packed::Gzip(reader) => read_some(reader, rest),
+                Packed::Zlib(reader) => read_some(reader, rest),
+                Packed::Text(reader) => read_some(reader, rest),
+                Packed::Array(reader) => read_some(reader, rest),
+            };
+            let wanted = rest.len();
+            match read {
+                Ok(0) => return Err(self.fault(io::ErrorKind::UnexpectedEof.into(), wanted)),
+                Ok(count) => {
+                    done += count;
+                    self.bytes_read += u64::try_from(count).unwrap_or(0);
+                }
+                Err(source) => return Err(self.fault(source, wanted)),
+            }
+        }
+        Ok(())
+    }
+
+    /// What a failed read means for the user.
+    fn fault(&mut self, source: io::Error, wanted: usize) -> Error {
+        let packed = matches!(self.packed, Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_));
+        let (kind, read) = (source.kind(), self.bytes_read);
+        let at = self.position();
+        let intact = "an intact compressed stream (copy or download the file again)";
+        match kind {
+            io::ErrorKind::UnexpectedEof => {
+                let got = format!("its end after {read} bytes{}", if packed { " of decompressed samples" } else { "" });
+                let expected = match wanted {
+                    0 => intact.to_string(),
+                    _ => format!("at least {} bytes of samples", read.saturating_add(wanted as u64)),
+                };
+                Error::format(&self.path, at, self.rule, expected, got)
+            }
+            io::ErrorKind::InvalidInput | io::ErrorKind::InvalidData if packed => {
+                Error::format(&self.path, at, self.rule, intact, source.to_string())
+            }
+            _ => Error::io("read", &self.path)(source),
+        }
+    }
+
+    /// Bytes of memory that decoding holds, where that may be above a megabyte.
+    pub(super) fn buffer_bytes(&self) -> u64 {
+        match &self.packed {
+            Packed::Array(reader) => reader.buffer_bytes(),
+            _ => 0,
+        }
+    }
+
+    /// Byte offset in the file, for messages.
+    fn position(&mut self) -> u64 {
+        match &mut self.packed {
+            Packed::Raw(file) => file.stream_position(),
+            Packed::Gzip(reader) => reader.get_mut().stream_position(),
+            Packed::Zlib(reader) => reader.get_mut().stream_position(),
+            Packed::Text(reader) => Ok(reader.position()),
+            Packed::Array(reader) => reader.position(),
+        }
+        .unwrap_or(0)
+    }
+}
+
+/// One read, again if a signal broke it off.
+fn read_some(reader: &mut impl Read, into: &mut [u8]) -> io::Result<usize> {
+    loop {
+        match reader.read(into) {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
+            other => return other,
+        }
+    }
+}
+
+fn skip_lines(reader: &mut impl BufRead, count: u64) -> io::Result<()> {
+    for _ in 0..count {
+        if reader.skip_until(b'\n')? == 0 {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// What holds a deflate stream.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Wrapper {
+    Gzip,
+    Zlib,
+}
+
+fn wrapper(reader: &mut impl BufRead) -> io::Result<Option<Wrapper>> {
+    Ok(match reader.fill_buf()? {
+        [0x1f, 0x8b, ..] => Some(Wrapper::Gzip),
+        // RFC 1950: method 8, and the two bytes, big endian, are a multiple of 31.
+        [method, flags, ..] if method & 15 == 8 && (u16::from(*method) << 8 | u16::from(*flags)) % 31 == 0 => {
+            Some(Wrapper::Zlib)
+        }
+        _ => None,
+    })
+}

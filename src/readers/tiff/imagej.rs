@@ -1,0 +1,108 @@
+//! What ImageJ writes into a TIFF file's description: lines of `key=value`.
+//!
+//! In: the description. Out: how pages are slices, channels and frames, how far apart points are, and the line that
+//! turns samples into values. Keys that are missing have the values that ImageJ leaves out.
+//!
+//! Source: ImageJ's own reading and writing of these lines (ij.io, public domain).
+
+use std::path::Path;
+
+use super::page::Resolution;
+use crate::frame::Frame;
+use adjsplat::error::{Error, Result};
+
+/// What a description says.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct ImageJ {
+    /// Pages in all.
+    pub(super) images: u64,
+    channels: u64,
+    frames: u64,
+    /// 0 if it is not said: as many as there are pages for.
+    slices: u64,
+    unit: Option<String>,
+    /// Distance between slices.
+    spacing: f64,
+    /// Slope and intercept.
+    scaling: (f64, f64),
+}
+
+impl ImageJ {
+    /// What `text` says, if ImageJ wrote it.
+    pub(super) fn parse(text: &str) -> Option<ImageJ> {
+        if !text.starts_with("ImageJ=") {
+            return None;
+        }
+        let value = |key: &str| {
+            let values = text.lines().filter_map(|line| line.split_once('='));
+            values.filter(|(found, _)| *found == key).map(|(_, value)| value.trim()).next_back()
+        };
+        // Counts were written as decimals by some.
+        let count = |key| value(key).and_then(|text| text.strip_suffix(".0").unwrap_or(text).parse::<u64>().ok());
+        let number = |key| value(key).and_then(|text| text.parse::<f64>().ok()).filter(|number| number.is_finite());
+        // Function 0 is a straight line: c0 + c1 * sample.
+        let scaling = match (count("cf"), number("c0"), number("c1"), value("c2")) {
+            (Some(0), Some(intercept), Some(slope), None) if slope != 0.0 => (slope, intercept),
+            _ => (1.0, 0.0),
+        };
+        Some(ImageJ {
+            images: count("images").unwrap_or(1).max(1),
+            channels: count("channels").unwrap_or(1).max(1),
+            frames: count("frames").unwrap_or(1).max(1),
+            slices: count("slices").unwrap_or(0),
+            unit: value("unit").and_then(unit_name),
+            spacing: number("spacing").map(f64::abs).filter(|spacing| *spacing > 0.0).unwrap_or(1.0),
+            scaling,
+        })
+    }
+
+    /// Volumes: one for each channel at each time.
+    pub(super) fn volumes(&self) -> u64 {
+        self.channels.saturating_mul(self.frames)
+    }
+
+    /// The pages of volume `volume`, slice by slice, of `count` pages in all; the file is at `path`.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if there are other numbers of pages than slices, channels and frames ask for.
+    pub(super) fn pages(&self, path: &Path, count: u64, volume: u64) -> Result<Vec<u64>> {
+        let volumes = self.volumes();
+        let slices = if self.slices == 0 { count / volumes } else { self.slices };
+        if slices == 0 || slices.checked_mul(volumes) != Some(count) {
+            let ImageJ { channels, frames, .. } = self;
+            let expected = format!("{slices} slices x {channels} channels x {frames} frames");
+            return Err(Error::format(path, 0, "TIFF ImageJ images", expected, format!("{count} pages")));
+        }
+        if slices > u64::from(adjsplat::volume::MAX_DIM) {
+            let what = format!("{}: points along z", path.display());
+            return Err(Error::Limit { what, need: slices, have: adjsplat::volume::MAX_DIM.into() });
+        }
+        let (channel, frame) = (volume % self.channels, volume / self.channels);
+        Ok((0..slices).map(|slice| (frame * slices + slice) * self.channels + channel).collect())
+    }
+
+    /// Where the grid lies.
+    pub(super) fn frame(&self, resolution: &Resolution) -> Frame {
+        let mut pixel = resolution.pixel();
+        if resolution.unit == 3 && self.unit.as_deref() == Some("um") {
+            // Resolutions per centimetre beside a description in micrometres: other programs write such files.
+            pixel = pixel.map(|size| size * 1e4);
+        }
+        Frame { unit: self.unit.clone(), ..Frame::upright([pixel[0], pixel[1], self.spacing]) }
+    }
+
+    /// Slope and intercept.
+    pub(super) fn scaling(&self) -> (f64, f64) {
+        self.scaling
+    }
+}
+
+/// The unit that `text` names; `None` if it names none.
+fn unit_name(text: &str) -> Option<String> {
+    let name = match text {
+        "" | "pixel" | "pixels" => return None,
+        "micron" | "microns" | "\\u00B5m" | "\\u00b5m" | "\u{b5}m" | "\u{3bc}m" | "micrometer" => "um",
+        other => other,
+    };
+    Some(name.chars().filter(|c| !c.is_control()).take(40).collect())
+}

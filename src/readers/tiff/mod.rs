@@ -1,0 +1,219 @@
+//! TIFF and BigTIFF: the pages of one file, or a folder of files of one page, as the slices of a volume.
+//!
+//! In: grey pages of one size and type, in strips or tiles, plain or packed by LZW, deflate, PackBits or zstd. Out: a
+//! slab source. Pages are slices in the file's order; thumbnails and masks (NewSubfileType 1 and 4) are passed over.
+//! Two kinds of writers say more, and are believed:
+//!
+//! ```text
+//! ImageJ     channels, slices and frames; spacing and unit; a line that turns samples into values; stacks above 4 GB
+//!            of which only the first page has a directory
+//! OME-TIFF   which page is which slice, channel and time; physical sizes with units
+//! ```
+//!
+//! Each channel at each time is a volume of its own, counted channels first. Elsewhere resolution tags give the
+//! spacing along x and y, in millimetres where they have a unit, and that along z, which the format does not know, is
+//! taken to be that along x; 72 to the inch is what writers put that know no resolution, and counts as none.
+//! Samples are taken as they are stored, also where 0 is to be shown white (MinIsWhite): so do ImageJ and others. Only
+//! signed and floating-point samples shown so are refused, as unpacking them would round.
+//!
+//! Source: TIFF 6.0 (Adobe 1992); OME-TIFF specification (docs.openmicroscopy.org).
+
+mod imagej;
+mod ome;
+mod page;
+mod reader;
+
+use std::path::{Path, PathBuf};
+
+use super::frame::Frame;
+use super::open::{OpenOptions, file_name};
+use super::slab::check_volume;
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::{Header, MAX_DIM, SlabSource};
+use imagej::ImageJ;
+use ome::Ome;
+use page::{Pages, Resolution, Shape};
+use reader::{Place, TiffReader};
+
+/// Whether `probe`, the first bytes of a file, are those of a TIFF or BigTIFF.
+pub(super) fn is_header(probe: &[u8]) -> bool {
+    [&b"II*\0"[..], b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| probe.starts_with(magic))
+}
+
+/// What a writer says of its pages beside their tags.
+enum Description {
+    Plain,
+    ImageJ(ImageJ),
+    Ome(Ome),
+}
+
+impl Description {
+    fn read(path: &Path, pages: &mut Pages) -> Result<Description> {
+        let text = pages.description()?;
+        Ok(if let Some(imagej) = text.as_deref().and_then(ImageJ::parse) {
+            Description::ImageJ(imagej)
+        } else if let Some(text) = text.filter(|text| ome::is_ome(text)) {
+            Description::Ome(Ome::parse(path, &text)?)
+        } else {
+            Description::Plain
+        })
+    }
+
+    fn format(&self) -> &'static str {
+        match self {
+            Description::Plain => "TIFF",
+            Description::ImageJ(_) => "ImageJ TIFF",
+            Description::Ome(_) => "OME-TIFF",
+        }
+    }
+
+    fn frame(&self, resolution: &Resolution) -> Frame {
+        match self {
+            Description::Plain => plain_frame(resolution),
+            Description::ImageJ(imagej) => imagej.frame(resolution),
+            Description::Ome(ome) => ome.frame(),
+        }
+    }
+
+    /// Slope and intercept.
+    fn scaling(&self) -> (f64, f64) {
+        match self {
+            Description::ImageJ(imagej) => imagej.scaling(),
+            _ => (1.0, 0.0),
+        }
+    }
+}
+
+/// Opens the TIFF file at `path`.
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+    let mut pages = Pages::open(path)?;
+    let listed = pages.list()?;
+    pages.go_to(listed.full[0])?;
+    let description = Description::read(path, &mut pages)?;
+    let resolution = pages.resolution()?;
+    let first = pages.shape()?;
+    let volume = u64::from(options.volume_index);
+    let (places, shape): (Vec<Place>, Shape) = match &description {
+        Description::ImageJ(imagej) if listed.count == 1 && imagej.images > 1 => {
+            check_volume(volume, imagej.volumes())?;
+            let start = pages.contiguous(&first, imagej.images)?;
+            let numbers = imagej.pages(path, imagej.images, volume)?;
+            (numbers.into_iter().map(|page| Place::Bytes(start + page * first.bytes())).collect(), first)
+        }
+        description => {
+            let numbers = match description {
+                Description::Plain => {
+                    check_volume(volume, 1)?;
+                    listed.full
+                }
+                Description::ImageJ(imagej) => {
+                    let count = listed.full.len() as u64;
+                    check_volume(volume, imagej.volumes())?;
+                    let chosen = imagej.pages(path, count, volume)?;
+                    chosen.into_iter().map(|page| listed.full[usize::try_from(page).unwrap_or(0)]).collect()
+                }
+                Description::Ome(ome) => {
+                    check_volume(volume, ome.volumes())?;
+                    ome.pages(path, listed.count, volume)?
+                }
+            };
+            check_slices(path, numbers.len())?;
+            let first = numbers[0];
+            pages.go_to(first)?;
+            let shape = pages.shape()?;
+            for number in &numbers {
+                pages.go_to(*number)?;
+                pages.check(&shape, &format!("page {first}"))?;
+            }
+            (numbers.into_iter().map(|page| Place::Page { file: 0, page }).collect(), shape)
+        }
+    };
+    finish(path, vec![path.to_path_buf()], places, shape, options, &(description, resolution))
+}
+
+/// Opens `files`, each of which has one page, as the slices of one volume; `folder` is where they are.
+pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+    check_volume(options.volume_index.into(), 1)?;
+    check_slices(folder, files.len())?;
+    let mut first: Option<(Shape, (Description, Resolution))> = None;
+    let mut places = Vec::new();
+    for (file, path) in files.iter().enumerate() {
+        let mut pages = Pages::open(path)?;
+        let listed = pages.list()?;
+        if listed.full.len() > 1 {
+            let count = listed.full.len();
+            let why = format!("holds {count} pages, but files of a stack have one each; name the file itself");
+            return Err(Error::input(path.display().to_string(), why));
+        }
+        pages.go_to(listed.full[0])?;
+        let shape = match &first {
+            Some((shape, _)) => shape.clone(),
+            None => {
+                let description = Description::read(path, &mut pages)?;
+                let volumes = if let Description::Ome(ome) = &description { ome.volumes() } else { 1 };
+                if volumes > 1 {
+                    let why = format!("tells of {volumes} channels and times over several files; join them in one");
+                    return Err(Error::input(path.display().to_string(), why));
+                }
+                let (shape, resolution) = (pages.shape()?, pages.resolution()?);
+                first = Some((shape.clone(), (description, resolution)));
+                shape
+            }
+        };
+        pages.check(&shape, &file_name(&files[0]))?;
+        places.push(Place::Page { file, page: listed.full[0] });
+    }
+    match first {
+        Some((shape, told)) => finish(folder, files, places, shape, options, &told),
+        None => Err(Error::input(folder.display().to_string(), "holds no TIFF files")),
+    }
+}
+
+/// The source over `places`, of which the first file tells what is `told`.
+fn finish(
+    path: &Path,
+    files: Vec<PathBuf>,
+    places: Vec<Place>,
+    shape: Shape,
+    options: &OpenOptions,
+    told: &(Description, Resolution),
+) -> Result<Box<dyn SlabSource>> {
+    let (description, resolution) = told;
+    let dims = [shape.width.into(), shape.height.into(), places.len() as u64];
+    let grid = description.frame(resolution).grid(path, "TIFF grid", dims, options.spacing)?;
+    let (slope, intercept) = description.scaling();
+    let header = Header {
+        grid,
+        sample_type: shape.sample_type,
+        slope,
+        intercept,
+        name: file_name(path),
+        format: description.format(),
+    };
+    Ok(Box::new(TiffReader::new(header, files, places, shape)?))
+}
+
+/// Refuses more slices than an axis may have before a list of them is checked one by one.
+fn check_slices(path: &Path, count: usize) -> Result<()> {
+    let (need, have) = (count as u64, u64::from(MAX_DIM));
+    if need > have {
+        return Err(Error::Limit { what: format!("{}: points along z", path.display()), need, have });
+    }
+    Ok(())
+}
+
+/// The frame of a file of which only the tags are known.
+fn plain_frame(resolution: &Resolution) -> Frame {
+    let millimetres = match resolution.unit {
+        2 => Some(25.4),
+        3 => Some(10.0),
+        _ => None,
+    };
+    let [x, y] = resolution.pixel();
+    if resolution.unit == 2 && (x * 72.0 - 1.0).abs() < 1e-6 {
+        return Frame::upright([1.0, y / x, 1.0]);
+    }
+    let unit = millimetres.filter(|_| resolution.is_given()).map(|_| "mm".to_string());
+    let scale = if unit.is_some() { millimetres.unwrap_or(1.0) } else { 1.0 };
+    Frame { unit, ..Frame::upright([x * scale, y * scale, x * scale]) }
+}

@@ -1,0 +1,237 @@
+//! What OME-XML in a TIFF file's description says of its first image.
+//!
+//! In: the XML. Out: which page is which slice of which channel at which time, and how far apart points are. Planes
+//! have numbers by the image's order of dimensions; each `TiffData` tells from which page on some of them follow.
+//!
+//! Source: OME-TIFF specification and OME schema, `Pixels` and `TiffData` (docs.openmicroscopy.org).
+
+use std::path::Path;
+
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+
+use crate::frame::Frame;
+use crate::lines::clip;
+use adjsplat::error::{Error, Result};
+
+const RULE: &str = "OME-XML";
+
+/// Planes that follow each other in a file.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct Run {
+    /// Number of the first plane.
+    plane: u64,
+    /// The page that it is.
+    page: u64,
+    /// How many planes; `None` for all that follow.
+    count: Option<u64>,
+}
+
+/// What the XML says.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Ome {
+    /// How many slices, channels, times.
+    sizes: [u64; 3],
+    /// How far apart the planes of neighbouring slices, channels, times are, in planes.
+    strides: [u64; 3],
+    /// By first plane.
+    runs: Vec<Run>,
+    spacing: [f64; 3],
+    unit: Option<String>,
+}
+
+/// Whether `text` is OME-XML.
+pub(super) fn is_ome(text: &str) -> bool {
+    let text = text.trim_start_matches('\u{feff}').trim_start();
+    text.starts_with('<') && (text.contains("<OME") || text.contains(":OME"))
+}
+
+impl Ome {
+    /// Reads the XML in the description of the file at `path`.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if it is not well formed, lacks what it must have, or tells of other files.
+    pub(super) fn parse(path: &Path, text: &str) -> Result<Ome> {
+        let fault = |expected: &str, got: String| Error::format(path, 0, RULE, expected, got);
+        let mut reader = Reader::from_str(text);
+        let (mut ome, mut files): (Option<Ome>, Option<String>) = (None, None);
+        loop {
+            let event = reader
+                .read_event()
+                .map_err(|error| fault("XML that is well formed", error.to_string().replace(['\n', '\r'], " ")))?;
+            match &event {
+                Event::Start(tag) | Event::Empty(tag) => match (tag.local_name().as_ref(), &mut ome) {
+                    (b"Pixels", None) => ome = Some(Ome::pixels(path, tag)?),
+                    (b"TiffData", Some(ome)) => {
+                        let run = ome.run(path, tag)?;
+                        ome.runs.push(run);
+                    }
+                    (b"UUID", Some(_)) => {
+                        let name = attribute(tag, "FileName");
+                        if let (Some(one), Some(other)) = (&files, &name)
+                            && one != other
+                        {
+                            let got = format!("{} and {}; join them in one file", clip(one), clip(other));
+                            return Err(fault("all planes in one file", got));
+                        }
+                        files = files.or(name);
+                    }
+                    _ => {}
+                },
+                // Further images have pages of their own.
+                Event::End(tag) if tag.local_name().as_ref() == b"Pixels" => break,
+                Event::Eof => break,
+                _ => {}
+            }
+        }
+        let mut ome = ome.ok_or_else(|| fault("an image with Pixels", "none; they may be in another file".into()))?;
+        if ome.runs.is_empty() {
+            ome.runs.push(Run { plane: 0, page: 0, count: None });
+        }
+        ome.runs.sort_by_key(|run| run.plane);
+        Ok(ome)
+    }
+
+    /// What the attributes of `Pixels` say.
+    fn pixels(path: &Path, tag: &BytesStart<'_>) -> Result<Ome> {
+        let mut sizes = [0; 3];
+        for (size, name) in sizes.iter_mut().zip(["SizeZ", "SizeC", "SizeT"]) {
+            let text = attribute(tag, name).unwrap_or_default();
+            let parsed = text.trim().parse::<u64>().ok().filter(|size| *size > 0);
+            *size =
+                parsed.ok_or_else(|| Error::format(path, 0, RULE, format!("{name}, a number above 0"), clip(&text)))?;
+        }
+        let order = attribute(tag, "DimensionOrder").unwrap_or_default();
+        let (mut strides, mut stride) = ([0; 3], 1u64);
+        for letter in order.strip_prefix("XY").unwrap_or_default().chars() {
+            if let Some(axis) = "ZCT".find(letter).filter(|axis| strides[*axis] == 0) {
+                strides[axis] = stride;
+                let next = stride.checked_mul(sizes[axis]);
+                stride = next.ok_or_else(|| {
+                    let what = format!("{}: planes of its image", path.display());
+                    Error::Limit { what, need: u64::MAX, have: u64::MAX - 1 }
+                })?;
+            }
+        }
+        if strides.contains(&0) {
+            let expected = "DimensionOrder, XY and then Z, C and T in any order";
+            return Err(Error::format(path, 0, RULE, expected, clip(&order)));
+        }
+        let (spacing, unit) = spacing(tag);
+        Ok(Ome { sizes, strides, runs: Vec::new(), spacing, unit })
+    }
+
+    /// What the attributes of a `TiffData` say.
+    fn run(&self, path: &Path, tag: &BytesStart<'_>) -> Result<Run> {
+        let number = |name: &str| match attribute(tag, name) {
+            None => Ok(None),
+            Some(text) => match text.trim().parse::<u64>() {
+                Ok(number) => Ok(Some(number)),
+                Err(_) => Err(Error::format(path, 0, RULE, format!("{name}, a number"), clip(&text))),
+            },
+        };
+        let mut plane = 0;
+        for (axis, name) in ["FirstZ", "FirstC", "FirstT"].into_iter().enumerate() {
+            let first = number(name)?.unwrap_or(0);
+            if first >= self.sizes[axis] {
+                let expected = format!("{name} below {}", self.sizes[axis]);
+                return Err(Error::format(path, 0, RULE, expected, first.to_string()));
+            }
+            plane += first * self.strides[axis];
+        }
+        let page = number("IFD")?;
+        let count = number("PlaneCount")?.or(page.map(|_| 1));
+        Ok(Run { plane, page: page.unwrap_or(0), count })
+    }
+
+    /// Volumes: one for each channel at each time.
+    pub(super) fn volumes(&self) -> u64 {
+        self.sizes[1] * self.sizes[2]
+    }
+
+    /// The pages of volume `volume`, slice by slice, in the file at `path`, which has `count` of them.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if the XML does not say which page a slice is, or tells of one that is not there;
+    /// [`Error::Limit`] if there are too many slices.
+    pub(super) fn pages(&self, path: &Path, count: usize, volume: u64) -> Result<Vec<usize>> {
+        let [slices, channels, _] = self.sizes;
+        if slices > u64::from(adjsplat::volume::MAX_DIM) {
+            let what = format!("{}: points along z", path.display());
+            return Err(Error::Limit { what, need: slices, have: adjsplat::volume::MAX_DIM.into() });
+        }
+        let base = (volume % channels) * self.strides[1] + (volume / channels) * self.strides[2];
+        let page_of = |plane: u64| {
+            let after = self.runs.partition_point(|run| run.plane <= plane);
+            let run = self.runs[..after].last()?;
+            let place = plane - run.plane;
+            if run.count.is_some_and(|count| place >= count) {
+                return None;
+            }
+            usize::try_from(run.page.checked_add(place)?).ok()
+        };
+        let mut pages = Vec::new();
+        for slice in 0..slices {
+            let page = page_of(base + slice * self.strides[0]);
+            pages.push(page.filter(|page| *page < count).ok_or_else(|| {
+                let expected = format!("a page of the file for slice {slice} of volume {volume}");
+                let got = page.map_or("none".to_string(), |page| format!("page {page} of {count}"));
+                Error::format(path, 0, RULE, expected, got)
+            })?);
+        }
+        Ok(pages)
+    }
+
+    /// Where the grid lies.
+    pub(super) fn frame(&self) -> Frame {
+        Frame { unit: self.unit.clone(), ..Frame::upright(self.spacing) }
+    }
+}
+
+fn attribute(tag: &BytesStart<'_>, name: &str) -> Option<String> {
+    let found = tag.attributes().with_checks(false).flatten().find(|a| a.key.as_ref() == name.as_bytes())?;
+    Some(String::from_utf8_lossy(&found.value).into_owned())
+}
+
+/// Distances along x, y, z, in the unit of the first that is said. What is not said is as that.
+fn spacing(tag: &BytesStart<'_>) -> ([f64; 3], Option<String>) {
+    let lengths = ["PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ"].map(|name| length(tag, name));
+    let Some((first, unit)) = lengths.iter().flatten().next() else { return ([1.0; 3], None) };
+    let spacing = lengths.each_ref().map(|length| match length {
+        Some((size, own)) if own == unit => *size,
+        Some((size, own)) => match (metres(own), metres(unit)) {
+            (Some(own), Some(unit)) => size * own / unit,
+            _ => *first,
+        },
+        None => *first,
+    });
+    let unit = match metres(unit) {
+        Some(1e-6) => Some("um".into()),
+        Some(_) => Some(unit.clone()),
+        None => None,
+    };
+    (spacing, unit)
+}
+
+/// A length and its unit; `None` if it is not said, or no length above 0.
+fn length(tag: &BytesStart<'_>, name: &str) -> Option<(f64, String)> {
+    let size = attribute(tag, name)?.trim().parse::<f64>().ok()?;
+    let unit = attribute(tag, &format!("{name}Unit")).unwrap_or_else(|| "um".into());
+    (size.is_finite() && size > 0.0).then_some((size, unit))
+}
+
+/// Metres in a unit, if it is one of length.
+fn metres(unit: &str) -> Option<f64> {
+    Some(match unit {
+        "m" => 1.0,
+        "dm" => 1e-1,
+        "cm" => 1e-2,
+        "mm" => 1e-3,
+        "\u{b5}m" | "\u{3bc}m" | "&#181;m" | "&#xB5;m" | "um" => 1e-6,
+        "nm" => 1e-9,
+        "pm" => 1e-12,
+        "\u{c5}" => 1e-10,
+        "in" => 0.0254,
+        _ => return None,
+    })
+}

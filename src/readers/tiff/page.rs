@@ -1,0 +1,432 @@
+//! The pages of one TIFF file: which there are, what they hold, and their samples.
+//!
+//! In: a file. Out: the pages' numbers in the chain of directories, their shapes, and one page's samples, chunk by
+//! chunk. The `tiff` crate reads directories and unpacks chunks; here stands what it leaves to its callers: that a
+//! file has the bytes which its directories tell of, and that a page is one that can be read, said before any
+//! memory is asked for.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::{Path, PathBuf};
+
+use ::tiff::TiffError;
+use ::tiff::decoder::ifd::Value;
+use ::tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
+use ::tiff::tags::{ByteOrder, Tag};
+
+use crate::raw::type_names;
+use crate::slab::Endian;
+use crate::stream::DEFLATE_RATIO;
+use adjsplat::error::{Error, Result};
+use adjsplat::internals::open_regular;
+use adjsplat::volume::{SampleType, Samples};
+
+/// Most bytes of one tile: the `tiff` crate's own limit.
+const LARGEST_TILE: u64 = 256 << 20;
+
+/// Bytes of memory that a chunk's place and length take while the lists of them are read.
+const CHUNK_LISTED: u64 = 80;
+
+/// Longest description that is read: that of an OME-TIFF tells of every plane.
+const LONGEST_DESCRIPTION: u64 = 64 << 20;
+
+/// The numbers that pages have in the chain of directories, from 0.
+pub(super) struct Listed {
+    /// All that there are.
+    pub(super) count: usize,
+    /// Those at full resolution; at least one.
+    pub(super) full: Vec<usize>,
+}
+
+/// What must be alike in all pages of a volume.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Shape {
+    pub(super) width: u32,
+    pub(super) height: u32,
+    pub(super) sample_type: SampleType,
+}
+
+impl Shape {
+    /// Bytes of its samples.
+    pub(super) fn bytes(&self) -> u64 {
+        // Both are of 32 bits, and are checked only with the grid.
+        (u64::from(self.width) * u64::from(self.height)).saturating_mul(self.sample_type.bytes() as u64)
+    }
+
+    fn described(&self) -> String {
+        format!("{} x {} of {}", self.width, self.height, self.sample_type.name())
+    }
+}
+
+/// What the resolution tags say.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Resolution {
+    /// Pixels per unit along x and y, where they are numbers above 0.
+    pub(super) per_unit: [Option<f64>; 2],
+    /// 1 none, 2 inch, 3 centimetre.
+    pub(super) unit: u16,
+}
+
+impl Resolution {
+    /// Units per pixel along x and y; 1 where nothing is said.
+    pub(super) fn pixel(&self) -> [f64; 2] {
+        let [x, y] = self.per_unit;
+        [x.or(y), y.or(x)].map(|pixels| 1.0 / pixels.unwrap_or(1.0))
+    }
+
+    /// Whether anything is said.
+    pub(super) fn is_given(&self) -> bool {
+        self.per_unit != [None, None]
+    }
+}
+
+/// The pages of a file.
+pub(super) struct Pages {
+    path: PathBuf,
+    decoder: Decoder<BufReader<File>>,
+    file_len: u64,
+    /// The page that the decoder stands at.
+    number: usize,
+}
+
+impl Pages {
+    /// Opens the file at `path` at its first page.
+    pub(super) fn open(path: &Path) -> Result<Pages> {
+        let (file, file_len) = open_regular(path, "open")?;
+        let decoder = Decoder::new(BufReader::new(file)).map_err(|error| fault(path, 0, "the first page", error))?;
+        let mut limits = Limits::default();
+        // Chunks are unpacked as a stream into memory that is asked for here.
+        limits.intermediate_buffer_size = usize::MAX;
+        Ok(Pages { path: path.to_path_buf(), decoder: decoder.with_limits(limits), file_len, number: 0 })
+    }
+
+    /// Walks the chain of directories to its end.
+    pub(super) fn list(&mut self) -> Result<Listed> {
+        let (mut count, mut full) = (0, Vec::new());
+        loop {
+            // Bit 0: a smaller copy of another page; bit 2: a mask. The older SubfileType says the first by 2.
+            let new = self.number_tag(Tag::NewSubfileType)?.unwrap_or(0);
+            let old = self.number_tag(Tag::SubfileType)?.unwrap_or(1);
+            if new & 0b101 == 0 && old != 2 {
+                full.push(count);
+            }
+            count += 1;
+            if !self.decoder.more_images() {
+                break;
+            }
+            let at = self.at();
+            self.decoder.next_image().map_err(|error| fault(&self.path, at, &format!("page {count}"), error))?;
+            self.number = count;
+        }
+        if full.is_empty() {
+            let got = format!("{count} pages that are all thumbnails or masks");
+            return Err(self.format_fault("TIFF NewSubfileType", "a page at full resolution", got));
+        }
+        Ok(Listed { count, full })
+    }
+
+    /// Goes to page `number`.
+    pub(super) fn go_to(&mut self, number: usize) -> Result<()> {
+        if number != self.number {
+            let at = self.at();
+            let found = self.decoder.seek_to_image(number);
+            found.map_err(|error| fault(&self.path, at, &format!("page {number}"), error))?;
+            self.number = number;
+        }
+        Ok(())
+    }
+
+    /// The shape of the page.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if it is not one that can be read.
+    pub(super) fn shape(&mut self) -> Result<Shape> {
+        let (width, height) = self.decoder.dimensions().map_err(|error| self.page_fault(error))?;
+        let samples = self.number_tag(Tag::SamplesPerPixel)?.unwrap_or(1);
+        let colours = match self.number_tag(Tag::PhotometricInterpretation)? {
+            Some(0 | 1) if samples == 1 => None,
+            Some(0 | 1) => Some(format!("{samples} samples a pixel")),
+            Some(2) => Some("RGB colours".into()),
+            Some(3) => Some("colours of a palette".into()),
+            Some(5) => Some("CMYK colours".into()),
+            Some(6) => Some("YCbCr colours".into()),
+            Some(other) => Some(format!("photometric interpretation {other}")),
+            None => Some("no photometric interpretation".into()),
+        };
+        if let Some(got) = colours {
+            let expected = "grey values, one sample a pixel (split the channels, or convert to grey, and save again)";
+            return Err(self.format_fault("TIFF colours", expected, format!("{got} in page {}", self.number)));
+        }
+        let bits = self.number_tag(Tag::BitsPerSample)?.unwrap_or(1);
+        let kind = self.number_tag(Tag::SampleFormat)?.unwrap_or(1);
+        let sample_type = match (kind, bits) {
+            (1, 8) => SampleType::U8,
+            (2, 8) => SampleType::I8,
+            (1, 16) => SampleType::U16,
+            (2, 16) => SampleType::I16,
+            (1, 32) => SampleType::U32,
+            (2, 32) => SampleType::I32,
+            (3, 32) => SampleType::F32,
+            (3, 64) => SampleType::F64,
+            _ => {
+                let name = match kind {
+                    1 => "unsigned whole numbers",
+                    2 => "signed whole numbers",
+                    3 => "floating-point numbers",
+                    _ => "samples of an unknown kind",
+                };
+                let got = format!("{name} of {bits} bits in page {}", self.number);
+                return Err(self.format_fault("TIFF sample type", format!("one of {}", type_names()), got));
+            }
+        };
+        if self.is_white_zero()? && !matches!(sample_type, SampleType::U8 | SampleType::U16 | SampleType::U32) {
+            let expected = "0 shown as black, or unsigned samples (invert the lookup table, and save again)";
+            let got = format!("0 shown as white and samples of {} in page {}", sample_type.name(), self.number);
+            return Err(self.format_fault("TIFF MinIsWhite", expected, got));
+        }
+        Ok(Shape { width, height, sample_type })
+    }
+
+    /// Checks that the page has `shape`, which is that of `whose`, and that the file has the bytes of its samples.
+    pub(super) fn check(&mut self, shape: &Shape, whose: &str) -> Result<()> {
+        let own = self.shape()?;
+        if own != *shape {
+            let expected = format!("{} as in {whose}; all slices must be alike", shape.described());
+            let got = format!("{} in page {}", own.described(), self.number);
+            return Err(self.format_fault("TIFF page", expected, got));
+        }
+        let need = self.tile_bytes(shape);
+        if need > LARGEST_TILE {
+            let what = format!("{}: bytes of one tile", self.path.display());
+            return Err(Error::Limit { what, need, have: LARGEST_TILE });
+        }
+        let ratio = self.ratio()?;
+        let (chunk_width, chunk_height) = self.decoder.chunk_dimensions();
+        let (offsets, counts) = self.chunks()?;
+        for (index, (offset, count)) in (0..).zip(offsets.iter().zip(&counts)) {
+            let (width, height) = match self.decoder.get_chunk_type() {
+                ChunkType::Strip => self.decoder.chunk_data_dimensions(index),
+                // Tiles are whole, also where they reach beyond the page.
+                ChunkType::Tile => (chunk_width, chunk_height),
+            };
+            let samples = u64::from(width) * u64::from(height);
+            let bytes = samples.saturating_mul(shape.sample_type.bytes() as u64);
+            let packed = if ratio == Some(1) { bytes } else { *count };
+            if offset.checked_add(packed).is_none_or(|end| end > self.file_len) {
+                let expected = format!("{packed} bytes at byte {offset}, for a chunk of page {}", self.number);
+                let got = format!("a file of {} bytes (copy or download it again)", self.file_len);
+                return Err(self.format_fault("TIFF chunk", expected, got));
+            }
+            if packed == 0 || ratio.is_some_and(|ratio| packed.saturating_mul(ratio) < bytes) {
+                let expected = format!("a chunk of {bytes} bytes in page {}", self.number);
+                return Err(self.format_fault("TIFF chunk", expected, format!("{packed} bytes, too few for them")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Where the samples of `images` pages start that follow each other, of which only this first one has a directory.
+    pub(super) fn contiguous(&mut self, shape: &Shape, images: u64) -> Result<u64> {
+        let plain = self.ratio()? == Some(1) && self.decoder.get_chunk_type() == ChunkType::Strip;
+        let (offsets, counts) = self.chunks()?;
+        let follow = offsets.windows(2).zip(&counts).all(|(pair, count)| pair[0].checked_add(*count) == Some(pair[1]));
+        if !plain || !follow {
+            let expected = format!("a directory for each of its {images} images, or all of them plain and in one run");
+            return Err(self.format_fault("TIFF ImageJ images", expected, "one directory"));
+        }
+        let start = offsets.first().copied().unwrap_or(0);
+        let bytes = shape.bytes().checked_mul(images).and_then(|bytes| bytes.checked_add(start));
+        if bytes.is_none_or(|end| end > self.file_len) {
+            let expected = format!("{images} images of {} from byte {start} on", shape.described());
+            let got = format!("a file of {} bytes (copy or download it again)", self.file_len);
+            return Err(self.format_fault("TIFF ImageJ images", expected, got));
+        }
+        Ok(start)
+    }
+
+    /// The page's description; `None` if it has none.
+    pub(super) fn description(&mut self) -> Result<Option<String>> {
+        let mut tags = self.decoder.image_ifd();
+        let Some(entry) = tags.find_entry(Tag::ImageDescription) else { return Ok(None) };
+        let need = entry.count();
+        let what = || format!("{}: bytes of its description", self.path.display());
+        let have = LONGEST_DESCRIPTION.min(self.file_len);
+        if need > have {
+            return Err(Error::Limit { what: what(), need, have });
+        }
+        let mut bytes = vec![0; usize::try_from(need).unwrap_or(0)];
+        let read = tags.find_tag_bytes(Tag::ImageDescription, &mut bytes, 0).map_err(|error| self.page_fault(error))?;
+        bytes.truncate(read.unwrap_or(0));
+        let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
+        bytes.truncate(end);
+        // Where it is not UTF-8 it is Latin-1, in which old writers put a micro sign.
+        Ok(Some(
+            String::from_utf8(bytes).unwrap_or_else(|error| error.as_bytes().iter().copied().map(char::from).collect()),
+        ))
+    }
+
+    /// The page's resolution.
+    pub(super) fn resolution(&mut self) -> Result<Resolution> {
+        let mut pixels = |tag| match self.decoder.find_tag(tag) {
+            Ok(Some(Value::Rational(above, below))) if above > 0 && below > 0 => {
+                Ok(Some(f64::from(above) / f64::from(below)))
+            }
+            Ok(_) => Ok(None),
+            Err(error) => Err(error),
+        };
+        let found = pixels(Tag::XResolution).and_then(|x| Ok([x, pixels(Tag::YResolution)?]));
+        let per_unit = found.map_err(|error| self.page_fault(error))?;
+        // Inches are the default of the format.
+        let unit = self.number_tag(Tag::ResolutionUnit)?.and_then(|unit| u16::try_from(unit).ok()).unwrap_or(2);
+        Ok(Resolution { per_unit, unit })
+    }
+
+    /// Reads the page's samples; it must have been checked against the shape that `slice` was made for.
+    pub(super) fn read(&mut self, shape: &Shape, slice: &mut Samples) -> Result<()> {
+        let width = shape.sample_type.bytes();
+        let row = shape.width as usize * width;
+        let (across, down) = self.decoder.chunk_dimensions();
+        let columns = shape.width.div_ceil(across.max(1));
+        let tiled = self.decoder.get_chunk_type() == ChunkType::Tile;
+        let chunks = columns.saturating_mul(shape.height.div_ceil(down.max(1)));
+        let mut tile = DecodingResult::U8(Vec::new());
+        for index in 0..chunks {
+            let (chunk_width, chunk_height) = self.decoder.chunk_data_dimensions(index);
+            let left = (index % columns) as usize * across as usize * width;
+            let top = (index / columns) as usize * down as usize;
+            if tiled {
+                // Asked for at its full width, a tile is unpacked in one read. In tiff 0.11.3 tiles in LZW that reach
+                // beyond the page cannot be read row by row: it misses the end of the codes.
+                let line = across as usize * width;
+                let unpacked = self.decoder.read_chunk_to_buffer(&mut tile, index, line);
+                unpacked.map_err(|error| self.page_fault(error))?;
+                let used = chunk_width as usize * width;
+                let rows = slice.bytes_mut()[top * row..].chunks_exact_mut(row);
+                for (into, from) in rows.zip(tile.as_buffer(0).as_bytes().chunks_exact(line)) {
+                    into[left..left + used].copy_from_slice(&from[..used]);
+                }
+            } else {
+                let strip = &mut slice.bytes_mut()[top * row..][..chunk_height as usize * row];
+                self.decoder.read_chunk_bytes(index, strip).map_err(|error| self.page_fault(error))?;
+            }
+        }
+        if self.is_white_zero()? {
+            // Unpacking turned it to black; samples are taken as they are stored.
+            slice.bytes_mut().iter_mut().for_each(|byte| *byte = !*byte);
+        }
+        Ok(())
+    }
+
+    /// Reads the samples at byte `at`.
+    pub(super) fn read_bytes(&mut self, at: u64, slice: &mut Samples) -> Result<()> {
+        let file = self.decoder.inner();
+        let read = file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(slice.bytes_mut()));
+        read.map_err(|error| fault(&self.path, at, "its samples", TiffError::IoError(error)))?;
+        let endian = match self.decoder.byte_order() {
+            ByteOrder::BigEndian => Endian::Big,
+            _ => Endian::Little,
+        };
+        if endian != Endian::NATIVE {
+            slice.swap_bytes();
+        }
+        Ok(())
+    }
+
+    /// Bytes that reading a page holds: a tile, and where each chunk is.
+    pub(super) fn buffer_bytes(&self, shape: &Shape) -> u64 {
+        let (width, height) = self.decoder.chunk_dimensions();
+        let down = u64::from(shape.height.div_ceil(height.max(1)));
+        let chunks = u64::from(shape.width.div_ceil(width.max(1))).saturating_mul(down);
+        self.tile_bytes(shape).saturating_add(chunks.saturating_mul(CHUNK_LISTED))
+    }
+
+    /// Bytes that one tile takes, without its rows below the page; 0 for strips, which are unpacked in place.
+    fn tile_bytes(&self, shape: &Shape) -> u64 {
+        if self.decoder.get_chunk_type() == ChunkType::Strip {
+            return 0;
+        }
+        let (width, height) = self.decoder.chunk_dimensions();
+        let samples = u64::from(width) * u64::from(height.min(shape.height));
+        samples.saturating_mul(shape.sample_type.bytes() as u64)
+    }
+
+    /// Byte offsets and packed bytes of the page's chunks.
+    fn chunks(&mut self) -> Result<(Vec<u64>, Vec<u64>)> {
+        let tags = match self.decoder.get_chunk_type() {
+            ChunkType::Strip => [Tag::StripOffsets, Tag::StripByteCounts],
+            ChunkType::Tile => [Tag::TileOffsets, Tag::TileByteCounts],
+        };
+        let mut numbers = |tag| self.decoder.find_tag_unsigned_vec::<u64>(tag).map(Option::unwrap_or_default);
+        let found = numbers(tags[0]).and_then(|offsets| Ok((offsets, numbers(tags[1])?)));
+        found.map_err(|error| self.page_fault(error))
+    }
+
+    /// Most bytes that one packed byte can become; `None` if there is no bound.
+    fn ratio(&mut self) -> Result<Option<u64>> {
+        let method = match self.number_tag(Tag::Compression)?.unwrap_or(1) {
+            1 => return Ok(Some(1)),
+            // A code has at least 9 bits, and a string at most 4,096 bytes.
+            5 => return Ok(Some(4096)),
+            8 | 32_946 => return Ok(Some(DEFLATE_RATIO)),
+            // Two bytes tell of up to 128.
+            32_773 => return Ok(Some(64)),
+            50_000 => return Ok(None),
+            2 => "CCITT, method 2".into(),
+            3 | 4 => "fax".into(),
+            6 | 7 => "JPEG".into(),
+            33_003 | 33_005 | 34_712 => "JPEG 2000".into(),
+            34_887 => "LERC".into(),
+            other => format!("method {other}"),
+        };
+        let expected = "none, LZW, deflate, PackBits or zstd (save it again with one of these)";
+        Err(self.format_fault("TIFF compression", expected, method))
+    }
+
+    fn is_white_zero(&mut self) -> Result<bool> {
+        Ok(self.number_tag(Tag::PhotometricInterpretation)? == Some(0))
+    }
+
+    /// The first number of `tag`, if the page has it.
+    fn number_tag(&mut self, tag: Tag) -> Result<Option<u64>> {
+        let found = self.decoder.find_tag_unsigned_vec::<u64>(tag);
+        found.map(|numbers| numbers?.first().copied()).map_err(|error| self.page_fault(error))
+    }
+
+    /// Byte offset of the page's directory.
+    fn at(&mut self) -> u64 {
+        self.decoder.ifd_pointer().map_or(0, |pointer| pointer.0)
+    }
+
+    fn page_fault(&mut self, error: TiffError) -> Error {
+        let at = self.at();
+        fault(&self.path, at, &format!("page {}", self.number), error)
+    }
+
+    fn format_fault(&mut self, rule: &'static str, expected: impl Into<String>, got: impl Into<String>) -> Error {
+        let at = self.at();
+        Error::format(&self.path, at, rule, expected, got)
+    }
+}
+
+/// What the crate's error means for the user; `at` is the byte offset of the directory of what was read.
+fn fault(path: &Path, at: u64, what: &str, error: TiffError) -> Error {
+    let again = "(copy or download the file again)";
+    match error {
+        TiffError::IoError(source) => match source.kind() {
+            io::ErrorKind::UnexpectedEof => {
+                Error::format(path, at, "TIFF page", format!("all of {what}"), format!("its end before that {again}"))
+            }
+            io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput | io::ErrorKind::Other => {
+                let expected = format!("an intact compressed stream in {what} {again}");
+                Error::format(path, at, "TIFF page", expected, one_line(&source))
+            }
+            _ => Error::io("read", path)(source),
+        },
+        other => Error::format(path, at, "TIFF page", format!("{what} to be one that can be read"), one_line(&other)),
+    }
+}
+
+/// An error's text without its line ends.
+fn one_line(error: &impl std::fmt::Display) -> String {
+    error.to_string().replace(['\n', '\r'], " ").trim_end_matches(['.', ' ']).to_string()
+}

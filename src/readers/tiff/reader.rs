@@ -1,0 +1,100 @@
+//! The slab source over pages of one TIFF file or of many.
+
+use std::path::PathBuf;
+
+use super::page::{Pages, Shape};
+use crate::slab::check_turn;
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::{Header, Samples, SlabSource};
+
+/// Where one slice's samples are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Place {
+    /// In a page of one of the files.
+    Page {
+        /// Which file.
+        file: usize,
+        /// The page's number in its chain of directories.
+        page: usize,
+    },
+    /// From this byte of the first file on, as they are.
+    Bytes(u64),
+}
+
+/// Reads slices from their places.
+pub(super) struct TiffReader {
+    header: Header,
+    files: Vec<PathBuf>,
+    places: Vec<Place>,
+    shape: Shape,
+    /// The file that is open, and which it is.
+    open: Option<(usize, Pages)>,
+    buffer_bytes: u64,
+    slices_read: u32,
+    lost: bool,
+}
+
+impl TiffReader {
+    /// Takes files whose pages were checked against `shape`.
+    pub(super) fn new(header: Header, files: Vec<PathBuf>, places: Vec<Place>, shape: Shape) -> Result<TiffReader> {
+        let mut reader =
+            TiffReader { header, files, places, shape, open: None, buffer_bytes: 0, slices_read: 0, lost: false };
+        if let Some(Place::Page { file, page }) = reader.places.first().copied() {
+            let shape = reader.shape.clone();
+            let pages = reader.pages(file)?;
+            pages.go_to(page)?;
+            reader.buffer_bytes = pages.buffer_bytes(&shape);
+        }
+        Ok(reader)
+    }
+
+    /// File `file`, opened if it is not the one that is.
+    fn pages(&mut self, file: usize) -> Result<&mut Pages> {
+        if self.open.as_ref().is_none_or(|(open, _)| *open != file) {
+            self.open = Some((file, Pages::open(&self.files[file])?));
+        }
+        self.open.as_mut().map(|(_, pages)| pages).ok_or_else(|| Error::input("slice", "comes before its file"))
+    }
+
+    fn fill(&mut self, slice: &mut Samples) -> Result<()> {
+        let shape = self.shape.clone();
+        match self.places[self.slices_read as usize] {
+            Place::Page { file, page } => {
+                let pages = self.pages(file)?;
+                pages.go_to(page)?;
+                // The file may have changed since it was opened.
+                pages.check(&shape, "the first slice")?;
+                pages.read(&shape, slice)
+            }
+            Place::Bytes(at) => self.pages(0)?.read_bytes(at, slice),
+        }
+    }
+}
+
+impl SlabSource for TiffReader {
+    fn header(&self) -> &Header {
+        &self.header
+    }
+
+    fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+        check_turn(&self.header, slice, self.slices_read, self.lost)?;
+        self.lost = true;
+        self.fill(slice)?;
+        self.lost = false;
+        self.slices_read += 1;
+        Ok(())
+    }
+
+    fn rewind(&mut self) -> Result<()> {
+        (self.open, self.lost, self.slices_read) = (None, true, 0);
+        if let Some(Place::Page { file, .. }) = self.places.first().copied() {
+            self.pages(file)?;
+        }
+        self.lost = false;
+        Ok(())
+    }
+
+    fn buffer_bytes(&self) -> u64 {
+        self.buffer_bytes
+    }
+}

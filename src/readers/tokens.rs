@@ -1,0 +1,196 @@
+//! Samples written as text: numbers between white space or commas.
+//!
+//! In: a file's text. Out: typed numbers. A number is at most [`TOKEN_LIMIT`] characters, so the memory is
+//! bounded; a value that its type cannot hold is refused, never wrapped or clipped.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
+
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::Sample;
+
+/// Most characters of one number: an `f64` written out in full has up to 1,077.
+const TOKEN_LIMIT: usize = 1100;
+
+/// Where an error is to point.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a> {
+    /// The file.
+    pub(super) path: &'a Path,
+    /// The rule that asks for these numbers.
+    pub(super) rule: &'static str,
+}
+
+/// A file's text from some place on, to the file's end or to the next XML tag.
+pub(super) struct TextReader {
+    reader: BufReader<File>,
+    to_tag: bool,
+    /// Bytes ahead in the buffer that are known to hold no tag.
+    clear: usize,
+}
+
+impl TextReader {
+    /// The text of `reader`; with `to_tag`, it ends before the first `<`.
+    pub(super) fn new(reader: BufReader<File>, to_tag: bool) -> TextReader {
+        TextReader { reader, to_tag, clear: 0 }
+    }
+
+    /// Byte offset in the file of what is read next; 0 if the system does not say.
+    pub(super) fn position(&mut self) -> u64 {
+        self.reader.stream_position().unwrap_or(0)
+    }
+
+    /// Skips `count` bytes.
+    ///
+    /// # Errors
+    /// If the system cannot.
+    pub(super) fn skip(&mut self, count: u64) -> io::Result<()> {
+        let to = self.reader.stream_position()?.saturating_add(count);
+        self.clear = 0;
+        self.reader.seek(SeekFrom::Start(to)).map(|_| ())
+    }
+}
+
+impl Read for TextReader {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let read = self.fill_buf()?.read(into)?;
+        self.consume(read);
+        Ok(read)
+    }
+}
+
+impl BufRead for TextReader {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        let ahead = self.reader.fill_buf()?;
+        if !self.to_tag {
+            return Ok(ahead);
+        }
+        if self.clear == 0 {
+            // Once for each bufferful: numbers are short, and a search for each would go over the same bytes again.
+            self.clear = ahead.iter().position(|byte| *byte == b'<').unwrap_or(ahead.len());
+        }
+        Ok(&ahead[..self.clear.min(ahead.len())])
+    }
+
+    fn consume(&mut self, count: usize) {
+        self.clear = self.clear.saturating_sub(count);
+        self.reader.consume(count);
+    }
+}
+
+/// A sample type that can be written as text.
+pub(super) trait FromText: Sample {
+    /// Its value, or `None` if the type cannot hold it.
+    fn from_text(text: &str) -> Option<Self>;
+}
+
+macro_rules! whole {
+    ($($type:ty),*) => {
+        $(impl FromText for $type {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be exact")]
+            fn from_text(text: &str) -> Option<$type> {
+                // Some writers put a point behind whole numbers: "17.0".
+                text.parse().ok().or_else(|| {
+                    let value: f64 = text.parse().ok()?;
+                    let whole = value as $type;
+                    (f64::from(whole) == value).then_some(whole)
+                })
+            }
+        })*
+    };
+}
+
+whole!(u8, i8, u16, i16, u32, i32);
+
+impl FromText for f32 {
+    fn from_text(text: &str) -> Option<f32> {
+        text.parse().ok()
+    }
+}
+
+impl FromText for f64 {
+    fn from_text(text: &str) -> Option<f64> {
+        text.parse().ok()
+    }
+}
+
+/// Fills `samples` with the next numbers.
+///
+/// # Errors
+/// [`Error::Format`] if the text ends before them or one is not a number of the type.
+pub(super) fn read_numbers<S: FromText>(reader: &mut TextReader, samples: &mut [S], place: Place<'_>) -> Result<()> {
+    let mut token = [0; TOKEN_LIMIT];
+    for sample in samples {
+        let text = next_token(reader, &mut token, place)?;
+        *sample = match S::from_text(text) {
+            Some(value) => value,
+            None => {
+                let got = format!("\"{}\"", text.escape_debug());
+                let at = reader.position();
+                let expected = format!("a number that {} can hold", S::TYPE.name());
+                return Err(Error::format(place.path, at, place.rule, expected, got));
+            }
+        };
+    }
+    Ok(())
+}
+
+/// Skips the next number.
+///
+/// # Errors
+/// [`Error::Format`] if the text ends before it.
+pub(super) fn skip_number(reader: &mut TextReader, place: Place<'_>) -> Result<()> {
+    next_token(reader, &mut [0; TOKEN_LIMIT], place).map(|_| ())
+}
+
+/// Whether only white space is left.
+pub(super) fn at_end(reader: &mut TextReader, place: Place<'_>) -> Result<bool> {
+    skip_separators(reader, place)
+}
+
+/// Skips white space and commas; whether the file ends there.
+fn skip_separators(reader: &mut TextReader, place: Place<'_>) -> Result<bool> {
+    loop {
+        let ahead = reader.fill_buf().map_err(Error::io("read", place.path))?;
+        if ahead.is_empty() {
+            return Ok(true);
+        }
+        let len = ahead.len();
+        let used = ahead.iter().position(|b| !is_separator(*b)).unwrap_or(len);
+        reader.consume(used);
+        if used < len {
+            return Ok(false);
+        }
+    }
+}
+
+fn is_separator(byte: u8) -> bool {
+    byte.is_ascii_whitespace() || byte == b',' || byte == 0x0b
+}
+
+fn next_token<'t>(reader: &mut TextReader, token: &'t mut [u8; TOKEN_LIMIT], place: Place<'_>) -> Result<&'t str> {
+    if skip_separators(reader, place)? {
+        let at = reader.position();
+        return Err(Error::format(place.path, at, place.rule, "another number", "the end of the file"));
+    }
+    let mut len = 0;
+    loop {
+        let ahead = reader.fill_buf().map_err(Error::io("read", place.path))?;
+        let part = ahead.iter().position(|b| is_separator(*b)).unwrap_or(ahead.len());
+        if len + part > TOKEN_LIMIT {
+            let at = reader.position();
+            let got = format!("more than {TOKEN_LIMIT} characters without a space");
+            return Err(Error::format(place.path, at, place.rule, "a number", got));
+        }
+        token[len..len + part].copy_from_slice(&ahead[..part]);
+        len += part;
+        let ended = part < ahead.len() || ahead.is_empty();
+        reader.consume(part);
+        if ended {
+            break;
+        }
+    }
+    // Bytes that are not UTF-8 are no number either; the caller reports what stands here.
+    Ok(std::str::from_utf8(&token[..len]).unwrap_or("\u{fffd}"))
+}

@@ -1,0 +1,197 @@
+//! The tags of an XML file, one after the other, in bounded memory.
+//!
+//! In: a file. Out: its opening and closing tags with their attributes and byte offsets. Text between tags can be
+//! passed over without being read into memory, however long it is; all else is at most [`TEXT_LIMIT`] bytes.
+
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Read};
+use std::path::{Path, PathBuf};
+
+use quick_xml::Reader;
+use quick_xml::events::{BytesStart, Event};
+
+use super::lines::TEXT_LIMIT;
+use adjsplat::error::{Error, Result};
+use adjsplat::internals::open_regular;
+
+const RULE: &str = "XML";
+
+/// One tag. A tag that closes itself comes as two.
+#[derive(Debug)]
+pub(super) struct Tag {
+    pub(super) name: String,
+    /// It opens an element, or else closes one.
+    pub(super) opens: bool,
+    /// Byte offset of its `<`, or a little before.
+    pub(super) at: u64,
+    /// Byte offset behind its `>`.
+    pub(super) end: u64,
+    attributes: Vec<(String, String)>,
+}
+
+impl Tag {
+    /// The value of attribute `name`.
+    pub(super) fn value(&self, name: &str) -> Option<String> {
+        self.attributes.iter().find(|(key, _)| key == name).map(|(_, value)| value.clone())
+    }
+}
+
+/// Reads the tags of a file.
+pub(super) struct Tags {
+    path: PathBuf,
+    reader: Reader<Budget>,
+    buffer: Vec<u8>,
+    /// The closing half of a tag that closes itself.
+    closing: Option<Tag>,
+}
+
+impl Tags {
+    /// Opens `path` at its first tag.
+    pub(super) fn open(path: &Path) -> Result<Tags> {
+        let (file, _) = open_regular(path, "open")?;
+        let budget = Budget { inner: BufReader::new(file), at: 0, left: TEXT_LIMIT };
+        let reader = Reader::from_reader(budget);
+        Ok(Tags { path: path.to_path_buf(), reader, buffer: Vec::new(), closing: None })
+    }
+
+    /// Byte offset of the next unread byte.
+    pub(super) fn position(&self) -> u64 {
+        self.reader.get_ref().at
+    }
+
+    /// The next tag, or `None` at the end of the file.
+    ///
+    /// # Errors
+    /// [`Error::Format`] if the file is no XML, or has too much of it.
+    pub(super) fn next(&mut self) -> Result<Option<Tag>> {
+        if let Some(tag) = self.closing.take() {
+            return Ok(Some(tag));
+        }
+        loop {
+            let at = self.position();
+            self.buffer.clear();
+            let event = match self.reader.read_event_into(&mut self.buffer) {
+                Ok(event) => event.into_owned(),
+                Err(quick_xml::Error::Io(error)) => return Err(self.read_failed(&error)),
+                Err(error) => {
+                    let expected = "tags that are well formed (copy or download the file again)";
+                    return Err(Error::format(&self.path, self.position(), RULE, expected, one_line(&error)));
+                }
+            };
+            let end = self.position();
+            match event {
+                Event::Start(start) => return self.tag(&start, at, end).map(Some),
+                Event::Empty(start) => {
+                    let tag = self.tag(&start, at, end)?;
+                    let (name, attributes) = (tag.name.clone(), Vec::new());
+                    self.closing = Some(Tag { name, opens: false, at, end, attributes });
+                    return Ok(Some(tag));
+                }
+                Event::End(tag) => {
+                    let name = String::from_utf8_lossy(tag.name().as_ref()).into_owned();
+                    return Ok(Some(Tag { name, opens: false, at, end, attributes: Vec::new() }));
+                }
+                Event::Eof => return Ok(None),
+                _ => {}
+            }
+        }
+    }
+
+    fn tag(&self, start: &BytesStart<'_>, at: u64, end: u64) -> Result<Tag> {
+        let mut attributes = Vec::new();
+        for attribute in start.attributes().with_checks(false) {
+            let attribute = attribute.map_err(|error| {
+                let expected = "attributes that are well formed (copy or download the file again)";
+                Error::format(&self.path, at, RULE, expected, one_line(&error))
+            })?;
+            let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+            attributes.push((text(attribute.key.as_ref()), text(&attribute.value)));
+        }
+        Ok(Tag { name: String::from_utf8_lossy(start.name().as_ref()).into_owned(), opens: true, at, end, attributes })
+    }
+
+    /// Passes over the text before the next tag.
+    pub(super) fn skip_text(&mut self) -> Result<()> {
+        if self.closing.is_some() {
+            return Ok(());
+        }
+        self.reader.get_mut().skip_to_tag().map_err(Error::io("read", &self.path))
+    }
+
+    /// Passes over white space and the underscore that appended values stand behind; the byte offset of the first.
+    pub(super) fn find_underscore(&mut self) -> Result<u64> {
+        let mut next = [b' '];
+        while next[0].is_ascii_whitespace() {
+            let read = self.reader.get_mut().read(&mut next);
+            if read.map_err(|error| self.read_failed(&error))? == 0 {
+                next[0] = 0;
+            }
+        }
+        if next[0] != b'_' {
+            let got = format!("\"{}\"", next.escape_ascii());
+            return Err(Error::format(&self.path, self.position(), "VTK AppendedData", "an underscore first", got));
+        }
+        Ok(self.position())
+    }
+
+    fn read_failed(&self, error: &io::Error) -> Error {
+        if error.kind() == io::ErrorKind::FileTooLarge {
+            let what = format!("{}: XML tags in bytes", self.path.display());
+            return Error::Limit { what, need: TEXT_LIMIT + 1, have: TEXT_LIMIT };
+        }
+        Error::io("read", &self.path)(io::Error::new(error.kind(), error.to_string()))
+    }
+}
+
+/// An error's text without its line ends.
+fn one_line(error: &impl std::fmt::Display) -> String {
+    error.to_string().replace(['\n', '\r'], " ").trim_end_matches('.').to_string()
+}
+
+/// A file of which only so much may be read.
+struct Budget {
+    inner: BufReader<File>,
+    at: u64,
+    left: u64,
+}
+
+impl Budget {
+    /// Passes over bytes up to a `<`, which do not count.
+    fn skip_to_tag(&mut self) -> io::Result<()> {
+        loop {
+            let ahead = self.inner.fill_buf()?;
+            let len = ahead.len();
+            let used = ahead.iter().position(|byte| *byte == b'<').unwrap_or(len);
+            self.inner.consume(used);
+            self.at += used as u64;
+            if used < len || len == 0 {
+                return Ok(());
+            }
+        }
+    }
+}
+
+impl Read for Budget {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let read = self.fill_buf()?.read(into)?;
+        self.consume(read);
+        Ok(read)
+    }
+}
+
+impl BufRead for Budget {
+    fn fill_buf(&mut self) -> io::Result<&[u8]> {
+        let ahead = self.inner.fill_buf()?;
+        if self.left == 0 && !ahead.is_empty() {
+            return Err(io::ErrorKind::FileTooLarge.into());
+        }
+        let part = usize::try_from(self.left).unwrap_or(usize::MAX).min(ahead.len());
+        Ok(&ahead[..part])
+    }
+
+    fn consume(&mut self, count: usize) {
+        self.inner.consume(count);
+        self.at += count as u64;
+        self.left = self.left.saturating_sub(count as u64);
+    }
+}

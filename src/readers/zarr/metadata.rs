@@ -1,0 +1,442 @@
+//! What a Zarr array says of itself: version 2 (`.zarray`) or 3 (`zarr.json`).
+//!
+//! In: a node's folder. Out: its attributes, and for an array the shape, the chunks and how they are packed. What
+//! cannot be read here is refused by name. Numbers are bounded before anything is made by them.
+//!
+//! Source: Zarr storage specification version 2; Zarr core specification version 3.1 and its codecs
+//! (zarr-specs.readthedocs.io).
+
+use std::path::{Path, PathBuf};
+
+use serde_json::{Map, Value};
+
+use super::packing::Packing;
+use crate::slab::Endian;
+use adjsplat::error::{Error, Result};
+use adjsplat::internals::read_text;
+use adjsplat::volume::SampleType;
+
+/// Dimensions that an array may have.
+const MOST_DIMENSIONS: usize = 16;
+
+/// Bytes of one chunk, unpacked: as many as Blosc can pack.
+const MOST_CHUNK_BYTES: u64 = 1 << 31;
+
+/// Files that make a folder a Zarr node.
+const MARKS: [&str; 4] = ["zarr.json", ".zarray", ".zgroup", ".zattrs"];
+
+/// A group or an array.
+#[derive(Debug)]
+pub(super) struct Node {
+    pub(super) attributes: Map<String, Value>,
+    pub(super) array: Option<Array>,
+}
+
+/// An array's layout.
+#[derive(Debug, Clone)]
+pub(super) struct Array {
+    pub(super) path: PathBuf,
+    /// Points along each dimension.
+    pub(super) shape: Vec<u64>,
+    /// Points of a chunk along each dimension; each at least 1.
+    pub(super) chunk: Vec<u64>,
+    /// If chunks are shards: how the chunks inside them lie.
+    pub(super) shard: Option<Shard>,
+    pub(super) sample_type: SampleType,
+    pub(super) endian: Endian,
+    /// One sample that was not written, in the array's byte order.
+    pub(super) fill: Vec<u8>,
+    /// Dimensions in the order in which a chunk stores them, the slowest first.
+    pub(super) order: Vec<usize>,
+    /// How the bytes of a chunk, or of one inside a shard, are packed, the first step first.
+    pub(super) packings: Vec<Packing>,
+    /// How a chunk's file is named: what stands before its numbers, and between them.
+    pub(super) key: (&'static str, char),
+    /// Names of the dimensions, where the array gives them.
+    pub(super) names: Vec<Option<String>>,
+}
+
+/// Chunks inside a chunk.
+#[derive(Debug, Clone)]
+pub(super) struct Shard {
+    /// Points of an inner chunk along each dimension; divides the chunk.
+    pub(super) inner: Vec<u64>,
+    /// The index is at the shard's end, not its start.
+    pub(super) index_at_end: bool,
+    /// A checksum follows the index.
+    pub(super) index_summed: bool,
+}
+
+/// Whether the folder at `path` is a Zarr node.
+pub(crate) fn is_node(path: &Path) -> bool {
+    MARKS.iter().any(|mark| path.join(mark).is_file())
+}
+
+/// Reads the node in the folder at `path`.
+///
+/// # Errors
+/// [`Error::Io`] if a file cannot be read; [`Error::Format`] if one is not as its version says, or uses what is not
+/// read here; [`Error::Limit`] for sizes.
+pub(super) fn read(path: &Path) -> Result<Node> {
+    let newer = path.join("zarr.json");
+    if newer.is_file() {
+        let fields = Fields::read(&newer)?;
+        let attributes = fields.map("attributes")?.cloned().unwrap_or_default();
+        return match fields.text("node_type")? {
+            "group" => Ok(Node { attributes, array: None }),
+            "array" => Ok(Node { attributes, array: Some(fields.array_3(path)?) }),
+            other => Err(fields.fault("node_type", "\"group\" or \"array\"", other)),
+        };
+    }
+    let attributes = path.join(".zattrs");
+    let attributes = if attributes.is_file() { Fields::read(&attributes)?.fields } else { Map::new() };
+    let array = path.join(".zarray");
+    let array = if array.is_file() { Some(Fields::read(&array)?.array_2(path, &attributes)?) } else { None };
+    Ok(Node { attributes, array })
+}
+
+/// One JSON object of a node, and where it is from.
+struct Fields {
+    path: PathBuf,
+    fields: Map<String, Value>,
+}
+
+impl Fields {
+    fn read(path: &Path) -> Result<Fields> {
+        let text = read_text(path)?;
+        match serde_json::from_str(&text) {
+            Ok(Value::Object(fields)) => Ok(Fields { path: path.to_path_buf(), fields }),
+            Ok(other) => Err(Error::format(path, 0, "Zarr metadata", "a JSON object", clip(&other))),
+            Err(error) => Err(Error::format(path, 0, "Zarr metadata", "a JSON object", error.to_string())),
+        }
+    }
+
+    fn fault(&self, field: &str, expected: impl Into<String>, got: impl Into<String>) -> Error {
+        let expected = format!("{} in \"{field}\"", expected.into());
+        Error::format(&self.path, 0, "Zarr metadata", expected, printable(&got.into()))
+    }
+
+    fn value(&self, field: &str) -> &Value {
+        self.fields.get(field).unwrap_or(&Value::Null)
+    }
+
+    fn text(&self, field: &str) -> Result<&str> {
+        let value = self.value(field);
+        value.as_str().ok_or_else(|| self.fault(field, "a text", clip(value)))
+    }
+
+    fn map(&self, field: &str) -> Result<Option<&Map<String, Value>>> {
+        match self.value(field) {
+            Value::Null => Ok(None),
+            Value::Object(map) => Ok(Some(map)),
+            other => Err(self.fault(field, "an object", clip(other))),
+        }
+    }
+
+    /// Whole numbers of a list, each at least `least`.
+    fn numbers(&self, field: &str, value: &Value, least: u64) -> Result<Vec<u64>> {
+        let numbers = value.as_array().map(|list| list.iter().map(Value::as_u64).collect::<Option<Vec<u64>>>());
+        match numbers.flatten() {
+            Some(numbers) if numbers.len() <= MOST_DIMENSIONS && numbers.iter().all(|n| *n >= least) => Ok(numbers),
+            _ => {
+                let expected = format!("at most {MOST_DIMENSIONS} whole numbers of at least {least}");
+                Err(self.fault(field, expected, clip(value)))
+            }
+        }
+    }
+
+    fn array_2(&self, path: &Path, attributes: &Map<String, Value>) -> Result<Array> {
+        let shape = self.numbers("shape", self.value("shape"), 1)?;
+        let chunk = self.numbers("chunks", self.value("chunks"), 1)?;
+        let (sample_type, endian) = self.type_2()?;
+        let reversed = match self.value("order").as_str() {
+            Some("C") | None => false,
+            Some("F") => true,
+            Some(other) => return Err(self.fault("order", "\"C\" or \"F\"", other)),
+        };
+        let mut order: Vec<usize> = (0..shape.len()).collect();
+        if reversed {
+            order.reverse();
+        }
+        match self.value("filters") {
+            Value::Null => {}
+            Value::Array(none) if none.is_empty() => {}
+            other => return Err(self.fault("filters", "none", clip(other))),
+        }
+        let compressor = self.value("compressor");
+        let packings = match compressor.get("id").and_then(Value::as_str) {
+            None if compressor.is_null() => Vec::new(),
+            Some(name) => vec![self.packing("compressor", name)?],
+            None => return Err(self.fault("compressor", "an \"id\"", clip(compressor))),
+        };
+        let key = match self.value("dimension_separator").as_str() {
+            Some(".") | None => ("", '.'),
+            Some("/") => ("", '/'),
+            Some(other) => return Err(self.fault("dimension_separator", "\".\" or \"/\"", other)),
+        };
+        let names = attributes.get("_ARRAY_DIMENSIONS").and_then(Value::as_array);
+        let names = names.map(|names| names.iter().map(|name| name.as_str().map(str::to_owned)).collect());
+        let fill = self.fill(sample_type, endian)?;
+        let names = names.unwrap_or_default();
+        self.checked(Array {
+            path: path.to_path_buf(),
+            shape,
+            chunk,
+            shard: None,
+            sample_type,
+            endian,
+            fill,
+            order,
+            packings,
+            key,
+            names,
+        })
+    }
+
+    /// "<u2": byte order, kind, bytes.
+    fn type_2(&self) -> Result<(SampleType, Endian)> {
+        let value = self.value("dtype");
+        let text = value.as_str().unwrap_or_default();
+        let endian = if text.starts_with('>') { Endian::Big } else { Endian::Little };
+        let sample_type = match text.get(1..).filter(|_| text.starts_with(['<', '>', '|'])) {
+            Some("u1" | "b1") => SampleType::U8,
+            Some("i1") => SampleType::I8,
+            Some("u2") => SampleType::U16,
+            Some("i2") => SampleType::I16,
+            Some("u4") => SampleType::U32,
+            Some("i4") => SampleType::I32,
+            Some("f4") => SampleType::F32,
+            Some("f8") => SampleType::F64,
+            _ => return Err(self.fault("dtype", "u1, i1, u2, i2, u4, i4, f4 or f8", clip(value))),
+        };
+        Ok((sample_type, endian))
+    }
+
+    fn array_3(&self, path: &Path) -> Result<Array> {
+        let shape = self.numbers("shape", self.value("shape"), 1)?;
+        let grid = self.value("chunk_grid");
+        if name_of(grid) != Some("regular") {
+            return Err(self.fault("chunk_grid", "a regular grid", clip(grid)));
+        }
+        let chunk = self.numbers("chunk_grid", &grid["configuration"]["chunk_shape"], 1)?;
+        let sample_type = match self.text("data_type").unwrap_or_default() {
+            "uint8" | "bool" => SampleType::U8,
+            "int8" => SampleType::I8,
+            "uint16" => SampleType::U16,
+            "int16" => SampleType::I16,
+            "uint32" => SampleType::U32,
+            "int32" => SampleType::I32,
+            "float32" => SampleType::F32,
+            "float64" => SampleType::F64,
+            _ => {
+                let expected = "uint8, int8, uint16, int16, uint32, int32, float32 or float64";
+                return Err(self.fault("data_type", expected, clip(self.value("data_type"))));
+            }
+        };
+        match self.value("storage_transformers") {
+            Value::Null => {}
+            Value::Array(none) if none.is_empty() => {}
+            other => return Err(self.fault("storage_transformers", "none", clip(other))),
+        }
+        let encoding = self.value("chunk_key_encoding");
+        let separator = encoding["configuration"]["separator"].as_str();
+        let key = match (name_of(encoding), separator) {
+            (Some("default"), Some("/") | None) => ("c", '/'),
+            (Some("default"), Some(".")) => ("c", '.'),
+            (Some("v2"), Some(".") | None) => ("", '.'),
+            (Some("v2"), Some("/")) => ("", '/'),
+            _ => return Err(self.fault("chunk_key_encoding", "default or v2", clip(encoding))),
+        };
+        let codecs = self.codecs("codecs", self.value("codecs"), shape.len())?;
+        let (shard, inside) = match &codecs.shard {
+            None => (None, codecs.clone()),
+            Some(_) if !codecs.packings.is_empty() || !codecs.order.is_sorted() => {
+                return Err(self.fault("codecs", "shards that are neither packed nor transposed", "such"));
+            }
+            Some(configuration) => self.shard(configuration, shape.len())?,
+        };
+        let names = self.value("dimension_names").as_array();
+        let names = names.map(|names| names.iter().map(|name| name.as_str().map(str::to_owned)).collect());
+        let endian = inside.endian;
+        let fill = self.fill(sample_type, endian)?;
+        self.checked(Array {
+            path: path.to_path_buf(),
+            shape,
+            chunk,
+            shard,
+            sample_type,
+            endian,
+            fill,
+            order: inside.order,
+            packings: inside.packings,
+            key,
+            names: names.unwrap_or_default(),
+        })
+    }
+
+    fn shard(&self, configuration: &Value, dimensions: usize) -> Result<(Option<Shard>, Codecs)> {
+        let inner = self.numbers("codecs", &configuration["chunk_shape"], 1)?;
+        let inside = self.codecs("codecs", &configuration["codecs"], dimensions)?;
+        let index = self.codecs("index_codecs", &configuration["index_codecs"], dimensions)?;
+        let index_summed = match (index.shard.is_none(), index.endian, index.packings.as_slice()) {
+            (true, Endian::Little, []) => false,
+            (true, Endian::Little, [Packing::Crc32c]) => true,
+            _ => {
+                let got = clip(&configuration["index_codecs"]);
+                return Err(self.fault("index_codecs", "little endian bytes, with crc32c or without", got));
+            }
+        };
+        if inside.shard.is_some() {
+            return Err(self.fault("codecs", "shards that hold no shards", "such"));
+        }
+        let index_at_end = match configuration["index_location"].as_str() {
+            Some("end") | None => true,
+            Some("start") => false,
+            Some(other) => return Err(self.fault("index_location", "\"start\" or \"end\"", other)),
+        };
+        Ok((Some(Shard { inner, index_at_end, index_summed }), inside))
+    }
+
+    /// Reads a list of codecs, in which array codecs come before one that makes bytes and that before byte codecs.
+    fn codecs(&self, field: &str, list: &Value, dimensions: usize) -> Result<Codecs> {
+        let list = list.as_array().ok_or_else(|| self.fault(field, "a list of codecs", clip(list)))?;
+        let mut order: Vec<usize> = (0..dimensions).collect();
+        let mut codecs = Codecs { order: Vec::new(), endian: Endian::Little, shard: None, packings: Vec::new() };
+        let mut as_bytes = false;
+        for codec in list {
+            let configuration = &codec["configuration"];
+            match (name_of(codec).unwrap_or_default(), as_bytes) {
+                ("transpose", false) => {
+                    let by = self.numbers(field, &configuration["order"], 0)?;
+                    let mut sorted = by.clone();
+                    sorted.sort_unstable();
+                    if !sorted.iter().copied().eq(0..dimensions as u64) {
+                        return Err(self.fault(field, "each dimension once in a transpose", clip(codec)));
+                    }
+                    order = by.iter().map(|from| order[usize::try_from(*from).unwrap_or(0)]).collect();
+                }
+                ("bytes", false) => {
+                    as_bytes = true;
+                    codecs.endian = match configuration["endian"].as_str() {
+                        Some("little") | None => Endian::Little,
+                        Some("big") => Endian::Big,
+                        Some(other) => return Err(self.fault(field, "\"little\" or \"big\"", other)),
+                    };
+                }
+                ("sharding_indexed", false) => {
+                    as_bytes = true;
+                    codecs.shard = Some(configuration.clone());
+                }
+                (name, true) => codecs.packings.push(self.packing(field, name)?),
+                (_, false) => return Err(self.fault(field, "transpose, bytes or sharding_indexed", clip(codec))),
+            }
+        }
+        if !as_bytes {
+            return Err(self.fault(field, "a codec that makes bytes", "none"));
+        }
+        codecs.order = order;
+        Ok(codecs)
+    }
+
+    fn packing(&self, field: &str, name: &str) -> Result<Packing> {
+        match name.strip_prefix("numcodecs.").unwrap_or(name) {
+            "gzip" | "zlib" => Ok(Packing::Deflate),
+            "blosc" => Ok(Packing::Blosc),
+            "zstd" => Ok(Packing::Zstd),
+            "lz4" => Ok(Packing::Lz4),
+            "crc32c" => Ok(Packing::Crc32c),
+            _ => Err(self.fault(field, "gzip, zlib, blosc, zstd, lz4 or crc32c", clip(&Value::from(name)))),
+        }
+    }
+
+    /// The bytes of the sample that stands for those that were not written.
+    fn fill(&self, sample_type: SampleType, endian: Endian) -> Result<Vec<u8>> {
+        let value = self.value("fill_value");
+        let fault = || self.fault("fill_value", format!("a value of {}", sample_type.name()), clip(value));
+        // Bits of a floating-point number, as version 3 may give them.
+        let hex = |digits: &str| u64::from_str_radix(digits, 16).ok().map(u64::to_le_bytes);
+        let number = match value {
+            Value::Null | Value::Bool(false) => 0.0,
+            Value::Bool(true) => 1.0,
+            Value::Number(number) => number.as_f64().ok_or_else(fault)?,
+            Value::String(text) => match (text.as_str(), text.strip_prefix("0x")) {
+                ("NaN", _) => f64::NAN,
+                ("Infinity", _) => f64::INFINITY,
+                ("-Infinity", _) => f64::NEG_INFINITY,
+                (_, Some(digits)) if sample_type.integer_range().is_none() => {
+                    let mut bytes = hex(digits).ok_or_else(fault)?[..sample_type.bytes()].to_vec();
+                    if endian == Endian::Big {
+                        bytes.reverse();
+                    }
+                    return Ok(bytes);
+                }
+                _ => return Err(fault()),
+            },
+            _ => return Err(fault()),
+        };
+        if let Some((low, high)) = sample_type.integer_range()
+            && !(number.fract() == 0.0 && (low..=high).contains(&number))
+        {
+            return Err(fault());
+        }
+        #[expect(clippy::cast_possible_truncation, reason = "in range, see above; f32 is rounded")]
+        let mut bytes = match sample_type {
+            SampleType::F32 => (number as f32).to_le_bytes().to_vec(),
+            SampleType::F64 => number.to_le_bytes().to_vec(),
+            _ => (number as i64).to_le_bytes()[..sample_type.bytes()].to_vec(),
+        };
+        if endian == Endian::Big {
+            bytes.reverse();
+        }
+        Ok(bytes)
+    }
+
+    /// Holds the parts against each other.
+    fn checked(&self, array: Array) -> Result<Array> {
+        let dimensions = array.shape.len();
+        let inner = array.shard.as_ref().map_or(&array.chunk, |shard| &shard.inner);
+        if array.chunk.len() != dimensions || inner.len() != dimensions {
+            let got = format!("{} and {} of {dimensions} dimensions", array.chunk.len(), inner.len());
+            return Err(self.fault("chunks", "as many numbers as in \"shape\"", got));
+        }
+        if !array.chunk.iter().zip(inner).all(|(chunk, inner)| chunk.is_multiple_of(*inner)) {
+            return Err(self.fault("codecs", "inner chunks that divide their shard", "others"));
+        }
+        let what = || format!("{}: bytes of a chunk", self.path.display());
+        let width = array.sample_type.bytes() as u64;
+        let need = inner.iter().try_fold(width, |bytes, points| bytes.checked_mul(*points)).unwrap_or(u64::MAX);
+        if need > MOST_CHUNK_BYTES {
+            return Err(Error::Limit { what: what(), need, have: MOST_CHUNK_BYTES });
+        }
+        Ok(array)
+    }
+}
+
+/// What a list of codecs comes to.
+#[derive(Clone)]
+struct Codecs {
+    order: Vec<usize>,
+    endian: Endian,
+    /// The configuration of a sharding codec.
+    shard: Option<Value>,
+    packings: Vec<Packing>,
+}
+
+/// The name of a version 3 extension: `{"name": ...}` or the name alone.
+fn name_of(extension: &Value) -> Option<&str> {
+    extension["name"].as_str().or(extension.as_str())
+}
+
+/// A text of a file without what would break a line.
+pub(super) fn printable(text: &str) -> String {
+    text.replace(char::is_control, " ")
+}
+
+/// A value as text, cut where it is long.
+pub(super) fn clip(value: &Value) -> String {
+    let text = value.to_string();
+    match text.char_indices().nth(60) {
+        Some((at, _)) => format!("{}... and more", &text[..at]),
+        None => text,
+    }
+}

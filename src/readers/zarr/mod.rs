@@ -1,0 +1,409 @@
+//! Zarr arrays of versions 2 and 3, OME-Zarr images of versions 0.1 to 0.5, and nifti-zarr.
+//!
+//! In: a folder that is a Zarr node. Out: a slab source over one array's z, y and x. Axes are found by their names; those
+//! of other names, such as time and channel, are counted through as volumes, the last one fastest. An image of several
+//! resolutions is read at one level. A nifti-zarr header gives the place in the world and the scaling.
+//!
+//! ```text
+//! layer: the slices that one row of chunks along z holds; all its chunks are unpacked into one buffer, one at a time
+//! slice: a part of the layer
+//! ```
+//!
+//! Own code and no library for the chunks: the one at hand brings a C compiler and 130 packages, and unpacks Zstandard
+//! and gzip chunks to whatever length their own headers say, so that a small damaged file takes all memory.
+
+mod blosc;
+mod chunk;
+mod metadata;
+mod multiscales;
+mod packing;
+
+use std::path::{Path, PathBuf};
+
+use self::chunk::ChunkReader;
+use self::metadata::Array;
+use self::multiscales::{AxisName, Level, Multiscales};
+use super::frame::{Frame, IDENTITY, World};
+use super::nifti;
+use super::open::{OpenOptions, file_name};
+use super::slab::{Endian, check_turn};
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::source::obtainable;
+use adjsplat::volume::{Header, Samples, SlabSource};
+
+pub(super) use metadata::is_node;
+
+/// Groups in groups that are looked into for one image.
+const DEEPEST: usize = 4;
+
+/// Children that a refusal names, and levels that a note tells.
+const MOST_LISTED: usize = 8;
+
+/// Bytes of a NIfTI header and its extensions in a nifti-zarr.
+const MOST_NIFTI_BYTES: u64 = 1 << 20;
+
+/// Opens the array, or the image at one of its levels, in the folder at `path`.
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+    let found = find(path, DEEPEST)?;
+    let level = options.level as usize;
+    let count = found.image.as_ref().map_or(1, |image| image.levels.len());
+    if level >= count {
+        let (are, levels) = if count == 1 { ("is", "level") } else { ("are", "levels") };
+        let listed = found.image.as_ref().map_or(String::new(), |image| format!(": {}", listed_levels(image)));
+        return Err(Error::input("level", format!("is {level}, but there {are} {count} {levels}, from 0{listed}")));
+    }
+    let mut notes = Vec::new();
+    let array = match &found.image {
+        None => found.array.ok_or_else(|| Error::input(path.display().to_string(), "holds no Zarr array"))?,
+        Some(image) => {
+            if count > 1 {
+                notes.push(format!("level {level} of {count} is read (--level): {}", listed_levels(image)));
+            }
+            read_array(&image.levels[level].path)?
+        }
+    };
+    let axes = Axes::find(&array, found.image.as_ref())?;
+    let (frame, slope, intercept) = place(&found.path, &array, &axes, found.image.as_ref(), level)?;
+    let dims = axes.space.map(|dimension| dimension.map_or(1, |dimension| array.shape[dimension]));
+    let grid = frame.grid(&array.path, "Zarr grid", dims, options.spacing)?;
+    let index = axes.volume(&array, options.volume_index.into())?;
+    let format = if found.image.is_some() { "OME-Zarr" } else { "Zarr" };
+    let header = Header { grid, sample_type: array.sample_type, slope, intercept, name: file_name(path), format };
+    Ok(Box::new(ZarrReader::new(header, array, axes.space, index, notes)?))
+}
+
+/// What a folder turned out to hold.
+struct Found {
+    path: PathBuf,
+    array: Option<Array>,
+    image: Option<Multiscales>,
+}
+
+/// The array or image at `path`, or the only one in the groups below it.
+fn find(path: &Path, depth: usize) -> Result<Found> {
+    let node = metadata::read(path)?;
+    let image = if node.array.is_none() { multiscales::read(path, &node.attributes)? } else { None };
+    if node.array.is_some() || image.is_some() {
+        return Ok(Found { path: path.to_path_buf(), array: node.array, image });
+    }
+    let mut children: Vec<PathBuf> = super::folder::list(path)?.folders;
+    children.retain(|child| is_node(child) && !["OME", "labels", "nifti"].contains(&file_name(child).as_str()));
+    match children.as_slice() {
+        [one] if depth > 0 => find(one, depth - 1),
+        _ => {
+            let names: Vec<String> = children.iter().take(MOST_LISTED).map(|child| file_name(child)).collect();
+            let more = if children.len() > MOST_LISTED { ", ..." } else { "" };
+            let why = match names.as_slice() {
+                [] => "is a Zarr group without arrays".to_string(),
+                _ => format!("is a Zarr group of several; name one of its folders: {}{more}", names.join(", ")),
+            };
+            Err(Error::input(path.display().to_string(), why))
+        }
+    }
+}
+
+fn read_array(path: &Path) -> Result<Array> {
+    if !is_node(path) {
+        let why = "is named by its group's metadata, but there is no Zarr array";
+        return Err(Error::input(path.display().to_string(), why));
+    }
+    let node = metadata::read(path)?;
+    node.array.ok_or_else(|| Error::input(path.display().to_string(), "is a Zarr group where an array is to be"))
+}
+
+/// "0: 3 x 128 x 256, 1: 3 x 64 x 128", slowest axis first.
+fn listed_levels(image: &Multiscales) -> String {
+    let shape = |level: &Level| match metadata::read(&level.path).ok().and_then(|node| node.array) {
+        Some(array) => array.shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x "),
+        None => "cannot be read".into(),
+    };
+    let listed = image.levels.iter().take(MOST_LISTED).enumerate();
+    let listed: Vec<String> = listed.map(|(number, level)| format!("{number}: {}", shape(level))).collect();
+    listed.join(", ") + if image.levels.len() > MOST_LISTED { ", ..." } else { "" }
+}
+
+/// Which dimension of an array is which.
+struct Axes {
+    /// The dimensions along x, y, z; an image may have no z.
+    space: [Option<usize>; 3],
+    /// All others, with their names.
+    others: Vec<(usize, String)>,
+    /// Unit of lengths, if the axes of space have one and the same.
+    unit: Option<String>,
+}
+
+impl Axes {
+    /// By the names that the image or the array gives; without any the last three are z, y, x.
+    fn find(array: &Array, image: Option<&Multiscales>) -> Result<Axes> {
+        let dimensions = array.shape.len();
+        let fault = |expected: &str, got: String| Error::format(&array.path, 0, "Zarr axes", expected, got);
+        let named: Vec<AxisName> = match image {
+            Some(image) if image.axes.len() != dimensions => {
+                let got = format!("{} axes for {dimensions}", image.axes.len());
+                return Err(fault("a name for each dimension", got));
+            }
+            Some(image) => image.axes.clone(),
+            None => {
+                let given = |at: usize| array.names.get(at).cloned().flatten().unwrap_or_default();
+                let unit = || None;
+                (0..dimensions)
+                    .map(|at| AxisName { name: metadata::printable(&given(at).to_lowercase()), unit: unit() })
+                    .collect()
+            }
+        };
+        let by_name = |name: &str| named.iter().position(|axis| axis.name == name);
+        let mut space = [by_name("x"), by_name("y"), by_name("z")];
+        if space[0].is_none() && space[1].is_none() {
+            space = [1, 2, 3].map(|from_end| dimensions.checked_sub(from_end));
+        }
+        if space[0].is_none() || space[1].is_none() {
+            let names: Vec<&str> = named.iter().map(|axis| axis.name.as_str()).collect();
+            return Err(fault("axes x and y, or no names", names.join(", ")));
+        }
+        let others = (0..dimensions).filter(|at| !space.contains(&Some(*at)));
+        let others = others.map(|at| (at, named[at].name.clone())).collect();
+        let units: Vec<&Option<String>> = space.iter().flatten().map(|at| &named[*at].unit).collect();
+        let unit = if units.iter().all(|unit| *unit == units[0]) { units[0].clone() } else { None };
+        Ok(Axes { space, others, unit })
+    }
+
+    /// The index of volume `number` along the dimensions that are not of space; 0 along those that are.
+    fn volume(&self, array: &Array, number: u64) -> Result<Vec<u64>> {
+        let counts = self.others.iter().map(|(dimension, _)| array.shape[*dimension]);
+        let count = counts.fold(1, u64::saturating_mul);
+        if number >= count {
+            let axes: Vec<String> =
+                self.others.iter().map(|(dimension, name)| format!("{name} {}", array.shape[*dimension])).collect();
+            let axes =
+                if axes.is_empty() { String::new() } else { format!(" ({}, the last fastest)", axes.join(", ")) };
+            let volumes = if count == 1 { "volume" } else { "volumes" };
+            return Err(Error::input(
+                "volume",
+                format!("is {number}, but the array holds {count} {volumes}{axes}, counted from 0"),
+            ));
+        }
+        let mut index = vec![0; array.shape.len()];
+        let mut rest = number;
+        for (dimension, _) in self.others.iter().rev() {
+            index[*dimension] = rest % array.shape[*dimension];
+            rest /= array.shape[*dimension];
+        }
+        Ok(index)
+    }
+}
+
+/// Where the array lies in the world, and its slope and intercept.
+fn place(
+    path: &Path,
+    array: &Array,
+    axes: &Axes,
+    image: Option<&Multiscales>,
+    level: usize,
+) -> Result<(Frame, f64, f64)> {
+    let Some(image) = image else { return Ok((Frame::upright([1.0; 3]), 1.0, 0.0)) };
+    let of = |values: &[f64], without: f64| axes.space.map(|at| at.map_or(without, |at| values[at]));
+    let (scale, translation) = (of(&image.levels[level].scale, 1.0), of(&image.levels[level].translation, 0.0));
+    let header = path.join("nifti");
+    if !is_node(&header) {
+        let frame = Frame {
+            spacing: scale,
+            direction: IDENTITY,
+            origin: translation,
+            world: World::RightHanded,
+            unit: axes.unit.clone(),
+        };
+        return Ok((frame, 1.0, 0.0));
+    }
+    let (mut frame, slope, intercept) = nifti::place_of(&header, &nifti_header(&header)?)?;
+    // The header places level 0; another level is that much coarser, and begins between its points.
+    let (finest, first) = (of(&image.levels[0].scale, 1.0), of(&image.levels[0].translation, 0.0));
+    for axis in 0..3 {
+        let step = frame.spacing[axis] * (translation[axis] - first[axis]) / finest[axis];
+        for c in 0..3 {
+            frame.origin[c] += frame.unit_direction(axis)[c] * step;
+        }
+        frame.spacing[axis] *= scale[axis] / finest[axis];
+    }
+    debug_assert_eq!(array.shape.len(), image.axes.len(), "checked by Axes::find");
+    Ok((frame, slope, intercept))
+}
+
+/// The NIfTI header that is stored as an array of bytes.
+fn nifti_header(path: &Path) -> Result<Vec<u8>> {
+    let array = read_array(path)?;
+    let mut reader = ChunkReader::new(array);
+    let expected = "one chunk of bytes";
+    let fault = |got: &str| Error::format(path, 0, "nifti-zarr header", expected, got);
+    if reader.array().shape.len() != 1 || reader.chunk_bytes() > MOST_NIFTI_BYTES {
+        return Err(fault("an array of another shape"));
+    }
+    reader.read(&[0])?.ok_or_else(|| fault("none"))
+}
+
+/// Reads an array's slices, a layer of chunks at a time.
+struct ZarrReader {
+    header: Header,
+    chunks: ChunkReader,
+    /// The dimensions along x, y, z.
+    space: [Option<usize>; 3],
+    /// Index along the other dimensions.
+    index: Vec<u64>,
+    /// The layer's samples, x fastest, in the array's byte order.
+    layer: Vec<u8>,
+    /// Which layer that is.
+    loaded: Option<u64>,
+    slices_read: u32,
+    notes: Vec<String>,
+}
+
+impl ZarrReader {
+    fn new(
+        header: Header,
+        array: Array,
+        space: [Option<usize>; 3],
+        index: Vec<u64>,
+        notes: Vec<String>,
+    ) -> Result<ZarrReader> {
+        let chunks = ChunkReader::new(array);
+        let reader =
+            ZarrReader { header, chunks, space, index, layer: Vec::new(), loaded: None, slices_read: 0, notes };
+        let need = reader.buffer_bytes();
+        let have = obtainable(need);
+        if have < need {
+            let what = format!("{}: memory in bytes for one layer of chunks", reader.header.name);
+            return Err(Error::Limit { what, need, have });
+        }
+        Ok(reader)
+    }
+
+    /// Points of a chunk along x, y or z.
+    fn chunk_points(&self, axis: usize) -> u64 {
+        self.space[axis].map_or(1, |dimension| self.chunks.shape()[dimension])
+    }
+
+    /// Slices of a full layer.
+    fn layer_slices(&self) -> u64 {
+        self.chunk_points(2).min(self.header.grid.dims[2].into())
+    }
+
+    fn slice_bytes(&self) -> u64 {
+        self.header.grid.slice_len() * self.header.sample_type.bytes() as u64
+    }
+
+    /// Fills the layer with chunks `number` along z.
+    fn load(&mut self, number: u64) -> Result<()> {
+        self.loaded = None;
+        let dims = self.header.grid.dims.map(u64::from);
+        let layer_len = self.slice_bytes() * self.layer_slices();
+        let refused =
+            || Error::Limit { what: "memory in bytes for one layer of chunks".into(), need: layer_len, have: 0 };
+        self.layer.clear();
+        self.layer.try_reserve_exact(usize::try_from(layer_len).map_err(|_| refused())?).map_err(|_| refused())?;
+        self.layer.resize(usize::try_from(layer_len).map_err(|_| refused())?, 0);
+        let counts = [0, 1].map(|axis| dims[axis].div_ceil(self.chunk_points(axis)));
+        for y in 0..counts[1] {
+            for x in 0..counts[0] {
+                let at = [x, y, number];
+                let shape = self.chunks.shape();
+                let mut index: Vec<u64> = self.index.iter().zip(shape).map(|(index, points)| index / points).collect();
+                for (axis, at) in at.into_iter().enumerate() {
+                    if let Some(dimension) = self.space[axis] {
+                        index[dimension] = at;
+                    }
+                }
+                let chunk = self.chunks.read(&index)?;
+                self.place(at, chunk.as_deref());
+            }
+        }
+        self.loaded = Some(number);
+        Ok(())
+    }
+
+    /// Copies the part of the volume that the chunk at `at` holds into the layer; without a chunk it is the fill value.
+    fn place(&mut self, at: [u64; 3], chunk: Option<&[u8]>) {
+        let points = [0, 1, 2].map(|axis| self.chunk_points(axis));
+        let dims = self.header.grid.dims.map(u64::from);
+        let start = [0, 1, 2].map(|axis| at[axis] * points[axis]);
+        let [run, rows, slices] = [0, 1, 2].map(|axis| index(points[axis].min(dims[axis] - start[axis])));
+        let width = self.header.sample_type.bytes();
+        let strides = self.strides();
+        // Where this volume begins in the chunk, along the axes that are not of space.
+        let others = (0..self.index.len()).filter(|dimension| !self.space.contains(&Some(*dimension)));
+        let first: usize =
+            others.map(|other| index(self.index[other] % self.chunks.shape()[other]) * strides[other]).sum();
+        let [dx, dy, dz] = self.space.map(|dimension| dimension.map_or(0, |dimension| strides[dimension]));
+        let fill = &self.chunks.array().fill;
+        for z in 0..slices {
+            for y in 0..rows {
+                let to = (z * index(dims[1]) + index(start[1]) + y) * index(dims[0]) + index(start[0]);
+                let row = &mut self.layer[to * width..(to + run) * width];
+                let from = first + z * dz + y * dy;
+                match chunk {
+                    Some(chunk) if dx == 1 => row.copy_from_slice(&chunk[from * width..(from + run) * width]),
+                    Some(chunk) => {
+                        for (x, sample) in row.chunks_exact_mut(width).enumerate() {
+                            let at = (from + x * dx) * width;
+                            sample.copy_from_slice(&chunk[at..at + width]);
+                        }
+                    }
+                    None => row.chunks_exact_mut(width).for_each(|sample| sample.copy_from_slice(fill)),
+                }
+            }
+        }
+    }
+
+    /// Samples between neighbours of a chunk along each dimension, as it is stored.
+    fn strides(&self) -> Vec<usize> {
+        let mut strides = vec![0; self.index.len()];
+        let mut step = 1;
+        for dimension in self.chunks.array().order.iter().rev() {
+            strides[*dimension] = step;
+            step *= index(self.chunks.shape()[*dimension]);
+        }
+        strides
+    }
+}
+
+/// A size that was held against memory before.
+fn index(points: u64) -> usize {
+    usize::try_from(points).unwrap_or(usize::MAX)
+}
+
+impl SlabSource for ZarrReader {
+    fn header(&self) -> &Header {
+        &self.header
+    }
+
+    fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+        check_turn(&self.header, slice, self.slices_read, false)?;
+        let z = u64::from(self.slices_read);
+        let layer = z / self.chunk_points(2);
+        if self.loaded != Some(layer) {
+            self.load(layer)?;
+        }
+        let bytes = slice.bytes_mut();
+        let start = index(z % self.chunk_points(2)) * bytes.len();
+        bytes.copy_from_slice(&self.layer[start..start + bytes.len()]);
+        if self.chunks.array().endian != Endian::NATIVE {
+            slice.swap_bytes();
+        }
+        self.slices_read += 1;
+        Ok(())
+    }
+
+    fn rewind(&mut self) -> Result<()> {
+        self.slices_read = 0;
+        Ok(())
+    }
+
+    fn buffer_bytes(&self) -> u64 {
+        // A chunk as it is packed, as it comes out, and for Blosc once more with its bytes shuffled.
+        let chunk = self.chunks.chunk_bytes().saturating_mul(3);
+        let layer = self.slice_bytes().saturating_mul(self.layer_slices());
+        layer.saturating_add(chunk).saturating_add(self.chunks.index_bytes().saturating_mul(2))
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
+    }
+}

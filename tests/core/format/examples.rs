@@ -1,0 +1,165 @@
+//! The frozen examples: every byte as it was, every result as `expected.txt` says.
+
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Once;
+
+use adjsplat::arena::Arena;
+use adjsplat::arena::transpose::transpose;
+use adjsplat::file::write::arena_bytes;
+use adjsplat::volume::Axis;
+use sha2::{Digest, Sha256};
+
+use crate::format::assemble::{Parts, listing, pack, voxels_of};
+use crate::format::oracle;
+use crate::format::refused::refused;
+use crate::format::scenes::scenes;
+
+pub(crate) fn folder() -> PathBuf {
+    adjsplat_tests::repository().join("formats/examples")
+}
+
+/// Rewrites the folder, once a run, if that is asked for.
+fn bless() {
+    static ONCE: Once = Once::new();
+    ONCE.call_once(|| {
+        if std::env::var("ADJ_BLESS").is_ok_and(|value| value == "1") {
+            for (name, bytes) in made() {
+                std::fs::write(folder().join(name), bytes).unwrap();
+            }
+            std::fs::write(folder().join("expected.txt"), results()).unwrap();
+        }
+    });
+}
+
+/// The text of `expected.txt`.
+fn results() -> String {
+    made().iter().fold(HEAD.to_owned(), |text, (name, bytes)| text + &result_of(name, bytes) + "\n")
+}
+
+/// Every example by name, made anew.
+pub(crate) fn made() -> Vec<(&'static str, Vec<u8>)> {
+    let valid = scenes().into_iter().map(|scene| (scene.name, Parts::of_scene(&scene).file()));
+    valid.chain(refused()).collect()
+}
+
+/// What opening and checking `file` gives, as a line of `expected.txt`.
+fn result_of(name: &str, file: &[u8]) -> String {
+    let refusal = |by, fault: adjsplat::error::FormatFault| format!("{name} {by} {} {}", fault.rule, fault.at);
+    let arena = match Arena::new(file) {
+        Ok(arena) => arena,
+        Err(fault) => return refusal("open", fault),
+    };
+    let checked = match arena.check() {
+        Ok(checked) => checked,
+        Err(fault) => return refusal("check", fault),
+    };
+    let [x, y, z] = arena.facts().grid.dims;
+    let mut line = format!("{name} ok {x}x{y}x{z} visible={} stepping=", checked.visible_voxels);
+    for (index, lane) in checked.lanes.iter().enumerate() {
+        let comma = if index > 0 { "," } else { "" };
+        write!(line, "{comma}{}:{}", lane.axis.name(), lane.stepping_voxels).unwrap();
+    }
+    let hash = Sha256::digest(listing(&voxels_of(&arena.lane(Axis::X).unwrap())));
+    write!(line, " content=").unwrap();
+    hash[..8].iter().for_each(|byte| write!(line, "{byte:02x}").unwrap());
+    line
+}
+
+const HEAD: &str = "\
+# One line a file.
+#   NAME ok DIMS visible=VOXELS stepping=LANE:STEPPING_VOXELS,... content=HASH
+#   NAME open RULE BYTE     must be refused when it is opened, by that rule, at that byte
+#   NAME check RULE BYTE    opens, and must be refused by the check
+# HASH: first 16 digits of SHA-256 over a text of one line a voxel, by z, then y, then x: the decimal numbers
+# x, y, z, value code, normal code, magnitude code with a space between and a line feed after; 0 for a channel
+# that the file does not have.
+";
+
+#[test]
+fn every_example_is_byte_for_byte_what_it_was() {
+    bless();
+    for (name, bytes) in made() {
+        let path = folder().join(name);
+        let frozen = std::fs::read(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+        if let Some(at) = (0..frozen.len().max(bytes.len())).find(|&i| frozen.get(i) != bytes.get(i)) {
+            panic!("{name} differs from byte {at} on; a change of bytes is a new major version and new examples");
+        }
+    }
+}
+
+#[test]
+fn every_example_has_the_expected_result() {
+    bless();
+    let results = results();
+    let expected = std::fs::read_to_string(folder().join("expected.txt")).unwrap();
+    for (expected, got) in expected.lines().zip(results.lines()) {
+        assert_eq!(got, expected);
+    }
+    assert_eq!(results.lines().count(), expected.lines().count());
+    let listed = expected.lines().filter(|line| !line.starts_with('#')).count();
+    let files = std::fs::read_dir(folder()).unwrap().count();
+    assert_eq!(files, listed + 1, "every file in the folder is listed");
+    for line in expected.lines().filter(|line| !line.starts_with('#')) {
+        assert_eq!(line.starts_with("x-"), !line.contains(" ok "), "files to refuse start with x-: {line}");
+    }
+}
+
+#[test]
+fn every_rule_has_a_file_that_breaks_it() {
+    bless();
+    let expected = std::fs::read_to_string(folder().join("expected.txt")).unwrap();
+    for rule in 1..=22 {
+        let rule = format!("R{rule}");
+        let broken = expected.lines().any(|line| line.split(' ').nth(2) == Some(&rule));
+        assert!(broken, "no example breaks {rule}");
+    }
+}
+
+#[test]
+fn valid_examples_hold_their_scenes_in_every_lane() {
+    for scene in scenes() {
+        let file = Parts::of_scene(&scene).file();
+        let arena = Arena::new(&file).unwrap();
+        assert_eq!(arena.facts(), &scene.facts(), "{}", scene.name);
+        assert_eq!(arena.description(), scene.description.as_deref().unwrap_or("").as_bytes());
+        assert!(oracle::sound(&arena), "{}", scene.name);
+        let mut voxels = scene.voxels.clone();
+        voxels.sort_by_key(|&([x, y, z], _)| [z, y, x]);
+        let x_lane = arena.lane(Axis::X).unwrap();
+        assert_eq!(arena.lanes().count(), scene.lanes);
+        for lane in arena.lanes() {
+            assert_eq!(voxels_of(&lane), voxels, "{} lane {}", scene.name, lane.axis.name());
+        }
+        for axis in [Axis::Y, Axis::Z] {
+            assert_eq!(transpose(&x_lane, axis, scene.tile_order), pack(&scene, axis), "{}", scene.name);
+        }
+    }
+}
+
+#[test]
+fn the_library_writes_the_same_files() {
+    let mut compared = 0;
+    for scene in scenes().iter().filter(|scene| scene.extra.is_empty()) {
+        // A scene without a description is one that the library's writer does not write.
+        let Some(description) = &scene.description else { continue };
+        let lanes: Vec<_> = Axis::ALL[..scene.lanes].iter().map(|&axis| pack(scene, axis)).collect();
+        let written = arena_bytes(&scene.facts(), &lanes, description);
+        assert!(written == Parts::of_scene(scene).file(), "{}", scene.name);
+        compared += 1;
+    }
+    assert!(compared >= 10);
+}
+
+#[test]
+fn a_file_reads_the_same_at_any_address() {
+    for scene in scenes() {
+        let file = Parts::of_scene(&scene).file();
+        let mut shifted = vec![0; file.len() + 3];
+        let here = Arena::new(&file).unwrap().check();
+        for by in 1..=3 {
+            shifted[by..by + file.len()].copy_from_slice(&file);
+            assert_eq!(Arena::new(&shifted[by..by + file.len()]).unwrap().check(), here);
+        }
+    }
+}

@@ -1,0 +1,103 @@
+//! The reader in another language: `formats/read_adj.py`, written from adj-1.md, must see the same voxels.
+
+use std::process::{Command, Output};
+
+use adjsplat::arena::Arena;
+use adjsplat::classify::MagnitudeCodec;
+use adjsplat::classify::normal::{decode8, decode16};
+
+use crate::format::assemble::{Parts, listing, voxels_of};
+use crate::format::examples::folder;
+use crate::format::scenes::scenes;
+
+/// Runs the reader; `None`, said aloud, where there is no Python with numpy.
+fn read_adj(arguments: &[&str]) -> Option<Output> {
+    let python = Command::new("python3").args(["-c", "import numpy"]).output();
+    let reason = match python {
+        Ok(output) if output.status.success() => {
+            let script = folder().with_file_name("read_adj.py");
+            let output = Command::new("python3").arg(script).args(arguments).current_dir(folder()).output();
+            return Some(output.expect("python3 ran a moment ago"));
+        }
+        Ok(output) => String::from_utf8_lossy(&output.stderr).lines().last().unwrap_or_default().to_owned(),
+        Err(error) => format!("python3: {error}"),
+    };
+    assert!(!std::env::var("ADJ_PYTHON").is_ok_and(|value| value == "require"), "no Python reader: {reason}");
+    eprintln!("SKIPPED: formats/read_adj.py was not compared ({reason}); ADJ_PYTHON=require makes this a failure");
+    None
+}
+
+#[test]
+fn the_python_reader_sees_every_voxel_as_the_library_does() {
+    let mut expected = String::new();
+    let scenes = scenes();
+    for scene in &scenes {
+        let file = Parts::of_scene(scene).file();
+        let arena = Arena::new(&file).unwrap();
+        for lane in arena.lanes() {
+            expected += &format!("# {} lane {}\n", scene.name, lane.axis.name());
+            expected += &listing(&voxels_of(&lane));
+        }
+    }
+    let names = scenes.iter().map(|scene| scene.name);
+    let Some(output) = read_adj(&["--list"].into_iter().chain(names).collect::<Vec<_>>()) else { return };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let got = String::from_utf8(output.stdout).unwrap();
+    for (line, (got, expected)) in got.lines().zip(expected.lines()).enumerate() {
+        assert_eq!(got, expected, "line {}", line + 1);
+    }
+    assert_eq!(got.lines().count(), expected.lines().count());
+}
+
+#[test]
+fn the_python_reader_decodes_codes_as_the_library_does() {
+    let names = ["all-channels.adj", "bytes-and-normals.adj", "magnitudes-only.adj"];
+    let Some(output) = read_adj(&["--decoded", "--lane", "x", names[0], names[1], names[2]]) else { return };
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let got = String::from_utf8(output.stdout).unwrap();
+    let mut rows = got.lines().filter(|line| !line.starts_with('#'));
+    for scene in scenes().iter().filter(|scene| names.contains(&scene.name)) {
+        let facts = scene.facts();
+        let magnitudes = MagnitudeCodec::new(facts.scales.magnitude_scale).unwrap();
+        let mut voxels = scene.voxels.clone();
+        voxels.sort_by_key(|&([x, y, z], _)| [z, y, x]);
+        for (at, record) in voxels {
+            let normal = match scene.channels.normal_bits {
+                0 => [0.0; 3],
+                8 => decode8(u16::try_from(record.normal).unwrap()),
+                _ => decode16(record.normal),
+            };
+            let value = facts.scales.value_low + f64::from(record.value) * facts.scales.value_step;
+            let expected = at.map(f64::from).into_iter().chain([value]).chain(normal.map(f64::from));
+            let magnitude = magnitudes.decode(record.magnitude);
+            let numbers = rows.next().expect("a row a voxel").split(' ').map(|number| number.parse::<f64>().unwrap());
+            for (got, expected) in numbers.zip(expected.chain([magnitude])) {
+                // The library decodes to single precision.
+                assert!((got - expected).abs() <= 2e-7 * expected.abs().max(1.0), "{}: {got} {expected}", scene.name);
+            }
+        }
+    }
+    assert_eq!(rows.next(), None);
+}
+
+#[test]
+fn the_python_reader_refuses_what_it_cannot_read() {
+    // One file for each rule that the reader checks; it reads no checksum.
+    let refused = [
+        ("R1", "x-magic.adj"),
+        ("R2", "x-future-major.adj"),
+        ("R4", "x-truncated.adj"),
+        ("R5", "x-overlap.adj"),
+        ("R7", "x-value-bits.adj"),
+        ("R10", "x-unknown-kind.adj"),
+        ("R11", "x-channel-lengths.adj"),
+        ("R13", "x-tile-order-differs.adj"),
+        ("R16", "x-mask-without-line-end.adj"),
+    ];
+    let Some(output) = read_adj(&refused.map(|(_, name)| name)) else { return };
+    let messages = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!((output.status.code(), messages.lines().count()), (Some(2), refused.len()), "{messages}");
+    for ((rule, name), message) in refused.iter().zip(messages.lines()) {
+        assert!(message.starts_with(&format!("read_adj: {name}: {rule}: ")), "{message}");
+    }
+}

@@ -1,0 +1,122 @@
+//! The valid examples: what each small file of `formats/examples` holds, and why it is there.
+
+use adjsplat::arena::layout::{Facts, Scales};
+use adjsplat::arena::pack::Record;
+use adjsplat::arena::{Channels, TileOrder};
+use adjsplat::volume::Grid;
+
+use crate::format::assemble::{Part, Random, Voxel};
+
+/// One valid file.
+#[derive(Debug, Clone)]
+pub(crate) struct Scene {
+    pub(crate) name: &'static str,
+    pub(crate) dims: [u32; 3],
+    pub(crate) channels: Channels,
+    pub(crate) tile_order: TileOrder,
+    /// 1, 2 or 3: x, xy or xyz.
+    pub(crate) lanes: usize,
+    pub(crate) voxels: Vec<Voxel>,
+    pub(crate) description: Option<String>,
+    pub(crate) minor: u16,
+    pub(crate) extra: Vec<Part>,
+}
+
+impl Scene {
+    pub(crate) fn facts(&self) -> Facts {
+        let mut grid = Grid::new(self.dims.map(u64::from), [0.5, 1.0, 2.0]).unwrap();
+        grid.origin = [-1.0, 0.0, 3.5];
+        let magnitude_scale = if self.channels.magnitude_bits == 0 { 0.0 } else { 93.5 };
+        Facts {
+            grid,
+            channels: self.channels,
+            tile_order: self.tile_order,
+            scales: Scales { value_low: 100.0, value_step: 0.5, magnitude_scale },
+            visible_voxels: self.voxels.len() as u64,
+        }
+    }
+}
+
+fn channels(value_bits: u8, normal_bits: u8, magnitude_bits: u8) -> Channels {
+    Channels { value_bits, normal_bits, magnitude_bits }
+}
+
+fn scene(name: &'static str, dims: [u32; 3], channels: Channels, lanes: usize, voxels: Vec<Voxel>) -> Scene {
+    let description = Some(r#"{"generator":"by hand"}"#.to_owned());
+    let tile_order = TileOrder::Morton;
+    Scene { name, dims, channels, tile_order, lanes, voxels, description, minor: 0, extra: Vec::new() }
+}
+
+/// `count` voxels at random places, with random codes as wide as the channels.
+fn scattered(seed: u64, dims: [u32; 3], channels: Channels, count: usize) -> Vec<Voxel> {
+    let mut random = Random(seed);
+    let mut voxels: Vec<Voxel> = Vec::new();
+    while voxels.len() < count {
+        let at = dims.map(|dim| u16::try_from(random.below(dim.into())).unwrap());
+        let mut code = |bits: u8| random.below(1 << bits);
+        let value = u16::try_from(code(channels.value_bits)).unwrap();
+        let normal = u32::try_from(code(2 * channels.normal_bits)).unwrap();
+        let magnitude = u8::try_from(code(channels.magnitude_bits)).unwrap();
+        if voxels.iter().all(|voxel| voxel.0 != at) {
+            voxels.push((at, Record { value, normal, magnitude }));
+        }
+    }
+    voxels
+}
+
+/// Voxels of rising value at `places`.
+fn numbered(places: &[[u16; 3]]) -> Vec<Voxel> {
+    (1..).zip(places).map(|(value, &at)| (at, Record { value, normal: 0, magnitude: 0 })).collect()
+}
+
+/// Every valid example.
+pub(crate) fn scenes() -> Vec<Scene> {
+    let bytes = channels(8, 0, 0);
+    // The distances at which the number of stepping voxels changes, on all three axes; the x lane's line ends are
+    // wide, those of y, with 1,023 points a line, just not.
+    let gaps = [
+        [0, 0, 0],
+        [255, 0, 0],
+        [511, 0, 0],
+        [1021, 0, 0],
+        [1532, 0, 0],
+        [0, 255, 0],
+        [0, 511, 0],
+        [0, 1022, 0],
+        [0, 0, 255],
+        [0, 0, 511],
+        [254, 9, 1],
+        [255, 9, 2],
+        [256, 9, 3],
+        [1599, 9, 4],
+    ];
+    let dims_of_curves = [24, 40, 40];
+    let on_curves = scattered(7, dims_of_curves, bytes, 48);
+    let ordered =
+        |name, tile_order, lanes| Scene { tile_order, ..scene(name, dims_of_curves, bytes, lanes, on_curves.clone()) };
+    let wide = channels(16, 16, 8);
+    let narrow = channels(8, 8, 0);
+    vec![
+        // The example that adj-1.md prints: two lines, one stepping voxel.
+        scene("worked.adj", [300, 2, 1], bytes, 1, numbered(&[[1, 0, 0], [2, 0, 0], [299, 1, 0]])),
+        // Nothing but one record, and no description.
+        Scene { description: None, ..scene("one-voxel.adj", [1, 1, 1], bytes, 1, numbered(&[[0, 0, 0]])) },
+        // A volume in which nothing is visible: sections of no bytes, one after the other.
+        scene("nothing-visible.adj", [5, 4, 3], narrow, 3, Vec::new()),
+        scene("gaps.adj", [1600, 1023, 512], bytes, 3, numbered(&gaps)),
+        // The largest dimension, and the longest gap that it allows.
+        scene("longest-line.adj", [65_535, 1, 1], bytes, 1, numbered(&[[0, 0, 0], [65_534, 0, 0]])),
+        scene("all-channels.adj", [12, 11, 10], wide, 3, scattered(3, [12, 11, 10], wide, 40)),
+        scene("bytes-and-normals.adj", [17, 9, 8], narrow, 1, scattered(4, [17, 9, 8], narrow, 60)),
+        scene("magnitudes-only.adj", [8, 8, 8], channels(16, 0, 8), 2, scattered(5, [8, 8, 8], channels(16, 0, 8), 30)),
+        ordered("morton.adj", TileOrder::Morton, 1),
+        ordered("hilbert.adj", TileOrder::Hilbert, 2),
+        ordered("rows.adj", TileOrder::Rows, 1),
+        // Written by a later minor version: a section that this one does not know, which it must skip.
+        Scene {
+            minor: 9,
+            extra: vec![Part { kind: 0x8123, axis: 255, element_bytes: 3, bytes: b"abcdef".to_vec() }],
+            ..scene("later-minor.adj", [4, 4, 4], bytes, 1, scattered(6, [4, 4, 4], bytes, 9))
+        },
+    ]
+}

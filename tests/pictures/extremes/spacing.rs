@@ -1,0 +1,202 @@
+//! Spacings from the smallest to the largest, anisotropy up to 1 to a million, mirrored and sheared grids.
+
+use adjsplat::splat::{Camera, Projection, Quality, Settings, View};
+use adjsplat::traverse::{Order, Sense, SplitForm};
+use adjsplat::volume::{Axis, Grid};
+
+use crate::extremes::model::{Model, alphas, apart, bits, constant, json, middle, parallel, worst};
+
+/// A lumpy ball of some thousand voxels of two colours; opacities per mean voxel.
+fn ball(spacing: [f64; 3]) -> Model {
+    let transfer = json(
+        r##"{"kind": "points", "shaded": false, "points": [
+            {"value": 0, "colour": "#ff4020", "opacity": 0.1}, {"value": 200, "colour": "#3060ff", "opacity": 0.6}]}"##,
+    );
+    Model::new(Grid::new([20, 18, 16], spacing).unwrap(), transfer, |at| {
+        let [x, y, z] = at.map(f64::from);
+        let square = (x - 9.5).powi(2) + (y - 8.5).powi(2) + (z - 7.5).powi(2);
+        (square < 60.0 + 10.0 * x.sin()).then_some((at[0] * 31 + at[1] * 17 + at[2] * 7) % 200)
+    })
+}
+
+/// Parallel, from afar, and near; everything in units of `unit`.
+fn cameras(unit: f64) -> [Camera; 3] {
+    let target = [9.5 * unit, 8.5 * unit, 7.5 * unit];
+    // Not along a diagonal, where rounding decides which axis is slow.
+    let eye = |distance: f64| [9.5, 8.7, 8.0].map(|c| c * unit + distance * unit);
+    let perspective = Projection::Perspective { fov: 40.0 };
+    [
+        Camera::new(eye(20.0), target, [0.0, unit, 0.0], Projection::Parallel { height: 24.0 * unit }).unwrap(),
+        Camera::new(eye(25.0), target, [0.0, unit, 0.0], perspective).unwrap(),
+        Camera::new(eye(2.37), target, [0.0, unit, 0.0], perspective).unwrap(),
+    ]
+}
+
+fn high() -> Settings {
+    Settings { quality: Quality::High, ..Settings::new([48, 40]) }
+}
+
+/// By powers of two (of three in the exponent, for the cube root) bit for bit; by powers of ten up to what moves a pixel
+/// across a footprint's edge, 1e-4 of its peak.
+#[test]
+fn spacings_tiny_and_huge_give_the_picture_of_one() {
+    let ones = cameras(1.0).map(|camera| ball([1.0; 3]).draw(&camera, &high()).0);
+    for (unit, bound) in [(2f64.powi(-99), 0.0), (2f64.powi(99), 0.0), (1e-30, 3e-5), (1e30, 3e-5), (1e-100, 3e-5)] {
+        let model = ball([unit; 3]);
+        for (camera, one) in cameras(unit).iter().zip(&ones) {
+            let (frame, _) = model.draw(camera, &high());
+            assert!(apart(&frame, one) <= bound, "{unit:e} {camera:?}: {:e}", apart(&frame, one));
+            assert!(bound > 0.0 || bits(&frame) == bits(one), "{unit:e}");
+        }
+    }
+}
+
+/// Squares of lengths must be numbers: beyond about 1e-154 and 1e154 there is no picture, and it is said.
+#[test]
+fn spacings_beyond_what_squares_hold_are_refused_or_drawn_right() {
+    let ones = cameras(1.0).map(|camera| ball([1.0; 3]).draw(&camera, &high()).0);
+    let (mut refused, mut drawn) = (0, 0);
+    for unit in [5e-324, 1e-310, 1e-200, 1e-160, 1e-150, 1e150, 1e160, 1e200, 1e300] {
+        let model = ball([unit; 3]);
+        let target = [9.5 * unit, 8.5 * unit, 7.5 * unit];
+        for (n, projection) in [Projection::Parallel { height: 24.0 * unit }, Projection::Perspective { fov: 40.0 }]
+            .into_iter()
+            .enumerate()
+        {
+            let distance = if n == 0 { 20.0 } else { 25.0 };
+            let position = [9.5, 8.7, 8.0].map(|c| c * unit + distance * unit);
+            match Camera::new(position, target, [0.0, 1.0, 0.0], projection) {
+                Err(error) => {
+                    assert!(error.to_string().starts_with("camera "), "{unit:e}: {error}");
+                    refused += 1;
+                }
+                Ok(camera) => match adjsplat::splat::cpu::render(&model.scene(), &camera, &high()) {
+                    Err(error) => {
+                        assert!(error.to_string().contains("camera"), "{unit:e}: {error}");
+                        refused += 1;
+                    }
+                    Ok((frame, _)) => {
+                        let difference = apart(&frame, &ones[n]);
+                        // Denormal lengths have few digits, but squares of them have none, and are refused.
+                        assert!(difference <= 3e-5, "{unit:e}: {difference:e}");
+                        drawn += 1;
+                    }
+                },
+            }
+        }
+    }
+    assert!(refused > 4 && drawn > 0, "{refused} refused, {drawn} drawn");
+}
+
+#[test]
+fn spacings_that_are_none_are_refused() {
+    for axis in 0..3 {
+        for bad in [0.0, -0.0, -1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            let mut spacing = [1.0; 3];
+            spacing[axis] = bad;
+            let error = Grid::new([4; 3], spacing).unwrap_err().to_string();
+            assert!(error.contains(&format!("spacing {}", Axis::ALL[axis].name())), "{error}");
+        }
+    }
+    let mut grid = Grid::new([4; 3], [1.0; 3]).unwrap();
+    for direction in [[[1.0, 0.0, 0.0]; 3], [[f64::NAN; 3]; 3], [[0.0; 3]; 3]] {
+        grid.direction = direction;
+        assert!(grid.check().unwrap_err().to_string().contains("direction"));
+    }
+}
+
+/// Slabs of 12 layers across each axis, one axis a thousand times as coarse as the others, in views as steep in voxels
+/// as any: depths within the standard kernel's ripple, 0.4 %, everywhere.
+#[test]
+fn slabs_of_1_to_1000_in_every_turn_let_through_what_they_should() {
+    let mut worst = 0.0f64;
+    for coarse in 0..3 {
+        for across in 0..3 {
+            let mut spacing = [1.0; 3];
+            spacing[coarse] = 1000.0;
+            let mut dims = [64; 3];
+            dims[across] = 12;
+            let mut model = Model::solid(dims, spacing, constant(0.5, 1.0));
+            for tilt in [[0.0, 0.0], [0.09, 0.0], [0.58, 0.1], [1.0, 1.0]] {
+                let mut world = [0.0; 3];
+                let (u, v) = ((across + 1) % 3, (across + 2) % 3);
+                for (axis, part) in [(across, 1.0), (u, tilt[0]), (v, tilt[1])] {
+                    world[axis] = part * spacing[axis];
+                }
+                let length = world.iter().map(|c| c * c).sum::<f64>().sqrt();
+                // A depth of a half along the view.
+                let (want, path) = (0.5f64, 12.0 * spacing[across] * length / world[across]);
+                model.transfer = constant(-(-want / path).exp_m1(), 1.0);
+                // Six voxels of the finer axis upright, as wide; at four places of the coarser one.
+                let upright = if spacing[u] > spacing[v] { v } else { u };
+                let up = [0, 1, 2].map(|a| f64::from(u8::from(a == upright)));
+                for place in 0..4 {
+                    let mut target = middle(&model.facts.grid);
+                    target[coarse] += f64::from(place) * 250.0;
+                    let settings = Settings { termination: Some(0.0), ..Settings::new([150, 150]) };
+                    let camera = parallel(target, world.map(|c| c / length), up, 6.0);
+                    let (frame, _) = adjsplat::splat::cpu::render(&model.scene(), &camera, &settings).unwrap();
+                    let depths = alphas(&frame).map(|alpha| -(-alpha).ln_1p());
+                    let peak = depths.map(|depth| (depth / want - 1.0).abs()).fold(0.0, f64::max);
+                    worst = worst.max(peak);
+                    assert!(peak <= 4.1e-3, "{spacing:?} across {across}, {tilt:?}, place {place}: {peak:e}");
+                }
+            }
+        }
+    }
+    println!("1:1000: within {worst:.1e}");
+}
+
+/// The slow axis is the one along which the view crosses most slices, not the one it is most parallel to.
+#[test]
+fn the_slow_axis_is_chosen_in_voxels() {
+    for (spacing, along, slow) in [
+        ([1.0, 1.0, 1000.0], [0.1, 0.0, 1.0], Axis::X),
+        ([1.0, 1.0, 1000.0], [1e-4, 0.0, 1.0], Axis::Z),
+        ([1000.0, 1.0, 1.0], [1.0, 0.01, 0.0], Axis::Y),
+        ([1.0, 1e-6, 1.0], [1.0, 1e-5, 0.5], Axis::Y),
+    ] {
+        let grid = Grid::new([8; 3], spacing).unwrap();
+        let camera = parallel([0.0; 3], along, [0.3, 0.5, -0.2], 10.0);
+        let settings = Settings::new([8, 8]);
+        let view = View::new(&camera, &grid, settings.size, settings.kernel(), None).unwrap();
+        let order = Order::new(view.viewpoint, grid.dims, Sense::FrontToBack, SplitForm::default()).unwrap();
+        assert_eq!(order.slow, slow, "{spacing:?} {along:?}");
+    }
+}
+
+/// Against sums in double precision; edges of footprints as in `spacings_tiny_and_huge_give_the_picture_of_one`.
+#[test]
+fn anisotropic_mirrored_and_sheared_grids_are_drawn_as_they_lie() {
+    let straight = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let mirrored = [[-1.0, 0.0, 0.0], [0.0, 0.6, 0.8], [0.0, 0.8, -0.6]];
+    let sheared = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.6, 0.8]];
+    for (spacing, direction) in [
+        ([1.0, 1.2, 0.8], straight),
+        ([1.0, 1.2, 0.8], mirrored),
+        ([1.0, 1.0, 1.0], sheared),
+        ([1.0, 30.0, 1.0], sheared),
+        ([1.0, 1.0, 1000.0], straight),
+        ([1e-6, 1.0, 1.0], straight),
+    ] {
+        let mut model = ball(spacing);
+        let opacity = |code| model.transfer.opacity(f64::from(code), 0.0);
+        let depths: Vec<f64> = (0..256).map(|code| -(-opacity(code as u16)).ln_1p()).collect();
+        model.facts.grid.direction = direction;
+        model.facts.grid.origin = [3.0, -7.0, 11.0];
+        let target: [f64; 3] = std::array::from_fn(|c| {
+            model.facts.grid.origin[c] + (0..3).map(|a| direction[a][c] * spacing[a] * [9.5, 8.5, 7.5][a]).sum::<f64>()
+        });
+        let extent = spacing.iter().copied().fold(0.0, f64::max) * 24.0;
+        for (along, height) in [([0.3, 0.4, 1.0], extent), ([1.0, -0.2, 0.1], 24.0), ([0.0, 1.0, 0.0], extent)] {
+            let camera = parallel(target, along, [0.1, 0.2, 0.9], height);
+            let settings = Settings { quality: Quality::Reference, ..Settings::new([32, 32]) };
+            let (frame, stats) = model.draw(&camera, &settings);
+            let (want, splats) = model.depths(&camera, &settings, |code| depths[usize::from(code)]);
+            let bound = splats as f64 * 2f64.powi(-24) + 1.1e-4 * 0.33 + 1e-5;
+            assert!(stats.splats_drawn > 0, "{spacing:?}");
+            let error = worst(&frame, &want);
+            assert!(error <= bound, "{spacing:?} {direction:?} along {along:?}: {error:e}, not {bound:e}");
+        }
+    }
+}

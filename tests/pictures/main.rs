@@ -1,0 +1,13 @@
+//! Pictures: the renderer on the processor, its judges, extremes.
+
+mod base_plane;
+mod dial;
+mod extremes;
+mod finer;
+mod golden;
+mod hidden;
+mod low_pass;
+mod metrics;
+mod reference;
+mod sampling;
+mod splat;
