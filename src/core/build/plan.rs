@@ -6,7 +6,7 @@
 use super::builder::{BuildOptions, Findings};
 use super::sieve::small_samples;
 use crate::arena::layout::{Channels, Scales};
-use crate::classify::quantise::Quantiser;
+use crate::classify::Quantiser;
 use crate::classify::{MagnitudeCodec, TransferFunction};
 use crate::error::{Error, Result};
 use crate::volume::{Header, Sample};

@@ -8,7 +8,7 @@ use std::collections::VecDeque;
 use std::ops::Range;
 
 use super::spill::GROUP_ROWS;
-use crate::classify::smooth::Smoother;
+use crate::classify::Smoother;
 use crate::classify::{Neighbourhood, TransferFunction};
 use crate::error::{Error, Result};
 use crate::parallel::in_order;
