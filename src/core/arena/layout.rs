@@ -19,7 +19,7 @@ use std::mem::{offset_of, size_of};
 
 use xxhash_rust::xxh3::xxh3_64;
 use zerocopy::byteorder::little_endian::{F64, U16, U32, U64};
-use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout, Unaligned};
+use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes, KnownLayout, Unaligned};
 
 use super::curve::TileOrder;
 use crate::volume::{Axis, Grid};
@@ -115,6 +115,13 @@ pub struct SectionEntry {
     pub bytes: U64,
     /// XXH3-64 of the section's bytes. R12.
     pub xxh3: U64,
+}
+
+impl SectionEntry {
+    /// Returns the entry of a section that is not laid out yet: offset, length and checksum are 0.
+    pub(crate) fn empty(kind: SectionKind, axis: u8, element_bytes: u8) -> SectionEntry {
+        SectionEntry { kind: U16::new(kind as u16), axis, element_bytes, ..SectionEntry::new_zeroed() }
+    }
 }
 
 const _: () = {
@@ -308,7 +315,7 @@ pub fn header_checksum(header: &FileHeader, table: &[SectionEntry]) -> u64 {
     xxh3_64(&[blank.as_bytes(), table.as_bytes()].concat())
 }
 
-/// The header's bytes for `facts`, but for the counts and checksum that [`super::super::file::write`] fills in.
+/// The header's bytes for `facts`, but for the counts and checksum that the writer fills in.
 pub fn header_of(facts: &Facts) -> FileHeader {
     let triple = |v: [f64; 3]| v.map(F64::new);
     FileHeader {

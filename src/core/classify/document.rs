@@ -63,9 +63,10 @@ impl<'de> Deserialize<'de> for TransferFunction {
     }
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum KindName {
+    #[default]
     Points,
     Contour,
     Range,
@@ -74,7 +75,7 @@ enum KindName {
 }
 
 /// The fields of the JSON object.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TransferDocument {
     kind: KindName,
@@ -112,24 +113,7 @@ struct TransferDocument {
 
 impl TransferDocument {
     fn new(kind: KindName) -> TransferDocument {
-        TransferDocument {
-            kind,
-            points: None,
-            gradient: None,
-            contours: None,
-            voxel_length: None,
-            low: None,
-            high: None,
-            opacity: None,
-            colours: None,
-            value_range: None,
-            knots: None,
-            largest_magnitude: None,
-            labels: None,
-            others: None,
-            shaded: None,
-            reference_length: None,
-        }
+        TransferDocument { kind, ..TransferDocument::default() }
     }
 
     /// Refuses fields that belong to another kind.
