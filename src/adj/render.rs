@@ -30,10 +30,11 @@ use adjsplat::file::{
 use adjsplat::internals::read_text;
 use adjsplat::limits::Limits;
 use adjsplat::splat::{
-    Blending, Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View, dial,
+    Blending, Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View,
 };
 use adjsplat::traverse::{SplitForm, Viewpoint, VoxelBox};
 use adjsplat::volume::Grid;
+use adjsplat_judge::dial;
 use adjsplat_judge::hidden::CLEARANCE;
 use adjsplat_judge::reference::splat::Judge;
 

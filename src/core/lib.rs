@@ -25,7 +25,7 @@ pub mod file;
 #[doc(hidden)]
 pub mod internals;
 pub mod limits;
-pub mod parallel;
+mod parallel;
 pub mod splat;
 mod text;
 pub mod traverse;

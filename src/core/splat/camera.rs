@@ -276,7 +276,7 @@ impl Camera {
     ///
     /// # Errors
     /// As [`Camera::new`].
-    pub(crate) fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
+    pub fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
         let [across, above, _] = self.axes();
         let by = across * right + above * up;
         Camera::new((self.position + by).to_array(), (self.target + by).to_array(), self.up.to_array(), projection)
@@ -287,7 +287,7 @@ impl Camera {
     ///
     /// # Errors
     /// As [`Camera::new`].
-    pub(crate) fn turned(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
+    pub fn turned(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
         let [across, above, forward] = self.axes();
         let distance = (self.target - self.position).length();
         let target = self.position + (forward + across * right + above * up) * distance;

@@ -7,17 +7,17 @@
 //! walk -> project, classify, shade (stage 1) -> footprints into the picture (stage 2) -> frame
 //! ```
 
+pub(crate) mod arith;
 pub mod camera;
 pub mod composite;
 pub mod cpu;
-pub mod dial;
 pub mod finer;
 pub mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod kernel;
 pub mod shade;
-mod shot;
+pub(crate) mod shot;
 pub mod view;
 
 use serde::{Deserialize, Serialize};

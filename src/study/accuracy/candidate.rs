@@ -4,10 +4,10 @@
 //! combinations of the knobs that matter most for time.
 
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::dial;
-use adjsplat::splat::dial::Rung;
 use adjsplat::splat::{Blending, KernelShape, Quality, Sampling, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
+use adjsplat_judge::dial;
+use adjsplat_judge::dial::Rung;
 
 /// Candidates that belong together: a series of a plot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]

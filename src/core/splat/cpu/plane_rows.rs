@@ -13,9 +13,9 @@
 
 use std::ops::Range;
 
-use super::arith::keep_if;
 use super::planes::{Count, Rect};
 use crate::error::{Error, Result};
+use crate::splat::arith::keep_if;
 
 /// Pixels that are read and written at once.
 pub(super) const EIGHT: usize = 8;

@@ -28,7 +28,7 @@ const BLOCK: i32 = 7;
 
 /// A half-open rectangle of pixels, in absolute picture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Rect {
+pub struct Rect {
     /// First column.
     pub x0: i32,
     /// First row; rows run downward.
@@ -52,7 +52,7 @@ const OPEN: u8 = 1;
 const FROZEN: u8 = 2;
 
 /// Pixels of one band. What the fourth value holds is the blend's business.
-pub(crate) struct Planes {
+pub struct Planes {
     pub(crate) rect: Rect,
     /// What the fourth value of a fresh pixel is.
     fourth: f32,
@@ -113,7 +113,7 @@ impl Planes {
     ///
     /// # Errors
     /// [`Error::Limit`] if the memory cannot be had.
-    pub(crate) fn new(rect: Rect, fourth: f32) -> Result<Planes> {
+    pub fn new(rect: Rect, fourth: f32) -> Result<Planes> {
         let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
         let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
         let len = pitch * tiles_along(rect.y0, rect.y1);

@@ -28,7 +28,6 @@ mod resolve;
 mod scratch;
 pub mod stages;
 mod timing;
-pub mod twin;
 
 use std::sync::Arc;
 use std::time::Instant;
