@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::build::{PackingArguments, classify_with_warnings, description};
+use super::build::{PackingArguments, classify_with_warnings};
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::input::InputArguments;
@@ -28,6 +28,7 @@ use adjsplat::file::{
     AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder, write_atomically_unless,
 };
 use adjsplat::internals::read_text;
+use adjsplat::internals::{description, drawable};
 use adjsplat::limits::Limits;
 use adjsplat::splat::{
     Blending, Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View,
@@ -314,25 +315,16 @@ fn draw(
     let transfer_given = transfer.is_some();
     let transfer = match transfer {
         Some(transfer) => {
-            let given = transfer.clone().with_voxel_length(facts.grid.mean_spacing())?;
-            if let Some(values) = missing_values(arena, &given)? {
+            if let Some(values) = missing_values(arena, &transfer)? {
                 print_note(&format!(
                     "note: values {values} are visible under this transfer function, but the file does not store all of them; build it again with this function"
                 ));
             }
-            let Scales { value_low, value_step, .. } = facts.scales;
-            let largest = arena.lanes().next().map_or(0, |lane| lane.largest_value_code());
-            transfer
-                .with_voxel_length(facts.grid.mean_spacing())?
-                .with_value_range(value_low, value_low + f64::from(largest) * value_step)?
+            drawable(arena, transfer)?
         }
         // Filled in by the builder.
         None => stored_transfer(arena, &arguments.input)?,
     };
-    if transfer.uses_gradient() && facts.channels.magnitude_bits == 0 {
-        let why = "needs gradient magnitudes, which this file does not store; build it again with this function";
-        return Err(Error::input("transfer function", why));
-    }
     let cameras = pictured(arguments, arena, &mut settings)?;
     if let Some(note) = missing_note(arena, &settings, transfer_given, &cameras[0])? {
         print_note(note);

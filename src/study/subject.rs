@@ -54,10 +54,11 @@ impl<'a> Subject<'a> {
         }
         let mut voxels = Vec::new();
         let count = usize::try_from(facts.visible_voxels).unwrap_or(usize::MAX);
-        voxels.try_reserve_exact(count).map_err(|_| Error::Limit {
-            what: format!("memory for the voxels of {name} in bytes"),
-            need: facts.visible_voxels.saturating_mul(size_of::<VisibleVoxel>() as u64),
-            have: 0,
+        voxels.try_reserve_exact(count).map_err(|_| {
+            Error::out_of_memory(
+                format!("the voxels of {name}"),
+                facts.visible_voxels.saturating_mul(size_of::<VisibleVoxel>() as u64),
+            )
         })?;
         let lane = lanes.lane(Axis::X)?;
         // Nesting z, y, x, all ascending: scan order.

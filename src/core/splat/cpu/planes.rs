@@ -112,13 +112,13 @@ impl Planes {
     /// Pixels for `rect`, which is not empty: colours 0, the fourth value `fourth`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::OutOfMemory`].
     pub fn new(rect: Rect, fourth: f32) -> Result<Planes> {
         let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
         let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
         let len = pitch * tiles_along(rect.y0, rect.y1);
         let tiles = bytemuck::allocation::try_zeroed_slice_box(len)
-            .map_err(|()| Error::picture_memory((size_of::<Tile>() * len) as u64))?;
+            .map_err(|()| Error::out_of_memory("the picture", (size_of::<Tile>() * len) as u64))?;
         let (squares, blocks) = (Count::new(rect, SQUARE, TILE), Count::new(rect, BLOCK, SQUARE));
         Ok(Planes { rect, fourth, pitch, tiles, states: vec![FRESH; len], squares, blocks, begun: None })
     }
@@ -131,7 +131,9 @@ impl Planes {
         let planes = Planes::new(rect, Additive::FOURTH)?;
         let mut begun = Vec::new();
         let len = planes.tiles.len();
-        begun.try_reserve_exact(len).map_err(|_| Error::picture_memory((size_of::<u32>() * len) as u64))?;
+        begun
+            .try_reserve_exact(len)
+            .map_err(|_| Error::out_of_memory("the picture", (size_of::<u32>() * len) as u64))?;
         Ok(Planes { begun: Some(begun), ..planes })
     }
 
