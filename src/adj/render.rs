@@ -242,7 +242,7 @@ impl Job<'_> {
         let cameras = pictured(self.arguments, &file.arena()?, &mut settings)?;
         let mut samplings = match self.arguments.look.max_error {
             Some(_) => dial::RUNGS.map(|rung| rung.sampling).to_vec(),
-            None => vec![settings.sampling],
+            None => vec![settings.sampling()],
         };
         samplings.dedup();
         let depth = self.arguments.look.depth();
@@ -427,7 +427,7 @@ fn chosen(settings: &Settings, measured: f64) -> String {
         0.0 => "no ray ends early".to_string(),
         termination => format!("rays end at {termination}"),
     };
-    let pixels = match settings.sampling {
+    let pixels = match settings.sampling() {
         Sampling::EveryPixel => "every pixel",
         Sampling::Finer => "every pixel or finer ones",
         Sampling::Enough => "enough pixels",
@@ -498,7 +498,7 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
         return Err(Error::input("--blending", "is for --mode composite; leave it out"));
     }
     let sampling = Sampling::ALL.into_iter().find(|sampling| Some(sampling.name()) == look.sampling.as_deref());
-    settings.sampling = sampling.unwrap_or_else(|| settings.quality.sampling());
+    settings.sampling = sampling;
     (settings.kernel, settings.termination) = (look.kernel, look.termination);
     settings.form = if look.form == "split" { SplitForm::Split } else { SplitForm::Interleaved };
     if look.unlit {
@@ -605,7 +605,7 @@ fn stats_json(settings: &Settings, renderer: &Renderer, stats: &[FrameStats], im
         "size": settings.size,
         "kernel": settings.kernel(),
         "termination": settings.termination(),
-        "sampling": settings.sampling,
+        "sampling": settings.sampling(),
         "blending": settings.blending,
         "frames": stats.len(),
         "splats_drawn": total(|s| s.splats_drawn),

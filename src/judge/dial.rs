@@ -69,7 +69,7 @@ impl Rung {
             quality: Quality::Reference,
             kernel: Some(self.kernel),
             termination: Some(self.termination),
-            sampling: self.sampling,
+            sampling: Some(self.sampling),
             ..settings.clone()
         }
     }

@@ -96,7 +96,8 @@ impl<'a> Subject<'a> {
     /// If the file's scales are out of range.
     pub fn looks(&self) -> Result<[[f32; 4]; 256]> {
         let scene = Scene { facts: self.facts, lanes: self.lanes, transfer: &self.transfer };
-        let table = Table::new(&scene, &self.lane(Axis::X), &Settings::new([1; 2]), self.facts.grid.mean_spacing())?;
+        let table =
+            Table::new(&scene, &self.lane(Axis::X), &Settings::every_pixel([1; 2]), self.facts.grid.mean_spacing())?;
         Ok(*table.of_bytes().expect("looks depend on 8-bit values alone"))
     }
 }

@@ -80,7 +80,7 @@ impl Finer {
             return None;
         }
         let low_pass = f64::from(LOW_PASS);
-        let wanted = if settings.sampling == Sampling::Fewest { FEWEST * low_pass } else { low_pass };
+        let wanted = if settings.sampling() == Sampling::Fewest { FEWEST * low_pass } else { low_pass };
         let pixels = u64::from(view.size[0]) * u64::from(view.size[1]);
         let fits = |factor: u32| {
             view.size.iter().all(|side| side.saturating_mul(factor) <= MAX_SIZE)

@@ -53,7 +53,7 @@ pub(super) fn uncertain(scene: &Scene, seen: &RecordSet, culling: &Culling, watc
     let lengths = scene.facts.grid.spacing.map(|step| step / mean);
     let kernels = [Quality::Draft, Quality::Standard, Quality::High].map(Quality::kernel);
     let need = -(culling.eps.ln());
-    let table = Table::new(scene, &x_lane, &Settings::new([1, 1]), mean)?;
+    let table = Table::new(scene, &x_lane, &Settings::every_pixel([1, 1]), mean)?;
     let mut done = 0;
     let mut known: Vec<([f64; 3], KernelShape, LayerWeights)> = Vec::new();
     for slow in Axis::ALL {

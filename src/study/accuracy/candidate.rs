@@ -224,11 +224,11 @@ impl Candidate {
             quality: self.quality.unwrap_or_default(),
             kernel: Some(self.kernel),
             termination: Some(self.termination),
-            sampling: self.sampling,
+            sampling: Some(self.sampling),
             sense: self.sense,
             blending: self.blending,
             order,
-            ..Settings::new(view.size)
+            ..Settings::every_pixel(view.size)
         })
     }
 }
