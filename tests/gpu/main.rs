@@ -13,7 +13,6 @@
 //! and `VK_DRIVER_FILES` choose the device. What they cannot catch: a twin that is wrong as its shader is, but for
 //! what the pictures of the processor show.
 
-#![cfg(feature = "gpu")]
 #![allow(clippy::cast_possible_truncation, reason = "small numbers, and single precision is the renderers'")]
 
 mod compare;
@@ -27,3 +26,4 @@ mod pictures;
 mod scenes;
 mod stages;
 mod targets;
+mod twin;

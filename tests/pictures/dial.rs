@@ -4,11 +4,11 @@ use adjsplat::arena::TileOrder;
 use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::Error;
-use adjsplat::splat::dial;
-use adjsplat::splat::dial::{Choice, RUNGS};
 use adjsplat::splat::{Camera, Frame, Orbit, Quality, Scene, Settings, Surround, cpu};
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
+use adjsplat_judge::dial;
+use adjsplat_judge::dial::{Choice, RUNGS};
 
 fn built(name: &str, edge: u64, opacity: f64) -> Built {
     let phantom = Phantom::from_name(name).unwrap();

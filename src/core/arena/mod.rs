@@ -8,7 +8,7 @@ mod check;
 mod curve;
 pub(crate) mod lane;
 mod lane_rows;
-mod lanes;
+pub(crate) mod lanes;
 pub mod layout;
 mod open;
 mod overlay;

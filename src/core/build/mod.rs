@@ -4,6 +4,7 @@ pub(crate) mod assemble;
 pub(crate) mod budget;
 mod builder;
 mod classified;
+mod description;
 mod encoder;
 mod options;
 pub(crate) mod progress;
@@ -18,6 +19,8 @@ mod window;
 
 pub use builder::{Built, Classified, build, classify};
 pub use classified::ClassifiedRows;
+#[doc(hidden)]
+pub use description::description;
 pub use options::{BuildOptions, Resources};
 pub use progress::{Observer, Phase, Unobserved};
 pub use summary::SampleSummary;

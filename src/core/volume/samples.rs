@@ -87,6 +87,8 @@ pub trait Sample: Pod + PartialOrd + Send + Sync {
     /// # Panics
     /// If the type has more than 16 bits.
     fn from_small_bits(bits: u16) -> Self;
+    /// Returns a buffer of these samples.
+    fn into_samples(samples: Vec<Self>) -> Samples;
     /// Returns the buffer as a slice of this type; `None` if the buffer holds another type.
     fn slice_of(samples: &Samples) -> Option<&[Self]>;
     /// The lowest and the highest finite number of this type.
@@ -125,6 +127,9 @@ macro_rules! samples {
                     1 => bytemuck::pod_read_unaligned(&[low][..size_of::<$type>().min(1)]),
                     _ => bytemuck::pod_read_unaligned(&u16::from_le_bytes([low, high]).to_ne_bytes()[..]),
                 }
+            }
+            fn into_samples(samples: Vec<$type>) -> Samples {
+                Samples::$variant(samples)
             }
             fn slice_of(samples: &Samples) -> Option<&[$type]> {
                 match samples {
