@@ -1,23 +1,24 @@
 //! Packing: from the voxels of scan lines to a lane.
 //!
-//! In: lines by ascending v, then u; in each, voxels by ascending coordinate. Out: an [`OwnedLane`] whose tiles lie
-//! in the tile order. Lines are collected for eight v at a time (a strip), which is when their tiles are complete.
+//! In: lines by ascending v, then u, with voxels by ascending coordinate. Out: an [`OwnedLane`] with its tiles in tile
+//! order. Lines are collected for eight values of v at a time (a strip); then their tiles are complete.
 
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
 use super::curve::TileOrder;
-use super::lane::{OwnedLane, OwnedLineEnds, STEPPING};
+use super::lane::STEPPING;
 use super::layout::{Channels, TILE_EDGE, TileRecord};
+use super::owned_lane::{OwnedLane, OwnedLineEnds};
 use crate::volume::Axis;
 
-/// What is stored of a voxel beside its place.
+/// The stored codes of one voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Record {
-    /// The value's code.
+    /// Code of the value.
     pub value: u16,
-    /// The normal's code, u in the low half; ignored without normals.
+    /// Code of the normal, u in the low half; ignored if the arena stores no normals.
     pub normal: u32,
-    /// The magnitude's code; ignored without magnitudes.
+    /// Code of the gradient magnitude; ignored if the arena stores no magnitudes.
     pub magnitude: u8,
 }
 
@@ -30,7 +31,7 @@ pub(crate) struct ChannelArrays {
     pub(crate) magnitudes: Vec<u8>,
 }
 
-/// Some tiles of a lane that follow each other, with first lines and first records counted from the run's own.
+/// Consecutive tiles of a lane, whose first lines and first records count from the start of the run.
 #[derive(Debug, Default)]
 pub struct TileRun {
     pub(crate) tiles: Vec<TileRecord>,
@@ -58,13 +59,13 @@ impl ChannelArrays {
         }
     }
 
-    /// Appends a line's records, stepping voxels included; gives its lowest and highest coordinate.
+    /// Appends the records of a line, including stepping voxels; returns its lowest and highest coordinate.
     ///
     /// # Panics
-    /// If the voxels do not come by ascending coordinate, or there are none.
+    /// If the voxels are not in ascending order, or there are none.
     #[inline]
     pub(crate) fn push_line(&mut self, channels: Channels, voxels: impl Iterator<Item = (u16, Record)>) -> (u16, u16) {
-        let mut next = 0u32; // one past the last coordinate: a step is counted from -1 at first
+        let mut next = 0u32; // one past the last coordinate, because the first step counts from -1
         let mut low = None;
         let mut high = 0;
         for (coordinate, record) in voxels {
@@ -82,7 +83,7 @@ impl ChannelArrays {
         (low.expect("a line that is packed has a voxel"), high)
     }
 
-    /// Appends records `from..to` of `other`.
+    /// Appends the records `from..to` of `other`.
     fn append(&mut self, channels: Channels, other: &ChannelArrays, from: usize, to: usize) {
         let value = usize::from(channels.value_bits / 8);
         let normal = usize::from(channels.normal_bits / 4);
@@ -103,8 +104,8 @@ impl ChannelArrays {
     }
 }
 
-/// A packed tile: its lines' ends and where its records lie in their strip.
-struct Tile {
+/// A packed tile, and where its lines and records lie.
+struct PackedTile {
     u: u16,
     v: u16,
     occupancy: u64,
@@ -116,7 +117,7 @@ struct Tile {
     first_line: usize,
 }
 
-/// One line of the strip at hand.
+/// One line of the current strip.
 struct PendingLine {
     u: u16,
     v: u16,
@@ -126,25 +127,25 @@ struct PendingLine {
     high: u16,
 }
 
-/// Packs one lane.
+/// Packs the lines of one lane.
 pub struct LanePacker {
     axis: Axis,
     dims: [u32; 3],
     channels: Channels,
     tile_order: TileOrder,
-    /// Records of the strip at hand in the order of arrival, and its lines.
+    /// Records of the current strip in order of arrival, and its lines.
     pending: ChannelArrays,
     pending_lines: Vec<PendingLine>,
-    /// Finished strips, tile after tile.
+    /// Finished strips, tile by tile.
     strips: Vec<ChannelArrays>,
-    tiles: Vec<Tile>,
+    tiles: Vec<PackedTile>,
     /// Line ends of all tiles, in the order of `tiles`.
     ends: Vec<u32>,
     visible: u64,
 }
 
 impl LanePacker {
-    /// Packs a lane along `axis` of a grid of `dims` points.
+    /// Starts a lane along `axis` of a grid with `dims` points.
     pub fn new(axis: Axis, dims: [u32; 3], channels: Channels, tile_order: TileOrder) -> LanePacker {
         LanePacker {
             axis,
@@ -160,9 +161,9 @@ impl LanePacker {
         }
     }
 
-    /// Appends the line at (u, v), which must come after all earlier ones by v, then u within eight v.
+    /// Appends the line at (u, v); lines must come by ascending v, then u.
     ///
-    /// `voxels` gives coordinates along the axis, ascending. A line without voxels takes no room.
+    /// `voxels` yields ascending coordinates along the axis. Lines without voxels take no space.
     ///
     /// # Panics
     /// If lines or voxels are out of order.
@@ -182,12 +183,12 @@ impl LanePacker {
         }
     }
 
-    /// Visible voxels so far.
+    /// Returns the number of voxels so far.
     pub fn visible(&self) -> u64 {
         self.visible
     }
 
-    /// Sorts the strip's lines into tiles.
+    /// Groups the strip's lines by tile.
     fn close_strip(&mut self) {
         let mut lines = std::mem::take(&mut self.pending_lines);
         let place = |line: &PendingLine| (line.u / TILE_EDGE, line.v, line.u);
@@ -203,7 +204,7 @@ impl LanePacker {
                 let end = strip.steps.len() - first_record;
                 self.ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
             }
-            self.tiles.push(Tile {
+            self.tiles.push(PackedTile {
                 u: tile_lines[0].u / TILE_EDGE,
                 v: tile_lines[0].v / TILE_EDGE,
                 occupancy,
@@ -221,7 +222,7 @@ impl LanePacker {
         self.pending_lines = lines;
     }
 
-    /// The lane, its tiles in the tile order.
+    /// Returns the lane, with its tiles in tile order.
     pub fn finish(mut self) -> OwnedLane {
         self.close_strip();
         let (tiles, channels) = (&mut self.tiles, self.channels);
