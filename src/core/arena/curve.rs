@@ -10,43 +10,32 @@ use crate::error::{Error, Result};
 pub enum TileOrder {
     /// Along a Z-order curve (Morton 1966): the bits of u and v interleaved, u lowest.
     #[default]
-    Morton,
+    Morton = 0,
     /// Along a Hilbert curve of 2^13 x 2^13 tiles.
-    Hilbert,
+    Hilbert = 1,
     /// Row by row: v slow, u fast.
-    Rows,
+    Rows = 2,
 }
 
 /// Bits of a tile's row and column: 65,535 lines in tiles of 8.
 const CURVE_BITS: u32 = 13;
 
 impl TileOrder {
+    const ALL: [TileOrder; 3] = [TileOrder::Morton, TileOrder::Hilbert, TileOrder::Rows];
+
     /// Returns the number that stands for this order in a file's header.
     pub const fn code(self) -> u8 {
-        match self {
-            TileOrder::Morton => 0,
-            TileOrder::Hilbert => 1,
-            TileOrder::Rows => 2,
-        }
+        self as u8
     }
 
     /// Returns the order with this number in a file's header.
-    pub const fn from_code(code: u8) -> Option<TileOrder> {
-        match code {
-            0 => Some(TileOrder::Morton),
-            1 => Some(TileOrder::Hilbert),
-            2 => Some(TileOrder::Rows),
-            _ => None,
-        }
+    pub fn from_code(code: u8) -> Option<TileOrder> {
+        TileOrder::ALL.into_iter().find(|order| order.code() == code)
     }
 
     /// Returns the order's name: "morton", "hilbert" or "rows".
     pub const fn name(self) -> &'static str {
-        match self {
-            TileOrder::Morton => "morton",
-            TileOrder::Hilbert => "hilbert",
-            TileOrder::Rows => "rows",
-        }
+        ["morton", "hilbert", "rows"][self as usize]
     }
 
     /// Returns the order called `name`.
@@ -54,10 +43,8 @@ impl TileOrder {
     /// # Errors
     /// [`Error::Input`] for any other name.
     pub fn from_name(name: &str) -> Result<TileOrder> {
-        [TileOrder::Morton, TileOrder::Hilbert, TileOrder::Rows]
-            .into_iter()
-            .find(|order| order.name() == name)
-            .ok_or_else(|| Error::input("tile order", format!("is '{name}', but must be morton, hilbert or rows")))
+        let order = TileOrder::ALL.into_iter().find(|order| order.name() == name);
+        order.ok_or_else(|| Error::input("tile order", format!("is '{name}', but must be morton, hilbert or rows")))
     }
 
     /// Returns the position of tile (u, v) in the order; unique for each tile.

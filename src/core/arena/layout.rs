@@ -203,16 +203,7 @@ impl SectionKind {
     ];
 
     pub(super) fn from_number(number: u16) -> Option<SectionKind> {
-        Some(match number {
-            1 => SectionKind::Description,
-            2 => SectionKind::Tiles,
-            3 => SectionKind::LineEnds,
-            4 => SectionKind::Steps,
-            5 => SectionKind::Values,
-            6 => SectionKind::Normals,
-            7 => SectionKind::Magnitudes,
-            _ => return None,
-        })
+        [SectionKind::Description].into_iter().chain(SectionKind::OF_LANES).find(|&kind| kind as u16 == number)
     }
 
     /// Returns the bytes of an element, in a lane along `axis` of a grid with `dims`; 0 if the lane has no such section.

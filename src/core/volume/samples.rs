@@ -2,6 +2,8 @@
 
 use bytemuck::Pod;
 
+use crate::with_samples;
+
 /// The type of a volume's samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[expect(missing_docs, reason = "the names are Rust's own")]
@@ -172,37 +174,6 @@ macro_rules! samples {
                     $(Samples::$variant(_) => SampleType::$variant),*
                 }
             }
-
-            /// Returns the number of samples.
-            pub fn len(&self) -> usize {
-                match self {
-                    $(Samples::$variant(v) => v.len()),*
-                }
-            }
-
-            /// Returns the buffer's bytes for a reader to fill.
-            pub fn bytes_mut(&mut self) -> &mut [u8] {
-                match self {
-                    $(Samples::$variant(v) => bytemuck::cast_slice_mut(v)),*
-                }
-            }
-
-            /// Returns the buffer's bytes in native order.
-            pub fn bytes(&self) -> &[u8] {
-                match self {
-                    $(Samples::$variant(v) => bytemuck::cast_slice(v)),*
-                }
-            }
-
-            /// Returns sample `index` in double precision.
-            ///
-            /// # Panics
-            /// If `index` is not below [`Samples::len`].
-            pub fn get(&self, index: usize) -> f64 {
-                match self {
-                    $(Samples::$variant(v) => v[index].to_f64()),*
-                }
-            }
         }
     };
 }
@@ -210,6 +181,29 @@ macro_rules! samples {
 samples!(U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, F32 f32, F64 f64);
 
 impl Samples {
+    /// Returns the number of samples.
+    pub fn len(&self) -> usize {
+        with_samples!(self, samples => samples.len())
+    }
+
+    /// Returns the buffer's bytes for a reader to fill.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        with_samples!(self, samples => bytemuck::cast_slice_mut(samples))
+    }
+
+    /// Returns the buffer's bytes in native order.
+    pub fn bytes(&self) -> &[u8] {
+        with_samples!(self, samples => bytemuck::cast_slice(samples))
+    }
+
+    /// Returns sample `index` in double precision.
+    ///
+    /// # Panics
+    /// If `index` is not below [`Samples::len`].
+    pub fn get(&self, index: usize) -> f64 {
+        with_samples!(self, samples => samples[index].to_f64())
+    }
+
     /// Returns whether the buffer has no samples.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -229,15 +223,11 @@ impl Samples {
 #[macro_export]
 macro_rules! with_samples {
     ($samples:expr, $slice:ident => $body:expr) => {
+        $crate::with_samples!(@ $samples, $slice, $body, U8 I8 U16 I16 U32 I32 F32 F64)
+    };
+    (@ $samples:expr, $slice:ident, $body:expr, $($variant:ident)*) => {
         match $samples {
-            $crate::volume::Samples::U8($slice) => $body,
-            $crate::volume::Samples::I8($slice) => $body,
-            $crate::volume::Samples::U16($slice) => $body,
-            $crate::volume::Samples::I16($slice) => $body,
-            $crate::volume::Samples::U32($slice) => $body,
-            $crate::volume::Samples::I32($slice) => $body,
-            $crate::volume::Samples::F32($slice) => $body,
-            $crate::volume::Samples::F64($slice) => $body,
+            $($crate::volume::Samples::$variant($slice) => $body,)*
         }
     };
 }
@@ -247,39 +237,15 @@ macro_rules! with_samples {
 #[macro_export]
 macro_rules! with_sample_type {
     ($sample_type:expr, $T:ident => $body:expr) => {
+        $crate::with_sample_type!(@ $sample_type, $T, $body,
+            U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, F32 f32, F64 f64)
+    };
+    (@ $sample_type:expr, $T:ident, $body:expr, $($variant:ident $type:ty),*) => {
         match $sample_type {
-            $crate::volume::SampleType::U8 => {
-                type $T = u8;
+            $($crate::volume::SampleType::$variant => {
+                type $T = $type;
                 $body
-            }
-            $crate::volume::SampleType::I8 => {
-                type $T = i8;
-                $body
-            }
-            $crate::volume::SampleType::U16 => {
-                type $T = u16;
-                $body
-            }
-            $crate::volume::SampleType::I16 => {
-                type $T = i16;
-                $body
-            }
-            $crate::volume::SampleType::U32 => {
-                type $T = u32;
-                $body
-            }
-            $crate::volume::SampleType::I32 => {
-                type $T = i32;
-                $body
-            }
-            $crate::volume::SampleType::F32 => {
-                type $T = f32;
-                $body
-            }
-            $crate::volume::SampleType::F64 => {
-                type $T = f64;
-                $body
-            }
+            })*
         }
     };
 }

@@ -18,10 +18,8 @@ pub(super) const GYROID_SHEET: (f64, f64) = (117.5, 138.5);
 
 /// A function on the grid that is evaluated row by row.
 pub(super) trait PhantomField: Send {
-    /// Moves to slice `z`.
-    fn enter(&mut self, z: u32);
-    /// Fills `row` with the values of row `y`, from 0 to 255.
-    fn row(&mut self, y: u32, row: &mut [f32]);
+    /// Fills `row` with the values of row `y` in slice `z`, from 0 to 255.
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]);
 }
 
 /// Creates the function of `phantom` on `grid`.
@@ -76,8 +74,7 @@ fn longest(dims: [u32; 3]) -> f64 {
 struct Constant;
 
 impl PhantomField for Constant {
-    fn enter(&mut self, _z: u32) {}
-    fn row(&mut self, _y: u32, row: &mut [f32]) {
+    fn row(&mut self, _y: u32, _z: u32, row: &mut [f32]) {
         row.fill(200.0);
     }
 }
@@ -85,24 +82,20 @@ impl PhantomField for Constant {
 /// Shells of radius k/6.5 of half the longest axis, k = 1..=6; values fall by 64 per voxel on either side.
 struct Shells {
     dims: [u32; 3],
-    z: f32,
     /// Distance between shells, in voxels.
     apart: f32,
 }
 
 impl Shells {
     fn new(dims: [u32; 3]) -> Shells {
-        Shells { dims, z: 0.0, apart: settled(longest(dims) / 13.0) }
+        Shells { dims, apart: settled(longest(dims) / 13.0) }
     }
 }
 
 impl PhantomField for Shells {
-    fn enter(&mut self, z: u32) {
-        self.z = from_middle(z, self.dims[2]);
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
-        let y = from_middle(y, self.dims[1]);
-        let beyond = self.z * self.z + y * y;
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
+        let (y, z) = (from_middle(y, self.dims[1]), from_middle(z, self.dims[2]));
+        let beyond = z * z + y * y;
         let (first, per_shell) = (from_middle(0, self.dims[0]), 1.0 / self.apart);
         for (x, value) in row.iter_mut().enumerate() {
             let x = first + x as f32;
@@ -119,7 +112,6 @@ impl PhantomField for Shells {
 struct Gyroid {
     sin: [Vec<f32>; 3],
     cos: [Vec<f32>; 3],
-    z: usize,
 }
 
 impl Gyroid {
@@ -133,17 +125,14 @@ impl Gyroid {
                 (0..dims[axis]).map(|at| settled(wave(angle(at)))).collect()
             })
         };
-        Gyroid { sin: table(f64::sin), cos: table(f64::cos), z: 0 }
+        Gyroid { sin: table(f64::sin), cos: table(f64::cos) }
     }
 }
 
 impl PhantomField for Gyroid {
-    fn enter(&mut self, z: u32) {
-        self.z = z as usize;
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
         let [(sin_y, cos_y), (sin_z, cos_z)] =
-            [(1, y as usize), (2, self.z)].map(|(axis, at)| (self.sin[axis][at], self.cos[axis][at]));
+            [(1, y as usize), (2, z as usize)].map(|(axis, at)| (self.sin[axis][at], self.cos[axis][at]));
         let fixed = sin_y * cos_z;
         for ((value, sin), cos) in row.iter_mut().zip(&self.sin[0]).zip(&self.cos[0]) {
             let height = sin * cos_y + fixed + sin_z * cos;
@@ -157,7 +146,6 @@ struct MarschnerLobb {
     dims: [u32; 3],
     /// The term that depends on x and y, for one slice.
     ripple: Vec<f32>,
-    fixed: f32,
 }
 
 impl MarschnerLobb {
@@ -166,12 +154,12 @@ impl MarschnerLobb {
     const SCALE: f64 = 255.0 / (2.0 * (1.0 + Self::RIPPLE));
 
     fn new(dims: [u32; 3]) -> MarschnerLobb {
-        MarschnerLobb { dims, ripple: Vec::new(), fixed: 0.0 }
+        MarschnerLobb { dims, ripple: Vec::new() }
     }
 }
 
 impl PhantomField for MarschnerLobb {
-    fn enter(&mut self, z: u32) {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
         if self.ripple.is_empty() {
             let [width, height, _] = self.dims;
             self.ripple = (0..height)
@@ -180,12 +168,10 @@ impl PhantomField for MarschnerLobb {
                 .map(|wave| settled(Self::SCALE * Self::RIPPLE * wave))
                 .collect();
         }
-        self.fixed = settled(Self::SCALE * (1.0 - (PI / 2.0 * centred(z, self.dims[2])).sin()));
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
+        let fixed = settled(Self::SCALE * (1.0 - (PI / 2.0 * centred(z, self.dims[2])).sin()));
         let ripples = &self.ripple[y as usize * row.len()..];
         for (value, ripple) in row.iter_mut().zip(ripples) {
-            *value = (self.fixed + ripple).min(255.0);
+            *value = (fixed + ripple).min(255.0);
         }
     }
 }
@@ -193,7 +179,6 @@ impl PhantomField for MarschnerLobb {
 /// e^(-2r/3) (3 z^2 - r^2)^2 with r in Bohr radii, divided by its maximum.
 struct Hydrogen {
     dims: [u32; 3],
-    z: f64,
 }
 
 impl Hydrogen {
@@ -201,7 +186,7 @@ impl Hydrogen {
     const REACH: f64 = 22.0;
 
     fn new(dims: [u32; 3]) -> Hydrogen {
-        Hydrogen { dims, z: 0.0 }
+        Hydrogen { dims }
     }
 
     fn place(&self, at: u32, axis: usize) -> f64 {
@@ -210,13 +195,10 @@ impl Hydrogen {
 }
 
 impl PhantomField for Hydrogen {
-    fn enter(&mut self, z: u32) {
-        self.z = self.place(z, 2);
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
         // The maximum lies at (0, 0, 6): (2 * 36)^2 e^-4.
         let highest = 5184.0 * (-4.0f64).exp();
-        let (y, z) = (self.place(y, 1), self.z);
+        let (y, z) = (self.place(y, 1), self.place(z, 2));
         for (x, value) in (0..).zip(row) {
             let x = self.place(x, 0);
             let squared = x * x + y * y + z * z;
@@ -231,7 +213,6 @@ struct Noise {
     dims: [u32; 3],
     /// A sample is visible if the low half of its hash is below this.
     threshold: u64,
-    z: u64,
 }
 
 impl Noise {
@@ -241,16 +222,13 @@ impl Noise {
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^32")]
         let threshold = (visible * 4_294_967_296.0).round() as u64;
-        Ok(Noise { dims, threshold, z: 0 })
+        Ok(Noise { dims, threshold })
     }
 }
 
 impl PhantomField for Noise {
-    fn enter(&mut self, z: u32) {
-        self.z = z.into();
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
-        let first = (self.z * u64::from(self.dims[1]) + u64::from(y)) * u64::from(self.dims[0]);
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
+        let first = (u64::from(z) * u64::from(self.dims[1]) + u64::from(y)) * u64::from(self.dims[0]);
         for (index, value) in (first..).zip(row) {
             let bits = hash(index);
             let is_visible = bits & 0xffff_ffff < self.threshold;
@@ -263,7 +241,6 @@ impl PhantomField for Noise {
 /// Single bright voxels, sorted by z, y, x.
 struct SingleVoxels {
     places: Vec<[u32; 3]>,
-    z: u32,
 }
 
 impl SingleVoxels {
@@ -273,18 +250,15 @@ impl SingleVoxels {
             return Err(Error::input(format!("voxel {outside:?}"), why));
         }
         places.sort_by_key(|[x, y, z]| [*z, *y, *x]);
-        Ok(SingleVoxels { places, z: 0 })
+        Ok(SingleVoxels { places })
     }
 }
 
 impl PhantomField for SingleVoxels {
-    fn enter(&mut self, z: u32) {
-        self.z = z;
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
         row.fill(0.0);
-        let start = self.places.partition_point(|place| [place[2], place[1]] < [self.z, y]);
-        for place in self.places[start..].iter().take_while(|place| [place[2], place[1]] == [self.z, y]) {
+        let start = self.places.partition_point(|place| [place[2], place[1]] < [z, y]);
+        for place in self.places[start..].iter().take_while(|place| [place[2], place[1]] == [z, y]) {
             row[place[0] as usize] = 255.0;
         }
     }

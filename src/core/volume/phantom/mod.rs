@@ -73,17 +73,8 @@ impl Phantom {
 
     /// Returns the phantom's name.
     pub fn name(&self) -> &'static str {
-        match self {
-            Phantom::Constant => "constant",
-            Phantom::Shells => "shells",
-            Phantom::Gyroid => "gyroid",
-            Phantom::MarschnerLobb => "marschner-lobb",
-            Phantom::Hydrogen => "hydrogen",
-            Phantom::Vessels => "vessels",
-            Phantom::Noise { .. } => "noise",
-            Phantom::Corners => "corners",
-            Phantom::Voxels(_) => "voxels",
-        }
+        let is_same = |named: &Phantom| std::mem::discriminant(named) == std::mem::discriminant(self);
+        NAMED.iter().find(|(_, named)| is_same(named)).map_or("voxels", |(name, _)| name)
     }
 
     /// Returns the lowest and highest value, inclusive, that a picture shows by default.
@@ -144,10 +135,9 @@ impl SlabSource for PhantomSource {
             let why = format!("must hold {expected} samples of {}", self.header.sample_type.name());
             return Err(Error::input("slice buffer", why));
         }
-        self.field.enter(self.next);
         self.row.resize(width as usize, 0.0);
         for y in 0..height {
-            self.field.row(y, &mut self.row);
+            self.field.row(y, self.next, &mut self.row);
             let from = y as usize * width as usize;
             write_row(&self.row, slice, from);
         }

@@ -32,13 +32,15 @@ pub(super) struct Vessels {
     dims: [u32; 3],
     segments: Vec<VesselSegment>,
     slice: Vec<f32>,
+    /// Index of the slice in `slice`.
+    filled: Option<u32>,
 }
 
 impl Vessels {
     pub(super) fn new(dims: [u32; 3]) -> Vessels {
         let mut tree = VesselTree { dims, segments: Vec::new(), rolled: 0 };
         tree.grow([0.5, 0.5, 0.02], [0.0, 0.0, 1.0], 0.3, ROOT_RADIUS, GENERATIONS);
-        Vessels { dims, segments: tree.segments, slice: Vec::new() }
+        Vessels { dims, segments: tree.segments, slice: Vec::new(), filled: None }
     }
 }
 
@@ -143,8 +145,9 @@ fn empty() -> std::ops::RangeInclusive<usize> {
     1..=0
 }
 
-impl PhantomField for Vessels {
-    fn enter(&mut self, z: u32) {
+impl Vessels {
+    /// Computes the values of slice `z`.
+    fn fill(&mut self, z: u32) {
         let [width, height, _] = self.dims;
         self.slice.clear();
         self.slice.resize(width as usize * height as usize, 0.0);
@@ -164,8 +167,14 @@ impl PhantomField for Vessels {
             }
         }
     }
+}
 
-    fn row(&mut self, y: u32, row: &mut [f32]) {
+impl PhantomField for Vessels {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
+        if self.filled != Some(z) {
+            self.fill(z);
+            self.filled = Some(z);
+        }
         row.copy_from_slice(&self.slice[y as usize * row.len()..][..row.len()]);
     }
 }
