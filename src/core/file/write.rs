@@ -5,7 +5,6 @@
 
 use std::cell::RefCell;
 use std::fs::File;
-use std::io::{self, Read, Write};
 use std::path::Path;
 
 use xxhash_rust::xxh3::xxh3_64;
@@ -29,9 +28,41 @@ use crate::volume::Axis;
 ///
 /// `description` is a JSON text. `lanes` are those along x, y and z, as many as the file stores.
 pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    write_to(&mut bytes, facts, lanes, description).expect("a vector takes every write");
-    bytes
+    let mut sections = vec![(SectionEntry::empty(SectionKind::Description, 255, 1), description.as_bytes())];
+    for lane in lanes {
+        let view = lane.view();
+        let line_ends = match view.line_ends {
+            LineEnds::Narrow(ends) => ends.as_bytes(),
+            LineEnds::Wide(ends) => ends.as_bytes(),
+        };
+        let parts = [view.tiles.as_bytes(), line_ends, view.steps, view.values, view.normals, view.magnitudes];
+        for (kind, bytes) in SectionKind::OF_LANES.into_iter().zip(parts) {
+            let element = kind.element_bytes(facts.channels, facts.grid.dims, view.axis);
+            if element > 0 {
+                let axis = u8::try_from(view.axis.index()).expect("0, 1 or 2");
+                sections.push((SectionEntry::empty(kind, axis, element), bytes));
+            }
+        }
+    }
+    let mut end = (size_of::<FileHeader>() + sections.len() * size_of::<SectionEntry>()) as u64;
+    for (entry, bytes) in &mut sections {
+        let offset = aligned(end);
+        end = offset + bytes.len() as u64;
+        entry.offset = U64::new(offset);
+        entry.bytes = U64::new(bytes.len() as u64);
+        entry.xxh3 = U64::new(xxh3_64(bytes));
+    }
+    let table: Vec<SectionEntry> = sections.iter().map(|(entry, _)| *entry).collect();
+    let mut file = header_with_checksum(facts, &table, end).as_bytes().to_vec();
+    let whole = usize::try_from(aligned(end)).expect("the lanes are in memory");
+    file.reserve_exact(whole - file.len());
+    file.extend_from_slice(table.as_bytes());
+    for (entry, bytes) in &sections {
+        file.resize(usize::try_from(entry.offset.get()).expect("below the whole"), 0);
+        file.extend_from_slice(bytes);
+    }
+    file.resize(whole, 0);
+    file
 }
 
 /// Writes an `.adj` file like [`arena_bytes`] and returns its length in bytes.
@@ -39,7 +70,9 @@ pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec
 /// # Errors
 /// The same as [`write_atomically`].
 pub fn write_arena(path: &Path, facts: &Facts, lanes: &[OwnedLane], description: &str) -> Result<u64> {
-    write_atomically(path, |out| write_to(out, facts, lanes, description))
+    let bytes = arena_bytes(facts, lanes, description);
+    write_atomically(path, |out| out.write_all(&bytes))?;
+    Ok(bytes.len() as u64)
 }
 
 /// What [`write_rows`] writes, and the resources that it may use.
@@ -174,47 +207,4 @@ pub(super) fn header_with_checksum(facts: &Facts, table: &[SectionEntry], end: u
     header.file_bytes = U64::new(aligned(end));
     header.header_xxh3 = U64::new(layout::header_checksum(&header, table));
     header
-}
-
-fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description: &str) -> io::Result<u64> {
-    let mut sections: Vec<(SectionEntry, &[u8])> = Vec::new();
-    sections.push((SectionEntry::empty(SectionKind::Description, 255, 1), description.as_bytes()));
-    for lane in lanes {
-        let view = lane.view();
-        let line_ends = match view.line_ends {
-            LineEnds::Narrow(ends) => ends.as_bytes(),
-            LineEnds::Wide(ends) => ends.as_bytes(),
-        };
-        let parts = [view.tiles.as_bytes(), line_ends, view.steps, view.values, view.normals, view.magnitudes];
-        for (kind, bytes) in SectionKind::OF_LANES.into_iter().zip(parts) {
-            let element = kind.element_bytes(facts.channels, facts.grid.dims, view.axis);
-            if element > 0 {
-                let axis = u8::try_from(view.axis.index()).expect("0, 1 or 2");
-                sections.push((SectionEntry::empty(kind, axis, element), bytes));
-            }
-        }
-    }
-    let mut end = (size_of::<FileHeader>() + sections.len() * size_of::<SectionEntry>()) as u64;
-    for (entry, bytes) in &mut sections {
-        let offset = aligned(end);
-        end = offset + bytes.len() as u64;
-        entry.offset = U64::new(offset);
-        entry.bytes = U64::new(bytes.len() as u64);
-        entry.xxh3 = U64::new(xxh3_64(bytes));
-    }
-    let table: Vec<SectionEntry> = sections.iter().map(|(entry, _)| *entry).collect();
-    let header = header_with_checksum(facts, &table, end);
-    out.write_all(header.as_bytes())?;
-    out.write_all(table.as_bytes())?;
-    fill_up(out, (size_of::<FileHeader>() + size_of_val(table.as_slice())) as u64)?;
-    for (_, bytes) in &sections {
-        out.write_all(bytes)?;
-        fill_up(out, bytes.len() as u64)?;
-    }
-    Ok(aligned(end))
-}
-
-/// Writes zeros after `bytes` bytes, up to the next section boundary.
-fn fill_up(out: &mut dyn Write, bytes: u64) -> io::Result<()> {
-    io::copy(&mut io::repeat(0).take(aligned(bytes) - bytes), out).map(|_| ())
 }

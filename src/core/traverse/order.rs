@@ -106,22 +106,15 @@ impl AxisOrder {
                 // Front to back is the reverse: the cursors start where they would meet, and part.
                 let meet = coordinates.partition_point(|&c| f64::from(c) < eye);
                 match (form, sense) {
-                    (SplitForm::Split, Sense::BackToFront) => {
-                        // A coordinate equal to the eye's is nearest to both sides: it comes last.
+                    (SplitForm::Split, sense) => {
+                        // A coordinate equal to the eye's is nearest to both sides: back to front it comes last.
                         let on_plane = coordinates.get(meet).is_some_and(|&c| f64::from(c) == eye);
-                        (0..meet).for_each(&mut visit);
-                        (meet + usize::from(on_plane)..count).rev().for_each(&mut visit);
-                        if on_plane {
-                            visit(meet);
+                        let above = meet + usize::from(on_plane);
+                        let back_to_front = (0..meet).chain((above..count).rev()).chain(meet..above);
+                        match sense {
+                            Sense::BackToFront => back_to_front.for_each(visit),
+                            Sense::FrontToBack => back_to_front.rev().for_each(visit),
                         }
-                    }
-                    (SplitForm::Split, Sense::FrontToBack) => {
-                        let on_plane = coordinates.get(meet).is_some_and(|&c| f64::from(c) == eye);
-                        if on_plane {
-                            visit(meet);
-                        }
-                        (meet + usize::from(on_plane)..count).for_each(&mut visit);
-                        (0..meet).rev().for_each(&mut visit);
                     }
                     (SplitForm::Interleaved, Sense::BackToFront) => {
                         let (mut low, mut high) = (0, count);

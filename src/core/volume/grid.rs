@@ -26,13 +26,8 @@ impl Axis {
     }
 
     /// Returns the axis with index 0, 1 or 2; `None` for any other index.
-    pub const fn from_index(index: usize) -> Option<Axis> {
-        match index {
-            0 => Some(Axis::X),
-            1 => Some(Axis::Y),
-            2 => Some(Axis::Z),
-            _ => None,
-        }
+    pub fn from_index(index: usize) -> Option<Axis> {
+        Axis::ALL.get(index).copied()
     }
 
     /// Returns the two other axes, the one with the lower index first.
@@ -46,11 +41,7 @@ impl Axis {
 
     /// Returns "x", "y" or "z".
     pub const fn name(self) -> &'static str {
-        match self {
-            Axis::X => "x",
-            Axis::Y => "y",
-            Axis::Z => "z",
-        }
+        ["x", "y", "z"][self.index()]
     }
 }
 
