@@ -12,7 +12,7 @@ use crate::volume::Axis;
 
 /// Lanes that an arena does not store, derived from the lane along x when first needed.
 #[derive(Debug)]
-pub struct DerivedLanes {
+pub(crate) struct DerivedLanes {
     lanes: [OnceLock<OwnedLane>; 3],
     /// Most bytes that derived lanes may take in all.
     memory: u64,
@@ -20,7 +20,7 @@ pub struct DerivedLanes {
 
 impl DerivedLanes {
     /// Creates an empty set that may grow to `memory` bytes.
-    pub fn new(memory: u64) -> DerivedLanes {
+    pub(crate) fn new(memory: u64) -> DerivedLanes {
         DerivedLanes { lanes: Default::default(), memory }
     }
 
@@ -28,7 +28,7 @@ impl DerivedLanes {
     ///
     /// # Errors
     /// [`Error::Limit`] if a derived lane would exceed the memory.
-    pub fn lane<'a>(&'a self, arena: &Arena<'a>, axis: Axis) -> Result<Lane<'a>> {
+    pub(crate) fn lane<'a>(&'a self, arena: &Arena<'a>, axis: Axis) -> Result<Lane<'a>> {
         if let Some(lane) = arena.lane(axis) {
             return Ok(lane);
         }

@@ -30,7 +30,7 @@ pub(crate) struct OrderedLine {
 ///
 /// # Panics
 /// If the lane does not run along the order's fast axis.
-pub fn ordered_lines(lane: &Lane, order: &Order, mut visit: impl FnMut(OrderedLine)) {
+pub(crate) fn ordered_lines(lane: &Lane, order: &Order, mut visit: impl FnMut(OrderedLine)) {
     assert_eq!(lane.axis, order.fast, "a walk needs the lane along its fast axis");
     let rows = TileRows::new(lane, order.slow, |_| true);
     let slow_is_v = order.slow == lane.axis.others()[1];
