@@ -2,10 +2,13 @@
 
 mod build;
 mod classify;
+mod classify_fields;
 mod edits;
 mod file;
 mod format;
+mod lanes;
 mod layers;
 mod layout;
+mod parallel;
 mod phantom;
 mod traversal;
