@@ -21,7 +21,7 @@ use super::stored::{missing_values, stored_transfer};
 use super::{Answer, is_same_file, print_note, print_result};
 use adjsplat::arena::layout::Scales;
 use adjsplat::arena::{Arena, LaneSet};
-use adjsplat::build::builder::Resources;
+use adjsplat::build::Resources;
 use adjsplat::classify::{Colour, TransferFunction};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{

@@ -20,9 +20,9 @@ use super::lane_walk::{CodesRead, Room, Visited, passage};
 use super::subject::{Subject, VisibleVoxel};
 use super::trace::{Array, Trace};
 use adjsplat::arena::TileOrder;
-use adjsplat::arena::lane::STEPPING;
 use adjsplat::arena::layout::line_end_bytes;
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::STEPPING;
 use adjsplat::traverse::Order;
 use adjsplat::volume::Axis;
 

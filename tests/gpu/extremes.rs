@@ -2,7 +2,7 @@
 //! where the targets of quads are narrow, off by what is known of them.
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Settings, cpu};
 use adjsplat::traverse::{Sense, VoxelBox};

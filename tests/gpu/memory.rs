@@ -1,10 +1,11 @@
 //! Video memory: below its ceiling, whatever the structure; and no bit of a picture depends on it.
 
 use adjsplat::Error;
+use adjsplat::arena::Record;
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::layout::{Channels, Facts, Scales};
-use adjsplat::arena::pack::{LanePacker, Record};
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
+use adjsplat::internals::LanePacker;
 use adjsplat::splat::gpu::adapter::Opened;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Orbit, Quality, Scene, Settings, Surround, cpu};

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Orbit, Projection, Scene, Surround};
 use adjsplat::volume::phantom::Phantom;

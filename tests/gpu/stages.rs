@@ -6,7 +6,7 @@
 use super::twin;
 use super::twin::splat::Rounding;
 use adjsplat::arena::layout::TileRecord;
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::splat::gpu::layout::{NO_RECORD, NOTHING, Shot, Splat, Voxel};
 use adjsplat::splat::gpu::probe::Probe;
 use adjsplat::splat::gpu::stages::Blend;

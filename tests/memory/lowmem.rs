@@ -7,11 +7,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use adjsplat::Error;
-use adjsplat::arena::pager::IN_FLIGHT;
 use adjsplat::arena::{LaneSet, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Resources, Unobserved, classify};
+use adjsplat::build::{BuildOptions, Resources, Unobserved, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
+use adjsplat::internals::IN_FLIGHT;
 use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Frame, Mode, Orbit, Quality, Scene, Settings, Surround, cpu};
 use adjsplat::volume::phantom::Phantom;

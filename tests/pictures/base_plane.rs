@@ -3,7 +3,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "pixels of small pictures")]
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Code, Frame, KernelShape, Projection, Sampling, Scene, Settings, cpu};
 use adjsplat::traverse::VoxelBox;

@@ -1,7 +1,7 @@
 //! The dial: settings that keep a bound on the error, on scenes and views that it has not seen.
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::Error;
 use adjsplat::splat::{Camera, Frame, Orbit, Quality, Scene, Settings, Surround, cpu};

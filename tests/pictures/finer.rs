@@ -1,7 +1,7 @@
 //! Pictures whose voxels are finer than their pixels, beside much larger ones seen through the Gaussian that a pixel is.
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Code, Frame, Mode, Orbit, Sampling, Scene, Settings, Surround, cpu};
 use adjsplat::volume::SampleType;

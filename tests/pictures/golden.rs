@@ -4,7 +4,7 @@
 use std::path::{Path, PathBuf};
 
 use adjsplat::arena::{Arena, LaneSet, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::{Camera, Frame, Lanes, Orbit, Projection, Quality, Scene, Settings, Surround, cpu};

@@ -1,7 +1,7 @@
 //! Pictures of which only as many pixels are drawn as wide footprints need, beside those of which all are.
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Frame, Mode, Orbit, Sampling, Scene, Settings, Surround, cpu};
 use adjsplat::volume::SampleType;

@@ -1,10 +1,11 @@
 //! The renderer on the processor, judged by closed forms, by its plain twin, and by itself with other threads.
 
+use adjsplat::arena::Record;
 use adjsplat::arena::layout::{Channels, Facts, Scales};
-use adjsplat::arena::pack::{LanePacker, Record};
-use adjsplat::arena::transpose::transpose;
 use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::classify::{Point, TransferFunction, normal};
+use adjsplat::internals::LanePacker;
+use adjsplat::internals::transpose;
 use adjsplat::splat::{
     Blending, Camera, Code, Frame, KernelShape, Mode, Orbit, Projection, Quality, Scene, Settings, Stats, Surround, cpu,
 };

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use adjsplat::Error;
 use adjsplat::arena::{Arena, LaneSet, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Unobserved, build};
+use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::file::arena_bytes;
 use adjsplat::traverse::{Order, Sense, SplitForm, Viewpoint};

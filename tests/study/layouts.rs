@@ -1,9 +1,9 @@
 //! Layouts, held to our lanes: the shipped one must be ours, and each must hand over what the subject holds.
 
 use adjsplat::arena::{Arena, LaneSet, OwnedLane, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Unobserved, build};
+use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::classify::TransferFunction;
-use adjsplat::file::write::arena_bytes;
+use adjsplat::file::arena_bytes;
 use adjsplat::traverse::Order;
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;

@@ -6,8 +6,9 @@
 
 use std::sync::Mutex;
 
-use adjsplat::arena::pack::{LanePacker, Record};
+use adjsplat::arena::Record;
 use adjsplat::arena::{Channels, Lane, LineEnds, OwnedLane, Pager, TileOrder};
+use adjsplat::internals::LanePacker;
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::Axis;
 use adjsplat_study::Trace;

@@ -4,10 +4,10 @@
 //! set, be it empty or outside the grid, within a box of neighbours. Slices stream through a window of tables, a byte a
 //! grid point of a slice.
 
-use adjsplat::arena::lane::{Lane, LineSpan};
 use adjsplat::arena::layout::TILE_EDGE;
-use adjsplat::arena::record_set::RecordSet;
+use adjsplat::arena::{Lane, LineSpan};
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::RecordSet;
 use adjsplat::volume::Axis;
 
 /// Slices' tables at work: those of a row of tiles, and as far as neighbours reach before and behind.
@@ -119,9 +119,10 @@ fn shrink(points: &mut [u8], scratch: &mut [u8], wide: usize, reach: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use adjsplat::arena::Record;
     use adjsplat::arena::TileOrder;
     use adjsplat::arena::layout::Channels;
-    use adjsplat::arena::pack::{LanePacker, Record};
+    use adjsplat::internals::LanePacker;
 
     #[test]
     fn what_stays_has_all_its_neighbours() {

@@ -28,8 +28,8 @@ use std::ops::ControlFlow;
 
 use self::views::{Subject, deciding, judging};
 use crate::hidden::erode::{erode, erode_bytes};
-use adjsplat::arena::RecordSet;
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::RecordSet;
 use adjsplat::internals::in_order;
 use adjsplat::splat::Scene;
 use adjsplat::volume::Axis;

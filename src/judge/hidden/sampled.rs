@@ -6,9 +6,10 @@
 
 use super::views::Shot;
 use super::{Stage, Watch, share_out};
-use adjsplat::arena::record_set::carry;
-use adjsplat::arena::{Lane, RecordSet};
+use adjsplat::arena::Lane;
 use adjsplat::error::Result;
+use adjsplat::internals::RecordSet;
+use adjsplat::internals::carry;
 use adjsplat::splat::cpu::{Seen, note_seen};
 use adjsplat::splat::{Quality, Scene, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};

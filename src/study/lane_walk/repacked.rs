@@ -1,8 +1,9 @@
 //! Our lanes in another tile order, from a subject's voxels.
 
 use crate::subject::{Subject, VisibleVoxel};
-use adjsplat::arena::pack::{LanePacker, Record};
+use adjsplat::arena::Record;
 use adjsplat::arena::{OwnedLane, TileOrder};
+use adjsplat::internals::LanePacker;
 use adjsplat::volume::Axis;
 
 /// The lanes along x, y and z of `subject`, their tiles in `tile_order`. O(n log n).

@@ -4,10 +4,10 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use adjsplat::arena::Lane;
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::volume::SlabSource;
-use adjsplat::volume::source::Unscaled;
+use adjsplat::volume::UnscaledSource;
 use adjsplat_readers::open::{OpenOptions, open};
 
 use super::dense::Dense;
@@ -23,7 +23,7 @@ pub(crate) fn real(file: &str) -> Option<Box<dyn SlabSource>> {
     }
     // MANIFEST.md counts stored numbers; the MR head has a slope.
     let source = open(&folder.join(file), &OpenOptions::default()).unwrap_or_else(|error| panic!("{error}"));
-    Some(Box::new(Unscaled::new(source)))
+    Some(Box::new(UnscaledSource::new(source)))
 }
 
 pub(crate) fn at_least(iso: f64) -> TransferFunction {

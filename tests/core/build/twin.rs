@@ -2,7 +2,7 @@
 
 use adjsplat::arena::layout::Channels;
 use adjsplat::arena::{Arena, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::{MagnitudeCodec, TransferFunction, normal};
 use adjsplat::file::arena_bytes;
 use adjsplat::volume::Axis;

@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use adjsplat::Error;
-use adjsplat::arena::pack::Record;
+use adjsplat::arena::Record;
 use adjsplat::arena::{Arena, LaneSet, Region, Rows, TileOrder, TrimOptions, trim};
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
 use adjsplat::splat::{Camera, Scene, Settings, Surround, cpu};

@@ -12,8 +12,9 @@ mod extremes;
 mod oracle;
 mod twin;
 
-use adjsplat::arena::pack::{LanePacker, Record};
+use adjsplat::arena::Record;
 use adjsplat::arena::{Channels, Lane, OwnedLane, TileOrder};
+use adjsplat::internals::LanePacker;
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, Visitor, VoxelBox, walk};
 use adjsplat::volume::Axis;
 

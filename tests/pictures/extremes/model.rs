@@ -1,10 +1,11 @@
 //! Scenes in memory, pictures of them, and what double precision makes of the same splats.
 
+use adjsplat::arena::Record;
 use adjsplat::arena::layout::{Channels, Facts, Scales};
-use adjsplat::arena::pack::{LanePacker, Record};
-use adjsplat::arena::transpose::transpose;
 use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::classify::TransferFunction;
+use adjsplat::internals::LanePacker;
+use adjsplat::internals::transpose;
 use adjsplat::splat::view::PixelMap;
 use adjsplat::splat::{Camera, Code, Frame, Projection, Scene, Settings, Stats, View, cpu};
 use adjsplat::volume::{Axis, Grid};

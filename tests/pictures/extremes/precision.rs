@@ -1,7 +1,7 @@
 //! What every approximation costs, beside the bound that docs/NUMERICS.md derives for it.
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::splat::{Camera, Frame, Lighting, Orbit, Projection, Quality, Sampling, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::Sense;
 use adjsplat::volume::phantom::Phantom;

@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use adjsplat::Error;
 use adjsplat::arena::TileOrder;
-use adjsplat::build::builder::{BuildOptions, Unobserved, build};
+use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Scene, Settings, cpu};
 use adjsplat::traverse::{Batch, Order, walk};

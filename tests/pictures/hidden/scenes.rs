@@ -2,11 +2,12 @@
 
 use std::ops::ControlFlow;
 
+use adjsplat::arena::Record;
 use adjsplat::arena::layout::{Channels, Facts, Scales};
-use adjsplat::arena::pack::{LanePacker, Record};
-use adjsplat::arena::transpose::transpose;
 use adjsplat::arena::{LaneRows, OwnedLane, Region, Rows, TileOrder};
 use adjsplat::classify::TransferFunction;
+use adjsplat::internals::LanePacker;
+use adjsplat::internals::transpose;
 use adjsplat::splat::{Camera, Frame, Scene, Settings, Surround, cpu};
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_judge::hidden::{Algorithm, Culling, Hidden, find};

@@ -1,7 +1,7 @@
 //! The renderer on the processor against the splat judge.
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::splat::{Camera, Mode, Projection, Quality, Scene, Settings, cpu};
 use adjsplat::volume::SampleType;
 use adjsplat_judge::reference::splat::{Judge, Settings as JudgeSettings};
