@@ -8,9 +8,7 @@ use std::sync::{Condvar, Mutex, PoisonError};
 
 use crate::error::Result;
 
-/// What the workers and the consumer share.
 struct WorkQueue<T> {
-    /// The next item to work on.
     next: usize,
     /// Items whose results were consumed.
     taken: usize,

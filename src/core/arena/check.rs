@@ -154,7 +154,6 @@ fn section_offset(arena: &Arena, kind: SectionKind, axis: Axis) -> u64 {
     arena.section(kind, Some(axis)).map_or(0, |section| section.offset)
 }
 
-/// The check of one lane.
 struct LaneCheck<'a> {
     lane: Lane<'a>,
     facts: &'a Facts,
@@ -165,14 +164,12 @@ struct LaneCheck<'a> {
     sum: u64,
 }
 
-/// The result of following one line.
 struct LineOutcome {
     /// One past the highest coordinate.
     end: u32,
     stepping_voxels: u32,
     /// All bits set in the channels of stepping voxels, which must carry nothing.
     stray: u64,
-    /// Sum of the voxels' hashes.
     sum: u64,
 }
 

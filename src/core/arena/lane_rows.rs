@@ -1,7 +1,7 @@
 //! The rows of a lane, read in place, with voxels kept, changed or dropped by a closure.
 //!
 //! In: the lane along x and the closure. Out: [`Rows`], from which [`crate::file::write_rows`] makes a file. Memory: the
-//! current row and an index of the tiles (4 bytes per tile and per row of tiles).
+//! current row and an index of the tiles (4 bytes per tile).
 //!
 //! Safe on any bytes: from a damaged lane it yields some voxels inside the grid, at most as many as there are records,
 //! and the same ones at each reading.
@@ -18,7 +18,8 @@ use crate::volume::Axis;
 /// Rows of a lane along x. `keep` receives (x, y, z), the record's index and its codes, and returns what to keep.
 pub struct LaneRows<'a, K> {
     lane: Lane<'a>,
-    tiles: TilesByRow,
+    /// Indices of the lane's tiles, sorted by v, then u.
+    tiles: Vec<u32>,
     /// The region that is read, in the lane's coordinates.
     window: [Range<u32>; 3],
     /// The lane's coordinates of the rows' point (0, 0, 0).
@@ -36,7 +37,7 @@ impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K
     pub fn new(lane: Lane<'a>, keep: K) -> LaneRows<'a, K> {
         assert!(lane.axis == Axis::X, "rows run along x");
         LaneRows {
-            tiles: TilesByRow::new(&lane),
+            tiles: tiles_by_row(&lane),
             window: lane.dims.map(|points| 0..points),
             origin: [0; 3],
             dims: lane.dims,
@@ -95,7 +96,7 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
     }
 
     fn memory(&self) -> u64 {
-        4 * (self.tiles.tiles.len() + self.tiles.starts.len()) as u64
+        4 * self.tiles.len() as u64
     }
 
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
@@ -106,7 +107,9 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
         let edge = u32::from(TILE_EDGE);
         let mut voxels: Vec<Voxel> = Vec::new();
         for tile_v in zs.start / edge..=(zs.end - 1) / edge {
-            for tile in self.tiles.row(&self.lane, tile_v, ys.start / edge..=(ys.end - 1) / edge) {
+            let from = self.tiles.partition_point(|&index| row_position(&self.lane, index) < (tile_v, ys.start / edge));
+            let in_row = |&&index: &&u32| row_position(&self.lane, index) <= (tile_v, (ys.end - 1) / edge);
+            for tile in self.tiles[from..].iter().take_while(in_row).map(|&index| &self.lane.tiles[index as usize]) {
                 let wanted = wanted_lines(tile, &ys, &zs);
                 for line in self.lane.tile_lines(tile, wanted) {
                     if line.records.len() > self.lane.dims[0] as usize {
@@ -134,7 +137,6 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
     }
 }
 
-/// Converts a coordinate inside a grid.
 fn narrow(coordinate: u32) -> u16 {
     u16::try_from(coordinate).expect("inside a grid of at most 65,535 points an axis")
 }
@@ -154,57 +156,31 @@ fn wanted_lines(tile: &TileRecord, us: &Range<u32>, vs: &Range<u32>) -> u64 {
     spread & columns.wrapping_mul(0x0101_0101_0101_0101)
 }
 
-/// The tiles of a lane sorted by v, then u.
-struct TilesByRow {
-    /// Indices of tiles.
-    tiles: Vec<u32>,
-    /// Start of each v in `tiles`, and the end of the last.
-    starts: Vec<u32>,
+/// Returns the indices of a lane's sound tiles, sorted by v, then u.
+fn tiles_by_row(lane: &Lane) -> Vec<u32> {
+    let [across, up] = lane.axis.others().map(|a| lane.dims[a.index()].div_ceil(u32::from(TILE_EDGE)));
+    let mut budget = lane.record_count();
+    // In a sound lane each tile occurs once, inside the face, with ascending line ends and no more records than the
+    // lane has. A damaged lane must not cost more.
+    let mut is_sound = |tile: &TileRecord| {
+        let inside = u32::from(tile.tile_u.get()) < across && u32::from(tile.tile_v.get()) < up;
+        let first = u64::from(tile.first_line.get());
+        let lines = first..first + u64::from(tile.occupancy.get().count_ones());
+        let end = |line: u64| usize::try_from(line).ok().and_then(|line| lane.line_end(line)).unwrap_or(0);
+        let ascending = lines.map(end).is_sorted();
+        let left = budget.checked_sub(lane.tile_records(tile)).filter(|_| inside && ascending);
+        budget = left.unwrap_or(budget);
+        left.is_some()
+    };
+    let sound = (0u32..).zip(lane.tiles).filter(|(_, tile)| is_sound(tile));
+    let mut tiles: Vec<u32> = sound.map(|(index, _)| index).collect();
+    tiles.sort_by_key(|&index| row_position(lane, index));
+    tiles.dedup_by_key(|&mut index| row_position(lane, index));
+    tiles
 }
 
-impl TilesByRow {
-    fn new(lane: &Lane) -> TilesByRow {
-        let [across, up] = lane.axis.others().map(|a| lane.dims[a.index()].div_ceil(u32::from(TILE_EDGE)));
-        let place = |tile: &TileRecord| (tile.tile_v.get(), tile.tile_u.get());
-        let mut budget = lane.record_count();
-        // In a sound lane each tile occurs once, inside the face, with ascending line ends and no more records than the
-        // lane has. A damaged lane must not cost more.
-        let mut is_sound = |tile: &TileRecord| {
-            let inside = u32::from(tile.tile_u.get()) < across && u32::from(tile.tile_v.get()) < up;
-            let first = u64::from(tile.first_line.get());
-            let lines = first..first + u64::from(tile.occupancy.get().count_ones());
-            let end = |line: u64| usize::try_from(line).ok().and_then(|line| lane.line_end(line)).unwrap_or(0);
-            let ascending = lines.map(end).is_sorted();
-            let left = budget.checked_sub(lane.tile_records(tile)).filter(|_| inside && ascending);
-            budget = left.unwrap_or(budget);
-            left.is_some()
-        };
-        let sound = (0u32..).zip(lane.tiles).filter(|(_, tile)| is_sound(tile));
-        let mut tiles: Vec<u32> = sound.map(|(index, _)| index).collect();
-        tiles.sort_by_key(|&index| place(&lane.tiles[index as usize]));
-        tiles.dedup_by_key(|&mut index| place(&lane.tiles[index as usize]));
-        let mut starts = vec![0; up as usize + 1];
-        for &index in &tiles {
-            starts[usize::from(lane.tiles[index as usize].tile_v.get()) + 1] += 1;
-        }
-        for v in 0..up as usize {
-            starts[v + 1] += starts[v];
-        }
-        TilesByRow { tiles, starts }
-    }
-
-    /// Returns the tiles at `v` whose u is in `us`, ascending.
-    fn row<'t>(
-        &self,
-        lane: &Lane<'t>,
-        v: u32,
-        us: std::ops::RangeInclusive<u32>,
-    ) -> impl Iterator<Item = &'t TileRecord> {
-        let all = &self.tiles[self.starts[v as usize] as usize..self.starts[v as usize + 1] as usize];
-        let tiles = lane.tiles;
-        let u = move |index: u32| u32::from(tiles[index as usize].tile_u.get());
-        let from = all.partition_point(|&index| u(index) < *us.start());
-        let to = all.partition_point(|&index| u(index) <= *us.end());
-        all[from..to].iter().map(move |&index| &tiles[index as usize])
-    }
+/// Returns v and u of tile `index`.
+fn row_position(lane: &Lane, index: u32) -> (u32, u32) {
+    let tile = &lane.tiles[index as usize];
+    (tile.tile_v.get().into(), tile.tile_u.get().into())
 }

@@ -146,7 +146,6 @@ impl<'a> Arena<'a> {
         self
     }
 
-    /// Returns the pager.
     pub(super) fn pager(&self) -> Option<&'a dyn Pager> {
         self.pager
     }

@@ -42,7 +42,6 @@ pub struct TileRun {
 }
 
 impl ChannelArrays {
-    /// Appends one record.
     #[inline(always)]
     fn push(&mut self, channels: Channels, step: u8, record: Record) {
         self.steps.push(step);
@@ -85,7 +84,6 @@ impl ChannelArrays {
         (low.expect("a line that is packed has a voxel"), high)
     }
 
-    /// Appends some records of `other`.
     fn append(&mut self, channels: Channels, other: &ChannelArrays, Range { start: from, end: to }: Range<usize>) {
         let value = usize::from(channels.value_bits / 8);
         let normal = usize::from(channels.normal_bits / 4);

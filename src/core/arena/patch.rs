@@ -22,7 +22,6 @@ pub(super) fn find_tile<'l>(lane: &Lane<'l>, order: TileOrder, u: u16, v: u16) -
     lane.tiles.binary_search_by_key(&key, place).ok().map(|index| &lane.tiles[index])
 }
 
-/// The changed tiles of a lane.
 #[derive(Debug)]
 pub(super) struct Patch {
     /// All tiles of the lane, changed or not, in tile order.

@@ -16,7 +16,6 @@ use crate::volume::Axis;
 struct TransposedVoxel {
     /// Its new line in the strip: `(o % 8) * dim x + x`.
     line: u32,
-    /// Coordinate along the new lane.
     t: u16,
     record: Record,
 }

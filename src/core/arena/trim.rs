@@ -218,7 +218,6 @@ impl ValueNarrowing {
     }
 }
 
-/// Returns how many noticeable voxels narrowing makes transparent.
 fn blurred(rows: &dyn Rows, transfer: &TransferFunction, old: &Facts, quantiser: &Quantiser) -> Result<u64> {
     let narrow = ValueNarrowing { quantiser: *quantiser, scales: old.scales };
     let scales = Scales { value_low: quantiser.low(), value_step: quantiser.step(), ..old.scales };

@@ -35,13 +35,10 @@ pub(crate) struct Assembler<'a> {
 /// The size of a lane.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct LaneTotals {
-    /// Number of tiles that are not empty.
     pub(crate) tiles: u64,
-    /// Number of lines that are not empty.
     pub(crate) lines: u64,
     /// Number of records, including those that only bridge a distance.
     pub(crate) records: u64,
-    /// Number of visible voxels.
     pub(crate) voxels: u64,
 }
 

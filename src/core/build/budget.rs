@@ -18,7 +18,6 @@ const BASE: u64 = 14 << 20;
 const BATCH_SAMPLES: u64 = 1 << 21;
 /// Bytes of each section of a lane that are collected before they are written.
 pub(crate) const WRITE_BYTES: u64 = 1 << 18;
-/// Sections of a lane.
 const SECTIONS: u64 = 6;
 /// Bytes per record while a lane is built: 16 unsorted, 4 for its index, up to 8 packed in each of two results that
 /// may wait. The remainder is measured allocator overhead.
@@ -117,7 +116,6 @@ impl Budget {
         voxels.saturating_mul(self.spill_bytes_per_voxel) > self.spill_memory
     }
 
-    /// Returns the schedule of the sweep.
     pub(super) fn schedule(&self) -> SweepSchedule {
         SweepSchedule { batch: self.batch, read_ahead: self.read_ahead, threads: self.threads }
     }

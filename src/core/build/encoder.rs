@@ -81,13 +81,11 @@ impl VoxelEncoder {
         }
     }
 
-    /// Returns a sample's value, in its own unit.
     #[inline(always)]
     fn value<T: Sample>(&self, sample: T) -> f64 {
         sample.to_f64() * self.slope + self.intercept
     }
 
-    /// Returns the value code of a visible sample.
     #[inline(always)]
     pub(super) fn code<T: Sample>(&self, sample: T) -> u16 {
         match sample.small_bits() {
@@ -96,7 +94,6 @@ impl VoxelEncoder {
         }
     }
 
-    /// Returns whether different samples may share a code.
     pub(super) fn is_lossy(&self) -> bool {
         !self.quantiser.is_lossless()
     }
@@ -109,7 +106,6 @@ impl VoxelEncoder {
     }
 }
 
-/// Returns the error for a volume without visible voxels.
 pub(super) fn nothing_visible(samples: &SampleSummary) -> Error {
     let SampleSummary { lowest, highest, not_finite, .. } = *samples;
     if lowest > highest {

@@ -38,7 +38,6 @@ pub struct Resources {
 /// The field whose gradients become normals and magnitudes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum GradientSource {
-    /// No gradients are computed.
     None,
     /// The samples' values.
     Values,
@@ -47,7 +46,6 @@ pub(super) enum GradientSource {
 }
 
 impl BuildOptions {
-    /// Checks lane count and bit widths.
     pub(super) fn check(&self) -> Result<()> {
         if !(1..=3).contains(&self.lane_count) {
             return Err(Error::input("lanes", "must be x, xy or xyz"));
@@ -89,7 +87,6 @@ impl BuildOptions {
         self.needs_survey() || (sample_type.bytes() > 1 && (open || self.transfer.uses_gradient()))
     }
 
-    /// Returns the field that gradients are computed from.
     pub(super) fn gradient_source(&self) -> GradientSource {
         let Channels { normal_bits, magnitude_bits, .. } = self.channels();
         match (normal_bits > 0 || magnitude_bits > 0, self.transfer.is_labels()) {

@@ -26,7 +26,6 @@ pub(super) const GROUP_ROWS: u32 = 8;
 /// Bytes read at once while rows are small.
 const READ_BYTES: u64 = 1 << 18;
 
-/// Bytes of each part of a voxel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct VoxelWidths {
     pub(super) sample: usize,
@@ -43,7 +42,6 @@ impl VoxelWidths {
         }
     }
 
-    /// Returns the bytes of a whole voxel.
     pub(super) fn voxel(self) -> usize {
         2 + self.sample + self.normal + self.magnitude
     }
@@ -85,7 +83,6 @@ impl SpilledRows {
         row.magnitudes.clear();
     }
 
-    /// Ends a group of rows.
     pub(super) fn end_group(&mut self) {
         self.group_ends.push(self.bytes.len());
     }
@@ -119,7 +116,6 @@ impl SpilledVoxels {
         }
     }
 
-    /// Returns the number of visible voxels so far.
     pub(super) fn voxels(&self) -> u64 {
         self.voxels
     }
@@ -137,7 +133,6 @@ impl SpilledVoxels {
         self.store.append(&rows.bytes)
     }
 
-    /// Ends the current slice.
     pub(super) fn end_slice(&mut self) -> Result<()> {
         let end = self.store.len();
         self.slices.push(self.start..end);
@@ -190,7 +185,6 @@ impl SpilledVoxels {
     }
 }
 
-/// The arrays of one row.
 pub(super) struct RowParts<'a> {
     xs: &'a [u8],
     samples: &'a [u8],
@@ -199,7 +193,6 @@ pub(super) struct RowParts<'a> {
 }
 
 impl RowParts<'_> {
-    /// Returns the number of voxels.
     pub(super) fn len(&self) -> usize {
         self.xs.len() / 2
     }

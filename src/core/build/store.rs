@@ -14,11 +14,9 @@ use crate::error::{Error, Result};
 pub(super) struct SpillStore {
     bytes: Vec<u8>,
     file: Option<File>,
-    /// Number of bytes appended so far.
     len: u64,
     /// Folder for the temporary file; `None` to keep all in memory.
     folder: Option<PathBuf>,
-    /// Most bytes to keep in memory.
     memory: u64,
 }
 
@@ -28,7 +26,6 @@ impl SpillStore {
         SpillStore { bytes: Vec::new(), file: None, len: 0, folder: folder.map(Path::to_path_buf), memory }
     }
 
-    /// Returns the number of bytes appended so far.
     pub(super) fn len(&self) -> u64 {
         self.len
     }

@@ -31,7 +31,6 @@ impl Default for SampleSummary {
 }
 
 impl SampleSummary {
-    /// Adds the statistics of other samples.
     pub(super) fn join(&mut self, other: &SampleSummary) {
         self.lowest = self.lowest.min(other.lowest);
         self.highest = self.highest.max(other.highest);

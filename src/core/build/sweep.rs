@@ -20,11 +20,9 @@ const BLOCK_SAMPLES: u32 = 1 << 16;
 /// How many slices are in memory and how many threads process them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SweepSchedule {
-    /// Slices that are processed at once.
     pub(super) batch: u32,
     /// Whether another thread reads the next batch meanwhile.
     pub(super) read_ahead: bool,
-    /// Number of worker threads.
     pub(super) threads: usize,
 }
 

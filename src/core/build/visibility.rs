@@ -8,7 +8,6 @@ use crate::classify::TransferFunction;
 use crate::error::Result;
 use crate::volume::{Header, Sample, SampleType};
 
-/// Decides whether samples are visible.
 pub(super) struct VisibilityTest {
     transfer: TransferFunction,
     uses_gradient: bool,
@@ -59,13 +58,11 @@ impl VisibilityTest {
         inside && (self.uses_gradient || self.transfer.opacity(value, 0.0) > 0.0)
     }
 
-    /// Returns a sample's value, in its own unit.
     #[inline(always)]
     pub(super) fn value<T: Sample>(&self, sample: T) -> f64 {
         sample.to_f64() * self.slope + self.intercept
     }
 
-    /// Returns whether a sample may be visible.
     #[inline(always)]
     pub(super) fn passes<T: Sample>(&self, sample: T) -> bool {
         match sample.small_bits() {

@@ -12,15 +12,12 @@ use crate::with_samples;
 pub(super) struct SliceWindow<'a> {
     header: &'a Header,
     samples: VecDeque<Samples>,
-    /// Index of the first slice in `samples`.
     first: u32,
     fields: VecDeque<Vec<f32>>,
-    /// Index of the first slice in `fields`.
     first_field: u32,
 }
 
 impl<'a> SliceWindow<'a> {
-    /// Creates an empty window.
     pub(super) fn new(header: &'a Header) -> SliceWindow<'a> {
         SliceWindow { header, samples: VecDeque::new(), first: 0, fields: VecDeque::new(), first_field: 0 }
     }
@@ -35,20 +32,18 @@ impl<'a> SliceWindow<'a> {
 
     /// Returns slice `z` of the samples with its neighbours.
     pub(super) fn values<T: Sample>(&self, z: u32) -> Neighbourhood<'_, T> {
-        let slice = |z: Option<u32>| z.filter(|&z| z < self.header.grid.dims[2]).map(|z| self.typed(z));
-        let [width, height, _] = self.header.grid.dims.map(|d| d as usize);
-        let (below, above) = (slice(z.checked_sub(1)), slice(Some(z + 1)));
-        Neighbourhood::new(below, self.typed(z), above, [width, height], self.header.grid.spacing)
-            .scaled(self.header.slope, self.header.intercept)
+        self.neighbourhood(z, |z| self.typed(z)).scaled(self.header.slope, self.header.intercept)
     }
 
     /// Returns slice `z` of the smoothed visibility with its neighbours.
     pub(super) fn visibility(&self, z: u32) -> Neighbourhood<'_> {
-        let field = |z: u32| &self.fields[(z - self.first_field) as usize][..];
-        let slice = |z: Option<u32>| z.filter(|&z| z < self.header.grid.dims[2]).map(field);
-        let [width, height, _] = self.header.grid.dims.map(|d| d as usize);
-        let (below, above) = (slice(z.checked_sub(1)), slice(Some(z + 1)));
-        Neighbourhood::new(below, field(z), above, [width, height], self.header.grid.spacing)
+        self.neighbourhood(z, |z| &self.fields[(z - self.first_field) as usize][..])
+    }
+
+    fn neighbourhood<'s, T: Sample>(&self, z: u32, slice: impl Fn(u32) -> &'s [T]) -> Neighbourhood<'s, T> {
+        let [width, height, depth] = self.header.grid.dims;
+        let (below, above) = (z.checked_sub(1).map(&slice), Some(z + 1).filter(|&z| z < depth).map(&slice));
+        Neighbourhood::new(below, slice(z), above, [width as usize, height as usize], self.header.grid.spacing)
     }
 
     fn samples_end(&self) -> u32 {
@@ -68,7 +63,6 @@ pub(super) struct NewSlices {
 }
 
 impl NewSlices {
-    /// Appends the slices to the window.
     pub(super) fn join(self, window: &mut SliceWindow) {
         window.samples.extend(self.samples);
         window.fields.extend(self.fields);

@@ -74,7 +74,6 @@ enum KindName {
     Labels,
 }
 
-/// The fields of the JSON object.
 #[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct TransferDocument {
@@ -116,7 +115,6 @@ impl TransferDocument {
         TransferDocument { kind, ..TransferDocument::default() }
     }
 
-    /// Refuses fields that belong to another kind.
     fn refuse_foreign_fields(&self) -> Result<()> {
         use KindName::{Contour, Labels, Points, Range, Region};
         let fields = [

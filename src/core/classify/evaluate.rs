@@ -147,9 +147,15 @@ impl TransferFunction {
 /// The position of a value among sorted knots, of which at most two share a position.
 enum KnotPosition {
     /// On a knot or beyond an end; `first != last` where two knots share the position.
-    At { first: usize, last: usize },
-    /// Strictly between two knots.
-    Between { below: usize, above: usize, fraction: f64 },
+    At {
+        first: usize,
+        last: usize,
+    },
+    Between {
+        below: usize,
+        above: usize,
+        fraction: f64,
+    },
 }
 
 fn locate<T>(knots: &[T], at: f64, position: impl Fn(&T) -> f64) -> KnotPosition {

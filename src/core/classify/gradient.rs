@@ -48,7 +48,6 @@ impl<'a, T: Sample> Neighbourhood<'a, T> {
         Neighbourhood { scale: (slope != 1.0 || intercept != 0.0).then_some((slope, intercept)), ..self }
     }
 
-    /// Returns a sample's value, rounded to single precision.
     #[inline(always)]
     fn value(&self, sample: T) -> f64 {
         #[allow(clippy::cast_possible_truncation, reason = "gradients are taken of single-precision fields")]

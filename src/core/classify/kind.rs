@@ -15,7 +15,6 @@ pub(super) const CONTOUR_WIDTH: f64 = 2.0;
 /// Default colours of a range: from brown marrow to ivory bone.
 const RANGE_COLOURS: [[u8; 3]; 4] = [[0xb8, 0x80, 0x5c], [0xdd, 0xb8, 0x90], [0xf1, 0xe2, 0xc8], [0xff, 0xf9, 0xee]];
 
-/// Returns the default colour of a contour: ivory.
 pub(super) fn contour_colour() -> Colour {
     Colour::from_bytes([0xef, 0xe2, 0xcc])
 }

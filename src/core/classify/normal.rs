@@ -111,7 +111,6 @@ fn narrow(number: f64) -> f32 {
     number as f32
 }
 
-/// Splits into the nearest integer and the remainder.
 #[inline(always)]
 fn split(number: f64) -> (f32, f32) {
     let whole = whole(number);

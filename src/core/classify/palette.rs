@@ -57,7 +57,6 @@ pub(super) const FROG: [(i64, &str, [u8; 3]); 15] = [
     (15, "stomach", [0xd9, 0x7f, 0x74]),
 ];
 
-/// Finds the entry of `label` in the sorted `labels`.
 pub(super) fn find(labels: &[Label], label: i64) -> Option<&Label> {
     labels.binary_search_by_key(&label, |entry| entry.label).ok().map(|index| &labels[index])
 }
@@ -85,7 +84,6 @@ pub(super) fn colour(labels: &[Label], others: UnlistedLabels, value: f64) -> [f
     }
 }
 
-/// Returns the lowest and highest visible label.
 pub(super) fn domain(labels: &[Label], others: UnlistedLabels) -> (f64, f64) {
     let visible = labels.iter().filter(|entry| entry.opacity > 0.0).map(|entry| entry.label as f64);
     let (low, high) = visible.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));

@@ -31,7 +31,6 @@ struct ExactCodes {
     intercept: f64,
 }
 
-/// The JSON fields of a quantiser.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct QuantiserJson {

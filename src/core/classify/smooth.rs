@@ -4,7 +4,6 @@
 //! [1 4 6 4 1]/16 along x, y and z, each two slices later; edges repeat. The gradient of the result lights a surface.
 //! Memory: six slices.
 
-/// Weights of the binomial filter.
 const TAPS: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
 
 /// Smooths a volume slice by slice with a 5 x 5 x 5 binomial filter.

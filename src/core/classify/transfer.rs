@@ -10,7 +10,6 @@ use super::palette::{self, Label, UnlistedLabels};
 use super::validate::check_length;
 use crate::error::Result;
 
-/// Opacity of a contour made by [`TransferFunction::contour`].
 const CONTOUR_OPACITY: f64 = 0.9;
 
 /// A transfer function: maps a sample's value and gradient magnitude to opacity and colour.
@@ -28,7 +27,6 @@ impl TransferFunction {
         TransferFunction { kind, shaded: true, reference_length: None }
     }
 
-    /// Checks every number of the function.
     pub(super) fn checked(self) -> Result<TransferFunction> {
         self.kind.check()?;
         self.reference_length.map_or(Ok(()), |length| check_length("reference_length", length, false))?;

@@ -98,7 +98,6 @@ pub(super) fn write_file_atomically<T>(path: &Path, write: impl FnOnce(&File) ->
     target.replace(path, write)
 }
 
-/// What a path to write to refers to.
 enum WriteTarget {
     /// Something that exists and is neither a file nor a folder.
     Device,

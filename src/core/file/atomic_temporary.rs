@@ -97,12 +97,10 @@ impl TemporaryFile {
         Err(Error::io("create a file in", folder)(io::Error::other(why)))
     }
 
-    /// Returns the file, open for reading and writing.
     pub(super) fn file(&self) -> &File {
         self.file.as_file()
     }
 
-    /// Returns the file's current path.
     pub(super) fn path(&self) -> &Path {
         self.file.path()
     }
@@ -171,7 +169,6 @@ fn is_named(path: &Path, file: &File) -> bool {
     matches!((there, ours), (Ok(there), Ok(ours)) if there == ours)
 }
 
-/// Returns whether this is the name of a temporary file.
 fn is_name(name: &OsStr) -> bool {
     let name = name.to_str().and_then(|name| name.strip_prefix(PREFIX)?.strip_suffix(SUFFIX));
     name.is_some_and(|random| random.len() == RANDOM && random.bytes().all(|byte| byte.is_ascii_alphanumeric()))

@@ -16,9 +16,7 @@ use crate::error::{Error, Result};
 /// A file in which sections are laid out one after the other.
 pub(super) struct SectionFile<'a> {
     pub(super) file: &'a File,
-    /// Used in messages.
     pub(super) path: &'a Path,
-    /// End of the last section.
     pub(super) end: u64,
 }
 
@@ -67,7 +65,6 @@ impl SectionWriter<'_> {
         self.entry.element_bytes
     }
 
-    /// Appends bytes to the section.
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
         self.checksum.update(bytes);
         if (self.buffer.len() + bytes.len()) as u64 <= WRITE_BYTES {

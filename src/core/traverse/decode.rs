@@ -18,9 +18,7 @@ const REACH: u64 = 1 << 31;
 
 /// Consecutive lines that fit in one batch.
 pub(super) struct LineGroup {
-    /// Number of lines, at least 1.
     pub(super) line_count: usize,
-    /// Number of records of these lines.
     pub(super) records: u64,
     /// [`REACH`] below the first line's records, so that offsets on both sides of them fit in 32 bits.
     pub(super) base: u64,
@@ -110,7 +108,6 @@ struct LaneSteps<'a> {
     lane: &'a Lane<'a>,
 }
 
-/// Decodes lines of one lane.
 pub(super) struct Decoder<'a> {
     lane: &'a Lane<'a>,
     capacity: usize,
@@ -130,12 +127,10 @@ impl<'a> Decoder<'a> {
         Decoder { lane, capacity, fast, batch, line }
     }
 
-    /// Returns the most records that a group may have.
     pub(super) fn capacity(&self) -> usize {
         self.capacity
     }
 
-    /// Decodes a group of lines of slice `slow`.
     #[inline(always)]
     pub(super) fn decode(&mut self, lines: &[GatheredLine], base: u64, slow: u16) -> Batch<'_> {
         let steps = LaneSteps { own: self.lane.steps, lane: self.lane };
@@ -144,7 +139,7 @@ impl<'a> Decoder<'a> {
                 let mut places = self.batch.places();
                 let mut end = CHUNK;
                 for line in lines {
-                    end = decode_up(steps, line, base, &mut places, end);
+                    end = decode_line::<false>(steps, line, base, &mut places, end);
                 }
                 CHUNK..end
             }
@@ -153,7 +148,7 @@ impl<'a> Decoder<'a> {
                 let top = CHUNK + self.capacity;
                 let mut start = top;
                 for line in lines.iter().rev() {
-                    start = decode_down(steps, line, base, &mut places, start);
+                    start = decode_line::<true>(steps, line, base, &mut places, start);
                 }
                 start..top
             }
@@ -161,7 +156,7 @@ impl<'a> Decoder<'a> {
                 let places = self.batch.places();
                 let mut end = CHUNK;
                 for line in lines {
-                    let line_end = decode_up(steps, line, base, &mut self.line.places(), CHUNK);
+                    let line_end = decode_line::<false>(steps, line, base, &mut self.line.places(), CHUNK);
                     let (coordinates, records) = (&self.line.fast[CHUNK..line_end], &self.line.record[CHUNK..line_end]);
                     self.fast.for_each_index(coordinates, |index| {
                         places.medium[end] = line.medium;
@@ -182,12 +177,19 @@ impl<'a> Decoder<'a> {
     }
 }
 
-/// Writes a line's voxels in ascending order from `at` on; returns the end.
+/// Writes a line's voxels from `at` on in ascending order, or below `at` in descending order if `DOWN`.
+///
+/// Returns where the next line continues.
 #[inline(always)]
-fn decode_up(steps: LaneSteps, line: &GatheredLine, base: u64, out: &mut BatchSlices, at: usize) -> usize {
+fn decode_line<const DOWN: bool>(
+    steps: LaneSteps,
+    line: &GatheredLine,
+    base: u64,
+    out: &mut BatchSlices,
+    mut at: usize,
+) -> usize {
     let (from, offset) = place(line, base);
     let count = usize::from(line.count);
-    let mut end = at;
     let mut done = 0;
     // The first step counts from -1.
     let mut previous = u16::MAX;
@@ -198,56 +200,26 @@ fn decode_up(steps: LaneSteps, line: &GatheredLine, base: u64, out: &mut BatchSl
         if has_stepping(chunk, valid) {
             for (lane, &step) in chunk.iter().enumerate().take(valid) {
                 previous = previous.wrapping_add(if step == 0 { 255 } else { u16::from(step) });
-                out.medium[end] = line.medium;
-                out.fast[end] = previous;
-                out.record[end] = first.wrapping_add(u32_of(lane));
-                end += usize::from(step != 0);
+                let slot = if DOWN { at - 1 } else { at };
+                out.medium[slot] = line.medium;
+                out.fast[slot] = previous;
+                out.record[slot] = first.wrapping_add(u32_of(lane));
+                let visible = usize::from(step != 0);
+                at = if DOWN { at - visible } else { at + visible };
             }
         } else {
             let coordinates = prefix_sum(chunk, previous);
             previous = coordinates[CHUNK - 1];
-            *chunk_of(out.medium, end) = [line.medium; CHUNK];
-            *chunk_of(out.fast, end) = coordinates;
-            *chunk_of(out.record, end) = std::array::from_fn(|lane| first.wrapping_add(u32_of(lane)));
-            end += valid;
-        }
-        done += CHUNK;
-    }
-    end
-}
-
-/// Writes a line's voxels in descending order below `at`; returns the start.
-#[inline(always)]
-fn decode_down(steps: LaneSteps, line: &GatheredLine, base: u64, out: &mut BatchSlices, at: usize) -> usize {
-    let (from, offset) = place(line, base);
-    let count = usize::from(line.count);
-    let mut start = at;
-    let mut done = 0;
-    let mut previous = u16::MAX;
-    while done < count {
-        let valid = (count - done).min(CHUNK);
-        let chunk = load(steps, from + done);
-        let first = offset.wrapping_add(u32_of(done));
-        if has_stepping(chunk, valid) {
-            for (lane, &step) in chunk.iter().enumerate().take(valid) {
-                previous = previous.wrapping_add(if step == 0 { 255 } else { u16::from(step) });
-                out.medium[start - 1] = line.medium;
-                out.fast[start - 1] = previous;
-                out.record[start - 1] = first.wrapping_add(u32_of(lane));
-                start -= usize::from(step != 0);
-            }
-        } else {
-            let coordinates = prefix_sum(chunk, previous);
-            previous = coordinates[CHUNK - 1];
-            let low = start - CHUNK;
+            let low = if DOWN { at - CHUNK } else { at };
             *chunk_of(out.medium, low) = [line.medium; CHUNK];
-            *chunk_of(out.fast, low) = reversed(coordinates);
-            *chunk_of(out.record, low) = std::array::from_fn(|lane| first.wrapping_add(u32_of(CHUNK - 1 - lane)));
-            start -= valid;
+            *chunk_of(out.fast, low) = if DOWN { reversed(coordinates) } else { coordinates };
+            let lane_of = |slot| if DOWN { CHUNK - 1 - slot } else { slot };
+            *chunk_of(out.record, low) = std::array::from_fn(|slot| first.wrapping_add(u32_of(lane_of(slot))));
+            at = if DOWN { at - valid } else { at + valid };
         }
         done += CHUNK;
     }
-    start
+    at
 }
 
 /// Returns a line's first record as an index, and relative to `base`.

@@ -11,14 +11,12 @@ use crate::arena::layout::{TILE_EDGE, TileRecord};
 use crate::arena::pager::tell;
 use crate::volume::Axis;
 
-/// A line of the current slice.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct GatheredLine {
     /// Index of its first record; all its records are inside the channels.
     pub(super) first_record: u64,
     /// Number of its records: 1 to the length of the fast axis.
     pub(super) count: u16,
-    /// Coordinate on the medium axis.
     pub(super) medium: u16,
 }
 
@@ -27,9 +25,7 @@ pub(super) struct LineGatherer<'a> {
     lane: Lane<'a>,
     order: Order,
     slow_is_v: bool,
-    /// Number of records of the lane.
     record_count: u64,
-    /// Number of grid points of a line.
     longest: u64,
     /// The lines of the current slice; the memory is reused.
     lines: Vec<GatheredLine>,
@@ -134,7 +130,6 @@ struct TileRow {
     ranks: u64,
 }
 
-/// 1 in each byte.
 const ONES: u64 = 0x0101_0101_0101_0101;
 
 impl TileRow {
@@ -167,7 +162,6 @@ impl TileRow {
     }
 }
 
-/// Counts the set bits of each byte.
 #[inline(always)]
 fn mask_bytes_popcount(mask: u64) -> u64 {
     let pairs = mask - (mask >> 1 & 0x5555_5555_5555_5555);

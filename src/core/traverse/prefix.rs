@@ -7,7 +7,6 @@
     allow(unsafe_code, reason = "calls of functions that need SSE2, which x86-64 always has")
 )]
 
-/// Number of steps decoded at once.
 pub(super) const CHUNK: usize = 16;
 
 /// Returns the coordinate after each of sixteen steps from `previous`, modulo 2^16.

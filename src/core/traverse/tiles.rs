@@ -78,7 +78,6 @@ fn tile_of<'a>(lane: &Lane<'a>, index: u32) -> &'a TileRecord {
     lane.tile(index as usize).expect("an index of a tile that was looked at before")
 }
 
-/// Returns a box that contains all voxels of a tile.
 fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
     let [u, v] = lane.axis.others();
     let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };

@@ -41,7 +41,6 @@ pub struct VoxelBox {
 }
 
 impl VoxelBox {
-    /// Returns whether the boxes have a voxel in common.
     #[inline(always)]
     pub(crate) fn meets(&self, other: &VoxelBox) -> bool {
         (0..3).all(|a| self.low[a] <= other.high[a] && self.high[a] >= other.low[a])

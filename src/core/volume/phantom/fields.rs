@@ -82,7 +82,6 @@ impl PhantomField for Constant {
 /// Shells of radius k/6.5 of half the longest axis, k = 1..=6; values fall by 64 per voxel on either side.
 struct Shells {
     dims: [u32; 3],
-    /// Distance between shells, in voxels.
     apart: f32,
 }
 
@@ -182,7 +181,6 @@ struct Hydrogen {
 }
 
 impl Hydrogen {
-    /// Half the longest axis, in Bohr radii.
     const REACH: f64 = 22.0;
 
     fn new(dims: [u32; 3]) -> Hydrogen {

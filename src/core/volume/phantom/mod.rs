@@ -41,7 +41,6 @@ pub enum Phantom {
     Voxels(Vec<[u32; 3]>),
 }
 
-/// The phantoms that can be chosen by name.
 const NAMED: [(&str, Phantom); 8] = [
     ("constant", Phantom::Constant),
     ("shells", Phantom::Shells),
@@ -114,7 +113,6 @@ impl Phantom {
 struct PhantomSource {
     header: Header,
     field: Box<dyn PhantomField>,
-    /// Index of the next slice.
     next: u32,
     /// Values of one row, from 0 to 255.
     row: Vec<f32>,

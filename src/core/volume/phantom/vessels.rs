@@ -7,23 +7,18 @@
 
 use super::fields::{PhantomField, hash};
 
-/// Lowest visible value: that of the vessel's wall.
 pub(super) const EDGE: f64 = 92.0;
 
-/// How often the root branches.
 const GENERATIONS: u32 = 8;
 /// Radius of the root, relative to the geometric mean of the dimensions.
 const ROOT_RADIUS: f64 = 0.04;
 /// A value is 255 (1 - (d / (1.25 radius))^2) at distance d, which is 255 (1 - 0.64) at the wall.
 const SOFT_EDGE: f64 = 1.25;
 
-/// A straight piece of a vessel, in voxels.
 struct VesselSegment {
     from: [f64; 3],
     along: [f64; 3],
-    /// 1 / length^2.
     inverse: f64,
-    /// Distance at which values reach 0.
     reach: f64,
 }
 
@@ -32,7 +27,6 @@ pub(super) struct Vessels {
     dims: [u32; 3],
     segments: Vec<VesselSegment>,
     slice: Vec<f32>,
-    /// Index of the slice in `slice`.
     filled: Option<u32>,
 }
 
@@ -47,7 +41,6 @@ impl Vessels {
 struct VesselTree {
     dims: [u32; 3],
     segments: Vec<VesselSegment>,
-    /// Random numbers used so far.
     rolled: u64,
 }
 
@@ -146,7 +139,6 @@ fn empty() -> std::ops::RangeInclusive<usize> {
 }
 
 impl Vessels {
-    /// Computes the values of slice `z`.
     fn fill(&mut self, z: u32) {
         let [width, height, _] = self.dims;
         self.slice.clear();
