@@ -7,5 +7,6 @@ mod file;
 mod format;
 mod layers;
 mod layout;
+mod model;
 mod phantom;
 mod traversal;
