@@ -1,4 +1,4 @@
-//! What a file says of its own making: the transfer function it was built with, and what that one left out.
+//! The transfer function that a file was built with, and the values that it left out.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use adjsplat::arena::Arena;
 use adjsplat::classify::{MagnitudeCodec, TransferFunction};
 use adjsplat::error::{Error, Result};
 
-/// The transfer function that the file was built with.
+/// Returns the transfer function that the file was built with.
 pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
     let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     serde_json::from_value(description["transfer_function"].clone()).map_err(|_| {
@@ -19,8 +19,8 @@ pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunc
     })
 }
 
-/// The values that `transfer` shows and the file did not store, in words; `None` if there are none, or if the file does
-/// not tell.
+/// Describes the values that `transfer` shows but the file does not store; `None` if there are none, or if the file's
+/// own transfer function is unknown.
 pub(super) fn missing_values(arena: &Arena, transfer: &TransferFunction) -> Result<Option<String>> {
     let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     let Ok(stored) = serde_json::from_value::<TransferFunction>(description["transfer_function"].clone()) else {
@@ -37,9 +37,9 @@ pub(super) fn missing_values(arena: &Arena, transfer: &TransferFunction) -> Resu
     Ok((!missing.is_empty()).then(|| described(&missing)))
 }
 
-/// `20..60, 80 and above 100`.
+/// Formats ranges: `20..60, 80 and above 100`.
 fn described(ranges: &[[f64; 2]]) -> String {
-    /// Of these the first are named.
+    /// Most ranges to list.
     const MOST: usize = 6;
     let one = |&[low, high]: &[f64; 2]| match (low.is_finite(), high.is_finite()) {
         _ if low == high => format!("{low}"),

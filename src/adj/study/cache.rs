@@ -1,4 +1,4 @@
-//! `adj study cache`: what walks ask of a memory hierarchy.
+//! `adj study cache`: cache misses of walks, in a model.
 
 use std::hint::black_box;
 use std::io::BufWriter;
@@ -6,11 +6,14 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::super::build::TILE_ORDERS;
 use super::super::progress::interrupted;
+use super::super::values::{choice, library};
 use super::super::{Answer, print_result};
+use super::orders::Orders;
 use super::output::{OutputArguments, check_plots, write_plots};
 use super::sets::SetArguments;
-use super::{GoOn, choose, each_set, orders};
+use super::{CODES, GoOn, MethodArguments, each_set, orders};
 use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
@@ -26,39 +29,39 @@ use adjsplat_study::report::{Cell, Report};
 use adjsplat_study::speed::summed;
 use adjsplat_study::trace::{Array, Trace};
 
-/// Count cache misses of every walk in a model that is the same on every machine.
+/// Count the cache misses of every method, in a model that is the same on every machine
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Misses are lines that come into a level, by visible voxel; \"compulsory\" are the lines that the bytes which the walk uses would fill. Each walk starts with empty caches. The table sums up the orders; --json and --csv have every one.\n\nExamples:\n  adj study cache head.adj --methods adjsplat,bricks,adjacency_b --plot misses.svg\n  adj study cache head.adj --methods adjsplat --orders +z+y+x --trace walk.trace"
+    after_help = "Misses are lines loaded into a level, per visible voxel; \"compulsory\" is the number of lines that the used bytes would fill. Each walk starts with empty caches. The table sums up the orders; --json and --csv have every one.\n\nExamples:\n  adj study cache head.adj --methods adjsplat,bricks,adjacency_b --plot misses.svg\n  adj study cache head.adj --methods adjsplat --orders +z+y+x --trace walk.trace"
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
     sets: SetArguments,
-    /// Methods, with commas between; all unless given.
-    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
-    methods: Vec<String>,
-    /// Orders of parallel views: how many of the 48 (7 have every nesting), all, or names such as +z-y+x (slow z up, medium y down, fast x up).
-    #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true)]
-    orders: String,
-    /// What our walk reads of a voxel beside its steps: steps, value or value+normal, with commas between.
-    #[arg(long, value_name = "CHANNELS", value_delimiter = ',', default_value = "value+normal")]
-    channels: Vec<String>,
-    /// Tile orders of our lanes: morton, hilbert, rows, with commas between.
-    #[arg(long, value_name = "ORDERS", value_delimiter = ',', default_value = "morton")]
-    tile_order: Vec<String>,
-    /// Size and ways of the first level.
+    #[command(flatten)]
+    methods: MethodArguments,
+    /// Orders in which parallel views visit voxels: a number of the 48, all, or names with commas between;
+    /// +z-y+x is z ascending (slowest), y descending, x ascending (fastest)
+    #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true, value_parser = library(orders::parse))]
+    orders: Orders,
+    /// What our walk reads of each voxel, with commas between
+    #[arg(long, value_name = "CHANNELS", value_delimiter = ',', default_value = "value+normal", value_parser = choice(CODES))]
+    channels: Vec<CodesRead>,
+    /// Orders of blocks of voxels in our file, with commas between
+    #[arg(long, value_name = "ORDERS", value_delimiter = ',', default_value = "morton", value_parser = choice(TILE_ORDERS))]
+    tile_order: Vec<TileOrder>,
+    /// Size and ways of the first level; none to leave it out
     #[arg(long, value_name = "SIZE/WAYS", default_value = "32KiB/8", help_heading = "Caches")]
     l1: String,
-    /// Of the second; none to leave out.
+    /// Size and ways of the second level; none to leave it out
     #[arg(long, value_name = "SIZE/WAYS", default_value = "1MiB/16", help_heading = "Caches")]
     l2: String,
-    /// Of the third; none to leave out.
+    /// Size and ways of the third level; none to leave it out
     #[arg(long, value_name = "SIZE/WAYS", default_value = "8MiB/16", help_heading = "Caches")]
     l3: String,
-    /// Bytes of a line.
+    /// Bytes of a cache line: a power of two from 16 to 4096
     #[arg(long, value_name = "BYTES", default_value_t = 64, help_heading = "Caches")]
     line: u64,
-    /// Translations of 4 KiB pages, nearest first, with commas between.
+    /// Levels of the TLB (address translations of 4 KiB pages), nearest first, with commas between
     #[arg(
         long,
         value_name = "PAGES/WAYS",
@@ -67,26 +70,26 @@ pub(super) struct Arguments {
         help_heading = "Caches"
     )]
     tlb: Vec<String>,
-    /// Draw the miss ratios of fully associative caches of every size, of each method's worst order.
+    /// Draw into this file the miss ratios of fully associative caches of every size, in each method's worst order
     #[arg(long, value_name = "FILE.svg|FILE.png", help_heading = "Results")]
     curves: Vec<PathBuf>,
-    /// Write the accesses of the walk to this file (formats/adj-trace-1.md); for one set, method and order.
+    /// Write the memory accesses of one set, method and order to this file (formats/adj-trace-1.md)
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
-    /// Count the walk with the machine's own counters too, through perf; for one set, method and order.
+    /// Count one set, method and order with the machine's own counters too, through perf
     #[arg(long)]
     counters: bool,
-    /// Walk this often, measure nothing, and say how many voxels were visited: for counters and cachegrind.
+    /// Walk this often without measuring, and print how many voxels were visited: for counters and cachegrind
     #[arg(long, value_name = "N", hide = true)]
     walks: Option<u32>,
     #[command(flatten)]
     output: OutputArguments,
 }
 
-/// Walks that counters count at once.
+/// Walks in one run under the machine's counters.
 const COUNTED_WALKS: u32 = 16;
 
-/// A structure that is measured, and what tables call it.
+/// A structure to measure, and its name in tables.
 struct Measured<'a> {
     layout: String,
     codes: Option<CodesRead>,
@@ -121,8 +124,8 @@ impl Walker for Structure<'_> {
     }
 }
 
-/// What was asked for.
-struct Wanted {
+/// What to measure, from the flags.
+struct CacheOptions {
     methods: Vec<Method>,
     orders: Vec<Order>,
     codes: Vec<CodesRead>,
@@ -131,22 +134,22 @@ struct Wanted {
 }
 
 impl Arguments {
-    fn wanted(&self) -> Result<Wanted> {
+    fn options(&self) -> Result<CacheOptions> {
         let levels: Vec<String> =
             [&self.l1, &self.l2, &self.l3].into_iter().filter(|level| *level != "none").cloned().collect();
-        Ok(Wanted {
-            methods: choose(&self.methods)?,
-            orders: orders::parse(&self.orders)?,
-            codes: self.channels.iter().map(|name| CodesRead::named(name)).collect::<Result<_>>()?,
-            tile_orders: self.tile_order.iter().map(|name| TileOrder::from_name(name)).collect::<Result<_>>()?,
+        Ok(CacheOptions {
+            methods: self.methods.chosen(),
+            orders: self.orders.0.clone(),
+            codes: self.channels.clone(),
+            tile_orders: self.tile_order.clone(),
             geometry: Geometry::parse(self.line, &levels, &self.tlb)?,
         })
     }
 
-    /// The one method and order that some flags are for.
-    fn only(&self, wanted: &Wanted) -> Result<(Method, Viewing)> {
-        match (&wanted.methods[..], &wanted.orders[..], self.sets.list()?.len(), wanted.codes.len()) {
-            (&[method], &[order], 1, 1) if wanted.tile_orders.len() == 1 => Ok((method, Viewing::along(order))),
+    /// Returns the single method and order, which some flags need.
+    fn only(&self, options: &CacheOptions) -> Result<(Method, Viewing)> {
+        match (&options.methods[..], &options.orders[..], self.sets.list()?.len(), options.codes.len()) {
+            (&[method], &[order], 1, 1) if options.tile_orders.len() == 1 => Ok((method, Viewing::along(order))),
             _ => {
                 let why = "need one set, one method and one order: phantom:gyroid --methods adjsplat --orders +z+y+x";
                 Err(Error::input("--trace, --counters and --walks", why))
@@ -156,31 +159,31 @@ impl Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    let wanted = arguments.wanted()?;
+    let options = arguments.options()?;
     if let Some(times) = arguments.walks {
-        return only_walk(arguments, &wanted, times);
+        return only_walk(arguments, &options, times);
     }
     if arguments.trace.is_some() || arguments.counters {
-        arguments.only(&wanted)?;
+        arguments.only(&options)?;
     }
     arguments.output.check()?;
     check_plots(&arguments.curves)?;
     arguments.trace.as_deref().map_or(Ok(()), check_writable)?;
 
-    let mut found = Found::new(&wanted.geometry);
+    let mut tables = CacheTables::new(&options.geometry);
     each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
         sound(subject)?;
-        let repacked: Vec<[OwnedLane; 3]> = lanes_to_repack(subject, &wanted);
-        let count = measured_count(&wanted);
+        let repacked: Vec<[OwnedLane; 3]> = lanes_to_repack(subject, &options);
+        let count = measured_count(&options);
         let mut done = 0;
         for index in 0..count {
-            let mut measured = structure(subject, &wanted, &repacked, index)?;
-            study(subject, &wanted, &mut measured, &mut found, &mut |more, of| {
+            let mut measured = structure(subject, &options, &repacked, index)?;
+            study(subject, &options, &mut measured, &mut tables, &mut |more, of| {
                 done = index as u64 * of + more;
                 go_on(done, count as u64 * of)
             })?;
             if let Some(path) = &arguments.trace {
-                let viewing = Viewing::along(wanted.orders[0]);
+                let viewing = Viewing::along(options.orders[0]);
                 write_atomically_unless(&interrupted, path, |out| {
                     let mut out = BufWriter::new(out);
                     let mut writer = TraceWriter::new(&mut out, &measured.walker.arrays())?;
@@ -192,37 +195,37 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         }
         Ok(())
     })?;
-    let summary = found.summary();
-    arguments.output.write(&found.report, &found.plot())?;
-    write_plots(&arguments.curves, &found.curves())?;
-    print_result(&format!("{}\n{}\n{}", summary.table(&[]), found.reuse.table(&[]), counters_line(arguments)));
+    let summary = tables.summary();
+    arguments.output.write(&tables.report, &tables.plot())?;
+    write_plots(&arguments.curves, &tables.curves())?;
+    print_result(&format!("{}\n{}\n{}", summary.table(&[]), tables.reuse.table(&[]), counters_line(arguments)));
     Ok(Answer::Yes)
 }
 
-/// Ours repacked, for each tile order but the subject's own, which needs nothing.
-fn lanes_to_repack(subject: &Subject, wanted: &Wanted) -> Vec<[OwnedLane; 3]> {
-    if !wanted.methods.contains(&Method::Adjsplat) {
+/// Our lanes, repacked for each tile order.
+fn lanes_to_repack(subject: &Subject, options: &CacheOptions) -> Vec<[OwnedLane; 3]> {
+    if !options.methods.contains(&Method::Adjsplat) {
         return Vec::new();
     }
-    wanted.tile_orders.iter().map(|&tile_order| repacked(subject, tile_order)).collect()
+    options.tile_orders.iter().map(|&tile_order| repacked(subject, tile_order)).collect()
 }
 
-/// Structures that are measured of each set.
-fn measured_count(wanted: &Wanted) -> usize {
-    let own = wanted.methods.iter().filter(|method| **method == Method::Adjsplat).count();
-    own * wanted.tile_orders.len() * wanted.codes.len() + wanted.methods.len() - own
+/// Number of structures to measure for each set.
+fn measured_count(options: &CacheOptions) -> usize {
+    let own = options.methods.iter().filter(|method| **method == Method::Adjsplat).count();
+    own * options.tile_orders.len() * options.codes.len() + options.methods.len() - own
 }
 
-/// Structure number `index` of `subject`: each method in turn, ours in every form.
+/// Returns structure number `index` of `subject`: each method in turn, ours with every tile order and channel.
 fn structure<'a>(
     subject: &'a Subject<'a>,
-    wanted: &Wanted,
+    options: &CacheOptions,
     lanes: &'a [[OwnedLane; 3]],
     index: usize,
 ) -> Result<Measured<'a>> {
-    let forms = wanted.tile_orders.len() * wanted.codes.len();
+    let forms = options.tile_orders.len() * options.codes.len();
     let mut left = index;
-    for &method in &wanted.methods {
+    for &method in &options.methods {
         if method != Method::Adjsplat {
             if left == 0 {
                 let layout = method.name().to_owned();
@@ -230,8 +233,8 @@ fn structure<'a>(
             }
             left -= 1;
         } else if left < forms {
-            let (tile_order, codes) = (left / wanted.codes.len(), wanted.codes[left % wanted.codes.len()]);
-            let layout = match wanted.tile_orders[tile_order] {
+            let (tile_order, codes) = (left / options.codes.len(), options.codes[left % options.codes.len()]);
+            let layout = match options.tile_orders[tile_order] {
                 TileOrder::Morton => method.name().to_owned(),
                 other => format!("{}-{}", method.name(), other.name()),
             };
@@ -241,15 +244,21 @@ fn structure<'a>(
             left -= forms;
         }
     }
-    unreachable!("there are {} structures", measured_count(wanted))
+    unreachable!("there are {} structures", measured_count(options))
 }
 
-/// Measures one structure in every order; the worst once more, with distances.
-fn study(subject: &Subject, wanted: &Wanted, measured: &mut Measured, found: &mut Found, go_on: GoOn) -> Result<()> {
-    let total = wanted.orders.len() as u64 + 1;
+/// Measures one structure in every order, and the worst order once more with reuse distances.
+fn study(
+    subject: &Subject,
+    options: &CacheOptions,
+    measured: &mut Measured,
+    tables: &mut CacheTables,
+    go_on: GoOn,
+) -> Result<()> {
+    let total = options.orders.len() as u64 + 1;
     let mut of_orders = Vec::new();
-    for (index, order) in wanted.orders.iter().enumerate() {
-        let (figures, visited) = measure(&mut measured.walker, &Viewing::along(*order), &wanted.geometry, false);
+    for (index, order) in options.orders.iter().enumerate() {
+        let (figures, visited) = measure(&mut measured.walker, &Viewing::along(*order), &options.geometry, false);
         debug_assert_eq!(visited, subject.voxels.len() as u64, "{} visits each voxel once", measured.layout);
         of_orders.push((orders::name(order), figures));
         if go_on(index as u64 + 1, total).is_break() {
@@ -258,24 +267,25 @@ fn study(subject: &Subject, wanted: &Wanted, measured: &mut Measured, found: &mu
     }
     let first_misses = |figures: &Figures| figures.levels.first().map_or(figures.touches, |level| level.all);
     let worst = (0..of_orders.len()).max_by_key(|&index| first_misses(&of_orders[index].1)).unwrap_or(0);
-    let (with_reuse, _) = measure(&mut measured.walker, &Viewing::along(wanted.orders[worst]), &wanted.geometry, true);
+    let (with_reuse, _) =
+        measure(&mut measured.walker, &Viewing::along(options.orders[worst]), &options.geometry, true);
     of_orders[worst].1 = with_reuse;
-    found.add(subject, measured, &of_orders, worst);
+    tables.add(subject, measured, &of_orders, worst);
     Ok(())
 }
 
-/// Refuses lanes that are not sound: their walk would not be the walk.
+/// Checks the lanes: damaged ones would be walked otherwise.
 fn sound(subject: &Subject) -> Result<()> {
     let fault = |fault| Error::Format { path: PathBuf::from(&subject.name), fault };
     subject.lanes.arena().check().map(drop).map_err(fault)
 }
 
-/// Bytes that are read before a walk whose misses are counted elsewhere: more than any cache but the last holds.
+/// Bytes to read before a walk whose misses other tools count: more than any cache but the last holds.
 const SWEPT_BYTES: usize = 64 << 20;
 
-/// Walks without measuring, from caches that hold nothing of the structure.
-fn only_walk(arguments: &Arguments, wanted: &Wanted, times: u32) -> Result<Answer> {
-    let (method, viewing) = arguments.only(wanted)?;
+/// Walks without measuring, after emptying the caches of the structure.
+fn only_walk(arguments: &Arguments, options: &CacheOptions, times: u32) -> Result<Answer> {
+    let (method, viewing) = arguments.only(options)?;
     each_set(&arguments.sets, true, |subject, _| {
         sound(subject)?;
         let mut built = method.build(subject)?;
@@ -288,7 +298,7 @@ fn only_walk(arguments: &Arguments, wanted: &Wanted, times: u32) -> Result<Answe
     Ok(Answer::Yes)
 }
 
-/// What the machine's own counters say, or why they say nothing.
+/// Returns the figures of the machine's own counters, or why there are none.
 fn counters_line(arguments: &Arguments) -> String {
     let absent = |why: String| format!("hardware counters: absent: {why}");
     if !arguments.counters {
@@ -317,8 +327,8 @@ fn counters_line(arguments: &Arguments) -> String {
     }
 }
 
-/// What was found so far.
-struct Found {
+/// What was tables so far.
+struct CacheTables {
     levels: Vec<String>,
     report: Report,
     /// How lines come again, of each structure's worst order.
@@ -340,10 +350,10 @@ struct SumOfOrders {
     worst_order: String,
 }
 
-impl Found {
-    fn new(geometry: &Geometry) -> Found {
+impl CacheTables {
+    fn new(geometry: &Geometry) -> CacheTables {
         let level = |index: usize| format!("L{}", index + 1);
-        Found {
+        CacheTables {
             levels: (0..geometry.levels.len()).map(level).collect(),
             report: Report::new(&[
                 "set",

@@ -1,4 +1,4 @@
-//! Where a study's results go: a table on stdout, and files.
+//! Files with the results of a study: `--json`, `--csv`, `--plot`.
 
 use std::path::{Path, PathBuf};
 
@@ -14,31 +14,31 @@ use adjsplat_study::report::plot::Plot;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Results")]
 pub(super) struct OutputArguments {
-    /// Write all rows to this file, as JSON: {"rows": [...]}.
+    /// Write all rows to this file, as JSON: {"rows": [...]}
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
-    /// Write all rows to this file, as comma-separated values.
+    /// Write all rows to this file, as comma-separated values
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
-    /// Draw the results into this file; give it again for another kind.
+    /// Draw the results into this file; repeat the flag for more files
     #[arg(long, value_name = "FILE.svg|FILE.png")]
     plot: Vec<PathBuf>,
-    /// No progress bar.
+    /// Show no progress bar
     #[arg(long, short)]
     pub(super) quiet: bool,
 }
 
 impl OutputArguments {
-    /// Finds out now, not after long work, that a file cannot be written.
+    /// Checks, before long work, that the files can be written.
     ///
     /// # Errors
-    /// [`Error::Io`] as [`check_writable`]; [`Error::Input`] for plots of other kinds.
+    /// As [`check_writable`]; [`Error::Input`] for plots of other kinds.
     pub(super) fn check(&self) -> Result<()> {
         check_plots(&self.plot)?;
         self.json.iter().chain(&self.csv).try_for_each(|path| check_writable(path))
     }
 
-    /// Writes what was asked for.
+    /// Writes the files.
     ///
     /// # Errors
     /// If a file cannot be written.
@@ -53,7 +53,7 @@ impl OutputArguments {
     }
 }
 
-/// Finds out now that a plot cannot be written.
+/// Checks that plots can be drawn and written.
 ///
 /// # Errors
 /// As [`OutputArguments::check`].

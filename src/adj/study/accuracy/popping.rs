@@ -1,5 +1,6 @@
-//! What pictures jump by where the order switches: table and rows.
+//! `--popping`: how much pictures jump where the order of voxels switches.
 
+use super::super::super::resources::processors;
 use super::super::super::{Answer, print_result};
 use super::Arguments;
 use adjsplat::error::Result;
@@ -11,7 +12,7 @@ use adjsplat_study::report::plot::{Plot, Series, Side};
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let presets = [Candidate::preset(Quality::Standard, 8), Candidate::preset(Quality::High, 16)];
-    let threads = arguments.threads()?;
+    let threads = processors();
     let mut report = Report::new(&[
         "set",
         "azimuth",

@@ -1,0 +1,142 @@
+//! How the picture is made: `--quality`, `--mode` and the like.
+
+use clap::Args;
+
+use super::super::picture::SampleDepth;
+use super::super::values::{Background, Choice, background, choice, kernel, number};
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::{Blending, KernelShape, Mode, Quality, Sampling, Settings};
+use adjsplat::traverse::SplitForm;
+
+/// How the picture is made.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Look")]
+pub(super) struct LookArguments {
+    /// How exact the picture is: where splats are cut off, when rays end, which pixels are drawn
+    #[arg(long, value_name = "Q", default_value = "standard", value_parser = choice(QUALITIES))]
+    quality: Quality,
+    /// Which pixels are drawn; by default fewest for draft, enough for standard, finer for high and reference.
+    /// Graphics devices and --renderer reference draw finer for fewest and enough
+    #[arg(long, value_name = "PIXELS", value_parser = choice(SAMPLINGS))]
+    sampling: Option<Sampling>,
+    /// Choose the fastest settings whose largest error (of a linear sample from 0 to 1, beside --quality reference)
+    /// is at most E, by measuring small windows of the pictures
+    #[arg(long, value_name = "E", conflicts_with_all = ["quality", "sampling", "kernel", "termination", "blending"])]
+    pub(super) max_error: Option<f64>,
+    /// Gaussian of a splat, in voxels: standard deviation (0.2 to 4) and radius (1 to 6 times that), such as 0.6,2;
+    /// by default that of --quality
+    #[arg(long, value_name = "SIGMA,RADIUS", value_parser = kernel)]
+    kernel: Option<KernelShape>,
+    /// Transmittance, 0 to 1, below which a ray ends, and the most that a pixel loses; by default that of --quality
+    #[arg(long, value_name = "T", value_parser = number(0.0..=1.0f32))]
+    pub(super) termination: Option<f32>,
+    /// What a pixel shows of its ray
+    #[arg(long, value_name = "MODE", default_value = "composite", value_parser = choice(MODES))]
+    mode: Mode,
+    /// How a splat covers what is behind it, in composite mode; linear and sheets need --renderer cpu, and are not exact
+    /// for very many very faint layers
+    #[arg(long, value_name = "B", default_value = "exponential", value_parser = choice(BLENDINGS))]
+    blending: Blending,
+    /// Brightness of xray mode, a factor above 0; by default it suits what is visible
+    #[arg(long, value_name = "FACTOR", allow_hyphen_values = true)]
+    exposure: Option<f32>,
+    /// Colour behind the volume: #rrggbb, black, white or transparent;
+    /// by default white in composite mode, black in the others
+    #[arg(long, value_name = "COLOUR", value_parser = background)]
+    background: Option<Background>,
+    /// Draw without lighting
+    #[arg(long)]
+    unlit: bool,
+    /// Order of voxels in perspective, on the two sides of the eye
+    #[arg(long, value_name = "FORM", default_value = "interleaved", value_parser = choice(FORMS))]
+    form: SplitForm,
+    /// Bits of each sample of a PNG
+    #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice(DEPTHS))]
+    pub(super) bits: SampleDepth,
+}
+
+const QUALITIES: [Choice<Quality>; 4] = [
+    ("draft", Quality::Draft, "for moving the camera"),
+    ("standard", Quality::Standard, "for pictures to look at"),
+    ("high", Quality::High, "for pictures to measure in"),
+    ("reference", Quality::Reference, "nothing is left out; slow"),
+];
+
+const SAMPLINGS: [Choice<Sampling>; 4] = [
+    ("fewest", Sampling::Fewest, "enough for 32 dB, for moving the camera"),
+    ("enough", Sampling::Enough, "fewer than all where splats are wide; the picture is interpolated"),
+    ("every", Sampling::EveryPixel, "all pixels of the picture"),
+    ("finer", Sampling::Finer, "several for each pixel where voxels are smaller than pixels"),
+];
+
+const MODES: [Choice<Mode>; 4] = [
+    ("composite", Mode::Composite, "light and shade"),
+    ("maximum", Mode::Maximum, "the largest value, in its colour"),
+    ("maximum-grey", Mode::MaximumGrey, "the largest value, in grey"),
+    ("xray", Mode::Additive, "the sum of all values"),
+];
+
+const BLENDINGS: [Choice<Blending>; 3] = [
+    ("exponential", Blending::Exponential, "the integral along the ray"),
+    ("linear", Blending::Linear, "opacity times weight, the classic form"),
+    ("sheets", Blending::Sheets, "the integral of the sum of each slice's splats"),
+];
+
+const FORMS: [Choice<SplitForm>; 2] = [
+    ("interleaved", SplitForm::Interleaved, "in turns; right where splats overlap"),
+    ("split", SplitForm::Split, "one side after the other"),
+];
+
+const DEPTHS: [Choice<SampleDepth>; 2] = [("8", SampleDepth::Eight, ""), ("16", SampleDepth::Sixteen, "")];
+
+impl LookArguments {
+    /// Returns the settings for a picture of `size`, drawn by `threads`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a flag that does not go with `--mode`, or a value out of range.
+    pub(super) fn settings(&self, size: [u32; 2], threads: usize) -> Result<Settings> {
+        let mut settings = Settings::new(size);
+        (settings.quality, settings.mode, settings.blending) = (self.quality, self.mode, self.blending);
+        if settings.blending != Blending::Exponential && settings.mode != Mode::Composite {
+            return Err(Error::input("--blending", "is for --mode composite; leave it out"));
+        }
+        settings.sampling = self.sampling.unwrap_or_else(|| settings.quality.sampling());
+        (settings.kernel, settings.termination, settings.form) = (self.kernel, self.termination, self.form);
+        if self.unlit {
+            settings.lighting = None;
+        }
+        if self.exposure.is_some() && settings.mode != Mode::Additive {
+            return Err(Error::input("--exposure", "is for --mode xray; leave it out"));
+        }
+        settings.exposure = self.exposure;
+        settings.threads = threads;
+        settings.check()?;
+        Ok(settings)
+    }
+
+    /// Returns the colour behind the volume, linear; `None` for transparent.
+    pub(super) fn background(&self) -> Option<[f32; 3]> {
+        let usual = if self.mode == Mode::Composite { [1.0; 3] } else { [0.0; 3] };
+        match self.background {
+            Some(Background::Transparent) => None,
+            Some(Background::Colour(colour)) => Some(colour),
+            None => Some(usual),
+        }
+    }
+}
+
+/// Describes the settings that `--max-error` chose.
+pub(super) fn chosen(settings: &Settings, measured: f64) -> String {
+    let KernelShape { sigma, radius } = settings.kernel();
+    let ends = match settings.termination() {
+        0.0 => "no ray ends early".to_string(),
+        termination => format!("rays end at {termination}"),
+    };
+    let pixels = match settings.sampling {
+        Sampling::EveryPixel => "every pixel",
+        Sampling::Finer => "every pixel or finer ones",
+        Sampling::Enough => "enough pixels",
+        Sampling::Fewest => "fewest pixels",
+    };
+    format!("kernel {sigma},{radius}, {ends}, {pixels}: largest error measured {measured:.2e}")
+}
