@@ -35,9 +35,6 @@ pub(super) struct ClassificationArguments {
 
 impl ClassificationArguments {
     /// Returns the transfer function of the flag that was given, or else that of the phantom `input`.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for a value that cannot be used; whatever reading its file fails with.
     pub(super) fn transfer(&self, input: &Path) -> Result<Option<TransferFunction>> {
         if let Some(name) = &self.tf {
             return named(name).map(Some);
@@ -65,9 +62,6 @@ impl ClassificationArguments {
     }
 
     /// As [`Self::transfer`], where there must be one.
-    ///
-    /// # Errors
-    /// As [`Self::transfer`]; [`Error::Input`] if there is no flag.
     pub(super) fn required(&self, input: &Path) -> Result<TransferFunction> {
         self.transfer(input)?.ok_or_else(|| {
             let why = "say it with --range, --iso, --tf, --levoy or --labels; adj info shows the values of a volume";

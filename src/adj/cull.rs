@@ -95,9 +95,6 @@ impl Culled {
 }
 
 /// Writes the voxels of the file `input` that are not hidden to `output`, in as many lanes.
-///
-/// # Errors
-/// As opening, finding and writing; [`Error::Interrupted`] on Ctrl-C.
 pub(super) fn cull(input: &Path, output: &Path, culling: &Culling, quiet: bool) -> Result<Culled> {
     let file = AdjFile::open(input)?;
     let arena = file.arena()?;

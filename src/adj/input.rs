@@ -66,9 +66,6 @@ impl InputArguments {
     }
 
     /// Opens `input`: a path, or `phantom:NAME`. Prints its reader's notes to stderr.
-    ///
-    /// # Errors
-    /// As the readers; and [`Error::Input`] for flags that do not fit the input.
     pub(super) fn open(&self, input: &Path) -> Result<Box<dyn SlabSource>> {
         if let Some(phantom) = phantom(input)? {
             if self.level != 0 || self.series.is_some() {

@@ -167,9 +167,6 @@ fn is_same_file(a: &Path, b: &Path) -> bool {
 }
 
 /// Whether the regular file at `path` starts as `.adj` files do.
-///
-/// # Errors
-/// [`Error::Io`] if it cannot be read.
 fn starts_as_adj(path: &Path) -> Result<bool> {
     let mut first = Vec::new();
     let file = std::fs::File::open(path).map_err(Error::io("open", path))?;

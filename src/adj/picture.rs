@@ -21,9 +21,6 @@ pub(super) enum PictureKind {
 
 impl PictureKind {
     /// Returns the format that the file's name ends in.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for any other name.
     pub(super) fn of(path: &Path) -> Result<PictureKind> {
         match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
             Some("png") => Ok(PictureKind::Png),

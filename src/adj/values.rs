@@ -111,9 +111,6 @@ pub(super) fn crop(text: &str) -> Result<Crop, String> {
 
 impl Crop {
     /// Returns the part of the box inside a grid of `dims` points.
-    ///
-    /// # Errors
-    /// [`Error::Input`] if it is empty.
     pub(super) fn in_grid(&self, dims: [u32; 3]) -> Result<VoxelBox> {
         let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };
         for (a, [low, high]) in self.0.into_iter().enumerate() {

@@ -10,10 +10,11 @@ use super::super::build::TILE_ORDERS;
 use super::super::progress::interrupted;
 use super::super::values::{choice, library};
 use super::super::{Answer, print_result};
-use super::orders::Orders;
+use super::cache_tables::CacheTables;
+use super::orders::{Orders, name as order_name, parse as parse_orders};
 use super::output::{OutputArguments, check_plots, write_plots};
 use super::sets::SetArguments;
-use super::{CODES, GoOn, MethodArguments, each_set, orders};
+use super::{CODES, GoOn, MethodArguments, each_set};
 use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
@@ -24,8 +25,6 @@ use adjsplat_study::cache::counters;
 use adjsplat_study::cache::{Figures, Geometry, TraceWriter, measure};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
 use adjsplat_study::receive::Sum;
-use adjsplat_study::report::plot::{Plot, Series, Side};
-use adjsplat_study::report::{Cell, Report};
 use adjsplat_study::speed::summed;
 use adjsplat_study::trace::{Array, Trace};
 
@@ -41,7 +40,7 @@ pub(super) struct Arguments {
     methods: MethodArguments,
     /// Orders in which parallel views visit voxels: a number of the 48, all, or names with commas between;
     /// +z-y+x is z ascending (slowest), y descending, x ascending (fastest)
-    #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true, value_parser = library(orders::parse))]
+    #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true, value_parser = library(parse_orders))]
     orders: Orders,
     /// What our walk reads of each voxel, with commas between
     #[arg(long, value_name = "CHANNELS", value_delimiter = ',', default_value = "value+normal", value_parser = choice(CODES))]
@@ -90,13 +89,13 @@ pub(super) struct Arguments {
 const COUNTED_WALKS: u32 = 16;
 
 /// A structure to measure, and its name in tables.
-struct Measured<'a> {
-    layout: String,
-    codes: Option<CodesRead>,
-    walker: Structure<'a>,
+pub(super) struct Measured<'a> {
+    pub(super) layout: String,
+    pub(super) codes: Option<CodesRead>,
+    pub(super) walker: Structure<'a>,
 }
 
-enum Structure<'a> {
+pub(super) enum Structure<'a> {
     Own(OwnWalk<'a>),
     Other(Built<'a>),
 }
@@ -124,66 +123,73 @@ impl Walker for Structure<'_> {
     }
 }
 
-/// What to measure, from the flags.
-struct CacheOptions {
-    methods: Vec<Method>,
-    orders: Vec<Order>,
-    codes: Vec<CodesRead>,
-    tile_orders: Vec<TileOrder>,
-    geometry: Geometry,
-}
-
 impl Arguments {
-    fn options(&self) -> Result<CacheOptions> {
+    fn geometry(&self) -> Result<Geometry> {
         let levels: Vec<String> =
             [&self.l1, &self.l2, &self.l3].into_iter().filter(|level| *level != "none").cloned().collect();
-        Ok(CacheOptions {
-            methods: self.methods.chosen(),
-            orders: self.orders.0.clone(),
-            codes: self.channels.clone(),
-            tile_orders: self.tile_order.clone(),
-            geometry: Geometry::parse(self.line, &levels, &self.tlb)?,
-        })
+        Geometry::parse(self.line, &levels, &self.tlb)
     }
 
     /// Returns the single method and order, which some flags need.
-    fn only(&self, options: &CacheOptions) -> Result<(Method, Viewing)> {
-        match (&options.methods[..], &options.orders[..], self.sets.list()?.len(), options.codes.len()) {
-            (&[method], &[order], 1, 1) if options.tile_orders.len() == 1 => Ok((method, Viewing::along(order))),
+    fn only(&self) -> Result<(Method, Viewing)> {
+        match (&self.structures()[..], &self.orders.0[..], self.sets.list()?.len()) {
+            (&[(method, _)], &[order], 1) => Ok((method, Viewing::along(order))),
             _ => {
                 let why = "need one set, one method and one order: phantom:gyroid --methods adjsplat --orders +z+y+x";
                 Err(Error::input("--trace, --counters and --walks", why))
             }
         }
     }
+
+    /// Lists the structures to measure: each method in turn, ours with every tile order and every channel.
+    fn structures(&self) -> Vec<(Method, Option<(TileOrder, CodesRead)>)> {
+        let forms = |&tile_order| self.channels.iter().map(move |&codes| Some((tile_order, codes)));
+        let of_method = |method| match method {
+            Method::Adjsplat => self.tile_order.iter().flat_map(forms).map(|form| (method, form)).collect(),
+            _ => vec![(method, None)],
+        };
+        self.methods.chosen().into_iter().flat_map(of_method).collect()
+    }
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    let options = arguments.options()?;
+    let geometry = arguments.geometry()?;
     if let Some(times) = arguments.walks {
-        return only_walk(arguments, &options, times);
+        return only_walk(arguments, times);
     }
     if arguments.trace.is_some() || arguments.counters {
-        arguments.only(&options)?;
+        arguments.only()?;
     }
     arguments.output.check()?;
     check_plots(&arguments.curves)?;
     arguments.trace.as_deref().map_or(Ok(()), check_writable)?;
 
-    let mut tables = CacheTables::new(&options.geometry);
+    let mut tables = CacheTables::new(&geometry);
+    let structures = arguments.structures();
     each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
         sound(subject)?;
-        let repacked: Vec<[OwnedLane; 3]> = lanes_to_repack(subject, &options);
-        let count = measured_count(&options);
-        let mut done = 0;
-        for index in 0..count {
-            let mut measured = structure(subject, &options, &repacked, index)?;
-            study(subject, &options, &mut measured, &mut tables, &mut |more, of| {
-                done = index as u64 * of + more;
-                go_on(done, count as u64 * of)
+        for (index, &(method, form)) in structures.iter().enumerate() {
+            let lanes;
+            let mut measured = match form {
+                Some((tile_order, codes)) => {
+                    lanes = repacked(subject, tile_order);
+                    let layout = match tile_order {
+                        TileOrder::Morton => method.name().to_owned(),
+                        TileOrder::Hilbert | TileOrder::Rows => format!("{}-{}", method.name(), tile_order.name()),
+                    };
+                    let walk = OwnWalk::new(lanes.each_ref().map(OwnedLane::view), codes);
+                    Measured { layout, codes: Some(codes), walker: Structure::Own(walk) }
+                }
+                None => {
+                    let walker = Structure::Other(method.build(subject)?);
+                    Measured { layout: method.name().to_owned(), codes: None, walker }
+                }
+            };
+            study(subject, &arguments.orders.0, &geometry, &mut measured, &mut tables, &mut |done, total| {
+                go_on(index as u64 * total + done, structures.len() as u64 * total)
             })?;
             if let Some(path) = &arguments.trace {
-                let viewing = Viewing::along(options.orders[0]);
+                let viewing = Viewing::along(arguments.orders.0[0]);
                 write_atomically_unless(&interrupted, path, |out| {
                     let mut out = BufWriter::new(out);
                     let mut writer = TraceWriter::new(&mut out, &measured.walker.arrays())?;
@@ -202,73 +208,28 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-/// Our lanes, repacked for each tile order.
-fn lanes_to_repack(subject: &Subject, options: &CacheOptions) -> Vec<[OwnedLane; 3]> {
-    if !options.methods.contains(&Method::Adjsplat) {
-        return Vec::new();
-    }
-    options.tile_orders.iter().map(|&tile_order| repacked(subject, tile_order)).collect()
-}
-
-/// Number of structures to measure for each set.
-fn measured_count(options: &CacheOptions) -> usize {
-    let own = options.methods.iter().filter(|method| **method == Method::Adjsplat).count();
-    own * options.tile_orders.len() * options.codes.len() + options.methods.len() - own
-}
-
-/// Returns structure number `index` of `subject`: each method in turn, ours with every tile order and channel.
-fn structure<'a>(
-    subject: &'a Subject<'a>,
-    options: &CacheOptions,
-    lanes: &'a [[OwnedLane; 3]],
-    index: usize,
-) -> Result<Measured<'a>> {
-    let forms = options.tile_orders.len() * options.codes.len();
-    let mut left = index;
-    for &method in &options.methods {
-        if method != Method::Adjsplat {
-            if left == 0 {
-                let layout = method.name().to_owned();
-                return Ok(Measured { layout, codes: None, walker: Structure::Other(method.build(subject)?) });
-            }
-            left -= 1;
-        } else if left < forms {
-            let (tile_order, codes) = (left / options.codes.len(), options.codes[left % options.codes.len()]);
-            let layout = match options.tile_orders[tile_order] {
-                TileOrder::Morton => method.name().to_owned(),
-                other => format!("{}-{}", method.name(), other.name()),
-            };
-            let views = lanes[tile_order].each_ref().map(OwnedLane::view);
-            return Ok(Measured { layout, codes: Some(codes), walker: Structure::Own(OwnWalk::new(views, codes)) });
-        } else {
-            left -= forms;
-        }
-    }
-    unreachable!("there are {} structures", measured_count(options))
-}
-
 /// Measures one structure in every order, and the worst order once more with reuse distances.
 fn study(
     subject: &Subject,
-    options: &CacheOptions,
+    orders: &[Order],
+    geometry: &Geometry,
     measured: &mut Measured,
     tables: &mut CacheTables,
     go_on: GoOn,
 ) -> Result<()> {
-    let total = options.orders.len() as u64 + 1;
+    let total = orders.len() as u64 + 1;
     let mut of_orders = Vec::new();
-    for (index, order) in options.orders.iter().enumerate() {
-        let (figures, visited) = measure(&mut measured.walker, &Viewing::along(*order), &options.geometry, false);
+    for (index, order) in orders.iter().enumerate() {
+        let (figures, visited) = measure(&mut measured.walker, &Viewing::along(*order), geometry, false);
         debug_assert_eq!(visited, subject.voxels.len() as u64, "{} visits each voxel once", measured.layout);
-        of_orders.push((orders::name(order), figures));
+        of_orders.push((order_name(order), figures));
         if go_on(index as u64 + 1, total).is_break() {
             return Err(Error::Interrupted);
         }
     }
     let first_misses = |figures: &Figures| figures.levels.first().map_or(figures.touches, |level| level.all);
     let worst = (0..of_orders.len()).max_by_key(|&index| first_misses(&of_orders[index].1)).unwrap_or(0);
-    let (with_reuse, _) =
-        measure(&mut measured.walker, &Viewing::along(options.orders[worst]), &options.geometry, true);
+    let (with_reuse, _) = measure(&mut measured.walker, &Viewing::along(orders[worst]), geometry, true);
     of_orders[worst].1 = with_reuse;
     tables.add(subject, measured, &of_orders, worst);
     Ok(())
@@ -284,8 +245,8 @@ fn sound(subject: &Subject) -> Result<()> {
 const SWEPT_BYTES: usize = 64 << 20;
 
 /// Walks without measuring, after emptying the caches of the structure.
-fn only_walk(arguments: &Arguments, options: &CacheOptions, times: u32) -> Result<Answer> {
-    let (method, viewing) = arguments.only(options)?;
+fn only_walk(arguments: &Arguments, times: u32) -> Result<Answer> {
+    let (method, viewing) = arguments.only()?;
     each_set(&arguments.sets, true, |subject, _| {
         sound(subject)?;
         let mut built = method.build(subject)?;
@@ -316,242 +277,13 @@ fn counters_line(arguments: &Arguments) -> String {
     };
     match (counted(COUNTED_WALKS), counted(0)) {
         (Ok(with), Ok(without)) => {
-            let part = |&(event, count): &(&str, u64)| {
-                let other = without.iter().find(|(name, _)| *name == event).map_or(0, |(_, count)| *count);
-                format!("{event} {}", count.saturating_sub(other) / u64::from(COUNTED_WALKS))
+            let per_walk = |&(event, count): &(&str, u64)| {
+                let empty = without.iter().find(|(name, _)| *name == event).map_or(0, |(_, count)| *count);
+                format!("{event} {}", count.saturating_sub(empty) / u64::from(COUNTED_WALKS))
             };
-            let parts: Vec<String> = with.iter().map(part).collect();
+            let parts: Vec<String> = with.iter().map(per_walk).collect();
             format!("hardware counters, a walk (mean of {COUNTED_WALKS}): {}", parts.join(", "))
         }
         (Err(why), _) | (_, Err(why)) => absent(why),
-    }
-}
-
-/// What was tables so far.
-struct CacheTables {
-    levels: Vec<String>,
-    report: Report,
-    /// How lines come again, of each structure's worst order.
-    reuse: Report,
-    sums: Vec<SumOfOrders>,
-    curves: Vec<(String, String, Vec<f64>)>,
-}
-
-/// A structure of a set at one level, over the orders.
-struct SumOfOrders {
-    set: String,
-    layout: String,
-    channels: Cell,
-    level: usize,
-    visible: f64,
-    compulsory: Vec<f64>,
-    misses: Vec<f64>,
-    overfetch: Vec<f64>,
-    worst_order: String,
-}
-
-impl CacheTables {
-    fn new(geometry: &Geometry) -> CacheTables {
-        let level = |index: usize| format!("L{}", index + 1);
-        CacheTables {
-            levels: (0..geometry.levels.len()).map(level).collect(),
-            report: Report::new(&[
-                "set",
-                "method",
-                "layout",
-                "channels",
-                "order",
-                "level",
-                "visible_voxels",
-                "misses",
-                "misses_per_visible",
-                "structure_misses_per_visible",
-                "compulsory_per_visible",
-                "times_compulsory",
-                "overfetch",
-                "cold",
-                "capacity",
-                "conflict",
-                "accesses",
-                "pages_4k",
-                "pages_2m",
-            ]),
-            reuse: Report::new(&[
-                "set",
-                "layout",
-                "channels",
-                "order",
-                "used_bytes_per_visible",
-                "lines_per_1k_touches",
-                "lines_per_64k_touches",
-                "lines_in_all",
-                "l1_cold",
-                "l1_capacity",
-                "l1_conflict",
-                "tlb_misses_per_1k_visible",
-                "pages_4k",
-                "pages_2m",
-            ]),
-            sums: Vec::new(),
-            curves: Vec::new(),
-        }
-    }
-
-    fn add(&mut self, subject: &Subject, measured: &Measured, of_orders: &[(String, Figures)], worst: usize) {
-        let visible = subject.voxels.len().max(1) as f64;
-        let channels: Cell = measured.codes.map(CodesRead::name).into();
-        for (index, level) in self.levels.iter().enumerate() {
-            let of_level = |of: fn(&Figures, usize) -> f64| -> Vec<f64> {
-                of_orders.iter().map(|(_, figures)| of(figures, index)).collect()
-            };
-            let misses = of_level(|figures, level| figures.levels[level].all as f64);
-            let most = (0..misses.len()).max_by(|&a, &b| misses[a].total_cmp(&misses[b])).unwrap_or(0);
-            self.sums.push(SumOfOrders {
-                set: subject.name.clone(),
-                layout: measured.layout.clone(),
-                channels: channels.clone(),
-                level: index,
-                visible,
-                compulsory: of_level(|figures, _| figures.compulsory_lines() as f64),
-                overfetch: of_level(Figures::overfetch),
-                misses,
-                worst_order: of_orders[most].0.clone(),
-            });
-            for (order, figures) in of_orders {
-                let Figures { accesses, pages, large_pages, .. } = *figures;
-                let level_misses = figures.levels[index];
-                let split = |count: u64| figures.reuse.as_ref().map(|_| count);
-                let compulsory = figures.compulsory_lines() as f64;
-                self.report.push(vec![
-                    subject.name.as_str().into(),
-                    measured.walker.method().into(),
-                    measured.layout.as_str().into(),
-                    channels.clone(),
-                    order.as_str().into(),
-                    level.as_str().into(),
-                    (subject.voxels.len() as u64).into(),
-                    level_misses.all.into(),
-                    (level_misses.all as f64 / visible).into(),
-                    (level_misses.structure as f64 / visible).into(),
-                    (compulsory / visible).into(),
-                    (level_misses.all as f64 / compulsory).into(),
-                    figures.overfetch(index).into(),
-                    split(level_misses.cold).into(),
-                    split(level_misses.capacity).into(),
-                    split(level_misses.conflict).into(),
-                    accesses.into(),
-                    pages.into(),
-                    large_pages.into(),
-                ]);
-            }
-        }
-        let (order, figures) = &of_orders[worst];
-        let Some(reuse) = &figures.reuse else { return };
-        let first = figures.levels.first().copied().unwrap_or_default();
-        self.reuse.push(vec![
-            subject.name.as_str().into(),
-            measured.layout.as_str().into(),
-            channels,
-            order.as_str().into(),
-            (figures.used_bytes as f64 / visible).into(),
-            reuse.working_set(10).into(),
-            reuse.working_set(16).into(),
-            reuse.distinct.into(),
-            first.cold.into(),
-            first.capacity.into(),
-            first.conflict.into(),
-            figures.translation.first().map(|&misses| 1000.0 * misses as f64 / visible).into(),
-            figures.pages.into(),
-            figures.large_pages.into(),
-        ]);
-        let name = match measured.codes {
-            Some(codes) if codes != CodesRead::ValuesAndNormals => format!("{}, {}", measured.layout, codes.name()),
-            _ => measured.layout.clone(),
-        };
-        self.curves.push((subject.name.clone(), name, reuse.miss_ratios()));
-    }
-
-    /// Means and worst cases over the orders.
-    fn summary(&self) -> Report {
-        let mut report = Report::new(&[
-            "set",
-            "layout",
-            "channels",
-            "level",
-            "compulsory_per_visible",
-            "misses_mean",
-            "misses_worst",
-            "worst_order",
-            "times_compulsory_mean",
-            "times_compulsory_worst",
-            "overfetch_worst",
-        ]);
-        let mean = |numbers: &[f64]| numbers.iter().sum::<f64>() / numbers.len().max(1) as f64;
-        let worst = |numbers: &[f64]| numbers.iter().copied().fold(0.0, f64::max);
-        for sum in &self.sums {
-            let times: Vec<f64> =
-                sum.misses.iter().zip(&sum.compulsory).map(|(misses, least)| misses / least).collect();
-            report.push(vec![
-                sum.set.as_str().into(),
-                sum.layout.as_str().into(),
-                sum.channels.clone(),
-                self.levels[sum.level].as_str().into(),
-                (mean(&sum.compulsory) / sum.visible).into(),
-                (mean(&sum.misses) / sum.visible).into(),
-                (worst(&sum.misses) / sum.visible).into(),
-                sum.worst_order.as_str().into(),
-                mean(&times).into(),
-                worst(&times).into(),
-                worst(&sum.overfetch).into(),
-            ]);
-        }
-        report
-    }
-
-    /// Misses a visible voxel of each structure: geometric means over sets of means over orders.
-    fn plot(&self) -> Plot {
-        let mut names: Vec<&str> = Vec::new();
-        for sum in &self.sums {
-            if !names.contains(&sum.layout.as_str()) {
-                names.push(&sum.layout);
-            }
-        }
-        let mean = |of: &dyn Fn(&SumOfOrders) -> f64, level: usize| -> Vec<[f64; 2]> {
-            let of_layout = |name: &str| {
-                let logarithms: Vec<f64> =
-                    self.sums.iter().filter(|s| s.layout == name && s.level == level).map(|s| of(s).ln()).collect();
-                (logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64).exp()
-            };
-            names.iter().enumerate().map(|(index, name)| [index as f64 + 1.0, of_layout(name)]).collect()
-        };
-        let average = |numbers: &[f64]| numbers.iter().sum::<f64>() / numbers.len().max(1) as f64;
-        let misses = |sum: &SumOfOrders| average(&sum.misses) / sum.visible;
-        let least = |sum: &SumOfOrders| average(&sum.compulsory) / sum.visible;
-        let mut series: Vec<Series> = (0..self.levels.len())
-            .map(|level| Series::solid(self.levels[level].clone(), mean(&misses, level)))
-            .collect();
-        series.push(Series::dashed("compulsory", mean(&least, 0)));
-        Plot {
-            title: "Cache misses: mean over orders".into(),
-            x: Side::named("", names.into_iter().map(str::to_owned).collect()),
-            y: Side::logarithmic("misses a visible voxel"),
-            series,
-        }
-    }
-
-    /// Miss ratios by size, of each structure's worst order.
-    fn curves(&self) -> Plot {
-        let several = self.curves.iter().any(|(set, ..)| *set != self.curves[0].0);
-        let series = self.curves.iter().map(|(set, name, ratios)| {
-            let name = if several { format!("{name}, {set}") } else { name.clone() };
-            let points = ratios.iter().enumerate().map(|(power, &ratio)| [(1u64 << power) as f64, ratio]);
-            Series::solid(name, points.collect())
-        });
-        Plot {
-            title: "Miss ratio of fully associative caches".into(),
-            x: Side::logarithmic("lines"),
-            y: Side::logarithmic("misses a touch"),
-            series: series.collect(),
-        }
     }
 }

@@ -10,7 +10,7 @@ use super::super::{Answer, print_result};
 use super::orders::Orders;
 use super::output::OutputArguments;
 use super::sets::SetArguments;
-use super::{CODES, GoOn, each_set, orders};
+use super::{CODES, GoOn, each_set, orders, table_of};
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::Order;
 use adjsplat_study::Subject;
@@ -19,8 +19,8 @@ use adjsplat_study::cache::{Geometry, measure};
 use adjsplat_study::lane_walk::CodesRead;
 use adjsplat_study::layouts::{Layout, LayoutWalk};
 use adjsplat_study::receive::Sum;
+use adjsplat_study::report::Cell;
 use adjsplat_study::report::plot::{Plot, Series, Side};
-use adjsplat_study::report::{Cell, Report};
 use adjsplat_study::trace::Untraced;
 
 /// Compare other layouts of the file with ours: bytes, cache misses, time of a walk
@@ -58,24 +58,10 @@ struct LayoutFigures {
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let Orders(orders) = &arguments.orders;
     arguments.output.check()?;
-    let mut report = Report::new(&[
-        "set",
-        "layout",
-        "bytes_per_visible",
-        "exact_orders",
-        "l1_mean",
-        "l1_worst",
-        "l2_mean",
-        "l2_worst",
-        "l3_mean",
-        "tlb_mean",
-        "ns_mean",
-        "ns_worst",
-        "times_bytes",
-        "times_l1",
-        "times_l2",
-        "times_ns",
-    ]);
+    let mut report = table_of(
+        "set layout bytes_per_visible exact_orders l1_mean l1_worst l2_mean l2_worst l3_mean tlb_mean ns_mean \
+         ns_worst times_bytes times_l1 times_l2 times_ns",
+    );
     let mut series: Vec<Series> = Vec::new();
     each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
         let layouts = Layout::studied(subject.dims());

@@ -5,7 +5,7 @@ use clap::Args;
 use super::super::{Answer, print_result};
 use super::output::OutputArguments;
 use super::sets::{SetArguments, SetChoice};
-use super::{MethodArguments, each_of, each_set};
+use super::{MethodArguments, each_of, each_set, table_of};
 use adjsplat::error::Result;
 use adjsplat_study::baselines::Method;
 use adjsplat_study::memory;
@@ -33,16 +33,8 @@ const SHARES: [f64; 8] = [0.02, 0.06, 0.1, 0.14, 0.18, 0.22, 0.26, 0.3];
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let methods = arguments.methods.chosen();
     arguments.output.check()?;
-    let mut report = Report::new(&[
-        "set",
-        "method",
-        "visible_voxels",
-        "bytes",
-        "bytes_per_visible",
-        "scratch_bytes",
-        "formula_bytes",
-        "times_ours",
-    ]);
+    let mut report =
+        table_of("set method visible_voxels bytes bytes_per_visible scratch_bytes formula_bytes times_ours");
     each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
         let found = memory::measure(subject, &methods)?;
         let visible = subject.voxels.len() as u64;

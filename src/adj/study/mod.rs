@@ -2,6 +2,7 @@
 
 mod accuracy;
 mod cache;
+mod cache_tables;
 mod layouts;
 mod memory;
 mod orders;
@@ -22,6 +23,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat_study::Subject;
 use adjsplat_study::baselines::Method;
 use adjsplat_study::lane_walk::CodesRead;
+use adjsplat_study::report::Report;
 
 /// Measure this file format against the paper's and others: speed, memory, cache misses and accuracy
 #[derive(Debug, Args)]
@@ -54,6 +56,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     }
 }
 
+/// Returns an empty table whose columns are the words of `columns`.
+fn table_of(columns: &'static str) -> Report {
+    Report::new(&columns.split(' ').collect::<Vec<_>>())
+}
+
 /// Which methods to measure.
 #[derive(Debug, Args)]
 struct MethodArguments {
@@ -79,17 +86,11 @@ const CODES: [Choice<CodesRead>; 3] = [
 type GoOn<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
 
 /// Loads, studies and drops one set after another, with a progress bar.
-///
-/// # Errors
-/// As loading a set, and as `study`; [`Error::Interrupted`] on Ctrl-C.
 fn each_set(sets: &SetArguments, quiet: bool, study: impl FnMut(&Subject, GoOn) -> Result<()>) -> Result<()> {
     each_of(sets, sets.list()?, quiet, study)
 }
 
 /// As [`each_set`], for the sets in `list`.
-///
-/// # Errors
-/// As [`each_set`].
 fn each_of(
     sets: &SetArguments,
     list: Vec<SetChoice>,

@@ -19,9 +19,6 @@ pub(super) fn name(order: &Order) -> String {
 pub(super) struct Orders(pub(super) Vec<Order>);
 
 /// Parses `all`, a number of orders (spread evenly over the 48), or names with commas between.
-///
-/// # Errors
-/// [`Error::Input`] for anything else.
 pub(super) fn parse(text: &str) -> Result<Orders> {
     let all = || (0..ORDERS).map(order);
     if text == "all" {

@@ -30,18 +30,12 @@ pub(super) struct OutputArguments {
 
 impl OutputArguments {
     /// Checks, before long work, that the files can be written.
-    ///
-    /// # Errors
-    /// As [`check_writable`]; [`Error::Input`] for plots of other kinds.
     pub(super) fn check(&self) -> Result<()> {
         check_plots(&self.plot)?;
         self.json.iter().chain(&self.csv).try_for_each(|path| check_writable(path))
     }
 
     /// Writes the files.
-    ///
-    /// # Errors
-    /// If a file cannot be written.
     pub(super) fn write(&self, report: &Report, plot: &Plot) -> Result<()> {
         if let Some(path) = &self.json {
             write_atomically_unless(&interrupted, path, |out| writeln!(out, "{:#}", report.json()))?;
@@ -54,9 +48,6 @@ impl OutputArguments {
 }
 
 /// Checks that plots can be drawn and written.
-///
-/// # Errors
-/// As [`OutputArguments::check`].
 pub(super) fn check_plots(paths: &[PathBuf]) -> Result<()> {
     for path in paths {
         if !adjsplat_study::CAN_PLOT {
@@ -72,9 +63,6 @@ pub(super) fn check_plots(paths: &[PathBuf]) -> Result<()> {
 }
 
 /// Draws `plot` into each of `paths`.
-///
-/// # Errors
-/// If one cannot be written.
 pub(super) fn write_plots(paths: &[PathBuf], plot: &Plot) -> Result<()> {
     for path in paths {
         let bytes = if is_svg(path) { plot.to_svg()? } else { plot.to_png()? };

@@ -140,9 +140,6 @@ pub(super) struct SetVolume {
 
 impl SetVolume {
     /// Opens the volume at `path`; `transfer` says what is visible.
-    ///
-    /// # Errors
-    /// As opening it.
     pub(super) fn of_file(path: &Path, transfer: TransferFunction) -> Result<SetVolume> {
         let source = open::open(path, &open::OpenOptions::default())?;
         source.notes().iter().for_each(|note| print_note(note));
@@ -168,18 +165,12 @@ impl SetVolume {
     }
 
     /// Returns the judge of its samples.
-    ///
-    /// # Errors
-    /// As [`Judge::new`].
     pub(super) fn judge(&mut self) -> Result<Judge> {
         let transfer = self.transfer.clone();
         Judge::new(self.restarted()?, &transfer)
     }
 
     /// Builds a file of it, without a name, in the system's folder for temporary files.
-    ///
-    /// # Errors
-    /// As `adj build`.
     pub(super) fn build(&mut self, value_bits: u8, normal_bits: u8) -> Result<Set> {
         let (name, transfer) = (self.name.clone(), self.transfer.clone());
         build(name, self.restarted()?, transfer, value_bits, normal_bits)
@@ -219,9 +210,6 @@ impl SetArguments {
     }
 
     /// Lists the sets to study.
-    ///
-    /// # Errors
-    /// If --data is no folder, or a set cannot be named.
     pub(super) fn list(&self) -> Result<Vec<SetChoice>> {
         if let Some(data) = &self.data
             && !data.is_dir()
@@ -240,9 +228,6 @@ impl SetArguments {
     }
 
     /// Builds or opens a set, with 8-bit values and normals.
-    ///
-    /// # Errors
-    /// As `adj build` and opening a file.
     pub(super) fn load(&self, wanted: &SetChoice) -> Result<Set> {
         match self.read(wanted)? {
             SetInput::Volume(mut volume) => volume.build(8, 8),
@@ -251,9 +236,6 @@ impl SetArguments {
     }
 
     /// Opens a set for reading, if it is a volume.
-    ///
-    /// # Errors
-    /// As opening a volume.
     pub(super) fn read(&self, wanted: &SetChoice) -> Result<SetInput> {
         let (name, source, transfer) = match wanted {
             SetChoice::Named(path) => {

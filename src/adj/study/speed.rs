@@ -8,10 +8,9 @@ use super::super::values::{number, picture_size};
 use super::super::{Answer, print_result};
 use super::output::{OutputArguments, check_plots, write_plots};
 use super::sets::SetArguments;
-use super::{MethodArguments, each_set};
+use super::{MethodArguments, each_set, table_of};
 use adjsplat::error::Result;
 use adjsplat_study::baselines::Method;
-use adjsplat_study::report::Report;
 use adjsplat_study::report::plot::{Plot, Series, Side, Stroke};
 use adjsplat_study::speed;
 use adjsplat_study::speed::{Speed, SpeedOptions};
@@ -45,20 +44,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let options = SpeedOptions { size: arguments.size, frames, elevation: 20.0, fov: 30.0, methods: methods.clone() };
     arguments.output.check()?;
     check_plots(&arguments.figure5)?;
-    let mut report = Report::new(&[
-        "set",
-        "method",
-        "projection",
-        "displaying",
-        "visible_voxels",
-        "splats",
-        "fps",
-        "ms",
-        "ns_per_visible",
-        "walk_ns_per_visible",
-        "build_ms",
-        "pictures_xxh3",
-    ]);
+    let mut report = table_of(
+        "set method projection displaying visible_voxels splats fps ms ns_per_visible walk_ns_per_visible build_ms \
+         pictures_xxh3",
+    );
     let mut names = Vec::new();
     let mut all: Vec<(f64, Vec<Speed>)> = Vec::new();
     each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
@@ -96,18 +85,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 
 /// A row for each set and method, with a letter that equal pictures share.
 fn table(names: &[String], all: &[(f64, Vec<Speed>)]) -> String {
-    let mut report = Report::new(&[
-        "set",
-        "method",
-        "splats",
-        "fps",
-        "fps_not_displaying",
-        "walk_ns",
-        "perspective_fps",
-        "not_displaying",
-        "perspective_walk_ns",
-        "picture",
-    ]);
+    let mut report = table_of(
+        "set method splats fps fps_not_displaying walk_ns perspective_fps not_displaying perspective_walk_ns picture",
+    );
     for (name, (visible, found)) in names.iter().zip(all) {
         let mut pictures: Vec<u64> = Vec::new();
         for pair in found.chunks_exact(2) {

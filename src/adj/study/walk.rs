@@ -6,10 +6,9 @@ use super::super::values::{choice, number};
 use super::super::{Answer, print_result};
 use super::output::OutputArguments;
 use super::sets::SetArguments;
-use super::{MethodArguments, each_set};
+use super::{MethodArguments, each_set, table_of};
 use adjsplat::error::Result;
 use adjsplat_study::baselines::Method;
-use adjsplat_study::report::Report;
 use adjsplat_study::report::plot::{Plot, Series, Side};
 use adjsplat_study::walks;
 use adjsplat_study::walks::{Reading, Walks};
@@ -42,8 +41,7 @@ const READINGS: [(&str, Reading, &str); 2] = [
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let methods = arguments.methods.chosen();
     arguments.output.check()?;
-    let mut report =
-        Report::new(&["set", "method", "visible_voxels", "ns_geometric_mean", "ns_median", "ns_worst", "times_ours"]);
+    let mut report = table_of("set method visible_voxels ns_geometric_mean ns_median ns_worst times_ours");
     let mut names = Vec::new();
     let mut series: Vec<Series> = methods.iter().map(|method| Series::solid(method.name(), Vec::new())).collect();
     let stride = if arguments.sets.quick { 7 } else { 1 };

@@ -73,9 +73,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 
 impl Arguments {
     /// Calls `study` for one set after another, with its judge and its files.
-    ///
-    /// # Errors
-    /// As reading and building a set; [`Error::Input`] for a set without samples; whatever `study` fails with.
     fn each_judged(
         &self,
         sets: &SetArguments,
@@ -136,9 +133,6 @@ fn files(volume: &mut SetVolume) -> Result<Vec<([u8; 2], Set)>> {
 }
 
 /// Returns the bounds of the visible voxels.
-///
-/// # Errors
-/// [`Error::Input`] if there are none.
 fn bounds(judge: &Judge, name: &str) -> Result<([u16; 3], [u16; 3])> {
     judge.visible().bounds().ok_or_else(|| Error::input(name, "has no visible voxels; there is no picture to compare"))
 }

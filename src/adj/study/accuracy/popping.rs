@@ -2,30 +2,20 @@
 
 use super::super::super::resources::processors;
 use super::super::super::{Answer, print_result};
+use super::super::table_of;
 use super::Arguments;
 use adjsplat::error::Result;
 use adjsplat::splat::Quality;
 use adjsplat_study::accuracy::Candidate;
 use adjsplat_study::accuracy::popping::{STEPS, measure};
-use adjsplat_study::report::Report;
 use adjsplat_study::report::plot::{Plot, Series, Side};
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let presets = [Candidate::preset(Quality::Standard, 8), Candidate::preset(Quality::High, 16)];
     let threads = processors();
-    let mut report = Report::new(&[
-        "set",
-        "azimuth",
-        "across",
-        "step_degrees",
-        "drawer",
-        "max_abs",
-        "rms",
-        "sorted_max_abs",
-        "sorted_rms",
-        "popping_max_abs",
-        "popping_rms",
-    ]);
+    let mut report = table_of(
+        "set azimuth across step_degrees drawer max_abs rms sorted_max_abs sorted_rms popping_max_abs popping_rms",
+    );
     let mut series: Vec<Series> = Vec::new();
     let mut names = Vec::new();
     arguments.each_judged(&arguments.sets, false, |set, go_on| {

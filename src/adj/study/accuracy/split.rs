@@ -2,12 +2,12 @@
 
 use super::super::super::resources::processors;
 use super::super::super::{Answer, print_result};
+use super::super::table_of;
 use super::{Arguments, bounds};
 use adjsplat::error::Result;
 use adjsplat::splat::Quality;
 use adjsplat_study::accuracy::model::{Part, measure};
 use adjsplat_study::accuracy::{Candidate, views};
-use adjsplat_study::report::Report;
 use adjsplat_study::report::plot::{Plot, Series, Side};
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
@@ -15,8 +15,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         .map(|(quality, bits)| Candidate::preset(quality, bits));
     let threads = processors();
     let sets = arguments.sets.with_edge(if arguments.sets.quick { 24 } else { 40 });
-    let mut report =
-        Report::new(&["set", "view", "part", "quality", "settings", "psnr", "ssim", "flip", "max_abs", "rmse"]);
+    let mut report = table_of("set view part quality settings psnr ssim flip max_abs rmse");
     let mut series: Vec<Series> = Vec::new();
     let mut labels = Vec::new();
     arguments.each_judged(&sets, false, |set, go_on| {
