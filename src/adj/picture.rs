@@ -29,16 +29,7 @@ impl PictureKind {
             _ => Err(Error::input(path.display().to_string(), "must end in .png, .apng or .exr")),
         }
     }
-}
 
-/// Bits of each sample of a PNG.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum SampleDepth {
-    Eight,
-    Sixteen,
-}
-
-impl PictureKind {
     /// Most bytes that encoding a picture takes: the picture, its compressed form, and the encoder's buffers.
     ///
     /// An animation is encoded at its end, one frame at a time.
@@ -64,6 +55,13 @@ impl PictureKind {
             (_, SampleDepth::Eight) => 4,
         }
     }
+}
+
+/// Bits of each sample of a PNG.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum SampleDepth {
+    Eight,
+    Sixteen,
 }
 
 /// Frames per second of an animation.
@@ -120,12 +118,8 @@ impl Picture {
     }
 }
 
-/// Writes an animated PNG that repeats for ever.
-pub(super) fn write_animation(out: &mut dyn Write, pictures: &[Picture]) -> io::Result<()> {
-    write_png(out, pictures)
-}
-
-fn write_png(out: &mut dyn Write, pictures: &[Picture]) -> io::Result<()> {
+/// Writes a PNG; several pictures make an animation that repeats for ever.
+pub(super) fn write_png(out: &mut dyn Write, pictures: &[Picture]) -> io::Result<()> {
     let Some(first) = pictures.first() else { return Ok(()) };
     let mut encoder = png::Encoder::new(out, first.size[0], first.size[1]);
     encoder.set_color(png::ColorType::Rgba);

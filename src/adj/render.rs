@@ -12,7 +12,7 @@ use clap::Args;
 
 use self::frames::{draw_frames, numbered};
 use self::look::{LookArguments, chosen};
-use self::missing::missing_note;
+use self::missing::shows_missing_voxels;
 use self::view::{ViewArguments, cameras, surround};
 use super::build::{PackingArguments, classify_with_warnings, description};
 use super::classification::ClassificationArguments;
@@ -229,8 +229,8 @@ fn draw(
         return Err(Error::input("transfer function", why));
     }
     let cameras = pictured(arguments, arena, &mut settings)?;
-    if let Some(note) = missing_note(arena, &settings, transfer_given, &cameras[0])? {
-        print_note(note);
+    if let Some(cause) = shows_missing_voxels(arena, &settings, transfer_given, &cameras[0])? {
+        print_note(&format!("note: this file was built with --cull-hidden; {cause} that voxels are missing"));
     }
     let lanes = BoundedLanes { lanes, memory };
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };

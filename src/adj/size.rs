@@ -1,18 +1,14 @@
 //! Sizes of memory as people write them: `64MiB`, `2GiB`, `500MB`, `1000000`.
 
-/// Units by their lower-case names; without one a number counts bytes.
-const UNITS: [(&str, u64); 11] = [
-    ("", 1),
-    ("b", 1),
-    ("k", 1 << 10),
-    ("kib", 1 << 10),
-    ("kb", 1_000),
-    ("m", 1 << 20),
-    ("mib", 1 << 20),
-    ("mb", 1_000_000),
-    ("g", 1 << 30),
-    ("gib", 1 << 30),
-    ("gb", 1_000_000_000),
+/// Names of units in lower case, and their bytes; without a unit a number counts bytes.
+const UNITS: [(&[&str], u64); 7] = [
+    (&["", "b"], 1),
+    (&["k", "kib"], 1 << 10),
+    (&["m", "mib"], 1 << 20),
+    (&["g", "gib"], 1 << 30),
+    (&["kb"], 1_000),
+    (&["mb"], 1_000_000),
+    (&["gb"], 1_000_000_000),
 ];
 
 /// Parses a number, which may have a fraction, and a unit, to bytes.
@@ -21,7 +17,8 @@ fn bytes(text: &str) -> Result<u64, String> {
     let text = text.trim().to_ascii_lowercase();
     let split = text.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(text.len());
     let (number, unit) = text.split_at(split);
-    let factor = UNITS.iter().find(|(name, _)| *name == unit.trim()).map(|(_, factor)| *factor).ok_or(refused)?;
+    let factor =
+        UNITS.iter().find(|(names, _)| names.contains(&unit.trim())).map(|(_, factor)| *factor).ok_or(refused)?;
     let bytes = number.parse::<f64>().map_err(|_| refused)? * factor as f64;
     if bytes >= u64::MAX as f64 {
         return Err(refused.into());

@@ -51,20 +51,21 @@ pub(super) fn library<T>(parse: impl Fn(&str) -> Result<T> + Clone) -> impl Fn(&
     }
 }
 
+/// Parses the two parts of `text` around `separator`.
+fn pair<T: FromStr>(text: &str, separator: &[char]) -> Option<[T; 2]> {
+    let (first, second) = text.split_once(separator)?;
+    Some([first.trim().parse().ok()?, second.trim().parse().ok()?])
+}
+
 /// Parses columns and rows of a picture: `800x600`.
 pub(super) fn picture_size(text: &str) -> Result<[u32; 2], String> {
-    let sides = text
-        .split_once(['x', 'X'])
-        .and_then(|(columns, rows)| Some([columns.trim().parse().ok()?, rows.trim().parse().ok()?]));
-    sides.ok_or_else(|| "must look like 800x600, up to 16384 a side".into())
+    pair(text, &['x', 'X']).ok_or_else(|| "must look like 800x600, up to 16384 a side".into())
 }
 
 /// Parses a kernel: standard deviation and radius, with a comma between.
 pub(super) fn kernel(text: &str) -> Result<KernelShape, String> {
-    let kernel = text.split_once(',').and_then(|(sigma, radius)| {
-        Some(KernelShape { sigma: sigma.trim().parse().ok()?, radius: radius.trim().parse().ok()? })
-    });
-    kernel.ok_or_else(|| "give two numbers, such as 0.6,2".into())
+    let [sigma, radius] = pair(text, &[',']).ok_or("give two numbers, such as 0.6,2")?;
+    Ok(KernelShape { sigma, radius })
 }
 
 /// What lies behind a picture.

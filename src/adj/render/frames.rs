@@ -6,7 +6,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::super::picture::{Picture, PictureKind, write_animation};
+use super::super::picture::{Picture, PictureKind, write_png};
 use super::super::progress::{Progress, interrupted};
 use super::super::renderer::{FrameStats, Renderer};
 use super::super::resources::peak_rss_bytes;
@@ -50,7 +50,7 @@ pub(super) fn draw_frames(
         }
     }
     if kind == PictureKind::Apng {
-        write_atomically_unless(&interrupted, &outputs[0], |out| write_animation(out, &pictures))?;
+        write_atomically_unless(&interrupted, &outputs[0], |out| write_png(out, &pictures))?;
     }
     drop(progress);
     if let Some(path) = &arguments.stats {

@@ -125,18 +125,11 @@ impl LookArguments {
     }
 }
 
-/// Describes the settings that `--max-error` chose.
+/// Describes the settings that `--max-error` chose, as flags.
 pub(super) fn chosen(settings: &Settings, measured: f64) -> String {
     let KernelShape { sigma, radius } = settings.kernel();
-    let ends = match settings.termination() {
-        0.0 => "no ray ends early".to_string(),
-        termination => format!("rays end at {termination}"),
-    };
-    let pixels = match settings.sampling {
-        Sampling::EveryPixel => "every pixel",
-        Sampling::Finer => "every pixel or finer ones",
-        Sampling::Enough => "enough pixels",
-        Sampling::Fewest => "fewest pixels",
-    };
-    format!("kernel {sigma},{radius}, {ends}, {pixels}: largest error measured {measured:.2e}")
+    let (termination, sampling) = (settings.termination(), settings.sampling.name());
+    format!(
+        "--kernel {sigma},{radius} --termination {termination} --sampling {sampling}: largest error measured {measured:.2e}"
+    )
 }

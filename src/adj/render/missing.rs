@@ -8,8 +8,8 @@ use adjsplat::splat::{Camera, Mode, Settings, View};
 use adjsplat::traverse::Viewpoint;
 use adjsplat_judge::hidden::CLEARANCE;
 
-/// Returns a note if the file lacks hidden voxels and the picture may show the gaps.
-pub(super) fn missing_note(
+/// Returns what may show that the file lacks hidden voxels, if the picture may.
+pub(super) fn shows_missing_voxels(
     arena: &Arena,
     settings: &Settings,
     transfer_given: bool,
@@ -20,18 +20,14 @@ pub(super) fn missing_note(
         return Ok(None);
     }
     if settings.mode != Mode::Composite {
-        return Ok(Some(
-            "note: this file was built with --cull-hidden; this mode shows that hidden voxels are missing",
-        ));
+        return Ok(Some("this mode shows"));
     }
     if transfer_given {
-        return Ok(Some(
-            "note: this file was built with --cull-hidden; another transfer function may show that voxels are missing",
-        ));
+        return Ok(Some("another transfer function may show"));
     }
     let Some((low, high)) = arena.lanes().next().and_then(|lane| lane.bounds()) else { return Ok(None) };
     if settings.crop.is_some_and(|crop| (0..3).any(|a| crop.low[a] > low[a] || crop.high[a] < high[a])) {
-        return Ok(Some("note: this file was built with --cull-hidden; a crop may show that voxels are missing"));
+        return Ok(Some("a crop may show"));
     }
     let view = View::new(camera, &arena.facts().grid, settings.size, settings.kernel(), None)?;
     let spacing = arena.facts().grid.spacing;
@@ -43,6 +39,5 @@ pub(super) fn missing_note(
             (0..3).all(|a| (f64::from(low[a]) - near[a]..=f64::from(high[a]) + near[a]).contains(&eye[a]))
         }
     };
-    let note = "note: this file was built with --cull-hidden; an eye inside or near may show that voxels are missing";
-    Ok(inside.then_some(note))
+    Ok(inside.then_some("an eye inside or near may show"))
 }

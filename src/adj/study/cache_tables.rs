@@ -137,7 +137,6 @@ impl CacheTables {
             "set layout channels level compulsory_per_visible misses_mean misses_worst worst_order \
              times_compulsory_mean times_compulsory_worst overfetch_worst",
         );
-        let mean = |numbers: &[f64]| numbers.iter().sum::<f64>() / numbers.len().max(1) as f64;
         let worst = |numbers: &[f64]| numbers.iter().copied().fold(0.0, f64::max);
         for sum in &self.sums {
             let times: Vec<f64> =
@@ -167,7 +166,7 @@ impl CacheTables {
                 names.push(&sum.layout);
             }
         }
-        let mean = |of: &dyn Fn(&SumOfOrders) -> f64, level: usize| -> Vec<[f64; 2]> {
+        let by_layout = |of: &dyn Fn(&SumOfOrders) -> f64, level: usize| -> Vec<[f64; 2]> {
             let of_layout = |name: &str| {
                 let logarithms: Vec<f64> =
                     self.sums.iter().filter(|s| s.layout == name && s.level == level).map(|s| of(s).ln()).collect();
@@ -175,13 +174,12 @@ impl CacheTables {
             };
             names.iter().enumerate().map(|(index, name)| [index as f64 + 1.0, of_layout(name)]).collect()
         };
-        let average = |numbers: &[f64]| numbers.iter().sum::<f64>() / numbers.len().max(1) as f64;
-        let misses = |sum: &SumOfOrders| average(&sum.misses) / sum.visible;
-        let least = |sum: &SumOfOrders| average(&sum.compulsory) / sum.visible;
+        let misses = |sum: &SumOfOrders| mean(&sum.misses) / sum.visible;
+        let least = |sum: &SumOfOrders| mean(&sum.compulsory) / sum.visible;
         let mut series: Vec<Series> = (0..self.levels.len())
-            .map(|level| Series::solid(self.levels[level].clone(), mean(&misses, level)))
+            .map(|level| Series::solid(self.levels[level].clone(), by_layout(&misses, level)))
             .collect();
-        series.push(Series::dashed("compulsory", mean(&least, 0)));
+        series.push(Series::dashed("compulsory", by_layout(&least, 0)));
         Plot {
             title: "Cache misses: mean over orders".into(),
             x: Side::named("", names.into_iter().map(str::to_owned).collect()),
@@ -205,4 +203,8 @@ impl CacheTables {
             series: series.collect(),
         }
     }
+}
+
+fn mean(numbers: &[f64]) -> f64 {
+    numbers.iter().sum::<f64>() / numbers.len().max(1) as f64
 }

@@ -54,7 +54,7 @@ pub(super) fn check_plots(paths: &[PathBuf]) -> Result<()> {
             let why = "cannot be drawn: this program was built without plots; build it with --features plot";
             return Err(Error::input(path.display().to_string(), why));
         }
-        if !is_svg(path) && !has_extension(path, "png") {
+        if !ends_in(path, "svg") && !ends_in(path, "png") {
             return Err(Error::input(path.display().to_string(), "is no name of a plot; end it in .svg or .png"));
         }
         check_writable(path)?;
@@ -65,16 +65,12 @@ pub(super) fn check_plots(paths: &[PathBuf]) -> Result<()> {
 /// Draws `plot` into each of `paths`.
 pub(super) fn write_plots(paths: &[PathBuf], plot: &Plot) -> Result<()> {
     for path in paths {
-        let bytes = if is_svg(path) { plot.to_svg()? } else { plot.to_png()? };
+        let bytes = if ends_in(path, "svg") { plot.to_svg()? } else { plot.to_png()? };
         write_atomically_unless(&interrupted, path, |out| out.write_all(&bytes))?;
     }
     Ok(())
 }
 
-fn is_svg(path: &Path) -> bool {
-    has_extension(path, "svg")
-}
-
-fn has_extension(path: &Path, wanted: &str) -> bool {
+fn ends_in(path: &Path, wanted: &str) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }

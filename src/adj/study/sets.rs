@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use self::VisibleValues::{AtLeast, Preset};
 use super::super::build::{classify_with_warnings, description};
 use super::super::input::phantom;
 use super::super::progress::Progress;
@@ -43,13 +44,15 @@ pub(super) struct SetArguments {
 }
 
 /// A real volume of a study.
-struct RealVolume {
+#[derive(Debug)]
+pub(super) struct RealVolume {
     name: &'static str,
     path: &'static str,
     visible: VisibleValues,
 }
 
 /// Which values of it are visible.
+#[derive(Debug)]
 enum VisibleValues {
     Preset(&'static str),
     AtLeast(f64),
@@ -58,44 +61,31 @@ enum VisibleValues {
 impl VisibleValues {
     fn transfer(&self) -> Result<TransferFunction> {
         match self {
-            VisibleValues::Preset(name) => TransferFunction::preset(name),
-            VisibleValues::AtLeast(low) => TransferFunction::range(*low, f64::INFINITY),
+            Preset(name) => TransferFunction::preset(name),
+            AtLeast(low) => TransferFunction::range(*low, f64::INFINITY),
         }
     }
 }
 
 /// The paper's sets, or similar ones, as their names say.
 const PAPER: [RealVolume; 5] = [
-    RealVolume { name: "t1-head (for Jeff)", path: "SAG-anon", visible: VisibleValues::AtLeast(250.0) },
-    RealVolume { name: "frog", path: "frogtissue/frogtissue.mhd", visible: VisibleValues::Preset("frog") },
-    RealVolume {
-        name: "ct-head (half size)",
-        path: "headsq-quarter/quarter.nhdr",
-        visible: VisibleValues::AtLeast(1150.0),
-    },
-    RealVolume { name: "carotid (for abdomen)", path: "carotid/carotid.vtk", visible: VisibleValues::AtLeast(150.0) },
-    RealVolume { name: "iron protein (half)", path: "ironProt/ironProt.vtk", visible: VisibleValues::AtLeast(30.0) },
+    RealVolume { name: "t1-head (for Jeff)", path: "SAG-anon", visible: AtLeast(250.0) },
+    RealVolume { name: "frog", path: "frogtissue/frogtissue.mhd", visible: Preset("frog") },
+    RealVolume { name: "ct-head (half size)", path: "headsq-quarter/quarter.nhdr", visible: AtLeast(1150.0) },
+    RealVolume { name: "carotid (for abdomen)", path: "carotid/carotid.vtk", visible: AtLeast(150.0) },
+    RealVolume { name: "iron protein (half)", path: "ironProt/ironProt.vtk", visible: AtLeast(30.0) },
 ];
 
-/// RealVolume volumes that are not the paper's.
+/// Real volumes that are not the paper's.
 const OTHER_VOLUMES: [RealVolume; 7] = [
-    RealVolume { name: "engine", path: "scivis-engine/engine.nii.gz", visible: VisibleValues::AtLeast(60.0) },
-    RealVolume { name: "fuel", path: "scivis-fuel/fuel.nii.gz", visible: VisibleValues::AtLeast(20.0) },
-    RealVolume { name: "mr-head", path: "seg3d-MR/MR.nii.gz", visible: VisibleValues::AtLeast(120.0) },
-    RealVolume { name: "t1-brain", path: "stroke-T1/T1.nii.gz", visible: VisibleValues::AtLeast(150.0) },
-    RealVolume { name: "orbital", path: "hydrogen/hydrogen.vti", visible: VisibleValues::AtLeast(0.05) },
-    RealVolume {
-        name: "t1-slab",
-        path: "nifti-zarr/tests/data/example4d.nii.gz",
-        visible: VisibleValues::AtLeast(200.0),
-    },
-    RealVolume { name: "atlas", path: "allen-human-atlas/AllenAtlas.nii.gz", visible: VisibleValues::Preset("labels") },
+    RealVolume { name: "engine", path: "scivis-engine/engine.nii.gz", visible: AtLeast(60.0) },
+    RealVolume { name: "fuel", path: "scivis-fuel/fuel.nii.gz", visible: AtLeast(20.0) },
+    RealVolume { name: "mr-head", path: "seg3d-MR/MR.nii.gz", visible: AtLeast(120.0) },
+    RealVolume { name: "t1-brain", path: "stroke-T1/T1.nii.gz", visible: AtLeast(150.0) },
+    RealVolume { name: "orbital", path: "hydrogen/hydrogen.vti", visible: AtLeast(0.05) },
+    RealVolume { name: "t1-slab", path: "nifti-zarr/tests/data/example4d.nii.gz", visible: AtLeast(200.0) },
+    RealVolume { name: "atlas", path: "allen-human-atlas/AllenAtlas.nii.gz", visible: Preset("labels") },
 ];
-
-/// Returns volume number `index` of the paper's and then the other volumes.
-fn real(index: usize) -> &'static RealVolume {
-    PAPER.get(index).unwrap_or_else(|| &OTHER_VOLUMES[index - PAPER.len()])
-}
 
 /// Phantoms of a study.
 const PHANTOMS: [&str; 4] = ["phantom:gyroid", "phantom:shells", "phantom:vessels", "phantom:noise"];
@@ -173,7 +163,17 @@ impl SetVolume {
     /// Builds a file of it, without a name, in the system's folder for temporary files.
     pub(super) fn build(&mut self, value_bits: u8, normal_bits: u8) -> Result<Set> {
         let (name, transfer) = (self.name.clone(), self.transfer.clone());
-        build(name, self.restarted()?, transfer, value_bits, normal_bits)
+        let normal_bits = if transfer.shaded() { normal_bits } else { 0 };
+        let options = BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits, normal_bits };
+        let (memory, threads, folder) = (None, processors(), std::env::temp_dir());
+        let resources = Resources { memory, threads, folder: Some(folder.clone()) };
+        let source = self.restarted()?;
+        let header = source.header().clone();
+        let visible = classify_with_warnings(source, &options, &resources, true)?;
+        let (facts, description) = (visible.facts.clone(), &description(&header, &visible));
+        let output = RowsOutput { facts, description, lane_count: options.lane_count, memory, threads };
+        let file = open_rows(&folder, &visible.rows, &output, &mut Progress::new(true))?;
+        Ok(Set { name, file, transfer: visible.transfer.clone() })
     }
 }
 
@@ -193,20 +193,16 @@ impl SetArguments {
 
     /// Lists the real volumes in --data that are not the paper's; prints a note for each that is missing.
     pub(super) fn others(&self) -> Vec<SetChoice> {
-        self.real(PAPER.len(), &OTHER_VOLUMES)
+        self.real(&OTHER_VOLUMES)
     }
 
-    fn real(&self, first: usize, list: &[RealVolume]) -> Vec<SetChoice> {
+    fn real(&self, list: &'static [RealVolume]) -> Vec<SetChoice> {
         let Some(data) = &self.data else { return Vec::new() };
-        let mut wanted = Vec::new();
-        for (index, real) in (first..).zip(list) {
-            if data.join(real.path).exists() {
-                wanted.push(SetChoice::Real(index));
-            } else {
-                print_note(&format!("note: no {} in {}; left out", real.path, data.display()));
-            }
+        let (there, missing): (Vec<_>, Vec<_>) = list.iter().partition(|real| data.join(real.path).exists());
+        for real in missing {
+            print_note(&format!("note: no {} in {}; left out", real.path, data.display()));
         }
-        wanted
+        there.into_iter().map(SetChoice::Real).collect()
     }
 
     /// Lists the sets to study.
@@ -219,7 +215,7 @@ impl SetArguments {
         if !self.sets.is_empty() {
             return Ok(self.sets.iter().cloned().map(SetChoice::Named).collect());
         }
-        let mut wanted = self.real(0, &PAPER);
+        let mut wanted = self.real(&PAPER);
         if self.data.is_none() {
             print_note("note: the paper's sets need --data FOLDER; phantoms only");
         }
@@ -250,8 +246,7 @@ impl SetArguments {
                 let source = noise.open([(*edge).into(); 3], SampleType::U8, [1.0; 3])?;
                 (format!("noise {:.0} %", 100.0 * share), source, TransferFunction::range(1.0, 255.0)?)
             }
-            SetChoice::Real(index) => {
-                let real = real(*index);
+            SetChoice::Real(real) => {
                 let folder = self.data.as_deref().unwrap_or(Path::new("."));
                 let source = open::open(&folder.join(real.path), &open::OpenOptions::default())?;
                 (real.name.to_owned(), source, real.visible.transfer()?)
@@ -266,8 +261,8 @@ impl SetArguments {
 pub(super) enum SetChoice {
     /// A file or a phantom.
     Named(PathBuf),
-    /// Number of a real volume: the paper's, then the other ones.
-    Real(usize),
+    /// A volume in `--data`.
+    Real(&'static RealVolume),
     /// Noise with this share of visible voxels.
     Noise { share: f64, edge: u16 },
 }
@@ -280,31 +275,5 @@ fn opened(path: &Path) -> Result<Set> {
     let file = AdjFile::open(path)?;
     let transfer = stored_transfer(&file.arena()?, path)?;
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    Ok(Set { name, file, transfer })
-}
-
-fn build(
-    name: String,
-    source: &mut dyn SlabSource,
-    transfer: TransferFunction,
-    value_bits: u8,
-    normal_bits: u8,
-) -> Result<Set> {
-    let normal_bits = if transfer.shaded() { normal_bits } else { 0 };
-    let options = BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits, normal_bits };
-    let folder = std::env::temp_dir();
-    let resources = Resources { memory: None, threads: processors(), folder: Some(folder.clone()) };
-    let header = source.header().clone();
-    let visible = classify_with_warnings(source, &options, &resources, true)?;
-    let description = description(&header, &visible);
-    let output = RowsOutput {
-        facts: visible.facts.clone(),
-        description: &description,
-        lane_count: options.lane_count,
-        memory: None,
-        threads: resources.threads,
-    };
-    let file = open_rows(&folder, &visible.rows, &output, &mut Progress::new(true))?;
-    let transfer = visible.transfer.clone();
     Ok(Set { name, file, transfer })
 }

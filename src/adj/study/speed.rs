@@ -59,7 +59,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
                 report.push(vec![
                     subject.name.as_str().into(),
                     speed.method.name().into(),
-                    projection(speed).into(),
+                    if speed.perspective { "perspective" } else { "parallel" }.into(),
                     displaying.into(),
                     (subject.voxels.len() as u64).into(),
                     speed.splats.into(),
@@ -110,10 +110,6 @@ fn table(names: &[String], all: &[(f64, Vec<Speed>)]) -> String {
         }
     }
     format!("{}\nPictures of one set with the same letter are equal, bit for bit, in all frames.", report.table(&[]))
-}
-
-fn projection(speed: &Speed) -> &'static str {
-    if speed.perspective { "perspective" } else { "parallel" }
 }
 
 /// Time per voxel of every method's frames without drawing, in parallel views: the cost of the structure alone.

@@ -2,14 +2,15 @@
 
 use super::super::super::resources::processors;
 use super::super::super::{Answer, print_result};
+use super::super::table_of;
 use super::{Arguments, bounds};
 use adjsplat::error::Result;
 use adjsplat::splat::Quality;
 use adjsplat_study::accuracy::{
     Candidate, Effort, Family, JudgedView, Outcome, candidates, mark_front, measure, views,
 };
+use adjsplat_study::report::Cell;
 use adjsplat_study::report::plot::{Plot, Series, Side};
-use adjsplat_study::report::{Cell, Report};
 
 /// Outcomes of one set.
 struct SetOutcomes {
@@ -21,24 +22,8 @@ struct SetOutcomes {
     outcomes: Vec<Outcome>,
 }
 
-const COLUMNS: [&str; 16] = [
-    "set",
-    "visible_voxels",
-    "view",
-    "pixels_per_voxel",
-    "family",
-    "quality",
-    "settings",
-    "value_bits",
-    "normal_bits",
-    "ms",
-    "psnr",
-    "ssim",
-    "flip",
-    "max_abs",
-    "rmse",
-    "front",
-];
+const COLUMNS: &str = "set visible_voxels view pixels_per_voxel family quality settings value_bits normal_bits ms psnr \
+                       ssim flip max_abs rmse front";
 const SHOWN: [&str; 9] = ["set", "family", "quality", "settings", "ms", "psnr", "ssim", "max_abs", "front"];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
@@ -59,8 +44,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         found.push(SetOutcomes { name: set.name.to_owned(), voxels, views, candidates: drawn, outcomes });
         Ok(())
     })?;
-    let mut report = Report::new(&COLUMNS);
-    let mut shown = Report::new(&COLUMNS);
+    let mut report = table_of(COLUMNS);
+    let mut shown = table_of(COLUMNS);
     for set in &found {
         for outcome in &set.outcomes {
             let candidate = &all[set.candidates[outcome.candidate]];
