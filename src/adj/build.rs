@@ -68,10 +68,10 @@ pub(super) struct PackingArguments {
     #[arg(long, value_name = "ORDER", default_value = "morton", value_parser = choice(TILE_ORDERS))]
     order: TileOrder,
     /// Bits of a value. Values are exact if at most 256 (or 65536) different ones are visible
-    #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice([("8", 8, ""), ("16", 16, "")]))]
+    #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice([("8", 8u8, ""), ("16", 16u8, "")]))]
     value_bits: u8,
     /// Bits of each component of a surface normal; none makes a smaller file without lighting
-    #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice([("none", 0, ""), ("8", 8, ""), ("16", 16, "")]))]
+    #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice([("none", 0u8, ""), ("8", 8u8, ""), ("16", 16u8, "")]))]
     normals: u8,
 }
 

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::input::phantom;
-use super::values::{interval, library};
+use super::values::library;
 use adjsplat::classify::TransferFunction;
 use adjsplat::classify::colour::srgb_from_linear;
 use adjsplat::error::{Error, Result};
@@ -20,11 +20,11 @@ pub(super) struct ClassificationArguments {
     #[arg(long, value_name = "FILE|PRESET")]
     pub(super) tf: Option<String>,
     /// Surface where the volume has this value, two voxels thick (Levoy's isovalue contour)
-    #[arg(long, value_name = "VALUE", allow_hyphen_values = true)]
-    iso: Option<f64>,
+    #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = library(contour))]
+    iso: Option<TransferFunction>,
     /// Voxels with values from A to B, ends included: 60..200, 60.. or ..200
-    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = interval)]
-    range: Option<[f64; 2]>,
+    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = library(range))]
+    range: Option<TransferFunction>,
     /// Boundaries between materials (Levoy): each material's value and opacity (0 to 1): 0:0,1150:0.2,2000:0.8
     #[arg(long, value_name = "V:O,V:O", allow_hyphen_values = true, value_parser = library(region))]
     levoy: Option<TransferFunction>,
@@ -39,13 +39,7 @@ impl ClassificationArguments {
         if let Some(name) = &self.tf {
             return named(name).map(Some);
         }
-        if let Some(iso) = self.iso {
-            return TransferFunction::contour(iso).map(Some);
-        }
-        if let Some([low, high]) = self.range {
-            return TransferFunction::range(low, high).map(Some);
-        }
-        if let Some(transfer) = &self.levoy {
+        if let Some(transfer) = [&self.iso, &self.range, &self.levoy].into_iter().flatten().next() {
             return Ok(Some(transfer.clone()));
         }
         if let Some(name) = &self.labels {
@@ -79,6 +73,22 @@ fn named(name: &str) -> Result<TransferFunction> {
     TransferFunction::preset(name)
 }
 
+fn contour(text: &str) -> Result<TransferFunction> {
+    TransferFunction::contour(text.trim().parse().map_err(|_| Error::input("value", "must be a number"))?)
+}
+
+/// Parses two ends, either of which may be left out: `60..200`, `60..` or `..200`.
+fn range(text: &str) -> Result<TransferFunction> {
+    let end = |text: &str, open: f64| match text.trim() {
+        "" => Some(open),
+        number => number.parse().ok().filter(|number: &f64| number.is_finite()),
+    };
+    let ends = text.split_once("..");
+    let ends = ends.and_then(|(low, high)| Some((end(low, f64::NEG_INFINITY)?, end(high, f64::INFINITY)?)));
+    let (low, high) = ends.ok_or_else(|| Error::input("range", "must look like 60..200, 60.. or ..200"))?;
+    TransferFunction::range(low, high)
+}
+
 /// Parses `VALUE:OPACITY,...`; colours run from brown at the lowest value to ivory at the highest.
 fn region(text: &str) -> Result<TransferFunction> {
     let knot = |part: &str| {
@@ -86,7 +96,9 @@ fn region(text: &str) -> Result<TransferFunction> {
         Some((value.trim().parse::<f64>().ok()?, opacity.trim().parse::<f64>().ok()?))
     };
     let knots: Option<Vec<(f64, f64)>> = text.split(',').map(knot).collect();
-    let knots = knots.ok_or_else(|| Error::input("knots", "must look like 0:0,1150:0.2,2000:0.8"))?;
+    let knots = knots
+        .filter(|knots| knots.len() > 1)
+        .ok_or_else(|| Error::input("knots", "must look like 0:0,1150:0.2,2000:0.8"))?;
     let (first, last) = (knots[0].0, knots[knots.len() - 1].0);
     let colours = TransferFunction::range(first.min(last), last.max(first))?;
     let document = |&(value, opacity): &(f64, f64)| {

@@ -11,11 +11,8 @@ const SAME_NAME: &str = "azimuth blending crop elevation exposure kernel lanes l
                          threads volume zoom";
 
 /// Values whose flag has another name.
-const FLAGS: [(&str, &str); 9] = [
+const FLAGS: [(&str, &str); 6] = [
     ("angle of view", "--perspective"),
-    ("certified culling", "--cull-hidden-certified"),
-    ("kernel sigma", "--kernel"),
-    ("largest change", "--cull-hidden"),
     ("largest error", "--max-error"),
     ("normal bits", "--normals"),
     ("picture size", "--size"),
@@ -23,8 +20,9 @@ const FLAGS: [(&str, &str); 9] = [
     ("value bits", "--value-bits"),
 ];
 
-/// Advice of the libraries, and the same with flags.
-const ADVICE: [(&str, &str); 11] = [
+/// Words of the core and the studies, and the same with flags.
+const ADVICE: [(&str, &str); 10] = [
+    ("picture size in pixels", "--size in pixels"),
     ("try the range ", "try --range "),
     ("use 16-bit values", "use --value-bits 16"),
     ("a limit of ", "--memory "),
@@ -33,12 +31,24 @@ const ADVICE: [(&str, &str); 11] = [
     ("draw a smaller picture", "a smaller --size"),
     ("draw on the processor", "take --renderer cpu"),
     ("(take tiles)", "(take --compositor tiles)"),
-    ("allow a larger change, or keep hidden voxels", "give a larger --cull-hidden=EPS, or leave it out"),
-    ("keep hidden voxels, or use fewer threads", "leave out --cull-hidden, or use fewer --threads"),
     ("a smaller edge", "a smaller --edge"),
 ];
 
-/// The error and its causes in one line, with flags.
+/// Words of the judge and the readers, and the same with flags.
+const MORE_ADVICE: [(&str, &str); 10] = [
+    ("certified hidden voxels: ", "--cull-hidden-certified: "),
+    ("find hidden voxels by sampling instead", "use --cull-hidden instead"),
+    ("; allow a larger change", "; give a larger --cull-hidden=EPS, or leave it out"),
+    ("describe them with `OpenOptions::raw`", "give --dims 256x256x128 and --type u8 or alike"),
+    ("`OpenOptions::level`", "--level"),
+    ("`OpenOptions::series`", "--series"),
+    ("`OpenOptions::spacing`", "--spacing XxYxZ"),
+    ("`dims`", "--dims"),
+    ("`skip`", "--skip"),
+    ("`type`", "--type"),
+];
+
+/// The error and its causes in one line, with the flag of the value that is wrong.
 pub(super) fn one_line(error: &Error) -> String {
     let mut line = match error {
         Error::Input { what, why } => match FLAGS.iter().find(|(name, _)| name == what) {
@@ -54,7 +64,12 @@ pub(super) fn one_line(error: &Error) -> String {
         line.push_str(&cause.to_string());
         source = cause.source();
     }
-    ADVICE.iter().fold(line, |line, (advice, with_flags)| line.replace(advice, with_flags))
+    line
+}
+
+/// Returns a message or note of the libraries with flags in its advice.
+pub(super) fn with_flags(text: &str) -> String {
+    ADVICE.iter().chain(&MORE_ADVICE).fold(text.to_owned(), |text, (advice, flags)| text.replace(advice, flags))
 }
 
 #[cfg(test)]

@@ -125,14 +125,16 @@ fn usage(error: &clap::Error) -> ExitCode {
             let text = error.render().to_string();
             let wrong: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
             let tip = text.lines().map(str::trim).find_map(|line| line.strip_prefix("tip: "));
-            let word = std::env::args_os().nth(1).unwrap_or_default();
-            let command =
-                Cli::command().get_subcommands().find(|c| c.get_name() == word).map(|c| c.get_name().to_owned());
-            let help = command.map_or("adj --help".to_owned(), |command| format!("adj {command} --help"));
+            let (mut command, mut help) = (Cli::command(), "adj".to_owned());
+            for word in std::env::args_os().skip(1) {
+                let Some(subcommand) = command.find_subcommand(&word) else { break };
+                help = format!("{help} {}", subcommand.get_name());
+                command = subcommand.clone();
+            }
             let message = wrong.join(" ");
             let message = message.strip_prefix("error: ").unwrap_or(&message);
             let tip = tip.map_or(String::new(), |tip| format!("; {tip}"));
-            print_note(&format!("{message}{tip}; see {help}"));
+            print_note(&format!("{message}{tip}; see {help} --help"));
             ExitCode::from(2)
         }
     }
@@ -158,7 +160,7 @@ fn finish_stdout(written: std::io::Result<()>) {
 
 /// Prints an error or a warning in one line to stderr, and ignores whether that works.
 fn print_note(text: &str) {
-    let _ = writeln!(std::io::stderr(), "adj: {}", text.replace(['\n', '\r'], " "));
+    let _ = writeln!(std::io::stderr(), "adj: {}", flags::with_flags(text).replace(['\n', '\r'], " "));
 }
 
 /// Whether both paths lead to the same existing file.

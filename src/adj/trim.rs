@@ -73,10 +73,10 @@ struct PackingArguments {
     #[arg(long, value_name = "CHANNELS", value_delimiter = ',')]
     drop: Vec<Channel>,
     /// Reduce values from 16 bits to 8; exact if at most 256 different values are left
-    #[arg(long, value_name = "BITS", value_parser = choice([("8", 8, "")]))]
+    #[arg(long, value_name = "BITS", value_parser = choice([("8", 8u8, "")]))]
     value_bits: Option<u8>,
     /// Reduce each component of a normal from 16 bits to 8
-    #[arg(long, value_name = "BITS", value_parser = choice([("8", 8, "")]))]
+    #[arg(long, value_name = "BITS", value_parser = choice([("8", 8u8, "")]))]
     normals: Option<u8>,
     /// Axes along which voxels are sorted, fewer or more than in the input
     #[arg(long, value_name = "LANES", value_parser = choice(LANES))]

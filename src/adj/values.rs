@@ -127,14 +127,3 @@ impl Crop {
         Ok(bounds)
     }
 }
-
-/// Parses two ends, either of which may be left out: `60..200`, `60..` or `..200`.
-pub(super) fn interval(text: &str) -> Result<[f64; 2], String> {
-    let end = |text: &str, open: f64| match text.trim() {
-        "" => Some(open),
-        number => number.parse().ok().filter(|number: &f64| number.is_finite()),
-    };
-    let ends =
-        text.split_once("..").and_then(|(low, high)| Some([end(low, f64::NEG_INFINITY)?, end(high, f64::INFINITY)?]));
-    ends.ok_or_else(|| "must look like 60..200, 60.. or ..200".into())
-}

@@ -21,7 +21,7 @@ pub(super) struct LookArguments {
     sampling: Option<Sampling>,
     /// Choose the fastest settings whose largest error (of a linear sample from 0 to 1, beside --quality reference)
     /// is at most E, by measuring small windows of the pictures
-    #[arg(long, value_name = "E", conflicts_with_all = ["quality", "sampling", "kernel", "termination", "blending"])]
+    #[arg(long, value_name = "E", allow_hyphen_values = true, conflicts_with_all = ["quality", "sampling", "kernel", "termination", "blending"])]
     pub(super) max_error: Option<f64>,
     /// Gaussian of a splat, in voxels: standard deviation (0.2 to 4) and radius (1 to 6 times that), such as 0.6,2;
     /// by default that of --quality

@@ -44,7 +44,7 @@ mod tests {
 
     #[test]
     fn names_return_and_numbers_spread() {
-        let parsed = |text| parse(text).unwrap().0;
+        let parsed = |text: &str| parse(text).unwrap().0;
         for order in parsed("all") {
             assert_eq!(parsed(&name(&order)), [order]);
         }

@@ -45,7 +45,7 @@ pub(super) fn uncertain(scene: &Scene, seen: &RecordSet, culling: &Culling, watc
     let [x, y, z] = frame.steps.map(|step| step.normalize());
     if [x.dot(y), y.dot(z), z.dot(x)].iter().any(|cosine| cosine.abs() > 1e-3) {
         let why = "needs a grid whose axes are at right angles; leave it out to find hidden voxels by sampling";
-        return Err(Error::input("certified culling", why));
+        return Err(Error::input("--cull-hidden-certified", why));
     }
     let x_lane = scene.lanes.lane(Axis::X)?;
     let Some((low, high)) = x_lane.bounds() else { return Ok(()) };

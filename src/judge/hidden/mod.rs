@@ -128,7 +128,7 @@ fn skin(round: u32) -> usize {
 /// [`Error::Limit`] if the memory does not suffice; [`Error::Interrupted`] if `watch` says so.
 pub fn find(scene: &Scene, culling: &Culling, watch: Watch) -> Result<Hidden> {
     if !(culling.eps > 0.0 && culling.eps < 1.0) {
-        return Err(Error::input("largest change", format!("is {}, but must be above 0 and below 1", culling.eps)));
+        return Err(Error::input("--cull-hidden", format!("is {}, but must be above 0 and below 1", culling.eps)));
     }
     if culling.threads == 0 || culling.views == 0 {
         return Err(Error::input("hidden voxels", "need at least one thread and one view"));
@@ -173,7 +173,7 @@ pub fn find(scene: &Scene, culling: &Culling, watch: Watch) -> Result<Hidden> {
         views += judges.len() as u64;
     }
     let why = format!(
-        "still change pictures by more than {} after {ROUNDS} sets of views; allow a larger change, or keep hidden voxels",
+        "still change pictures by more than {} after {ROUNDS} sets of views; give a larger --cull-hidden=EPS, or leave it out",
         culling.eps
     );
     Err(Error::input("hidden voxels", why))
@@ -188,7 +188,7 @@ fn spare_memory(records: usize, dims: [u32; 3], culling: &Culling) -> Result<u64
     // Views are looked at eight times at most.
     let need = fixed.saturating_add(RecordSet::bytes_for(records).div_ceil(8));
     if need > culling.memory {
-        let what = "memory for finding hidden voxels in bytes; keep hidden voxels, or use fewer threads";
+        let what = "memory for finding hidden voxels in bytes; leave out --cull-hidden, or use fewer threads";
         return Err(Error::Limit { what: what.into(), need, have: culling.memory });
     }
     Ok(culling.memory - fixed)

@@ -3,7 +3,7 @@
 //! In: nothing. Out: the presets on files of 8 and of 16 bits, the dial's rungs, every knob alone away from `standard`, and a grid of
 //! combinations of the knobs that matter most for time.
 
-use adjsplat::error::Result;
+use adjsplat::error::{Error, Result};
 use adjsplat::splat::dial;
 use adjsplat::splat::dial::Rung;
 use adjsplat::splat::{Blending, KernelShape, Quality, Sampling, Settings, View};
@@ -48,6 +48,17 @@ impl Family {
         Family::Octree,
         Family::Combined,
     ];
+
+    /// The family of this name.
+    ///
+    /// # Errors
+    /// [`Error::Input`] with all names if there is none.
+    pub fn named(name: &str) -> Result<Family> {
+        Family::ALL.into_iter().find(|family| family.name() == name).ok_or_else(|| {
+            let names = Family::ALL.map(Family::name).join(", ");
+            Error::input("--families", format!("has {name}, but must be of {names}"))
+        })
+    }
 
     /// Its name in tables and legends.
     pub fn name(self) -> &'static str {

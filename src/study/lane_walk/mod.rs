@@ -30,6 +30,8 @@ pub use own::OwnWalk;
 pub(super) use passage::{Room, Visited, passage};
 pub use repacked::repacked;
 
+use adjsplat::error::{Error, Result};
+
 /// What is read of a voxel's codes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum CodesRead {
@@ -52,5 +54,14 @@ impl CodesRead {
             CodesRead::Values => "value",
             CodesRead::ValuesAndNormals => "value+normal",
         }
+    }
+
+    /// That of this name.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for any other.
+    pub fn named(name: &str) -> Result<CodesRead> {
+        let why = || Error::input("--channels", format!("has {name}, but must be steps, value or value+normal"));
+        CodesRead::ALL.into_iter().find(|codes| codes.name() == name).ok_or_else(why)
     }
 }
