@@ -133,28 +133,18 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut scratch = culling.map(|_| Scratch::beside(&arguments.output)).transpose()?;
     let path = scratch.as_ref().map_or(arguments.output.as_path(), Scratch::path);
     let mut progress = Progress::new(arguments.quiet);
-    let (facts, bytes) = write_rows(path, &visible.rows, &output, &mut progress)?;
+    let mut written = write_rows(path, &visible.rows, &output, &mut progress)?;
     drop(progress);
-    let written = BuiltFile { facts, bytes, culled: None };
     let findings = visible.findings;
     drop(visible.rows);
-    let written = match (culling, &mut scratch) {
-        (Some(culling), Some(scratch)) => {
-            scratch.hold()?;
-            let culled = cull(scratch.path(), &arguments.output, &culling, arguments.quiet)?;
-            BuiltFile { facts: culled.facts.clone(), bytes: culled.bytes, culled: Some(culled) }
-        }
-        _ => written,
-    };
-    report(arguments, &header, &findings, &written, start.elapsed().as_secs_f64());
+    let mut culled = None;
+    if let (Some(culling), Some(scratch)) = (culling, &mut scratch) {
+        scratch.hold()?;
+        let found = culled.insert(cull(scratch.path(), &arguments.output, &culling, arguments.quiet)?);
+        written = (found.facts.clone(), found.bytes);
+    }
+    report(arguments, &header, &findings, written, culled.as_ref(), start.elapsed().as_secs_f64());
     Ok(Answer::Yes)
-}
-
-/// What a build wrote.
-struct BuiltFile {
-    facts: Facts,
-    bytes: u64,
-    culled: Option<Culled>,
 }
 
 /// Prints what memory and disk the build will take, before it starts.
@@ -208,7 +198,7 @@ fn check_output(output: &Path, input: &Path) -> Result<()> {
 
 /// Checks that the output can be written and replaces no file but an old .adj file.
 pub(super) fn check_replaceable(output: &Path) -> Result<()> {
-    // A header may name other files that hold the samples: those must not be lost to a slip either.
+    // A header may name other files that hold the samples, so those are kept too.
     let named = output.extension().is_some_and(|extension| extension == "adj");
     let old = std::fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0);
     if old && !named && !starts_as_adj(output)? {
@@ -241,10 +231,15 @@ pub(super) fn description(header: &Header, built: &Classified) -> String {
     description.to_string()
 }
 
-fn report(arguments: &Arguments, header: &Header, findings: &Findings, written: &BuiltFile, seconds: f64) {
-    let path = &arguments.output;
-    let BuiltFile { facts, bytes, culled } = written;
-    let (visible, bytes) = (facts.visible_voxels, *bytes);
+fn report(
+    arguments: &Arguments,
+    header: &Header,
+    findings: &Findings,
+    (facts, bytes): (Facts, u64),
+    culled: Option<&Culled>,
+    seconds: f64,
+) {
+    let (path, visible) = (&arguments.output, facts.visible_voxels);
     let samples = header.grid.len();
     let per_voxel = bytes as f64 / visible as f64;
     if arguments.json {

@@ -2,13 +2,12 @@
 //!
 //! In: an `.adj` file and the flags. Out: a file without its hidden voxels, which its description mentions.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::progress::{Progress, interrupted};
+use super::progress::Progress;
 use super::stored::stored_transfer;
 use super::values::number;
 use adjsplat::arena::layout::Facts;
@@ -24,13 +23,13 @@ use adjsplat_judge::hidden::{Algorithm, Culling, DEFAULT_EPS, DEFAULT_VIEWS, Sta
 #[command(next_help_heading = "Hidden voxels")]
 pub(super) struct CullArguments {
     /// Leave out voxels that no view from outside shows. Pictures change by at most EPS (above 0, below 1;
-    /// 1/512 by default). Views from inside, crops and other transfer functions show the gaps
+    /// default 1/512). Views from inside and crops show gaps
     #[arg(long, value_name = "EPS", num_args = 0..=1, require_equals = true, value_parser = fraction)]
     cull_hidden: Option<Option<f64>>,
     /// Leave out only voxels that are proven hidden from every direction: fewer than --cull-hidden
     #[arg(long)]
     cull_hidden_certified: bool,
-    /// Views from which hidden voxels are found, 1 to 100000; 240 by default. 226 others check the result
+    /// Views from which hidden voxels are found, 1 to 100000; 240 by default
     #[arg(long, value_name = "N", value_parser = number(1..=100_000u32))]
     cull_views: Option<u32>,
 }
@@ -112,8 +111,7 @@ pub(super) fn cull(input: &Path, output: &Path, culling: &Culling, quiet: bool) 
             Stage::Look => "look",
             Stage::Compare => "compare",
         };
-        progress.show(what, done, total);
-        if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        progress.show(what, done, total)
     };
     let hidden = find(&scene, culling, &mut watch)?;
     drop(progress);

@@ -50,11 +50,12 @@ impl Progress {
         Progress { bar, phase: None }
     }
 
-    /// Shows `done` of `total` steps of `what`.
-    pub(super) fn show(&mut self, what: &str, done: u64, total: u64) {
+    /// Shows `done` of `total` steps of `what`; breaks if Ctrl-C was pressed.
+    pub(super) fn show(&mut self, what: &str, done: u64, total: u64) -> ControlFlow<()> {
         self.bar.set_prefix(what.to_string());
         self.bar.set_length(total);
         self.bar.set_position(done);
+        if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
 
@@ -72,8 +73,7 @@ impl Observer for Progress {
             Phase::Assemble(Axis::Z) => "lane z",
             Phase::Flush => "flush",
         };
-        self.show(what, done, total);
-        if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        self.show(what, done, total)
     }
 }
 

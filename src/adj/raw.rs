@@ -48,7 +48,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut failed = None;
     let written = write_atomically_unless(&interrupted, &arguments.output, |out| {
         for z in 0..depth {
-            progress.show("raw", z.into(), depth.into());
+            let _ = progress.show("raw", z.into(), depth.into());
             if let Err(error) = source.read_slice(&mut slice) {
                 failed = Some(error);
                 return Err(std::io::Error::other("the volume cannot be read"));

@@ -49,6 +49,18 @@ pub(super) struct Arguments {
     /// The picture: .png, .apng (all frames in one file) or .exr (linear, 32-bit float)
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
+    /// Write counts, times and the picture's checksum to this file, as JSON
+    #[arg(long, value_name = "FILE.json")]
+    stats: Option<PathBuf>,
+    /// Most memory to take, from 64MiB: 500MB, 2GiB; no limit by default. The picture is the same
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    memory: Option<u64>,
+    /// Threads, 1 to 1024; by default one for each processor, or as many as fit into --memory
+    #[arg(long, value_name = "N", value_parser = number(1..=1024usize))]
+    threads: Option<usize>,
+    /// Show no progress bar
+    #[arg(long, short)]
+    quiet: bool,
     #[command(flatten)]
     view: ViewArguments,
     #[command(flatten)]
@@ -59,20 +71,8 @@ pub(super) struct Arguments {
     packing: PackingArguments,
     #[command(flatten)]
     reading: InputArguments,
-    /// Write counts, times and the picture's checksum to this file, as JSON
-    #[arg(long, value_name = "FILE.json")]
-    stats: Option<PathBuf>,
-    /// Most memory to take, from 64MiB: 500MB, 2GiB; no limit by default. The picture is the same
-    #[arg(long, value_name = "SIZE", value_parser = memory)]
-    memory: Option<u64>,
-    /// Threads, 1 to 1024; by default one for each processor, or as many as fit into --memory
-    #[arg(long, value_name = "N", value_parser = number(1..=1024usize))]
-    threads: Option<usize>,
     #[command(flatten)]
     renderer: RendererArguments,
-    /// Show no progress bar
-    #[arg(long, short)]
-    quiet: bool,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {

@@ -32,10 +32,9 @@ pub(super) fn draw_frames(
     let mut all_stats = Vec::new();
     let mut digest = Sha256::new();
     for (number, camera) in cameras.iter().enumerate() {
-        if interrupted() {
+        if progress.show("render", number as u64, arguments.view.frames.into()).is_break() {
             return Err(Error::Interrupted);
         }
-        progress.show("render", number as u64, arguments.view.frames.into());
         let (mut frame, stats) = renderer.render(camera, settings)?;
         if let Some(background) = background {
             frame.over(background);

@@ -27,7 +27,8 @@ pub(super) struct LookArguments {
     /// by default that of --quality
     #[arg(long, value_name = "SIGMA,RADIUS", value_parser = kernel)]
     kernel: Option<KernelShape>,
-    /// Transmittance, 0 to 1, below which a ray ends, and the most that a pixel loses; by default that of --quality
+    /// End a ray when at most this share of its light is left, 0 to 1, which is also the most that a pixel loses;
+    /// by default that of --quality
     #[arg(long, value_name = "T", value_parser = number(0.0..=1.0f32))]
     pub(super) termination: Option<f32>,
     /// What a pixel shows of its ray
@@ -56,35 +57,35 @@ pub(super) struct LookArguments {
 }
 
 const QUALITIES: [Choice<Quality>; 4] = [
-    ("draft", Quality::Draft, "for moving the camera"),
-    ("standard", Quality::Standard, "for pictures to look at"),
-    ("high", Quality::High, "for pictures to measure in"),
-    ("reference", Quality::Reference, "nothing is left out; slow"),
+    ("draft", Quality::Draft, "For moving the camera"),
+    ("standard", Quality::Standard, "For pictures to look at"),
+    ("high", Quality::High, "For pictures to measure in"),
+    ("reference", Quality::Reference, "Nothing is left out; slow"),
 ];
 
 const SAMPLINGS: [Choice<Sampling>; 4] = [
-    ("fewest", Sampling::Fewest, "enough for 32 dB, for moving the camera"),
-    ("enough", Sampling::Enough, "fewer than all where splats are wide; the picture is interpolated"),
-    ("every", Sampling::EveryPixel, "all pixels of the picture"),
-    ("finer", Sampling::Finer, "several for each pixel where voxels are smaller than pixels"),
+    ("fewest", Sampling::Fewest, "Enough for 32 dB, for moving the camera"),
+    ("enough", Sampling::Enough, "Fewer than all where splats are wide; the picture is interpolated"),
+    ("every", Sampling::EveryPixel, "All pixels of the picture"),
+    ("finer", Sampling::Finer, "Several for each pixel where voxels are smaller than pixels"),
 ];
 
 const MODES: [Choice<Mode>; 4] = [
-    ("composite", Mode::Composite, "light and shade"),
-    ("maximum", Mode::Maximum, "the largest value, in its colour"),
-    ("maximum-grey", Mode::MaximumGrey, "the largest value, in grey"),
-    ("xray", Mode::Additive, "the sum of all values"),
+    ("composite", Mode::Composite, "Splats blended from front to back, with lighting"),
+    ("maximum", Mode::Maximum, "The largest value, in its colour"),
+    ("maximum-grey", Mode::MaximumGrey, "The largest value, in grey"),
+    ("xray", Mode::Additive, "The sum along the ray"),
 ];
 
 const BLENDINGS: [Choice<Blending>; 3] = [
-    ("exponential", Blending::Exponential, "the integral along the ray"),
-    ("linear", Blending::Linear, "opacity times weight, the classic form"),
-    ("sheets", Blending::Sheets, "the integral of the sum of each slice's splats"),
+    ("exponential", Blending::Exponential, "The integral along the ray"),
+    ("linear", Blending::Linear, "Opacity times weight, the classic form"),
+    ("sheets", Blending::Sheets, "The integral of the sum of each slice's splats"),
 ];
 
 const FORMS: [Choice<SplitForm>; 2] = [
-    ("interleaved", SplitForm::Interleaved, "in turns; right where splats overlap"),
-    ("split", SplitForm::Split, "one side after the other"),
+    ("interleaved", SplitForm::Interleaved, "In turns; right where splats overlap"),
+    ("split", SplitForm::Split, "One side after the other"),
 ];
 
 const DEPTHS: [Choice<SampleDepth>; 2] = [("8", SampleDepth::Eight, ""), ("16", SampleDepth::Sixteen, "")];

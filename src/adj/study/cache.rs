@@ -35,8 +35,6 @@ use adjsplat_study::trace::{Array, Trace};
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
-    sets: SetArguments,
-    #[command(flatten)]
     methods: MethodArguments,
     /// Orders in which parallel views visit voxels: a number of the 48, all, or names with commas between;
     /// +z-y+x is z ascending (slowest), y descending, x ascending (fastest)
@@ -81,6 +79,8 @@ pub(super) struct Arguments {
     /// Walk this often without measuring, and print how many voxels were visited: for counters and cachegrind
     #[arg(long, value_name = "N", hide = true)]
     walks: Option<u32>,
+    #[command(flatten)]
+    sets: SetArguments,
     #[command(flatten)]
     output: OutputArguments,
 }
@@ -166,7 +166,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 
     let mut tables = CacheTables::new(&geometry);
     let structures = arguments.structures();
-    each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
+    each_set(&arguments.sets, arguments.sets.list()?, arguments.output.quiet, |subject, go_on| {
         sound(subject)?;
         for (index, &(method, form)) in structures.iter().enumerate() {
             let lanes;
@@ -247,7 +247,7 @@ const SWEPT_BYTES: usize = 64 << 20;
 /// Walks without measuring, after emptying the caches of the structure.
 fn only_walk(arguments: &Arguments, times: u32) -> Result<Answer> {
     let (method, viewing) = arguments.only()?;
-    each_set(&arguments.sets, true, |subject, _| {
+    each_set(&arguments.sets, arguments.sets.list()?, true, |subject, _| {
         sound(subject)?;
         let mut built = method.build(subject)?;
         let swept = vec![1u8; SWEPT_BYTES];

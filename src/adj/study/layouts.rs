@@ -5,8 +5,8 @@ use std::time::Instant;
 
 use clap::Args;
 
+use super::super::Answer;
 use super::super::values::{choice, library, number};
-use super::super::{Answer, print_result};
 use super::orders::Orders;
 use super::output::OutputArguments;
 use super::sets::SetArguments;
@@ -29,8 +29,6 @@ use adjsplat_study::trace::Untraced;
     after_help = "A layout's name: tile edge, tile order, arrays or interleaved records, bytes of a line record, payload in each lane (own) or once (shared), lanes. The first is ours. Times are of a plain walk, alike for all, and not of the walk that pictures are made with.\n\nExample: adj study layouts head.adj --orders 12"
 )]
 pub(super) struct Arguments {
-    #[command(flatten)]
-    sets: SetArguments,
     /// Orders in which parallel views visit voxels: a number of the 48, all, or names with commas between;
     /// +z-y+x is z ascending (slowest), y descending, x ascending (fastest)
     #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true, value_parser = library(orders::parse))]
@@ -41,6 +39,8 @@ pub(super) struct Arguments {
     /// Walks of each layout in each order, 1 to 1000; the fastest counts
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = number(1..=1000u32))]
     repetitions: u32,
+    #[command(flatten)]
+    sets: SetArguments,
     #[command(flatten)]
     output: OutputArguments,
 }
@@ -63,7 +63,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
          ns_worst times_bytes times_l1 times_l2 times_ns",
     );
     let mut series: Vec<Series> = Vec::new();
-    each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
+    each_set(&arguments.sets, arguments.sets.list()?, arguments.output.quiet, |subject, go_on| {
         let layouts = Layout::studied(subject.dims());
         let found = measure_all(subject, &layouts, arguments.channels, orders, arguments.repetitions, go_on)?;
         for (layout, one) in layouts.iter().zip(&found) {
@@ -80,9 +80,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         y: Side::linear("misses of the second level a visible voxel"),
         series,
     };
-    arguments.output.write(&report, &plot)?;
-    print_result(report.table(&[]).trim_end());
-    Ok(Answer::Yes)
+    arguments.output.finish(&report, &plot, &[])
 }
 
 /// Mean of the misses at `level` over the orders.

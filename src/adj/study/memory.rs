@@ -5,7 +5,7 @@ use clap::Args;
 use super::super::{Answer, print_result};
 use super::output::OutputArguments;
 use super::sets::{SetArguments, SetChoice};
-use super::{MethodArguments, each_of, each_set, table_of};
+use super::{MethodArguments, each_set, table_of};
 use adjsplat::error::Result;
 use adjsplat_study::baselines::Method;
 use adjsplat_study::memory;
@@ -20,9 +20,9 @@ use adjsplat_study::report::plot::{Plot, Series, Side};
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
-    sets: SetArguments,
-    #[command(flatten)]
     methods: MethodArguments,
+    #[command(flatten)]
+    sets: SetArguments,
     #[command(flatten)]
     output: OutputArguments,
 }
@@ -35,7 +35,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     arguments.output.check()?;
     let mut report =
         table_of("set method visible_voxels bytes bytes_per_visible scratch_bytes formula_bytes times_ours");
-    each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
+    each_set(&arguments.sets, arguments.sets.list()?, arguments.output.quiet, |subject, go_on| {
         let found = memory::measure(subject, &methods)?;
         let visible = subject.voxels.len() as u64;
         let ours = found.iter().find(|memory| memory.name == Method::Adjsplat.name()).map(|memory| memory.bytes);
@@ -58,7 +58,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let noise: Vec<SetChoice> = SHARES.map(|share| SetChoice::Noise { share, edge }).to_vec();
     let mut crossings = Vec::new();
     let mut ours = Vec::new();
-    each_of(&arguments.sets, noise, arguments.output.quiet, |subject, _| {
+    each_set(&arguments.sets, noise, arguments.output.quiet, |subject, _| {
         let found = memory::crossing(subject)?;
         let lanes = memory::measure(subject, &[Method::Adjsplat])?;
         ours.push([found.share, lanes[0].bytes as f64 / subject.facts.grid.len() as f64]);

@@ -77,21 +77,16 @@ impl MethodArguments {
 
 /// Words of flags for what a walk reads of each voxel.
 const CODES: [Choice<CodesRead>; 3] = [
-    ("steps", CodesRead::Nothing, "the steps between voxels alone"),
-    ("value", CodesRead::Values, "also the value"),
-    ("value+normal", CodesRead::ValuesAndNormals, "also value and normal"),
+    ("steps", CodesRead::Nothing, "The steps between voxels alone"),
+    ("value", CodesRead::Values, "Also the value"),
+    ("value+normal", CodesRead::ValuesAndNormals, "Also value and normal"),
 ];
 
 /// Receives how many steps are done, of how many; can stop the work.
 type GoOn<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
 
-/// Loads, studies and drops one set after another, with a progress bar.
-fn each_set(sets: &SetArguments, quiet: bool, study: impl FnMut(&Subject, GoOn) -> Result<()>) -> Result<()> {
-    each_of(sets, sets.list()?, quiet, study)
-}
-
-/// As [`each_set`], for the sets in `list`.
-fn each_of(
+/// Loads, studies and drops one set of `list` after another, with a progress bar.
+fn each_set(
     sets: &SetArguments,
     list: Vec<SetChoice>,
     quiet: bool,
@@ -104,12 +99,9 @@ fn each_of(
         }
         let set = sets.load(wanted)?;
         let lanes = set.lanes()?;
-        let what = format!("{}/{} {}", index + 1, list.len(), set.name());
+        let what = format!("{}/{} {}", index + 1, list.len(), set.name);
         let subject = set.subject(&lanes)?;
-        study(&subject, &mut |done, total| {
-            progress.show(&what, done, total);
-            if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })?;
+        study(&subject, &mut |done, total| progress.show(&what, done, total))?;
     }
     Ok(())
 }

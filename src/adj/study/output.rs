@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::super::progress::interrupted;
+use super::super::{Answer, print_result};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 use adjsplat_study::report::Report;
@@ -33,6 +34,13 @@ impl OutputArguments {
     pub(super) fn check(&self) -> Result<()> {
         check_plots(&self.plot)?;
         self.json.iter().chain(&self.csv).try_for_each(|path| check_writable(path))
+    }
+
+    /// Writes the files and prints a table of `columns` (all if there are none).
+    pub(super) fn finish(&self, report: &Report, plot: &Plot, columns: &[&str]) -> Result<Answer> {
+        self.write(report, plot)?;
+        print_result(report.table(columns).trim_end());
+        Ok(Answer::Yes)
     }
 
     /// Writes the files.

@@ -30,7 +30,7 @@ use adjsplat_study::Subject;
 pub(super) struct SetArguments {
     /// .adj files with 8-bit values and normals (study accuracy: volumes), and phantom:NAME.
     /// By default the paper's volumes in --data, and four phantoms
-    #[arg(value_name = "SET")]
+    #[arg(value_name = "SET", help_heading = None)]
     sets: Vec<PathBuf>,
     /// Folder with the real volumes frogtissue, ironProt, headsq-quarter, SAG-anon and carotid
     #[arg(long, value_name = "FOLDER")]
@@ -92,17 +92,13 @@ const PHANTOMS: [&str; 4] = ["phantom:gyroid", "phantom:shells", "phantom:vessel
 
 /// A set that is built or opened.
 pub(super) struct Set {
-    name: String,
+    /// Name in tables.
+    pub(super) name: String,
     file: AdjFile,
     transfer: TransferFunction,
 }
 
 impl Set {
-    /// Name in tables.
-    pub(super) fn name(&self) -> &str {
-        &self.name
-    }
-
     /// Returns its lanes; those that the file does not store are derived.
     pub(super) fn lanes(&self) -> Result<LaneSet<'_>> {
         Ok(LaneSet::new(self.file.arena()?, None))
@@ -121,7 +117,8 @@ impl Set {
 
 /// A set as a volume: files are built from it, and a judge draws it.
 pub(super) struct SetVolume {
-    name: String,
+    /// Name in tables.
+    pub(super) name: String,
     source: Box<dyn SlabSource>,
     transfer: TransferFunction,
     /// Whether slices were read, so that the source must be rewound.
@@ -135,11 +132,6 @@ impl SetVolume {
         source.notes().iter().for_each(|note| print_note(note));
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
         Ok(SetVolume { name, source, transfer, is_read: false })
-    }
-
-    /// Name in tables.
-    pub(super) fn name(&self) -> &str {
-        &self.name
     }
 
     /// Whether its voxels are lit and so need normals.

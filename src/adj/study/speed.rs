@@ -22,8 +22,6 @@ use adjsplat_study::speed::{Speed, SpeedOptions};
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
-    sets: SetArguments,
-    #[command(flatten)]
     methods: MethodArguments,
     /// Frames of a turn, 1 to 3600; by default 36, with --quick 2
     #[arg(long, value_name = "N", value_parser = number(1..=3600u32))]
@@ -34,6 +32,8 @@ pub(super) struct Arguments {
     /// Draw time against splats into this file, as in the paper's Figure 5; --plot draws time by set
     #[arg(long, value_name = "FILE.svg|FILE.png")]
     figure5: Vec<PathBuf>,
+    #[command(flatten)]
+    sets: SetArguments,
     #[command(flatten)]
     output: OutputArguments,
 }
@@ -50,7 +50,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     );
     let mut names = Vec::new();
     let mut all: Vec<(f64, Vec<Speed>)> = Vec::new();
-    each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
+    each_set(&arguments.sets, arguments.sets.list()?, arguments.output.quiet, |subject, go_on| {
         let found = speed::measure(subject, &options, go_on)?;
         let visible = subject.voxels.len() as f64;
         for speed in &found {

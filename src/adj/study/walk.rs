@@ -2,8 +2,8 @@
 
 use clap::Args;
 
+use super::super::Answer;
 use super::super::values::{choice, number};
-use super::super::{Answer, print_result};
 use super::output::OutputArguments;
 use super::sets::SetArguments;
 use super::{MethodArguments, each_set, table_of};
@@ -20,8 +20,6 @@ use adjsplat_study::walks::{Reading, Walks};
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
-    sets: SetArguments,
-    #[command(flatten)]
     methods: MethodArguments,
     /// Walks of each method in each order, 1 to 1000; the fastest counts
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = number(1..=1000u32))]
@@ -30,12 +28,14 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "WHAT", default_value = "everything", value_parser = choice(READINGS))]
     read: Reading,
     #[command(flatten)]
+    sets: SetArguments,
+    #[command(flatten)]
     output: OutputArguments,
 }
 
 const READINGS: [(&str, Reading, &str); 2] = [
-    ("everything", Reading::Everything, "coordinates, value and normal"),
-    ("coordinates", Reading::Coordinates, "coordinates alone"),
+    ("everything", Reading::Everything, "Coordinates, value and normal"),
+    ("coordinates", Reading::Coordinates, "Coordinates alone"),
 ];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut names = Vec::new();
     let mut series: Vec<Series> = methods.iter().map(|method| Series::solid(method.name(), Vec::new())).collect();
     let stride = if arguments.sets.quick { 7 } else { 1 };
-    each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
+    each_set(&arguments.sets, arguments.sets.list()?, arguments.output.quiet, |subject, go_on| {
         let found = walks::measure(subject, &methods, stride, arguments.repetitions, arguments.read, go_on)?;
         let ours = found.iter().find(|walks| walks.method == Method::Adjsplat).map(Walks::geometric_mean);
         names.push(subject.name.clone());
@@ -69,7 +69,5 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         y: Side::logarithmic("nanoseconds a visible voxel"),
         series,
     };
-    arguments.output.write(&report, &plot)?;
-    print_result(report.table(&[]).trim_end());
-    Ok(Answer::Yes)
+    arguments.output.finish(&report, &plot, &[])
 }

@@ -10,6 +10,7 @@ use super::super::classification::ClassificationArguments;
 use super::super::progress::{Progress, interrupted};
 use super::super::values::{Choice, choice, number};
 use super::super::{Answer, starts_as_adj};
+use super::GoOn;
 use super::output::OutputArguments;
 use super::sets::{Set, SetArguments, SetChoice, SetInput, SetVolume};
 use adjsplat::arena::LaneSet;
@@ -23,10 +24,6 @@ use adjsplat_study::accuracy::{Family, Judged, Stored};
     after_help = "Sets are volumes (the flags say what is visible) and phantoms: the reference needs the volume, which .adj files do not hold. Errors are of linear premultiplied samples.\nThe last rows are over all sets: times are geometric means, errors the worst. \"front\": no other candidate is both faster and more exact.\n\nExamples:\n  adj study accuracy head.nii.gz --range 60.. --plot accuracy.svg --json accuracy.json\n  adj study accuracy head.nii.gz --iso 60 --popping\n  adj study accuracy phantom:gyroid --model --quick"
 )]
 pub(super) struct Arguments {
-    #[command(flatten)]
-    sets: SetArguments,
-    #[command(flatten)]
-    visible: ClassificationArguments,
     /// Also study the other real volumes in --data: engine, fuel, MR head, T1 brain, orbital, T1 slab, atlas
     #[arg(long, requires = "data")]
     all: bool,
@@ -44,20 +41,24 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "N", value_parser = number(0..=1000u32))]
     repetitions: Option<u32>,
     #[command(flatten)]
+    sets: SetArguments,
+    #[command(flatten)]
+    visible: ClassificationArguments,
+    #[command(flatten)]
     output: OutputArguments,
 }
 
 const FAMILIES: [Choice<Family>; 10] = [
-    ("presets", Family::Presets, "draft, standard, high, reference"),
-    ("dial", Family::Dial, "what adj render --max-error chooses from"),
-    ("kernel", Family::Kernel, "width and cut-off of splats"),
-    ("termination", Family::Termination, "when rays end"),
-    ("sampling", Family::Sampling, "how many pixels are drawn"),
-    ("codes", Family::Codes, "bits of values and normals"),
-    ("order", Family::Order, "order of voxels"),
-    ("blending", Family::Blending, "how splats cover each other"),
-    ("octree", Family::Octree, "cubes of voxels as one splat"),
-    ("combined", Family::Combined, "several at once"),
+    ("presets", Family::Presets, "Draft, standard, high, reference"),
+    ("dial", Family::Dial, "What adj render --max-error chooses from"),
+    ("kernel", Family::Kernel, "Width and cut-off of splats"),
+    ("termination", Family::Termination, "When rays end"),
+    ("sampling", Family::Sampling, "How many pixels are drawn"),
+    ("codes", Family::Codes, "Bits of values and normals"),
+    ("order", Family::Order, "Order of voxels"),
+    ("blending", Family::Blending, "How splats cover each other"),
+    ("octree", Family::Octree, "Cubes of voxels as one splat"),
+    ("combined", Family::Combined, "Several at once"),
 ];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
@@ -77,7 +78,7 @@ impl Arguments {
         &self,
         sets: &SetArguments,
         wants_octree: bool,
-        mut study: impl FnMut(&Judged, &mut dyn FnMut(u64, u64) -> std::ops::ControlFlow<()>) -> Result<()>,
+        mut study: impl FnMut(&Judged, GoOn) -> Result<()>,
     ) -> Result<()> {
         let mut list = sets.list()?;
         if self.all {
@@ -89,7 +90,7 @@ impl Arguments {
             let judge = volume.judge()?;
             let files = files(&mut volume)?;
             let lanes = files.iter().map(|(_, set)| set.lanes()).collect::<Result<Vec<LaneSet>>>()?;
-            let what = format!("{}/{} {}", index + 1, list.len(), volume.name());
+            let what = format!("{}/{} {}", index + 1, list.len(), volume.name);
             let stored = files.iter().zip(&lanes);
             let stored = stored.map(|(&([value_bits, normal_bits], ref set), lanes)| Stored {
                 value_bits,
@@ -98,11 +99,8 @@ impl Arguments {
             });
             let subject = if wants_octree { Some(files[0].1.subject(&lanes[0])?) } else { None };
             let judged =
-                Judged { name: volume.name(), judge: &judge, files: stored.collect(), subject: subject.as_ref() };
-            study(&judged, &mut |done, total| {
-                progress.show(&what, done, total);
-                if interrupted() { std::ops::ControlFlow::Break(()) } else { std::ops::ControlFlow::Continue(()) }
-            })?;
+                Judged { name: &volume.name, judge: &judge, files: stored.collect(), subject: subject.as_ref() };
+            study(&judged, &mut |done, total| progress.show(&what, done, total))?;
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! `--popping`: how much pictures jump where the order of voxels switches.
 
+use super::super::super::Answer;
 use super::super::super::resources::processors;
-use super::super::super::{Answer, print_result};
 use super::super::table_of;
 use super::Arguments;
 use adjsplat::error::Result;
@@ -47,7 +47,5 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         y: Side::linear("of full scale"),
         series,
     };
-    arguments.output.write(&report, &plot)?;
-    print_result(report.table(&[]).trim_end());
-    Ok(Answer::Yes)
+    arguments.output.finish(&report, &plot, &[])
 }

@@ -1,7 +1,7 @@
 //! `--model`: the error in three parts.
 
+use super::super::super::Answer;
 use super::super::super::resources::processors;
-use super::super::super::{Answer, print_result};
 use super::super::table_of;
 use super::{Arguments, bounds};
 use adjsplat::error::Result;
@@ -56,7 +56,5 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         y: Side::linear("PSNR, dB"),
         series,
     };
-    arguments.output.write(&report, &plot)?;
-    print_result(report.table(&["set", "view", "part", "quality", "psnr", "ssim", "max_abs"]).trim_end());
-    Ok(Answer::Yes)
+    arguments.output.finish(&report, &plot, &["set", "view", "part", "quality", "psnr", "ssim", "max_abs"])
 }
