@@ -63,7 +63,8 @@ fn another_program_maps_a_file_and_draws_it_on_two_threads_at_once() {
     folder.adj(&format!("build {PHANTOM} --lanes x -o a.adj")).done();
     let model = Model::open(folder.file("a.adj")).expect("a sound file");
     let settings = Settings { threads: 1, ..Settings::new([80, 60]) };
-    let draw = |model: &Model, azimuth: f64| model.render(&Camera::orbit(azimuth, 20.0), &settings).expect("a sound view");
+    let draw =
+        |model: &Model, azimuth: f64| model.render(&Camera::orbit(azimuth, 20.0), &settings).expect("a sound view");
     let alone = [10.0, 100.0].map(|azimuth| draw(&Model::open(folder.file("a.adj")).expect("a sound file"), azimuth));
     // Both threads need a lane that is not stored, and derive it at the same time.
     let threads = [10.0, 100.0].map(|azimuth| {

@@ -130,7 +130,7 @@ fn what_cannot_be_done_is_refused() {
     refused(&folder, "a.adj -o b.adj --iso 9", &["gradient magnitudes"]);
     refused(&folder, "a.adj -o b.adj --range 99..", &["nothing is left", "20 visible voxels"]);
     refused(&folder, "a.adj -o b.adj --crop 0..0,0..0,0..0", &["nothing is left"]);
-    refused(&folder, "a.adj -o b.adj --crop 4..,..,..", &["--crop", "inside the grid"]);
+    refused(&folder, "a.adj -o b.adj --crop 4..,..,..", &["--crop", "of the 4 x 3 x 2 grid"]);
     refused(&folder, "a.adj -o b.adj --crop 2..1,..,..", &["--crop"]);
     refused(&folder, "a.adj -o b.adj --keep-grid", &["--crop", "see adj trim --help"]);
     refused(&folder, "a.adj -o b.adj --drop values", &["'values'", "normals, magnitudes"]);

@@ -656,7 +656,7 @@ fn labels_keep_their_codes_or_say_which_bits_would_do() {
     assert_eq!(labels(141.0, 8, SampleType::U8).unwrap().encode(141.0), 140);
     assert_eq!(labels(256.0, 8, SampleType::U16).unwrap().largest_code(), 255);
     let error = labels(257.0, 8, SampleType::U16).unwrap_err().to_string();
-    assert!(error.contains("use --value-bits 16"), "{error}");
+    assert!(error.contains("use 16-bit values"), "{error}");
     assert!(labels(257.0, 16, SampleType::U16).is_ok());
     let error = labels(70_000.0, 16, SampleType::U32).unwrap_err().to_string();
     assert!(error.contains("renumber"), "{error}");

@@ -77,7 +77,10 @@ fn another_transfer_function_says_what_is_missing() {
     assert!(missing[0][0] <= 0.0 && (49.0..=50.0).contains(&missing[0][1]), "{missing:?}");
     let narrower = TransferFunction::range(100.0, f64::INFINITY).unwrap();
     assert!(model.missing_values(&narrower).unwrap().is_empty());
-    assert_eq!(model.with_transfer(narrower.clone()).unwrap().transfer().opacity(120.0, 0.0), narrower.opacity(120.0, 0.0));
+    assert_eq!(
+        model.with_transfer(narrower.clone()).unwrap().transfer().opacity(120.0, 0.0),
+        narrower.opacity(120.0, 0.0)
+    );
 }
 
 #[test]

@@ -221,7 +221,7 @@ fn too_little_video_memory_is_a_clear_error() {
     for vram in [0, 1, 1 << 20, 4 << 20] {
         match renderer(opened, &built, vram).render(&orbit(&built, 0.0, 0.0, None, size), &Settings::new(size)) {
             Err(Error::Limit { what, need, have }) => {
-                assert!(what.contains("--vram") && need > have && have == vram, "{what}: {need}, {have}");
+                assert!(what.contains("video memory") && need > have && have == vram, "{what}: {need}, {have}");
             }
             other => panic!("{vram} bytes: {other:?}"),
         }

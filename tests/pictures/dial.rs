@@ -72,7 +72,7 @@ fn a_bound_that_is_no_bound_is_refused_and_a_stop_is_a_stop() {
     let settings = Settings::new([40, 40]);
     for bound in [-0.1, f64::NAN, f64::INFINITY] {
         let refused = dial::choose(&scene(&built), &view, &settings, bound, || true).unwrap_err();
-        assert!(refused.to_string().contains("--max-error"), "{refused}");
+        assert!(refused.to_string().contains("largest error"), "{refused}");
     }
     assert!(dial::choose(&scene(&built), &[], &settings, 0.1, || true).is_err());
     let stopped = dial::choose(&scene(&built), &view, &settings, 0.1, || false).unwrap_err();

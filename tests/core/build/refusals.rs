@@ -41,7 +41,7 @@ fn nothing_visible_says_the_range_of_the_samples_and_what_to_try() {
             assert!(line.starts_with("nothing is visible"), "{line}");
             assert!(line.contains(&format!("from {low} to {high}")), "{}: {line}", sample_type.name());
             // What it says to try works.
-            let tried = line.split("--range ").nth(1).expect("it says what to try");
+            let tried = line.split("the range ").nth(1).expect("it says what to try");
             let (from, to) = tried.split_once("..").expect("a range");
             let tried = range(from.parse().expect("a number"), to.parse().expect("a number"));
             assert!(build(&mut volume.clone(), &options(tried), &mut Unobserved).is_ok(), "{line}");
@@ -98,7 +98,7 @@ fn label_maps_that_codes_cannot_hold_are_refused_with_the_way_out() {
     let labels = || TransferFunction::preset("labels").expect("a preset");
     let many = Dense::new([20, 20, 2], SampleType::U16, [1.0; 3], |[x, y, _]| f64::from(1 + x + 20 * y));
     let line = refused(&many, &options(labels()));
-    assert!(line.contains("--value-bits 16"), "{line}");
+    assert!(line.contains("16-bit values"), "{line}");
     assert!(build(&mut many.clone(), &BuildOptions { value_bits: 16, ..options(labels()) }, &mut Unobserved).is_ok());
     let line = refused(&rough(SampleType::F32), &options(labels()));
     assert!(line.contains("whole numbers"), "{line}");

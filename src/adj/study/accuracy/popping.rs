@@ -1,30 +1,21 @@
-//! What pictures jump by where the order switches: table and rows.
+//! `--popping`: how much pictures jump where the order of voxels switches.
 
-use super::super::super::{Answer, print_result};
+use super::super::super::Answer;
+use super::super::super::resources::processors;
+use super::super::table_of;
 use super::Arguments;
 use adjsplat::error::Result;
 use adjsplat::splat::Quality;
 use adjsplat_study::accuracy::Candidate;
 use adjsplat_study::accuracy::popping::{STEPS, measure};
-use adjsplat_study::report::Report;
 use adjsplat_study::report::plot::{Plot, Series, Side};
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let presets = [Candidate::preset(Quality::Standard, 8), Candidate::preset(Quality::High, 16)];
-    let threads = arguments.threads()?;
-    let mut report = Report::new(&[
-        "set",
-        "azimuth",
-        "across",
-        "step_degrees",
-        "drawer",
-        "max_abs",
-        "rms",
-        "sorted_max_abs",
-        "sorted_rms",
-        "popping_max_abs",
-        "popping_rms",
-    ]);
+    let threads = processors();
+    let mut report = table_of(
+        "set azimuth across step_degrees drawer max_abs rms sorted_max_abs sorted_rms popping_max_abs popping_rms",
+    );
     let mut series: Vec<Series> = Vec::new();
     let mut names = Vec::new();
     arguments.each_judged(&arguments.sets, false, |set, go_on| {
@@ -56,7 +47,5 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         y: Side::linear("of full scale"),
         series,
     };
-    arguments.output.write(&report, &plot)?;
-    print_result(report.table(&[]).trim_end());
-    Ok(Answer::Yes)
+    arguments.output.finish(&report, &plot, &[])
 }

@@ -123,7 +123,7 @@ pub fn open(name: Option<&str>) -> Result<Opened> {
     let wanted = name.map(str::to_owned).or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok());
     let adapters = ranked();
     if adapters.is_empty() {
-        let why = "there is none; install a driver (Vulkan, Metal or DX12), or take --renderer cpu";
+        let why = "there is none; install a driver (Vulkan, Metal or DX12), or draw on the processor";
         return Err(Error::device(why));
     }
     let facts: Vec<AdapterFacts> = adapters.iter().map(AdapterFacts::new).collect();

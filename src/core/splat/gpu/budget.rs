@@ -78,7 +78,7 @@ impl Plan {
         let all_rows = rows.div_ceil(TILE.into());
         let least = base + LEAST_LANE + chunk(LEAST_SLOTS) + sum(window(1, LEAST_SLOTS));
         let Some(free) = ceiling.checked_sub(base).filter(|_| least <= ceiling) else {
-            let what = "video memory in bytes (give more --vram, or a smaller --size)".into();
+            let what = "video memory in bytes (give more video memory, or draw a smaller picture)".into();
             return Err(Error::Limit { what, need: least, have: ceiling });
         };
         // A third each for chunks and pixels where that is enough; the rest is the lanes'.

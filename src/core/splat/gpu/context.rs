@@ -57,7 +57,7 @@ impl Context {
         match fault {
             None => done,
             Some(wgpu::Error::OutOfMemory { .. }) => {
-                Err(Error::device("is out of memory; give it less with --vram, or close what else uses it"))
+                Err(Error::device("is out of memory; give it less video memory, or close what else uses it"))
             }
             Some(fault) => Err(Error::device(one_line(&fault.to_string()))),
         }

@@ -164,13 +164,13 @@ impl Load {
     /// What of a single slice is too much.
     fn refusal(self, room: Room) -> Error {
         let (what, need, have) = if self.bytes > room.bytes {
-            ("video memory in bytes for the tiles of one slice (give more --vram)", self.bytes, room.bytes)
+            ("video memory in bytes for the tiles of one slice (give more video memory)", self.bytes, room.bytes)
         } else if self.records > room.records {
-            ("records of one slice in a device's largest binding (take --renderer cpu)", self.records, room.records)
+            ("records of one slice in a device's largest binding (draw on the processor)", self.records, room.records)
         } else if self.lines > room.lines {
-            ("lines of one slice in a device's largest binding (take --renderer cpu)", self.lines, room.lines)
+            ("lines of one slice in a device's largest binding (draw on the processor)", self.lines, room.lines)
         } else {
-            ("tiles of one slice in a device's largest binding (take --renderer cpu)", self.tiles, room.tiles)
+            ("tiles of one slice in a device's largest binding (draw on the processor)", self.tiles, room.tiles)
         };
         Error::Limit { what: what.into(), need, have }
     }

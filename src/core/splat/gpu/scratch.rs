@@ -56,7 +56,7 @@ impl Scratch {
         let [width, height] = size;
         let have = context.limits.max_texture_dimension_2d;
         if width.max(height) > have {
-            let what = "a side of the picture in pixels for --compositor quads (take tiles)".into();
+            let what = "a side of the picture in pixels for quads (take tiles)".into();
             return Err(Error::Limit { what, need: width.max(height).into(), have: have.into() });
         }
         if let Some(target) = &self.target

@@ -1,15 +1,15 @@
-//! Room: how rendering within `--memory` divides it.
+//! How rendering divides the memory that `--memory` allows.
 //!
-//! In: the ceiling, the file, the picture. Out: how many threads there is room for, how many of the file's pages may be
-//! resident, and how large lanes may be that are derived. The picture depends on none of them.
+//! In: the limit, the file, the picture. Out: the number of threads, how much of the file may be resident, and how large
+//! derived lanes may be. The picture depends on none of them.
 //!
 //! ```text
-//! memory = program + frame, bands, tables, lists + pictures + lanes that are derived + pages in flight + the map's pages
+//! memory = program + frame, bands, tables, lists + pictures + derived lanes + pages in flight + the file's pages
 //! ```
 
 use indicatif::HumanBytes;
 
-use super::picture::{Depth, PictureKind};
+use super::picture::{PictureKind, SampleDepth};
 use super::resources::resident_bytes;
 use adjsplat::arena::pager::IN_FLIGHT;
 use adjsplat::arena::{Arena, Lane, LaneSet};
@@ -20,41 +20,41 @@ use adjsplat::splat::{Blending, Camera, Lanes, Sampling, Settings};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::Axis;
 
-/// What the program takes before it draws: code, stacks, the allocator's slack. Measured: 7 to 10 MiB.
+/// Memory that the program takes before it draws: code, stacks, the allocator's slack. Measured: 7 to 10 MiB.
 const BASE: u64 = 14 << 20;
-/// What it may still take beyond what it has.
+/// Memory that the program may take beyond what it has.
 const GROWTH: u64 = 6 << 20;
-/// What the program may take beside what it took in another run: how much of its code a system maps at once differs.
+/// How much more memory another run may take, as systems map more or less of the code at once.
 const BETWEEN_RUNS: u64 = 2 << 20;
-/// Fewest bytes of resident pages to work with: below, it faults more than it draws.
+/// Fewest bytes of resident pages: with fewer, page faults take longer than drawing.
 const LEAST_RESIDENT: u64 = 4 << 20;
-/// Bytes that deriving a lane takes for each byte of the lane along x: its own, the other side of growing them, a strip.
+/// Bytes needed to derive a lane for each byte of the lane along x: the lane, its copy while it grows, a strip.
 const DERIVING: u64 = 3;
 
-/// A share for everyone.
+/// Shares of the memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Room {
+pub(super) struct MemoryShares {
     pub(super) threads: usize,
-    /// Bytes of the map's pages.
+    /// Bytes of the file that may be resident.
     pub(super) resident: u64,
-    /// Bytes of lanes that are derived.
+    /// Bytes of derived lanes.
     pub(super) derived: u64,
 }
 
-impl Room {
-    /// Divides `memory` for pictures by `settings` with any of `samplings` in the place of its own.
+impl MemoryShares {
+    /// Divides `memory` for pictures with `settings` and any of `samplings`.
     ///
     /// # Errors
-    /// [`Error::Input`] if even one thread does not fit, with what would.
+    /// [`Error::Input`] if not even one thread fits; it says how much memory is enough.
     pub(super) fn divide(
         memory: u64,
         arena: &Arena,
         settings: &Settings,
         samplings: &[Sampling],
         kind: PictureKind,
-        depth: Depth,
+        depth: SampleDepth,
         cameras: &[Camera],
-    ) -> Result<Room> {
+    ) -> Result<MemoryShares> {
         let frames = u32::try_from(cameras.len()).expect("frames are counted in 32 bits");
         let dims = arena.facts().grid.dims;
         let grid = &arena.facts().grid;
@@ -101,23 +101,23 @@ impl Room {
         let x = arena.lane(Axis::X).map_or(0, |lane| lane.bytes());
         let derived = x.saturating_mul(DERIVING).saturating_mul(missing);
         let derived = if derived.saturating_add(LEAST_RESIDENT) <= left { derived } else { 0 };
-        Ok(Room { threads, resident: left - derived, derived })
+        Ok(MemoryShares { threads, resident: left - derived, derived })
     }
 }
 
-/// What of `memory` the pages of a file may have that one thread reads and that nothing is made from.
+/// Returns how much of `memory` the file's pages may take while one thread only reads it.
 pub(super) fn memory_of_pages(memory: u64) -> u64 {
     memory.saturating_sub(BASE.max(resident_bytes().unwrap_or(0)) + GROWTH + IN_FLIGHT).max(LEAST_RESIDENT)
 }
 
-/// The lanes of a file, of which missing ones are derived only where there is room.
-pub(super) struct RoomyLanes<'a> {
+/// The lanes of a file; missing ones are derived if memory allows.
+pub(super) struct BoundedLanes<'a> {
     pub(super) lanes: LaneSet<'a>,
-    /// The ceiling, if there is one.
+    /// `--memory`, if it is given.
     pub(super) memory: Option<u64>,
 }
 
-impl Lanes for RoomyLanes<'_> {
+impl Lanes for BoundedLanes<'_> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
         self.lanes.lane(axis).map_err(|error| match (error, self.memory) {
             (Error::Limit { need, .. }, Some(memory)) => {
