@@ -35,7 +35,7 @@ use adjsplat::splat::{
 use adjsplat::traverse::{SplitForm, Viewpoint, VoxelBox};
 use adjsplat::volume::Grid;
 use adjsplat_judge::hidden::CLEARANCE;
-use adjsplat_judge::reference::splat::Judge;
+use adjsplat_judge::reference::Judge;
 
 /// Render an .adj file, or directly a volume, to a picture or a turntable.
 #[derive(Debug, Args)]

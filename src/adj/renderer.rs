@@ -16,8 +16,8 @@ use adjsplat::splat::finer::Finer;
 use adjsplat::splat::{Blending, Camera, Frame, Scene, Settings, View, cpu};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::Grid;
-use adjsplat_judge::reference::splat as judge;
-use adjsplat_judge::reference::splat::{Judge, Settings as JudgeSettings};
+
+use adjsplat_judge::reference::{Judge, JudgeSettings};
 
 /// What draws.
 #[derive(Debug, Args)]
@@ -219,20 +219,16 @@ pub(super) fn finely<T>(
 /// A frame by the judge: of the kernel asked for the sigma, else that of reference quality whatever the quality.
 fn judged(judge: &Judge, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
     let start = Instant::now();
-    let blending = match settings.blending {
-        Blending::Exponential => judge::Blending::Exponential,
-        Blending::Linear => judge::Blending::Linear,
-        Blending::Sheets => {
-            let why = "sheets have no reference: what they differ by from exponential is their error";
-            return Err(Error::input("--blending", why));
-        }
-    };
+    if settings.blending == Blending::Sheets {
+        let why = "sheets have no reference: what they differ by from exponential is their error";
+        return Err(Error::input("--blending", why));
+    }
     let draw = |settings: &Settings| {
         let usual = JudgeSettings::new(settings.size);
         let judge_settings = JudgeSettings {
             sigma: settings.kernel.map_or(usual.sigma, |kernel| kernel.sigma.into()),
             mode: settings.mode,
-            blending,
+            blending: settings.blending,
             lighting: settings.lighting,
             exposure: settings.exposure.map(f64::from),
             near: settings.near,

@@ -26,6 +26,6 @@ pub mod subject;
 pub mod trace;
 pub mod walks;
 
-pub use baselines::{Built, Method, Receiver, Walker};
+pub use baselines::{BuiltMethod, Method, Receiver, Walker};
 pub use subject::Subject;
 pub use trace::{Trace, Untraced};

@@ -4,7 +4,7 @@
 
 use super::baselines::{Normal, Receiver, Viewing, Walker, placed};
 use super::subject::Subject;
-use super::trace::{Array, Trace};
+use super::trace::{Trace, WalkerArray};
 use adjsplat::arena::{Lane, LineEnds};
 use adjsplat::error::Result;
 use adjsplat::traverse::{Batch, walk};
@@ -51,10 +51,10 @@ impl Walker for Adjsplat<'_> {
         "adjsplat"
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         let lanes = Axis::ALL.map(|axis| bytes(&self.subject.lane(axis)));
         let arrays = NAMES.iter().flatten().zip(lanes.into_iter().flatten());
-        arrays.map(|(name, bytes)| Array { name, bytes, scratch: false }).collect()
+        arrays.map(|(name, bytes)| WalkerArray { name, bytes, scratch: false }).collect()
     }
 
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, _trace: &mut T) {

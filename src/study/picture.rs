@@ -4,7 +4,7 @@
 //! the same bits, whoever hands them over, and those of [`render`](adjsplat::splat::cpu::render) where the order is the
 //! renderer's.
 
-use super::baselines::{Built, Normal, Receiver as _, Viewing, Walker as _};
+use super::baselines::{BuiltMethod, Normal, Receiver as _, Viewing, Walker as _};
 use super::subject::{Subject, VisibleVoxel};
 use super::trace::Untraced;
 use adjsplat::error::Result;
@@ -48,13 +48,13 @@ pub fn of_method(
     subject: &Subject,
     camera: &Camera,
     settings: &Settings,
-    built: &mut Built,
+    built: &mut BuiltMethod,
     drawing: bool,
 ) -> Result<Frame> {
     let viewing = viewing(subject, camera, settings)?;
     let (frame, _) = splatter::splat(&scene(subject), camera, settings, drawing, |splatter| {
         match built {
-            Built::Adjsplat(_) => {
+            BuiltMethod::Adjsplat(_) => {
                 walk(&subject.lane(viewing.order.fast), &viewing.order, &mut |batch: &Batch| splatter.batch(batch));
             }
             _ => built.walk(&viewing, splatter, &mut Untraced),

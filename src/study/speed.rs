@@ -11,9 +11,9 @@ use std::time::Instant;
 
 use xxhash_rust::xxh3::Xxh3;
 
-use super::baselines::{Built, Method, Viewing, Walker as _};
+use super::baselines::{BuiltMethod, Method, Viewing, Walker as _};
 use super::picture;
-use super::receive::{Places, Sum};
+use super::receive::{CoordinateSum, VoxelSum};
 use super::subject::Subject;
 use super::trace::Untraced;
 use adjsplat::error::{Error, Result};
@@ -137,7 +137,7 @@ impl TurnedView {
         Ok(TurnedView { settings, camera, viewing })
     }
 
-    fn undrawn(&self, subject: &Subject, built: &mut Built) -> Result<Undrawn> {
+    fn undrawn(&self, subject: &Subject, built: &mut BuiltMethod) -> Result<Undrawn> {
         let start = Instant::now();
         let sum = black_box(summed(subject, built, &self.viewing));
         let walk = start.elapsed().as_secs_f64();
@@ -148,10 +148,10 @@ impl TurnedView {
     }
 
     /// The picture, and seconds.
-    fn drawn(&self, subject: &Subject, built: &mut Built) -> Result<(Frame, f64)> {
+    fn drawn(&self, subject: &Subject, built: &mut BuiltMethod) -> Result<(Frame, f64)> {
         let start = Instant::now();
         let picture = match built {
-            Built::Adjsplat(_) => cpu::render(&picture::scene(subject), &self.camera, &self.settings)?.0,
+            BuiltMethod::Adjsplat(_) => cpu::render(&picture::scene(subject), &self.camera, &self.settings)?.0,
             _ => picture::of_method(subject, &self.camera, &self.settings, built, true)?,
         };
         Ok((picture, start.elapsed().as_secs_f64()))
@@ -159,10 +159,10 @@ impl TurnedView {
 }
 
 /// As [`summed`], but for coordinates alone.
-pub fn summed_places(subject: &Subject, built: &mut Built, viewing: &Viewing) -> Places {
-    let mut sum = Places::default();
+pub fn summed_coordinates(subject: &Subject, built: &mut BuiltMethod, viewing: &Viewing) -> CoordinateSum {
+    let mut sum = CoordinateSum::default();
     match built {
-        Built::Adjsplat(_) => {
+        BuiltMethod::Adjsplat(_) => {
             walk(&subject.lane(viewing.order.fast), &viewing.order, &mut |batch: &Batch| sum.add(batch));
         }
         _ => built.walk(viewing, &mut sum, &mut Untraced),
@@ -171,10 +171,10 @@ pub fn summed_places(subject: &Subject, built: &mut Built, viewing: &Viewing) ->
 }
 
 /// Walks and adds up; our own walk hands over batches, as it does to a renderer.
-pub fn summed(subject: &Subject, built: &mut Built, viewing: &Viewing) -> Sum {
-    let mut sum = Sum::default();
+pub fn summed(subject: &Subject, built: &mut BuiltMethod, viewing: &Viewing) -> VoxelSum {
+    let mut sum = VoxelSum::default();
     match built {
-        Built::Adjsplat(_) => {
+        BuiltMethod::Adjsplat(_) => {
             let lane = subject.lane(viewing.order.fast);
             let shaded = lane.channels.normal_bits > 0;
             walk(&lane, &viewing.order, &mut |batch: &Batch| sum.add(&lane, batch, shaded));

@@ -24,7 +24,7 @@ impl Trace for Untraced {
 
 /// One allocation of a walker.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Array {
+pub struct WalkerArray {
     /// What it holds.
     pub name: &'static str,
     /// Bytes that are allocated, used or not.
@@ -33,14 +33,14 @@ pub struct Array {
     pub scratch: bool,
 }
 
-impl Array {
+impl WalkerArray {
     /// An array that holds the structure: all that `elements` has allocated.
-    pub fn of<T>(name: &'static str, elements: &Vec<T>) -> Array {
-        Array { name, bytes: (elements.capacity() * size_of::<T>()) as u64, scratch: false }
+    pub fn of<T>(name: &'static str, elements: &Vec<T>) -> WalkerArray {
+        WalkerArray { name, bytes: (elements.capacity() * size_of::<T>()) as u64, scratch: false }
     }
 
     /// The same, of an array that holds nothing between frames.
-    pub fn scratch<T>(name: &'static str, elements: &Vec<T>) -> Array {
-        Array { scratch: true, ..Array::of(name, elements) }
+    pub fn scratch<T>(name: &'static str, elements: &Vec<T>) -> WalkerArray {
+        WalkerArray { scratch: true, ..WalkerArray::of(name, elements) }
     }
 }

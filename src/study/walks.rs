@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::baselines::{Method, Viewing};
-use super::speed::{summed, summed_places};
+use super::speed::{summed, summed_coordinates};
 use super::subject::Subject;
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::Order;
@@ -86,7 +86,7 @@ pub fn measure(
                 let start = Instant::now();
                 match reading {
                     Reading::Everything => _ = black_box(summed(subject, built, &viewing)),
-                    Reading::Coordinates => _ = black_box(summed_places(subject, built, &viewing)),
+                    Reading::Coordinates => _ = black_box(summed_coordinates(subject, built, &viewing)),
                 }
                 *fastest = fastest.min(start.elapsed().as_secs_f64());
             }

@@ -16,15 +16,15 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 use adjsplat::traverse::Order;
 use adjsplat_study::Subject;
-use adjsplat_study::baselines::{Built, Method, Receiver, Viewing, Walker};
+use adjsplat_study::baselines::{BuiltMethod, Method, Receiver, Viewing, Walker};
 use adjsplat_study::cache::counters;
-use adjsplat_study::cache::{Figures, Geometry, TraceWriter, measure};
+use adjsplat_study::cache::{CacheFigures, Geometry, TraceWriter, measure};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
-use adjsplat_study::receive::Sum;
-use adjsplat_study::report::plot::{Plot, Series, Side};
-use adjsplat_study::report::{Cell, Report};
+use adjsplat_study::receive::VoxelSum;
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
+use adjsplat_study::report::{Report, ReportCell};
 use adjsplat_study::speed::summed;
-use adjsplat_study::trace::{Array, Trace};
+use adjsplat_study::trace::{Trace, WalkerArray};
 
 /// Count cache misses of every walk in a model that is the same on every machine.
 #[derive(Debug, Args)]
@@ -95,7 +95,7 @@ struct Measured<'a> {
 
 enum Structure<'a> {
     Own(OwnWalk<'a>),
-    Other(Built<'a>),
+    Other(BuiltMethod<'a>),
 }
 
 impl Walker for Structure<'_> {
@@ -106,7 +106,7 @@ impl Walker for Structure<'_> {
         }
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         match self {
             Structure::Own(walker) => walker.arrays(),
             Structure::Other(walker) => walker.arrays(),
@@ -184,7 +184,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
                 write_atomically_unless(&interrupted, path, |out| {
                     let mut out = BufWriter::new(out);
                     let mut writer = TraceWriter::new(&mut out, &measured.walker.arrays())?;
-                    measured.walker.walk(&viewing, &mut Sum::default(), &mut writer);
+                    measured.walker.walk(&viewing, &mut VoxelSum::default(), &mut writer);
                     writer.finish()?;
                     std::io::Write::flush(&mut out)
                 })?;
@@ -256,7 +256,7 @@ fn study(subject: &Subject, wanted: &Wanted, measured: &mut Measured, found: &mu
             return Err(Error::Interrupted);
         }
     }
-    let first_misses = |figures: &Figures| figures.levels.first().map_or(figures.touches, |level| level.all);
+    let first_misses = |figures: &CacheFigures| figures.levels.first().map_or(figures.touches, |level| level.all);
     let worst = (0..of_orders.len()).max_by_key(|&index| first_misses(&of_orders[index].1)).unwrap_or(0);
     let (with_reuse, _) = measure(&mut measured.walker, &Viewing::along(wanted.orders[worst]), &wanted.geometry, true);
     of_orders[worst].1 = with_reuse;
@@ -331,7 +331,7 @@ struct Found {
 struct SumOfOrders {
     set: String,
     layout: String,
-    channels: Cell,
+    channels: ReportCell,
     level: usize,
     visible: f64,
     compulsory: Vec<f64>,
@@ -387,11 +387,11 @@ impl Found {
         }
     }
 
-    fn add(&mut self, subject: &Subject, measured: &Measured, of_orders: &[(String, Figures)], worst: usize) {
+    fn add(&mut self, subject: &Subject, measured: &Measured, of_orders: &[(String, CacheFigures)], worst: usize) {
         let visible = subject.voxels.len().max(1) as f64;
-        let channels: Cell = measured.codes.map(CodesRead::name).into();
+        let channels: ReportCell = measured.codes.map(CodesRead::name).into();
         for (index, level) in self.levels.iter().enumerate() {
-            let of_level = |of: fn(&Figures, usize) -> f64| -> Vec<f64> {
+            let of_level = |of: fn(&CacheFigures, usize) -> f64| -> Vec<f64> {
                 of_orders.iter().map(|(_, figures)| of(figures, index)).collect()
             };
             let misses = of_level(|figures, level| figures.levels[level].all as f64);
@@ -403,12 +403,12 @@ impl Found {
                 level: index,
                 visible,
                 compulsory: of_level(|figures, _| figures.compulsory_lines() as f64),
-                overfetch: of_level(Figures::overfetch),
+                overfetch: of_level(CacheFigures::overfetch),
                 misses,
                 worst_order: of_orders[most].0.clone(),
             });
             for (order, figures) in of_orders {
-                let Figures { accesses, pages, large_pages, .. } = *figures;
+                let CacheFigures { accesses, pages, large_pages, .. } = *figures;
                 let level_misses = figures.levels[index];
                 let split = |count: u64| figures.reuse.as_ref().map(|_| count);
                 let compulsory = figures.compulsory_lines() as f64;
@@ -517,14 +517,14 @@ impl Found {
         let average = |numbers: &[f64]| numbers.iter().sum::<f64>() / numbers.len().max(1) as f64;
         let misses = |sum: &SumOfOrders| average(&sum.misses) / sum.visible;
         let least = |sum: &SumOfOrders| average(&sum.compulsory) / sum.visible;
-        let mut series: Vec<Series> = (0..self.levels.len())
-            .map(|level| Series::solid(self.levels[level].clone(), mean(&misses, level)))
+        let mut series: Vec<PlotSeries> = (0..self.levels.len())
+            .map(|level| PlotSeries::solid(self.levels[level].clone(), mean(&misses, level)))
             .collect();
-        series.push(Series::dashed("compulsory", mean(&least, 0)));
+        series.push(PlotSeries::dashed("compulsory", mean(&least, 0)));
         Plot {
             title: "Cache misses: mean over orders".into(),
-            x: Side::named("", names.into_iter().map(str::to_owned).collect()),
-            y: Side::logarithmic("misses a visible voxel"),
+            x: PlotAxis::named("", names.into_iter().map(str::to_owned).collect()),
+            y: PlotAxis::logarithmic("misses a visible voxel"),
             series,
         }
     }
@@ -535,12 +535,12 @@ impl Found {
         let series = self.curves.iter().map(|(set, name, ratios)| {
             let name = if several { format!("{name}, {set}") } else { name.clone() };
             let points = ratios.iter().enumerate().map(|(power, &ratio)| [(1u64 << power) as f64, ratio]);
-            Series::solid(name, points.collect())
+            PlotSeries::solid(name, points.collect())
         });
         Plot {
             title: "Miss ratio of fully associative caches".into(),
-            x: Side::logarithmic("lines"),
-            y: Side::logarithmic("misses a touch"),
+            x: PlotAxis::logarithmic("lines"),
+            y: PlotAxis::logarithmic("misses a touch"),
             series: series.collect(),
         }
     }

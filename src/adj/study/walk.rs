@@ -9,7 +9,7 @@ use super::{choose, each_set};
 use adjsplat::error::{Error, Result};
 use adjsplat_study::baselines::Method;
 use adjsplat_study::report::Report;
-use adjsplat_study::report::plot::{Plot, Series, Side};
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 use adjsplat_study::walks;
 use adjsplat_study::walks::{Reading, Walks};
 
@@ -43,7 +43,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut report =
         Report::new(&["set", "method", "visible_voxels", "ns_geometric_mean", "ns_median", "ns_worst", "times_ours"]);
     let mut names = Vec::new();
-    let mut series: Vec<Series> = methods.iter().map(|method| Series::solid(method.name(), Vec::new())).collect();
+    let mut series: Vec<PlotSeries> =
+        methods.iter().map(|method| PlotSeries::solid(method.name(), Vec::new())).collect();
     let reading = if arguments.read == "coordinates" { Reading::Coordinates } else { Reading::Everything };
     let stride = if arguments.sets.quick { 7 } else { 1 };
     each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
@@ -66,8 +67,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     })?;
     let plot = Plot {
         title: "Walking: geometric mean over the orders".into(),
-        x: Side::named("", names),
-        y: Side::logarithmic("nanoseconds a visible voxel"),
+        x: PlotAxis::named("", names),
+        y: PlotAxis::logarithmic("nanoseconds a visible voxel"),
         series,
     };
     arguments.output.write(&report, &plot)?;

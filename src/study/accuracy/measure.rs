@@ -5,13 +5,12 @@ use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::time::Instant;
 
-use super::Judged;
+use super::JudgedSet;
 use super::candidate::{Candidate, Drawer};
 use super::front::front;
 use super::truth::truth;
 use super::view::JudgedView;
-use crate::baselines::Built;
-use crate::baselines::octree::Octree;
+use crate::baselines::{BuiltMethod, Octree};
 use crate::picture;
 use adjsplat::error::{Error, Result};
 use adjsplat::parallel::in_order;
@@ -76,7 +75,7 @@ pub fn mark_front(outcomes: &mut [Outcome]) {
 /// # Errors
 /// As drawing; [`Error::Interrupted`] if `go_on` says so.
 pub fn measure(
-    set: &Judged,
+    set: &JudgedSet,
     views: &[JudgedView],
     candidates: &[Candidate],
     effort: Effort,
@@ -84,11 +83,11 @@ pub fn measure(
 ) -> Result<Vec<Outcome>> {
     let octree = match set.subject {
         Some(subject) if candidates.iter().any(|candidate| matches!(candidate.drawer, Drawer::Octree(_))) => {
-            Some(Mutex::new(Built::Octree(Octree::new(subject, 0.0)?)))
+            Some(Mutex::new(BuiltMethod::Octree(Octree::new(subject, 0.0)?)))
         }
         _ => None,
     };
-    let artist = Artist { set, octree };
+    let renderer = CandidateRenderer { set, octree };
     let total = (candidates.len() * views.len()) as u64 * 2;
     let mut done = 0;
     let mut step = |steps: usize| {
@@ -99,12 +98,12 @@ pub fn measure(
     for (index, view) in views.iter().enumerate() {
         let truth = truth(set.judge, view, effort.threads)?;
         step(0)?;
-        let found = artist.errors(view, candidates, &truth, effort.threads)?;
+        let found = renderer.errors(view, candidates, &truth, effort.threads)?;
         step(candidates.len())?;
         let mut fastest = vec![None::<f64>; candidates.len()];
         for round in 0..effort.repetitions {
             for (candidate, fastest) in candidates.iter().zip(&mut fastest) {
-                let seconds = artist.timed(view, candidate)?;
+                let seconds = renderer.timed(view, candidate)?;
                 *fastest = Some(fastest.map_or(seconds, |best| best.min(seconds)));
                 if round == 0 {
                     step(1)?;
@@ -148,13 +147,13 @@ fn over_all(views: &[JudgedView], candidates: usize, outcomes: &[Outcome]) -> Ve
 }
 
 /// Draws what candidates ask for.
-struct Artist<'a> {
-    set: &'a Judged<'a>,
+struct CandidateRenderer<'a> {
+    set: &'a JudgedSet<'a>,
     /// Its threshold is set for each picture.
-    octree: Option<Mutex<Built<'a>>>,
+    octree: Option<Mutex<BuiltMethod<'a>>>,
 }
 
-impl Artist<'_> {
+impl CandidateRenderer<'_> {
     /// How far each candidate's picture is from `truth`.
     fn errors(
         &self,
@@ -194,7 +193,7 @@ impl Artist<'_> {
         match (candidate.drawer, &self.octree, set.subject) {
             (Drawer::Octree(threshold), Some(octree), Some(subject)) => {
                 let mut built = octree.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-                if let Built::Octree(octree) = &mut *built {
+                if let BuiltMethod::Octree(octree) = &mut *built {
                     octree.set_threshold(threshold)?;
                 }
                 picture::of_method(subject, &view.camera, &settings, &mut built, true)

@@ -1,6 +1,6 @@
 //! Accuracy: what each knob of the renderer saves in time and costs in error.
 //!
-//! In: a [`Judged`] set, which is a volume's judge and files built from the same volume; views; candidate settings. Out: for
+//! In: a [`JudgedSet`] set, which is a volume's judge and files built from the same volume; views; candidate settings. Out: for
 //! every candidate its time and its distance from the judge's picture, and which candidates no other beats in both. Apart
 //! from that: what [popping] the order brings, and how the error falls in [three](model).
 //!
@@ -14,25 +14,30 @@
 //! fastest round counts.
 
 mod candidate;
+mod family;
 mod front;
 mod measure;
 pub mod model;
 pub mod popping;
+mod sweep;
 mod truth;
 mod view;
 
-pub use candidate::{Candidate, Drawer, Family, Nesting, candidates};
+pub use candidate::Candidate;
+use candidate::Drawer;
+pub use family::Family;
 pub use measure::{Effort, Outcome, mark_front, measure};
+pub use sweep::candidates;
 pub use view::{JudgedView, views};
 
 use super::subject::Subject;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Scene;
-use adjsplat_judge::reference::splat::Judge;
+use adjsplat_judge::reference::Judge;
 
 /// A file of a set.
 #[derive(Debug, Clone, Copy)]
-pub struct Stored<'a> {
+pub struct StoredFile<'a> {
     /// Bits of a value: 8 or 16.
     pub value_bits: u8,
     /// Bits of each component of a normal: 0 for none, 8 or 16.
@@ -43,18 +48,18 @@ pub struct Stored<'a> {
 
 /// A set under study.
 #[derive(Debug)]
-pub struct Judged<'a> {
+pub struct JudgedSet<'a> {
     /// What tables call it.
     pub name: &'a str,
     /// The judge of the volume.
     pub judge: &'a Judge,
     /// Files built from the volume, no two with the same channels.
-    pub files: Vec<Stored<'a>>,
+    pub files: Vec<StoredFile<'a>>,
     /// The file with 8-bit values and normals as other methods take it; without it no octree is drawn.
     pub subject: Option<&'a Subject<'a>>,
 }
 
-impl<'a> Judged<'a> {
+impl<'a> JudgedSet<'a> {
     /// The file with these channels.
     ///
     /// # Errors

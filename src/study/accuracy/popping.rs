@@ -10,15 +10,14 @@
 
 use std::ops::ControlFlow;
 
-use super::Judged;
+use super::JudgedSet;
 use super::candidate::Candidate;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View, cpu};
 use adjsplat::traverse;
 use adjsplat::traverse::{Sense, SplitForm};
 use adjsplat::volume::{Axis, Grid};
-use adjsplat_judge::reference::splat as judge;
-use adjsplat_judge::reference::splat::Order;
+use adjsplat_judge::reference::{JudgeSettings, SplatOrder};
 
 /// Degrees between frames.
 pub const STEPS: [f64; 2] = [0.5, 0.05];
@@ -31,7 +30,7 @@ const PIXELS: f64 = 1.25;
 
 /// How much neighbouring frames differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Change {
+pub struct FrameChange {
     /// Largest difference of a sample, of all pairs.
     pub largest: f64,
     /// Root mean square difference over the whole picture, empty pixels included, the highest of all pairs: renderers that
@@ -51,9 +50,9 @@ pub struct Popping {
     /// Who draws: a preset's name with the bits of its file, or the judge in nested order.
     pub drawer: String,
     /// Of its frames.
-    pub found: Change,
+    pub found: FrameChange,
     /// Of the judge with sorted splats.
-    pub sorted: Change,
+    pub sorted: FrameChange,
 }
 
 /// Measures the judge in nested order and `presets`; `go_on` is told what is done of how much, and may stop it.
@@ -63,7 +62,7 @@ pub struct Popping {
 /// # Errors
 /// As drawing; [`Error::Interrupted`] if `go_on` says so.
 pub fn measure(
-    set: &Judged,
+    set: &JudgedSet,
     presets: &[Candidate],
     threads: usize,
     mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
@@ -79,15 +78,15 @@ pub fn measure(
             let cameras = (0..FRAMES)
                 .map(|frame| turn.camera(azimuth + (f64::from(frame) - f64::from(FRAMES - 1) / 2.0) * step))
                 .collect::<Result<Vec<_>>>()?;
-            let judged = |order: Order| {
-                let settings = judge::Settings { order, threads, ..judge::Settings::new(turn.size) };
+            let judged = |order: SplatOrder| {
+                let settings = JudgeSettings { order, threads, ..JudgeSettings::new(turn.size) };
                 change(&cameras, |camera| set.judge.draw(camera, &settings)?.to_frame())
             };
-            let sorted = judged(Order::Sorted)?;
-            let mut push = |drawer: String, found: Change| {
+            let sorted = judged(SplatOrder::Sorted)?;
+            let mut push = |drawer: String, found: FrameChange| {
                 all.push(Popping { azimuth, across, step, drawer, found, sorted });
             };
-            push("judge, nested".to_owned(), judged(Order::Nested)?);
+            push("judge, nested".to_owned(), judged(SplatOrder::Nested)?);
             for candidate in presets {
                 let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
                 let found = change(&cameras, |camera| {
@@ -106,8 +105,8 @@ pub fn measure(
 }
 
 /// The change from each camera's frame to the next.
-fn change(cameras: &[Camera], draw: impl Fn(&Camera) -> Result<Frame>) -> Result<Change> {
-    let mut change = Change { largest: 0.0, rms: 0.0 };
+fn change(cameras: &[Camera], draw: impl Fn(&Camera) -> Result<Frame>) -> Result<FrameChange> {
+    let mut change = FrameChange { largest: 0.0, rms: 0.0 };
     let mut before: Option<Frame> = None;
     for camera in cameras {
         let frame = draw(camera)?;
@@ -117,7 +116,7 @@ fn change(cameras: &[Camera], draw: impl Fn(&Camera) -> Result<Frame>) -> Result
             let (largest, squares) =
                 apart.fold((0.0f64, 0.0), |(most, sum), apart| (most.max(apart), sum + apart * apart));
             let rms = (squares / frame.pixels().len() as f64).sqrt();
-            change = Change { largest: change.largest.max(largest), rms: change.rms.max(rms) };
+            change = FrameChange { largest: change.largest.max(largest), rms: change.rms.max(rms) };
         }
         before = Some(frame);
     }

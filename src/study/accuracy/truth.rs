@@ -9,8 +9,7 @@ use adjsplat::error::Result;
 use adjsplat::splat::kernel::{LOW_PASS, narrowest};
 use adjsplat::splat::view::PixelMap;
 use adjsplat::splat::{Frame, Quality, View};
-use adjsplat_judge::reference::splat::{Judge, Settings};
-use adjsplat_judge::reference::{Picture, splat};
+use adjsplat_judge::reference::{Judge, JudgeSettings, ReferencePicture};
 
 /// Finer pixels in one, along a side.
 const FINER: u32 = 4;
@@ -38,12 +37,12 @@ pub(super) fn truth(judge: &Judge, view: &JudgedView, threads: usize) -> Result<
     seen_through(&fine, view.size, f64::from(FINER) * added)
 }
 
-fn settings(size: [u32; 2], threads: usize) -> Settings {
-    splat::Settings { threads, ..splat::Settings::new(size) }
+fn settings(size: [u32; 2], threads: usize) -> JudgeSettings {
+    JudgeSettings { threads, ..JudgeSettings::new(size) }
 }
 
 /// `fine` at every [`FINER`]-th place, seen through a Gaussian of `sigma` of its pixels; nothing lies beyond its edge.
-fn seen_through(fine: &Picture, size: [u32; 2], sigma: f64) -> Result<Frame> {
+fn seen_through(fine: &ReferencePicture, size: [u32; 2], sigma: f64) -> Result<Frame> {
     let [columns, rows] = size.map(|side| side as usize);
     let [fine_columns, fine_rows] = fine.size().map(|side| side as usize);
     let taps = |at: usize, end: usize| taps(at, end, sigma);

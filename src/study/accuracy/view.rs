@@ -34,7 +34,7 @@ const LONGEST: u32 = 512;
 const FINE: f64 = 0.6;
 
 /// A view before its picture has a size.
-struct Plan {
+struct ViewPlan {
     name: &'static str,
     azimuth: f64,
     elevation: f64,
@@ -42,16 +42,16 @@ struct Plan {
     pixels: f64,
 }
 
-const PLANS: [Plan; 8] = [
-    Plan { name: "along an axis", azimuth: 0.0, elevation: 0.0, fov: None, pixels: PIXELS },
-    Plan { name: "oblique", azimuth: 33.0, elevation: 21.0, fov: None, pixels: PIXELS },
-    Plan { name: "nearly along an axis", azimuth: 187.0, elevation: 4.0, fov: None, pixels: PIXELS },
-    Plan { name: "diagonal", azimuth: -44.0, elevation: 35.0, fov: None, pixels: PIXELS },
-    Plan { name: "close", azimuth: 120.0, elevation: -28.0, fov: None, pixels: CLOSE },
-    Plan { name: "perspective", azimuth: 33.0, elevation: 21.0, fov: Some(30.0), pixels: PIXELS },
+const PLANS: [ViewPlan; 8] = [
+    ViewPlan { name: "along an axis", azimuth: 0.0, elevation: 0.0, fov: None, pixels: PIXELS },
+    ViewPlan { name: "oblique", azimuth: 33.0, elevation: 21.0, fov: None, pixels: PIXELS },
+    ViewPlan { name: "nearly along an axis", azimuth: 187.0, elevation: 4.0, fov: None, pixels: PIXELS },
+    ViewPlan { name: "diagonal", azimuth: -44.0, elevation: 35.0, fov: None, pixels: PIXELS },
+    ViewPlan { name: "close", azimuth: 120.0, elevation: -28.0, fov: None, pixels: CLOSE },
+    ViewPlan { name: "perspective", azimuth: 33.0, elevation: 21.0, fov: Some(30.0), pixels: PIXELS },
     // Its nearest voxels are ten times as large as its farthest.
-    Plan { name: "wide perspective", azimuth: -110.0, elevation: 15.0, fov: Some(75.0), pixels: 1.0 },
-    Plan { name: "fine voxels", azimuth: 33.0, elevation: 21.0, fov: None, pixels: FINE },
+    ViewPlan { name: "wide perspective", azimuth: -110.0, elevation: 15.0, fov: Some(75.0), pixels: 1.0 },
+    ViewPlan { name: "fine voxels", azimuth: 33.0, elevation: 21.0, fov: None, pixels: FINE },
 ];
 
 /// The views of the voxels `low..=high` of `grid`; `quick`: the oblique one alone.
@@ -64,9 +64,9 @@ pub fn views(grid: &Grid, low: [u16; 3], high: [u16; 3], quick: bool) -> Result<
     plans.map(|plan| plan.view(grid, around)).collect()
 }
 
-impl Plan {
+impl ViewPlan {
     fn view(&self, grid: &Grid, around: Surround) -> Result<JudgedView> {
-        let Plan { name, azimuth, elevation, fov, pixels } = *self;
+        let ViewPlan { name, azimuth, elevation, fov, pixels } = *self;
         let orbit = |zoom: f64| Orbit { azimuth, elevation, zoom, fov, ..Orbit::default() };
         let camera = Camera::orbiting(orbit(1.0), around, [1, 1])?;
         let closest = grid.finest_spacing();

@@ -9,13 +9,13 @@ use adjsplat::traverse::{AxisOrder, Sense, SplitForm};
 /// A scan line of linked nodes, walked within a context `C` that holds the structure.
 pub(super) trait Chain<C>: Copy {
     /// A node at hand.
-    type Node: Copy;
+    type ChainVoxel: Copy;
 
     /// The node that `from` is linked to, on the side of higher coordinates if `up`; `None` if that is a cap.
-    fn step(self, context: &mut C, from: Self::Node, up: bool) -> Option<Self::Node>;
+    fn step(self, context: &mut C, from: Self::ChainVoxel, up: bool) -> Option<Self::ChainVoxel>;
 
     /// A node's coordinate on the axis.
-    fn coordinate(self, node: Self::Node) -> u16;
+    fn coordinate(self, node: Self::ChainVoxel) -> u16;
 }
 
 /// Whether a walk in this order begins at a chain's high end.
@@ -36,9 +36,9 @@ pub(super) fn needs_both_ends(order: AxisOrder) -> bool {
 pub(super) fn follow<C, L: Chain<C>>(
     order: AxisOrder,
     chain: L,
-    [start, far]: [L::Node; 2],
+    [start, far]: [L::ChainVoxel; 2],
     context: &mut C,
-    mut visit: impl FnMut(&mut C, L::Node),
+    mut visit: impl FnMut(&mut C, L::ChainVoxel),
 ) {
     match order {
         AxisOrder::Ascending => run(chain, chain.step(context, start, true), true, context, visit),
@@ -56,10 +56,10 @@ pub(super) fn follow<C, L: Chain<C>>(
 #[inline(always)]
 fn run<C, L: Chain<C>>(
     chain: L,
-    first: Option<L::Node>,
+    first: Option<L::ChainVoxel>,
     up: bool,
     context: &mut C,
-    mut visit: impl FnMut(&mut C, L::Node),
+    mut visit: impl FnMut(&mut C, L::ChainVoxel),
 ) {
     let mut at = first;
     while let Some(node) = at {
@@ -73,9 +73,9 @@ fn back_to_front<C, L: Chain<C>>(
     eye: f64,
     form: SplitForm,
     chain: L,
-    [low_cap, high_cap]: [L::Node; 2],
+    [low_cap, high_cap]: [L::ChainVoxel; 2],
     context: &mut C,
-    visit: &mut impl FnMut(&mut C, L::Node),
+    visit: &mut impl FnMut(&mut C, L::ChainVoxel),
 ) {
     let place = |node| f64::from(chain.coordinate(node));
     let mut low = chain.step(context, low_cap, true);
@@ -116,9 +116,9 @@ fn front_to_back<C, L: Chain<C>>(
     eye: f64,
     form: SplitForm,
     chain: L,
-    low_cap: L::Node,
+    low_cap: L::ChainVoxel,
     context: &mut C,
-    visit: &mut impl FnMut(&mut C, L::Node),
+    visit: &mut impl FnMut(&mut C, L::ChainVoxel),
 ) {
     let place = |node| f64::from(chain.coordinate(node));
     let mut low = None;

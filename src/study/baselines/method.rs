@@ -14,7 +14,7 @@ use super::unordered::Unordered;
 use super::{Receiver, Viewing, Walker};
 use crate::Subject;
 use crate::ours::Adjsplat;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::{Error, Result};
 
 /// Seed of the records' order in [`Method::AdjacencyBShuffled`].
@@ -118,21 +118,21 @@ impl Method {
     ///
     /// # Errors
     /// [`Error::Limit`] if memory cannot be had or the structure cannot be as large; as [`Subject::looks`].
-    pub fn build<'a>(self, subject: &'a Subject<'a>) -> Result<Built<'a>> {
+    pub fn build<'a>(self, subject: &'a Subject<'a>) -> Result<BuiltMethod<'a>> {
         Ok(match self {
-            Method::Adjsplat => Built::Adjsplat(Adjsplat::new(subject)?),
-            Method::Traditional => Built::Traditional(Traditional::new(subject)?),
-            Method::Unordered => Built::Unordered(Unordered::new(subject)?),
-            Method::Octree => Built::Octree(Octree::new(subject, 0.0)?),
-            Method::AdjacencyA => Built::AdjacencyA(AdjacencyA::new(subject)?),
-            Method::AdjacencyB => Built::AdjacencyB(AdjacencyB::new(subject, Storage::Built)?),
-            Method::AdjacencyBShuffled => Built::AdjacencyB(AdjacencyB::new(subject, Storage::Shuffled(SEED))?),
-            Method::Shell => Built::Shell(Shell::new(subject, Lists::One, OPAQUE)?),
-            Method::ShellThree => Built::Shell(Shell::new(subject, Lists::Three, OPAQUE)?),
-            Method::Sorted => Built::Sorted(Sorted::new(subject)?),
-            Method::Bricks => Built::Bricks(Bricks::new(subject, BrickOrder::Slices)?),
-            Method::BricksBrickwise => Built::Bricks(Bricks::new(subject, BrickOrder::Bricks)?),
-            Method::RunLength => Built::RunLength(RunLength::new(subject)?),
+            Method::Adjsplat => BuiltMethod::Adjsplat(Adjsplat::new(subject)?),
+            Method::Traditional => BuiltMethod::Traditional(Traditional::new(subject)?),
+            Method::Unordered => BuiltMethod::Unordered(Unordered::new(subject)?),
+            Method::Octree => BuiltMethod::Octree(Octree::new(subject, 0.0)?),
+            Method::AdjacencyA => BuiltMethod::AdjacencyA(AdjacencyA::new(subject)?),
+            Method::AdjacencyB => BuiltMethod::AdjacencyB(AdjacencyB::new(subject, Storage::AsBuilt)?),
+            Method::AdjacencyBShuffled => BuiltMethod::AdjacencyB(AdjacencyB::new(subject, Storage::Shuffled(SEED))?),
+            Method::Shell => BuiltMethod::Shell(Shell::new(subject, Lists::One, OPAQUE)?),
+            Method::ShellThree => BuiltMethod::Shell(Shell::new(subject, Lists::Three, OPAQUE)?),
+            Method::Sorted => BuiltMethod::Sorted(Sorted::new(subject)?),
+            Method::Bricks => BuiltMethod::Bricks(Bricks::new(subject, BrickOrder::Slices)?),
+            Method::BricksBrickwise => BuiltMethod::Bricks(Bricks::new(subject, BrickOrder::Bricks)?),
+            Method::RunLength => BuiltMethod::RunLength(RunLength::new(subject)?),
         })
     }
 }
@@ -145,7 +145,7 @@ pub fn names() -> [&'static str; Method::ALL.len()] {
 /// A structure of any method.
 #[derive(Debug)]
 #[expect(missing_docs, reason = "each variant is the structure that it is named for")]
-pub enum Built<'a> {
+pub enum BuiltMethod<'a> {
     Adjsplat(Adjsplat<'a>),
     Traditional(Traditional),
     Unordered(Unordered),
@@ -162,26 +162,26 @@ pub enum Built<'a> {
 macro_rules! whichever {
     ($built:expr, $walker:ident => $call:expr) => {
         match $built {
-            Built::Adjsplat($walker) => $call,
-            Built::Traditional($walker) => $call,
-            Built::Unordered($walker) => $call,
-            Built::Octree($walker) => $call,
-            Built::AdjacencyA($walker) => $call,
-            Built::AdjacencyB($walker) => $call,
-            Built::Shell($walker) => $call,
-            Built::Sorted($walker) => $call,
-            Built::Bricks($walker) => $call,
-            Built::RunLength($walker) => $call,
+            BuiltMethod::Adjsplat($walker) => $call,
+            BuiltMethod::Traditional($walker) => $call,
+            BuiltMethod::Unordered($walker) => $call,
+            BuiltMethod::Octree($walker) => $call,
+            BuiltMethod::AdjacencyA($walker) => $call,
+            BuiltMethod::AdjacencyB($walker) => $call,
+            BuiltMethod::Shell($walker) => $call,
+            BuiltMethod::Sorted($walker) => $call,
+            BuiltMethod::Bricks($walker) => $call,
+            BuiltMethod::RunLength($walker) => $call,
         }
     };
 }
 
-impl Walker for Built<'_> {
+impl Walker for BuiltMethod<'_> {
     fn method(&self) -> &'static str {
         whichever!(self, walker => walker.method())
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         whichever!(self, walker => walker.arrays())
     }
 

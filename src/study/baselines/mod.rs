@@ -14,23 +14,27 @@
 //! | bricks | Museth 2013: leaves of bit masks | exact slice order, or brick by brick |
 //! | runs | Lacroute and Levoy 1994: run lengths along each axis | exact slice order |
 
-pub mod adjacency_a;
-pub mod adjacency_b;
+mod adjacency_a;
+mod adjacency_b;
+mod allocate;
 mod appearance;
-pub mod bricks;
+mod bricks;
 mod follow;
 mod method;
-pub mod octree;
-mod room;
-pub mod run_length;
-pub mod shell;
-pub mod sorted;
-pub mod traditional;
-pub mod unordered;
+mod octree;
+mod run_length;
+mod shell;
+mod sorted;
+mod traditional;
+mod unordered;
 
-pub use method::{Built, Method, names};
+pub use adjacency_a::AdjacencyA;
+pub use adjacency_b::{AdjacencyB, Storage};
+pub use method::{BuiltMethod, Method, names};
+pub use octree::Octree;
+pub use shell::{Lists, Shell};
 
-use super::trace::{Array, Trace};
+use super::trace::{Trace, WalkerArray};
 use adjsplat::error::Result;
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 
@@ -44,6 +48,18 @@ pub(super) fn placed(position: [u16; 3], axis: usize, coordinate: u16) -> [u16; 
         if axis == 1 { coordinate } else { y },
         if axis == 2 { coordinate } else { z },
     ]
+}
+
+/// Returns all coordinates of an axis.
+fn coordinates(points: u32) -> Vec<u16> {
+    (0..=u16::MAX).take(points as usize).collect()
+}
+
+/// Converts a coordinate of the grid.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "grids have at most 65,535 points an axis")]
+fn narrow(coordinate: usize) -> u16 {
+    coordinate as u16
 }
 
 /// From where a walk looks.
@@ -103,7 +119,7 @@ pub enum Normal {
 
 /// A cube of voxels drawn as one splat.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Node {
+pub struct VoxelCube {
     /// Its lowest voxel, x, y, z.
     pub low: [u16; 3],
     /// Its edge is 2 to this, in voxels; above 0.
@@ -120,7 +136,7 @@ pub trait Receiver {
     /// A voxel: x, y, z and its codes.
     fn voxel(&mut self, position: [u16; 3], value: u8, normal: Normal);
     /// A cube of voxels; only an octree with a threshold above 0 has any.
-    fn node(&mut self, node: &Node);
+    fn cube(&mut self, cube: &VoxelCube);
 }
 
 /// A structure that can be walked.
@@ -129,7 +145,7 @@ pub trait Walker {
     fn method(&self) -> &'static str;
 
     /// Its allocations, in the order of the numbers that a trace is told.
-    fn arrays(&self) -> Vec<Array>;
+    fn arrays(&self) -> Vec<WalkerArray>;
 
     /// Hands every visible voxel to `receiver`, in this method's order for `viewing`.
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T);

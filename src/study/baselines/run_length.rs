@@ -15,11 +15,11 @@
 //! Source: Lacroute and Levoy, "Fast Volume Rendering Using a Shear-Warp Factorization of the Viewing
 //! Transformation", SIGGRAPH 1994.
 
-use super::room::{filled, push, room};
-use super::{Normal, Receiver, Viewing, Walker, placed};
+use super::allocate::{filled, push, reserved};
+use super::{Normal, Receiver, Viewing, Walker, coordinates, narrow, placed};
 use crate::Subject;
 use crate::subject::VisibleVoxel;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::AxisOrder;
 use adjsplat::volume::Axis;
@@ -37,7 +37,7 @@ struct LineStart {
 
 /// The lines along one axis.
 #[derive(Debug)]
-struct Lines {
+struct RunLines {
     /// The line of the lower other axis fastest; and the end of the last.
     starts: Vec<LineStart>,
     /// Empty voxels, visible ones.
@@ -52,7 +52,7 @@ struct Lines {
 #[derive(Debug)]
 pub struct RunLength {
     dims: [u32; 3],
-    lines: [Lines; 3],
+    lines: [RunLines; 3],
 }
 
 impl RunLength {
@@ -61,13 +61,13 @@ impl RunLength {
     /// # Errors
     /// [`Error::Limit`] if there are 2^32 voxels or runs along an axis, or memory cannot be had.
     pub fn new(subject: &Subject) -> Result<RunLength> {
-        let [x, y, z] = Axis::ALL.map(|axis| Lines::new(subject, axis));
+        let [x, y, z] = Axis::ALL.map(|axis| RunLines::new(subject, axis));
         Ok(RunLength { dims: subject.dims(), lines: [x?, y?, z?] })
     }
 }
 
-impl Lines {
-    fn new(subject: &Subject, axis: Axis) -> Result<Lines> {
+impl RunLines {
+    fn new(subject: &Subject, axis: Axis) -> Result<RunLines> {
         let [u, v] = axis.others().map(Axis::index);
         let fast = axis.index();
         let dims = subject.dims();
@@ -75,16 +75,16 @@ impl Lines {
         (stride[u], stride[v]) = (1, dims[u] as usize);
         let line = |voxel: &VisibleVoxel| usize::from(voxel.position[u]) + usize::from(voxel.position[v]) * stride[v];
         let count = subject.voxels.len() as u64;
-        let mut ordered: Vec<VisibleVoxel> = room("voxels in the order of lines", count)?;
+        let mut ordered: Vec<VisibleVoxel> = reserved("voxels in the order of lines", count)?;
         ordered.extend_from_slice(&subject.voxels);
         // Stable: within a line the list's scan order is ascending, whatever the axis.
         ordered.sort_by_key(line);
         let line_count = u64::from(dims[u]) * u64::from(dims[v]);
-        let mut lines = Lines {
+        let mut lines = RunLines {
             starts: filled("lines of runs", line_count + 1, LineStart::default())?,
             pairs: Vec::new(),
-            values: room("the runs' values", count)?,
-            normals: room("the runs' normals", count)?,
+            values: reserved("the runs' values", count)?,
+            normals: reserved("the runs' normals", count)?,
             stride,
         };
         lines.values.extend(ordered.iter().map(|voxel| voxel.value));
@@ -148,18 +148,18 @@ impl Walker for RunLength {
         "run_length"
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         const NAMES: [[&str; ARRAYS]; 3] = [
             ["lines along x", "pairs along x", "values along x", "normals along x"],
             ["lines along y", "pairs along y", "values along y", "normals along y"],
             ["lines along z", "pairs along z", "values along z", "normals along z"],
         ];
-        let arrays = |(lines, names): (&Lines, [&'static str; ARRAYS])| {
+        let arrays = |(lines, names): (&RunLines, [&'static str; ARRAYS])| {
             [
-                Array::of(names[0], &lines.starts),
-                Array::of(names[1], &lines.pairs),
-                Array::of(names[2], &lines.values),
-                Array::of(names[3], &lines.normals),
+                WalkerArray::of(names[0], &lines.starts),
+                WalkerArray::of(names[1], &lines.pairs),
+                WalkerArray::of(names[2], &lines.values),
+                WalkerArray::of(names[3], &lines.normals),
             ]
         };
         self.lines.iter().zip(NAMES).flat_map(arrays).collect()
@@ -170,8 +170,7 @@ impl Walker for RunLength {
         let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
         let lines = &self.lines[fast];
         let array = ARRAYS * fast;
-        let coordinates = |axis: usize| (0..=u16::MAX).take(self.dims[axis] as usize).collect::<Vec<u16>>();
-        let [slow_all, medium_all] = [slow, medium].map(coordinates);
+        let [slow_all, medium_all] = [slow, medium].map(|axis| coordinates(self.dims[axis]));
         let last = usize::try_from(self.dims[fast]).expect("an axis has at most 65,535 points");
         let mut position = [0; 3];
         let mut row: Vec<u16> = Vec::new();
@@ -235,11 +234,4 @@ impl Walker for RunLength {
             });
         });
     }
-}
-
-/// A coordinate of the grid.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "grids have at most 65,535 points an axis")]
-fn narrow(coordinate: usize) -> u16 {
-    coordinate as u16
 }

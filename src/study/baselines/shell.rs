@@ -3,7 +3,7 @@
 //! In: a subject. Out: its voxels, row by row. For each row of the volume a pointer says where its voxels lie in a
 //! list; a voxel is its coordinate on the row 2, value 1, code of its neighbours 1, normal 2: 6 bytes.
 //!
-//! Rows run along x, and x stays innermost whatever the view: any nesting is in order for voxels that are points. So
+//! ShellRows run along x, and x stays innermost whatever the view: any nesting is in order for voxels that are points. So
 //! the order is the view's with x moved to the end. With three lists ([`Lists::Three`]) rows run along the view's fast
 //! axis, and the order is the exact slice order.
 //!
@@ -13,10 +13,10 @@
 //!
 //! Source: Udupa and Odhner, "Shell Rendering", CG&A 1993; Botha and Post, "ShellSplatting", VisSym 2003.
 
-use super::room::{filled, product, room};
-use super::{Normal, Receiver, Viewing, Walker, placed};
+use super::allocate::{filled, product, reserved};
+use super::{Normal, Receiver, Viewing, Walker, coordinates, placed};
 use crate::Subject;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::{AxisOrder, Viewpoint};
 use adjsplat::volume::Axis;
@@ -45,7 +45,7 @@ const _: () = assert!(size_of::<ShellVoxel>() == 6);
 
 /// The rows along one axis.
 #[derive(Debug)]
-struct Rows {
+struct ShellRows {
     axis: Axis,
     /// Where each row's voxels begin, the row of the lower other axis fastest; and the end of the last.
     pointers: Vec<u32>,
@@ -54,11 +54,11 @@ struct Rows {
     stride: [usize; 3],
 }
 
-/// Rows of voxels along one axis, or along each.
+/// ShellRows of voxels along one axis, or along each.
 #[derive(Debug)]
 pub struct Shell {
     dims: [u32; 3],
-    lists: Vec<Rows>,
+    lists: Vec<ShellRows>,
     hides: bool,
     skipped: u64,
 }
@@ -97,7 +97,7 @@ impl Shell {
             Lists::One => &Axis::ALL[..1],
             Lists::Three => &Axis::ALL[..],
         };
-        let lists = axes.iter().map(|&axis| Rows::new(subject, axis, opaque_neighbours));
+        let lists = axes.iter().map(|&axis| ShellRows::new(subject, axis, opaque_neighbours));
         Ok(Shell { dims: subject.dims(), lists: lists.collect::<Result<_>>()?, hides: false, skipped: 0 })
     }
 
@@ -112,8 +112,8 @@ impl Shell {
     }
 }
 
-impl Rows {
-    fn new(subject: &Subject, axis: Axis, opaque_neighbours: impl Fn([u16; 3]) -> u8) -> Result<Rows> {
+impl ShellRows {
+    fn new(subject: &Subject, axis: Axis, opaque_neighbours: impl Fn([u16; 3]) -> u8) -> Result<ShellRows> {
         let count = subject.voxels.len() as u64;
         if count > u32::MAX.into() {
             return Err(Error::Limit { what: "voxels of shell splatting".into(), need: count, have: u32::MAX.into() });
@@ -135,7 +135,7 @@ impl Rows {
             *pointer = next;
         }
         // The list in scan order has each row's voxels by ascending coordinate, whatever the axis.
-        let mut next: Vec<u32> = room("row pointers", row_count + 1)?;
+        let mut next: Vec<u32> = reserved("row pointers", row_count + 1)?;
         next.extend_from_slice(&pointers);
         let none = ShellVoxel { coordinate: 0, normal: 0, value: 0, opaque_neighbours: 0 };
         let mut voxels = filled("voxels of rows", count, none)?;
@@ -149,7 +149,7 @@ impl Rows {
             };
             *slot += 1;
         }
-        Ok(Rows { axis, pointers, voxels, stride })
+        Ok(ShellRows { axis, pointers, voxels, stride })
     }
 }
 
@@ -173,14 +173,14 @@ impl Walker for Shell {
         if self.lists.len() == 1 { "shell" } else { "shell_three" }
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         const NAMES: [[&str; 2]; 3] = [
             ["row pointers along x", "voxels along x"],
             ["row pointers along y", "voxels along y"],
             ["row pointers along z", "voxels along z"],
         ];
-        let arrays = |(rows, [pointers, voxels]): (&Rows, [&'static str; 2])| {
-            [Array::of(pointers, &rows.pointers), Array::of(voxels, &rows.voxels)]
+        let arrays = |(rows, [pointers, voxels]): (&ShellRows, [&'static str; 2])| {
+            [WalkerArray::of(pointers, &rows.pointers), WalkerArray::of(voxels, &rows.voxels)]
         };
         self.lists.iter().zip(NAMES).flat_map(arrays).collect()
     }
@@ -199,8 +199,7 @@ impl Walker for Shell {
         let viewpoint = viewing.viewpoint;
         let (mut position, mut skipped) = ([0; 3], 0);
         let mut line = Vec::new();
-        let coordinates = |axis: usize| (0..=u16::MAX).take(self.dims[axis] as usize).collect::<Vec<u16>>();
-        let [slow_all, medium_all] = [slow, medium].map(coordinates);
+        let [slow_all, medium_all] = [slow, medium].map(|axis| coordinates(self.dims[axis]));
         order.along[slow].for_each_index(&slow_all, |s| {
             position[slow] = slow_all[s];
             order.along[medium].for_each_index(&medium_all, |m| {

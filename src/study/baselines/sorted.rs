@@ -7,11 +7,11 @@
 //! voxels of a ray share one, wherever the eye is. Pairs of key and index go through a radix sort, least digit first,
 //! four passes of 8 bits; a digit that all keys share is passed over. Voxels are then read by index.
 
-use super::room::{filled, room};
+use super::allocate::{filled, reserved};
 use super::{Normal, Receiver, Viewing, Walker};
 use crate::Subject;
 use crate::subject::VisibleVoxel;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::Result;
 use adjsplat::traverse::{Sense, Viewpoint};
 
@@ -27,7 +27,7 @@ const PASSES: usize = 4;
 
 /// A voxel's distance and its place in the list.
 #[derive(Debug, Clone, Copy, Default)]
-struct Pair {
+struct KeyedIndex {
     key: u32,
     index: u32,
 }
@@ -36,8 +36,8 @@ struct Pair {
 #[derive(Debug)]
 pub struct Sorted {
     voxels: Vec<VisibleVoxel>,
-    pairs: Vec<Pair>,
-    spare: Vec<Pair>,
+    pairs: Vec<KeyedIndex>,
+    spare: Vec<KeyedIndex>,
     /// How many keys have each digit, pass by pass; then where each digit's pairs go.
     counts: Vec<[u32; DIGITS]>,
     /// Lowest and highest coordinates of the voxels.
@@ -51,7 +51,7 @@ impl Sorted {
     /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had.
     pub fn new(subject: &Subject) -> Result<Sorted> {
         let count = subject.voxels.len() as u64;
-        let mut voxels = room("the list of voxels", count)?;
+        let mut voxels = reserved("the list of voxels", count)?;
         voxels.extend_from_slice(&subject.voxels);
         let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
         for voxel in &voxels {
@@ -62,8 +62,8 @@ impl Sorted {
         }
         Ok(Sorted {
             voxels,
-            pairs: filled("the pairs to sort", count, Pair::default())?,
-            spare: filled("the pairs to sort", count, Pair::default())?,
+            pairs: filled("the pairs to sort", count, KeyedIndex::default())?,
+            spare: filled("the pairs to sort", count, KeyedIndex::default())?,
             counts: vec![[0; DIGITS]; PASSES],
             bounds,
         })
@@ -84,7 +84,7 @@ impl Sorted {
             let place = distance(voxel.position.map(f64::from)) * factor + offset;
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate, as is meant")]
             let key = place as u32;
-            *pair = Pair { key, index };
+            *pair = KeyedIndex { key, index };
             trace.write(PAIRS, 8 * index as usize, 8);
             for (pass, counts) in self.counts.iter_mut().enumerate() {
                 let digit = digit(key, pass);
@@ -140,12 +140,12 @@ impl Walker for Sorted {
         "sorted"
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         vec![
-            Array::of("voxels", &self.voxels),
-            Array::scratch("pairs", &self.pairs),
-            Array::scratch("spare pairs", &self.spare),
-            Array::scratch("counts", &self.counts),
+            WalkerArray::of("voxels", &self.voxels),
+            WalkerArray::scratch("pairs", &self.pairs),
+            WalkerArray::scratch("spare pairs", &self.spare),
+            WalkerArray::scratch("counts", &self.counts),
         ]
     }
 

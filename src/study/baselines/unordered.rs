@@ -8,11 +8,11 @@
 //! Source: Crawfis, "Real-time Slicing of Data Space", Visualization 1996; as measured by Orchard and Möller 2001,
 //! section 4.
 
+use super::allocate::reserved;
 use super::appearance::Appearance;
-use super::room::room;
 use super::{Normal, Receiver, Viewing, Walker};
 use crate::Subject;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::Result;
 
 const POSITIONS: usize = 0;
@@ -37,10 +37,10 @@ impl Unordered {
         let appearance = Appearance::of(subject)?;
         let count = subject.voxels.len() as u64;
         let mut list = Unordered {
-            positions: room("the list's positions", count)?,
-            values: room("the list's values", count)?,
-            colours: room("the list's colours", count)?,
-            gradients: room("the list's gradients", count)?,
+            positions: reserved("the list's positions", count)?,
+            values: reserved("the list's values", count)?,
+            colours: reserved("the list's colours", count)?,
+            gradients: reserved("the list's gradients", count)?,
         };
         list.positions.extend(subject.voxels.iter().map(|voxel| voxel.position));
         list.values.extend(subject.voxels.iter().map(|voxel| voxel.value));
@@ -55,12 +55,12 @@ impl Walker for Unordered {
         "unordered"
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         vec![
-            Array::of("positions", &self.positions),
-            Array::of("values", &self.values),
-            Array::of("colours", &self.colours),
-            Array::of("gradients", &self.gradients),
+            WalkerArray::of("positions", &self.positions),
+            WalkerArray::of("values", &self.values),
+            WalkerArray::of("colours", &self.colours),
+            WalkerArray::of("gradients", &self.gradients),
         ]
     }
 

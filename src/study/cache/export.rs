@@ -7,7 +7,7 @@ use std::io::{self, BufRead, Write};
 use std::path::Path;
 
 use super::model::addresses;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::{Error, Result};
 
 /// First bytes of a file.
@@ -32,7 +32,7 @@ impl<'a> TraceWriter<'a> {
     ///
     /// # Errors
     /// If `out` fails, or there are more than 4095 arrays or one beyond 2^40 bytes, which the format has no room for.
-    pub fn new(out: &'a mut dyn Write, arrays: &[Array]) -> io::Result<TraceWriter<'a>> {
+    pub fn new(out: &'a mut dyn Write, arrays: &[WalkerArray]) -> io::Result<TraceWriter<'a>> {
         let beyond = || io::Error::new(io::ErrorKind::InvalidInput, "arrays beyond what a trace can number");
         if arrays.len() >= 1 << ARRAY_BITS || arrays.iter().any(|array| array.bytes > 1 << OFFSET_BITS) {
             return Err(beyond());
@@ -109,7 +109,7 @@ pub fn replay<T: Trace>(
     input: &mut dyn BufRead,
     mut trace: impl FnMut(&[RecordedArray]) -> T,
 ) -> Result<(Vec<RecordedArray>, T)> {
-    let mut reader = Reader { path, input, at: 0 };
+    let mut reader = TraceReader { path, input, at: 0 };
     let wrong = |at: u64, rule, expected: &str, got: String| Error::format(path, at, rule, expected, got);
     let magic = reader.bytes::<8>()?;
     if magic != MAGIC {
@@ -158,13 +158,13 @@ pub fn replay<T: Trace>(
     Ok((arrays, told))
 }
 
-struct Reader<'a> {
+struct TraceReader<'a> {
     path: &'a Path,
     input: &'a mut dyn BufRead,
     at: u64,
 }
 
-impl Reader<'_> {
+impl TraceReader<'_> {
     fn bytes<const N: usize>(&mut self) -> Result<[u8; N]> {
         let mut bytes = [0; N];
         self.input.read_exact(&mut bytes).map_err(|error| match error.kind() {

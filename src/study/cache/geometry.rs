@@ -25,9 +25,9 @@ pub struct Geometry {
 }
 
 /// Bytes of a page.
-pub const PAGE_BYTES: u64 = 4096;
+pub(super) const PAGE_BYTES: u64 = 4096;
 /// Bytes of a large page.
-pub const LARGE_PAGE_BYTES: u64 = 2 << 20;
+pub(super) const LARGE_PAGE_BYTES: u64 = 2 << 20;
 
 impl Default for Geometry {
     /// 32 KiB of 8 ways, 1 MiB and 8 MiB of 16; 64 translations, fully associative, then 1536 of 12 ways.

@@ -10,22 +10,22 @@ const EMPTY: u64 = u64::MAX;
 
 /// A set-associative LRU cache of numbers.
 #[derive(Debug, Clone)]
-pub struct Level {
+pub struct CacheLevel {
     ways: usize,
     sets: u64,
     /// Set after set; in each the number that was used last comes first.
     held: Vec<u64>,
 }
 
-impl Level {
+impl CacheLevel {
     /// An empty one.
     ///
     /// # Panics
     /// If the sets of `shape` are not whole, or it has no places.
-    pub fn new(shape: Associativity) -> Level {
+    pub fn new(shape: Associativity) -> CacheLevel {
         assert!(shape.ways > 0 && shape.places > 0 && shape.places.is_multiple_of(shape.ways), "sets are whole");
         let size = |count: u64| usize::try_from(count).expect("places fit the memory that models them");
-        Level { ways: size(shape.ways), sets: shape.places / shape.ways, held: vec![EMPTY; size(shape.places)] }
+        CacheLevel { ways: size(shape.ways), sets: shape.places / shape.ways, held: vec![EMPTY; size(shape.places)] }
     }
 
     /// Uses `number`; whether it was there. It is afterwards. Up to `ways` comparisons.

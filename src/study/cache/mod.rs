@@ -4,7 +4,7 @@
 //! read comes again, and the least that any walk of the same structure must fetch.
 //!
 //! ```text
-//! walker -> Model: addresses -> levels and translation buffers       misses
+//! walker -> CacheModel: addresses -> levels and translation buffers       misses
 //!                            -> Touched                               distinct bytes, lines, pages: the bound
 //!                            -> Reuse                                 distances: curves, working set, kinds of misses
 //!        -> export                                                    a file of the same accesses
@@ -15,18 +15,17 @@
 //! same on every machine, and does not hang on where an allocator puts things.
 
 pub mod counters;
-pub mod export;
-pub mod geometry;
-pub mod level;
-pub mod measure;
-pub mod model;
-pub mod reuse;
-pub mod touched;
+mod export;
+mod geometry;
+mod level;
+mod measure;
+mod model;
+mod reuse;
+mod touched;
 
-pub use export::{RecordedArray, TraceWriter, replay};
+pub use export::{TraceWriter, replay};
 pub use geometry::{Associativity, Geometry};
-pub use level::Level;
+pub use level::CacheLevel;
 pub use measure::measure;
-pub use model::{Figures, Misses, Model};
-pub use reuse::{Reuse, ReuseFigures};
-pub use touched::Touched;
+pub use model::{CacheFigures, CacheModel};
+pub use reuse::Reuse;

@@ -1,6 +1,6 @@
 //! The model: from the accesses of a walk to what a hierarchy of caches does.
 //!
-//! In: a walker's arrays and its accesses. Out: [`Figures`].
+//! In: a walker's arrays and its accesses. Out: [`CacheFigures`].
 //!
 //! ```text
 //! access -> its lines, one touch each: the first level; what misses there asks the next
@@ -12,19 +12,19 @@
 //! level. There is no prefetching: misses are lines that come from further out, early or late.
 
 use super::geometry::{Geometry, LARGE_PAGE_BYTES, PAGE_BYTES};
-use super::level::Level;
+use super::level::CacheLevel;
 use super::reuse::{Reuse, ReuseFigures};
 use super::touched::Touched;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 
 /// A hierarchy that listens to a walk.
 #[derive(Debug, Clone)]
-pub struct Model {
+pub struct CacheModel {
     geometry: Geometry,
-    places: Vec<Place>,
-    levels: Vec<Level>,
-    translation: Vec<Level>,
-    figures: Figures,
+    places: Vec<ArrayExtent>,
+    levels: Vec<CacheLevel>,
+    translation: Vec<CacheLevel>,
+    figures: CacheFigures,
     /// Bytes of the structure, by address.
     used: Touched,
     structure_lines: Touched,
@@ -38,14 +38,14 @@ pub struct Model {
 
 /// Where an array lies.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct ArrayExtent {
     address: u64,
     bytes: u64,
     scratch: bool,
 }
 
 /// Where each of `arrays` starts: at a page, with a page before it that nobody touches.
-pub(super) fn addresses(arrays: &[Array]) -> Vec<u64> {
+pub(super) fn addresses(arrays: &[WalkerArray]) -> Vec<u64> {
     let mut next = PAGE_BYTES;
     let mut starts = Vec::new();
     for array in arrays {
@@ -57,7 +57,7 @@ pub(super) fn addresses(arrays: &[Array]) -> Vec<u64> {
 
 /// What a hierarchy did.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Figures {
+pub struct CacheFigures {
     /// Bytes of a line.
     pub line_bytes: u64,
     /// Reads and writes, of any number of bytes.
@@ -96,7 +96,7 @@ pub struct Misses {
     pub conflict: u64,
 }
 
-impl Figures {
+impl CacheFigures {
     /// Fewest lines that hold the bytes which were used.
     pub fn compulsory_lines(&self) -> u64 {
         self.used_bytes.div_ceil(self.line_bytes.max(1))
@@ -111,24 +111,25 @@ impl Figures {
     }
 }
 
-impl Model {
+impl CacheModel {
     /// An empty hierarchy for a walker with `arrays`; `reuse`: whether distances are followed, which costs most of the
     /// time.
-    pub fn new(geometry: &Geometry, arrays: &[Array], reuse: bool) -> Model {
-        let place = |(array, address): (&Array, u64)| Place { address, bytes: array.bytes, scratch: array.scratch };
-        let places: Vec<Place> = arrays.iter().zip(addresses(arrays)).map(place).collect();
+    pub fn new(geometry: &Geometry, arrays: &[WalkerArray], reuse: bool) -> CacheModel {
+        let place =
+            |(array, address): (&WalkerArray, u64)| ArrayExtent { address, bytes: array.bytes, scratch: array.scratch };
+        let places: Vec<ArrayExtent> = arrays.iter().zip(addresses(arrays)).map(place).collect();
         let end = places.last().map_or(0, |last| last.address + last.bytes).next_multiple_of(LARGE_PAGE_BYTES);
-        let levels = |shapes: &[_]| shapes.iter().copied().map(Level::new).collect::<Vec<_>>();
-        Model {
+        let levels = |shapes: &[_]| shapes.iter().copied().map(CacheLevel::new).collect::<Vec<_>>();
+        CacheModel {
             geometry: geometry.clone(),
             places,
             levels: levels(&geometry.levels),
             translation: levels(&geometry.translation),
-            figures: Figures {
+            figures: CacheFigures {
                 line_bytes: geometry.line_bytes,
                 levels: vec![Misses::default(); geometry.levels.len()],
                 translation: vec![0; geometry.translation.len()],
-                ..Figures::default()
+                ..CacheFigures::default()
             },
             used: Touched::new(end),
             structure_lines: Touched::new(end / geometry.line_bytes),
@@ -141,8 +142,8 @@ impl Model {
     }
 
     /// What the hierarchy did so far.
-    pub fn figures(&self) -> Figures {
-        Figures {
+    pub fn figures(&self) -> CacheFigures {
+        CacheFigures {
             used_bytes: self.used.count(),
             structure_lines: self.structure_lines.count(),
             pages: self.pages.count(),
@@ -213,7 +214,7 @@ impl Model {
     }
 }
 
-impl Trace for Model {
+impl Trace for CacheModel {
     #[inline]
     fn read(&mut self, array: usize, offset: usize, bytes: usize) {
         self.access(array, offset, bytes);

@@ -4,14 +4,14 @@
 
 /// A set of numbers from 0.
 #[derive(Debug, Clone, Default)]
-pub struct Touched {
+pub(super) struct Touched {
     words: Vec<u64>,
     count: u64,
 }
 
 impl Touched {
     /// None of the numbers below `numbers`.
-    pub fn new(numbers: u64) -> Touched {
+    pub(super) fn new(numbers: u64) -> Touched {
         let words = usize::try_from(numbers.div_ceil(64)).expect("arrays that lie in memory have that many bytes");
         Touched { words: vec![0; words], count: 0 }
     }
@@ -21,7 +21,7 @@ impl Touched {
     /// # Panics
     /// If there are no such numbers.
     #[inline]
-    pub fn add(&mut self, first: u64, end: u64) -> u64 {
+    pub(super) fn add(&mut self, first: u64, end: u64) -> u64 {
         let before = self.count;
         let mut from = first;
         while from < end {
@@ -37,7 +37,7 @@ impl Touched {
     }
 
     /// How many were added.
-    pub fn count(&self) -> u64 {
+    pub(super) fn count(&self) -> u64 {
         self.count
     }
 }

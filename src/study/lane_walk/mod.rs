@@ -17,18 +17,21 @@
 //! ```
 //!
 //! Not told: what stays in registers, where an axis with two sides looks for the eye, and the copies of a vector that
-//! grows (it is as if each had its room from the start).
+//! grows (it is as if each had its sizes from the start).
 
+mod decode;
 mod own;
-mod passage;
 mod repacked;
-mod scratch;
+mod scratch_sizes;
 mod sort;
 pub(super) mod store;
+mod traced_vec;
+mod walk;
 
 pub use own::OwnWalk;
-pub(super) use passage::{Room, Visited, passage};
 pub use repacked::repacked;
+pub(super) use scratch_sizes::ScratchSizes;
+pub(super) use walk::{VisitedBlock, traced_walk};
 
 use adjsplat::error::{Error, Result};
 

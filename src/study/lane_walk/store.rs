@@ -2,7 +2,7 @@
 //!
 //! In: a question of the walk. Out: the answer, and the trace told of the bytes that it took.
 
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::arena::layout::{TILE_EDGE, TileRecord};
 use adjsplat::arena::{Lane, LineEnds};
 use adjsplat::volume::Axis;
@@ -39,7 +39,7 @@ pub(crate) struct TileStart {
 }
 
 /// A lane in some layout.
-pub(crate) trait Store {
+pub(crate) trait LaneStore {
     /// The axis its lines run along.
     fn axis(&self) -> Axis;
     /// Grid points along x, y, z.
@@ -97,7 +97,7 @@ const WHOLE: (usize, usize) = (0, size_of::<TileRecord>());
 
 impl OwnStore<'_> {
     /// Its arrays.
-    pub(super) fn arrays(&self) -> [Array; OF_A_LANE] {
+    pub(super) fn arrays(&self) -> [WalkerArray; OF_A_LANE] {
         let lane = &self.lane;
         let sizes = [
             size_of_val(lane.tiles),
@@ -107,7 +107,7 @@ impl OwnStore<'_> {
             lane.normals.len(),
         ];
         let names = NAMES[lane.axis.index()];
-        std::array::from_fn(|i| Array { name: names[i], bytes: sizes[i] as u64, scratch: false })
+        std::array::from_fn(|i| WalkerArray { name: names[i], bytes: sizes[i] as u64, scratch: false })
     }
 
     fn end_bytes(&self) -> usize {
@@ -133,7 +133,7 @@ impl OwnStore<'_> {
     }
 }
 
-impl Store for OwnStore<'_> {
+impl LaneStore for OwnStore<'_> {
     fn axis(&self) -> Axis {
         self.lane.axis
     }

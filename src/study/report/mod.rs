@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 
 /// One value of a row.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Cell {
+pub enum ReportCell {
     /// A name.
     Text(String),
     /// A whole number.
@@ -23,71 +23,73 @@ pub enum Cell {
     None,
 }
 
-impl From<&str> for Cell {
-    fn from(text: &str) -> Cell {
-        Cell::Text(text.to_owned())
+impl From<&str> for ReportCell {
+    fn from(text: &str) -> ReportCell {
+        ReportCell::Text(text.to_owned())
     }
 }
 
-impl From<u64> for Cell {
-    fn from(count: u64) -> Cell {
-        Cell::Count(count)
+impl From<u64> for ReportCell {
+    fn from(count: u64) -> ReportCell {
+        ReportCell::Count(count)
     }
 }
 
-impl From<f64> for Cell {
-    fn from(number: f64) -> Cell {
-        if number.is_finite() { Cell::Number(number) } else { Cell::None }
+impl From<f64> for ReportCell {
+    fn from(number: f64) -> ReportCell {
+        if number.is_finite() { ReportCell::Number(number) } else { ReportCell::None }
     }
 }
 
-impl From<bool> for Cell {
-    fn from(flag: bool) -> Cell {
-        Cell::Flag(flag)
+impl From<bool> for ReportCell {
+    fn from(flag: bool) -> ReportCell {
+        ReportCell::Flag(flag)
     }
 }
 
-impl<T: Into<Cell>> From<Option<T>> for Cell {
-    fn from(cell: Option<T>) -> Cell {
-        cell.map_or(Cell::None, Into::into)
+impl<T: Into<ReportCell>> From<Option<T>> for ReportCell {
+    fn from(cell: Option<T>) -> ReportCell {
+        cell.map_or(ReportCell::None, Into::into)
     }
 }
 
-impl Cell {
+impl ReportCell {
     /// As people read it.
     fn shown(&self) -> String {
         match self {
-            Cell::Text(text) => text.clone(),
-            Cell::Count(count) => grouped(*count),
-            Cell::Number(number) => significant(*number),
-            Cell::Flag(flag) => if *flag { "yes" } else { "no" }.to_owned(),
-            Cell::None => String::new(),
+            ReportCell::Text(text) => text.clone(),
+            ReportCell::Count(count) => grouped(*count),
+            ReportCell::Number(number) => significant(*number),
+            ReportCell::Flag(flag) => if *flag { "yes" } else { "no" }.to_owned(),
+            ReportCell::None => String::new(),
         }
     }
 
     fn value(&self) -> Value {
         match self {
-            Cell::Text(text) => json!(text),
-            Cell::Count(count) => json!(count),
-            Cell::Number(number) => json!(number),
-            Cell::Flag(flag) => json!(flag),
-            Cell::None => Value::Null,
+            ReportCell::Text(text) => json!(text),
+            ReportCell::Count(count) => json!(count),
+            ReportCell::Number(number) => json!(number),
+            ReportCell::Flag(flag) => json!(flag),
+            ReportCell::None => Value::Null,
         }
     }
 
     fn comma_separated(&self) -> String {
         match self {
-            Cell::Text(text) if text.contains([',', '"', '\n', '\r']) => format!("\"{}\"", text.replace('"', "\"\"")),
-            Cell::Text(text) => text.clone(),
-            Cell::Count(count) => count.to_string(),
-            Cell::Number(number) => number.to_string(),
-            Cell::Flag(flag) => flag.to_string(),
-            Cell::None => String::new(),
+            ReportCell::Text(text) if text.contains([',', '"', '\n', '\r']) => {
+                format!("\"{}\"", text.replace('"', "\"\""))
+            }
+            ReportCell::Text(text) => text.clone(),
+            ReportCell::Count(count) => count.to_string(),
+            ReportCell::Number(number) => number.to_string(),
+            ReportCell::Flag(flag) => flag.to_string(),
+            ReportCell::None => String::new(),
         }
     }
 
     fn is_text(&self) -> bool {
-        matches!(self, Cell::Text(_))
+        matches!(self, ReportCell::Text(_))
     }
 }
 
@@ -125,7 +127,7 @@ fn significant(number: f64) -> String {
 pub struct Report {
     /// Names of the columns: keys of the JSON rows, headings elsewhere.
     columns: Vec<&'static str>,
-    rows: Vec<Vec<Cell>>,
+    rows: Vec<Vec<ReportCell>>,
 }
 
 impl Report {
@@ -138,13 +140,13 @@ impl Report {
     ///
     /// # Panics
     /// If it has more or fewer cells than there are columns.
-    pub fn push(&mut self, row: Vec<Cell>) {
+    pub fn push(&mut self, row: Vec<ReportCell>) {
         assert_eq!(row.len(), self.columns.len(), "a cell for each of {:?}", self.columns);
         self.rows.push(row);
     }
 
     /// The rows, in order.
-    pub fn rows(&self) -> &[Vec<Cell>] {
+    pub fn rows(&self) -> &[Vec<ReportCell>] {
         &self.rows
     }
 
@@ -152,7 +154,7 @@ impl Report {
     ///
     /// # Panics
     /// If there is no such column.
-    pub fn column(&self, name: &str) -> impl Iterator<Item = &Cell> {
+    pub fn column(&self, name: &str) -> impl Iterator<Item = &ReportCell> {
         let index = self.columns.iter().position(|column| *column == name).expect("a column of this report");
         self.rows.iter().map(move |row| &row[index])
     }
@@ -181,7 +183,7 @@ impl Report {
 
     /// `{"rows": [...]}`, an object a row.
     pub fn json(&self) -> Value {
-        let row = |row: &Vec<Cell>| {
+        let row = |row: &Vec<ReportCell>| {
             let pairs = self.columns.iter().zip(row).map(|(column, cell)| ((*column).to_owned(), cell.value()));
             Value::Object(pairs.collect::<Map<_, _>>())
         };
@@ -193,7 +195,7 @@ impl Report {
         let mut out = self.columns.join(",");
         out.push('\n');
         for row in &self.rows {
-            out.push_str(&row.iter().map(Cell::comma_separated).collect::<Vec<_>>().join(","));
+            out.push_str(&row.iter().map(ReportCell::comma_separated).collect::<Vec<_>>().join(","));
             out.push('\n');
         }
         out
@@ -208,7 +210,7 @@ mod tests {
     fn a_report_reads_the_same_in_all_three_forms() {
         let mut report = Report::new(&["set", "bytes", "ns_per_visible", "displaying"]);
         report.push(vec!["frog, whole".into(), 1_234_567u64.into(), 0.012_345.into(), true.into()]);
-        report.push(vec!["noise".into(), Cell::None, f64::NAN.into(), false.into()]);
+        report.push(vec!["noise".into(), ReportCell::None, f64::NAN.into(), false.into()]);
         assert_eq!(
             report.table(&[]),
             "set              bytes  ns per visible  displaying\n\

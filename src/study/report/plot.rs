@@ -5,7 +5,7 @@ use adjsplat::error::{Error, Result};
 
 /// What a plot shows along one side.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Side {
+pub struct PlotAxis {
     /// What and in which unit.
     pub label: String,
     /// Whether equal distances are equal ratios.
@@ -14,20 +14,20 @@ pub struct Side {
     pub names: Vec<String>,
 }
 
-impl Side {
+impl PlotAxis {
     /// Numbers, evenly.
-    pub fn linear(label: &str) -> Side {
-        Side { label: label.to_owned(), logarithmic: false, names: Vec::new() }
+    pub fn linear(label: &str) -> PlotAxis {
+        PlotAxis { label: label.to_owned(), logarithmic: false, names: Vec::new() }
     }
 
     /// Numbers, by ratio.
-    pub fn logarithmic(label: &str) -> Side {
-        Side { logarithmic: true, ..Side::linear(label) }
+    pub fn logarithmic(label: &str) -> PlotAxis {
+        PlotAxis { logarithmic: true, ..PlotAxis::linear(label) }
     }
 
     /// Names.
-    pub fn named(label: &str, names: Vec<String>) -> Side {
-        Side { names, ..Side::linear(label) }
+    pub fn named(label: &str, names: Vec<String>) -> PlotAxis {
+        PlotAxis { names, ..PlotAxis::linear(label) }
     }
 }
 
@@ -44,7 +44,7 @@ pub enum Stroke {
 
 /// Points that belong together.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Series {
+pub struct PlotSeries {
     /// What the legend calls it.
     pub name: String,
     /// From left to right.
@@ -55,27 +55,27 @@ pub struct Series {
     pub labels: Vec<String>,
 }
 
-impl Series {
+impl PlotSeries {
     /// Points joined by a line.
-    pub fn solid(name: impl Into<String>, points: Vec<[f64; 2]>) -> Series {
-        Series { name: name.into(), points, stroke: Stroke::Solid, labels: Vec::new() }
+    pub fn solid(name: impl Into<String>, points: Vec<[f64; 2]>) -> PlotSeries {
+        PlotSeries { name: name.into(), points, stroke: Stroke::Solid, labels: Vec::new() }
     }
 
     /// Points joined by a dashed line.
-    pub fn dashed(name: impl Into<String>, points: Vec<[f64; 2]>) -> Series {
-        Series { stroke: Stroke::Dashed, ..Series::solid(name, points) }
+    pub fn dashed(name: impl Into<String>, points: Vec<[f64; 2]>) -> PlotSeries {
+        PlotSeries { stroke: Stroke::Dashed, ..PlotSeries::solid(name, points) }
     }
 
     /// Points alone.
-    pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> Series {
-        Series { stroke: Stroke::None, ..Series::solid(name, points) }
+    pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> PlotSeries {
+        PlotSeries { stroke: Stroke::None, ..PlotSeries::solid(name, points) }
     }
 
     /// Adds a point to the one of `all` that has this name, or to a new one of points alone.
-    pub fn add_point(all: &mut Vec<Series>, name: &str, point: [f64; 2]) {
+    pub fn add_point(all: &mut Vec<PlotSeries>, name: &str, point: [f64; 2]) {
         match all.iter_mut().find(|series| series.name == name) {
             Some(series) => series.points.push(point),
-            None => all.push(Series::points(name, vec![point])),
+            None => all.push(PlotSeries::points(name, vec![point])),
         }
     }
 }
@@ -86,11 +86,11 @@ pub struct Plot {
     /// What it says.
     pub title: String,
     /// From left to right.
-    pub x: Side,
+    pub x: PlotAxis,
     /// Upward.
-    pub y: Side,
+    pub y: PlotAxis,
     /// Each in a colour of its own; a solid and a dashed one of the same name share theirs.
-    pub series: Vec<Series>,
+    pub series: Vec<PlotSeries>,
 }
 
 #[cfg(not(feature = "plot"))]

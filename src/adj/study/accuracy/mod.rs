@@ -14,8 +14,8 @@ use super::output::OutputArguments;
 use super::sets::{Origin, Set, SetArguments, Unbuilt, Wanted};
 use adjsplat::arena::LaneSet;
 use adjsplat::error::{Error, Result};
-use adjsplat_judge::reference::splat::Judge;
-use adjsplat_study::accuracy::{Judged, Stored};
+use adjsplat_judge::reference::Judge;
+use adjsplat_study::accuracy::{JudgedSet, StoredFile};
 
 /// What every knob of the renderer saves in time and costs in error, beside the judge in double precision.
 #[derive(Debug, Args)]
@@ -70,7 +70,7 @@ impl Arguments {
         &self,
         sets: &SetArguments,
         wants_octree: bool,
-        mut study: impl FnMut(&Judged, &mut dyn FnMut(u64, u64) -> std::ops::ControlFlow<()>) -> Result<()>,
+        mut study: impl FnMut(&JudgedSet, &mut dyn FnMut(u64, u64) -> std::ops::ControlFlow<()>) -> Result<()>,
     ) -> Result<()> {
         let mut list = sets.list()?;
         if self.all {
@@ -84,14 +84,14 @@ impl Arguments {
             let lanes = files.iter().map(|(_, set)| set.lanes()).collect::<Result<Vec<LaneSet>>>()?;
             let what = format!("{}/{} {}", index + 1, list.len(), volume.name());
             let stored = files.iter().zip(&lanes);
-            let stored = stored.map(|(&([value_bits, normal_bits], ref set), lanes)| Stored {
+            let stored = stored.map(|(&([value_bits, normal_bits], ref set), lanes)| StoredFile {
                 value_bits,
                 normal_bits,
                 scene: set.scene(lanes),
             });
             let subject = if wants_octree { Some(files[0].1.subject(&lanes[0])?) } else { None };
             let judged =
-                Judged { name: volume.name(), judge: &judge, files: stored.collect(), subject: subject.as_ref() };
+                JudgedSet { name: volume.name(), judge: &judge, files: stored.collect(), subject: subject.as_ref() };
             study(&judged, &mut |done, total| {
                 progress.show(&what, done, total);
                 if interrupted() { std::ops::ControlFlow::Break(()) } else { std::ops::ControlFlow::Continue(()) }

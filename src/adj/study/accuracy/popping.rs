@@ -7,7 +7,7 @@ use adjsplat::splat::Quality;
 use adjsplat_study::accuracy::Candidate;
 use adjsplat_study::accuracy::popping::{STEPS, measure};
 use adjsplat_study::report::Report;
-use adjsplat_study::report::plot::{Plot, Series, Side};
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let presets = [Candidate::preset(Quality::Standard, 8), Candidate::preset(Quality::High, 16)];
@@ -25,14 +25,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         "popping_max_abs",
         "popping_rms",
     ]);
-    let mut series: Vec<Series> = Vec::new();
+    let mut series: Vec<PlotSeries> = Vec::new();
     let mut names = Vec::new();
     arguments.each_judged(&arguments.sets, false, |set, go_on| {
         names.push(set.name.to_owned());
         for found in measure(set, &presets, threads, go_on)? {
             let excess = found.found.largest - found.sorted.largest;
             if found.across && found.step == STEPS[STEPS.len() - 1] {
-                Series::add_point(&mut series, &found.drawer, [names.len() as f64, excess.max(0.0)]);
+                PlotSeries::add_point(&mut series, &found.drawer, [names.len() as f64, excess.max(0.0)]);
             }
             report.push(vec![
                 set.name.into(),
@@ -52,8 +52,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     })?;
     let plot = Plot {
         title: "Popping: largest change as the slow axis switches, less that of sorted splats".into(),
-        x: Side::named("", names),
-        y: Side::linear("of full scale"),
+        x: PlotAxis::named("", names),
+        y: PlotAxis::linear("of full scale"),
         series,
     };
     arguments.output.write(&report, &plot)?;

@@ -17,20 +17,16 @@
 //!
 //! Source: Orchard and Möller 2001, sections 3 and 4.2.
 
+mod walk;
+
 use zerocopy::little_endian::U32;
 
+use super::allocate::{filled, product, push};
 use super::appearance::Appearance;
-use super::follow::{Chain, follow, needs_both_ends, starts_high};
-use super::room::{filled, product, push};
-use super::{Normal, Receiver, Viewing, Walker, placed};
 use crate::Subject;
 use crate::subject::VisibleVoxel;
-use crate::trace::{Array, Trace};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Axis;
-
-const CELLS: usize = 0;
-const RECORDS: usize = 1;
 
 /// In a cell: no record. In the list of freed records: its end.
 const NONE: u32 = u32::MAX;
@@ -40,17 +36,17 @@ const MOST_POINTS: u32 = 65_534;
 /// A grid point, or a place for a cap.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
-struct Cell {
+struct GridCell {
     record: U32,
     intensity: u8,
 }
 
-const _: () = assert!(size_of::<Cell>() == 5);
+const _: () = assert!(size_of::<GridCell>() == 5);
 
 /// A voxel of the structure.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
-struct Record {
+struct RecordA {
     /// Red, green, blue, opacity; opacity 0 is virtual. Of a freed record: the number of the one freed before.
     colour: [u8; 4],
     gradient: [f32; 3],
@@ -58,18 +54,18 @@ struct Record {
     neighbours: [u16; 6],
 }
 
-const _: () = assert!(size_of::<Record>() == 28);
+const _: () = assert!(size_of::<RecordA>() == 28);
 
 /// A cell's coordinates, caps included.
-type Place = [u16; 3];
+type CellPosition = [u16; 3];
 
 /// The structure of implementation A.
 #[derive(Debug)]
 pub struct AdjacencyA {
     /// The high cap's coordinate along each axis; the low one's is 0.
-    last: Place,
-    cells: Vec<Cell>,
-    records: Vec<Record>,
+    last: CellPosition,
+    cells: Vec<GridCell>,
+    records: Vec<RecordA>,
     /// The record freed last, or [`NONE`].
     freed: u32,
     visible: u64,
@@ -98,7 +94,7 @@ impl AdjacencyA {
     /// [`Error::Limit`] if an axis has more than 65,534 points or memory cannot be had; as [`Subject::looks`].
     pub fn empty(subject: &Subject) -> Result<AdjacencyA> {
         let last = last_places(subject.dims())?;
-        let cell = Cell { record: U32::new(NONE), intensity: 0 };
+        let cell = GridCell { record: U32::new(NONE), intensity: 0 };
         let mut structure = AdjacencyA {
             last,
             cells: filled("adjacency A's cells", product(last.map(|last| u64::from(last) + 1)), cell)?,
@@ -155,7 +151,7 @@ impl AdjacencyA {
         Ok(was_there)
     }
 
-    fn place_of(&self, position: [u16; 3]) -> Result<Place> {
+    fn place_of(&self, position: [u16; 3]) -> Result<CellPosition> {
         if (0..3).any(|a| position[a] >= self.last[a] - 1) {
             let why = format!("lies outside a grid of {:?} points", self.last.map(|last| last - 1));
             return Err(Error::input(format!("voxel {position:?}"), why));
@@ -163,32 +159,32 @@ impl AdjacencyA {
         Ok(position.map(|c| c + 1))
     }
 
-    fn cell(&self, place: Place) -> usize {
+    fn cell(&self, place: CellPosition) -> usize {
         let [x, y, z] = place.map(usize::from);
         let [width, height, _] = self.last.map(|last| usize::from(last) + 1);
         (z * height + y) * width + x
     }
 
-    fn holds(&self, place: Place) -> bool {
+    fn holds(&self, place: CellPosition) -> bool {
         self.cells[self.cell(place)].record.get() != NONE
     }
 
     /// The neighbour below or above of the voxel at `place`, which is there.
-    fn neighbour(&mut self, place: Place, axis: usize, up: bool) -> &mut u16 {
+    fn neighbour(&mut self, place: CellPosition, axis: usize, up: bool) -> &mut u16 {
         let record = self.cells[self.cell(place)].record.get() as usize;
         &mut self.records[record].neighbours[2 * axis + usize::from(up)]
     }
 
-    fn is_cap(&self, place: Place, axis: usize) -> bool {
+    fn is_cap(&self, place: CellPosition, axis: usize) -> bool {
         place[axis] == 0 || place[axis] == self.last[axis]
     }
 
-    fn is_virtual(&self, place: Place) -> bool {
+    fn is_virtual(&self, place: CellPosition) -> bool {
         (0..3).any(|axis| self.is_cap(place, axis))
     }
 
     /// Adds a voxel that is not there yet, after the caps of its lines, to those lines.
-    fn link(&mut self, place: Place) -> Result<()> {
+    fn link(&mut self, place: CellPosition) -> Result<()> {
         self.allocate(place)?;
         for axis in 0..3 {
             if self.is_cap(place, axis) {
@@ -210,9 +206,9 @@ impl AdjacencyA {
     }
 
     /// Takes a record for `place`. Until others come between, its neighbours are the caps.
-    fn allocate(&mut self, place: Place) -> Result<()> {
+    fn allocate(&mut self, place: CellPosition) -> Result<()> {
         let [x, y, z] = self.last;
-        let record = Record { colour: [0; 4], gradient: [0.0; 3], neighbours: [0, x, 0, y, 0, z] };
+        let record = RecordA { colour: [0; 4], gradient: [0.0; 3], neighbours: [0, x, 0, y, 0, z] };
         let index = if self.freed == NONE {
             let index = u32::try_from(self.records.len()).ok().filter(|&index| index != NONE);
             let index = index.ok_or_else(|| Error::Limit {
@@ -236,7 +232,7 @@ impl AdjacencyA {
     }
 
     /// Takes a voxel that is there from its lines, with the caps of those that are empty then.
-    fn unlink(&mut self, place: Place) {
+    fn unlink(&mut self, place: CellPosition) {
         for axis in 0..3 {
             if self.is_cap(place, axis) {
                 continue;
@@ -263,13 +259,13 @@ impl AdjacencyA {
         let record = self.cells[cell].record.get();
         self.records[record as usize].colour = self.freed.to_le_bytes();
         self.freed = record;
-        self.cells[cell] = Cell { record: U32::new(NONE), intensity: 0 };
+        self.cells[cell] = GridCell { record: U32::new(NONE), intensity: 0 };
         *if self.is_virtual(place) { &mut self.virtual_voxels } else { &mut self.visible } -= 1;
     }
 
     /// Between which coordinates of its line a voxel comes; searched from both ends, so that voxels that are added in
     /// scan order, or against it, are found at once.
-    fn neighbours(&mut self, place: Place, axis: usize) -> [u16; 2] {
+    fn neighbours(&mut self, place: CellPosition, axis: usize) -> [u16; 2] {
         let (mut below, mut above) = (0, self.last[axis]);
         loop {
             let next = *self.neighbour(with(place, axis, below), axis, true);
@@ -304,125 +300,7 @@ pub(super) fn last_places(dims: [u32; 3]) -> Result<[u16; 3]> {
 }
 
 /// `place` moved along `axis`.
-fn with(mut place: Place, axis: usize, coordinate: u16) -> Place {
+fn with(mut place: CellPosition, axis: usize, coordinate: u16) -> CellPosition {
     place[axis] = coordinate;
     place
-}
-
-/// A walk at work.
-struct Walk<'a, R, T> {
-    structure: &'a AdjacencyA,
-    receiver: &'a mut R,
-    trace: &'a mut T,
-}
-
-impl<R: Receiver, T: Trace> Walk<'_, R, T> {
-    /// The number of a cell's record.
-    #[inline(always)]
-    fn record(&mut self, cell: usize) -> u32 {
-        self.trace.read(CELLS, 5 * cell, 4);
-        self.structure.cells[cell].record.get()
-    }
-}
-
-/// A line of cells.
-#[derive(Clone, Copy)]
-struct Line {
-    axis: usize,
-    /// The high cap's coordinate.
-    last: u16,
-    /// The low cap's cell.
-    first_cell: usize,
-    stride: usize,
-}
-
-/// A voxel of a line.
-#[derive(Clone, Copy)]
-struct Node {
-    coordinate: u16,
-    record: u32,
-}
-
-impl Line {
-    #[inline(always)]
-    fn cell(self, coordinate: u16) -> usize {
-        self.first_cell + usize::from(coordinate) * self.stride
-    }
-
-    /// The voxel at `coordinate`, which is there.
-    #[inline(always)]
-    fn node<R: Receiver, T: Trace>(self, walk: &mut Walk<R, T>, coordinate: u16) -> Node {
-        Node { coordinate, record: walk.record(self.cell(coordinate)) }
-    }
-}
-
-impl<R: Receiver, T: Trace> Chain<Walk<'_, R, T>> for Line {
-    type Node = Node;
-
-    #[inline(always)]
-    fn step(self, walk: &mut Walk<'_, R, T>, from: Node, up: bool) -> Option<Node> {
-        let link = 2 * self.axis + usize::from(up);
-        walk.trace.read(RECORDS, 28 * from.record as usize + 16 + 2 * link, 2);
-        let coordinate = walk.structure.records[from.record as usize].neighbours[link];
-        let is_cap = coordinate == if up { self.last } else { 0 };
-        if is_cap { None } else { Some(self.node(walk, coordinate)) }
-    }
-
-    /// From the first voxel, as an order has it: the low cap is at 0.
-    #[inline(always)]
-    fn coordinate(self, node: Node) -> u16 {
-        node.coordinate - 1
-    }
-}
-
-impl Walker for AdjacencyA {
-    fn method(&self) -> &'static str {
-        "adjacency_a"
-    }
-
-    fn arrays(&self) -> Vec<Array> {
-        vec![Array::of("cells", &self.cells), Array::of("records", &self.records)]
-    }
-
-    fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
-        let order = &viewing.order;
-        let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
-        let [slow_order, medium_order, fast_order] = [slow, medium, fast].map(|axis| order.along[axis]);
-        let [width, height, _] = self.last.map(|last| usize::from(last) + 1);
-        let stride = [1, width, width * height];
-        let last = self.last;
-        // The cap where an axis' order begins.
-        let start = [0, 1, 2].map(|a| if starts_high(order.along[a]) { last[a] } else { 0 });
-        let mut walk = Walk { structure: self, receiver, trace };
-        let line = |axis: usize, first_cell| Line { axis, last: last[axis], first_cell, stride: stride[axis] };
-        // Both caps; the far one is looked up only where it is walked from.
-        let ends = |walk: &mut Walk<R, T>, line: Line, record: Option<u32>| {
-            let coordinate = start[line.axis];
-            let near = record.map_or_else(|| line.node(walk, coordinate), |record| Node { coordinate, record });
-            let both = needs_both_ends(order.along[line.axis]);
-            [near, if both { line.node(walk, line.last) } else { near }]
-        };
-        let mut position = [0; 3];
-        let starts = [medium, fast].map(|axis| usize::from(start[axis]) * stride[axis]);
-        let edge = line(slow, starts[0] + starts[1]);
-        let caps = ends(&mut walk, edge, None);
-        follow(slow_order, edge, caps, &mut walk, |walk, node| {
-            position[slow] = node.coordinate - 1;
-            let face = line(medium, edge.cell(node.coordinate) - starts[0]);
-            let caps = ends(walk, face, Some(node.record));
-            follow(medium_order, face, caps, walk, |walk, node| {
-                position[medium] = node.coordinate - 1;
-                let row = line(fast, face.cell(node.coordinate) - starts[1]);
-                let caps = ends(walk, row, Some(node.record));
-                follow(fast_order, row, caps, walk, |walk, node| {
-                    let position = placed(position, fast, node.coordinate - 1);
-                    let (cell, record) = (row.cell(node.coordinate), node.record as usize);
-                    walk.trace.read(CELLS, 5 * cell + 4, 1);
-                    walk.trace.read(RECORDS, 28 * record + 4, 12);
-                    let gradient = walk.structure.records[record].gradient;
-                    walk.receiver.voxel(position, walk.structure.cells[cell].intensity, Normal::Vector(gradient));
-                });
-            });
-        });
-    }
 }

@@ -1,18 +1,18 @@
-//! Scratch arrays that tell a trace of each element.
+//! TracedVec arrays that tell a trace of each element.
 
 use crate::trace::Trace;
 
 /// A walker's array: elements, and its number.
 #[derive(Debug, Clone)]
-pub(super) struct Scratch<E> {
+pub(super) struct TracedVec<E> {
     array: usize,
     items: Vec<E>,
 }
 
-impl<E: Copy + Default> Scratch<E> {
-    /// Array number `array`, of `len` elements.
-    pub(super) fn new(array: usize, len: usize) -> Scratch<E> {
-        Scratch { array, items: vec![E::default(); len] }
+impl<E: Copy + Default> TracedVec<E> {
+    /// WalkerArray number `array`, of `len` elements.
+    pub(super) fn new(array: usize, len: usize) -> TracedVec<E> {
+        TracedVec { array, items: vec![E::default(); len] }
     }
 
     /// How many elements.

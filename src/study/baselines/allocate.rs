@@ -28,7 +28,7 @@ fn refused(what: &str, need: u64, have: u64) -> Error {
 ///
 /// # Errors
 /// [`Error::Limit`] if that is more than the system has available, where it says so, or grants.
-pub(super) fn room<T>(what: &str, count: u64) -> Result<Vec<T>> {
+pub(super) fn reserved<T>(what: &str, count: u64) -> Result<Vec<T>> {
     let need = count.saturating_mul(size_of::<T>() as u64);
     check(what, need)?;
     let mut elements = Vec::new();
@@ -42,7 +42,7 @@ pub(super) fn room<T>(what: &str, count: u64) -> Result<Vec<T>> {
 /// # Errors
 /// As [`room`].
 pub(super) fn filled<T: Clone>(what: &str, count: u64, element: T) -> Result<Vec<T>> {
-    let mut elements = room(what, count)?;
+    let mut elements = reserved(what, count)?;
     elements.resize(usize::try_from(count).expect("there is room for as many"), element);
     Ok(elements)
 }

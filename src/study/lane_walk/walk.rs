@@ -1,25 +1,22 @@
 //! One walk through one lane.
 //!
-//! In: a [`Store`], an order. Out: blocks of voxels, with the codes that were asked for.
+//! In: a [`LaneStore`], an order. Out: blocks of voxels, with the codes that were asked for.
 
 use std::ops::Range;
 
 use super::CodesRead;
-use super::scratch::Scratch;
+use super::decode::{SliceLine, TracedBatch, decode_down, decode_up, group};
+use super::scratch_sizes::{BATCH, BATCH_ARRAYS, LINE_ARRAYS, LINES, MEDIUMS, SLICES, ScratchSizes, TWO_SIDED};
 use super::sort::sorted_tiles;
-use super::store::{CHUNK, Mask, Store, has_bit, rank};
-use crate::trace::{Array, Trace};
+use super::store::{CHUNK, LaneStore, Mask, has_bit, rank};
+use super::traced_vec::TracedVec;
+use crate::trace::Trace;
 use adjsplat::splat::cpu::raster::BLOCK;
 use adjsplat::traverse::{AxisOrder, Batch, Order};
 use adjsplat::volume::Axis;
 
-/// Voxels that a batch holds unless a single line has more.
-const BATCH: usize = 2_048;
-/// Largest distance of a batch's records from its first line's.
-const REACH: u64 = 1 << 31;
-
 /// Up to [`BLOCK`] voxels of a batch, as the renderer's first stage takes them.
-pub(crate) struct Visited<'a> {
+pub(crate) struct VisitedBlock<'a> {
     pub(crate) batch: &'a Batch<'a>,
     /// Which of the batch's voxels.
     pub(crate) block: Range<usize>,
@@ -28,7 +25,7 @@ pub(crate) struct Visited<'a> {
     pub(crate) normals: &'a [u16],
 }
 
-impl Visited<'_> {
+impl VisitedBlock<'_> {
     /// Each voxel's index in the block, and its place, x, y, z.
     #[inline]
     pub(crate) fn positions(&self, order: &Order) -> impl Iterator<Item = (usize, [u16; 3])> {
@@ -49,188 +46,49 @@ fn position([slow, medium, fast]: [usize; 3], batch: &Batch, voxel: usize) -> [u
 ///
 /// # Panics
 /// If the lane does not run along the order's fast axis, or is not sound.
-pub(crate) fn passage<S: Store, T: Trace>(
+pub(crate) fn traced_walk<S: LaneStore, T: Trace>(
     store: &S,
     order: &Order,
     codes: CodesRead,
-    room: Room,
+    sizes: ScratchSizes,
     trace: &mut T,
-    visit: &mut impl FnMut(&Visited),
+    visit: &mut impl FnMut(&VisitedBlock),
 ) {
     assert_eq!(store.axis(), order.fast, "a walk needs the lane along its fast axis");
-    Passage::new(store, *order, codes, room, trace).slices(visit);
+    TracedWalk::new(store, *order, codes, sizes, trace).slices(visit);
 }
 
-/// Sizes of scratch arrays that do for any lane of a walker, and the number of the first.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Room {
-    first_array: usize,
-    /// Tiles of the lane that has most.
-    tiles: usize,
-    /// Grid points of the longest axis.
-    points: usize,
-    edge: usize,
-}
-
-/// Numbers of the scratch arrays.
-pub(super) struct Numbers {
-    pub(super) wanted: usize,
-    pub(super) by_column: usize,
-    pub(super) sorted: usize,
-    pub(super) column_starts: usize,
-    pub(super) column_next: usize,
-    pub(super) row_starts: usize,
-    pub(super) row_next: usize,
-    slices: usize,
-    lines: usize,
-    mediums: usize,
-    two_sided: usize,
-    batch: usize,
-    line: usize,
-}
-
-impl Room {
-    /// For `lanes`; scratch arrays are numbered from `first_array`.
-    pub(crate) fn of<S: Store>(lanes: &[S], first_array: usize) -> Room {
-        let most = |of: fn(&S) -> u32| lanes.iter().map(of).max().unwrap_or(0) as usize;
-        Room {
-            first_array,
-            tiles: most(Store::tile_count),
-            points: most(|lane| lane.dims().into_iter().max().unwrap_or(0)),
-            edge: most(|lane| lane.edge().into()),
-        }
-    }
-
-    fn numbers(self) -> Numbers {
-        let number = |index: usize| self.first_array + index;
-        Numbers {
-            wanted: number(0),
-            by_column: number(1),
-            sorted: number(2),
-            column_starts: number(3),
-            column_next: number(4),
-            row_starts: number(5),
-            row_next: number(6),
-            slices: number(7),
-            lines: number(8),
-            mediums: number(9),
-            two_sided: number(10),
-            batch: number(11),
-            line: number(14),
-        }
-    }
-
-    /// Lines of a slice, whole tiles.
-    fn lines(self) -> usize {
-        self.points.next_multiple_of(self.edge.max(1))
-    }
-
-    /// The scratch arrays, by number.
-    pub(crate) fn arrays(self) -> [Array; 17] {
-        let rows = self.lines() / self.edge.max(1) + 1;
-        let (batch, line) = (self.points.max(BATCH) + 2 * CHUNK, self.points + 2 * CHUNK);
-        let sizes = [
-            ("wanted tiles", 4 * self.tiles),
-            ("tiles by column", 4 * self.tiles),
-            ("tiles by row", 4 * self.tiles),
-            ("starts of columns", 4 * rows),
-            ("next of columns", 4 * rows),
-            ("starts of rows", 4 * rows),
-            ("next of rows", 4 * rows),
-            ("slices", 2 * self.points),
-            ("lines", size_of::<Line>() * self.lines()),
-            ("mediums", 2 * self.lines()),
-            ("lines of two sides", size_of::<Line>() * self.lines()),
-            ("batch medium", 2 * batch),
-            ("batch fast", 2 * batch),
-            ("batch record", 4 * batch),
-            ("line medium", 2 * line),
-            ("line fast", 2 * line),
-            ("line record", 4 * line),
-        ];
-        sizes.map(|(name, bytes)| Array { name, bytes: bytes as u64, scratch: true })
-    }
-}
-
-/// One line of the slice at hand: as the walk's.
-#[derive(Debug, Clone, Copy, Default)]
-struct Line {
-    first_record: u64,
-    count: u16,
-    medium: u16,
-}
-
-/// Coordinates and records of voxels.
-struct BatchArrays {
-    medium: Scratch<u16>,
-    fast: Scratch<u16>,
-    record: Scratch<u32>,
-}
-
-impl BatchArrays {
-    fn new(first_array: usize, len: usize) -> BatchArrays {
-        BatchArrays {
-            medium: Scratch::new(first_array, len),
-            fast: Scratch::new(first_array + 1, len),
-            record: Scratch::new(first_array + 2, len),
-        }
-    }
-
-    /// Tells of a piece of sixteen that is written at once.
-    #[inline]
-    fn write_piece<T: Trace>(&self, from: usize, trace: &mut T) {
-        self.medium.write(from, CHUNK, trace);
-        self.fast.write(from, CHUNK, trace);
-        self.record.write(from, CHUNK, trace);
-    }
-
-    /// Writes one voxel; it `is_told` already where its piece was.
-    #[inline]
-    fn put<T: Trace>(&mut self, place: usize, medium: u16, (fast, record): (u16, u32), is_told: bool, trace: &mut T) {
-        if is_told {
-            self.medium.items_mut()[place] = medium;
-            self.fast.items_mut()[place] = fast;
-            self.record.items_mut()[place] = record;
-        } else {
-            self.medium.set(place, medium, trace);
-            self.fast.set(place, fast, trace);
-            self.record.set(place, record, trace);
-        }
-    }
-}
-
-struct Passage<'s, 't, S, T> {
+struct TracedWalk<'s, 't, S, T> {
     store: &'s S,
     order: Order,
     codes: CodesRead,
     slow_is_v: bool,
     trace: &'t mut T,
     /// Tiles by row, in each by column, and where rows start.
-    sorted: Scratch<u32>,
-    starts: Scratch<u32>,
-    slices: Scratch<u16>,
+    sorted: TracedVec<u32>,
+    starts: TracedVec<u32>,
+    slices: TracedVec<u16>,
     /// Lines of a slice, ascending; and in the order of an axis with two sides.
-    lines: Scratch<Line>,
-    mediums: Scratch<u16>,
-    two_sided: Scratch<Line>,
-    batch: BatchArrays,
-    line: BatchArrays,
-    /// Voxels that a batch has room for.
+    lines: TracedVec<SliceLine>,
+    mediums: TracedVec<u16>,
+    two_sided: TracedVec<SliceLine>,
+    batch: TracedBatch,
+    line: TracedBatch,
+    /// Voxels that a batch has sizes for.
     capacity: usize,
 }
 
-impl<'s, 't, S: Store, T: Trace> Passage<'s, 't, S, T> {
-    fn new(store: &'s S, order: Order, codes: CodesRead, room: Room, trace: &'t mut T) -> Self {
+impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
+    fn new(store: &'s S, order: Order, codes: CodesRead, sizes: ScratchSizes, trace: &'t mut T) -> Self {
         let points = |axis: Axis| store.dims()[axis.index()];
         let across = |axis: Axis| points(axis).div_ceil(store.edge().into()) as usize;
         let slow_is_v = order.slow == store.axis().others()[1];
-        let numbers = room.numbers();
         let sides = [across(order.slow), across(order.medium)];
-        let (sorted, starts) = sorted_tiles(store, slow_is_v, sides, &numbers, trace);
+        let (sorted, starts) = sorted_tiles(store, slow_is_v, sides, sizes.first_array, trace);
         // A walk makes a batch's arrays for its own lane.
         let longest = points(store.axis()) as usize;
         let capacity = longest.max(BATCH);
-        Passage {
+        TracedWalk {
             store,
             order,
             codes,
@@ -238,12 +96,12 @@ impl<'s, 't, S: Store, T: Trace> Passage<'s, 't, S, T> {
             trace,
             sorted,
             starts,
-            slices: Scratch::new(numbers.slices, points(order.slow) as usize),
-            lines: Scratch::new(numbers.lines, room.lines()),
-            mediums: Scratch::new(numbers.mediums, room.lines()),
-            two_sided: Scratch::new(numbers.two_sided, room.lines()),
-            batch: BatchArrays::new(numbers.batch, capacity + 2 * CHUNK),
-            line: BatchArrays::new(numbers.line, longest + 2 * CHUNK),
+            slices: TracedVec::new(sizes.first_array + SLICES, points(order.slow) as usize),
+            lines: TracedVec::new(sizes.first_array + LINES, sizes.lines()),
+            mediums: TracedVec::new(sizes.first_array + MEDIUMS, sizes.lines()),
+            two_sided: TracedVec::new(sizes.first_array + TWO_SIDED, sizes.lines()),
+            batch: TracedBatch::new(sizes.first_array + BATCH_ARRAYS, capacity + 2 * CHUNK),
+            line: TracedBatch::new(sizes.first_array + LINE_ARRAYS, longest + 2 * CHUNK),
             capacity,
         }
     }
@@ -287,7 +145,7 @@ impl<'s, 't, S: Store, T: Trace> Passage<'s, 't, S, T> {
     }
 
     /// Visits every slice in the slow order.
-    fn slices(&mut self, visit: &mut impl FnMut(&Visited)) {
+    fn slices(&mut self, visit: &mut impl FnMut(&VisitedBlock)) {
         let count = self.find_slices();
         let numbers = self.slices.items()[..count].to_vec();
         let along = |axis: Axis| self.order.along[axis.index()];
@@ -358,7 +216,7 @@ impl<'s, 't, S: Store, T: Trace> Passage<'s, 't, S, T> {
                 let Some([first, end]) = self.store.line(tile, &start, rank(&mask, bit), self.trace) else { break };
                 let records = end.wrapping_sub(first);
                 #[allow(clippy::cast_possible_truncation, reason = "only kept if it is at most 65,535")]
-                let line = Line {
+                let line = SliceLine {
                     first_record: start.first_record + first,
                     count: records as u16,
                     medium: first_medium.wrapping_add(medium),
@@ -378,7 +236,7 @@ impl<'s, 't, S: Store, T: Trace> Passage<'s, 't, S, T> {
         is_two_sided: bool,
         base: u64,
         slow: u16,
-        visit: &mut impl FnMut(&Visited),
+        visit: &mut impl FnMut(&VisitedBlock),
     ) {
         let list = if is_two_sided { &self.two_sided } else { &self.lines };
         let (store, trace) = (self.store, &mut *self.trace);
@@ -420,8 +278,8 @@ impl<'s, 't, S: Store, T: Trace> Passage<'s, 't, S, T> {
     }
 
     /// Reads the voxels in `range` of the batch as the renderer's first stage does, a block at a time.
-    fn hand_over(&mut self, range: Range<usize>, base: u64, slow: u16, visit: &mut impl FnMut(&Visited)) {
-        let BatchArrays { medium, fast, record } = &self.batch;
+    fn hand_over(&mut self, range: Range<usize>, base: u64, slow: u16, visit: &mut impl FnMut(&VisitedBlock)) {
+        let TracedBatch { medium, fast, record } = &self.batch;
         let items = (&medium.items()[range.clone()], &fast.items()[range.clone()], &record.items()[range.clone()]);
         let batch = Batch { slow, medium: items.0, fast: items.1, record: items.2, base };
         let axes = [self.order.slow.index(), self.order.medium.index(), self.order.fast.index()];
@@ -445,100 +303,7 @@ impl<'s, 't, S: Store, T: Trace> Passage<'s, 't, S, T> {
                 }
             }
             let count = block.len();
-            visit(&Visited { batch: &batch, block, values: &values[..count], normals: &normals[..count] });
+            visit(&VisitedBlock { batch: &batch, block, values: &values[..count], normals: &normals[..count] });
         }
     }
-}
-
-/// The first group of the lines `first..count`: its end and its base.
-#[inline]
-fn group<T: Trace>(lines: &Scratch<Line>, first: usize, count: usize, capacity: usize, trace: &mut T) -> (usize, u64) {
-    let base = lines.get(first, trace).first_record.saturating_sub(REACH);
-    let mut records = 0;
-    let mut end = first;
-    while end < count {
-        let line = lines.get(end, trace);
-        let more = records + u64::from(line.count);
-        let is_near = line.first_record.wrapping_sub(base) < 2 * REACH - u64::from(u16::MAX);
-        if end > first && (more > capacity as u64 || !is_near) {
-            break;
-        }
-        records = more;
-        end += 1;
-    }
-    (end, base)
-}
-
-/// Up to sixteen voxels that follow each other on a line: coordinate and record from the base.
-struct Piece {
-    voxels: [(u16, u32); CHUNK],
-    count: usize,
-    /// Whether they were decoded at once: there are no stepping voxels among them.
-    at_once: bool,
-}
-
-/// Calls `take` with the voxels of a line, sixteen records at a time.
-#[inline]
-fn pieces<S: Store, T: Trace>(store: &S, line: Line, base: u64, trace: &mut T, mut take: impl FnMut(&Piece, &mut T)) {
-    let from = usize::try_from(line.first_record).expect("a sound line lies in memory");
-    let count = usize::from(line.count);
-    let mut previous = u16::MAX;
-    for done in (0..count).step_by(CHUNK) {
-        let steps = store.steps(from + done, trace);
-        let valid = CHUNK.min(count - done);
-        let mut piece = Piece { voxels: [(0, 0); CHUNK], count: 0, at_once: false };
-        let first = line.first_record + done as u64 - base;
-        for (offset, &step) in (first..).zip(&steps[..valid]) {
-            previous = previous.wrapping_add(if step == 0 { 255 } else { u16::from(step) });
-            let offset = u32::try_from(offset).expect("lines of a group lie near its base");
-            piece.voxels[piece.count] = (previous, offset);
-            piece.count += usize::from(step != 0);
-        }
-        piece.at_once = piece.count == valid;
-        take(&piece, trace);
-    }
-}
-
-/// Writes a line's voxels, ascending, from `at` up; gives the end.
-fn decode_up<S: Store, T: Trace>(
-    store: &S,
-    line: Line,
-    base: u64,
-    out: &mut BatchArrays,
-    at: usize,
-    trace: &mut T,
-) -> usize {
-    let mut end = at;
-    pieces(store, line, base, trace, |piece, trace| {
-        if piece.at_once {
-            out.write_piece(end, trace);
-        }
-        for &voxel in &piece.voxels[..piece.count] {
-            out.put(end, line.medium, voxel, piece.at_once, trace);
-            end += 1;
-        }
-    });
-    end
-}
-
-/// Writes a line's voxels, descending, below `at`; gives the start.
-fn decode_down<S: Store, T: Trace>(
-    store: &S,
-    line: Line,
-    base: u64,
-    out: &mut BatchArrays,
-    at: usize,
-    trace: &mut T,
-) -> usize {
-    let mut start = at;
-    pieces(store, line, base, trace, |piece, trace| {
-        if piece.at_once {
-            out.write_piece(start - CHUNK, trace);
-        }
-        for &voxel in &piece.voxels[..piece.count] {
-            start -= 1;
-            out.put(start, line.medium, voxel, piece.at_once, trace);
-        }
-    });
-    start
 }
