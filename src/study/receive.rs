@@ -1,21 +1,21 @@
-//! What studies do with the voxels that a walk hands over.
+//! Receivers: what studies do with the voxels of a walk.
 
 use super::baselines::{Normal, Receiver, VoxelCube};
 use adjsplat::arena::Lane;
 use adjsplat::splat::cpu::splatter::Splatter;
 use adjsplat::traverse::Batch;
 
-/// Adds up what it is given: the least that uses all of it.
+/// Sums coordinates, codes and normals: the least work that uses all of a voxel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct VoxelSum {
-    /// Voxels and cubes.
+    /// Number of voxels and cubes.
     pub count: u64,
-    /// Of coordinates, codes and bits of normals; wraps.
+    /// Sum of coordinates, codes and bits of normals; wraps.
     pub of_all: u64,
 }
 
 impl VoxelSum {
-    /// Adds the voxels of a batch of `lane`, which has normals if `shaded`: array by array, as a renderer reads them.
+    /// Adds a batch of `lane`, array by array as a renderer reads them; normals only if `shaded`.
     #[inline(always)]
     pub fn add(&mut self, lane: &Lane, batch: &Batch, shaded: bool) {
         let mut sum = u64::from(batch.slow) * batch.len() as u64;
@@ -52,17 +52,17 @@ impl Receiver for VoxelSum {
     }
 }
 
-/// Adds up coordinates alone: what a walk itself costs.
+/// Sums coordinates only: the cost of a walk itself.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CoordinateSum {
-    /// Voxels and cubes.
+    /// Number of voxels and cubes.
     pub count: u64,
-    /// Of coordinates; wraps.
+    /// Sum of coordinates; wraps.
     pub of_all: u64,
 }
 
 impl CoordinateSum {
-    /// Adds those of a batch.
+    /// Adds a batch.
     #[inline(always)]
     pub fn add(&mut self, batch: &Batch) {
         let sum = |along: &[u16]| along.iter().map(|&c| u64::from(c)).sum::<u64>();

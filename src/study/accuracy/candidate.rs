@@ -1,40 +1,40 @@
-//! Candidates: settings of every knob, each with a text that names them all.
+//! Candidates: settings of the renderer that the study compares.
 
 use super::family::Family;
 use adjsplat::error::Result;
 use adjsplat::splat::{Blending, KernelShape, Quality, Sampling, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 
-/// Which axis of a view's order takes which loop.
+/// Which axis of a view's order becomes which loop.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Nesting {
     /// As the view asks.
     Own,
-    /// Medium and fast axis in each other's place: what a file with two lanes may have to do.
+    /// Medium and fast axis exchanged, as a file with two lanes may need.
     MediumFastSwapped,
-    /// Slow and fast axis in each other's place: the least aligned axis outermost.
+    /// Slow and fast axis exchanged: the least aligned axis is outermost.
     SlowFastSwapped,
 }
 
-/// Who draws.
+/// What draws a candidate's picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Drawer {
     /// The renderer on the processor.
     Renderer,
-    /// The same splats, of an octree whose cubes are one splat where their error is below this.
+    /// The same splatter with an octree, whose cubes are one splat if their error is below this threshold.
     Octree(f32),
 }
 
-/// Settings of every knob.
+/// Settings of the renderer and of the file that it draws.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
-    /// Its series.
+    /// The family that it belongs to.
     pub family: Family,
-    /// The preset that it is, if it is one.
+    /// The preset that it is; `None` for other settings.
     pub quality: Option<Quality>,
-    /// Width and cut-off.
+    /// Width and radius of the kernel.
     pub kernel: KernelShape,
-    /// Transmittance below which a pixel no longer changes: 0 to 1.
+    /// Transmittance from 0 to 1 below which a pixel is finished.
     pub termination: f32,
     /// How many pixels are drawn.
     pub sampling: Sampling,
@@ -42,18 +42,18 @@ pub struct Candidate {
     pub value_bits: u8,
     /// Bits of each component of a stored normal: 0 for none, 8 or 16.
     pub normal_bits: u8,
-    /// Which axis takes which loop.
+    /// Which axis becomes which loop.
     pub nesting: Nesting,
-    /// Which end comes first.
+    /// Front to back or back to front.
     pub sense: Sense,
-    /// What a splat takes of the light.
+    /// How a splat covers a pixel.
     pub blending: Blending,
-    /// Who draws.
+    /// What draws it.
     pub drawer: Drawer,
 }
 
 impl Candidate {
-    /// A preset on a file with values and normals of so many bits.
+    /// Returns a preset for a file with values and normals of `bits` bits.
     pub fn preset(quality: Quality, bits: u8) -> Candidate {
         Candidate {
             family: Family::Presets,
@@ -70,17 +70,17 @@ impl Candidate {
         }
     }
 
-    /// `standard` on a file of 8 bits, in another series.
+    /// Returns `standard` on a file of 8 bits, as a start for other settings of `family`.
     pub(super) fn away(family: Family) -> Candidate {
         Candidate { family, quality: None, ..Candidate::preset(Quality::Standard, 8) }
     }
 
-    /// The name of the preset that it is; empty for none.
+    /// Returns the name of the preset; empty if it is none.
     pub fn quality_name(&self) -> &'static str {
         self.quality.map_or("", Quality::name)
     }
 
-    /// All knobs in one line: `sigma=0.7 radius=2.5 stop=1/1024 sampling=enough values=8 normals=8`, and what is unusual.
+    /// Returns all settings in one line, such as `sigma=0.7 radius=2.5 stop=1/1024 sampling=enough values=8 normals=8`.
     pub fn settings_text(&self) -> String {
         let sampling = self.sampling.name();
         let normals = if self.normal_bits == 0 { "none".to_owned() } else { self.normal_bits.to_string() };
@@ -108,10 +108,10 @@ impl Candidate {
         text
     }
 
-    /// What the renderer is told, on one thread; `view`: at the picture's size.
+    /// Returns the renderer's settings on one thread; `view` must have the picture's size.
     ///
     /// # Errors
-    /// As [`Order::new`].
+    /// Those of [`Order::new`].
     pub fn settings(&self, view: &View, dims: [u32; 3]) -> Result<Settings> {
         let order = match self.nesting {
             Nesting::Own => None,
@@ -136,7 +136,7 @@ impl Candidate {
     }
 }
 
-/// 1/1024 rather than 0.0009765625.
+/// Formats 0.0009765625 as 1/1024.
 fn share(part: f32) -> String {
     let times = (1.0 / part).round();
     if (2.0..=4096.0).contains(&times) && (1.0 / times - part).abs() <= f32::EPSILON * part {

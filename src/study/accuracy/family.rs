@@ -2,14 +2,14 @@
 
 use adjsplat::error::{Error, Result};
 
-/// Candidates that belong together: a series of a plot.
+/// Candidates that vary the same setting: a series of a plot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Family {
     /// `draft`, `standard`, `high`, `reference`.
     Presets,
-    /// What `--max-error` chooses from.
+    /// The settings among which the dial chooses by largest error.
     Dial,
-    /// Width and cut-off of the kernel.
+    /// Width and radius of the kernel.
     Kernel,
     /// Transmittance below which a ray ends.
     Termination,
@@ -17,18 +17,18 @@ pub enum Family {
     Sampling,
     /// Bits of values and normals.
     Codes,
-    /// Nesting and sense of the walk.
+    /// Nesting and direction of the walk.
     Order,
-    /// What splats take of the light: the classic form, sheet buffers.
+    /// How splats cover pixels: the classic form, sheet buffers.
     Blending,
     /// Cubes of voxels as one splat.
     Octree,
-    /// Several knobs at once.
+    /// Several settings at once.
     Combined,
 }
 
 impl Family {
-    /// All of them.
+    /// All families, in order.
     pub const ALL: [Family; 10] = [
         Family::Presets,
         Family::Dial,
@@ -42,10 +42,10 @@ impl Family {
         Family::Combined,
     ];
 
-    /// The family of this name.
+    /// Returns the family of this name.
     ///
     /// # Errors
-    /// [`Error::Input`] with all names if there is none.
+    /// [`Error::Input`], which lists all names, if there is none.
     pub fn named(name: &str) -> Result<Family> {
         Family::ALL.into_iter().find(|family| family.name() == name).ok_or_else(|| {
             let names = Family::ALL.map(Family::name).join(", ");
@@ -53,7 +53,7 @@ impl Family {
         })
     }
 
-    /// Its name in tables and legends.
+    /// Returns its name in tables and legends.
     pub fn name(self) -> &'static str {
         match self {
             Family::Presets => "presets",

@@ -1,9 +1,8 @@
-//! The error in three: of the model, of the order, of the arithmetic.
+//! The three parts of the error: of the model, of the order, of the arithmetic.
 //!
-//! In: a small set. Out: for each view how far the ray judge's picture, which is the integral itself, is from that of
-//! splats in the order of distance (model: splats overlap, the integral does not), that one from splats in nested order
-//! (order), and that one from the renderer's (arithmetic: codes, cut-off, termination, sampling, single precision); and
-//! the first from the last, which is all of it.
+//! In: a small set. Out: for each view, the differences along a chain of four pictures. Ray casting (the integral itself)
+//! against splats sorted by distance is the model's error, as splats overlap. Sorted splats against nested order is the
+//! order's. Nested splats against the renderer is the arithmetic's: codes, cut-off, termination, sampling, precision.
 
 use std::ops::ControlFlow;
 
@@ -17,21 +16,21 @@ use adjsplat_judge::reference::{JudgeSettings, RayJudge, RaySettings, SplatOrder
 /// Most grid points of a set: a ray costs about a microsecond a voxel near it.
 pub const MOST_POINTS: u64 = 64 * 64 * 64;
 
-/// What lies between two pictures.
+/// A part of the error: the difference of two pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ErrorPart {
     /// Rays against sorted splats.
     Model,
-    /// Sorted against nested splats.
+    /// Sorted splats against nested order.
     Order,
-    /// Nested splats against a preset's picture.
+    /// Nested splats against a candidate's picture.
     Arithmetic,
-    /// Rays against a preset's picture.
+    /// Rays against a candidate's picture.
     All,
 }
 
 impl ErrorPart {
-    /// Its name in tables.
+    /// Returns its name in tables.
     pub fn name(self) -> &'static str {
         match self {
             ErrorPart::Model => "model",
@@ -42,24 +41,25 @@ impl ErrorPart {
     }
 }
 
-/// A part of the error of one view.
+/// The size of one part of the error in one view.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ErrorShare {
     /// Number of the view.
     pub view: usize,
-    /// Which part.
+    /// The part.
     pub part: ErrorPart,
-    /// Number of the candidate whose picture it is, where it is one's.
+    /// Number of the candidate that drew the second picture, if one did.
     pub candidate: Option<usize>,
-    /// How large it is.
+    /// The errors.
     pub metrics: Metrics,
 }
 
-/// Splits the error of `candidates` in each of `views` whose voxels are not finer than pixels; `go_on` is told what is
-/// done of how much, and may stop it.
+/// Splits the error of `candidates` in each view whose voxels are not finer than pixels.
+///
+/// `go_on` receives the views done and in total, and can cancel.
 ///
 /// # Errors
-/// [`Error::Limit`] if the grid has more than [`MOST_POINTS`]; as drawing; [`Error::Interrupted`] if `go_on` says so.
+/// [`Error::Limit`] if the grid has more than [`MOST_POINTS`]; [`Error::Interrupted`] if `go_on` cancels.
 pub fn measure(
     set: &JudgedSet,
     views: &[JudgedView],

@@ -1,7 +1,5 @@
-//! The candidates that the study compares.
-//!
-//! In: nothing. Out: the presets on files of 8 and of 16 bits, the dial's rungs, every knob alone away from `standard`,
-//! and a grid of combinations of the knobs that matter most for time.
+//! The candidates that the study compares: presets on files of 8 and of 16 bits, the dial's settings, `standard` with one
+//! setting changed, and combinations of the settings that matter most for time.
 
 use super::candidate::{Candidate, Drawer, Nesting};
 use super::family::Family;
@@ -10,7 +8,7 @@ use adjsplat::splat::dial::Rung;
 use adjsplat::splat::{Blending, KernelShape, Quality, Sampling};
 use adjsplat::traverse::Sense;
 
-/// Kernels that are swept: from below the draft's to the widest that is used.
+/// Kernels, as sigma and radius, from narrower than draft's to the widest in use.
 const KERNELS: [(f32, f32); 13] = [
     (0.5, 1.5),
     (0.6, 1.5),
@@ -28,14 +26,14 @@ const KERNELS: [(f32, f32); 13] = [
 ];
 const TERMINATIONS: [f32; 6] = [0.0, 1e-5, 1.0 / 1024.0, 1.0 / 255.0, 1.0 / 128.0, 1.0 / 32.0];
 const SAMPLINGS: [Sampling; 4] = [Sampling::EveryPixel, Sampling::Finer, Sampling::Enough, Sampling::Fewest];
-/// Values and normals of 8 and 16 bits, and no normals.
+/// Bits of values and of normals.
 const CODES: [(u8, u8); 5] = [(8, 8), (16, 16), (16, 8), (8, 16), (8, 0)];
 const THRESHOLDS: [f32; 3] = [0.01, 0.03, 0.1];
-/// What is combined, and with which kernels.
+/// Kernels and terminations that are combined.
 const COMBINED_KERNELS: [(f32, f32); 6] = [(0.6, 1.5), (0.6, 2.0), (0.7, 1.5), (0.7, 1.8), (0.7, 2.1), (0.7, 3.0)];
 const COMBINED_TERMINATIONS: [f32; 2] = [1.0 / 128.0, 1.0 / 32.0];
 
-/// Everything that the study compares, each settings once; `quick`: presets and a few knobs.
+/// Returns all candidates, no two with equal settings; with `quick` only presets and a few others.
 pub fn candidates(quick: bool) -> Vec<Candidate> {
     let mut all = Vec::new();
     for bits in [8, 16] {
@@ -50,7 +48,7 @@ pub fn candidates(quick: bool) -> Vec<Candidate> {
             all.push(candidate);
         }
     };
-    // The dial's error leaves out what a file left out: here its files leave out least.
+    // The dial's error excludes that of the file, so its candidates get the most exact file.
     for Rung { kernel, termination, sampling } in dial::RUNGS {
         let stored = Candidate { value_bits: 16, normal_bits: 16, ..Candidate::away(Family::Dial) };
         add(Candidate { kernel, termination, sampling, ..stored });
@@ -73,7 +71,7 @@ pub fn candidates(quick: bool) -> Vec<Candidate> {
     }
     add(Candidate { sense: Sense::BackToFront, ..Candidate::away(Family::Order) });
     for blending in [Blending::Linear, Blending::Sheets] {
-        // They have no coarser pixels: beside them stands standard with finer ones.
+        // These cannot draw coarser pixels, so they are compared with finer ones.
         add(Candidate { blending, sampling: Sampling::Finer, ..Candidate::away(Family::Blending) });
     }
     for &threshold in THRESHOLDS.iter().step_by(step) {

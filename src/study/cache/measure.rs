@@ -1,14 +1,13 @@
-//! Measuring: one walk through an empty hierarchy.
+//! Measures one walk through an empty hierarchy.
 
 use super::geometry::Geometry;
 use super::model::{CacheFigures, CacheModel};
 use crate::baselines::{Normal, Receiver, Viewing, VoxelCube, Walker};
 use crate::trace::Untraced;
 
-/// What the hierarchy of `geometry` does on one walk; `reuse`: whether distances are followed. Also how many voxels and
-/// cubes were handed over.
+/// Returns what the hierarchy does on one walk, and the number of voxels and cubes; `reuse` also measures distances.
 ///
-/// The walker walks once before, untraced: arrays that grow have grown then.
+/// An untraced walk comes first, so that growing arrays have their size.
 pub fn measure<W: Walker>(walker: &mut W, viewing: &Viewing, geometry: &Geometry, reuse: bool) -> (CacheFigures, u64) {
     walker.walk(viewing, &mut VisitCounter::default(), &mut Untraced);
     let mut model = CacheModel::new(geometry, &walker.arrays(), reuse);
@@ -17,7 +16,7 @@ pub fn measure<W: Walker>(walker: &mut W, viewing: &Viewing, geometry: &Geometry
     (model.figures(), count.visited)
 }
 
-/// Counts what it is given.
+/// Counts voxels and cubes.
 #[derive(Debug, Default)]
 struct VisitCounter {
     visited: u64,

@@ -16,16 +16,16 @@ pub(super) struct LayoutLane {
     pub(super) layout: LaneLayout,
     pub(super) axis: Axis,
     pub(super) dims: [u32; 3],
-    /// Records of tiles and of lines, of the layout's bytes each.
+    /// Records of tiles and of lines.
     pub(super) tiles: Vec<u8>,
     pub(super) lines: Vec<u8>,
     pub(super) line_bytes: usize,
-    /// Step, value and normal; or step and slot, of a shared payload.
+    /// Step, value and normal; or step and slot if the payload is shared.
     pub(super) records: Records,
     pub(super) bricks: Option<Arc<PayloadBricks>>,
 }
 
-/// Arrays of a lane, by their place among its five; then those of bricks.
+/// Numbers of a lane's arrays among its five; then those of bricks and of scratch arrays.
 pub(super) const TILES: usize = 0;
 pub(super) const LINES: usize = 1;
 pub(super) const RECORDS: usize = 2;
@@ -39,11 +39,11 @@ pub(super) const NAMES: [[&str; OF_A_LANE]; 3] = [
     ["tiles z", "lines z", "steps z", "values z", "normals z"],
 ];
 
-/// Channels of a lane's records, where they have them.
+/// Channels of a lane's records.
 pub(super) const VALUE_OR_SLOT: usize = 1;
 pub(super) const NORMAL: usize = 2;
 
-/// Where a voxel comes in the lane, the voxel, and its slot.
+/// A voxel's sort key in the lane, the voxel, and its slot.
 type SortedVoxel<'a> = (u64, &'a VisibleVoxel, u8);
 
 impl LayoutLane {
@@ -83,7 +83,7 @@ impl LayoutLane {
             ),
             bricks: shared.map(|(bricks, _)| Arc::clone(bricks)),
         };
-        // Ends, lowest and highest coordinates of lines: their width is known when all are.
+        // End, lowest and highest coordinate of each line. All ends decide the width of a line record.
         let mut lines: Vec<[u32; 3]> = Vec::new();
         for tile in placed.chunk_by(|a, b| a.0 >> 32 == b.0 >> 32) {
             let first_record = lane.records.len();
@@ -140,12 +140,12 @@ impl LayoutLane {
         self.tiles.extend([low, high].into_iter().flat_map(|end| end.to_le_bytes().into_iter().take(2)));
     }
 
-    /// Number of its first array.
+    /// Returns the number of its first array.
     pub(super) fn arrays_from(&self) -> usize {
         OF_A_LANE * self.axis.index()
     }
 
-    /// Its arrays, by number; those that this layout has not are empty.
+    /// Returns its arrays, by number; those that this layout lacks are empty.
     pub(super) fn arrays(&self) -> [WalkerArray; OF_A_LANE] {
         let names = NAMES[self.axis.index()];
         let channels = &self.records.arrays;

@@ -1,16 +1,16 @@
-//! Layouts: other ways to lay out a lane, built from the same voxels and walked by the same walk.
+//! Layouts: other ways to lay out a lane, made from the same voxels and walked by the same walk.
 //!
-//! In: a subject and a [`LaneLayout`]. Out: a [`LayoutWalk`], whose bytes, misses and time can be held against ours. The
-//! shipped layout is one of them, and must come out as our lanes do, byte for byte (tests/study).
+//! In: a subject and a [`LaneLayout`]. Out: a [`LayoutWalk`], whose bytes, misses and time are compared with ours. The
+//! shipped layout is one of them, and must equal our lanes byte for byte (tests/study).
 //!
 //! | choice | values |
 //! | --- | --- |
-//! | tile edge | 1, 4, 8, 16 lines. Of 1 a tile is its line: no mask, no line record |
+//! | tile edge | 1, 4, 8, 16 lines. With 1 a tile is its line: no mask, no line record |
 //! | tile order | rows, Morton, Hilbert |
-//! | records | arrays, one for each channel; or interleaved, step, value, normal |
+//! | records | an array for each channel; or interleaved: step, value, normal |
 //! | line record | 2, 4: the end; 8: the end, lowest and highest coordinate |
-//! | payload | in each lane; or once, in bricks of 8 x 8 x 4 voxels, and a one-byte slot in each lane |
-//! | lanes | 3; or fewer: an order whose fast axis has none takes the innermost axis that has one as fast |
+//! | payload | in each lane; or once, in bricks of 8 x 8 x 4 voxels, with a one-byte slot in each lane |
+//! | lanes | 3; or fewer: if an order's fast axis has no lane, the innermost axis that has one becomes fast |
 
 mod lane;
 mod records;
@@ -37,24 +37,24 @@ pub struct LaneLayout {
     pub edge: u16,
     /// Order of the tiles in memory.
     pub tile_order: TileOrder,
-    /// Whether a record's channels follow each other, instead of each having an array.
+    /// Whether records are interleaved, instead of an array for each channel.
     pub interleaved: bool,
-    /// Bytes of a line record: 2, 4 or 8. Where ends do not fit 2 bytes, 4.
+    /// Bytes of a line record: 2, 4 or 8; 2 becomes 4 if ends need it.
     pub line_bytes: u8,
     /// Whether values and normals are stored once for all lanes.
     pub shared: bool,
-    /// Lanes: 1 (x), 2 (x, y) or 3.
+    /// Number of lanes: 1 (x), 2 (x, y) or 3.
     pub lanes: u8,
 }
 
 impl LaneLayout {
-    /// Ours, for a grid of `dims` points whose axes all have lines of one width.
+    /// Returns our layout for a grid of `dims` points, with the widest line record of the three axes.
     pub fn shipped(dims: [u32; 3]) -> LaneLayout {
         let line_bytes = dims.into_iter().map(line_end_bytes).max().unwrap_or(2);
         LaneLayout { edge: 8, tile_order: TileOrder::Morton, interleaved: false, line_bytes, shared: false, lanes: 3 }
     }
 
-    /// The shipped layout and those that differ from it in one choice, and some that differ in two.
+    /// Returns the shipped layout, layouts that differ from it in one choice, and some that differ in two.
     pub fn studied(dims: [u32; 3]) -> Vec<LaneLayout> {
         let shipped = LaneLayout::shipped(dims);
         let mut all = vec![shipped];
@@ -71,7 +71,7 @@ impl LaneLayout {
         all
     }
 
-    /// Its name: the choices in the order of the fields, such as `8-morton-arrays-end2-own-xyz`.
+    /// Returns its name: the choices in the order of the fields, such as `8-morton-arrays-end2-own-xyz`.
     pub fn name(&self) -> String {
         format!(
             "{}-{}-{}-end{}-{}-{}",
@@ -84,10 +84,10 @@ impl LaneLayout {
         )
     }
 
-    /// The nesting that these lanes can walk: `order`, unless its fast axis has no lane.
+    /// Returns the nesting that these lanes can walk: `order`, if its fast axis has a lane.
     ///
-    /// Then the innermost axis that has one is fast, and the others keep their order. Of parallel views every nesting is
-    /// a visibility order of points; splats that overlap sideways may come in another sequence.
+    /// Else the innermost axis with a lane becomes fast, and the others keep their order. In parallel views every nesting is
+    /// a visibility order of points; splats that overlap sideways may come in another order.
     pub fn nested(&self, order: &Order) -> Order {
         let has_lane = |axis: Axis| axis.index() < usize::from(self.lanes);
         let Order { slow, medium, fast, .. } = *order;
@@ -101,7 +101,7 @@ impl LaneLayout {
         Order { slow, medium, fast, ..*order }
     }
 
-    /// Bytes of a tile record, and where its mask starts and how long that is.
+    /// Returns the bytes of a tile record, the offset of its mask, and the bytes of the mask.
     fn tile_bytes(&self) -> [usize; 3] {
         match self.edge {
             1 => [16, 12, 0],
@@ -122,10 +122,10 @@ pub struct LayoutWalk {
 }
 
 impl LayoutWalk {
-    /// Lays out the subject's voxels; of each visited one its `codes` are read. O(n log n).
+    /// Lays out the subject's voxels; a walk reads `codes` of each voxel. O(n log n).
     ///
     /// # Errors
-    /// [`Error::Input`] for a layout that there is none of; [`Error::Limit`] for more than 2^32 voxels.
+    /// [`Error::Input`] for a layout that cannot be made; [`Error::Limit`] for more than 2^32 voxels.
     pub fn new(subject: &Subject, layout: LaneLayout, codes: CodesRead) -> Result<LayoutWalk> {
         let known = matches!(layout.edge, 1 | 4 | 8 | 16)
             && matches!(layout.line_bytes, 2 | 4 | 8)

@@ -1,4 +1,4 @@
-//! Records of a layout: channels of codes, in arrays or interleaved; and payloads in bricks.
+//! Records of a layout: channels of codes, in arrays or interleaved; and shared payloads in bricks.
 
 use super::lane::BRICK_VALUES;
 use crate::lane_walk::store::CHUNK;
@@ -6,21 +6,21 @@ use crate::subject::{Subject, VisibleVoxel};
 use crate::trace::Trace;
 use adjsplat::error::{Error, Result};
 
-/// Voxels of a brick along x, y, z: 256 in all.
+/// Voxels of a brick along x, y and z: 256 in all.
 const BRICK: [u16; 3] = [8, 8, 4];
 
-/// Values and normals, once.
+/// Values and normals, stored once for all lanes.
 #[derive(Debug)]
 pub(super) struct PayloadBricks {
-    /// PayloadBricks along x and y.
+    /// Bricks along x and y.
     pub(super) across: [usize; 2],
-    /// Where each brick's payload starts, dense, four bytes each.
+    /// Index of each brick's first payload.
     pub(super) bases: Vec<u32>,
-    /// Value and normal.
+    /// Values and normals.
     pub(super) payload: Records,
 }
 
-/// Channels of records: an array each, or one in which they follow each other.
+/// Records of several channels, in an array for each or interleaved in one.
 #[derive(Debug, Clone)]
 pub(super) struct Records {
     interleaved: bool,
@@ -28,7 +28,7 @@ pub(super) struct Records {
     widths: Vec<usize>,
     /// Number of the first array.
     first_array: usize,
-    /// An array for each channel; the first alone has all where they are interleaved.
+    /// An array for each channel; interleaved records are all in the first.
     pub(super) arrays: Vec<Vec<u8>>,
 }
 
@@ -37,7 +37,7 @@ impl Records {
         Records { interleaved, widths: widths.to_vec(), first_array, arrays: vec![Vec::new(); widths.len()] }
     }
 
-    /// Appends a record, a code for each channel.
+    /// Appends a record with a code for each channel.
     pub(super) fn push(&mut self, codes: &[u16]) {
         for (channel, (&code, &width)) in codes.iter().zip(&self.widths).enumerate() {
             let array = if self.interleaved { 0 } else { channel };
@@ -50,7 +50,7 @@ impl Records {
         self.arrays[0].len() / width
     }
 
-    /// WalkerArray of a channel, where its code of `record` starts, and how far codes are apart.
+    /// Returns the array of a channel, the offset of its code of `record`, and the distance between codes.
     #[inline(always)]
     fn place(&self, channel: usize, record: usize) -> (usize, usize, usize) {
         if self.interleaved {
@@ -61,7 +61,7 @@ impl Records {
         }
     }
 
-    /// The code of `record` in `channel`, of one or two bytes; 0 for a channel of none.
+    /// Reads the code of `record` in `channel`, one or two bytes; 0 if the channel has none.
     #[inline(always)]
     pub(super) fn code<T: Trace>(&self, channel: usize, record: usize, trace: &mut T) -> u16 {
         let width = self.widths[channel];
@@ -74,7 +74,7 @@ impl Records {
         u16::from(bytes[0]) | bytes.get(1).map_or(0, |&high| u16::from(high) << 8)
     }
 
-    /// Up to sixteen codes of one byte from `record` on, filled up with ones.
+    /// Reads up to sixteen one-byte codes from `record` on, padded with ones.
     #[inline(always)]
     pub(super) fn chunk<T: Trace>(&self, record: usize, trace: &mut T) -> [u8; CHUNK] {
         let (array, at, apart) = self.place(0, record);
@@ -91,14 +91,14 @@ impl Records {
     }
 }
 
-/// Number of the brick of a place, and its index in the bricks of its z where slots come in scan order.
+/// Returns the brick of a position.
 pub(super) fn brick_of([x, y, z]: [u16; 3], across: [usize; 2]) -> usize {
     let [x, y, z] = [x / BRICK[0], y / BRICK[1], z / BRICK[2]].map(usize::from);
     (z * across[1] + y) * across[0] + x
 }
 
 impl PayloadBricks {
-    /// The bricks, and the slot of each voxel, in the subject's order.
+    /// Makes the bricks; also returns the slot of each voxel, in the subject's order.
     pub(super) fn new(subject: &Subject, interleaved: bool, normal_bytes: usize) -> Result<(PayloadBricks, Vec<u8>)> {
         let [nx, ny, nz] = [0, 1, 2].map(|a| (subject.dims()[a] as usize).div_ceil(BRICK[a].into()));
         let across = [nx, ny];

@@ -1,4 +1,4 @@
-//! The bytes of a lane in some layout, as a walk reads them.
+//! Reads the bytes of a lane in some layout, as a walk does.
 
 use super::lane::{BASES, LINES, LayoutLane, NORMAL, TILES, VALUE_OR_SLOT};
 use super::records::{PayloadBricks, brick_of};
@@ -7,7 +7,7 @@ use crate::trace::Trace;
 use adjsplat::volume::Axis;
 
 impl LayoutLane {
-    /// Bytes of a tile's record from `from`; they are read.
+    /// Reads bytes of a tile's record, starting at `from`.
     #[inline]
     fn tile<const N: usize, T: Trace>(&self, tile: u32, from: usize, trace: &mut T) -> [u8; N] {
         let at = tile as usize * self.layout.tile_bytes()[0] + from;
@@ -26,7 +26,7 @@ impl LayoutLane {
         Some(u64::from_le_bytes(end))
     }
 
-    /// Where the payload of the voxel at `position` lies among the bricks'; its slot and its brick are read.
+    /// Reads the slot and the brick of the voxel at `position`; returns the index of its payload.
     #[inline]
     fn brick_place<T: Trace>(&self, bricks: &PayloadBricks, position: [u16; 3], record: usize, trace: &mut T) -> usize {
         let slot = self.records.code(VALUE_OR_SLOT, record, trace);

@@ -1,6 +1,4 @@
-//! Reports: what a study found, for people and for programs.
-//!
-//! In: columns and rows of cells. Out: a table to read, JSON `{"rows": [...]}`, CSV; and [`plot`]s.
+//! Reports: the results of a study as a table, as JSON `{"rows": [...]}`, as CSV, and as [`plot`]s.
 
 #[cfg(feature = "plot")]
 mod draw;
@@ -8,7 +6,7 @@ pub mod plot;
 
 use serde_json::{Map, Value, json};
 
-/// One value of a row.
+/// A value in a row of a report.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReportCell {
     /// A name.
@@ -19,7 +17,7 @@ pub enum ReportCell {
     Number(f64),
     /// Yes or no.
     Flag(bool),
-    /// There is none: blank in tables and CSV, null in JSON.
+    /// No value: blank in tables and CSV, null in JSON.
     None,
 }
 
@@ -54,7 +52,7 @@ impl<T: Into<ReportCell>> From<Option<T>> for ReportCell {
 }
 
 impl ReportCell {
-    /// As people read it.
+    /// Formats the value for tables.
     fn shown(&self) -> String {
         match self {
             ReportCell::Text(text) => text.clone(),
@@ -93,7 +91,7 @@ impl ReportCell {
     }
 }
 
-/// 1,234,567.
+/// Formats 1234567 as 1,234,567.
 fn grouped(count: u64) -> String {
     let digits = count.to_string();
     let mut out = String::new();
@@ -106,7 +104,7 @@ fn grouped(count: u64) -> String {
     out
 }
 
-/// Four significant digits, without an exponent; whole thousands in full.
+/// Formats a number with four significant digits and no exponent; whole thousands in full.
 fn significant(number: f64) -> String {
     if number == 0.0 {
         return "0".to_owned();
@@ -122,16 +120,16 @@ fn significant(number: f64) -> String {
     format!("{number:.digits$}")
 }
 
-/// What a study found.
+/// The results of a study: rows of named columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
-    /// Names of the columns: keys of the JSON rows, headings elsewhere.
+    /// Names of the columns: keys of JSON rows, headings elsewhere.
     columns: Vec<&'static str>,
     rows: Vec<Vec<ReportCell>>,
 }
 
 impl Report {
-    /// A report without rows.
+    /// Returns a report without rows.
     pub fn new(columns: &[&'static str]) -> Report {
         Report { columns: columns.to_vec(), rows: Vec::new() }
     }
@@ -139,18 +137,18 @@ impl Report {
     /// Appends a row.
     ///
     /// # Panics
-    /// If it has more or fewer cells than there are columns.
+    /// If the number of cells is not the number of columns.
     pub fn push(&mut self, row: Vec<ReportCell>) {
         assert_eq!(row.len(), self.columns.len(), "a cell for each of {:?}", self.columns);
         self.rows.push(row);
     }
 
-    /// The rows, in order.
+    /// Returns the rows, in order.
     pub fn rows(&self) -> &[Vec<ReportCell>] {
         &self.rows
     }
 
-    /// The cells of column `name`, in order.
+    /// Returns the cells of column `name`, in order.
     ///
     /// # Panics
     /// If there is no such column.
@@ -159,7 +157,7 @@ impl Report {
         self.rows.iter().map(move |row| &row[index])
     }
 
-    /// A table with aligned columns; `shown` are its columns, all if empty.
+    /// Formats a table with aligned columns; `shown` names the columns, all if empty.
     pub fn table(&self, shown: &[&str]) -> String {
         let indices: Vec<usize> =
             (0..self.columns.len()).filter(|&i| shown.is_empty() || shown.contains(&self.columns[i])).collect();
@@ -181,7 +179,7 @@ impl Report {
         out
     }
 
-    /// `{"rows": [...]}`, an object a row.
+    /// Returns `{"rows": [...]}` with an object a row.
     pub fn json(&self) -> Value {
         let row = |row: &Vec<ReportCell>| {
             let pairs = self.columns.iter().zip(row).map(|(column, cell)| ((*column).to_owned(), cell.value()));
@@ -190,7 +188,7 @@ impl Report {
         json!({ "rows": self.rows.iter().map(row).collect::<Vec<_>>() })
     }
 
-    /// Comma-separated values with a line of headings.
+    /// Formats comma-separated values with a line of headings.
     pub fn csv(&self) -> String {
         let mut out = self.columns.join(",");
         out.push('\n');
