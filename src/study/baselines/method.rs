@@ -1,6 +1,4 @@
-//! Methods: all ways of walking that studies compare, by name.
-//!
-//! In: a name and a subject. Out: a structure that can be walked, whichever it is.
+//! Methods: all structures that studies compare, by name.
 
 use super::adjacency_a::AdjacencyA;
 use super::adjacency_b::{AdjacencyB, Storage};
@@ -19,42 +17,42 @@ use adjsplat::error::{Error, Result};
 
 /// Seed of the records' order in [`Method::AdjacencyBShuffled`].
 const SEED: u64 = 2001;
-/// From what opacity on the code of a voxel's neighbours says that they are opaque.
+/// Opacity from which on a voxel counts as opaque in the code of its neighbours.
 const OPAQUE: f32 = 0.95;
 
-/// A way of walking.
+/// A structure that stores and walks visible voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Method {
-    /// Our own: [`Adjsplat`].
+    /// Our own lanes.
     Adjsplat,
-    /// [`Traditional`].
+    /// A dense volume, walked in full.
     Traditional,
-    /// [`Unordered`].
+    /// A list in storage order.
     Unordered,
-    /// [`Octree`] with a threshold of 0.
+    /// An [`Octree`] with a threshold of 0.
     Octree,
-    /// [`AdjacencyA`].
+    /// Linked records beside a dense volume: [`AdjacencyA`].
     AdjacencyA,
-    /// [`AdjacencyB`], records in the order in which they were made.
+    /// Linked records: [`AdjacencyB`], in the order in which they were built.
     AdjacencyB,
-    /// [`AdjacencyB`], records in random order.
+    /// [`AdjacencyB`] with its records in random order.
     AdjacencyBShuffled,
-    /// [`Shell`] with rows along x.
+    /// A [`Shell`] with rows along x.
     Shell,
-    /// [`Shell`] with rows along each axis.
+    /// A [`Shell`] with rows along each axis.
     ShellThree,
-    /// [`Sorted`].
+    /// A list sorted by distance for each frame.
     Sorted,
-    /// [`Bricks`] in exact slice order.
+    /// Bricks of bit masks, walked slice by slice.
     Bricks,
-    /// [`Bricks`], brick by brick.
+    /// Bricks of bit masks, walked brick by brick.
     BricksBrickwise,
-    /// [`RunLength`].
+    /// Run lengths along each axis.
     RunLength,
 }
 
 impl Method {
-    /// All of them, ours first.
+    /// All methods, ours first.
     pub const ALL: [Method; 13] = [
         Method::Adjsplat,
         Method::Traditional,
@@ -71,7 +69,7 @@ impl Method {
         Method::RunLength,
     ];
 
-    /// Its name in tables and files.
+    /// Returns its name in tables and files.
     pub fn name(self) -> &'static str {
         match self {
             Method::Adjsplat => "adjsplat",
@@ -90,16 +88,16 @@ impl Method {
         }
     }
 
-    /// The method of this name.
+    /// Returns the method of this name.
     ///
     /// # Errors
-    /// [`Error::Input`] with all names if there is none.
+    /// [`Error::Input`], which lists all names, if there is none.
     pub fn named(name: &str) -> Result<Method> {
         let method = Method::ALL.into_iter().find(|method| method.name() == name);
         method.ok_or_else(|| Error::input("method", format!("is {name}, but must be one of {}", names().join(", "))))
     }
 
-    /// Whether voxels come in exact slice order: nested loops in the order's nesting and directions.
+    /// Whether voxels come in exact slice order: nested loops over the axes of the order.
     pub fn is_in_slice_order(self) -> bool {
         match self {
             Method::Adjsplat
@@ -114,10 +112,10 @@ impl Method {
         }
     }
 
-    /// Its structure for `subject`. [`Method::Adjsplat`] has all three lanes derived, if the arena lacks some.
+    /// Builds the structure for `subject`; our own derives the lanes that the file lacks.
     ///
     /// # Errors
-    /// [`Error::Limit`] if memory cannot be had or the structure cannot be as large; as [`Subject::looks`].
+    /// [`Error::Limit`] if memory cannot be had or the structure would be too large; those of [`Subject::looks`].
     pub fn build<'a>(self, subject: &'a Subject<'a>) -> Result<BuiltMethod<'a>> {
         Ok(match self {
             Method::Adjsplat => BuiltMethod::Adjsplat(Adjsplat::new(subject)?),
@@ -137,12 +135,12 @@ impl Method {
     }
 }
 
-/// The names of all methods.
+/// Returns the names of all methods.
 pub fn names() -> [&'static str; Method::ALL.len()] {
     Method::ALL.map(Method::name)
 }
 
-/// A structure of any method.
+/// The structure of a method.
 #[derive(Debug)]
 #[expect(missing_docs, reason = "each variant is the structure that it is named for")]
 pub enum BuiltMethod<'a> {
@@ -158,7 +156,7 @@ pub enum BuiltMethod<'a> {
     RunLength(RunLength),
 }
 
-/// Calls the same of whichever structure it is.
+/// Calls the same method of whichever structure it is.
 macro_rules! whichever {
     ($built:expr, $walker:ident => $call:expr) => {
         match $built {

@@ -1,16 +1,15 @@
-//! Runs of voxels: each line's lengths of empty and visible stretches, and the visible voxels' payload.
+//! Run lengths: each line's empty and visible stretches, and the visible voxels' payload; in exact slice order.
 //!
-//! In: a subject. Out: the exact slice order, for which lines are stored along each of the three axes, as the
-//! shear-warp algorithm stores them for the three axes that it may be viewed along.
+//! Lines are stored along each of the three axes, as the shear-warp algorithm stores them for its viewing axes.
 //!
 //! ```text
 //! lines    8 bytes for each line of the volume: where its pairs and its payload begin
-//! pairs    2 bytes: so many voxels are empty, so many visible after that; 0 to 255 each; they fill the line
+//! pairs    2 bytes: the length of an empty run and of a visible run, 0 to 255 each; they fill the line
 //! payload  3 bytes a visible voxel, in the order of lines: value 1, normal 2
 //! ```
 //!
-//! Pairs that fill the line can be read from its end, too. The original stores where a slice begins, not a line: its
-//! resampling takes the lines of a slice in one order.
+//! As pairs fill the line, they can be read from its end too. The original stores where slices begin, not lines, as it
+//! takes the lines of a slice in one order.
 //!
 //! Source: Lacroute and Levoy, "Fast Volume Rendering Using a Shear-Warp Factorization of the Viewing
 //! Transformation", SIGGRAPH 1994.
@@ -24,7 +23,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::traverse::AxisOrder;
 use adjsplat::volume::Axis;
 
-/// Arrays of an axis: lines, pairs, values, normals.
+/// Number of arrays of an axis: lines, pairs, values, normals.
 const ARRAYS: usize = 4;
 
 /// Where a line begins.
@@ -38,17 +37,17 @@ struct LineStart {
 /// The lines along one axis.
 #[derive(Debug)]
 struct RunLines {
-    /// The line of the lower other axis fastest; and the end of the last.
+    /// The start of each line, the lower other axis fastest; then the end of the last line.
     starts: Vec<LineStart>,
-    /// Empty voxels, visible ones.
+    /// Lengths of an empty and of a visible run.
     pairs: Vec<[u8; 2]>,
     values: Vec<u8>,
     normals: Vec<u16>,
-    /// Distance of lines in `starts` whose coordinate differs by 1, by axis.
+    /// By axis, the distance in `starts` of lines whose coordinates differ by 1.
     stride: [usize; 3],
 }
 
-/// Runs of voxels along each axis.
+/// Run lengths along each axis.
 #[derive(Debug)]
 pub struct RunLength {
     dims: [u32; 3],
@@ -56,7 +55,7 @@ pub struct RunLength {
 }
 
 impl RunLength {
-    /// The voxels of `subject`.
+    /// Builds the runs of `subject`.
     ///
     /// # Errors
     /// [`Error::Limit`] if there are 2^32 voxels or runs along an axis, or memory cannot be had.
@@ -77,7 +76,7 @@ impl RunLines {
         let count = subject.voxels.len() as u64;
         let mut ordered: Vec<VisibleVoxel> = reserved("voxels in the order of lines", count)?;
         ordered.extend_from_slice(&subject.voxels);
-        // Stable: within a line the list's scan order is ascending, whatever the axis.
+        // Stable: within a line, scan order is ascending for every axis.
         ordered.sort_by_key(line);
         let line_count = u64::from(dims[u]) * u64::from(dims[v]);
         let mut lines = RunLines {
@@ -112,7 +111,7 @@ impl RunLines {
         Ok(lines)
     }
 
-    /// Appends so many empty voxels, as pairs without visible ones but for the last, which may get some.
+    /// Appends empty voxels; visible ones may follow in the last pair.
     fn empty(&mut self, mut count: u32) -> Result<()> {
         loop {
             let part = u8::try_from(count).unwrap_or(u8::MAX);
@@ -134,7 +133,7 @@ impl RunLines {
     }
 }
 
-/// A place in an array of at most 2^32 elements.
+/// Narrows an index into an array of at most 2^32 elements.
 fn u32_of(place: usize) -> Result<u32> {
     u32::try_from(place).map_err(|_| Error::Limit {
         what: "voxels or runs along an axis".into(),

@@ -1,11 +1,11 @@
 //! Sorted splatting: a list of the visible voxels, sorted by distance for every frame.
 //!
-//! In: a subject. Out: its voxels by distance from the eye, or along the direction of a parallel view. It is what
-//! renderers of splats without a grid do (Kerbl et al. 2023 and others).
+//! This is what renderers of splats without a grid do (Kerbl et al. 2023 and others). Distance is from the eye, or along
+//! the direction of a parallel view.
 //!
-//! Distances become whole numbers of 32 bits, spread over the range that the frame has, in double precision: no two
-//! voxels of a ray share one, wherever the eye is. Pairs of key and index go through a radix sort, least digit first,
-//! four passes of 8 bits; a digit that all keys share is passed over. Voxels are then read by index.
+//! Distances become integers of 32 bits over the frame's range, computed in double precision: no two voxels of a ray share
+//! one, wherever the eye is. Keys with indices go through a radix sort, four passes of 8 bits, least significant first; a
+//! digit that all keys share is skipped. Voxels are then read by index.
 
 use super::allocate::{filled, reserved};
 use super::{Normal, Receiver, Viewing, Walker};
@@ -25,7 +25,7 @@ const DIGIT: u32 = 8;
 const DIGITS: usize = 1 << DIGIT;
 const PASSES: usize = 4;
 
-/// A voxel's distance and its place in the list.
+/// A voxel's distance and its index in the list.
 #[derive(Debug, Clone, Copy, Default)]
 struct KeyedIndex {
     key: u32,
@@ -38,14 +38,14 @@ pub struct Sorted {
     voxels: Vec<VisibleVoxel>,
     pairs: Vec<KeyedIndex>,
     spare: Vec<KeyedIndex>,
-    /// How many keys have each digit, pass by pass; then where each digit's pairs go.
+    /// Number of keys with each digit, pass by pass; then where each digit's pairs go.
     counts: Vec<[u32; DIGITS]>,
     /// Lowest and highest coordinates of the voxels.
     bounds: [[f64; 3]; 2],
 }
 
 impl Sorted {
-    /// The voxels of `subject`.
+    /// Copies the voxels of `subject`.
     ///
     /// # Errors
     /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had.
@@ -69,8 +69,7 @@ impl Sorted {
         })
     }
 
-    /// Fills the pairs with `distance`, which is between `near` and `far`, the first to be drawn lowest; and counts
-    /// digits.
+    /// Fills the keys from `distance`, which lies between `near` and `far`, and counts digits; the first drawn is lowest.
     #[inline(always)]
     fn keys<T: Trace>(&mut self, sense: Sense, near: f64, far: f64, distance: impl Fn([f64; 3]) -> f64, trace: &mut T) {
         let scale = f64::from(u32::MAX) / (far - near).max(f64::MIN_POSITIVE);
@@ -94,8 +93,7 @@ impl Sorted {
         }
     }
 
-    /// Sorts the pairs by key; pairs of one key stay in the order of the list. The number of the array that they are
-    /// in then: an odd number of passes leaves them in the other one.
+    /// Sorts the pairs by key, stably. Returns the array that holds them: after an odd number of passes the other one.
     #[inline(always)]
     fn sort<T: Trace>(&mut self, trace: &mut T) -> usize {
         let [mut from, mut to] = [PAIRS, SPARE];

@@ -1,10 +1,9 @@
-//! Traditional splatting: every grid point is visited, in order, and what is visible is drawn.
+//! Traditional splatting: every grid point is visited in slice order, and visible ones are drawn.
 //!
-//! In: a subject. Out: the paper's 17 bytes for every grid point: value 1, colour 4, gradient 12. The test of
-//! visibility reads one byte, the opacity.
+//! Each grid point has the paper's 17 bytes: value 1, colour 4, gradient 12. The visibility test reads one, the opacity.
 //!
-//! The three attributes are arrays of their own: as one 17-byte record the test would fetch all of it, and a walk of a
-//! mostly empty volume takes as long as the memory that it fetches.
+//! The attributes are separate arrays: with a 17-byte record the test would fetch all of it, and a walk of a mostly empty
+//! volume takes as long as the memory that it fetches.
 //!
 //! Source: Westover, "Footprint Evaluation for Volume Rendering", SIGGRAPH 1990; sizes by Orchard and Möller 2001,
 //! section 4.2.
@@ -31,10 +30,10 @@ pub struct Traditional {
 }
 
 impl Traditional {
-    /// The volume of `subject`; 17 bytes a grid point.
+    /// Fills the volume from `subject`; 17 bytes a grid point.
     ///
     /// # Errors
-    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; as [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; those of [`Subject::looks`].
     pub fn new(subject: &Subject) -> Result<Traditional> {
         let points = product(subject.dims().map(u64::from));
         check("the dense volume", points.saturating_mul(17))?;

@@ -1,9 +1,7 @@
-//! Unordered splatting: a list of the visible voxels, drawn as it lies.
+//! Unordered splatting: a list of the visible voxels, drawn in scan order whatever the view. It shows the cost of order.
 //!
-//! In: a subject. Out: its voxels in scan order, whatever the view. It measures what order costs others.
-//!
-//! Orchard and Möller store with each voxel of this list what their ordered methods store, so that only the order
-//! differs: here position 6, value 1, colour 4 and gradient 12 bytes, 23 in all. Crawfis himself needs no gradient.
+//! Orchard and Möller store with each voxel what their ordered methods store, so that only the order differs: position 6,
+//! value 1, colour 4 and gradient 12 bytes, 23 in all. Crawfis himself needs no gradient.
 //!
 //! Source: Crawfis, "Real-time Slicing of Data Space", Visualization 1996; as measured by Orchard and Möller 2001,
 //! section 4.
@@ -29,10 +27,10 @@ pub struct Unordered {
 }
 
 impl Unordered {
-    /// The voxels of `subject`.
+    /// Copies the voxels of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; as [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; those of [`Subject::looks`].
     pub fn new(subject: &Subject) -> Result<Unordered> {
         let appearance = Appearance::of(subject)?;
         let count = subject.voxels.len() as u64;

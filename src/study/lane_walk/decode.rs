@@ -1,13 +1,13 @@
-//! Decodes lines into batches: sixteen steps at a time, as the walk does.
+//! Decodes lines into batches, sixteen steps at a time, as the walk does.
 
 use super::store::{CHUNK, LaneStore};
 use super::traced_vec::TracedVec;
 use crate::trace::Trace;
 
-/// Largest distance of a batch's records from its first line's.
+/// Largest distance of a batch's records from those of its first line.
 const REACH: u64 = 1 << 31;
 
-/// One line of the slice at hand: as the walk's.
+/// A line of the current slice.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct SliceLine {
     pub(super) first_record: u64,
@@ -31,7 +31,7 @@ impl TracedBatch {
         }
     }
 
-    /// Tells of a chunk of sixteen that is written at once.
+    /// Traces the write of sixteen voxels at once.
     #[inline]
     fn write_chunk<T: Trace>(&self, from: usize, trace: &mut T) {
         self.medium.write(from, CHUNK, trace);
@@ -39,10 +39,10 @@ impl TracedBatch {
         self.record.write(from, CHUNK, trace);
     }
 
-    /// Writes one voxel; it `is_told` already where its chunk was.
+    /// Stores one voxel; its write `is_traced` already if its chunk was.
     #[inline]
-    fn put<T: Trace>(&mut self, place: usize, medium: u16, (fast, record): (u16, u32), is_told: bool, trace: &mut T) {
-        if is_told {
+    fn put<T: Trace>(&mut self, place: usize, medium: u16, (fast, record): (u16, u32), is_traced: bool, trace: &mut T) {
+        if is_traced {
             self.medium.items_mut()[place] = medium;
             self.fast.items_mut()[place] = fast;
             self.record.items_mut()[place] = record;
@@ -53,7 +53,7 @@ impl TracedBatch {
         }
     }
 }
-/// The first group of the lines `first..count`: its end and its base.
+/// Returns the end and the base record of the first group of the lines `first..count`.
 #[inline]
 pub(super) fn group<T: Trace>(
     lines: &TracedVec<SliceLine>,
@@ -78,11 +78,11 @@ pub(super) fn group<T: Trace>(
     (end, base)
 }
 
-/// Up to sixteen voxels that follow each other on a line: coordinate and record from the base.
+/// Up to sixteen consecutive voxels of a line: coordinate, and record relative to the base.
 struct StepChunk {
     voxels: [(u16, u32); CHUNK],
     count: usize,
-    /// Whether they were decoded at once: there are no stepping voxels among them.
+    /// Whether they were decoded at once, as there are no stepping records among them.
     at_once: bool,
 }
 
@@ -114,7 +114,7 @@ fn step_chunks<S: LaneStore, T: Trace>(
     }
 }
 
-/// Writes a line's voxels, ascending, from `at` up; gives the end.
+/// Writes a line's voxels, ascending, from `at` up; returns the end.
 pub(super) fn decode_up<S: LaneStore, T: Trace>(
     store: &S,
     line: SliceLine,
@@ -136,7 +136,7 @@ pub(super) fn decode_up<S: LaneStore, T: Trace>(
     end
 }
 
-/// Writes a line's voxels, descending, below `at`; gives the start.
+/// Writes a line's voxels, descending, below `at`; returns the start.
 pub(super) fn decode_down<S: LaneStore, T: Trace>(
     store: &S,
     line: SliceLine,

@@ -1,4 +1,4 @@
-//! Our own lanes as a walker.
+//! Our own lanes as a traced walker.
 
 use super::CodesRead;
 use super::scratch_sizes::ScratchSizes;
@@ -10,7 +10,7 @@ use adjsplat::arena::Lane;
 use adjsplat::traverse::{Batch, Order};
 use adjsplat::volume::Axis;
 
-/// Our lanes, walked by the twin that tells all.
+/// Our lanes, walked by the traced twin.
 #[derive(Debug, Clone)]
 pub struct OwnWalk<'a> {
     lanes: [OwnStore<'a>; 3],
@@ -18,12 +18,10 @@ pub struct OwnWalk<'a> {
 }
 
 impl<'a> OwnWalk<'a> {
-    /// Of sound lanes along x, y and z, of which a voxel's `codes` are read as it is visited; the others are handed over
-    /// as 0.
+    /// Takes sound lanes along x, y and z. A walk reads `codes` of each voxel and delivers the others as 0.
     ///
     /// # Panics
-    /// If the lanes run along other axes, have patches, or other channels than values of 8 and normals of 2 x 8 bits or
-    /// none.
+    /// If the lanes run along other axes, have edits, or other channels than values of 8 and normals of 2 x 8 bits or none.
     pub fn new(lanes: [Lane<'a>; 3], codes: CodesRead) -> OwnWalk<'a> {
         assert!(lanes.iter().map(|lane| lane.axis).eq(Axis::ALL), "lanes along x, y and z");
         for lane in &lanes {
@@ -34,7 +32,7 @@ impl<'a> OwnWalk<'a> {
         OwnWalk { lanes: lanes.map(store), codes }
     }
 
-    /// Walks in `order`; `visit` is given each block of a batch, first of all of which the batch is whole.
+    /// Walks in `order` and calls `visit` with each batch.
     pub fn walk_batches<T: Trace>(&self, order: &Order, trace: &mut T, visit: &mut impl FnMut(&Batch)) {
         let mut whole = |visited: &VisitedBlock| {
             if visited.block.start == 0 {

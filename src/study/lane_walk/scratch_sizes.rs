@@ -7,7 +7,7 @@ use crate::trace::WalkerArray;
 /// Voxels that a batch holds unless a single line has more.
 pub(super) const BATCH: usize = 2_048;
 
-/// Numbers of the scratch arrays, counted from the walker's first one.
+/// Numbers of the scratch arrays, relative to the first one.
 pub(super) const WANTED: usize = 0;
 pub(super) const BY_COLUMN: usize = 1;
 pub(super) const SORTED: usize = 2;
@@ -23,11 +23,11 @@ pub(super) const TWO_SIDED: usize = 10;
 pub(super) const BATCH_ARRAYS: usize = 11;
 pub(super) const LINE_ARRAYS: usize = 14;
 
-/// Sizes of scratch arrays that do for any lane of a walker, and the number of the first.
+/// Sizes of scratch arrays that suffice for all lanes of a walker, and the number of the first.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ScratchSizes {
     pub(super) first_array: usize,
-    /// Tiles of the lane that has most.
+    /// Most tiles of a lane.
     tiles: usize,
     /// Grid points of the longest axis.
     points: usize,
@@ -35,7 +35,7 @@ pub(crate) struct ScratchSizes {
 }
 
 impl ScratchSizes {
-    /// For `lanes`; scratch arrays are numbered from `first_array`.
+    /// Returns the sizes for `lanes`; scratch arrays are numbered from `first_array`.
     pub(crate) fn of<S: LaneStore>(lanes: &[S], first_array: usize) -> ScratchSizes {
         let most = |of: fn(&S) -> u32| lanes.iter().map(of).max().unwrap_or(0) as usize;
         ScratchSizes {
@@ -45,12 +45,12 @@ impl ScratchSizes {
             edge: most(|lane| lane.edge().into()),
         }
     }
-    /// Lines of a slice, whole tiles.
+    /// Returns the lines of a slice, rounded up to whole tiles.
     pub(super) fn lines(self) -> usize {
         self.points.next_multiple_of(self.edge.max(1))
     }
 
-    /// The scratch arrays, by number.
+    /// Returns the scratch arrays, by number.
     pub(crate) fn arrays(self) -> [WalkerArray; 17] {
         let rows = self.lines() / self.edge.max(1) + 1;
         let (batch, line) = (self.points.max(BATCH) + 2 * CHUNK, self.points + 2 * CHUNK);

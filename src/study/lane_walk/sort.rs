@@ -1,11 +1,11 @@
-//! Tiles by row and column: two counting sorts, access by access.
+//! Sorts tiles by row and column: two counting sorts, traced access by access.
 
 use super::scratch_sizes::{BY_COLUMN, COLUMN_NEXT, COLUMN_STARTS, ROW_NEXT, ROW_STARTS, SORTED, WANTED};
 use super::store::LaneStore;
 use super::traced_vec::TracedVec;
 use crate::trace::Trace;
 
-/// Tiles by row of the slow axis, in each by column, and where rows start. O(tiles).
+/// Returns tiles by row of the slow axis, within a row by column, and where rows start. O(tiles).
 pub(super) fn sorted_tiles<S: LaneStore, T: Trace>(
     store: &S,
     slow_is_v: bool,
@@ -21,7 +21,7 @@ pub(super) fn sorted_tiles<S: LaneStore, T: Trace>(
     let mut count = 0;
     for tile in 0..store.tile_count() {
         let [row, column] = place(tile, trace);
-        // Whether a renderer wants the tile hangs on its extent; here it wants all.
+        // A renderer decides by the extent whether it wants a tile; this walk wants all.
         store.extent(tile, trace);
         if row < rows && column < columns {
             wanted.set(count, tile, trace);

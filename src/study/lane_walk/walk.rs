@@ -1,6 +1,4 @@
-//! One walk through one lane.
-//!
-//! In: a [`LaneStore`], an order. Out: blocks of voxels, with the codes that were asked for.
+//! A traced walk through one lane: from a [`LaneStore`] and an order to blocks of voxels with their codes.
 
 use std::ops::Range;
 
@@ -18,15 +16,15 @@ use adjsplat::volume::Axis;
 /// Up to [`BLOCK`] voxels of a batch, as the renderer's first stage takes them.
 pub(crate) struct VisitedBlock<'a> {
     pub(crate) batch: &'a Batch<'a>,
-    /// Which of the batch's voxels.
+    /// Their indices in the batch.
     pub(crate) block: Range<usize>,
-    /// Their codes; zeros for those that are not read.
+    /// Their codes; zeros if they are not read.
     pub(crate) values: &'a [u8],
     pub(crate) normals: &'a [u16],
 }
 
 impl VisitedBlock<'_> {
-    /// Each voxel's index in the block, and its place, x, y, z.
+    /// Returns each voxel's index in the block and its coordinates.
     #[inline]
     pub(crate) fn positions(&self, order: &Order) -> impl Iterator<Item = (usize, [u16; 3])> {
         let axes = [order.slow.index(), order.medium.index(), order.fast.index()];
@@ -64,7 +62,7 @@ struct TracedWalk<'s, 't, S, T> {
     codes: CodesRead,
     slow_is_v: bool,
     trace: &'t mut T,
-    /// Tiles by row, in each by column, and where rows start.
+    /// Tiles by row, within a row by column, and where rows start.
     sorted: TracedVec<u32>,
     starts: TracedVec<u32>,
     slices: TracedVec<u16>,
@@ -74,7 +72,7 @@ struct TracedWalk<'s, 't, S, T> {
     two_sided: TracedVec<SliceLine>,
     batch: TracedBatch,
     line: TracedBatch,
-    /// Voxels that a batch has sizes for.
+    /// Voxels for which a batch has room.
     capacity: usize,
 }
 
@@ -85,7 +83,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         let slow_is_v = order.slow == store.axis().others()[1];
         let sides = [across(order.slow), across(order.medium)];
         let (sorted, starts) = sorted_tiles(store, slow_is_v, sides, sizes.first_array, trace);
-        // A walk makes a batch's arrays for its own lane.
+        // A walk allocates a batch for its own lane.
         let longest = points(store.axis()) as usize;
         let capacity = longest.max(BATCH);
         TracedWalk {
@@ -106,12 +104,12 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         }
     }
 
-    /// Where the tiles of `row` lie among the sorted ones.
+    /// Returns which of the sorted tiles are in `row`.
     fn row(&mut self, row: usize) -> Range<usize> {
         self.starts.get(row, self.trace) as usize..self.starts.get(row + 1, self.trace) as usize
     }
 
-    /// Bit in a mask of the line at `medium` of a tile, in its slice `within`.
+    /// Returns the mask bit of the line at `medium` of a tile, in its slice `within`.
     #[inline(always)]
     fn bit(&self, within: u16, medium: u16) -> u32 {
         let edge = self.store.edge();
@@ -123,7 +121,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         (0..self.store.edge()).any(|medium| has_bit(mask, self.bit(within, medium)))
     }
 
-    /// Lists the slices that are not empty; how many.
+    /// Lists the non-empty slices; returns their number.
     fn find_slices(&mut self) -> usize {
         let edge = self.store.edge();
         let mut count = 0;
@@ -178,7 +176,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         }
     }
 
-    /// Puts the lines in an order of two sides.
+    /// Puts the lines in the order of an axis with two sides.
     fn part_lines(&mut self, sides: AxisOrder, count: usize) {
         for item in 0..count {
             let line = self.lines.get(item, self.trace);
@@ -192,7 +190,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         });
     }
 
-    /// Lists the lines of slice `slow`, ascending; how many.
+    /// Lists the lines of slice `slow`, ascending; returns their number.
     fn gather(&mut self, slow: u16) -> usize {
         let edge = self.store.edge();
         let within = slow % edge;
@@ -205,7 +203,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
             if !self.has_lines(&mask, within) {
                 continue;
             }
-            // Whether the row is wanted, and where its lines and records lie.
+            // Reads whether the row is wanted, and where its lines and records lie.
             let start = self.store.start(tile, self.trace);
             let first_medium = edge.wrapping_mul(start.place[usize::from(!self.slow_is_v)]);
             for medium in 0..edge {
@@ -229,7 +227,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         count
     }
 
-    /// Decodes lines of slice `slow` and hands their voxels over.
+    /// Decodes lines of slice `slow` and delivers their voxels.
     fn decode(
         &mut self,
         lines: Range<usize>,
@@ -277,7 +275,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         self.hand_over(range, base, slow, visit);
     }
 
-    /// Reads the voxels in `range` of the batch as the renderer's first stage does, a block at a time.
+    /// Reads the voxels in `range` of the batch as the renderer's first stage does, block by block.
     fn hand_over(&mut self, range: Range<usize>, base: u64, slow: u16, visit: &mut impl FnMut(&VisitedBlock)) {
         let TracedBatch { medium, fast, record } = &self.batch;
         let items = (&medium.items()[range.clone()], &fast.items()[range.clone()], &record.items()[range.clone()]);

@@ -1,19 +1,17 @@
 //! Adjacency data structure, implementation A: linked records beside a dense volume.
 //!
-//! In: a subject, or voxels one by one. Out: the exact slice order, by following links; voxels can be added and
-//! removed at any time.
+//! Voxels are visited in exact slice order by following links, and can be added and removed at any time.
 //!
 //! ```text
 //! cells    (w+2)(h+2)(d+2) x 5 bytes: the record's number 4, intensity 1
 //! records  28 bytes for each visible or virtual voxel: colour 4, gradient 12, six neighbours of 2
 //! ```
 //!
-//! A neighbour is a coordinate on its axis, so that following a link goes through a cell. Virtual voxels cap scan
-//! lines (box faces), lines of faces (box edges) and edges (corners, which are always there). Adding a voxel adds the
-//! caps that its three lines miss, which are voxels of lines themselves; removing one removes the caps of the lines
-//! that it leaves empty. Records that are freed are used again, the last one first.
+//! A neighbour is a coordinate on its axis, so following a link goes through a cell. Virtual voxels cap scan lines (box
+//! faces), lines of faces (box edges) and edges (corners, which always exist). Adding a voxel adds the missing caps of
+//! its three lines; removing one removes the caps of lines that become empty. Freed records are reused, last one first.
 //!
-//! Cells are counted from the low cap, at 0; so voxels begin at 1.
+//! Coordinates count from the low cap at 0, so voxels begin at 1.
 //!
 //! Source: Orchard and Möller 2001, sections 3 and 4.2.
 
@@ -30,10 +28,10 @@ use adjsplat::volume::Axis;
 
 /// In a cell: no record. In the list of freed records: its end.
 const NONE: u32 = u32::MAX;
-/// Most grid points along an axis: with both caps they are counted in two bytes.
+/// Most grid points along an axis: with both caps, coordinates fit two bytes.
 const MOST_POINTS: u32 = 65_534;
 
-/// A grid point, or a place for a cap.
+/// A grid point or a cap.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct GridCell {
@@ -47,10 +45,10 @@ const _: () = assert!(size_of::<GridCell>() == 5);
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct RecordA {
-    /// Red, green, blue, opacity; opacity 0 is virtual. Of a freed record: the number of the one freed before.
+    /// Red, green, blue, opacity; opacity 0 is virtual. A freed record holds the number of the one freed before.
     colour: [u8; 4],
     gradient: [f32; 3],
-    /// By axis the coordinates of the next voxels below and above.
+    /// By axis, the coordinates of the next voxels below and above.
     neighbours: [u16; 6],
 }
 
@@ -59,7 +57,7 @@ const _: () = assert!(size_of::<RecordA>() == 28);
 /// A cell's coordinates, caps included.
 type CellPosition = [u16; 3];
 
-/// The structure of implementation A.
+/// Implementation A of the paper's adjacency structure: linked records beside a dense volume.
 #[derive(Debug)]
 pub struct AdjacencyA {
     /// The high cap's coordinate along each axis; the low one's is 0.
@@ -74,11 +72,10 @@ pub struct AdjacencyA {
 }
 
 impl AdjacencyA {
-    /// The structure of all voxels of `subject`, added in scan order; `5(w+2)(h+2)(d+2) + 28s` bytes, where s counts
-    /// visible and virtual voxels.
+    /// Adds all voxels of `subject` in scan order; takes `5(w+2)(h+2)(d+2) + 28s` bytes for s visible and virtual voxels.
     ///
     /// # Errors
-    /// As [`AdjacencyA::empty`] and [`AdjacencyA::insert`].
+    /// Those of [`AdjacencyA::empty`] and [`AdjacencyA::insert`].
     pub fn new(subject: &Subject) -> Result<AdjacencyA> {
         let mut structure = AdjacencyA::empty(subject)?;
         for voxel in &subject.voxels {
@@ -88,10 +85,10 @@ impl AdjacencyA {
         Ok(structure)
     }
 
-    /// The structure without voxels, for those of `subject`.
+    /// Returns a structure without voxels for the grid of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if an axis has more than 65,534 points or memory cannot be had; as [`Subject::looks`].
+    /// [`Error::Limit`] if an axis has more than 65,534 points or memory cannot be had; those of [`Subject::looks`].
     pub fn empty(subject: &Subject) -> Result<AdjacencyA> {
         let last = last_places(subject.dims())?;
         let cell = GridCell { record: U32::new(NONE), intensity: 0 };
@@ -110,18 +107,18 @@ impl AdjacencyA {
         Ok(structure)
     }
 
-    /// Visible voxels.
+    /// Returns the number of visible voxels.
     pub fn visible(&self) -> u64 {
         self.visible
     }
 
-    /// Virtual voxels: the caps that are there, corners included.
+    /// Returns the number of virtual voxels, corners included.
     pub fn virtual_voxels(&self) -> u64 {
         self.virtual_voxels
     }
 
-    /// Adds a voxel, with the caps that its lines miss; or changes one that is there. O(1) but for the search for its
-    /// neighbours along three lines, which starts at both ends of each.
+    /// Adds a voxel and the missing caps of its lines, or changes an existing one. O(1), except for the search for its
+    /// neighbours from both ends of three lines.
     ///
     /// # Errors
     /// [`Error::Input`] if it lies outside the grid, [`Error::Limit`] if memory cannot be had.
@@ -138,7 +135,7 @@ impl AdjacencyA {
         Ok(())
     }
 
-    /// Removes the voxel at `position`, with the caps of lines that it leaves empty; whether there was one.
+    /// Removes the voxel at `position` and the caps of lines that become empty; returns whether it existed.
     ///
     /// # Errors
     /// [`Error::Input`] if it lies outside the grid.
@@ -169,7 +166,7 @@ impl AdjacencyA {
         self.cells[self.cell(place)].record.get() != NONE
     }
 
-    /// The neighbour below or above of the voxel at `place`, which is there.
+    /// Returns the neighbour below or above of an existing voxel.
     fn neighbour(&mut self, place: CellPosition, axis: usize, up: bool) -> &mut u16 {
         let record = self.cells[self.cell(place)].record.get() as usize;
         &mut self.records[record].neighbours[2 * axis + usize::from(up)]
@@ -183,7 +180,7 @@ impl AdjacencyA {
         (0..3).any(|axis| self.is_cap(place, axis))
     }
 
-    /// Adds a voxel that is not there yet, after the caps of its lines, to those lines.
+    /// Adds a new voxel to its lines, after their missing caps.
     fn link(&mut self, place: CellPosition) -> Result<()> {
         self.allocate(place)?;
         for axis in 0..3 {
@@ -205,7 +202,7 @@ impl AdjacencyA {
         Ok(())
     }
 
-    /// Takes a record for `place`. Until others come between, its neighbours are the caps.
+    /// Takes a record for `place`. Its neighbours are the caps at first.
     fn allocate(&mut self, place: CellPosition) -> Result<()> {
         let [x, y, z] = self.last;
         let record = RecordA { colour: [0; 4], gradient: [0.0; 3], neighbours: [0, x, 0, y, 0, z] };
@@ -231,7 +228,7 @@ impl AdjacencyA {
         Ok(())
     }
 
-    /// Takes a voxel that is there from its lines, with the caps of those that are empty then.
+    /// Removes an existing voxel from its lines, with the caps of lines that become empty.
     fn unlink(&mut self, place: CellPosition) {
         for axis in 0..3 {
             if self.is_cap(place, axis) {
@@ -241,7 +238,7 @@ impl AdjacencyA {
             if below == 0 && above == self.last[axis] {
                 for end in [below, above] {
                     let cap = with(place, axis, end);
-                    // Corners stay. A cap of two lines is gone already where the other one emptied first.
+                    // Corners stay. A cap of two lines is already gone if the other line became empty first.
                     if self.holds(cap) && !(0..3).all(|axis| self.is_cap(cap, axis)) {
                         self.unlink(cap);
                     }
@@ -263,8 +260,8 @@ impl AdjacencyA {
         *if self.is_virtual(place) { &mut self.virtual_voxels } else { &mut self.visible } -= 1;
     }
 
-    /// Between which coordinates of its line a voxel comes; searched from both ends, so that voxels that are added in
-    /// scan order, or against it, are found at once.
+    /// Finds the neighbours of a new voxel on its line. It searches from both ends, so that voxels in ascending or
+    /// descending order are found at once.
     fn neighbours(&mut self, place: CellPosition, axis: usize) -> [u16; 2] {
         let (mut below, mut above) = (0, self.last[axis]);
         loop {
@@ -282,10 +279,7 @@ impl AdjacencyA {
     }
 }
 
-/// The high caps' coordinates of a grid of `dims` points.
-///
-/// # Errors
-/// [`Error::Limit`] if one does not fit two bytes.
+/// Returns the high caps' coordinates for a grid of `dims` points; fails if one does not fit two bytes.
 pub(super) fn last_places(dims: [u32; 3]) -> Result<[u16; 3]> {
     let mut last = [0; 3];
     for axis in Axis::ALL {
@@ -299,7 +293,7 @@ pub(super) fn last_places(dims: [u32; 3]) -> Result<[u16; 3]> {
     Ok(last)
 }
 
-/// `place` moved along `axis`.
+/// Returns `place` with another coordinate on `axis`.
 fn with(mut place: CellPosition, axis: usize, coordinate: u16) -> CellPosition {
     place[axis] = coordinate;
     place

@@ -8,7 +8,7 @@ use crate::trace::{Trace, WalkerArray};
 const CELLS: usize = 0;
 const RECORDS: usize = 1;
 
-/// A walk at work.
+/// The structure, receiver and trace of a walk.
 struct WalkA<'a, R, T> {
     structure: &'a AdjacencyA,
     receiver: &'a mut R,
@@ -16,7 +16,7 @@ struct WalkA<'a, R, T> {
 }
 
 impl<R: Receiver, T: Trace> WalkA<'_, R, T> {
-    /// The number of a cell's record.
+    /// Reads the number of a cell's record.
     #[inline(always)]
     fn record(&mut self, cell: usize) -> u32 {
         self.trace.read(CELLS, 5 * cell, 4);
@@ -48,7 +48,7 @@ impl CellLine {
         self.first_cell + usize::from(coordinate) * self.stride
     }
 
-    /// The voxel at `coordinate`, which is there.
+    /// Returns the existing voxel at `coordinate`.
     #[inline(always)]
     fn node<R: Receiver, T: Trace>(self, walk: &mut WalkA<R, T>, coordinate: u16) -> LineVoxel {
         LineVoxel { coordinate, record: walk.record(self.cell(coordinate)) }
@@ -67,7 +67,7 @@ impl<R: Receiver, T: Trace> Chain<WalkA<'_, R, T>> for CellLine {
         if is_cap { None } else { Some(self.node(walk, coordinate)) }
     }
 
-    /// From the first voxel, as an order has it: the low cap is at 0.
+    /// Returns the voxel's coordinate in the grid; the low cap is at 0.
     #[inline(always)]
     fn coordinate(self, node: LineVoxel) -> u16 {
         node.coordinate - 1
@@ -90,11 +90,11 @@ impl Walker for AdjacencyA {
         let [width, height, _] = self.last.map(|last| usize::from(last) + 1);
         let stride = [1, width, width * height];
         let last = self.last;
-        // The cap where an axis' order begins.
+        // The cap where each axis' order begins.
         let start = [0, 1, 2].map(|a| if starts_high(order.along[a]) { last[a] } else { 0 });
         let mut walk = WalkA { structure: self, receiver, trace };
         let line = |axis: usize, first_cell| CellLine { axis, last: last[axis], first_cell, stride: stride[axis] };
-        // Both caps; the far one is looked up only where it is walked from.
+        // Both caps; the far one is looked up only if the walk starts there too.
         let ends = |walk: &mut WalkA<R, T>, line: CellLine, record: Option<u32>| {
             let coordinate = start[line.axis];
             let near = record.map_or_else(|| line.node(walk, coordinate), |record| LineVoxel { coordinate, record });

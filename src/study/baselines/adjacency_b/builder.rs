@@ -14,12 +14,12 @@ use adjsplat::error::{Error, Result};
 pub(super) struct BuilderB {
     pub(super) last: [u16; 3],
     pub(super) records: Vec<RecordB>,
-    /// Records of the virtual voxels, by place.
+    /// Records of the virtual voxels, by position.
     pub(super) caps: HashMap<[u16; 3], u32>,
 }
 
 impl BuilderB {
-    /// The eight corners, each of which points to three others.
+    /// Makes the eight corners, each of which points to three others.
     pub(super) fn new(last: [u16; 3]) -> Result<BuilderB> {
         let mut builder = BuilderB { last, records: Vec::new(), caps: HashMap::new() };
         for corner in 0..8u32 {
@@ -42,7 +42,7 @@ impl BuilderB {
         Ok(())
     }
 
-    /// Adds a voxel that is not there yet, with the caps of its lines, to those lines.
+    /// Adds a new voxel to its lines, with their missing caps.
     fn link(&mut self, place: [u16; 3]) -> Result<u32> {
         let index = u32::try_from(self.records.len()).ok().filter(|&index| index != NONE);
         let index = index.ok_or_else(|| Error::Limit {
@@ -78,7 +78,7 @@ impl BuilderB {
         Ok(index)
     }
 
-    /// The cap at `end` of the line through `place`.
+    /// Returns the cap at `end` of the line through `place`, and adds it if it is missing.
     fn cap(&mut self, mut place: [u16; 3], axis: usize, end: u16) -> Result<u32> {
         place[axis] = end;
         match self.caps.get(&place) {
@@ -91,8 +91,8 @@ impl BuilderB {
         &mut self.records[record as usize].pointers[2 * axis + usize::from(up)]
     }
 
-    /// Between which records of its line, whose caps are given, a voxel comes; searched from both ends, so that
-    /// voxels in scan order are found at once.
+    /// Finds the neighbours of a new voxel on its line between two caps; from both ends, so that voxels in scan order are
+    /// found at once.
     fn neighbours(&mut self, place: [u16; 3], axis: usize, [low, high]: [u32; 2]) -> [u32; 2] {
         if self.pointer(low, axis, true).get() == NONE {
             return [low, high];

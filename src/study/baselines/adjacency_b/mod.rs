@@ -1,21 +1,20 @@
 //! Adjacency data structure, implementation B: linked records and nothing else.
 //!
-//! In: a subject. Out: the exact slice order, by following pointers from record to record.
+//! Voxels are visited in exact slice order by following pointers from record to record.
 //!
 //! ```text
 //! record  47 bytes for each visible or virtual voxel:
 //!         intensity 1, colour 4, six pointers of 4, position 3 x 2, gradient 12
 //! ```
 //!
-//! It is built as the paper builds its structure, one voxel after the other in scan order, each with the caps that its
-//! lines miss. The caps are found by a hash map, which the paper does not speak of and which is dropped in the end;
-//! [`AdjacencyB::build_bytes`] says what it took.
+//! As in the paper, voxels are added in scan order, each with the missing caps of its lines. A hash map finds the caps.
+//! The paper does not mention one; it is dropped in the end, and [`AdjacencyB::build_bytes`] returns its size.
 //!
-//! Records lie in the order in which they were made, scan order with the caps among them. The paper's structure is
-//! changed at any time, after which there is no such order any more: [`Storage::Shuffled`] is that case at its worst.
+//! Records lie in the order in which they were made: scan order with caps between. As the paper's structure can be
+//! edited, its records may have any order; [`Storage::Shuffled`] is the worst case.
 //!
-//! A walk needs the caps of both ends of a line where its axis has two sides of the eye. B has no grid to look them up
-//! in: it follows all edges of the box, and both rims of a face, that it will need, side by side.
+//! If an axis has two sides of the eye, a walk needs the caps at both ends of a line. B has no grid to look them up. So
+//! it follows the edges of the box and both rims of a face side by side.
 //!
 //! Source: Orchard and Möller 2001, sections 3 and 4.2.
 
@@ -41,9 +40,9 @@ struct RecordB {
     intensity: u8,
     /// Red, green, blue, opacity; opacity 0 is virtual.
     colour: [u8; 4],
-    /// By axis the next voxels below and above.
+    /// By axis, the next voxels below and above.
     pointers: [U32; 6],
-    /// From the low caps, at 0; so voxels begin at 1.
+    /// Coordinates from the low caps at 0, so voxels begin at 1.
     position: [U16; 3],
     gradient: [F32; 3],
 }
@@ -57,11 +56,11 @@ const _: () = assert!(size_of::<RecordB>() == RECORD);
 pub enum Storage {
     /// As they were made.
     AsBuilt,
-    /// At random, by a generator with this seed.
+    /// Random, from this seed.
     Shuffled(u64),
 }
 
-/// The structure of implementation B.
+/// Implementation B of the paper's adjacency structure: linked records.
 #[derive(Debug)]
 pub struct AdjacencyB {
     /// The high cap's coordinate along each axis; the low one's is 0.
@@ -75,11 +74,11 @@ pub struct AdjacencyB {
 }
 
 impl AdjacencyB {
-    /// The structure of `subject`; `47s` bytes, where s counts visible and virtual voxels.
+    /// Builds the structure of `subject`; takes `47s` bytes for s visible and virtual voxels.
     ///
     /// # Errors
-    /// [`Error::Limit`] if an axis has more than 65,534 points, there are 2^32 voxels, or memory cannot be had; as
-    /// [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if an axis has more than 65,534 points, there are 2^32 voxels, or memory
+    /// cannot be had; those of [`Subject::looks`].
     pub fn new(subject: &Subject, storage: Storage) -> Result<AdjacencyB> {
         let appearance = Appearance::of(subject)?;
         let mut builder = BuilderB::new(last_places(subject.dims())?)?;
@@ -87,7 +86,7 @@ impl AdjacencyB {
             builder.insert(voxel, &appearance)?;
         }
         let BuilderB { last, mut records, caps } = builder;
-        // A map of entries with a control byte each, at most seven eighths full.
+        // A map has entries with a control byte each, and is at most seven eighths full.
         let build_bytes = (caps.capacity() as u64 * 8 / 7) * (size_of::<([u16; 3], u32)>() as u64 + 1);
         drop(caps);
         records.shrink_to_fit();
@@ -100,22 +99,22 @@ impl AdjacencyB {
         Ok(structure)
     }
 
-    /// Visible voxels.
+    /// Returns the number of visible voxels.
     pub fn visible(&self) -> u64 {
         self.visible
     }
 
-    /// Virtual voxels, corners included.
+    /// Returns the number of virtual voxels, corners included.
     pub fn virtual_voxels(&self) -> u64 {
         self.records.len() as u64 - self.visible
     }
 
-    /// Bytes that only building took.
+    /// Returns the bytes that only building took.
     pub fn build_bytes(&self) -> u64 {
         self.build_bytes
     }
 
-    /// Gives every record another place (Fisher and Yates) and every pointer the record's new one.
+    /// Shuffles the records (Fisher and Yates) and changes all pointers accordingly.
     fn shuffle(&mut self, seed: u64) -> Result<()> {
         let count = self.records.len() as u64;
         let mut old_of_new: Vec<u32> = reserved("a shuffle of adjacency B", count)?;
@@ -142,7 +141,7 @@ impl AdjacencyB {
     }
 }
 
-/// SplitMix64 (Steele et al. 2014).
+/// Returns the next random number (SplitMix64, Steele et al. 2014).
 fn next_random(state: &mut u64) -> u64 {
     *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
     let mut bits = *state;

@@ -11,24 +11,24 @@ use crate::trace::{Trace, WalkerArray};
 
 const RECORDS: usize = 0;
 
-/// A walk at work.
+/// The records, receiver and trace of a walk.
 struct WalkB<'a, R, T> {
     records: &'a [RecordB],
     receiver: &'a mut R,
     trace: &'a mut T,
 }
 
-/// As many lines side by side as the walk below needs the ends of; all have voxels at the same coordinates.
+/// Lines side by side with voxels at the same coordinates: as many as the inner loops need the ends of.
 #[derive(Clone, Copy)]
 struct ParallelLines<const COUNT: usize> {
     axis: usize,
     /// The high cap's coordinate.
     last: u16,
-    /// Which of them are followed.
+    /// Which of the lines are followed.
     followed: [bool; COUNT],
 }
 
-/// Voxels side by side, one of each line; of a line that is not followed, any record.
+/// A voxel of each line; any record for lines that are not followed.
 #[derive(Clone, Copy)]
 struct LineVoxels<const COUNT: usize> {
     coordinate: u16,
@@ -59,7 +59,7 @@ impl<const COUNT: usize, R: Receiver, T: Trace> Chain<WalkB<'_, R, T>> for Paral
         if is_cap { None } else { Some(LineVoxels { coordinate, records }) }
     }
 
-    /// From the first voxel, as an order has it: the low cap is at 0.
+    /// Returns the voxels' coordinate in the grid; the low cap is at 0.
     #[inline(always)]
     fn coordinate(self, node: LineVoxels<COUNT>) -> u16 {
         node.coordinate - 1
@@ -85,7 +85,7 @@ impl Walker for AdjacencyB {
         let [slow_order, medium_order, fast_order] = axes.map(|axis| order.along[axis]);
         let [medium_both, fast_both] = [medium_order, fast_order].map(needs_both_ends);
         let start = [0, 1, 2].map(|a| usize::from(starts_high(order.along[a])));
-        // The corner whose slow, medium and fast coordinate are where their orders begin, or at the other end.
+        // The corner where the slow, medium and fast order begin, or at the other end of an axis.
         let corner = |others: [usize; 3]| {
             let index = (0..3).map(|i| (start[axes[i]] ^ others[i]) << axes[i]).sum::<usize>();
             self.corners[index]

@@ -9,16 +9,16 @@ use adjsplat::traverse::{AxisOrder, Order};
 
 /// The coordinates of an axis, brick by brick.
 struct AxisBricks {
-    /// Bricks in the order in which they come.
+    /// Bricks in visit order.
     sequence: Vec<u16>,
-    /// For each brick of the axis, by number, its places in the order in which they come.
+    /// The coordinates in each brick of the axis, by brick.
     places: Vec<BrickCoordinates>,
 }
 
-/// The places of a brick along an axis.
+/// The coordinates in a brick along an axis, in visit order.
 struct BrickCoordinates {
     sequence: Vec<u16>,
-    /// Whether they run up, or down; `None` if they do neither.
+    /// Whether they ascend or descend; `None` for neither.
     up: Option<bool>,
 }
 
@@ -43,7 +43,7 @@ impl AxisBricks {
         };
         let places =
             all.chunks(EDGE).map(|brick| BrickCoordinates::new(in_order(order, brick, brick[0]))).collect::<Vec<_>>();
-        // Bricks are parted half-way between voxels; the one that the eye is in is nearest to both sides.
+        // Bricks border half-way between voxels; the brick that holds the eye is nearest to both sides.
         let of_bricks = match order {
             AxisOrder::TwoSided { eye, form, sense } => {
                 AxisOrder::TwoSided { eye: ((eye + 0.5) / EDGE as f64).floor(), form, sense }
@@ -55,7 +55,7 @@ impl AxisBricks {
     }
 }
 
-/// The bricks of the volume one after the other.
+/// Visits one brick of the volume after the other.
 pub(super) fn by_bricks<R: Receiver, T: Trace>(walk: &mut BrickWalk<R, T>, order: &Order) {
     let (bricks, nesting) = (walk.bricks, walk.nesting);
     let AxisNesting { slow, medium, fast } = nesting;

@@ -7,18 +7,18 @@ use crate::baselines::{Receiver, coordinates, narrow};
 use crate::trace::Trace;
 use adjsplat::traverse::{AxisOrder, Order};
 
-/// What a walk works in.
+/// Scratch memory of a walk.
 #[derive(Debug, Default)]
 pub(super) struct BrickScratch {
-    /// Bricks that are there, by row of bricks, ascending on the fast axis.
+    /// Non-empty bricks, by row of bricks, ascending on the fast axis.
     pub(super) crossed: Vec<CrossedBrick>,
-    /// Where each row of bricks begins in `crossed`; and the end of the last.
+    /// Where each row of bricks begins in `crossed`; then the end of the last.
     pub(super) starts: Vec<u32>,
-    /// The part of `crossed` that the slice at hand meets.
+    /// The part of `crossed` that the current slice meets.
     pub(super) planes: Vec<BrickPlane>,
     /// Where each row of bricks begins in `planes`.
     plane_starts: Vec<u32>,
-    /// The slice's rows that are not empty, ascending.
+    /// The slice's non-empty rows, ascending.
     lines: Vec<u16>,
 }
 
@@ -33,14 +33,14 @@ pub(super) struct CrossedBrick {
 /// A brick's voxels of one slice.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BrickPlane {
-    /// Byte: medium axis; bit: fast axis.
+    /// A byte for each medium coordinate, a bit for each fast one.
     voxels: u64,
     brick: u32,
     fast: u16,
 }
 
 impl BrickScratch {
-    /// Lists the bricks of each row of bricks in the nesting.
+    /// Lists the bricks of each row of bricks, in the nesting.
     fn list<T: Trace>(&mut self, bricks: &Bricks, nesting: AxisNesting, trace: &mut T) {
         let stride = [1, bricks.counts[0], bricks.counts[0] * bricks.counts[1]];
         self.crossed.clear();
@@ -62,7 +62,7 @@ impl BrickScratch {
         self.starts.push(u32_of(self.crossed.len()));
     }
 
-    /// Cuts slice `slow` out of its bricks; whether it has voxels.
+    /// Cuts slice `slow` out of its bricks; returns whether it has voxels.
     fn cut<T: Trace>(&mut self, bricks: &Bricks, nesting: AxisNesting, slow: usize, trace: &mut T) -> bool {
         self.planes.clear();
         self.plane_starts.clear();
@@ -88,14 +88,14 @@ impl BrickScratch {
     }
 }
 
-/// A number of bricks, which are fewer than voxels.
+/// Narrows a number of bricks, which are fewer than voxels.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "see above; and voxels are fewer than 2^32")]
 fn u32_of(count: usize) -> u32 {
     count as u32
 }
 
-/// The slices of the volume one after the other.
+/// Visits one slice of the volume after the other.
 pub(super) fn by_slices<R: Receiver, T: Trace>(walk: &mut BrickWalk<R, T>, scratch: &mut BrickScratch, order: &Order) {
     let (bricks, nesting) = (walk.bricks, walk.nesting);
     scratch.list(bricks, nesting, walk.trace);

@@ -1,6 +1,4 @@
-//! Bricks of bit masks: leaves of 8 x 8 x 8 voxels, as VDB has them.
-//!
-//! In: a subject. Out: its voxels in exact slice order, or brick by brick.
+//! Bricks of bit masks: leaves of 8 x 8 x 8 voxels, as in VDB; in exact slice order, or brick by brick.
 //!
 //! ```text
 //! table    4 bytes for each brick of the volume: its number, or none
@@ -9,16 +7,15 @@
 //! payload  3 bytes a visible voxel, in the order of bricks and bits: value 1, normal 2
 //! ```
 //!
-//! Slice order crosses a slice's bricks row by row. So that no row looks at empty bricks, the table is first read in
-//! the view's nesting into a list of bricks for each row of bricks; and each brick's 8 x 8 voxels of the slice are cut
-//! out of its masks once, a byte a row. Where rows run along x a row's voxels follow each other in the payload; else a
-//! count of bits finds each.
+//! Slice order crosses a slice's bricks row by row. To skip empty bricks, the table is first read into a list of bricks
+//! for each row of bricks, in the view's nesting. A brick's 8 x 8 voxels of the slice are cut out of its masks once, a
+//! byte a row. If rows run along x, their voxels are consecutive in the payload; else bits are counted for each voxel.
 //!
-//! Brick by brick, bricks come in the view's nesting, and voxels within them: each axis toward the eye, so no voxel
-//! comes before one that it hides, but not by slices of the volume.
+//! Brick by brick, bricks come in the view's nesting, and so do their voxels. No voxel comes before one that it hides,
+//! but the order is not by slices of the volume.
 //!
-//! Source: Museth, "VDB: High-Resolution Sparse Volumes with Dynamic Topology", TOG 32(3), 2013; a dense table takes
-//! the place of its tree, as volumes here have bounds.
+//! Source: Museth, "VDB: High-Resolution Sparse Volumes with Dynamic Topology", TOG 32(3), 2013; with a dense table in
+//! place of its tree, as volumes here have bounds.
 
 mod by_bricks;
 mod by_slices;
@@ -37,12 +34,12 @@ use adjsplat::error::{Error, Result};
 
 const TABLE: usize = 0;
 
-/// In the table: no voxel of the brick is visible.
+/// In the table: the brick is empty.
 const NONE: u32 = u32::MAX;
-/// Edge of a brick.
+/// Edge of a brick, in voxels.
 const EDGE: usize = 8;
 
-/// Which order a walk has.
+/// The order of a walk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BrickOrder {
     /// Exact slice order.
@@ -68,7 +65,7 @@ pub struct Bricks {
 }
 
 impl Bricks {
-    /// The bricks of `subject`.
+    /// Builds the bricks of `subject`.
     ///
     /// # Errors
     /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had.
@@ -131,7 +128,7 @@ impl Bricks {
         Ok(bricks)
     }
 
-    /// Where the voxel at `bit` of word `z` of a brick is in the payload.
+    /// Returns where the voxel at `bit` of word `z` of a brick is in the payload.
     #[inline(always)]
     fn payload(&self, brick: usize, z: usize, bit: usize) -> usize {
         let before = (self.masks[brick][z] & ((1 << bit) - 1)).count_ones();
@@ -163,7 +160,7 @@ impl Walker for Bricks {
 
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
         let order = &viewing.order;
-        // Kept from walk to walk, and out of the way of what is only read.
+        // Kept from walk to walk; taken out, as the bricks are borrowed.
         let mut scratch = std::mem::take(&mut self.scratch);
         let mut walk = BrickWalk { bricks: self, nesting: AxisNesting::of(order), receiver, trace, position: [0; 3] };
         match self.order {

@@ -1,4 +1,4 @@
-//! How an order nests a brick's axes, and slices cut out of a brick.
+//! The nesting of an order, and slices cut out of a brick.
 
 use super::EDGE;
 use crate::trace::Trace;
@@ -6,7 +6,7 @@ use adjsplat::traverse::Order;
 
 pub(super) const MASKS: usize = 1;
 
-/// The axes of an order by index, and how a brick's slices are cut.
+/// The axes of an order, by index.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AxisNesting {
     pub(super) slow: usize,
@@ -20,7 +20,7 @@ impl AxisNesting {
         AxisNesting { slow, medium, fast }
     }
 
-    /// The voxels of a brick in its slice `within`: a byte for each medium coordinate, a bit for each fast one.
+    /// Returns a brick's voxels in its slice `within`: a byte for each medium coordinate, a bit for each fast one.
     #[inline(always)]
     pub(super) fn plane<T: Trace>(self, masks: &[u64; EDGE], within: usize, brick: usize, trace: &mut T) -> u64 {
         let plane = match self.slow {
@@ -41,7 +41,7 @@ impl AxisNesting {
         if self.fast < self.medium { plane } else { transposed(plane) }
     }
 
-    /// Word and bit of a voxel of a brick.
+    /// Returns the word and bit of a voxel of a brick.
     #[inline(always)]
     pub(super) fn place(self, slow: usize, medium: usize, fast: usize) -> (usize, usize) {
         let mut at = [0; 3];
@@ -50,15 +50,15 @@ impl AxisNesting {
     }
 }
 
-/// Bit `bit` of each byte, the lowest byte's first.
+/// Returns bit `bit` of each byte, the lowest byte's first.
 #[inline(always)]
 fn column(word: u64, bit: usize) -> u8 {
-    // Byte i's bit moves to bit i of the top byte: each partial product lands on a bit of its own.
+    // Byte i's bit moves to bit i of the top byte: each partial product lands on its own bit.
     let column = (word >> bit & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080);
     column.to_le_bytes()[7]
 }
 
-/// The 8 x 8 bits with rows and columns exchanged (Warren, "Hacker's Delight", section 7-3).
+/// Transposes 8 x 8 bits (Warren, "Hacker's Delight", section 7-3).
 #[inline(always)]
 fn transposed(mut bits: u64) -> u64 {
     for (shift, mask) in [(7, 0x00aa_00aa_00aa_00aa), (14, 0x0000_cccc_0000_cccc), (28, 0x0000_0000_f0f0_f0f0)] {

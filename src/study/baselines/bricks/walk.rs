@@ -1,4 +1,4 @@
-//! A walk through bricks: the rows of voxels of a brick.
+//! Walks the rows of voxels of a brick.
 
 use super::nesting::{AxisNesting, MASKS};
 use super::{Bricks, EDGE};
@@ -10,7 +10,7 @@ const FIRSTS: usize = 3;
 const VALUES: usize = 4;
 const NORMALS: usize = 5;
 
-/// A walk at work.
+/// A walk: the bricks, the receiver, and the position so far.
 pub(super) struct BrickWalk<'a, R, T> {
     pub(super) bricks: &'a Bricks,
     pub(super) nesting: AxisNesting,
@@ -20,7 +20,7 @@ pub(super) struct BrickWalk<'a, R, T> {
 }
 
 impl<R: Receiver, T: Trace> BrickWalk<'_, R, T> {
-    /// Hands over the voxel at `payload`, the position's other coordinates being set.
+    /// Delivers the voxel at `payload`; the position's other coordinates are set.
     #[inline(always)]
     pub(super) fn show(&mut self, fast: u16, payload: usize) {
         self.trace.read(VALUES, payload, 1);
@@ -30,7 +30,7 @@ impl<R: Receiver, T: Trace> BrickWalk<'_, R, T> {
         self.receiver.voxel(position, bricks.values[payload], Normal::Code(bricks.normals[payload]));
     }
 
-    /// Where a row's voxels are in the payload: see [`RowPayload`].
+    /// Finds a row's voxels in the payload.
     #[inline(always)]
     pub(super) fn row_payload(&mut self, brick: usize, slow: usize, medium: usize) -> RowPayload {
         let (z, bit) = self.nesting.place(slow, medium, 0);
@@ -45,7 +45,7 @@ impl<R: Receiver, T: Trace> BrickWalk<'_, R, T> {
         RowPayload { brick, z, bit, first: self.bricks.payload(brick, z, bit) }
     }
 
-    /// Payload of the row's voxel at `fast`, which has `before` voxels of the row before it.
+    /// Returns the payload of the row's voxel at `fast`, with `before` voxels of the row before it.
     #[inline(always)]
     pub(super) fn payload(&self, row: &RowPayload, before: usize, fast: usize) -> usize {
         match self.nesting.fast {
@@ -55,7 +55,7 @@ impl<R: Receiver, T: Trace> BrickWalk<'_, R, T> {
         }
     }
 
-    /// Hands over a row's voxels, given as bits, up or down.
+    /// Delivers a row's voxels, given as bits, up or down.
     #[inline(always)]
     pub(super) fn row(&mut self, row: &RowPayload, voxels: u8, base: u16, up: bool) {
         let mut left = voxels;
@@ -74,9 +74,9 @@ impl<R: Receiver, T: Trace> BrickWalk<'_, R, T> {
 /// Where a brick's row of voxels is.
 pub(super) struct RowPayload {
     brick: usize,
-    /// Word and bit of its place 0.
+    /// Word and bit of its coordinate 0.
     z: usize,
     bit: usize,
-    /// Payload of its first voxel, where rows run along x.
+    /// Payload of its first voxel, if rows run along x.
     first: usize,
 }

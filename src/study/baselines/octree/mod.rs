@@ -1,22 +1,20 @@
 //! Hierarchical splatting: an octree of mean looks, drawn as coarsely as an error allows.
 //!
-//! In: a subject, a threshold. Out: cubes of voxels, each one splat, where their error is below the threshold, and
-//! voxels elsewhere, octant by octant in visibility order. With a threshold of 0 every voxel.
+//! In: a subject, a threshold. Out: octant by octant in visibility order, cubes of voxels as one splat if their error is
+//! below the threshold, and voxels elsewhere. With a threshold of 0 these are all voxels.
 //!
 //! ```text
-//! branches   8 bytes: first child, which of eight there are; levels from the finest up, each in Morton order
+//! branches   8 bytes: first child, which of eight exist; levels from the finest up, each in Morton order
 //! looks     32 bytes: mean red, green, blue, optical depth; mean normal; error
 //! voxels     3 bytes, in Morton order: value, normal; positions follow from the path
 //! ```
 //!
-//! Means keep what light sees: optical depth is averaged over all cells of the cube, empty ones included, so that the
-//! sum over a cube is kept; colour is averaged by optical depth, as colour counts by it. The error is the root mean
-//! square over the cells of the distance from their mean, of red, green and blue times opacity, and opacity: 0 where
-//! all cells are alike, below 1.
+//! Optical depth is averaged over all cells of a cube, empty ones included, so that its sum is kept. Colour is averaged by
+//! optical depth. The error is the root mean square distance of the cells from their mean, in opacity and in red, green
+//! and blue times opacity: 0 if all cells are equal, below 1.
 //!
-//! The eye's side of the planes that part a cube says which octant is farthest; those are the planes half-way between
-//! voxels. No ray meets two octants in the wrong order then, in parallel and from an eye, inside or not. Octants that
-//! have no visible voxel are not stored.
+//! The planes that split a cube lie half-way between voxels. The eye's side of them decides which octant is farthest, so
+//! no ray meets two octants in the wrong order, even from inside. Empty octants are not stored.
 //!
 //! Source: Laur and Hanrahan, "Hierarchical Splatting: A Progressive Refinement Algorithm for Volume Rendering",
 //! SIGGRAPH 1991.
@@ -31,23 +29,23 @@ use crate::Subject;
 use crate::subject::VisibleVoxel;
 use adjsplat::error::{Error, Result};
 
-/// A cube's octants.
+/// The octants of a cube.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct Branch {
-    /// The first of those that there are, in the finer level; above voxels, in the list of voxels.
+    /// The first existing one in the finer level; at the finest level, in the list of voxels.
     first: u32,
-    /// Bit o: whether there is octant o, whose bit a is set in the upper half of axis a.
+    /// Bit o is set if octant o exists; bit a of o is set in the upper half of axis a.
     octants: u8,
 }
 
 const _: () = assert!(size_of::<Branch>() == 8);
 
-/// What a cube looks like as one splat.
+/// The look of a cube as one splat.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct CubeLook {
-    /// As [`VoxelCube::look`].
+    /// As [`VoxelCube::look`](super::VoxelCube::look).
     look: [f32; 4],
     normal: [f32; 3],
     error: f32,
@@ -55,24 +53,24 @@ struct CubeLook {
 
 const _: () = assert!(size_of::<CubeLook>() == 32);
 
-/// A pyramid of looks above voxels.
+/// An octree of cubes above voxels.
 #[derive(Debug)]
 pub struct Octree {
     branches: Vec<Branch>,
     looks: Vec<CubeLook>,
     values: Vec<u8>,
     normals: Vec<u16>,
-    /// The root's level: its edge is 2 to this; 0 where there are no voxels.
+    /// The root's level: its edge is 2 to this; 0 if there are no voxels.
     levels: u8,
     threshold: f32,
 }
 
 impl Octree {
-    /// The octree of `subject`. A cube is one splat where its error is below `threshold`, which is 0 (exact) or above.
+    /// Builds the octree of `subject`. Cubes are one splat if their error is below `threshold`; 0 is exact.
     ///
     /// # Errors
     /// [`Error::Input`] if the threshold is negative or not finite, [`Error::Limit`] if there are 2^32 voxels or memory
-    /// cannot be had; as [`Subject::looks`].
+    /// cannot be had; those of [`Subject::looks`].
     pub fn new(subject: &Subject, threshold: f32) -> Result<Octree> {
         let count = subject.voxels.len() as u64;
         if count > u32::MAX.into() {
@@ -113,7 +111,7 @@ impl Octree {
         Ok(())
     }
 
-    /// Stacks levels until one cube holds all `voxels`, of which there are some.
+    /// Stacks levels until one cube holds all `voxels`, which are not empty.
     fn build(&mut self, voxels: &[(u64, VisibleVoxel)], subject: &Subject) -> Result<()> {
         let (looks, appearance) = (subject.looks()?, Appearance::of(subject)?);
         let mut finer = reserved("sums of an octree's level", voxels.len() as u64)?;
@@ -156,7 +154,7 @@ impl Octree {
     }
 }
 
-/// Bits of x, y and z in turn, x lowest.
+/// Interleaves the bits of x, y and z, x lowest.
 fn morton(position: [u16; 3]) -> u64 {
     let spread = |c: u16| {
         let mut bits = u64::from(c);

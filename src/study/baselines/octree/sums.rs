@@ -2,7 +2,7 @@
 
 use super::CubeLook;
 
-/// CubeSums over the cells of a cube, in double precision.
+/// Sums over the cells of a cube, in double precision.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CubeSums {
     /// Colour times optical depth, and optical depth.
@@ -35,7 +35,7 @@ impl CubeSums {
         self.squares += other.squares;
     }
 
-    /// The look of a cube of edge 2 to `level`.
+    /// Returns the look of a cube of edge 2 to `level`.
     pub(super) fn look(&self, level: u8) -> CubeLook {
         let cells = (3.0 * f64::from(level)).exp2();
         let [red, green, blue, depth] = self.weighted;

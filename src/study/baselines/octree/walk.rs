@@ -10,19 +10,19 @@ const LOOKS: usize = 1;
 const VALUES: usize = 2;
 const NORMALS: usize = 3;
 
-/// A walk at work.
+/// A walk: the octree, the view, the receiver and the trace.
 struct OctreeWalk<'a, R, T> {
     octree: &'a Octree,
     viewpoint: Viewpoint,
     sense: Sense,
-    /// Octants relative to the first one to be visited, in the view's nesting.
+    /// Octants in the view's nesting, relative to the first one visited.
     octants: [u8; 8],
     receiver: &'a mut R,
     trace: &'a mut T,
 }
 
 impl<R: Receiver, T: Trace> OctreeWalk<'_, R, T> {
-    /// The octant that comes first in a cube at `low` whose half edge is `half`.
+    /// Returns the first octant to visit in the cube at `low` with half its edge.
     #[inline(always)]
     fn first_octant(&self, low: [u32; 3], half: u32) -> u8 {
         let near = match self.viewpoint {
@@ -66,7 +66,7 @@ impl<R: Receiver, T: Trace> OctreeWalk<'_, R, T> {
     }
 }
 
-/// How many bits of a byte are set.
+/// Number of bits in each byte.
 const RANKS: [u8; 256] = {
     let mut ranks = [0; 256];
     let mut byte = 1;
@@ -81,7 +81,7 @@ fn octant(upper: [bool; 3]) -> u8 {
     u8::from(upper[0]) | u8::from(upper[1]) << 1 | u8::from(upper[2]) << 2
 }
 
-/// A cube that holds a voxel begins inside the grid.
+/// Narrows the place of a cube, which begins inside the grid.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "see above")]
 fn narrow_place(place: [u32; 3]) -> [u16; 3] {
