@@ -5,7 +5,7 @@
 
 use super::baselines::{Method, Walker as _};
 use super::subject::Subject;
-use adjsplat::arena::{Arena, Lane};
+use adjsplat::arena::Arena;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Axis;
 
@@ -74,36 +74,21 @@ pub struct PaperSet {
 
 /// The paper's Table 3.
 pub const TABLE_3: [PaperSet; 5] = [
-    PaperSet {
-        name: "Jeff",
-        dims: [256, 256, 129],
-        visible: 513_799,
-        structure: 629_487,
-        megabytes: [137.06, 58.39, 28.22],
-    },
-    PaperSet {
-        name: "Frog",
-        dims: [500, 470, 136],
-        visible: 354_894,
-        structure: 600_979,
-        megabytes: [518.15, 171.97, 26.94],
-    },
-    PaperSet {
-        name: "CT Head",
-        dims: [128, 128, 93],
-        visible: 197_828,
-        structure: 257_365,
-        megabytes: [24.70, 14.53, 11.54],
-    },
-    PaperSet {
-        name: "CT Abdomen",
-        dims: [128, 128, 142],
-        visible: 79_914,
-        structure: 128_255,
-        megabytes: [37.72, 15.03, 5.75],
-    },
-    PaperSet { name: "HIPIP", dims: [64, 64, 64], visible: 19_253, structure: 31_372, megabytes: [4.25, 2.21, 1.41] },
+    paper_set("Jeff", [256, 256, 129], [513_799, 629_487], [137.06, 58.39, 28.22]),
+    paper_set("Frog", [500, 470, 136], [354_894, 600_979], [518.15, 171.97, 26.94]),
+    paper_set("CT Head", [128, 128, 93], [197_828, 257_365], [24.70, 14.53, 11.54]),
+    paper_set("CT Abdomen", [128, 128, 142], [79_914, 128_255], [37.72, 15.03, 5.75]),
+    paper_set("HIPIP", [64, 64, 64], [19_253, 31_372], [4.25, 2.21, 1.41]),
 ];
+
+const fn paper_set(
+    name: &'static str,
+    dims: [u32; 3],
+    [visible, structure]: [u64; 2],
+    megabytes: [f64; 3],
+) -> PaperSet {
+    PaperSet { name, dims, visible, structure, megabytes }
+}
 
 /// Returns the share of the grid's cells, caps included, that are in the structure when A and B take equal memory.
 ///
@@ -162,27 +147,21 @@ pub fn virtual_voxels(arena: &Arena) -> Result<u64> {
     let mut along_u = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[v.index()]));
     let mut along_v = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[u.index()]));
     let mut coordinates = Axis::ALL.map(|axis| Occupied::new(dims[axis.index()].into()));
-    each_voxel(&lane, |fast, line_u, line_v| {
-        along_u.set(u64::from(line_v) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
-        along_v.set(u64::from(line_u) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
-        coordinates[lane.axis.index()].set(fast.into());
-        coordinates[u.index()].set(line_u.into());
-        coordinates[v.index()].set(line_v.into());
-    });
+    for line in lane.lines() {
+        for (fast, _) in lane.line_voxels(line.records) {
+            along_u.set(u64::from(line.v) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
+            along_v.set(u64::from(line.u) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
+            coordinates[lane.axis.index()].set(fast.into());
+            coordinates[u.index()].set(line.u.into());
+            coordinates[v.index()].set(line.v.into());
+        }
+    }
     lines[u.index()] = along_u.count();
     lines[v.index()] = along_v.count();
     for axis in Axis::ALL {
         slices[axis.index()] = coordinates[axis.index()].count();
     }
     Ok(2 * lines.iter().sum::<u64>() + 4 * slices.iter().sum::<u64>() + 8)
-}
-
-fn each_voxel(lane: &Lane, mut visit: impl FnMut(u32, u32, u32)) {
-    for line in lane.lines() {
-        for (coordinate, _) in lane.line_voxels(line.records) {
-            visit(coordinate, line.u, line.v);
-        }
-    }
 }
 
 /// A set of small numbers; larger ones are ignored.

@@ -47,8 +47,8 @@ impl<'a> Subject<'a> {
         let facts = lanes.arena().facts();
         let channels = facts.channels;
         if channels.value_bits != 8 || !matches!(channels.normal_bits, 0 | 8) || channels.magnitude_bits != 0 {
-            let why = "has other channels than the methods of a study store; build it with --value-bits 8, --normals 8 \
-                       or none, and no gradient opacity";
+            let why = "has other channels than the methods of a study store; build it with values of 8 bits, normals of 8 \
+                       bits or none, and no gradient opacity";
             return Err(Error::input(name, why));
         }
         let mut voxels = Vec::new();

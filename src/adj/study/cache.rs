@@ -10,7 +10,7 @@ use super::super::progress::interrupted;
 use super::super::{Answer, print_result};
 use super::output::{OutputArguments, check_plots, write_plots};
 use super::sets::SetArguments;
-use super::{GoOn, choose, each_set, orders};
+use super::{GoOn, choose, each_set, for_flag, orders};
 use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
@@ -137,7 +137,7 @@ impl Arguments {
         Ok(Wanted {
             methods: choose(&self.methods)?,
             orders: orders::parse(&self.orders)?,
-            codes: self.channels.iter().map(|name| CodesRead::named(name)).collect::<Result<_>>()?,
+            codes: for_flag("--channels", self.channels.iter().map(|name| CodesRead::named(name)).collect())?,
             tile_orders: self.tile_order.iter().map(|name| TileOrder::from_name(name)).collect::<Result<_>>()?,
             geometry: Geometry::parse(self.line, &levels, &self.tlb)?,
         })

@@ -8,7 +8,7 @@ use clap::Args;
 use super::super::{Answer, print_result};
 use super::output::OutputArguments;
 use super::sets::SetArguments;
-use super::{GoOn, each_set, orders};
+use super::{GoOn, each_set, for_flag, orders};
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::Order;
 use adjsplat_study::Subject;
@@ -57,7 +57,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     if !(1..=1000).contains(&arguments.repetitions) {
         return Err(Error::input("--repetitions", format!("are {}, but must be 1 to 1000", arguments.repetitions)));
     }
-    let codes = CodesRead::named(&arguments.channels)?;
+    let codes = for_flag("--channels", CodesRead::named(&arguments.channels))?;
     arguments.output.check()?;
     let mut report = Report::new(&[
         "set",

@@ -63,6 +63,14 @@ fn choose(names: &[String]) -> Result<Vec<Method>> {
     names.iter().map(|name| Method::named(name)).collect()
 }
 
+/// Names the flag whose value the library refused.
+fn for_flag<T>(flag: &str, result: Result<T>) -> Result<T> {
+    result.map_err(|error| match error {
+        Error::Input { why, .. } => Error::input(flag, why),
+        other => other,
+    })
+}
+
 /// Is told what is done of how much, and may stop the work.
 type GoOn<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
 

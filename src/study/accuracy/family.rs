@@ -47,25 +47,17 @@ impl Family {
     /// # Errors
     /// [`Error::Input`], which lists all names, if there is none.
     pub fn named(name: &str) -> Result<Family> {
-        Family::ALL.into_iter().find(|family| family.name() == name).ok_or_else(|| {
-            let names = Family::ALL.map(Family::name).join(", ");
-            Error::input("--families", format!("has {name}, but must be of {names}"))
-        })
+        let why = || format!("has {name}, but must be of {}", NAMES.join(", "));
+        let index = NAMES.iter().position(|known| *known == name);
+        index.map(|index| Family::ALL[index]).ok_or_else(|| Error::input("families", why()))
     }
 
     /// Returns its name in tables and legends.
     pub fn name(self) -> &'static str {
-        match self {
-            Family::Presets => "presets",
-            Family::Dial => "dial",
-            Family::Kernel => "kernel",
-            Family::Termination => "termination",
-            Family::Sampling => "sampling",
-            Family::Codes => "codes",
-            Family::Order => "order",
-            Family::Blending => "blending",
-            Family::Octree => "octree",
-            Family::Combined => "combined",
-        }
+        NAMES[self as usize]
     }
 }
+
+/// Names of the families, in the order of the variants.
+const NAMES: [&str; Family::ALL.len()] =
+    ["presets", "dial", "kernel", "termination", "sampling", "codes", "order", "blending", "octree", "combined"];

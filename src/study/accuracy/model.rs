@@ -32,12 +32,7 @@ pub enum ErrorPart {
 impl ErrorPart {
     /// Returns its name in tables.
     pub fn name(self) -> &'static str {
-        match self {
-            ErrorPart::Model => "model",
-            ErrorPart::Order => "order",
-            ErrorPart::Arithmetic => "arithmetic",
-            ErrorPart::All => "all",
-        }
+        ["model", "order", "arithmetic", "all"][self as usize]
     }
 }
 
@@ -70,7 +65,7 @@ pub fn measure(
     let visible = set.judge.visible();
     let points = visible.grid().len();
     if points > MOST_POINTS {
-        let what = format!("grid points of {} for the ray judge (give phantoms a smaller --edge)", set.name);
+        let what = format!("grid points of {} for the ray casting reference", set.name);
         return Err(Error::Limit { what, need: points, have: MOST_POINTS });
     }
     let rays = RayJudge::new(visible);

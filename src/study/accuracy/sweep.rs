@@ -8,22 +8,9 @@ use adjsplat::splat::dial::Rung;
 use adjsplat::splat::{Blending, KernelShape, Quality, Sampling};
 use adjsplat::traverse::Sense;
 
-/// Kernels, as sigma and radius, from narrower than draft's to the widest in use.
-const KERNELS: [(f32, f32); 13] = [
-    (0.5, 1.5),
-    (0.6, 1.5),
-    (0.6, 2.0),
-    (0.65, 2.0),
-    (0.65, 2.5),
-    (0.7, 1.5),
-    (0.7, 1.8),
-    (0.7, 2.0),
-    (0.7, 2.1),
-    (0.7, 2.3),
-    (0.7, 2.5),
-    (0.7, 2.8),
-    (0.7, 3.0),
-];
+/// Kernels, as sigma and radii, from narrower than draft's to the widest in use.
+const KERNELS: [(f32, &[f32]); 4] =
+    [(0.5, &[1.5]), (0.6, &[1.5, 2.0]), (0.65, &[2.0, 2.5]), (0.7, &[1.5, 1.8, 2.0, 2.1, 2.3, 2.5, 2.8, 3.0])];
 const TERMINATIONS: [f32; 6] = [0.0, 1e-5, 1.0 / 1024.0, 1.0 / 255.0, 1.0 / 128.0, 1.0 / 32.0];
 const SAMPLINGS: [Sampling; 4] = [Sampling::EveryPixel, Sampling::Finer, Sampling::Enough, Sampling::Fewest];
 /// Bits of values and of normals.
@@ -54,8 +41,10 @@ pub fn candidates(quick: bool) -> Vec<Candidate> {
         add(Candidate { kernel, termination, sampling, ..stored });
     }
     let step = if quick { 3 } else { 1 };
-    for &(sigma, radius) in KERNELS.iter().step_by(step) {
-        add(Candidate { kernel: KernelShape { sigma, radius }, ..Candidate::away(Family::Kernel) });
+    let kernels =
+        KERNELS.iter().flat_map(|&(sigma, radii)| radii.iter().map(move |&radius| KernelShape { sigma, radius }));
+    for kernel in kernels.step_by(step) {
+        add(Candidate { kernel, ..Candidate::away(Family::Kernel) });
     }
     for &termination in TERMINATIONS.iter().step_by(step) {
         add(Candidate { termination, ..Candidate::away(Family::Termination) });

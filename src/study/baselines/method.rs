@@ -71,21 +71,7 @@ impl Method {
 
     /// Returns its name in tables and files.
     pub fn name(self) -> &'static str {
-        match self {
-            Method::Adjsplat => "adjsplat",
-            Method::Traditional => "traditional",
-            Method::Unordered => "unordered",
-            Method::Octree => "octree",
-            Method::AdjacencyA => "adjacency_a",
-            Method::AdjacencyB => "adjacency_b",
-            Method::AdjacencyBShuffled => "adjacency_b_shuffled",
-            Method::Shell => "shell",
-            Method::ShellThree => "shell_three",
-            Method::Sorted => "sorted",
-            Method::Bricks => "bricks",
-            Method::BricksBrickwise => "bricks_brickwise",
-            Method::RunLength => "run_length",
-        }
+        names()[self as usize]
     }
 
     /// Returns the method of this name.
@@ -99,17 +85,8 @@ impl Method {
 
     /// Whether voxels come in exact slice order: nested loops over the axes of the order.
     pub fn is_in_slice_order(self) -> bool {
-        match self {
-            Method::Adjsplat
-            | Method::Traditional
-            | Method::AdjacencyA
-            | Method::AdjacencyB
-            | Method::AdjacencyBShuffled
-            | Method::ShellThree
-            | Method::Bricks
-            | Method::RunLength => true,
-            Method::Unordered | Method::Octree | Method::Shell | Method::Sorted | Method::BricksBrickwise => false,
-        }
+        use Method::{BricksBrickwise, Octree, Shell, Sorted, Unordered};
+        !matches!(self, Unordered | Octree | Shell | Sorted | BricksBrickwise)
     }
 
     /// Builds the structure for `subject`; our own derives the lanes that the file lacks.
@@ -135,9 +112,23 @@ impl Method {
     }
 }
 
-/// Returns the names of all methods.
+/// Returns the names of all methods, in the order of the variants.
 pub fn names() -> [&'static str; Method::ALL.len()] {
-    Method::ALL.map(Method::name)
+    [
+        "adjsplat",
+        "traditional",
+        "unordered",
+        "octree",
+        "adjacency_a",
+        "adjacency_b",
+        "adjacency_b_shuffled",
+        "shell",
+        "shell_three",
+        "sorted",
+        "bricks",
+        "bricks_brickwise",
+        "run_length",
+    ]
 }
 
 /// The structure of a method.

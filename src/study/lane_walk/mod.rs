@@ -61,7 +61,7 @@ impl CodesRead {
     /// # Errors
     /// [`Error::Input`] for any other name.
     pub fn named(name: &str) -> Result<CodesRead> {
-        let why = || Error::input("--channels", format!("has {name}, but must be steps, value or value+normal"));
+        let why = || Error::input("channels", format!("has {name}, but must be steps, value or value+normal"));
         CodesRead::ALL.into_iter().find(|codes| codes.name() == name).ok_or_else(why)
     }
 }

@@ -2,7 +2,7 @@
 
 use super::super::super::{Answer, print_result};
 use super::{Arguments, bounds};
-use adjsplat::error::Result;
+use adjsplat::error::{Error, Result};
 use adjsplat::splat::Quality;
 use adjsplat_study::accuracy::model::{ErrorPart, measure};
 use adjsplat_study::accuracy::{Candidate, views};
@@ -22,7 +22,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         let (low, high) = bounds(set.judge, set.name)?;
         let views = views(set.judge.visible().grid(), low, high, arguments.sets.quick)?;
         let mut last = None;
-        for share in measure(set, &views, &presets, threads, go_on)? {
+        let shares = measure(set, &views, &presets, threads, go_on).map_err(|error| match error {
+            Error::Limit { what, need, have } => {
+                Error::Limit { what: format!("{what} (give phantoms a smaller --edge)"), need, have }
+            }
+            other => other,
+        })?;
+        for share in shares {
             let view = views[share.view].name;
             if last != Some(share.view) {
                 places.push(format!("{}, {view}", set.name));

@@ -1,6 +1,7 @@
 //! Time against error: the table, the rows and the plot.
 
 use super::super::super::{Answer, print_result};
+use super::super::for_flag;
 use super::{Arguments, bounds};
 use adjsplat::error::Result;
 use adjsplat::splat::Quality;
@@ -42,7 +43,8 @@ const SHOWN: [&str; 9] = ["set", "family", "quality", "settings", "ms", "psnr", 
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let quick = arguments.sets.quick;
-    let families = arguments.families.iter().map(|name| Family::named(name)).collect::<Result<Vec<Family>>>()?;
+    let families = arguments.families.iter().map(|name| Family::named(name)).collect();
+    let families: Vec<Family> = for_flag("--families", families)?;
     let mut all = candidates(quick);
     all.retain(|candidate| families.is_empty() || families.contains(&candidate.family));
     let repetitions = arguments.repetitions.unwrap_or(if quick { 1 } else { 5 });
