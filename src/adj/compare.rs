@@ -12,7 +12,7 @@ use super::values::{Background, background};
 use super::{Answer, is_same_file, print_result};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
-use adjsplat_judge::metrics::{Heat, Metrics, compare};
+use adjsplat_judge::metrics::{HeatMap, Metrics, compare};
 
 /// Measure how much two pictures differ: PSNR, SSIM, FLIP, largest and root mean square error
 ///
@@ -111,7 +111,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     }
     let mut report = if to_stdout { format!("{document:#}") } else { table(&metrics) };
     if let (Some(path), Some(kind)) = (diff, kind) {
-        let heat = Heat::new(&a, &b)?;
+        let heat = HeatMap::new(&a, &b)?;
         let picture = Picture::new(&heat.frame, kind, SampleDepth::Eight);
         write_atomically_unless(&interrupted, path, |out| picture.write(out))?;
         if !to_stdout {

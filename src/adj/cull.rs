@@ -16,7 +16,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
 use adjsplat::splat::Scene;
 use adjsplat::volume::Axis;
-use adjsplat_judge::hidden::{Algorithm, Culling, DEFAULT_EPS, DEFAULT_VIEWS, Stage, find};
+use adjsplat_judge::hidden::{Algorithm, Culling, CullingStage, DEFAULT_EPS, DEFAULT_VIEWS, find};
 
 /// Whether to leave out voxels that no view from outside shows.
 #[derive(Debug, Args)]
@@ -108,8 +108,8 @@ pub(super) fn cull(input: &Path, output: &Path, culling: &Culling, quiet: bool) 
     let mut progress = Progress::new(quiet);
     let mut watch = |stage, done, total| {
         let what = match stage {
-            Stage::Look => "look",
-            Stage::Compare => "compare",
+            CullingStage::Look => "look",
+            CullingStage::Compare => "compare",
         };
         progress.show(what, done, total)
     };

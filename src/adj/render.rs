@@ -36,7 +36,7 @@ use adjsplat::internals::{description, drawable};
 use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Scene, Settings};
 use adjsplat_judge::dial;
-use adjsplat_judge::reference::splat::Judge;
+use adjsplat_judge::reference::Judge;
 
 /// Draw an .adj file or a volume: one picture, or the frames of a full turn
 #[derive(Debug, Args)]

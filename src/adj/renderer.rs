@@ -14,7 +14,7 @@ use super::print_note;
 use super::size::video_memory;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Blending, Camera, Frame, Scene, Settings, cpu};
-use adjsplat_judge::reference::splat::Judge;
+use adjsplat_judge::reference::Judge;
 
 /// The flags that choose a renderer.
 #[derive(Debug, Args)]

@@ -14,14 +14,11 @@ use adjsplat::file::arena_bytes;
 use adjsplat::traverse::{Order, Sense, SplitForm, Viewpoint};
 use adjsplat::volume::Axis;
 use adjsplat_readers::open::{OpenOptions, open};
-use adjsplat_study::baselines::adjacency_a::AdjacencyA;
-use adjsplat_study::baselines::adjacency_b::{AdjacencyB, Storage};
-use adjsplat_study::baselines::octree::Octree;
-use adjsplat_study::baselines::shell::{Lists, Shell};
-use adjsplat_study::baselines::{Node, Normal, Viewing, names};
+use adjsplat_study::baselines::{AdjacencyA, AdjacencyB, Lists, Octree, Shell, Storage};
+use adjsplat_study::baselines::{Normal, Viewing, VoxelCube, names};
 use adjsplat_study::subject::VisibleVoxel;
-use adjsplat_study::trace::Array;
-use adjsplat_study::{Built, Method, Receiver, Subject, Trace, Untraced, Walker};
+use adjsplat_study::trace::WalkerArray;
+use adjsplat_study::{BuiltMethod, Method, Receiver, Subject, Trace, Untraced, Walker};
 
 use crate::oracle::{directions, disorder, eye_viewings, nested, parallel_viewings, slices};
 use crate::scene::{Dense, Random, with_subject};
@@ -30,7 +27,7 @@ use crate::scene::{Dense, Random, with_subject};
 #[derive(Default)]
 struct Seen {
     voxels: Vec<([u16; 3], u8, Normal)>,
-    nodes: Vec<Node>,
+    nodes: Vec<VoxelCube>,
 }
 
 impl Receiver for Seen {
@@ -38,7 +35,7 @@ impl Receiver for Seen {
         self.voxels.push((position, value, normal));
     }
 
-    fn node(&mut self, node: &Node) {
+    fn cube(&mut self, node: &VoxelCube) {
         self.nodes.push(*node);
     }
 }
@@ -98,7 +95,7 @@ fn eyes([x, y, z]: [u32; 3]) -> Vec<[f64; 3]> {
 }
 
 /// Builds every method for `dense`, and calls `check` with each.
-fn each_method(dense: &Dense, normal_bits: u8, mut check: impl FnMut(Method, &mut Built)) {
+fn each_method(dense: &Dense, normal_bits: u8, mut check: impl FnMut(Method, &mut BuiltMethod)) {
     dense.with_subject(normal_bits, |subject| {
         for method in Method::ALL {
             let mut built = method.build(subject).unwrap_or_else(|error| panic!("{}: {error}", method.name()));
@@ -123,7 +120,7 @@ fn promised(method: Method, dense: &Dense, order: &Order) -> Option<Vec<VisibleV
     }
 }
 
-fn check_viewing(method: Method, built: &mut Built, dense: &Dense, viewing: &Viewing, has_normals: bool) {
+fn check_viewing(method: Method, built: &mut BuiltMethod, dense: &Dense, viewing: &Viewing, has_normals: bool) {
     let what = || format!("{} of {:?}, {viewing:?}", method.name(), dense.dims);
     let seen = seen(built, viewing);
     match promised(method, dense, &viewing.order) {
@@ -205,14 +202,14 @@ fn a_sorted_list_has_no_two_voxels_of_a_ray_at_one_distance_from_afar() {
 
 /// Fails where an access lies outside an array, and counts.
 struct Bounds {
-    arrays: Vec<Array>,
+    arrays: Vec<WalkerArray>,
     bytes_read: u64,
     accesses: u64,
 }
 
 impl Bounds {
     fn check(&mut self, array: usize, offset: usize, bytes: usize) {
-        let Array { name, bytes: size, .. } = self.arrays[array];
+        let WalkerArray { name, bytes: size, .. } = self.arrays[array];
         assert!(bytes > 0 && (offset + bytes) as u64 <= size, "{bytes} bytes at {offset} of {size} of {name}");
         self.accesses += 1;
     }
@@ -366,7 +363,7 @@ fn a_shuffle_changes_where_records_lie_and_nothing_else() {
         fn write(&mut self, _: usize, _: usize, _: usize) {}
     }
     dense.with_subject(8, |subject| {
-        let mut jumps = [Storage::Built, Storage::Shuffled(1), Storage::Shuffled(2)].map(|storage| {
+        let mut jumps = [Storage::AsBuilt, Storage::Shuffled(1), Storage::Shuffled(2)].map(|storage| {
             let mut structure = AdjacencyB::new(subject, storage).unwrap();
             assert_eq!(structure.virtual_voxels(), virtual_voxels(&dense));
             assert!(structure.build_bytes() > 0);
@@ -573,7 +570,7 @@ fn the_frog_has_as_many_virtual_voxels_as_its_lines_ask_for() {
     let bytes = arena_bytes(&built.facts, &built.lanes, "{}");
     let lanes = LaneSet::new(Arena::new(&bytes).unwrap(), None);
     let subject = Subject::new("frog", &lanes, built.transfer.clone()).unwrap();
-    let mut structure = AdjacencyB::new(&subject, Storage::Built).unwrap();
+    let mut structure = AdjacencyB::new(&subject, Storage::AsBuilt).unwrap();
     let (visible, virtual_voxels) = (structure.visible(), structure.virtual_voxels());
     let s = visible + virtual_voxels;
     let _ = writeln!(
@@ -590,7 +587,7 @@ fn the_frog_has_as_many_virtual_voxels_as_its_lines_ask_for() {
         fn voxel(&mut self, _: [u16; 3], _: u8, _: Normal) {
             *self.0 += 1;
         }
-        fn node(&mut self, _: &Node) {}
+        fn cube(&mut self, _: &VoxelCube) {}
     }
     structure.walk(&parallel_viewings().last().unwrap(), &mut Count(&mut walked), &mut Untraced);
     assert_eq!(walked, visible);

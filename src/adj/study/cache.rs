@@ -20,13 +20,13 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 use adjsplat::traverse::Order;
 use adjsplat_study::Subject;
-use adjsplat_study::baselines::{Built, Method, Receiver, Viewing, Walker};
+use adjsplat_study::baselines::{BuiltMethod, Method, Receiver, Viewing, Walker};
 use adjsplat_study::cache::counters;
-use adjsplat_study::cache::{Figures, Geometry, TraceWriter, measure};
+use adjsplat_study::cache::{CacheFigures, Geometry, TraceWriter, measure};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
-use adjsplat_study::receive::Sum;
+use adjsplat_study::receive::VoxelSum;
 use adjsplat_study::speed::summed;
-use adjsplat_study::trace::{Array, Trace};
+use adjsplat_study::trace::{Trace, WalkerArray};
 
 /// Count the cache misses of every method, in a model that is the same on every machine
 #[derive(Debug, Args)]
@@ -97,7 +97,7 @@ pub(super) struct Measured<'a> {
 
 pub(super) enum Structure<'a> {
     Own(OwnWalk<'a>),
-    Other(Built<'a>),
+    Other(BuiltMethod<'a>),
 }
 
 impl Walker for Structure<'_> {
@@ -108,7 +108,7 @@ impl Walker for Structure<'_> {
         }
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         match self {
             Structure::Own(walker) => walker.arrays(),
             Structure::Other(walker) => walker.arrays(),
@@ -193,7 +193,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
                 write_atomically_unless(&interrupted, path, |out| {
                     let mut out = BufWriter::new(out);
                     let mut writer = TraceWriter::new(&mut out, &measured.walker.arrays())?;
-                    measured.walker.walk(&viewing, &mut Sum::default(), &mut writer);
+                    measured.walker.walk(&viewing, &mut VoxelSum::default(), &mut writer);
                     writer.finish()?;
                     std::io::Write::flush(&mut out)
                 })?;
@@ -227,7 +227,7 @@ fn study(
             return Err(Error::Interrupted);
         }
     }
-    let first_misses = |figures: &Figures| figures.levels.first().map_or(figures.touches, |level| level.all);
+    let first_misses = |figures: &CacheFigures| figures.levels.first().map_or(figures.touches, |level| level.all);
     let worst = (0..of_orders.len()).max_by_key(|&index| first_misses(&of_orders[index].1)).unwrap_or(0);
     let (with_reuse, _) = measure(&mut measured.walker, &Viewing::along(orders[worst]), geometry, true);
     of_orders[worst].1 = with_reuse;

@@ -4,10 +4,10 @@ use super::cache::Measured;
 use super::table_of;
 use adjsplat_study::Subject;
 use adjsplat_study::baselines::Walker as _;
-use adjsplat_study::cache::{Figures, Geometry};
+use adjsplat_study::cache::{CacheFigures, Geometry};
 use adjsplat_study::lane_walk::CodesRead;
-use adjsplat_study::report::plot::{Plot, Series, Side};
-use adjsplat_study::report::{Cell, Report};
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
+use adjsplat_study::report::{Report, ReportCell};
 
 /// Tables of the sets that were measured so far.
 pub(super) struct CacheTables {
@@ -19,11 +19,11 @@ pub(super) struct CacheTables {
     curves: Vec<(String, String, Vec<f64>)>,
 }
 
-/// Figures of one structure of a set at one cache level; lists have an entry for each order.
+/// CacheFigures of one structure of a set at one cache level; lists have an entry for each order.
 struct SumOfOrders {
     set: String,
     layout: String,
-    channels: Cell,
+    channels: ReportCell,
     level: usize,
     visible: f64,
     compulsory: Vec<f64>,
@@ -55,13 +55,13 @@ impl CacheTables {
         &mut self,
         subject: &Subject,
         measured: &Measured,
-        of_orders: &[(String, Figures)],
+        of_orders: &[(String, CacheFigures)],
         worst: usize,
     ) {
         let visible = subject.voxels.len().max(1) as f64;
-        let channels: Cell = measured.codes.map(CodesRead::name).into();
+        let channels: ReportCell = measured.codes.map(CodesRead::name).into();
         for (index, level) in self.levels.iter().enumerate() {
-            let of_level = |of: fn(&Figures, usize) -> f64| -> Vec<f64> {
+            let of_level = |of: fn(&CacheFigures, usize) -> f64| -> Vec<f64> {
                 of_orders.iter().map(|(_, figures)| of(figures, index)).collect()
             };
             let misses = of_level(|figures, level| figures.levels[level].all as f64);
@@ -73,12 +73,12 @@ impl CacheTables {
                 level: index,
                 visible,
                 compulsory: of_level(|figures, _| figures.compulsory_lines() as f64),
-                overfetch: of_level(Figures::overfetch),
+                overfetch: of_level(CacheFigures::overfetch),
                 misses,
                 worst_order: of_orders[most].0.clone(),
             });
             for (order, figures) in of_orders {
-                let Figures { accesses, pages, large_pages, .. } = *figures;
+                let CacheFigures { accesses, pages, large_pages, .. } = *figures;
                 let level_misses = figures.levels[index];
                 let of_kind = |count: u64| figures.reuse.as_ref().map(|_| count);
                 let compulsory = figures.compulsory_lines() as f64;
@@ -176,14 +176,14 @@ impl CacheTables {
         };
         let misses = |sum: &SumOfOrders| mean(&sum.misses) / sum.visible;
         let least = |sum: &SumOfOrders| mean(&sum.compulsory) / sum.visible;
-        let mut series: Vec<Series> = (0..self.levels.len())
-            .map(|level| Series::solid(self.levels[level].clone(), by_layout(&misses, level)))
+        let mut series: Vec<PlotSeries> = (0..self.levels.len())
+            .map(|level| PlotSeries::solid(self.levels[level].clone(), by_layout(&misses, level)))
             .collect();
-        series.push(Series::dashed("compulsory", by_layout(&least, 0)));
+        series.push(PlotSeries::dashed("compulsory", by_layout(&least, 0)));
         Plot {
             title: "Cache misses: mean over orders".into(),
-            x: Side::named("", names.into_iter().map(str::to_owned).collect()),
-            y: Side::logarithmic("misses a visible voxel"),
+            x: PlotAxis::named("", names.into_iter().map(str::to_owned).collect()),
+            y: PlotAxis::logarithmic("misses a visible voxel"),
             series,
         }
     }
@@ -194,12 +194,12 @@ impl CacheTables {
         let series = self.curves.iter().map(|(set, name, ratios)| {
             let name = if several { format!("{name}, {set}") } else { name.clone() };
             let points = ratios.iter().enumerate().map(|(power, &ratio)| [(1u64 << power) as f64, ratio]);
-            Series::solid(name, points.collect())
+            PlotSeries::solid(name, points.collect())
         });
         Plot {
             title: "Miss ratio of fully associative caches".into(),
-            x: Side::logarithmic("lines"),
-            y: Side::logarithmic("misses a touch"),
+            x: PlotAxis::logarithmic("lines"),
+            y: PlotAxis::logarithmic("misses a touch"),
             series: series.collect(),
         }
     }

@@ -17,10 +17,10 @@ use adjsplat_study::Subject;
 use adjsplat_study::baselines::{Viewing, Walker};
 use adjsplat_study::cache::{Geometry, measure};
 use adjsplat_study::lane_walk::CodesRead;
-use adjsplat_study::layouts::{Layout, LayoutWalk};
-use adjsplat_study::receive::Sum;
-use adjsplat_study::report::Cell;
-use adjsplat_study::report::plot::{Plot, Series, Side};
+use adjsplat_study::layouts::{LaneLayout, LayoutWalk};
+use adjsplat_study::receive::VoxelSum;
+use adjsplat_study::report::ReportCell;
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 use adjsplat_study::trace::Untraced;
 
 /// Compare other layouts of the file with ours: bytes, cache misses, time of a walk
@@ -62,22 +62,22 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         "set layout bytes_per_visible exact_orders l1_mean l1_worst l2_mean l2_worst l3_mean tlb_mean ns_mean \
          ns_worst times_bytes times_l1 times_l2 times_ns",
     );
-    let mut series: Vec<Series> = Vec::new();
+    let mut series: Vec<PlotSeries> = Vec::new();
     each_set(&arguments.sets, arguments.sets.list()?, arguments.output.quiet, |subject, go_on| {
-        let layouts = Layout::studied(subject.dims());
+        let layouts = LaneLayout::studied(subject.dims());
         let found = measure_all(subject, &layouts, arguments.channels, orders, arguments.repetitions, go_on)?;
         for (layout, one) in layouts.iter().zip(&found) {
             report.push(row(subject, layout, one, &found[0], orders));
         }
         let visible = subject.voxels.len() as f64;
         let points = found.iter().map(|one| [one.bytes as f64 / visible, mean(one, 1) / visible]).collect();
-        series.push(Series::solid(subject.name.clone(), points));
+        series.push(PlotSeries::solid(subject.name.clone(), points));
         Ok(())
     })?;
     let plot = Plot {
         title: "Layouts of lanes".into(),
-        x: Side::linear("bytes a visible voxel"),
-        y: Side::linear("misses of the second level a visible voxel"),
+        x: PlotAxis::linear("bytes a visible voxel"),
+        y: PlotAxis::linear("misses of the second level a visible voxel"),
         series,
     };
     arguments.output.finish(&report, &plot, &[])
@@ -88,7 +88,13 @@ fn mean(found: &LayoutFigures, level: usize) -> f64 {
     found.misses.iter().map(|misses| misses[level] as f64).sum::<f64>() / found.misses.len().max(1) as f64
 }
 
-fn row(subject: &Subject, layout: &Layout, found: &LayoutFigures, ours: &LayoutFigures, orders: &[Order]) -> Vec<Cell> {
+fn row(
+    subject: &Subject,
+    layout: &LaneLayout,
+    found: &LayoutFigures,
+    ours: &LayoutFigures,
+    orders: &[Order],
+) -> Vec<ReportCell> {
     let visible = subject.voxels.len() as f64;
     let worst = |level: usize| found.misses.iter().map(|misses| misses[level]).max().unwrap_or(0) as f64;
     let time = |found: &LayoutFigures| found.ns.iter().sum::<f64>() / found.ns.len().max(1) as f64;
@@ -116,7 +122,7 @@ fn row(subject: &Subject, layout: &Layout, found: &LayoutFigures, ours: &LayoutF
 /// Measures misses of each layout, then times; in each order the layouts take turns.
 fn measure_all(
     subject: &Subject,
-    layouts: &[Layout],
+    layouts: &[LaneLayout],
     codes: CodesRead,
     orders: &[Order],
     repetitions: u32,
@@ -140,7 +146,7 @@ fn measure_all(
         for _ in 0..repetitions {
             for (walk, fastest) in walks.iter_mut().zip(&mut fastest) {
                 let start = Instant::now();
-                let mut sum = Sum::default();
+                let mut sum = VoxelSum::default();
                 walk.walk(&viewing, &mut sum, &mut Untraced);
                 black_box(sum);
                 *fastest = fastest.min(start.elapsed().as_secs_f64() * 1e9);

@@ -11,7 +11,7 @@ use adjsplat_study::baselines::Method;
 use adjsplat_study::memory;
 use adjsplat_study::memory::{Crossing, TABLE_3, break_even, crossover, formula};
 use adjsplat_study::report::Report;
-use adjsplat_study::report::plot::{Plot, Series, Side};
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 
 /// Measure the memory of every method (the paper's Table 3), and where the paper's two structures take the same
 #[derive(Debug, Args)]
@@ -105,16 +105,16 @@ fn table_3() -> Report {
 /// Bytes per grid point against the share of cells in the structure.
 fn plot(crossings: &[(Crossing, f64)], ours: Vec<[f64; 2]>) -> Plot {
     let line = |name: &str, bytes: fn(&Crossing) -> u64| {
-        Series::solid(name, crossings.iter().map(|(c, points)| [c.share, bytes(c) as f64 / points]).collect())
+        PlotSeries::solid(name, crossings.iter().map(|(c, points)| [c.share, bytes(c) as f64 / points]).collect())
     };
     let traditional = crossings.iter().map(|(c, _)| [c.share, 17.0]).collect();
     Plot {
         title: "Memory of noise, as allocated".into(),
-        x: Side::linear("share of cells in the structure, visible and virtual"),
-        y: Side::linear("bytes a grid point"),
+        x: PlotAxis::linear("share of cells in the structure, visible and virtual"),
+        y: PlotAxis::linear("bytes a grid point"),
         series: vec![
-            Series::solid("adjsplat, three lanes", ours),
-            Series::solid("traditional", traditional),
+            PlotSeries::solid("adjsplat, three lanes", ours),
+            PlotSeries::solid("traditional", traditional),
             line("adjacency A", |c| c.a),
             line("adjacency B", |c| c.b),
         ],

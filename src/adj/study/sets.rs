@@ -21,7 +21,7 @@ use adjsplat::internals::description;
 use adjsplat::splat::Scene;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};
-use adjsplat_judge::reference::splat::Judge;
+use adjsplat_judge::reference::Judge;
 use adjsplat_readers::open;
 use adjsplat_study::Subject;
 

@@ -11,7 +11,7 @@ use super::sets::SetArguments;
 use super::{MethodArguments, each_set, table_of};
 use adjsplat::error::Result;
 use adjsplat_study::baselines::Method;
-use adjsplat_study::report::plot::{Plot, Series, Side, Stroke};
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries, Stroke};
 use adjsplat_study::speed;
 use adjsplat_study::speed::{Speed, SpeedOptions};
 
@@ -119,12 +119,12 @@ fn by_set(methods: &[Method], names: Vec<String>, all: &[(f64, Vec<Speed>)]) -> 
             let speed = found.iter().find(|speed| speed.method == method && !speed.perspective)?;
             Some([f64::from(position), 1e9 * speed.non_displaying / visible])
         });
-        Series::solid(method.name(), points.collect())
+        PlotSeries::solid(method.name(), points.collect())
     });
     Plot {
         title: "Not displaying: everything but the drawing of splats, parallel views".into(),
-        x: Side::named("", names),
-        y: Side::logarithmic("nanoseconds a visible voxel"),
+        x: PlotAxis::named("", names),
+        y: PlotAxis::logarithmic("nanoseconds a visible voxel"),
         series: series.collect(),
     }
 }
@@ -146,13 +146,13 @@ fn figure5(methods: &[Method], mut all: Vec<(f64, Vec<Speed>)>) -> Plot {
                 let speed = found.iter().find(|speed| speed.method == method && !speed.perspective)?;
                 Some([*visible, seconds(speed)])
             });
-            series.push(Series { stroke, ..Series::solid(method.name(), points.collect()) });
+            series.push(PlotSeries { stroke, ..PlotSeries::solid(method.name(), points.collect()) });
         }
     }
     Plot {
         title: "Seconds a frame by splats: displaying (solid), not displaying (dashed)".into(),
-        x: Side::logarithmic("visible voxels"),
-        y: Side::logarithmic("seconds a frame"),
+        x: PlotAxis::logarithmic("visible voxels"),
+        y: PlotAxis::logarithmic("seconds a frame"),
         series,
     }
 }

@@ -9,7 +9,7 @@ use super::sets::SetArguments;
 use super::{MethodArguments, each_set, table_of};
 use adjsplat::error::Result;
 use adjsplat_study::baselines::Method;
-use adjsplat_study::report::plot::{Plot, Series, Side};
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 use adjsplat_study::walks;
 use adjsplat_study::walks::{Reading, Walks};
 
@@ -43,7 +43,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     arguments.output.check()?;
     let mut report = table_of("set method visible_voxels ns_geometric_mean ns_median ns_worst times_ours");
     let mut names = Vec::new();
-    let mut series: Vec<Series> = methods.iter().map(|method| Series::solid(method.name(), Vec::new())).collect();
+    let mut series: Vec<PlotSeries> =
+        methods.iter().map(|method| PlotSeries::solid(method.name(), Vec::new())).collect();
     let stride = if arguments.sets.quick { 7 } else { 1 };
     each_set(&arguments.sets, arguments.sets.list()?, arguments.output.quiet, |subject, go_on| {
         let found = walks::measure(subject, &methods, stride, arguments.repetitions, arguments.read, go_on)?;
@@ -65,8 +66,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     })?;
     let plot = Plot {
         title: "Walking: geometric mean over the orders".into(),
-        x: Side::named("", names),
-        y: Side::logarithmic("nanoseconds a visible voxel"),
+        x: PlotAxis::named("", names),
+        y: PlotAxis::logarithmic("nanoseconds a visible voxel"),
         series,
     };
     arguments.output.finish(&report, &plot, &[])

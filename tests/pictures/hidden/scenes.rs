@@ -9,7 +9,7 @@ use adjsplat::arena::{LaneRows, OwnedLane, Region, Rows, TileOrder};
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Frame, Scene, Settings, Surround, cpu};
 use adjsplat::volume::{Axis, Grid};
-use adjsplat_judge::hidden::{Algorithm, Culling, Hidden, find};
+use adjsplat_judge::hidden::{Algorithm, Culling, HiddenVoxels, find};
 
 pub(crate) const EPS: f64 = 1.0 / 512.0;
 
@@ -98,12 +98,12 @@ pub(crate) fn culling(algorithm: Algorithm) -> Culling {
     Culling { eps: EPS, algorithm, views: 90, judging_views: 24, threads: 2, memory: 1 << 30 }
 }
 
-pub(crate) fn find_in(model: &Model, algorithm: Algorithm) -> Hidden {
+pub(crate) fn find_in(model: &Model, algorithm: Algorithm) -> HiddenVoxels {
     find(&model.scene(), &culling(algorithm), &mut |_, _, _| ControlFlow::Continue(())).unwrap()
 }
 
 /// Which places of the volume are hidden, and how finding went.
-pub(crate) fn hidden(dense: &Dense, algorithm: Algorithm) -> (Vec<bool>, Hidden) {
+pub(crate) fn hidden(dense: &Dense, algorithm: Algorithm) -> (Vec<bool>, HiddenVoxels) {
     let model = Model::new(dense);
     let found = find_in(&model, algorithm);
     let rows = LaneRows::new(model.x_lane().view(), |_, index, record| found.records.contains(index).then_some(record));

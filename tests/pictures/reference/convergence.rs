@@ -2,14 +2,14 @@
 
 use adjsplat::splat::{Camera, Orbit, Surround};
 use adjsplat::volume::SampleType;
-use adjsplat_judge::reference::{VisibleVoxels, ray, splat};
+use adjsplat_judge::reference::{Judge, JudgeSettings, RayJudge, RaySettings, SplatOrder, VisibleVoxels};
 
 use crate::reference::scenes::{THREADS, decibels, function, order_of_convergence, phantom, rmse};
 
 const SIZE: [u32; 2] = [24, 24];
 
 /// Errors of splats against rays, for `points` an axis of a cube of the same world size, 2 from side to side.
-fn errors(name: &str, transfer: &str, points: &[u64], order: splat::Order) -> Vec<f64> {
+fn errors(name: &str, transfer: &str, points: &[u64], order: SplatOrder) -> Vec<f64> {
     points
         .iter()
         .map(|&points| {
@@ -21,11 +21,11 @@ fn errors(name: &str, transfer: &str, points: &[u64], order: splat::Order) -> Ve
             let surround = Surround { centre: [step * (points - 1) as f64 / 2.0; 3], radius: 1.0 };
             let orbit = Orbit { azimuth: 33.0, elevation: 21.0, zoom: 6.0, ..Orbit::default() };
             let camera = Camera::orbiting(orbit, surround, SIZE).unwrap();
-            let judge = splat::Judge::of_voxels(visible);
-            let settings = splat::Settings { order, threads: THREADS, ..splat::Settings::new(SIZE) };
+            let judge = Judge::of_voxels(visible);
+            let settings = JudgeSettings { order, threads: THREADS, ..JudgeSettings::new(SIZE) };
             let splats = judge.draw(&camera, &settings).unwrap();
-            let settings = ray::Settings { tolerance: 1e-6, threads: THREADS, ..ray::Settings::new(SIZE) };
-            let rays = ray::Judge::new(judge.visible()).draw(&camera, &settings).unwrap();
+            let settings = RaySettings { tolerance: 1e-6, threads: THREADS, ..RaySettings::new(SIZE) };
+            let rays = RayJudge::new(judge.visible()).draw(&camera, &settings).unwrap();
             println!("{name}, {points} points, {order:?}: {:.2} dB", decibels(&splats, &rays));
             rmse(&splats, &rays)
         })
@@ -45,7 +45,7 @@ const HYDROGEN: &str = r##"{ "kind": "points", "shaded": false, "reference_lengt
 /// resolved (a Bohr radius is 1.5 voxels at 64 points).
 #[test]
 fn splats_approach_the_integral_on_the_hydrogen_orbital_at_second_order() {
-    for order in [splat::Order::Sorted, splat::Order::Nested] {
+    for order in [SplatOrder::Sorted, SplatOrder::Nested] {
         let points = [64, 96, 128];
         let slope = order_of_convergence(&points, &errors("hydrogen", HYDROGEN, &points, order));
         println!("hydrogen, {order:?}: order {slope:.3}");
@@ -57,7 +57,7 @@ fn splats_approach_the_integral_on_the_hydrogen_orbital_at_second_order() {
 /// scene: both put splats that overlap one before the other, by another rule, where the integral mixes them.
 #[test]
 fn splats_approach_the_integral_on_the_signal_of_marschner_and_lobb_at_second_order() {
-    for order in [splat::Order::Sorted, splat::Order::Nested] {
+    for order in [SplatOrder::Sorted, SplatOrder::Nested] {
         let points = [16, 32, 64];
         let slope = order_of_convergence(&points, &errors("marschner-lobb", MARSCHNER_LOBB, &points, order));
         println!("marschner-lobb, {order:?}: order {slope:.3}");

@@ -4,7 +4,7 @@ use adjsplat::arena::TileOrder;
 use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
 use adjsplat::splat::{Camera, Mode, Projection, Quality, Scene, Settings, cpu};
 use adjsplat::volume::SampleType;
-use adjsplat_judge::reference::splat::{Judge, Settings as JudgeSettings};
+use adjsplat_judge::reference::{Judge, JudgeSettings};
 
 use crate::reference::scenes::{THREADS, function, orbit, phantom};
 

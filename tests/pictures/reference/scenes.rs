@@ -4,14 +4,16 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Orbit, Projection, Surround};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Grid, SampleType, SlabSource};
-use adjsplat_judge::reference::{Picture, VisibleVoxels, Voxel, ray, splat};
+use adjsplat_judge::reference::{
+    Judge, JudgeSettings, RayJudge, RaySettings, ReferencePicture, ReferenceVoxel, VisibleVoxels,
+};
 
 /// Threads that these tests take.
 pub(crate) const THREADS: usize = 2;
 
 /// A voxel that is not lit; its value is 0.
-pub(crate) fn voxel(position: [u16; 3], depth: f64, colour: [f32; 3]) -> Voxel {
-    Voxel { position, depth, colour, normal: [0.0; 3], value: 0.0 }
+pub(crate) fn voxel(position: [u16; 3], depth: f64, colour: [f32; 3]) -> ReferenceVoxel {
+    ReferenceVoxel { position, depth, colour, normal: [0.0; 3], value: 0.0 }
 }
 
 /// Voxels of a grid of `dims` points, where `look` gives optical depth and colour.
@@ -54,22 +56,22 @@ pub(crate) fn down_z([x, y]: [f64; 2], height: f64) -> Camera {
     Camera::new([x, y, -100.0], [x, y, 0.0], [0.0, 1.0, 0.0], projection).unwrap()
 }
 
-pub(crate) fn splatted(visible: &VisibleVoxels, camera: &Camera, settings: splat::Settings) -> Picture {
-    splat::Judge::of_voxels(visible.clone()).draw(camera, &splat::Settings { threads: THREADS, ..settings }).unwrap()
+pub(crate) fn splatted(visible: &VisibleVoxels, camera: &Camera, settings: JudgeSettings) -> ReferencePicture {
+    Judge::of_voxels(visible.clone()).draw(camera, &JudgeSettings { threads: THREADS, ..settings }).unwrap()
 }
 
-pub(crate) fn integrated(visible: &VisibleVoxels, camera: &Camera, settings: ray::Settings) -> Picture {
-    ray::Judge::new(visible).draw(camera, &ray::Settings { threads: THREADS, ..settings }).unwrap()
+pub(crate) fn integrated(visible: &VisibleVoxels, camera: &Camera, settings: RaySettings) -> ReferencePicture {
+    RayJudge::new(visible).draw(camera, &RaySettings { threads: THREADS, ..settings }).unwrap()
 }
 
 /// Largest difference of two pictures' samples.
-pub(crate) fn apart(a: &Picture, b: &Picture) -> f64 {
+pub(crate) fn apart(a: &ReferencePicture, b: &ReferencePicture) -> f64 {
     let pairs = a.pixels().as_flattened().iter().zip(b.pixels().as_flattened());
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
 /// Root of the mean squared difference over pixels of which one is not empty.
-pub(crate) fn rmse(a: &Picture, b: &Picture) -> f64 {
+pub(crate) fn rmse(a: &ReferencePicture, b: &ReferencePicture) -> f64 {
     let shown = a.pixels().iter().zip(b.pixels()).filter(|(a, b)| a[3] > 1e-6 || b[3] > 1e-6);
     let (mut sum, mut samples) = (0.0, 0.0);
     for (a, b) in shown {
@@ -80,7 +82,7 @@ pub(crate) fn rmse(a: &Picture, b: &Picture) -> f64 {
 }
 
 /// The same in decibels.
-pub(crate) fn decibels(a: &Picture, b: &Picture) -> f64 {
+pub(crate) fn decibels(a: &ReferencePicture, b: &ReferencePicture) -> f64 {
     -20.0 * rmse(a, b).log10()
 }
 

@@ -2,8 +2,7 @@
 
 use adjsplat::splat::Mode;
 use adjsplat::volume::SampleType;
-use adjsplat_judge::reference::VisibleVoxels;
-use adjsplat_judge::reference::splat::{Judge, Order, Settings};
+use adjsplat_judge::reference::{Judge, JudgeSettings, SplatOrder, VisibleVoxels};
 
 use crate::reference::scenes::{apart, function, made, orbit, phantom};
 
@@ -17,13 +16,15 @@ fn the_picture_has_the_same_bits_for_any_threads_and_alpha_in_any_order() {
     let judge = Judge::new(&mut *source, &transfer).unwrap();
     for fov in [None, Some(50.0)] {
         let camera = orbit(judge.visible().grid(), 31.0, 24.0, fov, [50, 37]);
-        let of = |order, threads| judge.draw(&camera, &Settings { order, threads, ..Settings::new([50, 37]) }).unwrap();
-        let first = of(Order::Nested, 1);
+        let of = |order, threads| {
+            judge.draw(&camera, &JudgeSettings { order, threads, ..JudgeSettings::new([50, 37]) }).unwrap()
+        };
+        let first = of(SplatOrder::Nested, 1);
         for threads in [2, 3, 64] {
-            assert!(of(Order::Nested, threads) == first, "{threads} threads");
+            assert!(of(SplatOrder::Nested, threads) == first, "{threads} threads");
         }
         // A product in another order: rounding of some hundred factors in double precision.
-        let sorted = of(Order::Sorted, 2);
+        let sorted = of(SplatOrder::Sorted, 2);
         let worst = first.pixels().iter().zip(sorted.pixels()).map(|(a, b)| (a[3] - b[3]).abs()).fold(0.0, f64::max);
         assert!(worst < 1e-13, "{worst:e}");
         assert!(apart(&first, &sorted) > 1e-6, "orders make no difference here");
@@ -45,8 +46,8 @@ fn an_eye_inside_sees_the_near_voxel_before_the_far_one() {
         let target = std::array::from_fn(|a| eye[a] + toward[a]);
         let projection = adjsplat::splat::Projection::Perspective { fov: 20.0 };
         let camera = adjsplat::splat::Camera::new(eye, target, [0.0, 1.0, 0.0], projection).unwrap();
-        for order in [Order::Nested, Order::Sorted] {
-            let picture = judge.draw(&camera, &Settings { order, ..Settings::new([9, 9]) }).unwrap();
+        for order in [SplatOrder::Nested, SplatOrder::Sorted] {
+            let picture = judge.draw(&camera, &JudgeSettings { order, ..JudgeSettings::new([9, 9]) }).unwrap();
             let [red, green, _, alpha] = picture.pixel(4, 4);
             // Each is 16 deep over a voxel: 5.2 at its centre.
             assert!(red > 0.99 && green < 0.01 && alpha > 0.99, "{toward:?} {order:?}: {red} {green} {alpha}");
@@ -104,11 +105,11 @@ fn label_maps_are_lit_by_their_smoothed_surface() {
 fn what_the_judge_does_not_draw_is_refused() {
     let judge = Judge::of_voxels(made([3; 3], [1.0; 3], |_| Some((1.0, [1.0; 3]))));
     let camera = orbit(judge.visible().grid(), 0.0, 0.0, None, [4, 4]);
-    let refused = |settings: Settings| judge.draw(&camera, &settings).unwrap_err().to_string();
-    let usual = || Settings::new([4, 4]);
-    let told = refused(Settings { mode: Mode::Maximum, ..usual() });
+    let refused = |settings: JudgeSettings| judge.draw(&camera, &settings).unwrap_err().to_string();
+    let usual = || JudgeSettings::new([4, 4]);
+    let told = refused(JudgeSettings { mode: Mode::Maximum, ..usual() });
     assert_eq!(told, "mode: is a maximum, which has no reference; take composite or xray");
-    assert!(refused(Settings { sigma: f64::NAN, ..usual() }).starts_with("kernel sigma: is NaN"));
-    assert!(refused(Settings { threads: 0, ..usual() }).starts_with("threads"));
-    assert!(refused(Settings { exposure: Some(0.0), mode: Mode::Additive, ..usual() }).starts_with("exposure"));
+    assert!(refused(JudgeSettings { sigma: f64::NAN, ..usual() }).starts_with("kernel sigma: is NaN"));
+    assert!(refused(JudgeSettings { threads: 0, ..usual() }).starts_with("threads"));
+    assert!(refused(JudgeSettings { exposure: Some(0.0), mode: Mode::Additive, ..usual() }).starts_with("exposure"));
 }

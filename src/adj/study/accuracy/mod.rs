@@ -15,8 +15,8 @@ use super::output::OutputArguments;
 use super::sets::{Set, SetArguments, SetChoice, SetInput, SetVolume};
 use adjsplat::arena::LaneSet;
 use adjsplat::error::{Error, Result};
-use adjsplat_judge::reference::splat::Judge;
-use adjsplat_study::accuracy::{Family, Judged, Stored};
+use adjsplat_judge::reference::Judge;
+use adjsplat_study::accuracy::{Family, JudgedSet, StoredFile};
 
 /// Measure what each setting of the renderer saves in time and costs in error, against a reference in double precision
 #[derive(Debug, Args)]
@@ -78,7 +78,7 @@ impl Arguments {
         &self,
         sets: &SetArguments,
         wants_octree: bool,
-        mut study: impl FnMut(&Judged, GoOn) -> Result<()>,
+        mut study: impl FnMut(&JudgedSet, GoOn) -> Result<()>,
     ) -> Result<()> {
         let mut list = sets.list()?;
         if self.all {
@@ -92,14 +92,14 @@ impl Arguments {
             let lanes = files.iter().map(|(_, set)| set.lanes()).collect::<Result<Vec<LaneSet>>>()?;
             let what = format!("{}/{} {}", index + 1, list.len(), volume.name);
             let stored = files.iter().zip(&lanes);
-            let stored = stored.map(|(&([value_bits, normal_bits], ref set), lanes)| Stored {
+            let stored = stored.map(|(&([value_bits, normal_bits], ref set), lanes)| StoredFile {
                 value_bits,
                 normal_bits,
                 scene: set.scene(lanes),
             });
             let subject = if wants_octree { Some(files[0].1.subject(&lanes[0])?) } else { None };
             let judged =
-                Judged { name: &volume.name, judge: &judge, files: stored.collect(), subject: subject.as_ref() };
+                JudgedSet { name: &volume.name, judge: &judge, files: stored.collect(), subject: subject.as_ref() };
             study(&judged, &mut |done, total| progress.show(&what, done, total))?;
         }
         Ok(())

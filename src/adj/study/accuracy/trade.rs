@@ -9,8 +9,8 @@ use adjsplat::splat::Quality;
 use adjsplat_study::accuracy::{
     Candidate, Effort, Family, JudgedView, Outcome, candidates, mark_front, measure, views,
 };
-use adjsplat_study::report::Cell;
-use adjsplat_study::report::plot::{Plot, Series, Side};
+use adjsplat_study::report::ReportCell;
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 
 /// Outcomes of one set.
 struct SetOutcomes {
@@ -78,7 +78,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 }
 
 impl SetOutcomes {
-    fn row(&self, candidate: &Candidate, outcome: &Outcome) -> Vec<Cell> {
+    fn row(&self, candidate: &Candidate, outcome: &Outcome) -> Vec<ReportCell> {
         let view = outcome.view.map(|view| &self.views[view]);
         vec![
             self.name.as_str().into(),
@@ -127,10 +127,10 @@ fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[SetOutcomes]) -> Plot 
     let unit = outcomes.iter().find(|outcome| all[outcome.candidate] == standard).and_then(|o| o.milliseconds);
     let unit = unit.unwrap_or(1.0);
     let point = |outcome: &Outcome| outcome.milliseconds.map(|ms| [ms / unit, outcome.psnr]);
-    let mut series: Vec<Series> = Vec::new();
+    let mut series: Vec<PlotSeries> = Vec::new();
     let mut front: Vec<[f64; 2]> = outcomes.iter().filter(|outcome| outcome.front).filter_map(point).collect();
     front.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    series.push(Series::solid("front", front));
+    series.push(PlotSeries::solid("front", front));
     // Presets lie on top of the others, but come first in the legend.
     for family in Family::ALL.into_iter().chain([Family::Presets]) {
         let members = outcomes.iter().filter(|outcome| all[outcome.candidate].family == family);
@@ -144,7 +144,7 @@ fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[SetOutcomes]) -> Plot 
         let labels = if family == Family::Presets { timed.iter().map(label).collect() } else { Vec::new() };
         let points: Vec<[f64; 2]> = timed.into_iter().map(|(_, point)| point).collect();
         if !points.is_empty() {
-            series.push(Series { labels, ..Series::points(family.name(), points) });
+            series.push(PlotSeries { labels, ..PlotSeries::points(family.name(), points) });
         }
     }
     let of = match found {
@@ -153,8 +153,8 @@ fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[SetOutcomes]) -> Plot 
     };
     Plot {
         title: format!("What speed costs: {of}"),
-        x: Side::logarithmic("time of a frame, as a multiple of standard's"),
-        y: Side::linear("PSNR against the judge, dB"),
+        x: PlotAxis::logarithmic("time of a frame, as a multiple of standard's"),
+        y: PlotAxis::linear("PSNR against the judge, dB"),
         series,
     }
 }

@@ -1,16 +1,11 @@
-//! Room: memory for a method's arrays, asked for before it is taken.
-//!
-//! In: how many elements. Out: an empty array with room for exactly so many, or an error that says how much is missing.
+//! Memory for a method's arrays: it is checked before it is allocated, and refusals are errors.
 
 use adjsplat::error::{Error, Result};
 
-/// Whether the system has `need` bytes for `what` available; where it does not say so, it has.
-///
-/// # Errors
-/// [`Error::Limit`] if not.
+/// Fails if the system says that it has less than `need` bytes available.
 pub(super) fn check(what: &str, need: u64) -> Result<()> {
-    // Systems grant more than they have, and end the process when it is used. So they are asked first; not for
-    // small arrays, as asking takes as long as filling them.
+    // Systems grant more memory than they have, and end a process that uses it; so the system is asked first. Small
+    // arrays are not checked, as that takes as long as filling them.
     if need <= 1 << 24 {
         return Ok(());
     }
@@ -24,11 +19,8 @@ fn refused(what: &str, need: u64, have: u64) -> Error {
     Error::Limit { what: format!("memory for {what} in bytes"), need, have }
 }
 
-/// An empty array with room for `count` elements and no more; `what` names it in the error.
-///
-/// # Errors
-/// [`Error::Limit`] if that is more than the system has available, where it says so, or grants.
-pub(super) fn room<T>(what: &str, count: u64) -> Result<Vec<T>> {
+/// Returns an empty array with room for exactly `count` elements; `what` names it in errors.
+pub(super) fn reserved<T>(what: &str, count: u64) -> Result<Vec<T>> {
     let need = count.saturating_mul(size_of::<T>() as u64);
     check(what, need)?;
     let mut elements = Vec::new();
@@ -37,23 +29,17 @@ pub(super) fn room<T>(what: &str, count: u64) -> Result<Vec<T>> {
     Ok(elements)
 }
 
-/// As [`room`], filled with `element`.
-///
-/// # Errors
-/// As [`room`].
+/// Returns an array of `count` copies of `element`.
 pub(super) fn filled<T: Clone>(what: &str, count: u64, element: T) -> Result<Vec<T>> {
-    let mut elements = room(what, count)?;
+    let mut elements = reserved(what, count)?;
     elements.resize(usize::try_from(count).expect("there is room for as many"), element);
     Ok(elements)
 }
 
-/// Appends `element`; arrays whose length is known only in the end grow by this, and are shrunk then.
-///
-/// # Errors
-/// As [`room`].
+/// Appends `element`, for arrays whose length is known only in the end.
 pub(super) fn push<T>(what: &str, elements: &mut Vec<T>, element: T) -> Result<()> {
     if elements.len() == elements.capacity() {
-        // Growing doubles it, and the old one is there until the new one is filled.
+        // Growing doubles the array, and the old one exists until it is copied.
         let need = (elements.len() as u64).saturating_mul(2 * size_of::<T>() as u64);
         check(what, need)?;
         elements.try_reserve(1).map_err(|_| Error::out_of_memory(what, need))?;
@@ -62,12 +48,12 @@ pub(super) fn push<T>(what: &str, elements: &mut Vec<T>, element: T) -> Result<(
     Ok(())
 }
 
-/// Product of three sizes, which saturates: what is too large is refused by [`room`].
+/// Returns the product of three sizes, saturated: [`reserved`] refuses what is too large.
 pub(super) fn product([x, y, z]: [u64; 3]) -> u64 {
     x.saturating_mul(y).saturating_mul(z)
 }
 
-/// Memory that the system could give now; `None` where it does not say.
+/// Returns the memory that the system can give now; `None` if it does not say.
 fn available_bytes() -> Option<u64> {
     let memory = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = memory.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;

@@ -1,21 +1,21 @@
-//! Scratch arrays that tell a trace of each element.
+//! Scratch arrays that trace each access to an element.
 
 use crate::trace::Trace;
 
-/// A walker's array: elements, and its number.
+/// A scratch array and its number.
 #[derive(Debug, Clone)]
-pub(super) struct Scratch<E> {
+pub(super) struct TracedVec<E> {
     array: usize,
     items: Vec<E>,
 }
 
-impl<E: Copy + Default> Scratch<E> {
-    /// Array number `array`, of `len` elements.
-    pub(super) fn new(array: usize, len: usize) -> Scratch<E> {
-        Scratch { array, items: vec![E::default(); len] }
+impl<E: Copy + Default> TracedVec<E> {
+    /// Makes array number `array` with `len` elements.
+    pub(super) fn new(array: usize, len: usize) -> TracedVec<E> {
+        TracedVec { array, items: vec![E::default(); len] }
     }
 
-    /// How many elements.
+    /// Returns the number of elements.
     pub(super) fn len(&self) -> usize {
         self.items.len()
     }
@@ -34,24 +34,24 @@ impl<E: Copy + Default> Scratch<E> {
         self.items[index] = item;
     }
 
-    /// Tells of a read of `count` elements at once.
+    /// Traces a read of `count` elements at once.
     #[inline]
     pub(super) fn read<T: Trace>(&self, first: usize, count: usize, trace: &mut T) {
         trace.read(self.array, first * size_of::<E>(), count * size_of::<E>());
     }
 
-    /// Tells of a write of `count` elements at once.
+    /// Traces a write of `count` elements at once.
     #[inline]
     pub(super) fn write<T: Trace>(&self, first: usize, count: usize, trace: &mut T) {
         trace.write(self.array, first * size_of::<E>(), count * size_of::<E>());
     }
 
-    /// The elements; nothing is told.
+    /// Returns the elements, untraced.
     pub(super) fn items(&self) -> &[E] {
         &self.items
     }
 
-    /// The elements, for writing; nothing is told.
+    /// Returns the elements for writing, untraced.
     pub(super) fn items_mut(&mut self) -> &mut [E] {
         &mut self.items
     }
