@@ -1,6 +1,6 @@
 //! Budgets of memory: kept by a build, refused where they cannot do, and without influence on what is built.
 
-use super::harness::Folder;
+use super::harness::{Folder, Runs as _};
 
 /// A volume whose visible voxels, 60 MB of them, are near a budget of 64 MiB, and in memory with what is made of them far
 /// beyond it.

@@ -7,8 +7,7 @@ use adjsplat::splat::{Camera, Code, Mode, Orbit, Quality, Scene, Settings, Surro
 use adjsplat::traverse::walk::{Batch, walk};
 use adjsplat::traverse::{Order, Sense, SplitForm, Viewpoint, VoxelBox};
 use adjsplat::volume::Axis;
-
-use crate::format::assemble::Random;
+use adjsplat_tests::random::Random;
 
 /// Transfer functions to draw with.
 pub(crate) struct Looks {

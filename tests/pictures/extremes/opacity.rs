@@ -3,15 +3,17 @@
 use adjsplat::splat::{Mode, Quality, Settings};
 use adjsplat::traverse::Order;
 use adjsplat::volume::Grid;
+use adjsplat_tests::pictures::{alphas, apart, bits};
+use adjsplat_tests::scenes::transfer;
 
-use crate::extremes::model::{Model, alphas, apart, bits, constant, json, middle, parallel, peak_weight, worst};
+use crate::extremes::model::{Judge as _, coded, constant, middle, parallel, peak_weight, solid, worst};
 
 const UP: [f64; 3] = [0.0, 1.0, 0.0];
 const MODES: [Mode; 4] = [Mode::Composite, Mode::Additive, Mode::Maximum, Mode::MaximumGrey];
 
 /// One voxel in the middle of 9 x 9 pixels, 8 of which are a voxel's width.
 fn one_voxel(opacity: f64) -> f64 {
-    let model = Model::solid([1; 3], [1.0; 3], constant(opacity, 1.0));
+    let model = solid([1; 3], [1.0; 3], constant(opacity, 1.0));
     let settings = Settings::new([9, 9]);
     let (frame, _) = model.draw(&parallel([0.0; 3], [0.0, 0.0, 1.0], UP, 9.0 / 8.0), &settings);
     f64::from(frame.pixel(4, 4)[3])
@@ -20,8 +22,8 @@ fn one_voxel(opacity: f64) -> f64 {
 #[test]
 fn no_voxels_and_no_opacity_leave_the_background_as_it_is() {
     let grid = || Grid::new([6, 5, 4], [1.0; 3]).unwrap();
-    let nothing = Model::new(grid(), constant(0.5, 1.0), |_| None);
-    let transparent = Model::new(grid(), constant(0.0, 1.0), |_| Some(7));
+    let nothing = coded(grid(), constant(0.5, 1.0), |_| None);
+    let transparent = coded(grid(), constant(0.0, 1.0), |_| Some(7));
     let background = [0.1, 0.7, 0.3];
     for model in [&nothing, &transparent] {
         for mode in MODES {
@@ -79,14 +81,14 @@ fn reference_lengths_from_tiny_to_huge_are_finite() {
     for (reference, want) in
         [(5e-324, 1.0), (1e-310, 1.0), (1e-300, 1.0), (1e-16, 1.0), (1e30, 0.0), (1e300, 0.0), (f64::MAX, 0.0)]
     {
-        let transfer = json(&format!(
+        let transfer = transfer(&format!(
             r##"{{"kind": "points", "reference_length": {reference:e}, "shaded": false, "points": [
                 {{"value": 0, "colour": "#ffffff", "opacity": 0}}, {{"value": 1, "colour": "#ffffff", "opacity": 0}},
                 {{"value": 2, "colour": "#ffffff", "opacity": 0.9}}]}}"##
         ));
         // Transparent voxels at x = 0.
         let grid = Grid::new([5, 4, 4], [1.0; 3]).unwrap();
-        let model = Model::new(grid, transfer, |[x, _, _]| Some(x.min(1) * 2));
+        let model = coded(grid, transfer, |[x, _, _]| Some(x.min(1) * 2));
         for mode in MODES {
             for exposure in [Some(1.0), None] {
                 // No ray ends before it is dark.
@@ -108,7 +110,7 @@ fn reference_lengths_from_tiny_to_huge_are_finite() {
 fn slab(depth: f64, direction: [f64; 3], quality: Quality) -> (Vec<f64>, f64) {
     // Opacity per millionth of a voxel: up to 16 of depth in each.
     let reference = 1e-6;
-    let model = Model::solid([64, 64, 12], [1.0; 3], constant(-(-depth / 12.0 * reference).exp_m1(), reference));
+    let model = solid([64, 64, 12], [1.0; 3], constant(-(-depth / 12.0 * reference).exp_m1(), reference));
     let length = direction.iter().map(|c| c * c).sum::<f64>().sqrt();
     let settings = Settings { quality, termination: Some(0.0), ..Settings::new([50, 50]) };
     let camera = parallel([31.5, 31.5, 5.5], direction, UP, 2.0);
@@ -147,7 +149,7 @@ fn slabs_of_any_depth_let_through_what_beer_and_lambert_say() {
 fn half_the_spacing_lets_the_same_light_through() {
     let mean = |layers: u64, spacing: f64| {
         let side = (48.0 / spacing) as u64;
-        let model = Model::solid([side, side, layers], [spacing; 3], constant(0.1, 1.0));
+        let model = solid([side, side, layers], [spacing; 3], constant(0.1, 1.0));
         let camera = parallel(middle(&model.facts.grid), [0.2, 0.1, 1.0], UP, 2.0);
         let (frame, _) = model.draw(&camera, &Settings { termination: Some(0.0), ..Settings::new([50, 50]) });
         alphas(&frame).map(|alpha| -(-alpha).ln_1p()).sum::<f64>() / 2500.0
@@ -168,7 +170,7 @@ fn alternating_layers_and_checkers_stay_between_nothing_and_all() {
         for opacity in [0.05, 0.7, 1.0] {
             let grid = Grid::new([16, 15, 14], [1.0; 3]).unwrap();
             let target = middle(&grid);
-            let model = Model::new(grid, constant(opacity, 1.0), |at| shows(at).then_some(1));
+            let model = coded(grid, constant(opacity, 1.0), |at| shows(at).then_some(1));
             for along in [[0.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.3, 0.5, 0.8]] {
                 let settings = Settings { quality: Quality::Reference, ..Settings::new([40, 40]) };
                 let camera = parallel(target, along, [0.1, 1.0, 0.2], 24.0);
@@ -195,13 +197,12 @@ fn alternating_layers_and_checkers_stay_between_nothing_and_all() {
 /// let through.
 #[test]
 fn one_colour_is_the_same_in_all_48_orders() {
-    let transfer = json(
+    let transfer = transfer(
         r##"{"kind": "points", "points": [{"value": 0, "colour": "#8040c0", "opacity": 0.4}],
             "reference_length": 1, "shaded": false}"##,
     );
     let [red, green, blue] = transfer.colour(0.0);
-    let model =
-        Model::new(Grid::new([12; 3], [1.0; 3]).unwrap(), transfer, |[x, y, z]| ((x * y + z) % 3 != 0).then_some(1));
+    let model = coded(Grid::new([12; 3], [1.0; 3]).unwrap(), transfer, |[x, y, z]| ((x * y + z) % 3 != 0).then_some(1));
     let camera = parallel([5.5; 3], [0.3, -0.5, 0.8], UP, 16.0);
     let settings = Settings { quality: Quality::Reference, ..Settings::new([32, 32]) };
     let (first, _) = model.draw(&camera, &settings);

@@ -1,15 +1,18 @@
 //! Splats from a millionth of a pixel to a thousand million, pictures from one pixel to 16,384 a side.
 
+use adjsplat::build::builder::Built;
 use adjsplat::splat::{Camera, Mode, Projection, Quality, Settings};
 use adjsplat::volume::Grid;
+use adjsplat_tests::pictures::{alphas, apart};
+use adjsplat_tests::scenes::Draw as _;
 
-use crate::extremes::model::{Model, alphas, apart, constant, parallel, peak_weight, worst};
+use crate::extremes::model::{Judge as _, coded, constant, parallel, peak_weight, solid, worst};
 
 const ALONG: [f64; 3] = [0.0, 0.0, 1.0];
 const UP: [f64; 3] = [0.0, 1.0, 0.0];
 
-fn voxel(opacity: f64) -> Model {
-    Model::solid([1; 3], [1.0; 3], constant(opacity, 1.0))
+fn voxel(opacity: f64) -> Built {
+    solid([1; 3], [1.0; 3], constant(opacity, 1.0))
 }
 
 /// One voxel as wide as `pixels`, `shift` of a pixel from the picture's middle to the right and down.
@@ -20,7 +23,7 @@ fn at(pixels: f64, shift: [f64; 2], size: [u32; 2]) -> Camera {
 }
 
 /// Sum of the depths of an x-ray's pixels.
-fn light(model: &Model, camera: &Camera, settings: &Settings) -> f64 {
+fn light(model: &Built, camera: &Camera, settings: &Settings) -> f64 {
     let (frame, _) = model.draw(camera, &Settings { mode: Mode::Additive, ..settings.clone() });
     alphas(&frame).map(|alpha| -(-alpha).ln_1p()).sum()
 }
@@ -132,7 +135,7 @@ fn a_splat_on_the_border_is_cut_there_and_nowhere_else() {
 #[test]
 fn pictures_at_the_largest_side_are_as_exact_at_their_ends_as_small_ones() {
     let grid = || Grid::new([4, 4, 4], [1.0; 3]).unwrap();
-    let model = Model::new(grid(), constant(0.6, 1.0), |[x, y, z]| ((x + y + z) % 2 == 0).then_some(1));
+    let model = coded(grid(), constant(0.6, 1.0), |[x, y, z]| ((x + y + z) % 2 == 0).then_some(1));
     let along = [0.3, 0.2, 1.0];
     for (size, shift) in
         [([16_384, 24], [8_176.0, 0.0]), ([24, 16_384], [0.0, 8_176.0]), ([16_384, 24], [-8_170.25, 0.0])]
@@ -143,7 +146,7 @@ fn pictures_at_the_largest_side_are_as_exact_at_their_ends_as_small_ones() {
             let target = [0, 1, 2].map(|a| 1.5 - right[a] * shift[0] / 4.0 + up[a] * shift[1] / 4.0);
             let camera = parallel(target, along, UP, f64::from(size[1]) / 4.0);
             let settings = Settings { quality: Quality::High, ..Settings::new(size) };
-            adjsplat::splat::cpu::render(&model.scene(), &camera, &settings).unwrap().0
+            model.frame(&camera, &settings)
         };
         let large = draw(size, shift);
         // The same pixels in a picture of 24 x 24 whose middle is 16 pixels from the large one's end.
@@ -199,7 +202,7 @@ fn needles_are_finite_and_no_deeper_than_they_should_be() {
         ([1e5, 1e-5, 1e5], [0.7, 0.0, 0.7]),
         ([1e5, 1e5, 1e-5], [0.70001, 0.7, 1e-9]),
     ] {
-        let mut model = Model::solid([3, 4, 5], spacing, constant(0.3, 1.0));
+        let mut model = solid([3, 4, 5], spacing, constant(0.3, 1.0));
         let mean: f64 = spacing.iter().product::<f64>().cbrt();
         for reference in [mean, 1.0] {
             model.transfer = constant(0.3, reference);
@@ -231,7 +234,7 @@ fn needles_are_finite_and_no_deeper_than_they_should_be() {
 /// A camera that moves by a pixel moves the picture by a pixel; by half a pixel, it is between.
 #[test]
 fn a_camera_a_pixel_aside_gives_the_picture_a_pixel_aside() {
-    let model = Model::new(Grid::new([7, 6, 5], [1.0; 3]).unwrap(), constant(0.4, 1.0), |[x, y, z]| {
+    let model = coded(Grid::new([7, 6, 5], [1.0; 3]).unwrap(), constant(0.4, 1.0), |[x, y, z]| {
         ((x * 3 + y * 5 + z) % 4 != 0).then_some(1)
     });
     let settings = Settings { quality: Quality::Reference, ..Settings::new([60, 50]) };

@@ -1,18 +1,21 @@
 //! Views along axes and diagonals, eyes on voxels, within, and far away, and what is at the near plane.
 
+use adjsplat::build::builder::Built;
 use adjsplat::splat::{Camera, Mode, Orbit, Projection, Quality, Settings, Surround};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::Grid;
+use adjsplat_tests::pictures::{alphas, apart, bits};
+use adjsplat_tests::scenes::transfer;
 
-use crate::extremes::model::{Model, alphas, apart, bits, constant, json, parallel, worst};
+use crate::extremes::model::{Judge as _, coded, constant, parallel, solid, worst};
 
 /// Red and blue by turns: every wrong order of two neighbours shows.
-fn checkers(side: u64, opacity: f64) -> Model {
-    let transfer = json(&format!(
+fn checkers(side: u64, opacity: f64) -> Built {
+    let transfer = transfer(&format!(
         r##"{{"kind": "points", "shaded": false, "reference_length": 1, "points": [
             {{"value": 0, "colour": [1, 0, 0], "opacity": {opacity}}}, {{"value": 1, "colour": [0, 0, 1], "opacity": {opacity}}}]}}"##
     ));
-    Model::new(Grid::new([side; 3], [1.0; 3]).unwrap(), transfer, |[x, y, z]| Some((x + y + z) % 2))
+    coded(Grid::new([side; 3], [1.0; 3]).unwrap(), transfer, |[x, y, z]| Some((x + y + z) % 2))
 }
 
 fn perspective(position: [f64; 3], target: [f64; 3], fov: f64) -> Camera {
@@ -83,7 +86,7 @@ fn tied_axes_are_drawn_alike_on_both_sides_of_the_tie() {
 /// One colour: nothing depends on the order, tied or not.
 #[test]
 fn a_tie_does_not_show_in_one_colour() {
-    let model = Model::solid([12; 3], [1.0; 3], constant(0.4, 1.0));
+    let model = solid([12; 3], [1.0; 3], constant(0.4, 1.0));
     let settings = Settings { quality: Quality::Reference, ..Settings::new([48, 48]) };
     let draw = |along: [f64; 3]| model.draw(&parallel([5.5; 3], along, [0.3, 0.2, 0.9], 22.0), &settings).0;
     let tied = draw([1.0, 1.0, 1.0]);
@@ -96,8 +99,8 @@ fn a_tie_does_not_show_in_one_colour() {
 /// An eye on a voxel sees all but the voxels that are nearer than the kernel reaches.
 #[test]
 fn an_eye_on_a_voxel_does_not_see_that_voxel() {
-    let whole = Model::solid([9; 3], [1.0; 3], constant(0.1, 1.0));
-    let without = Model::new(whole.facts.grid.clone(), constant(0.1, 1.0), |at| (at != [4; 3]).then_some(1));
+    let whole = solid([9; 3], [1.0; 3], constant(0.1, 1.0));
+    let without = coded(whole.facts.grid.clone(), constant(0.1, 1.0), |at| (at != [4; 3]).then_some(1));
     for near in [None, Some(1e-9), Some(0.5)] {
         for toward in [[1.0, 0.0, 0.0], [0.3, -0.8, 0.5], [1.0, 1.0, 1.0]] {
             let target = [0, 1, 2].map(|a| 4.0 + toward[a]);
@@ -172,7 +175,7 @@ fn nothing_is_mirrored_at_the_near_plane() {
     let voxel = |at: [f64; 3]| {
         let mut grid = Grid::new([1; 3], [1.0; 3]).unwrap();
         grid.origin = at;
-        Model::new(grid, constant(0.5, 1.0), |_| Some(1))
+        coded(grid, constant(0.5, 1.0), |_| Some(1))
     };
     for fov in [1e-6, 60.0, 170.0, 179.9] {
         for near in [None, Some(1e-12), Some(0.3)] {

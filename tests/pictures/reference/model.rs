@@ -1,8 +1,9 @@
 //! What splatting itself costs: splats in order of depth against the integral, in decibels.
 
 use adjsplat_judge::reference::{VisibleVoxels, ray, splat};
+use adjsplat_tests::pictures::decibels;
 
-use crate::reference::scenes::{decibels, integrated, made, orbit, splatted};
+use crate::reference::scenes::{EMPTY, integrated, made, orbit, splatted};
 
 /// A well-mixed number for each place.
 fn noise([x, y, z]: [u16; 3]) -> f64 {
@@ -66,7 +67,7 @@ fn exponential_blending_comes_far_nearer_to_the_integral_than_the_classic_form()
             let rays = integrated(&scene, &camera, settings);
             let of = |blending, order| {
                 let settings = splat::Settings { sigma: 0.6, blending, order, ..splat::Settings::new(size) };
-                decibels(&splatted(&scene, &camera, settings), &rays)
+                decibels(&splatted(&scene, &camera, settings), &rays, EMPTY)
             };
             let exponential = of(splat::Blending::Exponential, splat::Order::Sorted);
             let nested = of(splat::Blending::Exponential, splat::Order::Nested);
