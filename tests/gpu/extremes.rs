@@ -8,8 +8,8 @@ use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat_tests::pictures::bits;
-use adjsplat_tests::say;
 use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, built, options, transfer};
+use adjsplat_tests::{at_full, say};
 
 use crate::compare::worst;
 use crate::device::device;
@@ -171,8 +171,9 @@ fn one_axis_a_thousand_times_as_coarse() {
 fn ties_and_eyes_on_voxels() {
     let built = phantom("gyroid", [24; 3], [1.0; 3], transfer(LIT_LAYERS), 8);
     let mut views = Vec::new();
-    for along in [[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [0.0, 0.0, -1.0]] {
-        for axis in 0..3 {
+    let directions = [[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [0.0, 0.0, -1.0]];
+    for (index, along) in directions.into_iter().enumerate() {
+        for axis in (at_full(0, index % 3)..3).step_by(at_full(1, 3)) {
             let mut beside: [f64; 3] = along;
             beside[axis] *= 1.0 + 4.0 * f64::EPSILON;
             for along in [along, beside] {
@@ -286,7 +287,7 @@ fn a_million_faint_layers_on_a_device_are_off_by_what_is_known() {
         let cpu_error = (1.0 - f64::from(want.pixel(1, 1)[3]) - exact).abs();
         assert!(cpu_error <= 1e-4, "{part:e}: {cpu_error:e}");
         for compositor in compositors() {
-            for &sense in senses {
+            for &sense in &senses[at_full(0, senses.len() - 1)..] {
                 let Some(mut renderer) = renderer(&built, compositor) else { return };
                 let (frame, _) = renderer.render(&camera, &Settings { sense, ..settings.clone() }).unwrap();
                 let got = 1.0 - f64::from(frame.pixel(1, 1)[3]);

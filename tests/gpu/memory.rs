@@ -11,8 +11,8 @@ use adjsplat::splat::{Camera, Frame, Lanes as _, Orbit, Quality, Scene, Settings
 use adjsplat::traverse::{Order, SplitForm};
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_tests::pictures::{decibels, shows};
-use adjsplat_tests::say;
 use adjsplat_tests::scenes::{CODES, Draw as _, LIT_LAYERS, PLAIN, lane, transfer};
+use adjsplat_tests::{at_full, say};
 
 use crate::compare::worst;
 use crate::device::{device, own_device};
@@ -86,7 +86,7 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
     let text = r#"{ "kind": "range", "low": 1, "opacity": 0.05 }"#;
     let built = phantom("constant", [110, 100, 100], [1.0; 3], transfer(text), 8);
     let lane_bytes = built.lanes[0].view().bytes();
-    let size = [64, 56];
+    let size = at_full([64, 56], [32, 28]);
     let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
     let views = [
         ("parallel", built.orbit(31.0, 24.0, None, size), SplitForm::default()),
@@ -152,9 +152,10 @@ fn pictures_of_other_sizes_one_after_the_other_stay_within() {
     let built = phantom("gyroid", [40, 40, 40], [1.0; 3], transfer(LIT_LAYERS), 8);
     let vram = 12 << 20;
     let mut renderer = renderer(&opened, &built, vram);
-    for size in [[32, 32], [300, 260], [200, 180], [16, 300], [100, 100]] {
+    for (index, size) in [[32, 32], [300, 260], [200, 180], [16, 300], [100, 100]].into_iter().enumerate() {
         let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
-        for (azimuth, elevation) in [(10.0, 5.0), (80.0, 5.0), (10.0, 80.0)] {
+        let views = [(10.0, 5.0), (80.0, 5.0), (10.0, 80.0)].into_iter().skip(at_full(0, index % 3));
+        for (azimuth, elevation) in views.step_by(at_full(1, 3)) {
             let camera = built.orbit(azimuth, elevation, None, size);
             let (_, stats, _) = drawn(&opened, &mut renderer, &camera, &settings, vram);
             assert!(stats.vram_bytes <= vram);

@@ -13,9 +13,9 @@ use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target, twin};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Lighting, Mode, Quality, Settings, cpu};
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint, VoxelBox};
 use adjsplat_tests::pictures::decibels;
-use adjsplat_tests::say;
 use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, built, fitting, real_volumes, transfer, volume};
-use adjsplat_tests::walks::visited;
+use adjsplat_tests::walks::{parallel_orders, visited};
+use adjsplat_tests::{at_full, say};
 use zerocopy::FromBytes;
 
 use crate::device::{device, read};
@@ -291,8 +291,7 @@ fn walks_visit_what_the_processor_visits_in_all_orders() {
     let options = Options { vram: 64 << 20, compositor: Some(Compositor::Tiles) };
     for (name, built) in [("wide", &wide), ("long", &long), ("gyroid", &full)] {
         let camera = built.orbit(20.0, 30.0, None, [40, 40]);
-        let mut orders: Vec<Order> =
-            (0..6).flat_map(|nesting| (0..8).map(move |down| Order::parallel(nesting, down))).collect();
+        let mut orders: Vec<Order> = parallel_orders().collect();
         let middle = built.facts.grid.dims.map(|points| f64::from(points) / 2.0);
         for eye in [middle, middle.map(|c| c.floor() + 0.5), middle.map(|c| (c / 3.0).floor() + 0.2)] {
             for nesting in 0..6 {
@@ -304,8 +303,9 @@ fn walks_visit_what_the_processor_visits_in_all_orders() {
                 }
             }
         }
-        // One order in three, another third of them for each structure, but all of a small one.
-        for order in orders.into_iter().step_by(if name == "long" { 1 } else { 3 }) {
+        // Steps that have no divisor with the numbers of nestings, directions, forms and senses.
+        let step = if name == "long" { at_full(1, 5) } else { at_full(1, 11) };
+        for order in orders.into_iter().step_by(step) {
             let settings = Settings { order: Some(order), ..high([40, 40]) };
             let Some((judged, ..)) = judged(built, &camera, &settings, options, false) else { return };
             assert!(judged.visits == visits(built, &order), "{name}: {order:?}");
@@ -391,8 +391,9 @@ fn each_stage_of_tiles_does_what_its_twin_does() {
 
 #[test]
 fn each_stage_of_quads_does_what_its_twin_does() {
-    for (name, built, camera, settings) in cases() {
-        for target in [Target::Float32, Target::Float16, Target::Unorm8] {
+    for (index, (name, built, camera, settings)) in cases().into_iter().enumerate() {
+        let targets = [Target::Float32, Target::Float16, Target::Unorm8].into_iter().skip(at_full(0, index % 3));
+        for target in targets.step_by(at_full(1, 3)) {
             let options = Options { vram: 512 << 20, compositor: Some(Compositor::Quads(target)) };
             if device().is_some_and(|opened| target == Target::Float32 && !opened.facts.blends_float32) {
                 continue;
@@ -459,7 +460,7 @@ fn a_real_set_stage_by_stage() {
     let built = built(&mut *volume(&path), &fitting(transfer, 8));
     let camera = built.orbit(20.0, 15.0, None, [48, 48]);
     let options = Options { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
-    for nesting in [0, 3, 4] {
+    for &nesting in at_full(&[0, 3, 4][..], &[3]) {
         let order = Order::parallel(nesting, 0b010);
         let settings = Settings { order: Some(order), ..high([48, 48]) };
         let Some((judged, ..)) = judged(&built, &camera, &settings, options, false) else { return };
