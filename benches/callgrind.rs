@@ -122,7 +122,7 @@ fn run(stage: &str) {
             let orbit = Orbit { azimuth: 25.0, elevation: 20.0, ..Orbit::default() };
             let camera = Camera::orbiting(orbit, Surround::of_grid(&facts.grid), size).expect("a camera");
             // Without termination every voxel is drawn.
-            let settings = Settings { termination: Some(0.0), ..Settings::new(size) };
+            let settings = Settings { termination: Some(0.0), ..Settings::every_pixel(size) };
             let (_, stats) = count(|| cpu::render(&scene, &camera, &settings).expect("a frame"));
             assert_eq!(stats.splats_drawn, subject.visible);
         }

@@ -60,11 +60,11 @@ fn splats(criterion: &mut Criterion) {
         let camera = Camera::orbiting(orbit, around, SIZE).expect("a camera");
         let kind = if fov.is_some() { "perspective" } else { "parallel" };
         // Without termination the renderers draw the same splats.
-        let settings = Settings { termination: Some(0.0), ..Settings::new(SIZE) };
+        let settings = Settings { termination: Some(0.0), ..Settings::every_pixel(SIZE) };
         let (want, stats) = cpu::render(&scene, &camera, &settings).expect("a frame");
         let drawn = stats.splats_drawn;
         group.throughput(Throughput::Elements(drawn));
-        let settings = Settings::new(SIZE);
+        let settings = Settings::every_pixel(SIZE);
         let mut ways = vec![
             ("tiles", Compositor::Tiles, 60.0),
             // 16-bit floats have steps of 1/2048 and stagnate.

@@ -100,7 +100,7 @@ fn run(gpu: &Gpu, plan: &Plan) -> Result<(), String> {
 fn measure(gpu: &Gpu, plan: &Plan, subject: &Subject, report: &mut Report) {
     for &size in &plan.sizes {
         for &quality in &plan.qualities {
-            let settings = Settings { quality, ..Settings::new(size) };
+            let settings = Settings { quality, ..Settings::every_pixel(size) };
             eprintln!("{}: {}x{} {quality:?}", subject.name, size[0], size[1]);
             if plan.test {
                 order::check(gpu, subject, &settings);

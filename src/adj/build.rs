@@ -20,6 +20,7 @@ use adjsplat::build::builder::{BuildOptions, Classified, Findings, Resources, cl
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{RowsOutput, Scratch, check_writable, scratch_folder, write_rows};
+use adjsplat::internals::description;
 use adjsplat::volume::{Header, SlabSource};
 
 /// Build an .adj file from a volume: only the visible voxels, in lanes.
@@ -212,29 +213,6 @@ pub(super) fn check_replaceable(output: &Path) -> Result<()> {
         return Err(Error::input(output.display().to_string(), why));
     }
     check_writable(output)
-}
-
-/// What the file says of itself to people and tools.
-pub(super) fn description(header: &Header, built: &Classified) -> String {
-    let source = json!({
-        "name": header.name,
-        "format": header.format,
-        "sample_type": header.sample_type.name(),
-    });
-    let mut description = json!({
-        "generator": concat!("adjsplat ", env!("CARGO_PKG_VERSION")),
-        "source": source,
-        "transfer_function": serde_json::to_value(&built.transfer).expect("a transfer function is plain JSON"),
-        "counts": { "nan": built.findings.not_finite },
-    });
-    let (lowest, highest) = (built.findings.lowest, built.findings.highest);
-    if lowest <= highest {
-        description["values"] = json!({ "lowest": lowest, "highest": highest });
-    }
-    if let Some(unit) = &header.grid.unit {
-        description["unit"] = json!(unit);
-    }
-    description.to_string()
 }
 
 fn report(arguments: &Arguments, header: &Header, findings: &Findings, written: &Written, seconds: f64) {

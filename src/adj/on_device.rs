@@ -7,7 +7,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 
 use super::print_note;
-use super::renderer::{FrameStats, Renderer, RendererArguments, finely};
+use super::renderer::{FrameStats, Renderer, RendererArguments};
 use super::size::parse_size;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::gpu;
@@ -99,11 +99,11 @@ impl OnDevice<'_> {
         let sense = if has_few_bits { Sense::BackToFront } else { settings.sense };
         let settings = &Settings { sense, ..settings.clone() };
         let start = Instant::now();
-        let (frame, stats) = self.draw(camera, settings)?;
+        let (frame, stats) = self.renderer.render(camera, settings)?;
         let frame_ms = start.elapsed().as_secs_f64() * 1e3;
         if has_few_bits && self.accumulation_error.is_none() {
             self.renderer.set_compositor(Some(Compositor::Tiles))?;
-            let (exact, _) = self.draw(camera, &Settings { termination: Some(0.0), ..settings.clone() })?;
+            let (exact, _) = self.renderer.render(camera, &Settings { termination: Some(0.0), ..settings.clone() })?;
             self.renderer.set_compositor(Some(compositor))?;
             let [largest, rms] = difference(&frame, &exact);
             print_note(&format!(
@@ -139,14 +139,6 @@ impl OnDevice<'_> {
         }
         let (splats_drawn, splats_skipped) = (stats.splats_drawn, stats.splats_skipped);
         Ok((frame, FrameStats { splats_drawn, splats_skipped, frame_ms, others }))
-    }
-
-    /// Draws a frame, on finer pixels where they are wanted.
-    fn draw(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, gpu::Stats)> {
-        // A look at all tiles: not for pictures that keep their pixels.
-        let bounds = if settings.keeps_pixels() { None } else { self.scene.lanes.lane(Axis::X)?.bounds() };
-        let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
-        finely(&self.scene.facts.grid, bounds, camera, settings, |settings| self.renderer.render(camera, settings))
     }
 }
 

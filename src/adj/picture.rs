@@ -85,8 +85,8 @@ impl Picture {
     pub(super) fn new(frame: &Frame, kind: PictureKind, depth: Depth) -> Picture {
         let bytes = match (kind, depth) {
             (PictureKind::Exr, _) => frame.pixels().iter().flat_map(|sample| sample.to_le_bytes()).collect(),
-            (_, Depth::Eight) => frame.srgb8(),
-            (_, Depth::Sixteen) => frame.srgb16().iter().flat_map(|sample| sample.to_be_bytes()).collect(),
+            (_, Depth::Eight) => frame.to_srgb8(),
+            (_, Depth::Sixteen) => frame.to_srgb16().iter().flat_map(|sample| sample.to_be_bytes()).collect(),
         };
         Picture { size: frame.size(), kind, depth, bytes }
     }

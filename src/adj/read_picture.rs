@@ -50,7 +50,7 @@ fn read_png(path: &Path) -> Result<Frame> {
     let (colour, depth) = reader.output_color_type();
     let bytes = reader.output_buffer_size().ok_or_else(|| broken(path, "it is too large"))?;
     let mut samples = Vec::new();
-    let refused = |_| Error::Limit { what: "memory for a picture in bytes".into(), need: bytes as u64, have: 0 };
+    let refused = |_| Error::out_of_memory("a picture", bytes as u64);
     samples.try_reserve_exact(bytes).map_err(refused)?;
     samples.resize(bytes, 0);
     reader.next_frame(&mut samples).map_err(|fault| broken(path, fault))?;

@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::build::{PackingArguments, classify_with_warnings, description};
+use super::build::{PackingArguments, classify_with_warnings};
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::input::InputArguments;
@@ -28,12 +28,14 @@ use adjsplat::file::{
     AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder, write_atomically_unless,
 };
 use adjsplat::internals::read_text;
+use adjsplat::internals::{description, drawable};
 use adjsplat::limits::Limits;
 use adjsplat::splat::{
-    Blending, Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View, dial,
+    Blending, Camera, KernelShape, Mode, Orbit, Quality, Sampling, Scene, Settings, Surround, Up, View,
 };
 use adjsplat::traverse::{SplitForm, Viewpoint, VoxelBox};
 use adjsplat::volume::Grid;
+use adjsplat_judge::dial;
 use adjsplat_judge::hidden::CLEARANCE;
 use adjsplat_judge::reference::splat::Judge;
 
@@ -240,7 +242,7 @@ impl Job<'_> {
         let cameras = pictured(self.arguments, &file.arena()?, &mut settings)?;
         let mut samplings = match self.arguments.look.max_error {
             Some(_) => dial::RUNGS.map(|rung| rung.sampling).to_vec(),
-            None => vec![settings.sampling],
+            None => vec![settings.sampling()],
         };
         samplings.dedup();
         let depth = self.arguments.look.depth();
@@ -313,25 +315,16 @@ fn draw(
     let transfer_given = transfer.is_some();
     let transfer = match transfer {
         Some(transfer) => {
-            let given = transfer.clone().with_voxel_length(facts.grid.mean_spacing())?;
-            if let Some(values) = missing_values(arena, &given)? {
+            if let Some(values) = missing_values(arena, &transfer)? {
                 print_note(&format!(
                     "note: values {values} are visible under this transfer function, but the file does not store all of them; build it again with this function"
                 ));
             }
-            let Scales { value_low, value_step, .. } = facts.scales;
-            let largest = arena.lanes().next().map_or(0, |lane| lane.largest_value_code());
-            transfer
-                .with_voxel_length(facts.grid.mean_spacing())?
-                .with_value_range(value_low, value_low + f64::from(largest) * value_step)?
+            drawable(arena, transfer)?
         }
         // Filled in by the builder.
         None => stored_transfer(arena, &arguments.input)?,
     };
-    if transfer.uses_gradient() && facts.channels.magnitude_bits == 0 {
-        let why = "needs gradient magnitudes, which this file does not store; build it again with this function";
-        return Err(Error::input("transfer function", why));
-    }
     let cameras = pictured(arguments, arena, &mut settings)?;
     if let Some(note) = missing_note(arena, &settings, transfer_given, &cameras[0])? {
         print_note(note);
@@ -434,7 +427,7 @@ fn chosen(settings: &Settings, measured: f64) -> String {
         0.0 => "no ray ends early".to_string(),
         termination => format!("rays end at {termination}"),
     };
-    let pixels = match settings.sampling {
+    let pixels = match settings.sampling() {
         Sampling::EveryPixel => "every pixel",
         Sampling::Finer => "every pixel or finer ones",
         Sampling::Enough => "enough pixels",
@@ -505,7 +498,7 @@ fn settings(arguments: &Arguments) -> Result<Settings> {
         return Err(Error::input("--blending", "is for --mode composite; leave it out"));
     }
     let sampling = Sampling::ALL.into_iter().find(|sampling| Some(sampling.name()) == look.sampling.as_deref());
-    settings.sampling = sampling.unwrap_or_else(|| settings.quality.sampling());
+    settings.sampling = sampling;
     (settings.kernel, settings.termination) = (look.kernel, look.termination);
     settings.form = if look.form == "split" { SplitForm::Split } else { SplitForm::Interleaved };
     if look.unlit {
@@ -612,7 +605,7 @@ fn stats_json(settings: &Settings, renderer: &Renderer, stats: &[FrameStats], im
         "size": settings.size,
         "kernel": settings.kernel(),
         "termination": settings.termination(),
-        "sampling": settings.sampling,
+        "sampling": settings.sampling(),
         "blending": settings.blending,
         "frames": stats.len(),
         "splats_drawn": total(|s| s.splats_drawn),

@@ -12,12 +12,8 @@ use super::on_device::OnDevice;
 #[cfg(feature = "gpu")]
 use super::print_note;
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::finer::Finer;
-use adjsplat::splat::{Blending, Camera, Frame, Scene, Settings, View, cpu};
-use adjsplat::traverse::VoxelBox;
-use adjsplat::volume::Grid;
-use adjsplat_judge::reference::splat as judge;
-use adjsplat_judge::reference::splat::{Judge, Settings as JudgeSettings};
+use adjsplat::splat::{Blending, Camera, Frame, Scene, Settings, cpu};
+use adjsplat_judge::reference::splat::Judge;
 
 /// What draws.
 #[derive(Debug, Args)]
@@ -196,54 +192,10 @@ pub(super) fn needs_volume() -> Error {
     Error::input("--renderer", why)
 }
 
-/// What `draw` gives at `settings`' size; or at a larger one, reduced to it, where settings and view ask for finer pixels.
-/// `bounds`: of all voxels; `None` if there are none.
-///
-/// # Errors
-/// As [`View::new`]; as `draw`; if memory cannot be had.
-pub(super) fn finely<T>(
-    grid: &Grid,
-    bounds: Option<VoxelBox>,
-    camera: &Camera,
-    settings: &Settings,
-    draw: impl FnOnce(&Settings) -> Result<(Frame, T)>,
-) -> Result<(Frame, T)> {
-    let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
-    let Some(finer) = bounds.and_then(|bounds| Finer::of(&view, &bounds, settings)) else { return draw(settings) };
-    let (frame, rest) = draw(&Settings { size: finer.size(), ..settings.clone() })?;
-    let mut picture = Frame::transparent(settings.size)?;
-    finer.reduce(&frame, &finer.whole(), settings.threads, &mut picture);
-    Ok((picture, rest))
-}
-
-/// A frame by the judge: of the kernel asked for the sigma, else that of reference quality whatever the quality.
+/// Draws a frame with the judge.
 fn judged(judge: &Judge, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
     let start = Instant::now();
-    let blending = match settings.blending {
-        Blending::Exponential => judge::Blending::Exponential,
-        Blending::Linear => judge::Blending::Linear,
-        Blending::Sheets => {
-            let why = "sheets have no reference: what they differ by from exponential is their error";
-            return Err(Error::input("--blending", why));
-        }
-    };
-    let draw = |settings: &Settings| {
-        let usual = JudgeSettings::new(settings.size);
-        let judge_settings = JudgeSettings {
-            sigma: settings.kernel.map_or(usual.sigma, |kernel| kernel.sigma.into()),
-            mode: settings.mode,
-            blending,
-            lighting: settings.lighting,
-            exposure: settings.exposure.map(f64::from),
-            near: settings.near,
-            crop: settings.crop.map(|crop| (crop.low, crop.high)),
-            threads: settings.threads,
-            ..usual
-        };
-        Ok((judge.draw(camera, &judge_settings)?.to_frame()?, ()))
-    };
-    let bounds = judge.visible().bounds().map(|(low, high)| VoxelBox { low, high });
-    let (frame, ()) = finely(judge.visible().grid(), bounds, camera, settings, draw)?;
+    let frame = judge.render(camera, settings)?;
     let stats = FrameStats {
         splats_drawn: judge.visible().voxels().len() as u64,
         splats_skipped: 0,

@@ -61,7 +61,7 @@ impl Room {
         let mut canvases = vec![Canvas::Picture];
         if let Some((low, high)) = arena.lanes().next().and_then(|lane| lane.bounds()) {
             for &sampling in samplings {
-                let settings = Settings { sampling, ..settings.clone() };
+                let settings = Settings { sampling: Some(sampling), ..settings.clone() };
                 for camera in cameras {
                     canvases.push(cpu::canvas(grid, &VoxelBox { low, high }, camera, &settings)?);
                 }

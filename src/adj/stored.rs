@@ -1,39 +1,24 @@
-//! What a file says of its own making: the transfer function it was built with, and what that one left out.
+//! What a file says of its own making, in words: the values that another transfer function would show.
 
 use std::path::Path;
 
-use serde_json::Value;
-
 use adjsplat::arena::Arena;
-use adjsplat::classify::{MagnitudeCodec, TransferFunction};
+use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
+use adjsplat::internals;
 
 /// The transfer function that the file was built with.
 pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
-    let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
-    serde_json::from_value(description["transfer_function"].clone()).map_err(|_| {
-        Error::input(
-            path.display().to_string(),
-            "stores no transfer function that this program reads; give one with --tf",
-        )
+    internals::stored_transfer(arena).ok_or_else(|| {
+        let why = "stores no transfer function that this program reads; give one with --tf";
+        Error::input(path.display().to_string(), why)
     })
 }
 
 /// The values that `transfer` shows and the file did not store, in words; `None` if there are none, or if the file does
 /// not tell.
 pub(super) fn missing_values(arena: &Arena, transfer: &TransferFunction) -> Result<Option<String>> {
-    let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
-    let Ok(stored) = serde_json::from_value::<TransferFunction>(description["transfer_function"].clone()) else {
-        return Ok(None);
-    };
-    let values = &description["values"];
-    let values =
-        [values["lowest"].as_f64().unwrap_or(f64::NEG_INFINITY), values["highest"].as_f64().unwrap_or(f64::INFINITY)];
-    let largest_magnitude = match arena.facts().channels.magnitude_bits {
-        0 => f64::INFINITY,
-        _ => MagnitudeCodec::new(arena.facts().scales.magnitude_scale)?.largest(),
-    };
-    let missing = transfer.missing_from(&stored, values, largest_magnitude);
+    let missing = internals::missing_values(arena, transfer)?.unwrap_or_default();
     Ok((!missing.is_empty()).then(|| described(&missing)))
 }
 

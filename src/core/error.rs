@@ -49,6 +49,14 @@ pub enum Error {
         /// How much there may be.
         have: u64,
     },
+    /// The system gives no more memory: close other programs, or do less at once.
+    #[error("not enough memory: {what} needs {bytes} bytes, which the system does not give")]
+    OutOfMemory {
+        /// What the memory was for.
+        what: String,
+        /// Bytes that were asked for.
+        bytes: u64,
+    },
     /// A graphics device cannot be had, failed or was lost: use another one, or the renderer on the processor.
     #[error("graphics device: {why}")]
     Device {
@@ -86,9 +94,9 @@ impl Error {
         Error::Input { what: what.into(), why: why.into() }
     }
 
-    /// The [`Error::Limit`] of `bytes` that a picture needs and cannot have.
-    pub fn picture_memory(bytes: u64) -> Error {
-        Error::Limit { what: "memory for the picture in bytes".into(), need: bytes, have: 0 }
+    /// The [`Error::OutOfMemory`] for `what` of `bytes` bytes.
+    pub fn out_of_memory(what: impl Into<String>, bytes: u64) -> Error {
+        Error::OutOfMemory { what: what.into(), bytes }
     }
 
     /// An [`Error::Device`].

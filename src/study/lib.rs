@@ -22,6 +22,7 @@ pub mod picture;
 pub mod receive;
 pub mod report;
 pub mod speed;
+mod splatter;
 pub mod subject;
 pub mod trace;
 pub mod walks;

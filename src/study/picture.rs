@@ -7,8 +7,8 @@
 use super::baselines::{Built, Normal, Receiver as _, Viewing, Walker as _};
 use super::subject::{Subject, VisibleVoxel};
 use super::trace::Untraced;
+use crate::splatter;
 use adjsplat::error::Result;
-use adjsplat::splat::cpu::splatter;
 use adjsplat::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, View};
 use adjsplat::traverse::{Batch, Sense, walk};
 use adjsplat::volume::Axis;

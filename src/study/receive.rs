@@ -1,8 +1,8 @@
 //! What studies do with the voxels that a walk hands over.
 
 use super::baselines::{Node, Normal, Receiver};
+use crate::splatter::Splatter;
 use adjsplat::arena::Lane;
-use adjsplat::splat::cpu::splatter::Splatter;
 use adjsplat::traverse::Batch;
 
 /// Adds up what it is given: the least that uses all of it.

@@ -130,7 +130,7 @@ struct Undrawn {
 
 impl TurnedView {
     fn new(subject: &Subject, options: &SpeedOptions, azimuth: f64, fov: Option<f64>) -> Result<TurnedView> {
-        let settings = Settings::new(options.size);
+        let settings = Settings::every_pixel(options.size);
         let orbit = Orbit { azimuth, elevation: options.elevation, fov, ..Orbit::default() };
         let camera = picture::camera(subject, orbit, options.size)?;
         let viewing = picture::viewing(subject, &camera, &settings)?;

@@ -54,10 +54,11 @@ impl<'a> Subject<'a> {
         }
         let mut voxels = Vec::new();
         let count = usize::try_from(facts.visible_voxels).unwrap_or(usize::MAX);
-        voxels.try_reserve_exact(count).map_err(|_| Error::Limit {
-            what: format!("memory for the voxels of {name} in bytes"),
-            need: facts.visible_voxels.saturating_mul(size_of::<VisibleVoxel>() as u64),
-            have: 0,
+        voxels.try_reserve_exact(count).map_err(|_| {
+            Error::out_of_memory(
+                format!("the voxels of {name}"),
+                facts.visible_voxels.saturating_mul(size_of::<VisibleVoxel>() as u64),
+            )
         })?;
         let lane = lanes.lane(Axis::X)?;
         // Nesting z, y, x, all ascending: scan order.
@@ -95,7 +96,8 @@ impl<'a> Subject<'a> {
     /// If the file's scales are out of range.
     pub fn looks(&self) -> Result<[[f32; 4]; 256]> {
         let scene = Scene { facts: self.facts, lanes: self.lanes, transfer: &self.transfer };
-        let table = Table::new(&scene, &self.lane(Axis::X), &Settings::new([1; 2]), self.facts.grid.mean_spacing())?;
+        let table =
+            Table::new(&scene, &self.lane(Axis::X), &Settings::every_pixel([1; 2]), self.facts.grid.mean_spacing())?;
         Ok(*table.of_bytes().expect("looks depend on 8-bit values alone"))
     }
 }

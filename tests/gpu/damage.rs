@@ -85,7 +85,7 @@ fn drawing_a_damaged_lane_ends() {
         let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
         let camera = built.orbit(31.0, 24.0, None, size);
         for _ in 0..3 {
-            let settings = Settings { order: Some(order(&mut random)), quality: Quality::Draft, ..Settings::new(size) };
+            let settings = Settings { order: Some(order(&mut random)), quality: Quality::Draft, ..Settings::every_pixel(size) };
             match renderer.render(&camera, &settings) {
                 Ok(_) => drew += 1,
                 Err(_) => refused += 1,
@@ -98,7 +98,7 @@ fn drawing_a_damaged_lane_ends() {
     let camera = sound.orbit(31.0, 24.0, None, size);
     let options = Options { vram: 128 << 20, compositor: Some(Compositor::Tiles) };
     let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), sound.scene(), options).unwrap();
-    let (got, _) = renderer.render(&camera, &Settings::new(size)).unwrap();
-    let (want, _) = cpu::render(&sound.scene(), &camera, &Settings::new(size)).unwrap();
+    let (got, _) = renderer.render(&camera, &Settings::every_pixel(size)).unwrap();
+    let (want, _) = cpu::render(&sound.scene(), &camera, &Settings::every_pixel(size)).unwrap();
     assert!(decibels(&got, &want, 0.0) >= 50.0);
 }

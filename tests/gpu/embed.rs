@@ -64,7 +64,7 @@ fn a_texture_shows_what_a_frame_shows() {
         let (device, queue) = (&opened.device, &opened.queue);
         let mut renderer = Renderer::new(device.clone(), queue.clone(), built.scene(), options).unwrap();
         for mode in [Mode::Composite, Mode::Additive, Mode::Maximum, Mode::MaximumGrey] {
-            let settings = Settings { mode, ..Settings::new(SIZE) };
+            let settings = Settings { mode, ..Settings::every_pixel(SIZE) };
             let (frame, _) = renderer.render(&camera, &settings).unwrap();
             for background in [None, Some([0.2, 0.5, 0.9])] {
                 let want = over(&frame, background);
@@ -85,7 +85,7 @@ fn a_texture_shows_what_a_frame_shows() {
                 assert!(worst <= tolerance, "{compositor:?}, {mode:?}, {background:?}: {worst}");
             }
         }
-        let settings = Settings::new(SIZE);
+        let settings = Settings::every_pixel(SIZE);
         let (frame, _) = renderer.render(&camera, &settings).unwrap();
         let format = TextureFormat::Rgba8UnormSrgb;
         let target = texture(device, format);
@@ -93,7 +93,7 @@ fn a_texture_shows_what_a_frame_shows() {
         let background = Some([1.0; 3]);
         renderer.render_to(&camera, &settings, &Canvas { view: &view, format, background }).unwrap();
         let got = content(device, queue, &target, 4);
-        let want = over(&frame, background).srgb8();
+        let want = over(&frame, background).to_srgb8();
         let worst = got.iter().zip(&want).map(|(got, want)| got.abs_diff(*want)).max();
         // The device's own encoding of sRGB may be off by a step.
         assert!(worst <= Some(1), "{compositor:?}: {worst:?}");
@@ -106,7 +106,7 @@ fn a_device_that_was_lost_is_an_error() {
     let built = phantom("gyroid", [16, 16, 16], [1.0; 3], transfer(LIT_LAYERS), 8);
     let (device, queue) = (opened.device.clone(), opened.queue.clone());
     let mut renderer = Renderer::new(device, queue, built.scene(), Options::default()).unwrap();
-    let (camera, settings) = (built.orbit(0.0, 0.0, None, SIZE), Settings::new(SIZE));
+    let (camera, settings) = (built.orbit(0.0, 0.0, None, SIZE), Settings::every_pixel(SIZE));
     renderer.render(&camera, &settings).unwrap();
     opened.device.destroy();
     let fault = renderer.render(&camera, &settings).unwrap_err();

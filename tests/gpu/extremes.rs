@@ -67,7 +67,7 @@ fn parallel(target: [f64; 3], along: [f64; 3], up: [f64; 3], height: f64) -> Cam
 }
 
 fn reference(size: [u32; 2]) -> Settings {
-    Settings { quality: Quality::Reference, ..Settings::new(size) }
+    Settings { quality: Quality::Reference, ..Settings::every_pixel(size) }
 }
 
 fn voxels(dims: [u64; 3], spacing: [f64; 3], places: Vec<[u32; 3]>, opacity: f64) -> Built {
@@ -253,7 +253,7 @@ fn sizes_of_pictures() {
     }
     let Some(mut renderer) = renderer(&built, Compositor::Tiles) else { return };
     for size in [[0, 0], [0, 9], [9, 0], [16_385, 1], [u32::MAX, u32::MAX]] {
-        let refusal = renderer.render(&parallel(target, ALONG, UP, 9.0), &Settings::new(size)).unwrap_err().to_string();
+        let refusal = renderer.render(&parallel(target, ALONG, UP, 9.0), &Settings::every_pixel(size)).unwrap_err().to_string();
         assert!(refusal.contains("picture size") && refusal.lines().count() == 1, "{size:?}: {refusal}");
     }
 }

@@ -2,10 +2,10 @@
 
 use std::mem::{offset_of, size_of};
 
+use super::twin;
 use adjsplat::arena::layout::TileRecord;
 use adjsplat::splat::gpu::layout::{BATCH, Block, Chunk, LINES, NO_RECORD, NOTHING, Row, Shot, Splat, TILE, Voxel};
 use adjsplat::splat::gpu::stages::SHADERS;
-use adjsplat::splat::gpu::twin;
 use adjsplat::splat::kernel::LOW_PASS;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Expression, Literal, Module, TypeInner};
@@ -168,7 +168,7 @@ fn numbers(text: &str, function: &str) -> Vec<f32> {
 /// The polynomial of 1 - 2^-x: five numbers beside ln 2, in one order.
 #[test]
 fn the_device_computes_exponentials_with_the_processors_polynomial() {
-    let path = adjsplat_tests::repository().join("src/core/splat/cpu/arith.rs");
+    let path = adjsplat_tests::repository().join("src/core/splat/arith.rs");
     let processor = numbers(&std::fs::read_to_string(path).unwrap(), "fn rest(");
     assert_eq!(processor.len(), 5, "{processor:?}");
     for (stage, text) in SHADERS {

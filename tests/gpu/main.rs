@@ -26,3 +26,4 @@ mod pictures;
 mod scenes;
 mod stages;
 mod targets;
+mod twin;

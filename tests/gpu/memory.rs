@@ -66,7 +66,7 @@ fn dust_beside_a_solid_stays_within() {
     let camera = Camera::orbiting(Orbit { azimuth: 20.0, elevation: 40.0, ..Orbit::default() }, around, size).unwrap();
     // Slow z, medium y, fast x.
     let order = Some(Order::parallel(5, 0));
-    let settings = Settings { quality: Quality::Draft, order, ..Settings::new(size) };
+    let settings = Settings { quality: Quality::Draft, order, ..Settings::every_pixel(size) };
     let options = |vram| Options { vram, compositor: Some(Compositor::Quads(Target::Float16)) };
     let draw = |vram| {
         let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene, options(vram)).unwrap();
@@ -87,7 +87,7 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
     let built = phantom("constant", [110, 100, 100], [1.0; 3], transfer(text), 8);
     let lane_bytes = built.lanes[0].view().bytes();
     let size = at_full([64, 56], [32, 28]);
-    let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
+    let settings = Settings { quality: Quality::Draft, ..Settings::every_pixel(size) };
     let views = [
         ("parallel", built.orbit(31.0, 24.0, None, size), SplitForm::default()),
         ("inside, in turn", inside(&built, [50.3, 44.5, 61.0], [1.0, 0.4, 0.2]), SplitForm::Interleaved),
@@ -134,7 +134,7 @@ fn windows_give_the_same_picture() {
     let Some(opened) = own_device() else { return };
     let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
     let size = [300, 280];
-    let settings = Settings { quality: Quality::High, ..Settings::new(size) };
+    let settings = Settings { quality: Quality::High, ..Settings::every_pixel(size) };
     for fov in [None, Some(50.0)] {
         let camera = built.orbit(31.0, 24.0, fov, size);
         let (whole, one, _) = drawn(&opened, &mut renderer(&opened, &built, PLENTY), &camera, &settings, PLENTY);
@@ -153,7 +153,7 @@ fn pictures_of_other_sizes_one_after_the_other_stay_within() {
     let vram = 12 << 20;
     let mut renderer = renderer(&opened, &built, vram);
     for (index, size) in [[32, 32], [300, 260], [200, 180], [16, 300], [100, 100]].into_iter().enumerate() {
-        let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
+        let settings = Settings { quality: Quality::Draft, ..Settings::every_pixel(size) };
         let views = [(10.0, 5.0), (80.0, 5.0), (10.0, 80.0)].into_iter().skip(at_full(0, index % 3));
         for (azimuth, elevation) in views.step_by(at_full(1, 3)) {
             let camera = built.orbit(azimuth, elevation, None, size);
@@ -170,7 +170,7 @@ fn a_lane_is_uploaded_once_as_it_is() {
         let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), bits);
         let mut renderer = renderer(opened, &built, PLENTY);
         let size = [64, 64];
-        let settings = Settings::new(size);
+        let settings = Settings::every_pixel(size);
         for (azimuth, elevation, axis) in [(10.0, 5.0, Axis::Z), (10.0, 5.0, Axis::Z)] {
             let camera = built.orbit(azimuth, elevation, None, size);
             let (_, first) = renderer.render(&camera, &settings).unwrap();
@@ -196,7 +196,7 @@ fn a_line_list_lasts_as_long_as_its_order() {
     let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
     let mut renderer = renderer(opened, &built, PLENTY);
     let size = [64, 64];
-    let settings = Settings::new(size);
+    let settings = Settings::every_pixel(size);
     let mut lists = |settings: &Settings, azimuth| {
         let (_, stats) = renderer.render(&built.orbit(azimuth, 10.0, None, size), settings).unwrap();
         (stats.line_lists, stats.list_bytes > 0)
@@ -217,7 +217,7 @@ fn too_little_video_memory_is_a_clear_error() {
     let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
     let size = [64, 64];
     for vram in [0, 1, 1 << 20, 4 << 20] {
-        match renderer(opened, &built, vram).render(&built.orbit(0.0, 0.0, None, size), &Settings::new(size)) {
+        match renderer(opened, &built, vram).render(&built.orbit(0.0, 0.0, None, size), &Settings::every_pixel(size)) {
             Err(Error::Limit { what, need, have }) => {
                 assert!(what.contains("--vram") && need > have && have == vram, "{what}: {need}, {have}");
             }
@@ -232,7 +232,7 @@ fn a_picture_of_16384_columns() {
     let Some(opened) = device() else { return };
     let built = phantom("gyroid", [256, 8, 8], [1.0; 3], transfer(LIT_LAYERS), 8);
     let size = [16_384, 64];
-    let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
+    let settings = Settings { quality: Quality::Draft, ..Settings::every_pixel(size) };
     let camera = zoomed(&built, 4.0, 3.0, None, 250.0, size);
     let (want, _) = cpu::render(&built.scene(), &camera, &settings).unwrap();
     for vram in [24 << 20, PLENTY] {

@@ -56,7 +56,7 @@ fn check_one(what: &str, built: &Built, camera: Camera, settings: Settings) {
 }
 
 fn high(size: [u32; 2]) -> Settings {
-    Settings { quality: Quality::High, ..Settings::new(size) }
+    Settings { quality: Quality::High, ..Settings::every_pixel(size) }
 }
 
 fn gyroid(dims: [u64; 3], spacing: [f64; 3]) -> Built {

@@ -3,13 +3,14 @@
 //! Whole numbers must be equal: voxels, masks, the boxes of splats. Numbers of single precision may differ by what a
 //! device is allowed: fused or reordered sums, and 2 to 3 units in the last place of divisions, roots and exponentials.
 
+use super::twin;
+use super::twin::splat::Rounding;
 use adjsplat::arena::layout::TileRecord;
 use adjsplat::build::builder::Built;
 use adjsplat::splat::gpu::layout::{NO_RECORD, NOTHING, Shot, Splat, Voxel};
 use adjsplat::splat::gpu::probe::Probe;
 use adjsplat::splat::gpu::stages::Blend;
-use adjsplat::splat::gpu::twin::splat::Rounding;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target, twin};
+use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Lighting, Mode, Quality, Settings, cpu};
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint, VoxelBox};
 use adjsplat_tests::pictures::decibels;
@@ -272,7 +273,7 @@ fn judged(
 }
 
 fn high(size: [u32; 2]) -> Settings {
-    Settings { quality: Quality::High, ..Settings::new(size) }
+    Settings { quality: Quality::High, ..Settings::every_pixel(size) }
 }
 
 /// What the processor's walk visits.

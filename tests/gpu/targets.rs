@@ -40,7 +40,7 @@ fn half_floats_are_good_enough_for_large_opacities() {
     let size = [112, 96];
     for (azimuth, elevation, fov) in [(31.0, 24.0, None), (-100.0, 60.0, Some(45.0))] {
         for sense in [Sense::BackToFront, Sense::FrontToBack] {
-            let settings = Settings { quality: Quality::High, sense, ..Settings::new(size) };
+            let settings = Settings { quality: Quality::High, sense, ..Settings::every_pixel(size) };
             let camera = built.orbit(azimuth, elevation, fov, size);
             let (got, _) = renderer.render(&camera, &settings).unwrap();
             let (want, _) = cpu::render(&built.scene(), &camera, &settings).unwrap();
@@ -57,7 +57,7 @@ fn along() -> (Camera, Settings) {
     let projection = Projection::Parallel { height: f64::from(SIZE[1]) };
     let camera = Camera::new([0.0, 0.0, 5_000.0], [0.0; 3], [0.0, 1.0, 0.0], projection).unwrap();
     let settings =
-        Settings { quality: Quality::Reference, sense: Sense::BackToFront, lighting: None, ..Settings::new(SIZE) };
+        Settings { quality: Quality::Reference, sense: Sense::BackToFront, lighting: None, ..Settings::every_pixel(SIZE) };
     (camera, settings)
 }
 

@@ -47,7 +47,7 @@ fn draw(file: &AdjFile, orbit: Orbit, mode: Mode, threads: usize) -> Frame {
     let lanes = LaneSet::new(arena, Some(0));
     let thin = thin();
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &thin };
-    let mut settings = Settings::new([120, 100]);
+    let mut settings = Settings::every_pixel([120, 100]);
     (settings.threads, settings.mode, settings.quality, settings.exposure) = (threads, mode, Quality::Draft, None);
     let camera = Camera::orbiting(orbit, Surround::of_grid(&facts.grid), settings.size).unwrap();
     cpu::render(&scene, &camera, &settings).unwrap().0

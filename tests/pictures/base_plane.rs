@@ -28,7 +28,7 @@ fn camera(built: &Built, [azimuth, elevation]: [f64; 2], pixels: f64, size: [u32
 }
 
 fn enough(size: [u32; 2]) -> Settings {
-    Settings { sampling: Sampling::Enough, ..Settings::new(size) }
+    Settings { sampling: Some(Sampling::Enough), ..Settings::every_pixel(size) }
 }
 
 /// Pixels with no sample above this are empty.
@@ -55,7 +55,7 @@ fn stamps_give_what_the_plain_twin_gives_on_the_same_plane() {
             // A stamp rounds a slice's place, its twin each voxel's: they differ by units in the last place.
             assert!(most < 2e-5, "{name} {view:?}: {most:e}");
             assert!(
-                fast != built.frame(&camera, &Settings { sampling: Sampling::EveryPixel, ..settings }),
+                fast != built.frame(&camera, &Settings { sampling: Some(Sampling::EveryPixel), ..settings }),
                 "{name} {view:?} was drawn pixel by pixel"
             );
         }
@@ -90,8 +90,8 @@ fn the_fewest_pixels_give_a_draft_at_any_magnification() {
         let mut worst = f64::INFINITY;
         for view in VIEWS {
             let camera = camera(&built, view, pixels, size);
-            let fewest = Settings { sampling: Sampling::Fewest, ..Settings::new(size) };
-            let every = built.frame(&camera, &Settings::new(size));
+            let fewest = Settings { sampling: Some(Sampling::Fewest), ..Settings::every_pixel(size) };
+            let every = built.frame(&camera, &Settings::every_pixel(size));
             worst = worst.min(decibels(&built.frame(&camera, &fewest), &every, EMPTY));
         }
         println!("{name}: {worst:.1} dB in the worst view");
@@ -108,13 +108,13 @@ fn voxels_finer_than_pixels_are_nearer_to_finer_pixels_than_widened_splats_are()
     let pixels = 0.6;
     for view in [[0.0, 0.0], [30.0, 20.0], [45.0, 35.2644]] {
         let fine_size = size.map(|side| side * FINER);
-        let fine = built.frame(&camera(&built, view, pixels * f64::from(FINER), fine_size), &Settings::new(fine_size));
+        let fine = built.frame(&camera(&built, view, pixels * f64::from(FINER), fine_size), &Settings::every_pixel(fine_size));
         // The low-pass is 0.6 pixels, a voxel's kernel 0.7 voxels.
         let blur = f64::from(FINER) * (0.36 - 0.49 * pixels * pixels).sqrt();
         let truth = seen_through(&fine, size, FINER, blur);
         let camera = camera(&built, view, pixels, size);
         let plane = decibels(&built.frame(&camera, &enough(size)), &truth, EMPTY);
-        let splats = decibels(&built.frame(&camera, &Settings::new(size)), &truth, EMPTY);
+        let splats = decibels(&built.frame(&camera, &Settings::every_pixel(size)), &truth, EMPTY);
         println!("{view:?}: plane {plane:.1} dB, every pixel {splats:.1} dB");
         assert!(plane > 36.0 && plane > splats + 6.0, "{view:?}: plane {plane:.1} dB, every pixel {splats:.1} dB");
     }
@@ -127,8 +127,8 @@ fn a_crop_and_a_picture_that_cuts_the_volume_are_cut_alike() {
     let size = [40, 36];
     let camera = camera(&built, [30.0, 20.0], 1.0, size);
     for crop in [None, Some(crop)] {
-        let all = Settings { crop, ..Settings::new(size) };
-        let some = Settings { sampling: Sampling::Fewest, ..all.clone() };
+        let all = Settings { crop, ..Settings::every_pixel(size) };
+        let some = Settings { sampling: Some(Sampling::Fewest), ..all.clone() };
         let (some, all) = (built.frame(&camera, &some), built.frame(&camera, &all));
         let near = decibels(&some, &all, EMPTY);
         assert!(near > 38.0, "{crop:?}: {near:.1} dB, largest {}", apart(&some, &all));
@@ -147,7 +147,7 @@ fn a_volume_that_is_small_in_its_picture_is_drawn_by_finer_pixels() {
     let size = [200, 200];
     for pixels in [0.3, 0.1, 0.01] {
         let camera = camera(&built, [30.0, 20.0], pixels, size);
-        let finer = Settings { sampling: Sampling::Finer, ..Settings::new(size) };
+        let finer = Settings { sampling: Some(Sampling::Finer), ..Settings::every_pixel(size) };
         assert!(built.frame(&camera, &enough(size)) == built.frame(&camera, &finer), "{pixels}");
     }
 }

@@ -4,9 +4,9 @@ use std::collections::HashMap;
 
 use adjsplat::build::builder::Built;
 use adjsplat::error::Error;
-use adjsplat::splat::dial;
-use adjsplat::splat::dial::{Choice, RUNGS};
 use adjsplat::splat::{Camera, Orbit, Quality, Settings};
+use adjsplat_judge::dial;
+use adjsplat_judge::dial::{Choice, RUNGS};
 use adjsplat_tests::at_full;
 use adjsplat_tests::pictures::apart;
 use adjsplat_tests::scenes::{Draw as _, built_phantom};
@@ -22,14 +22,14 @@ fn a_bound_is_kept_by_whole_pictures() {
         [("gyroid", 64, 0.4, None), ("shells", 48, 0.9, Some(35.0)), ("noise", 32, 0.6, None)]
     {
         let built = built_phantom(name, [edge; 3], [opacity; 2]);
-        let exact = Settings { quality: Quality::Reference, ..Settings::new(size) };
+        let exact = Settings { quality: Quality::Reference, ..Settings::every_pixel(size) };
         for turn in (0..5).step_by(at_full(1, 2)) {
             let view = camera(&built, f64::from(turn) * 79.7 + 3.0, f64::from(turn) * 33.0 - 70.0, fov, size);
             let right = built.frame(&view, &exact);
             let (mut rungs, mut errors) = (Vec::new(), HashMap::new());
             for bound in [1.0, 0.1, 0.01, 0.001, 0.0] {
                 let Choice { settings, measured, rung } =
-                    dial::choose(&built.scene(), &[view], &Settings::new(size), bound, || true).unwrap();
+                    dial::choose(&built.scene(), &[view], &Settings::every_pixel(size), bound, || true).unwrap();
                 let worst = *errors.entry(rung).or_insert_with(|| apart(&right, &built.frame(&view, &settings)));
                 println!("{name} {turn}: bound {bound}: rung {rung}, measured {measured:.5}, picture {worst:.5}");
                 assert!(worst <= bound, "{name}: {worst} with rung {rung}, for a bound of {bound}");
@@ -46,7 +46,7 @@ fn a_bound_is_kept_by_whole_pictures() {
 fn a_bound_that_is_no_bound_is_refused_and_a_stop_is_a_stop() {
     let built = built_phantom("noise", [12; 3], [0.5; 2]);
     let view = [camera(&built, 10.0, 10.0, None, [40, 40])];
-    let settings = Settings::new([40, 40]);
+    let settings = Settings::every_pixel([40, 40]);
     for bound in [-0.1, f64::NAN, f64::INFINITY] {
         let refused = dial::choose(&built.scene(), &view, &settings, bound, || true).unwrap_err();
         assert!(refused.to_string().contains("--max-error"), "{refused}");

@@ -19,7 +19,7 @@ fn camera(built: &Built, fov: Option<f64>, size: [u32; 2]) -> Camera {
 const EMPTY: f64 = 1e-3;
 
 fn settings(size: [u32; 2], sampling: Sampling) -> Settings {
-    Settings { sampling, ..Settings::new(size) }
+    Settings { sampling: Some(sampling), ..Settings::every_pixel(size) }
 }
 
 /// Standard deviation of a voxel in the middle of the grid in pixels of a picture.
@@ -115,7 +115,7 @@ fn sums_and_maxima_and_voxels_as_wide_as_pixels_take_every_pixel() {
     let built = build("gyroid");
     let alike = |settings: Settings| {
         let camera = camera(&built, Some(40.0), settings.size);
-        let finer = Settings { sampling: Sampling::Finer, ..settings.clone() };
+        let finer = Settings { sampling: Some(Sampling::Finer), ..settings.clone() };
         built.frame(&camera, &settings) == built.frame(&camera, &finer)
     };
     for mode in [Mode::Maximum, Mode::MaximumGrey, Mode::Additive] {

@@ -126,7 +126,7 @@ fn a_picture_is_what_summing_kernels_in_double_precision_gives() {
             let (size, height) = (48, 40.0);
             let position = std::array::from_fn(|a| centre[a] + 100.0 * outward[a]);
             let camera = Camera::new(position, centre, up, Projection::Parallel { height }).unwrap();
-            let settings = Settings { quality, ..Settings::new([size, size]) };
+            let settings = Settings { quality, ..Settings::every_pixel([size, size]) };
             let frame = built.frame(&camera, &settings);
             let scale = f64::from(size) / height;
             let view = Looking { axes: [right, up, forward], centre, scale, size };
@@ -156,7 +156,7 @@ fn the_alpha_picture_is_equal_in_all_48_orders() {
         for fov in [None, Some(40.0)] {
             let camera = built.orbit(31.0, 24.0, fov, [96, 96]);
             let of = |order| {
-                let settings = Settings { quality: Quality::Reference, order, ..Settings::new([96, 96]) };
+                let settings = Settings { quality: Quality::Reference, order, ..Settings::every_pixel([96, 96]) };
                 built.frame(&camera, &settings)
             };
             let own = of(None);
@@ -181,7 +181,7 @@ fn pictures_have_the_same_bits_for_any_threads_and_from_lanes_stored_or_derived(
         for (azimuth, elevation, fov) in [(0.0, 0.0, None), (75.0, 10.0, None), (10.0, 80.0, Some(50.0))] {
             let camera = three.orbit(azimuth, elevation, fov, [160, 120]);
             let of = |lanes: &dyn Lanes, threads| {
-                let settings = Settings { threads, ..Settings::new([160, 120]) };
+                let settings = Settings { threads, ..Settings::every_pixel([160, 120]) };
                 cpu::render(&Scene { lanes, ..three.scene() }, &camera, &settings).unwrap().0
             };
             let first = of(&three.lanes, 1);

@@ -14,7 +14,7 @@ fn camera(built: &Built, zoom: f64, fov: Option<f64>, size: [u32; 2]) -> Camera 
 }
 
 fn enough(settings: &Settings) -> Settings {
-    Settings { sampling: Sampling::Enough, ..settings.clone() }
+    Settings { sampling: Some(Sampling::Enough), ..settings.clone() }
 }
 
 #[test]
@@ -28,7 +28,7 @@ fn enough_pixels_give_the_picture_of_all() {
         let mut coarser = 0;
         for (zoom, fov) in [(1.0, None), (3.0, None), (1.0, Some(45.0)), (2.5, Some(60.0))] {
             let camera = camera(&built, zoom, fov, size);
-            let settings = Settings::new(size);
+            let settings = Settings::every_pixel(size);
             let (all, some) = (built.frame(&camera, &settings), built.frame(&camera, &enough(&settings)));
             let (near, most) = (decibels(&all, &some, 0.0), apart(&all, &some));
             println!("{name} zoom {zoom} fov {fov:?}: {near:.1} dB, largest {most:.3}");
@@ -44,10 +44,10 @@ fn enough_pixels_have_the_same_bits_for_any_threads() {
     let built = build("gyroid", [32, 32, 32], 0.5);
     let size = [200, 333];
     let camera = camera(&built, 1.3, Some(40.0), size);
-    let one = built.frame(&camera, &enough(&Settings::new(size)));
+    let one = built.frame(&camera, &enough(&Settings::every_pixel(size)));
     for threads in [2, 3, 7] {
         assert!(
-            one == built.frame(&camera, &enough(&Settings { threads, ..Settings::new(size) })),
+            one == built.frame(&camera, &enough(&Settings { threads, ..Settings::every_pixel(size) })),
             "{threads} threads"
         );
     }
@@ -58,7 +58,7 @@ fn where_nothing_is_nothing_is_drawn() {
     let built = build("corners", [25, 25, 25], 1.0);
     let size = [300, 300];
     let camera = camera(&built, 0.8, None, size);
-    let settings = Settings::new(size);
+    let settings = Settings::every_pixel(size);
     let (all, some) = (built.frame(&camera, &settings), built.frame(&camera, &enough(&settings)));
     let drawn = |frame: &Frame| frame.pixels().chunks_exact(4).filter(|pixel| pixel[3] != 0.0).count();
     let (all, some) = (drawn(&all), drawn(&some));
@@ -72,11 +72,11 @@ fn narrow_splats_and_other_modes_take_every_pixel() {
     let fine = build("gyroid", [96, 96, 96], 0.5);
     let small = [160, 160];
     let view = camera(&fine, 1.0, Some(40.0), small);
-    let settings = Settings::new(small);
+    let settings = Settings::every_pixel(small);
     assert!(fine.frame(&view, &settings) == fine.frame(&view, &enough(&settings)));
     let coarse = build("gyroid", [16, 16, 16], 0.5);
     for mode in [Mode::Maximum, Mode::MaximumGrey, Mode::Additive] {
-        let settings = Settings { mode, ..Settings::new([128, 128]) };
+        let settings = Settings { mode, ..Settings::every_pixel([128, 128]) };
         let view = camera(&coarse, 1.0, None, settings.size);
         assert!(coarse.frame(&view, &settings) == coarse.frame(&view, &enough(&settings)), "{mode:?}");
     }
@@ -87,7 +87,7 @@ fn a_picture_that_cuts_the_volume_has_no_seam_at_its_border() {
     let built = build("shells", [40, 40, 40], 0.5);
     let size = [256, 256];
     let camera = camera(&built, 4.0, None, size);
-    let settings = Settings::new(size);
+    let settings = Settings::every_pixel(size);
     let (all, some) = (built.frame(&camera, &settings), built.frame(&camera, &enough(&settings)));
     let of =
         |frame: &Frame, at: u32| [frame.pixel(at, 0), frame.pixel(0, at), frame.pixel(at, 255), frame.pixel(255, at)];
@@ -105,7 +105,7 @@ fn an_eye_inside_takes_every_pixel_or_shows_the_same() {
     let size = [160, 120];
     let inside =
         Camera::new([3.0, 1.0, 2.0], [8.0, 9.0, 3.0], [0.0, 0.0, 1.0], Projection::Perspective { fov: 80.0 }).unwrap();
-    let settings = Settings::new(size);
+    let settings = Settings::every_pixel(size);
     let (all, some) = (built.frame(&inside, &settings), built.frame(&inside, &enough(&settings)));
     let near = decibels(&all, &some, 0.0);
     assert!(near > 45.0, "{near:.1} dB");

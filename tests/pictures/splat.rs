@@ -82,7 +82,7 @@ fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3]) -> [f64; 2] {
     // 150 pixels across 6 voxels of the finer axes. The lattice is commensurate with the pixels, so a coarser picture
     // would sample each kernel's cut-off edge in the same few places.
     let camera = Camera::new(position, target, [0.0, 1.0, 0.0], Projection::Parallel { height: 6.0 }).unwrap();
-    let mut settings = Settings::new([150, 150]);
+    let mut settings = Settings::every_pixel([150, 150]);
     settings.quality = quality;
     settings.termination = Some(0.0);
     let (frame, _) = model.render(&camera, &settings);
@@ -111,7 +111,7 @@ fn one_splat_sums_to_its_optical_depth() {
             let position = [target[0] - sin_a * cos_e, cos_a * cos_e, sin_e];
             let projection = Projection::Parallel { height };
             let camera = Camera::new(position, target, [0.0, 0.0, 1.0], projection).unwrap();
-            let mut settings = Settings::new([101, 101]);
+            let mut settings = Settings::every_pixel([101, 101]);
             settings.quality = Quality::Reference;
             let (frame, _) = model.render(&camera, &settings);
             // Alpha alone would round away the depth of tiny splats: X-ray mode shows 1 - exp(-sum).
@@ -152,7 +152,7 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
                 if mode != Mode::Composite && blending != Blending::Exponential {
                     continue;
                 }
-                let settings = Settings { quality, sense, blending, crop, mode, ..Settings::new(size) };
+                let settings = Settings { quality, sense, blending, crop, mode, ..Settings::every_pixel(size) };
                 let (want, plain) = model.render(&camera, &Settings { code: Code::Plain, ..settings.clone() });
                 assert!(plain.splats_drawn > 100, "{plain:?}");
                 for (code, threads) in [
@@ -179,7 +179,7 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
 fn both_senses_and_any_termination_give_one_picture() {
     let model = shell();
     let camera = model.orbit(20.0, 15.0, None, [160, 120]);
-    let settings = Settings { quality: Quality::Reference, ..Settings::new([160, 120]) };
+    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([160, 120]) };
     let (front, all) = model.render(&camera, &settings);
     let (back, _) = model.render(&camera, &Settings { sense: Sense::BackToFront, ..settings.clone() });
     assert!(apart(&front, &back) < 2e-5, "{}", apart(&front, &back));
@@ -198,7 +198,7 @@ fn both_senses_and_any_termination_give_one_picture() {
 #[test]
 fn sheets_are_as_opaque_as_their_splats() {
     let model = shell();
-    let settings = Settings { termination: Some(0.0), ..Settings::new([160, 120]) };
+    let settings = Settings { termination: Some(0.0), ..Settings::every_pixel([160, 120]) };
     for camera in [model.orbit(20.0, 15.0, None, [160, 120]), model.orbit(140.0, -50.0, Some(50.0), [160, 120])] {
         let (splats, _) = model.render(&camera, &settings);
         let (sheets, _) = model.render(&camera, &Settings { blending: Blending::Sheets, ..settings.clone() });
@@ -219,7 +219,7 @@ fn one_colour_stays_one_colour() {
     });
     let [red, green, blue] = model.transfer.colour(0.0);
     let camera = model.orbit(31.0, 17.0, None, [80, 80]);
-    let draw = |blending: Blending| model.render(&camera, &Settings { blending, ..Settings::new([80, 80]) }).0;
+    let draw = |blending: Blending| model.render(&camera, &Settings { blending, ..Settings::every_pixel([80, 80]) }).0;
     let frame = draw(Blending::Exponential);
     for frame in [&frame, &draw(Blending::Linear), &draw(Blending::Sheets)] {
         for pixel in frame.pixels().chunks_exact(4) {
@@ -243,7 +243,7 @@ fn an_opaque_voxel_is_finite_and_hides_what_is_behind() {
     let model =
         packed(Grid::new([3, 9, 3], [1.0; 3]).unwrap(), PLAIN, constant(1.0, "#ffffff"), |_| Some(Record::default()));
     let camera = model.orbit(0.0, 0.0, None, [33, 33]);
-    let (frame, _) = model.render(&camera, &Settings { quality: Quality::Reference, ..Settings::new([33, 33]) });
+    let (frame, _) = model.render(&camera, &Settings { quality: Quality::Reference, ..Settings::every_pixel([33, 33]) });
     let centre = frame.pixel(16, 16);
     assert!(centre[3] > 0.999_999 && centre.iter().all(|c| c.is_finite()), "{centre:?}");
 }
@@ -255,7 +255,7 @@ fn the_picture_is_not_mirrored() {
         (x > 5 && z > 5).then(Record::default)
     });
     let camera = model.orbit(0.0, 0.0, None, [40, 40]);
-    let (frame, _) = model.render(&camera, &Settings::new([40, 40]));
+    let (frame, _) = model.render(&camera, &Settings::every_pixel([40, 40]));
     let mass = |columns: std::ops::Range<u32>, rows: std::ops::Range<u32>| -> f32 {
         rows.flat_map(|row| columns.clone().map(move |column| (column, row))).map(|(c, r)| frame.pixel(c, r)[3]).sum()
     };
@@ -269,7 +269,7 @@ fn the_picture_is_not_mirrored() {
 #[test]
 fn whole_turns_come_back_bit_equal() {
     let model = shell();
-    let settings = Settings::new([40, 40]);
+    let settings = Settings::every_pixel([40, 40]);
     let pictures = [0.0, 360.0, -720.0]
         .map(|azimuth| bits(&model.render(&model.orbit(azimuth, 0.0, Some(30.0), [40, 40]), &settings).0));
     assert!(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
@@ -285,7 +285,7 @@ fn far_away_perspective_is_parallel() {
     let height = 60.0;
     let fov = 2.0 * (height / 2.0 / far).atan().to_degrees();
     let up = [0.0, 0.0, 1.0];
-    let settings = Settings { quality: Quality::Reference, ..Settings::new([90, 90]) };
+    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([90, 90]) };
     let camera = Camera::new(position, target, up, Projection::Perspective { fov }).unwrap();
     let (far, _) = model.render(&camera, &settings);
     let camera = Camera::new(position, target, up, Projection::Parallel { height }).unwrap();
@@ -303,7 +303,7 @@ fn extremes_end_in_finite_pictures_or_errors() {
         for fov in [None, Some(1e-6), Some(40.0), Some(179.9)] {
             let orbit = Orbit { azimuth: 33.0, elevation: 10.0, zoom, fov, ..Orbit::default() };
             let camera = model.camera(orbit, [33, 17]);
-            let (frame, _) = model.render(&camera, &Settings::new([33, 17]));
+            let (frame, _) = model.render(&camera, &Settings::every_pixel([33, 17]));
             assert!(finite(&frame), "zoom {zoom}, fov {fov:?}");
         }
     }
@@ -312,27 +312,27 @@ fn extremes_end_in_finite_pictures_or_errors() {
         for target in [target, [position[0] - 5.0, position[1] + 1.0, position[2] - 77.0]] {
             let projection = Projection::Perspective { fov: 60.0 };
             let camera = Camera::new(position, target, [0.0, 0.0, 1.0], projection).unwrap();
-            assert!(finite(&model.render(&camera, &Settings::new([33, 17])).0), "{position:?}");
+            assert!(finite(&model.render(&camera, &Settings::every_pixel([33, 17])).0), "{position:?}");
         }
     }
     // Up along the view falls back.
     let projection = Projection::Parallel { height: 50.0 };
     let camera = Camera::new([target[0], target[1], 99.0], target, [0.0, 0.0, 1.0], projection).unwrap();
-    let (frame, stats) = model.render(&camera, &Settings::new([64, 1]));
+    let (frame, stats) = model.render(&camera, &Settings::every_pixel([64, 1]));
     assert!(finite(&frame) && stats.splats_drawn > 0);
     // All voxels behind the eye: nothing.
     let projection = Projection::Perspective { fov: 30.0 };
     let camera = Camera::new([0.0, 0.0, 200.0], [0.0, 0.0, 300.0], [0.0, 1.0, 0.0], projection).unwrap();
-    let (frame, stats) = model.render(&camera, &Settings::new([10, 10]));
+    let (frame, stats) = model.render(&camera, &Settings::every_pixel([10, 10]));
     assert!(stats.splats_drawn == 0 && frame.pixels().iter().all(|value| *value == 0.0));
     let refused = |settings: Settings| cpu::render(&model.scene(), &camera, &settings).unwrap_err().to_string();
-    assert!(refused(Settings::new([0, 5])).contains("picture size"));
-    assert!(refused(Settings::new([16_385, 5])).contains("limit is 16384"));
-    assert!(refused(Settings { threads: 0, ..Settings::new([5, 5]) }).contains("threads"));
-    assert!(refused(Settings { termination: Some(f32::NAN), ..Settings::new([5, 5]) }).contains("termination"));
-    assert!(refused(Settings { near: Some(0.0), ..Settings::new([5, 5]) }).contains("near"));
+    assert!(refused(Settings::every_pixel([0, 5])).contains("picture size"));
+    assert!(refused(Settings::every_pixel([16_385, 5])).contains("limit is 16384"));
+    assert!(refused(Settings { threads: 0, ..Settings::every_pixel([5, 5]) }).contains("threads"));
+    assert!(refused(Settings { termination: Some(f32::NAN), ..Settings::every_pixel([5, 5]) }).contains("termination"));
+    assert!(refused(Settings { near: Some(0.0), ..Settings::every_pixel([5, 5]) }).contains("near"));
     let kernel = Some(KernelShape { sigma: f32::NAN, radius: 2.0 });
-    assert!(refused(Settings { kernel, ..Settings::new([5, 5]) }).contains("kernel"));
+    assert!(refused(Settings { kernel, ..Settings::every_pixel([5, 5]) }).contains("kernel"));
 }
 
 #[test]
@@ -380,7 +380,7 @@ fn a_crop_shows_what_a_smaller_volume_would() {
         records.get(&[x, y, z]).copied().filter(|_| inside(x, y, z))
     });
     let camera = model.orbit(-40.0, 25.0, Some(50.0), [120, 90]);
-    let settings = Settings::new([120, 90]);
+    let settings = Settings::every_pixel([120, 90]);
     let (cropped, _) = model.render(&camera, &Settings { crop: Some(crop), ..settings.clone() });
     let (want, _) = small.render(&camera, &settings);
     assert!(bits(&cropped) == bits(&want), "{}", apart(&cropped, &want));
@@ -392,7 +392,7 @@ fn pictures_of_one_row_and_one_column_work() {
     for size in [[1, 1], [1, 65], [65, 1], [2048, 2], [3, 999]] {
         let camera = model.orbit(10.0, 10.0, None, size);
         for threads in [1, 4] {
-            let (frame, stats) = model.render(&camera, &Settings { threads, ..Settings::new(size) });
+            let (frame, stats) = model.render(&camera, &Settings { threads, ..Settings::every_pixel(size) });
             assert_eq!(frame.size(), size);
             assert!(stats.splats_drawn > 0 && frame.pixels().iter().all(|value| value.is_finite()));
         }
@@ -411,7 +411,7 @@ fn a_normal_and_its_opposite_look_the_same() {
     let (one, other) = (lit(1.0), lit(-1.0));
     for fov in [None, Some(50.0)] {
         let camera = one.orbit(30.0, 20.0, fov, [50, 50]);
-        let pictures = [&one, &other].map(|model| model.render(&camera, &Settings::new([50, 50])).0);
+        let pictures = [&one, &other].map(|model| model.render(&camera, &Settings::every_pixel([50, 50])).0);
         assert!(apart(&pictures[0], &pictures[1]) < 2e-2);
     }
 }

@@ -39,7 +39,7 @@ fn methods_in_slice_order_give_the_renderers_bits() {
     {
         let dense = VoxelVolume::random(dims, per_mille, seed);
         dense.with_subject(normal_bits, |subject| {
-            let settings = Settings::new(SIZE);
+            let settings = Settings::every_pixel(SIZE);
             for (index, camera) in cameras(subject).iter().enumerate() {
                 let ours = rendered(subject, camera, &settings);
                 assert!(ours.pixels().iter().any(|&value| value > 0.1), "view {index} shows nothing");
@@ -80,7 +80,7 @@ fn by_octants(dense: &VoxelVolume, viewing: &Viewing) -> Vec<VisibleVoxel> {
 fn an_octree_without_an_error_gives_the_bits_of_its_order() {
     let dense = VoxelVolume::random([21, 33, 14], 250, 4);
     dense.with_subject(8, |subject| {
-        let settings = Settings::new(SIZE);
+        let settings = Settings::every_pixel(SIZE);
         let mut octree = Method::Octree.build(subject).unwrap();
         for camera in &cameras(subject)[..4] {
             let viewing = picture::viewing(subject, camera, &settings).unwrap();
@@ -96,7 +96,7 @@ fn any_order_lets_the_same_light_through() {
     // Transmittance is a product; only its rounding knows an order, and rays that end early differ by the threshold.
     let dense = VoxelVolume::random([25, 18, 22], 200, 5);
     dense.with_subject(8, |subject| {
-        let settings = Settings { termination: Some(0.0), ..Settings::new(SIZE) };
+        let settings = Settings { termination: Some(0.0), ..Settings::every_pixel(SIZE) };
         for camera in &cameras(subject) {
             let ours = rendered(subject, camera, &settings);
             for method in Method::ALL {
@@ -114,7 +114,7 @@ fn any_order_lets_the_same_light_through() {
 fn without_drawing_nothing_is_drawn() {
     let dense = VoxelVolume::random([9, 9, 9], 500, 6);
     dense.with_subject(8, |subject| {
-        let settings = Settings { sampling: Sampling::EveryPixel, ..Settings::new(SIZE) };
+        let settings = Settings { sampling: Some(Sampling::EveryPixel), ..Settings::every_pixel(SIZE) };
         let camera = &cameras(subject)[0];
         for method in Method::ALL {
             let mut built = method.build(subject).unwrap();

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 
-use super::super::build::{classify_with_warnings, description};
+use super::super::build::classify_with_warnings;
 use super::super::input::phantom;
 use super::super::progress::Progress;
 use super::super::resources::thread_count;
@@ -15,6 +15,7 @@ use adjsplat::build::builder::{BuildOptions, Resources};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, open_rows};
+use adjsplat::internals::description;
 use adjsplat::splat::Scene;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};

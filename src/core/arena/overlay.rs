@@ -17,7 +17,8 @@
 //!
 //! ```
 //! use adjsplat::arena::pack::Record;
-//! use adjsplat::arena::{Arena, LaneSet, Overlay, TileOrder, builder};
+//! use adjsplat::arena::{Arena, LaneSet, Overlay, TileOrder};
+//! use adjsplat::build::builder;
 //! use adjsplat::classify::TransferFunction;
 //! use adjsplat::volume::{SampleType, phantom::Phantom};
 //!

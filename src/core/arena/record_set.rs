@@ -18,15 +18,11 @@ impl RecordSet {
     /// An empty set for a lane of `len` records; `len / 8` bytes.
     ///
     /// # Errors
-    /// [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::OutOfMemory`].
     pub fn new(len: usize) -> Result<RecordSet> {
         let count = len.div_ceil(64);
         let mut words = Vec::new();
-        words.try_reserve_exact(count).map_err(|_| Error::Limit {
-            what: "memory for a set of records in bytes".into(),
-            need: 8 * count as u64,
-            have: 0,
-        })?;
+        words.try_reserve_exact(count).map_err(|_| Error::out_of_memory("a set of records", 8 * count as u64))?;
         words.resize_with(count, AtomicU64::default);
         Ok(RecordSet { words, len })
     }
@@ -90,7 +86,7 @@ const TABLE_BYTES: usize = 64 << 20;
 /// If both lanes run along one axis.
 ///
 /// # Errors
-/// [`Error::Limit`] if the memory cannot be had.
+/// [`Error::OutOfMemory`].
 pub fn carry(from: &Lane, set: &dyn Fn(usize) -> bool, to: &Lane, into: &RecordSet) -> Result<()> {
     assert!(from.axis != to.axis, "the lanes run along different axes");
     let wide = from.dims[to.axis.index()] as usize;
@@ -98,11 +94,7 @@ pub fn carry(from: &Lane, set: &dyn Fn(usize) -> bool, to: &Lane, into: &RecordS
     let piece = (TABLE_BYTES / wide.max(1)).clamp(1, long.max(1));
     let mut table: Vec<u8> = Vec::new();
     let bytes = wide * piece;
-    table.try_reserve_exact(bytes).map_err(|_| Error::Limit {
-        what: "memory for a slab's voxels in bytes".into(),
-        need: bytes as u64,
-        have: 0,
-    })?;
+    table.try_reserve_exact(bytes).map_err(|_| Error::out_of_memory("a slab's voxels", bytes as u64))?;
     let (from_slabs, to_slabs) = (slabs(from, to), slabs(to, from));
     for first in (0..long).step_by(piece) {
         let mut rest = to_slabs.as_slice();

@@ -3,8 +3,11 @@
 pub mod assemble;
 pub mod budget;
 pub mod builder;
+mod description;
 mod plan;
 mod sieve;
 pub mod spill;
 mod store;
 mod sweep;
+
+pub use description::description;

@@ -51,7 +51,7 @@ impl Store {
                 file.write_all(bytes).map_err(Error::io("write a temporary file in", folder))?;
             }
             None => {
-                let refused = |_| Error::Limit { what: "memory for visible voxels".into(), need: len, have: self.len };
+                let refused = |_| Error::out_of_memory("the visible voxels", len);
                 self.bytes.try_reserve(bytes.len()).map_err(refused)?;
                 self.bytes.extend_from_slice(bytes);
             }

@@ -259,7 +259,7 @@ impl<'a> Intake<'a> {
         }
         let len = usize::try_from(self.header.grid.slice_len()).unwrap_or(usize::MAX);
         let mut field = Vec::new();
-        let refused = |_| Error::Limit { what: "a slice for gradients".into(), need: 4 * len as u64, have: 0 };
+        let refused = |_| Error::out_of_memory("a slice for gradients", 4 * len as u64);
         field.try_reserve_exact(len).map_err(refused)?;
         field.resize(len, 0.0);
         Ok(field)

@@ -70,6 +70,49 @@ impl Default for Orbit {
     }
 }
 
+impl Orbit {
+    /// Returns the view from `azimuth` and `elevation`, in degrees, in parallel projection, with everything in the picture.
+    pub fn new(azimuth: f64, elevation: f64) -> Orbit {
+        Orbit { azimuth, elevation, ..Orbit::default() }
+    }
+
+    /// Sets the magnification at the centre; finite and above 0.
+    pub fn with_zoom(self, zoom: f64) -> Orbit {
+        Orbit { zoom, ..self }
+    }
+
+    /// Sets a perspective projection with this vertical angle of view in degrees, above 0 and below 180.
+    pub fn with_perspective(self, fov: f64) -> Orbit {
+        Orbit { fov: Some(fov), ..self }
+    }
+
+    /// Sets the world axis that is upright in the picture.
+    pub fn with_up(self, up: Up) -> Orbit {
+        Orbit { up, ..self }
+    }
+}
+
+/// What a picture can be taken from: a [`Camera`], or an [`Orbit`] around what is shown.
+pub trait ToCamera {
+    /// Returns the camera for a picture of `size` (columns, rows); `around` is what an orbit turns around.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a number is out of its range.
+    fn to_camera(&self, around: Surround, size: [u32; 2]) -> Result<Camera>;
+}
+
+impl ToCamera for Camera {
+    fn to_camera(&self, _: Surround, _: [u32; 2]) -> Result<Camera> {
+        Ok(*self)
+    }
+}
+
+impl ToCamera for Orbit {
+    fn to_camera(&self, around: Surround, size: [u32; 2]) -> Result<Camera> {
+        Camera::orbiting(*self, around, size)
+    }
+}
+
 /// The world axis that an orbit's picture shows upright: volumes without an anatomical frame lie any way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Up {
@@ -185,6 +228,11 @@ pub(crate) const SOUND_LENGTHS: std::ops::RangeInclusive<f64> = 1e-150..=1e150;
 const MARGIN: f64 = 1.04;
 
 impl Camera {
+    /// Returns an orbit: a view from `azimuth` and `elevation`, in degrees, at whatever is shown.
+    pub fn orbit(azimuth: f64, elevation: f64) -> Orbit {
+        Orbit::new(azimuth, elevation)
+    }
+
     /// A camera at `position` that looks at `target`.
     ///
     /// Where `up` is parallel to the view, the world axis farthest from it takes its place.
@@ -276,7 +324,7 @@ impl Camera {
     ///
     /// # Errors
     /// As [`Camera::new`].
-    pub(crate) fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
+    pub fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
         let [across, above, _] = self.axes();
         let by = across * right + above * up;
         Camera::new((self.position + by).to_array(), (self.target + by).to_array(), self.up.to_array(), projection)
@@ -287,7 +335,7 @@ impl Camera {
     ///
     /// # Errors
     /// As [`Camera::new`].
-    pub(crate) fn turned(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
+    pub fn turned(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
         let [across, above, forward] = self.axes();
         let distance = (self.target - self.position).length();
         let target = self.position + (forward + across * right + above * up) * distance;

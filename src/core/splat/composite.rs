@@ -6,7 +6,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::cpu::arith::{LOG2_E, absorbed};
+use super::arith::{LOG2_E, absorbed};
 use super::{Scene, Settings};
 use crate::arena::{Lane, stored_opacity};
 use crate::classify::MagnitudeCodec;
@@ -69,7 +69,7 @@ impl Blending {
 pub const MAX_DEPTH: f64 = 16.0;
 
 /// Colour (linear) and optical depth per mean voxel (units of ln 2; for linear blending opacity), or normalised value.
-pub(crate) type Look = [f32; 4];
+pub type Look = [f32; 4];
 
 /// What each record looks like.
 #[derive(Debug)]
@@ -246,7 +246,7 @@ impl<'a> Table<'a> {
 
 /// From what a pixel has accumulated to its colour and alpha.
 #[derive(Clone, Copy)]
-pub(crate) enum Finish<'a> {
+pub enum Finish<'a> {
     /// Colours, and a transmittance.
     Transmittance,
     /// Sums of optical depth, in units of ln 2.
@@ -259,7 +259,7 @@ pub(crate) enum Finish<'a> {
 
 impl<'a> Finish<'a> {
     /// Of the pixels of a table's mode.
-    pub(crate) fn new(table: &'a Table<'a>) -> Finish<'a> {
+    pub fn new(table: &'a Table<'a>) -> Finish<'a> {
         match table.mode {
             Mode::Composite => Finish::Transmittance,
             Mode::Additive => Finish::Sum,

@@ -20,8 +20,10 @@ use glam::{DVec3, Vec4};
 use super::frame::in_range;
 use super::kernel::{LOW_PASS, narrowest};
 use super::view::{MAX_SIZE, PixelMap, View};
-use super::{Frame, Sampling, Settings};
+use super::{Camera, Frame, Sampling, Settings};
+use crate::error::Result;
 use crate::traverse::VoxelBox;
+use crate::volume::Grid;
 
 /// Standard deviation of a footprint across its narrowest direction, in pixels, from which on a picture's own pixels do. Up to
 /// 0.49 finer ones were nearer to a picture of sixteen times as many in all of 36 views (docs/studies/sampling.md).
@@ -44,6 +46,26 @@ pub struct Finer {
     sigma: f64,
 }
 
+/// Draws a picture by `draw`, which is given the settings: supersampled, then filtered, where the settings and the view ask
+/// for it. `bounds`: of all voxels; `None` if there are none.
+///
+/// # Errors
+/// As [`View::new`]; as `draw`; if memory cannot be had.
+pub fn supersampled<T>(
+    grid: &Grid,
+    bounds: Option<VoxelBox>,
+    camera: &Camera,
+    settings: &Settings,
+    draw: impl FnOnce(&Settings) -> Result<(Frame, T)>,
+) -> Result<(Frame, T)> {
+    let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
+    let Some(finer) = bounds.and_then(|bounds| Finer::of(&view, &bounds, settings)) else { return draw(settings) };
+    let (frame, stats) = draw(&Settings { size: finer.size(), ..settings.clone() })?;
+    let mut picture = Frame::transparent(settings.size)?;
+    finer.reduce(&frame, &finer.whole(), settings.threads, &mut picture);
+    Ok((picture, stats))
+}
+
 impl Finer {
     /// For a view of the voxels in `bounds`; `None` if the picture's own pixels do, if twice as many along a side are too many, or
     /// if `settings` want none. In perspective the middle of what is drawn says how wide footprints are.
@@ -58,7 +80,7 @@ impl Finer {
             return None;
         }
         let low_pass = f64::from(LOW_PASS);
-        let wanted = if settings.sampling == Sampling::Fewest { FEWEST * low_pass } else { low_pass };
+        let wanted = if settings.sampling() == Sampling::Fewest { FEWEST * low_pass } else { low_pass };
         let pixels = u64::from(view.size[0]) * u64::from(view.size[1]);
         let fits = |factor: u32| {
             view.size.iter().all(|side| side.saturating_mul(factor) <= MAX_SIZE)

@@ -19,13 +19,13 @@ impl Frame {
     /// A frame of nothing.
     ///
     /// # Errors
-    /// [`Error::Input`] if a side of `size` (columns, rows) is 0; [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::Input`] if a side of `size` (columns, rows) is 0; [`Error::OutOfMemory`].
     pub fn transparent(size: [u32; 2]) -> Result<Frame> {
         if size.contains(&0) {
             return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
         }
         let floats = u64::from(size[0]) * u64::from(size[1]) * 4;
-        let refused = || Error::picture_memory(4 * floats);
+        let refused = || Error::out_of_memory("the picture", 4 * floats);
         let len = usize::try_from(floats).map_err(|_| refused())?;
         let mut pixels = Vec::new();
         pixels.try_reserve_exact(len).map_err(|_| refused())?;
@@ -92,12 +92,12 @@ impl Frame {
     }
 
     /// Samples of 8 bits for a picture file: sRGB, not premultiplied.
-    pub fn srgb8(&self) -> Vec<u8> {
+    pub fn to_srgb8(&self) -> Vec<u8> {
         self.encoded(255.0).map(|sample| u8::try_from(sample).unwrap_or(u8::MAX)).collect()
     }
 
     /// Samples of 16 bits for a picture file: sRGB, not premultiplied.
-    pub fn srgb16(&self) -> Vec<u16> {
+    pub fn to_srgb16(&self) -> Vec<u16> {
         self.encoded(65_535.0).collect()
     }
 

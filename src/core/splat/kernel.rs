@@ -19,9 +19,26 @@
 use serde::{Deserialize, Serialize};
 
 use super::Sampling;
-use super::cpu::arith::{LOG2_E, at_least, at_most};
-use super::cpu::raster::{Ellipse, REACH};
+use super::arith::{LOG2_E, at_least, at_most};
 use crate::error::{Error, Result};
+
+/// A footprint's ellipse, in pixels.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(crate) struct Ellipse {
+    /// Exponent per squared pixel along a row, units of ln 2.
+    pub(crate) across: f32,
+    /// Exponent per squared pixel from row to row, units of ln 2.
+    pub(crate) along: f32,
+    /// Columns that the ridge moves per row.
+    pub(crate) shear: f32,
+    /// Half of the bounding box, columns; at most [`REACH`].
+    pub(crate) half_x: f32,
+    /// Half of the bounding box, rows; at most [`REACH`].
+    pub(crate) half_y: f32,
+}
+
+/// Largest half-width of a footprint in pixels: 128 times the largest picture.
+pub const REACH: f32 = 2_097_152.0;
 
 /// Smallest sigma of a footprint along any direction, in pixels.
 pub const LOW_PASS: f32 = 0.6;
@@ -121,7 +138,7 @@ impl KernelShape {
     }
 
     /// Exponent at the cut-off, units of ln 2.
-    pub(crate) fn cut(self) -> f32 {
+    pub fn cut(self) -> f32 {
         0.5 * self.cut_off() * self.cut_off() * LOG2_E
     }
 

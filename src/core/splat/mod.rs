@@ -7,17 +7,17 @@
 //! walk -> project, classify, shade (stage 1) -> footprints into the picture (stage 2) -> frame
 //! ```
 
+pub(crate) mod arith;
 pub mod camera;
 pub mod composite;
 pub mod cpu;
-pub mod dial;
 pub mod finer;
 pub mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod kernel;
 pub mod shade;
-mod shot;
+pub(crate) mod shot;
 pub mod view;
 
 use serde::{Deserialize, Serialize};
@@ -132,31 +132,29 @@ pub struct Settings {
     /// Factor on the optical depths of [`Mode::Additive`], above 0; `None`: such that a typical ray through the
     /// visible voxels comes out at three quarters of full brightness, the same for every view of a scene.
     pub exposure: Option<f32>,
-    /// How many pixels are drawn for those that the picture has. The processor's renderer alone knows this.
-    pub sampling: Sampling,
+    /// How many samples are drawn for the picture's pixels; `None` for what suits the quality. A graphics device and the
+    /// judge take [`Sampling::Enough`] and [`Sampling::Fewest`] for [`Sampling::Finer`].
+    pub sampling: Option<Sampling>,
     /// Which code draws.
     pub code: Code,
 }
 
 /// How many pixels are drawn.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampling {
-    /// All.
-    #[default]
+    /// One sample for every pixel.
     #[serde(rename = "every")]
     EveryPixel,
-    /// All; of a composited picture whose voxels are finer than its pixels, several finer ones for each, as narrow as the voxels,
-    /// which are then seen through a Gaussian: 2^24 in all at most, so that pictures of more than 2,048 x 2,048 pixels have none.
+    /// Supersamples where voxels are smaller than pixels, then filters with a Gaussian. At most 2^24 samples, so that
+    /// pictures above 2,048 x 2,048 pixels have one sample a pixel. Composited pictures only.
     Finer,
-    /// As many as a picture needs that is composited; the others are interpolated between them. Where the voxels of a
-    /// parallel view are finer than its pixels, those of the *base plane*: one for each scan line that the view looks onto,
-    /// of all slices laid over each other (shear-warp; Lacroute and Levoy 1994), which is also the more exact.
-    /// Elsewhere as many as the narrowest footprint needs: work falls with the square of the magnification; finer ones as
-    /// [`Sampling::Finer`] where that is more than all. How far pictures differ: docs/studies/sampling.md.
+    /// As many samples as the footprints need, interpolated between. In a parallel view of small voxels that is one for
+    /// each scan line, on the plane of the slices (shear-warp; Lacroute and Levoy 1994); elsewhere work falls with the
+    /// square of the magnification. Supersamples as [`Sampling::Finer`] where voxels are smaller than pixels. Its error
+    /// is in docs/studies/sampling.md.
     Enough,
-    /// For moving the camera: the base plane of a parallel view where voxels are up to three pixels apart; in
-    /// perspective two fifths of the pixels that are enough, or a quarter of the finer ones where voxels are finer.
+    /// Fewer samples, for a moving camera: enough for 32 dB.
     Fewest,
 }
 
@@ -176,7 +174,9 @@ impl Sampling {
 }
 
 impl Settings {
-    /// Standard quality, composited front to back with lighting, by one thread.
+    /// Returns settings of standard quality: composited front to back, lit, on all processors.
+    ///
+    /// `size`: columns and rows, each 1 to 16,384.
     pub fn new(size: [u32; 2]) -> Settings {
         Settings {
             size,
@@ -185,17 +185,28 @@ impl Settings {
             blending: Blending::default(),
             lighting: Some(Lighting::default()),
             crop: None,
-            threads: 1,
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
             sense: Sense::FrontToBack,
             form: SplitForm::default(),
             order: None,
             termination: None,
             kernel: None,
             near: None,
-            exposure: Some(1.0),
-            sampling: Sampling::default(),
+            exposure: None,
+            sampling: None,
             code: Code::default(),
         }
+    }
+
+    /// Returns settings under which every pixel is computed by itself, by one thread, at exposure 1: for comparing renderers.
+    pub fn every_pixel(size: [u32; 2]) -> Settings {
+        let sampling = Some(Sampling::EveryPixel);
+        Settings { threads: 1, exposure: Some(1.0), sampling, ..Settings::new(size) }
+    }
+
+    /// Returns the sampling in force.
+    pub fn sampling(&self) -> Sampling {
+        self.sampling.unwrap_or_else(|| self.quality.sampling())
     }
 
     /// The kernel in force.
@@ -210,7 +221,7 @@ impl Settings {
 
     /// Whether a picture's own pixels are drawn, whatever the view.
     pub fn keeps_pixels(&self) -> bool {
-        self.mode != Mode::Composite || self.sampling == Sampling::EveryPixel
+        self.mode != Mode::Composite || self.sampling() == Sampling::EveryPixel
     }
 
     /// Checks what is not checked by type; [`View::new`] checks size and near distance.

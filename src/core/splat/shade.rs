@@ -7,7 +7,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::cpu::arith::{at_least, keep_if};
+use super::arith::{at_least, keep_if};
 use super::view::View;
 use crate::error::{Error, Result};
 
@@ -59,7 +59,7 @@ impl Lighting {
 
 /// The lighting of a view, by index axis.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Lights {
+pub struct Lights {
     pub(crate) ambient: f32,
     pub(crate) diffuse: f32,
     pub(crate) specular: f32,

@@ -11,13 +11,13 @@ use crate::traverse::{Order, VoxelBox};
 
 /// What a frame is made of, beside the looks of codes.
 #[derive(Debug, Clone)]
-pub(crate) struct Shot<'a> {
-    pub(crate) view: View,
+pub struct Shot<'a> {
+    pub view: View,
     pub(crate) order: Order,
     /// Along the order's fast axis.
-    pub(crate) lane: Lane<'a>,
+    pub lane: Lane<'a>,
     pub(crate) lights: Option<Lights>,
-    pub(crate) kernel: KernelShape,
+    pub kernel: KernelShape,
     pub(crate) crop: Option<VoxelBox>,
     /// Whether the mode is one of the two maxima.
     pub(crate) maximum: bool,
@@ -27,7 +27,7 @@ impl<'a> Shot<'a> {
     /// # Errors
     /// [`Error::Input`] or [`Error::Limit`] if settings, camera or lane cannot be used; whatever
     /// [`Lanes::lane`](super::Lanes::lane) fails with.
-    pub(crate) fn new(scene: &Scene<'a>, camera: &Camera, settings: &Settings) -> Result<Shot<'a>> {
+    pub fn new(scene: &Scene<'a>, camera: &Camera, settings: &Settings) -> Result<Shot<'a>> {
         settings.check()?;
         let kernel = settings.kernel();
         let view = View::new(camera, &scene.facts.grid, settings.size, kernel, settings.near)?;

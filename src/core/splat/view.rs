@@ -159,7 +159,7 @@ impl View {
     /// Pixel box of all footprints of the voxels in `bounds`: columns low and high, rows low and high.
     ///
     /// Never too small; `None` if nothing of it can be drawn. `half`: half-widths of a footprint in a parallel view.
-    pub(crate) fn pixel_bounds(&self, bounds: &VoxelBox, half: [f64; 2]) -> Option<[f64; 4]> {
+    pub fn pixel_bounds(&self, bounds: &VoxelBox, half: [f64; 2]) -> Option<[f64; 4]> {
         let middle: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.low[a]) + f64::from(bounds.high[a])) / 2.0);
         let extent: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.high[a]) - f64::from(bounds.low[a])) / 2.0);
         let at = |m: &Affine| m[0] * middle[0] + m[1] * middle[1] + m[2] * middle[2] + m[3];

@@ -31,6 +31,31 @@ pub enum Viewpoint {
     },
 }
 
+impl Viewpoint {
+    /// Returns a parallel view along `direction`, in index space.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if it is not finite or has length 0.
+    pub fn parallel(direction: [f64; 3]) -> Result<Viewpoint> {
+        if !direction.iter().all(|part| part.is_finite()) || direction == [0.0; 3] {
+            return Err(Error::input("direction of view", format!("is {direction:?}, but must be finite and not 0")));
+        }
+        Ok(Viewpoint::Parallel { direction })
+    }
+
+    /// Returns a view from `eye` toward a direction, both in index space; the eye may lie inside the volume.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a number is not finite or the direction has length 0.
+    pub fn perspective(eye: [f64; 3], toward: [f64; 3]) -> Result<Viewpoint> {
+        Viewpoint::parallel(toward)?;
+        if !eye.iter().all(|part| part.is_finite()) {
+            return Err(Error::input("eye", format!("is {eye:?}, but must be finite")));
+        }
+        Ok(Viewpoint::Perspective { eye, toward })
+    }
+}
+
 /// Which end of the visibility order comes first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sense {

@@ -5,10 +5,12 @@
 
 pub mod grid;
 pub mod histogram;
+pub mod memory;
 pub mod phantom;
 pub mod samples;
 pub mod source;
 
 pub use grid::{Axis, Grid, MAX_DIM};
+pub use memory::Volume;
 pub use samples::{Sample, SampleType, Samples};
 pub use source::{Header, SlabSource};

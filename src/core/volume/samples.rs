@@ -92,6 +92,8 @@ pub trait Sample: Pod + PartialOrd + Send + Sync {
     /// # Panics
     /// If the type has more than 16 bits.
     fn from_small_bits(bits: u16) -> Self;
+    /// Returns a buffer of these samples.
+    fn into_samples(samples: Vec<Self>) -> Samples;
     /// The samples, if they are of this type.
     fn slice_of(samples: &Samples) -> Option<&[Self]>;
     /// Lowest and highest sample that is a finite number.
@@ -130,6 +132,9 @@ macro_rules! samples {
                     1 => bytemuck::pod_read_unaligned(&[low][..size_of::<$type>().min(1)]),
                     _ => bytemuck::pod_read_unaligned(&u16::from_le_bytes([low, high]).to_ne_bytes()[..]),
                 }
+            }
+            fn into_samples(samples: Vec<$type>) -> Samples {
+                Samples::$variant(samples)
             }
             fn slice_of(samples: &Samples) -> Option<&[$type]> {
                 match samples {

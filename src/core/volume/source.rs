@@ -27,13 +27,12 @@ impl Header {
     /// what was read of it.
     ///
     /// # Errors
-    /// [`Error::Limit`] if the memory is not there: a header can ask for slices of 34 GB.
+    /// [`Error::OutOfMemory`]: a header can ask for slices of 34 GB.
     pub fn new_slice(&self) -> Result<Samples> {
         let need = self.grid.slice_len() * self.sample_type.bytes() as u64;
-        let have = obtainable(need);
         match usize::try_from(self.grid.slice_len()) {
-            Ok(len) if have == need => Ok(Samples::zeros(self.sample_type, len)),
-            _ => Err(Error::Limit { what: format!("{}: memory in bytes for one slice", self.name), need, have }),
+            Ok(len) if obtainable(need) == need => Ok(Samples::zeros(self.sample_type, len)),
+            _ => Err(Error::out_of_memory(format!("one slice of {}", self.name), need)),
         }
     }
 }
@@ -78,6 +77,28 @@ pub trait SlabSource: Send {
     /// What a user should know of how the volume was read, a line each: files left out, gaps, guesses.
     fn notes(&self) -> &[String] {
         &[]
+    }
+}
+
+impl<S: SlabSource + ?Sized> SlabSource for Box<S> {
+    fn header(&self) -> &Header {
+        (**self).header()
+    }
+
+    fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+        (**self).read_slice(slice)
+    }
+
+    fn rewind(&mut self) -> Result<()> {
+        (**self).rewind()
+    }
+
+    fn buffer_bytes(&self) -> u64 {
+        (**self).buffer_bytes()
+    }
+
+    fn notes(&self) -> &[String] {
+        (**self).notes()
     }
 }
 

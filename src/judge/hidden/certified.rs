@@ -23,9 +23,9 @@ use super::{Culling, Stage, Watch, go_on};
 use adjsplat::arena::record_set::carry;
 use adjsplat::arena::{Lane, RecordSet};
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::LOG2_E;
 use adjsplat::splat::camera::WorldFrame;
 use adjsplat::splat::composite::{MAX_DEPTH, Table};
-use adjsplat::splat::cpu::arith::LOG2_E;
 use adjsplat::splat::{KernelShape, Quality, Scene, Settings};
 use adjsplat::traverse::{AxisOrder, Batch, Order, walk};
 use adjsplat::volume::Axis;
@@ -53,7 +53,7 @@ pub(super) fn uncertain(scene: &Scene, seen: &RecordSet, culling: &Culling, watc
     let lengths = scene.facts.grid.spacing.map(|step| step / mean);
     let kernels = [Quality::Draft, Quality::Standard, Quality::High].map(Quality::kernel);
     let need = -(culling.eps.ln());
-    let table = Table::new(scene, &x_lane, &Settings::new([1, 1]), mean)?;
+    let table = Table::new(scene, &x_lane, &Settings::every_pixel([1, 1]), mean)?;
     let mut done = 0;
     let mut known: Vec<([f64; 3], KernelShape, LayerWeights)> = Vec::new();
     for slow in Axis::ALL {

@@ -23,7 +23,7 @@ pub fn erode_bytes(dims: [u32; 3], reach: usize) -> u64 {
 /// `lane` runs along x. Time: O(grid points), memory [`erode_bytes`].
 ///
 /// # Errors
-/// [`Error::Limit`] if the memory cannot be had.
+/// [`Error::OutOfMemory`].
 pub fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<RecordSet> {
     assert!(lane.axis == Axis::X, "sets are of the lane along x");
     let [wide, high, deep] = lane.dims.map(|points| points as usize);
@@ -31,11 +31,7 @@ pub fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<RecordSet> {
     let slice = wide * high;
     let mut tables: Vec<u8> = Vec::new();
     let bytes = slice * (EDGE + 2 * reach);
-    tables.try_reserve_exact(bytes).map_err(|_| Error::Limit {
-        what: "memory for slices' neighbourhoods in bytes".into(),
-        need: bytes as u64,
-        have: 0,
-    })?;
+    tables.try_reserve_exact(bytes).map_err(|_| Error::out_of_memory("slices' neighbourhoods", bytes as u64))?;
     tables.resize(bytes, 0);
     let mut tiles: Vec<(usize, usize)> =
         lane.tiles.iter().map(|tile| usize::from(tile.tile_v.get())).zip(0..).collect();

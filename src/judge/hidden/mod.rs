@@ -30,7 +30,7 @@ use self::views::{Subject, deciding, judging};
 use crate::hidden::erode::{erode, erode_bytes};
 use adjsplat::arena::RecordSet;
 use adjsplat::error::{Error, Result};
-use adjsplat::parallel::in_order;
+use adjsplat::internals::in_order;
 use adjsplat::splat::Scene;
 use adjsplat::volume::Axis;
 

@@ -78,7 +78,7 @@ pub(super) fn settings(shot: &Shot, termination: f64) -> Settings {
         kernel: Some(shot.kernel),
         termination: Some(termination as f32),
         lighting: None,
-        ..Settings::new(shot.size)
+        ..Settings::every_pixel(shot.size)
     }
 }
 

@@ -22,7 +22,7 @@ impl Heat {
     /// The absolute differences of two pictures.
     ///
     /// # Errors
-    /// [`Error::Input`] if the sizes differ; [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::Input`] if the sizes differ; [`Error::OutOfMemory`].
     pub fn new(a: &Frame, b: &Frame) -> Result<Heat> {
         if a.size() != b.size() {
             return Err(Error::input("pictures", "differ in size; compare pictures of one size"));

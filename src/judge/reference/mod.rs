@@ -17,6 +17,7 @@ mod light;
 mod order;
 mod picture;
 pub mod ray;
+mod renderer;
 pub mod splat;
 mod voxels;
 

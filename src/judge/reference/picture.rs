@@ -14,10 +14,10 @@ impl Picture {
     /// A picture of `size` (columns, rows, at least 1 each), all `pixel`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::OutOfMemory`].
     pub(super) fn filled(size: [u32; 2], pixel: [f64; 4]) -> Result<Picture> {
         let count = u64::from(size[0]) * u64::from(size[1]);
-        let refused = || Error::picture_memory(32 * count);
+        let refused = || Error::out_of_memory("the picture", 32 * count);
         let len = usize::try_from(count).map_err(|_| refused())?;
         let mut pixels = Vec::new();
         pixels.try_reserve_exact(len).map_err(|_| refused())?;
@@ -51,7 +51,7 @@ impl Picture {
     /// The same picture in single precision, each sample rounded.
     ///
     /// # Errors
-    /// [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::OutOfMemory`].
     pub fn to_frame(&self) -> Result<Frame> {
         let mut frame = Frame::transparent(self.size)?;
         #[expect(clippy::cast_possible_truncation, reason = "single precision is a frame's")]

@@ -108,7 +108,7 @@ impl<'a> Judge<'a> {
     /// What `camera` sees.
     ///
     /// # Errors
-    /// [`Error::Input`] if a setting is out of its range; [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::Input`] if a setting is out of its range; [`Error::OutOfMemory`].
     pub fn draw(&self, camera: &Camera, settings: &Settings) -> Result<Picture> {
         settings.check()?;
         let view = View::new(camera, self.visible.grid(), settings.size, Quality::Reference.kernel(), settings.near)?;

@@ -137,7 +137,7 @@ impl Judge {
     /// What `camera` sees. Time: about a microsecond a visible voxel and 25 ns a pixel of each footprint.
     ///
     /// # Errors
-    /// [`Error::Input`] if a setting is out of its range; [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::Input`] if a setting is out of its range; [`Error::OutOfMemory`].
     pub fn draw(&self, camera: &Camera, settings: &Settings) -> Result<Picture> {
         settings.check()?;
         let grid = self.visible.grid();

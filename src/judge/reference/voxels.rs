@@ -43,7 +43,7 @@ impl VisibleVoxels {
     /// filled in from the volume. Memory: 64 bytes a visible voxel and a few slices; drawing takes 20 more.
     ///
     /// # Errors
-    /// [`Error::Limit`] if the memory cannot be had or there are 2^32 visible voxels; what reading gives.
+    /// [`Error::OutOfMemory`] or there are 2^32 visible voxels; what reading gives.
     pub fn of_volume(source: &mut dyn SlabSource, transfer: &TransferFunction) -> Result<VisibleVoxels> {
         let header = source.header().clone();
         header.grid.check()?;
@@ -210,7 +210,7 @@ fn make_room(voxels: &mut Vec<Voxel>) -> Result<()> {
     if need > u64::from(u32::MAX) {
         return Err(refused(u64::from(u32::MAX) * size_of::<Voxel>() as u64));
     }
-    voxels.try_reserve_exact(more).map_err(|_| refused(0))
+    voxels.try_reserve_exact(more).map_err(|_| Error::out_of_memory("the visible voxels", bytes))
 }
 
 /// The unit vector against a gradient; zero where there is none.

@@ -51,7 +51,7 @@ impl PixelReader {
     fn read_fragments(&mut self, file: &ImageFile, fragments: &[(u64, u32)]) -> Result<Vec<u8>> {
         // Every fragment was seen to lie in the file, so this is no more than the file is long.
         let need: u64 = fragments.iter().map(|(_, len)| u64::from(*len)).sum();
-        let refused = || Error::Limit { what: format!("{}: bytes of a frame", file.path.display()), need, have: 0 };
+        let refused = || Error::out_of_memory(format!("a frame of {}", file.path.display()), need);
         let len = usize::try_from(need).map_err(|_| refused())?;
         let mut bytes = Vec::new();
         bytes.try_reserve_exact(len).map_err(|_| refused())?;

@@ -295,8 +295,7 @@ impl ZarrReader {
         self.loaded = None;
         let dims = self.header.grid.dims.map(u64::from);
         let layer_len = self.slice_bytes() * self.layer_slices();
-        let refused =
-            || Error::Limit { what: "memory in bytes for one layer of chunks".into(), need: layer_len, have: 0 };
+        let refused = || Error::out_of_memory("one layer of chunks", layer_len);
         self.layer.clear();
         self.layer.try_reserve_exact(usize::try_from(layer_len).map_err(|_| refused())?).map_err(|_| refused())?;
         self.layer.resize(usize::try_from(layer_len).map_err(|_| refused())?, 0);

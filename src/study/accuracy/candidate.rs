@@ -4,10 +4,10 @@
 //! combinations of the knobs that matter most for time.
 
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::dial;
-use adjsplat::splat::dial::Rung;
 use adjsplat::splat::{Blending, KernelShape, Quality, Sampling, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
+use adjsplat_judge::dial;
+use adjsplat_judge::dial::Rung;
 
 /// Candidates that belong together: a series of a plot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -224,11 +224,11 @@ impl Candidate {
             quality: self.quality.unwrap_or_default(),
             kernel: Some(self.kernel),
             termination: Some(self.termination),
-            sampling: self.sampling,
+            sampling: Some(self.sampling),
             sense: self.sense,
             blending: self.blending,
             order,
-            ..Settings::new(view.size)
+            ..Settings::every_pixel(view.size)
         })
     }
 }

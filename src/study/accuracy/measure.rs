@@ -14,7 +14,7 @@ use crate::baselines::Built;
 use crate::baselines::octree::Octree;
 use crate::picture;
 use adjsplat::error::{Error, Result};
-use adjsplat::parallel::in_order;
+use adjsplat::internals::in_order;
 use adjsplat::splat::{Frame, Quality, View, cpu};
 use adjsplat_judge::metrics::{Metrics, compare};
 

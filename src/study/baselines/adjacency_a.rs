@@ -128,7 +128,7 @@ impl AdjacencyA {
     /// neighbours along three lines, which starts at both ends of each.
     ///
     /// # Errors
-    /// [`Error::Input`] if it lies outside the grid, [`Error::Limit`] if memory cannot be had.
+    /// [`Error::Input`] if it lies outside the grid, [`Error::OutOfMemory`].
     pub fn insert(&mut self, voxel: &VisibleVoxel) -> Result<()> {
         let place = self.place_of(voxel.position)?;
         if !self.holds(place) {

@@ -206,10 +206,11 @@ impl Builder {
         push("adjacency B's records", &mut self.records, record)?;
         let is_cap = [0, 1, 2].map(|axis| place[axis] == 0 || place[axis] == self.last[axis]);
         if is_cap != [false; 3] {
-            self.caps.try_reserve(1).map_err(|_| Error::Limit {
-                what: "memory for the map of adjacency B's caps in bytes".into(),
-                need: (self.caps.len() as u64).saturating_mul(2 * size_of::<([u16; 3], u32)>() as u64),
-                have: 0,
+            self.caps.try_reserve(1).map_err(|_| {
+                Error::out_of_memory(
+                    "the map of caps",
+                    (self.caps.len() as u64).saturating_mul(2 * size_of::<([u16; 3], u32)>() as u64),
+                )
             })?;
             self.caps.insert(place, index);
         }

@@ -117,7 +117,7 @@ impl Method {
     /// Its structure for `subject`. [`Method::Adjsplat`] has all three lanes derived, if the arena lacks some.
     ///
     /// # Errors
-    /// [`Error::Limit`] if memory cannot be had or the structure cannot be as large; as [`Subject::looks`].
+    /// [`Error::OutOfMemory`] or the structure cannot be as large; as [`Subject::looks`].
     pub fn build<'a>(self, subject: &'a Subject<'a>) -> Result<Built<'a>> {
         Ok(match self {
             Method::Adjsplat => Built::Adjsplat(Adjsplat::new(subject)?),

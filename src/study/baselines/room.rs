@@ -33,7 +33,7 @@ pub(super) fn room<T>(what: &str, count: u64) -> Result<Vec<T>> {
     check(what, need)?;
     let mut elements = Vec::new();
     let count = usize::try_from(count).map_err(|_| refused(what, need, usize::MAX as u64))?;
-    elements.try_reserve_exact(count).map_err(|_| refused(what, need, 0))?;
+    elements.try_reserve_exact(count).map_err(|_| Error::out_of_memory(what, need))?;
     Ok(elements)
 }
 
@@ -56,7 +56,7 @@ pub(super) fn push<T>(what: &str, elements: &mut Vec<T>, element: T) -> Result<(
         // Growing doubles it, and the old one is there until the new one is filled.
         let need = (elements.len() as u64).saturating_mul(2 * size_of::<T>() as u64);
         check(what, need)?;
-        elements.try_reserve(1).map_err(|_| refused(what, need, 0))?;
+        elements.try_reserve(1).map_err(|_| Error::out_of_memory(what, need))?;
     }
     elements.push(element);
     Ok(())

@@ -295,7 +295,7 @@ fn a_cropped_arena_lies_where_it_lay() {
     let [whole, part] = [(&bytes[0], Some(boxed)), (&bytes[1], None)].map(|(bytes, crop)| {
         let lanes = LaneSet::new(Arena::new(bytes).expect("sound"), None);
         let facts = lanes.arena().facts().clone();
-        let settings = Settings { crop, termination: Some(0.0), ..Settings::new([120, 100]) };
+        let settings = Settings { crop, termination: Some(0.0), ..Settings::every_pixel([120, 100]) };
         cpu::render(&Scene { facts: &facts, lanes: &lanes, transfer: &transfer }, &camera, &settings).expect("draws").0
     });
     let differences = whole.pixels().iter().zip(part.pixels()).map(|(a, b)| (a - b).abs());

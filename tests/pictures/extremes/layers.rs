@@ -31,7 +31,7 @@ fn camera(is_million: bool) -> Camera {
 
 fn settings(is_million: bool) -> Settings {
     let crop = is_million.then_some(VoxelBox { low: [0; 3], high: [3, 3, u16::MAX] });
-    Settings { quality: Quality::Reference, crop, ..Settings::new(SIZE) }
+    Settings { quality: Quality::Reference, crop, ..Settings::every_pixel(SIZE) }
 }
 
 /// Optical depth of a voxel per optical depth at the middle pixel: the low-pass's own, 0.6 px wide, cut off at 3/0.7.

@@ -16,7 +16,7 @@ fn row(transfer: TransferFunction, low: f64, step: f64, codes: &[u16]) -> Vec<f6
     // Eight pixels a voxel; voxel 8 n + 4 is centred in column 64 n + 32.
     let columns = 64 * codes.len() as u32;
     let target = [(f64::from(columns) - 1.0) / 2.0 / 8.0, 0.0, 0.0];
-    let settings = Settings::new([columns, 17]);
+    let settings = Settings::every_pixel([columns, 17]);
     let camera = parallel(target, [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 17.0 / 8.0);
     for mode in [Mode::Additive, Mode::Maximum, Mode::MaximumGrey] {
         model.draw(&camera, &Settings { mode, exposure: None, ..settings.clone() });
@@ -28,7 +28,7 @@ fn row(transfer: TransferFunction, low: f64, step: f64, codes: &[u16]) -> Vec<f6
 
 fn want(opacity: f64) -> f64 {
     let depth = (-(-opacity).ln_1p()).min(16.0);
-    -(-depth * peak_weight(&Settings::new([9, 9]))).exp_m1()
+    -(-depth * peak_weight(&Settings::every_pixel([9, 9]))).exp_m1()
 }
 
 fn assert_row(transfer: TransferFunction, low: f64, step: f64, codes: &[u16], opacities: &[f64]) {

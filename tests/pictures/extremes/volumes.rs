@@ -28,7 +28,7 @@ fn centroid(frame: &Frame, columns: std::ops::Range<u32>) -> ([f64; 2], f64) {
 }
 
 fn additive(size: [u32; 2]) -> Settings {
-    Settings { mode: Mode::Additive, ..Settings::new(size) }
+    Settings { mode: Mode::Additive, ..Settings::every_pixel(size) }
 }
 
 /// Through the builder: 8 corners, 12 edges, 6 faces.
@@ -119,7 +119,7 @@ fn codes_that_a_step_has_too_are_values() {
         }
         assert!(model.lanes[0].view().stepping_voxels() > 3);
         let camera = parallel([1_000.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 41.0);
-        assert_eq!(model.draw(&camera, &Settings::new([2_001, 41])).1.splats_drawn, 5);
+        assert_eq!(model.draw(&camera, &Settings::every_pixel([2_001, 41])).1.splats_drawn, 5);
     }
 }
 
@@ -142,7 +142,7 @@ fn the_longest_line_is_drawn_whole() {
             let mut target = [0.0; 3];
             target[axis.index()] = 32_767.0;
             let camera = parallel(target, view, up, height);
-            let settings = Settings { quality: Quality::Reference, ..Settings::new(size) };
+            let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel(size) };
             let (frame, stats) = model.draw(&camera, &settings);
             let (depths, splats) = model.depths(&camera, &settings, depth);
             assert!(stats.splats_drawn > 0);
@@ -195,7 +195,7 @@ fn a_face_of_65_536_lines_is_walked_and_drawn() {
         let along = Axis::ALL.map(|a| f64::from(u8::from(a == axis)));
         let up = Axis::ALL.map(|a| f64::from(u8::from(a == axis.others()[0])));
         let target = Axis::ALL.map(|a| if a == axis { 0.0 } else { 127.5 });
-        let (frame, _) = model.draw(&parallel(target, along, up, 200.0), &Settings::new([200, 200]));
+        let (frame, _) = model.draw(&parallel(target, along, up, 200.0), &Settings::every_pixel([200, 200]));
         // One layer; a pixel a voxel: only the widening to 0.6 px ripples, by 0.4 %.
         assert!(alphas(&frame).all(|alpha| (alpha / 0.3 - 1.0).abs() < 5e-3), "{axis:?}");
     }
@@ -209,7 +209,7 @@ fn the_longest_line_is_seen_from_its_ends() {
         |(position, target)| {
             let projection = Projection::Perspective { fov: 40.0 };
             let camera = Camera::new(position, target, [0.0, 1.0, 0.0], projection).unwrap();
-            let settings = Settings { quality: Quality::High, ..Settings::new([61, 50]) };
+            let settings = Settings { quality: Quality::High, ..Settings::every_pixel([61, 50]) };
             let (frame, stats) = model.draw(&camera, &settings);
             assert!(stats.splats_drawn > 60_000, "{stats:?}");
             frame

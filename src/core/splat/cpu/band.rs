@@ -25,18 +25,18 @@ use crate::splat::{Code, View};
 use crate::traverse::{Batch, Order, Visitor, VoxelBox, walk};
 
 /// What a band's thread gives back.
-pub(crate) struct Drawn<P> {
-    pub(crate) pixels: P,
-    pub(crate) work: Work,
+pub struct Drawn<P> {
+    pub pixels: P,
+    pub work: Work,
 }
 
 /// What drawing took.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Work {
-    pub(crate) visited: u64,
-    pub(crate) drawn: u64,
-    pub(crate) walking: Duration,
-    pub(crate) drawing: Duration,
+pub struct Work {
+    pub visited: u64,
+    pub drawn: u64,
+    pub walking: Duration,
+    pub drawing: Duration,
 }
 
 /// What a band does beside drawing what the walk visits.

@@ -74,7 +74,7 @@ impl BasePlane {
             return None;
         }
         let kernel = settings.kernel();
-        let coarsest = match settings.sampling {
+        let coarsest = match settings.sampling() {
             Sampling::EveryPixel | Sampling::Finer => return None,
             Sampling::Enough => ENOUGH,
             Sampling::Fewest => FEWEST,

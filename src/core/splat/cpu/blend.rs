@@ -5,10 +5,10 @@
 //! what differs is the splat's *ink*, which has a number for each. Every way leaves a pixel of optical depth 0 as it
 //! was, bit for bit, so that a kernel may run over pixels that a splat does not cover.
 
-use super::arith::{absorbed, absorbed_little, at_least, at_most, keep_if};
+use crate::splat::arith::{absorbed, absorbed_little, at_least, at_most, keep_if};
 
 /// One way of compositing.
-pub(crate) trait Blend: Copy + Send + Sync {
+pub trait Blend: Copy + Send + Sync {
     /// What the fourth value starts as.
     const FOURTH: f32;
     /// Whether pixels can freeze.
@@ -17,7 +17,7 @@ pub(crate) trait Blend: Copy + Send + Sync {
     const INK: f32;
     /// What can be computed of an optical depth before the pixel is known; 0 for 0.
     fn amount(depth: f32) -> f32;
-    /// The same for depths up to [`LITTLE`](super::arith::LITTLE): the same bits for less work.
+    /// The same for depths up to [`LITTLE`](crate::splat::arith::LITTLE): the same bits for less work.
     fn little(depth: f32) -> f32;
     /// One of a pixel's values after a splat of that amount. `stop`: transmittance below which the pixel no longer
     /// changes; 0 for never.
@@ -26,7 +26,7 @@ pub(crate) trait Blend: Copy + Send + Sync {
 
 /// Front to back; the fourth value is the transmittance. Pixels below `stop` are frozen.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct FrontToBack;
+pub struct FrontToBack;
 
 impl Blend for FrontToBack {
     const FOURTH: f32 = 1.0;
@@ -185,7 +185,7 @@ impl Blend for Additive {
 
 /// What a voxel's weight is multiplied by before it is capped at 1: cells stay whole, with no dips between voxels, as
 /// long as a kernel is wide enough to weigh more than 1/e at a cell's corner, which takes a sigma of 1/2.
-pub(crate) const WHOLE_CELL: f32 = std::f32::consts::E;
+pub const WHOLE_CELL: f32 = std::f32::consts::E;
 
 /// The largest normalised value, at full weight over its cell; red holds it, as red's ink is the voxel's value.
 #[derive(Debug, Clone, Copy)]

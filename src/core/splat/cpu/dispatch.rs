@@ -11,28 +11,21 @@ use super::project::{Kind, Projector, Voxels};
 use super::raster;
 use super::raster::{EllipseEach, Limits, Splats};
 use super::seen::Seen;
-use super::splatter;
 use super::stamp;
 use crate::splat::Code;
 use crate::traverse::Batch;
 
 /// What a band works with.
-pub(crate) struct Bench {
-    pub(crate) planes: Planes,
-    pub(crate) splats: Box<Splats>,
-    pub(crate) each: Box<EllipseEach>,
+pub struct Bench {
+    pub planes: Planes,
+    pub splats: Box<Splats>,
+    pub each: Box<EllipseEach>,
     /// Where the splats of a slice are added up before they are composited, if they are.
-    pub(crate) sheet: Option<Planes>,
+    pub sheet: Option<Planes>,
 }
 
 /// Projects and draws a block of voxels; gives how many splats were drawn.
-pub(crate) fn block<B: Blend>(
-    code: Code,
-    projector: &Projector,
-    voxels: &Voxels,
-    bench: &mut Bench,
-    limits: Limits,
-) -> u64 {
+pub fn block<B: Blend>(code: Code, projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
     match code {
         Code::Best => block_best::<B>(projector, voxels, bench, limits),
         Code::Avx2 => block_avx2::<B>(projector, voxels, bench, limits),
@@ -57,32 +50,6 @@ pub(crate) fn block_seen(projector: &Projector, voxels: &Voxels, bench: &mut Ben
     projector.block(voxels, splats, each, planes, limits);
     seen.note(projector, voxels, splats, each, planes, limits);
     draw::<FrontToBack>(projector, planes, splats, each, limits)
-}
-
-/// As [`block`], but for the drawing; gives how many splats would be drawn.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-pub(crate) fn project(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
-    let Bench { planes, splats, each, .. } = bench;
-    projector.block(voxels, splats, each, planes, limits);
-    std::hint::black_box(&bench.splats).count as u64
-}
-
-/// Projects and, if `drawing`, draws a block that was handed over; gives how many splats were drawn, or would be.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-pub(crate) fn handed(
-    projector: &Projector,
-    block: &mut splatter::Block,
-    bench: &mut Bench,
-    limits: Limits,
-    drawing: bool,
-) -> u64 {
-    splatter::project(projector, block, bench, limits);
-    if drawing {
-        let Bench { planes, splats, each, .. } = bench;
-        draw::<FrontToBack>(projector, planes, splats, each, limits)
-    } else {
-        std::hint::black_box(&bench.splats).count as u64
-    }
 }
 
 /// [`stamp::Bench::flush`].
@@ -149,7 +116,7 @@ pub(crate) fn sheet(bench: &mut Bench, limits: Limits) {
 }
 
 #[inline(always)]
-fn draw<B: Blend>(
+pub fn draw<B: Blend>(
     projector: &Projector,
     planes: &mut Planes,
     splats: &Splats,

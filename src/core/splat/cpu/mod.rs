@@ -3,21 +3,19 @@
 //! In: a scene, a camera, settings. Out: a frame and what it took. Threads own bands of the picture and each walks
 //! the lane for itself; the picture has the same bits for any number of threads and any instruction set.
 
-pub mod arith;
 mod band;
 mod base_plane;
 pub(crate) mod blend;
 mod deep;
-mod dispatch;
+pub(crate) mod dispatch;
 mod need;
 mod plain;
 mod plane_rows;
-mod planes;
-mod project;
+pub(crate) mod planes;
+pub(crate) mod project;
 pub mod raster;
 mod sampling;
 mod seen;
-pub mod splatter;
 mod stamp;
 mod without;
 
@@ -25,7 +23,8 @@ use std::time::{Duration, Instant};
 
 pub use self::need::{Canvas, canvas, memory_need};
 
-use self::band::{Drawn, Extra, Work};
+use self::band::Extra;
+pub use self::band::{Drawn, Work};
 use self::base_plane::BasePlane;
 use self::blend::{Additive, BackToFront, Blend, FrontToBack, LinearFrontToBack, Maximum};
 use self::planes::{Planes, Rect};
@@ -335,7 +334,7 @@ impl Totals {
 ///
 /// # Errors
 /// If the memory cannot be had.
-fn assemble(bands: &[Drawn<Planes>], settings: &Settings, finish: Finish) -> Result<Frame> {
+pub fn assemble(bands: &[Drawn<Planes>], settings: &Settings, finish: Finish) -> Result<Frame> {
     let mut frame = Frame::transparent(settings.size)?;
     put_together(bands, settings, &mut frame, |pixel, values| *pixel = finish.pixel(values));
     Ok(frame)

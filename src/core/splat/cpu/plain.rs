@@ -7,16 +7,16 @@
 
 use std::time::{Duration, Instant};
 
-use super::arith::{LOG2_E, at_least, at_most};
 use super::band::{Drawn, Work};
 use super::blend::{Blend, FrontToBack, sheet_parts};
 use super::planes::{Planes, Rect};
 use super::project::{Kind, Projector, jacobian, slant, span, split};
-use super::raster::{Centre, Ellipse, Kernel, Limits};
+use super::raster::{Centre, Kernel, Limits};
 use crate::classify::normal;
 use crate::error::Result;
+use crate::splat::arith::{LOG2_E, at_least, at_most};
 use crate::splat::composite::MAX_DEPTH;
-use crate::splat::kernel::footprint;
+use crate::splat::kernel::{Ellipse, footprint};
 use crate::traverse::{Batch, Order, walk};
 
 /// Draws the whole picture.

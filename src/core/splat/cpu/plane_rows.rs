@@ -13,9 +13,9 @@
 
 use std::ops::Range;
 
-use super::arith::keep_if;
 use super::planes::{Count, Rect};
 use crate::error::{Error, Result};
+use crate::splat::arith::keep_if;
 
 /// Pixels that are read and written at once.
 pub(super) const EIGHT: usize = 8;
@@ -40,14 +40,14 @@ pub(super) struct Rows {
 
 impl Rows {
     /// # Errors
-    /// [`Error::Limit`] if the memory cannot be had.
+    /// [`Error::OutOfMemory`].
     pub(super) fn new(rect: Rect) -> Result<Rows> {
         let columns = (rect.x1 - rect.x0) as usize;
         let pitch = columns + WIDE;
         let rows = (rect.y1 - rect.y0) as usize;
         let len = 4 * pitch * rows;
         let mut values = Vec::new();
-        values.try_reserve_exact(len).map_err(|_| Error::picture_memory(4 * len as u64))?;
+        values.try_reserve_exact(len).map_err(|_| Error::out_of_memory("the picture", 4 * len as u64))?;
         values.resize(len, 0.0);
         for row in values.chunks_exact_mut(4 * pitch) {
             row[3 * pitch..][..columns].fill(1.0);

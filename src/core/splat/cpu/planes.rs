@@ -28,7 +28,7 @@ const BLOCK: i32 = 7;
 
 /// A half-open rectangle of pixels, in absolute picture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Rect {
+pub struct Rect {
     /// First column.
     pub x0: i32,
     /// First row; rows run downward.
@@ -52,7 +52,7 @@ const OPEN: u8 = 1;
 const FROZEN: u8 = 2;
 
 /// Pixels of one band. What the fourth value holds is the blend's business.
-pub(crate) struct Planes {
+pub struct Planes {
     pub(crate) rect: Rect,
     /// What the fourth value of a fresh pixel is.
     fourth: f32,
@@ -112,13 +112,13 @@ impl Planes {
     /// Pixels for `rect`, which is not empty: colours 0, the fourth value `fourth`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if the memory cannot be had.
-    pub(crate) fn new(rect: Rect, fourth: f32) -> Result<Planes> {
+    /// [`Error::OutOfMemory`].
+    pub fn new(rect: Rect, fourth: f32) -> Result<Planes> {
         let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
         let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
         let len = pitch * tiles_along(rect.y0, rect.y1);
         let tiles = bytemuck::allocation::try_zeroed_slice_box(len)
-            .map_err(|()| Error::picture_memory((size_of::<Tile>() * len) as u64))?;
+            .map_err(|()| Error::out_of_memory("the picture", (size_of::<Tile>() * len) as u64))?;
         let (squares, blocks) = (Count::new(rect, SQUARE, TILE), Count::new(rect, BLOCK, SQUARE));
         Ok(Planes { rect, fourth, pitch, tiles, states: vec![FRESH; len], squares, blocks, begun: None })
     }
@@ -131,7 +131,9 @@ impl Planes {
         let planes = Planes::new(rect, Additive::FOURTH)?;
         let mut begun = Vec::new();
         let len = planes.tiles.len();
-        begun.try_reserve_exact(len).map_err(|_| Error::picture_memory((size_of::<u32>() * len) as u64))?;
+        begun
+            .try_reserve_exact(len)
+            .map_err(|_| Error::out_of_memory("the picture", (size_of::<u32>() * len) as u64))?;
         Ok(Planes { begun: Some(begun), ..planes })
     }
 

@@ -18,13 +18,13 @@
     reason = "stages compute in single precision from double, and index loops over several arrays run side by side"
 )]
 
-use super::arith::{LOG2_E, at_least, at_most, keep_if};
 use super::planes::Planes;
-use super::raster::{BLOCK, Ellipse, EllipseEach, Limits, Splats};
+use super::raster::{BLOCK, EllipseEach, Limits, Splats};
 use crate::arena::Lane;
 use crate::classify::normal;
+use crate::splat::arith::{LOG2_E, at_least, at_most, keep_if};
 use crate::splat::composite::{Look, MAX_DEPTH, Table};
-use crate::splat::kernel::footprint;
+use crate::splat::kernel::{Ellipse, footprint};
 use crate::splat::shade::Lights;
 use crate::splat::shot::Shot;
 use crate::splat::view::PixelMap;
@@ -32,19 +32,19 @@ use crate::traverse::{Batch, VoxelBox};
 
 /// What stage 1 needs of a frame.
 #[derive(Debug)]
-pub(crate) struct Projector<'a> {
+pub struct Projector<'a> {
     pub(crate) lane: Lane<'a>,
     pub(crate) table: &'a Table<'a>,
-    pub(crate) lights: Option<Lights>,
+    pub lights: Option<Lights>,
     pub(crate) crop: Option<VoxelBox>,
     /// Whether peaks are normalised values.
     pub(crate) maximum: bool,
     /// Ink of the fourth value: the blend's.
-    pub(crate) fourth_ink: f32,
+    pub fourth_ink: f32,
     pub(super) sigma: f32,
     pub(super) cut_off: f32,
     /// Indices of the slow, medium and fast axis.
-    pub(crate) nesting: [usize; 3],
+    pub nesting: [usize; 3],
     pub(crate) kind: Kind,
     /// The eye by axis, in mean voxels; the distance of voxels on each axis.
     pub(super) eye: [f32; 3],
@@ -52,7 +52,7 @@ pub(crate) struct Projector<'a> {
 }
 
 /// Where the voxels of a block are, along the slow, medium and fast axis; for every index below [`BLOCK`].
-pub(super) trait Coordinates {
+pub trait Coordinates {
     fn slow(&self, j: usize) -> f64;
     fn medium(&self, j: usize) -> f64;
     fn fast(&self, j: usize) -> f64;
@@ -65,27 +65,27 @@ pub(super) trait Coordinates {
 struct Positions([[u16; BLOCK]; 3]);
 
 /// Voxels of a lane that wait for a block to be full.
-pub(crate) struct Voxels {
-    pub(crate) count: usize,
+pub struct Voxels {
+    pub count: usize,
     at: Positions,
     /// Their records in the lane's channels.
     pub(crate) records: [usize; BLOCK],
 }
 
 impl Voxels {
-    pub(crate) fn new() -> Box<Voxels> {
+    pub fn new() -> Box<Voxels> {
         Box::new(Voxels { count: 0, at: Positions([[0; BLOCK]; 3]), records: [0; BLOCK] })
     }
 
     /// Whether there is room for `more`.
     #[inline(always)]
-    pub(crate) fn have_room(&self, more: usize) -> bool {
+    pub fn have_room(&self, more: usize) -> bool {
         self.count + more <= BLOCK
     }
 
     /// Adds the voxels of `batch` from `from` on, `most` of them or as many as there is room for; gives how many.
     #[inline(always)]
-    pub(crate) fn add(&mut self, batch: &Batch, from: usize, most: usize) -> usize {
+    pub fn add(&mut self, batch: &Batch, from: usize, most: usize) -> usize {
         let count = (batch.len() - from).min(most).min(BLOCK - self.count);
         let (group, places) = (from..from + count, self.count..self.count + count);
         let Positions([slow, medium, fast]) = &mut self.at;
@@ -101,7 +101,7 @@ impl Voxels {
 }
 
 /// Voxels that are asked about and added at once.
-pub(crate) const GROUP: usize = 16;
+pub const GROUP: usize = 16;
 
 impl Coordinates for Positions {
     #[inline(always)]
@@ -145,7 +145,7 @@ pub(crate) enum Kind {
 }
 
 impl<'a> Projector<'a> {
-    pub(crate) fn new(shot: &Shot<'a>, table: &'a Table<'a>, fourth_ink: f32) -> Projector<'a> {
+    pub fn new(shot: &Shot<'a>, table: &'a Table<'a>, fourth_ink: f32) -> Projector<'a> {
         let Shot { view, order, lane, lights, kernel, crop, maximum } = shot;
         let (sigma, cut_off) = (kernel.sigma, kernel.cut_off());
         let normalisation = kernel.normalisation();
@@ -179,7 +179,7 @@ impl<'a> Projector<'a> {
 
     /// The same for cubes of `edge` voxels a side that are one splat each: a kernel as many times as wide, which holds
     /// as many voxels' volumes.
-    pub(super) fn of_cubes(&self, edge: u32) -> Projector<'a> {
+    pub fn of_cubes(&self, edge: u32) -> Projector<'a> {
         let width = edge as f32;
         let sigma = self.sigma * width;
         let kind = match &self.kind {
@@ -211,14 +211,7 @@ impl<'a> Projector<'a> {
 
     /// Stage 1 for a block.
     #[inline(always)]
-    pub(crate) fn block(
-        &self,
-        voxels: &Voxels,
-        out: &mut Splats,
-        each: &mut EllipseEach,
-        planes: &Planes,
-        limits: Limits,
-    ) {
+    pub fn block(&self, voxels: &Voxels, out: &mut Splats, each: &mut EllipseEach, planes: &Planes, limits: Limits) {
         // A copy of their own tells the compiler that they and the results are apart.
         let at = voxels.at;
         self.place(&at, out, each);
@@ -256,7 +249,7 @@ impl<'a> Projector<'a> {
 
     /// Centres, ellipses and bounding boxes of a whole block.
     #[inline(always)]
-    pub(super) fn place<C: Coordinates>(&self, at: &C, out: &mut Splats, each: &mut EllipseEach) {
+    pub fn place<C: Coordinates>(&self, at: &C, out: &mut Splats, each: &mut EllipseEach) {
         match &self.kind {
             Kind::Parallel { .. } => self.place_parallel(at, out),
             Kind::Perspective { .. } => self.place_perspective(at, out, each),
@@ -326,7 +319,7 @@ impl<'a> Projector<'a> {
 
     /// Lists those of the first `count` splats that can change the band's pixels, of those that `wanted` lets through.
     #[inline(always)]
-    pub(super) fn keep(&self, count: usize, wanted: [bool; BLOCK], out: &mut Splats, planes: &Planes, limits: Limits) {
+    pub fn keep(&self, count: usize, wanted: [bool; BLOCK], out: &mut Splats, planes: &Planes, limits: Limits) {
         let rect = planes.rect;
         let mut reaching = [false; BLOCK];
         for j in 0..BLOCK {
@@ -437,7 +430,7 @@ impl<'a> Projector<'a> {
 
     /// Lights the kept splats by their normals.
     #[inline(always)]
-    pub(super) fn light<C: Coordinates>(&self, lights: &Lights, normals: &[[f32; BLOCK]; 3], at: &C, out: &mut Splats) {
+    pub fn light<C: Coordinates>(&self, lights: &Lights, normals: &[[f32; BLOCK]; 3], at: &C, out: &mut Splats) {
         let mut shades = [[0.0f32; BLOCK]; 2];
         if let Kind::Parallel { .. } = self.kind {
             let lights = *lights;
@@ -519,7 +512,7 @@ pub(super) fn along(map: &[f64; 4], [slow, medium, fast]: [f64; 3]) -> f64 {
 
 /// Peaks of the kept splats, from their optical depths per mean voxel.
 #[inline(always)]
-pub(super) fn weigh(out: &mut Splats) {
+pub fn weigh(out: &mut Splats) {
     let most = MAX_DEPTH as f32 * LOG2_E;
     for k in 0..out.count {
         let strength = out.strength[usize::from(out.kept[k]) % BLOCK];

@@ -17,37 +17,20 @@
     reason = "index loops over arrays run side by side; pixel counts are below 2^15; casts of coordinates saturate and are clipped to the band"
 )]
 
-use super::arith::{LITTLE, at_least, at_most, exp2_neg, keep_if};
 use super::blend::Blend;
 use super::planes::{PIXELS, Planes, TILE, Tile};
+use crate::splat::arith::{LITTLE, at_least, at_most, exp2_neg, keep_if};
+use crate::splat::kernel::Ellipse;
 
 /// Splats in a block: small enough that all its arrays stay in the first-level cache.
 pub const BLOCK: usize = 128;
 
-/// A footprint's ellipse, in pixels.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Ellipse {
-    /// Exponent per squared pixel along a row, units of ln 2.
-    pub(crate) across: f32,
-    /// Exponent per squared pixel from row to row, units of ln 2.
-    pub(crate) along: f32,
-    /// Columns that the ridge moves per row.
-    pub(crate) shear: f32,
-    /// Half of the bounding box, columns; at most [`REACH`].
-    pub(crate) half_x: f32,
-    /// Half of the bounding box, rows; at most [`REACH`].
-    pub(crate) half_y: f32,
-}
-
-/// Largest half-width of a footprint in pixels: 128 times the largest picture.
-pub(crate) const REACH: f32 = 2_097_152.0;
-
 /// A block of splats, structure of arrays: places by voxel, colours by splat.
-pub(crate) struct Splats {
+pub struct Splats {
     /// How many are drawn; colours from there on are meaningless.
-    pub(crate) count: usize,
+    pub count: usize,
     /// Index in the block of each drawn splat's place, in visit order.
-    pub(crate) kept: [u8; BLOCK],
+    pub kept: [u8; BLOCK],
     /// Peak of a unit of optical depth.
     pub(crate) strength: [f32; BLOCK],
     /// Nearest pixel to the centre.
@@ -62,13 +45,13 @@ pub(crate) struct Splats {
     pub(crate) low_y: [i32; BLOCK],
     pub(crate) high_y: [i32; BLOCK],
     /// What it adds to a pixel's four values.
-    pub(crate) ink: [[f32; 4]; BLOCK],
+    pub ink: [[f32; 4]; BLOCK],
     /// Optical depth at the centre, in units of ln 2, or normalised value; 0 for a splat that is not drawn.
-    pub(crate) peak: [f32; BLOCK],
+    pub peak: [f32; BLOCK],
 }
 
 impl Splats {
-    pub(crate) fn new() -> Box<Splats> {
+    pub fn new() -> Box<Splats> {
         Box::new(Splats {
             count: 0,
             kept: [0; BLOCK],
@@ -101,14 +84,14 @@ impl Ellipses for Ellipse {
 }
 
 /// One ellipse per splat.
-pub(crate) struct EllipseEach {
+pub struct EllipseEach {
     pub(crate) across: [f32; BLOCK],
     pub(crate) along: [f32; BLOCK],
     pub(crate) shear: [f32; BLOCK],
 }
 
 impl EllipseEach {
-    pub(crate) fn new() -> Box<EllipseEach> {
+    pub fn new() -> Box<EllipseEach> {
         Box::new(EllipseEach { across: [0.0; BLOCK], along: [0.0; BLOCK], shear: [0.0; BLOCK] })
     }
 }
@@ -122,11 +105,11 @@ impl Ellipses for EllipseEach {
 
 /// What all splats of a frame share.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Limits {
+pub struct Limits {
     /// Exponent at the cut-off, units of ln 2.
-    pub(crate) cut: f32,
+    pub cut: f32,
     /// Transmittance below which a pixel no longer changes; 0 for never.
-    pub(crate) stop: f32,
+    pub stop: f32,
 }
 
 /// Draws a block; gives how many splats touched the band.
@@ -228,7 +211,7 @@ pub(crate) struct Centre {
 pub(crate) struct Kernel {
     pub(crate) centre: Centre,
     pub(crate) ellipse: Ellipse,
-    pub(crate) cut: f32,
+    pub cut: f32,
     pub(crate) peak: f32,
 }
 

@@ -65,7 +65,7 @@ impl Coarse {
             return None;
         }
         let kernel = settings.kernel();
-        let enough = match settings.sampling {
+        let enough = match settings.sampling() {
             Sampling::EveryPixel | Sampling::Finer => return None,
             Sampling::Enough => ENOUGH,
             Sampling::Fewest => FEWEST,
@@ -98,7 +98,7 @@ impl Coarse {
             }
         };
         // Drafts let the farthest voxels have half of what those in the middle need.
-        let sigma = match (settings.sampling, &view.map) {
+        let sigma = match (settings.sampling(), &view.map) {
             (Sampling::Fewest, PixelMap::Perspective { .. }) => {
                 width_in_the_middle(view, bounds, settings).min(2.0 * sigma).max(sigma)
             }

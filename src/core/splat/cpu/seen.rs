@@ -10,8 +10,9 @@
 
 use super::planes::Planes;
 use super::project::{Kind, Projector, Voxels};
-use super::raster::{BLOCK, Centre, Ellipse, EllipseEach, Ellipses as _, Kernel, Limits, Splats};
+use super::raster::{BLOCK, Centre, EllipseEach, Ellipses as _, Kernel, Limits, Splats};
 use crate::arena::RecordSet;
+use crate::splat::kernel::Ellipse;
 
 /// Where a view notes what it shows: the records from `first` on of its lane.
 #[derive(Debug, Clone, Copy)]

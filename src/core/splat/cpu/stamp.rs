@@ -20,7 +20,6 @@
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-use super::arith::absorbed;
 use super::band;
 use super::band::{Drawn, Extra, Work};
 use super::dispatch;
@@ -30,6 +29,7 @@ use super::project::{Kind, Projector, Voxels, along, span, split};
 use super::raster::{BLOCK, Centre, Kernel, Limits, Splats};
 use super::without::Without;
 use crate::error::Result;
+use crate::splat::arith::absorbed;
 use crate::splat::{Code, View};
 use crate::traverse::{Batch, Order, Visitor, VoxelBox, walk};
 
@@ -101,12 +101,12 @@ impl Amounts {
 }
 
 /// What a band's thread works with.
-pub(super) struct Bench {
+pub struct Bench {
     pub(super) rows: Rows,
     /// Of the slice whose voxels wait.
     stamp: Stamp,
     voxels: Box<Voxels>,
-    splats: Box<Splats>,
+    pub splats: Box<Splats>,
     amounts: Box<[Amounts; CODES]>,
 }
 

@@ -9,8 +9,8 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::arena::layout::line_end_bytes;
+use crate::splat::arith::LOG2_E;
 use crate::splat::composite::MAX_DEPTH;
-use crate::splat::cpu::arith::LOG2_E;
 use crate::splat::kernel::footprint;
 use crate::splat::shot::Shot as HostShot;
 use crate::splat::view::{Affine, PixelMap};

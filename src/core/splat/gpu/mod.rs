@@ -28,7 +28,6 @@ mod resolve;
 mod scratch;
 pub mod stages;
 mod timing;
-pub mod twin;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -55,6 +54,9 @@ use super::view::check_size;
 use super::{Blending, Camera, Scene, Settings};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
+use crate::splat::Sampling;
+use crate::splat::finer::supersampled;
+use crate::traverse::VoxelBox;
 use crate::volume::Axis;
 
 /// How splats become pixels.
@@ -237,7 +239,11 @@ impl<'a> Renderer<'a> {
     /// As [`cpu::render`](super::cpu::render); [`Error::Device`] if the device fails; [`Error::Limit`] if the video
     /// memory of [`Options::vram`] is too little.
     pub fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
-        self.render_probed(camera, settings, None)
+        // A look at all tiles: not for pictures that keep their pixels.
+        let bounds = if settings.keeps_pixels() { None } else { self.scene.lanes.lane(Axis::X)?.bounds() };
+        let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
+        let grid = &self.scene.facts.grid;
+        supersampled(grid, bounds, camera, settings, |settings| self.render_probed(camera, settings, None))
     }
 
     /// As [`Renderer::render`], with a look at the stages' buffers after each chunk.
@@ -264,6 +270,9 @@ impl<'a> Renderer<'a> {
     /// # Errors
     /// As [`Renderer::render`].
     pub fn render_to(&mut self, camera: &Camera, settings: &Settings, canvas: &Canvas) -> Result<Stats> {
+        if settings.sampling.is_some_and(|sampling| sampling != Sampling::EveryPixel) {
+            return Err(Error::input("sampling", "of a texture is of every pixel; supersample by a larger texture"));
+        }
         self.draw(camera, settings, Output::Canvas(canvas), None)
     }
 

@@ -1,11 +1,11 @@
 //! Twin of `shaders/walk.wgsl`: from a slab's bytes and its lines to voxels in visit order.
 
-use super::super::layout::{Block, LINES, NO_RECORD, Shot, Voxel};
 use super::element;
-use crate::arena::layout::TileRecord;
+use adjsplat::arena::layout::TileRecord;
+use adjsplat::splat::gpu::layout::{Block, LINES, NO_RECORD, Shot, Voxel};
 
 /// What a stepping voxel advances.
-pub const STEPPING: i32 = 255;
+pub(crate) const STEPPING: i32 = 255;
 
 const ASCENDING: u32 = 0;
 const DESCENDING: u32 = 1;
@@ -13,15 +13,15 @@ const INTERLEAVED: u32 = 3;
 
 /// What the walk reads of a slab.
 #[derive(Debug, Clone, Copy)]
-pub struct Slab<'a> {
+pub(crate) struct Slab<'a> {
     /// Its tiles, counted from the slab's beginning.
-    pub tiles: &'a [TileRecord],
+    pub(crate) tiles: &'a [TileRecord],
     /// Words of its line ends.
-    pub line_ends: &'a [u32],
+    pub(crate) line_ends: &'a [u32],
     /// Words of its steps.
-    pub steps: &'a [u32],
+    pub(crate) steps: &'a [u32],
     /// Its lines in visit order: tile in the high 26 bits, line of the tile in the low 6.
-    pub lines: &'a [u32],
+    pub(crate) lines: &'a [u32],
 }
 
 /// Where a line's records lie, and the line's two other coordinates.
@@ -36,7 +36,7 @@ struct Line {
 ///
 /// # Panics
 /// If a block has more than [`LINES`] lines.
-pub fn walk(shot: &Shot, slab: &Slab, blocks: &[Block], voxels: &mut [Voxel]) {
+pub(crate) fn walk(shot: &Shot, slab: &Slab, blocks: &[Block], voxels: &mut [Voxel]) {
     for block in blocks {
         let mut lines = [Line::default(); LINES as usize];
         for local in 0..block.line_count {

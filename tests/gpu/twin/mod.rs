@@ -5,19 +5,19 @@
 //! on the same buffers and compares what they wrote. Arithmetic is in single precision, each step rounded, where a
 //! device may fuse steps and be a few units off in exponentials and roots; whole numbers are equal bit for bit.
 
-pub mod bin;
-pub mod project;
-pub mod splat;
-pub mod tile;
-pub mod walk;
+pub(crate) mod bin;
+pub(crate) mod project;
+pub(crate) mod splat;
+pub(crate) mod tile;
+pub(crate) mod walk;
 
-use super::layout::{NOTHING, Splat};
-use crate::splat::cpu::{blend, raster};
+use adjsplat::internals::{REACH as PROCESSORS_REACH, WHOLE_CELL as PROCESSORS_WHOLE_CELL};
+use adjsplat::splat::gpu::layout::{NOTHING, Splat};
 
 /// Largest half-width of a footprint in pixels: the processor's.
-pub const REACH: f32 = raster::REACH;
+pub(crate) const REACH: f32 = PROCESSORS_REACH;
 /// What a voxel's weight in a maximum is multiplied by before it is capped: the processor's.
-pub const WHOLE_CELL: f32 = blend::WHOLE_CELL;
+pub(crate) const WHOLE_CELL: f32 = PROCESSORS_WHOLE_CELL;
 
 /// A splat of no pixels.
 const EMPTY: Splat = Splat {
@@ -51,7 +51,7 @@ fn element(words: &[u32], index: u32, bits: u32) -> u32 {
 
 /// `1 - 2^-x` for `x` of 0 to 125.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 125")]
-pub fn absorbed(x: f32) -> f32 {
+pub(crate) fn absorbed(x: f32) -> f32 {
     let whole = x.round_ties_even();
     let f = x - whole;
     let square = f * f;
@@ -64,7 +64,7 @@ pub fn absorbed(x: f32) -> f32 {
 }
 
 /// Optical depth of a splat at `dx`, `dy` from its centre, in units of ln 2; 0 outside its ellipse.
-pub fn depth_at(dx: f32, dy: f32, splat: &Splat, cut: f32) -> f32 {
+pub(crate) fn depth_at(dx: f32, dy: f32, splat: &Splat, cut: f32) -> f32 {
     let u = dx - splat.shear * dy;
     let q = splat.across * (u * u) + splat.along * (dy * dy);
     if q <= cut { splat.peak * (-q).exp2() } else { 0.0 }

@@ -2,14 +2,14 @@
 
 use half::f16;
 
-use super::super::Target;
-use super::super::layout::{NOTHING, Shot, Splat};
-use super::super::stages::Blend;
 use super::{WHOLE_CELL, absorbed, depth_at, high_half, low_half};
+use adjsplat::splat::gpu::Target;
+use adjsplat::splat::gpu::layout::{NOTHING, Shot, Splat};
+use adjsplat::splat::gpu::stages::Blend;
 
 /// Which of the two neighbours a device takes for a value between them: what draws may do either.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Rounding {
+pub(crate) enum Rounding {
     /// The nearest.
     Nearest,
     /// The one nearer to 0.
@@ -21,7 +21,7 @@ pub enum Rounding {
 ///
 /// # Panics
 /// If `pixels` are fewer than the window has.
-pub fn splat(
+pub(crate) fn splat(
     shot: &Shot,
     blend: Blend,
     (target, rounding): (Target, Rounding),

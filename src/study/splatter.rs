@@ -1,22 +1,20 @@
 //! Splats of voxels that are handed over one by one, whoever walks them.
 //!
 //! In: positions, looks and normals in visit order, front to back, from structures that are no lanes. Out: a frame: for
-//! the same voxels in the same order the bits of [`super::render`]. One thread, no crop. Cubes of voxels, the nodes of
+//! the same voxels in the same order the bits of `cpu::render`. One thread, no crop. Cubes of voxels, the nodes of
 //! an octree, are splats of a kernel as many times as wide.
 
-use super::blend::{Blend, FrontToBack};
-use super::dispatch;
-use super::dispatch::Bench;
-use super::planes::{Planes, Rect};
-use super::project::{Coordinates, GROUP, Projector, Voxels, weigh};
-use super::raster::{BLOCK, EllipseEach, Limits, Splats};
-use super::{Drawn, Work, assemble};
-use crate::classify::normal;
-use crate::error::{Error, Result};
-use crate::splat::composite::{Finish, Look, Table};
-use crate::splat::shot::Shot;
-use crate::splat::{Camera, Code, Frame, Mode, Scene, Settings};
-use crate::traverse::{Batch, Sense};
+use multiversion::multiversion;
+
+use adjsplat::classify::normal;
+use adjsplat::error::{Error, Result};
+use adjsplat::internals::Shot;
+use adjsplat::internals::scatter::{
+    BLOCK, Bench, Blend as _, Coordinates, Drawn, EllipseEach, Finish, FrontToBack, GROUP, Limits, Look, Planes,
+    Projector, Rect, Splats, Table, Voxels, Work, assemble, block, draw, weigh,
+};
+use adjsplat::splat::{Camera, Code, Frame, Mode, Scene, Settings};
+use adjsplat::traverse::{Batch, Sense};
 
 /// Edges of cubes are 2 to less than this.
 const LEVELS: usize = 17;
@@ -39,8 +37,8 @@ pub struct Splatter<'a> {
 }
 
 /// Voxels that wait for the block to be full.
-pub(super) struct Block {
-    pub(super) count: usize,
+struct Block {
+    count: usize,
     /// Along the slow, medium and fast axis.
     at: [[f64; BLOCK]; 3],
     looks: [Look; BLOCK],
@@ -134,9 +132,9 @@ impl Splatter<'_> {
     fn flush_voxels(&mut self) {
         let (projector, bench) = (&self.projectors[0], &mut self.bench);
         self.drawn += if self.drawing {
-            dispatch::block::<FrontToBack>(Code::Best, projector, &self.voxels, bench, self.limits)
+            block::<FrontToBack>(Code::Best, projector, &self.voxels, bench, self.limits)
         } else {
-            dispatch::project(projector, &self.voxels, bench, self.limits)
+            project(projector, &self.voxels, bench, self.limits)
         };
         self.voxels.count = 0;
     }
@@ -147,13 +145,13 @@ impl Splatter<'_> {
             self.projectors.push(self.projectors[0].of_cubes(edge));
         }
         let projector = &self.projectors[self.level];
-        self.drawn += dispatch::handed(projector, &mut self.block, &mut self.bench, self.limits, self.drawing);
+        self.drawn += handed(projector, &mut self.block, &mut self.bench, self.limits, self.drawing);
     }
 }
 
 /// Stage 1 of a block that was handed over, which is empty then.
 #[inline(always)]
-pub(super) fn project(projector: &Projector, block: &mut Block, bench: &mut Bench, limits: Limits) {
+fn place_and_shade(projector: &Projector, block: &mut Block, bench: &mut Bench, limits: Limits) {
     let Bench { planes, splats, each, .. } = bench;
     projector.place(block, splats, each);
     projector.keep(block.count, [true; BLOCK], splats, planes, limits);
@@ -183,13 +181,33 @@ pub(super) fn project(projector: &Projector, block: &mut Block, bench: &mut Benc
     block.count = 0;
 }
 
+/// As [`block`], but for the drawing; gives how many splats would be drawn.
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+fn project(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
+    let Bench { planes, splats, each, .. } = bench;
+    projector.block(voxels, splats, each, planes, limits);
+    std::hint::black_box(&bench.splats).count as u64
+}
+
+/// Projects and, if `drawing`, draws a block that was handed over; gives how many splats were drawn, or would be.
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+fn handed(projector: &Projector, block: &mut Block, bench: &mut Bench, limits: Limits, drawing: bool) -> u64 {
+    place_and_shade(projector, block, bench, limits);
+    if drawing {
+        let Bench { planes, splats, each, .. } = bench;
+        draw::<FrontToBack>(projector, planes, splats, each, limits)
+    } else {
+        std::hint::black_box(&bench.splats).count as u64
+    }
+}
+
 /// The picture of what `feed` gives to the splatter, in the order of the view.
 ///
 /// `settings` are for compositing front to back. Without `drawing` everything is done but the drawing itself. Gives the
 /// frame and how many splats touched it; without drawing, how many would have.
 ///
 /// # Errors
-/// As [`super::render`], and whatever `feed` fails with.
+/// As `cpu::render`, and whatever `feed` fails with.
 pub fn splat(
     scene: &Scene,
     camera: &Camera,

@@ -6,9 +6,9 @@
     reason = "the device's conversions: single precision, and the nearest number that there is"
 )]
 
-use super::super::layout::{NO_RECORD, NOTHING, Row, Shot, Splat, Voxel};
 use super::{EMPTY, REACH, element};
-use crate::splat::kernel::LOW_PASS;
+use adjsplat::internals::LOW_PASS;
+use adjsplat::splat::gpu::layout::{NO_RECORD, NOTHING, Row, Shot, Splat, Voxel};
 
 /// Beyond this a pixel is not told from others so far away.
 const FAR: f32 = 5.0e8;
@@ -17,17 +17,17 @@ const NEARLY_HALF: f32 = 0.4999;
 
 /// What the stage reads of a slab and of the tables, as words.
 #[derive(Debug, Clone, Copy)]
-pub struct Channels<'a> {
+pub(crate) struct Channels<'a> {
     /// Value codes.
-    pub values: &'a [u32],
+    pub(crate) values: &'a [u32],
     /// Normal codes.
-    pub normals: &'a [u32],
+    pub(crate) normals: &'a [u32],
     /// Magnitude codes.
-    pub magnitudes: &'a [u32],
+    pub(crate) magnitudes: &'a [u32],
     /// By value code: colour, and optical depth or normalised value.
-    pub looks: &'a [[f32; 4]],
+    pub(crate) looks: &'a [[f32; 4]],
     /// By value code and magnitude code: optical depth.
-    pub depths: &'a [f32],
+    pub(crate) depths: &'a [f32],
 }
 
 #[derive(Clone, Copy)]
@@ -49,7 +49,7 @@ struct Print {
 ///
 /// # Panics
 /// If a value has no look.
-pub fn project(shot: &Shot, voxels: &[Voxel], channels: &Channels, splats: &mut [Splat]) -> u32 {
+pub(crate) fn project(shot: &Shot, voxels: &[Voxel], channels: &Channels, splats: &mut [Splat]) -> u32 {
     let mut drawn = 0;
     for (voxel, splat) in voxels.iter().zip(splats) {
         *splat = if voxel.record == NO_RECORD { EMPTY } else { splat_of(shot, voxel, channels) };

@@ -1,13 +1,13 @@
 //! Twin of `shaders/bin.wgsl`: from splats to each tile's mask of batches.
 
-use super::super::layout::{BATCH, NOTHING, Shot, Splat, TILE};
 use super::{high_half, low_half};
+use adjsplat::splat::gpu::layout::{BATCH, NOTHING, Shot, Splat, TILE};
 
 /// Sets in `masks`, which are 0, the bit of each batch on each tile that one of its splats' boxes meets.
 ///
 /// # Panics
 /// If a splat does not meet the window.
-pub fn bin(shot: &Shot, splats: &[Splat], masks: &mut [u32]) {
+pub(crate) fn bin(shot: &Shot, splats: &[Splat], masks: &mut [u32]) {
     for (splat, slot) in splats.iter().zip(0u32..) {
         if splat.columns == NOTHING {
             continue;

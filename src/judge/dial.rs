@@ -11,9 +11,8 @@
 //! The error is that of a sample of a linear premultiplied picture, 0 to 1. What a file left out when it was built (bits
 //! of values and normals, hidden voxels) is not in it.
 
-use super::kernel::{KernelShape, Quality};
-use super::{Camera, Frame, Projection, Sampling, Scene, Settings, View, cpu};
-use crate::error::{Error, Result};
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::{Camera, Frame, KernelShape, Projection, Quality, Sampling, Scene, Settings, View, cpu};
 
 /// One of the settings that the dial chooses from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -70,7 +69,7 @@ impl Rung {
             quality: Quality::Reference,
             kernel: Some(self.kernel),
             termination: Some(self.termination),
-            sampling: self.sampling,
+            sampling: Some(self.sampling),
             ..settings.clone()
         }
     }
@@ -149,9 +148,9 @@ fn windows(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Vec
 /// First and last column and row that show something of the volume; of the whole picture if nothing does.
 fn shown(scene: &Scene, view: &View, settings: &Settings) -> Result<[[f64; 2]; 2]> {
     let [columns, rows] = settings.size.map(f64::from);
-    let lane = scene.lanes.lane(crate::volume::Axis::X)?;
+    let lane = scene.lanes.lane(adjsplat::volume::Axis::X)?;
     let bounds = lane.bounds().and_then(|(low, high)| {
-        let bounds = settings.crop.unwrap_or(crate::traverse::VoxelBox { low, high });
+        let bounds = settings.crop.unwrap_or(adjsplat::traverse::VoxelBox { low, high });
         view.pixel_bounds(&bounds, [0.0; 2])
     });
     let [left, right, top, bottom] = bounds.unwrap_or([0.0, columns, 0.0, rows]);

@@ -1,14 +1,14 @@
 //! Twin of `shaders/tile.wgsl`: from splats and the tiles' masks to pixels.
 
-use super::super::layout::{BATCH, Shot, Splat, TILE};
-use super::super::stages::Blend;
 use super::{WHOLE_CELL, absorbed, depth_at, high_half, low_half};
+use adjsplat::splat::gpu::layout::{BATCH, Shot, Splat, TILE};
+use adjsplat::splat::gpu::stages::Blend;
 
 /// Puts `splats`, a chunk's, onto `pixels`, which start as the chunk before left them.
 ///
 /// # Panics
 /// If masks or pixels are fewer than the window has.
-pub fn tile(shot: &Shot, blend: Blend, splats: &[Splat], masks: &[u32], pixels: &mut [[f32; 4]]) {
+pub(crate) fn tile(shot: &Shot, blend: Blend, splats: &[Splat], masks: &[u32], pixels: &mut [[f32; 4]]) {
     let [x0, y0, x1, y1] = shot.window;
     let mut at = 0;
     for y in y0..y1 {

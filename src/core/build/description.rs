@@ -1,0 +1,29 @@
+//! What a file says of its own making: a JSON object for people and tools (specification, rule R22).
+
+use serde_json::json;
+
+use super::builder::Classified;
+use crate::volume::Header;
+
+/// Returns the description of the file that `built` becomes; `header` is the volume's.
+pub fn description(header: &Header, built: &Classified) -> String {
+    let source = json!({
+        "name": header.name,
+        "format": header.format,
+        "sample_type": header.sample_type.name(),
+    });
+    let mut description = json!({
+        "generator": concat!("adjsplat ", env!("CARGO_PKG_VERSION")),
+        "source": source,
+        "transfer_function": serde_json::to_value(&built.transfer).expect("a transfer function is plain JSON"),
+        "counts": { "nan": built.findings.not_finite },
+    });
+    let (lowest, highest) = (built.findings.lowest, built.findings.highest);
+    if lowest <= highest {
+        description["values"] = json!({ "lowest": lowest, "highest": highest });
+    }
+    if let Some(unit) = &header.grid.unit {
+        description["unit"] = json!(unit);
+    }
+    description.to_string()
+}

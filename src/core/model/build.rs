@@ -1,0 +1,132 @@
+//! Building models: what to keep of a volume, and how.
+
+use std::path::Path;
+
+use super::Model;
+use crate::arena::TileOrder;
+use crate::build::builder::{BuildOptions, Observer, Resources, Unobserved, classify};
+use crate::build::description;
+use crate::classify::TransferFunction;
+use crate::error::Result;
+use crate::file::{RowsOutput, arena_bytes, scratch_folder, write_rows};
+use crate::volume::SlabSource;
+use crate::volume::memory::IntoSlices;
+
+/// A build: which samples are visible, and how they are stored.
+///
+/// ```
+/// use adjsplat::classify::TransferFunction;
+/// use adjsplat::{Build, Volume};
+/// let volume = Volume::new([8, 8, 8], (0..512u16).collect())?;
+/// let model = Build::new(TransferFunction::range(300.0, f64::INFINITY)?).run(&volume)?;
+/// assert_eq!(model.visible_voxels(), 212);
+/// # Ok::<(), adjsplat::Error>(())
+/// ```
+#[derive(Debug, Clone)]
+pub struct Build {
+    options: BuildOptions,
+    memory: Option<u64>,
+    threads: usize,
+}
+
+impl Build {
+    /// Prepares a build of the voxels that `transfer` shows: three lanes, values of 8 bits, normals of 2 x 8 bits if the
+    /// function is shaded, all processors.
+    pub fn new(transfer: TransferFunction) -> Build {
+        let normal_bits = if transfer.shaded() { 8 } else { 0 };
+        let options =
+            BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits };
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        Build { options, memory: None, threads }
+    }
+
+    /// Stores 1, 2 or 3 lanes: along x, y, z. One is the smallest file; three need no deriving for any view.
+    pub fn with_lanes(mut self, lane_count: u8) -> Build {
+        self.options.lane_count = lane_count;
+        self
+    }
+
+    /// Stores values in 8 or 16 bits.
+    pub fn with_value_bits(mut self, bits: u8) -> Build {
+        self.options.value_bits = bits;
+        self
+    }
+
+    /// Stores each of a normal's two components in 8 or 16 bits; 0 stores no normals.
+    pub fn with_normal_bits(mut self, bits: u8) -> Build {
+        self.options.normal_bits = bits;
+        self
+    }
+
+    /// Stores tiles in another order than Morton's.
+    pub fn with_tile_order(mut self, order: TileOrder) -> Build {
+        self.options.tile_order = order;
+        self
+    }
+
+    /// Bounds the memory of the process, in bytes, while [`Build::write`] runs; at least 64 MiB is sensible.
+    pub fn with_memory(mut self, bytes: u64) -> Build {
+        self.memory = Some(bytes);
+        self
+    }
+
+    /// Works on this many threads. The result does not depend on it.
+    pub fn with_threads(mut self, threads: usize) -> Build {
+        self.threads = threads;
+        self
+    }
+
+    /// Builds a model in memory.
+    ///
+    /// # Errors
+    /// [`Error::Input`](crate::Error::Input) if nothing is visible or an option is out of range; what reading the volume gives.
+    pub fn run(&self, volume: impl IntoSlices) -> Result<Model> {
+        self.run_observed(volume, &mut Unobserved)
+    }
+
+    /// Builds a model as [`Build::run`] does; `observer` receives progress and can cancel.
+    ///
+    /// # Errors
+    /// As [`Build::run`]; [`Error::Interrupted`](crate::Error::Interrupted) after a cancel.
+    pub fn run_observed(&self, volume: impl IntoSlices, observer: &mut dyn Observer) -> Result<Model> {
+        let mut source = volume.into_slices();
+        let resources = Resources { memory: self.memory, threads: self.threads, folder: None };
+        let built = classify(&mut source, &self.options, &resources, observer)?;
+        let lanes = built.lanes(self.options.lane_count, self.threads, observer)?;
+        Model::from_bytes(arena_bytes(&built.facts, &lanes, &description(source.header(), &built)))
+    }
+
+    /// Builds an `.adj` file at `path`, in bounded memory, and maps it. The file appears whole or not at all.
+    ///
+    /// # Errors
+    /// As [`Build::run`]; [`Error::Io`](crate::Error::Io) if it cannot be written.
+    pub fn write(&self, volume: impl IntoSlices, path: impl AsRef<Path>) -> Result<Model> {
+        self.write_observed(volume, path, &mut Unobserved)
+    }
+
+    /// Builds a file as [`Build::write`] does; `observer` receives progress and can cancel.
+    ///
+    /// # Errors
+    /// As [`Build::write`]; [`Error::Interrupted`](crate::Error::Interrupted) after a cancel.
+    pub fn write_observed(
+        &self,
+        volume: impl IntoSlices,
+        path: impl AsRef<Path>,
+        observer: &mut dyn Observer,
+    ) -> Result<Model> {
+        let (mut source, path) = (volume.into_slices(), path.as_ref());
+        let (memory, threads) = (self.memory, self.threads);
+        let resources = Resources { memory, threads, folder: Some(scratch_folder(path)?) };
+        let built = classify(&mut source, &self.options, &resources, observer)?;
+        let output = RowsOutput {
+            facts: built.facts.clone(),
+            description: &description(source.header(), &built),
+            lane_count: self.options.lane_count,
+            memory,
+            threads,
+        };
+        write_rows(path, &built.rows, &output, observer)?;
+        drop(built);
+        Model::open(path)
+    }
+}

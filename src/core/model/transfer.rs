@@ -1,0 +1,51 @@
+//! Transfer functions of files: the one that a file was built with, and others that it is drawn with.
+
+use serde_json::Value;
+
+use crate::arena::Arena;
+use crate::arena::layout::Scales;
+use crate::classify::{MagnitudeCodec, TransferFunction};
+use crate::error::{Error, Result};
+
+fn description(arena: &Arena) -> Value {
+    serde_json::from_slice(arena.description()).unwrap_or(Value::Null)
+}
+
+/// Returns the transfer function that the file was built with; `None` if it states none that can be read.
+pub fn stored_transfer(arena: &Arena) -> Option<TransferFunction> {
+    serde_json::from_value(description(arena)["transfer_function"].take()).ok()
+}
+
+/// Returns `transfer` with everything filled in that the file decides: voxel length and value range.
+///
+/// # Errors
+/// [`Error::Input`] if it needs gradient magnitudes, which the file does not store.
+pub fn drawable(arena: &Arena, transfer: TransferFunction) -> Result<TransferFunction> {
+    let facts = arena.facts();
+    if transfer.uses_gradient() && facts.channels.magnitude_bits == 0 {
+        let why = "needs gradient magnitudes, which this file does not store; build it again with this function";
+        return Err(Error::input("transfer function", why));
+    }
+    let Scales { value_low, value_step, .. } = facts.scales;
+    let largest = arena.lanes().next().map_or(0, |lane| lane.largest_value_code());
+    transfer
+        .with_voxel_length(facts.grid.mean_spacing())?
+        .with_value_range(value_low, value_low + f64::from(largest) * value_step)
+}
+
+/// Returns the values that `transfer` shows and the file did not store; `None` if the file does not tell.
+///
+/// # Errors
+/// [`Error::Input`] if the file's scale of magnitudes cannot be used.
+pub fn missing_values(arena: &Arena, transfer: &TransferFunction) -> Result<Option<Vec<[f64; 2]>>> {
+    let Some(stored) = stored_transfer(arena) else { return Ok(None) };
+    let transfer = transfer.clone().with_voxel_length(arena.facts().grid.mean_spacing())?;
+    let values = &description(arena)["values"];
+    let values =
+        [values["lowest"].as_f64().unwrap_or(f64::NEG_INFINITY), values["highest"].as_f64().unwrap_or(f64::INFINITY)];
+    let largest_magnitude = match arena.facts().channels.magnitude_bits {
+        0 => f64::INFINITY,
+        _ => MagnitudeCodec::new(arena.facts().scales.magnitude_scale)?.largest(),
+    };
+    Ok(Some(transfer.missing_from(&stored, values, largest_magnitude)))
+}

@@ -1,0 +1,81 @@
+//! The voxels that a walk over a model hands over, with their values decoded.
+
+use crate::arena::Lane;
+use crate::arena::layout::Facts;
+use crate::classify::normal;
+use crate::traverse::{Batch, Order};
+
+/// Some visible voxels of one slice, in visit order.
+#[derive(Debug, Clone, Copy)]
+pub struct Voxels<'a> {
+    batch: &'a Batch<'a>,
+    lane: &'a Lane<'a>,
+    facts: &'a Facts,
+    order: &'a Order,
+}
+
+/// One visible voxel.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct ModelVoxel {
+    /// Grid point: x, y, z.
+    pub position: [u16; 3],
+    /// Value in the volume's unit, as exact as its code.
+    pub value: f64,
+    /// Unit vector along the gradient, in world axes; `None` if the model stores no normals.
+    pub normal: Option<[f32; 3]>,
+}
+
+impl<'a> Voxels<'a> {
+    pub(super) fn new(batch: &'a Batch<'a>, lane: &'a Lane<'a>, facts: &'a Facts, order: &'a Order) -> Voxels<'a> {
+        Voxels { batch, lane, facts, order }
+    }
+
+    /// Returns how many voxels there are, at least 1.
+    #[expect(clippy::len_without_is_empty, reason = "a walk hands over no empty batch")]
+    pub fn len(&self) -> usize {
+        self.batch.len()
+    }
+
+    /// Returns the grid point of voxel `index`: x, y, z.
+    ///
+    /// # Panics
+    /// If `index` is not below [`Voxels::len`].
+    pub fn position(&self, index: usize) -> [u16; 3] {
+        let mut position = [0; 3];
+        position[self.order.slow.index()] = self.batch.slow;
+        position[self.order.medium.index()] = self.batch.medium[index];
+        position[self.order.fast.index()] = self.batch.fast[index];
+        position
+    }
+
+    /// Returns the value of voxel `index` in the volume's unit.
+    ///
+    /// # Panics
+    /// If `index` is not below [`Voxels::len`].
+    pub fn value(&self, index: usize) -> f64 {
+        self.facts.scales.value(self.lane.value_code(self.batch.record_index(index)).into())
+    }
+
+    /// Returns the normal of voxel `index`: a unit vector along the gradient; `None` if the model stores none.
+    ///
+    /// # Panics
+    /// If `index` is not below [`Voxels::len`].
+    pub fn normal(&self, index: usize) -> Option<[f32; 3]> {
+        let code = self.lane.normal_code(self.batch.record_index(index));
+        match self.facts.channels.normal_bits {
+            0 => None,
+            8 => Some(normal::decode8(u16::try_from(code).unwrap_or(u16::MAX))),
+            _ => Some(normal::decode16(code)),
+        }
+    }
+
+    /// Iterates over the voxels in visit order.
+    pub fn iter(&self) -> impl Iterator<Item = ModelVoxel> {
+        (0..self.len()).map(|index| ModelVoxel {
+            position: self.position(index),
+            value: self.value(index),
+            normal: self.normal(index),
+        })
+    }
+}

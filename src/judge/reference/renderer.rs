@@ -1,0 +1,53 @@
+//! The judge behind the settings of the other renderers: it honours each, or refuses it.
+
+use adjsplat::error::{Error, Result};
+use adjsplat::internals::supersampled;
+use adjsplat::splat::{Blending, Camera, Frame, Settings};
+use adjsplat::traverse::{SplitForm, VoxelBox};
+
+use super::splat as judge;
+use super::splat::Judge;
+
+impl Judge {
+    /// Draws the picture that a renderer with these settings should draw, but with nothing cut short.
+    ///
+    /// The kernel keeps its sigma and goes on to where it ends for the judge, whatever the quality. `sense`, `code` and
+    /// `threads` do not change the picture.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for what the judge does not have: a termination, an order of the caller's, split sides, sheets.
+    pub fn render(&self, camera: &Camera, settings: &Settings) -> Result<Frame> {
+        let refused = |what: &str, why: &str| Err(Error::input(what, format!("{why}; leave it out")));
+        let blending = match settings.blending {
+            Blending::Exponential => judge::Blending::Exponential,
+            Blending::Linear => judge::Blending::Linear,
+            Blending::Sheets => {
+                let why = "sheets have no reference: what they differ by from exponential is their error";
+                return Err(Error::input("blending", why));
+            }
+        };
+        if settings.termination.is_some() {
+            return refused("termination", "is not for the reference, whose rays do not end early");
+        }
+        if settings.order.is_some() || settings.form != SplitForm::default() {
+            return refused("order", "is not for the reference, which has its own");
+        }
+        let draw = |settings: &Settings| {
+            let usual = judge::Settings::new(settings.size);
+            let own = judge::Settings {
+                sigma: settings.kernel.map_or(usual.sigma, |kernel| kernel.sigma.into()),
+                mode: settings.mode,
+                blending,
+                lighting: settings.lighting,
+                exposure: settings.exposure.map(f64::from),
+                near: settings.near,
+                crop: settings.crop.map(|crop| (crop.low, crop.high)),
+                threads: settings.threads,
+                ..usual
+            };
+            Ok((self.draw(camera, &own)?.to_frame()?, ()))
+        };
+        let bounds = self.visible().bounds().map(|(low, high)| VoxelBox { low, high });
+        Ok(supersampled(self.visible().grid(), bounds, camera, settings, draw)?.0)
+    }
+}
