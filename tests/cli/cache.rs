@@ -1,6 +1,6 @@
 //! `adj study cache` and `adj study layouts`: what they print and write.
 
-use super::harness::Folder;
+use super::harness::{Folder, Runs as _};
 
 #[test]
 fn every_structure_order_and_level_has_a_row() {

@@ -5,7 +5,7 @@ use adjsplat::splat::{Mode, Quality};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::{Build, Camera, Model, Settings};
 
-use super::harness::Folder;
+use super::harness::{Folder, Runs as _};
 
 const PHANTOM: &str = "phantom:gyroid --dims 40x32x24 --range 117.5..138.5";
 

@@ -8,7 +8,7 @@ use adjsplat::build::builder::Unobserved;
 use adjsplat::file::{RowsOutput, write_rows};
 use serde_json::{Value, json};
 
-use super::harness::{Folder, RAW, in_private_mounts};
+use super::harness::{Folder, RAW, Runs as _, in_private_mounts};
 
 /// A ramp of 1 to 24, of which those from 5 up are visible, in three lanes.
 fn ramp(folder: &Folder, name: &str) {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use super::harness::{Folder, RAW, adj, gzip, nrrd};
+use super::harness::{Folder, RAW, Runs as _, adj, gzip, nrrd};
 
 const BUILD_RAW: &str = "v.raw --type u8 --range 1.. -o out.adj";
 

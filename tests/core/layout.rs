@@ -4,7 +4,7 @@
 //! Cannot catch: a meaning that only the prose gives.
 
 use std::mem::{offset_of, size_of};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use adjsplat::arena::layout::{
     ALIGNMENT, FileHeader, MAGIC, MAX_SECTIONS, NARROW_LINE, OPTIONAL_KINDS, SectionEntry, SectionKind, TileRecord,

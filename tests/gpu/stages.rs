@@ -12,12 +12,15 @@ use adjsplat::splat::gpu::probe::Probe;
 use adjsplat::splat::gpu::stages::Blend;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Lighting, Mode, Quality, Settings, cpu};
-use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, VoxelBox, walk};
+use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint, VoxelBox};
+use adjsplat_tests::pictures::decibels;
+use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, built, fitting, real_volumes, transfer, volume};
+use adjsplat_tests::walks::{parallel_orders, visited};
+use adjsplat_tests::{at_full, say};
 use zerocopy::FromBytes;
 
-use crate::compare::psnr;
-use crate::device::{device, read, say};
-use crate::scenes::{EDGES, LAYERS, inside, orbit, phantom, real, real_volumes, scene, transfer, zoomed};
+use crate::device::{device, read};
+use crate::scenes::{EDGES, inside, phantom, zoomed};
 
 /// Least that the renderer takes for small pictures of small tables: a slab of about 1 MiB, chunks of 65,536 records.
 const TIGHT: u64 = 7 << 20;
@@ -249,7 +252,7 @@ fn judged(
     judges_pixels: bool,
 ) -> Option<(Judged, Frame, Frames)> {
     let opened = device()?;
-    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene(built), options).unwrap();
+    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
     let target = match options.compositor {
         Some(Compositor::Quads(target)) => Some(target),
         _ => None,
@@ -270,38 +273,26 @@ fn judged(
 }
 
 fn high(size: [u32; 2]) -> Settings {
-    Settings { quality: Quality::High, ..Settings::new(size) }
+    Settings { quality: Quality::High, ..Settings::every_pixel(size) }
 }
 
 /// What the processor's walk visits.
 fn visits(built: &Built, order: &Order) -> Vec<[u32; 3]> {
-    let lane = built.lanes.lane(order.fast).unwrap();
-    let mut seen = Vec::new();
-    walk(&lane, order, &mut |batch: &Batch| {
-        for index in 0..batch.len() {
-            let mut at = [0; 3];
-            at[order.slow.index()] = batch.slow.into();
-            at[order.medium.index()] = batch.medium[index].into();
-            at[order.fast.index()] = batch.fast[index].into();
-            seen.push(at);
-        }
-    });
-    seen
+    visited(&built.lanes.lane(order.fast).unwrap(), order, |at, _| at)
 }
 
 /// Noise of one sample in a hundred along 700 points: one step in ten is above 255.
 #[test]
 fn walks_visit_what_the_processor_visits_in_all_orders() {
-    let plain = || transfer(LAYERS).with_shaded(false);
+    let plain = || transfer(LIT_LAYERS).with_shaded(false);
     let noise = |dims| phantom("noise", dims, [1.0; 3], transfer(r#"{ "kind": "range", "low": 1 }"#), 8);
     let wide = noise([1_100, 9, 10]);
     let long = noise([12, 700, 20]);
     let full = phantom("gyroid", [70, 33, 41], [1.0; 3], plain(), 8);
     let options = Options { vram: 64 << 20, compositor: Some(Compositor::Tiles) };
     for (name, built) in [("wide", &wide), ("long", &long), ("gyroid", &full)] {
-        let camera = orbit(built, 20.0, 30.0, None, [40, 40]);
-        let mut orders: Vec<Order> =
-            (0..6).flat_map(|nesting| (0..8).map(move |down| Order::parallel(nesting, down))).collect();
+        let camera = built.orbit(20.0, 30.0, None, [40, 40]);
+        let mut orders: Vec<Order> = parallel_orders().collect();
         let middle = built.facts.grid.dims.map(|points| f64::from(points) / 2.0);
         for eye in [middle, middle.map(|c| c.floor() + 0.5), middle.map(|c| (c / 3.0).floor() + 0.2)] {
             for nesting in 0..6 {
@@ -313,8 +304,9 @@ fn walks_visit_what_the_processor_visits_in_all_orders() {
                 }
             }
         }
-        // One order in three, another third of them for each structure, but all of a small one.
-        for order in orders.into_iter().step_by(if name == "long" { 1 } else { 3 }) {
+        // Steps that have no divisor with the numbers of nestings, directions, forms and senses.
+        let step = if name == "long" { at_full(1, 5) } else { at_full(1, 11) };
+        for order in orders.into_iter().step_by(step) {
             let settings = Settings { order: Some(order), ..high([40, 40]) };
             let Some((judged, ..)) = judged(built, &camera, &settings, options, false) else { return };
             assert!(judged.visits == visits(built, &order), "{name}: {order:?}");
@@ -335,7 +327,7 @@ fn walks_of_many_slabs_and_chunks_visit_what_the_processor_visits() {
         let order = Order::new(viewpoint, built.facts.grid.dims, Sense::FrontToBack, form).unwrap();
         // A parallel camera sees all of it, whatever the order.
         let settings = Settings { order: Some(order), ..high([16, 16]) };
-        let outside = orbit(&built, 20.0, 30.0, None, [16, 16]);
+        let outside = built.orbit(20.0, 30.0, None, [16, 16]);
         let quads = tight(Compositor::Quads(Target::Float16));
         let Some((all, ..)) = judged(&built, &outside, &settings, quads, false) else { return };
         assert!(all.stats.slabs > 1 && all.stats.chunks as usize > all.stats.slabs, "{:?}", all.stats);
@@ -356,15 +348,15 @@ type Case = (&'static str, Built, Camera, Settings);
 
 fn cases() -> Vec<Case> {
     let size = [72, 56];
-    let coloured = |dims, spacing| phantom("gyroid", dims, spacing, transfer(LAYERS), 8);
+    let coloured = |dims, spacing| phantom("gyroid", dims, spacing, transfer(LIT_LAYERS), 8);
     let mut cases: Vec<Case> = Vec::new();
     let mut add = |name, built: Built, camera: &dyn Fn(&Built) -> Camera, settings: Settings| {
         let camera = camera(&built);
         cases.push((name, built, camera, settings));
     };
     let cube = [36, 40, 32];
-    let around = |built: &Built| orbit(built, 33.0, 21.0, None, size);
-    let ahead = |built: &Built| orbit(built, -130.0, -41.0, Some(45.0), size);
+    let around = |built: &Built| built.orbit(33.0, 21.0, None, size);
+    let ahead = |built: &Built| built.orbit(-130.0, -41.0, Some(45.0), size);
     let within = |built: &Built| inside(built, [18.3, 20.0, 15.5], [1.0, 0.6, 0.3]);
     add("parallel", coloured(cube, [1.0; 3]), &around, high(size));
     add("perspective", coloured(cube, [1.0; 3]), &ahead, high(size));
@@ -380,7 +372,7 @@ fn cases() -> Vec<Case> {
     let glossy = Lighting { shininess: 255, specular: 0.9, ..Lighting::default() };
     add("glossy", coloured(cube, [1.0; 3]), &ahead, Settings { lighting: Some(glossy), ..high(size) });
     let wide = |text| phantom("gyroid", cube, [1.0; 3], transfer(text), 16);
-    add("16 bits", wide(LAYERS), &around, high(size));
+    add("16 bits", wide(LIT_LAYERS), &around, high(size));
     add("16 bits by gradient", wide(EDGES), &around, high(size));
     add("8 bits by gradient", phantom("gyroid", cube, [1.0; 3], transfer(EDGES), 8), &around, high(size));
     let near = |built: &Built| zoomed(built, 33.0, 21.0, None, 30.0, size);
@@ -400,8 +392,9 @@ fn each_stage_of_tiles_does_what_its_twin_does() {
 
 #[test]
 fn each_stage_of_quads_does_what_its_twin_does() {
-    for (name, built, camera, settings) in cases() {
-        for target in [Target::Float32, Target::Float16, Target::Unorm8] {
+    for (index, (name, built, camera, settings)) in cases().into_iter().enumerate() {
+        let targets = [Target::Float32, Target::Float16, Target::Unorm8].into_iter().skip(at_full(0, index % 3));
+        for target in targets.step_by(at_full(1, 3)) {
             let options = Options { vram: 512 << 20, compositor: Some(Compositor::Quads(target)) };
             if device().is_some_and(|opened| target == Target::Float32 && !opened.facts.blends_float32) {
                 continue;
@@ -445,14 +438,14 @@ fn pixels_of_many_chunks_are_what_the_twins_make_of_them() {
     let built = phantom("constant", [80, 50, 60], [1.0; 3], transfer(text), 8);
     let size = [24, 20];
     for fov in [None, Some(60.0)] {
-        let camera = orbit(&built, 31.0, 24.0, fov, size);
+        let camera = built.orbit(31.0, 24.0, fov, size);
         for settings in [high(size), Settings { sense: Sense::BackToFront, ..high(size) }] {
             let options = Options { vram: TIGHT, compositor: Some(Compositor::Tiles) };
             let Some((judged, frame, _)) = judged(&built, &camera, &settings, options, true) else { return };
             assert!(judged.stats.chunks > 2, "{:?}", judged.stats);
             judged.apart.check(&format!("chunks, {fov:?}"), if fov.is_none() { &PARALLEL } else { &PERSPECTIVE });
-            let (want, _) = cpu::render(&scene(&built), &camera, &settings).unwrap();
-            let found = psnr(&frame, &want);
+            let (want, _) = cpu::render(&built.scene(), &camera, &settings).unwrap();
+            let found = decibels(&frame, &want, 0.0);
             assert!(found >= 80.0, "{fov:?}, {:?}: {found:.1} dB", settings.sense);
         }
     }
@@ -465,10 +458,10 @@ fn a_real_set_stage_by_stage() {
     if device().is_none() {
         return;
     }
-    let built = real(&path, transfer);
-    let camera = orbit(&built, 20.0, 15.0, None, [48, 48]);
+    let built = built(&mut *volume(&path), &fitting(transfer, 8));
+    let camera = built.orbit(20.0, 15.0, None, [48, 48]);
     let options = Options { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
-    for nesting in [0, 3, 4] {
+    for &nesting in at_full(&[0, 3, 4][..], &[3]) {
         let order = Order::parallel(nesting, 0b010);
         let settings = Settings { order: Some(order), ..high([48, 48]) };
         let Some((judged, ..)) = judged(&built, &camera, &settings, options, false) else { return };

@@ -73,6 +73,8 @@ impl Folder {
     /// Writes `parts` one after the other into the file `name`.
     pub(crate) fn write(&self, name: &str, parts: &[&[u8]]) -> PathBuf {
         let path = self.0.path().join(name);
+        // A file system may wait for the disk where a file is written over, but not where one is new.
+        let _ = std::fs::remove_file(&path);
         std::fs::write(&path, parts.concat()).expect("the temporary folder can be written");
         path
     }

@@ -1,7 +1,6 @@
 //! Layouts, held to our lanes: the shipped one must be ours, and each must hand over what the subject holds.
 
 use adjsplat::arena::{Arena, LaneSet, OwnedLane, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::write::arena_bytes;
 use adjsplat::traverse::Order;
@@ -13,20 +12,14 @@ use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
 use adjsplat_study::layouts::{LaneLayout, LayoutWalk};
 use adjsplat_study::subject::VisibleVoxel;
 use adjsplat_study::{Receiver, Subject, Trace, Untraced, Walker};
+use adjsplat_tests::scenes::{built, options};
 
 /// Calls `test` with a phantom of `dims` points.
 fn with_subject(phantom: &Phantom, dims: [u64; 3], test: impl FnOnce(&Subject)) {
-    let mut source = phantom.open(dims, SampleType::U8, [1.0; 3]).unwrap();
     let (low, high) = phantom.visible_range();
     let transfer = TransferFunction::range(low, high).unwrap();
-    let options = BuildOptions {
-        transfer: transfer.clone(),
-        lane_count: 3,
-        tile_order: TileOrder::Morton,
-        value_bits: 8,
-        normal_bits: 8,
-    };
-    let built = build(&mut *source, &options, &mut Unobserved).unwrap();
+    let mut source = phantom.open(dims, SampleType::U8, [1.0; 3]).unwrap();
+    let built = built(&mut *source, &options(transfer.clone()));
     let bytes = arena_bytes(&built.facts, &built.lanes, "{}");
     let lanes = LaneSet::new(Arena::new(&bytes).unwrap(), None);
     test(&Subject::new("phantom", &lanes, transfer).unwrap());

@@ -1,4 +1,4 @@
-//! Studies, judged by plain loops over dense volumes, by closed forms and by naive twins. They come with the program.
+//! Studies, judged by plain loops over dense volumes, by closed forms and by naive twins.
 //!
 //! - `baselines`: every way of walking hands over the same voxels, in the order that it promises.
 //! - `cache`: the model of caches counts what can be counted by hand.

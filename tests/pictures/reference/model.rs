@@ -2,8 +2,9 @@
 
 use adjsplat::splat::Blending;
 use adjsplat_judge::reference::{JudgeSettings, RaySettings, SplatOrder, VisibleVoxels};
+use adjsplat_tests::pictures::decibels;
 
-use crate::reference::scenes::{decibels, integrated, made, orbit, splatted};
+use crate::reference::scenes::{EMPTY, integrated, made, orbit, splatted};
 
 /// A well-mixed number for each place.
 fn noise([x, y, z]: [u16; 3]) -> f64 {
@@ -67,7 +68,7 @@ fn exponential_blending_comes_far_nearer_to_the_integral_than_the_classic_form()
             let rays = integrated(&scene, &camera, settings);
             let of = |blending, order| {
                 let settings = JudgeSettings { sigma: 0.6, blending, order, ..JudgeSettings::new(size) };
-                decibels(&splatted(&scene, &camera, settings), &rays)
+                decibels(&splatted(&scene, &camera, settings), &rays, EMPTY)
             };
             let exponential = of(Blending::Exponential, SplatOrder::Sorted);
             let nested = of(Blending::Exponential, SplatOrder::Nested);

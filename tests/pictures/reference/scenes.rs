@@ -1,9 +1,7 @@
 //! Scenes and views for the judges.
 
-use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Orbit, Projection, Surround};
-use adjsplat::volume::phantom::Phantom;
-use adjsplat::volume::{Grid, SampleType, SlabSource};
+use adjsplat::volume::Grid;
 use adjsplat_judge::reference::{
     Judge, JudgeSettings, RayJudge, RaySettings, ReferencePicture, ReferenceVoxel, VisibleVoxels,
 };
@@ -36,14 +34,6 @@ pub(crate) fn made(
     VisibleVoxels::new(grid, voxels).unwrap()
 }
 
-pub(crate) fn phantom(name: &str, dims: [u64; 3], sample_type: SampleType, spacing: [f64; 3]) -> Box<dyn SlabSource> {
-    Phantom::from_name(name).unwrap().open(dims, sample_type, spacing).unwrap()
-}
-
-pub(crate) fn function(text: &str) -> TransferFunction {
-    TransferFunction::from_json(text).unwrap()
-}
-
 /// A camera on an orbit around all of a grid.
 pub(crate) fn orbit(grid: &Grid, azimuth: f64, elevation: f64, fov: Option<f64>, size: [u32; 2]) -> Camera {
     let orbit = Orbit { azimuth, elevation, fov, ..Orbit::default() };
@@ -64,27 +54,8 @@ pub(crate) fn integrated(visible: &VisibleVoxels, camera: &Camera, settings: Ray
     RayJudge::new(visible).draw(camera, &RaySettings { threads: THREADS, ..settings }).unwrap()
 }
 
-/// Largest difference of two pictures' samples.
-pub(crate) fn apart(a: &ReferencePicture, b: &ReferencePicture) -> f64 {
-    let pairs = a.pixels().as_flattened().iter().zip(b.pixels().as_flattened());
-    pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-}
-
-/// Root of the mean squared difference over pixels of which one is not empty.
-pub(crate) fn rmse(a: &ReferencePicture, b: &ReferencePicture) -> f64 {
-    let shown = a.pixels().iter().zip(b.pixels()).filter(|(a, b)| a[3] > 1e-6 || b[3] > 1e-6);
-    let (mut sum, mut samples) = (0.0, 0.0);
-    for (a, b) in shown {
-        sum += (0..4).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>();
-        samples += 4.0;
-    }
-    f64::sqrt(sum / samples)
-}
-
-/// The same in decibels.
-pub(crate) fn decibels(a: &ReferencePicture, b: &ReferencePicture) -> f64 {
-    -20.0 * rmse(a, b).log10()
-}
+/// Pixels with no sample above this are empty.
+pub(crate) const EMPTY: f64 = 1e-6;
 
 /// Slope of log error over log step, by least squares; `points`: of an axis, in inverse proportion to the step.
 pub(crate) fn order_of_convergence(points: &[u64], errors: &[f64]) -> f64 {

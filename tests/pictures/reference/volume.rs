@@ -3,13 +3,15 @@
 use adjsplat::splat::Mode;
 use adjsplat::volume::SampleType;
 use adjsplat_judge::reference::{Judge, JudgeSettings, SplatOrder, VisibleVoxels};
+use adjsplat_tests::pictures::apart;
+use adjsplat_tests::scenes::{phantom, transfer};
 
-use crate::reference::scenes::{apart, function, made, orbit, phantom};
+use crate::reference::scenes::{made, orbit};
 
 #[test]
 fn the_picture_has_the_same_bits_for_any_threads_and_alpha_in_any_order() {
     let mut source = phantom("gyroid", [20, 22, 24], SampleType::U8, [1.0, 1.0, 1.5]);
-    let transfer = function(
+    let transfer = transfer(
         r##"{ "kind": "points", "points": [{ "value": 110, "colour": "#ff2010", "opacity": 0 },
             { "value": 128, "colour": "#20c040", "opacity": 1 }, { "value": 150, "colour": "#2030ff", "opacity": 0 }] }"##,
     );
@@ -66,7 +68,7 @@ fn missing_samples_and_borders_have_one_sided_gradients() {
     raw.endian = adjsplat_readers::slab::Endian::Little;
     let options = adjsplat_readers::open::OpenOptions { raw: Some(raw), ..Default::default() };
     let mut source = adjsplat_readers::open::open(&path, &options).unwrap();
-    let transfer = function(
+    let transfer = transfer(
         r##"{ "kind": "points", "points": [{ "value": 0, "colour": "#ffffff", "opacity": 0.5 }],
             "gradient": [{ "magnitude": 0, "factor": 0 }, { "magnitude": 10, "factor": 1 }] }"##,
     );
@@ -86,13 +88,13 @@ fn missing_samples_and_borders_have_one_sided_gradients() {
 fn label_maps_are_lit_by_their_smoothed_surface() {
     let mut source = phantom("constant", [12, 12, 12], SampleType::U8, [1.0; 3]);
     let text = r##"{ "kind": "labels", "labels": [{ "label": 200, "name": "all", "colour": "#ffffff" }] }"##;
-    let visible = VisibleVoxels::of_volume(&mut *source, &function(text)).unwrap();
+    let visible = VisibleVoxels::of_volume(&mut *source, &transfer(text)).unwrap();
     // Borders repeat, so a volume that is full has no surface.
     assert_eq!(visible.voxels().len(), 1728);
     assert!(visible.voxels().iter().all(|v| v.normal == [0.0; 3] && v.depth == 16.0));
     let mut source = phantom("corners", [9, 9, 9], SampleType::U8, [1.0; 3]);
     let text = r##"{ "kind": "labels", "labels": [{ "label": 255, "name": "all", "colour": "#ffffff" }] }"##;
-    let visible = VisibleVoxels::of_volume(&mut *source, &function(text)).unwrap();
+    let visible = VisibleVoxels::of_volume(&mut *source, &transfer(text)).unwrap();
     let of = |at: [u16; 3]| visible.voxels().iter().find(|v| v.position == at).unwrap().normal;
     assert_eq!(of([4; 3]), [0.0; 3]);
     let corner = 1.0 / 3.0f64.sqrt();
