@@ -1,7 +1,7 @@
 //! Hidden by sampling: what none of many views shows.
 //!
 //! In: views. Out: the records, of the lane along x, that any of them shows at a transmittance of at least a threshold
-//! in front. The renderer itself does the looking (`cpu/seen.rs`), in its own order and with its own footprints. Views
+//! in front. The renderer itself does the looking (`cpu/visible.rs`), in its own order and with its own footprints. Views
 //! walk along any of the three lanes; what they mark there is carried over to the lane along x.
 
 use super::views::Shot;
@@ -9,7 +9,7 @@ use super::{Stage, Watch, share_out};
 use adjsplat::arena::record_set::carry;
 use adjsplat::arena::{Lane, RecordSet};
 use adjsplat::error::Result;
-use adjsplat::splat::cpu::{Seen, note_seen};
+use adjsplat::splat::cpu::{VisibleRecords, mark_visible};
 use adjsplat::splat::{Quality, Scene, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::Axis;
@@ -48,7 +48,7 @@ pub(super) fn look(
             let marked = RecordSet::new(piece.min(records - first))?;
             share_out(own.len(), threads, Stage::Look, watch, |index| {
                 let settings = settings(own[index], threshold);
-                note_seen(scene, &own[index].camera, &settings, Seen { records: &marked, first })
+                mark_visible(scene, &own[index].camera, &settings, VisibleRecords { records: &marked, first })
             })?;
             passes += 1;
             let is_marked = |record: usize| record.checked_sub(first).is_some_and(|record| marked.contains(record));

@@ -9,7 +9,7 @@ use super::scratch::Scratch;
 use super::sort::sorted_tiles;
 use super::store::{CHUNK, Mask, Store, has_bit, rank};
 use crate::trace::{Array, Trace};
-use adjsplat::splat::cpu::raster::BLOCK;
+use adjsplat::internals::scatter::BLOCK;
 use adjsplat::traverse::{AxisOrder, Batch, Order};
 use adjsplat::volume::Axis;
 
