@@ -1,7 +1,7 @@
 //! Hidden voxels by sampling: those that none of many views shows.
 //!
 //! In: views. Out: the records of the lane along x that any view shows with at least a threshold of transmittance in
-//! front. The renderer itself marks them (`cpu/seen.rs`), in its own order and with its own footprints. Views walk along
+//! front. The renderer itself marks them (`cpu/visible.rs`), in its own order and with its own footprints. Views walk along
 //! any of the three lanes; their marks are carried over to the lane along x.
 
 use super::views::CullingView;
@@ -9,7 +9,7 @@ use super::{CullingObserver, CullingStage, in_parallel};
 use adjsplat::arena::record_set::carry;
 use adjsplat::arena::{Lane, RecordSet};
 use adjsplat::error::Result;
-use adjsplat::splat::cpu::{Seen, note_seen};
+use adjsplat::splat::cpu::{VisibleRecords, mark_visible};
 use adjsplat::splat::{Quality, Scene, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::Axis;
@@ -39,7 +39,7 @@ pub(super) fn look(
             let marked = RecordSet::new(window.min(records - first))?;
             in_parallel(own.len(), threads, CullingStage::Look, observer, |index| {
                 let (_, view) = own[index];
-                note_seen(scene, &view.camera, &settings(view, threshold), Seen { records: &marked, first })
+                mark_visible(scene, &view.camera, &settings(view, threshold), VisibleRecords { records: &marked, first })
             })?;
             passes += 1;
             let is_marked = |record: usize| record.checked_sub(first).is_some_and(|record| marked.contains(record));

@@ -5,7 +5,7 @@
 
 use super::view::JudgedView;
 use adjsplat::error::Result;
-use adjsplat::splat::kernel::{LOW_PASS, narrowest};
+use adjsplat::splat::kernel::{LOW_PASS, narrowest_sigma};
 use adjsplat::splat::view::PixelMap;
 use adjsplat::splat::{Frame, Quality, View};
 use adjsplat_judge::reference::{Judge, JudgeSettings, ReferencePicture};
@@ -25,7 +25,7 @@ pub(super) fn truth(judge: &Judge, view: &JudgedView, threads: usize) -> Result<
         PixelMap::Parallel { pixel_from_voxel, .. } => {
             #[expect(clippy::cast_possible_truncation, reason = "a width in pixels needs no more digits")]
             let rows = pixel_from_voxel.map(|map| [map[0] as f32, map[1] as f32, map[2] as f32]);
-            f64::from(narrowest(rows, kernel.sigma))
+            f64::from(narrowest_sigma(rows, kernel.sigma))
         }
         PixelMap::Perspective { .. } => f64::from(LOW_PASS),
     };

@@ -9,7 +9,7 @@ use super::sort::sorted_tiles;
 use super::store::{CHUNK, LaneStore, Mask, has_bit, rank};
 use super::traced_vec::TracedVec;
 use crate::trace::Trace;
-use adjsplat::splat::cpu::raster::BLOCK;
+use adjsplat::internals::scatter::BLOCK;
 use adjsplat::traverse::{AxisOrder, Batch, Order};
 use adjsplat::volume::Axis;
 

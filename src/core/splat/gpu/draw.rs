@@ -29,7 +29,7 @@ use super::{Compositor, Renderer, Stats, Target};
 use crate::error::Result;
 use crate::splat::Settings;
 use crate::splat::frame::Frame;
-use crate::splat::shot::Shot;
+use crate::splat::setup::FrameSetup as Shot;
 
 /// Where a picture goes.
 pub(super) enum Output<'o> {

@@ -12,7 +12,7 @@ use crate::arena::layout::line_end_bytes;
 use crate::splat::arith::LOG2_E;
 use crate::splat::composite::MAX_DEPTH;
 use crate::splat::kernel::footprint;
-use crate::splat::shot::Shot as HostShot;
+use crate::splat::setup::FrameSetup as HostShot;
 use crate::splat::view::{Affine, PixelMap};
 use crate::traverse::{AxisOrder, Sense, SplitForm, VoxelBox};
 
@@ -185,7 +185,7 @@ impl Shot {
                     (shot.rows[r], shot.shift[r]) = Row::new(map, dims);
                 }
                 let strength = kernel.normalisation() * print.density * (scale * scale) as f32;
-                shot.ellipse = [print.ellipse.across, print.ellipse.along, print.ellipse.shear, strength];
+                shot.ellipse = [print.ellipse.u_factor, print.ellipse.y_factor, print.ellipse.shear, strength];
                 shot.half = [print.ellipse.half_x, print.ellipse.half_y];
                 shot.eye = four(host.lights.map_or([0.0; 3], |lights| lights.eye));
             }

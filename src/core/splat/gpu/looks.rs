@@ -10,7 +10,7 @@ use super::context::Context;
 use crate::arena::Lane;
 use crate::error::Result;
 use crate::splat::composite::Table;
-use crate::splat::shot::Shot;
+use crate::splat::setup::FrameSetup as Shot;
 use crate::splat::{Mode, Scene, Settings};
 
 /// The tables, the host's and what they depend on beside the scene.

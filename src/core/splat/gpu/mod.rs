@@ -49,13 +49,13 @@ use self::stages::Stages;
 use self::timing::Timer;
 use super::composite::Table;
 use super::frame::Frame;
-use super::shot::Shot;
+use super::setup::FrameSetup as Shot;
 use super::view::check_size;
 use super::{Blending, Camera, Scene, Settings};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::splat::Sampling;
-use crate::splat::finer::supersampled;
+use crate::splat::supersample::supersampled;
 use crate::traverse::VoxelBox;
 use crate::volume::Axis;
 
