@@ -9,7 +9,7 @@
 use std::time::Duration;
 
 use adjsplat::arena::{OwnedLane, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Classified, Resources, Unobserved, classify};
+use adjsplat::build::{BuildOptions, Classified, Resources, Unobserved, classify};
 use adjsplat::classify::{Neighbourhood, TransferFunction, normal};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};

@@ -8,7 +8,7 @@ use std::hint::black_box;
 
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, OwnedLane, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Classified, Resources, Unobserved, classify};
+use adjsplat::build::{BuildOptions, Classified, Resources, Unobserved, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::{Camera, Orbit, Scene, Settings, Surround, cpu};

@@ -9,11 +9,12 @@
 use std::path::Path;
 use std::time::Duration;
 
+use adjsplat::arena::Record;
 use adjsplat::arena::layout::{Facts, Scales};
-use adjsplat::arena::pack::{LanePacker, Record};
-use adjsplat::arena::transpose::transpose;
 use adjsplat::arena::{Arena, Channels, TileOrder};
 use adjsplat::file::{AdjFile, arena_bytes};
+use adjsplat::internals::LanePacker;
+use adjsplat::internals::transpose;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType, Samples};
 use criterion::{Criterion, Throughput};

@@ -7,9 +7,9 @@
 
 use std::time::Instant;
 
-use adjsplat::arena::pack::Record;
+use adjsplat::arena::Record;
 use adjsplat::arena::{Arena, Lane, LaneSet, Overlay, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Unobserved, build};
+use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::traverse::{Batch, Order, walk};

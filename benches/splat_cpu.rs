@@ -6,11 +6,13 @@
 
 use std::time::Duration;
 
-use adjsplat::arena::layout::{Channels, Facts, Scales};
-use adjsplat::arena::pack::{LanePacker, Record};
-use adjsplat::arena::transpose::transpose;
+use adjsplat::arena::Channels;
+use adjsplat::arena::Record;
+use adjsplat::arena::layout::{Facts, Scales};
 use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::classify::{Point, TransferFunction, normal};
+use adjsplat::internals::LanePacker;
+use adjsplat::internals::transpose;
 use adjsplat::splat::{Camera, Code, Orbit, Scene, Settings, Surround, cpu};
 use adjsplat::volume::{Axis, Grid};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};

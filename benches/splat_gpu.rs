@@ -9,7 +9,7 @@
 use std::time::Duration;
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target, adapter};
 use adjsplat::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, cpu};

@@ -10,9 +10,10 @@ use std::hint::black_box;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use adjsplat::arena::pack::{LanePacker, Record};
-use adjsplat::arena::transpose::transpose;
+use adjsplat::arena::Record;
 use adjsplat::arena::{Channels, Lane, OwnedLane, TileOrder};
+use adjsplat::internals::LanePacker;
+use adjsplat::internals::transpose;
 use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType, Samples, SlabSource};

@@ -1,8 +1,9 @@
 //! A frame's splats, taken from the renderer's own buffers chunk by chunk, and what its stages had to do.
 
+use adjsplat::splat::gpu::Stats;
 use adjsplat::splat::gpu::layout::{BATCH, Shot, Splat, TILE, Voxel};
 use adjsplat::splat::gpu::probe::Probe;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats};
+use adjsplat::splat::gpu::{Compositor, Options, Renderer};
 use adjsplat::splat::{Camera, Frame, Settings, View};
 
 use super::device::Gpu;

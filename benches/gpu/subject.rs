@@ -4,7 +4,7 @@ use std::path::Path;
 
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{LaneSet, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Unobserved, build};
+use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::AdjFile;
 use adjsplat::splat::{Camera, Orbit, Scene, Surround};

@@ -16,11 +16,11 @@ use super::values::{Choice, choice};
 use super::{Answer, is_same_file, print_note, print_result, starts_as_adj};
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::layout::Facts;
-use adjsplat::build::budget::Budget;
-use adjsplat::build::builder::{BuildOptions, Classified, Findings, Resources, classify};
+use adjsplat::build::{BuildOptions, Classified, Resources, SampleSummary, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{RowsOutput, Scratch, check_writable, scratch_folder, write_rows};
+use adjsplat::file::{RowsOutput, ScratchFile, check_writable, scratch_folder, write_rows};
+use adjsplat::internals::Budget;
 use adjsplat::internals::description;
 use adjsplat::volume::{Header, SlabSource};
 
@@ -131,12 +131,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         memory: Some(memory),
         threads,
     };
-    let mut scratch = culling.map(|_| Scratch::beside(&arguments.output)).transpose()?;
-    let path = scratch.as_ref().map_or(arguments.output.as_path(), Scratch::path);
+    let mut scratch = culling.map(|_| ScratchFile::beside(&arguments.output)).transpose()?;
+    let path = scratch.as_ref().map_or(arguments.output.as_path(), ScratchFile::path);
     let mut progress = Progress::new(arguments.quiet);
     let mut written = write_rows(path, &visible.rows, &output, &mut progress)?;
     drop(progress);
-    let findings = visible.findings;
+    let findings = visible.samples;
     drop(visible.rows);
     let mut culled = None;
     if let (Some(culling), Some(scratch)) = (culling, &mut scratch) {
@@ -173,15 +173,15 @@ pub(super) fn classify_with_warnings(
         print_note("reading the samples twice, as what is visible depends on their largest gradient");
     }
     let built = classify(source, options, resources, &mut Progress::new(quiet))?;
-    if built.findings.blurred_away > 0 {
-        let count = built.findings.blurred_away;
+    if built.samples.blurred_away > 0 {
+        let count = built.samples.blurred_away;
         let better =
             if options.value_bits == 8 { "use --value-bits 16" } else { "narrow the range of what is visible" };
         print_note(&format!(
             "warning: {count} visible voxels turn transparent, as their values share codes with transparent ones; {better}"
         ));
     }
-    match built.findings.not_finite {
+    match built.samples.not_finite {
         0 => {}
         1 => print_note("warning: 1 sample is NaN or infinite; it is transparent"),
         count => print_note(&format!("warning: {count} samples are NaN or infinite; they are transparent")),
@@ -212,7 +212,7 @@ pub(super) fn check_replaceable(output: &Path) -> Result<()> {
 fn report(
     arguments: &Arguments,
     header: &Header,
-    findings: &Findings,
+    findings: &SampleSummary,
     (facts, bytes): (Facts, u64),
     culled: Option<&Culled>,
     seconds: f64,

@@ -11,7 +11,7 @@ use adjsplat::arena::layout::Facts;
 use adjsplat::error::Result;
 use adjsplat::file::AdjFile;
 use adjsplat::volume::Axis;
-use adjsplat::volume::histogram::Histogram;
+use adjsplat::volume::Histogram;
 use adjsplat_study::memory::virtual_voxels;
 
 /// Show what an .adj file or a volume holds: sizes and counts; for a volume also its range of values

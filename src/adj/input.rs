@@ -7,8 +7,8 @@ use clap::Args;
 use super::values::{choice, library};
 use super::{print_note, starts_as_adj};
 use adjsplat::error::{Error, Result};
+use adjsplat::volume::UnscaledSource;
 use adjsplat::volume::phantom::Phantom;
-use adjsplat::volume::source::Unscaled;
 use adjsplat::volume::{SampleType, SlabSource};
 use adjsplat_readers::open;
 use adjsplat_readers::raw::{RawOptions, parse_dims, parse_type};
@@ -85,7 +85,7 @@ impl InputArguments {
         for note in source.notes() {
             print_note(note);
         }
-        Ok(if self.unscaled { Box::new(Unscaled::new(source)) } else { source })
+        Ok(if self.unscaled { Box::new(UnscaledSource::new(source)) } else { source })
     }
 
     /// Returns how to read a raw file, if the flags for one are there.

@@ -11,9 +11,9 @@ use indicatif::HumanBytes;
 
 use super::picture::{PictureKind, SampleDepth};
 use super::resources::resident_bytes;
-use adjsplat::arena::pager::IN_FLIGHT;
 use adjsplat::arena::{Arena, Lane, LaneSet};
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::IN_FLIGHT;
 use adjsplat::splat::cpu;
 use adjsplat::splat::cpu::Canvas;
 use adjsplat::splat::{Blending, Camera, Lanes, Sampling, Settings};

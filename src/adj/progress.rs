@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 
-use adjsplat::build::builder::{Observer, Phase};
+use adjsplat::build::{Observer, Phase};
 use adjsplat::file::abandon_writes;
 use adjsplat::volume::Axis;
 

@@ -28,7 +28,7 @@ use super::stored::{missing_values, stored_transfer};
 use super::values::number;
 use super::{Answer, is_same_file, print_note};
 use adjsplat::arena::{Arena, LaneSet};
-use adjsplat::build::builder::Resources;
+use adjsplat::build::Resources;
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder};

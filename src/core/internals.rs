@@ -1,6 +1,5 @@
 //! What the other crates of this workspace reach into: judges, studies, the program, tests. No part of the API.
 
-pub use crate::build::description;
 pub use crate::model::{drawable, missing_values, stored_transfer};
 pub use crate::parallel::in_order;
 pub use crate::splat::arith::LOG2_E;
@@ -20,3 +19,13 @@ pub mod scatter {
     pub use crate::splat::cpu::task::{BandResult, BandStats, assemble};
     pub use crate::splat::cpu::tile_buffer::Rect;
 }
+
+// structure
+pub use crate::arena::lane::STEPPING;
+pub use crate::arena::pack::LanePacker;
+pub use crate::arena::pager::IN_FLIGHT;
+pub use crate::arena::record_set::{RecordSet, carry};
+pub use crate::arena::transpose::transpose;
+pub use crate::build::budget::Budget;
+pub use crate::build::description;
+pub use crate::volume::source::obtainable;

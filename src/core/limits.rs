@@ -1,7 +1,7 @@
-//! Limits: how large a file may be for a caller who does not trust it.
+//! Size limits for untrusted files.
 //!
-//! A file's sizes are checked against these before anything is allocated or read by them. The default takes whatever
-//! the formats take; a service that opens what strangers send tightens it:
+//! A file's sizes are checked against [`Limits`] before anything is allocated or read. The default accepts whatever
+//! the formats allow; a service that opens uploads should set lower values:
 //!
 //! ```no_run
 //! use adjsplat::{file::AdjFile, limits::Limits};
@@ -10,35 +10,35 @@
 //! # Ok::<(), adjsplat::Error>(())
 //! ```
 //!
-//! What a file's sections hold is another matter: any content is safe to walk, and `Arena::check` judges it.
+//! Limits concern sizes only. Any content is safe to walk; `Arena::check` tells whether it is sound.
 
 use std::path::Path;
 
 use crate::error::{Error, Result};
 
-/// The largest sizes that are accepted, each inclusive.
+/// The largest accepted sizes, inclusive.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
-    /// Grid points along an axis.
+    /// Grid points along one axis.
     pub points_per_axis: u64,
-    /// Grid points in all: what a volume has samples.
+    /// Grid points in the whole volume.
     pub points: u64,
-    /// Bytes of an `.adj` file; it is mapped, not read.
+    /// Bytes of an `.adj` file, which is mapped rather than read.
     pub file_bytes: u64,
-    /// Sections of an `.adj` file.
+    /// Number of sections in an `.adj` file.
     pub sections: u32,
     /// Bytes of one section of an `.adj` file.
     pub section_bytes: u64,
-    /// Bytes of an `.adj` file's description, which becomes a tree of JSON values.
+    /// Bytes of an `.adj` file's description, which is parsed into JSON values.
     pub description_bytes: u64,
-    /// Bytes of all lanes that are derived because a file does not store them.
+    /// Bytes of all lanes that are derived in memory because the file does not store them.
     pub derived_bytes: u64,
-    /// Bytes of one z-slice of a volume: what a reader's caller allocates.
+    /// Bytes of one z-slice of a volume.
     pub slice_bytes: u64,
 }
 
 impl Default for Limits {
-    /// What the formats allow and the system grants.
+    /// Returns limits that accept whatever the formats allow.
     fn default() -> Limits {
         Limits {
             points_per_axis: u64::MAX,
@@ -54,10 +54,10 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Whether the file at `path` may have `need` of `what`, of which `have` are allowed.
+    /// Checks that `need` of `what`, a size in the file at `path`, is at most `have`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if not.
+    /// [`Error::Limit`] if it is more.
     pub fn check(&self, path: &Path, what: &str, need: u64, have: u64) -> Result<()> {
         if need <= have {
             return Ok(());
@@ -65,10 +65,10 @@ impl Limits {
         Err(Error::Limit { what: format!("{}: {what}", path.display()), need, have })
     }
 
-    /// Whether the file at `path` may have a grid of these points along x, y, z.
+    /// Checks the grid of the file at `path`: points along x, y, z and in all.
     ///
     /// # Errors
-    /// [`Error::Limit`] if not.
+    /// [`Error::Limit`] if they are too many.
     pub fn check_grid(&self, path: &Path, dims: &[u64; 3]) -> Result<()> {
         for points in dims {
             self.check(path, "grid points along an axis", *points, self.points_per_axis)?;

@@ -1,4 +1,4 @@
-//! Reading small files of text whole: transfer functions, headers.
+//! Reads small text files whole: transfer functions, headers.
 
 use std::fs::File;
 use std::io::Read as _;
@@ -6,7 +6,7 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
-/// Opens `path` if it is a regular file; its length comes along.
+/// Opens a regular file and returns it with its length in bytes.
 ///
 /// # Errors
 /// [`Error::Io`] as `action` if it cannot be opened; [`Error::Input`] if it is a folder, a pipe or a device.
@@ -24,14 +24,14 @@ pub fn open_regular(path: &Path, action: &'static str) -> Result<(File, u64)> {
     Ok((file, len))
 }
 
-/// Longest file of text that is read as a whole: a palette of 65,536 labels takes a tenth of it.
+/// Longest text file that is read; a palette of 65,536 labels takes a tenth of it.
 const LONGEST_TEXT: u64 = 64 << 20;
 
-/// A file of text, such as a transfer function.
+/// Reads a text file, such as a transfer function.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read or is not UTF-8; [`Error::Input`] if it is no regular file, [`Error::Limit`] if
-/// it is longer than 64 MiB.
+/// [`Error::Io`] if it cannot be read or is not UTF-8; [`Error::Input`] if it is not a regular file; [`Error::Limit`]
+/// if it is longer than 64 MiB.
 pub fn read_text(path: &Path) -> Result<String> {
     let (file, need) = open_regular(path, "read")?;
     if need > LONGEST_TEXT {

@@ -20,7 +20,7 @@ use adjsplat::traverse::{Batch, Sense};
 const LEVELS: usize = 17;
 
 /// Draws what it is given.
-pub struct Splatter<'a> {
+pub(crate) struct Splatter<'a> {
     /// By level of the cubes; voxels are level 0.
     projectors: Vec<Projector<'a>>,
     /// By value code.
@@ -64,7 +64,7 @@ impl Coordinates for Block {
 impl Splatter<'_> {
     /// A voxel by its codes.
     #[inline(always)]
-    pub fn coded(&mut self, position: [u16; 3], value: u8, normal: u16) {
+    pub(crate) fn coded(&mut self, position: [u16; 3], value: u8, normal: u16) {
         let place = self.room(0, true);
         self.block.codes[place] = normal;
         self.put(place, position.map(f64::from), self.look(value));
@@ -72,14 +72,14 @@ impl Splatter<'_> {
 
     /// What a value looks like.
     #[inline(always)]
-    pub fn look(&self, value: u8) -> Look {
+    pub(crate) fn look(&self, value: u8) -> Look {
         self.looks[usize::from(value)]
     }
 
     /// A cube of voxels of edge `1 << level` with its lowest voxel at `low`; `level` 0 for a voxel. Its normal is a unit
     /// vector, or 0 for none.
     #[inline(always)]
-    pub fn cube(&mut self, low: [u16; 3], level: u8, look: Look, normal: [f32; 3]) {
+    pub(crate) fn cube(&mut self, low: [u16; 3], level: u8, look: Look, normal: [f32; 3]) {
         let place = self.room(usize::from(level), false);
         for (array, part) in self.block.normals.iter_mut().zip(normal) {
             array[place] = part;
@@ -108,7 +108,7 @@ impl Splatter<'_> {
     }
 
     /// Voxels of the lane that the order asks for.
-    pub fn batch(&mut self, batch: &Batch) {
+    pub(crate) fn batch(&mut self, batch: &Batch) {
         self.flush();
         for from in (0..batch.len()).step_by(GROUP) {
             if !self.voxels.have_room(GROUP) {
@@ -204,7 +204,7 @@ fn handed(
 ///
 /// # Errors
 /// As `cpu::render`, and whatever `feed` fails with.
-pub fn splat(
+pub(crate) fn splat(
     scene: &Scene,
     camera: &Camera,
     settings: &Settings,

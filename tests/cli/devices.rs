@@ -6,7 +6,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use super::harness::{Folder, Ran, Runs as _, program};
+use super::harness::{Folder, Ran, program};
 
 /// The program where a display server's complaints do not mix with its own.
 fn adj(folder: &Folder, line: &str, environment: &[(&str, &str)]) -> Ran {

@@ -4,7 +4,7 @@
 
 use adjsplat::arena::layout::SectionKind;
 use adjsplat::arena::{Arena, TrimOptions, trim};
-use adjsplat::build::builder::Unobserved;
+use adjsplat::build::Unobserved;
 use adjsplat::file::{RowsOutput, write_rows};
 use serde_json::{Value, json};
 

@@ -1,6 +1,5 @@
 //! Volumes that cannot be read: exit code 2, one line that says what to do, and no file.
 
-use std::path::Path;
 
 use super::harness::{Folder, RAW, Runs as _, adj, gzip, nrrd};
 

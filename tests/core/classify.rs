@@ -6,7 +6,7 @@
 use adjsplat::classify::colour::linear_from_srgb;
 use adjsplat::classify::gradient::magnitude;
 use adjsplat::classify::normal::{NONE8, NONE16, decode8, decode16, encode8, encode16};
-use adjsplat::classify::{Colour, Contour, Neighbourhood, Others, PRESETS, Point, Quantiser, TransferFunction};
+use adjsplat::classify::{Colour, Contour, Neighbourhood, PRESETS, Point, Quantiser, TransferFunction, UnlistedLabels};
 use adjsplat::volume::SampleType;
 use adjsplat_tests::random::Random;
 
@@ -311,7 +311,7 @@ fn palettes_come_from_json_slicer_tables_and_built_in() {
             assert!(distance(a.into(), b.into()) > 0.008, "{a} and {b} differ");
         }
     }
-    let hidden = TransferFunction::labels(Vec::new(), Others::Transparent).unwrap();
+    let hidden = TransferFunction::labels(Vec::new(), UnlistedLabels::Transparent).unwrap();
     assert!(hidden.domain(0.0).0 > hidden.domain(0.0).1);
 }
 
@@ -673,7 +673,7 @@ fn what_was_not_stored_is_found_exactly() {
 
 #[test]
 fn labels_that_were_not_stored_are_whole_numbers() {
-    let palette = |labels: &[i64], others: Others| {
+    let palette = |labels: &[i64], others: UnlistedLabels| {
         let label = |&label: &i64| adjsplat::classify::Label {
             label,
             name: String::new(),
@@ -682,8 +682,9 @@ fn labels_that_were_not_stored_are_whole_numbers() {
         };
         TransferFunction::labels(labels.iter().map(label).collect(), others).unwrap()
     };
-    let (few, more) = (palette(&[1, 2, 7], Others::Transparent), palette(&[1, 2, 5, 7, 9], Others::Transparent));
-    let all = palette(&[], Others::Distinct);
+    let (few, more) =
+        (palette(&[1, 2, 7], UnlistedLabels::Transparent), palette(&[1, 2, 5, 7, 9], UnlistedLabels::Transparent));
+    let all = palette(&[], UnlistedLabels::Distinct);
     let values = [0.0, 20.0];
     assert_eq!(few.missing_from(&more, values, 0.0), [[0.0; 2]; 0]);
     assert_eq!(more.missing_from(&few, values, 0.0), [[5.0, 5.0], [9.0, 9.0]]);

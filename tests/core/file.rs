@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use adjsplat::Error;
 use adjsplat::arena::{Arena, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::{AdjFile, arena_bytes, check_writable, write_arena, write_atomically, write_atomically_unless};
 use adjsplat::volume::SampleType;

@@ -6,8 +6,9 @@
 use std::mem::{offset_of, size_of};
 use std::path::PathBuf;
 
+use adjsplat::arena::TileRecord;
 use adjsplat::arena::layout::{
-    ALIGNMENT, FileHeader, MAGIC, MAX_SECTIONS, NARROW_LINE, OPTIONAL_KINDS, SectionEntry, SectionKind, TileRecord,
+    ALIGNMENT, FileHeader, MAGIC, MAX_SECTIONS, NARROW_LINE, OPTIONAL_KINDS, SectionEntry, SectionKind,
 };
 use adjsplat::arena::{Channels, TileOrder};
 use adjsplat::volume::Axis;

@@ -2,11 +2,14 @@
 
 mod build;
 mod classify;
+mod classify_fields;
 mod edits;
 mod file;
 mod format;
+mod lanes;
 mod layers;
 mod layout;
 mod model;
+mod parallel;
 mod phantom;
 mod traversal;

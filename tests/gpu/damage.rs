@@ -3,8 +3,8 @@
 //! Cannot catch: a device that reads beyond a buffer, as its driver then answers with zeros or other bytes of it.
 
 use adjsplat::arena::OwnedLane;
-use adjsplat::arena::lane::OwnedLineEnds;
-use adjsplat::build::builder::Built;
+use adjsplat::arena::OwnedLineEnds;
+use adjsplat::build::Built;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Quality, Settings, cpu};
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm};

@@ -1,7 +1,7 @@
 //! The extremes of tests/pictures/extremes on graphics devices: finite, the same every time, and the processor's picture; or,
 //! where the targets of quads are narrow, off by what is known of them.
 
-use adjsplat::build::builder::{BuildOptions, Built};
+use adjsplat::build::{BuildOptions, Built};
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Settings, cpu};
 use adjsplat::traverse::{Sense, VoxelBox};

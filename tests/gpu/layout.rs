@@ -3,7 +3,7 @@
 use std::mem::{offset_of, size_of};
 
 use super::twin;
-use adjsplat::arena::layout::TileRecord;
+use adjsplat::arena::TileRecord;
 use adjsplat::splat::gpu::layout::{BATCH, Block, Chunk, LINES, NO_RECORD, NOTHING, Row, Shot, Splat, TILE, Voxel};
 use adjsplat::splat::gpu::stages::SHADERS;
 use adjsplat::splat::kernel::LOW_PASS;

@@ -1,12 +1,13 @@
 //! Video memory: below its ceiling, whatever the structure; and no bit of a picture depends on it.
 
 use adjsplat::Error;
+use adjsplat::arena::Record;
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::layout::Facts;
-use adjsplat::arena::pack::Record;
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
+use adjsplat::splat::gpu::Stats;
 use adjsplat::splat::gpu::adapter::Opened;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
+use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Orbit, Quality, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::{Order, SplitForm};
 use adjsplat::volume::{Axis, Grid};

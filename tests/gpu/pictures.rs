@@ -5,7 +5,7 @@
 //! some 1e-4 pixels, and pixels on the very edge of a footprint. On software drivers they agree to more than 100 dB.
 
 use adjsplat::arena::{Arena, LaneSet, Overlay, OwnedLane};
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
@@ -199,7 +199,7 @@ fn overlays_with_edits_and_with_fewer_voxels_shown() {
 }
 
 /// Some voxel's record.
-fn lanes_record(built: &Built) -> adjsplat::arena::pack::Record {
+fn lanes_record(built: &Built) -> adjsplat::arena::Record {
     built.lanes[0].view().record(100)
 }
 

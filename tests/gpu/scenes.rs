@@ -1,6 +1,6 @@
 //! Scenes and cameras of the tests on graphics devices.
 
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Orbit, Projection};
 use adjsplat::volume::SampleType;

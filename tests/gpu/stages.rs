@@ -5,12 +5,13 @@
 
 use super::twin;
 use super::twin::splat::Rounding;
-use adjsplat::arena::layout::TileRecord;
-use adjsplat::build::builder::Built;
+use adjsplat::arena::TileRecord;
+use adjsplat::build::Built;
+use adjsplat::splat::gpu::Stats;
 use adjsplat::splat::gpu::layout::{NO_RECORD, NOTHING, Shot, Splat, Voxel};
 use adjsplat::splat::gpu::probe::Probe;
 use adjsplat::splat::gpu::stages::Blend;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
+use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Lighting, Mode, Quality, Settings, cpu};
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint, VoxelBox};
 use adjsplat_tests::pictures::decibels;

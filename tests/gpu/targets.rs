@@ -1,7 +1,7 @@
 //! What quads lose in targets of 16 and 8 bits: nothing to see where opacities are large, and much where they are
 //! small, because a step below half a unit in the last place changes nothing any more.
 
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Camera, Projection, Quality, Settings, cpu};
 use adjsplat::traverse::Sense;

@@ -19,13 +19,15 @@ use std::io::{BufWriter, Write};
 use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::Path;
 
+use adjsplat::arena::Record;
+use adjsplat::arena::TileRecord;
 use adjsplat::arena::layout;
-use adjsplat::arena::layout::{Facts, Scales, SectionEntry, SectionKind, TileRecord, aligned};
-use adjsplat::arena::pack::{LanePacker, Record};
-use adjsplat::arena::transpose::transpose;
+use adjsplat::arena::layout::{Facts, Scales, SectionEntry, SectionKind, aligned};
 use adjsplat::arena::{Lane, OwnedLane, TileOrder};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::AdjFile;
+use adjsplat::internals::LanePacker;
+use adjsplat::internals::transpose;
 use adjsplat::splat::{Camera, Frame, Lanes, Orbit, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::{Axis, Grid};

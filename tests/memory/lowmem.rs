@@ -8,10 +8,10 @@ use std::time::Duration;
 
 use adjsplat::Error;
 use adjsplat::arena::LaneSet;
-use adjsplat::arena::pager::IN_FLIGHT;
-use adjsplat::build::builder::{BuildOptions, Resources, Unobserved, classify};
+use adjsplat::build::{BuildOptions, Resources, Unobserved, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
+use adjsplat::internals::IN_FLIGHT;
 use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Frame, Mode, Orbit, Quality, Scene, Settings, Surround, cpu};
 use adjsplat::volume::{Axis, SampleType};

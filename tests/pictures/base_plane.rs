@@ -2,7 +2,7 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "pixels of small pictures")]
 
-use adjsplat::build::builder::{BuildOptions, Built};
+use adjsplat::build::{BuildOptions, Built};
 use adjsplat::splat::{Camera, Code, KernelShape, Projection, Sampling, Settings};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::SampleType;

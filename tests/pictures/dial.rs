@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::error::Error;
 use adjsplat::splat::{Camera, Orbit, Quality, Settings};
 use adjsplat_judge::dial;

@@ -1,6 +1,6 @@
 //! Pictures whose voxels are finer than their pixels, beside much larger ones seen through the Gaussian that a pixel is.
 
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Code, Mode, Orbit, Projection, Sampling, Settings, Surround};
 use adjsplat_tests::pictures::decibels;
 use adjsplat_tests::scenes::{Draw as _, built_phantom};

@@ -2,7 +2,7 @@
 //! splats may break, and by each other on real volumes.
 
 use adjsplat::arena::{Arena, LaneSet};
-use adjsplat::build::builder::BuildOptions;
+use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::{Camera, Lanes, Projection, Quality, Scene, Settings, cpu};

@@ -1,6 +1,6 @@
 //! Pictures of which only as many pixels are drawn as wide footprints need, beside those of which all are.
 
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Frame, Mode, Orbit, Projection, Sampling, Settings};
 use adjsplat_tests::pictures::{apart, decibels};
 use adjsplat_tests::scenes::{Draw as _, built_phantom};

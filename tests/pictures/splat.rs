@@ -1,7 +1,7 @@
 //! The renderer on the processor, judged by closed forms, by its plain twin, and by itself with other threads.
 
-use adjsplat::arena::pack::Record;
-use adjsplat::build::builder::Built;
+use adjsplat::arena::Record;
+use adjsplat::build::Built;
 use adjsplat::classify::{Point, TransferFunction, normal};
 use adjsplat::splat::{Blending, Camera, Code, Frame, KernelShape, Mode, Orbit, Projection, Quality, Settings, cpu};
 use adjsplat::traverse::{Sense, VoxelBox};

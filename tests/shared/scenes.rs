@@ -2,12 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use adjsplat::arena::layout::{Channels, Facts, Scales};
-use adjsplat::arena::pack::{LanePacker, Record};
-use adjsplat::arena::transpose::transpose;
+use adjsplat::arena::Channels;
+use adjsplat::arena::Record;
+use adjsplat::arena::layout::{Facts, Scales};
 use adjsplat::arena::{OwnedLane, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Built, Findings, Unobserved, build};
+use adjsplat::build::{BuildOptions, Built, SampleSummary, Unobserved, build};
 use adjsplat::classify::TransferFunction;
+use adjsplat::internals::LanePacker;
+use adjsplat::internals::transpose;
 use adjsplat::splat::{Camera, Frame, Orbit, Scene, Settings, Stats, Surround, cpu};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, Grid, SampleType, SlabSource};
@@ -147,7 +149,7 @@ pub fn packed(
     let visible_voxels = x.view().record_count() - x.view().stepping_voxels();
     let derived = [Axis::Y, Axis::Z].map(|axis| transpose(&x.view(), axis, tile_order));
     let facts = Facts { grid, channels, tile_order, scales: CODES, visible_voxels };
-    Built { facts, lanes: std::iter::once(x).chain(derived).collect(), transfer, findings: Findings::default() }
+    Built { facts, lanes: std::iter::once(x).chain(derived).collect(), transfer, samples: SampleSummary::default() }
 }
 
 /// What tests draw of a structure.

@@ -5,7 +5,7 @@
 
 use adjsplat::Error;
 use adjsplat::arena::{Arena, LaneSet};
-use adjsplat::build::builder::BuildOptions;
+use adjsplat::build::BuildOptions;
 use adjsplat::classify::normal;
 use adjsplat::file::arena_bytes;
 use adjsplat::traverse::{Order, Sense, SplitForm, Viewpoint};

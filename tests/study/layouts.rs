@@ -2,7 +2,7 @@
 
 use adjsplat::arena::{Arena, LaneSet, OwnedLane, TileOrder};
 use adjsplat::classify::TransferFunction;
-use adjsplat::file::write::arena_bytes;
+use adjsplat::file::arena_bytes;
 use adjsplat::traverse::Order;
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;

@@ -6,7 +6,7 @@
 
 use std::sync::Mutex;
 
-use adjsplat::arena::pack::Record;
+use adjsplat::arena::Record;
 use adjsplat::arena::{Lane, LineEnds, OwnedLane, Pager, TileOrder};
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::Axis;

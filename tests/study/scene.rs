@@ -1,10 +1,12 @@
 //! Scenes for studies: dense volumes of codes, and arenas made of them.
 
-use adjsplat::arena::layout::{Channels, Facts};
-use adjsplat::arena::pack::{LanePacker, Record};
+use adjsplat::arena::Channels;
+use adjsplat::arena::Record;
+use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, LaneSet, TileOrder};
 use adjsplat::classify::{Colour, Point, TransferFunction};
 use adjsplat::file::arena_bytes;
+use adjsplat::internals::LanePacker;
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_study::Subject;
 use adjsplat_study::subject::VisibleVoxel;

@@ -13,7 +13,7 @@ use super::super::stored::stored_transfer;
 use super::super::values::number;
 use super::super::{print_note, starts_as_adj};
 use adjsplat::arena::{LaneSet, TileOrder};
-use adjsplat::build::builder::{BuildOptions, Resources};
+use adjsplat::build::{BuildOptions, Resources};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, open_rows};

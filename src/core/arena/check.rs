@@ -1,19 +1,19 @@
 //! The check: whether an arena that opened is sound, in O(bytes).
 //!
-//! In: an [`Arena`]. Out: what it counted, or the first broken rule of `formats/adj-1.md` among R12 to R22 and the
-//! byte where it is broken. It allocates nothing that grows with the file and ends on any bytes: every tile, line
-//! and record is read once, because it must start where the one before it ends.
+//! In: an [`Arena`]. Out: counts, or the first broken rule of `formats/adj-1.md` among R12 to R22 with its byte. The check
+//! allocates nothing that grows with the file and ends on any bytes: every tile, line and record is read once, because
+//! it must start where the previous one ends.
 //!
 //! ```text
 //! for each section in file order: its checksum, the zeros after it, the description's text
-//! for each lane: for each tile: its place, mask and first indices
-//!                    for each line: its end, its steps, and a hash of each voxel added to the lane's sum
+//! for each lane: for each tile: its position, mask and first indices
+//!                    for each line: its end, its steps, and a hash of each voxel, added to the lane's sum
 //! all lanes have the same sum
 //! ```
 //!
-//! That lanes hold the same voxels is found without sorting them: the sum of a hash over (place, value, normal,
-//! magnitude) does not depend on the order. The hash's key is the file's fingerprint, so that a file cannot be
-//! made to fit it. Two lanes that differ have equal sums by a chance of about 2^-64.
+//! The sums show without sorting that all lanes hold the same voxels: a sum of hashes over (position, value, normal,
+//! magnitude) does not depend on order. The hash is keyed by the file's fingerprint, so that no file can be crafted to
+//! fit it. Lanes that differ have equal sums with a probability of about 2^-64.
 
 use std::mem::{offset_of, size_of};
 
@@ -26,38 +26,38 @@ use super::pager::tell;
 use crate::error::FormatFault;
 use crate::volume::Axis;
 
-/// What a sound arena holds.
+/// The contents of a sound arena.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Checked {
-    /// Bytes of the file.
+    /// Length of the file in bytes.
     pub bytes: u64,
-    /// Visible voxels, the same in every lane.
+    /// Number of visible voxels, the same in every lane.
     pub visible_voxels: u64,
     /// The stored lanes, x first.
     pub lanes: Vec<CheckedLane>,
 }
 
-/// What one lane of a sound arena holds.
+/// The size of one lane of a sound arena.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CheckedLane {
-    /// The axis its lines run along.
+    /// The axis along which the lane's lines run.
     pub axis: Axis,
-    /// Tiles with voxels.
+    /// Number of tiles with voxels.
     pub tiles: u64,
-    /// Lines with voxels.
+    /// Number of lines with voxels.
     pub lines: u64,
-    /// Records, stepping voxels included.
+    /// Number of records, including stepping voxels.
     pub records: u64,
-    /// Records that carry only distance.
+    /// Number of stepping voxels: records that only bridge a distance.
     pub stepping_voxels: u64,
 }
 
 impl Arena<'_> {
-    /// Checks everything that opening did not: rules R12 to R22.
+    /// Checks everything that opening did not: rules R12 to R22 of `formats/adj-1.md`.
     ///
-    /// O(bytes): 4 to 7 ns a record, all channels and the checksums included (benches/open.rs). A file that opens and passes is sound: its
-    /// lanes hold `visible_voxels` voxels each, the same ones, inside the grid, in the one way there is to store
-    /// them. Every change of a single byte of a sound file makes opening or this check fail.
+    /// In a file that passes, all lanes hold the same voxels, inside the grid, in the only valid way to store them. Any
+    /// change of a single byte of a sound file makes opening or this check fail. O(bytes): 4 to 7 ns per record, with all
+    /// channels and checksums (benches/open.rs).
     ///
     /// # Errors
     /// The first broken rule, with its byte offset in the file.
@@ -88,7 +88,7 @@ impl Arena<'_> {
     }
 }
 
-/// Checksums, filling and the description. R12, R21, R22.
+/// Checks the checksums, the zeros between sections and the description. R12, R21, R22.
 fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
     let bytes = arena.bytes();
     let index = |offset: u64| usize::try_from(offset).unwrap_or(usize::MAX);
@@ -114,7 +114,7 @@ fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
     zeros(end, bytes.len() as u64)
 }
 
-/// XXH3-64 of a section, piece by piece, so that its pages need not all be there at once.
+/// Returns the XXH3-64 of a section; in parts if pages are limited, so that not all are resident at once.
 fn checksum(arena: &Arena, content: &[u8]) -> u64 {
     let Some(pager) = arena.pager() else { return xxh3_64(content) };
     let mut sum = Xxh3::new();
@@ -133,7 +133,7 @@ fn name_of(section: &Section) -> String {
     }
 }
 
-/// R22.
+/// Checks that the description is a JSON object. R22.
 fn check_description(at: u64, content: &[u8]) -> Result<(), FormatFault> {
     let expected = "a JSON object in UTF-8";
     let text = match std::str::from_utf8(content) {
@@ -143,7 +143,7 @@ fn check_description(at: u64, content: &[u8]) -> Result<(), FormatFault> {
     if let Err(error) = serde_json::from_str::<serde::de::IgnoredAny>(text) {
         return Err(fault(at, "R22", expected, error));
     }
-    // JSON's white space, then the one value.
+    // White space that JSON allows, then the object.
     match text.trim_start_matches([' ', '\t', '\n', '\r']).starts_with('{') {
         true => Ok(()),
         false => Err(fault(at, "R22", expected, "another JSON value")),
@@ -154,23 +154,23 @@ fn section_offset(arena: &Arena, kind: SectionKind, axis: Axis) -> u64 {
     arena.section(kind, Some(axis)).map_or(0, |section| section.offset)
 }
 
-/// One lane under check.
+/// The check of one lane.
 struct LaneCheck<'a> {
     lane: Lane<'a>,
     facts: &'a Facts,
     hash: VoxelHash,
-    /// First bytes of its sections in the file, in the order of [`SectionKind::OF_LANES`].
+    /// Starts of the lane's sections in the file, in the order of [`SectionKind::OF_LANES`].
     offsets: [u64; 6],
     stepping_voxels: u64,
     sum: u64,
 }
 
-/// What the records of one line come to.
+/// The result of following one line.
 struct LineOutcome {
     /// One past the highest coordinate.
     end: u32,
     stepping_voxels: u32,
-    /// All bits that stepping voxels carry in the channels.
+    /// All bits set in the channels of stepping voxels, which must carry nothing.
     stray: u64,
     /// Sum of the voxels' hashes.
     sum: u64,
@@ -188,7 +188,7 @@ impl<'a> LaneCheck<'a> {
         }
     }
 
-    /// [`LaneCheck::run`] for the widths of the lane's channels.
+    /// Runs [`LaneCheck::run`] compiled for the widths of the lane's channels.
     fn run_by_width(self) -> Result<(CheckedLane, u64), FormatFault> {
         let channels = self.lane.channels;
         match (channels.value_bits, channels.normal_bits, channels.magnitude_bits) {
@@ -207,8 +207,9 @@ impl<'a> LaneCheck<'a> {
         }
     }
 
-    /// Counts, and the sum of all voxels' hashes, of values of `V` bytes, normals of `N` and magnitudes of `M`.
-    /// R13 to R18.
+    /// Checks R13 to R18. Returns the lane's counts and the sum of its voxels' hashes.
+    ///
+    /// `V`, `N` and `M` are the bytes of a value, a normal and a magnitude.
     fn run<const V: usize, const N: usize, const M: usize>(mut self) -> Result<(CheckedLane, u64), FormatFault> {
         let (lane, mut next_line, mut next_record, mut last_key) = (self.lane, 0usize, 0usize, None);
         for (index, tile) in lane.sweep_tiles().enumerate() {
@@ -258,7 +259,7 @@ impl<'a> LaneCheck<'a> {
         Ok((counts, self.sum))
     }
 
-    /// The tile is inside the face, after the last one, and its mask too is inside. R13.
+    /// Checks that the tile lies inside the face, after the previous one, with all its lines inside. R13.
     fn check_place(&self, tile: &TileRecord, at: u64, last_key: &mut Option<u32>) -> Result<(), FormatFault> {
         let edge = u32::from(TILE_EDGE);
         let dims = self.lane.axis.others().map(|axis| self.lane.dims[axis.index()]);
@@ -273,7 +274,7 @@ impl<'a> LaneCheck<'a> {
             return Err(fault(at, "R13", expected, format!("{place:?}")));
         }
         *last_key = Some(key);
-        // A face that ends inside the tile has `dim - 8 * place` of its lines.
+        // Where the face ends inside the tile, only `dim - 8 * place` of its lines exist.
         let [across, up] = [0, 1].map(|i| (dims[i] - edge * place[i]).min(edge));
         let inside = (u64::MAX >> (64 - edge * up)) & (0x0101_0101_0101_0101 * (0xff >> (8 - across)));
         let occupancy = tile.occupancy.get();
@@ -285,14 +286,14 @@ impl<'a> LaneCheck<'a> {
         Ok(())
     }
 
-    /// The index after the last record of line `line`, which starts at record `start`. R16.
+    /// Returns the index after the last record of a line that starts at record `start`. R16.
     #[inline(always)]
     fn check_line_end(&self, line: usize, first_record: usize, start: usize) -> Result<usize, FormatFault> {
         let (at, records) = (self.line_end_offset(line), self.lane.steps.len());
         let Some(offset) = self.lane.line_ends.get(line) else {
             return Err(fault(at, "R16", "a line end for each line of the masks", "none"));
         };
-        // Where addresses have 32 bits the sum may not fit; then it is outside too.
+        // On machines with 32-bit addresses the sum may overflow; then it is out of range too.
         let end = first_record.saturating_add(offset as usize);
         if end <= start || end > records {
             let expected = format!("a line end from {} to {}", start + 1 - first_record, records - first_record);
@@ -301,7 +302,7 @@ impl<'a> LaneCheck<'a> {
         Ok(end)
     }
 
-    /// Follows the steps of the line at `bit` of `tile`. R17, R18.
+    /// Checks the steps of the line at `bit` of `tile`. R17, R18.
     #[inline(always)]
     fn check_line<const V: usize, const N: usize, const M: usize>(
         &mut self,
@@ -334,7 +335,7 @@ impl<'a> LaneCheck<'a> {
         Ok(outcome)
     }
 
-    /// The line's two coordinates, where a voxel's hash has them.
+    /// Returns the line's two coordinates, packed for the voxel hash.
     #[inline(always)]
     fn place(&self, tile: &TileRecord, bit: u32) -> u64 {
         let [u, v] = self.lane.axis.others();
@@ -342,7 +343,7 @@ impl<'a> LaneCheck<'a> {
         line(tile.tile_u.get(), bit % 8) << shift(u) | line(tile.tile_v.get(), bit / 8) << shift(v)
     }
 
-    /// The coordinate of the line's first voxel, the line having passed R17.
+    /// Returns the coordinate of the first voxel of a line that passed R17.
     #[inline(always)]
     fn first_coordinate(&self, first: usize) -> u32 {
         let mut end = 0;
@@ -355,14 +356,14 @@ impl<'a> LaneCheck<'a> {
         end
     }
 
-    /// The first coordinate of a line that is outside the grid, and its record.
+    /// Returns the first coordinate of a line that is outside the grid, with its record.
     fn first_outside(&self, records: std::ops::Range<usize>) -> (u32, usize) {
         let points = self.lane.dims[self.lane.axis.index()];
         let outside = self.lane.line_voxels(records.clone()).find(|&(coordinate, _)| coordinate >= points);
         outside.unwrap_or((points, records.start))
     }
 
-    /// Where a stepping voxel of the line carries something. R18.
+    /// Returns the fault of a stepping voxel that carries something. R18.
     fn stray_fault(&self, records: std::ops::Range<usize>) -> FormatFault {
         let lane = &self.lane;
         let widths = [lane.channels.value_bits / 8, lane.channels.normal_bits / 4, lane.channels.magnitude_bits / 8];
@@ -385,7 +386,7 @@ impl<'a> LaneCheck<'a> {
     }
 }
 
-/// Where a coordinate on `axis` stands in a voxel's place.
+/// Returns the bit position of a coordinate on `axis` in the packed position.
 const fn shift(axis: Axis) -> u32 {
     match axis {
         Axis::X => 0,
@@ -394,7 +395,7 @@ const fn shift(axis: Axis) -> u32 {
     }
 }
 
-/// The hash of a voxel: two folded multiplications, keyed.
+/// A keyed hash of voxels: two folded multiplications.
 #[derive(Debug, Clone, Copy)]
 struct VoxelHash {
     key: [u64; 2],
@@ -405,7 +406,7 @@ impl VoxelHash {
         VoxelHash { key: [xxh3_64(&key.to_le_bytes()), key] }
     }
 
-    /// `place`: x, y, z and value in 16 bits each; `shading`: normal in 32 bits, magnitude above.
+    /// Hashes x, y, z and value (`place`, 16 bits each), normal and magnitude (`shading`, 32 bits and above).
     #[inline(always)]
     fn of(self, place: u64, shading: u64) -> u64 {
         let folded = fold(place ^ self.key[0], 0x9e37_79b9_7f4a_7c15);
@@ -413,7 +414,7 @@ impl VoxelHash {
     }
 }
 
-/// Low half of the product, exclusive-or its high half.
+/// Multiplies, and combines the halves of the product by exclusive or.
 #[inline(always)]
 fn fold(a: u64, b: u64) -> u64 {
     let product = u128::from(a) * u128::from(b);
@@ -422,10 +423,9 @@ fn fold(a: u64, b: u64) -> u64 {
     halves.0 ^ halves.1
 }
 
-/// Follows a line of values of `V` bytes, normals of `N` and magnitudes of `M`.
+/// Follows a line with values of `V` bytes, normals of `N` and magnitudes of `M`.
 ///
-/// `records` is inside the channels and no longer than 65,535, so nothing overflows; `place` has the line's two
-/// coordinates.
+/// `records` must lie inside the channels and number at most 65,535. `place` holds the line's two coordinates.
 #[inline(always)]
 fn follow_line<const V: usize, const N: usize, const M: usize>(
     lane: &Lane,
@@ -456,7 +456,7 @@ fn follow_line<const V: usize, const N: usize, const M: usize>(
     outcome
 }
 
-/// Element `index` of a channel of `W` bytes, 0 to 4, little endian.
+/// Returns element `index` of a little-endian channel with `W` bytes (0 to 4) per element.
 #[inline(always)]
 fn number<const W: usize>(channel: &[u8], index: usize) -> u64 {
     let mut bytes = [0; 8];

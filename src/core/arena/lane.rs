@@ -1,33 +1,33 @@
-//! A lane: every visible voxel on the scan lines along one axis.
+//! A lane: every visible voxel of a volume, on the scan lines along one axis.
 //!
-//! [`Lane`] borrows its channels from wherever they lie (a map, vectors); [`OwnedLane`] is one that was built or
-//! derived in memory.
+//! [`Lane`] borrows its data from a file map, or from an [`OwnedLane`].
 
 use std::ops::Range;
 
 use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32};
 
-use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
-use super::pack::{Record, TileRun};
+use super::layout::{Channels, TILE_EDGE, TileRecord};
+use super::owned_lane::OwnedLane;
+use super::pack::Record;
 use super::pager::{Pager, tell};
 use super::visible::VisibleCodes;
 use crate::volume::Axis;
 
-/// What a stepping voxel advances.
+/// The distance that a stepping voxel bridges.
 pub const STEPPING: u32 = 255;
 
-/// Per line, the index after its last record, counted from the first record of its tile.
+/// For each line, the index after its last record, counted from the first record of its tile.
 #[derive(Debug, Clone, Copy)]
 pub enum LineEnds<'a> {
-    /// For lines of at most [`super::layout::NARROW_LINE`] points.
+    /// Two bytes each, for lines of at most [`super::layout::NARROW_LINE`] points.
     Narrow(&'a [U16]),
-    /// For longer ones.
+    /// Four bytes each, for longer lines.
     Wide(&'a [U32]),
 }
 
 impl<'a> LineEnds<'a> {
-    /// The bytes of the ends of lines `range`, of those that there are.
+    /// Returns the bytes of the ends of lines `range`, as far as they exist.
     pub(crate) fn bytes_of(&self, range: Range<usize>) -> &'a [u8] {
         let within = |len: usize| range.start.min(len)..range.end.min(len).max(range.start.min(len));
         match self {
@@ -35,22 +35,19 @@ impl<'a> LineEnds<'a> {
             LineEnds::Wide(ends) => ends[within(ends.len())].as_bytes(),
         }
     }
-}
-
-impl LineEnds<'_> {
-    /// How many lines.
+    /// Returns the number of lines.
     pub fn len(&self) -> usize {
         match self {
             LineEnds::Narrow(ends) => ends.len(),
             LineEnds::Wide(ends) => ends.len(),
         }
     }
-
+    /// Returns whether there are no lines.
     /// Whether there are no lines.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
-
+    /// Returns the end of line `index`; `None` past the last line.
     /// The end of line `index`; `None` past the last.
     #[inline(always)]
     pub fn get(&self, index: usize) -> Option<u32> {
@@ -61,41 +58,41 @@ impl LineEnds<'_> {
     }
 }
 
-/// A lane, borrowed.
+/// A lane that borrows its data.
 #[derive(Debug, Clone, Copy)]
 pub struct Lane<'a> {
-    /// The axis its lines run along.
+    /// The axis along which the lane's lines run.
     pub axis: Axis,
-    /// Grid points along x, y, z.
+    /// Number of grid points along x, y, z.
     pub dims: [u32; 3],
     /// Widths of the channels.
     pub channels: Channels,
-    /// Non-empty tiles in the tile order.
+    /// Tiles that are not empty, in tile order.
     pub tiles: &'a [TileRecord],
-    /// Non-empty lines, tile after tile, bit after bit.
+    /// Ends of the lines that are not empty, tile by tile, in the order of the mask's bits.
     pub line_ends: LineEnds<'a>,
-    /// One byte a record: distance from the previous record; 0 is a stepping voxel of 255.
+    /// One byte per record: the distance from the previous record; 0 marks a stepping voxel, which bridges 255.
     pub steps: &'a [u8],
-    /// 1 or 2 bytes a record.
+    /// Value codes, 1 or 2 bytes per record.
     pub values: &'a [u8],
-    /// 0, 2 or 4 bytes a record.
+    /// Normal codes, 0, 2 or 4 bytes per record.
     pub normals: &'a [u8],
-    /// 0 or 1 byte a record.
+    /// Magnitude codes, 0 or 1 byte per record.
     pub magnitudes: &'a [u8],
-    /// What follows its lines and records: those of the tiles that an [overlay](super::Overlay) changes.
+    /// Lines and records of the tiles that an [overlay](super::Overlay) changed; their indices follow the lane's own.
     pub patch: Option<&'a OwnedLane>,
-    /// The codes of the voxels that are shown; `None` for all.
+    /// The codes of voxels that are shown; `None` shows all.
     pub shown: Option<&'a VisibleCodes>,
-    /// Told what is about to be read of all these; `None` where nobody needs to know.
+    /// Informed before parts of the lane are read; `None` if pages are not limited.
     pub pager: Option<&'a dyn Pager>,
 }
 
-/// Tiles, and records, of a sweep that are told of at once.
+/// Tiles, and records, that are announced to the pager at once.
 const SWEEP_TILES: usize = 1 << 10;
 const SWEEP_RECORDS: usize = 1 << 14;
 
 impl<'a> Lane<'a> {
-    /// Tells the pager that these records are about to be read, in any channel.
+    /// Informs the pager that these records are about to be read, in all channels.
     #[inline]
     pub fn about_to_read(&self, records: Range<usize>) {
         if self.pager.is_some() {
@@ -109,7 +106,7 @@ impl<'a> Lane<'a> {
         }
     }
 
-    /// Tile `index`; the pager is told.
+    /// Returns tile `index`, and informs the pager.
     #[inline]
     pub fn tile(&self, index: usize) -> Option<&'a TileRecord> {
         let tile = self.tiles.get(index)?;
@@ -117,7 +114,7 @@ impl<'a> Lane<'a> {
         Some(tile)
     }
 
-    /// All tiles; the pager is told on the way.
+    /// Iterates over all tiles, and informs the pager.
     pub fn sweep_tiles(&self) -> impl Iterator<Item = &'a TileRecord> + use<'a> {
         let pager = self.pager;
         self.tiles.chunks(SWEEP_TILES).flat_map(move |chunk| {
@@ -126,7 +123,7 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// All records, in ranges from the first to the last; the pager is told on the way.
+    /// Iterates over all records in ranges, and informs the pager.
     pub fn sweep_records(&self) -> impl Iterator<Item = Range<usize>> + use<'a> {
         let lane = *self;
         (0..lane.steps.len()).step_by(SWEEP_RECORDS).map(move |start| {
@@ -135,15 +132,12 @@ impl<'a> Lane<'a> {
             records
         })
     }
-}
-
-impl Lane<'_> {
-    /// Records, stepping voxels and the patch's included.
+    /// Returns the number of records, including stepping voxels and the patch's records.
     pub fn record_count(&self) -> u64 {
         (self.steps.len() + self.patch.map_or(0, |patch| patch.steps.len())) as u64
     }
 
-    /// Bytes of all its sections, without padding between them.
+    /// Returns the bytes of all sections, without padding.
     pub fn bytes(&self) -> u64 {
         let width = match self.line_ends {
             LineEnds::Narrow(_) => 2,
@@ -154,9 +148,9 @@ impl Lane<'_> {
         own as u64 + self.patch.map_or(0, |patch| patch.view().bytes())
     }
 
-    /// Lowest and highest coordinates of its voxels, by x, y, z; `None` if it has no tiles.
+    /// Returns the lowest and highest coordinates of the voxels, by x, y, z; `None` if there are no tiles.
     ///
-    /// From the directory alone: O(tiles). On a file that was not checked it may be wrong.
+    /// O(tiles): reads only the tiles. The result may be wrong for a file that was not checked.
     pub fn bounds(&self) -> Option<([u16; 3], [u16; 3])> {
         let [u, v] = self.axis.others();
         let (mut low, mut high) = ([u16::MAX; 3], [0; 3]);
@@ -181,33 +175,33 @@ impl Lane<'_> {
         (!self.tiles.is_empty()).then(|| (inside(low), inside(high)))
     }
 
-    /// Calls `see` with the record of each voxel that is shown, in the order of the lane's records. O(records).
+    /// Calls `see` with the index of each voxel's record that is shown, in the order of the records. O(records).
     pub fn each_record(&self, mut see: impl FnMut(usize)) {
         if self.patch.is_none() {
             let voxels = self.sweep_records().flatten().filter(|&record| self.steps[record] != 0);
             voxels.filter(|&record| self.shows(record)).for_each(see);
         } else {
-            // Tiles that were changed left their records behind: only lines tell which ones count.
+            // Changed tiles leave unused records behind: only lines tell which records count.
             for line in self.lines() {
                 self.line_voxels(line.records).filter(|&(_, record)| self.shows(record)).for_each(|(_, r)| see(r));
             }
         }
     }
 
-    /// Whether the voxel of `record` is shown.
+    /// Returns whether the voxel of `record` is shown.
     #[inline(always)]
     pub fn shows(&self, record: usize) -> bool {
         self.shown.is_none_or(|shown| shown.has(self.value_code(record), self.magnitude_code(record)))
     }
 
-    /// The largest value code of a voxel that is shown; 0 if there is none. O(records).
+    /// Returns the largest value code of the voxels that are shown; 0 if there are none. O(records).
     pub fn largest_value_code(&self) -> u16 {
         let mut largest = 0;
         self.each_record(|record| largest = largest.max(self.value_code(record)));
         largest
     }
 
-    /// Records that carry only distance.
+    /// Returns the number of stepping voxels: records that only bridge a distance.
     pub fn stepping_voxels(&self) -> u64 {
         let count = |steps: &[u8]| steps.iter().filter(|&&step| step == 0).count() as u64;
         match self.patch {
@@ -217,21 +211,21 @@ impl Lane<'_> {
     }
 }
 
-/// One non-empty scan line: where it is and where its records are.
+/// The position of a scan line, and the range of its records.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LineSpan {
-    /// Its coordinate on the lower of the two axes that are not the lane's.
+    /// Coordinate on the lower of the two axes that are not the lane's.
     pub u: u32,
-    /// Its coordinate on the higher one.
+    /// Coordinate on the higher of these axes.
     pub v: u32,
-    /// Its records; inside the channels on any content of the file, and empty where the file is wrong.
+    /// The line's records. Always inside the channels; empty where a damaged file is inconsistent.
     pub records: Range<usize>,
 }
 
 impl<'a> Lane<'a> {
-    /// The lines of `tile` in bit order, of those that `wanted` has a bit for.
+    /// Iterates over the lines of `tile` that have a bit in `wanted`, in the order of the bits.
     ///
-    /// The plain reading of the directory; the walk has a faster one, and tests hold the two equal.
+    /// This is the simple way to read a lane; the walk has a faster one, and tests compare the two.
     pub fn tile_lines(&self, tile: &TileRecord, wanted: u64) -> impl Iterator<Item = LineSpan> + use<'a> {
         let (lane, tile) = (*self, *tile);
         tell(lane.pager, || lane.line_ends.bytes_of(tile.lines()));
@@ -249,13 +243,13 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// Every line, tile after tile.
+    /// Iterates over all lines, tile by tile.
     pub fn lines(&self) -> impl Iterator<Item = LineSpan> + use<'a> {
         let lane = *self;
         lane.sweep_tiles().flat_map(move |tile| lane.tile_lines(tile, u64::MAX))
     }
 
-    /// How many records the lines of `tile` have, by its last line's end; 0 where the file is wrong.
+    /// Returns the number of records in `tile`; 0 where a damaged file is inconsistent.
     pub fn tile_records(&self, tile: &TileRecord) -> u64 {
         let lines = u64::from(tile.occupancy.get().count_ones());
         let last =
@@ -264,19 +258,19 @@ impl<'a> Lane<'a> {
         last.and_then(|last| self.line_end(last)).map_or(0, u64::from)
     }
 
-    /// The end of line `index`, counted from its tile's first record; `None` past the last.
+    /// Returns the end of line `index`, counted from its tile's first record; `None` past the last line.
     #[inline(always)]
     pub fn line_end(&self, index: usize) -> Option<u32> {
         self.line_ends.get(index).or_else(|| self.patched_line_end(index))
     }
 
-    /// [`Lane::line_end`] of a line past the lane's own.
+    /// Returns the end of a line that belongs to the patch.
     #[cold]
     pub(crate) fn patched_line_end(&self, index: usize) -> Option<u32> {
         self.patch?.view().line_ends.get(index.checked_sub(self.line_ends.len())?)
     }
 
-    /// The steps of `records`; none if some lie past the end.
+    /// Returns the steps of `records`; empty if some lie past the end.
     pub fn steps_of(&self, records: Range<usize>) -> &'a [u8] {
         self.steps.get(records.clone()).unwrap_or_else(|| {
             let own = self.steps.len();
@@ -285,7 +279,7 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// A code of `record`, which lies past the lane's own: the patch's; 0 past that one's end too.
+    /// Returns a code of a record that belongs to the patch; 0 past its end.
     #[cold]
     fn patched<T: Default>(&self, record: usize, code: impl Fn(&Lane<'_>, usize) -> T) -> T {
         match self.patch.zip(record.checked_sub(self.steps.len())) {
@@ -294,11 +288,11 @@ impl<'a> Lane<'a> {
         }
     }
 
-    /// The voxels of a line from its low end: coordinate on the lane's axis, record.
+    /// Iterates over the voxels of a line, by ascending coordinate: (coordinate on the lane's axis, record).
     pub fn line_voxels(&self, records: Range<usize>) -> impl Iterator<Item = (u32, usize)> + use<'a> {
         self.about_to_read(records.clone());
         let steps = self.steps_of(records.clone());
-        // The first step is counted from -1, so the position runs one ahead of the coordinate.
+        // The first step counts from -1, so the position is one ahead of the coordinate.
         let mut position = 0u32;
         steps.iter().zip(records.start..).filter_map(move |(&step, record)| {
             position = position.wrapping_add(if step == 0 { STEPPING } else { u32::from(step) });
@@ -306,7 +300,7 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// The codes of `record`; 0 past the end and for channels that are not there.
+    /// Returns all codes of `record`; 0 past the end and for channels that are not stored.
     #[inline(always)]
     pub fn record(&self, record: usize) -> Record {
         Record {
@@ -316,7 +310,7 @@ impl<'a> Lane<'a> {
         }
     }
 
-    /// The value code of `record`; 0 past the end.
+    /// Returns the value code of `record`; 0 past the end.
     #[inline(always)]
     pub fn value_code(&self, record: usize) -> u16 {
         let code = match self.channels.value_bits {
@@ -326,7 +320,7 @@ impl<'a> Lane<'a> {
         code.unwrap_or_else(|| self.patched(record, |patch, record| patch.value_code(record)))
     }
 
-    /// The normal's code of `record`, u in the low half; 0 past the end or without normals.
+    /// Returns the normal code of `record`, u in the low half; 0 past the end or without normals.
     #[inline(always)]
     pub fn normal_code(&self, record: usize) -> u32 {
         let code = match self.channels.normal_bits {
@@ -337,7 +331,7 @@ impl<'a> Lane<'a> {
         code.unwrap_or_else(|| self.patched(record, |patch, record| patch.normal_code(record)))
     }
 
-    /// The magnitude's code of `record`; 0 past the end or without magnitudes.
+    /// Returns the magnitude code of `record`; 0 past the end or without magnitudes.
     #[inline(always)]
     pub fn magnitude_code(&self, record: usize) -> u8 {
         if self.channels.magnitude_bits == 0 {
@@ -345,118 +339,5 @@ impl<'a> Lane<'a> {
         }
         let code = self.magnitudes.get(record).copied();
         code.unwrap_or_else(|| self.patched(record, |patch, record| patch.magnitude_code(record)))
-    }
-}
-
-/// A lane in memory of its own.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct OwnedLane {
-    /// The axis its lines run along.
-    pub axis: Axis,
-    /// Grid points along x, y, z.
-    pub dims: [u32; 3],
-    /// Widths of the channels.
-    pub channels: Channels,
-    /// As [`Lane::tiles`].
-    pub tiles: Vec<TileRecord>,
-    /// As [`Lane::line_ends`], by width.
-    pub line_ends: OwnedLineEnds,
-    /// As [`Lane::steps`].
-    pub steps: Vec<u8>,
-    /// As [`Lane::values`].
-    pub values: Vec<u8>,
-    /// As [`Lane::normals`].
-    pub normals: Vec<u8>,
-    /// As [`Lane::magnitudes`].
-    pub magnitudes: Vec<u8>,
-}
-
-/// Line ends in memory of their own.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum OwnedLineEnds {
-    /// Two bytes each.
-    Narrow(Vec<U16>),
-    /// Four bytes each.
-    Wide(Vec<U32>),
-}
-
-impl OwnedLineEnds {
-    /// No ends yet, of the width that lines of `line_points` grid points take.
-    pub fn for_line(line_points: u32) -> OwnedLineEnds {
-        if line_end_bytes(line_points) == 2 {
-            OwnedLineEnds::Narrow(Vec::new())
-        } else {
-            OwnedLineEnds::Wide(Vec::new())
-        }
-    }
-
-    fn len(&self) -> usize {
-        match self {
-            OwnedLineEnds::Narrow(ends) => ends.len(),
-            OwnedLineEnds::Wide(ends) => ends.len(),
-        }
-    }
-
-    /// Appends one.
-    ///
-    /// # Panics
-    /// If a narrow end does not fit, which [`super::layout::NARROW_LINE`] rules out.
-    pub fn push(&mut self, end: u32) {
-        match self {
-            OwnedLineEnds::Narrow(ends) => {
-                ends.push(U16::new(u16::try_from(end).expect("64 narrow lines stay below 2^16 records")));
-            }
-            OwnedLineEnds::Wide(ends) => ends.push(U32::new(end)),
-        }
-    }
-}
-
-impl OwnedLane {
-    /// A lane without voxels.
-    pub fn new(axis: Axis, dims: [u32; 3], channels: Channels) -> OwnedLane {
-        OwnedLane {
-            axis,
-            dims,
-            channels,
-            tiles: Vec::new(),
-            line_ends: OwnedLineEnds::for_line(dims[axis.index()]),
-            steps: Vec::new(),
-            values: Vec::new(),
-            normals: Vec::new(),
-            magnitudes: Vec::new(),
-        }
-    }
-
-    /// Appends the next tiles.
-    pub fn append(&mut self, run: TileRun) {
-        let (first_line, first_record) = (self.line_ends.len(), self.steps.len() as u64);
-        let first_line = u32::try_from(first_line).expect("a face has fewer than 2^32 lines");
-        self.tiles.extend(run.tiles.iter().map(|tile| tile.moved(first_line, first_record)));
-        run.line_ends.iter().for_each(|&end| self.line_ends.push(end));
-        self.steps.extend(run.arrays.steps);
-        self.values.extend(run.arrays.values);
-        self.normals.extend(run.arrays.normals);
-        self.magnitudes.extend(run.arrays.magnitudes);
-    }
-
-    /// The lane, borrowed.
-    pub fn view(&self) -> Lane<'_> {
-        Lane {
-            axis: self.axis,
-            dims: self.dims,
-            channels: self.channels,
-            tiles: &self.tiles,
-            line_ends: match &self.line_ends {
-                OwnedLineEnds::Narrow(ends) => LineEnds::Narrow(ends),
-                OwnedLineEnds::Wide(ends) => LineEnds::Wide(ends),
-            },
-            steps: &self.steps,
-            values: &self.values,
-            normals: &self.normals,
-            magnitudes: &self.magnitudes,
-            patch: None,
-            shown: None,
-            pager: None,
-        }
     }
 }

@@ -1,11 +1,10 @@
-//! The rows of a lane: what an arena stores, read in place, without what is to be left out.
+//! The rows of a lane, read in place, with voxels kept, changed or dropped by a closure.
 //!
-//! In: the x lane of an open arena and a closure that keeps, changes or drops each voxel. Out: [`Rows`], which
-//! [`crate::file::write_rows`] makes a file of. Nothing is copied but the row at hand; an index of the tiles by
-//! place takes 4 bytes a tile (of up to 64 lines) and 4 a row of tiles.
+//! In: the lane along x and the closure. Out: [`Rows`], from which [`crate::file::write_rows`] makes a file. Memory: the
+//! current row and an index of the tiles (4 bytes per tile and per row of tiles).
 //!
-//! Safe on any bytes: of a lane that is not sound it gives some voxels inside the grid, at most as many as there are
-//! records, and the same ones on every reading.
+//! Safe on any bytes: from a damaged lane it yields some voxels inside the grid, at most as many as there are records,
+//! and the same ones at each reading.
 
 use std::ops::Range;
 
@@ -16,11 +15,11 @@ use super::rows::{Region, Rows, Voxel};
 use crate::error::Result;
 use crate::volume::Axis;
 
-/// Rows of the x lane. `keep` gets x, y, z, the voxel's record as an index and as codes, and gives what is kept.
+/// Rows of a lane along x. `keep` receives (x, y, z), the record's index and its codes, and returns what to keep.
 pub struct LaneRows<'a, K> {
     lane: Lane<'a>,
     tiles: TilesByRow,
-    /// What is read, in the lane's coordinates.
+    /// The region that is read, in the lane's coordinates.
     window: [Range<u32>; 3],
     /// The lane's coordinates of the rows' point (0, 0, 0).
     origin: [u16; 3],
@@ -30,10 +29,10 @@ pub struct LaneRows<'a, K> {
 }
 
 impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K> {
-    /// The rows of `lane`, as `keep` leaves them.
+    /// Creates the rows of `lane`, with each voxel replaced by what `keep` returns.
     ///
     /// # Panics
-    /// If `lane` is not an x lane.
+    /// If `lane` does not run along x.
     pub fn new(lane: Lane<'a>, keep: K) -> LaneRows<'a, K> {
         assert!(lane.axis == Axis::X, "rows run along x");
         LaneRows {
@@ -47,7 +46,7 @@ impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K
         }
     }
 
-    /// Only the voxels in `window`; the grid stays.
+    /// Limits the rows to the voxels in `window`; the grid keeps its size.
     pub fn within(mut self, window: &Region) -> LaneRows<'a, K> {
         let parts = [&window.xs, &window.ys, &window.zs];
         for (a, part) in parts.into_iter().enumerate() {
@@ -57,10 +56,10 @@ impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K
         self
     }
 
-    /// Only the voxels in `window`, and a grid of no more than it.
+    /// Limits the rows to the voxels in `window`, and shrinks the grid to it.
     ///
     /// # Panics
-    /// If `window` holds no point of the grid.
+    /// If `window` contains no grid point.
     pub fn cropped(self, window: &Region) -> LaneRows<'a, K> {
         let mut rows = self.within(window);
         assert!(rows.window.iter().all(|part| !part.is_empty()), "a window holds at least one point");
@@ -69,13 +68,13 @@ impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K
         rows
     }
 
-    /// Says which channels the records that `keep` gives have.
+    /// Sets the channels of the records that `keep` returns.
     pub fn with_channels(mut self, channels: Channels) -> LaneRows<'a, K> {
         self.channels = channels;
         self
     }
 
-    /// The part of the window that `region` means, in the lane's coordinates.
+    /// Returns the part of the window inside `region`, in the lane's coordinates.
     fn inside(&self, region: &Region) -> [Range<u32>; 3] {
         let parts = [&region.xs, &region.ys, &region.zs];
         std::array::from_fn(|a| {
@@ -135,15 +134,15 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
     }
 }
 
-/// A coordinate inside a grid.
+/// Converts a coordinate inside a grid.
 fn narrow(coordinate: u32) -> u16 {
     u16::try_from(coordinate).expect("inside a grid of at most 65,535 points an axis")
 }
 
-/// The lines of `tile` that lie in `us` and `vs`, as bits.
+/// Returns a mask of the lines of `tile` inside `us` and `vs`.
 fn wanted_lines(tile: &TileRecord, us: &Range<u32>, vs: &Range<u32>) -> u64 {
     let edge = u32::from(TILE_EDGE);
-    // Bits `from..to` of eight, for a range that meets the tile.
+    // Bits `from..to` of eight, for a range that overlaps the tile.
     let eight = |range: &Range<u32>, tile: u16| {
         let first = u32::from(tile) * edge;
         let end = |end: u32| end.saturating_sub(first).min(edge);
@@ -155,11 +154,11 @@ fn wanted_lines(tile: &TileRecord, us: &Range<u32>, vs: &Range<u32>) -> u64 {
     spread & columns.wrapping_mul(0x0101_0101_0101_0101)
 }
 
-/// A lane's tiles by v, then u, whatever order they lie in.
+/// The tiles of a lane sorted by v, then u.
 struct TilesByRow {
     /// Indices of tiles.
     tiles: Vec<u32>,
-    /// Where each v starts in `tiles`, and the end of the last.
+    /// Start of each v in `tiles`, and the end of the last.
     starts: Vec<u32>,
 }
 
@@ -168,8 +167,8 @@ impl TilesByRow {
         let [across, up] = lane.axis.others().map(|a| lane.dims[a.index()].div_ceil(u32::from(TILE_EDGE)));
         let place = |tile: &TileRecord| (tile.tile_v.get(), tile.tile_u.get());
         let mut budget = lane.record_count();
-        // A sound lane has each tile once, inside the face, lines one after the other, and no more records in its tiles
-        // than it has; a damaged one must not cost more.
+        // In a sound lane each tile occurs once, inside the face, with ascending line ends and no more records than the
+        // lane has. A damaged lane must not cost more.
         let mut is_sound = |tile: &TileRecord| {
             let inside = u32::from(tile.tile_u.get()) < across && u32::from(tile.tile_v.get()) < up;
             let first = u64::from(tile.first_line.get());
@@ -194,7 +193,7 @@ impl TilesByRow {
         TilesByRow { tiles, starts }
     }
 
-    /// The tiles at `v` whose u is in `us`, ascending.
+    /// Returns the tiles at `v` whose u is in `us`, ascending.
     fn row<'t>(
         &self,
         lane: &Lane<'t>,

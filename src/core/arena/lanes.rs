@@ -1,33 +1,34 @@
-//! The lanes of an arena, stored or derived.
+//! The lanes of an arena: those that it stores, and those derived from them.
 
 use std::sync::OnceLock;
 
-use super::lane::{Lane, OwnedLane};
+use super::lane::Lane;
 use super::open::Arena;
+use super::owned_lane::OwnedLane;
 use super::transpose::transpose;
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 use crate::volume::Axis;
 
-/// Lanes that an arena does not store, made from the one along x on first need.
+/// Lanes that an arena does not store, derived from the lane along x when first needed.
 #[derive(Debug)]
-pub struct DerivedLanes {
+pub(crate) struct DerivedLanes {
     lanes: [OnceLock<OwnedLane>; 3],
-    /// Bytes that they may take.
+    /// Most bytes that derived lanes may take in all.
     memory: u64,
 }
 
 impl DerivedLanes {
-    /// Returns an empty set, which may grow to `memory` bytes.
-    pub fn new(memory: u64) -> DerivedLanes {
+    /// Creates an empty set that may grow to `memory` bytes.
+    pub(crate) fn new(memory: u64) -> DerivedLanes {
         DerivedLanes { lanes: Default::default(), memory }
     }
 
-    /// Returns the lane of `arena` along `axis`; a missing one is derived, once, in about the time of a few frames.
+    /// Returns the lane of `arena` along `axis`. Derives a missing one, once, in about the time of a few frames.
     ///
     /// # Errors
-    /// [`Error::Limit`] if a derived lane would not fit the memory.
-    pub fn lane<'a>(&'a self, arena: &Arena<'a>, axis: Axis) -> Result<Lane<'a>> {
+    /// [`Error::Limit`] if a derived lane would exceed the memory.
+    pub(crate) fn lane<'a>(&'a self, arena: &Arena<'a>, axis: Axis) -> Result<Lane<'a>> {
         if let Some(lane) = arena.lane(axis) {
             return Ok(lane);
         }
@@ -37,7 +38,7 @@ impl DerivedLanes {
         }
         let source = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
         let others = self.lanes.iter().filter_map(OnceLock::get).map(|lane| lane.view().bytes()).sum::<u64>();
-        // Records need the same room in every lane; directories and the strip at hand add about as much again.
+        // Records take the same space in every lane; tiles, line ends and the current strip take about as much again.
         let need = others.saturating_add(source.bytes().saturating_mul(2));
         if need > self.memory {
             let what = format!("bytes for the lane along {}, which the file does not store", axis.name());
@@ -47,7 +48,7 @@ impl DerivedLanes {
     }
 }
 
-/// An arena with a lane along every axis: those that it stores, and those made from them on first need.
+/// An arena with a lane along every axis: stored lanes, and missing ones derived when first needed.
 #[derive(Debug)]
 pub struct LaneSet<'a> {
     arena: Arena<'a>,
@@ -55,25 +56,25 @@ pub struct LaneSet<'a> {
 }
 
 impl<'a> LaneSet<'a> {
-    /// Lanes of `arena`; derived ones may take `memory` bytes in all, `None` for no limit.
+    /// Wraps `arena`. Derived lanes may take `memory` bytes in all; `None` for no limit.
     pub fn new(arena: Arena<'a>, memory: Option<u64>) -> LaneSet<'a> {
         LaneSet { arena, derived: DerivedLanes::new(memory.unwrap_or(u64::MAX)) }
     }
 
-    /// Lanes of `arena`; derived ones may take what `limits` allow.
+    /// Wraps `arena`. Derived lanes may take as many bytes as `limits` allow.
     pub fn within(arena: Arena<'a>, limits: &Limits) -> LaneSet<'a> {
         LaneSet::new(arena, Some(limits.derived_bytes))
     }
 
-    /// The arena.
+    /// Returns the arena.
     pub fn arena(&self) -> &Arena<'a> {
         &self.arena
     }
 
-    /// The lane along `axis`, see [`DerivedLanes::lane`].
+    /// Returns the lane along `axis`, deriving it if the arena does not store it.
     ///
     /// # Errors
-    /// [`Error::Limit`] if a derived lane would not fit the memory.
+    /// [`Error::Limit`] if a derived lane would exceed the memory.
     pub fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
         self.derived.lane(&self.arena, axis)
     }

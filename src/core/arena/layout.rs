@@ -1,11 +1,8 @@
-//! The bytes of an arena: the only place that knows an offset.
+//! The bytes of an `.adj` file: header, section table and tile records.
 //!
-//! In: nothing. Out: the header, the section table's entries, the tile records, and what their fields may hold.
-//! [`super::open`] makes typed views of a file with them and [`super::check`] judges its content.
-//!
-//! Normative text: `formats/adj-1.md`, whose rules R1 to R22 the fields and faults name; tests/layout.rs holds its
-//! tables equal to the structs below. Records are align-1 little-endian types, so that a slice at any address is
-//! valid and the same on every machine.
+//! `formats/adj-1.md` is normative; fields and faults name its rules R1 to R22. tests/core/layout.rs compares its tables
+//! with the structs below. Records consist of little-endian types of alignment 1, so a slice at any address is valid,
+//! on every machine.
 //!
 //! ```text
 //!    0  header, 256 bytes                      \ one checksum, R3
@@ -19,30 +16,30 @@ use std::mem::{offset_of, size_of};
 
 use xxhash_rust::xxh3::xxh3_64;
 use zerocopy::byteorder::little_endian::{F64, U16, U32, U64};
-use zerocopy::{FromBytes, Immutable, IntoBytes, KnownLayout, Unaligned};
+use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes, KnownLayout, Unaligned};
 
 use super::curve::TileOrder;
 use crate::volume::{Axis, Grid};
 
-/// First eight bytes: "ADJ" between a byte that no text has and line ends that a text transfer would change.
+/// The first eight bytes: "ADJ" after a byte that no text has, then line ends that a text transfer would change.
 pub const MAGIC: [u8; 8] = *b"\x89ADJ\r\n\x1a\n";
-/// Readers refuse another major version: the bytes mean something else.
+/// Major version of the format. Readers refuse any other, because the bytes would have another meaning.
 pub const MAJOR: u16 = 1;
-/// A higher minor version only adds sections of optional kinds.
+/// Minor version of the format. A higher one only adds sections of optional kinds.
 pub const MINOR: u16 = 0;
-/// Sections start at multiples of this, so that each binds as a GPU storage buffer; the last is filled up to it too,
-/// so that an upload in words of four bytes may read past a section's end.
+/// Sections start at multiples of this, so that each can be bound as a GPU storage buffer. The last one is padded too:
+/// uploads in words of four bytes may read past a section's end.
 pub const ALIGNMENT: u64 = 256;
-/// Lines along an edge of a tile.
+/// Lines along each edge of a tile.
 pub const TILE_EDGE: u16 = 8;
-/// Section kinds from here on may be skipped by a reader that does not know them.
+/// Readers may skip sections of this kind or higher that they do not know.
 pub const OPTIONAL_KINDS: u16 = 0x8000;
-/// Lines of at most this many grid points have two-byte line ends: 64 such lines cannot exceed 65,535 records.
+/// Longest line, in grid points, with two-byte line ends: 64 such lines have at most 65,535 records.
 pub const NARROW_LINE: u32 = 1_023;
-/// Most sections a file may have; three full lanes need 19.
+/// Most sections of a file; three complete lanes need 19.
 pub const MAX_SECTIONS: u32 = 1_024;
 
-/// What the first 256 bytes say.
+/// The first 256 bytes of a file.
 #[derive(Debug, Clone, Copy, FromBytes, IntoBytes, KnownLayout, Immutable, Unaligned)]
 #[repr(C)]
 pub struct FileHeader {
@@ -52,37 +49,37 @@ pub struct FileHeader {
     pub major: U16,
     /// [`MINOR`] or later. R2.
     pub minor: U16,
-    /// Entries of the section table, at most [`MAX_SECTIONS`]. R5.
+    /// Number of entries in the section table, at most [`MAX_SECTIONS`]. R5.
     pub section_count: U32,
-    /// Length of the file. R4.
+    /// Length of the file in bytes. R4.
     pub file_bytes: U64,
     /// XXH3-64 of the header, with this field 0, followed by the section table. R3.
     pub header_xxh3: U64,
-    /// Grid points along x, y, z; each at least 1. R6.
+    /// Number of grid points along x, y, z; each at least 1. R6.
     pub dims: [U16; 3],
-    /// 8 or 16. R7.
+    /// Bits of a value: 8 or 16. R7.
     pub value_bits: u8,
-    /// 0 (no normals), 8 or 16 per component. R7.
+    /// Bits of a normal's component: 0 (no normals), 8 or 16. R7.
     pub normal_bits: u8,
-    /// 0 (no magnitudes) or 8. R7.
+    /// Bits of a gradient magnitude: 0 (no magnitudes) or 8. R7.
     pub magnitude_bits: u8,
     /// Order of the tiles: 0 Morton, 1 Hilbert, 2 rows. R7.
     pub tile_order: u8,
     /// 0. R8.
     pub reserved_0: [u8; 6],
-    /// Visible voxels, the same in every lane. R11, R19.
+    /// Number of visible voxels, the same in every lane. R11, R19.
     pub visible_voxels: U64,
     /// Distance between grid points along each index axis. R6.
     pub spacing: [F64; 3],
     /// World position of grid point (0, 0, 0). R6.
     pub origin: [F64; 3],
-    /// World unit vectors of the index axes, x then y then z. R6.
+    /// World directions of the index axes x, y, z, as unit vectors. R6.
     pub direction: [[F64; 3]; 3],
-    /// Value of code 0, in the sample's own unit. R9.
+    /// Value of code 0, in the samples' own unit. R9.
     pub value_low: F64,
-    /// Value per code. R9.
+    /// Difference in value between neighbouring codes. R9.
     pub value_step: F64,
-    /// Magnitude of code 255, per world length. R9.
+    /// Gradient magnitude of code 255, per world length. R9.
     pub magnitude_scale: F64,
     /// 0. R8.
     pub reserved_1: [u8; 56],
@@ -103,18 +100,25 @@ const _: () = {
 pub struct SectionEntry {
     /// A [`SectionKind`] as a number. R10.
     pub kind: U16,
-    /// Lane the section belongs to: 0, 1 or 2 for x, y, z; 255 for none. R10.
+    /// The lane that the section belongs to: 0, 1 or 2 for x, y, z; 255 for none. R10.
     pub axis: u8,
     /// Bytes of one element. R11.
     pub element_bytes: u8,
     /// 0. R8.
     pub reserved: U32,
-    /// First byte, from the start of the file: the first multiple of [`ALIGNMENT`] after what lies before. R5.
+    /// Start in the file: the first multiple of [`ALIGNMENT`] after the previous section. R5.
     pub offset: U64,
-    /// Length; a multiple of `element_bytes`. R5, R11.
+    /// Length in bytes; a multiple of `element_bytes`. R5, R11.
     pub bytes: U64,
     /// XXH3-64 of the section's bytes. R12.
     pub xxh3: U64,
+}
+
+impl SectionEntry {
+    /// Returns the entry of a section that is not laid out yet: offset, length and checksum are 0.
+    pub(crate) fn empty(kind: SectionKind, axis: u8, element_bytes: u8) -> SectionEntry {
+        SectionEntry { kind: U16::new(kind as u16), axis, element_bytes, ..SectionEntry::new_zeroed() }
+    }
 }
 
 const _: () = {
@@ -122,10 +126,10 @@ const _: () = {
     assert!(offset_of!(SectionEntry, offset) == 8);
 };
 
-/// Eight by eight neighbouring scan lines of a lane, of which at least one holds a voxel.
+/// A tile: 8 x 8 neighbouring scan lines of a lane, at least one of which holds a voxel.
 ///
-/// The face's axes are u and v: the two axes that are not the lane's, u the lower. Line (u, v) of the tile is bit
-/// `(v % 8) * 8 + u % 8` of the mask.
+/// u and v are the two axes that are not the lane's, u the lower. Line (u, v) of the tile is bit `(v % 8) * 8 + u % 8`
+/// of the mask.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, FromBytes, IntoBytes, KnownLayout, Immutable, Unaligned)]
 #[repr(C)]
 pub struct TileRecord {
@@ -133,11 +137,11 @@ pub struct TileRecord {
     pub tile_u: U16,
     /// The tile's row: lines `v = 8 * tile_v ..`. R13.
     pub tile_v: U16,
-    /// Index in the lane's line ends of this tile's first line: the lines of all tiles before it. R14.
+    /// Index of this tile's first line in the lane's line ends: the number of lines in all tiles before it. R14.
     pub first_line: U32,
-    /// Index in the lane's channels of this tile's first record: the records of all tiles before it. R14.
+    /// Index of this tile's first record in the lane's channels: the number of records in all tiles before it. R14.
     pub first_record: U64,
-    /// Which lines hold voxels; never 0, and no line outside the face. R13.
+    /// Mask of the lines that hold voxels; never 0, and no line outside the face. R13.
     pub occupancy: U64,
     /// Lowest coordinate of a voxel on the lane's axis. R15.
     pub low: U16,
@@ -146,13 +150,13 @@ pub struct TileRecord {
 }
 
 impl TileRecord {
-    /// Its lines' places among the lane's line ends; on a damaged file they may reach beyond the last.
+    /// Returns the range of the tile's lines in the lane's line ends; in a damaged file it may exceed them.
     pub(crate) fn lines(&self) -> std::ops::Range<usize> {
         let first = self.first_line.get() as usize;
         first..first.saturating_add(self.occupancy.get().count_ones() as usize)
     }
 
-    /// The tile with its first line and its first record counted from further back.
+    /// Returns the tile with its first line and first record increased.
     pub(crate) fn moved(mut self, lines: u32, records: u64) -> TileRecord {
         self.first_line = U32::new(self.first_line.get() + lines);
         self.first_record = U64::new(self.first_record.get() + records);
@@ -171,24 +175,24 @@ const _: () = {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub enum SectionKind {
-    /// JSON text for people and tools; nothing that a walk needs.
+    /// JSON text for people and tools; a walk does not need it.
     Description = 1,
-    /// [`TileRecord`]s in the tile order.
+    /// [`TileRecord`]s in tile order.
     Tiles = 2,
-    /// For each line, tile after tile and bit after bit: the index after its last record, from the tile's first.
+    /// For each line, tile by tile, in the order of the mask's bits: the index after its last record, from the tile's first.
     LineEnds = 3,
-    /// For each record: the distance from the previous one on the line; 0 stands for a stepping voxel of 255.
+    /// For each record: the distance from the previous one on its line; 0 marks a stepping voxel, which bridges 255.
     Steps = 4,
-    /// For each record: the sample's code.
+    /// For each record: the code of the value.
     Values = 5,
-    /// For each record: an octahedral normal.
+    /// For each record: the code of an octahedral normal.
     Normals = 6,
-    /// For each record: the code of the gradient's magnitude.
+    /// For each record: the code of the gradient magnitude.
     Magnitudes = 7,
 }
 
 impl SectionKind {
-    /// The kinds that each lane has, in file order.
+    /// The kinds of a lane's sections, in file order.
     pub const OF_LANES: [SectionKind; 6] = [
         SectionKind::Tiles,
         SectionKind::LineEnds,
@@ -199,19 +203,10 @@ impl SectionKind {
     ];
 
     pub(super) fn from_number(number: u16) -> Option<SectionKind> {
-        Some(match number {
-            1 => SectionKind::Description,
-            2 => SectionKind::Tiles,
-            3 => SectionKind::LineEnds,
-            4 => SectionKind::Steps,
-            5 => SectionKind::Values,
-            6 => SectionKind::Normals,
-            7 => SectionKind::Magnitudes,
-            _ => return None,
-        })
+        [SectionKind::Description].into_iter().chain(SectionKind::OF_LANES).find(|&kind| kind as u16 == number)
     }
 
-    /// Bytes of an element in a lane along `axis` of a grid with `dims`; 0 if such a lane has none.
+    /// Returns the bytes of an element, in a lane along `axis` of a grid with `dims`; 0 if the lane has no such section.
     pub fn element_bytes(self, channels: Channels, dims: [u32; 3], axis: Axis) -> u8 {
         match self {
             SectionKind::Description | SectionKind::Steps => 1,
@@ -223,7 +218,7 @@ impl SectionKind {
         }
     }
 
-    /// Its name in messages and in `adj info`.
+    /// Returns the kind's name for messages.
     pub const fn name(self) -> &'static str {
         match self {
             SectionKind::Description => "description",
@@ -237,78 +232,78 @@ impl SectionKind {
     }
 }
 
-/// Where a section after `end` bytes starts: `end` or the next multiple of [`ALIGNMENT`]. `end` is below 2^63.
+/// Returns the start of a section that follows byte `end`: the next multiple of [`ALIGNMENT`]. `end` is below 2^63.
 pub const fn aligned(end: u64) -> u64 {
     end.next_multiple_of(ALIGNMENT)
 }
 
-/// Bytes of a line end in a lane whose lines have `line_points` grid points: 2 or 4.
+/// Returns the bytes of a line end, 2 or 4, for lines of `line_points` grid points.
 pub const fn line_end_bytes(line_points: u32) -> u8 {
     if line_points <= NARROW_LINE { 2 } else { 4 }
 }
 
-/// Which channels a record has, and how wide they are.
+/// The channels of a record and their widths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Channels {
     /// Bits of a value: 8 or 16.
     pub value_bits: u8,
-    /// Bits of each of a normal's two components: 0 for no normals, 8 or 16.
+    /// Bits of each of a normal's two components: 8 or 16, or 0 for no normals.
     pub normal_bits: u8,
-    /// Bits of a gradient magnitude: 0 for none, or 8.
+    /// Bits of a gradient magnitude: 8, or 0 for no magnitudes.
     pub magnitude_bits: u8,
 }
 
 impl Channels {
-    /// Bytes of a record in all channels, its step included.
+    /// Returns the bytes of a record in all channels, including its step.
     pub const fn record_bytes(self) -> u64 {
         1 + self.value_bits as u64 / 8 + self.normal_bits as u64 / 4 + self.magnitude_bits as u64 / 8
     }
 }
 
-/// How stored codes become values and magnitudes.
+/// The meaning of stored codes: the scales of values and gradient magnitudes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scales {
     /// Value of code 0.
     pub value_low: f64,
-    /// Value per code.
+    /// Difference in value between neighbouring codes.
     pub value_step: f64,
-    /// Magnitude of code 255, per world length.
+    /// Gradient magnitude of code 255, per world length.
     pub magnitude_scale: f64,
 }
 
 impl Scales {
-    /// The value of a code, whole or between two; finite where both ends of the range are.
+    /// Returns the value of a code, which may lie between two codes; finite if both ends of the range are.
     #[inline]
     pub fn value(&self, code: f64) -> f64 {
         let value = self.value_low + code * self.value_step;
-        // The width of a range of numbers may be more than a number.
+        // The product may overflow although the value is finite.
         if value.is_finite() { value } else { (self.value_low / 2.0 + code * (self.value_step / 2.0)) * 2.0 }
     }
 }
 
-/// What an arena says of itself, decoded from its header.
+/// The contents of an arena's header.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Facts {
-    /// Where the voxels sit; `unit` is in the description.
+    /// The grid of the voxels; its `unit` is in the description instead.
     pub grid: Grid,
-    /// The records' channels.
+    /// Channels of the records.
     pub channels: Channels,
-    /// The order of the tiles.
+    /// Order of the tiles in memory.
     pub tile_order: TileOrder,
-    /// What codes mean.
+    /// The meaning of codes.
     pub scales: Scales,
-    /// Visible voxels.
+    /// Number of visible voxels.
     pub visible_voxels: u64,
 }
 
-/// XXH3-64 of the header, its own field 0, followed by the section table.
+/// Returns the XXH3-64 of the header, with its own checksum field 0, followed by the section table.
 pub fn header_checksum(header: &FileHeader, table: &[SectionEntry]) -> u64 {
     let mut blank = *header;
     blank.header_xxh3 = U64::ZERO;
     xxh3_64(&[blank.as_bytes(), table.as_bytes()].concat())
 }
 
-/// The header's bytes for `facts`, but for the counts and checksum that [`super::super::file::write`] fills in.
+/// Returns the header for `facts`, without the counts and the checksum, which the writer adds.
 pub fn header_of(facts: &Facts) -> FileHeader {
     let triple = |v: [f64; 3]| v.map(F64::new);
     FileHeader {

@@ -1,34 +1,39 @@
-//! The arena: only the visible voxels, packed in lanes.
+//! The arena: only the visible voxels of a volume, packed in lanes.
 //!
-//! In: classified slices (builder) or the bytes of a file (open). Out: [`Lane`]s, which the walk reads in place.
-//! A lane holds every visible voxel once, on the scan lines along its axis; three lanes serve every view.
+//! A [`Lane`] holds every visible voxel once, on the scan lines along one axis; three lanes serve every view. An
+//! [`Arena`] gives access to the bytes of a file without copying. An [`Overlay`] edits voxels, [`trim`] makes a smaller
+//! arena.
 
-pub mod check;
-pub mod curve;
-pub mod lane;
-pub mod lane_rows;
-pub mod lanes;
+mod check;
+mod curve;
+pub(crate) mod lane;
+mod lane_rows;
+pub(crate) mod lanes;
 pub mod layout;
-pub mod open;
-pub mod overlay;
-pub mod pack;
-pub mod pager;
+mod open;
+mod overlay;
+mod owned_lane;
+pub(crate) mod pack;
+pub(crate) mod pager;
 mod patch;
-pub mod record_set;
-pub mod rows;
-pub mod transpose;
-pub mod trim;
-pub mod visible;
+pub(crate) mod record_set;
+mod rows;
+pub(crate) mod transpose;
+mod trim;
+mod visible;
 
+pub use check::{Checked, CheckedLane};
 pub use curve::TileOrder;
-pub use lane::{Lane, LineEnds, OwnedLane};
+pub use lane::{Lane, LineEnds, LineSpan};
 pub use lane_rows::LaneRows;
 pub use lanes::LaneSet;
 pub use layout::{Channels, TileRecord};
 pub use open::{Arena, Section};
 pub use overlay::Overlay;
+pub use owned_lane::{OwnedLane, OwnedLineEnds};
+pub use pack::Record;
 pub use pager::Pager;
-pub use record_set::RecordSet;
+pub(crate) use record_set::RecordSet;
 pub use rows::{Region, Rows, Voxel};
 pub use trim::{Trim, TrimOptions, trim};
 pub use visible::{VisibleCodes, stored_opacity};

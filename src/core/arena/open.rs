@@ -1,11 +1,10 @@
-//! Opening: from bytes to an [`Arena`] of typed views, in O(number of sections).
+//! Opening an arena: typed views of the bytes of an `.adj` file.
 //!
-//! In: any bytes. Out: lanes that borrow the bytes, after rules R1 to R11 of `formats/adj-1.md`; nothing is copied,
-//! and nothing is allocated but the list of sections, of which there are at most [`MAX_SECTIONS`].
+//! In: any bytes. Out: lanes that borrow them, after checking rules R1 to R11 of `formats/adj-1.md`. Nothing is copied;
+//! only the list of sections is allocated, at most [`MAX_SECTIONS`].
 //!
-//! What opening has found sound, every walk relies on: channels of one length, counts that bound each other. What
-//! the sections hold it does not look at. Any bytes that open are safe to walk and to transpose; whether they hold
-//! a sound arena is what [`Arena::check`] finds out.
+//! Walks rely on what opening checks: channels of equal length, and counts that bound each other. The content of
+//! sections is not read. Whatever opens is safe to walk and to transpose; [`Arena::check`] tells whether it is sound.
 
 use std::mem::{offset_of, size_of};
 use std::path::Path;
@@ -24,7 +23,7 @@ use crate::error::{Error, FormatFault};
 use crate::limits::Limits;
 use crate::volume::{Axis, Grid};
 
-/// The bytes of one `.adj` file, opened.
+/// An open `.adj` file's bytes: header facts, sections and lanes, without copies.
 #[derive(Debug, Clone)]
 pub struct Arena<'a> {
     bytes: &'a [u8],
@@ -35,24 +34,24 @@ pub struct Arena<'a> {
     pager: Option<&'a dyn Pager>,
 }
 
-/// Where one section lies.
+/// The position of a section in the file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Section {
-    /// What it holds; `None` for an optional kind that this version does not know.
+    /// What the section holds; `None` for an optional kind that this version does not know.
     pub kind: Option<SectionKind>,
-    /// Its lane; `None` for the description.
+    /// The lane that the section belongs to; `None` for the description.
     pub axis: Option<Axis>,
-    /// Bytes of an element.
+    /// Bytes of one element.
     pub element_bytes: u8,
-    /// First byte in the file.
+    /// Start in the file, in bytes.
     pub offset: u64,
-    /// Length in bytes, without the zeros that fill it up.
+    /// Length in bytes, without padding.
     pub bytes: u64,
-    /// What its checksum must be.
+    /// The checksum that the section table states.
     pub xxh3: u64,
 }
 
-/// A fault at byte `at` of the file, by `rule`.
+/// Creates the fault that `rule` is broken at byte `at` of the file.
 pub(super) fn fault(
     at: u64,
     rule: &'static str,
@@ -62,7 +61,7 @@ pub(super) fn fault(
     FormatFault { at, rule, expected: expected.into(), got: got.to_string() }
 }
 
-/// Byte of the file at which a field of the header, or of entry `index` of the section table, starts.
+/// Returns the byte of the file at which a field of the header, or of entry `index` of the section table, starts.
 macro_rules! at {
     (header.$field:ident) => {
         offset_of!(FileHeader, $field) as u64
@@ -73,9 +72,9 @@ macro_rules! at {
 }
 
 impl<'a> Arena<'a> {
-    /// Opens an arena: header, section table and the sections' bounds; O(number of sections).
+    /// Opens an arena: checks header, section table and the bounds of sections, in O(number of sections).
     ///
-    /// What the sections hold is not looked at: walks are safe on any content, and [`Arena::check`] judges it.
+    /// The content of sections is not checked. Walks are safe on any content; [`Arena::check`] tells whether it is sound.
     ///
     /// # Errors
     /// The first broken rule of `formats/adj-1.md` among R1 to R11.
@@ -125,7 +124,7 @@ impl<'a> Arena<'a> {
         Ok(arena)
     }
 
-    /// Refuses an arena that is larger than `limits` allow; `path` is for the message.
+    /// Refuses an arena that exceeds `limits`; `path` is used in the message.
     ///
     /// # Errors
     /// [`Error::Limit`] that names the file and what is too large.
@@ -140,70 +139,71 @@ impl<'a> Arena<'a> {
         limits.check(path, "bytes of description", description, limits.description_bytes)
     }
 
-    /// The same arena; `pager` is told what is about to be read of it.
+    /// Returns the arena with a `pager` that is informed before parts of it are read.
     pub fn with_pager(mut self, pager: &'a dyn Pager) -> Arena<'a> {
         self.pager = Some(pager);
         self.lanes.iter_mut().flatten().for_each(|lane| lane.pager = Some(pager));
         self
     }
 
-    /// Who is told what is about to be read.
+    /// Returns the pager.
     pub(super) fn pager(&self) -> Option<&'a dyn Pager> {
         self.pager
     }
 
-    /// What the header says.
+    /// Returns the contents of the header.
     pub fn facts(&self) -> &Facts {
         &self.facts
     }
 
-    /// XXH3-64 of the header and the section table, which holds the sections' checksums: in files that pass
-    /// [`Arena::check`], another content is another fingerprint.
+    /// Returns the XXH3-64 of header and section table, which includes the sections' checksums.
+    ///
+    /// Files that pass [`Arena::check`] and differ in content have different fingerprints.
     pub fn fingerprint(&self) -> u64 {
         self.fingerprint
     }
 
-    /// The lane along `axis`, if the file stores it.
+    /// Returns the lane along `axis`, if the file stores it.
     pub fn lane(&self, axis: Axis) -> Option<Lane<'a>> {
         self.lanes[axis.index()]
     }
 
-    /// The stored lanes, x first.
+    /// Iterates over the stored lanes, x first.
     pub fn lanes(&self) -> impl Iterator<Item = Lane<'a>> + '_ {
         self.lanes.iter().flatten().copied()
     }
 
-    /// Every section, in file order.
+    /// Returns all sections, in file order.
     pub fn sections(&self) -> &[Section] {
         &self.sections
     }
 
-    /// The section of `kind`, in the lane along `axis` or in none, if the file has it.
+    /// Returns the section of `kind` that belongs to the lane along `axis`, or to no lane, if the file has it.
     pub fn section(&self, kind: SectionKind, axis: Option<Axis>) -> Option<&Section> {
         self.sections.iter().find(|s| s.kind == Some(kind) && s.axis == axis)
     }
 
-    /// The bytes of a section of this arena; of another's, those that lie inside this one.
+    /// Returns the bytes of one of this arena's sections.
     pub fn section_bytes(&self, section: &Section) -> &'a [u8] {
-        // Bounds were checked by `sections_of`; a section of another arena may give nothing.
+        // Bounds were checked by `sections_of`; a section of another arena may yield nothing.
         let to = section.offset.checked_add(section.bytes);
         let range = usize::try_from(section.offset).ok().zip(to.and_then(|to| usize::try_from(to).ok()));
         range.and_then(|(from, to)| self.bytes.get(from..to)).unwrap_or_default()
     }
 
-    /// All bytes.
+    /// Returns all bytes of the file.
     pub fn bytes(&self) -> &'a [u8] {
         self.bytes
     }
 
-    /// The description, a JSON text; empty if there is none.
+    /// Returns the description, a JSON text; empty if there is none.
     pub fn description(&self) -> &'a [u8] {
         let description = self.section(SectionKind::Description, None).map_or(&[][..], |s| self.section_bytes(s));
         tell(self.pager, || description);
         description
     }
 
-    /// Views of the lane's sections. R10, R11.
+    /// Creates the views of a lane's sections. R10, R11.
     fn lane_of(&self, axis: Axis) -> Result<Option<Lane<'a>>, FormatFault> {
         let (channels, dims) = (self.facts.channels, self.facts.grid.dims);
         let place = |kind: SectionKind| self.sections.iter().position(|s| s.kind == Some(kind) && s.axis == Some(axis));
@@ -262,7 +262,7 @@ impl<'a> Arena<'a> {
     }
 }
 
-/// The header's fields. R6 to R9.
+/// Reads the header's fields. R6 to R9.
 fn facts_of(header: &FileHeader) -> Result<Facts, FormatFault> {
     let triple = |v: [F64; 3]| v.map(F64::get);
     let grid = Grid {
@@ -315,7 +315,7 @@ fn facts_of(header: &FileHeader) -> Result<Facts, FormatFault> {
     Ok(Facts { grid, channels, tile_order, scales, visible_voxels: header.visible_voxels.get() })
 }
 
-/// The section table's entries. R5, R8, R10, R11.
+/// Reads the section table. R5, R8, R10, R11.
 fn sections_of(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result<Vec<Section>, FormatFault> {
     let mut sections: Vec<Section> = Vec::with_capacity(table.len());
     let mut next = aligned((size_of::<FileHeader>() + size_of_val(table)) as u64);
@@ -376,7 +376,7 @@ fn sections_of(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
     Ok(sections)
 }
 
-/// Whether `bytes`, which start at byte `from` of the file, are all 0; the fault names the first that is not.
+/// Checks that `bytes`, which start at byte `from` of the file, are all 0; the fault names the first that is not.
 pub(super) fn zeros_from(from: u64, rule: &'static str, bytes: &[u8]) -> Result<(), FormatFault> {
     match bytes.iter().position(|&byte| byte != 0) {
         Some(index) => Err(fault(from + index as u64, rule, "0", bytes[index])),

@@ -1,36 +1,36 @@
-//! The overlay: voxels added and removed after the fact, over an arena that stays as it is.
+//! Overlays: voxels added to and removed from an arena that itself stays unchanged.
 //!
-//! In: an open arena and edits. Out: lanes that a walk visits as if they had been built from the edited voxels, in
-//! exact order, and [`Rows`] that write them to a new file.
+//! In: an open arena and edits. Out: lanes that a walk visits, in exact order, as if they had been built from the edited
+//! voxels; and [`Rows`] that write these to a new file.
 //!
 //! ```text
-//! edits         by place: the record that is there instead, or none
-//! patch         for a lane: the tiles that hold edits packed anew, with their lines and records; made on first need
-//! lane          the arena's lines and records, in place, then the patch's; one table of tiles for both
+//! edits         by position: the new record, or none
+//! patch         for a lane: the tiles that hold edits, packed again on first use
+//! lane          the arena's lines and records, then the patch's; one table of tiles for both
 //! ```
 //!
-//! Memory: 20 to 35 bytes an edit. Each lane that is asked for adds its tile table (28 bytes a tile) and the records of
-//! the tiles that hold edits: up to 64 lines for a lone voxel, so edits side by side are cheap and scattered ones are
-//! not. Time: an edit looks its place up in O(log tiles) and one line; the first use of a lane after an edit packs its
-//! patch anew, in O(tiles + records of the tiles that hold edits). Without edits nothing is made and nothing is slower.
-//! `benches/overlay.rs` measures it: docs/studies/overlay.md.
+//! Memory: 20 to 35 bytes per edit. Each lane in use adds its tile table (28 bytes per tile) and all records of the
+//! tiles that hold edits, up to 64 lines for a single voxel: edits side by side are cheap, scattered ones are not.
+//!
+//! Time: an edit searches the tiles in O(log tiles) and one line. The first use of a lane after an edit packs its patch,
+//! in O(tiles + records of the tiles with edits). Without edits nothing is slower. Measured by `benches/overlay.rs`:
+//! docs/studies/overlay.md.
 //!
 //! ```
-//! use adjsplat::arena::pack::Record;
-//! use adjsplat::arena::{Arena, LaneSet, Overlay, TileOrder};
-//! use adjsplat::build::builder;
+//! use adjsplat::arena::{Arena, LaneSet, Overlay, Record, TileOrder};
+//! use adjsplat::build::{BuildOptions, Unobserved, build};
 //! use adjsplat::classify::TransferFunction;
 //! use adjsplat::volume::{SampleType, phantom::Phantom};
 //!
 //! let mut shells = Phantom::from_name("shells")?.open([32; 3], SampleType::U8, [1.0; 3])?;
-//! let options = builder::BuildOptions {
+//! let options = BuildOptions {
 //!     transfer: TransferFunction::range(100.0, f64::INFINITY)?,
 //!     lane_count: 1,
 //!     tile_order: TileOrder::Morton,
 //!     value_bits: 8,
 //!     normal_bits: 0,
 //! };
-//! let built = builder::build(&mut *shells, &options, &mut builder::Unobserved)?;
+//! let built = build(&mut *shells, &options, &mut Unobserved)?;
 //! let bytes = adjsplat::file::arena_bytes(&built.facts, &built.lanes, "{}");
 //! let lanes = LaneSet::new(Arena::new(&bytes).expect("it was just built"), None);
 //!
@@ -66,15 +66,15 @@ pub struct Overlay<'a> {
 }
 
 impl<'a> Overlay<'a> {
-    /// No edits yet.
+    /// Creates an overlay without edits.
     pub fn new(lanes: &'a LaneSet<'a>) -> Overlay<'a> {
         let visible_voxels = lanes.arena().facts().visible_voxels;
         Overlay { lanes, edits: Edits::new(), visible_voxels, shown: None, patches: Default::default() }
     }
 
-    /// Puts a voxel at `at` (x, y, z), in the place of one that is there; what was there.
+    /// Inserts or replaces the voxel at `at` (x, y, z), and returns the previous one.
     ///
-    /// Codes of channels that the arena has not are ignored.
+    /// Codes of channels that the arena does not store are ignored.
     ///
     /// # Errors
     /// [`Error::Input`] if `at` is outside the grid, or a code does not fit its channel.
@@ -96,7 +96,7 @@ impl<'a> Overlay<'a> {
         Ok(self.put(place, Some(Record { value: record.value, normal, magnitude })))
     }
 
-    /// Takes the voxel at `at` (x, y, z) away; what was there.
+    /// Removes the voxel at `at` (x, y, z), and returns it.
     ///
     /// # Errors
     /// [`Error::Input`] if `at` is outside the grid.
@@ -105,19 +105,19 @@ impl<'a> Overlay<'a> {
         Ok(self.put(place, None))
     }
 
-    /// The voxel at `at` (x, y, z), shown or not; `None` where there is none, and outside the grid.
+    /// Returns the voxel at `at` (x, y, z), shown or not; `None` if there is none or `at` is outside the grid.
     pub fn get(&self, at: [u32; 3]) -> Option<Record> {
         let [x, y, z] = self.place(at).ok()?;
         self.edits.get(&[z, y, x]).copied().unwrap_or_else(|| self.stored([x, y, z]))
     }
 
-    /// Shows only voxels whose opacity under `transfer`, judged by their codes, is at least `threshold`, and above 0.
+    /// Shows only voxels whose opacity with `transfer`, judged by their codes, is above 0 and at least `threshold`.
     ///
-    /// The others stay where they are: a walk passes them over, [`Overlay::rows`] leaves them out. Takes a table of 32
-    /// bytes to 2 MiB, and a look into it for each voxel of a walk.
+    /// Hidden voxels remain stored; walks skip them and [`Overlay::rows`] leaves them out. Costs a table of 32 bytes to
+    /// 2 MiB and a look-up per voxel of a walk.
     ///
     /// # Errors
-    /// As [`VisibleCodes::new`].
+    /// The same as [`VisibleCodes::new`].
     pub fn set_opacity_threshold(&mut self, transfer: &TransferFunction, threshold: f64) -> Result<()> {
         let facts = self.lanes.arena().facts();
         self.shown = Some(VisibleCodes::new(transfer, facts.channels, &facts.scales, threshold)?);
@@ -129,15 +129,15 @@ impl<'a> Overlay<'a> {
         self.shown = None;
     }
 
-    /// How many voxels differ from the arena's.
+    /// Returns the number of positions at which the overlay differs from the arena.
     pub fn edit_count(&self) -> usize {
         self.edits.len()
     }
 
-    /// What the arena says of itself, the voxels that are shown counted: O(1), or O(records) with a threshold.
+    /// Returns the header facts with the count of shown voxels. O(1), or O(records) with a threshold.
     ///
     /// # Errors
-    /// As [`Overlay::lane`].
+    /// The same as [`Overlay::lane`].
     pub fn facts(&self) -> Result<Facts> {
         let mut visible_voxels = self.visible_voxels;
         if self.shown.is_some() {
@@ -147,10 +147,10 @@ impl<'a> Overlay<'a> {
         Ok(Facts { visible_voxels, ..self.lanes.arena().facts().clone() })
     }
 
-    /// The lane along `axis` with all edits; its patch is packed on first use after an edit.
+    /// Returns the lane along `axis` with all edits. The first use after an edit packs its patch.
     ///
     /// # Errors
-    /// As [`LaneSet::lane`]; and [`Error::Limit`] if there are more lines than a tile can name.
+    /// The same as [`LaneSet::lane`]; [`Error::Limit`] if there are more lines than tiles can refer to.
     pub fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
         let mut lane = self.lanes.lane(axis)?;
         lane.shown = self.shown.as_ref();
@@ -170,10 +170,10 @@ impl<'a> Overlay<'a> {
         Ok(lane)
     }
 
-    /// The voxels that are shown, to write to a file.
+    /// Returns the shown voxels, for writing to a file.
     ///
     /// # Errors
-    /// As [`Overlay::lane`].
+    /// The same as [`Overlay::lane`].
     pub fn rows(&self) -> Result<impl Rows> {
         let lane = self.lane(Axis::X)?;
         let shown = lane.shown;
@@ -181,7 +181,7 @@ impl<'a> Overlay<'a> {
         Ok(LaneRows::new(lane, move |_, _, record| is_shown(record).then_some(record)))
     }
 
-    /// `at` as coordinates inside the grid.
+    /// Converts `at` to coordinates inside the grid.
     fn place(&self, at: [u32; 3]) -> Result<[u16; 3]> {
         let dims = self.lanes.arena().facts().grid.dims;
         if (0..3).any(|a| at[a] >= dims[a]) {
@@ -191,7 +191,7 @@ impl<'a> Overlay<'a> {
         Ok(at.map(|c| u16::try_from(c).expect("a grid has at most 65,535 points an axis")))
     }
 
-    /// Makes `record` what is at a place; what was there.
+    /// Sets the record at a position, or none, and returns the previous one.
     fn put(&mut self, [x, y, z]: [u16; 3], record: Option<Record>) -> Option<Record> {
         let stored = self.stored([x, y, z]);
         let place = [z, y, x];
@@ -210,7 +210,7 @@ impl<'a> Overlay<'a> {
         before
     }
 
-    /// What the arena has at a place.
+    /// Returns the arena's own record at a position.
     fn stored(&self, [x, y, z]: [u16; 3]) -> Option<Record> {
         let arena = self.lanes.arena();
         let lane = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");

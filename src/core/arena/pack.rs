@@ -1,23 +1,26 @@
 //! Packing: from the voxels of scan lines to a lane.
 //!
-//! In: lines by ascending v, then u; in each, voxels by ascending coordinate. Out: an [`OwnedLane`] whose tiles lie
-//! in the tile order. Lines are collected for eight v at a time (a strip), which is when their tiles are complete.
+//! In: lines by ascending v, then u, with voxels by ascending coordinate. Out: an [`OwnedLane`] with its tiles in tile
+//! order.
+
+use std::ops::Range;
 
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
 use super::curve::TileOrder;
-use super::lane::{OwnedLane, OwnedLineEnds, STEPPING};
+use super::lane::STEPPING;
 use super::layout::{Channels, TILE_EDGE, TileRecord};
+use super::owned_lane::{OwnedLane, OwnedLineEnds};
 use crate::volume::Axis;
 
-/// What is stored of a voxel beside its place.
+/// The stored codes of one voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Record {
-    /// The value's code.
+    /// Code of the value.
     pub value: u16,
-    /// The normal's code, u in the low half; ignored without normals.
+    /// Code of the normal, u in the low half; ignored if the arena stores no normals.
     pub normal: u32,
-    /// The magnitude's code; ignored without magnitudes.
+    /// Code of the gradient magnitude; ignored if the arena stores no magnitudes.
     pub magnitude: u8,
 }
 
@@ -30,7 +33,7 @@ pub(crate) struct ChannelArrays {
     pub(crate) magnitudes: Vec<u8>,
 }
 
-/// Some tiles of a lane that follow each other, with first lines and first records counted from the run's own.
+/// Consecutive tiles of a lane, whose first lines and first records count from the start of the run.
 #[derive(Debug, Default)]
 pub struct TileRun {
     pub(crate) tiles: Vec<TileRecord>,
@@ -58,13 +61,13 @@ impl ChannelArrays {
         }
     }
 
-    /// Appends a line's records, stepping voxels included; gives its lowest and highest coordinate.
+    /// Appends the records of a line, including stepping voxels; returns its lowest and highest coordinate.
     ///
     /// # Panics
-    /// If the voxels do not come by ascending coordinate, or there are none.
+    /// If the voxels are not in ascending order, or there are none.
     #[inline]
     pub(crate) fn push_line(&mut self, channels: Channels, voxels: impl Iterator<Item = (u16, Record)>) -> (u16, u16) {
-        let mut next = 0u32; // one past the last coordinate: a step is counted from -1 at first
+        let mut next = 0u32; // one past the last coordinate, because the first step counts from -1
         let mut low = None;
         let mut high = 0;
         for (coordinate, record) in voxels {
@@ -82,8 +85,8 @@ impl ChannelArrays {
         (low.expect("a line that is packed has a voxel"), high)
     }
 
-    /// Appends records `from..to` of `other`.
-    fn append(&mut self, channels: Channels, other: &ChannelArrays, from: usize, to: usize) {
+    /// Appends some records of `other`.
+    fn append(&mut self, channels: Channels, other: &ChannelArrays, Range { start: from, end: to }: Range<usize>) {
         let value = usize::from(channels.value_bits / 8);
         let normal = usize::from(channels.normal_bits / 4);
         let magnitude = usize::from(channels.magnitude_bits / 8);
@@ -103,160 +106,88 @@ impl ChannelArrays {
     }
 }
 
-/// A packed tile: its lines' ends and where its records lie in their strip.
-struct Tile {
+/// A packed line, and where its records are in order of arrival.
+struct PackedLine {
     u: u16,
     v: u16,
-    occupancy: u64,
     low: u16,
     high: u16,
-    strip: usize,
-    first_record: usize,
-    record_count: usize,
-    first_line: usize,
+    records: Range<usize>,
 }
 
-/// One line of the strip at hand.
-struct PendingLine {
-    u: u16,
-    v: u16,
-    from: usize,
-    to: usize,
-    low: u16,
-    high: u16,
-}
-
-/// Packs one lane.
+/// Packs the lines of one lane.
 pub struct LanePacker {
     axis: Axis,
     dims: [u32; 3],
     channels: Channels,
     tile_order: TileOrder,
-    /// Records of the strip at hand in the order of arrival, and its lines.
-    pending: ChannelArrays,
-    pending_lines: Vec<PendingLine>,
-    /// Finished strips, tile after tile.
-    strips: Vec<ChannelArrays>,
-    tiles: Vec<Tile>,
-    /// Line ends of all tiles, in the order of `tiles`.
-    ends: Vec<u32>,
+    /// All records, in order of arrival.
+    arrived: ChannelArrays,
+    lines: Vec<PackedLine>,
     visible: u64,
 }
 
 impl LanePacker {
-    /// Packs a lane along `axis` of a grid of `dims` points.
+    /// Starts a lane along `axis` of a grid with `dims` points.
     pub fn new(axis: Axis, dims: [u32; 3], channels: Channels, tile_order: TileOrder) -> LanePacker {
-        LanePacker {
-            axis,
-            dims,
-            channels,
-            tile_order,
-            pending: ChannelArrays::default(),
-            pending_lines: Vec::new(),
-            strips: Vec::new(),
-            tiles: Vec::new(),
-            ends: Vec::new(),
-            visible: 0,
-        }
+        let (arrived, lines) = (ChannelArrays::default(), Vec::new());
+        LanePacker { axis, dims, channels, tile_order, arrived, lines, visible: 0 }
     }
 
-    /// Appends the line at (u, v), which must come after all earlier ones by v, then u within eight v.
+    /// Appends the line at (u, v); lines must come by ascending v, then u.
     ///
-    /// `voxels` gives coordinates along the axis, ascending. A line without voxels takes no room.
+    /// `voxels` yields ascending coordinates along the axis. Lines without voxels take no space.
     ///
     /// # Panics
     /// If lines or voxels are out of order.
     #[inline]
     pub fn line(&mut self, u: u16, v: u16, voxels: impl Iterator<Item = (u16, Record)>) {
-        if let Some(last) = self.pending_lines.last() {
+        if let Some(last) = self.lines.last() {
             assert!((last.v, last.u) < (v, u), "lines come by v, then u");
-            if last.v / TILE_EDGE != v / TILE_EDGE {
-                self.close_strip();
-            }
         }
         let mut voxels = voxels.inspect(|_| self.visible += 1).peekable();
         if voxels.peek().is_some() {
-            let from = self.pending.steps.len();
-            let (low, high) = self.pending.push_line(self.channels, voxels);
-            self.pending_lines.push(PendingLine { u, v, from, to: self.pending.steps.len(), low, high });
+            let first = self.arrived.steps.len();
+            let (low, high) = self.arrived.push_line(self.channels, voxels);
+            self.lines.push(PackedLine { u, v, low, high, records: first..self.arrived.steps.len() });
         }
     }
 
-    /// Visible voxels so far.
+    /// Returns the number of voxels so far.
     pub fn visible(&self) -> u64 {
         self.visible
     }
 
-    /// Sorts the strip's lines into tiles.
-    fn close_strip(&mut self) {
-        let mut lines = std::mem::take(&mut self.pending_lines);
-        let place = |line: &PendingLine| (line.u / TILE_EDGE, line.v, line.u);
-        lines.sort_unstable_by_key(place);
-        let mut strip = ChannelArrays::with_capacity(self.channels, self.pending.steps.len());
-        for tile_lines in lines.chunk_by(|a, b| a.u / TILE_EDGE == b.u / TILE_EDGE) {
-            let first_record = strip.steps.len();
-            let first_line = self.ends.len();
-            let mut occupancy = 0u64;
-            for line in tile_lines {
-                strip.append(self.channels, &self.pending, line.from, line.to);
-                occupancy |= 1 << ((line.v % TILE_EDGE) * TILE_EDGE + line.u % TILE_EDGE);
-                let end = strip.steps.len() - first_record;
-                self.ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
-            }
-            self.tiles.push(Tile {
-                u: tile_lines[0].u / TILE_EDGE,
-                v: tile_lines[0].v / TILE_EDGE,
-                occupancy,
-                low: tile_lines.iter().map(|l| l.low).min().expect("a chunk is not empty"),
-                high: tile_lines.iter().map(|l| l.high).max().expect("a chunk is not empty"),
-                strip: self.strips.len(),
-                first_record,
-                record_count: strip.steps.len() - first_record,
-                first_line,
-            });
-        }
-        self.strips.push(strip);
-        self.pending = ChannelArrays::default();
-        lines.clear();
-        self.pending_lines = lines;
-    }
-
-    /// The lane, its tiles in the tile order.
+    /// Returns the lane, with its tiles in tile order.
     pub fn finish(mut self) -> OwnedLane {
-        self.close_strip();
-        let (tiles, channels) = (&mut self.tiles, self.channels);
-        tiles.sort_unstable_by_key(|tile| self.tile_order.key(tile.u, tile.v));
-        let records = self.strips.iter().map(|strip| strip.steps.len()).sum();
-        let mut arrays = ChannelArrays::with_capacity(channels, records);
+        let tile = |line: &PackedLine| (line.u / TILE_EDGE, line.v / TILE_EDGE);
+        self.lines.sort_by_cached_key(|line| (self.tile_order.key(tile(line).0, tile(line).1), line.v, line.u));
+        let mut arrays = ChannelArrays::with_capacity(self.channels, self.arrived.steps.len());
         let mut line_ends = OwnedLineEnds::for_line(self.dims[self.axis.index()]);
-        let mut table = Vec::with_capacity(tiles.len());
-        let mut line_count = 0u32;
-        for tile in tiles.iter() {
-            table.push(TileRecord {
-                tile_u: U16::new(tile.u),
-                tile_v: U16::new(tile.v),
-                first_line: U32::new(line_count),
-                first_record: U64::new(arrays.steps.len() as u64),
-                occupancy: U64::new(tile.occupancy),
-                low: U16::new(tile.low),
-                high: U16::new(tile.high),
+        let mut tiles = Vec::new();
+        let mut first_line = 0;
+        for lines in self.lines.chunk_by(|a, b| tile(a) == tile(b)) {
+            let first_record = arrays.steps.len();
+            let mut occupancy = 0u64;
+            for line in lines {
+                arrays.append(self.channels, &self.arrived, line.records.clone());
+                occupancy |= 1 << ((line.v % TILE_EDGE) * TILE_EDGE + line.u % TILE_EDGE);
+                let end = arrays.steps.len() - first_record;
+                line_ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
+            }
+            tiles.push(TileRecord {
+                tile_u: U16::new(lines[0].u / TILE_EDGE),
+                tile_v: U16::new(lines[0].v / TILE_EDGE),
+                first_line: U32::new(first_line),
+                first_record: U64::new(first_record as u64),
+                occupancy: U64::new(occupancy),
+                low: U16::new(lines.iter().map(|line| line.low).min().expect("a chunk is not empty")),
+                high: U16::new(lines.iter().map(|line| line.high).max().expect("a chunk is not empty")),
             });
-            let (from, to) = (tile.first_record, tile.first_record + tile.record_count);
-            arrays.append(channels, &self.strips[tile.strip], from, to);
-            let lines = tile.occupancy.count_ones();
-            self.ends[tile.first_line..][..lines as usize].iter().for_each(|&end| line_ends.push(end));
-            line_count += lines;
+            first_line += occupancy.count_ones();
         }
-        OwnedLane {
-            axis: self.axis,
-            dims: self.dims,
-            channels,
-            tiles: table,
-            line_ends,
-            steps: arrays.steps,
-            values: arrays.values,
-            normals: arrays.normals,
-            magnitudes: arrays.magnitudes,
-        }
+        let (axis, dims, channels) = (self.axis, self.dims, self.channels);
+        let ChannelArrays { steps, values, normals, magnitudes } = arrays;
+        OwnedLane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes }
     }
 }

@@ -1,22 +1,21 @@
-//! The pager: who keeps the mapped pages of a file within bounds while they are read.
+//! Pagers: limit the resident pages of a mapped file while it is read.
 //!
-//! Readers of a [`Lane`](super::Lane) tell its pager what they are about to read. Lanes in memory have none, and then
-//! telling costs one branch: a tile's directory entry, a group of lines and a piece of a sweep are each told of once,
-//! a voxel never.
+//! Readers of a [`Lane`](super::Lane) inform its pager of what they are about to read: once per tile, group of lines or
+//! part of a sweep, never per voxel. Lanes in memory have no pager, which costs one branch.
 
 use std::fmt::Debug;
 
-/// Most bytes that a reader leaves unread between two tellings, in all channels, counted in whole pieces that the
-/// system may map at once (64 KiB): one group of lines of a walk (tests/lowmem.rs).
+/// Most bytes that a reader announces and then reads, in all channels, counted in the 64 KiB blocks that a system maps
+/// at once: one group of lines of a walk (tests/memory/lowmem.rs).
 pub const IN_FLIGHT: u64 = 2 << 20;
 
-/// Told what is about to be read, it may release what was read before. Whatever it does, the bytes stay the same.
+/// Is informed before mapped bytes are read, and may release the pages of bytes that were read earlier.
 pub trait Pager: Debug + Send + Sync {
-    /// `bytes` are about to be read, by this thread; what it told of before may have been.
+    /// Announces that this thread is about to read `bytes`. Bytes announced earlier may have been released.
     fn about_to_read(&self, bytes: &[u8]);
 }
 
-/// Tells `pager`, if there is one, of `bytes`.
+/// Informs `pager`, if there is one, that `bytes` are about to be read.
 #[inline(always)]
 pub(crate) fn tell<'a>(pager: Option<&dyn Pager>, bytes: impl FnOnce() -> &'a [u8]) {
     if let Some(pager) = pager {

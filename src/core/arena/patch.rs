@@ -1,39 +1,39 @@
-//! The patch: the tiles of a lane that hold edits, packed anew.
+//! The patch of an overlay: the tiles of a lane that hold edits, packed again.
 //!
-//! In: a lane and edits. Out: the lines and records of the tiles with edits, and a tile table of the whole lane, in
-//! which those tiles point past the lane's own lines and records. Time is O(tiles + records of the tiles with edits);
-//! the tiles' records, lines without edits included, are what it takes in memory.
+//! In: a lane and edits. Out: lines and records of the tiles with edits, and a tile table of the whole lane in which
+//! those tiles refer to them. Time: O(tiles + records of the tiles with edits). Memory: all records of these tiles.
 
 use std::collections::BTreeMap;
 
 use super::curve::TileOrder;
-use super::lane::{Lane, OwnedLane};
+use super::lane::Lane;
 use super::layout::{TILE_EDGE, TileRecord};
+use super::owned_lane::OwnedLane;
 use super::pack::{LanePacker, Record};
 use crate::volume::Axis;
 
-/// What is there instead of what the arena has, by z, y, x; only where the two differ.
+/// The new record, or none, at each edited position (z, y, x) that differs from the arena.
 pub(super) type Edits = BTreeMap<[u16; 3], Option<Record>>;
 
-/// The tile at (u, v) of a lane whose tiles lie in `order`.
+/// Returns the tile at (u, v) of a lane with tiles in `order`.
 pub(super) fn find_tile<'l>(lane: &Lane<'l>, order: TileOrder, u: u16, v: u16) -> Option<&'l TileRecord> {
     let key = order.key(u, v);
     let place = |tile: &TileRecord| order.key(tile.tile_u.get(), tile.tile_v.get());
     lane.tiles.binary_search_by_key(&key, place).ok().map(|index| &lane.tiles[index])
 }
 
-/// A lane's changed tiles.
+/// The changed tiles of a lane.
 #[derive(Debug)]
 pub(super) struct Patch {
-    /// All tiles of the lane, changed or not, in the tile order.
+    /// All tiles of the lane, changed or not, in tile order.
     pub(super) tiles: Vec<TileRecord>,
-    /// Lines and records of the changed ones.
+    /// Lines and records of the changed tiles.
     pub(super) records: OwnedLane,
 }
 
-/// An edit by its place in a lane.
+/// An edit in a lane's coordinates.
 #[derive(Debug, Clone, Copy)]
-struct Edit {
+struct LaneEdit {
     v: u16,
     u: u16,
     at: u16,
@@ -45,11 +45,11 @@ impl Patch {
     pub(super) fn new(lane: &Lane, order: TileOrder, edits: &Edits) -> Patch {
         let [u_axis, v_axis] = lane.axis.others();
         let along = |[z, y, x]: [u16; 3], axis: Axis| [x, y, z][axis.index()];
-        let mut sorted: Vec<Edit> = edits
+        let mut sorted: Vec<LaneEdit> = edits
             .iter()
             .map(|(&place, &record)| {
                 let [v, u, at] = [v_axis, u_axis, lane.axis].map(|axis| along(place, axis));
-                Edit { v, u, at, record }
+                LaneEdit { v, u, at, record }
             })
             .collect();
         sorted.sort_unstable_by_key(|edit| (edit.v, edit.u, edit.at));
@@ -64,7 +64,7 @@ impl Patch {
             tile_us.dedup();
             let tiles: Vec<Option<&TileRecord>> = tile_us.iter().map(|&u| find_tile(lane, order, u, tile_v)).collect();
             changed.extend(tile_us.iter().map(|&u| order.key(u, tile_v)));
-            let mut rest = strip;
+            let mut remaining = strip;
             for within_v in 0..TILE_EDGE {
                 for (&tile_u, tile) in tile_us.iter().zip(&tiles) {
                     for within_u in 0..TILE_EDGE {
@@ -72,9 +72,9 @@ impl Patch {
                         if u32::from(u) >= lane.dims[u_axis.index()] || u32::from(v) >= lane.dims[v_axis.index()] {
                             continue;
                         }
-                        let count = rest.partition_point(|edit| (edit.v, edit.u) <= (v, u));
-                        let (here, later) = rest.split_at(count);
-                        rest = later;
+                        let count = remaining.partition_point(|edit| (edit.v, edit.u) <= (v, u));
+                        let (here, later) = remaining.split_at(count);
+                        remaining = later;
                         let bit = 1 << (within_v * TILE_EDGE + within_u);
                         let stored = tile.and_then(|tile| lane.tile_lines(tile, bit).next());
                         line.clear();
@@ -91,14 +91,14 @@ impl Patch {
         tiles.extend(lane.tiles.iter().filter(|tile| changed.binary_search(&key(tile)).is_err()));
         let lines = u32::try_from(lane.line_ends.len()).expect("checked with the patch's lines");
         tiles.extend(records.tiles.iter().map(|tile| tile.moved(lines, lane.steps.len() as u64)));
-        // Two runs in order: a merge.
+        // Both parts are sorted: this is a merge.
         tiles.sort_by_key(key);
         Patch { tiles, records }
     }
 }
 
-/// A stored line and the edits on it, by ascending place, as one line.
-fn merge(lane: &Lane, stored: std::ops::Range<usize>, edits: &[Edit], line: &mut Vec<(u16, Record)>) {
+/// Merges a stored line with the edits on it, by ascending coordinate.
+fn merge(lane: &Lane, stored: std::ops::Range<usize>, edits: &[LaneEdit], line: &mut Vec<(u16, Record)>) {
     let points = lane.dims[lane.axis.index()];
     // A damaged line may be longer than its axis.
     let stored = if stored.len() <= points as usize { stored } else { 0..0 };

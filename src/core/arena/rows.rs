@@ -1,7 +1,6 @@
-//! Rows: the visible voxels of a volume along x, wherever they come from.
+//! Rows: the visible voxels of a volume along x, from any source.
 //!
-//! What a build has classified, what is left of a file that is trimmed, and a file with voxels added and removed all
-//! give their rows; lanes are assembled from rows alone.
+//! A build, a trimmed file and an edited file all provide rows; lanes are assembled from rows only.
 
 use std::ops::Range;
 
@@ -9,44 +8,44 @@ use super::layout::Channels;
 use super::pack::Record;
 use crate::error::Result;
 
-/// A visible voxel of a row.
+/// A visible voxel of a row along x.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Voxel {
-    /// Its coordinate along x.
+    /// Coordinate along x.
     pub x: u16,
-    /// What is stored of it.
+    /// Its stored codes.
     pub record: Record,
 }
 
-/// A box of grid points, half-open along x, y and z; may reach beyond the grid.
+/// A box of grid points, as half-open ranges; it may extend beyond the grid.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Region {
-    /// Along x.
+    /// Range along x.
     pub xs: Range<u32>,
-    /// Along y.
+    /// Range along y.
     pub ys: Range<u32>,
-    /// Along z.
+    /// Range along z.
     pub zs: Range<u32>,
 }
 
-/// The visible voxels of a volume, by rows along x; every reading gives the same ones.
+/// A source of visible voxels, read by rows along x; every reading yields the same voxels.
 pub trait Rows: Sync {
-    /// Grid points along x, y, z.
+    /// Returns the number of grid points along x, y, z.
     fn dims(&self) -> [u32; 3];
 
-    /// What is stored of a voxel.
+    /// Returns the channels of the records.
     fn channels(&self) -> Channels;
 
-    /// Bytes of memory that they hold.
+    /// Returns the bytes of memory in use.
     fn memory(&self) -> u64 {
         0
     }
 
-    /// Calls `row` with y, z and the voxels, by ascending x, of each row that is not empty inside `region`.
+    /// Calls `row` with y, z and the voxels of each row inside `region` that is not empty.
     ///
-    /// Rows of one z come by ascending y, rows of one y by ascending z; more is not promised.
+    /// Voxels come by ascending x. Rows with the same z come by ascending y, rows with the same y by ascending z.
     ///
     /// # Errors
-    /// If they cannot be read.
+    /// The rows cannot be read.
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()>;
 }

@@ -1,35 +1,36 @@
-//! Transposition: the lane along y or z, from the lane along x.
+//! Transposition: derives the lane along y or z from the lane along x.
 //!
-//! In: the x lane, which every arena has. Out: the same voxels on lines along `t`, y or z. Eight values of the
-//! third axis `o` at a time (a strip of the new lane), the strip's voxels are listed by ascending `t`, counted by
-//! their new line (x, o), and dealt out. Time is O(voxels + face); memory beside the result is one strip.
+//! The new lane runs along `t` (y or z); `o` is the third axis. For each strip of eight values of `o`, the voxels are
+//! listed by ascending `t`, counted by their new line (x, o), and sorted into lines. Time: O(voxels + face). Memory
+//! beside the result: one strip.
 
 use super::curve::TileOrder;
-use super::lane::{Lane, LineSpan, OwnedLane};
+use super::lane::{Lane, LineSpan};
 use super::layout::TILE_EDGE;
+use super::owned_lane::OwnedLane;
 use super::pack::{LanePacker, Record};
 use crate::volume::Axis;
 
-/// A voxel on its way from one lane to the other.
+/// A voxel that is being sorted into its new line.
 #[derive(Clone, Copy, Default)]
-struct Voxel {
+struct TransposedVoxel {
     /// Its new line in the strip: `(o % 8) * dim x + x`.
     line: u32,
-    /// Its coordinate on the new lane's axis.
+    /// Coordinate along the new lane.
     t: u16,
     record: Record,
 }
 
-/// The voxels of the x lane as a lane along `axis`.
+/// Returns the voxels of a lane along x as a lane along `axis`.
 ///
-/// On a sound lane the result is what packing along `axis` gives, byte for byte. On any other it holds those
-/// voxels that lie inside the grid.
+/// For a sound lane the result equals packing along `axis`, byte for byte. For any other it holds the voxels that lie
+/// inside the grid.
 ///
 /// # Panics
-/// If `lane` is not an x lane or `axis` is x.
+/// If `lane` does not run along x, or `axis` is x.
 pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
     assert!(lane.axis == Axis::X && axis != Axis::X, "lanes along y and z are made from the lane along x");
-    // The face of the x lane has u = y and v = z; that of the new lane has u = x and v = o.
+    // The face of the lane along x has u = y and v = z; the new lane's has u = x and v = o.
     let place = |u: u32, v: u32| if axis == Axis::Y { (u, v) } else { (v, u) };
     let [dim_x, dim_y, dim_z] = lane.dims;
     let (dim_t, dim_o) = place(dim_y, dim_z);
@@ -41,13 +42,13 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
         })
         .collect();
     order.sort_unstable();
-    // A sound lane has each tile once and each record on one line; a damaged one must not cost more than that.
+    // A sound lane has each tile once and each record on one line. A damaged lane must not cost more.
     order.dedup_by_key(|&mut (o, t, _)| (o, t));
     let mut budget = usize::try_from(lane.record_count()).unwrap_or(usize::MAX);
 
     let mut packer = LanePacker::new(axis, lane.dims, lane.channels, tile_order);
-    let mut strip: Vec<Voxel> = Vec::new();
-    let mut dealt: Vec<Voxel> = Vec::new();
+    let mut strip: Vec<TransposedVoxel> = Vec::new();
+    let mut sorted: Vec<TransposedVoxel> = Vec::new();
     let mut starts: Vec<usize> = Vec::new();
     let mut lines: Vec<LineSpan> = Vec::with_capacity(64);
     for tiles in order.chunk_by(|a, b| a.0 == b.0) {
@@ -63,17 +64,21 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
                 budget = left;
                 let first = o % u32::from(TILE_EDGE) * dim_x;
                 let voxels = lane.line_voxels(line.records.clone()).filter(|&(x, _)| x < dim_x);
-                strip.extend(voxels.map(|(x, index)| Voxel { line: first + x, t, record: lane.record(index) }));
+                strip.extend(voxels.map(|(x, index)| TransposedVoxel {
+                    line: first + x,
+                    t,
+                    record: lane.record(index),
+                }));
             }
         }
         let first_o = tiles[0].0 * u32::from(TILE_EDGE);
-        deal(&strip, &mut dealt, &mut starts, (u32::from(TILE_EDGE) * dim_x) as usize);
+        sort_by_line(&strip, &mut sorted, &mut starts, (u32::from(TILE_EDGE) * dim_x) as usize);
         for (line, range) in (0u32..).zip(starts.windows(2)) {
             let coordinate = |c: u32| u16::try_from(c).expect("inside a grid of at most 65,535 points an axis");
             if range[0] < range[1] {
                 // A damaged lane may hold a voxel twice; a line holds it once.
                 let voxels =
-                    dealt[range[0]..range[1]].chunk_by(|a, b| a.t == b.t).map(|same| (same[0].t, same[0].record));
+                    sorted[range[0]..range[1]].chunk_by(|a, b| a.t == b.t).map(|same| (same[0].t, same[0].record));
                 packer.line(coordinate(line % dim_x), coordinate(first_o + line / dim_x), voxels);
             }
         }
@@ -81,8 +86,8 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
     packer.finish()
 }
 
-/// Orders a strip's voxels by line, keeping the order in which they came; line i ends up at `starts[i]..starts[i+1]`.
-fn deal(strip: &[Voxel], dealt: &mut Vec<Voxel>, starts: &mut Vec<usize>, lines: usize) {
+/// Sorts a strip's voxels by line, keeping their order otherwise; line i becomes `starts[i]..starts[i + 1]`.
+fn sort_by_line(strip: &[TransposedVoxel], sorted: &mut Vec<TransposedVoxel>, starts: &mut Vec<usize>, lines: usize) {
     starts.clear();
     starts.resize(lines + 2, 0);
     for voxel in strip {
@@ -91,12 +96,12 @@ fn deal(strip: &[Voxel], dealt: &mut Vec<Voxel>, starts: &mut Vec<usize>, lines:
     for line in 2..lines + 2 {
         starts[line] += starts[line - 1];
     }
-    // `starts[line + 1]` is now where the line starts, and becomes where it ends.
-    dealt.clear();
-    dealt.resize(strip.len(), Voxel::default());
+    // `starts[line + 1]` is the start of the line and becomes its end.
+    sorted.clear();
+    sorted.resize(strip.len(), TransposedVoxel::default());
     for &voxel in strip {
         let next = &mut starts[voxel.line as usize + 1];
-        dealt[*next] = voxel;
+        sorted[*next] = voxel;
         *next += 1;
     }
     starts.pop();

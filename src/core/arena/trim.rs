@@ -1,9 +1,8 @@
 //! Trimming: a smaller arena from an arena, without the volume.
 //!
-//! In: an open arena and what is to stay. Out: the [`Rows`] of what is left, read in place, and the header's part for
-//! [`crate::file::write_rows`]. Codes are kept as they are, and so is what they mean, unless values are narrowed to
-//! 8 bits: then they are spread over the values that are left, exactly where these have no more than 256 codes.
-//! Normals stay those of the whole volume.
+//! In: an open arena and what to keep. Out: the remaining [`Rows`], read in place, and the header of the new file. Codes
+//! and their meaning stay the same. Narrowing to 8-bit values is the exception: the new codes are spread over the
+//! remaining values, exactly if these have at most 256 codes. Normals stay those of the whole volume.
 
 use super::lane::Lane;
 use super::lane_rows::LaneRows;
@@ -16,48 +15,48 @@ use crate::classify::{Quantiser, TransferFunction, normal};
 use crate::error::{Error, Result};
 use crate::volume::{Axis, Grid, SampleType};
 
-/// An opacity that one would miss, as in a build.
-const SEEN: f64 = 0.02;
+/// Opacity from which the loss of a voxel is noticeable, as in a build.
+const NOTICEABLE_OPACITY: f64 = 0.02;
 
-/// What is to stay; by default everything.
+/// What to keep of an arena; the default keeps everything.
 #[derive(Debug, Clone, Default)]
 pub struct TrimOptions {
-    /// Only voxels in this box of grid points.
+    /// Keeps only voxels in this box of grid points.
     pub crop: Option<Region>,
-    /// Whether the grid keeps its size and origin where it is cropped; otherwise it shrinks to the box.
+    /// Keeps size and origin of the grid when cropping, instead of shrinking the grid to the box.
     pub keep_grid: bool,
-    /// Only voxels whose codes are visible under this transfer function.
+    /// Keeps only voxels whose codes are visible with this transfer function.
     pub transfer: Option<TransferFunction>,
-    /// Whether values of 16 bits become such of 8.
+    /// Narrows 16-bit values to 8 bits.
     pub narrow_values: bool,
-    /// Whether normals of 16 bits a component become such of 8.
+    /// Narrows normals from 16 to 8 bits per component.
     pub narrow_normals: bool,
-    /// Whether normals go; the voxels are unlit then.
+    /// Drops normals; the voxels are then drawn unlit.
     pub drop_normals: bool,
-    /// Whether gradient magnitudes go.
+    /// Drops gradient magnitudes.
     pub drop_magnitudes: bool,
 }
 
-/// What is left of an arena.
+/// The result of [`trim`].
 #[derive(Debug)]
 pub struct Trim<R> {
-    /// The voxels.
+    /// The remaining voxels.
     pub rows: R,
-    /// The header's part, the voxels counted.
+    /// Contents of the new file's header.
     pub facts: Facts,
-    /// The new transfer function with everything filled in that the arena decides, if one was given.
+    /// The new transfer function, if one was given, completed with everything that depends on the arena.
     pub transfer: Option<TransferFunction>,
-    /// Voxels that were visible and whose narrowed value is transparent.
+    /// Number of noticeable voxels that become transparent because their value is narrowed.
     pub blurred_away: u64,
 }
 
-/// What is left of `arena` by `options`; `stored`: the transfer function that it was built with, if it is known.
+/// Selects what remains of `arena`. `stored` is the transfer function that it was built with, if known.
 ///
-/// Reads the x lane once for counts, twice where values are narrowed.
+/// Reads the lane along x once to count, twice if values are narrowed.
 ///
 /// # Errors
-/// [`Error::Input`] if the crop lies outside the grid, if the transfer function needs magnitudes that are not stored or
-/// are to be dropped, if labels would lose their codes, or if nothing is left.
+/// [`Error::Input`] if the crop lies outside the grid, if the transfer function needs magnitudes that are missing or
+/// dropped, if labels would lose their codes, or if nothing remains.
 pub fn trim<'a>(
     arena: &Arena<'a>,
     stored: Option<&TransferFunction>,
@@ -80,7 +79,7 @@ pub fn trim<'a>(
     let crop = crop_of(options, &old.grid)?;
 
     let left = LaneRows::new(lane, |_, _, record| keep(record)).within(&crop);
-    let counts = Counts::of(&left)?;
+    let counts = CodeRange::of(&left)?;
     if counts.voxels == 0 {
         let why = format!("none of the {} visible voxels is to stay; keep more of them", old.visible_voxels);
         return Err(Error::input("nothing is left", why));
@@ -108,7 +107,7 @@ pub fn trim<'a>(
             Some(transfer) if !quantiser.is_lossless() => blurred(&left, transfer, old, &quantiser)?,
             _ => 0,
         };
-        narrowing = Some(Narrowing { quantiser, scales: old.scales });
+        narrowing = Some(ValueNarrowing { quantiser, scales: old.scales });
     }
     drop(left);
     let narrow_normals = channels.normal_bits < old.channels.normal_bits && channels.normal_bits > 0;
@@ -127,7 +126,7 @@ pub fn trim<'a>(
     Ok(Trim { rows, facts, transfer, blurred_away })
 }
 
-/// The function with what a build takes from the volume: where colours end, lengths and the largest magnitude.
+/// Completes a transfer function as a build does: value range, voxel length and largest magnitude.
 fn filled_in(
     transfer: TransferFunction,
     stored: Option<&TransferFunction>,
@@ -142,7 +141,7 @@ fn filled_in(
     if magnitude_scale > 0.0 { transfer.with_largest_magnitude(magnitude_scale) } else { Ok(transfer) }
 }
 
-/// The box that stays, inside the grid.
+/// Returns the box to keep, inside the grid.
 fn crop_of(options: &TrimOptions, grid: &Grid) -> Result<Region> {
     let [nx, ny, nz] = grid.dims;
     let Some(crop) = &options.crop else { return Ok(Region { xs: 0..nx, ys: 0..ny, zs: 0..nz }) };
@@ -154,7 +153,7 @@ fn crop_of(options: &TrimOptions, grid: &Grid) -> Result<Region> {
     Ok(crop)
 }
 
-/// The grid of the points in `crop`, each where it was in the world.
+/// Returns the grid of the points in `crop`, at their positions in the world.
 fn cropped(grid: &Grid, crop: &Region) -> Grid {
     let parts = [&crop.xs, &crop.ys, &crop.zs];
     let mut cropped = grid.clone();
@@ -167,17 +166,17 @@ fn cropped(grid: &Grid, crop: &Region) -> Grid {
     cropped
 }
 
-/// What is in some rows.
+/// The number of voxels of some rows, and their range of value codes.
 #[derive(Debug, Clone, Copy)]
-struct Counts {
+struct CodeRange {
     voxels: u64,
     lowest_code: u16,
     highest_code: u16,
 }
 
-impl Counts {
-    fn of(rows: &dyn Rows) -> Result<Counts> {
-        let mut counts = Counts { voxels: 0, lowest_code: u16::MAX, highest_code: 0 };
+impl CodeRange {
+    fn of(rows: &dyn Rows) -> Result<CodeRange> {
+        let mut counts = CodeRange { voxels: 0, lowest_code: u16::MAX, highest_code: 0 };
         each_record(rows, |record| {
             counts.voxels += 1;
             counts.lowest_code = counts.lowest_code.min(record.value);
@@ -194,9 +193,9 @@ fn each_record(rows: &dyn Rows, mut see: impl FnMut(Record)) -> Result<()> {
     })
 }
 
-/// Codes of 8 bits for the values that are left: the old codes are its samples.
-fn quantiser(old: &Scales, counts: Counts, transfer: Option<&TransferFunction>) -> Result<Quantiser> {
-    // One code alone has a step of 0, which no samples have.
+/// Returns a quantiser with 8-bit codes for the remaining values, whose samples are the old codes.
+fn quantiser(old: &Scales, counts: CodeRange, transfer: Option<&TransferFunction>) -> Result<Quantiser> {
+    // A single code has a step of 0, which samples cannot have.
     let step = if old.value_step > 0.0 { old.value_step } else { 1.0 };
     let value = |code: u16| f64::from(code) * step + old.value_low;
     let (low, high) = (value(counts.lowest_code), value(counts.highest_code));
@@ -205,26 +204,26 @@ fn quantiser(old: &Scales, counts: Counts, transfer: Option<&TransferFunction>) 
     make(low, high, 8, SampleType::U16, step, old.value_low)
 }
 
-/// From old value codes to narrow ones.
+/// Maps old value codes to narrow ones.
 #[derive(Debug, Clone)]
-struct Narrowing {
+struct ValueNarrowing {
     quantiser: Quantiser,
     scales: Scales,
 }
 
-impl Narrowing {
+impl ValueNarrowing {
     #[inline(always)]
     fn value(&self, code: u16) -> u16 {
         self.quantiser.encode(self.scales.value(code.into()))
     }
 }
 
-/// How many voxels one would miss after narrowing.
+/// Returns how many noticeable voxels narrowing makes transparent.
 fn blurred(rows: &dyn Rows, transfer: &TransferFunction, old: &Facts, quantiser: &Quantiser) -> Result<u64> {
-    let narrow = Narrowing { quantiser: *quantiser, scales: old.scales };
+    let narrow = ValueNarrowing { quantiser: *quantiser, scales: old.scales };
     let scales = Scales { value_low: quantiser.low(), value_step: quantiser.step(), ..old.scales };
     let channels = Channels { value_bits: 8, ..old.channels };
-    let before = VisibleCodes::new(transfer, old.channels, &old.scales, SEEN)?;
+    let before = VisibleCodes::new(transfer, old.channels, &old.scales, NOTICEABLE_OPACITY)?;
     let after = VisibleCodes::new(transfer, channels, &scales, 0.0)?;
     let mut count = 0;
     each_record(rows, |record| {
@@ -234,9 +233,9 @@ fn blurred(rows: &dyn Rows, transfer: &TransferFunction, old: &Facts, quantiser:
     Ok(count)
 }
 
-/// The code of 2x8 bits for a code of 2x16.
+/// Converts a normal code of 2x16 bits to 2x8 bits.
 fn narrowed(code: u32) -> u32 {
-    // Codes are of the vector against the gradient.
+    // Codes stand for the vector against the gradient.
     let gradient = normal::decode16(code).map(|component| -f64::from(component));
     normal::encode8(gradient).into()
 }

@@ -1,16 +1,17 @@
 //! Visible codes: which stored records a transfer function shows.
 //!
-//! In: a transfer function and what an arena's codes mean. Out: a table with a bit for each value code, or for each
-//! pair of value and magnitude where the opacity depends on both: 32 bytes to 2 MiB. A stored voxel is judged by its
-//! codes, not by the sample they came from.
+//! In: a transfer function and the meaning of an arena's codes. Out: a table with one bit per value code, or per pair of
+//! value and magnitude if opacity depends on both: 32 bytes to 2 MiB. Stored voxels are judged by their codes, not by
+//! the samples that the codes came from.
 
 use super::layout::{Channels, Scales};
 use crate::classify::{MagnitudeCodec, TransferFunction};
 use crate::error::{Error, Result};
 
-/// Opacity of a stored voxel of value code `value`, 0 to 1, per reference length; `magnitude`: of its gradient.
+/// Returns the opacity of a stored voxel with value code `value`, from 0 to 1, per reference length.
 ///
-/// A code at the end of a visible range may come back a rounding error outside it; that does not hide it.
+/// `magnitude` is its gradient magnitude. A code at an end of the visible range may decode to a value just outside it,
+/// by rounding; the voxel still counts as visible.
 pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, magnitude: f64) -> f64 {
     let value = scales.value(value.into());
     let opacity = transfer.opacity(value, magnitude);
@@ -21,20 +22,20 @@ pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, 
     transfer.opacity(value - nudge, magnitude).max(transfer.opacity(value + nudge, magnitude))
 }
 
-/// The codes of visible voxels.
+/// A table of the codes that are visible.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct VisibleCodes {
-    /// A bit for each value code, or for each pair: value in the high part, magnitude in the low byte.
+    /// One bit per value code, or per pair: value in the high part, magnitude in the low byte.
     bits: Vec<u64>,
     by_magnitude: bool,
 }
 
 impl VisibleCodes {
-    /// The codes whose opacity under `transfer` is above 0 and at least `threshold`.
+    /// Collects the codes whose opacity with `transfer` is above 0 and at least `threshold`.
     ///
     /// # Errors
-    /// [`Error::Input`] if the opacity depends on gradient magnitudes and there are none, if their scale cannot be used,
-    /// or if `threshold` is not from 0 to 1.
+    /// [`Error::Input`] if opacity depends on gradient magnitudes and none are stored, if their scale is not valid, or if
+    /// `threshold` is not from 0 to 1.
     pub fn new(
         transfer: &TransferFunction,
         channels: Channels,
@@ -70,14 +71,14 @@ impl VisibleCodes {
         Ok(codes)
     }
 
-    /// Whether a voxel with these codes is visible.
+    /// Returns whether a voxel with these codes is visible.
     #[inline(always)]
     pub fn has(&self, value: u16, magnitude: u8) -> bool {
         let place = self.place(value, magnitude);
         self.bits.get(place / 64).is_some_and(|word| word >> (place % 64) & 1 == 1)
     }
 
-    /// Whether magnitudes matter.
+    /// Returns whether visibility depends on magnitudes.
     #[cfg(feature = "gpu")]
     pub(crate) fn by_magnitude(&self) -> bool {
         self.by_magnitude

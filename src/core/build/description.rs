@@ -1,11 +1,11 @@
-//! What a file says of its own making: a JSON object for people and tools (specification, rule R22).
+//! The description in a file: a JSON object on how the file was made, for people and tools (specification, rule R22).
 
 use serde_json::json;
 
 use super::builder::Classified;
 use crate::volume::Header;
 
-/// Returns the description of the file that `built` becomes; `header` is the volume's.
+/// Returns the description of a file made from `built`. `header` is the volume's.
 pub fn description(header: &Header, built: &Classified) -> String {
     let source = json!({
         "name": header.name,
@@ -16,9 +16,9 @@ pub fn description(header: &Header, built: &Classified) -> String {
         "generator": concat!("adjsplat ", env!("CARGO_PKG_VERSION")),
         "source": source,
         "transfer_function": serde_json::to_value(&built.transfer).expect("a transfer function is plain JSON"),
-        "counts": { "nan": built.findings.not_finite },
+        "counts": { "nan": built.samples.not_finite },
     });
-    let (lowest, highest) = (built.findings.lowest, built.findings.highest);
+    let (lowest, highest) = (built.samples.lowest, built.samples.highest);
     if lowest <= highest {
         description["values"] = json!({ "lowest": lowest, "highest": highest });
     }

@@ -1,13 +1,26 @@
-//! Building: from a volume's slices to lanes, in one sweep and within a budget of memory.
+//! Building: from a volume's slices to lanes, within a memory budget.
 
-pub mod assemble;
-pub mod budget;
-pub mod builder;
+pub(crate) mod assemble;
+pub(crate) mod budget;
+mod builder;
+mod classified;
 mod description;
-mod plan;
-mod sieve;
-pub mod spill;
+mod encoder;
+mod options;
+pub(crate) mod progress;
+mod scan;
+mod sort_lines;
+mod spill;
 mod store;
+mod summary;
 mod sweep;
+mod visibility;
+mod window;
 
+pub use builder::{Built, Classified, build, classify};
+pub use classified::ClassifiedRows;
+#[doc(hidden)]
 pub use description::description;
+pub use options::{BuildOptions, Resources};
+pub use progress::{Observer, Phase, Unobserved};
+pub use summary::SampleSummary;

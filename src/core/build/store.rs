@@ -1,6 +1,7 @@
-//! A store: bytes that are appended once and read back at will, in memory or, where they grow too many, in a file.
+//! Storage of the spill: bytes that are appended once and read at any position.
 //!
-//! The file has no name where the system can do that, so that nothing of it stays however the process ends.
+//! They are kept in memory, or in a temporary file once they exceed a limit. Where the system allows it the file has no
+//! name: nothing remains, however the process ends.
 
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -8,31 +9,31 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 
-/// Appended bytes.
+/// Appended bytes, in memory or in a temporary file.
 #[derive(Debug)]
-pub(super) struct Store {
+pub(super) struct SpillStore {
     bytes: Vec<u8>,
     file: Option<File>,
-    /// Bytes in all.
+    /// Number of bytes appended so far.
     len: u64,
-    /// Where the file goes; without a folder all stays in memory.
+    /// Folder for the temporary file; `None` to keep all in memory.
     folder: Option<PathBuf>,
-    /// Most bytes to hold in memory.
+    /// Most bytes to keep in memory.
     memory: u64,
 }
 
-impl Store {
-    /// A store that moves to an unnamed file in `folder` when it outgrows `memory` bytes.
-    pub(super) fn new(folder: Option<&Path>, memory: u64) -> Store {
-        Store { bytes: Vec::new(), file: None, len: 0, folder: folder.map(Path::to_path_buf), memory }
+impl SpillStore {
+    /// Creates a store that moves to an unnamed file in `folder` when it exceeds `memory` bytes.
+    pub(super) fn new(folder: Option<&Path>, memory: u64) -> SpillStore {
+        SpillStore { bytes: Vec::new(), file: None, len: 0, folder: folder.map(Path::to_path_buf), memory }
     }
 
-    /// Bytes so far.
+    /// Returns the number of bytes appended so far.
     pub(super) fn len(&self) -> u64 {
         self.len
     }
 
-    /// Bytes that are held in memory.
+    /// Returns the bytes of memory in use.
     pub(super) fn memory(&self) -> u64 {
         self.bytes.capacity() as u64
     }
@@ -60,10 +61,10 @@ impl Store {
         Ok(())
     }
 
-    /// Bytes `from..to`; `buffer` is where they go if they must be read.
+    /// Returns the bytes `from..to`, in `buffer` if they must be read from the file.
     ///
     /// # Panics
-    /// If they were not all appended.
+    /// If they have not all been appended.
     pub(super) fn read<'a>(&'a self, from: u64, to: u64, buffer: &'a mut Vec<u8>) -> Result<&'a [u8]> {
         assert!(from <= to && to <= self.len, "only what was appended is read");
         let index = |at: u64| usize::try_from(at).expect("what is in memory or read at once fits the address space");

@@ -1,7 +1,7 @@
-//! Colours: sRGB as people write them, linear light as renderers add it.
+//! Colours: sRGB for input and output, linear light for rendering.
 //!
-//! In: `"#rrggbb"` or three sRGB components. Out: linear components. Source: IEC 61966-2-1; the distinct colours
-//! are hues a golden angle apart in Oklch (B. Ottosson, "A perceptual color space for image processing", 2020).
+//! Source: IEC 61966-2-1. Distinct colours have hues a golden angle apart in Oklch (B. Ottosson, "A perceptual color
+//! space for image processing", 2020).
 
 use std::fmt;
 
@@ -10,8 +10,9 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use crate::error::{Error, Result};
 
-/// A colour, kept as it was given, sRGB components from 0 to 1; and in linear light, which takes powers that a table of
-/// 65,536 codes' colours should not wait for.
+/// A colour, stored in sRGB as given and in linear light, both from 0 to 1.
+///
+/// The conversion takes powers; storing the result saves time in palettes of 65,536 colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Colour {
     srgb: [f64; 3],
@@ -19,10 +20,10 @@ pub struct Colour {
 }
 
 impl Colour {
-    /// A colour from sRGB components.
+    /// Creates a colour from sRGB components from 0 to 1.
     ///
     /// # Errors
-    /// [`Error::Input`] if a component is not from 0 to 1.
+    /// [`Error::Input`] if a component is out of range.
     pub fn from_srgb(components: [f64; 3]) -> Result<Colour> {
         match components.iter().find(|c| !(0.0..=1.0).contains(*c)) {
             Some(wrong) => Err(Error::input("colour", format!("has the component {wrong}, but must have 0 to 1"))),
@@ -30,7 +31,7 @@ impl Colour {
         }
     }
 
-    /// A colour from sRGB bytes.
+    /// Creates a colour from sRGB bytes.
     pub fn from_bytes(bytes: [u8; 3]) -> Colour {
         Colour::of(bytes.map(|byte| f64::from(byte) / 255.0))
     }
@@ -41,10 +42,10 @@ impl Colour {
         Colour { srgb, linear }
     }
 
-    /// A colour from `"#rrggbb"`, upper or lower case.
+    /// Parses `"#rrggbb"`, in upper or lower case.
     ///
     /// # Errors
-    /// [`Error::Input`] if `text` is anything else.
+    /// [`Error::Input`] for any other text.
     pub fn from_hex(text: &str) -> Result<Colour> {
         let refused = || Error::input("colour", format!("is \"{text}\", but must be \"#rrggbb\""));
         let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
@@ -53,20 +54,20 @@ impl Colour {
         Ok(Colour::from_bytes([r, g, b]))
     }
 
-    /// Its sRGB components, 0 to 1.
+    /// Returns the sRGB components, from 0 to 1.
     pub fn srgb(self) -> [f64; 3] {
         self.srgb
     }
 
-    /// Its components in linear light, 0 to 1.
+    /// Returns the components in linear light, from 0 to 1.
     pub fn linear(self) -> [f32; 3] {
         self.linear
     }
 
-    /// One of a fixed, endless series of pleasant colours; neighbours in the series differ clearly.
+    /// Returns colour `index` of an endless series in which neighbours differ clearly.
     pub fn distinct(index: u64) -> Colour {
         const GOLDEN_ANGLE: f64 = 2.399_963_229_728_653;
-        // A fraction of a turn first: an angle of many turns would lose the digits that matter.
+        // Reduced to one turn first: a large angle would lose the digits that matter.
         let turns = index as f64 * (GOLDEN_ANGLE / std::f64::consts::TAU);
         let hue = (turns - turns.floor()) * std::f64::consts::TAU;
         let lightness = [0.74, 0.62, 0.84][usize::try_from(index % 3).expect("below 3")];
@@ -83,12 +84,12 @@ impl Colour {
     }
 }
 
-/// Linear light of an sRGB component; both 0 to 1.
+/// Converts an sRGB component to linear light; both from 0 to 1.
 pub fn linear_from_srgb(component: f64) -> f64 {
     if component <= 0.040_45 { component / 12.92 } else { ((component + 0.055) / 1.055).powf(2.4) }
 }
 
-/// The sRGB component of a linear one; both 0 to 1.
+/// Converts a component in linear light to sRGB; both from 0 to 1.
 pub fn srgb_from_linear(component: f64) -> f64 {
     if component <= 0.003_130_8 { component * 12.92 } else { 1.055 * component.powf(1.0 / 2.4) - 0.055 }
 }
@@ -105,7 +106,7 @@ fn linear_from_oklab([lightness, a, b]: [f64; 3]) -> [f64; 3] {
 }
 
 impl fmt::Display for Colour {
-    /// `#rrggbb`, rounded.
+    /// Writes `#rrggbb`, rounded.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let [r, g, b] = self.srgb.map(nearest_byte);
         write!(f, "#{r:02x}{g:02x}{b:02x}")

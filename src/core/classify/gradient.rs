@@ -1,33 +1,31 @@
 //! Gradients in world units from three neighbouring slices.
 //!
-//! In: a slice of samples, taken in single precision, the slices below and above it, the spacing. Out: the gradient at a
-//! sample, along the index axes, in units per world length; turn it by [`Grid::direction`](crate::volume::Grid) for
-//! world axes. Central differences `(f+ - f-) / 2h`, one-sided at borders and next to samples that are not finite,
-//! 0 where there is no neighbour. Exact for linear fields, at faces too. Differences are taken in double precision,
-//! so that no single-precision field and no spacing overflows or loses its direction.
+//! Central differences `(f+ - f-) / 2h`; one-sided at borders and next to samples that are not finite; 0 without any
+//! neighbour. Exact for linear fields, also at faces. Samples are rounded to single precision. Differences are taken
+//! in double precision, so that no field and no spacing overflows or loses its direction.
 
 use crate::volume::Sample;
 
-/// Largest factor that a difference of single-precision samples, at most 2^129, can take and stay finite.
+/// Largest factor that keeps a difference of single-precision samples (at most 2^129) finite.
 const LARGEST_INVERSE: f64 = 1e250;
 
-/// A slice and its neighbours along z.
+/// A z-slice with the slices below and above it, for computing gradients.
 #[derive(Debug, Clone, Copy)]
 pub struct Neighbourhood<'a, T = f32> {
     below: Option<&'a [T]>,
     here: &'a [T],
     above: Option<&'a [T]>,
     dims: [usize; 2],
-    /// A sample counts as `raw * slope + intercept`; `None` where that is the sample itself.
+    /// Slope and intercept of the samples; `None` if samples are values already.
     scale: Option<(f64, f64)>,
-    /// 1 / h, bounded.
+    /// 1 / spacing, bounded by [`LARGEST_INVERSE`].
     inverse: [f64; 3],
 }
 
 impl<'a, T: Sample> Neighbourhood<'a, T> {
-    /// The slice `here` between `below` (z - 1) and `above` (z + 1), `None` beyond the volume.
+    /// Combines slice `here` with `below` (z - 1) and `above` (z + 1), which are `None` outside the volume.
     ///
-    /// `dims`: samples along x and y; every slice has their product. `spacing`: world lengths, finite and above 0.
+    /// `dims` are the samples along x and y. `spacing` is in world lengths, finite and above 0.
     ///
     /// # Panics
     /// If a slice's length is not the product of `dims`.
@@ -45,12 +43,12 @@ impl<'a, T: Sample> Neighbourhood<'a, T> {
         Neighbourhood { below, here, above, dims, scale: None, inverse }
     }
 
-    /// The same slices, whose samples count as `raw * slope + intercept`.
+    /// Sets slope and intercept: a sample's value is then `raw * slope + intercept`.
     pub fn scaled(self, slope: f64, intercept: f64) -> Neighbourhood<'a, T> {
         Neighbourhood { scale: (slope != 1.0 || intercept != 0.0).then_some((slope, intercept)), ..self }
     }
 
-    /// A sample's value in single precision.
+    /// Returns a sample's value, rounded to single precision.
     #[inline(always)]
     fn value(&self, sample: T) -> f64 {
         #[allow(clippy::cast_possible_truncation, reason = "gradients are taken of single-precision fields")]
@@ -60,7 +58,9 @@ impl<'a, T: Sample> Neighbourhood<'a, T> {
         }
     }
 
-    /// The gradient at (`x`, `y`), along the index axes, in units per world length; always finite.
+    /// Returns the gradient at (`x`, `y`) along the index axes, in units per world length; always finite.
+    ///
+    /// Multiply by [`Grid::direction`](crate::volume::Grid) for world axes.
     ///
     /// # Panics
     /// If `x` or `y` is not below its dimension.
@@ -85,7 +85,7 @@ impl<'a, T: Sample> Neighbourhood<'a, T> {
     }
 }
 
-/// Length of a gradient; finite for every finite one whose length is.
+/// Returns the length of a gradient, without overflow or underflow on the way.
 #[inline]
 pub fn magnitude([x, y, z]: [f64; 3]) -> f64 {
     let squared = x * x + y * y + z * z;
@@ -100,7 +100,7 @@ pub fn magnitude([x, y, z]: [f64; 3]) -> f64 {
     largest * (x * x + y * y + z * z).sqrt()
 }
 
-/// Slope at the middle of three samples, of which any may be missing (not finite).
+/// Returns the slope at the middle of three samples; samples that are missing or not finite are ignored.
 #[inline(always)]
 fn slope(before: f64, here: f64, after: f64, inverse: f64) -> f64 {
     let central = after - before;

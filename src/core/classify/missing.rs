@@ -1,34 +1,28 @@
-//! What one transfer function shows and another left out.
+//! Which values one transfer function shows that another, the one a file was built with, left out.
 //!
-//! In: a function to draw with, and the one that decided what was stored. Out: the values at which the first is
-//! visible somewhere that the second is transparent.
-//!
-//! Visible means opacity above 0, which for every kind is decided by comparisons: of the value with knots, ends and
-//! labels, of the magnitude with the knots of a ramp, of their quotient with a contour's width. All of them cut the
-//! plane of values and magnitudes into pieces along straight lines, on each of which the answer is one. So it is found
-//! exactly, by asking once in each piece:
+//! Visibility (opacity above 0) is decided by comparing the value with knots and labels, the magnitude with knots of a
+//! ramp, and their quotient with a contour's width. These lines cut the plane of values and magnitudes into pieces of
+//! constant visibility. Testing one point in each piece gives the exact answer:
 //!
 //! ```text
-//! values at which something changes: knots, ends, labels; where lines of contours cross ramps and each other
-//! for each of them, and one between each two
-//!     magnitudes at which something changes there: ramp knots, contour widths
-//!     for each of them, and one between each two
-//!         is the first visible and the second transparent?
+//! for each value at which something changes (knots, ends, labels, crossings), and one between each two
+//!     for each magnitude at which something changes there (ramp knots, contour widths), and one between each two
+//!         is the first function visible and the second transparent?
 //! ```
 
-use super::palette::Others;
-use super::transfer::{Kind, TransferFunction};
+use super::kind::TransferKind;
+use super::palette::UnlistedLabels;
+use super::transfer::TransferFunction;
 
-/// Knots that are nearer, relative to their size, are one that was rounded in two ways.
+/// Knots closer than this, relative to their size, count as one knot that was rounded in two ways.
 const SLIVER: f64 = 1e-9;
 
 impl TransferFunction {
-    /// The values, of those from `lowest` to `highest`, at which this function is visible for some gradient but
-    /// `stored` is transparent; by rising value, each as lowest and highest.
+    /// Returns the ranges of values from `lowest` to `highest` that this function shows but `stored` hides.
     ///
-    /// A file that was built with `stored` lacks voxels of exactly these values; where opacities depend on the gradient,
-    /// some of them. The values' ends may be infinite. `largest_magnitude`: of a gradient, 0 or above; may be infinite.
-    /// Of palettes only whole numbers count. Exact but for rounding; an end of a range may itself be stored.
+    /// A file built with `stored` lacks voxels of these values; if opacity depends on the gradient, some of them.
+    /// Gradient magnitudes from 0 to `largest_magnitude` are considered, which may be infinite. Each result is `[from,
+    /// to]`, in ascending order; ends may be infinite. Exact but for rounding. With palettes only whole numbers count.
     pub fn missing_from(
         &self,
         stored: &TransferFunction,
@@ -41,20 +35,20 @@ impl TransferFunction {
         let mut cuts: Vec<f64> = pair.iter().flat_map(|function| function.value_cuts()).collect();
         cuts.extend(crossings(pair, most));
         if labels {
-            // Whole numbers on both sides of every change, and none between them.
+            // Labels change only at whole numbers: test those on both sides of every cut.
             cuts = cuts.iter().flat_map(|cut| [cut.floor(), cut.ceil()]).collect();
         }
         cuts.extend([lowest, highest]);
         cuts.retain(|cut| cut.is_finite() && (lowest..=highest).contains(cut));
         cuts.sort_unstable_by(f64::total_cmp);
-        // Knots that rounding put apart are one: what each side of one says of itself is not missing on the other.
+        // Knots that rounding moved apart count as one: each side would report the other as missing.
         let knots: Vec<Vec<f64>> =
             cuts.chunk_by(|a, b| b - a <= SLIVER * a.abs().max(b.abs())).map(|same| same.to_vec()).collect();
         cuts = knots.iter().map(|same| same[0]).collect();
 
         let is_missing = |value: f64| self.shows_beyond(stored, value, most);
         let mut missing: Vec<[f64; 2]> = Vec::new();
-        // Whether the last stretch goes on.
+        // Whether the next missing value extends the last range.
         let mut open = false;
         let mut add = |is_missing: bool, [from, to]: [f64; 2]| {
             match missing.last_mut().filter(|_| open && is_missing) {
@@ -85,7 +79,7 @@ impl TransferFunction {
         missing
     }
 
-    /// Whether at `value` and some magnitude up to `most` this is visible and `stored` is not.
+    /// Returns whether, at `value` and some magnitude up to `most`, this function is visible and `stored` is not.
     fn shows_beyond(&self, stored: &TransferFunction, value: f64, most: f64) -> bool {
         let mut cuts = vec![0.0, most];
         cuts.extend([self, stored].iter().flat_map(|function| function.magnitude_cuts(value)));
@@ -99,23 +93,23 @@ impl TransferFunction {
         magnitudes.into_iter().any(|m| self.opacity(value, m) > 0.0 && stored.opacity(value, m) == 0.0)
     }
 
-    /// Values at which visibility may change, whatever the magnitude.
+    /// Returns values at which visibility may change, whatever the magnitude.
     fn value_cuts(&self) -> Vec<f64> {
         match &self.kind {
-            Kind::Points { points: knots, .. } | Kind::Region { knots, .. } => {
+            TransferKind::Points { points: knots, .. } | TransferKind::Region { knots, .. } => {
                 knots.iter().map(|knot| knot.value).collect()
             }
-            Kind::Contour { contours, .. } => contours.iter().map(|contour| contour.value).collect(),
-            Kind::Range { low, high, .. } => vec![*low, *high],
-            Kind::Labels { labels, others } => {
-                let first = (*others == Others::Distinct).then_some(1.0);
-                // As many labels as a palette has are looked up exactly; beyond 2^53 no value is one.
+            TransferKind::Contour { contours, .. } => contours.iter().map(|contour| contour.value).collect(),
+            TransferKind::Range { low, high, .. } => vec![*low, *high],
+            TransferKind::Labels { labels, others } => {
+                let first = (*others == UnlistedLabels::Distinct).then_some(1.0);
+                // Labels beyond 2^53 match no value.
                 labels.iter().map(|label| label.label as f64).chain(first).collect()
             }
         }
     }
 
-    /// Magnitudes at which visibility may change at `value`.
+    /// Returns magnitudes at which visibility may change at `value`.
     fn magnitude_cuts(&self, value: f64) -> Vec<f64> {
         let slopes = self.contour_lines().into_iter().filter(|(_, slope)| *slope > 0.0);
         let contours = slopes.map(|(centre, slope)| (value - centre).abs() / slope);
@@ -124,15 +118,15 @@ impl TransferFunction {
 
     fn ramp_knots(&self) -> Vec<f64> {
         match &self.kind {
-            Kind::Points { gradient, .. } => gradient.iter().map(|knot| knot.magnitude).collect(),
+            TransferKind::Points { gradient, .. } => gradient.iter().map(|knot| knot.magnitude).collect(),
             _ => Vec::new(),
         }
     }
 
-    /// The lines `|value - centre| = slope * magnitude`, inside which contours are visible.
+    /// Returns the lines `|value - centre| = slope * magnitude` inside which contours are visible.
     fn contour_lines(&self) -> Vec<(f64, f64)> {
         match &self.kind {
-            Kind::Contour { contours, voxel_length } => {
+            TransferKind::Contour { contours, voxel_length } => {
                 contours.iter().map(|contour| (contour.value, contour.width * voxel_length.unwrap_or(1.0))).collect()
             }
             _ => Vec::new(),
@@ -140,7 +134,7 @@ impl TransferFunction {
     }
 }
 
-/// Values at which lines of contours meet knots of ramps, the largest magnitude, or each other.
+/// Returns values at which contour lines meet ramp knots, the largest magnitude, or each other.
 fn crossings(pair: [&TransferFunction; 2], most: f64) -> Vec<f64> {
     let lines: Vec<(f64, f64)> = pair.iter().flat_map(|function| function.contour_lines()).collect();
     let mut levels: Vec<f64> = pair.iter().flat_map(|function| function.ramp_knots()).collect();
@@ -151,7 +145,7 @@ fn crossings(pair: [&TransferFunction; 2], most: f64) -> Vec<f64> {
             values.extend([a - slope_a * level, a + slope_a * level]);
         }
         for &(b, slope_b) in &lines[index + 1..] {
-            // (value - a) / slope_a = +-(b - value) / slope_b: on the line between the centres, and beyond one of them.
+            // (value - a) / slope_a = +-(b - value) / slope_b: between the centres, and beyond one of them.
             values.extend([1.0, -1.0].map(|side| (a * slope_b + side * b * slope_a) / (slope_b + side * slope_a)));
         }
     }

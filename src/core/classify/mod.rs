@@ -1,14 +1,13 @@
-//! Classification: which samples are visible, and what colour and opacity they have.
+//! Classification: which samples are visible, and their colour and opacity.
 //!
-//! In: samples in their own units, gradient magnitudes in units per world length. Out: opacities, linear colours,
-//! and the codes that a record stores: value, normal, magnitude. The builder asks what is visible and quantises it;
-//! a renderer asks for colour and opacity per stored code.
+//! In: samples in their own unit, gradient magnitudes in units per world length. Out: opacities, colours in linear
+//! light, and the codes that a file stores for value, normal and magnitude.
 //!
 //! # Transfer functions as JSON
 //!
-//! One object. `kind` says which of five; every other field belongs to some kinds only, and a field that is
-//! unknown or belongs to another kind is refused. Numbers are finite. A colour is sRGB, `"#rrggbb"` or
-//! `[r, g, b]` from 0 to 1. Opacities are 0 to 1, per reference length.
+//! A transfer function is one JSON object. `kind` selects one of five kinds; fields that are unknown or belong to
+//! another kind are refused. Numbers are finite. A colour is sRGB: `"#rrggbb"` or `[r, g, b]` from 0 to 1. Opacities
+//! are from 0 to 1, per reference length.
 //!
 //! ```
 //! let text = r##"{
@@ -33,36 +32,39 @@
 //!
 //! | kind | its fields |
 //! | --- | --- |
-//! | `points` | `points`: at least one of `value`, `colour`, `opacity`, by rising value; linear in between, constant beyond the ends. Two points of the same value are a step: at that value the more opaque of the two holds. `gradient` (optional): `magnitude`, `factor`, by rising magnitude, a second such ramp that multiplies the opacity. |
-//! | `contour` | `contours`: `value`, `opacity`, `colour` (optional), `width` (optional, 2 voxels), by rising value: iso-value surfaces of Levoy 1988. `voxel_length` (optional): the world length that widths count as a voxel, the geometric mean of the spacings unless given. |
-//! | `range` | `low`, `high` (inclusive; absent or null is open), `opacity` (optional, 0.8), `colours` (optional, at least one): spread evenly from low to high; `value_range` (optional): where the colours of an open end stop. |
-//! | `region` | `knots`: at least two of `value`, `colour`, `opacity`, by strictly rising value: the region boundary surfaces of Levoy 1988. `largest_magnitude` (optional, 1): the gradient magnitude at which an opacity is reached in full. |
-//! | `labels` | `labels`: `label`, `name`, `colour`, `opacity` (optional, 1). `others` (optional): `"transparent"`, the default, or `"distinct"`: what a label above 0 that is not listed is. |
+//! | `points` | `points`: one or more of `value`, `colour`, `opacity`, ascending; linear in between, constant beyond the ends. Two points of the same value make a step; at that value the more opaque point counts. `gradient` (optional): `magnitude`, `factor`, ascending: a ramp that multiplies the opacity. |
+//! | `contour` | `contours`: `value`, `opacity`, `colour` (optional), `width` (optional, 2 voxels), ascending: iso-value surfaces of Levoy 1988. `voxel_length` (optional): the world length of one voxel of width; the geometric mean of the spacings by default. |
+//! | `range` | `low`, `high` (inclusive; absent or null for an open end), `opacity` (optional, 0.8), `colours` (optional, at least one): spread evenly from low to high; `value_range` (optional): the value at which the colours of an open end stop. |
+//! | `region` | `knots`: at least two of `value`, `colour`, `opacity`, strictly ascending: the region boundary surfaces of Levoy 1988. `largest_magnitude` (optional, 1): the gradient magnitude at which opacity is reached in full. |
+//! | `labels` | `labels`: `label`, `name`, `colour`, `opacity` (optional, 1). `others` (optional): how labels above 0 that are not listed look: `"transparent"` (default) or `"distinct"`. |
 //!
-//! Every kind may have `shaded` (true unless given) and `reference_length` (the geometric mean of the spacings
-//! unless given).
+//! Every kind may have `shaded` (default true) and `reference_length` (default: the geometric mean of the spacings).
 //!
-//! A colour table of 3D Slicer, lines of `index name r g b a`, will do for labels: [`TransferFunction::from_ctbl`].
+//! Labels can also be read from a colour table of 3D Slicer: [`TransferFunction::from_ctbl`].
 //!
 //! Source: M. Levoy, "Display of Surfaces from Volume Data", IEEE CG&A 8(3), 1988, sections 3 and 4.
 
 pub mod colour;
 mod document;
+mod evaluate;
 pub mod gradient;
-pub mod magnitude;
+mod kind;
+mod magnitude;
 mod missing;
 pub mod normal;
-pub mod palette;
+mod palette;
 mod preset;
-pub mod quantise;
-pub mod smooth;
+mod quantise;
+mod smooth;
 mod transfer;
+mod validate;
 
 pub use colour::Colour;
 pub use gradient::Neighbourhood;
+pub use kind::{Contour, FactorPoint, Point};
 pub use magnitude::MagnitudeCodec;
-pub use palette::{Label, Others};
+pub use palette::{Label, UnlistedLabels};
 pub use preset::PRESETS;
 pub use quantise::Quantiser;
 pub use smooth::Smoother;
-pub use transfer::{Contour, FactorPoint, Point, TransferFunction};
+pub use transfer::TransferFunction;

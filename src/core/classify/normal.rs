@@ -1,28 +1,26 @@
-//! Normals in two bytes or four: octahedral maps with the best of four roundings.
+//! Unit normals in two or four bytes: octahedral encoding with the best of four roundings.
 //!
-//! In: a gradient. Out: a code; decoded, the unit vector against the gradient, so that bright insides face outward.
-//! The octahedron |x| + |y| + |z| = 1 is unfolded on the square [-1, 1]^2; its coordinates u, v are signed
-//! fractions of 127 or 32,767. Of the four codes around (u, v) the one nearest in angle is kept. The spare code, -128
-//! or -32,768 in both, says "no normal".
+//! In: a gradient. Out: a code for the unit vector against the gradient, so that bright objects face outward. The
+//! octahedron |x| + |y| + |z| = 1 is unfolded onto the square [-1, 1]^2; its coordinates u, v are signed fractions of
+//! 127 or 32,767. Of the four codes around (u, v) the one nearest in angle is kept. The spare code, -128 or -32,768
+//! for both, means "no normal". Bytes: u in the low half, v in the high half, little endian.
 //!
-//! Error: at most sqrt(2)/127 rad = 0.638 degrees for 2x8 bits, in the middle of an octant, where four codes make two
-//! equilateral triangles; sqrt(2)/32,767 = 0.00247 for 2x16. Measured over 2 million random directions
-//! (tests/classify.rs): mean 0.315 and largest 0.636; mean 0.00122 and largest 0.00245.
-//!
-//! Bytes: u in the low half, v in the high half, little endian.
+//! Error: at most sqrt(2)/127 rad = 0.638 degrees for 2x8 bits, in the middle of an octant; sqrt(2)/32,767 = 0.00247
+//! for 2x16. Measured over 2 million random directions (tests/core/classify.rs): mean 0.315 and largest 0.636; mean
+//! 0.00122 and largest 0.00245.
 //!
 //! Source: Cigolle et al., "A Survey of Efficient Representations for Independent Unit Vectors", JCGT 3(2), 2014.
-//! Departs from it in comparing candidates by their squared sines, from cross products with the small differences:
-//! no root, and single precision is enough for both widths.
+//! Departs from it in comparing candidates by squared sines, from cross products with the small differences: no root,
+//! and single precision is enough for both widths.
 
 use glam::Vec4;
 
-/// The code of 2x8 bits that says "no normal".
+/// The code of 2x8 bits that means "no normal".
 pub const NONE8: u16 = 0x8080;
-/// The code of 2x16 bits that says "no normal".
+/// The code of 2x16 bits that means "no normal".
 pub const NONE16: u32 = 0x8000_8000;
 
-/// The nearest code of 2x8 bits to the unit vector against `gradient`; [`NONE8`] if it is zero or not finite.
+/// Returns the nearest 2x8-bit code of the unit vector against `gradient`; [`NONE8`] if it is zero or not finite.
 #[inline]
 pub fn encode8(gradient: [f64; 3]) -> u16 {
     match nearest(gradient, 127.0) {
@@ -32,7 +30,7 @@ pub fn encode8(gradient: [f64; 3]) -> u16 {
     }
 }
 
-/// The nearest code of 2x16 bits to the unit vector against `gradient`; [`NONE16`] if it is zero or not finite.
+/// Returns the nearest 2x16-bit code of the unit vector against `gradient`; [`NONE16`] if it is zero or not finite.
 #[inline]
 pub fn encode16(gradient: [f64; 3]) -> u32 {
     match nearest(gradient, 32_767.0) {
@@ -42,14 +40,14 @@ pub fn encode16(gradient: [f64; 3]) -> u32 {
     }
 }
 
-/// The unit vector of a code of 2x8 bits; zero for [`NONE8`]. Any code is safe. Branch-free.
+/// Decodes a 2x8-bit code to a unit vector; [`NONE8`] to zero. Accepts any code; branch-free.
 #[inline(always)]
 pub fn decode8(code: u16) -> [f32; 3] {
     let [u, v] = code.to_le_bytes().map(|byte| f32::from(byte.cast_signed()).max(-127.0));
     unfold(u, v, 127.0, if code == NONE8 { 0.0 } else { 1.0 })
 }
 
-/// The unit vector of a code of 2x16 bits; zero for [`NONE16`]. Any code is safe. Branch-free.
+/// Decodes a 2x16-bit code to a unit vector; [`NONE16`] to zero. Accepts any code; branch-free.
 #[inline(always)]
 pub fn decode16(code: u32) -> [f32; 3] {
     #[expect(clippy::cast_possible_truncation, reason = "halves of the code")]
@@ -67,7 +65,7 @@ fn unfold(u: f32, v: f32, scale: f32, length: f32) -> [f32; 3] {
     [x * factor, y * factor, z * factor]
 }
 
-/// The best of the four codes around the place of `-gradient`, in two's complement in the low bits.
+/// Returns the best of the four codes around the exact position of `-gradient`, as two's complement in the low bits.
 #[inline(always)]
 fn nearest(gradient: [f64; 3], scale: f64) -> Option<[u64; 2]> {
     let [x, y, z] = gradient.map(|component| -component);
@@ -75,10 +73,10 @@ fn nearest(gradient: [f64; 3], scale: f64) -> Option<[u64; 2]> {
     let [x, y, z, sum] = if (1e-280..1e280).contains(&sum) { [x, y, z, sum] } else { rescaled(x, y, z)? };
     let factor = scale / sum;
     let [x, y, z] = [x * factor, y * factor, z * factor];
-    // Folds the lower half out over the edges of the upper: there the three lengths add up to `scale`.
+    // Folds the lower half of the octahedron outward; there the three coordinates add up to `scale`.
     let fold = (-z).max(0.0);
     let [u, v] = [x + fold.copysign(x), y + fold.copysign(y)];
-    // Below the largest, so that the candidate above it is within the square.
+    // Kept below the largest code, so that the candidate above it is inside the square.
     let low_u = whole(u - 0.5).max(-scale).min(scale - 1.0);
     let low_v = whole(v - 0.5).max(-scale).min(scale - 1.0);
     // Candidate k adds bit 0 of k to u and bit 1 to v.
@@ -87,7 +85,7 @@ fn nearest(gradient: [f64; 3], scale: f64) -> Option<[u64; 2]> {
     let zs = Vec4::splat(narrow(scale)) - us.abs() - vs.abs();
     let fold = (-zs).max(Vec4::ZERO);
     let [xs, ys] = [us - fold.copysign(us), vs - fold.copysign(vs)];
-    // From the place to the candidates: whole numbers first, so that nothing is lost.
+    // Differences of the candidates from the exact position; whole parts first, so that no digit is lost.
     let [(whole_x, part_x), (whole_y, part_y), (whole_z, part_z)] = [split(x), split(y), split(z)];
     let [dx, dy, dz] = [xs - whole_x - part_x, ys - whole_y - part_y, zs - whole_z - part_z];
     let [x, y, z] = [narrow(x), narrow(y), narrow(z)];
@@ -98,10 +96,10 @@ fn nearest(gradient: [f64; 3], scale: f64) -> Option<[u64; 2]> {
     Some([code(low_u, best), code(low_v, best >> 1)])
 }
 
-/// Added to a number within 2^51 of 0, it leaves the nearest whole one in the low bits.
+/// Added to a number within 2^51 of 0, leaves the nearest integer in the low bits.
 const WHOLE: f64 = 6_755_399_441_055_744.0;
 
-/// The nearest whole number. By addition: round() and casts are many instructions where none does it.
+/// Rounds to the nearest integer by addition: round() and casts take many instructions without SSE4.
 #[inline(always)]
 fn whole(number: f64) -> f64 {
     (number + WHOLE) - WHOLE
@@ -113,14 +111,14 @@ fn narrow(number: f64) -> f32 {
     number as f32
 }
 
-/// The nearest whole number and the rest.
+/// Splits into the nearest integer and the remainder.
 #[inline(always)]
 fn split(number: f64) -> (f32, f32) {
     let whole = whole(number);
     (narrow(whole), narrow(number - whole))
 }
 
-/// A vector too long or short to add up, at a length that is not; `None` if it is zero or not finite.
+/// Scales a vector whose sum overflows or underflows to a usable length; `None` if it is zero or not finite.
 #[cold]
 fn rescaled(x: f64, y: f64, z: f64) -> Option<[f64; 4]> {
     let largest = x.abs().max(y.abs()).max(z.abs());

@@ -1,24 +1,23 @@
 //! Palettes of label maps: a colour, an opacity and a name per label.
 //!
-//! In: JSON (see [`crate::classify`]) or a colour table of 3D Slicer. Out: look-ups by label. A value that is not a
-//! whole number is no label, and transparent.
+//! A value that is not a whole number is no label and therefore transparent.
 
 use serde::{Deserialize, Serialize};
 
 use super::colour::Colour;
 use crate::error::{Error, Result};
 
-/// A label of a segmentation.
+/// The appearance of one label of a segmentation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Label {
-    /// Its value in the label map.
+    /// The label's value in the volume.
     pub label: i64,
-    /// What it stands for.
+    /// Name of the structure.
     pub name: String,
-    /// Its colour.
+    /// Colour of the structure.
     pub colour: Colour,
-    /// 0 to 1, per reference length; 1 unless given.
+    /// Opacity per reference length, from 0 to 1; 1 by default.
     #[serde(default = "opaque")]
     pub opacity: f64,
 }
@@ -27,19 +26,19 @@ fn opaque() -> f64 {
     1.0
 }
 
-/// What labels are that a palette does not list.
+/// How labels look that a palette does not list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Others {
-    /// Not visible.
+pub enum UnlistedLabels {
+    /// Transparent.
     #[default]
     Transparent,
-    /// Those above 0 are opaque, each in its own colour: [`Colour::distinct`].
+    /// Opaque if above 0, each in its own colour: [`Colour::distinct`].
     Distinct,
 }
 
-/// The whole frog of the Lawrence Berkeley laboratory: the tissues of its segmentation. Stray voxels of 16 and above
-/// are transparent. The colours are ours.
+/// The tissues in the segmentation of the Lawrence Berkeley laboratory's whole frog. Stray voxels of 16 and above stay
+/// transparent. The colours are our own.
 pub(super) const FROG: [(i64, &str, [u8; 3]); 15] = [
     (1, "blood", [0xb3, 0x1b, 0x2c]),
     (2, "brain", [0xf2, 0xb8, 0xc0]),
@@ -58,40 +57,41 @@ pub(super) const FROG: [(i64, &str, [u8; 3]); 15] = [
     (15, "stomach", [0xd9, 0x7f, 0x74]),
 ];
 
-/// The entry of `label` among `labels`, which rise.
+/// Finds the entry of `label` in the sorted `labels`.
 pub(super) fn find(labels: &[Label], label: i64) -> Option<&Label> {
     labels.binary_search_by_key(&label, |entry| entry.label).ok().map(|index| &labels[index])
 }
 
-/// The label that a value stands for, if it is a whole number.
+/// Returns the label with this value, if the value is a whole number.
 fn label_of(value: f64) -> Option<i64> {
     #[expect(clippy::cast_possible_truncation, reason = "bounded: whole numbers below 2^53")]
     (value.fract() == 0.0 && value.abs() <= 9_007_199_254_740_992.0).then_some(value as i64)
 }
 
-pub(super) fn opacity(labels: &[Label], others: Others, value: f64) -> f64 {
+pub(super) fn opacity(labels: &[Label], others: UnlistedLabels, value: f64) -> f64 {
     let Some(label) = label_of(value) else { return 0.0 };
     match find(labels, label) {
         Some(entry) => entry.opacity,
-        None => f64::from(others == Others::Distinct && label > 0),
+        None => f64::from(others == UnlistedLabels::Distinct && label > 0),
     }
 }
 
-pub(super) fn colour(labels: &[Label], others: Others, value: f64) -> [f32; 3] {
+pub(super) fn colour(labels: &[Label], others: UnlistedLabels, value: f64) -> [f32; 3] {
     let Some(label) = label_of(value) else { return [0.0; 3] };
     match (find(labels, label), others, u64::try_from(label)) {
         (Some(entry), _, _) => entry.colour.linear(),
-        (None, Others::Distinct, Ok(index)) if index > 0 => Colour::distinct(index).linear(),
+        (None, UnlistedLabels::Distinct, Ok(index)) if index > 0 => Colour::distinct(index).linear(),
         _ => [0.0; 3],
     }
 }
 
-pub(super) fn domain(labels: &[Label], others: Others) -> (f64, f64) {
+/// Returns the lowest and highest visible label.
+pub(super) fn domain(labels: &[Label], others: UnlistedLabels) -> (f64, f64) {
     let visible = labels.iter().filter(|entry| entry.opacity > 0.0).map(|entry| entry.label as f64);
     let (low, high) = visible.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| (low.min(at), high.max(at)));
     match others {
-        Others::Transparent => (low, high),
-        Others::Distinct => {
+        UnlistedLabels::Transparent => (low, high),
+        UnlistedLabels::Distinct => {
             // The lowest label above 0 that is not listed as transparent.
             let hidden = |label: &i64| find(labels, *label).is_some_and(|entry| entry.opacity == 0.0);
             let unlisted = (1..).find(|label| !hidden(label)).expect("a palette is finite");
@@ -100,7 +100,7 @@ pub(super) fn domain(labels: &[Label], others: Others) -> (f64, f64) {
     }
 }
 
-/// Reads a colour table of 3D Slicer: `index name r g b a` a line, 0 to 255 each; `#` starts a comment.
+/// Parses a colour table of 3D Slicer: one `index name r g b a` per line, components from 0 to 255; `#` starts a comment.
 pub(super) fn parse_ctbl(text: &str) -> Result<Vec<Label>> {
     let mut labels = Vec::new();
     for (index, line) in text.lines().enumerate() {

@@ -1,15 +1,16 @@
-//! Transfer functions by name.
+//! Built-in transfer functions.
 //!
-//! CT presets are in Hounsfield units (air -1000, water 0). Many files store them 1024 or so higher, where skin
-//! begins at about 500 and bone at about 1150: ask for `ct-bone+1024`. `mr` fits T1 heads whose tissue lies at 100
-//! to 250. Values and colours are ours.
+//! CT presets are in Hounsfield units (air -1000, water 0). Many files store values about 1024 higher, with skin from
+//! about 500 and bone from about 1150: use `ct-bone+1024`. `mr` fits T1 images of heads whose tissue lies at 100 to
+//! 250. Values and colours are our own.
 
 use super::colour::Colour;
-use super::palette::{FROG, Label, Others};
-use super::transfer::{Contour, FactorPoint, Point, TransferFunction};
+use super::kind::{Contour, FactorPoint, Point};
+use super::palette::{FROG, Label, UnlistedLabels};
+use super::transfer::TransferFunction;
 use crate::error::{Error, Result};
 
-/// Names that [`TransferFunction::preset`] knows, each with what it shows.
+/// The names that [`TransferFunction::preset`] accepts, each with a description.
 pub const PRESETS: [(&str, &str); 7] = [
     ("ct-bone", "bone, in Hounsfield units"),
     ("ct-skin", "skin over bone, in Hounsfield units"),
@@ -30,7 +31,7 @@ const CT_BONE: Knots = &[
     (2000.0, [0xff, 0xfc, 0xf5], 0.95),
 ];
 
-/// The skin is the rise from air to fat; what follows is left clear down to bone.
+/// Skin is the rise from air to fat; soft tissue is almost transparent down to bone.
 const CT_SKIN: Knots = &[
     (-560.0, [0xc9, 0x8a, 0x6b], 0.0),
     (-420.0, [0xe0, 0xa8, 0x88], 0.35),
@@ -58,25 +59,32 @@ const MR: Knots = &[
     (400.0, [0xff, 0xf7, 0xea], 0.9),
 ];
 
-/// Homogeneous tissue is thinned so that boundaries stand out.
+/// Makes homogeneous tissue fainter, so that boundaries stand out.
 const MR_GRADIENT: [FactorPoint; 2] =
     [FactorPoint { magnitude: 4.0, factor: 0.25 }, FactorPoint { magnitude: 40.0, factor: 1.0 }];
 
-/// The preset called `name`, perhaps with `+offset` or `-offset` at its end.
-pub(super) fn named(name: &str) -> Result<TransferFunction> {
-    if let Some(function) = plain(name) {
-        return function;
+impl TransferFunction {
+    /// Returns the built-in function called `name`, one of [`PRESETS`].
+    ///
+    /// A suffix shifts the values: `"ct-bone+1024"` is `ct-bone` for samples stored 1024 above Hounsfield units.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for an unknown name; the message lists all names.
+    pub fn preset(name: &str) -> Result<TransferFunction> {
+        if let Some(function) = unshifted(name) {
+            return function;
+        }
+        let refused = || {
+            let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
+            Error::input(format!("preset \"{name}\""), format!("is not one of {}", names.join(", ")))
+        };
+        let (base, offset) = name.split_at(name.rfind(['+', '-']).ok_or_else(refused)?);
+        let offset: f64 = offset.parse().map_err(|_| refused())?;
+        unshifted(base).ok_or_else(refused)??.with_offset(offset)
     }
-    let refused = || {
-        let names: Vec<&str> = PRESETS.iter().map(|(name, _)| *name).collect();
-        Error::input(format!("preset \"{name}\""), format!("is not one of {}", names.join(", ")))
-    };
-    let (base, offset) = name.split_at(name.rfind(['+', '-']).ok_or_else(refused)?);
-    let offset: f64 = offset.parse().map_err(|_| refused())?;
-    plain(base).ok_or_else(refused)??.with_offset(offset)
 }
 
-fn plain(name: &str) -> Option<Result<TransferFunction>> {
+fn unshifted(name: &str) -> Option<Result<TransferFunction>> {
     let linear = |knots: Knots, gradient: &[FactorPoint]| {
         let point =
             |&(value, rgb, opacity): &(f64, [u8; 3], f64)| Point { value, colour: Colour::from_bytes(rgb), opacity };
@@ -87,7 +95,7 @@ fn plain(name: &str) -> Option<Result<TransferFunction>> {
         "ct-skin" => linear(CT_SKIN, &[]),
         "ct-angio" => linear(CT_ANGIO, &[]),
         "mr" => linear(MR, &MR_GRADIENT),
-        "labels" => TransferFunction::labels(Vec::new(), Others::Distinct),
+        "labels" => TransferFunction::labels(Vec::new(), UnlistedLabels::Distinct),
         "frog" => {
             let entry = |&(label, name, rgb): &(i64, &str, [u8; 3])| Label {
                 label,
@@ -95,7 +103,7 @@ fn plain(name: &str) -> Option<Result<TransferFunction>> {
                 colour: Colour::from_bytes(rgb),
                 opacity: 1.0,
             };
-            TransferFunction::labels(FROG.iter().map(entry).collect(), Others::Transparent)
+            TransferFunction::labels(FROG.iter().map(entry).collect(), UnlistedLabels::Transparent)
         }
         "gyroid" => {
             let side = |value, rgb| Contour { value, opacity: 0.95, width: 1.5, colour: Colour::from_bytes(rgb) };

@@ -1,54 +1,53 @@
-//! Values as codes of 8 or 16 bits over the visible range, so that no code is wasted.
+//! Quantisation: values as codes of 8 or 16 bits, spread over the visible range only.
 //!
-//! In: the visible range, the samples' type, slope and intercept. Out: codes, and the value of each. Where the
-//! samples are whole numbers of slope steps and there are few enough of them in the range, every sample has a code
-//! of its own and comes back bit for bit. Otherwise codes are spread evenly: `low + code * step`.
+//! If the samples are whole numbers and the range holds few enough of them, each sample has its own code and is
+//! restored bit for bit. Otherwise codes are spread evenly: `low + code * step`.
 
 use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::volume::SampleType;
 
-/// A map between values and codes. Always valid; read from and written as JSON.
+/// Maps values to codes of 8 or 16 bits and back. Always valid; read from and written as JSON.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Fields", into = "Fields")]
+#[serde(try_from = "QuantiserJson", into = "QuantiserJson")]
 pub struct Quantiser {
     bits: u8,
     low: f64,
     high: f64,
     largest_code: u16,
-    /// Distance between codes; 0 if there is one.
+    /// Distance between the values of neighbouring codes; 0 if there is one code only.
     step: f64,
-    exact: Option<Exact>,
+    exact: Option<ExactCodes>,
 }
 
-/// Sample `raw` has the value `raw * slope + intercept`, as readers compute it.
+/// Codes that stand for single samples; sample `raw` has the value `raw * slope + intercept`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Exact {
-    /// The raw sample of code 0; that of a later code is higher, or lower if the slope is below 0.
+struct ExactCodes {
+    /// The raw sample of code 0. Later codes count upward, or downward if the slope is negative.
     raw: i64,
     slope: f64,
     intercept: f64,
 }
 
-/// The JSON of a quantiser.
+/// The JSON fields of a quantiser.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Fields {
+struct QuantiserJson {
     bits: u8,
     low: f64,
     high: f64,
     largest_code: u16,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    exact: Option<Exact>,
+    exact: Option<ExactCodes>,
 }
 
 impl Quantiser {
-    /// A quantiser for values from `low` to `high`, inclusive, in codes of `bits`, 8 or 16.
+    /// Creates a quantiser for values from `low` to `high`, inclusive, with codes of 8 or 16 `bits`.
     ///
-    /// `slope`, `intercept`: of the volume's header. For whole-number samples the range may be infinite, and shrinks
-    /// to the lowest and highest sample value inside it; should there be none, it becomes `low` alone.
+    /// `slope` and `intercept` are those of the volume's header. For whole-number samples the range may be infinite; it
+    /// shrinks to the sample values inside it, or to `low` if there are none.
     ///
     /// # Errors
     /// [`Error::Input`] if `bits` is neither 8 nor 16, if slope or intercept is not finite or the slope is 0, if
@@ -81,7 +80,7 @@ impl Quantiser {
             let alone = if low.is_finite() { low } else { high };
             return Quantiser::even(bits, alone, alone, largest_code);
         };
-        let exact = Exact { raw: first, slope, intercept };
+        let exact = ExactCodes { raw: first, slope, intercept };
         match first.abs_diff(last) {
             steps if steps < codes => {
                 Ok(Quantiser::exact(bits, exact, u16::try_from(steps).expect("below the count of codes")))
@@ -90,11 +89,10 @@ impl Quantiser {
         }
     }
 
-    /// A quantiser for a label map, where every label keeps its own code.
+    /// Creates a quantiser for a label map, in which every label keeps its own code.
     ///
     /// # Errors
-    /// As [`Quantiser::new`]; and [`Error::Input`] if the labels are not whole numbers, or more than there are codes:
-    /// it says to use `--value-bits 16` where that helps.
+    /// Those of [`Quantiser::new`]; [`Error::Input`] if the labels are not whole numbers or need more than `bits`.
     pub fn for_labels(
         low: f64,
         high: f64,
@@ -131,13 +129,13 @@ impl Quantiser {
         Ok(Quantiser { bits, low, high, largest_code, step, exact: None })
     }
 
-    fn exact(bits: u8, exact: Exact, largest_code: u16) -> Quantiser {
+    fn exact(bits: u8, exact: ExactCodes, largest_code: u16) -> Quantiser {
         let (low, high) = (exact.value(0), exact.value(largest_code));
         let step = if largest_code == 0 { 0.0 } else { exact.slope.abs() };
         Quantiser { bits, low, high, largest_code, step, exact: Some(exact) }
     }
 
-    /// The nearest code to `value`; the ends' beyond them, 0 for NaN.
+    /// Returns the code nearest to `value`, clamped to the range; 0 for NaN.
     #[inline]
     pub fn encode(&self, value: f64) -> u16 {
         let code = match &self.exact {
@@ -149,13 +147,13 @@ impl Quantiser {
             None if value <= self.low => 0.0,
             None => ratio(self.low, value, self.step),
         };
-        // Saturates: below 0 and NaN give 0.
+        // The cast saturates: negative numbers and NaN become 0.
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the saturating cast is meant")]
         let code = (code + 0.5) as u16;
         code.min(self.largest_code)
     }
 
-    /// The value of `code`; codes above the largest have the largest's. Always finite.
+    /// Returns the value of `code`, always finite; codes above the largest count as the largest.
     #[inline]
     pub fn decode(&self, code: u16) -> f64 {
         let code = code.min(self.largest_code);
@@ -164,50 +162,50 @@ impl Quantiser {
             None if code == self.largest_code => self.high,
             None => {
                 let value = self.low + f64::from(code) * self.step;
-                // Only a range wider than the largest number overflows on the way.
+                // The product overflows only for ranges wider than the largest number.
                 let share = f64::from(code) / f64::from(self.largest_code);
                 if value.is_finite() { value.min(self.high) } else { self.low * (1.0 - share) + self.high * share }
             }
         }
     }
 
-    /// Value of code 0.
+    /// Returns the value of code 0.
     pub fn low(&self) -> f64 {
         self.low
     }
 
-    /// Value of the largest code.
+    /// Returns the value of the largest code.
     pub fn high(&self) -> f64 {
         self.high
     }
 
-    /// Distance between the values of neighbouring codes; 0 if there is only one.
+    /// Returns the distance between the values of neighbouring codes; 0 if there is only one code.
     pub fn step(&self) -> f64 {
         self.step
     }
 
-    /// Bits of a code: 8 or 16.
+    /// Returns the bits of a code: 8 or 16.
     pub fn bits(&self) -> u8 {
         self.bits
     }
 
-    /// The largest code in use; below 2^bits.
+    /// Returns the largest code in use; below 2^bits.
     pub fn largest_code(&self) -> u16 {
         self.largest_code
     }
 
-    /// Whether every sample inside the range comes back bit for bit.
+    /// Returns whether every sample inside the range is restored bit for bit.
     pub fn is_lossless(&self) -> bool {
         self.exact.is_some() || self.largest_code == 0
     }
 
-    /// Largest difference between a value inside the range and its decoded code.
+    /// Returns the largest difference between a value inside the range and its decoded code.
     pub fn largest_error(&self) -> f64 {
         if self.is_lossless() { 0.0 } else { self.step / 2.0 }
     }
 }
 
-impl Exact {
+impl ExactCodes {
     #[inline(always)]
     fn value(&self, code: u16) -> f64 {
         let steps = i64::from(code);
@@ -220,17 +218,17 @@ impl Exact {
     }
 }
 
-/// `(to - from) / by`; by halves where the span of two finite numbers overflows.
+/// Returns `(to - from) / by`, without overflow of the difference.
 fn ratio(from: f64, to: f64, by: f64) -> f64 {
     let span = to - from;
     if span.is_finite() { span / by } else { (to / 2.0 - from / 2.0) / by * 2.0 }
 }
 
-/// The raw samples of the lowest and the highest value from `low` to `high`, of those that `range` holds.
+/// Returns the raw samples of the lowest and highest value inside `low..=high`, out of those in `range`.
 fn samples_inside(low: f64, high: f64, range: (f64, f64), slope: f64, intercept: f64) -> Option<(i64, i64)> {
     let value = |raw: f64| raw * slope + intercept;
     let inside = |raw: f64| low <= value(raw) && value(raw) <= high;
-    // In the order of values; the estimate may be off by rounding, so the neighbours are asked too.
+    // The estimate may be off by rounding, so its neighbours are tested too.
     let end = |bound: f64, toward: f64| {
         let estimate = ((bound - intercept) / slope).clamp(range.0, range.1).round();
         let candidates = [-2.0, -1.0, 0.0, 1.0, 2.0].map(|off| estimate + off * toward);
@@ -240,17 +238,17 @@ fn samples_inside(low: f64, high: f64, range: (f64, f64), slope: f64, intercept:
     Some((end(low, slope.signum())? as i64, end(high, -slope.signum())? as i64))
 }
 
-impl From<Quantiser> for Fields {
-    fn from(quantiser: Quantiser) -> Fields {
+impl From<Quantiser> for QuantiserJson {
+    fn from(quantiser: Quantiser) -> QuantiserJson {
         let Quantiser { bits, low, high, largest_code, exact, .. } = quantiser;
-        Fields { bits, low, high, largest_code, exact }
+        QuantiserJson { bits, low, high, largest_code, exact }
     }
 }
 
-impl TryFrom<Fields> for Quantiser {
+impl TryFrom<QuantiserJson> for Quantiser {
     type Error = Error;
 
-    fn try_from(fields: Fields) -> Result<Quantiser> {
+    fn try_from(fields: QuantiserJson) -> Result<Quantiser> {
         let refused = |why: &str| Error::input("value codes", why);
         let most = match fields.bits {
             8 => 255,
@@ -267,7 +265,7 @@ impl TryFrom<Fields> for Quantiser {
             }
             None => Quantiser::even(fields.bits, fields.low, fields.high, fields.largest_code)?,
             Some(exact) => {
-                // A sample has at most 32 bits, so a raw number is far from where i64 and f64 disagree.
+                // Samples have at most 32 bits, so raw numbers stay where i64 and f64 agree.
                 let sound = exact.slope.is_finite() && exact.slope != 0.0 && exact.raw.unsigned_abs() < 1 << 40;
                 if !sound {
                     return Err(refused("have a slope or first sample that no volume has"));

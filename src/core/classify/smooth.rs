@@ -1,27 +1,25 @@
-//! Smoothed slices of an indicator, so that segmentations shade smoothly.
+//! Smoothing of label maps, so that the surfaces of segmentations shade smoothly.
 //!
-//! In: slices, 1 where a label map's voxel is visible and 0 elsewhere, one at a time. Out: the same slices, each two
-//! later, filtered by the binomial [1 4 6 4 1]/16 along x, y and z; edges repeat. Its gradient is what shades a
-//! surface of labels. Memory: six slices.
-//!
-//! The filter is applied along x and y to a slice as it comes, and along z over a ring of five.
+//! In: slices that are 1 where a voxel is visible and 0 elsewhere. Out: the slices filtered by the binomial kernel
+//! [1 4 6 4 1]/16 along x, y and z, each two slices later; edges repeat. The gradient of the result lights a surface.
+//! Memory: six slices.
 
-/// Taps of the binomial filter, to be divided by 16.
+/// Weights of the binomial filter.
 const TAPS: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
 
-/// A filter that slices pass through.
+/// Smooths a volume slice by slice with a 5 x 5 x 5 binomial filter.
 #[derive(Debug, Clone)]
 pub struct Smoother {
     dims: [usize; 2],
     ring: [Vec<f32>; 5],
     scratch: Vec<f32>,
-    /// Slices taken and given so far.
+    /// Slices received and returned so far.
     taken: usize,
     given: usize,
 }
 
 impl Smoother {
-    /// A filter for slices of `dims` samples along x and y.
+    /// Creates a filter for slices of `dims` samples along x and y.
     ///
     /// # Panics
     /// If a dimension is 0.
@@ -31,7 +29,7 @@ impl Smoother {
         Smoother { dims, ring: std::array::from_fn(|_| vec![0.0; len]), scratch: vec![0.0; len], taken: 0, given: 0 }
     }
 
-    /// Takes the next slice; fills `smoothed` with the slice two before it and says true, if there is one.
+    /// Adds the next slice. If a result is ready, writes the slice two before it to `smoothed` and returns true.
     ///
     /// # Panics
     /// If a length is not the product of the dimensions.
@@ -43,8 +41,9 @@ impl Smoother {
         self.taken >= 3 && self.give(smoothed)
     }
 
-    /// Fills `smoothed` with the next slice that is still due and says true; call it until it says false, after
-    /// the last slice went in. The smoother may then be used for another volume.
+    /// Writes the next outstanding slice to `smoothed` and returns true; returns false when all have been returned.
+    ///
+    /// Call it after the last slice was added. The filter can then be used for another volume.
     ///
     /// # Panics
     /// If the length is not the product of the dimensions.
@@ -66,7 +65,7 @@ impl Smoother {
     }
 }
 
-/// Filters one slice along x and y, in place; `scratch` has the slice's length.
+/// Filters one slice along x and y in place; `scratch` has the slice's length.
 fn smooth_slice(slice: &mut [f32], scratch: &mut [f32], [width, height]: [usize; 2]) {
     for (row, out) in slice.chunks_exact(width).zip(scratch.chunks_exact_mut(width)) {
         smooth_row(row, out);
@@ -96,59 +95,5 @@ fn combine(taps: [&[f32]; 5], out: &mut [f32]) {
     let taps = taps.map(|tap| &tap[..out.len()]);
     for (at, out) in out.iter_mut().enumerate() {
         *out = (taps[0][at] + taps[4][at]) * TAPS[0] + (taps[1][at] + taps[3][at]) * TAPS[1] + taps[2][at] * TAPS[2];
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn volume(dims: [usize; 3], sample: impl Fn([usize; 3]) -> f32) -> Vec<Vec<f32>> {
-        let mut smoother = Smoother::new([dims[0], dims[1]]);
-        let mut slice = vec![0.0; dims[0] * dims[1]];
-        let mut out = slice.clone();
-        let mut smoothed = Vec::new();
-        for z in 0..dims[2] {
-            for (at, value) in slice.iter_mut().enumerate() {
-                *value = sample([at % dims[0], at / dims[0], z]);
-            }
-            if smoother.push(&slice, &mut out) {
-                smoothed.push(out.clone());
-            }
-            assert_eq!(smoothed.len(), (z + 1).saturating_sub(2), "two later");
-        }
-        while smoother.finish(&mut out) {
-            smoothed.push(out.clone());
-        }
-        smoothed
-    }
-
-    #[test]
-    fn one_bright_voxel_spreads_by_the_binomial() {
-        let smoothed = volume([9, 9, 9], |at| f32::from(at == [4, 4, 4]));
-        let weight = |at: usize| TAPS.get((at + 2).wrapping_sub(4)).copied().unwrap_or(0.0);
-        for (z, slice) in smoothed.iter().enumerate() {
-            for (at, value) in slice.iter().enumerate() {
-                assert_eq!(*value, weight(at % 9) * weight(at / 9) * weight(z));
-            }
-        }
-    }
-
-    #[test]
-    fn a_constant_stays_at_every_size() {
-        for dims in [[1, 1, 1], [1, 7, 2], [2, 3, 1], [3, 1, 3], [4, 4, 4], [5, 2, 6], [6, 5, 5]] {
-            let smoothed = volume(dims, |_| 1.0);
-            assert_eq!(smoothed.len(), dims[2]);
-            assert!(smoothed.iter().flatten().all(|value| *value == 1.0), "{dims:?}");
-        }
-    }
-
-    #[test]
-    fn edges_repeat_along_every_axis() {
-        for axis in 0..3 {
-            let smoothed = volume([6, 6, 6], |at| f32::from(at[axis] == 0));
-            let at = |place: usize| [smoothed[0][place], smoothed[0][6 * place], smoothed[place][0]][axis];
-            assert_eq!([at(0), at(1), at(2), at(3)], [11.0 / 16.0, 5.0 / 16.0, 1.0 / 16.0, 0.0]);
-        }
     }
 }

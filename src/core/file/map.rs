@@ -1,11 +1,11 @@
-//! The map: an `.adj` file's bytes, without reading them.
+//! Memory-mapped `.adj` files.
 //!
 //! In: a path. Out: [`AdjFile`], whose [`Arena`] borrows the mapped pages. This file holds the crate's only mapping
-//! call and its only `unsafe` beside the walk's prefix sums.
+//! call, and its only `unsafe` code beside the walk's prefix sums.
 //!
-//! Mapped pages that were read count as the process's memory until the system wants them back. Who must stay within
-//! less says how many bytes of them there may be ([`AdjFile::keep_resident_below`]): then all are released whenever
-//! readers are about to exceed it, and what is read again comes back from the system's cache, or the disk.
+//! Pages that were read count as the process's memory until the system reclaims them. To stay within a limit, use
+//! [`AdjFile::keep_resident_below`]: all pages are released whenever readers would exceed it. Reading them again takes
+//! them from the system's cache or the disk.
 #![allow(unsafe_code, reason = "mapping a file and releasing its pages are unsafe: see the notes at the calls")]
 
 use std::fs::File;
@@ -15,48 +15,49 @@ use std::sync::{Mutex, PoisonError};
 
 use memmap2::Mmap;
 
-use super::ledger::Ledger;
-use crate::arena::{Arena, Pager};
+use super::resident::ResidentPages;
+use crate::arena::Arena;
+use crate::arena::pager::Pager;
 use crate::error::{Error, Result};
 use crate::limits::Limits;
 
-/// An open `.adj` file.
+/// An open `.adj` file, mapped into memory.
 ///
-/// The mapped pages are the file's own: nobody may change or shorten it in place while it is open. Programs that
-/// replace a file by renaming a new one over it, as [`super::write_arena`] does, leave an open one as it was.
+/// Nobody may change or shorten the file in place while it is open. Replacing it by renaming another file over it, as
+/// [`write_arena`](super::write_arena) does, is safe: the open file keeps its content.
 #[derive(Debug)]
 pub struct AdjFile {
     path: PathBuf,
     /// `None` for an empty file, which cannot be mapped.
-    map: Option<Mapped>,
+    map: Option<FileMap>,
     limits: Limits,
 }
 
 #[derive(Debug)]
-struct Mapped {
+struct FileMap {
     map: Mmap,
-    /// What was read, where that is bounded.
-    ledger: Option<Ledger>,
+    /// What was read, if that is limited.
+    resident: Option<ResidentPages>,
     /// Held by the thread that releases pages.
     releasing: Mutex<()>,
 }
 
 impl AdjFile {
-    /// Opens and maps a file, and checks its header; O(header).
+    /// Opens and maps a file, and checks its header in constant time.
     ///
     /// # Errors
-    /// [`Error::Io`] if it cannot be opened or mapped, [`Error::Input`] if it is no regular file, [`Error::Format`]
-    /// as [`Arena::new`].
+    /// [`Error::Io`] if it cannot be opened or mapped, [`Error::Input`] if it is not a regular file, [`Error::Format`]
+    /// in the cases of [`Arena::new`].
     pub fn open(path: &Path) -> Result<AdjFile> {
         AdjFile::open_with(path, &Limits::default())
     }
 
-    /// As [`AdjFile::open`], for a file that one does not trust: refused if it is larger than `limits` allow.
+    /// Opens an untrusted file; refuses one that exceeds `limits`.
     ///
     /// # Errors
-    /// Likewise; and [`Error::Limit`] that names the file and what is too large.
+    /// The same as [`AdjFile::open`]; [`Error::Limit`] that names the file and what is too large.
     pub fn open_with(path: &Path, limits: &Limits) -> Result<AdjFile> {
-        // Looked at before it is opened: opening a pipe would wait for its other end.
+        // Tested before opening: opening a pipe would wait for its other end.
         let metadata = std::fs::metadata(path).map_err(Error::io("open", path))?;
         if !metadata.is_file() {
             let kind = if metadata.is_dir() { "a folder" } else { "not a regular file" };
@@ -66,7 +67,7 @@ impl AdjFile {
         AdjFile::of(&file, path, limits)
     }
 
-    /// Maps an open file; `path` is for messages.
+    /// Maps an open file; `path` is used in messages.
     pub(super) fn of(file: &File, path: &Path, limits: &Limits) -> Result<AdjFile> {
         let len = file.metadata().map_err(Error::io("open", path))?.len();
         limits.check(path, "file bytes", len, limits.file_bytes)?;
@@ -78,69 +79,68 @@ impl AdjFile {
             // the documented condition of this type, and `adj` itself only ever replaces files by renaming. A file
             // cut short under the map raises SIGBUS, as with every mapped file.
             let map = unsafe { Mmap::map(file) }.map_err(Error::io("map", path))?;
-            Some(Mapped { map, ledger: None, releasing: Mutex::new(()) })
+            Some(FileMap { map, resident: None, releasing: Mutex::new(()) })
         };
         let opened = AdjFile { path: path.to_path_buf(), map, limits: *limits };
         opened.arena()?;
         Ok(opened)
     }
 
-    /// From now on at most `bytes` of the map's pages are resident, and [`IN_FLIGHT`](crate::arena::pager::IN_FLIGHT)
-    /// more for each thread that reads; at least 64 KiB.
+    /// Limits the resident pages of the map to `bytes`, at least 64 KiB, plus
+    /// [`IN_FLIGHT`](crate::arena::pager::IN_FLIGHT) for each thread that reads.
     ///
-    /// Holds for walks, pictures, the check, and whatever else tells the [`Pager`] of the arena. Reading it is slower where the bound makes the
-    /// same pages come and go.
+    /// Walks, rendering, the check and everything else that informs the arena's [`Pager`] respect the limit. Reading is
+    /// slower if the same pages are released and read again.
     ///
     /// # Errors
-    /// [`Error::Io`] if the system releases no pages: not on Unix, or all memory was locked.
+    /// [`Error::Io`] if the system cannot release pages: not on Unix, or the process has locked its memory.
     pub fn keep_resident_below(mut self, bytes: u64) -> Result<AdjFile> {
         if let Some(mapped) = &mut self.map {
             mapped.forgo_huge_pages();
             mapped.release().map_err(Error::io("release the pages of", &self.path))?;
-            mapped.ledger = Some(Ledger::new(&mapped.map, bytes));
+            mapped.resident = Some(ResidentPages::new(&mapped.map, bytes));
         }
         Ok(self)
     }
 
-    /// The file's arena.
+    /// Returns the file's arena.
     ///
     /// # Errors
-    /// [`Error::Format`] as [`Arena::new`], [`Error::Limit`] as [`AdjFile::open_with`]; neither after it was opened
-    /// unless the file was changed in place.
+    /// [`Error::Format`] or [`Error::Limit`], but only if the file was changed in place after it was opened.
     pub fn arena(&self) -> Result<Arena<'_>> {
         let bytes = self.map.as_ref().map_or(&[][..], |mapped| &mapped.map);
         let arena = Arena::new(bytes).map_err(|fault| Error::Format { path: self.path.clone(), fault })?;
         arena.within(&self.path, &self.limits)?;
         Ok(match &self.map {
-            Some(mapped) if mapped.ledger.is_some() => arena.with_pager(mapped),
+            Some(mapped) if mapped.resident.is_some() => arena.with_pager(mapped),
             _ => arena,
         })
     }
 
-    /// Where it is.
+    /// Returns the file's path.
     pub fn path(&self) -> &Path {
         &self.path
     }
 }
 
-impl Pager for Mapped {
+impl Pager for FileMap {
     #[inline]
     fn about_to_read(&self, bytes: &[u8]) {
-        let Some(ledger) = &self.ledger else { return };
-        if ledger.note(bytes) {
+        let Some(resident) = &self.resident else { return };
+        if resident.note(bytes) {
             let _alone = self.releasing.lock().unwrap_or_else(PoisonError::into_inner);
-            // Another thread may have been here first.
-            if ledger.is_full() {
-                ledger.clear();
-                // Cannot fail where it did not before: only locking the pages, which nobody here does, would make it.
+            // Another thread may have released the pages meanwhile.
+            if resident.is_full() {
+                resident.clear();
+                // Fails only if pages are locked, which nothing here does.
                 let _ = self.release();
             }
         }
     }
 }
 
-impl Mapped {
-    /// Gives all resident pages back to the system.
+impl FileMap {
+    /// Returns all resident pages to the system.
     #[cfg(unix)]
     fn release(&self) -> std::io::Result<()> {
         // SAFETY: the whole map, which is a read-only map of a file that is shared and was never written to (`Mmap`).
@@ -155,10 +155,10 @@ impl Mapped {
         Err(std::io::ErrorKind::Unsupported.into())
     }
 
-    /// Asks that no pages are mapped larger than what the ledger counts.
+    /// Asks for pages no larger than the blocks that are counted.
     fn forgo_huge_pages(&self) {
         #[cfg(target_os = "linux")]
-        // A system without huge pages refuses, and need not be asked.
+        // A system without huge pages refuses; then nothing needs to be done.
         let _ = self.map.advise(memmap2::Advice::NoHugePage);
     }
 }

@@ -1,12 +1,13 @@
-//! Files: arenas on disk, written whole or not at all and read through a memory map.
+//! Files: arenas on disk, written atomically and read through a memory map.
 
-mod ledger;
-pub mod map;
-pub mod place;
-pub mod temporary;
-pub mod write;
+mod atomic;
+mod atomic_temporary;
+mod map;
+mod resident;
+mod sections;
+mod write;
 
+pub use atomic::{ScratchFile, check_writable, scratch_folder, write_atomically, write_atomically_unless};
+pub use atomic_temporary::abandon_writes;
 pub use map::AdjFile;
-pub use place::{Scratch, check_writable, scratch_folder, write_atomically, write_atomically_unless};
-pub use temporary::abandon_writes;
 pub use write::{RowsOutput, arena_bytes, open_rows, write_arena, write_rows};

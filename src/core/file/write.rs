@@ -1,70 +1,101 @@
-//! Writing arenas.
+//! Writing `.adj` files.
 //!
-//! In: lanes and what they mean. Out: the bytes of `formats/adj-1.md`, to memory or, by [`write_atomically`] or
-//! [`write_rows`], to a file.
+//! In: lanes, or rows of voxels, with their header facts. Out: the bytes that `formats/adj-1.md` specifies, in memory
+//! or in a file.
 
 use std::cell::RefCell;
 use std::fs::File;
-use std::io::{self, Read, Seek as _, SeekFrom, Write};
 use std::path::Path;
 
-use xxhash_rust::xxh3::{Xxh3, xxh3_64};
+use xxhash_rust::xxh3::xxh3_64;
 use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
-use crate::arena::lane::{LineEnds, OwnedLane};
-use crate::arena::layout;
-use crate::arena::layout::{Facts, FileHeader, SectionEntry, SectionKind, TileRecord, aligned};
+use super::atomic::{write_atomically, write_file_atomically};
+use super::atomic_temporary::unnamed;
+use super::map::AdjFile;
+use super::sections::SectionFile;
+use crate::arena::layout::{self, Facts, FileHeader, SectionEntry, SectionKind, TileRecord, aligned};
 use crate::arena::pack::TileRun;
-use crate::arena::rows::Rows;
+use crate::arena::{LineEnds, OwnedLane, Rows};
 use crate::build::assemble::{Assembler, LaneTotals};
-use crate::build::budget::WRITE_BYTES;
-use crate::build::builder::{Observer, Phase, go_on};
+use crate::build::progress::{Observer, Phase, report};
 use crate::error::{Error, Result};
-use crate::file::map::AdjFile;
-use crate::file::place::{write_atomically, write_file_atomically};
-use crate::file::temporary::unnamed;
 use crate::limits::Limits;
 use crate::volume::Axis;
 
-/// The bytes of an `.adj` file, in memory.
+/// Returns the bytes of an `.adj` file.
 ///
-/// `description`: a JSON text. `lanes`: along x, then y, then z, as many as there are.
+/// `description` is a JSON text. `lanes` are those along x, y and z, as many as the file stores.
 pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    write_to(&mut bytes, facts, lanes, description).expect("a vector takes every write");
-    bytes
+    let mut sections = vec![(SectionEntry::empty(SectionKind::Description, 255, 1), description.as_bytes())];
+    for lane in lanes {
+        let view = lane.view();
+        let line_ends = match view.line_ends {
+            LineEnds::Narrow(ends) => ends.as_bytes(),
+            LineEnds::Wide(ends) => ends.as_bytes(),
+        };
+        let parts = [view.tiles.as_bytes(), line_ends, view.steps, view.values, view.normals, view.magnitudes];
+        for (kind, bytes) in SectionKind::OF_LANES.into_iter().zip(parts) {
+            let element = kind.element_bytes(facts.channels, facts.grid.dims, view.axis);
+            if element > 0 {
+                let axis = u8::try_from(view.axis.index()).expect("0, 1 or 2");
+                sections.push((SectionEntry::empty(kind, axis, element), bytes));
+            }
+        }
+    }
+    let mut end = (size_of::<FileHeader>() + sections.len() * size_of::<SectionEntry>()) as u64;
+    for (entry, bytes) in &mut sections {
+        let offset = aligned(end);
+        end = offset + bytes.len() as u64;
+        entry.offset = U64::new(offset);
+        entry.bytes = U64::new(bytes.len() as u64);
+        entry.xxh3 = U64::new(xxh3_64(bytes));
+    }
+    let table: Vec<SectionEntry> = sections.iter().map(|(entry, _)| *entry).collect();
+    let mut file = header_with_checksum(facts, &table, end).as_bytes().to_vec();
+    let whole = usize::try_from(aligned(end)).expect("the lanes are in memory");
+    file.reserve_exact(whole - file.len());
+    file.extend_from_slice(table.as_bytes());
+    for (entry, bytes) in &sections {
+        file.resize(usize::try_from(entry.offset.get()).expect("below the whole"), 0);
+        file.extend_from_slice(bytes);
+    }
+    file.resize(whole, 0);
+    file
 }
 
-/// Writes an `.adj` file, see [`arena_bytes`], and says how many bytes it has.
+/// Writes an `.adj` file like [`arena_bytes`] and returns its length in bytes.
 ///
 /// # Errors
-/// As [`write_atomically`].
+/// The same as [`write_atomically`].
 pub fn write_arena(path: &Path, facts: &Facts, lanes: &[OwnedLane], description: &str) -> Result<u64> {
-    write_atomically(path, |out| write_to(out, facts, lanes, description))
+    let bytes = arena_bytes(facts, lanes, description);
+    write_atomically(path, |out| out.write_all(&bytes))?;
+    Ok(bytes.len() as u64)
 }
 
-/// What [`write_rows`] writes.
+/// What [`write_rows`] writes, and the resources that it may use.
 pub struct RowsOutput<'a> {
-    /// The header's part; its count of visible voxels is counted anew.
+    /// Contents of the header; visible voxels are counted anew.
     pub facts: Facts,
     /// A JSON text.
     pub description: &'a str,
-    /// 1: x. 2: x and y. 3: x, y and z.
+    /// Number of stored lanes: 1 for x, 2 for x and y, 3 for x, y and z.
     pub lane_count: u8,
-    /// Bytes of memory that the process may take; `None` for no limit.
+    /// Most bytes of memory that the process may use; `None` for no limit.
     pub memory: Option<u64>,
-    /// Threads to work with; 0 counts as 1.
+    /// Number of worker threads; 0 counts as 1.
     pub threads: usize,
 }
 
-/// Writes an `.adj` file of the voxels that `rows` gives, in bounded memory; its facts and how many bytes it has.
+/// Writes the voxels of `rows` to an `.adj` file, with bounded memory. Returns its header facts and length in bytes.
 ///
-/// The bytes are the same for any memory and any number of threads.
+/// The bytes do not depend on memory or threads.
 ///
 /// # Errors
-/// As [`write_atomically`]; [`Error::Input`] if there are no voxels; [`Error::Interrupted`] if the observer says
-/// so; and what reading the rows gives.
+/// The same as [`write_atomically`]; [`Error::Input`] if there are no voxels; [`Error::Interrupted`] if the observer
+/// cancels; any error of reading the rows.
 pub fn write_rows(
     path: &Path,
     rows: &dyn Rows,
@@ -73,24 +104,24 @@ pub fn write_rows(
 ) -> Result<(Facts, u64)> {
     write_file_atomically(path, |file| {
         let written = write_rows_to(file, path, rows, output, observer)?;
-        // Flushing takes long enough for somebody to change their mind.
+        // Flushing takes long enough for the user to change their mind.
         file.sync_all().map_err(Error::io("write", path))?;
-        go_on(observer, Phase::Flush, 1, 1)?;
+        report(observer, Phase::Flush, 1, 1)?;
         Ok(written)
     })
 }
 
-/// As [`write_rows`], to a file without a name in `folder`, which is opened and goes when it is closed.
+/// Writes like [`write_rows`] to a file without a name in `folder`, which disappears when it is closed, and opens it.
 ///
 /// # Errors
-/// Likewise.
+/// The same as [`write_rows`].
 pub fn open_rows(folder: &Path, rows: &dyn Rows, output: &RowsOutput, observer: &mut dyn Observer) -> Result<AdjFile> {
     let file = unnamed(folder)?;
     write_rows_to(&file, folder, rows, output, observer)?;
     AdjFile::of(&file, folder, &Limits::default())
 }
 
-/// Writes what [`write_rows`] says to `file`; `path` is for messages.
+/// Writes the voxels of `rows` to `file`; `path` is used in messages.
 fn write_rows_to(
     file: &File,
     path: &Path,
@@ -98,7 +129,7 @@ fn write_rows_to(
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
-    let mut place = Placed { file, path, end: 0 };
+    let mut out = SectionFile { file, path, end: 0 };
     let lane_count = usize::from(output.lane_count);
     let lanes = [Axis::X, Axis::Y, Axis::Z].into_iter().take(lane_count);
     let facts = &output.facts;
@@ -109,9 +140,9 @@ fn write_rows_to(
         })
     };
     let section_count = 1 + lanes.clone().map(|axis| kinds(axis).count()).sum::<usize>();
-    place.end = (size_of::<FileHeader>() + section_count * size_of::<SectionEntry>()) as u64;
+    out.end = (size_of::<FileHeader>() + section_count * size_of::<SectionEntry>()) as u64;
 
-    let mut description = place.section(SectionKind::Description, 255, 1, output.description.len() as u64);
+    let mut description = out.section(SectionKind::Description, 255, 1, output.description.len() as u64);
     description.write(output.description.as_bytes())?;
     let mut table = vec![description.finish()?];
     let assembler = Assembler::new(rows, facts.tile_order, output.memory, output.threads);
@@ -131,7 +162,7 @@ fn write_rows_to(
                     _ => totals.records,
                 };
                 let bytes = elements * u64::from(element);
-                sections.borrow_mut().push((kind, place.section(kind, number, element, bytes)));
+                sections.borrow_mut().push((kind, out.section(kind, number, element, bytes)));
             }
             Ok(())
         };
@@ -165,168 +196,15 @@ fn write_rows_to(
         }
     }
     let facts = Facts { visible_voxels, ..facts.clone() };
-    let bytes = place.finish(&facts, &table)?;
+    let bytes = out.finish(&facts, &table)?;
     Ok((facts, bytes))
 }
 
-/// A file whose sections are placed one after the other.
-struct Placed<'a> {
-    file: &'a File,
-    path: &'a Path,
-    /// Where the last section ends.
-    end: u64,
-}
-
-impl<'a> Placed<'a> {
-    /// The next section, of `bytes` bytes.
-    fn section(&mut self, kind: SectionKind, axis: u8, element_bytes: u8, bytes: u64) -> SectionWriter<'a> {
-        let offset = aligned(self.end);
-        self.end = offset + bytes;
-        SectionWriter {
-            file: self.file,
-            path: self.path,
-            entry: SectionEntry {
-                kind: U16::new(kind as u16),
-                axis,
-                element_bytes,
-                reserved: U32::ZERO,
-                offset: U64::new(offset),
-                bytes: U64::new(bytes),
-                xxh3: U64::ZERO,
-            },
-            at: offset,
-            gathered: Vec::new(),
-            checksum: Xxh3::new(),
-        }
-    }
-
-    /// Writes the header and the table; says how many bytes the file has. What lies between sections is zeros.
-    fn finish(&self, facts: &Facts, table: &[SectionEntry]) -> Result<u64> {
-        let header = header_with_checksum(facts, table, self.end);
-        let mut file = self.file;
-        let mut write = || {
-            file.set_len(aligned(self.end))?;
-            file.seek(SeekFrom::Start(0))?;
-            file.write_all(header.as_bytes())?;
-            file.write_all(table.as_bytes())
-        };
-        write().map_err(Error::io("write", self.path))?;
-        Ok(aligned(self.end))
-    }
-}
-
-/// Writes one section while others are written too.
-struct SectionWriter<'a> {
-    file: &'a File,
-    path: &'a Path,
-    entry: SectionEntry,
-    /// Where the gathered bytes go.
-    at: u64,
-    gathered: Vec<u8>,
-    checksum: Xxh3,
-}
-
-impl SectionWriter<'_> {
-    fn element_bytes(&self) -> u8 {
-        self.entry.element_bytes
-    }
-
-    fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        self.checksum.update(bytes);
-        if (self.gathered.len() + bytes.len()) as u64 <= WRITE_BYTES {
-            self.gathered.extend_from_slice(bytes);
-            return Ok(());
-        }
-        self.flush()?;
-        if bytes.len() as u64 > WRITE_BYTES {
-            self.put(bytes)
-        } else {
-            self.gathered.extend_from_slice(bytes);
-            Ok(())
-        }
-    }
-
-    fn flush(&mut self) -> Result<()> {
-        let gathered = std::mem::take(&mut self.gathered);
-        self.put(&gathered)?;
-        self.gathered = gathered;
-        self.gathered.clear();
-        Ok(())
-    }
-
-    fn put(&mut self, bytes: &[u8]) -> Result<()> {
-        let mut file = self.file;
-        let written = file.seek(SeekFrom::Start(self.at)).and_then(|_| file.write_all(bytes));
-        written.map_err(Error::io("write", self.path))?;
-        self.at += bytes.len() as u64;
-        Ok(())
-    }
-
-    /// The section's entry, when all of it was written.
-    fn finish(mut self) -> Result<SectionEntry> {
-        self.flush()?;
-        assert_eq!(self.at, self.entry.offset.get() + self.entry.bytes.get(), "a section has the length announced");
-        self.entry.xxh3 = U64::new(self.checksum.digest());
-        Ok(self.entry)
-    }
-}
-
-fn header_with_checksum(facts: &Facts, table: &[SectionEntry], end: u64) -> FileHeader {
+/// Returns the header for a file whose last section ends at byte `end`.
+pub(super) fn header_with_checksum(facts: &Facts, table: &[SectionEntry], end: u64) -> FileHeader {
     let mut header = layout::header_of(facts);
     header.section_count = U32::new(u32::try_from(table.len()).expect("at most 19 sections"));
     header.file_bytes = U64::new(aligned(end));
     header.header_xxh3 = U64::new(layout::header_checksum(&header, table));
     header
-}
-
-fn write_to(out: &mut dyn Write, facts: &Facts, lanes: &[OwnedLane], description: &str) -> io::Result<u64> {
-    let mut sections: Vec<(SectionEntry, &[u8])> = Vec::new();
-    let entry = |kind: SectionKind, axis: u8, element_bytes: u8| SectionEntry {
-        kind: U16::new(kind as u16),
-        axis,
-        element_bytes,
-        reserved: U32::ZERO,
-        offset: U64::ZERO,
-        bytes: U64::ZERO,
-        xxh3: U64::ZERO,
-    };
-    sections.push((entry(SectionKind::Description, 255, 1), description.as_bytes()));
-    for lane in lanes {
-        let view = lane.view();
-        let line_ends = match view.line_ends {
-            LineEnds::Narrow(ends) => ends.as_bytes(),
-            LineEnds::Wide(ends) => ends.as_bytes(),
-        };
-        let parts = [view.tiles.as_bytes(), line_ends, view.steps, view.values, view.normals, view.magnitudes];
-        for (kind, bytes) in SectionKind::OF_LANES.into_iter().zip(parts) {
-            let element = kind.element_bytes(facts.channels, facts.grid.dims, view.axis);
-            if element > 0 {
-                let axis = u8::try_from(view.axis.index()).expect("0, 1 or 2");
-                sections.push((entry(kind, axis, element), bytes));
-            }
-        }
-    }
-    let mut end = (size_of::<FileHeader>() + sections.len() * size_of::<SectionEntry>()) as u64;
-    for (entry, bytes) in &mut sections {
-        let offset = aligned(end);
-        end = offset + bytes.len() as u64;
-        entry.offset = U64::new(offset);
-        entry.bytes = U64::new(bytes.len() as u64);
-        entry.xxh3 = U64::new(xxh3_64(bytes));
-    }
-    let table: Vec<SectionEntry> = sections.iter().map(|(entry, _)| *entry).collect();
-    let header = header_with_checksum(facts, &table, end);
-    out.write_all(header.as_bytes())?;
-    out.write_all(table.as_bytes())?;
-    fill_up(out, (size_of::<FileHeader>() + size_of_val(table.as_slice())) as u64)?;
-    for (_, bytes) in &sections {
-        out.write_all(bytes)?;
-        fill_up(out, bytes.len() as u64)?;
-    }
-    Ok(aligned(end))
-}
-
-/// Zeros after `bytes` bytes, up to where a section may start.
-fn fill_up(out: &mut dyn Write, bytes: u64) -> io::Result<()> {
-    io::copy(&mut io::repeat(0).take(aligned(bytes) - bytes), out).map(|_| ())
 }

@@ -4,8 +4,8 @@ use std::path::Path;
 
 use super::Model;
 use crate::arena::TileOrder;
-use crate::build::builder::{BuildOptions, Observer, Resources, Unobserved, classify};
 use crate::build::description;
+use crate::build::{BuildOptions, Observer, Resources, Unobserved, classify};
 use crate::classify::TransferFunction;
 use crate::error::Result;
 use crate::file::{RowsOutput, arena_bytes, scratch_folder, write_rows};

@@ -1,45 +1,46 @@
 //! Decoding: from the steps of lines to the coordinates and records of a batch.
 //!
-//! In: lines of one slice in medium order, all inside the channels. Out: a [`Batch`] in the fast order. The
-//! departures for speed are those of the walk, [`super::walk`].
+//! In: lines of one slice in medium order, all inside the channels. Out: a [`Batch`] in the fast order. The module
+//! [`super::walk`] lists the departures for speed.
 
 use std::ops::Range;
 
-use super::gather::Line;
+use super::gather::GatheredLine;
 use super::order::AxisOrder;
 use super::prefix::{CHUNK, prefix_sum, reversed, zero_steps};
 use super::walk::Batch;
 use crate::arena::Lane;
 
-/// Voxels that a batch holds unless a single line has more.
+/// Most voxels of a batch, unless a single line has more.
 const BATCH: usize = 2_048;
-/// Largest distance of a batch's records from its first line's.
+/// Largest distance of a batch's records from those of its first line.
 const REACH: u64 = 1 << 31;
 
-/// As many lines as fit a batch.
-pub(super) struct Group {
-    /// How many; at least 1.
+/// Consecutive lines that fit in one batch.
+pub(super) struct LineGroup {
+    /// Number of lines, at least 1.
     pub(super) line_count: usize,
-    /// Their records.
+    /// Number of records of these lines.
     pub(super) records: u64,
-    /// [`REACH`] below the first line's records, so that offsets from it fit 32 bits on both sides.
+    /// [`REACH`] below the first line's records, so that offsets on both sides of them fit in 32 bits.
     pub(super) base: u64,
 }
 
-/// A group whose lines lie in more pieces of the channels than this, of [`PIECE`] records each, is cut.
-const MOST_PIECES: u64 = 2;
-/// As many bytes as a system maps at once.
-const PIECE: u64 = 1 << 16;
+/// Most blocks of [`MAPPED_RECORDS`] records, in each channel, that the lines of a group may lie in.
+const MOST_BLOCKS: u64 = 2;
+/// Records in a block that a system maps at once, at one byte per record.
+const MAPPED_RECORDS: u64 = 1 << 16;
 
-impl Group {
-    /// Cuts the group, of the first of `lines`, so that what a pager is told of at once stays small: at most 24 pieces
-    /// in all channels, which have up to 8 bytes a record ([`crate::arena::pager::IN_FLIGHT`]).
-    pub(super) fn stay_near(&mut self, lines: &[Line]) {
-        let (mut pieces, mut last, mut records) = (0, None, 0);
+impl LineGroup {
+    /// Shortens the group of the first of `lines`, so that little is announced to a pager at once: at most 24 blocks in
+    /// all channels, which have up to 8 bytes per record ([`crate::arena::pager::IN_FLIGHT`]).
+    pub(super) fn stay_near(&mut self, lines: &[GatheredLine]) {
+        let (mut blocks, mut last, mut records) = (0, None, 0);
         for (index, line) in lines[..self.line_count].iter().enumerate() {
-            let (first, end) = (line.first_record / PIECE, (line.first_record + u64::from(line.count) - 1) / PIECE);
-            pieces += end - first + u64::from(last != Some(first));
-            if index > 0 && pieces > MOST_PIECES {
+            let (first, end) =
+                (line.first_record / MAPPED_RECORDS, (line.first_record + u64::from(line.count) - 1) / MAPPED_RECORDS);
+            blocks += end - first + u64::from(last != Some(first));
+            if index > 0 && blocks > MOST_BLOCKS {
                 (self.line_count, self.records) = (index, records);
                 return;
             }
@@ -48,9 +49,9 @@ impl Group {
     }
 }
 
-/// The first group of `lines`, of which there is at least one, with at most `capacity` records.
+/// Returns the first group of `lines`, which are not empty, with at most `capacity` records.
 #[inline(always)]
-pub(super) fn group(lines: &[Line], capacity: usize) -> Group {
+pub(super) fn group(lines: &[GatheredLine], capacity: usize) -> LineGroup {
     let base = lines[0].first_record.saturating_sub(REACH);
     let mut records = 0;
     let mut line_count = 0;
@@ -63,48 +64,48 @@ pub(super) fn group(lines: &[Line], capacity: usize) -> Group {
         records = more;
         line_count += 1;
     }
-    Group { line_count, records, base }
+    LineGroup { line_count, records, base }
 }
 
-impl Line {
-    /// The records that decoding it reads: the last sixteen steps may reach beyond its own.
+impl GatheredLine {
+    /// Returns the records that decoding reads: the last sixteen steps may reach beyond the line.
     pub(super) fn records_read(&self) -> std::ops::Range<usize> {
         let start = usize::try_from(self.first_record).unwrap_or(usize::MAX);
         start..start.saturating_add(usize::from(self.count) + CHUNK)
     }
 }
 
-/// The arrays of a batch, all of one length, with a margin of one chunk at either end.
-struct BatchArrays {
+/// The arrays of a batch, of equal length, with a margin of one chunk at each end.
+struct DecodeBuffer {
     medium: Vec<u16>,
     fast: Vec<u16>,
     record: Vec<u32>,
 }
 
-impl BatchArrays {
-    fn new(capacity: usize) -> BatchArrays {
+impl DecodeBuffer {
+    fn new(capacity: usize) -> DecodeBuffer {
         let len = capacity + 2 * CHUNK;
-        BatchArrays { medium: vec![0; len], fast: vec![0; len], record: vec![0; len] }
+        DecodeBuffer { medium: vec![0; len], fast: vec![0; len], record: vec![0; len] }
     }
 
-    /// The arrays as slices that the compiler sees to be of one length: one bounds check serves three.
+    /// Returns slices that the compiler knows to have equal length: one bounds check serves all three.
     #[inline(always)]
-    fn places(&mut self) -> Places<'_> {
+    fn places(&mut self) -> BatchSlices<'_> {
         let len = self.fast.len();
-        Places { medium: &mut self.medium[..len], fast: &mut self.fast[..len], record: &mut self.record[..len] }
+        BatchSlices { medium: &mut self.medium[..len], fast: &mut self.fast[..len], record: &mut self.record[..len] }
     }
 }
 
-/// [`BatchArrays`] for writing.
-struct Places<'a> {
+/// The arrays of a [`DecodeBuffer`], for writing.
+struct BatchSlices<'a> {
     medium: &'a mut [u16],
     fast: &'a mut [u16],
     record: &'a mut [u32],
 }
 
-/// The steps of a lane, and the lane for those of its patch.
+/// The steps of a lane, with the lane for the steps of its patch.
 #[derive(Clone, Copy)]
-struct Steps<'a> {
+struct LaneSteps<'a> {
     own: &'a [u8],
     lane: &'a Lane<'a>,
 }
@@ -114,30 +115,30 @@ pub(super) struct Decoder<'a> {
     lane: &'a Lane<'a>,
     capacity: usize,
     fast: AxisOrder,
-    batch: BatchArrays,
-    /// One line's voxels in ascending order, for a fast axis with two sides.
-    line: BatchArrays,
+    batch: DecodeBuffer,
+    /// The voxels of one line in ascending order, for a two-sided fast axis.
+    line: DecodeBuffer,
 }
 
 impl<'a> Decoder<'a> {
-    /// For lines of `lane` whose voxels come in the order `fast`.
+    /// Creates a decoder for lines of `lane` with voxels in the order `fast`.
     pub(super) fn new(lane: &'a Lane<'a>, fast: AxisOrder) -> Decoder<'a> {
         let longest = lane.dims[lane.axis.index()] as usize;
         let capacity = longest.max(BATCH);
         let line = if matches!(fast, AxisOrder::TwoSided { .. }) { longest } else { 0 };
-        let (batch, line) = (BatchArrays::new(capacity), BatchArrays::new(line));
+        let (batch, line) = (DecodeBuffer::new(capacity), DecodeBuffer::new(line));
         Decoder { lane, capacity, fast, batch, line }
     }
 
-    /// Records that a group may have.
+    /// Returns the most records that a group may have.
     pub(super) fn capacity(&self) -> usize {
         self.capacity
     }
 
     /// Decodes a group of lines of slice `slow`.
     #[inline(always)]
-    pub(super) fn decode(&mut self, lines: &[Line], base: u64, slow: u16) -> Batch<'_> {
-        let steps = Steps { own: self.lane.steps, lane: self.lane };
+    pub(super) fn decode(&mut self, lines: &[GatheredLine], base: u64, slow: u16) -> Batch<'_> {
+        let steps = LaneSteps { own: self.lane.steps, lane: self.lane };
         let range = match self.fast {
             AxisOrder::Ascending => {
                 let mut places = self.batch.places();
@@ -176,19 +177,19 @@ impl<'a> Decoder<'a> {
             None => range,
             Some(_) => keep_shown(self.lane, base, &mut self.batch.places(), range),
         };
-        let BatchArrays { medium, fast, record } = &self.batch;
+        let DecodeBuffer { medium, fast, record } = &self.batch;
         Batch { slow, medium: &medium[range.clone()], fast: &fast[range.clone()], record: &record[range], base }
     }
 }
 
-/// Writes a line's voxels, ascending, from `at` up; gives the end.
+/// Writes a line's voxels in ascending order from `at` on; returns the end.
 #[inline(always)]
-fn decode_up(steps: Steps, line: &Line, base: u64, out: &mut Places, at: usize) -> usize {
+fn decode_up(steps: LaneSteps, line: &GatheredLine, base: u64, out: &mut BatchSlices, at: usize) -> usize {
     let (from, offset) = place(line, base);
     let count = usize::from(line.count);
     let mut end = at;
     let mut done = 0;
-    // The first step is counted from -1.
+    // The first step counts from -1.
     let mut previous = u16::MAX;
     while done < count {
         let valid = (count - done).min(CHUNK);
@@ -215,9 +216,9 @@ fn decode_up(steps: Steps, line: &Line, base: u64, out: &mut Places, at: usize) 
     end
 }
 
-/// Writes a line's voxels, descending, below `at`; gives the start.
+/// Writes a line's voxels in descending order below `at`; returns the start.
 #[inline(always)]
-fn decode_down(steps: Steps, line: &Line, base: u64, out: &mut Places, at: usize) -> usize {
+fn decode_down(steps: LaneSteps, line: &GatheredLine, base: u64, out: &mut BatchSlices, at: usize) -> usize {
     let (from, offset) = place(line, base);
     let count = usize::from(line.count);
     let mut start = at;
@@ -249,56 +250,56 @@ fn decode_down(steps: Steps, line: &Line, base: u64, out: &mut Places, at: usize
     start
 }
 
-/// A line's first record as an index, and from `base`.
+/// Returns a line's first record as an index, and relative to `base`.
 #[inline(always)]
 #[allow(clippy::cast_possible_truncation, reason = "an index of a slice; and a group's lines lie near its base")]
-fn place(line: &Line, base: u64) -> (usize, u32) {
+fn place(line: &GatheredLine, base: u64) -> (usize, u32) {
     (line.first_record as usize, line.first_record.wrapping_sub(base) as u32)
 }
 
-/// A number below a line's length.
+/// Converts a number below the length of a line.
 #[inline(always)]
 #[allow(clippy::cast_possible_truncation, reason = "lines have at most 65,535 records")]
 fn u32_of(index: usize) -> u32 {
     index as u32
 }
 
-/// Sixteen places of an array from `from`; the margins make room.
+/// Returns sixteen elements of an array from `from` on; the margins provide the space.
 #[inline(always)]
 fn chunk_of<T>(array: &mut [T], from: usize) -> &mut [T; CHUNK] {
     array[from..].first_chunk_mut().expect("the arrays have a margin of one chunk")
 }
 
-/// Sixteen steps from `from`, filled up where the channel ends.
+/// Returns sixteen steps from `from` on, padded at the end of the channel.
 #[inline(always)]
-fn load(steps: Steps, from: usize) -> [u8; CHUNK] {
-    let rest = steps.own.get(from..).unwrap_or_default();
-    match rest.first_chunk() {
+fn load(steps: LaneSteps, from: usize) -> [u8; CHUNK] {
+    let remaining = steps.own.get(from..).unwrap_or_default();
+    match remaining.first_chunk() {
         Some(chunk) => *chunk,
         None => load_last(steps.lane, from),
     }
 }
 
-/// The channel's last steps, filled up; or the patch's.
+/// Returns the channel's last steps, or the patch's, padded.
 #[cold]
 fn load_last(lane: &Lane, from: usize) -> [u8; CHUNK] {
     let (own, patch) = (lane.steps, lane.patch.map_or(&[][..], |patch| &patch.steps));
-    let rest = match from.checked_sub(own.len()) {
+    let remaining = match from.checked_sub(own.len()) {
         None => &own[from..],
         Some(from) => patch.get(from..).unwrap_or_default(),
     };
     let mut chunk = [1; CHUNK];
-    let count = rest.len().min(CHUNK);
-    chunk[..count].copy_from_slice(&rest[..count]);
+    let count = remaining.len().min(CHUNK);
+    chunk[..count].copy_from_slice(&remaining[..count]);
     chunk
 }
 
-/// Moves the voxels that are shown to the front of `range`; where they end.
-fn keep_shown(lane: &Lane, base: u64, places: &mut Places, range: Range<usize>) -> Range<usize> {
+/// Moves the voxels that are shown to the front of `range`; returns their range.
+fn keep_shown(lane: &Lane, base: u64, places: &mut BatchSlices, range: Range<usize>) -> Range<usize> {
     let base = usize::try_from(base).unwrap_or(usize::MAX);
     let mut end = range.start;
     for from in range.clone() {
-        // Moved first and counted after: whether a voxel is shown is hard to foretell.
+        // Moves first and counts afterwards: branches on what is shown would be mispredicted.
         places.medium[end] = places.medium[from];
         places.fast[end] = places.fast[from];
         places.record[end] = places.record[from];
@@ -307,7 +308,7 @@ fn keep_shown(lane: &Lane, base: u64, places: &mut Places, range: Range<usize>) 
     range.start..end
 }
 
-/// Whether one of the first `valid` steps is 0.
+/// Returns whether one of the first `valid` steps is 0.
 #[inline(always)]
 fn has_stepping(chunk: [u8; CHUNK], valid: usize) -> bool {
     zero_steps(chunk) << (32 - valid) != 0

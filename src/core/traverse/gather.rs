@@ -1,7 +1,7 @@
-//! Gathering: the non-empty lines of one slice, from the occupancy masks of its tiles.
+//! Gathering: finds the lines of one slice from the occupancy masks of its tiles.
 //!
-//! In: the tiles of a slice by ascending medium coordinate. Out: [`Line`]s, ascending. Each is checked against the
-//! channels here, once, so that nothing after has to ask where a line's records lie.
+//! In: the tiles of a slice by ascending medium coordinate. Out: [`GatheredLine`]s, ascending. Each line is checked here
+//! against the channels, once; later stages rely on it.
 
 use super::order::Order;
 use super::tiles::TileRows;
@@ -11,34 +11,34 @@ use crate::arena::layout::{TILE_EDGE, TileRecord};
 use crate::arena::pager::tell;
 use crate::volume::Axis;
 
-/// One line of the slice at hand.
+/// A line of the current slice.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Line {
-    /// Its records, all inside the channels, start here.
+pub(super) struct GatheredLine {
+    /// Index of its first record; all its records are inside the channels.
     pub(super) first_record: u64,
-    /// How many: 1 to the length of the fast axis.
+    /// Number of its records: 1 to the length of the fast axis.
     pub(super) count: u16,
-    /// Its coordinate on the medium axis.
+    /// Coordinate on the medium axis.
     pub(super) medium: u16,
 }
 
 /// Finds the lines of slices, one slice after another.
-pub(super) struct Gather<'a> {
+pub(super) struct LineGatherer<'a> {
     lane: Lane<'a>,
     order: Order,
     slow_is_v: bool,
-    /// Records of the lane.
+    /// Number of records of the lane.
     record_count: u64,
-    /// Grid points of a line.
+    /// Number of grid points of a line.
     longest: u64,
-    /// Room for the lines of a slice, kept for the next.
-    lines: Vec<Line>,
+    /// The lines of the current slice; the memory is reused.
+    lines: Vec<GatheredLine>,
 }
 
-impl<'a> Gather<'a> {
-    /// For slices of `lane` across the slow axis of `order`.
-    pub(super) fn new(lane: &Lane<'a>, order: &Order) -> Gather<'a> {
-        Gather {
+impl<'a> LineGatherer<'a> {
+    /// Prepares for slices of `lane` across the slow axis of `order`.
+    pub(super) fn new(lane: &Lane<'a>, order: &Order) -> LineGatherer<'a> {
+        LineGatherer {
             lane: *lane,
             order: *order,
             slow_is_v: order.slow == lane.axis.others()[1],
@@ -48,7 +48,7 @@ impl<'a> Gather<'a> {
         }
     }
 
-    /// The lines of slice `slow` by ascending medium coordinate.
+    /// Returns the lines of slice `slow` by ascending medium coordinate.
     #[inline(always)]
     pub(super) fn lines_of<V: Visitor + ?Sized>(
         &mut self,
@@ -56,20 +56,20 @@ impl<'a> Gather<'a> {
         slow: u16,
         line_end: impl Fn(usize) -> Option<u32>,
         visitor: &mut V,
-    ) -> &mut [Line] {
+    ) -> &mut [GatheredLine] {
         let tiles = rows.row(usize::from(slow / TILE_EDGE));
         let room = tiles.len() * usize::from(TILE_EDGE);
         if self.lines.len() < room {
-            self.lines.resize(room, Line::default());
+            self.lines.resize(room, GatheredLine::default());
         }
-        // Taken out of `self`, so that they stay in registers while `lines` is written.
+        // Copied out of `self`, so that they stay in registers while `lines` is written.
         let (slow_is_v, longest, record_count) = (self.slow_is_v, self.longest, self.record_count);
         let (order, lane) = (self.order, self.lane);
         let lines = &mut self.lines[..];
         let within = slow % TILE_EDGE;
         let mut count = 0;
         for tile in tiles {
-            let row = if slow_is_v { RowOfLines::of_v(tile, within) } else { RowOfLines::of_u(tile, within) };
+            let row = if slow_is_v { TileRow::of_v(tile, within) } else { TileRow::of_u(tile, within) };
             if row.occupied == 0 || !visitor.wants_row(&row_bounds(&order, slow_is_v, tile, slow)) {
                 continue;
             }
@@ -85,16 +85,16 @@ impl<'a> Gather<'a> {
                 let bit = occupied.trailing_zeros() as u16;
                 occupied &= occupied - 1;
                 let rank = (row.ranks >> (8 * bit) & 0xff) as usize;
-                // Where addresses have 32 bits a damaged number may wrap: it is another line's then, and judged as any.
+                // With 32-bit addresses a damaged number may wrap around to another line, which is checked like any.
                 let line = first_line.wrapping_add(rank);
                 let Some(end) = line_end(line) else { break };
                 let start = if rank == 0 { 0 } else { line_end(line.wrapping_sub(1)).unwrap_or(end) };
-                // A line that ends before it starts gets a count beyond any axis: in 64 bits, as in 32 a start near
-                // 2^32 would give a small one.
+                // A line that ends before it starts gets a count beyond any axis. Computed in 64 bits, because in 32
+                // bits a start near 2^32 would give a small count.
                 let (start, end) = (u64::from(start), u64::from(end));
                 let line_records = end.wrapping_sub(start);
                 #[allow(clippy::cast_possible_truncation, reason = "only kept if it is at most 65,535")]
-                let line = Line {
+                let line = GatheredLine {
                     first_record: first_record + start,
                     count: line_records as u16,
                     medium: first_medium.wrapping_add(bit),
@@ -108,7 +108,7 @@ impl<'a> Gather<'a> {
     }
 }
 
-/// All voxels that `tile` may hold in slice `slow`.
+/// Returns a box that contains all voxels of `tile` in slice `slow`.
 #[inline(always)]
 fn row_bounds(order: &Order, slow_is_v: bool, tile: &TileRecord, slow: u16) -> VoxelBox {
     let medium_tile = if slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() };
@@ -126,48 +126,48 @@ fn row_bounds(order: &Order, slow_is_v: bool, tile: &TileRecord, slow: u16) -> V
     VoxelBox { low: [x.0, y.0, z.0], high: [x.1, y.1, z.1] }
 }
 
-/// The up to eight lines that a tile has in one slice.
-struct RowOfLines {
-    /// Bit m: whether there is a line at medium coordinate m of the tile.
+/// The lines, at most eight, that a tile has in one slice.
+struct TileRow {
+    /// Bit m is set if there is a line at medium coordinate m of the tile.
     occupied: u8,
-    /// Byte m: how many of the tile's lines come before that one.
+    /// Byte m is the number of the tile's lines before that line.
     ranks: u64,
 }
 
 /// 1 in each byte.
 const ONES: u64 = 0x0101_0101_0101_0101;
 
-impl RowOfLines {
-    /// Lines of one v; u is the medium axis. Bits of one byte of the mask.
+impl TileRow {
+    /// Reads the lines with one v, where u is the medium axis: the bits of one byte of the mask.
     #[inline(always)]
-    fn of_v(tile: &TileRecord, v: u16) -> RowOfLines {
+    fn of_v(tile: &TileRecord, v: u16) -> TileRow {
         let mask = tile.occupancy.get();
         let shift = 8 * u32::from(v);
         #[allow(clippy::cast_possible_truncation, reason = "one byte is wanted")]
         let occupied = (mask >> shift) as u8;
         let before = (mask & ((1 << shift) - 1)).count_ones();
-        // Spread the eight bits over eight bytes; the prefix sum of bytes is a multiplication by ONES.
+        // Spreads eight bits over eight bytes; multiplying by ONES gives the prefix sums of the bytes.
         let spread =
             ((u64::from(occupied) * ONES) & 0x8040_2010_0804_0201).wrapping_add(0x7f7f_7f7f_7f7f_7f7f) >> 7 & ONES;
         let ranks = (spread.wrapping_mul(ONES) << 8).wrapping_add(u64::from(before).wrapping_mul(ONES));
-        RowOfLines { occupied, ranks }
+        TileRow { occupied, ranks }
     }
 
-    /// Lines of one u; v is the medium axis. One bit of each byte of the mask.
+    /// Reads the lines with one u, where v is the medium axis: one bit of each byte of the mask.
     #[inline(always)]
-    fn of_u(tile: &TileRecord, u: u16) -> RowOfLines {
+    fn of_u(tile: &TileRecord, u: u16) -> TileRow {
         let mask = tile.occupancy.get();
         let column = mask >> u & ONES;
-        // Byte i of the column's bit moves to bit i: each partial product lands on its own bit of the top byte.
+        // Moves the bit of byte i to bit i: each partial product has its own bit of the top byte.
         #[allow(clippy::cast_possible_truncation, reason = "the top byte is what is left")]
         let occupied = (column.wrapping_mul(0x0102_0408_1020_4080) >> 56) as u8;
         let bytes_below = mask_bytes_popcount(mask).wrapping_mul(ONES) << 8;
         let bits_below = mask_bytes_popcount(mask & ONES.wrapping_mul((1 << u) - 1));
-        RowOfLines { occupied, ranks: bytes_below.wrapping_add(bits_below) }
+        TileRow { occupied, ranks: bytes_below.wrapping_add(bits_below) }
     }
 }
 
-/// Set bits of each byte.
+/// Counts the set bits of each byte.
 #[inline(always)]
 fn mask_bytes_popcount(mask: u64) -> u64 {
     let pairs = mask - (mask >> 1 & 0x5555_5555_5555_5555);

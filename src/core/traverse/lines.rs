@@ -1,7 +1,7 @@
-//! The lines of a walk in its order, without their voxels: what a graphics processor needs to walk by itself.
+//! The lines of a walk in order, without their voxels: a graphics device walks them itself.
 //!
-//! In: a lane and an order. Out: every non-empty scan line, slice by slice in the slow order, within a slice in the
-//! medium order. O(tiles + lines); the channels are not read. What a [walk](super::walk()) would skip is skipped.
+//! In: a lane and an order. Out: every line that is not empty, slice by slice in the slow order, within a slice in the
+//! medium order. O(tiles + lines); channels are not read. Lines that a [walk](super::walk()) would skip are skipped.
 
 use super::order::{AxisOrder, Order};
 use super::tiles::TileRows;
@@ -9,28 +9,28 @@ use crate::arena::Lane;
 use crate::arena::layout::TILE_EDGE;
 use crate::arena::pager::tell;
 
-/// A scan line as a walk comes to it.
+/// A scan line at its position in the walk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct OrderedLine {
-    /// Its coordinate on the slow axis.
+pub(crate) struct OrderedLine {
+    /// Coordinate on the slow axis.
     pub slow: u16,
-    /// Its coordinate on the medium axis.
+    /// Coordinate on the medium axis.
     pub medium: u16,
-    /// Its tile's index in the lane.
+    /// Index of its tile in the lane.
     pub tile: u32,
-    /// Which line of the tile it is: its bit in the occupancy mask.
+    /// Its bit in the tile's occupancy mask.
     pub bit: u8,
-    /// Its records, stepping voxels included: 1 to the length of the fast axis.
+    /// Number of its records, including stepping voxels: 1 to the length of the fast axis.
     pub records: u32,
-    /// Lowest and highest coordinate on the fast axis of all lines of its tile.
+    /// Lowest and highest coordinate on the fast axis, of all lines in its tile.
     pub extent: [u16; 2],
 }
 
-/// Calls `visit` with the lines of `lane` in `order`.
+/// Calls `visit` with the lines of `lane`, in `order`.
 ///
 /// # Panics
 /// If the lane does not run along the order's fast axis.
-pub fn ordered_lines(lane: &Lane, order: &Order, mut visit: impl FnMut(OrderedLine)) {
+pub(crate) fn ordered_lines(lane: &Lane, order: &Order, mut visit: impl FnMut(OrderedLine)) {
     assert_eq!(lane.axis, order.fast, "a walk needs the lane along its fast axis");
     let rows = TileRows::new(lane, order.slow, |_| true);
     let slow_is_v = order.slow == lane.axis.others()[1];
@@ -81,7 +81,7 @@ pub fn ordered_lines(lane: &Lane, order: &Order, mut visit: impl FnMut(OrderedLi
     });
 }
 
-/// Start and end of the line at `bit`, counted from its tile's first record.
+/// Returns start and end of the line at `bit`, counted from its tile's first record.
 fn line_bounds(lane: &Lane, first_line: u32, occupied: u64, bit: u16) -> Option<[u32; 2]> {
     let rank = (occupied & ((1 << bit) - 1)).count_ones();
     let line = first_line.checked_add(rank)? as usize;

@@ -1,15 +1,17 @@
-//! Traversal: the visible voxels in exact visibility order, from any viewpoint, with no sorting.
+//! Traversal: visits the visible voxels in exact visibility order, from any viewpoint, without sorting.
 //!
-//! In: a [`crate::arena::Lane`] and a viewpoint in voxel units. Out: batches of voxels in visit order.
+//! In: a [`crate::arena::Lane`] and a viewpoint in voxel units. Out: batches of voxels in visiting order.
 
 mod decode;
 mod gather;
-pub mod lines;
-pub mod order;
+#[cfg(feature = "gpu")]
+mod lines;
+mod order;
 mod prefix;
 mod tiles;
-pub mod walk;
+mod walk;
 
-pub use lines::{OrderedLine, ordered_lines};
+#[cfg(feature = "gpu")]
+pub(crate) use lines::{OrderedLine, ordered_lines};
 pub use order::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 pub use walk::{Batch, Visitor, VoxelBox, walk};

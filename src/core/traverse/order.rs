@@ -1,41 +1,41 @@
-//! The order of a walk: which axis is slow, medium and fast, and in which direction each runs.
+//! The order of a walk: the nesting of the axes, and the direction of each.
 //!
 //! In: a viewpoint in voxel units (index space). Out: [`Order`].
 //!
-//! Nested loops over the three axes visit voxels in exact visibility order as soon as each axis runs from its far
-//! to its near side (any nesting; proof: the first axis on which two voxels of a ray differ puts the farther one
-//! first). The nesting matters for splats that overlap sideways: the axis most aligned with the view is slow
-//! (Orchard and Möller 2001, section 3.3), measured in index space so that anisotropic spacing counts.
+//! Nested loops over the three axes visit voxels in exact visibility order if each axis runs from its far to its near
+//! side. Any nesting is exact: the first axis on which two voxels of a ray differ visits the farther one first. The
+//! nesting matters for splats that overlap sideways: the axis closest to the view direction is outermost (Orchard and
+//! Möller 2001, section 3.3). Directions are compared in index space, so that anisotropic spacing counts.
 //!
-//! With perspective an axis has two sides of the eye, and each must be visited toward it: one side after the
-//! other (Swan 1997), or both in turn, the farther voxel first (Botha and Post 2005), which is also right for
-//! splats that overlap across the eye's plane. An eye inside the volume needs nothing more.
+//! In perspective an axis has two sides of the eye, each visited toward the eye: one side after the other (Swan 1997),
+//! or interleaved, the farther voxel first (Botha and Post 2005). Interleaving is also right for splats that overlap
+//! across the eye's plane. An eye inside the volume needs nothing more.
 
 use crate::error::{Error, Result};
 use crate::volume::Axis;
 
-/// Where the eye is, in index space: voxel (i, j, k) is at point (i, j, k).
+/// The position of the eye in index space, where voxel (i, j, k) lies at point (i, j, k).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Viewpoint {
-    /// All rays run along `direction`, away from the eye; any length above 0.
+    /// All rays run along `direction`, away from the eye.
     Parallel {
-        /// Index-space direction of view.
+        /// View direction in index space, of any length above 0.
         direction: [f64; 3],
     },
     /// All rays start at `eye`.
     Perspective {
-        /// The eye's index-space position; it may lie inside the volume.
+        /// Position of the eye in index space; it may lie inside the volume.
         eye: [f64; 3],
-        /// Index-space direction of view through the picture's centre; decides only the nesting.
+        /// View direction through the picture's centre, in index space; decides only the nesting of the axes.
         toward: [f64; 3],
     },
 }
 
 impl Viewpoint {
-    /// Returns a parallel view along `direction`, in index space.
+    /// Creates a parallel view along `direction`, in index space.
     ///
     /// # Errors
-    /// [`Error::Input`] if it is not finite or has length 0.
+    /// [`Error::Input`] if the direction is not finite or has length 0.
     pub fn parallel(direction: [f64; 3]) -> Result<Viewpoint> {
         if !direction.iter().all(|part| part.is_finite()) || direction == [0.0; 3] {
             return Err(Error::input("direction of view", format!("is {direction:?}, but must be finite and not 0")));
@@ -43,7 +43,7 @@ impl Viewpoint {
         Ok(Viewpoint::Parallel { direction })
     }
 
-    /// Returns a view from `eye` toward a direction, both in index space; the eye may lie inside the volume.
+    /// Creates a view from `eye` in the direction `toward`, both in index space; the eye may lie inside the volume.
     ///
     /// # Errors
     /// [`Error::Input`] if a number is not finite or the direction has length 0.
@@ -56,45 +56,45 @@ impl Viewpoint {
     }
 }
 
-/// Which end of the visibility order comes first.
+/// Whether a walk visits far or near voxels first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sense {
     /// Far voxels first.
     BackToFront,
-    /// Near voxels first: the exact reverse.
+    /// Near voxels first: the exact reverse of [`Sense::BackToFront`].
     FrontToBack,
 }
 
-/// How the two sides of the eye's plane follow each other on an axis.
+/// How a walk alternates between the two sides of the eye on an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum SplitForm {
-    /// The side of low coordinates, then the other.
+    /// Visits the side of low coordinates, then the other.
     Split,
-    /// Both in turn, by distance from the eye's plane; the low side first where they tie.
+    /// Visits both sides in turn, by distance from the eye; the low side first if the distances are equal.
     #[default]
     Interleaved,
 }
 
-/// The order of the coordinates along one axis.
+/// The order of coordinates along one axis.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum AxisOrder {
-    /// 0, 1, 2 ...
+    /// From the lowest to the highest coordinate.
     Ascending,
-    /// The last one first.
+    /// From the highest to the lowest coordinate.
     Descending,
-    /// Both sides toward the eye's coordinate, or away from it.
+    /// From both sides toward the eye, or from the eye to both sides.
     TwoSided {
-        /// The eye's coordinate, inside the axis' range.
+        /// Coordinate of the eye, inside the range of the axis.
         eye: f64,
-        /// How the sides follow each other.
+        /// How the sides alternate.
         form: SplitForm,
-        /// Toward the eye, or away from it.
+        /// Toward the eye ([`Sense::BackToFront`]) or away from it.
         sense: Sense,
     },
 }
 
 impl AxisOrder {
-    /// Calls `visit` with the indices of the ascending `coordinates` in this order.
+    /// Calls `visit` with the index of each of the ascending `coordinates`, in this order.
     #[inline]
     pub fn for_each_index(self, coordinates: &[u16], mut visit: impl FnMut(usize)) {
         let count = coordinates.len();
@@ -102,26 +102,19 @@ impl AxisOrder {
             AxisOrder::Ascending => (0..count).for_each(visit),
             AxisOrder::Descending => (0..count).rev().for_each(visit),
             AxisOrder::TwoSided { eye, form, sense } => {
-                // Back to front: cursors `low` from the low end up, `high` from the high end down, until they meet.
-                // Front to back is its reverse: they start where the others meet and part.
+                // Back to front: cursors move from the low end up and from the high end down, until they meet.
+                // Front to back is the reverse: the cursors start where they would meet, and part.
                 let meet = coordinates.partition_point(|&c| f64::from(c) < eye);
                 match (form, sense) {
-                    (SplitForm::Split, Sense::BackToFront) => {
-                        // A coordinate equal to the eye's is nearest to both sides: it comes last.
+                    (SplitForm::Split, sense) => {
+                        // A coordinate equal to the eye's is nearest to both sides: back to front it comes last.
                         let on_plane = coordinates.get(meet).is_some_and(|&c| f64::from(c) == eye);
-                        (0..meet).for_each(&mut visit);
-                        (meet + usize::from(on_plane)..count).rev().for_each(&mut visit);
-                        if on_plane {
-                            visit(meet);
+                        let above = meet + usize::from(on_plane);
+                        let back_to_front = (0..meet).chain((above..count).rev()).chain(meet..above);
+                        match sense {
+                            Sense::BackToFront => back_to_front.for_each(visit),
+                            Sense::FrontToBack => back_to_front.rev().for_each(visit),
                         }
-                    }
-                    (SplitForm::Split, Sense::FrontToBack) => {
-                        let on_plane = coordinates.get(meet).is_some_and(|&c| f64::from(c) == eye);
-                        if on_plane {
-                            visit(meet);
-                        }
-                        (meet + usize::from(on_plane)..count).for_each(&mut visit);
-                        (0..meet).rev().for_each(&mut visit);
                     }
                     (SplitForm::Interleaved, Sense::BackToFront) => {
                         let (mut low, mut high) = (0, count);
@@ -142,7 +135,7 @@ impl AxisOrder {
                         while low > 0 || high < count {
                             let below = if low > 0 { eye - f64::from(coordinates[low - 1]) } else { f64::INFINITY };
                             let above = if high < count { f64::from(coordinates[high]) - eye } else { f64::INFINITY };
-                            // On a tie the low side is the farther one of the reverse order: it comes second.
+                            // If the distances are equal, the low side is the farther one of the reverse order: it comes second.
                             if below < above {
                                 low -= 1;
                                 visit(low);
@@ -167,7 +160,7 @@ impl AxisOrder {
 }
 
 impl Sense {
-    /// The other one.
+    /// Returns the opposite sense.
     pub fn reversed(self) -> Sense {
         match self {
             Sense::BackToFront => Sense::FrontToBack,
@@ -176,7 +169,7 @@ impl Sense {
     }
 }
 
-/// The nesting of a walk and the direction of each of its axes.
+/// The nesting of a walk's axes and the direction along each.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Order {
     /// Axis of the outermost loop.
@@ -185,18 +178,17 @@ pub struct Order {
     pub medium: Axis,
     /// Axis of the innermost loop, along which the lane's lines run.
     pub fast: Axis,
-    /// Direction of each axis, by the axis' index (not by nesting).
+    /// Direction along each axis, indexed by axis (not by nesting).
     pub along: [AxisOrder; 3],
 }
 
 impl Order {
-    /// The order for a viewpoint over a grid of `dims` points.
+    /// Returns the order for a viewpoint and a grid of `dims` points.
     ///
-    /// Ties between axes go to x before y before z, so that the choice is deterministic; a direction's component
-    /// of 0 counts as above 0.
+    /// Equal components rank x before y before z, and a component of 0 counts as positive, so that the order is unique.
     ///
     /// # Errors
-    /// [`Error::Input`] if a component is not finite or the direction of view is 0.
+    /// [`Error::Input`] if a component is not finite or the view direction is 0.
     pub fn new(viewpoint: Viewpoint, dims: [u32; 3], sense: Sense, form: SplitForm) -> Result<Order> {
         let (nesting, eye) = match viewpoint {
             Viewpoint::Parallel { direction } => (direction, None),
@@ -230,8 +222,9 @@ impl Order {
         Ok(Order { slow, medium, fast, along })
     }
 
-    /// One of the 48 orders of parallel views: `nesting` 0..6 in lexical order of the axes, bit a of `descending`
-    /// set where axis a runs down.
+    /// Returns one of the 48 orders of parallel views.
+    ///
+    /// `nesting` (0 to 5) counts the nestings in lexical order. Axis `a` runs downward if bit `a` of `descending` is set.
     ///
     /// # Panics
     /// If `nesting` is not below 6.
@@ -252,7 +245,7 @@ impl Order {
         Order { slow, medium, fast, along }
     }
 
-    /// The same voxels, last first.
+    /// Returns the order that visits the same voxels in reverse.
     pub fn reversed(self) -> Order {
         Order { along: self.along.map(AxisOrder::reversed), ..self }
     }

@@ -1,26 +1,26 @@
-//! The tiles of a lane's face, by rows of the slow axis: where a walk finds the lines of a slice.
+//! The tiles of a lane's face, grouped by rows along the slow axis: where a walk finds the lines of a slice.
 //!
-//! In: a lane's tile records, in any order. Out: for each eight slices the tiles that hold lines of them, by
-//! ascending medium coordinate. A counting sort in O(tiles), once a walk; the paper's box-edge voxels (which
-//! slices are not empty) fall out of the occupancy masks.
+//! In: a lane's tile records in any order. Out: for each eight slices, the tiles that hold their lines, by ascending
+//! medium coordinate. A counting sort in O(tiles), once per walk. The occupancy masks also tell which slices are empty,
+//! for which the paper has box-edge voxels.
 
 use super::walk::VoxelBox;
 use crate::arena::layout::TILE_EDGE;
 use crate::arena::{Lane, TileRecord};
 use crate::volume::Axis;
 
-/// Tiles of a lane's face, grouped by their eight slices.
+/// Tiles of a lane's face, grouped by rows of eight slices.
 pub(super) struct TileRows<'a> {
     lane: Lane<'a>,
-    /// Indices into the lane's tiles, row after row, each by ascending medium coordinate.
+    /// Indices into the lane's tiles, row by row, each row by ascending medium coordinate.
     sorted: Vec<u32>,
-    /// Where each row starts in `sorted`, and the end of the last.
+    /// Start of each row in `sorted`, and the end of the last.
     starts: Vec<u32>,
     slow_is_v: bool,
 }
 
 impl<'a> TileRows<'a> {
-    /// Groups those tiles of `lane` that `wants` accepts.
+    /// Groups the tiles of `lane` that `wants` accepts.
     pub(super) fn new(lane: &Lane<'a>, slow: Axis, mut wants: impl FnMut(&VoxelBox) -> bool) -> TileRows<'a> {
         let [u, v] = lane.axis.others();
         let slow_is_v = slow == v;
@@ -43,7 +43,7 @@ impl<'a> TileRows<'a> {
         TileRows { lane: *lane, sorted, starts, slow_is_v }
     }
 
-    /// The non-empty slices in ascending order.
+    /// Returns the slices that are not empty, ascending.
     pub(super) fn slices(&self) -> Vec<u16> {
         let mut slices = Vec::new();
         for row in 0..self.starts.len() - 1 {
@@ -59,12 +59,12 @@ impl<'a> TileRows<'a> {
         slices
     }
 
-    /// The tiles of slices `8 * row ..`, by ascending medium coordinate.
+    /// Iterates over the tiles of slices `8 * row ..`, by ascending medium coordinate.
     pub(super) fn row(&self, row: usize) -> impl ExactSizeIterator<Item = &'a TileRecord> {
         self.numbered_row(row).map(|(_, tile)| tile)
     }
 
-    /// As [`TileRows::row`], each with its index in the lane.
+    /// Does the same as [`TileRows::row`], with each tile's index in the lane.
     pub(super) fn numbered_row(&self, row: usize) -> impl ExactSizeIterator<Item = (u32, &'a TileRecord)> {
         let range = self.starts[row] as usize..self.starts[row + 1] as usize;
         let lane = self.lane;
@@ -72,13 +72,13 @@ impl<'a> TileRows<'a> {
     }
 }
 
-/// The tile at `index`, of which there is one.
+/// Returns the tile at `index`, which must exist.
 #[inline(always)]
 fn tile_of<'a>(lane: &Lane<'a>, index: u32) -> &'a TileRecord {
     lane.tile(index as usize).expect("an index of a tile that was looked at before")
 }
 
-/// All voxels that a tile may hold.
+/// Returns a box that contains all voxels of a tile.
 fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
     let [u, v] = lane.axis.others();
     let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };
@@ -92,7 +92,7 @@ fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
     bounds
 }
 
-/// `items` ordered by `key`, below `keys`, stable; and where each key's items start.
+/// Sorts `items` by `key`, which is below `keys`, in a stable way; also returns the start of each key's items.
 fn counting_sort(items: &[u32], keys: usize, key: impl Fn(u32) -> usize) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0u32; keys + 1];
     for &item in items {

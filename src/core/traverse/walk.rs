@@ -1,84 +1,83 @@
 //! The walk: from a lane and an order to batches of voxels.
 //!
-//! In: a [`Lane`] whose axis is the order's fast one. Out: [`Batch`]es, each of one slice, whose voxels come in the
-//! order's sequence. Nothing is allocated per slice, line or voxel.
+//! In: a [`Lane`] that runs along the order's fast axis. Out: [`Batch`]es of voxels of one slice each, in visiting order.
+//! Nothing is allocated per slice, line or voxel.
 //!
 //! ```text
-//! for each non-empty slice in the slow order
+//! for each slice that is not empty, in the slow order
 //!     gather its lines, tile by tile, from the occupancy masks (ascending)     gather.rs
 //!     put them in the medium order
 //!     in groups that fill a batch
-//!         for each line, decode its steps into coordinates, in the fast order  decode.rs
+//!         for each line, decode its steps to coordinates, in the fast order    decode.rs
 //! ```
 //!
 //! Departures for speed:
-//! 1. Sixteen steps become coordinates at once, by a prefix sum, and are stored whether the line has as many
-//!    records or not: the next line overwrites what is too much. Lines of up to sixteen records, which is most of
-//!    them, so cost no mispredicted branch.
-//! 2. Where the fast axis runs down, a group is filled from its end: ascending lines, read as they lie.
-//! 3. Whether stepping voxels are among sixteen steps is one test; only then are they read one by one.
-//! 4. A medium axis of one direction takes the gathered lines as they are, or reversed in place; only two sides need
-//!    another list.
+//! 1. Sixteen steps become coordinates at once, by a prefix sum, and all sixteen are stored; the next line overwrites
+//!    the surplus. Lines of up to sixteen records, which is most, so cost no mispredicted branch.
+//! 2. Where the fast axis runs downward, a group is filled from its end: lines are read in ascending order as stored.
+//! 3. One test tells whether sixteen steps contain stepping voxels; only then are they read one by one.
+//! 4. If the medium axis has one direction, the gathered lines are used as they are or reversed in place. Only a
+//!    two-sided order needs another list.
 //!
-//! An [overlay](crate::arena::Overlay) costs only the lines that it changes: their ends and records lie past the
-//! lane's own, where the bounds checks that every line passes anyway find them to be the patch's.
+//! An [overlay](crate::arena::Overlay) costs only the lines that it changes: their ends and records follow the lane's
+//! own, and the bounds checks that every line passes anyway find them.
 //!
-//! Safe on any bytes: a line outside the channels, or longer than its axis, is skipped, and no walk visits more
-//! records than the lane has.
+//! Safe on any bytes: lines outside the channels or longer than their axis are skipped, and no walk visits more records
+//! than the lane has.
 
 use super::decode::{Decoder, group};
-use super::gather::Gather;
+use super::gather::LineGatherer;
 use super::order::{AxisOrder, Order};
 use super::tiles::TileRows;
 use crate::arena::{Lane, LineEnds};
 
-/// A box of voxels, by x, y, z.
+/// A box of voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct VoxelBox {
-    /// Lowest coordinates.
+    /// Lowest coordinates x, y, z.
     pub low: [u16; 3],
-    /// Highest coordinates, inclusive.
+    /// Highest coordinates x, y, z, inclusive.
     pub high: [u16; 3],
 }
 
 impl VoxelBox {
-    /// Whether the boxes have a voxel in common.
+    /// Returns whether the boxes have a voxel in common.
     #[inline(always)]
     pub(crate) fn meets(&self, other: &VoxelBox) -> bool {
         (0..3).all(|a| self.low[a] <= other.high[a] && self.high[a] >= other.low[a])
     }
 }
 
-/// Voxels of one slice in visit order.
+/// Voxels of one slice, in visiting order.
 ///
-/// Coordinates lie inside the grid if the lane is sound. On a damaged one they may be any; records are always inside
+/// In a sound lane, coordinates lie inside the grid. In a damaged one they may be arbitrary; records are always inside
 /// the lane's channels.
 #[derive(Debug, Clone, Copy)]
 pub struct Batch<'a> {
-    /// Coordinate of all on the slow axis.
+    /// Coordinate of all voxels on the slow axis.
     pub slow: u16,
-    /// Coordinates on the medium axis.
+    /// Coordinate of each voxel on the medium axis.
     pub medium: &'a [u16],
-    /// Coordinates on the fast axis; as many.
+    /// Coordinate of each voxel on the fast axis.
     pub fast: &'a [u16],
-    /// Records in the lane's channels, from `base`; as many.
+    /// Record of each voxel in the lane's channels, counted from `base`.
     pub record: &'a [u32],
-    /// What `record` is counted from.
+    /// Added to `record` gives the index in the lane's channels.
     pub base: u64,
 }
 
 impl Batch<'_> {
-    /// How many voxels.
+    /// Returns the number of voxels.
     pub fn len(&self) -> usize {
         self.fast.len()
     }
 
-    /// Whether there are no voxels; a walk delivers no such batch.
+    /// Returns whether there are no voxels; a walk yields no such batch.
     pub fn is_empty(&self) -> bool {
         self.fast.is_empty()
     }
 
-    /// Index in the lane's channels of voxel `index` of the batch.
+    /// Returns the index in the lane's channels of voxel `index` of the batch.
     #[inline(always)]
     pub fn record_index(&self, index: usize) -> usize {
         // A lane's channels lie in memory, so the index fits.
@@ -88,20 +87,20 @@ impl Batch<'_> {
     }
 }
 
-/// What a walk asks and tells.
+/// Receives the voxels of a walk, and can skip parts of the volume.
 pub trait Visitor {
-    /// Whether any voxel of the box could matter; asked for each tile (8 x 8 lines) before the walk.
+    /// Returns whether the walk should visit a tile (8 x 8 lines) with these bounds. Called for all tiles before the walk.
     fn wants_tile(&mut self, _bounds: &VoxelBox) -> bool {
         true
     }
 
-    /// Whether any voxel of the box could matter; asked for each tile of each slice (up to 8 lines), in ascending
-    /// order, before the slice is visited.
+    /// Returns whether the walk should visit a tile's lines (at most 8) in a slice. Called in ascending order before
+    /// the slice is visited.
     fn wants_row(&mut self, _bounds: &VoxelBox) -> bool {
         true
     }
 
-    /// Voxels, in visit order.
+    /// Receives voxels in visiting order.
     fn visit(&mut self, batch: &Batch);
 }
 
@@ -112,7 +111,7 @@ impl<F: FnMut(&Batch)> Visitor for F {
     }
 }
 
-/// Walks `lane` in `order`.
+/// Visits the voxels of `lane` in `order`.
 ///
 /// # Panics
 /// If the lane does not run along the order's fast axis.
@@ -139,10 +138,10 @@ fn walk_slices<V: Visitor + ?Sized>(
     visitor: &mut V,
 ) {
     let along = |axis: crate::volume::Axis| order.along[axis.index()];
-    let mut gather = Gather::new(lane, order);
+    let mut gather = LineGatherer::new(lane, order);
     let (mut mediums, mut two_sided) = (Vec::new(), Vec::new());
     let mut decoder = Decoder::new(lane, along(order.fast));
-    // What may still be visited: bounds the work that a damaged file can ask for.
+    // Records that may still be visited: bounds the work that a damaged file can cause.
     let mut budget = lane.record_count();
     let slices = rows.slices();
     along(order.slow).for_each_index(&slices, |index| {

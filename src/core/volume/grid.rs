@@ -1,41 +1,36 @@
-//! The regular grid that samples sit on, and where it lies in the world.
+//! The regular grid of a volume: point counts, spacing, and position in world space.
 
 use crate::error::{Error, Result};
 
 /// Largest number of grid points along an axis.
 pub const MAX_DIM: u32 = 65_535;
 
-/// One of the grid's three axes. x is the fastest in files.
+/// One of the grid's three index axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Axis {
-    /// First index, fastest in files.
+    /// First index; samples that follow each other in memory differ in x.
     X = 0,
     /// Second index.
     Y = 1,
-    /// Third index; slices are stored along it.
+    /// Third index; volumes are read slice by slice along it.
     Z = 2,
 }
 
 impl Axis {
-    /// All axes, x first.
+    /// All axes: x, y, z.
     pub const ALL: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
 
-    /// 0, 1 or 2.
+    /// Returns 0, 1 or 2.
     pub const fn index(self) -> usize {
         self as usize
     }
 
-    /// The axis of index 0, 1 or 2; `None` for any other.
-    pub const fn from_index(index: usize) -> Option<Axis> {
-        match index {
-            0 => Some(Axis::X),
-            1 => Some(Axis::Y),
-            2 => Some(Axis::Z),
-            _ => None,
-        }
+    /// Returns the axis with index 0, 1 or 2; `None` for any other index.
+    pub fn from_index(index: usize) -> Option<Axis> {
+        Axis::ALL.get(index).copied()
     }
 
-    /// The two other axes, the lower first.
+    /// Returns the two other axes, the one with the lower index first.
     pub const fn others(self) -> [Axis; 2] {
         match self {
             Axis::X => [Axis::Y, Axis::Z],
@@ -44,39 +39,35 @@ impl Axis {
         }
     }
 
-    /// "x", "y" or "z".
+    /// Returns "x", "y" or "z".
     pub const fn name(self) -> &'static str {
-        match self {
-            Axis::X => "x",
-            Axis::Y => "y",
-            Axis::Z => "z",
-        }
+        ["x", "y", "z"][self.index()]
     }
 }
 
-/// A regular grid: how many points, how far apart, where.
+/// A regular grid of sample points and its position in world space.
 ///
-/// World position of grid point `i`: `origin + direction * (spacing .* i)`. World axes are right-handed; where a
-/// file names an anatomical frame they are R, A, S (x to the patient's right, y to the front, z to the head).
+/// Point `i` lies at `origin + direction * (spacing .* i)`. World axes are right-handed. Where a file names an
+/// anatomical frame they are R, A, S: x to the patient's right, y to the front, z to the head.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grid {
-    /// Points along x, y, z; each 1..=[`MAX_DIM`].
+    /// Number of points along x, y, z; each 1 to [`MAX_DIM`].
     pub dims: [u32; 3],
-    /// Distance between points along each index axis, in `unit`; finite and above 0.
+    /// Distance between neighbouring points along x, y, z, in `unit`; finite and above 0.
     pub spacing: [f64; 3],
     /// World position of point (0, 0, 0), in `unit`.
     pub origin: [f64; 3],
-    /// Unit world vectors of the index axes: `direction[a]` is where axis `a` points.
+    /// World directions of the index axes, as unit vectors: axis `a` points along `direction[a]`.
     pub direction: [[f64; 3]; 3],
-    /// Unit of spacing and origin, if the file names one: "mm".
+    /// Unit of spacing and origin, such as "mm", if the file names one.
     pub unit: Option<String>,
 }
 
 impl Grid {
-    /// A grid at the world's origin with its axes along the world's.
+    /// Creates a grid at the world's origin, with its axes along the world's.
     ///
     /// # Errors
-    /// As [`Grid::check`].
+    /// The same as [`Grid::check`].
     pub fn new(dims: [u64; 3], spacing: [f64; 3]) -> Result<Grid> {
         let mut narrow = [0u32; 3];
         for axis in Axis::ALL {
@@ -93,7 +84,7 @@ impl Grid {
         Ok(grid)
     }
 
-    /// Checks what every reader and caller must hold to.
+    /// Checks that dimensions, spacing, origin and direction are usable.
     ///
     /// # Errors
     /// [`Error::Input`] if a dimension is 0, a spacing is not finite and above 0, or origin or direction is not
@@ -126,28 +117,28 @@ impl Grid {
         Ok(())
     }
 
-    /// The smallest of the spacings.
+    /// Returns the smallest of the three spacings.
     pub fn finest_spacing(&self) -> f64 {
         self.spacing.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// Geometric mean of the spacings: the edge of a cube as large as a cell.
+    /// Returns the geometric mean of the spacings: the edge of a cube with the volume of one cell.
     pub fn mean_spacing(&self) -> f64 {
-        // By logarithms: the product of three tiny or huge spacings leaves the range of numbers.
+        // Logarithms: the product of three tiny or huge spacings would underflow or overflow.
         (self.spacing.iter().map(|h| h.ln()).sum::<f64>() / 3.0).exp()
     }
 
-    /// Samples in one z-slice.
+    /// Returns the number of samples in one z-slice.
     pub fn slice_len(&self) -> u64 {
         u64::from(self.dims[0]) * u64::from(self.dims[1])
     }
 
-    /// Samples in the volume; below 2^48, so it never overflows.
+    /// Returns the number of samples in the volume; below 2^48, so it never overflows.
     pub fn len(&self) -> u64 {
         self.slice_len() * u64::from(self.dims[2])
     }
 
-    /// Never: every dimension is at least 1.
+    /// Returns `false`: every dimension is at least 1.
     pub fn is_empty(&self) -> bool {
         false
     }

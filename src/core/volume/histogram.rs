@@ -1,15 +1,15 @@
-//! What values a volume has: range, mean and quantiles.
+//! Range, mean and quantiles of a volume's values.
 //!
-//! In: a [`SlabSource`]. Out: [`Histogram`], after two passes: one for the range, one that counts.
+//! In: a [`SlabSource`]. Out: [`Histogram`]. The volume is read twice: for the range, then to count.
 
 use super::{Sample, SlabSource};
 use crate::error::Result;
 use crate::with_samples;
 
-/// Bins between the lowest and the highest value: samples of 8 and 16 bits have one each.
+/// Bins between the lowest and the highest value; 8-bit and 16-bit samples have one bin per value.
 const BINS: usize = 65_536;
 
-/// Counts of a volume's finite samples, in their own unit.
+/// Value statistics of a volume, in the samples' own unit.
 #[derive(Debug, Clone)]
 pub struct Histogram {
     /// Lowest finite sample; +infinity if there is none.
@@ -24,10 +24,10 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Reads the whole volume, twice; `source` must be at its first slice.
+    /// Reads the whole volume twice. `source` must be at its first slice.
     ///
     /// # Errors
-    /// What reading gives.
+    /// Any error of reading the source.
     pub fn of(source: &mut dyn SlabSource) -> Result<Histogram> {
         let header = source.header().clone();
         let mut histogram = Histogram {
@@ -70,7 +70,7 @@ impl Histogram {
         if width > 0.0 { width } else { 1.0 }
     }
 
-    /// The value that a `share` (0 to 1) of the finite samples does not exceed; right to a bin's half width.
+    /// Returns the value that a `share` (0 to 1) of the finite samples does not exceed, within half a bin.
     pub fn quantile(&self, share: f64) -> f64 {
         let total: u64 = self.counts.iter().sum();
         let wanted = share * total as f64;

@@ -1,10 +1,12 @@
-//! Samples of the eight supported types, as native-endian typed buffers.
+//! Samples of the eight supported types, in native-endian buffers.
 
 use bytemuck::Pod;
 
+use crate::with_samples;
+
 /// The type of a volume's samples.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-#[expect(missing_docs, reason = "the names say it")]
+#[expect(missing_docs, reason = "the names are Rust's own")]
 pub enum SampleType {
     U8,
     I8,
@@ -17,7 +19,7 @@ pub enum SampleType {
 }
 
 impl SampleType {
-    /// Every type, in the order of the declaration.
+    /// All types, in declaration order.
     pub const ALL: [SampleType; 8] = [
         SampleType::U8,
         SampleType::I8,
@@ -29,17 +31,12 @@ impl SampleType {
         SampleType::F64,
     ];
 
-    /// Bytes of one sample.
+    /// Returns the size of one sample in bytes.
     pub const fn bytes(self) -> usize {
-        match self {
-            SampleType::U8 | SampleType::I8 => 1,
-            SampleType::U16 | SampleType::I16 => 2,
-            SampleType::U32 | SampleType::I32 | SampleType::F32 => 4,
-            SampleType::F64 => 8,
-        }
+        self.bits() as usize / 8
     }
 
-    /// Bits of one sample.
+    /// Returns the size of one sample in bits.
     pub const fn bits(self) -> u32 {
         match self {
             SampleType::U8 | SampleType::I8 => 8,
@@ -49,7 +46,7 @@ impl SampleType {
         }
     }
 
-    /// "u8", "i16", "f32" and so on.
+    /// Returns the type's name: "u8", "i16", "f32" and so on.
     pub const fn name(self) -> &'static str {
         match self {
             SampleType::U8 => "u8",
@@ -63,7 +60,7 @@ impl SampleType {
         }
     }
 
-    /// Lowest and highest value of an integer type; `None` for a floating-point one.
+    /// Returns the lowest and highest value of an integer type; `None` for floating-point types.
     pub const fn integer_range(self) -> Option<(f64, f64)> {
         match self {
             SampleType::U8 => Some((0.0, 255.0)),
@@ -77,30 +74,30 @@ impl SampleType {
     }
 }
 
-/// A sample's machine type.
+/// A Rust number type that samples can have.
 pub trait Sample: Pod + PartialOrd + Send + Sync {
-    /// Its tag.
+    /// The [`SampleType`] of this number type.
     const TYPE: SampleType;
-    /// Its value; exact for every supported type.
+    /// Converts the sample to double precision; exact for every supported type.
     fn to_f64(self) -> f64;
-    /// Its value in single precision; exact up to 24 significant bits.
+    /// Converts the sample to single precision; exact up to 24 significant bits.
     fn to_f32(self) -> f32;
-    /// Its bits as an index, if it has 8 or 16 and is a whole number.
+    /// Returns the sample's bits as a table index, if the type has 8 or 16 bits.
     fn small_bits(self) -> Option<usize>;
-    /// The sample of these bits, of which a sample of 8 bits has the lower ones.
+    /// Returns the sample with these bits. An 8-bit type takes the lower eight.
     ///
     /// # Panics
     /// If the type has more than 16 bits.
     fn from_small_bits(bits: u16) -> Self;
     /// Returns a buffer of these samples.
     fn into_samples(samples: Vec<Self>) -> Samples;
-    /// The samples, if they are of this type.
+    /// Returns the buffer as a slice of this type; `None` if the buffer holds another type.
     fn slice_of(samples: &Samples) -> Option<&[Self]>;
-    /// Lowest and highest sample that is a finite number.
+    /// The lowest and the highest finite number of this type.
     const ENDS: [Self; 2];
-    /// A sample at or below `value`, or the lowest; close to it.
+    /// Returns a sample close to `value` that is not above it; the lowest sample if there is none.
     fn below(value: f64) -> Self;
-    /// A sample at or above `value`, or the highest; close to it.
+    /// Returns a sample close to `value` that is not below it; the highest sample if there is none.
     fn above(value: f64) -> Self;
 }
 
@@ -146,7 +143,7 @@ macro_rules! samples {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::unnecessary_cast, reason = "saturates")]
             fn below(value: f64) -> $type {
                 let near = value as $type;
-                // Rounding to single precision, or toward 0, may have gone up: by less than the step down.
+                // The cast rounds toward 0 or to the nearest float, perhaps upward, by less than this step down.
                 if f64::from(near) > value { (value - value.abs() * 1e-6 - 1.0) as $type } else { near }
             }
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::unnecessary_cast, reason = "saturates")]
@@ -156,56 +153,25 @@ macro_rules! samples {
             }
         })*
 
-        /// A buffer of samples of one type, native endian.
+        /// A native-endian buffer of samples of one type.
         #[derive(Debug, Clone, PartialEq)]
-        #[expect(missing_docs, reason = "the names say it")]
+        #[expect(missing_docs, reason = "the names are Rust's own")]
         pub enum Samples {
             $($variant(Vec<$type>)),*
         }
 
         impl Samples {
-            /// `len` zeros of type `ty`.
+            /// Creates a buffer of `len` zeros of type `ty`.
             pub fn zeros(ty: SampleType, len: usize) -> Samples {
                 match ty {
                     $(SampleType::$variant => Samples::$variant(vec![<$type>::default(); len])),*
                 }
             }
 
-            /// The type of its samples.
+            /// Returns the type of the samples.
             pub fn sample_type(&self) -> SampleType {
                 match self {
                     $(Samples::$variant(_) => SampleType::$variant),*
-                }
-            }
-
-            /// How many samples.
-            pub fn len(&self) -> usize {
-                match self {
-                    $(Samples::$variant(v) => v.len()),*
-                }
-            }
-
-            /// The samples' bytes in native order, for reading into.
-            pub fn bytes_mut(&mut self) -> &mut [u8] {
-                match self {
-                    $(Samples::$variant(v) => bytemuck::cast_slice_mut(v)),*
-                }
-            }
-
-            /// The samples' bytes in native order.
-            pub fn bytes(&self) -> &[u8] {
-                match self {
-                    $(Samples::$variant(v) => bytemuck::cast_slice(v)),*
-                }
-            }
-
-            /// Sample `index` as a number.
-            ///
-            /// # Panics
-            /// If `index` is not below [`Samples::len`].
-            pub fn get(&self, index: usize) -> f64 {
-                match self {
-                    $(Samples::$variant(v) => v[index].to_f64()),*
                 }
             }
         }
@@ -215,12 +181,35 @@ macro_rules! samples {
 samples!(U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, F32 f32, F64 f64);
 
 impl Samples {
-    /// Whether there are no samples.
+    /// Returns the number of samples.
+    pub fn len(&self) -> usize {
+        with_samples!(self, samples => samples.len())
+    }
+
+    /// Returns the buffer's bytes for a reader to fill.
+    pub fn bytes_mut(&mut self) -> &mut [u8] {
+        with_samples!(self, samples => bytemuck::cast_slice_mut(samples))
+    }
+
+    /// Returns the buffer's bytes in native order.
+    pub fn bytes(&self) -> &[u8] {
+        with_samples!(self, samples => bytemuck::cast_slice(samples))
+    }
+
+    /// Returns sample `index` in double precision.
+    ///
+    /// # Panics
+    /// If `index` is not below [`Samples::len`].
+    pub fn get(&self, index: usize) -> f64 {
+        with_samples!(self, samples => samples[index].to_f64())
+    }
+
+    /// Returns whether the buffer has no samples.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Reverses the bytes of each sample, for data of the other endianness.
+    /// Reverses the bytes of each sample, for files of the other endianness.
     pub fn swap_bytes(&mut self) {
         let width = self.sample_type().bytes();
         for sample in self.bytes_mut().chunks_exact_mut(width) {
@@ -229,60 +218,34 @@ impl Samples {
     }
 }
 
-/// Runs `$body` with `$slice` bound to the typed slice inside a [`Samples`]: one copy of the code per type.
+/// Runs `$body` with `$slice` bound to the typed slice inside a [`Samples`]; compiles `$body` once per type.
+#[doc(hidden)]
 #[macro_export]
 macro_rules! with_samples {
     ($samples:expr, $slice:ident => $body:expr) => {
+        $crate::with_samples!(@ $samples, $slice, $body, U8 I8 U16 I16 U32 I32 F32 F64)
+    };
+    (@ $samples:expr, $slice:ident, $body:expr, $($variant:ident)*) => {
         match $samples {
-            $crate::volume::Samples::U8($slice) => $body,
-            $crate::volume::Samples::I8($slice) => $body,
-            $crate::volume::Samples::U16($slice) => $body,
-            $crate::volume::Samples::I16($slice) => $body,
-            $crate::volume::Samples::U32($slice) => $body,
-            $crate::volume::Samples::I32($slice) => $body,
-            $crate::volume::Samples::F32($slice) => $body,
-            $crate::volume::Samples::F64($slice) => $body,
+            $($crate::volume::Samples::$variant($slice) => $body,)*
         }
     };
 }
 
-/// Runs `$body` with `$T` standing for the machine type of a [`SampleType`]: one copy of the code per type.
+/// Runs `$body` with `$T` as the Rust type of a [`SampleType`]; compiles `$body` once per type.
+#[doc(hidden)]
 #[macro_export]
 macro_rules! with_sample_type {
     ($sample_type:expr, $T:ident => $body:expr) => {
+        $crate::with_sample_type!(@ $sample_type, $T, $body,
+            U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, F32 f32, F64 f64)
+    };
+    (@ $sample_type:expr, $T:ident, $body:expr, $($variant:ident $type:ty),*) => {
         match $sample_type {
-            $crate::volume::SampleType::U8 => {
-                type $T = u8;
+            $($crate::volume::SampleType::$variant => {
+                type $T = $type;
                 $body
-            }
-            $crate::volume::SampleType::I8 => {
-                type $T = i8;
-                $body
-            }
-            $crate::volume::SampleType::U16 => {
-                type $T = u16;
-                $body
-            }
-            $crate::volume::SampleType::I16 => {
-                type $T = i16;
-                $body
-            }
-            $crate::volume::SampleType::U32 => {
-                type $T = u32;
-                $body
-            }
-            $crate::volume::SampleType::I32 => {
-                type $T = i32;
-                $body
-            }
-            $crate::volume::SampleType::F32 => {
-                type $T = f32;
-                $body
-            }
-            $crate::volume::SampleType::F64 => {
-                type $T = f64;
-                $body
-            }
+            })*
         }
     };
 }

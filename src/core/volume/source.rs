@@ -1,30 +1,29 @@
-//! The slab source: what every reader and phantom is to the rest of the program.
+//! The interface that every reader of volumes implements.
 
 use super::{Grid, SampleType, Samples};
 use crate::error::{Error, Result};
 
-/// What is known of a volume before its samples are read.
+/// The description of a volume, known before its samples are read.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Header {
-    /// Where the samples sit.
+    /// The grid that the samples lie on.
     pub grid: Grid,
-    /// Their type in the file.
+    /// The samples' type in the file.
     pub sample_type: SampleType,
-    /// A sample's value in its own unit is `raw * slope + intercept`.
+    /// A sample's value is `raw * slope + intercept`.
     pub slope: f64,
     /// See `slope`.
     pub intercept: f64,
-    /// Where the volume comes from, for people: a file's name without its folder, or a phantom's name.
+    /// A name to show to people: the file's name without its folder, or the phantom's name.
     pub name: String,
-    /// Its format, for people: "NRRD", "phantom".
+    /// The file format to show to people: "NRRD", "phantom".
     pub format: &'static str,
 }
 
 impl Header {
-    /// A buffer of zeros for one slice.
+    /// Allocates a buffer of zeros for one slice.
     ///
-    /// The memory is asked for first and then taken lazily, so a slice that the file turns out not to fill costs
-    /// what was read of it.
+    /// The system provides the pages on first use: a file that ends early costs only the memory that was filled.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`]: a header can ask for slices of 34 GB.
@@ -37,7 +36,7 @@ impl Header {
     }
 }
 
-/// `bytes`, or if the system does not give so many at once, about as many as it does.
+/// Returns `bytes`, or roughly the largest allocation below it that the system grants.
 pub fn obtainable(bytes: u64) -> u64 {
     let gives = |bytes| usize::try_from(bytes).is_ok_and(|bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok());
     let mut bytes = bytes;
@@ -47,34 +46,34 @@ pub fn obtainable(bytes: u64) -> u64 {
     bytes
 }
 
-/// A volume that yields its z-slices in order, from 0, in memory bounded by a few slices.
+/// A volume that delivers its z-slices in order, using the memory of a few slices.
 pub trait SlabSource: Send {
-    /// What is known before reading.
+    /// Returns the volume's description.
     fn header(&self) -> &Header;
 
-    /// Reads the next slice into `slice`, x fastest, native endian.
+    /// Reads the next slice into `slice`: x fastest, native endian.
     ///
-    /// `slice` must hold `grid.slice_len()` samples of the header's type. Call it at most `dims[2]` times between
+    /// `slice` must hold `grid.slice_len()` samples of the header's type. Call this at most `dims[2]` times between
     /// rewinds.
     ///
     /// # Errors
-    /// If the file cannot be read, is cut short, or what it packs does not match its header.
+    /// The file cannot be read, ends early, or its packed samples do not match its header.
     fn read_slice(&mut self, slice: &mut Samples) -> Result<()>;
 
-    /// Starts over at slice 0.
+    /// Returns to slice 0.
     ///
     /// # Errors
-    /// If the file cannot be opened again.
+    /// The file cannot be opened again.
     fn rewind(&mut self) -> Result<()>;
 
-    /// Most bytes of memory that it holds while it reads, beside the slice that it is given.
+    /// Returns the bytes that the source itself holds while reading; a build adds them to its memory budget.
     ///
-    /// A build counts them in its need. What is below a megabyte, such as a decompressor's window, need not be said.
+    /// Buffers below a megabyte, such as a decompressor's window, need not be counted.
     fn buffer_bytes(&self) -> u64 {
         0
     }
 
-    /// What a user should know of how the volume was read, a line each: files left out, gaps, guesses.
+    /// Returns remarks for the user on how the volume was read, one line each: skipped files, gaps, guesses.
     fn notes(&self) -> &[String] {
         &[]
     }
@@ -102,21 +101,21 @@ impl<S: SlabSource + ?Sized> SlabSource for Box<S> {
     }
 }
 
-/// A volume whose samples count as they are stored: without the file's slope and intercept.
-pub struct Unscaled {
+/// A volume whose stored samples are used as values: the file's slope and intercept are ignored.
+pub struct UnscaledSource {
     inner: Box<dyn SlabSource>,
     header: Header,
 }
 
-impl Unscaled {
-    /// The same samples at slope 1 and intercept 0.
-    pub fn new(inner: Box<dyn SlabSource>) -> Unscaled {
+impl UnscaledSource {
+    /// Wraps `inner` with slope 1 and intercept 0.
+    pub fn new(inner: Box<dyn SlabSource>) -> UnscaledSource {
         let header = Header { slope: 1.0, intercept: 0.0, ..inner.header().clone() };
-        Unscaled { inner, header }
+        UnscaledSource { inner, header }
     }
 }
 
-impl SlabSource for Unscaled {
+impl SlabSource for UnscaledSource {
     fn header(&self) -> &Header {
         &self.header
     }
@@ -135,16 +134,5 @@ impl SlabSource for Unscaled {
 
     fn notes(&self) -> &[String] {
         self.inner.notes()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn memory_that_no_machine_has_is_not_obtainable() {
-        assert_eq!(obtainable(1 << 10), 1 << 10);
-        assert!(obtainable(u64::MAX) < u64::MAX / 2);
     }
 }

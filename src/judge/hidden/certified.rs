@@ -20,10 +20,11 @@
 
 use super::weight::layer_weights;
 use super::{Culling, CullingObserver, CullingStage, report_step};
-use adjsplat::arena::record_set::carry;
-use adjsplat::arena::{Lane, RecordSet};
+use adjsplat::arena::Lane;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::LOG2_E;
+use adjsplat::internals::RecordSet;
+use adjsplat::internals::carry;
 use adjsplat::splat::camera::WorldFrame;
 use adjsplat::splat::composite::{MAX_DEPTH, Table};
 use adjsplat::splat::{KernelShape, Quality, Scene, Settings};

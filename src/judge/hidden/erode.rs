@@ -3,10 +3,10 @@
 //! In: a set of records of the lane along x. Out: its records that have no grid point outside the set within a box
 //! around them. Points outside the grid are outside the set. Slices pass through a ring of tables with a byte a point.
 
-use adjsplat::arena::lane::{Lane, LineSpan};
 use adjsplat::arena::layout::TILE_EDGE;
-use adjsplat::arena::record_set::RecordSet;
+use adjsplat::arena::{Lane, LineSpan};
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::RecordSet;
 use adjsplat::volume::Axis;
 
 /// Slices that a row of tiles covers.
@@ -117,9 +117,10 @@ fn shrink(points: &mut [u8], scratch: &mut [u8], width: usize, reach: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use adjsplat::arena::Channels;
+    use adjsplat::arena::Record;
     use adjsplat::arena::TileOrder;
-    use adjsplat::arena::layout::Channels;
-    use adjsplat::arena::pack::{LanePacker, Record};
+    use adjsplat::internals::LanePacker;
 
     #[test]
     fn what_stays_has_all_its_neighbours() {

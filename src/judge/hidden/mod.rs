@@ -28,8 +28,8 @@ use std::ops::ControlFlow;
 
 use self::erode::{erode, erode_bytes};
 use self::views::{ViewTarget, deciding, judging};
-use adjsplat::arena::RecordSet;
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::RecordSet;
 use adjsplat::internals::in_order;
 use adjsplat::splat::Scene;
 use adjsplat::volume::Axis;

@@ -6,9 +6,10 @@
 
 use super::views::CullingView;
 use super::{CullingObserver, CullingStage, in_parallel};
-use adjsplat::arena::record_set::carry;
-use adjsplat::arena::{Lane, RecordSet};
+use adjsplat::arena::Lane;
 use adjsplat::error::Result;
+use adjsplat::internals::RecordSet;
+use adjsplat::internals::carry;
 use adjsplat::splat::cpu::{VisibleRecords, mark_visible};
 use adjsplat::splat::{Quality, Scene, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
@@ -39,7 +40,12 @@ pub(super) fn look(
             let marked = RecordSet::new(window.min(records - first))?;
             in_parallel(own.len(), threads, CullingStage::Look, observer, |index| {
                 let (_, view) = own[index];
-                mark_visible(scene, &view.camera, &settings(view, threshold), VisibleRecords { records: &marked, first })
+                mark_visible(
+                    scene,
+                    &view.camera,
+                    &settings(view, threshold),
+                    VisibleRecords { records: &marked, first },
+                )
             })?;
             passes += 1;
             let is_marked = |record: usize| record.checked_sub(first).is_some_and(|record| marked.contains(record));

@@ -28,7 +28,7 @@ use super::nifti;
 use super::open::{OpenOptions, file_name};
 use super::slab::{Endian, check_turn};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::source::obtainable;
+use adjsplat::internals::obtainable;
 use adjsplat::volume::{Header, Samples, SlabSource};
 
 pub(super) use metadata::is_node;

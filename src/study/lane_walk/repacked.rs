@@ -1,8 +1,9 @@
 //! Our lanes in another tile order.
 
 use crate::subject::{Subject, VisibleVoxel};
-use adjsplat::arena::pack::{LanePacker, Record};
+use adjsplat::arena::Record;
 use adjsplat::arena::{OwnedLane, TileOrder};
+use adjsplat::internals::LanePacker;
 use adjsplat::volume::Axis;
 
 /// Packs a subject's voxels into lanes along x, y and z, with tiles in `tile_order`. O(n log n).

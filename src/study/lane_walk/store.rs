@@ -1,7 +1,8 @@
 //! Where the bytes of a lane lie: answers a walk's questions, and traces the bytes that the answer reads.
 
 use crate::trace::{Trace, WalkerArray};
-use adjsplat::arena::layout::{TILE_EDGE, TileRecord};
+use adjsplat::arena::TileRecord;
+use adjsplat::arena::layout::TILE_EDGE;
 use adjsplat::arena::{Lane, LineEnds};
 use adjsplat::volume::Axis;
 

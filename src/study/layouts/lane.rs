@@ -7,7 +7,7 @@ use super::records::{PayloadBricks, Records};
 use crate::lane_walk::store::Mask;
 use crate::subject::{Subject, VisibleVoxel};
 use crate::trace::WalkerArray;
-use adjsplat::arena::lane::STEPPING;
+use adjsplat::internals::STEPPING;
 use adjsplat::volume::Axis;
 
 /// A lane in some layout.

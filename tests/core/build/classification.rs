@@ -1,7 +1,7 @@
 //! Every kind of transfer function, and what needs a first reading.
 
-use adjsplat::build::builder::BuildOptions;
-use adjsplat::classify::{Colour, Contour, FactorPoint, Label, Others, Point, TransferFunction};
+use adjsplat::build::BuildOptions;
+use adjsplat::classify::{Colour, Contour, FactorPoint, Label, Point, TransferFunction, UnlistedLabels};
 use adjsplat::volume::SampleType;
 use adjsplat_tests::scenes::options;
 
@@ -35,7 +35,7 @@ fn each(transfer: &TransferFunction, surveyed: bool) -> Vec<u64> {
         for (value_bits, normal_bits) in [(8, 8), (16, 0), (16, 16)] {
             let options = BuildOptions { value_bits, normal_bits, ..options(transfer.clone()) };
             let built = build_and_compare(&volume, &options);
-            assert_eq!(built.findings.surveyed, surveyed, "{}", sample_type.name());
+            assert_eq!(built.samples.surveyed, surveyed, "{}", sample_type.name());
             assert_eq!(options.needs_survey(), surveyed);
             counts.push(built.facts.visible_voxels);
         }
@@ -120,10 +120,11 @@ fn region_boundaries_are_relative_to_the_largest_gradient_of_the_data() {
 #[test]
 fn labels_shade_by_their_smoothed_visibility() {
     let label = |label| Label { label, name: String::new(), colour: Colour::from_bytes([9, 9, 9]), opacity: 1.0 };
-    let some = TransferFunction::labels(vec![label(3), label(5), label(12)], Others::Transparent).expect("sound");
-    let all = TransferFunction::labels(Vec::new(), Others::Distinct).expect("sound");
+    let some =
+        TransferFunction::labels(vec![label(3), label(5), label(12)], UnlistedLabels::Transparent).expect("sound");
+    let all = TransferFunction::labels(Vec::new(), UnlistedLabels::Distinct).expect("sound");
     let but_seven =
-        TransferFunction::labels(vec![Label { opacity: 0.0, ..label(7) }], Others::Distinct).expect("sound");
+        TransferFunction::labels(vec![Label { opacity: 0.0, ..label(7) }], UnlistedLabels::Distinct).expect("sound");
     for dims in [[23, 20, 17], [1, 1, 1], [5, 1, 3], [1, 2, 40], [2, 3, 1]] {
         for sample_type in [SampleType::U8, SampleType::I16, SampleType::U32] {
             let volume = SampleVolume::new(dims, sample_type, [1.0, 1.0, 1.5], |p| 3.0 + (blob(p) / 16.0).floor());

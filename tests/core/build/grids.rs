@@ -1,7 +1,7 @@
 //! Grids of every shape, samples of every type, every option.
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::builder::BuildOptions;
+use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::volume::SampleType;
@@ -36,7 +36,7 @@ fn phantoms_of_every_kind_and_type_come_out_voxel_by_voxel() {
             for (value_bits, normal_bits) in [(8, 8), (16, 16), (8, 0), (16, 8)] {
                 let options = BuildOptions { value_bits, normal_bits, ..options(range(low, high)) };
                 let built = build_and_compare(&volume, &options);
-                assert!(!built.findings.surveyed, "a closed range needs no second reading");
+                assert!(!built.samples.surveyed, "a closed range needs no second reading");
             }
         }
     }
@@ -127,9 +127,9 @@ fn samples_that_are_no_numbers_are_transparent_and_counted() {
             for value_bits in [8, 16] {
                 let options = BuildOptions { value_bits, ..options(range(low, high)) };
                 let built = build_and_compare(&volume, &options);
-                assert_eq!(built.findings.not_finite, wrong);
+                assert_eq!(built.samples.not_finite, wrong);
                 assert!(wrong > 200, "{wrong}");
-                assert!(!built.findings.surveyed, "an open range needs no second reading");
+                assert!(!built.samples.surveyed, "an open range needs no second reading");
             }
         }
     }
@@ -174,13 +174,13 @@ fn building_twice_gives_the_same_bytes() {
     let (low, high) = Phantom::Vessels.visible_range();
     let volume = phantom(&Phantom::Vessels, [61, 47, 38], SampleType::F32, [0.5, 0.5, 1.0]);
     let options = options(range(low, high));
-    let bytes = |built: &adjsplat::build::builder::Built| arena_bytes(&built.facts, &built.lanes, "{\"a\":1}");
+    let bytes = |built: &adjsplat::build::Built| arena_bytes(&built.facts, &built.lanes, "{\"a\":1}");
     let first = build_and_compare(&volume, &options);
     let second = build_and_compare(&volume, &options);
     assert!(bytes(&first) == bytes(&second));
     // The stream itself gives what the whole volume gives.
     let mut stream = Phantom::Vessels.open([61, 47, 38], SampleType::F32, [0.5, 0.5, 1.0]).expect("sound");
-    let third = adjsplat::build::builder::build(&mut *stream, &options, &mut adjsplat::build::builder::Unobserved);
+    let third = adjsplat::build::build(&mut *stream, &options, &mut adjsplat::build::Unobserved);
     let third = third.expect("it built before");
     compare(&volume, &options, &third);
     assert!(bytes(&first) == bytes(&third));

@@ -1,10 +1,10 @@
 //! Memory and threads have no say in what is built.
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::budget::Budget;
-use adjsplat::build::builder::{BuildOptions, Resources, Unobserved, build, classify};
+use adjsplat::build::{BuildOptions, Resources, Unobserved, build, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
+use adjsplat::internals::Budget;
 use adjsplat::volume::{SampleType, SlabSource as _};
 use adjsplat_tests::scenes::options;
 
@@ -51,7 +51,7 @@ fn any_budget_and_any_number_of_threads_give_the_bytes_of_a_build_in_memory() {
             let tight = Resources { memory: Some(least(volume, &options, &free)), ..free.clone() };
             for resources in [&free, &tight] {
                 let visible = classify(&mut volume.clone(), &options, resources, &mut Unobserved).expect("builds");
-                assert_eq!(visible.findings, built.findings);
+                assert_eq!(visible.samples, built.samples);
                 assert_eq!(visible.transfer, built.transfer);
                 // With no memory at all every tile is a run of its own, and is dealt out line by line.
                 for memory in [None, resources.memory, Some(0)] {

@@ -1,10 +1,10 @@
 //! Real volumes: the counts and gaps that independent readers found (shared/data/MANIFEST.md).
 
 use adjsplat::arena::Lane;
-use adjsplat::build::builder::BuildOptions;
+use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::volume::SlabSource;
-use adjsplat::volume::source::Unscaled;
+use adjsplat::volume::UnscaledSource;
 use adjsplat_tests::real_volume;
 use adjsplat_tests::scenes::{at_least, built, options, volume};
 
@@ -14,7 +14,7 @@ use super::twin::compare;
 /// A real volume's samples as they are stored; `None` where they are not on this machine.
 pub(crate) fn real(file: &str) -> Option<Box<dyn SlabSource>> {
     // MANIFEST.md counts stored numbers; the MR head has a slope.
-    Some(Box::new(Unscaled::new(volume(&real_volume(file)?))))
+    Some(Box::new(UnscaledSource::new(volume(&real_volume(file)?))))
 }
 
 /// Builds one bare lane of `file` for each threshold and checks how many voxels it has.

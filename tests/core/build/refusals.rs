@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use adjsplat::build::builder::{BuildOptions, Observer, Phase, Unobserved, build};
+use adjsplat::build::{BuildOptions, Observer, Phase, Unobserved, build};
 use adjsplat::classify::{Colour, Point, TransferFunction};
 use adjsplat::volume::{Axis, SampleType};
 use adjsplat::{Error, Result};
@@ -126,7 +126,7 @@ fn the_samples_are_read_once_unless_what_is_visible_depends_on_all_of_them() {
         let mut volume = rough(sample_type);
         let built = build(&mut volume, &options(shown), &mut Unobserved).expect("builds");
         assert_eq!(volume.slices_read, 10 * passes, "{}", sample_type.name());
-        assert_eq!(built.findings.surveyed, passes == 2);
+        assert_eq!(built.samples.surveyed, passes == 2);
     }
 }
 

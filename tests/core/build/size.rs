@@ -1,6 +1,6 @@
 //! Bytes a visible voxel: whole files, all tables counted, with a value of one byte and a normal of two.
 
-use adjsplat::build::builder::{BuildOptions, Unobserved, build};
+use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::file::arena_bytes;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};

@@ -1,8 +1,8 @@
 //! The twin: every sample of the volume in its turn, and what a lane must hold of it.
 
 use adjsplat::arena::Arena;
-use adjsplat::arena::layout::Channels;
-use adjsplat::build::builder::{BuildOptions, Built, Unobserved, build};
+use adjsplat::arena::Channels;
+use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::{MagnitudeCodec, TransferFunction, normal};
 use adjsplat::file::arena_bytes;
 use adjsplat::volume::Axis;

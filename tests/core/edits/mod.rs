@@ -14,10 +14,11 @@ mod trim;
 
 use std::collections::BTreeMap;
 
+use adjsplat::arena::Record;
 use adjsplat::arena::layout::{Facts, Scales};
-use adjsplat::arena::pack::{LanePacker, Record};
 use adjsplat::arena::{Channels, OwnedLane, Region, TileOrder};
 use adjsplat::file::arena_bytes;
+use adjsplat::internals::LanePacker;
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_tests::random::Random;
 use adjsplat_tests::scenes::{LIT, PLAIN, WIDE};
@@ -156,7 +157,7 @@ impl RandomVoxels for Random {
 
 /// Changes one thing of the lane to something random or extreme, but no length.
 fn damage(lane: &mut OwnedLane, random: &mut Random) {
-    use adjsplat::arena::lane::OwnedLineEnds;
+    use adjsplat::arena::OwnedLineEnds;
     use zerocopy::byteorder::little_endian::{U16, U32, U64};
     let wild = match random.below(4) {
         0 => u64::MAX,

@@ -1,13 +1,13 @@
 //! Overlays: after any edits, what a rebuilt arena gives.
 
 use adjsplat::Error;
+use adjsplat::arena::Record;
 use adjsplat::arena::layout::Facts;
-use adjsplat::arena::pack::Record;
-use adjsplat::arena::transpose::transpose;
 use adjsplat::arena::{Arena, Lane, LaneSet, Overlay, OwnedLane};
-use adjsplat::build::builder::Unobserved;
+use adjsplat::build::Unobserved;
 use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
+use adjsplat::internals::transpose;
 use adjsplat::splat::{Camera, Code, Lanes, Mode, Orbit, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::Order;
 use adjsplat::volume::Axis;

@@ -1,6 +1,6 @@
 //! Rows of a lane: the voxels of any box, in the order that the contract promises.
 
-use adjsplat::arena::pack::Record;
+use adjsplat::arena::Record;
 use adjsplat::arena::{LaneRows, Region, Rows};
 use adjsplat::volume::Axis;
 use adjsplat_tests::random::Random;

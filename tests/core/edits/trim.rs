@@ -1,9 +1,9 @@
 //! Trimming: what is left is what a build of the smaller volume holds.
 
 use adjsplat::Error;
-use adjsplat::arena::pack::Record;
+use adjsplat::arena::Record;
 use adjsplat::arena::{Arena, LaneSet, Region, Rows, TileOrder, TrimOptions, trim};
-use adjsplat::build::builder::{BuildOptions, Unobserved};
+use adjsplat::build::{BuildOptions, Unobserved};
 use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
 use adjsplat::splat::{Camera, Scene, Settings, Surround, cpu};

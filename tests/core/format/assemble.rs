@@ -1,9 +1,10 @@
 //! Files from their parts, written by hand: what the library's own writer is compared with, and what the mutants
 //! and the files that must be refused are made of.
 
+use adjsplat::arena::Record;
 use adjsplat::arena::layout::{FileHeader, SectionEntry, SectionKind, header_checksum};
-use adjsplat::arena::pack::{LanePacker, Record};
 use adjsplat::arena::{Lane, OwnedLane};
+use adjsplat::internals::LanePacker;
 use adjsplat::volume::Axis;
 use xxhash_rust::xxh3::xxh3_64;
 use zerocopy::IntoBytes;

@@ -1,10 +1,10 @@
 //! What programs do with a file that opened: walk it, derive lanes from it, draw it.
 
-use adjsplat::arena::transpose::transpose;
 use adjsplat::arena::{Arena, LaneSet};
 use adjsplat::classify::TransferFunction;
+use adjsplat::internals::transpose;
 use adjsplat::splat::{Camera, Code, Mode, Orbit, Quality, Scene, Settings, Surround, Up, cpu};
-use adjsplat::traverse::walk::{Batch, walk};
+use adjsplat::traverse::{Batch, walk};
 use adjsplat::traverse::{Order, Sense, SplitForm, Viewpoint, VoxelBox};
 use adjsplat::volume::Axis;
 use adjsplat_tests::random::Random;

@@ -2,9 +2,9 @@
 //! reader panic or read outside an exact allocation.
 
 use adjsplat::arena::Arena;
-use adjsplat::arena::transpose::transpose;
+use adjsplat::internals::transpose;
 use adjsplat::traverse::Order;
-use adjsplat::traverse::walk::{Batch, walk};
+use adjsplat::traverse::{Batch, walk};
 use adjsplat::volume::Axis;
 
 use crate::format::assemble::{Parts, repair_header};

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use std::sync::Once;
 
 use adjsplat::arena::Arena;
-use adjsplat::arena::transpose::transpose;
-use adjsplat::file::write::arena_bytes;
+use adjsplat::file::arena_bytes;
+use adjsplat::internals::transpose;
 use adjsplat::volume::Axis;
 use sha2::{Digest, Sha256};
 

@@ -1,7 +1,7 @@
 //! The valid examples: what each small file of `formats/examples` holds, and why it is there.
 
+use adjsplat::arena::Record;
 use adjsplat::arena::layout::{Facts, Scales};
-use adjsplat::arena::pack::Record;
 use adjsplat::arena::{Channels, TileOrder};
 use adjsplat::volume::Grid;
 use adjsplat_tests::random::Random;

@@ -1,8 +1,8 @@
 //! Long lines, culling, transposition, damaged lanes, and viewpoints at the edge of sense.
 
-use adjsplat::arena::lane::OwnedLineEnds;
-use adjsplat::arena::transpose::transpose;
+use adjsplat::arena::OwnedLineEnds;
 use adjsplat::arena::{Channels, OwnedLane, TileOrder};
+use adjsplat::internals::transpose;
 use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, VoxelBox, walk};
 use adjsplat::volume::Axis;
 use adjsplat_tests::random::Random;

@@ -12,7 +12,7 @@ mod extremes;
 mod oracle;
 mod twin;
 
-use adjsplat::arena::pack::Record;
+use adjsplat::arena::Record;
 use adjsplat::arena::{Channels, Lane, OwnedLane, TileOrder};
 use adjsplat::traverse::{Batch, Order, Visitor, VoxelBox};
 use adjsplat::volume::Axis;

@@ -1,7 +1,7 @@
 //! Twin of `shaders/walk.wgsl`: from a slab's bytes and its lines to voxels in visit order.
 
 use super::element;
-use adjsplat::arena::layout::TileRecord;
+use adjsplat::arena::TileRecord;
 use adjsplat::splat::gpu::layout::{Block, LINES, NO_RECORD, Shot, Voxel};
 
 /// What a stepping voxel advances.

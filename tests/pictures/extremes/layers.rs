@@ -6,7 +6,7 @@
 
 use std::sync::OnceLock;
 
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Frame, Quality, Settings, Stats, cpu};
 use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat_tests::scenes::{Draw as _, transfer};

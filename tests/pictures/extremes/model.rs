@@ -1,7 +1,7 @@
 //! Scenes in memory, pictures of them, and what double precision makes of the same splats.
 
-use adjsplat::arena::pack::Record;
-use adjsplat::build::builder::Built;
+use adjsplat::arena::Record;
+use adjsplat::build::Built;
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::view::PixelMap;
 use adjsplat::splat::{Camera, Code, Frame, Projection, Settings, Stats, View, cpu};

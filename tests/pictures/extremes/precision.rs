@@ -1,6 +1,6 @@
 //! What every approximation costs, beside the bound that docs/NUMERICS.md derives for it.
 
-use adjsplat::build::builder::{BuildOptions, Built};
+use adjsplat::build::{BuildOptions, Built};
 use adjsplat::splat::{Camera, Frame, Lighting, Projection, Quality, Sampling, Settings};
 use adjsplat::traverse::Sense;
 use adjsplat::volume::{Grid, SampleType};

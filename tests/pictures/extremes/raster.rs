@@ -1,6 +1,6 @@
 //! Splats from a millionth of a pixel to a thousand million, pictures from one pixel to 16,384 a side.
 
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Mode, Projection, Quality, Settings};
 use adjsplat::volume::Grid;
 use adjsplat_tests::pictures::{alphas, apart};

@@ -1,6 +1,6 @@
 //! Spacings from the smallest to the largest, anisotropy up to 1 to a million, mirrored and sheared grids.
 
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Projection, Quality, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::{Axis, Grid};

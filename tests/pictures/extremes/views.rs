@@ -1,6 +1,6 @@
 //! Views along axes and diagonals, eyes on voxels, within, and far away, and what is at the near plane.
 
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Mode, Orbit, Projection, Quality, Settings, Surround};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::Grid;

@@ -3,7 +3,7 @@
 use std::collections::HashSet;
 
 use adjsplat::Error;
-use adjsplat::build::builder::BuildOptions;
+use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Settings};
 use adjsplat::volume::phantom::Phantom;

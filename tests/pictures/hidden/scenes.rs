@@ -2,9 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use adjsplat::arena::pack::Record;
+use adjsplat::arena::Record;
 use adjsplat::arena::{LaneRows, Region, Rows};
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::volume::Grid;
 use adjsplat_judge::hidden::{Algorithm, Culling, HiddenVoxels, find};
 use adjsplat_tests::scenes::{Draw as _, PLAIN, packed, transfer};

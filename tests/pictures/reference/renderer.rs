@@ -1,6 +1,6 @@
 //! The renderer on the processor against the splat judge.
 
-use adjsplat::build::builder::Built;
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Mode, Projection, Quality, Settings};
 use adjsplat::volume::SampleType;
 use adjsplat_judge::reference::{Judge, JudgeSettings};

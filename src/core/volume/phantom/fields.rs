@@ -1,7 +1,7 @@
-//! The phantoms' formulas, a row at a time.
+//! The phantoms' formulas, evaluated one row at a time.
 //!
-//! In: a place on the grid. Out: values from 0 to 255. What depends on one or two indices only is worked out once,
-//! in double precision, so that a sample costs a few single-precision operations.
+//! In: a position on the grid. Out: values from 0 to 255. Terms that depend on one or two indices are tabulated in
+//! double precision, so that a sample costs a few single-precision operations.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -10,22 +10,20 @@ use super::vessels::Vessels;
 use crate::error::{Error, Result};
 use crate::volume::Grid;
 
-/// Lowest visible value of the shells: one voxel from the middle of the shell.
+/// Lowest visible value of the shells: one voxel from a shell's middle.
 pub(super) const SHELL_EDGE: f64 = 191.0;
-/// Lowest and highest visible value of the gyroid's sheet: 3.2 % of the samples. Halves, so that samples of all types
-/// show the same voxels.
+/// Lowest and highest visible value of the gyroid's sheet: 3.2 % of the samples. Half-integers, so that all sample
+/// types show the same voxels.
 pub(super) const GYROID_SHEET: (f64, f64) = (117.5, 138.5);
 
-/// A function of the grid that is asked row by row.
-pub(super) trait Field: Send {
-    /// Goes to slice `z`.
-    fn enter(&mut self, z: u32);
-    /// Fills `row` with the values of row `y`, 0 to 255.
-    fn row(&mut self, y: u32, row: &mut [f32]);
+/// A function on the grid that is evaluated row by row.
+pub(super) trait PhantomField: Send {
+    /// Fills `row` with the values of row `y` in slice `z`, from 0 to 255.
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]);
 }
 
-/// The formula of `phantom` on `grid`.
-pub(super) fn field(phantom: &Phantom, grid: &Grid) -> Result<Box<dyn Field>> {
+/// Creates the function of `phantom` on `grid`.
+pub(super) fn field(phantom: &Phantom, grid: &Grid) -> Result<Box<dyn PhantomField>> {
     let dims = grid.dims;
     Ok(match phantom {
         Phantom::Constant => Box::new(Constant),
@@ -38,13 +36,13 @@ pub(super) fn field(phantom: &Phantom, grid: &Grid) -> Result<Box<dyn Field>> {
         Phantom::Corners => {
             let corner = |bits: u32| [0, 1, 2].map(|a| if bits >> a & 1 == 0 { 0 } else { dims[a] - 1 });
             let places = (0..8).map(corner).chain([dims.map(|points| points / 2)]).collect();
-            Box::new(Voxels::new(dims, places)?)
+            Box::new(SingleVoxels::new(dims, places)?)
         }
-        Phantom::Voxels(places) => Box::new(Voxels::new(dims, places.clone())?),
+        Phantom::Voxels(places) => Box::new(SingleVoxels::new(dims, places.clone())?),
     })
 }
 
-/// A well-mixed number for each `index` (the finaliser of SplitMix64, Steele et al. 2014).
+/// Hashes `index` to 64 well-mixed bits (the finaliser of SplitMix64, Steele et al. 2014).
 pub(super) fn hash(index: u64) -> u64 {
     let mut bits = index.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(0x9e37_79b9_7f4a_7c15);
     bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -52,18 +50,18 @@ pub(super) fn hash(index: u64) -> u64 {
     bits ^ (bits >> 31)
 }
 
-/// Rounded to 2^-20, so that the last digit of a platform's sine does not matter; single precision holds it.
+/// Rounds to a multiple of 2^-20, which single precision holds: hides the last digit of a platform's sine.
 #[expect(clippy::cast_possible_truncation, reason = "a multiple of 2^-20, at most a few")]
 fn settled(number: f64) -> f32 {
     ((number * 1_048_576.0).round() / 1_048_576.0) as f32
 }
 
-/// Place of index `at` from -1 to 1 along an axis of `points`; 0 if there is only one.
+/// Maps index `at` to -1..=1 along an axis of `points`; 0 for a single point.
 fn centred(at: u32, points: u32) -> f64 {
     if points == 1 { 0.0 } else { f64::from(at) * 2.0 / f64::from(points - 1) - 1.0 }
 }
 
-/// Index `at` minus the axis's middle, in voxels; exact.
+/// Returns the distance of index `at` from the axis' middle, in voxels; exact.
 #[expect(clippy::cast_possible_truncation, reason = "a multiple of 1/2 below 2^16")]
 fn from_middle(at: u32, points: u32) -> f32 {
     (f64::from(at) - f64::from(points - 1) / 2.0) as f32
@@ -75,39 +73,34 @@ fn longest(dims: [u32; 3]) -> f64 {
 
 struct Constant;
 
-impl Field for Constant {
-    fn enter(&mut self, _z: u32) {}
-    fn row(&mut self, _y: u32, row: &mut [f32]) {
+impl PhantomField for Constant {
+    fn row(&mut self, _y: u32, _z: u32, row: &mut [f32]) {
         row.fill(200.0);
     }
 }
 
-/// Shells of radii k/6.5 of half the longest axis, k = 1..=6, that fall by 64 a voxel on either side.
+/// Shells of radius k/6.5 of half the longest axis, k = 1..=6; values fall by 64 per voxel on either side.
 struct Shells {
     dims: [u32; 3],
-    z: f32,
     /// Distance between shells, in voxels.
     apart: f32,
 }
 
 impl Shells {
     fn new(dims: [u32; 3]) -> Shells {
-        Shells { dims, z: 0.0, apart: settled(longest(dims) / 13.0) }
+        Shells { dims, apart: settled(longest(dims) / 13.0) }
     }
 }
 
-impl Field for Shells {
-    fn enter(&mut self, z: u32) {
-        self.z = from_middle(z, self.dims[2]);
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
-        let y = from_middle(y, self.dims[1]);
-        let beyond = self.z * self.z + y * y;
+impl PhantomField for Shells {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
+        let (y, z) = (from_middle(y, self.dims[1]), from_middle(z, self.dims[2]));
+        let beyond = z * z + y * y;
         let (first, per_shell) = (from_middle(0, self.dims[0]), 1.0 / self.apart);
         for (x, value) in row.iter_mut().enumerate() {
             let x = first + x as f32;
             let radius = (x * x + beyond).sqrt();
-            // Adding 1/2 and cutting off: faster than round() without a rounding instruction.
+            // Adding 1/2 and truncating is faster than round() without a rounding instruction.
             #[expect(clippy::cast_possible_truncation, reason = "a small number of shells")]
             let nearest = ((radius * per_shell + 0.5) as i32).clamp(1, 6) as f32;
             *value = (255.0 - 64.0 * (radius - nearest * self.apart).abs()).max(0.0);
@@ -115,15 +108,14 @@ impl Field for Shells {
     }
 }
 
-/// sin x cos y + sin y cos z + sin z cos x; brightest where it is 0.
+/// sin x cos y + sin y cos z + sin z cos x; brightest on the zero surface.
 struct Gyroid {
     sin: [Vec<f32>; 3],
     cos: [Vec<f32>; 3],
-    z: usize,
 }
 
 impl Gyroid {
-    /// Keeps the grid off the surface's planes of symmetry, where whole rows would lie on it.
+    /// Keeps grid rows off the surface's planes of symmetry.
     const PHASE: [f64; 3] = [0.4, 1.1, 2.3];
 
     fn new(dims: [u32; 3]) -> Gyroid {
@@ -133,17 +125,14 @@ impl Gyroid {
                 (0..dims[axis]).map(|at| settled(wave(angle(at)))).collect()
             })
         };
-        Gyroid { sin: table(f64::sin), cos: table(f64::cos), z: 0 }
+        Gyroid { sin: table(f64::sin), cos: table(f64::cos) }
     }
 }
 
-impl Field for Gyroid {
-    fn enter(&mut self, z: u32) {
-        self.z = z as usize;
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
+impl PhantomField for Gyroid {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
         let [(sin_y, cos_y), (sin_z, cos_z)] =
-            [(1, y as usize), (2, self.z)].map(|(axis, at)| (self.sin[axis][at], self.cos[axis][at]));
+            [(1, y as usize), (2, z as usize)].map(|(axis, at)| (self.sin[axis][at], self.cos[axis][at]));
         let fixed = sin_y * cos_z;
         for ((value, sin), cos) in row.iter_mut().zip(&self.sin[0]).zip(&self.cos[0]) {
             let height = sin * cos_y + fixed + sin_z * cos;
@@ -155,9 +144,8 @@ impl Field for Gyroid {
 /// (1 - sin(pi z / 2) + a (1 + cos(2 pi f cos(pi r / 2)))) / (2 (1 + a)) with f = 6 and a = 1/4.
 struct MarschnerLobb {
     dims: [u32; 3],
-    /// The part that depends on x and y, one slice.
+    /// The term that depends on x and y, for one slice.
     ripple: Vec<f32>,
-    fixed: f32,
 }
 
 impl MarschnerLobb {
@@ -166,12 +154,12 @@ impl MarschnerLobb {
     const SCALE: f64 = 255.0 / (2.0 * (1.0 + Self::RIPPLE));
 
     fn new(dims: [u32; 3]) -> MarschnerLobb {
-        MarschnerLobb { dims, ripple: Vec::new(), fixed: 0.0 }
+        MarschnerLobb { dims, ripple: Vec::new() }
     }
 }
 
-impl Field for MarschnerLobb {
-    fn enter(&mut self, z: u32) {
+impl PhantomField for MarschnerLobb {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
         if self.ripple.is_empty() {
             let [width, height, _] = self.dims;
             self.ripple = (0..height)
@@ -180,20 +168,17 @@ impl Field for MarschnerLobb {
                 .map(|wave| settled(Self::SCALE * Self::RIPPLE * wave))
                 .collect();
         }
-        self.fixed = settled(Self::SCALE * (1.0 - (PI / 2.0 * centred(z, self.dims[2])).sin()));
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
+        let fixed = settled(Self::SCALE * (1.0 - (PI / 2.0 * centred(z, self.dims[2])).sin()));
         let ripples = &self.ripple[y as usize * row.len()..];
         for (value, ripple) in row.iter_mut().zip(ripples) {
-            *value = (self.fixed + ripple).min(255.0);
+            *value = (fixed + ripple).min(255.0);
         }
     }
 }
 
-/// e^(-2r/3) (3 z^2 - r^2)^2, in Bohr radii, over the highest it gets.
+/// e^(-2r/3) (3 z^2 - r^2)^2 with r in Bohr radii, divided by its maximum.
 struct Hydrogen {
     dims: [u32; 3],
-    z: f64,
 }
 
 impl Hydrogen {
@@ -201,7 +186,7 @@ impl Hydrogen {
     const REACH: f64 = 22.0;
 
     fn new(dims: [u32; 3]) -> Hydrogen {
-        Hydrogen { dims, z: 0.0 }
+        Hydrogen { dims }
     }
 
     fn place(&self, at: u32, axis: usize) -> f64 {
@@ -209,14 +194,11 @@ impl Hydrogen {
     }
 }
 
-impl Field for Hydrogen {
-    fn enter(&mut self, z: u32) {
-        self.z = self.place(z, 2);
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
-        // At (0, 0, 6): (2 * 36)^2 e^-4.
+impl PhantomField for Hydrogen {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
+        // The maximum lies at (0, 0, 6): (2 * 36)^2 e^-4.
         let highest = 5184.0 * (-4.0f64).exp();
-        let (y, z) = (self.place(y, 1), self.z);
+        let (y, z) = (self.place(y, 1), self.place(z, 2));
         for (x, value) in (0..).zip(row) {
             let x = self.place(x, 0);
             let squared = x * x + y * y + z * z;
@@ -229,9 +211,8 @@ impl Field for Hydrogen {
 
 struct Noise {
     dims: [u32; 3],
-    /// A sample is visible if the low half of its hash is below.
+    /// A sample is visible if the low half of its hash is below this.
     threshold: u64,
-    z: u64,
 }
 
 impl Noise {
@@ -241,50 +222,43 @@ impl Noise {
         }
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 2^32")]
         let threshold = (visible * 4_294_967_296.0).round() as u64;
-        Ok(Noise { dims, threshold, z: 0 })
+        Ok(Noise { dims, threshold })
     }
 }
 
-impl Field for Noise {
-    fn enter(&mut self, z: u32) {
-        self.z = z.into();
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
-        let first = (self.z * u64::from(self.dims[1]) + u64::from(y)) * u64::from(self.dims[0]);
+impl PhantomField for Noise {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
+        let first = (u64::from(z) * u64::from(self.dims[1]) + u64::from(y)) * u64::from(self.dims[0]);
         for (index, value) in (first..).zip(row) {
             let bits = hash(index);
             let is_visible = bits & 0xffff_ffff < self.threshold;
-            // 1..=255, all as likely to within 2^-32.
+            // 1..=255 with equal probability, within 2^-32.
             *value = if is_visible { (1 + (((bits >> 32) * 255) >> 32)) as f32 } else { 0.0 };
         }
     }
 }
 
-/// By rising z, then y, then x.
-struct Voxels {
+/// Single bright voxels, sorted by z, y, x.
+struct SingleVoxels {
     places: Vec<[u32; 3]>,
-    z: u32,
 }
 
-impl Voxels {
-    fn new(dims: [u32; 3], mut places: Vec<[u32; 3]>) -> Result<Voxels> {
+impl SingleVoxels {
+    fn new(dims: [u32; 3], mut places: Vec<[u32; 3]>) -> Result<SingleVoxels> {
         if let Some(outside) = places.iter().find(|place| (0..3).any(|a| place[a] >= dims[a])) {
             let why = format!("is outside the grid of {} x {} x {} points", dims[0], dims[1], dims[2]);
             return Err(Error::input(format!("voxel {outside:?}"), why));
         }
         places.sort_by_key(|[x, y, z]| [*z, *y, *x]);
-        Ok(Voxels { places, z: 0 })
+        Ok(SingleVoxels { places })
     }
 }
 
-impl Field for Voxels {
-    fn enter(&mut self, z: u32) {
-        self.z = z;
-    }
-    fn row(&mut self, y: u32, row: &mut [f32]) {
+impl PhantomField for SingleVoxels {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
         row.fill(0.0);
-        let start = self.places.partition_point(|place| [place[2], place[1]] < [self.z, y]);
-        for place in self.places[start..].iter().take_while(|place| [place[2], place[1]] == [self.z, y]) {
+        let start = self.places.partition_point(|place| [place[2], place[1]] < [z, y]);
+        for place in self.places[start..].iter().take_while(|place| [place[2], place[1]] == [z, y]) {
             row[place[0] as usize] = 255.0;
         }
     }

@@ -1,10 +1,8 @@
-//! Phantoms: made-up volumes of any size, streamed slice by slice.
+//! Phantoms: synthetic volumes of any size, generated slice by slice.
 //!
-//! In: a name, dimensions, a sample type, a spacing. Out: a [`SlabSource`] that is the same on every machine. All
-//! sample types hold the same values from 0 to 255: u8 rounded, u16 rounded to 1/257 (by the header's slope), f32
-//! rounded to 1/65,536. Memory is bounded by two slices.
-//!
-//! Sines and the like are rounded before they are used, so that a platform's last digit does not show.
+//! All sample types hold the same values from 0 to 255: u8 rounded, u16 rounded to 1/257 (by the header's slope), f32
+//! rounded to 1/65,536. The samples are the same on every machine, because transcendental functions are rounded.
+//! Memory: two slices.
 //!
 //! Source of the test signal: S. Marschner and R. Lobb, "An Evaluation of Reconstruction Filters for Volume
 //! Rendering", Visualization 1994, section 5.
@@ -14,36 +12,36 @@ mod vessels;
 
 use super::{Grid, Header, SampleType, Samples, SlabSource};
 use crate::error::{Error, Result};
-use fields::Field;
+use fields::PhantomField;
 
-/// A made-up volume.
+/// A synthetic volume.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Phantom {
-    /// Every sample 200: a slab whose transmittance is known.
+    /// Every sample is 200: a slab of known transmittance.
     Constant,
     /// Six concentric spherical shells, two voxels thick.
     Shells,
-    /// The gyroid, 128 on its surface and four periods along the longest axis; the sheet around the surface that is
-    /// visible holds 3.2 % of the samples.
+    /// The gyroid surface with four periods along the longest axis, 128 on the surface. By default 3.2 % of the samples
+    /// are visible: a thin sheet around it.
     Gyroid,
-    /// The signal of Marschner and Lobb, near the Nyquist frequency at 40^3.
+    /// The test signal of Marschner and Lobb, close to the Nyquist frequency on a 40^3 grid.
     MarschnerLobb,
     /// Density of a hydrogen atom's 3d orbital: two lobes and a ring.
     Hydrogen,
     /// A tree of vessels that branches eight times.
     Vessels,
-    /// Samples of 1 to 255 at independent random places, 0 elsewhere.
+    /// Values from 1 to 255 at random points, 0 elsewhere.
     Noise {
-        /// Share of the samples that are above 0: 0 to 1.
+        /// Share of the samples that are above 0, from 0 to 1.
         visible: f64,
     },
-    /// Samples of 255 at the eight corners and in the middle.
+    /// 255 at the eight corners and in the middle.
     Corners,
-    /// Samples of 255 at these places (x, y, z), 0 elsewhere.
+    /// 255 at these points (x, y, z), 0 elsewhere.
     Voxels(Vec<[u32; 3]>),
 }
 
-/// The phantoms that have a name, by that name.
+/// The phantoms that can be chosen by name.
 const NAMED: [(&str, Phantom); 8] = [
     ("constant", Phantom::Constant),
     ("shells", Phantom::Shells),
@@ -56,10 +54,10 @@ const NAMED: [(&str, Phantom); 8] = [
 ];
 
 impl Phantom {
-    /// The phantom called `name`, with its defaults.
+    /// Returns the phantom called `name`, with default parameters.
     ///
     /// # Errors
-    /// [`Error::Input`] if there is none of that name; it lists those there are.
+    /// [`Error::Input`] for an unknown name; the message lists all names.
     pub fn from_name(name: &str) -> Result<Phantom> {
         let found = NAMED.iter().find(|(known, _)| *known == name);
         found.map(|(_, phantom)| phantom.clone()).ok_or_else(|| {
@@ -68,27 +66,18 @@ impl Phantom {
         })
     }
 
-    /// Every name that [`Phantom::from_name`] knows.
+    /// Returns every name that [`Phantom::from_name`] accepts.
     pub fn names() -> impl Iterator<Item = &'static str> {
         NAMED.iter().map(|(name, _)| *name)
     }
 
-    /// Its name, for people.
+    /// Returns the phantom's name.
     pub fn name(&self) -> &'static str {
-        match self {
-            Phantom::Constant => "constant",
-            Phantom::Shells => "shells",
-            Phantom::Gyroid => "gyroid",
-            Phantom::MarschnerLobb => "marschner-lobb",
-            Phantom::Hydrogen => "hydrogen",
-            Phantom::Vessels => "vessels",
-            Phantom::Noise { .. } => "noise",
-            Phantom::Corners => "corners",
-            Phantom::Voxels(_) => "voxels",
-        }
+        let is_same = |named: &Phantom| std::mem::discriminant(named) == std::mem::discriminant(self);
+        NAMED.iter().find(|(_, named)| is_same(named)).map_or("voxels", |(name, _)| name)
     }
 
-    /// The values, inclusive, that a picture should show unless told otherwise.
+    /// Returns the lowest and highest value, inclusive, that a picture shows by default.
     pub fn visible_range(&self) -> (f64, f64) {
         match self {
             Phantom::Shells => (fields::SHELL_EDGE, 255.0),
@@ -100,11 +89,11 @@ impl Phantom {
         }
     }
 
-    /// The phantom on a grid of `dims` points, `spacing` apart.
+    /// Creates the volume on a grid of `dims` points, `spacing` apart.
     ///
     /// # Errors
-    /// As [`Grid::new`]; [`Error::Input`] if `sample_type` is not u8, u16 or f32, if the visible share of noise is not
-    /// from 0 to 1, or if a chosen place is outside the grid.
+    /// The same as [`Grid::new`]; [`Error::Input`] if `sample_type` is not u8, u16 or f32, if the share of visible noise
+    /// is not from 0 to 1, or if a chosen point is outside the grid.
     pub fn open(&self, dims: [u64; 3], sample_type: SampleType, spacing: [f64; 3]) -> Result<Box<dyn SlabSource>> {
         let grid = Grid::new(dims, spacing)?;
         let slope = match sample_type {
@@ -118,20 +107,20 @@ impl Phantom {
         let field = fields::field(self, &grid)?;
         let name = self.name().to_owned();
         let header = Header { grid, sample_type, slope, intercept: 0.0, name, format: "phantom" };
-        Ok(Box::new(Source { header, field, next: 0, row: Vec::new() }))
+        Ok(Box::new(PhantomSource { header, field, next: 0, row: Vec::new() }))
     }
 }
 
-struct Source {
+struct PhantomSource {
     header: Header,
-    field: Box<dyn Field>,
-    /// The slice that comes next.
+    field: Box<dyn PhantomField>,
+    /// Index of the next slice.
     next: u32,
-    /// Values of one row, 0 to 255.
+    /// Values of one row, from 0 to 255.
     row: Vec<f32>,
 }
 
-impl SlabSource for Source {
+impl SlabSource for PhantomSource {
     fn header(&self) -> &Header {
         &self.header
     }
@@ -146,10 +135,9 @@ impl SlabSource for Source {
             let why = format!("must hold {expected} samples of {}", self.header.sample_type.name());
             return Err(Error::input("slice buffer", why));
         }
-        self.field.enter(self.next);
         self.row.resize(width as usize, 0.0);
         for y in 0..height {
-            self.field.row(y, &mut self.row);
+            self.field.row(y, self.next, &mut self.row);
             let from = y as usize * width as usize;
             write_row(&self.row, slice, from);
         }
@@ -163,11 +151,11 @@ impl SlabSource for Source {
     }
 }
 
-/// Rounds a row of values, 0 to 255, to the slice's type.
+/// Rounds a row of values from 0 to 255 to the slice's type.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255, and the casts saturate")]
 fn write_row(row: &[f32], slice: &mut Samples, from: usize) {
     match slice {
-        // Through i32: the compiler has no vector code for casts to bytes.
+        // By way of i32: the compiler has no vector code for casts to bytes.
         Samples::U8(out) => {
             for (out, value) in out[from..][..row.len()].iter_mut().zip(row) {
                 *out = (value + 0.5) as i32 as u8;

@@ -1,56 +1,58 @@
 //! A branching tree of vessels.
 //!
-//! In: the dimensions. Out: tubes, 255 on their centre lines, falling to [`EDGE`] at the wall and to 0 at 1.25 of
-//! the radius. Each vessel branches in two, eight times over. The cubes of the branches' radii add up to their
-//! parent's (C. D. Murray, 1926). The tree is drawn in the unit cube by fixed dice and stretched to the grid, so
-//! that every size shows the same tree.
+//! In: the dimensions. Out: tubes with 255 on their centre lines, [`EDGE`] at the wall, and 0 at 1.25 of the radius.
+//! Each vessel branches in two, eight times over. The cubes of the branches' radii add up to the cube of their
+//! parent's (C. D. Murray, 1926). The tree is drawn in the unit cube from fixed random numbers, then stretched to the
+//! grid: every size shows the same tree.
 
-use super::fields::{Field, hash};
+use super::fields::{PhantomField, hash};
 
-/// Lowest visible value: that of the wall.
+/// Lowest visible value: that of the vessel's wall.
 pub(super) const EDGE: f64 = 92.0;
 
-/// Times that the root branches.
+/// How often the root branches.
 const GENERATIONS: u32 = 8;
-/// The root's radius, of the geometric mean of the dimensions.
+/// Radius of the root, relative to the geometric mean of the dimensions.
 const ROOT_RADIUS: f64 = 0.04;
-/// Values fall as 255 (1 - (d / (1.25 radius))^2): the wall has 255 (1 - 0.64).
+/// A value is 255 (1 - (d / (1.25 radius))^2) at distance d, which is 255 (1 - 0.64) at the wall.
 const SOFT_EDGE: f64 = 1.25;
 
-/// A stretch of vessel, in voxels.
-struct Segment {
+/// A straight piece of a vessel, in voxels.
+struct VesselSegment {
     from: [f64; 3],
     along: [f64; 3],
     /// 1 / length^2.
     inverse: f64,
-    /// Where values reach 0.
+    /// Distance at which values reach 0.
     reach: f64,
 }
 
-/// The tree, and the slice at hand.
+/// The tree and the values of the current slice.
 pub(super) struct Vessels {
     dims: [u32; 3],
-    segments: Vec<Segment>,
+    segments: Vec<VesselSegment>,
     slice: Vec<f32>,
+    /// Index of the slice in `slice`.
+    filled: Option<u32>,
 }
 
 impl Vessels {
     pub(super) fn new(dims: [u32; 3]) -> Vessels {
-        let mut tree = Tree { dims, segments: Vec::new(), rolled: 0 };
+        let mut tree = VesselTree { dims, segments: Vec::new(), rolled: 0 };
         tree.grow([0.5, 0.5, 0.02], [0.0, 0.0, 1.0], 0.3, ROOT_RADIUS, GENERATIONS);
-        Vessels { dims, segments: tree.segments, slice: Vec::new() }
+        Vessels { dims, segments: tree.segments, slice: Vec::new(), filled: None }
     }
 }
 
-struct Tree {
+struct VesselTree {
     dims: [u32; 3],
-    segments: Vec<Segment>,
-    /// Dice rolled so far.
+    segments: Vec<VesselSegment>,
+    /// Random numbers used so far.
     rolled: u64,
 }
 
-impl Tree {
-    /// The next fixed die: -1 to 1.
+impl VesselTree {
+    /// Returns the next number of a fixed random sequence, from -1 to 1.
     fn roll(&mut self) -> f64 {
         self.rolled += 1;
         #[expect(clippy::cast_precision_loss, reason = "52 bits")]
@@ -58,9 +60,9 @@ impl Tree {
         share * 2.0 - 1.0
     }
 
-    /// Adds a vessel from `from` along the unit vector `heading`, and its branches.
+    /// Adds a vessel that starts at `from` in the direction `heading` (a unit vector), and its branches.
     fn grow(&mut self, from: [f64; 3], heading: [f64; 3], length: f64, radius: f64, generations: u32) {
-        // Turned back at the cube's walls, so that the tree stays inside.
+        // Reflected at the cube's walls, so that the tree stays inside.
         let mut to = [0.0; 3];
         for axis in 0..3 {
             let ahead = from[axis] + heading[axis] * length;
@@ -100,14 +102,14 @@ impl Tree {
         let along = [0, 1, 2].map(|axis| to[axis] * span[axis] - from[axis]);
         let squared = dot(along, along);
         let inverse = if squared > 0.0 { 1.0 / squared } else { 0.0 };
-        // At least half a voxel wide on either side, or the thinnest would break into dots.
+        // At least half a voxel wide on either side: thinner vessels would break into dots.
         let reach = (radius * size).max(0.6) * SOFT_EDGE;
-        self.segments.push(Segment { from, along, inverse, reach });
+        self.segments.push(VesselSegment { from, along, inverse, reach });
     }
 }
 
-impl Segment {
-    /// The squared distance of `place`, in voxels.
+impl VesselSegment {
+    /// Returns the squared distance of `place` from the segment, in voxels.
     #[inline(always)]
     fn squared_distance(&self, place: [f64; 3]) -> f64 {
         let off = [0, 1, 2].map(|axis| place[axis] - self.from[axis]);
@@ -116,7 +118,7 @@ impl Segment {
         dot(off, off)
     }
 
-    /// The part of the segment, 0 to 1, that is within reach of where `axis` is from `low` to `high`.
+    /// Returns the part of the segment (0 to 1) within reach of the slab `low..=high` across `axis`.
     fn clip(&self, axis: usize, low: f64, high: f64, part: (f64, f64)) -> Option<(f64, f64)> {
         let (low, high) = (low - self.reach - self.from[axis], high + self.reach - self.from[axis]);
         let along = self.along[axis];
@@ -128,7 +130,7 @@ impl Segment {
         (part.0 <= part.1).then_some(part)
     }
 
-    /// Indices along `axis` within reach of that part of the segment.
+    /// Returns the indices along `axis` that are within reach of `part` of the segment.
     fn extent(&self, axis: usize, part: (f64, f64), points: u32) -> std::ops::RangeInclusive<usize> {
         let [a, b] = [part.0, part.1].map(|at| self.from[axis] + at * self.along[axis]);
         let low = (a.min(b) - self.reach).ceil().max(0.0);
@@ -143,8 +145,9 @@ fn empty() -> std::ops::RangeInclusive<usize> {
     1..=0
 }
 
-impl Field for Vessels {
-    fn enter(&mut self, z: u32) {
+impl Vessels {
+    /// Computes the values of slice `z`.
+    fn fill(&mut self, z: u32) {
         let [width, height, _] = self.dims;
         self.slice.clear();
         self.slice.resize(width as usize * height as usize, 0.0);
@@ -164,8 +167,14 @@ impl Field for Vessels {
             }
         }
     }
+}
 
-    fn row(&mut self, y: u32, row: &mut [f32]) {
+impl PhantomField for Vessels {
+    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
+        if self.filled != Some(z) {
+            self.fill(z);
+            self.filled = Some(z);
+        }
         row.copy_from_slice(&self.slice[y as usize * row.len()..][..row.len()]);
     }
 }
@@ -174,14 +183,14 @@ fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Rounded to 40 bits or so, so that the last digit of a platform's root does not show.
+/// Returns the cube root rounded to about 40 bits, which hides the last digit of a platform's root.
 fn cube_root(number: f64) -> f64 {
     let root = number.cbrt();
     let unit = 2.0f64.powi(-36) * root.max(1.0);
     (root / unit).round() * unit
 }
 
-/// The vector's direction; z for none.
+/// Returns the vector scaled to length 1; the z axis for a zero vector.
 fn unit(vector: [f64; 3]) -> [f64; 3] {
     let length = dot(vector, vector).sqrt();
     if length > 0.0 { vector.map(|component| component / length) } else { [0.0, 0.0, 1.0] }

@@ -1,34 +1,38 @@
-//! The sieve: which samples may be visible, known before the first one is read.
+//! The visibility test: which samples may be visible, known before the first one is read.
 //!
-//! In: a transfer function and a volume's header. Out: for a sample, whether it may be visible; where opacity depends
-//! on the gradient, its magnitude has the last word.
+//! In: a transfer function and a volume's header. Out: a table or formula that accepts or refuses a sample. If opacity
+//! depends on the gradient, accepted samples are tested again with their magnitude.
 
-use super::builder::BuildOptions;
+use super::options::BuildOptions;
 use crate::classify::TransferFunction;
 use crate::error::Result;
 use crate::volume::{Header, Sample, SampleType};
 
-/// What lets visible samples through.
-pub(super) struct Sieve {
+/// Decides whether samples are visible.
+pub(super) struct VisibilityTest {
     transfer: TransferFunction,
     uses_gradient: bool,
     domain: (f64, f64),
     slope: f64,
     intercept: f64,
-    /// Whether a sample passes, by its bits; empty for samples of more than 16 bits.
+    /// Whether each sample may be visible, by its bits; empty for samples of more than 16 bits.
     table: Vec<bool>,
-    /// Bits of the lowest and the highest sample that pass; `None` if none do or the table is empty.
+    /// Bits of the lowest and highest accepted sample; `None` if there is none or the table is empty.
     ends: Option<[u16; 2]>,
 }
 
-impl Sieve {
-    /// `largest_magnitude`: of the volume's gradients, where the transfer function is relative to it.
-    pub(super) fn new(header: &Header, options: &BuildOptions, largest_magnitude: Option<f64>) -> Result<Sieve> {
+impl VisibilityTest {
+    /// Creates the test. `largest_magnitude` is set if the volume was surveyed.
+    pub(super) fn new(
+        header: &Header,
+        options: &BuildOptions,
+        largest_magnitude: Option<f64>,
+    ) -> Result<VisibilityTest> {
         let mut transfer = options.transfer.clone().with_voxel_length(header.grid.mean_spacing())?;
         if let Some(largest) = largest_magnitude.filter(|&largest| largest > 0.0) {
             transfer = transfer.with_largest_magnitude(largest)?;
         }
-        let mut sieve = Sieve {
+        let mut test = VisibilityTest {
             uses_gradient: transfer.uses_gradient(),
             domain: transfer.domain(f64::INFINITY),
             transfer,
@@ -39,15 +43,15 @@ impl Sieve {
         };
         if header.sample_type.bytes() <= 2 {
             let numbers = small_samples(header.sample_type);
-            sieve.table = vec![false; numbers.len()];
+            test.table = vec![false; numbers.len()];
             for (bits, number) in numbers {
-                if sieve.may_be_visible(number * sieve.slope + sieve.intercept) {
-                    sieve.table[usize::from(bits)] = true;
-                    sieve.ends = Some([sieve.ends.map_or(bits, |[low, _]| low), bits]);
+                if test.may_be_visible(number * test.slope + test.intercept) {
+                    test.table[usize::from(bits)] = true;
+                    test.ends = Some([test.ends.map_or(bits, |[low, _]| low), bits]);
                 }
             }
         }
-        Ok(sieve)
+        Ok(test)
     }
 
     fn may_be_visible(&self, value: f64) -> bool {
@@ -55,13 +59,13 @@ impl Sieve {
         inside && (self.uses_gradient || self.transfer.opacity(value, 0.0) > 0.0)
     }
 
-    /// A sample's value in its own unit.
+    /// Returns a sample's value, in its own unit.
     #[inline(always)]
     pub(super) fn value<T: Sample>(&self, sample: T) -> f64 {
         sample.to_f64() * self.slope + self.intercept
     }
 
-    /// Whether a sample may be visible.
+    /// Returns whether a sample may be visible.
     #[inline(always)]
     pub(super) fn passes<T: Sample>(&self, sample: T) -> bool {
         match sample.small_bits() {
@@ -70,18 +74,18 @@ impl Sieve {
         }
     }
 
-    /// Whether a sample that passes is visible, once its gradient is known.
+    /// Returns whether an accepted sample is visible, given its gradient magnitude.
     #[inline]
     pub(super) fn is_visible(&self, value: f64, magnitude: f64) -> bool {
         self.transfer.opacity(value, magnitude) > 0.0
     }
 
-    /// Samples between which all that pass lie, both inclusive; `None` if none pass.
+    /// Returns the range, inclusive, that contains all accepted samples; `None` if there are none.
     pub(super) fn ends<T: Sample>(&self) -> Option<[T; 2]> {
         if !self.table.is_empty() {
             return Some(self.ends?.map(T::from_small_bits));
         }
-        // Only where raw samples are values: elsewhere rounding would have to be bounded.
+        // With slope and intercept, rounding would have to be bounded.
         let raw = self.slope == 1.0 && self.intercept == 0.0;
         let [lowest, highest] = T::ENDS;
         let [low, high] = if raw { [T::below(self.domain.0), T::above(self.domain.1)] } else { T::ENDS };
@@ -89,7 +93,7 @@ impl Sieve {
     }
 }
 
-/// The bits and the number of each sample of a type of 8 or 16 bits, ascending by number.
+/// Returns bits and number of each sample of an 8-bit or 16-bit type, ascending by number.
 pub(super) fn small_samples(sample_type: SampleType) -> impl ExactSizeIterator<Item = (u16, f64)> {
     let signed = matches!(sample_type, SampleType::I8 | SampleType::I16);
     let count = 1i32 << (8 * sample_type.bytes());

@@ -1,41 +1,41 @@
-//! The plan of a build: what its codes mean, known when all samples have been seen.
+//! Encoding of visible voxels, decided once all samples have been read.
 //!
-//! In: a volume's header, what to build, the range of the samples. Out: [`Plan`]: the transfer function with
-//! everything filled in that the volume decides, and the codecs.
+//! In: the volume's header, the options, the samples' range. Out: [`VoxelEncoder`]: the completed transfer function, and
+//! the codes of values and magnitudes.
 
-use super::builder::{BuildOptions, Findings};
-use super::sieve::small_samples;
+use super::options::BuildOptions;
+use super::summary::SampleSummary;
+use super::visibility::small_samples;
 use crate::arena::layout::{Channels, Scales};
-use crate::classify::quantise::Quantiser;
-use crate::classify::{MagnitudeCodec, TransferFunction};
+use crate::classify::{MagnitudeCodec, Quantiser, TransferFunction};
 use crate::error::{Error, Result};
 use crate::volume::{Header, Sample};
 
-/// An opacity that one would miss.
-const SEEN: f64 = 0.02;
+/// Opacity from which the loss of a voxel is noticeable.
+const NOTICEABLE_OPACITY: f64 = 0.02;
 
-/// What the codes of a build mean.
-pub(super) struct Plan {
+/// Maps samples and gradient magnitudes to stored codes.
+pub(super) struct VoxelEncoder {
     pub(super) transfer: TransferFunction,
     pub(super) channels: Channels,
     quantiser: Quantiser,
     pub(super) magnitudes: MagnitudeCodec,
-    /// The code of a sample by its bits; empty for samples of more than 16 bits.
+    /// The code of each sample, by its bits; empty for samples of more than 16 bits.
     table: Vec<u16>,
     slope: f64,
     intercept: f64,
 }
 
-impl Plan {
-    /// `findings`: of all samples. `largest_magnitude`: of their gradients, where it was asked for.
+impl VoxelEncoder {
+    /// Creates the encoder. `samples` describes all samples; `largest_magnitude` is set if the volume was surveyed.
     pub(super) fn new(
         header: &Header,
         options: &BuildOptions,
-        findings: &Findings,
+        samples: &SampleSummary,
         largest_magnitude: Option<f64>,
-    ) -> Result<Plan> {
+    ) -> Result<VoxelEncoder> {
         let (lowest, highest) = if options.needs_data_range(header.sample_type) {
-            (findings.lowest, findings.highest)
+            (samples.lowest, samples.highest)
         } else {
             let (low, high) = header.sample_type.integer_range().unwrap_or((f64::NEG_INFINITY, f64::INFINITY));
             let ends = [low * header.slope + header.intercept, high * header.slope + header.intercept];
@@ -43,7 +43,7 @@ impl Plan {
         };
         let grid = &header.grid;
         let uses_gradient = options.transfer.uses_gradient();
-        // No difference is larger than the range over the spacing, on any axis.
+        // Bounds every difference of samples by their range over the spacing, on all axes.
         let steepest = grid.spacing.iter().map(|h| 1.0 / (h * h)).sum::<f64>().sqrt();
         let bound = if uses_gradient { ((highest - lowest) * steepest).min(f64::MAX) } else { 0.0 };
         let largest = largest_magnitude.unwrap_or(bound);
@@ -69,10 +69,10 @@ impl Plan {
             });
         }
         let magnitudes = MagnitudeCodec::new(if uses_gradient { largest } else { 0.0 })?;
-        Ok(Plan { transfer, channels: options.channels(), quantiser, magnitudes, table, slope, intercept })
+        Ok(VoxelEncoder { transfer, channels: options.channels(), quantiser, magnitudes, table, slope, intercept })
     }
 
-    /// The header's part that says what codes mean.
+    /// Returns the scales for the file's header, which give codes their meaning.
     pub(super) fn scales(&self) -> Scales {
         Scales {
             value_low: self.quantiser.low(),
@@ -81,13 +81,13 @@ impl Plan {
         }
     }
 
-    /// A sample's value in its own unit.
+    /// Returns a sample's value, in its own unit.
     #[inline(always)]
     fn value<T: Sample>(&self, sample: T) -> f64 {
         sample.to_f64() * self.slope + self.intercept
     }
 
-    /// The code of a visible sample.
+    /// Returns the value code of a visible sample.
     #[inline(always)]
     pub(super) fn code<T: Sample>(&self, sample: T) -> u16 {
         match sample.small_bits() {
@@ -96,21 +96,22 @@ impl Plan {
         }
     }
 
-    /// Whether some samples may share a code.
+    /// Returns whether different samples may share a code.
     pub(super) fn is_lossy(&self) -> bool {
         !self.quantiser.is_lossless()
     }
 
-    /// Whether a voxel that can be seen is stored under a code whose value is transparent.
+    /// Returns whether a noticeable voxel would be stored under a code whose value is transparent.
     pub(super) fn blurs_away<T: Sample>(&self, sample: T, magnitude: u8) -> bool {
         let magnitude = self.magnitudes.decode(magnitude);
         let opacity = |value| self.transfer.opacity(value, magnitude);
-        opacity(self.value(sample)) >= SEEN && opacity(self.quantiser.decode(self.code(sample))) == 0.0
+        opacity(self.value(sample)) >= NOTICEABLE_OPACITY && opacity(self.quantiser.decode(self.code(sample))) == 0.0
     }
 }
 
-pub(super) fn nothing_visible(findings: &Findings) -> Error {
-    let Findings { lowest, highest, not_finite, .. } = *findings;
+/// Returns the error for a volume without visible voxels.
+pub(super) fn nothing_visible(samples: &SampleSummary) -> Error {
+    let SampleSummary { lowest, highest, not_finite, .. } = *samples;
     if lowest > highest {
         return Error::input("nothing is visible", format!("none of the samples is a number ({not_finite} are not)"));
     }

@@ -1,0 +1,74 @@
+//! The visible voxels of a volume with their final codes.
+
+use std::ops::Range;
+
+use super::encoder::VoxelEncoder;
+use super::spill::{RowParts, SpilledVoxels};
+use crate::arena::layout::Channels;
+use crate::arena::{Record, Region, Rows, Voxel};
+use crate::error::Result;
+use crate::volume::Sample;
+use crate::with_sample_type;
+
+/// The visible voxels of a volume, as rows along x.
+pub struct ClassifiedRows {
+    pub(super) spill: SpilledVoxels,
+    pub(super) encoder: VoxelEncoder,
+}
+
+impl ClassifiedRows {
+    /// Returns how many noticeable voxels with z in `zs` are stored under a code whose value is transparent.
+    pub(super) fn blurred_away(&self, zs: Range<u32>) -> Result<u64> {
+        let [width, height, _] = self.spill.dims;
+        let mut blurred = 0u64;
+        self.spill.read(&Region { xs: 0..width, ys: 0..height, zs }, |_, _, row| {
+            with_sample_type!(self.spill.sample_type, T => {
+                let is_blurred = |&i: &usize| self.encoder.blurs_away(row.sample::<T>(i), self.magnitude(&row, i));
+                blurred += (0..row.len()).filter(is_blurred).count() as u64;
+            });
+        })?;
+        Ok(blurred)
+    }
+
+    fn magnitude(&self, row: &RowParts, index: usize) -> u8 {
+        row.magnitude(index).map_or(0, |magnitude| self.encoder.magnitudes.encode(magnitude))
+    }
+
+    fn voxels<T: Sample>(&self, row: &RowParts, range: Range<usize>, voxels: &mut Vec<Voxel>) {
+        let normal = self.spill.widths.normal;
+        voxels.clear();
+        voxels.extend(range.map(|index| Voxel {
+            x: row.x(index),
+            record: Record {
+                value: self.encoder.code(row.sample::<T>(index)),
+                normal: row.normal(index, normal),
+                magnitude: self.magnitude(row, index),
+            },
+        }));
+    }
+}
+
+impl Rows for ClassifiedRows {
+    fn dims(&self) -> [u32; 3] {
+        self.spill.dims
+    }
+
+    fn channels(&self) -> Channels {
+        self.encoder.channels
+    }
+
+    fn memory(&self) -> u64 {
+        self.spill.memory()
+    }
+
+    fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {
+        let mut voxels = Vec::new();
+        self.spill.read(&region, |y, z, parts| {
+            let range = parts.at_or_after(region.xs.start)..parts.at_or_after(region.xs.end);
+            if !range.is_empty() {
+                with_sample_type!(self.spill.sample_type, T => self.voxels::<T>(&parts, range, &mut voxels));
+                row(y, z, &voxels);
+            }
+        })
+    }
+}

@@ -1,0 +1,101 @@
+//! What to build, and the resources that a build may use.
+
+use std::path::PathBuf;
+
+use crate::arena::TileOrder;
+use crate::arena::layout::Channels;
+use crate::classify::TransferFunction;
+use crate::error::{Error, Result};
+use crate::volume::SampleType;
+
+/// What to build from a volume.
+#[derive(Debug, Clone)]
+pub struct BuildOptions {
+    /// Decides which samples are visible; only these are stored.
+    pub transfer: TransferFunction,
+    /// Number of stored lanes: 1 for x, 2 for x and y, 3 for x, y and z. Missing lanes are derived when a view needs
+    /// them.
+    pub lane_count: u8,
+    /// Order of the tiles in memory.
+    pub tile_order: TileOrder,
+    /// Bits of a stored value: 8 or 16.
+    pub value_bits: u8,
+    /// Bits of each of a normal's two components: 8 or 16, or 0 for no normals.
+    pub normal_bits: u8,
+}
+
+/// Limits on what a build may use.
+#[derive(Debug, Clone, Default)]
+pub struct Resources {
+    /// Most bytes of memory that the process may use; `None` for no limit.
+    pub memory: Option<u64>,
+    /// Number of worker threads; 0 counts as 1. With several, another thread reads ahead if memory allows.
+    pub threads: usize,
+    /// Folder for a temporary file that takes visible voxels which do not fit in memory; `None` to keep all in memory.
+    pub folder: Option<PathBuf>,
+}
+
+/// The field whose gradients become normals and magnitudes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum GradientSource {
+    /// No gradients are computed.
+    None,
+    /// The samples' values.
+    Values,
+    /// Smoothed visibility (1 or 0 per voxel), for label maps.
+    Visibility,
+}
+
+impl BuildOptions {
+    /// Checks lane count and bit widths.
+    pub(super) fn check(&self) -> Result<()> {
+        if !(1..=3).contains(&self.lane_count) {
+            return Err(Error::input("lanes", "must be x, xy or xyz"));
+        }
+        for (what, bits, choices) in
+            [("value bits", self.value_bits, &[8, 16][..]), ("normal bits", self.normal_bits, &[0, 8, 16])]
+        {
+            if !choices.contains(&bits) {
+                return Err(Error::input(what, format!("are {bits}, but must be one of {choices:?}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the channels that are stored per voxel, with their widths.
+    pub fn channels(&self) -> Channels {
+        Channels {
+            value_bits: self.value_bits,
+            normal_bits: self.normal_bits,
+            magnitude_bits: if self.transfer.uses_gradient() { 8 } else { 0 },
+        }
+    }
+
+    /// Returns whether a build must read the volume twice.
+    ///
+    /// Region boundaries need this if their opacity refers to the data's largest gradient magnitude: until that is
+    /// known, it is open which samples are visible.
+    pub fn needs_survey(&self) -> bool {
+        self.transfer.clone().with_largest_magnitude(2.0).is_ok_and(|filled| filled != self.transfer)
+    }
+
+    /// Returns whether value codes are spread over the range of the samples rather than that of their type.
+    ///
+    /// Samples of 8 bits have a code for each value. Others need the samples' range if the visible range is open, or if
+    /// opacity depends on the gradient, whose largest magnitude is unknown.
+    pub(super) fn needs_data_range(&self, sample_type: SampleType) -> bool {
+        let (low, high) = self.transfer.domain(f64::INFINITY);
+        let open = low == f64::NEG_INFINITY || high == f64::INFINITY;
+        self.needs_survey() || (sample_type.bytes() > 1 && (open || self.transfer.uses_gradient()))
+    }
+
+    /// Returns the field that gradients are computed from.
+    pub(super) fn gradient_source(&self) -> GradientSource {
+        let Channels { normal_bits, magnitude_bits, .. } = self.channels();
+        match (normal_bits > 0 || magnitude_bits > 0, self.transfer.is_labels()) {
+            (false, _) => GradientSource::None,
+            (true, false) => GradientSource::Values,
+            (true, true) => GradientSource::Visibility,
+        }
+    }
+}

@@ -1,0 +1,48 @@
+//! Progress reports of a build, and cancelling it.
+
+use std::ops::ControlFlow;
+
+use crate::error::{Error, Result};
+use crate::volume::Axis;
+
+/// A stage of a build.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Phase {
+    /// Reads all samples to find the largest gradient magnitude.
+    Survey,
+    /// Reads and classifies the samples, and keeps the visible ones.
+    Pack,
+    /// Builds the lane along this axis.
+    Assemble(Axis),
+    /// Waits until the file is on disk.
+    Flush,
+}
+
+/// Receives progress reports; can cancel a build.
+pub trait Observer {
+    /// Called when `done` of `total` slices or records of a phase are processed.
+    ///
+    /// Return `Break` to cancel the build, which then ends with [`Error::Interrupted`].
+    fn progress(&mut self, phase: Phase, done: u64, total: u64) -> ControlFlow<()>;
+}
+
+/// An observer that ignores progress and never cancels.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Unobserved;
+
+impl Observer for Unobserved {
+    fn progress(&mut self, _phase: Phase, _done: u64, _total: u64) -> ControlFlow<()> {
+        ControlFlow::Continue(())
+    }
+}
+
+/// Reports progress to `observer`.
+///
+/// # Errors
+/// [`Error::Interrupted`] if the observer cancels.
+pub(crate) fn report(observer: &mut dyn Observer, phase: Phase, done: u64, total: u64) -> Result<()> {
+    match observer.progress(phase, done, total) {
+        ControlFlow::Continue(()) => Ok(()),
+        ControlFlow::Break(()) => Err(Error::Interrupted),
+    }
+}

@@ -1,0 +1,83 @@
+//! The visibility scan: finds the visible voxels of a block of rows.
+//!
+//! In: raw samples of a slice and, if needed, gradients. Out: the visible voxels in the spill's format, and statistics
+//! of all samples.
+
+use super::spill::{GROUP_ROWS, RowArrays, SpilledRows};
+use super::summary::{RawRange, SampleSummary};
+use super::sweep::RowBlock;
+use super::visibility::VisibilityTest;
+use crate::arena::layout::Channels;
+use crate::classify::{gradient, normal};
+use crate::volume::{Header, Sample};
+
+/// Samples whose range is compared with the visible range at once; most blocks hold nothing visible.
+const BLOCK: usize = 64;
+
+/// The visible voxels of a block of rows, with statistics of its samples.
+pub(super) struct VisibleRows {
+    pub(super) rows: SpilledRows,
+    pub(super) summary: SampleSummary,
+}
+
+/// Everything that decides which voxels of a slice are visible.
+pub(super) struct VisibleScan<'a, T> {
+    pub(super) samples: &'a [T],
+    pub(super) header: &'a Header,
+    pub(super) test: &'a VisibilityTest,
+    pub(super) channels: Channels,
+}
+
+impl<T: Sample> VisibleScan<'_, T> {
+    /// Returns the visible voxels of a block. `gradient` gives the gradient at x and y; `row` is a buffer.
+    pub(super) fn rows(
+        &self,
+        block: &RowBlock,
+        row: &mut RowArrays,
+        gradient: impl Fn(usize, usize) -> [f64; 3],
+    ) -> VisibleRows {
+        let VisibleScan { samples: slice, header, test, channels } = *self;
+        let width = header.grid.dims[0] as usize;
+        let mut visible = VisibleRows { rows: SpilledRows::default(), summary: SampleSummary::default() };
+        let ends = test.ends::<T>();
+        let mut range = RawRange::default();
+        for y in block.rows.clone() {
+            let line = &slice[y as usize * width..][..width];
+            for (samples, first) in line.chunks(BLOCK).zip((0..).step_by(BLOCK)) {
+                let ends_here = range.add(samples);
+                let (Some([low, high]), Some([lowest, highest])) = (ends, ends_here) else { continue };
+                if highest < low || lowest > high {
+                    continue;
+                }
+                for (&sample, x) in samples.iter().zip(first..) {
+                    if !test.passes(sample) {
+                        continue;
+                    }
+                    if channels.magnitude_bits > 0 || channels.normal_bits > 0 {
+                        let gradient = gradient(x, y as usize);
+                        if channels.magnitude_bits > 0 {
+                            let magnitude = gradient::magnitude(gradient);
+                            if !test.is_visible(test.value(sample), magnitude) {
+                                continue;
+                            }
+                            row.magnitudes.push(magnitude);
+                        }
+                        match channels.normal_bits {
+                            0 => {}
+                            8 => row.normals.extend_from_slice(&normal::encode8(gradient).to_le_bytes()),
+                            _ => row.normals.extend_from_slice(&normal::encode16(gradient).to_le_bytes()),
+                        }
+                    }
+                    row.xs.push(u16::try_from(x).expect("a row has at most 65,535 samples"));
+                    row.samples.extend_from_slice(bytemuck::bytes_of(&sample));
+                }
+            }
+            visible.rows.push(u16::try_from(y).expect("a slice has at most 65,535 rows"), row);
+            if (y + 1) % GROUP_ROWS == 0 || y + 1 == block.rows.end {
+                visible.rows.end_group();
+            }
+        }
+        visible.summary = range.summary(header);
+        visible
+    }
+}

@@ -1,0 +1,151 @@
+//! Sorting voxels by line, and packing them into tiles: the inner part of assembly.
+
+use zerocopy::byteorder::little_endian::{U16, U32, U64};
+
+use super::assemble::{LaneFace, TileSlot};
+use crate::arena::layout::{Channels, TILE_EDGE, TileRecord};
+use crate::arena::pack::{ChannelArrays, Record, TileRun};
+use crate::arena::{Region, Rows};
+use crate::error::Result;
+
+/// A voxel that is being sorted into its line.
+#[derive(Debug, Clone, Copy)]
+struct LineVoxel {
+    /// The tile's index in the run times 64, plus the line's bit.
+    line: u32,
+    t: u16,
+    value: u16,
+    normal: u32,
+    magnitude: u8,
+}
+
+/// Sorts voxels by line; keeps its buffers from run to run.
+#[derive(Default)]
+pub(super) struct LineSorter {
+    voxels: Vec<LineVoxel>,
+    /// Start of each line in `order`.
+    starts: Vec<u32>,
+    /// Indices of voxels, by line.
+    order: Vec<u32>,
+    /// For each tile of the run's bounding box: its index in the run plus 1, or 0.
+    numbers: Vec<u32>,
+}
+
+impl LineSorter {
+    /// Packs the tiles at `slots`. A single tile of more than `limit` records is sorted one row of lines at a time.
+    pub(super) fn pack_run(
+        &mut self,
+        rows: &dyn Rows,
+        face: &LaneFace,
+        slots: &[TileSlot],
+        limit: u64,
+    ) -> Result<TileRun> {
+        let edge = u32::from(TILE_EDGE);
+        let bounds = |coordinate: fn(&TileSlot) -> u16| {
+            let (low, high) = slots.iter().map(coordinate).fold((u16::MAX, 0), |(l, h), c| (l.min(c), h.max(c)));
+            u32::from(low)..u32::from(high) + 1
+        };
+        let (us, vs) = (bounds(|slot| slot.u), bounds(|slot| slot.v));
+        let columns = us.len();
+        self.numbers.clear();
+        self.numbers.resize(columns * vs.len(), 0);
+        for (number, slot) in (1..).zip(slots) {
+            let [u, v] = [u32::from(slot.u) - us.start, u32::from(slot.v) - vs.start];
+            self.numbers[v as usize * columns + u as usize] = number;
+        }
+        let records = slots.iter().map(|slot| slot.records as usize).sum();
+        let mut run = TileRun {
+            tiles: slots.iter().map(TileSlot::empty_record).collect(),
+            line_ends: Vec::new(),
+            arrays: ChannelArrays::with_capacity(rows.channels(), records),
+        };
+        self.voxels.clear();
+        self.voxels.reserve_exact(records.min(usize::try_from(limit).unwrap_or(usize::MAX)));
+        let lines = vs.start * edge..vs.end * edge;
+        let step = if records as u64 > limit && slots.len() == 1 { 1 } else { lines.len() };
+        for first in lines.clone().step_by(step) {
+            let strip = first..(first + u32::try_from(step).expect("at most 65,536 lines")).min(lines.end);
+            let region = face.region(us.start * edge..us.end * edge, strip);
+            self.sort(rows, face, region, [us.start as usize, vs.start as usize, columns], slots.len())?;
+            self.pack(&mut run, rows.channels());
+        }
+        Ok(run)
+    }
+
+    /// Sorts the voxels of `region` by line. `first_u`, `first_v` and `columns` describe the box of `numbers`.
+    fn sort(
+        &mut self,
+        rows: &dyn Rows,
+        face: &LaneFace,
+        region: Region,
+        [first_u, first_v, columns]: [usize; 3],
+        tiles: usize,
+    ) -> Result<()> {
+        self.voxels.clear();
+        // Each line's count stands two entries later, so that the sums below become starts.
+        self.starts.clear();
+        self.starts.resize(64 * tiles + 2, 0);
+        rows.read(region, &mut |y, z, voxels| {
+            for voxel in voxels {
+                let (u, v, t) = face.locate(voxel.x, y, z);
+                let tile = [usize::from(u / TILE_EDGE) - first_u, usize::from(v / TILE_EDGE) - first_v];
+                let Some(number) = self.numbers[tile[1] * columns + tile[0]].checked_sub(1) else { continue };
+                let line = number * 64 + u32::from(v % TILE_EDGE * TILE_EDGE + u % TILE_EDGE);
+                let Record { value, normal, magnitude } = voxel.record;
+                self.voxels.push(LineVoxel { line, t, value, normal, magnitude });
+                self.starts[line as usize + 2] += 1;
+            }
+        })?;
+        for line in 2..self.starts.len() {
+            self.starts[line] += self.starts[line - 1];
+        }
+        // `starts[line + 1]` is the start of the line and becomes its end.
+        self.order.clear();
+        self.order.resize(self.voxels.len(), 0);
+        for (index, voxel) in (0..).zip(&self.voxels) {
+            let next = &mut self.starts[voxel.line as usize + 1];
+            self.order[*next as usize] = index;
+            *next += 1;
+        }
+        Ok(())
+    }
+
+    /// Appends the sorted lines to the run; later lines of a tile follow its earlier ones.
+    fn pack(&self, run: &mut TileRun, channels: Channels) {
+        let TileRun { tiles, line_ends, arrays } = run;
+        for (tile, starts) in tiles.iter_mut().zip(self.starts.windows(65).step_by(64)) {
+            for (bit, range) in starts.windows(2).enumerate().filter(|(_, range)| range[0] < range[1]) {
+                if tile.occupancy.get() == 0 {
+                    tile.first_line =
+                        U32::new(u32::try_from(line_ends.len()).expect("a face has fewer than 2^32 lines"));
+                    tile.first_record = U64::new(arrays.steps.len() as u64);
+                }
+                let line = &self.order[range[0] as usize..range[1] as usize];
+                let voxels = line.iter().map(|&index| self.voxels[index as usize]);
+                let voxels = voxels
+                    .map(|LineVoxel { t, value, normal, magnitude, .. }| (t, Record { value, normal, magnitude }));
+                let (low, high) = arrays.push_line(channels, voxels);
+                tile.low = U16::new(tile.low.get().min(low));
+                tile.high = U16::new(tile.high.get().max(high));
+                tile.occupancy = U64::new(tile.occupancy.get() | 1 << bit);
+                let end = arrays.steps.len() as u64 - tile.first_record.get();
+                line_ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
+            }
+        }
+    }
+}
+
+impl TileSlot {
+    /// Returns the tile's record before any lines are packed.
+    fn empty_record(&self) -> TileRecord {
+        TileRecord {
+            tile_u: U16::new(self.u),
+            tile_v: U16::new(self.v),
+            first_line: U32::ZERO,
+            first_record: U64::ZERO,
+            occupancy: U64::ZERO,
+            low: U16::new(u16::MAX),
+            high: U16::ZERO,
+        }
+    }
+}

@@ -1,0 +1,197 @@
+//! The slices of a volume that are in memory, and the reader that provides the next ones.
+
+use std::collections::VecDeque;
+
+use super::options::GradientSource;
+use crate::classify::{Neighbourhood, Smoother, TransferFunction};
+use crate::error::{Error, Result};
+use crate::volume::{Header, Sample, Samples, SlabSource};
+use crate::with_samples;
+
+/// The consecutive slices that are in memory.
+pub(super) struct SliceWindow<'a> {
+    header: &'a Header,
+    samples: VecDeque<Samples>,
+    /// Index of the first slice in `samples`.
+    first: u32,
+    fields: VecDeque<Vec<f32>>,
+    /// Index of the first slice in `fields`.
+    first_field: u32,
+}
+
+impl<'a> SliceWindow<'a> {
+    /// Creates an empty window.
+    pub(super) fn new(header: &'a Header) -> SliceWindow<'a> {
+        SliceWindow { header, samples: VecDeque::new(), first: 0, fields: VecDeque::new(), first_field: 0 }
+    }
+
+    /// Returns the samples of slice `z`.
+    ///
+    /// # Panics
+    /// If they are of another type.
+    pub(super) fn typed<T: Sample>(&self, z: u32) -> &[T] {
+        T::slice_of(&self.samples[(z - self.first) as usize]).expect("all slices are of the header's type")
+    }
+
+    /// Returns slice `z` of the samples with its neighbours.
+    pub(super) fn values<T: Sample>(&self, z: u32) -> Neighbourhood<'_, T> {
+        let slice = |z: Option<u32>| z.filter(|&z| z < self.header.grid.dims[2]).map(|z| self.typed(z));
+        let [width, height, _] = self.header.grid.dims.map(|d| d as usize);
+        let (below, above) = (slice(z.checked_sub(1)), slice(Some(z + 1)));
+        Neighbourhood::new(below, self.typed(z), above, [width, height], self.header.grid.spacing)
+            .scaled(self.header.slope, self.header.intercept)
+    }
+
+    /// Returns slice `z` of the smoothed visibility with its neighbours.
+    pub(super) fn visibility(&self, z: u32) -> Neighbourhood<'_> {
+        let field = |z: u32| &self.fields[(z - self.first_field) as usize][..];
+        let slice = |z: Option<u32>| z.filter(|&z| z < self.header.grid.dims[2]).map(field);
+        let [width, height, _] = self.header.grid.dims.map(|d| d as usize);
+        let (below, above) = (slice(z.checked_sub(1)), slice(Some(z + 1)));
+        Neighbourhood::new(below, field(z), above, [width, height], self.header.grid.spacing)
+    }
+
+    fn samples_end(&self) -> u32 {
+        self.first + u32::try_from(self.samples.len()).expect("a grid has at most 65,535 slices")
+    }
+
+    fn fields_end(&self) -> u32 {
+        self.first_field + u32::try_from(self.fields.len()).expect("a grid has at most 65,535 slices")
+    }
+}
+
+/// Slices that were read but not yet added to the window.
+#[derive(Default)]
+pub(super) struct NewSlices {
+    samples: Vec<Samples>,
+    fields: Vec<Vec<f32>>,
+}
+
+impl NewSlices {
+    /// Appends the slices to the window.
+    pub(super) fn join(self, window: &mut SliceWindow) {
+        window.samples.extend(self.samples);
+        window.fields.extend(self.fields);
+    }
+}
+
+/// Reads slices and computes the fields that gradients are taken from.
+pub(super) struct SliceReader<'a> {
+    source: &'a mut dyn SlabSource,
+    header: &'a Header,
+    gradients: GradientSource,
+    transfer: &'a TransferFunction,
+    smoother: Option<Smoother>,
+    spare_samples: Vec<Samples>,
+    spare_fields: Vec<Vec<f32>>,
+}
+
+impl<'a> SliceReader<'a> {
+    pub(super) fn new(
+        source: &'a mut dyn SlabSource,
+        header: &'a Header,
+        gradients: GradientSource,
+        transfer: &'a TransferFunction,
+    ) -> SliceReader<'a> {
+        let smoother = None;
+        SliceReader {
+            source,
+            header,
+            gradients,
+            transfer,
+            smoother,
+            spare_samples: Vec::new(),
+            spare_fields: Vec::new(),
+        }
+    }
+
+    /// Reads the slices below `end`, and those below `reach` that gradients need.
+    pub(super) fn read(&mut self, window: &SliceWindow, end: u32, reach: u32) -> Result<NewSlices> {
+        let mut slices = NewSlices::default();
+        let depth = self.header.grid.dims[2];
+        let (mut read, mut fields) = (window.samples_end(), window.fields_end());
+        let (samples_end, fields_end) = match self.gradients {
+            GradientSource::None | GradientSource::Values => (reach, 0),
+            GradientSource::Visibility => (end, reach),
+        };
+        while read < samples_end || fields < fields_end {
+            if read < depth {
+                let samples = self.next_slice()?;
+                read += 1;
+                if self.gradients == GradientSource::Visibility {
+                    fields += self.smooth(&samples, &mut slices.fields)?;
+                }
+                slices.samples.push(samples);
+            } else {
+                let mut smoothed = self.new_field()?;
+                let given = self.smoother.as_mut().is_some_and(|smoother| smoother.finish(&mut smoothed));
+                assert!(given, "a smoother gives as many slices as it takes");
+                slices.fields.push(smoothed);
+                fields += 1;
+            }
+        }
+        Ok(slices)
+    }
+
+    fn next_slice(&mut self) -> Result<Samples> {
+        let mut samples = self.spare_samples.pop().map_or_else(|| self.header.new_slice(), Ok)?;
+        self.source.read_slice(&mut samples)?;
+        Ok(samples)
+    }
+
+    /// Smooths the visibility of a slice and returns the number of slices that became ready, 0 or 1.
+    fn smooth(&mut self, samples: &Samples, fields: &mut Vec<Vec<f32>>) -> Result<u32> {
+        let mut indicator = self.new_field()?;
+        let mut smoothed = self.new_field()?;
+        let (slope, intercept) = (self.header.slope, self.header.intercept);
+        let visible = |raw: f64| self.transfer.opacity(raw * slope + intercept, 0.0) > 0.0;
+        with_samples!(samples, samples => fill_visibility(samples, &mut indicator, visible));
+        let [width, height, _] = self.header.grid.dims.map(|d| d as usize);
+        let smoother = self.smoother.get_or_insert_with(|| Smoother::new([width, height]));
+        let given = smoother.push(&indicator, &mut smoothed);
+        self.spare_fields.push(indicator);
+        if given {
+            fields.push(smoothed)
+        } else {
+            self.spare_fields.push(smoothed)
+        }
+        Ok(given.into())
+    }
+
+    fn new_field(&mut self) -> Result<Vec<f32>> {
+        if let Some(spare) = self.spare_fields.pop() {
+            return Ok(spare);
+        }
+        let len = usize::try_from(self.header.grid.slice_len()).unwrap_or(usize::MAX);
+        let mut field = Vec::new();
+        let refused = |_| Error::out_of_memory("a slice for gradients", 4 * len as u64);
+        field.try_reserve_exact(len).map_err(refused)?;
+        field.resize(len, 0.0);
+        Ok(field)
+    }
+
+    /// Reuses the memory of slices that are not needed from slice `next` on.
+    pub(super) fn recycle(&mut self, window: &mut SliceWindow, next: u32, reach: u32) {
+        let below = next.saturating_sub(reach);
+        let samples_below = if self.gradients == GradientSource::Values { below } else { next };
+        while window.first < samples_below {
+            self.spare_samples.extend(window.samples.pop_front());
+            window.first += 1;
+        }
+        while self.gradients == GradientSource::Visibility && window.first_field < below {
+            self.spare_fields.extend(window.fields.pop_front());
+            window.first_field += 1;
+        }
+    }
+}
+
+fn fill_visibility<T: Sample>(samples: &[T], field: &mut [f32], visible: impl Fn(f64) -> bool) {
+    // Labels come in runs: evaluate the transfer function once per run.
+    let mut last = None;
+    for (f, &sample) in field.iter_mut().zip(samples) {
+        if last.is_none_or(|(label, _)| label != sample) {
+            last = Some((sample, if visible(sample.to_f64()) { 1.0 } else { 0.0 }));
+        }
+        *f = last.map_or(0.0, |(_, indicator)| indicator);
+    }
+}

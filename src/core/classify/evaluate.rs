@@ -1,0 +1,229 @@
+//! Evaluation of transfer functions: opacity, colour, and the range of visible values.
+//!
+//! In: a value in the samples' own unit (slope and intercept applied) and a gradient magnitude in units per world
+//! length. Out: opacity per reference length, colour in linear light.
+//!
+//! Source of contour and region: M. Levoy, "Display of Surfaces from Volume Data", IEEE CG&A 8(3), 1988, equations
+//! 3 to 5.
+
+use super::colour::Colour;
+use super::kind::{Contour, FactorPoint, Point, TransferKind};
+use super::palette;
+use super::transfer::TransferFunction;
+
+impl TransferFunction {
+    /// Returns a sample's opacity per reference length, from 0 to 1; 0 if `value` is NaN or infinite.
+    ///
+    /// `magnitude` is the gradient magnitude in units per world length; NaN and negative values count as 0. It matters
+    /// only if [`TransferFunction::uses_gradient`].
+    pub fn opacity(&self, value: f64, magnitude: f64) -> f64 {
+        if !value.is_finite() {
+            return 0.0;
+        }
+        let magnitude = magnitude.max(0.0);
+        match &self.kind {
+            TransferKind::Points { points, gradient } => {
+                let opacity = match locate(points, value, |point| point.value) {
+                    KnotPosition::At { first, last } => points[first].opacity.max(points[last].opacity),
+                    KnotPosition::Between { below, above, fraction } => {
+                        lerp(points[below].opacity, points[above].opacity, fraction)
+                    }
+                };
+                if gradient.is_empty() || opacity == 0.0 { opacity } else { opacity * factor(gradient, magnitude) }
+            }
+            TransferKind::Contour { contours, voxel_length } => {
+                let unit = magnitude * voxel_length.unwrap_or(1.0);
+                let clear: f64 = contours.iter().map(|contour| 1.0 - contour_opacity(contour, value, unit)).product();
+                if let [contour] = &contours[..] { contour_opacity(contour, value, unit) } else { 1.0 - clear }
+            }
+            TransferKind::Range { low, high, opacity, .. } => {
+                if *low <= value && value <= *high {
+                    *opacity
+                } else {
+                    0.0
+                }
+            }
+            TransferKind::Region { knots, largest_magnitude } => {
+                if value < knots[0].value || value > knots[knots.len() - 1].value {
+                    return 0.0;
+                }
+                let scale = (magnitude / largest_magnitude.unwrap_or(1.0)).min(1.0);
+                match locate(knots, value, |knot| knot.value) {
+                    KnotPosition::At { last, .. } => scale * knots[last].opacity,
+                    KnotPosition::Between { below, above, fraction } => {
+                        scale * lerp(knots[below].opacity, knots[above].opacity, fraction)
+                    }
+                }
+            }
+            TransferKind::Labels { labels, others } => palette::opacity(labels, *others, value),
+        }
+    }
+
+    /// Returns a sample's colour in linear light, from 0 to 1; black for NaN and for unknown labels.
+    ///
+    /// Colours are interpolated in linear light and constant beyond the ends. Where two points share a value, the more
+    /// opaque one counts.
+    pub fn colour(&self, value: f64) -> [f32; 3] {
+        if value.is_nan() {
+            return [0.0; 3];
+        }
+        match &self.kind {
+            TransferKind::Points { points: knots, .. } | TransferKind::Region { knots, .. } => {
+                match locate(knots, value, |knot| knot.value) {
+                    KnotPosition::At { first, last } => {
+                        let more_opaque = if knots[first].opacity > knots[last].opacity { first } else { last };
+                        knots[more_opaque].colour.linear()
+                    }
+                    KnotPosition::Between { below, above, fraction } => {
+                        mix(knots[below].colour, knots[above].colour, fraction)
+                    }
+                }
+            }
+            TransferKind::Contour { contours, .. } => match locate(contours, value, |contour| contour.value) {
+                KnotPosition::At { last, .. } => contours[last].colour.linear(),
+                KnotPosition::Between { below, above, fraction } => {
+                    mix(contours[below].colour, contours[above].colour, fraction)
+                }
+            },
+            TransferKind::Range { low, high, colours, value_range, .. } => {
+                let [lowest, highest] = value_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+                let from = if low.is_finite() { *low } else { lowest };
+                let to = if high.is_finite() { *high } else { highest };
+                range_colour(colours, from, to, value)
+            }
+            TransferKind::Labels { labels, others } => palette::colour(labels, *others, value),
+        }
+    }
+
+    /// Returns the smallest closed interval of values outside which opacity is 0.
+    ///
+    /// Considers gradient magnitudes from 0 to `largest_magnitude`, which may be infinite. An end may be infinite, and
+    /// `low > high` if nothing can be visible.
+    pub fn domain(&self, largest_magnitude: f64) -> (f64, f64) {
+        let nothing = (f64::INFINITY, f64::NEG_INFINITY);
+        let hull = |a: (f64, f64), b: (f64, f64)| (a.0.min(b.0), a.1.max(b.1));
+        match &self.kind {
+            TransferKind::Points { points, gradient } => {
+                if largest_factor(gradient, largest_magnitude) == 0.0 {
+                    return nothing;
+                }
+                let visible = |point: &Point| point.opacity > 0.0;
+                let (Some(first), Some(last)) = (points.iter().position(visible), points.iter().rposition(visible))
+                else {
+                    return nothing;
+                };
+                let low = first.checked_sub(1).map_or(f64::NEG_INFINITY, |below| points[below].value);
+                let high = points.get(last + 1).map_or(f64::INFINITY, |above| above.value);
+                (low, high)
+            }
+            TransferKind::Contour { contours, voxel_length } => contours
+                .iter()
+                .filter(|contour| contour.opacity > 0.0)
+                .map(|contour| {
+                    let reach = reach(contour, largest_magnitude * voxel_length.unwrap_or(1.0));
+                    (contour.value - reach, contour.value + reach)
+                })
+                .fold(nothing, hull),
+            TransferKind::Range { low, high, opacity, .. } => {
+                if *opacity > 0.0 {
+                    (*low, *high)
+                } else {
+                    nothing
+                }
+            }
+            TransferKind::Region { knots, .. } => {
+                let visible = |knot: &Point| knot.opacity > 0.0;
+                let (Some(first), Some(last)) = (knots.iter().position(visible), knots.iter().rposition(visible))
+                else {
+                    return nothing;
+                };
+                (knots[first.saturating_sub(1)].value, knots[(last + 1).min(knots.len() - 1)].value)
+            }
+            TransferKind::Labels { labels, others } => palette::domain(labels, *others),
+        }
+    }
+}
+
+/// The position of a value among sorted knots, of which at most two share a position.
+enum KnotPosition {
+    /// On a knot or beyond an end; `first != last` where two knots share the position.
+    At { first: usize, last: usize },
+    /// Strictly between two knots.
+    Between { below: usize, above: usize, fraction: f64 },
+}
+
+fn locate<T>(knots: &[T], at: f64, position: impl Fn(&T) -> f64) -> KnotPosition {
+    let above = knots.partition_point(|knot| position(knot) < at);
+    if above == knots.len() {
+        return KnotPosition::At { first: above - 1, last: above - 1 };
+    }
+    let high = position(&knots[above]);
+    if high == at {
+        let is_step = knots.get(above + 1).is_some_and(|next| position(next) == at);
+        return KnotPosition::At { first: above, last: above + usize::from(is_step) };
+    }
+    match above.checked_sub(1) {
+        None => KnotPosition::At { first: 0, last: 0 },
+        Some(below) => KnotPosition::Between { below, above, fraction: fraction(position(&knots[below]), high, at) },
+    }
+}
+
+/// Returns where `at` lies between `low` (0) and `high` (1), which differ, without overflow of the span.
+fn fraction(low: f64, high: f64, at: f64) -> f64 {
+    let span = high - low;
+    let fraction = if span.is_finite() { (at - low) / span } else { (at / 2.0 - low / 2.0) / (high / 2.0 - low / 2.0) };
+    fraction.clamp(0.0, 1.0)
+}
+
+fn lerp(from: f64, to: f64, fraction: f64) -> f64 {
+    from * (1.0 - fraction) + to * fraction
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "single precision is the renderers'")]
+fn mix(from: Colour, to: Colour, fraction: f64) -> [f32; 3] {
+    let (from, to) = (from.linear(), to.linear());
+    std::array::from_fn(|c| lerp(from[c].into(), to[c].into(), fraction) as f32)
+}
+
+fn factor(ramp: &[FactorPoint], magnitude: f64) -> f64 {
+    match locate(ramp, magnitude, |point| point.magnitude) {
+        KnotPosition::At { first, last } => ramp[first].factor.max(ramp[last].factor),
+        KnotPosition::Between { below, above, fraction } => lerp(ramp[below].factor, ramp[above].factor, fraction),
+    }
+}
+
+/// Returns the highest factor for magnitudes from 0 to `largest_magnitude`; 1 without a ramp.
+fn largest_factor(ramp: &[FactorPoint], largest_magnitude: f64) -> f64 {
+    if ramp.is_empty() {
+        return 1.0;
+    }
+    let inside = ramp.iter().filter(|point| point.magnitude <= largest_magnitude).map(|point| point.factor);
+    inside.fold(factor(ramp, 0.0).max(factor(ramp, largest_magnitude.max(0.0))), f64::max)
+}
+
+/// Returns the distance in value at which a contour fades out; `change` is the change of value per voxel.
+fn reach(contour: &Contour, change: f64) -> f64 {
+    if contour.width == 0.0 { 0.0 } else { contour.width * change }
+}
+
+fn contour_opacity(contour: &Contour, value: f64, change: f64) -> f64 {
+    let distance = (contour.value - value).abs();
+    let reach = reach(contour, change);
+    if distance == 0.0 || reach == f64::INFINITY {
+        contour.opacity
+    } else if distance <= reach {
+        contour.opacity * (1.0 - distance / reach)
+    } else {
+        0.0
+    }
+}
+
+/// Returns the colour at `value` of `colours` spread evenly from `from` to `to`; the middle colour if an end is open.
+fn range_colour(colours: &[Colour], from: f64, to: f64, value: f64) -> [f32; 3] {
+    let share = if from < to && from.is_finite() && to.is_finite() { fraction(from, to, value) } else { 0.5 };
+    let position = share * (colours.len() - 1) as f64;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to the number of colours")]
+    let below = (position as usize).min(colours.len() - 1);
+    let above = (below + 1).min(colours.len() - 1);
+    mix(colours[below], colours[above], position - below as f64)
+}

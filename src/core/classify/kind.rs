@@ -1,0 +1,97 @@
+//! The five kinds of transfer function and the knots that define them.
+//!
+//! Source of contour and region: M. Levoy, "Display of Surfaces from Volume Data", IEEE CG&A 8(3), 1988, equations
+//! 3 to 5.
+
+use serde::{Deserialize, Serialize};
+
+use super::colour::Colour;
+use super::palette::{Label, UnlistedLabels};
+
+/// Default opacity of a range: solid within a few voxels, with soft edges.
+pub(super) const RANGE_OPACITY: f64 = 0.8;
+/// Default transition width of a contour, in voxels (Levoy's figures use 2).
+pub(super) const CONTOUR_WIDTH: f64 = 2.0;
+/// Default colours of a range: from brown marrow to ivory bone.
+const RANGE_COLOURS: [[u8; 3]; 4] = [[0xb8, 0x80, 0x5c], [0xdd, 0xb8, 0x90], [0xf1, 0xe2, 0xc8], [0xff, 0xf9, 0xee]];
+
+/// Returns the default colour of a contour: ivory.
+pub(super) fn contour_colour() -> Colour {
+    Colour::from_bytes([0xef, 0xe2, 0xcc])
+}
+
+pub(super) fn range_colours() -> Vec<Colour> {
+    RANGE_COLOURS.map(Colour::from_bytes).to_vec()
+}
+
+/// A control point of a piecewise-linear transfer function.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Point {
+    /// Sample value, in the samples' own unit; finite.
+    pub value: f64,
+    /// Colour at this value.
+    pub colour: Colour,
+    /// Opacity per reference length, from 0 to 1.
+    pub opacity: f64,
+}
+
+/// A control point of the ramp that multiplies opacity by a factor of the gradient magnitude.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FactorPoint {
+    /// Gradient magnitude in units per world length; finite, 0 or above.
+    pub magnitude: f64,
+    /// Factor of the opacity, from 0 to 1.
+    pub factor: f64,
+}
+
+/// An iso-value surface with a soft transition.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Contour {
+    /// The iso-value, in the samples' own unit; finite.
+    pub value: f64,
+    /// Opacity on the surface per reference length, from 0 to 1.
+    pub opacity: f64,
+    /// Half the thickness of the transition, in voxels; finite, 0 or above.
+    #[serde(default = "default_width")]
+    pub width: f64,
+    /// Colour of the surface.
+    #[serde(default = "contour_colour")]
+    pub colour: Colour,
+}
+
+fn default_width() -> f64 {
+    CONTOUR_WIDTH
+}
+
+/// The parameters of a transfer function, by kind; `validate.rs` checks them.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum TransferKind {
+    Points {
+        points: Vec<Point>,
+        gradient: Vec<FactorPoint>,
+    },
+    Contour {
+        contours: Vec<Contour>,
+        voxel_length: Option<f64>,
+    },
+    /// Open ends are infinite.
+    Range {
+        low: f64,
+        high: f64,
+        opacity: f64,
+        colours: Vec<Colour>,
+        value_range: Option<[f64; 2]>,
+    },
+    Region {
+        knots: Vec<Point>,
+        largest_magnitude: Option<f64>,
+    },
+    /// Sorted by label.
+    Labels {
+        labels: Vec<Label>,
+        others: UnlistedLabels,
+    },
+}

@@ -1,0 +1,126 @@
+//! Checks of a transfer function's numbers. Errors name the JSON field: `points[2].opacity`.
+
+use super::kind::{Point, TransferKind};
+use crate::error::{Error, Result};
+
+impl TransferKind {
+    /// Checks that every number is finite and in range, and that knots are sorted.
+    pub(super) fn check(&self) -> Result<()> {
+        match self {
+            TransferKind::Points { points, gradient } => {
+                check_points("points", points, 1, 2)?;
+                for (index, point) in gradient.iter().enumerate() {
+                    check_length(&format!("gradient[{index}].magnitude"), point.magnitude, true)?;
+                    check_share(&format!("gradient[{index}].factor"), point.factor)?;
+                }
+                check_rising("gradient", "magnitude", gradient.iter().map(|point| point.magnitude), 2)?;
+            }
+            TransferKind::Contour { contours, voxel_length } => {
+                check_count("contours", contours.len(), 1)?;
+                for (index, contour) in contours.iter().enumerate() {
+                    check_finite(&format!("contours[{index}].value"), contour.value)?;
+                    check_share(&format!("contours[{index}].opacity"), contour.opacity)?;
+                    check_length(&format!("contours[{index}].width"), contour.width, true)?;
+                }
+                check_rising("contours", "value", contours.iter().map(|contour| contour.value), 1)?;
+                voxel_length.map_or(Ok(()), |length| check_length("voxel_length", length, false))?;
+            }
+            TransferKind::Range { low, high, opacity, colours, value_range } => {
+                if low.is_nan() || high.is_nan() || low > high || *low == f64::INFINITY || *high == f64::NEG_INFINITY {
+                    return Err(field_error(
+                        "range",
+                        format!("is {low}..{high}, but must go from a lower to a higher number"),
+                    ));
+                }
+                check_share("opacity", *opacity)?;
+                check_count("colours", colours.len(), 1)?;
+                if let Some([lowest, highest]) = value_range {
+                    check_finite("value_range[0]", *lowest)?;
+                    check_finite("value_range[1]", *highest)?;
+                    if lowest > highest {
+                        return Err(field_error("value_range", "has its lowest value above its highest; swap them"));
+                    }
+                }
+            }
+            TransferKind::Region { knots, largest_magnitude } => {
+                check_points("knots", knots, 2, 1)?;
+                largest_magnitude.map_or(Ok(()), |most| check_length("largest_magnitude", most, false))?;
+            }
+            TransferKind::Labels { labels, .. } => {
+                for label in labels {
+                    check_share(&format!("opacity of label {}", label.label), label.opacity)?;
+                }
+                if let Some(pair) = labels.windows(2).find(|pair| pair[0].label == pair[1].label) {
+                    return Err(field_error("labels", format!("has label {} twice; keep one", pair[0].label)));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns the error for a field of the transfer function.
+pub(super) fn field_error(field: &str, why: impl Into<String>) -> Error {
+    Error::input(format!("transfer function: {field}"), why)
+}
+
+fn check_points(field: &str, points: &[Point], least: usize, shared: usize) -> Result<()> {
+    check_count(field, points.len(), least)?;
+    for (index, point) in points.iter().enumerate() {
+        check_finite(&format!("{field}[{index}].value"), point.value)?;
+        check_share(&format!("{field}[{index}].opacity"), point.opacity)?;
+    }
+    check_rising(field, "value", points.iter().map(|point| point.value), shared)
+}
+
+fn check_count(field: &str, count: usize, least: usize) -> Result<()> {
+    if count < least {
+        return Err(field_error(field, format!("has {count}, but needs at least {least}")));
+    }
+    Ok(())
+}
+
+fn check_finite(field: &str, number: f64) -> Result<()> {
+    if !number.is_finite() {
+        return Err(field_error(field, format!("is {number}, but must be finite")));
+    }
+    Ok(())
+}
+
+fn check_share(field: &str, number: f64) -> Result<()> {
+    if !(0.0..=1.0).contains(&number) {
+        return Err(field_error(field, format!("is {number}, but must be from 0 to 1")));
+    }
+    Ok(())
+}
+
+/// Checks that `number` is finite and above 0, or 0 where that is allowed.
+pub(super) fn check_length(field: &str, number: f64, zero_allowed: bool) -> Result<()> {
+    let ok = number.is_finite() && (number > 0.0 || (zero_allowed && number == 0.0));
+    if !ok {
+        let least = if zero_allowed { "0 or above" } else { "above 0" };
+        return Err(field_error(field, format!("is {number}, but must be finite and {least}")));
+    }
+    Ok(())
+}
+
+/// Checks that `positions` ascend and that at most `shared` neighbours have the same position.
+fn check_rising(field: &str, position: &str, positions: impl Iterator<Item = f64>, shared: usize) -> Result<()> {
+    let (mut last, mut same) = (f64::NEG_INFINITY, 0);
+    for (index, here) in positions.enumerate() {
+        same = if here == last { same + 1 } else { 1 };
+        if here < last {
+            return Err(field_error(
+                &format!("{field}[{index}].{position}"),
+                format!("is {here}, below {last}; sort them"),
+            ));
+        }
+        if same > shared {
+            let why =
+                format!("is {here}, as {} before it; move or remove it", if shared == 1 { "the one" } else { "two" });
+            return Err(field_error(&format!("{field}[{index}].{position}"), why));
+        }
+        last = here;
+    }
+    Ok(())
+}

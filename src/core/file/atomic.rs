@@ -1,0 +1,217 @@
+//! Atomic writing: a file is replaced as a whole or not at all.
+//!
+//! A regular file is written under a temporary name in the same folder, flushed to disk and renamed. Stopping at any
+//! instant leaves the old file or the new one; `atomic_temporary.rs` removes the temporary file. A link is followed: the
+//! file that it names is replaced. A device or a pipe cannot be replaced and receives the bytes directly.
+
+use std::ffi::OsString;
+use std::fs::File;
+use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
+use std::path::{Path, PathBuf};
+
+use super::atomic_temporary::{TemporaryFile, remove_dead, unnamed};
+use crate::error::{Error, Result};
+
+/// Bytes written between two checks whether to stop.
+const CHUNK_BYTES: usize = 4 << 20;
+/// Most links to follow; the system's own limit.
+const MOST_LINKS: usize = 40;
+
+/// Checks, before any work, whether [`write_atomically`] could write to `path`. Creates nothing lasting, and removes
+/// what killed runs left in the folder.
+///
+/// # Errors
+/// [`Error::Input`] if `path` is a folder or its folder does not exist; [`Error::Io`] if no file can be created there.
+pub fn check_writable(path: &Path) -> Result<()> {
+    match WriteTarget::of(path)? {
+        // Opening a pipe would wait for its reader.
+        WriteTarget::Device => Ok(()),
+        WriteTarget::File { folder, .. } => {
+            remove_dead(&folder);
+            // Only creating a file shows whether that is possible.
+            unnamed(&folder).map(drop)
+        }
+    }
+}
+
+/// Returns the folder for temporary files that are needed to make `path`: its own, or the system's for a device.
+///
+/// # Errors
+/// The same as [`check_writable`]; but nothing is created.
+pub fn scratch_folder(path: &Path) -> Result<PathBuf> {
+    Ok(match WriteTarget::of(path)? {
+        WriteTarget::Device => std::env::temp_dir(),
+        WriteTarget::File { folder, .. } => folder,
+    })
+}
+
+/// Creates or replaces the file at `path` with the output of `write`, as a whole or not at all.
+///
+/// Returns the result of `write`.
+///
+/// # Errors
+/// [`Error::Input`] if `path` is a folder or its folder does not exist; [`Error::Io`] if the folder or the disk refuses.
+/// The temporary file is then removed and an old file is unchanged.
+pub fn write_atomically<T>(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<T>) -> Result<T> {
+    write_atomically_unless(&|| false, path, write)
+}
+
+/// Does the same as [`write_atomically`], unless `stop` returns true.
+///
+/// `stop` is called every few megabytes, and once more before the file is replaced.
+///
+/// # Errors
+/// The same as [`write_atomically`]; [`Error::Interrupted`] if `stop` returns true.
+pub fn write_atomically_unless<T>(
+    stop: &dyn Fn() -> bool,
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
+) -> Result<T> {
+    let target = WriteTarget::of(path)?;
+    if matches!(target, WriteTarget::Device) {
+        let file = File::options().write(true).open(path).map_err(Error::io("open", path))?;
+        return write_through(path, &file, stop, write);
+    }
+    target.replace(path, |file| {
+        let result = write_through(path, file, stop, write)?;
+        // Flushing takes long enough for the user to change their mind.
+        file.sync_all().map_err(Error::io("write", path))?;
+        if stop() { Err(Error::Interrupted) } else { Ok(result) }
+    })
+}
+
+/// Creates or replaces the file at `path` with what `write` writes, at any offset, to a new file.
+///
+/// Returns the result of `write`. A device or a pipe receives the bytes when they are complete.
+///
+/// # Errors
+/// The same as [`write_atomically`], and any error of `write`.
+pub(super) fn write_file_atomically<T>(path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
+    let target = WriteTarget::of(path)?;
+    if matches!(target, WriteTarget::Device) {
+        let mut file = unnamed(&std::env::temp_dir())?;
+        let result = write(&file)?;
+        let mut device = File::options().write(true).open(path).map_err(Error::io("open", path))?;
+        let copied = file.seek(SeekFrom::Start(0)).and_then(|_| io::copy(&mut file, &mut device));
+        return copied.map(|_| result).map_err(Error::io("write", path));
+    }
+    target.replace(path, write)
+}
+
+/// What a path to write to refers to.
+enum WriteTarget {
+    /// Something that exists and is neither a file nor a folder.
+    Device,
+    /// A file that exists or can be created, after following links.
+    File { folder: PathBuf, name: OsString },
+}
+
+impl WriteTarget {
+    /// Replaces the file with the one that `write` fills.
+    fn replace<T>(self, path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
+        let WriteTarget::File { folder, name } = self else { unreachable!("devices are written to as they are") };
+        let temporary = TemporaryFile::new(&folder)?;
+        let result = write(temporary.file())?;
+        temporary.file().sync_all().map_err(Error::io("write", path))?;
+        temporary.rename(&folder.join(name)).map_err(Error::io("replace", path))?;
+        // The name must be on disk too. Where folders cannot be flushed, the file is still complete.
+        let _ = File::open(&folder).and_then(|folder| folder.sync_all());
+        Ok(result)
+    }
+
+    fn of(path: &Path) -> Result<WriteTarget> {
+        let is_folder = || Error::input(path.display().to_string(), "is a folder; give a file name");
+        match std::fs::metadata(path) {
+            Ok(found) if found.is_dir() => return Err(is_folder()),
+            Ok(found) if !found.is_file() => return Ok(WriteTarget::Device),
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(Error::io("create", path)(error)),
+            _ => {}
+        }
+        let mut target = path.to_path_buf();
+        for _ in 0..MOST_LINKS {
+            let Ok(next) = std::fs::read_link(&target) else { break };
+            target = target.parent().unwrap_or(Path::new("")).join(next);
+        }
+        let ends_in_separator = target.as_os_str().as_encoded_bytes().last().is_some_and(|&b| b == b'/');
+        let name = target.file_name().filter(|_| !ends_in_separator).ok_or_else(is_folder)?.to_os_string();
+        let folder = target.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            return Err(Error::input(folder.display().to_string(), "is no folder; create it first"));
+        }
+        Ok(WriteTarget::File { folder: folder.to_path_buf(), name })
+    }
+}
+
+/// A file for intermediate results, in the folder of the final one; removed when this value is dropped.
+#[derive(Debug)]
+pub struct ScratchFile {
+    file: TemporaryFile,
+    /// The file at the path, open and locked, so that other runs do not remove it.
+    held: Option<File>,
+}
+
+impl ScratchFile {
+    /// Creates an empty file in the [`scratch_folder`] of `path`.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if no file can be created there.
+    pub fn beside(path: &Path) -> Result<ScratchFile> {
+        Ok(ScratchFile { file: TemporaryFile::new(&scratch_folder(path)?)?, held: None })
+    }
+
+    /// Returns the file's path. Write there, then call [`ScratchFile::hold`].
+    pub fn path(&self) -> &Path {
+        self.file.path()
+    }
+
+    /// Locks the file that was written at the path.
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the file no longer exists.
+    pub fn hold(&mut self) -> Result<()> {
+        let file = File::options().read(true).write(true).open(self.path()).map_err(Error::io("open", self.path()))?;
+        // On a disk without locks, other runs remove nothing.
+        let _ = file.try_lock();
+        self.held = Some(file);
+        Ok(())
+    }
+}
+
+fn write_through<T>(
+    path: &Path,
+    file: &File,
+    stop: &dyn Fn() -> bool,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
+) -> Result<T> {
+    let mut out = BufWriter::with_capacity(1 << 20, StoppableFile { file, stop });
+    let written = write(&mut out).and_then(|result| out.flush().map(|()| result));
+    // After a failure the buffer must not be written on drop.
+    drop(out.into_parts());
+    written.map_err(|error| match error.get_ref() {
+        Some(reason) if reason.is::<WriteStopped>() => Error::Interrupted,
+        _ => Error::io("write", path)(error),
+    })
+}
+
+/// A file whose writes fail once `stop` returns true.
+struct StoppableFile<'a> {
+    file: &'a File,
+    stop: &'a dyn Fn() -> bool,
+}
+
+#[derive(Debug, thiserror::Error)]
+#[error("stopped")]
+struct WriteStopped;
+
+impl Write for StoppableFile<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        if (self.stop)() {
+            return Err(io::Error::other(WriteStopped));
+        }
+        self.file.write(&bytes[..bytes.len().min(CHUNK_BYTES)])
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.file.flush()
+    }
+}

@@ -1,0 +1,115 @@
+//! Counts which parts of a file map were read since its pages were last released.
+//!
+//! The system maps pages around a fault in aligned blocks of 64 KiB (Linux: `fault_around_bytes`), so a block counts as
+//! resident as a whole. Threads share the count and never wait for each other, except while pages are released.
+//!
+//! After a release, a thread may touch pages that it announced before. Such blocks are resident but not counted until
+//! the next release; each reader has at most [`IN_FLIGHT`](crate::arena::pager::IN_FLIGHT) bytes of them.
+
+use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
+
+/// Bytes of a block, a power of two.
+pub(super) const BLOCK_BYTES: u64 = 1 << 16;
+
+/// The blocks of one map that have been read.
+#[derive(Debug)]
+pub(super) struct ResidentPages {
+    /// First address and length of the map.
+    base: usize,
+    len: usize,
+    /// One bit for each block that the map overlaps.
+    blocks: Box<[AtomicU64]>,
+    /// Number of set bits; off for a moment while other threads set some.
+    held: AtomicI64,
+    /// Most blocks that may be resident.
+    most: i64,
+}
+
+impl ResidentPages {
+    /// Starts counting for the map `bytes`, of which at most `most_bytes`, or one block, may be resident.
+    pub(super) fn new(bytes: &[u8], most_bytes: u64) -> ResidentPages {
+        let base = bytes.as_ptr().addr();
+        let first = base as u64 / BLOCK_BYTES;
+        let last = (base as u64 + bytes.len() as u64) / BLOCK_BYTES;
+        let words = (last - first + 1).div_ceil(64);
+        ResidentPages {
+            base,
+            len: bytes.len(),
+            blocks: (0..words).map(|_| AtomicU64::new(0)).collect(),
+            held: AtomicI64::new(0),
+            most: i64::try_from(most_bytes / BLOCK_BYTES).unwrap_or(i64::MAX).max(1),
+        }
+    }
+
+    /// Notes that `bytes` are about to be read; returns whether too much is resident. Ignores bytes outside the map.
+    #[inline]
+    pub(super) fn note(&self, bytes: &[u8]) -> bool {
+        let start = bytes.as_ptr().addr();
+        let inside = start.checked_sub(self.base).is_some_and(|offset| offset + bytes.len() <= self.len);
+        if bytes.is_empty() || !inside {
+            return false;
+        }
+        let first = self.base as u64 / BLOCK_BYTES;
+        let (from, to) = (start as u64 / BLOCK_BYTES - first, (start + bytes.len() - 1) as u64 / BLOCK_BYTES - first);
+        let mut new = 0;
+        for block in from..=to {
+            let Some(word) = usize::try_from(block / 64).ok().and_then(|word| self.blocks.get(word)) else { break };
+            let bit = 1 << (block % 64);
+            // Load first: most blocks are known, and processors share a line that is only read.
+            if word.load(Ordering::Relaxed) & bit == 0 && word.fetch_or(bit, Ordering::Relaxed) & bit == 0 {
+                new += 1;
+            }
+        }
+        new > 0 && self.held.fetch_add(new, Ordering::Relaxed) + new > self.most
+    }
+
+    /// Returns whether too much is resident.
+    pub(super) fn is_full(&self) -> bool {
+        self.held.load(Ordering::Relaxed) > self.most
+    }
+
+    /// Forgets all blocks, after a release.
+    pub(super) fn clear(&self) {
+        let cleared: u32 = self.blocks.iter().map(|word| word.swap(0, Ordering::Relaxed).count_ones()).sum();
+        self.held.fetch_sub(cleared.into(), Ordering::Relaxed);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: usize = 1 << 16;
+
+    #[test]
+    fn pieces_count_once_until_they_are_released() {
+        let bytes = vec![0u8; 40 * SIZE];
+        let block = |index: usize| &bytes[index * SIZE..][..1];
+        let resident = ResidentPages::new(&bytes, 4 * BLOCK_BYTES);
+        for _ in 0..3 {
+            assert!((0..4).all(|index| !resident.note(block(index))));
+        }
+        assert!(resident.note(block(30)) && resident.is_full());
+        resident.clear();
+        assert!(!resident.is_full() && resident.held.load(Ordering::Relaxed) == 0);
+        // A range counts every block that it meets; one that is not in the map none.
+        assert!(resident.note(&bytes[..5 * SIZE + 1]));
+        resident.clear();
+        let others = vec![0u8; 40 * SIZE];
+        assert!(!resident.note(&others) && !resident.note(&bytes[..0]));
+        assert_eq!(resident.held.load(Ordering::Relaxed), 0);
+    }
+
+    #[test]
+    fn threads_share_one_count() {
+        let bytes = vec![0u8; 64 * SIZE];
+        let resident = ResidentPages::new(&bytes, u64::MAX);
+        std::thread::scope(|scope| {
+            for _ in 0..4 {
+                scope.spawn(|| bytes.chunks(1000).for_each(|chunk| assert!(!resident.note(chunk))));
+            }
+        });
+        let held = resident.held.load(Ordering::Relaxed);
+        assert!((64..=65).contains(&held), "{held}");
+    }
+}

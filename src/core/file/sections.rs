@@ -1,0 +1,109 @@
+//! Writing the sections of an `.adj` file side by side: their sizes are known, their bytes arrive in turns.
+
+use std::fs::File;
+use std::io::{Seek as _, SeekFrom, Write as _};
+use std::path::Path;
+
+use xxhash_rust::xxh3::Xxh3;
+use zerocopy::IntoBytes;
+use zerocopy::byteorder::little_endian::U64;
+
+use super::write::header_with_checksum;
+use crate::arena::layout::{Facts, SectionEntry, SectionKind, aligned};
+use crate::build::budget::WRITE_BYTES;
+use crate::error::{Error, Result};
+
+/// A file in which sections are laid out one after the other.
+pub(super) struct SectionFile<'a> {
+    pub(super) file: &'a File,
+    /// Used in messages.
+    pub(super) path: &'a Path,
+    /// End of the last section.
+    pub(super) end: u64,
+}
+
+impl<'a> SectionFile<'a> {
+    /// Adds a section of `bytes` bytes and returns its writer.
+    pub(super) fn section(&mut self, kind: SectionKind, axis: u8, element_bytes: u8, bytes: u64) -> SectionWriter<'a> {
+        let offset = aligned(self.end);
+        self.end = offset + bytes;
+        let entry = SectionEntry {
+            offset: U64::new(offset),
+            bytes: U64::new(bytes),
+            ..SectionEntry::empty(kind, axis, element_bytes)
+        };
+        let (file, path) = (self.file, self.path);
+        SectionWriter { file, path, entry, at: offset, buffer: Vec::new(), checksum: Xxh3::new() }
+    }
+
+    /// Writes the header and the section table, fills gaps with zeros, and returns the file's length in bytes.
+    pub(super) fn finish(&self, facts: &Facts, table: &[SectionEntry]) -> Result<u64> {
+        let header = header_with_checksum(facts, table, self.end);
+        let mut file = self.file;
+        let mut write = || {
+            file.set_len(aligned(self.end))?;
+            file.seek(SeekFrom::Start(0))?;
+            file.write_all(header.as_bytes())?;
+            file.write_all(table.as_bytes())
+        };
+        write().map_err(Error::io("write", self.path))?;
+        Ok(aligned(self.end))
+    }
+}
+
+/// Writes one section while others are written too.
+pub(super) struct SectionWriter<'a> {
+    file: &'a File,
+    path: &'a Path,
+    entry: SectionEntry,
+    /// Where the buffered bytes belong in the file.
+    at: u64,
+    buffer: Vec<u8>,
+    checksum: Xxh3,
+}
+
+impl SectionWriter<'_> {
+    pub(super) fn element_bytes(&self) -> u8 {
+        self.entry.element_bytes
+    }
+
+    /// Appends bytes to the section.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
+        self.checksum.update(bytes);
+        if (self.buffer.len() + bytes.len()) as u64 <= WRITE_BYTES {
+            self.buffer.extend_from_slice(bytes);
+            return Ok(());
+        }
+        self.flush()?;
+        if bytes.len() as u64 > WRITE_BYTES {
+            self.put(bytes)
+        } else {
+            self.buffer.extend_from_slice(bytes);
+            Ok(())
+        }
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        let buffer = std::mem::take(&mut self.buffer);
+        self.put(&buffer)?;
+        self.buffer = buffer;
+        self.buffer.clear();
+        Ok(())
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        let mut file = self.file;
+        let written = file.seek(SeekFrom::Start(self.at)).and_then(|_| file.write_all(bytes));
+        written.map_err(Error::io("write", self.path))?;
+        self.at += bytes.len() as u64;
+        Ok(())
+    }
+
+    /// Returns the section's entry, after all bytes were written.
+    pub(super) fn finish(mut self) -> Result<SectionEntry> {
+        self.flush()?;
+        assert_eq!(self.at, self.entry.offset.get() + self.entry.bytes.get(), "a section has the length announced");
+        self.entry.xxh3 = U64::new(self.checksum.digest());
+        Ok(self.entry)
+    }
+}
