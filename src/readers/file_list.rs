@@ -5,7 +5,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::lines::Lines;
+use super::lines::HeaderLines;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::MAX_DIM;
 
@@ -20,16 +20,16 @@ const MAX_PATTERN: usize = 4096;
 
 /// A file name with one number in it, as C's `printf` writes it: `slice%03d.raw`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Pattern {
+pub(super) struct FilePattern {
     before: String,
     width: usize,
     zeros: bool,
     after: String,
 }
 
-impl Pattern {
+impl FilePattern {
     /// The pattern in `text`; `None` if it has no `%d` or more than one, or is longer than any path.
-    pub(super) fn parse(text: &str) -> Option<Pattern> {
+    pub(super) fn parse(text: &str) -> Option<FilePattern> {
         if text.len() > MAX_PATTERN {
             return None;
         }
@@ -42,12 +42,12 @@ impl Pattern {
         }
         let zeros = width.starts_with('0');
         let width = if width.is_empty() { 0 } else { width.parse().ok().filter(|w| *w <= MAX_WIDTH)? };
-        Some(Pattern { before: before.replace("%%", "%"), width, zeros, after: after.replace("%%", "%") })
+        Some(FilePattern { before: before.replace("%%", "%"), width, zeros, after: after.replace("%%", "%") })
     }
 
     /// The name of file `number`.
     pub(super) fn name(&self, number: i64) -> String {
-        let Pattern { before, width, zeros, after } = self;
+        let FilePattern { before, width, zeros, after } = self;
         if *zeros { format!("{before}{number:0width$}{after}") } else { format!("{before}{number:width$}{after}") }
     }
 
@@ -96,7 +96,7 @@ pub(super) fn folder_of(path: &Path) -> &Path {
 ///
 /// # Errors
 /// [`Error::Limit`] if there are more than [`MAX_FILES`].
-pub(super) fn listed_files(header: &Path, lines: &mut Lines) -> Result<Vec<PathBuf>> {
+pub(super) fn listed_files(header: &Path, lines: &mut HeaderLines) -> Result<Vec<PathBuf>> {
     let folder = folder_of(header);
     let mut files = Vec::new();
     while let Some(line) = lines.next()? {
@@ -137,16 +137,16 @@ mod tests {
             ("s%3d.raw", 7, "s  7.raw"),
             ("100%%_%02i.x", -1, "100%_-1.x"),
         ] {
-            assert_eq!(Pattern::parse(pattern).map(|p| p.name(number)).as_deref(), Some(name), "{pattern}");
+            assert_eq!(FilePattern::parse(pattern).map(|p| p.name(number)).as_deref(), Some(name), "{pattern}");
         }
         for plain in ["a.raw", "a%20b.raw", "a%d%d", "a%", "%999d", "50%%", "é%"] {
-            assert_eq!(Pattern::parse(plain), None, "{plain}");
+            assert_eq!(FilePattern::parse(plain), None, "{plain}");
         }
     }
 
     #[test]
     fn ranges_are_counted_before_names_are_made() {
-        let pattern = Pattern::parse("f%d").expect("has a number");
+        let pattern = FilePattern::parse("f%d").expect("has a number");
         let files = |range| pattern.files(Path::new("d/h.nhdr"), "rule", range);
         assert_eq!(files([3, 1, -1]).expect("counts down").len(), 3);
         assert_eq!(files([1, 6, 2]).expect("5 is the last").last(), Some(&PathBuf::from("d/f5")));

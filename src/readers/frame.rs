@@ -32,7 +32,7 @@ impl World {
 
 /// Where a file says that its grid lies.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Frame {
+pub(super) struct FileFrame {
     /// Distance between points along each index axis.
     pub(super) spacing: [f64; 3],
     /// World vectors of the index axes; made unit length here.
@@ -48,15 +48,15 @@ pub(super) struct Frame {
 /// Index axes along world axes.
 pub(super) const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-impl Frame {
+impl FileFrame {
     /// A frame along the world's axes, at its origin.
-    pub(super) fn upright(spacing: [f64; 3]) -> Frame {
-        Frame { spacing, direction: IDENTITY, origin: [0.0; 3], world: World::RightHanded, unit: None }
+    pub(super) fn upright(spacing: [f64; 3]) -> FileFrame {
+        FileFrame { spacing, direction: IDENTITY, origin: [0.0; 3], world: World::RightHanded, unit: None }
     }
 
     /// A frame from the world vectors between neighbouring points: `steps[a]` for index axis `a`.
-    pub(super) fn from_steps(steps: [[f64; 3]; 3], origin: [f64; 3], world: World) -> Frame {
-        Frame { spacing: steps.map(length), direction: steps, origin, world, unit: None }
+    pub(super) fn from_steps(steps: [[f64; 3]; 3], origin: [f64; 3], world: World) -> FileFrame {
+        FileFrame { spacing: steps.map(length), direction: steps, origin, world, unit: None }
     }
 
     /// The unit world vector of index axis `axis`.

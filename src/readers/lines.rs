@@ -17,7 +17,7 @@ pub(super) const TEXT_LIMIT: u64 = 4 << 20;
 
 /// One line of a header.
 #[derive(Debug, Clone)]
-pub(super) struct Line {
+pub(super) struct HeaderLine {
     /// Byte offset of its first character in the file.
     pub(super) at: u64,
     /// Its text without the line end.
@@ -25,7 +25,7 @@ pub(super) struct Line {
 }
 
 /// A reader of header lines.
-pub(super) struct Lines {
+pub(super) struct HeaderLines {
     path: PathBuf,
     reader: BufReader<File>,
     at: u64,
@@ -33,11 +33,11 @@ pub(super) struct Lines {
     text_bytes: u64,
 }
 
-impl Lines {
+impl HeaderLines {
     /// Opens `path` at its first line.
-    pub(super) fn open(path: &Path) -> Result<Lines> {
+    pub(super) fn open(path: &Path) -> Result<HeaderLines> {
         let (file, file_len) = open_regular(path, "open")?;
-        Ok(Lines { path: path.to_path_buf(), reader: BufReader::new(file), at: 0, file_len, text_bytes: 0 })
+        Ok(HeaderLines { path: path.to_path_buf(), reader: BufReader::new(file), at: 0, file_len, text_bytes: 0 })
     }
 
     /// Byte offset of the next unread byte.
@@ -46,7 +46,7 @@ impl Lines {
     }
 
     /// The next line, or `None` at the end of the file.
-    pub(super) fn next(&mut self) -> Result<Option<Line>> {
+    pub(super) fn next(&mut self) -> Result<Option<HeaderLine>> {
         let room = TEXT_LIMIT - self.text_bytes;
         let mut bytes = Vec::new();
         let read = (&mut self.reader).take(room + 1).read_until(b'\n', &mut bytes);
@@ -64,7 +64,7 @@ impl Lines {
         while matches!(bytes.last(), Some(b'\n' | b'\r')) {
             bytes.pop();
         }
-        Ok(Some(Line { at: line_at, text: String::from_utf8_lossy(&bytes).into_owned() }))
+        Ok(Some(HeaderLine { at: line_at, text: String::from_utf8_lossy(&bytes).into_owned() }))
     }
 
     /// Whether the next bytes are `word`, in upper or lower case.

@@ -8,13 +8,13 @@
 
 use std::path::{Path, PathBuf};
 
-use super::file_list::{Pattern, check_count, folder_of, listed_files};
-use super::frame::{Frame, IDENTITY, World};
-use super::lines::{Line, Lines, clip};
+use super::file_list::{FilePattern, check_count, folder_of, listed_files};
+use super::frame::{FileFrame, IDENTITY, World};
+use super::lines::{HeaderLine, HeaderLines, clip};
 use super::open::{OpenOptions, file_name};
 use super::raw::type_names;
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, SampleType, SlabSource};
 
@@ -41,19 +41,19 @@ pub(super) fn is_header(probe: &[u8]) -> bool {
 
 /// Opens the MetaImage header at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let mut lines = Lines::open(path)?;
-    let fields = Fields::read(path, &mut lines)?;
+    let mut lines = HeaderLines::open(path)?;
+    let fields = MetaImageFields::read(path, &mut lines)?;
     let (dims, volume_count) = fields.dims(path)?;
     let sample_type = fields.sample_type(path)?;
     let codec = fields.codec(path)?;
     let grid = fields.frame(path)?.grid(path, "MetaImage grid", dims, options.spacing)?;
     let (files, local) = fields.files(path, &mut lines)?;
     let start = match fields.header_size(path)? {
-        HeaderSize::Bytes(0) if local => Start::At(lines.position()),
-        HeaderSize::Bytes(bytes) => Start::At(bytes),
-        HeaderSize::FromEnd => Start::FromEnd { after: 0, least: if local { lines.position() } else { 0 } },
+        HeaderSize::Bytes(0) if local => SampleStart::At(lines.position()),
+        HeaderSize::Bytes(bytes) => SampleStart::At(bytes),
+        HeaderSize::FromEnd => SampleStart::FromEnd { after: 0, least: if local { lines.position() } else { 0 } },
     };
-    let reader = SlabReader::new(Plan {
+    let reader = SlabReader::new(SampleFiles {
         header: Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "MetaImage" },
         codec,
         endian: if fields.flag(&["BinaryDataByteOrderMSB", "ElementByteOrderMSB"]) {
@@ -79,17 +79,17 @@ enum HeaderSize {
 }
 
 /// The header's keys and values.
-struct Fields {
+struct MetaImageFields {
     /// Key, value and offset of each line; the last is `ElementDataFile`.
     entries: Vec<(String, String, u64)>,
     ndims: usize,
 }
 
-impl Fields {
-    fn read(path: &Path, lines: &mut Lines) -> Result<Fields> {
+impl MetaImageFields {
+    fn read(path: &Path, lines: &mut HeaderLines) -> Result<MetaImageFields> {
         let mut entries = Vec::new();
         let mut last = false;
-        while !last && let Some(Line { at, text }) = lines.next()? {
+        while !last && let Some(HeaderLine { at, text }) = lines.next()? {
             if text.trim().is_empty() {
                 continue;
             }
@@ -103,7 +103,7 @@ impl Fields {
                 return Err(Error::Limit { what, need: entries.len() as u64, have: MAX_LINES as u64 });
             }
         }
-        let mut fields = Fields { entries, ndims: 0 };
+        let mut fields = MetaImageFields { entries, ndims: 0 };
         if !last {
             let at = lines.position();
             return Err(Error::format(path, at, "MetaImage ElementDataFile", "such a line", "the end of the file"));
@@ -207,7 +207,7 @@ impl Fields {
         Ok(HeaderSize::Bytes(bytes))
     }
 
-    fn frame(&self, path: &Path) -> Result<Frame> {
+    fn frame(&self, path: &Path) -> Result<FileFrame> {
         let n = self.ndims;
         let spacing: Option<Vec<f64>> = self.numbers(path, &["ElementSpacing", "ElementSize"], n)?;
         let offset: Option<Vec<f64>> = self.numbers(path, &["Offset", "Position", "Origin"], n)?;
@@ -225,7 +225,7 @@ impl Fields {
         } else if let Some(letters) = self.get(&["AnatomicalOrientation"]).and_then(|(text, _)| directions(text)) {
             direction = letters;
         }
-        Ok(Frame {
+        Ok(FileFrame {
             spacing: pad(spacing, 1.0),
             direction,
             origin: pad(offset, 0.0),
@@ -235,7 +235,7 @@ impl Fields {
     }
 
     /// The files that hold the samples, and whether that is this file.
-    fn files(&self, path: &Path, lines: &mut Lines) -> Result<(Vec<PathBuf>, bool)> {
+    fn files(&self, path: &Path, lines: &mut HeaderLines) -> Result<(Vec<PathBuf>, bool)> {
         const RULE: &str = "MetaImage ElementDataFile";
         let (value, at) = self.require(path, "ElementDataFile")?;
         if value.eq_ignore_ascii_case("LOCAL") {
@@ -262,7 +262,7 @@ impl Fields {
         // A pattern: `name%03d.raw`, then up to three numbers: first, last, step.
         let numbers: Vec<i64> = words.iter().rev().map_while(|word| word.parse().ok()).take(3).collect();
         let name = words[..words.len() - numbers.len()].join(" ");
-        if let Some(pattern) = Pattern::parse(&name) {
+        if let Some(pattern) = FilePattern::parse(&name) {
             let need = per_file(self.ndims - 1)?;
             let first = numbers.last().copied().unwrap_or(1);
             let last = match numbers.len() {

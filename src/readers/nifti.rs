@@ -12,11 +12,11 @@ use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
 
-use super::frame::{Frame, World};
+use super::frame::{FileFrame, World};
 use super::open::{OpenOptions, file_name};
 use super::raw::type_names;
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::volume::{Header, SampleType, SlabSource};
@@ -45,7 +45,7 @@ fn version_of(bytes: &[u8]) -> Option<(u8, Endian)> {
 }
 
 /// The fields that matter here, of either version.
-struct Fields {
+struct NiftiFields {
     endian: Endian,
     dim: [i64; 8],
     datatype: i16,
@@ -61,7 +61,7 @@ struct Fields {
     srow: [[f64; 4]; 3],
     /// Samples are in the same file.
     single: bool,
-    /// Bytes of the header.
+    /// HeaderBytes of the header.
     len: usize,
 }
 
@@ -69,7 +69,7 @@ struct Fields {
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     let header_path = header_path_of(path)?;
     let (bytes, header_packed) = read_header(&header_path)?;
-    let fields = Fields::parse(&header_path, &bytes)?;
+    let fields = NiftiFields::parse(&header_path, &bytes)?;
     let (dims, volume_count) = fields.dims(&header_path)?;
     let sample_type = fields.sample_type(&header_path)?;
     let (slope, intercept) = fields.scaling(&header_path)?;
@@ -90,12 +90,12 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         name: file_name(path),
         format: if fields.len == HEADER_1 { "NIfTI-1" } else { "NIfTI-2" },
     };
-    let reader = SlabReader::new(Plan {
+    let reader = SlabReader::new(SampleFiles {
         header,
         codec: if packed { Codec::Deflate } else { Codec::Raw },
         endian: fields.endian,
         files: vec![file],
-        start: Start::At(if packed { 0 } else { offset }),
+        start: SampleStart::At(if packed { 0 } else { offset }),
         line_skip: 0,
         byte_skip: if packed { offset } else { 0 },
         volume_count,
@@ -110,14 +110,14 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 ///
 /// # Errors
 /// [`Error::Format`] if `bytes` do not start with a header.
-pub(super) fn place_of(path: &Path, bytes: &[u8]) -> Result<(Frame, f64, f64)> {
-    let fields = Fields::parse(path, bytes)?;
+pub(super) fn place_of(path: &Path, bytes: &[u8]) -> Result<(FileFrame, f64, f64)> {
+    let fields = NiftiFields::parse(path, bytes)?;
     let (slope, intercept) = fields.scaling(path)?;
     Ok((fields.frame(), slope, intercept))
 }
 
-impl Fields {
-    fn parse(path: &Path, bytes: &[u8]) -> Result<Fields> {
+impl NiftiFields {
+    fn parse(path: &Path, bytes: &[u8]) -> Result<NiftiFields> {
         let Some((version, endian)) = version_of(bytes) else {
             return Err(Error::format(path, 0, "NIfTI sizeof_hdr", "348 or 540 in either byte order", shown(bytes, 4)));
         };
@@ -132,9 +132,9 @@ impl Fields {
             let expected = format!("\"n+{version}\" or \"ni{version}\" (ANALYZE 7.5 files are not supported)");
             return Err(Error::format(path, magic_at as u64, "NIfTI magic", expected, shown(magic, 4)));
         }
-        let f = Bytes { bytes, endian };
+        let f = HeaderBytes { bytes, endian };
         Ok(if version == 1 {
-            Fields {
+            NiftiFields {
                 endian,
                 dim: std::array::from_fn(|i| f.i16(40 + 2 * i).into()),
                 datatype: f.i16(70),
@@ -152,7 +152,7 @@ impl Fields {
                 len,
             }
         } else {
-            Fields {
+            NiftiFields {
                 endian,
                 dim: std::array::from_fn(|i| f.i64(16 + 8 * i)),
                 datatype: f.i16(12),
@@ -256,16 +256,16 @@ impl Fields {
         Ok(offset)
     }
 
-    fn frame(&self) -> Frame {
+    fn frame(&self) -> FileFrame {
         let column = |c: usize| [self.srow[0][c], self.srow[1][c], self.srow[2][c]];
         let steps = [column(0), column(1), column(2)];
         let mut frame = if self.sform_code > 0 && is_invertible(steps) {
-            Frame::from_steps(steps, column(3), World::RightHanded)
+            FileFrame::from_steps(steps, column(3), World::RightHanded)
         } else if self.qform_code > 0 {
             let spacing = [self.pixdim[1], self.pixdim[2], self.pixdim[3]];
-            Frame { direction: self.rotation(), origin: self.qoffset, ..Frame::upright(spacing) }
+            FileFrame { direction: self.rotation(), origin: self.qoffset, ..FileFrame::upright(spacing) }
         } else {
-            Frame::upright([self.pixdim[1], self.pixdim[2], self.pixdim[3]])
+            FileFrame::upright([self.pixdim[1], self.pixdim[2], self.pixdim[3]])
         };
         let used = usize::try_from(self.dim[0]).unwrap_or(3);
         for axis in used..3 {
@@ -312,12 +312,12 @@ fn is_invertible(steps: [[f64; 3]; 3]) -> bool {
 }
 
 /// Numbers in a header of either byte order; offsets are constants below its checked length.
-struct Bytes<'a> {
+struct HeaderBytes<'a> {
     bytes: &'a [u8],
     endian: Endian,
 }
 
-impl Bytes<'_> {
+impl HeaderBytes<'_> {
     fn array<const N: usize>(&self, at: usize) -> [u8; N] {
         let mut array = [0; N];
         array.copy_from_slice(&self.bytes[at..at + N]);

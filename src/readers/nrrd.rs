@@ -9,14 +9,14 @@
 
 use std::path::{Path, PathBuf};
 
-use super::file_list::{Pattern, check_count, folder_of, listed_files};
-use super::frame::{Frame, World};
-use super::lines::{Lines, clip};
+use super::file_list::{FilePattern, check_count, folder_of, listed_files};
+use super::frame::{FileFrame, World};
+use super::lines::{HeaderLines, clip};
 use super::nrrd_axes as axes;
 use super::open::{OpenOptions, file_name};
 use super::raw::type_names;
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, SampleType, SlabSource};
 
@@ -26,7 +26,7 @@ const RULE_FILES: &str = "NRRD data file";
 /// Most dimensions that a NRRD may have.
 const MAX_DIMENSION: usize = 16;
 
-/// Fields that say nothing about which samples there are or where.
+/// NrrdFields that say nothing about which samples there are or where.
 const IGNORED: &[&str] = &[
     "content",
     "number",
@@ -47,7 +47,7 @@ const IGNORED: &[&str] = &[
     "spacedimension",
 ];
 
-/// Fields that do.
+/// NrrdFields that do.
 const USED: &[&str] = &[
     "dimension",
     "sizes",
@@ -67,8 +67,8 @@ const USED: &[&str] = &[
 
 /// Opens the NRRD at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let mut lines = Lines::open(path)?;
-    let fields = Fields::read(path, &mut lines)?;
+    let mut lines = HeaderLines::open(path)?;
+    let fields = NrrdFields::read(path, &mut lines)?;
     let sizes = fields.sizes()?;
     let sample_type = fields.sample_type()?;
     let codec = fields.codec()?;
@@ -83,10 +83,10 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let byte_skip = fields.byte_skip(codec)?;
     // Where a negative skip counts from the end, lines before the samples do not matter.
     let (start, line_skip, byte_skip) = match byte_skip {
-        Skip::Forward(bytes) => (Start::At(header_end), fields.whole("lineskip")?, bytes),
-        Skip::FromEnd(after) => (Start::FromEnd { after, least: header_end }, 0, 0),
+        ByteSkip::Forward(bytes) => (SampleStart::At(header_end), fields.whole("lineskip")?, bytes),
+        ByteSkip::FromEnd(after) => (SampleStart::FromEnd { after, least: header_end }, 0, 0),
     };
-    let reader = SlabReader::new(Plan {
+    let reader = SlabReader::new(SampleFiles {
         header: Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "NRRD" },
         codec,
         endian,
@@ -102,27 +102,27 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     Ok(Box::new(reader))
 }
 
-enum Skip {
+enum ByteSkip {
     Forward(u64),
     FromEnd(u64),
 }
 
 /// The header's fields: names in lower case without spaces, values, offsets.
-struct Fields {
+struct NrrdFields {
     path: PathBuf,
     entries: Vec<(String, String, u64)>,
     /// A blank line ended the header, so samples may follow.
     ended: bool,
 }
 
-impl Fields {
-    fn read(path: &Path, lines: &mut Lines) -> Result<Fields> {
+impl NrrdFields {
+    fn read(path: &Path, lines: &mut HeaderLines) -> Result<NrrdFields> {
         let fault = |at, rule, expected: &str, got: &str| Err(Error::format(path, at, rule, expected, clip(got)));
         let magic = lines.next()?.map(|line| line.text).unwrap_or_default();
         if !matches!(magic.trim_end().strip_prefix("NRRD000"), Some("1" | "2" | "3" | "4" | "5")) {
             return fault(0, "NRRD magic", "NRRD0001 to NRRD0005", &magic);
         }
-        let mut fields = Fields { path: path.to_path_buf(), entries: Vec::new(), ended: false };
+        let mut fields = NrrdFields { path: path.to_path_buf(), entries: Vec::new(), ended: false };
         while let Some(line) = lines.next()? {
             let text = line.text.trim_end();
             if text.is_empty() {
@@ -242,18 +242,18 @@ impl Fields {
         }
     }
 
-    fn byte_skip(&self, codec: Codec) -> Result<Skip> {
-        let Some(value) = self.get("byteskip") else { return Ok(Skip::Forward(0)) };
+    fn byte_skip(&self, codec: Codec) -> Result<ByteSkip> {
+        let Some(value) = self.get("byteskip") else { return Ok(ByteSkip::Forward(0)) };
         match value.parse::<i64>() {
             // -1 puts the samples at the end of the file; each less leaves one more byte behind them.
-            Ok(skip) if skip < 0 && codec == Codec::Raw => Ok(Skip::FromEnd(skip.unsigned_abs() - 1)),
-            Ok(skip) if skip >= 0 => Ok(Skip::Forward(skip.unsigned_abs())),
+            Ok(skip) if skip < 0 && codec == Codec::Raw => Ok(ByteSkip::FromEnd(skip.unsigned_abs() - 1)),
+            Ok(skip) if skip >= 0 => Ok(ByteSkip::Forward(skip.unsigned_abs())),
             _ => Err(self.fault("byteskip", "NRRD byte skip", "a number, 0 or more unless the encoding is raw".into())),
         }
     }
 
     /// Where the first three of `dimension` axes lie.
-    fn frame(&self, dimension: usize) -> Result<Frame> {
+    fn frame(&self, dimension: usize) -> Result<FileFrame> {
         const RULE: &str = "NRRD space";
         let world = match self.get("space") {
             None => World::RightHanded,
@@ -265,7 +265,7 @@ impl Fields {
                 let steps = axes::vectors(text).filter(|all| all.len() == dimension).and_then(|all| axes::steps(&all));
                 let expected = || format!("{dimension} vectors (x,y,z) or \"none\"");
                 let steps = steps.ok_or_else(|| self.fault("spacedirections", "NRRD space directions", expected()))?;
-                Frame::from_steps(steps, [0.0; 3], world)
+                FileFrame::from_steps(steps, [0.0; 3], world)
             }
             None => {
                 let spacing = match self.get("spacings") {
@@ -278,7 +278,7 @@ impl Fields {
                         [all[0], all[1], all.get(2).copied().unwrap_or(1.0)]
                     }
                 };
-                Frame { world, ..Frame::upright(spacing) }
+                FileFrame { world, ..FileFrame::upright(spacing) }
             }
         };
         if let Some(text) = self.get("spaceorigin") {
@@ -290,7 +290,7 @@ impl Fields {
     }
 
     /// The files that hold the samples, and where in each they start.
-    fn files(&self, sizes: &[u64], lines: &mut Lines) -> Result<(Vec<PathBuf>, u64)> {
+    fn files(&self, sizes: &[u64], lines: &mut HeaderLines) -> Result<(Vec<PathBuf>, u64)> {
         let Some(value) = self.get("datafile") else {
             if !self.ended {
                 let got = "the end of the file";
@@ -309,7 +309,7 @@ impl Fields {
         // A pattern: `name%03d.raw`, then three or four numbers: first, last, step, dimensions of each file.
         let numbers: Vec<i64> = words.iter().rev().map_while(|word| word.parse().ok()).take(4).collect();
         if numbers.len() >= 3
-            && let Some(pattern) = Pattern::parse(&words[..words.len() - numbers.len()].join(" "))
+            && let Some(pattern) = FilePattern::parse(&words[..words.len() - numbers.len()].join(" "))
         {
             let mut numbers = numbers;
             numbers.reverse();

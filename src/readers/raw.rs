@@ -7,10 +7,10 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::frame::Frame;
+use super::frame::FileFrame;
 use super::open::{OpenOptions, file_name};
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::volume::{Header, MAX_DIM, SampleType, SlabSource};
@@ -79,7 +79,7 @@ pub(super) fn type_names() -> String {
 
 /// Opens the raw file at `path`.
 pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let grid = Frame::upright(raw.spacing).grid(path, "raw dims", raw.dims, options.spacing)?;
+    let grid = FileFrame::upright(raw.spacing).grid(path, "raw dims", raw.dims, options.spacing)?;
     let (mut file, len) = open_regular(path, "open")?;
     let mut magic = Vec::new();
     (&mut file).take(2).read_to_end(&mut magic).map_err(Error::io("read", path))?;
@@ -98,12 +98,12 @@ pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Resu
     }
     // In a compressed file the skipped bytes are compressed too.
     let (start, byte_skip) = if codec == Codec::Raw { (raw.skip, 0) } else { (0, raw.skip) };
-    let reader = SlabReader::new(Plan {
+    let reader = SlabReader::new(SampleFiles {
         header,
         codec,
         endian: raw.endian,
         files: vec![path.to_path_buf()],
-        start: Start::At(start),
+        start: SampleStart::At(start),
         line_skip: 0,
         byte_skip,
         volume_count: 1,

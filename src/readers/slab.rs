@@ -11,7 +11,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::stream::{Codec, DEFLATE_RATIO, Start, Stream};
+use super::stream::{Codec, DEFLATE_RATIO, SampleStart, SampleStream};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, Samples, SlabSource};
 
@@ -43,7 +43,7 @@ pub(super) enum Tail {
 
 /// Where a volume's samples are.
 #[derive(Debug, Clone)]
-pub(super) struct Plan {
+pub(super) struct SampleFiles {
     /// What is known of the volume.
     pub(super) header: Header,
     /// How samples are packed.
@@ -53,7 +53,7 @@ pub(super) struct Plan {
     /// The files, in order; each holds the same number of samples. At least one.
     pub(super) files: Vec<PathBuf>,
     /// Where samples start in each.
-    pub(super) start: Start,
+    pub(super) start: SampleStart,
     /// Lines to skip from there, before decoding.
     pub(super) line_skip: u64,
     /// Bytes to skip from there, after decoding.
@@ -70,13 +70,13 @@ pub(super) struct Plan {
 
 /// Reads a plan's slices.
 pub(super) struct SlabReader {
-    plan: Plan,
+    plan: SampleFiles,
     /// Samples that each file holds.
     file_samples: u64,
     /// Slices read since the start.
     slices_read: u32,
     /// The file that is open, its samples not yet read, and which file it is.
-    stream: Option<Stream>,
+    stream: Option<SampleStream>,
     left: u64,
     file_index: usize,
     /// A read failed, so the position is not known.
@@ -89,7 +89,7 @@ impl SlabReader {
     /// # Errors
     /// [`Error::Io`] if a file is missing; [`Error::Format`] if one cannot hold its samples; [`Error::Limit`] if
     /// sizes overflow; [`Error::Input`] if there is no such volume.
-    pub(super) fn new(plan: Plan) -> Result<SlabReader> {
+    pub(super) fn new(plan: SampleFiles) -> Result<SlabReader> {
         plan.header.grid.check()?;
         let volume_samples = plan.header.grid.len();
         check_volume(plan.volume_index, plan.volume_count)?;
@@ -122,15 +122,15 @@ impl SlabReader {
         let width = plan.header.sample_type.bytes() as u64;
         let path = plan.files.get(index).ok_or_else(|| Error::input("data files", "are too few"))?;
         let at = match plan.start {
-            Start::At(at) => at,
-            Start::FromEnd { after, least } => {
+            SampleStart::At(at) => at,
+            SampleStart::FromEnd { after, least } => {
                 let len = std::fs::metadata(path).map_err(Error::io("open data file", path))?.len();
                 let used = (self.file_samples * width).saturating_add(after);
                 let at = len.checked_sub(used).filter(|at| *at >= least);
                 at.ok_or_else(|| short(plan, path, used.saturating_add(least), len))?
             }
         };
-        let mut stream = Stream::open(path, plan.codec, at, plan.line_skip, plan.rule)?;
+        let mut stream = SampleStream::open(path, plan.codec, at, plan.line_skip, plan.rule)?;
         stream.skip_bytes(plan.byte_skip)?;
         stream.skip_samples(skip, width)?;
         self.stream = Some(stream);
@@ -188,7 +188,7 @@ impl SlabSource for SlabReader {
     }
 
     fn buffer_bytes(&self) -> u64 {
-        self.stream.as_ref().map_or(0, Stream::buffer_bytes)
+        self.stream.as_ref().map_or(0, SampleStream::buffer_bytes)
     }
 }
 
@@ -231,7 +231,7 @@ pub(super) fn check_volume(index: u64, count: u64) -> Result<()> {
 }
 
 /// Checks that the file at `path` is there and long enough for `samples` samples of `width` bytes.
-fn check_file(plan: &Plan, path: &Path, samples: u64, width: u64) -> Result<()> {
+fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Result<()> {
     let kind = std::fs::metadata(path).map_err(Error::io("open data file", path))?;
     if !kind.is_file() {
         return Err(Error::input(path.display().to_string(), "is not a regular file, but the header says it is data"));
@@ -239,8 +239,8 @@ fn check_file(plan: &Plan, path: &Path, samples: u64, width: u64) -> Result<()> 
     let len = kind.len();
     let bytes = samples * width;
     let before = match plan.start {
-        Start::At(at) => at.saturating_add(plan.line_skip),
-        Start::FromEnd { after, least } => after.saturating_add(least),
+        SampleStart::At(at) => at.saturating_add(plan.line_skip),
+        SampleStart::FromEnd { after, least } => after.saturating_add(least),
     };
     let room = len.saturating_sub(before);
     match plan.codec {
@@ -281,7 +281,7 @@ fn check_file(plan: &Plan, path: &Path, samples: u64, width: u64) -> Result<()> 
 }
 
 /// "64 x 64 x 93 of i16", and how many volumes and files where there are more than one.
-fn described(plan: &Plan) -> String {
+fn described(plan: &SampleFiles) -> String {
     let [x, y, z] = plan.header.grid.dims;
     let mut text = format!("{x} x {y} x {z} of {}", plan.header.sample_type.name());
     if plan.volume_count > 1 {
@@ -293,6 +293,6 @@ fn described(plan: &Plan) -> String {
     text
 }
 
-fn short(plan: &Plan, path: &Path, need: u64, len: u64) -> Error {
+fn short(plan: &SampleFiles, path: &Path, need: u64, len: u64) -> Error {
     Error::format(path, len, plan.rule, format!("{need} bytes ({})", described(plan)), format!("{len} bytes"))
 }

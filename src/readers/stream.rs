@@ -15,7 +15,7 @@ use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 
 use super::tokens;
 use super::tokens::TextReader;
-use super::vti_array::{ArrayReader, Coding};
+use super::vti_array::{ArrayCoding, ArrayReader};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::volume::Samples;
@@ -33,7 +33,7 @@ pub(super) enum Codec {
     /// The same, up to the next XML tag.
     TextToTag,
     /// An array of a VTK XML file.
-    Array(Coding),
+    Array(ArrayCoding),
 }
 
 impl Codec {
@@ -45,7 +45,7 @@ impl Codec {
 
 /// Where a file's samples start, before decoding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Start {
+pub(super) enum SampleStart {
     /// At this byte offset.
     At(u64),
     /// Where the last sample is the file's last but for some bytes; uncompressed samples only.
@@ -63,7 +63,7 @@ pub(super) const DEFLATE_RATIO: u64 = 1032;
 const BUFFER_BYTES: usize = 64 << 10;
 
 /// The samples of one file, from the first to be read.
-pub(super) struct Stream {
+pub(super) struct SampleStream {
     path: PathBuf,
     rule: &'static str,
     bytes_read: u64,
@@ -78,9 +78,9 @@ enum Packed {
     Array(Box<ArrayReader>),
 }
 
-impl Stream {
+impl SampleStream {
     /// Opens `path` with `codec`; samples start at byte `at`, after `line_skip` more lines.
-    pub(super) fn open(path: &Path, codec: Codec, at: u64, line_skip: u64, rule: &'static str) -> Result<Stream> {
+    pub(super) fn open(path: &Path, codec: Codec, at: u64, line_skip: u64, rule: &'static str) -> Result<SampleStream> {
         let (file, _) = open_regular(path, "open data file")?;
         let read_failed = || Error::io("read", path);
         let mut reader = BufReader::with_capacity(BUFFER_BYTES, file);
@@ -104,14 +104,14 @@ impl Stream {
                 }
             },
         };
-        Ok(Stream { path: path.to_path_buf(), rule, bytes_read: 0, packed })
+        Ok(SampleStream { path: path.to_path_buf(), rule, bytes_read: 0, packed })
     }
 
     /// Fills samples `range` of `slice`, in the file's byte order.
     pub(super) fn read(&mut self, slice: &mut Samples, range: std::ops::Range<usize>) -> Result<()> {
         let width = slice.sample_type().bytes();
         if let Packed::Text(reader) = &mut self.packed {
-            let place = tokens::Place { path: &self.path, rule: self.rule };
+            let place = tokens::ErrorSite { path: &self.path, rule: self.rule };
             return with_samples!(slice, samples => tokens::read_numbers(reader, &mut samples[range], place));
         }
         self.read_bytes(&mut slice.bytes_mut()[range.start * width..range.end * width])
@@ -121,7 +121,7 @@ impl Stream {
     pub(super) fn skip_samples(&mut self, count: u64, width: u64) -> Result<()> {
         match &mut self.packed {
             Packed::Text(reader) => {
-                let place = tokens::Place { path: &self.path, rule: self.rule };
+                let place = tokens::ErrorSite { path: &self.path, rule: self.rule };
                 for _ in 0..count {
                     tokens::skip_number(reader, place)?;
                 }
@@ -163,7 +163,7 @@ impl Stream {
         let mut next = [0];
         let more = match &mut self.packed {
             Packed::Text(reader) => {
-                let place = tokens::Place { path: &self.path, rule: self.rule };
+                let place = tokens::ErrorSite { path: &self.path, rule: self.rule };
                 !tokens::at_end(reader, place)?
             }
             Packed::Raw(file) => read_some(file, &mut next).map_err(|e| self.fault(e, 0))? > 0,

@@ -15,7 +15,7 @@ const TOKEN_LIMIT: usize = 1100;
 
 /// Where an error is to point.
 #[derive(Clone, Copy)]
-pub(super) struct Place<'a> {
+pub(super) struct ErrorSite<'a> {
     /// The file.
     pub(super) path: &'a Path,
     /// The rule that asks for these numbers.
@@ -119,7 +119,11 @@ impl FromText for f64 {
 ///
 /// # Errors
 /// [`Error::Format`] if the text ends before them or one is not a number of the type.
-pub(super) fn read_numbers<S: FromText>(reader: &mut TextReader, samples: &mut [S], place: Place<'_>) -> Result<()> {
+pub(super) fn read_numbers<S: FromText>(
+    reader: &mut TextReader,
+    samples: &mut [S],
+    place: ErrorSite<'_>,
+) -> Result<()> {
     let mut token = [0; TOKEN_LIMIT];
     for sample in samples {
         let text = next_token(reader, &mut token, place)?;
@@ -140,17 +144,17 @@ pub(super) fn read_numbers<S: FromText>(reader: &mut TextReader, samples: &mut [
 ///
 /// # Errors
 /// [`Error::Format`] if the text ends before it.
-pub(super) fn skip_number(reader: &mut TextReader, place: Place<'_>) -> Result<()> {
+pub(super) fn skip_number(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<()> {
     next_token(reader, &mut [0; TOKEN_LIMIT], place).map(|_| ())
 }
 
 /// Whether only white space is left.
-pub(super) fn at_end(reader: &mut TextReader, place: Place<'_>) -> Result<bool> {
+pub(super) fn at_end(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<bool> {
     skip_separators(reader, place)
 }
 
 /// Skips white space and commas; whether the file ends there.
-fn skip_separators(reader: &mut TextReader, place: Place<'_>) -> Result<bool> {
+fn skip_separators(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<bool> {
     loop {
         let ahead = reader.fill_buf().map_err(Error::io("read", place.path))?;
         if ahead.is_empty() {
@@ -169,7 +173,7 @@ fn is_separator(byte: u8) -> bool {
     byte.is_ascii_whitespace() || byte == b',' || byte == 0x0b
 }
 
-fn next_token<'t>(reader: &mut TextReader, token: &'t mut [u8; TOKEN_LIMIT], place: Place<'_>) -> Result<&'t str> {
+fn next_token<'t>(reader: &mut TextReader, token: &'t mut [u8; TOKEN_LIMIT], place: ErrorSite<'_>) -> Result<&'t str> {
     if skip_separators(reader, place)? {
         let at = reader.position();
         return Err(Error::format(place.path, at, place.rule, "another number", "the end of the file"));

@@ -11,14 +11,14 @@
 
 use std::path::Path;
 
-use super::frame::Frame;
+use super::frame::FileFrame;
 use super::lines::clip;
 use super::open::{OpenOptions, file_name};
 use super::raw::type_names;
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
-use super::vti_array::{Coding, Compressor};
-use super::vti_tags::{Tag, Tags};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
+use super::vti_array::{ArrayCoding, Compressor};
+use super::vti_tags::{XmlTag, XmlTags};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, SampleType, SlabSource};
 
@@ -31,7 +31,7 @@ pub(super) fn is_header(probe: &[u8]) -> bool {
 
 /// Opens the VTK XML image file at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let image = Image::read(path)?;
+    let image = VtiImage::read(path)?;
     let (array, in_cells) = image.choose()?;
     let sample_type = sample_type(&array.type_name).ok_or_else(|| {
         let expected = format!("one of {} (VTK: UInt8 ... Float64)", type_names());
@@ -43,12 +43,12 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let (codec, at) = image.packing(array, bytes)?;
     let header =
         Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "VTK XML image" };
-    let reader = SlabReader::new(Plan {
+    let reader = SlabReader::new(SampleFiles {
         header,
         codec,
         endian: image.endian,
         files: vec![path.to_path_buf()],
-        start: Start::At(at),
+        start: SampleStart::At(at),
         line_skip: 0,
         byte_skip: 0,
         volume_count: 1,
@@ -61,15 +61,15 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 
 /// What an array belongs to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Section {
+enum ArraySection {
     Points,
     Cells,
 }
 
 /// One array, as its tag tells of it.
 #[derive(Debug)]
-struct Array {
-    section: Section,
+struct DataArray {
+    section: ArraySection,
     /// Byte offset behind its tag, where inline values start.
     at: u64,
     name: String,
@@ -82,7 +82,7 @@ struct Array {
 
 /// What the tags of a file say.
 #[derive(Debug)]
-struct Image<'a> {
+struct VtiImage<'a> {
     path: &'a Path,
     endian: Endian,
     wide: bool,
@@ -95,17 +95,17 @@ struct Image<'a> {
     direction: [[f64; 3]; 3],
     /// The piece's extent, as its tag tells it.
     piece: Option<[[i64; 2]; 3]>,
-    arrays: Vec<Array>,
+    arrays: Vec<DataArray>,
     /// What `PointData` and `CellData` name as their scalars.
     active: [Option<String>; 2],
     /// Byte offset of the first appended value, and whether those are base64.
     appended: Option<(u64, bool)>,
 }
 
-impl<'a> Image<'a> {
-    fn read(path: &'a Path) -> Result<Image<'a>> {
-        let mut tags = Tags::open(path)?;
-        let mut image = Image {
+impl<'a> VtiImage<'a> {
+    fn read(path: &'a Path) -> Result<VtiImage<'a>> {
+        let mut tags = XmlTags::open(path)?;
+        let mut image = VtiImage {
             path,
             endian: Endian::NATIVE,
             wide: false,
@@ -133,11 +133,11 @@ impl<'a> Image<'a> {
                 }
                 ("Piece", true) if is_image => image.piece(&tag)?,
                 ("PointData", true) if image.piece.is_some() => {
-                    section = Some(Section::Points);
+                    section = Some(ArraySection::Points);
                     image.active[0] = tag.value("Scalars");
                 }
                 ("CellData", true) if image.piece.is_some() => {
-                    section = Some(Section::Cells);
+                    section = Some(ArraySection::Cells);
                     image.active[1] = tag.value("Scalars");
                 }
                 ("PointData" | "CellData", false) => section = None,
@@ -172,7 +172,7 @@ impl<'a> Image<'a> {
         Ok(image)
     }
 
-    fn file(&mut self, tag: &Tag) -> Result<()> {
+    fn file(&mut self, tag: &XmlTag) -> Result<()> {
         match tag.value("type").as_deref() {
             Some("ImageData") => {}
             other => {
@@ -197,7 +197,7 @@ impl<'a> Image<'a> {
         Ok(())
     }
 
-    fn image(&mut self, tag: &Tag) -> Result<()> {
+    fn image(&mut self, tag: &XmlTag) -> Result<()> {
         let missing = || self.fault(tag.at, "VTK WholeExtent", "six whole numbers", "no such attribute");
         let extent = tag.value("WholeExtent").ok_or_else(missing)?;
         let extent = self.extent_in(tag, "VTK WholeExtent", &extent)?;
@@ -225,7 +225,7 @@ impl<'a> Image<'a> {
         Ok(())
     }
 
-    fn piece(&mut self, tag: &Tag) -> Result<()> {
+    fn piece(&mut self, tag: &XmlTag) -> Result<()> {
         const RULE: &str = "VTK Piece";
         let text = tag.value("Extent");
         let extent = match &text {
@@ -244,7 +244,7 @@ impl<'a> Image<'a> {
         Ok(())
     }
 
-    fn extent_in(&self, tag: &Tag, rule: &'static str, text: &str) -> Result<[[i64; 2]; 3]> {
+    fn extent_in(&self, tag: &XmlTag, rule: &'static str, text: &str) -> Result<[[i64; 2]; 3]> {
         let parsed = numbers::<i64>(text).and_then(|v| <[i64; 6]>::try_from(v).ok());
         let extent = parsed.map(|[a, b, c, d, e, f]| [[a, b], [c, d], [e, f]]);
         // Indices in VTK are 32-bit, so differences are far from overflow.
@@ -255,8 +255,8 @@ impl<'a> Image<'a> {
         })
     }
 
-    fn array(&self, tag: &Tag, section: Section) -> Array {
-        Array {
+    fn array(&self, tag: &XmlTag, section: ArraySection) -> DataArray {
+        DataArray {
             section,
             at: tag.end,
             name: tag.value("Name").unwrap_or_default(),
@@ -268,17 +268,17 @@ impl<'a> Image<'a> {
     }
 
     /// The array to read, and whether it is one of the cells'.
-    fn choose(&self) -> Result<(&Array, bool)> {
-        for (section, active) in [Section::Points, Section::Cells].into_iter().zip(&self.active) {
-            let fits = |array: &&Array| array.section == section && array.components.trim() == "1";
+    fn choose(&self) -> Result<(&DataArray, bool)> {
+        for (section, active) in [ArraySection::Points, ArraySection::Cells].into_iter().zip(&self.active) {
+            let fits = |array: &&DataArray| array.section == section && array.components.trim() == "1";
             let named = self.arrays.iter().filter(fits).find(|array| Some(&array.name) == active.as_ref());
             if let Some(array) = named.or_else(|| self.arrays.iter().find(fits)) {
-                return Ok((array, section == Section::Cells));
+                return Ok((array, section == ArraySection::Cells));
             }
         }
         // A few are enough to understand what the file holds.
         let passed = self.arrays.iter().take(4).map(|array| {
-            let section = if array.section == Section::Points { "point" } else { "cell" };
+            let section = if array.section == ArraySection::Points { "point" } else { "cell" };
             format!("{section} array {} of {} components", clip(&array.name), array.components.escape_debug())
         });
         let passed: Vec<String> = passed.collect();
@@ -300,18 +300,18 @@ impl<'a> Image<'a> {
     }
 
     /// Where the grid lies whose first point is at index `first`.
-    fn frame(&self, first: [f64; 3]) -> Frame {
+    fn frame(&self, first: [f64; 3]) -> FileFrame {
         let mut origin = self.origin;
         for (axis, index) in first.into_iter().enumerate() {
             for (coordinate, step) in origin.iter_mut().zip(self.direction[axis]) {
                 *coordinate += step * self.spacing[axis] * index;
             }
         }
-        Frame { direction: self.direction, origin, ..Frame::upright(self.spacing) }
+        FileFrame { direction: self.direction, origin, ..FileFrame::upright(self.spacing) }
     }
 
     /// How `array` of `bytes` bytes is packed, and where in the file it starts.
-    fn packing(&self, array: &Array, bytes: u64) -> Result<(Codec, u64)> {
+    fn packing(&self, array: &DataArray, bytes: u64) -> Result<(Codec, u64)> {
         let (at, base64) = match array.format.as_str() {
             "ascii" => return Ok((Codec::TextToTag, array.at)),
             "binary" => (array.at, true),
@@ -340,7 +340,7 @@ impl<'a> Image<'a> {
                 return Err(self.fault(0, "VTK compressor", expected, clip(other)));
             }
         };
-        let coding = Coding { base64, compressor, wide: self.wide, endian: self.endian, bytes };
+        let coding = ArrayCoding { base64, compressor, wide: self.wide, endian: self.endian, bytes };
         Ok((Codec::Array(coding), at))
     }
 

@@ -35,7 +35,7 @@ pub(super) enum Compressor {
 
 /// How an array is packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Coding {
+pub(super) struct ArrayCoding {
     /// Bytes are written as characters.
     pub(super) base64: bool,
     /// Compressor of its blocks, if it is compressed.
@@ -48,7 +48,7 @@ pub(super) struct Coding {
     pub(super) bytes: u64,
 }
 
-impl Coding {
+impl ArrayCoding {
     /// Most bytes of an array that `room` bytes of a file can hold.
     pub(super) fn most_bytes(self, room: u64) -> u64 {
         let packed = if self.base64 { room / 4 * 3 } else { room };
@@ -69,7 +69,7 @@ impl Compressor {
 
 /// The bytes of one array.
 pub(super) struct ArrayReader {
-    source: Source,
+    source: ArraySource,
     compressor: Option<Compressor>,
     /// Packed bytes of each block, and which block is next.
     packed_sizes: Vec<u64>,
@@ -92,12 +92,13 @@ impl ArrayReader {
     pub(super) fn open(
         path: &Path,
         reader: BufReader<File>,
-        coding: Coding,
+        coding: ArrayCoding,
         rule: &'static str,
     ) -> Result<ArrayReader> {
         let file_len = reader.get_ref().metadata().map_err(Error::io("read", path))?.len();
-        let mut source = if coding.base64 { Source::Base64(Base64::new(reader)) } else { Source::Plain(reader) };
-        let Coding { bytes, compressor, .. } = coding;
+        let mut source =
+            if coding.base64 { ArraySource::Base64(Base64::new(reader)) } else { ArraySource::Plain(reader) };
+        let ArrayCoding { bytes, compressor, .. } = coding;
         let at = source.position().map_err(Error::io("read", path))?;
         let fault = |expected: String, got: String| Error::format(path, at, rule, expected, got);
         let mut number = || {
@@ -218,14 +219,14 @@ fn shown(error: &io::Error) -> String {
 }
 
 /// Where packed bytes come from.
-enum Source {
+enum ArraySource {
     Plain(BufReader<File>),
     Base64(Base64<BufReader<File>>),
 }
 
-impl Source {
+impl ArraySource {
     /// The next number of the header.
-    fn number(&mut self, coding: Coding) -> io::Result<u64> {
+    fn number(&mut self, coding: ArrayCoding) -> io::Result<u64> {
         let mut bytes = [0; 8];
         let width = if coding.wide { 8 } else { 4 };
         self.read_exact(&mut bytes[..width])?;
@@ -237,17 +238,17 @@ impl Source {
 
     fn position(&mut self) -> io::Result<u64> {
         match self {
-            Source::Plain(reader) => reader.stream_position(),
-            Source::Base64(reader) => reader.inner.stream_position(),
+            ArraySource::Plain(reader) => reader.stream_position(),
+            ArraySource::Base64(reader) => reader.inner.stream_position(),
         }
     }
 }
 
-impl Read for Source {
+impl Read for ArraySource {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         match self {
-            Source::Plain(reader) => reader.read(into),
-            Source::Base64(reader) => reader.read(into),
+            ArraySource::Plain(reader) => reader.read(into),
+            ArraySource::Base64(reader) => reader.read(into),
         }
     }
 }
@@ -255,12 +256,12 @@ impl Read for Source {
 /// Bytes from base64 characters (RFC 4648, section 4), up to the next XML tag.
 struct Base64<R> {
     inner: R,
-    group: Group,
+    group: Base64Group,
 }
 
 /// A group of four characters, and the three bytes of the one before.
 #[derive(Default)]
-struct Group {
+struct Base64Group {
     bits: u32,
     characters: u8,
     ready: [u8; 3],
@@ -269,7 +270,7 @@ struct Group {
 
 impl<R> Base64<R> {
     fn new(inner: R) -> Base64<R> {
-        Base64 { inner, group: Group::default() }
+        Base64 { inner, group: Base64Group::default() }
     }
 }
 
@@ -298,7 +299,7 @@ impl<R: BufRead> Read for Base64<R> {
     }
 }
 
-impl Group {
+impl Base64Group {
     /// Takes one character; the bytes of a group that it ends are then ready.
     fn take(&mut self, character: u8) -> io::Result<()> {
         let value = match character {

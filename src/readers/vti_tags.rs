@@ -18,7 +18,7 @@ const RULE: &str = "XML";
 
 /// One tag. A tag that closes itself comes as two.
 #[derive(Debug)]
-pub(super) struct Tag {
+pub(super) struct XmlTag {
     pub(super) name: String,
     /// It opens an element, or else closes one.
     pub(super) opens: bool,
@@ -29,7 +29,7 @@ pub(super) struct Tag {
     attributes: Vec<(String, String)>,
 }
 
-impl Tag {
+impl XmlTag {
     /// The value of attribute `name`.
     pub(super) fn value(&self, name: &str) -> Option<String> {
         self.attributes.iter().find(|(key, _)| key == name).map(|(_, value)| value.clone())
@@ -37,21 +37,21 @@ impl Tag {
 }
 
 /// Reads the tags of a file.
-pub(super) struct Tags {
+pub(super) struct XmlTags {
     path: PathBuf,
-    reader: Reader<Budget>,
+    reader: Reader<LimitedReader>,
     buffer: Vec<u8>,
     /// The closing half of a tag that closes itself.
-    closing: Option<Tag>,
+    closing: Option<XmlTag>,
 }
 
-impl Tags {
+impl XmlTags {
     /// Opens `path` at its first tag.
-    pub(super) fn open(path: &Path) -> Result<Tags> {
+    pub(super) fn open(path: &Path) -> Result<XmlTags> {
         let (file, _) = open_regular(path, "open")?;
-        let budget = Budget { inner: BufReader::new(file), at: 0, left: TEXT_LIMIT };
+        let budget = LimitedReader { inner: BufReader::new(file), at: 0, left: TEXT_LIMIT };
         let reader = Reader::from_reader(budget);
-        Ok(Tags { path: path.to_path_buf(), reader, buffer: Vec::new(), closing: None })
+        Ok(XmlTags { path: path.to_path_buf(), reader, buffer: Vec::new(), closing: None })
     }
 
     /// Byte offset of the next unread byte.
@@ -63,7 +63,7 @@ impl Tags {
     ///
     /// # Errors
     /// [`Error::Format`] if the file is no XML, or has too much of it.
-    pub(super) fn next(&mut self) -> Result<Option<Tag>> {
+    pub(super) fn next(&mut self) -> Result<Option<XmlTag>> {
         if let Some(tag) = self.closing.take() {
             return Ok(Some(tag));
         }
@@ -84,12 +84,12 @@ impl Tags {
                 Event::Empty(start) => {
                     let tag = self.tag(&start, at, end)?;
                     let (name, attributes) = (tag.name.clone(), Vec::new());
-                    self.closing = Some(Tag { name, opens: false, at, end, attributes });
+                    self.closing = Some(XmlTag { name, opens: false, at, end, attributes });
                     return Ok(Some(tag));
                 }
                 Event::End(tag) => {
                     let name = String::from_utf8_lossy(tag.name().as_ref()).into_owned();
-                    return Ok(Some(Tag { name, opens: false, at, end, attributes: Vec::new() }));
+                    return Ok(Some(XmlTag { name, opens: false, at, end, attributes: Vec::new() }));
                 }
                 Event::Eof => return Ok(None),
                 _ => {}
@@ -97,7 +97,7 @@ impl Tags {
         }
     }
 
-    fn tag(&self, start: &BytesStart<'_>, at: u64, end: u64) -> Result<Tag> {
+    fn tag(&self, start: &BytesStart<'_>, at: u64, end: u64) -> Result<XmlTag> {
         let mut attributes = Vec::new();
         for attribute in start.attributes().with_checks(false) {
             let attribute = attribute.map_err(|error| {
@@ -107,7 +107,13 @@ impl Tags {
             let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
             attributes.push((text(attribute.key.as_ref()), text(&attribute.value)));
         }
-        Ok(Tag { name: String::from_utf8_lossy(start.name().as_ref()).into_owned(), opens: true, at, end, attributes })
+        Ok(XmlTag {
+            name: String::from_utf8_lossy(start.name().as_ref()).into_owned(),
+            opens: true,
+            at,
+            end,
+            attributes,
+        })
     }
 
     /// Passes over the text before the next tag.
@@ -149,13 +155,13 @@ fn one_line(error: &impl std::fmt::Display) -> String {
 }
 
 /// A file of which only so much may be read.
-struct Budget {
+struct LimitedReader {
     inner: BufReader<File>,
     at: u64,
     left: u64,
 }
 
-impl Budget {
+impl LimitedReader {
     /// Passes over bytes up to a `<`, which do not count.
     fn skip_to_tag(&mut self) -> io::Result<()> {
         loop {
@@ -171,7 +177,7 @@ impl Budget {
     }
 }
 
-impl Read for Budget {
+impl Read for LimitedReader {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let read = self.fill_buf()?.read(into)?;
         self.consume(read);
@@ -179,7 +185,7 @@ impl Read for Budget {
     }
 }
 
-impl BufRead for Budget {
+impl BufRead for LimitedReader {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         let ahead = self.inner.fill_buf()?;
         if self.left == 0 && !ahead.is_empty() {

@@ -8,21 +8,21 @@
 
 use std::path::{Path, PathBuf};
 
-use super::frame::Frame;
-use super::lines::{Line, Lines, clip};
+use super::frame::FileFrame;
+use super::lines::{HeaderLine, HeaderLines, clip};
 use super::open::{OpenOptions, file_name};
 use super::raw::type_names;
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, SampleType, SlabSource};
 
 /// Opens the VTK legacy file at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let mut parser = Parser::start(path)?;
+    let mut parser = VtkParser::start(path)?;
     let array = parser.find_scalars()?;
     let dims = parser.dims.ok_or_else(|| parser.fault(0, "VTK DIMENSIONS", "three numbers", "no such line"))?;
-    let frame = Frame { origin: parser.origin, ..Frame::upright(parser.spacing) };
+    let frame = FileFrame { origin: parser.origin, ..FileFrame::upright(parser.spacing) };
     let grid = frame.grid(path, "VTK grid", dims, options.spacing)?;
     let points = parser.points.unwrap_or(0);
     if points != grid.len() {
@@ -30,7 +30,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         let expected = format!("{} points ({x} x {y} x {z})", grid.len());
         return Err(parser.fault(array.at, "VTK POINT_DATA", expected, format!("{points}")));
     }
-    let reader = SlabReader::new(Plan {
+    let reader = SlabReader::new(SampleFiles {
         header: Header {
             grid,
             sample_type: array.sample_type,
@@ -42,7 +42,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         codec: if parser.binary { Codec::Raw } else { Codec::Text },
         endian: Endian::Big,
         files: vec![path.to_path_buf()],
-        start: Start::At(array.at),
+        start: SampleStart::At(array.at),
         line_skip: 0,
         byte_skip: 0,
         volume_count: 1,
@@ -54,15 +54,15 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 }
 
 /// The array to read.
-struct Array {
+struct LegacyArray {
     /// Byte offset of its first sample.
     at: u64,
     sample_type: SampleType,
 }
 
-struct Parser {
+struct VtkParser {
     path: PathBuf,
-    lines: Lines,
+    lines: HeaderLines,
     binary: bool,
     dims: Option<[u64; 3]>,
     spacing: [f64; 3],
@@ -75,10 +75,10 @@ struct Parser {
     passed: Vec<String>,
 }
 
-impl Parser {
+impl VtkParser {
     /// Reads the lines before the first keyword: version, title, ASCII or BINARY, DATASET.
-    fn start(path: &Path) -> Result<Parser> {
-        let mut lines = Lines::open(path)?;
+    fn start(path: &Path) -> Result<VtkParser> {
+        let mut lines = HeaderLines::open(path)?;
         let fault = |at, rule, expected: &str, got: &str| Error::format(path, at, rule, expected, got);
         let first = lines.next()?.map(|line| line.text).unwrap_or_default();
         if !first.get(..14).is_some_and(|start| start.eq_ignore_ascii_case("# vtk DataFile")) {
@@ -91,7 +91,7 @@ impl Parser {
             Some("ASCII") => false,
             other => return Err(fault(0, "VTK coding", "ASCII or BINARY", &clip(other.unwrap_or("nothing")))),
         };
-        Ok(Parser {
+        Ok(VtkParser {
             path: path.to_path_buf(),
             lines,
             binary,
@@ -105,7 +105,7 @@ impl Parser {
     }
 
     /// Reads keywords up to the array to read.
-    fn find_scalars(&mut self) -> Result<Array> {
+    fn find_scalars(&mut self) -> Result<LegacyArray> {
         let mut in_points = false;
         while let Some(line) = next_full(&mut self.lines)? {
             let words: Vec<&str> = line.text.split_whitespace().collect();
@@ -146,7 +146,13 @@ impl Parser {
     }
 
     /// Reads or skips the array whose SCALARS line this is.
-    fn scalars(&mut self, line: &Line, rest: &[&str], components: u64, in_points: bool) -> Result<Option<Array>> {
+    fn scalars(
+        &mut self,
+        line: &HeaderLine,
+        rest: &[&str],
+        components: u64,
+        in_points: bool,
+    ) -> Result<Option<LegacyArray>> {
         let type_name = rest.get(1).copied().unwrap_or("nothing");
         // In a binary file a line end here may be the first sample: the table's line may be left out.
         while !self.binary && (self.lines.next_is("\n")? || self.lines.next_is("\r\n")?) {
@@ -160,7 +166,7 @@ impl Parser {
                 let expected = format!("one of {} (VTK: unsigned_char ... double)", type_names());
                 self.fault(line.at, "VTK SCALARS", expected, clip(type_name))
             })?;
-            return Ok(Some(Array { at: self.lines.position(), sample_type }));
+            return Ok(Some(LegacyArray { at: self.lines.position(), sample_type }));
         }
         let section = if in_points { "point" } else { "cell" };
         // One name is enough to understand what the file holds.
@@ -173,7 +179,7 @@ impl Parser {
     }
 
     /// Skips what `keyword` announces.
-    fn skip(&mut self, line: &Line, keyword: &str, rest: &[&str]) -> Result<()> {
+    fn skip(&mut self, line: &HeaderLine, keyword: &str, rest: &[&str]) -> Result<()> {
         let type_at = |index: usize| rest.get(index).copied().unwrap_or("nothing");
         match keyword {
             "VECTORS" | "NORMALS" => self.skip_array(line, type_at(1), 3),
@@ -219,7 +225,7 @@ impl Parser {
         Err(self.fault(at, "VTK FIELD", "another array", "the end of the file"))
     }
 
-    fn skip_field_values(&mut self, line: &Line, words: &[&str]) -> Result<()> {
+    fn skip_field_values(&mut self, line: &HeaderLine, words: &[&str]) -> Result<()> {
         let components = self.number(line, words.get(1).copied())?;
         let tuples = self.number(line, words.get(2).copied())?;
         let type_name = words.get(3).copied().unwrap_or("nothing");
@@ -236,14 +242,14 @@ impl Parser {
         Ok(())
     }
 
-    fn skip_array(&mut self, line: &Line, type_name: &str, components: u64) -> Result<()> {
+    fn skip_array(&mut self, line: &HeaderLine, type_name: &str, components: u64) -> Result<()> {
         let Some(tuples) = self.tuples else {
             return Err(self.fault(line.at, "VTK keyword", "POINT_DATA before any array", clip(&line.text)));
         };
         self.skip_values(line, type_name, components.saturating_mul(tuples))
     }
 
-    fn skip_values(&mut self, line: &Line, type_name: &str, values: u64) -> Result<()> {
+    fn skip_values(&mut self, line: &HeaderLine, type_name: &str, values: u64) -> Result<()> {
         const RULE: &str = "VTK array size";
         if !self.binary {
             return self.lines.skip_numbers(values, RULE);
@@ -254,13 +260,13 @@ impl Parser {
         self.lines.skip_bytes(values.saturating_mul(bits).div_ceil(8), RULE)
     }
 
-    fn three<T: std::str::FromStr>(&self, line: &Line, rest: &[&str]) -> Result<[T; 3]> {
+    fn three<T: std::str::FromStr>(&self, line: &HeaderLine, rest: &[&str]) -> Result<[T; 3]> {
         let parsed: Option<Vec<T>> = rest.iter().take(3).map(|word| word.parse().ok()).collect();
         let parsed = parsed.and_then(|values| <[T; 3]>::try_from(values).ok());
         parsed.ok_or_else(|| self.fault(line.at, "VTK grid", "three numbers", clip(&line.text)))
     }
 
-    fn number(&self, line: &Line, word: Option<&str>) -> Result<u64> {
+    fn number(&self, line: &HeaderLine, word: Option<&str>) -> Result<u64> {
         let parsed = word.and_then(|word| word.parse().ok());
         parsed.ok_or_else(|| self.fault(line.at, "VTK count", "a count", clip(&line.text)))
     }
@@ -271,7 +277,7 @@ impl Parser {
 }
 
 /// The next line that is not blank.
-fn next_full(lines: &mut Lines) -> Result<Option<Line>> {
+fn next_full(lines: &mut HeaderLines) -> Result<Option<HeaderLine>> {
     while let Some(line) = lines.next()? {
         if !line.text.trim().is_empty() {
             return Ok(Some(line));

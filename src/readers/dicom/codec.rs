@@ -7,17 +7,17 @@
 use std::path::Path;
 
 use super::elements::Pixels;
-use super::image::Layout;
+use super::image::PixelLayout;
 #[cfg(feature = "dicom")]
 use super::jpeg;
 use adjsplat::error::{Error, Result};
 
 /// What was expected of a frame, and what it has.
-pub(super) type Fault = [String; 2];
+pub(super) type FrameFault = [String; 2];
 
 /// How a file's frames are packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Codec {
+pub(super) enum FrameCodec {
     /// Not at all.
     Native,
     /// Run lengths of each byte of the pixels.
@@ -28,19 +28,19 @@ pub(super) enum Codec {
     Jpeg2000,
 }
 
-impl Codec {
+impl FrameCodec {
     /// What transfer syntax `syntax` means.
     ///
     /// # Errors
     /// [`Error::Format`] if it cannot be decoded here, with its name.
-    pub(super) fn of(path: &Path, syntax: &str, pixels: &Pixels) -> Result<Codec> {
+    pub(super) fn of(path: &Path, syntax: &str, pixels: &Pixels) -> Result<FrameCodec> {
         if matches!(pixels, Pixels::Native { .. }) {
-            return Ok(Codec::Native);
+            return Ok(FrameCodec::Native);
         }
         let name = match syntax.strip_prefix("1.2.840.10008.1.2.").unwrap_or(syntax) {
-            "5" => return Ok(Codec::Rle),
-            "4.50" | "4.51" | "4.57" | "4.70" if cfg!(feature = "dicom") => return Ok(Codec::Jpeg),
-            "4.90" | "4.91" if cfg!(feature = "dicom") => return Ok(Codec::Jpeg2000),
+            "5" => return Ok(FrameCodec::Rle),
+            "4.50" | "4.51" | "4.57" | "4.70" if cfg!(feature = "dicom") => return Ok(FrameCodec::Jpeg),
+            "4.90" | "4.91" if cfg!(feature = "dicom") => return Ok(FrameCodec::Jpeg2000),
             "4.50" | "4.51" | "4.57" | "4.70" | "4.90" | "4.91" => {
                 let expected = "pixels that are not JPEG (this build has no decoder: build with --features jpeg)";
                 return Err(Error::format(path, 0, "DICOM transfer syntax", expected, syntax));
@@ -60,10 +60,10 @@ impl Codec {
         // Lossless JPEG: differences of 4 bytes, results of 2 twice, and our numbers. JPEG 2000: two planes of
         // coefficients of 4 and their states, the wavelet's plane, and our numbers.
         match self {
-            Codec::Native => 0,
-            Codec::Rle => 4 * pixels,
-            Codec::Jpeg => 16 * pixels,
-            Codec::Jpeg2000 => 32 * pixels,
+            FrameCodec::Native => 0,
+            FrameCodec::Rle => 4 * pixels,
+            FrameCodec::Jpeg => 16 * pixels,
+            FrameCodec::Jpeg2000 => 32 * pixels,
         }
     }
 }
@@ -80,16 +80,21 @@ pub(super) struct Unpacked {
 ///
 /// # Errors
 /// What is wrong with it, or not supported: what was expected, and what there is.
-pub(super) fn decode(codec: Codec, bytes: &[u8], size: [u32; 2], layout: Layout) -> Result<Unpacked, Fault> {
+pub(super) fn decode(
+    codec: FrameCodec,
+    bytes: &[u8],
+    size: [u32; 2],
+    layout: PixelLayout,
+) -> Result<Unpacked, FrameFault> {
     match codec {
-        Codec::Native => Err(["compressed pixels".into(), "plain ones".into()]),
-        Codec::Rle => rle(bytes, size, layout).map(|bits| Unpacked { bits, low: false }),
+        FrameCodec::Native => Err(["compressed pixels".into(), "plain ones".into()]),
+        FrameCodec::Rle => rle(bytes, size, layout).map(|bits| Unpacked { bits, low: false }),
         #[cfg(feature = "dicom")]
-        Codec::Jpeg => jpeg::decode(bytes, size).map(|bits| Unpacked { bits, low: true }),
+        FrameCodec::Jpeg => jpeg::decode(bytes, size).map(|bits| Unpacked { bits, low: true }),
         #[cfg(feature = "dicom")]
-        Codec::Jpeg2000 => jpeg::decode_2000(bytes, size).map(|bits| Unpacked { bits, low: true }),
+        FrameCodec::Jpeg2000 => jpeg::decode_2000(bytes, size).map(|bits| Unpacked { bits, low: true }),
         #[cfg(not(feature = "dicom"))]
-        Codec::Jpeg | Codec::Jpeg2000 => Err(["pixels that are not JPEG".into(), "JPEG".into()]),
+        FrameCodec::Jpeg | FrameCodec::Jpeg2000 => Err(["pixels that are not JPEG".into(), "JPEG".into()]),
     }
 }
 
@@ -98,7 +103,7 @@ pub(super) fn pixel_count([x, y]: [u32; 2]) -> usize {
 }
 
 /// One segment of run lengths for each byte of the pixels, highest byte first.
-fn rle(bytes: &[u8], size: [u32; 2], layout: Layout) -> Result<Vec<u32>, Fault> {
+fn rle(bytes: &[u8], size: [u32; 2], layout: PixelLayout) -> Result<Vec<u32>, FrameFault> {
     let fault = |got: &str| [format!("intact RLE segments of {} x {} pixels", size[0], size[1]), got.to_string()];
     let word = |index: usize| {
         let at = bytes.get(4 * index..4 * index + 4)?;

@@ -42,11 +42,11 @@ const LONGEST_VALUE: u64 = 4096;
 const MOST_FRAGMENTS: usize = 1 << 19;
 
 /// Values by tag.
-pub(super) type Values = BTreeMap<Tag, Vec<u8>>;
+pub(super) type TagValues = BTreeMap<Tag, Vec<u8>>;
 
 /// How the elements behind the file's meta group are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Coding {
+struct ElementCoding {
     explicit: bool,
     endian: Endian,
 }
@@ -76,17 +76,17 @@ pub(super) enum Pixels {
 
 /// What is read of a file.
 #[derive(Debug, Clone)]
-pub(super) struct Elements {
+pub(super) struct DicomElements {
     /// The file.
     pub(super) path: PathBuf,
     /// Its transfer syntax.
     pub(super) syntax: String,
     /// Values at the root.
-    pub(super) root: Values,
+    pub(super) root: TagValues,
     /// Values in the shared functional groups.
-    pub(super) shared: Values,
+    pub(super) shared: TagValues,
     /// Values in the functional groups of each frame.
-    pub(super) per_frame: Vec<Values>,
+    pub(super) per_frame: Vec<TagValues>,
     /// Where the pixels are; `None` if the file has none.
     pub(super) pixels: Option<Pixels>,
 }
@@ -100,15 +100,15 @@ pub(crate) fn is_header(probe: &[u8]) -> bool {
 ///
 /// # Errors
 /// [`Error::Io`] if it cannot be read; [`Error::Format`] if it is no DICOM file, breaks off or contradicts itself.
-pub(super) fn read(path: &Path) -> Result<Elements> {
+pub(super) fn read(path: &Path) -> Result<DicomElements> {
     let (file, len) = open_regular(path, "open")?;
-    let mut walk = Walk::new(path, file, len);
+    let mut walk = ElementReader::new(path, file, len);
     let syntax = walk.read_meta()?;
     walk.read_data_set(syntax)
 }
 
 /// A sequence or an item that is open.
-struct Level {
+struct OpenSequence {
     is_item: bool,
     /// The sequence's tag.
     tag: Tag,
@@ -116,17 +116,17 @@ struct Level {
     index: usize,
     /// Byte offset of its end; `None` if a delimiter ends it.
     end: Option<u64>,
-    /// Coding outside, to return to.
-    outside: Coding,
+    /// ElementCoding outside, to return to.
+    outside: ElementCoding,
 }
 
-struct Walk<'a> {
+struct ElementReader<'a> {
     path: &'a Path,
     reader: BufReader<File>,
     len: u64,
     at: u64,
-    coding: Coding,
-    levels: Vec<Level>,
+    coding: ElementCoding,
+    levels: Vec<OpenSequence>,
 }
 
 struct ElementHeader {
@@ -136,10 +136,10 @@ struct ElementHeader {
     len: Option<u32>,
 }
 
-impl<'a> Walk<'a> {
-    fn new(path: &'a Path, file: File, len: u64) -> Walk<'a> {
-        let coding = Coding { explicit: true, endian: Endian::Little };
-        Walk { path, reader: BufReader::new(file), len, at: 0, coding, levels: Vec::new() }
+impl<'a> ElementReader<'a> {
+    fn new(path: &'a Path, file: File, len: u64) -> ElementReader<'a> {
+        let coding = ElementCoding { explicit: true, endian: Endian::Little };
+        ElementReader { path, reader: BufReader::new(file), len, at: 0, coding, levels: Vec::new() }
     }
 
     fn fault(&self, at: u64, rule: &'static str, expected: impl Into<String>, got: impl Into<String>) -> Error {
@@ -179,21 +179,21 @@ impl<'a> Walk<'a> {
         syntax.ok_or_else(|| self.fault(self.at, "DICOM meta group", "a transfer syntax (0002,0010)", "none"))
     }
 
-    fn read_data_set(&mut self, syntax: String) -> Result<Elements> {
+    fn read_data_set(&mut self, syntax: String) -> Result<DicomElements> {
         self.coding = match syntax.as_str() {
-            "1.2.840.10008.1.2" => Coding { explicit: false, endian: Endian::Little },
-            "1.2.840.10008.1.2.2" => Coding { explicit: true, endian: Endian::Big },
+            "1.2.840.10008.1.2" => ElementCoding { explicit: false, endian: Endian::Little },
+            "1.2.840.10008.1.2.2" => ElementCoding { explicit: true, endian: Endian::Big },
             "1.2.840.10008.1.2.1.99" => {
                 let expected = "a data set that is not deflated (convert it with gdcmconv --raw or dcmconv +te)";
                 return Err(self.fault(self.at, "DICOM transfer syntax", expected, "Deflated Explicit VR"));
             }
             _ => self.coding,
         };
-        let mut elements = Elements {
+        let mut elements = DicomElements {
             path: self.path.to_path_buf(),
             syntax,
-            root: Values::new(),
-            shared: Values::new(),
+            root: TagValues::new(),
+            shared: TagValues::new(),
             per_frame: Vec::new(),
             pixels: None,
         };
@@ -260,7 +260,11 @@ impl<'a> Walk<'a> {
         match header.tag {
             tags::ITEM => {
                 level.index += 1;
-                self.open(start, Level { is_item: true, tag, index, end: None, outside: self.coding }, header.len)
+                self.open(
+                    start,
+                    OpenSequence { is_item: true, tag, index, end: None, outside: self.coding },
+                    header.len,
+                )
             }
             tags::SEQUENCE_END if level.end.is_none() => {
                 self.close();
@@ -271,17 +275,17 @@ impl<'a> Walk<'a> {
     }
 
     /// Opens a level of `len` bytes, which must end inside the one around it.
-    fn open(&mut self, start: u64, level: Level, len: Option<u32>) -> Result<()> {
+    fn open(&mut self, start: u64, level: OpenSequence, len: Option<u32>) -> Result<()> {
         if self.levels.len() == DEEPEST {
             return Err(self.fault(start, "DICOM sequence", format!("at most {DEEPEST} levels"), "more"));
         }
         let end = len.map(|len| self.end_of(start, len)).transpose()?;
-        self.levels.push(Level { end, ..level });
+        self.levels.push(OpenSequence { end, ..level });
         Ok(())
     }
 
     /// Takes in or passes over one element that is no pixel data.
-    fn element(&mut self, start: u64, header: &ElementHeader, elements: &mut Elements) -> Result<()> {
+    fn element(&mut self, start: u64, header: &ElementHeader, elements: &mut DicomElements) -> Result<()> {
         let tag = header.tag;
         // Without a value representation only the sequences that matter here can be told from other values.
         if header.len.is_none() && (tag.is_pixels() || matches!(&header.vr, Some([b'O', _]))) {
@@ -290,11 +294,11 @@ impl<'a> Walk<'a> {
         }
         let sequence = header.vr == Some(*b"SQ") || (header.vr.is_none() && tags::SEQUENCES.contains(&tag));
         if sequence || header.len.is_none() {
-            let level = Level { is_item: false, tag, index: 0, end: None, outside: self.coding };
+            let level = OpenSequence { is_item: false, tag, index: 0, end: None, outside: self.coding };
             self.open(start, level, header.len)?;
             if header.vr == Some(*b"UN") {
                 // PS3.5, 6.2.2 note 2: the inside of an unknown sequence is implicit, little endian.
-                self.coding = Coding { explicit: false, endian: Endian::Little };
+                self.coding = ElementCoding { explicit: false, endian: Endian::Little };
             }
             if self.levels.len() == 1 && tag == tags::MODALITY_LUT {
                 elements.root.insert(tag, Vec::new());
@@ -311,7 +315,7 @@ impl<'a> Walk<'a> {
                 (tags::SHARED_GROUPS, 0) => &mut elements.shared,
                 (tags::FRAME_GROUPS, index) if (index as u64) < MAX_FILES => {
                     if elements.per_frame.len() <= index {
-                        elements.per_frame.resize_with(index + 1, Values::new);
+                        elements.per_frame.resize_with(index + 1, TagValues::new);
                     }
                     &mut elements.per_frame[index]
                 }
@@ -381,7 +385,7 @@ impl<'a> Walk<'a> {
         }
         self.fill(&mut first)?;
         let [g0, g1, e0, e1, a, b, c, d] = first;
-        let Coding { explicit, endian } = self.coding;
+        let ElementCoding { explicit, endian } = self.coding;
         let short = |bytes| if endian == Endian::Big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) };
         let long = |bytes| if endian == Endian::Big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) };
         let tag = Tag::new(short([g0, g1]), short([e0, e1]));

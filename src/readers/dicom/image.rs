@@ -7,8 +7,8 @@
 
 use std::path::{Path, PathBuf};
 
-use super::codec::Codec;
-use super::elements::{Elements, Pixels, Values, text};
+use super::codec::FrameCodec;
+use super::elements::{DicomElements, Pixels, TagValues, text};
 use super::tags;
 use super::tags::Tag;
 use crate::file_list::MAX_FILES;
@@ -17,7 +17,7 @@ use adjsplat::volume::{MAX_DIM, SampleType};
 
 /// How a pixel lies in its cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(super) struct PixelLayout {
     /// The type of its cell.
     pub(super) sample_type: SampleType,
     /// Bits of the cell that count: 1 to all of them.
@@ -28,7 +28,7 @@ pub(super) struct Layout {
 
 /// What files of one series have in common.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Series {
+pub(super) struct SeriesIdentity {
     /// Its unique identifier; empty if the file has none.
     pub(super) uid: String,
     /// Its name, for people.
@@ -43,11 +43,11 @@ pub(super) struct Series {
 #[derive(Debug, Clone)]
 pub(super) struct ImageFile {
     pub(super) path: PathBuf,
-    pub(super) series: Series,
+    pub(super) series: SeriesIdentity,
     /// Pixels along x, y.
     pub(super) size: [u32; 2],
-    pub(super) layout: Layout,
-    pub(super) codec: Codec,
+    pub(super) layout: PixelLayout,
+    pub(super) codec: FrameCodec,
     pub(super) pixels: Pixels,
     /// For compressed pixels: the first fragment of each frame.
     pub(super) first_fragments: Vec<u32>,
@@ -57,7 +57,7 @@ pub(super) struct ImageFile {
 
 /// Where a frame lies. Lengths are in mm, directions in L, P, S.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Place {
+pub(super) struct ImagePlane {
     /// Of the first pixel's centre.
     pub(super) position: [f64; 3],
     /// Unit vectors along a row (towards higher columns) and along a column.
@@ -66,12 +66,12 @@ pub(super) struct Place {
 
 /// One frame of a file.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Frame {
+pub(super) struct DicomFrame {
     /// Which file.
     pub(super) file: usize,
     /// Which of its frames, from 0.
     pub(super) index: u32,
-    pub(super) place: Option<Place>,
+    pub(super) place: Option<ImagePlane>,
     /// Distance between neighbouring columns (along x) and rows (along y), in mm.
     pub(super) spacing: Option<[f64; 2]>,
     /// Distance to the next slice as the file says it, in mm.
@@ -83,9 +83,9 @@ pub(super) struct Frame {
 }
 
 /// What a file turned out to be.
-pub(super) enum Found {
+pub(super) enum FileContent {
     /// Grey frames.
-    Image(ImageFile, Vec<Frame>),
+    Image(ImageFile, Vec<DicomFrame>),
     /// Coloured ones, such as a screenshot; the error says so.
     Colour(Error),
     /// No pixels, as in a report.
@@ -96,8 +96,8 @@ pub(super) enum Found {
 ///
 /// # Errors
 /// [`Error::Format`] for what contradicts itself or cannot be read here; [`Error::Limit`] for sizes.
-pub(super) fn read(elements: Elements, file: usize) -> Result<Found> {
-    let Some(pixels) = elements.pixels.clone() else { return Ok(Found::Nothing) };
+pub(super) fn read(elements: DicomElements, file: usize) -> Result<FileContent> {
+    let Some(pixels) = elements.pixels.clone() else { return Ok(FileContent::Nothing) };
     let root = Attributes { path: &elements.path, sources: vec![&elements.root] };
     let size = [root.size(tags::COLUMNS, "DICOM Columns")?, root.size(tags::ROWS, "DICOM Rows")?];
     let frame_count = match root.whole(tags::FRAME_COUNT, "DICOM Number of Frames")? {
@@ -120,19 +120,19 @@ pub(super) fn read(elements: Elements, file: usize) -> Result<Found> {
             expected,
             format!("{samples} of {}", photometric.escape_debug()),
         );
-        return Ok(Found::Colour(fault));
+        return Ok(FileContent::Colour(fault));
     }
-    let series = Series {
+    let series = SeriesIdentity {
         uid: root.text(tags::SERIES_UID),
         description: root.text(tags::SERIES_DESCRIPTION),
         modality: root.text(tags::MODALITY),
         photometric,
     };
     let layout = root.layout(&pixels)?;
-    let codec = Codec::of(&elements.path, &elements.syntax, &pixels)?;
+    let codec = FrameCodec::of(&elements.path, &elements.syntax, &pixels)?;
     let first_fragments = check_pixels(&elements.path, &pixels, size, frame_count, layout)?;
     let mut frames = Vec::new();
-    let none = Values::new();
+    let none = TagValues::new();
     for index in 0..frame_count {
         let own = elements.per_frame.get(index as usize).unwrap_or(&none);
         let attributes = Attributes { path: &elements.path, sources: vec![own, &elements.shared, &elements.root] };
@@ -140,11 +140,17 @@ pub(super) fn read(elements: Elements, file: usize) -> Result<Found> {
     }
     let has_lut = elements.root.contains_key(&tags::MODALITY_LUT);
     let path = elements.path;
-    Ok(Found::Image(ImageFile { path, series, size, layout, codec, pixels, first_fragments, has_lut }, frames))
+    Ok(FileContent::Image(ImageFile { path, series, size, layout, codec, pixels, first_fragments, has_lut }, frames))
 }
 
 /// Checks that the pixels are as many as the sizes say; the first fragment of each frame.
-fn check_pixels(path: &Path, pixels: &Pixels, size: [u32; 2], frame_count: u32, layout: Layout) -> Result<Vec<u32>> {
+fn check_pixels(
+    path: &Path,
+    pixels: &Pixels,
+    size: [u32; 2],
+    frame_count: u32,
+    layout: PixelLayout,
+) -> Result<Vec<u32>> {
     let [x, y] = size;
     let described = format!("{x} x {y} x {frame_count} of {}", layout.sample_type.name());
     match pixels {
@@ -190,7 +196,7 @@ fn check_pixels(path: &Path, pixels: &Pixels, size: [u32; 2], frame_count: u32, 
 /// Values of one frame or file, most specific source first.
 struct Attributes<'a> {
     path: &'a Path,
-    sources: Vec<&'a Values>,
+    sources: Vec<&'a TagValues>,
 }
 
 impl Attributes<'_> {
@@ -254,8 +260,8 @@ impl Attributes<'_> {
         Ok(size.into())
     }
 
-    fn layout(&self, pixels: &Pixels) -> Result<Layout> {
-        let whole = |sample_type: SampleType| Layout { sample_type, stored: sample_type.bits(), shift: 0 };
+    fn layout(&self, pixels: &Pixels) -> Result<PixelLayout> {
+        let whole = |sample_type: SampleType| PixelLayout { sample_type, stored: sample_type.bits(), shift: 0 };
         match pixels {
             Pixels::Native { tag: tags::FLOAT_PIXELS, .. } => return Ok(whole(SampleType::F32)),
             Pixels::Native { tag: tags::DOUBLE_PIXELS, .. } => return Ok(whole(SampleType::F64)),
@@ -279,10 +285,10 @@ impl Attributes<'_> {
             let got = format!("{stored} with high bit {high}");
             return Err(self.fault("DICOM Bits Stored", format!("bits inside the {allocated} allocated"), got));
         }
-        Ok(Layout { sample_type, stored, shift: high + 1 - stored })
+        Ok(PixelLayout { sample_type, stored, shift: high + 1 - stored })
     }
 
-    fn frame(&self, file: usize, index: u32) -> Result<Frame> {
+    fn frame(&self, file: usize, index: u32) -> Result<DicomFrame> {
         let position = self.decimals::<3>(tags::POSITION, "DICOM Image Position (Patient)")?;
         let orientation = self.decimals::<6>(tags::ORIENTATION, "DICOM Image Orientation (Patient)")?;
         let place = match (position, orientation) {
@@ -294,7 +300,7 @@ impl Attributes<'_> {
                     let rule = "DICOM Image Orientation (Patient)";
                     return Err(self.fault(rule, "two directions at right angles", format!("{orientation:?}")));
                 }
-                Some(Place { position, orientation })
+                Some(ImagePlane { position, orientation })
             }
             _ => None,
         };
@@ -311,7 +317,7 @@ impl Attributes<'_> {
         if slope == 0.0 {
             return Err(self.fault("DICOM Rescale Slope", "a slope that is not 0", "0"));
         }
-        Ok(Frame {
+        Ok(DicomFrame {
             file,
             index,
             place,
@@ -325,8 +331,8 @@ impl Attributes<'_> {
 }
 
 /// What of the acquisition can differ between two frames at one place: name and value of each, most telling first.
-pub(super) fn circumstances(elements: &Elements, frame: u32) -> Vec<(&'static str, Vec<u8>)> {
-    let none = Values::new();
+pub(super) fn circumstances(elements: &DicomElements, frame: u32) -> Vec<(&'static str, Vec<u8>)> {
+    let none = TagValues::new();
     let own = elements.per_frame.get(frame as usize).unwrap_or(&none);
     let attributes = Attributes { path: &elements.path, sources: vec![own, &elements.shared, &elements.root] };
     [

@@ -10,10 +10,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use hayro_jpeg2000::{DecodeSettings, DecoderContext, Image};
 use jpeg_decoder::{Decoder, PixelFormat};
 
-use super::codec::{Fault, pixel_count};
+use super::codec::{FrameFault, pixel_count};
 
 /// Decodes a frame of one component: JPEG of 8 bits, or lossless of up to 16.
-pub(super) fn decode(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, Fault> {
+pub(super) fn decode(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, FrameFault> {
     check(bytes, size)?;
     let mut decoder = Decoder::new(bytes);
     decoder.set_max_decoding_buffer_size(16 * pixel_count(size) + (1 << 20));
@@ -28,7 +28,7 @@ pub(super) fn decode(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, Fault> {
 }
 
 /// Walks the markers before the first scan: size, and what the decoder does not get right.
-fn check(bytes: &[u8], size: [u32; 2]) -> Result<(), Fault> {
+fn check(bytes: &[u8], size: [u32; 2]) -> Result<(), FrameFault> {
     let broken = || ["a JPEG frame".to_string(), "markers that break off".to_string()];
     let mut at = 2;
     let (mut lossless, mut restarts, mut sized) = (false, false, false);
@@ -72,7 +72,7 @@ fn check(bytes: &[u8], size: [u32; 2]) -> Result<(), Fault> {
 }
 
 /// Decodes a JPEG 2000 codestream of one component of up to 16 bits.
-pub(super) fn decode_2000(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, Fault> {
+pub(super) fn decode_2000(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, FrameFault> {
     let (precision, signed) = check_2000(bytes, size)?;
     let settings = DecodeSettings { resolve_palette_indices: false, strict: false, target_resolution: None };
     let numbers: Vec<f32> = guarded(|| {
@@ -90,7 +90,7 @@ pub(super) fn decode_2000(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, Faul
 }
 
 /// Reads the size segment, which must come first: bits a sample, and whether they are signed.
-fn check_2000(bytes: &[u8], size: [u32; 2]) -> Result<(u8, bool), Fault> {
+fn check_2000(bytes: &[u8], size: [u32; 2]) -> Result<(u8, bool), FrameFault> {
     let broken = || ["a JPEG 2000 codestream".to_string(), "other bytes".to_string()];
     if !bytes.starts_with(&[0xff, 0x4f, 0xff, 0x51]) || bytes.len() < 45 {
         return Err(broken());
@@ -115,7 +115,7 @@ fn check_2000(bytes: &[u8], size: [u32; 2]) -> Result<(u8, bool), Fault> {
     Ok((precision, depth & 0x80 != 0))
 }
 
-fn full(bits: Vec<u32>, size: [u32; 2]) -> Result<Vec<u32>, Fault> {
+fn full(bits: Vec<u32>, size: [u32; 2]) -> Result<Vec<u32>, FrameFault> {
     if bits.len() == pixel_count(size) {
         return Ok(bits);
     }
@@ -125,7 +125,7 @@ fn full(bits: Vec<u32>, size: [u32; 2]) -> Result<Vec<u32>, Fault> {
 /// Runs a decoder; an error of its own or a panic becomes ours.
 ///
 /// The decoders are others' code without `unsafe`, but a damaged frame can make them index beyond an array.
-fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, Fault> {
+fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, FrameFault> {
     let intact = "an intact compressed frame (copy the file again, or convert it with gdcmconv --raw)".to_string();
     match catch_unwind(AssertUnwindSafe(decode)) {
         Ok(Ok(decoded)) => Ok(decoded),

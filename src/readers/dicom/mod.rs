@@ -19,8 +19,8 @@ mod tags;
 
 use std::path::{Path, PathBuf};
 
-use self::codec::Codec;
-use self::image::{Found, Frame, ImageFile};
+use self::codec::FrameCodec;
+use self::image::{DicomFrame, FileContent, ImageFile};
 use self::pixels::PixelReader;
 use super::file_list::MAX_FILES;
 use super::open::{OpenOptions, file_name};
@@ -44,11 +44,11 @@ pub(super) fn open(path: &Path, files: Option<Vec<PathBuf>>, options: &OpenOptio
         let why = format!("is {}, but a DICOM series holds 1 volume, counted from 0", options.volume_index);
         return Err(Error::input("volume", why));
     }
-    let series::Stack { frames, grid } = series::stack(&what, &files, frames, &mut notes)?;
+    let series::FrameStack { frames, grid } = series::stack(&what, &files, frames, &mut notes)?;
     let first = &files[frames[0].file];
     let [x, y] = first.size.map(u64::from);
     let grid = grid.grid(path, "DICOM grid", [x, y, frames.len() as u64], options.spacing)?;
-    let same = |value: fn(&Frame) -> f64| frames.iter().all(|frame| value(frame) == value(&frames[0]));
+    let same = |value: fn(&DicomFrame) -> f64| frames.iter().all(|frame| value(frame) == value(&frames[0]));
     let scaled = !(same(|frame| frame.slope) && same(|frame| frame.intercept));
     let (sample_type, slope, intercept) = if scaled {
         notes.push("the rescale slope differs from slice to slice; samples are taken as f32 in their own unit".into());
@@ -66,18 +66,18 @@ pub(super) fn open(path: &Path, files: Option<Vec<PathBuf>>, options: &OpenOptio
     Ok(Box::new(DicomReader::new(header, files, frames, scaled, notes)))
 }
 
-fn read_file(path: &Path) -> Result<(Vec<ImageFile>, Vec<Frame>)> {
+fn read_file(path: &Path) -> Result<(Vec<ImageFile>, Vec<DicomFrame>)> {
     match image::read(elements::read(path)?, 0)? {
-        Found::Image(file, frames) => Ok((vec![file], frames)),
-        Found::Colour(error) => Err(error),
-        Found::Nothing => {
+        FileContent::Image(file, frames) => Ok((vec![file], frames)),
+        FileContent::Colour(error) => Err(error),
+        FileContent::Nothing => {
             let why = "has no pixels (it is a DICOMDIR, a report or alike); give the folder that holds the images";
             Err(Error::input(path.display().to_string(), why))
         }
     }
 }
 
-fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Result<(Vec<ImageFile>, Vec<Frame>)> {
+fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Result<(Vec<ImageFile>, Vec<DicomFrame>)> {
     let (mut files, mut frames) = (Vec::new(), Vec::new());
     let (mut other, mut without, mut coloured): (Vec<PathBuf>, Vec<PathBuf>, Vec<PathBuf>) = Default::default();
     let mut colour = None;
@@ -87,15 +87,15 @@ fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Resu
             continue;
         }
         match image::read(elements::read(&path)?, files.len())? {
-            Found::Image(file, mut own) => {
+            FileContent::Image(file, mut own) => {
                 files.push(file);
                 frames.append(&mut own);
             }
-            Found::Colour(error) => {
+            FileContent::Colour(error) => {
                 coloured.push(path);
                 colour.get_or_insert(error);
             }
-            Found::Nothing => without.push(path),
+            FileContent::Nothing => without.push(path),
         }
         let need = frames.len() as u64;
         if need > MAX_FILES {
@@ -125,7 +125,7 @@ fn tell_skipped(paths: &[PathBuf], is: &str, are: &str, notes: &mut Vec<String>)
 struct DicomReader {
     header: Header,
     files: Vec<ImageFile>,
-    frames: Vec<Frame>,
+    frames: Vec<DicomFrame>,
     /// Slopes differ, so samples are made f32 here, by way of this slice of stored ones.
     stored: Option<Samples>,
     scaled: bool,
@@ -136,7 +136,7 @@ struct DicomReader {
 }
 
 impl DicomReader {
-    fn new(header: Header, files: Vec<ImageFile>, frames: Vec<Frame>, scaled: bool, notes: Vec<String>) -> Self {
+    fn new(header: Header, files: Vec<ImageFile>, frames: Vec<DicomFrame>, scaled: bool, notes: Vec<String>) -> Self {
         let pixels = PixelReader::default();
         DicomReader { header, files, frames, stored: None, scaled, pixels, slices_read: 0, notes }
     }
@@ -175,12 +175,12 @@ impl SlabSource for DicomReader {
     fn buffer_bytes(&self) -> u64 {
         let pixels = self.header.grid.slice_len();
         let largest = self.files.iter().map(|file| {
-            let packed = if file.codec == Codec::Native { 0 } else { file.largest_frame() };
+            let packed = if file.codec == FrameCodec::Native { 0 } else { file.largest_frame() };
             packed + file.codec.working_bytes(pixels)
         });
         let stored = if self.scaled { 4 * pixels } else { 0 };
         let tables = self.files.iter().map(ImageFile::table_bytes).sum::<u64>()
-            + self.frames.len() as u64 * size_of::<Frame>() as u64;
+            + self.frames.len() as u64 * size_of::<DicomFrame>() as u64;
         largest.max().unwrap_or(0) + stored + tables
     }
 
@@ -191,7 +191,7 @@ impl SlabSource for DicomReader {
 
 /// Stored samples in their own unit.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is documented")]
-fn scale<T: adjsplat::volume::Sample>(stored: &[T], frame: &Frame, numbers: &mut [f32]) {
+fn scale<T: adjsplat::volume::Sample>(stored: &[T], frame: &DicomFrame, numbers: &mut [f32]) {
     for (number, stored) in numbers.iter_mut().zip(stored) {
         *number = (stored.to_f64() * frame.slope + frame.intercept) as f32;
     }

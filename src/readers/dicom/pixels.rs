@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 use super::codec;
 use super::elements::Pixels;
-use super::image::{ImageFile, Layout};
+use super::image::{ImageFile, PixelLayout};
 use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Samples;
@@ -41,7 +41,7 @@ impl PixelReader {
                         Error::format(&file.path, at, "DICOM compressed pixels", expected, got)
                     })?;
                 put(&unpacked.bits, slice);
-                let layout = if unpacked.low { Layout { shift: 0, ..file.layout } } else { file.layout };
+                let layout = if unpacked.low { PixelLayout { shift: 0, ..file.layout } } else { file.layout };
                 keep_stored_bits(slice, layout);
             }
         }
@@ -130,7 +130,7 @@ fn put(bits: &[u32], slice: &mut Samples) {
 }
 
 /// Moves the stored bits to the low end of their cells; those above become the sign, or 0.
-fn keep_stored_bits(slice: &mut Samples, layout: Layout) {
+fn keep_stored_bits(slice: &mut Samples, layout: PixelLayout) {
     let spare = layout.sample_type.bits() - layout.stored;
     macro_rules! cells {
         ($($variant:ident),*) => {
@@ -154,7 +154,7 @@ mod tests {
 
     #[test]
     fn stored_bits_are_kept_and_their_sign_is_extended() {
-        let layout = |sample_type, stored, shift| Layout { sample_type, stored, shift };
+        let layout = |sample_type, stored, shift| PixelLayout { sample_type, stored, shift };
         let mut unsigned = Samples::U16(vec![0xffff, 0xf801, 0x0fff]);
         keep_stored_bits(&mut unsigned, layout(SampleType::U16, 12, 0));
         assert_eq!(unsigned, Samples::U16(vec![0x0fff, 0x0801, 0x0fff]));

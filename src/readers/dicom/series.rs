@@ -14,12 +14,12 @@
 //! Source: DICOM PS3.3, C.7.6.2.1.1 (position and orientation).
 
 use super::elements;
-use super::image::{Frame, ImageFile, Place, circumstances, cross, dot, length};
-use crate::frame::{Frame as GridFrame, IDENTITY, World};
+use super::image::{DicomFrame, ImageFile, ImagePlane, circumstances, cross, dot, length};
+use crate::frame::{FileFrame, IDENTITY, World};
 use crate::open::file_name;
 use adjsplat::error::{Error, Result};
 
-/// Series that a refusal lists at most.
+/// SeriesIdentity that a refusal lists at most.
 const MOST_LISTED: usize = 12;
 
 /// Directions that differ by less per component are one: text in files is rounded.
@@ -29,23 +29,28 @@ const SAME_DIRECTION: f64 = 1e-3;
 const UNEVEN: f64 = 0.01;
 
 /// Frames in order, and where they lie.
-pub(super) struct Stack {
+pub(super) struct FrameStack {
     /// First slice first.
-    pub(super) frames: Vec<Frame>,
+    pub(super) frames: Vec<DicomFrame>,
     /// Their grid, but for its dimensions.
-    pub(super) grid: GridFrame,
+    pub(super) grid: FileFrame,
 }
 
 /// Frames that belong together.
 struct Group {
-    frames: Vec<Frame>,
+    frames: Vec<DicomFrame>,
 }
 
 /// Picks the series that `choice` means out of `frames`; the only one if it is `None`.
 ///
 /// # Errors
 /// [`Error::Input`] as `what` if there are several and none is chosen, or the choice is none of them; it lists them.
-pub(super) fn choose(what: &str, files: &[ImageFile], frames: Vec<Frame>, choice: Option<&str>) -> Result<Vec<Frame>> {
+pub(super) fn choose(
+    what: &str,
+    files: &[ImageFile],
+    frames: Vec<DicomFrame>,
+    choice: Option<&str>,
+) -> Result<Vec<DicomFrame>> {
     let mut groups: Vec<Group> = Vec::new();
     for frame in frames {
         match groups.iter_mut().find(|group| belong_together(files, &group.frames[0], &frame)) {
@@ -91,7 +96,7 @@ pub(super) fn choose(what: &str, files: &[ImageFile], frames: Vec<Frame>, choice
     }
 }
 
-fn belong_together(files: &[ImageFile], a: &Frame, b: &Frame) -> bool {
+fn belong_together(files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -> bool {
     let near = |a: f64, b: f64, share: f64| (a - b).abs() <= share * a.abs().max(b.abs()).max(1.0);
     let same_spacing = match (a.spacing, b.spacing) {
         (Some(a), Some(b)) => (0..2).all(|axis| (a[axis] - b[axis]).abs() <= 1e-3 * a[axis].abs()),
@@ -109,7 +114,7 @@ fn belong_together(files: &[ImageFile], a: &Frame, b: &Frame) -> bool {
 }
 
 /// "MR "t1", 192 slices of 256 x 256 (...0285270.0.0.0)".
-fn described(files: &[ImageFile], frames: &[Frame]) -> String {
+fn described(files: &[ImageFile], frames: &[DicomFrame]) -> String {
     let file = &files[frames[0].file];
     let [x, y] = file.size;
     let slices = if frames.len() == 1 { "slice" } else { "slices" };
@@ -124,7 +129,12 @@ fn described(files: &[ImageFile], frames: &[Frame]) -> String {
 ///
 /// # Errors
 /// [`Error::Input`] as `what` if two are at one place.
-pub(super) fn stack(what: &str, files: &[ImageFile], frames: Vec<Frame>, notes: &mut Vec<String>) -> Result<Stack> {
+pub(super) fn stack(
+    what: &str,
+    files: &[ImageFile],
+    frames: Vec<DicomFrame>,
+    notes: &mut Vec<String>,
+) -> Result<FrameStack> {
     let [x, y] = frames[0].spacing.unwrap_or_else(|| {
         notes.push("the files give no pixel spacing; 1 is taken (--spacing XxYxZ replaces it)".into());
         [1.0, 1.0]
@@ -135,7 +145,12 @@ pub(super) fn stack(what: &str, files: &[ImageFile], frames: Vec<Frame>, notes: 
     }
 }
 
-fn stack_by_number(files: &[ImageFile], mut frames: Vec<Frame>, [x, y]: [f64; 2], notes: &mut Vec<String>) -> Stack {
+fn stack_by_number(
+    files: &[ImageFile],
+    mut frames: Vec<DicomFrame>,
+    [x, y]: [f64; 2],
+    notes: &mut Vec<String>,
+) -> FrameStack {
     let first_name = file_name(&files[frames[0].file].path);
     if frames.len() > 1 {
         let how = if frames.iter().all(|frame| frame.file == frames[0].file) {
@@ -149,14 +164,14 @@ fn stack_by_number(files: &[ImageFile], mut frames: Vec<Frame>, [x, y]: [f64; 2]
         notes.push(format!("{first_name}: no position and orientation of slices; they are stacked in the order {how}"));
     }
     let z = frames[0].depth.unwrap_or_else(|| guessed_depth(notes));
-    let grid = GridFrame {
+    let grid = FileFrame {
         spacing: [x, y, z],
         direction: IDENTITY,
         origin: [0.0; 3],
         world: World::LeftPosterior,
         unit: Some("mm".into()),
     };
-    Stack { frames, grid }
+    FrameStack { frames, grid }
 }
 
 fn guessed_depth(notes: &mut Vec<String>) -> f64 {
@@ -167,15 +182,15 @@ fn guessed_depth(notes: &mut Vec<String>) -> f64 {
 fn stack_by_position(
     what: &str,
     files: &[ImageFile],
-    mut frames: Vec<Frame>,
-    place: Place,
+    mut frames: Vec<DicomFrame>,
+    place: ImagePlane,
     [x, y]: [f64; 2],
     notes: &mut Vec<String>,
-) -> Result<Stack> {
+) -> Result<FrameStack> {
     let [row, column] = place.orientation;
     let normal = cross(place.orientation);
-    let position = |frame: &Frame| frame.place.map_or([0.0; 3], |place| place.position);
-    let along = |frame: &Frame| dot(position(frame), normal);
+    let position = |frame: &DicomFrame| frame.place.map_or([0.0; 3], |place| place.position);
+    let along = |frame: &DicomFrame| dot(position(frame), normal);
     frames.sort_by(|a, b| along(a).total_cmp(&along(b)).then((a.file, a.index).cmp(&(b.file, b.index))));
     let origin = position(&frames[0]);
     let (spacing, axis) = if frames.len() == 1 {
@@ -195,14 +210,14 @@ fn stack_by_position(
         let whole = [0, 1, 2].map(|c| last[c] - origin[c]);
         slant(whole, normal, median, notes)
     };
-    let grid = GridFrame {
+    let grid = FileFrame {
         spacing: [x, y, spacing],
         direction: [row, column, axis],
         origin,
         world: World::LeftPosterior,
         unit: Some("mm".into()),
     };
-    Ok(Stack { frames, grid })
+    Ok(FrameStack { frames, grid })
 }
 
 /// The z axis and its step: along the normal, unless the slices walk off to the side.
@@ -219,12 +234,12 @@ fn slant(whole: [f64; 3], normal: [f64; 3], step: f64, notes: &mut Vec<String>) 
 }
 
 /// Refuses two frames at one place, and says how they differ as far as that can be seen.
-fn same_place(what: &str, files: &[ImageFile], a: &Frame, b: &Frame) -> Error {
-    let shown = |frame: &Frame| {
+fn same_place(what: &str, files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -> Error {
+    let shown = |frame: &DicomFrame| {
         let path = file_name(&files[frame.file].path);
         if a.file == b.file { format!("frame {} of {path}", frame.index) } else { path }
     };
-    let found = |frame: &Frame| {
+    let found = |frame: &DicomFrame| {
         let elements = elements::read(&files[frame.file].path).ok()?;
         Some(circumstances(&elements, frame.index))
     };
@@ -242,7 +257,7 @@ fn same_place(what: &str, files: &[ImageFile], a: &Frame, b: &Frame) -> Error {
 }
 
 /// Notes steps that are not the median one: missing slices, and others.
-fn tell_uneven(files: &[ImageFile], frames: &[Frame], steps: &[f64], median: f64, notes: &mut Vec<String>) {
+fn tell_uneven(files: &[ImageFile], frames: &[DicomFrame], steps: &[f64], median: f64, notes: &mut Vec<String>) {
     let (mut missing, mut gaps, mut uneven) = (0.0, 0, 0);
     let (mut first_gap, mut first_uneven) = (None, None);
     for (at, step) in steps.iter().enumerate() {
@@ -260,7 +275,7 @@ fn tell_uneven(files: &[ImageFile], frames: &[Frame], steps: &[f64], median: f64
         }
     }
     let between = |at: usize| {
-        let name = |frame: &Frame| file_name(&files[frame.file].path);
+        let name = |frame: &DicomFrame| file_name(&files[frame.file].path);
         let (a, b) = (&frames[at], &frames[at + 1]);
         let files = if a.file == b.file {
             format!("frames {} and {}", a.index, b.index)

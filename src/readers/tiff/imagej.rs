@@ -8,7 +8,7 @@
 use std::path::Path;
 
 use super::page::Resolution;
-use crate::frame::Frame;
+use crate::frame::FileFrame;
 use adjsplat::error::{Error, Result};
 
 /// What a description says.
@@ -82,13 +82,13 @@ impl ImageJ {
     }
 
     /// Where the grid lies.
-    pub(super) fn frame(&self, resolution: &Resolution) -> Frame {
+    pub(super) fn frame(&self, resolution: &Resolution) -> FileFrame {
         let mut pixel = resolution.pixel();
         if resolution.unit == 3 && self.unit.as_deref() == Some("um") {
             // Resolutions per centimetre beside a description in micrometres: other programs write such files.
             pixel = pixel.map(|size| size * 1e4);
         }
-        Frame { unit: self.unit.clone(), ..Frame::upright([pixel[0], pixel[1], self.spacing]) }
+        FileFrame { unit: self.unit.clone(), ..FileFrame::upright([pixel[0], pixel[1], self.spacing]) }
     }
 
     /// Slope and intercept.

@@ -25,15 +25,15 @@ mod reader;
 
 use std::path::{Path, PathBuf};
 
-use super::frame::Frame;
+use super::frame::FileFrame;
 use super::open::{OpenOptions, file_name};
 use super::slab::check_volume;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, MAX_DIM, SlabSource};
 use imagej::ImageJ;
 use ome::Ome;
-use page::{Pages, Resolution, Shape};
-use reader::{Place, TiffReader};
+use page::{PageShape, Resolution, TiffPages};
+use reader::{SliceLocation, TiffReader};
 
 /// Whether `probe`, the first bytes of a file, are those of a TIFF or BigTIFF.
 pub(super) fn is_header(probe: &[u8]) -> bool {
@@ -48,7 +48,7 @@ enum Description {
 }
 
 impl Description {
-    fn read(path: &Path, pages: &mut Pages) -> Result<Description> {
+    fn read(path: &Path, pages: &mut TiffPages) -> Result<Description> {
         let text = pages.description()?;
         Ok(if let Some(imagej) = text.as_deref().and_then(ImageJ::parse) {
             Description::ImageJ(imagej)
@@ -67,7 +67,7 @@ impl Description {
         }
     }
 
-    fn frame(&self, resolution: &Resolution) -> Frame {
+    fn frame(&self, resolution: &Resolution) -> FileFrame {
         match self {
             Description::Plain => plain_frame(resolution),
             Description::ImageJ(imagej) => imagej.frame(resolution),
@@ -86,19 +86,19 @@ impl Description {
 
 /// Opens the TIFF file at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let mut pages = Pages::open(path)?;
+    let mut pages = TiffPages::open(path)?;
     let listed = pages.list()?;
     pages.go_to(listed.full[0])?;
     let description = Description::read(path, &mut pages)?;
     let resolution = pages.resolution()?;
     let first = pages.shape()?;
     let volume = u64::from(options.volume_index);
-    let (places, shape): (Vec<Place>, Shape) = match &description {
+    let (places, shape): (Vec<SliceLocation>, PageShape) = match &description {
         Description::ImageJ(imagej) if listed.count == 1 && imagej.images > 1 => {
             check_volume(volume, imagej.volumes())?;
             let start = pages.contiguous(&first, imagej.images)?;
             let numbers = imagej.pages(path, imagej.images, volume)?;
-            (numbers.into_iter().map(|page| Place::Bytes(start + page * first.bytes())).collect(), first)
+            (numbers.into_iter().map(|page| SliceLocation::Bytes(start + page * first.bytes())).collect(), first)
         }
         description => {
             let numbers = match description {
@@ -125,7 +125,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
                 pages.go_to(*number)?;
                 pages.check(&shape, &format!("page {first}"))?;
             }
-            (numbers.into_iter().map(|page| Place::Page { file: 0, page }).collect(), shape)
+            (numbers.into_iter().map(|page| SliceLocation::Page { file: 0, page }).collect(), shape)
         }
     };
     finish(path, vec![path.to_path_buf()], places, shape, options, &(description, resolution))
@@ -135,10 +135,10 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     check_volume(options.volume_index.into(), 1)?;
     check_slices(folder, files.len())?;
-    let mut first: Option<(Shape, (Description, Resolution))> = None;
+    let mut first: Option<(PageShape, (Description, Resolution))> = None;
     let mut places = Vec::new();
     for (file, path) in files.iter().enumerate() {
-        let mut pages = Pages::open(path)?;
+        let mut pages = TiffPages::open(path)?;
         let listed = pages.list()?;
         if listed.full.len() > 1 {
             let count = listed.full.len();
@@ -161,7 +161,7 @@ pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptio
             }
         };
         pages.check(&shape, &file_name(&files[0]))?;
-        places.push(Place::Page { file, page: listed.full[0] });
+        places.push(SliceLocation::Page { file, page: listed.full[0] });
     }
     match first {
         Some((shape, told)) => finish(folder, files, places, shape, options, &told),
@@ -173,8 +173,8 @@ pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptio
 fn finish(
     path: &Path,
     files: Vec<PathBuf>,
-    places: Vec<Place>,
-    shape: Shape,
+    places: Vec<SliceLocation>,
+    shape: PageShape,
     options: &OpenOptions,
     told: &(Description, Resolution),
 ) -> Result<Box<dyn SlabSource>> {
@@ -203,7 +203,7 @@ fn check_slices(path: &Path, count: usize) -> Result<()> {
 }
 
 /// The frame of a file of which only the tags are known.
-fn plain_frame(resolution: &Resolution) -> Frame {
+fn plain_frame(resolution: &Resolution) -> FileFrame {
     let millimetres = match resolution.unit {
         2 => Some(25.4),
         3 => Some(10.0),
@@ -211,9 +211,9 @@ fn plain_frame(resolution: &Resolution) -> Frame {
     };
     let [x, y] = resolution.pixel();
     if resolution.unit == 2 && (x * 72.0 - 1.0).abs() < 1e-6 {
-        return Frame::upright([1.0, y / x, 1.0]);
+        return FileFrame::upright([1.0, y / x, 1.0]);
     }
     let unit = millimetres.filter(|_| resolution.is_given()).map(|_| "mm".to_string());
     let scale = if unit.is_some() { millimetres.unwrap_or(1.0) } else { 1.0 };
-    Frame { unit, ..Frame::upright([x * scale, y * scale, x * scale]) }
+    FileFrame { unit, ..FileFrame::upright([x * scale, y * scale, x * scale]) }
 }

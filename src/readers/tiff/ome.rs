@@ -10,7 +10,7 @@ use std::path::Path;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-use crate::frame::Frame;
+use crate::frame::FileFrame;
 use crate::lines::clip;
 use adjsplat::error::{Error, Result};
 
@@ -18,7 +18,7 @@ const RULE: &str = "OME-XML";
 
 /// Planes that follow each other in a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Run {
+struct PlaneRun {
     /// Number of the first plane.
     plane: u64,
     /// The page that it is.
@@ -35,7 +35,7 @@ pub(super) struct Ome {
     /// How far apart the planes of neighbouring slices, channels, times are, in planes.
     strides: [u64; 3],
     /// By first plane.
-    runs: Vec<Run>,
+    runs: Vec<PlaneRun>,
     spacing: [f64; 3],
     unit: Option<String>,
 }
@@ -86,7 +86,7 @@ impl Ome {
         }
         let mut ome = ome.ok_or_else(|| fault("an image with Pixels", "none; they may be in another file".into()))?;
         if ome.runs.is_empty() {
-            ome.runs.push(Run { plane: 0, page: 0, count: None });
+            ome.runs.push(PlaneRun { plane: 0, page: 0, count: None });
         }
         ome.runs.sort_by_key(|run| run.plane);
         Ok(ome)
@@ -122,7 +122,7 @@ impl Ome {
     }
 
     /// What the attributes of a `TiffData` say.
-    fn run(&self, path: &Path, tag: &BytesStart<'_>) -> Result<Run> {
+    fn run(&self, path: &Path, tag: &BytesStart<'_>) -> Result<PlaneRun> {
         let number = |name: &str| match attribute(tag, name) {
             None => Ok(None),
             Some(text) => match text.trim().parse::<u64>() {
@@ -141,7 +141,7 @@ impl Ome {
         }
         let page = number("IFD")?;
         let count = number("PlaneCount")?.or(page.map(|_| 1));
-        Ok(Run { plane, page: page.unwrap_or(0), count })
+        Ok(PlaneRun { plane, page: page.unwrap_or(0), count })
     }
 
     /// Volumes: one for each channel at each time.
@@ -183,8 +183,8 @@ impl Ome {
     }
 
     /// Where the grid lies.
-    pub(super) fn frame(&self) -> Frame {
-        Frame { unit: self.unit.clone(), ..Frame::upright(self.spacing) }
+    pub(super) fn frame(&self) -> FileFrame {
+        FileFrame { unit: self.unit.clone(), ..FileFrame::upright(self.spacing) }
     }
 }
 

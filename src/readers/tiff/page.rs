@@ -31,7 +31,7 @@ const CHUNK_LISTED: u64 = 80;
 const LONGEST_DESCRIPTION: u64 = 64 << 20;
 
 /// The numbers that pages have in the chain of directories, from 0.
-pub(super) struct Listed {
+pub(super) struct PageList {
     /// All that there are.
     pub(super) count: usize,
     /// Those at full resolution; at least one.
@@ -40,13 +40,13 @@ pub(super) struct Listed {
 
 /// What must be alike in all pages of a volume.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Shape {
+pub(super) struct PageShape {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) sample_type: SampleType,
 }
 
-impl Shape {
+impl PageShape {
     /// Bytes of its samples.
     pub(super) fn bytes(&self) -> u64 {
         // Both are of 32 bits, and are checked only with the grid.
@@ -81,7 +81,7 @@ impl Resolution {
 }
 
 /// The pages of a file.
-pub(super) struct Pages {
+pub(super) struct TiffPages {
     path: PathBuf,
     decoder: Decoder<BufReader<File>>,
     file_len: u64,
@@ -89,19 +89,19 @@ pub(super) struct Pages {
     number: usize,
 }
 
-impl Pages {
+impl TiffPages {
     /// Opens the file at `path` at its first page.
-    pub(super) fn open(path: &Path) -> Result<Pages> {
+    pub(super) fn open(path: &Path) -> Result<TiffPages> {
         let (file, file_len) = open_regular(path, "open")?;
         let decoder = Decoder::new(BufReader::new(file)).map_err(|error| fault(path, 0, "the first page", error))?;
         let mut limits = Limits::default();
         // Chunks are unpacked as a stream into memory that is asked for here.
         limits.intermediate_buffer_size = usize::MAX;
-        Ok(Pages { path: path.to_path_buf(), decoder: decoder.with_limits(limits), file_len, number: 0 })
+        Ok(TiffPages { path: path.to_path_buf(), decoder: decoder.with_limits(limits), file_len, number: 0 })
     }
 
     /// Walks the chain of directories to its end.
-    pub(super) fn list(&mut self) -> Result<Listed> {
+    pub(super) fn list(&mut self) -> Result<PageList> {
         let (mut count, mut full) = (0, Vec::new());
         loop {
             // Bit 0: a smaller copy of another page; bit 2: a mask. The older SubfileType says the first by 2.
@@ -122,7 +122,7 @@ impl Pages {
             let got = format!("{count} pages that are all thumbnails or masks");
             return Err(self.format_fault("TIFF NewSubfileType", "a page at full resolution", got));
         }
-        Ok(Listed { count, full })
+        Ok(PageList { count, full })
     }
 
     /// Goes to page `number`.
@@ -140,7 +140,7 @@ impl Pages {
     ///
     /// # Errors
     /// [`Error::Format`] if it is not one that can be read.
-    pub(super) fn shape(&mut self) -> Result<Shape> {
+    pub(super) fn shape(&mut self) -> Result<PageShape> {
         let (width, height) = self.decoder.dimensions().map_err(|error| self.page_fault(error))?;
         let samples = self.number_tag(Tag::SamplesPerPixel)?.unwrap_or(1);
         let colours = match self.number_tag(Tag::PhotometricInterpretation)? {
@@ -184,11 +184,11 @@ impl Pages {
             let got = format!("0 shown as white and samples of {} in page {}", sample_type.name(), self.number);
             return Err(self.format_fault("TIFF MinIsWhite", expected, got));
         }
-        Ok(Shape { width, height, sample_type })
+        Ok(PageShape { width, height, sample_type })
     }
 
     /// Checks that the page has `shape`, which is that of `whose`, and that the file has the bytes of its samples.
-    pub(super) fn check(&mut self, shape: &Shape, whose: &str) -> Result<()> {
+    pub(super) fn check(&mut self, shape: &PageShape, whose: &str) -> Result<()> {
         let own = self.shape()?;
         if own != *shape {
             let expected = format!("{} as in {whose}; all slices must be alike", shape.described());
@@ -226,7 +226,7 @@ impl Pages {
     }
 
     /// Where the samples of `images` pages start that follow each other, of which only this first one has a directory.
-    pub(super) fn contiguous(&mut self, shape: &Shape, images: u64) -> Result<u64> {
+    pub(super) fn contiguous(&mut self, shape: &PageShape, images: u64) -> Result<u64> {
         let plain = self.ratio()? == Some(1) && self.decoder.get_chunk_type() == ChunkType::Strip;
         let (offsets, counts) = self.chunks()?;
         let follow = offsets.windows(2).zip(&counts).all(|(pair, count)| pair[0].checked_add(*count) == Some(pair[1]));
@@ -282,7 +282,7 @@ impl Pages {
     }
 
     /// Reads the page's samples; it must have been checked against the shape that `slice` was made for.
-    pub(super) fn read(&mut self, shape: &Shape, slice: &mut Samples) -> Result<()> {
+    pub(super) fn read(&mut self, shape: &PageShape, slice: &mut Samples) -> Result<()> {
         let width = shape.sample_type.bytes();
         let row = shape.width as usize * width;
         let (across, down) = self.decoder.chunk_dimensions();
@@ -333,7 +333,7 @@ impl Pages {
     }
 
     /// Bytes that reading a page holds: a tile, and where each chunk is.
-    pub(super) fn buffer_bytes(&self, shape: &Shape) -> u64 {
+    pub(super) fn buffer_bytes(&self, shape: &PageShape) -> u64 {
         let (width, height) = self.decoder.chunk_dimensions();
         let down = u64::from(shape.height.div_ceil(height.max(1)));
         let chunks = u64::from(shape.width.div_ceil(width.max(1))).saturating_mul(down);
@@ -341,7 +341,7 @@ impl Pages {
     }
 
     /// Bytes that one tile takes, without its rows below the page; 0 for strips, which are unpacked in place.
-    fn tile_bytes(&self, shape: &Shape) -> u64 {
+    fn tile_bytes(&self, shape: &PageShape) -> u64 {
         if self.decoder.get_chunk_type() == ChunkType::Strip {
             return 0;
         }

@@ -8,7 +8,7 @@
 //! Source: c-blosc's `README_HEADER.rst` and `README_CHUNK_FORMAT.rst`; the layout of bits is that of bitshuffle
 //! (Masui et al., "A compression scheme for radio data in high performance computing", 2015, section 3.2).
 
-use super::packing::{Fault, inflate, lz4, zstd};
+use super::packing::{ChunkFault, inflate, lz4, zstd};
 
 const HEADER_BYTES: usize = 16;
 /// Elements that a block must have at least to be split, and bytes that an element may have at most.
@@ -23,7 +23,7 @@ const UNSPLIT: u8 = 16;
 ///
 /// # Errors
 /// What is wrong with it, in words.
-pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, Fault> {
+pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, ChunkFault> {
     let [version, _, flags, element, ..] = *frame else { return Err("a Blosc frame without a header".into()) };
     let said = word(frame, 4)?;
     let block_len = word(frame, 8)?;
@@ -64,13 +64,13 @@ pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, Fault> {
     Ok(out)
 }
 
-fn word(frame: &[u8], at: usize) -> Result<usize, Fault> {
+fn word(frame: &[u8], at: usize) -> Result<usize, ChunkFault> {
     let bytes = frame.get(at..at + 4).ok_or("a Blosc frame that breaks off")?;
     Ok(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]) as usize)
 }
 
 /// Unpacks the streams of the block that starts at byte `start`.
-fn unpack_block(frame: &[u8], start: usize, block: &mut [u8], streams: usize, codec: u8) -> Result<(), Fault> {
+fn unpack_block(frame: &[u8], start: usize, block: &mut [u8], streams: usize, codec: u8) -> Result<(), ChunkFault> {
     let mut at = start;
     let part_len = block.len() / streams;
     for part in block.chunks_mut(part_len.max(1)) {
@@ -107,8 +107,8 @@ fn unpack_block(frame: &[u8], start: usize, block: &mut [u8], streams: usize, co
 /// lllddddd [l...] d [D D]      copy l + 2 bytes from d + 1 back; l = 7 goes on while bytes are 255;
 ///                              the largest d means that the distance is 8192 more than the two bytes D say
 /// ```
-fn unpack_blosclz(packed: &[u8], out: &mut [u8]) -> Result<(), Fault> {
-    let fault = || Fault::from("a damaged BloscLZ stream");
+fn unpack_blosclz(packed: &[u8], out: &mut [u8]) -> Result<(), ChunkFault> {
+    let fault = || ChunkFault::from("a damaged BloscLZ stream");
     let mut bytes = packed.iter().copied();
     let mut at = 0;
     let mut first = true;

@@ -8,7 +8,7 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::metadata::{Array, Shard};
+use super::metadata::{Shard, ZarrArray};
 use super::packing::{crc32c, unpack};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
@@ -18,7 +18,7 @@ const PACKED_SLACK: u64 = 1 << 16;
 
 /// Reads chunks of one array.
 pub(super) struct ChunkReader {
-    array: Array,
+    array: ZarrArray,
     /// The shard that was read from last.
     shard: Option<OpenShard>,
 }
@@ -37,11 +37,11 @@ struct ShardFile {
 }
 
 impl ChunkReader {
-    pub(super) fn new(array: Array) -> ChunkReader {
+    pub(super) fn new(array: ZarrArray) -> ChunkReader {
         ChunkReader { array, shard: None }
     }
 
-    pub(super) fn array(&self) -> &Array {
+    pub(super) fn array(&self) -> &ZarrArray {
         &self.array
     }
 
@@ -145,13 +145,13 @@ impl ChunkReader {
 }
 
 /// Chunks of a shard.
-fn inner_count(array: &Array, shard: &Shard) -> u64 {
+fn inner_count(array: &ZarrArray, shard: &Shard) -> u64 {
     let counts = array.chunk.iter().zip(&shard.inner).map(|(chunk, inner)| chunk / inner);
     counts.fold(1, u64::saturating_mul)
 }
 
 /// The file of chunk `index`: `0.0.0`, `0/0/0`, `c/0/0/0`.
-fn chunk_path(array: &Array, index: &[u64]) -> PathBuf {
+fn chunk_path(array: &ZarrArray, index: &[u64]) -> PathBuf {
     let (before, separator) = array.key;
     let mut name = before.to_string();
     for (at, number) in index.iter().enumerate() {

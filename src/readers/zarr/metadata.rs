@@ -27,14 +27,14 @@ const MARKS: [&str; 4] = ["zarr.json", ".zarray", ".zgroup", ".zattrs"];
 
 /// A group or an array.
 #[derive(Debug)]
-pub(super) struct Node {
+pub(super) struct ZarrNode {
     pub(super) attributes: Map<String, Value>,
-    pub(super) array: Option<Array>,
+    pub(super) array: Option<ZarrArray>,
 }
 
 /// An array's layout.
 #[derive(Debug, Clone)]
-pub(super) struct Array {
+pub(super) struct ZarrArray {
     pub(super) path: PathBuf,
     /// Points along each dimension.
     pub(super) shape: Vec<u64>,
@@ -77,35 +77,35 @@ pub(crate) fn is_node(path: &Path) -> bool {
 /// # Errors
 /// [`Error::Io`] if a file cannot be read; [`Error::Format`] if one is not as its version says, or uses what is not
 /// read here; [`Error::Limit`] for sizes.
-pub(super) fn read(path: &Path) -> Result<Node> {
+pub(super) fn read(path: &Path) -> Result<ZarrNode> {
     let newer = path.join("zarr.json");
     if newer.is_file() {
-        let fields = Fields::read(&newer)?;
+        let fields = JsonFields::read(&newer)?;
         let attributes = fields.map("attributes")?.cloned().unwrap_or_default();
         return match fields.text("node_type")? {
-            "group" => Ok(Node { attributes, array: None }),
-            "array" => Ok(Node { attributes, array: Some(fields.array_3(path)?) }),
+            "group" => Ok(ZarrNode { attributes, array: None }),
+            "array" => Ok(ZarrNode { attributes, array: Some(fields.array_3(path)?) }),
             other => Err(fields.fault("node_type", "\"group\" or \"array\"", other)),
         };
     }
     let attributes = path.join(".zattrs");
-    let attributes = if attributes.is_file() { Fields::read(&attributes)?.fields } else { Map::new() };
+    let attributes = if attributes.is_file() { JsonFields::read(&attributes)?.fields } else { Map::new() };
     let array = path.join(".zarray");
-    let array = if array.is_file() { Some(Fields::read(&array)?.array_2(path, &attributes)?) } else { None };
-    Ok(Node { attributes, array })
+    let array = if array.is_file() { Some(JsonFields::read(&array)?.array_2(path, &attributes)?) } else { None };
+    Ok(ZarrNode { attributes, array })
 }
 
 /// One JSON object of a node, and where it is from.
-struct Fields {
+struct JsonFields {
     path: PathBuf,
     fields: Map<String, Value>,
 }
 
-impl Fields {
-    fn read(path: &Path) -> Result<Fields> {
+impl JsonFields {
+    fn read(path: &Path) -> Result<JsonFields> {
         let text = read_text(path)?;
         match serde_json::from_str(&text) {
-            Ok(Value::Object(fields)) => Ok(Fields { path: path.to_path_buf(), fields }),
+            Ok(Value::Object(fields)) => Ok(JsonFields { path: path.to_path_buf(), fields }),
             Ok(other) => Err(Error::format(path, 0, "Zarr metadata", "a JSON object", clip(&other))),
             Err(error) => Err(Error::format(path, 0, "Zarr metadata", "a JSON object", error.to_string())),
         }
@@ -145,7 +145,7 @@ impl Fields {
         }
     }
 
-    fn array_2(&self, path: &Path, attributes: &Map<String, Value>) -> Result<Array> {
+    fn array_2(&self, path: &Path, attributes: &Map<String, Value>) -> Result<ZarrArray> {
         let shape = self.numbers("shape", self.value("shape"), 1)?;
         let chunk = self.numbers("chunks", self.value("chunks"), 1)?;
         let (sample_type, endian) = self.type_2()?;
@@ -178,7 +178,7 @@ impl Fields {
         let names = names.map(|names| names.iter().map(|name| name.as_str().map(str::to_owned)).collect());
         let fill = self.fill(sample_type, endian)?;
         let names = names.unwrap_or_default();
-        self.checked(Array {
+        self.checked(ZarrArray {
             path: path.to_path_buf(),
             shape,
             chunk,
@@ -212,7 +212,7 @@ impl Fields {
         Ok((sample_type, endian))
     }
 
-    fn array_3(&self, path: &Path) -> Result<Array> {
+    fn array_3(&self, path: &Path) -> Result<ZarrArray> {
         let shape = self.numbers("shape", self.value("shape"), 1)?;
         let grid = self.value("chunk_grid");
         if name_of(grid) != Some("regular") {
@@ -259,7 +259,7 @@ impl Fields {
         let names = names.map(|names| names.iter().map(|name| name.as_str().map(str::to_owned)).collect());
         let endian = inside.endian;
         let fill = self.fill(sample_type, endian)?;
-        self.checked(Array {
+        self.checked(ZarrArray {
             path: path.to_path_buf(),
             shape,
             chunk,
@@ -392,7 +392,7 @@ impl Fields {
     }
 
     /// Holds the parts against each other.
-    fn checked(&self, array: Array) -> Result<Array> {
+    fn checked(&self, array: ZarrArray) -> Result<ZarrArray> {
         let dimensions = array.shape.len();
         let inner = array.shard.as_ref().map_or(&array.chunk, |shard| &shard.inner);
         if array.chunk.len() != dimensions || inner.len() != dimensions {

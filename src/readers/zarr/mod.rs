@@ -21,9 +21,9 @@ mod packing;
 use std::path::{Path, PathBuf};
 
 use self::chunk::ChunkReader;
-use self::metadata::Array;
-use self::multiscales::{AxisName, Level, Multiscales};
-use super::frame::{Frame, IDENTITY, World};
+use self::metadata::ZarrArray;
+use self::multiscales::{AxisName, ImageLevel, Multiscales};
+use super::frame::{FileFrame, IDENTITY, World};
 use super::nifti;
 use super::open::{OpenOptions, file_name};
 use super::slab::{Endian, check_turn};
@@ -62,7 +62,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
             read_array(&image.levels[level].path)?
         }
     };
-    let axes = Axes::find(&array, found.image.as_ref())?;
+    let axes = ArrayAxes::find(&array, found.image.as_ref())?;
     let (frame, slope, intercept) = place(&found.path, &array, &axes, found.image.as_ref(), level)?;
     let dims = axes.space.map(|dimension| dimension.map_or(1, |dimension| array.shape[dimension]));
     let grid = frame.grid(&array.path, "Zarr grid", dims, options.spacing)?;
@@ -73,18 +73,18 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 }
 
 /// What a folder turned out to hold.
-struct Found {
+struct ZarrContent {
     path: PathBuf,
-    array: Option<Array>,
+    array: Option<ZarrArray>,
     image: Option<Multiscales>,
 }
 
 /// The array or image at `path`, or the only one in the groups below it.
-fn find(path: &Path, depth: usize) -> Result<Found> {
+fn find(path: &Path, depth: usize) -> Result<ZarrContent> {
     let node = metadata::read(path)?;
     let image = if node.array.is_none() { multiscales::read(path, &node.attributes)? } else { None };
     if node.array.is_some() || image.is_some() {
-        return Ok(Found { path: path.to_path_buf(), array: node.array, image });
+        return Ok(ZarrContent { path: path.to_path_buf(), array: node.array, image });
     }
     let mut children: Vec<PathBuf> = super::folder::list(path)?.folders;
     children.retain(|child| is_node(child) && !["OME", "labels", "nifti"].contains(&file_name(child).as_str()));
@@ -102,7 +102,7 @@ fn find(path: &Path, depth: usize) -> Result<Found> {
     }
 }
 
-fn read_array(path: &Path) -> Result<Array> {
+fn read_array(path: &Path) -> Result<ZarrArray> {
     if !is_node(path) {
         let why = "is named by its group's metadata, but there is no Zarr array";
         return Err(Error::input(path.display().to_string(), why));
@@ -113,7 +113,7 @@ fn read_array(path: &Path) -> Result<Array> {
 
 /// "0: 3 x 128 x 256, 1: 3 x 64 x 128", slowest axis first.
 fn listed_levels(image: &Multiscales) -> String {
-    let shape = |level: &Level| match metadata::read(&level.path).ok().and_then(|node| node.array) {
+    let shape = |level: &ImageLevel| match metadata::read(&level.path).ok().and_then(|node| node.array) {
         Some(array) => array.shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x "),
         None => "cannot be read".into(),
     };
@@ -123,7 +123,7 @@ fn listed_levels(image: &Multiscales) -> String {
 }
 
 /// Which dimension of an array is which.
-struct Axes {
+struct ArrayAxes {
     /// The dimensions along x, y, z; an image may have no z.
     space: [Option<usize>; 3],
     /// All others, with their names.
@@ -132,9 +132,9 @@ struct Axes {
     unit: Option<String>,
 }
 
-impl Axes {
+impl ArrayAxes {
     /// By the names that the image or the array gives; without any the last three are z, y, x.
-    fn find(array: &Array, image: Option<&Multiscales>) -> Result<Axes> {
+    fn find(array: &ZarrArray, image: Option<&Multiscales>) -> Result<ArrayAxes> {
         let dimensions = array.shape.len();
         let fault = |expected: &str, got: String| Error::format(&array.path, 0, "Zarr axes", expected, got);
         let named: Vec<AxisName> = match image {
@@ -164,11 +164,11 @@ impl Axes {
         let others = others.map(|at| (at, named[at].name.clone())).collect();
         let units: Vec<&Option<String>> = space.iter().flatten().map(|at| &named[*at].unit).collect();
         let unit = if units.iter().all(|unit| *unit == units[0]) { units[0].clone() } else { None };
-        Ok(Axes { space, others, unit })
+        Ok(ArrayAxes { space, others, unit })
     }
 
     /// The index of volume `number` along the dimensions that are not of space; 0 along those that are.
-    fn volume(&self, array: &Array, number: u64) -> Result<Vec<u64>> {
+    fn volume(&self, array: &ZarrArray, number: u64) -> Result<Vec<u64>> {
         let counts = self.others.iter().map(|(dimension, _)| array.shape[*dimension]);
         let count = counts.fold(1, u64::saturating_mul);
         if number >= count {
@@ -195,17 +195,17 @@ impl Axes {
 /// Where the array lies in the world, and its slope and intercept.
 fn place(
     path: &Path,
-    array: &Array,
-    axes: &Axes,
+    array: &ZarrArray,
+    axes: &ArrayAxes,
     image: Option<&Multiscales>,
     level: usize,
-) -> Result<(Frame, f64, f64)> {
-    let Some(image) = image else { return Ok((Frame::upright([1.0; 3]), 1.0, 0.0)) };
+) -> Result<(FileFrame, f64, f64)> {
+    let Some(image) = image else { return Ok((FileFrame::upright([1.0; 3]), 1.0, 0.0)) };
     let of = |values: &[f64], without: f64| axes.space.map(|at| at.map_or(without, |at| values[at]));
     let (scale, translation) = (of(&image.levels[level].scale, 1.0), of(&image.levels[level].translation, 0.0));
     let header = path.join("nifti");
     if !is_node(&header) {
-        let frame = Frame {
+        let frame = FileFrame {
             spacing: scale,
             direction: IDENTITY,
             origin: translation,
@@ -224,7 +224,7 @@ fn place(
         }
         frame.spacing[axis] *= scale[axis] / finest[axis];
     }
-    debug_assert_eq!(array.shape.len(), image.axes.len(), "checked by Axes::find");
+    debug_assert_eq!(array.shape.len(), image.axes.len(), "checked by ArrayAxes::find");
     Ok((frame, slope, intercept))
 }
 
@@ -259,7 +259,7 @@ struct ZarrReader {
 impl ZarrReader {
     fn new(
         header: Header,
-        array: Array,
+        array: ZarrArray,
         space: [Option<usize>; 3],
         index: Vec<u64>,
         notes: Vec<String>,

@@ -29,7 +29,7 @@ pub(super) struct AxisName {
 
 /// One resolution.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Level {
+pub(super) struct ImageLevel {
     /// The array's folder.
     pub(super) path: PathBuf,
     /// Distance between points along each axis.
@@ -43,7 +43,7 @@ pub(super) struct Level {
 pub(super) struct Multiscales {
     /// In the order of the arrays' dimensions.
     pub(super) axes: Vec<AxisName>,
-    pub(super) levels: Vec<Level>,
+    pub(super) levels: Vec<ImageLevel>,
 }
 
 /// The image that the group at `path` is; `None` if it is none.
@@ -70,7 +70,7 @@ pub(super) fn read(path: &Path, attributes: &Map<String, Value>) -> Result<Optio
     let mut levels = Vec::new();
     for dataset in datasets {
         let own = transforms(&dataset["coordinateTransformations"])?;
-        levels.push(Level {
+        levels.push(ImageLevel {
             path: inside(path, &dataset["path"]).ok_or_else(|| fault("a path inside the group", &dataset["path"]))?,
             scale: own.0.iter().zip(&all.0).map(|(own, all)| own * all).collect(),
             translation: own.1.iter().zip(&all.0).zip(&all.1).map(|((own, scale), all)| own * scale + all).collect(),

@@ -13,7 +13,7 @@ use flate2::read::{MultiGzDecoder, ZlibDecoder};
 use super::blosc;
 
 /// What was found instead of an intact chunk.
-pub(super) type Fault = String;
+pub(super) type ChunkFault = String;
 
 /// One step of how a chunk's bytes are packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,7 +37,7 @@ const SLACK: usize = 1 << 16;
 ///
 /// # Errors
 /// What is wrong with the chunk, in words.
-pub(super) fn unpack(packings: &[Packing], packed: Vec<u8>, len: usize) -> Result<Vec<u8>, Fault> {
+pub(super) fn unpack(packings: &[Packing], packed: Vec<u8>, len: usize) -> Result<Vec<u8>, ChunkFault> {
     let mut bytes = packed;
     for (step, packing) in packings.iter().enumerate().rev() {
         let inner = &packings[..step];
@@ -65,32 +65,32 @@ pub(super) fn unpack(packings: &[Packing], packed: Vec<u8>, len: usize) -> Resul
 }
 
 /// At most `most` bytes of a gzip or zlib stream.
-pub(super) fn inflate(packed: &[u8], most: usize) -> Result<Vec<u8>, Fault> {
+pub(super) fn inflate(packed: &[u8], most: usize) -> Result<Vec<u8>, ChunkFault> {
     let is_gzip = packed.starts_with(&[0x1f, 0x8b]);
     if is_gzip { at_most(MultiGzDecoder::new(packed), most) } else { at_most(ZlibDecoder::new(packed), most) }
 }
 
 /// At most `most` bytes of a Zstandard stream.
-pub(super) fn zstd(packed: &[u8], most: usize) -> Result<Vec<u8>, Fault> {
+pub(super) fn zstd(packed: &[u8], most: usize) -> Result<Vec<u8>, ChunkFault> {
     let decoder = ruzstd::decoding::StreamingDecoder::new(packed).map_err(|error| error.to_string())?;
     at_most(decoder, most)
 }
 
 /// A block of LZ4 of at most `most` bytes.
-pub(super) fn lz4(packed: &[u8], most: usize) -> Result<Vec<u8>, Fault> {
+pub(super) fn lz4(packed: &[u8], most: usize) -> Result<Vec<u8>, ChunkFault> {
     let mut out = vec![0; most];
     let len = lz4_flex::block::decompress_into(packed, &mut out).map_err(|error| error.to_string())?;
     out.truncate(len);
     Ok(out)
 }
 
-fn at_most(decoder: impl Read, most: usize) -> Result<Vec<u8>, Fault> {
+fn at_most(decoder: impl Read, most: usize) -> Result<Vec<u8>, ChunkFault> {
     let mut out = Vec::new();
     decoder.take(most as u64 + 1).read_to_end(&mut out).map_err(|error| error.to_string())?;
     if out.len() <= most { Ok(out) } else { Err(format!("more than {most} bytes")) }
 }
 
-fn strip_checksum(mut bytes: Vec<u8>) -> Result<Vec<u8>, Fault> {
+fn strip_checksum(mut bytes: Vec<u8>) -> Result<Vec<u8>, ChunkFault> {
     let len = bytes.len().checked_sub(4).ok_or("a chunk without its checksum")?;
     let said = bytes[len..].to_vec();
     bytes.truncate(len);
