@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use adjsplat::error::Error;
-use adjsplat::volume::{Header, SampleType, SlabSource};
+use adjsplat::volume::{Header, Sample, SampleType, SlabSource};
 use adjsplat_readers::open::{OpenOptions, open};
 use adjsplat_readers::slab::Endian;
 
@@ -36,6 +36,8 @@ enum Packing {
     PackBits,
     Lzw,
     Zstd,
+    /// Differences along rows, then zstd.
+    ZstdPredicted,
 }
 
 /// A file that is put together here.
@@ -92,7 +94,7 @@ impl Tiff {
                             None => {}
                         }
                     }
-                    if self.packing == Packing::DeflatePredicted {
+                    if matches!(self.packing, Packing::DeflatePredicted | Packing::ZstdPredicted) {
                         self.predict(&mut row);
                     }
                     chunk.extend(row);
@@ -145,7 +147,7 @@ impl Tiff {
                 bits.as_bytes().chunks(8).map(byte).collect()
             }
             // RFC 8878: magic, one segment with a size of 4 bytes, and one last block of bytes as they are.
-            Packing::Zstd => {
+            Packing::Zstd | Packing::ZstdPredicted => {
                 let size = u32::try_from(plain.len()).expect("chunks here are small");
                 let block = size << 3 | 1;
                 [&[0x28, 0xb5, 0x2f, 0xfd, 0xa0], &size.to_le_bytes()[..], &block.to_le_bytes()[..3], plain].concat()
@@ -167,6 +169,7 @@ impl Tiff {
             Packing::PackBits => (32_773, 1),
             Packing::Lzw => (5, 1),
             Packing::Zstd => (50_000, 1),
+            Packing::ZstdPredicted => (50_000, if kind == 3 { 3 } else { 2 }),
         };
         let short = |value: usize| Value::Short(vec![value as u64]);
         let mut entries = vec![
@@ -252,8 +255,15 @@ impl Tiff {
 }
 
 const CUTS: [Cut; 5] = [Cut::Strips(3), Cut::Strips(2), Cut::Strips(99), Cut::Tiles(16, 16), Cut::Tiles(3, 2)];
-const PACKINGS: [Packing; 6] =
-    [Packing::Plain, Packing::Deflate, Packing::DeflatePredicted, Packing::PackBits, Packing::Lzw, Packing::Zstd];
+const PACKINGS: [Packing; 7] = [
+    Packing::Plain,
+    Packing::Deflate,
+    Packing::DeflatePredicted,
+    Packing::PackBits,
+    Packing::Lzw,
+    Packing::Zstd,
+    Packing::ZstdPredicted,
+];
 
 fn refused(path: &std::path::Path, parts: &[&str]) {
     expect_refused(path, &OpenOptions::default(), parts);
@@ -306,6 +316,23 @@ fn files_of_another_writer_are_read() {
         expect_known(&path, SampleType::U16);
         written(TiffEncoder::<_, TiffKindBig>::new_generic(file()).expect("a header"), compression);
         expect_known(&path, SampleType::U16);
+    }
+}
+
+/// Files of 20 x 10 x 2 samples that tifffile 2026.3.3 and libzstd packed: v = 7 x^2 + 31 y + 1000 z.
+#[test]
+fn files_that_libzstd_packed_are_read() {
+    let values = |z: i32| (0..200).map(move |at| 7 * (at % 20) * (at % 20) + 31 * (at / 20) + 1000 * z);
+    let compressed = adjsplat_tests::repository().join("tests/readers/compressed");
+    for (name, ty, factor) in [
+        ("u16-zstd-strips.tif", SampleType::U16, 1.0),
+        ("f32-zstd-tiles.tif", SampleType::F32, 0.125),
+        ("i32-zstd-tiles.tif", SampleType::I32, -1.0),
+    ] {
+        let got = read(&compressed.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!((got.header.grid.dims, got.header.sample_type), ([20, 10, 2], ty), "{name}");
+        let samples: Vec<f64> = adjsplat::with_samples!(&got.samples, v => v.iter().map(|s| s.to_f64()).collect());
+        assert!(samples.into_iter().eq((0..2).flat_map(values).map(|v| f64::from(v) * factor)), "{name}");
     }
 }
 
@@ -694,7 +721,7 @@ fn pages_that_cannot_be_read_are_named_with_what_would_do() {
 #[test]
 fn packed_chunks_that_are_damaged_or_too_short_are_refused() {
     let folder = Folder::new();
-    for packing in [Packing::Deflate, Packing::Zstd, Packing::Lzw, Packing::PackBits] {
+    for packing in [Packing::Deflate, Packing::Zstd, Packing::ZstdPredicted, Packing::Lzw, Packing::PackBits] {
         let tiff = Tiff { packing, ..Tiff::new(SampleType::U16) };
         let (good, chunk) = (tiff.known_file(), tiff.chunks(&tiff.slices()[1])[0].clone());
         let at = good.windows(chunk.len()).position(|found| found == chunk).expect("it is there");

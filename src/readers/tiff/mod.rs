@@ -22,6 +22,7 @@ mod imagej;
 mod ome;
 mod page;
 mod reader;
+mod zstd;
 
 use std::path::{Path, PathBuf};
 

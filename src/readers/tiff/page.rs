@@ -14,6 +14,7 @@ use ::tiff::decoder::ifd::Value;
 use ::tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use ::tiff::tags::{ByteOrder, Tag};
 
+use super::zstd::RowCoding;
 use crate::raw::type_names;
 use crate::slab::Endian;
 use crate::stream::DEFLATE_RATIO;
@@ -26,6 +27,9 @@ const LARGEST_TILE: u64 = 256 << 20;
 
 /// Bytes of memory that a chunk's place and length take while the lists of them are read.
 const CHUNK_LISTED: u64 = 80;
+
+/// The number of zstd among the compressions.
+const ZSTD: u64 = 50_000;
 
 /// Longest description that is read: that of an OME-TIFF tells of every plane.
 const LONGEST_DESCRIPTION: u64 = 64 << 20;
@@ -281,37 +285,42 @@ impl TiffPages {
         Ok(Resolution { per_unit, unit })
     }
 
-    /// Reads the page's samples; it must have been checked against the shape that `slice` was made for.
+    /// Reads the page's samples; `shape` is the page's and that of `slice`.
     pub(super) fn read(&mut self, shape: &PageShape, slice: &mut Samples) -> Result<()> {
         let width = shape.sample_type.bytes();
         let row = shape.width as usize * width;
         let (across, down) = self.decoder.chunk_dimensions();
+        let line = across as usize * width;
         let columns = shape.width.div_ceil(across.max(1));
         let tiled = self.decoder.get_chunk_type() == ChunkType::Tile;
         let chunks = columns.saturating_mul(shape.height.div_ceil(down.max(1)));
+        let zstd = if self.compression()? == ZSTD { Some((self.row_coding(shape)?, self.chunks()?)) } else { None };
         let mut tile = DecodingResult::U8(Vec::new());
         for index in 0..chunks {
             let (chunk_width, chunk_height) = self.decoder.chunk_data_dimensions(index);
-            let left = (index % columns) as usize * across as usize * width;
-            let top = (index / columns) as usize * down as usize;
-            if tiled {
+            let (left, used) = ((index % columns) as usize * line, chunk_width as usize * width);
+            let top = (index / columns) as usize * down as usize * row;
+            let rows = &mut slice.bytes_mut()[top..][..chunk_height as usize * row];
+            if let Some((coding, (offsets, counts))) = &zstd {
+                let [offset, count] = [offsets, counts].map(|list| list.get(index as usize).copied().unwrap_or(0));
+                let file = self.decoder.inner();
+                let rows = rows.chunks_exact_mut(row).map(|row| &mut row[left..left + used]);
+                let read = file.seek(SeekFrom::Start(offset)).and_then(|_| coding.unpack(file.take(count), line, rows));
+                read.map_err(|error| self.page_fault(TiffError::IoError(error)))?;
+            } else if tiled {
                 // Asked for at its full width, a tile is unpacked in one read. In tiff 0.11.3 tiles in LZW that reach
                 // beyond the page cannot be read row by row: it misses the end of the codes.
-                let line = across as usize * width;
                 let unpacked = self.decoder.read_chunk_to_buffer(&mut tile, index, line);
                 unpacked.map_err(|error| self.page_fault(error))?;
-                let used = chunk_width as usize * width;
-                let rows = slice.bytes_mut()[top * row..].chunks_exact_mut(row);
-                for (into, from) in rows.zip(tile.as_buffer(0).as_bytes().chunks_exact(line)) {
+                for (into, from) in rows.chunks_exact_mut(row).zip(tile.as_buffer(0).as_bytes().chunks_exact(line)) {
                     into[left..left + used].copy_from_slice(&from[..used]);
                 }
             } else {
-                let strip = &mut slice.bytes_mut()[top * row..][..chunk_height as usize * row];
-                self.decoder.read_chunk_bytes(index, strip).map_err(|error| self.page_fault(error))?;
+                self.decoder.read_chunk_bytes(index, rows).map_err(|error| self.page_fault(error))?;
             }
         }
-        if self.is_white_zero()? {
-            // Unpacking turned it to black; samples are taken as they are stored.
+        if zstd.is_none() && self.is_white_zero()? {
+            // The crate's unpacking turned 0 to black; samples are taken as they are stored.
             slice.bytes_mut().iter_mut().for_each(|byte| *byte = !*byte);
         }
         Ok(())
@@ -322,14 +331,28 @@ impl TiffPages {
         let file = self.decoder.inner();
         let read = file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(slice.bytes_mut()));
         read.map_err(|error| fault(&self.path, at, "its samples", TiffError::IoError(error)))?;
-        let endian = match self.decoder.byte_order() {
-            ByteOrder::BigEndian => Endian::Big,
-            _ => Endian::Little,
-        };
-        if endian != Endian::NATIVE {
+        if self.endian() != Endian::NATIVE {
             slice.swap_bytes();
         }
         Ok(())
+    }
+
+    /// How the rows of the page's zstd chunks are written.
+    fn row_coding(&mut self, shape: &PageShape) -> Result<RowCoding> {
+        let predictor = self.number_tag(Tag::Predictor)?.unwrap_or(1);
+        if predictor == 3 && !matches!(shape.sample_type, SampleType::F32 | SampleType::F64) {
+            let got = format!("3 in page {}", self.number);
+            return Err(self.format_fault("TIFF predictor", "1 or 2 for whole numbers", got));
+        }
+        Ok(RowCoding { width: shape.sample_type.bytes(), endian: self.endian(), predictor })
+    }
+
+    fn endian(&self) -> Endian {
+        if self.decoder.byte_order() == ByteOrder::BigEndian { Endian::Big } else { Endian::Little }
+    }
+
+    fn compression(&mut self) -> Result<u64> {
+        Ok(self.number_tag(Tag::Compression)?.unwrap_or(1))
     }
 
     /// Bytes that reading a page holds: a tile, and where each chunk is.
@@ -363,14 +386,14 @@ impl TiffPages {
 
     /// Most bytes that one packed byte can become; `None` if there is no bound.
     fn ratio(&mut self) -> Result<Option<u64>> {
-        let method = match self.number_tag(Tag::Compression)?.unwrap_or(1) {
+        let method = match self.compression()? {
             1 => return Ok(Some(1)),
             // A code has at least 9 bits, and a string at most 4,096 bytes.
             5 => return Ok(Some(4096)),
             8 | 32_946 => return Ok(Some(DEFLATE_RATIO)),
             // Two bytes tell of up to 128.
             32_773 => return Ok(Some(64)),
-            50_000 => return Ok(None),
+            ZSTD => return Ok(None),
             2 => "CCITT, method 2".into(),
             3 | 4 => "fax".into(),
             6 | 7 => "JPEG".into(),
