@@ -9,8 +9,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::source::Unscaled;
 use adjsplat::volume::{SampleType, SlabSource};
-use adjsplat_readers::open;
-use adjsplat_readers::raw::{RawOptions, parse_dims, parse_type};
+use adjsplat_readers::{Endian, OpenOptions, RawOptions, open, parse_dims, parse_type};
 
 /// How to read what a file does not say itself.
 #[derive(Debug, Args)]
@@ -83,14 +82,12 @@ impl InputArguments {
         }
         let raw = match (dims, sample_type) {
             (Some(dims), Some((ty, endian))) => {
-                let mut raw = RawOptions::new(dims, ty);
-                raw.endian = match self.endian.as_deref() {
-                    Some("be") => adjsplat_readers::slab::Endian::Big,
-                    Some(_) => adjsplat_readers::slab::Endian::Little,
+                let endian = match self.endian.as_deref() {
+                    Some("be") => Endian::Big,
+                    Some(_) => Endian::Little,
                     None => endian,
                 };
-                raw.skip = self.skip.unwrap_or(0);
-                Some(raw)
+                Some(RawOptions::new(dims, ty).endian(endian).skip(self.skip.unwrap_or(0)))
             }
             (None, None) => match (&self.endian, self.skip) {
                 (None, None) => None,
@@ -99,14 +96,37 @@ impl InputArguments {
             (Some(_), None) => return Err(Error::input("--dims", "is for raw files; give --type too, such as u8")),
             (None, Some(_)) => return Err(Error::input("--type", "is for raw files; give --dims too: 256x256x128")),
         };
-        let (level, series) = (self.level, self.series.clone());
-        let options = open::OpenOptions { raw, volume_index: self.volume, spacing, level, series };
-        let source = open::open(input, &options)?;
+        let mut options = OpenOptions::new().volume_index(self.volume).level(self.level);
+        if let Some(raw) = raw {
+            options = options.raw(raw);
+        }
+        if let Some(spacing) = spacing {
+            options = options.spacing(spacing);
+        }
+        if let Some(series) = &self.series {
+            options = options.series(series);
+        }
+        let source = open(input, &options)?;
         for note in source.notes() {
             print_note(note);
         }
         Ok(if self.unscaled { Box::new(Unscaled::new(source)) } else { source })
     }
+}
+
+/// Returns `text`, a reader's error or note, with the flags of this program in place of the library's options.
+pub(super) fn with_flags(text: &str) -> String {
+    [
+        ("describe them with `OpenOptions::raw`", "give --dims 256x256x128 and --type u8 or alike"),
+        ("`OpenOptions::level`", "--level"),
+        ("`OpenOptions::series`", "--series"),
+        ("`OpenOptions::spacing`", "--spacing XxYxZ"),
+        ("`dims`", "--dims"),
+        ("`skip`", "--skip"),
+        ("`type`", "--type"),
+    ]
+    .iter()
+    .fold(text.to_owned(), |text, (option, flag)| text.replace(option, flag))
 }
 
 /// The phantom that `phantom:NAME` means.

@@ -169,7 +169,7 @@ fn finish_stdout(written: std::io::Result<()>) {
 
 /// Tells an error or a warning, in one line on stderr; whether anyone reads it does not matter.
 fn print_note(text: &str) {
-    let _ = writeln!(std::io::stderr(), "adj: {}", text.replace(['\n', '\r'], " "));
+    let _ = writeln!(std::io::stderr(), "adj: {}", input::with_flags(text).replace(['\n', '\r'], " "));
 }
 
 /// Whether both paths lead to one file that is there.

@@ -5,21 +5,16 @@
 //! are not looked into: the slices of one volume lie in one folder.
 
 use std::cmp::Ordering;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::file_list::MAX_FILES;
-use super::open::{OpenOptions, file_name};
-use super::{dicom, tiff, zarr};
+use super::format::{is_dicom, is_tiff, is_zarr, probe};
+use super::open::{OpenOptions, file_name, with_feature};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::SlabSource;
 
 /// Most entries of a folder that are listed.
 const MOST_ENTRIES: u64 = 1 << 20;
-
-/// Bytes from the front of a file that tell whether it is a slice.
-const PROBE_BYTES: u64 = 132;
 
 /// Opens the folder at `path`.
 ///
@@ -30,19 +25,19 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     if options.raw.is_some() {
         return Err(Error::input(path.display().to_string(), "is a folder, but raw samples are in one file; name it"));
     }
-    if zarr::is_node(path) {
+    if is_zarr(path) {
         options.expect_one_series()?;
-        return zarr::open(path, options);
+        return with_feature!("zarr", path, super::zarr::open(path, options));
     }
     options.expect_one_level()?;
     let Listing { files, folders } = list(path)?;
     let mut slices = Vec::new();
     for file in &files {
         let probe = probe(file)?;
-        if dicom::is_header(&probe) {
-            return dicom::open(path, Some(files), options);
+        if is_dicom(&probe) {
+            return with_feature!("dicom", path, super::dicom::open(path, Some(files), options));
         }
-        if tiff::is_header(&probe) {
+        if is_tiff(&probe) {
             slices.push(file.clone());
         }
     }
@@ -59,8 +54,8 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
             }
             Err(Error::input(path.display().to_string(), why))
         }
-        [one] => tiff::open(one, options),
-        _ => tiff::open_stack(path, slices, options),
+        [one] => with_feature!("tiff", one, super::tiff::open(one, options)),
+        _ => with_feature!("tiff", path, super::tiff::open_stack(path, slices, options)),
     }
 }
 
@@ -98,14 +93,6 @@ pub(super) fn list(path: &Path) -> Result<Listing> {
         entries.sort_by(|a, b| natural(&a.to_string_lossy(), &b.to_string_lossy()));
     }
     Ok(listing)
-}
-
-/// The first bytes of the file at `path`.
-pub(super) fn probe(path: &Path) -> Result<Vec<u8>> {
-    let mut probe = Vec::new();
-    let file = File::open(path).map_err(Error::io("open", path))?;
-    file.take(PROBE_BYTES).read_to_end(&mut probe).map_err(Error::io("read", path))?;
-    Ok(probe)
 }
 
 /// The order in which people count: runs of digits by their value, all else by letter, capitals like others.

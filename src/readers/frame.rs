@@ -60,6 +60,7 @@ impl FileFrame {
     }
 
     /// The unit world vector of index axis `axis`.
+    #[cfg(feature = "zarr")]
     pub(super) fn unit_direction(&self, axis: usize) -> [f64; 3] {
         self.direction[axis].map(|c| c / length(self.direction[axis]))
     }
@@ -94,7 +95,7 @@ impl FileFrame {
         let spacing = spacing.unwrap_or(self.spacing);
         if !spacing.iter().all(|step| step.is_finite() && *step > 0.0) {
             let [x, y, z] = spacing;
-            let expected = "three spacings above 0 (they can be given with --spacing XxYxZ)";
+            let expected = "three spacings above 0 (others can be given with `OpenOptions::spacing`)";
             return Err(Error::format(path, 0, rule, expected, format!("{x}, {y}, {z}")));
         }
         let signs = self.world.signs();

@@ -4,8 +4,7 @@ use std::path::PathBuf;
 
 use adjsplat::error::Error;
 use adjsplat::volume::{Header, Sample, SampleType, SlabSource};
-use adjsplat_readers::open::{OpenOptions, open};
-use adjsplat_readers::slab::Endian;
+use adjsplat_readers::{Endian, OpenOptions, open};
 
 use super::damage::{expect_no_panic, expect_truncations_refused};
 use super::sample::{DIMS, ENDIANS, Folder, bytes, expect_known, expect_refused, known, read, read_with, zlib};
@@ -443,7 +442,7 @@ fn numbered(tiff: &Tiff) -> Vec<Vec<u8>> {
 
 /// First samples of the slices of each volume of the file at `path`, and the refusal of the one after the last.
 fn volumes_of(path: &std::path::Path, count: u32) -> Vec<Vec<f64>> {
-    let options = |volume_index| OpenOptions { volume_index, ..OpenOptions::default() };
+    let options = |volume_index| OpenOptions::new().volume_index(volume_index);
     expect_refused(path, &options(count), &["volume", &format!("is {count}, but the file holds {count} volume")]);
     let first = |volume| {
         let got = read_with(path, &options(volume)).unwrap_or_else(|error| panic!("{error}"));
@@ -595,7 +594,7 @@ fn ome_that_cannot_be_followed_is_refused() {
     ] {
         let tiff = Tiff::described(SampleType::U16, &ome(pixels, inside));
         let path = folder.write("a.tif", &[&tiff.file(&numbered(&tiff))]);
-        expect_refused(&path, &OpenOptions { volume_index: 1, ..OpenOptions::default() }, &parts);
+        expect_refused(&path, &OpenOptions::new().volume_index(1), &parts);
     }
     let binary_only = Tiff::described(SampleType::U16, "<OME><BinaryOnly MetadataFile=\"m\"/></OME>");
     refused(&folder.write("a.tif", &[&binary_only.known_file()]), &["an image with Pixels", "another file"]);
@@ -637,12 +636,8 @@ fn folders_that_are_no_stack_are_refused_by_the_file_at_fault() {
     let folder = Folder::new();
     folder.write("a.txt", &[b"hello"]);
     refused(folder.path(), &["is a folder without TIFF or DICOM files", "name a file in it"]);
-    let raw = adjsplat_readers::raw::RawOptions::new(DIMS, SampleType::U8);
-    expect_refused(
-        folder.path(),
-        &OpenOptions { raw: Some(raw), ..OpenOptions::default() },
-        &["is a folder", "name it"],
-    );
+    let raw = adjsplat_readers::RawOptions::new(DIMS, SampleType::U8);
+    expect_refused(folder.path(), &OpenOptions::new().raw(raw), &["is a folder", "name it"]);
     let folder = stack(&names, &tiff, &pages);
     folder.write("s2.tif", &[&Tiff::new(SampleType::I16).file(&pages[..1])]);
     refused(folder.path(), &["s2.tif", "4 x 3 of u16 as in s1.tif", "4 x 3 of i16 in page 0"]);

@@ -8,7 +8,6 @@ use std::path::Path;
 
 use super::elements::Pixels;
 use super::image::PixelLayout;
-#[cfg(feature = "dicom")]
 use super::jpeg;
 use adjsplat::error::{Error, Result};
 
@@ -39,12 +38,8 @@ impl FrameCodec {
         }
         let name = match syntax.strip_prefix("1.2.840.10008.1.2.").unwrap_or(syntax) {
             "5" => return Ok(FrameCodec::Rle),
-            "4.50" | "4.51" | "4.57" | "4.70" if cfg!(feature = "dicom") => return Ok(FrameCodec::Jpeg),
-            "4.90" | "4.91" if cfg!(feature = "dicom") => return Ok(FrameCodec::Jpeg2000),
-            "4.50" | "4.51" | "4.57" | "4.70" | "4.90" | "4.91" => {
-                let expected = "pixels that are not JPEG (this build has no decoder: build with --features jpeg)";
-                return Err(Error::format(path, 0, "DICOM transfer syntax", expected, syntax));
-            }
+            "4.50" | "4.51" | "4.57" | "4.70" => return Ok(FrameCodec::Jpeg),
+            "4.90" | "4.91" => return Ok(FrameCodec::Jpeg2000),
             "4.80" | "4.81" => "JPEG-LS",
             "4.110" | "4.111" | "4.112" => "JPEG XL",
             "4.201" | "4.202" | "4.203" => "High-Throughput JPEG 2000",
@@ -89,12 +84,8 @@ pub(super) fn decode(
     match codec {
         FrameCodec::Native => Err(["compressed pixels".into(), "plain ones".into()]),
         FrameCodec::Rle => rle(bytes, size, layout).map(|bits| Unpacked { bits, low: false }),
-        #[cfg(feature = "dicom")]
         FrameCodec::Jpeg => jpeg::decode(bytes, size).map(|bits| Unpacked { bits, low: true }),
-        #[cfg(feature = "dicom")]
         FrameCodec::Jpeg2000 => jpeg::decode_2000(bytes, size).map(|bits| Unpacked { bits, low: true }),
-        #[cfg(not(feature = "dicom"))]
-        FrameCodec::Jpeg | FrameCodec::Jpeg2000 => Err(["pixels that are not JPEG".into(), "JPEG".into()]),
     }
 }
 

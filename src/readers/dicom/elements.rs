@@ -25,12 +25,10 @@ use std::path::{Path, PathBuf};
 use super::tags;
 use super::tags::Tag;
 use crate::file_list::MAX_FILES;
+use crate::format::is_dicom;
 use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
-
-/// Bytes before the prefix, and the prefix.
-const PREFIX: (usize, &[u8; 4]) = (128, b"DICM");
 
 /// Levels of sequences and items; enhanced objects use four.
 const DEEPEST: usize = 64;
@@ -91,11 +89,6 @@ pub(super) struct DicomElements {
     pub(super) pixels: Option<Pixels>,
 }
 
-/// Whether a file that starts with `probe` is DICOM.
-pub(crate) fn is_header(probe: &[u8]) -> bool {
-    probe.get(PREFIX.0..).is_some_and(|rest| rest.starts_with(PREFIX.1))
-}
-
 /// Reads the file at `path` up to its pixels.
 ///
 /// # Errors
@@ -148,14 +141,14 @@ impl<'a> ElementReader<'a> {
 
     /// Reads the group that says how the rest is written; its transfer syntax.
     fn read_meta(&mut self) -> Result<String> {
-        let mut prefix = [0; PREFIX.0 + PREFIX.1.len()];
+        let mut prefix = [0; 132];
         if self.len < prefix.len() as u64 {
             let got = format!("{} bytes", self.len);
             return Err(self.fault(0, "DICOM prefix", "\"DICM\" at byte 128", got));
         }
         self.fill(&mut prefix)?;
-        if !is_header(&prefix) {
-            return Err(self.fault(PREFIX.0 as u64, "DICOM prefix", "\"DICM\"", "other bytes; it is no DICOM file"));
+        if !is_dicom(&prefix) {
+            return Err(self.fault(128, "DICOM prefix", "\"DICM\"", "other bytes; it is no DICOM file"));
         }
         let mut syntax = None;
         // The group ends where another begins, whatever its length element says.

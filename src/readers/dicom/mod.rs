@@ -23,13 +23,12 @@ use self::codec::FrameCodec;
 use self::image::{DicomFrame, FileContent, ImageFile};
 use self::pixels::PixelReader;
 use super::file_list::MAX_FILES;
+use super::format::{is_dicom, probe};
 use super::open::{OpenOptions, file_name};
 use super::slab::check_turn;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, SampleType, Samples, SlabSource};
 use adjsplat::with_samples;
-
-pub(super) use elements::is_header;
 
 /// Opens one file, or `files`, those of the folder at `path`.
 pub(super) fn open(path: &Path, files: Option<Vec<PathBuf>>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
@@ -82,7 +81,7 @@ fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Resu
     let (mut other, mut without, mut coloured): (Vec<PathBuf>, Vec<PathBuf>, Vec<PathBuf>) = Default::default();
     let mut colour = None;
     for path in paths {
-        if !is_header(&super::folder::probe(&path)?) {
+        if !is_dicom(&probe(&path)?) {
             other.push(path);
             continue;
         }

@@ -82,12 +82,12 @@ pub(super) fn choose(
             let more = if rest > 0 { format!("; and {rest} more") } else { String::new() };
             let listed = listed.join("; ");
             let why = match choice {
-                None => format!("holds {} series; choose one with --series NUMBER: {listed}{more}", groups.len()),
+                None => format!("holds {} series; choose one with `OpenOptions::series`: {listed}{more}", groups.len()),
                 Some(choice) => {
                     let choice = choice.escape_debug();
                     let count = if picked.is_empty() { "no series" } else { "more than one series" };
                     format!(
-                        "has {count} \"{choice}\"; --series takes a number of this list or a UID's end: {listed}{more}"
+                        "has {count} \"{choice}\"; `OpenOptions::series` takes a number of this list or a UID's end: {listed}{more}"
                     )
                 }
             };
@@ -136,7 +136,7 @@ pub(super) fn stack(
     notes: &mut Vec<String>,
 ) -> Result<FrameStack> {
     let [x, y] = frames[0].spacing.unwrap_or_else(|| {
-        notes.push("the files give no pixel spacing; 1 is taken (--spacing XxYxZ replaces it)".into());
+        notes.push("the files give no pixel spacing; 1 is taken (`OpenOptions::spacing` replaces it)".into());
         [1.0, 1.0]
     });
     match frames[0].place {
@@ -175,7 +175,7 @@ fn stack_by_number(
 }
 
 fn guessed_depth(notes: &mut Vec<String>) -> f64 {
-    notes.push("the file gives no distance between slices; 1 is taken (--spacing XxYxZ replaces it)".into());
+    notes.push("the file gives no distance between slices; 1 is taken (`OpenOptions::spacing` replaces it)".into());
     1.0
 }
 

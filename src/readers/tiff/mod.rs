@@ -36,11 +36,6 @@ use ome::Ome;
 use page::{PageShape, Resolution, TiffPages};
 use reader::{SliceLocation, TiffReader};
 
-/// Whether `probe`, the first bytes of a file, are those of a TIFF or BigTIFF.
-pub(super) fn is_header(probe: &[u8]) -> bool {
-    [&b"II*\0"[..], b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| probe.starts_with(magic))
-}
-
 /// What a writer says of its pages beside their tags.
 enum Description {
     Plain,

@@ -22,9 +22,6 @@ const MOST_DIMENSIONS: usize = 16;
 /// Bytes of one chunk, unpacked: as many as Blosc can pack.
 const MOST_CHUNK_BYTES: u64 = 1 << 31;
 
-/// Files that make a folder a Zarr node.
-const MARKS: [&str; 4] = ["zarr.json", ".zarray", ".zgroup", ".zattrs"];
-
 /// A group or an array.
 #[derive(Debug)]
 pub(super) struct ZarrNode {
@@ -65,11 +62,6 @@ pub(super) struct Shard {
     pub(super) index_at_end: bool,
     /// A checksum follows the index.
     pub(super) index_summed: bool,
-}
-
-/// Whether the folder at `path` is a Zarr node.
-pub(crate) fn is_node(path: &Path) -> bool {
-    MARKS.iter().any(|mark| path.join(mark).is_file())
 }
 
 /// Reads the node in the folder at `path`.

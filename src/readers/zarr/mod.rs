@@ -23,6 +23,7 @@ use std::path::{Path, PathBuf};
 use self::chunk::ChunkReader;
 use self::metadata::ZarrArray;
 use self::multiscales::{AxisName, ImageLevel, Multiscales};
+use super::format::is_zarr;
 use super::frame::{FileFrame, IDENTITY, World};
 use super::nifti;
 use super::open::{OpenOptions, file_name};
@@ -30,8 +31,6 @@ use super::slab::{Endian, check_turn};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::source::obtainable;
 use adjsplat::volume::{Header, Samples, SlabSource};
-
-pub(super) use metadata::is_node;
 
 /// Groups in groups that are looked into for one image.
 const DEEPEST: usize = 4;
@@ -57,7 +56,10 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         None => found.array.ok_or_else(|| Error::input(path.display().to_string(), "holds no Zarr array"))?,
         Some(image) => {
             if count > 1 {
-                notes.push(format!("level {level} of {count} is read (--level): {}", listed_levels(image)));
+                notes.push(format!(
+                    "level {level} of {count} is read (`OpenOptions::level` chooses): {}",
+                    listed_levels(image)
+                ));
             }
             read_array(&image.levels[level].path)?
         }
@@ -87,7 +89,7 @@ fn find(path: &Path, depth: usize) -> Result<ZarrContent> {
         return Ok(ZarrContent { path: path.to_path_buf(), array: node.array, image });
     }
     let mut children: Vec<PathBuf> = super::folder::list(path)?.folders;
-    children.retain(|child| is_node(child) && !["OME", "labels", "nifti"].contains(&file_name(child).as_str()));
+    children.retain(|child| is_zarr(child) && !["OME", "labels", "nifti"].contains(&file_name(child).as_str()));
     match children.as_slice() {
         [one] if depth > 0 => find(one, depth - 1),
         _ => {
@@ -103,7 +105,7 @@ fn find(path: &Path, depth: usize) -> Result<ZarrContent> {
 }
 
 fn read_array(path: &Path) -> Result<ZarrArray> {
-    if !is_node(path) {
+    if !is_zarr(path) {
         let why = "is named by its group's metadata, but there is no Zarr array";
         return Err(Error::input(path.display().to_string(), why));
     }
@@ -204,7 +206,7 @@ fn place(
     let of = |values: &[f64], without: f64| axes.space.map(|at| at.map_or(without, |at| values[at]));
     let (scale, translation) = (of(&image.levels[level].scale, 1.0), of(&image.levels[level].translation, 0.0));
     let header = path.join("nifti");
-    if !is_node(&header) {
+    if !is_zarr(&header) {
         let frame = FileFrame {
             spacing: scale,
             direction: IDENTITY,
