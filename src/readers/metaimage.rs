@@ -12,7 +12,7 @@ use super::file_list::{FilePattern, check_count, folder_of, listed_files};
 use super::frame::{FileFrame, IDENTITY, World};
 use super::lines::{HeaderLine, HeaderLines, clip};
 use super::open::{OpenOptions, file_name};
-use super::raw::type_names;
+use super::raw::{type_by_name, type_names};
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
 use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
@@ -163,19 +163,10 @@ impl MetaImageFields {
             return Err(Error::format(path, at, "MetaImage ElementNumberOfChannels", "1", clip(value)));
         }
         let (value, at) = self.require(path, "ElementType")?;
-        Ok(match value {
-            "MET_UCHAR" => SampleType::U8,
-            "MET_CHAR" => SampleType::I8,
-            "MET_USHORT" => SampleType::U16,
-            "MET_SHORT" => SampleType::I16,
-            "MET_UINT" => SampleType::U32,
-            "MET_INT" => SampleType::I32,
-            "MET_FLOAT" => SampleType::F32,
-            "MET_DOUBLE" => SampleType::F64,
-            _ => {
-                let expected = format!("one of {} (MET_UCHAR ... MET_DOUBLE)", type_names());
-                return Err(Error::format(path, at, "MetaImage ElementType", expected, clip(value)));
-            }
+        let name = value.strip_prefix("MET_").unwrap_or_default();
+        type_by_name(name, ["UCHAR", "CHAR", "USHORT", "SHORT", "UINT", "INT", "FLOAT", "DOUBLE"]).ok_or_else(|| {
+            let expected = format!("one of {} (MET_UCHAR ... MET_DOUBLE)", type_names());
+            Error::format(path, at, "MetaImage ElementType", expected, clip(value))
         })
     }
 

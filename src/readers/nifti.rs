@@ -61,7 +61,7 @@ struct NiftiFields {
     srow: [[f64; 4]; 3],
     /// Samples are in the same file.
     single: bool,
-    /// HeaderBytes of the header.
+    /// Bytes of the header.
     len: usize,
 }
 

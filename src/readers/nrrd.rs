@@ -26,44 +26,13 @@ const RULE_FILES: &str = "NRRD data file";
 /// Most dimensions that a NRRD may have.
 const MAX_DIMENSION: usize = 16;
 
-/// NrrdFields that say nothing about which samples there are or where.
-const IGNORED: &[&str] = &[
-    "content",
-    "number",
-    "sampleunits",
-    "blocksize",
-    "min",
-    "max",
-    "oldmin",
-    "oldmax",
-    "axismins",
-    "axismaxs",
-    "centers",
-    "centerings",
-    "labels",
-    "units",
-    "thicknesses",
-    "measurementframe",
-    "spacedimension",
-];
+/// Names of the fields that are read, between spaces.
+const USED: &str = "dimension sizes type encoding endian spacings space spacedirections spaceorigin spaceunits kinds \
+    lineskip byteskip datafile";
 
-/// NrrdFields that do.
-const USED: &[&str] = &[
-    "dimension",
-    "sizes",
-    "type",
-    "encoding",
-    "endian",
-    "spacings",
-    "space",
-    "spacedirections",
-    "spaceorigin",
-    "spaceunits",
-    "kinds",
-    "lineskip",
-    "byteskip",
-    "datafile",
-];
+/// Names of the fields that change neither samples nor grid.
+const IGNORED: &str = "content number sampleunits blocksize min max oldmin oldmax axismins axismaxs centers centerings \
+    labels units thicknesses measurementframe spacedimension";
 
 /// Opens the NRRD at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
@@ -142,12 +111,13 @@ impl NrrdFields {
             };
             let name = name.to_ascii_lowercase().replace(' ', "");
             let listed = name == "datafile" && value.trim().starts_with("LIST");
-            if USED.contains(&name.as_str()) {
+            let is_in = |names: &str| names.split(' ').any(|field| field == name);
+            if is_in(USED) {
                 if fields.entries.iter().any(|(have, ..)| *have == name) {
                     return fault(line.at, "NRRD field", "each field once", text);
                 }
                 fields.entries.push((name, value.trim().to_string(), line.at));
-            } else if !IGNORED.contains(&name.as_str()) {
+            } else if !is_in(IGNORED) {
                 return fault(line.at, "NRRD field", "a field of the format (check its spelling)", text);
             }
             if listed {

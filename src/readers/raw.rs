@@ -78,6 +78,11 @@ pub fn parse_type(text: &str) -> Result<(SampleType, Endian)> {
     }
 }
 
+/// Returns the sample type that a format calls `name`; `names` lists the format's names in the order of [`SampleType::ALL`].
+pub(super) fn type_by_name(name: &str, names: [&str; 8]) -> Option<SampleType> {
+    names.iter().position(|known| *known == name).map(|index| SampleType::ALL[index])
+}
+
 /// Lists the supported sample types: "u8, i8, u16, ...".
 pub(super) fn type_names() -> String {
     SampleType::ALL.map(SampleType::name).join(", ")

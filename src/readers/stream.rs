@@ -78,6 +78,18 @@ enum Packed {
     Array(Box<ArrayReader>),
 }
 
+impl Read for Packed {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Packed::Raw(file) => file.read(into),
+            Packed::Gzip(reader) => reader.read(into),
+            Packed::Zlib(reader) => reader.read(into),
+            Packed::Text(reader) => reader.read(into),
+            Packed::Array(reader) => reader.read(into),
+        }
+    }
+}
+
 impl SampleStream {
     /// Opens `path` with `codec`; samples start at byte `at`, after `line_skip` more lines.
     pub(super) fn open(path: &Path, codec: Codec, at: u64, line_skip: u64, rule: &'static str) -> Result<SampleStream> {
@@ -160,16 +172,12 @@ impl SampleStream {
     ///
     /// For a compressed stream this also checks its checksum.
     pub(super) fn expect_end(&mut self) -> Result<()> {
-        let mut next = [0];
         let more = match &mut self.packed {
             Packed::Text(reader) => {
                 let place = tokens::ErrorSite { path: &self.path, rule: self.rule };
                 !tokens::at_end(reader, place)?
             }
-            Packed::Raw(file) => read_some(file, &mut next).map_err(|e| self.fault(e, 0))? > 0,
-            Packed::Gzip(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
-            Packed::Zlib(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
-            Packed::Array(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
+            packed => read_some(packed, &mut [0]).map_err(|error| self.fault(error, 0))? > 0,
         };
         if more {
             let at = self.position();
@@ -182,15 +190,8 @@ impl SampleStream {
     fn read_bytes(&mut self, into: &mut [u8]) -> Result<()> {
         let mut done = 0;
         while done < into.len() {
-            let rest = &mut into[done..];
-            let read = match &mut self.packed {
-                Packed::Raw(file) => read_some(file, rest),
-                Packed::Gzip(reader) => read_some(reader, rest),
-                Packed::Zlib(reader) => read_some(reader, rest),
-                Packed::Text(reader) => read_some(reader, rest),
-                Packed::Array(reader) => read_some(reader, rest),
-            };
-            let wanted = rest.len();
+            let wanted = into.len() - done;
+            let read = read_some(&mut self.packed, &mut into[done..]);
             match read {
                 Ok(0) => return Err(self.fault(io::ErrorKind::UnexpectedEof.into(), wanted)),
                 Ok(count) => {

@@ -14,7 +14,7 @@ use std::path::Path;
 use super::frame::FileFrame;
 use super::lines::clip;
 use super::open::{OpenOptions, file_name};
-use super::raw::type_names;
+use super::raw::{type_by_name, type_names};
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
 use super::stream::{Codec, SampleStart};
 use super::vti_array::{ArrayCoding, Compressor};
@@ -33,7 +33,8 @@ pub(super) fn is_header(probe: &[u8]) -> bool {
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     let image = VtiImage::read(path)?;
     let (array, in_cells) = image.choose()?;
-    let sample_type = sample_type(&array.type_name).ok_or_else(|| {
+    let names = ["UInt8", "Int8", "UInt16", "Int16", "UInt32", "Int32", "Float32", "Float64"];
+    let sample_type = type_by_name(&array.type_name, names).ok_or_else(|| {
         let expected = format!("one of {} (VTK: UInt8 ... Float64)", type_names());
         image.fault(array.at, "VTK array type", expected, clip(&array.type_name))
     })?;
@@ -352,18 +353,4 @@ impl<'a> VtiImage<'a> {
 /// The numbers in `text`; `None` if a word is none.
 fn numbers<T: std::str::FromStr>(text: &str) -> Option<Vec<T>> {
     text.split_whitespace().map(|word| word.parse().ok()).collect()
-}
-
-fn sample_type(name: &str) -> Option<SampleType> {
-    Some(match name {
-        "UInt8" => SampleType::U8,
-        "Int8" => SampleType::I8,
-        "UInt16" => SampleType::U16,
-        "Int16" => SampleType::I16,
-        "UInt32" => SampleType::U32,
-        "Int32" => SampleType::I32,
-        "Float32" => SampleType::F32,
-        "Float64" => SampleType::F64,
-        _ => return None,
-    })
 }

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use super::frame::FileFrame;
 use super::lines::{HeaderLine, HeaderLines, clip};
 use super::open::{OpenOptions, file_name};
-use super::raw::type_names;
+use super::raw::{type_by_name, type_names};
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
 use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
@@ -287,17 +287,9 @@ fn next_full(lines: &mut HeaderLines) -> Result<Option<HeaderLine>> {
 }
 
 fn sample_type(name: &str) -> Option<SampleType> {
-    Some(match name.to_ascii_lowercase().as_str() {
-        "unsigned_char" => SampleType::U8,
-        "char" | "signed_char" => SampleType::I8,
-        "unsigned_short" => SampleType::U16,
-        "short" => SampleType::I16,
-        "unsigned_int" => SampleType::U32,
-        "int" => SampleType::I32,
-        "float" => SampleType::F32,
-        "double" => SampleType::F64,
-        _ => return None,
-    })
+    let lower = name.to_ascii_lowercase();
+    let name = if lower == "signed_char" { "char" } else { &lower };
+    type_by_name(name, ["unsigned_char", "char", "unsigned_short", "short", "unsigned_int", "int", "float", "double"])
 }
 
 /// Bits of one value in a binary file.

@@ -1,5 +1,4 @@
 //! The program, through its own binary: exit codes, what it prints where, and what it leaves behind.
-#![cfg(feature = "cli")]
 
 mod arenas;
 mod budgets;

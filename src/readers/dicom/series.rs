@@ -19,7 +19,7 @@ use crate::frame::{FileFrame, IDENTITY, World};
 use crate::open::file_name;
 use adjsplat::error::{Error, Result};
 
-/// SeriesIdentity that a refusal lists at most.
+/// The error for several series lists at most this many.
 const MOST_LISTED: usize = 12;
 
 /// Directions that differ by less per component are one: text in files is rounded.
@@ -36,11 +36,6 @@ pub(super) struct FrameStack {
     pub(super) grid: FileFrame,
 }
 
-/// Frames that belong together.
-struct Group {
-    frames: Vec<DicomFrame>,
-}
-
 /// Picks the series that `choice` means out of `frames`; the only one if it is `None`.
 ///
 /// # Errors
@@ -51,11 +46,11 @@ pub(super) fn choose(
     frames: Vec<DicomFrame>,
     choice: Option<&str>,
 ) -> Result<Vec<DicomFrame>> {
-    let mut groups: Vec<Group> = Vec::new();
+    let mut groups: Vec<Vec<DicomFrame>> = Vec::new();
     for frame in frames {
-        match groups.iter_mut().find(|group| belong_together(files, &group.frames[0], &frame)) {
-            Some(group) => group.frames.push(frame),
-            None => groups.push(Group { frames: vec![frame] }),
+        match groups.iter_mut().find(|group| belong_together(files, &group[0], &frame)) {
+            Some(group) => group.push(frame),
+            None => groups.push(vec![frame]),
         }
     }
     let picked: Vec<usize> = match choice.map(str::trim) {
@@ -65,18 +60,18 @@ pub(super) fn choose(
             choice.parse().into_iter().filter(|number| *number < groups.len()).collect()
         }
         Some(choice) => {
-            let uid = |group: &Group| files[group.frames[0].file].series.uid.clone();
+            let uid = |group: &[DicomFrame]| files[group[0].file].series.uid.clone();
             (0..groups.len()).filter(|index| !choice.is_empty() && uid(&groups[*index]).ends_with(choice)).collect()
         }
     };
     match picked.as_slice() {
-        [one] => Ok(groups.swap_remove(*one).frames),
+        [one] => Ok(groups.swap_remove(*one)),
         _ => {
             let listed: Vec<String> = groups
                 .iter()
                 .enumerate()
                 .take(MOST_LISTED)
-                .map(|(number, group)| format!("{number}: {}", described(files, &group.frames)))
+                .map(|(number, group)| format!("{number}: {}", described(files, group)))
                 .collect();
             let rest = groups.len().saturating_sub(MOST_LISTED);
             let more = if rest > 0 { format!("; and {rest} more") } else { String::new() };

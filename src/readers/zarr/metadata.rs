@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value};
 
 use super::packing::Packing;
+use crate::raw::type_by_name;
 use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::read_text;
@@ -125,6 +126,15 @@ impl JsonFields {
         }
     }
 
+    /// Refuses a `field` that lists anything.
+    fn expect_none(&self, field: &str) -> Result<()> {
+        match self.value(field) {
+            Value::Null => Ok(()),
+            Value::Array(list) if list.is_empty() => Ok(()),
+            other => Err(self.fault(field, "none", clip(other))),
+        }
+    }
+
     /// Whole numbers of a list, each at least `least`.
     fn numbers(&self, field: &str, value: &Value, least: u64) -> Result<Vec<u64>> {
         let numbers = value.as_array().map(|list| list.iter().map(Value::as_u64).collect::<Option<Vec<u64>>>());
@@ -150,11 +160,7 @@ impl JsonFields {
         if reversed {
             order.reverse();
         }
-        match self.value("filters") {
-            Value::Null => {}
-            Value::Array(none) if none.is_empty() => {}
-            other => return Err(self.fault("filters", "none", clip(other))),
-        }
+        self.expect_none("filters")?;
         let compressor = self.value("compressor");
         let packings = match compressor.get("id").and_then(Value::as_str) {
             None if compressor.is_null() => Vec::new(),
@@ -190,17 +196,10 @@ impl JsonFields {
         let value = self.value("dtype");
         let text = value.as_str().unwrap_or_default();
         let endian = if text.starts_with('>') { Endian::Big } else { Endian::Little };
-        let sample_type = match text.get(1..).filter(|_| text.starts_with(['<', '>', '|'])) {
-            Some("u1" | "b1") => SampleType::U8,
-            Some("i1") => SampleType::I8,
-            Some("u2") => SampleType::U16,
-            Some("i2") => SampleType::I16,
-            Some("u4") => SampleType::U32,
-            Some("i4") => SampleType::I32,
-            Some("f4") => SampleType::F32,
-            Some("f8") => SampleType::F64,
-            _ => return Err(self.fault("dtype", "u1, i1, u2, i2, u4, i4, f4 or f8", clip(value))),
-        };
+        let name = text.strip_prefix(['<', '>', '|']).unwrap_or_default();
+        let name = if name == "b1" { "u1" } else { name };
+        let sample_type = type_by_name(name, ["u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8"])
+            .ok_or_else(|| self.fault("dtype", "u1, i1, u2, i2, u4, i4, f4 or f8", clip(value)))?;
         Ok((sample_type, endian))
     }
 
@@ -211,25 +210,14 @@ impl JsonFields {
             return Err(self.fault("chunk_grid", "a regular grid", clip(grid)));
         }
         let chunk = self.numbers("chunk_grid", &grid["configuration"]["chunk_shape"], 1)?;
-        let sample_type = match self.text("data_type").unwrap_or_default() {
-            "uint8" | "bool" => SampleType::U8,
-            "int8" => SampleType::I8,
-            "uint16" => SampleType::U16,
-            "int16" => SampleType::I16,
-            "uint32" => SampleType::U32,
-            "int32" => SampleType::I32,
-            "float32" => SampleType::F32,
-            "float64" => SampleType::F64,
-            _ => {
-                let expected = "uint8, int8, uint16, int16, uint32, int32, float32 or float64";
-                return Err(self.fault("data_type", expected, clip(self.value("data_type"))));
-            }
-        };
-        match self.value("storage_transformers") {
-            Value::Null => {}
-            Value::Array(none) if none.is_empty() => {}
-            other => return Err(self.fault("storage_transformers", "none", clip(other))),
-        }
+        let name = self.text("data_type").unwrap_or_default();
+        let name = if name == "bool" { "uint8" } else { name };
+        let names = ["uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64"];
+        let sample_type = type_by_name(name, names).ok_or_else(|| {
+            let expected = "uint8, int8, uint16, int16, uint32, int32, float32 or float64";
+            self.fault("data_type", expected, clip(self.value("data_type")))
+        })?;
+        self.expect_none("storage_transformers")?;
         let encoding = self.value("chunk_key_encoding");
         let separator = encoding["configuration"]["separator"].as_str();
         let key = match (name_of(encoding), separator) {
