@@ -114,7 +114,17 @@ impl FileFrame {
     }
 }
 
-fn length(v: [f64; 3]) -> f64 {
+/// The length of `v`.
+pub(super) fn length(v: [f64; 3]) -> f64 {
     // hypot keeps an axis-aligned step exact and does not overflow.
     v[0].hypot(v[1]).hypot(v[2])
+}
+
+/// The cross product, at right angles to both.
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -143,3 +143,8 @@ impl HeaderLines {
 pub(super) fn clip(text: &str) -> String {
     format!("\"{}\"", text.chars().take(40).collect::<String>().escape_debug())
 }
+
+/// The text of an error of another crate, as one line without a full stop.
+pub(super) fn one_line(error: &impl std::fmt::Display) -> String {
+    error.to_string().replace(['\n', '\r'], " ").trim_end_matches(['.', ' ']).to_string()
+}

@@ -11,12 +11,12 @@ use std::path::{Path, PathBuf};
 use super::file_list::{FilePattern, check_count, folder_of, listed_files};
 use super::frame::{FileFrame, IDENTITY, World};
 use super::lines::{HeaderLine, HeaderLines, clip};
-use super::open::{OpenOptions, file_name};
+use super::open::{OpenOptions, plain_header};
 use super::raw::{type_by_name, type_names};
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
 use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::{Header, SampleType, SlabSource};
+use adjsplat::volume::{SampleType, SlabSource};
 
 const RULE_SIZE: &str = "MetaImage DimSize";
 
@@ -48,13 +48,9 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let codec = fields.codec(path)?;
     let grid = fields.frame(path)?.grid(path, "MetaImage grid", dims, options.spacing)?;
     let (files, local) = fields.files(path, &mut lines)?;
-    let start = match fields.header_size(path)? {
-        HeaderSize::Bytes(0) if local => SampleStart::At(lines.position()),
-        HeaderSize::Bytes(bytes) => SampleStart::At(bytes),
-        HeaderSize::FromEnd => SampleStart::FromEnd { after: 0, least: if local { lines.position() } else { 0 } },
-    };
-    let reader = SlabReader::new(SampleFiles {
-        header: Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "MetaImage" },
+    let start = fields.start(path, if local { lines.position() } else { 0 })?;
+    SlabReader::open(SampleFiles {
+        header: plain_header(grid, sample_type, path, "MetaImage"),
         codec,
         endian: if fields.flag(&["BinaryDataByteOrderMSB", "ElementByteOrderMSB"]) {
             Endian::Big
@@ -69,13 +65,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         volume_index: options.volume_index.into(),
         tail: if codec == Codec::Raw { Tail::Anything } else { Tail::Nothing },
         rule: RULE_SIZE,
-    })?;
-    Ok(Box::new(reader))
-}
-
-enum HeaderSize {
-    Bytes(u64),
-    FromEnd,
+    })
 }
 
 /// The header's keys and values.
@@ -183,19 +173,17 @@ impl MetaImageFields {
         }
     }
 
-    fn header_size(&self, path: &Path) -> Result<HeaderSize> {
-        let Some((value, at)) = self.get(&["HeaderSize"]) else { return Ok(HeaderSize::Bytes(0)) };
-        if value == "-1" {
-            if self.codec(path)? == Codec::Raw {
-                return Ok(HeaderSize::FromEnd);
-            }
-            let expected = "0 or more, as -1 needs uncompressed binary samples";
-            return Err(Error::format(path, at, "MetaImage HeaderSize", expected, "-1"));
+    /// Where samples start: behind `HeaderSize` bytes, or at the file's end; `header_end` if it is 0.
+    fn start(&self, path: &Path, header_end: u64) -> Result<SampleStart> {
+        let Some((value, at)) = self.get(&["HeaderSize"]) else { return Ok(SampleStart::At(header_end)) };
+        let fault = |expected: &str| Error::format(path, at, "MetaImage HeaderSize", expected, clip(value));
+        match (value, value.parse()) {
+            ("-1", _) if self.codec(path)? == Codec::Raw => Ok(SampleStart::FromEnd { after: 0, least: header_end }),
+            ("-1", _) => Err(fault("0 or more, as -1 needs uncompressed binary samples")),
+            (_, Ok(0)) => Ok(SampleStart::At(header_end)),
+            (_, Ok(bytes)) => Ok(SampleStart::At(bytes)),
+            (_, Err(_)) => Err(fault("a number of bytes, or -1")),
         }
-        let bytes = value
-            .parse()
-            .map_err(|_| Error::format(path, at, "MetaImage HeaderSize", "a number of bytes, or -1", clip(value)))?;
-        Ok(HeaderSize::Bytes(bytes))
     }
 
     fn frame(&self, path: &Path) -> Result<FileFrame> {

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
 
-use super::frame::{FileFrame, World};
+use super::frame::{FileFrame, World, cross, dot};
 use super::open::{OpenOptions, file_name};
 use super::raw::type_names;
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
@@ -90,7 +90,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         name: file_name(path),
         format: if fields.len == HEADER_1 { "NIfTI-1" } else { "NIfTI-2" },
     };
-    let reader = SlabReader::new(SampleFiles {
+    SlabReader::open(SampleFiles {
         header,
         codec: if packed { Codec::Deflate } else { Codec::Raw },
         endian: fields.endian,
@@ -102,8 +102,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         volume_index: options.volume_index.into(),
         tail: if packed { Tail::Nothing } else { Tail::Anything },
         rule: RULE_DIM,
-    })?;
-    Ok(Box::new(reader))
+    })
 }
 
 /// Where a header places its volume, its slope and its intercept; `path` is named in errors.
@@ -134,43 +133,27 @@ impl NiftiFields {
             return Err(Error::format(path, magic_at as u64, "NIfTI magic", expected, shown(magic, 4)));
         }
         let f = HeaderBytes { bytes, endian };
-        Ok(if version == 1 {
-            NiftiFields {
-                endian,
-                dim: std::array::from_fn(|i| f.i16(40 + 2 * i).into()),
-                datatype: f.i16(70),
-                pixdim: std::array::from_fn(|i| f.f32(76 + 4 * i)),
-                vox_offset: f.f32(108),
-                slope: f.f32(112),
-                intercept: f.f32(116),
-                units: bytes[123].into(),
-                qform_code: f.i16(252).into(),
-                sform_code: f.i16(254).into(),
-                quatern: std::array::from_fn(|i| f.f32(256 + 4 * i)),
-                qoffset: std::array::from_fn(|i| f.f32(268 + 4 * i)),
-                srow: std::array::from_fn(|r| std::array::from_fn(|c| f.f32(280 + 16 * r + 4 * c))),
-                single,
-                len,
-            }
-        } else {
-            NiftiFields {
-                endian,
-                dim: std::array::from_fn(|i| f.i64(16 + 8 * i)),
-                datatype: f.i16(12),
-                pixdim: std::array::from_fn(|i| f.f64(104 + 8 * i)),
-                #[expect(clippy::cast_precision_loss, reason = "offsets above 2^53 are refused")]
-                vox_offset: f.i64(168) as f64,
-                slope: f.f64(176),
-                intercept: f.f64(184),
-                units: f.i32(500),
-                qform_code: f.i32(344),
-                sform_code: f.i32(348),
-                quatern: std::array::from_fn(|i| f.f64(352 + 8 * i)),
-                qoffset: std::array::from_fn(|i| f.f64(376 + 8 * i)),
-                srow: std::array::from_fn(|r| std::array::from_fn(|c| f.f64(400 + 32 * r + 8 * c))),
-                single,
-                len,
-            }
+        // Each field has an offset in version 1 and one in version 2, in which its type is wider.
+        let whole = |at_1, at_2| if version == 1 { f.i16(at_1).into() } else { f.i32(at_2) };
+        let float = |at_1, at_2| if version == 1 { f.f32(at_1) } else { f.f64(at_2) };
+        #[expect(clippy::cast_precision_loss, reason = "offsets above 2^53 are refused")]
+        let vox_offset = if version == 1 { f.f32(108) } else { f.i64(168) as f64 };
+        Ok(NiftiFields {
+            endian,
+            dim: std::array::from_fn(|i| if version == 1 { f.i16(40 + 2 * i).into() } else { f.i64(16 + 8 * i) }),
+            datatype: f.i16(if version == 1 { 70 } else { 12 }),
+            pixdim: std::array::from_fn(|i| float(76 + 4 * i, 104 + 8 * i)),
+            vox_offset,
+            slope: float(112, 176),
+            intercept: float(116, 184),
+            units: if version == 1 { bytes[123].into() } else { f.i32(500) },
+            qform_code: whole(252, 344),
+            sform_code: whole(254, 348),
+            quatern: std::array::from_fn(|i| float(256 + 4 * i, 352 + 8 * i)),
+            qoffset: std::array::from_fn(|i| float(268 + 4 * i, 376 + 8 * i)),
+            srow: std::array::from_fn(|r| std::array::from_fn(|c| float(280 + 16 * r + 4 * c, 400 + 32 * r + 8 * c))),
+            single,
+            len,
         })
     }
 
@@ -305,10 +288,8 @@ impl NiftiFields {
     }
 }
 
-fn is_invertible(steps: [[f64; 3]; 3]) -> bool {
-    let [x, y, z] = steps;
-    let determinant =
-        x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0]) + x[2] * (y[0] * z[1] - y[1] * z[0]);
+fn is_invertible([x, y, z]: [[f64; 3]; 3]) -> bool {
+    let determinant = dot(x, cross(y, z));
     determinant.is_finite() && determinant != 0.0
 }
 

@@ -13,12 +13,12 @@ use super::file_list::{FilePattern, check_count, folder_of, listed_files};
 use super::frame::{FileFrame, World};
 use super::lines::{HeaderLines, clip};
 use super::nrrd_axes as axes;
-use super::open::{OpenOptions, file_name};
+use super::open::{OpenOptions, plain_header};
 use super::raw::type_names;
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
 use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::{Header, SampleType, SlabSource};
+use adjsplat::volume::{SampleType, SlabSource};
 
 const RULE_SIZES: &str = "NRRD sizes";
 const RULE_FILES: &str = "NRRD data file";
@@ -51,12 +51,13 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let (files, header_end) = fields.files(&sizes, &mut lines)?;
     let byte_skip = fields.byte_skip(codec)?;
     // Where a negative skip counts from the end, lines before the samples do not matter.
-    let (start, line_skip, byte_skip) = match byte_skip {
-        ByteSkip::Forward(bytes) => (SampleStart::At(header_end), fields.whole("lineskip")?, bytes),
-        ByteSkip::FromEnd(after) => (SampleStart::FromEnd { after, least: header_end }, 0, 0),
+    let (start, line_skip, byte_skip) = match u64::try_from(byte_skip) {
+        Ok(bytes) => (SampleStart::At(header_end), fields.whole("lineskip")?, bytes),
+        // -1 puts the samples at the end of the file; each less leaves one more byte behind them.
+        Err(_) => (SampleStart::FromEnd { after: byte_skip.unsigned_abs() - 1, least: header_end }, 0, 0),
     };
-    let reader = SlabReader::new(SampleFiles {
-        header: Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "NRRD" },
+    SlabReader::open(SampleFiles {
+        header: plain_header(grid, sample_type, path, "NRRD"),
         codec,
         endian,
         files,
@@ -67,13 +68,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         volume_index: options.volume_index.into(),
         tail: if codec == Codec::Raw { Tail::Anything } else { Tail::Nothing },
         rule: RULE_SIZES,
-    })?;
-    Ok(Box::new(reader))
-}
-
-enum ByteSkip {
-    Forward(u64),
-    FromEnd(u64),
+    })
 }
 
 /// The header's fields: names in lower case without spaces, values, offsets.
@@ -212,14 +207,12 @@ impl NrrdFields {
         }
     }
 
-    fn byte_skip(&self, codec: Codec) -> Result<ByteSkip> {
-        let Some(value) = self.get("byteskip") else { return Ok(ByteSkip::Forward(0)) };
-        match value.parse::<i64>() {
-            // -1 puts the samples at the end of the file; each less leaves one more byte behind them.
-            Ok(skip) if skip < 0 && codec == Codec::Raw => Ok(ByteSkip::FromEnd(skip.unsigned_abs() - 1)),
-            Ok(skip) if skip >= 0 => Ok(ByteSkip::Forward(skip.unsigned_abs())),
-            _ => Err(self.fault("byteskip", "NRRD byte skip", "a number, 0 or more unless the encoding is raw".into())),
-        }
+    /// The byte skip, which may be below 0 only where samples are uncompressed.
+    fn byte_skip(&self, codec: Codec) -> Result<i64> {
+        let skip = self.get("byteskip").map_or(Some(0), |value| value.parse().ok());
+        let expected = || "a number, 0 or more unless the encoding is raw".into();
+        skip.filter(|skip| *skip >= 0 || codec == Codec::Raw)
+            .ok_or_else(|| self.fault("byteskip", "NRRD byte skip", expected()))
     }
 
     /// Where the first three of `dimension` axes lie.

@@ -2,7 +2,7 @@
 //!
 //! In: values of fields. Out: worlds, vectors, or `None` where the text is not of the format.
 
-use super::frame::{IDENTITY, World};
+use super::frame::{IDENTITY, World, cross, length};
 
 /// The world of a `space:` field; `None` if it is not one of three dimensions, with or without time.
 pub(super) fn world(name: &str) -> Option<World> {
@@ -57,9 +57,8 @@ pub(super) fn steps(vectors: &[Option<[f64; 3]>]) -> Option<[[f64; 3]; 3]> {
     let z = match vectors.get(2) {
         Some(third) => (*third)?,
         None => {
-            let across = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
-            let length = across[0].hypot(across[1]).hypot(across[2]);
-            if length > 0.0 { across.map(|c| c / length) } else { IDENTITY[2] }
+            let normal = cross(x, y);
+            if length(normal) > 0.0 { normal.map(|c| c / length(normal)) } else { IDENTITY[2] }
         }
     };
     Some([x, y, z])

@@ -10,7 +10,7 @@ use super::{folder, metaimage, nifti, nrrd, raw, vti, vtk};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::limits::Limits;
-use adjsplat::volume::SlabSource;
+use adjsplat::volume::{Grid, Header, SampleType, SlabSource};
 
 /// Evaluates the call of a reader; where its feature is off, an error that names the feature.
 macro_rules! with_feature {
@@ -158,6 +158,11 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> 
             Err(Error::input(path.display().to_string(), why))
         }
     }
+}
+
+/// Returns the header of a volume whose samples are values as they are.
+pub(super) fn plain_header(grid: Grid, sample_type: SampleType, path: &Path, format: &'static str) -> Header {
+    Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format }
 }
 
 /// The last part of `path`, for messages.

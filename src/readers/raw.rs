@@ -109,7 +109,7 @@ pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Resu
     }
     // In a compressed file the skipped bytes are compressed too.
     let (start, byte_skip) = if codec == Codec::Raw { (raw.skip, 0) } else { (0, raw.skip) };
-    let reader = SlabReader::new(SampleFiles {
+    SlabReader::open(SampleFiles {
         header,
         codec,
         endian: raw.endian,
@@ -121,8 +121,7 @@ pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Resu
         volume_index: options.volume_index.into(),
         tail: Tail::Nothing,
         rule: RULE,
-    })?;
-    Ok(Box::new(reader))
+    })
 }
 
 /// Checks the file's length against the dimensions, and says what would fit.

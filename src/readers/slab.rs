@@ -89,7 +89,7 @@ impl SlabReader {
     /// # Errors
     /// [`Error::Io`] if a file is missing; [`Error::Format`] if one cannot hold its samples; [`Error::Limit`] if
     /// sizes overflow; [`Error::Input`] if there is no such volume.
-    pub(super) fn new(plan: SampleFiles) -> Result<SlabReader> {
+    pub(super) fn open(plan: SampleFiles) -> Result<Box<dyn SlabSource>> {
         plan.header.grid.check()?;
         let volume_samples = plan.header.grid.len();
         check_volume(plan.volume_index, plan.volume_count)?;
@@ -113,7 +113,7 @@ impl SlabReader {
         let mut reader =
             SlabReader { plan, file_samples, slices_read: 0, stream: None, left: 0, file_index: 0, lost: false };
         reader.rewind()?;
-        Ok(reader)
+        Ok(Box::new(reader))
     }
 
     /// Opens file `index` and skips `skip` of its samples.

@@ -107,10 +107,13 @@ impl SampleStream {
                 file.seek(SeekFrom::Start(at)).map_err(read_failed())?;
                 Packed::Raw(file)
             }
-            Codec::Deflate => match wrapper(&mut reader).map_err(read_failed())? {
-                Some(Wrapper::Gzip) => Packed::Gzip(Box::new(MultiGzDecoder::new(reader))),
-                Some(Wrapper::Zlib) => Packed::Zlib(Box::new(ZlibDecoder::new(reader))),
-                None => {
+            Codec::Deflate => match *reader.fill_buf().map_err(read_failed())? {
+                [0x1f, 0x8b, ..] => Packed::Gzip(Box::new(MultiGzDecoder::new(reader))),
+                // RFC 1950: method 8, and the two bytes, big endian, are a multiple of 31.
+                [method, flags, ..] if method & 15 == 8 && u16::from_be_bytes([method, flags]) % 31 == 0 => {
+                    Packed::Zlib(Box::new(ZlibDecoder::new(reader)))
+                }
+                _ => {
                     let at = reader.stream_position().map_err(read_failed())?;
                     return Err(Error::format(path, at, rule, "a gzip or zlib stream", "other bytes"));
                 }
@@ -264,22 +267,4 @@ fn skip_lines(reader: &mut impl BufRead, count: u64) -> io::Result<()> {
         }
     }
     Ok(())
-}
-
-/// What holds a deflate stream.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Wrapper {
-    Gzip,
-    Zlib,
-}
-
-fn wrapper(reader: &mut impl BufRead) -> io::Result<Option<Wrapper>> {
-    Ok(match reader.fill_buf()? {
-        [0x1f, 0x8b, ..] => Some(Wrapper::Gzip),
-        // RFC 1950: method 8, and the two bytes, big endian, are a multiple of 31.
-        [method, flags, ..] if method & 15 == 8 && (u16::from(*method) << 8 | u16::from(*flags)) % 31 == 0 => {
-            Some(Wrapper::Zlib)
-        }
-        _ => None,
-    })
 }

@@ -13,14 +13,14 @@ use std::path::Path;
 
 use super::frame::FileFrame;
 use super::lines::clip;
-use super::open::{OpenOptions, file_name};
+use super::open::{OpenOptions, plain_header};
 use super::raw::{type_by_name, type_names};
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
 use super::stream::{Codec, SampleStart};
 use super::vti_array::{ArrayCoding, Compressor};
 use super::vti_tags::{XmlTag, XmlTags};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::{Header, SampleType, SlabSource};
+use adjsplat::volume::SlabSource;
 
 /// Whether `probe`, the first bytes of a file, are those of a VTK XML file of any kind.
 pub(super) fn is_header(probe: &[u8]) -> bool {
@@ -42,10 +42,8 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let grid = image.frame(first).grid(path, "VTK grid", dims, options.spacing)?;
     let bytes = grid.len() * sample_type.bytes() as u64;
     let (codec, at) = image.packing(array, bytes)?;
-    let header =
-        Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "VTK XML image" };
-    let reader = SlabReader::new(SampleFiles {
-        header,
+    SlabReader::open(SampleFiles {
+        header: plain_header(grid, sample_type, path, "VTK XML image"),
         codec,
         endian: image.endian,
         files: vec![path.to_path_buf()],
@@ -56,8 +54,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         volume_index: options.volume_index.into(),
         tail: Tail::Anything,
         rule: "VTK DataArray",
-    })?;
-    Ok(Box::new(reader))
+    })
 }
 
 /// What an array belongs to.
@@ -209,20 +206,15 @@ impl<'a> VtiImage<'a> {
                 None => Err(self.fault(tag.at, rule, format!("{count} numbers"), clip(&text))),
             },
         };
-        let origin = numbers("Origin", "VTK Origin", 3)?;
-        let spacing = numbers("Spacing", "VTK Spacing", 3)?;
-        let direction = numbers("Direction", "VTK Direction", 9)?;
+        let origin = numbers("Origin", "VTK Origin", 3)?.map(|v| [v[0], v[1], v[2]]);
+        let spacing = numbers("Spacing", "VTK Spacing", 3)?.map(|v| [v[0], v[1], v[2]]);
+        // Written row by row; its columns are the axes.
+        let columns = |m: Vec<f64>| std::array::from_fn(|axis| [m[axis], m[3 + axis], m[6 + axis]]);
+        let direction = numbers("Direction", "VTK Direction", 9)?.map(columns);
         self.extent = extent;
-        if let Some(v) = origin {
-            self.origin = [v[0], v[1], v[2]];
-        }
-        if let Some(v) = spacing {
-            self.spacing = [v[0], v[1], v[2]];
-        }
-        if let Some(m) = direction {
-            // Written row by row; its columns are the axes.
-            self.direction = std::array::from_fn(|axis| [m[axis], m[3 + axis], m[6 + axis]]);
-        }
+        self.origin = origin.unwrap_or(self.origin);
+        self.spacing = spacing.unwrap_or(self.spacing);
+        self.direction = direction.unwrap_or(self.direction);
         Ok(())
     }
 

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-use super::lines::TEXT_LIMIT;
+use super::lines::{TEXT_LIMIT, one_line};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
@@ -147,11 +147,6 @@ impl XmlTags {
         }
         Error::io("read", &self.path)(io::Error::new(error.kind(), error.to_string()))
     }
-}
-
-/// An error's text without its line ends.
-fn one_line(error: &impl std::fmt::Display) -> String {
-    error.to_string().replace(['\n', '\r'], " ").trim_end_matches('.').to_string()
 }
 
 /// A file of which only so much may be read.

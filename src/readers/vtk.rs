@@ -10,12 +10,12 @@ use std::path::{Path, PathBuf};
 
 use super::frame::FileFrame;
 use super::lines::{HeaderLine, HeaderLines, clip};
-use super::open::{OpenOptions, file_name};
+use super::open::{OpenOptions, plain_header};
 use super::raw::{type_by_name, type_names};
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
 use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::{Header, SampleType, SlabSource};
+use adjsplat::volume::{SampleType, SlabSource};
 
 /// Opens the VTK legacy file at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
@@ -30,15 +30,8 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         let expected = format!("{} points ({x} x {y} x {z})", grid.len());
         return Err(parser.fault(array.at, "VTK POINT_DATA", expected, format!("{points}")));
     }
-    let reader = SlabReader::new(SampleFiles {
-        header: Header {
-            grid,
-            sample_type: array.sample_type,
-            slope: 1.0,
-            intercept: 0.0,
-            name: file_name(path),
-            format: "VTK legacy",
-        },
+    SlabReader::open(SampleFiles {
+        header: plain_header(grid, array.sample_type, path, "VTK legacy"),
         codec: if parser.binary { Codec::Raw } else { Codec::Text },
         endian: Endian::Big,
         files: vec![path.to_path_buf()],
@@ -49,8 +42,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         volume_index: options.volume_index.into(),
         tail: Tail::Anything,
         rule: "VTK SCALARS",
-    })?;
-    Ok(Box::new(reader))
+    })
 }
 
 /// The array to read.

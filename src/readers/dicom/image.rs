@@ -12,6 +12,7 @@ use super::elements::{DicomElements, Pixels, TagValues, text};
 use super::tags;
 use super::tags::Tag;
 use crate::file_list::MAX_FILES;
+use crate::frame::{cross, length};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{MAX_DIM, SampleType};
 
@@ -294,7 +295,7 @@ impl Attributes<'_> {
         let place = match (position, orientation) {
             (Some(position), Some([a, b, c, d, e, f])) => {
                 let orientation = [unit([a, b, c]), unit([d, e, f])];
-                let normal = cross(orientation);
+                let normal = cross(orientation[0], orientation[1]);
                 // Rounded text leaves right angles within a thousandth; 0.1 is no angle of an image.
                 if length(normal).is_nan() || length(normal) < 0.99 {
                     let rule = "DICOM Image Orientation (Patient)";
@@ -348,19 +349,6 @@ pub(super) fn circumstances(elements: &DicomElements, frame: u32) -> Vec<(&'stat
     ]
     .map(|(name, tag)| (name, attributes.value(tag).map(<[u8]>::to_vec).unwrap_or_default()))
     .into()
-}
-
-/// The direction that slices with these rows and columns face.
-pub(super) fn cross([r, c]: [[f64; 3]; 2]) -> [f64; 3] {
-    [r[1] * c[2] - r[2] * c[1], r[2] * c[0] - r[0] * c[2], r[0] * c[1] - r[1] * c[0]]
-}
-
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn length(v: [f64; 3]) -> f64 {
-    v[0].hypot(v[1]).hypot(v[2])
 }
 
 fn unit(v: [f64; 3]) -> [f64; 3] {

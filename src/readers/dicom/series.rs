@@ -14,8 +14,8 @@
 //! Source: DICOM PS3.3, C.7.6.2.1.1 (position and orientation).
 
 use super::elements;
-use super::image::{DicomFrame, ImageFile, ImagePlane, circumstances, cross, dot, length};
-use crate::frame::{FileFrame, IDENTITY, World};
+use super::image::{DicomFrame, ImageFile, ImagePlane, circumstances};
+use crate::frame::{FileFrame, IDENTITY, World, cross, dot, length};
 use crate::open::file_name;
 use adjsplat::error::{Error, Result};
 
@@ -183,7 +183,7 @@ fn stack_by_position(
     notes: &mut Vec<String>,
 ) -> Result<FrameStack> {
     let [row, column] = place.orientation;
-    let normal = cross(place.orientation);
+    let normal = cross(row, column);
     let position = |frame: &DicomFrame| frame.place.map_or([0.0; 3], |place| place.position);
     let along = |frame: &DicomFrame| dot(position(frame), normal);
     frames.sort_by(|a, b| along(a).total_cmp(&along(b)).then((a.file, a.index).cmp(&(b.file, b.index))));

@@ -11,7 +11,7 @@ use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
 use crate::frame::FileFrame;
-use crate::lines::clip;
+use crate::lines::{clip, one_line};
 use adjsplat::error::{Error, Result};
 
 const RULE: &str = "OME-XML";
@@ -56,9 +56,7 @@ impl Ome {
         let mut reader = Reader::from_str(text);
         let (mut ome, mut files): (Option<Ome>, Option<String>) = (None, None);
         loop {
-            let event = reader
-                .read_event()
-                .map_err(|error| fault("XML that is well formed", error.to_string().replace(['\n', '\r'], " ")))?;
+            let event = reader.read_event().map_err(|error| fault("XML that is well formed", one_line(&error)))?;
             match &event {
                 Event::Start(tag) | Event::Empty(tag) => match (tag.local_name().as_ref(), &mut ome) {
                     (b"Pixels", None) => ome = Some(Ome::pixels(path, tag)?),

@@ -15,6 +15,7 @@ use ::tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use ::tiff::tags::{ByteOrder, Tag};
 
 use super::zstd::RowCoding;
+use crate::lines::one_line;
 use crate::raw::type_names;
 use crate::slab::Endian;
 use crate::stream::DEFLATE_RATIO;
@@ -447,9 +448,4 @@ fn fault(path: &Path, at: u64, what: &str, error: TiffError) -> Error {
         },
         other => Error::format(path, at, "TIFF page", format!("{what} to be one that can be read"), one_line(&other)),
     }
-}
-
-/// An error's text without its line ends.
-fn one_line(error: &impl std::fmt::Display) -> String {
-    error.to_string().replace(['\n', '\r'], " ").trim_end_matches(['.', ' ']).to_string()
 }

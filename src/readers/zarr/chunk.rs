@@ -19,14 +19,8 @@ const PACKED_SLACK: u64 = 1 << 16;
 /// Reads chunks of one array.
 pub(super) struct ChunkReader {
     array: ZarrArray,
-    /// The shard that was read from last.
-    shard: Option<OpenShard>,
-}
-
-struct OpenShard {
-    path: PathBuf,
-    /// `None` if it was never written.
-    content: Option<ShardFile>,
+    /// The path of the shard that was read last, and the shard unless it was never written.
+    shard: Option<(PathBuf, Option<ShardFile>)>,
 }
 
 struct ShardFile {
@@ -78,11 +72,11 @@ impl ChunkReader {
         let outer: Vec<u64> = index.iter().zip(&per_shard).map(|(index, count)| index / count).collect();
         let inner = index.iter().zip(&per_shard).fold(0, |at, (index, count)| at * count + index % count);
         let path = chunk_path(&self.array, &outer);
-        if self.shard.as_ref().is_none_or(|open| open.path != path) {
+        if self.shard.as_ref().is_none_or(|(last, _)| *last != path) {
             let content = self.open_shard(&path, &shard)?;
-            self.shard = Some(OpenShard { path: path.clone(), content });
+            self.shard = Some((path.clone(), content));
         }
-        let Some(OpenShard { content: Some(ShardFile { file, len, entries }), .. }) = &self.shard else {
+        let Some((_, Some(ShardFile { file, len, entries }))) = &self.shard else {
             return Ok(None);
         };
         let [at, bytes] =
