@@ -1,7 +1,7 @@
-//! Samples spread over many files: names with a number in them, and lists.
+//! Finds the files of samples that are spread over many: names with a number in them, and lists.
 //!
 //! In: what a header says after `data file:` or `ElementDataFile =`. Out: the files' paths, relative to the header's
-//! folder. At most [`MAX_FILES`] of them, whatever numbers the header gives.
+//! folder; at most [`MAX_FILES`], whatever numbers the header gives.
 
 use std::path::{Path, PathBuf};
 
@@ -9,13 +9,13 @@ use super::lines::HeaderLines;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::MAX_DIM;
 
-/// Most files that one volume may be spread over: one per slice of the longest axis.
+/// The largest number of files of one volume: one per slice of the longest axis.
 pub(super) const MAX_FILES: u64 = MAX_DIM as u64;
 
-/// Widest number that a pattern may ask for.
+/// The largest width of a number in a pattern, in characters.
 const MAX_WIDTH: usize = 64;
 
-/// Longest pattern: no system opens longer paths, and each file's name is a copy.
+/// The longest pattern in bytes: no system opens longer paths, and each file's name is a copy.
 const MAX_PATTERN: usize = 4096;
 
 /// A file name with one number in it, as C's `printf` writes it: `slice%03d.raw`.
@@ -28,7 +28,7 @@ pub(super) struct FilePattern {
 }
 
 impl FilePattern {
-    /// The pattern in `text`; `None` if it has no `%d` or more than one, or is longer than any path.
+    /// Parses `text`; `None` unless it has exactly one `%d`, or if it is longer than any path.
     pub(super) fn parse(text: &str) -> Option<FilePattern> {
         if text.len() > MAX_PATTERN {
             return None;
@@ -73,7 +73,7 @@ impl FilePattern {
     }
 }
 
-/// Splits at the first `%` that is not half of a `%%`; the `%` is dropped.
+/// Splits at the first `%` that is not part of a `%%`, and drops the `%`.
 fn split_conversion(text: &str) -> Option<(&str, &str)> {
     let bytes = text.as_bytes();
     let mut at = 0;

@@ -1,8 +1,8 @@
-//! A folder as a volume: which format its files are in.
+//! Opens a folder as a volume, by the format of the files in it.
 //!
-//! In: a folder. Out: a slab source over a Zarr node, a DICOM series or a stack of TIFF slices, told by content, whatever
-//! else lies beside the files. Files are taken in the order in which people count; hidden ones are passed over. Subfolders
-//! are not looked into: the slices of one volume lie in one folder.
+//! In: a folder. Out: a slab source over a Zarr node, a DICOM series or a stack of TIFF slices, found by content, whatever
+//! other files the folder holds. Files are sorted as people count; hidden ones are skipped. Subfolders are ignored: the
+//! slices of one volume lie in one folder.
 
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use super::open::{OpenOptions, file_name, with_feature};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::SlabSource;
 
-/// Most entries of a folder that are listed.
+/// The largest number of entries in a folder.
 const MOST_ENTRIES: u64 = 1 << 20;
 
 /// Opens the folder at `path`.
@@ -59,7 +59,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     }
 }
 
-/// What is in a folder, each in natural order; hidden entries are left out.
+/// The entries of a folder, sorted by [`natural`]; hidden ones are left out.
 pub(super) struct Listing {
     /// Regular files.
     pub(super) files: Vec<PathBuf>,
@@ -82,7 +82,7 @@ pub(super) fn list(path: &Path) -> Result<Listing> {
         if entry.file_name().is_none_or(|name| name.as_encoded_bytes().starts_with(b".")) {
             continue;
         }
-        // An entry that is neither, or a link to nothing, is no part of a volume.
+        // Anything else, such as a link to nothing, is no part of a volume.
         match std::fs::metadata(&entry) {
             Ok(found) if found.is_file() => listing.files.push(entry),
             Ok(found) if found.is_dir() => listing.folders.push(entry),
@@ -95,9 +95,9 @@ pub(super) fn list(path: &Path) -> Result<Listing> {
     Ok(listing)
 }
 
-/// The order in which people count: runs of digits by their value, all else by letter, capitals like others.
+/// Compares names as people count: runs of digits by their value, all else by letter, whatever its case.
 ///
-/// Names that differ only in leading zeros or capitals are told apart by their bytes, so that no two are equal.
+/// Names that differ only in leading zeros or case are compared by their bytes, so that no two are equal.
 fn natural(a: &str, b: &str) -> Ordering {
     let (mut left, mut right) = (a, b);
     loop {
@@ -117,7 +117,7 @@ fn natural(a: &str, b: &str) -> Ordering {
     }
 }
 
-/// Takes the digits at the front of `text`; without leading zeros.
+/// Removes the digits from the front of `text`, and returns them without leading zeros.
 fn digits<'t>(text: &mut &'t str) -> &'t str {
     let (number, rest) = text.split_at(text.bytes().take_while(u8::is_ascii_digit).count());
     *text = rest;

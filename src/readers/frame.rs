@@ -1,8 +1,8 @@
-//! From what a file says of its world to the crate's: right-handed, and R, A, S where the frame is anatomical.
+//! Converts a file's coordinate frame to the crate's: right-handed, and R, A, S where it is anatomical.
 //!
 //! In: spacing, direction and origin as the file gives them, and the name of its frame. Out: a checked [`Grid`].
-//! A frame that differs from ours by the signs of axes is turned by negating those world components of direction and
-//! origin; two negations are half a turn and one undoes a left-handed frame, so no picture comes out mirrored.
+//! Where axes point the other way, those world components of direction and origin are negated. Two negations are half a
+//! turn, and one makes a left-handed frame right-handed, so no picture is mirrored.
 
 use std::path::Path;
 
@@ -30,7 +30,7 @@ impl World {
     }
 }
 
-/// Where a file says that its grid lies.
+/// Where a grid lies, in the words of its file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct FileFrame {
     /// Distance between points along each index axis.
@@ -39,7 +39,7 @@ pub(super) struct FileFrame {
     pub(super) direction: [[f64; 3]; 3],
     /// World position of the first point.
     pub(super) origin: [f64; 3],
-    /// What the vectors are relative to.
+    /// The world that direction and origin are in.
     pub(super) world: World,
     /// Unit of lengths.
     pub(super) unit: Option<String>,
@@ -65,7 +65,7 @@ impl FileFrame {
         self.direction[axis].map(|c| c / length(self.direction[axis]))
     }
 
-    /// The grid of `dims` points in this frame; `spacing`, if given, stands in for the file's.
+    /// Returns the grid of `dims` points in this frame; `spacing`, if given, replaces the file's.
     ///
     /// # Errors
     /// [`Error::Format`] under `rule` if a dimension is 0, a spacing is not finite and above 0, or the axes are not

@@ -1,9 +1,8 @@
-//! Header text, line by line, in bounded memory.
+//! Reads header text, line by line, in bounded memory.
 //!
 //! In: a file. Out: its lines with their byte offsets, and the offset of the first byte after them, which is where
 //! samples begin in formats that keep both in one file. A header's text is at most [`TEXT_LIMIT`] bytes in all, so a
-//! file without line ends cannot fill the memory. Bytes that are not UTF-8 are replaced, never refused: they sit in
-//! comments and titles.
+//! file without line ends cannot fill the memory. Bytes that are not UTF-8 are replaced, as they occur in comments.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
@@ -12,7 +11,7 @@ use std::path::{Path, PathBuf};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
-/// Most bytes of text that one header may have: a list of 65,535 file names fits.
+/// The largest header text in bytes: a list of 65,535 file names fits.
 pub(super) const TEXT_LIMIT: u64 = 4 << 20;
 
 /// One line of a header.
@@ -67,7 +66,7 @@ impl HeaderLines {
         Ok(Some(HeaderLine { at: line_at, text: String::from_utf8_lossy(&bytes).into_owned() }))
     }
 
-    /// Whether the next bytes are `word`, in upper or lower case.
+    /// Returns whether the next bytes are `word`, in upper or lower case.
     pub(super) fn next_is(&mut self, word: &str) -> Result<bool> {
         let ahead = self.reader.fill_buf().map_err(Error::io("read", &self.path))?;
         if let Some(start) = ahead.get(..word.len()) {
@@ -139,12 +138,12 @@ impl HeaderLines {
     }
 }
 
-/// The start of a text that came from a file, safe to print.
+/// Returns the start of a text from a file, in quotes, safe to print.
 pub(super) fn clip(text: &str) -> String {
     format!("\"{}\"", text.chars().take(40).collect::<String>().escape_debug())
 }
 
-/// The text of an error of another crate, as one line without a full stop.
+/// Returns the text of another crate's error as one line without a full stop.
 pub(super) fn one_line(error: &impl std::fmt::Display) -> String {
     error.to_string().replace(['\n', '\r'], " ").trim_end_matches(['.', ' ']).to_string()
 }

@@ -1,8 +1,8 @@
-//! MetaImage: `.mha` with its samples behind the header, `.mhd` with them in other files.
+//! Reads MetaImage files: `.mha` with the samples behind the header, `.mhd` with the samples in other files.
 //!
 //! In: `Key = value` lines up to `ElementDataFile`. Out: a slab source. World vectors are L, P, S as in ITK and are
-//! turned to R, A, S; `AnatomicalOrientation` gives the directions only where no matrix does.
-//! `CompressedDataSize` is not used: writers have left wrong values in it, and a compressed stream ends by itself.
+//! turned to R, A, S; `AnatomicalOrientation` gives the directions only where there is no matrix.
+//! `CompressedDataSize` is ignored: some writers store wrong values, and a compressed stream marks its own end.
 //!
 //! Source: the MetaIO documentation (itk.org/Wiki/ITK/MetaIO/Documentation).
 
@@ -20,10 +20,10 @@ use adjsplat::volume::{SampleType, SlabSource};
 
 const RULE_SIZE: &str = "MetaImage DimSize";
 
-/// Most dimensions that MetaIO knows.
+/// The largest number of dimensions that MetaIO knows.
 const MAX_NDIMS: usize = 10;
 
-/// Most lines of a header; real ones have below 50.
+/// The largest number of lines in a header; real headers have fewer than 50.
 const MAX_LINES: usize = 1024;
 
 /// Whether `probe`, the start of a file, is a MetaImage header.
@@ -33,7 +33,7 @@ pub(super) fn is_header(probe: &[u8]) -> bool {
         let key = line.split(|byte| *byte == b'=').next().filter(|key| key.len() < line.len())?.trim_ascii();
         Some(found || [&b"ObjectType"[..], b"NDims", b"ElementDataFile"].contains(&key))
     });
-    // Twenty lines of keys, or the data begins among them: either way a key must have been seen first.
+    // The samples may begin within these lines; then the first line alone decides.
     keys.unwrap_or_else(|| {
         probe.starts_with(b"ObjectType") || probe.starts_with(b"NDims") || probe.starts_with(b"Comment")
     })
@@ -173,7 +173,7 @@ impl MetaImageFields {
         }
     }
 
-    /// Where samples start: behind `HeaderSize` bytes, or at the file's end; `header_end` if it is 0.
+    /// Returns where samples start: at byte `HeaderSize`, at `header_end` if that is 0, or such that they end the file.
     fn start(&self, path: &Path, header_end: u64) -> Result<SampleStart> {
         let Some((value, at)) = self.get(&["HeaderSize"]) else { return Ok(SampleStart::At(header_end)) };
         let fault = |expected: &str| Error::format(path, at, "MetaImage HeaderSize", expected, clip(value));
@@ -213,7 +213,7 @@ impl MetaImageFields {
         })
     }
 
-    /// The files that hold the samples, and whether that is this file.
+    /// Returns the files that hold the samples, and whether this is the file with the header.
     fn files(&self, path: &Path, lines: &mut HeaderLines) -> Result<(Vec<PathBuf>, bool)> {
         const RULE: &str = "MetaImage ElementDataFile";
         let (value, at) = self.require(path, "ElementDataFile")?;
@@ -260,7 +260,7 @@ impl MetaImageFields {
     }
 }
 
-/// World directions, in L, P, S, by three letters that say from where each axis comes: "RAI" is the identity.
+/// Returns directions in L, P, S from three letters that say where each axis starts: "RAI" is the identity.
 fn directions(letters: &str) -> Option<[[f64; 3]; 3]> {
     let axes: Option<Vec<[f64; 3]>> = letters
         .chars()

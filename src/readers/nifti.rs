@@ -1,4 +1,4 @@
-//! NIfTI-1 and NIfTI-2: `.nii`, `.nii.gz`, and pairs of `.hdr` and `.img`.
+//! Reads NIfTI-1 and NIfTI-2: `.nii`, `.nii.gz`, and pairs of `.hdr` and `.img`.
 //!
 //! In: a 348- or 540-byte binary header of either byte order, plain or in gzip. Out: a slab source over one volume of
 //! the file. World axes are R, A, S, as the crate's. The affine transform is the `sform` if its code is set and it
@@ -44,7 +44,7 @@ fn version_of(bytes: &[u8]) -> Option<(u8, Endian)> {
     }
 }
 
-/// The fields that matter here, of either version.
+/// The fields of a header that the reader uses, from either version.
 struct NiftiFields {
     endian: Endian,
     dim: [i64; 8],
@@ -59,7 +59,7 @@ struct NiftiFields {
     quatern: [f64; 3],
     qoffset: [f64; 3],
     srow: [[f64; 4]; 3],
-    /// Samples are in the same file.
+    /// Whether the samples are in the header's file.
     single: bool,
     /// Bytes of the header.
     len: usize,
@@ -105,7 +105,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     })
 }
 
-/// Where a header places its volume, its slope and its intercept; `path` is named in errors.
+/// Returns where a header places its volume, the slope and the intercept; errors name `path`.
 ///
 /// # Errors
 /// [`Error::Format`] if `bytes` do not start with a header.
@@ -204,7 +204,7 @@ impl NiftiFields {
         Err(Error::format(path, at, "NIfTI datatype", format!("one of {}", type_names()), got))
     }
 
-    /// Slope and intercept; a slope of 0 or that is not finite means that there is no scaling.
+    /// Returns slope and intercept; a slope that is 0 or not finite means that there is no scaling.
     fn scaling(&self, path: &Path) -> Result<(f64, f64)> {
         if self.slope == 0.0 || !self.slope.is_finite() {
             return Ok((1.0, 0.0));
@@ -216,8 +216,9 @@ impl NiftiFields {
         Ok((self.slope, self.intercept))
     }
 
-    /// Byte offset of the first sample in its decoded file. 0 in a single file means right behind the header, as
-    /// writers that leave the field out intend.
+    /// Returns the byte offset of the first sample in the decoded file.
+    ///
+    /// In a single file 0 means right behind the header: some writers leave the field out.
     fn offset(&self, path: &Path) -> Result<u64> {
         let least = if self.single { self.len as u64 } else { 0 };
         if self.single && self.vox_offset == 0.0 {
@@ -253,7 +254,7 @@ impl NiftiFields {
         };
         let used = usize::try_from(self.dim[0]).unwrap_or(3);
         for axis in used..3 {
-            // An axis that the file does not have keeps whatever direction it is given, but needs a length.
+            // An axis that the file lacks may have any direction, but needs a length.
             if !(frame.spacing[axis].is_finite() && frame.spacing[axis] > 0.0) {
                 frame.spacing[axis] = 1.0;
             }
@@ -267,7 +268,7 @@ impl NiftiFields {
         frame
     }
 
-    /// Index axes in the world by the quaternion; `pixdim[0] < 0` turns the third around.
+    /// Returns the directions of the index axes by the quaternion; `pixdim[0] < 0` reverses the third.
     fn rotation(&self) -> [[f64; 3]; 3] {
         let [mut b, mut c, mut d] = self.quatern;
         let squares = b * b + c * c + d * d;
@@ -293,7 +294,7 @@ fn is_invertible([x, y, z]: [[f64; 3]; 3]) -> bool {
     determinant.is_finite() && determinant != 0.0
 }
 
-/// Numbers in a header of either byte order; offsets are constants below its checked length.
+/// Reads numbers of either byte order from a header; offsets are constants below its checked length.
 struct HeaderBytes<'a> {
     bytes: &'a [u8],
     endian: Endian,
@@ -334,7 +335,7 @@ fn shown(bytes: &[u8], most: usize) -> String {
     format!("\"{}\"", bytes[..bytes.len().min(most)].escape_ascii())
 }
 
-/// The first bytes of the header at `path`, decompressed, and whether they were compressed.
+/// Returns the first bytes of the header at `path`, decompressed, and whether they were compressed.
 fn read_header(path: &Path) -> Result<(Vec<u8>, bool)> {
     let packed = starts_as_gzip(path)?;
     let (file, _) = open_regular(path, "open")?;
@@ -372,7 +373,7 @@ fn parts_of(path: &Path) -> (String, usize, String) {
     (name, bare.len(), extension.to_string())
 }
 
-/// The header's path where `path` is that of either file.
+/// Returns the header's path; `path` may be either file of a pair.
 fn header_path_of(path: &Path) -> Result<PathBuf> {
     match parts_of(path) {
         (name, bare_len, extension) if extension == "img" => sibling(path, &name, bare_len, "hdr"),
@@ -380,7 +381,7 @@ fn header_path_of(path: &Path) -> Result<PathBuf> {
     }
 }
 
-/// The image's path where `path` is that of either file of a pair.
+/// Returns the image's path; `path` may be either file of a pair.
 fn image_path_of(path: &Path) -> Result<PathBuf> {
     let (name, bare_len, extension) = parts_of(path);
     match extension.as_str() {

@@ -1,9 +1,9 @@
-//! NRRD: attached (`.nrrd`), or a header (`.nhdr`) and the files it names.
+//! Reads NRRD files: attached (`.nrrd`), or a header (`.nhdr`) and the files it names.
 //!
 //! In: `field: value` lines up to a blank one, versions 1 to 5. Out: a slab source. Encodings: raw, gzip, text.
-//! `3D-left-handed` and `left-anterior-superior` worlds have their x axis negated, `left-posterior-superior` ones x
-//! and y, so that the world is right-handed (R, A, S where it is anatomical) and pictures are not mirrored.
-//! A field that is not in the format is refused: it may be a misspelled one that matters.
+//! The world is made right-handed (R, A, S where it is anatomical), so that pictures are not mirrored: x is negated in
+//! `3D-left-handed` and `left-anterior-superior` worlds, x and y in `left-posterior-superior` ones.
+//! Unknown fields are refused: one may be a misspelled field that matters.
 //!
 //! Source: "Definition of NRRD File Format" (teem.sourceforge.net/nrrd/format.html).
 
@@ -23,7 +23,7 @@ use adjsplat::volume::{SampleType, SlabSource};
 const RULE_SIZES: &str = "NRRD sizes";
 const RULE_FILES: &str = "NRRD data file";
 
-/// Most dimensions that a NRRD may have.
+/// The largest number of dimensions that the format allows.
 const MAX_DIMENSION: usize = 16;
 
 /// Names of the fields that are read, between spaces.
@@ -75,7 +75,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 struct NrrdFields {
     path: PathBuf,
     entries: Vec<(String, String, u64)>,
-    /// A blank line ended the header, so samples may follow.
+    /// Whether a blank line ended the header, so that samples may follow in this file.
     ended: bool,
 }
 
@@ -132,14 +132,14 @@ impl NrrdFields {
         self.get(name).ok_or_else(missing)
     }
 
-    /// An error at the field `name`.
+    /// Returns an error that points at the field `name`.
     fn fault(&self, name: &str, rule: &'static str, expected: String) -> Error {
         let entry = self.entries.iter().find(|(have, ..)| have == name);
         let (value, at) = entry.map_or(("", 0), |(_, value, at)| (value.as_str(), *at));
         Error::format(&self.path, at, rule, expected, clip(value))
     }
 
-    /// A number of 0 or more; 0 if the field is not there.
+    /// Returns the whole number in field `name`, or 0 if the header lacks the field.
     fn whole(&self, name: &'static str) -> Result<u64> {
         match self.get(name) {
             None => Ok(0),
@@ -147,7 +147,7 @@ impl NrrdFields {
         }
     }
 
-    /// Sizes of all axes, two at least, and not counting a first axis of one component.
+    /// Returns the sizes of all axes, at least two; refuses axes of components.
     fn sizes(&self) -> Result<Vec<u64>> {
         let dimension = self.require("dimension")?.parse().ok().filter(|d| (2..=MAX_DIMENSION).contains(d));
         let dimension = dimension.ok_or_else(|| self.fault("dimension", "NRRD dimension", "2 to 16".into()))?;
@@ -215,7 +215,7 @@ impl NrrdFields {
             .ok_or_else(|| self.fault("byteskip", "NRRD byte skip", expected()))
     }
 
-    /// Where the first three of `dimension` axes lie.
+    /// Returns where the first three of `dimension` axes lie in the world.
     fn frame(&self, dimension: usize) -> Result<FileFrame> {
         const RULE: &str = "NRRD space";
         let world = match self.get("space") {
@@ -288,7 +288,7 @@ impl NrrdFields {
         Ok((vec![folder_of(&self.path).join(value)], 0))
     }
 
-    /// Dimensions of each of many files; one less than the volume's if the header does not say.
+    /// Returns the dimensions of each data file; one less than the volume's if the header does not say.
     fn file_dims(&self, text: &str, sizes: &[u64]) -> Result<usize> {
         if text.is_empty() {
             return Ok(sizes.len() - 1);
@@ -297,7 +297,7 @@ impl NrrdFields {
         parsed.ok_or_else(|| self.fault("datafile", RULE_FILES, format!("files of 1 to {} dimensions", sizes.len())))
     }
 
-    /// Checks the number of files. Files of as many dimensions as the volume share out its last axis.
+    /// Checks the number of files. Files with as many dimensions as the volume divide its last axis.
     fn check_files(&self, sizes: &[u64], file_dims: usize, files: &[PathBuf]) -> Result<()> {
         let at = self.entries.iter().find(|(name, ..)| name == "datafile").map_or(0, |entry| entry.2);
         let need = if file_dims == sizes.len() {

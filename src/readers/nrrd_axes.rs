@@ -4,7 +4,7 @@
 
 use super::frame::{IDENTITY, World, cross, length};
 
-/// The world of a `space:` field; `None` if it is not one of three dimensions, with or without time.
+/// Returns the world that a `space:` field names; `None` unless it has three dimensions, with or without time.
 pub(super) fn world(name: &str) -> Option<World> {
     let lower = name.trim().to_ascii_lowercase();
     let bare = lower.strip_suffix("-time").unwrap_or(&lower);
@@ -18,8 +18,9 @@ pub(super) fn world(name: &str) -> Option<World> {
     })
 }
 
-/// Vectors as in `(1,0,0) none (0,0,1.5)`; those of two components get a third of 0, those of four (with time) lose
-/// the last. `None` if the text is anything else.
+/// Parses vectors such as `(1,0,0) none (0,0,1.5)`; `None` if the text is anything else.
+///
+/// A missing third component is 0, and a fourth one (time) is dropped.
 pub(super) fn vectors(text: &str) -> Option<Vec<Option<[f64; 3]>>> {
     let mut vectors = Vec::new();
     let mut rest = text.trim();
@@ -41,7 +42,7 @@ pub(super) fn vectors(text: &str) -> Option<Vec<Option<[f64; 3]>>> {
     Some(vectors)
 }
 
-/// Whether an axis of this kind can be one of the grid's: the third may also be a list or a time.
+/// Returns whether an axis of this kind can be one of the grid's; the third may also be a list or a time.
 pub(super) fn is_spatial(axis: usize, kind: &str) -> bool {
     match kind.to_ascii_lowercase().as_str() {
         "domain" | "space" | "???" | "none" => true,
@@ -50,7 +51,7 @@ pub(super) fn is_spatial(axis: usize, kind: &str) -> bool {
     }
 }
 
-/// Steps along the first three axes; a third that a flat volume does not have is at right angles to the others.
+/// Returns the steps along the first three axes; a flat volume gets a third one at right angles to its own two.
 pub(super) fn steps(vectors: &[Option<[f64; 3]>]) -> Option<[[f64; 3]; 3]> {
     let x = (*vectors.first()?)?;
     let y = (*vectors.get(1)?)?;

@@ -1,8 +1,8 @@
-//! The slab source that every file format ends in.
+//! The slab source of all formats that store samples in a row.
 //!
-//! In: a plan, made by a format's header reader: which files hold the samples, where in them, packed how. Out:
-//! z-slices in order. Sizes are checked against the files before anything is read, so that a header that lies is
-//! refused while it is still cheap; nothing here allocates by a number that a file says.
+//! In: a [`SampleFiles`] from a format's header: which files hold the samples, where in them, how packed. Out: z-slices
+//! in order. Sizes are checked against the files before anything is read, so that a wrong header is refused early;
+//! nothing here allocates by a number that a file states.
 //!
 //! ```text
 //! open:  for each file: it exists, and can hold its share of the samples
@@ -15,7 +15,7 @@ use super::stream::{Codec, DEFLATE_RATIO, SampleStart, SampleStream};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, Samples, SlabSource};
 
-/// Order of the bytes of one sample in a file.
+/// The order of the bytes of one sample in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Endian {
     /// Lowest byte first.
@@ -31,7 +31,7 @@ impl Endian {
 
 /// What may follow the last sample in a file.
 ///
-/// Compressed streams and text end where they end, so more in them than the header says is a wrong header. Behind
+/// Compressed streams and text mark their own end, so more samples than the header says mean a wrong header. Behind
 /// uncompressed samples some writers leave padding, and VTK other arrays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Tail {
@@ -44,23 +44,23 @@ pub(super) enum Tail {
 /// Where a volume's samples are.
 #[derive(Debug, Clone)]
 pub(super) struct SampleFiles {
-    /// What is known of the volume.
+    /// Grid, type and name of the volume.
     pub(super) header: Header,
     /// How samples are packed.
     pub(super) codec: Codec,
-    /// Their byte order; of no meaning for text and single bytes.
+    /// Byte order of samples; meaningless for text and single bytes.
     pub(super) endian: Endian,
     /// The files, in order; each holds the same number of samples. At least one.
     pub(super) files: Vec<PathBuf>,
     /// Where samples start in each.
     pub(super) start: SampleStart,
-    /// Lines to skip from there, before decoding.
+    /// Lines to skip after the start, before decoding.
     pub(super) line_skip: u64,
-    /// Bytes to skip from there, after decoding.
+    /// Bytes to skip after the start, after decoding.
     pub(super) byte_skip: u64,
     /// Volumes that the files hold, one after the other.
     pub(super) volume_count: u64,
-    /// Which of them is read.
+    /// The volume to read, counted from 0.
     pub(super) volume_index: u64,
     /// What may follow the last sample of a file.
     pub(super) tail: Tail,
@@ -68,23 +68,23 @@ pub(super) struct SampleFiles {
     pub(super) rule: &'static str,
 }
 
-/// Reads a plan's slices.
+/// Reads the slices of a volume from its files.
 pub(super) struct SlabReader {
     plan: SampleFiles,
     /// Samples that each file holds.
     file_samples: u64,
     /// Slices read since the start.
     slices_read: u32,
-    /// The file that is open, its samples not yet read, and which file it is.
+    /// The open file, its samples that are not read yet, and its index.
     stream: Option<SampleStream>,
     left: u64,
     file_index: usize,
-    /// A read failed, so the position is not known.
+    /// Whether a read failed, so that the position is unknown.
     lost: bool,
 }
 
 impl SlabReader {
-    /// Checks `plan` against the files.
+    /// Checks `plan` against the files and opens the first.
     ///
     /// # Errors
     /// [`Error::Io`] if a file is missing; [`Error::Format`] if one cannot hold its samples; [`Error::Limit`] if
@@ -194,7 +194,7 @@ impl SlabSource for SlabReader {
 
 /// Checks that `slice` fits a volume, and that there is a next slice to read into it.
 ///
-/// `slices_read` counts those before it; `lost` says that one of them failed, so that the place is not known.
+/// `slices_read` counts the slices before it; `lost` says that one of them failed, so that the position is unknown.
 ///
 /// # Errors
 /// [`Error::Input`] if not.
@@ -280,7 +280,7 @@ fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Resu
     Ok(())
 }
 
-/// "64 x 64 x 93 of i16", and how many volumes and files where there are more than one.
+/// Describes the volume: "64 x 64 x 93 of i16", with the numbers of volumes and files if there are several.
 fn described(plan: &SampleFiles) -> String {
     let [x, y, z] = plan.header.grid.dims;
     let mut text = format!("{x} x {y} x {z} of {}", plan.header.sample_type.name());

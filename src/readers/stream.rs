@@ -1,11 +1,11 @@
-//! One file's samples as a forward stream of bytes or of numbers, decoded on the way.
+//! Reads one file's samples as a stream of decoded bytes or numbers.
 //!
 //! In: a file, where in it the samples start, and how they are packed. Out: bytes, or numbers where the samples are
-//! text. Nothing is held but a small buffer; uncompressed bytes go straight from the file into the caller's slice by
-//! whole-slice reads, which is as fast as a memory map that is read once from front to back, and needs no `unsafe`.
+//! text. Memory holds only a small buffer. Uncompressed bytes go straight from the file into the caller's slice, which
+//! is as fast as a memory map that is read once from front to back, and needs no `unsafe`.
 //!
-//! Compressed samples name their own wrapper in their first two bytes: gzip (RFC 1952) or zlib (RFC 1950). Both are
-//! taken wherever a format says "compressed", as writers of every format here have been seen to mix them up.
+//! The first two bytes of compressed samples tell gzip (RFC 1952) from zlib (RFC 1950). Both are accepted wherever a
+//! format says "compressed", because writers of every format here mix them up.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
@@ -30,7 +30,7 @@ pub(super) enum Codec {
     Deflate,
     /// Numbers as text, between white space or commas.
     Text,
-    /// The same, up to the next XML tag.
+    /// Numbers as text, up to the next XML tag.
     TextToTag,
     /// An array of a VTK XML file.
     Array(ArrayCoding),
@@ -48,7 +48,7 @@ impl Codec {
 pub(super) enum SampleStart {
     /// At this byte offset.
     At(u64),
-    /// Where the last sample is the file's last but for some bytes; uncompressed samples only.
+    /// Such that the last sample is followed by exactly `after` bytes; uncompressed samples only.
     FromEnd {
         /// Bytes behind the last sample.
         after: u64,
@@ -57,12 +57,12 @@ pub(super) enum SampleStart {
     },
 }
 
-/// Most bytes that one byte of a deflate stream can become: 258 bytes from 2 bits.
+/// The largest number of bytes that one byte of a deflate stream can become: 258 bytes from 2 bits.
 pub(super) const DEFLATE_RATIO: u64 = 1032;
 
 const BUFFER_BYTES: usize = 64 << 10;
 
-/// The samples of one file, from the first to be read.
+/// A stream of the samples of one file.
 pub(super) struct SampleStream {
     path: PathBuf,
     rule: &'static str,
@@ -173,7 +173,7 @@ impl SampleStream {
 
     /// Checks that nothing follows the last sample: no decoded byte, no number.
     ///
-    /// For a compressed stream this also checks its checksum.
+    /// This also verifies the checksum of a compressed stream.
     pub(super) fn expect_end(&mut self) -> Result<()> {
         let more = match &mut self.packed {
             Packed::Text(reader) => {
@@ -207,7 +207,7 @@ impl SampleStream {
         Ok(())
     }
 
-    /// What a failed read means for the user.
+    /// Returns the error that a failed read means for the user.
     fn fault(&mut self, source: io::Error, wanted: usize) -> Error {
         let packed = matches!(self.packed, Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_));
         let (kind, read) = (source.kind(), self.bytes_read);
@@ -229,7 +229,7 @@ impl SampleStream {
         }
     }
 
-    /// Bytes of memory that decoding holds, where that may be above a megabyte.
+    /// Returns the bytes of memory that decoding holds, if they can exceed a megabyte.
     pub(super) fn buffer_bytes(&self) -> u64 {
         match &self.packed {
             Packed::Array(reader) => reader.buffer_bytes(),
@@ -250,7 +250,7 @@ impl SampleStream {
     }
 }
 
-/// One read, again if a signal broke it off.
+/// Reads once; repeats if a signal interrupted it.
 fn read_some(reader: &mut impl Read, into: &mut [u8]) -> io::Result<usize> {
     loop {
         match reader.read(into) {

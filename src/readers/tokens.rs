@@ -1,7 +1,7 @@
-//! Samples written as text: numbers between white space or commas.
+//! Reads samples written as text: numbers between white space or commas.
 //!
 //! In: a file's text. Out: typed numbers. A number is at most [`TOKEN_LIMIT`] characters, so the memory is
-//! bounded; a value that its type cannot hold is refused, never wrapped or clipped.
+//! bounded. A value that its type cannot hold is refused, never wrapped or clamped.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
@@ -13,7 +13,7 @@ use adjsplat::volume::Sample;
 /// Most characters of one number: an `f64` written out in full has up to 1,077.
 const TOKEN_LIMIT: usize = 1100;
 
-/// Where an error is to point.
+/// The file and the rule that an error names.
 #[derive(Clone, Copy)]
 pub(super) struct ErrorSite<'a> {
     /// The file.
@@ -22,7 +22,7 @@ pub(super) struct ErrorSite<'a> {
     pub(super) rule: &'static str,
 }
 
-/// A file's text from some place on, to the file's end or to the next XML tag.
+/// The text of a file, up to the file's end or the next XML tag.
 pub(super) struct TextReader {
     reader: BufReader<File>,
     to_tag: bool,
@@ -36,7 +36,7 @@ impl TextReader {
         TextReader { reader, to_tag, clear: 0 }
     }
 
-    /// Byte offset in the file of what is read next; 0 if the system does not say.
+    /// Returns the byte offset of the next unread byte; 0 if the system does not say.
     pub(super) fn position(&mut self) -> u64 {
         self.reader.stream_position().unwrap_or(0)
     }
@@ -44,7 +44,7 @@ impl TextReader {
     /// Skips `count` bytes.
     ///
     /// # Errors
-    /// If the system cannot.
+    /// The system's error if it cannot seek.
     pub(super) fn skip(&mut self, count: u64) -> io::Result<()> {
         let to = self.reader.stream_position()?.saturating_add(count);
         self.clear = 0;
@@ -67,7 +67,7 @@ impl BufRead for TextReader {
             return Ok(ahead);
         }
         if self.clear == 0 {
-            // Once for each bufferful: numbers are short, and a search for each would go over the same bytes again.
+            // Searched once for each buffer: numbers are short, so a search for each would repeat the work.
             self.clear = ahead.iter().position(|byte| *byte == b'<').unwrap_or(ahead.len());
         }
         Ok(&ahead[..self.clear.min(ahead.len())])
@@ -148,12 +148,12 @@ pub(super) fn skip_number(reader: &mut TextReader, place: ErrorSite<'_>) -> Resu
     next_token(reader, &mut [0; TOKEN_LIMIT], place).map(|_| ())
 }
 
-/// Whether only white space is left.
+/// Returns whether only white space and commas are left.
 pub(super) fn at_end(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<bool> {
     skip_separators(reader, place)
 }
 
-/// Skips white space and commas; whether the file ends there.
+/// Skips white space and commas, and returns whether the text ends there.
 fn skip_separators(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<bool> {
     loop {
         let ahead = reader.fill_buf().map_err(Error::io("read", place.path))?;
@@ -195,6 +195,6 @@ fn next_token<'t>(reader: &mut TextReader, token: &'t mut [u8; TOKEN_LIMIT], pla
             break;
         }
     }
-    // Bytes that are not UTF-8 are no number either; the caller reports what stands here.
+    // Bytes that are not UTF-8 are no number either; the caller reports this character.
     Ok(std::str::from_utf8(&token[..len]).unwrap_or("\u{fffd}"))
 }

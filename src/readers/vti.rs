@@ -1,11 +1,11 @@
-//! VTK XML image files (.vti): one regular grid, its arrays as text, base64 or raw bytes, compressed or not.
+//! Reads VTK XML image files (.vti): one regular grid with arrays as text, base64 or raw bytes, compressed or not.
 //!
 //! In: an `ImageData` file of one piece. Out: a slab source over one array of one component: the one that `PointData`
-//! names as its `Scalars`, else its first; where the points have none, that of the cells by the same rule. Cells make
-//! a grid of their own, one less along each axis, whose first point is the middle of the first cell.
+//! names as its `Scalars`, else its first. Files without point arrays give an array of cells by the same rule. Cells
+//! make a grid of their own, one less along each axis, whose first point is the middle of the first cell.
 //!
-//! The tags before the array are read by an XML parser; values in between are passed over unread. Behind the tag of
-//! appended values a file need not be XML any more, so the parser stops there.
+//! An XML parser reads the tags before the array and skips the values in between. It stops at the tag of appended
+//! values, because what follows need not be XML.
 //!
 //! Source: "VTK XML Formats" (docs.vtk.org).
 
@@ -57,14 +57,14 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     })
 }
 
-/// What an array belongs to.
+/// Whether an array has a value for each point or for each cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum ArraySection {
     Points,
     Cells,
 }
 
-/// One array, as its tag tells of it.
+/// One array, as its tag describes it.
 #[derive(Debug)]
 struct DataArray {
     section: ArraySection,
@@ -74,11 +74,11 @@ struct DataArray {
     type_name: String,
     components: String,
     format: String,
-    /// Where appended values start, from the first of them.
+    /// The offset of its values among the appended ones, as text.
     offset: Option<String>,
 }
 
-/// What the tags of a file say.
+/// The grid and the arrays that the tags of a file describe.
 #[derive(Debug)]
 struct VtiImage<'a> {
     path: &'a Path,
@@ -91,10 +91,10 @@ struct VtiImage<'a> {
     spacing: [f64; 3],
     /// World vectors of the axes, of any length.
     direction: [[f64; 3]; 3],
-    /// The piece's extent, as its tag tells it.
+    /// The extent of the piece, as its tag says.
     piece: Option<[[i64; 2]; 3]>,
     arrays: Vec<DataArray>,
-    /// What `PointData` and `CellData` name as their scalars.
+    /// The arrays that `PointData` and `CellData` name as their scalars.
     active: [Option<String>; 2],
     /// Byte offset of the first appended value, and whether those are base64.
     appended: Option<(u64, bool)>,
@@ -260,7 +260,7 @@ impl<'a> VtiImage<'a> {
         }
     }
 
-    /// The array to read, and whether it is one of the cells'.
+    /// Returns the array to read, and whether its values belong to cells.
     fn choose(&self) -> Result<(&DataArray, bool)> {
         for (section, active) in [ArraySection::Points, ArraySection::Cells].into_iter().zip(&self.active) {
             let fits = |array: &&DataArray| array.section == section && array.components.trim() == "1";
@@ -269,7 +269,7 @@ impl<'a> VtiImage<'a> {
                 return Ok((array, section == ArraySection::Cells));
             }
         }
-        // A few are enough to understand what the file holds.
+        // A few names are enough to understand what the file holds.
         let passed = self.arrays.iter().take(4).map(|array| {
             let section = if array.section == ArraySection::Points { "point" } else { "cell" };
             format!("{section} array {} of {} components", clip(&array.name), array.components.escape_debug())
@@ -279,7 +279,7 @@ impl<'a> VtiImage<'a> {
         Err(self.fault(0, "VTK DataArray", "an array of one component in PointData or CellData", got))
     }
 
-    /// How many points or cells along each axis, and where the first is, in indices of points.
+    /// Returns the number of points or cells along each axis, and where the first is, in indices of points.
     fn points(&self, in_cells: bool) -> ([u64; 3], [f64; 3]) {
         let count = |[low, high]: [i64; 2]| (high - low).unsigned_abs();
         if !in_cells {
@@ -292,7 +292,7 @@ impl<'a> VtiImage<'a> {
         (self.extent.map(|e| count(e).max(1)), self.extent.map(middle))
     }
 
-    /// Where the grid lies whose first point is at index `first`.
+    /// Returns where the grid lies; its first point is at index `first`.
     fn frame(&self, first: [f64; 3]) -> FileFrame {
         let mut origin = self.origin;
         for (axis, index) in first.into_iter().enumerate() {
@@ -303,7 +303,7 @@ impl<'a> VtiImage<'a> {
         FileFrame { direction: self.direction, origin, ..FileFrame::upright(self.spacing) }
     }
 
-    /// How `array` of `bytes` bytes is packed, and where in the file it starts.
+    /// Returns how `array` of `bytes` bytes is packed, and its first byte in the file.
     fn packing(&self, array: &DataArray, bytes: u64) -> Result<(Codec, u64)> {
         let (at, base64) = match array.format.as_str() {
             "ascii" => return Ok((Codec::TextToTag, array.at)),
@@ -342,7 +342,7 @@ impl<'a> VtiImage<'a> {
     }
 }
 
-/// The numbers in `text`; `None` if a word is none.
+/// Parses the numbers in `text`; `None` if a word is no number.
 fn numbers<T: std::str::FromStr>(text: &str) -> Option<Vec<T>> {
     text.split_whitespace().map(|word| word.parse().ok()).collect()
 }

@@ -1,16 +1,15 @@
-//! One data array of a VTK XML file as a forward stream of bytes, decoded on the way.
+//! Reads one data array of a VTK XML file as a stream of decoded bytes.
 //!
-//! In: a file at the array's first byte, and how it is packed. Out: its bytes. Three layers, of which each may be
-//! absent:
+//! In: a file at the array's first byte, and how it is packed. Out: its bytes. There are up to three layers:
 //!
 //! ```text
 //! base64      characters to bytes; padding may stand within, as header and values are encoded one by one
 //! header      uncompressed: bytes of the array; compressed: blocks, bytes of each, bytes of the last, packed bytes
 //!             of each; all of 32 or of 64 bits
-//! blocks      zlib or lz4, each for itself
+//! blocks      zlib or lz4, each compressed separately
 //! ```
 //!
-//! Held in memory are one block and its packed bytes. Both are checked against the file before they are asked for.
+//! Memory holds one block and its packed bytes. Both sizes are checked against the file before they are allocated.
 //!
 //! Source: "VTK XML Formats" (docs.vtk.org) and, for the block header, the notes in vtkXMLDataParser.
 
@@ -27,7 +26,7 @@ use adjsplat::error::{Error, Result};
 /// How blocks are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Compressor {
-    /// RFC 1950.
+    /// zlib (RFC 1950).
     Zlib,
     /// An LZ4 block without a frame.
     Lz4,
@@ -36,20 +35,20 @@ pub(super) enum Compressor {
 /// How an array is packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct ArrayCoding {
-    /// Bytes are written as characters.
+    /// Whether bytes are written as base64 characters.
     pub(super) base64: bool,
     /// Compressor of its blocks, if it is compressed.
     pub(super) compressor: Option<Compressor>,
-    /// Numbers of its header have 64 bits, not 32.
+    /// Whether the numbers of its header have 64 bits, not 32.
     pub(super) wide: bool,
     /// Byte order of its header.
     pub(super) endian: Endian,
-    /// Bytes that it must have.
+    /// Bytes that it must have when unpacked.
     pub(super) bytes: u64,
 }
 
 impl ArrayCoding {
-    /// Most bytes of an array that `room` bytes of a file can hold.
+    /// Returns the largest array, in bytes, that `room` bytes of a file can hold.
     pub(super) fn most_bytes(self, room: u64) -> u64 {
         let packed = if self.base64 { room / 4 * 3 } else { room };
         packed.saturating_mul(self.compressor.map_or(1, Compressor::ratio))
@@ -57,17 +56,17 @@ impl ArrayCoding {
 }
 
 impl Compressor {
-    /// Most bytes that one packed byte can become.
+    /// Returns the largest number of bytes that one packed byte can become.
     fn ratio(self) -> u64 {
         match self {
             Compressor::Zlib => DEFLATE_RATIO,
-            // A match is lengthened by 255 for each byte.
+            // Each further byte lengthens a match by up to 255.
             Compressor::Lz4 => 255,
         }
     }
 }
 
-/// The bytes of one array.
+/// A stream of the bytes of one array.
 pub(super) struct ArrayReader {
     source: ArraySource,
     compressor: Option<Compressor>,
@@ -79,7 +78,7 @@ pub(super) struct ArrayReader {
     left: u64,
     packed: Vec<u8>,
     block: Vec<u8>,
-    /// Bytes of `block` that were handed out.
+    /// Bytes of `block` that the caller has read.
     used: usize,
 }
 
@@ -87,8 +86,8 @@ impl ArrayReader {
     /// Reads the array's header from `reader`, which stands at it.
     ///
     /// # Errors
-    /// [`Error::Format`] under `rule` if the header does not tell of `coding.bytes` bytes, or of more than the file
-    /// at `path` has.
+    /// [`Error::Format`] under `rule` if the header does not describe `coding.bytes` bytes, or needs more than the
+    /// file at `path` has.
     pub(super) fn open(
         path: &Path,
         reader: BufReader<File>,
@@ -134,7 +133,7 @@ impl ArrayReader {
                 };
                 packed_sizes.push(packed);
             }
-            // One block may be said to have room for more than there is.
+            // The header of a single block may state a larger size than the array has.
             block_bytes = full.min(bytes);
         } else {
             let told = number()?;
@@ -152,7 +151,7 @@ impl ArrayReader {
         self.source.position()
     }
 
-    /// Bytes that a block, its packed bytes and the list of blocks take.
+    /// Returns the bytes that a block, its packed bytes and the list of blocks take.
     pub(super) fn buffer_bytes(&self) -> u64 {
         let packed = self.packed_sizes.iter().copied().max().unwrap_or(0);
         let block = if self.packed_sizes.is_empty() { 0 } else { self.block_bytes };
@@ -203,7 +202,7 @@ impl Read for ArrayReader {
     }
 }
 
-/// Makes `buffer` `len` bytes long, or says that there is no memory for it.
+/// Makes `buffer` `len` bytes long; fails if there is no memory for it.
 fn resize(buffer: &mut Vec<u8>, len: u64) -> io::Result<()> {
     let len = usize::try_from(len).map_err(|_| io::ErrorKind::OutOfMemory)?;
     buffer.try_reserve_exact(len.saturating_sub(buffer.len())).map_err(|_| io::ErrorKind::OutOfMemory)?;
@@ -218,7 +217,7 @@ fn shown(error: &io::Error) -> String {
     }
 }
 
-/// Where packed bytes come from.
+/// The packed bytes of an array.
 enum ArraySource {
     Plain(BufReader<File>),
     Base64(Base64<BufReader<File>>),
@@ -259,7 +258,7 @@ struct Base64<R> {
     group: Base64Group,
 }
 
-/// A group of four characters, and the three bytes of the one before.
+/// The characters of an unfinished group of four, and the bytes of the last finished one that were not read yet.
 #[derive(Default)]
 struct Base64Group {
     bits: u32,
@@ -300,7 +299,7 @@ impl<R: BufRead> Read for Base64<R> {
 }
 
 impl Base64Group {
-    /// Takes one character; the bytes of a group that it ends are then ready.
+    /// Adds one character; after the fourth the group's bytes are ready.
     fn take(&mut self, character: u8) -> io::Result<()> {
         let value = match character {
             b'A'..=b'Z' => character - b'A',
@@ -319,7 +318,7 @@ impl Base64Group {
         Ok(())
     }
 
-    /// Takes a padding sign: the group ends here. The second of two finds no group, and says nothing more.
+    /// Ends the group at a padding sign; a second sign changes nothing.
     fn pad(&mut self) -> io::Result<()> {
         match self.characters {
             0 => {}
@@ -338,7 +337,7 @@ impl Base64Group {
         (self.bits, self.characters) = (0, 0);
     }
 
-    /// Moves ready bytes to the front of `into`; how many.
+    /// Moves ready bytes to the front of `into`, and returns how many.
     fn hand_out(&mut self, into: &mut [u8]) -> usize {
         let part = self.ready_count.min(into.len());
         into[..part].copy_from_slice(&self.ready[..part]);

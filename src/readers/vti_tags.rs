@@ -1,7 +1,7 @@
-//! The tags of an XML file, one after the other, in bounded memory.
+//! Reads the tags of an XML file, one after the other, in bounded memory.
 //!
 //! In: a file. Out: its opening and closing tags with their attributes and byte offsets. Text between tags can be
-//! passed over without being read into memory, however long it is; all else is at most [`TEXT_LIMIT`] bytes.
+//! skipped without being read into memory, however long it is; all else is at most [`TEXT_LIMIT`] bytes.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -16,11 +16,11 @@ use adjsplat::internals::open_regular;
 
 const RULE: &str = "XML";
 
-/// One tag. A tag that closes itself comes as two.
+/// One tag. A tag that closes itself is returned as two.
 #[derive(Debug)]
 pub(super) struct XmlTag {
     pub(super) name: String,
-    /// It opens an element, or else closes one.
+    /// Whether it opens an element; otherwise it closes one.
     pub(super) opens: bool,
     /// Byte offset of its `<`, or a little before.
     pub(super) at: u64,
@@ -41,7 +41,7 @@ pub(super) struct XmlTags {
     path: PathBuf,
     reader: Reader<LimitedReader>,
     buffer: Vec<u8>,
-    /// The closing half of a tag that closes itself.
+    /// The closing tag to return next, after a tag that closes itself.
     closing: Option<XmlTag>,
 }
 
@@ -62,7 +62,7 @@ impl XmlTags {
     /// The next tag, or `None` at the end of the file.
     ///
     /// # Errors
-    /// [`Error::Format`] if the file is no XML, or has too much of it.
+    /// [`Error::Format`] if the file is not XML; [`Error::Limit`] if its tags are too long.
     pub(super) fn next(&mut self) -> Result<Option<XmlTag>> {
         if let Some(tag) = self.closing.take() {
             return Ok(Some(tag));
@@ -116,7 +116,7 @@ impl XmlTags {
         })
     }
 
-    /// Passes over the text before the next tag.
+    /// Skips the text before the next tag.
     pub(super) fn skip_text(&mut self) -> Result<()> {
         if self.closing.is_some() {
             return Ok(());
@@ -124,7 +124,7 @@ impl XmlTags {
         self.reader.get_mut().skip_to_tag().map_err(Error::io("read", &self.path))
     }
 
-    /// Passes over white space and the underscore that appended values stand behind; the byte offset of the first.
+    /// Skips the underscore before appended values, and returns the byte offset of the first value.
     pub(super) fn find_underscore(&mut self) -> Result<u64> {
         let mut next = [b' '];
         while next[0].is_ascii_whitespace() {
@@ -149,7 +149,7 @@ impl XmlTags {
     }
 }
 
-/// A file of which only so much may be read.
+/// A file that refuses to be read beyond a limit.
 struct LimitedReader {
     inner: BufReader<File>,
     at: u64,
@@ -157,7 +157,7 @@ struct LimitedReader {
 }
 
 impl LimitedReader {
-    /// Passes over bytes up to a `<`, which do not count.
+    /// Skips bytes up to a `<`; they do not count against the limit.
     fn skip_to_tag(&mut self) -> io::Result<()> {
         loop {
             let ahead = self.inner.fill_buf()?;

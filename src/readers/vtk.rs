@@ -1,4 +1,4 @@
-//! VTK legacy files of structured points: numbers as text, or binary, which is always big endian.
+//! Reads VTK legacy files of structured points: numbers as text, or binary, which is always big endian.
 //!
 //! In: a `.vtk` file of any version. Out: a slab source over the first one-component `SCALARS` array of its points.
 //! Whatever stands before that array (fields, vectors, normals, lookup tables, metadata) is skipped by its size.
@@ -45,7 +45,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     })
 }
 
-/// The array to read.
+/// The array that is the volume.
 struct LegacyArray {
     /// Byte offset of its first sample.
     at: u64,
@@ -61,9 +61,9 @@ struct VtkParser {
     origin: [f64; 3],
     /// Tuples of each array in the section that is being read; `None` before the first section.
     tuples: Option<u64>,
-    /// Those of the point section.
+    /// Tuples of each array in the section of points.
     points: Option<u64>,
-    /// Arrays passed over that could have been meant, for the message when none fits.
+    /// Skipped arrays that the user may have meant, for the message when none fits.
     passed: Vec<String>,
 }
 
@@ -96,7 +96,7 @@ impl VtkParser {
         })
     }
 
-    /// Reads keywords up to the array to read.
+    /// Reads keywords up to the first array that can be a volume.
     fn find_scalars(&mut self) -> Result<LegacyArray> {
         let mut in_points = false;
         while let Some(line) = next_full(&mut self.lines)? {
@@ -137,7 +137,7 @@ impl VtkParser {
         Err(self.fault(at, "VTK SCALARS", expected, got))
     }
 
-    /// Reads or skips the array whose SCALARS line this is.
+    /// Returns the array that `line` (SCALARS) starts, or skips it if it cannot be a volume.
     fn scalars(
         &mut self,
         line: &HeaderLine,
@@ -146,7 +146,7 @@ impl VtkParser {
         in_points: bool,
     ) -> Result<Option<LegacyArray>> {
         let type_name = rest.get(1).copied().unwrap_or("nothing");
-        // In a binary file a line end here may be the first sample: the table's line may be left out.
+        // The line of the lookup table is optional. In a binary file a line end here may be the first sample.
         while !self.binary && (self.lines.next_is("\n")? || self.lines.next_is("\r\n")?) {
             self.lines.next()?;
         }
@@ -170,7 +170,7 @@ impl VtkParser {
         Ok(None)
     }
 
-    /// Skips what `keyword` announces.
+    /// Skips the values that follow `keyword`.
     fn skip(&mut self, line: &HeaderLine, keyword: &str, rest: &[&str]) -> Result<()> {
         let type_at = |index: usize| rest.get(index).copied().unwrap_or("nothing");
         match keyword {
@@ -202,12 +202,12 @@ impl VtkParser {
         }
     }
 
-    /// One array of a FIELD: `name components tuples type`, then its values.
+    /// Skips one array of a FIELD: `name components tuples type`, then its values.
     fn skip_field_array(&mut self) -> Result<()> {
         while let Some(line) = next_full(&mut self.lines)? {
             let words: Vec<&str> = line.text.split_whitespace().collect();
             if words.first().is_some_and(|word| word.eq_ignore_ascii_case("METADATA")) {
-                // Of the array before.
+                // It belongs to the array before.
                 self.skip_metadata()?;
             } else {
                 return self.skip_field_values(&line, &words);
@@ -224,7 +224,7 @@ impl VtkParser {
         self.skip_values(line, type_name, components.saturating_mul(tuples))
     }
 
-    /// Metadata ends at a blank line.
+    /// Skips metadata, which end at a blank line.
     fn skip_metadata(&mut self) -> Result<()> {
         while let Some(line) = self.lines.next()? {
             if line.text.trim().is_empty() {

@@ -1,6 +1,6 @@
-//! Compressed frames: which codec a file uses, and run lengths, the one that needs no library.
+//! Decodes compressed frames: finds the codec, and undoes run lengths, which need no library.
 //!
-//! In: a frame's fragments as one run of bytes, and its size. Out: one number a pixel, x fastest.
+//! In: a frame's fragments in one piece, and its size. Out: one number per pixel, x fastest.
 //!
 //! Source: DICOM PS3.5, annex G (RLE) and table A-1 (transfer syntaxes).
 
@@ -11,13 +11,13 @@ use super::image::PixelLayout;
 use super::jpeg;
 use adjsplat::error::{Error, Result};
 
-/// What was expected of a frame, and what it has.
+/// What is wrong with a frame: what was expected, and what it has.
 pub(super) type FrameFault = [String; 2];
 
 /// How a file's frames are packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum FrameCodec {
-    /// Not at all.
+    /// Uncompressed.
     Native,
     /// Run lengths of each byte of the pixels.
     Rle,
@@ -28,10 +28,10 @@ pub(super) enum FrameCodec {
 }
 
 impl FrameCodec {
-    /// What transfer syntax `syntax` means.
+    /// Returns the codec of transfer syntax `syntax`.
     ///
     /// # Errors
-    /// [`Error::Format`] if it cannot be decoded here, with its name.
+    /// [`Error::Format`], with the syntax's name, if there is no decoder for it.
     pub(super) fn of(path: &Path, syntax: &str, pixels: &Pixels) -> Result<FrameCodec> {
         if matches!(pixels, Pixels::Native { .. }) {
             return Ok(FrameCodec::Native);
@@ -63,18 +63,18 @@ impl FrameCodec {
     }
 }
 
-/// The pixels of one frame as the bits of numbers, which the layout still has to be applied to.
+/// The pixels of one frame, before their layout (stored bits, sign) is applied.
 pub(super) struct Unpacked {
-    /// One a pixel.
+    /// The bits of one number per pixel.
     pub(super) bits: Vec<u32>,
-    /// The numbers are at their cells' low end, whatever the header's high bit.
+    /// Whether the numbers are at the low end of their cells, whatever the header's high bit.
     pub(super) low: bool,
 }
 
 /// Decodes the frame in `bytes`, of `size` pixels along x and y.
 ///
 /// # Errors
-/// What is wrong with it, or not supported: what was expected, and what there is.
+/// The fault, if the frame is damaged or uses something that is not supported.
 pub(super) fn decode(
     codec: FrameCodec,
     bytes: &[u8],
@@ -93,7 +93,7 @@ pub(super) fn pixel_count([x, y]: [u32; 2]) -> usize {
     x as usize * y as usize
 }
 
-/// One segment of run lengths for each byte of the pixels, highest byte first.
+/// Decodes run lengths: one segment for each byte of the pixels, highest byte first.
 fn rle(bytes: &[u8], size: [u32; 2], layout: PixelLayout) -> Result<Vec<u32>, FrameFault> {
     let fault = |got: &str| [format!("intact RLE segments of {} x {} pixels", size[0], size[1]), got.to_string()];
     let word = |index: usize| {
@@ -118,7 +118,7 @@ fn rle(bytes: &[u8], size: [u32; 2], layout: PixelLayout) -> Result<Vec<u32>, Fr
     Ok(bits)
 }
 
-/// Moves the runs' bytes in below the bits that are there; for how many pixels there were any.
+/// Shifts each pixel's bits up and adds the next byte from the runs below; returns how many pixels got one.
 fn unpack_runs(packed: &[u8], bits: &mut [u32]) -> usize {
     let (mut at, mut done) = (0, 0);
     while done < bits.len() && at + 1 < packed.len() {

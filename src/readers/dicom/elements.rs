@@ -1,19 +1,18 @@
-//! A DICOM file as the values of the tags that matter here, and the place of its pixels.
+//! Reads the tags of a DICOM file that matter here, and finds its pixels.
 //!
-//! In: a file with the `DICM` prefix. Out: [`Elements`]: values at the root and in functional groups, and where the
-//! pixel data lie. No pixel is read, and no length that a file says is believed before it is held against what is left
-//! of the file or of the sequence around it.
+//! In: a file with the `DICM` prefix. Out: [`DicomElements`]: values at the root and in functional groups, and where the
+//! pixel data lie. No pixel is read. Each length that a file states is checked against the bytes left in the file and in
+//! the sequence around it.
 //!
 //! ```text
 //! at each step: close every level that ends here; inside a sequence read an item, else an element
-//! element:  a sequence, or of undefined length    a level more
+//! element:  a sequence, or of undefined length    one level deeper
 //!           pixel data at the root                done
-//!           any other                             kept if wanted, passed over if not
+//!           any other                             kept if wanted, else skipped
 //! ```
 //!
-//! Own code and no library for it: those at hand fill memory by the lengths that a file says (up to 4 GB for twelve
-//! bytes), follow nested sequences on the stack, and do not tell where pixels lie, so that a file of many frames would
-//! be read whole.
+//! This is our own code because the libraries allocate by the lengths that a file states (up to 4 GB for twelve bytes),
+//! recurse into nested sequences, and do not say where pixels lie, so that a file of many frames would be read whole.
 //!
 //! Source: DICOM PS3.5, sections 7 (data sets, sequences) and A.4 (encapsulated pixels); PS3.10, section 7 (files).
 
@@ -30,13 +29,13 @@ use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
-/// Levels of sequences and items; enhanced objects use four.
+/// The deepest nesting of sequences and items; enhanced objects use four levels.
 const DEEPEST: usize = 64;
 
-/// Longest value that is kept: the longest wanted one has six decimal numbers.
+/// The longest value in bytes: the longest wanted one has six decimal numbers.
 const LONGEST_VALUE: u64 = 4096;
 
-/// Most fragments of one file: eight a frame of as many frames as there may be.
+/// The largest number of fragments in a file: eight for each of the most frames.
 const MOST_FRAGMENTS: usize = 1 << 19;
 
 /// Values by tag.
@@ -52,13 +51,13 @@ struct ElementCoding {
 /// Where pixels lie in their file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Pixels {
-    /// As they are, in `len` bytes from byte `at`.
+    /// Uncompressed, in one run of bytes.
     Native {
-        /// Byte offset in the file.
+        /// Byte offset of the first pixel in the file.
         at: u64,
-        /// Bytes.
+        /// Bytes of all pixels.
         len: u64,
-        /// The element: integer, float or double pixels.
+        /// The element's tag: integer, float or double pixels.
         tag: Tag,
         /// Their byte order.
         endian: Endian,
@@ -67,12 +66,12 @@ pub(super) enum Pixels {
     Encapsulated {
         /// Offsets of the frames' first fragments from the first fragment's item; may be empty.
         offsets: Vec<u32>,
-        /// Byte offset of each fragment's item in the file, and the bytes that follow its eight of header.
+        /// Byte offset of each fragment's item in the file, and its bytes after the header of eight.
         fragments: Vec<(u64, u32)>,
     },
 }
 
-/// What is read of a file.
+/// The values of one file, and where its pixels are.
 #[derive(Debug, Clone)]
 pub(super) struct DicomElements {
     /// The file.
@@ -92,7 +91,7 @@ pub(super) struct DicomElements {
 /// Reads the file at `path` up to its pixels.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read; [`Error::Format`] if it is no DICOM file, breaks off or contradicts itself.
+/// [`Error::Io`] if it cannot be read; [`Error::Format`] if it is not DICOM, breaks off or contradicts itself.
 pub(super) fn read(path: &Path) -> Result<DicomElements> {
     let (file, len) = open_regular(path, "open")?;
     let mut walk = ElementReader::new(path, file, len);
@@ -100,7 +99,7 @@ pub(super) fn read(path: &Path) -> Result<DicomElements> {
     walk.read_data_set(syntax)
 }
 
-/// A sequence or an item that is open.
+/// A sequence or an item that the reader is inside of.
 struct OpenSequence {
     is_item: bool,
     /// The sequence's tag.
@@ -109,7 +108,7 @@ struct OpenSequence {
     index: usize,
     /// Byte offset of its end; `None` if a delimiter ends it.
     end: Option<u64>,
-    /// ElementCoding outside, to return to.
+    /// The coding around it, which applies again at its end.
     outside: ElementCoding,
 }
 
@@ -139,7 +138,7 @@ impl<'a> ElementReader<'a> {
         Error::format(self.path, at, rule, expected, got)
     }
 
-    /// Reads the group that says how the rest is written; its transfer syntax.
+    /// Reads the file's meta group, and returns the transfer syntax in it.
     fn read_meta(&mut self) -> Result<String> {
         let mut prefix = [0; 132];
         if self.len < prefix.len() as u64 {
@@ -209,7 +208,7 @@ impl<'a> ElementReader<'a> {
         Ok(elements)
     }
 
-    /// Ends every level that ends at this byte. Whether there is more of the data set.
+    /// Closes every level that ends at this byte, and returns whether more of the data set follows.
     fn close_levels(&mut self) -> Result<bool> {
         while let Some(end) = self.levels.last().and_then(|level| level.end) {
             if self.at < end {
@@ -277,12 +276,12 @@ impl<'a> ElementReader<'a> {
         Ok(())
     }
 
-    /// Takes in or passes over one element that is no pixel data.
+    /// Keeps or skips one element that is not pixel data.
     fn element(&mut self, start: u64, header: &ElementHeader, elements: &mut DicomElements) -> Result<()> {
         let tag = header.tag;
-        // Without a value representation only the sequences that matter here can be told from other values.
+        // Without a value representation, sequences are known by their tags.
         if header.len.is_none() && (tag.is_pixels() || matches!(&header.vr, Some([b'O', _]))) {
-            // Of an icon, or private: fragments hold no elements.
+            // An icon's or private pixels: fragments hold no elements.
             return self.pixels(start, header).map(drop);
         }
         let sequence = header.vr == Some(*b"SQ") || (header.vr.is_none() && tags::SEQUENCES.contains(&tag));
@@ -421,7 +420,7 @@ impl<'a> ElementReader<'a> {
         self.seek(end)
     }
 
-    /// The byte behind a value of `len` bytes that begins here, which must be in the file and in its level.
+    /// Returns where a value of `len` bytes that begins here ends; that must be inside the file and its level.
     fn end_of(&self, start: u64, len: u32) -> Result<u64> {
         let end = self.at + u64::from(len);
         if end > self.len {
@@ -458,7 +457,7 @@ impl<'a> ElementReader<'a> {
     }
 }
 
-/// A text value without its padding. Bytes that are no UTF-8 are shown as question marks: they name things for people.
+/// Returns a text value without its padding; bytes that are not UTF-8 are replaced.
 pub(super) fn text(value: &[u8]) -> String {
     String::from_utf8_lossy(value).trim_matches(['\0', ' ']).to_string()
 }

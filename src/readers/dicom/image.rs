@@ -1,7 +1,7 @@
-//! What one DICOM file says of its frames: size, type, place, scaling.
+//! Finds size, sample type, position and scaling of the frames in one DICOM file.
 //!
-//! In: the file's elements. Out: an [`ImageFile`] and its [`Frame`]s. Values are looked for in the frame's functional
-//! groups, then in the shared ones, then at the root, so that enhanced and plain objects read alike.
+//! In: the file's elements. Out: an [`ImageFile`] and its [`DicomFrame`]s. Values are looked up in the frame's functional
+//! groups, then in the shared ones, then at the root, so that enhanced and plain objects are read alike.
 //!
 //! Source: DICOM PS3.3, C.7.6.2 (image plane), C.7.6.3 (image pixel), C.7.6.16 (functional groups), C.11.1 (rescale).
 
@@ -16,31 +16,31 @@ use crate::frame::{cross, length};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{MAX_DIM, SampleType};
 
-/// How a pixel lies in its cell.
+/// Which bits of a pixel's cell hold its value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct PixelLayout {
     /// The type of its cell.
     pub(super) sample_type: SampleType,
-    /// Bits of the cell that count: 1 to all of them.
+    /// Number of bits that hold the value: 1 to all of them.
     pub(super) stored: u32,
-    /// Bits below them.
+    /// Number of unused bits below them.
     pub(super) shift: u32,
 }
 
-/// What files of one series have in common.
+/// What identifies and describes a series, as each of its files repeats it.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SeriesIdentity {
     /// Its unique identifier; empty if the file has none.
     pub(super) uid: String,
-    /// Its name, for people.
+    /// Its name in the words of the scanner or its user.
     pub(super) description: String,
-    /// "CT", "MR".
+    /// The kind of device: "CT", "MR".
     pub(super) modality: String,
-    /// "MONOCHROME2".
+    /// The photometric interpretation: "MONOCHROME2".
     pub(super) photometric: String,
 }
 
-/// One file of pixels.
+/// One file with grey pixels.
 #[derive(Debug, Clone)]
 pub(super) struct ImageFile {
     pub(super) path: PathBuf,
@@ -52,14 +52,14 @@ pub(super) struct ImageFile {
     pub(super) pixels: Pixels,
     /// For compressed pixels: the first fragment of each frame.
     pub(super) first_fragments: Vec<u32>,
-    /// It has a table of values that is not applied.
+    /// Whether it has a table of values, which is not applied.
     pub(super) has_lut: bool,
 }
 
-/// Where a frame lies. Lengths are in mm, directions in L, P, S.
+/// Position and orientation of a frame, in mm and L, P, S (DICOM's image plane).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ImagePlane {
-    /// Of the first pixel's centre.
+    /// Position of the first pixel's centre.
     pub(super) position: [f64; 3],
     /// Unit vectors along a row (towards higher columns) and along a column.
     pub(super) orientation: [[f64; 3]; 2],
@@ -68,14 +68,14 @@ pub(super) struct ImagePlane {
 /// One frame of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct DicomFrame {
-    /// Which file.
+    /// Index of its file.
     pub(super) file: usize,
-    /// Which of its frames, from 0.
+    /// Its index among the file's frames, from 0.
     pub(super) index: u32,
     pub(super) place: Option<ImagePlane>,
     /// Distance between neighbouring columns (along x) and rows (along y), in mm.
     pub(super) spacing: Option<[f64; 2]>,
-    /// Distance to the next slice as the file says it, in mm.
+    /// Distance to the next slice in mm, as the file says.
     pub(super) depth: Option<f64>,
     pub(super) slope: f64,
     pub(super) intercept: f64,
@@ -83,20 +83,20 @@ pub(super) struct DicomFrame {
     pub(super) number: Option<i64>,
 }
 
-/// What a file turned out to be.
+/// What a file holds.
 pub(super) enum FileContent {
     /// Grey frames.
     Image(ImageFile, Vec<DicomFrame>),
-    /// Coloured ones, such as a screenshot; the error says so.
+    /// Coloured frames, such as a screenshot; the error says so.
     Colour(Error),
     /// No pixels, as in a report.
     Nothing,
 }
 
-/// Reads the file and its frames; `file` is its number.
+/// Reads what `elements` say of a file and its frames; `file` is the file's index.
 ///
 /// # Errors
-/// [`Error::Format`] for what contradicts itself or cannot be read here; [`Error::Limit`] for sizes.
+/// [`Error::Format`] for values that contradict each other or are not supported; [`Error::Limit`] for sizes.
 pub(super) fn read(elements: DicomElements, file: usize) -> Result<FileContent> {
     let Some(pixels) = elements.pixels.clone() else { return Ok(FileContent::Nothing) };
     let root = Attributes { path: &elements.path, sources: vec![&elements.root] };
@@ -144,7 +144,7 @@ pub(super) fn read(elements: DicomElements, file: usize) -> Result<FileContent> 
     Ok(FileContent::Image(ImageFile { path, series, size, layout, codec, pixels, first_fragments, has_lut }, frames))
 }
 
-/// Checks that the pixels are as many as the sizes say; the first fragment of each frame.
+/// Checks that there are enough pixels, and returns the first fragment of each frame.
 fn check_pixels(
     path: &Path,
     pixels: &Pixels,
@@ -217,7 +217,7 @@ impl Attributes<'_> {
 
     /// A binary number of 16 bits.
     fn number(&self, tag: Tag, rule: &'static str) -> Result<Option<u16>> {
-        // 0 is a value here, so `value` does not do.
+        // `value` would take 0 for a missing value.
         let Some(value) = self.sources.iter().find_map(|source| source.get(&tag)) else { return Ok(None) };
         match value.as_slice() {
             [] => Ok(None),
@@ -248,7 +248,7 @@ impl Attributes<'_> {
         }
     }
 
-    /// One length in mm; 0 and below mean that it is not known.
+    /// A length in mm; 0 and below mean that it is unknown.
     fn length(&self, tag: Tag, rule: &'static str) -> Result<Option<f64>> {
         Ok(self.decimals::<1>(tag, rule)?.map(|[length]| length).filter(|length| *length > 0.0))
     }
@@ -296,7 +296,7 @@ impl Attributes<'_> {
             (Some(position), Some([a, b, c, d, e, f])) => {
                 let orientation = [unit([a, b, c]), unit([d, e, f])];
                 let normal = cross(orientation[0], orientation[1]);
-                // Rounded text leaves right angles within a thousandth; 0.1 is no angle of an image.
+                // Rounded text keeps right angles within a thousandth, so a larger error is damage.
                 if length(normal).is_nan() || length(normal) < 0.99 {
                     let rule = "DICOM Image Orientation (Patient)";
                     return Err(self.fault(rule, "two directions at right angles", format!("{orientation:?}")));
@@ -331,7 +331,7 @@ impl Attributes<'_> {
     }
 }
 
-/// What of the acquisition can differ between two frames at one place: name and value of each, most telling first.
+/// Returns names and values of what can differ between two frames at one position, the likeliest first.
 pub(super) fn circumstances(elements: &DicomElements, frame: u32) -> Vec<(&'static str, Vec<u8>)> {
     let none = TagValues::new();
     let own = elements.per_frame.get(frame as usize).unwrap_or(&none);

@@ -1,7 +1,7 @@
-//! JPEG and JPEG 2000 frames, by two decoders of others.
+//! Decodes JPEG and JPEG 2000 frames with two libraries.
 //!
-//! What a frame says of its own size is held against the DICOM header before a decoder sees it, so a decoder allocates
-//! what the header asks for and no more. Features that the decoders get wrong without a word are refused.
+//! The size in a frame is compared with the DICOM header before a decoder sees it, so a decoder allocates no more than
+//! the header asks for. Features that the decoders silently get wrong are refused.
 //!
 //! Source: ITU-T T.81, annexes B and H (JPEG); ITU-T T.800, annex A.5 (JPEG 2000).
 
@@ -27,7 +27,7 @@ pub(super) fn decode(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, FrameFaul
     full(bits, size)
 }
 
-/// Walks the markers before the first scan: size, and what the decoder does not get right.
+/// Checks the markers before the first scan: the size, and features that the decoder gets wrong.
 fn check(bytes: &[u8], size: [u32; 2]) -> Result<(), FrameFault> {
     let broken = || ["a JPEG frame".to_string(), "markers that break off".to_string()];
     let mut at = 2;
@@ -58,7 +58,7 @@ fn check(bytes: &[u8], size: [u32; 2]) -> Result<(), FrameFault> {
             (0xda, _) => {
                 // The scan's last byte: its low half is the point transform.
                 let transform = segment.last().map_or(0, |last| last & 15);
-                // jpeg-decoder 0.3 gives wrong pixels without a word for these two (its issue 286).
+                // jpeg-decoder 0.3 silently gives wrong pixels for these two (its issue 286).
                 if lossless && (restarts || transform != 0) {
                     let got = "one with restart markers or a point transform";
                     return Err(["a lossless JPEG scan in one piece (gdcmconv --raw)".into(), got.into()]);
@@ -122,9 +122,9 @@ fn full(bits: Vec<u32>, size: [u32; 2]) -> Result<Vec<u32>, FrameFault> {
     Err([format!("{} pixels in a frame", pixel_count(size)), bits.len().to_string()])
 }
 
-/// Runs a decoder; an error of its own or a panic becomes ours.
+/// Runs a decoder, and turns its errors and panics into a fault.
 ///
-/// The decoders are others' code without `unsafe`, but a damaged frame can make them index beyond an array.
+/// The libraries have no `unsafe`, but a damaged frame can make them index beyond an array.
 fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, FrameFault> {
     let intact = "an intact compressed frame (copy the file again, or convert it with gdcmconv --raw)".to_string();
     match catch_unwind(AssertUnwindSafe(decode)) {

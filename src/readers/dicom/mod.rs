@@ -1,13 +1,13 @@
-//! DICOM: a folder that holds a series of slices, or one file of one or more frames.
+//! Reads DICOM: a folder that holds a series of slices, or one file of one or more frames.
 //!
-//! In: a folder's files, or one file. Out: a slab source; each slice is one frame, read when it is asked for. All
-//! headers are read first, and no pixels: the frames are grouped into series, sorted by their positions and measured.
-//! Files of the folder that are not DICOM, or have no grey pixels, are passed over and counted in a note.
+//! In: a folder's files, or one file. Out: a slab source; each slice is one frame, read on demand. All headers are read
+//! first: the frames are grouped into series, sorted by their positions and measured. Files of the folder that are not
+//! DICOM, or have no grey pixels, are skipped and counted in a note.
 //!
 //! Samples are the stored values: bits beyond `Bits Stored` are masked out, negative ones extended. Where all slices
-//! have one rescale slope and intercept these become the header's; where they differ, as in PET, samples are f32 of
-//! `stored * slope + intercept`. MONOCHROME1, where low values are white, keeps its values too. Look-up tables and
-//! windows are not applied.
+//! share one rescale slope and intercept, these become the header's; where they differ, as in PET, samples are f32 of
+//! `stored * slope + intercept`. Values of MONOCHROME1, where low is white, are kept. Look-up tables and windows are not
+//! applied.
 
 mod codec;
 mod elements;
@@ -110,7 +110,7 @@ fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Resu
     Ok((files, frames))
 }
 
-/// "skipped 2 files that are no DICOM (LICENSE, ...)".
+/// Adds a note: "skipped 2 files that are no DICOM (LICENSE, ...)".
 fn tell_skipped(paths: &[PathBuf], is: &str, are: &str, notes: &mut Vec<String>) {
     let Some(first) = paths.first() else { return };
     let name = file_name(first);
@@ -125,7 +125,7 @@ struct DicomReader {
     header: Header,
     files: Vec<ImageFile>,
     frames: Vec<DicomFrame>,
-    /// Slopes differ, so samples are made f32 here, by way of this slice of stored ones.
+    /// A slice of stored samples, used if slopes differ and samples become f32.
     stored: Option<Samples>,
     scaled: bool,
     pixels: PixelReader,
@@ -188,7 +188,7 @@ impl SlabSource for DicomReader {
     }
 }
 
-/// Stored samples in their own unit.
+/// Writes stored samples, scaled to their unit, to `numbers`.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is documented")]
 fn scale<T: adjsplat::volume::Sample>(stored: &[T], frame: &DicomFrame, numbers: &mut [f32]) {
     for (number, stored) in numbers.iter_mut().zip(stored) {

@@ -1,7 +1,7 @@
-//! One frame's pixels, from its file to samples.
+//! Reads the pixels of one frame as samples.
 //!
-//! In: a file, a frame's number. Out: a slice of samples, native endian, with only the bits that are stored. Plain
-//! pixels go straight from the file into the slice; of compressed ones this frame's fragments are read and no more.
+//! In: a file, a frame's index. Out: a slice of samples, native endian, with only the stored bits. Uncompressed pixels go
+//! straight from the file into the slice; of compressed ones only this frame's fragments are read.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -14,7 +14,7 @@ use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Samples;
 
-/// Reads frames; keeps the file that it read from last, as the next frame is often in it.
+/// Reads frames; keeps the last file open, because the next frame is often in it.
 #[derive(Default)]
 pub(super) struct PixelReader {
     open: Option<(PathBuf, File)>,
@@ -49,7 +49,7 @@ impl PixelReader {
     }
 
     fn read_fragments(&mut self, file: &ImageFile, fragments: &[(u64, u32)]) -> Result<Vec<u8>> {
-        // Every fragment was seen to lie in the file, so this is no more than the file is long.
+        // Every fragment lies in the file, so this is at most the file's length.
         let need: u64 = fragments.iter().map(|(_, len)| u64::from(*len)).sum();
         let refused = || Error::Limit { what: format!("{}: bytes of a frame", file.path.display()), need, have: 0 };
         let len = usize::try_from(need).map_err(|_| refused())?;

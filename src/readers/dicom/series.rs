@@ -1,4 +1,4 @@
-//! From frames to one stack: which belong together, in which order, how far apart.
+//! Sorts frames into one stack: which belong together, in which order, how far apart.
 //!
 //! In: the frames of all files. Out: the frames of one series, sorted along their normal, with the grid that they make
 //! and notes on what a user should know: gaps, guesses. Frames belong together that share series, size, cell type,

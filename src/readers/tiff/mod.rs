@@ -1,8 +1,8 @@
-//! TIFF and BigTIFF: the pages of one file, or a folder of files of one page, as the slices of a volume.
+//! Reads TIFF and BigTIFF: the pages of one file, or a folder of files of one page, are the slices of a volume.
 //!
 //! In: grey pages of one size and type, in strips or tiles, plain or packed by LZW, deflate, PackBits or zstd. Out: a
-//! slab source. Pages are slices in the file's order; thumbnails and masks (NewSubfileType 1 and 4) are passed over.
-//! Two kinds of writers say more, and are believed:
+//! slab source. Pages are slices in the file's order; thumbnails and masks (NewSubfileType 1 and 4) are skipped.
+//! Two kinds of writers add a description, which is used:
 //!
 //! ```text
 //! ImageJ     channels, slices and frames; spacing and unit; a line that turns samples into values; stacks above 4 GB
@@ -10,11 +10,11 @@
 //! OME-TIFF   which page is which slice, channel and time; physical sizes with units
 //! ```
 //!
-//! Each channel at each time is a volume of its own, counted channels first. Elsewhere resolution tags give the
-//! spacing along x and y, in millimetres where they have a unit, and that along z, which the format does not know, is
-//! taken to be that along x; 72 to the inch is what writers put that know no resolution, and counts as none.
-//! Samples are taken as they are stored, also where 0 is to be shown white (MinIsWhite): so do ImageJ and others. Only
-//! signed and floating-point samples shown so are refused, as unpacking them would round.
+//! Each channel at each time is a volume of its own, counted channels first. Without a description, resolution tags give
+//! the spacing along x and y, in millimetres where they have a unit. The format has no spacing along z; that of x is
+//! used. 72 to the inch counts as no resolution, because writers that know none store it. Samples are kept as stored,
+//! also where 0 is to be shown white (MinIsWhite), as ImageJ does. Only signed and floating-point samples with this flag
+//! are refused, because the `tiff` crate would round them.
 //!
 //! Source: TIFF 6.0 (Adobe 1992); OME-TIFF specification (docs.openmicroscopy.org).
 
@@ -36,7 +36,7 @@ use ome::Ome;
 use page::{PageShape, Resolution, TiffPages};
 use reader::{SliceLocation, TiffReader};
 
-/// What a writer says of its pages beside their tags.
+/// The description that a writer adds to the tags.
 enum Description {
     Plain,
     ImageJ(ImageJ),
@@ -165,7 +165,7 @@ pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptio
     }
 }
 
-/// The source over `places`, of which the first file tells what is `told`.
+/// Returns the source over `places`; `told` is the description and the resolution in the first file.
 fn finish(
     path: &Path,
     files: Vec<PathBuf>,
@@ -189,7 +189,7 @@ fn finish(
     Ok(Box::new(TiffReader::new(header, files, places, shape)?))
 }
 
-/// Refuses more slices than an axis may have before a list of them is checked one by one.
+/// Refuses more slices than an axis may have.
 fn check_slices(path: &Path, count: usize) -> Result<()> {
     let (need, have) = (count as u64, u64::from(MAX_DIM));
     if need > have {
@@ -198,7 +198,7 @@ fn check_slices(path: &Path, count: usize) -> Result<()> {
     Ok(())
 }
 
-/// The frame of a file of which only the tags are known.
+/// Returns the frame of a file without a description.
 fn plain_frame(resolution: &Resolution) -> FileFrame {
     let millimetres = match resolution.unit {
         2 => Some(25.4),

@@ -1,9 +1,8 @@
-//! The pages of one TIFF file: which there are, what they hold, and their samples.
+//! Finds the pages of one TIFF file, checks them, and reads their samples.
 //!
 //! In: a file. Out: the pages' numbers in the chain of directories, their shapes, and one page's samples, chunk by
-//! chunk. The `tiff` crate reads directories and unpacks chunks; here stands what it leaves to its callers: that a
-//! file has the bytes which its directories tell of, and that a page is one that can be read, said before any
-//! memory is asked for.
+//! chunk. The `tiff` crate reads directories and unpacks most chunks. This file adds checks before any allocation: that
+//! the file has the bytes which its directories list, and that the page is of a kind that can be read.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -23,27 +22,27 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::volume::{SampleType, Samples};
 
-/// Most bytes of one tile: the `tiff` crate's own limit.
+/// The largest tile in bytes: the `tiff` crate's own limit.
 const LARGEST_TILE: u64 = 256 << 20;
 
-/// Bytes of memory that a chunk's place and length take while the lists of them are read.
+/// Bytes of memory per chunk while the lists of offsets and lengths are read.
 const CHUNK_LISTED: u64 = 80;
 
-/// The number of zstd among the compressions.
+/// The value of the tag Compression for zstd.
 const ZSTD: u64 = 50_000;
 
-/// Longest description that is read: that of an OME-TIFF tells of every plane.
+/// The longest description in bytes: that of an OME-TIFF lists every plane.
 const LONGEST_DESCRIPTION: u64 = 64 << 20;
 
 /// The numbers that pages have in the chain of directories, from 0.
 pub(super) struct PageList {
-    /// All that there are.
+    /// Number of all pages.
     pub(super) count: usize,
-    /// Those at full resolution; at least one.
+    /// The pages at full resolution; at least one.
     pub(super) full: Vec<usize>,
 }
 
-/// What must be alike in all pages of a volume.
+/// Size and sample type, which all pages of a volume share.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct PageShape {
     pub(super) width: u32,
@@ -63,7 +62,7 @@ impl PageShape {
     }
 }
 
-/// What the resolution tags say.
+/// The contents of the resolution tags.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Resolution {
     /// Pixels per unit along x and y, where they are numbers above 0.
@@ -73,13 +72,13 @@ pub(super) struct Resolution {
 }
 
 impl Resolution {
-    /// Units per pixel along x and y; 1 where nothing is said.
+    /// Returns the units per pixel along x and y; 1 without the tags.
     pub(super) fn pixel(&self) -> [f64; 2] {
         let [x, y] = self.per_unit;
         [x.or(y), y.or(x)].map(|pixels| 1.0 / pixels.unwrap_or(1.0))
     }
 
-    /// Whether anything is said.
+    /// Returns whether the page has the tags.
     pub(super) fn is_given(&self) -> bool {
         self.per_unit != [None, None]
     }
@@ -109,7 +108,7 @@ impl TiffPages {
     pub(super) fn list(&mut self) -> Result<PageList> {
         let (mut count, mut full) = (0, Vec::new());
         loop {
-            // Bit 0: a smaller copy of another page; bit 2: a mask. The older SubfileType says the first by 2.
+            // Bit 0: a smaller copy of another page; bit 2: a mask. In the older SubfileType 2 is a smaller copy.
             let new = self.number_tag(Tag::NewSubfileType)?.unwrap_or(0);
             let old = self.number_tag(Tag::SubfileType)?.unwrap_or(1);
             if new & 0b101 == 0 && old != 2 {
@@ -144,7 +143,7 @@ impl TiffPages {
     /// The shape of the page.
     ///
     /// # Errors
-    /// [`Error::Format`] if it is not one that can be read.
+    /// [`Error::Format`] if it cannot be read.
     pub(super) fn shape(&mut self) -> Result<PageShape> {
         let (width, height) = self.decoder.dimensions().map_err(|error| self.page_fault(error))?;
         let samples = self.number_tag(Tag::SamplesPerPixel)?.unwrap_or(1);
@@ -192,7 +191,7 @@ impl TiffPages {
         Ok(PageShape { width, height, sample_type })
     }
 
-    /// Checks that the page has `shape`, which is that of `whose`, and that the file has the bytes of its samples.
+    /// Checks that the page has `shape`, like `whose`, and that the file has the bytes of its samples.
     pub(super) fn check(&mut self, shape: &PageShape, whose: &str) -> Result<()> {
         let own = self.shape()?;
         if own != *shape {
@@ -230,7 +229,7 @@ impl TiffPages {
         Ok(())
     }
 
-    /// Where the samples of `images` pages start that follow each other, of which only this first one has a directory.
+    /// Returns the first byte of `images` pages that follow each other without directories of their own.
     pub(super) fn contiguous(&mut self, shape: &PageShape, images: u64) -> Result<u64> {
         let plain = self.ratio()? == Some(1) && self.decoder.get_chunk_type() == ChunkType::Strip;
         let (offsets, counts) = self.chunks()?;
@@ -264,7 +263,7 @@ impl TiffPages {
         bytes.truncate(read.unwrap_or(0));
         let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
         bytes.truncate(end);
-        // Where it is not UTF-8 it is Latin-1, in which old writers put a micro sign.
+        // Text that is not UTF-8 is Latin-1: old writers store a micro sign in it.
         Ok(Some(
             String::from_utf8(bytes).unwrap_or_else(|error| error.as_bytes().iter().copied().map(char::from).collect()),
         ))
@@ -356,7 +355,7 @@ impl TiffPages {
         Ok(self.number_tag(Tag::Compression)?.unwrap_or(1))
     }
 
-    /// Bytes that reading a page holds: a tile, and where each chunk is.
+    /// Returns the bytes that reading a page holds: a tile, and the list of chunks.
     pub(super) fn buffer_bytes(&self, shape: &PageShape) -> u64 {
         let (width, height) = self.decoder.chunk_dimensions();
         let down = u64::from(shape.height.div_ceil(height.max(1)));
@@ -364,7 +363,7 @@ impl TiffPages {
         self.tile_bytes(shape).saturating_add(chunks.saturating_mul(CHUNK_LISTED))
     }
 
-    /// Bytes that one tile takes, without its rows below the page; 0 for strips, which are unpacked in place.
+    /// Returns the bytes of one tile without its rows below the page; 0 for strips, which are unpacked in place.
     fn tile_bytes(&self, shape: &PageShape) -> u64 {
         if self.decoder.get_chunk_type() == ChunkType::Strip {
             return 0;
@@ -385,14 +384,14 @@ impl TiffPages {
         found.map_err(|error| self.page_fault(error))
     }
 
-    /// Most bytes that one packed byte can become; `None` if there is no bound.
+    /// Returns the largest number of bytes that one packed byte can become; `None` if there is no bound.
     fn ratio(&mut self) -> Result<Option<u64>> {
         let method = match self.compression()? {
             1 => return Ok(Some(1)),
             // A code has at least 9 bits, and a string at most 4,096 bytes.
             5 => return Ok(Some(4096)),
             8 | 32_946 => return Ok(Some(DEFLATE_RATIO)),
-            // Two bytes tell of up to 128.
+            // Two bytes can become 128.
             32_773 => return Ok(Some(64)),
             ZSTD => return Ok(None),
             2 => "CCITT, method 2".into(),
@@ -432,7 +431,7 @@ impl TiffPages {
     }
 }
 
-/// What the crate's error means for the user; `at` is the byte offset of the directory of what was read.
+/// Returns our error for one of the `tiff` crate; `at` is the byte offset of the page's directory.
 fn fault(path: &Path, at: u64, what: &str, error: TiffError) -> Error {
     let again = "(copy or download the file again)";
     match error {

@@ -7,27 +7,27 @@ use crate::slab::check_turn;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, Samples, SlabSource};
 
-/// Where one slice's samples are.
+/// Where the samples of a slice are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SliceLocation {
     /// In a page of one of the files.
     Page {
-        /// Which file.
+        /// Index of the file.
         file: usize,
         /// The page's number in its chain of directories.
         page: usize,
     },
-    /// From this byte of the first file on, as they are.
+    /// Uncompressed, from this byte of the first file on.
     Bytes(u64),
 }
 
-/// Reads slices from their places.
+/// Reads slices from pages or bytes of files.
 pub(super) struct TiffReader {
     header: Header,
     files: Vec<PathBuf>,
     places: Vec<SliceLocation>,
     shape: PageShape,
-    /// The file that is open, and which it is.
+    /// The open file and its index.
     open: Option<(usize, TiffPages)>,
     buffer_bytes: u64,
     slices_read: u32,
@@ -53,7 +53,7 @@ impl TiffReader {
         Ok(reader)
     }
 
-    /// File `file`, opened if it is not the one that is.
+    /// Returns file `file`, opened if another one was open.
     fn pages(&mut self, file: usize) -> Result<&mut TiffPages> {
         if self.open.as_ref().is_none_or(|(open, _)| *open != file) {
             self.open = Some((file, TiffPages::open(&self.files[file])?));
