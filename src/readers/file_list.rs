@@ -93,9 +93,6 @@ pub(super) fn folder_of(path: &Path) -> &Path {
 }
 
 /// The files named on the rest of `lines`, one on each.
-///
-/// # Errors
-/// [`Error::Limit`] if there are more than [`MAX_FILES`].
 pub(super) fn listed_files(header: &Path, lines: &mut HeaderLines) -> Result<Vec<PathBuf>> {
     let folder = folder_of(header);
     let mut files = Vec::new();
@@ -114,9 +111,6 @@ pub(super) fn listed_files(header: &Path, lines: &mut HeaderLines) -> Result<Vec
 }
 
 /// Checks that a header lists as many files as its dimensions ask for.
-///
-/// # Errors
-/// [`Error::Format`] under `rule`.
 pub(super) fn check_count(header: &Path, at: u64, rule: &'static str, files: &[PathBuf], need: u64) -> Result<()> {
     if files.len() as u64 == need {
         return Ok(());

@@ -1,8 +1,8 @@
 //! Opens a folder as a volume, by the format of the files in it.
 //!
-//! In: a folder. Out: a slab source over a Zarr node, a DICOM series or a stack of TIFF slices, found by content, whatever
-//! other files the folder holds. Files are sorted as people count; hidden ones are skipped. Subfolders are ignored: the
-//! slices of one volume lie in one folder.
+//! In: a folder. Out: a slab source over a Zarr node, a DICOM series or a stack of TIFF slices, found by content,
+//! whatever other files the folder holds. Files are sorted as people count; hidden ones are skipped. Subfolders are
+//! ignored: the slices of one volume lie in one folder.
 
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
@@ -16,11 +16,7 @@ use adjsplat::volume::SlabSource;
 /// The largest number of entries in a folder.
 const MOST_ENTRIES: u64 = 1 << 20;
 
-/// Opens the folder at `path`.
-///
-/// # Errors
-/// [`Error::Io`] if it cannot be listed; [`Error::Input`] if it holds no slices; [`Error::Limit`] if more than
-/// [`MAX_FILES`]; and those of the slices' format.
+/// Opens the volume in the folder at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     if options.raw.is_some() {
         return Err(Error::input(path.display().to_string(), "is a folder, but raw samples are in one file; name it"));
@@ -68,9 +64,6 @@ pub(super) struct Listing {
 }
 
 /// Lists the folder at `path`.
-///
-/// # Errors
-/// [`Error::Io`] if it cannot be listed; [`Error::Limit`] if it has more entries than any volume has files.
 pub(super) fn list(path: &Path) -> Result<Listing> {
     let mut listing = Listing { files: Vec::new(), folders: Vec::new() };
     for (seen, entry) in (1..).zip(std::fs::read_dir(path).map_err(Error::io("list", path))?) {

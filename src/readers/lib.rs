@@ -1,7 +1,7 @@
 //! Readers of volume files: DICOM, Zarr, TIFF, NRRD, MetaImage, NIfTI, VTK and raw samples.
 //!
-//! In: a file or folder. Out: a [`SlabSource`](adjsplat::volume::SlabSource), which reads the volume's samples in slices
-//! along z (x fastest, then y) in this machine's byte order. Memory is bounded by a slice, whatever the volume's size.
+//! In: a file or folder. Out: a [`SlabSource`](adjsplat::volume::SlabSource), which reads the volume's samples slice by
+//! slice along z (x fastest, then y), in this machine's byte order. Memory holds little more than one slice.
 //!
 //! ```no_run
 //! use adjsplat_readers::{OpenOptions, open};

@@ -83,10 +83,7 @@ impl HeaderLines {
         Ok(ahead.eq_ignore_ascii_case(word.as_bytes()))
     }
 
-    /// Skips `bytes` bytes that are not header text.
-    ///
-    /// # Errors
-    /// [`Error::Format`] under `rule` if the file ends before them.
+    /// Skips `bytes` bytes that are not header text; an error under `rule` if the file ends before them.
     pub(super) fn skip_bytes(&mut self, bytes: u64, rule: &'static str) -> Result<()> {
         let left = self.file_len.saturating_sub(self.at);
         if bytes > left {
@@ -96,10 +93,7 @@ impl HeaderLines {
         self.seek(self.at + bytes)
     }
 
-    /// Skips `count` numbers between white space.
-    ///
-    /// # Errors
-    /// [`Error::Format`] under `rule` if the file ends before them.
+    /// Skips `count` numbers between white space; an error under `rule` if the file ends before them.
     pub(super) fn skip_numbers(&mut self, count: u64, rule: &'static str) -> Result<()> {
         let (mut seen, mut inside) = (0, false);
         loop {

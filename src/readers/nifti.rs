@@ -106,9 +106,6 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 }
 
 /// Returns where a header places its volume, the slope and the intercept; errors name `path`.
-///
-/// # Errors
-/// [`Error::Format`] if `bytes` do not start with a header.
 #[cfg(feature = "zarr")]
 pub(super) fn place_of(path: &Path, bytes: &[u8]) -> Result<(FileFrame, f64, f64)> {
     let fields = NiftiFields::parse(path, bytes)?;

@@ -71,9 +71,6 @@ impl OpenOptions {
     }
 
     /// Refuses a level above 0, for formats of one resolution.
-    ///
-    /// # Errors
-    /// [`Error::Input`].
     pub(super) fn expect_one_level(&self) -> Result<()> {
         match self.level {
             0 => Ok(()),
@@ -82,9 +79,6 @@ impl OpenOptions {
     }
 
     /// Refuses a choice of series, for formats without them.
-    ///
-    /// # Errors
-    /// [`Error::Input`].
     pub(super) fn expect_one_series(&self) -> Result<()> {
         match self.series {
             None => Ok(()),

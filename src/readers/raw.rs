@@ -1,4 +1,4 @@
-//! Raw volumes: samples and nothing else. Everything but the bytes comes from the caller.
+//! Reads raw volumes: samples and nothing else. Everything but the bytes comes from the caller.
 //!
 //! In: a file of `dims[0] * dims[1] * dims[2]` samples, x fastest, behind `skip` bytes that are not samples; or the
 //! same in gzip, if the name ends in `.gz`. Out: a slab source. The file must be exactly that long: a wrong size is
@@ -78,7 +78,7 @@ pub fn parse_type(text: &str) -> Result<(SampleType, Endian)> {
     }
 }
 
-/// Returns the sample type that a format calls `name`; `names` lists the format's names in the order of [`SampleType::ALL`].
+/// Returns the sample type that a format calls `name`; `names` are the format's, in the order of [`SampleType::ALL`].
 pub(super) fn type_by_name(name: &str, names: [&str; 8]) -> Option<SampleType> {
     names.iter().position(|known| *known == name).map(|index| SampleType::ALL[index])
 }
@@ -139,7 +139,7 @@ fn check_size(path: &Path, raw: &RawOptions, header: &Header, len: u64) -> Resul
     Err(Error::format(path, len, RULE, expected, format!("{have} bytes{hint}")))
 }
 
-/// Options that a file of `len` bytes would satisfy, the likeliest first; at most four.
+/// Returns options that a file of `len` bytes would satisfy, the likeliest first; at most four.
 fn what_fits(raw: &RawOptions, len: u64) -> Vec<String> {
     let mut fits = Vec::new();
     let [x, y, z] = raw.dims;

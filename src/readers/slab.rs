@@ -195,9 +195,6 @@ impl SlabSource for SlabReader {
 /// Checks that `slice` fits a volume, and that there is a next slice to read into it.
 ///
 /// `slices_read` counts the slices before it; `lost` says that one of them failed, so that the position is unknown.
-///
-/// # Errors
-/// [`Error::Input`] if not.
 pub(super) fn check_turn(header: &Header, slice: &Samples, slices_read: u32, lost: bool) -> Result<()> {
     if slice.sample_type() != header.sample_type || slice.len() as u64 != header.grid.slice_len() {
         let why = format!(
@@ -219,9 +216,6 @@ pub(super) fn check_turn(header: &Header, slice: &Samples, slices_read: u32, los
 }
 
 /// Checks that volume `index` is one of `count`.
-///
-/// # Errors
-/// [`Error::Input`] if not.
 pub(super) fn check_volume(index: u64, count: u64) -> Result<()> {
     if index < count {
         return Ok(());

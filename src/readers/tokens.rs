@@ -42,9 +42,6 @@ impl TextReader {
     }
 
     /// Skips `count` bytes.
-    ///
-    /// # Errors
-    /// The system's error if it cannot seek.
     pub(super) fn skip(&mut self, count: u64) -> io::Result<()> {
         let to = self.reader.stream_position()?.saturating_add(count);
         self.clear = 0;
@@ -140,10 +137,7 @@ pub(super) fn read_numbers<S: FromText>(
     Ok(())
 }
 
-/// Skips the next number.
-///
-/// # Errors
-/// [`Error::Format`] if the text ends before it.
+/// Skips the next number; an error if there is none.
 pub(super) fn skip_number(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<()> {
     next_token(reader, &mut [0; TOKEN_LIMIT], place).map(|_| ())
 }

@@ -85,9 +85,7 @@ pub(super) struct ArrayReader {
 impl ArrayReader {
     /// Reads the array's header from `reader`, which stands at it.
     ///
-    /// # Errors
-    /// [`Error::Format`] under `rule` if the header does not describe `coding.bytes` bytes, or needs more than the
-    /// file at `path` has.
+    /// It must describe `coding.bytes` bytes, and no more packed ones than the file at `path` has.
     pub(super) fn open(
         path: &Path,
         reader: BufReader<File>,

@@ -29,9 +29,6 @@ pub(super) enum FrameCodec {
 
 impl FrameCodec {
     /// Returns the codec of transfer syntax `syntax`.
-    ///
-    /// # Errors
-    /// [`Error::Format`], with the syntax's name, if there is no decoder for it.
     pub(super) fn of(path: &Path, syntax: &str, pixels: &Pixels) -> Result<FrameCodec> {
         if matches!(pixels, Pixels::Native { .. }) {
             return Ok(FrameCodec::Native);

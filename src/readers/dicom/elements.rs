@@ -1,8 +1,8 @@
 //! Reads the tags of a DICOM file that matter here, and finds its pixels.
 //!
-//! In: a file with the `DICM` prefix. Out: [`DicomElements`]: values at the root and in functional groups, and where the
-//! pixel data lie. No pixel is read. Each length that a file states is checked against the bytes left in the file and in
-//! the sequence around it.
+//! In: a file with the `DICM` prefix. Out: [`DicomElements`]: values at the root and in functional groups, and where
+//! the pixel data lie. No pixel is read. Each length that a file states is checked against the bytes left in the file
+//! and in the sequence around it.
 //!
 //! ```text
 //! at each step: close every level that ends here; inside a sequence read an item, else an element

@@ -1,7 +1,7 @@
 //! Finds size, sample type, position and scaling of the frames in one DICOM file.
 //!
-//! In: the file's elements. Out: an [`ImageFile`] and its [`DicomFrame`]s. Values are looked up in the frame's functional
-//! groups, then in the shared ones, then at the root, so that enhanced and plain objects are read alike.
+//! In: the file's elements. Out: an [`ImageFile`] and its [`DicomFrame`]s. Values are looked up in the frame's
+//! functional groups, then in the shared ones, then at the root, so that enhanced and plain objects are read alike.
 //!
 //! Source: DICOM PS3.3, C.7.6.2 (image plane), C.7.6.3 (image pixel), C.7.6.16 (functional groups), C.11.1 (rescale).
 

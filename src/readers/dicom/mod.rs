@@ -6,8 +6,8 @@
 //!
 //! Samples are the stored values: bits beyond `Bits Stored` are masked out, negative ones extended. Where all slices
 //! share one rescale slope and intercept, these become the header's; where they differ, as in PET, samples are f32 of
-//! `stored * slope + intercept`. Values of MONOCHROME1, where low is white, are kept. Look-up tables and windows are not
-//! applied.
+//! `stored * slope + intercept`. Values of MONOCHROME1, where low is white, are kept. Look-up tables and windows are
+//! not applied.
 
 mod codec;
 mod elements;

@@ -1,7 +1,7 @@
 //! Reads the pixels of one frame as samples.
 //!
-//! In: a file, a frame's index. Out: a slice of samples, native endian, with only the stored bits. Uncompressed pixels go
-//! straight from the file into the slice; of compressed ones only this frame's fragments are read.
+//! In: a file, a frame's index. Out: a slice of samples, native endian, with only the stored bits. Uncompressed pixels
+//! go straight from the file into the slice; of compressed ones only this frame's fragments are read.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};

@@ -1,13 +1,13 @@
 //! Sorts frames into one stack: which belong together, in which order, how far apart.
 //!
 //! In: the frames of all files. Out: the frames of one series, sorted along their normal, with the grid that they make
-//! and notes on what a user should know: gaps, guesses. Frames belong together that share series, size, cell type,
-//! orientation and pixel spacing; if that leaves more than one group, the user chooses.
+//! and notes on gaps and guesses. Frames belong together if they share series, size, sample type, orientation and pixel
+//! spacing; if there are several such groups, the caller chooses one.
 //!
 //! ```text
 //! t = position . (row x column), for each frame; sort by t
-//! two at one t                       refused: other echoes, other times
-//! gap = median of the steps in t     a step that differs from it by 1 % is told, as missing slices or uneven
+//! two at one t                       refused: they are other echoes or other times
+//! gap = median of the steps in t     a step that differs by 1 % is noted, as missing slices or as uneven
 //! z axis = from the first position to the last, so that a tilted gantry gives a sheared grid
 //! ```
 //!
@@ -22,24 +22,24 @@ use adjsplat::error::{Error, Result};
 /// The error for several series lists at most this many.
 const MOST_LISTED: usize = 12;
 
-/// Directions that differ by less per component are one: text in files is rounded.
+/// Directions that differ by less per component count as equal, because text in files is rounded.
 const SAME_DIRECTION: f64 = 1e-3;
 
-/// A step that differs from the median by more than this share is told.
+/// A step that differs from the median by more than this fraction is noted.
 const UNEVEN: f64 = 0.01;
 
 /// Frames in order, and where they lie.
 pub(super) struct FrameStack {
     /// First slice first.
     pub(super) frames: Vec<DicomFrame>,
-    /// Their grid, but for its dimensions.
+    /// Where their grid lies.
     pub(super) grid: FileFrame,
 }
 
-/// Picks the series that `choice` means out of `frames`; the only one if it is `None`.
+/// Returns the frames of the series that `choice` names, or of the only one if it is `None`.
 ///
 /// # Errors
-/// [`Error::Input`] as `what` if there are several and none is chosen, or the choice is none of them; it lists them.
+/// [`Error::Input`] as `what`, which lists the series, if there are several without a choice, or none matches it.
 pub(super) fn choose(
     what: &str,
     files: &[ImageFile],
@@ -55,7 +55,7 @@ pub(super) fn choose(
     }
     let picked: Vec<usize> = match choice.map(str::trim) {
         None => (0..groups.len()).collect(),
-        // Numbers in the list are short; identifiers have dots, or are the end of one.
+        // Numbers of the list are short; identifiers are long and have dots.
         Some(choice) if choice.len() <= 4 && choice.parse::<usize>().is_ok() => {
             choice.parse().into_iter().filter(|number| *number < groups.len()).collect()
         }
@@ -108,7 +108,7 @@ fn belong_together(files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -> bool 
     same_series && x.size == y.size && x.layout.sample_type == y.layout.sample_type && same_spacing && same_facing
 }
 
-/// "MR "t1", 192 slices of 256 x 256 (...0285270.0.0.0)".
+/// Describes a series: "MR "t1", 192 slices of 256 x 256 (...0285270.0.0.0)".
 fn described(files: &[ImageFile], frames: &[DicomFrame]) -> String {
     let file = &files[frames[0].file];
     let [x, y] = file.size;
@@ -121,9 +121,6 @@ fn described(files: &[ImageFile], frames: &[DicomFrame]) -> String {
 }
 
 /// Orders `frames`, which belong together, and finds their grid.
-///
-/// # Errors
-/// [`Error::Input`] as `what` if two are at one place.
 pub(super) fn stack(
     what: &str,
     files: &[ImageFile],
@@ -196,7 +193,7 @@ fn stack_by_position(
         sorted.sort_by(f64::total_cmp);
         let (median, largest) = (sorted[sorted.len() / 2], sorted[sorted.len() - 1]);
         let least = UNEVEN * if median > 0.0 { median } else { largest };
-        // Also where all steps are 0, so `<=`.
+        // `<=` also catches steps that are all 0.
         if let Some(at) = steps.iter().position(|step| *step <= least) {
             return Err(same_place(what, files, &frames[at], &frames[at + 1]));
         }
@@ -215,7 +212,7 @@ fn stack_by_position(
     Ok(FrameStack { frames, grid })
 }
 
-/// The z axis and its step: along the normal, unless the slices walk off to the side.
+/// Returns the z axis and its step: along the normal, unless the slices drift to the side.
 fn slant(whole: [f64; 3], normal: [f64; 3], step: f64, notes: &mut Vec<String>) -> (f64, [f64; 3]) {
     let axis = whole.map(|c| c / length(whole));
     let cosine = dot(axis, normal);
@@ -228,7 +225,7 @@ fn slant(whole: [f64; 3], normal: [f64; 3], step: f64, notes: &mut Vec<String>) 
     (step / cosine, axis)
 }
 
-/// Refuses two frames at one place, and says how they differ as far as that can be seen.
+/// Returns the error for two frames at one position, which says how they differ if that is known.
 fn same_place(what: &str, files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -> Error {
     let shown = |frame: &DicomFrame| {
         let path = file_name(&files[frame.file].path);
@@ -251,7 +248,7 @@ fn same_place(what: &str, files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -
     Error::input(what, why)
 }
 
-/// Notes steps that are not the median one: missing slices, and others.
+/// Adds notes on steps that differ from the median: missing slices, and others.
 fn tell_uneven(files: &[ImageFile], frames: &[DicomFrame], steps: &[f64], median: f64, notes: &mut Vec<String>) {
     let (mut missing, mut gaps, mut uneven) = (0.0, 0, 0);
     let (mut first_gap, mut first_uneven) = (None, None);

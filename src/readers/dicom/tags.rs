@@ -11,12 +11,12 @@ impl Tag {
         Tag((group as u32) << 16 | element as u32)
     }
 
-    /// Whether it is an item or the end of one or of a sequence, which have no value representation.
+    /// Returns whether it starts or ends an item or ends a sequence; these have no value representation.
     pub(super) const fn is_delimiter(self) -> bool {
         self.0 >> 16 == 0xfffe
     }
 
-    /// Whether it is one of the three elements that hold pixels.
+    /// Returns whether it is one of the three elements that hold pixels.
     pub(super) fn is_pixels(self) -> bool {
         [PIXELS, FLOAT_PIXELS, DOUBLE_PIXELS].contains(&self)
     }
@@ -101,7 +101,7 @@ pub(super) const NUMBERS: &[Tag] =
 pub(super) const GROUPS: &[Tag] =
     &[FRAME_CONTENT, PLANE_POSITION, PLANE_ORIENTATION, PIXEL_MEASURES, PIXEL_TRANSFORMATION];
 
-/// Sequences that must be known as such where a file does not say what its elements are.
+/// Sequences, for files that do not state the kind of their elements.
 pub(super) const SEQUENCES: &[Tag] = &[
     SHARED_GROUPS,
     FRAME_GROUPS,
@@ -113,7 +113,7 @@ pub(super) const SEQUENCES: &[Tag] = &[
     MODALITY_LUT,
 ];
 
-/// Value representations whose length takes four bytes behind two that are reserved (PS3.5, table 7.1-1).
+/// Value representations with two reserved bytes and a length of four bytes (PS3.5, table 7.1-1).
 pub(super) const LONG_FORMS: &[&[u8; 2]] =
     &[b"OB", b"OD", b"OF", b"OL", b"OV", b"OW", b"SQ", b"SV", b"UC", b"UN", b"UR", b"UT", b"UV"];
 

@@ -10,11 +10,11 @@
 //! OME-TIFF   which page is which slice, channel and time; physical sizes with units
 //! ```
 //!
-//! Each channel at each time is a volume of its own, counted channels first. Without a description, resolution tags give
-//! the spacing along x and y, in millimetres where they have a unit. The format has no spacing along z; that of x is
-//! used. 72 to the inch counts as no resolution, because writers that know none store it. Samples are kept as stored,
-//! also where 0 is to be shown white (MinIsWhite), as ImageJ does. Only signed and floating-point samples with this flag
-//! are refused, because the `tiff` crate would round them.
+//! Each channel at each time is a volume of its own, counted channels first. Without a description, resolution tags
+//! give the spacing along x and y, in millimetres where they have a unit. The format has no spacing along z; that of x
+//! is used. 72 to the inch counts as no resolution, because writers that know none store it. Samples are kept as
+//! stored, also where 0 is to be shown white (MinIsWhite), as ImageJ does. Only signed and floating-point samples with
+//! this flag are refused, because the `tiff` crate would round them.
 //!
 //! Source: TIFF 6.0 (Adobe 1992); OME-TIFF specification (docs.openmicroscopy.org).
 

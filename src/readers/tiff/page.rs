@@ -140,10 +140,7 @@ impl TiffPages {
         Ok(())
     }
 
-    /// The shape of the page.
-    ///
-    /// # Errors
-    /// [`Error::Format`] if it cannot be read.
+    /// Returns the shape of the page; an error if such pages cannot be read.
     pub(super) fn shape(&mut self) -> Result<PageShape> {
         let (width, height) = self.decoder.dimensions().map_err(|error| self.page_fault(error))?;
         let samples = self.number_tag(Tag::SamplesPerPixel)?.unwrap_or(1);

@@ -1,9 +1,9 @@
-//! Blosc frames, as Zarr compresses chunks by default.
+//! Unpacks Blosc frames, Zarr's default compression of chunks.
 //!
-//! In: a frame of version 1 or 2. Out: its bytes. A frame is cut into blocks, a block may be split into one stream for
-//! each byte of an element, and each stream is packed by one of five codecs; then bytes or bits of neighbouring elements
-//! were put together (shuffled), which is undone a block at a time. What is to come out is known before: a frame that
-//! says another length is refused, so nothing is allocated by its word.
+//! In: a frame of version 1 or 2. Out: its bytes. A frame is cut into blocks. The writer may have shuffled a block
+//! (gathered the first bytes or bits of all elements, then the second ones, and so on) and split it into one stream for
+//! each byte of an element. Each stream is packed by one of five codecs. The unpacked length is known beforehand: a
+//! frame that states another length is refused, so nothing is allocated by it.
 //!
 //! Source: c-blosc's `README_HEADER.rst` and `README_CHUNK_FORMAT.rst`; the layout of bits is that of bitshuffle
 //! (Masui et al., "A compression scheme for radio data in high performance computing", 2015, section 3.2).
@@ -11,7 +11,7 @@
 use super::packing::{ChunkFault, inflate, lz4, zstd};
 
 const HEADER_BYTES: usize = 16;
-/// Elements that a block must have at least to be split, and bytes that an element may have at most.
+/// A block is split if it has at least so many elements, of at most so many bytes each.
 const SPLIT: (usize, usize) = (128, 16);
 
 const BYTE_SHUFFLE: u8 = 1;
@@ -22,7 +22,7 @@ const UNSPLIT: u8 = 16;
 /// Unpacks a frame of `len` bytes.
 ///
 /// # Errors
-/// What is wrong with it, in words.
+/// The fault, in words, if the frame is damaged.
 pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, ChunkFault> {
     let [version, _, flags, element, ..] = *frame else { return Err("a Blosc frame without a header".into()) };
     let said = word(frame, 4)?;
@@ -100,7 +100,7 @@ fn unpack_block(frame: &[u8], start: usize, block: &mut [u8], streams: usize, co
     Ok(())
 }
 
-/// BloscLZ: runs of up to 32 bytes as they are, and copies of what came before.
+/// Unpacks BloscLZ: runs of up to 32 plain bytes, and copies of earlier bytes.
 ///
 /// ```text
 /// 000nnnnn                     n + 1 bytes follow
@@ -113,7 +113,7 @@ fn unpack_blosclz(packed: &[u8], out: &mut [u8]) -> Result<(), ChunkFault> {
     let mut at = 0;
     let mut first = true;
     while let Some(control) = bytes.next() {
-        // The first is a run, whatever its upper bits: they tell the stream's version.
+        // The first one is a run, whatever its upper bits, which give the stream's version.
         let control = if std::mem::take(&mut first) { control & 31 } else { control };
         if control < 32 {
             let run = usize::from(control) + 1;
@@ -151,7 +151,7 @@ fn unpack_blosclz(packed: &[u8], out: &mut [u8]) -> Result<(), ChunkFault> {
     if at == out.len() { Ok(()) } else { Err(fault()) }
 }
 
-/// `from` holds the first bytes of all elements, then the second ones, and so on; what is left over is as it was.
+/// Undoes the shuffle of bytes; `from` holds the first bytes of all elements, then the second ones, then the tail.
 fn unshuffle_bytes(from: &[u8], to: &mut [u8], element: usize) {
     let count = from.len() / element;
     for (index, cell) in to.chunks_exact_mut(element).enumerate() {
@@ -163,8 +163,9 @@ fn unshuffle_bytes(from: &[u8], to: &mut [u8], element: usize) {
     to[whole..].copy_from_slice(&from[whole..]);
 }
 
-/// `from` holds the lowest bits of the first bytes of all elements, then the next bits. Blocks whose number of elements
-/// is no multiple of 8 were left as they are.
+/// Undoes the shuffle of bits; `from` holds the lowest bits of the first bytes of all elements, then the next bits.
+///
+/// Blocks whose number of elements is no multiple of 8 are not shuffled.
 fn unshuffle_bits(from: &[u8], to: &mut [u8], element: usize) {
     let count = from.len() / element;
     if !count.is_multiple_of(8) {

@@ -1,7 +1,7 @@
-//! What a Zarr array says of itself: version 2 (`.zarray`) or 3 (`zarr.json`).
+//! Reads the metadata of a Zarr array, version 2 (`.zarray`) or 3 (`zarr.json`).
 //!
-//! In: a node's folder. Out: its attributes, and for an array the shape, the chunks and how they are packed. What
-//! cannot be read here is refused by name. Numbers are bounded before anything is made by them.
+//! In: a node's folder. Out: its attributes, and for an array the shape, the chunks and how they are packed. Errors
+//! name what is not supported. Numbers are checked before anything is allocated by them.
 //!
 //! Source: Zarr storage specification version 2; Zarr core specification version 3.1 and its codecs
 //! (zarr-specs.readthedocs.io).
@@ -17,10 +17,10 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::read_text;
 use adjsplat::volume::SampleType;
 
-/// Dimensions that an array may have.
+/// The largest number of dimensions of an array.
 const MOST_DIMENSIONS: usize = 16;
 
-/// Bytes of one chunk, unpacked: as many as Blosc can pack.
+/// The largest unpacked chunk in bytes: as much as Blosc can pack.
 const MOST_CHUNK_BYTES: u64 = 1 << 31;
 
 /// A group or an array.
@@ -38,17 +38,17 @@ pub(super) struct ZarrArray {
     pub(super) shape: Vec<u64>,
     /// Points of a chunk along each dimension; each at least 1.
     pub(super) chunk: Vec<u64>,
-    /// If chunks are shards: how the chunks inside them lie.
+    /// The layout of the chunks inside a chunk, if chunks are shards.
     pub(super) shard: Option<Shard>,
     pub(super) sample_type: SampleType,
     pub(super) endian: Endian,
-    /// One sample that was not written, in the array's byte order.
+    /// The sample that stands for those never written, in the array's byte order.
     pub(super) fill: Vec<u8>,
     /// Dimensions in the order in which a chunk stores them, the slowest first.
     pub(super) order: Vec<usize>,
     /// How the bytes of a chunk, or of one inside a shard, are packed, the first step first.
     pub(super) packings: Vec<Packing>,
-    /// How a chunk's file is named: what stands before its numbers, and between them.
+    /// How chunks' files are named: the text before the numbers, and the separator between them.
     pub(super) key: (&'static str, char),
     /// Names of the dimensions, where the array gives them.
     pub(super) names: Vec<Option<String>>,
@@ -59,17 +59,17 @@ pub(super) struct ZarrArray {
 pub(super) struct Shard {
     /// Points of an inner chunk along each dimension; divides the chunk.
     pub(super) inner: Vec<u64>,
-    /// The index is at the shard's end, not its start.
+    /// Whether the index is at the shard's end, not its start.
     pub(super) index_at_end: bool,
-    /// A checksum follows the index.
+    /// Whether a checksum follows the index.
     pub(super) index_summed: bool,
 }
 
 /// Reads the node in the folder at `path`.
 ///
 /// # Errors
-/// [`Error::Io`] if a file cannot be read; [`Error::Format`] if one is not as its version says, or uses what is not
-/// read here; [`Error::Limit`] for sizes.
+/// [`Error::Io`] if a file cannot be read; [`Error::Format`] if it breaks its version's rules or needs something that
+/// is not supported; [`Error::Limit`] for sizes.
 pub(super) fn read(path: &Path) -> Result<ZarrNode> {
     let newer = path.join("zarr.json");
     if newer.is_file() {
@@ -88,7 +88,7 @@ pub(super) fn read(path: &Path) -> Result<ZarrNode> {
     Ok(ZarrNode { attributes, array })
 }
 
-/// One JSON object of a node, and where it is from.
+/// One JSON object of a node, and its file.
 struct JsonFields {
     path: PathBuf,
     fields: Map<String, Value>,
@@ -135,7 +135,7 @@ impl JsonFields {
         }
     }
 
-    /// Whole numbers of a list, each at least `least`.
+    /// Returns the whole numbers of a list; each must be at least `least`.
     fn numbers(&self, field: &str, value: &Value, least: u64) -> Result<Vec<u64>> {
         let numbers = value.as_array().map(|list| list.iter().map(Value::as_u64).collect::<Option<Vec<u64>>>());
         match numbers.flatten() {
@@ -191,7 +191,7 @@ impl JsonFields {
         })
     }
 
-    /// "<u2": byte order, kind, bytes.
+    /// Parses the type: "<u2" is byte order, kind and bytes.
     fn type_2(&self) -> Result<(SampleType, Endian)> {
         let value = self.value("dtype");
         let text = value.as_str().unwrap_or_default();
@@ -277,7 +277,7 @@ impl JsonFields {
         Ok((Some(Shard { inner, index_at_end, index_summed }), inside))
     }
 
-    /// Reads a list of codecs, in which array codecs come before one that makes bytes and that before byte codecs.
+    /// Reads a list of codecs: array codecs, then the one that makes bytes, then byte codecs.
     fn codecs(&self, field: &str, list: &Value, dimensions: usize) -> Result<Codecs> {
         let list = list.as_array().ok_or_else(|| self.fault(field, "a list of codecs", clip(list)))?;
         let mut order: Vec<usize> = (0..dimensions).collect();
@@ -329,11 +329,11 @@ impl JsonFields {
         }
     }
 
-    /// The bytes of the sample that stands for those that were not written.
+    /// Returns the bytes of the fill value, in the array's byte order.
     fn fill(&self, sample_type: SampleType, endian: Endian) -> Result<Vec<u8>> {
         let value = self.value("fill_value");
         let fault = || self.fault("fill_value", format!("a value of {}", sample_type.name()), clip(value));
-        // Bits of a floating-point number, as version 3 may give them.
+        // In version 3 a text may give the bits of a floating-point number.
         let hex = |digits: &str| u64::from_str_radix(digits, 16).ok().map(u64::to_le_bytes);
         let number = match value {
             Value::Null | Value::Bool(false) => 0.0,
@@ -371,7 +371,7 @@ impl JsonFields {
         Ok(bytes)
     }
 
-    /// Holds the parts against each other.
+    /// Checks that the parts of `array` fit together.
     fn checked(&self, array: ZarrArray) -> Result<ZarrArray> {
         let dimensions = array.shape.len();
         let inner = array.shard.as_ref().map_or(&array.chunk, |shard| &shard.inner);
@@ -392,7 +392,7 @@ impl JsonFields {
     }
 }
 
-/// What a list of codecs comes to.
+/// The combined effect of a list of codecs.
 #[derive(Clone)]
 struct Codecs {
     order: Vec<usize>,
@@ -407,12 +407,12 @@ fn name_of(extension: &Value) -> Option<&str> {
     extension["name"].as_str().or(extension.as_str())
 }
 
-/// A text of a file without what would break a line.
+/// Returns a text without control characters, which would break a line.
 pub(super) fn printable(text: &str) -> String {
     text.replace(char::is_control, " ")
 }
 
-/// A value as text, cut where it is long.
+/// Returns a value as text, shortened if it is long.
 pub(super) fn clip(value: &Value) -> String {
     let text = value.to_string();
     match text.char_indices().nth(60) {

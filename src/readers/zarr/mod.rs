@@ -1,16 +1,16 @@
-//! Zarr arrays of versions 2 and 3, OME-Zarr images of versions 0.1 to 0.5, and nifti-zarr.
+//! Reads Zarr arrays of versions 2 and 3, OME-Zarr images of versions 0.1 to 0.5, and nifti-zarr.
 //!
-//! In: a folder that is a Zarr node. Out: a slab source over one array's z, y and x. Axes are found by their names; those
-//! of other names, such as time and channel, are counted through as volumes, the last one fastest. An image of several
-//! resolutions is read at one level. A nifti-zarr header gives the place in the world and the scaling.
+//! In: a folder that is a Zarr node. Out: a slab source over one array's z, y and x. Axes are found by their names. All
+//! other axes, such as time and channel, number the volumes, the last axis fastest. An image of several resolutions is
+//! read at one level. A nifti-zarr header gives the place in the world and the scaling.
 //!
 //! ```text
 //! layer: the slices that one row of chunks along z holds; all its chunks are unpacked into one buffer, one at a time
 //! slice: a part of the layer
 //! ```
 //!
-//! Own code and no library for the chunks: the one at hand brings a C compiler and 130 packages, and unpacks Zstandard
-//! and gzip chunks to whatever length their own headers say, so that a small damaged file takes all memory.
+//! Chunks are read by our own code because the library at hand needs a C compiler and 130 packages, and unpacks
+//! Zstandard and gzip chunks to any length that they state, so that a small damaged file takes all memory.
 
 mod blosc;
 mod chunk;
@@ -32,10 +32,10 @@ use adjsplat::error::{Error, Result};
 use adjsplat::volume::source::obtainable;
 use adjsplat::volume::{Header, Samples, SlabSource};
 
-/// Groups in groups that are looked into for one image.
+/// The deepest nesting of groups in which an image is looked for.
 const DEEPEST: usize = 4;
 
-/// Children that a refusal names, and levels that a note tells.
+/// The largest number of folders or levels that a message lists.
 const MOST_LISTED: usize = 8;
 
 /// Bytes of a NIfTI header and its extensions in a nifti-zarr.
@@ -74,14 +74,14 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     Ok(Box::new(ZarrReader::new(header, array, axes.space, index, notes)?))
 }
 
-/// What a folder turned out to hold.
+/// What a folder holds: an array, or an image of several levels.
 struct ZarrContent {
     path: PathBuf,
     array: Option<ZarrArray>,
     image: Option<Multiscales>,
 }
 
-/// The array or image at `path`, or the only one in the groups below it.
+/// Finds the array or image at `path`, or the only one in the groups below it.
 fn find(path: &Path, depth: usize) -> Result<ZarrContent> {
     let node = metadata::read(path)?;
     let image = if node.array.is_none() { multiscales::read(path, &node.attributes)? } else { None };
@@ -113,7 +113,7 @@ fn read_array(path: &Path) -> Result<ZarrArray> {
     node.array.ok_or_else(|| Error::input(path.display().to_string(), "is a Zarr group where an array is to be"))
 }
 
-/// "0: 3 x 128 x 256, 1: 3 x 64 x 128", slowest axis first.
+/// Lists the levels with their sizes, slowest axis first: "0: 3 x 128 x 256, 1: 3 x 64 x 128".
 fn listed_levels(image: &Multiscales) -> String {
     let shape = |level: &ImageLevel| match metadata::read(&level.path).ok().and_then(|node| node.array) {
         Some(array) => array.shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x "),
@@ -124,18 +124,18 @@ fn listed_levels(image: &Multiscales) -> String {
     listed.join(", ") + if image.levels.len() > MOST_LISTED { ", ..." } else { "" }
 }
 
-/// Which dimension of an array is which.
+/// Which dimensions of an array are x, y, z, and which number its volumes.
 struct ArrayAxes {
     /// The dimensions along x, y, z; an image may have no z.
     space: [Option<usize>; 3],
     /// All others, with their names.
     others: Vec<(usize, String)>,
-    /// Unit of lengths, if the axes of space have one and the same.
+    /// Unit of lengths, if x, y and z share one.
     unit: Option<String>,
 }
 
 impl ArrayAxes {
-    /// By the names that the image or the array gives; without any the last three are z, y, x.
+    /// Finds the axes by their names; without names the last three are z, y, x.
     fn find(array: &ZarrArray, image: Option<&Multiscales>) -> Result<ArrayAxes> {
         let dimensions = array.shape.len();
         let fault = |expected: &str, got: String| Error::format(&array.path, 0, "Zarr axes", expected, got);
@@ -169,7 +169,7 @@ impl ArrayAxes {
         Ok(ArrayAxes { space, others, unit })
     }
 
-    /// The index of volume `number` along the dimensions that are not of space; 0 along those that are.
+    /// Returns the index of volume `number` along each dimension; 0 along x, y, z.
     fn volume(&self, array: &ZarrArray, number: u64) -> Result<Vec<u64>> {
         let counts = self.others.iter().map(|(dimension, _)| array.shape[*dimension]);
         let count = counts.fold(1, u64::saturating_mul);
@@ -194,7 +194,7 @@ impl ArrayAxes {
     }
 }
 
-/// Where the array lies in the world, and its slope and intercept.
+/// Returns where the array lies in the world, and its slope and intercept.
 fn place(
     path: &Path,
     array: &ZarrArray,
@@ -217,7 +217,7 @@ fn place(
         return Ok((frame, 1.0, 0.0));
     }
     let (mut frame, slope, intercept) = nifti::place_of(&header, &nifti_header(&header)?)?;
-    // The header places level 0; another level is that much coarser, and begins between its points.
+    // The header places level 0; other levels are coarser, and begin between its points.
     let (finest, first) = (of(&image.levels[0].scale, 1.0), of(&image.levels[0].translation, 0.0));
     for axis in 0..3 {
         let step = frame.spacing[axis] * (translation[axis] - first[axis]) / finest[axis];
@@ -230,7 +230,7 @@ fn place(
     Ok((frame, slope, intercept))
 }
 
-/// The NIfTI header that is stored as an array of bytes.
+/// Reads the NIfTI header, which is stored as an array of bytes.
 fn nifti_header(path: &Path) -> Result<Vec<u8>> {
     let array = read_array(path)?;
     let mut reader = ChunkReader::new(array);
@@ -252,7 +252,7 @@ struct ZarrReader {
     index: Vec<u64>,
     /// The layer's samples, x fastest, in the array's byte order.
     layer: Vec<u8>,
-    /// Which layer that is.
+    /// The number of that layer.
     loaded: Option<u64>,
     slices_read: u32,
     notes: Vec<String>,
@@ -321,7 +321,7 @@ impl ZarrReader {
         Ok(())
     }
 
-    /// Copies the part of the volume that the chunk at `at` holds into the layer; without a chunk it is the fill value.
+    /// Copies the chunk at `at`, or the fill value if there is none, into the layer.
     fn place(&mut self, at: [u64; 3], chunk: Option<&[u8]>) {
         let points = [0, 1, 2].map(|axis| self.chunk_points(axis));
         let dims = self.header.grid.dims.map(u64::from);
@@ -329,7 +329,7 @@ impl ZarrReader {
         let [run, rows, slices] = [0, 1, 2].map(|axis| index(points[axis].min(dims[axis] - start[axis])));
         let width = self.header.sample_type.bytes();
         let strides = self.strides();
-        // Where this volume begins in the chunk, along the axes that are not of space.
+        // The first sample of this volume in the chunk.
         let others = (0..self.index.len()).filter(|dimension| !self.space.contains(&Some(*dimension)));
         let first: usize =
             others.map(|other| index(self.index[other] % self.chunks.shape()[other]) * strides[other]).sum();
@@ -354,7 +354,7 @@ impl ZarrReader {
         }
     }
 
-    /// Samples between neighbours of a chunk along each dimension, as it is stored.
+    /// Returns the distances in samples between neighbours of a stored chunk, along each dimension.
     fn strides(&self) -> Vec<usize> {
         let mut strides = vec![0; self.index.len()];
         let mut step = 1;
@@ -366,7 +366,7 @@ impl ZarrReader {
     }
 }
 
-/// A size that was held against memory before.
+/// Converts a size that was checked against memory before.
 fn index(points: u64) -> usize {
     usize::try_from(points).unwrap_or(usize::MAX)
 }
@@ -399,7 +399,7 @@ impl SlabSource for ZarrReader {
     }
 
     fn buffer_bytes(&self) -> u64 {
-        // A chunk as it is packed, as it comes out, and for Blosc once more with its bytes shuffled.
+        // A packed chunk, the unpacked one, and for Blosc one more with its bytes shuffled.
         let chunk = self.chunks.chunk_bytes().saturating_mul(3);
         let layer = self.slice_bytes().saturating_mul(self.layer_slices());
         layer.saturating_add(chunk).saturating_add(self.chunks.index_bytes().saturating_mul(2))
