@@ -33,10 +33,10 @@ impl FilePattern {
         if text.len() > MAX_PATTERN {
             return None;
         }
-        let (before, rest) = split_conversion(text)?;
-        let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
-        let (width, rest) = rest.split_at(digits);
-        let after = rest.strip_prefix(['d', 'i', 'u'])?;
+        let (before, conversion) = split_conversion(text)?;
+        let digits = conversion.bytes().take_while(u8::is_ascii_digit).count();
+        let (width, conversion) = conversion.split_at(digits);
+        let after = conversion.strip_prefix(['d', 'i', 'u'])?;
         if split_conversion(after).is_some() {
             return None;
         }

@@ -112,8 +112,8 @@ fn natural(a: &str, b: &str) -> Ordering {
 
 /// Removes the digits from the front of `text`, and returns them without leading zeros.
 fn digits<'t>(text: &mut &'t str) -> &'t str {
-    let (number, rest) = text.split_at(text.bytes().take_while(u8::is_ascii_digit).count());
-    *text = rest;
+    let (number, tail) = text.split_at(text.bytes().take_while(u8::is_ascii_digit).count());
+    *text = tail;
     number.trim_start_matches('0')
 }
 

@@ -77,14 +77,14 @@ impl FileFrame {
         dims: [u64; 3],
         spacing: Option<[f64; 3]>,
     ) -> Result<Grid> {
-        let mut narrow = [0; 3];
+        let mut grid_dims = [0; 3];
         for axis in Axis::ALL {
             let points = dims[axis.index()];
             if points == 0 {
                 let got = format!("0 along {}", axis.name());
                 return Err(Error::format(path, 0, rule, "at least one point along each axis", got));
             }
-            narrow[axis.index()] = match u32::try_from(points) {
+            grid_dims[axis.index()] = match u32::try_from(points) {
                 Ok(points) if points <= MAX_DIM => points,
                 _ => {
                     let what = format!("{}: points along {}", path.display(), axis.name());
@@ -100,9 +100,9 @@ impl FileFrame {
         }
         let signs = self.world.signs();
         // Adding 0.0 turns a negated zero into a plain one.
-        let turned = |v: [f64; 3]| [v[0] * signs[0] + 0.0, v[1] * signs[1] + 0.0, v[2] * signs[2] + 0.0];
-        let direction = self.direction.map(|axis| turned(axis.map(|c| c / length(axis))));
-        let grid = Grid { dims: narrow, spacing, origin: turned(self.origin), direction, unit: self.unit };
+        let to_our_world = |v: [f64; 3]| [v[0] * signs[0] + 0.0, v[1] * signs[1] + 0.0, v[2] * signs[2] + 0.0];
+        let direction = self.direction.map(|axis| to_our_world(axis.map(|c| c / length(axis))));
+        let grid = Grid { dims: grid_dims, spacing, origin: to_our_world(self.origin), direction, unit: self.unit };
         match grid.check() {
             Ok(()) => Ok(grid),
             Err(Error::Input { what, why }) => {

@@ -226,8 +226,8 @@ impl MetaImageFields {
             count.ok_or_else(|| Error::format(path, at, RULE, "a number of files that can be counted", "more"))
         };
         let words: Vec<&str> = value.split_whitespace().collect();
-        if let Some(rest) = value.strip_prefix("LIST") {
-            let file_dims = match rest.trim() {
+        if let Some(dimensions_text) = value.strip_prefix("LIST") {
+            let file_dims = match dimensions_text.trim() {
                 "" => Some(self.ndims - 1),
                 given => {
                     given.trim_end_matches(['D', 'd']).trim().parse().ok().filter(|d| (1..=self.ndims).contains(d))

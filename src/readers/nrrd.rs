@@ -263,8 +263,8 @@ impl NrrdFields {
             return Ok((vec![self.path.clone()], lines.position()));
         };
         let words: Vec<&str> = value.split_whitespace().collect();
-        if let Some(rest) = value.strip_prefix("LIST") {
-            let file_dims = self.file_dims(rest.trim(), sizes)?;
+        if let Some(dimensions_text) = value.strip_prefix("LIST") {
+            let file_dims = self.file_dims(dimensions_text.trim(), sizes)?;
             let files = listed_files(&self.path, lines)?;
             self.check_files(sizes, file_dims, &files)?;
             return Ok((files, 0));

@@ -23,21 +23,21 @@ pub(super) fn world(name: &str) -> Option<World> {
 /// A missing third component is 0, and a fourth one (time) is dropped.
 pub(super) fn vectors(text: &str) -> Option<Vec<Option<[f64; 3]>>> {
     let mut vectors = Vec::new();
-    let mut rest = text.trim();
-    while !rest.is_empty() {
-        if let Some(after) = rest.strip_prefix("none") {
+    let mut remaining = text.trim();
+    while !remaining.is_empty() {
+        if let Some(after) = remaining.strip_prefix("none") {
             vectors.push(None);
-            rest = after.trim_start();
+            remaining = after.trim_start();
             continue;
         }
-        let (inside, after) = rest.strip_prefix('(')?.split_once(')')?;
+        let (inside, after) = remaining.strip_prefix('(')?.split_once(')')?;
         let numbers: Option<Vec<f64>> = inside.split(',').map(|number| number.trim().parse().ok()).collect();
         vectors.push(Some(match numbers?[..] {
             [x, y] => [x, y, 0.0],
             [x, y, z] | [x, y, z, _] => [x, y, z],
             _ => return None,
         }));
-        rest = after.trim_start();
+        remaining = after.trim_start();
     }
     Some(vectors)
 }

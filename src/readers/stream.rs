@@ -159,11 +159,11 @@ impl SampleStream {
             }
             Packed::Text(reader) => reader.skip(count).map_err(failed()),
             Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_) => {
-                let mut waste = [0; 16 << 10];
+                let mut skipped = [0; 16 << 10];
                 let mut left = count;
                 while left > 0 {
-                    let part = usize::try_from(left).unwrap_or(usize::MAX).min(waste.len());
-                    self.read_bytes(&mut waste[..part])?;
+                    let part = usize::try_from(left).unwrap_or(usize::MAX).min(skipped.len());
+                    self.read_bytes(&mut skipped[..part])?;
                     left -= u64::try_from(part).unwrap_or(left);
                 }
                 Ok(())

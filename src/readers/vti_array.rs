@@ -113,8 +113,8 @@ impl ArrayReader {
             let full = number()?;
             let last = number()?;
             let last = if last == 0 { full } else { last };
-            let told = blocks.checked_sub(1).and_then(|whole| whole.checked_mul(full)?.checked_add(last));
-            if told != Some(bytes) || full == 0 || last > full {
+            let stated_bytes = blocks.checked_sub(1).and_then(|whole| whole.checked_mul(full)?.checked_add(last));
+            if stated_bytes != Some(bytes) || full == 0 || last > full {
                 let got = format!("{blocks} blocks of {full} bytes, the last of {last}");
                 return Err(fault(format!("blocks of {bytes} bytes in all"), got));
             }
@@ -134,9 +134,9 @@ impl ArrayReader {
             // The header of a single block may state a larger size than the array has.
             block_bytes = full.min(bytes);
         } else {
-            let told = number()?;
-            if told != bytes {
-                return Err(fault(format!("an array of {bytes} bytes"), format!("one of {told} bytes")));
+            let stated_bytes = number()?;
+            if stated_bytes != bytes {
+                return Err(fault(format!("an array of {bytes} bytes"), format!("one of {stated_bytes} bytes")));
             }
         }
         let (packed, block) = (Vec::new(), Vec::new());

@@ -101,34 +101,34 @@ impl VtkParser {
         let mut in_points = false;
         while let Some(line) = next_full(&mut self.lines)? {
             let words: Vec<&str> = line.text.split_whitespace().collect();
-            let Some((keyword, rest)) = words.split_first() else { continue };
+            let Some((keyword, arguments)) = words.split_first() else { continue };
             match keyword.to_ascii_uppercase().as_str() {
-                "DATASET" => match rest.first() {
+                "DATASET" => match arguments.first() {
                     Some(kind) if kind.eq_ignore_ascii_case("STRUCTURED_POINTS") => {}
                     other => {
                         let got = other.map_or_else(|| "nothing".into(), |kind| clip(kind));
                         return Err(self.fault(line.at, "VTK DATASET", "STRUCTURED_POINTS", got));
                     }
                 },
-                "DIMENSIONS" => self.dims = Some(self.three(&line, rest)?),
-                "SPACING" | "ASPECT_RATIO" => self.spacing = self.three(&line, rest)?,
-                "ORIGIN" => self.origin = self.three(&line, rest)?,
+                "DIMENSIONS" => self.dims = Some(self.three(&line, arguments)?),
+                "SPACING" | "ASPECT_RATIO" => self.spacing = self.three(&line, arguments)?,
+                "ORIGIN" => self.origin = self.three(&line, arguments)?,
                 "POINT_DATA" => {
-                    self.tuples = Some(self.number(&line, rest.first().copied())?);
+                    self.tuples = Some(self.number(&line, arguments.first().copied())?);
                     self.points = self.tuples;
                     in_points = true;
                 }
                 "CELL_DATA" => {
-                    self.tuples = Some(self.number(&line, rest.first().copied())?);
+                    self.tuples = Some(self.number(&line, arguments.first().copied())?);
                     in_points = false;
                 }
                 "SCALARS" => {
-                    let components = rest.get(2).map_or(Ok(1), |word| self.number(&line, Some(word)))?;
-                    if let Some(array) = self.scalars(&line, rest, components, in_points)? {
+                    let components = arguments.get(2).map_or(Ok(1), |word| self.number(&line, Some(word)))?;
+                    if let Some(array) = self.scalars(&line, arguments, components, in_points)? {
                         return Ok(array);
                     }
                 }
-                other => self.skip(&line, other, rest)?,
+                other => self.skip(&line, other, arguments)?,
             }
         }
         let at = self.lines.position();
@@ -141,11 +141,11 @@ impl VtkParser {
     fn scalars(
         &mut self,
         line: &HeaderLine,
-        rest: &[&str],
+        arguments: &[&str],
         components: u64,
         in_points: bool,
     ) -> Result<Option<LegacyArray>> {
-        let type_name = rest.get(1).copied().unwrap_or("nothing");
+        let type_name = arguments.get(1).copied().unwrap_or("nothing");
         // The line of the lookup table is optional. In a binary file a line end here may be the first sample.
         while !self.binary && (self.lines.next_is("\n")? || self.lines.next_is("\r\n")?) {
             self.lines.next()?;
@@ -163,7 +163,7 @@ impl VtkParser {
         let section = if in_points { "point" } else { "cell" };
         // One name is enough to understand what the file holds.
         if self.passed.len() < 4 {
-            let name = clip(rest.first().copied().unwrap_or(""));
+            let name = clip(arguments.first().copied().unwrap_or(""));
             self.passed.push(format!("{section} array {name} of {components} components"));
         }
         self.skip_array(line, type_name, components)?;
@@ -171,27 +171,27 @@ impl VtkParser {
     }
 
     /// Skips the values that follow `keyword`.
-    fn skip(&mut self, line: &HeaderLine, keyword: &str, rest: &[&str]) -> Result<()> {
-        let type_at = |index: usize| rest.get(index).copied().unwrap_or("nothing");
+    fn skip(&mut self, line: &HeaderLine, keyword: &str, arguments: &[&str]) -> Result<()> {
+        let type_at = |index: usize| arguments.get(index).copied().unwrap_or("nothing");
         match keyword {
             "VECTORS" | "NORMALS" => self.skip_array(line, type_at(1), 3),
             "TENSORS" => self.skip_array(line, type_at(1), 9),
             "TENSORS6" => self.skip_array(line, type_at(1), 6),
             "GLOBAL_IDS" | "PEDIGREE_IDS" | "EDGE_FLAGS" => self.skip_array(line, type_at(1), 1),
             "TEXTURE_COORDINATES" => {
-                let components = self.number(line, rest.get(1).copied())?;
+                let components = self.number(line, arguments.get(1).copied())?;
                 self.skip_array(line, type_at(2), components)
             }
             "COLOR_SCALARS" => {
-                let components = self.number(line, rest.get(1).copied())?;
+                let components = self.number(line, arguments.get(1).copied())?;
                 self.skip_array(line, "unsigned_char", components)
             }
             "LOOKUP_TABLE" => {
-                let entries = self.number(line, rest.get(1).copied())?;
+                let entries = self.number(line, arguments.get(1).copied())?;
                 self.skip_values(line, "unsigned_char", entries.saturating_mul(4))
             }
             "FIELD" => {
-                let arrays = self.number(line, rest.get(1).copied())?;
+                let arrays = self.number(line, arguments.get(1).copied())?;
                 for _ in 0..arrays {
                     self.skip_field_array()?;
                 }
@@ -252,8 +252,8 @@ impl VtkParser {
         self.lines.skip_bytes(values.saturating_mul(bits).div_ceil(8), RULE)
     }
 
-    fn three<T: std::str::FromStr>(&self, line: &HeaderLine, rest: &[&str]) -> Result<[T; 3]> {
-        let parsed: Option<Vec<T>> = rest.iter().take(3).map(|word| word.parse().ok()).collect();
+    fn three<T: std::str::FromStr>(&self, line: &HeaderLine, arguments: &[&str]) -> Result<[T; 3]> {
+        let parsed: Option<Vec<T>> = arguments.iter().take(3).map(|word| word.parse().ok()).collect();
         let parsed = parsed.and_then(|values| <[T; 3]>::try_from(values).ok());
         parsed.ok_or_else(|| self.fault(line.at, "VTK grid", "three numbers", clip(&line.text)))
     }

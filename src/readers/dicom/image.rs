@@ -135,8 +135,9 @@ pub(super) fn read(elements: DicomElements, file: usize) -> Result<FileContent> 
     let mut frames = Vec::new();
     let none = TagValues::new();
     for index in 0..frame_count {
-        let own = elements.per_frame.get(index as usize).unwrap_or(&none);
-        let attributes = Attributes { path: &elements.path, sources: vec![own, &elements.shared, &elements.root] };
+        let frame_values = elements.per_frame.get(index as usize).unwrap_or(&none);
+        let attributes =
+            Attributes { path: &elements.path, sources: vec![frame_values, &elements.shared, &elements.root] };
         frames.push(attributes.frame(file, index)?);
     }
     let has_lut = elements.root.contains_key(&tags::MODALITY_LUT);
@@ -334,8 +335,8 @@ impl Attributes<'_> {
 /// Returns names and values of what can differ between two frames at one position, the likeliest first.
 pub(super) fn circumstances(elements: &DicomElements, frame: u32) -> Vec<(&'static str, Vec<u8>)> {
     let none = TagValues::new();
-    let own = elements.per_frame.get(frame as usize).unwrap_or(&none);
-    let attributes = Attributes { path: &elements.path, sources: vec![own, &elements.shared, &elements.root] };
+    let frame_values = elements.per_frame.get(frame as usize).unwrap_or(&none);
+    let attributes = Attributes { path: &elements.path, sources: vec![frame_values, &elements.shared, &elements.root] };
     [
         ("echo time", tags::ECHO_TIME),
         ("temporal position", tags::TEMPORAL_POSITION),

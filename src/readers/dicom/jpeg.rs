@@ -82,8 +82,9 @@ pub(super) fn decode_2000(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, Fram
         Ok(decoded.components().first().map(|component| component.samples().to_vec()).unwrap_or_default())
     })?;
     // The decoder shifts signed samples up as if they were not (its comment on Ssiz says so).
-    let half = 2f32.powi(i32::from(precision) - 1);
-    let (shift, low, high) = if signed { (half, -half, half - 1.0) } else { (0.0, 0.0, 2.0 * half - 1.0) };
+    let half_range = 2f32.powi(i32::from(precision) - 1);
+    let (shift, low, high) =
+        if signed { (half_range, -half_range, half_range - 1.0) } else { (0.0, 0.0, 2.0 * half_range - 1.0) };
     #[expect(clippy::cast_possible_truncation, reason = "clamped to a range of at most 17 bits; NaN is 0")]
     let bits = |number: f32| ((number - shift).round().clamp(low, high) as i32).cast_unsigned();
     full(numbers.into_iter().map(bits).collect(), size)

@@ -73,8 +73,8 @@ pub(super) fn choose(
                 .take(MOST_LISTED)
                 .map(|(number, group)| format!("{number}: {}", described(files, group)))
                 .collect();
-            let rest = groups.len().saturating_sub(MOST_LISTED);
-            let more = if rest > 0 { format!("; and {rest} more") } else { String::new() };
+            let unlisted = groups.len().saturating_sub(MOST_LISTED);
+            let more = if unlisted > 0 { format!("; and {unlisted} more") } else { String::new() };
             let listed = listed.join("; ");
             let why = match choice {
                 None => format!("holds {} series; choose one with `OpenOptions::series`: {listed}{more}", groups.len()),
@@ -92,14 +92,14 @@ pub(super) fn choose(
 }
 
 fn belong_together(files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -> bool {
-    let near = |a: f64, b: f64, share: f64| (a - b).abs() <= share * a.abs().max(b.abs()).max(1.0);
+    let close_to = |a: f64, b: f64, share: f64| (a - b).abs() <= share * a.abs().max(b.abs()).max(1.0);
     let same_spacing = match (a.spacing, b.spacing) {
         (Some(a), Some(b)) => (0..2).all(|axis| (a[axis] - b[axis]).abs() <= 1e-3 * a[axis].abs()),
         (a, b) => a == b,
     };
     let same_facing = match (a.place, b.place) {
         (Some(a), Some(b)) => {
-            (0..2).all(|row| (0..3).all(|c| near(a.orientation[row][c], b.orientation[row][c], SAME_DIRECTION)))
+            (0..2).all(|row| (0..3).all(|c| close_to(a.orientation[row][c], b.orientation[row][c], SAME_DIRECTION)))
         }
         (a, b) => a.is_none() && b.is_none(),
     };
@@ -182,13 +182,13 @@ fn stack_by_position(
     let [row, column] = place.orientation;
     let normal = cross(row, column);
     let position = |frame: &DicomFrame| frame.place.map_or([0.0; 3], |place| place.position);
-    let along = |frame: &DicomFrame| dot(position(frame), normal);
-    frames.sort_by(|a, b| along(a).total_cmp(&along(b)).then((a.file, a.index).cmp(&(b.file, b.index))));
+    let height = |frame: &DicomFrame| dot(position(frame), normal);
+    frames.sort_by(|a, b| height(a).total_cmp(&height(b)).then((a.file, a.index).cmp(&(b.file, b.index))));
     let origin = position(&frames[0]);
     let (spacing, axis) = if frames.len() == 1 {
         (frames[0].depth.unwrap_or_else(|| guessed_depth(notes)), normal)
     } else {
-        let steps: Vec<f64> = frames.windows(2).map(|pair| along(&pair[1]) - along(&pair[0])).collect();
+        let steps: Vec<f64> = frames.windows(2).map(|pair| height(&pair[1]) - height(&pair[0])).collect();
         let mut sorted = steps.clone();
         sorted.sort_by(f64::total_cmp);
         let (median, largest) = (sorted[sorted.len() / 2], sorted[sorted.len() - 1]);

@@ -190,10 +190,10 @@ impl TiffPages {
 
     /// Checks that the page has `shape`, like `whose`, and that the file has the bytes of its samples.
     pub(super) fn check(&mut self, shape: &PageShape, whose: &str) -> Result<()> {
-        let own = self.shape()?;
-        if own != *shape {
+        let page_shape = self.shape()?;
+        if page_shape != *shape {
             let expected = format!("{} as in {whose}; all slices must be alike", shape.described());
-            let got = format!("{} in page {}", own.described(), self.number);
+            let got = format!("{} in page {}", page_shape.described(), self.number);
             return Err(self.format_fault("TIFF page", expected, got));
         }
         let need = self.tile_bytes(shape);

@@ -25,13 +25,13 @@ const UNSPLIT: u8 = 16;
 /// The fault, in words, if the frame is damaged.
 pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, ChunkFault> {
     let [version, _, flags, element, ..] = *frame else { return Err("a Blosc frame without a header".into()) };
-    let said = word(frame, 4)?;
+    let stated_len = word(frame, 4)?;
     let block_len = word(frame, 8)?;
     if !(1..=2).contains(&version) {
         return Err(format!("a Blosc frame of version {version}"));
     }
-    if said != len {
-        return Err(format!("a Blosc frame of {said} bytes"));
+    if stated_len != len {
+        return Err(format!("a Blosc frame of {stated_len} bytes"));
     }
     if flags & PLAIN != 0 {
         let plain = frame.get(HEADER_BYTES..HEADER_BYTES + len);
@@ -42,7 +42,7 @@ pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, ChunkFault> {
         return Err("a Blosc frame of empty blocks".into());
     }
     let mut out = vec![0; len];
-    let mut scratch = vec![0; block_len.min(len)];
+    let mut shuffled_block = vec![0; block_len.min(len)];
     for (index, block) in out.chunks_mut(block_len.max(1)).enumerate() {
         let start = word(frame, HEADER_BYTES + 4 * index)?;
         let is_last_part = block.len() < block_len;
@@ -51,7 +51,7 @@ pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, ChunkFault> {
             && block_len / element >= SPLIT.0
             && block.len().is_multiple_of(element)
             && !is_last_part;
-        let shuffled = &mut scratch[..block.len()];
+        let shuffled = &mut shuffled_block[..block.len()];
         unpack_block(frame, start, shuffled, if split { element } else { 1 }, flags >> 5)?;
         if flags & BYTE_SHUFFLE != 0 && element > 1 {
             unshuffle_bytes(shuffled, block, element);

@@ -129,7 +129,7 @@ struct ArrayAxes {
     /// The dimensions along x, y, z; an image may have no z.
     space: [Option<usize>; 3],
     /// All others, with their names.
-    others: Vec<(usize, String)>,
+    volume_dimensions: Vec<(usize, String)>,
     /// Unit of lengths, if x, y and z share one.
     unit: Option<String>,
 }
@@ -162,20 +162,23 @@ impl ArrayAxes {
             let names: Vec<&str> = named.iter().map(|axis| axis.name.as_str()).collect();
             return Err(fault("axes x and y, or no names", names.join(", ")));
         }
-        let others = (0..dimensions).filter(|at| !space.contains(&Some(*at)));
-        let others = others.map(|at| (at, named[at].name.clone())).collect();
+        let volume_dimensions = (0..dimensions).filter(|at| !space.contains(&Some(*at)));
+        let volume_dimensions = volume_dimensions.map(|at| (at, named[at].name.clone())).collect();
         let units: Vec<&Option<String>> = space.iter().flatten().map(|at| &named[*at].unit).collect();
         let unit = if units.iter().all(|unit| *unit == units[0]) { units[0].clone() } else { None };
-        Ok(ArrayAxes { space, others, unit })
+        Ok(ArrayAxes { space, volume_dimensions, unit })
     }
 
     /// Returns the index of volume `number` along each dimension; 0 along x, y, z.
     fn volume(&self, array: &ZarrArray, number: u64) -> Result<Vec<u64>> {
-        let counts = self.others.iter().map(|(dimension, _)| array.shape[*dimension]);
+        let counts = self.volume_dimensions.iter().map(|(dimension, _)| array.shape[*dimension]);
         let count = counts.fold(1, u64::saturating_mul);
         if number >= count {
-            let axes: Vec<String> =
-                self.others.iter().map(|(dimension, name)| format!("{name} {}", array.shape[*dimension])).collect();
+            let axes: Vec<String> = self
+                .volume_dimensions
+                .iter()
+                .map(|(dimension, name)| format!("{name} {}", array.shape[*dimension]))
+                .collect();
             let axes =
                 if axes.is_empty() { String::new() } else { format!(" ({}, the last fastest)", axes.join(", ")) };
             let volumes = if count == 1 { "volume" } else { "volumes" };
@@ -185,10 +188,10 @@ impl ArrayAxes {
             ));
         }
         let mut index = vec![0; array.shape.len()];
-        let mut rest = number;
-        for (dimension, _) in self.others.iter().rev() {
-            index[*dimension] = rest % array.shape[*dimension];
-            rest /= array.shape[*dimension];
+        let mut remaining = number;
+        for (dimension, _) in self.volume_dimensions.iter().rev() {
+            index[*dimension] = remaining % array.shape[*dimension];
+            remaining /= array.shape[*dimension];
         }
         Ok(index)
     }
@@ -330,9 +333,9 @@ impl ZarrReader {
         let width = self.header.sample_type.bytes();
         let strides = self.strides();
         // The first sample of this volume in the chunk.
-        let others = (0..self.index.len()).filter(|dimension| !self.space.contains(&Some(*dimension)));
+        let volume_dimensions = (0..self.index.len()).filter(|dimension| !self.space.contains(&Some(*dimension)));
         let first: usize =
-            others.map(|other| index(self.index[other] % self.chunks.shape()[other]) * strides[other]).sum();
+            volume_dimensions.map(|other| index(self.index[other] % self.chunks.shape()[other]) * strides[other]).sum();
         let [dx, dy, dz] = self.space.map(|dimension| dimension.map_or(0, |dimension| strides[dimension]));
         let fill = &self.chunks.array().fill;
         for z in 0..slices {

@@ -69,11 +69,12 @@ pub(super) fn read(path: &Path, attributes: &Map<String, Value>) -> Result<Optio
     let all = transforms(&image["coordinateTransformations"])?;
     let mut levels = Vec::new();
     for dataset in datasets {
-        let own = transforms(&dataset["coordinateTransformations"])?;
+        let (scale, translation) = transforms(&dataset["coordinateTransformations"])?;
+        let translation = translation.iter().zip(&all.0).zip(&all.1).map(|((own, scale), all)| own * scale + all);
         levels.push(ImageLevel {
             path: inside(path, &dataset["path"]).ok_or_else(|| fault("a path inside the group", &dataset["path"]))?,
-            scale: own.0.iter().zip(&all.0).map(|(own, all)| own * all).collect(),
-            translation: own.1.iter().zip(&all.0).zip(&all.1).map(|((own, scale), all)| own * scale + all).collect(),
+            scale: scale.iter().zip(&all.0).map(|(own, all)| own * all).collect(),
+            translation: translation.collect(),
         });
     }
     Ok(Some(Multiscales { axes, levels }))

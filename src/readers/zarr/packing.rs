@@ -48,9 +48,9 @@ pub(super) fn unpack(packings: &[Packing], packed: Vec<u8>, len: usize) -> Resul
             Packing::Deflate => inflate(&bytes, most)?,
             Packing::Zstd => zstd(&bytes, most)?,
             Packing::Blosc => {
-                let said = bytes.get(4..8).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
-                match said {
-                    Some(said) if said <= most => blosc::unpack(&bytes, said)?,
+                let stated = bytes.get(4..8).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
+                match stated {
+                    Some(stated) if stated <= most => blosc::unpack(&bytes, stated)?,
                     _ => blosc::unpack(&bytes, most)?,
                 }
             }
@@ -92,9 +92,9 @@ fn at_most(decoder: impl Read, most: usize) -> Result<Vec<u8>, ChunkFault> {
 
 fn strip_checksum(mut bytes: Vec<u8>) -> Result<Vec<u8>, ChunkFault> {
     let len = bytes.len().checked_sub(4).ok_or("a chunk without its checksum")?;
-    let said = bytes[len..].to_vec();
+    let stated = bytes[len..].to_vec();
     bytes.truncate(len);
-    if crc32c(&bytes).to_le_bytes() == said[..] {
+    if crc32c(&bytes).to_le_bytes() == stated[..] {
         Ok(bytes)
     } else {
         Err("another checksum than its bytes have".into())
