@@ -163,3 +163,17 @@ pub(super) fn plain_header(grid: Grid, sample_type: SampleType, path: &Path, for
 pub(super) fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
+
+#[cfg(all(test, not(any(feature = "dicom", feature = "tiff"))))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_whose_reader_is_left_out_names_the_feature() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/readers/compressed");
+        for (file, feature) in [("u16-zstd-strips.tif", "enable feature `tiff`"), ("u16-j2k.dcm", "feature `dicom`")] {
+            let error = open(folder.join(file), &OpenOptions::new()).map(drop).expect_err(file).to_string();
+            assert!(error.contains(feature), "{error}");
+        }
+    }
+}

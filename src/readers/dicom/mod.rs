@@ -62,7 +62,8 @@ pub(super) fn open(path: &Path, files: Option<Vec<PathBuf>>, options: &OpenOptio
         notes.push("the modality look-up table is not applied; samples are as stored".into());
     }
     let header = Header { grid, sample_type, slope, intercept, name: file_name(path), format: "DICOM" };
-    Ok(Box::new(DicomReader::new(header, files, frames, scaled, notes)))
+    let pixels = PixelReader::default();
+    Ok(Box::new(DicomReader { header, files, frames, stored: None, scaled, pixels, slices_read: 0, notes }))
 }
 
 fn read_file(path: &Path) -> Result<(Vec<ImageFile>, Vec<DicomFrame>)> {
@@ -132,13 +133,6 @@ struct DicomReader {
     /// Slices read since the start.
     slices_read: u32,
     notes: Vec<String>,
-}
-
-impl DicomReader {
-    fn new(header: Header, files: Vec<ImageFile>, frames: Vec<DicomFrame>, scaled: bool, notes: Vec<String>) -> Self {
-        let pixels = PixelReader::default();
-        DicomReader { header, files, frames, stored: None, scaled, pixels, slices_read: 0, notes }
-    }
 }
 
 impl SlabSource for DicomReader {

@@ -67,23 +67,19 @@ pub(super) fn choose(
     match picked.as_slice() {
         [one] => Ok(groups.swap_remove(*one)),
         _ => {
-            let listed: Vec<String> = groups
-                .iter()
-                .enumerate()
-                .take(MOST_LISTED)
-                .map(|(number, group)| format!("{number}: {}", described(files, group)))
-                .collect();
+            let listed = groups.iter().enumerate().take(MOST_LISTED);
+            let listed: Vec<String> =
+                listed.map(|(number, group)| format!("{number}: {}", described(files, group))).collect();
             let unlisted = groups.len().saturating_sub(MOST_LISTED);
             let more = if unlisted > 0 { format!("; and {unlisted} more") } else { String::new() };
-            let listed = listed.join("; ");
+            let listed = listed.join("; ") + &more;
             let why = match choice {
-                None => format!("holds {} series; choose one with `OpenOptions::series`: {listed}{more}", groups.len()),
+                None => format!("holds {} series; choose one with `OpenOptions::series`: {listed}", groups.len()),
                 Some(choice) => {
                     let choice = choice.escape_debug();
                     let count = if picked.is_empty() { "no series" } else { "more than one series" };
-                    format!(
-                        "has {count} \"{choice}\"; `OpenOptions::series` takes a number of this list or a UID's end: {listed}{more}"
-                    )
+                    let takes = "`OpenOptions::series` takes a number of this list or a UID's end";
+                    format!("has {count} \"{choice}\"; {takes}: {listed}")
                 }
             };
             Err(Error::input(what, why))

@@ -172,10 +172,8 @@ impl JsonFields {
             Some("/") => ("", '/'),
             Some(other) => return Err(self.fault("dimension_separator", "\".\" or \"/\"", other)),
         };
-        let names = attributes.get("_ARRAY_DIMENSIONS").and_then(Value::as_array);
-        let names = names.map(|names| names.iter().map(|name| name.as_str().map(str::to_owned)).collect());
+        let names = texts(attributes.get("_ARRAY_DIMENSIONS").unwrap_or(&Value::Null));
         let fill = self.fill(sample_type, endian)?;
-        let names = names.unwrap_or_default();
         self.checked(ZarrArray {
             path: path.to_path_buf(),
             shape,
@@ -235,8 +233,7 @@ impl JsonFields {
             }
             Some(configuration) => self.shard(configuration, shape.len())?,
         };
-        let names = self.value("dimension_names").as_array();
-        let names = names.map(|names| names.iter().map(|name| name.as_str().map(str::to_owned)).collect());
+        let names = texts(self.value("dimension_names"));
         let endian = inside.endian;
         let fill = self.fill(sample_type, endian)?;
         self.checked(ZarrArray {
@@ -250,7 +247,7 @@ impl JsonFields {
             order: inside.order,
             packings: inside.packings,
             key,
-            names: names.unwrap_or_default(),
+            names,
         })
     }
 
@@ -400,6 +397,11 @@ struct Codecs {
     /// The configuration of a sharding codec.
     shard: Option<Value>,
     packings: Vec<Packing>,
+}
+
+/// Returns the texts of a list; `None` for each item that is no text.
+fn texts(list: &Value) -> Vec<Option<String>> {
+    list.as_array().into_iter().flatten().map(|item| item.as_str().map(str::to_owned)).collect()
 }
 
 /// The name of a version 3 extension: `{"name": ...}` or the name alone.
