@@ -91,7 +91,7 @@ mod tests {
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the folder of all crates");
         let all = ["core", "readers", "judge", "study"].map(|library| sources(&source.join(library))).concat();
         let names = SAME_NAME.split(' ').chain(FLAGS.map(|(name, _)| name)).map(|name| format!("\"{name}\""));
-        for words in names.chain(ADVICE.map(|(advice, _)| advice.to_owned())) {
+        for words in names.chain(ADVICE.into_iter().chain(MORE_ADVICE).map(|(advice, _)| advice.to_owned())) {
             assert!(all.contains(&words), "no library says {words}");
         }
     }

@@ -10,9 +10,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::volume::UnscaledSource;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};
-use adjsplat_readers::open;
-use adjsplat_readers::raw::{RawOptions, parse_dims, parse_type};
-use adjsplat_readers::slab::Endian;
+use adjsplat_readers::{Endian, OpenOptions, RawOptions, open, parse_dims, parse_type};
 
 /// How to read what a file does not say itself.
 #[derive(Debug, Args)]
@@ -78,10 +76,17 @@ impl InputArguments {
             let why = "is an .adj file, which holds no volume; give the volume that it was built from";
             return Err(Error::input(input.display().to_string(), why));
         }
-        let (level, series) = (self.level, self.series.clone());
-        let options =
-            open::OpenOptions { raw: self.raw()?, volume_index: self.volume, spacing: self.spacing, level, series };
-        let source = open::open(input, &options)?;
+        let mut options = OpenOptions::new().volume_index(self.volume).level(self.level);
+        if let Some(raw) = self.raw()? {
+            options = options.raw(raw);
+        }
+        if let Some(spacing) = self.spacing {
+            options = options.spacing(spacing);
+        }
+        if let Some(series) = &self.series {
+            options = options.series(series);
+        }
+        let source = open(input, &options)?;
         for note in source.notes() {
             print_note(note);
         }
@@ -92,10 +97,8 @@ impl InputArguments {
     fn raw(&self) -> Result<Option<RawOptions>> {
         match (self.dims, self.sample_type) {
             (Some(dims), Some((sample_type, endian))) => {
-                let mut raw = RawOptions::new(dims, sample_type);
-                raw.endian = self.endian.unwrap_or(endian);
-                raw.skip = self.skip.unwrap_or(0);
-                Ok(Some(raw))
+                let raw = RawOptions::new(dims, sample_type).endian(self.endian.unwrap_or(endian));
+                Ok(Some(raw.skip(self.skip.unwrap_or(0))))
             }
             (None, None) if self.endian.is_some() || self.skip.is_some() => {
                 Err(Error::input("--endian, --skip", "are for raw files; give --dims and --type too"))

@@ -205,8 +205,7 @@ fn each_limit_of_a_volume_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("v.raw");
     std::fs::write(&path, vec![0; 6 * 5 * 4 * 2]).unwrap();
-    let raw = Some(RawOptions::new([6, 5, 4], SampleType::U16));
-    let options = OpenOptions { raw, ..OpenOptions::default() };
+    let options = OpenOptions::new().raw(RawOptions::new([6, 5, 4], SampleType::U16));
     let exact = Limits { points_per_axis: 6, points: 120, slice_bytes: 60, ..Limits::default() };
     open_with(&path, &options, &exact).expect("limits are inclusive");
     for (limits, what) in [

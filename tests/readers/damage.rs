@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use adjsplat::volume::SampleType;
-use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_readers::{OpenOptions, open};
 
 use super::sample::{known, read};
 

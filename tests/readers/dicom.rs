@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use adjsplat::volume::{SampleType, Samples};
-use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_readers::{OpenOptions, open};
 
 use super::sample::{Folder, Read, bytes, expect_refused, known, read, read_with};
 
@@ -190,7 +190,7 @@ pub(crate) fn slice(ty: SampleType, samples: &[u8], z: f64) -> Elements {
 
 /// Slice `z` of the known volume.
 fn known_slice(ty: SampleType, z: usize) -> Elements {
-    let bytes = bytes(&known(ty), adjsplat_readers::slab::Endian::Little);
+    let bytes = bytes(&known(ty), adjsplat_readers::Endian::Little);
     let half = bytes.len() / 2;
     slice(ty, &bytes[z * half..(z + 1) * half], 2.0 * z as f64)
 }
@@ -216,7 +216,7 @@ fn refused(path: &Path, parts: &[&str]) {
 }
 
 fn series(choice: &str) -> OpenOptions {
-    OpenOptions { series: Some(choice.into()), ..OpenOptions::default() }
+    OpenOptions::new().series(choice)
 }
 
 const INTEGERS: [SampleType; 6] =
@@ -367,7 +367,7 @@ fn several_series_are_listed_and_one_can_be_chosen() {
         folder.path(),
         &[
             "holds 3 series",
-            "--series",
+            "`OpenOptions::series`",
             "0: CT \"thorax\", 1 slice of 4 x 3 (...1.2.3.4.555)",
             "1: CT \"thorax\", 3 slices of 4 x 3",
             "2: MR \"t1 \\u{1b}[31m\"",
@@ -630,7 +630,7 @@ fn sizes_and_types_that_cannot_be_are_refused() {
         (a().text(0x28, 0x10, "US", "xyz"), ["DICOM Rows", "two bytes"]),
         (a().text(0x28, 0x30, "DS", "1\\x"), ["Pixel Spacing", "2 finite numbers"]),
         (a().text(0x28, 0x30, "DS", "1\\nan"), ["Pixel Spacing", "2 finite numbers"]),
-        (a().text(0x28, 0x30, "DS", "1\\0"), ["spacings above 0", "--spacing"]),
+        (a().text(0x28, 0x30, "DS", "1\\0"), ["spacings above 0", "`OpenOptions::spacing`"]),
         (a().text(0x20, 0x37, "DS", "1\\0\\0\\1\\0\\0"), ["Orientation", "right angles"]),
         (a().text(0x20, 0x37, "DS", "0\\0\\0\\0\\0\\0"), ["Orientation", "right angles"]),
         (a().text(0x20, 0x32, "DS", "1\\2"), ["Position", "3 finite numbers"]),
@@ -640,7 +640,7 @@ fn sizes_and_types_that_cannot_be_are_refused() {
     ] {
         refused(&elements.write(&folder, "a.dcm"), &parts);
     }
-    let second = OpenOptions { volume_index: 1, ..OpenOptions::default() };
+    let second = OpenOptions::new().volume_index(1);
     expect_refused(&a().write(&folder, "a.dcm"), &second, &["volume", "holds 1 volume"]);
 }
 

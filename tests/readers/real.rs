@@ -1,7 +1,7 @@
 //! Real volumes: dimensions, spacing, and the digest that independent readers agreed on (shared/data/MANIFEST.md).
 
 use adjsplat::volume::{Header, SampleType};
-use adjsplat_readers::open::OpenOptions;
+use adjsplat_readers::OpenOptions;
 use adjsplat_tests::real_volume;
 use sha2::{Digest, Sha256};
 
@@ -21,7 +21,7 @@ fn check_volume(
     sha: &str,
 ) -> Option<Header> {
     let path = real_volume(file)?;
-    let options = OpenOptions { volume_index, ..OpenOptions::default() };
+    let options = OpenOptions::new().volume_index(volume_index);
     let mut read = read_with(&path, &options).unwrap_or_else(|error| panic!("{error}"));
     if cfg!(target_endian = "big") {
         read.samples.swap_bytes();

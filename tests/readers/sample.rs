@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use adjsplat::volume::{Header, SampleType, Samples};
 use adjsplat::{Result, with_samples};
-use adjsplat_readers::open::{OpenOptions, open};
-use adjsplat_readers::slab::Endian;
+use adjsplat_readers::{Endian, OpenOptions, open};
 
 /// Its points along x, y, z.
 pub(crate) const DIMS: [u64; 3] = [4, 3, 2];

@@ -64,10 +64,9 @@ fn missing_samples_and_borders_have_one_sided_gradients() {
     let path = folder.path().join("three.raw");
     let samples = [1.0f32, f32::NAN, 4.0, 6.0, 9.0];
     std::fs::write(&path, samples.iter().flat_map(|s| s.to_le_bytes()).collect::<Vec<u8>>()).unwrap();
-    let mut raw = adjsplat_readers::raw::RawOptions::new([5, 1, 1], SampleType::F32);
-    raw.endian = adjsplat_readers::slab::Endian::Little;
-    let options = adjsplat_readers::open::OpenOptions { raw: Some(raw), ..Default::default() };
-    let mut source = adjsplat_readers::open::open(&path, &options).unwrap();
+    let raw = adjsplat_readers::RawOptions::new([5, 1, 1], SampleType::F32);
+    let options = adjsplat_readers::OpenOptions::new().raw(raw);
+    let mut source = adjsplat_readers::open(&path, &options).unwrap();
     let transfer = transfer(
         r##"{ "kind": "points", "points": [{ "value": 0, "colour": "#ffffff", "opacity": 0.5 }],
             "gradient": [{ "magnitude": 0, "factor": 0 }, { "magnitude": 10, "factor": 1 }] }"##,
