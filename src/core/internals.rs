@@ -20,3 +20,12 @@ pub mod scatter {
     pub use crate::splat::cpu::raster::{BLOCK, EllipseEach, Limits, Splats};
     pub use crate::splat::cpu::{Drawn, Work, assemble};
 }
+
+/// The stages of the renderer on graphics devices: their records, their shaders, and access to their buffers.
+#[cfg(feature = "gpu")]
+pub mod gpu_stages {
+    pub use crate::splat::gpu::layout::{AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING};
+    pub use crate::splat::gpu::layout::{Splat, TILE, VisitedVoxel};
+    pub use crate::splat::gpu::probe::{Probe, ProbeCallback};
+    pub use crate::splat::gpu::stages::{BlendMode, SHADERS};
+}
