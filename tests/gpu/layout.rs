@@ -1,7 +1,6 @@
 //! Three spellings, one layout: Rust's records, the shaders' as naga lays them out, the format's tables; constants too.
 
 use std::mem::{offset_of, size_of};
-use std::path::Path;
 
 use super::twin;
 use adjsplat::arena::layout::TileRecord;

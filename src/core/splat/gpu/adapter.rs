@@ -12,6 +12,15 @@ use wgpu::{
 use super::context::{MAX_BINDING, one_line};
 use crate::error::{Error, Result};
 
+/// Kinds of hardware, best first, and their names.
+const KINDS: [(DeviceType, &str); 5] = [
+    (DeviceType::DiscreteGpu, "discrete"),
+    (DeviceType::IntegratedGpu, "integrated"),
+    (DeviceType::VirtualGpu, "virtual"),
+    (DeviceType::Other, "other"),
+    (DeviceType::Cpu, "software"),
+];
+
 /// What the system says of an adapter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AdapterFacts {
@@ -36,13 +45,7 @@ pub struct AdapterFacts {
 impl AdapterFacts {
     fn new(adapter: &Adapter) -> AdapterFacts {
         let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
-        let kind = match info.device_type {
-            DeviceType::DiscreteGpu => "discrete",
-            DeviceType::IntegratedGpu => "integrated",
-            DeviceType::VirtualGpu => "virtual",
-            DeviceType::Cpu => "software",
-            DeviceType::Other => "other",
-        };
+        let kind = KINDS.iter().find(|(kind, _)| *kind == info.device_type).map_or("other", |(_, name)| name);
         AdapterFacts {
             name: info.name,
             backend: info.backend.to_string(),
@@ -89,13 +92,10 @@ fn ranked() -> Vec<Adapter> {
     let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::all()));
     adapters.retain(|adapter| required_limits(adapter).is_some());
     let saves_power = PowerPreference::from_env() == Some(PowerPreference::LowPower);
-    adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
-        DeviceType::DiscreteGpu => 1,
-        DeviceType::IntegratedGpu if saves_power => 0,
-        DeviceType::IntegratedGpu => 2,
-        DeviceType::VirtualGpu => 3,
-        DeviceType::Other => 4,
-        DeviceType::Cpu => 5,
+    adapters.sort_by_key(|adapter| {
+        let kind = adapter.get_info().device_type;
+        let is_first = saves_power && kind == DeviceType::IntegratedGpu;
+        if is_first { None } else { KINDS.iter().position(|(ranked, _)| *ranked == kind) }
     });
     adapters
 }
@@ -123,8 +123,7 @@ pub fn open(name: Option<&str>) -> Result<Opened> {
     let wanted = name.map(str::to_owned).or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok());
     let adapters = ranked();
     if adapters.is_empty() {
-        let why = "there is none; install a driver (Vulkan, Metal or DX12), or take --renderer cpu";
-        return Err(Error::device(why));
+        return Err(Error::device("there is none; install a driver (Vulkan, Metal or DX12), or take --renderer cpu"));
     }
     let facts: Vec<AdapterFacts> = adapters.iter().map(AdapterFacts::new).collect();
     let is_wanted = |facts: &AdapterFacts| {

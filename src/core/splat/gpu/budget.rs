@@ -12,56 +12,38 @@ use super::lines::LaneSize;
 use crate::arena::TileRecord;
 use crate::error::{Error, Result};
 
-/// Most records of a chunk: enough to keep a large device busy.
-const MAX_SLOTS: u64 = 1 << 20;
+const MAX_SLOTS: u64 = 1 << 20; // Most records of a chunk: enough to keep a large device busy.
 /// The same on software devices. Mesa's llvmpipe, before version 25, silently ends the loops of an invocation after
 /// 65,535 turns in all; a tile that all of these splats meet takes 38,000.
 const MAX_SLOTS_IN_SOFTWARE: u64 = 1 << 17;
-/// Fewest records of a chunk: the longest line.
-const MIN_SLOTS: u64 = 1 << 16;
-/// Bytes of a pixel, accumulated and again read back.
-const PIXEL_BYTES: u64 = 16;
-/// Rows that are read back are a multiple of so many bytes.
-const ROW_ALIGNMENT: u64 = 256;
-/// Bytes of uniforms, counters, times, and of what a driver rounds up.
-const FIXED_BYTES: u64 = 1 << 20;
-/// Most bytes of a line end, and of a line's word in the list.
-const MAX_LINE_BYTES: u64 = 4;
-/// Least bytes that are left for a lane.
-const MIN_LANE_BYTES: u64 = 1 << 20;
+const MIN_SLOTS: u64 = 1 << 16; // Fewest records of a chunk: the longest line.
+const PIXEL_BYTES: u64 = 16; // Bytes of a pixel, accumulated and again read back.
+const ROW_ALIGNMENT: u64 = 256; // Rows that are read back are a multiple of so many bytes.
+const FIXED_BYTES: u64 = 1 << 20; // Bytes of uniforms, counters, times, and of what a driver rounds up.
+const MAX_LINE_BYTES: u64 = 4; // Most bytes of a line end, and of a line's word in the list.
+const MIN_LANE_BYTES: u64 = 1 << 20; // Least bytes that are left for a lane.
 
 /// What a frame asks of the video memory.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MemoryDemand {
-    /// Most bytes of video memory.
-    pub(crate) ceiling: u64,
-    /// Bytes of the device's largest binding.
-    pub(crate) max_binding: u64,
-    /// Columns and rows of the picture.
-    pub(crate) size: [u32; 2],
-    /// Bytes of the tables.
-    pub(crate) table_bytes: u64,
-    /// Bytes per record of a lane's widest channel.
-    pub(crate) widest_channel: u64,
+    pub(crate) ceiling: u64,        // Most bytes of video memory.
+    pub(crate) max_binding: u64,    // Bytes of the device's largest binding.
+    pub(crate) size: [u32; 2],      // Columns and rows of the picture.
+    pub(crate) table_bytes: u64,    // Bytes of the tables.
+    pub(crate) widest_channel: u64, // Bytes per record of a lane's widest channel.
     pub(crate) is_software: bool,
 }
 
 /// How the video memory is divided.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct MemoryPlan {
-    /// Records of a chunk.
-    pub(crate) slots: u32,
-    /// Rows of pixels that are drawn at a time: a multiple of [`TILE`], or all.
-    pub(crate) window_rows: u32,
-    /// How much of the lanes may be on the device at a time.
-    pub(crate) room: LaneSize,
+    pub(crate) slots: u32,       // Records of a chunk.
+    pub(crate) window_rows: u32, // Rows of pixels that are drawn at a time: a multiple of [`TILE`], or all.
+    pub(crate) room: LaneSize,   // How much of the lanes may be on the device at a time.
 }
 
 impl MemoryPlan {
-    /// Divides the video memory.
-    ///
-    /// # Errors
-    /// [`Error::Limit`] if there is too little for the smallest shares.
+    /// Divides the video memory; [`Error::Limit`] if there is too little for the smallest shares.
     pub(crate) fn new(demand: MemoryDemand) -> Result<MemoryPlan> {
         let MemoryDemand { ceiling, max_binding, size, table_bytes, widest_channel, is_software } = demand;
         let max_slots = if is_software { MAX_SLOTS_IN_SOFTWARE } else { MAX_SLOTS };

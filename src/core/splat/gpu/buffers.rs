@@ -9,8 +9,7 @@ use wgpu::{
 use super::context::Context;
 use crate::error::{Error, Result};
 
-/// A kept buffer may be larger than needed by so many bytes.
-const SLACK: u64 = 1 << 16;
+const SLACK: u64 = 1 << 16; // A kept buffer may be larger than needed by so many bytes.
 
 /// The buffers of the stages, by [`BufferName`], and the texture that quads are drawn into.
 #[derive(Debug, Default)]
@@ -37,9 +36,6 @@ pub(super) enum BufferName {
 
 impl FrameBuffers {
     /// Returns the buffer `name` of at least `bytes` bytes: a new one if the kept one is too small, or far too large.
-    ///
-    /// # Errors
-    /// [`Error::Limit`] if the device allows none as large.
     pub(super) fn make(&mut self, context: &Context, name: BufferName, bytes: u64) -> Result<Buffer> {
         let slot = &mut self.buffers[name as usize];
         if let Some(buffer) = slot.as_ref().filter(|buffer| (bytes..=bytes + SLACK).contains(&buffer.size())) {
@@ -56,9 +52,6 @@ impl FrameBuffers {
     }
 
     /// Makes the target, unless the kept one has this size (columns and rows) and format.
-    ///
-    /// # Errors
-    /// [`Error::Limit`] if the device allows none as large.
     pub(super) fn make_target(&mut self, context: &Context, size: [u32; 2], format: TextureFormat) -> Result<()> {
         let [width, height] = size;
         let have = context.limits.max_texture_dimension_2d;
@@ -94,7 +87,6 @@ impl FrameBuffers {
         self.target.as_ref().expect("a target is made before it is drawn into")
     }
 
-    /// Returns the bytes of all buffers and the target.
     pub(super) fn bytes(&self) -> u64 {
         let target = self.target.as_ref().map_or(0, |target| {
             let pixel = u64::from(target.format().block_copy_size(None).unwrap_or(16));

@@ -12,10 +12,8 @@ use crate::traverse::VoxelBox;
 #[derive(Debug)]
 pub(crate) struct WindowView<'a> {
     pub(crate) view: &'a View,
-    /// Half-widths of a parallel view's footprints, in pixels.
-    pub(crate) half_width: [f64; 2],
-    /// First column and row, one past the last.
-    pub(crate) window: [i32; 4],
+    pub(crate) half_width: [f64; 2], // Half-widths of a parallel view's footprints, in pixels.
+    pub(crate) window: [i32; 4],     // First column and row, one past the last.
     pub(crate) crop: Option<VoxelBox>,
 }
 
@@ -35,8 +33,7 @@ impl WindowView<'_> {
 #[derive(Debug, Default)]
 pub(crate) struct Chunks {
     pub(crate) blocks: Vec<LineBlock>,
-    /// Each with the number of its blocks.
-    pub(crate) chunks: Vec<(Chunk, u32)>,
+    pub(crate) chunks: Vec<(Chunk, u32)>, // Each with the number of its blocks.
 }
 
 impl Chunks {

@@ -15,11 +15,9 @@ use wgpu::{
 
 use crate::error::{Error, Result};
 
-/// Largest binding in use, in bytes: what every device allows.
-pub(crate) const MAX_BINDING: u64 = 128 << 20;
+pub(crate) const MAX_BINDING: u64 = 128 << 20; // Largest binding in use, in bytes: what every device allows.
 
-/// A device that has not answered for so long is taken to hang; software draws large frames for minutes.
-const HANG_TIMEOUT: Duration = Duration::from_secs(600);
+const HANG_TIMEOUT: Duration = Duration::from_secs(600); // Software draws large frames for minutes.
 
 /// A device, its queue, and how many bytes are on their way to it.
 #[derive(Debug)]
@@ -43,10 +41,7 @@ impl Context {
         MAX_BINDING.min(self.limits.max_storage_buffer_binding_size).min(self.limits.max_buffer_size)
     }
 
-    /// Runs `work` and turns the device's complaints meanwhile into errors.
-    ///
-    /// # Errors
-    /// [`Error::Device`]; else those of `work`.
+    /// Runs `work` and turns the device's complaints meanwhile into [`Error::Device`].
     pub(crate) fn watch<T>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
         let filters = [ErrorFilter::Validation, ErrorFilter::Internal, ErrorFilter::OutOfMemory];
         let scopes = filters.map(|filter| self.device.push_error_scope(filter));

@@ -21,14 +21,13 @@ use super::stages::{BlendMode, ComputeStage, Pipelines, render_pass};
 use super::timing::Pass;
 use super::{Compositor, Renderer, Stats, Target};
 use crate::error::Result;
-use crate::splat::Settings;
-use crate::splat::frame::Frame;
 use crate::splat::shot::Shot;
+use crate::splat::{Frame, Settings};
 
 /// Where a picture goes.
-pub(super) enum FrameOutput<'o> {
+pub(super) enum FrameOutput<'o, 'p> {
     /// Back to the processor.
-    Frame(&'o mut Frame),
+    Frame(&'o mut Frame, Option<ProbeCallback<'p>>),
     /// Into a texture, without waiting for the device; nothing is timed or counted then.
     Texture(&'o Canvas<'o>),
 }
@@ -56,7 +55,6 @@ pub(super) fn frame<'a>(
     plan: MemoryPlan,
     output: FrameOutput,
     stats: &mut Stats,
-    probe: Option<ProbeCallback>,
 ) -> Result<()> {
     let context = renderer.context.clone();
     let mut draw = FrameDraw {
@@ -68,9 +66,9 @@ pub(super) fn frame<'a>(
         plan,
         termination: settings.termination(),
         blend: BlendMode::new(settings.mode, settings.sense),
-        is_timed: matches!(output, FrameOutput::Frame(_)),
+        is_timed: matches!(output, FrameOutput::Frame(..)),
         stats,
-        probe,
+        probe: None,
     };
     draw.stats.slabs = draw.list.slabs.len();
     draw.make_room();
@@ -84,7 +82,8 @@ pub(super) fn frame<'a>(
     let windows = (0..rows).step_by(step).map(|y0| [0, y0, columns, rows.min(y0.saturating_add(height))]);
     let mut records = 0;
     match output {
-        FrameOutput::Frame(frame) => {
+        FrameOutput::Frame(frame, probe) => {
+            draw.probe = probe;
             let parts = frame.pixels_mut().chunks_mut(step * 4 * settings.size[0] as usize);
             for (window, out) in windows.zip(parts) {
                 records += draw.window(window)?;

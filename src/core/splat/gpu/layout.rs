@@ -17,16 +17,11 @@ use crate::splat::shot::Shot;
 use crate::splat::view::{Affine, PixelMap};
 use crate::traverse::{AxisOrder, Sense, SplitForm, VoxelBox};
 
-/// Most lines of a block, and invocations of a workgroup of the walk.
-pub const LINES: u32 = 64;
-/// Splats of a batch, and invocations of a workgroup of the other stages.
-pub const BATCH: u32 = 256;
-/// Side of a tile of the picture, in pixels.
-pub const TILE: u32 = 16;
-/// The record of a slot without a voxel.
-pub const NO_RECORD: u32 = u32::MAX;
-/// Columns and rows of a splat of no pixels: the last lies before the first.
-pub const NOTHING: u32 = 1;
+pub const LINES: u32 = 64; // Most lines of a block, and invocations of a workgroup of the walk.
+pub const BATCH: u32 = 256; // Splats of a batch, and invocations of a workgroup of the other stages.
+pub const TILE: u32 = 16; // Side of a tile of the picture, in pixels.
+pub const NO_RECORD: u32 = u32::MAX; // The record of a slot without a voxel.
+pub const NOTHING: u32 = 1; // Columns and rows of a splat of no pixels: the last lies before the first.
 
 /// A row of an affine map: from voxel coordinates to one screen coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]

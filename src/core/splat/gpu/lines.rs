@@ -4,11 +4,6 @@
 //! a run of lines in visit order, cut into blocks. A list depends only on the nesting and on the directions of the slow
 //! and the medium axis (with the eye inside the grid: on which half of which voxel it is in). So it lasts while a camera
 //! turns within one order.
-//!
-//! ```text
-//! slices in the slow order -> as many as there is room for -> slab: tiles as the lane has them, lines in visit order
-//! lines -> blocks of 64 -> per frame: those in view, in chunks of as many records as the buffers hold
-//! ```
 
 use super::layout::LINES;
 use crate::arena::layout::line_end_bytes;
@@ -16,15 +11,12 @@ use crate::arena::{Lane, TileRecord};
 use crate::error::{Error, Result};
 use crate::traverse::{AxisOrder, Order, OrderedLine, VoxelBox, ordered_lines};
 
-/// Largest number of records of a block of more than one line.
-const BLOCK_RECORDS: u32 = 1 << 14;
+const BLOCK_RECORDS: u32 = 1 << 14; // Largest number of records of a block of more than one line.
 
-/// Bytes of a line in the lists on the device: its word, and its share of a block.
-pub(crate) const LINE_BYTES: u64 = 8;
+pub(crate) const LINE_BYTES: u64 = 8; // Bytes of a line in the lists on the device: its word, and its share of a block.
 
-/// Returns what a list depends on: orders of equal keys list all lines alike.
-///
-/// Coordinates are whole, so an eye stands for all eyes between the same halves of voxels.
+/// Returns what a list depends on: orders of equal keys list all lines alike. Coordinates are whole, so an eye stands for
+/// all eyes between the same halves of voxels.
 pub(crate) fn list_key(order: &Order) -> Order {
     let mut key = *order;
     key.along[order.fast.index()] = AxisOrder::Ascending;
@@ -40,20 +32,16 @@ pub(crate) fn list_key(order: &Order) -> Order {
 /// All lines of a lane in visit order.
 #[derive(Debug)]
 pub(crate) struct LineList {
-    /// See [`list_key`].
-    pub(crate) key: Order,
+    pub(crate) key: Order, // See [`list_key`].
     pub(crate) slabs: Vec<Slab>,
-    /// A box around all voxels.
-    pub(crate) bounds: VoxelBox,
-    /// Number of records of all lines.
-    pub(crate) records: u64,
+    pub(crate) bounds: VoxelBox, // A box around all voxels.
+    pub(crate) records: u64,     // Number of records of all lines.
 }
 
 /// A part of a lane that is on the device at a time: some tiles, and the lines that lie in them.
 #[derive(Debug, Default)]
 pub(crate) struct Slab {
-    /// Indices of the tiles, ascending.
-    pub(crate) tiles: Vec<u32>,
+    pub(crate) tiles: Vec<u32>, // Indices of the tiles, ascending.
     /// Lines in visit order: index of the tile in `tiles` in the high 26 bits, line of the tile in the low 6.
     pub(crate) lines: Vec<u32>,
     pub(crate) blocks: Vec<ListBlock>,
@@ -71,8 +59,7 @@ pub(crate) struct ListBlock {
 /// An amount of a lane: how much some tiles take, or how much may be on the device at a time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct LaneSize {
-    /// Bytes of tiles, line ends, channels and lists.
-    pub(crate) bytes: u64,
+    pub(crate) bytes: u64, // Bytes of tiles, line ends, channels and lists.
     pub(crate) records: u64,
     pub(crate) lines: u64,
     pub(crate) tiles: u64,
@@ -119,10 +106,8 @@ impl LaneSize {
 }
 
 impl LineList {
-    /// Lists the lines of `lane` in `order`: one slab if all of it fits `room`, else slabs of as many slices as fit.
-    ///
-    /// # Errors
-    /// [`Error::Limit`] if there is no room for the tiles of a single slice.
+    /// Lists the lines of `lane` in `order`: one slab if all of it fits `room`, else slabs of as many slices as fit;
+    /// [`Error::Limit`] if the tiles of a single slice do not.
     pub(crate) fn new(lane: &Lane, order: &Order, room: LaneSize) -> Result<LineList> {
         let mut builder = ListBuilder::new(lane, order, room);
         let mut slice: Vec<OrderedLine> = Vec::new();
@@ -151,15 +136,11 @@ impl LineList {
 /// Cuts the lines of a lane, slice by slice, into slabs.
 struct ListBuilder<'a> {
     lane: &'a Lane<'a>,
-    /// Indices of the slow, the medium and the fast axis.
-    nesting: [usize; 3],
+    nesting: [usize; 3], // Indices of the slow, the medium and the fast axis.
     room: LaneSize,
-    /// Whether the open slab takes the whole lane, so that nothing has to be counted.
-    is_whole: bool,
-    /// Whether each of the lane's tiles is in the open slab.
-    has_tile: Vec<bool>,
-    /// Size of the open slab.
-    size: LaneSize,
+    is_whole: bool,      // Whether the open slab takes the whole lane, so that nothing has to be counted.
+    has_tile: Vec<bool>, // Whether each of the lane's tiles is in the open slab.
+    size: LaneSize,      // Size of the open slab.
     open: Slab,
     closed: Vec<Slab>,
 }

@@ -18,12 +18,9 @@ use crate::splat::{Mode, Scene, Settings};
 pub(crate) struct LookTables<'a> {
     pub(crate) mode: Mode,
     pub(crate) exposure: Option<f32>,
-    /// The host's table.
-    pub(crate) table: Table<'a>,
-    /// By value code: colour and optical depth.
-    pub(crate) by_value: Buffer,
-    /// By value code and magnitude code: optical depth.
-    pub(crate) by_pair: Buffer,
+    pub(crate) table: Table<'a>, // The host's table.
+    pub(crate) by_value: Buffer, // By value code: colour and optical depth.
+    pub(crate) by_pair: Buffer,  // By value code and magnitude code: optical depth.
     pub(crate) uses_magnitude: bool,
 }
 
@@ -64,7 +61,6 @@ impl<'a> LookTables<'a> {
         Ok(LookTables { mode, exposure, table, by_value, by_pair, uses_magnitude })
     }
 
-    /// Returns the bytes of the tables on the device.
     pub(crate) fn bytes(&self) -> u64 {
         self.by_value.size() + self.by_pair.size()
     }

@@ -47,10 +47,9 @@ use self::slab_buffers::{SlabBuffers, SlabSizes, slab_sizes};
 use self::stages::Pipelines;
 use self::timing::Timer;
 use super::finer::supersampled;
-use super::frame::Frame;
 use super::shot::Shot;
 use super::view::check_size;
-use super::{Blending, Camera, Sampling, Scene, Settings};
+use super::{Blending, Camera, Frame, Sampling, Scene, Settings};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::traverse::VoxelBox;
@@ -141,17 +140,13 @@ pub struct Renderer<'a> {
     timer: Option<Timer>,
     scene: Scene<'a>,
     options: Options,
-    /// Whether the device runs on the processor.
-    is_software: bool,
+    is_software: bool, // Whether the device runs on the processor.
     looks: Option<LookTables<'a>>,
     list: Option<CachedList>,
-    /// Whole lanes on the device, the last used last.
-    residents: Vec<SlabBuffers>,
-    /// The slab on the device of a lane that is too large to stay there.
-    streamed: Option<SlabBuffers>,
+    residents: Vec<SlabBuffers>,   // Whole lanes on the device, the last used last.
+    streamed: Option<SlabBuffers>, // The slab on the device of a lane that is too large to stay there.
     buffers: FrameBuffers,
-    /// The compositor of the frame that is being drawn.
-    current: Compositor,
+    current: Compositor, // The compositor of the frame that is being drawn.
     resolve: Option<ResolvePipeline>,
 }
 
@@ -161,8 +156,7 @@ struct CachedList {
     room: LaneSize,
     list: Arc<LineList>,
     sizes: Vec<SlabSizes>,
-    /// Index of the slab whose lines are on the device.
-    on_device: Option<usize>,
+    on_device: Option<usize>, // Index of the slab whose lines are on the device.
 }
 
 impl<'a> Renderer<'a> {
@@ -203,10 +197,9 @@ impl<'a> Renderer<'a> {
     /// spends as long on one barrier of a tile as on a hundred pixels (docs/studies/gpu.md).
     pub fn compositor(&self) -> Compositor {
         let can_blend = self.context.device.features().contains(Features::FLOAT32_BLENDABLE);
-        self.options.compositor.unwrap_or(match self.is_software && can_blend {
-            true => Compositor::Quads(Target::Float32),
-            false => Compositor::Tiles,
-        })
+        let prefers_quads = self.is_software && can_blend;
+        let default = if prefers_quads { Compositor::Quads(Target::Float32) } else { Compositor::Tiles };
+        self.options.compositor.unwrap_or(default)
     }
 
     /// Changes the compositor from the next frame on; `None` for the faster one.
@@ -254,7 +247,7 @@ impl<'a> Renderer<'a> {
     ) -> Result<(Frame, Stats)> {
         check_size(settings.size)?;
         let mut frame = Frame::transparent(settings.size)?;
-        let stats = self.draw(camera, settings, FrameOutput::Frame(&mut frame), probe)?;
+        let stats = self.draw(camera, settings, FrameOutput::Frame(&mut frame, probe))?;
         Ok((frame, stats))
     }
 
@@ -269,21 +262,15 @@ impl<'a> Renderer<'a> {
         if settings.sampling.is_some_and(|sampling| sampling != Sampling::EveryPixel) {
             return Err(Error::input("sampling", "of a texture is of every pixel; supersample by a larger texture"));
         }
-        self.draw(camera, settings, FrameOutput::Texture(canvas), None)
+        self.draw(camera, settings, FrameOutput::Texture(canvas))
     }
 
-    fn draw(
-        &mut self,
-        camera: &Camera,
-        settings: &Settings,
-        output: FrameOutput,
-        probe: Option<ProbeCallback>,
-    ) -> Result<Stats> {
+    fn draw(&mut self, camera: &Camera, settings: &Settings, output: FrameOutput) -> Result<Stats> {
         let start = Instant::now();
         let shot = Shot::new(&self.scene, camera, settings)?;
         if settings.blending != Blending::Exponential {
-            let why =
-                format!("{} is not for graphics devices; take the processor's renderer", settings.blending.name());
+            let name = settings.blending.name();
+            let why = format!("{name} is not for graphics devices; take the processor's renderer");
             return Err(Error::input("blending", why));
         }
         let context = self.context.clone();
@@ -294,7 +281,7 @@ impl<'a> Renderer<'a> {
             self.prepare_looks(&shot, settings, &mut stats)?;
             self.prepare_list(&shot, plan.room, &mut stats)?;
             let plan = plan.for_records(self.list().list.records);
-            draw::frame(self, &shot, settings, plan, output, &mut stats, probe)
+            draw::frame(self, &shot, settings, plan, output, &mut stats)
         });
         if let Err(fault) = drawn {
             self.forget_device();
@@ -311,7 +298,7 @@ impl<'a> Renderer<'a> {
         self.residents.clear();
         self.buffers = FrameBuffers::default();
         if let Some(timer) = &mut self.timer {
-            timer.clear();
+            timer.passes.clear();
         }
     }
 
@@ -375,10 +362,7 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// Checks that `device` can blend the format of `compositor`.
-///
-/// # Errors
-/// [`Error::Device`] if it cannot.
+/// Checks that `device` can blend the format of `compositor`; [`Error::Device`] if not.
 fn check_blends(device: &Device, compositor: Option<Compositor>) -> Result<()> {
     let needs_float32 = compositor == Some(Compositor::Quads(Target::Float32));
     if needs_float32 && !device.features().contains(Features::FLOAT32_BLENDABLE) {

@@ -13,8 +13,7 @@ use super::{Compositor, Renderer, Stats, Target};
 use crate::error::Result;
 use crate::splat::composite::Finish;
 
-/// Counters of drawn splats; chunks beyond them share one.
-pub(super) const COUNTERS: u64 = 4_096;
+pub(super) const COUNTERS: u64 = 4_096; // Counters of drawn splats; chunks beyond them share one.
 
 /// Copies the pixels of a window of `size` into `out`, its part of a frame.
 pub(super) fn window(renderer: &mut Renderer, size: [u32; 2], out: &mut [f32], stats: &mut Stats) -> Result<()> {

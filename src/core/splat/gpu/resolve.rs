@@ -17,8 +17,7 @@ use super::{Compositor, Renderer};
 use crate::error::Result;
 use crate::splat::Mode;
 
-/// Entries of the table of a maximum's colours.
-const RAMP: u16 = 1_024;
+const RAMP: u16 = 1_024; // Entries of the table of a maximum's colours.
 
 /// A texture of the caller's that a picture is drawn into.
 #[derive(Debug, Clone, Copy)]
@@ -42,11 +41,10 @@ struct ResolveUniform {
     unused: [u32; 2],
 }
 
-/// The pipeline for textures of a format, from a buffer (tiles) or a target (quads).
+/// The pipeline for textures of a format, and whether it reads a buffer (tiles) or a target (quads).
 #[derive(Debug)]
 pub(super) struct ResolvePipeline {
-    format: TextureFormat,
-    is_buffer: bool,
+    key: (TextureFormat, bool),
     pipeline: RenderPipeline,
 }
 
@@ -55,14 +53,14 @@ pub(super) fn window(renderer: &mut Renderer, window: [i32; 4], canvas: &Canvas)
     let context = renderer.context.clone();
     let device = &context.device;
     let is_buffer = renderer.current == Compositor::Tiles;
-    let wanted = (canvas.format, is_buffer);
-    if renderer.resolve.as_ref().is_none_or(|resolve| (resolve.format, resolve.is_buffer) != wanted) {
+    let key = (canvas.format, is_buffer);
+    if renderer.resolve.as_ref().is_none_or(|resolve| resolve.key != key) {
         let module = shader_module(device, "resolve", RESOLVE);
         let entries = ["corner", if is_buffer { "from_buffer" } else { "from_target" }];
         let target = ColorTargetState { format: canvas.format, blend: None, write_mask: ColorWrites::ALL };
         let pipeline =
             render_pipeline(device, "resolve", &module, entries, PrimitiveTopology::TriangleList, target, &[]);
-        renderer.resolve = Some(ResolvePipeline { format: canvas.format, is_buffer, pipeline });
+        renderer.resolve = Some(ResolvePipeline { key, pipeline });
     }
     let pipeline = &renderer.resolve.as_ref().expect("it was just made").pipeline;
     let table = &renderer.looks().table;

@@ -19,29 +19,22 @@ use crate::error::{Error, Result};
 use crate::volume::Axis;
 
 const NAMES: [&str; 6] = ["tiles", "line ends", "steps", "values", "normals", "magnitudes"];
-/// Index among [`NAMES`] of the first channel of records.
-const STEPS: usize = 2;
-
-/// Bytes that are gathered before they are copied.
-const STAGING_BYTES: usize = 1 << 20;
-/// Records that a pager is told of at once.
-const PAGER_RECORDS: u64 = 1 << 14;
+const STEPS: usize = 2; // Index among [`NAMES`] of the first channel of records.
+const STAGING_BYTES: usize = 1 << 20; // Bytes that are gathered before they are copied.
+const PAGER_RECORDS: u64 = 1 << 14; // Records that a pager is told of at once.
 
 /// The buffers of a slab.
 #[derive(Debug)]
 pub(crate) struct SlabBuffers {
     pub(crate) axis: Axis,
-    /// In the order of [`NAMES`].
-    pub(crate) buffers: [Buffer; 6],
+    pub(crate) buffers: [Buffer; 6], // In the order of [`NAMES`].
 }
 
 /// Bytes of each buffer of a slab.
 pub(crate) type SlabSizes = [u64; 6];
 
-/// Returns the sizes of a slab with these tiles of `lane`.
-///
-/// # Errors
-/// [`Error::Input`] if the tiles have more records than the lane, which only a damaged file says.
+/// Returns the sizes of a slab with these tiles of `lane`; [`Error::Input`] if they have more records than the lane, which
+/// only a damaged file says.
 pub(crate) fn slab_sizes(lane: &Lane, tiles: &[u32]) -> Result<SlabSizes> {
     let (mut lines, mut records) = (0u64, 0u64);
     for run in runs(lane, tiles) {
@@ -105,14 +98,14 @@ impl SlabBuffers {
         Ok(SlabBuffers { axis, buffers: buffers.try_into().expect("as many as there are names") })
     }
 
-    /// Returns the bytes of all buffers.
     pub(crate) fn bytes(&self) -> u64 {
         self.buffers.iter().map(Buffer::size).sum()
     }
 
     /// Fills the buffers with `tiles` of `lane`; returns the bytes that were copied.
     pub(crate) fn upload(&self, context: &Context, lane: &Lane, tiles: &[u32]) -> Result<u64> {
-        let mut writers = self.buffers.each_ref().map(|buffer| BufferWriter::new(context, buffer));
+        let writer = |buffer| BufferWriter { context, buffer, gathered: Vec::new(), written: 0 };
+        let mut writers = self.buffers.each_ref().map(writer);
         let (mut first_line, mut first_record) = (0u32, 0u64);
         for tile in tiles.iter().filter_map(|&index| lane.tile(index as usize)) {
             let LaneRun { lines, records } = tile_run(lane, tile);
@@ -168,11 +161,7 @@ struct BufferWriter<'a> {
     written: u64,
 }
 
-impl<'a> BufferWriter<'a> {
-    fn new(context: &'a Context, buffer: &'a Buffer) -> BufferWriter<'a> {
-        BufferWriter { context, buffer, gathered: Vec::new(), written: 0 }
-    }
-
+impl BufferWriter<'_> {
     fn push(&mut self, mut bytes: &[u8]) -> Result<()> {
         while !bytes.is_empty() {
             let (now, later) = bytes.split_at(bytes.len().min(STAGING_BYTES - self.gathered.len()));

@@ -37,8 +37,7 @@ pub const SHADERS: [(&str, &str); 5] = [
     ("splat", shader!("splat.wgsl")),
 ];
 
-/// The text of the shader that writes pixels to a texture.
-pub(crate) const RESOLVE: &str = shader!("resolve.wgsl");
+pub(crate) const RESOLVE: &str = shader!("resolve.wgsl"); // The text of the shader that writes pixels to a texture.
 
 /// How a splat changes a pixel; numbered as in the shaders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -65,10 +64,7 @@ impl BlendMode {
 
     /// Returns the initial value of a pixel's fourth channel.
     pub(crate) fn initial_alpha(self) -> f32 {
-        match self {
-            BlendMode::FrontToBack | BlendMode::BackToFront => 1.0,
-            BlendMode::Additive | BlendMode::Maximum => 0.0,
-        }
+        if matches!(self, BlendMode::FrontToBack | BlendMode::BackToFront) { 1.0 } else { 0.0 }
     }
 
     /// Returns how a device blends quads.
@@ -96,11 +92,7 @@ impl Target {
     }
 
     pub(super) fn pixel_bytes(self) -> u32 {
-        match self {
-            Target::Float32 => 16,
-            Target::Float16 => 8,
-            Target::Unorm8 => 4,
-        }
+        self.format().block_copy_size(None).expect("a format of whole bytes")
     }
 }
 
@@ -150,17 +142,14 @@ impl ComputeStage {
     pub(crate) fn bind(&self, device: &Device, uniform: &Buffer, chunks: &Buffer, buffers: &[&Buffer]) -> BindGroup {
         let size = NonZeroU64::new(size_of::<Chunk>() as u64);
         let chunk = BindingResource::Buffer(BufferBinding { buffer: chunks, offset: 0, size });
-        let buffers = buffers.iter().map(|buffer| buffer.as_entire_binding());
-        bind(device, &self.layout, [uniform.as_entire_binding(), chunk].into_iter().chain(buffers))
+        let mut resources = vec![uniform.as_entire_binding(), chunk];
+        resources.extend(buffers.iter().map(|buffer| buffer.as_entire_binding()));
+        bind(device, &self.layout, resources)
     }
 }
 
 /// Binds resources in the order of their numbers, from 0.
-fn bind<'b>(
-    device: &Device,
-    layout: &BindGroupLayout,
-    resources: impl IntoIterator<Item = BindingResource<'b>>,
-) -> BindGroup {
+fn bind(device: &Device, layout: &BindGroupLayout, resources: Vec<BindingResource>) -> BindGroup {
     let entry = |(binding, resource)| BindGroupEntry { binding, resource };
     let entries: Vec<_> = (0..).zip(resources).map(entry).collect();
     device.create_bind_group(&BindGroupDescriptor { label: Some("stage"), layout, entries: &entries })
@@ -212,14 +201,13 @@ impl Pipelines {
 
     /// Binds the uniform and the splats for quads.
     pub(crate) fn bind_splat(device: &Device, pipeline: &RenderPipeline, buffers: [&Buffer; 2]) -> BindGroup {
-        bind(device, &pipeline.get_bind_group_layout(0), buffers.map(|buffer| buffer.as_entire_binding()))
+        bind(device, &pipeline.get_bind_group_layout(0), buffers.map(Buffer::as_entire_binding).into())
     }
 }
 
 /// Compiles a shader.
 pub(crate) fn shader_module(device: &Device, label: &str, text: &'static str) -> ShaderModule {
-    let source = ShaderSource::Wgsl(text.into());
-    device.create_shader_module(ShaderModuleDescriptor { label: Some(label), source })
+    device.create_shader_module(ShaderModuleDescriptor { label: Some(label), source: ShaderSource::Wgsl(text.into()) })
 }
 
 /// Compiles the pipeline of a drawing stage; `entries`: names of the vertex and the fragment function.
@@ -233,21 +221,16 @@ pub(crate) fn render_pipeline(
     constants: &[(&str, f64)],
 ) -> RenderPipeline {
     let compilation_options = PipelineCompilationOptions { constants, ..Default::default() };
-    let vertex = VertexState {
-        module,
-        entry_point: Some(entries[0]),
-        compilation_options: compilation_options.clone(),
-        buffers: &[],
-    };
-    let targets = &[Some(target)];
+    let [vertex, fragment] = entries.map(Some);
+    let (vertex_options, targets) = (compilation_options.clone(), &[Some(target)]);
     device.create_render_pipeline(&RenderPipelineDescriptor {
         label: Some(label),
         layout: None,
-        vertex,
+        vertex: VertexState { module, entry_point: vertex, compilation_options: vertex_options, buffers: &[] },
         primitive: PrimitiveState { topology, ..Default::default() },
         depth_stencil: None,
         multisample: MultisampleState::default(),
-        fragment: Some(FragmentState { module, entry_point: Some(entries[1]), compilation_options, targets }),
+        fragment: Some(FragmentState { module, entry_point: fragment, compilation_options, targets }),
         multiview_mask: None,
         cache: None,
     })

@@ -10,8 +10,7 @@ use wgpu::{
 use super::context::Context;
 use crate::error::Result;
 
-/// Timestamps of a window, two for each pass: passes of chunks after the 512th are not timed.
-const QUERIES: u32 = 4_096;
+const QUERIES: u32 = 4_096; // Two for each pass of a window: passes of chunks after the 512th are not timed.
 const QUERY_BYTES: u64 = 8;
 
 /// The stages that are timed.
@@ -29,7 +28,7 @@ pub(crate) struct Timer {
     set: QuerySet,
     resolved: Buffer,
     mappable: Buffer,
-    passes: Vec<Pass>,
+    pub(super) passes: Vec<Pass>,
 }
 
 impl Timer {
@@ -48,24 +47,18 @@ impl Timer {
         }))
     }
 
-    /// Forgets the passes since the last reading.
-    pub(crate) fn clear(&mut self) {
-        self.passes.clear();
-    }
-
     /// Returns the timestamps of the next pass: begin and end.
-    fn next(&mut self, pass: Pass) -> Option<[u32; 2]> {
+    fn next(&mut self, pass: Pass) -> Option<[Option<u32>; 2]> {
         let begin = 2 * u32::try_from(self.passes.len()).unwrap_or(QUERIES);
         (begin < QUERIES).then(|| {
             self.passes.push(pass);
-            [begin, begin + 1]
+            [Some(begin), Some(begin + 1)]
         })
     }
 
     /// Returns the timestamps of a compute pass; `None` if there are none left.
     pub(crate) fn compute(&mut self, pass: Pass) -> Option<ComputePassTimestampWrites<'_>> {
-        let [begin, end] = self.next(pass)?.map(Some);
-        let (beginning_of_pass_write_index, end_of_pass_write_index) = (begin, end);
+        let [beginning_of_pass_write_index, end_of_pass_write_index] = self.next(pass)?;
         Some(ComputePassTimestampWrites {
             query_set: &self.set,
             beginning_of_pass_write_index,
@@ -75,8 +68,7 @@ impl Timer {
 
     /// Returns the timestamps of a render pass; `None` if there are none left.
     pub(crate) fn render(&mut self, pass: Pass) -> Option<RenderPassTimestampWrites<'_>> {
-        let [begin, end] = self.next(pass)?.map(Some);
-        let (beginning_of_pass_write_index, end_of_pass_write_index) = (begin, end);
+        let [beginning_of_pass_write_index, end_of_pass_write_index] = self.next(pass)?;
         Some(RenderPassTimestampWrites { query_set: &self.set, beginning_of_pass_write_index, end_of_pass_write_index })
     }
 

@@ -13,11 +13,9 @@
 @group(0) @binding(5) var<storage, read> magnitudes: array<u32>;
 // By value code: colour, and optical depth per mean voxel in units of ln 2 (or normalised value).
 @group(0) @binding(6) var<storage, read> looks: array<vec4<f32>>;
-// Optical depth by value code and magnitude code.
-@group(0) @binding(7) var<storage, read> depths: array<f32>;
+@group(0) @binding(7) var<storage, read> depths: array<f32>; // Optical depth by value code and magnitude code.
 @group(0) @binding(8) var<storage, read_write> splats: array<Splat>;
-// Number of drawn splats, by chunk.
-@group(0) @binding(9) var<storage, read_write> drawn: array<atomic<u32>>;
+@group(0) @binding(9) var<storage, read_write> drawn: array<atomic<u32>>; // Number of drawn splats, by chunk.
 
 const LOW_PASS: f32 = 0.6; // Smallest sigma of a footprint in pixels.
 const REACH: f32 = 2097152.0; // Largest half-width of a footprint in pixels.
@@ -104,13 +102,11 @@ fn signed(word: u32, bits: u32) -> f32 {
 // Returns the unit normal of a record, or zero for none: classify/normal.rs, decode8 and decode16.
 fn normal_of(record: u32) -> vec3<f32> {
     let bits = frame.normal_bits;
-    var code = 0u;
+    var code = normals[record >> u32(bits == 8u)];
     var none = 0x80008000u;
     if bits == 8u {
-        code = (normals[record >> 1u] >> (16u * (record & 1u))) & 0xffffu;
+        code = (code >> (16u * (record & 1u))) & 0xffffu;
         none = 0x8080u;
-    } else {
-        code = normals[record];
     }
     let u = signed(code, bits);
     let v = signed(code >> bits, bits);
@@ -223,25 +219,14 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
         colour = colour * light.x + light.y;
     }
     return Splat(
-        u32(columns.x) | (u32(columns.y) << 16u),
-        u32(rows.x) | (u32(rows.y) << 16u),
-        f32(columns.x - x.nearest) - x.fraction,
-        f32(rows.x - y.nearest) - y.fraction,
-        ellipse.falloff_x,
-        ellipse.falloff_y,
-        ellipse.shear,
-        peak,
-        colour.x,
-        colour.y,
-        colour.z,
+        u32(columns.x) | (u32(columns.y) << 16u), u32(rows.x) | (u32(rows.y) << 16u),
+        f32(columns.x - x.nearest) - x.fraction, f32(rows.x - y.nearest) - y.fraction,
+        ellipse.falloff_x, ellipse.falloff_y, ellipse.shear, peak, colour.x, colour.y, colour.z,
     );
 }
 
 @compute @workgroup_size(256)
-fn project(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
+fn project(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let slot = group.x * BATCH + local;
     var splat = nothing();
     if slot < chunk.slot_count {

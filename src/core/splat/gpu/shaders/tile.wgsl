@@ -52,9 +52,7 @@ fn is_open(pixel: vec4<f32>) -> bool {
 // Returns the pixel after splat `j` of the batch; `place` is the pixel's position in its tile.
 fn composite(pixel: vec4<f32>, j: u32, place: vec2<f32>) -> vec4<f32> {
     let s = batch_splats[j];
-    let dx = s.dx + place.x;
-    let dy = s.dy + place.y;
-    let depth = depth_at(dx, dy, s.falloff_x, s.falloff_y, s.shear, s.peak, frame.cut_exponent);
+    let depth = depth_at(s.dx + place.x, s.dy + place.y, s.falloff_x, s.falloff_y, s.shear, s.peak, frame.cut_exponent);
     if depth > 0.0 && is_open(pixel) {
         return blend(pixel, colours[j], depth);
     }
@@ -77,8 +75,7 @@ fn tile(
     if is_inside && chunk.is_first == 0u {
         pixel = pixels[index];
     }
-    let batches = (chunk.slot_count + BATCH - 1u) / BATCH;
-    let words = (batches + 31u) / 32u;
+    let words = (chunk.slot_count + 32u * BATCH - 1u) / (32u * BATCH);
     let first_word = (group.y * frame.tile_columns + group.x) * frame.mask_words;
     var is_done = false;
     for (var w = 0u; w < words && !is_done; w++) {

@@ -4,7 +4,6 @@
 // An invocation follows the steps of one scan line; a workgroup has the lines of one block. Each record has a slot, so
 // the slots of a line follow from the line ends alone; a stepping record leaves its slot empty. A line is read from its
 // low end, or from the eye's coordinate toward both ends; back to front is the reverse of front to back.
-//
 // Nothing read from the lane is trusted: a line out of bounds has no records, and line lengths are bounded.
 
 // A tile of the face, word by word: arena/layout.rs, TileRecord.
