@@ -42,7 +42,7 @@ fn drawn(
     vram: u64,
 ) -> (Frame, Stats, u64) {
     let mut most = 0;
-    let mut look = |_: &adjsplat::splat::gpu::probe::Probe| most = most.max(allocated(opened));
+    let mut look = |_: &adjsplat::internals::gpu_stages::Probe| most = most.max(allocated(opened));
     let (frame, stats) = renderer.render_probed(camera, settings, Some(&mut look)).unwrap();
     assert!(stats.vram_bytes <= vram, "{} bytes of {vram}: {stats:?}", stats.vram_bytes);
     assert!(most <= vram, "the device gave out {most} bytes of {vram}");

@@ -7,11 +7,10 @@ use super::twin;
 use super::twin::splat::Rounding;
 use adjsplat::arena::TileRecord;
 use adjsplat::build::Built;
-use adjsplat::splat::gpu::Stats;
-use adjsplat::splat::gpu::layout::{NO_RECORD, NOTHING, Shot, Splat, Voxel};
-use adjsplat::splat::gpu::probe::Probe;
-use adjsplat::splat::gpu::stages::Blend;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
+use adjsplat::internals::gpu_stages::BlendMode;
+use adjsplat::internals::gpu_stages::Probe;
+use adjsplat::internals::gpu_stages::{FrameUniform, NO_RECORD, NOTHING, Splat, VisitedVoxel};
+use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Lighting, Mode, Quality, Settings, cpu};
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint, VoxelBox};
 use adjsplat_tests::pictures::decibels;
@@ -64,7 +63,7 @@ fn read_all<T: bytemuck::Pod>(probe: &Probe, buffer: &wgpu::Buffer) -> Vec<T> {
 
 /// What a frame's chunks leave for the next.
 struct Frames {
-    blend: Blend,
+    blend: BlendMode,
     target: Option<Target>,
     judges_pixels: bool,
     before: Vec<[f32; 4]>,
@@ -76,9 +75,9 @@ struct Frames {
 
 impl Frames {
     fn look(&mut self, probe: &Probe) {
-        let Probe { shot, chunk, slab, .. } = probe;
+        let Probe { uniform, chunk, slab, .. } = probe;
         let slots = chunk.slot_count as usize;
-        let voxels: Vec<Voxel> = read_all(probe, probe.voxels);
+        let voxels: Vec<VisitedVoxel> = read_all(probe, probe.voxels);
         self.judge_walk(probe, &voxels[..slots]);
 
         let looks: Vec<[f32; 4]> = read_all(probe, probe.looks[0]);
@@ -93,7 +92,7 @@ impl Frames {
         };
         let splats: Vec<Splat> = read_all(probe, probe.splats);
         let mut want = vec![splats[0]; slots];
-        twin::project::project(shot, &voxels[..slots], &channels, &mut want);
+        twin::project::project(uniform, &voxels[..slots], &channels, &mut want);
         splats.iter().zip(&want).for_each(|(got, want)| self.apart.splat(got, want));
         let padded = slots.next_multiple_of(256);
         assert!(
@@ -101,37 +100,37 @@ impl Frames {
             "a batch is filled up with nothing"
         );
 
-        let [x0, y0, x1, y1] = shot.window;
+        let [x0, y0, x1, y1] = uniform.window;
         let count = ((x1 - x0) * (y1 - y0)) as usize;
         if chunk.is_first == 1 {
-            self.before = vec![[0.0, 0.0, 0.0, shot.fourth]; count];
+            self.before = vec![[0.0, 0.0, 0.0, uniform.initial_alpha]; count];
             self.cut = self.before.clone();
         }
         match self.target {
             Some(target) if self.judges_pixels => {
                 let kept = &splats[..slots];
-                twin::splat::splat(shot, self.blend, (target, Rounding::Nearest), kept, &mut self.before);
-                twin::splat::splat(shot, self.blend, (target, Rounding::TowardZero), kept, &mut self.cut);
+                twin::splat::splat(uniform, self.blend, (target, Rounding::Nearest), kept, &mut self.before);
+                twin::splat::splat(uniform, self.blend, (target, Rounding::TowardZero), kept, &mut self.cut);
             }
             Some(_) => {}
             None => self.judge_tiles(probe, &splats[..slots], count),
         }
     }
 
-    fn judge_walk(&mut self, probe: &Probe, got: &[Voxel]) {
+    fn judge_walk(&mut self, probe: &Probe, got: &[VisitedVoxel]) {
         let bytes: Vec<u8> = read_all(probe, &probe.slab[0]);
         let whole = bytes.len() / size_of::<TileRecord>() * size_of::<TileRecord>();
         let line_ends: Vec<u32> = read_all(probe, &probe.slab[1]);
         let steps: Vec<u32> = read_all(probe, &probe.slab[2]);
-        let slab = twin::walk::Slab {
+        let slab = twin::walk::SlabWords {
             tiles: <[TileRecord]>::ref_from_bytes(&bytes[..whole]).unwrap(),
             line_ends: &line_ends,
             steps: &steps,
             lines: probe.lines,
         };
         // What neither writes would differ.
-        let mut want: Vec<Voxel> = got.iter().map(|voxel| Voxel { xy: !voxel.xy, ..*voxel }).collect();
-        twin::walk::walk(probe.shot, &slab, probe.blocks, &mut want);
+        let mut want: Vec<VisitedVoxel> = got.iter().map(|voxel| VisitedVoxel { xy: !voxel.xy, ..*voxel }).collect();
+        twin::walk::walk(probe.uniform, &slab, probe.blocks, &mut want);
         let first = got.iter().zip(&want).position(|(got, want)| got != want);
         if let Some(slot) = first {
             panic!("chunk {:?}, slot {slot}: the walk gives {:?}, not {:?}", probe.chunk, got[slot], want[slot]);
@@ -141,16 +140,16 @@ impl Frames {
     }
 
     fn judge_tiles(&mut self, probe: &Probe, splats: &[Splat], count: usize) {
-        let shot = probe.shot;
+        let uniform = probe.uniform;
         let masks: Vec<u32> = read_all(probe, probe.masks.expect("tiles have masks"));
         let mut want = vec![0; masks.len()];
-        twin::bin::bin(shot, splats, &mut want);
+        twin::bin::bin(uniform, splats, &mut want);
         assert!(masks == want, "chunk {:?}: masks differ", probe.chunk);
         let mut pixels: Vec<[f32; 4]> = read_all(probe, probe.pixels.expect("tiles have pixels"));
         pixels.truncate(count);
         if self.judges_pixels {
-            twin::tile::tile(shot, self.blend, splats, &masks, &mut self.before);
-            self.apart.pixels(&pixels, &self.before, shot);
+            twin::tile::tile(uniform, self.blend, splats, &masks, &mut self.before);
+            self.apart.pixels(&pixels, &self.before, uniform);
         }
         self.before = pixels;
     }
@@ -179,7 +178,7 @@ impl Apart {
             self.centre = self.centre.max((a - b).abs() as f32);
         }
         let relative = |a: f32, b: f32| (a / b - 1.0).abs();
-        let ellipse = relative(got.across, want.across).max(relative(got.along, want.along));
+        let ellipse = relative(got.falloff_x, want.falloff_x).max(relative(got.falloff_y, want.falloff_y));
         self.ellipse = self.ellipse.max(ellipse);
         self.shear = self.shear.max((got.shear - want.shear).abs() / want.shear.abs().max(1.0));
         self.peak = self.peak.max(relative(got.peak, want.peak));
@@ -188,9 +187,10 @@ impl Apart {
         }
     }
 
-    fn pixels(&mut self, got: &[[f32; 4]], want: &[[f32; 4]], shot: &Shot) {
+    fn pixels(&mut self, got: &[[f32; 4]], want: &[[f32; 4]], uniform: &FrameUniform) {
         // Sums of optical depth are as large as what is added up; all else is at most about 1.
-        let scale = if shot.fourth == 0.0 { got.iter().flatten().fold(1.0f32, |most, &v| most.max(v)) } else { 1.0 };
+        let scale =
+            if uniform.initial_alpha == 0.0 { got.iter().flatten().fold(1.0f32, |most, &v| most.max(v)) } else { 1.0 };
         for (got, want) in got.iter().zip(want) {
             let apart = (0..4).map(|c| (got[c] - want[c]).abs() / scale).fold(0.0, f32::max);
             self.pixels += 1;
@@ -235,12 +235,12 @@ const PARALLEL: Tolerance = Tolerance { centre: 1e-6, shape: 3e-7, ink: 2e-5 };
 /// their difference is that of rounding, sqrt(2^-23) of the variance, which the low-pass adds.
 const PERSPECTIVE: Tolerance = Tolerance { centre: 2e-4, shape: 1e-3, ink: 5e-5 };
 
-fn blend_of(settings: &Settings) -> Blend {
+fn blend_of(settings: &Settings) -> BlendMode {
     match (settings.mode, settings.sense) {
-        (Mode::Composite, Sense::FrontToBack) => Blend::FrontToBack,
-        (Mode::Composite, Sense::BackToFront) => Blend::BackToFront,
-        (Mode::Additive, _) => Blend::Additive,
-        _ => Blend::Maximum,
+        (Mode::Composite, Sense::FrontToBack) => BlendMode::FrontToBack,
+        (Mode::Composite, Sense::BackToFront) => BlendMode::BackToFront,
+        (Mode::Additive, _) => BlendMode::Additive,
+        _ => BlendMode::Maximum,
     }
 }
 

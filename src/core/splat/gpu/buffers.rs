@@ -9,20 +9,19 @@ use wgpu::{
 use super::context::Context;
 use crate::error::{Error, Result};
 
-/// What a buffer may be larger than asked for.
-const SLACK: u64 = 1 << 16;
+const SLACK: u64 = 1 << 16; // A kept buffer may be larger than needed by so many bytes.
 
-/// Buffers of the stages.
+/// The buffers of the stages, by [`BufferName`], and the texture that quads are drawn into.
 #[derive(Debug, Default)]
-pub(super) struct Scratch {
+pub(super) struct FrameBuffers {
     buffers: [Option<Buffer>; 11],
     target: Option<Texture>,
 }
 
-/// Which buffer.
+/// Names of the buffers.
 #[derive(Debug, Clone, Copy)]
-pub(super) enum Name {
-    Shot,
+pub(super) enum BufferName {
+    Uniform,
     Chunks,
     Lines,
     Blocks,
@@ -35,16 +34,16 @@ pub(super) enum Name {
     DrawnBack,
 }
 
-impl Scratch {
-    /// The buffer `name` of at least `bytes` bytes; a new one if the one at hand is too small, or far too large.
-    pub(super) fn make(&mut self, context: &Context, name: Name, bytes: u64) -> Result<Buffer> {
+impl FrameBuffers {
+    /// Returns the buffer `name` of at least `bytes` bytes: a new one if the kept one is too small, or far too large.
+    pub(super) fn make(&mut self, context: &Context, name: BufferName, bytes: u64) -> Result<Buffer> {
         let slot = &mut self.buffers[name as usize];
         if let Some(buffer) = slot.as_ref().filter(|buffer| (bytes..=bytes + SLACK).contains(&buffer.size())) {
             return Ok(buffer.clone());
         }
         let usage = match name {
-            Name::Shot | Name::Chunks => BufferUsages::UNIFORM | BufferUsages::COPY_DST,
-            Name::ReadBack | Name::DrawnBack => BufferUsages::MAP_READ | BufferUsages::COPY_DST,
+            BufferName::Uniform | BufferName::Chunks => BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+            BufferName::ReadBack | BufferName::DrawnBack => BufferUsages::MAP_READ | BufferUsages::COPY_DST,
             _ => BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
         };
         *slot = None;
@@ -52,20 +51,20 @@ impl Scratch {
         Ok(slot.insert(buffer).clone())
     }
 
-    pub(super) fn make_target(&mut self, context: &Context, size: [u32; 2], format: TextureFormat) -> Result<Texture> {
+    /// Makes the target, unless the kept one has this size (columns and rows) and format.
+    pub(super) fn make_target(&mut self, context: &Context, size: [u32; 2], format: TextureFormat) -> Result<()> {
         let [width, height] = size;
         let have = context.limits.max_texture_dimension_2d;
         if width.max(height) > have {
             let what = "a side of the picture in pixels for quads (take tiles)".into();
             return Err(Error::Limit { what, need: width.max(height).into(), have: have.into() });
         }
-        if let Some(target) = &self.target
-            && (target.width(), target.height(), target.format()) == (width, height, format)
-        {
-            return Ok(target.clone());
+        let has_form = |target: &Texture| (target.width(), target.height(), target.format()) == (width, height, format);
+        if self.target.as_ref().is_some_and(has_form) {
+            return Ok(());
         }
         self.target = None;
-        let target = context.device.create_texture(&TextureDescriptor {
+        self.target = Some(context.device.create_texture(&TextureDescriptor {
             label: Some("target"),
             size: Extent3d { width, height, depth_or_array_layers: 1 },
             mip_level_count: 1,
@@ -74,21 +73,20 @@ impl Scratch {
             format,
             usage: TextureUsages::RENDER_ATTACHMENT | TextureUsages::COPY_SRC | TextureUsages::TEXTURE_BINDING,
             view_formats: &[],
-        });
-        Ok(self.target.insert(target).clone())
+        }));
+        Ok(())
     }
 
-    /// The buffer `name`, which was made before.
-    pub(super) fn get(&self, name: Name) -> &Buffer {
+    /// Returns the buffer `name`, which was made before.
+    pub(super) fn get(&self, name: BufferName) -> &Buffer {
         self.buffers[name as usize].as_ref().expect("a buffer is made before it is used")
     }
 
-    /// The target, which was made before.
+    /// Returns the target, which was made before.
     pub(super) fn target(&self) -> &Texture {
         self.target.as_ref().expect("a target is made before it is drawn into")
     }
 
-    /// Bytes of all of them.
     pub(super) fn bytes(&self) -> u64 {
         let target = self.target.as_ref().map_or(0, |target| {
             let pixel = u64::from(target.format().block_copy_size(None).unwrap_or(16));
