@@ -6,8 +6,9 @@
 
 use std::time::Duration;
 
+use adjsplat::arena::Channels;
 use adjsplat::arena::Record;
-use adjsplat::arena::layout::{Channels, Facts, Scales};
+use adjsplat::arena::layout::{Facts, Scales};
 use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::classify::{Point, TransferFunction, normal};
 use adjsplat::internals::LanePacker;

@@ -1,9 +1,14 @@
-//! What the test programs share: where files are.
+//! What the test programs share: files, scenes, orders of walks, random numbers, comparisons of pictures.
 
-use std::path::PathBuf;
+#[path = "shared/files.rs"]
+pub mod files;
+#[path = "shared/pictures.rs"]
+pub mod pictures;
+#[path = "shared/random.rs"]
+pub mod random;
+#[path = "shared/scenes.rs"]
+pub mod scenes;
+#[path = "shared/walks.rs"]
+pub mod walks;
 
-/// Returns the repository's root folder.
-pub fn repository() -> PathBuf {
-    let tests = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
-    tests.parent().expect("tests is a folder of the repository").to_path_buf()
-}
+pub use files::{at_full, is_full, real_volume, repository, required, say, skipped};

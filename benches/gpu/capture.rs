@@ -1,7 +1,7 @@
 //! A frame's splats, taken from the renderer's own buffers chunk by chunk, and what its stages had to do.
 
-use adjsplat::splat::gpu::layout::{BATCH, Shot, Splat, TILE, Voxel};
-use adjsplat::splat::gpu::probe::Probe;
+use adjsplat::internals::gpu_stages::Probe;
+use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, Splat, TILE, VisitedVoxel};
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats};
 use adjsplat::splat::{Camera, Frame, Settings, View};
 
@@ -30,7 +30,7 @@ pub(crate) struct Work {
 
 /// The splats.
 pub(crate) struct Capture {
-    pub(crate) shot: Shot,
+    pub(crate) uniform: FrameUniform,
     pub(crate) work: Work,
     pub(crate) frame: Frame,
     /// In visit order: all that were drawn, or as many of the first as were asked for.
@@ -48,7 +48,7 @@ pub(crate) fn capture(gpu: &Gpu, subject: &Subject, camera: &Camera, settings: &
     let mut renderer = renderer.expect("a renderer");
     let facts = subject.scene.facts;
     let view = View::new(camera, &facts.grid, settings.size, settings.kernel(), settings.near).expect("a view");
-    let distance = |voxel: &Voxel| {
+    let distance = |voxel: &VisitedVoxel| {
         let at = [voxel.xy & 0xffff, voxel.xy >> 16, voxel.z];
         let square = |a: usize| (view.eye_scaled[a] - f64::from(at[a]) * facts.grid.spacing[a]).powi(2);
         #[expect(clippy::cast_possible_truncation, reason = "keys are of single precision")]
@@ -57,22 +57,22 @@ pub(crate) fn capture(gpu: &Gpu, subject: &Subject, camera: &Camera, settings: &
     };
     let (mut splats, mut records, mut distances) = (Vec::new(), Vec::new(), Vec::new());
     let mut work = Work { channel_bytes: facts.channels.record_bytes() - 1, ..Work::default() };
-    let mut shot = None;
+    let mut uniform = None;
     let mut look = |probe: &Probe| {
-        shot = Some(*probe.shot);
+        uniform = Some(*probe.uniform);
         let count = probe.chunk.slot_count as usize;
         work.records += count as u64;
         work.lines += probe.blocks.iter().map(|block| u64::from(block.line_count)).sum::<u64>();
         work.chunks += 1;
-        let [left, top, right, bottom] = probe.shot.window;
+        let [left, top, right, bottom] = probe.uniform.window;
         let tiles = [right - left, bottom - top].map(|side| side.cast_unsigned().div_ceil(TILE) as usize);
-        let words = tiles[0] * tiles[1] * probe.shot.mask_words as usize;
+        let words = tiles[0] * tiles[1] * probe.uniform.mask_words as usize;
         let masks: Vec<u32> = gpu.read(probe.masks.expect("tiles have masks"), words);
         // Words beyond the chunk's batches are not looked at.
         let used = count.div_ceil(BATCH as usize).div_ceil(32);
-        let rows = masks.chunks_exact(probe.shot.mask_words as usize);
+        let rows = masks.chunks_exact(probe.uniform.mask_words as usize);
         work.tile_batches += rows.flat_map(|row| &row[..used]).map(|word| u64::from(word.count_ones())).sum::<u64>();
-        let voxels: Vec<Voxel> = gpu.read(probe.voxels, count);
+        let voxels: Vec<VisitedVoxel> = gpu.read(probe.voxels, count);
         let drawn: Vec<Splat> = gpu.read(probe.splats, count);
         for (voxel, splat) in voxels.iter().zip(&drawn) {
             let side = |halves: u32| i64::from(halves >> 16) - i64::from(halves & 0xffff) + 1;
@@ -92,5 +92,5 @@ pub(crate) fn capture(gpu: &Gpu, subject: &Subject, camera: &Camera, settings: &
     let Stats { splats_drawn, slabs, windows, .. } = stats;
     assert_eq!((slabs, windows), (1, 1), "records and masks are read as those of one slab and one window");
     assert_eq!(work.splats, splats_drawn, "the device counted other splats than it left");
-    Capture { shot: shot.expect("something is in view"), work, frame, splats, records, distances }
+    Capture { uniform: uniform.expect("something is in view"), work, frame, splats, records, distances }
 }

@@ -4,7 +4,7 @@
 //! are given twice: every splat once, and as often as it lies in a batch that a tile reads, had none ended early;
 //! caches may serve those.
 
-use adjsplat::splat::gpu::layout::{BATCH, Splat, Voxel};
+use adjsplat::internals::gpu_stages::{BATCH, Splat, VisitedVoxel};
 use serde::Serialize;
 
 use super::capture::Work;
@@ -30,7 +30,7 @@ pub(crate) struct LimitRow {
 
 /// The limits of a scene whose first view has `work`; `bandwidth` in gigabytes a second.
 pub(crate) fn rows(work: &Work, tiles: &PathRow, order: &OrderRow, bandwidth: f64) -> Vec<LimitRow> {
-    let (voxel, splat) = (size_of::<Voxel>() as u64, size_of::<Splat>() as u64);
+    let (voxel, splat) = (size_of::<VisitedVoxel>() as u64, size_of::<Splat>() as u64);
     let pixels = u64::from(tiles.size[0]) * u64::from(tiles.size[1]);
     let blended = |splats: f64| {
         // What is compared may be a part of the frame.

@@ -6,7 +6,7 @@
 //! sorted          in storage order, their distances sorted in each frame, drawn through the sorted places
 //! ```
 
-use adjsplat::splat::gpu::layout::Splat;
+use adjsplat::internals::gpu_stages::Splat;
 use adjsplat::splat::{Quality, Settings};
 use serde::Serialize;
 
@@ -73,7 +73,7 @@ impl Draws {
         let stored: Vec<Splat> = as_stored.iter().map(|&place| capture.splats[place as usize]).collect();
         let distances: Vec<f32> = as_stored.iter().map(|&place| capture.distances[place as usize]).collect();
         Draws {
-            quads: Quads::new(gpu, &capture.shot),
+            quads: Quads::new(gpu, &capture.uniform),
             visit: gpu.filled("visit order", &capture.splats),
             storage: gpu.filled("storage order", &stored),
             sorting: sorter.prepare(gpu, &distances),

@@ -1,6 +1,7 @@
 //! The renderer itself, over a turn: tiles, and quads in each target that the device blends.
 
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
+use adjsplat::splat::gpu::Stats;
+use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Quality, Settings};
 use serde::Serialize;
 

@@ -2,8 +2,8 @@
 //!
 //! In: splats of one frame. Out: milliseconds, and the picture in 16-bit floats for those who check it.
 
-use adjsplat::splat::gpu::layout::Shot;
-use adjsplat::splat::gpu::stages::SHADERS;
+use adjsplat::internals::gpu_stages::FrameUniform;
+use adjsplat::internals::gpu_stages::SHADERS;
 use half::f16;
 use wgpu::{
     BindGroupDescriptor, BindGroupEntry, BlendComponent, BlendFactor, BlendOperation, BlendState, Buffer,
@@ -22,16 +22,16 @@ pub(crate) const PIXEL_BYTES: u64 = 8;
 /// The pipelines and the target.
 pub(crate) struct Quads {
     size: [u32; 2],
-    shot: Buffer,
+    uniform: Buffer,
     target: Texture,
     as_they_lie: RenderPipeline,
     ranked: RenderPipeline,
 }
 
 impl Quads {
-    /// For the pixels of `shot`'s window.
-    pub(crate) fn new(gpu: &Gpu, shot: &Shot) -> Quads {
-        let [left, top, right, bottom] = shot.window;
+    /// For the pixels of `uniform`'s window.
+    pub(crate) fn new(gpu: &Gpu, uniform: &FrameUniform) -> Quads {
+        let [left, top, right, bottom] = uniform.window;
         let size = [right - left, bottom - top].map(i32::cast_unsigned);
         let splat = SHADERS.iter().find(|(stage, _)| *stage == "splat").expect("the stage is there").1;
         let source = ShaderSource::Wgsl(format!("{splat}{}", include_str!("ranked.wgsl")).into());
@@ -80,13 +80,13 @@ impl Quads {
             view_formats: &[],
         });
         let (as_they_lie, ranked) = (pipeline("corner"), pipeline("ranked_corner"));
-        Quads { size, shot: gpu.uniform("shot", shot), target, as_they_lie, ranked }
+        Quads { size, uniform: gpu.uniform("uniform", uniform), target, as_they_lie, ranked }
     }
 
     /// Draws `count` splats, in the order of `places` where there are any; gives milliseconds.
     pub(crate) fn draw(&self, gpu: &Gpu, splats: &Buffer, places: Option<&Buffer>, count: u32) -> f64 {
         let pipeline = if places.is_some() { &self.ranked } else { &self.as_they_lie };
-        let buffers = [Some(&self.shot), Some(splats), places];
+        let buffers = [Some(&self.uniform), Some(splats), places];
         let entries: Vec<_> = (0u32..)
             .zip(buffers.into_iter().flatten())
             .map(|(binding, buffer)| BindGroupEntry { binding, resource: buffer.as_entire_binding() })

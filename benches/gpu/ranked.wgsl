@@ -9,7 +9,7 @@ fn ranked_corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) ra
     let rows = splats[slot].rows;
     let x = select(low_half(columns), high_half(columns) + 1, (vertex & 1u) == 1u);
     let y = select(low_half(rows), high_half(rows) + 1, (vertex & 2u) == 2u);
-    let size = vec2<f32>(shot.window.zw - shot.window.xy);
-    let at = vec2<f32>(vec2<i32>(x, y) - shot.window.xy) / size;
+    let size = vec2<f32>(frame.window.zw - frame.window.xy);
+    let at = vec2<f32>(vec2<i32>(x, y) - frame.window.xy) / size;
     return Corner(vec4<f32>(2.0 * at.x - 1.0, 1.0 - 2.0 * at.y, 0.0, 1.0), slot);
 }

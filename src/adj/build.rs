@@ -12,6 +12,7 @@ use super::cull::{CullArguments, Culled, cull};
 use super::input::InputArguments;
 use super::progress::Progress;
 use super::resources::{ResourceArguments, peak_rss_bytes};
+use super::values::{Choice, choice};
 use super::{Answer, is_same_file, print_note, print_result, starts_as_adj};
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::layout::Facts;
@@ -23,25 +24,26 @@ use adjsplat::internals::Budget;
 use adjsplat::internals::description;
 use adjsplat::volume::{Header, SlabSource};
 
-/// Build an .adj file from a volume: only the visible voxels, in lanes.
+/// Build an .adj file, which holds only the visible voxels, from a volume
 ///
-/// Reads raw, NRRD, MetaImage, NIfTI, TIFF, VTK (.vtk, .vti) and DICOM files, folders of TIFF or DICOM slices, Zarr
-/// and OME-Zarr folders, or phantom:NAME (constant, shells, gyroid, marschner-lobb, hydrogen, vessels, noise, corners).
+/// Reads raw, NRRD, MetaImage, NIfTI, TIFF, VTK (.vtk, .vti) and DICOM files, folders of TIFF or DICOM slices, and
+/// Zarr and OME-Zarr folders. phantom:NAME is a computed volume: constant, shells, gyroid, marschner-lobb, hydrogen,
+/// vessels, noise or corners.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj build engine.nii.gz --range 60.. -o engine.adj\n  adj build ct.raw --dims 512x512x300 --type i16le --spacing 0.7x0.7x1 --tf ct-bone -o ct.adj\n  adj build frog.mhd --labels frog -o frog.adj\n  adj build dicom-folder --tf ct-bone -o ct.adj\n  adj build brain.ome.zarr --level 2 --volume 1 --range 300.. -o brain.adj\n  adj build phantom:gyroid --dims 512x512x512 -o gyroid.adj"
 )]
 pub(super) struct Arguments {
-    /// The volume: a file, or a folder of slices.
+    /// The volume: a file, a folder of slices, or phantom:NAME
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// The .adj file to write.
+    /// The .adj file to write
     #[arg(short, long, value_name = "OUT.adj")]
     output: PathBuf,
-    /// Print the result as JSON.
+    /// Print the result as JSON
     #[arg(long)]
     json: bool,
-    /// No progress bar.
+    /// Show no progress bar
     #[arg(long, short)]
     quiet: bool,
     #[command(flatten)]
@@ -60,55 +62,57 @@ pub(super) struct Arguments {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Packing")]
 pub(super) struct PackingArguments {
-    /// Lanes to store: x is smallest; xyz needs no time on first view.
-    #[arg(long, value_name = "LANES", default_value = "xyz", value_parser = ["x", "xy", "xyz"])]
-    pub(super) lanes: String,
-    /// Order of the tiles in memory.
-    #[arg(long, value_name = "ORDER", default_value = "morton", value_parser = ["morton", "hilbert", "rows"])]
-    pub(super) order: String,
-    /// Bits of a value. Samples are exact if the visible ones have no more values than that.
-    #[arg(long, value_name = "BITS", default_value = "8", value_parser = ["8", "16"])]
-    pub(super) value_bits: String,
-    /// Bits of each component of a normal; none is smallest, and unlit.
-    #[arg(long, value_name = "BITS", default_value = "8", value_parser = ["none", "8", "16"])]
-    pub(super) normals: String,
+    /// Axes along which voxels are sorted. Each adds to the file; a missing one is made when a view needs it
+    #[arg(long, value_name = "LANES", default_value = "xyz", value_parser = choice(LANES))]
+    lanes: u8,
+    /// Order of blocks of voxels in the file; matters for speed only
+    #[arg(long, value_name = "ORDER", default_value = "morton", value_parser = choice(TILE_ORDERS))]
+    order: TileOrder,
+    /// Bits of a value. Values are exact if at most 256 (or 65536) different ones are visible
+    #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice([("8", 8u8, ""), ("16", 16u8, "")]))]
+    value_bits: u8,
+    /// Bits of each component of a surface normal; none makes a smaller file without lighting
+    #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice([("none", 0u8, ""), ("8", 8u8, ""), ("16", 16u8, "")]))]
+    normals: u8,
 }
 
+/// Words of `--lanes`: how many there are.
+pub(super) const LANES: [Choice<u8>; 3] = [("x", 1, ""), ("xy", 2, ""), ("xyz", 3, "")];
+
+/// Words of flags for the order of tiles.
+pub(super) const TILE_ORDERS: [Choice<TileOrder>; 3] =
+    [("morton", TileOrder::Morton, ""), ("hilbert", TileOrder::Hilbert, ""), ("rows", TileOrder::Rows, "")];
+
 impl PackingArguments {
-    /// A flag that was given another value than its default, if any was.
+    /// Returns the first of these flags whose value is not the default, if there is one.
     pub(super) fn given(&self) -> Option<&'static str> {
         let flags = [
-            ("--lanes", self.lanes != "xyz"),
-            ("--order", self.order != "morton"),
-            ("--value-bits", self.value_bits != "8"),
-            ("--normals", self.normals != "8"),
+            ("--lanes", self.lanes != 3),
+            ("--order", self.order != TileOrder::Morton),
+            ("--value-bits", self.value_bits != 8),
+            ("--normals", self.normals != 8),
         ];
         flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
     }
 
     /// The builder's options.
-    pub(super) fn options(&self, transfer: TransferFunction) -> Result<BuildOptions> {
-        let normal_bits = match self.normals.as_str() {
-            "none" => 0,
-            "8" => 8,
-            _ => 16,
-        };
-        Ok(BuildOptions {
-            normal_bits: if transfer.shaded() { normal_bits } else { 0 },
+    pub(super) fn options(&self, transfer: TransferFunction) -> BuildOptions {
+        BuildOptions {
+            normal_bits: if transfer.shaded() { self.normals } else { 0 },
             transfer,
-            lane_count: u8::try_from(self.lanes.len()).map_err(|_| Error::input("--lanes", "must be x, xy or xyz"))?,
-            tile_order: TileOrder::from_name(&self.order)?,
-            value_bits: if self.value_bits == "16" { 16 } else { 8 },
-        })
+            lane_count: self.lanes,
+            tile_order: self.order,
+            value_bits: self.value_bits,
+        }
     }
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
-    let (memory, threads) = (arguments.resources.memory()?, arguments.resources.threads()?);
+    let (memory, threads) = (arguments.resources.memory(), arguments.resources.threads());
     let mut source = arguments.reading.open(&arguments.input)?;
     let transfer = arguments.classification.required(&arguments.input)?;
-    let options = arguments.packing.options(transfer)?;
+    let options = arguments.packing.options(transfer);
     let culling = arguments.culling.culling(memory, threads)?;
     check_output(&arguments.output, &arguments.input)?;
     let header = source.header().clone();
@@ -130,45 +134,35 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut scratch = culling.map(|_| ScratchFile::beside(&arguments.output)).transpose()?;
     let path = scratch.as_ref().map_or(arguments.output.as_path(), ScratchFile::path);
     let mut progress = Progress::new(arguments.quiet);
-    let (facts, bytes) = write_rows(path, &visible.rows, &output, &mut progress)?;
+    let mut written = write_rows(path, &visible.rows, &output, &mut progress)?;
     drop(progress);
-    let written = Written { facts, bytes, culled: None };
-    let (header, findings) = (header, visible.samples);
+    let findings = visible.samples;
     drop(visible.rows);
-    let written = match (culling, &mut scratch) {
-        (Some(culling), Some(scratch)) => {
-            scratch.hold()?;
-            let culled = cull(scratch.path(), &arguments.output, &culling, arguments.quiet)?;
-            Written { facts: culled.facts.clone(), bytes: culled.bytes, culled: Some(culled) }
-        }
-        _ => written,
-    };
-    report(arguments, &header, &findings, &written, start.elapsed().as_secs_f64());
+    let mut culled = None;
+    if let (Some(culling), Some(scratch)) = (culling, &mut scratch) {
+        scratch.hold()?;
+        let found = culled.insert(cull(scratch.path(), &arguments.output, &culling, arguments.quiet)?);
+        written = (found.facts.clone(), found.bytes);
+    }
+    report(arguments, &header, &findings, written, culled.as_ref(), start.elapsed().as_secs_f64());
     Ok(Answer::Yes)
 }
 
-/// What a build left.
-struct Written {
-    facts: Facts,
-    bytes: u64,
-    culled: Option<Culled>,
-}
-
-/// Says what the build will take, before it does.
+/// Prints what memory and disk the build will take, before it starts.
 fn say_need(budget: &Budget, header: &Header) {
     let memory = HumanBytes(budget.need);
     let voxels = header.grid.len();
     let most = HumanBytes(voxels.saturating_mul(budget.spill_bytes_per_voxel));
     let disk = if budget.may_spill(voxels) {
-        let each = budget.spill_bytes_per_voxel;
-        format!("; beside the output for a while {each} bytes of disk a visible voxel, at most {most}")
+        let per_voxel = budget.spill_bytes_per_voxel;
+        format!("; beside the output for a while {per_voxel} bytes of disk a visible voxel, at most {most}")
     } else {
         String::new()
     };
     print_note(&format!("takes at most {memory} of memory{disk}"));
 }
 
-/// Reads a volume with a progress bar, and says on stderr what a user should know of the samples.
+/// Finds the visible voxels of a volume, with a progress bar and warnings about its samples.
 pub(super) fn classify_with_warnings(
     source: &mut dyn SlabSource,
     options: &BuildOptions,
@@ -195,7 +189,7 @@ pub(super) fn classify_with_warnings(
     Ok(built)
 }
 
-/// Finds out now, not after a long build, that the output cannot be written, or that it would cost the user a file.
+/// Checks, before a long build, that the output can be written and replaces no volume.
 fn check_output(output: &Path, input: &Path) -> Result<()> {
     if is_same_file(output, input) {
         return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
@@ -203,9 +197,9 @@ fn check_output(output: &Path, input: &Path) -> Result<()> {
     check_replaceable(output)
 }
 
-/// Finds out that the output can be written, and that no file but an old .adj file would be lost to it.
+/// Checks that the output can be written and replaces no file but an old .adj file.
 pub(super) fn check_replaceable(output: &Path) -> Result<()> {
-    // A header may name other files that hold the samples: those must not be lost to a slip either.
+    // A header may name other files that hold the samples, so those are kept too.
     let named = output.extension().is_some_and(|extension| extension == "adj");
     let old = std::fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0);
     if old && !named && !starts_as_adj(output)? {
@@ -215,10 +209,15 @@ pub(super) fn check_replaceable(output: &Path) -> Result<()> {
     check_writable(output)
 }
 
-fn report(arguments: &Arguments, header: &Header, findings: &SampleSummary, written: &Written, seconds: f64) {
-    let path = &arguments.output;
-    let Written { facts, bytes, culled } = written;
-    let (visible, bytes) = (facts.visible_voxels, *bytes);
+fn report(
+    arguments: &Arguments,
+    header: &Header,
+    findings: &SampleSummary,
+    (facts, bytes): (Facts, u64),
+    culled: Option<&Culled>,
+    seconds: f64,
+) {
+    let (path, visible) = (&arguments.output, facts.visible_voxels);
     let samples = header.grid.len();
     let per_voxel = bytes as f64 / visible as f64;
     if arguments.json {

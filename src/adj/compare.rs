@@ -5,49 +5,48 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::picture::{Depth, Picture, PictureKind};
+use super::picture::{Picture, PictureKind, SampleDepth};
 use super::progress::interrupted;
 use super::read_picture::read_picture;
-use super::render::parse_background;
+use super::values::{Background, background};
 use super::{Answer, is_same_file, print_result};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
-use adjsplat_judge::metrics::{Heat, Metrics, compare};
+use adjsplat_judge::metrics::{HeatMap, Metrics, compare};
 
-/// Say how far a picture is from another: PSNR, SSIM, FLIP, largest and root mean square error.
+/// Measure how much two pictures differ: PSNR, SSIM, FLIP, largest and root mean square error
 ///
-/// Exit code 0: done, or within --max-error; 1: farther apart than that; 2: they cannot be compared.
+/// Exit code 0: done, or within --max-error; 1: they differ more than that; 2: they cannot be compared.
 ///
-/// psnr, rmse and max_abs are of linear premultiplied red, green, blue and alpha, over the pixels where a picture is not
-/// empty; the display ones of sRGB values over the background. ssim and flip are of what a display shows, too; flip
-/// at 67 pixels a degree.
+/// The column "linear" compares linear, premultiplied red, green, blue and alpha of the pixels that one of the pictures
+/// covers. The column "display" compares sRGB values over the background, as do ssim and flip (at 67 pixels per degree).
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj compare right.exr draft.exr\n  adj compare right.png other.png --max-error 0.01 --diff where.png\n  adj compare right.png other.png --metric psnr --max-error 42 --json -"
 )]
 pub(super) struct Arguments {
-    /// The picture that is right: .png or .exr.
+    /// The reference picture: .png or .exr
     #[arg(value_name = "A")]
     right: PathBuf,
-    /// The one that is judged, of the same size.
+    /// The picture to measure, of the same size
     #[arg(value_name = "B")]
     other: PathBuf,
-    /// Answer no, with exit code 1, if the metric is beyond this: above it, for psnr and ssim below it.
-    #[arg(long, value_name = "E", allow_hyphen_values = true)]
+    /// Exit with code 1 if the metric is worse than E: above it; for psnr and ssim, below it
+    #[arg(long, value_name = "E", allow_hyphen_values = true, value_parser = bound)]
     max_error: Option<f64>,
-    /// What --max-error bounds.
+    /// The metric that --max-error is for
     #[arg(long, value_name = "M", value_enum, default_value_t = Metric::Max)]
     metric: Metric,
-    /// Write a picture of absolute differences: black for none, pale yellow for the largest.
+    /// Write a picture of the absolute differences: black is none, pale yellow the largest
     #[arg(long, value_name = "FILE.png|FILE.exr")]
     diff: Option<PathBuf>,
-    /// Write the numbers as JSON to this file, or to stdout instead of the table if it is - or left out. Infinite
-    /// ones, as the PSNR of equal pictures, are null.
+    /// Write the numbers as JSON to this file; without a file or with -, to stdout in place of the table.
+    /// Infinite numbers (PSNR of equal pictures) are null
     #[arg(long, value_name = "FILE.json", num_args = 0..=1, default_missing_value = "-")]
     json: Option<PathBuf>,
-    /// Colour behind both for what a display shows: #rrggbb, black or white.
-    #[arg(long, value_name = "COLOUR", default_value = "white")]
-    background: String,
+    /// Colour behind both pictures for the display column: #rrggbb, black or white
+    #[arg(long, value_name = "COLOUR", default_value = "white", value_parser = opaque)]
+    background: [f32; 3],
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
@@ -78,13 +77,21 @@ impl Metric {
     }
 }
 
+/// Parses any number but NaN.
+fn bound(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|bound: &f64| !bound.is_nan()).ok_or_else(|| "must be a number".into())
+}
+
+/// Parses a colour that is not transparent.
+fn opaque(text: &str) -> Result<[f32; 3], String> {
+    match background(text)? {
+        Background::Colour(colour) => Ok(colour),
+        Background::Transparent => Err("is transparent, which no display shows; give a colour".into()),
+    }
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let Arguments { right, other, max_error, metric, diff, json, background } = arguments;
-    if let Some(bound) = max_error.filter(|bound| bound.is_nan()) {
-        return Err(Error::input("--max-error", format!("is {bound}, but must be a number")));
-    }
-    let background = parse_background(background)?
-        .ok_or_else(|| Error::input("--background", "is transparent, which no display shows; give a colour"))?;
     let to_stdout = json.as_deref() == Some(Path::new("-"));
     let json_file = json.as_ref().filter(|_| !to_stdout);
     for (flag, path) in [("--diff", diff.as_ref()), ("--json", json_file)] {
@@ -96,19 +103,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     }
     let kind = diff.as_ref().map(|path| PictureKind::of(path)).transpose()?;
     let (a, b) = (read_picture(right)?, read_picture(other)?);
-    let metrics = compare(&a, &b, background)?;
+    let metrics = compare(&a, &b, *background)?;
     let within = max_error.is_none_or(|bound| metric.is_within(&metrics, bound));
     let document = document(&metrics, max_error.map(|_| within));
     if let Some(path) = json_file {
         write_atomically_unless(&interrupted, path, |out| writeln!(out, "{document:#}"))?;
     }
-    let mut told = if to_stdout { format!("{document:#}") } else { table(&metrics) };
+    let mut report = if to_stdout { format!("{document:#}") } else { table(&metrics) };
     if let (Some(path), Some(kind)) = (diff, kind) {
-        let heat = Heat::new(&a, &b)?;
-        let picture = Picture::new(&heat.frame, kind, Depth::Eight);
+        let heat = HeatMap::new(&a, &b)?;
+        let picture = Picture::new(&heat.frame, kind, SampleDepth::Eight);
         write_atomically_unless(&interrupted, path, |out| picture.write(out))?;
         if !to_stdout {
-            told += &format!(
+            report += &format!(
                 "\n{}: absolute differences, the largest of a pixel's four linear samples; black is 0, pale yellow {:.3e}",
                 path.display(),
                 heat.brightest
@@ -116,11 +123,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         }
     }
     if let Some(bound) = max_error.filter(|_| !to_stdout) {
-        let name = metric.to_possible_value().map(|value| value.get_name().to_owned()).unwrap_or_default();
+        let name = metric.to_possible_value().expect("no metric is hidden");
         let verdict = if within { "within" } else { "beyond" };
-        told += &format!("\n{name} {} is {verdict} {bound}", shown(metric.of(&metrics)));
+        report += &format!("\n{} {} is {verdict} {bound}", name.get_name(), shown(metric.of(&metrics)));
     }
-    print_result(&told);
+    print_result(&report);
     Ok(if within { Answer::Yes } else { Answer::No })
 }
 
@@ -153,7 +160,7 @@ fn table(metrics: &Metrics) -> String {
     .join("\n")
 }
 
-/// Decibels and small numbers alike: four digits that count.
+/// Formats a number with four significant digits.
 fn shown(number: f64) -> String {
     if number == 0.0 || !number.is_finite() {
         format!("{number}")

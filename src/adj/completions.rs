@@ -8,16 +8,16 @@ use clap_complete::Shell;
 use super::{Answer, Cli, finish_stdout};
 use adjsplat::error::Result;
 
-/// Print a completion script for a shell.
+/// Print a script with which a shell completes commands and flags
 #[derive(Debug, Args)]
 #[command(after_help = "Example: adj completions bash > ~/.local/share/bash-completion/completions/adj")]
 pub(super) struct Arguments {
-    /// The shell to complete in.
+    /// The shell
     shell: Shell,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    // By way of memory: the generator panics where a pipe is closed.
+    // Into memory first: the generator panics if a pipe is closed.
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut Cli::command(), "adj", &mut script);
     finish_stdout(std::io::stdout().write_all(&script));

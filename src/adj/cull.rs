@@ -1,44 +1,44 @@
 //! `--cull-hidden`: a file without the voxels that no view from outside shows.
 //!
-//! In: an `.adj` file and the flags. Out: another one without its hidden voxels, that says so in its description.
+//! In: an `.adj` file and the flags. Out: a file without its hidden voxels, which its description mentions.
 
-use std::ops::ControlFlow;
 use std::path::Path;
 
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::progress::{Progress, interrupted};
+use super::progress::Progress;
 use super::stored::stored_transfer;
+use super::values::number;
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{LaneRows, LaneSet};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
 use adjsplat::splat::Scene;
 use adjsplat::volume::Axis;
-use adjsplat_judge::hidden::{Algorithm, Culling, DEFAULT_EPS, DEFAULT_VIEWS, Stage, find};
+use adjsplat_judge::hidden::{Algorithm, Culling, CullingStage, DEFAULT_EPS, DEFAULT_VIEWS, find};
 
-/// What no view from outside shows.
+/// Whether to leave out voxels that no view from outside shows.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Hidden voxels")]
 pub(super) struct CullArguments {
-    /// Leave out voxels that no view from outside shows: pictures change by at most EPS (1/512 unless given), measured
-    /// on views that did not decide. Inside views, crops and other transfer functions show that they are missing.
-    #[arg(long, value_name = "EPS", num_args = 0..=1, require_equals = true)]
+    /// Leave out voxels that no view from outside shows. Pictures change by at most EPS (above 0, below 1;
+    /// default 1/512). Views from inside and crops show gaps
+    #[arg(long, value_name = "EPS", num_args = 0..=1, require_equals = true, value_parser = fraction)]
     cull_hidden: Option<Option<f64>>,
-    /// Leave out only voxels that are proven hidden in all parallel views from outside (in perspective for most rays): fewer.
+    /// Leave out only voxels that are proven hidden from every direction: fewer than --cull-hidden
     #[arg(long)]
     cull_hidden_certified: bool,
-    /// Views that decide what is hidden; 26 axes and diagonals and 200 others always judge.
-    #[arg(long, value_name = "N")]
+    /// Views from which hidden voxels are found, 1 to 100000; 240 by default
+    #[arg(long, value_name = "N", value_parser = number(1..=100_000u32))]
     cull_views: Option<u32>,
 }
 
 impl CullArguments {
-    /// What the flags ask for, if they ask for anything, with so many bytes of memory and threads.
+    /// Returns how to look for hidden voxels, in `memory` bytes; `None` if no flag asks for it.
     ///
     /// # Errors
-    /// [`Error::Input`] if a number cannot be used.
+    /// [`Error::Input`] if `--cull-views` is alone.
     pub(super) fn culling(&self, memory: u64, threads: usize) -> Result<Option<Culling>> {
         let eps = match self.cull_hidden {
             Some(eps) => eps.unwrap_or(DEFAULT_EPS),
@@ -48,19 +48,10 @@ impl CullArguments {
             }
             None => return Ok(None),
         };
-        if !(eps > 0.0 && eps < 1.0) {
-            let why = format!("is {eps}, but must be above 0 and below 1, such as 0.002");
-            return Err(Error::input("--cull-hidden", why));
-        }
-        let views = self.cull_views.unwrap_or(DEFAULT_VIEWS);
-        if !(1..=100_000).contains(&views) {
-            return Err(Error::input("--cull-views", format!("is {views}, but must be 1 to 100000")));
-        }
-        let certified = self.cull_hidden_certified;
         Ok(Some(Culling {
             eps,
-            algorithm: if certified { Algorithm::Certified } else { Algorithm::Sampled },
-            views,
+            algorithm: if self.cull_hidden_certified { Algorithm::Certified } else { Algorithm::Sampled },
+            views: self.cull_views.unwrap_or(DEFAULT_VIEWS),
             judging_views: 200,
             threads,
             memory,
@@ -68,38 +59,41 @@ impl CullArguments {
     }
 }
 
-/// What culling did.
+/// Parses a number above 0 and below 1.
+fn fraction(text: &str) -> Result<f64, String> {
+    let number = text.parse().ok().filter(|eps| *eps > 0.0 && *eps < 1.0);
+    number.ok_or_else(|| "must be above 0 and below 1, such as 0.002".into())
+}
+
+/// What culling wrote.
 pub(super) struct Culled {
-    /// Of the file that was written.
+    /// Facts of the file without hidden voxels.
     pub(super) facts: Facts,
-    /// Its bytes.
+    /// Size of that file in bytes.
     pub(super) bytes: u64,
-    /// What is to be told.
+    /// Counts and settings, for `--json`.
     pub(super) report: Value,
 }
 
 impl Culled {
-    /// The report as a line for people.
+    /// Returns the report as a line of text.
     pub(super) fn line(&self) -> String {
-        let part = |name: &str| self.report[name].as_f64().unwrap_or(0.0);
+        let number = |name: &str| self.report[name].as_f64().unwrap_or(0.0);
         format!(
             "{} of {} voxels are hidden ({:.1} %, {}): {} instead of {}; {} other views change by {:.5} at most",
             self.report["removed"],
             self.report["visible_before"],
-            100.0 * part("removed") / part("visible_before").max(1.0),
+            100.0 * number("removed") / number("visible_before").max(1.0),
             self.report["algorithm"].as_str().unwrap_or_default(),
             indicatif::HumanBytes(self.bytes),
             indicatif::HumanBytes(self.report["bytes_before"].as_u64().unwrap_or(0)),
             self.report["judging_views"],
-            part("worst_difference"),
+            number("worst_difference"),
         )
     }
 }
 
-/// Writes what is not hidden of the file at `input` to `output`, in as many lanes.
-///
-/// # Errors
-/// What opening, finding and writing give; [`Error::Interrupted`] on Ctrl-C.
+/// Writes the voxels of the file `input` that are not hidden to `output`, in as many lanes.
 pub(super) fn cull(input: &Path, output: &Path, culling: &Culling, quiet: bool) -> Result<Culled> {
     let file = AdjFile::open(input)?;
     let arena = file.arena()?;
@@ -114,11 +108,10 @@ pub(super) fn cull(input: &Path, output: &Path, culling: &Culling, quiet: bool) 
     let mut progress = Progress::new(quiet);
     let mut watch = |stage, done, total| {
         let what = match stage {
-            Stage::Look => "look",
-            Stage::Compare => "compare",
+            CullingStage::Look => "look",
+            CullingStage::Compare => "compare",
         };
-        progress.show(what, done, total);
-        if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        progress.show(what, done, total)
     };
     let hidden = find(&scene, culling, &mut watch)?;
     drop(progress);

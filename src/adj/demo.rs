@@ -1,4 +1,4 @@
-//! `adj demo`: from nothing to a picture, by the commands that anyone would type.
+//! `adj demo`: builds and draws a phantom with the commands that a user would type.
 
 use std::path::{Path, PathBuf};
 
@@ -7,11 +7,11 @@ use clap::{Args, Parser as _};
 use super::{Answer, Cli, print_result};
 use adjsplat::error::{Error, Result};
 
-/// Build and render a made-up volume: no input needed, nothing is opened.
+/// Build and draw a computed volume, without any input
 #[derive(Debug, Args)]
 #[command(after_help = "Example: adj demo --folder pictures")]
 pub(super) struct Arguments {
-    /// Where to put the two files.
+    /// Where to write adj-demo.adj and adj-demo.png
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     folder: PathBuf,
 }
@@ -31,7 +31,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-/// Prints a command as one would type it, and runs it.
+/// Prints a command as a user would type it, and runs it.
 fn say_and_do(words: &[&str], more: &[&Path]) -> Result<()> {
     let command: Vec<&Path> = ["adj"].iter().chain(words).map(Path::new).chain(more.iter().copied()).collect();
     let shown: Vec<String> = command.iter().map(|word| word.display().to_string()).collect();

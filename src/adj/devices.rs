@@ -8,13 +8,13 @@ use super::{Answer, print_result};
 use adjsplat::error::Result;
 use adjsplat::splat::gpu::adapter::{AdapterFacts, adapters};
 
-/// List the graphics devices that adj render can use, best first.
+/// List the graphics devices that adj render can use, best first
 #[derive(Debug, Args)]
 #[command(
     after_help = "Example:\n  adj devices\nExit code 1 if there is none. WGPU_BACKEND=vulkan (metal, dx12) lists those of one kind."
 )]
 pub(super) struct Arguments {
-    /// For programs.
+    /// Print the result as JSON
     #[arg(long)]
     json: bool,
 }

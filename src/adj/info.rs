@@ -14,23 +14,23 @@ use adjsplat::volume::Axis;
 use adjsplat::volume::Histogram;
 use adjsplat_study::memory::virtual_voxels;
 
-/// Show what an .adj file or a volume holds: sizes, counts, bytes; for a volume its values.
+/// Show what an .adj file or a volume holds: sizes and counts; for a volume also its range of values
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj info head.adj --json\n  adj info head.nii.gz        (which values would be worth showing?)"
 )]
 pub(super) struct Arguments {
-    /// An .adj file or a volume.
+    /// An .adj file or a volume
     #[arg(value_name = "FILE")]
     input: PathBuf,
-    /// Print the result as JSON.
+    /// Print the result as JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]
     reading: InputArguments,
 }
 
-/// Shares of a volume's samples whose bounds are shown.
+/// Quantiles of a volume's values that are shown.
 const QUANTILES: [f64; 8] = [0.01, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
@@ -39,10 +39,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-/// Whether `path` is an `.adj` file, by its first bytes, or by its name if it is too short for any.
+/// Whether `path` is an `.adj` file, by its first bytes or its name.
 pub(super) fn is_adj(path: &Path) -> Result<bool> {
     let named = path.extension().is_some_and(|extension| extension == "adj");
-    // Only regular files are read here; what is wrong with another kind is the reader's to say.
+    // Only regular files are read here; the reader refuses other kinds.
     if named || !std::fs::metadata(path).is_ok_and(|m| m.is_file()) {
         return Ok(named);
     }
@@ -81,7 +81,7 @@ fn of_arena(path: &Path) -> Result<Value> {
             })
         })
         .collect();
-    // The description is for people: a file without a readable one is still a file.
+    // The description is for people: a file without a readable one is still sound.
     let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     Ok(json!({
         "file": path.display().to_string(),
@@ -142,7 +142,7 @@ fn of_volume(arguments: &Arguments) -> Result<Value> {
     }))
 }
 
-/// One member a line; lists of objects one object a line.
+/// One member per line; of lists of objects, one object per line.
 fn as_text(answer: &Value) -> String {
     let mut text = String::new();
     let members = answer.as_object().into_iter().flatten();

@@ -4,49 +4,50 @@ use std::path::Path;
 
 use clap::Args;
 
+use super::values::{choice, library};
 use super::{print_note, starts_as_adj};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::UnscaledSource;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};
-use adjsplat_readers::open;
-use adjsplat_readers::raw::{RawOptions, parse_dims, parse_type};
+use adjsplat_readers::{Endian, OpenOptions, RawOptions, open, parse_dims, parse_type};
 
 /// How to read what a file does not say itself.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Reading")]
 pub(super) struct InputArguments {
-    /// Points along x, y, z of a raw file or a phantom: 256x256x128.
-    #[arg(long, value_name = "XxYxZ")]
-    dims: Option<String>,
-    /// Sample type of a raw file or a phantom: u8 i8 u16 i16 u32 i32 f32 f64, with le or be behind it.
-    #[arg(long = "type", value_name = "TYPE")]
-    sample_type: Option<String>,
-    /// Byte order of a raw file: le or be.
-    #[arg(long, value_name = "ORDER", value_parser = ["le", "be"])]
-    endian: Option<String>,
-    /// Bytes to skip at the start of a raw file.
+    /// Voxels along x, y and z: 256x256x128. Needed for a raw file; 256x256x256 by default for a phantom
+    #[arg(long, value_name = "XxYxZ", value_parser = library(parse_dims))]
+    dims: Option<[u64; 3]>,
+    /// Type of a voxel: u8, i8, u16, i16, u32, i32, f32 or f64; add be for big endian (u16be).
+    /// Needed for a raw file; u8 by default for a phantom
+    #[arg(long = "type", value_name = "TYPE", value_parser = library(parse_type))]
+    sample_type: Option<(SampleType, Endian)>,
+    /// Byte order of a raw file: little or big endian; by default what --type says
+    #[arg(long, value_name = "ORDER", value_parser = choice([("le", Endian::Little, ""), ("be", Endian::Big, "")]))]
+    endian: Option<Endian>,
+    /// Bytes to skip at the start of a raw file; 0 by default
     #[arg(long, value_name = "BYTES")]
     skip: Option<u64>,
-    /// Distance between points along x, y, z: 1x1x1.5. Replaces what the file says.
-    #[arg(long, value_name = "XxYxZ", allow_hyphen_values = true)]
-    spacing: Option<String>,
-    /// Which volume of a file that holds several, from 0.
+    /// Distance between voxels along x, y and z, above 0: 1x1x1.5. Replaces the file's own
+    #[arg(long, value_name = "XxYxZ", allow_hyphen_values = true, value_parser = spacing)]
+    spacing: Option<[f64; 3]>,
+    /// Number of the volume to read, from 0, if the file holds several
     #[arg(long, value_name = "N", default_value_t = 0)]
     volume: u32,
-    /// Which resolution of an OME-Zarr image, from 0, the finest.
+    /// Resolution to read of an OME-Zarr image; 0 is the finest
     #[arg(long, value_name = "N", default_value_t = 0)]
     level: u32,
-    /// Which series of a DICOM folder that holds several: its number in the list that is shown, or its UID's end.
+    /// DICOM series to read if the folder holds several: its number in the list that adj prints, or the end of its UID
     #[arg(long, value_name = "NUMBER|UID")]
     series: Option<String>,
-    /// Take samples as they are stored, without the file's slope and intercept.
+    /// Keep voxels as stored: do not apply the file's slope and intercept
     #[arg(long)]
     unscaled: bool,
 }
 
 impl InputArguments {
-    /// A flag that was given, if any was.
+    /// Returns the first of these flags on the command line, if there is one.
     pub(super) fn given(&self) -> Option<&'static str> {
         let flags = [
             ("--dims", self.dims.is_some()),
@@ -62,63 +63,62 @@ impl InputArguments {
         flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
     }
 
-    /// Opens `input`: a path, or `phantom:NAME`; notes of its reader go to stderr.
-    ///
-    /// # Errors
-    /// As the readers; and [`Error::Input`] for flags that do not go with the input.
+    /// Opens `input`: a path, or `phantom:NAME`. Prints its reader's notes to stderr.
     pub(super) fn open(&self, input: &Path) -> Result<Box<dyn SlabSource>> {
-        let dims = self.dims.as_deref().map(parse_dims).transpose()?;
-        let spacing = self.spacing.as_deref().map(parse_spacing).transpose()?;
-        let sample_type = self.sample_type.as_deref().map(parse_type).transpose()?;
         if let Some(phantom) = phantom(input)? {
             if self.level != 0 || self.series.is_some() {
                 return Err(Error::input("--level, --series", "are for OME-Zarr and DICOM; leave them out"));
             }
-            let sample_type = sample_type.map_or(SampleType::U8, |(ty, _)| ty);
-            return phantom.open(dims.unwrap_or([256; 3]), sample_type, spacing.unwrap_or([1.0; 3]));
+            let sample_type = self.sample_type.map_or(SampleType::U8, |(sample_type, _)| sample_type);
+            return phantom.open(self.dims.unwrap_or([256; 3]), sample_type, self.spacing.unwrap_or([1.0; 3]));
         }
         if std::fs::metadata(input).is_ok_and(|found| found.is_file()) && starts_as_adj(input)? {
             let why = "is an .adj file, which holds no volume; give the volume that it was built from";
             return Err(Error::input(input.display().to_string(), why));
         }
-        let raw = match (dims, sample_type) {
-            (Some(dims), Some((ty, endian))) => {
-                let mut raw = RawOptions::new(dims, ty);
-                raw.endian = match self.endian.as_deref() {
-                    Some("be") => adjsplat_readers::slab::Endian::Big,
-                    Some(_) => adjsplat_readers::slab::Endian::Little,
-                    None => endian,
-                };
-                raw.skip = self.skip.unwrap_or(0);
-                Some(raw)
-            }
-            (None, None) => match (&self.endian, self.skip) {
-                (None, None) => None,
-                _ => return Err(Error::input("--endian, --skip", "are for raw files; give --dims and --type too")),
-            },
-            (Some(_), None) => return Err(Error::input("--dims", "is for raw files; give --type too, such as u8")),
-            (None, Some(_)) => return Err(Error::input("--type", "is for raw files; give --dims too: 256x256x128")),
-        };
-        let (level, series) = (self.level, self.series.clone());
-        let options = open::OpenOptions { raw, volume_index: self.volume, spacing, level, series };
-        let source = open::open(input, &options)?;
+        let mut options = OpenOptions::new().volume_index(self.volume).level(self.level);
+        if let Some(raw) = self.raw()? {
+            options = options.raw(raw);
+        }
+        if let Some(spacing) = self.spacing {
+            options = options.spacing(spacing);
+        }
+        if let Some(series) = &self.series {
+            options = options.series(series);
+        }
+        let source = open(input, &options)?;
         for note in source.notes() {
             print_note(note);
         }
         Ok(if self.unscaled { Box::new(UnscaledSource::new(source)) } else { source })
     }
+
+    /// Returns how to read a raw file, if the flags for one are there.
+    fn raw(&self) -> Result<Option<RawOptions>> {
+        match (self.dims, self.sample_type) {
+            (Some(dims), Some((sample_type, endian))) => {
+                let raw = RawOptions::new(dims, sample_type).endian(self.endian.unwrap_or(endian));
+                Ok(Some(raw.skip(self.skip.unwrap_or(0))))
+            }
+            (None, None) if self.endian.is_some() || self.skip.is_some() => {
+                Err(Error::input("--endian, --skip", "are for raw files; give --dims and --type too"))
+            }
+            (None, None) => Ok(None),
+            (Some(_), None) => Err(Error::input("--dims", "is for raw files; give --type too, such as u8")),
+            (None, Some(_)) => Err(Error::input("--type", "is for raw files; give --dims too: 256x256x128")),
+        }
+    }
 }
 
-/// The phantom that `phantom:NAME` means.
+/// Returns the phantom that `phantom:NAME` names; `None` for any other input.
 pub(super) fn phantom(input: &Path) -> Result<Option<Phantom>> {
     let name = input.to_str().and_then(|text| text.strip_prefix("phantom:"));
     name.map(Phantom::from_name).transpose()
 }
 
-/// Three distances from text: `1x1x1.5`, or `1,1,1.5`.
-fn parse_spacing(text: &str) -> Result<[f64; 3]> {
-    let parsed: Option<Vec<f64>> = text.split(['x', 'X', ',']).map(|part| part.trim().parse().ok()).collect();
-    let why = || Error::input("spacing", format!("is \"{text}\", but must be three numbers above 0: 1x1x1.5"));
-    let spacing: [f64; 3] = parsed.and_then(|numbers| numbers.try_into().ok()).ok_or_else(why)?;
-    if spacing.iter().all(|h| h.is_finite() && *h > 0.0) { Ok(spacing) } else { Err(why()) }
+/// Parses three distances: `1x1x1.5` or `1,1,1.5`.
+fn spacing(text: &str) -> Result<[f64; 3], String> {
+    let step = |part: &str| part.trim().parse().ok().filter(|step: &f64| step.is_finite() && *step > 0.0);
+    let steps: Option<Vec<f64>> = text.split(['x', 'X', ',']).map(step).collect();
+    steps.and_then(|steps| steps.try_into().ok()).ok_or_else(|| "must be three numbers above 0: 1x1x1.5".into())
 }

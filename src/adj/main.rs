@@ -1,8 +1,8 @@
-//! The program `adj`: one file a subcommand.
+//! The program `adj`: one file for each subcommand.
 //!
-//! Results go to stdout, progress and warnings to stderr. Exit code 0: done; 1: the answer is no (`verify`, `compare`); 2:
-//! trouble or wrong usage, told in one line that says what to do.
-#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program talks")]
+//! Results go to stdout, progress and warnings to stderr. Exit code 0: done; 1: the answer is no (`verify`, `compare`);
+//! 2: an error or wrong usage, in one line that says what to do.
+#![allow(clippy::print_stdout, clippy::print_stderr, reason = "a program prints")]
 
 mod build;
 mod classification;
@@ -12,8 +12,10 @@ mod cull;
 mod demo;
 #[cfg(feature = "gpu")]
 mod devices;
+mod flags;
 mod info;
 mod input;
+mod memory_shares;
 #[cfg(feature = "gpu")]
 mod on_device;
 mod picture;
@@ -23,14 +25,13 @@ mod read_picture;
 mod render;
 mod renderer;
 mod resources;
-mod room;
 mod size;
 mod stored;
 mod study;
 mod trim;
+mod values;
 mod verify;
 
-use std::error::Error as _;
 use std::io::{Read as _, Write as _};
 use std::path::Path;
 use std::process::ExitCode;
@@ -41,7 +42,7 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use adjsplat::arena::layout::MAGIC;
 use adjsplat::error::{Error, Result};
 
-/// How a command that did not fail ended.
+/// Result of a command that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Answer {
     /// Done, or yes.
@@ -50,7 +51,7 @@ enum Answer {
     No,
 }
 
-/// Volume splatting of only the visible voxels: build .adj files from volumes, look into them, render them.
+/// Draw volumes by splatting their visible voxels: build .adj files from volumes, inspect them, render them
 #[derive(Debug, Parser)]
 #[command(name = "adj", version, max_term_width = 100, arg_required_else_help = true)]
 #[command(
@@ -88,7 +89,7 @@ fn main() -> ExitCode {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
         Err(error) => {
-            print_note(&one_line(&error));
+            print_note(&flags::one_line(&error));
             ExitCode::from(2)
         }
     }
@@ -111,45 +112,35 @@ fn run(command: &Command) -> Result<Answer> {
     }
 }
 
-/// The error and its causes.
-fn one_line(error: &Error) -> String {
-    let mut line = error.to_string();
-    let mut source = error.source();
-    while let Some(cause) = source {
-        line.push_str(": ");
-        line.push_str(&cause.to_string());
-        source = cause.source();
-    }
-    line
-}
-
-/// Help as asked for, or what is wrong with the arguments in one line.
+/// Prints help, or what is wrong with the arguments in one line.
 fn usage(error: &clap::Error) -> ExitCode {
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
-            // To stdout where it was asked for; a closed pipe is the reader's choice.
+            // A closed pipe is no error.
             let _ = error.print();
             ExitCode::from(if error.use_stderr() { 2 } else { 0 })
         }
         _ => {
-            // clap's message is a paragraph for what is wrong, then tips and usage.
+            // clap writes one paragraph about what is wrong, then tips and usage.
             let text = error.render().to_string();
             let wrong: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
             let tip = text.lines().map(str::trim).find_map(|line| line.strip_prefix("tip: "));
-            let word = std::env::args_os().nth(1).unwrap_or_default();
-            let command =
-                Cli::command().get_subcommands().find(|c| c.get_name() == word).map(|c| c.get_name().to_owned());
-            let help = command.map_or("adj --help".to_owned(), |command| format!("adj {command} --help"));
+            let (mut command, mut help) = (Cli::command(), "adj".to_owned());
+            for word in std::env::args_os().skip(1) {
+                let Some(subcommand) = command.find_subcommand(&word) else { break };
+                help = format!("{help} {}", subcommand.get_name());
+                command = subcommand.clone();
+            }
             let message = wrong.join(" ");
             let message = message.strip_prefix("error: ").unwrap_or(&message);
             let tip = tip.map_or(String::new(), |tip| format!("; {tip}"));
-            print_note(&format!("{message}{tip}; see {help}"));
+            print_note(&format!("{message}{tip}; see {help} --help"));
             ExitCode::from(2)
         }
     }
 }
 
-/// Prints a result; a reader that closed its end is content. Ends the program if stdout takes it for another reason.
+/// Prints a result. Ends the program if stdout fails, unless its reader went away.
 fn print_result(text: &str) {
     let mut stdout = std::io::stdout().lock();
     let written =
@@ -167,20 +158,17 @@ fn finish_stdout(written: std::io::Result<()>) {
     }
 }
 
-/// Tells an error or a warning, in one line on stderr; whether anyone reads it does not matter.
+/// Prints an error or a warning in one line to stderr, and ignores whether that works.
 fn print_note(text: &str) {
-    let _ = writeln!(std::io::stderr(), "adj: {}", text.replace(['\n', '\r'], " "));
+    let _ = writeln!(std::io::stderr(), "adj: {}", flags::with_flags(text).replace(['\n', '\r'], " "));
 }
 
-/// Whether both paths lead to one file that is there.
+/// Whether both paths lead to the same existing file.
 fn is_same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
 /// Whether the regular file at `path` starts as `.adj` files do.
-///
-/// # Errors
-/// [`Error::Io`] if it cannot be read.
 fn starts_as_adj(path: &Path) -> Result<bool> {
     let mut first = Vec::new();
     let file = std::fs::File::open(path).map_err(Error::io("open", path))?;

@@ -1,25 +1,20 @@
 //! Drawing on a graphics device for `adj render`.
 //!
-//! In: what was asked for. Out: frames; where they accumulate in few bits, how far the first one is from 32 bits.
+//! In: the flags. Out: frames; where samples have 16 or 8 bits, how far the first frame is from one in 32 bits.
 
 use std::time::Instant;
 
 use serde_json::{Value, json};
 
 use super::print_note;
-use super::renderer::{FrameStats, Renderer, RendererArguments};
-use super::size::parse_size;
+use super::renderer::{AccumulateBits, CompositorName, FrameStats, Renderer, RendererArguments};
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::gpu;
 use adjsplat::splat::gpu::adapter;
 use adjsplat::splat::gpu::adapter::Opened;
 use adjsplat::splat::gpu::{Compositor, Options, Target};
 use adjsplat::splat::{Camera, Frame, Scene, Settings};
-use adjsplat::traverse::{Sense, VoxelBox};
-use adjsplat::volume::Axis;
-
-/// Least video memory that is worth trying.
-const LEAST_VRAM: u64 = 16 << 20;
+use adjsplat::traverse::Sense;
 
 /// A renderer on a graphics device.
 pub(super) struct OnDevice<'a> {
@@ -28,15 +23,15 @@ pub(super) struct OnDevice<'a> {
     /// Whether the processor may draw instead.
     pub(super) is_auto: bool,
     renderer: gpu::Renderer<'a>,
-    /// Largest difference and root mean square of the first frame to one in 32 bits.
+    /// Largest and root mean square difference of the first frame from one in 32 bits.
     accumulation_error: Option<[f64; 2]>,
 }
 
 impl RendererArguments {
-    /// A graphics device; or the processor, if that is as good.
+    /// Returns a graphics device; or the processor, if there is only software and the user did not ask for a device.
     pub(super) fn device_or_cpu<'a>(&self, scene: Scene<'a>, is_auto: bool) -> Result<Renderer<'a>> {
         let options = self.options()?;
-        // Who names a device wants that one, be it software.
+        // A device that the user names is used even if it is software.
         let is_named = self.adapter.is_some() || std::env::var_os("WGPU_ADAPTER_NAME").is_some();
         let is_free = is_auto && !is_named;
         if is_free && !adapter::has_hardware() {
@@ -60,28 +55,24 @@ impl RendererArguments {
     }
 
     fn options(&self) -> Result<Options> {
-        let target = match self.accumulate.as_deref() {
-            Some("16") => Target::Float16,
-            Some("8") => Target::Unorm8,
-            _ => Target::Float32,
+        let target = match self.accumulate {
+            Some(AccumulateBits::Float16) => Target::Float16,
+            Some(AccumulateBits::Unorm8) => Target::Unorm8,
+            Some(AccumulateBits::Float32) | None => Target::Float32,
         };
-        let compositor = match self.compositor.as_deref() {
-            Some("tiles") if target != Target::Float32 => {
+        let compositor = match self.compositor {
+            Some(CompositorName::Tiles) if target != Target::Float32 => {
                 return Err(Error::input("--accumulate", "is for quads; tiles accumulate in 32 bits"));
             }
-            Some("tiles") => Some(Compositor::Tiles),
+            Some(CompositorName::Tiles) => Some(Compositor::Tiles),
             None if target == Target::Float32 => None,
-            _ => Some(Compositor::Quads(target)),
+            Some(CompositorName::Quads) | None => Some(Compositor::Quads(target)),
         };
-        let vram = self.vram.as_deref().map_or(Ok(Options::default().vram), |vram| parse_size("--vram", vram))?;
-        if vram < LEAST_VRAM {
-            return Err(Error::input("--vram", "must be at least 16MiB"));
-        }
-        Ok(Options { vram, compositor })
+        Ok(Options { vram: self.vram.unwrap_or(Options::default().vram), compositor })
     }
 }
 
-/// What wgpu panics of comes back as an error; its message would be one line too many.
+/// Hides the messages of wgpu's panics, which come back as errors with their own line.
 fn quiet_about_lost_devices() {
     let tell = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

@@ -20,10 +20,7 @@ pub(super) enum PictureKind {
 }
 
 impl PictureKind {
-    /// The format that a file's name asks for.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for any other name.
+    /// Returns the format that the file's name ends in.
     pub(super) fn of(path: &Path) -> Result<PictureKind> {
         match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
             Some("png") => Ok(PictureKind::Png),
@@ -32,61 +29,59 @@ impl PictureKind {
             _ => Err(Error::input(path.display().to_string(), "must end in .png, .apng or .exr")),
         }
     }
-}
 
-/// Bits of a PNG's sample.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Depth {
-    Eight,
-    Sixteen,
-}
-
-impl PictureKind {
-    /// Bytes that encoding a picture takes at most: it, what it is compressed to, and the encoder's buffers.
+    /// Most bytes that encoding a picture takes: the picture, its compressed form, and the encoder's buffers.
     ///
     /// An animation is encoded at its end, one frame at a time.
-    pub(super) fn memory(self, depth: Depth, pixels: u64) -> u64 {
+    pub(super) fn memory(self, depth: SampleDepth, pixels: u64) -> u64 {
         let picture = pixels.saturating_mul(self.pixel_bytes(depth));
         // Samples of 16 bits are there twice while a picture is made from a frame, which is there too.
         let converting = pixels.saturating_mul(16).saturating_add(picture.saturating_mul(2));
         picture.saturating_mul(4).max(converting)
     }
 
-    /// Bytes of pictures that wait for others: an animation is written whole.
-    pub(super) fn kept(self, depth: Depth, pixels: u64, frames: u32) -> u64 {
+    /// Bytes of finished pictures that are kept until all are drawn, as an animation needs.
+    pub(super) fn kept(self, depth: SampleDepth, pixels: u64, frames: u32) -> u64 {
         match self {
             PictureKind::Apng => pixels.saturating_mul(self.pixel_bytes(depth)).saturating_mul(frames.into()),
             _ => 0,
         }
     }
 
-    fn pixel_bytes(self, depth: Depth) -> u64 {
+    fn pixel_bytes(self, depth: SampleDepth) -> u64 {
         match (self, depth) {
             (PictureKind::Exr, _) => 16,
-            (_, Depth::Sixteen) => 8,
-            (_, Depth::Eight) => 4,
+            (_, SampleDepth::Sixteen) => 8,
+            (_, SampleDepth::Eight) => 4,
         }
     }
 }
 
-/// Frames of a second in an animation.
+/// Bits of each sample of a PNG.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum SampleDepth {
+    Eight,
+    Sixteen,
+}
+
+/// Frames per second of an animation.
 const RATE: u16 = 12;
 
-/// One picture, encoded but for its container.
+/// One picture, as samples in the file's order.
 pub(super) struct Picture {
     size: [u32; 2],
     kind: PictureKind,
-    depth: Depth,
+    depth: SampleDepth,
     /// Samples as the file stores them: PNG's are big endian, OpenEXR's little.
     bytes: Vec<u8>,
 }
 
 impl Picture {
-    pub(super) fn new(frame: &Frame, kind: PictureKind, depth: Depth) -> Picture {
+    pub(super) fn new(frame: &Frame, kind: PictureKind, depth: SampleDepth) -> Picture {
         let bytes = match (kind, depth) {
             (PictureKind::Exr, _) => frame.pixels().iter().flat_map(|sample| sample.to_le_bytes()).collect(),
-            (_, Depth::Eight) => frame.to_srgb8(),
-            (_, Depth::Sixteen) => frame.to_srgb16().iter().flat_map(|sample| sample.to_be_bytes()).collect(),
+            (_, SampleDepth::Eight) => frame.to_srgb8(),
+            (_, SampleDepth::Sixteen) => frame.to_srgb16().iter().flat_map(|sample| sample.to_be_bytes()).collect(),
         };
         Picture { size: frame.size(), kind, depth, bytes }
     }
@@ -123,16 +118,12 @@ impl Picture {
     }
 }
 
-/// Writes an animated PNG that repeats for ever.
-pub(super) fn write_animation(out: &mut dyn Write, pictures: &[Picture]) -> io::Result<()> {
-    write_png(out, pictures)
-}
-
-fn write_png(out: &mut dyn Write, pictures: &[Picture]) -> io::Result<()> {
+/// Writes a PNG; several pictures make an animation that repeats for ever.
+pub(super) fn write_png(out: &mut dyn Write, pictures: &[Picture]) -> io::Result<()> {
     let Some(first) = pictures.first() else { return Ok(()) };
     let mut encoder = png::Encoder::new(out, first.size[0], first.size[1]);
     encoder.set_color(png::ColorType::Rgba);
-    encoder.set_depth(if first.depth == Depth::Eight { png::BitDepth::Eight } else { png::BitDepth::Sixteen });
+    encoder.set_depth(if first.depth == SampleDepth::Eight { png::BitDepth::Eight } else { png::BitDepth::Sixteen });
     encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
     if pictures.len() > 1 {
         let count = u32::try_from(pictures.len()).map_err(io::Error::other)?;

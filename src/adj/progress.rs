@@ -13,9 +13,9 @@ use adjsplat::volume::Axis;
 
 static INTERRUPTED: AtomicBool = AtomicBool::new(false);
 
-/// From now on Ctrl-C asks the work to stop, so that nothing half-written stays; asked twice, it ends the process.
+/// Makes Ctrl-C ask the work to stop, so that no half-written file stays; a second Ctrl-C ends the process.
 pub(super) fn catch_interrupts() {
-    // Without a handler Ctrl-C ends the process at once, and a temporary file may stay: worse, but no reason to stop.
+    // Without a handler, Ctrl-C ends the process at once and may leave a temporary file; that is no reason to fail.
     let _ = ctrlc::set_handler(|| {
         if INTERRUPTED.swap(true, Ordering::Relaxed) {
             abandon_writes();
@@ -36,7 +36,7 @@ pub(super) struct Progress {
 }
 
 impl Progress {
-    /// A bar on stderr; hidden if that is no terminal or `quiet`.
+    /// A bar on stderr; hidden if stderr is no terminal or if `quiet`.
     pub(super) fn new(quiet: bool) -> Progress {
         let target = if quiet || !std::io::stderr().is_terminal() {
             ProgressDrawTarget::hidden()
@@ -50,11 +50,12 @@ impl Progress {
         Progress { bar, phase: None }
     }
 
-    /// Shows `done` of `total` steps of `what`.
-    pub(super) fn show(&mut self, what: &str, done: u64, total: u64) {
+    /// Shows `done` of `total` steps of `what`; breaks if Ctrl-C was pressed.
+    pub(super) fn show(&mut self, what: &str, done: u64, total: u64) -> ControlFlow<()> {
         self.bar.set_prefix(what.to_string());
         self.bar.set_length(total);
         self.bar.set_position(done);
+        if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 }
 
@@ -72,8 +73,7 @@ impl Observer for Progress {
             Phase::Assemble(Axis::Z) => "lane z",
             Phase::Flush => "flush",
         };
-        self.show(what, done, total);
-        if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        self.show(what, done, total)
     }
 }
 

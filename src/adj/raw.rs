@@ -1,4 +1,4 @@
-//! `adj raw`: a volume's samples as a headerless file, for tools that read nothing else.
+//! `adj raw`: a volume's voxels as a raw file, for tools that read nothing else.
 
 use std::path::PathBuf;
 
@@ -11,24 +11,24 @@ use super::{Answer, is_same_file, print_result};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 
-/// Write a volume's samples as a raw file: x fastest, little endian, nothing else.
+/// Write a volume's voxels as a raw file: no header, x fastest, little endian
 ///
-/// Reads whatever adj build reads. Samples are as they are stored: slope and intercept are not applied.
+/// Reads every format that adj build reads. Voxels are written as stored, without slope and intercept.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj raw head.nii.gz -o head.raw\n  adj raw phantom:gyroid --dims 2048x2048x1024 -o gyroid.raw"
 )]
 pub(super) struct Arguments {
-    /// The volume.
+    /// The volume: a file, a folder of slices, or phantom:NAME
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// The raw file to write.
+    /// The raw file to write
     #[arg(short, long, value_name = "OUT.raw")]
     output: PathBuf,
-    /// Print the result as JSON.
+    /// Print the result as JSON
     #[arg(long)]
     json: bool,
-    /// No progress bar.
+    /// Show no progress bar
     #[arg(long, short)]
     quiet: bool,
     #[command(flatten)]
@@ -48,7 +48,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let mut failed = None;
     let written = write_atomically_unless(&interrupted, &arguments.output, |out| {
         for z in 0..depth {
-            progress.show("raw", z.into(), depth.into());
+            let _ = progress.show("raw", z.into(), depth.into());
             if let Err(error) = source.read_slice(&mut slice) {
                 failed = Some(error);
                 return Err(std::io::Error::other("the volume cannot be read"));

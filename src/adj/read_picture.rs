@@ -15,7 +15,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
 use adjsplat::splat::view::MAX_SIZE;
 
-/// The picture at `path`; its ending says which format it has.
+/// Reads the picture at `path`, whose name ends in its format.
 ///
 /// # Errors
 /// [`Error::Io`] if it cannot be opened; [`Error::Input`] if it is no picture of that format; [`Error::Limit`] if a side
@@ -32,7 +32,7 @@ fn broken(path: &Path, fault: impl std::fmt::Display) -> Error {
     Error::input(path.display().to_string(), format!("cannot be read as a picture: {}", fault.trim_end_matches('.')))
 }
 
-/// A frame to fill.
+/// Returns an empty frame of `size`.
 fn frame(path: &Path, size: [u32; 2]) -> Result<Frame> {
     if let Some(&side) = size.iter().find(|&&side| side > MAX_SIZE) {
         let what = format!("{}: picture size in pixels", path.display());
@@ -76,7 +76,7 @@ fn read_png(path: &Path) -> Result<Frame> {
     Ok(frame)
 }
 
-/// The light of each sRGB sample of 8 or 16 bits: IEC 61966-2-1.
+/// Linear light of every sRGB sample of 8 or 16 bits (IEC 61966-2-1).
 fn linear_samples(wide: bool) -> Vec<f32> {
     let last = if wide { u16::MAX } else { 255 };
     let linear = |encoded: f64| {
@@ -86,14 +86,14 @@ fn linear_samples(wide: bool) -> Vec<f32> {
     (0..=last).map(|sample| linear(f64::from(sample) / f64::from(last)) as f32).collect()
 }
 
-/// A picture that is read, or why it cannot be.
-struct Pixels {
+/// Pixels of an OpenEXR file while it is read.
+struct ExrPixels {
     columns: usize,
     frame: Result<Frame>,
 }
 
 fn read_exr(path: &Path) -> Result<Frame> {
-    // Asked first, so that a file that is not there is told as such.
+    // The decoder would not say that a file is missing.
     File::open(path).map_err(Error::io("open", path))?;
     let image = exr::prelude::read()
         .no_deep_data()
@@ -101,9 +101,9 @@ fn read_exr(path: &Path) -> Result<Frame> {
         .rgba_channels(
             |size, _| {
                 let side = |side: usize| u32::try_from(side).unwrap_or(u32::MAX);
-                Pixels { columns: size.x(), frame: frame(path, [side(size.x()), side(size.y())]) }
+                ExrPixels { columns: size.x(), frame: frame(path, [side(size.x()), side(size.y())]) }
             },
-            |pixels: &mut Pixels, at, (r, g, b, a): (f32, f32, f32, f32)| {
+            |pixels: &mut ExrPixels, at, (r, g, b, a): (f32, f32, f32, f32)| {
                 if let Ok(frame) = &mut pixels.frame {
                     let first = 4 * (at.y() * pixels.columns + at.x());
                     frame.pixels_mut()[first..first + 4].copy_from_slice(&[r, g, b, a]);

@@ -1,6 +1,6 @@
-//! The renderer that draws: on the processor or on a graphics device, as asked for or as there is one; or the judge.
+//! The renderer that draws: the processor, a graphics device, or the reference.
 //!
-//! In: `--renderer`, `--adapter`, `--vram` and their like. Out: frames, and one set of numbers for `--stats`.
+//! In: `--renderer`, `--adapter`, `--vram`, `--compositor`, `--accumulate`. Out: frames, and numbers for `--stats`.
 
 use std::time::Instant;
 
@@ -11,48 +11,73 @@ use serde_json::{Value, json};
 use super::on_device::OnDevice;
 #[cfg(feature = "gpu")]
 use super::print_note;
+use super::size::video_memory;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Blending, Camera, Frame, Scene, Settings, cpu};
-use adjsplat_judge::reference::splat::Judge;
+use adjsplat_judge::reference::Judge;
 
-/// What draws.
+/// The flags that choose a renderer.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Renderer")]
 pub(super) struct RendererArguments {
-    /// cpu, gpu, or auto: a graphics device if there is one that is not software. reference: slowly, in double precision,
-    /// straight from a volume: what the others should draw at --quality reference.
-    #[arg(long, value_name = "R", value_enum, default_value_t = Which::Auto)]
-    renderer: Which,
-    /// Graphics device whose name or driver contains this (adj devices lists them); the best one unless given.
+    /// What draws the picture
+    #[arg(long, value_name = "R", value_enum, default_value_t = RendererName::Auto)]
+    renderer: RendererName,
+    /// Graphics device to use: a part of its name or driver, as adj devices prints them; the best one by default
     #[arg(long, value_name = "NAME")]
     pub(super) adapter: Option<String>,
-    /// Most video memory that drawing may take, from 16MiB; 1GiB unless given. The picture does not depend on it.
-    #[arg(long, value_name = "SIZE")]
-    pub(super) vram: Option<String>,
-    /// How a graphics device makes pixels of splats: tiles (in compute; ends early) or quads (blended by the device).
-    #[arg(long, value_name = "C", value_parser = ["tiles", "quads"])]
-    pub(super) compositor: Option<String>,
-    /// Bits in which quads accumulate, 32 unless given: 16 and 8 are faster on some devices, and wrong where opacities
-    /// are small; how wrong is measured on the first frame.
-    #[arg(long, value_name = "BITS", value_parser = ["32", "16", "8"])]
-    pub(super) accumulate: Option<String>,
+    /// Most video memory to take, from 16MiB: 500MB, 2GiB; 1GiB by default. The picture is the same
+    #[arg(long, value_name = "SIZE", value_parser = video_memory)]
+    pub(super) vram: Option<u64>,
+    /// How a graphics device draws splats; tiles by default
+    #[arg(long, value_name = "C")]
+    pub(super) compositor: Option<CompositorName>,
+    /// Bits of each sample while a graphics device blends quads; 32 by default. 16 and 8 may be faster, but are wrong
+    /// for faint voxels; adj prints by how much
+    #[arg(long, value_name = "BITS")]
+    pub(super) accumulate: Option<AccumulateBits>,
 }
 
+/// Words of `--renderer`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-enum Which {
+enum RendererName {
+    /// A graphics device that is not software, if there is one; else the processor
     Auto,
+    /// The processor
     Cpu,
+    /// A graphics device
     Gpu,
+    /// Double precision, slow, from a volume only: the picture that the others approach at --quality reference
     Reference,
 }
 
-/// What drawing a frame took.
+/// Words of `--compositor`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum CompositorName {
+    /// Compute shaders, which stop at opaque pixels
+    Tiles,
+    /// Rectangles that the device blends
+    Quads,
+}
+
+/// Words of `--accumulate`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(super) enum AccumulateBits {
+    #[value(name = "32")]
+    Float32,
+    #[value(name = "16")]
+    Float16,
+    #[value(name = "8")]
+    Unorm8,
+}
+
+/// Counts and times of one frame.
 #[derive(Debug)]
 pub(super) struct FrameStats {
     pub(super) splats_drawn: u64,
     pub(super) splats_skipped: u64,
     pub(super) frame_ms: f64,
-    /// What only one kind of renderer says, by name.
+    /// Numbers that only one kind of renderer has, by name.
     pub(super) others: Vec<(&'static str, Value)>,
 }
 
@@ -65,12 +90,12 @@ pub(super) enum Renderer<'a> {
 }
 
 impl RendererArguments {
-    /// Whether the judge is asked for, which draws volumes only.
+    /// Whether the reference is asked for, which draws volumes only.
     pub(super) fn is_reference(&self) -> bool {
-        self.renderer == Which::Reference
+        self.renderer == RendererName::Reference
     }
 
-    /// Flags of graphics devices, with whether they were given.
+    /// Flags of graphics devices, and whether each is on the command line.
     fn of_devices(&self) -> [(&'static str, bool); 4] {
         [
             ("--adapter", self.adapter.is_some()),
@@ -80,7 +105,7 @@ impl RendererArguments {
         ]
     }
 
-    /// The judge as a renderer.
+    /// Returns the reference as a renderer.
     ///
     /// # Errors
     /// [`Error::Input`] for a flag of graphics devices.
@@ -91,29 +116,29 @@ impl RendererArguments {
         }
     }
 
-    /// The renderer asked for.
+    /// Returns the renderer that the flags ask for.
     ///
-    /// `is_bounded`: by `--memory`, which no graphics driver keeps to. No device knows another `blending` than the exponential.
+    /// `is_bounded`: `--memory` is given, which no graphics driver obeys. Devices know exponential `blending` only.
     ///
     /// # Errors
     /// [`Error::Device`] if a graphics device was asked for and cannot be had; [`Error::Input`] for a flag out of place.
     pub(super) fn renderer<'a>(&self, scene: Scene<'a>, is_bounded: bool, blending: Blending) -> Result<Renderer<'a>> {
         let is_for_devices = blending == Blending::Exponential;
         match (self.renderer, self.of_devices().into_iter().find(|(_, is_given)| *is_given)) {
-            (Which::Cpu, Some((flag, _))) => Err(Error::input(flag, "is for graphics devices; leave it out")),
-            (Which::Cpu, None) => Ok(Renderer::Cpu(scene)),
-            (Which::Reference, _) => Err(needs_volume()),
-            (Which::Auto, None) if !is_for_devices => Ok(Renderer::Cpu(scene)),
+            (RendererName::Cpu, Some((flag, _))) => Err(Error::input(flag, "is for graphics devices; leave it out")),
+            (RendererName::Cpu, None) => Ok(Renderer::Cpu(scene)),
+            (RendererName::Reference, _) => Err(needs_volume()),
+            (RendererName::Auto, None) if !is_for_devices => Ok(Renderer::Cpu(scene)),
             _ if !is_for_devices => {
                 let why = format!("{} is not for graphics devices; take --renderer cpu", blending.name());
                 Err(Error::input("--blending", why))
             }
-            (Which::Auto, _) if is_bounded && self.adapter.is_none() => Ok(Renderer::Cpu(scene)),
+            (RendererName::Auto, _) if is_bounded && self.adapter.is_none() => Ok(Renderer::Cpu(scene)),
             _ if is_bounded => {
                 let why = "cannot be kept by a graphics driver; leave it out (--vram bounds the device), or take --renderer cpu";
                 Err(Error::input("--memory", why))
             }
-            (which, _) => self.device_or_cpu(scene, which == Which::Auto),
+            (which, _) => self.device_or_cpu(scene, which == RendererName::Auto),
         }
     }
 
@@ -130,7 +155,7 @@ impl<'a> Renderer<'a> {
     /// Draws a frame.
     ///
     /// # Errors
-    /// As the renderers. One that was chosen by itself and fails is replaced by the processor, and it is said so.
+    /// As the renderers. If a device fails that the user did not choose, the processor draws instead, with a note.
     pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
         #[cfg(feature = "gpu")]
         if let Renderer::Gpu(on_device) = self {
@@ -150,7 +175,7 @@ impl<'a> Renderer<'a> {
         Ok((frame, FrameStats { splats_drawn, splats_skipped, frame_ms: stats.frame_ms, others }))
     }
 
-    /// The processor's, said so, after a device that was not asked for by name failed.
+    /// Returns the processor's renderer in place of a device that failed, and prints a note.
     #[cfg(feature = "gpu")]
     pub(super) fn instead(fault: &Error, scene: Scene<'a>) -> Renderer<'a> {
         print_note(&format!("note: {fault}; the processor draws instead"));
@@ -186,7 +211,7 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// Why an .adj file has no reference picture.
+/// The error for a reference picture of an .adj file.
 pub(super) fn needs_volume() -> Error {
     let why = "reference needs the volume, and this file holds codes; give the volume that it was built from";
     Error::input("--renderer", why)

@@ -2,59 +2,50 @@
 
 use clap::Args;
 
-use super::size::parse_memory;
-use adjsplat::error::{Error, Result};
+use super::size::memory;
+use super::values::number;
 
-/// Memory where nobody says how much.
-const DEFAULT_MEMORY: u64 = 2 << 30;
-
-/// What a command may take.
+/// What a command may take of the machine.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Resources")]
 pub(super) struct ResourceArguments {
-    /// Most memory that the program may take, from 64MiB; what does not fit goes through files. 2GiB unless given.
-    #[arg(long, value_name = "SIZE")]
-    memory: Option<String>,
-    /// Threads that work; all processors unless given. The result does not depend on it.
-    #[arg(long, value_name = "N")]
+    /// Most memory to take, from 64MiB: 500MB, 2GiB; 2GiB by default.
+    /// What does not fit goes through temporary files
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    memory: Option<u64>,
+    /// Threads, 1 to 1024; by default one for each processor. The result is the same
+    #[arg(long, value_name = "N", value_parser = number(1..=1024usize))]
     threads: Option<usize>,
 }
 
 impl ResourceArguments {
-    /// Bytes of memory.
-    pub(super) fn memory(&self) -> Result<u64> {
-        self.memory.as_deref().map_or(Ok(DEFAULT_MEMORY), parse_memory)
+    /// Most memory to take, in bytes.
+    pub(super) fn memory(&self) -> u64 {
+        self.memory.unwrap_or(2 << 30)
     }
 
-    /// Whether the user cares how much memory it takes.
+    /// Whether `--memory` is on the command line.
     pub(super) fn memory_given(&self) -> bool {
         self.memory.is_some()
     }
 
-    /// Threads.
-    pub(super) fn threads(&self) -> Result<usize> {
-        thread_count(self.threads)
+    /// Threads to use.
+    pub(super) fn threads(&self) -> usize {
+        self.threads.unwrap_or_else(processors)
     }
 }
 
-/// As many threads as asked for, or as there are processors.
-///
-/// # Errors
-/// [`Error::Input`] if there are none, or more than 1,024.
-pub(super) fn thread_count(asked: Option<usize>) -> Result<usize> {
-    let threads = asked.unwrap_or_else(|| std::thread::available_parallelism().map_or(1, usize::from));
-    if threads == 0 || threads > 1_024 {
-        return Err(Error::input("--threads", format!("is {threads}, but must be 1 to 1024")));
-    }
-    Ok(threads)
+/// Number of processors, at most 1,024.
+pub(super) fn processors() -> usize {
+    std::thread::available_parallelism().map_or(1, usize::from).min(1024)
 }
 
-/// Largest resident size of the process so far; `None` where the system does not say.
+/// Largest resident size of the process so far, in bytes; `None` where the system does not say.
 pub(super) fn peak_rss_bytes() -> Option<u64> {
     status_bytes("VmHWM:")
 }
 
-/// Resident size of the process now; `None` where the system does not say.
+/// Resident size of the process now, in bytes; `None` where the system does not say.
 pub(super) fn resident_bytes() -> Option<u64> {
     status_bytes("VmRSS:")
 }

@@ -1,4 +1,4 @@
-//! What a file says of its own making, in words: the values that another transfer function would show.
+//! The transfer function that a file was built with, and the values that it left out.
 
 use std::path::Path;
 
@@ -7,7 +7,7 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals;
 
-/// The transfer function that the file was built with.
+/// Returns the transfer function that the file was built with.
 pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunction> {
     internals::stored_transfer(arena).ok_or_else(|| {
         let why = "stores no transfer function that this program reads; give one with --tf";
@@ -15,16 +15,16 @@ pub(super) fn stored_transfer(arena: &Arena, path: &Path) -> Result<TransferFunc
     })
 }
 
-/// The values that `transfer` shows and the file did not store, in words; `None` if there are none, or if the file does
-/// not tell.
+/// Describes the values that `transfer` shows but the file does not store; `None` if there are none, or if the file's
+/// own transfer function is unknown.
 pub(super) fn missing_values(arena: &Arena, transfer: &TransferFunction) -> Result<Option<String>> {
     let missing = internals::missing_values(arena, transfer)?.unwrap_or_default();
     Ok((!missing.is_empty()).then(|| described(&missing)))
 }
 
-/// `20..60, 80 and above 100`.
+/// Formats ranges: `20..60, 80 and above 100`.
 fn described(ranges: &[[f64; 2]]) -> String {
-    /// Of these the first are named.
+    /// Most ranges to list.
     const MOST: usize = 6;
     let one = |&[low, high]: &[f64; 2]| match (low.is_finite(), high.is_finite()) {
         _ if low == high => format!("{low}"),

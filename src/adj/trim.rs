@@ -3,16 +3,17 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
+use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::build::check_replaceable;
+use super::build::{LANES, TILE_ORDERS, check_replaceable};
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::progress::Progress;
-use super::render::parse_crop;
 use super::resources::ResourceArguments;
 use super::stored::{missing_values, stored_transfer};
+use super::values::{Crop, choice, crop};
 use super::{Answer, print_note, print_result};
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, Region, TileOrder, Trim, TrimOptions, trim};
@@ -21,39 +22,39 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
 use adjsplat::traverse::VoxelBox;
 
-/// Make a smaller .adj file from an .adj file, without the volume: crop it, raise the threshold, drop channels or lanes.
+/// Make a smaller .adj file from an .adj file: crop it, show fewer voxels, or store less of each
 ///
-/// Voxels that stay keep their codes, so nothing is lost in them. The output may be the input, which is then replaced
-/// by the whole new file. The input is checked first, as adj verify does. It is read in place: its pages, which the
-/// system takes back at need, are not counted as memory.
+/// The volume is not needed. Voxels that stay are not changed. The output may be the input, which is then replaced once
+/// the new file is complete. The input is checked first, as by adj verify. It is mapped: its pages are not counted as
+/// memory, because the system can take them back.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj trim head.adj -o nose.adj --crop 100..180,150..,..\n  adj trim head.adj -o bone.adj --range 300..\n  adj trim head.adj -o small.adj --lanes x --drop normals\n  adj trim head.adj -o head.adj --order hilbert      (in place)"
 )]
 pub(super) struct Arguments {
-    /// The .adj file.
+    /// The .adj file
     #[arg(value_name = "IN.adj")]
     input: PathBuf,
-    /// The .adj file to write; may be the same.
+    /// The .adj file to write; may be the input
     #[arg(short, long, value_name = "OUT.adj")]
     output: PathBuf,
-    /// Only voxels in this box, by index, inclusive: 0..127,0..63,10..20; an end may be left out. The grid shrinks to
-    /// the box; what stays does not move in the world.
-    #[arg(long, value_name = "X,Y,Z")]
-    crop: Option<String>,
-    /// Crop without changing the grid's size and origin.
+    /// Keep only voxels in this box of indices, ends included: 0..127,..63,10.. The grid shrinks to the box;
+    /// voxels keep their place in the world
+    #[arg(long, value_name = "X,Y,Z", value_parser = crop)]
+    crop: Option<Crop>,
+    /// With --crop: keep the grid's size and origin
     #[arg(long, requires = "crop")]
     keep_grid: bool,
-    /// Trim even where the transfer function would show values that the file does not store.
+    /// Trim even if the transfer function shows values that the file does not store
     #[arg(long)]
     force: bool,
-    /// Do not check the input first: faster, but what is damaged in it may be damaged in the output.
+    /// Do not check the input first: faster, but damage may pass into the output
     #[arg(long)]
     no_verify: bool,
-    /// Print the result as JSON.
+    /// Print the result as JSON
     #[arg(long)]
     json: bool,
-    /// No progress bar.
+    /// Show no progress bar
     #[arg(long, short)]
     quiet: bool,
     #[command(flatten)]
@@ -64,30 +65,38 @@ pub(super) struct Arguments {
     resources: ResourceArguments,
 }
 
-/// How the voxels that stay are stored; as they are unless told otherwise.
+/// How the voxels that stay are stored; as in the input by default.
 #[derive(Debug, Args)]
-#[command(next_help_heading = "Packing (as it is unless given)")]
+#[command(next_help_heading = "Packing (as in the input by default)")]
 struct PackingArguments {
-    /// Channels to leave out, with commas between: normals, magnitudes.
-    #[arg(long, value_name = "CHANNELS", value_delimiter = ',', value_parser = ["normals", "magnitudes"])]
-    drop: Vec<String>,
-    /// Bits of a value: makes 16 to 8, exactly if the values left have no more than 256 codes.
-    #[arg(long, value_name = "BITS", value_parser = ["8"])]
-    value_bits: Option<String>,
-    /// Bits of each component of a normal: makes 16 to 8.
-    #[arg(long, value_name = "BITS", value_parser = ["8"])]
-    normals: Option<String>,
-    /// Lanes to store: fewer than there are, or more.
-    #[arg(long, value_name = "LANES", value_parser = ["x", "xy", "xyz"])]
-    lanes: Option<String>,
-    /// Order of the tiles in memory.
-    #[arg(long, value_name = "ORDER", value_parser = ["morton", "hilbert", "rows"])]
-    order: Option<String>,
+    /// What to leave out of each voxel, with commas between: normals (lighting), magnitudes (of gradients)
+    #[arg(long, value_name = "CHANNELS", value_delimiter = ',')]
+    drop: Vec<Channel>,
+    /// Reduce values from 16 bits to 8; exact if at most 256 different values are left
+    #[arg(long, value_name = "BITS", value_parser = choice([("8", 8u8, "")]))]
+    value_bits: Option<u8>,
+    /// Reduce each component of a normal from 16 bits to 8
+    #[arg(long, value_name = "BITS", value_parser = choice([("8", 8u8, "")]))]
+    normals: Option<u8>,
+    /// Axes along which voxels are sorted, fewer or more than in the input
+    #[arg(long, value_name = "LANES", value_parser = choice(LANES))]
+    lanes: Option<u8>,
+    /// Order of blocks of voxels in the file; matters for speed only
+    #[arg(long, value_name = "ORDER", value_parser = choice(TILE_ORDERS))]
+    order: Option<TileOrder>,
+}
+
+/// What a voxel can do without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
+#[serde(rename_all = "lowercase")]
+enum Channel {
+    Normals,
+    Magnitudes,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
-    let (memory, threads) = (arguments.resources.memory()?, arguments.resources.threads()?);
+    let (memory, threads) = (arguments.resources.memory(), arguments.resources.threads());
     if arguments.input.is_file() && !is_adj(&arguments.input)? {
         let why = "is no .adj file; build one from it first: adj build";
         return Err(Error::input(arguments.input.display().to_string(), why));
@@ -95,8 +104,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let file = AdjFile::open(&arguments.input)?;
     check_replaceable(&arguments.output)?;
     let arena = file.arena()?;
-    let old = arena.facts().clone();
-    let crop = arguments.crop.as_deref().map(|text| parse_crop(text, old.grid.dims)).transpose()?;
+    let crop = arguments.crop.map(|crop| crop.in_grid(arena.facts().grid.dims)).transpose()?;
     if !arguments.no_verify {
         arena.check().map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
     }
@@ -114,17 +122,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     }
     warn(&arena, &options, &left);
     let description = description(&arena, arguments, crop, left.transfer.as_ref());
-    let facts = match &arguments.packing.order {
-        Some(order) => Facts { tile_order: TileOrder::from_name(order)?, ..left.facts },
-        None => left.facts,
-    };
+    let tile_order = arguments.packing.order.unwrap_or(left.facts.tile_order);
+    let stored_lanes = u8::try_from(arena.lanes().count()).expect("there are three axes");
     let output = RowsOutput {
-        facts,
+        facts: Facts { tile_order, ..left.facts },
         description: &description,
-        lane_count: match &arguments.packing.lanes {
-            Some(lanes) => u8::try_from(lanes.len()).map_err(|_| Error::input("--lanes", "must be x, xy or xyz"))?,
-            None => u8::try_from(arena.lanes().count()).expect("there are three axes"),
-        },
+        lane_count: arguments.packing.lanes.unwrap_or(stored_lanes),
         memory: Some(memory),
         threads,
     };
@@ -135,21 +138,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 
 impl Arguments {
     fn options(&self, crop: Option<VoxelBox>, transfer: Option<TransferFunction>) -> TrimOptions {
-        let drops = |channel: &str| self.packing.drop.iter().any(|dropped| dropped == channel);
-        let part = |crop: &VoxelBox, a: usize| u32::from(crop.low[a])..u32::from(crop.high[a]) + 1;
+        let range = |crop: &VoxelBox, a: usize| u32::from(crop.low[a])..u32::from(crop.high[a]) + 1;
         TrimOptions {
-            crop: crop.map(|crop| Region { xs: part(&crop, 0), ys: part(&crop, 1), zs: part(&crop, 2) }),
+            crop: crop.map(|crop| Region { xs: range(&crop, 0), ys: range(&crop, 1), zs: range(&crop, 2) }),
             keep_grid: self.keep_grid,
             transfer,
             narrow_values: self.packing.value_bits.is_some(),
             narrow_normals: self.packing.normals.is_some(),
-            drop_normals: drops("normals"),
-            drop_magnitudes: drops("magnitudes"),
+            drop_normals: self.packing.drop.contains(&Channel::Normals),
+            drop_magnitudes: self.packing.drop.contains(&Channel::Magnitudes),
         }
     }
 }
 
-/// Says what a user should know before it is written.
+/// Warns, before the file is written, of voxels that turn transparent and of gaps that a crop may show.
 fn warn<R>(arena: &Arena, options: &TrimOptions, left: &Trim<R>) {
     if left.blurred_away > 0 {
         print_note(&format!(
@@ -164,13 +166,13 @@ fn warn<R>(arena: &Arena, options: &TrimOptions, left: &Trim<R>) {
     }
 }
 
-/// What the file says of itself; an empty object if it says nothing that can be read.
+/// Returns the file's description; an empty object if it has none that can be read.
 fn description_of(arena: &Arena) -> Value {
     let description = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     if description.is_object() { description } else { json!({}) }
 }
 
-/// The file's description with what was done to it.
+/// Returns the file's description with an entry for this trim.
 fn description(
     arena: &Arena,
     arguments: &Arguments,

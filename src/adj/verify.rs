@@ -6,36 +6,36 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::json;
 
-use super::room::memory_of_pages;
-use super::size::parse_memory;
-use super::{Answer, one_line, print_note, print_result};
+use super::flags::one_line;
+use super::memory_shares::memory_of_pages;
+use super::size::memory;
+use super::{Answer, print_note, print_result};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::AdjFile;
 
-/// Check every byte of .adj files: checksums, structure, and that all lanes hold the same voxels.
+/// Check .adj files for damage: every checksum and every rule of the format
 ///
-/// Exit code 0: sound; 1: not, with the first broken rule of the format; 2: one could not be read.
+/// Exit code 0: all are sound; 1: one is damaged, and the first broken rule is printed; 2: one could not be read.
 #[derive(Debug, Args)]
 #[command(after_help = "Example: adj verify head.adj")]
 pub(super) struct Arguments {
-    /// The files.
+    /// The .adj files
     #[arg(value_name = "FILE", required = true)]
     files: Vec<PathBuf>,
-    /// One JSON object a file.
+    /// Print one JSON object for each file
     #[arg(long)]
     json: bool,
-    /// Most memory that the program may take, from 64MiB; no limit unless given.
-    #[arg(long, value_name = "SIZE")]
-    memory: Option<String>,
+    /// Most memory to take, from 64MiB: 500MB, 2GiB; no limit by default
+    #[arg(long, value_name = "SIZE", value_parser = memory)]
+    memory: Option<u64>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    let memory = arguments.memory.as_deref().map(parse_memory).transpose()?;
     let mut answer = Answer::Yes;
     let mut trouble = None;
     for path in &arguments.files {
         let start = Instant::now();
-        let fault = match check(path, memory) {
+        let fault = match check(path, arguments.memory) {
             Ok(bytes) => {
                 let rate = bytes as f64 / 1e9 / start.elapsed().as_secs_f64();
                 if !arguments.json {
@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
             }
             Err(Error::Format { fault, .. }) => Some(fault),
             Err(error) => {
-                // The other files are judged all the same; the last trouble is told by the caller.
+                // The other files are checked all the same; the caller prints the last error.
                 if let Some(earlier) = trouble.replace(error) {
                     print_note(&one_line(&earlier));
                 }
@@ -53,10 +53,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
             }
         };
         if arguments.json {
-            let told =
+            let report =
                 fault.as_ref().map(|f| json!({ "at": f.at, "rule": f.rule, "expected": f.expected, "got": f.got }));
             let file = path.display().to_string();
-            print_result(&json!({ "file": file, "sound": fault.is_none(), "fault": told }).to_string());
+            print_result(&json!({ "file": file, "sound": fault.is_none(), "fault": report }).to_string());
         } else if let Some(fault) = &fault {
             print_result(&format!("{}: not sound: {fault}", path.display()));
         }
@@ -67,7 +67,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     trouble.map_or(Ok(answer), Err)
 }
 
-/// Checks everything; the file's length.
+/// Checks the whole file; returns its length in bytes.
 fn check(path: &Path, memory: Option<u64>) -> Result<u64> {
     let mut file = AdjFile::open(path)?;
     if let Some(memory) = memory {

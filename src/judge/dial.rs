@@ -91,7 +91,7 @@ pub fn choose(
     go_on: impl Fn() -> bool,
 ) -> Result<Choice> {
     if !(bound.is_finite() && bound >= 0.0) {
-        return Err(Error::input("--max-error", format!("is {bound}, but must be finite and at least 0")));
+        return Err(Error::input("largest error", format!("is {bound}, but must be finite and at least 0")));
     }
     if cameras.is_empty() {
         return Err(Error::input("cameras", "are none; the dial needs a view"));

@@ -1,7 +1,27 @@
 //! Judges of adjsplat's pictures.
 //!
-//! [`reference`] draws the same pictures slowly and in double precision, straight from the volume; [`metrics`] say how
-//! far two pictures are apart; [`dial`] finds the fastest settings within an error; [`hidden`] finds the voxels that no view shows.
+//! * [`mod@reference`] draws the same pictures slowly, in double precision, straight from the volume.
+//! * [`metrics`] says how much two pictures differ.
+//! * [`dial`] finds the fastest settings within an error.
+//! * [`hidden`] finds the voxels that no view from outside shows.
+//!
+//! This draws a phantom at a sharp and at a soft kernel, and compares both pictures:
+//!
+//! ```
+//! use adjsplat::classify::TransferFunction;
+//! use adjsplat::splat::{Camera, Orbit, Surround};
+//! use adjsplat::volume::{SampleType, phantom::Phantom};
+//! use adjsplat_judge::{metrics, reference::{Judge, JudgeSettings}};
+//!
+//! let mut volume = Phantom::from_name("shells")?.open([24; 3], SampleType::U8, [1.0; 3])?;
+//! let judge = Judge::new(&mut *volume, &TransferFunction::range(100.0, f64::INFINITY)?)?;
+//! let camera = Camera::orbiting(Orbit::default(), Surround::of_grid(judge.visible().grid()), [64, 48])?;
+//! let settings = JudgeSettings::new([64, 48]);
+//! let right = judge.draw(&camera, &settings)?.to_frame()?;
+//! let soft = judge.draw(&camera, &JudgeSettings { sigma: 1.5, ..settings })?.to_frame()?;
+//! assert!(metrics::compare(&right, &soft, [0.0; 3])?.psnr < 40.0);
+//! # Ok::<(), adjsplat::Error>(())
+//! ```
 
 #![cfg_attr(not(test), warn(clippy::print_stdout, clippy::print_stderr))]
 

@@ -1,53 +1,53 @@
-//! Samples spread over many files: names with a number in them, and lists.
+//! Finds the files of samples that are spread over many: names with a number in them, and lists.
 //!
 //! In: what a header says after `data file:` or `ElementDataFile =`. Out: the files' paths, relative to the header's
-//! folder. At most [`MAX_FILES`] of them, whatever numbers the header gives.
+//! folder; at most [`MAX_FILES`], whatever numbers the header gives.
 
 use std::path::{Path, PathBuf};
 
-use super::lines::Lines;
+use super::lines::HeaderLines;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::MAX_DIM;
 
-/// Most files that one volume may be spread over: one per slice of the longest axis.
+/// The largest number of files of one volume: one per slice of the longest axis.
 pub(super) const MAX_FILES: u64 = MAX_DIM as u64;
 
-/// Widest number that a pattern may ask for.
+/// The largest width of a number in a pattern, in characters.
 const MAX_WIDTH: usize = 64;
 
-/// Longest pattern: no system opens longer paths, and each file's name is a copy.
+/// The longest pattern in bytes: no system opens longer paths, and each file's name is a copy.
 const MAX_PATTERN: usize = 4096;
 
 /// A file name with one number in it, as C's `printf` writes it: `slice%03d.raw`.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Pattern {
+pub(super) struct FilePattern {
     before: String,
     width: usize,
     zeros: bool,
     after: String,
 }
 
-impl Pattern {
-    /// The pattern in `text`; `None` if it has no `%d` or more than one, or is longer than any path.
-    pub(super) fn parse(text: &str) -> Option<Pattern> {
+impl FilePattern {
+    /// Parses `text`; `None` unless it has exactly one `%d`, or if it is longer than any path.
+    pub(super) fn parse(text: &str) -> Option<FilePattern> {
         if text.len() > MAX_PATTERN {
             return None;
         }
-        let (before, rest) = split_conversion(text)?;
-        let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
-        let (width, rest) = rest.split_at(digits);
-        let after = rest.strip_prefix(['d', 'i', 'u'])?;
+        let (before, conversion) = split_conversion(text)?;
+        let digits = conversion.bytes().take_while(u8::is_ascii_digit).count();
+        let (width, conversion) = conversion.split_at(digits);
+        let after = conversion.strip_prefix(['d', 'i', 'u'])?;
         if split_conversion(after).is_some() {
             return None;
         }
         let zeros = width.starts_with('0');
         let width = if width.is_empty() { 0 } else { width.parse().ok().filter(|w| *w <= MAX_WIDTH)? };
-        Some(Pattern { before: before.replace("%%", "%"), width, zeros, after: after.replace("%%", "%") })
+        Some(FilePattern { before: before.replace("%%", "%"), width, zeros, after: after.replace("%%", "%") })
     }
 
     /// The name of file `number`.
     pub(super) fn name(&self, number: i64) -> String {
-        let Pattern { before, width, zeros, after } = self;
+        let FilePattern { before, width, zeros, after } = self;
         if *zeros { format!("{before}{number:0width$}{after}") } else { format!("{before}{number:width$}{after}") }
     }
 
@@ -73,7 +73,7 @@ impl Pattern {
     }
 }
 
-/// Splits at the first `%` that is not half of a `%%`; the `%` is dropped.
+/// Splits at the first `%` that is not part of a `%%`, and drops the `%`.
 fn split_conversion(text: &str) -> Option<(&str, &str)> {
     let bytes = text.as_bytes();
     let mut at = 0;
@@ -93,10 +93,7 @@ pub(super) fn folder_of(path: &Path) -> &Path {
 }
 
 /// The files named on the rest of `lines`, one on each.
-///
-/// # Errors
-/// [`Error::Limit`] if there are more than [`MAX_FILES`].
-pub(super) fn listed_files(header: &Path, lines: &mut Lines) -> Result<Vec<PathBuf>> {
+pub(super) fn listed_files(header: &Path, lines: &mut HeaderLines) -> Result<Vec<PathBuf>> {
     let folder = folder_of(header);
     let mut files = Vec::new();
     while let Some(line) = lines.next()? {
@@ -114,9 +111,6 @@ pub(super) fn listed_files(header: &Path, lines: &mut Lines) -> Result<Vec<PathB
 }
 
 /// Checks that a header lists as many files as its dimensions ask for.
-///
-/// # Errors
-/// [`Error::Format`] under `rule`.
 pub(super) fn check_count(header: &Path, at: u64, rule: &'static str, files: &[PathBuf], need: u64) -> Result<()> {
     if files.len() as u64 == need {
         return Ok(());
@@ -137,16 +131,16 @@ mod tests {
             ("s%3d.raw", 7, "s  7.raw"),
             ("100%%_%02i.x", -1, "100%_-1.x"),
         ] {
-            assert_eq!(Pattern::parse(pattern).map(|p| p.name(number)).as_deref(), Some(name), "{pattern}");
+            assert_eq!(FilePattern::parse(pattern).map(|p| p.name(number)).as_deref(), Some(name), "{pattern}");
         }
         for plain in ["a.raw", "a%20b.raw", "a%d%d", "a%", "%999d", "50%%", "é%"] {
-            assert_eq!(Pattern::parse(plain), None, "{plain}");
+            assert_eq!(FilePattern::parse(plain), None, "{plain}");
         }
     }
 
     #[test]
     fn ranges_are_counted_before_names_are_made() {
-        let pattern = Pattern::parse("f%d").expect("has a number");
+        let pattern = FilePattern::parse("f%d").expect("has a number");
         let files = |range| pattern.files(Path::new("d/h.nhdr"), "rule", range);
         assert_eq!(files([3, 1, -1]).expect("counts down").len(), 3);
         assert_eq!(files([1, 6, 2]).expect("5 is the last").last(), Some(&PathBuf::from("d/f5")));

@@ -1,48 +1,39 @@
-//! A folder as a volume: which format its files are in.
+//! Opens a folder as a volume, by the format of the files in it.
 //!
-//! In: a folder. Out: a slab source over a Zarr node, a DICOM series or a stack of TIFF slices, told by content, whatever
-//! else lies beside the files. Files are taken in the order in which people count; hidden ones are passed over. Subfolders
-//! are not looked into: the slices of one volume lie in one folder.
+//! In: a folder. Out: a slab source over a Zarr node, a DICOM series or a stack of TIFF slices, found by content,
+//! whatever other files the folder holds. Files are sorted as people count; hidden ones are skipped. Subfolders are
+//! ignored: the slices of one volume lie in one folder.
 
 use std::cmp::Ordering;
-use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::file_list::MAX_FILES;
-use super::open::{OpenOptions, file_name};
-use super::{dicom, tiff, zarr};
+use super::format::{is_dicom, is_tiff, is_zarr, probe};
+use super::open::{OpenOptions, file_name, with_feature};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::SlabSource;
 
-/// Most entries of a folder that are listed.
+/// The largest number of entries in a folder.
 const MOST_ENTRIES: u64 = 1 << 20;
 
-/// Bytes from the front of a file that tell whether it is a slice.
-const PROBE_BYTES: u64 = 132;
-
-/// Opens the folder at `path`.
-///
-/// # Errors
-/// [`Error::Io`] if it cannot be listed; [`Error::Input`] if it holds no slices; [`Error::Limit`] if more than
-/// [`MAX_FILES`]; and those of the slices' format.
+/// Opens the volume in the folder at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     if options.raw.is_some() {
         return Err(Error::input(path.display().to_string(), "is a folder, but raw samples are in one file; name it"));
     }
-    if zarr::is_node(path) {
+    if is_zarr(path) {
         options.expect_one_series()?;
-        return zarr::open(path, options);
+        return with_feature!("zarr", path, super::zarr::open(path, options));
     }
     options.expect_one_level()?;
     let Listing { files, folders } = list(path)?;
     let mut slices = Vec::new();
     for file in &files {
         let probe = probe(file)?;
-        if dicom::is_header(&probe) {
-            return dicom::open(path, Some(files), options);
+        if is_dicom(&probe) {
+            return with_feature!("dicom", path, super::dicom::open(path, Some(files), options));
         }
-        if tiff::is_header(&probe) {
+        if is_tiff(&probe) {
             slices.push(file.clone());
         }
     }
@@ -59,12 +50,12 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
             }
             Err(Error::input(path.display().to_string(), why))
         }
-        [one] => tiff::open(one, options),
-        _ => tiff::open_stack(path, slices, options),
+        [one] => with_feature!("tiff", one, super::tiff::open(one, options)),
+        _ => with_feature!("tiff", path, super::tiff::open_stack(path, slices, options)),
     }
 }
 
-/// What is in a folder, each in natural order; hidden entries are left out.
+/// The entries of a folder, sorted by [`natural`]; hidden ones are left out.
 pub(super) struct Listing {
     /// Regular files.
     pub(super) files: Vec<PathBuf>,
@@ -73,9 +64,6 @@ pub(super) struct Listing {
 }
 
 /// Lists the folder at `path`.
-///
-/// # Errors
-/// [`Error::Io`] if it cannot be listed; [`Error::Limit`] if it has more entries than any volume has files.
 pub(super) fn list(path: &Path) -> Result<Listing> {
     let mut listing = Listing { files: Vec::new(), folders: Vec::new() };
     for (seen, entry) in (1..).zip(std::fs::read_dir(path).map_err(Error::io("list", path))?) {
@@ -87,7 +75,7 @@ pub(super) fn list(path: &Path) -> Result<Listing> {
         if entry.file_name().is_none_or(|name| name.as_encoded_bytes().starts_with(b".")) {
             continue;
         }
-        // An entry that is neither, or a link to nothing, is no part of a volume.
+        // Anything else, such as a link to nothing, is no part of a volume.
         match std::fs::metadata(&entry) {
             Ok(found) if found.is_file() => listing.files.push(entry),
             Ok(found) if found.is_dir() => listing.folders.push(entry),
@@ -100,17 +88,9 @@ pub(super) fn list(path: &Path) -> Result<Listing> {
     Ok(listing)
 }
 
-/// The first bytes of the file at `path`.
-pub(super) fn probe(path: &Path) -> Result<Vec<u8>> {
-    let mut probe = Vec::new();
-    let file = File::open(path).map_err(Error::io("open", path))?;
-    file.take(PROBE_BYTES).read_to_end(&mut probe).map_err(Error::io("read", path))?;
-    Ok(probe)
-}
-
-/// The order in which people count: runs of digits by their value, all else by letter, capitals like others.
+/// Compares names as people count: runs of digits by their value, all else by letter, whatever its case.
 ///
-/// Names that differ only in leading zeros or capitals are told apart by their bytes, so that no two are equal.
+/// Names that differ only in leading zeros or case are compared by their bytes, so that no two are equal.
 fn natural(a: &str, b: &str) -> Ordering {
     let (mut left, mut right) = (a, b);
     loop {
@@ -130,10 +110,10 @@ fn natural(a: &str, b: &str) -> Ordering {
     }
 }
 
-/// Takes the digits at the front of `text`; without leading zeros.
+/// Removes the digits from the front of `text`, and returns them without leading zeros.
 fn digits<'t>(text: &mut &'t str) -> &'t str {
-    let (number, rest) = text.split_at(text.bytes().take_while(u8::is_ascii_digit).count());
-    *text = rest;
+    let (number, tail) = text.split_at(text.bytes().take_while(u8::is_ascii_digit).count());
+    *text = tail;
     number.trim_start_matches('0')
 }
 

@@ -1,8 +1,8 @@
-//! From what a file says of its world to the crate's: right-handed, and R, A, S where the frame is anatomical.
+//! Converts a file's coordinate frame to the crate's: right-handed, and R, A, S where it is anatomical.
 //!
 //! In: spacing, direction and origin as the file gives them, and the name of its frame. Out: a checked [`Grid`].
-//! A frame that differs from ours by the signs of axes is turned by negating those world components of direction and
-//! origin; two negations are half a turn and one undoes a left-handed frame, so no picture comes out mirrored.
+//! Where axes point the other way, those world components of direction and origin are negated. Two negations are half a
+//! turn, and one makes a left-handed frame right-handed, so no picture is mirrored.
 
 use std::path::Path;
 
@@ -30,16 +30,16 @@ impl World {
     }
 }
 
-/// Where a file says that its grid lies.
+/// Where a grid lies, in the words of its file.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Frame {
+pub(super) struct FileFrame {
     /// Distance between points along each index axis.
     pub(super) spacing: [f64; 3],
     /// World vectors of the index axes; made unit length here.
     pub(super) direction: [[f64; 3]; 3],
     /// World position of the first point.
     pub(super) origin: [f64; 3],
-    /// What the vectors are relative to.
+    /// The world that direction and origin are in.
     pub(super) world: World,
     /// Unit of lengths.
     pub(super) unit: Option<String>,
@@ -48,23 +48,24 @@ pub(super) struct Frame {
 /// Index axes along world axes.
 pub(super) const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
-impl Frame {
+impl FileFrame {
     /// A frame along the world's axes, at its origin.
-    pub(super) fn upright(spacing: [f64; 3]) -> Frame {
-        Frame { spacing, direction: IDENTITY, origin: [0.0; 3], world: World::RightHanded, unit: None }
+    pub(super) fn upright(spacing: [f64; 3]) -> FileFrame {
+        FileFrame { spacing, direction: IDENTITY, origin: [0.0; 3], world: World::RightHanded, unit: None }
     }
 
     /// A frame from the world vectors between neighbouring points: `steps[a]` for index axis `a`.
-    pub(super) fn from_steps(steps: [[f64; 3]; 3], origin: [f64; 3], world: World) -> Frame {
-        Frame { spacing: steps.map(length), direction: steps, origin, world, unit: None }
+    pub(super) fn from_steps(steps: [[f64; 3]; 3], origin: [f64; 3], world: World) -> FileFrame {
+        FileFrame { spacing: steps.map(length), direction: steps, origin, world, unit: None }
     }
 
     /// The unit world vector of index axis `axis`.
+    #[cfg(feature = "zarr")]
     pub(super) fn unit_direction(&self, axis: usize) -> [f64; 3] {
         self.direction[axis].map(|c| c / length(self.direction[axis]))
     }
 
-    /// The grid of `dims` points in this frame; `spacing`, if given, stands in for the file's.
+    /// Returns the grid of `dims` points in this frame; `spacing`, if given, replaces the file's.
     ///
     /// # Errors
     /// [`Error::Format`] under `rule` if a dimension is 0, a spacing is not finite and above 0, or the axes are not
@@ -76,14 +77,14 @@ impl Frame {
         dims: [u64; 3],
         spacing: Option<[f64; 3]>,
     ) -> Result<Grid> {
-        let mut narrow = [0; 3];
+        let mut grid_dims = [0; 3];
         for axis in Axis::ALL {
             let points = dims[axis.index()];
             if points == 0 {
                 let got = format!("0 along {}", axis.name());
                 return Err(Error::format(path, 0, rule, "at least one point along each axis", got));
             }
-            narrow[axis.index()] = match u32::try_from(points) {
+            grid_dims[axis.index()] = match u32::try_from(points) {
                 Ok(points) if points <= MAX_DIM => points,
                 _ => {
                     let what = format!("{}: points along {}", path.display(), axis.name());
@@ -94,14 +95,14 @@ impl Frame {
         let spacing = spacing.unwrap_or(self.spacing);
         if !spacing.iter().all(|step| step.is_finite() && *step > 0.0) {
             let [x, y, z] = spacing;
-            let expected = "three spacings above 0 (they can be given with --spacing XxYxZ)";
+            let expected = "three spacings above 0 (others can be given with `OpenOptions::spacing`)";
             return Err(Error::format(path, 0, rule, expected, format!("{x}, {y}, {z}")));
         }
         let signs = self.world.signs();
         // Adding 0.0 turns a negated zero into a plain one.
-        let turned = |v: [f64; 3]| [v[0] * signs[0] + 0.0, v[1] * signs[1] + 0.0, v[2] * signs[2] + 0.0];
-        let direction = self.direction.map(|axis| turned(axis.map(|c| c / length(axis))));
-        let grid = Grid { dims: narrow, spacing, origin: turned(self.origin), direction, unit: self.unit };
+        let to_our_world = |v: [f64; 3]| [v[0] * signs[0] + 0.0, v[1] * signs[1] + 0.0, v[2] * signs[2] + 0.0];
+        let direction = self.direction.map(|axis| to_our_world(axis.map(|c| c / length(axis))));
+        let grid = Grid { dims: grid_dims, spacing, origin: to_our_world(self.origin), direction, unit: self.unit };
         match grid.check() {
             Ok(()) => Ok(grid),
             Err(Error::Input { what, why }) => {
@@ -113,7 +114,17 @@ impl Frame {
     }
 }
 
-fn length(v: [f64; 3]) -> f64 {
+/// The length of `v`.
+pub(super) fn length(v: [f64; 3]) -> f64 {
     // hypot keeps an axis-aligned step exact and does not overflow.
     v[0].hypot(v[1]).hypot(v[2])
+}
+
+/// The cross product, at right angles to both.
+pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }

@@ -1,9 +1,8 @@
-//! Header text, line by line, in bounded memory.
+//! Reads header text, line by line, in bounded memory.
 //!
 //! In: a file. Out: its lines with their byte offsets, and the offset of the first byte after them, which is where
 //! samples begin in formats that keep both in one file. A header's text is at most [`TEXT_LIMIT`] bytes in all, so a
-//! file without line ends cannot fill the memory. Bytes that are not UTF-8 are replaced, never refused: they sit in
-//! comments and titles.
+//! file without line ends cannot fill the memory. Bytes that are not UTF-8 are replaced, as they occur in comments.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
@@ -12,12 +11,12 @@ use std::path::{Path, PathBuf};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
-/// Most bytes of text that one header may have: a list of 65,535 file names fits.
+/// The largest header text in bytes: a list of 65,535 file names fits.
 pub(super) const TEXT_LIMIT: u64 = 4 << 20;
 
 /// One line of a header.
 #[derive(Debug, Clone)]
-pub(super) struct Line {
+pub(super) struct HeaderLine {
     /// Byte offset of its first character in the file.
     pub(super) at: u64,
     /// Its text without the line end.
@@ -25,7 +24,7 @@ pub(super) struct Line {
 }
 
 /// A reader of header lines.
-pub(super) struct Lines {
+pub(super) struct HeaderLines {
     path: PathBuf,
     reader: BufReader<File>,
     at: u64,
@@ -33,11 +32,11 @@ pub(super) struct Lines {
     text_bytes: u64,
 }
 
-impl Lines {
+impl HeaderLines {
     /// Opens `path` at its first line.
-    pub(super) fn open(path: &Path) -> Result<Lines> {
+    pub(super) fn open(path: &Path) -> Result<HeaderLines> {
         let (file, file_len) = open_regular(path, "open")?;
-        Ok(Lines { path: path.to_path_buf(), reader: BufReader::new(file), at: 0, file_len, text_bytes: 0 })
+        Ok(HeaderLines { path: path.to_path_buf(), reader: BufReader::new(file), at: 0, file_len, text_bytes: 0 })
     }
 
     /// Byte offset of the next unread byte.
@@ -46,7 +45,7 @@ impl Lines {
     }
 
     /// The next line, or `None` at the end of the file.
-    pub(super) fn next(&mut self) -> Result<Option<Line>> {
+    pub(super) fn next(&mut self) -> Result<Option<HeaderLine>> {
         let room = TEXT_LIMIT - self.text_bytes;
         let mut bytes = Vec::new();
         let read = (&mut self.reader).take(room + 1).read_until(b'\n', &mut bytes);
@@ -64,10 +63,10 @@ impl Lines {
         while matches!(bytes.last(), Some(b'\n' | b'\r')) {
             bytes.pop();
         }
-        Ok(Some(Line { at: line_at, text: String::from_utf8_lossy(&bytes).into_owned() }))
+        Ok(Some(HeaderLine { at: line_at, text: String::from_utf8_lossy(&bytes).into_owned() }))
     }
 
-    /// Whether the next bytes are `word`, in upper or lower case.
+    /// Returns whether the next bytes are `word`, in upper or lower case.
     pub(super) fn next_is(&mut self, word: &str) -> Result<bool> {
         let ahead = self.reader.fill_buf().map_err(Error::io("read", &self.path))?;
         if let Some(start) = ahead.get(..word.len()) {
@@ -84,10 +83,7 @@ impl Lines {
         Ok(ahead.eq_ignore_ascii_case(word.as_bytes()))
     }
 
-    /// Skips `bytes` bytes that are not header text.
-    ///
-    /// # Errors
-    /// [`Error::Format`] under `rule` if the file ends before them.
+    /// Skips `bytes` bytes that are not header text; an error under `rule` if the file ends before them.
     pub(super) fn skip_bytes(&mut self, bytes: u64, rule: &'static str) -> Result<()> {
         let left = self.file_len.saturating_sub(self.at);
         if bytes > left {
@@ -97,10 +93,7 @@ impl Lines {
         self.seek(self.at + bytes)
     }
 
-    /// Skips `count` numbers between white space.
-    ///
-    /// # Errors
-    /// [`Error::Format`] under `rule` if the file ends before them.
+    /// Skips `count` numbers between white space; an error under `rule` if the file ends before them.
     pub(super) fn skip_numbers(&mut self, count: u64, rule: &'static str) -> Result<()> {
         let (mut seen, mut inside) = (0, false);
         loop {
@@ -139,7 +132,12 @@ impl Lines {
     }
 }
 
-/// The start of a text that came from a file, safe to print.
+/// Returns the start of a text from a file, in quotes, safe to print.
 pub(super) fn clip(text: &str) -> String {
     format!("\"{}\"", text.chars().take(40).collect::<String>().escape_debug())
+}
+
+/// Returns the text of another crate's error as one line without a full stop.
+pub(super) fn one_line(error: &impl std::fmt::Display) -> String {
+    error.to_string().replace(['\n', '\r'], " ").trim_end_matches(['.', ' ']).to_string()
 }

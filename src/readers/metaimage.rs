@@ -1,29 +1,29 @@
-//! MetaImage: `.mha` with its samples behind the header, `.mhd` with them in other files.
+//! Reads MetaImage files: `.mha` with the samples behind the header, `.mhd` with the samples in other files.
 //!
 //! In: `Key = value` lines up to `ElementDataFile`. Out: a slab source. World vectors are L, P, S as in ITK and are
-//! turned to R, A, S; `AnatomicalOrientation` gives the directions only where no matrix does.
-//! `CompressedDataSize` is not used: writers have left wrong values in it, and a compressed stream ends by itself.
+//! turned to R, A, S; `AnatomicalOrientation` gives the directions only where there is no matrix.
+//! `CompressedDataSize` is ignored: some writers store wrong values, and a compressed stream marks its own end.
 //!
 //! Source: the MetaIO documentation (itk.org/Wiki/ITK/MetaIO/Documentation).
 
 use std::path::{Path, PathBuf};
 
-use super::file_list::{Pattern, check_count, folder_of, listed_files};
-use super::frame::{Frame, IDENTITY, World};
-use super::lines::{Line, Lines, clip};
-use super::open::{OpenOptions, file_name};
-use super::raw::type_names;
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
+use super::file_list::{FilePattern, check_count, folder_of, listed_files};
+use super::frame::{FileFrame, IDENTITY, World};
+use super::lines::{HeaderLine, HeaderLines, clip};
+use super::open::{OpenOptions, plain_header};
+use super::raw::{type_by_name, type_names};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::{Header, SampleType, SlabSource};
+use adjsplat::volume::{SampleType, SlabSource};
 
 const RULE_SIZE: &str = "MetaImage DimSize";
 
-/// Most dimensions that MetaIO knows.
+/// The largest number of dimensions that MetaIO knows.
 const MAX_NDIMS: usize = 10;
 
-/// Most lines of a header; real ones have below 50.
+/// The largest number of lines in a header; real headers have fewer than 50.
 const MAX_LINES: usize = 1024;
 
 /// Whether `probe`, the start of a file, is a MetaImage header.
@@ -33,7 +33,7 @@ pub(super) fn is_header(probe: &[u8]) -> bool {
         let key = line.split(|byte| *byte == b'=').next().filter(|key| key.len() < line.len())?.trim_ascii();
         Some(found || [&b"ObjectType"[..], b"NDims", b"ElementDataFile"].contains(&key))
     });
-    // Twenty lines of keys, or the data begins among them: either way a key must have been seen first.
+    // The samples may begin within these lines; then the first line alone decides.
     keys.unwrap_or_else(|| {
         probe.starts_with(b"ObjectType") || probe.starts_with(b"NDims") || probe.starts_with(b"Comment")
     })
@@ -41,20 +41,16 @@ pub(super) fn is_header(probe: &[u8]) -> bool {
 
 /// Opens the MetaImage header at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let mut lines = Lines::open(path)?;
-    let fields = Fields::read(path, &mut lines)?;
+    let mut lines = HeaderLines::open(path)?;
+    let fields = MetaImageFields::read(path, &mut lines)?;
     let (dims, volume_count) = fields.dims(path)?;
     let sample_type = fields.sample_type(path)?;
     let codec = fields.codec(path)?;
     let grid = fields.frame(path)?.grid(path, "MetaImage grid", dims, options.spacing)?;
     let (files, local) = fields.files(path, &mut lines)?;
-    let start = match fields.header_size(path)? {
-        HeaderSize::Bytes(0) if local => Start::At(lines.position()),
-        HeaderSize::Bytes(bytes) => Start::At(bytes),
-        HeaderSize::FromEnd => Start::FromEnd { after: 0, least: if local { lines.position() } else { 0 } },
-    };
-    let reader = SlabReader::new(Plan {
-        header: Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "MetaImage" },
+    let start = fields.start(path, if local { lines.position() } else { 0 })?;
+    SlabReader::open(SampleFiles {
+        header: plain_header(grid, sample_type, path, "MetaImage"),
         codec,
         endian: if fields.flag(&["BinaryDataByteOrderMSB", "ElementByteOrderMSB"]) {
             Endian::Big
@@ -69,27 +65,21 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         volume_index: options.volume_index.into(),
         tail: if codec == Codec::Raw { Tail::Anything } else { Tail::Nothing },
         rule: RULE_SIZE,
-    })?;
-    Ok(Box::new(reader))
-}
-
-enum HeaderSize {
-    Bytes(u64),
-    FromEnd,
+    })
 }
 
 /// The header's keys and values.
-struct Fields {
+struct MetaImageFields {
     /// Key, value and offset of each line; the last is `ElementDataFile`.
     entries: Vec<(String, String, u64)>,
     ndims: usize,
 }
 
-impl Fields {
-    fn read(path: &Path, lines: &mut Lines) -> Result<Fields> {
+impl MetaImageFields {
+    fn read(path: &Path, lines: &mut HeaderLines) -> Result<MetaImageFields> {
         let mut entries = Vec::new();
         let mut last = false;
-        while !last && let Some(Line { at, text }) = lines.next()? {
+        while !last && let Some(HeaderLine { at, text }) = lines.next()? {
             if text.trim().is_empty() {
                 continue;
             }
@@ -103,7 +93,7 @@ impl Fields {
                 return Err(Error::Limit { what, need: entries.len() as u64, have: MAX_LINES as u64 });
             }
         }
-        let mut fields = Fields { entries, ndims: 0 };
+        let mut fields = MetaImageFields { entries, ndims: 0 };
         if !last {
             let at = lines.position();
             return Err(Error::format(path, at, "MetaImage ElementDataFile", "such a line", "the end of the file"));
@@ -163,19 +153,10 @@ impl Fields {
             return Err(Error::format(path, at, "MetaImage ElementNumberOfChannels", "1", clip(value)));
         }
         let (value, at) = self.require(path, "ElementType")?;
-        Ok(match value {
-            "MET_UCHAR" => SampleType::U8,
-            "MET_CHAR" => SampleType::I8,
-            "MET_USHORT" => SampleType::U16,
-            "MET_SHORT" => SampleType::I16,
-            "MET_UINT" => SampleType::U32,
-            "MET_INT" => SampleType::I32,
-            "MET_FLOAT" => SampleType::F32,
-            "MET_DOUBLE" => SampleType::F64,
-            _ => {
-                let expected = format!("one of {} (MET_UCHAR ... MET_DOUBLE)", type_names());
-                return Err(Error::format(path, at, "MetaImage ElementType", expected, clip(value)));
-            }
+        let name = value.strip_prefix("MET_").unwrap_or_default();
+        type_by_name(name, ["UCHAR", "CHAR", "USHORT", "SHORT", "UINT", "INT", "FLOAT", "DOUBLE"]).ok_or_else(|| {
+            let expected = format!("one of {} (MET_UCHAR ... MET_DOUBLE)", type_names());
+            Error::format(path, at, "MetaImage ElementType", expected, clip(value))
         })
     }
 
@@ -192,22 +173,20 @@ impl Fields {
         }
     }
 
-    fn header_size(&self, path: &Path) -> Result<HeaderSize> {
-        let Some((value, at)) = self.get(&["HeaderSize"]) else { return Ok(HeaderSize::Bytes(0)) };
-        if value == "-1" {
-            if self.codec(path)? == Codec::Raw {
-                return Ok(HeaderSize::FromEnd);
-            }
-            let expected = "0 or more, as -1 needs uncompressed binary samples";
-            return Err(Error::format(path, at, "MetaImage HeaderSize", expected, "-1"));
+    /// Returns where samples start: at byte `HeaderSize`, at `header_end` if that is 0, or such that they end the file.
+    fn start(&self, path: &Path, header_end: u64) -> Result<SampleStart> {
+        let Some((value, at)) = self.get(&["HeaderSize"]) else { return Ok(SampleStart::At(header_end)) };
+        let fault = |expected: &str| Error::format(path, at, "MetaImage HeaderSize", expected, clip(value));
+        match (value, value.parse()) {
+            ("-1", _) if self.codec(path)? == Codec::Raw => Ok(SampleStart::FromEnd { after: 0, least: header_end }),
+            ("-1", _) => Err(fault("0 or more, as -1 needs uncompressed binary samples")),
+            (_, Ok(0)) => Ok(SampleStart::At(header_end)),
+            (_, Ok(bytes)) => Ok(SampleStart::At(bytes)),
+            (_, Err(_)) => Err(fault("a number of bytes, or -1")),
         }
-        let bytes = value
-            .parse()
-            .map_err(|_| Error::format(path, at, "MetaImage HeaderSize", "a number of bytes, or -1", clip(value)))?;
-        Ok(HeaderSize::Bytes(bytes))
     }
 
-    fn frame(&self, path: &Path) -> Result<Frame> {
+    fn frame(&self, path: &Path) -> Result<FileFrame> {
         let n = self.ndims;
         let spacing: Option<Vec<f64>> = self.numbers(path, &["ElementSpacing", "ElementSize"], n)?;
         let offset: Option<Vec<f64>> = self.numbers(path, &["Offset", "Position", "Origin"], n)?;
@@ -225,7 +204,7 @@ impl Fields {
         } else if let Some(letters) = self.get(&["AnatomicalOrientation"]).and_then(|(text, _)| directions(text)) {
             direction = letters;
         }
-        Ok(Frame {
+        Ok(FileFrame {
             spacing: pad(spacing, 1.0),
             direction,
             origin: pad(offset, 0.0),
@@ -234,8 +213,8 @@ impl Fields {
         })
     }
 
-    /// The files that hold the samples, and whether that is this file.
-    fn files(&self, path: &Path, lines: &mut Lines) -> Result<(Vec<PathBuf>, bool)> {
+    /// Returns the files that hold the samples, and whether this is the file with the header.
+    fn files(&self, path: &Path, lines: &mut HeaderLines) -> Result<(Vec<PathBuf>, bool)> {
         const RULE: &str = "MetaImage ElementDataFile";
         let (value, at) = self.require(path, "ElementDataFile")?;
         if value.eq_ignore_ascii_case("LOCAL") {
@@ -247,8 +226,8 @@ impl Fields {
             count.ok_or_else(|| Error::format(path, at, RULE, "a number of files that can be counted", "more"))
         };
         let words: Vec<&str> = value.split_whitespace().collect();
-        if let Some(rest) = value.strip_prefix("LIST") {
-            let file_dims = match rest.trim() {
+        if let Some(dimensions_text) = value.strip_prefix("LIST") {
+            let file_dims = match dimensions_text.trim() {
                 "" => Some(self.ndims - 1),
                 given => {
                     given.trim_end_matches(['D', 'd']).trim().parse().ok().filter(|d| (1..=self.ndims).contains(d))
@@ -262,7 +241,7 @@ impl Fields {
         // A pattern: `name%03d.raw`, then up to three numbers: first, last, step.
         let numbers: Vec<i64> = words.iter().rev().map_while(|word| word.parse().ok()).take(3).collect();
         let name = words[..words.len() - numbers.len()].join(" ");
-        if let Some(pattern) = Pattern::parse(&name) {
+        if let Some(pattern) = FilePattern::parse(&name) {
             let need = per_file(self.ndims - 1)?;
             let first = numbers.last().copied().unwrap_or(1);
             let last = match numbers.len() {
@@ -281,7 +260,7 @@ impl Fields {
     }
 }
 
-/// World directions, in L, P, S, by three letters that say from where each axis comes: "RAI" is the identity.
+/// Returns directions in L, P, S from three letters that say where each axis starts: "RAI" is the identity.
 fn directions(letters: &str) -> Option<[[f64; 3]; 3]> {
     let axes: Option<Vec<[f64; 3]>> = letters
         .chars()

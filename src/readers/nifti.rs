@@ -1,4 +1,4 @@
-//! NIfTI-1 and NIfTI-2: `.nii`, `.nii.gz`, and pairs of `.hdr` and `.img`.
+//! Reads NIfTI-1 and NIfTI-2: `.nii`, `.nii.gz`, and pairs of `.hdr` and `.img`.
 //!
 //! In: a 348- or 540-byte binary header of either byte order, plain or in gzip. Out: a slab source over one volume of
 //! the file. World axes are R, A, S, as the crate's. The affine transform is the `sform` if its code is set and it
@@ -12,11 +12,11 @@ use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
 
-use super::frame::{Frame, World};
+use super::frame::{FileFrame, World, cross, dot};
 use super::open::{OpenOptions, file_name};
 use super::raw::type_names;
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::volume::{Header, SampleType, SlabSource};
@@ -44,8 +44,8 @@ fn version_of(bytes: &[u8]) -> Option<(u8, Endian)> {
     }
 }
 
-/// The fields that matter here, of either version.
-struct Fields {
+/// The fields of a header that the reader uses, from either version.
+struct NiftiFields {
     endian: Endian,
     dim: [i64; 8],
     datatype: i16,
@@ -59,7 +59,7 @@ struct Fields {
     quatern: [f64; 3],
     qoffset: [f64; 3],
     srow: [[f64; 4]; 3],
-    /// Samples are in the same file.
+    /// Whether the samples are in the header's file.
     single: bool,
     /// Bytes of the header.
     len: usize,
@@ -69,7 +69,7 @@ struct Fields {
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     let header_path = header_path_of(path)?;
     let (bytes, header_packed) = read_header(&header_path)?;
-    let fields = Fields::parse(&header_path, &bytes)?;
+    let fields = NiftiFields::parse(&header_path, &bytes)?;
     let (dims, volume_count) = fields.dims(&header_path)?;
     let sample_type = fields.sample_type(&header_path)?;
     let (slope, intercept) = fields.scaling(&header_path)?;
@@ -90,34 +90,31 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         name: file_name(path),
         format: if fields.len == HEADER_1 { "NIfTI-1" } else { "NIfTI-2" },
     };
-    let reader = SlabReader::new(Plan {
+    SlabReader::open(SampleFiles {
         header,
         codec: if packed { Codec::Deflate } else { Codec::Raw },
         endian: fields.endian,
         files: vec![file],
-        start: Start::At(if packed { 0 } else { offset }),
+        start: SampleStart::At(if packed { 0 } else { offset }),
         line_skip: 0,
         byte_skip: if packed { offset } else { 0 },
         volume_count,
         volume_index: options.volume_index.into(),
         tail: if packed { Tail::Nothing } else { Tail::Anything },
         rule: RULE_DIM,
-    })?;
-    Ok(Box::new(reader))
+    })
 }
 
-/// Where a header places its volume, its slope and its intercept; `path` is named in errors.
-///
-/// # Errors
-/// [`Error::Format`] if `bytes` do not start with a header.
-pub(super) fn place_of(path: &Path, bytes: &[u8]) -> Result<(Frame, f64, f64)> {
-    let fields = Fields::parse(path, bytes)?;
+/// Returns where a header places its volume, the slope and the intercept; errors name `path`.
+#[cfg(feature = "zarr")]
+pub(super) fn place_of(path: &Path, bytes: &[u8]) -> Result<(FileFrame, f64, f64)> {
+    let fields = NiftiFields::parse(path, bytes)?;
     let (slope, intercept) = fields.scaling(path)?;
     Ok((fields.frame(), slope, intercept))
 }
 
-impl Fields {
-    fn parse(path: &Path, bytes: &[u8]) -> Result<Fields> {
+impl NiftiFields {
+    fn parse(path: &Path, bytes: &[u8]) -> Result<NiftiFields> {
         let Some((version, endian)) = version_of(bytes) else {
             return Err(Error::format(path, 0, "NIfTI sizeof_hdr", "348 or 540 in either byte order", shown(bytes, 4)));
         };
@@ -132,44 +129,28 @@ impl Fields {
             let expected = format!("\"n+{version}\" or \"ni{version}\" (ANALYZE 7.5 files are not supported)");
             return Err(Error::format(path, magic_at as u64, "NIfTI magic", expected, shown(magic, 4)));
         }
-        let f = Bytes { bytes, endian };
-        Ok(if version == 1 {
-            Fields {
-                endian,
-                dim: std::array::from_fn(|i| f.i16(40 + 2 * i).into()),
-                datatype: f.i16(70),
-                pixdim: std::array::from_fn(|i| f.f32(76 + 4 * i)),
-                vox_offset: f.f32(108),
-                slope: f.f32(112),
-                intercept: f.f32(116),
-                units: bytes[123].into(),
-                qform_code: f.i16(252).into(),
-                sform_code: f.i16(254).into(),
-                quatern: std::array::from_fn(|i| f.f32(256 + 4 * i)),
-                qoffset: std::array::from_fn(|i| f.f32(268 + 4 * i)),
-                srow: std::array::from_fn(|r| std::array::from_fn(|c| f.f32(280 + 16 * r + 4 * c))),
-                single,
-                len,
-            }
-        } else {
-            Fields {
-                endian,
-                dim: std::array::from_fn(|i| f.i64(16 + 8 * i)),
-                datatype: f.i16(12),
-                pixdim: std::array::from_fn(|i| f.f64(104 + 8 * i)),
-                #[expect(clippy::cast_precision_loss, reason = "offsets above 2^53 are refused")]
-                vox_offset: f.i64(168) as f64,
-                slope: f.f64(176),
-                intercept: f.f64(184),
-                units: f.i32(500),
-                qform_code: f.i32(344),
-                sform_code: f.i32(348),
-                quatern: std::array::from_fn(|i| f.f64(352 + 8 * i)),
-                qoffset: std::array::from_fn(|i| f.f64(376 + 8 * i)),
-                srow: std::array::from_fn(|r| std::array::from_fn(|c| f.f64(400 + 32 * r + 8 * c))),
-                single,
-                len,
-            }
+        let f = HeaderBytes { bytes, endian };
+        // Each field has an offset in version 1 and one in version 2, in which its type is wider.
+        let whole = |at_1, at_2| if version == 1 { f.i16(at_1).into() } else { f.i32(at_2) };
+        let float = |at_1, at_2| if version == 1 { f.f32(at_1) } else { f.f64(at_2) };
+        #[expect(clippy::cast_precision_loss, reason = "offsets above 2^53 are refused")]
+        let vox_offset = if version == 1 { f.f32(108) } else { f.i64(168) as f64 };
+        Ok(NiftiFields {
+            endian,
+            dim: std::array::from_fn(|i| if version == 1 { f.i16(40 + 2 * i).into() } else { f.i64(16 + 8 * i) }),
+            datatype: f.i16(if version == 1 { 70 } else { 12 }),
+            pixdim: std::array::from_fn(|i| float(76 + 4 * i, 104 + 8 * i)),
+            vox_offset,
+            slope: float(112, 176),
+            intercept: float(116, 184),
+            units: if version == 1 { bytes[123].into() } else { f.i32(500) },
+            qform_code: whole(252, 344),
+            sform_code: whole(254, 348),
+            quatern: std::array::from_fn(|i| float(256 + 4 * i, 352 + 8 * i)),
+            qoffset: std::array::from_fn(|i| float(268 + 4 * i, 376 + 8 * i)),
+            srow: std::array::from_fn(|r| std::array::from_fn(|c| float(280 + 16 * r + 4 * c, 400 + 32 * r + 8 * c))),
+            single,
+            len,
         })
     }
 
@@ -220,7 +201,7 @@ impl Fields {
         Err(Error::format(path, at, "NIfTI datatype", format!("one of {}", type_names()), got))
     }
 
-    /// Slope and intercept; a slope of 0 or that is not finite means that there is no scaling.
+    /// Returns slope and intercept; a slope that is 0 or not finite means that there is no scaling.
     fn scaling(&self, path: &Path) -> Result<(f64, f64)> {
         if self.slope == 0.0 || !self.slope.is_finite() {
             return Ok((1.0, 0.0));
@@ -232,8 +213,9 @@ impl Fields {
         Ok((self.slope, self.intercept))
     }
 
-    /// Byte offset of the first sample in its decoded file. 0 in a single file means right behind the header, as
-    /// writers that leave the field out intend.
+    /// Returns the byte offset of the first sample in the decoded file.
+    ///
+    /// In a single file 0 means right behind the header: some writers leave the field out.
     fn offset(&self, path: &Path) -> Result<u64> {
         let least = if self.single { self.len as u64 } else { 0 };
         if self.single && self.vox_offset == 0.0 {
@@ -256,20 +238,20 @@ impl Fields {
         Ok(offset)
     }
 
-    fn frame(&self) -> Frame {
+    fn frame(&self) -> FileFrame {
         let column = |c: usize| [self.srow[0][c], self.srow[1][c], self.srow[2][c]];
         let steps = [column(0), column(1), column(2)];
         let mut frame = if self.sform_code > 0 && is_invertible(steps) {
-            Frame::from_steps(steps, column(3), World::RightHanded)
+            FileFrame::from_steps(steps, column(3), World::RightHanded)
         } else if self.qform_code > 0 {
             let spacing = [self.pixdim[1], self.pixdim[2], self.pixdim[3]];
-            Frame { direction: self.rotation(), origin: self.qoffset, ..Frame::upright(spacing) }
+            FileFrame { direction: self.rotation(), origin: self.qoffset, ..FileFrame::upright(spacing) }
         } else {
-            Frame::upright([self.pixdim[1], self.pixdim[2], self.pixdim[3]])
+            FileFrame::upright([self.pixdim[1], self.pixdim[2], self.pixdim[3]])
         };
         let used = usize::try_from(self.dim[0]).unwrap_or(3);
         for axis in used..3 {
-            // An axis that the file does not have keeps whatever direction it is given, but needs a length.
+            // An axis that the file lacks may have any direction, but needs a length.
             if !(frame.spacing[axis].is_finite() && frame.spacing[axis] > 0.0) {
                 frame.spacing[axis] = 1.0;
             }
@@ -283,7 +265,7 @@ impl Fields {
         frame
     }
 
-    /// Index axes in the world by the quaternion; `pixdim[0] < 0` turns the third around.
+    /// Returns the directions of the index axes by the quaternion; `pixdim[0] < 0` reverses the third.
     fn rotation(&self) -> [[f64; 3]; 3] {
         let [mut b, mut c, mut d] = self.quatern;
         let squares = b * b + c * c + d * d;
@@ -304,20 +286,18 @@ impl Fields {
     }
 }
 
-fn is_invertible(steps: [[f64; 3]; 3]) -> bool {
-    let [x, y, z] = steps;
-    let determinant =
-        x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0]) + x[2] * (y[0] * z[1] - y[1] * z[0]);
+fn is_invertible([x, y, z]: [[f64; 3]; 3]) -> bool {
+    let determinant = dot(x, cross(y, z));
     determinant.is_finite() && determinant != 0.0
 }
 
-/// Numbers in a header of either byte order; offsets are constants below its checked length.
-struct Bytes<'a> {
+/// Reads numbers of either byte order from a header; offsets are constants below its checked length.
+struct HeaderBytes<'a> {
     bytes: &'a [u8],
     endian: Endian,
 }
 
-impl Bytes<'_> {
+impl HeaderBytes<'_> {
     fn array<const N: usize>(&self, at: usize) -> [u8; N] {
         let mut array = [0; N];
         array.copy_from_slice(&self.bytes[at..at + N]);
@@ -352,7 +332,7 @@ fn shown(bytes: &[u8], most: usize) -> String {
     format!("\"{}\"", bytes[..bytes.len().min(most)].escape_ascii())
 }
 
-/// The first bytes of the header at `path`, decompressed, and whether they were compressed.
+/// Returns the first bytes of the header at `path`, decompressed, and whether they were compressed.
 fn read_header(path: &Path) -> Result<(Vec<u8>, bool)> {
     let packed = starts_as_gzip(path)?;
     let (file, _) = open_regular(path, "open")?;
@@ -390,7 +370,7 @@ fn parts_of(path: &Path) -> (String, usize, String) {
     (name, bare.len(), extension.to_string())
 }
 
-/// The header's path where `path` is that of either file.
+/// Returns the header's path; `path` may be either file of a pair.
 fn header_path_of(path: &Path) -> Result<PathBuf> {
     match parts_of(path) {
         (name, bare_len, extension) if extension == "img" => sibling(path, &name, bare_len, "hdr"),
@@ -398,7 +378,7 @@ fn header_path_of(path: &Path) -> Result<PathBuf> {
     }
 }
 
-/// The image's path where `path` is that of either file of a pair.
+/// Returns the image's path; `path` may be either file of a pair.
 fn image_path_of(path: &Path) -> Result<PathBuf> {
     let (name, bare_len, extension) = parts_of(path);
     match extension.as_str() {

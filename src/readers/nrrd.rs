@@ -1,74 +1,43 @@
-//! NRRD: attached (`.nrrd`), or a header (`.nhdr`) and the files it names.
+//! Reads NRRD files: attached (`.nrrd`), or a header (`.nhdr`) and the files it names.
 //!
 //! In: `field: value` lines up to a blank one, versions 1 to 5. Out: a slab source. Encodings: raw, gzip, text.
-//! `3D-left-handed` and `left-anterior-superior` worlds have their x axis negated, `left-posterior-superior` ones x
-//! and y, so that the world is right-handed (R, A, S where it is anatomical) and pictures are not mirrored.
-//! A field that is not in the format is refused: it may be a misspelled one that matters.
+//! The world is made right-handed (R, A, S where it is anatomical), so that pictures are not mirrored: x is negated in
+//! `3D-left-handed` and `left-anterior-superior` worlds, x and y in `left-posterior-superior` ones.
+//! Unknown fields are refused: one may be a misspelled field that matters.
 //!
 //! Source: "Definition of NRRD File Format" (teem.sourceforge.net/nrrd/format.html).
 
 use std::path::{Path, PathBuf};
 
-use super::file_list::{Pattern, check_count, folder_of, listed_files};
-use super::frame::{Frame, World};
-use super::lines::{Lines, clip};
+use super::file_list::{FilePattern, check_count, folder_of, listed_files};
+use super::frame::{FileFrame, World};
+use super::lines::{HeaderLines, clip};
 use super::nrrd_axes as axes;
-use super::open::{OpenOptions, file_name};
+use super::open::{OpenOptions, plain_header};
 use super::raw::type_names;
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::{Header, SampleType, SlabSource};
+use adjsplat::volume::{SampleType, SlabSource};
 
 const RULE_SIZES: &str = "NRRD sizes";
 const RULE_FILES: &str = "NRRD data file";
 
-/// Most dimensions that a NRRD may have.
+/// The largest number of dimensions that the format allows.
 const MAX_DIMENSION: usize = 16;
 
-/// Fields that say nothing about which samples there are or where.
-const IGNORED: &[&str] = &[
-    "content",
-    "number",
-    "sampleunits",
-    "blocksize",
-    "min",
-    "max",
-    "oldmin",
-    "oldmax",
-    "axismins",
-    "axismaxs",
-    "centers",
-    "centerings",
-    "labels",
-    "units",
-    "thicknesses",
-    "measurementframe",
-    "spacedimension",
-];
+/// Names of the fields that are read, between spaces.
+const USED: &str = "dimension sizes type encoding endian spacings space spacedirections spaceorigin spaceunits kinds \
+    lineskip byteskip datafile";
 
-/// Fields that do.
-const USED: &[&str] = &[
-    "dimension",
-    "sizes",
-    "type",
-    "encoding",
-    "endian",
-    "spacings",
-    "space",
-    "spacedirections",
-    "spaceorigin",
-    "spaceunits",
-    "kinds",
-    "lineskip",
-    "byteskip",
-    "datafile",
-];
+/// Names of the fields that change neither samples nor grid.
+const IGNORED: &str = "content number sampleunits blocksize min max oldmin oldmax axismins axismaxs centers centerings \
+    labels units thicknesses measurementframe spacedimension";
 
 /// Opens the NRRD at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let mut lines = Lines::open(path)?;
-    let fields = Fields::read(path, &mut lines)?;
+    let mut lines = HeaderLines::open(path)?;
+    let fields = NrrdFields::read(path, &mut lines)?;
     let sizes = fields.sizes()?;
     let sample_type = fields.sample_type()?;
     let codec = fields.codec()?;
@@ -82,12 +51,13 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let (files, header_end) = fields.files(&sizes, &mut lines)?;
     let byte_skip = fields.byte_skip(codec)?;
     // Where a negative skip counts from the end, lines before the samples do not matter.
-    let (start, line_skip, byte_skip) = match byte_skip {
-        Skip::Forward(bytes) => (Start::At(header_end), fields.whole("lineskip")?, bytes),
-        Skip::FromEnd(after) => (Start::FromEnd { after, least: header_end }, 0, 0),
+    let (start, line_skip, byte_skip) = match u64::try_from(byte_skip) {
+        Ok(bytes) => (SampleStart::At(header_end), fields.whole("lineskip")?, bytes),
+        // -1 puts the samples at the end of the file; each less leaves one more byte behind them.
+        Err(_) => (SampleStart::FromEnd { after: byte_skip.unsigned_abs() - 1, least: header_end }, 0, 0),
     };
-    let reader = SlabReader::new(Plan {
-        header: Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "NRRD" },
+    SlabReader::open(SampleFiles {
+        header: plain_header(grid, sample_type, path, "NRRD"),
         codec,
         endian,
         files,
@@ -98,31 +68,25 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         volume_index: options.volume_index.into(),
         tail: if codec == Codec::Raw { Tail::Anything } else { Tail::Nothing },
         rule: RULE_SIZES,
-    })?;
-    Ok(Box::new(reader))
-}
-
-enum Skip {
-    Forward(u64),
-    FromEnd(u64),
+    })
 }
 
 /// The header's fields: names in lower case without spaces, values, offsets.
-struct Fields {
+struct NrrdFields {
     path: PathBuf,
     entries: Vec<(String, String, u64)>,
-    /// A blank line ended the header, so samples may follow.
+    /// Whether a blank line ended the header, so that samples may follow in this file.
     ended: bool,
 }
 
-impl Fields {
-    fn read(path: &Path, lines: &mut Lines) -> Result<Fields> {
+impl NrrdFields {
+    fn read(path: &Path, lines: &mut HeaderLines) -> Result<NrrdFields> {
         let fault = |at, rule, expected: &str, got: &str| Err(Error::format(path, at, rule, expected, clip(got)));
         let magic = lines.next()?.map(|line| line.text).unwrap_or_default();
         if !matches!(magic.trim_end().strip_prefix("NRRD000"), Some("1" | "2" | "3" | "4" | "5")) {
             return fault(0, "NRRD magic", "NRRD0001 to NRRD0005", &magic);
         }
-        let mut fields = Fields { path: path.to_path_buf(), entries: Vec::new(), ended: false };
+        let mut fields = NrrdFields { path: path.to_path_buf(), entries: Vec::new(), ended: false };
         while let Some(line) = lines.next()? {
             let text = line.text.trim_end();
             if text.is_empty() {
@@ -142,12 +106,13 @@ impl Fields {
             };
             let name = name.to_ascii_lowercase().replace(' ', "");
             let listed = name == "datafile" && value.trim().starts_with("LIST");
-            if USED.contains(&name.as_str()) {
+            let is_in = |names: &str| names.split(' ').any(|field| field == name);
+            if is_in(USED) {
                 if fields.entries.iter().any(|(have, ..)| *have == name) {
                     return fault(line.at, "NRRD field", "each field once", text);
                 }
                 fields.entries.push((name, value.trim().to_string(), line.at));
-            } else if !IGNORED.contains(&name.as_str()) {
+            } else if !is_in(IGNORED) {
                 return fault(line.at, "NRRD field", "a field of the format (check its spelling)", text);
             }
             if listed {
@@ -167,14 +132,14 @@ impl Fields {
         self.get(name).ok_or_else(missing)
     }
 
-    /// An error at the field `name`.
+    /// Returns an error that points at the field `name`.
     fn fault(&self, name: &str, rule: &'static str, expected: String) -> Error {
         let entry = self.entries.iter().find(|(have, ..)| have == name);
         let (value, at) = entry.map_or(("", 0), |(_, value, at)| (value.as_str(), *at));
         Error::format(&self.path, at, rule, expected, clip(value))
     }
 
-    /// A number of 0 or more; 0 if the field is not there.
+    /// Returns the whole number in field `name`, or 0 if the header lacks the field.
     fn whole(&self, name: &'static str) -> Result<u64> {
         match self.get(name) {
             None => Ok(0),
@@ -182,7 +147,7 @@ impl Fields {
         }
     }
 
-    /// Sizes of all axes, two at least, and not counting a first axis of one component.
+    /// Returns the sizes of all axes, at least two; refuses axes of components.
     fn sizes(&self) -> Result<Vec<u64>> {
         let dimension = self.require("dimension")?.parse().ok().filter(|d| (2..=MAX_DIMENSION).contains(d));
         let dimension = dimension.ok_or_else(|| self.fault("dimension", "NRRD dimension", "2 to 16".into()))?;
@@ -242,18 +207,16 @@ impl Fields {
         }
     }
 
-    fn byte_skip(&self, codec: Codec) -> Result<Skip> {
-        let Some(value) = self.get("byteskip") else { return Ok(Skip::Forward(0)) };
-        match value.parse::<i64>() {
-            // -1 puts the samples at the end of the file; each less leaves one more byte behind them.
-            Ok(skip) if skip < 0 && codec == Codec::Raw => Ok(Skip::FromEnd(skip.unsigned_abs() - 1)),
-            Ok(skip) if skip >= 0 => Ok(Skip::Forward(skip.unsigned_abs())),
-            _ => Err(self.fault("byteskip", "NRRD byte skip", "a number, 0 or more unless the encoding is raw".into())),
-        }
+    /// The byte skip, which may be below 0 only where samples are uncompressed.
+    fn byte_skip(&self, codec: Codec) -> Result<i64> {
+        let skip = self.get("byteskip").map_or(Some(0), |value| value.parse().ok());
+        let expected = || "a number, 0 or more unless the encoding is raw".into();
+        skip.filter(|skip| *skip >= 0 || codec == Codec::Raw)
+            .ok_or_else(|| self.fault("byteskip", "NRRD byte skip", expected()))
     }
 
-    /// Where the first three of `dimension` axes lie.
-    fn frame(&self, dimension: usize) -> Result<Frame> {
+    /// Returns where the first three of `dimension` axes lie in the world.
+    fn frame(&self, dimension: usize) -> Result<FileFrame> {
         const RULE: &str = "NRRD space";
         let world = match self.get("space") {
             None => World::RightHanded,
@@ -265,7 +228,7 @@ impl Fields {
                 let steps = axes::vectors(text).filter(|all| all.len() == dimension).and_then(|all| axes::steps(&all));
                 let expected = || format!("{dimension} vectors (x,y,z) or \"none\"");
                 let steps = steps.ok_or_else(|| self.fault("spacedirections", "NRRD space directions", expected()))?;
-                Frame::from_steps(steps, [0.0; 3], world)
+                FileFrame::from_steps(steps, [0.0; 3], world)
             }
             None => {
                 let spacing = match self.get("spacings") {
@@ -278,7 +241,7 @@ impl Fields {
                         [all[0], all[1], all.get(2).copied().unwrap_or(1.0)]
                     }
                 };
-                Frame { world, ..Frame::upright(spacing) }
+                FileFrame { world, ..FileFrame::upright(spacing) }
             }
         };
         if let Some(text) = self.get("spaceorigin") {
@@ -290,7 +253,7 @@ impl Fields {
     }
 
     /// The files that hold the samples, and where in each they start.
-    fn files(&self, sizes: &[u64], lines: &mut Lines) -> Result<(Vec<PathBuf>, u64)> {
+    fn files(&self, sizes: &[u64], lines: &mut HeaderLines) -> Result<(Vec<PathBuf>, u64)> {
         let Some(value) = self.get("datafile") else {
             if !self.ended {
                 let got = "the end of the file";
@@ -300,8 +263,8 @@ impl Fields {
             return Ok((vec![self.path.clone()], lines.position()));
         };
         let words: Vec<&str> = value.split_whitespace().collect();
-        if let Some(rest) = value.strip_prefix("LIST") {
-            let file_dims = self.file_dims(rest.trim(), sizes)?;
+        if let Some(dimensions_text) = value.strip_prefix("LIST") {
+            let file_dims = self.file_dims(dimensions_text.trim(), sizes)?;
             let files = listed_files(&self.path, lines)?;
             self.check_files(sizes, file_dims, &files)?;
             return Ok((files, 0));
@@ -309,7 +272,7 @@ impl Fields {
         // A pattern: `name%03d.raw`, then three or four numbers: first, last, step, dimensions of each file.
         let numbers: Vec<i64> = words.iter().rev().map_while(|word| word.parse().ok()).take(4).collect();
         if numbers.len() >= 3
-            && let Some(pattern) = Pattern::parse(&words[..words.len() - numbers.len()].join(" "))
+            && let Some(pattern) = FilePattern::parse(&words[..words.len() - numbers.len()].join(" "))
         {
             let mut numbers = numbers;
             numbers.reverse();
@@ -325,7 +288,7 @@ impl Fields {
         Ok((vec![folder_of(&self.path).join(value)], 0))
     }
 
-    /// Dimensions of each of many files; one less than the volume's if the header does not say.
+    /// Returns the dimensions of each data file; one less than the volume's if the header does not say.
     fn file_dims(&self, text: &str, sizes: &[u64]) -> Result<usize> {
         if text.is_empty() {
             return Ok(sizes.len() - 1);
@@ -334,7 +297,7 @@ impl Fields {
         parsed.ok_or_else(|| self.fault("datafile", RULE_FILES, format!("files of 1 to {} dimensions", sizes.len())))
     }
 
-    /// Checks the number of files. Files of as many dimensions as the volume share out its last axis.
+    /// Checks the number of files. Files with as many dimensions as the volume divide its last axis.
     fn check_files(&self, sizes: &[u64], file_dims: usize, files: &[PathBuf]) -> Result<()> {
         let at = self.entries.iter().find(|(name, ..)| name == "datafile").map_or(0, |entry| entry.2);
         let need = if file_dims == sizes.len() {

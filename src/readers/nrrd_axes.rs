@@ -2,9 +2,9 @@
 //!
 //! In: values of fields. Out: worlds, vectors, or `None` where the text is not of the format.
 
-use super::frame::{IDENTITY, World};
+use super::frame::{IDENTITY, World, cross, length};
 
-/// The world of a `space:` field; `None` if it is not one of three dimensions, with or without time.
+/// Returns the world that a `space:` field names; `None` unless it has three dimensions, with or without time.
 pub(super) fn world(name: &str) -> Option<World> {
     let lower = name.trim().to_ascii_lowercase();
     let bare = lower.strip_suffix("-time").unwrap_or(&lower);
@@ -18,30 +18,31 @@ pub(super) fn world(name: &str) -> Option<World> {
     })
 }
 
-/// Vectors as in `(1,0,0) none (0,0,1.5)`; those of two components get a third of 0, those of four (with time) lose
-/// the last. `None` if the text is anything else.
+/// Parses vectors such as `(1,0,0) none (0,0,1.5)`; `None` if the text is anything else.
+///
+/// A missing third component is 0, and a fourth one (time) is dropped.
 pub(super) fn vectors(text: &str) -> Option<Vec<Option<[f64; 3]>>> {
     let mut vectors = Vec::new();
-    let mut rest = text.trim();
-    while !rest.is_empty() {
-        if let Some(after) = rest.strip_prefix("none") {
+    let mut remaining = text.trim();
+    while !remaining.is_empty() {
+        if let Some(after) = remaining.strip_prefix("none") {
             vectors.push(None);
-            rest = after.trim_start();
+            remaining = after.trim_start();
             continue;
         }
-        let (inside, after) = rest.strip_prefix('(')?.split_once(')')?;
+        let (inside, after) = remaining.strip_prefix('(')?.split_once(')')?;
         let numbers: Option<Vec<f64>> = inside.split(',').map(|number| number.trim().parse().ok()).collect();
         vectors.push(Some(match numbers?[..] {
             [x, y] => [x, y, 0.0],
             [x, y, z] | [x, y, z, _] => [x, y, z],
             _ => return None,
         }));
-        rest = after.trim_start();
+        remaining = after.trim_start();
     }
     Some(vectors)
 }
 
-/// Whether an axis of this kind can be one of the grid's: the third may also be a list or a time.
+/// Returns whether an axis of this kind can be one of the grid's; the third may also be a list or a time.
 pub(super) fn is_spatial(axis: usize, kind: &str) -> bool {
     match kind.to_ascii_lowercase().as_str() {
         "domain" | "space" | "???" | "none" => true,
@@ -50,16 +51,15 @@ pub(super) fn is_spatial(axis: usize, kind: &str) -> bool {
     }
 }
 
-/// Steps along the first three axes; a third that a flat volume does not have is at right angles to the others.
+/// Returns the steps along the first three axes; a flat volume gets a third one at right angles to its own two.
 pub(super) fn steps(vectors: &[Option<[f64; 3]>]) -> Option<[[f64; 3]; 3]> {
     let x = (*vectors.first()?)?;
     let y = (*vectors.get(1)?)?;
     let z = match vectors.get(2) {
         Some(third) => (*third)?,
         None => {
-            let across = [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]];
-            let length = across[0].hypot(across[1]).hypot(across[2]);
-            if length > 0.0 { across.map(|c| c / length) } else { IDENTITY[2] }
+            let normal = cross(x, y);
+            if length(normal) > 0.0 { normal.map(|c| c / length(normal)) } else { IDENTITY[2] }
         }
     };
     Some([x, y, z])

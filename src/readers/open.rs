@@ -1,55 +1,76 @@
 //! Opening a volume of any supported format.
 //!
-//! In: a path and what the file cannot say itself. Out: a slab source. The format is found from the first bytes, and
-//! from the name only where those say nothing:
-//!
-//! ```text
-//! a folder                                 what its files are (see `folder`)
-//! raw options given                        raw
-//! "NRRD"                                   NRRD
-//! "# vtk DataFile"                         VTK legacy
-//! "<VTKFile", also behind "<?xml"          VTK XML image
-//! "II" or "MM", and 42 or 43               TIFF, BigTIFF
-//! 348 or 540, either order, and a magic    NIfTI, also inside gzip
-//! "DICM" at byte 128                       DICOM
-//! "ObjectType =", "NDims =" ...            MetaImage
-//! name ends in .hdr, .img                  NIfTI pair
-//! name ends in .nrrd .mhd .nii .vtk ...    that format, whose reader says what is wrong
-//! ```
+//! In: a path, and what the file cannot say itself. Out: a slab source of the format that [`Format`] finds.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
-use flate2::read::MultiGzDecoder;
-
+use super::format::{Format, probe};
 use super::raw::RawOptions;
-use super::{dicom, folder, metaimage, nifti, nrrd, raw, tiff, vti, vtk};
+use super::{folder, metaimage, nifti, nrrd, raw, vti, vtk};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::limits::Limits;
-use adjsplat::volume::SlabSource;
+use adjsplat::volume::{Grid, Header, SampleType, SlabSource};
 
-/// What a file cannot say itself, or is to be told otherwise.
+/// Evaluates the call of a reader; where its feature is off, an error that names the feature.
+macro_rules! with_feature {
+    ($feature:literal, $path:expr, $call:expr) => {{
+        #[cfg(feature = $feature)]
+        let opened = $call;
+        #[cfg(not(feature = $feature))]
+        let opened = Err(adjsplat::error::Error::input(
+            $path.display().to_string(),
+            concat!("needs a reader that this build leaves out; enable feature `", $feature, "` of adjsplat-readers"),
+        ));
+        opened
+    }};
+}
+pub(super) use with_feature;
+
+/// Says what a file cannot say itself, which of its volumes to read, and what to replace.
+///
+/// The default reads the first volume at the finest resolution, as the file describes it.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct OpenOptions {
-    /// The file is raw, and this is how to read it.
-    pub raw: Option<RawOptions>,
-    /// Which volume of a file with a fourth dimension, from 0.
-    pub volume_index: u32,
-    /// Distances between points along x, y, z that replace the file's; each finite and above 0.
-    pub spacing: Option<[f64; 3]>,
-    /// Which resolution of an OME-Zarr image, from 0, the finest.
-    pub level: u32,
-    /// Which of several DICOM series: its number in the refusal's list, from 0, or the end of its UID.
-    pub series: Option<String>,
+    pub(super) raw: Option<RawOptions>,
+    pub(super) volume_index: u32,
+    pub(super) spacing: Option<[f64; 3]>,
+    pub(super) level: u32,
+    pub(super) series: Option<String>,
 }
 
 impl OpenOptions {
-    /// For formats of one resolution.
-    ///
-    /// # Errors
-    /// [`Error::Input`] if another level than the first is asked for.
+    /// Returns the default options.
+    pub fn new() -> OpenOptions {
+        OpenOptions::default()
+    }
+
+    /// Reads the file as raw samples, which `raw` describes.
+    pub fn raw(self, raw: RawOptions) -> OpenOptions {
+        OpenOptions { raw: Some(raw), ..self }
+    }
+
+    /// Reads this volume of a file that holds several (times, channels), counted from 0.
+    pub fn volume_index(self, volume_index: u32) -> OpenOptions {
+        OpenOptions { volume_index, ..self }
+    }
+
+    /// Replaces the file's distances between points along x, y, z; each must be finite and above 0.
+    pub fn spacing(self, spacing: [f64; 3]) -> OpenOptions {
+        OpenOptions { spacing: Some(spacing), ..self }
+    }
+
+    /// Reads this resolution of an OME-Zarr image, counted from 0, the finest.
+    pub fn level(self, level: u32) -> OpenOptions {
+        OpenOptions { level, ..self }
+    }
+
+    /// Reads this one of several DICOM series: its number in the error that lists them, or the end of its UID.
+    pub fn series(self, series: impl Into<String>) -> OpenOptions {
+        OpenOptions { series: Some(series.into()), ..self }
+    }
+
+    /// Refuses a level above 0, for formats of one resolution.
     pub(super) fn expect_one_level(&self) -> Result<()> {
         match self.level {
             0 => Ok(()),
@@ -57,10 +78,7 @@ impl OpenOptions {
         }
     }
 
-    /// For formats without series.
-    ///
-    /// # Errors
-    /// [`Error::Input`] if a series is asked for.
+    /// Refuses a choice of series, for formats without them.
     pub(super) fn expect_one_series(&self) -> Result<()> {
         match self.series {
             None => Ok(()),
@@ -69,31 +87,37 @@ impl OpenOptions {
     }
 }
 
-/// A supported file format.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Format {
-    Nrrd,
-    MetaImage,
-    Nifti,
-    Vtk,
-    Dicom,
-    Vti,
-    Tiff,
-}
-
-/// Bytes from the front of a file that its format is found from.
-const PROBE_BYTES: u64 = 4096;
-
-/// Opens the volume at `path`, a file or a folder; its samples are read as they are asked for.
+/// Opens the volume at `path`, a file or a folder; its samples are read slice by slice, on demand.
 ///
-/// Files that a header names are looked for relative to the header. Reading costs memory for no more than the slice
-/// that is handed in.
+/// Files that a header names are looked for relative to the header. Reading needs little memory beside the slice
+/// that you hand in: [`SlabSource::buffer_bytes`] says how much.
 ///
 /// # Errors
-/// [`Error::Io`] if a file is missing or unreadable; [`Error::Format`] if one breaks its format, is cut short or does
-/// not hold what its header says; [`Error::Limit`] for dimensions above [`MAX_DIM`](adjsplat::volume::MAX_DIM); [`Error::Input`]
-/// if the format is not known, or the options do not fit the file.
-pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+/// * [`Error::Io`] if a file is missing or unreadable.
+/// * [`Error::Format`] if a file breaks its format, is cut short or does not hold what its header says.
+/// * [`Error::Limit`] for dimensions above [`MAX_DIM`](adjsplat::volume::MAX_DIM).
+/// * [`Error::Input`] if the format is unknown, its cargo feature is off, or the options do not fit the file.
+pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
+    open_path(path.as_ref(), options)
+}
+
+/// Opens an untrusted file: like [`open`], but refuses volumes larger than `limits` allow.
+///
+/// No reader allocates by a size that a file states, but a caller that allocates a slice does.
+///
+/// # Errors
+/// Those of [`open`]; and [`Error::Limit`] that names the file and what is too large.
+pub fn open_with(path: impl AsRef<Path>, options: &OpenOptions, limits: &Limits) -> Result<Box<dyn SlabSource>> {
+    let path = path.as_ref();
+    let source = open_path(path, options)?;
+    let header = source.header();
+    limits.check_grid(path, &header.grid.dims.map(u64::from))?;
+    let slice = header.grid.slice_len().saturating_mul(header.sample_type.bytes() as u64);
+    limits.check(path, "bytes of a slice", slice, limits.slice_bytes)?;
+    Ok(source)
+}
+
+fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     if let Some(spacing) = options.spacing
         && !spacing.iter().all(|step| step.is_finite() && *step > 0.0)
     {
@@ -103,110 +127,53 @@ pub fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     if path.is_dir() {
         return folder::open(path, options);
     }
-    let (file, len) = open_regular(path, "open")?;
+    let (_, len) = open_regular(path, "open")?;
     if len == 0 {
         return Err(Error::format(path, 0, "volume file", "at least one byte", "an empty file"));
     }
-    if let Some(raw) = &options.raw {
-        options.expect_one_level()?;
-        options.expect_one_series()?;
-        return raw::open(path, raw, options);
-    }
-    let probe = read_probe(path, file)?;
-    let format = from_content(&probe).or_else(|| from_name(path));
     options.expect_one_level()?;
+    let format = if options.raw.is_some() { None } else { Format::find(path, &probe(path)?) };
     if format != Some(Format::Dicom) {
         options.expect_one_series()?;
     }
-    match format {
-        Some(Format::Nrrd) => nrrd::open(path, options),
-        Some(Format::MetaImage) => metaimage::open(path, options),
-        Some(Format::Nifti) => nifti::open(path, options),
-        Some(Format::Vtk) => vtk::open(path, options),
-        Some(Format::Dicom) => dicom::open(path, None, options),
-        Some(Format::Vti) => vti::open(path, options),
-        Some(Format::Tiff) => tiff::open(path, options),
-        None => {
+    match (format, &options.raw) {
+        (_, Some(raw)) => raw::open(path, raw, options),
+        (Some(Format::Nrrd), _) => nrrd::open(path, options),
+        (Some(Format::MetaImage), _) => metaimage::open(path, options),
+        (Some(Format::Nifti), _) => nifti::open(path, options),
+        (Some(Format::Vtk), _) => vtk::open(path, options),
+        (Some(Format::Vti), _) => vti::open(path, options),
+        (Some(Format::Dicom), _) => with_feature!("dicom", path, super::dicom::open(path, None, options)),
+        (Some(Format::Tiff), _) => with_feature!("tiff", path, super::tiff::open(path, options)),
+        (None, None) => {
             let why = "is in no format known here (NRRD .nrrd .nhdr, MetaImage .mhd .mha, NIfTI .nii .nii.gz .hdr \
-                .img, VTK .vtk .vti, TIFF .tif, DICOM .dcm, or a folder of slices or Zarr chunks); if it is raw \
-                samples, give --dims 256x256x128 and --type u8 or alike";
+                .img, VTK .vtk .vti, TIFF .tif, DICOM .dcm, or a folder of slices or Zarr chunks); if it holds raw \
+                samples, describe them with `OpenOptions::raw`";
             Err(Error::input(path.display().to_string(), why))
         }
     }
 }
 
-/// As [`open`], for a file that one does not trust: refused if its volume is larger than `limits` allow.
-///
-/// No reader allocates by a size that a file states; who reads its slices does.
-///
-/// # Errors
-/// Likewise; and [`Error::Limit`] that names the file and what is too large.
-pub fn open_with(path: &Path, options: &OpenOptions, limits: &Limits) -> Result<Box<dyn SlabSource>> {
-    let source = open(path, options)?;
-    let header = source.header();
-    limits.check_grid(path, &header.grid.dims.map(u64::from))?;
-    let slice = header.grid.slice_len().saturating_mul(header.sample_type.bytes() as u64);
-    limits.check(path, "bytes of a slice", slice, limits.slice_bytes)?;
-    Ok(source)
+/// Returns the header of a volume whose samples are values as they are.
+pub(super) fn plain_header(grid: Grid, sample_type: SampleType, path: &Path, format: &'static str) -> Header {
+    Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format }
 }
 
-/// A path's last part, for people.
+/// The last part of `path`, for messages.
 pub(super) fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
-/// A path's extension in lower case.
-fn extension(path: &Path) -> String {
-    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
-}
+#[cfg(all(test, not(any(feature = "dicom", feature = "tiff"))))]
+mod tests {
+    use super::*;
 
-fn read_probe(path: &Path, file: File) -> Result<Vec<u8>> {
-    let mut probe = Vec::new();
-    file.take(PROBE_BYTES).read_to_end(&mut probe).map_err(Error::io("read", path))?;
-    Ok(probe)
-}
-
-fn from_content(probe: &[u8]) -> Option<Format> {
-    if probe.starts_with(b"NRRD") {
-        return Some(Format::Nrrd);
-    }
-    if probe.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {
-        return Some(Format::Vtk);
-    }
-    // Before TIFF: slides may be both, with a TIFF header in the bytes that DICOM leaves free.
-    if dicom::is_header(probe) {
-        return Some(Format::Dicom);
-    }
-    if tiff::is_header(probe) {
-        return Some(Format::Tiff);
-    }
-    if vti::is_header(probe) {
-        return Some(Format::Vti);
-    }
-    if nifti::is_header(probe) || metaimage::is_header(probe) {
-        return Some(if nifti::is_header(probe) { Format::Nifti } else { Format::MetaImage });
-    }
-    if probe.starts_with(&[0x1f, 0x8b]) {
-        let mut inside = Vec::new();
-        // A cut stream still gives the bytes before the cut, which is all that is asked here.
-        let _ = MultiGzDecoder::new(probe).take(PROBE_BYTES).read_to_end(&mut inside);
-        return nifti::is_header(&inside).then_some(Format::Nifti);
-    }
-    None
-}
-
-fn from_name(path: &Path) -> Option<Format> {
-    match extension(path).as_str() {
-        "nrrd" | "nhdr" => Some(Format::Nrrd),
-        "mhd" | "mha" => Some(Format::MetaImage),
-        "nii" | "hdr" | "img" => Some(Format::Nifti),
-        "gz" if matches!(extension(Path::new(path.file_stem()?)).as_str(), "nii" | "hdr" | "img") => {
-            Some(Format::Nifti)
+    #[test]
+    fn a_file_whose_reader_is_left_out_names_the_feature() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/readers/compressed");
+        for (file, feature) in [("u16-zstd-strips.tif", "enable feature `tiff`"), ("u16-j2k.dcm", "feature `dicom`")] {
+            let error = open(folder.join(file), &OpenOptions::new()).map(drop).expect_err(file).to_string();
+            assert!(error.contains(feature), "{error}");
         }
-        "vtk" => Some(Format::Vtk),
-        "dcm" | "dicom" => Some(Format::Dicom),
-        "vti" => Some(Format::Vti),
-        "tif" | "tiff" => Some(Format::Tiff),
-        _ => None,
     }
 }

@@ -1,4 +1,4 @@
-//! Raw volumes: samples and nothing else. Everything but the bytes comes from the caller.
+//! Reads raw volumes: samples and nothing else. Everything but the bytes comes from the caller.
 //!
 //! In: a file of `dims[0] * dims[1] * dims[2]` samples, x fastest, behind `skip` bytes that are not samples; or the
 //! same in gzip, if the name ends in `.gz`. Out: a slab source. The file must be exactly that long: a wrong size is
@@ -7,42 +7,48 @@
 use std::io::Read;
 use std::path::Path;
 
-use super::frame::Frame;
+use super::frame::FileFrame;
 use super::open::{OpenOptions, file_name};
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::volume::{Header, MAX_DIM, SampleType, SlabSource};
 
 const RULE: &str = "raw size";
 
-/// What a raw file does not say of itself.
+/// Describes a raw file, which holds samples and no header.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RawOptions {
-    /// Points along x, y, z.
-    pub dims: [u64; 3],
-    /// Type of the samples.
-    pub sample_type: SampleType,
-    /// Their byte order.
-    pub endian: Endian,
-    /// Distance between points along x, y, z; finite and above 0.
-    pub spacing: [f64; 3],
-    /// Bytes before the first sample.
-    pub skip: u64,
+    dims: [u64; 3],
+    sample_type: SampleType,
+    endian: Endian,
+    skip: u64,
 }
 
 impl RawOptions {
-    /// Little-endian samples from the first byte on, at unit spacing.
+    /// Describes `dims` points along x, y, z whose samples are little endian and start at the first byte.
+    ///
+    /// Points are 1 apart; [`OpenOptions::spacing`] changes that.
     pub fn new(dims: [u64; 3], sample_type: SampleType) -> RawOptions {
-        RawOptions { dims, sample_type, endian: Endian::Little, spacing: [1.0; 3], skip: 0 }
+        RawOptions { dims, sample_type, endian: Endian::Little, skip: 0 }
+    }
+
+    /// Sets the byte order of the samples.
+    pub fn endian(self, endian: Endian) -> RawOptions {
+        RawOptions { endian, ..self }
+    }
+
+    /// Skips this many bytes before the first sample.
+    pub fn skip(self, skip: u64) -> RawOptions {
+        RawOptions { skip, ..self }
     }
 }
 
-/// Dimensions from text: `256x256x128`, or `256x256` for one slice.
+/// Parses dimensions: `256x256x128`, or `256x256` for one slice.
 ///
 /// # Errors
-/// [`Error::Input`] if the text is anything else; sizes are not judged here.
+/// [`Error::Input`] if the text is anything else. Sizes are checked when the file is opened.
 pub fn parse_dims(text: &str) -> Result<[u64; 3]> {
     let parsed: Option<Vec<u64>> = text.split(['x', 'X', ',']).map(|part| part.trim().parse().ok()).collect();
     match parsed.as_deref() {
@@ -52,7 +58,7 @@ pub fn parse_dims(text: &str) -> Result<[u64; 3]> {
     }
 }
 
-/// Sample type and byte order from text: `u8`, `i16le`, `f32be`; little endian if it does not say.
+/// Parses a sample type and its byte order: `u8`, `i16le`, `f32be`; little endian without a suffix.
 ///
 /// # Errors
 /// [`Error::Input`] if the text names no supported type; the message lists them.
@@ -72,14 +78,19 @@ pub fn parse_type(text: &str) -> Result<(SampleType, Endian)> {
     }
 }
 
-/// "u8, i8, u16, ...": what every reader supports.
+/// Returns the sample type that a format calls `name`; `names` are the format's, in the order of [`SampleType::ALL`].
+pub(super) fn type_by_name(name: &str, names: [&str; 8]) -> Option<SampleType> {
+    names.iter().position(|known| *known == name).map(|index| SampleType::ALL[index])
+}
+
+/// Lists the supported sample types: "u8, i8, u16, ...".
 pub(super) fn type_names() -> String {
     SampleType::ALL.map(SampleType::name).join(", ")
 }
 
 /// Opens the raw file at `path`.
 pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let grid = Frame::upright(raw.spacing).grid(path, "raw dims", raw.dims, options.spacing)?;
+    let grid = FileFrame::upright([1.0; 3]).grid(path, "raw dims", raw.dims, options.spacing)?;
     let (mut file, len) = open_regular(path, "open")?;
     let mut magic = Vec::new();
     (&mut file).take(2).read_to_end(&mut magic).map_err(Error::io("read", path))?;
@@ -98,20 +109,19 @@ pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Resu
     }
     // In a compressed file the skipped bytes are compressed too.
     let (start, byte_skip) = if codec == Codec::Raw { (raw.skip, 0) } else { (0, raw.skip) };
-    let reader = SlabReader::new(Plan {
+    SlabReader::open(SampleFiles {
         header,
         codec,
         endian: raw.endian,
         files: vec![path.to_path_buf()],
-        start: Start::At(start),
+        start: SampleStart::At(start),
         line_skip: 0,
         byte_skip,
         volume_count: 1,
         volume_index: options.volume_index.into(),
         tail: Tail::Nothing,
         rule: RULE,
-    })?;
-    Ok(Box::new(reader))
+    })
 }
 
 /// Checks the file's length against the dimensions, and says what would fit.
@@ -129,7 +139,7 @@ fn check_size(path: &Path, raw: &RawOptions, header: &Header, len: u64) -> Resul
     Err(Error::format(path, len, RULE, expected, format!("{have} bytes{hint}")))
 }
 
-/// Options that a file of `len` bytes would satisfy, the likeliest first; at most four.
+/// Returns options that a file of `len` bytes would satisfy, the likeliest first; at most four.
 fn what_fits(raw: &RawOptions, len: u64) -> Vec<String> {
     let mut fits = Vec::new();
     let [x, y, z] = raw.dims;
@@ -143,21 +153,21 @@ fn what_fits(raw: &RawOptions, len: u64) -> Vec<String> {
         let same = SampleType::ALL.into_iter().filter(|ty| ty.bytes() as u64 == bytes / points);
         let names: Vec<_> = same.map(SampleType::name).collect();
         if !names.is_empty() {
-            fits.push(format!("--type {}", names.join(" or ")));
+            fits.push(format!("`type` {}", names.join(" or ")));
         }
     }
     let row = x * y * width;
     if bytes % row == 0 && bytes / row <= u64::from(MAX_DIM) {
-        fits.push(format!("--dims {x}x{y}x{}", bytes / row));
+        fits.push(format!("`dims` {x}x{y}x{}", bytes / row));
     }
     if let Some(edge) = (1..=u64::from(MAX_DIM)).find(|n| n * n * n * width >= bytes)
         && edge * edge * edge * width == bytes
     {
-        fits.push(format!("--dims {edge}x{edge}x{edge}"));
+        fits.push(format!("`dims` {edge}x{edge}x{edge}"));
     }
     let extra = bytes.saturating_sub(points * width);
     if extra > 0 && extra <= 65_536 {
-        fits.push(format!("--skip {}", raw.skip + extra));
+        fits.push(format!("`skip` {}", raw.skip + extra));
     }
     fits
 }

@@ -1,8 +1,8 @@
-//! The slab source that every file format ends in.
+//! The slab source of all formats that store samples in a row.
 //!
-//! In: a plan, made by a format's header reader: which files hold the samples, where in them, packed how. Out:
-//! z-slices in order. Sizes are checked against the files before anything is read, so that a header that lies is
-//! refused while it is still cheap; nothing here allocates by a number that a file says.
+//! In: a [`SampleFiles`] from a format's header: which files hold the samples, where in them, how packed. Out: z-slices
+//! in order. Sizes are checked against the files before anything is read, so that a wrong header is refused early;
+//! nothing here allocates by a number that a file states.
 //!
 //! ```text
 //! open:  for each file: it exists, and can hold its share of the samples
@@ -11,11 +11,11 @@
 
 use std::path::{Path, PathBuf};
 
-use super::stream::{Codec, DEFLATE_RATIO, Start, Stream};
+use super::stream::{Codec, DEFLATE_RATIO, SampleStart, SampleStream};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, Samples, SlabSource};
 
-/// Order of the bytes of one sample in a file.
+/// The order of the bytes of one sample in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Endian {
     /// Lowest byte first.
@@ -31,7 +31,7 @@ impl Endian {
 
 /// What may follow the last sample in a file.
 ///
-/// Compressed streams and text end where they end, so more in them than the header says is a wrong header. Behind
+/// Compressed streams and text mark their own end, so more samples than the header says mean a wrong header. Behind
 /// uncompressed samples some writers leave padding, and VTK other arrays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Tail {
@@ -43,24 +43,24 @@ pub(super) enum Tail {
 
 /// Where a volume's samples are.
 #[derive(Debug, Clone)]
-pub(super) struct Plan {
-    /// What is known of the volume.
+pub(super) struct SampleFiles {
+    /// Grid, type and name of the volume.
     pub(super) header: Header,
     /// How samples are packed.
     pub(super) codec: Codec,
-    /// Their byte order; of no meaning for text and single bytes.
+    /// Byte order of samples; meaningless for text and single bytes.
     pub(super) endian: Endian,
     /// The files, in order; each holds the same number of samples. At least one.
     pub(super) files: Vec<PathBuf>,
     /// Where samples start in each.
-    pub(super) start: Start,
-    /// Lines to skip from there, before decoding.
+    pub(super) start: SampleStart,
+    /// Lines to skip after the start, before decoding.
     pub(super) line_skip: u64,
-    /// Bytes to skip from there, after decoding.
+    /// Bytes to skip after the start, after decoding.
     pub(super) byte_skip: u64,
     /// Volumes that the files hold, one after the other.
     pub(super) volume_count: u64,
-    /// Which of them is read.
+    /// The volume to read, counted from 0.
     pub(super) volume_index: u64,
     /// What may follow the last sample of a file.
     pub(super) tail: Tail,
@@ -68,28 +68,28 @@ pub(super) struct Plan {
     pub(super) rule: &'static str,
 }
 
-/// Reads a plan's slices.
+/// Reads the slices of a volume from its files.
 pub(super) struct SlabReader {
-    plan: Plan,
+    plan: SampleFiles,
     /// Samples that each file holds.
     file_samples: u64,
     /// Slices read since the start.
     slices_read: u32,
-    /// The file that is open, its samples not yet read, and which file it is.
-    stream: Option<Stream>,
+    /// The open file, its samples that are not read yet, and its index.
+    stream: Option<SampleStream>,
     left: u64,
     file_index: usize,
-    /// A read failed, so the position is not known.
+    /// Whether a read failed, so that the position is unknown.
     lost: bool,
 }
 
 impl SlabReader {
-    /// Checks `plan` against the files.
+    /// Checks `plan` against the files and opens the first.
     ///
     /// # Errors
     /// [`Error::Io`] if a file is missing; [`Error::Format`] if one cannot hold its samples; [`Error::Limit`] if
     /// sizes overflow; [`Error::Input`] if there is no such volume.
-    pub(super) fn new(plan: Plan) -> Result<SlabReader> {
+    pub(super) fn open(plan: SampleFiles) -> Result<Box<dyn SlabSource>> {
         plan.header.grid.check()?;
         let volume_samples = plan.header.grid.len();
         check_volume(plan.volume_index, plan.volume_count)?;
@@ -113,7 +113,7 @@ impl SlabReader {
         let mut reader =
             SlabReader { plan, file_samples, slices_read: 0, stream: None, left: 0, file_index: 0, lost: false };
         reader.rewind()?;
-        Ok(reader)
+        Ok(Box::new(reader))
     }
 
     /// Opens file `index` and skips `skip` of its samples.
@@ -122,15 +122,15 @@ impl SlabReader {
         let width = plan.header.sample_type.bytes() as u64;
         let path = plan.files.get(index).ok_or_else(|| Error::input("data files", "are too few"))?;
         let at = match plan.start {
-            Start::At(at) => at,
-            Start::FromEnd { after, least } => {
+            SampleStart::At(at) => at,
+            SampleStart::FromEnd { after, least } => {
                 let len = std::fs::metadata(path).map_err(Error::io("open data file", path))?.len();
                 let used = (self.file_samples * width).saturating_add(after);
                 let at = len.checked_sub(used).filter(|at| *at >= least);
                 at.ok_or_else(|| short(plan, path, used.saturating_add(least), len))?
             }
         };
-        let mut stream = Stream::open(path, plan.codec, at, plan.line_skip, plan.rule)?;
+        let mut stream = SampleStream::open(path, plan.codec, at, plan.line_skip, plan.rule)?;
         stream.skip_bytes(plan.byte_skip)?;
         stream.skip_samples(skip, width)?;
         self.stream = Some(stream);
@@ -188,16 +188,13 @@ impl SlabSource for SlabReader {
     }
 
     fn buffer_bytes(&self) -> u64 {
-        self.stream.as_ref().map_or(0, Stream::buffer_bytes)
+        self.stream.as_ref().map_or(0, SampleStream::buffer_bytes)
     }
 }
 
 /// Checks that `slice` fits a volume, and that there is a next slice to read into it.
 ///
-/// `slices_read` counts those before it; `lost` says that one of them failed, so that the place is not known.
-///
-/// # Errors
-/// [`Error::Input`] if not.
+/// `slices_read` counts the slices before it; `lost` says that one of them failed, so that the position is unknown.
 pub(super) fn check_turn(header: &Header, slice: &Samples, slices_read: u32, lost: bool) -> Result<()> {
     if slice.sample_type() != header.sample_type || slice.len() as u64 != header.grid.slice_len() {
         let why = format!(
@@ -219,9 +216,6 @@ pub(super) fn check_turn(header: &Header, slice: &Samples, slices_read: u32, los
 }
 
 /// Checks that volume `index` is one of `count`.
-///
-/// # Errors
-/// [`Error::Input`] if not.
 pub(super) fn check_volume(index: u64, count: u64) -> Result<()> {
     if index < count {
         return Ok(());
@@ -231,7 +225,7 @@ pub(super) fn check_volume(index: u64, count: u64) -> Result<()> {
 }
 
 /// Checks that the file at `path` is there and long enough for `samples` samples of `width` bytes.
-fn check_file(plan: &Plan, path: &Path, samples: u64, width: u64) -> Result<()> {
+fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Result<()> {
     let kind = std::fs::metadata(path).map_err(Error::io("open data file", path))?;
     if !kind.is_file() {
         return Err(Error::input(path.display().to_string(), "is not a regular file, but the header says it is data"));
@@ -239,8 +233,8 @@ fn check_file(plan: &Plan, path: &Path, samples: u64, width: u64) -> Result<()> 
     let len = kind.len();
     let bytes = samples * width;
     let before = match plan.start {
-        Start::At(at) => at.saturating_add(plan.line_skip),
-        Start::FromEnd { after, least } => after.saturating_add(least),
+        SampleStart::At(at) => at.saturating_add(plan.line_skip),
+        SampleStart::FromEnd { after, least } => after.saturating_add(least),
     };
     let room = len.saturating_sub(before);
     match plan.codec {
@@ -280,8 +274,8 @@ fn check_file(plan: &Plan, path: &Path, samples: u64, width: u64) -> Result<()> 
     Ok(())
 }
 
-/// "64 x 64 x 93 of i16", and how many volumes and files where there are more than one.
-fn described(plan: &Plan) -> String {
+/// Describes the volume: "64 x 64 x 93 of i16", with the numbers of volumes and files if there are several.
+fn described(plan: &SampleFiles) -> String {
     let [x, y, z] = plan.header.grid.dims;
     let mut text = format!("{x} x {y} x {z} of {}", plan.header.sample_type.name());
     if plan.volume_count > 1 {
@@ -293,6 +287,6 @@ fn described(plan: &Plan) -> String {
     text
 }
 
-fn short(plan: &Plan, path: &Path, need: u64, len: u64) -> Error {
+fn short(plan: &SampleFiles, path: &Path, need: u64, len: u64) -> Error {
     Error::format(path, len, plan.rule, format!("{need} bytes ({})", described(plan)), format!("{len} bytes"))
 }

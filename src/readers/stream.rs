@@ -1,11 +1,11 @@
-//! One file's samples as a forward stream of bytes or of numbers, decoded on the way.
+//! Reads one file's samples as a stream of decoded bytes or numbers.
 //!
 //! In: a file, where in it the samples start, and how they are packed. Out: bytes, or numbers where the samples are
-//! text. Nothing is held but a small buffer; uncompressed bytes go straight from the file into the caller's slice by
-//! whole-slice reads, which is as fast as a memory map that is read once from front to back, and needs no `unsafe`.
+//! text. Memory holds only a small buffer. Uncompressed bytes go straight from the file into the caller's slice, which
+//! is as fast as a memory map that is read once from front to back, and needs no `unsafe`.
 //!
-//! Compressed samples name their own wrapper in their first two bytes: gzip (RFC 1952) or zlib (RFC 1950). Both are
-//! taken wherever a format says "compressed", as writers of every format here have been seen to mix them up.
+//! The first two bytes of compressed samples tell gzip (RFC 1952) from zlib (RFC 1950). Both are accepted wherever a
+//! format says "compressed", because writers of every format here mix them up.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
@@ -15,7 +15,7 @@ use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 
 use super::tokens;
 use super::tokens::TextReader;
-use super::vti_array::{ArrayReader, Coding};
+use super::vti_array::{ArrayCoding, ArrayReader};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::volume::Samples;
@@ -30,10 +30,10 @@ pub(super) enum Codec {
     Deflate,
     /// Numbers as text, between white space or commas.
     Text,
-    /// The same, up to the next XML tag.
+    /// Numbers as text, up to the next XML tag.
     TextToTag,
     /// An array of a VTK XML file.
-    Array(Coding),
+    Array(ArrayCoding),
 }
 
 impl Codec {
@@ -45,10 +45,10 @@ impl Codec {
 
 /// Where a file's samples start, before decoding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Start {
+pub(super) enum SampleStart {
     /// At this byte offset.
     At(u64),
-    /// Where the last sample is the file's last but for some bytes; uncompressed samples only.
+    /// Such that the last sample is followed by exactly `after` bytes; uncompressed samples only.
     FromEnd {
         /// Bytes behind the last sample.
         after: u64,
@@ -57,13 +57,13 @@ pub(super) enum Start {
     },
 }
 
-/// Most bytes that one byte of a deflate stream can become: 258 bytes from 2 bits.
+/// The largest number of bytes that one byte of a deflate stream can become: 258 bytes from 2 bits.
 pub(super) const DEFLATE_RATIO: u64 = 1032;
 
 const BUFFER_BYTES: usize = 64 << 10;
 
-/// The samples of one file, from the first to be read.
-pub(super) struct Stream {
+/// A stream of the samples of one file.
+pub(super) struct SampleStream {
     path: PathBuf,
     rule: &'static str,
     bytes_read: u64,
@@ -78,9 +78,21 @@ enum Packed {
     Array(Box<ArrayReader>),
 }
 
-impl Stream {
+impl Read for Packed {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        match self {
+            Packed::Raw(file) => file.read(into),
+            Packed::Gzip(reader) => reader.read(into),
+            Packed::Zlib(reader) => reader.read(into),
+            Packed::Text(reader) => reader.read(into),
+            Packed::Array(reader) => reader.read(into),
+        }
+    }
+}
+
+impl SampleStream {
     /// Opens `path` with `codec`; samples start at byte `at`, after `line_skip` more lines.
-    pub(super) fn open(path: &Path, codec: Codec, at: u64, line_skip: u64, rule: &'static str) -> Result<Stream> {
+    pub(super) fn open(path: &Path, codec: Codec, at: u64, line_skip: u64, rule: &'static str) -> Result<SampleStream> {
         let (file, _) = open_regular(path, "open data file")?;
         let read_failed = || Error::io("read", path);
         let mut reader = BufReader::with_capacity(BUFFER_BYTES, file);
@@ -95,23 +107,26 @@ impl Stream {
                 file.seek(SeekFrom::Start(at)).map_err(read_failed())?;
                 Packed::Raw(file)
             }
-            Codec::Deflate => match wrapper(&mut reader).map_err(read_failed())? {
-                Some(Wrapper::Gzip) => Packed::Gzip(Box::new(MultiGzDecoder::new(reader))),
-                Some(Wrapper::Zlib) => Packed::Zlib(Box::new(ZlibDecoder::new(reader))),
-                None => {
+            Codec::Deflate => match *reader.fill_buf().map_err(read_failed())? {
+                [0x1f, 0x8b, ..] => Packed::Gzip(Box::new(MultiGzDecoder::new(reader))),
+                // RFC 1950: method 8, and the two bytes, big endian, are a multiple of 31.
+                [method, flags, ..] if method & 15 == 8 && u16::from_be_bytes([method, flags]) % 31 == 0 => {
+                    Packed::Zlib(Box::new(ZlibDecoder::new(reader)))
+                }
+                _ => {
                     let at = reader.stream_position().map_err(read_failed())?;
                     return Err(Error::format(path, at, rule, "a gzip or zlib stream", "other bytes"));
                 }
             },
         };
-        Ok(Stream { path: path.to_path_buf(), rule, bytes_read: 0, packed })
+        Ok(SampleStream { path: path.to_path_buf(), rule, bytes_read: 0, packed })
     }
 
     /// Fills samples `range` of `slice`, in the file's byte order.
     pub(super) fn read(&mut self, slice: &mut Samples, range: std::ops::Range<usize>) -> Result<()> {
         let width = slice.sample_type().bytes();
         if let Packed::Text(reader) = &mut self.packed {
-            let place = tokens::Place { path: &self.path, rule: self.rule };
+            let place = tokens::ErrorSite { path: &self.path, rule: self.rule };
             return with_samples!(slice, samples => tokens::read_numbers(reader, &mut samples[range], place));
         }
         self.read_bytes(&mut slice.bytes_mut()[range.start * width..range.end * width])
@@ -121,7 +136,7 @@ impl Stream {
     pub(super) fn skip_samples(&mut self, count: u64, width: u64) -> Result<()> {
         match &mut self.packed {
             Packed::Text(reader) => {
-                let place = tokens::Place { path: &self.path, rule: self.rule };
+                let place = tokens::ErrorSite { path: &self.path, rule: self.rule };
                 for _ in 0..count {
                     tokens::skip_number(reader, place)?;
                 }
@@ -144,11 +159,11 @@ impl Stream {
             }
             Packed::Text(reader) => reader.skip(count).map_err(failed()),
             Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_) => {
-                let mut waste = [0; 16 << 10];
+                let mut skipped = [0; 16 << 10];
                 let mut left = count;
                 while left > 0 {
-                    let part = usize::try_from(left).unwrap_or(usize::MAX).min(waste.len());
-                    self.read_bytes(&mut waste[..part])?;
+                    let part = usize::try_from(left).unwrap_or(usize::MAX).min(skipped.len());
+                    self.read_bytes(&mut skipped[..part])?;
                     left -= u64::try_from(part).unwrap_or(left);
                 }
                 Ok(())
@@ -158,18 +173,14 @@ impl Stream {
 
     /// Checks that nothing follows the last sample: no decoded byte, no number.
     ///
-    /// For a compressed stream this also checks its checksum.
+    /// This also verifies the checksum of a compressed stream.
     pub(super) fn expect_end(&mut self) -> Result<()> {
-        let mut next = [0];
         let more = match &mut self.packed {
             Packed::Text(reader) => {
-                let place = tokens::Place { path: &self.path, rule: self.rule };
+                let place = tokens::ErrorSite { path: &self.path, rule: self.rule };
                 !tokens::at_end(reader, place)?
             }
-            Packed::Raw(file) => read_some(file, &mut next).map_err(|e| self.fault(e, 0))? > 0,
-            Packed::Gzip(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
-            Packed::Zlib(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
-            Packed::Array(reader) => read_some(reader, &mut next).map_err(|e| self.fault(e, 0))? > 0,
+            packed => read_some(packed, &mut [0]).map_err(|error| self.fault(error, 0))? > 0,
         };
         if more {
             let at = self.position();
@@ -182,15 +193,8 @@ impl Stream {
     fn read_bytes(&mut self, into: &mut [u8]) -> Result<()> {
         let mut done = 0;
         while done < into.len() {
-            let rest = &mut into[done..];
-            let read = match &mut self.packed {
-                Packed::Raw(file) => read_some(file, rest),
-                Packed::Gzip(reader) => read_some(reader, rest),
-                Packed::Zlib(reader) => read_some(reader, rest),
-                Packed::Text(reader) => read_some(reader, rest),
-                Packed::Array(reader) => read_some(reader, rest),
-            };
-            let wanted = rest.len();
+            let wanted = into.len() - done;
+            let read = read_some(&mut self.packed, &mut into[done..]);
             match read {
                 Ok(0) => return Err(self.fault(io::ErrorKind::UnexpectedEof.into(), wanted)),
                 Ok(count) => {
@@ -203,7 +207,7 @@ impl Stream {
         Ok(())
     }
 
-    /// What a failed read means for the user.
+    /// Returns the error that a failed read means for the user.
     fn fault(&mut self, source: io::Error, wanted: usize) -> Error {
         let packed = matches!(self.packed, Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_));
         let (kind, read) = (source.kind(), self.bytes_read);
@@ -225,7 +229,7 @@ impl Stream {
         }
     }
 
-    /// Bytes of memory that decoding holds, where that may be above a megabyte.
+    /// Returns the bytes of memory that decoding holds, if they can exceed a megabyte.
     pub(super) fn buffer_bytes(&self) -> u64 {
         match &self.packed {
             Packed::Array(reader) => reader.buffer_bytes(),
@@ -246,7 +250,7 @@ impl Stream {
     }
 }
 
-/// One read, again if a signal broke it off.
+/// Reads once; repeats if a signal interrupted it.
 fn read_some(reader: &mut impl Read, into: &mut [u8]) -> io::Result<usize> {
     loop {
         match reader.read(into) {
@@ -263,22 +267,4 @@ fn skip_lines(reader: &mut impl BufRead, count: u64) -> io::Result<()> {
         }
     }
     Ok(())
-}
-
-/// What holds a deflate stream.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Wrapper {
-    Gzip,
-    Zlib,
-}
-
-fn wrapper(reader: &mut impl BufRead) -> io::Result<Option<Wrapper>> {
-    Ok(match reader.fill_buf()? {
-        [0x1f, 0x8b, ..] => Some(Wrapper::Gzip),
-        // RFC 1950: method 8, and the two bytes, big endian, are a multiple of 31.
-        [method, flags, ..] if method & 15 == 8 && (u16::from(*method) << 8 | u16::from(*flags)) % 31 == 0 => {
-            Some(Wrapper::Zlib)
-        }
-        _ => None,
-    })
 }

@@ -1,7 +1,7 @@
-//! Samples written as text: numbers between white space or commas.
+//! Reads samples written as text: numbers between white space or commas.
 //!
 //! In: a file's text. Out: typed numbers. A number is at most [`TOKEN_LIMIT`] characters, so the memory is
-//! bounded; a value that its type cannot hold is refused, never wrapped or clipped.
+//! bounded. A value that its type cannot hold is refused, never wrapped or clamped.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
@@ -13,16 +13,16 @@ use adjsplat::volume::Sample;
 /// Most characters of one number: an `f64` written out in full has up to 1,077.
 const TOKEN_LIMIT: usize = 1100;
 
-/// Where an error is to point.
+/// The file and the rule that an error names.
 #[derive(Clone, Copy)]
-pub(super) struct Place<'a> {
+pub(super) struct ErrorSite<'a> {
     /// The file.
     pub(super) path: &'a Path,
     /// The rule that asks for these numbers.
     pub(super) rule: &'static str,
 }
 
-/// A file's text from some place on, to the file's end or to the next XML tag.
+/// The text of a file, up to the file's end or the next XML tag.
 pub(super) struct TextReader {
     reader: BufReader<File>,
     to_tag: bool,
@@ -36,15 +36,12 @@ impl TextReader {
         TextReader { reader, to_tag, clear: 0 }
     }
 
-    /// Byte offset in the file of what is read next; 0 if the system does not say.
+    /// Returns the byte offset of the next unread byte; 0 if the system does not say.
     pub(super) fn position(&mut self) -> u64 {
         self.reader.stream_position().unwrap_or(0)
     }
 
     /// Skips `count` bytes.
-    ///
-    /// # Errors
-    /// If the system cannot.
     pub(super) fn skip(&mut self, count: u64) -> io::Result<()> {
         let to = self.reader.stream_position()?.saturating_add(count);
         self.clear = 0;
@@ -67,7 +64,7 @@ impl BufRead for TextReader {
             return Ok(ahead);
         }
         if self.clear == 0 {
-            // Once for each bufferful: numbers are short, and a search for each would go over the same bytes again.
+            // Searched once for each buffer: numbers are short, so a search for each would repeat the work.
             self.clear = ahead.iter().position(|byte| *byte == b'<').unwrap_or(ahead.len());
         }
         Ok(&ahead[..self.clear.min(ahead.len())])
@@ -119,7 +116,11 @@ impl FromText for f64 {
 ///
 /// # Errors
 /// [`Error::Format`] if the text ends before them or one is not a number of the type.
-pub(super) fn read_numbers<S: FromText>(reader: &mut TextReader, samples: &mut [S], place: Place<'_>) -> Result<()> {
+pub(super) fn read_numbers<S: FromText>(
+    reader: &mut TextReader,
+    samples: &mut [S],
+    place: ErrorSite<'_>,
+) -> Result<()> {
     let mut token = [0; TOKEN_LIMIT];
     for sample in samples {
         let text = next_token(reader, &mut token, place)?;
@@ -136,21 +137,18 @@ pub(super) fn read_numbers<S: FromText>(reader: &mut TextReader, samples: &mut [
     Ok(())
 }
 
-/// Skips the next number.
-///
-/// # Errors
-/// [`Error::Format`] if the text ends before it.
-pub(super) fn skip_number(reader: &mut TextReader, place: Place<'_>) -> Result<()> {
+/// Skips the next number; an error if there is none.
+pub(super) fn skip_number(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<()> {
     next_token(reader, &mut [0; TOKEN_LIMIT], place).map(|_| ())
 }
 
-/// Whether only white space is left.
-pub(super) fn at_end(reader: &mut TextReader, place: Place<'_>) -> Result<bool> {
+/// Returns whether only white space and commas are left.
+pub(super) fn at_end(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<bool> {
     skip_separators(reader, place)
 }
 
-/// Skips white space and commas; whether the file ends there.
-fn skip_separators(reader: &mut TextReader, place: Place<'_>) -> Result<bool> {
+/// Skips white space and commas, and returns whether the text ends there.
+fn skip_separators(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<bool> {
     loop {
         let ahead = reader.fill_buf().map_err(Error::io("read", place.path))?;
         if ahead.is_empty() {
@@ -169,7 +167,7 @@ fn is_separator(byte: u8) -> bool {
     byte.is_ascii_whitespace() || byte == b',' || byte == 0x0b
 }
 
-fn next_token<'t>(reader: &mut TextReader, token: &'t mut [u8; TOKEN_LIMIT], place: Place<'_>) -> Result<&'t str> {
+fn next_token<'t>(reader: &mut TextReader, token: &'t mut [u8; TOKEN_LIMIT], place: ErrorSite<'_>) -> Result<&'t str> {
     if skip_separators(reader, place)? {
         let at = reader.position();
         return Err(Error::format(place.path, at, place.rule, "another number", "the end of the file"));
@@ -191,6 +189,6 @@ fn next_token<'t>(reader: &mut TextReader, token: &'t mut [u8; TOKEN_LIMIT], pla
             break;
         }
     }
-    // Bytes that are not UTF-8 are no number either; the caller reports what stands here.
+    // Bytes that are not UTF-8 are no number either; the caller reports this character.
     Ok(std::str::from_utf8(&token[..len]).unwrap_or("\u{fffd}"))
 }

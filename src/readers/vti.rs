@@ -1,26 +1,26 @@
-//! VTK XML image files (.vti): one regular grid, its arrays as text, base64 or raw bytes, compressed or not.
+//! Reads VTK XML image files (.vti): one regular grid with arrays as text, base64 or raw bytes, compressed or not.
 //!
 //! In: an `ImageData` file of one piece. Out: a slab source over one array of one component: the one that `PointData`
-//! names as its `Scalars`, else its first; where the points have none, that of the cells by the same rule. Cells make
-//! a grid of their own, one less along each axis, whose first point is the middle of the first cell.
+//! names as its `Scalars`, else its first. Files without point arrays give an array of cells by the same rule. Cells
+//! make a grid of their own, one less along each axis, whose first point is the middle of the first cell.
 //!
-//! The tags before the array are read by an XML parser; values in between are passed over unread. Behind the tag of
-//! appended values a file need not be XML any more, so the parser stops there.
+//! An XML parser reads the tags before the array and skips the values in between. It stops at the tag of appended
+//! values, because what follows need not be XML.
 //!
 //! Source: "VTK XML Formats" (docs.vtk.org).
 
 use std::path::Path;
 
-use super::frame::Frame;
+use super::frame::FileFrame;
 use super::lines::clip;
-use super::open::{OpenOptions, file_name};
-use super::raw::type_names;
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
-use super::vti_array::{Coding, Compressor};
-use super::vti_tags::{Tag, Tags};
+use super::open::{OpenOptions, plain_header};
+use super::raw::{type_by_name, type_names};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
+use super::vti_array::{ArrayCoding, Compressor};
+use super::vti_tags::{XmlTag, XmlTags};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::{Header, SampleType, SlabSource};
+use adjsplat::volume::SlabSource;
 
 /// Whether `probe`, the first bytes of a file, are those of a VTK XML file of any kind.
 pub(super) fn is_header(probe: &[u8]) -> bool {
@@ -31,9 +31,10 @@ pub(super) fn is_header(probe: &[u8]) -> bool {
 
 /// Opens the VTK XML image file at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let image = Image::read(path)?;
+    let image = VtiImage::read(path)?;
     let (array, in_cells) = image.choose()?;
-    let sample_type = sample_type(&array.type_name).ok_or_else(|| {
+    let names = ["UInt8", "Int8", "UInt16", "Int16", "UInt32", "Int32", "Float32", "Float64"];
+    let sample_type = type_by_name(&array.type_name, names).ok_or_else(|| {
         let expected = format!("one of {} (VTK: UInt8 ... Float64)", type_names());
         image.fault(array.at, "VTK array type", expected, clip(&array.type_name))
     })?;
@@ -41,48 +42,45 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let grid = image.frame(first).grid(path, "VTK grid", dims, options.spacing)?;
     let bytes = grid.len() * sample_type.bytes() as u64;
     let (codec, at) = image.packing(array, bytes)?;
-    let header =
-        Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format: "VTK XML image" };
-    let reader = SlabReader::new(Plan {
-        header,
+    SlabReader::open(SampleFiles {
+        header: plain_header(grid, sample_type, path, "VTK XML image"),
         codec,
         endian: image.endian,
         files: vec![path.to_path_buf()],
-        start: Start::At(at),
+        start: SampleStart::At(at),
         line_skip: 0,
         byte_skip: 0,
         volume_count: 1,
         volume_index: options.volume_index.into(),
         tail: Tail::Anything,
         rule: "VTK DataArray",
-    })?;
-    Ok(Box::new(reader))
+    })
 }
 
-/// What an array belongs to.
+/// Whether an array has a value for each point or for each cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Section {
+enum ArraySection {
     Points,
     Cells,
 }
 
-/// One array, as its tag tells of it.
+/// One array, as its tag describes it.
 #[derive(Debug)]
-struct Array {
-    section: Section,
+struct DataArray {
+    section: ArraySection,
     /// Byte offset behind its tag, where inline values start.
     at: u64,
     name: String,
     type_name: String,
     components: String,
     format: String,
-    /// Where appended values start, from the first of them.
+    /// The offset of its values among the appended ones, as text.
     offset: Option<String>,
 }
 
-/// What the tags of a file say.
+/// The grid and the arrays that the tags of a file describe.
 #[derive(Debug)]
-struct Image<'a> {
+struct VtiImage<'a> {
     path: &'a Path,
     endian: Endian,
     wide: bool,
@@ -93,19 +91,19 @@ struct Image<'a> {
     spacing: [f64; 3],
     /// World vectors of the axes, of any length.
     direction: [[f64; 3]; 3],
-    /// The piece's extent, as its tag tells it.
+    /// The extent of the piece, as its tag says.
     piece: Option<[[i64; 2]; 3]>,
-    arrays: Vec<Array>,
-    /// What `PointData` and `CellData` name as their scalars.
+    arrays: Vec<DataArray>,
+    /// The arrays that `PointData` and `CellData` name as their scalars.
     active: [Option<String>; 2],
     /// Byte offset of the first appended value, and whether those are base64.
     appended: Option<(u64, bool)>,
 }
 
-impl<'a> Image<'a> {
-    fn read(path: &'a Path) -> Result<Image<'a>> {
-        let mut tags = Tags::open(path)?;
-        let mut image = Image {
+impl<'a> VtiImage<'a> {
+    fn read(path: &'a Path) -> Result<VtiImage<'a>> {
+        let mut tags = XmlTags::open(path)?;
+        let mut image = VtiImage {
             path,
             endian: Endian::NATIVE,
             wide: false,
@@ -133,11 +131,11 @@ impl<'a> Image<'a> {
                 }
                 ("Piece", true) if is_image => image.piece(&tag)?,
                 ("PointData", true) if image.piece.is_some() => {
-                    section = Some(Section::Points);
+                    section = Some(ArraySection::Points);
                     image.active[0] = tag.value("Scalars");
                 }
                 ("CellData", true) if image.piece.is_some() => {
-                    section = Some(Section::Cells);
+                    section = Some(ArraySection::Cells);
                     image.active[1] = tag.value("Scalars");
                 }
                 ("PointData" | "CellData", false) => section = None,
@@ -172,7 +170,7 @@ impl<'a> Image<'a> {
         Ok(image)
     }
 
-    fn file(&mut self, tag: &Tag) -> Result<()> {
+    fn file(&mut self, tag: &XmlTag) -> Result<()> {
         match tag.value("type").as_deref() {
             Some("ImageData") => {}
             other => {
@@ -197,7 +195,7 @@ impl<'a> Image<'a> {
         Ok(())
     }
 
-    fn image(&mut self, tag: &Tag) -> Result<()> {
+    fn image(&mut self, tag: &XmlTag) -> Result<()> {
         let missing = || self.fault(tag.at, "VTK WholeExtent", "six whole numbers", "no such attribute");
         let extent = tag.value("WholeExtent").ok_or_else(missing)?;
         let extent = self.extent_in(tag, "VTK WholeExtent", &extent)?;
@@ -208,24 +206,19 @@ impl<'a> Image<'a> {
                 None => Err(self.fault(tag.at, rule, format!("{count} numbers"), clip(&text))),
             },
         };
-        let origin = numbers("Origin", "VTK Origin", 3)?;
-        let spacing = numbers("Spacing", "VTK Spacing", 3)?;
-        let direction = numbers("Direction", "VTK Direction", 9)?;
+        let origin = numbers("Origin", "VTK Origin", 3)?.map(|v| [v[0], v[1], v[2]]);
+        let spacing = numbers("Spacing", "VTK Spacing", 3)?.map(|v| [v[0], v[1], v[2]]);
+        // Written row by row; its columns are the axes.
+        let columns = |m: Vec<f64>| std::array::from_fn(|axis| [m[axis], m[3 + axis], m[6 + axis]]);
+        let direction = numbers("Direction", "VTK Direction", 9)?.map(columns);
         self.extent = extent;
-        if let Some(v) = origin {
-            self.origin = [v[0], v[1], v[2]];
-        }
-        if let Some(v) = spacing {
-            self.spacing = [v[0], v[1], v[2]];
-        }
-        if let Some(m) = direction {
-            // Written row by row; its columns are the axes.
-            self.direction = std::array::from_fn(|axis| [m[axis], m[3 + axis], m[6 + axis]]);
-        }
+        self.origin = origin.unwrap_or(self.origin);
+        self.spacing = spacing.unwrap_or(self.spacing);
+        self.direction = direction.unwrap_or(self.direction);
         Ok(())
     }
 
-    fn piece(&mut self, tag: &Tag) -> Result<()> {
+    fn piece(&mut self, tag: &XmlTag) -> Result<()> {
         const RULE: &str = "VTK Piece";
         let text = tag.value("Extent");
         let extent = match &text {
@@ -244,7 +237,7 @@ impl<'a> Image<'a> {
         Ok(())
     }
 
-    fn extent_in(&self, tag: &Tag, rule: &'static str, text: &str) -> Result<[[i64; 2]; 3]> {
+    fn extent_in(&self, tag: &XmlTag, rule: &'static str, text: &str) -> Result<[[i64; 2]; 3]> {
         let parsed = numbers::<i64>(text).and_then(|v| <[i64; 6]>::try_from(v).ok());
         let extent = parsed.map(|[a, b, c, d, e, f]| [[a, b], [c, d], [e, f]]);
         // Indices in VTK are 32-bit, so differences are far from overflow.
@@ -255,8 +248,8 @@ impl<'a> Image<'a> {
         })
     }
 
-    fn array(&self, tag: &Tag, section: Section) -> Array {
-        Array {
+    fn array(&self, tag: &XmlTag, section: ArraySection) -> DataArray {
+        DataArray {
             section,
             at: tag.end,
             name: tag.value("Name").unwrap_or_default(),
@@ -267,18 +260,18 @@ impl<'a> Image<'a> {
         }
     }
 
-    /// The array to read, and whether it is one of the cells'.
-    fn choose(&self) -> Result<(&Array, bool)> {
-        for (section, active) in [Section::Points, Section::Cells].into_iter().zip(&self.active) {
-            let fits = |array: &&Array| array.section == section && array.components.trim() == "1";
+    /// Returns the array to read, and whether its values belong to cells.
+    fn choose(&self) -> Result<(&DataArray, bool)> {
+        for (section, active) in [ArraySection::Points, ArraySection::Cells].into_iter().zip(&self.active) {
+            let fits = |array: &&DataArray| array.section == section && array.components.trim() == "1";
             let named = self.arrays.iter().filter(fits).find(|array| Some(&array.name) == active.as_ref());
             if let Some(array) = named.or_else(|| self.arrays.iter().find(fits)) {
-                return Ok((array, section == Section::Cells));
+                return Ok((array, section == ArraySection::Cells));
             }
         }
-        // A few are enough to understand what the file holds.
+        // A few names are enough to understand what the file holds.
         let passed = self.arrays.iter().take(4).map(|array| {
-            let section = if array.section == Section::Points { "point" } else { "cell" };
+            let section = if array.section == ArraySection::Points { "point" } else { "cell" };
             format!("{section} array {} of {} components", clip(&array.name), array.components.escape_debug())
         });
         let passed: Vec<String> = passed.collect();
@@ -286,7 +279,7 @@ impl<'a> Image<'a> {
         Err(self.fault(0, "VTK DataArray", "an array of one component in PointData or CellData", got))
     }
 
-    /// How many points or cells along each axis, and where the first is, in indices of points.
+    /// Returns the number of points or cells along each axis, and where the first is, in indices of points.
     fn points(&self, in_cells: bool) -> ([u64; 3], [f64; 3]) {
         let count = |[low, high]: [i64; 2]| (high - low).unsigned_abs();
         if !in_cells {
@@ -299,19 +292,19 @@ impl<'a> Image<'a> {
         (self.extent.map(|e| count(e).max(1)), self.extent.map(middle))
     }
 
-    /// Where the grid lies whose first point is at index `first`.
-    fn frame(&self, first: [f64; 3]) -> Frame {
+    /// Returns where the grid lies; its first point is at index `first`.
+    fn frame(&self, first: [f64; 3]) -> FileFrame {
         let mut origin = self.origin;
         for (axis, index) in first.into_iter().enumerate() {
             for (coordinate, step) in origin.iter_mut().zip(self.direction[axis]) {
                 *coordinate += step * self.spacing[axis] * index;
             }
         }
-        Frame { direction: self.direction, origin, ..Frame::upright(self.spacing) }
+        FileFrame { direction: self.direction, origin, ..FileFrame::upright(self.spacing) }
     }
 
-    /// How `array` of `bytes` bytes is packed, and where in the file it starts.
-    fn packing(&self, array: &Array, bytes: u64) -> Result<(Codec, u64)> {
+    /// Returns how `array` of `bytes` bytes is packed, and its first byte in the file.
+    fn packing(&self, array: &DataArray, bytes: u64) -> Result<(Codec, u64)> {
         let (at, base64) = match array.format.as_str() {
             "ascii" => return Ok((Codec::TextToTag, array.at)),
             "binary" => (array.at, true),
@@ -340,7 +333,7 @@ impl<'a> Image<'a> {
                 return Err(self.fault(0, "VTK compressor", expected, clip(other)));
             }
         };
-        let coding = Coding { base64, compressor, wide: self.wide, endian: self.endian, bytes };
+        let coding = ArrayCoding { base64, compressor, wide: self.wide, endian: self.endian, bytes };
         Ok((Codec::Array(coding), at))
     }
 
@@ -349,21 +342,7 @@ impl<'a> Image<'a> {
     }
 }
 
-/// The numbers in `text`; `None` if a word is none.
+/// Parses the numbers in `text`; `None` if a word is no number.
 fn numbers<T: std::str::FromStr>(text: &str) -> Option<Vec<T>> {
     text.split_whitespace().map(|word| word.parse().ok()).collect()
-}
-
-fn sample_type(name: &str) -> Option<SampleType> {
-    Some(match name {
-        "UInt8" => SampleType::U8,
-        "Int8" => SampleType::I8,
-        "UInt16" => SampleType::U16,
-        "Int16" => SampleType::I16,
-        "UInt32" => SampleType::U32,
-        "Int32" => SampleType::I32,
-        "Float32" => SampleType::F32,
-        "Float64" => SampleType::F64,
-        _ => return None,
-    })
 }

@@ -1,16 +1,15 @@
-//! One data array of a VTK XML file as a forward stream of bytes, decoded on the way.
+//! Reads one data array of a VTK XML file as a stream of decoded bytes.
 //!
-//! In: a file at the array's first byte, and how it is packed. Out: its bytes. Three layers, of which each may be
-//! absent:
+//! In: a file at the array's first byte, and how it is packed. Out: its bytes. There are up to three layers:
 //!
 //! ```text
 //! base64      characters to bytes; padding may stand within, as header and values are encoded one by one
 //! header      uncompressed: bytes of the array; compressed: blocks, bytes of each, bytes of the last, packed bytes
 //!             of each; all of 32 or of 64 bits
-//! blocks      zlib or lz4, each for itself
+//! blocks      zlib or lz4, each compressed separately
 //! ```
 //!
-//! Held in memory are one block and its packed bytes. Both are checked against the file before they are asked for.
+//! Memory holds one block and its packed bytes. Both sizes are checked against the file before they are allocated.
 //!
 //! Source: "VTK XML Formats" (docs.vtk.org) and, for the block header, the notes in vtkXMLDataParser.
 
@@ -27,7 +26,7 @@ use adjsplat::error::{Error, Result};
 /// How blocks are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Compressor {
-    /// RFC 1950.
+    /// zlib (RFC 1950).
     Zlib,
     /// An LZ4 block without a frame.
     Lz4,
@@ -35,21 +34,21 @@ pub(super) enum Compressor {
 
 /// How an array is packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Coding {
-    /// Bytes are written as characters.
+pub(super) struct ArrayCoding {
+    /// Whether bytes are written as base64 characters.
     pub(super) base64: bool,
     /// Compressor of its blocks, if it is compressed.
     pub(super) compressor: Option<Compressor>,
-    /// Numbers of its header have 64 bits, not 32.
+    /// Whether the numbers of its header have 64 bits, not 32.
     pub(super) wide: bool,
     /// Byte order of its header.
     pub(super) endian: Endian,
-    /// Bytes that it must have.
+    /// Bytes that it must have when unpacked.
     pub(super) bytes: u64,
 }
 
-impl Coding {
-    /// Most bytes of an array that `room` bytes of a file can hold.
+impl ArrayCoding {
+    /// Returns the largest array, in bytes, that `room` bytes of a file can hold.
     pub(super) fn most_bytes(self, room: u64) -> u64 {
         let packed = if self.base64 { room / 4 * 3 } else { room };
         packed.saturating_mul(self.compressor.map_or(1, Compressor::ratio))
@@ -57,19 +56,19 @@ impl Coding {
 }
 
 impl Compressor {
-    /// Most bytes that one packed byte can become.
+    /// Returns the largest number of bytes that one packed byte can become.
     fn ratio(self) -> u64 {
         match self {
             Compressor::Zlib => DEFLATE_RATIO,
-            // A match is lengthened by 255 for each byte.
+            // Each further byte lengthens a match by up to 255.
             Compressor::Lz4 => 255,
         }
     }
 }
 
-/// The bytes of one array.
+/// A stream of the bytes of one array.
 pub(super) struct ArrayReader {
-    source: Source,
+    source: ArraySource,
     compressor: Option<Compressor>,
     /// Packed bytes of each block, and which block is next.
     packed_sizes: Vec<u64>,
@@ -79,25 +78,24 @@ pub(super) struct ArrayReader {
     left: u64,
     packed: Vec<u8>,
     block: Vec<u8>,
-    /// Bytes of `block` that were handed out.
+    /// Bytes of `block` that the caller has read.
     used: usize,
 }
 
 impl ArrayReader {
     /// Reads the array's header from `reader`, which stands at it.
     ///
-    /// # Errors
-    /// [`Error::Format`] under `rule` if the header does not tell of `coding.bytes` bytes, or of more than the file
-    /// at `path` has.
+    /// It must describe `coding.bytes` bytes, and no more packed ones than the file at `path` has.
     pub(super) fn open(
         path: &Path,
         reader: BufReader<File>,
-        coding: Coding,
+        coding: ArrayCoding,
         rule: &'static str,
     ) -> Result<ArrayReader> {
         let file_len = reader.get_ref().metadata().map_err(Error::io("read", path))?.len();
-        let mut source = if coding.base64 { Source::Base64(Base64::new(reader)) } else { Source::Plain(reader) };
-        let Coding { bytes, compressor, .. } = coding;
+        let mut source =
+            if coding.base64 { ArraySource::Base64(Base64::new(reader)) } else { ArraySource::Plain(reader) };
+        let ArrayCoding { bytes, compressor, .. } = coding;
         let at = source.position().map_err(Error::io("read", path))?;
         let fault = |expected: String, got: String| Error::format(path, at, rule, expected, got);
         let mut number = || {
@@ -115,8 +113,8 @@ impl ArrayReader {
             let full = number()?;
             let last = number()?;
             let last = if last == 0 { full } else { last };
-            let told = blocks.checked_sub(1).and_then(|whole| whole.checked_mul(full)?.checked_add(last));
-            if told != Some(bytes) || full == 0 || last > full {
+            let stated_bytes = blocks.checked_sub(1).and_then(|whole| whole.checked_mul(full)?.checked_add(last));
+            if stated_bytes != Some(bytes) || full == 0 || last > full {
                 let got = format!("{blocks} blocks of {full} bytes, the last of {last}");
                 return Err(fault(format!("blocks of {bytes} bytes in all"), got));
             }
@@ -133,12 +131,12 @@ impl ArrayReader {
                 };
                 packed_sizes.push(packed);
             }
-            // One block may be said to have room for more than there is.
+            // The header of a single block may state a larger size than the array has.
             block_bytes = full.min(bytes);
         } else {
-            let told = number()?;
-            if told != bytes {
-                return Err(fault(format!("an array of {bytes} bytes"), format!("one of {told} bytes")));
+            let stated_bytes = number()?;
+            if stated_bytes != bytes {
+                return Err(fault(format!("an array of {bytes} bytes"), format!("one of {stated_bytes} bytes")));
             }
         }
         let (packed, block) = (Vec::new(), Vec::new());
@@ -151,7 +149,7 @@ impl ArrayReader {
         self.source.position()
     }
 
-    /// Bytes that a block, its packed bytes and the list of blocks take.
+    /// Returns the bytes that a block, its packed bytes and the list of blocks take.
     pub(super) fn buffer_bytes(&self) -> u64 {
         let packed = self.packed_sizes.iter().copied().max().unwrap_or(0);
         let block = if self.packed_sizes.is_empty() { 0 } else { self.block_bytes };
@@ -202,7 +200,7 @@ impl Read for ArrayReader {
     }
 }
 
-/// Makes `buffer` `len` bytes long, or says that there is no memory for it.
+/// Makes `buffer` `len` bytes long; fails if there is no memory for it.
 fn resize(buffer: &mut Vec<u8>, len: u64) -> io::Result<()> {
     let len = usize::try_from(len).map_err(|_| io::ErrorKind::OutOfMemory)?;
     buffer.try_reserve_exact(len.saturating_sub(buffer.len())).map_err(|_| io::ErrorKind::OutOfMemory)?;
@@ -217,15 +215,15 @@ fn shown(error: &io::Error) -> String {
     }
 }
 
-/// Where packed bytes come from.
-enum Source {
+/// The packed bytes of an array.
+enum ArraySource {
     Plain(BufReader<File>),
     Base64(Base64<BufReader<File>>),
 }
 
-impl Source {
+impl ArraySource {
     /// The next number of the header.
-    fn number(&mut self, coding: Coding) -> io::Result<u64> {
+    fn number(&mut self, coding: ArrayCoding) -> io::Result<u64> {
         let mut bytes = [0; 8];
         let width = if coding.wide { 8 } else { 4 };
         self.read_exact(&mut bytes[..width])?;
@@ -237,17 +235,17 @@ impl Source {
 
     fn position(&mut self) -> io::Result<u64> {
         match self {
-            Source::Plain(reader) => reader.stream_position(),
-            Source::Base64(reader) => reader.inner.stream_position(),
+            ArraySource::Plain(reader) => reader.stream_position(),
+            ArraySource::Base64(reader) => reader.inner.stream_position(),
         }
     }
 }
 
-impl Read for Source {
+impl Read for ArraySource {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         match self {
-            Source::Plain(reader) => reader.read(into),
-            Source::Base64(reader) => reader.read(into),
+            ArraySource::Plain(reader) => reader.read(into),
+            ArraySource::Base64(reader) => reader.read(into),
         }
     }
 }
@@ -255,12 +253,12 @@ impl Read for Source {
 /// Bytes from base64 characters (RFC 4648, section 4), up to the next XML tag.
 struct Base64<R> {
     inner: R,
-    group: Group,
+    group: Base64Group,
 }
 
-/// A group of four characters, and the three bytes of the one before.
+/// The characters of an unfinished group of four, and the bytes of the last finished one that were not read yet.
 #[derive(Default)]
-struct Group {
+struct Base64Group {
     bits: u32,
     characters: u8,
     ready: [u8; 3],
@@ -269,7 +267,7 @@ struct Group {
 
 impl<R> Base64<R> {
     fn new(inner: R) -> Base64<R> {
-        Base64 { inner, group: Group::default() }
+        Base64 { inner, group: Base64Group::default() }
     }
 }
 
@@ -298,8 +296,8 @@ impl<R: BufRead> Read for Base64<R> {
     }
 }
 
-impl Group {
-    /// Takes one character; the bytes of a group that it ends are then ready.
+impl Base64Group {
+    /// Adds one character; after the fourth the group's bytes are ready.
     fn take(&mut self, character: u8) -> io::Result<()> {
         let value = match character {
             b'A'..=b'Z' => character - b'A',
@@ -318,7 +316,7 @@ impl Group {
         Ok(())
     }
 
-    /// Takes a padding sign: the group ends here. The second of two finds no group, and says nothing more.
+    /// Ends the group at a padding sign; a second sign changes nothing.
     fn pad(&mut self) -> io::Result<()> {
         match self.characters {
             0 => {}
@@ -337,7 +335,7 @@ impl Group {
         (self.bits, self.characters) = (0, 0);
     }
 
-    /// Moves ready bytes to the front of `into`; how many.
+    /// Moves ready bytes to the front of `into`, and returns how many.
     fn hand_out(&mut self, into: &mut [u8]) -> usize {
         let part = self.ready_count.min(into.len());
         into[..part].copy_from_slice(&self.ready[..part]);

@@ -1,7 +1,7 @@
-//! The tags of an XML file, one after the other, in bounded memory.
+//! Reads the tags of an XML file, one after the other, in bounded memory.
 //!
 //! In: a file. Out: its opening and closing tags with their attributes and byte offsets. Text between tags can be
-//! passed over without being read into memory, however long it is; all else is at most [`TEXT_LIMIT`] bytes.
+//! skipped without being read into memory, however long it is; all else is at most [`TEXT_LIMIT`] bytes.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -10,17 +10,17 @@ use std::path::{Path, PathBuf};
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-use super::lines::TEXT_LIMIT;
+use super::lines::{TEXT_LIMIT, one_line};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
 const RULE: &str = "XML";
 
-/// One tag. A tag that closes itself comes as two.
+/// One tag. A tag that closes itself is returned as two.
 #[derive(Debug)]
-pub(super) struct Tag {
+pub(super) struct XmlTag {
     pub(super) name: String,
-    /// It opens an element, or else closes one.
+    /// Whether it opens an element; otherwise it closes one.
     pub(super) opens: bool,
     /// Byte offset of its `<`, or a little before.
     pub(super) at: u64,
@@ -29,7 +29,7 @@ pub(super) struct Tag {
     attributes: Vec<(String, String)>,
 }
 
-impl Tag {
+impl XmlTag {
     /// The value of attribute `name`.
     pub(super) fn value(&self, name: &str) -> Option<String> {
         self.attributes.iter().find(|(key, _)| key == name).map(|(_, value)| value.clone())
@@ -37,21 +37,21 @@ impl Tag {
 }
 
 /// Reads the tags of a file.
-pub(super) struct Tags {
+pub(super) struct XmlTags {
     path: PathBuf,
-    reader: Reader<Budget>,
+    reader: Reader<LimitedReader>,
     buffer: Vec<u8>,
-    /// The closing half of a tag that closes itself.
-    closing: Option<Tag>,
+    /// The closing tag to return next, after a tag that closes itself.
+    closing: Option<XmlTag>,
 }
 
-impl Tags {
+impl XmlTags {
     /// Opens `path` at its first tag.
-    pub(super) fn open(path: &Path) -> Result<Tags> {
+    pub(super) fn open(path: &Path) -> Result<XmlTags> {
         let (file, _) = open_regular(path, "open")?;
-        let budget = Budget { inner: BufReader::new(file), at: 0, left: TEXT_LIMIT };
+        let budget = LimitedReader { inner: BufReader::new(file), at: 0, left: TEXT_LIMIT };
         let reader = Reader::from_reader(budget);
-        Ok(Tags { path: path.to_path_buf(), reader, buffer: Vec::new(), closing: None })
+        Ok(XmlTags { path: path.to_path_buf(), reader, buffer: Vec::new(), closing: None })
     }
 
     /// Byte offset of the next unread byte.
@@ -62,8 +62,8 @@ impl Tags {
     /// The next tag, or `None` at the end of the file.
     ///
     /// # Errors
-    /// [`Error::Format`] if the file is no XML, or has too much of it.
-    pub(super) fn next(&mut self) -> Result<Option<Tag>> {
+    /// [`Error::Format`] if the file is not XML; [`Error::Limit`] if its tags are too long.
+    pub(super) fn next(&mut self) -> Result<Option<XmlTag>> {
         if let Some(tag) = self.closing.take() {
             return Ok(Some(tag));
         }
@@ -84,12 +84,12 @@ impl Tags {
                 Event::Empty(start) => {
                     let tag = self.tag(&start, at, end)?;
                     let (name, attributes) = (tag.name.clone(), Vec::new());
-                    self.closing = Some(Tag { name, opens: false, at, end, attributes });
+                    self.closing = Some(XmlTag { name, opens: false, at, end, attributes });
                     return Ok(Some(tag));
                 }
                 Event::End(tag) => {
                     let name = String::from_utf8_lossy(tag.name().as_ref()).into_owned();
-                    return Ok(Some(Tag { name, opens: false, at, end, attributes: Vec::new() }));
+                    return Ok(Some(XmlTag { name, opens: false, at, end, attributes: Vec::new() }));
                 }
                 Event::Eof => return Ok(None),
                 _ => {}
@@ -97,7 +97,7 @@ impl Tags {
         }
     }
 
-    fn tag(&self, start: &BytesStart<'_>, at: u64, end: u64) -> Result<Tag> {
+    fn tag(&self, start: &BytesStart<'_>, at: u64, end: u64) -> Result<XmlTag> {
         let mut attributes = Vec::new();
         for attribute in start.attributes().with_checks(false) {
             let attribute = attribute.map_err(|error| {
@@ -107,10 +107,16 @@ impl Tags {
             let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
             attributes.push((text(attribute.key.as_ref()), text(&attribute.value)));
         }
-        Ok(Tag { name: String::from_utf8_lossy(start.name().as_ref()).into_owned(), opens: true, at, end, attributes })
+        Ok(XmlTag {
+            name: String::from_utf8_lossy(start.name().as_ref()).into_owned(),
+            opens: true,
+            at,
+            end,
+            attributes,
+        })
     }
 
-    /// Passes over the text before the next tag.
+    /// Skips the text before the next tag.
     pub(super) fn skip_text(&mut self) -> Result<()> {
         if self.closing.is_some() {
             return Ok(());
@@ -118,7 +124,7 @@ impl Tags {
         self.reader.get_mut().skip_to_tag().map_err(Error::io("read", &self.path))
     }
 
-    /// Passes over white space and the underscore that appended values stand behind; the byte offset of the first.
+    /// Skips the underscore before appended values, and returns the byte offset of the first value.
     pub(super) fn find_underscore(&mut self) -> Result<u64> {
         let mut next = [b' '];
         while next[0].is_ascii_whitespace() {
@@ -143,20 +149,15 @@ impl Tags {
     }
 }
 
-/// An error's text without its line ends.
-fn one_line(error: &impl std::fmt::Display) -> String {
-    error.to_string().replace(['\n', '\r'], " ").trim_end_matches('.').to_string()
-}
-
-/// A file of which only so much may be read.
-struct Budget {
+/// A file that refuses to be read beyond a limit.
+struct LimitedReader {
     inner: BufReader<File>,
     at: u64,
     left: u64,
 }
 
-impl Budget {
-    /// Passes over bytes up to a `<`, which do not count.
+impl LimitedReader {
+    /// Skips bytes up to a `<`; they do not count against the limit.
     fn skip_to_tag(&mut self) -> io::Result<()> {
         loop {
             let ahead = self.inner.fill_buf()?;
@@ -171,7 +172,7 @@ impl Budget {
     }
 }
 
-impl Read for Budget {
+impl Read for LimitedReader {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let read = self.fill_buf()?.read(into)?;
         self.consume(read);
@@ -179,7 +180,7 @@ impl Read for Budget {
     }
 }
 
-impl BufRead for Budget {
+impl BufRead for LimitedReader {
     fn fill_buf(&mut self) -> io::Result<&[u8]> {
         let ahead = self.inner.fill_buf()?;
         if self.left == 0 && !ahead.is_empty() {

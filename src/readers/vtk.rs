@@ -1,4 +1,4 @@
-//! VTK legacy files of structured points: numbers as text, or binary, which is always big endian.
+//! Reads VTK legacy files of structured points: numbers as text, or binary, which is always big endian.
 //!
 //! In: a `.vtk` file of any version. Out: a slab source over the first one-component `SCALARS` array of its points.
 //! Whatever stands before that array (fields, vectors, normals, lookup tables, metadata) is skipped by its size.
@@ -8,21 +8,21 @@
 
 use std::path::{Path, PathBuf};
 
-use super::frame::Frame;
-use super::lines::{Line, Lines, clip};
-use super::open::{OpenOptions, file_name};
-use super::raw::type_names;
-use super::slab::{Endian, Plan, SlabReader, Tail};
-use super::stream::{Codec, Start};
+use super::frame::FileFrame;
+use super::lines::{HeaderLine, HeaderLines, clip};
+use super::open::{OpenOptions, plain_header};
+use super::raw::{type_by_name, type_names};
+use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::{Header, SampleType, SlabSource};
+use adjsplat::volume::{SampleType, SlabSource};
 
 /// Opens the VTK legacy file at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let mut parser = Parser::start(path)?;
+    let mut parser = VtkParser::start(path)?;
     let array = parser.find_scalars()?;
     let dims = parser.dims.ok_or_else(|| parser.fault(0, "VTK DIMENSIONS", "three numbers", "no such line"))?;
-    let frame = Frame { origin: parser.origin, ..Frame::upright(parser.spacing) };
+    let frame = FileFrame { origin: parser.origin, ..FileFrame::upright(parser.spacing) };
     let grid = frame.grid(path, "VTK grid", dims, options.spacing)?;
     let points = parser.points.unwrap_or(0);
     if points != grid.len() {
@@ -30,55 +30,47 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         let expected = format!("{} points ({x} x {y} x {z})", grid.len());
         return Err(parser.fault(array.at, "VTK POINT_DATA", expected, format!("{points}")));
     }
-    let reader = SlabReader::new(Plan {
-        header: Header {
-            grid,
-            sample_type: array.sample_type,
-            slope: 1.0,
-            intercept: 0.0,
-            name: file_name(path),
-            format: "VTK legacy",
-        },
+    SlabReader::open(SampleFiles {
+        header: plain_header(grid, array.sample_type, path, "VTK legacy"),
         codec: if parser.binary { Codec::Raw } else { Codec::Text },
         endian: Endian::Big,
         files: vec![path.to_path_buf()],
-        start: Start::At(array.at),
+        start: SampleStart::At(array.at),
         line_skip: 0,
         byte_skip: 0,
         volume_count: 1,
         volume_index: options.volume_index.into(),
         tail: Tail::Anything,
         rule: "VTK SCALARS",
-    })?;
-    Ok(Box::new(reader))
+    })
 }
 
-/// The array to read.
-struct Array {
+/// The array that is the volume.
+struct LegacyArray {
     /// Byte offset of its first sample.
     at: u64,
     sample_type: SampleType,
 }
 
-struct Parser {
+struct VtkParser {
     path: PathBuf,
-    lines: Lines,
+    lines: HeaderLines,
     binary: bool,
     dims: Option<[u64; 3]>,
     spacing: [f64; 3],
     origin: [f64; 3],
     /// Tuples of each array in the section that is being read; `None` before the first section.
     tuples: Option<u64>,
-    /// Those of the point section.
+    /// Tuples of each array in the section of points.
     points: Option<u64>,
-    /// Arrays passed over that could have been meant, for the message when none fits.
+    /// Skipped arrays that the user may have meant, for the message when none fits.
     passed: Vec<String>,
 }
 
-impl Parser {
+impl VtkParser {
     /// Reads the lines before the first keyword: version, title, ASCII or BINARY, DATASET.
-    fn start(path: &Path) -> Result<Parser> {
-        let mut lines = Lines::open(path)?;
+    fn start(path: &Path) -> Result<VtkParser> {
+        let mut lines = HeaderLines::open(path)?;
         let fault = |at, rule, expected: &str, got: &str| Error::format(path, at, rule, expected, got);
         let first = lines.next()?.map(|line| line.text).unwrap_or_default();
         if !first.get(..14).is_some_and(|start| start.eq_ignore_ascii_case("# vtk DataFile")) {
@@ -91,7 +83,7 @@ impl Parser {
             Some("ASCII") => false,
             other => return Err(fault(0, "VTK coding", "ASCII or BINARY", &clip(other.unwrap_or("nothing")))),
         };
-        Ok(Parser {
+        Ok(VtkParser {
             path: path.to_path_buf(),
             lines,
             binary,
@@ -104,39 +96,39 @@ impl Parser {
         })
     }
 
-    /// Reads keywords up to the array to read.
-    fn find_scalars(&mut self) -> Result<Array> {
+    /// Reads keywords up to the first array that can be a volume.
+    fn find_scalars(&mut self) -> Result<LegacyArray> {
         let mut in_points = false;
         while let Some(line) = next_full(&mut self.lines)? {
             let words: Vec<&str> = line.text.split_whitespace().collect();
-            let Some((keyword, rest)) = words.split_first() else { continue };
+            let Some((keyword, arguments)) = words.split_first() else { continue };
             match keyword.to_ascii_uppercase().as_str() {
-                "DATASET" => match rest.first() {
+                "DATASET" => match arguments.first() {
                     Some(kind) if kind.eq_ignore_ascii_case("STRUCTURED_POINTS") => {}
                     other => {
                         let got = other.map_or_else(|| "nothing".into(), |kind| clip(kind));
                         return Err(self.fault(line.at, "VTK DATASET", "STRUCTURED_POINTS", got));
                     }
                 },
-                "DIMENSIONS" => self.dims = Some(self.three(&line, rest)?),
-                "SPACING" | "ASPECT_RATIO" => self.spacing = self.three(&line, rest)?,
-                "ORIGIN" => self.origin = self.three(&line, rest)?,
+                "DIMENSIONS" => self.dims = Some(self.three(&line, arguments)?),
+                "SPACING" | "ASPECT_RATIO" => self.spacing = self.three(&line, arguments)?,
+                "ORIGIN" => self.origin = self.three(&line, arguments)?,
                 "POINT_DATA" => {
-                    self.tuples = Some(self.number(&line, rest.first().copied())?);
+                    self.tuples = Some(self.number(&line, arguments.first().copied())?);
                     self.points = self.tuples;
                     in_points = true;
                 }
                 "CELL_DATA" => {
-                    self.tuples = Some(self.number(&line, rest.first().copied())?);
+                    self.tuples = Some(self.number(&line, arguments.first().copied())?);
                     in_points = false;
                 }
                 "SCALARS" => {
-                    let components = rest.get(2).map_or(Ok(1), |word| self.number(&line, Some(word)))?;
-                    if let Some(array) = self.scalars(&line, rest, components, in_points)? {
+                    let components = arguments.get(2).map_or(Ok(1), |word| self.number(&line, Some(word)))?;
+                    if let Some(array) = self.scalars(&line, arguments, components, in_points)? {
                         return Ok(array);
                     }
                 }
-                other => self.skip(&line, other, rest)?,
+                other => self.skip(&line, other, arguments)?,
             }
         }
         let at = self.lines.position();
@@ -145,10 +137,16 @@ impl Parser {
         Err(self.fault(at, "VTK SCALARS", expected, got))
     }
 
-    /// Reads or skips the array whose SCALARS line this is.
-    fn scalars(&mut self, line: &Line, rest: &[&str], components: u64, in_points: bool) -> Result<Option<Array>> {
-        let type_name = rest.get(1).copied().unwrap_or("nothing");
-        // In a binary file a line end here may be the first sample: the table's line may be left out.
+    /// Returns the array that `line` (SCALARS) starts, or skips it if it cannot be a volume.
+    fn scalars(
+        &mut self,
+        line: &HeaderLine,
+        arguments: &[&str],
+        components: u64,
+        in_points: bool,
+    ) -> Result<Option<LegacyArray>> {
+        let type_name = arguments.get(1).copied().unwrap_or("nothing");
+        // The line of the lookup table is optional. In a binary file a line end here may be the first sample.
         while !self.binary && (self.lines.next_is("\n")? || self.lines.next_is("\r\n")?) {
             self.lines.next()?;
         }
@@ -160,40 +158,40 @@ impl Parser {
                 let expected = format!("one of {} (VTK: unsigned_char ... double)", type_names());
                 self.fault(line.at, "VTK SCALARS", expected, clip(type_name))
             })?;
-            return Ok(Some(Array { at: self.lines.position(), sample_type }));
+            return Ok(Some(LegacyArray { at: self.lines.position(), sample_type }));
         }
         let section = if in_points { "point" } else { "cell" };
         // One name is enough to understand what the file holds.
         if self.passed.len() < 4 {
-            let name = clip(rest.first().copied().unwrap_or(""));
+            let name = clip(arguments.first().copied().unwrap_or(""));
             self.passed.push(format!("{section} array {name} of {components} components"));
         }
         self.skip_array(line, type_name, components)?;
         Ok(None)
     }
 
-    /// Skips what `keyword` announces.
-    fn skip(&mut self, line: &Line, keyword: &str, rest: &[&str]) -> Result<()> {
-        let type_at = |index: usize| rest.get(index).copied().unwrap_or("nothing");
+    /// Skips the values that follow `keyword`.
+    fn skip(&mut self, line: &HeaderLine, keyword: &str, arguments: &[&str]) -> Result<()> {
+        let type_at = |index: usize| arguments.get(index).copied().unwrap_or("nothing");
         match keyword {
             "VECTORS" | "NORMALS" => self.skip_array(line, type_at(1), 3),
             "TENSORS" => self.skip_array(line, type_at(1), 9),
             "TENSORS6" => self.skip_array(line, type_at(1), 6),
             "GLOBAL_IDS" | "PEDIGREE_IDS" | "EDGE_FLAGS" => self.skip_array(line, type_at(1), 1),
             "TEXTURE_COORDINATES" => {
-                let components = self.number(line, rest.get(1).copied())?;
+                let components = self.number(line, arguments.get(1).copied())?;
                 self.skip_array(line, type_at(2), components)
             }
             "COLOR_SCALARS" => {
-                let components = self.number(line, rest.get(1).copied())?;
+                let components = self.number(line, arguments.get(1).copied())?;
                 self.skip_array(line, "unsigned_char", components)
             }
             "LOOKUP_TABLE" => {
-                let entries = self.number(line, rest.get(1).copied())?;
+                let entries = self.number(line, arguments.get(1).copied())?;
                 self.skip_values(line, "unsigned_char", entries.saturating_mul(4))
             }
             "FIELD" => {
-                let arrays = self.number(line, rest.get(1).copied())?;
+                let arrays = self.number(line, arguments.get(1).copied())?;
                 for _ in 0..arrays {
                     self.skip_field_array()?;
                 }
@@ -204,12 +202,12 @@ impl Parser {
         }
     }
 
-    /// One array of a FIELD: `name components tuples type`, then its values.
+    /// Skips one array of a FIELD: `name components tuples type`, then its values.
     fn skip_field_array(&mut self) -> Result<()> {
         while let Some(line) = next_full(&mut self.lines)? {
             let words: Vec<&str> = line.text.split_whitespace().collect();
             if words.first().is_some_and(|word| word.eq_ignore_ascii_case("METADATA")) {
-                // Of the array before.
+                // It belongs to the array before.
                 self.skip_metadata()?;
             } else {
                 return self.skip_field_values(&line, &words);
@@ -219,14 +217,14 @@ impl Parser {
         Err(self.fault(at, "VTK FIELD", "another array", "the end of the file"))
     }
 
-    fn skip_field_values(&mut self, line: &Line, words: &[&str]) -> Result<()> {
+    fn skip_field_values(&mut self, line: &HeaderLine, words: &[&str]) -> Result<()> {
         let components = self.number(line, words.get(1).copied())?;
         let tuples = self.number(line, words.get(2).copied())?;
         let type_name = words.get(3).copied().unwrap_or("nothing");
         self.skip_values(line, type_name, components.saturating_mul(tuples))
     }
 
-    /// Metadata ends at a blank line.
+    /// Skips metadata, which end at a blank line.
     fn skip_metadata(&mut self) -> Result<()> {
         while let Some(line) = self.lines.next()? {
             if line.text.trim().is_empty() {
@@ -236,14 +234,14 @@ impl Parser {
         Ok(())
     }
 
-    fn skip_array(&mut self, line: &Line, type_name: &str, components: u64) -> Result<()> {
+    fn skip_array(&mut self, line: &HeaderLine, type_name: &str, components: u64) -> Result<()> {
         let Some(tuples) = self.tuples else {
             return Err(self.fault(line.at, "VTK keyword", "POINT_DATA before any array", clip(&line.text)));
         };
         self.skip_values(line, type_name, components.saturating_mul(tuples))
     }
 
-    fn skip_values(&mut self, line: &Line, type_name: &str, values: u64) -> Result<()> {
+    fn skip_values(&mut self, line: &HeaderLine, type_name: &str, values: u64) -> Result<()> {
         const RULE: &str = "VTK array size";
         if !self.binary {
             return self.lines.skip_numbers(values, RULE);
@@ -254,13 +252,13 @@ impl Parser {
         self.lines.skip_bytes(values.saturating_mul(bits).div_ceil(8), RULE)
     }
 
-    fn three<T: std::str::FromStr>(&self, line: &Line, rest: &[&str]) -> Result<[T; 3]> {
-        let parsed: Option<Vec<T>> = rest.iter().take(3).map(|word| word.parse().ok()).collect();
+    fn three<T: std::str::FromStr>(&self, line: &HeaderLine, arguments: &[&str]) -> Result<[T; 3]> {
+        let parsed: Option<Vec<T>> = arguments.iter().take(3).map(|word| word.parse().ok()).collect();
         let parsed = parsed.and_then(|values| <[T; 3]>::try_from(values).ok());
         parsed.ok_or_else(|| self.fault(line.at, "VTK grid", "three numbers", clip(&line.text)))
     }
 
-    fn number(&self, line: &Line, word: Option<&str>) -> Result<u64> {
+    fn number(&self, line: &HeaderLine, word: Option<&str>) -> Result<u64> {
         let parsed = word.and_then(|word| word.parse().ok());
         parsed.ok_or_else(|| self.fault(line.at, "VTK count", "a count", clip(&line.text)))
     }
@@ -271,7 +269,7 @@ impl Parser {
 }
 
 /// The next line that is not blank.
-fn next_full(lines: &mut Lines) -> Result<Option<Line>> {
+fn next_full(lines: &mut HeaderLines) -> Result<Option<HeaderLine>> {
     while let Some(line) = lines.next()? {
         if !line.text.trim().is_empty() {
             return Ok(Some(line));
@@ -281,17 +279,9 @@ fn next_full(lines: &mut Lines) -> Result<Option<Line>> {
 }
 
 fn sample_type(name: &str) -> Option<SampleType> {
-    Some(match name.to_ascii_lowercase().as_str() {
-        "unsigned_char" => SampleType::U8,
-        "char" | "signed_char" => SampleType::I8,
-        "unsigned_short" => SampleType::U16,
-        "short" => SampleType::I16,
-        "unsigned_int" => SampleType::U32,
-        "int" => SampleType::I32,
-        "float" => SampleType::F32,
-        "double" => SampleType::F64,
-        _ => return None,
-    })
+    let lower = name.to_ascii_lowercase();
+    let name = if lower == "signed_char" { "char" } else { &lower };
+    type_by_name(name, ["unsigned_char", "char", "unsigned_short", "short", "unsigned_int", "int", "float", "double"])
 }
 
 /// Bits of one value in a binary file.

@@ -1,14 +1,14 @@
-//! Studies: the structure beside its rivals.
+//! Studies that compare adjsplat's structure with other ways to store and walk the visible voxels of a volume.
 //!
-//! In: a [`Subject`], which is a scene whose visible voxels every method is built from. Out: how fast each method walks
-//! and draws, what memory it takes, what it asks of the caches.
+//! A [`Subject`] is a scene from which every [`Method`] builds its structure. Studies measure how fast each method walks
+//! and draws, its memory, its cache misses, and how settings of the renderer trade time for accuracy.
 //!
 //! ```text
-//! subject -> baselines (and our own walk) -> receiver: a counter, or the splatter
-//!                     \-> trace: a cache model, or nothing
+//! subject -> method (a Walker) -> Receiver: a sum, or the splatter
+//!                             \-> Trace: a cache model, a file, or nothing
 //! ```
 
-/// Whether this build can draw plots: the feature `plot`.
+/// Whether this build can draw plots, which needs the feature `plot`.
 pub const CAN_PLOT: bool = cfg!(feature = "plot");
 
 pub mod accuracy;
@@ -27,6 +27,6 @@ pub mod subject;
 pub mod trace;
 pub mod walks;
 
-pub use baselines::{Built, Method, Receiver, Walker};
+pub use baselines::{BuiltMethod, Method, Receiver, Walker};
 pub use subject::Subject;
 pub use trace::{Trace, Untraced};

@@ -1,35 +1,34 @@
-//! Memory: what every method takes, beside the formulas of the paper.
+//! Memory that every method takes, and the formulas of the paper.
 //!
-//! In: a subject, methods; or nothing but a share of visible voxels. Out: bytes that are allocated, structure by
-//! structure; the paper's Table 3 from its own formulas (Orchard and Möller 2001, section 4.2); where implementations A
-//! and B take the same memory.
+//! In: a subject and methods. Out: the bytes allocated by each structure; Table 3 of the paper from its own formulas
+//! (Orchard and Möller 2001, section 4.2); the share of voxels at which implementations A and B take equal memory.
 
 use super::baselines::{Method, Walker as _};
 use super::subject::Subject;
-use adjsplat::arena::{Arena, Lane};
+use adjsplat::arena::Arena;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Axis;
 
-/// What a method takes of one set.
+/// Memory that a method takes for one subject.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Memory {
-    /// The method's name; ours once with the lanes for all views and once with the one that serves the others.
+    /// Name of the method. Ours appears twice: with three lanes, and with the one from which the others can be derived.
     pub name: &'static str,
-    /// Bytes that it has allocated between frames.
+    /// Bytes allocated between frames.
     pub bytes: u64,
-    /// Bytes that it works in while it walks, and leaves empty.
+    /// Bytes of scratch arrays, which hold nothing between frames.
     pub scratch: u64,
-    /// The paper's formula, for its own methods.
+    /// Bytes by the paper's formula, for the paper's own methods.
     pub formula: Option<u64>,
 }
 
-/// Ours with the lane along x alone.
+/// Name of our structure with only the lane along x.
 pub const ONE_LANE: &str = "adjsplat_one_lane";
 
-/// What each method takes, built one after another.
+/// Measures each method, built one after another.
 ///
 /// # Errors
-/// As building the methods.
+/// Those of [`Method::build`].
 pub fn measure(subject: &Subject, methods: &[Method]) -> Result<Vec<Memory>> {
     let structure = subject.voxels.len() as u64 + virtual_voxels(subject.lanes.arena())?;
     let mut measured = Vec::new();
@@ -46,8 +45,8 @@ pub fn measure(subject: &Subject, methods: &[Method]) -> Result<Vec<Memory>> {
     Ok(measured)
 }
 
-/// Bytes of the paper's methods for a grid of `dims` and `structure` voxels of the structure, visible and virtual;
-/// `None` for others. Section 4.2: m_T = 17 whd, m_A = 5 (w+2)(h+2)(d+2) + 28 s, m_B = 47 s.
+/// Returns the bytes of the paper's methods (section 4.2); `None` for other methods. `structure` counts visible and
+/// virtual voxels s: m_T = 17 whd, m_A = 5 (w+2)(h+2)(d+2) + 28 s, m_B = 47 s.
 pub fn formula(method: Method, dims: [u32; 3], structure: u64) -> Option<u64> {
     let cells = |border: u64| dims.iter().map(|&points| u64::from(points) + border).product::<u64>();
     match method {
@@ -58,63 +57,48 @@ pub fn formula(method: Method, dims: [u32; 3], structure: u64) -> Option<u64> {
     }
 }
 
-/// One set of the paper's Table 3.
+/// A row of the paper's Table 3.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PaperSet {
-    /// Its name.
+    /// Name of the volume.
     pub name: &'static str,
-    /// Grid points along x, y, z.
+    /// Grid points along x, y and z.
     pub dims: [u32; 3],
-    /// Visible voxels.
+    /// Number of visible voxels.
     pub visible: u64,
-    /// Visible and virtual voxels.
+    /// Number of visible and virtual voxels.
     pub structure: u64,
-    /// Megabytes (2^20 bytes) that the paper gives for traditional, A and B.
+    /// Megabytes (2^20 bytes) that the paper states for traditional, A and B.
     pub megabytes: [f64; 3],
 }
 
-/// Table 3.
+/// The paper's Table 3.
 pub const TABLE_3: [PaperSet; 5] = [
-    PaperSet {
-        name: "Jeff",
-        dims: [256, 256, 129],
-        visible: 513_799,
-        structure: 629_487,
-        megabytes: [137.06, 58.39, 28.22],
-    },
-    PaperSet {
-        name: "Frog",
-        dims: [500, 470, 136],
-        visible: 354_894,
-        structure: 600_979,
-        megabytes: [518.15, 171.97, 26.94],
-    },
-    PaperSet {
-        name: "CT Head",
-        dims: [128, 128, 93],
-        visible: 197_828,
-        structure: 257_365,
-        megabytes: [24.70, 14.53, 11.54],
-    },
-    PaperSet {
-        name: "CT Abdomen",
-        dims: [128, 128, 142],
-        visible: 79_914,
-        structure: 128_255,
-        megabytes: [37.72, 15.03, 5.75],
-    },
-    PaperSet { name: "HIPIP", dims: [64, 64, 64], visible: 19_253, structure: 31_372, megabytes: [4.25, 2.21, 1.41] },
+    paper_set("Jeff", [256, 256, 129], [513_799, 629_487], [137.06, 58.39, 28.22]),
+    paper_set("Frog", [500, 470, 136], [354_894, 600_979], [518.15, 171.97, 26.94]),
+    paper_set("CT Head", [128, 128, 93], [197_828, 257_365], [24.70, 14.53, 11.54]),
+    paper_set("CT Abdomen", [128, 128, 142], [79_914, 128_255], [37.72, 15.03, 5.75]),
+    paper_set("HIPIP", [64, 64, 64], [19_253, 31_372], [4.25, 2.21, 1.41]),
 ];
 
-/// Share of the grid's cells, box included, that are in the structure when A and B take the same memory.
+const fn paper_set(
+    name: &'static str,
+    dims: [u32; 3],
+    [visible, structure]: [u64; 2],
+    megabytes: [f64; 3],
+) -> PaperSet {
+    PaperSet { name, dims, visible, structure, megabytes }
+}
+
+/// Returns the share of the grid's cells, caps included, that are in the structure when A and B take equal memory.
 ///
-/// `record_b`: bytes of a record of B. The paper gives it as 47 in its text and as 43 + k = 59 in its Table 2, from which
-/// its break-even of 16.1 % follows; with 47 it is 5 / (47 - 28) = 26.3 %.
+/// `record_b` is the size of B's record in bytes. The paper's text says 47, which gives 5 / (47 - 28) = 26.3 %. Its
+/// Table 2 says 43 + k = 59, which gives its break-even of 16.1 %.
 pub fn break_even(record_b: f64) -> f64 {
     5.0 / (record_b - 28.0)
 }
 
-/// What A and B have allocated of one set, against the share of cells in the structure.
+/// Memory of A and B for one subject, and the share of cells in the structure.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
     /// Share of the (w+2)(h+2)(d+2) cells that are in the structure.
@@ -125,10 +109,10 @@ pub struct Crossing {
     pub b: u64,
 }
 
-/// Builds A and B of a set.
+/// Builds A and B of a subject.
 ///
 /// # Errors
-/// As building them.
+/// Those of [`Method::build`].
 pub fn crossing(subject: &Subject) -> Result<Crossing> {
     let structure = subject.voxels.len() as u64 + virtual_voxels(subject.lanes.arena())?;
     let cells: f64 = subject.dims().iter().map(|&points| f64::from(points) + 2.0).product();
@@ -137,8 +121,8 @@ pub fn crossing(subject: &Subject) -> Result<Crossing> {
     Ok(Crossing { share: structure as f64 / cells, a: a?, b: b? })
 }
 
-/// Where the bytes of A and B are equal, between the two of `crossings` (by rising share) that lie on either side of it;
-/// `None` if no two do.
+/// Returns the share at which A and B take equal memory, interpolated between two of `crossings` (by rising share);
+/// `None` if no two lie on either side of it.
 pub fn crossover(crossings: &[Crossing]) -> Option<f64> {
     let surplus = |c: &Crossing| c.b as f64 - c.a as f64;
     crossings.windows(2).find(|pair| surplus(&pair[0]) < 0.0 && surplus(&pair[1]) >= 0.0).map(|pair| {
@@ -147,10 +131,8 @@ pub fn crossover(crossings: &[Crossing]) -> Option<f64> {
     })
 }
 
-/// Virtual voxels that implementation B of the paper adds (section 3.1): two box-face voxels a non-empty line, four
-/// box-edge voxels a non-empty slice, over all three axes, and eight corners.
-///
-/// O(records).
+/// Returns the number of virtual voxels that the paper's implementation B adds (section 3.1): two for each non-empty
+/// line and four for each non-empty slice, over all three axes, and eight corners. O(records).
 ///
 /// # Errors
 /// [`Error::Input`] for an arena without lanes.
@@ -161,17 +143,19 @@ pub fn virtual_voxels(arena: &Arena) -> Result<u64> {
     let mut slices = [0; 3];
     let [u, v] = lane.axis.others();
     lines[lane.axis.index()] = lane.line_ends.len() as u64;
-    // Lines along u are what differs in (fast, v), lines along v in (fast, u).
+    // Lines along u are distinct (fast, v), lines along v are distinct (fast, u).
     let mut along_u = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[v.index()]));
     let mut along_v = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[u.index()]));
     let mut coordinates = Axis::ALL.map(|axis| Occupied::new(dims[axis.index()].into()));
-    each_voxel(&lane, |fast, line_u, line_v| {
-        along_u.set(u64::from(line_v) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
-        along_v.set(u64::from(line_u) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
-        coordinates[lane.axis.index()].set(fast.into());
-        coordinates[u.index()].set(line_u.into());
-        coordinates[v.index()].set(line_v.into());
-    });
+    for line in lane.lines() {
+        for (fast, _) in lane.line_voxels(line.records) {
+            along_u.set(u64::from(line.v) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
+            along_v.set(u64::from(line.u) * u64::from(dims[lane.axis.index()]) + u64::from(fast));
+            coordinates[lane.axis.index()].set(fast.into());
+            coordinates[u.index()].set(line.u.into());
+            coordinates[v.index()].set(line.v.into());
+        }
+    }
     lines[u.index()] = along_u.count();
     lines[v.index()] = along_v.count();
     for axis in Axis::ALL {
@@ -180,15 +164,7 @@ pub fn virtual_voxels(arena: &Arena) -> Result<u64> {
     Ok(2 * lines.iter().sum::<u64>() + 4 * slices.iter().sum::<u64>() + 8)
 }
 
-fn each_voxel(lane: &Lane, mut visit: impl FnMut(u32, u32, u32)) {
-    for line in lane.lines() {
-        for (coordinate, _) in lane.line_voxels(line.records) {
-            visit(coordinate, line.u, line.v);
-        }
-    }
-}
-
-/// A set of small numbers; numbers beyond its end are ignored.
+/// A set of small numbers; larger ones are ignored.
 struct Occupied(Vec<u64>);
 
 impl Occupied {

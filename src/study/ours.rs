@@ -1,10 +1,8 @@
-//! Our own walk beside its rivals: the production walk over a subject's lanes.
-//!
-//! In: a subject, whose lanes it borrows. Out: the exact slice order, batch by batch, handed over voxel by voxel.
+//! Our own structure as a walker: the production walk over a subject's lanes, in exact slice order.
 
 use super::baselines::{Normal, Receiver, Viewing, Walker, placed};
 use super::subject::Subject;
-use super::trace::{Array, Trace};
+use super::trace::{Trace, WalkerArray};
 use adjsplat::arena::{Lane, LineEnds};
 use adjsplat::error::Result;
 use adjsplat::traverse::{Batch, walk};
@@ -17,7 +15,7 @@ pub struct Adjsplat<'a> {
 }
 
 impl<'a> Adjsplat<'a> {
-    /// Those of `subject`, derived where the arena has none.
+    /// Borrows the lanes of `subject`, and derives those that the file does not store.
     ///
     /// # Errors
     /// [`Error::Limit`](adjsplat::Error::Limit) if a derived lane would not fit the lanes' memory.
@@ -36,7 +34,7 @@ const NAMES: [[&str; 5]; 3] = [
     ["tiles along z", "line ends along z", "steps along z", "values along z", "normals along z"],
 ];
 
-/// Bytes of a lane's arrays, as they are named.
+/// Returns the bytes of a lane's arrays, in the order of [`NAMES`].
 fn bytes(lane: &Lane) -> [u64; 5] {
     let line_ends = match lane.line_ends {
         LineEnds::Narrow(ends) => size_of_val(ends),
@@ -51,17 +49,17 @@ impl Walker for Adjsplat<'_> {
         "adjsplat"
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         let lanes = Axis::ALL.map(|axis| bytes(&self.subject.lane(axis)));
         let arrays = NAMES.iter().flatten().zip(lanes.into_iter().flatten());
-        arrays.map(|(name, bytes)| Array { name, bytes, scratch: false }).collect()
+        arrays.map(|(name, bytes)| WalkerArray { name, bytes, scratch: false }).collect()
     }
 
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, _trace: &mut T) {
         let order = viewing.order;
         let lane = self.subject.lane(order.fast);
         let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
-        // A subject's lanes have no patch: its records lie in the channels.
+        // A subject's lanes have no edits: all records lie in the channels.
         let (values, normals) = (lane.values, lane.normals.as_chunks().0);
         walk(&lane, &order, &mut |batch: &Batch| {
             let slice = placed([0; 3], slow, batch.slow);

@@ -1,10 +1,9 @@
-//! Pictures of what methods visit: all by one splatter, front to back, on one thread.
+//! Pictures of what methods visit, all by one splatter, front to back, on one thread.
 //!
 //! In: a subject, a camera, and a method or a sequence of voxels. Out: a frame. The same voxels in the same order give
-//! the same bits, whoever hands them over, and those of [`render`](adjsplat::splat::cpu::render) where the order is the
-//! renderer's.
+//! the same bits. In the renderer's order these are the bits of [`render`](adjsplat::splat::cpu::render).
 
-use super::baselines::{Built, Normal, Receiver as _, Viewing, Walker as _};
+use super::baselines::{BuiltMethod, Normal, Receiver as _, Viewing, Walker as _};
 use super::subject::{Subject, VisibleVoxel};
 use super::trace::Untraced;
 use crate::splatter;
@@ -13,19 +12,19 @@ use adjsplat::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, View};
 use adjsplat::traverse::{Batch, Sense, walk};
 use adjsplat::volume::Axis;
 
-/// What `camera` sees of a subject, front to back.
+/// Returns the front-to-back view of a subject by `camera`.
 ///
 /// # Errors
-/// As [`View::new`] and [`Viewing::new`].
+/// Those of [`View::new`] and [`Viewing::new`].
 pub fn viewing(subject: &Subject, camera: &Camera, settings: &Settings) -> Result<Viewing> {
     let view = View::new(camera, &subject.facts.grid, settings.size, settings.kernel(), None)?;
     Viewing::new(view.viewpoint, subject.dims(), Sense::FrontToBack, settings.form)
 }
 
-/// A camera on an orbit around the visible voxels.
+/// Returns a camera on an orbit around the visible voxels.
 ///
 /// # Errors
-/// As [`Camera::orbiting`].
+/// Those of [`Camera::orbiting`].
 pub fn camera(subject: &Subject, orbit: Orbit, size: [u32; 2]) -> Result<Camera> {
     let around = match subject.lane(Axis::X).bounds() {
         Some((low, high)) => Surround::of_voxels(&subject.facts.grid, low, high),
@@ -34,27 +33,26 @@ pub fn camera(subject: &Subject, orbit: Orbit, size: [u32; 2]) -> Result<Camera>
     Camera::orbiting(orbit, around, size)
 }
 
-/// The scene, as a renderer takes it.
+/// Returns the subject as a renderer takes it.
 pub fn scene<'a>(subject: &'a Subject) -> Scene<'a> {
     Scene { facts: subject.facts, lanes: subject.lanes, transfer: &subject.transfer }
 }
 
-/// The picture of what a method visits; without `drawing` everything is done but the drawing of splats, and the frame is
-/// empty.
+/// Draws what a method visits. Without `drawing`, all work but the drawing of splats is done and the frame is empty.
 ///
 /// # Errors
-/// As [`cpu::render`](adjsplat::splat::cpu::render).
+/// Those of [`cpu::render`](adjsplat::splat::cpu::render).
 pub fn of_method(
     subject: &Subject,
     camera: &Camera,
     settings: &Settings,
-    built: &mut Built,
+    built: &mut BuiltMethod,
     drawing: bool,
 ) -> Result<Frame> {
     let viewing = viewing(subject, camera, settings)?;
     let (frame, _) = splatter::splat(&scene(subject), camera, settings, drawing, |splatter| {
         match built {
-            Built::Adjsplat(_) => {
+            BuiltMethod::Adjsplat(_) => {
                 walk(&subject.lane(viewing.order.fast), &viewing.order, &mut |batch: &Batch| splatter.batch(batch));
             }
             _ => built.walk(&viewing, splatter, &mut Untraced),
@@ -64,10 +62,10 @@ pub fn of_method(
     Ok(frame)
 }
 
-/// The picture of voxels in the order in which they come.
+/// Draws voxels in the given order.
 ///
 /// # Errors
-/// Likewise.
+/// Those of [`cpu::render`](adjsplat::splat::cpu::render).
 pub fn of_voxels(
     subject: &Subject,
     camera: &Camera,

@@ -1,21 +1,21 @@
-//! What studies do with the voxels that a walk hands over.
+//! Receivers: what studies do with the voxels of a walk.
 
-use super::baselines::{Node, Normal, Receiver};
+use super::baselines::{Normal, Receiver, VoxelCube};
 use crate::splatter::Splatter;
 use adjsplat::arena::Lane;
 use adjsplat::traverse::Batch;
 
-/// Adds up what it is given: the least that uses all of it.
+/// Sums coordinates, codes and normals: the least work that uses all of a voxel.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Sum {
-    /// Voxels and cubes.
+pub struct VoxelSum {
+    /// Number of voxels and cubes.
     pub count: u64,
-    /// Of coordinates, codes and bits of normals; wraps.
+    /// Sum of coordinates, codes and bits of normals; wraps.
     pub of_all: u64,
 }
 
-impl Sum {
-    /// Adds the voxels of a batch of `lane`, which has normals if `shaded`: array by array, as a renderer reads them.
+impl VoxelSum {
+    /// Adds a batch of `lane`, array by array as a renderer reads them; normals only if `shaded`.
     #[inline(always)]
     pub fn add(&mut self, lane: &Lane, batch: &Batch, shaded: bool) {
         let mut sum = u64::from(batch.slow) * batch.len() as u64;
@@ -34,7 +34,7 @@ impl Sum {
     }
 }
 
-impl Receiver for Sum {
+impl Receiver for VoxelSum {
     #[inline(always)]
     fn voxel(&mut self, [x, y, z]: [u16; 3], value: u8, normal: Normal) {
         let normal = match normal {
@@ -46,23 +46,23 @@ impl Receiver for Sum {
         self.of_all = self.of_all.wrapping_add(u64::from(place) + u64::from(normal));
     }
 
-    fn node(&mut self, node: &Node) {
+    fn cube(&mut self, cube: &VoxelCube) {
         self.count += 1;
-        self.of_all = self.of_all.wrapping_add(node.low.iter().map(|&c| u64::from(c)).sum::<u64>());
+        self.of_all = self.of_all.wrapping_add(cube.low.iter().map(|&c| u64::from(c)).sum::<u64>());
     }
 }
 
-/// Adds up coordinates alone: what a walk itself costs.
+/// Sums coordinates only: the cost of a walk itself.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct Places {
-    /// Voxels and cubes.
+pub struct CoordinateSum {
+    /// Number of voxels and cubes.
     pub count: u64,
-    /// Of coordinates; wraps.
+    /// Sum of coordinates; wraps.
     pub of_all: u64,
 }
 
-impl Places {
-    /// Adds those of a batch.
+impl CoordinateSum {
+    /// Adds a batch.
     #[inline(always)]
     pub fn add(&mut self, batch: &Batch) {
         let sum = |along: &[u16]| along.iter().map(|&c| u64::from(c)).sum::<u64>();
@@ -72,15 +72,15 @@ impl Places {
     }
 }
 
-impl Receiver for Places {
+impl Receiver for CoordinateSum {
     #[inline(always)]
     fn voxel(&mut self, position: [u16; 3], _: u8, _: Normal) {
         self.count += 1;
         self.of_all = self.of_all.wrapping_add(position.iter().map(|&c| u64::from(c)).sum());
     }
 
-    fn node(&mut self, node: &Node) {
-        self.voxel(node.low, 0, Normal::Code(0));
+    fn cube(&mut self, cube: &VoxelCube) {
+        self.voxel(cube.low, 0, Normal::Code(0));
     }
 }
 
@@ -93,7 +93,7 @@ impl Receiver for Splatter<'_> {
         }
     }
 
-    fn node(&mut self, node: &Node) {
-        self.cube(node.low, node.level, node.look, node.normal);
+    fn cube(&mut self, cube: &VoxelCube) {
+        self.cube(cube.low, cube.level, cube.look, cube.normal);
     }
 }

@@ -1,9 +1,9 @@
-//! Speed: frames a second of every method over a turn around the volume.
+//! Speed: times of every method's frames over a turn around the volume.
 //!
-//! In: a subject, methods, a picture size. Out: times of 36 frames, 10 degrees apart, as Orchard and Möller (2001,
-//! Table 1 and Figure 5) measure them, for parallel and perspective views: *displaying*, everything; *non-displaying*,
-//! everything but the drawing of splats; and the *walk*, which only adds up what it visits. All on one thread, all front
-//! to back by one splatter. Our own displaying frames are those of the renderer, which skips what is hidden row by row.
+//! In: a subject, methods, a picture size. Out: times of 36 frames, 10 degrees apart, in parallel and perspective views,
+//! as Orchard and Möller (2001, Table 1 and Figure 5) measure them. *Displaying* is everything, *non-displaying* all but
+//! the drawing of splats, and the *walk* only adds up what it visits. All run on one thread, front to back, with one
+//! splatter. Our own displaying frames are the renderer's, which skips hidden rows.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -11,55 +11,55 @@ use std::time::Instant;
 
 use xxhash_rust::xxh3::Xxh3;
 
-use super::baselines::{Built, Method, Viewing, Walker as _};
+use super::baselines::{BuiltMethod, Method, Viewing, Walker as _};
 use super::picture;
-use super::receive::{Places, Sum};
+use super::receive::{CoordinateSum, VoxelSum};
 use super::subject::Subject;
 use super::trace::Untraced;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Camera, Frame, Orbit, Settings, cpu};
 use adjsplat::traverse::{Batch, walk};
 
-/// What to measure.
+/// Settings of the measurement.
 #[derive(Debug, Clone)]
 pub struct SpeedOptions {
-    /// Columns and rows; the paper's are 300 x 300.
+    /// Columns and rows of a picture; 300 x 300 in the paper.
     pub size: [u32; 2],
-    /// Frames of a turn; the paper's are 36. At least 1.
+    /// Frames of a turn, at least 1; 36 in the paper.
     pub frames: u32,
-    /// Degrees above the horizontal plane.
+    /// Elevation of the camera, in degrees.
     pub elevation: f64,
-    /// Vertical angle of perspective views, degrees.
+    /// Vertical angle of perspective views, in degrees.
     pub fov: f64,
-    /// What to measure.
+    /// The methods to measure.
     pub methods: Vec<Method>,
 }
 
-/// What a method took in one projection.
+/// Times of a method in one projection.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Speed {
-    /// The method.
+    /// The measured method.
     pub method: Method,
     /// Whether views were perspective.
     pub perspective: bool,
-    /// Voxels (or cubes of an octree) of a frame, mean.
+    /// Mean number of splats of a frame.
     pub splats: f64,
-    /// Seconds of a frame, mean.
+    /// Mean seconds of a frame.
     pub displaying: f64,
-    /// The same without drawing.
+    /// Mean seconds of a frame without drawing.
     pub non_displaying: f64,
-    /// The same of the walk alone.
+    /// Mean seconds of the walk alone.
     pub walk: f64,
-    /// Seconds that building the structure took.
+    /// Seconds to build the structure.
     pub build: f64,
-    /// XXH3-64 of the turn's displayed frames: equal where pictures are, bit for bit.
+    /// XXH3-64 of the turn's frames: equal if all pictures are equal, bit for bit.
     pub pictures: u64,
 }
 
-/// Measures all methods; `go_on` is told what is done of how much, and may stop it.
+/// Measures all methods; `go_on` receives the frames done and in total, and can cancel.
 ///
 /// # Errors
-/// As building the methods and drawing; [`Error::Interrupted`] if `go_on` says so.
+/// Those of building the methods and of drawing; [`Error::Interrupted`] if `go_on` cancels.
 pub fn measure(
     subject: &Subject,
     options: &SpeedOptions,
@@ -111,17 +111,17 @@ pub fn measure(
     Ok(found)
 }
 
-/// Of so many frames one is also timed without drawing: nothing but the drawing changes much from one to the next.
+/// One of this many frames is also timed without drawing: those times change little from frame to frame.
 const UNDRAWN: u32 = 3;
 
-/// One view of the turn.
+/// A view of the turn.
 struct TurnedView {
     settings: Settings,
     camera: Camera,
     viewing: Viewing,
 }
 
-/// What a frame took without drawing, in seconds, and how many splats it had.
+/// Seconds of a frame without drawing, and its number of splats.
 struct Undrawn {
     splats: f64,
     non_displaying: f64,
@@ -137,7 +137,7 @@ impl TurnedView {
         Ok(TurnedView { settings, camera, viewing })
     }
 
-    fn undrawn(&self, subject: &Subject, built: &mut Built) -> Result<Undrawn> {
+    fn undrawn(&self, subject: &Subject, built: &mut BuiltMethod) -> Result<Undrawn> {
         let start = Instant::now();
         let sum = black_box(summed(subject, built, &self.viewing));
         let walk = start.elapsed().as_secs_f64();
@@ -147,22 +147,22 @@ impl TurnedView {
         Ok(Undrawn { splats: sum.count as f64, non_displaying, walk })
     }
 
-    /// The picture, and seconds.
-    fn drawn(&self, subject: &Subject, built: &mut Built) -> Result<(Frame, f64)> {
+    /// Returns the picture and the seconds that it took.
+    fn drawn(&self, subject: &Subject, built: &mut BuiltMethod) -> Result<(Frame, f64)> {
         let start = Instant::now();
         let picture = match built {
-            Built::Adjsplat(_) => cpu::render(&picture::scene(subject), &self.camera, &self.settings)?.0,
+            BuiltMethod::Adjsplat(_) => cpu::render(&picture::scene(subject), &self.camera, &self.settings)?.0,
             _ => picture::of_method(subject, &self.camera, &self.settings, built, true)?,
         };
         Ok((picture, start.elapsed().as_secs_f64()))
     }
 }
 
-/// As [`summed`], but for coordinates alone.
-pub fn summed_places(subject: &Subject, built: &mut Built, viewing: &Viewing) -> Places {
-    let mut sum = Places::default();
+/// Walks and sums coordinates only; our own walk delivers batches, as it does to a renderer.
+pub fn summed_coordinates(subject: &Subject, built: &mut BuiltMethod, viewing: &Viewing) -> CoordinateSum {
+    let mut sum = CoordinateSum::default();
     match built {
-        Built::Adjsplat(_) => {
+        BuiltMethod::Adjsplat(_) => {
             walk(&subject.lane(viewing.order.fast), &viewing.order, &mut |batch: &Batch| sum.add(batch));
         }
         _ => built.walk(viewing, &mut sum, &mut Untraced),
@@ -170,11 +170,11 @@ pub fn summed_places(subject: &Subject, built: &mut Built, viewing: &Viewing) ->
     sum
 }
 
-/// Walks and adds up; our own walk hands over batches, as it does to a renderer.
-pub fn summed(subject: &Subject, built: &mut Built, viewing: &Viewing) -> Sum {
-    let mut sum = Sum::default();
+/// Walks and sums everything; our own walk delivers batches, as it does to a renderer.
+pub fn summed(subject: &Subject, built: &mut BuiltMethod, viewing: &Viewing) -> VoxelSum {
+    let mut sum = VoxelSum::default();
     match built {
-        Built::Adjsplat(_) => {
+        BuiltMethod::Adjsplat(_) => {
             let lane = subject.lane(viewing.order.fast);
             let shaded = lane.channels.normal_bits > 0;
             walk(&lane, &viewing.order, &mut |batch: &Batch| sum.add(&lane, batch, shaded));

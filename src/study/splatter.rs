@@ -8,10 +8,10 @@ use multiversion::multiversion;
 
 use adjsplat::classify::normal;
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::Shot;
+use adjsplat::internals::FrameSetup;
 use adjsplat::internals::scatter::{
-    BLOCK, Bench, Blend as _, Coordinates, Drawn, EllipseEach, Finish, FrontToBack, GROUP, Limits, Look, Planes,
-    Projector, Rect, Splats, Table, Voxels, Work, assemble, block, draw, weigh,
+    BLOCK, BandResult, BandStats, Blend as _, Coordinates, Finish, FrontToBack, GROUP, Look, Projector, Rect,
+    SplatBuffers, Table, Thresholds, VoxelBlock, apply_strengths, assemble, draw_splats, project_and_draw,
 };
 use adjsplat::splat::{Camera, Code, Frame, Mode, Scene, Settings};
 use adjsplat::traverse::{Batch, Sense};
@@ -20,18 +20,18 @@ use adjsplat::traverse::{Batch, Sense};
 const LEVELS: usize = 17;
 
 /// Draws what it is given.
-pub struct Splatter<'a> {
+pub(crate) struct Splatter<'a> {
     /// By level of the cubes; voxels are level 0.
     projectors: Vec<Projector<'a>>,
     /// By value code.
     looks: [Look; 256],
     nesting: [usize; 3],
-    limits: Limits,
+    thresholds: Thresholds,
     drawing: bool,
-    bench: Bench,
+    buffers: SplatBuffers,
     level: usize,
     /// Of a lane's batch.
-    voxels: Box<Voxels>,
+    voxels: Box<VoxelBlock>,
     block: Block,
     drawn: u64,
 }
@@ -50,18 +50,8 @@ struct Block {
 
 impl Coordinates for Block {
     #[inline(always)]
-    fn slow(&self, j: usize) -> f64 {
-        self.at[0][j]
-    }
-
-    #[inline(always)]
-    fn medium(&self, j: usize) -> f64 {
-        self.at[1][j]
-    }
-
-    #[inline(always)]
-    fn fast(&self, j: usize) -> f64 {
-        self.at[2][j]
+    fn double(&self, j: usize) -> [f64; 3] {
+        [self.at[0][j], self.at[1][j], self.at[2][j]]
     }
 
     #[inline(always)]
@@ -74,7 +64,7 @@ impl Coordinates for Block {
 impl Splatter<'_> {
     /// A voxel by its codes.
     #[inline(always)]
-    pub fn coded(&mut self, position: [u16; 3], value: u8, normal: u16) {
+    pub(crate) fn coded(&mut self, position: [u16; 3], value: u8, normal: u16) {
         let place = self.room(0, true);
         self.block.codes[place] = normal;
         self.put(place, position.map(f64::from), self.look(value));
@@ -82,14 +72,14 @@ impl Splatter<'_> {
 
     /// What a value looks like.
     #[inline(always)]
-    pub fn look(&self, value: u8) -> Look {
+    pub(crate) fn look(&self, value: u8) -> Look {
         self.looks[usize::from(value)]
     }
 
     /// A cube of voxels of edge `1 << level` with its lowest voxel at `low`; `level` 0 for a voxel. Its normal is a unit
     /// vector, or 0 for none.
     #[inline(always)]
-    pub fn cube(&mut self, low: [u16; 3], level: u8, look: Look, normal: [f32; 3]) {
+    pub(crate) fn cube(&mut self, low: [u16; 3], level: u8, look: Look, normal: [f32; 3]) {
         let place = self.room(usize::from(level), false);
         for (array, part) in self.block.normals.iter_mut().zip(normal) {
             array[place] = part;
@@ -118,7 +108,7 @@ impl Splatter<'_> {
     }
 
     /// Voxels of the lane that the order asks for.
-    pub fn batch(&mut self, batch: &Batch) {
+    pub(crate) fn batch(&mut self, batch: &Batch) {
         self.flush();
         for from in (0..batch.len()).step_by(GROUP) {
             if !self.voxels.have_room(GROUP) {
@@ -130,11 +120,11 @@ impl Splatter<'_> {
     }
 
     fn flush_voxels(&mut self) {
-        let (projector, bench) = (&self.projectors[0], &mut self.bench);
+        let (projector, buffers) = (&self.projectors[0], &mut self.buffers);
         self.drawn += if self.drawing {
-            block::<FrontToBack>(Code::Best, projector, &self.voxels, bench, self.limits)
+            project_and_draw::<FrontToBack>(Code::Best, projector, &self.voxels, buffers, self.thresholds)
         } else {
-            project(projector, &self.voxels, bench, self.limits)
+            project(projector, &self.voxels, buffers, self.thresholds)
         };
         self.voxels.count = 0;
     }
@@ -145,22 +135,22 @@ impl Splatter<'_> {
             self.projectors.push(self.projectors[0].of_cubes(edge));
         }
         let projector = &self.projectors[self.level];
-        self.drawn += handed(projector, &mut self.block, &mut self.bench, self.limits, self.drawing);
+        self.drawn += handed(projector, &mut self.block, &mut self.buffers, self.thresholds, self.drawing);
     }
 }
 
 /// Stage 1 of a block that was handed over, which is empty then.
 #[inline(always)]
-fn place_and_shade(projector: &Projector, block: &mut Block, bench: &mut Bench, limits: Limits) {
-    let Bench { planes, splats, each, .. } = bench;
-    projector.place(block, splats, each);
-    projector.keep(block.count, [true; BLOCK], splats, planes, limits);
+fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers, thresholds: Thresholds) {
+    let SplatBuffers { tiles, splats, ellipses, .. } = buffers;
+    projector.place(block, splats, ellipses);
+    projector.cull(block.count, [true; BLOCK], splats, tiles, thresholds);
     for k in 0..splats.count {
         let j = usize::from(splats.kept[k]) % BLOCK;
         let [red, green, blue, depth] = block.looks[j];
-        (splats.ink[k], splats.peak[k]) = ([red, green, blue, projector.fourth_ink], depth);
+        (splats.ink[k], splats.peak[k]) = ([red, green, blue, projector.alpha_ink], depth);
     }
-    weigh(splats);
+    apply_strengths(splats);
     if let Some(lights) = &projector.lights {
         let mut normals = [[0.0f32; BLOCK]; 3];
         if block.coded {
@@ -181,23 +171,29 @@ fn place_and_shade(projector: &Projector, block: &mut Block, bench: &mut Bench, 
     block.count = 0;
 }
 
-/// As [`block`], but for the drawing; gives how many splats would be drawn.
+/// As [`project_and_draw`], but for the drawing; gives how many splats would be drawn.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn project(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
-    let Bench { planes, splats, each, .. } = bench;
-    projector.block(voxels, splats, each, planes, limits);
-    std::hint::black_box(&bench.splats).count as u64
+fn project(projector: &Projector, voxels: &VoxelBlock, buffers: &mut SplatBuffers, thresholds: Thresholds) -> u64 {
+    let SplatBuffers { tiles, splats, ellipses, .. } = buffers;
+    projector.project_block(voxels, splats, ellipses, tiles, thresholds);
+    std::hint::black_box(&buffers.splats).count as u64
 }
 
 /// Projects and, if `drawing`, draws a block that was handed over; gives how many splats were drawn, or would be.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn handed(projector: &Projector, block: &mut Block, bench: &mut Bench, limits: Limits, drawing: bool) -> u64 {
-    place_and_shade(projector, block, bench, limits);
+fn handed(
+    projector: &Projector,
+    block: &mut Block,
+    buffers: &mut SplatBuffers,
+    thresholds: Thresholds,
+    drawing: bool,
+) -> u64 {
+    place_and_shade(projector, block, buffers, thresholds);
     if drawing {
-        let Bench { planes, splats, each, .. } = bench;
-        draw::<FrontToBack>(projector, planes, splats, each, limits)
+        let SplatBuffers { tiles, splats, ellipses, .. } = buffers;
+        draw_splats::<FrontToBack>(projector, tiles, splats, ellipses, thresholds)
     } else {
-        std::hint::black_box(&bench.splats).count as u64
+        std::hint::black_box(&buffers.splats).count as u64
     }
 }
 
@@ -208,7 +204,7 @@ fn handed(projector: &Projector, block: &mut Block, bench: &mut Bench, limits: L
 ///
 /// # Errors
 /// As `cpu::render`, and whatever `feed` fails with.
-pub fn splat(
+pub(crate) fn splat(
     scene: &Scene,
     camera: &Camera,
     settings: &Settings,
@@ -216,27 +212,22 @@ pub fn splat(
     feed: impl FnOnce(&mut Splatter) -> Result<()>,
 ) -> Result<(Frame, u64)> {
     let settings = Settings { sense: Sense::FrontToBack, mode: Mode::Composite, crop: None, ..settings.clone() };
-    let shot = Shot::new(scene, camera, &settings)?;
-    let table = Table::new(scene, &shot.lane, &settings, shot.view.mean_voxel)?;
+    let setup = FrameSetup::new(scene, camera, &settings)?;
+    let table = Table::new(scene, &setup.lane, &settings, setup.view.mean_voxel)?;
     let looks =
         *table.of_bytes().ok_or_else(|| Error::input("values", "have 16 bits, or looks depend on gradients"))?;
-    let projector = Projector::new(&shot, &table, FrontToBack::INK);
+    let projector = Projector::new(&setup, &table, FrontToBack::ALPHA_INK);
     let [columns, rows] = settings.size.map(u32::cast_signed);
     let rect = Rect { x0: 0, y0: 0, x1: columns, y1: rows };
     let mut splatter = Splatter {
         looks,
         nesting: projector.nesting,
         projectors: vec![projector],
-        limits: Limits { cut: shot.kernel.cut(), stop: settings.termination() },
+        thresholds: Thresholds { cut: setup.kernel.cut(), stop: settings.termination() },
         drawing,
-        bench: Bench {
-            planes: Planes::new(rect, FrontToBack::FOURTH)?,
-            splats: Splats::new(),
-            each: EllipseEach::new(),
-            sheet: None,
-        },
+        buffers: SplatBuffers::new::<FrontToBack>(rect, false)?,
         level: 0,
-        voxels: Voxels::new(),
+        voxels: VoxelBlock::new(),
         block: Block {
             count: 0,
             at: [[0.0; BLOCK]; 3],
@@ -249,7 +240,7 @@ pub fn splat(
     };
     feed(&mut splatter)?;
     splatter.flush();
-    let Splatter { bench, drawn, .. } = splatter;
-    let band = Drawn { pixels: bench.planes, work: Work { visited: drawn, drawn, ..Work::default() } };
+    let Splatter { buffers, drawn, .. } = splatter;
+    let band = BandResult { pixels: buffers.tiles, stats: BandStats { visited: drawn, drawn, ..BandStats::default() } };
     Ok((assemble(&[band], &settings, Finish::new(&table))?, drawn))
 }

@@ -1,7 +1,7 @@
-//! A subject: the scene that a study's methods are built from.
+//! Subjects: the scenes that a study's methods are built from.
 //!
-//! In: an arena of 8-bit values and normals of 2 x 8 bits or none. Out: its visible voxels in scan order (x fastest), as
-//! every method takes them, and its three lanes.
+//! In: a file with 8-bit values and with normals of 2 x 8 bits or none. Out: its visible voxels in scan order (x
+//! fastest) and its three lanes.
 
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Lane, LaneSet};
@@ -12,44 +12,43 @@ use adjsplat::splat::{Scene, Settings};
 use adjsplat::traverse::{Batch, Order, walk};
 use adjsplat::volume::Axis;
 
-/// One visible voxel.
+/// A visible voxel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct VisibleVoxel {
-    /// x, y, z.
+    /// Coordinates along x, y and z.
     pub position: [u16; 3],
-    /// Value code.
+    /// Code of its value.
     pub value: u8,
-    /// Code of its normal; 0 where there are none.
+    /// Code of its normal; 0 if there are no normals.
     pub normal: u16,
 }
 
 /// A scene under study.
 #[derive(Debug)]
 pub struct Subject<'a> {
-    /// What tables call it.
+    /// Its name in tables.
     pub name: String,
-    /// Grid and codecs.
+    /// Its grid and codecs.
     pub facts: &'a Facts,
-    /// What values look like.
+    /// Its transfer function.
     pub transfer: TransferFunction,
-    /// The lanes, stored or derived.
+    /// Its lanes, stored or derived.
     pub lanes: &'a LaneSet<'a>,
-    /// The visible voxels, x fastest, then y, then z.
+    /// Its visible voxels, x fastest, then y, then z.
     pub voxels: Vec<VisibleVoxel>,
 }
 
 impl<'a> Subject<'a> {
-    /// The scene of `lanes` under `transfer`, called `name`. O(voxels); 10 bytes a voxel.
+    /// Reads the scene of `lanes` under `transfer`. O(voxels); takes 10 bytes a voxel.
     ///
     /// # Errors
-    /// [`Error::Input`] if its channels are not those that every method stores, or memory cannot be had; whatever
-    /// deriving a lane fails with.
+    /// [`Error::Input`] if the file has other channels; [`Error::Limit`] if memory cannot be had; errors of deriving a lane.
     pub fn new(name: &str, lanes: &'a LaneSet<'a>, transfer: TransferFunction) -> Result<Subject<'a>> {
         let facts = lanes.arena().facts();
         let channels = facts.channels;
         if channels.value_bits != 8 || !matches!(channels.normal_bits, 0 | 8) || channels.magnitude_bits != 0 {
-            let why = "has other channels than the methods of a study store; build it with --value-bits 8, --normals 8 \
-                       or none, and no gradient opacity";
+            let why = "has other channels than the methods of a study store; build it with values of 8 bits, normals of 8 \
+                       bits or none, and no gradient opacity";
             return Err(Error::input(name, why));
         }
         let mut voxels = Vec::new();
@@ -77,23 +76,23 @@ impl<'a> Subject<'a> {
         Ok(Subject { name: name.to_owned(), facts, transfer, lanes, voxels })
     }
 
-    /// Grid points along x, y, z.
+    /// Returns the grid points along x, y and z.
     pub fn dims(&self) -> [u32; 3] {
         self.facts.grid.dims
     }
 
-    /// The lane along `axis`.
+    /// Returns the lane along `axis`.
     ///
     /// # Panics
-    /// If it cannot be derived, which a study does before it begins.
+    /// If it cannot be derived; studies derive all lanes before they begin.
     pub fn lane(&self, axis: Axis) -> Lane<'_> {
         self.lanes.lane(axis).expect("lanes of a study fit its memory")
     }
 
-    /// Red, green, blue (linear) and optical depth per mean voxel, in units of ln 2, of each value code.
+    /// Returns linear red, green, blue and optical depth per mean voxel in units of ln 2, for each value code.
     ///
     /// # Errors
-    /// If the file's scales are out of range.
+    /// [`Error`] if the file's scales are out of range.
     pub fn looks(&self) -> Result<[[f32; 4]; 256]> {
         let scene = Scene { facts: self.facts, lanes: self.lanes, transfer: &self.transfer };
         let table =

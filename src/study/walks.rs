@@ -1,20 +1,20 @@
-//! Walks: nanoseconds a visible voxel in each of the 48 orders of parallel views.
+//! Walk times: nanoseconds a visible voxel in each of the 48 orders of parallel views.
 //!
-//! In: a subject, methods. Out: the fastest of several walks of each method in each order, on one thread; every walk adds
-//! up coordinates, values and normals, so nothing that a renderer would read is left unread, or coordinates alone. The
-//! methods take turns in every order, so that a change of the machine's pace meets all of them.
+//! In: a subject and methods. Out: the fastest of several walks of each method in each order, on one thread. Walks add up
+//! coordinates, values and normals, so that nothing a renderer needs stays unread; or only coordinates. Methods take
+//! turns in every order, so that changes of the machine's speed affect all of them.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::baselines::{Method, Viewing};
-use super::speed::{summed, summed_places};
+use super::speed::{summed, summed_coordinates};
 use super::subject::Subject;
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::Order;
 
-/// Orders of parallel views: six nestings, eight directions.
+/// Number of orders of parallel views: six nestings, eight directions.
 pub const ORDERS: usize = 48;
 
 /// What a walk reads of each voxel.
@@ -23,26 +23,26 @@ pub enum Reading {
     /// Coordinates, value and normal.
     #[default]
     Everything,
-    /// Where it is.
+    /// Coordinates only.
     Coordinates,
 }
 
-/// What one method's walks took.
+/// Walk times of one method.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Walks {
-    /// The method.
+    /// The measured method.
     pub method: Method,
-    /// Nanoseconds a visible voxel, by order: nesting x 8 + directions, as [`Order::parallel`] numbers them.
+    /// Nanoseconds a visible voxel, by order: 8 x nesting + directions, as [`Order::parallel`] numbers them.
     pub ns: Vec<f64>,
 }
 
 impl Walks {
-    /// Geometric mean over the orders.
+    /// Returns the geometric mean over the orders.
     pub fn geometric_mean(&self) -> f64 {
         (self.ns.iter().map(|ns| ns.ln()).sum::<f64>() / self.ns.len() as f64).exp()
     }
 
-    /// Median over the orders.
+    /// Returns the median over the orders.
     pub fn median(&self) -> f64 {
         let mut sorted = self.ns.clone();
         sorted.sort_by(f64::total_cmp);
@@ -50,23 +50,23 @@ impl Walks {
         f64::midpoint(sorted[middle], sorted[(sorted.len() - 1) / 2])
     }
 
-    /// The slowest order.
+    /// Returns the time of the slowest order.
     pub fn worst(&self) -> f64 {
         self.ns.iter().copied().fold(0.0, f64::max)
     }
 }
 
-/// Order number `index`, below [`ORDERS`].
+/// Returns order number `index`, below [`ORDERS`].
 pub fn order(index: usize) -> Order {
     Order::parallel(index / 8, u8::try_from(index % 8).expect("below 8"))
 }
 
-/// Measures every `stride`-th order `repetitions` times; `go_on` is told what is done of how much, and may stop it.
+/// Measures every `stride`-th order `repetitions` times; `go_on` receives the orders done and in total, and can cancel.
 ///
-/// The structures of all `methods` are in memory at once.
+/// All structures are in memory at once.
 ///
 /// # Errors
-/// As building the methods; [`Error::Interrupted`] if `go_on` says so.
+/// Those of [`Method::build`]; [`Error::Interrupted`] if `go_on` cancels.
 pub fn measure(
     subject: &Subject,
     methods: &[Method],
@@ -86,7 +86,7 @@ pub fn measure(
                 let start = Instant::now();
                 match reading {
                     Reading::Everything => _ = black_box(summed(subject, built, &viewing)),
-                    Reading::Coordinates => _ = black_box(summed_places(subject, built, &viewing)),
+                    Reading::Coordinates => _ = black_box(summed_coordinates(subject, built, &viewing)),
                 }
                 *fastest = fastest.min(start.elapsed().as_secs_f64());
             }

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::harness::{Folder, RAW, Ran, adj, program};
+use super::harness::{Folder, RAW, Ran, Runs as _, adj, program};
 
 /// `adj verify --json` of many files in few runs: exit code and answer of each run's files.
 fn verify_all(files: &[PathBuf]) -> Vec<serde_json::Value> {

@@ -1,6 +1,6 @@
 //! `adj study cache` and `adj study layouts`: what they print and write.
 
-use super::harness::Folder;
+use super::harness::{Folder, Runs as _};
 
 #[test]
 fn every_structure_order_and_level_has_a_row() {
@@ -80,7 +80,7 @@ fn wrong_words_are_refused_with_the_right_ones() {
     refused("--line 63", &["line", "power of two"]);
     refused("--orders sideways", &["--orders", "+z-y+x"]);
     refused("--channels all", &["--channels", "value+normal"]);
-    refused("--tile-order snake", &["tile order", "hilbert"]);
+    refused("--tile-order snake", &["--tile-order", "hilbert"]);
     refused("--methods ours", &["adjsplat"]);
     refused("--curves c.gif", &["c.gif", ".svg or .png"]);
     refused("--methods adjsplat --orders +z+y+x --trace gone/t", &["gone"]);

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 
-use super::harness::Folder;
+use super::harness::{Folder, Runs as _};
 
 const SCENE: &str = "phantom:gyroid --dims 24x24x24 --range 117.5..138.5 --size 40x30 --azimuth 30 --elevation 20";
 

@@ -4,6 +4,9 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+pub(crate) use adjsplat_tests::files::Folder;
+use adjsplat_tests::say;
+
 /// What one run gave.
 pub(crate) struct Ran {
     pub(crate) code: Option<i32>,
@@ -54,52 +57,31 @@ pub(crate) fn adj<S: AsRef<OsStr>>(arguments: impl IntoIterator<Item = S>) -> Ra
     Ran::new(&program().args(arguments).output().expect("the program was built"))
 }
 
-/// A folder for one test's files.
-pub(crate) struct Folder(tempfile::TempDir);
-
-impl Folder {
-    pub(crate) fn new() -> Folder {
-        Folder(tempfile::tempdir().expect("the system has a temporary folder"))
-    }
-
-    pub(crate) fn path(&self) -> &Path {
-        self.0.path()
-    }
-
-    pub(crate) fn file(&self, name: impl AsRef<Path>) -> PathBuf {
-        self.0.path().join(name)
-    }
-
-    pub(crate) fn write(&self, name: impl AsRef<Path>, bytes: &[u8]) -> PathBuf {
-        let path = self.file(name);
-        std::fs::write(&path, bytes).expect("the folder can be written");
-        path
-    }
-
+/// What the program does in a folder.
+pub(crate) trait Runs {
     /// Runs `adj` in it with words from a line; `'` and spaces in names are for [`adj`].
-    pub(crate) fn adj(&self, line: &str) -> Ran {
+    fn adj(&self, line: &str) -> Ran;
+
+    /// Checks that building fails with exit code 2 and one line that has all of `parts`, and leaves nothing new.
+    fn build_refused(&self, line: &str, parts: &[&str]) -> String;
+
+    /// Builds a small file in it, in three lanes, with gaps above 255.
+    fn small_arena(&self, name: &str) -> PathBuf;
+}
+
+impl Runs for Folder {
+    fn adj(&self, line: &str) -> Ran {
         Ran::new(&program().current_dir(self.path()).args(line.split_whitespace()).output().expect("it was built"))
     }
 
-    /// Names in it, sorted.
-    pub(crate) fn names(&self) -> Vec<String> {
-        let entries = std::fs::read_dir(self.path()).expect("it is there");
-        let mut names: Vec<String> =
-            entries.map(|entry| entry.expect("it is there").file_name().to_string_lossy().into_owned()).collect();
-        names.sort();
-        names
-    }
-
-    /// Checks that building fails with exit code 2 and one line that has all of `parts`, and leaves nothing new.
-    pub(crate) fn build_refused(&self, line: &str, parts: &[&str]) -> String {
+    fn build_refused(&self, line: &str, parts: &[&str]) -> String {
         let before = self.names();
         let told = self.adj(&format!("build {line}")).refused(parts);
         assert_eq!(self.names(), before, "{line}: {told}");
         told
     }
 
-    /// Builds a small file in it, in three lanes, with gaps above 255.
-    pub(crate) fn small_arena(&self, name: &str) -> PathBuf {
+    fn small_arena(&self, name: &str) -> PathBuf {
         self.adj(&format!("build phantom:corners --dims 300x7x5 -o {name}")).done();
         self.file(name)
     }
@@ -137,12 +119,6 @@ pub(crate) fn in_private_mounts(script: &str, folder: &Path) -> Option<Ran> {
             return run(flags, script).map(|output| Ran::new(&output));
         }
     }
-    skipped("this machine lets us mount nothing, so full and read-only disks were not tested");
+    say("SKIPPED: this machine lets us mount nothing, so full and read-only disks were not tested");
     None
-}
-
-/// Says what was not tested. Not by eprintln, which the test runner keeps to itself where a test passes.
-pub(crate) fn skipped(why: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stderr(), "SKIPPED: {why}");
 }

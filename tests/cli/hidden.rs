@@ -1,6 +1,6 @@
 //! `adj build --cull-hidden`: what it writes, says and refuses.
 
-use crate::harness::Folder;
+use crate::harness::{Folder, Runs as _};
 
 /// An opaque ball's transfer function for phantom:constant.
 const OPAQUE: &str = r##"{"kind": "points", "points": [{"value": 0, "colour": "#ffffff", "opacity": 1}]}"##;

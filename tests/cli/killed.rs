@@ -8,7 +8,10 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-use super::harness::{Folder, program, skipped};
+use adjsplat_tests::random::Random;
+use adjsplat_tests::say;
+
+use super::harness::{Folder, Runs as _, program};
 
 /// Builds of about 6 MB and 4 MB.
 const BUILDS: [&str; 2] = ["phantom:constant --dims 80x80x80", "phantom:constant --dims 70x70x70"];
@@ -52,12 +55,8 @@ fn runs_that_are_killed_leave_the_old_file_or_the_new_one() {
     let (whole, longest) = built_alone(&folder);
     let mut held = 1;
     let (mut replaced, mut left) = (0, 0);
-    let mut state = 1u64;
-    // A part of `time`, by the seed.
-    let mut part = |time: Duration| {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        time.mul_f64((state >> 33) as f64 / f64::from(1u32 << 31))
-    };
+    let mut random = Random(1);
+    let mut part = |time: Duration| time.mul_f64(random.number());
     for kill in 0..KILLS {
         let now = usize::from(held == 0);
         let mut child = start(&folder, BUILDS[now]);
@@ -91,7 +90,7 @@ fn runs_that_are_killed_leave_the_old_file_or_the_new_one() {
     assert_eq!(folder.names(), ["out.adj"]);
     assert!(content(&folder) == whole[0]);
     if left == 0 {
-        skipped(&format!("of {KILLS} runs none was killed while it wrote; {replaced} had ended"));
+        say(&format!("SKIPPED: of {KILLS} runs none was killed while it wrote; {replaced} had ended"));
     }
 }
 

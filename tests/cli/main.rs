@@ -1,5 +1,4 @@
 //! The program, through its own binary: exit codes, what it prints where, and what it leaves behind.
-#![cfg(feature = "cli")]
 
 mod arenas;
 mod budgets;
@@ -10,6 +9,7 @@ mod harness;
 mod hidden;
 mod interrupt;
 mod killed;
+mod library;
 mod memory;
 mod outputs;
 mod study;

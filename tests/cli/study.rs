@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use serde_json::Value;
 
-use super::harness::Folder;
+use super::harness::{Folder, Runs as _};
 
 fn rows(folder: &Folder, name: &str) -> Vec<Value> {
     let json: Value = serde_json::from_slice(&std::fs::read(folder.file(name)).unwrap()).unwrap();

@@ -1,6 +1,7 @@
 //! Flags and files that say what is visible.
+use adjsplat_tests::say;
 
-use super::harness::{Folder, RAW, skipped};
+use super::harness::{Folder, RAW, Runs as _};
 
 fn folder() -> Folder {
     let folder = Folder::new();
@@ -105,7 +106,7 @@ fn a_pipe_as_a_transfer_function_is_refused_and_not_waited_for() {
     let folder = Folder::new();
     let made = std::process::Command::new("mkfifo").arg(folder.file("pipe.json")).status();
     if !made.is_ok_and(|status| status.success()) {
-        return skipped("mkfifo is not there");
+        return say("SKIPPED: mkfifo is not there");
     }
     folder.build_refused("phantom:gyroid --dims 8x8x8 --tf pipe.json -o out.adj", &["pipe.json", "pipe or a device"]);
 }

@@ -8,7 +8,7 @@ use adjsplat::build::Unobserved;
 use adjsplat::file::{RowsOutput, write_rows};
 use serde_json::{Value, json};
 
-use super::harness::{Folder, RAW, in_private_mounts};
+use super::harness::{Folder, RAW, Runs as _, in_private_mounts};
 
 /// A ramp of 1 to 24, of which those from 5 up are visible, in three lanes.
 fn ramp(folder: &Folder, name: &str) {
@@ -130,7 +130,7 @@ fn what_cannot_be_done_is_refused() {
     refused(&folder, "a.adj -o b.adj --iso 9", &["gradient magnitudes"]);
     refused(&folder, "a.adj -o b.adj --range 99..", &["nothing is left", "20 visible voxels"]);
     refused(&folder, "a.adj -o b.adj --crop 0..0,0..0,0..0", &["nothing is left"]);
-    refused(&folder, "a.adj -o b.adj --crop 4..,..,..", &["--crop", "inside the grid"]);
+    refused(&folder, "a.adj -o b.adj --crop 4..,..,..", &["--crop", "of the 4 x 3 x 2 grid"]);
     refused(&folder, "a.adj -o b.adj --crop 2..1,..,..", &["--crop"]);
     refused(&folder, "a.adj -o b.adj --keep-grid", &["--crop", "see adj trim --help"]);
     refused(&folder, "a.adj -o b.adj --drop values", &["'values'", "normals, magnitudes"]);

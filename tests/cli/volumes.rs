@@ -1,8 +1,6 @@
 //! Volumes that cannot be read: exit code 2, one line that says what to do, and no file.
 
-use std::path::Path;
-
-use super::harness::{Folder, RAW, adj, gzip, nrrd};
+use super::harness::{Folder, RAW, Runs as _, adj, gzip, nrrd};
 
 const BUILD_RAW: &str = "v.raw --type u8 --range 1.. -o out.adj";
 

@@ -8,32 +8,7 @@ use adjsplat::classify::gradient::magnitude;
 use adjsplat::classify::normal::{NONE8, NONE16, decode8, decode16, encode8, encode16};
 use adjsplat::classify::{Colour, Contour, Neighbourhood, PRESETS, Point, Quantiser, TransferFunction, UnlistedLabels};
 use adjsplat::volume::SampleType;
-
-/// Xorshift64*: fixed dice.
-struct Dice(u64);
-
-impl Dice {
-    fn bits(&mut self) -> u64 {
-        self.0 ^= self.0 >> 12;
-        self.0 ^= self.0 << 25;
-        self.0 ^= self.0 >> 27;
-        self.0.wrapping_mul(0x2545_f491_4f6c_dd1d)
-    }
-    /// -1 to 1.
-    fn roll(&mut self) -> f64 {
-        (self.bits() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
-    /// A direction, even over the sphere.
-    fn direction(&mut self) -> [f64; 3] {
-        loop {
-            let v = [self.roll(), self.roll(), self.roll()];
-            let squared = v.iter().map(|c| c * c).sum::<f64>();
-            if (0.01..=1.0).contains(&squared) {
-                return v.map(|c| c / squared.sqrt());
-            }
-        }
-    }
-}
+use adjsplat_tests::random::Random;
 
 fn grey(value: f64, opacity: f64) -> Point {
     Point { value, colour: Colour::from_bytes([128; 3]), opacity }
@@ -450,10 +425,10 @@ fn gradients_of_steps_in_every_integer_type_keep_their_sign() {
 
 /// Mean and largest angle, in degrees, between directions and their decoded codes.
 fn angles(count: u32, code: impl Fn([f64; 3]) -> [f32; 3]) -> (f64, f64) {
-    let mut dice = Dice(0x00ad_75b1);
+    let mut random = Random(0x00ad_75b1);
     let (mut sum, mut most) = (0.0, 0.0f64);
     for _ in 0..count {
-        let n = dice.direction();
+        let n = random.direction();
         let d = code(n.map(|c| -c)).map(f64::from);
         let cross = [n[1] * d[2] - n[2] * d[1], n[2] * d[0] - n[0] * d[2], n[0] * d[1] - n[1] * d[0]];
         let sine = cross.iter().map(|c| c * c).sum::<f64>().sqrt();
@@ -487,9 +462,9 @@ fn every_code_decodes_to_a_unit_vector() {
             assert!((0..3).all(|c| (again[c] - v[c]).abs() < 1e-6), "{code:#x} {v:?} {again:?}");
         }
     }
-    let mut dice = Dice(9);
+    let mut random = Random(9);
     for _ in 0..1_000_000 {
-        let code = u32::try_from(dice.bits() >> 32).unwrap();
+        let code = u32::try_from(random.next() >> 32).unwrap();
         assert!(code == NONE16 || length_error(decode16(code)) < 1e-6, "{code:#x}");
     }
     assert_eq!(decode16(NONE16), [0.0; 3]);
@@ -584,7 +559,7 @@ fn whole_number_samples_come_back_bit_for_bit() {
 
 #[test]
 fn other_values_are_within_half_a_step_and_attain_both_ends() {
-    let mut dice = Dice(77);
+    let mut random = Random(77);
     for (ty, low, high, bits) in [
         (SampleType::F32, 0.05, 1.0, 8),
         (SampleType::F32, -1e38, 1e38, 16),
@@ -601,7 +576,7 @@ fn other_values_are_within_half_a_step_and_attain_both_ends() {
         assert_eq!(q.decode(u16::MAX), q.high());
         assert_eq!([f64::NAN, f64::NEG_INFINITY, f64::INFINITY].map(|v| q.encode(v)), [0, 0, q.largest_code()]);
         for _ in 0..20_000 {
-            let share = dice.roll() * 0.5 + 0.5;
+            let share = random.number();
             let value = q.low() * (1.0 - share) + q.high() * share;
             let error = (q.decode(q.encode(value)) - value).abs();
             assert!(
@@ -656,7 +631,7 @@ fn labels_keep_their_codes_or_say_which_bits_would_do() {
     assert_eq!(labels(141.0, 8, SampleType::U8).unwrap().encode(141.0), 140);
     assert_eq!(labels(256.0, 8, SampleType::U16).unwrap().largest_code(), 255);
     let error = labels(257.0, 8, SampleType::U16).unwrap_err().to_string();
-    assert!(error.contains("use --value-bits 16"), "{error}");
+    assert!(error.contains("use 16-bit values"), "{error}");
     assert!(labels(257.0, 16, SampleType::U16).is_ok());
     let error = labels(70_000.0, 16, SampleType::U32).unwrap_err().to_string();
     assert!(error.contains("renumber"), "{error}");
@@ -720,8 +695,8 @@ fn labels_that_were_not_stored_are_whole_numbers() {
 }
 
 /// A function of whole-number knots from 0 to 40, of any kind but labels.
-fn any_function(dice: &mut Dice) -> TransferFunction {
-    let mut pick = |most: u64| dice.bits() % (most + 1);
+fn any_function(random: &mut Random) -> TransferFunction {
+    let mut pick = |most: u64| random.next() % (most + 1);
     let mut knots: Vec<u64> = (0..=pick(3) + 1).map(|_| pick(40)).collect();
     knots.sort_unstable();
     knots.dedup();
@@ -758,10 +733,10 @@ fn any_function(dice: &mut Dice) -> TransferFunction {
 
 #[test]
 fn what_was_not_stored_is_what_asking_everywhere_finds() {
-    let mut dice = Dice(7);
+    let mut random = Random(7);
     let (mut found, mut clean) = (0, 0);
     for _ in 0..400 {
-        let (shown, stored) = (any_function(&mut dice), any_function(&mut dice));
+        let (shown, stored) = (any_function(&mut random), any_function(&mut random));
         assert_eq!(shown.missing_from(&shown, EVERYWHERE, 9.0), [[0.0; 2]; 0], "{shown:?}");
         let missing = shown.missing_from(&stored, [-3.0, 43.0], 9.0);
         // On a lattice that meets every knot and the inside of every piece.

@@ -204,7 +204,7 @@ fn a_file_that_grows_is_as_it_was_and_one_that_is_cut_is_not() {
     use std::os::unix::process::ExitStatusExt as _;
 
     const LENGTH: &str = "ADJ_TEST_LENGTH_UNDER_THE_MAP";
-    const NAME: &str = "a_file_that_grows_is_as_it_was_and_one_that_is_cut_is_not";
+    const NAME: &str = "file::a_file_that_grows_is_as_it_was_and_one_that_is_cut_is_not";
     let folder = tempfile::tempdir().expect("there is a temporary folder");
     let path = folder.path().join("a.adj");
     let built = shells(40);

@@ -4,10 +4,11 @@
 //! Cannot catch: a meaning that only the prose gives.
 
 use std::mem::{offset_of, size_of};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use adjsplat::arena::TileRecord;
 use adjsplat::arena::layout::{
-    ALIGNMENT, FileHeader, MAGIC, MAX_SECTIONS, NARROW_LINE, OPTIONAL_KINDS, SectionEntry, SectionKind, TileRecord,
+    ALIGNMENT, FileHeader, MAGIC, MAX_SECTIONS, NARROW_LINE, OPTIONAL_KINDS, SectionEntry, SectionKind,
 };
 use adjsplat::arena::{Channels, TileOrder};
 use adjsplat::volume::Axis;

@@ -9,6 +9,7 @@ mod format;
 mod lanes;
 mod layers;
 mod layout;
+mod model;
 mod parallel;
 mod phantom;
 mod traversal;

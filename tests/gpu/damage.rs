@@ -8,61 +8,48 @@ use adjsplat::build::Built;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Quality, Settings, cpu};
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm};
+use adjsplat_tests::pictures::decibels;
+use adjsplat_tests::random::Random;
+use adjsplat_tests::scenes::{Draw as _, transfer};
+use adjsplat_tests::{at_full, say};
 
-use crate::device::{device, say};
-use crate::scenes::{EDGES, orbit, phantom, scene, transfer};
-
-/// Steele, Lea and Flood 2014, splitmix64.
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut z = self.0;
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    }
-
-    fn below(&mut self, end: usize) -> usize {
-        (self.next() % end as u64) as usize
-    }
-}
+use crate::device::device;
+use crate::scenes::{EDGES, phantom};
 
 /// Changes some of a lane's bytes.
 fn damage(lane: &mut OwnedLane, random: &mut Random) {
-    for _ in 0..1 + random.below(20) {
-        match random.below(6) {
+    for _ in 0..1 + random.index(20) {
+        match random.index(6) {
             0 => {
-                let (at, run) = (random.below(lane.steps.len()), 1 + random.below(300));
+                let (at, run) = (random.index(lane.steps.len()), 1 + random.index(300));
                 lane.steps[at..].iter_mut().take(run).for_each(|step| *step = random.next() as u8);
             }
             1 => {
-                let (at, run) = (random.below(lane.steps.len()), 1 + random.below(300));
+                let (at, run) = (random.index(lane.steps.len()), 1 + random.index(300));
                 lane.steps[at..].iter_mut().take(run).for_each(|step| *step = 0);
             }
             2 => {
                 let OwnedLineEnds::Narrow(ends) = &mut lane.line_ends else { panic!("lines are short") };
-                let at = random.below(ends.len());
+                let at = random.index(ends.len());
                 ends[at] = (random.next() as u16).into();
             }
             3 => {
-                let at = random.below(lane.tiles.len());
+                let at = random.index(lane.tiles.len());
                 let tile = &mut lane.tiles[at];
-                match random.below(5) {
+                match random.index(5) {
                     0 => tile.first_line = (random.next() as u32).into(),
-                    1 => tile.first_record = (random.next() >> random.below(64)).into(),
+                    1 => tile.first_record = (random.next() >> random.index(64)).into(),
                     2 => tile.occupancy = random.next().into(),
                     3 => tile.tile_u = (random.next() as u16).into(),
                     _ => (tile.low, tile.high) = ((random.next() as u16).into(), (random.next() as u16).into()),
                 }
             }
             4 => {
-                let at = random.below(lane.values.len());
+                let at = random.index(lane.values.len());
                 lane.values[at] = random.next() as u8;
             }
             _ => {
-                let keep = random.below(lane.steps.len() + 1);
+                let keep = random.index(lane.steps.len() + 1);
                 lane.steps.truncate(keep.max(1));
             }
         }
@@ -70,14 +57,14 @@ fn damage(lane: &mut OwnedLane, random: &mut Random) {
 }
 
 fn order(random: &mut Random) -> Order {
-    let order = Order::parallel(random.below(6), random.below(8) as u8);
+    let order = Order::parallel(random.index(6), random.index(8) as u8);
     let forms = [SplitForm::Split, SplitForm::Interleaved];
     let senses = [Sense::FrontToBack, Sense::BackToFront];
-    match random.below(2) {
+    match random.index(2) {
         0 => order,
         _ => {
-            let (form, sense) = (forms[random.below(2)], senses[random.below(2)]);
-            let along = [0; 3].map(|_| AxisOrder::TwoSided { eye: random.below(40) as f64 / 2.0, form, sense });
+            let (form, sense) = (forms[random.index(2)], senses[random.index(2)]);
+            let along = [0; 3].map(|_| AxisOrder::TwoSided { eye: random.index(40) as f64 / 2.0, form, sense });
             Order { along, ..order }
         }
     }
@@ -89,16 +76,17 @@ fn drawing_a_damaged_lane_ends() {
     let sound = phantom("gyroid", [28, 24, 20], [1.0; 3], transfer(EDGES), 8);
     let size = [24, 24];
     let (mut drew, mut refused) = (0, 0);
-    for seed in 0..24 {
+    for seed in 0..at_full(24, 10) {
         let mut random = Random(seed);
         let mut built: Built = sound.clone();
         built.lanes.iter_mut().for_each(|lane| damage(lane, &mut random));
-        let compositor = if random.below(2) == 0 { Compositor::Tiles } else { Compositor::Quads(Target::Float16) };
-        let options = Options { vram: [8 << 20, 128 << 20][random.below(2)], compositor: Some(compositor) };
-        let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene(&built), options).unwrap();
-        let camera = orbit(&built, 31.0, 24.0, None, size);
+        let compositor = if random.index(2) == 0 { Compositor::Tiles } else { Compositor::Quads(Target::Float16) };
+        let options = Options { vram: [8 << 20, 128 << 20][random.index(2)], compositor: Some(compositor) };
+        let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
+        let camera = built.orbit(31.0, 24.0, None, size);
         for _ in 0..3 {
-            let settings = Settings { order: Some(order(&mut random)), quality: Quality::Draft, ..Settings::new(size) };
+            let settings =
+                Settings { order: Some(order(&mut random)), quality: Quality::Draft, ..Settings::every_pixel(size) };
             match renderer.render(&camera, &settings) {
                 Ok(_) => drew += 1,
                 Err(_) => refused += 1,
@@ -108,10 +96,10 @@ fn drawing_a_damaged_lane_ends() {
     say(&format!("damaged lanes: {drew} drawn, {refused} refused"));
     assert!(drew > 20, "{drew} drawn: the walk was hardly reached");
     // The device is as good as before.
-    let camera = orbit(&sound, 31.0, 24.0, None, size);
+    let camera = sound.orbit(31.0, 24.0, None, size);
     let options = Options { vram: 128 << 20, compositor: Some(Compositor::Tiles) };
-    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene(&sound), options).unwrap();
-    let (got, _) = renderer.render(&camera, &Settings::new(size)).unwrap();
-    let (want, _) = cpu::render(&scene(&sound), &camera, &Settings::new(size)).unwrap();
-    assert!(crate::compare::psnr(&got, &want) >= 50.0);
+    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), sound.scene(), options).unwrap();
+    let (got, _) = renderer.render(&camera, &Settings::every_pixel(size)).unwrap();
+    let (want, _) = cpu::render(&sound.scene(), &camera, &Settings::every_pixel(size)).unwrap();
+    assert!(decibels(&got, &want, 0.0) >= 50.0);
 }

@@ -1,9 +1,9 @@
 //! The device that the tests run on.
 
-use std::io::Write as _;
 use std::sync::OnceLock;
 
 use adjsplat::splat::gpu::adapter::{Opened, open};
+use adjsplat_tests::{say, skipped};
 use bytemuck::Pod;
 use wgpu::{Buffer, BufferDescriptor, BufferUsages, Device, MapMode, PollType, Queue};
 
@@ -22,17 +22,10 @@ pub(crate) fn own_device() -> Option<Opened> {
             Some(opened)
         }
         Err(fault) => {
-            let required = std::env::var("ADJ_GPU").is_ok_and(|value| value == "require");
-            assert!(!required, "ADJ_GPU=require, but: {fault}");
-            say(&format!("SKIPPED: a test of the graphics renderer: {fault}"));
+            skipped("ADJ_GPU", &format!("a test of the graphics renderer: {fault}"));
             None
         }
     }
-}
-
-/// Straight to the stream, so that it shows although the test passes.
-pub(crate) fn say(line: &str) {
-    let _ = writeln!(std::io::stderr(), "{line}");
 }
 
 /// What a buffer holds.

@@ -3,13 +3,14 @@
 use adjsplat::error::Error;
 use adjsplat::splat::gpu::{Canvas, Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Camera, Frame, Mode, Settings};
+use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, transfer};
 use wgpu::{
     Extent3d, Origin3d, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo, Texture, TextureAspect,
     TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
 };
 
 use crate::device::{device, own_device, read};
-use crate::scenes::{LAYERS, orbit, phantom, scene, transfer};
+use crate::scenes::phantom;
 
 /// As wide as rows of copies ask for: 256 bytes in the narrower of the two formats.
 const SIZE: [u32; 2] = [64, 50];
@@ -55,15 +56,15 @@ fn over(frame: &Frame, background: Option<[f32; 3]>) -> Frame {
 #[test]
 fn a_texture_shows_what_a_frame_shows() {
     let Some(opened) = device() else { return };
-    let built = phantom("gyroid", [24, 20, 28], [1.0; 3], transfer(LAYERS), 8);
-    let camera: Camera = orbit(&built, 35.0, 20.0, Some(40.0), SIZE);
+    let built = phantom("gyroid", [24, 20, 28], [1.0; 3], transfer(LIT_LAYERS), 8);
+    let camera: Camera = built.orbit(35.0, 20.0, Some(40.0), SIZE);
     let quads = Compositor::Quads(if opened.facts.blends_float32 { Target::Float32 } else { Target::Float16 });
     for compositor in [Compositor::Tiles, quads] {
         let options = Options { compositor: Some(compositor), ..Options::default() };
         let (device, queue) = (&opened.device, &opened.queue);
-        let mut renderer = Renderer::new(device.clone(), queue.clone(), scene(&built), options).unwrap();
+        let mut renderer = Renderer::new(device.clone(), queue.clone(), built.scene(), options).unwrap();
         for mode in [Mode::Composite, Mode::Additive, Mode::Maximum, Mode::MaximumGrey] {
-            let settings = Settings { mode, ..Settings::new(SIZE) };
+            let settings = Settings { mode, ..Settings::every_pixel(SIZE) };
             let (frame, _) = renderer.render(&camera, &settings).unwrap();
             for background in [None, Some([0.2, 0.5, 0.9])] {
                 let want = over(&frame, background);
@@ -84,7 +85,7 @@ fn a_texture_shows_what_a_frame_shows() {
                 assert!(worst <= tolerance, "{compositor:?}, {mode:?}, {background:?}: {worst}");
             }
         }
-        let settings = Settings::new(SIZE);
+        let settings = Settings::every_pixel(SIZE);
         let (frame, _) = renderer.render(&camera, &settings).unwrap();
         let format = TextureFormat::Rgba8UnormSrgb;
         let target = texture(device, format);
@@ -102,10 +103,10 @@ fn a_texture_shows_what_a_frame_shows() {
 #[test]
 fn a_device_that_was_lost_is_an_error() {
     let Some(opened) = own_device() else { return };
-    let built = phantom("gyroid", [16, 16, 16], [1.0; 3], transfer(LAYERS), 8);
+    let built = phantom("gyroid", [16, 16, 16], [1.0; 3], transfer(LIT_LAYERS), 8);
     let (device, queue) = (opened.device.clone(), opened.queue.clone());
-    let mut renderer = Renderer::new(device, queue, scene(&built), Options::default()).unwrap();
-    let (camera, settings) = (orbit(&built, 0.0, 0.0, None, SIZE), Settings::new(SIZE));
+    let mut renderer = Renderer::new(device, queue, built.scene(), Options::default()).unwrap();
+    let (camera, settings) = (built.orbit(0.0, 0.0, None, SIZE), Settings::every_pixel(SIZE));
     renderer.render(&camera, &settings).unwrap();
     opened.device.destroy();
     let fault = renderer.render(&camera, &settings).unwrap_err();

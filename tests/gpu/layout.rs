@@ -1,12 +1,13 @@
 //! Three spellings, one layout: Rust's records, the shaders' as naga lays them out, the format's tables; constants too.
 
 use std::mem::{offset_of, size_of};
-use std::path::Path;
 
 use super::twin;
-use adjsplat::arena::layout::TileRecord;
-use adjsplat::splat::gpu::layout::{BATCH, Block, Chunk, LINES, NO_RECORD, NOTHING, Row, Shot, Splat, TILE, Voxel};
-use adjsplat::splat::gpu::stages::SHADERS;
+use adjsplat::arena::TileRecord;
+use adjsplat::internals::gpu_stages::SHADERS;
+use adjsplat::internals::gpu_stages::{
+    AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, Splat, TILE, VisitedVoxel,
+};
 use adjsplat::splat::kernel::LOW_PASS;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Expression, Literal, Module, TypeInner};
@@ -48,17 +49,17 @@ macro_rules! fields {
 #[test]
 fn shaders_and_rust_lay_records_out_alike() {
     let records = [
-        ("Row", fields!(Row: whole rest)),
+        ("AffineRow", fields!(AffineRow: whole remainder)),
         (
-            "Shot",
-            fields!(Shot: rows shift steps eye light weights ellipse half centre focal near sigma cut_off cut stop most
-                fourth window crop_low crop_high eye_ceil eye_twice fast_order back_to_front fast_axis longest
-                line_end_bytes value_bits normal_bits by_magnitude maximum perspective shininess tile_columns
+            "FrameUniform",
+            fields!(FrameUniform: rows shifts steps eye light light_weights ellipse half_width centre focal near sigma cut_off cut_exponent
+                termination max_depth initial_alpha window crop_low crop_high eye_ceil eye_twice fast_order is_back_to_front fast_axis longest_line
+                line_end_bytes value_bits normal_bits uses_magnitude is_maximum is_perspective shininess tile_columns
                 mask_words picture_rows),
         ),
         ("Chunk", fields!(Chunk: first_block slot_count index is_first)),
-        ("Voxel", fields!(Voxel: xy z record)),
-        ("Splat", fields!(Splat: columns rows corner_x corner_y across along shear peak red green blue)),
+        ("VisitedVoxel", fields!(VisitedVoxel: xy z record)),
+        ("Splat", fields!(Splat: columns rows corner_x corner_y falloff_x falloff_y shear peak red green blue)),
     ];
     for (stage, _) in SHADERS {
         let module = module(stage);
@@ -67,15 +68,15 @@ fn shaders_and_rust_lay_records_out_alike() {
         }
     }
     let walk = module("walk");
-    assert_eq!(reflected(&walk, "Block"), fields!(Block: first_line line_count first_slot end_slot));
+    assert_eq!(reflected(&walk, "LineBlock"), fields!(LineBlock: first_line line_count first_slot end_slot));
 }
 
 #[test]
 fn elements_of_arrays_are_as_far_apart_as_in_rust() {
     let strides = [
         ("tiles", size_of::<TileRecord>()),
-        ("blocks", size_of::<Block>()),
-        ("voxels", size_of::<Voxel>()),
+        ("blocks", size_of::<LineBlock>()),
+        ("voxels", size_of::<VisitedVoxel>()),
         ("splats", size_of::<Splat>()),
         ("looks", 16),
         ("depths", 4),

@@ -5,7 +5,7 @@
 //! - `pictures`: frames against the processor's, over phantoms and real sets, in all modes and orders.
 //! - `targets`: what quads lose in targets of 16 and 8 bits, and tiles do not.
 //! - `memory`: slabs, windows and chunks change no bit; video memory stays below its ceiling.
-//! - `extremes`: what is at the edges of what numbers hold, as tests/extremes has it for the processor.
+//! - `extremes`: what is at the edges of what numbers hold, as tests/pictures/extremes has it for the processor.
 //! - `damage`: lanes of random bytes end.
 //! - `embed`: textures of the caller's show what frames show; a lost device is an error.
 //!

@@ -3,18 +3,21 @@
 use adjsplat::Error;
 use adjsplat::arena::Record;
 use adjsplat::arena::TileOrder;
-use adjsplat::arena::layout::{Channels, Facts, Scales};
+use adjsplat::arena::layout::Facts;
 use adjsplat::build::Built;
-use adjsplat::internals::LanePacker;
+use adjsplat::splat::gpu::Stats;
 use adjsplat::splat::gpu::adapter::Opened;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
+use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Orbit, Quality, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::{Order, SplitForm};
 use adjsplat::volume::{Axis, Grid};
+use adjsplat_tests::pictures::{decibels, shows};
+use adjsplat_tests::scenes::{CODES, Draw as _, LIT_LAYERS, PLAIN, lane, transfer};
+use adjsplat_tests::{at_full, say};
 
-use crate::compare::{psnr, shows, worst};
-use crate::device::{device, own_device, say};
-use crate::scenes::{LAYERS, inside, orbit, phantom, scene, transfer, zoomed};
+use crate::compare::worst;
+use crate::device::{device, own_device};
+use crate::scenes::{inside, phantom, zoomed};
 
 /// Leaves about 1 MiB for a lane, beside chunks of 65,536 records and half of a small picture.
 const TIGHT: u64 = 7 << 20;
@@ -22,7 +25,7 @@ const PLENTY: u64 = 512 << 20;
 
 fn renderer<'a>(opened: &Opened, built: &'a Built, vram: u64) -> Renderer<'a> {
     let options = Options { vram, compositor: Some(Compositor::Tiles) };
-    Renderer::new(opened.device.clone(), opened.queue.clone(), scene(built), options).unwrap()
+    Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap()
 }
 
 /// Bytes that the device has given out, where it says so.
@@ -39,7 +42,7 @@ fn drawn(
     vram: u64,
 ) -> (Frame, Stats, u64) {
     let mut most = 0;
-    let mut look = |_: &adjsplat::splat::gpu::probe::Probe| most = most.max(allocated(opened));
+    let mut look = |_: &adjsplat::internals::gpu_stages::Probe| most = most.max(allocated(opened));
     let (frame, stats) = renderer.render_probed(camera, settings, Some(&mut look)).unwrap();
     assert!(stats.vram_bytes <= vram, "{} bytes of {vram}: {stats:?}", stats.vram_bytes);
     assert!(most <= vram, "the device gave out {most} bytes of {vram}");
@@ -50,19 +53,13 @@ fn drawn(
 #[test]
 fn dust_beside_a_solid_stays_within() {
     let Some(opened) = own_device() else { return };
-    let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0 };
     let grid = Grid::new([192, 192, 1_600], [1.0; 3]).unwrap();
-    let mut packer = LanePacker::new(Axis::X, grid.dims, channels, TileOrder::Morton);
-    let voxel = |x: u16| (x, Record { value: 200, normal: 0, magnitude: 0 });
-    for z in 0..1_600 {
-        for y in 0..192 {
-            packer.line(y, z, (0..if z < 1_560 { 1 } else { 192 }).map(voxel));
-        }
-    }
-    let visible_voxels = packer.visible();
-    let scales = Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 1.0 };
-    let facts = Facts { grid, channels, tile_order: TileOrder::Morton, scales, visible_voxels };
-    let lanes = vec![packer.finish()];
+    let tile_order = TileOrder::Morton;
+    let lanes = vec![lane(Axis::X, grid.dims, PLAIN, tile_order, |[x, _, z]| {
+        (x == 0 || z >= 1_560).then_some(Record { value: 200, normal: 0, magnitude: 0 })
+    })];
+    let visible_voxels = lanes[0].view().record_count();
+    let facts = Facts { grid, channels: PLAIN, tile_order, scales: CODES, visible_voxels };
     let transfer = transfer(r#"{ "kind": "range", "low": 1, "opacity": 0.01 }"#);
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
     let size = [40, 56];
@@ -70,7 +67,7 @@ fn dust_beside_a_solid_stays_within() {
     let camera = Camera::orbiting(Orbit { azimuth: 20.0, elevation: 40.0, ..Orbit::default() }, around, size).unwrap();
     // Slow z, medium y, fast x.
     let order = Some(Order::parallel(5, 0));
-    let settings = Settings { quality: Quality::Draft, order, ..Settings::new(size) };
+    let settings = Settings { quality: Quality::Draft, order, ..Settings::every_pixel(size) };
     let options = |vram| Options { vram, compositor: Some(Compositor::Quads(Target::Float16)) };
     let draw = |vram| {
         let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene, options(vram)).unwrap();
@@ -90,10 +87,10 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
     let text = r#"{ "kind": "range", "low": 1, "opacity": 0.05 }"#;
     let built = phantom("constant", [110, 100, 100], [1.0; 3], transfer(text), 8);
     let lane_bytes = built.lanes[0].view().bytes();
-    let size = [64, 56];
-    let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
+    let size = at_full([64, 56], [32, 28]);
+    let settings = Settings { quality: Quality::Draft, ..Settings::every_pixel(size) };
     let views = [
-        ("parallel", orbit(&built, 31.0, 24.0, None, size), SplitForm::default()),
+        ("parallel", built.orbit(31.0, 24.0, None, size), SplitForm::default()),
         ("inside, in turn", inside(&built, [50.3, 44.5, 61.0], [1.0, 0.4, 0.2]), SplitForm::Interleaved),
         ("inside, split", inside(&built, [50.3, 44.5, 61.0], [0.1, 0.3, -1.0]), SplitForm::Split),
     ];
@@ -127,7 +124,7 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
         assert!(stats.slabs >= 3 && stats.chunks as usize > stats.slabs * stats.windows, "{what}: {stats:?}");
         let largest_slab = lane_bytes / 3;
         assert!(stats.upload_bytes > 0 && largest_slab < TIGHT);
-        assert!(frame == *whole, "{what}: {:?} apart, {:.1} dB", worst(&frame, whole), psnr(&frame, whole));
+        assert!(frame == *whole, "{what}: {:?} apart, {:.1} dB", worst(&frame, whole), decibels(&frame, whole, 0.0));
     }
 }
 
@@ -136,30 +133,31 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
 #[test]
 fn windows_give_the_same_picture() {
     let Some(opened) = own_device() else { return };
-    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LAYERS), 8);
+    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
     let size = [300, 280];
-    let settings = Settings { quality: Quality::High, ..Settings::new(size) };
+    let settings = Settings { quality: Quality::High, ..Settings::every_pixel(size) };
     for fov in [None, Some(50.0)] {
-        let camera = orbit(&built, 31.0, 24.0, fov, size);
+        let camera = built.orbit(31.0, 24.0, fov, size);
         let (whole, one, _) = drawn(&opened, &mut renderer(&opened, &built, PLENTY), &camera, &settings, PLENTY);
         let (frame, many, _) = drawn(&opened, &mut renderer(&opened, &built, TIGHT), &camera, &settings, PLENTY);
         assert!(many.vram_bytes <= TIGHT, "{many:?}");
         assert!(one.windows == 1 && many.windows > 1, "{} and {}", one.windows, many.windows);
         let (most, at) = worst(&frame, &whole);
-        assert!(frame == whole, "{fov:?}: {most:e} apart at {at:?}, {:.1} dB", psnr(&frame, &whole));
+        assert!(frame == whole, "{fov:?}: {most:e} apart at {at:?}, {:.1} dB", decibels(&frame, &whole, 0.0));
     }
 }
 
 #[test]
 fn pictures_of_other_sizes_one_after_the_other_stay_within() {
     let Some(opened) = own_device() else { return };
-    let built = phantom("gyroid", [40, 40, 40], [1.0; 3], transfer(LAYERS), 8);
+    let built = phantom("gyroid", [40, 40, 40], [1.0; 3], transfer(LIT_LAYERS), 8);
     let vram = 12 << 20;
     let mut renderer = renderer(&opened, &built, vram);
-    for size in [[32, 32], [300, 260], [200, 180], [16, 300], [100, 100]] {
-        let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
-        for (azimuth, elevation) in [(10.0, 5.0), (80.0, 5.0), (10.0, 80.0)] {
-            let camera = orbit(&built, azimuth, elevation, None, size);
+    for (index, size) in [[32, 32], [300, 260], [200, 180], [16, 300], [100, 100]].into_iter().enumerate() {
+        let settings = Settings { quality: Quality::Draft, ..Settings::every_pixel(size) };
+        let views = [(10.0, 5.0), (80.0, 5.0), (10.0, 80.0)].into_iter().skip(at_full(0, index % 3));
+        for (azimuth, elevation) in views.step_by(at_full(1, 3)) {
+            let camera = built.orbit(azimuth, elevation, None, size);
             let (_, stats, _) = drawn(&opened, &mut renderer, &camera, &settings, vram);
             assert!(stats.vram_bytes <= vram);
         }
@@ -170,12 +168,12 @@ fn pictures_of_other_sizes_one_after_the_other_stay_within() {
 fn a_lane_is_uploaded_once_as_it_is() {
     let Some(opened) = device() else { return };
     for bits in [8, 16] {
-        let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LAYERS), bits);
+        let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), bits);
         let mut renderer = renderer(opened, &built, PLENTY);
         let size = [64, 64];
-        let settings = Settings::new(size);
+        let settings = Settings::every_pixel(size);
         for (azimuth, elevation, axis) in [(10.0, 5.0, Axis::Z), (10.0, 5.0, Axis::Z)] {
-            let camera = orbit(&built, azimuth, elevation, None, size);
+            let camera = built.orbit(azimuth, elevation, None, size);
             let (_, first) = renderer.render(&camera, &settings).unwrap();
             let (_, second) = renderer.render(&camera, &settings).unwrap();
             let lane = built.lanes.lane(axis).unwrap();
@@ -185,7 +183,7 @@ fn a_lane_is_uploaded_once_as_it_is() {
         let mut fresh = self::renderer(opened, &built, PLENTY);
         for (nesting, axis) in [(0, Axis::Z), (1, Axis::Y), (3, Axis::X)] {
             let settings = Settings { order: Some(Order::parallel(nesting, 0)), ..settings.clone() };
-            let camera = orbit(&built, 10.0, 5.0, None, size);
+            let camera = built.orbit(10.0, 5.0, None, size);
             let bytes = built.lanes.lane(axis).unwrap().bytes();
             assert_eq!(fresh.render(&camera, &settings).unwrap().1.upload_bytes, bytes, "{bits} bits, {axis:?}");
             assert_eq!(fresh.render(&camera, &settings).unwrap().1.upload_bytes, 0, "{bits} bits, {axis:?}");
@@ -196,12 +194,12 @@ fn a_lane_is_uploaded_once_as_it_is() {
 #[test]
 fn a_line_list_lasts_as_long_as_its_order() {
     let Some(opened) = device() else { return };
-    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LAYERS), 8);
+    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
     let mut renderer = renderer(opened, &built, PLENTY);
     let size = [64, 64];
-    let settings = Settings::new(size);
+    let settings = Settings::every_pixel(size);
     let mut lists = |settings: &Settings, azimuth| {
-        let (_, stats) = renderer.render(&orbit(&built, azimuth, 10.0, None, size), settings).unwrap();
+        let (_, stats) = renderer.render(&built.orbit(azimuth, 10.0, None, size), settings).unwrap();
         (stats.line_lists, stats.list_bytes > 0)
     };
     assert_eq!(lists(&settings, 30.0), (1, true));
@@ -217,12 +215,12 @@ fn a_line_list_lasts_as_long_as_its_order() {
 #[test]
 fn too_little_video_memory_is_a_clear_error() {
     let Some(opened) = device() else { return };
-    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LAYERS), 8);
+    let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
     let size = [64, 64];
     for vram in [0, 1, 1 << 20, 4 << 20] {
-        match renderer(opened, &built, vram).render(&orbit(&built, 0.0, 0.0, None, size), &Settings::new(size)) {
+        match renderer(opened, &built, vram).render(&built.orbit(0.0, 0.0, None, size), &Settings::every_pixel(size)) {
             Err(Error::Limit { what, need, have }) => {
-                assert!(what.contains("--vram") && need > have && have == vram, "{what}: {need}, {have}");
+                assert!(what.contains("video memory") && need > have && have == vram, "{what}: {need}, {have}");
             }
             other => panic!("{vram} bytes: {other:?}"),
         }
@@ -233,15 +231,15 @@ fn too_little_video_memory_is_a_clear_error() {
 #[test]
 fn a_picture_of_16384_columns() {
     let Some(opened) = device() else { return };
-    let built = phantom("gyroid", [256, 8, 8], [1.0; 3], transfer(LAYERS), 8);
+    let built = phantom("gyroid", [256, 8, 8], [1.0; 3], transfer(LIT_LAYERS), 8);
     let size = [16_384, 64];
-    let settings = Settings { quality: Quality::Draft, ..Settings::new(size) };
+    let settings = Settings { quality: Quality::Draft, ..Settings::every_pixel(size) };
     let camera = zoomed(&built, 4.0, 3.0, None, 250.0, size);
-    let (want, _) = cpu::render(&scene(&built), &camera, &settings).unwrap();
+    let (want, _) = cpu::render(&built.scene(), &camera, &settings).unwrap();
     for vram in [24 << 20, PLENTY] {
         let (got, stats) = renderer(opened, &built, vram).render(&camera, &settings).unwrap();
         assert!(stats.vram_bytes <= vram);
-        let found = psnr(&got, &want);
+        let found = decibels(&got, &want, 0.0);
         say(&format!("16,384 columns in {} windows: {found:.1} dB", stats.windows));
         let filled = |column| (0..64).any(|row| want.pixel(column, row)[3] > 0.0);
         assert!((0..1_000).any(filled) && (15_384..16_384).any(filled), "it reaches from end to end");

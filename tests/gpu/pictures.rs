@@ -10,11 +10,15 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Camera, Lighting, Mode, Quality, Scene, Settings, cpu};
-use adjsplat::traverse::{Order, Sense, SplitForm, VoxelBox};
+use adjsplat::traverse::{Sense, SplitForm, VoxelBox};
+use adjsplat_tests::pictures::{decibels, shows};
+use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, built, fitting, real_volumes, transfer, volume};
+use adjsplat_tests::walks::parallel_orders;
+use adjsplat_tests::{at_full, say};
 
-use crate::compare::{psnr, shows, worst};
-use crate::device::{device, say};
-use crate::scenes::{EDGES, LAYERS, block, inside, orbit, phantom, real, real_volumes, scene, transfer, zoomed};
+use crate::compare::worst;
+use crate::device::device;
+use crate::scenes::{EDGES, block, inside, phantom, zoomed};
 
 const LEAST_DB: f64 = 50.0;
 
@@ -39,7 +43,7 @@ fn check(what: &str, scene: Scene, views: &[(Camera, Settings)]) {
             let (want, _) = cpu::render(&scene, camera, settings).unwrap();
             let (got, _) = renderer.render(camera, settings).unwrap();
             assert!(shows(&want), "{what}: shows nothing");
-            let (found, (most, at)) = (psnr(&got, &want), worst(&got, &want));
+            let (found, (most, at)) = (decibels(&got, &want, 0.0), worst(&got, &want));
             least = least.min(found);
             assert!(found >= LEAST_DB, "{what}, {compositor:?}: {found:.1} dB, {most} at {at:?}: {settings:?}");
         }
@@ -48,32 +52,31 @@ fn check(what: &str, scene: Scene, views: &[(Camera, Settings)]) {
 }
 
 fn check_one(what: &str, built: &Built, camera: Camera, settings: Settings) {
-    check(what, scene(built), &[(camera, settings)]);
+    check(what, built.scene(), &[(camera, settings)]);
 }
 
 fn high(size: [u32; 2]) -> Settings {
-    Settings { quality: Quality::High, ..Settings::new(size) }
+    Settings { quality: Quality::High, ..Settings::every_pixel(size) }
 }
 
 fn gyroid(dims: [u64; 3], spacing: [f64; 3]) -> Built {
-    phantom("gyroid", dims, spacing, transfer(LAYERS), 8)
+    phantom("gyroid", dims, spacing, transfer(LIT_LAYERS), 8)
 }
 
 #[test]
 fn all_48_orders() {
     let built = gyroid([20, 24, 22], [1.0, 1.2, 0.9]);
     let size = [64, 64];
-    let camera = orbit(&built, 31.0, 24.0, None, size);
-    let orders = (0..6).flat_map(|nesting| (0..8).map(move |down| Order::parallel(nesting, down)));
-    let settings = orders.map(|order| Settings { order: Some(order), ..high(size) });
-    check("orders", scene(&built), &settings.map(|settings| (camera, settings)).collect::<Vec<_>>());
+    let camera = built.orbit(31.0, 24.0, None, size);
+    let settings = parallel_orders().step_by(at_full(1, 5)).map(|order| Settings { order: Some(order), ..high(size) });
+    check("orders", built.scene(), &settings.map(|settings| (camera, settings)).collect::<Vec<_>>());
 }
 
 #[test]
 fn modes_shading_and_crops() {
     let built = gyroid([44, 48, 40], [1.0; 3]);
     let size = [112, 96];
-    let cameras = [orbit(&built, 31.0, 24.0, None, size), orbit(&built, 200.0, -35.0, Some(50.0), size)];
+    let cameras = [built.orbit(31.0, 24.0, None, size), built.orbit(200.0, -35.0, Some(50.0), size)];
     let base = high(size);
     let crop = Some(VoxelBox { low: [8, 0, 13], high: [40, 30, 39] });
     let glossy = Lighting { ambient: 0.1, diffuse: 0.5, specular: 1.0, shininess: 90, toward_light: [1.0, 1.0, 0.2] };
@@ -91,14 +94,16 @@ fn modes_shading_and_crops() {
         Settings { quality: Quality::Reference, ..base },
     ];
     let views = cameras.iter().flat_map(|camera| settings.iter().map(|settings| (*camera, settings.clone())));
-    check("modes", scene(&built), &views.collect::<Vec<_>>());
+    // An odd number of settings: each has one of the two cameras.
+    let views = views.step_by(at_full(1, 2));
+    check("modes", built.scene(), &views.collect::<Vec<_>>());
 }
 
 #[test]
 fn eyes_outside_inside_and_on_a_voxel() {
     let built = gyroid([40, 44, 36], [1.0, 1.0, 1.3]);
     let size = [96, 80];
-    let mut views = vec![(orbit(&built, 31.0, 24.0, Some(40.0), size), high(size))];
+    let mut views = vec![(built.orbit(31.0, 24.0, Some(40.0), size), high(size))];
     for (eye, toward) in [
         ([20.3, 21.7, 18.1], [1.0, 0.5, -0.2]),
         ([20.5, 22.0, 18.0], [-0.3, 1.0, 0.6]),
@@ -111,7 +116,8 @@ fn eyes_outside_inside_and_on_a_voxel() {
             }
         }
     }
-    check("eyes", scene(&built), &views);
+    let views: Vec<_> = views.into_iter().step_by(at_full(1, 3)).collect();
+    check("eyes", built.scene(), &views);
 }
 
 #[test]
@@ -119,28 +125,28 @@ fn anisotropic_and_mirrored_grids() {
     let flat = gyroid([48, 44, 8], [1.0, 1.0, 20.0]);
     let size = [96, 96];
     let views = |built: &Built| {
-        let camera = |fov| orbit(built, 31.0, 24.0, fov, size);
+        let camera = |fov| built.orbit(31.0, 24.0, fov, size);
         vec![(camera(None), high(size)), (camera(Some(50.0)), high(size))]
     };
-    check("1:1:20", scene(&flat), &views(&flat));
+    check("1:1:20", flat.scene(), &views(&flat));
     let mut mirrored = gyroid([40, 36, 32], [1.0, 1.5, 0.8]);
     mirrored.facts.grid.direction = [[-1.0, 0.0, 0.0], [0.0, 0.6, 0.8], [0.0, 0.8, -0.6]];
     mirrored.facts.grid.origin = [30.0, -200.0, 7.0];
-    check("mirrored", scene(&mirrored), &views(&mirrored));
+    check("mirrored", mirrored.scene(), &views(&mirrored));
 }
 
 #[test]
 fn widths_of_channels_and_gradients() {
-    let size = [96, 96];
+    let size = at_full([96, 96], [64, 64]);
     for (what, text, bits) in
-        [("16 bits", LAYERS, 16), ("gradient, 8 bits", EDGES, 8), ("gradient, 16 bits", EDGES, 16)]
+        [("16 bits", LIT_LAYERS, 16), ("gradient, 8 bits", EDGES, 8), ("gradient, 16 bits", EDGES, 16)]
     {
         let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(text), bits);
         let views = [
-            (orbit(&built, 31.0, 24.0, None, size), high(size)),
-            (orbit(&built, 131.0, -24.0, Some(60.0), size), high(size)),
+            (built.orbit(31.0, 24.0, None, size), high(size)),
+            (built.orbit(131.0, -24.0, Some(60.0), size), high(size)),
         ];
-        check(what, scene(&built), &views);
+        check(what, built.scene(), &views);
     }
 }
 
@@ -149,33 +155,33 @@ fn another_transfer_function() {
     let Some(opened) = device() else { return };
     let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(EDGES), 8);
     let size = [96, 96];
-    let (camera, settings) = (orbit(&built, 31.0, 24.0, None, size), high(size));
+    let (camera, settings) = (built.orbit(31.0, 24.0, None, size), high(size));
     let sheet = TransferFunction::range(110.0, 140.0).unwrap().with_shaded(false);
     let edges = transfer(&EDGES.replace("#20c040", "#f0c040").replace("0.6", "0.3"));
     let options = Options { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
-    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene(&built), options).unwrap();
+    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
     let (_, first) = renderer.render(&camera, &settings).unwrap();
     assert!(first.upload_bytes > 0);
     for (what, other) in [("sheet", &sheet), ("edges", &edges)] {
         renderer.set_transfer(other);
         let (got, stats) = renderer.render(&camera, &settings).unwrap();
-        let (want, _) = cpu::render(&Scene { transfer: other, ..scene(&built) }, &camera, &settings).unwrap();
-        assert!(psnr(&got, &want) >= LEAST_DB, "{what}: {}", psnr(&got, &want));
+        let (want, _) = cpu::render(&Scene { transfer: other, ..built.scene() }, &camera, &settings).unwrap();
+        assert!(decibels(&got, &want, 0.0) >= LEAST_DB, "{what}: {}", decibels(&got, &want, 0.0));
         assert_eq!(stats.upload_bytes, 0, "{what}: the lane stays on the device");
     }
 }
 
 #[test]
 fn overlays_with_edits_and_with_fewer_voxels_shown() {
-    for text in [LAYERS, EDGES] {
+    for text in [LIT_LAYERS, EDGES] {
         let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(text), 8);
         let bytes = arena_bytes(&built.facts, &built.lanes, "{}");
         let lanes = LaneSet::new(Arena::new(&bytes).unwrap(), None);
         let mut overlay = Overlay::new(&lanes);
         let size = [96, 96];
         let views = [
-            (orbit(&built, 31.0, 24.0, None, size), high(size)),
-            (orbit(&built, 131.0, 64.0, Some(60.0), size), high(size)),
+            (built.orbit(31.0, 24.0, None, size), high(size)),
+            (built.orbit(131.0, 64.0, Some(60.0), size), high(size)),
         ];
         let record = lanes_record(&built);
         for k in 0..400u32 {
@@ -206,8 +212,8 @@ fn near_and_far_views_and_odd_pictures() {
     check_one("sub-pixel", &built, zoomed(&built, 31.0, 24.0, None, 0.08, size), high(size));
     check_one("sub-pixel, perspective", &built, zoomed(&built, 31.0, 24.0, Some(50.0), 0.08, size), high(size));
     for size in [[1, 1], [1, 65], [700, 3]] {
-        let views = [None, Some(50.0)].map(|fov| (orbit(&built, 31.0, 24.0, fov, size), high(size)));
-        check(&format!("{size:?}"), scene(&built), &views);
+        let views = [None, Some(50.0)].map(|fov| (built.orbit(31.0, 24.0, fov, size), high(size)));
+        check(&format!("{size:?}"), built.scene(), &views);
     }
 }
 
@@ -216,17 +222,17 @@ fn near_and_far_views_and_odd_pictures() {
 fn early_termination() {
     let built = block([40, 40, 40], "#ff8040", 0.5);
     let size = [96, 96];
-    let camera = orbit(&built, 31.0, 24.0, None, size);
+    let camera = built.orbit(31.0, 24.0, None, size);
     let Some(opened) = device() else { return };
     let options = Options { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
-    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene(&built), options).unwrap();
+    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
     for termination in [1.0 / 32.0, 1.0 / 1024.0, 1e-5] {
         let settings = Settings { termination: Some(termination), ..high(size) };
         let (got, _) = renderer.render(&camera, &settings).unwrap();
-        let (want, _) = cpu::render(&scene(&built), &camera, &settings).unwrap();
+        let (want, _) = cpu::render(&built.scene(), &camera, &settings).unwrap();
         let (whole, _) =
-            cpu::render(&scene(&built), &camera, &Settings { termination: Some(0.0), ..settings }).unwrap();
-        assert!(psnr(&got, &want) >= LEAST_DB, "{termination}: {}", psnr(&got, &want));
+            cpu::render(&built.scene(), &camera, &Settings { termination: Some(0.0), ..settings }).unwrap();
+        assert!(decibels(&got, &want, 0.0) >= LEAST_DB, "{termination}: {}", decibels(&got, &want, 0.0));
         let (most, at) = worst(&got, &whole);
         // 2e-5: some hundred roundings.
         assert!(most <= termination + 2e-5, "{termination}: {most} at {at:?}");
@@ -244,11 +250,11 @@ fn an_empty_scene() {
     lanes.iter_mut().for_each(|lane| *lane = OwnedLane::new(lane.axis, lane.dims, lane.channels));
     for compositor in compositors() {
         let options = Options { vram: 64 << 20, compositor: Some(compositor) };
-        let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene(&built), options).unwrap();
+        let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
         for mode in [Mode::Composite, Mode::Additive, Mode::Maximum] {
             for fov in [None, Some(50.0)] {
                 let settings = Settings { mode, ..high([40, 30]) };
-                let (frame, stats) = renderer.render(&orbit(&built, 0.0, 0.0, fov, [40, 30]), &settings).unwrap();
+                let (frame, stats) = renderer.render(&built.orbit(0.0, 0.0, fov, [40, 30]), &settings).unwrap();
                 assert!(!shows(&frame));
                 assert_eq!((stats.splats_drawn, stats.splats_skipped), (0, 0));
             }
@@ -261,11 +267,11 @@ fn real_sets() {
     if device().is_none() {
         return;
     }
-    for (path, transfer) in real_volumes() {
-        let built = real(&path, transfer);
+    for (path, transfer) in real_volumes().into_iter().step_by(at_full(1, 3)) {
+        let built = built(&mut *volume(&path), &fitting(transfer, 8));
         let size = [112, 112];
         let views = [(20.0, 15.0, None), (-100.0, 60.0, Some(45.0))]
-            .map(|(azimuth, elevation, fov)| (orbit(&built, azimuth, elevation, fov, size), high(size)));
-        check(&path.file_name().unwrap_or_default().to_string_lossy(), scene(&built), &views);
+            .map(|(azimuth, elevation, fov)| (built.orbit(azimuth, elevation, fov, size), high(size)));
+        check(&path.file_name().unwrap_or_default().to_string_lossy(), built.scene(), &views);
     }
 }

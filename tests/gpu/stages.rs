@@ -5,19 +5,22 @@
 
 use super::twin;
 use super::twin::splat::Rounding;
-use adjsplat::arena::layout::TileRecord;
+use adjsplat::arena::TileRecord;
 use adjsplat::build::Built;
-use adjsplat::splat::gpu::layout::{NO_RECORD, NOTHING, Shot, Splat, Voxel};
-use adjsplat::splat::gpu::probe::Probe;
-use adjsplat::splat::gpu::stages::Blend;
+use adjsplat::internals::gpu_stages::BlendMode;
+use adjsplat::internals::gpu_stages::Probe;
+use adjsplat::internals::gpu_stages::{FrameUniform, NO_RECORD, NOTHING, Splat, VisitedVoxel};
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Lighting, Mode, Quality, Settings, cpu};
-use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, VoxelBox, walk};
+use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint, VoxelBox};
+use adjsplat_tests::pictures::decibels;
+use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, built, fitting, real_volumes, transfer, volume};
+use adjsplat_tests::walks::{parallel_orders, visited};
+use adjsplat_tests::{at_full, say};
 use zerocopy::FromBytes;
 
-use crate::compare::psnr;
-use crate::device::{device, read, say};
-use crate::scenes::{EDGES, LAYERS, inside, orbit, phantom, real, real_volumes, scene, transfer, zoomed};
+use crate::device::{device, read};
+use crate::scenes::{EDGES, inside, phantom, zoomed};
 
 /// Least that the renderer takes for small pictures of small tables: a slab of about 1 MiB, chunks of 65,536 records.
 const TIGHT: u64 = 7 << 20;
@@ -60,7 +63,7 @@ fn read_all<T: bytemuck::Pod>(probe: &Probe, buffer: &wgpu::Buffer) -> Vec<T> {
 
 /// What a frame's chunks leave for the next.
 struct Frames {
-    blend: Blend,
+    blend: BlendMode,
     target: Option<Target>,
     judges_pixels: bool,
     before: Vec<[f32; 4]>,
@@ -72,9 +75,9 @@ struct Frames {
 
 impl Frames {
     fn look(&mut self, probe: &Probe) {
-        let Probe { shot, chunk, slab, .. } = probe;
+        let Probe { uniform, chunk, slab, .. } = probe;
         let slots = chunk.slot_count as usize;
-        let voxels: Vec<Voxel> = read_all(probe, probe.voxels);
+        let voxels: Vec<VisitedVoxel> = read_all(probe, probe.voxels);
         self.judge_walk(probe, &voxels[..slots]);
 
         let looks: Vec<[f32; 4]> = read_all(probe, probe.looks[0]);
@@ -89,7 +92,7 @@ impl Frames {
         };
         let splats: Vec<Splat> = read_all(probe, probe.splats);
         let mut want = vec![splats[0]; slots];
-        twin::project::project(shot, &voxels[..slots], &channels, &mut want);
+        twin::project::project(uniform, &voxels[..slots], &channels, &mut want);
         splats.iter().zip(&want).for_each(|(got, want)| self.apart.splat(got, want));
         let padded = slots.next_multiple_of(256);
         assert!(
@@ -97,37 +100,37 @@ impl Frames {
             "a batch is filled up with nothing"
         );
 
-        let [x0, y0, x1, y1] = shot.window;
+        let [x0, y0, x1, y1] = uniform.window;
         let count = ((x1 - x0) * (y1 - y0)) as usize;
         if chunk.is_first == 1 {
-            self.before = vec![[0.0, 0.0, 0.0, shot.fourth]; count];
+            self.before = vec![[0.0, 0.0, 0.0, uniform.initial_alpha]; count];
             self.cut = self.before.clone();
         }
         match self.target {
             Some(target) if self.judges_pixels => {
                 let kept = &splats[..slots];
-                twin::splat::splat(shot, self.blend, (target, Rounding::Nearest), kept, &mut self.before);
-                twin::splat::splat(shot, self.blend, (target, Rounding::TowardZero), kept, &mut self.cut);
+                twin::splat::splat(uniform, self.blend, (target, Rounding::Nearest), kept, &mut self.before);
+                twin::splat::splat(uniform, self.blend, (target, Rounding::TowardZero), kept, &mut self.cut);
             }
             Some(_) => {}
             None => self.judge_tiles(probe, &splats[..slots], count),
         }
     }
 
-    fn judge_walk(&mut self, probe: &Probe, got: &[Voxel]) {
+    fn judge_walk(&mut self, probe: &Probe, got: &[VisitedVoxel]) {
         let bytes: Vec<u8> = read_all(probe, &probe.slab[0]);
         let whole = bytes.len() / size_of::<TileRecord>() * size_of::<TileRecord>();
         let line_ends: Vec<u32> = read_all(probe, &probe.slab[1]);
         let steps: Vec<u32> = read_all(probe, &probe.slab[2]);
-        let slab = twin::walk::Slab {
+        let slab = twin::walk::SlabWords {
             tiles: <[TileRecord]>::ref_from_bytes(&bytes[..whole]).unwrap(),
             line_ends: &line_ends,
             steps: &steps,
             lines: probe.lines,
         };
         // What neither writes would differ.
-        let mut want: Vec<Voxel> = got.iter().map(|voxel| Voxel { xy: !voxel.xy, ..*voxel }).collect();
-        twin::walk::walk(probe.shot, &slab, probe.blocks, &mut want);
+        let mut want: Vec<VisitedVoxel> = got.iter().map(|voxel| VisitedVoxel { xy: !voxel.xy, ..*voxel }).collect();
+        twin::walk::walk(probe.uniform, &slab, probe.blocks, &mut want);
         let first = got.iter().zip(&want).position(|(got, want)| got != want);
         if let Some(slot) = first {
             panic!("chunk {:?}, slot {slot}: the walk gives {:?}, not {:?}", probe.chunk, got[slot], want[slot]);
@@ -137,16 +140,16 @@ impl Frames {
     }
 
     fn judge_tiles(&mut self, probe: &Probe, splats: &[Splat], count: usize) {
-        let shot = probe.shot;
+        let uniform = probe.uniform;
         let masks: Vec<u32> = read_all(probe, probe.masks.expect("tiles have masks"));
         let mut want = vec![0; masks.len()];
-        twin::bin::bin(shot, splats, &mut want);
+        twin::bin::bin(uniform, splats, &mut want);
         assert!(masks == want, "chunk {:?}: masks differ", probe.chunk);
         let mut pixels: Vec<[f32; 4]> = read_all(probe, probe.pixels.expect("tiles have pixels"));
         pixels.truncate(count);
         if self.judges_pixels {
-            twin::tile::tile(shot, self.blend, splats, &masks, &mut self.before);
-            self.apart.pixels(&pixels, &self.before, shot);
+            twin::tile::tile(uniform, self.blend, splats, &masks, &mut self.before);
+            self.apart.pixels(&pixels, &self.before, uniform);
         }
         self.before = pixels;
     }
@@ -175,7 +178,7 @@ impl Apart {
             self.centre = self.centre.max((a - b).abs() as f32);
         }
         let relative = |a: f32, b: f32| (a / b - 1.0).abs();
-        let ellipse = relative(got.across, want.across).max(relative(got.along, want.along));
+        let ellipse = relative(got.falloff_x, want.falloff_x).max(relative(got.falloff_y, want.falloff_y));
         self.ellipse = self.ellipse.max(ellipse);
         self.shear = self.shear.max((got.shear - want.shear).abs() / want.shear.abs().max(1.0));
         self.peak = self.peak.max(relative(got.peak, want.peak));
@@ -184,9 +187,10 @@ impl Apart {
         }
     }
 
-    fn pixels(&mut self, got: &[[f32; 4]], want: &[[f32; 4]], shot: &Shot) {
+    fn pixels(&mut self, got: &[[f32; 4]], want: &[[f32; 4]], uniform: &FrameUniform) {
         // Sums of optical depth are as large as what is added up; all else is at most about 1.
-        let scale = if shot.fourth == 0.0 { got.iter().flatten().fold(1.0f32, |most, &v| most.max(v)) } else { 1.0 };
+        let scale =
+            if uniform.initial_alpha == 0.0 { got.iter().flatten().fold(1.0f32, |most, &v| most.max(v)) } else { 1.0 };
         for (got, want) in got.iter().zip(want) {
             let apart = (0..4).map(|c| (got[c] - want[c]).abs() / scale).fold(0.0, f32::max);
             self.pixels += 1;
@@ -231,12 +235,12 @@ const PARALLEL: Tolerance = Tolerance { centre: 1e-6, shape: 3e-7, ink: 2e-5 };
 /// their difference is that of rounding, sqrt(2^-23) of the variance, which the low-pass adds.
 const PERSPECTIVE: Tolerance = Tolerance { centre: 2e-4, shape: 1e-3, ink: 5e-5 };
 
-fn blend_of(settings: &Settings) -> Blend {
+fn blend_of(settings: &Settings) -> BlendMode {
     match (settings.mode, settings.sense) {
-        (Mode::Composite, Sense::FrontToBack) => Blend::FrontToBack,
-        (Mode::Composite, Sense::BackToFront) => Blend::BackToFront,
-        (Mode::Additive, _) => Blend::Additive,
-        _ => Blend::Maximum,
+        (Mode::Composite, Sense::FrontToBack) => BlendMode::FrontToBack,
+        (Mode::Composite, Sense::BackToFront) => BlendMode::BackToFront,
+        (Mode::Additive, _) => BlendMode::Additive,
+        _ => BlendMode::Maximum,
     }
 }
 
@@ -249,7 +253,7 @@ fn judged(
     judges_pixels: bool,
 ) -> Option<(Judged, Frame, Frames)> {
     let opened = device()?;
-    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene(built), options).unwrap();
+    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
     let target = match options.compositor {
         Some(Compositor::Quads(target)) => Some(target),
         _ => None,
@@ -270,38 +274,26 @@ fn judged(
 }
 
 fn high(size: [u32; 2]) -> Settings {
-    Settings { quality: Quality::High, ..Settings::new(size) }
+    Settings { quality: Quality::High, ..Settings::every_pixel(size) }
 }
 
 /// What the processor's walk visits.
 fn visits(built: &Built, order: &Order) -> Vec<[u32; 3]> {
-    let lane = built.lanes.lane(order.fast).unwrap();
-    let mut seen = Vec::new();
-    walk(&lane, order, &mut |batch: &Batch| {
-        for index in 0..batch.len() {
-            let mut at = [0; 3];
-            at[order.slow.index()] = batch.slow.into();
-            at[order.medium.index()] = batch.medium[index].into();
-            at[order.fast.index()] = batch.fast[index].into();
-            seen.push(at);
-        }
-    });
-    seen
+    visited(&built.lanes.lane(order.fast).unwrap(), order, |at, _| at)
 }
 
 /// Noise of one sample in a hundred along 700 points: one step in ten is above 255.
 #[test]
 fn walks_visit_what_the_processor_visits_in_all_orders() {
-    let plain = || transfer(LAYERS).with_shaded(false);
+    let plain = || transfer(LIT_LAYERS).with_shaded(false);
     let noise = |dims| phantom("noise", dims, [1.0; 3], transfer(r#"{ "kind": "range", "low": 1 }"#), 8);
     let wide = noise([1_100, 9, 10]);
     let long = noise([12, 700, 20]);
     let full = phantom("gyroid", [70, 33, 41], [1.0; 3], plain(), 8);
     let options = Options { vram: 64 << 20, compositor: Some(Compositor::Tiles) };
     for (name, built) in [("wide", &wide), ("long", &long), ("gyroid", &full)] {
-        let camera = orbit(built, 20.0, 30.0, None, [40, 40]);
-        let mut orders: Vec<Order> =
-            (0..6).flat_map(|nesting| (0..8).map(move |down| Order::parallel(nesting, down))).collect();
+        let camera = built.orbit(20.0, 30.0, None, [40, 40]);
+        let mut orders: Vec<Order> = parallel_orders().collect();
         let middle = built.facts.grid.dims.map(|points| f64::from(points) / 2.0);
         for eye in [middle, middle.map(|c| c.floor() + 0.5), middle.map(|c| (c / 3.0).floor() + 0.2)] {
             for nesting in 0..6 {
@@ -313,8 +305,9 @@ fn walks_visit_what_the_processor_visits_in_all_orders() {
                 }
             }
         }
-        // One order in three, another third of them for each structure, but all of a small one.
-        for order in orders.into_iter().step_by(if name == "long" { 1 } else { 3 }) {
+        // Steps that have no divisor with the numbers of nestings, directions, forms and senses.
+        let step = if name == "long" { at_full(1, 5) } else { at_full(1, 11) };
+        for order in orders.into_iter().step_by(step) {
             let settings = Settings { order: Some(order), ..high([40, 40]) };
             let Some((judged, ..)) = judged(built, &camera, &settings, options, false) else { return };
             assert!(judged.visits == visits(built, &order), "{name}: {order:?}");
@@ -335,7 +328,7 @@ fn walks_of_many_slabs_and_chunks_visit_what_the_processor_visits() {
         let order = Order::new(viewpoint, built.facts.grid.dims, Sense::FrontToBack, form).unwrap();
         // A parallel camera sees all of it, whatever the order.
         let settings = Settings { order: Some(order), ..high([16, 16]) };
-        let outside = orbit(&built, 20.0, 30.0, None, [16, 16]);
+        let outside = built.orbit(20.0, 30.0, None, [16, 16]);
         let quads = tight(Compositor::Quads(Target::Float16));
         let Some((all, ..)) = judged(&built, &outside, &settings, quads, false) else { return };
         assert!(all.stats.slabs > 1 && all.stats.chunks as usize > all.stats.slabs, "{:?}", all.stats);
@@ -356,15 +349,15 @@ type Case = (&'static str, Built, Camera, Settings);
 
 fn cases() -> Vec<Case> {
     let size = [72, 56];
-    let coloured = |dims, spacing| phantom("gyroid", dims, spacing, transfer(LAYERS), 8);
+    let coloured = |dims, spacing| phantom("gyroid", dims, spacing, transfer(LIT_LAYERS), 8);
     let mut cases: Vec<Case> = Vec::new();
     let mut add = |name, built: Built, camera: &dyn Fn(&Built) -> Camera, settings: Settings| {
         let camera = camera(&built);
         cases.push((name, built, camera, settings));
     };
     let cube = [36, 40, 32];
-    let around = |built: &Built| orbit(built, 33.0, 21.0, None, size);
-    let ahead = |built: &Built| orbit(built, -130.0, -41.0, Some(45.0), size);
+    let around = |built: &Built| built.orbit(33.0, 21.0, None, size);
+    let ahead = |built: &Built| built.orbit(-130.0, -41.0, Some(45.0), size);
     let within = |built: &Built| inside(built, [18.3, 20.0, 15.5], [1.0, 0.6, 0.3]);
     add("parallel", coloured(cube, [1.0; 3]), &around, high(size));
     add("perspective", coloured(cube, [1.0; 3]), &ahead, high(size));
@@ -380,7 +373,7 @@ fn cases() -> Vec<Case> {
     let glossy = Lighting { shininess: 255, specular: 0.9, ..Lighting::default() };
     add("glossy", coloured(cube, [1.0; 3]), &ahead, Settings { lighting: Some(glossy), ..high(size) });
     let wide = |text| phantom("gyroid", cube, [1.0; 3], transfer(text), 16);
-    add("16 bits", wide(LAYERS), &around, high(size));
+    add("16 bits", wide(LIT_LAYERS), &around, high(size));
     add("16 bits by gradient", wide(EDGES), &around, high(size));
     add("8 bits by gradient", phantom("gyroid", cube, [1.0; 3], transfer(EDGES), 8), &around, high(size));
     let near = |built: &Built| zoomed(built, 33.0, 21.0, None, 30.0, size);
@@ -400,8 +393,9 @@ fn each_stage_of_tiles_does_what_its_twin_does() {
 
 #[test]
 fn each_stage_of_quads_does_what_its_twin_does() {
-    for (name, built, camera, settings) in cases() {
-        for target in [Target::Float32, Target::Float16, Target::Unorm8] {
+    for (index, (name, built, camera, settings)) in cases().into_iter().enumerate() {
+        let targets = [Target::Float32, Target::Float16, Target::Unorm8].into_iter().skip(at_full(0, index % 3));
+        for target in targets.step_by(at_full(1, 3)) {
             let options = Options { vram: 512 << 20, compositor: Some(Compositor::Quads(target)) };
             if device().is_some_and(|opened| target == Target::Float32 && !opened.facts.blends_float32) {
                 continue;
@@ -445,14 +439,14 @@ fn pixels_of_many_chunks_are_what_the_twins_make_of_them() {
     let built = phantom("constant", [80, 50, 60], [1.0; 3], transfer(text), 8);
     let size = [24, 20];
     for fov in [None, Some(60.0)] {
-        let camera = orbit(&built, 31.0, 24.0, fov, size);
+        let camera = built.orbit(31.0, 24.0, fov, size);
         for settings in [high(size), Settings { sense: Sense::BackToFront, ..high(size) }] {
             let options = Options { vram: TIGHT, compositor: Some(Compositor::Tiles) };
             let Some((judged, frame, _)) = judged(&built, &camera, &settings, options, true) else { return };
             assert!(judged.stats.chunks > 2, "{:?}", judged.stats);
             judged.apart.check(&format!("chunks, {fov:?}"), if fov.is_none() { &PARALLEL } else { &PERSPECTIVE });
-            let (want, _) = cpu::render(&scene(&built), &camera, &settings).unwrap();
-            let found = psnr(&frame, &want);
+            let (want, _) = cpu::render(&built.scene(), &camera, &settings).unwrap();
+            let found = decibels(&frame, &want, 0.0);
             assert!(found >= 80.0, "{fov:?}, {:?}: {found:.1} dB", settings.sense);
         }
     }
@@ -465,10 +459,10 @@ fn a_real_set_stage_by_stage() {
     if device().is_none() {
         return;
     }
-    let built = real(&path, transfer);
-    let camera = orbit(&built, 20.0, 15.0, None, [48, 48]);
+    let built = built(&mut *volume(&path), &fitting(transfer, 8));
+    let camera = built.orbit(20.0, 15.0, None, [48, 48]);
     let options = Options { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
-    for nesting in [0, 3, 4] {
+    for &nesting in at_full(&[0, 3, 4][..], &[3]) {
         let order = Order::parallel(nesting, 0b010);
         let settings = Settings { order: Some(order), ..high([48, 48]) };
         let Some((judged, ..)) = judged(&built, &camera, &settings, options, false) else { return };

@@ -5,17 +5,19 @@ use adjsplat::build::Built;
 use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
 use adjsplat::splat::{Camera, Projection, Quality, Settings, cpu};
 use adjsplat::traverse::Sense;
+use adjsplat_tests::pictures::decibels;
+use adjsplat_tests::say;
+use adjsplat_tests::scenes::{Draw as _, transfer};
 
-use crate::compare::psnr;
-use crate::device::{device, say};
-use crate::scenes::{block, orbit, phantom, scene, transfer};
+use crate::device::device;
+use crate::scenes::{block, phantom};
 
 const SIZE: [u32; 2] = [9, 9];
 
 fn renderer(built: &Built, compositor: Compositor) -> Option<Renderer<'_>> {
     let opened = device()?;
     let options = Options { vram: 256 << 20, compositor: Some(compositor) };
-    Some(Renderer::new(opened.device.clone(), opened.queue.clone(), scene(built), options).unwrap())
+    Some(Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap())
 }
 
 /// 16 bits hold a pixel of up to 1 within 2^-12, and a hundred splats add up to 40 dB, where each is rounded to
@@ -38,11 +40,11 @@ fn half_floats_are_good_enough_for_large_opacities() {
     let size = [112, 96];
     for (azimuth, elevation, fov) in [(31.0, 24.0, None), (-100.0, 60.0, Some(45.0))] {
         for sense in [Sense::BackToFront, Sense::FrontToBack] {
-            let settings = Settings { quality: Quality::High, sense, ..Settings::new(size) };
-            let camera = orbit(&built, azimuth, elevation, fov, size);
+            let settings = Settings { quality: Quality::High, sense, ..Settings::every_pixel(size) };
+            let camera = built.orbit(azimuth, elevation, fov, size);
             let (got, _) = renderer.render(&camera, &settings).unwrap();
-            let (want, _) = cpu::render(&scene(&built), &camera, &settings).unwrap();
-            let found = psnr(&got, &want);
+            let (want, _) = cpu::render(&built.scene(), &camera, &settings).unwrap();
+            let found = decibels(&got, &want, 0.0);
             let least = if rounds_toward_zero && sense == Sense::FrontToBack { 30.0 } else { 40.0 };
             say(&format!("16 bits, {azimuth} {sense:?}: {found:.1} dB"));
             assert!(found >= least, "{azimuth}, {sense:?}: {found:.1} dB");
@@ -54,15 +56,19 @@ fn half_floats_are_good_enough_for_large_opacities() {
 fn along() -> (Camera, Settings) {
     let projection = Projection::Parallel { height: f64::from(SIZE[1]) };
     let camera = Camera::new([0.0, 0.0, 5_000.0], [0.0; 3], [0.0, 1.0, 0.0], projection).unwrap();
-    let settings =
-        Settings { quality: Quality::Reference, sense: Sense::BackToFront, lighting: None, ..Settings::new(SIZE) };
+    let settings = Settings {
+        quality: Quality::Reference,
+        sense: Sense::BackToFront,
+        lighting: None,
+        ..Settings::every_pixel(SIZE)
+    };
     (camera, settings)
 }
 
 /// A white column of `count` voxels, each of which takes `part` of the light at the pixel of its centre.
 fn column(count: u64, part: f64) -> Built {
     let (camera, settings) = along();
-    let (single, _) = cpu::render(&scene(&block([1, 1, 1], "#ffffff", 0.5)), &camera, &settings).unwrap();
+    let (single, _) = block([1, 1, 1], "#ffffff", 0.5).render(&camera, &settings);
     // Optical depth at the centre per optical depth of a voxel.
     let weight = (-f64::from(single.pixel(4, 4)[3])).ln_1p() / (-0.5f64).ln_1p();
     block([1, 1, count], "#ffffff", -((-part).ln_1p() / weight).exp_m1())

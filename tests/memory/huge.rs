@@ -5,7 +5,7 @@
 //! pictures are the same, and record numbers are those that were written.
 //!
 //! Such a file opens but is not sound (its lines end with stepping voxels), so the check is not run on it. With
-//! `ADJ_HUGE=1` a sound file of 4.4 thousand million voxels is written (4.5 GB of disk), checked and walked whole. That
+//! `ADJ_FULL=1` a sound file of 4.4 thousand million voxels is written (4.5 GB of disk), checked and walked whole. That
 //! the check counts right without it follows from its types: its line, record and byte numbers are `usize` and `u64`
 //! throughout; the only 32-bit number that grows with the file is a tile's `first_line`, of which a face of 65,535 x
 //! 65,535 lines has 2^32 - 131,071; a line's own counts stay below 65,535 * 255 < 2^24.
@@ -20,9 +20,10 @@ use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::Path;
 
 use adjsplat::arena::Record;
+use adjsplat::arena::TileRecord;
 use adjsplat::arena::layout;
-use adjsplat::arena::layout::{Facts, Scales, SectionEntry, SectionKind, TileRecord, aligned};
-use adjsplat::arena::{Channels, Lane, OwnedLane, TileOrder};
+use adjsplat::arena::layout::{Facts, Scales, SectionEntry, SectionKind, aligned};
+use adjsplat::arena::{Lane, OwnedLane, TileOrder};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::AdjFile;
 use adjsplat::internals::LanePacker;
@@ -30,6 +31,9 @@ use adjsplat::internals::transpose;
 use adjsplat::splat::{Camera, Frame, Lanes, Orbit, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::{Axis, Grid};
+use adjsplat_tests::scenes::PLAIN;
+use adjsplat_tests::walks::{parallel_orders, visited};
+use adjsplat_tests::{is_full, say};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
@@ -40,7 +44,6 @@ const TILES: [u32; 2] = [33, 32];
 const LINE: u64 = 65_535;
 const LINES: u64 = 264 * 256;
 const RECORDS: u64 = LINES * LINE;
-const CHANNELS: Channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0 };
 
 /// Where a file's sections start.
 struct Offsets {
@@ -53,7 +56,7 @@ fn facts(visible_voxels: u64) -> Facts {
     Facts {
         // Voxels far apart along y and z, so that the face is about as wide as the lines are long.
         grid: Grid::new(DIMS.map(u64::from), [1.0, 200.0, 200.0]).unwrap(),
-        channels: CHANNELS,
+        channels: PLAIN,
         tile_order: TileOrder::Rows,
         scales: Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 0.0 },
         visible_voxels,
@@ -153,7 +156,7 @@ fn sparse_with_voxels(path: &Path) -> Vec<Voxel> {
 
 /// The same voxels in a lane that is as small as they are.
 fn small_lane(voxels: &[Voxel]) -> OwnedLane {
-    let mut packer = LanePacker::new(Axis::X, DIMS, CHANNELS, TileOrder::Rows);
+    let mut packer = LanePacker::new(Axis::X, DIMS, PLAIN, TileOrder::Rows);
     let mut voxels = voxels.to_vec();
     voxels.sort_by_key(|&([x, y, z], ..)| (z, y, x));
     for line in voxels.chunk_by(|a, b| a.0[1..] == b.0[1..]) {
@@ -165,29 +168,20 @@ fn small_lane(voxels: &[Voxel]) -> OwnedLane {
 
 /// What a walk visits: place, value's code, record.
 fn visits(lane: &Lane, order: &Order) -> Vec<Voxel> {
-    let mut visits = Vec::new();
-    walk(lane, order, &mut |batch: &Batch| {
-        for voxel in 0..batch.len() {
-            let mut at = [0; 3];
-            at[order.slow.index()] = batch.slow;
-            at[order.medium.index()] = batch.medium[voxel];
-            at[order.fast.index()] = batch.fast[voxel];
-            let record = batch.record_index(voxel);
-            visits.push((at, u8::try_from(lane.value_code(record)).unwrap(), record as u64));
-        }
-    });
-    visits
+    visited(lane, order, |at, record| {
+        let at = at.map(|c| u16::try_from(c).unwrap());
+        (at, u8::try_from(lane.value_code(record)).unwrap(), record as u64)
+    })
 }
 
 fn orders() -> Vec<Order> {
-    let parallel = (0..6).flat_map(|nesting| (0..8).map(move |ways| Order::parallel(nesting, ways)));
     let inside = [[0.5, 1.0, 2.0], [0.5, 2.0, 1.0]].into_iter().flat_map(|toward| {
         [(Sense::BackToFront, SplitForm::Split), (Sense::FrontToBack, SplitForm::Interleaved)].map(|(sense, form)| {
             let eye = [3_000.0, 260.0, 120.0];
             Order::new(Viewpoint::Perspective { eye, toward }, DIMS, sense, form).unwrap()
         })
     });
-    parallel.chain(inside).filter(|order| order.fast == Axis::X).collect()
+    parallel_orders().chain(inside).filter(|order| order.fast == Axis::X).collect()
 }
 
 #[test]
@@ -237,7 +231,7 @@ fn records_beyond_2_to_the_32_are_walked_derived_and_drawn() {
         // Almost across x: among voxels so much farther apart along y and z, even so it is the fast axis.
         let orbit = Orbit { azimuth: 0.05, elevation: 70.0, fov, ..Orbit::default() };
         let camera = Camera::orbiting(orbit, Surround::of_grid(&facts.grid), [96, 64]).unwrap();
-        let settings = Settings { threads: 2, ..Settings::new([96, 64]) };
+        let settings = Settings { threads: 2, ..Settings::every_pixel([96, 64]) };
         let draw = |lanes: &dyn Lanes| -> Frame {
             let (frame, stats) = cpu::render(&Scene { facts, lanes, transfer: &transfer }, &camera, &settings).unwrap();
             assert!(stats.splats_drawn >= voxels.len() as u64 / 2, "{stats:?}");
@@ -261,8 +255,8 @@ impl Lanes for OneLane<'_> {
 
 #[test]
 fn a_sound_file_of_more_than_2_to_the_32_voxels_passes_the_check() {
-    if std::env::var_os("ADJ_HUGE").is_none() {
-        let _ = writeln!(std::io::stderr(), "SKIPPED: ADJ_HUGE=1 writes 4.5 GB to check them");
+    if !is_full() {
+        say("SKIPPED: ADJ_FULL=1 writes 4.5 GB to check them");
         return;
     }
     let folder = tempfile::tempdir().unwrap();

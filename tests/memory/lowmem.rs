@@ -7,33 +7,32 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Duration;
 
 use adjsplat::Error;
-use adjsplat::arena::{LaneSet, TileOrder};
+use adjsplat::arena::LaneSet;
 use adjsplat::build::{BuildOptions, Resources, Unobserved, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
 use adjsplat::internals::IN_FLIGHT;
 use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Frame, Mode, Orbit, Quality, Scene, Settings, Surround, cpu};
-use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType};
 use adjsplat_readers::open::{OpenOptions, open_with};
 use adjsplat_readers::raw::RawOptions;
+use adjsplat_tests::say;
+use adjsplat_tests::scenes::{options, phantom, transfer};
 
 const DESCRIPTION: &str = "{\"source\": {}}";
 
 fn thin() -> TransferFunction {
-    TransferFunction::from_json(
+    transfer(
         r##"{"kind":"points","points":[{"value":0,"colour":"#804020","opacity":0},{"value":255,"colour":"#ffeedd","opacity":0.01}]}"##,
     )
-    .unwrap()
 }
 
 /// A gyroid whose voxels are all but transparent, so that all of them are read.
 fn build(folder: &Path, side: u64, lane_count: u8) -> PathBuf {
     let path = folder.join(format!("{side}-{lane_count}.adj"));
-    let mut source = Phantom::from_name("gyroid").unwrap().open([side; 3], SampleType::U8, [1.0; 3]).unwrap();
-    let options =
-        BuildOptions { transfer: thin(), lane_count, tile_order: TileOrder::Morton, value_bits: 8, normal_bits: 8 };
+    let mut source = phantom("gyroid", [side; 3], SampleType::U8, [1.0; 3]);
+    let options = BuildOptions { lane_count, ..options(thin()) };
     let resources = Resources { memory: None, threads: 2, folder: None };
     let visible = classify(&mut *source, &options, &resources, &mut Unobserved).unwrap();
     let output =
@@ -46,9 +45,9 @@ fn draw(file: &AdjFile, orbit: Orbit, mode: Mode, threads: usize) -> Frame {
     let arena = file.arena().unwrap();
     let facts = arena.facts().clone();
     let lanes = LaneSet::new(arena, Some(0));
-    let transfer = thin();
-    let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
-    let mut settings = Settings::new([120, 100]);
+    let thin = thin();
+    let scene = Scene { facts: &facts, lanes: &lanes, transfer: &thin };
+    let mut settings = Settings::every_pixel([120, 100]);
     (settings.threads, settings.mode, settings.quality, settings.exposure) = (threads, mode, Quality::Draft, None);
     let camera = Camera::orbiting(orbit, Surround::of_grid(&facts.grid), settings.size).unwrap();
     cpu::render(&scene, &camera, &settings).unwrap().0
@@ -122,7 +121,7 @@ fn no_more_of_the_map_is_resident_than_was_asked_for() {
     let path = build(folder.path(), 192, 3);
     let size = std::fs::metadata(&path).unwrap().len();
     if resident_of(&path).is_none() {
-        eprintln!("SKIPPED: this system does not say which pages are resident");
+        say("SKIPPED: this system does not say which pages are resident");
         return;
     }
     // Large beside what is in flight, small beside a lane: who is told of a part only lets most of the lane stay.
@@ -206,8 +205,7 @@ fn each_limit_of_a_volume_is_kept() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("v.raw");
     std::fs::write(&path, vec![0; 6 * 5 * 4 * 2]).unwrap();
-    let raw = Some(RawOptions::new([6, 5, 4], SampleType::U16));
-    let options = OpenOptions { raw, ..OpenOptions::default() };
+    let options = OpenOptions::new().raw(RawOptions::new([6, 5, 4], SampleType::U16));
     let exact = Limits { points_per_axis: 6, points: 120, slice_bytes: 60, ..Limits::default() };
     open_with(&path, &options, &exact).expect("limits are inclusive");
     for (limits, what) in [

@@ -2,27 +2,18 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "pixels of small pictures")]
 
-use adjsplat::arena::TileOrder;
-use adjsplat::build::{BuildOptions, Built, Unobserved, build};
-use adjsplat::classify::TransferFunction;
-use adjsplat::splat::{Camera, Code, Frame, KernelShape, Projection, Sampling, Scene, Settings, cpu};
+use adjsplat::build::{BuildOptions, Built};
+use adjsplat::splat::{Camera, Code, KernelShape, Projection, Sampling, Settings};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::SampleType;
-use adjsplat::volume::phantom::Phantom;
+use adjsplat_tests::pictures::{apart, decibels};
+use adjsplat_tests::scenes::{Draw as _, built, options, phantom, red_to_blue};
 
 use super::low_pass::seen_through;
 
-fn built(name: &str, dims: [u64; 3], spacing: [f64; 3], value_bits: u8) -> Built {
-    let phantom = Phantom::from_name(name).unwrap();
-    let (low, high) = phantom.visible_range();
-    let text = format!(
-        r##"{{ "kind": "points", "shaded": true, "points": [
-            {{ "value": {low}, "colour": "#ff4020", "opacity": 0.3 }},
-            {{ "value": {high}, "colour": "#2060ff", "opacity": 0.7 }}] }}"##
-    );
-    let transfer = TransferFunction::from_json(&text).unwrap();
-    let options = BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits, normal_bits: 8 };
-    build(&mut *phantom.open(dims, SampleType::U8, spacing).unwrap(), &options, &mut Unobserved).unwrap()
+fn build(name: &str, dims: [u64; 3], spacing: [f64; 3], value_bits: u8) -> Built {
+    let options = BuildOptions { value_bits, ..options(red_to_blue(name, [0.3, 0.7])) };
+    built(&mut *phantom(name, dims, SampleType::U8, spacing), &options)
 }
 
 /// A parallel view with `pixels` a voxel of distance 1, whatever the size.
@@ -36,29 +27,12 @@ fn camera(built: &Built, [azimuth, elevation]: [f64; 2], pixels: f64, size: [u32
     Camera::new(eye, centre, up, Projection::Parallel { height: f64::from(size[1]) / pixels }).unwrap()
 }
 
-fn draw(built: &Built, camera: &Camera, settings: &Settings) -> Frame {
-    let scene = Scene { facts: &built.facts, lanes: &built.lanes, transfer: &built.transfer };
-    cpu::render(&scene, camera, settings).unwrap().0
-}
-
 fn enough(size: [u32; 2]) -> Settings {
-    Settings { sampling: Sampling::Enough, ..Settings::new(size) }
+    Settings { sampling: Some(Sampling::Enough), ..Settings::every_pixel(size) }
 }
 
-/// Decibels between frames over pixels that are not empty in both, and the largest difference.
-fn difference(a: &Frame, b: &Frame) -> (f64, f32) {
-    let (mut sum, mut count, mut most) = (0.0, 0u32, 0.0f32);
-    for (a, b) in a.pixels().chunks_exact(4).zip(b.pixels().chunks_exact(4)) {
-        if a.iter().chain(b).any(|value| *value > 1e-3) {
-            for (a, b) in a.iter().zip(b) {
-                sum += f64::from(a - b).powi(2);
-                most = most.max((a - b).abs());
-                count += 1;
-            }
-        }
-    }
-    (-10.0 * (sum / f64::from(count.max(1))).max(1e-20).log10(), most)
-}
+/// Pixels with no sample above this are empty.
+const EMPTY: f64 = 1e-3;
 
 /// Along axes, between two, between three, and anywhere.
 const VIEWS: [[f64; 2]; 7] =
@@ -67,7 +41,7 @@ const VIEWS: [[f64; 2]; 7] =
 #[test]
 fn stamps_give_what_the_plain_twin_gives_on_the_same_plane() {
     for (name, value_bits) in [("gyroid", 8), ("noise", 8), ("shells", 16)] {
-        let built = built(name, [30, 26, 28], [1.0; 3], value_bits);
+        let built = build(name, [30, 26, 28], [1.0; 3], value_bits);
         // A cut-off that no distance between voxels and pixels is equal to: there, in or out is a matter of rounding.
         let kernel = Some(KernelShape { sigma: 0.6, radius: 1.93 });
         let size = [51, 44];
@@ -75,13 +49,13 @@ fn stamps_give_what_the_plain_twin_gives_on_the_same_plane() {
             let camera = camera(&built, view, 0.8, size);
             // No pixel ends: one at the threshold may end for one and not for the other.
             let settings = Settings { termination: Some(0.0), kernel, ..enough(size) };
-            let fast = draw(&built, &camera, &settings);
-            let plain = draw(&built, &camera, &Settings { code: Code::Plain, ..settings.clone() });
-            let (_, most) = difference(&fast, &plain);
+            let fast = built.frame(&camera, &settings);
+            let plain = built.frame(&camera, &Settings { code: Code::Plain, ..settings.clone() });
+            let most = apart(&fast, &plain);
             // A stamp rounds a slice's place, its twin each voxel's: they differ by units in the last place.
             assert!(most < 2e-5, "{name} {view:?}: {most:e}");
             assert!(
-                fast != draw(&built, &camera, &Settings { sampling: Sampling::EveryPixel, ..settings }),
+                fast != built.frame(&camera, &Settings { sampling: Some(Sampling::EveryPixel), ..settings }),
                 "{name} {view:?} was drawn pixel by pixel"
             );
         }
@@ -90,16 +64,16 @@ fn stamps_give_what_the_plain_twin_gives_on_the_same_plane() {
 
 #[test]
 fn threads_and_instructions_leave_the_bits_alone() {
-    let built = built("gyroid", [40, 32, 36], [1.0; 3], 8);
+    let built = build("gyroid", [40, 32, 36], [1.0; 3], 8);
     let size = [40, 61];
     for view in VIEWS {
         let camera = camera(&built, view, 0.7, size);
-        let one = draw(&built, &camera, &enough(size));
+        let one = built.frame(&camera, &enough(size));
         for threads in [2, 5] {
-            assert!(one == draw(&built, &camera, &Settings { threads, ..enough(size) }), "{view:?}, {threads} threads");
+            assert!(one == built.frame(&camera, &Settings { threads, ..enough(size) }), "{view:?}, {threads} threads");
         }
         for code in [Code::Avx2, Code::Portable] {
-            assert!(one == draw(&built, &camera, &Settings { code, ..enough(size) }), "{view:?}, {code:?}");
+            assert!(one == built.frame(&camera, &Settings { code, ..enough(size) }), "{view:?}, {code:?}");
         }
     }
 }
@@ -111,15 +85,14 @@ fn the_fewest_pixels_give_a_draft_at_any_magnification() {
     for (name, spacing, pixels, lowest) in
         [("gyroid", [1.0; 3], 1.0, 33.0), ("shells", [1.0, 0.6, 0.8], 1.9, 35.0), ("noise", [1.0; 3], 2.5, 33.0)]
     {
-        let built = built(name, [48, 44, 40], spacing, 8);
+        let built = build(name, [48, 44, 40], spacing, 8);
         let size = [120, 120];
         let mut worst = f64::INFINITY;
         for view in VIEWS {
             let camera = camera(&built, view, pixels, size);
-            let fewest = Settings { sampling: Sampling::Fewest, ..Settings::new(size) };
-            let (decibels, _) =
-                difference(&draw(&built, &camera, &fewest), &draw(&built, &camera, &Settings::new(size)));
-            worst = worst.min(decibels);
+            let fewest = Settings { sampling: Some(Sampling::Fewest), ..Settings::every_pixel(size) };
+            let every = built.frame(&camera, &Settings::every_pixel(size));
+            worst = worst.min(decibels(&built.frame(&camera, &fewest), &every, EMPTY));
         }
         println!("{name}: {worst:.1} dB in the worst view");
         assert!(worst > lowest, "{name}: {worst:.1} dB");
@@ -130,18 +103,19 @@ const FINER: u32 = 4;
 
 #[test]
 fn voxels_finer_than_pixels_are_nearer_to_finer_pixels_than_widened_splats_are() {
-    let built = built("shells", [80, 80, 80], [1.0; 3], 8);
+    let built = build("shells", [80, 80, 80], [1.0; 3], 8);
     let size = [96, 96];
     let pixels = 0.6;
     for view in [[0.0, 0.0], [30.0, 20.0], [45.0, 35.2644]] {
         let fine_size = size.map(|side| side * FINER);
-        let fine = draw(&built, &camera(&built, view, pixels * f64::from(FINER), fine_size), &Settings::new(fine_size));
+        let fine =
+            built.frame(&camera(&built, view, pixels * f64::from(FINER), fine_size), &Settings::every_pixel(fine_size));
         // The low-pass is 0.6 pixels, a voxel's kernel 0.7 voxels.
         let blur = f64::from(FINER) * (0.36 - 0.49 * pixels * pixels).sqrt();
         let truth = seen_through(&fine, size, FINER, blur);
         let camera = camera(&built, view, pixels, size);
-        let (plane, _) = difference(&draw(&built, &camera, &enough(size)), &truth);
-        let (splats, _) = difference(&draw(&built, &camera, &Settings::new(size)), &truth);
+        let plane = decibels(&built.frame(&camera, &enough(size)), &truth, EMPTY);
+        let splats = decibels(&built.frame(&camera, &Settings::every_pixel(size)), &truth, EMPTY);
         println!("{view:?}: plane {plane:.1} dB, every pixel {splats:.1} dB");
         assert!(plane > 36.0 && plane > splats + 6.0, "{view:?}: plane {plane:.1} dB, every pixel {splats:.1} dB");
     }
@@ -149,16 +123,16 @@ fn voxels_finer_than_pixels_are_nearer_to_finer_pixels_than_widened_splats_are()
 
 #[test]
 fn a_crop_and_a_picture_that_cuts_the_volume_are_cut_alike() {
-    let built = built("gyroid", [60, 60, 60], [1.0; 3], 8);
+    let built = build("gyroid", [60, 60, 60], [1.0; 3], 8);
     let crop = VoxelBox { low: [10, 0, 20], high: [40, 30, 59] };
     let size = [40, 36];
     let camera = camera(&built, [30.0, 20.0], 1.0, size);
     for crop in [None, Some(crop)] {
-        let all = Settings { crop, ..Settings::new(size) };
-        let some = Settings { sampling: Sampling::Fewest, ..all.clone() };
-        let (some, all) = (draw(&built, &camera, &some), draw(&built, &camera, &all));
-        let (decibels, most) = difference(&some, &all);
-        assert!(decibels > 38.0, "{crop:?}: {decibels:.1} dB, largest {most}");
+        let all = Settings { crop, ..Settings::every_pixel(size) };
+        let some = Settings { sampling: Some(Sampling::Fewest), ..all.clone() };
+        let (some, all) = (built.frame(&camera, &some), built.frame(&camera, &all));
+        let near = decibels(&some, &all, EMPTY);
+        assert!(near > 38.0, "{crop:?}: {near:.1} dB, largest {}", apart(&some, &all));
         for at in 0..36 {
             for (a, b) in [(some.pixel(0, at), all.pixel(0, at)), (some.pixel(39, at), all.pixel(39, at))] {
                 // As inside: no seam.
@@ -170,11 +144,11 @@ fn a_crop_and_a_picture_that_cuts_the_volume_are_cut_alike() {
 
 #[test]
 fn a_volume_that_is_small_in_its_picture_is_drawn_by_finer_pixels() {
-    let built = built("gyroid", [60, 60, 60], [1.0; 3], 8);
+    let built = build("gyroid", [60, 60, 60], [1.0; 3], 8);
     let size = [200, 200];
     for pixels in [0.3, 0.1, 0.01] {
         let camera = camera(&built, [30.0, 20.0], pixels, size);
-        let finer = Settings { sampling: Sampling::Finer, ..Settings::new(size) };
-        assert!(draw(&built, &camera, &enough(size)) == draw(&built, &camera, &finer), "{pixels}");
+        let finer = Settings { sampling: Some(Sampling::Finer), ..Settings::every_pixel(size) };
+        assert!(built.frame(&camera, &enough(size)) == built.frame(&camera, &finer), "{pixels}");
     }
 }

@@ -1,58 +1,33 @@
 //! Pictures whose voxels are finer than their pixels, beside much larger ones seen through the Gaussian that a pixel is.
 
-use adjsplat::arena::TileOrder;
-use adjsplat::build::{BuildOptions, Built, Unobserved, build};
-use adjsplat::classify::TransferFunction;
-use adjsplat::splat::{Camera, Code, Frame, Mode, Orbit, Sampling, Scene, Settings, Surround, cpu};
-use adjsplat::volume::SampleType;
-use adjsplat::volume::phantom::Phantom;
+use adjsplat::build::Built;
+use adjsplat::splat::{Camera, Code, Mode, Orbit, Projection, Sampling, Settings, Surround};
+use adjsplat_tests::pictures::decibels;
+use adjsplat_tests::scenes::{Draw as _, built_phantom};
 
 use super::low_pass::seen_through;
 
-const POINTS: u64 = 72;
-
-fn built(name: &str) -> Built {
-    let phantom = Phantom::from_name(name).unwrap();
-    let (low, high) = phantom.visible_range();
-    let text = format!(
-        r##"{{ "kind": "points", "shaded": true, "points": [
-            {{ "value": {low}, "colour": "#ff4020", "opacity": 0.6 }},
-            {{ "value": {high}, "colour": "#2060ff", "opacity": 0.9 }}] }}"##
-    );
-    let transfer = TransferFunction::from_json(&text).unwrap();
-    let options =
-        BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits: 8 };
-    build(&mut *phantom.open([POINTS; 3], SampleType::U8, [1.0; 3]).unwrap(), &options, &mut Unobserved).unwrap()
+fn build(name: &str) -> Built {
+    built_phantom(name, [72; 3], [0.6, 0.9])
 }
 
 fn camera(built: &Built, fov: Option<f64>, size: [u32; 2]) -> Camera {
-    let around = Surround::of_grid(&built.facts.grid);
-    Camera::orbiting(Orbit { azimuth: 37.0, elevation: 21.0, fov, ..Orbit::default() }, around, size).unwrap()
+    built.orbit(37.0, 21.0, fov, size)
 }
 
-fn draw(built: &Built, camera: &Camera, settings: &Settings) -> Frame {
-    let scene = Scene { facts: &built.facts, lanes: &built.lanes, transfer: &built.transfer };
-    cpu::render(&scene, camera, settings).unwrap().0
-}
+/// Pixels with no sample above this are empty.
+const EMPTY: f64 = 1e-3;
 
 fn settings(size: [u32; 2], sampling: Sampling) -> Settings {
-    Settings { sampling, ..Settings::new(size) }
-}
-
-/// Decibels between frames over pixels that are not empty in both.
-fn decibels(a: &Frame, b: &Frame) -> f64 {
-    let pixels = a.pixels().chunks_exact(4).zip(b.pixels().chunks_exact(4));
-    let shown = pixels.filter(|(a, b)| a.iter().chain(*b).any(|value| *value > 1e-3));
-    let squares: Vec<f64> = shown.flat_map(|(a, b)| a.iter().zip(b)).map(|(a, b)| f64::from(a - b).powi(2)).collect();
-    -10.0 * (squares.iter().sum::<f64>() / squares.len() as f64).log10()
+    Settings { sampling: Some(sampling), ..Settings::every_pixel(size) }
 }
 
 /// Standard deviation of a voxel in the middle of the grid in pixels of a picture.
 fn width(built: &Built, camera: &Camera, rows: u32) -> f64 {
-    let middle = Surround::of_grid(&built.facts.grid).centre;
+    let middle = built.surround().centre;
     let pixels = match camera.projection() {
-        adjsplat::splat::Projection::Parallel { height } => f64::from(rows) / height,
-        adjsplat::splat::Projection::Perspective { fov } => {
+        Projection::Parallel { height } => f64::from(rows) / height,
+        Projection::Perspective { fov } => {
             let eye = camera.position();
             let apart = (0..3).map(|a| (eye[a] - middle[a]).powi(2)).sum::<f64>().sqrt();
             f64::from(rows) / 2.0 / (fov.to_radians() / 2.0).tan() / apart
@@ -65,16 +40,16 @@ fn width(built: &Built, camera: &Camera, rows: u32) -> f64 {
 fn finer_pixels_show_what_much_finer_ones_show() {
     const FINER: u32 = 12;
     for name in ["gyroid", "shells", "noise"] {
-        let built = built(name);
+        let built = build(name);
         for (side, fov) in [(60, None), (60, Some(40.0)), (24, None), (30, Some(60.0)), (9, None)] {
             let size = [side; 2];
             let camera = camera(&built, fov, size);
             let width = width(&built, &camera, side);
             assert!(width < 0.5);
-            let fine = draw(&built, &camera, &settings(size.map(|side| side * FINER), Sampling::EveryPixel));
+            let fine = built.frame(&camera, &settings(size.map(|side| side * FINER), Sampling::EveryPixel));
             let truth = seen_through(&fine, size, FINER, f64::from(FINER) * (0.36 - width * width).sqrt());
             let [every, finer] = [Sampling::EveryPixel, Sampling::Finer]
-                .map(|sampling| decibels(&draw(&built, &camera, &settings(size, sampling)), &truth));
+                .map(|sampling| decibels(&built.frame(&camera, &settings(size, sampling)), &truth, EMPTY));
             println!("{name} {side} {fov:?}: every pixel {every:.1} dB, finer {finer:.1} dB");
             // Measured: 49 dB and more, 16 more than every pixel and more.
             assert!(finer > 47.0 && finer > every + 12.0, "{name} {side} {fov:?}: {every:.1}, {finer:.1} dB");
@@ -84,29 +59,29 @@ fn finer_pixels_show_what_much_finer_ones_show() {
 
 #[test]
 fn finer_pixels_have_the_same_bits_for_any_threads_and_instructions() {
-    let built = built("gyroid");
+    let built = build("gyroid");
     let size = [40, 51];
     let camera = camera(&built, Some(30.0), size);
-    let one = draw(&built, &camera, &settings(size, Sampling::Finer));
+    let one = built.frame(&camera, &settings(size, Sampling::Finer));
     for threads in [2, 5] {
-        assert!(one == draw(&built, &camera, &Settings { threads, ..settings(size, Sampling::Finer) }), "{threads}");
+        assert!(one == built.frame(&camera, &Settings { threads, ..settings(size, Sampling::Finer) }), "{threads}");
     }
     for code in [Code::Avx2, Code::Portable, Code::Plain] {
-        assert!(one == draw(&built, &camera, &Settings { code, ..settings(size, Sampling::Finer) }), "{code:?}");
+        assert!(one == built.frame(&camera, &Settings { code, ..settings(size, Sampling::Finer) }), "{code:?}");
     }
 }
 
 #[test]
 fn all_samplings_but_every_pixel_show_fine_voxels_alike() {
-    let built = built("shells");
+    let built = build("shells");
     // At 80 pixels a parallel view is drawn on the base plane.
     for (side, fov) in [(80, None), (50, None), (50, Some(40.0)), (20, None), (12, Some(40.0))] {
         let size = [side; 2];
         let camera = camera(&built, fov, size);
-        let finer = draw(&built, &camera, &settings(size, Sampling::Finer));
+        let finer = built.frame(&camera, &settings(size, Sampling::Finer));
         for sampling in [Sampling::Enough, Sampling::Fewest] {
             // The base plane, where there is one, is as near to it as to much finer pixels.
-            let near = decibels(&draw(&built, &camera, &settings(size, sampling)), &finer);
+            let near = decibels(&built.frame(&camera, &settings(size, sampling)), &finer, EMPTY);
             println!("{side} {fov:?} {sampling:?}: {near:.1} dB");
             let lowest = if sampling == Sampling::Fewest { 32.0 } else { 40.0 };
             assert!(near > lowest, "{side} {fov:?} {sampling:?}: {near:.1} dB");
@@ -116,17 +91,14 @@ fn all_samplings_but_every_pixel_show_fine_voxels_alike() {
 
 #[test]
 fn a_picture_that_cuts_the_volume_has_no_seam_at_its_border() {
-    let built = built("shells");
+    let built = build("shells");
     let size = [40, 40];
     for fov in [None, Some(40.0)] {
-        let around = Surround {
-            radius: 0.5 * Surround::of_grid(&built.facts.grid).radius,
-            ..Surround::of_grid(&built.facts.grid)
-        };
+        let around = Surround { radius: 0.5 * built.surround().radius, ..built.surround() };
         let whole =
             Camera::orbiting(Orbit { azimuth: 37.0, elevation: 21.0, fov, ..Orbit::default() }, around, size).unwrap();
         let pixels = |sampling: Sampling| {
-            let frame = draw(&built, &whole, &settings(size, sampling));
+            let frame = built.frame(&whole, &settings(size, sampling));
             (0..40)
                 .flat_map(|at| [frame.pixel(at, 0), frame.pixel(at, 39), frame.pixel(0, at), frame.pixel(39, at)])
                 .collect::<Vec<_>>()
@@ -140,11 +112,11 @@ fn a_picture_that_cuts_the_volume_has_no_seam_at_its_border() {
 
 #[test]
 fn sums_and_maxima_and_voxels_as_wide_as_pixels_take_every_pixel() {
-    let built = built("gyroid");
+    let built = build("gyroid");
     let alike = |settings: Settings| {
         let camera = camera(&built, Some(40.0), settings.size);
-        let finer = Settings { sampling: Sampling::Finer, ..settings.clone() };
-        draw(&built, &camera, &settings) == draw(&built, &camera, &finer)
+        let finer = Settings { sampling: Some(Sampling::Finer), ..settings.clone() };
+        built.frame(&camera, &settings) == built.frame(&camera, &finer)
     };
     for mode in [Mode::Maximum, Mode::MaximumGrey, Mode::Additive] {
         assert!(alike(Settings { mode, ..settings([40, 40], Sampling::EveryPixel) }), "{mode:?}");
@@ -155,14 +127,14 @@ fn sums_and_maxima_and_voxels_as_wide_as_pixels_take_every_pixel() {
 
 #[test]
 fn a_volume_of_a_pixel_or_less_is_finite() {
-    let built = built("noise");
+    let built = build("noise");
     let size = [64, 64];
     for away in [1e3, 1e6, 1e9] {
-        let middle = Surround::of_grid(&built.facts.grid).centre;
+        let middle = built.surround().centre;
         let eye = [middle[0], middle[1] - away, middle[2]];
-        let projection = adjsplat::splat::Projection::Perspective { fov: 60.0 };
+        let projection = Projection::Perspective { fov: 60.0 };
         let camera = Camera::new(eye, middle, [0.0, 0.0, 1.0], projection).unwrap();
-        let frame = draw(&built, &camera, &settings(size, Sampling::Finer));
+        let frame = built.frame(&camera, &settings(size, Sampling::Finer));
         assert!(frame.pixels().iter().all(|value| value.is_finite() && (0.0..=1.0).contains(value)), "{away}");
     }
 }

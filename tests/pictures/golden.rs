@@ -1,41 +1,15 @@
 //! Pictures judged from outside: by double-precision sums straight from the volume, by invariants that no order of
 //! splats may break, and by each other on real volumes.
 
-use std::path::{Path, PathBuf};
-
-use adjsplat::arena::{Arena, LaneSet, TileOrder};
-use adjsplat::build::{BuildOptions, Built, Unobserved, build};
+use adjsplat::arena::{Arena, LaneSet};
+use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
-use adjsplat::splat::{Camera, Frame, Lanes, Orbit, Projection, Quality, Scene, Settings, Surround, cpu};
-use adjsplat::traverse::Order;
-use adjsplat::volume::phantom::Phantom;
+use adjsplat::splat::{Camera, Lanes, Projection, Quality, Scene, Settings, cpu};
 use adjsplat::volume::{SampleType, SlabSource};
-use adjsplat_readers::open;
-
-fn options(transfer: TransferFunction, lane_count: u8, normal_bits: u8) -> BuildOptions {
-    BuildOptions { transfer, lane_count, tile_order: TileOrder::Morton, value_bits: 8, normal_bits }
-}
-
-fn built(source: &mut dyn SlabSource, transfer: TransferFunction, lane_count: u8) -> Built {
-    let normal_bits = if transfer.shaded() { 8 } else { 0 };
-    build(source, &options(transfer, lane_count, normal_bits), &mut Unobserved).unwrap()
-}
-
-fn phantom(name: &str, dims: [u64; 3], spacing: [f64; 3]) -> Box<dyn SlabSource> {
-    Phantom::from_name(name).unwrap().open(dims, SampleType::U8, spacing).unwrap()
-}
-
-fn draw(built: &Built, lanes: &dyn Lanes, camera: &Camera, settings: &Settings) -> Frame {
-    let scene = Scene { facts: &built.facts, lanes, transfer: &built.transfer };
-    cpu::render(&scene, camera, settings).unwrap().0
-}
-
-/// Red to blue by value, opaque enough that order matters.
-const LAYERS: &str = r##"{ "kind": "points", "shaded": false, "points": [
-    { "value": 100, "colour": "#ff2010", "opacity": 0.1 },
-    { "value": 128, "colour": "#20c040", "opacity": 0.6 },
-    { "value": 156, "colour": "#2030ff", "opacity": 0.1 }] }"##;
+use adjsplat_tests::pictures::{alphas, shows};
+use adjsplat_tests::scenes::{Draw as _, LAYERS, built, fitting, phantom, real_volumes, transfer, volume};
+use adjsplat_tests::walks::parallel_orders;
 
 /// A parallel view.
 struct Looking {
@@ -129,15 +103,15 @@ fn reference(
 /// peak at `standard`, 0.01 % at `high`.
 #[test]
 fn a_picture_is_what_summing_kernels_in_double_precision_gives() {
-    let transfer = TransferFunction::from_json(LAYERS).unwrap();
+    let transfer = transfer(LAYERS);
     for (dims, spacing, quality, tolerance) in [
         ([20, 22, 24], [1.0, 1.0, 1.0], Quality::High, 3e-5),
         ([20, 22, 24], [1.0, 1.0, 1.0], Quality::Reference, 3e-5),
         ([24, 20, 8], [0.8, 1.0, 2.5], Quality::Reference, 3e-5),
         ([20, 22, 24], [1.0, 1.0, 1.0], Quality::Standard, 2e-3),
     ] {
-        let mut source = phantom("gyroid", dims, spacing);
-        let built = built(&mut *source, transfer.clone(), 3);
+        let mut source = phantom("gyroid", dims, SampleType::U8, spacing);
+        let built = built(&mut *source, &fitting(transfer.clone(), 8));
         for (azimuth, elevation) in [(0.0f64, 0.0f64), (33.0, 21.0), (-140.0, 62.0)] {
             let (a, e) = (azimuth.to_radians(), elevation.to_radians());
             let outward = [-a.sin() * e.cos(), a.cos() * e.cos(), e.sin()];
@@ -152,11 +126,12 @@ fn a_picture_is_what_summing_kernels_in_double_precision_gives() {
             let (size, height) = (48, 40.0);
             let position = std::array::from_fn(|a| centre[a] + 100.0 * outward[a]);
             let camera = Camera::new(position, centre, up, Projection::Parallel { height }).unwrap();
-            let settings = Settings { quality, ..Settings::new([size, size]) };
-            let frame = draw(&built, &built.lanes, &camera, &settings);
+            let settings = Settings { quality, ..Settings::every_pixel([size, size]) };
+            let frame = built.frame(&camera, &settings);
             let scale = f64::from(size) / height;
             let view = Looking { axes: [right, up, forward], centre, scale, size };
-            let want = reference(&mut *phantom("gyroid", dims, spacing), &built.transfer, quality, &view);
+            let want =
+                reference(&mut *phantom("gyroid", dims, SampleType::U8, spacing), &built.transfer, quality, &view);
             let mut worst = 0.0f64;
             for (got, want) in frame.pixels().as_chunks::<4>().0.iter().zip(&want) {
                 let want = [want[0], want[1], want[2], 1.0 - want[3]];
@@ -172,71 +147,45 @@ fn a_picture_is_what_summing_kernels_in_double_precision_gives() {
 fn the_alpha_picture_is_equal_in_all_48_orders() {
     let tolerance = 2e-5;
     for (name, dims) in [("gyroid", [40, 36, 32]), ("vessels", [48, 48, 48])] {
-        let mut source = phantom(name, dims, [1.0, 1.0, 1.5]);
+        let mut source = phantom(name, dims, SampleType::U8, [1.0, 1.0, 1.5]);
         let transfer = match name {
-            "gyroid" => TransferFunction::from_json(LAYERS).unwrap(),
+            "gyroid" => transfer(LAYERS),
             _ => TransferFunction::range(100.0, 255.0).unwrap().with_shaded(false),
         };
-        let built = built(&mut *source, transfer, 3);
-        let around = Surround::of_grid(&built.facts.grid);
+        let built = built(&mut *source, &fitting(transfer, 8));
         for fov in [None, Some(40.0)] {
-            let orbit = Orbit { azimuth: 31.0, elevation: 24.0, fov, ..Orbit::default() };
-            let camera = Camera::orbiting(orbit, around, [96, 96]).unwrap();
+            let camera = built.orbit(31.0, 24.0, fov, [96, 96]);
             let of = |order| {
-                let settings = Settings { quality: Quality::Reference, order, ..Settings::new([96, 96]) };
-                draw(&built, &built.lanes, &camera, &settings)
+                let settings = Settings { quality: Quality::Reference, order, ..Settings::every_pixel([96, 96]) };
+                built.frame(&camera, &settings)
             };
             let own = of(None);
-            for nesting in 0..6 {
-                for descending in 0..8 {
-                    let frame = of(Some(Order::parallel(nesting, descending)));
-                    let apart = own.pixels().iter().zip(frame.pixels()).skip(3).step_by(4);
-                    let worst = apart.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-                    assert!(worst <= tolerance, "{name} {fov:?} nesting {nesting} {descending:03b}: {worst:e}");
-                }
+            for order in parallel_orders() {
+                let frame = of(Some(order));
+                let worst = alphas(&own).zip(alphas(&frame)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                assert!(worst <= tolerance, "{name} {fov:?} {order:?}: {worst:e}");
             }
         }
     }
 }
 
-/// Real volumes with what to show of them; empty where they are not at hand.
-fn real_volumes() -> Vec<(PathBuf, TransferFunction)> {
-    let folder = adjsplat_tests::repository().join("../shared/data");
-    if !folder.is_dir() {
-        // Straight to the stream, so that it shows although the test passes.
-        use std::io::Write as _;
-        let _ = writeln!(std::io::stderr(), "SKIPPED: {} is not there", folder.display());
-        return Vec::new();
-    }
-    let contours = r##"{ "kind": "contour", "contours": [
-        { "value": 30, "opacity": 0.25, "colour": "#6fa8dc" }, { "value": 128, "opacity": 0.95, "colour": "#e69138" }] }"##;
-    vec![
-        (folder.join("frogtissue/frogtissue.mhd"), TransferFunction::preset("frog").unwrap()),
-        (folder.join("ironProt/ironProt.vtk"), TransferFunction::from_json(contours).unwrap()),
-        (folder.join("headsq-quarter/quarter.nhdr"), TransferFunction::preset("ct-bone+1024").unwrap()),
-        (folder.join("carotid/carotid.vtk"), TransferFunction::range(150.0, f64::INFINITY).unwrap()),
-    ]
-}
-
 #[test]
 fn pictures_have_the_same_bits_for_any_threads_and_from_lanes_stored_or_derived() {
-    for (path, transfer) in real_volumes() {
-        let mut source = open::open(&path, &open::OpenOptions::default()).unwrap();
-        let three = built(&mut *source, transfer.clone(), 3);
+    for (path, transfer) in real_volumes().into_iter().take(4) {
+        let (mut source, options) = (volume(&path), fitting(transfer, 8));
+        let three = built(&mut *source, &options);
         source.rewind().unwrap();
-        let one = built(&mut *source, transfer, 1);
+        let one = built(&mut *source, &BuildOptions { lane_count: 1, ..options });
         let bytes = arena_bytes(&one.facts, &one.lanes, "{}");
         let derived = LaneSet::new(Arena::new(&bytes).unwrap(), None);
-        let around = Surround::of_grid(&three.facts.grid);
         for (azimuth, elevation, fov) in [(0.0, 0.0, None), (75.0, 10.0, None), (10.0, 80.0, Some(50.0))] {
-            let orbit = Orbit { azimuth, elevation, fov, ..Orbit::default() };
-            let camera = Camera::orbiting(orbit, around, [160, 120]).unwrap();
+            let camera = three.orbit(azimuth, elevation, fov, [160, 120]);
             let of = |lanes: &dyn Lanes, threads| {
-                let settings = Settings { threads, ..Settings::new([160, 120]) };
-                draw(&three, lanes, &camera, &settings)
+                let settings = Settings { threads, ..Settings::every_pixel([160, 120]) };
+                cpu::render(&Scene { lanes, ..three.scene() }, &camera, &settings).unwrap().0
             };
             let first = of(&three.lanes, 1);
-            assert!(first.pixels().iter().any(|&sample| sample > 0.0), "{} shows nothing", path.display());
+            assert!(shows(&first), "{} shows nothing", path.display());
             for threads in [2, 3, 7] {
                 assert!(of(&three.lanes, threads) == first, "{} with {threads} threads", path.display());
             }

@@ -1,7 +1,7 @@
 //! Metrics, held to other people's programs on pictures that a formula makes.
 
 use adjsplat::splat::Frame;
-use adjsplat_judge::metrics::{Heat, Metrics, compare};
+use adjsplat_judge::metrics::{HeatMap, Metrics, compare};
 
 type Pixel = fn(i64, i64) -> [i64; 4];
 
@@ -128,7 +128,7 @@ fn equal_pictures_are_perfect_by_every_measure() {
         assert_eq!((metrics.display.psnr, metrics.energy, metrics.flip), (f64::INFINITY, 0.0, 0.0));
         // Sums of a window's weights are 1 up to rounding.
         assert!((metrics.ssim - 1.0).abs() < 1e-12, "{}", metrics.ssim);
-        assert_eq!(Heat::new(&picture, &picture).unwrap().brightest, 0.0);
+        assert_eq!(HeatMap::new(&picture, &picture).unwrap().brightest, 0.0);
     }
 }
 
@@ -143,7 +143,7 @@ fn the_largest_error_is_found_where_it_is_and_empty_pixels_do_not_count() {
     // One pixel of four samples, of which one differs by a quarter.
     assert_eq!(metrics.rmse, 0.125);
     assert!((metrics.energy + 0.1).abs() < 1e-15, "2.25 over 2.5, less 1: {}", metrics.energy);
-    let heat = Heat::new(&right, &other).unwrap();
+    let heat = HeatMap::new(&right, &other).unwrap();
     assert_eq!(heat.brightest, 0.25);
     let bright = heat.frame.pixel(3, 1);
     assert!(bright[0] > 0.8 && bright[1] > 0.8, "{bright:?}");

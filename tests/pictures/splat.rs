@@ -1,73 +1,20 @@
 //! The renderer on the processor, judged by closed forms, by its plain twin, and by itself with other threads.
 
 use adjsplat::arena::Record;
-use adjsplat::arena::layout::{Channels, Facts, Scales};
-use adjsplat::arena::{OwnedLane, TileOrder};
+use adjsplat::build::Built;
 use adjsplat::classify::{Point, TransferFunction, normal};
-use adjsplat::internals::LanePacker;
-use adjsplat::internals::transpose;
-use adjsplat::splat::{
-    Blending, Camera, Code, Frame, KernelShape, Mode, Orbit, Projection, Quality, Scene, Settings, Stats, Surround, cpu,
-};
+use adjsplat::splat::{Blending, Camera, Code, Frame, KernelShape, Mode, Orbit, Projection, Quality, Settings, cpu};
 use adjsplat::traverse::{Sense, VoxelBox};
-use adjsplat::volume::{Axis, Grid};
-
-/// A structure in memory.
-struct Model {
-    facts: Facts,
-    lanes: Vec<OwnedLane>,
-    transfer: TransferFunction,
-}
-
-impl Model {
-    fn new(
-        dims: [u64; 3],
-        spacing: [f64; 3],
-        channels: Channels,
-        transfer: TransferFunction,
-        voxel: impl Fn(u16, u16, u16) -> Option<Record>,
-    ) -> Model {
-        let grid = Grid::new(dims, spacing).unwrap();
-        let mut packer = LanePacker::new(Axis::X, grid.dims, channels, TileOrder::Morton);
-        let [nx, ny, nz] = dims.map(|d| u16::try_from(d).unwrap());
-        for z in 0..nz {
-            for y in 0..ny {
-                packer.line(y, z, (0..nx).filter_map(|x| voxel(x, y, z).map(|record| (x, record))));
-            }
-        }
-        let visible_voxels = packer.visible();
-        let x = packer.finish();
-        let others = [Axis::Y, Axis::Z].map(|axis| transpose(&x.view(), axis, TileOrder::Morton));
-        let lanes = std::iter::once(x).chain(others).collect();
-        let scales = Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 1.0 };
-        let facts = Facts { grid, channels, tile_order: TileOrder::Morton, scales, visible_voxels };
-        Model { facts, lanes, transfer }
-    }
-
-    fn render(&self, camera: &Camera, settings: &Settings) -> (Frame, Stats) {
-        let scene = Scene { facts: &self.facts, lanes: &self.lanes, transfer: &self.transfer };
-        cpu::render(&scene, camera, settings).unwrap()
-    }
-
-    fn surround(&self) -> Surround {
-        Surround::of_grid(&self.facts.grid)
-    }
-
-    fn orbit(&self, azimuth: f64, elevation: f64, fov: Option<f64>, size: [u32; 2]) -> Camera {
-        Camera::orbiting(Orbit { azimuth, elevation, zoom: 1.0, fov, ..Orbit::default() }, self.surround(), size)
-            .unwrap()
-    }
-}
-
-const PLAIN: Channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0 };
-const LIT: Channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0 };
+use adjsplat::volume::Grid;
+use adjsplat_tests::pictures::{apart, bits};
+use adjsplat_tests::scenes::{Draw as _, LIT, PLAIN, packed, transfer};
 
 /// Opacity per world length of 1, one colour.
 fn constant(opacity: f64, colour: &str) -> TransferFunction {
     let text = format!(
         r#"{{"kind": "points", "points": [{{"value": 0, "colour": "{colour}", "opacity": {opacity}}}], "reference_length": 1, "shaded": false}}"#
     );
-    TransferFunction::from_json(&text).unwrap()
+    transfer(&text)
 }
 
 fn ramp() -> TransferFunction {
@@ -81,8 +28,8 @@ fn ramp() -> TransferFunction {
 }
 
 /// A lumpy shell with normals: about 12,000 voxels.
-fn shell() -> Model {
-    Model::new([48, 40, 44], [1.0, 1.2, 0.8], LIT, ramp(), |x, y, z| {
+fn shell() -> Built {
+    packed(Grid::new([48, 40, 44], [1.0, 1.2, 0.8]).unwrap(), LIT, ramp(), |[x, y, z]| {
         let d = [f64::from(x) - 23.5, f64::from(y) - 19.5, f64::from(z) - 21.5];
         let r = (d[0] * d[0] + d[1] * d[1] + d[2] * d[2]).sqrt();
         let bumps = (f64::from(x) * 0.7).sin() + (f64::from(y) * 0.9).cos();
@@ -92,15 +39,6 @@ fn shell() -> Model {
             magnitude: 0,
         })
     })
-}
-
-fn largest_difference(a: &Frame, b: &Frame) -> f32 {
-    assert_eq!(a.size(), b.size());
-    a.pixels().iter().zip(b.pixels()).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
-}
-
-fn bits(frame: &Frame) -> Vec<u32> {
-    frame.pixels().iter().map(|value| value.to_bits()).collect()
 }
 
 #[test]
@@ -134,17 +72,17 @@ fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3]) -> [f64; 2] {
     // Wide enough that no border comes near the central ray.
     let side = 64;
     let opacity = 1.0 - (-0.5 / (12.0 * spacing[2])).exp();
-    let model = Model::new([side, side, layers], spacing, PLAIN, constant(opacity, "#ffffff"), |_, _, _| {
+    let model = packed(Grid::new([side, side, layers], spacing).unwrap(), PLAIN, constant(opacity, "#ffffff"), |_| {
         Some(Record::default())
     });
     let world: [f64; 3] = std::array::from_fn(|a| direction[a] * spacing[a]);
     let length = world.iter().map(|c| c * c).sum::<f64>().sqrt();
-    let target = Surround::of_grid(&model.facts.grid).centre;
+    let target = model.surround().centre;
     let position = std::array::from_fn(|a| target[a] - world[a] / length * 50_000.0);
     // 150 pixels across 6 voxels of the finer axes. The lattice is commensurate with the pixels, so a coarser picture
     // would sample each kernel's cut-off edge in the same few places.
     let camera = Camera::new(position, target, [0.0, 1.0, 0.0], Projection::Parallel { height: 6.0 }).unwrap();
-    let mut settings = Settings::new([150, 150]);
+    let mut settings = Settings::every_pixel([150, 150]);
     settings.quality = quality;
     settings.termination = Some(0.0);
     let (frame, _) = model.render(&camera, &settings);
@@ -159,8 +97,9 @@ fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3]) -> [f64; 2] {
 
 #[test]
 fn one_splat_sums_to_its_optical_depth() {
-    let model =
-        Model::new([1, 1, 1], [1.0, 1.5, 0.5], PLAIN, constant(0.3, "#ffffff"), |_, _, _| Some(Record::default()));
+    let model = packed(Grid::new([1, 1, 1], [1.0, 1.5, 0.5]).unwrap(), PLAIN, constant(0.3, "#ffffff"), |_| {
+        Some(Record::default())
+    });
     let extinction = -(0.7f64).ln();
     let volume = 0.75;
     // From a hundredth of a pixel per voxel to a splat as wide as the picture.
@@ -172,7 +111,7 @@ fn one_splat_sums_to_its_optical_depth() {
             let position = [target[0] - sin_a * cos_e, cos_a * cos_e, sin_e];
             let projection = Projection::Parallel { height };
             let camera = Camera::new(position, target, [0.0, 0.0, 1.0], projection).unwrap();
-            let mut settings = Settings::new([101, 101]);
+            let mut settings = Settings::every_pixel([101, 101]);
             settings.quality = Quality::Reference;
             let (frame, _) = model.render(&camera, &settings);
             // Alpha alone would round away the depth of tiny splats: X-ray mode shows 1 - exp(-sum).
@@ -213,7 +152,7 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
                 if mode != Mode::Composite && blending != Blending::Exponential {
                     continue;
                 }
-                let settings = Settings { quality, sense, blending, crop, mode, ..Settings::new(size) };
+                let settings = Settings { quality, sense, blending, crop, mode, ..Settings::every_pixel(size) };
                 let (want, plain) = model.render(&camera, &Settings { code: Code::Plain, ..settings.clone() });
                 assert!(plain.splats_drawn > 100, "{plain:?}");
                 for (code, threads) in [
@@ -227,7 +166,7 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
                     let (got, stats) = model.render(&camera, &Settings { code, threads, ..settings.clone() });
                     let same = bits(&got) == bits(&want);
                     assert!(same, "{code:?} {threads} {mode:?} {quality:?} {sense:?} {blending:?}: {}", {
-                        largest_difference(&got, &want)
+                        apart(&got, &want)
                     });
                     assert_eq!(stats.bands, threads);
                 }
@@ -240,13 +179,14 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
 fn both_senses_and_any_termination_give_one_picture() {
     let model = shell();
     let camera = model.orbit(20.0, 15.0, None, [160, 120]);
-    let settings = Settings { quality: Quality::Reference, ..Settings::new([160, 120]) };
+    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([160, 120]) };
     let (front, all) = model.render(&camera, &settings);
     let (back, _) = model.render(&camera, &Settings { sense: Sense::BackToFront, ..settings.clone() });
-    assert!(largest_difference(&front, &back) < 2e-5, "{}", largest_difference(&front, &back));
-    for termination in [0.5f32, 0.1, 0.01, 1e-3] {
-        let (early, stats) = model.render(&camera, &Settings { termination: Some(termination), ..settings.clone() });
-        let difference = largest_difference(&front, &early);
+    assert!(apart(&front, &back) < 2e-5, "{}", apart(&front, &back));
+    for termination in [0.5, 0.1, 0.01, 1e-3] {
+        let (early, stats) =
+            model.render(&camera, &Settings { termination: Some(termination as f32), ..settings.clone() });
+        let difference = apart(&front, &early);
         // Highlights go a little above 1.
         println!("rays that end at {termination}: off by {difference:.1e}");
         assert!(difference <= termination * 1.2 + 1e-6, "{termination}: {difference}");
@@ -258,7 +198,7 @@ fn both_senses_and_any_termination_give_one_picture() {
 #[test]
 fn sheets_are_as_opaque_as_their_splats() {
     let model = shell();
-    let settings = Settings { termination: Some(0.0), ..Settings::new([160, 120]) };
+    let settings = Settings { termination: Some(0.0), ..Settings::every_pixel([160, 120]) };
     for camera in [model.orbit(20.0, 15.0, None, [160, 120]), model.orbit(140.0, -50.0, Some(50.0), [160, 120])] {
         let (splats, _) = model.render(&camera, &settings);
         let (sheets, _) = model.render(&camera, &Settings { blending: Blending::Sheets, ..settings.clone() });
@@ -274,12 +214,12 @@ fn sheets_are_as_opaque_as_their_splats() {
 
 #[test]
 fn one_colour_stays_one_colour() {
-    let model = Model::new([20, 20, 20], [1.0; 3], PLAIN, constant(0.2, "#8040c0"), |x, y, z| {
+    let model = packed(Grid::new([20, 20, 20], [1.0; 3]).unwrap(), PLAIN, constant(0.2, "#8040c0"), |[x, y, z]| {
         ((x + y + z) % 3 != 0).then(Record::default)
     });
     let [red, green, blue] = model.transfer.colour(0.0);
     let camera = model.orbit(31.0, 17.0, None, [80, 80]);
-    let draw = |blending: Blending| model.render(&camera, &Settings { blending, ..Settings::new([80, 80]) }).0;
+    let draw = |blending: Blending| model.render(&camera, &Settings { blending, ..Settings::every_pixel([80, 80]) }).0;
     let frame = draw(Blending::Exponential);
     for frame in [&frame, &draw(Blending::Linear), &draw(Blending::Sheets)] {
         for pixel in frame.pixels().chunks_exact(4) {
@@ -300,9 +240,11 @@ fn one_colour_stays_one_colour() {
 
 #[test]
 fn an_opaque_voxel_is_finite_and_hides_what_is_behind() {
-    let model = Model::new([3, 9, 3], [1.0; 3], PLAIN, constant(1.0, "#ffffff"), |_, _, _| Some(Record::default()));
+    let model =
+        packed(Grid::new([3, 9, 3], [1.0; 3]).unwrap(), PLAIN, constant(1.0, "#ffffff"), |_| Some(Record::default()));
     let camera = model.orbit(0.0, 0.0, None, [33, 33]);
-    let (frame, _) = model.render(&camera, &Settings { quality: Quality::Reference, ..Settings::new([33, 33]) });
+    let (frame, _) =
+        model.render(&camera, &Settings { quality: Quality::Reference, ..Settings::every_pixel([33, 33]) });
     let centre = frame.pixel(16, 16);
     assert!(centre[3] > 0.999_999 && centre.iter().all(|c| c.is_finite()), "{centre:?}");
 }
@@ -310,11 +252,11 @@ fn an_opaque_voxel_is_finite_and_hides_what_is_behind() {
 #[test]
 fn the_picture_is_not_mirrored() {
     // Bright at +x, +z; seen from +y: +x is at the left, +z at the top.
-    let model = Model::new([9, 9, 9], [1.0; 3], PLAIN, constant(0.9, "#ffffff"), |x, _, z| {
+    let model = packed(Grid::new([9, 9, 9], [1.0; 3]).unwrap(), PLAIN, constant(0.9, "#ffffff"), |[x, _, z]| {
         (x > 5 && z > 5).then(Record::default)
     });
     let camera = model.orbit(0.0, 0.0, None, [40, 40]);
-    let (frame, _) = model.render(&camera, &Settings::new([40, 40]));
+    let (frame, _) = model.render(&camera, &Settings::every_pixel([40, 40]));
     let mass = |columns: std::ops::Range<u32>, rows: std::ops::Range<u32>| -> f32 {
         rows.flat_map(|row| columns.clone().map(move |column| (column, row))).map(|(c, r)| frame.pixel(c, r)[3]).sum()
     };
@@ -328,7 +270,7 @@ fn the_picture_is_not_mirrored() {
 #[test]
 fn whole_turns_come_back_bit_equal() {
     let model = shell();
-    let settings = Settings::new([40, 40]);
+    let settings = Settings::every_pixel([40, 40]);
     let pictures = [0.0, 360.0, -720.0]
         .map(|azimuth| bits(&model.render(&model.orbit(azimuth, 0.0, Some(30.0), [40, 40]), &settings).0));
     assert!(pictures[0] == pictures[1] && pictures[0] == pictures[2]);
@@ -344,12 +286,12 @@ fn far_away_perspective_is_parallel() {
     let height = 60.0;
     let fov = 2.0 * (height / 2.0 / far).atan().to_degrees();
     let up = [0.0, 0.0, 1.0];
-    let settings = Settings { quality: Quality::Reference, ..Settings::new([90, 90]) };
+    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([90, 90]) };
     let camera = Camera::new(position, target, up, Projection::Perspective { fov }).unwrap();
     let (far, _) = model.render(&camera, &settings);
     let camera = Camera::new(position, target, up, Projection::Parallel { height }).unwrap();
     let (parallel, _) = model.render(&camera, &settings);
-    let difference = largest_difference(&far, &parallel);
+    let difference = apart(&far, &parallel);
     assert!(difference < 2e-3, "{difference}");
 }
 
@@ -358,12 +300,11 @@ fn extremes_end_in_finite_pictures_or_errors() {
     let model = shell();
     let finite = |frame: &Frame| frame.pixels().iter().all(|value| value.is_finite() && *value >= -1e-3);
     let target = model.surround().centre;
-    let scene = Scene { facts: &model.facts, lanes: &model.lanes, transfer: &model.transfer };
     for zoom in [1e-9, 1e-3, 1e3, 1e6, 1e9, 1e12] {
         for fov in [None, Some(1e-6), Some(40.0), Some(179.9)] {
             let orbit = Orbit { azimuth: 33.0, elevation: 10.0, zoom, fov, ..Orbit::default() };
-            let camera = Camera::orbiting(orbit, model.surround(), [33, 17]).unwrap();
-            let (frame, _) = model.render(&camera, &Settings::new([33, 17]));
+            let camera = model.camera(orbit, [33, 17]);
+            let (frame, _) = model.render(&camera, &Settings::every_pixel([33, 17]));
             assert!(finite(&frame), "zoom {zoom}, fov {fov:?}");
         }
     }
@@ -372,27 +313,27 @@ fn extremes_end_in_finite_pictures_or_errors() {
         for target in [target, [position[0] - 5.0, position[1] + 1.0, position[2] - 77.0]] {
             let projection = Projection::Perspective { fov: 60.0 };
             let camera = Camera::new(position, target, [0.0, 0.0, 1.0], projection).unwrap();
-            assert!(finite(&model.render(&camera, &Settings::new([33, 17])).0), "{position:?}");
+            assert!(finite(&model.render(&camera, &Settings::every_pixel([33, 17])).0), "{position:?}");
         }
     }
     // Up along the view falls back.
     let projection = Projection::Parallel { height: 50.0 };
     let camera = Camera::new([target[0], target[1], 99.0], target, [0.0, 0.0, 1.0], projection).unwrap();
-    let (frame, stats) = model.render(&camera, &Settings::new([64, 1]));
+    let (frame, stats) = model.render(&camera, &Settings::every_pixel([64, 1]));
     assert!(finite(&frame) && stats.splats_drawn > 0);
     // All voxels behind the eye: nothing.
     let projection = Projection::Perspective { fov: 30.0 };
     let camera = Camera::new([0.0, 0.0, 200.0], [0.0, 0.0, 300.0], [0.0, 1.0, 0.0], projection).unwrap();
-    let (frame, stats) = model.render(&camera, &Settings::new([10, 10]));
+    let (frame, stats) = model.render(&camera, &Settings::every_pixel([10, 10]));
     assert!(stats.splats_drawn == 0 && frame.pixels().iter().all(|value| *value == 0.0));
-    let refused = |settings: Settings| cpu::render(&scene, &camera, &settings).unwrap_err().to_string();
-    assert!(refused(Settings::new([0, 5])).contains("picture size"));
-    assert!(refused(Settings::new([16_385, 5])).contains("limit is 16384"));
-    assert!(refused(Settings { threads: 0, ..Settings::new([5, 5]) }).contains("threads"));
-    assert!(refused(Settings { termination: Some(f32::NAN), ..Settings::new([5, 5]) }).contains("termination"));
-    assert!(refused(Settings { near: Some(0.0), ..Settings::new([5, 5]) }).contains("near"));
+    let refused = |settings: Settings| cpu::render(&model.scene(), &camera, &settings).unwrap_err().to_string();
+    assert!(refused(Settings::every_pixel([0, 5])).contains("picture size"));
+    assert!(refused(Settings::every_pixel([16_385, 5])).contains("limit is 16384"));
+    assert!(refused(Settings { threads: 0, ..Settings::every_pixel([5, 5]) }).contains("threads"));
+    assert!(refused(Settings { termination: Some(f32::NAN), ..Settings::every_pixel([5, 5]) }).contains("termination"));
+    assert!(refused(Settings { near: Some(0.0), ..Settings::every_pixel([5, 5]) }).contains("near"));
     let kernel = Some(KernelShape { sigma: f32::NAN, radius: 2.0 });
-    assert!(refused(Settings { kernel, ..Settings::new([5, 5]) }).contains("kernel"));
+    assert!(refused(Settings { kernel, ..Settings::every_pixel([5, 5]) }).contains("kernel"));
 }
 
 #[test]
@@ -436,14 +377,14 @@ fn a_crop_shows_what_a_smaller_volume_would() {
             records.insert([x, line.u, line.v].map(|c| u16::try_from(c).unwrap()), codes);
         }
     }
-    let small = Model::new([48, 40, 44], [1.0, 1.2, 0.8], LIT, ramp(), |x, y, z| {
+    let small = packed(Grid::new([48, 40, 44], [1.0, 1.2, 0.8]).unwrap(), LIT, ramp(), |[x, y, z]| {
         records.get(&[x, y, z]).copied().filter(|_| inside(x, y, z))
     });
     let camera = model.orbit(-40.0, 25.0, Some(50.0), [120, 90]);
-    let settings = Settings::new([120, 90]);
+    let settings = Settings::every_pixel([120, 90]);
     let (cropped, _) = model.render(&camera, &Settings { crop: Some(crop), ..settings.clone() });
     let (want, _) = small.render(&camera, &settings);
-    assert!(bits(&cropped) == bits(&want), "{}", largest_difference(&cropped, &want));
+    assert!(bits(&cropped) == bits(&want), "{}", apart(&cropped, &want));
 }
 
 #[test]
@@ -452,7 +393,7 @@ fn pictures_of_one_row_and_one_column_work() {
     for size in [[1, 1], [1, 65], [65, 1], [2048, 2], [3, 999]] {
         let camera = model.orbit(10.0, 10.0, None, size);
         for threads in [1, 4] {
-            let (frame, stats) = model.render(&camera, &Settings { threads, ..Settings::new(size) });
+            let (frame, stats) = model.render(&camera, &Settings { threads, ..Settings::every_pixel(size) });
             assert_eq!(frame.size(), size);
             assert!(stats.splats_drawn > 0 && frame.pixels().iter().all(|value| value.is_finite()));
         }
@@ -463,7 +404,7 @@ fn pictures_of_one_row_and_one_column_work() {
 fn a_normal_and_its_opposite_look_the_same() {
     let lit = |sign: f64| {
         let transfer = ramp();
-        Model::new([12, 12, 12], [1.0; 3], LIT, transfer, move |x, y, z| {
+        packed(Grid::new([12, 12, 12], [1.0; 3]).unwrap(), LIT, transfer, move |[x, y, z]| {
             let gradient = [f64::from(x) - 5.2, f64::from(y) - 5.7, f64::from(z) - 4.1].map(|c| sign * c);
             Some(Record { value: 100, normal: u32::from(normal::encode8(gradient)), magnitude: 0 })
         })
@@ -471,7 +412,7 @@ fn a_normal_and_its_opposite_look_the_same() {
     let (one, other) = (lit(1.0), lit(-1.0));
     for fov in [None, Some(50.0)] {
         let camera = one.orbit(30.0, 20.0, fov, [50, 50]);
-        let pictures = [&one, &other].map(|model| model.render(&camera, &Settings::new([50, 50])).0);
-        assert!(largest_difference(&pictures[0], &pictures[1]) < 2e-2);
+        let pictures = [&one, &other].map(|model| model.render(&camera, &Settings::every_pixel([50, 50])).0);
+        assert!(apart(&pictures[0], &pictures[1]) < 2e-2);
     }
 }

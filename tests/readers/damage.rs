@@ -3,9 +3,15 @@
 use std::path::Path;
 
 use adjsplat::volume::SampleType;
-use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_readers::{OpenOptions, open};
 
 use super::sample::{known, read};
+
+/// Writes a file in the place of another. Not over it: for that some file systems wait for the disk.
+pub(crate) fn rewrite(path: &Path, bytes: &[u8]) {
+    let _ = std::fs::remove_file(path);
+    std::fs::write(path, bytes).expect("can be written");
+}
 
 /// Changes a few bytes of the good file at `path`, again and again, and reads what that gives.
 pub(crate) fn expect_no_panic(path: &Path, rounds: u32) {
@@ -25,7 +31,7 @@ pub(crate) fn expect_no_panic(path: &Path, rounds: u32) {
             let at = random(bad.len());
             bad[at] = if random(2) == 0 { marks[random(marks.len())] } else { bad[at] ^ (1 << random(8)) };
         }
-        std::fs::write(path, &bad).expect("can be written");
+        rewrite(path, &bad);
         // Damage may give a larger volume only as far as the file's bytes go.
         let Ok(mut source) = open(path, &OpenOptions::default()) else { continue };
         let Ok(mut slice) = source.header().new_slice() else { continue };
@@ -35,7 +41,7 @@ pub(crate) fn expect_no_panic(path: &Path, rounds: u32) {
             }
         }
     }
-    std::fs::write(path, &whole).expect("can be written");
+    rewrite(path, &whole);
 }
 
 /// Cuts the good file at `path` at every length. Below `needed` bytes each must be refused; a longer one may be read,
@@ -43,11 +49,11 @@ pub(crate) fn expect_no_panic(path: &Path, rounds: u32) {
 pub(crate) fn expect_truncations_refused(path: &Path, needed: usize, ty: SampleType) {
     let whole = std::fs::read(path).expect("just written");
     for len in 0..whole.len() {
-        std::fs::write(path, &whole[..len]).expect("can be written");
+        rewrite(path, &whole[..len]);
         // Of numbers as text the last may lose its last digits.
         if let Ok(got) = read(path) {
             assert!(len + 6 >= needed && got.samples.get(0) == known(ty).get(0), "{len} of {needed}");
         }
     }
-    std::fs::write(path, &whole).expect("can be written");
+    rewrite(path, &whole);
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use adjsplat::volume::{SampleType, Samples};
-use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_readers::{OpenOptions, open};
 
 use super::sample::{Folder, Read, bytes, expect_refused, known, read, read_with};
 
@@ -190,7 +190,7 @@ pub(crate) fn slice(ty: SampleType, samples: &[u8], z: f64) -> Elements {
 
 /// Slice `z` of the known volume.
 fn known_slice(ty: SampleType, z: usize) -> Elements {
-    let bytes = bytes(&known(ty), adjsplat_readers::slab::Endian::Little);
+    let bytes = bytes(&known(ty), adjsplat_readers::Endian::Little);
     let half = bytes.len() / 2;
     slice(ty, &bytes[z * half..(z + 1) * half], 2.0 * z as f64)
 }
@@ -216,7 +216,7 @@ fn refused(path: &Path, parts: &[&str]) {
 }
 
 fn series(choice: &str) -> OpenOptions {
-    OpenOptions { series: Some(choice.into()), ..OpenOptions::default() }
+    OpenOptions::new().series(choice)
 }
 
 const INTEGERS: [SampleType; 6] =
@@ -367,7 +367,7 @@ fn several_series_are_listed_and_one_can_be_chosen() {
         folder.path(),
         &[
             "holds 3 series",
-            "--series",
+            "`OpenOptions::series`",
             "0: CT \"thorax\", 1 slice of 4 x 3 (...1.2.3.4.555)",
             "1: CT \"thorax\", 3 slices of 4 x 3",
             "2: MR \"t1 \\u{1b}[31m\"",
@@ -549,24 +549,21 @@ fn pattern([x, y, z]: [i64; 3], bits: u32, signed: bool) -> Vec<f64> {
 
 #[test]
 fn lossless_frames_are_read_exactly() {
-    let mut files = vec![("i12-rle.dcm", [13, 9, 1], 12, true), ("multi-rle.dcm", [12, 10, 3], 12, false)];
-    if cfg!(feature = "jpeg") {
-        files.extend([
-            ("i12-jpeg70.dcm", [13, 9, 1], 12, true),
-            ("i12-j2k.dcm", [13, 9, 1], 12, true),
-            ("u16-j2k.dcm", [13, 9, 1], 16, false),
-            ("u8-jpeg70.dcm", [13, 9, 1], 8, false),
-            ("multi-jpeg70.dcm", [12, 10, 3], 12, false),
-        ]);
-    }
-    for (name, dims, bits, signed) in files {
+    for (name, dims, bits, signed) in [
+        ("i12-rle.dcm", [13, 9, 1], 12, true),
+        ("multi-rle.dcm", [12, 10, 3], 12, false),
+        ("i12-jpeg70.dcm", [13, 9, 1], 12, true),
+        ("i12-j2k.dcm", [13, 9, 1], 12, true),
+        ("u16-j2k.dcm", [13, 9, 1], 16, false),
+        ("u8-jpeg70.dcm", [13, 9, 1], 8, false),
+        ("multi-jpeg70.dcm", [12, 10, 3], 12, false),
+    ] {
         let read = read(&compressed(name)).unwrap_or_else(|error| panic!("{error}"));
         let samples: Vec<f64> = (0..read.samples.len()).map(|i| read.samples.get(i)).collect();
         assert_eq!(samples, pattern(dims, bits, signed), "{name}");
     }
 }
 
-#[cfg(feature = "jpeg")]
 #[test]
 fn baseline_jpeg_is_read_as_closely_as_it_was_written() {
     let read = read(&compressed("u8-baseline.dcm")).unwrap_or_else(|error| panic!("{error}"));
@@ -581,16 +578,12 @@ fn baseline_jpeg_is_read_as_closely_as_it_was_written() {
 #[test]
 fn codecs_that_are_not_here_are_named() {
     refused(&compressed("i12-jls.dcm"), &["transfer syntax", "gdcmconv --raw", "JPEG-LS"]);
-    if cfg!(not(feature = "jpeg")) {
-        refused(&compressed("i12-j2k.dcm"), &["build with --features jpeg"]);
-    }
     let folder = Folder::new();
     let odd = slice(SampleType::U8, &[0; 12], 0.0).file_of("1.2.840.10008.1.2.1.99", Coding::Explicit, true);
     refused(&folder.write("a.dcm", &[&odd]), &["Deflated", "gdcmconv --raw"]);
 }
 
 /// `jpeg` in a file of 13 x 9 of 12 bits.
-#[cfg(feature = "jpeg")]
 fn as_jpeg(folder: &Folder, jpeg: &[u8]) -> PathBuf {
     let mut elements = slice(SampleType::I16, &[], 0.0)
         .number(0x28, 0x10, 9)
@@ -601,7 +594,6 @@ fn as_jpeg(folder: &Folder, jpeg: &[u8]) -> PathBuf {
     folder.write("a.dcm", &[&elements.file_of("1.2.840.10008.1.2.4.70", Coding::Explicit, true)])
 }
 
-#[cfg(feature = "jpeg")]
 #[test]
 fn lossless_jpeg_that_the_decoder_gets_wrong_is_refused() {
     let folder = Folder::new();
@@ -638,7 +630,7 @@ fn sizes_and_types_that_cannot_be_are_refused() {
         (a().text(0x28, 0x10, "US", "xyz"), ["DICOM Rows", "two bytes"]),
         (a().text(0x28, 0x30, "DS", "1\\x"), ["Pixel Spacing", "2 finite numbers"]),
         (a().text(0x28, 0x30, "DS", "1\\nan"), ["Pixel Spacing", "2 finite numbers"]),
-        (a().text(0x28, 0x30, "DS", "1\\0"), ["spacings above 0", "--spacing"]),
+        (a().text(0x28, 0x30, "DS", "1\\0"), ["spacings above 0", "`OpenOptions::spacing`"]),
         (a().text(0x20, 0x37, "DS", "1\\0\\0\\1\\0\\0"), ["Orientation", "right angles"]),
         (a().text(0x20, 0x37, "DS", "0\\0\\0\\0\\0\\0"), ["Orientation", "right angles"]),
         (a().text(0x20, 0x32, "DS", "1\\2"), ["Position", "3 finite numbers"]),
@@ -648,7 +640,7 @@ fn sizes_and_types_that_cannot_be_are_refused() {
     ] {
         refused(&elements.write(&folder, "a.dcm"), &parts);
     }
-    let second = OpenOptions { volume_index: 1, ..OpenOptions::default() };
+    let second = OpenOptions::new().volume_index(1);
     expect_refused(&a().write(&folder, "a.dcm"), &second, &["volume", "holds 1 volume"]);
 }
 

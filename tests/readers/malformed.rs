@@ -4,9 +4,7 @@ use std::path::{Path, PathBuf};
 
 use adjsplat::error::Error;
 use adjsplat::volume::{SampleType, Samples};
-use adjsplat_readers::open::{OpenOptions, open};
-use adjsplat_readers::raw::RawOptions;
-use adjsplat_readers::slab::Endian;
+use adjsplat_readers::{Endian, OpenOptions, RawOptions, open};
 
 use super::nifti::Nifti;
 use super::sample::{DIMS, Folder, bytes, expect_known, expect_refused, gzip, known, read, read_with, text, zlib};
@@ -16,7 +14,7 @@ fn refused(path: &Path, parts: &[&str]) {
 }
 
 fn raw_options(dims: [u64; 3], ty: SampleType) -> OpenOptions {
-    OpenOptions { raw: Some(RawOptions::new(dims, ty)), ..OpenOptions::default() }
+    OpenOptions::new().raw(RawOptions::new(dims, ty))
 }
 
 const NRRD: &str = "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 4 3 2\nencoding: raw\n";
@@ -43,7 +41,7 @@ fn unknown_formats_are_answered_with_the_known_ones() {
     {
         refused(
             &folder.write(name, &[content]),
-            &["no format known", ".nhdr", ".mha", ".nii.gz", ".vtk", "--dims", "--type"],
+            &["no format known", ".nhdr", ".mha", ".nii.gz", ".vtk", "`OpenOptions::raw`"],
         );
     }
     // The name alone leads to the reader that says what is wrong.
@@ -68,13 +66,13 @@ fn raw_sizes_that_do_not_match_are_answered_with_those_that_do() {
     let folder = Folder::new();
     let path = folder.write("a.raw", &[&[0; 48]]);
     let ask = |dims, ty, parts: &[&str]| expect_refused(&path, &raw_options(dims, ty), parts);
-    ask([4, 3, 2], SampleType::U8, &["24 bytes", "48 bytes", "--type u16 or i16", "--dims 4x3x4", "--skip 24"]);
-    ask([4, 3, 4], SampleType::I16, &["96 bytes", "48 bytes", "--type u8 or i8", "--dims 4x3x2"]);
+    ask([4, 3, 2], SampleType::U8, &["24 bytes", "48 bytes", "`type` u16 or i16", "`dims` 4x3x4", "`skip` 24"]);
+    ask([4, 3, 4], SampleType::I16, &["96 bytes", "48 bytes", "`type` u8 or i8", "`dims` 4x3x2"]);
     ask([7, 7, 7], SampleType::F64, &["2744 bytes", "got 48 bytes"]);
     let cube = folder.write("cube.raw", &[&[0; 125]]);
-    expect_refused(&cube, &raw_options([6, 5, 5], SampleType::U8), &["150 bytes", "--dims 5x5x5"]);
-    let skip = RawOptions { skip: 100, ..RawOptions::new(DIMS, SampleType::U8) };
-    let skip = OpenOptions { raw: Some(skip), ..OpenOptions::default() };
+    expect_refused(&cube, &raw_options([6, 5, 5], SampleType::U8), &["150 bytes", "`dims` 5x5x5"]);
+    let skip = RawOptions::new(DIMS, SampleType::U8).skip(100);
+    let skip = OpenOptions::new().raw(skip);
     expect_refused(&path, &skip, &["after 100 skipped", "got 0 bytes"]);
     expect_refused(&path, &raw_options([0, 3, 2], SampleType::U8), &["at least one point", "0 along x"]);
 }
@@ -121,20 +119,28 @@ fn spacings_that_are_none_are_refused_with_the_way_out() {
     let data = known(SampleType::U8);
     for bad in ["0", "-1", "nan", "inf"] {
         let nrrd = format!("{NRRD}spacings: 1 {bad} 1\n\n");
-        refused(&folder.write("a.nrrd", &[nrrd.as_bytes(), data.bytes()]), &["spacings above 0", "--spacing"]);
+        refused(
+            &folder.write("a.nrrd", &[nrrd.as_bytes(), data.bytes()]),
+            &["spacings above 0", "`OpenOptions::spacing`"],
+        );
         let mha = format!("{MHA}ElementSpacing = 1 1 {bad}\nElementDataFile = LOCAL\n");
-        refused(&folder.write("a.mha", &[mha.as_bytes(), data.bytes()]), &["spacings above 0", "--spacing"]);
+        refused(
+            &folder.write("a.mha", &[mha.as_bytes(), data.bytes()]),
+            &["spacings above 0", "`OpenOptions::spacing`"],
+        );
         let vtk = VTK.replace("SPACING 1", &format!("SPACING {bad}"));
-        refused(&folder.write("a.vtk", &[vtk.as_bytes(), data.bytes()]), &["spacings above 0", "--spacing"]);
+        refused(
+            &folder.write("a.vtk", &[vtk.as_bytes(), data.bytes()]),
+            &["spacings above 0", "`OpenOptions::spacing`"],
+        );
         let mut nifti = Nifti::new(1, Endian::Little, SampleType::U8);
         nifti.pixdim(2, bad.parse().expect("a number"));
-        refused(&folder.write("a.nii", &[nifti.bytes(), data.bytes()]), &["spacings above 0", "--spacing"]);
-        let raw =
-            RawOptions { spacing: [1.0, 1.0, bad.parse().expect("a number")], ..RawOptions::new(DIMS, SampleType::U8) };
-        let raw = OpenOptions { raw: Some(raw), ..OpenOptions::default() };
+        refused(
+            &folder.write("a.nii", &[nifti.bytes(), data.bytes()]),
+            &["spacings above 0", "`OpenOptions::spacing`"],
+        );
         let path = folder.write("a.raw", &[data.bytes()]);
-        expect_refused(&path, &raw, &["spacings above 0"]);
-        let given = OpenOptions { spacing: Some([1.0, 1.0, bad.parse().expect("a number")]), ..OpenOptions::default() };
+        let given = raw_options(DIMS, SampleType::U8).spacing([1.0, 1.0, bad.parse().expect("a number")]);
         expect_refused(&path, &given, &["spacing: is", "above 0"]);
     }
     let nrrd = format!("{NRRD}space: RAS\nspace directions: (1,0,0) (2,0,0) (0,0,1)\n\n");

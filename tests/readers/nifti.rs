@@ -1,8 +1,7 @@
 //! The known volume as NIfTI-1 and -2, written field by field from the standard's offsets.
 
 use adjsplat::volume::SampleType;
-use adjsplat_readers::open::OpenOptions;
-use adjsplat_readers::slab::Endian;
+use adjsplat_readers::{Endian, OpenOptions};
 
 use super::sample::{ENDIANS, Folder, bytes, expect_known, expect_refused, gzip, known, read, read_with};
 
@@ -229,11 +228,11 @@ fn volumes_of_a_series_are_chosen_by_index() {
     nifti.dim(5, 2);
     let whole = [nifti.bytes(), &other, &packed].concat();
     for path in [folder.write("a.nii", &[&whole]), folder.write("a.nii.gz", &[&gzip(&whole)])] {
-        let second = OpenOptions { volume_index: 1, ..OpenOptions::default() };
+        let second = OpenOptions::new().volume_index(1);
         let got = read_with(&path, &second).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(got.samples, known(SampleType::U16));
         assert_ne!(read(&path).expect("the first").samples, known(SampleType::U16));
-        let third = OpenOptions { volume_index: 2, ..OpenOptions::default() };
+        let third = OpenOptions::new().volume_index(2);
         expect_refused(&path, &third, &["volume: is 2", "holds 2 volumes"]);
     }
 }

@@ -1,22 +1,11 @@
 //! Real volumes: dimensions, spacing, and the digest that independent readers agreed on (shared/data/MANIFEST.md).
 
-use std::path::{Path, PathBuf};
-
 use adjsplat::volume::{Header, SampleType};
-use adjsplat_readers::open::OpenOptions;
+use adjsplat_readers::OpenOptions;
+use adjsplat_tests::real_volume;
 use sha2::{Digest, Sha256};
 
 use super::sample::read_with;
-
-/// The folder of real volumes; `None`, with a line that says so, where it is not on this machine.
-fn folder() -> Option<PathBuf> {
-    let folder = adjsplat_tests::repository().join("../shared/data");
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    eprintln!("SKIPPED: no real volumes in {}; readers were checked on written files only", folder.display());
-    None
-}
 
 /// Reads `file` and checks what is known of it; its header, if the folder is here.
 fn check(file: &str, ty: SampleType, dims: [u32; 3], spacing: [f64; 3], sha: &str) -> Option<Header> {
@@ -31,8 +20,8 @@ fn check_volume(
     spacing: [f64; 3],
     sha: &str,
 ) -> Option<Header> {
-    let path = folder()?.join(file);
-    let options = OpenOptions { volume_index, ..OpenOptions::default() };
+    let path = real_volume(file)?;
+    let options = OpenOptions::new().volume_index(volume_index);
     let mut read = read_with(&path, &options).unwrap_or_else(|error| panic!("{error}"));
     if cfg!(target_endian = "big") {
         read.samples.swap_bytes();

@@ -4,8 +4,7 @@ use std::path::{Path, PathBuf};
 
 use adjsplat::volume::{Header, SampleType, Samples};
 use adjsplat::{Result, with_samples};
-use adjsplat_readers::open::{OpenOptions, open};
-use adjsplat_readers::slab::Endian;
+use adjsplat_readers::{Endian, OpenOptions, open};
 
 /// Its points along x, y, z.
 pub(crate) const DIMS: [u64; 3] = [4, 3, 2];
@@ -73,6 +72,8 @@ impl Folder {
     /// Writes `parts` one after the other into the file `name`.
     pub(crate) fn write(&self, name: &str, parts: &[&[u8]]) -> PathBuf {
         let path = self.0.path().join(name);
+        // A file system may wait for the disk where a file is written over, but not where one is new.
+        let _ = std::fs::remove_file(&path);
         std::fs::write(&path, parts.concat()).expect("the temporary folder can be written");
         path
     }

@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use adjsplat::error::Error;
-use adjsplat::volume::{Header, SampleType, SlabSource};
-use adjsplat_readers::open::{OpenOptions, open};
-use adjsplat_readers::slab::Endian;
+use adjsplat::volume::{Header, Sample, SampleType, SlabSource};
+use adjsplat_readers::{Endian, OpenOptions, open};
 
 use super::damage::{expect_no_panic, expect_truncations_refused};
 use super::sample::{DIMS, ENDIANS, Folder, bytes, expect_known, expect_refused, known, read, read_with, zlib};
@@ -36,6 +35,8 @@ enum Packing {
     PackBits,
     Lzw,
     Zstd,
+    /// Differences along rows, then zstd.
+    ZstdPredicted,
 }
 
 /// A file that is put together here.
@@ -92,7 +93,7 @@ impl Tiff {
                             None => {}
                         }
                     }
-                    if self.packing == Packing::DeflatePredicted {
+                    if matches!(self.packing, Packing::DeflatePredicted | Packing::ZstdPredicted) {
                         self.predict(&mut row);
                     }
                     chunk.extend(row);
@@ -145,7 +146,7 @@ impl Tiff {
                 bits.as_bytes().chunks(8).map(byte).collect()
             }
             // RFC 8878: magic, one segment with a size of 4 bytes, and one last block of bytes as they are.
-            Packing::Zstd => {
+            Packing::Zstd | Packing::ZstdPredicted => {
                 let size = u32::try_from(plain.len()).expect("chunks here are small");
                 let block = size << 3 | 1;
                 [&[0x28, 0xb5, 0x2f, 0xfd, 0xa0], &size.to_le_bytes()[..], &block.to_le_bytes()[..3], plain].concat()
@@ -167,6 +168,7 @@ impl Tiff {
             Packing::PackBits => (32_773, 1),
             Packing::Lzw => (5, 1),
             Packing::Zstd => (50_000, 1),
+            Packing::ZstdPredicted => (50_000, if kind == 3 { 3 } else { 2 }),
         };
         let short = |value: usize| Value::Short(vec![value as u64]);
         let mut entries = vec![
@@ -252,8 +254,15 @@ impl Tiff {
 }
 
 const CUTS: [Cut; 5] = [Cut::Strips(3), Cut::Strips(2), Cut::Strips(99), Cut::Tiles(16, 16), Cut::Tiles(3, 2)];
-const PACKINGS: [Packing; 6] =
-    [Packing::Plain, Packing::Deflate, Packing::DeflatePredicted, Packing::PackBits, Packing::Lzw, Packing::Zstd];
+const PACKINGS: [Packing; 7] = [
+    Packing::Plain,
+    Packing::Deflate,
+    Packing::DeflatePredicted,
+    Packing::PackBits,
+    Packing::Lzw,
+    Packing::Zstd,
+    Packing::ZstdPredicted,
+];
 
 fn refused(path: &std::path::Path, parts: &[&str]) {
     expect_refused(path, &OpenOptions::default(), parts);
@@ -306,6 +315,23 @@ fn files_of_another_writer_are_read() {
         expect_known(&path, SampleType::U16);
         written(TiffEncoder::<_, TiffKindBig>::new_generic(file()).expect("a header"), compression);
         expect_known(&path, SampleType::U16);
+    }
+}
+
+/// Files of 20 x 10 x 2 samples that tifffile 2026.3.3 and libzstd packed: v = 7 x^2 + 31 y + 1000 z.
+#[test]
+fn files_that_libzstd_packed_are_read() {
+    let values = |z: i32| (0..200).map(move |at| 7 * (at % 20) * (at % 20) + 31 * (at / 20) + 1000 * z);
+    let compressed = adjsplat_tests::repository().join("tests/readers/compressed");
+    for (name, ty, factor) in [
+        ("u16-zstd-strips.tif", SampleType::U16, 1.0),
+        ("f32-zstd-tiles.tif", SampleType::F32, 0.125),
+        ("i32-zstd-tiles.tif", SampleType::I32, -1.0),
+    ] {
+        let got = read(&compressed.join(name)).unwrap_or_else(|error| panic!("{name}: {error}"));
+        assert_eq!((got.header.grid.dims, got.header.sample_type), ([20, 10, 2], ty), "{name}");
+        let samples: Vec<f64> = adjsplat::with_samples!(&got.samples, v => v.iter().map(|s| s.to_f64()).collect());
+        assert!(samples.into_iter().eq((0..2).flat_map(values).map(|v| f64::from(v) * factor)), "{name}");
     }
 }
 
@@ -416,7 +442,7 @@ fn numbered(tiff: &Tiff) -> Vec<Vec<u8>> {
 
 /// First samples of the slices of each volume of the file at `path`, and the refusal of the one after the last.
 fn volumes_of(path: &std::path::Path, count: u32) -> Vec<Vec<f64>> {
-    let options = |volume_index| OpenOptions { volume_index, ..OpenOptions::default() };
+    let options = |volume_index| OpenOptions::new().volume_index(volume_index);
     expect_refused(path, &options(count), &["volume", &format!("is {count}, but the file holds {count} volume")]);
     let first = |volume| {
         let got = read_with(path, &options(volume)).unwrap_or_else(|error| panic!("{error}"));
@@ -568,7 +594,7 @@ fn ome_that_cannot_be_followed_is_refused() {
     ] {
         let tiff = Tiff::described(SampleType::U16, &ome(pixels, inside));
         let path = folder.write("a.tif", &[&tiff.file(&numbered(&tiff))]);
-        expect_refused(&path, &OpenOptions { volume_index: 1, ..OpenOptions::default() }, &parts);
+        expect_refused(&path, &OpenOptions::new().volume_index(1), &parts);
     }
     let binary_only = Tiff::described(SampleType::U16, "<OME><BinaryOnly MetadataFile=\"m\"/></OME>");
     refused(&folder.write("a.tif", &[&binary_only.known_file()]), &["an image with Pixels", "another file"]);
@@ -610,12 +636,8 @@ fn folders_that_are_no_stack_are_refused_by_the_file_at_fault() {
     let folder = Folder::new();
     folder.write("a.txt", &[b"hello"]);
     refused(folder.path(), &["is a folder without TIFF or DICOM files", "name a file in it"]);
-    let raw = adjsplat_readers::raw::RawOptions::new(DIMS, SampleType::U8);
-    expect_refused(
-        folder.path(),
-        &OpenOptions { raw: Some(raw), ..OpenOptions::default() },
-        &["is a folder", "name it"],
-    );
+    let raw = adjsplat_readers::RawOptions::new(DIMS, SampleType::U8);
+    expect_refused(folder.path(), &OpenOptions::new().raw(raw), &["is a folder", "name it"]);
     let folder = stack(&names, &tiff, &pages);
     folder.write("s2.tif", &[&Tiff::new(SampleType::I16).file(&pages[..1])]);
     refused(folder.path(), &["s2.tif", "4 x 3 of u16 as in s1.tif", "4 x 3 of i16 in page 0"]);
@@ -694,7 +716,7 @@ fn pages_that_cannot_be_read_are_named_with_what_would_do() {
 #[test]
 fn packed_chunks_that_are_damaged_or_too_short_are_refused() {
     let folder = Folder::new();
-    for packing in [Packing::Deflate, Packing::Zstd, Packing::Lzw, Packing::PackBits] {
+    for packing in [Packing::Deflate, Packing::Zstd, Packing::ZstdPredicted, Packing::Lzw, Packing::PackBits] {
         let tiff = Tiff { packing, ..Tiff::new(SampleType::U16) };
         let (good, chunk) = (tiff.known_file(), tiff.chunks(&tiff.slices()[1])[0].clone());
         let at = good.windows(chunk.len()).position(|found| found == chunk).expect("it is there");

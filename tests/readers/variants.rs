@@ -3,9 +3,7 @@
 use std::io::{Seek, SeekFrom, Write};
 
 use adjsplat::volume::SampleType;
-use adjsplat_readers::open::OpenOptions;
-use adjsplat_readers::raw::RawOptions;
-use adjsplat_readers::slab::Endian;
+use adjsplat_readers::{Endian, OpenOptions, RawOptions};
 
 use super::sample::{DIMS, ENDIANS, Folder, bytes, expect_known, gzip, known, read, read_with, text, zlib};
 
@@ -27,9 +25,9 @@ fn raw_is_read_in_every_type_and_order() {
             let packed = bytes(&known(ty), endian);
             let plain = folder.write("a.raw", &[b"head", &packed]);
             let zipped = folder.write("a.raw.gz", &[&gzip(&[b"head", &packed[..]].concat())]);
-            let raw = RawOptions { endian, skip: 4, spacing: [1.0, 2.0, 3.0], ..RawOptions::new(DIMS, ty) };
+            let raw = RawOptions::new(DIMS, ty).endian(endian).skip(4);
             for path in [plain, zipped] {
-                let options = OpenOptions { raw: Some(raw.clone()), ..OpenOptions::default() };
+                let options = OpenOptions::new().raw(raw.clone()).spacing([1.0, 2.0, 3.0]);
                 let got = read_with(&path, &options).unwrap_or_else(|error| panic!("{error}"));
                 assert_eq!(got.samples, known(ty), "{} {}", ty.name(), endian_name(endian));
                 assert_eq!(got.header.grid.spacing, [1.0, 2.0, 3.0]);
@@ -167,7 +165,7 @@ fn fourth_dimension_is_chosen_by_index() {
     let mhd = "NDims = 4\nDimSize = 4 3 2 2\nElementType = MET_INT\nElementDataFile = LOCAL\n";
     files.push(folder.write("a.mha", &[mhd.as_bytes(), &both]));
     for path in files {
-        let options = OpenOptions { volume_index: 1, ..OpenOptions::default() };
+        let options = OpenOptions::new().volume_index(1);
         let got = read_with(&path, &options).unwrap_or_else(|error| panic!("{error}"));
         assert_eq!(got.samples, known(SampleType::I32), "{}", path.display());
         assert_ne!(read(&path).expect("the first volume").samples, known(SampleType::I32));
@@ -183,7 +181,7 @@ fn samples_beyond_four_gigabytes_are_reached_without_reading_those_before() {
     // All but the last volume is a hole that takes no room on the disk.
     file.seek(SeekFrom::Start(head.len() as u64 + 249_999_999 * 24)).expect("a place in a file");
     file.write_all(known(SampleType::U8).bytes()).expect("room for 24 bytes");
-    let options = OpenOptions { volume_index: 249_999_999, ..OpenOptions::default() };
+    let options = OpenOptions::new().volume_index(249_999_999);
     let got = read_with(&path, &options).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(got.samples, known(SampleType::U8));
     assert_eq!(read(&path).expect("the first volume").samples.bytes(), [0; 24]);
@@ -364,7 +362,7 @@ fn spacing_is_replaced_where_the_caller_knows_better() {
     let folder = Folder::new();
     let head = "NRRD0001\ntype: uchar\ndimension: 3\nsizes: 4 3 2\nencoding: raw\nspacings: 0 nan -1\n\n";
     let path = folder.write("a.nrrd", &[head.as_bytes(), known(SampleType::U8).bytes()]);
-    let options = OpenOptions { spacing: Some([1.0, 2.0, 3.0]), ..OpenOptions::default() };
+    let options = OpenOptions::new().spacing([1.0, 2.0, 3.0]);
     let got = read_with(&path, &options).unwrap_or_else(|error| panic!("{error}"));
     assert_eq!(got.header.grid.spacing, [1.0, 2.0, 3.0]);
 }

@@ -1,8 +1,7 @@
 //! The known volume in every variant of VTK XML images, and such files that must be refused.
 
 use adjsplat::volume::{SampleType, SlabSource};
-use adjsplat_readers::open::open;
-use adjsplat_readers::slab::Endian;
+use adjsplat_readers::{Endian, open};
 
 use super::damage::{expect_no_panic, expect_truncations_refused};
 use super::sample::{ENDIANS, Folder, bytes, expect_known, expect_refused, known, read, text, zlib};
@@ -274,7 +273,7 @@ fn what_cannot_be_read_is_named() {
         ("WholeExtent=\"0 3 0 2 0 1\"", "WholeExtent=\"0 3 0 2 0\"", ["six whole numbers", "0 3 0 2 0"]),
         ("WholeExtent=\"0 3 0 2 0 1\"", "WholeExtent=\"0 -3 0 2 0 1\"", ["six whole numbers", "0 -3"]),
         ("WholeExtent=\"0 3 0 2 0 1\"", "", ["WholeExtent", "no such attribute"]),
-        ("Spacing=\"1 2 0.5\"", "Spacing=\"1 0 1\"", ["--spacing", "1, 0, 1"]),
+        ("Spacing=\"1 2 0.5\"", "Spacing=\"1 0 1\"", ["`OpenOptions::spacing`", "1, 0, 1"]),
         ("Spacing=\"1 2 0.5\"", "Spacing=\"1 0\"", ["3 numbers", "1 0"]),
         ("\"Int16\"", "\"Int64\"", ["i16", "Int64"]),
         ("\"Int16\"", "\"Int32\"", ["96 bytes in all", "blocks of 16 bytes"]),

@@ -3,8 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use adjsplat::volume::SampleType;
-use adjsplat_readers::open::{OpenOptions, open};
-use adjsplat_readers::slab::Endian;
+use adjsplat_readers::{Endian, OpenOptions, open};
 use serde_json::{Value, json};
 
 use super::sample::{ENDIANS, Folder, Read, bytes, expect_known, expect_refused, gzip, known, read, read_with, zlib};
@@ -309,7 +308,7 @@ fn ome_images_are_read_by_level_and_volume() {
     for version in [2, 3] {
         let path = image(&folder, version);
         let at = |level, volume_index| {
-            let options = OpenOptions { level, volume_index, ..OpenOptions::default() };
+            let options = OpenOptions::new().level(level).volume_index(volume_index);
             read_with(&path, &options).unwrap_or_else(|error| panic!("{error}"))
         };
         for (volume, value) in [(0, 0.0), (2, 2.0), (3, 10.0), (5, 12.0)] {
@@ -321,12 +320,15 @@ fn ome_images_are_read_by_level_and_volume() {
         assert_eq!((fine.grid.spacing, fine.grid.origin), ([2.5, 5.0, 20.0], [0.0, 0.0, 30.0]));
         assert_eq!((coarse.grid.spacing, coarse.grid.origin), ([5.0, 10.0, 40.0], [0.0, 2.5, 30.0]));
         let source = open(&path, &OpenOptions::default()).unwrap_or_else(|error| panic!("{error}"));
-        assert_eq!(source.notes(), ["level 0 of 2 is read (--level): 0: 2 x 3 x 4 x 4 x 4, 1: 2 x 3 x 2 x 2 x 2"]);
-        let beyond = OpenOptions { level: 2, ..OpenOptions::default() };
+        assert_eq!(
+            source.notes(),
+            ["level 0 of 2 is read (`OpenOptions::level` chooses): 0: 2 x 3 x 4 x 4 x 4, 1: 2 x 3 x 2 x 2 x 2"]
+        );
+        let beyond = OpenOptions::new().level(2);
         expect_refused(&path, &beyond, &["level", "is 2", "2 levels", "1: 2 x 3 x 2 x 2 x 2"]);
-        let beyond = OpenOptions { volume_index: 6, ..OpenOptions::default() };
+        let beyond = OpenOptions::new().volume_index(6);
         expect_refused(&path, &beyond, &["volume", "is 6", "6 volumes (t 2, c 3, the last fastest)"]);
-        let series = OpenOptions { series: Some("0".into()), ..OpenOptions::default() };
+        let series = OpenOptions::new().series("0");
         expect_refused(&path, &series, &["series", "DICOM"]);
     }
 }

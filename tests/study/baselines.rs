@@ -3,34 +3,30 @@
 //! What they cannot catch: an oracle's order that no ray contradicts but that is not the paper's; tests/traversal
 //! judges orders. How fast anything is.
 
-use std::io::Write as _;
-use std::path::Path;
-
 use adjsplat::Error;
-use adjsplat::arena::{Arena, LaneSet, TileOrder};
-use adjsplat::build::{BuildOptions, Unobserved, build};
-use adjsplat::classify::{TransferFunction, normal};
+use adjsplat::arena::{Arena, LaneSet};
+use adjsplat::build::BuildOptions;
+use adjsplat::classify::normal;
 use adjsplat::file::arena_bytes;
 use adjsplat::traverse::{Order, Sense, SplitForm, Viewpoint};
 use adjsplat::volume::Axis;
-use adjsplat_readers::open::{OpenOptions, open};
-use adjsplat_study::baselines::adjacency_a::AdjacencyA;
-use adjsplat_study::baselines::adjacency_b::{AdjacencyB, Storage};
-use adjsplat_study::baselines::octree::Octree;
-use adjsplat_study::baselines::shell::{Lists, Shell};
-use adjsplat_study::baselines::{Node, Normal, Viewing, names};
+use adjsplat_study::baselines::{AdjacencyA, AdjacencyB, Lists, Octree, Shell, Storage};
+use adjsplat_study::baselines::{Normal, Viewing, VoxelCube, names};
 use adjsplat_study::subject::VisibleVoxel;
-use adjsplat_study::trace::Array;
-use adjsplat_study::{Built, Method, Receiver, Subject, Trace, Untraced, Walker};
+use adjsplat_study::trace::WalkerArray;
+use adjsplat_study::{BuiltMethod, Method, Receiver, Subject, Trace, Untraced, Walker};
+use adjsplat_tests::random::Random;
+use adjsplat_tests::scenes::{at_least, built, options, volume};
+use adjsplat_tests::{real_volume, say};
 
 use crate::oracle::{directions, disorder, eye_viewings, nested, parallel_viewings, slices};
-use crate::scene::{Dense, Random, with_subject};
+use crate::scene::{VoxelVolume, with_subject};
 
 /// Keeps what a walk hands over.
 #[derive(Default)]
 struct Seen {
     voxels: Vec<([u16; 3], u8, Normal)>,
-    nodes: Vec<Node>,
+    nodes: Vec<VoxelCube>,
 }
 
 impl Receiver for Seen {
@@ -38,7 +34,7 @@ impl Receiver for Seen {
         self.voxels.push((position, value, normal));
     }
 
-    fn node(&mut self, node: &Node) {
+    fn cube(&mut self, node: &VoxelCube) {
         self.nodes.push(*node);
     }
 }
@@ -70,7 +66,7 @@ fn in_scan_order(mut seen: Seen) -> Seen {
 }
 
 /// Volumes of odd sizes, empty to full.
-fn volumes() -> Vec<Dense> {
+fn volumes() -> Vec<VoxelVolume> {
     let sizes = [
         ([1, 1, 1], 1000),
         ([9, 1, 20], 300),
@@ -80,7 +76,7 @@ fn volumes() -> Vec<Dense> {
         ([8, 16, 8], 1000),
     ];
     let sizes = sizes.into_iter().chain([([13, 21, 10], 200), ([300, 5, 4], 8), ([6, 7, 70], 900)]);
-    (1..).zip(sizes).map(|(seed, (dims, per_mille))| Dense::random(dims, per_mille, seed)).collect()
+    (1..).zip(sizes).map(|(seed, (dims, per_mille))| VoxelVolume::random(dims, per_mille, seed)).collect()
 }
 
 /// Eyes outside, on a border, inside between voxels, on voxels and on planes between bricks.
@@ -98,7 +94,7 @@ fn eyes([x, y, z]: [u32; 3]) -> Vec<[f64; 3]> {
 }
 
 /// Builds every method for `dense`, and calls `check` with each.
-fn each_method(dense: &Dense, normal_bits: u8, mut check: impl FnMut(Method, &mut Built)) {
+fn each_method(dense: &VoxelVolume, normal_bits: u8, mut check: impl FnMut(Method, &mut BuiltMethod)) {
     dense.with_subject(normal_bits, |subject| {
         for method in Method::ALL {
             let mut built = method.build(subject).unwrap_or_else(|error| panic!("{}: {error}", method.name()));
@@ -109,7 +105,7 @@ fn each_method(dense: &Dense, normal_bits: u8, mut check: impl FnMut(Method, &mu
 }
 
 /// The sequence that a method promises; `None` if it promises only that no voxel comes before one that it hides.
-fn promised(method: Method, dense: &Dense, order: &Order) -> Option<Vec<VisibleVoxel>> {
+fn promised(method: Method, dense: &VoxelVolume, order: &Order) -> Option<Vec<VisibleVoxel>> {
     match method {
         Method::Unordered => Some(dense.visible().collect()),
         // The rows' axis, x, at the end of the view's nesting.
@@ -123,7 +119,7 @@ fn promised(method: Method, dense: &Dense, order: &Order) -> Option<Vec<VisibleV
     }
 }
 
-fn check_viewing(method: Method, built: &mut Built, dense: &Dense, viewing: &Viewing, has_normals: bool) {
+fn check_viewing(method: Method, built: &mut BuiltMethod, dense: &VoxelVolume, viewing: &Viewing, has_normals: bool) {
     let what = || format!("{} of {:?}, {viewing:?}", method.name(), dense.dims);
     let seen = seen(built, viewing);
     match promised(method, dense, &viewing.order) {
@@ -166,7 +162,7 @@ fn all_methods_keep_their_order_from_any_eye() {
 
 #[test]
 fn without_normals_there_are_none() {
-    let mut dense = Dense::random([12, 11, 10], 150, 5);
+    let mut dense = VoxelVolume::random([12, 11, 10], 150, 5);
     for voxel in dense.voxels.iter_mut().flatten() {
         voxel.normal = 0;
     }
@@ -177,7 +173,7 @@ fn without_normals_there_are_none() {
 #[test]
 fn a_list_that_is_not_sorted_is_out_of_order() {
     // Tests the test: the unordered list of a full volume, seen from where its scan order runs toward the eye.
-    let dense = Dense::random([6, 6, 6], 1000, 3);
+    let dense = VoxelVolume::random([6, 6, 6], 1000, 3);
     let viewing = Viewing::along(Order::parallel(5, 0b111));
     let positions: Vec<_> = dense.visible().map(|voxel| voxel.position).collect();
     // Rays along (-1, -2, -3) join each voxel with the one at that offset, of which there are 5 x 4 x 3.
@@ -187,7 +183,7 @@ fn a_list_that_is_not_sorted_is_out_of_order() {
 
 #[test]
 fn a_sorted_list_has_no_two_voxels_of_a_ray_at_one_distance_from_afar() {
-    let dense = Dense::random([40, 3, 3], 1000, 3);
+    let dense = VoxelVolume::random([40, 3, 3], 1000, 3);
     let eye = [-3e9, 1.0, 1.0];
     dense.with_subject(8, |subject| {
         let mut built = Method::Sorted.build(subject).unwrap();
@@ -205,14 +201,14 @@ fn a_sorted_list_has_no_two_voxels_of_a_ray_at_one_distance_from_afar() {
 
 /// Fails where an access lies outside an array, and counts.
 struct Bounds {
-    arrays: Vec<Array>,
+    arrays: Vec<WalkerArray>,
     bytes_read: u64,
     accesses: u64,
 }
 
 impl Bounds {
     fn check(&mut self, array: usize, offset: usize, bytes: usize) {
-        let Array { name, bytes: size, .. } = self.arrays[array];
+        let WalkerArray { name, bytes: size, .. } = self.arrays[array];
         assert!(bytes > 0 && (offset + bytes) as u64 <= size, "{bytes} bytes at {offset} of {size} of {name}");
         self.accesses += 1;
     }
@@ -231,7 +227,7 @@ impl Trace for Bounds {
 
 #[test]
 fn traces_stay_within_their_arrays_and_have_every_payload() {
-    let dense = Dense::random([20, 17, 9], 200, 8);
+    let dense = VoxelVolume::random([20, 17, 9], 200, 8);
     let voxels = dense.visible().count() as u64;
     let mut viewings: Vec<_> = parallel_viewings().collect();
     viewings.extend(eye_viewings([9.5, 8.0, 4.0], dense.dims));
@@ -252,7 +248,7 @@ fn traces_stay_within_their_arrays_and_have_every_payload() {
 }
 
 /// Virtual voxels by their definition: two caps a line, two a line of a face, two an edge of the box.
-fn virtual_voxels(dense: &Dense) -> u64 {
+fn virtual_voxels(dense: &VoxelVolume) -> u64 {
     let mut count = 8;
     for axis in Axis::ALL.map(Axis::index) {
         let mut lines: Vec<[u16; 3]> = dense.visible().map(|voxel| voxel.position).collect();
@@ -295,9 +291,9 @@ fn bytes_are_those_of_the_paper() {
 #[test]
 fn adjacency_a_takes_voxels_in_and_out() {
     for (seed, dims) in [(1, [7, 6, 5]), (2, [1, 9, 4]), (3, [12, 1, 1]), (4, [3, 3, 3])] {
-        let full = Dense::random(dims, 1000, seed);
+        let full = VoxelVolume::random(dims, 1000, seed);
         let mut random = Random(seed);
-        let mut now = Dense::random(dims, 100, seed + 10);
+        let mut now = VoxelVolume::random(dims, 100, seed + 10);
         let viewings: Vec<_> = parallel_viewings().step_by(7).chain(eye_viewings([2.5, 2.0, 1.0], dims)).collect();
         let mut structure = now.with_subject(8, |subject| AdjacencyA::new(subject).unwrap());
         let mut most_records = 0;
@@ -341,7 +337,7 @@ fn adjacency_a_takes_voxels_in_and_out() {
 
 #[test]
 fn adjacency_a_refuses_voxels_outside_its_grid() {
-    Dense::random([3, 4, 5], 500, 1).with_subject(8, |subject| {
+    VoxelVolume::random([3, 4, 5], 500, 1).with_subject(8, |subject| {
         let mut structure = AdjacencyA::new(subject).unwrap();
         for position in [[3, 0, 0], [0, 4, 0], [0, 0, 5], [u16::MAX, 0, 0]] {
             let voxel = VisibleVoxel { position, value: 1, normal: 0 };
@@ -353,7 +349,7 @@ fn adjacency_a_refuses_voxels_outside_its_grid() {
 
 #[test]
 fn a_shuffle_changes_where_records_lie_and_nothing_else() {
-    let dense = Dense::random([19, 18, 17], 300, 2);
+    let dense = VoxelVolume::random([19, 18, 17], 300, 2);
     // Scan order.
     let viewing = Viewing::along(Order::parallel(5, 0));
     /// Reads that are not just behind the one before.
@@ -366,7 +362,7 @@ fn a_shuffle_changes_where_records_lie_and_nothing_else() {
         fn write(&mut self, _: usize, _: usize, _: usize) {}
     }
     dense.with_subject(8, |subject| {
-        let mut jumps = [Storage::Built, Storage::Shuffled(1), Storage::Shuffled(2)].map(|storage| {
+        let mut jumps = [Storage::AsBuilt, Storage::Shuffled(1), Storage::Shuffled(2)].map(|storage| {
             let mut structure = AdjacencyB::new(subject, storage).unwrap();
             assert_eq!(structure.virtual_voxels(), virtual_voxels(&dense));
             assert!(structure.build_bytes() > 0);
@@ -382,7 +378,7 @@ fn a_shuffle_changes_where_records_lie_and_nothing_else() {
 
 #[test]
 fn an_octree_keeps_optical_depth_and_nears_the_voxels_as_its_threshold_falls() {
-    let dense = Dense::random([21, 30, 12], 250, 4);
+    let dense = VoxelVolume::random([21, 30, 12], 250, 4);
     dense.with_subject(8, |subject| {
         let looks = subject.looks().unwrap();
         let depth = |value: u8| f64::from(looks[usize::from(value)][3]);
@@ -444,7 +440,7 @@ fn an_octree_keeps_optical_depth_and_nears_the_voxels_as_its_threshold_falls() {
 
 #[test]
 fn a_uniform_cube_is_one_splat() {
-    let dense = Dense::new([8, 8, 8], |_| Some((100, 0x1234)));
+    let dense = VoxelVolume::new([8, 8, 8], |_| Some((100, 0x1234)));
     dense.with_subject(8, |subject| {
         let look = subject.looks().unwrap()[100];
         let mut octree = Octree::new(subject, 1e-3).unwrap();
@@ -466,7 +462,7 @@ fn a_uniform_cube_is_one_splat() {
 fn a_shell_hides_what_opaque_neighbours_enclose_and_nothing_else() {
     // Value 255 has an opacity of 0.9, value 0 of 0.02.
     let mut random = Random(6);
-    let dense = Dense::new([9, 10, 11], |_| {
+    let dense = VoxelVolume::new([9, 10, 11], |_| {
         let kind = random.below(10);
         (kind > 0).then_some((if kind > 2 { 255 } else { 0 }, 0))
     });
@@ -559,29 +555,20 @@ fn methods_have_names() {
 
 #[test]
 fn the_frog_has_as_many_virtual_voxels_as_its_lines_ask_for() {
-    let path = adjsplat_tests::repository().join("../shared/data/frogtissue/frogtissue.mhd");
-    if !path.exists() {
-        // Not by eprintln, which the test runner keeps to itself where a test passes.
-        let _ = writeln!(std::io::stderr(), "SKIPPED: no frog, because there is no {}", path.display());
-        return;
-    }
-    let mut source = open(&path, &OpenOptions::default()).unwrap();
-    let transfer = TransferFunction::range(1.0, f64::INFINITY).unwrap();
-    let options =
-        BuildOptions { transfer, lane_count: 1, tile_order: TileOrder::Morton, value_bits: 8, normal_bits: 8 };
-    let built = build(&mut *source, &options, &mut Unobserved).unwrap();
+    let Some(path) = real_volume("frogtissue/frogtissue.mhd") else { return };
+    let options = BuildOptions { lane_count: 1, ..options(at_least(1.0)) };
+    let built = built(&mut *volume(&path), &options);
     let bytes = arena_bytes(&built.facts, &built.lanes, "{}");
     let lanes = LaneSet::new(Arena::new(&bytes).unwrap(), None);
     let subject = Subject::new("frog", &lanes, built.transfer.clone()).unwrap();
-    let mut structure = AdjacencyB::new(&subject, Storage::Built).unwrap();
+    let mut structure = AdjacencyB::new(&subject, Storage::AsBuilt).unwrap();
     let (visible, virtual_voxels) = (structure.visible(), structure.virtual_voxels());
     let s = visible + virtual_voxels;
-    let _ = writeln!(
-        std::io::stderr(),
+    say(&format!(
         "frog: {visible} visible and {virtual_voxels} virtual voxels, s = {s}, {:.1} % virtual; {} bytes",
         100.0 * virtual_voxels as f64 / s as f64,
         structure.bytes()
-    );
+    ));
     assert_eq!(visible, built.facts.visible_voxels);
     assert_eq!(structure.bytes(), 47 * s);
     let mut walked = 0u64;
@@ -590,7 +577,7 @@ fn the_frog_has_as_many_virtual_voxels_as_its_lines_ask_for() {
         fn voxel(&mut self, _: [u16; 3], _: u8, _: Normal) {
             *self.0 += 1;
         }
-        fn node(&mut self, _: &Node) {}
+        fn cube(&mut self, _: &VoxelCube) {}
     }
     structure.walk(&parallel_viewings().last().unwrap(), &mut Count(&mut walked), &mut Untraced);
     assert_eq!(walked, visible);

@@ -3,22 +3,22 @@
 //! What it cannot catch: a walk that tells a wrong address (`own_walk` does, for our own).
 
 use adjsplat_study::Trace;
-use adjsplat_study::cache::{Associativity, Figures, Geometry, Level, Model, Reuse};
-use adjsplat_study::trace::Array;
+use adjsplat_study::cache::{Associativity, CacheFigures, CacheLevel, CacheModel, Geometry, Reuse};
+use adjsplat_study::trace::WalkerArray;
 
 /// One array of the structure.
-fn array(bytes: u64) -> Array {
-    Array { name: "array", bytes, scratch: false }
+fn array(bytes: u64) -> WalkerArray {
+    WalkerArray { name: "array", bytes, scratch: false }
 }
 
 /// What the default hierarchy does on reads of one array of `bytes`.
-fn figures(bytes: u64, reads: impl IntoIterator<Item = (usize, usize)>) -> Figures {
-    let mut model = Model::new(&Geometry::default(), &[array(bytes)], true);
+fn figures(bytes: u64, reads: impl IntoIterator<Item = (usize, usize)>) -> CacheFigures {
+    let mut model = CacheModel::new(&Geometry::default(), &[array(bytes)], true);
     reads.into_iter().for_each(|(offset, count)| model.read(0, offset, count));
     model.figures()
 }
 
-fn misses(figures: &Figures) -> Vec<u64> {
+fn misses(figures: &CacheFigures) -> Vec<u64> {
     figures.levels.iter().map(|level| level.all).collect()
 }
 
@@ -56,7 +56,7 @@ fn repeated_scans_hit_if_all_fits_and_miss_if_one_line_does_not() {
     }
     // Where there is one set, one line too many makes every touch a miss.
     let geometry = Geometry { line_bytes: 64, levels: vec![Associativity::full(512)], translation: vec![] };
-    let mut model = Model::new(&geometry, &[array(513 * 64)], false);
+    let mut model = CacheModel::new(&geometry, &[array(513 * 64)], false);
     (0..5 * 513).for_each(|i| model.read(0, i % 513 * 64, 1));
     assert_eq!(model.figures().levels[0].all, 5 * 513);
 }
@@ -92,8 +92,8 @@ fn accesses_touch_every_line_that_they_lie_in() {
 
 #[test]
 fn arrays_lie_apart_from_the_start_of_a_page_each() {
-    let arrays = [array(1), array(4097), Array { scratch: true, ..array(10) }];
-    let mut model = Model::new(&Geometry::default(), &arrays, false);
+    let arrays = [array(1), array(4097), WalkerArray { scratch: true, ..array(10) }];
+    let mut model = CacheModel::new(&Geometry::default(), &arrays, false);
     model.read(0, 0, 1);
     model.write(1, 4096, 1);
     model.read(1, 0, 1);
@@ -166,7 +166,7 @@ fn levels_equal_lists() {
     for (seed, (places, ways)) in (1..).zip([(64, 1), (64, 2), (96, 8), (60, 12), (128, 128), (1, 1)]) {
         let shape = Associativity { places, ways };
         let trace = random_lines(20_000, 500, seed);
-        let mut level = Level::new(shape);
+        let mut level = CacheLevel::new(shape);
         let missed: Vec<u64> = trace.iter().copied().filter(|&line| !level.touch(line)).collect();
         assert_eq!(missed, naive_misses(&trace, shape), "{places} places, {ways} ways");
     }
@@ -177,7 +177,7 @@ fn a_chain_of_levels_equals_lists_fed_with_misses() {
     let shapes = [(16, 4), (64, 8), (256, 16)].map(|(places, ways)| Associativity { places, ways });
     let geometry = Geometry { line_bytes: 64, levels: shapes.to_vec(), translation: vec![Associativity::full(2)] };
     let trace = random_lines(50_000, 2_000, 9);
-    let mut model = Model::new(&geometry, &[array(2_000 * 64)], true);
+    let mut model = CacheModel::new(&geometry, &[array(2_000 * 64)], true);
     trace.iter().for_each(|&line| model.read(0, line as usize * 64 + 7, 9));
     let found = model.figures();
     // The array starts at line 64; sets are counted from there.

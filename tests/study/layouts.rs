@@ -1,32 +1,25 @@
 //! Layouts, held to our lanes: the shipped one must be ours, and each must hand over what the subject holds.
 
 use adjsplat::arena::{Arena, LaneSet, OwnedLane, TileOrder};
-use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::traverse::Order;
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
-use adjsplat_study::baselines::{Node, Normal, Viewing};
+use adjsplat_study::baselines::{Normal, Viewing, VoxelCube};
 use adjsplat_study::cache::{Geometry, TraceWriter, measure, replay};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
-use adjsplat_study::layouts::{Layout, LayoutWalk};
+use adjsplat_study::layouts::{LaneLayout, LayoutWalk};
 use adjsplat_study::subject::VisibleVoxel;
 use adjsplat_study::{Receiver, Subject, Trace, Untraced, Walker};
+use adjsplat_tests::scenes::{built, options};
 
 /// Calls `test` with a phantom of `dims` points.
 fn with_subject(phantom: &Phantom, dims: [u64; 3], test: impl FnOnce(&Subject)) {
-    let mut source = phantom.open(dims, SampleType::U8, [1.0; 3]).unwrap();
     let (low, high) = phantom.visible_range();
     let transfer = TransferFunction::range(low, high).unwrap();
-    let options = BuildOptions {
-        transfer: transfer.clone(),
-        lane_count: 3,
-        tile_order: TileOrder::Morton,
-        value_bits: 8,
-        normal_bits: 8,
-    };
-    let built = build(&mut *source, &options, &mut Unobserved).unwrap();
+    let mut source = phantom.open(dims, SampleType::U8, [1.0; 3]).unwrap();
+    let built = built(&mut *source, &options(transfer.clone()));
     let bytes = arena_bytes(&built.facts, &built.lanes, "{}");
     let lanes = LaneSet::new(Arena::new(&bytes).unwrap(), None);
     test(&Subject::new("phantom", &lanes, transfer).unwrap());
@@ -46,7 +39,7 @@ impl Receiver for Kept {
         let Normal::Code(normal) = normal else { panic!("lanes have codes") };
         self.0.push(VisibleVoxel { position, value, normal });
     }
-    fn node(&mut self, _: &Node) {
+    fn cube(&mut self, _: &VoxelCube) {
         panic!("lanes have no cubes");
     }
 }
@@ -88,10 +81,10 @@ fn the_shipped_layout_is_ours_byte_for_byte_and_access_for_access() {
             let lanes = repacked(subject, TileOrder::Morton);
             let mut ours = OwnWalk::new(lanes.each_ref().map(OwnedLane::view), CodesRead::ValuesAndNormals);
             let mut shipped =
-                LayoutWalk::new(subject, Layout::shipped(subject.dims()), CodesRead::ValuesAndNormals).unwrap();
+                LayoutWalk::new(subject, LaneLayout::shipped(subject.dims()), CodesRead::ValuesAndNormals).unwrap();
             assert_eq!(shipped.bytes(), ours.bytes());
             assert_eq!(shipped.bytes(), lanes.iter().map(|lane| lane.view().bytes()).sum::<u64>());
-            let structure = |walk: &[adjsplat_study::trace::Array]| -> Vec<u64> {
+            let structure = |walk: &[adjsplat_study::trace::WalkerArray]| -> Vec<u64> {
                 walk.iter().take(15).map(|array| array.bytes).collect()
             };
             assert_eq!(structure(&shipped.arrays()), structure(&ours.arrays()));
@@ -116,7 +109,7 @@ fn the_shipped_layout_is_ours_byte_for_byte_and_access_for_access() {
 fn every_layout_hands_over_what_the_subject_holds() {
     for (phantom, dims) in scenes() {
         with_subject(&phantom, dims, |subject| {
-            let layouts = Layout::studied(subject.dims());
+            let layouts = LaneLayout::studied(subject.dims());
             assert!(layouts.len() > 12, "the shipped one and those beside it");
             for layout in layouts {
                 let mut walk = LayoutWalk::new(subject, layout, CodesRead::ValuesAndNormals).unwrap();
@@ -145,10 +138,10 @@ fn every_layout_hands_over_what_the_subject_holds() {
 
 #[test]
 fn a_lane_less_keeps_the_others_order() {
-    let two = Layout { lanes: 2, ..Layout::shipped([9; 3]) };
-    let one = Layout { lanes: 1, ..two };
+    let two = LaneLayout { lanes: 2, ..LaneLayout::shipped([9; 3]) };
+    let one = LaneLayout { lanes: 1, ..two };
     let axes = |order: Order| [order.slow, order.medium, order.fast].map(|axis| axis.name()).concat();
-    let nested = |layout: Layout| -> Vec<String> {
+    let nested = |layout: LaneLayout| -> Vec<String> {
         (0..6).map(|nesting| axes(layout.nested(&Order::parallel(nesting, 0)))).collect()
     };
     // xyz xzy yxz yzx zxy zyx
@@ -194,7 +187,7 @@ fn traces_come_back_from_their_files() {
 
 #[test]
 fn long_accesses_are_several_records() {
-    let array = adjsplat_study::trace::Array { name: "long", bytes: 10_000, scratch: true };
+    let array = adjsplat_study::trace::WalkerArray { name: "long", bytes: 10_000, scratch: true };
     let mut file = Vec::new();
     let mut writer = TraceWriter::new(&mut file, &[array]).unwrap();
     writer.read(0, 100, 5_000);

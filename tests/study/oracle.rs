@@ -6,8 +6,9 @@ use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 use adjsplat::volume::Axis;
 use adjsplat_study::baselines::Viewing;
 use adjsplat_study::subject::VisibleVoxel;
+use adjsplat_tests::walks::{eye_viewpoints, parallel_orders};
 
-use crate::scene::Dense;
+use crate::scene::VoxelVolume;
 
 /// The coordinates of an axis of `points`, in order: sorted by what the order promises.
 fn along(order: AxisOrder, points: u32) -> Vec<u16> {
@@ -33,7 +34,7 @@ fn along(order: AxisOrder, points: u32) -> Vec<u16> {
 }
 
 /// The voxels of a volume by nested loops over `axes`, the outermost first.
-pub(crate) fn nested(dense: &Dense, order: &Order, axes: [Axis; 3]) -> Vec<VisibleVoxel> {
+pub(crate) fn nested(dense: &VoxelVolume, order: &Order, axes: [Axis; 3]) -> Vec<VisibleVoxel> {
     let [slow, medium, fast] = axes.map(Axis::index);
     let [slow_all, medium_all, fast_all] = [slow, medium, fast].map(|a| along(order.along[a], dense.dims[a]));
     let mut voxels = Vec::new();
@@ -50,13 +51,13 @@ pub(crate) fn nested(dense: &Dense, order: &Order, axes: [Axis; 3]) -> Vec<Visib
 }
 
 /// In the order's own nesting.
-pub(crate) fn slices(dense: &Dense, order: &Order) -> Vec<VisibleVoxel> {
+pub(crate) fn slices(dense: &VoxelVolume, order: &Order) -> Vec<VisibleVoxel> {
     nested(dense, order, [order.slow, order.medium, order.fast])
 }
 
 /// All 48 orders of parallel views.
 pub(crate) fn parallel_viewings() -> impl Iterator<Item = Viewing> {
-    (0..6).flat_map(|nesting| (0..8).map(move |descending| Viewing::along(Order::parallel(nesting, descending))))
+    parallel_orders().map(Viewing::along)
 }
 
 /// Views along whole-numbered directions, in both senses.
@@ -73,16 +74,8 @@ pub(crate) fn directions(dims: [u32; 3]) -> Vec<Viewing> {
 
 /// The views from an eye: six nestings, both forms, both senses.
 pub(crate) fn eye_viewings(eye: [f64; 3], dims: [u32; 3]) -> Vec<Viewing> {
-    let mut viewings = Vec::new();
-    for toward in [[3, 2, 1], [3, 1, -2], [2, 3, 1], [1, 3, 2], [-2, 1, 3], [1, 2, -3]] {
-        for form in [SplitForm::Split, SplitForm::Interleaved] {
-            for sense in [Sense::BackToFront, Sense::FrontToBack] {
-                let viewpoint = Viewpoint::Perspective { eye, toward: toward.map(f64::from) };
-                viewings.push(Viewing::new(viewpoint, dims, sense, form).unwrap());
-            }
-        }
-    }
-    viewings
+    let viewing = |(viewpoint, form, sense)| Viewing::new(viewpoint, dims, sense, form).unwrap();
+    eye_viewpoints(eye).map(viewing).collect()
 }
 
 /// Greatest common divisor; of 0 and n it is n.

@@ -7,16 +7,15 @@
 use std::sync::Mutex;
 
 use adjsplat::arena::Record;
-use adjsplat::arena::{Channels, Lane, LineEnds, OwnedLane, Pager, TileOrder};
-use adjsplat::internals::LanePacker;
+use adjsplat::arena::{Lane, LineEnds, OwnedLane, Pager, TileOrder};
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::Axis;
 use adjsplat_study::Trace;
 use adjsplat_study::Walker;
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk};
+use adjsplat_tests::scenes::{LIT, lane};
+use adjsplat_tests::walks::parallel_orders;
 use zerocopy::IntoBytes as _;
-
-const CHANNELS: Channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0 };
 
 /// Lanes of a volume of which about one voxel in `sparsity` is visible, in clumps.
 fn lanes(dims: [u32; 3], sparsity: u64, tile_order: TileOrder) -> [OwnedLane; 3] {
@@ -25,21 +24,8 @@ fn lanes(dims: [u32; 3], sparsity: u64, tile_order: TileOrder) -> [OwnedLane; 3]
         let mixed = (clump ^ clump >> 17).wrapping_mul(0x9e37_79b9_7f4a_7c15);
         (mixed >> 33).is_multiple_of(sparsity)
     };
-    Axis::ALL.map(|axis| {
-        let mut packer = LanePacker::new(axis, dims, CHANNELS, tile_order);
-        let [u_axis, v_axis] = axis.others();
-        for v in 0..dims[v_axis.index()] {
-            for u in 0..dims[u_axis.index()] {
-                let voxels = (0..dims[axis.index()]).filter_map(|c| {
-                    let mut at = [0; 3];
-                    (at[axis.index()], at[u_axis.index()], at[v_axis.index()]) = (c, u, v);
-                    visible(at).then_some((c as u16, Record { value: 7, normal: 9, magnitude: 0 }))
-                });
-                packer.line(u as u16, v as u16, voxels);
-            }
-        }
-        packer.finish()
-    })
+    let record = Record { value: 7, normal: 9, magnitude: 0 };
+    Axis::ALL.map(|axis| lane(axis, dims, LIT, tile_order, |at| visible(at.map(u32::from)).then_some(record)))
 }
 
 /// What happens on a walk, as both can tell it.
@@ -172,13 +158,12 @@ fn essence(events: Vec<Event>) -> (Vec<Event>, Vec<Vec<usize>>) {
 }
 
 fn orders(dims: [u32; 3]) -> impl Iterator<Item = Order> {
-    let parallel = (0..6).flat_map(|nesting| (0..8).map(move |descending| Order::parallel(nesting, descending)));
     let eye = dims.map(|points| f64::from(points) * 0.4);
     let perspective = [SplitForm::Split, SplitForm::Interleaved].into_iter().flat_map(move |form| {
         [[3.0, 2.0, 1.0], [1.0, 3.0, 2.0], [-2.0, 1.0, 3.0]]
             .map(|toward| Order::new(Viewpoint::Perspective { eye, toward }, dims, Sense::BackToFront, form).unwrap())
     });
-    parallel.chain(perspective)
+    parallel_orders().chain(perspective)
 }
 
 /// Small enough for a pager not to cut groups of lines: lanes of less than 2^16 records, or two such pieces.

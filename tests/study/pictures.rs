@@ -8,7 +8,7 @@ use adjsplat_study::subject::VisibleVoxel;
 use adjsplat_study::{Method, Subject, picture};
 
 use crate::oracle::slices;
-use crate::scene::Dense;
+use crate::scene::VoxelVolume;
 
 const SIZE: [u32; 2] = [96, 80];
 
@@ -37,9 +37,9 @@ fn methods_in_slice_order_give_the_renderers_bits() {
     for (dims, per_mille, normal_bits, seed) in
         [([23, 9, 17], 300, 8, 1), ([31, 30, 29], 30, 8, 2), ([12, 40, 7], 700, 0, 3)]
     {
-        let dense = Dense::random(dims, per_mille, seed);
+        let dense = VoxelVolume::random(dims, per_mille, seed);
         dense.with_subject(normal_bits, |subject| {
-            let settings = Settings::new(SIZE);
+            let settings = Settings::every_pixel(SIZE);
             for (index, camera) in cameras(subject).iter().enumerate() {
                 let ours = rendered(subject, camera, &settings);
                 assert!(ours.pixels().iter().any(|&value| value > 0.1), "view {index} shows nothing");
@@ -58,7 +58,7 @@ fn methods_in_slice_order_give_the_renderers_bits() {
 
 /// The voxels by octants of octants, near ones first: the bits of their coordinates, counted from the near corner, from
 /// the largest cube down, the slow axis' before the medium one's before the fast one's.
-fn by_octants(dense: &Dense, viewing: &Viewing) -> Vec<VisibleVoxel> {
+fn by_octants(dense: &VoxelVolume, viewing: &Viewing) -> Vec<VisibleVoxel> {
     let Viewpoint::Parallel { direction } = viewing.viewpoint else { panic!("for parallel views") };
     let axes = [viewing.order.slow, viewing.order.medium, viewing.order.fast].map(|axis| axis.index());
     let key = |voxel: &VisibleVoxel| {
@@ -78,9 +78,9 @@ fn by_octants(dense: &Dense, viewing: &Viewing) -> Vec<VisibleVoxel> {
 
 #[test]
 fn an_octree_without_an_error_gives_the_bits_of_its_order() {
-    let dense = Dense::random([21, 33, 14], 250, 4);
+    let dense = VoxelVolume::random([21, 33, 14], 250, 4);
     dense.with_subject(8, |subject| {
-        let settings = Settings::new(SIZE);
+        let settings = Settings::every_pixel(SIZE);
         let mut octree = Method::Octree.build(subject).unwrap();
         for camera in &cameras(subject)[..4] {
             let viewing = picture::viewing(subject, camera, &settings).unwrap();
@@ -94,9 +94,9 @@ fn an_octree_without_an_error_gives_the_bits_of_its_order() {
 #[test]
 fn any_order_lets_the_same_light_through() {
     // Transmittance is a product; only its rounding knows an order, and rays that end early differ by the threshold.
-    let dense = Dense::random([25, 18, 22], 200, 5);
+    let dense = VoxelVolume::random([25, 18, 22], 200, 5);
     dense.with_subject(8, |subject| {
-        let settings = Settings { termination: Some(0.0), ..Settings::new(SIZE) };
+        let settings = Settings { termination: Some(0.0), ..Settings::every_pixel(SIZE) };
         for camera in &cameras(subject) {
             let ours = rendered(subject, camera, &settings);
             for method in Method::ALL {
@@ -112,9 +112,9 @@ fn any_order_lets_the_same_light_through() {
 
 #[test]
 fn without_drawing_nothing_is_drawn() {
-    let dense = Dense::random([9, 9, 9], 500, 6);
+    let dense = VoxelVolume::random([9, 9, 9], 500, 6);
     dense.with_subject(8, |subject| {
-        let settings = Settings { sampling: Sampling::EveryPixel, ..Settings::new(SIZE) };
+        let settings = Settings { sampling: Some(Sampling::EveryPixel), ..Settings::every_pixel(SIZE) };
         let camera = &cameras(subject)[0];
         for method in Method::ALL {
             let mut built = method.build(subject).unwrap();

@@ -1,7 +1,8 @@
 //! Scenes for studies: dense volumes of codes, and arenas made of them.
 
+use adjsplat::arena::Channels;
 use adjsplat::arena::Record;
-use adjsplat::arena::layout::{Channels, Facts, Scales};
+use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, LaneSet, TileOrder};
 use adjsplat::classify::{Colour, Point, TransferFunction};
 use adjsplat::file::arena_bytes;
@@ -9,36 +10,21 @@ use adjsplat::internals::LanePacker;
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_study::Subject;
 use adjsplat_study::subject::VisibleVoxel;
-
-/// A small generator, so that failures repeat (SplitMix64, Steele et al. 2014).
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.0;
-        bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        bits ^ bits >> 31
-    }
-
-    pub(crate) fn below(&mut self, bound: u64) -> u64 {
-        self.next() % bound
-    }
-}
+use adjsplat_tests::random::Random;
+use adjsplat_tests::scenes::CODES;
 
 /// A dense volume, x fastest; `None` is not visible.
 #[derive(Debug, Clone)]
-pub(crate) struct Dense {
+pub(crate) struct VoxelVolume {
     pub(crate) dims: [u32; 3],
     pub(crate) voxels: Vec<Option<VisibleVoxel>>,
 }
 
-impl Dense {
+impl VoxelVolume {
     /// A volume in which about `per_mille` of 1000 voxels are visible, with random codes.
-    pub(crate) fn random(dims: [u32; 3], per_mille: u64, seed: u64) -> Dense {
+    pub(crate) fn random(dims: [u32; 3], per_mille: u64, seed: u64) -> VoxelVolume {
         let mut random = Random(seed);
-        Dense::new(dims, |_| {
+        VoxelVolume::new(dims, |_| {
             let visible = random.below(1000) < per_mille;
             let (value, normal) = (random.below(256) as u8, random.below(65_536) as u16);
             visible.then_some((value, normal))
@@ -46,7 +32,7 @@ impl Dense {
     }
 
     /// A volume of these value codes and normals' codes.
-    pub(crate) fn new(dims: [u32; 3], mut codes: impl FnMut([u16; 3]) -> Option<(u8, u16)>) -> Dense {
+    pub(crate) fn new(dims: [u32; 3], mut codes: impl FnMut([u16; 3]) -> Option<(u8, u16)>) -> VoxelVolume {
         let [nx, ny, nz] = dims.map(|d| u16::try_from(d).unwrap());
         let mut voxels = Vec::new();
         for z in 0..nz {
@@ -57,7 +43,7 @@ impl Dense {
                 }
             }
         }
-        Dense { dims, voxels }
+        VoxelVolume { dims, voxels }
     }
 
     pub(crate) fn at(&self, [x, y, z]: [u16; 3]) -> Option<VisibleVoxel> {
@@ -114,9 +100,8 @@ pub(crate) fn with_subject<T>(
     }
     pack(&mut line);
     let visible_voxels = packer.visible();
-    let scales = Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 1.0 };
     let grid = Grid::new(dims.map(u64::from), [1.0; 3]).unwrap();
-    let facts = Facts { grid, channels, tile_order: TileOrder::Morton, scales, visible_voxels };
+    let facts = Facts { grid, channels, tile_order: TileOrder::Morton, scales: CODES, visible_voxels };
     let bytes = arena_bytes(&facts, &[packer.finish()], "{}");
     let lanes = LaneSet::new(Arena::new(&bytes).unwrap(), None);
     see(&Subject::new("random", &lanes, transfer()).unwrap())

@@ -1,4 +1,4 @@
-//! `adj study cache`: what walks ask of a memory hierarchy.
+//! `adj study cache`: cache misses of walks, in a model.
 
 use std::hint::black_box;
 use std::io::BufWriter;
@@ -6,59 +6,59 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::super::build::TILE_ORDERS;
 use super::super::progress::interrupted;
+use super::super::values::{choice, library};
 use super::super::{Answer, print_result};
+use super::cache_tables::CacheTables;
+use super::orders::{Orders, name as order_name, parse as parse_orders};
 use super::output::{OutputArguments, check_plots, write_plots};
 use super::sets::SetArguments;
-use super::{GoOn, choose, each_set, orders};
+use super::{CODES, GoOn, MethodArguments, each_set};
 use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 use adjsplat::traverse::Order;
 use adjsplat_study::Subject;
-use adjsplat_study::baselines::{Built, Method, Receiver, Viewing, Walker};
+use adjsplat_study::baselines::{BuiltMethod, Method, Receiver, Viewing, Walker};
 use adjsplat_study::cache::counters;
-use adjsplat_study::cache::{Figures, Geometry, TraceWriter, measure};
+use adjsplat_study::cache::{CacheFigures, Geometry, TraceWriter, measure};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
-use adjsplat_study::receive::Sum;
-use adjsplat_study::report::plot::{Plot, Series, Side};
-use adjsplat_study::report::{Cell, Report};
+use adjsplat_study::receive::VoxelSum;
 use adjsplat_study::speed::summed;
-use adjsplat_study::trace::{Array, Trace};
+use adjsplat_study::trace::{Trace, WalkerArray};
 
-/// Count cache misses of every walk in a model that is the same on every machine.
+/// Count the cache misses of every method, in a model that is the same on every machine
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Misses are lines that come into a level, by visible voxel; \"compulsory\" are the lines that the bytes which the walk uses would fill. Each walk starts with empty caches. The table sums up the orders; --json and --csv have every one.\n\nExamples:\n  adj study cache head.adj --methods adjsplat,bricks,adjacency_b --plot misses.svg\n  adj study cache head.adj --methods adjsplat --orders +z+y+x --trace walk.trace"
+    after_help = "Misses are lines loaded into a level, per visible voxel; \"compulsory\" is the number of lines that the used bytes would fill. Each walk starts with empty caches. The table sums up the orders; --json and --csv have every one.\n\nExamples:\n  adj study cache head.adj --methods adjsplat,bricks,adjacency_b --plot misses.svg\n  adj study cache head.adj --methods adjsplat --orders +z+y+x --trace walk.trace"
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
-    sets: SetArguments,
-    /// Methods, with commas between; all unless given.
-    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
-    methods: Vec<String>,
-    /// Orders of parallel views: how many of the 48 (7 have every nesting), all, or names such as +z-y+x (slow z up, medium y down, fast x up).
-    #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true)]
-    orders: String,
-    /// What our walk reads of a voxel beside its steps: steps, value or value+normal, with commas between.
-    #[arg(long, value_name = "CHANNELS", value_delimiter = ',', default_value = "value+normal")]
-    channels: Vec<String>,
-    /// Tile orders of our lanes: morton, hilbert, rows, with commas between.
-    #[arg(long, value_name = "ORDERS", value_delimiter = ',', default_value = "morton")]
-    tile_order: Vec<String>,
-    /// Size and ways of the first level.
+    methods: MethodArguments,
+    /// Orders in which parallel views visit voxels: a number of the 48, all, or names with commas between;
+    /// +z-y+x is z ascending (slowest), y descending, x ascending (fastest)
+    #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true, value_parser = library(parse_orders))]
+    orders: Orders,
+    /// What our walk reads of each voxel, with commas between
+    #[arg(long, value_name = "CHANNELS", value_delimiter = ',', default_value = "value+normal", value_parser = choice(CODES))]
+    channels: Vec<CodesRead>,
+    /// Orders of blocks of voxels in our file, with commas between
+    #[arg(long, value_name = "ORDERS", value_delimiter = ',', default_value = "morton", value_parser = choice(TILE_ORDERS))]
+    tile_order: Vec<TileOrder>,
+    /// Size and ways of the first level; none to leave it out
     #[arg(long, value_name = "SIZE/WAYS", default_value = "32KiB/8", help_heading = "Caches")]
     l1: String,
-    /// Of the second; none to leave out.
+    /// Size and ways of the second level; none to leave it out
     #[arg(long, value_name = "SIZE/WAYS", default_value = "1MiB/16", help_heading = "Caches")]
     l2: String,
-    /// Of the third; none to leave out.
+    /// Size and ways of the third level; none to leave it out
     #[arg(long, value_name = "SIZE/WAYS", default_value = "8MiB/16", help_heading = "Caches")]
     l3: String,
-    /// Bytes of a line.
+    /// Bytes of a cache line: a power of two from 16 to 4096
     #[arg(long, value_name = "BYTES", default_value_t = 64, help_heading = "Caches")]
     line: u64,
-    /// Translations of 4 KiB pages, nearest first, with commas between.
+    /// Levels of the TLB (address translations of 4 KiB pages), nearest first, with commas between
     #[arg(
         long,
         value_name = "PAGES/WAYS",
@@ -67,35 +67,37 @@ pub(super) struct Arguments {
         help_heading = "Caches"
     )]
     tlb: Vec<String>,
-    /// Draw the miss ratios of fully associative caches of every size, of each method's worst order.
+    /// Draw into this file the miss ratios of fully associative caches of every size, in each method's worst order
     #[arg(long, value_name = "FILE.svg|FILE.png", help_heading = "Results")]
     curves: Vec<PathBuf>,
-    /// Write the accesses of the walk to this file (formats/adj-trace-1.md); for one set, method and order.
+    /// Write the memory accesses of one set, method and order to this file (formats/adj-trace-1.md)
     #[arg(long, value_name = "FILE")]
     trace: Option<PathBuf>,
-    /// Count the walk with the machine's own counters too, through perf; for one set, method and order.
+    /// Count one set, method and order with the machine's own counters too, through perf
     #[arg(long)]
     counters: bool,
-    /// Walk this often, measure nothing, and say how many voxels were visited: for counters and cachegrind.
+    /// Walk this often without measuring, and print how many voxels were visited: for counters and cachegrind
     #[arg(long, value_name = "N", hide = true)]
     walks: Option<u32>,
+    #[command(flatten)]
+    sets: SetArguments,
     #[command(flatten)]
     output: OutputArguments,
 }
 
-/// Walks that counters count at once.
+/// Walks in one run under the machine's counters.
 const COUNTED_WALKS: u32 = 16;
 
-/// A structure that is measured, and what tables call it.
-struct Measured<'a> {
-    layout: String,
-    codes: Option<CodesRead>,
-    walker: Structure<'a>,
+/// A structure to measure, and its name in tables.
+pub(super) struct Measured<'a> {
+    pub(super) layout: String,
+    pub(super) codes: Option<CodesRead>,
+    pub(super) walker: Structure<'a>,
 }
 
-enum Structure<'a> {
+pub(super) enum Structure<'a> {
     Own(OwnWalk<'a>),
-    Other(Built<'a>),
+    Other(BuiltMethod<'a>),
 }
 
 impl Walker for Structure<'_> {
@@ -106,7 +108,7 @@ impl Walker for Structure<'_> {
         }
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         match self {
             Structure::Own(walker) => walker.arrays(),
             Structure::Other(walker) => walker.arrays(),
@@ -121,70 +123,77 @@ impl Walker for Structure<'_> {
     }
 }
 
-/// What was asked for.
-struct Wanted {
-    methods: Vec<Method>,
-    orders: Vec<Order>,
-    codes: Vec<CodesRead>,
-    tile_orders: Vec<TileOrder>,
-    geometry: Geometry,
-}
-
 impl Arguments {
-    fn wanted(&self) -> Result<Wanted> {
+    fn geometry(&self) -> Result<Geometry> {
         let levels: Vec<String> =
             [&self.l1, &self.l2, &self.l3].into_iter().filter(|level| *level != "none").cloned().collect();
-        Ok(Wanted {
-            methods: choose(&self.methods)?,
-            orders: orders::parse(&self.orders)?,
-            codes: self.channels.iter().map(|name| CodesRead::named(name)).collect::<Result<_>>()?,
-            tile_orders: self.tile_order.iter().map(|name| TileOrder::from_name(name)).collect::<Result<_>>()?,
-            geometry: Geometry::parse(self.line, &levels, &self.tlb)?,
-        })
+        Geometry::parse(self.line, &levels, &self.tlb)
     }
 
-    /// The one method and order that some flags are for.
-    fn only(&self, wanted: &Wanted) -> Result<(Method, Viewing)> {
-        match (&wanted.methods[..], &wanted.orders[..], self.sets.list()?.len(), wanted.codes.len()) {
-            (&[method], &[order], 1, 1) if wanted.tile_orders.len() == 1 => Ok((method, Viewing::along(order))),
+    /// Returns the single method and order, which some flags need.
+    fn only(&self) -> Result<(Method, Viewing)> {
+        match (&self.structures()[..], &self.orders.0[..], self.sets.list()?.len()) {
+            (&[(method, _)], &[order], 1) => Ok((method, Viewing::along(order))),
             _ => {
                 let why = "need one set, one method and one order: phantom:gyroid --methods adjsplat --orders +z+y+x";
                 Err(Error::input("--trace, --counters and --walks", why))
             }
         }
     }
+
+    /// Lists the structures to measure: each method in turn, ours with every tile order and every channel.
+    fn structures(&self) -> Vec<(Method, Option<(TileOrder, CodesRead)>)> {
+        let forms = |&tile_order| self.channels.iter().map(move |&codes| Some((tile_order, codes)));
+        let of_method = |method| match method {
+            Method::Adjsplat => self.tile_order.iter().flat_map(forms).map(|form| (method, form)).collect(),
+            _ => vec![(method, None)],
+        };
+        self.methods.chosen().into_iter().flat_map(of_method).collect()
+    }
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    let wanted = arguments.wanted()?;
+    let geometry = arguments.geometry()?;
     if let Some(times) = arguments.walks {
-        return only_walk(arguments, &wanted, times);
+        return only_walk(arguments, times);
     }
     if arguments.trace.is_some() || arguments.counters {
-        arguments.only(&wanted)?;
+        arguments.only()?;
     }
     arguments.output.check()?;
     check_plots(&arguments.curves)?;
     arguments.trace.as_deref().map_or(Ok(()), check_writable)?;
 
-    let mut found = Found::new(&wanted.geometry);
-    each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
+    let mut tables = CacheTables::new(&geometry);
+    let structures = arguments.structures();
+    each_set(&arguments.sets, arguments.sets.list()?, arguments.output.quiet, |subject, go_on| {
         sound(subject)?;
-        let repacked: Vec<[OwnedLane; 3]> = lanes_to_repack(subject, &wanted);
-        let count = measured_count(&wanted);
-        let mut done = 0;
-        for index in 0..count {
-            let mut measured = structure(subject, &wanted, &repacked, index)?;
-            study(subject, &wanted, &mut measured, &mut found, &mut |more, of| {
-                done = index as u64 * of + more;
-                go_on(done, count as u64 * of)
+        for (index, &(method, form)) in structures.iter().enumerate() {
+            let lanes;
+            let mut measured = match form {
+                Some((tile_order, codes)) => {
+                    lanes = repacked(subject, tile_order);
+                    let layout = match tile_order {
+                        TileOrder::Morton => method.name().to_owned(),
+                        TileOrder::Hilbert | TileOrder::Rows => format!("{}-{}", method.name(), tile_order.name()),
+                    };
+                    let walk = OwnWalk::new(lanes.each_ref().map(OwnedLane::view), codes);
+                    Measured { layout, codes: Some(codes), walker: Structure::Own(walk) }
+                }
+                None => {
+                    let walker = Structure::Other(method.build(subject)?);
+                    Measured { layout: method.name().to_owned(), codes: None, walker }
+                }
+            };
+            study(subject, &arguments.orders.0, &geometry, &mut measured, &mut tables, &mut |done, total| {
+                go_on(index as u64 * total + done, structures.len() as u64 * total)
             })?;
             if let Some(path) = &arguments.trace {
-                let viewing = Viewing::along(wanted.orders[0]);
+                let viewing = Viewing::along(arguments.orders.0[0]);
                 write_atomically_unless(&interrupted, path, |out| {
                     let mut out = BufWriter::new(out);
                     let mut writer = TraceWriter::new(&mut out, &measured.walker.arrays())?;
-                    measured.walker.walk(&viewing, &mut Sum::default(), &mut writer);
+                    measured.walker.walk(&viewing, &mut VoxelSum::default(), &mut writer);
                     writer.finish()?;
                     std::io::Write::flush(&mut out)
                 })?;
@@ -192,91 +201,53 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         }
         Ok(())
     })?;
-    let summary = found.summary();
-    arguments.output.write(&found.report, &found.plot())?;
-    write_plots(&arguments.curves, &found.curves())?;
-    print_result(&format!("{}\n{}\n{}", summary.table(&[]), found.reuse.table(&[]), counters_line(arguments)));
+    let summary = tables.summary();
+    arguments.output.write(&tables.report, &tables.plot())?;
+    write_plots(&arguments.curves, &tables.curves())?;
+    print_result(&format!("{}\n{}\n{}", summary.table(&[]), tables.reuse.table(&[]), counters_line(arguments)));
     Ok(Answer::Yes)
 }
 
-/// Ours repacked, for each tile order but the subject's own, which needs nothing.
-fn lanes_to_repack(subject: &Subject, wanted: &Wanted) -> Vec<[OwnedLane; 3]> {
-    if !wanted.methods.contains(&Method::Adjsplat) {
-        return Vec::new();
-    }
-    wanted.tile_orders.iter().map(|&tile_order| repacked(subject, tile_order)).collect()
-}
-
-/// Structures that are measured of each set.
-fn measured_count(wanted: &Wanted) -> usize {
-    let own = wanted.methods.iter().filter(|method| **method == Method::Adjsplat).count();
-    own * wanted.tile_orders.len() * wanted.codes.len() + wanted.methods.len() - own
-}
-
-/// Structure number `index` of `subject`: each method in turn, ours in every form.
-fn structure<'a>(
-    subject: &'a Subject<'a>,
-    wanted: &Wanted,
-    lanes: &'a [[OwnedLane; 3]],
-    index: usize,
-) -> Result<Measured<'a>> {
-    let forms = wanted.tile_orders.len() * wanted.codes.len();
-    let mut left = index;
-    for &method in &wanted.methods {
-        if method != Method::Adjsplat {
-            if left == 0 {
-                let layout = method.name().to_owned();
-                return Ok(Measured { layout, codes: None, walker: Structure::Other(method.build(subject)?) });
-            }
-            left -= 1;
-        } else if left < forms {
-            let (tile_order, codes) = (left / wanted.codes.len(), wanted.codes[left % wanted.codes.len()]);
-            let layout = match wanted.tile_orders[tile_order] {
-                TileOrder::Morton => method.name().to_owned(),
-                other => format!("{}-{}", method.name(), other.name()),
-            };
-            let views = lanes[tile_order].each_ref().map(OwnedLane::view);
-            return Ok(Measured { layout, codes: Some(codes), walker: Structure::Own(OwnWalk::new(views, codes)) });
-        } else {
-            left -= forms;
-        }
-    }
-    unreachable!("there are {} structures", measured_count(wanted))
-}
-
-/// Measures one structure in every order; the worst once more, with distances.
-fn study(subject: &Subject, wanted: &Wanted, measured: &mut Measured, found: &mut Found, go_on: GoOn) -> Result<()> {
-    let total = wanted.orders.len() as u64 + 1;
+/// Measures one structure in every order, and the worst order once more with reuse distances.
+fn study(
+    subject: &Subject,
+    orders: &[Order],
+    geometry: &Geometry,
+    measured: &mut Measured,
+    tables: &mut CacheTables,
+    go_on: GoOn,
+) -> Result<()> {
+    let total = orders.len() as u64 + 1;
     let mut of_orders = Vec::new();
-    for (index, order) in wanted.orders.iter().enumerate() {
-        let (figures, visited) = measure(&mut measured.walker, &Viewing::along(*order), &wanted.geometry, false);
+    for (index, order) in orders.iter().enumerate() {
+        let (figures, visited) = measure(&mut measured.walker, &Viewing::along(*order), geometry, false);
         debug_assert_eq!(visited, subject.voxels.len() as u64, "{} visits each voxel once", measured.layout);
-        of_orders.push((orders::name(order), figures));
+        of_orders.push((order_name(order), figures));
         if go_on(index as u64 + 1, total).is_break() {
             return Err(Error::Interrupted);
         }
     }
-    let first_misses = |figures: &Figures| figures.levels.first().map_or(figures.touches, |level| level.all);
+    let first_misses = |figures: &CacheFigures| figures.levels.first().map_or(figures.touches, |level| level.all);
     let worst = (0..of_orders.len()).max_by_key(|&index| first_misses(&of_orders[index].1)).unwrap_or(0);
-    let (with_reuse, _) = measure(&mut measured.walker, &Viewing::along(wanted.orders[worst]), &wanted.geometry, true);
+    let (with_reuse, _) = measure(&mut measured.walker, &Viewing::along(orders[worst]), geometry, true);
     of_orders[worst].1 = with_reuse;
-    found.add(subject, measured, &of_orders, worst);
+    tables.add(subject, measured, &of_orders, worst);
     Ok(())
 }
 
-/// Refuses lanes that are not sound: their walk would not be the walk.
+/// Checks the lanes: damaged ones would be walked otherwise.
 fn sound(subject: &Subject) -> Result<()> {
     let fault = |fault| Error::Format { path: PathBuf::from(&subject.name), fault };
     subject.lanes.arena().check().map(drop).map_err(fault)
 }
 
-/// Bytes that are read before a walk whose misses are counted elsewhere: more than any cache but the last holds.
+/// Bytes to read before a walk whose misses other tools count: more than any cache but the last holds.
 const SWEPT_BYTES: usize = 64 << 20;
 
-/// Walks without measuring, from caches that hold nothing of the structure.
-fn only_walk(arguments: &Arguments, wanted: &Wanted, times: u32) -> Result<Answer> {
-    let (method, viewing) = arguments.only(wanted)?;
-    each_set(&arguments.sets, true, |subject, _| {
+/// Walks without measuring, after emptying the caches of the structure.
+fn only_walk(arguments: &Arguments, times: u32) -> Result<Answer> {
+    let (method, viewing) = arguments.only()?;
+    each_set(&arguments.sets, arguments.sets.list()?, true, |subject, _| {
         sound(subject)?;
         let mut built = method.build(subject)?;
         let swept = vec![1u8; SWEPT_BYTES];
@@ -288,7 +259,7 @@ fn only_walk(arguments: &Arguments, wanted: &Wanted, times: u32) -> Result<Answe
     Ok(Answer::Yes)
 }
 
-/// What the machine's own counters say, or why they say nothing.
+/// Returns the figures of the machine's own counters, or why there are none.
 fn counters_line(arguments: &Arguments) -> String {
     let absent = |why: String| format!("hardware counters: absent: {why}");
     if !arguments.counters {
@@ -306,242 +277,13 @@ fn counters_line(arguments: &Arguments) -> String {
     };
     match (counted(COUNTED_WALKS), counted(0)) {
         (Ok(with), Ok(without)) => {
-            let part = |&(event, count): &(&str, u64)| {
-                let other = without.iter().find(|(name, _)| *name == event).map_or(0, |(_, count)| *count);
-                format!("{event} {}", count.saturating_sub(other) / u64::from(COUNTED_WALKS))
+            let per_walk = |&(event, count): &(&str, u64)| {
+                let empty = without.iter().find(|(name, _)| *name == event).map_or(0, |(_, count)| *count);
+                format!("{event} {}", count.saturating_sub(empty) / u64::from(COUNTED_WALKS))
             };
-            let parts: Vec<String> = with.iter().map(part).collect();
+            let parts: Vec<String> = with.iter().map(per_walk).collect();
             format!("hardware counters, a walk (mean of {COUNTED_WALKS}): {}", parts.join(", "))
         }
         (Err(why), _) | (_, Err(why)) => absent(why),
-    }
-}
-
-/// What was found so far.
-struct Found {
-    levels: Vec<String>,
-    report: Report,
-    /// How lines come again, of each structure's worst order.
-    reuse: Report,
-    sums: Vec<SumOfOrders>,
-    curves: Vec<(String, String, Vec<f64>)>,
-}
-
-/// A structure of a set at one level, over the orders.
-struct SumOfOrders {
-    set: String,
-    layout: String,
-    channels: Cell,
-    level: usize,
-    visible: f64,
-    compulsory: Vec<f64>,
-    misses: Vec<f64>,
-    overfetch: Vec<f64>,
-    worst_order: String,
-}
-
-impl Found {
-    fn new(geometry: &Geometry) -> Found {
-        let level = |index: usize| format!("L{}", index + 1);
-        Found {
-            levels: (0..geometry.levels.len()).map(level).collect(),
-            report: Report::new(&[
-                "set",
-                "method",
-                "layout",
-                "channels",
-                "order",
-                "level",
-                "visible_voxels",
-                "misses",
-                "misses_per_visible",
-                "structure_misses_per_visible",
-                "compulsory_per_visible",
-                "times_compulsory",
-                "overfetch",
-                "cold",
-                "capacity",
-                "conflict",
-                "accesses",
-                "pages_4k",
-                "pages_2m",
-            ]),
-            reuse: Report::new(&[
-                "set",
-                "layout",
-                "channels",
-                "order",
-                "used_bytes_per_visible",
-                "lines_per_1k_touches",
-                "lines_per_64k_touches",
-                "lines_in_all",
-                "l1_cold",
-                "l1_capacity",
-                "l1_conflict",
-                "tlb_misses_per_1k_visible",
-                "pages_4k",
-                "pages_2m",
-            ]),
-            sums: Vec::new(),
-            curves: Vec::new(),
-        }
-    }
-
-    fn add(&mut self, subject: &Subject, measured: &Measured, of_orders: &[(String, Figures)], worst: usize) {
-        let visible = subject.voxels.len().max(1) as f64;
-        let channels: Cell = measured.codes.map(CodesRead::name).into();
-        for (index, level) in self.levels.iter().enumerate() {
-            let of_level = |of: fn(&Figures, usize) -> f64| -> Vec<f64> {
-                of_orders.iter().map(|(_, figures)| of(figures, index)).collect()
-            };
-            let misses = of_level(|figures, level| figures.levels[level].all as f64);
-            let most = (0..misses.len()).max_by(|&a, &b| misses[a].total_cmp(&misses[b])).unwrap_or(0);
-            self.sums.push(SumOfOrders {
-                set: subject.name.clone(),
-                layout: measured.layout.clone(),
-                channels: channels.clone(),
-                level: index,
-                visible,
-                compulsory: of_level(|figures, _| figures.compulsory_lines() as f64),
-                overfetch: of_level(Figures::overfetch),
-                misses,
-                worst_order: of_orders[most].0.clone(),
-            });
-            for (order, figures) in of_orders {
-                let Figures { accesses, pages, large_pages, .. } = *figures;
-                let level_misses = figures.levels[index];
-                let split = |count: u64| figures.reuse.as_ref().map(|_| count);
-                let compulsory = figures.compulsory_lines() as f64;
-                self.report.push(vec![
-                    subject.name.as_str().into(),
-                    measured.walker.method().into(),
-                    measured.layout.as_str().into(),
-                    channels.clone(),
-                    order.as_str().into(),
-                    level.as_str().into(),
-                    (subject.voxels.len() as u64).into(),
-                    level_misses.all.into(),
-                    (level_misses.all as f64 / visible).into(),
-                    (level_misses.structure as f64 / visible).into(),
-                    (compulsory / visible).into(),
-                    (level_misses.all as f64 / compulsory).into(),
-                    figures.overfetch(index).into(),
-                    split(level_misses.cold).into(),
-                    split(level_misses.capacity).into(),
-                    split(level_misses.conflict).into(),
-                    accesses.into(),
-                    pages.into(),
-                    large_pages.into(),
-                ]);
-            }
-        }
-        let (order, figures) = &of_orders[worst];
-        let Some(reuse) = &figures.reuse else { return };
-        let first = figures.levels.first().copied().unwrap_or_default();
-        self.reuse.push(vec![
-            subject.name.as_str().into(),
-            measured.layout.as_str().into(),
-            channels,
-            order.as_str().into(),
-            (figures.used_bytes as f64 / visible).into(),
-            reuse.working_set(10).into(),
-            reuse.working_set(16).into(),
-            reuse.distinct.into(),
-            first.cold.into(),
-            first.capacity.into(),
-            first.conflict.into(),
-            figures.translation.first().map(|&misses| 1000.0 * misses as f64 / visible).into(),
-            figures.pages.into(),
-            figures.large_pages.into(),
-        ]);
-        let name = match measured.codes {
-            Some(codes) if codes != CodesRead::ValuesAndNormals => format!("{}, {}", measured.layout, codes.name()),
-            _ => measured.layout.clone(),
-        };
-        self.curves.push((subject.name.clone(), name, reuse.miss_ratios()));
-    }
-
-    /// Means and worst cases over the orders.
-    fn summary(&self) -> Report {
-        let mut report = Report::new(&[
-            "set",
-            "layout",
-            "channels",
-            "level",
-            "compulsory_per_visible",
-            "misses_mean",
-            "misses_worst",
-            "worst_order",
-            "times_compulsory_mean",
-            "times_compulsory_worst",
-            "overfetch_worst",
-        ]);
-        let mean = |numbers: &[f64]| numbers.iter().sum::<f64>() / numbers.len().max(1) as f64;
-        let worst = |numbers: &[f64]| numbers.iter().copied().fold(0.0, f64::max);
-        for sum in &self.sums {
-            let times: Vec<f64> =
-                sum.misses.iter().zip(&sum.compulsory).map(|(misses, least)| misses / least).collect();
-            report.push(vec![
-                sum.set.as_str().into(),
-                sum.layout.as_str().into(),
-                sum.channels.clone(),
-                self.levels[sum.level].as_str().into(),
-                (mean(&sum.compulsory) / sum.visible).into(),
-                (mean(&sum.misses) / sum.visible).into(),
-                (worst(&sum.misses) / sum.visible).into(),
-                sum.worst_order.as_str().into(),
-                mean(&times).into(),
-                worst(&times).into(),
-                worst(&sum.overfetch).into(),
-            ]);
-        }
-        report
-    }
-
-    /// Misses a visible voxel of each structure: geometric means over sets of means over orders.
-    fn plot(&self) -> Plot {
-        let mut names: Vec<&str> = Vec::new();
-        for sum in &self.sums {
-            if !names.contains(&sum.layout.as_str()) {
-                names.push(&sum.layout);
-            }
-        }
-        let mean = |of: &dyn Fn(&SumOfOrders) -> f64, level: usize| -> Vec<[f64; 2]> {
-            let of_layout = |name: &str| {
-                let logarithms: Vec<f64> =
-                    self.sums.iter().filter(|s| s.layout == name && s.level == level).map(|s| of(s).ln()).collect();
-                (logarithms.iter().sum::<f64>() / logarithms.len().max(1) as f64).exp()
-            };
-            names.iter().enumerate().map(|(index, name)| [index as f64 + 1.0, of_layout(name)]).collect()
-        };
-        let average = |numbers: &[f64]| numbers.iter().sum::<f64>() / numbers.len().max(1) as f64;
-        let misses = |sum: &SumOfOrders| average(&sum.misses) / sum.visible;
-        let least = |sum: &SumOfOrders| average(&sum.compulsory) / sum.visible;
-        let mut series: Vec<Series> = (0..self.levels.len())
-            .map(|level| Series::solid(self.levels[level].clone(), mean(&misses, level)))
-            .collect();
-        series.push(Series::dashed("compulsory", mean(&least, 0)));
-        Plot {
-            title: "Cache misses: mean over orders".into(),
-            x: Side::named("", names.into_iter().map(str::to_owned).collect()),
-            y: Side::logarithmic("misses a visible voxel"),
-            series,
-        }
-    }
-
-    /// Miss ratios by size, of each structure's worst order.
-    fn curves(&self) -> Plot {
-        let several = self.curves.iter().any(|(set, ..)| *set != self.curves[0].0);
-        let series = self.curves.iter().map(|(set, name, ratios)| {
-            let name = if several { format!("{name}, {set}") } else { name.clone() };
-            let points = ratios.iter().enumerate().map(|(power, &ratio)| [(1u64 << power) as f64, ratio]);
-            Series::solid(name, points.collect())
-        });
-        Plot {
-            title: "Miss ratio of fully associative caches".into(),
-            x: Side::logarithmic("lines"),
-            y: Side::logarithmic("misses a touch"),
-            series: series.collect(),
-        }
     }
 }

@@ -5,110 +5,99 @@ use std::time::Instant;
 
 use clap::Args;
 
-use super::super::{Answer, print_result};
+use super::super::Answer;
+use super::super::values::{choice, library, number};
+use super::orders::Orders;
 use super::output::OutputArguments;
 use super::sets::SetArguments;
-use super::{GoOn, each_set, orders};
+use super::{CODES, GoOn, each_set, orders, table_of};
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::Order;
 use adjsplat_study::Subject;
 use adjsplat_study::baselines::{Viewing, Walker};
 use adjsplat_study::cache::{Geometry, measure};
 use adjsplat_study::lane_walk::CodesRead;
-use adjsplat_study::layouts::{Layout, LayoutWalk};
-use adjsplat_study::receive::Sum;
-use adjsplat_study::report::plot::{Plot, Series, Side};
-use adjsplat_study::report::{Cell, Report};
+use adjsplat_study::layouts::{LaneLayout, LayoutWalk};
+use adjsplat_study::receive::VoxelSum;
+use adjsplat_study::report::ReportCell;
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 use adjsplat_study::trace::Untraced;
 
-/// Hold other layouts of lanes against ours: bytes, misses, time of the same plain walk.
+/// Compare other layouts of the file with ours: bytes, cache misses, time of a walk
 #[derive(Debug, Args)]
 #[command(
     after_help = "A layout's name: tile edge, tile order, arrays or interleaved records, bytes of a line record, payload in each lane (own) or once (shared), lanes. The first is ours. Times are of a plain walk, alike for all, and not of the walk that pictures are made with.\n\nExample: adj study layouts head.adj --orders 12"
 )]
 pub(super) struct Arguments {
+    /// Orders in which parallel views visit voxels: a number of the 48, all, or names with commas between;
+    /// +z-y+x is z ascending (slowest), y descending, x ascending (fastest)
+    #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true, value_parser = library(orders::parse))]
+    orders: Orders,
+    /// What a walk reads of each voxel
+    #[arg(long, value_name = "CHANNELS", default_value = "value+normal", value_parser = choice(CODES))]
+    channels: CodesRead,
+    /// Walks of each layout in each order, 1 to 1000; the fastest counts
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = number(1..=1000u32))]
+    repetitions: u32,
     #[command(flatten)]
     sets: SetArguments,
-    /// Orders of parallel views: how many of the 48 (7 have every nesting), all, or names such as +z-y+x.
-    #[arg(long, value_name = "all|N|NAMES", default_value = "7", allow_hyphen_values = true)]
-    orders: String,
-    /// What is read of a voxel beside its steps: steps, value or value+normal.
-    #[arg(long, value_name = "CHANNELS", default_value = "value+normal")]
-    channels: String,
-    /// Walks of each layout in each order, of which the fastest counts.
-    #[arg(long, value_name = "N", default_value_t = 3)]
-    repetitions: u32,
     #[command(flatten)]
     output: OutputArguments,
 }
 
-/// What was found of one layout.
+/// Measurements of one layout.
 #[derive(Default)]
-struct Found {
+struct LayoutFigures {
     bytes: u64,
-    /// By order: misses of three levels and of the first translation buffer.
+    /// For each order, misses of three levels and of the first translation buffer.
     misses: Vec<[u64; 4]>,
-    /// Nanoseconds a walk, by order.
+    /// For each order, nanoseconds of a walk.
     ns: Vec<f64>,
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    let orders = orders::parse(&arguments.orders)?;
-    if !(1..=1000).contains(&arguments.repetitions) {
-        return Err(Error::input("--repetitions", format!("are {}, but must be 1 to 1000", arguments.repetitions)));
-    }
-    let codes = CodesRead::named(&arguments.channels)?;
+    let Orders(orders) = &arguments.orders;
     arguments.output.check()?;
-    let mut report = Report::new(&[
-        "set",
-        "layout",
-        "bytes_per_visible",
-        "exact_orders",
-        "l1_mean",
-        "l1_worst",
-        "l2_mean",
-        "l2_worst",
-        "l3_mean",
-        "tlb_mean",
-        "ns_mean",
-        "ns_worst",
-        "times_bytes",
-        "times_l1",
-        "times_l2",
-        "times_ns",
-    ]);
-    let mut series: Vec<Series> = Vec::new();
-    each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
-        let layouts = Layout::studied(subject.dims());
-        let found = measure_all(subject, &layouts, codes, &orders, arguments.repetitions, go_on)?;
+    let mut report = table_of(
+        "set layout bytes_per_visible exact_orders l1_mean l1_worst l2_mean l2_worst l3_mean tlb_mean ns_mean \
+         ns_worst times_bytes times_l1 times_l2 times_ns",
+    );
+    let mut series: Vec<PlotSeries> = Vec::new();
+    each_set(&arguments.sets, arguments.sets.list()?, arguments.output.quiet, |subject, go_on| {
+        let layouts = LaneLayout::studied(subject.dims());
+        let found = measure_all(subject, &layouts, arguments.channels, orders, arguments.repetitions, go_on)?;
         for (layout, one) in layouts.iter().zip(&found) {
-            report.push(row(subject, layout, one, &found[0], &orders));
+            report.push(row(subject, layout, one, &found[0], orders));
         }
         let visible = subject.voxels.len() as f64;
         let points = found.iter().map(|one| [one.bytes as f64 / visible, mean(one, 1) / visible]).collect();
-        series.push(Series::solid(subject.name.clone(), points));
+        series.push(PlotSeries::solid(subject.name.clone(), points));
         Ok(())
     })?;
     let plot = Plot {
         title: "Layouts of lanes".into(),
-        x: Side::linear("bytes a visible voxel"),
-        y: Side::linear("misses of the second level a visible voxel"),
+        x: PlotAxis::linear("bytes a visible voxel"),
+        y: PlotAxis::linear("misses of the second level a visible voxel"),
         series,
     };
-    arguments.output.write(&report, &plot)?;
-    print_result(report.table(&[]).trim_end());
-    Ok(Answer::Yes)
+    arguments.output.finish(&report, &plot, &[])
 }
 
-/// Mean over the orders of the misses at `level`.
-fn mean(found: &Found, level: usize) -> f64 {
+/// Mean of the misses at `level` over the orders.
+fn mean(found: &LayoutFigures, level: usize) -> f64 {
     found.misses.iter().map(|misses| misses[level] as f64).sum::<f64>() / found.misses.len().max(1) as f64
 }
 
-fn row(subject: &Subject, layout: &Layout, found: &Found, ours: &Found, orders: &[Order]) -> Vec<Cell> {
+fn row(
+    subject: &Subject,
+    layout: &LaneLayout,
+    found: &LayoutFigures,
+    ours: &LayoutFigures,
+    orders: &[Order],
+) -> Vec<ReportCell> {
     let visible = subject.voxels.len() as f64;
     let worst = |level: usize| found.misses.iter().map(|misses| misses[level]).max().unwrap_or(0) as f64;
-    let time = |found: &Found| found.ns.iter().sum::<f64>() / found.ns.len().max(1) as f64;
+    let time = |found: &LayoutFigures| found.ns.iter().sum::<f64>() / found.ns.len().max(1) as f64;
     let exact = orders.iter().filter(|order| layout.nested(order) == **order).count() as u64;
     vec![
         subject.name.as_str().into(),
@@ -130,21 +119,22 @@ fn row(subject: &Subject, layout: &Layout, found: &Found, ours: &Found, orders: 
     ]
 }
 
-/// Misses of each layout, then times, for which the layouts take turns in every order.
+/// Measures misses of each layout, then times; in each order the layouts take turns.
 fn measure_all(
     subject: &Subject,
-    layouts: &[Layout],
+    layouts: &[LaneLayout],
     codes: CodesRead,
     orders: &[Order],
     repetitions: u32,
     go_on: GoOn,
-) -> Result<Vec<Found>> {
+) -> Result<Vec<LayoutFigures>> {
     let geometry = Geometry::default();
     let mut walks: Vec<LayoutWalk> = Vec::new();
     for &layout in layouts {
         walks.push(LayoutWalk::new(subject, layout, codes)?);
     }
-    let mut found: Vec<Found> = walks.iter().map(|walk| Found { bytes: walk.bytes(), ..Found::default() }).collect();
+    let mut found: Vec<LayoutFigures> =
+        walks.iter().map(|walk| LayoutFigures { bytes: walk.bytes(), ..LayoutFigures::default() }).collect();
     for (index, order) in orders.iter().enumerate() {
         let viewing = Viewing::along(*order);
         for (walk, found) in walks.iter_mut().zip(&mut found) {
@@ -156,7 +146,7 @@ fn measure_all(
         for _ in 0..repetitions {
             for (walk, fastest) in walks.iter_mut().zip(&mut fastest) {
                 let start = Instant::now();
-                let mut sum = Sum::default();
+                let mut sum = VoxelSum::default();
                 walk.walk(&viewing, &mut sum, &mut Untraced);
                 black_box(sum);
                 *fastest = fastest.min(start.elapsed().as_secs_f64() * 1e9);

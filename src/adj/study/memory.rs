@@ -4,47 +4,38 @@ use clap::Args;
 
 use super::super::{Answer, print_result};
 use super::output::OutputArguments;
-use super::sets::{SetArguments, Wanted};
-use super::{choose, each_of, each_set};
+use super::sets::{SetArguments, SetChoice};
+use super::{MethodArguments, each_set, table_of};
 use adjsplat::error::Result;
 use adjsplat_study::baselines::Method;
 use adjsplat_study::memory;
 use adjsplat_study::memory::{Crossing, TABLE_3, break_even, crossover, formula};
 use adjsplat_study::report::Report;
-use adjsplat_study::report::plot::{Plot, Series, Side};
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 
-/// What every method takes in memory: the paper's Table 3, and where its two implementations meet.
+/// Measure the memory of every method (the paper's Table 3), and where the paper's two structures take the same
 #[derive(Debug, Args)]
 #[command(
     after_help = "Bytes are what is allocated between frames. The paper's own formulas stand beside those of its methods.\n\nExample: adj study memory head.adj --json memory.json --plot memory.svg"
 )]
 pub(super) struct Arguments {
     #[command(flatten)]
+    methods: MethodArguments,
+    #[command(flatten)]
     sets: SetArguments,
-    /// Methods, with commas between; all unless given.
-    #[arg(long, value_name = "NAMES", value_delimiter = ',')]
-    methods: Vec<String>,
     #[command(flatten)]
     output: OutputArguments,
 }
 
-/// Shares of visible voxels in noise around the place where A and B meet.
+/// Shares of visible voxels in noise, around the share at which A and B take the same memory.
 const SHARES: [f64; 8] = [0.02, 0.06, 0.1, 0.14, 0.18, 0.22, 0.26, 0.3];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    let methods = choose(&arguments.methods)?;
+    let methods = arguments.methods.chosen();
     arguments.output.check()?;
-    let mut report = Report::new(&[
-        "set",
-        "method",
-        "visible_voxels",
-        "bytes",
-        "bytes_per_visible",
-        "scratch_bytes",
-        "formula_bytes",
-        "times_ours",
-    ]);
-    each_set(&arguments.sets, arguments.output.quiet, |subject, go_on| {
+    let mut report =
+        table_of("set method visible_voxels bytes bytes_per_visible scratch_bytes formula_bytes times_ours");
+    each_set(&arguments.sets, arguments.sets.list()?, arguments.output.quiet, |subject, go_on| {
         let found = memory::measure(subject, &methods)?;
         let visible = subject.voxels.len() as u64;
         let ours = found.iter().find(|memory| memory.name == Method::Adjsplat.name()).map(|memory| memory.bytes);
@@ -64,10 +55,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         Ok(())
     })?;
     let edge = if arguments.sets.quick { 24 } else { 128 };
-    let noise: Vec<Wanted> = SHARES.map(|share| Wanted::Noise { share, edge }).to_vec();
+    let noise: Vec<SetChoice> = SHARES.map(|share| SetChoice::Noise { share, edge }).to_vec();
     let mut crossings = Vec::new();
     let mut ours = Vec::new();
-    each_of(&arguments.sets, noise, arguments.output.quiet, |subject, _| {
+    each_set(&arguments.sets, noise, arguments.output.quiet, |subject, _| {
         let found = memory::crossing(subject)?;
         let lanes = memory::measure(subject, &[Method::Adjsplat])?;
         ours.push([found.share, lanes[0].bytes as f64 / subject.facts.grid.len() as f64]);
@@ -89,7 +80,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-/// The paper's figures beside what its formulas give.
+/// The paper's figures beside the results of its formulas.
 fn table_3() -> Report {
     let mut report = Report::new(&["set", "share_percent", "method", "paper", "formula", "formula_with_59"]);
     let methods = [Method::Traditional, Method::AdjacencyA, Method::AdjacencyB];
@@ -111,19 +102,19 @@ fn table_3() -> Report {
     report
 }
 
-/// Bytes a grid point against the share of cells in the structure.
+/// Bytes per grid point against the share of cells in the structure.
 fn plot(crossings: &[(Crossing, f64)], ours: Vec<[f64; 2]>) -> Plot {
     let line = |name: &str, bytes: fn(&Crossing) -> u64| {
-        Series::solid(name, crossings.iter().map(|(c, points)| [c.share, bytes(c) as f64 / points]).collect())
+        PlotSeries::solid(name, crossings.iter().map(|(c, points)| [c.share, bytes(c) as f64 / points]).collect())
     };
     let traditional = crossings.iter().map(|(c, _)| [c.share, 17.0]).collect();
     Plot {
         title: "Memory of noise, as allocated".into(),
-        x: Side::linear("share of cells in the structure, visible and virtual"),
-        y: Side::linear("bytes a grid point"),
+        x: PlotAxis::linear("share of cells in the structure, visible and virtual"),
+        y: PlotAxis::linear("bytes a grid point"),
         series: vec![
-            Series::solid("adjsplat, three lanes", ours),
-            Series::solid("traditional", traditional),
+            PlotSeries::solid("adjsplat, three lanes", ours),
+            PlotSeries::solid("traditional", traditional),
             line("adjacency A", |c| c.a),
             line("adjacency B", |c| c.b),
         ],

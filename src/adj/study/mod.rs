@@ -1,7 +1,8 @@
-//! `adj study`: the structure beside its rivals.
+//! `adj study`: measures our structure and others.
 
 mod accuracy;
 mod cache;
+mod cache_tables;
 mod layouts;
 mod memory;
 mod orders;
@@ -14,14 +15,17 @@ use std::ops::ControlFlow;
 
 use clap::{Args, Subcommand};
 
-use self::sets::{SetArguments, Wanted};
+use self::sets::{SetArguments, SetChoice};
 use super::Answer;
 use super::progress::{Progress, interrupted};
+use super::values::{Choice, choice};
 use adjsplat::error::{Error, Result};
 use adjsplat_study::Subject;
 use adjsplat_study::baselines::Method;
+use adjsplat_study::lane_walk::CodesRead;
+use adjsplat_study::report::Report;
 
-/// Measure our structure beside the paper's and others: speed, walks, memory, caches; and what speed costs in accuracy.
+/// Measure this file format against the paper's and others: speed, memory, cache misses and accuracy
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj study memory --quick\n  adj study speed head.adj --plot speed.svg --json speed.json\n  adj study walk head.adj"
@@ -52,35 +56,39 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     }
 }
 
-/// The methods of these names; all for none.
-///
-/// # Errors
-/// [`Error::Input`] for a name that is none.
-fn choose(names: &[String]) -> Result<Vec<Method>> {
-    if names.is_empty() {
-        return Ok(Method::ALL.to_vec());
-    }
-    names.iter().map(|name| Method::named(name)).collect()
+/// Returns an empty table whose columns are the words of `columns`.
+fn table_of(columns: &'static str) -> Report {
+    Report::new(&columns.split(' ').collect::<Vec<_>>())
 }
 
-/// Is told what is done of how much, and may stop the work.
+/// Which methods to measure.
+#[derive(Debug, Args)]
+struct MethodArguments {
+    /// Methods to measure, with commas between; all by default
+    #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = choice(Method::ALL.map(|m| (m.name(), m, ""))))]
+    methods: Vec<Method>,
+}
+
+impl MethodArguments {
+    fn chosen(&self) -> Vec<Method> {
+        if self.methods.is_empty() { Method::ALL.to_vec() } else { self.methods.clone() }
+    }
+}
+
+/// Words of flags for what a walk reads of each voxel.
+const CODES: [Choice<CodesRead>; 3] = [
+    ("steps", CodesRead::Nothing, "The steps between voxels alone"),
+    ("value", CodesRead::Values, "Also the value"),
+    ("value+normal", CodesRead::ValuesAndNormals, "Also value and normal"),
+];
+
+/// Receives how many steps are done, of how many; can stop the work.
 type GoOn<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
 
-/// Studies one set after another, each loaded, studied and dropped, with a progress bar.
-///
-/// # Errors
-/// As loading a set, and as `study`; [`Error::Interrupted`] by Ctrl-C.
-fn each_set(sets: &SetArguments, quiet: bool, study: impl FnMut(&Subject, GoOn) -> Result<()>) -> Result<()> {
-    each_of(sets, sets.list()?, quiet, study)
-}
-
-/// The same of the sets in `list`.
-///
-/// # Errors
-/// Likewise.
-fn each_of(
+/// Loads, studies and drops one set of `list` after another, with a progress bar.
+fn each_set(
     sets: &SetArguments,
-    list: Vec<Wanted>,
+    list: Vec<SetChoice>,
     quiet: bool,
     mut study: impl FnMut(&Subject, GoOn) -> Result<()>,
 ) -> Result<()> {
@@ -91,12 +99,9 @@ fn each_of(
         }
         let set = sets.load(wanted)?;
         let lanes = set.lanes()?;
-        let what = format!("{}/{} {}", index + 1, list.len(), set.name());
+        let what = format!("{}/{} {}", index + 1, list.len(), set.name);
         let subject = set.subject(&lanes)?;
-        study(&subject, &mut |done, total| {
-            progress.show(&what, done, total);
-            if interrupted() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        })?;
+        study(&subject, &mut |done, total| progress.show(&what, done, total))?;
     }
     Ok(())
 }

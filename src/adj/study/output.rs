@@ -1,10 +1,11 @@
-//! Where a study's results go: a table on stdout, and files.
+//! Files with the results of a study: `--json`, `--csv`, `--plot`.
 
 use std::path::{Path, PathBuf};
 
 use clap::Args;
 
 use super::super::progress::interrupted;
+use super::super::{Answer, print_result};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 use adjsplat_study::report::Report;
@@ -14,34 +15,35 @@ use adjsplat_study::report::plot::Plot;
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Results")]
 pub(super) struct OutputArguments {
-    /// Write all rows to this file, as JSON: {"rows": [...]}.
+    /// Write all rows to this file, as JSON: {"rows": [...]}
     #[arg(long, value_name = "FILE.json")]
     json: Option<PathBuf>,
-    /// Write all rows to this file, as comma-separated values.
+    /// Write all rows to this file, as comma-separated values
     #[arg(long, value_name = "FILE.csv")]
     csv: Option<PathBuf>,
-    /// Draw the results into this file; give it again for another kind.
+    /// Draw the results into this file; repeat the flag for more files
     #[arg(long, value_name = "FILE.svg|FILE.png")]
     plot: Vec<PathBuf>,
-    /// No progress bar.
+    /// Show no progress bar
     #[arg(long, short)]
     pub(super) quiet: bool,
 }
 
 impl OutputArguments {
-    /// Finds out now, not after long work, that a file cannot be written.
-    ///
-    /// # Errors
-    /// [`Error::Io`] as [`check_writable`]; [`Error::Input`] for plots of other kinds.
+    /// Checks, before long work, that the files can be written.
     pub(super) fn check(&self) -> Result<()> {
         check_plots(&self.plot)?;
         self.json.iter().chain(&self.csv).try_for_each(|path| check_writable(path))
     }
 
-    /// Writes what was asked for.
-    ///
-    /// # Errors
-    /// If a file cannot be written.
+    /// Writes the files and prints a table of `columns` (all if there are none).
+    pub(super) fn finish(&self, report: &Report, plot: &Plot, columns: &[&str]) -> Result<Answer> {
+        self.write(report, plot)?;
+        print_result(report.table(columns).trim_end());
+        Ok(Answer::Yes)
+    }
+
+    /// Writes the files.
     pub(super) fn write(&self, report: &Report, plot: &Plot) -> Result<()> {
         if let Some(path) = &self.json {
             write_atomically_unless(&interrupted, path, |out| writeln!(out, "{:#}", report.json()))?;
@@ -53,17 +55,14 @@ impl OutputArguments {
     }
 }
 
-/// Finds out now that a plot cannot be written.
-///
-/// # Errors
-/// As [`OutputArguments::check`].
+/// Checks that plots can be drawn and written.
 pub(super) fn check_plots(paths: &[PathBuf]) -> Result<()> {
     for path in paths {
         if !adjsplat_study::CAN_PLOT {
             let why = "cannot be drawn: this program was built without plots; build it with --features plot";
             return Err(Error::input(path.display().to_string(), why));
         }
-        if !is_svg(path) && !has_extension(path, "png") {
+        if !ends_in(path, "svg") && !ends_in(path, "png") {
             return Err(Error::input(path.display().to_string(), "is no name of a plot; end it in .svg or .png"));
         }
         check_writable(path)?;
@@ -72,21 +71,14 @@ pub(super) fn check_plots(paths: &[PathBuf]) -> Result<()> {
 }
 
 /// Draws `plot` into each of `paths`.
-///
-/// # Errors
-/// If one cannot be written.
 pub(super) fn write_plots(paths: &[PathBuf], plot: &Plot) -> Result<()> {
     for path in paths {
-        let bytes = if is_svg(path) { plot.to_svg()? } else { plot.to_png()? };
+        let bytes = if ends_in(path, "svg") { plot.to_svg()? } else { plot.to_png()? };
         write_atomically_unless(&interrupted, path, |out| out.write_all(&bytes))?;
     }
     Ok(())
 }
 
-fn is_svg(path: &Path) -> bool {
-    has_extension(path, "svg")
-}
-
-fn has_extension(path: &Path, wanted: &str) -> bool {
+fn ends_in(path: &Path, wanted: &str) -> bool {
     path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(wanted))
 }

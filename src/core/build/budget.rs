@@ -82,7 +82,7 @@ impl Budget {
         let memory = resources.memory.unwrap_or(u64::MAX);
         if memory < least {
             let what = format!(
-                "memory in bytes to build {width} x {height} x {depth} samples with {threads} threads (--memory {}MiB would do)",
+                "memory in bytes to build {width} x {height} x {depth} samples with {threads} threads (a limit of {}MiB would do)",
                 least.div_ceil(1 << 20)
             );
             return Err(Error::Limit { what, need: least, have: memory });

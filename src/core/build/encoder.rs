@@ -112,6 +112,6 @@ pub(super) fn nothing_visible(samples: &SampleSummary) -> Error {
         return Error::input("nothing is visible", format!("none of the samples is a number ({not_finite} are not)"));
     }
     let middle = (lowest / 2.0 + highest / 2.0).clamp(lowest, highest);
-    let why = format!("the samples run from {lowest} to {highest}; try --range {middle}..{highest}");
+    let why = format!("the samples run from {lowest} to {highest}; try the range {middle}..{highest}");
     Error::input("nothing is visible", why)
 }

@@ -1,9 +1,8 @@
 //! Cameras in world space: where the eye is, what it looks at, how it projects.
 //!
-//! In: an orbit (azimuth, elevation, zoom) around a box of the world, or explicit position, target and up. Out: a
-//! checked [`Camera`]. World axes are right-handed; where a file names an anatomical frame they are R, A, S, and an
-//! orbit at azimuth 0, elevation 0 looks at the face: from the front (+y) with the head (+z) up, the patient's right
-//! at the picture's left. Pictures are never mirrored.
+//! In: an orbit (azimuth, elevation, zoom) around a box, or position, target and up. Out: a checked [`Camera`]. World
+//! axes are right-handed. In an anatomical frame they are R, A, S, and an orbit at azimuth 0, elevation 0 looks at the
+//! face: from the front (+y), the head (+z) up, the patient's right at the picture's left. Pictures are never mirrored.
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -11,25 +10,27 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::volume::{Axis, Grid};
 
-/// How a camera projects.
+/// A camera's projection.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Projection {
-    /// All rays parallel.
+    /// All rays are parallel.
     Parallel {
         /// World length that the picture's height shows; finite and above 0.
         height: f64,
     },
-    /// All rays from the eye.
+    /// All rays come from the eye.
     Perspective {
         /// Vertical angle of view in degrees, above 0 and below 180.
         fov: f64,
     },
 }
 
-/// A camera, in world units. Read from and written as JSON:
-/// `{"position": [..], "target": [..], "up": [..], "fov": 30}`, or `"height"` instead of `"fov"` for a parallel one.
+/// A camera, in world units.
+///
+/// As JSON: `{"position": [..], "target": [..], "up": [..], "fov": 30}`; a parallel one has `"height"` instead of
+/// `"fov"`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "Document", into = "Document")]
+#[serde(try_from = "CameraDocument", into = "CameraDocument")]
 pub struct Camera {
     position: DVec3,
     target: DVec3,
@@ -39,7 +40,7 @@ pub struct Camera {
 
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Document {
+struct CameraDocument {
     position: [f64; 3],
     target: [f64; 3],
     up: [f64; 3],
@@ -49,18 +50,18 @@ struct Document {
     height: Option<f64>,
 }
 
-/// A camera on a sphere around what it looks at.
+/// A camera on a sphere around the voxels, looking at their middle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Orbit {
-    /// Degrees counter-clockwise seen from above (+z); 0 is in front (+y). Any finite number.
+    /// Degrees around the vertical, counter-clockwise seen from above (+z); 0 is in front (+y). Any finite number.
     pub azimuth: f64,
-    /// Degrees above the horizontal plane; any finite number: beyond 90 the picture goes over the top.
+    /// Degrees above the horizontal plane; any finite number. Beyond 90 the camera passes over the top.
     pub elevation: f64,
-    /// Magnification at the centre; finite and above 0. At 1 everything fits into the picture.
+    /// Magnification at the centre; finite and above 0. At 1, everything fits into the picture.
     pub zoom: f64,
     /// Vertical angle of view in degrees, above 0 and below 180; `None` for a parallel projection.
     pub fov: Option<f64>,
-    /// What is up in the picture, and what the azimuth turns around.
+    /// The world axis that is upright in the picture, and that the azimuth turns around.
     pub up: Up,
 }
 
@@ -71,7 +72,7 @@ impl Default for Orbit {
 }
 
 impl Orbit {
-    /// Returns the view from `azimuth` and `elevation`, in degrees, in parallel projection, with everything in the picture.
+    /// Returns a parallel view from `azimuth` and `elevation`, in degrees, with everything in the picture.
     pub fn new(azimuth: f64, elevation: f64) -> Orbit {
         Orbit { azimuth, elevation, ..Orbit::default() }
     }
@@ -92,9 +93,9 @@ impl Orbit {
     }
 }
 
-/// What a picture can be taken from: a [`Camera`], or an [`Orbit`] around what is shown.
+/// A camera, or something that becomes one once the voxels are known: a [`Camera`] or an [`Orbit`].
 pub trait ToCamera {
-    /// Returns the camera for a picture of `size` (columns, rows); `around` is what an orbit turns around.
+    /// Returns the camera for a picture of `size` (columns, rows); an orbit turns around `around`.
     ///
     /// # Errors
     /// [`Error::Input`] if a number is out of its range.
@@ -113,24 +114,24 @@ impl ToCamera for Orbit {
     }
 }
 
-/// The world axis that an orbit's picture shows upright: volumes without an anatomical frame lie any way.
+/// The world axis that is upright in an orbit's picture. Volumes without an anatomical frame may lie any way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Up {
-    /// Along an axis; azimuth 0 looks from +y, or from -z where y itself is up or down.
+    /// The positive direction of an axis. Azimuth 0 looks from +y, or from -z if y itself is up or down.
     Plus(Axis),
-    /// Against it.
+    /// The negative direction of an axis.
     Minus(Axis),
 }
 
-/// +z: the head, where the world is anatomical.
 impl Default for Up {
+    /// Returns +z: the head, where the world is anatomical.
     fn default() -> Up {
         Up::Plus(Axis::Z)
     }
 }
 
 impl Up {
-    /// `z`, `-y` and so on.
+    /// Returns the axis for a name such as `z` or `-y`.
     ///
     /// # Errors
     /// [`Error::Input`] for any other text.
@@ -142,7 +143,7 @@ impl Up {
         Ok(if minus { Up::Minus(axis) } else { Up::Plus(axis) })
     }
 
-    /// What stands in for the world's x, y and z when an orbit is laid out: right-handed, upright along `z`.
+    /// Returns the directions that replace the world's x, y and z in an orbit: right-handed, the last upright.
     fn frame(self) -> [DVec3; 3] {
         let upright = match self {
             Up::Plus(Axis::X) => DVec3::X,
@@ -157,17 +158,17 @@ impl Up {
     }
 }
 
-/// A box of grid points, as the world sees it: the smallest sphere around its corners' middle.
+/// A sphere in the world around a box of grid points.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Surround {
-    /// World position of the middle.
+    /// World position of the box's middle.
     pub centre: [f64; 3],
-    /// World distance from it to the farthest corner, a voxel's half included; above 0.
+    /// World distance from there to the farthest corner, with half a voxel around the points; above 0.
     pub radius: f64,
 }
 
 impl Surround {
-    /// Around the grid points `low..=high`, by x, y, z.
+    /// Returns the sphere around the grid points `low..=high`, by x, y, z.
     pub fn of_voxels(grid: &Grid, low: [u16; 3], high: [u16; 3]) -> Surround {
         let frame = WorldFrame::of(grid);
         let middle: [f64; 3] = std::array::from_fn(|a| (f64::from(low[a]) + f64::from(high[a])) / 2.0);
@@ -182,35 +183,38 @@ impl Surround {
         Surround { centre: centre.to_array(), radius }
     }
 
-    /// Around the whole grid.
+    /// Returns the sphere around the whole grid.
     pub fn of_grid(grid: &Grid) -> Surround {
         let high = grid.dims.map(|points| u16::try_from(points.saturating_sub(1)).unwrap_or(u16::MAX));
         Surround::of_voxels(grid, [0; 3], high)
     }
 }
 
-/// The grid's affine map into the world.
+/// The affine map from a grid into the world.
 #[derive(Debug, Clone, Copy)]
 pub struct WorldFrame {
+    /// World position of the first grid point.
     pub origin: DVec3,
     /// World vector from a grid point to the next on each axis.
     pub steps: [DVec3; 3],
 }
 
 impl WorldFrame {
+    /// Returns the map of a grid.
     pub fn of(grid: &Grid) -> WorldFrame {
         let step = |a: usize| DVec3::from_array(grid.direction[a]) * grid.spacing[a];
         WorldFrame { origin: DVec3::from_array(grid.origin), steps: [step(0), step(1), step(2)] }
     }
 
+    /// Returns the world position of a point in voxel coordinates.
     pub fn world_from_voxel(&self, voxel: [f64; 3]) -> DVec3 {
         self.origin + self.steps[0] * voxel[0] + self.steps[1] * voxel[1] + self.steps[2] * voxel[2]
     }
 
-    /// Index-space components of a world vector.
+    /// Returns a world vector in voxel coordinates.
     pub fn voxel_from_world_vector(&self, vector: DVec3) -> [f64; 3] {
         let [x, y, z] = self.steps;
-        // Cramer's rule over unit vectors: no product of three spacings, which may overflow.
+        // Cramer's rule on unit vectors: a product of three spacings may overflow.
         let [ux, uy, uz] = [x.normalize(), y.normalize(), z.normalize()];
         let determinant = ux.dot(uy.cross(uz));
         [
@@ -221,25 +225,25 @@ impl WorldFrame {
     }
 }
 
-/// Lengths whose squares are numbers of full precision.
+/// Lengths whose squares have full precision.
 pub(crate) const SOUND_LENGTHS: std::ops::RangeInclusive<f64> = 1e-150..=1e150;
 
-/// Room around what fits into the picture.
+/// Factor on the radius that leaves a margin in the picture.
 const MARGIN: f64 = 1.04;
 
 impl Camera {
-    /// Returns an orbit: a view from `azimuth` and `elevation`, in degrees, at whatever is shown.
+    /// Returns an [`Orbit`]: a parallel view of all voxels from `azimuth` and `elevation`, in degrees.
     pub fn orbit(azimuth: f64, elevation: f64) -> Orbit {
         Orbit::new(azimuth, elevation)
     }
 
-    /// A camera at `position` that looks at `target`.
+    /// Returns a camera at `position` that looks at `target`, in world coordinates.
     ///
-    /// Where `up` is parallel to the view, the world axis farthest from it takes its place.
+    /// If `up` is parallel to the view, the world axis farthest from the view replaces it.
     ///
     /// # Errors
-    /// [`Error::Input`] if a number is not finite, if position and target coincide, if up has length 0, or if the
-    /// projection's number is out of its range.
+    /// [`Error::Input`] if a number is not finite or out of its range, if position and target coincide, or if up has
+    /// length 0.
     pub fn new(position: [f64; 3], target: [f64; 3], up: [f64; 3], projection: Projection) -> Result<Camera> {
         for (name, vector) in [("position", position), ("target", target), ("up", up)] {
             if !vector.iter().all(|c| c.is_finite()) {
@@ -268,7 +272,7 @@ impl Camera {
         }
     }
 
-    /// A camera on the orbit, so that at zoom 1 all of `around` fits into a picture of `size` (columns, rows).
+    /// Returns the camera of an orbit: at zoom 1, all of `around` fits into a picture of `size` (columns, rows).
     ///
     /// # Errors
     /// [`Error::Input`] if a number of the orbit is out of its range or `size` is 0.
@@ -292,7 +296,7 @@ impl Camera {
         let up = side * (sin_a * sin_e) - front * (cos_a * sin_e) + upright * cos_e;
         let centre = DVec3::from_array(around.centre);
         let radius = around.radius * MARGIN;
-        // The picture's smaller side must hold the sphere.
+        // The sphere fits the picture's smaller side.
         let tall = (f64::from(size[1]) / f64::from(size[0])).max(1.0);
         let (distance, projection) = match fov {
             None => (2.0 * radius, Projection::Parallel { height: 2.0 * radius * tall / zoom }),
@@ -310,39 +314,40 @@ impl Camera {
         Camera::new((centre + outward * distance).to_array(), around.centre, up.to_array(), projection)
     }
 
-    /// Where the eye is.
+    /// Returns the position of the eye.
     pub fn position(&self) -> [f64; 3] {
         self.position.to_array()
     }
 
-    /// How it projects.
+    /// Returns the projection.
     pub fn projection(&self) -> Projection {
         self.projection
     }
 
-    /// The same camera, moved to the picture's right and top by world lengths, with another projection.
+    /// Returns the camera moved by world lengths to the picture's right and top, with another projection.
     ///
     /// # Errors
     /// As [`Camera::new`].
     pub fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
-        let [across, above, _] = self.axes();
-        let by = across * right + above * up;
-        Camera::new((self.position + by).to_array(), (self.target + by).to_array(), self.up.to_array(), projection)
+        let [right_axis, up_axis, _] = self.axes();
+        let shift = right_axis * right + up_axis * up;
+        let (position, target) = (self.position + shift, self.target + shift);
+        Camera::new(position.to_array(), target.to_array(), self.up.to_array(), projection)
     }
 
-    /// The same camera, turned to look along the ray with these tangents to the picture's right and top, with another
+    /// Returns the camera turned to look along the ray with these tangents to the picture's right and top, with another
     /// projection.
     ///
     /// # Errors
     /// As [`Camera::new`].
     pub fn turned(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
-        let [across, above, forward] = self.axes();
+        let [right_axis, up_axis, forward] = self.axes();
         let distance = (self.target - self.position).length();
-        let target = self.position + (forward + across * right + above * up) * distance;
+        let target = self.position + (forward + right_axis * right + up_axis * up) * distance;
         Camera::new(self.position.to_array(), target.to_array(), self.up.to_array(), projection)
     }
 
-    /// Unit vectors to the picture's right, to its top, and along the view.
+    /// Returns unit vectors to the picture's right, to its top, and forward.
     pub fn axes(&self) -> [DVec3; 3] {
         let forward = (self.target - self.position).normalize();
         let up = self.up.normalize();
@@ -359,7 +364,7 @@ impl Camera {
     }
 }
 
-/// Sine and cosine of an angle in degrees, exact at multiples of 90, the same after whole turns.
+/// Returns the sine and cosine of an angle in degrees: exact at multiples of 90, the same after whole turns.
 fn sin_cos_degrees(angle: f64) -> (f64, f64) {
     let turned = angle.rem_euclid(360.0);
     let quarter = (turned / 90.0).round();
@@ -372,10 +377,10 @@ fn sin_cos_degrees(angle: f64) -> (f64, f64) {
     }
 }
 
-impl TryFrom<Document> for Camera {
+impl TryFrom<CameraDocument> for Camera {
     type Error = Error;
 
-    fn try_from(document: Document) -> Result<Camera> {
+    fn try_from(document: CameraDocument) -> Result<Camera> {
         let projection = match (document.fov, document.height) {
             (Some(fov), None) => Projection::Perspective { fov },
             (None, Some(height)) => Projection::Parallel { height },
@@ -385,13 +390,13 @@ impl TryFrom<Document> for Camera {
     }
 }
 
-impl From<Camera> for Document {
-    fn from(camera: Camera) -> Document {
+impl From<Camera> for CameraDocument {
+    fn from(camera: Camera) -> CameraDocument {
         let (fov, height) = match camera.projection {
             Projection::Parallel { height } => (None, Some(height)),
             Projection::Perspective { fov } => (Some(fov), None),
         };
-        Document {
+        CameraDocument {
             position: camera.position.to_array(),
             target: camera.target.to_array(),
             up: camera.up.to_array(),

@@ -1,6 +1,6 @@
-//! A finished picture: linear light, premultiplied, single precision.
+//! A finished picture.
 //!
-//! In: a renderer's pixels. Out: the same over a background, or as sRGB samples for a picture file. Rows run down.
+//! In: a renderer's pixels. Out: the same over a background, or as sRGB samples for a picture file.
 
 use std::ops::Range;
 
@@ -8,7 +8,7 @@ use glam::Vec4;
 
 use crate::error::{Error, Result};
 
-/// Red, green, blue, alpha for each pixel, row after row from the top; linear light, premultiplied by alpha.
+/// A picture: red, green, blue, alpha for each pixel, row after row from the top; linear light, premultiplied by alpha.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     size: [u32; 2],
@@ -16,10 +16,10 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// A frame of nothing.
+    /// Returns an empty frame of `size` columns and rows.
     ///
     /// # Errors
-    /// [`Error::Input`] if a side of `size` (columns, rows) is 0; [`Error::OutOfMemory`].
+    /// [`Error::Input`] if a side of `size` is 0; [`Error::OutOfMemory`].
     pub fn transparent(size: [u32; 2]) -> Result<Frame> {
         if size.contains(&0) {
             return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
@@ -33,44 +33,44 @@ impl Frame {
         Ok(Frame { size, pixels })
     }
 
-    /// Columns and rows.
+    /// Returns the columns and rows.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
 
-    /// All pixels: four numbers each.
+    /// Returns all pixels, four numbers each.
     pub fn pixels(&self) -> &[f32] {
         &self.pixels
     }
 
-    /// All pixels, to be written.
+    /// Returns all pixels for writing, four numbers each.
     pub fn pixels_mut(&mut self) -> &mut [f32] {
         &mut self.pixels
     }
 
-    /// Shares all rows out among threads: each is told the first of its rows.
-    pub(crate) fn in_shares(&mut self, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
-        self.rows_in_shares(0..self.size[1], threads, fill);
+    /// Fills all rows on several threads; `fill` receives the index of its first row, and its rows.
+    pub(crate) fn fill_rows(&mut self, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
+        self.fill_some_rows(0..self.size[1], threads, fill);
     }
 
-    /// The same of some rows.
-    pub(crate) fn rows_in_shares(&mut self, rows: Range<u32>, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
+    /// Fills some rows on several threads; see [`Frame::fill_rows`].
+    pub(crate) fn fill_some_rows(&mut self, rows: Range<u32>, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
         let len = 4 * self.size[0] as usize;
         let [from, to] = [rows.start, rows.end].map(|row| row as usize);
         let pixels = &mut self.pixels[len * from..len * to];
-        let share = (to - from).div_ceil(threads.max(1)).max(1);
+        let rows_each = (to - from).div_ceil(threads.max(1)).max(1);
         if threads <= 1 {
             return fill(from, pixels);
         }
         std::thread::scope(|scope| {
-            for (index, rows) in pixels.chunks_mut(share * len).enumerate() {
+            for (index, rows) in pixels.chunks_mut(rows_each * len).enumerate() {
                 let fill = &fill;
-                scope.spawn(move || fill(from + index * share, rows));
+                scope.spawn(move || fill(from + index * rows_each, rows));
             }
         });
     }
 
-    /// Pixel in `column` and `row`.
+    /// Returns the pixel in `column` and `row`.
     ///
     /// # Panics
     /// If it lies outside the picture.
@@ -91,34 +91,35 @@ impl Frame {
         }
     }
 
-    /// Samples of 8 bits for a picture file: sRGB, not premultiplied.
+    /// Returns samples of 8 bits for a picture file: sRGB, not premultiplied.
     pub fn to_srgb8(&self) -> Vec<u8> {
         self.encoded(255.0).map(|sample| u8::try_from(sample).unwrap_or(u8::MAX)).collect()
     }
 
-    /// Samples of 16 bits for a picture file: sRGB, not premultiplied.
+    /// Returns samples of 16 bits for a picture file: sRGB, not premultiplied.
     pub fn to_srgb16(&self) -> Vec<u16> {
         self.encoded(65_535.0).collect()
     }
 
-    fn encoded(&self, most: f32) -> impl Iterator<Item = u16> {
+    /// Returns sRGB samples from 0 to `white`.
+    fn encoded(&self, white: f32) -> impl Iterator<Item = u16> {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65,535")]
-        let whole = move |value: f32| (value.clamp(0.0, 1.0) * most + 0.5) as u16;
+        let integer = move |value: f32| (value.clamp(0.0, 1.0) * white + 0.5) as u16;
         self.pixels.chunks_exact(4).flat_map(move |pixel| {
             let alpha = pixel[3];
-            let part = |channel: f32| whole(srgb_from_linear(if alpha > 0.0 { channel / alpha } else { 0.0 }));
-            [part(pixel[0]), part(pixel[1]), part(pixel[2]), whole(alpha)]
+            let sample = |channel: f32| integer(srgb_from_linear(if alpha > 0.0 { channel / alpha } else { 0.0 }));
+            [sample(pixel[0]), sample(pixel[1]), sample(pixel[2]), integer(alpha)]
         })
     }
 }
 
-/// A pixel without what interpolation and rounding take beyond its range: colours of 0 and more, alpha of 0 to 1.
+/// Clamps a pixel to its range, which interpolation and rounding may leave: colours of 0 and more, alpha of 0 to 1.
 #[inline(always)]
 pub(crate) fn in_range(pixel: Vec4) -> [f32; 4] {
     pixel.max(Vec4::ZERO).min(Vec4::new(f32::MAX, f32::MAX, f32::MAX, 1.0)).to_array()
 }
 
-/// The sRGB transfer function, IEC 61966-2-1; NaN gives 0.
-pub fn srgb_from_linear(linear: f32) -> f32 {
+/// Applies the sRGB transfer function, IEC 61966-2-1; returns 0 for NaN.
+fn srgb_from_linear(linear: f32) -> f32 {
     if linear <= 0.003_130_8 { linear.max(0.0) * 12.92 } else { 1.055 * linear.min(1.0).powf(1.0 / 2.4) - 0.055 }
 }

@@ -1,7 +1,7 @@
-//! Splatting: what a walk visits, drawn.
+//! Splatting: drawing the voxels that a walk visits.
 //!
-//! In: a [`Scene`] (lanes and what their codes mean), a [`Camera`] and [`Settings`]. Out: a [`Frame`] of linear
-//! premultiplied colours and [`Stats`].
+//! In: a [`Scene`] (the voxels and their looks), a [`Camera`] and [`Settings`]. Out: a [`Frame`] of linear
+//! premultiplied colours, and [`Stats`].
 //!
 //! ```text
 //! walk -> project, classify, shade (stage 1) -> footprints into the picture (stage 2) -> frame
@@ -11,13 +11,13 @@ pub(crate) mod arith;
 pub mod camera;
 pub mod composite;
 pub mod cpu;
-pub mod finer;
-pub mod frame;
+pub(crate) mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub mod kernel;
-pub mod shade;
-pub(crate) mod shot;
+pub(crate) mod setup;
+pub(crate) mod shade;
+pub(crate) mod supersample;
 pub mod view;
 
 use serde::{Deserialize, Serialize};
@@ -36,18 +36,19 @@ pub use kernel::{KernelShape, Quality};
 pub use shade::Lighting;
 pub use view::View;
 
-/// Where a frame's lanes come from.
+/// A source of the voxels of a scene, as lanes along the axes.
 pub trait Lanes: Sync {
-    /// The lane along `axis`, derived if it must be.
+    /// Returns the lane along `axis`; may derive it from another lane.
     ///
     /// # Errors
-    /// If the lane can neither be had nor derived.
+    /// [`Error`] if the lane is missing and cannot be derived.
     fn lane(&self, axis: Axis) -> Result<Lane<'_>>;
 }
 
 impl Lanes for Vec<OwnedLane> {
     fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
-        self.iter().find(|lane| lane.axis == axis).map(OwnedLane::view).ok_or_else(|| missing(axis))
+        let missing = || Error::input("lane", format!("along {} is missing; this view walks along it", axis.name()));
+        self.iter().find(|lane| lane.axis == axis).map(OwnedLane::view).ok_or_else(missing)
     }
 }
 
@@ -63,18 +64,14 @@ impl Lanes for Overlay<'_> {
     }
 }
 
-fn missing(axis: Axis) -> Error {
-    Error::input("lane", format!("along {} is not there, but this view walks along it", axis.name()))
-}
-
-/// What a frame shows.
+/// The voxels that a frame shows, and their looks.
 #[derive(Clone, Copy)]
 pub struct Scene<'a> {
-    /// Where the voxels are and what their codes mean.
+    /// The grid, and the meaning of the voxels' codes.
     pub facts: &'a Facts,
     /// The voxels.
     pub lanes: &'a dyn Lanes,
-    /// What values look like.
+    /// The colours and opacities of values.
     pub transfer: &'a TransferFunction,
 }
 
@@ -84,17 +81,17 @@ impl std::fmt::Debug for Scene<'_> {
     }
 }
 
-/// Which code draws: for tests, benches and studies. All give the same bits.
+/// The code that draws, for tests, benches and studies. All give the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub enum Code {
-    /// The best that this processor runs.
+    /// The best instructions that this processor has.
     #[default]
     Best,
-    /// At most AVX2.
+    /// No instructions beyond AVX2.
     Avx2,
-    /// What every processor of this architecture runs.
+    /// Instructions that every processor of this architecture has.
     Portable,
-    /// The plain twin: one thread, one voxel and one pixel after the other.
+    /// The plain renderer: one thread, one voxel and one pixel after the other.
     Plain,
 }
 
@@ -103,43 +100,42 @@ pub enum Code {
 pub struct Settings {
     /// Columns and rows, each 1 to 16,384.
     pub size: [u32; 2],
-    /// Kernel and termination.
+    /// How exact the picture is: kernel, termination and sampling, unless these are set.
     pub quality: Quality,
-    /// How splats are put together.
+    /// How the splats on a ray make a pixel.
     pub mode: Mode,
-    /// What composited splats take of the light; other than [`Blending::Exponential`] front to back only, and by the
-    /// processor's renderer alone.
+    /// How much light a composited splat takes. Only the processor's renderer, front to back, has others than
+    /// [`Blending::Exponential`].
     pub blending: Blending,
-    /// Lighting where the transfer function is shaded and voxels have normals; `None` for none.
+    /// The light, if the transfer function is shaded and the voxels have normals; `None` for none.
     pub lighting: Option<Lighting>,
-    /// Only voxels in this box are drawn.
+    /// The box of voxels to draw; `None` for all.
     pub crop: Option<VoxelBox>,
-    /// Threads, at least 1.
+    /// Number of threads, at least 1.
     pub threads: usize,
-    /// The order of the walk. Only front to back ends rays early; the picture is the same up to rounding.
+    /// The direction of compositing. Only front to back ends rays early; the picture is the same up to rounding.
     pub sense: Sense,
-    /// How the two sides of the eye follow each other.
+    /// How voxels on both sides of the eye are ordered.
     pub form: SplitForm,
-    /// Takes the place of the order that the camera asks for: for studies of what order is worth. `sense` still says how
-    /// splats are composited.
+    /// The order of the walk; `None` for the camera's. For studies; `sense` still says how splats are composited.
     pub order: Option<Order>,
-    /// Takes the place of the quality's termination: 0 to 1.
+    /// Transmittance below which a ray ends, 0 to 1; `None` for the quality's.
     pub termination: Option<f32>,
-    /// Takes the place of the quality's kernel.
+    /// The reconstruction kernel; `None` for the quality's.
     pub kernel: Option<KernelShape>,
-    /// World distance along the view axis below which voxels are not drawn; `None` for the kernel's reach.
+    /// World distance along the view axis below which voxels are not drawn; `None` for the kernel's extent.
     pub near: Option<f64>,
-    /// Factor on the optical depths of [`Mode::Additive`], above 0; `None`: such that a typical ray through the
-    /// visible voxels comes out at three quarters of full brightness, the same for every view of a scene.
+    /// Factor on the optical depths of [`Mode::Additive`], above 0. With `None`, a typical ray has three quarters of full
+    /// brightness; the factor is the same for every view of a scene.
     pub exposure: Option<f32>,
-    /// How many samples are drawn for the picture's pixels; `None` for what suits the quality. A graphics device and the
-    /// judge take [`Sampling::Enough`] and [`Sampling::Fewest`] for [`Sampling::Finer`].
+    /// How many samples are drawn; `None` for the quality's. A graphics device and the judge draw [`Sampling::Finer`] for
+    /// [`Sampling::Enough`] and [`Sampling::Fewest`].
     pub sampling: Option<Sampling>,
-    /// Which code draws.
+    /// The code that draws.
     pub code: Code,
 }
 
-/// How many pixels are drawn.
+/// How many samples a renderer draws for the pixels of a picture.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Sampling {
@@ -159,10 +155,10 @@ pub enum Sampling {
 }
 
 impl Sampling {
-    /// All of them.
+    /// All samplings, from fast to exact.
     pub const ALL: [Sampling; 4] = [Sampling::Fewest, Sampling::Enough, Sampling::EveryPixel, Sampling::Finer];
 
-    /// Its name in commands and tables.
+    /// Returns the name, as in commands and tables.
     pub fn name(self) -> &'static str {
         match self {
             Sampling::EveryPixel => "every",
@@ -198,7 +194,7 @@ impl Settings {
         }
     }
 
-    /// Returns settings under which every pixel is computed by itself, by one thread, at exposure 1: for comparing renderers.
+    /// Returns settings for comparing renderers: one sample for every pixel, one thread, exposure 1.
     pub fn every_pixel(size: [u32; 2]) -> Settings {
         let sampling = Some(Sampling::EveryPixel);
         Settings { threads: 1, exposure: Some(1.0), sampling, ..Settings::new(size) }
@@ -209,22 +205,22 @@ impl Settings {
         self.sampling.unwrap_or_else(|| self.quality.sampling())
     }
 
-    /// The kernel in force.
+    /// Returns the kernel in force.
     pub fn kernel(&self) -> KernelShape {
         self.kernel.unwrap_or_else(|| self.quality.kernel())
     }
 
-    /// The termination in force.
+    /// Returns the transmittance below which a ray ends.
     pub fn termination(&self) -> f32 {
         self.termination.unwrap_or_else(|| self.quality.termination())
     }
 
-    /// Whether a picture's own pixels are drawn, whatever the view.
+    /// Returns whether every pixel gets one sample, whatever the view.
     pub fn keeps_pixels(&self) -> bool {
         self.mode != Mode::Composite || self.sampling() == Sampling::EveryPixel
     }
 
-    /// Checks what is not checked by type; [`View::new`] checks size and near distance.
+    /// Checks all settings except size and near distance, which [`View::new`] checks.
     ///
     /// # Errors
     /// [`Error::Input`] that names the setting.
@@ -239,10 +235,7 @@ impl Settings {
         }
         let is_composited = self.mode == Mode::Composite && self.sense == Sense::FrontToBack;
         if self.blending != Blending::Exponential && !is_composited {
-            let why = format!(
-                "is {}, but that is for composited pictures, front to back; leave it out",
-                self.blending.name()
-            );
+            let why = format!("is {}, but only front-to-back composites have that", self.blending.name());
             return Err(Error::input("blending", why));
         }
         if self.threads == 0 {
@@ -260,19 +253,20 @@ impl Settings {
     }
 }
 
-/// What drawing a frame took.
+/// The work of drawing a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Stats {
-    /// Splats that reached the picture. One on the border of two threads' bands, or of two strips of finer pixels, counts twice.
+    /// Splats that reached the picture. A splat on the border of two threads' bands, or of two strips of samples, counts
+    /// twice.
     pub splats_drawn: u64,
-    /// Voxels that were visited but not drawn: transparent, off the picture, or behind what is opaque.
+    /// Voxels that were visited but not drawn: transparent, outside the picture, or hidden behind opaque ones.
     pub splats_skipped: u64,
-    /// Bands of what is drawn at a time, one per thread.
+    /// Bands that were drawn at a time, one per thread.
     pub bands: usize,
-    /// Milliseconds of the whole frame.
+    /// Time of the whole frame, in milliseconds.
     pub frame_ms: f64,
-    /// Milliseconds of walking, summed over threads.
+    /// Time of walking, summed over threads, in milliseconds.
     pub walk_ms: f64,
-    /// Milliseconds of projecting and drawing, summed over threads.
+    /// Time of projecting and drawing, summed over threads, in milliseconds.
     pub draw_ms: f64,
 }

@@ -1,9 +1,9 @@
 //! Lighting: Blinn-Phong with two-sided normals and a light that moves with the camera.
 //!
-//! In: a unit normal and a unit vector toward the eye, both by index axis. Out: a factor on the voxel's colour and a
+//! In: a unit normal and a unit vector toward the eye, along the grid's axes. Out: a factor on the voxel's colour and a
 //! white highlight to add. Both sides of a surface are lit alike: cosines count without their sign, so that light is a
-//! continuous function of the normal. (Were normals turned toward the eye, a normal across the view would make light
-//! jump by half; a rounded code could turn it.) A voxel without a normal keeps its colour as it is: its ambient weight is 1.
+//! continuous function of the normal. (Turning normals toward the eye would make light jump where a normal is across the
+//! view, as rounding can turn it.) A voxel without a normal keeps its colour.
 
 use serde::{Deserialize, Serialize};
 
@@ -11,19 +11,19 @@ use super::arith::{at_least, keep_if};
 use super::view::View;
 use crate::error::{Error, Result};
 
-/// Weights of the lighting.
+/// The light on voxels, and how they reflect it (Blinn-Phong). The light moves with the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Lighting {
-    /// Light from everywhere, 0 to 1.
+    /// Weight of light from all directions, 0 to 1.
     pub ambient: f32,
-    /// Light by the cosine to the light's direction, 0 to 1.
+    /// Weight of light that falls with the cosine between normal and light direction, 0 to 1.
     pub diffuse: f32,
-    /// Highlight, 0 to 1.
+    /// Weight of the highlight, 0 to 1.
     pub specular: f32,
-    /// Exponent of the highlight, 1 to 255: larger is glossier.
+    /// Exponent of the highlight, 1 to 255; larger is glossier.
     pub shininess: u8,
-    /// Toward the light: right, up, toward the viewer. Finite, not 0.
+    /// Direction toward the light: right, up, toward the viewer. Finite, not 0.
     pub toward_light: [f64; 3],
 }
 
@@ -57,20 +57,21 @@ impl Lighting {
     }
 }
 
-/// The lighting of a view, by index axis.
+/// The lighting of a view; vectors are along the grid's axes.
 #[derive(Debug, Clone, Copy)]
 pub struct Lights {
     pub(crate) ambient: f32,
     pub(crate) diffuse: f32,
     pub(crate) specular: f32,
     pub(crate) shininess: u8,
+    /// Unit vector toward the light.
     pub(crate) light: [f32; 3],
-    /// Toward the eye of a parallel view.
+    /// Unit vector toward the eye of a parallel view.
     pub(crate) eye: [f32; 3],
 }
 
 impl Lights {
-    /// The lighting in a view's axes; `lighting` is checked.
+    /// Returns the lighting of a view; `lighting` has been checked.
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
     pub(crate) fn new(lighting: &Lighting, view: &View) -> Lights {
         let [right, up, forward] = view.axes.map(glam::DVec3::from_array);
@@ -88,16 +89,17 @@ impl Lights {
         }
     }
 
-    /// Factor on the colour, and highlight, for a normal (zero for none) and the unit vector toward the eye.
+    /// Returns the factor on the colour, and the highlight, for a unit normal (0 for none) and the unit vector toward the
+    /// eye.
     #[inline(always)]
     pub(crate) fn shade(&self, normal: [f32; 3], eye: [f32; 3]) -> [f32; 2] {
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let half = [self.light[0] + eye[0], self.light[1] + eye[1], self.light[2] + eye[2]];
-        let half_length = at_least(dot(half, half), 1e-12).sqrt();
-        let lit = dot(normal, self.light).abs();
-        let glance = (dot(normal, half) / half_length).abs();
-        // The exponent's bits are the same for all voxels, so that this too runs side by side.
-        let (mut power, mut square) = (1.0, glance);
+        let halfway = [self.light[0] + eye[0], self.light[1] + eye[1], self.light[2] + eye[2]];
+        let length = at_least(dot(halfway, halfway), 1e-12).sqrt();
+        let light_cosine = dot(normal, self.light).abs();
+        let halfway_cosine = (dot(normal, halfway) / length).abs();
+        // The power by repeated squaring: the exponent is the same for all voxels, so this too runs side by side.
+        let (mut power, mut square) = (1.0, halfway_cosine);
         for bit in 0..8 {
             if self.shininess >> bit & 1 == 1 {
                 power *= square;
@@ -105,7 +107,7 @@ impl Lights {
             square *= square;
         }
         let has_normal = dot(normal, normal) > 0.5;
-        let factor = self.ambient + self.diffuse * lit;
+        let factor = self.ambient + self.diffuse * light_cosine;
         [1.0 + keep_if(has_normal, factor - 1.0), keep_if(has_normal, self.specular * power)]
     }
 }

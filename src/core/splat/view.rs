@@ -1,9 +1,8 @@
-//! A view: a camera over a grid at a picture size, as transforms from voxels to pixels.
+//! A view: the transforms from the voxels of a grid to the pixels of a picture.
 //!
-//! In: [`Camera`], grid, size. Out: `pixel_from_voxel` (parallel) or `camera_from_voxel` (perspective), the viewpoint
-//! in voxel units for the walk, and how large a box of voxels is on the screen. Pixel (0, 0) is centred at (0, 0);
-//! x to the right, y down. Lengths on the way are counted in *mean voxels*, the cube root of a cell's volume, so that
-//! neither tiny nor huge spacings leave single precision.
+//! In: a [`Camera`], a grid, a picture's size. Out: the transforms, the viewpoint in voxel units for the walk, and the
+//! pixels that a box of voxels covers. Pixel (0, 0) is centred at (0, 0); x to the right, y down. Lengths are in *mean
+//! voxels*, the cube root of a cell's volume, so that neither tiny nor huge spacings exceed single precision.
 
 use std::ops::Range;
 
@@ -15,61 +14,74 @@ use crate::error::{Error, Result};
 use crate::traverse::{Viewpoint, VoxelBox};
 use crate::volume::Grid;
 
-/// Largest number of columns or rows of a picture.
+/// The largest number of columns or rows of a picture.
 pub const MAX_SIZE: u32 = 16_384;
 
-/// An affine map from voxel coordinates: three factors and a constant.
+/// An affine map from voxel coordinates to a number: three factors and a constant.
 pub type Affine = [f64; 4];
 
-/// From voxels to pixels.
+/// Returns the value of an affine map at a point in voxel coordinates.
+pub(crate) fn apply(map: &Affine, point: [f64; 3]) -> f64 {
+    map[0] * point[0] + map[1] * point[1] + map[2] * point[2] + map[3]
+}
+
+/// Returns the three factors of an affine map in single precision.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "footprints are computed in single precision")]
+pub(crate) fn single(map: &Affine) -> [f32; 3] {
+    [map[0] as f32, map[1] as f32, map[2] as f32]
+}
+
+/// The transform from voxel coordinates to pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PixelMap {
     /// Parallel projection.
     Parallel {
-        /// Column and row.
+        /// The maps to column and row.
         pixel_from_voxel: [Affine; 2],
         /// Pixels per mean voxel.
         scale: f64,
     },
-    /// Perspective: column `centre.x + focal * t0 / t2`, row `centre.y - focal * t1 / t2`.
+    /// Perspective projection: column `centre.x + focal * t0 / t2`, row `centre.y - focal * t1 / t2`, where t is the
+    /// result of `camera_from_voxel`.
     Perspective {
-        /// To the right, up, and along the view, in mean voxels from the eye.
+        /// The maps to the distances from the eye to the right, up and forward, in mean voxels.
         camera_from_voxel: [Affine; 3],
         /// Pixels per unit of tangent.
         focal: f64,
-        /// Pixel that the view axis meets.
+        /// The pixel that the view axis meets.
         centre: [f64; 2],
-        /// Voxels nearer than this along the view axis are not drawn; in mean voxels, above 0.
+        /// Distance along the view axis below which voxels are not drawn, in mean voxels; above 0.
         near: f64,
     },
 }
 
-/// A camera over a grid, at a picture size.
+/// The view of a camera over a grid, at a picture size.
 #[derive(Debug, Clone)]
 pub struct View {
-    /// Columns, rows.
+    /// Columns and rows of the picture.
     pub size: [u32; 2],
-    /// The eye or direction in voxel units, for the walk.
+    /// The eye, or the direction of a parallel view, in voxel units.
     pub viewpoint: Viewpoint,
-    /// From voxels to pixels.
+    /// The transform from voxel coordinates to pixels.
     pub map: PixelMap,
-    /// World length of a mean voxel.
+    /// World length of a mean voxel, the cube root of a cell's volume.
     pub mean_voxel: f64,
-    /// Unit vectors to the picture's right, to its top, along the view; by index axis direction.
+    /// Unit vectors to the picture's right, to its top, and forward; by components along the grid's axes.
     pub axes: [[f64; 3]; 3],
-    /// The eye in voxel coordinates times spacing; meaningless for a parallel view.
+    /// The eye along the grid's axes, in mean voxels; meaningless for a parallel view.
     pub eye_scaled: [f64; 3],
-    /// Length of a kernel's cut-off ellipsoid along the view axis is at most this, in mean voxels.
+    /// Upper bound of the extent of a kernel along the view axis, in mean voxels.
     pub(super) reach: f64,
-    /// Distance between voxels on each axis, in mean voxels.
+    /// The distance between voxels on each axis, in mean voxels.
     pub steps: [f64; 3],
 }
 
 impl View {
-    /// The view of `camera` over `grid`.
+    /// Returns the view of `camera` over `grid` for a picture of `size` columns and rows.
     ///
-    /// `near`: world distance along the view axis below which voxels are not drawn; `None` for as far as the kernel
-    /// reaches, nearer than which a footprint would wrap around the eye.
+    /// `near` is the world distance along the view axis below which voxels are not drawn. `None` stands for the kernel's
+    /// extent: a nearer footprint would wrap around the eye.
     ///
     /// # Errors
     /// [`Error::Input`] if a side of `size` is 0, or `near` is not finite and above 0; [`Error::Limit`] if a side is
@@ -92,8 +104,8 @@ impl View {
         let centre = [(columns - 1.0) / 2.0, (rows - 1.0) / 2.0];
         let camera_from_voxel = [from_eye(right), from_eye(up), from_eye(forward)];
         let steps = world.steps.map(|step| step.length() / mean_voxel);
-        let along: f64 = camera_from_voxel[2][..3].iter().map(|c| c * c).sum();
-        let reach = f64::from(kernel.radius) * along.sqrt();
+        let step_forward: f64 = camera_from_voxel[2][..3].iter().map(|c| c * c).sum();
+        let reach = f64::from(kernel.radius) * step_forward.sqrt();
         let toward = world.voxel_from_world_vector(forward);
         let eye_voxel = world.voxel_from_world_vector(eye - world.origin);
         let (map, viewpoint) = match camera.projection() {
@@ -120,7 +132,7 @@ impl View {
         };
         let is_sound = world.steps.iter().all(|step| SOUND_LENGTHS.contains(&step.length()));
         if !(is_sound && numbers.iter().chain(&toward).all(|c| c.is_finite())) {
-            let why = "is too near or too far for this grid's spacing; its transform is not finite (spacings 1e-150 to 1e150)";
+            let why = "is too near or far for the grid's spacing (1e-150 to 1e150): the transform is not finite";
             return Err(Error::input("camera", why));
         }
         let by_axis = |vector: DVec3| grid.direction.map(|axis| DVec3::from_array(axis).dot(vector));
@@ -129,24 +141,25 @@ impl View {
         Ok(View { size, viewpoint, map, mean_voxel, axes, eye_scaled, reach, steps })
     }
 
-    /// The same view with `factor` pixels for each along a side, a picture of `size` that has `margin` more on the left and at
-    /// the top.
+    /// Returns the view with `factor` pixels for each pixel along a side, in a picture of `size` with `margin` more
+    /// pixels on the left and at the top.
     pub(crate) fn with_pixels(&self, factor: f64, size: [u32; 2], margin: f64) -> View {
-        // Pixel 0 is centred at 0, so that the picture begins at -1/2.
-        let place = |at: f64| (at + 0.5) * factor - 0.5 + margin;
+        // The picture begins at -1/2, as pixel 0 is centred at 0.
+        let scaled = |at: f64| (at + 0.5) * factor - 0.5 + margin;
         let map = match self.map {
             PixelMap::Parallel { pixel_from_voxel, scale } => PixelMap::Parallel {
-                pixel_from_voxel: pixel_from_voxel.map(|[x, y, z, at]| [x * factor, y * factor, z * factor, place(at)]),
+                pixel_from_voxel: pixel_from_voxel
+                    .map(|[x, y, z, at]| [x * factor, y * factor, z * factor, scaled(at)]),
                 scale: scale * factor,
             },
             PixelMap::Perspective { camera_from_voxel, focal, centre, near } => {
-                PixelMap::Perspective { camera_from_voxel, focal: focal * factor, centre: centre.map(place), near }
+                PixelMap::Perspective { camera_from_voxel, focal: focal * factor, centre: centre.map(scaled), near }
             }
         };
         View { map, size, ..self.clone() }
     }
 
-    /// Some rows of the picture as a picture.
+    /// Returns the view of some rows of the picture.
     pub(crate) fn with_rows(&self, rows: Range<u32>) -> View {
         let mut view = View { size: [self.size[0], rows.end - rows.start], ..self.clone() };
         match &mut view.map {
@@ -156,52 +169,51 @@ impl View {
         view
     }
 
-    /// Pixel box of all footprints of the voxels in `bounds`: columns low and high, rows low and high.
+    /// Returns the box on the screen of all footprints of the voxels in `bounds`: first and last column, first and last
+    /// row. It is never too small.
     ///
-    /// Never too small; `None` if nothing of it can be drawn. `half`: half-widths of a footprint in a parallel view.
-    pub fn pixel_bounds(&self, bounds: &VoxelBox, half: [f64; 2]) -> Option<[f64; 4]> {
+    /// `None` if all voxels are too near to be drawn. `half_widths` are those of a footprint in a parallel view, in
+    /// pixels; unused in perspective.
+    pub fn pixel_bounds(&self, bounds: &VoxelBox, half_widths: [f64; 2]) -> Option<[f64; 4]> {
         let middle: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.low[a]) + f64::from(bounds.high[a])) / 2.0);
         let extent: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.high[a]) - f64::from(bounds.low[a])) / 2.0);
-        let at = |m: &Affine| m[0] * middle[0] + m[1] * middle[1] + m[2] * middle[2] + m[3];
+        let at = |map: &Affine| apply(map, middle);
         let spread = |m: &Affine| m[0].abs() * extent[0] + m[1].abs() * extent[1] + m[2].abs() * extent[2];
         match &self.map {
             PixelMap::Parallel { pixel_from_voxel: [column, row], .. } => {
                 let (x, y) = (at(column), at(row));
-                let (dx, dy) = (spread(column) + half[0] + 1.0, spread(row) + half[1] + 1.0);
+                let (dx, dy) = (spread(column) + half_widths[0] + 1.0, spread(row) + half_widths[1] + 1.0);
                 Some([x - dx, x + dx, y - dy, y + dy])
             }
-            PixelMap::Perspective { camera_from_voxel: [right, up, along], focal, centre, near } => {
-                let (depth, depth_spread) = (at(along), spread(along));
+            PixelMap::Perspective { camera_from_voxel: [right, up, forward], focal, centre, near } => {
+                let (depth, depth_spread) = (at(forward), spread(forward));
                 if depth + depth_spread < *near {
                     return None;
                 }
                 let nearest = (depth - depth_spread).max(*near);
                 let farthest = depth + depth_spread;
-                let side = |m: &Affine| {
-                    let (middle, spread) = (at(m), spread(m));
-                    let (low, high) = (middle - spread, middle + spread);
-                    (
-                        low / if low < 0.0 { nearest } else { farthest },
-                        high / if high < 0.0 { farthest } else { nearest },
-                    )
+                let tangents = |map: &Affine| {
+                    let (low, high) = (at(map) - spread(map), at(map) + spread(map));
+                    let low_tangent = low / if low < 0.0 { nearest } else { farthest };
+                    (low_tangent, high / if high < 0.0 { farthest } else { nearest })
                 };
-                let ((left, right), (bottom, top)) = (side(right), side(up));
-                // A footprint's half-width: the Jacobian's norm is at most focal * |t| / t2^2, the kernel's length at
-                // most its reach along its longest axis; and the low-pass.
+                let ((left, right), (bottom, top)) = (tangents(right), tangents(up));
+                // A footprint is at most as large as the kernel's longest half-axis times the Jacobian's norm, at most
+                // focal * |t| / t2^2, plus the low-pass.
                 let tangent = left.abs().max(right.abs()).hypot(bottom.abs().max(top.abs()));
-                let longest = self.reach_of_kernel();
-                let half = focal * longest / nearest * (1.0 + tangent * tangent).sqrt() + LOW_PASS_REACH;
+                let longest = self.longest_half_axis(forward);
+                let half_width = focal * longest / nearest * (1.0 + tangent * tangent).sqrt() + LOW_PASS_REACH;
                 Some([
-                    centre[0] + focal * left - half,
-                    centre[0] + focal * right + half,
-                    centre[1] - focal * top - half,
-                    centre[1] - focal * bottom + half,
+                    centre[0] + focal * left - half_width,
+                    centre[0] + focal * right + half_width,
+                    centre[1] - focal * top - half_width,
+                    centre[1] - focal * bottom + half_width,
                 ])
             }
         }
     }
 
-    /// Unit direction of view through the picture's centre, in index space.
+    /// Returns the unit direction of view through the picture's centre, in voxel units.
     pub fn direction(&self) -> [f64; 3] {
         match self.viewpoint {
             Viewpoint::Parallel { direction } => direction,
@@ -209,7 +221,7 @@ impl View {
         }
     }
 
-    /// The eye in voxel coordinates; `None` for a parallel view.
+    /// Returns the eye in voxel coordinates; `None` for a parallel view.
     pub fn eye(&self) -> Option<[f64; 3]> {
         match self.viewpoint {
             Viewpoint::Parallel { .. } => None,
@@ -217,19 +229,16 @@ impl View {
         }
     }
 
-    /// Longest half-axis of the kernel's cut-off ellipsoid is at most this, in mean voxels.
-    fn reach_of_kernel(&self) -> f64 {
+    /// Returns an upper bound of the kernel's longest half-axis, in mean voxels; `forward` is the map to the depth.
+    fn longest_half_axis(&self, [a, b, c, _]: &Affine) -> f64 {
         let [x, y, z] = self.steps;
-        let along = match &self.map {
-            PixelMap::Perspective { camera_from_voxel, .. } => camera_from_voxel[2],
-            PixelMap::Parallel { .. } => return 0.0,
-        };
-        let forward = (along[0] * along[0] + along[1] * along[1] + along[2] * along[2]).sqrt();
-        // `reach` is the cut-off radius times `forward`.
-        self.reach / forward * (x * x + y * y + z * z).sqrt()
+        // `reach` is the kernel's radius times the length of `forward`.
+        self.reach / (a * a + b * b + c * c).sqrt() * (x * x + y * y + z * z).sqrt()
     }
 }
 
+/// Checks a picture's columns and rows.
+///
 /// # Errors
 /// [`Error::Input`] if a side of `size` is 0; [`Error::Limit`] if one is above [`MAX_SIZE`].
 pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
@@ -245,10 +254,10 @@ pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
     Ok(())
 }
 
-/// Half-width in pixels that the low-pass can add, at any cut-off in use.
+/// The most that the low-pass adds to half of a footprint's width, in pixels, at any cut-off in use.
 const LOW_PASS_REACH: f64 = 6.0;
 
-/// Cube root of a cell's volume, in world length.
+/// Returns the cube root of a cell's volume, in world length.
 fn mean_voxel(world: &WorldFrame) -> f64 {
     let [x, y, z] = world.steps;
     let [ux, uy, uz] = [x.normalize(), y.normalize(), z.normalize()];
@@ -256,6 +265,7 @@ fn mean_voxel(world: &WorldFrame) -> f64 {
     x.length().cbrt() * y.length().cbrt() * z.length().cbrt() * skew.cbrt()
 }
 
+/// Returns a unit vector; scales first, so that no square overflows.
 fn unit(vector: [f64; 3]) -> [f64; 3] {
     let largest = vector.iter().fold(0.0f64, |most, c| most.max(c.abs()));
     let scaled = DVec3::from_array(vector) / largest;

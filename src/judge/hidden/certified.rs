@@ -1,25 +1,25 @@
-//! Hidden for certain: what a bound on all lines from outside proves.
+//! Certified hidden voxels: those that a bound on all lines from outside proves hidden.
 //!
 //! ```text
-//! for each kernel, each axis, each sense of it: march over the layers across the axis, from the front
-//!     cost(c)  optical depth that a line gains in the layer at least, if it crosses it in cell c
+//! for each kernel, each axis, each of its two directions: march over the layers across the axis, from the front
+//!     cost(c)  least optical depth that a line gains in the layer if it crosses it in cell c
 //!              = max(S1 * min over 3 x 3 of tau, S2 * min over 5 x 5 of tau)                       weight.rs
-//!     F(c)     = min of D over the 9 cells that the line may have crossed in the layer in front
+//!     F(c)     = min of D over the 9 cells in which the line may have crossed the layer before
 //!     D(c)     = F(c) + cost(c)
-//!     a voxel is hidden from here if exp(-F) <= eps in all cells where a line may cross that meets its footprint
-//! hidden: from everywhere
+//!     hidden from this side: exp(-F) <= eps in all cells where a line that meets the voxel's footprint may cross
+//! hidden: from all sides
 //! ```
 //!
-//! A straight line has a steepest axis, along which it shifts by a cell at most on either other axis from layer to
-//! layer; so its cells are one of the paths over which F is the minimum, and F bounds the optical depth in the layers
-//! in front. The walk composites layers in that order wherever the line's steepest axis is the walk's slow one: in
-//! every parallel view, and in a perspective one on every ray that is steepest along the axis that the view is.
-//! Layers' own voxels never count. Cells outside are open: lines come from anywhere.
+//! A line moves by at most one cell on either other axis from layer to layer, if the march follows the line's steepest
+//! axis. So its cells are one of the paths that F minimises over, and F bounds the optical depth in front. The walk
+//! composites layers in the march's order wherever its slow axis is the line's steepest one. That holds in every
+//! parallel view, and in perspective for the rays whose steepest axis is the view's. A voxel's own layer does not
+//! count. Outside the volume nothing hides: lines come from anywhere.
 //!
-//! Certified are the kernels of draft, standard and high, for views from outside as [`super`] defines them.
+//! The proof covers the kernels of draft, standard and high, for views from outside as [`super`] defines them.
 
-use super::weight::{LayerWeights, layer_weights};
-use super::{Culling, Stage, Watch, go_on};
+use super::weight::layer_weights;
+use super::{Culling, CullingObserver, CullingStage, report_step};
 use adjsplat::arena::Lane;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::LOG2_E;
@@ -31,22 +31,27 @@ use adjsplat::splat::{KernelShape, Quality, Scene, Settings};
 use adjsplat::traverse::{AxisOrder, Batch, Order, walk};
 use adjsplat::volume::Axis;
 
-/// What affine footprints of perspective views, and sums in single precision, may lack of the weight.
+/// Share of the weight that remains after affine footprints in perspective and single precision have taken theirs.
 const MARGIN: f64 = 0.98;
-/// Optical depths need not be told apart from here on.
+/// Optical depths above this are treated as equal.
 const ENOUGH: f32 = 64.0;
 
-/// Adds to `seen`, of the lane along x, the voxels that are not proven hidden.
+/// Adds the voxels that are not proven hidden to `seen`, a set of records of the lane along x.
 ///
 /// # Errors
 /// [`Error::Limit`] if the memory does not suffice; [`Error::Input`] if the grid's axes are not at right angles;
-/// [`Error::Interrupted`] if `watch` says so.
-pub(super) fn uncertain(scene: &Scene, seen: &RecordSet, culling: &Culling, watch: Watch) -> Result<()> {
+/// [`Error::Interrupted`] if the observer cancels.
+pub(super) fn possibly_visible(
+    scene: &Scene,
+    seen: &RecordSet,
+    culling: &Culling,
+    observer: CullingObserver,
+) -> Result<()> {
     let frame = WorldFrame::of(&scene.facts.grid);
     let [x, y, z] = frame.steps.map(|step| step.normalize());
     if [x.dot(y), y.dot(z), z.dot(x)].iter().any(|cosine| cosine.abs() > 1e-3) {
-        let why = "needs a grid whose axes are at right angles; leave it out to find hidden voxels by sampling";
-        return Err(Error::input("--cull-hidden-certified", why));
+        let why = "need a grid whose axes are at right angles; find hidden voxels by sampling instead";
+        return Err(Error::input("certified hidden voxels", why));
     }
     let x_lane = scene.lanes.lane(Axis::X)?;
     let Some((low, high)) = x_lane.bounds() else { return Ok(()) };
@@ -56,13 +61,13 @@ pub(super) fn uncertain(scene: &Scene, seen: &RecordSet, culling: &Culling, watc
     let need = -(culling.eps.ln());
     let table = Table::new(scene, &x_lane, &Settings::every_pixel([1, 1]), mean)?;
     let mut done = 0;
-    let mut known: Vec<([f64; 3], KernelShape, LayerWeights)> = Vec::new();
+    let mut known: Vec<([f64; 3], KernelShape, [f64; 2])> = Vec::new();
     for slow in Axis::ALL {
         let fast = if slow == Axis::X { Axis::Y } else { Axis::X };
         let lane = scene.lanes.lane(fast)?;
         let open = RecordSet::new(lane.steps.len())?;
         for kernel in kernels {
-            // Equal distances, which are common, have equal weights.
+            // Equal distances are common, and have equal weights.
             let [u, v] = slow.others();
             let apart = [slow, u, v].map(|axis| lengths[axis.index()]);
             let found = known.iter().find(|(other, shape, _)| *other == apart && *shape == kernel);
@@ -73,7 +78,7 @@ pub(super) fn uncertain(scene: &Scene, seen: &RecordSet, culling: &Culling, watc
                 let march = March { lane, table: &table, slow, low, high, weights, kernel, need };
                 march.run(along, MAX_DEPTH / strongest, &open, culling.memory)?;
                 done += 1;
-                go_on(watch, Stage::Look, done, 18)?;
+                report_step(observer, CullingStage::Look, done, 18)?;
             }
         }
         if fast == Axis::X {
@@ -85,7 +90,7 @@ pub(super) fn uncertain(scene: &Scene, seen: &RecordSet, culling: &Culling, watc
     Ok(())
 }
 
-/// A kernel's largest weight, of a line that is as long as a voxel in a voxel.
+/// Returns the largest weight of a kernel for a line that is one voxel long inside a voxel.
 fn peak(kernel: KernelShape) -> f64 {
     f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2)
 }
@@ -96,14 +101,14 @@ struct March<'a> {
     slow: Axis,
     low: [u16; 3],
     high: [u16; 3],
-    weights: LayerWeights,
+    weights: [f64; 2],
     kernel: KernelShape,
     need: f64,
 }
 
 impl March<'_> {
-    /// Adds to `open` the records that are not hidden from the side where the march starts. `most`: largest optical
-    /// depth of a mean voxel that no view cuts down.
+    /// Adds the records that are not hidden from the side where the march starts to `open`. `most` is the largest optical
+    /// depth of a mean voxel that no view limits.
     #[expect(clippy::cast_possible_truncation, reason = "single precision suffices within the margin")]
     fn run(&self, along: AxisOrder, most: f64, open: &RecordSet, memory: u64) -> Result<()> {
         let medium = Axis::ALL.into_iter().find(|&axis| axis != self.slow && axis != self.lane.axis);
@@ -111,21 +116,21 @@ impl March<'_> {
         let mut order = Order { slow: self.slow, medium, fast: self.lane.axis, along: [AxisOrder::Ascending; 3] };
         order.along[self.slow.index()] = along;
         let side = |axis: Axis| usize::from(self.high[axis.index()] - self.low[axis.index()]) + 1;
-        let (wide, high) = (side(order.fast), side(medium));
-        let need = (PLANES * wide * high * size_of::<f32>()) as u64;
+        let (width, height) = (side(order.fast), side(medium));
+        let need = (PLANES * width * height * size_of::<f32>()) as u64;
         if need > memory {
             let what = "memory for the layers of certified hidden voxels in bytes (or find them by sampling)";
             return Err(Error::Limit { what: what.into(), need, have: memory });
         }
-        let mut layers = Layers::new(wide, high);
-        // A line that meets the footprint crosses the voxel's layer up to so many cells away.
+        let mut layers = MarchLayers::new(width, height);
+        // A line that meets the footprint crosses the voxel's layer at most this many cells away.
         let reach = (f64::from(self.kernel.radius) * 3.0f64.sqrt() + 0.5).floor() as usize;
-        let [one, two] = [self.weights.three, self.weights.five].map(|weight| (weight * MARGIN) as f32);
+        let [one, two] = self.weights.map(|weight| (weight * MARGIN) as f32);
         let (low_fast, low_medium) = (self.low[order.fast.index()], self.low[medium.index()]);
-        let place = |m: u16, f: u16| {
+        let cell = |m: u16, f: u16| {
             let (m, f) = (m.checked_sub(low_medium)?, f.checked_sub(low_fast)?);
             let (m, f) = (usize::from(m), usize::from(f));
-            (m < high && f < wide).then(|| m * wide + f)
+            (m < height && f < width).then(|| m * width + f)
         };
         let enough = self.need as f32;
         let mut at: Option<u16> = None;
@@ -137,48 +142,48 @@ impl March<'_> {
             }
             for j in 0..batch.len() {
                 let record = batch.record_index(j);
-                let Some(place) = place(batch.medium[j], batch.fast[j]) else { continue };
-                if layers.before[place] < enough {
+                let Some(cell) = cell(batch.medium[j], batch.fast[j]) else { continue };
+                if layers.before[cell] < enough {
                     open.insert(record);
                 }
                 let look = self.table.look(self.lane.value_code(record), self.lane.magnitude_code(record));
-                layers.tau[place] = (f64::from(look[3]) / f64::from(LOG2_E)).min(most) as f32;
+                layers.tau[cell] = (f64::from(look[3]) / f64::from(LOG2_E)).min(most) as f32;
             }
         });
         Ok(())
     }
 }
 
-/// Planes that a march works with.
+/// Number of planes in [`MarchLayers`].
 const PLANES: usize = 5;
 
-/// The layer at hand, and what lies in front of it.
-struct Layers {
-    wide: usize,
+/// The layer at the march's front, and the optical depth before it.
+struct MarchLayers {
+    width: usize,
     /// Optical depth per mean voxel of the layer's voxels; 0 where there is none.
     tau: Vec<f32>,
-    /// Least optical depth up to and with the layer before.
+    /// Least optical depth up to and including the layer before.
     gained: Vec<f32>,
-    /// Least of `gained` over all cells where a line may have crossed that meets a footprint of the layer at hand.
+    /// Minimum of `gained` over the cells where a line that meets a footprint of this layer may have crossed.
     before: Vec<f32>,
     scratch: Vec<f32>,
     across: Vec<f32>,
 }
 
-impl Layers {
-    fn new(wide: usize, high: usize) -> Layers {
-        let plane = || vec![0.0; wide * high];
-        Layers { wide, tau: plane(), gained: plane(), before: plane(), scratch: plane(), across: plane() }
+impl MarchLayers {
+    fn new(width: usize, height: usize) -> MarchLayers {
+        let plane = || vec![0.0; width * height];
+        MarchLayers { width, tau: plane(), gained: plane(), before: plane(), scratch: plane(), across: plane() }
     }
 
-    /// Puts the layer behind, and `gap` empty ones, and starts the next.
+    /// Adds this layer's cost to `gained`, passes `gap` empty layers, and starts the next layer.
     fn advance(&mut self, one: f32, two: f32, gap: usize, reach: usize) {
-        let Layers { wide, tau, gained, before, scratch, across } = self;
-        least(gained, scratch, across, *wide, 1);
+        let MarchLayers { width, tau, gained, before, scratch, across } = self;
+        box_minimum(gained, scratch, across, *width, 1);
         gained.copy_from_slice(scratch);
         for (weight, cells) in [(one, 1), (two, 2)] {
-            least(tau, scratch, across, *wide, cells);
-            // The larger of the two: the first leaves its cost in `before`.
+            box_minimum(tau, scratch, across, *width, cells);
+            // The cost is the larger of the two; the first round leaves its value in `before`.
             for ((cost, least), sum) in before.iter_mut().zip(&*scratch).zip(gained.iter_mut()) {
                 if cells == 1 {
                     *cost = weight * least;
@@ -188,26 +193,26 @@ impl Layers {
             }
         }
         if gap > 0 {
-            least(gained, scratch, across, *wide, gap);
+            box_minimum(gained, scratch, across, *width, gap);
             gained.copy_from_slice(scratch);
         }
-        least(gained, before, across, *wide, reach + 1);
+        box_minimum(gained, before, across, *width, reach + 1);
         tau.fill(0.0);
     }
 }
 
-/// The least of each square of `2 reach + 1` cells, of which those outside are 0.
-fn least(plane: &[f32], out: &mut [f32], across: &mut [f32], wide: usize, reach: usize) {
-    let high = plane.len() / wide;
-    if 2 * reach >= wide || 2 * reach >= high {
+/// Computes the minimum over each square of `2 reach + 1` cells; cells outside count as 0.
+fn box_minimum(plane: &[f32], out: &mut [f32], across: &mut [f32], width: usize, reach: usize) {
+    let height = plane.len() / width;
+    if 2 * reach >= width || 2 * reach >= height {
         out.fill(0.0);
         return;
     }
     let window = 2 * reach + 1;
-    for (row, to) in plane.chunks_exact(wide).zip(across.chunks_exact_mut(wide)) {
+    for (row, to) in plane.chunks_exact(width).zip(across.chunks_exact_mut(width)) {
         to.fill(0.0);
-        let inner = &mut to[reach..wide - reach];
-        inner.copy_from_slice(&row[..wide - 2 * reach]);
+        let inner = &mut to[reach..width - reach];
+        inner.copy_from_slice(&row[..width - 2 * reach]);
         for shift in 1..window {
             for (least, next) in inner.iter_mut().zip(&row[shift..]) {
                 *least = if *next < *least { *next } else { *least };
@@ -215,10 +220,10 @@ fn least(plane: &[f32], out: &mut [f32], across: &mut [f32], wide: usize, reach:
         }
     }
     out.fill(0.0);
-    for y in reach..high - reach {
-        let to = &mut out[y * wide..][..wide];
-        to.copy_from_slice(&across[(y - reach) * wide..][..wide]);
-        for row in across[(y - reach + 1) * wide..(y + reach + 1) * wide].chunks_exact(wide) {
+    for y in reach..height - reach {
+        let to = &mut out[y * width..][..width];
+        to.copy_from_slice(&across[(y - reach) * width..][..width]);
+        for row in across[(y - reach + 1) * width..(y + reach + 1) * width].chunks_exact(width) {
             for (least, next) in to.iter_mut().zip(row) {
                 *least = if *next < *least { *next } else { *least };
             }

@@ -1,8 +1,7 @@
-//! Erosion: the voxels of a set all of whose neighbours are in it too.
+//! Erosion: keeps the voxels of a set whose neighbours are all in the set.
 //!
-//! In: a set of records of the lane along x. Out: the set without those that have a grid point that is not in the
-//! set, be it empty or outside the grid, within a box of neighbours. Slices stream through a window of tables, a byte a
-//! grid point of a slice.
+//! In: a set of records of the lane along x. Out: its records that have no grid point outside the set within a box
+//! around them. Points outside the grid are outside the set. Slices pass through a ring of tables with a byte a point.
 
 use adjsplat::arena::layout::TILE_EDGE;
 use adjsplat::arena::{Lane, LineSpan};
@@ -10,25 +9,25 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::RecordSet;
 use adjsplat::volume::Axis;
 
-/// Slices' tables at work: those of a row of tiles, and as far as neighbours reach before and behind.
+/// Slices that a row of tiles covers.
 const EDGE: usize = TILE_EDGE as usize;
 
-/// Bytes of tables that [`erode`] works with.
-pub fn erode_bytes(dims: [u32; 3], reach: usize) -> u64 {
+/// Returns the bytes that [`erode`] needs for its tables.
+pub(super) fn erode_bytes(dims: [u32; 3], reach: usize) -> u64 {
     u64::from(dims[0]) * u64::from(dims[1]) * (EDGE + 2 * reach + 1) as u64
 }
 
-/// Records of `set` all of whose neighbours up to `reach` steps away on every axis, diagonals too, are in `set`.
+/// Returns the records of `set` whose neighbours up to `reach` steps away, diagonals included, are all in `set`.
 ///
-/// `lane` runs along x. Time: O(grid points), memory [`erode_bytes`].
+/// `lane` runs along x. Takes O(grid points) time and [`erode_bytes`] of memory.
 ///
 /// # Errors
-/// [`Error::OutOfMemory`].
-pub fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<RecordSet> {
+/// [`Error::Limit`] if the memory cannot be had.
+pub(super) fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<RecordSet> {
     assert!(lane.axis == Axis::X, "sets are of the lane along x");
-    let [wide, high, deep] = lane.dims.map(|points| points as usize);
+    let [width, height, depth] = lane.dims.map(|points| points as usize);
     let inner = RecordSet::new(lane.steps.len())?;
-    let slice = wide * high;
+    let slice = width * height;
     let mut tables: Vec<u8> = Vec::new();
     let bytes = slice * (EDGE + 2 * reach);
     tables.try_reserve_exact(bytes).map_err(|_| Error::out_of_memory("slices' neighbourhoods", bytes as u64))?;
@@ -43,16 +42,16 @@ pub fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<RecordSet> {
             .take_while(move |tile| tile.0 == row)
             .flat_map(|tile| lane.tile_lines(&lane.tiles[tile.1], u64::MAX))
     };
-    // A slice's table has, first, whether a point is in the set; then whether all of its neighbours in the slice are.
+    // A table first holds whether a point is in the set, then whether its neighbours within the slice are too.
     let ring = EDGE + 2 * reach;
     let mut scratch = vec![0u8; slice];
-    for row in 0..=(deep + reach).div_ceil(EDGE) {
+    for row in 0..=(depth + reach).div_ceil(EDGE) {
         for z in row * EDGE..(row + 1) * EDGE {
             tables[z % ring * slice..][..slice].fill(0);
         }
         for line in lines_of(row) {
-            if let Some(start) = place(&line, wide, high, deep) {
-                let table = &mut tables[line.v as usize % ring * slice + start..][..wide];
+            if let Some(start) = line_start(&line, width, height, depth) {
+                let table = &mut tables[line.v as usize % ring * slice + start..][..width];
                 for (x, _) in lane.line_voxels(line.records).filter(|&(_, record)| set.contains(record)) {
                     if let Some(point) = table.get_mut(x as usize) {
                         *point = 1;
@@ -60,21 +59,21 @@ pub fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<RecordSet> {
                 }
             }
         }
-        for z in row * EDGE..((row + 1) * EDGE).min(deep) {
-            shrink(&mut tables[z % ring * slice..][..slice], &mut scratch, wide, reach);
+        for z in row * EDGE..((row + 1) * EDGE).min(depth) {
+            shrink(&mut tables[z % ring * slice..][..slice], &mut scratch, width, reach);
         }
-        // Slices whose neighbours are all there: `reach` behind the newest.
+        // Slices whose neighbours are complete: `reach` behind the newest.
         let newest = (row + 1) * EDGE;
-        let ready = newest.saturating_sub(EDGE + reach)..newest.saturating_sub(reach).min(deep);
+        let ready = newest.saturating_sub(EDGE + reach)..newest.saturating_sub(reach).min(depth);
         for row in ready.start / EDGE..=ready.end.saturating_sub(1) / EDGE {
             for line in lines_of(row) {
                 let z = line.v as usize;
-                if !ready.contains(&z) || z < reach || z + reach >= deep {
+                if !ready.contains(&z) || z < reach || z + reach >= depth {
                     continue;
                 }
-                let Some(start) = place(&line, wide, high, deep) else { continue };
+                let Some(start) = line_start(&line, width, height, depth) else { continue };
                 let whole = |x: usize| (z - reach..=z + reach).all(|z| tables[z % ring * slice + start + x] != 0);
-                for (x, record) in lane.line_voxels(line.records).filter(|&(x, _)| (x as usize) < wide) {
+                for (x, record) in lane.line_voxels(line.records).filter(|&(x, _)| (x as usize) < width) {
                     if set.contains(record) && whole(x as usize) {
                         inner.insert(record);
                     }
@@ -85,32 +84,31 @@ pub fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<RecordSet> {
     Ok(inner)
 }
 
-/// Where a line starts in a slice's table; `None` outside the grid.
-fn place(line: &LineSpan, wide: usize, high: usize, deep: usize) -> Option<usize> {
-    ((line.u as usize) < high && (line.v as usize) < deep).then(|| line.u as usize * wide)
+/// Returns where a line starts in a slice's table; `None` outside the grid.
+fn line_start(line: &LineSpan, width: usize, height: usize, depth: usize) -> Option<usize> {
+    ((line.u as usize) < height && (line.v as usize) < depth).then(|| line.u as usize * width)
 }
 
-/// Keeps the points of a slice whose neighbours within `reach` steps are all there.
-fn shrink(points: &mut [u8], scratch: &mut [u8], wide: usize, reach: usize) {
-    // Along x, then along y.
-    for (row, out) in points.chunks_exact(wide).zip(scratch.chunks_exact_mut(wide)) {
+/// Keeps the points of a slice whose neighbours within `reach` steps are all set; along x, then along y.
+fn shrink(points: &mut [u8], scratch: &mut [u8], width: usize, reach: usize) {
+    for (row, out) in points.chunks_exact(width).zip(scratch.chunks_exact_mut(width)) {
         out.fill(0);
         let mut run = 0;
-        for x in 0..wide {
+        for x in 0..width {
             run = if row[x] != 0 { run + 1 } else { 0 };
             if run > 2 * reach {
                 out[x - reach] = 1;
             }
         }
     }
-    let high = points.len() / wide;
+    let height = points.len() / width;
     points.fill(0);
-    let mut runs = vec![0usize; wide];
-    for y in 0..high {
-        for x in 0..wide {
-            runs[x] = if scratch[y * wide + x] != 0 { runs[x] + 1 } else { 0 };
+    let mut runs = vec![0usize; width];
+    for y in 0..height {
+        for x in 0..width {
+            runs[x] = if scratch[y * width + x] != 0 { runs[x] + 1 } else { 0 };
             if runs[x] > 2 * reach {
-                points[(y - reach) * wide + x] = 1;
+                points[(y - reach) * width + x] = 1;
             }
         }
     }
@@ -119,9 +117,9 @@ fn shrink(points: &mut [u8], scratch: &mut [u8], wide: usize, reach: usize) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use adjsplat::arena::Channels;
     use adjsplat::arena::Record;
     use adjsplat::arena::TileOrder;
-    use adjsplat::arena::layout::Channels;
     use adjsplat::internals::LanePacker;
 
     #[test]

@@ -1,10 +1,10 @@
-//! What leaving voxels out does to pictures.
+//! Measures how much pictures change when voxels are left out.
 
 use std::sync::{Mutex, PoisonError};
 
-use super::sampled::{settings, walks_along};
-use super::views::{JUDGING_SIDE, Shot};
-use super::{Culling, Stage, Watch, share_out};
+use super::sampled::{by_axis, settings};
+use super::views::{CullingView, JUDGING_SIDE};
+use super::{Culling, CullingObserver, CullingStage, in_parallel};
 use adjsplat::error::Result;
 use adjsplat::internals::RecordSet;
 use adjsplat::internals::carry;
@@ -12,39 +12,30 @@ use adjsplat::splat::cpu::render_without;
 use adjsplat::splat::{Frame, Lighting, Scene, Settings};
 use adjsplat::volume::Axis;
 
-/// What remains to be seen where a ray ends is this much smaller than the difference that is looked for.
+/// Rays end at a transmittance this many times smaller than the allowed difference.
 const TERMINATION: f64 = 64.0;
 
-/// Bytes that the pictures of one thread take at most.
+/// Returns the most bytes that one thread's pictures take.
 pub(super) fn bytes_a_thread() -> u64 {
-    // Two frames, and the band of one: 16 bytes a pixel each, guard pixels aside.
+    // Two frames and the renderer's band: 16 bytes a pixel each, plus guard pixels.
     3 * 16 * u64::from(JUDGING_SIDE + 64).pow(2)
 }
 
-/// For each shot the largest change of a pixel without the records `hidden` of the lane along x.
+/// Returns the largest change of a pixel in each view without `hidden`, which are records of the lane along x.
 ///
-/// Lit; over nothing and over white.
+/// Pictures are lit, and compared over nothing and over white.
 ///
 /// # Errors
-/// As the renderer; [`adjsplat::Error::Interrupted`] if `watch` says so.
+/// Those of the renderer; [`adjsplat::Error::Interrupted`] if the observer cancels.
 pub(super) fn differences(
     scene: &Scene,
-    shots: &[Shot],
+    views: &[CullingView],
     hidden: &RecordSet,
     culling: &Culling,
-    watch: Watch,
+    observer: CullingObserver,
 ) -> Result<Vec<f64>> {
-    let differences = Mutex::new(vec![0.0; shots.len()]);
-    for axis in Axis::ALL {
-        let mut own = Vec::new();
-        for (index, shot) in shots.iter().enumerate() {
-            if walks_along(scene, shot)? == axis {
-                own.push((index, shot));
-            }
-        }
-        if own.is_empty() {
-            continue;
-        }
+    let differences = Mutex::new(vec![0.0; views.len()]);
+    for (axis, own) in Axis::ALL.into_iter().zip(by_axis(scene, views)?).filter(|(_, own)| !own.is_empty()) {
         let lane = scene.lanes.lane(axis)?;
         let carried = match axis {
             Axis::X => None,
@@ -55,12 +46,12 @@ pub(super) fn differences(
             }
         };
         let left_out = carried.as_ref().unwrap_or(hidden);
-        share_out(own.len(), culling.threads, Stage::Compare, watch, |job| {
-            let (index, shot) = own[job];
+        in_parallel(own.len(), culling.threads, CullingStage::Compare, observer, |job| {
+            let (index, view) = own[job];
             let settings =
-                Settings { lighting: Some(Lighting::default()), ..settings(shot, culling.eps / TERMINATION) };
-            let (before, _) = render_without(scene, &shot.camera, &settings, None)?;
-            let (after, _) = render_without(scene, &shot.camera, &settings, Some(left_out))?;
+                Settings { lighting: Some(Lighting::default()), ..settings(view, culling.eps / TERMINATION) };
+            let (before, _) = render_without(scene, &view.camera, &settings, None)?;
+            let (after, _) = render_without(scene, &view.camera, &settings, Some(left_out))?;
             differences.lock().unwrap_or_else(PoisonError::into_inner)[index] = difference(&before, &after);
             Ok(())
         })?;
@@ -68,7 +59,7 @@ pub(super) fn differences(
     Ok(differences.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Largest difference of two frames of one size, premultiplied or over white.
+/// Returns the largest difference of two frames of one size, premultiplied or over white.
 fn difference(before: &Frame, after: &Frame) -> f64 {
     let (before, after) = (before.pixels().as_chunks::<4>().0, after.pixels().as_chunks::<4>().0);
     let mut worst = 0.0f32;

@@ -1,21 +1,21 @@
-//! Hidden voxels: visible ones that no view from outside shows.
+//! Hidden voxels: voxels that no view from outside shows.
 //!
-//! In: a scene, and by how much pictures may change. Out: the set of its hidden voxels, as records of the lane along
-//! x, and how it was found. Two algorithms: [`sampled`](Algorithm::Sampled) looks from many sides and measures, on
-//! other views, what leaving the voxels out does to the picture; [`certified`](Algorithm::Certified) proves it
-//! for every parallel view, in perspective where the walk's order is the ray's, and finds fewer.
+//! In: a scene, and how much pictures may change. Out: the set of hidden voxels, as records of the lane along x, and how
+//! it was found. There are two algorithms. [`Sampled`](Algorithm::Sampled) renders many views, and measures on other
+//! views how the picture changes without the voxels. [`Certified`](Algorithm::Certified) proves it for every parallel
+//! view, and in perspective for rays whose order is the walk's. It finds fewer voxels.
 //!
-//! What makes either safe: if every voxel that is left out has a transmittance of at most e in front of it, at every
-//! pixel of its footprint, then a pixel's frontmost missing splat and all behind it weigh e together. So the picture
-//! changes by e at most, however many voxels are missing.
+//! Why leaving them out is safe: assume that each missing voxel has a transmittance of at most e in front of it, at
+//! every pixel of its footprint. Then a pixel's frontmost missing splat and all that lies behind it weigh e together. So
+//! the picture changes by at most e, however many voxels are missing.
 //!
 //! Views from outside are parallel ones, and perspective ones whose eye is at least [`CLEARANCE`] voxels away from the
-//! box of the visible voxels: nearer eyes see footprints that an affine map does not fit, which reach over what should
-//! hide them (measured on the engine, eight voxels away: 10 of 34 such views changed, one by 0.16). Voxels are at least
-//! 1.2 pixels apart: in smaller pictures footprints are widened.
+//! box of the visible voxels. Nearer eyes see footprints that no affine map fits, which reach beyond what should hide
+//! them. (Measured on the engine, eight voxels away: 10 of 34 such views changed, one by 0.16.) Voxels are at least 1.2
+//! pixels apart, as smaller pictures widen footprints.
 //!
-//! It holds for compositing from outside, with colours from 0 to 1. An eye inside the volume, a crop that cuts in,
-//! another transfer function, or the modes that do not hide (maximum, x-ray) show that voxels are missing.
+//! The bound holds for compositing from outside with colours from 0 to 1. Missing voxels show if the eye is inside the
+//! volume, if a crop cuts in, with another transfer function, and in modes that do not hide (maximum, x-ray).
 
 mod certified;
 mod erode;
@@ -26,84 +26,83 @@ mod weight;
 
 use std::ops::ControlFlow;
 
-use self::views::{Subject, deciding, judging};
-use crate::hidden::erode::{erode, erode_bytes};
+use self::erode::{erode, erode_bytes};
+use self::views::{ViewTarget, deciding, judging};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::RecordSet;
 use adjsplat::internals::in_order;
 use adjsplat::splat::Scene;
 use adjsplat::volume::Axis;
 
-/// By how much a picture may change unless said otherwise: half a step of eight bits.
+/// The change of a picture that is allowed by default: half a step of eight bits.
 pub const DEFAULT_EPS: f64 = 1.0 / 512.0;
-/// Distance of the nearest eyes from the box of the visible voxels, in the coarsest distance between voxels.
+/// The least distance of an eye from the box of the visible voxels, in units of the coarsest voxel spacing.
 ///
-/// There an affine footprint of the standard kernel is within 2 % of its peak of the true one.
+/// At this distance the standard kernel's affine footprint is within 2 % of its peak of the true one.
 pub const CLEARANCE: f64 = 32.0;
-/// Views around the volume that decide, unless said otherwise.
+/// The default of [`Culling::views`].
 pub const DEFAULT_VIEWS: u32 = 240;
 
-/// How hidden voxels are found.
+/// How hidden voxels are found. Both results are then measured on other views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Algorithm {
-    /// By looking from many sides; judged on others.
+    /// By rendering many views.
     Sampled,
-    /// By a bound on what lies in front along every line; judged likewise.
+    /// By a lower bound on the optical depth in front of a voxel along every line.
     Certified,
 }
 
-/// What to look for, and with what.
+/// Settings of the search for hidden voxels.
 #[derive(Debug, Clone, Copy)]
 pub struct Culling {
-    /// By how much a pixel's premultiplied colour or alpha may change; above 0, below 1.
+    /// Largest change of a pixel's premultiplied colour or alpha; above 0, below 1.
     pub eps: f64,
-    /// How to find hidden voxels.
+    /// The algorithm that finds them.
     pub algorithm: Algorithm,
-    /// Views around the volume that decide, beside those along axes and diagonals and from near its faces; at least 1.
+    /// Views from all around that decide, besides those along axes and diagonals and near the faces; at least 1.
     pub views: u32,
-    /// Other views that judge, from where chance has it, beside 26 along axes and diagonals.
+    /// Random views that measure the change, besides 26 along axes and diagonals.
     pub judging_views: u32,
-    /// Threads, at least 1.
+    /// Number of threads, at least 1.
     pub threads: usize,
-    /// Bytes that may be taken beside the scene.
+    /// Bytes of memory that may be used besides the scene.
     pub memory: u64,
 }
 
-/// What is being done.
+/// The step that a search is at.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Stage {
-    /// Looking for what is seen.
+pub enum CullingStage {
+    /// Views are rendered to see which voxels they show.
     Look,
-    /// Comparing pictures with and without the hidden voxels.
+    /// Pictures with and without the hidden voxels are compared.
     Compare,
 }
 
-/// Told how many of how many steps of a stage are done; `Break` stops with [`Error::Interrupted`].
-pub type Watch<'a> = &'a mut dyn FnMut(Stage, u64, u64) -> ControlFlow<()>;
+/// Receives a stage, the steps done and the steps in total; `Break` cancels with [`Error::Interrupted`].
+pub type CullingObserver<'a> = &'a mut dyn FnMut(CullingStage, u64, u64) -> ControlFlow<()>;
 
-/// Hidden voxels, and how they were found.
+/// The hidden voxels of a scene, and how they were found.
 #[derive(Debug)]
-pub struct Hidden {
-    /// Records of the lane along x, its stepping voxels aside.
+pub struct HiddenVoxels {
+    /// Their records in the lane along x, without stepping records.
     pub records: RecordSet,
-    /// How many.
+    /// Number of hidden voxels.
     pub count: u64,
-    /// Views that decided.
+    /// Number of views that decided.
     pub views: u64,
-    /// Other views that judged.
+    /// Number of other views that measured the change.
     pub judging_views: u64,
-    /// Largest change of a pixel's premultiplied colour or alpha, or of its colour over white, that these showed.
+    /// Largest change of a pixel's premultiplied colour or alpha, or of its colour over white, in those views.
     pub worst_difference: f64,
-    /// Times that views of a lane were gone through: once each, more for want of memory.
+    /// Passes over the views of a lane: one each, more if memory is scarce.
     pub passes: u64,
-    /// Sets of judging views that were needed; one unless voxels had to be restored.
+    /// Sets of measuring views that were needed; 1 unless voxels had to be restored.
     pub rounds: u32,
 }
 
-/// Sets of judging views that may be asked for.
+/// Most sets of measuring views that are tried.
 const ROUNDS: u32 = 8;
-/// Cells around a hidden voxel that must be hidden voxels too: one, and where three sets of judges disagreed one more
-/// for each set after them.
+/// Returns how many cells around a hidden voxel must be hidden too. It grows after the third round that failed.
 fn skin(round: u32) -> usize {
     1 + round.saturating_sub(2) as usize
 }
@@ -111,24 +110,25 @@ fn skin(round: u32) -> usize {
 /// Finds the hidden voxels of a scene.
 ///
 /// ```text
-/// seen = what deciding views show (sampled), or what is not proven hidden (certified)
+/// seen = voxels that deciding views show (sampled), or that are not proven hidden (certified)
 /// repeat
-///     hidden = not seen; for the sampled ones, with all neighbours up to `skin` away
-///     done if no judging view differs by more than eps without the hidden ones
-///     seen += what these views show, at half the threshold; judge by new ones
+///     hidden = voxels not in seen; if sampled, only those whose neighbours up to `skin` away are not seen either
+///     done if no measuring view changes by more than eps without the hidden voxels
+///     seen += voxels that these views show, at half the threshold; take new measuring views
 /// ```
 ///
-/// The neighbours matter: what one view shows through a narrow gap, views between the deciding ones show next to it.
-/// Measured on the engine (docs/studies/hidden.md): without them a quarter of the judging views changed, some by 0.3.
+/// The neighbours matter: views between the deciding ones look through a narrow gap at a voxel next to those seen.
+/// Measured on the engine (docs/studies/hidden.md): without them a quarter of the views changed, some by 0.3.
 ///
-/// Memory: some bits a record, eleven bytes a grid point of a slice, and pictures; checked before any is taken.
+/// Takes some bits a record, eleven bytes a grid point of a slice, and pictures; checked before anything is allocated.
 ///
 /// # Errors
-/// [`Error::Input`] if a number is out of its range, there are no voxels, or the judging views never agree;
-/// [`Error::Limit`] if the memory does not suffice; [`Error::Interrupted`] if `watch` says so.
-pub fn find(scene: &Scene, culling: &Culling, watch: Watch) -> Result<Hidden> {
+/// [`Error::Input`] if a setting is out of its range, there are no voxels, or pictures still change after all rounds;
+/// [`Error::Limit`] if the memory does not suffice; [`Error::Interrupted`] if the observer cancels.
+pub fn find(scene: &Scene, culling: &Culling, observer: CullingObserver) -> Result<HiddenVoxels> {
     if !(culling.eps > 0.0 && culling.eps < 1.0) {
-        return Err(Error::input("--cull-hidden", format!("is {}, but must be above 0 and below 1", culling.eps)));
+        let why = format!("is {}, but must be above 0 and below 1", culling.eps);
+        return Err(Error::input("allowed change by hidden voxels", why));
     }
     if culling.threads == 0 || culling.views == 0 {
         return Err(Error::input("hidden voxels", "need at least one thread and one view"));
@@ -136,29 +136,31 @@ pub fn find(scene: &Scene, culling: &Culling, watch: Watch) -> Result<Hidden> {
     let lane = scene.lanes.lane(Axis::X)?;
     let bounds = lane.bounds().ok_or_else(|| Error::input("hidden voxels", "there are no voxels"))?;
     let spare = spare_memory(lane.steps.len(), lane.dims, culling)?;
-    let subject = Subject::new(scene.facts, bounds);
+    let target = ViewTarget::new(scene.facts, bounds);
     let seen = RecordSet::new(lane.steps.len())?;
     let mut threshold = culling.eps / 4.0;
     let (mut views, mut passes) = (0, 0);
     match culling.algorithm {
         Algorithm::Sampled => {
-            let shots = deciding(&subject, culling.views)?;
-            passes += sampled::look(scene, &shots, threshold, &seen, culling.threads, spare, watch)?;
-            views += shots.len() as u64;
+            let deciders = deciding(&target, culling.views)?;
+            passes += sampled::look(scene, &deciders, threshold, &seen, culling.threads, spare, observer)?;
+            views += deciders.len() as u64;
         }
-        Algorithm::Certified => certified::uncertain(scene, &seen, &Culling { memory: spare, ..*culling }, watch)?,
+        Algorithm::Certified => {
+            certified::possibly_visible(scene, &seen, &Culling { memory: spare, ..*culling }, observer)?
+        }
     }
     for round in 0..ROUNDS {
-        let rest = sampled::rest(&lane, &seen)?;
+        let unseen = sampled::unseen(&lane, &seen)?;
         let hidden = match culling.algorithm {
-            Algorithm::Sampled => erode(&lane, &rest, skin(round))?,
-            Algorithm::Certified => rest,
+            Algorithm::Sampled => erode(&lane, &unseen, skin(round))?,
+            Algorithm::Certified => unseen,
         };
-        let judges = judging(&subject, culling.judging_views, round)?;
-        let differences = measure::differences(scene, &judges, &hidden, culling, watch)?;
+        let judges = judging(&target, culling.judging_views, round)?;
+        let differences = measure::differences(scene, &judges, &hidden, culling, observer)?;
         let worst_difference = differences.iter().copied().fold(0.0, f64::max);
         if worst_difference <= culling.eps {
-            return Ok(Hidden {
+            return Ok(HiddenVoxels {
                 count: hidden.count(),
                 records: hidden,
                 views,
@@ -169,37 +171,35 @@ pub fn find(scene: &Scene, culling: &Culling, watch: Watch) -> Result<Hidden> {
             });
         }
         threshold /= 2.0;
-        passes += sampled::look(scene, &judges, threshold, &seen, culling.threads, spare, watch)?;
+        passes += sampled::look(scene, &judges, threshold, &seen, culling.threads, spare, observer)?;
         views += judges.len() as u64;
     }
-    let why = format!(
-        "still change pictures by more than {} after {ROUNDS} sets of views; give a larger --cull-hidden=EPS, or leave it out",
-        culling.eps
-    );
+    let eps = culling.eps;
+    let why = format!("still change pictures by more than {eps} after {ROUNDS} sets of views; allow a larger change");
     Err(Error::input("hidden voxels", why))
 }
 
-/// What is left of the memory for a lane's marks, or the layers of a proof.
+/// Returns the memory that remains for a lane's marks, or for the layers of a proof.
 fn spare_memory(records: usize, dims: [u32; 3], culling: &Culling) -> Result<u64> {
-    // What is seen, the rest, its inner part, and one of them along another lane.
+    // Voxels seen, voxels unseen, the eroded set, and one of them along another lane.
     let sets = 4 * RecordSet::bytes_for(records);
     let pictures = measure::bytes_a_thread() * culling.threads as u64;
     let fixed = sets.saturating_add(erode_bytes(dims, skin(ROUNDS))).saturating_add(pictures);
-    // Views are looked at eight times at most.
+    // With less than an eighth of the marks, views would be rendered more than eight times.
     let need = fixed.saturating_add(RecordSet::bytes_for(records).div_ceil(8));
     if need > culling.memory {
-        let what = "memory for finding hidden voxels in bytes; leave out --cull-hidden, or use fewer threads";
+        let what = "memory for finding hidden voxels in bytes (fewer threads need less)";
         return Err(Error::Limit { what: what.into(), need, have: culling.memory });
     }
     Ok(culling.memory - fixed)
 }
 
-/// Does `job` for 0 to `count`, shared out among threads.
-fn share_out(
+/// Calls `job` with 0 to `count`, on several threads.
+fn in_parallel(
     count: usize,
     threads: usize,
-    stage: Stage,
-    watch: Watch,
+    stage: CullingStage,
+    observer: CullingObserver,
     job: impl Fn(usize) -> Result<()> + Sync,
 ) -> Result<()> {
     in_order(
@@ -207,10 +207,10 @@ fn share_out(
         threads,
         || (),
         |(), index| job(index),
-        |index, ()| go_on(watch, stage, index as u64 + 1, count as u64),
+        |index, ()| report_step(observer, stage, index as u64 + 1, count as u64),
     )
 }
 
-fn go_on(watch: Watch, stage: Stage, done: u64, total: u64) -> Result<()> {
-    if watch(stage, done, total).is_break() { Err(Error::Interrupted) } else { Ok(()) }
+fn report_step(observer: CullingObserver, stage: CullingStage, done: u64, total: u64) -> Result<()> {
+    if observer(stage, done, total).is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }

@@ -1,55 +1,51 @@
-//! Hidden by sampling: what none of many views shows.
+//! Hidden voxels by sampling: those that none of many views shows.
 //!
-//! In: views. Out: the records, of the lane along x, that any of them shows at a transmittance of at least a threshold
-//! in front. The renderer itself does the looking (`cpu/seen.rs`), in its own order and with its own footprints. Views
-//! walk along any of the three lanes; what they mark there is carried over to the lane along x.
+//! In: views. Out: the records of the lane along x that any view shows with at least a threshold of transmittance in
+//! front. The renderer itself marks them (`cpu/visible.rs`), in its own order and with its own footprints. Views walk along
+//! any of the three lanes; their marks are carried over to the lane along x.
 
-use super::views::Shot;
-use super::{Stage, Watch, share_out};
+use super::views::CullingView;
+use super::{CullingObserver, CullingStage, in_parallel};
 use adjsplat::arena::Lane;
 use adjsplat::error::Result;
 use adjsplat::internals::RecordSet;
 use adjsplat::internals::carry;
-use adjsplat::splat::cpu::{Seen, note_seen};
+use adjsplat::splat::cpu::{VisibleRecords, mark_visible};
 use adjsplat::splat::{Quality, Scene, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::Axis;
 
-/// Adds to `seen`, of the lane along x, what the shots show; says how often lanes were gone through.
+/// Adds what the views show to `seen`, a set of records of the lane along x; returns the passes over lanes.
 ///
-/// A lane's marks take a bit a record. Where that is more than `memory` bytes, the views are looked at several times,
-/// each time for other records.
+/// A lane's marks take a bit a record. If that is more than `memory` bytes, the views are rendered several times, each
+/// time for other records.
 ///
 /// # Errors
-/// As the renderer; [`adjsplat::Error::Interrupted`] if `watch` says so.
+/// Those of the renderer; [`adjsplat::Error::Interrupted`] if the observer cancels.
 pub(super) fn look(
     scene: &Scene,
-    shots: &[Shot],
+    views: &[CullingView],
     threshold: f64,
     seen: &RecordSet,
     threads: usize,
     memory: u64,
-    watch: Watch,
+    observer: CullingObserver,
 ) -> Result<u64> {
     let mut passes = 0;
-    for axis in Axis::ALL {
-        let mut own = Vec::new();
-        for shot in shots {
-            if walks_along(scene, shot)? == axis {
-                own.push(shot);
-            }
-        }
-        if own.is_empty() {
-            continue;
-        }
+    for (axis, own) in Axis::ALL.into_iter().zip(by_axis(scene, views)?).filter(|(_, own)| !own.is_empty()) {
         let lane = scene.lanes.lane(axis)?;
         let records = lane.steps.len();
-        let piece = usize::try_from(memory.saturating_mul(8)).unwrap_or(usize::MAX).clamp(64, records.max(64));
-        for first in (0..records).step_by(piece) {
-            let marked = RecordSet::new(piece.min(records - first))?;
-            share_out(own.len(), threads, Stage::Look, watch, |index| {
-                let settings = settings(own[index], threshold);
-                note_seen(scene, &own[index].camera, &settings, Seen { records: &marked, first })
+        let window = usize::try_from(memory.saturating_mul(8)).unwrap_or(usize::MAX).clamp(64, records.max(64));
+        for first in (0..records).step_by(window) {
+            let marked = RecordSet::new(window.min(records - first))?;
+            in_parallel(own.len(), threads, CullingStage::Look, observer, |index| {
+                let (_, view) = own[index];
+                mark_visible(
+                    scene,
+                    &view.camera,
+                    &settings(view, threshold),
+                    VisibleRecords { records: &marked, first },
+                )
             })?;
             passes += 1;
             let is_marked = |record: usize| record.checked_sub(first).is_some_and(|record| marked.contains(record));
@@ -65,28 +61,34 @@ pub(super) fn look(
     Ok(passes)
 }
 
-/// The axis that a shot's walk has innermost.
-pub(super) fn walks_along(scene: &Scene, shot: &Shot) -> Result<Axis> {
-    let view = View::new(&shot.camera, &scene.facts.grid, shot.size, shot.kernel, None)?;
-    Ok(Order::new(view.viewpoint, scene.facts.grid.dims, Sense::FrontToBack, SplitForm::default())?.fast)
+/// Returns for each axis the views, with their indices, that walk along it: it is the innermost axis of their order.
+pub(super) fn by_axis<'a>(scene: &Scene, views: &'a [CullingView]) -> Result<[Vec<(usize, &'a CullingView)>; 3]> {
+    let mut views_of = [const { Vec::new() }; 3];
+    let grid = &scene.facts.grid;
+    for (index, view) in views.iter().enumerate() {
+        let viewpoint = View::new(&view.camera, grid, view.size, view.kernel, None)?.viewpoint;
+        let order = Order::new(viewpoint, grid.dims, Sense::FrontToBack, SplitForm::default())?;
+        views_of[order.fast.index()].push((index, view));
+    }
+    Ok(views_of)
 }
 
-/// How a shot is drawn.
+/// Returns the settings that draw a view.
 #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
-pub(super) fn settings(shot: &Shot, termination: f64) -> Settings {
+pub(super) fn settings(view: &CullingView, termination: f64) -> Settings {
     Settings {
         quality: Quality::Reference,
-        kernel: Some(shot.kernel),
+        kernel: Some(view.kernel),
         termination: Some(termination as f32),
         lighting: None,
-        ..Settings::every_pixel(shot.size)
+        ..Settings::every_pixel(view.size)
     }
 }
 
-/// The voxels of the lane along x that are not in `seen`.
-pub(super) fn rest(lane: &Lane, seen: &RecordSet) -> Result<RecordSet> {
-    let rest = RecordSet::new(lane.steps.len())?;
+/// Returns the voxels of the lane along x that are not in `seen`.
+pub(super) fn unseen(lane: &Lane, seen: &RecordSet) -> Result<RecordSet> {
+    let unseen = RecordSet::new(lane.steps.len())?;
     let voxels = (0..lane.steps.len()).filter(|&record| lane.steps[record] != 0);
-    voxels.filter(|&record| !seen.contains(record)).for_each(|record| rest.insert(record));
-    Ok(rest)
+    voxels.filter(|&record| !seen.contains(record)).for_each(|record| unseen.insert(record));
+    Ok(unseen)
 }

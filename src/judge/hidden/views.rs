@@ -1,7 +1,7 @@
-//! The views that decide what is hidden, and those that judge it.
+//! Views that decide which voxels are hidden, and views that measure the change without them.
 //!
-//! In: what the visible voxels fill. Out: cameras around it, all outside of it, with the size of their picture and a
-//! kernel. No view of the one kind is one of the other.
+//! In: the box of the visible voxels. Out: cameras outside it, each with a picture size and a kernel. No deciding view is
+//! a measuring view.
 
 use std::f64::consts::PI;
 
@@ -14,24 +14,24 @@ use adjsplat::splat::camera::WorldFrame;
 use adjsplat::splat::view::MAX_SIZE;
 use adjsplat::splat::{Camera, KernelShape, Projection, Quality, Surround};
 
-/// Pixels of the smallest distance between voxels: footprints of every kernel stay clear of the low-pass, which would
-/// show more than there is, and still are small enough to be drawn fast.
+/// Pixels between the closest voxels. Footprints of every kernel are then above the low-pass, which would show more
+/// voxels, yet small enough to be drawn fast.
 const PIXELS_PER_VOXEL: f64 = 1.5;
 
-/// The same at the far end of a perspective view: the least that keeps clear of the low-pass.
+/// The same at the far end of a perspective view: the least that is above the low-pass.
 const PIXELS_PER_FARTHEST: f64 = 1.2;
 
-/// One picture.
+/// A view of the visible voxels.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Shot {
+pub(super) struct CullingView {
     pub(super) camera: Camera,
     pub(super) size: [u32; 2],
     pub(super) kernel: KernelShape,
 }
 
-/// What views are laid around.
+/// The visible voxels, which views look at.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Subject {
+pub(super) struct ViewTarget {
     centre: DVec3,
     radius: f64,
     frame: WorldFrame,
@@ -42,12 +42,12 @@ pub(super) struct Subject {
     high: [u16; 3],
 }
 
-impl Subject {
-    /// The voxels in `low..=high`, by x, y, z.
-    pub(super) fn new(facts: &Facts, (low, high): ([u16; 3], [u16; 3])) -> Subject {
+impl ViewTarget {
+    /// Makes the target of the voxels from `low` to `high`, inclusive.
+    pub(super) fn new(facts: &Facts, (low, high): ([u16; 3], [u16; 3])) -> ViewTarget {
         let Surround { centre, radius } = Surround::of_voxels(&facts.grid, low, high);
         let spacing = facts.grid.spacing;
-        Subject {
+        ViewTarget {
             centre: DVec3::from_array(centre),
             // Footprints reach beyond the outermost voxels.
             radius: radius + 3.5 * spacing.iter().copied().fold(0.0, f64::max),
@@ -59,33 +59,33 @@ impl Subject {
         }
     }
 
-    /// A parallel view of everything, along `direction`.
-    fn parallel(&self, direction: DVec3, kernel: KernelShape, most: u32) -> Result<Shot> {
+    /// Returns a parallel view of everything, along `direction`.
+    fn parallel(&self, direction: DVec3, kernel: KernelShape, most: u32) -> Result<CullingView> {
         let side = pixels(2.0 * self.radius / self.finest * PIXELS_PER_VOXEL, most);
         let eye = self.centre - direction * (2.0 * self.radius);
         let projection = Projection::Parallel { height: 2.0 * self.radius };
-        let camera = Camera::new(eye.to_array(), self.centre.to_array(), up(direction), projection)?;
-        Ok(Shot { camera, size: [side; 2], kernel })
+        let camera = Camera::new(eye.to_array(), self.centre.to_array(), any_up(direction), projection)?;
+        Ok(CullingView { camera, size: [side; 2], kernel })
     }
 
-    /// A perspective view from `eye` to `target` with an angle of `fov` degrees.
-    fn perspective(&self, eye: DVec3, target: DVec3, fov: f64, kernel: KernelShape, most: u32) -> Result<Shot> {
-        // Fine enough at the far end; what is nearer is larger anyway.
+    /// Returns a perspective view from `eye` to `target` with a vertical angle of `fov` degrees.
+    fn perspective(&self, eye: DVec3, target: DVec3, fov: f64, kernel: KernelShape, most: u32) -> Result<CullingView> {
+        // Fine enough at the far end; nearer voxels are larger.
         let width = 2.0 * (fov.to_radians() / 2.0).tan() * (eye.distance(self.centre) + self.radius);
         let side = pixels(width / self.finest * PIXELS_PER_FARTHEST, most);
         let projection = Projection::Perspective { fov };
-        let camera = Camera::new(eye.to_array(), target.to_array(), up(target - eye), projection)?;
-        Ok(Shot { camera, size: [side; 2], kernel })
+        let camera = Camera::new(eye.to_array(), target.to_array(), any_up(target - eye), projection)?;
+        Ok(CullingView { camera, size: [side; 2], kernel })
     }
 
-    /// Along `direction` toward the middle, `away` radii from it, all in the picture.
-    fn afar(&self, direction: DVec3, away: f64, kernel: KernelShape, most: u32) -> Result<Shot> {
+    /// Returns a perspective view of everything along `direction`, `away` radii from the centre.
+    fn whole_volume(&self, direction: DVec3, away: f64, kernel: KernelShape, most: u32) -> Result<CullingView> {
         let fov = 2.0 * (1.0 / away).asin().to_degrees();
         self.perspective(self.centre - direction * (away * self.radius), self.centre, fov, kernel, most)
     }
 
-    /// From near the box of the voxels, at a place that `along` picks (three numbers of 0 to 1), to the middle.
-    fn beside_face(&self, face: usize, along: [f64; 3], kernel: KernelShape, most: u32) -> Result<Shot> {
+    /// Returns a view to the centre from near a face of the box; `place` has three numbers from 0 to 1.
+    fn beside_face(&self, face: usize, place: [f64; 3], kernel: KernelShape, most: u32) -> Result<CullingView> {
         let axis = face / 2;
         let clear = CLEARANCE * self.coarsest / self.frame.steps[axis].length();
         let at = std::array::from_fn(|a| {
@@ -93,7 +93,7 @@ impl Subject {
             match (a == axis, face % 2) {
                 (true, 0) => low - clear,
                 (true, _) => high + clear,
-                _ => low + along[a] * (high - low),
+                _ => low + place[a] * (high - low),
             }
         });
         self.perspective(self.frame.world_from_voxel(at), self.centre, 60.0, kernel, most)
@@ -106,15 +106,15 @@ fn pixels(needed: f64, most: u32) -> u32 {
     side
 }
 
-/// Any direction across the view; the same for the same view.
-fn up(direction: DVec3) -> [f64; 3] {
+/// Returns a direction across the view; always the same for the same view.
+fn any_up(direction: DVec3) -> [f64; 3] {
     direction.any_orthogonal_vector().to_array()
 }
 
-/// `index` of `count` directions spread evenly over the sphere.
+/// Returns number `index` of `count` directions spread evenly over the sphere.
 ///
 /// Source: Fibonacci sphere; Swinbank and Purser, "Fibonacci grids", 2006.
-fn spread(index: u32, count: u32) -> DVec3 {
+fn sphere_direction(index: u32, count: u32) -> DVec3 {
     let golden = PI * (5.0f64.sqrt() - 1.0);
     let z = 1.0 - (2.0 * f64::from(index) + 1.0) / f64::from(count);
     let across = (1.0 - z * z).sqrt();
@@ -122,7 +122,7 @@ fn spread(index: u32, count: u32) -> DVec3 {
     DVec3::new(across * cos, across * sin, z)
 }
 
-/// The 26 directions along axes and diagonals of the grid's index space.
+/// Returns the 26 directions along axes and diagonals of the grid.
 fn axes_and_diagonals(frame: &WorldFrame) -> impl Iterator<Item = DVec3> + '_ {
     let signs = |n: i32| [n % 3 - 1, n / 3 % 3 - 1, n / 9 - 1];
     (0..27).filter(|&n| n != 13).map(move |n| {
@@ -133,68 +133,68 @@ fn axes_and_diagonals(frame: &WorldFrame) -> impl Iterator<Item = DVec3> + '_ {
 
 const KERNELS: [Quality; 3] = [Quality::Standard, Quality::High, Quality::Draft];
 
-/// The deciding views: along all axes and diagonals with every kernel, then `count` around, alternating.
-pub(super) fn deciding(subject: &Subject, count: u32) -> Result<Vec<Shot>> {
-    let mut shots = Vec::new();
-    for direction in axes_and_diagonals(&subject.frame) {
+/// Returns the deciding views: all axes and diagonals with every kernel, then `count` around, then some near faces.
+pub(super) fn deciding(target: &ViewTarget, count: u32) -> Result<Vec<CullingView>> {
+    let mut views = Vec::new();
+    for direction in axes_and_diagonals(&target.frame) {
         for quality in KERNELS {
-            shots.push(subject.parallel(direction, quality.kernel(), MAX_SIZE)?);
+            views.push(target.parallel(direction, quality.kernel(), MAX_SIZE)?);
         }
     }
-    let mut chance = Chance(1);
+    let mut random = RandomNumbers(1);
     for index in 0..count {
-        let direction = spread(index, count);
+        let direction = sphere_direction(index, count);
         // Neighbours on the sphere are a Fibonacci number of steps apart: kinds alternate among them too.
         let kernel = KERNELS[(index % 4).saturating_sub(1) as usize].kernel();
-        shots.push(match index % 5 {
-            3 => subject.afar(direction, 1.0 + chance.number() * 3.0 + 0.15, kernel, MAX_SIZE)?,
-            _ => subject.parallel(direction, kernel, MAX_SIZE)?,
+        views.push(match index % 5 {
+            3 => target.whole_volume(direction, 1.0 + random.number() * 3.0 + 0.15, kernel, MAX_SIZE)?,
+            _ => target.parallel(direction, kernel, MAX_SIZE)?,
         });
     }
     for face in 0..6 {
         for _ in 0..(count / 60).max(1) {
-            let along = [chance.number(), chance.number(), chance.number()];
-            shots.push(subject.beside_face(face, along, Quality::Standard.kernel(), MAX_SIZE)?);
+            let place = [random.number(), random.number(), random.number()];
+            views.push(target.beside_face(face, place, Quality::Standard.kernel(), MAX_SIZE)?);
         }
     }
-    Ok(shots)
+    Ok(views)
 }
 
-/// Side in pixels that judging pictures have at most: they are held in memory twice.
+/// Longest side of a measuring view's picture in pixels: two are in memory at once.
 pub(super) const JUDGING_SIDE: u32 = 1_536;
 
-/// Perspective views along all axes and diagonals, and `count` from where chance has it; others for every `round`.
-pub(super) fn judging(subject: &Subject, count: u32, round: u32) -> Result<Vec<Shot>> {
-    let mut chance = Chance(0x9e37_79b9 + u64::from(round));
-    let mut shots = Vec::new();
-    for direction in axes_and_diagonals(&subject.frame) {
+/// Returns the measuring views of a round: perspective along all axes and diagonals, and `count` random ones.
+pub(super) fn judging(target: &ViewTarget, count: u32, round: u32) -> Result<Vec<CullingView>> {
+    let mut random = RandomNumbers(0x9e37_79b9 + u64::from(round));
+    let mut views = Vec::new();
+    for direction in axes_and_diagonals(&target.frame) {
         let kernel = Quality::Standard.kernel();
-        shots.push(subject.afar(direction, 1.3 + f64::from(round), kernel, JUDGING_SIDE)?);
+        views.push(target.whole_volume(direction, 1.3 + f64::from(round), kernel, JUDGING_SIDE)?);
     }
     for index in 0..count {
-        let z = 2.0 * chance.number() - 1.0;
-        let (sin, cos) = (2.0 * PI * chance.number()).sin_cos();
+        let z = 2.0 * random.number() - 1.0;
+        let (sin, cos) = (2.0 * PI * random.number()).sin_cos();
         let across = (1.0 - z * z).sqrt();
         let direction = DVec3::new(across * cos, across * sin, z);
         let kernel = KERNELS[(index % 4).saturating_sub(1) as usize].kernel();
-        shots.push(match index % 6 {
-            0..=2 => subject.parallel(direction, kernel, JUDGING_SIDE)?,
-            3 | 4 => subject.afar(direction, 1.15 + 3.0 * chance.number(), kernel, JUDGING_SIDE)?,
+        views.push(match index % 6 {
+            0..=2 => target.parallel(direction, kernel, JUDGING_SIDE)?,
+            3 | 4 => target.whole_volume(direction, 1.15 + 3.0 * random.number(), kernel, JUDGING_SIDE)?,
             _ => {
-                let along = [chance.number(), chance.number(), chance.number()];
-                subject.beside_face((index / 6 % 6) as usize, along, kernel, JUDGING_SIDE)?
+                let place = [random.number(), random.number(), random.number()];
+                target.beside_face((index / 6 % 6) as usize, place, kernel, JUDGING_SIDE)?
             }
         });
     }
-    Ok(shots)
+    Ok(views)
 }
 
-/// Numbers from 0 to 1 that are the same on every machine.
+/// Random numbers from 0 to 1, the same on every machine.
 ///
 /// Source: Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014 (SplitMix64).
-struct Chance(u64);
+struct RandomNumbers(u64);
 
-impl Chance {
+impl RandomNumbers {
     fn number(&mut self) -> f64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut bits = self.0;

@@ -2,16 +2,16 @@
 
 use adjsplat::splat::Frame;
 
-/// sRGB values of a picture.
-pub(super) struct Display {
-    /// Columns, rows.
+/// A picture in sRGB.
+pub(super) struct DisplayPicture {
+    /// Columns and rows.
     pub(super) size: [usize; 2],
-    /// Red, green, blue, 0 to 1.
+    /// Red, green and blue, 0 to 1.
     pub(super) colours: Vec<[f64; 3]>,
 }
 
-impl Display {
-    pub(super) fn new(frame: &Frame, background: [f32; 3]) -> Display {
+impl DisplayPicture {
+    pub(super) fn new(frame: &Frame, background: [f32; 3]) -> DisplayPicture {
         let behind = background.map(f64::from);
         let shown = |&[r, g, b, alpha]: &[f32; 4]| {
             let clear = 1.0 - f64::from(alpha);
@@ -19,10 +19,10 @@ impl Display {
             std::array::from_fn(|c| encoded(over[c] + clear * behind[c]))
         };
         let colours = frame.pixels().as_chunks::<4>().0.iter().map(shown).collect();
-        Display { size: frame.size().map(|side| side as usize), colours }
+        DisplayPicture { size: frame.size().map(|side| side as usize), colours }
     }
 
-    /// One number of each pixel.
+    /// Returns one number per pixel.
     pub(super) fn plane(&self, of: impl Fn([f64; 3]) -> f64) -> Vec<f64> {
         self.colours.iter().map(|&colour| of(colour)).collect()
     }
@@ -34,7 +34,7 @@ fn encoded(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { linear * 12.92 } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
 }
 
-/// Its inverse.
+/// The inverse of the sRGB transfer function.
 pub(super) fn decoded(encoded: f64) -> f64 {
     if encoded <= 0.040_45 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) }
 }

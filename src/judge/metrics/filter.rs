@@ -1,34 +1,34 @@
-//! Separable filters over planes of numbers. Beyond the border the border's value goes on.
+//! Separable filters of planes of numbers. Beyond the border, the value at the border continues.
 
-/// Weights around a middle, an odd number of them.
-pub(super) struct Kernel(Vec<f64>);
+/// An odd number of weights around a centre.
+pub(super) struct FilterKernel(Vec<f64>);
 
-impl Kernel {
-    /// Weights of the offsets from `-radius` to `radius`.
-    pub(super) fn new(radius: usize, weight: impl Fn(f64) -> f64) -> Kernel {
-        Kernel((0..=2 * radius).map(|at| weight(at as f64 - radius as f64)).collect())
+impl FilterKernel {
+    /// Makes a kernel of the weights at `-radius` to `radius`.
+    pub(super) fn new(radius: usize, weight: impl Fn(f64) -> f64) -> FilterKernel {
+        FilterKernel((0..=2 * radius).map(|at| weight(at as f64 - radius as f64)).collect())
     }
 
-    /// The sum of its weights that `wanted` takes.
+    /// Returns the sum of the weights for which `wanted` is true.
     pub(super) fn sum(&self, wanted: impl Fn(f64) -> bool) -> f64 {
         self.0.iter().filter(|weight| wanted(**weight)).sum()
     }
 
-    /// The same with other weights.
-    pub(super) fn map(self, change: impl Fn(f64) -> f64) -> Kernel {
-        Kernel(self.0.into_iter().map(change).collect())
+    /// Returns the kernel with every weight changed.
+    pub(super) fn map(self, change: impl Fn(f64) -> f64) -> FilterKernel {
+        FilterKernel(self.0.into_iter().map(change).collect())
     }
 
-    /// A Gaussian whose weights add up to 1.
-    pub(super) fn gaussian(radius: usize, sigma: f64) -> Kernel {
-        let kernel = Kernel::new(radius, |x| (-0.5 * (x / sigma).powi(2)).exp());
+    /// Returns a Gaussian whose weights sum to 1.
+    pub(super) fn gaussian(radius: usize, sigma: f64) -> FilterKernel {
+        let kernel = FilterKernel::new(radius, |x| (-0.5 * (x / sigma).powi(2)).exp());
         let sum = kernel.sum(|_| true);
         kernel.map(|weight| weight / sum)
     }
 }
 
-/// `plane` of `columns` filtered by `across` along rows and by `down` along columns.
-pub(super) fn filtered(plane: &[f64], columns: usize, across: &Kernel, down: &Kernel) -> Vec<f64> {
+/// Filters `plane` with `across` along rows and with `down` along columns.
+pub(super) fn filtered(plane: &[f64], columns: usize, across: &FilterKernel, down: &FilterKernel) -> Vec<f64> {
     let rows = plane.len() / columns;
     let mut along = vec![0.0; plane.len()];
     let middle = across.0.len() / 2;

@@ -1,30 +1,30 @@
-//! FLIP: what an eye sees that flips between two pictures, at 67 pixels a degree.
+//! FLIP: how strongly a viewer sees two alternating pictures differ, at 67 pixels a degree.
 //!
 //! In: two pictures as a display shows them. Out: the mean over pixels of a number from 0 to 1.
 //!
 //! ```text
-//! colour  = HyAB distance of both in L*a*b*, each filtered by the eye's contrast sensitivity, Hunt-adjusted, 0..1
+//! colour  = HyAB distance in L*a*b* after filtering by contrast sensitivity and Hunt adjustment, 0..1
 //! feature = larger difference of edges or of points in luminance, 0..1
 //! flip    = colour ^ (1 - feature)
 //! ```
 //!
 //! Source: Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström and Fairchild, "FLIP: A Difference Evaluator for
 //! Alternating Images", Proc. ACM Comput. Graph. Interact. Tech. 3(2), 2020. All filters are split into rows and
-//! columns. tests/metrics.rs holds the figures of the authors' tool.
+//! columns. tests/pictures/metrics.rs holds the results of the authors' tool.
 
 use std::f64::consts::PI;
 
-use super::display::{Display, decoded};
-use super::filter::{Kernel, filtered};
+use super::display::{DisplayPicture, decoded};
+use super::filter::{FilterKernel, filtered};
 
-/// Pixels a degree of a display 0.7 m wide of 3,840 pixels, 0.7 m away: the authors' viewing conditions.
+/// Pixels a degree of the authors' display: 3,840 pixels on 0.7 m, 0.7 m away.
 const PIXELS_PER_DEGREE: f64 = 67.020_645;
 /// Exponent of a colour distance.
 const COLOUR_EXPONENT: f64 = 0.7;
-/// Share of the largest colour distance that is mapped to [`KNEE_AT`], linearly; the rest goes into what is left.
+/// Distances up to this share of the largest are mapped linearly to 0..[`KNEE_AT`], larger ones to the remainder.
 const KNEE: f64 = 0.4;
 const KNEE_AT: f64 = 0.95;
-/// Width of the feature detector, in degrees; exponent of its differences.
+/// Width of the feature detector in degrees, and the exponent of feature differences.
 const FEATURE_WIDTH: f64 = 0.082;
 const FEATURE_EXPONENT: f64 = 0.5;
 
@@ -35,25 +35,27 @@ const XYZ_FROM_RGB: [[f64; 3]; 3] = [
     [1_425_312.0 / 73_733_382.0, 8_788_810.0 / 73_733_382.0, 70_074_185.0 / 73_733_382.0],
 ];
 
-/// Contrast sensitivity of a channel: sums of Gaussians, by amplitude and width, of frequency.
+/// Contrast sensitivity of a channel: Gaussians of frequency, as amplitude and width.
 const ACHROMATIC: &[[f64; 2]] = &[[1.0, 0.0047]];
 const RED_GREEN: &[[f64; 2]] = &[[1.0, 0.0053]];
 const BLUE_YELLOW: &[[f64; 2]] = &[[34.1, 0.04], [13.5, 0.025]];
-/// The widest of them.
+/// The largest width of these Gaussians.
 const WIDEST: f64 = 0.04;
 
-/// Mean FLIP, 0 to 1.
-pub(super) fn mean(reference: &Display, test: &Display) -> f64 {
-    let pictures = [reference, test].map(Opponent::new);
+/// Returns the mean FLIP, 0 to 1.
+pub(super) fn mean(reference: &DisplayPicture, test: &DisplayPicture) -> f64 {
+    let pictures = [reference, test].map(opponent);
     let columns = reference.size[0];
-    let [seen_reference, seen_test] = pictures.each_ref().map(|picture| picture.seen(columns));
-    let luminances = pictures.each_ref().map(|picture| picture.planes[0].iter().map(|y| (y + 16.0) / 116.0).collect());
-    let [edges, points] = [edge_kernel(), point_kernel()]
-        .map(|kernel| luminances.each_ref().map(|plane: &Vec<f64>| strengths(plane, columns, &kernel)));
+    let [seen_reference, seen_test] = pictures.each_ref().map(|planes| perceived(planes, columns));
+    let luminances = pictures.each_ref().map(|planes| planes[0].iter().map(|y| (y + 16.0) / 116.0).collect());
+    // The first and the second derivative of a Gaussian.
+    let kernels = [feature_kernel(|x, _| -x), feature_kernel(|x, sigma| (x / sigma).powi(2) - 1.0)];
+    let [edges, points] =
+        kernels.map(|kernel| luminances.each_ref().map(|plane: &Vec<f64>| strengths(plane, columns, &kernel)));
     let farthest = hyab(adjusted([0.0, 1.0, 0.0]), adjusted([0.0, 0.0, 1.0])).powf(COLOUR_EXPONENT);
     let knee = KNEE * farthest;
     let count = seen_test.len();
-    let each = (0..count).map(|at| {
+    let errors = (0..count).map(|at| {
         let distance = hyab(seen_reference[at], seen_test[at]).powf(COLOUR_EXPONENT);
         let colour = if distance < knee {
             distance * KNEE_AT / knee
@@ -64,41 +66,33 @@ pub(super) fn mean(reference: &Display, test: &Display) -> f64 {
         let feature = (differs(&edges).max(differs(&points)) / 2.0f64.sqrt()).powf(FEATURE_EXPONENT).clamp(0.0, 1.0);
         colour.powf(1.0 - feature)
     });
-    each.sum::<f64>() / count as f64
+    errors.sum::<f64>() / count as f64
 }
 
-/// A picture in the opponent space Y, Cx, Cz: L*a*b* without its cube roots.
-struct Opponent {
-    planes: [Vec<f64>; 3],
+/// Returns the planes of a picture in the opponent space Y, Cx, Cz: L*a*b* without its cube roots.
+fn opponent(picture: &DisplayPicture) -> [Vec<f64>; 3] {
+    let mut planes = [(); 3].map(|()| Vec::with_capacity(picture.colours.len()));
+    for colour in &picture.colours {
+        let [x, y, z] = relative_to_white(colour.map(decoded));
+        let opponent = [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)];
+        planes.iter_mut().zip(opponent).for_each(|(plane, value)| plane.push(value));
+    }
+    planes
 }
 
-impl Opponent {
-    fn new(picture: &Display) -> Opponent {
-        let mut planes = [(); 3].map(|()| Vec::with_capacity(picture.colours.len()));
-        for colour in &picture.colours {
-            let [x, y, z] = relative_to_white(colour.map(decoded));
-            let opponent = [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)];
-            planes.iter_mut().zip(opponent).for_each(|(plane, value)| plane.push(value));
-        }
-        Opponent { planes }
-    }
-
-    /// What an eye makes of it: Hunt-adjusted L*a*b* of each pixel.
-    fn seen(&self, columns: usize) -> Vec<[f64; 3]> {
-        let sensitivities = [ACHROMATIC, RED_GREEN, BLUE_YELLOW];
-        let [y, cx, cz] = [0, 1, 2].map(|c| contrast_filtered(&self.planes[c], columns, sensitivities[c]));
-        let rgb_from_xyz = inverse(XYZ_FROM_RGB);
-        let white = product(XYZ_FROM_RGB, [1.0; 3]);
-        let pixels = y.into_iter().zip(cx).zip(cz);
-        pixels
-            .map(|((y, cx), cz)| {
-                let y = (y + 16.0) / 116.0;
-                let relative = [cx / 500.0 + y, y, y - cz / 200.0];
-                let xyz = std::array::from_fn(|c| relative[c] * white[c]);
-                adjusted(product(rgb_from_xyz, xyz).map(|c| c.clamp(0.0, 1.0)))
-            })
-            .collect()
-    }
+/// Returns Hunt-adjusted L*a*b* of each pixel of opponent planes, filtered by contrast sensitivity.
+fn perceived(planes: &[Vec<f64>; 3], columns: usize) -> Vec<[f64; 3]> {
+    let sensitivities = [ACHROMATIC, RED_GREEN, BLUE_YELLOW];
+    let [y, cx, cz] = [0, 1, 2].map(|c| contrast_filtered(&planes[c], columns, sensitivities[c]));
+    let rgb_from_xyz = inverse(XYZ_FROM_RGB);
+    let white = product(XYZ_FROM_RGB, [1.0; 3]);
+    let adjusted_pixel = |((y, cx), cz): ((f64, f64), f64)| {
+        let y = (y + 16.0) / 116.0;
+        let relative = [cx / 500.0 + y, y, y - cz / 200.0];
+        let xyz = std::array::from_fn(|c| relative[c] * white[c]);
+        adjusted(product(rgb_from_xyz, xyz).map(|c| c.clamp(0.0, 1.0)))
+    };
+    y.into_iter().zip(cx).zip(cz).map(adjusted_pixel).collect()
 }
 
 fn contrast_filtered(plane: &[f64], columns: usize, sensitivity: &[[f64; 2]]) -> Vec<f64> {
@@ -107,51 +101,41 @@ fn contrast_filtered(plane: &[f64], columns: usize, sensitivity: &[[f64; 2]]) ->
     let mut sum = vec![0.0; plane.len()];
     let mut weights = 0.0;
     for &[amplitude, width] in sensitivity {
-        let kernel = Kernel::new(radius, |x| (-(PI * x / PIXELS_PER_DEGREE).powi(2) / width).exp());
+        let kernel = FilterKernel::new(radius, |x| (-(PI * x / PIXELS_PER_DEGREE).powi(2) / width).exp());
         let factor = amplitude * (PI / width).sqrt();
         weights += factor * kernel.sum(|_| true).powi(2);
-        let part = filtered(plane, columns, &kernel, &kernel);
-        sum.iter_mut().zip(part).for_each(|(sum, part)| *sum += factor * part);
+        let smoothed = filtered(plane, columns, &kernel, &kernel);
+        sum.iter_mut().zip(smoothed).for_each(|(sum, value)| *sum += factor * value);
     }
     sum.iter_mut().for_each(|value| *value /= weights);
     sum
 }
 
-/// A detector along one direction, and the Gaussian across it.
-struct Detector {
-    along: Kernel,
-    across: Kernel,
+/// A feature detector along one direction, and the Gaussian across it.
+struct FeatureKernel {
+    along: FilterKernel,
+    across: FilterKernel,
 }
 
-fn detector(weight: impl Fn(f64, f64) -> f64) -> Detector {
+fn feature_kernel(weight: impl Fn(f64, f64) -> f64) -> FeatureKernel {
     let sigma = 0.5 * FEATURE_WIDTH * PIXELS_PER_DEGREE;
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "9 pixels")]
     let radius = (3.0 * sigma).ceil() as usize;
-    let along = Kernel::new(radius, |x| weight(x, sigma) * (-0.5 * (x / sigma).powi(2)).exp());
-    // Weights of either sign add up to 1.
+    let along = FilterKernel::new(radius, |x| weight(x, sigma) * (-0.5 * (x / sigma).powi(2)).exp());
+    // Positive weights sum to 1, negative ones to -1.
     let (above, below) = (along.sum(|w| w > 0.0), -along.sum(|w| w < 0.0));
     let along = along.map(|w| if w > 0.0 { w / above } else { w / below });
-    Detector { along, across: Kernel::gaussian(radius, sigma) }
+    FeatureKernel { along, across: FilterKernel::gaussian(radius, sigma) }
 }
 
-/// First derivative of a Gaussian.
-fn edge_kernel() -> Detector {
-    detector(|x, _| -x)
-}
-
-/// Second derivative.
-fn point_kernel() -> Detector {
-    detector(|x, sigma| (x / sigma).powi(2) - 1.0)
-}
-
-/// How strong a feature is at each pixel.
-fn strengths(plane: &[f64], columns: usize, Detector { along, across }: &Detector) -> Vec<f64> {
+/// Returns the strength of a feature at each pixel.
+fn strengths(plane: &[f64], columns: usize, FeatureKernel { along, across }: &FeatureKernel) -> Vec<f64> {
     let x = filtered(plane, columns, along, across);
     let y = filtered(plane, columns, across, along);
     x.into_iter().zip(y).map(|(x, y)| x.hypot(y)).collect()
 }
 
-/// L*a*b* of a linear colour, with colours weaker where it is dark (the Hunt effect).
+/// Returns L*a*b* of a linear colour, less colourful where it is dark (the Hunt effect).
 fn adjusted(linear: [f64; 3]) -> [f64; 3] {
     let edge = 6.0 / 29.0f64;
     let root = |t: f64| if t > edge.powi(3) { t.cbrt() } else { t / (3.0 * edge * edge) + 4.0 / 29.0 };
@@ -161,12 +145,12 @@ fn adjusted(linear: [f64; 3]) -> [f64; 3] {
     [lightness, 0.01 * lightness * a, 0.01 * lightness * b]
 }
 
-/// City-block distance in lightness, Euclidean in colour.
+/// Returns the HyAB distance: city-block in lightness, Euclidean in colour.
 fn hyab(one: [f64; 3], other: [f64; 3]) -> f64 {
     (one[0] - other[0]).abs() + (one[1] - other[1]).hypot(one[2] - other[2])
 }
 
-/// XYZ over that of white.
+/// Returns XYZ relative to white.
 fn relative_to_white(linear: [f64; 3]) -> [f64; 3] {
     let (xyz, white) = (product(XYZ_FROM_RGB, linear), product(XYZ_FROM_RGB, [1.0; 3]));
     std::array::from_fn(|c| xyz[c] / white[c])
@@ -177,6 +161,6 @@ fn product(matrix: [[f64; 3]; 3], vector: [f64; 3]) -> [f64; 3] {
 }
 
 fn inverse(matrix: [[f64; 3]; 3]) -> [[f64; 3]; 3] {
-    // Rows go in as columns and come back as such: the inverse of the transpose is the inverse's transpose.
+    // Rows go in and come out as columns: the inverse of the transpose is the transpose of the inverse.
     glam::DMat3::from_cols_array_2d(&matrix).inverse().to_cols_array_2d()
 }

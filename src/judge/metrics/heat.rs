@@ -1,29 +1,29 @@
-//! A picture of where two pictures differ.
+//! A heat map of where two pictures differ.
 //!
-//! In: two frames. Out: a frame in which each pixel's largest absolute difference of linear premultiplied samples is a
-//! colour, from black for none to pale yellow for the largest that there is. The colours lie on a curve of Oklab
-//! on which lightness rises evenly with the difference, so that equal steps look equal, also in print without colour.
+//! In: two frames. Out: a frame that shows each pixel's largest absolute difference of linear premultiplied samples as a
+//! colour, from black for none to pale yellow for the largest. Lightness rises evenly with the difference along a curve
+//! in Oklab, so that equal steps look equal, also in grey print.
 //!
 //! Source of the colour space: B. Ottosson, "A perceptual color space for image processing", 2020.
 
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
 
-/// Where two pictures differ.
+/// A picture of the differences of two pictures.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Heat {
+pub struct HeatMap {
     /// The differences as colours.
     pub frame: Frame,
-    /// The difference that is shown brightest: the largest.
+    /// The largest difference, which has the brightest colour.
     pub brightest: f64,
 }
 
-impl Heat {
-    /// The absolute differences of two pictures.
+impl HeatMap {
+    /// Shows the absolute differences of two pictures.
     ///
     /// # Errors
-    /// [`Error::Input`] if the sizes differ; [`Error::OutOfMemory`].
-    pub fn new(a: &Frame, b: &Frame) -> Result<Heat> {
+    /// [`Error::Input`] if the sizes differ; [`Error::Limit`] if the memory cannot be had.
+    pub fn new(a: &Frame, b: &Frame) -> Result<HeatMap> {
         if a.size() != b.size() {
             return Err(Error::input("pictures", "differ in size; compare pictures of one size"));
         }
@@ -35,20 +35,20 @@ impl Heat {
         let colours: Vec<[f32; 3]> = (0..=255u8).map(|step| colour(f64::from(step) / 255.0)).collect();
         let mut frame = Frame::transparent(a.size())?;
         for (pixel, difference) in frame.pixels_mut().as_chunks_mut::<4>().0.iter_mut().zip(differences) {
-            let share = if brightest > 0.0 { difference / brightest } else { 0.0 };
+            let fraction = if brightest > 0.0 { difference / brightest } else { 0.0 };
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255, and it saturates")]
-            let [r, g, b] = colours[usize::from((255.0 * share + 0.5) as u8)];
+            let [r, g, b] = colours[usize::from((255.0 * fraction + 0.5) as u8)];
             *pixel = [r, g, b, 1.0];
         }
-        Ok(Heat { frame, brightest })
+        Ok(HeatMap { frame, brightest })
     }
 }
 
-/// The linear colour of a share, 0 to 1: violet, red and orange in between.
-fn colour(share: f64) -> [f32; 3] {
-    let lightness = 0.97 * share;
-    let hue = (300.0 + 165.0 * share).to_radians();
-    let wanted = 0.23 * (std::f64::consts::PI * share).sin();
+/// Returns the linear colour of a fraction from 0 to 1: violet, red and orange lie between black and yellow.
+fn colour(fraction: f64) -> [f32; 3] {
+    let lightness = 0.97 * fraction;
+    let hue = (300.0 + 165.0 * fraction).to_radians();
+    let wanted = 0.23 * (std::f64::consts::PI * fraction).sin();
     // As colourful as a display can show at that lightness and hue.
     let chroma = (0..=64)
         .rev()

@@ -1,11 +1,9 @@
-//! Metrics: how far two pictures are apart.
+//! Metrics: how much two pictures differ.
 //!
-//! In: two frames of one size, and a background. Out: [`Metrics`]. Numbers of light (largest error, RMSE, PSNR, energy)
-//! are of linear premultiplied samples, over the pixels at which one of the pictures is not empty: empty ones would make
-//! any picture look right. What stands for an eye (SSIM, FLIP, and the errors of display values) is of the
-//! pictures over the background, as sRGB.
-//!
-//! The module stands beside the renderers, not in the studies: the program's `compare`, studies and tests all ask it.
+//! In: two frames of one size, and a background. Out: [`Metrics`]. Errors of light (largest error, RMSE, PSNR, energy)
+//! are of linear premultiplied samples, over the pixels that are not empty in both pictures: empty pixels would make any
+//! picture look right. Visible errors (SSIM, FLIP, errors of display values) are of the pictures over the background, as
+//! sRGB.
 
 mod display;
 mod filter;
@@ -15,11 +13,11 @@ mod ssim;
 
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
-use display::Display;
+use display::DisplayPicture;
 
-pub use heat::Heat;
+pub use heat::HeatMap;
 
-/// How far a picture is from another.
+/// How much a picture differs from the reference.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Metrics {
     /// `10 log10(1 / mean squared error)` in decibels; infinite for equal pictures.
@@ -30,20 +28,20 @@ pub struct Metrics {
     pub flip: f64,
     /// Largest difference of two samples.
     pub max_abs: f64,
-    /// Column and row of the first pixel that has it.
+    /// Column and row of the first pixel that has the largest difference.
     pub max_at: [u32; 2],
     /// Root of the mean squared error.
     pub rmse: f64,
-    /// Light and alpha of the second picture in all, over that of the first, less 1; 0 if both are empty.
+    /// Sum of the picture's light and alpha over that of the reference, less 1; 0 if both are empty.
     pub energy: f64,
-    /// The same errors of display values, 0 to 1, of red, green and blue.
-    pub display: Errors,
+    /// Errors of the red, green and blue that a display shows, each 0 to 1.
+    pub display: SampleErrors,
 }
 
 /// Errors of one kind of samples.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Errors {
-    /// In decibels; infinite for equal pictures.
+pub struct SampleErrors {
+    /// Peak signal-to-noise ratio in decibels; infinite for equal pictures.
     pub psnr: f64,
     /// Root of the mean squared error.
     pub rmse: f64,
@@ -51,9 +49,9 @@ pub struct Errors {
     pub max_abs: f64,
 }
 
-/// Compares a picture with one that is right.
+/// Compares picture `other` with the reference picture `right`.
 ///
-/// `background`: linear colour behind both, for what an eye sees.
+/// `background` is the linear colour behind both, for errors of display values.
 ///
 /// # Errors
 /// [`Error::Input`] if the sizes differ, or if a sample is not a finite number.
@@ -69,9 +67,9 @@ pub fn compare(right: &Frame, other: &Frame, background: [f32; 3]) -> Result<Met
     }
     let (rights, others) = (right.pixels().as_chunks::<4>().0, other.pixels().as_chunks::<4>().0);
     let shown: Vec<usize> = (0..rights.len()).filter(|&at| rights[at] != [0.0; 4] || others[at] != [0.0; 4]).collect();
-    let [a, b] = [right, other].map(|frame| Display::new(frame, background));
-    let linear = Tally::of(&shown, |at| (rights[at].map(f64::from), others[at].map(f64::from)));
-    let seen = Tally::of(&shown, |at| (a.colours[at], b.colours[at]));
+    let [a, b] = [right, other].map(|frame| DisplayPicture::new(frame, background));
+    let linear = ErrorSums::of(&shown, |at| (rights[at].map(f64::from), others[at].map(f64::from)));
+    let seen = ErrorSums::of(&shown, |at| (a.colours[at], b.colours[at]));
     let sum = |pixels: &[[f32; 4]]| pixels.as_flattened().iter().map(|&sample| f64::from(sample)).sum::<f64>();
     let (before, after) = (sum(rights), sum(others));
     let errors = linear.errors();
@@ -89,17 +87,17 @@ pub fn compare(right: &Frame, other: &Frame, background: [f32; 3]) -> Result<Met
     })
 }
 
-/// Sums over samples.
-struct Tally {
+/// Sums of errors over samples.
+struct ErrorSums {
     squares: f64,
     samples: usize,
     worst: f64,
     worst_at: usize,
 }
 
-impl Tally {
-    fn of<const N: usize>(shown: &[usize], pair: impl Fn(usize) -> ([f64; N], [f64; N])) -> Tally {
-        let mut tally = Tally { squares: 0.0, samples: shown.len() * N, worst: 0.0, worst_at: 0 };
+impl ErrorSums {
+    fn of<const N: usize>(shown: &[usize], pair: impl Fn(usize) -> ([f64; N], [f64; N])) -> ErrorSums {
+        let mut tally = ErrorSums { squares: 0.0, samples: shown.len() * N, worst: 0.0, worst_at: 0 };
         for &at in shown {
             let (a, b) = pair(at);
             for (a, b) in a.into_iter().zip(b) {
@@ -113,8 +111,8 @@ impl Tally {
         tally
     }
 
-    fn errors(&self) -> Errors {
+    fn errors(&self) -> SampleErrors {
         let mean = self.squares / self.samples.max(1) as f64;
-        Errors { psnr: -10.0 * mean.log10(), rmse: mean.sqrt(), max_abs: self.worst }
+        SampleErrors { psnr: -10.0 * mean.log10(), rmse: mean.sqrt(), max_abs: self.worst }
     }
 }

@@ -1,25 +1,25 @@
 //! Structural similarity of display luma, at full resolution.
 //!
-//! In: two pictures as a display shows them. Out: the mean over every place of an 11 x 11 Gaussian window (sigma 1.5)
-//! that lies inside; K1 = 0.01, K2 = 0.03, population covariances. Luma is 0.2126 R' + 0.7152 G' + 0.0722 B'.
-//! Pictures with a side below 11 are taken over all their pixels, with the border repeated.
+//! In: two pictures as a display shows them. Out: the mean over all positions of an 11 x 11 Gaussian window (sigma 1.5)
+//! inside the picture; K1 = 0.01, K2 = 0.03, population covariances. Luma is 0.2126 R' + 0.7152 G' + 0.0722 B'. Pictures
+//! with a side below 11 use all pixels, with the border repeated.
 //!
 //! Source: Wang, Bovik, Sheikh and Simoncelli, "Image Quality Assessment: From Error Visibility to Structural
 //! Similarity", IEEE Trans. Image Processing 13(4), 2004.
 
-use super::display::Display;
-use super::filter::{Kernel, filtered};
+use super::display::DisplayPicture;
+use super::filter::{FilterKernel, filtered};
 
 const RADIUS: usize = 5;
 const SIGMA: f64 = 1.5;
 const C1: f64 = 0.01 * 0.01;
 const C2: f64 = 0.03 * 0.03;
 
-/// Mean SSIM, -1 to 1.
-pub(super) fn mean(a: &Display, b: &Display) -> f64 {
+/// Returns the mean SSIM, -1 to 1.
+pub(super) fn mean(a: &DisplayPicture, b: &DisplayPicture) -> f64 {
     let [columns, rows] = a.size;
     let [a, b] = [a, b].map(|picture| picture.plane(|[r, g, b]| 0.2126 * r + 0.7152 * g + 0.0722 * b));
-    let window = Kernel::gaussian(RADIUS, SIGMA);
+    let window = FilterKernel::gaussian(RADIUS, SIGMA);
     let smooth = |plane: &[f64]| filtered(plane, columns, &window, &window);
     let product = |a: &[f64], b: &[f64]| smooth(&a.iter().zip(b).map(|(a, b)| a * b).collect::<Vec<f64>>());
     let (mean_a, mean_b) = (smooth(&a), smooth(&b));

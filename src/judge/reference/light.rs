@@ -1,28 +1,28 @@
-//! Lighting in double precision: Blinn-Phong with both sides lit alike, as `splat/shade.rs` describes it.
+//! Lighting in double precision: two-sided Blinn-Phong, as the renderers have it.
 
 use glam::DVec3;
 
-use super::voxels::Voxel;
+use super::voxels::ReferenceVoxel;
 use adjsplat::splat::{Lighting, View};
 
-/// A view's lighting, in the index axes.
+/// The lighting of a view, in the grid's axes.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Lights {
+pub(super) struct ReferenceLights {
     lighting: Lighting,
     toward_light: DVec3,
-    /// Of a parallel view.
+    /// Used for parallel views.
     toward_eye: DVec3,
-    /// The eye, in mean voxels; `None` for a parallel view.
+    /// The eye in mean voxels; `None` for a parallel view.
     eye: Option<DVec3>,
     /// Distance between voxels on each axis, in mean voxels.
     steps: DVec3,
 }
 
-impl Lights {
-    pub(super) fn new(lighting: Lighting, view: &View) -> Lights {
+impl ReferenceLights {
+    pub(super) fn new(lighting: Lighting, view: &View) -> ReferenceLights {
         let [right, up, forward] = view.axes.map(DVec3::from_array);
         let [x, y, z] = lighting.toward_light;
-        Lights {
+        ReferenceLights {
             lighting,
             toward_light: (right * x + up * y - forward * z).normalize_or_zero(),
             toward_eye: -forward.normalize_or_zero(),
@@ -31,8 +31,8 @@ impl Lights {
         }
     }
 
-    /// The colour that the eye sees of a voxel, linear; a highlight may take it above 1.
-    pub(super) fn lit(&self, voxel: &Voxel) -> [f64; 3] {
+    /// Returns the lit colour of a voxel in linear light; a highlight may exceed 1.
+    pub(super) fn lit(&self, voxel: &ReferenceVoxel) -> [f64; 3] {
         let colour = voxel.colour.map(f64::from);
         let normal = DVec3::from_array(voxel.normal);
         if normal == DVec3::ZERO {

@@ -1,36 +1,36 @@
-//! A judge's picture: linear light, premultiplied, double precision. Rows run down.
+//! Pictures of the reference renderers.
 
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
 
-/// Red, green, blue, alpha of each pixel, row after row from the top; linear light, premultiplied by alpha.
+/// A picture in double precision: premultiplied linear red, green, blue and alpha, row by row from the top.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Picture {
+pub struct ReferencePicture {
     size: [u32; 2],
     pixels: Vec<[f64; 4]>,
 }
 
-impl Picture {
-    /// A picture of `size` (columns, rows, at least 1 each), all `pixel`.
+impl ReferencePicture {
+    /// Returns a picture of `size` (columns, rows, at least 1 each) filled with `pixel`.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
-    pub(super) fn filled(size: [u32; 2], pixel: [f64; 4]) -> Result<Picture> {
+    /// [`Error::Limit`] if the memory cannot be had.
+    pub(super) fn filled(size: [u32; 2], pixel: [f64; 4]) -> Result<ReferencePicture> {
         let count = u64::from(size[0]) * u64::from(size[1]);
         let refused = || Error::out_of_memory("the picture", 32 * count);
         let len = usize::try_from(count).map_err(|_| refused())?;
         let mut pixels = Vec::new();
         pixels.try_reserve_exact(len).map_err(|_| refused())?;
         pixels.resize(len, pixel);
-        Ok(Picture { size, pixels })
+        Ok(ReferencePicture { size, pixels })
     }
 
-    /// Columns and rows.
+    /// Returns columns and rows.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
 
-    /// All pixels.
+    /// Returns all pixels.
     pub fn pixels(&self) -> &[[f64; 4]] {
         &self.pixels
     }
@@ -39,7 +39,7 @@ impl Picture {
         &mut self.pixels
     }
 
-    /// Pixel in `column` and `row`.
+    /// Returns the pixel at `column` and `row`.
     ///
     /// # Panics
     /// If it lies outside the picture.
@@ -48,10 +48,10 @@ impl Picture {
         self.pixels[row as usize * self.size[0] as usize + column as usize]
     }
 
-    /// The same picture in single precision, each sample rounded.
+    /// Returns the picture with each sample rounded to single precision.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// [`Error::Limit`] if the memory cannot be had.
     pub fn to_frame(&self) -> Result<Frame> {
         let mut frame = Frame::transparent(self.size)?;
         #[expect(clippy::cast_possible_truncation, reason = "single precision is a frame's")]

@@ -2,11 +2,10 @@
 
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::supersampled;
-use adjsplat::splat::{Blending, Camera, Frame, Settings};
+use adjsplat::splat::{Camera, Frame, Settings};
 use adjsplat::traverse::{SplitForm, VoxelBox};
 
-use super::splat as judge;
-use super::splat::Judge;
+use super::splat::{Judge, JudgeSettings};
 
 impl Judge {
     /// Draws the picture that a renderer with these settings should draw, but with nothing cut short.
@@ -18,14 +17,6 @@ impl Judge {
     /// [`Error::Input`] for what the judge does not have: a termination, an order of the caller's, split sides, sheets.
     pub fn render(&self, camera: &Camera, settings: &Settings) -> Result<Frame> {
         let refused = |what: &str, why: &str| Err(Error::input(what, format!("{why}; leave it out")));
-        let blending = match settings.blending {
-            Blending::Exponential => judge::Blending::Exponential,
-            Blending::Linear => judge::Blending::Linear,
-            Blending::Sheets => {
-                let why = "sheets have no reference: what they differ by from exponential is their error";
-                return Err(Error::input("blending", why));
-            }
-        };
         if settings.termination.is_some() {
             return refused("termination", "is not for the reference, whose rays do not end early");
         }
@@ -33,11 +24,11 @@ impl Judge {
             return refused("order", "is not for the reference, which has its own");
         }
         let draw = |settings: &Settings| {
-            let usual = judge::Settings::new(settings.size);
-            let own = judge::Settings {
+            let usual = JudgeSettings::new(settings.size);
+            let own = JudgeSettings {
                 sigma: settings.kernel.map_or(usual.sigma, |kernel| kernel.sigma.into()),
                 mode: settings.mode,
-                blending,
+                blending: settings.blending,
                 lighting: settings.lighting,
                 exposure: settings.exposure.map(f64::from),
                 near: settings.near,

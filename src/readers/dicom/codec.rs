@@ -1,24 +1,23 @@
-//! Compressed frames: which codec a file uses, and run lengths, the one that needs no library.
+//! Decodes compressed frames: finds the codec, and undoes run lengths, which need no library.
 //!
-//! In: a frame's fragments as one run of bytes, and its size. Out: one number a pixel, x fastest.
+//! In: a frame's fragments in one piece, and its size. Out: one number per pixel, x fastest.
 //!
 //! Source: DICOM PS3.5, annex G (RLE) and table A-1 (transfer syntaxes).
 
 use std::path::Path;
 
 use super::elements::Pixels;
-use super::image::Layout;
-#[cfg(feature = "dicom")]
+use super::image::PixelLayout;
 use super::jpeg;
 use adjsplat::error::{Error, Result};
 
-/// What was expected of a frame, and what it has.
-pub(super) type Fault = [String; 2];
+/// What is wrong with a frame: what was expected, and what it has.
+pub(super) type FrameFault = [String; 2];
 
 /// How a file's frames are packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Codec {
-    /// Not at all.
+pub(super) enum FrameCodec {
+    /// Uncompressed.
     Native,
     /// Run lengths of each byte of the pixels.
     Rle,
@@ -28,23 +27,16 @@ pub(super) enum Codec {
     Jpeg2000,
 }
 
-impl Codec {
-    /// What transfer syntax `syntax` means.
-    ///
-    /// # Errors
-    /// [`Error::Format`] if it cannot be decoded here, with its name.
-    pub(super) fn of(path: &Path, syntax: &str, pixels: &Pixels) -> Result<Codec> {
+impl FrameCodec {
+    /// Returns the codec of transfer syntax `syntax`.
+    pub(super) fn of(path: &Path, syntax: &str, pixels: &Pixels) -> Result<FrameCodec> {
         if matches!(pixels, Pixels::Native { .. }) {
-            return Ok(Codec::Native);
+            return Ok(FrameCodec::Native);
         }
         let name = match syntax.strip_prefix("1.2.840.10008.1.2.").unwrap_or(syntax) {
-            "5" => return Ok(Codec::Rle),
-            "4.50" | "4.51" | "4.57" | "4.70" if cfg!(feature = "dicom") => return Ok(Codec::Jpeg),
-            "4.90" | "4.91" if cfg!(feature = "dicom") => return Ok(Codec::Jpeg2000),
-            "4.50" | "4.51" | "4.57" | "4.70" | "4.90" | "4.91" => {
-                let expected = "pixels that are not JPEG (this build has no decoder: build with --features jpeg)";
-                return Err(Error::format(path, 0, "DICOM transfer syntax", expected, syntax));
-            }
+            "5" => return Ok(FrameCodec::Rle),
+            "4.50" | "4.51" | "4.57" | "4.70" => return Ok(FrameCodec::Jpeg),
+            "4.90" | "4.91" => return Ok(FrameCodec::Jpeg2000),
             "4.80" | "4.81" => "JPEG-LS",
             "4.110" | "4.111" | "4.112" => "JPEG XL",
             "4.201" | "4.202" | "4.203" => "High-Throughput JPEG 2000",
@@ -60,36 +52,37 @@ impl Codec {
         // Lossless JPEG: differences of 4 bytes, results of 2 twice, and our numbers. JPEG 2000: two planes of
         // coefficients of 4 and their states, the wavelet's plane, and our numbers.
         match self {
-            Codec::Native => 0,
-            Codec::Rle => 4 * pixels,
-            Codec::Jpeg => 16 * pixels,
-            Codec::Jpeg2000 => 32 * pixels,
+            FrameCodec::Native => 0,
+            FrameCodec::Rle => 4 * pixels,
+            FrameCodec::Jpeg => 16 * pixels,
+            FrameCodec::Jpeg2000 => 32 * pixels,
         }
     }
 }
 
-/// The pixels of one frame as the bits of numbers, which the layout still has to be applied to.
+/// The pixels of one frame, before their layout (stored bits, sign) is applied.
 pub(super) struct Unpacked {
-    /// One a pixel.
+    /// The bits of one number per pixel.
     pub(super) bits: Vec<u32>,
-    /// The numbers are at their cells' low end, whatever the header's high bit.
+    /// Whether the numbers are at the low end of their cells, whatever the header's high bit.
     pub(super) low: bool,
 }
 
 /// Decodes the frame in `bytes`, of `size` pixels along x and y.
 ///
 /// # Errors
-/// What is wrong with it, or not supported: what was expected, and what there is.
-pub(super) fn decode(codec: Codec, bytes: &[u8], size: [u32; 2], layout: Layout) -> Result<Unpacked, Fault> {
+/// The fault, if the frame is damaged or uses something that is not supported.
+pub(super) fn decode(
+    codec: FrameCodec,
+    bytes: &[u8],
+    size: [u32; 2],
+    layout: PixelLayout,
+) -> Result<Unpacked, FrameFault> {
     match codec {
-        Codec::Native => Err(["compressed pixels".into(), "plain ones".into()]),
-        Codec::Rle => rle(bytes, size, layout).map(|bits| Unpacked { bits, low: false }),
-        #[cfg(feature = "dicom")]
-        Codec::Jpeg => jpeg::decode(bytes, size).map(|bits| Unpacked { bits, low: true }),
-        #[cfg(feature = "dicom")]
-        Codec::Jpeg2000 => jpeg::decode_2000(bytes, size).map(|bits| Unpacked { bits, low: true }),
-        #[cfg(not(feature = "dicom"))]
-        Codec::Jpeg | Codec::Jpeg2000 => Err(["pixels that are not JPEG".into(), "JPEG".into()]),
+        FrameCodec::Native => Err(["compressed pixels".into(), "plain ones".into()]),
+        FrameCodec::Rle => rle(bytes, size, layout).map(|bits| Unpacked { bits, low: false }),
+        FrameCodec::Jpeg => jpeg::decode(bytes, size).map(|bits| Unpacked { bits, low: true }),
+        FrameCodec::Jpeg2000 => jpeg::decode_2000(bytes, size).map(|bits| Unpacked { bits, low: true }),
     }
 }
 
@@ -97,8 +90,8 @@ pub(super) fn pixel_count([x, y]: [u32; 2]) -> usize {
     x as usize * y as usize
 }
 
-/// One segment of run lengths for each byte of the pixels, highest byte first.
-fn rle(bytes: &[u8], size: [u32; 2], layout: Layout) -> Result<Vec<u32>, Fault> {
+/// Decodes run lengths: one segment for each byte of the pixels, highest byte first.
+fn rle(bytes: &[u8], size: [u32; 2], layout: PixelLayout) -> Result<Vec<u32>, FrameFault> {
     let fault = |got: &str| [format!("intact RLE segments of {} x {} pixels", size[0], size[1]), got.to_string()];
     let word = |index: usize| {
         let at = bytes.get(4 * index..4 * index + 4)?;
@@ -122,7 +115,7 @@ fn rle(bytes: &[u8], size: [u32; 2], layout: Layout) -> Result<Vec<u32>, Fault> 
     Ok(bits)
 }
 
-/// Moves the runs' bytes in below the bits that are there; for how many pixels there were any.
+/// Shifts each pixel's bits up and adds the next byte from the runs below; returns how many pixels got one.
 fn unpack_runs(packed: &[u8], bits: &mut [u32]) -> usize {
     let (mut at, mut done) = (0, 0);
     while done < bits.len() && at + 1 < packed.len() {

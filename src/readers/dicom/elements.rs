@@ -1,19 +1,18 @@
-//! A DICOM file as the values of the tags that matter here, and the place of its pixels.
+//! Reads the tags of a DICOM file that matter here, and finds its pixels.
 //!
-//! In: a file with the `DICM` prefix. Out: [`Elements`]: values at the root and in functional groups, and where the
-//! pixel data lie. No pixel is read, and no length that a file says is believed before it is held against what is left
-//! of the file or of the sequence around it.
+//! In: a file with the `DICM` prefix. Out: [`DicomElements`]: values at the root and in functional groups, and where
+//! the pixel data lie. No pixel is read. Each length that a file states is checked against the bytes left in the file
+//! and in the sequence around it.
 //!
 //! ```text
 //! at each step: close every level that ends here; inside a sequence read an item, else an element
-//! element:  a sequence, or of undefined length    a level more
+//! element:  a sequence, or of undefined length    one level deeper
 //!           pixel data at the root                done
-//!           any other                             kept if wanted, passed over if not
+//!           any other                             kept if wanted, else skipped
 //! ```
 //!
-//! Own code and no library for it: those at hand fill memory by the lengths that a file says (up to 4 GB for twelve
-//! bytes), follow nested sequences on the stack, and do not tell where pixels lie, so that a file of many frames would
-//! be read whole.
+//! This is our own code because the libraries allocate by the lengths that a file states (up to 4 GB for twelve bytes),
+//! recurse into nested sequences, and do not say where pixels lie, so that a file of many frames would be read whole.
 //!
 //! Source: DICOM PS3.5, sections 7 (data sets, sequences) and A.4 (encapsulated pixels); PS3.10, section 7 (files).
 
@@ -25,28 +24,26 @@ use std::path::{Path, PathBuf};
 use super::tags;
 use super::tags::Tag;
 use crate::file_list::MAX_FILES;
+use crate::format::is_dicom;
 use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
-/// Bytes before the prefix, and the prefix.
-const PREFIX: (usize, &[u8; 4]) = (128, b"DICM");
-
-/// Levels of sequences and items; enhanced objects use four.
+/// The deepest nesting of sequences and items; enhanced objects use four levels.
 const DEEPEST: usize = 64;
 
-/// Longest value that is kept: the longest wanted one has six decimal numbers.
+/// The longest value in bytes: the longest wanted one has six decimal numbers.
 const LONGEST_VALUE: u64 = 4096;
 
-/// Most fragments of one file: eight a frame of as many frames as there may be.
+/// The largest number of fragments in a file: eight for each of the most frames.
 const MOST_FRAGMENTS: usize = 1 << 19;
 
 /// Values by tag.
-pub(super) type Values = BTreeMap<Tag, Vec<u8>>;
+pub(super) type TagValues = BTreeMap<Tag, Vec<u8>>;
 
 /// How the elements behind the file's meta group are written.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-struct Coding {
+struct ElementCoding {
     explicit: bool,
     endian: Endian,
 }
@@ -54,13 +51,13 @@ struct Coding {
 /// Where pixels lie in their file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Pixels {
-    /// As they are, in `len` bytes from byte `at`.
+    /// Uncompressed, in one run of bytes.
     Native {
-        /// Byte offset in the file.
+        /// Byte offset of the first pixel in the file.
         at: u64,
-        /// Bytes.
+        /// Bytes of all pixels.
         len: u64,
-        /// The element: integer, float or double pixels.
+        /// The element's tag: integer, float or double pixels.
         tag: Tag,
         /// Their byte order.
         endian: Endian,
@@ -69,46 +66,41 @@ pub(super) enum Pixels {
     Encapsulated {
         /// Offsets of the frames' first fragments from the first fragment's item; may be empty.
         offsets: Vec<u32>,
-        /// Byte offset of each fragment's item in the file, and the bytes that follow its eight of header.
+        /// Byte offset of each fragment's item in the file, and its bytes after the header of eight.
         fragments: Vec<(u64, u32)>,
     },
 }
 
-/// What is read of a file.
+/// The values of one file, and where its pixels are.
 #[derive(Debug, Clone)]
-pub(super) struct Elements {
+pub(super) struct DicomElements {
     /// The file.
     pub(super) path: PathBuf,
     /// Its transfer syntax.
     pub(super) syntax: String,
     /// Values at the root.
-    pub(super) root: Values,
+    pub(super) root: TagValues,
     /// Values in the shared functional groups.
-    pub(super) shared: Values,
+    pub(super) shared: TagValues,
     /// Values in the functional groups of each frame.
-    pub(super) per_frame: Vec<Values>,
+    pub(super) per_frame: Vec<TagValues>,
     /// Where the pixels are; `None` if the file has none.
     pub(super) pixels: Option<Pixels>,
-}
-
-/// Whether a file that starts with `probe` is DICOM.
-pub(crate) fn is_header(probe: &[u8]) -> bool {
-    probe.get(PREFIX.0..).is_some_and(|rest| rest.starts_with(PREFIX.1))
 }
 
 /// Reads the file at `path` up to its pixels.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read; [`Error::Format`] if it is no DICOM file, breaks off or contradicts itself.
-pub(super) fn read(path: &Path) -> Result<Elements> {
+/// [`Error::Io`] if it cannot be read; [`Error::Format`] if it is not DICOM, breaks off or contradicts itself.
+pub(super) fn read(path: &Path) -> Result<DicomElements> {
     let (file, len) = open_regular(path, "open")?;
-    let mut walk = Walk::new(path, file, len);
+    let mut walk = ElementReader::new(path, file, len);
     let syntax = walk.read_meta()?;
     walk.read_data_set(syntax)
 }
 
-/// A sequence or an item that is open.
-struct Level {
+/// A sequence or an item that the reader is inside of.
+struct OpenSequence {
     is_item: bool,
     /// The sequence's tag.
     tag: Tag,
@@ -116,17 +108,17 @@ struct Level {
     index: usize,
     /// Byte offset of its end; `None` if a delimiter ends it.
     end: Option<u64>,
-    /// Coding outside, to return to.
-    outside: Coding,
+    /// The coding around it, which applies again at its end.
+    outside: ElementCoding,
 }
 
-struct Walk<'a> {
+struct ElementReader<'a> {
     path: &'a Path,
     reader: BufReader<File>,
     len: u64,
     at: u64,
-    coding: Coding,
-    levels: Vec<Level>,
+    coding: ElementCoding,
+    levels: Vec<OpenSequence>,
 }
 
 struct ElementHeader {
@@ -136,26 +128,26 @@ struct ElementHeader {
     len: Option<u32>,
 }
 
-impl<'a> Walk<'a> {
-    fn new(path: &'a Path, file: File, len: u64) -> Walk<'a> {
-        let coding = Coding { explicit: true, endian: Endian::Little };
-        Walk { path, reader: BufReader::new(file), len, at: 0, coding, levels: Vec::new() }
+impl<'a> ElementReader<'a> {
+    fn new(path: &'a Path, file: File, len: u64) -> ElementReader<'a> {
+        let coding = ElementCoding { explicit: true, endian: Endian::Little };
+        ElementReader { path, reader: BufReader::new(file), len, at: 0, coding, levels: Vec::new() }
     }
 
     fn fault(&self, at: u64, rule: &'static str, expected: impl Into<String>, got: impl Into<String>) -> Error {
         Error::format(self.path, at, rule, expected, got)
     }
 
-    /// Reads the group that says how the rest is written; its transfer syntax.
+    /// Reads the file's meta group, and returns the transfer syntax in it.
     fn read_meta(&mut self) -> Result<String> {
-        let mut prefix = [0; PREFIX.0 + PREFIX.1.len()];
+        let mut prefix = [0; 132];
         if self.len < prefix.len() as u64 {
             let got = format!("{} bytes", self.len);
             return Err(self.fault(0, "DICOM prefix", "\"DICM\" at byte 128", got));
         }
         self.fill(&mut prefix)?;
-        if !is_header(&prefix) {
-            return Err(self.fault(PREFIX.0 as u64, "DICOM prefix", "\"DICM\"", "other bytes; it is no DICOM file"));
+        if !is_dicom(&prefix) {
+            return Err(self.fault(128, "DICOM prefix", "\"DICM\"", "other bytes; it is no DICOM file"));
         }
         let mut syntax = None;
         // The group ends where another begins, whatever its length element says.
@@ -179,21 +171,21 @@ impl<'a> Walk<'a> {
         syntax.ok_or_else(|| self.fault(self.at, "DICOM meta group", "a transfer syntax (0002,0010)", "none"))
     }
 
-    fn read_data_set(&mut self, syntax: String) -> Result<Elements> {
+    fn read_data_set(&mut self, syntax: String) -> Result<DicomElements> {
         self.coding = match syntax.as_str() {
-            "1.2.840.10008.1.2" => Coding { explicit: false, endian: Endian::Little },
-            "1.2.840.10008.1.2.2" => Coding { explicit: true, endian: Endian::Big },
+            "1.2.840.10008.1.2" => ElementCoding { explicit: false, endian: Endian::Little },
+            "1.2.840.10008.1.2.2" => ElementCoding { explicit: true, endian: Endian::Big },
             "1.2.840.10008.1.2.1.99" => {
                 let expected = "a data set that is not deflated (convert it with gdcmconv --raw or dcmconv +te)";
                 return Err(self.fault(self.at, "DICOM transfer syntax", expected, "Deflated Explicit VR"));
             }
             _ => self.coding,
         };
-        let mut elements = Elements {
+        let mut elements = DicomElements {
             path: self.path.to_path_buf(),
             syntax,
-            root: Values::new(),
-            shared: Values::new(),
+            root: TagValues::new(),
+            shared: TagValues::new(),
             per_frame: Vec::new(),
             pixels: None,
         };
@@ -216,7 +208,7 @@ impl<'a> Walk<'a> {
         Ok(elements)
     }
 
-    /// Ends every level that ends at this byte. Whether there is more of the data set.
+    /// Closes every level that ends at this byte, and returns whether more of the data set follows.
     fn close_levels(&mut self) -> Result<bool> {
         while let Some(end) = self.levels.last().and_then(|level| level.end) {
             if self.at < end {
@@ -260,7 +252,11 @@ impl<'a> Walk<'a> {
         match header.tag {
             tags::ITEM => {
                 level.index += 1;
-                self.open(start, Level { is_item: true, tag, index, end: None, outside: self.coding }, header.len)
+                self.open(
+                    start,
+                    OpenSequence { is_item: true, tag, index, end: None, outside: self.coding },
+                    header.len,
+                )
             }
             tags::SEQUENCE_END if level.end.is_none() => {
                 self.close();
@@ -271,30 +267,30 @@ impl<'a> Walk<'a> {
     }
 
     /// Opens a level of `len` bytes, which must end inside the one around it.
-    fn open(&mut self, start: u64, level: Level, len: Option<u32>) -> Result<()> {
+    fn open(&mut self, start: u64, level: OpenSequence, len: Option<u32>) -> Result<()> {
         if self.levels.len() == DEEPEST {
             return Err(self.fault(start, "DICOM sequence", format!("at most {DEEPEST} levels"), "more"));
         }
         let end = len.map(|len| self.end_of(start, len)).transpose()?;
-        self.levels.push(Level { end, ..level });
+        self.levels.push(OpenSequence { end, ..level });
         Ok(())
     }
 
-    /// Takes in or passes over one element that is no pixel data.
-    fn element(&mut self, start: u64, header: &ElementHeader, elements: &mut Elements) -> Result<()> {
+    /// Keeps or skips one element that is not pixel data.
+    fn element(&mut self, start: u64, header: &ElementHeader, elements: &mut DicomElements) -> Result<()> {
         let tag = header.tag;
-        // Without a value representation only the sequences that matter here can be told from other values.
+        // Without a value representation, sequences are known by their tags.
         if header.len.is_none() && (tag.is_pixels() || matches!(&header.vr, Some([b'O', _]))) {
-            // Of an icon, or private: fragments hold no elements.
+            // An icon's or private pixels: fragments hold no elements.
             return self.pixels(start, header).map(drop);
         }
         let sequence = header.vr == Some(*b"SQ") || (header.vr.is_none() && tags::SEQUENCES.contains(&tag));
         if sequence || header.len.is_none() {
-            let level = Level { is_item: false, tag, index: 0, end: None, outside: self.coding };
+            let level = OpenSequence { is_item: false, tag, index: 0, end: None, outside: self.coding };
             self.open(start, level, header.len)?;
             if header.vr == Some(*b"UN") {
                 // PS3.5, 6.2.2 note 2: the inside of an unknown sequence is implicit, little endian.
-                self.coding = Coding { explicit: false, endian: Endian::Little };
+                self.coding = ElementCoding { explicit: false, endian: Endian::Little };
             }
             if self.levels.len() == 1 && tag == tags::MODALITY_LUT {
                 elements.root.insert(tag, Vec::new());
@@ -311,7 +307,7 @@ impl<'a> Walk<'a> {
                 (tags::SHARED_GROUPS, 0) => &mut elements.shared,
                 (tags::FRAME_GROUPS, index) if (index as u64) < MAX_FILES => {
                     if elements.per_frame.len() <= index {
-                        elements.per_frame.resize_with(index + 1, Values::new);
+                        elements.per_frame.resize_with(index + 1, TagValues::new);
                     }
                     &mut elements.per_frame[index]
                 }
@@ -381,7 +377,7 @@ impl<'a> Walk<'a> {
         }
         self.fill(&mut first)?;
         let [g0, g1, e0, e1, a, b, c, d] = first;
-        let Coding { explicit, endian } = self.coding;
+        let ElementCoding { explicit, endian } = self.coding;
         let short = |bytes| if endian == Endian::Big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) };
         let long = |bytes| if endian == Endian::Big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) };
         let tag = Tag::new(short([g0, g1]), short([e0, e1]));
@@ -424,7 +420,7 @@ impl<'a> Walk<'a> {
         self.seek(end)
     }
 
-    /// The byte behind a value of `len` bytes that begins here, which must be in the file and in its level.
+    /// Returns where a value of `len` bytes that begins here ends; that must be inside the file and its level.
     fn end_of(&self, start: u64, len: u32) -> Result<u64> {
         let end = self.at + u64::from(len);
         if end > self.len {
@@ -461,7 +457,7 @@ impl<'a> Walk<'a> {
     }
 }
 
-/// A text value without its padding. Bytes that are no UTF-8 are shown as question marks: they name things for people.
+/// Returns a text value without its padding; bytes that are not UTF-8 are replaced.
 pub(super) fn text(value: &[u8]) -> String {
     String::from_utf8_lossy(value).trim_matches(['\0', ' ']).to_string()
 }

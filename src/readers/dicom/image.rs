@@ -1,64 +1,65 @@
-//! What one DICOM file says of its frames: size, type, place, scaling.
+//! Finds size, sample type, position and scaling of the frames in one DICOM file.
 //!
-//! In: the file's elements. Out: an [`ImageFile`] and its [`Frame`]s. Values are looked for in the frame's functional
-//! groups, then in the shared ones, then at the root, so that enhanced and plain objects read alike.
+//! In: the file's elements. Out: an [`ImageFile`] and its [`DicomFrame`]s. Values are looked up in the frame's
+//! functional groups, then in the shared ones, then at the root, so that enhanced and plain objects are read alike.
 //!
 //! Source: DICOM PS3.3, C.7.6.2 (image plane), C.7.6.3 (image pixel), C.7.6.16 (functional groups), C.11.1 (rescale).
 
 use std::path::{Path, PathBuf};
 
-use super::codec::Codec;
-use super::elements::{Elements, Pixels, Values, text};
+use super::codec::FrameCodec;
+use super::elements::{DicomElements, Pixels, TagValues, text};
 use super::tags;
 use super::tags::Tag;
 use crate::file_list::MAX_FILES;
+use crate::frame::{cross, length};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{MAX_DIM, SampleType};
 
-/// How a pixel lies in its cell.
+/// Which bits of a pixel's cell hold its value.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Layout {
+pub(super) struct PixelLayout {
     /// The type of its cell.
     pub(super) sample_type: SampleType,
-    /// Bits of the cell that count: 1 to all of them.
+    /// Number of bits that hold the value: 1 to all of them.
     pub(super) stored: u32,
-    /// Bits below them.
+    /// Number of unused bits below them.
     pub(super) shift: u32,
 }
 
-/// What files of one series have in common.
+/// What identifies and describes a series, as each of its files repeats it.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Series {
+pub(super) struct SeriesIdentity {
     /// Its unique identifier; empty if the file has none.
     pub(super) uid: String,
-    /// Its name, for people.
+    /// Its name in the words of the scanner or its user.
     pub(super) description: String,
-    /// "CT", "MR".
+    /// The kind of device: "CT", "MR".
     pub(super) modality: String,
-    /// "MONOCHROME2".
+    /// The photometric interpretation: "MONOCHROME2".
     pub(super) photometric: String,
 }
 
-/// One file of pixels.
+/// One file with grey pixels.
 #[derive(Debug, Clone)]
 pub(super) struct ImageFile {
     pub(super) path: PathBuf,
-    pub(super) series: Series,
+    pub(super) series: SeriesIdentity,
     /// Pixels along x, y.
     pub(super) size: [u32; 2],
-    pub(super) layout: Layout,
-    pub(super) codec: Codec,
+    pub(super) layout: PixelLayout,
+    pub(super) codec: FrameCodec,
     pub(super) pixels: Pixels,
     /// For compressed pixels: the first fragment of each frame.
     pub(super) first_fragments: Vec<u32>,
-    /// It has a table of values that is not applied.
+    /// Whether it has a table of values, which is not applied.
     pub(super) has_lut: bool,
 }
 
-/// Where a frame lies. Lengths are in mm, directions in L, P, S.
+/// Position and orientation of a frame, in mm and L, P, S (DICOM's image plane).
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Place {
-    /// Of the first pixel's centre.
+pub(super) struct ImagePlane {
+    /// Position of the first pixel's centre.
     pub(super) position: [f64; 3],
     /// Unit vectors along a row (towards higher columns) and along a column.
     pub(super) orientation: [[f64; 3]; 2],
@@ -66,15 +67,15 @@ pub(super) struct Place {
 
 /// One frame of a file.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Frame {
-    /// Which file.
+pub(super) struct DicomFrame {
+    /// Index of its file.
     pub(super) file: usize,
-    /// Which of its frames, from 0.
+    /// Its index among the file's frames, from 0.
     pub(super) index: u32,
-    pub(super) place: Option<Place>,
+    pub(super) place: Option<ImagePlane>,
     /// Distance between neighbouring columns (along x) and rows (along y), in mm.
     pub(super) spacing: Option<[f64; 2]>,
-    /// Distance to the next slice as the file says it, in mm.
+    /// Distance to the next slice in mm, as the file says.
     pub(super) depth: Option<f64>,
     pub(super) slope: f64,
     pub(super) intercept: f64,
@@ -82,22 +83,22 @@ pub(super) struct Frame {
     pub(super) number: Option<i64>,
 }
 
-/// What a file turned out to be.
-pub(super) enum Found {
+/// What a file holds.
+pub(super) enum FileContent {
     /// Grey frames.
-    Image(ImageFile, Vec<Frame>),
-    /// Coloured ones, such as a screenshot; the error says so.
+    Image(ImageFile, Vec<DicomFrame>),
+    /// Coloured frames, such as a screenshot; the error says so.
     Colour(Error),
     /// No pixels, as in a report.
     Nothing,
 }
 
-/// Reads the file and its frames; `file` is its number.
+/// Reads what `elements` say of a file and its frames; `file` is the file's index.
 ///
 /// # Errors
-/// [`Error::Format`] for what contradicts itself or cannot be read here; [`Error::Limit`] for sizes.
-pub(super) fn read(elements: Elements, file: usize) -> Result<Found> {
-    let Some(pixels) = elements.pixels.clone() else { return Ok(Found::Nothing) };
+/// [`Error::Format`] for values that contradict each other or are not supported; [`Error::Limit`] for sizes.
+pub(super) fn read(elements: DicomElements, file: usize) -> Result<FileContent> {
+    let Some(pixels) = elements.pixels.clone() else { return Ok(FileContent::Nothing) };
     let root = Attributes { path: &elements.path, sources: vec![&elements.root] };
     let size = [root.size(tags::COLUMNS, "DICOM Columns")?, root.size(tags::ROWS, "DICOM Rows")?];
     let frame_count = match root.whole(tags::FRAME_COUNT, "DICOM Number of Frames")? {
@@ -120,31 +121,38 @@ pub(super) fn read(elements: Elements, file: usize) -> Result<Found> {
             expected,
             format!("{samples} of {}", photometric.escape_debug()),
         );
-        return Ok(Found::Colour(fault));
+        return Ok(FileContent::Colour(fault));
     }
-    let series = Series {
+    let series = SeriesIdentity {
         uid: root.text(tags::SERIES_UID),
         description: root.text(tags::SERIES_DESCRIPTION),
         modality: root.text(tags::MODALITY),
         photometric,
     };
     let layout = root.layout(&pixels)?;
-    let codec = Codec::of(&elements.path, &elements.syntax, &pixels)?;
+    let codec = FrameCodec::of(&elements.path, &elements.syntax, &pixels)?;
     let first_fragments = check_pixels(&elements.path, &pixels, size, frame_count, layout)?;
     let mut frames = Vec::new();
-    let none = Values::new();
+    let none = TagValues::new();
     for index in 0..frame_count {
-        let own = elements.per_frame.get(index as usize).unwrap_or(&none);
-        let attributes = Attributes { path: &elements.path, sources: vec![own, &elements.shared, &elements.root] };
+        let frame_values = elements.per_frame.get(index as usize).unwrap_or(&none);
+        let attributes =
+            Attributes { path: &elements.path, sources: vec![frame_values, &elements.shared, &elements.root] };
         frames.push(attributes.frame(file, index)?);
     }
     let has_lut = elements.root.contains_key(&tags::MODALITY_LUT);
     let path = elements.path;
-    Ok(Found::Image(ImageFile { path, series, size, layout, codec, pixels, first_fragments, has_lut }, frames))
+    Ok(FileContent::Image(ImageFile { path, series, size, layout, codec, pixels, first_fragments, has_lut }, frames))
 }
 
-/// Checks that the pixels are as many as the sizes say; the first fragment of each frame.
-fn check_pixels(path: &Path, pixels: &Pixels, size: [u32; 2], frame_count: u32, layout: Layout) -> Result<Vec<u32>> {
+/// Checks that there are enough pixels, and returns the first fragment of each frame.
+fn check_pixels(
+    path: &Path,
+    pixels: &Pixels,
+    size: [u32; 2],
+    frame_count: u32,
+    layout: PixelLayout,
+) -> Result<Vec<u32>> {
     let [x, y] = size;
     let described = format!("{x} x {y} x {frame_count} of {}", layout.sample_type.name());
     match pixels {
@@ -190,7 +198,7 @@ fn check_pixels(path: &Path, pixels: &Pixels, size: [u32; 2], frame_count: u32, 
 /// Values of one frame or file, most specific source first.
 struct Attributes<'a> {
     path: &'a Path,
-    sources: Vec<&'a Values>,
+    sources: Vec<&'a TagValues>,
 }
 
 impl Attributes<'_> {
@@ -210,7 +218,7 @@ impl Attributes<'_> {
 
     /// A binary number of 16 bits.
     fn number(&self, tag: Tag, rule: &'static str) -> Result<Option<u16>> {
-        // 0 is a value here, so `value` does not do.
+        // `value` would take 0 for a missing value.
         let Some(value) = self.sources.iter().find_map(|source| source.get(&tag)) else { return Ok(None) };
         match value.as_slice() {
             [] => Ok(None),
@@ -241,7 +249,7 @@ impl Attributes<'_> {
         }
     }
 
-    /// One length in mm; 0 and below mean that it is not known.
+    /// A length in mm; 0 and below mean that it is unknown.
     fn length(&self, tag: Tag, rule: &'static str) -> Result<Option<f64>> {
         Ok(self.decimals::<1>(tag, rule)?.map(|[length]| length).filter(|length| *length > 0.0))
     }
@@ -254,8 +262,8 @@ impl Attributes<'_> {
         Ok(size.into())
     }
 
-    fn layout(&self, pixels: &Pixels) -> Result<Layout> {
-        let whole = |sample_type: SampleType| Layout { sample_type, stored: sample_type.bits(), shift: 0 };
+    fn layout(&self, pixels: &Pixels) -> Result<PixelLayout> {
+        let whole = |sample_type: SampleType| PixelLayout { sample_type, stored: sample_type.bits(), shift: 0 };
         match pixels {
             Pixels::Native { tag: tags::FLOAT_PIXELS, .. } => return Ok(whole(SampleType::F32)),
             Pixels::Native { tag: tags::DOUBLE_PIXELS, .. } => return Ok(whole(SampleType::F64)),
@@ -279,22 +287,22 @@ impl Attributes<'_> {
             let got = format!("{stored} with high bit {high}");
             return Err(self.fault("DICOM Bits Stored", format!("bits inside the {allocated} allocated"), got));
         }
-        Ok(Layout { sample_type, stored, shift: high + 1 - stored })
+        Ok(PixelLayout { sample_type, stored, shift: high + 1 - stored })
     }
 
-    fn frame(&self, file: usize, index: u32) -> Result<Frame> {
+    fn frame(&self, file: usize, index: u32) -> Result<DicomFrame> {
         let position = self.decimals::<3>(tags::POSITION, "DICOM Image Position (Patient)")?;
         let orientation = self.decimals::<6>(tags::ORIENTATION, "DICOM Image Orientation (Patient)")?;
         let place = match (position, orientation) {
             (Some(position), Some([a, b, c, d, e, f])) => {
                 let orientation = [unit([a, b, c]), unit([d, e, f])];
-                let normal = cross(orientation);
-                // Rounded text leaves right angles within a thousandth; 0.1 is no angle of an image.
+                let normal = cross(orientation[0], orientation[1]);
+                // Rounded text keeps right angles within a thousandth, so a larger error is damage.
                 if length(normal).is_nan() || length(normal) < 0.99 {
                     let rule = "DICOM Image Orientation (Patient)";
                     return Err(self.fault(rule, "two directions at right angles", format!("{orientation:?}")));
                 }
-                Some(Place { position, orientation })
+                Some(ImagePlane { position, orientation })
             }
             _ => None,
         };
@@ -311,7 +319,7 @@ impl Attributes<'_> {
         if slope == 0.0 {
             return Err(self.fault("DICOM Rescale Slope", "a slope that is not 0", "0"));
         }
-        Ok(Frame {
+        Ok(DicomFrame {
             file,
             index,
             place,
@@ -324,11 +332,11 @@ impl Attributes<'_> {
     }
 }
 
-/// What of the acquisition can differ between two frames at one place: name and value of each, most telling first.
-pub(super) fn circumstances(elements: &Elements, frame: u32) -> Vec<(&'static str, Vec<u8>)> {
-    let none = Values::new();
-    let own = elements.per_frame.get(frame as usize).unwrap_or(&none);
-    let attributes = Attributes { path: &elements.path, sources: vec![own, &elements.shared, &elements.root] };
+/// Returns names and values of what can differ between two frames at one position, the likeliest first.
+pub(super) fn circumstances(elements: &DicomElements, frame: u32) -> Vec<(&'static str, Vec<u8>)> {
+    let none = TagValues::new();
+    let frame_values = elements.per_frame.get(frame as usize).unwrap_or(&none);
+    let attributes = Attributes { path: &elements.path, sources: vec![frame_values, &elements.shared, &elements.root] };
     [
         ("echo time", tags::ECHO_TIME),
         ("temporal position", tags::TEMPORAL_POSITION),
@@ -342,19 +350,6 @@ pub(super) fn circumstances(elements: &Elements, frame: u32) -> Vec<(&'static st
     ]
     .map(|(name, tag)| (name, attributes.value(tag).map(<[u8]>::to_vec).unwrap_or_default()))
     .into()
-}
-
-/// The direction that slices with these rows and columns face.
-pub(super) fn cross([r, c]: [[f64; 3]; 2]) -> [f64; 3] {
-    [r[1] * c[2] - r[2] * c[1], r[2] * c[0] - r[0] * c[2], r[0] * c[1] - r[1] * c[0]]
-}
-
-pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn length(v: [f64; 3]) -> f64 {
-    v[0].hypot(v[1]).hypot(v[2])
 }
 
 fn unit(v: [f64; 3]) -> [f64; 3] {

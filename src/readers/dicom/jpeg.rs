@@ -1,7 +1,7 @@
-//! JPEG and JPEG 2000 frames, by two decoders of others.
+//! Decodes JPEG and JPEG 2000 frames with two libraries.
 //!
-//! What a frame says of its own size is held against the DICOM header before a decoder sees it, so a decoder allocates
-//! what the header asks for and no more. Features that the decoders get wrong without a word are refused.
+//! The size in a frame is compared with the DICOM header before a decoder sees it, so a decoder allocates no more than
+//! the header asks for. Features that the decoders silently get wrong are refused.
 //!
 //! Source: ITU-T T.81, annexes B and H (JPEG); ITU-T T.800, annex A.5 (JPEG 2000).
 
@@ -10,10 +10,10 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use hayro_jpeg2000::{DecodeSettings, DecoderContext, Image};
 use jpeg_decoder::{Decoder, PixelFormat};
 
-use super::codec::{Fault, pixel_count};
+use super::codec::{FrameFault, pixel_count};
 
 /// Decodes a frame of one component: JPEG of 8 bits, or lossless of up to 16.
-pub(super) fn decode(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, Fault> {
+pub(super) fn decode(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, FrameFault> {
     check(bytes, size)?;
     let mut decoder = Decoder::new(bytes);
     decoder.set_max_decoding_buffer_size(16 * pixel_count(size) + (1 << 20));
@@ -27,8 +27,8 @@ pub(super) fn decode(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, Fault> {
     full(bits, size)
 }
 
-/// Walks the markers before the first scan: size, and what the decoder does not get right.
-fn check(bytes: &[u8], size: [u32; 2]) -> Result<(), Fault> {
+/// Checks the markers before the first scan: the size, and features that the decoder gets wrong.
+fn check(bytes: &[u8], size: [u32; 2]) -> Result<(), FrameFault> {
     let broken = || ["a JPEG frame".to_string(), "markers that break off".to_string()];
     let mut at = 2;
     let (mut lossless, mut restarts, mut sized) = (false, false, false);
@@ -58,7 +58,7 @@ fn check(bytes: &[u8], size: [u32; 2]) -> Result<(), Fault> {
             (0xda, _) => {
                 // The scan's last byte: its low half is the point transform.
                 let transform = segment.last().map_or(0, |last| last & 15);
-                // jpeg-decoder 0.3 gives wrong pixels without a word for these two (its issue 286).
+                // jpeg-decoder 0.3 silently gives wrong pixels for these two (its issue 286).
                 if lossless && (restarts || transform != 0) {
                     let got = "one with restart markers or a point transform";
                     return Err(["a lossless JPEG scan in one piece (gdcmconv --raw)".into(), got.into()]);
@@ -72,7 +72,7 @@ fn check(bytes: &[u8], size: [u32; 2]) -> Result<(), Fault> {
 }
 
 /// Decodes a JPEG 2000 codestream of one component of up to 16 bits.
-pub(super) fn decode_2000(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, Fault> {
+pub(super) fn decode_2000(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, FrameFault> {
     let (precision, signed) = check_2000(bytes, size)?;
     let settings = DecodeSettings { resolve_palette_indices: false, strict: false, target_resolution: None };
     let numbers: Vec<f32> = guarded(|| {
@@ -82,15 +82,16 @@ pub(super) fn decode_2000(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, Faul
         Ok(decoded.components().first().map(|component| component.samples().to_vec()).unwrap_or_default())
     })?;
     // The decoder shifts signed samples up as if they were not (its comment on Ssiz says so).
-    let half = 2f32.powi(i32::from(precision) - 1);
-    let (shift, low, high) = if signed { (half, -half, half - 1.0) } else { (0.0, 0.0, 2.0 * half - 1.0) };
+    let half_range = 2f32.powi(i32::from(precision) - 1);
+    let (shift, low, high) =
+        if signed { (half_range, -half_range, half_range - 1.0) } else { (0.0, 0.0, 2.0 * half_range - 1.0) };
     #[expect(clippy::cast_possible_truncation, reason = "clamped to a range of at most 17 bits; NaN is 0")]
     let bits = |number: f32| ((number - shift).round().clamp(low, high) as i32).cast_unsigned();
     full(numbers.into_iter().map(bits).collect(), size)
 }
 
 /// Reads the size segment, which must come first: bits a sample, and whether they are signed.
-fn check_2000(bytes: &[u8], size: [u32; 2]) -> Result<(u8, bool), Fault> {
+fn check_2000(bytes: &[u8], size: [u32; 2]) -> Result<(u8, bool), FrameFault> {
     let broken = || ["a JPEG 2000 codestream".to_string(), "other bytes".to_string()];
     if !bytes.starts_with(&[0xff, 0x4f, 0xff, 0x51]) || bytes.len() < 45 {
         return Err(broken());
@@ -115,17 +116,17 @@ fn check_2000(bytes: &[u8], size: [u32; 2]) -> Result<(u8, bool), Fault> {
     Ok((precision, depth & 0x80 != 0))
 }
 
-fn full(bits: Vec<u32>, size: [u32; 2]) -> Result<Vec<u32>, Fault> {
+fn full(bits: Vec<u32>, size: [u32; 2]) -> Result<Vec<u32>, FrameFault> {
     if bits.len() == pixel_count(size) {
         return Ok(bits);
     }
     Err([format!("{} pixels in a frame", pixel_count(size)), bits.len().to_string()])
 }
 
-/// Runs a decoder; an error of its own or a panic becomes ours.
+/// Runs a decoder, and turns its errors and panics into a fault.
 ///
-/// The decoders are others' code without `unsafe`, but a damaged frame can make them index beyond an array.
-fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, Fault> {
+/// The libraries have no `unsafe`, but a damaged frame can make them index beyond an array.
+fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, FrameFault> {
     let intact = "an intact compressed frame (copy the file again, or convert it with gdcmconv --raw)".to_string();
     match catch_unwind(AssertUnwindSafe(decode)) {
         Ok(Ok(decoded)) => Ok(decoded),

@@ -1,13 +1,13 @@
-//! DICOM: a folder that holds a series of slices, or one file of one or more frames.
+//! Reads DICOM: a folder that holds a series of slices, or one file of one or more frames.
 //!
-//! In: a folder's files, or one file. Out: a slab source; each slice is one frame, read when it is asked for. All
-//! headers are read first, and no pixels: the frames are grouped into series, sorted by their positions and measured.
-//! Files of the folder that are not DICOM, or have no grey pixels, are passed over and counted in a note.
+//! In: a folder's files, or one file. Out: a slab source; each slice is one frame, read on demand. All headers are read
+//! first: the frames are grouped into series, sorted by their positions and measured. Files of the folder that are not
+//! DICOM, or have no grey pixels, are skipped and counted in a note.
 //!
 //! Samples are the stored values: bits beyond `Bits Stored` are masked out, negative ones extended. Where all slices
-//! have one rescale slope and intercept these become the header's; where they differ, as in PET, samples are f32 of
-//! `stored * slope + intercept`. MONOCHROME1, where low values are white, keeps its values too. Look-up tables and
-//! windows are not applied.
+//! share one rescale slope and intercept, these become the header's; where they differ, as in PET, samples are f32 of
+//! `stored * slope + intercept`. Values of MONOCHROME1, where low is white, are kept. Look-up tables and windows are
+//! not applied.
 
 mod codec;
 mod elements;
@@ -19,17 +19,16 @@ mod tags;
 
 use std::path::{Path, PathBuf};
 
-use self::codec::Codec;
-use self::image::{Found, Frame, ImageFile};
+use self::codec::FrameCodec;
+use self::image::{DicomFrame, FileContent, ImageFile};
 use self::pixels::PixelReader;
 use super::file_list::MAX_FILES;
+use super::format::{is_dicom, probe};
 use super::open::{OpenOptions, file_name};
 use super::slab::check_turn;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, SampleType, Samples, SlabSource};
 use adjsplat::with_samples;
-
-pub(super) use elements::is_header;
 
 /// Opens one file, or `files`, those of the folder at `path`.
 pub(super) fn open(path: &Path, files: Option<Vec<PathBuf>>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
@@ -44,11 +43,11 @@ pub(super) fn open(path: &Path, files: Option<Vec<PathBuf>>, options: &OpenOptio
         let why = format!("is {}, but a DICOM series holds 1 volume, counted from 0", options.volume_index);
         return Err(Error::input("volume", why));
     }
-    let series::Stack { frames, grid } = series::stack(&what, &files, frames, &mut notes)?;
+    let series::FrameStack { frames, grid } = series::stack(&what, &files, frames, &mut notes)?;
     let first = &files[frames[0].file];
     let [x, y] = first.size.map(u64::from);
     let grid = grid.grid(path, "DICOM grid", [x, y, frames.len() as u64], options.spacing)?;
-    let same = |value: fn(&Frame) -> f64| frames.iter().all(|frame| value(frame) == value(&frames[0]));
+    let same = |value: fn(&DicomFrame) -> f64| frames.iter().all(|frame| value(frame) == value(&frames[0]));
     let scaled = !(same(|frame| frame.slope) && same(|frame| frame.intercept));
     let (sample_type, slope, intercept) = if scaled {
         notes.push("the rescale slope differs from slice to slice; samples are taken as f32 in their own unit".into());
@@ -63,39 +62,40 @@ pub(super) fn open(path: &Path, files: Option<Vec<PathBuf>>, options: &OpenOptio
         notes.push("the modality look-up table is not applied; samples are as stored".into());
     }
     let header = Header { grid, sample_type, slope, intercept, name: file_name(path), format: "DICOM" };
-    Ok(Box::new(DicomReader::new(header, files, frames, scaled, notes)))
+    let pixels = PixelReader::default();
+    Ok(Box::new(DicomReader { header, files, frames, stored: None, scaled, pixels, slices_read: 0, notes }))
 }
 
-fn read_file(path: &Path) -> Result<(Vec<ImageFile>, Vec<Frame>)> {
+fn read_file(path: &Path) -> Result<(Vec<ImageFile>, Vec<DicomFrame>)> {
     match image::read(elements::read(path)?, 0)? {
-        Found::Image(file, frames) => Ok((vec![file], frames)),
-        Found::Colour(error) => Err(error),
-        Found::Nothing => {
+        FileContent::Image(file, frames) => Ok((vec![file], frames)),
+        FileContent::Colour(error) => Err(error),
+        FileContent::Nothing => {
             let why = "has no pixels (it is a DICOMDIR, a report or alike); give the folder that holds the images";
             Err(Error::input(path.display().to_string(), why))
         }
     }
 }
 
-fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Result<(Vec<ImageFile>, Vec<Frame>)> {
+fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Result<(Vec<ImageFile>, Vec<DicomFrame>)> {
     let (mut files, mut frames) = (Vec::new(), Vec::new());
     let (mut other, mut without, mut coloured): (Vec<PathBuf>, Vec<PathBuf>, Vec<PathBuf>) = Default::default();
     let mut colour = None;
     for path in paths {
-        if !is_header(&super::folder::probe(&path)?) {
+        if !is_dicom(&probe(&path)?) {
             other.push(path);
             continue;
         }
         match image::read(elements::read(&path)?, files.len())? {
-            Found::Image(file, mut own) => {
+            FileContent::Image(file, mut own) => {
                 files.push(file);
                 frames.append(&mut own);
             }
-            Found::Colour(error) => {
+            FileContent::Colour(error) => {
                 coloured.push(path);
                 colour.get_or_insert(error);
             }
-            Found::Nothing => without.push(path),
+            FileContent::Nothing => without.push(path),
         }
         let need = frames.len() as u64;
         if need > MAX_FILES {
@@ -111,7 +111,7 @@ fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Resu
     Ok((files, frames))
 }
 
-/// "skipped 2 files that are no DICOM (LICENSE, ...)".
+/// Adds a note: "skipped 2 files that are no DICOM (LICENSE, ...)".
 fn tell_skipped(paths: &[PathBuf], is: &str, are: &str, notes: &mut Vec<String>) {
     let Some(first) = paths.first() else { return };
     let name = file_name(first);
@@ -125,21 +125,14 @@ fn tell_skipped(paths: &[PathBuf], is: &str, are: &str, notes: &mut Vec<String>)
 struct DicomReader {
     header: Header,
     files: Vec<ImageFile>,
-    frames: Vec<Frame>,
-    /// Slopes differ, so samples are made f32 here, by way of this slice of stored ones.
+    frames: Vec<DicomFrame>,
+    /// A slice of stored samples, used if slopes differ and samples become f32.
     stored: Option<Samples>,
     scaled: bool,
     pixels: PixelReader,
     /// Slices read since the start.
     slices_read: u32,
     notes: Vec<String>,
-}
-
-impl DicomReader {
-    fn new(header: Header, files: Vec<ImageFile>, frames: Vec<Frame>, scaled: bool, notes: Vec<String>) -> Self {
-        let pixels = PixelReader::default();
-        DicomReader { header, files, frames, stored: None, scaled, pixels, slices_read: 0, notes }
-    }
 }
 
 impl SlabSource for DicomReader {
@@ -175,12 +168,12 @@ impl SlabSource for DicomReader {
     fn buffer_bytes(&self) -> u64 {
         let pixels = self.header.grid.slice_len();
         let largest = self.files.iter().map(|file| {
-            let packed = if file.codec == Codec::Native { 0 } else { file.largest_frame() };
+            let packed = if file.codec == FrameCodec::Native { 0 } else { file.largest_frame() };
             packed + file.codec.working_bytes(pixels)
         });
         let stored = if self.scaled { 4 * pixels } else { 0 };
         let tables = self.files.iter().map(ImageFile::table_bytes).sum::<u64>()
-            + self.frames.len() as u64 * size_of::<Frame>() as u64;
+            + self.frames.len() as u64 * size_of::<DicomFrame>() as u64;
         largest.max().unwrap_or(0) + stored + tables
     }
 
@@ -189,9 +182,9 @@ impl SlabSource for DicomReader {
     }
 }
 
-/// Stored samples in their own unit.
+/// Writes stored samples, scaled to their unit, to `numbers`.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is documented")]
-fn scale<T: adjsplat::volume::Sample>(stored: &[T], frame: &Frame, numbers: &mut [f32]) {
+fn scale<T: adjsplat::volume::Sample>(stored: &[T], frame: &DicomFrame, numbers: &mut [f32]) {
     for (number, stored) in numbers.iter_mut().zip(stored) {
         *number = (stored.to_f64() * frame.slope + frame.intercept) as f32;
     }

@@ -1,7 +1,7 @@
-//! One frame's pixels, from its file to samples.
+//! Reads the pixels of one frame as samples.
 //!
-//! In: a file, a frame's number. Out: a slice of samples, native endian, with only the bits that are stored. Plain
-//! pixels go straight from the file into the slice; of compressed ones this frame's fragments are read and no more.
+//! In: a file, a frame's index. Out: a slice of samples, native endian, with only the stored bits. Uncompressed pixels
+//! go straight from the file into the slice; of compressed ones only this frame's fragments are read.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -9,12 +9,12 @@ use std::path::PathBuf;
 
 use super::codec;
 use super::elements::Pixels;
-use super::image::{ImageFile, Layout};
+use super::image::{ImageFile, PixelLayout};
 use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Samples;
 
-/// Reads frames; keeps the file that it read from last, as the next frame is often in it.
+/// Reads frames; keeps the last file open, because the next frame is often in it.
 #[derive(Default)]
 pub(super) struct PixelReader {
     open: Option<(PathBuf, File)>,
@@ -41,7 +41,7 @@ impl PixelReader {
                         Error::format(&file.path, at, "DICOM compressed pixels", expected, got)
                     })?;
                 put(&unpacked.bits, slice);
-                let layout = if unpacked.low { Layout { shift: 0, ..file.layout } } else { file.layout };
+                let layout = if unpacked.low { PixelLayout { shift: 0, ..file.layout } } else { file.layout };
                 keep_stored_bits(slice, layout);
             }
         }
@@ -49,7 +49,7 @@ impl PixelReader {
     }
 
     fn read_fragments(&mut self, file: &ImageFile, fragments: &[(u64, u32)]) -> Result<Vec<u8>> {
-        // Every fragment was seen to lie in the file, so this is no more than the file is long.
+        // Every fragment lies in the file, so this is at most the file's length.
         let need: u64 = fragments.iter().map(|(_, len)| u64::from(*len)).sum();
         let refused = || Error::out_of_memory(format!("a frame of {}", file.path.display()), need);
         let len = usize::try_from(need).map_err(|_| refused())?;
@@ -130,7 +130,7 @@ fn put(bits: &[u32], slice: &mut Samples) {
 }
 
 /// Moves the stored bits to the low end of their cells; those above become the sign, or 0.
-fn keep_stored_bits(slice: &mut Samples, layout: Layout) {
+fn keep_stored_bits(slice: &mut Samples, layout: PixelLayout) {
     let spare = layout.sample_type.bits() - layout.stored;
     macro_rules! cells {
         ($($variant:ident),*) => {
@@ -154,7 +154,7 @@ mod tests {
 
     #[test]
     fn stored_bits_are_kept_and_their_sign_is_extended() {
-        let layout = |sample_type, stored, shift| Layout { sample_type, stored, shift };
+        let layout = |sample_type, stored, shift| PixelLayout { sample_type, stored, shift };
         let mut unsigned = Samples::U16(vec![0xffff, 0xf801, 0x0fff]);
         keep_stored_bits(&mut unsigned, layout(SampleType::U16, 12, 0));
         assert_eq!(unsigned, Samples::U16(vec![0x0fff, 0x0801, 0x0fff]));

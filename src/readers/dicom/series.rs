@@ -1,89 +1,85 @@
-//! From frames to one stack: which belong together, in which order, how far apart.
+//! Sorts frames into one stack: which belong together, in which order, how far apart.
 //!
 //! In: the frames of all files. Out: the frames of one series, sorted along their normal, with the grid that they make
-//! and notes on what a user should know: gaps, guesses. Frames belong together that share series, size, cell type,
-//! orientation and pixel spacing; if that leaves more than one group, the user chooses.
+//! and notes on gaps and guesses. Frames belong together if they share series, size, sample type, orientation and pixel
+//! spacing; if there are several such groups, the caller chooses one.
 //!
 //! ```text
 //! t = position . (row x column), for each frame; sort by t
-//! two at one t                       refused: other echoes, other times
-//! gap = median of the steps in t     a step that differs from it by 1 % is told, as missing slices or uneven
+//! two at one t                       refused: they are other echoes or other times
+//! gap = median of the steps in t     a step that differs by 1 % is noted, as missing slices or as uneven
 //! z axis = from the first position to the last, so that a tilted gantry gives a sheared grid
 //! ```
 //!
 //! Source: DICOM PS3.3, C.7.6.2.1.1 (position and orientation).
 
 use super::elements;
-use super::image::{Frame, ImageFile, Place, circumstances, cross, dot, length};
-use crate::frame::{Frame as GridFrame, IDENTITY, World};
+use super::image::{DicomFrame, ImageFile, ImagePlane, circumstances};
+use crate::frame::{FileFrame, IDENTITY, World, cross, dot, length};
 use crate::open::file_name;
 use adjsplat::error::{Error, Result};
 
-/// Series that a refusal lists at most.
+/// The error for several series lists at most this many.
 const MOST_LISTED: usize = 12;
 
-/// Directions that differ by less per component are one: text in files is rounded.
+/// Directions that differ by less per component count as equal, because text in files is rounded.
 const SAME_DIRECTION: f64 = 1e-3;
 
-/// A step that differs from the median by more than this share is told.
+/// A step that differs from the median by more than this fraction is noted.
 const UNEVEN: f64 = 0.01;
 
 /// Frames in order, and where they lie.
-pub(super) struct Stack {
+pub(super) struct FrameStack {
     /// First slice first.
-    pub(super) frames: Vec<Frame>,
-    /// Their grid, but for its dimensions.
-    pub(super) grid: GridFrame,
+    pub(super) frames: Vec<DicomFrame>,
+    /// Where their grid lies.
+    pub(super) grid: FileFrame,
 }
 
-/// Frames that belong together.
-struct Group {
-    frames: Vec<Frame>,
-}
-
-/// Picks the series that `choice` means out of `frames`; the only one if it is `None`.
+/// Returns the frames of the series that `choice` names, or of the only one if it is `None`.
 ///
 /// # Errors
-/// [`Error::Input`] as `what` if there are several and none is chosen, or the choice is none of them; it lists them.
-pub(super) fn choose(what: &str, files: &[ImageFile], frames: Vec<Frame>, choice: Option<&str>) -> Result<Vec<Frame>> {
-    let mut groups: Vec<Group> = Vec::new();
+/// [`Error::Input`] as `what`, which lists the series, if there are several without a choice, or none matches it.
+pub(super) fn choose(
+    what: &str,
+    files: &[ImageFile],
+    frames: Vec<DicomFrame>,
+    choice: Option<&str>,
+) -> Result<Vec<DicomFrame>> {
+    let mut groups: Vec<Vec<DicomFrame>> = Vec::new();
     for frame in frames {
-        match groups.iter_mut().find(|group| belong_together(files, &group.frames[0], &frame)) {
-            Some(group) => group.frames.push(frame),
-            None => groups.push(Group { frames: vec![frame] }),
+        match groups.iter_mut().find(|group| belong_together(files, &group[0], &frame)) {
+            Some(group) => group.push(frame),
+            None => groups.push(vec![frame]),
         }
     }
     let picked: Vec<usize> = match choice.map(str::trim) {
         None => (0..groups.len()).collect(),
-        // Numbers in the list are short; identifiers have dots, or are the end of one.
+        // Numbers of the list are short; identifiers are long and have dots.
         Some(choice) if choice.len() <= 4 && choice.parse::<usize>().is_ok() => {
             choice.parse().into_iter().filter(|number| *number < groups.len()).collect()
         }
         Some(choice) => {
-            let uid = |group: &Group| files[group.frames[0].file].series.uid.clone();
+            let uid = |group: &[DicomFrame]| files[group[0].file].series.uid.clone();
             (0..groups.len()).filter(|index| !choice.is_empty() && uid(&groups[*index]).ends_with(choice)).collect()
         }
     };
     match picked.as_slice() {
-        [one] => Ok(groups.swap_remove(*one).frames),
+        [one] => Ok(groups.swap_remove(*one)),
         _ => {
-            let listed: Vec<String> = groups
-                .iter()
-                .enumerate()
-                .take(MOST_LISTED)
-                .map(|(number, group)| format!("{number}: {}", described(files, &group.frames)))
-                .collect();
-            let rest = groups.len().saturating_sub(MOST_LISTED);
-            let more = if rest > 0 { format!("; and {rest} more") } else { String::new() };
-            let listed = listed.join("; ");
+            let listed = groups.iter().enumerate().take(MOST_LISTED);
+            let listed: Vec<String> =
+                listed.map(|(number, group)| format!("{number}: {}", described(files, group))).collect();
+            let unlisted = groups.len().saturating_sub(MOST_LISTED);
+            let more = if unlisted > 0 { format!("; and {unlisted} more") } else { String::new() };
+            let listed = listed.join("; ") + &more;
             let why = match choice {
-                None => format!("holds {} series; choose one with --series NUMBER: {listed}{more}", groups.len()),
+                None => format!("holds {} series; choose one with `OpenOptions::series`: {listed}", groups.len()),
                 Some(choice) => {
                     let choice = choice.escape_debug();
                     let count = if picked.is_empty() { "no series" } else { "more than one series" };
-                    format!(
-                        "has {count} \"{choice}\"; --series takes a number of this list or a UID's end: {listed}{more}"
-                    )
+                    let takes = "`OpenOptions::series` takes a number of this list or a UID's end";
+                    format!("has {count} \"{choice}\"; {takes}: {listed}")
                 }
             };
             Err(Error::input(what, why))
@@ -91,15 +87,15 @@ pub(super) fn choose(what: &str, files: &[ImageFile], frames: Vec<Frame>, choice
     }
 }
 
-fn belong_together(files: &[ImageFile], a: &Frame, b: &Frame) -> bool {
-    let near = |a: f64, b: f64, share: f64| (a - b).abs() <= share * a.abs().max(b.abs()).max(1.0);
+fn belong_together(files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -> bool {
+    let close_to = |a: f64, b: f64, share: f64| (a - b).abs() <= share * a.abs().max(b.abs()).max(1.0);
     let same_spacing = match (a.spacing, b.spacing) {
         (Some(a), Some(b)) => (0..2).all(|axis| (a[axis] - b[axis]).abs() <= 1e-3 * a[axis].abs()),
         (a, b) => a == b,
     };
     let same_facing = match (a.place, b.place) {
         (Some(a), Some(b)) => {
-            (0..2).all(|row| (0..3).all(|c| near(a.orientation[row][c], b.orientation[row][c], SAME_DIRECTION)))
+            (0..2).all(|row| (0..3).all(|c| close_to(a.orientation[row][c], b.orientation[row][c], SAME_DIRECTION)))
         }
         (a, b) => a.is_none() && b.is_none(),
     };
@@ -108,8 +104,8 @@ fn belong_together(files: &[ImageFile], a: &Frame, b: &Frame) -> bool {
     same_series && x.size == y.size && x.layout.sample_type == y.layout.sample_type && same_spacing && same_facing
 }
 
-/// "MR "t1", 192 slices of 256 x 256 (...0285270.0.0.0)".
-fn described(files: &[ImageFile], frames: &[Frame]) -> String {
+/// Describes a series: "MR "t1", 192 slices of 256 x 256 (...0285270.0.0.0)".
+fn described(files: &[ImageFile], frames: &[DicomFrame]) -> String {
     let file = &files[frames[0].file];
     let [x, y] = file.size;
     let slices = if frames.len() == 1 { "slice" } else { "slices" };
@@ -121,12 +117,14 @@ fn described(files: &[ImageFile], frames: &[Frame]) -> String {
 }
 
 /// Orders `frames`, which belong together, and finds their grid.
-///
-/// # Errors
-/// [`Error::Input`] as `what` if two are at one place.
-pub(super) fn stack(what: &str, files: &[ImageFile], frames: Vec<Frame>, notes: &mut Vec<String>) -> Result<Stack> {
+pub(super) fn stack(
+    what: &str,
+    files: &[ImageFile],
+    frames: Vec<DicomFrame>,
+    notes: &mut Vec<String>,
+) -> Result<FrameStack> {
     let [x, y] = frames[0].spacing.unwrap_or_else(|| {
-        notes.push("the files give no pixel spacing; 1 is taken (--spacing XxYxZ replaces it)".into());
+        notes.push("the files give no pixel spacing; 1 is taken (`OpenOptions::spacing` replaces it)".into());
         [1.0, 1.0]
     });
     match frames[0].place {
@@ -135,7 +133,12 @@ pub(super) fn stack(what: &str, files: &[ImageFile], frames: Vec<Frame>, notes: 
     }
 }
 
-fn stack_by_number(files: &[ImageFile], mut frames: Vec<Frame>, [x, y]: [f64; 2], notes: &mut Vec<String>) -> Stack {
+fn stack_by_number(
+    files: &[ImageFile],
+    mut frames: Vec<DicomFrame>,
+    [x, y]: [f64; 2],
+    notes: &mut Vec<String>,
+) -> FrameStack {
     let first_name = file_name(&files[frames[0].file].path);
     if frames.len() > 1 {
         let how = if frames.iter().all(|frame| frame.file == frames[0].file) {
@@ -149,44 +152,44 @@ fn stack_by_number(files: &[ImageFile], mut frames: Vec<Frame>, [x, y]: [f64; 2]
         notes.push(format!("{first_name}: no position and orientation of slices; they are stacked in the order {how}"));
     }
     let z = frames[0].depth.unwrap_or_else(|| guessed_depth(notes));
-    let grid = GridFrame {
+    let grid = FileFrame {
         spacing: [x, y, z],
         direction: IDENTITY,
         origin: [0.0; 3],
         world: World::LeftPosterior,
         unit: Some("mm".into()),
     };
-    Stack { frames, grid }
+    FrameStack { frames, grid }
 }
 
 fn guessed_depth(notes: &mut Vec<String>) -> f64 {
-    notes.push("the file gives no distance between slices; 1 is taken (--spacing XxYxZ replaces it)".into());
+    notes.push("the file gives no distance between slices; 1 is taken (`OpenOptions::spacing` replaces it)".into());
     1.0
 }
 
 fn stack_by_position(
     what: &str,
     files: &[ImageFile],
-    mut frames: Vec<Frame>,
-    place: Place,
+    mut frames: Vec<DicomFrame>,
+    place: ImagePlane,
     [x, y]: [f64; 2],
     notes: &mut Vec<String>,
-) -> Result<Stack> {
+) -> Result<FrameStack> {
     let [row, column] = place.orientation;
-    let normal = cross(place.orientation);
-    let position = |frame: &Frame| frame.place.map_or([0.0; 3], |place| place.position);
-    let along = |frame: &Frame| dot(position(frame), normal);
-    frames.sort_by(|a, b| along(a).total_cmp(&along(b)).then((a.file, a.index).cmp(&(b.file, b.index))));
+    let normal = cross(row, column);
+    let position = |frame: &DicomFrame| frame.place.map_or([0.0; 3], |place| place.position);
+    let height = |frame: &DicomFrame| dot(position(frame), normal);
+    frames.sort_by(|a, b| height(a).total_cmp(&height(b)).then((a.file, a.index).cmp(&(b.file, b.index))));
     let origin = position(&frames[0]);
     let (spacing, axis) = if frames.len() == 1 {
         (frames[0].depth.unwrap_or_else(|| guessed_depth(notes)), normal)
     } else {
-        let steps: Vec<f64> = frames.windows(2).map(|pair| along(&pair[1]) - along(&pair[0])).collect();
+        let steps: Vec<f64> = frames.windows(2).map(|pair| height(&pair[1]) - height(&pair[0])).collect();
         let mut sorted = steps.clone();
         sorted.sort_by(f64::total_cmp);
         let (median, largest) = (sorted[sorted.len() / 2], sorted[sorted.len() - 1]);
         let least = UNEVEN * if median > 0.0 { median } else { largest };
-        // Also where all steps are 0, so `<=`.
+        // `<=` also catches steps that are all 0.
         if let Some(at) = steps.iter().position(|step| *step <= least) {
             return Err(same_place(what, files, &frames[at], &frames[at + 1]));
         }
@@ -195,17 +198,17 @@ fn stack_by_position(
         let whole = [0, 1, 2].map(|c| last[c] - origin[c]);
         slant(whole, normal, median, notes)
     };
-    let grid = GridFrame {
+    let grid = FileFrame {
         spacing: [x, y, spacing],
         direction: [row, column, axis],
         origin,
         world: World::LeftPosterior,
         unit: Some("mm".into()),
     };
-    Ok(Stack { frames, grid })
+    Ok(FrameStack { frames, grid })
 }
 
-/// The z axis and its step: along the normal, unless the slices walk off to the side.
+/// Returns the z axis and its step: along the normal, unless the slices drift to the side.
 fn slant(whole: [f64; 3], normal: [f64; 3], step: f64, notes: &mut Vec<String>) -> (f64, [f64; 3]) {
     let axis = whole.map(|c| c / length(whole));
     let cosine = dot(axis, normal);
@@ -218,13 +221,13 @@ fn slant(whole: [f64; 3], normal: [f64; 3], step: f64, notes: &mut Vec<String>) 
     (step / cosine, axis)
 }
 
-/// Refuses two frames at one place, and says how they differ as far as that can be seen.
-fn same_place(what: &str, files: &[ImageFile], a: &Frame, b: &Frame) -> Error {
-    let shown = |frame: &Frame| {
+/// Returns the error for two frames at one position, which says how they differ if that is known.
+fn same_place(what: &str, files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -> Error {
+    let shown = |frame: &DicomFrame| {
         let path = file_name(&files[frame.file].path);
         if a.file == b.file { format!("frame {} of {path}", frame.index) } else { path }
     };
-    let found = |frame: &Frame| {
+    let found = |frame: &DicomFrame| {
         let elements = elements::read(&files[frame.file].path).ok()?;
         Some(circumstances(&elements, frame.index))
     };
@@ -241,8 +244,8 @@ fn same_place(what: &str, files: &[ImageFile], a: &Frame, b: &Frame) -> Error {
     Error::input(what, why)
 }
 
-/// Notes steps that are not the median one: missing slices, and others.
-fn tell_uneven(files: &[ImageFile], frames: &[Frame], steps: &[f64], median: f64, notes: &mut Vec<String>) {
+/// Adds notes on steps that differ from the median: missing slices, and others.
+fn tell_uneven(files: &[ImageFile], frames: &[DicomFrame], steps: &[f64], median: f64, notes: &mut Vec<String>) {
     let (mut missing, mut gaps, mut uneven) = (0.0, 0, 0);
     let (mut first_gap, mut first_uneven) = (None, None);
     for (at, step) in steps.iter().enumerate() {
@@ -260,7 +263,7 @@ fn tell_uneven(files: &[ImageFile], frames: &[Frame], steps: &[f64], median: f64
         }
     }
     let between = |at: usize| {
-        let name = |frame: &Frame| file_name(&files[frame.file].path);
+        let name = |frame: &DicomFrame| file_name(&files[frame.file].path);
         let (a, b) = (&frames[at], &frames[at + 1]);
         let files = if a.file == b.file {
             format!("frames {} and {}", a.index, b.index)

@@ -11,12 +11,12 @@ impl Tag {
         Tag((group as u32) << 16 | element as u32)
     }
 
-    /// Whether it is an item or the end of one or of a sequence, which have no value representation.
+    /// Returns whether it starts or ends an item or ends a sequence; these have no value representation.
     pub(super) const fn is_delimiter(self) -> bool {
         self.0 >> 16 == 0xfffe
     }
 
-    /// Whether it is one of the three elements that hold pixels.
+    /// Returns whether it is one of the three elements that hold pixels.
     pub(super) fn is_pixels(self) -> bool {
         [PIXELS, FLOAT_PIXELS, DOUBLE_PIXELS].contains(&self)
     }
@@ -28,101 +28,72 @@ impl fmt::Display for Tag {
     }
 }
 
+/// Defines a constant for each tag, and `WANTED`, the list of the first ones.
 macro_rules! tags {
-    ($($name:ident $group:literal $element:literal)*) => {
+    (wanted { $($wanted:ident $wanted_group:literal $wanted_element:literal)* }
+     known { $($name:ident $group:literal $element:literal)* }) => {
+        $(pub(super) const $wanted: Tag = Tag::new($wanted_group, $wanted_element);)*
         $(pub(super) const $name: Tag = Tag::new($group, $element);)*
+        /// Tags whose values are kept.
+        pub(super) const WANTED: &[Tag] = &[$($wanted),*];
     };
 }
 
 tags! {
-    TRANSFER_SYNTAX 0x0002 0x0010
-    IMAGE_TYPE 0x0008 0x0008
-    SOP_CLASS 0x0008 0x0016
-    ACQUISITION_TIME 0x0008 0x0032
-    MODALITY 0x0008 0x0060
-    SERIES_DESCRIPTION 0x0008 0x103e
-    SLICE_THICKNESS 0x0018 0x0050
-    ECHO_TIME 0x0018 0x0081
-    SLICE_SPACING 0x0018 0x0088
-    TRIGGER_TIME 0x0018 0x1060
-    IMAGER_SPACING 0x0018 0x1164
-    B_VALUE 0x0018 0x9087
-    SERIES_UID 0x0020 0x000e
-    SERIES_NUMBER 0x0020 0x0011
-    ACQUISITION_NUMBER 0x0020 0x0012
-    INSTANCE_NUMBER 0x0020 0x0013
-    POSITION 0x0020 0x0032
-    ORIENTATION 0x0020 0x0037
-    TEMPORAL_POSITION 0x0020 0x0100
-    STACK 0x0020 0x9056
-    TEMPORAL_INDEX 0x0020 0x9128
-    SAMPLES_PER_PIXEL 0x0028 0x0002
-    PHOTOMETRIC 0x0028 0x0004
-    FRAME_COUNT 0x0028 0x0008
-    ROWS 0x0028 0x0010
-    COLUMNS 0x0028 0x0011
-    PIXEL_SPACING 0x0028 0x0030
-    BITS_ALLOCATED 0x0028 0x0100
-    BITS_STORED 0x0028 0x0101
-    HIGH_BIT 0x0028 0x0102
-    PIXEL_REPRESENTATION 0x0028 0x0103
-    INTERCEPT 0x0028 0x1052
-    SLOPE 0x0028 0x1053
-    MODALITY_LUT 0x0028 0x3000
-
-    SHARED_GROUPS 0x5200 0x9229
-    FRAME_GROUPS 0x5200 0x9230
-    FRAME_CONTENT 0x0020 0x9111
-    PLANE_POSITION 0x0020 0x9113
-    PLANE_ORIENTATION 0x0020 0x9116
-    PIXEL_MEASURES 0x0028 0x9110
-    PIXEL_TRANSFORMATION 0x0028 0x9145
-
-    FLOAT_PIXELS 0x7fe0 0x0008
-    DOUBLE_PIXELS 0x7fe0 0x0009
-    PIXELS 0x7fe0 0x0010
-    ITEM 0xfffe 0xe000
-    ITEM_END 0xfffe 0xe00d
-    SEQUENCE_END 0xfffe 0xe0dd
+    wanted {
+        IMAGE_TYPE 0x0008 0x0008
+        SOP_CLASS 0x0008 0x0016
+        ACQUISITION_TIME 0x0008 0x0032
+        MODALITY 0x0008 0x0060
+        SERIES_DESCRIPTION 0x0008 0x103e
+        SLICE_THICKNESS 0x0018 0x0050
+        ECHO_TIME 0x0018 0x0081
+        SLICE_SPACING 0x0018 0x0088
+        TRIGGER_TIME 0x0018 0x1060
+        IMAGER_SPACING 0x0018 0x1164
+        B_VALUE 0x0018 0x9087
+        SERIES_UID 0x0020 0x000e
+        SERIES_NUMBER 0x0020 0x0011
+        ACQUISITION_NUMBER 0x0020 0x0012
+        INSTANCE_NUMBER 0x0020 0x0013
+        POSITION 0x0020 0x0032
+        ORIENTATION 0x0020 0x0037
+        TEMPORAL_POSITION 0x0020 0x0100
+        STACK 0x0020 0x9056
+        TEMPORAL_INDEX 0x0020 0x9128
+        SAMPLES_PER_PIXEL 0x0028 0x0002
+        PHOTOMETRIC 0x0028 0x0004
+        FRAME_COUNT 0x0028 0x0008
+        ROWS 0x0028 0x0010
+        COLUMNS 0x0028 0x0011
+        PIXEL_SPACING 0x0028 0x0030
+        BITS_ALLOCATED 0x0028 0x0100
+        BITS_STORED 0x0028 0x0101
+        HIGH_BIT 0x0028 0x0102
+        PIXEL_REPRESENTATION 0x0028 0x0103
+        INTERCEPT 0x0028 0x1052
+        SLOPE 0x0028 0x1053
+    }
+    known {
+        TRANSFER_SYNTAX 0x0002 0x0010
+        MODALITY_LUT 0x0028 0x3000
+        SHARED_GROUPS 0x5200 0x9229
+        FRAME_GROUPS 0x5200 0x9230
+        FRAME_CONTENT 0x0020 0x9111
+        PLANE_POSITION 0x0020 0x9113
+        PLANE_ORIENTATION 0x0020 0x9116
+        PIXEL_MEASURES 0x0028 0x9110
+        PIXEL_TRANSFORMATION 0x0028 0x9145
+        FLOAT_PIXELS 0x7fe0 0x0008
+        DOUBLE_PIXELS 0x7fe0 0x0009
+        PIXELS 0x7fe0 0x0010
+        ITEM 0xfffe 0xe000
+        ITEM_END 0xfffe 0xe00d
+        SEQUENCE_END 0xfffe 0xe0dd
+    }
 }
 
-/// Tags whose values are kept.
-pub(super) const WANTED: &[Tag] = &[
-    IMAGE_TYPE,
-    SOP_CLASS,
-    ACQUISITION_TIME,
-    MODALITY,
-    SERIES_DESCRIPTION,
-    SLICE_THICKNESS,
-    ECHO_TIME,
-    SLICE_SPACING,
-    TRIGGER_TIME,
-    IMAGER_SPACING,
-    B_VALUE,
-    SERIES_UID,
-    SERIES_NUMBER,
-    ACQUISITION_NUMBER,
-    INSTANCE_NUMBER,
-    POSITION,
-    ORIENTATION,
-    TEMPORAL_POSITION,
-    STACK,
-    TEMPORAL_INDEX,
-    SAMPLES_PER_PIXEL,
-    PHOTOMETRIC,
-    FRAME_COUNT,
-    ROWS,
-    COLUMNS,
-    PIXEL_SPACING,
-    BITS_ALLOCATED,
-    BITS_STORED,
-    HIGH_BIT,
-    PIXEL_REPRESENTATION,
-    INTERCEPT,
-    SLOPE,
-];
-
-/// Those whose values are numbers of 16 bits; all others are text.
+/// Tags whose values are 16-bit numbers; all others are text.
 pub(super) const NUMBERS: &[Tag] =
     &[SAMPLES_PER_PIXEL, ROWS, COLUMNS, BITS_ALLOCATED, BITS_STORED, HIGH_BIT, PIXEL_REPRESENTATION];
 
@@ -130,7 +101,7 @@ pub(super) const NUMBERS: &[Tag] =
 pub(super) const GROUPS: &[Tag] =
     &[FRAME_CONTENT, PLANE_POSITION, PLANE_ORIENTATION, PIXEL_MEASURES, PIXEL_TRANSFORMATION];
 
-/// Sequences that must be known as such where a file does not say what its elements are.
+/// Sequences, for files that do not state the kind of their elements.
 pub(super) const SEQUENCES: &[Tag] = &[
     SHARED_GROUPS,
     FRAME_GROUPS,
@@ -142,7 +113,7 @@ pub(super) const SEQUENCES: &[Tag] = &[
     MODALITY_LUT,
 ];
 
-/// Value representations whose length takes four bytes behind two that are reserved (PS3.5, table 7.1-1).
+/// Value representations with two reserved bytes and a length of four bytes (PS3.5, table 7.1-1).
 pub(super) const LONG_FORMS: &[&[u8; 2]] =
     &[b"OB", b"OD", b"OF", b"OL", b"OV", b"OW", b"SQ", b"SV", b"UC", b"UN", b"UR", b"UT", b"UV"];
 

@@ -1,24 +1,24 @@
-//! What ImageJ writes into a TIFF file's description: lines of `key=value`.
+//! Reads ImageJ's notes in the description of a TIFF file: lines of `key=value`.
 //!
-//! In: the description. Out: how pages are slices, channels and frames, how far apart points are, and the line that
-//! turns samples into values. Keys that are missing have the values that ImageJ leaves out.
+//! In: the description. Out: which pages are which slices, channels and frames, how far apart points are, and slope and
+//! intercept of the values. Missing keys have ImageJ's defaults.
 //!
 //! Source: ImageJ's own reading and writing of these lines (ij.io, public domain).
 
 use std::path::Path;
 
 use super::page::Resolution;
-use crate::frame::Frame;
+use crate::frame::FileFrame;
 use adjsplat::error::{Error, Result};
 
-/// What a description says.
+/// The contents of a description that ImageJ wrote.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ImageJ {
     /// Pages in all.
     pub(super) images: u64,
     channels: u64,
     frames: u64,
-    /// 0 if it is not said: as many as there are pages for.
+    /// Number of slices; 0 if the text does not say, which means as many as there are pages for.
     slices: u64,
     unit: Option<String>,
     /// Distance between slices.
@@ -28,7 +28,7 @@ pub(super) struct ImageJ {
 }
 
 impl ImageJ {
-    /// What `text` says, if ImageJ wrote it.
+    /// Parses `text`; `None` if ImageJ did not write it.
     pub(super) fn parse(text: &str) -> Option<ImageJ> {
         if !text.starts_with("ImageJ=") {
             return None;
@@ -37,7 +37,7 @@ impl ImageJ {
             let values = text.lines().filter_map(|line| line.split_once('='));
             values.filter(|(found, _)| *found == key).map(|(_, value)| value.trim()).next_back()
         };
-        // Counts were written as decimals by some.
+        // Some writers store counts as decimals.
         let count = |key| value(key).and_then(|text| text.strip_suffix(".0").unwrap_or(text).parse::<u64>().ok());
         let number = |key| value(key).and_then(|text| text.parse::<f64>().ok()).filter(|number| number.is_finite());
         // Function 0 is a straight line: c0 + c1 * sample.
@@ -56,15 +56,15 @@ impl ImageJ {
         })
     }
 
-    /// Volumes: one for each channel at each time.
+    /// Returns the number of volumes: one for each channel at each time.
     pub(super) fn volumes(&self) -> u64 {
         self.channels.saturating_mul(self.frames)
     }
 
-    /// The pages of volume `volume`, slice by slice, of `count` pages in all; the file is at `path`.
+    /// Returns the pages of volume `volume`, slice by slice; the file at `path` has `count` pages.
     ///
     /// # Errors
-    /// [`Error::Format`] if there are other numbers of pages than slices, channels and frames ask for.
+    /// [`Error::Format`] if the number of pages is not that of slices, channels and frames.
     pub(super) fn pages(&self, path: &Path, count: u64, volume: u64) -> Result<Vec<u64>> {
         let volumes = self.volumes();
         let slices = if self.slices == 0 { count / volumes } else { self.slices };
@@ -82,13 +82,13 @@ impl ImageJ {
     }
 
     /// Where the grid lies.
-    pub(super) fn frame(&self, resolution: &Resolution) -> Frame {
+    pub(super) fn frame(&self, resolution: &Resolution) -> FileFrame {
         let mut pixel = resolution.pixel();
         if resolution.unit == 3 && self.unit.as_deref() == Some("um") {
-            // Resolutions per centimetre beside a description in micrometres: other programs write such files.
+            // Some programs write resolutions per centimetre and a description in micrometres.
             pixel = pixel.map(|size| size * 1e4);
         }
-        Frame { unit: self.unit.clone(), ..Frame::upright([pixel[0], pixel[1], self.spacing]) }
+        FileFrame { unit: self.unit.clone(), ..FileFrame::upright([pixel[0], pixel[1], self.spacing]) }
     }
 
     /// Slope and intercept.

@@ -1,8 +1,8 @@
-//! TIFF and BigTIFF: the pages of one file, or a folder of files of one page, as the slices of a volume.
+//! Reads TIFF and BigTIFF: the pages of one file, or a folder of files of one page, are the slices of a volume.
 //!
 //! In: grey pages of one size and type, in strips or tiles, plain or packed by LZW, deflate, PackBits or zstd. Out: a
-//! slab source. Pages are slices in the file's order; thumbnails and masks (NewSubfileType 1 and 4) are passed over.
-//! Two kinds of writers say more, and are believed:
+//! slab source. Pages are slices in the file's order; thumbnails and masks (NewSubfileType 1 and 4) are skipped.
+//! Two kinds of writers add a description, which is used:
 //!
 //! ```text
 //! ImageJ     channels, slices and frames; spacing and unit; a line that turns samples into values; stacks above 4 GB
@@ -10,11 +10,11 @@
 //! OME-TIFF   which page is which slice, channel and time; physical sizes with units
 //! ```
 //!
-//! Each channel at each time is a volume of its own, counted channels first. Elsewhere resolution tags give the
-//! spacing along x and y, in millimetres where they have a unit, and that along z, which the format does not know, is
-//! taken to be that along x; 72 to the inch is what writers put that know no resolution, and counts as none.
-//! Samples are taken as they are stored, also where 0 is to be shown white (MinIsWhite): so do ImageJ and others. Only
-//! signed and floating-point samples shown so are refused, as unpacking them would round.
+//! Each channel at each time is a volume of its own, counted channels first. Without a description, resolution tags
+//! give the spacing along x and y, in millimetres where they have a unit. The format has no spacing along z; that of x
+//! is used. 72 to the inch counts as no resolution, because writers that know none store it. Samples are kept as
+//! stored, also where 0 is to be shown white (MinIsWhite), as ImageJ does. Only signed and floating-point samples with
+//! this flag are refused, because the `tiff` crate would round them.
 //!
 //! Source: TIFF 6.0 (Adobe 1992); OME-TIFF specification (docs.openmicroscopy.org).
 
@@ -22,25 +22,21 @@ mod imagej;
 mod ome;
 mod page;
 mod reader;
+mod zstd;
 
 use std::path::{Path, PathBuf};
 
-use super::frame::Frame;
+use super::frame::FileFrame;
 use super::open::{OpenOptions, file_name};
 use super::slab::check_volume;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, MAX_DIM, SlabSource};
 use imagej::ImageJ;
 use ome::Ome;
-use page::{Pages, Resolution, Shape};
-use reader::{Place, TiffReader};
+use page::{PageShape, Resolution, TiffPages};
+use reader::{SliceLocation, TiffReader};
 
-/// Whether `probe`, the first bytes of a file, are those of a TIFF or BigTIFF.
-pub(super) fn is_header(probe: &[u8]) -> bool {
-    [&b"II*\0"[..], b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| probe.starts_with(magic))
-}
-
-/// What a writer says of its pages beside their tags.
+/// The description that a writer adds to the tags.
 enum Description {
     Plain,
     ImageJ(ImageJ),
@@ -48,7 +44,7 @@ enum Description {
 }
 
 impl Description {
-    fn read(path: &Path, pages: &mut Pages) -> Result<Description> {
+    fn read(path: &Path, pages: &mut TiffPages) -> Result<Description> {
         let text = pages.description()?;
         Ok(if let Some(imagej) = text.as_deref().and_then(ImageJ::parse) {
             Description::ImageJ(imagej)
@@ -67,7 +63,7 @@ impl Description {
         }
     }
 
-    fn frame(&self, resolution: &Resolution) -> Frame {
+    fn frame(&self, resolution: &Resolution) -> FileFrame {
         match self {
             Description::Plain => plain_frame(resolution),
             Description::ImageJ(imagej) => imagej.frame(resolution),
@@ -86,19 +82,19 @@ impl Description {
 
 /// Opens the TIFF file at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
-    let mut pages = Pages::open(path)?;
+    let mut pages = TiffPages::open(path)?;
     let listed = pages.list()?;
     pages.go_to(listed.full[0])?;
     let description = Description::read(path, &mut pages)?;
     let resolution = pages.resolution()?;
     let first = pages.shape()?;
     let volume = u64::from(options.volume_index);
-    let (places, shape): (Vec<Place>, Shape) = match &description {
+    let (places, shape): (Vec<SliceLocation>, PageShape) = match &description {
         Description::ImageJ(imagej) if listed.count == 1 && imagej.images > 1 => {
             check_volume(volume, imagej.volumes())?;
             let start = pages.contiguous(&first, imagej.images)?;
             let numbers = imagej.pages(path, imagej.images, volume)?;
-            (numbers.into_iter().map(|page| Place::Bytes(start + page * first.bytes())).collect(), first)
+            (numbers.into_iter().map(|page| SliceLocation::Bytes(start + page * first.bytes())).collect(), first)
         }
         description => {
             let numbers = match description {
@@ -125,7 +121,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
                 pages.go_to(*number)?;
                 pages.check(&shape, &format!("page {first}"))?;
             }
-            (numbers.into_iter().map(|page| Place::Page { file: 0, page }).collect(), shape)
+            (numbers.into_iter().map(|page| SliceLocation::Page { file: 0, page }).collect(), shape)
         }
     };
     finish(path, vec![path.to_path_buf()], places, shape, options, &(description, resolution))
@@ -135,10 +131,10 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     check_volume(options.volume_index.into(), 1)?;
     check_slices(folder, files.len())?;
-    let mut first: Option<(Shape, (Description, Resolution))> = None;
+    let mut first: Option<(PageShape, (Description, Resolution))> = None;
     let mut places = Vec::new();
     for (file, path) in files.iter().enumerate() {
-        let mut pages = Pages::open(path)?;
+        let mut pages = TiffPages::open(path)?;
         let listed = pages.list()?;
         if listed.full.len() > 1 {
             let count = listed.full.len();
@@ -161,7 +157,7 @@ pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptio
             }
         };
         pages.check(&shape, &file_name(&files[0]))?;
-        places.push(Place::Page { file, page: listed.full[0] });
+        places.push(SliceLocation::Page { file, page: listed.full[0] });
     }
     match first {
         Some((shape, told)) => finish(folder, files, places, shape, options, &told),
@@ -169,12 +165,12 @@ pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptio
     }
 }
 
-/// The source over `places`, of which the first file tells what is `told`.
+/// Returns the source over `places`; `told` is the description and the resolution in the first file.
 fn finish(
     path: &Path,
     files: Vec<PathBuf>,
-    places: Vec<Place>,
-    shape: Shape,
+    places: Vec<SliceLocation>,
+    shape: PageShape,
     options: &OpenOptions,
     told: &(Description, Resolution),
 ) -> Result<Box<dyn SlabSource>> {
@@ -193,7 +189,7 @@ fn finish(
     Ok(Box::new(TiffReader::new(header, files, places, shape)?))
 }
 
-/// Refuses more slices than an axis may have before a list of them is checked one by one.
+/// Refuses more slices than an axis may have.
 fn check_slices(path: &Path, count: usize) -> Result<()> {
     let (need, have) = (count as u64, u64::from(MAX_DIM));
     if need > have {
@@ -202,8 +198,8 @@ fn check_slices(path: &Path, count: usize) -> Result<()> {
     Ok(())
 }
 
-/// The frame of a file of which only the tags are known.
-fn plain_frame(resolution: &Resolution) -> Frame {
+/// Returns the frame of a file without a description.
+fn plain_frame(resolution: &Resolution) -> FileFrame {
     let millimetres = match resolution.unit {
         2 => Some(25.4),
         3 => Some(10.0),
@@ -211,9 +207,9 @@ fn plain_frame(resolution: &Resolution) -> Frame {
     };
     let [x, y] = resolution.pixel();
     if resolution.unit == 2 && (x * 72.0 - 1.0).abs() < 1e-6 {
-        return Frame::upright([1.0, y / x, 1.0]);
+        return FileFrame::upright([1.0, y / x, 1.0]);
     }
     let unit = millimetres.filter(|_| resolution.is_given()).map(|_| "mm".to_string());
     let scale = if unit.is_some() { millimetres.unwrap_or(1.0) } else { 1.0 };
-    Frame { unit, ..Frame::upright([x * scale, y * scale, x * scale]) }
+    FileFrame { unit, ..FileFrame::upright([x * scale, y * scale, x * scale]) }
 }

@@ -1,7 +1,7 @@
-//! What OME-XML in a TIFF file's description says of its first image.
+//! Reads the first image of the OME-XML in a TIFF file's description.
 //!
-//! In: the XML. Out: which page is which slice of which channel at which time, and how far apart points are. Planes
-//! have numbers by the image's order of dimensions; each `TiffData` tells from which page on some of them follow.
+//! In: the XML. Out: which page is which slice of which channel at which time, and how far apart points are. Planes are
+//! numbered in the image's order of dimensions; each `TiffData` names the page at which a run of planes starts.
 //!
 //! Source: OME-TIFF specification and OME schema, `Pixels` and `TiffData` (docs.openmicroscopy.org).
 
@@ -10,32 +10,32 @@ use std::path::Path;
 use quick_xml::Reader;
 use quick_xml::events::{BytesStart, Event};
 
-use crate::frame::Frame;
-use crate::lines::clip;
+use crate::frame::FileFrame;
+use crate::lines::{clip, one_line};
 use adjsplat::error::{Error, Result};
 
 const RULE: &str = "OME-XML";
 
 /// Planes that follow each other in a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
-struct Run {
+struct PlaneRun {
     /// Number of the first plane.
     plane: u64,
-    /// The page that it is.
+    /// The page of the first plane.
     page: u64,
-    /// How many planes; `None` for all that follow.
+    /// Number of planes; `None` for all that follow.
     count: Option<u64>,
 }
 
-/// What the XML says.
+/// Pages and spacing of one image.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Ome {
-    /// How many slices, channels, times.
+    /// Number of slices, channels, times.
     sizes: [u64; 3],
-    /// How far apart the planes of neighbouring slices, channels, times are, in planes.
+    /// Number of planes from a slice, channel or time to the next one.
     strides: [u64; 3],
-    /// By first plane.
-    runs: Vec<Run>,
+    /// Sorted by first plane.
+    runs: Vec<PlaneRun>,
     spacing: [f64; 3],
     unit: Option<String>,
 }
@@ -50,15 +50,13 @@ impl Ome {
     /// Reads the XML in the description of the file at `path`.
     ///
     /// # Errors
-    /// [`Error::Format`] if it is not well formed, lacks what it must have, or tells of other files.
+    /// [`Error::Format`] if it is not well formed, is incomplete, or refers to other files.
     pub(super) fn parse(path: &Path, text: &str) -> Result<Ome> {
         let fault = |expected: &str, got: String| Error::format(path, 0, RULE, expected, got);
         let mut reader = Reader::from_str(text);
         let (mut ome, mut files): (Option<Ome>, Option<String>) = (None, None);
         loop {
-            let event = reader
-                .read_event()
-                .map_err(|error| fault("XML that is well formed", error.to_string().replace(['\n', '\r'], " ")))?;
+            let event = reader.read_event().map_err(|error| fault("XML that is well formed", one_line(&error)))?;
             match &event {
                 Event::Start(tag) | Event::Empty(tag) => match (tag.local_name().as_ref(), &mut ome) {
                     (b"Pixels", None) => ome = Some(Ome::pixels(path, tag)?),
@@ -86,13 +84,13 @@ impl Ome {
         }
         let mut ome = ome.ok_or_else(|| fault("an image with Pixels", "none; they may be in another file".into()))?;
         if ome.runs.is_empty() {
-            ome.runs.push(Run { plane: 0, page: 0, count: None });
+            ome.runs.push(PlaneRun { plane: 0, page: 0, count: None });
         }
         ome.runs.sort_by_key(|run| run.plane);
         Ok(ome)
     }
 
-    /// What the attributes of `Pixels` say.
+    /// Reads the attributes of `Pixels`.
     fn pixels(path: &Path, tag: &BytesStart<'_>) -> Result<Ome> {
         let mut sizes = [0; 3];
         for (size, name) in sizes.iter_mut().zip(["SizeZ", "SizeC", "SizeT"]) {
@@ -121,8 +119,8 @@ impl Ome {
         Ok(Ome { sizes, strides, runs: Vec::new(), spacing, unit })
     }
 
-    /// What the attributes of a `TiffData` say.
-    fn run(&self, path: &Path, tag: &BytesStart<'_>) -> Result<Run> {
+    /// Reads the attributes of a `TiffData`.
+    fn run(&self, path: &Path, tag: &BytesStart<'_>) -> Result<PlaneRun> {
         let number = |name: &str| match attribute(tag, name) {
             None => Ok(None),
             Some(text) => match text.trim().parse::<u64>() {
@@ -141,18 +139,18 @@ impl Ome {
         }
         let page = number("IFD")?;
         let count = number("PlaneCount")?.or(page.map(|_| 1));
-        Ok(Run { plane, page: page.unwrap_or(0), count })
+        Ok(PlaneRun { plane, page: page.unwrap_or(0), count })
     }
 
-    /// Volumes: one for each channel at each time.
+    /// Returns the number of volumes: one for each channel at each time.
     pub(super) fn volumes(&self) -> u64 {
         self.sizes[1] * self.sizes[2]
     }
 
-    /// The pages of volume `volume`, slice by slice, in the file at `path`, which has `count` of them.
+    /// Returns the pages of volume `volume`, slice by slice; the file at `path` has `count` pages.
     ///
     /// # Errors
-    /// [`Error::Format`] if the XML does not say which page a slice is, or tells of one that is not there;
+    /// [`Error::Format`] if the XML gives no page for a slice, or one that is not there;
     /// [`Error::Limit`] if there are too many slices.
     pub(super) fn pages(&self, path: &Path, count: usize, volume: u64) -> Result<Vec<usize>> {
         let [slices, channels, _] = self.sizes;
@@ -183,8 +181,8 @@ impl Ome {
     }
 
     /// Where the grid lies.
-    pub(super) fn frame(&self) -> Frame {
-        Frame { unit: self.unit.clone(), ..Frame::upright(self.spacing) }
+    pub(super) fn frame(&self) -> FileFrame {
+        FileFrame { unit: self.unit.clone(), ..FileFrame::upright(self.spacing) }
     }
 }
 
@@ -193,7 +191,7 @@ fn attribute(tag: &BytesStart<'_>, name: &str) -> Option<String> {
     Some(String::from_utf8_lossy(&found.value).into_owned())
 }
 
-/// Distances along x, y, z, in the unit of the first that is said. What is not said is as that.
+/// Returns the distances along x, y, z, in the unit of the first one given. Missing ones equal the first.
 fn spacing(tag: &BytesStart<'_>) -> ([f64; 3], Option<String>) {
     let lengths = ["PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ"].map(|name| length(tag, name));
     let Some((first, unit)) = lengths.iter().flatten().next() else { return ([1.0; 3], None) };
@@ -213,14 +211,14 @@ fn spacing(tag: &BytesStart<'_>) -> ([f64; 3], Option<String>) {
     (spacing, unit)
 }
 
-/// A length and its unit; `None` if it is not said, or no length above 0.
+/// Returns a length and its unit; `None` if it is missing or not above 0.
 fn length(tag: &BytesStart<'_>, name: &str) -> Option<(f64, String)> {
     let size = attribute(tag, name)?.trim().parse::<f64>().ok()?;
     let unit = attribute(tag, &format!("{name}Unit")).unwrap_or_else(|| "um".into());
     (size.is_finite() && size > 0.0).then_some((size, unit))
 }
 
-/// Metres in a unit, if it is one of length.
+/// Returns the metres in `unit`; `None` if it is not a unit of length.
 fn metres(unit: &str) -> Option<f64> {
     Some(match unit {
         "m" => 1.0,

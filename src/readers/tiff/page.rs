@@ -1,9 +1,8 @@
-//! The pages of one TIFF file: which there are, what they hold, and their samples.
+//! Finds the pages of one TIFF file, checks them, and reads their samples.
 //!
 //! In: a file. Out: the pages' numbers in the chain of directories, their shapes, and one page's samples, chunk by
-//! chunk. The `tiff` crate reads directories and unpacks chunks; here stands what it leaves to its callers: that a
-//! file has the bytes which its directories tell of, and that a page is one that can be read, said before any
-//! memory is asked for.
+//! chunk. The `tiff` crate reads directories and unpacks most chunks. This file adds checks before any allocation: that
+//! the file has the bytes which its directories list, and that the page is of a kind that can be read.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -14,6 +13,8 @@ use ::tiff::decoder::ifd::Value;
 use ::tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use ::tiff::tags::{ByteOrder, Tag};
 
+use super::zstd::RowCoding;
+use crate::lines::one_line;
 use crate::raw::type_names;
 use crate::slab::Endian;
 use crate::stream::DEFLATE_RATIO;
@@ -21,32 +22,35 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::volume::{SampleType, Samples};
 
-/// Most bytes of one tile: the `tiff` crate's own limit.
+/// The largest tile in bytes: the `tiff` crate's own limit.
 const LARGEST_TILE: u64 = 256 << 20;
 
-/// Bytes of memory that a chunk's place and length take while the lists of them are read.
+/// Bytes of memory per chunk while the lists of offsets and lengths are read.
 const CHUNK_LISTED: u64 = 80;
 
-/// Longest description that is read: that of an OME-TIFF tells of every plane.
+/// The value of the tag Compression for zstd.
+const ZSTD: u64 = 50_000;
+
+/// The longest description in bytes: that of an OME-TIFF lists every plane.
 const LONGEST_DESCRIPTION: u64 = 64 << 20;
 
 /// The numbers that pages have in the chain of directories, from 0.
-pub(super) struct Listed {
-    /// All that there are.
+pub(super) struct PageList {
+    /// Number of all pages.
     pub(super) count: usize,
-    /// Those at full resolution; at least one.
+    /// The pages at full resolution; at least one.
     pub(super) full: Vec<usize>,
 }
 
-/// What must be alike in all pages of a volume.
+/// Size and sample type, which all pages of a volume share.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Shape {
+pub(super) struct PageShape {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) sample_type: SampleType,
 }
 
-impl Shape {
+impl PageShape {
     /// Bytes of its samples.
     pub(super) fn bytes(&self) -> u64 {
         // Both are of 32 bits, and are checked only with the grid.
@@ -58,7 +62,7 @@ impl Shape {
     }
 }
 
-/// What the resolution tags say.
+/// The contents of the resolution tags.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Resolution {
     /// Pixels per unit along x and y, where they are numbers above 0.
@@ -68,20 +72,20 @@ pub(super) struct Resolution {
 }
 
 impl Resolution {
-    /// Units per pixel along x and y; 1 where nothing is said.
+    /// Returns the units per pixel along x and y; 1 without the tags.
     pub(super) fn pixel(&self) -> [f64; 2] {
         let [x, y] = self.per_unit;
         [x.or(y), y.or(x)].map(|pixels| 1.0 / pixels.unwrap_or(1.0))
     }
 
-    /// Whether anything is said.
+    /// Returns whether the page has the tags.
     pub(super) fn is_given(&self) -> bool {
         self.per_unit != [None, None]
     }
 }
 
 /// The pages of a file.
-pub(super) struct Pages {
+pub(super) struct TiffPages {
     path: PathBuf,
     decoder: Decoder<BufReader<File>>,
     file_len: u64,
@@ -89,22 +93,22 @@ pub(super) struct Pages {
     number: usize,
 }
 
-impl Pages {
+impl TiffPages {
     /// Opens the file at `path` at its first page.
-    pub(super) fn open(path: &Path) -> Result<Pages> {
+    pub(super) fn open(path: &Path) -> Result<TiffPages> {
         let (file, file_len) = open_regular(path, "open")?;
         let decoder = Decoder::new(BufReader::new(file)).map_err(|error| fault(path, 0, "the first page", error))?;
         let mut limits = Limits::default();
         // Chunks are unpacked as a stream into memory that is asked for here.
         limits.intermediate_buffer_size = usize::MAX;
-        Ok(Pages { path: path.to_path_buf(), decoder: decoder.with_limits(limits), file_len, number: 0 })
+        Ok(TiffPages { path: path.to_path_buf(), decoder: decoder.with_limits(limits), file_len, number: 0 })
     }
 
     /// Walks the chain of directories to its end.
-    pub(super) fn list(&mut self) -> Result<Listed> {
+    pub(super) fn list(&mut self) -> Result<PageList> {
         let (mut count, mut full) = (0, Vec::new());
         loop {
-            // Bit 0: a smaller copy of another page; bit 2: a mask. The older SubfileType says the first by 2.
+            // Bit 0: a smaller copy of another page; bit 2: a mask. In the older SubfileType 2 is a smaller copy.
             let new = self.number_tag(Tag::NewSubfileType)?.unwrap_or(0);
             let old = self.number_tag(Tag::SubfileType)?.unwrap_or(1);
             if new & 0b101 == 0 && old != 2 {
@@ -122,7 +126,7 @@ impl Pages {
             let got = format!("{count} pages that are all thumbnails or masks");
             return Err(self.format_fault("TIFF NewSubfileType", "a page at full resolution", got));
         }
-        Ok(Listed { count, full })
+        Ok(PageList { count, full })
     }
 
     /// Goes to page `number`.
@@ -136,11 +140,8 @@ impl Pages {
         Ok(())
     }
 
-    /// The shape of the page.
-    ///
-    /// # Errors
-    /// [`Error::Format`] if it is not one that can be read.
-    pub(super) fn shape(&mut self) -> Result<Shape> {
+    /// Returns the shape of the page; an error if such pages cannot be read.
+    pub(super) fn shape(&mut self) -> Result<PageShape> {
         let (width, height) = self.decoder.dimensions().map_err(|error| self.page_fault(error))?;
         let samples = self.number_tag(Tag::SamplesPerPixel)?.unwrap_or(1);
         let colours = match self.number_tag(Tag::PhotometricInterpretation)? {
@@ -184,15 +185,15 @@ impl Pages {
             let got = format!("0 shown as white and samples of {} in page {}", sample_type.name(), self.number);
             return Err(self.format_fault("TIFF MinIsWhite", expected, got));
         }
-        Ok(Shape { width, height, sample_type })
+        Ok(PageShape { width, height, sample_type })
     }
 
-    /// Checks that the page has `shape`, which is that of `whose`, and that the file has the bytes of its samples.
-    pub(super) fn check(&mut self, shape: &Shape, whose: &str) -> Result<()> {
-        let own = self.shape()?;
-        if own != *shape {
+    /// Checks that the page has `shape`, like `whose`, and that the file has the bytes of its samples.
+    pub(super) fn check(&mut self, shape: &PageShape, whose: &str) -> Result<()> {
+        let page_shape = self.shape()?;
+        if page_shape != *shape {
             let expected = format!("{} as in {whose}; all slices must be alike", shape.described());
-            let got = format!("{} in page {}", own.described(), self.number);
+            let got = format!("{} in page {}", page_shape.described(), self.number);
             return Err(self.format_fault("TIFF page", expected, got));
         }
         let need = self.tile_bytes(shape);
@@ -225,8 +226,8 @@ impl Pages {
         Ok(())
     }
 
-    /// Where the samples of `images` pages start that follow each other, of which only this first one has a directory.
-    pub(super) fn contiguous(&mut self, shape: &Shape, images: u64) -> Result<u64> {
+    /// Returns the first byte of `images` pages that follow each other without directories of their own.
+    pub(super) fn contiguous(&mut self, shape: &PageShape, images: u64) -> Result<u64> {
         let plain = self.ratio()? == Some(1) && self.decoder.get_chunk_type() == ChunkType::Strip;
         let (offsets, counts) = self.chunks()?;
         let follow = offsets.windows(2).zip(&counts).all(|(pair, count)| pair[0].checked_add(*count) == Some(pair[1]));
@@ -259,7 +260,7 @@ impl Pages {
         bytes.truncate(read.unwrap_or(0));
         let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
         bytes.truncate(end);
-        // Where it is not UTF-8 it is Latin-1, in which old writers put a micro sign.
+        // Text that is not UTF-8 is Latin-1: old writers store a micro sign in it.
         Ok(Some(
             String::from_utf8(bytes).unwrap_or_else(|error| error.as_bytes().iter().copied().map(char::from).collect()),
         ))
@@ -281,37 +282,42 @@ impl Pages {
         Ok(Resolution { per_unit, unit })
     }
 
-    /// Reads the page's samples; it must have been checked against the shape that `slice` was made for.
-    pub(super) fn read(&mut self, shape: &Shape, slice: &mut Samples) -> Result<()> {
+    /// Reads the page's samples; `shape` is the page's and that of `slice`.
+    pub(super) fn read(&mut self, shape: &PageShape, slice: &mut Samples) -> Result<()> {
         let width = shape.sample_type.bytes();
         let row = shape.width as usize * width;
         let (across, down) = self.decoder.chunk_dimensions();
+        let line = across as usize * width;
         let columns = shape.width.div_ceil(across.max(1));
         let tiled = self.decoder.get_chunk_type() == ChunkType::Tile;
         let chunks = columns.saturating_mul(shape.height.div_ceil(down.max(1)));
+        let zstd = if self.compression()? == ZSTD { Some((self.row_coding(shape)?, self.chunks()?)) } else { None };
         let mut tile = DecodingResult::U8(Vec::new());
         for index in 0..chunks {
             let (chunk_width, chunk_height) = self.decoder.chunk_data_dimensions(index);
-            let left = (index % columns) as usize * across as usize * width;
-            let top = (index / columns) as usize * down as usize;
-            if tiled {
+            let (left, used) = ((index % columns) as usize * line, chunk_width as usize * width);
+            let top = (index / columns) as usize * down as usize * row;
+            let rows = &mut slice.bytes_mut()[top..][..chunk_height as usize * row];
+            if let Some((coding, (offsets, counts))) = &zstd {
+                let [offset, count] = [offsets, counts].map(|list| list.get(index as usize).copied().unwrap_or(0));
+                let file = self.decoder.inner();
+                let rows = rows.chunks_exact_mut(row).map(|row| &mut row[left..left + used]);
+                let read = file.seek(SeekFrom::Start(offset)).and_then(|_| coding.unpack(file.take(count), line, rows));
+                read.map_err(|error| self.page_fault(TiffError::IoError(error)))?;
+            } else if tiled {
                 // Asked for at its full width, a tile is unpacked in one read. In tiff 0.11.3 tiles in LZW that reach
                 // beyond the page cannot be read row by row: it misses the end of the codes.
-                let line = across as usize * width;
                 let unpacked = self.decoder.read_chunk_to_buffer(&mut tile, index, line);
                 unpacked.map_err(|error| self.page_fault(error))?;
-                let used = chunk_width as usize * width;
-                let rows = slice.bytes_mut()[top * row..].chunks_exact_mut(row);
-                for (into, from) in rows.zip(tile.as_buffer(0).as_bytes().chunks_exact(line)) {
+                for (into, from) in rows.chunks_exact_mut(row).zip(tile.as_buffer(0).as_bytes().chunks_exact(line)) {
                     into[left..left + used].copy_from_slice(&from[..used]);
                 }
             } else {
-                let strip = &mut slice.bytes_mut()[top * row..][..chunk_height as usize * row];
-                self.decoder.read_chunk_bytes(index, strip).map_err(|error| self.page_fault(error))?;
+                self.decoder.read_chunk_bytes(index, rows).map_err(|error| self.page_fault(error))?;
             }
         }
-        if self.is_white_zero()? {
-            // Unpacking turned it to black; samples are taken as they are stored.
+        if zstd.is_none() && self.is_white_zero()? {
+            // The crate's unpacking turned 0 to black; samples are taken as they are stored.
             slice.bytes_mut().iter_mut().for_each(|byte| *byte = !*byte);
         }
         Ok(())
@@ -322,26 +328,40 @@ impl Pages {
         let file = self.decoder.inner();
         let read = file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(slice.bytes_mut()));
         read.map_err(|error| fault(&self.path, at, "its samples", TiffError::IoError(error)))?;
-        let endian = match self.decoder.byte_order() {
-            ByteOrder::BigEndian => Endian::Big,
-            _ => Endian::Little,
-        };
-        if endian != Endian::NATIVE {
+        if self.endian() != Endian::NATIVE {
             slice.swap_bytes();
         }
         Ok(())
     }
 
-    /// Bytes that reading a page holds: a tile, and where each chunk is.
-    pub(super) fn buffer_bytes(&self, shape: &Shape) -> u64 {
+    /// How the rows of the page's zstd chunks are written.
+    fn row_coding(&mut self, shape: &PageShape) -> Result<RowCoding> {
+        let predictor = self.number_tag(Tag::Predictor)?.unwrap_or(1);
+        if predictor == 3 && !matches!(shape.sample_type, SampleType::F32 | SampleType::F64) {
+            let got = format!("3 in page {}", self.number);
+            return Err(self.format_fault("TIFF predictor", "1 or 2 for whole numbers", got));
+        }
+        Ok(RowCoding { width: shape.sample_type.bytes(), endian: self.endian(), predictor })
+    }
+
+    fn endian(&self) -> Endian {
+        if self.decoder.byte_order() == ByteOrder::BigEndian { Endian::Big } else { Endian::Little }
+    }
+
+    fn compression(&mut self) -> Result<u64> {
+        Ok(self.number_tag(Tag::Compression)?.unwrap_or(1))
+    }
+
+    /// Returns the bytes that reading a page holds: a tile, and the list of chunks.
+    pub(super) fn buffer_bytes(&self, shape: &PageShape) -> u64 {
         let (width, height) = self.decoder.chunk_dimensions();
         let down = u64::from(shape.height.div_ceil(height.max(1)));
         let chunks = u64::from(shape.width.div_ceil(width.max(1))).saturating_mul(down);
         self.tile_bytes(shape).saturating_add(chunks.saturating_mul(CHUNK_LISTED))
     }
 
-    /// Bytes that one tile takes, without its rows below the page; 0 for strips, which are unpacked in place.
-    fn tile_bytes(&self, shape: &Shape) -> u64 {
+    /// Returns the bytes of one tile without its rows below the page; 0 for strips, which are unpacked in place.
+    fn tile_bytes(&self, shape: &PageShape) -> u64 {
         if self.decoder.get_chunk_type() == ChunkType::Strip {
             return 0;
         }
@@ -361,16 +381,16 @@ impl Pages {
         found.map_err(|error| self.page_fault(error))
     }
 
-    /// Most bytes that one packed byte can become; `None` if there is no bound.
+    /// Returns the largest number of bytes that one packed byte can become; `None` if there is no bound.
     fn ratio(&mut self) -> Result<Option<u64>> {
-        let method = match self.number_tag(Tag::Compression)?.unwrap_or(1) {
+        let method = match self.compression()? {
             1 => return Ok(Some(1)),
             // A code has at least 9 bits, and a string at most 4,096 bytes.
             5 => return Ok(Some(4096)),
             8 | 32_946 => return Ok(Some(DEFLATE_RATIO)),
-            // Two bytes tell of up to 128.
+            // Two bytes can become 128.
             32_773 => return Ok(Some(64)),
-            50_000 => return Ok(None),
+            ZSTD => return Ok(None),
             2 => "CCITT, method 2".into(),
             3 | 4 => "fax".into(),
             6 | 7 => "JPEG".into(),
@@ -408,7 +428,7 @@ impl Pages {
     }
 }
 
-/// What the crate's error means for the user; `at` is the byte offset of the directory of what was read.
+/// Returns our error for one of the `tiff` crate; `at` is the byte offset of the page's directory.
 fn fault(path: &Path, at: u64, what: &str, error: TiffError) -> Error {
     let again = "(copy or download the file again)";
     match error {
@@ -424,9 +444,4 @@ fn fault(path: &Path, at: u64, what: &str, error: TiffError) -> Error {
         },
         other => Error::format(path, at, "TIFF page", format!("{what} to be one that can be read"), one_line(&other)),
     }
-}
-
-/// An error's text without its line ends.
-fn one_line(error: &impl std::fmt::Display) -> String {
-    error.to_string().replace(['\n', '\r'], " ").trim_end_matches(['.', ' ']).to_string()
 }

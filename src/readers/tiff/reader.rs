@@ -2,33 +2,33 @@
 
 use std::path::PathBuf;
 
-use super::page::{Pages, Shape};
+use super::page::{PageShape, TiffPages};
 use crate::slab::check_turn;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, Samples, SlabSource};
 
-/// Where one slice's samples are.
+/// Where the samples of a slice are.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Place {
+pub(super) enum SliceLocation {
     /// In a page of one of the files.
     Page {
-        /// Which file.
+        /// Index of the file.
         file: usize,
         /// The page's number in its chain of directories.
         page: usize,
     },
-    /// From this byte of the first file on, as they are.
+    /// Uncompressed, from this byte of the first file on.
     Bytes(u64),
 }
 
-/// Reads slices from their places.
+/// Reads slices from pages or bytes of files.
 pub(super) struct TiffReader {
     header: Header,
     files: Vec<PathBuf>,
-    places: Vec<Place>,
-    shape: Shape,
-    /// The file that is open, and which it is.
-    open: Option<(usize, Pages)>,
+    places: Vec<SliceLocation>,
+    shape: PageShape,
+    /// The open file and its index.
+    open: Option<(usize, TiffPages)>,
     buffer_bytes: u64,
     slices_read: u32,
     lost: bool,
@@ -36,10 +36,15 @@ pub(super) struct TiffReader {
 
 impl TiffReader {
     /// Takes files whose pages were checked against `shape`.
-    pub(super) fn new(header: Header, files: Vec<PathBuf>, places: Vec<Place>, shape: Shape) -> Result<TiffReader> {
+    pub(super) fn new(
+        header: Header,
+        files: Vec<PathBuf>,
+        places: Vec<SliceLocation>,
+        shape: PageShape,
+    ) -> Result<TiffReader> {
         let mut reader =
             TiffReader { header, files, places, shape, open: None, buffer_bytes: 0, slices_read: 0, lost: false };
-        if let Some(Place::Page { file, page }) = reader.places.first().copied() {
+        if let Some(SliceLocation::Page { file, page }) = reader.places.first().copied() {
             let shape = reader.shape.clone();
             let pages = reader.pages(file)?;
             pages.go_to(page)?;
@@ -48,10 +53,10 @@ impl TiffReader {
         Ok(reader)
     }
 
-    /// File `file`, opened if it is not the one that is.
-    fn pages(&mut self, file: usize) -> Result<&mut Pages> {
+    /// Returns file `file`, opened if another one was open.
+    fn pages(&mut self, file: usize) -> Result<&mut TiffPages> {
         if self.open.as_ref().is_none_or(|(open, _)| *open != file) {
-            self.open = Some((file, Pages::open(&self.files[file])?));
+            self.open = Some((file, TiffPages::open(&self.files[file])?));
         }
         self.open.as_mut().map(|(_, pages)| pages).ok_or_else(|| Error::input("slice", "comes before its file"))
     }
@@ -59,14 +64,14 @@ impl TiffReader {
     fn fill(&mut self, slice: &mut Samples) -> Result<()> {
         let shape = self.shape.clone();
         match self.places[self.slices_read as usize] {
-            Place::Page { file, page } => {
+            SliceLocation::Page { file, page } => {
                 let pages = self.pages(file)?;
                 pages.go_to(page)?;
                 // The file may have changed since it was opened.
                 pages.check(&shape, "the first slice")?;
                 pages.read(&shape, slice)
             }
-            Place::Bytes(at) => self.pages(0)?.read_bytes(at, slice),
+            SliceLocation::Bytes(at) => self.pages(0)?.read_bytes(at, slice),
         }
     }
 }
@@ -87,7 +92,7 @@ impl SlabSource for TiffReader {
 
     fn rewind(&mut self) -> Result<()> {
         (self.open, self.lost, self.slices_read) = (None, true, 0);
-        if let Some(Place::Page { file, .. }) = self.places.first().copied() {
+        if let Some(SliceLocation::Page { file, .. }) = self.places.first().copied() {
             self.pages(file)?;
         }
         self.lost = false;

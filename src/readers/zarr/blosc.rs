@@ -1,17 +1,17 @@
-//! Blosc frames, as Zarr compresses chunks by default.
+//! Unpacks Blosc frames, Zarr's default compression of chunks.
 //!
-//! In: a frame of version 1 or 2. Out: its bytes. A frame is cut into blocks, a block may be split into one stream for
-//! each byte of an element, and each stream is packed by one of five codecs; then bytes or bits of neighbouring elements
-//! were put together (shuffled), which is undone a block at a time. What is to come out is known before: a frame that
-//! says another length is refused, so nothing is allocated by its word.
+//! In: a frame of version 1 or 2. Out: its bytes. A frame is cut into blocks. The writer may have shuffled a block
+//! (gathered the first bytes or bits of all elements, then the second ones, and so on) and split it into one stream for
+//! each byte of an element. Each stream is packed by one of five codecs. The unpacked length is known beforehand: a
+//! frame that states another length is refused, so nothing is allocated by it.
 //!
 //! Source: c-blosc's `README_HEADER.rst` and `README_CHUNK_FORMAT.rst`; the layout of bits is that of bitshuffle
 //! (Masui et al., "A compression scheme for radio data in high performance computing", 2015, section 3.2).
 
-use super::packing::{Fault, inflate, lz4, zstd};
+use super::packing::{ChunkFault, inflate, lz4, zstd};
 
 const HEADER_BYTES: usize = 16;
-/// Elements that a block must have at least to be split, and bytes that an element may have at most.
+/// A block is split if it has at least so many elements, of at most so many bytes each.
 const SPLIT: (usize, usize) = (128, 16);
 
 const BYTE_SHUFFLE: u8 = 1;
@@ -22,16 +22,16 @@ const UNSPLIT: u8 = 16;
 /// Unpacks a frame of `len` bytes.
 ///
 /// # Errors
-/// What is wrong with it, in words.
-pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, Fault> {
+/// The fault, in words, if the frame is damaged.
+pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, ChunkFault> {
     let [version, _, flags, element, ..] = *frame else { return Err("a Blosc frame without a header".into()) };
-    let said = word(frame, 4)?;
+    let stated_len = word(frame, 4)?;
     let block_len = word(frame, 8)?;
     if !(1..=2).contains(&version) {
         return Err(format!("a Blosc frame of version {version}"));
     }
-    if said != len {
-        return Err(format!("a Blosc frame of {said} bytes"));
+    if stated_len != len {
+        return Err(format!("a Blosc frame of {stated_len} bytes"));
     }
     if flags & PLAIN != 0 {
         let plain = frame.get(HEADER_BYTES..HEADER_BYTES + len);
@@ -42,7 +42,7 @@ pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, Fault> {
         return Err("a Blosc frame of empty blocks".into());
     }
     let mut out = vec![0; len];
-    let mut scratch = vec![0; block_len.min(len)];
+    let mut shuffled_block = vec![0; block_len.min(len)];
     for (index, block) in out.chunks_mut(block_len.max(1)).enumerate() {
         let start = word(frame, HEADER_BYTES + 4 * index)?;
         let is_last_part = block.len() < block_len;
@@ -51,7 +51,7 @@ pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, Fault> {
             && block_len / element >= SPLIT.0
             && block.len().is_multiple_of(element)
             && !is_last_part;
-        let shuffled = &mut scratch[..block.len()];
+        let shuffled = &mut shuffled_block[..block.len()];
         unpack_block(frame, start, shuffled, if split { element } else { 1 }, flags >> 5)?;
         if flags & BYTE_SHUFFLE != 0 && element > 1 {
             unshuffle_bytes(shuffled, block, element);
@@ -64,13 +64,13 @@ pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, Fault> {
     Ok(out)
 }
 
-fn word(frame: &[u8], at: usize) -> Result<usize, Fault> {
+fn word(frame: &[u8], at: usize) -> Result<usize, ChunkFault> {
     let bytes = frame.get(at..at + 4).ok_or("a Blosc frame that breaks off")?;
     Ok(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]) as usize)
 }
 
 /// Unpacks the streams of the block that starts at byte `start`.
-fn unpack_block(frame: &[u8], start: usize, block: &mut [u8], streams: usize, codec: u8) -> Result<(), Fault> {
+fn unpack_block(frame: &[u8], start: usize, block: &mut [u8], streams: usize, codec: u8) -> Result<(), ChunkFault> {
     let mut at = start;
     let part_len = block.len() / streams;
     for part in block.chunks_mut(part_len.max(1)) {
@@ -100,20 +100,20 @@ fn unpack_block(frame: &[u8], start: usize, block: &mut [u8], streams: usize, co
     Ok(())
 }
 
-/// BloscLZ: runs of up to 32 bytes as they are, and copies of what came before.
+/// Unpacks BloscLZ: runs of up to 32 plain bytes, and copies of earlier bytes.
 ///
 /// ```text
 /// 000nnnnn                     n + 1 bytes follow
 /// lllddddd [l...] d [D D]      copy l + 2 bytes from d + 1 back; l = 7 goes on while bytes are 255;
 ///                              the largest d means that the distance is 8192 more than the two bytes D say
 /// ```
-fn unpack_blosclz(packed: &[u8], out: &mut [u8]) -> Result<(), Fault> {
-    let fault = || Fault::from("a damaged BloscLZ stream");
+fn unpack_blosclz(packed: &[u8], out: &mut [u8]) -> Result<(), ChunkFault> {
+    let fault = || ChunkFault::from("a damaged BloscLZ stream");
     let mut bytes = packed.iter().copied();
     let mut at = 0;
     let mut first = true;
     while let Some(control) = bytes.next() {
-        // The first is a run, whatever its upper bits: they tell the stream's version.
+        // The first one is a run, whatever its upper bits, which give the stream's version.
         let control = if std::mem::take(&mut first) { control & 31 } else { control };
         if control < 32 {
             let run = usize::from(control) + 1;
@@ -151,7 +151,7 @@ fn unpack_blosclz(packed: &[u8], out: &mut [u8]) -> Result<(), Fault> {
     if at == out.len() { Ok(()) } else { Err(fault()) }
 }
 
-/// `from` holds the first bytes of all elements, then the second ones, and so on; what is left over is as it was.
+/// Undoes the shuffle of bytes; `from` holds the first bytes of all elements, then the second ones, then the tail.
 fn unshuffle_bytes(from: &[u8], to: &mut [u8], element: usize) {
     let count = from.len() / element;
     for (index, cell) in to.chunks_exact_mut(element).enumerate() {
@@ -163,8 +163,9 @@ fn unshuffle_bytes(from: &[u8], to: &mut [u8], element: usize) {
     to[whole..].copy_from_slice(&from[whole..]);
 }
 
-/// `from` holds the lowest bits of the first bytes of all elements, then the next bits. Blocks whose number of elements
-/// is no multiple of 8 were left as they are.
+/// Undoes the shuffle of bits; `from` holds the lowest bits of the first bytes of all elements, then the next bits.
+///
+/// Blocks whose number of elements is no multiple of 8 are not shuffled.
 fn unshuffle_bits(from: &[u8], to: &mut [u8], element: usize) {
     let count = from.len() / element;
     if !count.is_multiple_of(8) {

@@ -1,47 +1,41 @@
-//! Chunks of a Zarr array, one at a time.
+//! Reads the chunks of a Zarr array, one at a time.
 //!
 //! In: an array, and which chunk. Out: its bytes, in the array's byte order and storage order, or that it was never
-//! written. Of a shard, the index is read and then only the inner chunk that is asked for; in what follows "chunk"
-//! means that inner one.
+//! written. If chunks are shards, the index is read, and then one chunk inside the shard; below, "chunk" means that
+//! inner one.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use super::metadata::{Array, Shard};
+use super::metadata::{Shard, ZarrArray};
 use super::packing::{crc32c, unpack};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
-/// What a packed chunk may be longer than its bytes: no packing that is in use makes a chunk longer by more.
+/// The largest number of bytes that packing may add to a chunk; no packing in use adds more.
 const PACKED_SLACK: u64 = 1 << 16;
 
 /// Reads chunks of one array.
 pub(super) struct ChunkReader {
-    array: Array,
-    /// The shard that was read from last.
-    shard: Option<OpenShard>,
-}
-
-struct OpenShard {
-    path: PathBuf,
-    /// `None` if it was never written.
-    content: Option<ShardFile>,
+    array: ZarrArray,
+    /// The path of the shard that was read last, and the shard unless it was never written.
+    shard: Option<(PathBuf, Option<ShardFile>)>,
 }
 
 struct ShardFile {
     file: File,
     len: u64,
-    /// Offset and length of each chunk in it; both are all ones for one that was never written.
+    /// Offset and length of each chunk in it; both are all ones for a chunk that was never written.
     entries: Vec<[u64; 2]>,
 }
 
 impl ChunkReader {
-    pub(super) fn new(array: Array) -> ChunkReader {
+    pub(super) fn new(array: ZarrArray) -> ChunkReader {
         ChunkReader { array, shard: None }
     }
 
-    pub(super) fn array(&self) -> &Array {
+    pub(super) fn array(&self) -> &ZarrArray {
         &self.array
     }
 
@@ -63,7 +57,7 @@ impl ChunkReader {
     /// Reads the chunk at `index`; `None` if it was never written.
     ///
     /// # Errors
-    /// [`Error::Io`] if it cannot be read; [`Error::Format`] if it is not what its array says.
+    /// [`Error::Io`] if it cannot be read; [`Error::Format`] if it is damaged.
     pub(super) fn read(&mut self, index: &[u64]) -> Result<Option<Vec<u8>>> {
         let Some(shard) = self.array.shard.clone() else {
             let path = chunk_path(&self.array, index);
@@ -78,11 +72,11 @@ impl ChunkReader {
         let outer: Vec<u64> = index.iter().zip(&per_shard).map(|(index, count)| index / count).collect();
         let inner = index.iter().zip(&per_shard).fold(0, |at, (index, count)| at * count + index % count);
         let path = chunk_path(&self.array, &outer);
-        if self.shard.as_ref().is_none_or(|open| open.path != path) {
+        if self.shard.as_ref().is_none_or(|(last, _)| *last != path) {
             let content = self.open_shard(&path, &shard)?;
-            self.shard = Some(OpenShard { path: path.clone(), content });
+            self.shard = Some((path.clone(), content));
         }
-        let Some(OpenShard { content: Some(ShardFile { file, len, entries }), .. }) = &self.shard else {
+        let Some((_, Some(ShardFile { file, len, entries }))) = &self.shard else {
             return Ok(None);
         };
         let [at, bytes] =
@@ -144,14 +138,14 @@ impl ChunkReader {
     }
 }
 
-/// Chunks of a shard.
-fn inner_count(array: &Array, shard: &Shard) -> u64 {
+/// Returns the number of chunks in a shard.
+fn inner_count(array: &ZarrArray, shard: &Shard) -> u64 {
     let counts = array.chunk.iter().zip(&shard.inner).map(|(chunk, inner)| chunk / inner);
     counts.fold(1, u64::saturating_mul)
 }
 
-/// The file of chunk `index`: `0.0.0`, `0/0/0`, `c/0/0/0`.
-fn chunk_path(array: &Array, index: &[u64]) -> PathBuf {
+/// Returns the file of chunk `index`: `0.0.0`, `0/0/0`, `c/0/0/0`.
+fn chunk_path(array: &ZarrArray, index: &[u64]) -> PathBuf {
     let (before, separator) = array.key;
     let mut name = before.to_string();
     for (at, number) in index.iter().enumerate() {

@@ -1,7 +1,7 @@
-//! What a Zarr array says of itself: version 2 (`.zarray`) or 3 (`zarr.json`).
+//! Reads the metadata of a Zarr array, version 2 (`.zarray`) or 3 (`zarr.json`).
 //!
-//! In: a node's folder. Out: its attributes, and for an array the shape, the chunks and how they are packed. What
-//! cannot be read here is refused by name. Numbers are bounded before anything is made by them.
+//! In: a node's folder. Out: its attributes, and for an array the shape, the chunks and how they are packed. Errors
+//! name what is not supported. Numbers are checked before anything is allocated by them.
 //!
 //! Source: Zarr storage specification version 2; Zarr core specification version 3.1 and its codecs
 //! (zarr-specs.readthedocs.io).
@@ -11,46 +11,44 @@ use std::path::{Path, PathBuf};
 use serde_json::{Map, Value};
 
 use super::packing::Packing;
+use crate::raw::type_by_name;
 use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::read_text;
 use adjsplat::volume::SampleType;
 
-/// Dimensions that an array may have.
+/// The largest number of dimensions of an array.
 const MOST_DIMENSIONS: usize = 16;
 
-/// Bytes of one chunk, unpacked: as many as Blosc can pack.
+/// The largest unpacked chunk in bytes: as much as Blosc can pack.
 const MOST_CHUNK_BYTES: u64 = 1 << 31;
-
-/// Files that make a folder a Zarr node.
-const MARKS: [&str; 4] = ["zarr.json", ".zarray", ".zgroup", ".zattrs"];
 
 /// A group or an array.
 #[derive(Debug)]
-pub(super) struct Node {
+pub(super) struct ZarrNode {
     pub(super) attributes: Map<String, Value>,
-    pub(super) array: Option<Array>,
+    pub(super) array: Option<ZarrArray>,
 }
 
 /// An array's layout.
 #[derive(Debug, Clone)]
-pub(super) struct Array {
+pub(super) struct ZarrArray {
     pub(super) path: PathBuf,
     /// Points along each dimension.
     pub(super) shape: Vec<u64>,
     /// Points of a chunk along each dimension; each at least 1.
     pub(super) chunk: Vec<u64>,
-    /// If chunks are shards: how the chunks inside them lie.
+    /// The layout of the chunks inside a chunk, if chunks are shards.
     pub(super) shard: Option<Shard>,
     pub(super) sample_type: SampleType,
     pub(super) endian: Endian,
-    /// One sample that was not written, in the array's byte order.
+    /// The sample that stands for those never written, in the array's byte order.
     pub(super) fill: Vec<u8>,
     /// Dimensions in the order in which a chunk stores them, the slowest first.
     pub(super) order: Vec<usize>,
     /// How the bytes of a chunk, or of one inside a shard, are packed, the first step first.
     pub(super) packings: Vec<Packing>,
-    /// How a chunk's file is named: what stands before its numbers, and between them.
+    /// How chunks' files are named: the text before the numbers, and the separator between them.
     pub(super) key: (&'static str, char),
     /// Names of the dimensions, where the array gives them.
     pub(super) names: Vec<Option<String>>,
@@ -61,51 +59,46 @@ pub(super) struct Array {
 pub(super) struct Shard {
     /// Points of an inner chunk along each dimension; divides the chunk.
     pub(super) inner: Vec<u64>,
-    /// The index is at the shard's end, not its start.
+    /// Whether the index is at the shard's end, not its start.
     pub(super) index_at_end: bool,
-    /// A checksum follows the index.
+    /// Whether a checksum follows the index.
     pub(super) index_summed: bool,
-}
-
-/// Whether the folder at `path` is a Zarr node.
-pub(crate) fn is_node(path: &Path) -> bool {
-    MARKS.iter().any(|mark| path.join(mark).is_file())
 }
 
 /// Reads the node in the folder at `path`.
 ///
 /// # Errors
-/// [`Error::Io`] if a file cannot be read; [`Error::Format`] if one is not as its version says, or uses what is not
-/// read here; [`Error::Limit`] for sizes.
-pub(super) fn read(path: &Path) -> Result<Node> {
+/// [`Error::Io`] if a file cannot be read; [`Error::Format`] if it breaks its version's rules or needs something that
+/// is not supported; [`Error::Limit`] for sizes.
+pub(super) fn read(path: &Path) -> Result<ZarrNode> {
     let newer = path.join("zarr.json");
     if newer.is_file() {
-        let fields = Fields::read(&newer)?;
+        let fields = JsonFields::read(&newer)?;
         let attributes = fields.map("attributes")?.cloned().unwrap_or_default();
         return match fields.text("node_type")? {
-            "group" => Ok(Node { attributes, array: None }),
-            "array" => Ok(Node { attributes, array: Some(fields.array_3(path)?) }),
+            "group" => Ok(ZarrNode { attributes, array: None }),
+            "array" => Ok(ZarrNode { attributes, array: Some(fields.array_3(path)?) }),
             other => Err(fields.fault("node_type", "\"group\" or \"array\"", other)),
         };
     }
     let attributes = path.join(".zattrs");
-    let attributes = if attributes.is_file() { Fields::read(&attributes)?.fields } else { Map::new() };
+    let attributes = if attributes.is_file() { JsonFields::read(&attributes)?.fields } else { Map::new() };
     let array = path.join(".zarray");
-    let array = if array.is_file() { Some(Fields::read(&array)?.array_2(path, &attributes)?) } else { None };
-    Ok(Node { attributes, array })
+    let array = if array.is_file() { Some(JsonFields::read(&array)?.array_2(path, &attributes)?) } else { None };
+    Ok(ZarrNode { attributes, array })
 }
 
-/// One JSON object of a node, and where it is from.
-struct Fields {
+/// One JSON object of a node, and its file.
+struct JsonFields {
     path: PathBuf,
     fields: Map<String, Value>,
 }
 
-impl Fields {
-    fn read(path: &Path) -> Result<Fields> {
+impl JsonFields {
+    fn read(path: &Path) -> Result<JsonFields> {
         let text = read_text(path)?;
         match serde_json::from_str(&text) {
-            Ok(Value::Object(fields)) => Ok(Fields { path: path.to_path_buf(), fields }),
+            Ok(Value::Object(fields)) => Ok(JsonFields { path: path.to_path_buf(), fields }),
             Ok(other) => Err(Error::format(path, 0, "Zarr metadata", "a JSON object", clip(&other))),
             Err(error) => Err(Error::format(path, 0, "Zarr metadata", "a JSON object", error.to_string())),
         }
@@ -133,7 +126,16 @@ impl Fields {
         }
     }
 
-    /// Whole numbers of a list, each at least `least`.
+    /// Refuses a `field` that lists anything.
+    fn expect_none(&self, field: &str) -> Result<()> {
+        match self.value(field) {
+            Value::Null => Ok(()),
+            Value::Array(list) if list.is_empty() => Ok(()),
+            other => Err(self.fault(field, "none", clip(other))),
+        }
+    }
+
+    /// Returns the whole numbers of a list; each must be at least `least`.
     fn numbers(&self, field: &str, value: &Value, least: u64) -> Result<Vec<u64>> {
         let numbers = value.as_array().map(|list| list.iter().map(Value::as_u64).collect::<Option<Vec<u64>>>());
         match numbers.flatten() {
@@ -145,7 +147,7 @@ impl Fields {
         }
     }
 
-    fn array_2(&self, path: &Path, attributes: &Map<String, Value>) -> Result<Array> {
+    fn array_2(&self, path: &Path, attributes: &Map<String, Value>) -> Result<ZarrArray> {
         let shape = self.numbers("shape", self.value("shape"), 1)?;
         let chunk = self.numbers("chunks", self.value("chunks"), 1)?;
         let (sample_type, endian) = self.type_2()?;
@@ -158,11 +160,7 @@ impl Fields {
         if reversed {
             order.reverse();
         }
-        match self.value("filters") {
-            Value::Null => {}
-            Value::Array(none) if none.is_empty() => {}
-            other => return Err(self.fault("filters", "none", clip(other))),
-        }
+        self.expect_none("filters")?;
         let compressor = self.value("compressor");
         let packings = match compressor.get("id").and_then(Value::as_str) {
             None if compressor.is_null() => Vec::new(),
@@ -174,11 +172,9 @@ impl Fields {
             Some("/") => ("", '/'),
             Some(other) => return Err(self.fault("dimension_separator", "\".\" or \"/\"", other)),
         };
-        let names = attributes.get("_ARRAY_DIMENSIONS").and_then(Value::as_array);
-        let names = names.map(|names| names.iter().map(|name| name.as_str().map(str::to_owned)).collect());
+        let names = texts(attributes.get("_ARRAY_DIMENSIONS").unwrap_or(&Value::Null));
         let fill = self.fill(sample_type, endian)?;
-        let names = names.unwrap_or_default();
-        self.checked(Array {
+        self.checked(ZarrArray {
             path: path.to_path_buf(),
             shape,
             chunk,
@@ -193,51 +189,33 @@ impl Fields {
         })
     }
 
-    /// "<u2": byte order, kind, bytes.
+    /// Parses the type: "<u2" is byte order, kind and bytes.
     fn type_2(&self) -> Result<(SampleType, Endian)> {
         let value = self.value("dtype");
         let text = value.as_str().unwrap_or_default();
         let endian = if text.starts_with('>') { Endian::Big } else { Endian::Little };
-        let sample_type = match text.get(1..).filter(|_| text.starts_with(['<', '>', '|'])) {
-            Some("u1" | "b1") => SampleType::U8,
-            Some("i1") => SampleType::I8,
-            Some("u2") => SampleType::U16,
-            Some("i2") => SampleType::I16,
-            Some("u4") => SampleType::U32,
-            Some("i4") => SampleType::I32,
-            Some("f4") => SampleType::F32,
-            Some("f8") => SampleType::F64,
-            _ => return Err(self.fault("dtype", "u1, i1, u2, i2, u4, i4, f4 or f8", clip(value))),
-        };
+        let name = text.strip_prefix(['<', '>', '|']).unwrap_or_default();
+        let name = if name == "b1" { "u1" } else { name };
+        let sample_type = type_by_name(name, ["u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8"])
+            .ok_or_else(|| self.fault("dtype", "u1, i1, u2, i2, u4, i4, f4 or f8", clip(value)))?;
         Ok((sample_type, endian))
     }
 
-    fn array_3(&self, path: &Path) -> Result<Array> {
+    fn array_3(&self, path: &Path) -> Result<ZarrArray> {
         let shape = self.numbers("shape", self.value("shape"), 1)?;
         let grid = self.value("chunk_grid");
         if name_of(grid) != Some("regular") {
             return Err(self.fault("chunk_grid", "a regular grid", clip(grid)));
         }
         let chunk = self.numbers("chunk_grid", &grid["configuration"]["chunk_shape"], 1)?;
-        let sample_type = match self.text("data_type").unwrap_or_default() {
-            "uint8" | "bool" => SampleType::U8,
-            "int8" => SampleType::I8,
-            "uint16" => SampleType::U16,
-            "int16" => SampleType::I16,
-            "uint32" => SampleType::U32,
-            "int32" => SampleType::I32,
-            "float32" => SampleType::F32,
-            "float64" => SampleType::F64,
-            _ => {
-                let expected = "uint8, int8, uint16, int16, uint32, int32, float32 or float64";
-                return Err(self.fault("data_type", expected, clip(self.value("data_type"))));
-            }
-        };
-        match self.value("storage_transformers") {
-            Value::Null => {}
-            Value::Array(none) if none.is_empty() => {}
-            other => return Err(self.fault("storage_transformers", "none", clip(other))),
-        }
+        let name = self.text("data_type").unwrap_or_default();
+        let name = if name == "bool" { "uint8" } else { name };
+        let names = ["uint8", "int8", "uint16", "int16", "uint32", "int32", "float32", "float64"];
+        let sample_type = type_by_name(name, names).ok_or_else(|| {
+            let expected = "uint8, int8, uint16, int16, uint32, int32, float32 or float64";
+            self.fault("data_type", expected, clip(self.value("data_type")))
+        })?;
+        self.expect_none("storage_transformers")?;
         let encoding = self.value("chunk_key_encoding");
         let separator = encoding["configuration"]["separator"].as_str();
         let key = match (name_of(encoding), separator) {
@@ -255,11 +233,10 @@ impl Fields {
             }
             Some(configuration) => self.shard(configuration, shape.len())?,
         };
-        let names = self.value("dimension_names").as_array();
-        let names = names.map(|names| names.iter().map(|name| name.as_str().map(str::to_owned)).collect());
+        let names = texts(self.value("dimension_names"));
         let endian = inside.endian;
         let fill = self.fill(sample_type, endian)?;
-        self.checked(Array {
+        self.checked(ZarrArray {
             path: path.to_path_buf(),
             shape,
             chunk,
@@ -270,7 +247,7 @@ impl Fields {
             order: inside.order,
             packings: inside.packings,
             key,
-            names: names.unwrap_or_default(),
+            names,
         })
     }
 
@@ -297,7 +274,7 @@ impl Fields {
         Ok((Some(Shard { inner, index_at_end, index_summed }), inside))
     }
 
-    /// Reads a list of codecs, in which array codecs come before one that makes bytes and that before byte codecs.
+    /// Reads a list of codecs: array codecs, then the one that makes bytes, then byte codecs.
     fn codecs(&self, field: &str, list: &Value, dimensions: usize) -> Result<Codecs> {
         let list = list.as_array().ok_or_else(|| self.fault(field, "a list of codecs", clip(list)))?;
         let mut order: Vec<usize> = (0..dimensions).collect();
@@ -349,11 +326,11 @@ impl Fields {
         }
     }
 
-    /// The bytes of the sample that stands for those that were not written.
+    /// Returns the bytes of the fill value, in the array's byte order.
     fn fill(&self, sample_type: SampleType, endian: Endian) -> Result<Vec<u8>> {
         let value = self.value("fill_value");
         let fault = || self.fault("fill_value", format!("a value of {}", sample_type.name()), clip(value));
-        // Bits of a floating-point number, as version 3 may give them.
+        // In version 3 a text may give the bits of a floating-point number.
         let hex = |digits: &str| u64::from_str_radix(digits, 16).ok().map(u64::to_le_bytes);
         let number = match value {
             Value::Null | Value::Bool(false) => 0.0,
@@ -391,8 +368,8 @@ impl Fields {
         Ok(bytes)
     }
 
-    /// Holds the parts against each other.
-    fn checked(&self, array: Array) -> Result<Array> {
+    /// Checks that the parts of `array` fit together.
+    fn checked(&self, array: ZarrArray) -> Result<ZarrArray> {
         let dimensions = array.shape.len();
         let inner = array.shard.as_ref().map_or(&array.chunk, |shard| &shard.inner);
         if array.chunk.len() != dimensions || inner.len() != dimensions {
@@ -412,7 +389,7 @@ impl Fields {
     }
 }
 
-/// What a list of codecs comes to.
+/// The combined effect of a list of codecs.
 #[derive(Clone)]
 struct Codecs {
     order: Vec<usize>,
@@ -422,17 +399,22 @@ struct Codecs {
     packings: Vec<Packing>,
 }
 
+/// Returns the texts of a list; `None` for each item that is no text.
+fn texts(list: &Value) -> Vec<Option<String>> {
+    list.as_array().into_iter().flatten().map(|item| item.as_str().map(str::to_owned)).collect()
+}
+
 /// The name of a version 3 extension: `{"name": ...}` or the name alone.
 fn name_of(extension: &Value) -> Option<&str> {
     extension["name"].as_str().or(extension.as_str())
 }
 
-/// A text of a file without what would break a line.
+/// Returns a text without control characters, which would break a line.
 pub(super) fn printable(text: &str) -> String {
     text.replace(char::is_control, " ")
 }
 
-/// A value as text, cut where it is long.
+/// Returns a value as text, shortened if it is long.
 pub(super) fn clip(value: &Value) -> String {
     let text = value.to_string();
     match text.char_indices().nth(60) {

@@ -1,16 +1,16 @@
-//! Zarr arrays of versions 2 and 3, OME-Zarr images of versions 0.1 to 0.5, and nifti-zarr.
+//! Reads Zarr arrays of versions 2 and 3, OME-Zarr images of versions 0.1 to 0.5, and nifti-zarr.
 //!
-//! In: a folder that is a Zarr node. Out: a slab source over one array's z, y and x. Axes are found by their names; those
-//! of other names, such as time and channel, are counted through as volumes, the last one fastest. An image of several
-//! resolutions is read at one level. A nifti-zarr header gives the place in the world and the scaling.
+//! In: a folder that is a Zarr node. Out: a slab source over one array's z, y and x. Axes are found by their names. All
+//! other axes, such as time and channel, number the volumes, the last axis fastest. An image of several resolutions is
+//! read at one level. A nifti-zarr header gives the place in the world and the scaling.
 //!
 //! ```text
 //! layer: the slices that one row of chunks along z holds; all its chunks are unpacked into one buffer, one at a time
 //! slice: a part of the layer
 //! ```
 //!
-//! Own code and no library for the chunks: the one at hand brings a C compiler and 130 packages, and unpacks Zstandard
-//! and gzip chunks to whatever length their own headers say, so that a small damaged file takes all memory.
+//! Chunks are read by our own code because the library at hand needs a C compiler and 130 packages, and unpacks
+//! Zstandard and gzip chunks to any length that they state, so that a small damaged file takes all memory.
 
 mod blosc;
 mod chunk;
@@ -21,9 +21,10 @@ mod packing;
 use std::path::{Path, PathBuf};
 
 use self::chunk::ChunkReader;
-use self::metadata::Array;
-use self::multiscales::{AxisName, Level, Multiscales};
-use super::frame::{Frame, IDENTITY, World};
+use self::metadata::ZarrArray;
+use self::multiscales::{AxisName, ImageLevel, Multiscales};
+use super::format::is_zarr;
+use super::frame::{FileFrame, IDENTITY, World};
 use super::nifti;
 use super::open::{OpenOptions, file_name};
 use super::slab::{Endian, check_turn};
@@ -31,12 +32,10 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::obtainable;
 use adjsplat::volume::{Header, Samples, SlabSource};
 
-pub(super) use metadata::is_node;
-
-/// Groups in groups that are looked into for one image.
+/// The deepest nesting of groups in which an image is looked for.
 const DEEPEST: usize = 4;
 
-/// Children that a refusal names, and levels that a note tells.
+/// The largest number of folders or levels that a message lists.
 const MOST_LISTED: usize = 8;
 
 /// Bytes of a NIfTI header and its extensions in a nifti-zarr.
@@ -57,12 +56,15 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         None => found.array.ok_or_else(|| Error::input(path.display().to_string(), "holds no Zarr array"))?,
         Some(image) => {
             if count > 1 {
-                notes.push(format!("level {level} of {count} is read (--level): {}", listed_levels(image)));
+                notes.push(format!(
+                    "level {level} of {count} is read (`OpenOptions::level` chooses): {}",
+                    listed_levels(image)
+                ));
             }
             read_array(&image.levels[level].path)?
         }
     };
-    let axes = Axes::find(&array, found.image.as_ref())?;
+    let axes = ArrayAxes::find(&array, found.image.as_ref())?;
     let (frame, slope, intercept) = place(&found.path, &array, &axes, found.image.as_ref(), level)?;
     let dims = axes.space.map(|dimension| dimension.map_or(1, |dimension| array.shape[dimension]));
     let grid = frame.grid(&array.path, "Zarr grid", dims, options.spacing)?;
@@ -72,22 +74,22 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     Ok(Box::new(ZarrReader::new(header, array, axes.space, index, notes)?))
 }
 
-/// What a folder turned out to hold.
-struct Found {
+/// What a folder holds: an array, or an image of several levels.
+struct ZarrContent {
     path: PathBuf,
-    array: Option<Array>,
+    array: Option<ZarrArray>,
     image: Option<Multiscales>,
 }
 
-/// The array or image at `path`, or the only one in the groups below it.
-fn find(path: &Path, depth: usize) -> Result<Found> {
+/// Finds the array or image at `path`, or the only one in the groups below it.
+fn find(path: &Path, depth: usize) -> Result<ZarrContent> {
     let node = metadata::read(path)?;
     let image = if node.array.is_none() { multiscales::read(path, &node.attributes)? } else { None };
     if node.array.is_some() || image.is_some() {
-        return Ok(Found { path: path.to_path_buf(), array: node.array, image });
+        return Ok(ZarrContent { path: path.to_path_buf(), array: node.array, image });
     }
     let mut children: Vec<PathBuf> = super::folder::list(path)?.folders;
-    children.retain(|child| is_node(child) && !["OME", "labels", "nifti"].contains(&file_name(child).as_str()));
+    children.retain(|child| is_zarr(child) && !["OME", "labels", "nifti"].contains(&file_name(child).as_str()));
     match children.as_slice() {
         [one] if depth > 0 => find(one, depth - 1),
         _ => {
@@ -102,8 +104,8 @@ fn find(path: &Path, depth: usize) -> Result<Found> {
     }
 }
 
-fn read_array(path: &Path) -> Result<Array> {
-    if !is_node(path) {
+fn read_array(path: &Path) -> Result<ZarrArray> {
+    if !is_zarr(path) {
         let why = "is named by its group's metadata, but there is no Zarr array";
         return Err(Error::input(path.display().to_string(), why));
     }
@@ -111,9 +113,9 @@ fn read_array(path: &Path) -> Result<Array> {
     node.array.ok_or_else(|| Error::input(path.display().to_string(), "is a Zarr group where an array is to be"))
 }
 
-/// "0: 3 x 128 x 256, 1: 3 x 64 x 128", slowest axis first.
+/// Lists the levels with their sizes, slowest axis first: "0: 3 x 128 x 256, 1: 3 x 64 x 128".
 fn listed_levels(image: &Multiscales) -> String {
-    let shape = |level: &Level| match metadata::read(&level.path).ok().and_then(|node| node.array) {
+    let shape = |level: &ImageLevel| match metadata::read(&level.path).ok().and_then(|node| node.array) {
         Some(array) => array.shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x "),
         None => "cannot be read".into(),
     };
@@ -122,19 +124,19 @@ fn listed_levels(image: &Multiscales) -> String {
     listed.join(", ") + if image.levels.len() > MOST_LISTED { ", ..." } else { "" }
 }
 
-/// Which dimension of an array is which.
-struct Axes {
+/// Which dimensions of an array are x, y, z, and which number its volumes.
+struct ArrayAxes {
     /// The dimensions along x, y, z; an image may have no z.
     space: [Option<usize>; 3],
     /// All others, with their names.
-    others: Vec<(usize, String)>,
-    /// Unit of lengths, if the axes of space have one and the same.
+    volume_dimensions: Vec<(usize, String)>,
+    /// Unit of lengths, if x, y and z share one.
     unit: Option<String>,
 }
 
-impl Axes {
-    /// By the names that the image or the array gives; without any the last three are z, y, x.
-    fn find(array: &Array, image: Option<&Multiscales>) -> Result<Axes> {
+impl ArrayAxes {
+    /// Finds the axes by their names; without names the last three are z, y, x.
+    fn find(array: &ZarrArray, image: Option<&Multiscales>) -> Result<ArrayAxes> {
         let dimensions = array.shape.len();
         let fault = |expected: &str, got: String| Error::format(&array.path, 0, "Zarr axes", expected, got);
         let named: Vec<AxisName> = match image {
@@ -160,20 +162,23 @@ impl Axes {
             let names: Vec<&str> = named.iter().map(|axis| axis.name.as_str()).collect();
             return Err(fault("axes x and y, or no names", names.join(", ")));
         }
-        let others = (0..dimensions).filter(|at| !space.contains(&Some(*at)));
-        let others = others.map(|at| (at, named[at].name.clone())).collect();
+        let volume_dimensions = (0..dimensions).filter(|at| !space.contains(&Some(*at)));
+        let volume_dimensions = volume_dimensions.map(|at| (at, named[at].name.clone())).collect();
         let units: Vec<&Option<String>> = space.iter().flatten().map(|at| &named[*at].unit).collect();
         let unit = if units.iter().all(|unit| *unit == units[0]) { units[0].clone() } else { None };
-        Ok(Axes { space, others, unit })
+        Ok(ArrayAxes { space, volume_dimensions, unit })
     }
 
-    /// The index of volume `number` along the dimensions that are not of space; 0 along those that are.
-    fn volume(&self, array: &Array, number: u64) -> Result<Vec<u64>> {
-        let counts = self.others.iter().map(|(dimension, _)| array.shape[*dimension]);
+    /// Returns the index of volume `number` along each dimension; 0 along x, y, z.
+    fn volume(&self, array: &ZarrArray, number: u64) -> Result<Vec<u64>> {
+        let counts = self.volume_dimensions.iter().map(|(dimension, _)| array.shape[*dimension]);
         let count = counts.fold(1, u64::saturating_mul);
         if number >= count {
-            let axes: Vec<String> =
-                self.others.iter().map(|(dimension, name)| format!("{name} {}", array.shape[*dimension])).collect();
+            let axes: Vec<String> = self
+                .volume_dimensions
+                .iter()
+                .map(|(dimension, name)| format!("{name} {}", array.shape[*dimension]))
+                .collect();
             let axes =
                 if axes.is_empty() { String::new() } else { format!(" ({}, the last fastest)", axes.join(", ")) };
             let volumes = if count == 1 { "volume" } else { "volumes" };
@@ -183,29 +188,29 @@ impl Axes {
             ));
         }
         let mut index = vec![0; array.shape.len()];
-        let mut rest = number;
-        for (dimension, _) in self.others.iter().rev() {
-            index[*dimension] = rest % array.shape[*dimension];
-            rest /= array.shape[*dimension];
+        let mut remaining = number;
+        for (dimension, _) in self.volume_dimensions.iter().rev() {
+            index[*dimension] = remaining % array.shape[*dimension];
+            remaining /= array.shape[*dimension];
         }
         Ok(index)
     }
 }
 
-/// Where the array lies in the world, and its slope and intercept.
+/// Returns where the array lies in the world, and its slope and intercept.
 fn place(
     path: &Path,
-    array: &Array,
-    axes: &Axes,
+    array: &ZarrArray,
+    axes: &ArrayAxes,
     image: Option<&Multiscales>,
     level: usize,
-) -> Result<(Frame, f64, f64)> {
-    let Some(image) = image else { return Ok((Frame::upright([1.0; 3]), 1.0, 0.0)) };
+) -> Result<(FileFrame, f64, f64)> {
+    let Some(image) = image else { return Ok((FileFrame::upright([1.0; 3]), 1.0, 0.0)) };
     let of = |values: &[f64], without: f64| axes.space.map(|at| at.map_or(without, |at| values[at]));
     let (scale, translation) = (of(&image.levels[level].scale, 1.0), of(&image.levels[level].translation, 0.0));
     let header = path.join("nifti");
-    if !is_node(&header) {
-        let frame = Frame {
+    if !is_zarr(&header) {
+        let frame = FileFrame {
             spacing: scale,
             direction: IDENTITY,
             origin: translation,
@@ -215,7 +220,7 @@ fn place(
         return Ok((frame, 1.0, 0.0));
     }
     let (mut frame, slope, intercept) = nifti::place_of(&header, &nifti_header(&header)?)?;
-    // The header places level 0; another level is that much coarser, and begins between its points.
+    // The header places level 0; other levels are coarser, and begin between its points.
     let (finest, first) = (of(&image.levels[0].scale, 1.0), of(&image.levels[0].translation, 0.0));
     for axis in 0..3 {
         let step = frame.spacing[axis] * (translation[axis] - first[axis]) / finest[axis];
@@ -224,11 +229,11 @@ fn place(
         }
         frame.spacing[axis] *= scale[axis] / finest[axis];
     }
-    debug_assert_eq!(array.shape.len(), image.axes.len(), "checked by Axes::find");
+    debug_assert_eq!(array.shape.len(), image.axes.len(), "checked by ArrayAxes::find");
     Ok((frame, slope, intercept))
 }
 
-/// The NIfTI header that is stored as an array of bytes.
+/// Reads the NIfTI header, which is stored as an array of bytes.
 fn nifti_header(path: &Path) -> Result<Vec<u8>> {
     let array = read_array(path)?;
     let mut reader = ChunkReader::new(array);
@@ -250,7 +255,7 @@ struct ZarrReader {
     index: Vec<u64>,
     /// The layer's samples, x fastest, in the array's byte order.
     layer: Vec<u8>,
-    /// Which layer that is.
+    /// The number of that layer.
     loaded: Option<u64>,
     slices_read: u32,
     notes: Vec<String>,
@@ -259,7 +264,7 @@ struct ZarrReader {
 impl ZarrReader {
     fn new(
         header: Header,
-        array: Array,
+        array: ZarrArray,
         space: [Option<usize>; 3],
         index: Vec<u64>,
         notes: Vec<String>,
@@ -318,7 +323,7 @@ impl ZarrReader {
         Ok(())
     }
 
-    /// Copies the part of the volume that the chunk at `at` holds into the layer; without a chunk it is the fill value.
+    /// Copies the chunk at `at`, or the fill value if there is none, into the layer.
     fn place(&mut self, at: [u64; 3], chunk: Option<&[u8]>) {
         let points = [0, 1, 2].map(|axis| self.chunk_points(axis));
         let dims = self.header.grid.dims.map(u64::from);
@@ -326,10 +331,10 @@ impl ZarrReader {
         let [run, rows, slices] = [0, 1, 2].map(|axis| index(points[axis].min(dims[axis] - start[axis])));
         let width = self.header.sample_type.bytes();
         let strides = self.strides();
-        // Where this volume begins in the chunk, along the axes that are not of space.
-        let others = (0..self.index.len()).filter(|dimension| !self.space.contains(&Some(*dimension)));
+        // The first sample of this volume in the chunk.
+        let volume_dimensions = (0..self.index.len()).filter(|dimension| !self.space.contains(&Some(*dimension)));
         let first: usize =
-            others.map(|other| index(self.index[other] % self.chunks.shape()[other]) * strides[other]).sum();
+            volume_dimensions.map(|other| index(self.index[other] % self.chunks.shape()[other]) * strides[other]).sum();
         let [dx, dy, dz] = self.space.map(|dimension| dimension.map_or(0, |dimension| strides[dimension]));
         let fill = &self.chunks.array().fill;
         for z in 0..slices {
@@ -351,7 +356,7 @@ impl ZarrReader {
         }
     }
 
-    /// Samples between neighbours of a chunk along each dimension, as it is stored.
+    /// Returns the distances in samples between neighbours of a stored chunk, along each dimension.
     fn strides(&self) -> Vec<usize> {
         let mut strides = vec![0; self.index.len()];
         let mut step = 1;
@@ -363,7 +368,7 @@ impl ZarrReader {
     }
 }
 
-/// A size that was held against memory before.
+/// Converts a size that was checked against memory before.
 fn index(points: u64) -> usize {
     usize::try_from(points).unwrap_or(usize::MAX)
 }
@@ -396,7 +401,7 @@ impl SlabSource for ZarrReader {
     }
 
     fn buffer_bytes(&self) -> u64 {
-        // A chunk as it is packed, as it comes out, and for Blosc once more with its bytes shuffled.
+        // A packed chunk, the unpacked one, and for Blosc one more with its bytes shuffled.
         let chunk = self.chunks.chunk_bytes().saturating_mul(3);
         let layer = self.slice_bytes().saturating_mul(self.layer_slices());
         layer.saturating_add(chunk).saturating_add(self.chunks.index_bytes().saturating_mul(2))

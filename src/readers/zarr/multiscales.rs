@@ -1,7 +1,7 @@
-//! OME-Zarr: one image at several resolutions.
+//! Reads OME-Zarr metadata: one image at several resolutions.
 //!
-//! In: a group's attributes. Out: the axes, and for each level its array and its place in the world. Which level is
-//! which is what the metadata say, in their order; names of arrays mean nothing.
+//! In: a group's attributes. Out: the axes, and for each level its array and its place in the world. Levels are in the
+//! order of the metadata; names of arrays mean nothing.
 //!
 //! ```text
 //! point = scale of all levels * (scale of this level * index + translation of this level) + translation of all levels
@@ -17,7 +17,7 @@ use serde_json::{Map, Value};
 use super::metadata::{clip, printable};
 use adjsplat::error::{Error, Result};
 
-/// Levels that an image may have: each is half as large as the one before.
+/// The largest number of levels: each is half as large as the one before.
 const MOST_LEVELS: usize = 64;
 
 /// A dimension of the image.
@@ -29,7 +29,7 @@ pub(super) struct AxisName {
 
 /// One resolution.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Level {
+pub(super) struct ImageLevel {
     /// The array's folder.
     pub(super) path: PathBuf,
     /// Distance between points along each axis.
@@ -43,13 +43,13 @@ pub(super) struct Level {
 pub(super) struct Multiscales {
     /// In the order of the arrays' dimensions.
     pub(super) axes: Vec<AxisName>,
-    pub(super) levels: Vec<Level>,
+    pub(super) levels: Vec<ImageLevel>,
 }
 
-/// The image that the group at `path` is; `None` if it is none.
+/// Returns the image in the group at `path`; `None` if there is none.
 ///
 /// # Errors
-/// [`Error::Format`] for metadata that are incomplete, or transform in other ways than by scale and translation.
+/// [`Error::Format`] for incomplete metadata, and transformations that are neither scale nor translation.
 pub(super) fn read(path: &Path, attributes: &Map<String, Value>) -> Result<Option<Multiscales>> {
     let found = attributes.get("ome").and_then(|ome| ome.get("multiscales")).or(attributes.get("multiscales"));
     let Some(image) = found.and_then(|list| list.get(0)) else { return Ok(None) };
@@ -69,11 +69,12 @@ pub(super) fn read(path: &Path, attributes: &Map<String, Value>) -> Result<Optio
     let all = transforms(&image["coordinateTransformations"])?;
     let mut levels = Vec::new();
     for dataset in datasets {
-        let own = transforms(&dataset["coordinateTransformations"])?;
-        levels.push(Level {
+        let (scale, translation) = transforms(&dataset["coordinateTransformations"])?;
+        let translation = translation.iter().zip(&all.0).zip(&all.1).map(|((own, scale), all)| own * scale + all);
+        levels.push(ImageLevel {
             path: inside(path, &dataset["path"]).ok_or_else(|| fault("a path inside the group", &dataset["path"]))?,
-            scale: own.0.iter().zip(&all.0).map(|(own, all)| own * all).collect(),
-            translation: own.1.iter().zip(&all.0).zip(&all.1).map(|((own, scale), all)| own * scale + all).collect(),
+            scale: scale.iter().zip(&all.0).map(|(own, all)| own * all).collect(),
+            translation: translation.collect(),
         });
     }
     Ok(Some(Multiscales { axes, levels }))
@@ -92,13 +93,13 @@ fn axis(value: &Value) -> Option<AxisName> {
     Some(AxisName { name: printable(&name.to_lowercase()), unit: unit.map(printable) })
 }
 
-/// The path `value` below `path`; `None` if it leads anywhere else.
+/// Returns the path `value` below `path`; `None` if it leads outside.
 fn inside(path: &Path, value: &Value) -> Option<PathBuf> {
     let relative = Path::new(value.as_str()?.trim_start_matches('/'));
     relative.components().all(|part| matches!(part, Component::Normal(_))).then(|| path.join(relative))
 }
 
-/// Scale and translation that a list of transformations comes to.
+/// Combines a list of transformations into one scale and translation.
 fn transform(list: &Value, axes: usize) -> Result<(Vec<f64>, Vec<f64>), String> {
     let (mut scale, mut translation) = (vec![1.0; axes], vec![0.0; axes]);
     for step in list.as_array().map(Vec::as_slice).unwrap_or_default() {

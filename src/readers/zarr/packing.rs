@@ -1,7 +1,7 @@
-//! From a chunk's packed bytes to its plain ones.
+//! Unpacks the bytes of a chunk.
 //!
-//! In: the bytes, and the most that they may become. Out: those that they do become. Every decoder here writes into a
-//! bounded buffer, so a chunk that lies of its length costs what its array says a chunk has, and no more.
+//! In: packed bytes, and how many there may be unpacked. Out: the unpacked bytes. Every decoder here writes into a
+//! bounded buffer, so a chunk that states a wrong length costs no more memory than a good one.
 //!
 //! Source: the Zarr codecs' specifications (zarr-specs.readthedocs.io, codecs) and numcodecs for what version 2 calls
 //! compressors.
@@ -13,7 +13,7 @@ use flate2::read::{MultiGzDecoder, ZlibDecoder};
 use super::blosc;
 
 /// What was found instead of an intact chunk.
-pub(super) type Fault = String;
+pub(super) type ChunkFault = String;
 
 /// One step of how a chunk's bytes are packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -26,18 +26,18 @@ pub(super) enum Packing {
     Zstd,
     /// A block of LZ4 behind its length, as numcodecs writes it.
     Lz4,
-    /// Nothing, but a checksum of four bytes behind.
+    /// Unpacked bytes, followed by a checksum of four bytes.
     Crc32c,
 }
 
-/// Most that a packing which is packed again may be longer than what it holds.
+/// How many bytes a packing may add to its content if another packing follows.
 const SLACK: usize = 1 << 16;
 
-/// Undoes `packings`, the last first; `len` bytes must come out.
+/// Undoes `packings`, the last first; the result must have `len` bytes.
 ///
 /// # Errors
 /// What is wrong with the chunk, in words.
-pub(super) fn unpack(packings: &[Packing], packed: Vec<u8>, len: usize) -> Result<Vec<u8>, Fault> {
+pub(super) fn unpack(packings: &[Packing], packed: Vec<u8>, len: usize) -> Result<Vec<u8>, ChunkFault> {
     let mut bytes = packed;
     for (step, packing) in packings.iter().enumerate().rev() {
         let inner = &packings[..step];
@@ -48,9 +48,9 @@ pub(super) fn unpack(packings: &[Packing], packed: Vec<u8>, len: usize) -> Resul
             Packing::Deflate => inflate(&bytes, most)?,
             Packing::Zstd => zstd(&bytes, most)?,
             Packing::Blosc => {
-                let said = bytes.get(4..8).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
-                match said {
-                    Some(said) if said <= most => blosc::unpack(&bytes, said)?,
+                let stated = bytes.get(4..8).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]]) as usize);
+                match stated {
+                    Some(stated) if stated <= most => blosc::unpack(&bytes, stated)?,
                     _ => blosc::unpack(&bytes, most)?,
                 }
             }
@@ -64,37 +64,37 @@ pub(super) fn unpack(packings: &[Packing], packed: Vec<u8>, len: usize) -> Resul
     if bytes.len() == len { Ok(bytes) } else { Err(format!("{} bytes", bytes.len())) }
 }
 
-/// At most `most` bytes of a gzip or zlib stream.
-pub(super) fn inflate(packed: &[u8], most: usize) -> Result<Vec<u8>, Fault> {
+/// Unpacks a gzip or zlib stream of at most `most` bytes.
+pub(super) fn inflate(packed: &[u8], most: usize) -> Result<Vec<u8>, ChunkFault> {
     let is_gzip = packed.starts_with(&[0x1f, 0x8b]);
     if is_gzip { at_most(MultiGzDecoder::new(packed), most) } else { at_most(ZlibDecoder::new(packed), most) }
 }
 
-/// At most `most` bytes of a Zstandard stream.
-pub(super) fn zstd(packed: &[u8], most: usize) -> Result<Vec<u8>, Fault> {
+/// Unpacks a Zstandard stream of at most `most` bytes.
+pub(super) fn zstd(packed: &[u8], most: usize) -> Result<Vec<u8>, ChunkFault> {
     let decoder = ruzstd::decoding::StreamingDecoder::new(packed).map_err(|error| error.to_string())?;
     at_most(decoder, most)
 }
 
-/// A block of LZ4 of at most `most` bytes.
-pub(super) fn lz4(packed: &[u8], most: usize) -> Result<Vec<u8>, Fault> {
+/// Unpacks a block of LZ4 of at most `most` bytes.
+pub(super) fn lz4(packed: &[u8], most: usize) -> Result<Vec<u8>, ChunkFault> {
     let mut out = vec![0; most];
     let len = lz4_flex::block::decompress_into(packed, &mut out).map_err(|error| error.to_string())?;
     out.truncate(len);
     Ok(out)
 }
 
-fn at_most(decoder: impl Read, most: usize) -> Result<Vec<u8>, Fault> {
+fn at_most(decoder: impl Read, most: usize) -> Result<Vec<u8>, ChunkFault> {
     let mut out = Vec::new();
     decoder.take(most as u64 + 1).read_to_end(&mut out).map_err(|error| error.to_string())?;
     if out.len() <= most { Ok(out) } else { Err(format!("more than {most} bytes")) }
 }
 
-fn strip_checksum(mut bytes: Vec<u8>) -> Result<Vec<u8>, Fault> {
+fn strip_checksum(mut bytes: Vec<u8>) -> Result<Vec<u8>, ChunkFault> {
     let len = bytes.len().checked_sub(4).ok_or("a chunk without its checksum")?;
-    let said = bytes[len..].to_vec();
+    let stated = bytes[len..].to_vec();
     bytes.truncate(len);
-    if crc32c(&bytes).to_le_bytes() == said[..] {
+    if crc32c(&bytes).to_le_bytes() == stated[..] {
         Ok(bytes)
     } else {
         Err("another checksum than its bytes have".into())

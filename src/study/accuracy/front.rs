@@ -1,9 +1,8 @@
-//! The Pareto front: what nothing else beats in both time and accuracy.
+//! The Pareto front: candidates that no other beats in both time and accuracy.
 
-/// Which of `points` (milliseconds, decibels) are on the front: no other is at least as fast and as exact, and better in
-/// one. Of equal ones all are. A point without a time is not on it.
+/// Returns which `points` (milliseconds, decibels) are on the front: no other is as fast and as exact, and better in one.
 ///
-/// O(points squared).
+/// Equal points are all on it. A point without a time is not. O(points squared).
 pub(super) fn front(points: &[(Option<f64>, f64)]) -> Vec<bool> {
     let beats = |(time, decibels): (f64, f64), (than, worse): (f64, f64)| {
         time <= than && decibels >= worse && (time < than || decibels > worse)

@@ -1,57 +1,56 @@
-//! Measuring: every candidate's picture of every view beside the judge's, and its time.
+//! Measures the error and the time of every candidate in every view.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::time::Instant;
 
-use super::Judged;
+use super::JudgedSet;
 use super::candidate::{Candidate, Drawer};
 use super::front::front;
 use super::truth::truth;
 use super::view::JudgedView;
-use crate::baselines::Built;
-use crate::baselines::octree::Octree;
+use crate::baselines::{BuiltMethod, Octree};
 use crate::picture;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::in_order;
 use adjsplat::splat::{Frame, Quality, View, cpu};
 use adjsplat_judge::metrics::{Metrics, compare};
 
-/// How much is done.
+/// Repetitions and threads of a measurement.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Effort {
-    /// Rounds of timing, of which the fastest counts; 0 for none.
+    /// Rounds of timing, of which the fastest counts; 0 to measure errors only.
     pub repetitions: u32,
-    /// Threads that measure errors, and those of the judge.
+    /// Threads that measure errors, and threads of the reference renderer.
     pub threads: usize,
 }
 
-/// What came of a candidate in a view, or in all of them.
+/// Time and error of a candidate in a view, or in all views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
-    /// Number of the view; `None` for all whose voxels are not finer than pixels.
+    /// Number of the view; `None` for all views whose voxels are not finer than pixels.
     pub view: Option<usize>,
     /// Number of the candidate.
     pub candidate: usize,
-    /// Milliseconds of a frame on one thread; the mean over views. `None` if it was not timed.
+    /// Milliseconds of a frame on one thread, the mean over views; `None` if it was not timed.
     pub milliseconds: Option<f64>,
-    /// Decibels; the lowest of the views.
+    /// Peak signal-to-noise ratio in decibels, the lowest of the views.
     pub psnr: f64,
-    /// Structural similarity; the lowest of the views.
+    /// Structural similarity, the lowest of the views.
     pub ssim: f64,
-    /// FLIP; the highest of the views.
+    /// FLIP, the highest of the views.
     pub flip: f64,
-    /// Largest difference of a sample; of the views.
+    /// Largest difference of a sample in any view.
     pub max_abs: f64,
-    /// Root mean square difference; the highest of the views.
+    /// Root mean square difference, the highest of the views.
     pub rmse: f64,
-    /// Whether it is on the front of (time, PSNR) of its view, or of all views.
+    /// Whether it is on the Pareto front of time and PSNR.
     pub front: bool,
 }
 
 impl Outcome {
-    /// Takes the worse of each error.
+    /// Keeps the worse of each error.
     pub fn worsen(&mut self, other: &Outcome) {
         self.psnr = self.psnr.min(other.psnr);
         self.ssim = self.ssim.min(other.ssim);
@@ -61,22 +60,21 @@ impl Outcome {
     }
 }
 
-/// Marks those that no other beats in time and PSNR.
+/// Marks the outcomes that no other beats in both time and PSNR.
 pub fn mark_front(outcomes: &mut [Outcome]) {
     let points: Vec<_> = outcomes.iter().map(|outcome| (outcome.milliseconds, outcome.psnr)).collect();
     outcomes.iter_mut().zip(front(&points)).for_each(|(outcome, front)| outcome.front = front);
 }
 
-/// Measures `candidates`, all of which the set can draw, in `views`; `go_on` is told what is done of how much, and may
-/// stop it.
+/// Measures `candidates` in `views`; `go_on` receives the steps done and in total, and can cancel.
 ///
-/// Gives for each view, then for all, an outcome of each candidate. Memory: one frame a thread, and the judge's
-/// pictures of all views.
+/// The set must be able to draw all candidates. Returns an outcome of each candidate for each view, then for all views.
+/// Takes memory for a frame a thread and for the reference pictures of all views.
 ///
 /// # Errors
-/// As drawing; [`Error::Interrupted`] if `go_on` says so.
+/// Those of drawing; [`Error::Interrupted`] if `go_on` cancels.
 pub fn measure(
-    set: &Judged,
+    set: &JudgedSet,
     views: &[JudgedView],
     candidates: &[Candidate],
     effort: Effort,
@@ -84,11 +82,11 @@ pub fn measure(
 ) -> Result<Vec<Outcome>> {
     let octree = match set.subject {
         Some(subject) if candidates.iter().any(|candidate| matches!(candidate.drawer, Drawer::Octree(_))) => {
-            Some(Mutex::new(Built::Octree(Octree::new(subject, 0.0)?)))
+            Some(Mutex::new(BuiltMethod::Octree(Octree::new(subject, 0.0)?)))
         }
         _ => None,
     };
-    let artist = Artist { set, octree };
+    let renderer = CandidateRenderer { set, octree };
     let total = (candidates.len() * views.len()) as u64 * 2;
     let mut done = 0;
     let mut step = |steps: usize| {
@@ -99,12 +97,12 @@ pub fn measure(
     for (index, view) in views.iter().enumerate() {
         let truth = truth(set.judge, view, effort.threads)?;
         step(0)?;
-        let found = artist.errors(view, candidates, &truth, effort.threads)?;
+        let found = renderer.errors(view, candidates, &truth, effort.threads)?;
         step(candidates.len())?;
         let mut fastest = vec![None::<f64>; candidates.len()];
         for round in 0..effort.repetitions {
             for (candidate, fastest) in candidates.iter().zip(&mut fastest) {
-                let seconds = artist.timed(view, candidate)?;
+                let seconds = renderer.timed(view, candidate)?;
                 *fastest = Some(fastest.map_or(seconds, |best| best.min(seconds)));
                 if round == 0 {
                     step(1)?;
@@ -129,7 +127,7 @@ pub fn measure(
     Ok(outcomes)
 }
 
-/// An outcome of each candidate over all views whose voxels are not finer than pixels.
+/// Returns an outcome of each candidate over all views whose voxels are not finer than pixels.
 fn over_all(views: &[JudgedView], candidates: usize, outcomes: &[Outcome]) -> Vec<Outcome> {
     let count = views.iter().filter(|view| !view.is_fine).count().max(1) as f64;
     let mut all: Vec<Outcome> = Vec::new();
@@ -147,15 +145,15 @@ fn over_all(views: &[JudgedView], candidates: usize, outcomes: &[Outcome]) -> Ve
     all
 }
 
-/// Draws what candidates ask for.
-struct Artist<'a> {
-    set: &'a Judged<'a>,
-    /// Its threshold is set for each picture.
-    octree: Option<Mutex<Built<'a>>>,
+/// Draws the pictures of candidates.
+struct CandidateRenderer<'a> {
+    set: &'a JudgedSet<'a>,
+    /// Each picture sets its threshold.
+    octree: Option<Mutex<BuiltMethod<'a>>>,
 }
 
-impl Artist<'_> {
-    /// How far each candidate's picture is from `truth`.
+impl CandidateRenderer<'_> {
+    /// Returns the errors of each candidate's picture.
     fn errors(
         &self,
         view: &JudgedView,
@@ -179,7 +177,7 @@ impl Artist<'_> {
         Ok(found)
     }
 
-    /// Seconds of a frame.
+    /// Returns the seconds of a frame.
     fn timed(&self, view: &JudgedView, candidate: &Candidate) -> Result<f64> {
         let start = Instant::now();
         black_box(self.draw(view, candidate)?);
@@ -194,7 +192,7 @@ impl Artist<'_> {
         match (candidate.drawer, &self.octree, set.subject) {
             (Drawer::Octree(threshold), Some(octree), Some(subject)) => {
                 let mut built = octree.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-                if let Built::Octree(octree) = &mut *built {
+                if let BuiltMethod::Octree(octree) = &mut *built {
                     octree.set_threshold(threshold)?;
                 }
                 picture::of_method(subject, &view.camera, &settings, &mut built, true)

@@ -1,61 +1,65 @@
-//! Accuracy: what each knob of the renderer saves in time and costs in error.
+//! Accuracy: what each setting of the renderer saves in time and costs in error.
 //!
-//! In: a [`Judged`] set, which is a volume's judge and files built from the same volume; views; candidate settings. Out: for
-//! every candidate its time and its distance from the judge's picture, and which candidates no other beats in both. Apart
-//! from that: what [popping] the order brings, and how the error falls in [three](model).
+//! In: a [`JudgedSet`], which is a volume's reference renderer and files built from the volume; views; candidates. Out:
+//! each candidate's time, its error against the reference, and the candidates that no other beats in both. Besides:
+//! how much pictures [pop](popping) where the order switches, and the [three parts](model) of the error.
 //!
 //! ```text
 //! volume -> judge -> picture of each view, in double precision --\
 //!        \-> files -> every candidate's picture of each view ----> metrics -> front of (time, PSNR)
 //! ```
 //!
-//! Errors are measured first, on all threads, for a picture does not depend on their number; times afterwards, one
-//! candidate after the other on one thread, round by round, so that a change of the machine's pace meets all of them; the
-//! fastest round counts.
+//! Errors are measured first, on all threads, as pictures do not depend on the number of threads. Then candidates are
+//! timed in turns on one thread, so that changes of the machine's speed affect all; the fastest round counts.
 
 mod candidate;
+mod family;
 mod front;
 mod measure;
 pub mod model;
 pub mod popping;
+mod sweep;
 mod truth;
 mod view;
 
-pub use candidate::{Candidate, Drawer, Family, Nesting, candidates};
+pub use candidate::Candidate;
+use candidate::Drawer;
+pub use family::Family;
 pub use measure::{Effort, Outcome, mark_front, measure};
+pub use sweep::candidates;
 pub use view::{JudgedView, views};
 
 use super::subject::Subject;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Scene;
-use adjsplat_judge::reference::splat::Judge;
+use adjsplat_judge::reference::Judge;
 
 /// A file of a set.
 #[derive(Debug, Clone, Copy)]
-pub struct Stored<'a> {
+pub struct StoredFile<'a> {
     /// Bits of a value: 8 or 16.
     pub value_bits: u8,
     /// Bits of each component of a normal: 0 for none, 8 or 16.
     pub normal_bits: u8,
-    /// What it shows.
+    /// The scene in the file.
     pub scene: Scene<'a>,
 }
 
-/// A set under study.
+/// A volume under study, with its reference renderer and files.
 #[derive(Debug)]
-pub struct Judged<'a> {
-    /// What tables call it.
+pub struct JudgedSet<'a> {
+    /// Its name in tables.
     pub name: &'a str,
-    /// The judge of the volume.
+    /// The reference renderer of the volume.
     pub judge: &'a Judge,
-    /// Files built from the volume, no two with the same channels.
-    pub files: Vec<Stored<'a>>,
-    /// The file with 8-bit values and normals as other methods take it; without it no octree is drawn.
+    /// Files built from the volume, all with different channels.
+    pub files: Vec<StoredFile<'a>>,
+    /// The file with 8-bit values and normals, for the octree; `None` draws no octree.
     pub subject: Option<&'a Subject<'a>>,
 }
 
-impl<'a> Judged<'a> {
-    /// The file with these channels.
+impl<'a> JudgedSet<'a> {
+    /// Returns the file with these channels.
     ///
     /// # Errors
     /// [`Error::Input`] if the set has none.
@@ -67,7 +71,7 @@ impl<'a> Judged<'a> {
         })
     }
 
-    /// Whether the set has what `candidate` draws.
+    /// Whether the set has the file that `candidate` draws.
     pub fn can_draw(&self, candidate: &Candidate) -> bool {
         match candidate.drawer {
             Drawer::Renderer => self.file(candidate.value_bits, candidate.normal_bits).is_ok(),

@@ -1,69 +1,67 @@
-//! Popping: what a picture jumps by where the order of the walk switches.
+//! Popping: how much a picture jumps where the order of the walk switches.
 //!
-//! In: a set. Out: differences of neighbouring frames of a turn, across the azimuth at which another axis becomes the slow
-//! one and away from it. A turn changes every picture a little, so the same is measured of the judge with splats sorted by
-//! distance, whose order changes by two splats at a time; what is above that is popping. Long steps show what an eye
-//! meets at a usual pace; short ones leave the jump alone.
+//! In: a set. Out: differences of neighbouring frames of a turn, around the azimuth at which another axis becomes the slow
+//! one, and elsewhere. A turn changes every picture a little. So the same is measured with the reference renderer and
+//! splats sorted by distance, where two splats swap at a time; changes above that are popping. Long steps show what a
+//! viewer sees at usual speed; short ones isolate the jump.
 //!
-//! Source: Radl et al., "StopThePop", 2024, measures popping of splats as what a moving camera does not explain; departs
-//! from it in the sorted judge, which takes the place of optical flow.
+//! Source: Radl et al., "StopThePop", 2024. Departs from it in the sorted reference, which replaces optical flow.
 
 use std::ops::ControlFlow;
 
-use super::Judged;
+use super::JudgedSet;
 use super::candidate::Candidate;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View, cpu};
 use adjsplat::traverse;
 use adjsplat::traverse::{Sense, SplitForm};
 use adjsplat::volume::{Axis, Grid};
-use adjsplat_judge::reference::splat as judge;
-use adjsplat_judge::reference::splat::Order;
+use adjsplat_judge::reference::{JudgeSettings, SplatOrder};
 
 /// Degrees between frames.
 pub const STEPS: [f64; 2] = [0.5, 0.05];
-/// Frames around each place; between the middle two the order switches.
+/// Frames around each azimuth; the order switches between the middle two.
 const FRAMES: u32 = 4;
-/// Degrees above the horizontal plane.
+/// Elevation of the camera, in degrees.
 const ELEVATION: f64 = 10.0;
 /// Pixels a voxel.
 const PIXELS: f64 = 1.25;
 
-/// How much neighbouring frames differ.
+/// Differences of neighbouring frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Change {
+pub struct FrameChange {
     /// Largest difference of a sample, of all pairs.
     pub largest: f64,
-    /// Root mean square difference over the whole picture, empty pixels included, the highest of all pairs: renderers that
-    /// cut kernels off elsewhere leave others empty.
+    /// Highest root mean square difference of a pair, over the whole picture: which pixels are empty depends on the
+    /// renderer's cut-off.
     pub rms: f64,
 }
 
-/// What one renderer's frames change by, beside those of the judge with sorted splats.
+/// Changes of a renderer's frames, beside those of the sorted reference.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Popping {
-    /// Azimuth in the middle, degrees.
+    /// Azimuth between the middle frames, in degrees.
     pub azimuth: f64,
     /// Whether the slow axis switches there.
     pub across: bool,
     /// Degrees between frames.
     pub step: f64,
-    /// Who draws: a preset's name with the bits of its file, or the judge in nested order.
+    /// Name of the renderer: a preset with the bits of its file, or the reference in nested order.
     pub drawer: String,
-    /// Of its frames.
-    pub found: Change,
-    /// Of the judge with sorted splats.
-    pub sorted: Change,
+    /// Changes of its frames.
+    pub found: FrameChange,
+    /// Changes of the reference with sorted splats.
+    pub sorted: FrameChange,
 }
 
-/// Measures the judge in nested order and `presets`; `go_on` is told what is done of how much, and may stop it.
+/// Measures `presets` and the reference in nested order; `go_on` receives the steps done and in total, and can cancel.
 ///
-/// Nothing where no azimuth switches the slow axis.
+/// Returns nothing if no azimuth switches the slow axis.
 ///
 /// # Errors
-/// As drawing; [`Error::Interrupted`] if `go_on` says so.
+/// Those of drawing; [`Error::Interrupted`] if `go_on` cancels.
 pub fn measure(
-    set: &Judged,
+    set: &JudgedSet,
     presets: &[Candidate],
     threads: usize,
     mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
@@ -79,15 +77,15 @@ pub fn measure(
             let cameras = (0..FRAMES)
                 .map(|frame| turn.camera(azimuth + (f64::from(frame) - f64::from(FRAMES - 1) / 2.0) * step))
                 .collect::<Result<Vec<_>>>()?;
-            let judged = |order: Order| {
-                let settings = judge::Settings { order, threads, ..judge::Settings::new(turn.size) };
+            let judged = |order: SplatOrder| {
+                let settings = JudgeSettings { order, threads, ..JudgeSettings::new(turn.size) };
                 change(&cameras, |camera| set.judge.draw(camera, &settings)?.to_frame())
             };
-            let sorted = judged(Order::Sorted)?;
-            let mut push = |drawer: String, found: Change| {
+            let sorted = judged(SplatOrder::Sorted)?;
+            let mut push = |drawer: String, found: FrameChange| {
                 all.push(Popping { azimuth, across, step, drawer, found, sorted });
             };
-            push("judge, nested".to_owned(), judged(Order::Nested)?);
+            push("judge, nested".to_owned(), judged(SplatOrder::Nested)?);
             for candidate in presets {
                 let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
                 let found = change(&cameras, |camera| {
@@ -105,9 +103,9 @@ pub fn measure(
     Ok(all)
 }
 
-/// The change from each camera's frame to the next.
-fn change(cameras: &[Camera], draw: impl Fn(&Camera) -> Result<Frame>) -> Result<Change> {
-    let mut change = Change { largest: 0.0, rms: 0.0 };
+/// Returns the largest changes from each camera's frame to the next.
+fn change(cameras: &[Camera], draw: impl Fn(&Camera) -> Result<Frame>) -> Result<FrameChange> {
+    let mut change = FrameChange { largest: 0.0, rms: 0.0 };
     let mut before: Option<Frame> = None;
     for camera in cameras {
         let frame = draw(camera)?;
@@ -117,7 +115,7 @@ fn change(cameras: &[Camera], draw: impl Fn(&Camera) -> Result<Frame>) -> Result
             let (largest, squares) =
                 apart.fold((0.0f64, 0.0), |(most, sum), apart| (most.max(apart), sum + apart * apart));
             let rms = (squares / frame.pixels().len() as f64).sqrt();
-            change = Change { largest: change.largest.max(largest), rms: change.rms.max(rms) };
+            change = FrameChange { largest: change.largest.max(largest), rms: change.rms.max(rms) };
         }
         before = Some(frame);
     }
@@ -156,7 +154,7 @@ impl<'a> Turn<'a> {
         Ok(order.slow)
     }
 
-    /// The first azimuth of half a turn at which another axis becomes the slow one.
+    /// Returns the first azimuth of half a turn at which another axis becomes the slow one.
     fn switch(&self) -> Result<Option<f64>> {
         let first = self.slow(0.0)?;
         for degree in 1..=180u32 {
@@ -175,7 +173,7 @@ impl<'a> Turn<'a> {
         Ok(None)
     }
 
-    /// An azimuth past `from` around which no axis switches.
+    /// Returns an azimuth past `from` around which no axis switches.
     fn calm_from(&self, from: f64) -> Result<f64> {
         for past in [20.0, 10.0, 5.0, 30.0] {
             let at = from + past;

@@ -1,24 +1,19 @@
-//! Truth: the judge's picture of a view.
+//! Reference pictures of views.
 //!
-//! In: a judge, a view. Out: a frame. Where voxels are finer than pixels a picture of point samples would not be what a
-//! pixel should show: there the judge draws four times as many pixels a side, and they are seen through the Gaussian by
-//! which EWA's low-pass widens a footprint.
+//! In: a reference renderer and a view. Out: a frame. If voxels are finer than pixels, point samples are not what a pixel
+//! should show. Then four times as many pixels a side are drawn, and seen through the Gaussian of EWA's low-pass.
 
 use super::view::JudgedView;
 use adjsplat::error::Result;
-use adjsplat::splat::kernel::{LOW_PASS, narrowest};
+use adjsplat::splat::kernel::{LOW_PASS, narrowest_sigma};
 use adjsplat::splat::view::PixelMap;
 use adjsplat::splat::{Frame, Quality, View};
-use adjsplat_judge::reference::splat::{Judge, Settings};
-use adjsplat_judge::reference::{Picture, splat};
+use adjsplat_judge::reference::{Judge, JudgeSettings, ReferencePicture};
 
-/// Finer pixels in one, along a side.
+/// Fine pixels along the side of a pixel.
 const FINER: u32 = 4;
 
-/// What a view should show.
-///
-/// # Errors
-/// As [`Judge::draw`].
+/// Draws what a view should show.
 pub(super) fn truth(judge: &Judge, view: &JudgedView, threads: usize) -> Result<Frame> {
     if !view.is_fine {
         return judge.draw(&view.camera, &settings(view.size, threads))?.to_frame();
@@ -30,7 +25,7 @@ pub(super) fn truth(judge: &Judge, view: &JudgedView, threads: usize) -> Result<
         PixelMap::Parallel { pixel_from_voxel, .. } => {
             #[expect(clippy::cast_possible_truncation, reason = "a width in pixels needs no more digits")]
             let rows = pixel_from_voxel.map(|map| [map[0] as f32, map[1] as f32, map[2] as f32]);
-            f64::from(narrowest(rows, kernel.sigma))
+            f64::from(narrowest_sigma(rows, kernel.sigma))
         }
         PixelMap::Perspective { .. } => f64::from(LOW_PASS),
     };
@@ -38,16 +33,16 @@ pub(super) fn truth(judge: &Judge, view: &JudgedView, threads: usize) -> Result<
     seen_through(&fine, view.size, f64::from(FINER) * added)
 }
 
-fn settings(size: [u32; 2], threads: usize) -> Settings {
-    splat::Settings { threads, ..splat::Settings::new(size) }
+fn settings(size: [u32; 2], threads: usize) -> JudgeSettings {
+    JudgeSettings { threads, ..JudgeSettings::new(size) }
 }
 
-/// `fine` at every [`FINER`]-th place, seen through a Gaussian of `sigma` of its pixels; nothing lies beyond its edge.
-fn seen_through(fine: &Picture, size: [u32; 2], sigma: f64) -> Result<Frame> {
+/// Filters `fine` by a Gaussian of `sigma` fine pixels and keeps every [`FINER`]-th; beyond its edge it is empty.
+fn seen_through(fine: &ReferencePicture, size: [u32; 2], sigma: f64) -> Result<Frame> {
     let [columns, rows] = size.map(|side| side as usize);
     let [fine_columns, fine_rows] = fine.size().map(|side| side as usize);
     let taps = |at: usize, end: usize| taps(at, end, sigma);
-    // Along rows first.
+    // Rows first.
     let mut narrow = vec![[0.0f64; 4]; columns * fine_rows];
     for column in 0..columns {
         let taps = taps(column, fine_columns);
@@ -70,7 +65,7 @@ fn seen_through(fine: &Picture, size: [u32; 2], sigma: f64) -> Result<Frame> {
     Ok(frame)
 }
 
-/// Weights of the fine pixels below `end` around the middle of pixel `at`; they add up to 1 with those beyond the edge.
+/// Returns the weights of the fine pixels below `end` around the centre of pixel `at`; all weights sum to 1.
 fn taps(at: usize, end: usize, sigma: f64) -> Vec<(usize, f64)> {
     let finer = f64::from(FINER);
     let middle = at as f64 * finer + (finer - 1.0) / 2.0;

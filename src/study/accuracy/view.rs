@@ -1,8 +1,8 @@
-//! Views that a set is judged in.
+//! Views in which a set is judged.
 //!
-//! In: a grid and a box of voxels. Out: cameras with pictures so large that a footprint of the narrowest kernel is as
-//! wide as EWA's low-pass or wider, so that the low-pass does not act and pictures of all kernels have one truth; and one
-//! view of voxels finer than pixels, where it does.
+//! In: a grid and a box of voxels. Out: cameras and picture sizes. Pictures are so large that footprints of the narrowest
+//! kernel are at least as wide as EWA's low-pass: it does not act, and all kernels have one reference picture. One view
+//! has voxels finer than pixels, where the low-pass acts.
 
 use adjsplat::error::Result;
 use adjsplat::splat::{Camera, Orbit, Projection, Surround};
@@ -11,30 +11,29 @@ use adjsplat::volume::Grid;
 /// A view, and how it is judged.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JudgedView {
-    /// What tables call it.
+    /// Its name in tables.
     pub name: &'static str,
-    /// From where.
+    /// Its camera.
     pub camera: Camera,
-    /// Columns and rows.
+    /// Columns and rows of its picture.
     pub size: [u32; 2],
-    /// Pixels from a voxel to the next where they are closest: along the axis of the smallest spacing, seen at a right
-    /// angle, of the farthest voxels.
+    /// Pixels between the farthest voxels, along the axis of the smallest spacing, seen at a right angle.
     pub pixels_per_voxel: f64,
-    /// Whether voxels are finer than pixels: the truth is then a picture of finer pixels, seen through the low-pass.
+    /// Whether voxels are finer than pixels: the reference is then drawn finer and seen through the low-pass.
     pub is_fine: bool,
 }
 
-/// Pixels a voxel: a sigma of 0.5 voxels, the narrowest in use, is 0.62 pixels, the low-pass 0.6.
+/// Pixels a voxel: the narrowest sigma in use, 0.5 voxels, is then 0.62 pixels; the low-pass is 0.6.
 const PIXELS: f64 = 1.25;
-/// The same close to voxels, where splats are wide and pixels may be left out.
+/// Pixels a voxel close by, where splats are wide and pixels may be skipped.
 const CLOSE: f64 = 3.0;
-/// Longest side of a picture: of larger ones it is the middle. Comparing takes longer than drawing, by the pixel.
+/// Longest side of a picture; larger ones show the middle. Comparing a pixel takes longer than drawing it.
 const LONGEST: u32 = 512;
-/// Pixels a voxel of the fine view.
+/// Pixels a voxel of the view with fine voxels.
 const FINE: f64 = 0.6;
 
-/// A view before its picture has a size.
-struct Plan {
+/// A view before the size of its picture is known.
+struct ViewPlan {
     name: &'static str,
     azimuth: f64,
     elevation: f64,
@@ -42,35 +41,35 @@ struct Plan {
     pixels: f64,
 }
 
-const PLANS: [Plan; 8] = [
-    Plan { name: "along an axis", azimuth: 0.0, elevation: 0.0, fov: None, pixels: PIXELS },
-    Plan { name: "oblique", azimuth: 33.0, elevation: 21.0, fov: None, pixels: PIXELS },
-    Plan { name: "nearly along an axis", azimuth: 187.0, elevation: 4.0, fov: None, pixels: PIXELS },
-    Plan { name: "diagonal", azimuth: -44.0, elevation: 35.0, fov: None, pixels: PIXELS },
-    Plan { name: "close", azimuth: 120.0, elevation: -28.0, fov: None, pixels: CLOSE },
-    Plan { name: "perspective", azimuth: 33.0, elevation: 21.0, fov: Some(30.0), pixels: PIXELS },
-    // Its nearest voxels are ten times as large as its farthest.
-    Plan { name: "wide perspective", azimuth: -110.0, elevation: 15.0, fov: Some(75.0), pixels: 1.0 },
-    Plan { name: "fine voxels", azimuth: 33.0, elevation: 21.0, fov: None, pixels: FINE },
+const PLANS: [ViewPlan; 8] = [
+    ViewPlan { name: "along an axis", azimuth: 0.0, elevation: 0.0, fov: None, pixels: PIXELS },
+    ViewPlan { name: "oblique", azimuth: 33.0, elevation: 21.0, fov: None, pixels: PIXELS },
+    ViewPlan { name: "nearly along an axis", azimuth: 187.0, elevation: 4.0, fov: None, pixels: PIXELS },
+    ViewPlan { name: "diagonal", azimuth: -44.0, elevation: 35.0, fov: None, pixels: PIXELS },
+    ViewPlan { name: "close", azimuth: 120.0, elevation: -28.0, fov: None, pixels: CLOSE },
+    ViewPlan { name: "perspective", azimuth: 33.0, elevation: 21.0, fov: Some(30.0), pixels: PIXELS },
+    // The nearest voxels are ten times as large as the farthest.
+    ViewPlan { name: "wide perspective", azimuth: -110.0, elevation: 15.0, fov: Some(75.0), pixels: 1.0 },
+    ViewPlan { name: "fine voxels", azimuth: 33.0, elevation: 21.0, fov: None, pixels: FINE },
 ];
 
-/// The views of the voxels `low..=high` of `grid`; `quick`: the oblique one alone.
+/// Returns the views of the voxels from `low` to `high`; with `quick` only the oblique one.
 ///
 /// # Errors
-/// As [`Camera::orbiting`].
+/// Those of [`Camera::orbiting`].
 pub fn views(grid: &Grid, low: [u16; 3], high: [u16; 3], quick: bool) -> Result<Vec<JudgedView>> {
     let around = Surround::of_voxels(grid, low, high);
     let plans = PLANS.iter().filter(|plan| !quick || plan.name == "oblique");
     plans.map(|plan| plan.view(grid, around)).collect()
 }
 
-impl Plan {
+impl ViewPlan {
     fn view(&self, grid: &Grid, around: Surround) -> Result<JudgedView> {
-        let Plan { name, azimuth, elevation, fov, pixels } = *self;
+        let ViewPlan { name, azimuth, elevation, fov, pixels } = *self;
         let orbit = |zoom: f64| Orbit { azimuth, elevation, zoom, fov, ..Orbit::default() };
         let camera = Camera::orbiting(orbit(1.0), around, [1, 1])?;
         let closest = grid.finest_spacing();
-        // World length that the picture shows as deep as its farthest voxels lie.
+        // World length that the picture covers at the depth of the farthest voxels.
         let shown = match camera.projection() {
             Projection::Parallel { height } => height,
             Projection::Perspective { fov } => {

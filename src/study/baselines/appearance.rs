@@ -1,42 +1,37 @@
-//! Appearance: what methods of the year 2001 store of a voxel besides its value.
-//!
-//! In: a subject. Out: the four bytes of colour and the three floats of gradient that such methods compute in advance.
+//! The bytes of colour and gradient that methods of the year 2001 compute in advance and store with each voxel.
 
 use crate::Subject;
 use crate::subject::VisibleVoxel;
 use adjsplat::classify::normal;
 use adjsplat::error::Result;
 
-/// Colours of all value codes, and how normals become vectors.
+/// The colours of all value codes, and whether voxels have normals.
 #[derive(Debug, Clone)]
 pub(super) struct Appearance {
-    /// Apart, so that a structure that keeps them stays small itself.
+    /// Boxed, so that structures that keep it stay small.
     colours: Box<[[u8; 4]; 256]>,
     has_normals: bool,
 }
 
 impl Appearance {
-    /// That of a subject's voxels.
-    ///
-    /// # Errors
-    /// As [`Subject::looks`].
+    /// Makes the colours of a subject.
     pub(super) fn of(subject: &Subject) -> Result<Appearance> {
         let colours = Box::new(subject.looks()?.map(colour));
         Ok(Appearance { colours, has_normals: subject.facts.channels.normal_bits > 0 })
     }
 
-    /// Red, green, blue (linear), opacity; opacity 0 is left to cells without a visible voxel.
+    /// Returns linear red, green, blue, and opacity, which is above 0: opacity 0 marks cells without a visible voxel.
     pub(super) fn colour(&self, voxel: &VisibleVoxel) -> [u8; 4] {
         self.colours[usize::from(voxel.value)]
     }
 
-    /// The voxel's gradient as a unit vector; zero for none.
+    /// Returns the voxel's gradient as a unit vector; zero for none.
     pub(super) fn gradient(&self, voxel: &VisibleVoxel) -> [f32; 3] {
         if self.has_normals { normal::decode8(voxel.normal) } else { [0.0; 3] }
     }
 }
 
-/// Bytes for red, green, blue and opacity of a look; a visible voxel's opacity is at least 1.
+/// Returns bytes for red, green, blue and opacity; a visible voxel's opacity is at least 1.
 fn colour([red, green, blue, depth]: [f32; 4]) -> [u8; 4] {
     let opacity = 1.0 - (-depth).exp2();
     let [red, green, blue, opacity] = [red, green, blue, opacity].map(byte);

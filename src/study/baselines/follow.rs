@@ -1,21 +1,21 @@
-//! Following: a chain of voxels that are linked both ways, visited in the order of an axis.
+//! Follows a chain of doubly linked voxels in the order of an axis.
 //!
-//! In: a chain between its two caps, and an [`AxisOrder`]. Out: its nodes in that order, found by links alone. Where
-//! an axis has two sides of the eye, a chain is followed from both its ends; from front to back the place where the
-//! sides meet is first found by following the links to it.
+//! In: a chain between its two caps, and an [`AxisOrder`]. Out: its voxels in that order, found by links alone. If the
+//! axis has two sides of the eye, a back-to-front walk follows the chain from both ends. A front-to-back walk first
+//! follows the links to the voxels where the sides meet.
 
 use adjsplat::traverse::{AxisOrder, Sense, SplitForm};
 
-/// A scan line of linked nodes, walked within a context `C` that holds the structure.
+/// A scan line of linked voxels, walked in a context `C` that holds the structure.
 pub(super) trait Chain<C>: Copy {
-    /// A node at hand.
-    type Node: Copy;
+    /// A voxel of the chain.
+    type ChainVoxel: Copy;
 
-    /// The node that `from` is linked to, on the side of higher coordinates if `up`; `None` if that is a cap.
-    fn step(self, context: &mut C, from: Self::Node, up: bool) -> Option<Self::Node>;
+    /// Follows a link from `from`, toward higher coordinates if `up`; `None` if it leads to a cap.
+    fn step(self, context: &mut C, from: Self::ChainVoxel, up: bool) -> Option<Self::ChainVoxel>;
 
-    /// A node's coordinate on the axis.
-    fn coordinate(self, node: Self::Node) -> u16;
+    /// Returns a voxel's coordinate on the axis.
+    fn coordinate(self, node: Self::ChainVoxel) -> u16;
 }
 
 /// Whether a walk in this order begins at a chain's high end.
@@ -28,17 +28,17 @@ pub(super) fn needs_both_ends(order: AxisOrder) -> bool {
     matches!(order, AxisOrder::TwoSided { .. })
 }
 
-/// Calls `visit` with the nodes of `chain` in this order.
+/// Calls `visit` with the voxels of `chain` in this order.
 ///
-/// `start` is the cap at the end where the order begins, the low one where it has two sides; `far` is the other cap,
-/// and only looked at where the order has two sides.
+/// `start` is the cap where the order begins, the low one if it has two sides. `far` is the other cap, used only if the
+/// order has two sides.
 #[inline(always)]
 pub(super) fn follow<C, L: Chain<C>>(
     order: AxisOrder,
     chain: L,
-    [start, far]: [L::Node; 2],
+    [start, far]: [L::ChainVoxel; 2],
     context: &mut C,
-    mut visit: impl FnMut(&mut C, L::Node),
+    mut visit: impl FnMut(&mut C, L::ChainVoxel),
 ) {
     match order {
         AxisOrder::Ascending => run(chain, chain.step(context, start, true), true, context, visit),
@@ -52,14 +52,14 @@ pub(super) fn follow<C, L: Chain<C>>(
     }
 }
 
-/// Visits `first` and all that follow it.
+/// Visits `first` and all voxels after it.
 #[inline(always)]
 fn run<C, L: Chain<C>>(
     chain: L,
-    first: Option<L::Node>,
+    first: Option<L::ChainVoxel>,
     up: bool,
     context: &mut C,
-    mut visit: impl FnMut(&mut C, L::Node),
+    mut visit: impl FnMut(&mut C, L::ChainVoxel),
 ) {
     let mut at = first;
     while let Some(node) = at {
@@ -68,14 +68,14 @@ fn run<C, L: Chain<C>>(
     }
 }
 
-/// From both ends toward the eye.
+/// Visits voxels from both ends toward the eye.
 fn back_to_front<C, L: Chain<C>>(
     eye: f64,
     form: SplitForm,
     chain: L,
-    [low_cap, high_cap]: [L::Node; 2],
+    [low_cap, high_cap]: [L::ChainVoxel; 2],
     context: &mut C,
-    visit: &mut impl FnMut(&mut C, L::Node),
+    visit: &mut impl FnMut(&mut C, L::ChainVoxel),
 ) {
     let place = |node| f64::from(chain.coordinate(node));
     let mut low = chain.step(context, low_cap, true);
@@ -90,13 +90,13 @@ fn back_to_front<C, L: Chain<C>>(
                 visit(context, node);
                 high = chain.step(context, node, false);
             }
-            // On the eye's plane a node is nearest to both sides: it comes last.
+            // A voxel on the eye's plane is nearest to both sides: it comes last.
             if let Some(node) = low.filter(|&node| place(node) == eye) {
                 visit(context, node);
             }
         }
         SplitForm::Interleaved => {
-            // Neither is a cap before they meet.
+            // Before they meet, neither is a cap.
             while let (Some(below), Some(above)) = (low, high) {
                 let is_last = chain.coordinate(below) == chain.coordinate(above);
                 if eye - place(below) >= place(above) - eye {
@@ -111,14 +111,14 @@ fn back_to_front<C, L: Chain<C>>(
     }
 }
 
-/// From where the sides meet toward both ends: the exact reverse.
+/// Visits voxels from where the sides meet toward both ends: the exact reverse.
 fn front_to_back<C, L: Chain<C>>(
     eye: f64,
     form: SplitForm,
     chain: L,
-    low_cap: L::Node,
+    low_cap: L::ChainVoxel,
     context: &mut C,
-    visit: &mut impl FnMut(&mut C, L::Node),
+    visit: &mut impl FnMut(&mut C, L::ChainVoxel),
 ) {
     let place = |node| f64::from(chain.coordinate(node));
     let mut low = None;
@@ -133,7 +133,7 @@ fn front_to_back<C, L: Chain<C>>(
             run(chain, low, false, context, visit);
         }
         SplitForm::Interleaved => loop {
-            // On a tie the low side is the farther one of the reverse order: it comes second.
+            // On a tie the low side is farther in the reverse order: it comes second.
             let low_is_next = match (low, high) {
                 (Some(below), Some(above)) => eye - place(below) < place(above) - eye,
                 (Some(_), None) => true,

@@ -1,6 +1,4 @@
-//! Methods: all ways of walking that studies compare, by name.
-//!
-//! In: a name and a subject. Out: a structure that can be walked, whichever it is.
+//! Methods: all structures that studies compare, by name.
 
 use super::adjacency_a::AdjacencyA;
 use super::adjacency_b::{AdjacencyB, Storage};
@@ -14,47 +12,47 @@ use super::unordered::Unordered;
 use super::{Receiver, Viewing, Walker};
 use crate::Subject;
 use crate::ours::Adjsplat;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::{Error, Result};
 
 /// Seed of the records' order in [`Method::AdjacencyBShuffled`].
 const SEED: u64 = 2001;
-/// From what opacity on the code of a voxel's neighbours says that they are opaque.
+/// Opacity from which on a voxel counts as opaque in the code of its neighbours.
 const OPAQUE: f32 = 0.95;
 
-/// A way of walking.
+/// A structure that stores and walks visible voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Method {
-    /// Our own: [`Adjsplat`].
+    /// Our own lanes.
     Adjsplat,
-    /// [`Traditional`].
+    /// A dense volume, walked in full.
     Traditional,
-    /// [`Unordered`].
+    /// A list in storage order.
     Unordered,
-    /// [`Octree`] with a threshold of 0.
+    /// An [`Octree`] with a threshold of 0.
     Octree,
-    /// [`AdjacencyA`].
+    /// Linked records beside a dense volume: [`AdjacencyA`].
     AdjacencyA,
-    /// [`AdjacencyB`], records in the order in which they were made.
+    /// Linked records: [`AdjacencyB`], in the order in which they were built.
     AdjacencyB,
-    /// [`AdjacencyB`], records in random order.
+    /// [`AdjacencyB`] with its records in random order.
     AdjacencyBShuffled,
-    /// [`Shell`] with rows along x.
+    /// A [`Shell`] with rows along x.
     Shell,
-    /// [`Shell`] with rows along each axis.
+    /// A [`Shell`] with rows along each axis.
     ShellThree,
-    /// [`Sorted`].
+    /// A list sorted by distance for each frame.
     Sorted,
-    /// [`Bricks`] in exact slice order.
+    /// Bricks of bit masks, walked slice by slice.
     Bricks,
-    /// [`Bricks`], brick by brick.
+    /// Bricks of bit masks, walked brick by brick.
     BricksBrickwise,
-    /// [`RunLength`].
+    /// Run lengths along each axis.
     RunLength,
 }
 
 impl Method {
-    /// All of them, ours first.
+    /// All methods, ours first.
     pub const ALL: [Method; 13] = [
         Method::Adjsplat,
         Method::Traditional,
@@ -71,81 +69,72 @@ impl Method {
         Method::RunLength,
     ];
 
-    /// Its name in tables and files.
+    /// Returns its name in tables and files.
     pub fn name(self) -> &'static str {
-        match self {
-            Method::Adjsplat => "adjsplat",
-            Method::Traditional => "traditional",
-            Method::Unordered => "unordered",
-            Method::Octree => "octree",
-            Method::AdjacencyA => "adjacency_a",
-            Method::AdjacencyB => "adjacency_b",
-            Method::AdjacencyBShuffled => "adjacency_b_shuffled",
-            Method::Shell => "shell",
-            Method::ShellThree => "shell_three",
-            Method::Sorted => "sorted",
-            Method::Bricks => "bricks",
-            Method::BricksBrickwise => "bricks_brickwise",
-            Method::RunLength => "run_length",
-        }
+        names()[self as usize]
     }
 
-    /// The method of this name.
+    /// Returns the method of this name.
     ///
     /// # Errors
-    /// [`Error::Input`] with all names if there is none.
+    /// [`Error::Input`], which lists all names, if there is none.
     pub fn named(name: &str) -> Result<Method> {
         let method = Method::ALL.into_iter().find(|method| method.name() == name);
         method.ok_or_else(|| Error::input("method", format!("is {name}, but must be one of {}", names().join(", "))))
     }
 
-    /// Whether voxels come in exact slice order: nested loops in the order's nesting and directions.
+    /// Whether voxels come in exact slice order: nested loops over the axes of the order.
     pub fn is_in_slice_order(self) -> bool {
-        match self {
-            Method::Adjsplat
-            | Method::Traditional
-            | Method::AdjacencyA
-            | Method::AdjacencyB
-            | Method::AdjacencyBShuffled
-            | Method::ShellThree
-            | Method::Bricks
-            | Method::RunLength => true,
-            Method::Unordered | Method::Octree | Method::Shell | Method::Sorted | Method::BricksBrickwise => false,
-        }
+        use Method::{BricksBrickwise, Octree, Shell, Sorted, Unordered};
+        !matches!(self, Unordered | Octree | Shell | Sorted | BricksBrickwise)
     }
 
-    /// Its structure for `subject`. [`Method::Adjsplat`] has all three lanes derived, if the arena lacks some.
+    /// Builds the structure for `subject`; our own derives the lanes that the file lacks.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] or the structure cannot be as large; as [`Subject::looks`].
-    pub fn build<'a>(self, subject: &'a Subject<'a>) -> Result<Built<'a>> {
+    /// [`Error::Limit`] if memory cannot be had or the structure would be too large; those of [`Subject::looks`].
+    pub fn build<'a>(self, subject: &'a Subject<'a>) -> Result<BuiltMethod<'a>> {
         Ok(match self {
-            Method::Adjsplat => Built::Adjsplat(Adjsplat::new(subject)?),
-            Method::Traditional => Built::Traditional(Traditional::new(subject)?),
-            Method::Unordered => Built::Unordered(Unordered::new(subject)?),
-            Method::Octree => Built::Octree(Octree::new(subject, 0.0)?),
-            Method::AdjacencyA => Built::AdjacencyA(AdjacencyA::new(subject)?),
-            Method::AdjacencyB => Built::AdjacencyB(AdjacencyB::new(subject, Storage::Built)?),
-            Method::AdjacencyBShuffled => Built::AdjacencyB(AdjacencyB::new(subject, Storage::Shuffled(SEED))?),
-            Method::Shell => Built::Shell(Shell::new(subject, Lists::One, OPAQUE)?),
-            Method::ShellThree => Built::Shell(Shell::new(subject, Lists::Three, OPAQUE)?),
-            Method::Sorted => Built::Sorted(Sorted::new(subject)?),
-            Method::Bricks => Built::Bricks(Bricks::new(subject, BrickOrder::Slices)?),
-            Method::BricksBrickwise => Built::Bricks(Bricks::new(subject, BrickOrder::Bricks)?),
-            Method::RunLength => Built::RunLength(RunLength::new(subject)?),
+            Method::Adjsplat => BuiltMethod::Adjsplat(Adjsplat::new(subject)?),
+            Method::Traditional => BuiltMethod::Traditional(Traditional::new(subject)?),
+            Method::Unordered => BuiltMethod::Unordered(Unordered::new(subject)?),
+            Method::Octree => BuiltMethod::Octree(Octree::new(subject, 0.0)?),
+            Method::AdjacencyA => BuiltMethod::AdjacencyA(AdjacencyA::new(subject)?),
+            Method::AdjacencyB => BuiltMethod::AdjacencyB(AdjacencyB::new(subject, Storage::AsBuilt)?),
+            Method::AdjacencyBShuffled => BuiltMethod::AdjacencyB(AdjacencyB::new(subject, Storage::Shuffled(SEED))?),
+            Method::Shell => BuiltMethod::Shell(Shell::new(subject, Lists::One, OPAQUE)?),
+            Method::ShellThree => BuiltMethod::Shell(Shell::new(subject, Lists::Three, OPAQUE)?),
+            Method::Sorted => BuiltMethod::Sorted(Sorted::new(subject)?),
+            Method::Bricks => BuiltMethod::Bricks(Bricks::new(subject, BrickOrder::Slices)?),
+            Method::BricksBrickwise => BuiltMethod::Bricks(Bricks::new(subject, BrickOrder::Bricks)?),
+            Method::RunLength => BuiltMethod::RunLength(RunLength::new(subject)?),
         })
     }
 }
 
-/// The names of all methods.
+/// Returns the names of all methods, in the order of the variants.
 pub fn names() -> [&'static str; Method::ALL.len()] {
-    Method::ALL.map(Method::name)
+    [
+        "adjsplat",
+        "traditional",
+        "unordered",
+        "octree",
+        "adjacency_a",
+        "adjacency_b",
+        "adjacency_b_shuffled",
+        "shell",
+        "shell_three",
+        "sorted",
+        "bricks",
+        "bricks_brickwise",
+        "run_length",
+    ]
 }
 
-/// A structure of any method.
+/// The structure of a method.
 #[derive(Debug)]
 #[expect(missing_docs, reason = "each variant is the structure that it is named for")]
-pub enum Built<'a> {
+pub enum BuiltMethod<'a> {
     Adjsplat(Adjsplat<'a>),
     Traditional(Traditional),
     Unordered(Unordered),
@@ -158,30 +147,30 @@ pub enum Built<'a> {
     RunLength(RunLength),
 }
 
-/// Calls the same of whichever structure it is.
+/// Calls the same method of whichever structure it is.
 macro_rules! whichever {
     ($built:expr, $walker:ident => $call:expr) => {
         match $built {
-            Built::Adjsplat($walker) => $call,
-            Built::Traditional($walker) => $call,
-            Built::Unordered($walker) => $call,
-            Built::Octree($walker) => $call,
-            Built::AdjacencyA($walker) => $call,
-            Built::AdjacencyB($walker) => $call,
-            Built::Shell($walker) => $call,
-            Built::Sorted($walker) => $call,
-            Built::Bricks($walker) => $call,
-            Built::RunLength($walker) => $call,
+            BuiltMethod::Adjsplat($walker) => $call,
+            BuiltMethod::Traditional($walker) => $call,
+            BuiltMethod::Unordered($walker) => $call,
+            BuiltMethod::Octree($walker) => $call,
+            BuiltMethod::AdjacencyA($walker) => $call,
+            BuiltMethod::AdjacencyB($walker) => $call,
+            BuiltMethod::Shell($walker) => $call,
+            BuiltMethod::Sorted($walker) => $call,
+            BuiltMethod::Bricks($walker) => $call,
+            BuiltMethod::RunLength($walker) => $call,
         }
     };
 }
 
-impl Walker for Built<'_> {
+impl Walker for BuiltMethod<'_> {
     fn method(&self) -> &'static str {
         whichever!(self, walker => walker.method())
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         whichever!(self, walker => walker.arrays())
     }
 

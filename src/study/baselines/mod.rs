@@ -1,7 +1,7 @@
-//! Baselines: other ways of walking a volume's visible voxels, each a real structure built from a [`Subject`](super::Subject).
+//! Baselines: other ways to store and walk a volume's visible voxels, each built in full from a [`Subject`](super::Subject).
 //!
-//! In: a subject and a [`Viewing`]. Out: every visible voxel, handed to a [`Receiver`] in the method's order. All
-//! methods hand over the same codes, so that one splatter draws them all.
+//! In: a subject and a [`Viewing`]. Out: every visible voxel, delivered to a [`Receiver`] in the method's order. All
+//! methods deliver the same codes, so one splatter draws them all.
 //!
 //! | method | source | its order |
 //! | --- | --- | --- |
@@ -10,32 +10,36 @@
 //! | octree | Laur and Hanrahan 1991 | octants, back to front |
 //! | adjacency A, adjacency B | Orchard and Möller 2001 | exact slice order |
 //! | shell | Udupa and Odhner 1993, Botha and Post 2003 | exact, x innermost; with three lists exact slice order |
-//! | sorted | what renderers of splats do today | by distance |
+//! | sorted | renderers of splats today | by distance |
 //! | bricks | Museth 2013: leaves of bit masks | exact slice order, or brick by brick |
 //! | runs | Lacroute and Levoy 1994: run lengths along each axis | exact slice order |
 
-pub mod adjacency_a;
-pub mod adjacency_b;
+mod adjacency_a;
+mod adjacency_b;
+mod allocate;
 mod appearance;
-pub mod bricks;
+mod bricks;
 mod follow;
 mod method;
-pub mod octree;
-mod room;
-pub mod run_length;
-pub mod shell;
-pub mod sorted;
-pub mod traditional;
-pub mod unordered;
+mod octree;
+mod run_length;
+mod shell;
+mod sorted;
+mod traditional;
+mod unordered;
 
-pub use method::{Built, Method, names};
+pub use adjacency_a::AdjacencyA;
+pub use adjacency_b::{AdjacencyB, Storage};
+pub use method::{BuiltMethod, Method, names};
+pub use octree::Octree;
+pub use shell::{Lists, Shell};
 
-use super::trace::{Array, Trace};
+use super::trace::{Trace, WalkerArray};
 use adjsplat::error::Result;
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 
-/// `position` with `coordinate` on `axis`. By selection: an element of an array in memory, written and then read
-/// with the others, would stall every voxel.
+/// Returns `position` with `coordinate` on `axis`. It selects: writing to an array in memory and reading it back would
+/// stall every voxel.
 #[inline(always)]
 pub(super) fn placed(position: [u16; 3], axis: usize, coordinate: u16) -> [u16; 3] {
     let [x, y, z] = position;
@@ -46,39 +50,51 @@ pub(super) fn placed(position: [u16; 3], axis: usize, coordinate: u16) -> [u16; 
     ]
 }
 
-/// From where a walk looks.
+/// Returns all coordinates of an axis.
+fn coordinates(points: u32) -> Vec<u16> {
+    (0..=u16::MAX).take(points as usize).collect()
+}
+
+/// Narrows a coordinate of the grid.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "grids have at most 65,535 points an axis")]
+fn narrow(coordinate: usize) -> u16 {
+    coordinate as u16
+}
+
+/// A view, as walks see it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Viewing {
-    /// Nesting and directions, for methods that nest.
+    /// Nesting and directions, for methods that nest loops.
     pub order: Order,
     /// The same view, for methods that measure distances.
     pub viewpoint: Viewpoint,
 }
 
 impl Viewing {
-    /// A parallel view that asks for `order`, whose axes all run one way.
+    /// Returns a parallel view whose order is `order`; its axes must all run one way.
     pub fn along(order: Order) -> Viewing {
         let mut direction = [0.0; 3];
         for (axis, share) in [(order.slow, 3.0), (order.medium, 2.0), (order.fast, 1.0)] {
-            // Front to back an axis runs the way that the view looks.
+            // Front to back, an axis runs in the direction of the view.
             let sign = if matches!(order.along[axis.index()], AxisOrder::Ascending) { 1.0 } else { -1.0 };
             direction[axis.index()] = sign * share;
         }
         Viewing { order, viewpoint: Viewpoint::Parallel { direction } }
     }
 
-    /// The view from `viewpoint` of a grid of `dims` points.
+    /// Returns the view from `viewpoint` of a grid of `dims` points.
     ///
     /// # Errors
-    /// As [`Order::new`].
+    /// Those of [`Order::new`].
     pub fn new(viewpoint: Viewpoint, dims: [u32; 3], sense: Sense, form: SplitForm) -> Result<Viewing> {
         Ok(Viewing { order: Order::new(viewpoint, dims, sense, form)?, viewpoint })
     }
 
-    /// Which end of the visibility order comes first, as the order's slow axis has it.
+    /// Returns whether the order is front to back or back to front, judged by its slow axis.
     pub fn sense(&self) -> Sense {
         let axis = self.order.slow.index();
-        // Front to back an axis runs away from the eye: up where the eye is below its range.
+        // Front to back, an axis runs away from the eye: up if the eye is below its range.
         let runs_up = match self.order.along[axis] {
             AxisOrder::Ascending => true,
             AxisOrder::Descending => false,
@@ -92,49 +108,49 @@ impl Viewing {
     }
 }
 
-/// A voxel's normal, as its method stores it.
+/// A voxel's normal, as a method stores it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Normal {
     /// The code of [`adjsplat::classify::normal::decode8`].
     Code(u16),
-    /// What that code decodes to; zero for none.
+    /// The decoded unit vector; zero for none.
     Vector([f32; 3]),
 }
 
-/// A cube of voxels drawn as one splat.
+/// A cube of voxels that is drawn as one splat.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Node {
+pub struct VoxelCube {
     /// Its lowest voxel, x, y, z.
     pub low: [u16; 3],
-    /// Its edge is 2 to this, in voxels; above 0.
+    /// Base-2 logarithm of its edge in voxels; above 0.
     pub level: u8,
-    /// Red, green, blue, averaged by optical depth, and the mean optical depth, over all its cells, empty ones
-    /// included; as [`Subject::looks`](super::Subject::looks).
+    /// Red, green and blue averaged by optical depth, and the mean optical depth over all its cells, empty ones included;
+    /// in the units of [`Subject::looks`](super::Subject::looks).
     pub look: [f32; 4],
-    /// Mean normal, made unit; zero for none.
+    /// Mean normal of unit length; zero for none.
     pub normal: [f32; 3],
 }
 
-/// Takes what a walk visits, in visit order.
+/// Receives the voxels of a walk, in visit order.
 pub trait Receiver {
-    /// A voxel: x, y, z and its codes.
+    /// Receives a voxel: x, y, z and its codes.
     fn voxel(&mut self, position: [u16; 3], value: u8, normal: Normal);
-    /// A cube of voxels; only an octree with a threshold above 0 has any.
-    fn node(&mut self, node: &Node);
+    /// Receives a cube of voxels; only an octree with a threshold above 0 has any.
+    fn cube(&mut self, cube: &VoxelCube);
 }
 
 /// A structure that can be walked.
 pub trait Walker {
-    /// Its name in tables and files.
+    /// Returns its name in tables and files.
     fn method(&self) -> &'static str;
 
-    /// Its allocations, in the order of the numbers that a trace is told.
-    fn arrays(&self) -> Vec<Array>;
+    /// Returns its allocations; a trace numbers them in this order.
+    fn arrays(&self) -> Vec<WalkerArray>;
 
-    /// Hands every visible voxel to `receiver`, in this method's order for `viewing`.
+    /// Delivers every visible voxel to `receiver`, in this method's order for `viewing`.
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T);
 
-    /// Bytes that the structure takes between frames.
+    /// Returns the bytes of the structure between frames.
     fn bytes(&self) -> u64 {
         self.arrays().iter().filter(|array| !array.scratch).map(|array| array.bytes).sum()
     }

@@ -1,30 +1,29 @@
-//! Runs of voxels: each line's lengths of empty and visible stretches, and the visible voxels' payload.
+//! Run lengths: each line's empty and visible stretches, and the visible voxels' payload; in exact slice order.
 //!
-//! In: a subject. Out: the exact slice order, for which lines are stored along each of the three axes, as the
-//! shear-warp algorithm stores them for the three axes that it may be viewed along.
+//! Lines are stored along each of the three axes, as the shear-warp algorithm stores them for its viewing axes.
 //!
 //! ```text
 //! lines    8 bytes for each line of the volume: where its pairs and its payload begin
-//! pairs    2 bytes: so many voxels are empty, so many visible after that; 0 to 255 each; they fill the line
+//! pairs    2 bytes: the length of an empty run and of a visible run, 0 to 255 each; they fill the line
 //! payload  3 bytes a visible voxel, in the order of lines: value 1, normal 2
 //! ```
 //!
-//! Pairs that fill the line can be read from its end, too. The original stores where a slice begins, not a line: its
-//! resampling takes the lines of a slice in one order.
+//! As pairs fill the line, they can be read from its end too. The original stores where slices begin, not lines, as it
+//! takes the lines of a slice in one order.
 //!
 //! Source: Lacroute and Levoy, "Fast Volume Rendering Using a Shear-Warp Factorization of the Viewing
 //! Transformation", SIGGRAPH 1994.
 
-use super::room::{filled, push, room};
-use super::{Normal, Receiver, Viewing, Walker, placed};
+use super::allocate::{filled, push, reserved};
+use super::{Normal, Receiver, Viewing, Walker, coordinates, narrow, placed};
 use crate::Subject;
 use crate::subject::VisibleVoxel;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::AxisOrder;
 use adjsplat::volume::Axis;
 
-/// Arrays of an axis: lines, pairs, values, normals.
+/// Number of arrays of an axis: lines, pairs, values, normals.
 const ARRAYS: usize = 4;
 
 /// Where a line begins.
@@ -37,37 +36,37 @@ struct LineStart {
 
 /// The lines along one axis.
 #[derive(Debug)]
-struct Lines {
-    /// The line of the lower other axis fastest; and the end of the last.
+struct RunLines {
+    /// The start of each line, the lower other axis fastest; then the end of the last line.
     starts: Vec<LineStart>,
-    /// Empty voxels, visible ones.
+    /// Lengths of an empty and of a visible run.
     pairs: Vec<[u8; 2]>,
     values: Vec<u8>,
     normals: Vec<u16>,
-    /// Distance of lines in `starts` whose coordinate differs by 1, by axis.
+    /// By axis, the distance in `starts` of lines whose coordinates differ by 1.
     stride: [usize; 3],
 }
 
-/// Runs of voxels along each axis.
+/// Run lengths along each axis.
 #[derive(Debug)]
 pub struct RunLength {
     dims: [u32; 3],
-    lines: [Lines; 3],
+    lines: [RunLines; 3],
 }
 
 impl RunLength {
-    /// The voxels of `subject`.
+    /// Builds the runs of `subject`.
     ///
     /// # Errors
     /// [`Error::Limit`] if there are 2^32 voxels or runs along an axis, or memory cannot be had.
     pub fn new(subject: &Subject) -> Result<RunLength> {
-        let [x, y, z] = Axis::ALL.map(|axis| Lines::new(subject, axis));
+        let [x, y, z] = Axis::ALL.map(|axis| RunLines::new(subject, axis));
         Ok(RunLength { dims: subject.dims(), lines: [x?, y?, z?] })
     }
 }
 
-impl Lines {
-    fn new(subject: &Subject, axis: Axis) -> Result<Lines> {
+impl RunLines {
+    fn new(subject: &Subject, axis: Axis) -> Result<RunLines> {
         let [u, v] = axis.others().map(Axis::index);
         let fast = axis.index();
         let dims = subject.dims();
@@ -75,16 +74,16 @@ impl Lines {
         (stride[u], stride[v]) = (1, dims[u] as usize);
         let line = |voxel: &VisibleVoxel| usize::from(voxel.position[u]) + usize::from(voxel.position[v]) * stride[v];
         let count = subject.voxels.len() as u64;
-        let mut ordered: Vec<VisibleVoxel> = room("voxels in the order of lines", count)?;
+        let mut ordered: Vec<VisibleVoxel> = reserved("voxels in the order of lines", count)?;
         ordered.extend_from_slice(&subject.voxels);
-        // Stable: within a line the list's scan order is ascending, whatever the axis.
+        // Stable: within a line, scan order is ascending for every axis.
         ordered.sort_by_key(line);
         let line_count = u64::from(dims[u]) * u64::from(dims[v]);
-        let mut lines = Lines {
+        let mut lines = RunLines {
             starts: filled("lines of runs", line_count + 1, LineStart::default())?,
             pairs: Vec::new(),
-            values: room("the runs' values", count)?,
-            normals: room("the runs' normals", count)?,
+            values: reserved("the runs' values", count)?,
+            normals: reserved("the runs' normals", count)?,
             stride,
         };
         lines.values.extend(ordered.iter().map(|voxel| voxel.value));
@@ -112,7 +111,7 @@ impl Lines {
         Ok(lines)
     }
 
-    /// Appends so many empty voxels, as pairs without visible ones but for the last, which may get some.
+    /// Appends empty voxels; visible ones may follow in the last pair.
     fn empty(&mut self, mut count: u32) -> Result<()> {
         loop {
             let part = u8::try_from(count).unwrap_or(u8::MAX);
@@ -134,7 +133,7 @@ impl Lines {
     }
 }
 
-/// A place in an array of at most 2^32 elements.
+/// Narrows an index into an array of at most 2^32 elements.
 fn u32_of(place: usize) -> Result<u32> {
     u32::try_from(place).map_err(|_| Error::Limit {
         what: "voxels or runs along an axis".into(),
@@ -148,18 +147,18 @@ impl Walker for RunLength {
         "run_length"
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         const NAMES: [[&str; ARRAYS]; 3] = [
             ["lines along x", "pairs along x", "values along x", "normals along x"],
             ["lines along y", "pairs along y", "values along y", "normals along y"],
             ["lines along z", "pairs along z", "values along z", "normals along z"],
         ];
-        let arrays = |(lines, names): (&Lines, [&'static str; ARRAYS])| {
+        let arrays = |(lines, names): (&RunLines, [&'static str; ARRAYS])| {
             [
-                Array::of(names[0], &lines.starts),
-                Array::of(names[1], &lines.pairs),
-                Array::of(names[2], &lines.values),
-                Array::of(names[3], &lines.normals),
+                WalkerArray::of(names[0], &lines.starts),
+                WalkerArray::of(names[1], &lines.pairs),
+                WalkerArray::of(names[2], &lines.values),
+                WalkerArray::of(names[3], &lines.normals),
             ]
         };
         self.lines.iter().zip(NAMES).flat_map(arrays).collect()
@@ -170,8 +169,7 @@ impl Walker for RunLength {
         let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
         let lines = &self.lines[fast];
         let array = ARRAYS * fast;
-        let coordinates = |axis: usize| (0..=u16::MAX).take(self.dims[axis] as usize).collect::<Vec<u16>>();
-        let [slow_all, medium_all] = [slow, medium].map(coordinates);
+        let [slow_all, medium_all] = [slow, medium].map(|axis| coordinates(self.dims[axis]));
         let last = usize::try_from(self.dims[fast]).expect("an axis has at most 65,535 points");
         let mut position = [0; 3];
         let mut row: Vec<u16> = Vec::new();
@@ -235,11 +233,4 @@ impl Walker for RunLength {
             });
         });
     }
-}
-
-/// A coordinate of the grid.
-#[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "grids have at most 65,535 points an axis")]
-fn narrow(coordinate: usize) -> u16 {
-    coordinate as u16
 }

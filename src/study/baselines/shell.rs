@@ -1,32 +1,31 @@
-//! Shell splatting: rows of voxels that are left of the volume, behind an array of row pointers.
+//! Shell splatting: rows of visible voxels behind an array of row pointers.
 //!
-//! In: a subject. Out: its voxels, row by row. For each row of the volume a pointer says where its voxels lie in a
-//! list; a voxel is its coordinate on the row 2, value 1, code of its neighbours 1, normal 2: 6 bytes.
+//! For each row of the volume, a pointer says where its voxels lie in a list. A voxel has 6 bytes: its coordinate on the
+//! row 2, value 1, code of its neighbours 1, normal 2.
 //!
-//! Rows run along x, and x stays innermost whatever the view: any nesting is in order for voxels that are points. So
-//! the order is the view's with x moved to the end. With three lists ([`Lists::Three`]) rows run along the view's fast
-//! axis, and the order is the exact slice order.
+//! Rows run along x, and x stays innermost in every view: for voxels as points, any nesting is in order. So the order is
+//! the view's with x moved to the end. With [`Lists::Three`] rows run along the view's fast axis, in exact slice order.
 //!
-//! Bit 2a (2a + 1) of the code of its neighbours says that the one below (above) on axis a is opaque. Where the three
-//! toward the eye are, a voxel can be taken for hidden. That changes pictures (a splat is wider than a voxel), so it
-//! happens only where [`Shell::hide`] asks for it.
+//! Bit 2a (2a + 1) of the code of its neighbours is set if the neighbour below (above) on axis a is opaque. A voxel can
+//! be skipped if its three neighbours toward the eye are opaque. That changes pictures, as a splat is wider than a
+//! voxel, so only [`Shell::hide`] turns it on.
 //!
 //! Source: Udupa and Odhner, "Shell Rendering", CG&A 1993; Botha and Post, "ShellSplatting", VisSym 2003.
 
-use super::room::{filled, product, room};
-use super::{Normal, Receiver, Viewing, Walker, placed};
+use super::allocate::{filled, product, reserved};
+use super::{Normal, Receiver, Viewing, Walker, coordinates, placed};
 use crate::Subject;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::{AxisOrder, Viewpoint};
 use adjsplat::volume::Axis;
 
-/// Which rows are stored.
+/// The axes along which rows are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lists {
-    /// Those along x, as the sources do.
+    /// Only x, as in the sources.
     One,
-    /// Those along each axis.
+    /// Each axis.
     Three,
 }
 
@@ -34,7 +33,7 @@ pub enum Lists {
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct ShellVoxel {
-    /// Along the row.
+    /// Coordinate along the row.
     coordinate: u16,
     normal: u16,
     value: u8,
@@ -45,12 +44,12 @@ const _: () = assert!(size_of::<ShellVoxel>() == 6);
 
 /// The rows along one axis.
 #[derive(Debug)]
-struct Rows {
+struct ShellRows {
     axis: Axis,
-    /// Where each row's voxels begin, the row of the lower other axis fastest; and the end of the last.
+    /// The start of each row's voxels, the lower other axis fastest; then the end of the last row.
     pointers: Vec<u32>,
     voxels: Vec<ShellVoxel>,
-    /// Distance of rows in `pointers` whose coordinate differs by 1, by axis.
+    /// By axis, the distance in `pointers` of rows whose coordinates differ by 1.
     stride: [usize; 3],
 }
 
@@ -58,16 +57,16 @@ struct Rows {
 #[derive(Debug)]
 pub struct Shell {
     dims: [u32; 3],
-    lists: Vec<Rows>,
+    lists: Vec<ShellRows>,
     hides: bool,
     skipped: u64,
 }
 
 impl Shell {
-    /// The voxels of `subject`. A neighbour is opaque from an opacity of `opaque` on, above 0 to 1.
+    /// Builds the rows of `subject`; neighbours are opaque from an opacity of `opaque` on, above 0 to 1.
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had; as [`Subject::looks`].
+    /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had; those of [`Subject::looks`].
     pub fn new(subject: &Subject, lists: Lists, opaque: f32) -> Result<Shell> {
         let opaque_codes = subject.looks()?.map(|look| 1.0 - (-look[3]).exp2() >= opaque);
         let [width, height, depth] = subject.dims().map(u64::from);
@@ -97,23 +96,23 @@ impl Shell {
             Lists::One => &Axis::ALL[..1],
             Lists::Three => &Axis::ALL[..],
         };
-        let lists = axes.iter().map(|&axis| Rows::new(subject, axis, opaque_neighbours));
+        let lists = axes.iter().map(|&axis| ShellRows::new(subject, axis, opaque_neighbours));
         Ok(Shell { dims: subject.dims(), lists: lists.collect::<Result<_>>()?, hides: false, skipped: 0 })
     }
 
-    /// Whether voxels with three opaque neighbours toward the eye are skipped; off at first.
+    /// Sets whether voxels with three opaque neighbours toward the eye are skipped; off by default.
     pub fn hide(&mut self, hides: bool) {
         self.hides = hides;
     }
 
-    /// Voxels that the last walk skipped.
+    /// Returns the number of voxels that the last walk skipped.
     pub fn skipped(&self) -> u64 {
         self.skipped
     }
 }
 
-impl Rows {
-    fn new(subject: &Subject, axis: Axis, opaque_neighbours: impl Fn([u16; 3]) -> u8) -> Result<Rows> {
+impl ShellRows {
+    fn new(subject: &Subject, axis: Axis, opaque_neighbours: impl Fn([u16; 3]) -> u8) -> Result<ShellRows> {
         let count = subject.voxels.len() as u64;
         if count > u32::MAX.into() {
             return Err(Error::Limit { what: "voxels of shell splatting".into(), need: count, have: u32::MAX.into() });
@@ -134,8 +133,8 @@ impl Rows {
             next += *pointer;
             *pointer = next;
         }
-        // The list in scan order has each row's voxels by ascending coordinate, whatever the axis.
-        let mut next: Vec<u32> = room("row pointers", row_count + 1)?;
+        // In scan order each row's voxels are ascending, for every axis.
+        let mut next: Vec<u32> = reserved("row pointers", row_count + 1)?;
         next.extend_from_slice(&pointers);
         let none = ShellVoxel { coordinate: 0, normal: 0, value: 0, opaque_neighbours: 0 };
         let mut voxels = filled("voxels of rows", count, none)?;
@@ -149,11 +148,11 @@ impl Rows {
             };
             *slot += 1;
         }
-        Ok(Rows { axis, pointers, voxels, stride })
+        Ok(ShellRows { axis, pointers, voxels, stride })
     }
 }
 
-/// Which neighbours of a voxel at each coordinate of an axis are toward the eye, as bits of its code.
+/// Returns the bits of the neighbours toward the eye, on one axis.
 fn toward_eye(viewpoint: Viewpoint, axis: usize, coordinate: u16) -> u8 {
     let sides = match viewpoint {
         Viewpoint::Parallel { direction } => direction[axis].partial_cmp(&0.0),
@@ -173,14 +172,14 @@ impl Walker for Shell {
         if self.lists.len() == 1 { "shell" } else { "shell_three" }
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         const NAMES: [[&str; 2]; 3] = [
             ["row pointers along x", "voxels along x"],
             ["row pointers along y", "voxels along y"],
             ["row pointers along z", "voxels along z"],
         ];
-        let arrays = |(rows, [pointers, voxels]): (&Rows, [&'static str; 2])| {
-            [Array::of(pointers, &rows.pointers), Array::of(voxels, &rows.voxels)]
+        let arrays = |(rows, [pointers, voxels]): (&ShellRows, [&'static str; 2])| {
+            [WalkerArray::of(pointers, &rows.pointers), WalkerArray::of(voxels, &rows.voxels)]
         };
         self.lists.iter().zip(NAMES).flat_map(arrays).collect()
     }
@@ -190,7 +189,7 @@ impl Walker for Shell {
         let list = if self.lists.len() == 1 { 0 } else { order.fast.index() };
         let rows = &self.lists[list];
         let [pointer_array, voxel_array] = [2 * list, 2 * list + 1];
-        // The view's nesting with the axis of the rows moved to the end.
+        // The view's nesting with the rows' axis moved to the end.
         let [slow, medium] = {
             let mut others = [order.slow, order.medium, order.fast].into_iter().filter(|&axis| axis != rows.axis);
             [0; 2].map(|_: usize| others.next().expect("two of three axes").index())
@@ -199,8 +198,7 @@ impl Walker for Shell {
         let viewpoint = viewing.viewpoint;
         let (mut position, mut skipped) = ([0; 3], 0);
         let mut line = Vec::new();
-        let coordinates = |axis: usize| (0..=u16::MAX).take(self.dims[axis] as usize).collect::<Vec<u16>>();
-        let [slow_all, medium_all] = [slow, medium].map(coordinates);
+        let [slow_all, medium_all] = [slow, medium].map(|axis| coordinates(self.dims[axis]));
         order.along[slow].for_each_index(&slow_all, |s| {
             position[slow] = slow_all[s];
             order.along[medium].for_each_index(&medium_all, |m| {

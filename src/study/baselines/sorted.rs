@@ -1,17 +1,17 @@
 //! Sorted splatting: a list of the visible voxels, sorted by distance for every frame.
 //!
-//! In: a subject. Out: its voxels by distance from the eye, or along the direction of a parallel view. It is what
-//! renderers of splats without a grid do (Kerbl et al. 2023 and others).
+//! This is what renderers of splats without a grid do (Kerbl et al. 2023 and others). Distance is from the eye, or along
+//! the direction of a parallel view.
 //!
-//! Distances become whole numbers of 32 bits, spread over the range that the frame has, in double precision: no two
-//! voxels of a ray share one, wherever the eye is. Pairs of key and index go through a radix sort, least digit first,
-//! four passes of 8 bits; a digit that all keys share is passed over. Voxels are then read by index.
+//! Distances become integers of 32 bits over the frame's range, computed in double precision: no two voxels of a ray share
+//! one, wherever the eye is. Keys with indices go through a radix sort, four passes of 8 bits, least significant first; a
+//! digit that all keys share is skipped. Voxels are then read by index.
 
-use super::room::{filled, room};
+use super::allocate::{filled, reserved};
 use super::{Normal, Receiver, Viewing, Walker};
 use crate::Subject;
 use crate::subject::VisibleVoxel;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::Result;
 use adjsplat::traverse::{Sense, Viewpoint};
 
@@ -25,9 +25,9 @@ const DIGIT: u32 = 8;
 const DIGITS: usize = 1 << DIGIT;
 const PASSES: usize = 4;
 
-/// A voxel's distance and its place in the list.
+/// A voxel's distance and its index in the list.
 #[derive(Debug, Clone, Copy, Default)]
-struct Pair {
+struct KeyedIndex {
     key: u32,
     index: u32,
 }
@@ -36,22 +36,22 @@ struct Pair {
 #[derive(Debug)]
 pub struct Sorted {
     voxels: Vec<VisibleVoxel>,
-    pairs: Vec<Pair>,
-    spare: Vec<Pair>,
-    /// How many keys have each digit, pass by pass; then where each digit's pairs go.
+    pairs: Vec<KeyedIndex>,
+    spare: Vec<KeyedIndex>,
+    /// Number of keys with each digit, pass by pass; then where each digit's pairs go.
     counts: Vec<[u32; DIGITS]>,
     /// Lowest and highest coordinates of the voxels.
     bounds: [[f64; 3]; 2],
 }
 
 impl Sorted {
-    /// The voxels of `subject`.
+    /// Copies the voxels of `subject`.
     ///
     /// # Errors
     /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had.
     pub fn new(subject: &Subject) -> Result<Sorted> {
         let count = subject.voxels.len() as u64;
-        let mut voxels = room("the list of voxels", count)?;
+        let mut voxels = reserved("the list of voxels", count)?;
         voxels.extend_from_slice(&subject.voxels);
         let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
         for voxel in &voxels {
@@ -62,15 +62,14 @@ impl Sorted {
         }
         Ok(Sorted {
             voxels,
-            pairs: filled("the pairs to sort", count, Pair::default())?,
-            spare: filled("the pairs to sort", count, Pair::default())?,
+            pairs: filled("the pairs to sort", count, KeyedIndex::default())?,
+            spare: filled("the pairs to sort", count, KeyedIndex::default())?,
             counts: vec![[0; DIGITS]; PASSES],
             bounds,
         })
     }
 
-    /// Fills the pairs with `distance`, which is between `near` and `far`, the first to be drawn lowest; and counts
-    /// digits.
+    /// Fills the keys from `distance`, which lies between `near` and `far`, and counts digits; the first drawn is lowest.
     #[inline(always)]
     fn keys<T: Trace>(&mut self, sense: Sense, near: f64, far: f64, distance: impl Fn([f64; 3]) -> f64, trace: &mut T) {
         let scale = f64::from(u32::MAX) / (far - near).max(f64::MIN_POSITIVE);
@@ -84,7 +83,7 @@ impl Sorted {
             let place = distance(voxel.position.map(f64::from)) * factor + offset;
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "casts saturate, as is meant")]
             let key = place as u32;
-            *pair = Pair { key, index };
+            *pair = KeyedIndex { key, index };
             trace.write(PAIRS, 8 * index as usize, 8);
             for (pass, counts) in self.counts.iter_mut().enumerate() {
                 let digit = digit(key, pass);
@@ -94,8 +93,7 @@ impl Sorted {
         }
     }
 
-    /// Sorts the pairs by key; pairs of one key stay in the order of the list. The number of the array that they are
-    /// in then: an odd number of passes leaves them in the other one.
+    /// Sorts the pairs by key, stably. Returns the array that holds them: after an odd number of passes the other one.
     #[inline(always)]
     fn sort<T: Trace>(&mut self, trace: &mut T) -> usize {
         let [mut from, mut to] = [PAIRS, SPARE];
@@ -140,12 +138,12 @@ impl Walker for Sorted {
         "sorted"
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         vec![
-            Array::of("voxels", &self.voxels),
-            Array::scratch("pairs", &self.pairs),
-            Array::scratch("spare pairs", &self.spare),
-            Array::scratch("counts", &self.counts),
+            WalkerArray::of("voxels", &self.voxels),
+            WalkerArray::scratch("pairs", &self.pairs),
+            WalkerArray::scratch("spare pairs", &self.spare),
+            WalkerArray::scratch("counts", &self.counts),
         ]
     }
 

@@ -1,18 +1,16 @@
-//! Unordered splatting: a list of the visible voxels, drawn as it lies.
+//! Unordered splatting: a list of the visible voxels, drawn in scan order whatever the view. It shows the cost of order.
 //!
-//! In: a subject. Out: its voxels in scan order, whatever the view. It measures what order costs others.
-//!
-//! Orchard and Möller store with each voxel of this list what their ordered methods store, so that only the order
-//! differs: here position 6, value 1, colour 4 and gradient 12 bytes, 23 in all. Crawfis himself needs no gradient.
+//! Orchard and Möller store with each voxel what their ordered methods store, so that only the order differs: position 6,
+//! value 1, colour 4 and gradient 12 bytes, 23 in all. Crawfis himself needs no gradient.
 //!
 //! Source: Crawfis, "Real-time Slicing of Data Space", Visualization 1996; as measured by Orchard and Möller 2001,
 //! section 4.
 
+use super::allocate::reserved;
 use super::appearance::Appearance;
-use super::room::room;
 use super::{Normal, Receiver, Viewing, Walker};
 use crate::Subject;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::Result;
 
 const POSITIONS: usize = 0;
@@ -29,18 +27,18 @@ pub struct Unordered {
 }
 
 impl Unordered {
-    /// The voxels of `subject`.
+    /// Copies the voxels of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; as [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; those of [`Subject::looks`].
     pub fn new(subject: &Subject) -> Result<Unordered> {
         let appearance = Appearance::of(subject)?;
         let count = subject.voxels.len() as u64;
         let mut list = Unordered {
-            positions: room("the list's positions", count)?,
-            values: room("the list's values", count)?,
-            colours: room("the list's colours", count)?,
-            gradients: room("the list's gradients", count)?,
+            positions: reserved("the list's positions", count)?,
+            values: reserved("the list's values", count)?,
+            colours: reserved("the list's colours", count)?,
+            gradients: reserved("the list's gradients", count)?,
         };
         list.positions.extend(subject.voxels.iter().map(|voxel| voxel.position));
         list.values.extend(subject.voxels.iter().map(|voxel| voxel.value));
@@ -55,12 +53,12 @@ impl Walker for Unordered {
         "unordered"
     }
 
-    fn arrays(&self) -> Vec<Array> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         vec![
-            Array::of("positions", &self.positions),
-            Array::of("values", &self.values),
-            Array::of("colours", &self.colours),
-            Array::of("gradients", &self.gradients),
+            WalkerArray::of("positions", &self.positions),
+            WalkerArray::of("values", &self.values),
+            WalkerArray::of("colours", &self.colours),
+            WalkerArray::of("gradients", &self.gradients),
         ]
     }
 

@@ -1,18 +1,15 @@
-//! Hardware counters, where the machine has them.
-//!
-//! In: a command. Out: what `perf stat` counts of it, or why it counts nothing. A virtual machine often has no counters,
-//! and that is an answer, not an error.
+//! Hardware counters of a command, by `perf stat`. Virtual machines often have none; the reason is then the answer.
 
 use std::ffi::OsString;
 use std::process::{Command, Stdio};
 
-/// Events that are asked for, by the names of `perf list`.
+/// Events to count, by the names of `perf list`.
 pub const EVENTS: [&str; 4] = ["L1-dcache-loads", "L1-dcache-load-misses", "cache-misses", "dTLB-load-misses"];
 
-/// Counts of each of [`EVENTS`] that the machine has, while `command` runs with its output dropped.
+/// Runs `command` without output and counts those [`EVENTS`] that the machine has.
 ///
 /// # Errors
-/// The reason why there are none, in words: no perf, no permission, no such counters.
+/// The reason for no counts, in words: no perf, no permission, no such counters.
 pub fn count(command: &[OsString]) -> Result<Vec<(&'static str, u64)>, String> {
     let mut perf = Command::new("perf");
     perf.env("LC_ALL", "C").args(["stat", "-x,", "-e", &EVENTS.join(","), "--"]).args(command);
@@ -21,16 +18,16 @@ pub fn count(command: &[OsString]) -> Result<Vec<(&'static str, u64)>, String> {
     counts(&String::from_utf8_lossy(&output.stderr))
 }
 
-/// The counts in what `perf stat -x,` says.
+/// Reads the counts from the output of `perf stat -x,`.
 ///
 /// # Errors
-/// The reason why there are none.
+/// The reason for no counts.
 pub fn counts(text: &str) -> Result<Vec<(&'static str, u64)>, String> {
     let mut found = Vec::new();
     let mut refused = None;
     for line in text.lines() {
         let fields: Vec<&str> = line.split(',').collect();
-        // count, unit, event, ...; events of a user's own process carry ":u".
+        // count, unit, event, ...; events of a user's own processes end in ":u".
         let [count, _, event, ..] = fields[..] else { continue };
         let Some(event) = EVENTS.into_iter().find(|name| event == *name || event.strip_suffix(":u") == Some(name))
         else {

@@ -1,29 +1,26 @@
-//! Files of a walk's accesses.
-//!
-//! In: a walker's arrays and what its walk tells. Out: the bytes that `formats/adj-trace-1.md` describes; and back.
-//! Eight bytes an access, written as they come.
+//! Trace files: a walk's accesses as bytes, as `formats/adj-trace-1.md` describes them. Eight bytes an access.
 
 use std::io::{self, BufRead, Write};
 use std::path::Path;
 
 use super::model::addresses;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::{Error, Result};
 
 /// First bytes of a file.
 const MAGIC: [u8; 8] = *b"adjtrace";
-/// The format's version.
+/// Version of the format.
 const VERSION: u16 = 1;
-/// Bits of an access: offset, array, bytes less one; the last bit says that it is a write.
+/// Bits of an access: offset, array, bytes less one. The last bit is set for a write.
 const OFFSET_BITS: u32 = 40;
 const ARRAY_BITS: u32 = 12;
 const BYTES_BITS: u32 = 11;
 
-/// Writes accesses as it is told of them.
+/// A trace that writes accesses to a file.
 pub struct TraceWriter<'a> {
     out: &'a mut dyn Write,
     accesses: u64,
-    /// The first failure, after which nothing more is written.
+    /// The first failure; nothing is written after it.
     failed: Option<io::Error>,
 }
 
@@ -31,8 +28,8 @@ impl<'a> TraceWriter<'a> {
     /// Writes the header for a walker with `arrays`.
     ///
     /// # Errors
-    /// If `out` fails, or there are more than 4095 arrays or one beyond 2^40 bytes, which the format has no room for.
-    pub fn new(out: &'a mut dyn Write, arrays: &[Array]) -> io::Result<TraceWriter<'a>> {
+    /// If `out` fails. Also for more than 4095 arrays or one beyond 2^40 bytes, for which the format has no room.
+    pub fn new(out: &'a mut dyn Write, arrays: &[WalkerArray]) -> io::Result<TraceWriter<'a>> {
         let beyond = || io::Error::new(io::ErrorKind::InvalidInput, "arrays beyond what a trace can number");
         if arrays.len() >= 1 << ARRAY_BITS || arrays.iter().any(|array| array.bytes > 1 << OFFSET_BITS) {
             return Err(beyond());
@@ -54,7 +51,7 @@ impl<'a> TraceWriter<'a> {
         Ok(TraceWriter { out, accesses: 0, failed: None })
     }
 
-    /// How many accesses were written.
+    /// Returns how many accesses were written.
     ///
     /// # Errors
     /// The first failure of a write.
@@ -63,7 +60,7 @@ impl<'a> TraceWriter<'a> {
     }
 
     fn put(&mut self, array: usize, mut offset: usize, mut bytes: usize, is_write: bool) {
-        // A longer access is as many as it takes.
+        // A longer access is split.
         while bytes > 0 && self.failed.is_none() {
             let piece = bytes.min(1 << BYTES_BITS);
             let word = offset as u64
@@ -87,29 +84,29 @@ impl Trace for TraceWriter<'_> {
     }
 }
 
-/// An array of a file.
+/// An array of a trace file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordedArray {
     /// What it holds.
     pub name: String,
-    /// Where the model puts it.
+    /// Its address in the cache model.
     pub address: u64,
-    /// How long it is.
+    /// Its length.
     pub bytes: u64,
-    /// Whether it holds nothing between frames.
+    /// Whether it is scratch memory.
     pub scratch: bool,
 }
 
-/// Reads a file's arrays, and tells `trace` of its accesses in order; `path` is for messages.
+/// Reads a file's arrays and passes its accesses, in order, to the trace that `trace` makes; `path` is for messages.
 ///
 /// # Errors
-/// [`Error::Format`] where the bytes break the format; [`Error::Io`] if they cannot be read.
+/// [`Error::Format`] if the bytes break the format; [`Error::Io`] if they cannot be read.
 pub fn replay<T: Trace>(
     path: &Path,
     input: &mut dyn BufRead,
     mut trace: impl FnMut(&[RecordedArray]) -> T,
 ) -> Result<(Vec<RecordedArray>, T)> {
-    let mut reader = Reader { path, input, at: 0 };
+    let mut reader = TraceReader { path, input, at: 0 };
     let wrong = |at: u64, rule, expected: &str, got: String| Error::format(path, at, rule, expected, got);
     let magic = reader.bytes::<8>()?;
     if magic != MAGIC {
@@ -158,13 +155,13 @@ pub fn replay<T: Trace>(
     Ok((arrays, told))
 }
 
-struct Reader<'a> {
+struct TraceReader<'a> {
     path: &'a Path,
     input: &'a mut dyn BufRead,
     at: u64,
 }
 
-impl Reader<'_> {
+impl TraceReader<'_> {
     fn bytes<const N: usize>(&mut self) -> Result<[u8; N]> {
         let mut bytes = [0; N];
         self.input.read_exact(&mut bytes).map_err(|error| match error.kind() {

@@ -1,36 +1,34 @@
-//! Shapes of memory hierarchies: sizes, ways, lines, pages.
-//!
-//! In: text such as `32KiB/8`. Out: a [`Geometry`] whose sets are whole.
+//! Geometry of memory hierarchies: sizes, ways, lines, pages.
 
 use adjsplat::error::{Error, Result};
 
-/// Places and how many of them an address may go to.
+/// Size and associativity of a cache or of a translation buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Associativity {
-    /// How many lines, or pages, it holds; above 0.
+    /// Number of lines, or of pages, that it holds; above 0.
     pub places: u64,
-    /// Places of one set: a divisor of `places`; all of them where it is fully associative.
+    /// Places of one set, a divisor of `places`; equal to it if fully associative.
     pub ways: u64,
 }
 
-/// A hierarchy: caches of lines, and buffers of translations of pages.
+/// A memory hierarchy: caches of lines, and translation buffers of pages.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Geometry {
     /// Bytes of a line: a power of two from 16 to 4096.
     pub line_bytes: u64,
-    /// From the one nearest to the processor.
+    /// Caches, from the nearest to the processor.
     pub levels: Vec<Associativity>,
-    /// Translation buffers, from the nearest; pages have [`PAGE_BYTES`].
+    /// Translation buffers, from the nearest; pages have 4 KiB.
     pub translation: Vec<Associativity>,
 }
 
 /// Bytes of a page.
-pub const PAGE_BYTES: u64 = 4096;
+pub(super) const PAGE_BYTES: u64 = 4096;
 /// Bytes of a large page.
-pub const LARGE_PAGE_BYTES: u64 = 2 << 20;
+pub(super) const LARGE_PAGE_BYTES: u64 = 2 << 20;
 
 impl Default for Geometry {
-    /// 32 KiB of 8 ways, 1 MiB and 8 MiB of 16; 64 translations, fully associative, then 1536 of 12 ways.
+    /// Returns caches of 32 KiB with 8 ways, 1 MiB and 8 MiB with 16; translation buffers of 64, full, and 1536 with 12.
     fn default() -> Geometry {
         let cache = |bytes: u64, ways| Associativity { places: bytes / 64, ways };
         Geometry {
@@ -42,11 +40,10 @@ impl Default for Geometry {
 }
 
 impl Geometry {
-    /// A hierarchy from text: levels as `32KiB/8` or `1MiB/full`, translation buffers as `64/full` or `1536/12`.
+    /// Parses caches such as `32KiB/8` or `1MiB/full`, and translation buffers such as `64/full` or `1536/12`.
     ///
     /// # Errors
-    /// [`Error::Input`] where a text has another form, a line is no power of two from 16 to 4096, or sets are not
-    /// whole.
+    /// [`Error::Input`] for other texts, for lines that are not a power of two from 16 to 4096, and for broken sets.
     pub fn parse(line_bytes: u64, levels: &[String], translation: &[String]) -> Result<Geometry> {
         if !line_bytes.is_power_of_two() || !(16..=PAGE_BYTES).contains(&line_bytes) {
             return Err(Error::input("line", format!("is {line_bytes}, but must be a power of two from 16 to 4096")));
@@ -58,12 +55,12 @@ impl Geometry {
 }
 
 impl Associativity {
-    /// Fully associative, of `places` places.
+    /// Returns a fully associative cache of `places` places.
     pub const fn full(places: u64) -> Associativity {
         Associativity { places, ways: places }
     }
 
-    /// From `SIZE/WAYS`, a size of places of `place_bytes` bytes; ways may be `full`.
+    /// Parses `SIZE/WAYS`; a place has `place_bytes` bytes, and ways may be `full`.
     fn parse(text: &str, place_bytes: u64) -> Result<Associativity> {
         let wrong = |why: &str| Error::input(format!("geometry {text}"), format!("{why}; write 32KiB/8 or 64/full"));
         let (size, ways) = text.split_once('/').ok_or_else(|| wrong("has no '/'"))?;
@@ -93,7 +90,7 @@ impl Associativity {
     }
 }
 
-/// A level of 2^24 lines keeps 128 MiB of numbers itself.
+/// Most places of a level, whose numbers take 128 MiB in the model.
 const MOST_PLACES: u64 = 1 << 24;
 
 #[cfg(test)]

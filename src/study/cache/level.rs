@@ -1,34 +1,31 @@
-//! One level: sets of places, each in order of last use.
-//!
-//! In: numbers of lines, or of pages. Out: which are there. What is not there comes in for the one that was used
-//! longest ago in its set (LRU).
+//! A cache, or a translation buffer: sets of places with least recently used replacement.
 
 use super::geometry::Associativity;
 
-/// No line has this number: addresses are below 2^63.
+/// Marks an empty place: addresses are below 2^63.
 const EMPTY: u64 = u64::MAX;
 
-/// A set-associative LRU cache of numbers.
+/// A set-associative LRU cache of line or page numbers.
 #[derive(Debug, Clone)]
-pub struct Level {
+pub struct CacheLevel {
     ways: usize,
     sets: u64,
-    /// Set after set; in each the number that was used last comes first.
+    /// Set after set; in each the most recently used number comes first.
     held: Vec<u64>,
 }
 
-impl Level {
-    /// An empty one.
+impl CacheLevel {
+    /// Returns an empty cache.
     ///
     /// # Panics
-    /// If the sets of `shape` are not whole, or it has no places.
-    pub fn new(shape: Associativity) -> Level {
+    /// If `shape` has no places, or a broken set.
+    pub fn new(shape: Associativity) -> CacheLevel {
         assert!(shape.ways > 0 && shape.places > 0 && shape.places.is_multiple_of(shape.ways), "sets are whole");
         let size = |count: u64| usize::try_from(count).expect("places fit the memory that models them");
-        Level { ways: size(shape.ways), sets: shape.places / shape.ways, held: vec![EMPTY; size(shape.places)] }
+        CacheLevel { ways: size(shape.ways), sets: shape.places / shape.ways, held: vec![EMPTY; size(shape.places)] }
     }
 
-    /// Uses `number`; whether it was there. It is afterwards. Up to `ways` comparisons.
+    /// Touches `number`, and returns whether it was in the cache. At most `ways` comparisons.
     #[inline]
     pub fn touch(&mut self, number: u64) -> bool {
         let set = usize::try_from(number % self.sets).expect("below the number of sets") * self.ways;

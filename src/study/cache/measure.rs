@@ -1,36 +1,35 @@
-//! Measuring: one walk through an empty hierarchy.
+//! Measures one walk through an empty hierarchy.
 
 use super::geometry::Geometry;
-use super::model::{Figures, Model};
-use crate::baselines::{Node, Normal, Receiver, Viewing, Walker};
+use super::model::{CacheFigures, CacheModel};
+use crate::baselines::{Normal, Receiver, Viewing, VoxelCube, Walker};
 use crate::trace::Untraced;
 
-/// What the hierarchy of `geometry` does on one walk; `reuse`: whether distances are followed. Also how many voxels and
-/// cubes were handed over.
+/// Returns what the hierarchy does on one walk, and the number of voxels and cubes; `reuse` also measures distances.
 ///
-/// The walker walks once before, untraced: arrays that grow have grown then.
-pub fn measure<W: Walker>(walker: &mut W, viewing: &Viewing, geometry: &Geometry, reuse: bool) -> (Figures, u64) {
-    walker.walk(viewing, &mut Count::default(), &mut Untraced);
-    let mut model = Model::new(geometry, &walker.arrays(), reuse);
-    let mut count = Count::default();
+/// An untraced walk comes first, so that growing arrays have their size.
+pub fn measure<W: Walker>(walker: &mut W, viewing: &Viewing, geometry: &Geometry, reuse: bool) -> (CacheFigures, u64) {
+    walker.walk(viewing, &mut VisitCounter::default(), &mut Untraced);
+    let mut model = CacheModel::new(geometry, &walker.arrays(), reuse);
+    let mut count = VisitCounter::default();
     walker.walk(viewing, &mut count, &mut model);
     (model.figures(), count.visited)
 }
 
-/// Counts what it is given.
+/// Counts voxels and cubes.
 #[derive(Debug, Default)]
-struct Count {
+struct VisitCounter {
     visited: u64,
 }
 
-impl Receiver for Count {
+impl Receiver for VisitCounter {
     #[inline]
     fn voxel(&mut self, _: [u16; 3], _: u8, _: Normal) {
         self.visited += 1;
     }
 
     #[inline]
-    fn node(&mut self, _: &Node) {
+    fn cube(&mut self, _: &VoxelCube) {
         self.visited += 1;
     }
 }

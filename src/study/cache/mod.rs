@@ -1,32 +1,30 @@
-//! The cache laboratory: what a walk asks of a memory hierarchy.
+//! The cache model: what a walk asks of a memory hierarchy.
 //!
-//! In: a walk's accesses, as a [`Trace`](super::Trace) is told of them. Out: misses by level, pages, how often what was
-//! read comes again, and the least that any walk of the same structure must fetch.
+//! In: a walk's accesses, as a [`Trace`](super::Trace). Out: misses by level, pages, distances of reuse, and the least
+//! that any walk of the same structure must fetch.
 //!
 //! ```text
-//! walker -> Model: addresses -> levels and translation buffers       misses
-//!                            -> Touched                               distinct bytes, lines, pages: the bound
-//!                            -> Reuse                                 distances: curves, working set, kinds of misses
-//!        -> export                                                    a file of the same accesses
+//! walker -> CacheModel: addresses -> levels and translation buffers     misses
+//!                                 -> Touched                            distinct bytes, lines, pages: the bound
+//!                                 -> Reuse                              distances: curves, working set, kinds of misses
+//!        -> export                                                      a file of the same accesses
 //! ```
 //!
-//! The sequence of accesses is the walk's; addresses are the model's. A walker's arrays lie one after another in the
-//! order of its `arrays()`, each from the start of a page, with a page between that nobody touches. A figure so is the
-//! same on every machine, and does not hang on where an allocator puts things.
+//! The order of accesses is the walk's; addresses are the model's. A walker's arrays follow each other in the order of
+//! `arrays()`, each at the start of a page, with an unused page between. So figures do not depend on an allocator.
 
 pub mod counters;
-pub mod export;
-pub mod geometry;
-pub mod level;
-pub mod measure;
-pub mod model;
-pub mod reuse;
-pub mod touched;
+mod export;
+mod geometry;
+mod level;
+mod measure;
+mod model;
+mod reuse;
+mod touched;
 
-pub use export::{RecordedArray, TraceWriter, replay};
+pub use export::{TraceWriter, replay};
 pub use geometry::{Associativity, Geometry};
-pub use level::Level;
+pub use level::CacheLevel;
 pub use measure::measure;
-pub use model::{Figures, Misses, Model};
-pub use reuse::{Reuse, ReuseFigures};
-pub use touched::Touched;
+pub use model::{CacheFigures, CacheModel};
+pub use reuse::Reuse;

@@ -1,51 +1,48 @@
-//! The model: from the accesses of a walk to what a hierarchy of caches does.
-//!
-//! In: a walker's arrays and its accesses. Out: [`Figures`].
+//! The model: turns the accesses of a walk into misses.
 //!
 //! ```text
 //! access -> its lines, one touch each: the first level; what misses there asks the next
 //!        -> their pages: the first translation buffer; what misses there asks the next
 //! ```
 //!
-//! Reads and writes are the same: what is written comes in first (write-allocate). What leaves a level stays in the
-//! others: none is made to hold what another does. The hierarchy starts empty, so each first touch is a miss at every
-//! level. There is no prefetching: misses are lines that come from further out, early or late.
+//! Writes are treated as reads (write-allocate). Levels are neither inclusive nor exclusive. The hierarchy starts empty,
+//! so each first touch misses at every level. There is no prefetching.
 
 use super::geometry::{Geometry, LARGE_PAGE_BYTES, PAGE_BYTES};
-use super::level::Level;
+use super::level::CacheLevel;
 use super::reuse::{Reuse, ReuseFigures};
 use super::touched::Touched;
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 
-/// A hierarchy that listens to a walk.
+/// A model of a memory hierarchy, which traces a walk.
 #[derive(Debug, Clone)]
-pub struct Model {
+pub struct CacheModel {
     geometry: Geometry,
-    places: Vec<Place>,
-    levels: Vec<Level>,
-    translation: Vec<Level>,
-    figures: Figures,
+    places: Vec<ArrayExtent>,
+    levels: Vec<CacheLevel>,
+    translation: Vec<CacheLevel>,
+    figures: CacheFigures,
     /// Bytes of the structure, by address.
     used: Touched,
     structure_lines: Touched,
     pages: Touched,
     large_pages: Touched,
     reuse: Option<Reuse>,
-    /// The line and the page at hand: they are in the nearest place already.
+    /// The last line and page, which are in the nearest place.
     line: u64,
     page: u64,
 }
 
 /// Where an array lies.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct ArrayExtent {
     address: u64,
     bytes: u64,
     scratch: bool,
 }
 
-/// Where each of `arrays` starts: at a page, with a page before it that nobody touches.
-pub(super) fn addresses(arrays: &[Array]) -> Vec<u64> {
+/// Returns the start of each array: a page, with an unused page before it.
+pub(super) fn addresses(arrays: &[WalkerArray]) -> Vec<u64> {
     let mut next = PAGE_BYTES;
     let mut starts = Vec::new();
     for array in arrays {
@@ -55,54 +52,53 @@ pub(super) fn addresses(arrays: &[Array]) -> Vec<u64> {
     starts
 }
 
-/// What a hierarchy did.
+/// What a hierarchy did in a walk.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Figures {
+pub struct CacheFigures {
     /// Bytes of a line.
     pub line_bytes: u64,
     /// Reads and writes, of any number of bytes.
     pub accesses: u64,
-    /// Touches of lines: an access touches each line that it lies in.
+    /// Touches of lines: an access touches each line that it overlaps.
     pub touches: u64,
     /// Distinct bytes of the structure that were read or written.
     pub used_bytes: u64,
     /// Distinct lines of the structure that were touched.
     pub structure_lines: u64,
-    /// By level, from the nearest.
+    /// Misses of each cache, from the nearest.
     pub levels: Vec<Misses>,
-    /// Misses of the translation buffers, from the nearest.
+    /// Misses of each translation buffer, from the nearest.
     pub translation: Vec<u64>,
     /// Distinct pages of 4 KiB.
     pub pages: u64,
     /// Distinct pages of 2 MiB.
     pub large_pages: u64,
-    /// How lines come again, where that was asked for.
+    /// Distances of reuse, if they were measured.
     pub reuse: Option<ReuseFigures>,
 }
 
 /// Misses of a level.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Misses {
-    /// All.
+    /// All misses.
     pub all: u64,
-    /// Those of arrays that hold the structure: all but those of scratch.
+    /// Misses in arrays of the structure, not in scratch memory.
     pub structure: u64,
     /// First touches.
     pub cold: u64,
-    /// Those that a fully associative level of this size would have too, fed with every touch; 0 where distances were
-    /// not asked for.
+    /// Misses that a fully associative cache of this size would also have, given every touch; 0 without distances.
     pub capacity: u64,
-    /// All others; likewise.
+    /// All other misses; 0 without distances.
     pub conflict: u64,
 }
 
-impl Figures {
-    /// Fewest lines that hold the bytes which were used.
+impl CacheFigures {
+    /// Returns the fewest lines that can hold the used bytes.
     pub fn compulsory_lines(&self) -> u64 {
         self.used_bytes.div_ceil(self.line_bytes.max(1))
     }
 
-    /// Bytes that come into `level` for each byte of the structure that is used.
+    /// Returns the bytes fetched into `level` for each used byte of the structure.
     ///
     /// # Panics
     /// If there is no such level.
@@ -111,24 +107,24 @@ impl Figures {
     }
 }
 
-impl Model {
-    /// An empty hierarchy for a walker with `arrays`; `reuse`: whether distances are followed, which costs most of the
-    /// time.
-    pub fn new(geometry: &Geometry, arrays: &[Array], reuse: bool) -> Model {
-        let place = |(array, address): (&Array, u64)| Place { address, bytes: array.bytes, scratch: array.scratch };
-        let places: Vec<Place> = arrays.iter().zip(addresses(arrays)).map(place).collect();
+impl CacheModel {
+    /// Returns an empty hierarchy for a walker with `arrays`. Distances of `reuse` take most of the time.
+    pub fn new(geometry: &Geometry, arrays: &[WalkerArray], reuse: bool) -> CacheModel {
+        let place =
+            |(array, address): (&WalkerArray, u64)| ArrayExtent { address, bytes: array.bytes, scratch: array.scratch };
+        let places: Vec<ArrayExtent> = arrays.iter().zip(addresses(arrays)).map(place).collect();
         let end = places.last().map_or(0, |last| last.address + last.bytes).next_multiple_of(LARGE_PAGE_BYTES);
-        let levels = |shapes: &[_]| shapes.iter().copied().map(Level::new).collect::<Vec<_>>();
-        Model {
+        let levels = |shapes: &[_]| shapes.iter().copied().map(CacheLevel::new).collect::<Vec<_>>();
+        CacheModel {
             geometry: geometry.clone(),
             places,
             levels: levels(&geometry.levels),
             translation: levels(&geometry.translation),
-            figures: Figures {
+            figures: CacheFigures {
                 line_bytes: geometry.line_bytes,
                 levels: vec![Misses::default(); geometry.levels.len()],
                 translation: vec![0; geometry.translation.len()],
-                ..Figures::default()
+                ..CacheFigures::default()
             },
             used: Touched::new(end),
             structure_lines: Touched::new(end / geometry.line_bytes),
@@ -140,9 +136,9 @@ impl Model {
         }
     }
 
-    /// What the hierarchy did so far.
-    pub fn figures(&self) -> Figures {
-        Figures {
+    /// Returns what the hierarchy did so far.
+    pub fn figures(&self) -> CacheFigures {
+        CacheFigures {
             used_bytes: self.used.count(),
             structure_lines: self.structure_lines.count(),
             pages: self.pages.count(),
@@ -213,7 +209,7 @@ impl Model {
     }
 }
 
-impl Trace for Model {
+impl Trace for CacheModel {
     #[inline]
     fn read(&mut self, array: usize, offset: usize, bytes: usize) {
         self.access(array, offset, bytes);

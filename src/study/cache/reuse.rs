@@ -1,67 +1,66 @@
-//! Reuse: how much else is touched before a line is touched again.
+//! Reuse distances: how many other lines are touched before a line is touched again.
 //!
-//! In: numbers of lines, in order. Out: [`ReuseFigures`]. The distance of a touch is the number of distinct other lines
-//! since the last touch of its line: a fully associative LRU cache of C lines holds it if the distance is below C, for
-//! every C at once (Mattson, Gecsei, Slutz and Traiger 1970, stack algorithms).
+//! In: line numbers, in order. Out: [`ReuseFigures`]. The distance of a touch is the number of distinct other lines since
+//! the last touch of its line. A fully associative LRU cache of C lines hits if the distance is below C, for every C at
+//! once (Mattson, Gecsei, Slutz and Traiger 1970, stack algorithms).
 //!
 //! ```text
 //! each line keeps the slot of its last touch; a slot is live if it is some line's last
 //! distance = live slots after its own       a Fenwick tree over slots (1994): O(log slots)
-//! touch: its slot dies, the next slot is its own; when slots run out, the live ones move together
+//! touch: the line's slot dies, it takes the next slot; when slots run out, the live ones are compacted
 //! ```
 //!
-//! Twice as many slots as lines make moving cost O(log) a touch. Distances and times fall in bins of powers of two,
-//! whose borders make the curves exact at powers of two.
+//! There are twice as many slots as lines, so compacting costs O(log) a touch. Distances and times are counted in bins
+//! of powers of two, which makes the curves exact at powers of two.
 
-/// Slots of lines that were never touched.
+/// Slot of a line that was never touched.
 const NEVER: u32 = u32::MAX;
-/// Bins: 0, 1, 2-3, 4-7 and so on.
+/// Number of bins: 0, 1, 2-3, 4-7 and so on.
 const BINS: usize = 64;
 
-/// Follows the touches of lines.
+/// Measures reuse distances.
 #[derive(Debug, Clone)]
 pub struct Reuse {
     /// Slot of each line's last touch.
     slots: Vec<u32>,
-    /// Line of each slot, whether it is still its last touch or not.
+    /// Line of each slot, live or not.
     lines: Vec<u32>,
-    /// Fenwick tree: live slots, from 1.
+    /// Fenwick tree of live slots, from 1.
     live: Vec<u32>,
     next: u32,
     distinct: u64,
-    /// Touches so far, and the time of each line's last, counted from 1.
+    /// Number of touches, and the time of each line's last touch, from 1.
     time: u64,
     last: Vec<u64>,
     distances: [u64; BINS],
-    /// Times between touches of a line, of a line's first touch from the start and of its last to the end, by bin: how
-    /// many, and their sum.
+    /// Times between touches of a line (`times`), and from the start and to the end (`edges`), by bin: count and sum.
     times: [(u64, u64); BINS],
     edges: [(u64, u64); BINS],
 }
 
-/// What was found.
+/// Reuse distances of a trace.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReuseFigures {
     /// Touches of lines.
     pub touches: u64,
-    /// Distinct lines: touches that no cache spares.
+    /// Distinct lines: touches that every cache misses.
     pub distinct: u64,
-    /// Touches by distance: entry 0 those of distance 0, entry k those from 2^(k-1) to 2^k - 1.
+    /// Touches by distance: entry 0 for distance 0, entry k for 2^(k-1) to 2^k - 1.
     pub distances: Vec<u64>,
     times: [(u64, u64); BINS],
     edges: [(u64, u64); BINS],
 }
 
-/// Bin of a distance or a time: 0 for 0, k for 2^(k-1) to 2^k - 1.
+/// Returns the bin of a number: 0 for 0, k for 2^(k-1) to 2^k - 1.
 fn bin(number: u64) -> usize {
     (64 - number.leading_zeros()) as usize
 }
 
 impl Reuse {
-    /// For lines numbered below `lines`.
+    /// Makes a measurement for lines numbered below `lines`.
     ///
     /// # Panics
-    /// If there are more than 2^30: their slots would not fit 32 bits.
+    /// If there are more than 2^30 lines, whose slots would not fit 32 bits.
     pub fn new(lines: u64) -> Reuse {
         assert!(lines <= 1 << 30, "slots have 32 bits");
         let count = usize::try_from(lines).expect("at most 2^30");
@@ -80,7 +79,7 @@ impl Reuse {
         }
     }
 
-    /// Touches `line`; its distance, or `None` if it is the first time.
+    /// Touches `line` and returns its distance; `None` for the first touch.
     #[inline]
     pub fn touch(&mut self, line: u64) -> Option<u64> {
         let index = usize::try_from(line).expect("below the number of lines");
@@ -115,7 +114,7 @@ impl Reuse {
         distance
     }
 
-    /// Live slots up to `slot`.
+    /// Returns the number of live slots up to `slot`.
     fn live_through(&self, slot: u32) -> u64 {
         let mut at = slot as usize + 1;
         let mut sum = 0;
@@ -135,7 +134,7 @@ impl Reuse {
         }
     }
 
-    /// Moves the live slots to the front. The line at hand has none at this moment.
+    /// Moves the live slots to the front. The current line has none at this moment.
     fn gather(&mut self) {
         let mut next = 0u32;
         for slot in 0..self.next {
@@ -146,7 +145,7 @@ impl Reuse {
                 next += 1;
             }
         }
-        // Of a tree over ones up to `next`, node i counts those of its range that are below.
+        // In a tree over ones up to `next`, node i counts those of its range that are below `next`.
         for at in 1..self.live.len() {
             let low = at & (at - 1);
             let ones = at.min(next as usize).saturating_sub(low);
@@ -155,7 +154,7 @@ impl Reuse {
         self.next = next;
     }
 
-    /// What was found so far.
+    /// Returns the distances so far.
     pub fn figures(&self) -> ReuseFigures {
         let mut edges = self.edges;
         for &last in self.last.iter().filter(|&&last| last > 0) {
@@ -172,28 +171,28 @@ impl Reuse {
     }
 }
 
-/// Counts `time` in bins whose upper borders are powers of two, inclusive: those above 2^k are those past bin k.
+/// Counts `time` in bins whose upper borders are powers of two, inclusive: bins past k hold times above 2^k.
 fn note(bins: &mut [(u64, u64); BINS], time: u64) {
     let (count, sum) = &mut bins[bin(time - 1)];
     (*count, *sum) = (*count + 1, *sum + time);
 }
 
 impl ReuseFigures {
-    /// Misses of a fully associative LRU cache of 2^`power` lines that starts empty.
+    /// Returns the misses of a fully associative LRU cache of 2^`power` lines that starts empty.
     pub fn misses(&self, power: usize) -> u64 {
         self.distinct + self.distances.iter().skip(power + 1).sum::<u64>()
     }
 
-    /// The miss ratios of fully associative LRU caches of 1, 2, 4 ... lines, until only first touches miss.
+    /// Returns the miss ratios of caches of 1, 2, 4 ... lines, until only first touches miss.
     pub fn miss_ratios(&self) -> Vec<f64> {
         let ratio = |power| self.misses(power) as f64 / self.touches.max(1) as f64;
         (0..self.distances.len().max(1)).map(ratio).collect()
     }
 
-    /// Mean number of distinct lines in 2^`power` touches that follow each other; `None` if there are fewer.
+    /// Returns the mean number of distinct lines in 2^`power` consecutive touches; `None` if there are fewer.
     ///
-    /// Exact, over all windows. A line is missing from a window if two touches of it, or the trace's ends, enclose the
-    /// window: counted from the times between them (Xiang, Bao, Ding and Gao 2011, equation 1).
+    /// Exact over all windows. A line is missing from a window if two of its touches, or the trace's ends, enclose the
+    /// window; so the times between touches suffice (Xiang, Bao, Ding and Gao 2011, equation 1).
     pub fn working_set(&self, power: usize) -> Option<f64> {
         let window = 1u64.checked_shl(u32::try_from(power).ok()?)?;
         let windows = (self.touches + 1).checked_sub(window).filter(|&windows| windows > 0 && power < BINS)?;

@@ -1,27 +1,22 @@
-//! What was touched at all: distinct bytes, lines and pages.
-//!
-//! In: ranges of bytes of arrays. Out: counts. A bit a byte of every array, so a range costs a step for each 64 bytes.
+//! Sets of touched bytes, lines and pages: a bit each, so a range costs a step for each 64 numbers.
 
 /// A set of numbers from 0.
 #[derive(Debug, Clone, Default)]
-pub struct Touched {
+pub(super) struct Touched {
     words: Vec<u64>,
     count: u64,
 }
 
 impl Touched {
-    /// None of the numbers below `numbers`.
-    pub fn new(numbers: u64) -> Touched {
+    /// Returns an empty set for the numbers below `numbers`.
+    pub(super) fn new(numbers: u64) -> Touched {
         let words = usize::try_from(numbers.div_ceil(64)).expect("arrays that lie in memory have that many bytes");
         Touched { words: vec![0; words], count: 0 }
     }
 
-    /// Adds `first` to `end`, exclusive; how many of them are new.
-    ///
-    /// # Panics
-    /// If there are no such numbers.
+    /// Adds the numbers from `first` to `end`, exclusive, and returns how many are new.
     #[inline]
-    pub fn add(&mut self, first: u64, end: u64) -> u64 {
+    pub(super) fn add(&mut self, first: u64, end: u64) -> u64 {
         let before = self.count;
         let mut from = first;
         while from < end {
@@ -36,8 +31,8 @@ impl Touched {
         self.count - before
     }
 
-    /// How many were added.
-    pub fn count(&self) -> u64 {
+    /// Returns the size of the set.
+    pub(super) fn count(&self) -> u64 {
         self.count
     }
 }

@@ -1,15 +1,16 @@
-//! Our own lanes as a walker.
+//! Our own lanes as a traced walker.
 
 use super::CodesRead;
-use super::passage::{Room, Visited, passage};
+use super::scratch_sizes::ScratchSizes;
 use super::store::{OF_A_LANE, OwnStore};
+use super::walk::{VisitedBlock, traced_walk};
 use crate::baselines::{Normal, Receiver, Viewing, Walker};
-use crate::trace::{Array, Trace};
+use crate::trace::{Trace, WalkerArray};
 use adjsplat::arena::Lane;
 use adjsplat::traverse::{Batch, Order};
 use adjsplat::volume::Axis;
 
-/// Our lanes, walked by the twin that tells all.
+/// Our lanes, walked by the traced twin.
 #[derive(Debug, Clone)]
 pub struct OwnWalk<'a> {
     lanes: [OwnStore<'a>; 3],
@@ -17,12 +18,10 @@ pub struct OwnWalk<'a> {
 }
 
 impl<'a> OwnWalk<'a> {
-    /// Of sound lanes along x, y and z, of which a voxel's `codes` are read as it is visited; the others are handed over
-    /// as 0.
+    /// Takes sound lanes along x, y and z. A walk reads `codes` of each voxel and delivers the others as 0.
     ///
     /// # Panics
-    /// If the lanes run along other axes, have patches, or other channels than values of 8 and normals of 2 x 8 bits or
-    /// none.
+    /// If the lanes run along other axes, have edits, or other channels than values of 8 and normals of 2 x 8 bits or none.
     pub fn new(lanes: [Lane<'a>; 3], codes: CodesRead) -> OwnWalk<'a> {
         assert!(lanes.iter().map(|lane| lane.axis).eq(Axis::ALL), "lanes along x, y and z");
         for lane in &lanes {
@@ -33,18 +32,18 @@ impl<'a> OwnWalk<'a> {
         OwnWalk { lanes: lanes.map(store), codes }
     }
 
-    /// Walks in `order`; `visit` is given each block of a batch, first of all of which the batch is whole.
+    /// Walks in `order` and calls `visit` with each batch.
     pub fn walk_batches<T: Trace>(&self, order: &Order, trace: &mut T, visit: &mut impl FnMut(&Batch)) {
-        let mut whole = |visited: &Visited| {
+        let mut whole = |visited: &VisitedBlock| {
             if visited.block.start == 0 {
                 visit(visited.batch);
             }
         };
-        passage(&self.lanes[order.fast.index()], order, self.codes, self.room(), trace, &mut whole);
+        traced_walk(&self.lanes[order.fast.index()], order, self.codes, self.sizes(), trace, &mut whole);
     }
 
-    fn room(&self) -> Room {
-        Room::of(&self.lanes, 3 * OF_A_LANE)
+    fn sizes(&self) -> ScratchSizes {
+        ScratchSizes::of(&self.lanes, 3 * OF_A_LANE)
     }
 }
 
@@ -53,16 +52,16 @@ impl Walker for OwnWalk<'_> {
         "adjsplat"
     }
 
-    fn arrays(&self) -> Vec<Array> {
-        let mut arrays: Vec<Array> = self.lanes.iter().flat_map(OwnStore::arrays).collect();
-        arrays.extend(self.room().arrays());
+    fn arrays(&self) -> Vec<WalkerArray> {
+        let mut arrays: Vec<WalkerArray> = self.lanes.iter().flat_map(OwnStore::arrays).collect();
+        arrays.extend(self.sizes().arrays());
         arrays
     }
 
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
         let order = &viewing.order;
         let store = self.lanes[order.fast.index()];
-        passage(&store, order, self.codes, self.room(), trace, &mut |visited: &Visited| {
+        traced_walk(&store, order, self.codes, self.sizes(), trace, &mut |visited: &VisitedBlock| {
             for (index, position) in visited.positions(order) {
                 let (value, normal) = (visited.values[index], visited.normals[index]);
                 receiver.voxel(position, value, Normal::Code(normal));

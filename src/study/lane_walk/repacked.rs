@@ -1,4 +1,4 @@
-//! Our lanes in another tile order, from a subject's voxels.
+//! Our lanes in another tile order.
 
 use crate::subject::{Subject, VisibleVoxel};
 use adjsplat::arena::Record;
@@ -6,7 +6,7 @@ use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::internals::LanePacker;
 use adjsplat::volume::Axis;
 
-/// The lanes along x, y and z of `subject`, their tiles in `tile_order`. O(n log n).
+/// Packs a subject's voxels into lanes along x, y and z, with tiles in `tile_order`. O(n log n).
 pub fn repacked(subject: &Subject, tile_order: TileOrder) -> [OwnedLane; 3] {
     Axis::ALL.map(|axis| {
         let [u, v] = axis.others();

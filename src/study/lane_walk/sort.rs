@@ -1,37 +1,37 @@
-//! Tiles by row and column: two counting sorts, access by access.
+//! Sorts tiles by row and column: two counting sorts, traced access by access.
 
-use super::passage::Numbers;
-use super::scratch::Scratch;
-use super::store::Store;
+use super::scratch_sizes::{BY_COLUMN, COLUMN_NEXT, COLUMN_STARTS, ROW_NEXT, ROW_STARTS, SORTED, WANTED};
+use super::store::LaneStore;
+use super::traced_vec::TracedVec;
 use crate::trace::Trace;
 
-/// Tiles by row of the slow axis, in each by column, and where rows start. O(tiles).
-pub(super) fn sorted_tiles<S: Store, T: Trace>(
+/// Returns tiles by row of the slow axis, within a row by column, and where rows start. O(tiles).
+pub(super) fn sorted_tiles<S: LaneStore, T: Trace>(
     store: &S,
     slow_is_v: bool,
     [rows, columns]: [usize; 2],
-    numbers: &Numbers,
+    first_array: usize,
     trace: &mut T,
-) -> (Scratch<u32>, Scratch<u32>) {
+) -> (TracedVec<u32>, TracedVec<u32>) {
     let place = |tile: u32, trace: &mut T| {
         let [u, v] = store.place(tile, trace).map(usize::from);
         if slow_is_v { [v, u] } else { [u, v] }
     };
-    let mut wanted = Scratch::new(numbers.wanted, store.tile_count() as usize);
+    let mut wanted = TracedVec::new(first_array + WANTED, store.tile_count() as usize);
     let mut count = 0;
     for tile in 0..store.tile_count() {
         let [row, column] = place(tile, trace);
-        // Whether a renderer wants the tile hangs on its extent; here it wants all.
+        // A renderer decides by the extent whether it wants a tile; this walk wants all.
         store.extent(tile, trace);
         if row < rows && column < columns {
             wanted.set(count, tile, trace);
             count += 1;
         }
     }
-    let mut sort = |tiles: &Scratch<u32>, keys: usize, which: usize, arrays: [usize; 3]| {
-        let [starts, next, sorted] = arrays;
-        let (mut starts, mut next) = (Scratch::new(starts, keys + 1), Scratch::new(next, keys + 1));
-        let mut sorted = Scratch::new(sorted, count);
+    let mut sort = |tiles: &TracedVec<u32>, keys: usize, which: usize, arrays: [usize; 3]| {
+        let [starts, next, sorted] = arrays.map(|array| first_array + array);
+        let (mut starts, mut next) = (TracedVec::new(starts, keys + 1), TracedVec::new(next, keys + 1));
+        let mut sorted = TracedVec::new(sorted, count);
         for item in 0..count {
             let slot = place(tiles.get(item, trace), trace)[which] + 1;
             let more = starts.get(slot, trace) + 1;
@@ -54,6 +54,6 @@ pub(super) fn sorted_tiles<S: Store, T: Trace>(
         }
         (sorted, starts)
     };
-    let (by_column, _) = sort(&wanted, columns, 1, [numbers.column_starts, numbers.column_next, numbers.by_column]);
-    sort(&by_column, rows, 0, [numbers.row_starts, numbers.row_next, numbers.sorted])
+    let (by_column, _) = sort(&wanted, columns, 1, [COLUMN_STARTS, COLUMN_NEXT, BY_COLUMN]);
+    sort(&by_column, rows, 0, [ROW_STARTS, ROW_NEXT, SORTED])
 }

@@ -1,16 +1,15 @@
-//! Where the bytes of a lane lie, and which of them each question reads.
-//!
-//! In: a question of the walk. Out: the answer, and the trace told of the bytes that it took.
+//! Where the bytes of a lane lie: answers a walk's questions, and traces the bytes that the answer reads.
 
-use crate::trace::{Array, Trace};
-use adjsplat::arena::layout::{TILE_EDGE, TileRecord};
+use crate::trace::{Trace, WalkerArray};
+use adjsplat::arena::TileRecord;
+use adjsplat::arena::layout::TILE_EDGE;
 use adjsplat::arena::{Lane, LineEnds};
 use adjsplat::volume::Axis;
 
 /// Steps that are read at once.
 pub(crate) const CHUNK: usize = 16;
 
-/// The lines of a tile that are there: bit `edge * v + u` for the line at (u, v) of the tile. Up to 16 x 16.
+/// The non-empty lines of a tile: bit `edge * v + u` for the line at (u, v) of the tile. Up to 16 x 16.
 pub(crate) type Mask = [u64; 4];
 
 /// Whether `mask` has `bit`.
@@ -19,7 +18,7 @@ pub(crate) fn has_bit(mask: &Mask, bit: u32) -> bool {
     mask[bit as usize / 64] >> (bit % 64) & 1 == 1
 }
 
-/// How many bits of `mask` come before `bit`.
+/// Returns how many bits of `mask` come before `bit`.
 #[inline(always)]
 pub(crate) fn rank(mask: &Mask, bit: u32) -> u32 {
     let word = bit as usize / 64;
@@ -30,7 +29,7 @@ pub(crate) fn rank(mask: &Mask, bit: u32) -> u32 {
 /// Where a tile's lines and records start.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TileStart {
-    /// Place on the face, in tiles.
+    /// Position on the face, in tiles.
     pub(crate) place: [u16; 2],
     /// Index of its first line.
     pub(crate) first_line: u64,
@@ -39,32 +38,32 @@ pub(crate) struct TileStart {
 }
 
 /// A lane in some layout.
-pub(crate) trait Store {
-    /// The axis its lines run along.
+pub(crate) trait LaneStore {
+    /// Returns the axis along which its lines run.
     fn axis(&self) -> Axis;
-    /// Grid points along x, y, z.
+    /// Returns the grid points along x, y and z.
     fn dims(&self) -> [u32; 3];
-    /// Lines along a side of a tile: 1, 4, 8 or 16.
+    /// Returns the lines along a side of a tile: 1, 4, 8 or 16.
     fn edge(&self) -> u16;
-    /// Records, stepping voxels included.
+    /// Returns the number of records, stepping records included.
     fn record_count(&self) -> u64;
-    /// Tiles that are not empty.
+    /// Returns the number of non-empty tiles.
     fn tile_count(&self) -> u32;
-    /// u and v of a tile, in tiles.
+    /// Returns the position of a tile on the face, in tiles.
     fn place<T: Trace>(&self, tile: u32, trace: &mut T) -> [u16; 2];
-    /// Reads the lowest and the highest coordinate of a tile's voxels, for whoever culls by them.
+    /// Reads the lowest and the highest coordinate of a tile's voxels, by which a renderer culls.
     fn extent<T: Trace>(&self, tile: u32, trace: &mut T);
-    /// The lines of a tile that are there.
+    /// Returns the non-empty lines of a tile.
     fn mask<T: Trace>(&self, tile: u32, trace: &mut T) -> Mask;
-    /// All of a tile's record.
+    /// Reads all of a tile's record.
     fn start<T: Trace>(&self, tile: u32, trace: &mut T) -> TileStart;
-    /// First record and end of the tile's line of this rank, counted from its first record; `None` if there is none.
+    /// Returns where the line of this rank starts and ends, relative to the tile's first record; `None` if it is missing.
     fn line<T: Trace>(&self, tile: u32, start: &TileStart, rank: u32, trace: &mut T) -> Option<[u64; 2]>;
-    /// Sixteen steps from record `from`, filled up with ones where there are no more.
+    /// Returns sixteen steps from record `from`, padded with ones.
     fn steps<T: Trace>(&self, from: usize, trace: &mut T) -> [u8; CHUNK];
-    /// Value code of the voxel at `position`, whose record this is.
+    /// Returns the value code of the voxel at `position` with this record.
     fn value<T: Trace>(&self, position: [u16; 3], record: usize, trace: &mut T) -> u8;
-    /// Its normal's code; 0 for none.
+    /// Returns the normal code of the voxel at `position` with this record; 0 for none.
     fn normal<T: Trace>(&self, position: [u16; 3], record: usize, trace: &mut T) -> u16;
 }
 
@@ -75,13 +74,12 @@ pub(super) struct OwnStore<'a> {
     pub(super) arrays: usize,
 }
 
-/// Arrays of a lane, by their place among its five.
+/// Numbers of a lane's arrays, relative to its first, and their count.
 const TILES: usize = 0;
 const LINE_ENDS: usize = 1;
 const STEPS: usize = 2;
 const VALUES: usize = 3;
 const NORMALS: usize = 4;
-/// How many.
 pub(super) const OF_A_LANE: usize = 5;
 const NAMES: [[&str; OF_A_LANE]; 3] = [
     ["tiles x", "line ends x", "steps x", "values x", "normals x"],
@@ -89,15 +87,15 @@ const NAMES: [[&str; OF_A_LANE]; 3] = [
     ["tiles z", "line ends z", "steps z", "values z", "normals z"],
 ];
 
-/// Bytes of fields of a tile record: where, and how many.
+/// Fields of a tile record: offset and bytes.
 const PLACE: (usize, usize) = (0, 4);
 const OCCUPANCY: (usize, usize) = (16, 8);
 const EXTENT: (usize, usize) = (24, 4);
 const WHOLE: (usize, usize) = (0, size_of::<TileRecord>());
 
 impl OwnStore<'_> {
-    /// Its arrays.
-    pub(super) fn arrays(&self) -> [Array; OF_A_LANE] {
+    /// Returns its arrays.
+    pub(super) fn arrays(&self) -> [WalkerArray; OF_A_LANE] {
         let lane = &self.lane;
         let sizes = [
             size_of_val(lane.tiles),
@@ -107,7 +105,7 @@ impl OwnStore<'_> {
             lane.normals.len(),
         ];
         let names = NAMES[lane.axis.index()];
-        std::array::from_fn(|i| Array { name: names[i], bytes: sizes[i] as u64, scratch: false })
+        std::array::from_fn(|i| WalkerArray { name: names[i], bytes: sizes[i] as u64, scratch: false })
     }
 
     fn end_bytes(&self) -> usize {
@@ -117,7 +115,7 @@ impl OwnStore<'_> {
         }
     }
 
-    /// A tile, of which `(offset, bytes)` is read.
+    /// Returns a tile, and traces a read of `(offset, bytes)`.
     #[inline]
     fn tile<T: Trace>(&self, index: u32, (offset, bytes): (usize, usize), trace: &mut T) -> &TileRecord {
         trace.read(self.arrays + TILES, index as usize * size_of::<TileRecord>() + offset, bytes);
@@ -133,7 +131,7 @@ impl OwnStore<'_> {
     }
 }
 
-impl Store for OwnStore<'_> {
+impl LaneStore for OwnStore<'_> {
     fn axis(&self) -> Axis {
         self.lane.axis
     }

@@ -1,4 +1,4 @@
-//! Draws plots as SVG or PNG, with the plotting library of the feature `plot`.
+//! Draws plots as SVG or PNG with the plotting library of the feature `plot`.
 
 use kuva::plot::scatter::ScatterPlot;
 use kuva::plot::{LinePlot, LineStyle};
@@ -9,8 +9,7 @@ use super::plot::{Plot, Stroke};
 use crate::baselines::Method;
 use adjsplat::error::{Error, Result};
 
-/// Colours that stay apart for most eyes and in print (Okabe and Ito 2008), then darker and lighter ones: one for each
-/// method, of which no plot has more.
+/// Colours that differ for most viewers and in print (Okabe and Ito 2008), then darker and lighter ones: one a method.
 const COLOURS: [&str; Method::ALL.len()] = [
     "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31", "#7f7f7f", "#7b4173",
     "#b5cf6b", "#ff9896", "#00441b",
@@ -27,7 +26,7 @@ impl Plot {
                 names.len() - 1
             });
             let colour = COLOURS[index % COLOURS.len()];
-            // What is 0 or less has no place among ratios.
+            // Logarithmic axes have no place for 0 and below.
             let shown = |&[x, y]: &[f64; 2]| (!self.x.logarithmic || x > 0.0) && (!self.y.logarithmic || y > 0.0);
             let at: Vec<usize> = (0..series.points.len()).filter(|&at| shown(&series.points[at])).collect();
             let points: Vec<(f64, f64)> = at.iter().map(|&at| series.points[at].into()).collect();
@@ -41,7 +40,7 @@ impl Plot {
                 marks = marks.with_labels(at.iter().map(label)).with_repel_labels();
             }
             if series.stroke == Stroke::None {
-                // Without a line to see, marks are larger.
+                // Marks without a line are larger.
                 marks = marks.with_size(4.0);
                 plots.push(Drawn::Scatter(legend.into_iter().fold(marks, ScatterPlot::with_legend)));
                 continue;
@@ -71,16 +70,16 @@ impl Plot {
         (plots, layout)
     }
 
-    /// Returns the drawing as scalable vector graphics.
+    /// Returns the plot as SVG.
     pub fn to_svg(&self) -> Result<Vec<u8>> {
         let (plots, layout) = self.drawn();
         Ok(kuva::render_to_svg(plots, layout).into_bytes())
     }
 
-    /// Returns the drawing as the bytes of a PNG file, with twice as many pixels a side as the SVG has units.
+    /// Returns the plot as a PNG file, with twice as many pixels a side as the SVG has units.
     ///
     /// # Errors
-    /// [`Error::Input`] if the drawing cannot be made into pixels.
+    /// [`Error::Input`] if the plot cannot be rasterised.
     pub fn to_png(&self) -> Result<Vec<u8>> {
         let (plots, layout) = self.drawn();
         kuva::render_to_png(plots, layout, 2.0).map_err(|why| Error::input("plot", why))

@@ -1,6 +1,4 @@
-//! Reports: what a study found, for people and for programs.
-//!
-//! In: columns and rows of cells. Out: a table to read, JSON `{"rows": [...]}`, CSV; and [`plot`]s.
+//! Reports: the results of a study as a table, as JSON `{"rows": [...]}`, as CSV, and as [`plot`]s.
 
 #[cfg(feature = "plot")]
 mod draw;
@@ -8,9 +6,9 @@ pub mod plot;
 
 use serde_json::{Map, Value, json};
 
-/// One value of a row.
+/// A value in a row of a report.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Cell {
+pub enum ReportCell {
     /// A name.
     Text(String),
     /// A whole number.
@@ -19,79 +17,81 @@ pub enum Cell {
     Number(f64),
     /// Yes or no.
     Flag(bool),
-    /// There is none: blank in tables and CSV, null in JSON.
+    /// No value: blank in tables and CSV, null in JSON.
     None,
 }
 
-impl From<&str> for Cell {
-    fn from(text: &str) -> Cell {
-        Cell::Text(text.to_owned())
+impl From<&str> for ReportCell {
+    fn from(text: &str) -> ReportCell {
+        ReportCell::Text(text.to_owned())
     }
 }
 
-impl From<u64> for Cell {
-    fn from(count: u64) -> Cell {
-        Cell::Count(count)
+impl From<u64> for ReportCell {
+    fn from(count: u64) -> ReportCell {
+        ReportCell::Count(count)
     }
 }
 
-impl From<f64> for Cell {
-    fn from(number: f64) -> Cell {
-        if number.is_finite() { Cell::Number(number) } else { Cell::None }
+impl From<f64> for ReportCell {
+    fn from(number: f64) -> ReportCell {
+        if number.is_finite() { ReportCell::Number(number) } else { ReportCell::None }
     }
 }
 
-impl From<bool> for Cell {
-    fn from(flag: bool) -> Cell {
-        Cell::Flag(flag)
+impl From<bool> for ReportCell {
+    fn from(flag: bool) -> ReportCell {
+        ReportCell::Flag(flag)
     }
 }
 
-impl<T: Into<Cell>> From<Option<T>> for Cell {
-    fn from(cell: Option<T>) -> Cell {
-        cell.map_or(Cell::None, Into::into)
+impl<T: Into<ReportCell>> From<Option<T>> for ReportCell {
+    fn from(cell: Option<T>) -> ReportCell {
+        cell.map_or(ReportCell::None, Into::into)
     }
 }
 
-impl Cell {
-    /// As people read it.
+impl ReportCell {
+    /// Formats the value for tables.
     fn shown(&self) -> String {
         match self {
-            Cell::Text(text) => text.clone(),
-            Cell::Count(count) => grouped(*count),
-            Cell::Number(number) => significant(*number),
-            Cell::Flag(flag) => if *flag { "yes" } else { "no" }.to_owned(),
-            Cell::None => String::new(),
+            ReportCell::Text(text) => text.clone(),
+            ReportCell::Count(count) => grouped(*count),
+            ReportCell::Number(number) => significant(*number),
+            ReportCell::Flag(flag) => if *flag { "yes" } else { "no" }.to_owned(),
+            ReportCell::None => String::new(),
         }
     }
 
     fn value(&self) -> Value {
         match self {
-            Cell::Text(text) => json!(text),
-            Cell::Count(count) => json!(count),
-            Cell::Number(number) => json!(number),
-            Cell::Flag(flag) => json!(flag),
-            Cell::None => Value::Null,
+            ReportCell::Text(text) => json!(text),
+            ReportCell::Count(count) => json!(count),
+            ReportCell::Number(number) => json!(number),
+            ReportCell::Flag(flag) => json!(flag),
+            ReportCell::None => Value::Null,
         }
     }
 
     fn comma_separated(&self) -> String {
         match self {
-            Cell::Text(text) if text.contains([',', '"', '\n', '\r']) => format!("\"{}\"", text.replace('"', "\"\"")),
-            Cell::Text(text) => text.clone(),
-            Cell::Count(count) => count.to_string(),
-            Cell::Number(number) => number.to_string(),
-            Cell::Flag(flag) => flag.to_string(),
-            Cell::None => String::new(),
+            ReportCell::Text(text) if text.contains([',', '"', '\n', '\r']) => {
+                format!("\"{}\"", text.replace('"', "\"\""))
+            }
+            ReportCell::Text(text) => text.clone(),
+            ReportCell::Count(count) => count.to_string(),
+            ReportCell::Number(number) => number.to_string(),
+            ReportCell::Flag(flag) => flag.to_string(),
+            ReportCell::None => String::new(),
         }
     }
 
     fn is_text(&self) -> bool {
-        matches!(self, Cell::Text(_))
+        matches!(self, ReportCell::Text(_))
     }
 }
 
-/// 1,234,567.
+/// Formats 1234567 as 1,234,567.
 fn grouped(count: u64) -> String {
     let digits = count.to_string();
     let mut out = String::new();
@@ -104,7 +104,7 @@ fn grouped(count: u64) -> String {
     out
 }
 
-/// Four significant digits, without an exponent; whole thousands in full.
+/// Formats a number with four significant digits and no exponent; whole thousands in full.
 fn significant(number: f64) -> String {
     if number == 0.0 {
         return "0".to_owned();
@@ -120,16 +120,16 @@ fn significant(number: f64) -> String {
     format!("{number:.digits$}")
 }
 
-/// What a study found.
+/// The results of a study: rows of named columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
-    /// Names of the columns: keys of the JSON rows, headings elsewhere.
+    /// Names of the columns: keys of JSON rows, headings elsewhere.
     columns: Vec<&'static str>,
-    rows: Vec<Vec<Cell>>,
+    rows: Vec<Vec<ReportCell>>,
 }
 
 impl Report {
-    /// A report without rows.
+    /// Returns a report without rows.
     pub fn new(columns: &[&'static str]) -> Report {
         Report { columns: columns.to_vec(), rows: Vec::new() }
     }
@@ -137,27 +137,27 @@ impl Report {
     /// Appends a row.
     ///
     /// # Panics
-    /// If it has more or fewer cells than there are columns.
-    pub fn push(&mut self, row: Vec<Cell>) {
+    /// If the number of cells is not the number of columns.
+    pub fn push(&mut self, row: Vec<ReportCell>) {
         assert_eq!(row.len(), self.columns.len(), "a cell for each of {:?}", self.columns);
         self.rows.push(row);
     }
 
-    /// The rows, in order.
-    pub fn rows(&self) -> &[Vec<Cell>] {
+    /// Returns the rows, in order.
+    pub fn rows(&self) -> &[Vec<ReportCell>] {
         &self.rows
     }
 
-    /// The cells of column `name`, in order.
+    /// Returns the cells of column `name`, in order.
     ///
     /// # Panics
     /// If there is no such column.
-    pub fn column(&self, name: &str) -> impl Iterator<Item = &Cell> {
+    pub fn column(&self, name: &str) -> impl Iterator<Item = &ReportCell> {
         let index = self.columns.iter().position(|column| *column == name).expect("a column of this report");
         self.rows.iter().map(move |row| &row[index])
     }
 
-    /// A table with aligned columns; `shown` are its columns, all if empty.
+    /// Formats a table with aligned columns; `shown` names the columns, all if empty.
     pub fn table(&self, shown: &[&str]) -> String {
         let indices: Vec<usize> =
             (0..self.columns.len()).filter(|&i| shown.is_empty() || shown.contains(&self.columns[i])).collect();
@@ -179,21 +179,21 @@ impl Report {
         out
     }
 
-    /// `{"rows": [...]}`, an object a row.
+    /// Returns `{"rows": [...]}` with an object a row.
     pub fn json(&self) -> Value {
-        let row = |row: &Vec<Cell>| {
+        let row = |row: &Vec<ReportCell>| {
             let pairs = self.columns.iter().zip(row).map(|(column, cell)| ((*column).to_owned(), cell.value()));
             Value::Object(pairs.collect::<Map<_, _>>())
         };
         json!({ "rows": self.rows.iter().map(row).collect::<Vec<_>>() })
     }
 
-    /// Comma-separated values with a line of headings.
+    /// Formats comma-separated values with a line of headings.
     pub fn csv(&self) -> String {
         let mut out = self.columns.join(",");
         out.push('\n');
         for row in &self.rows {
-            out.push_str(&row.iter().map(Cell::comma_separated).collect::<Vec<_>>().join(","));
+            out.push_str(&row.iter().map(ReportCell::comma_separated).collect::<Vec<_>>().join(","));
             out.push('\n');
         }
         out
@@ -208,7 +208,7 @@ mod tests {
     fn a_report_reads_the_same_in_all_three_forms() {
         let mut report = Report::new(&["set", "bytes", "ns_per_visible", "displaying"]);
         report.push(vec!["frog, whole".into(), 1_234_567u64.into(), 0.012_345.into(), true.into()]);
-        report.push(vec!["noise".into(), Cell::None, f64::NAN.into(), false.into()]);
+        report.push(vec!["noise".into(), ReportCell::None, f64::NAN.into(), false.into()]);
         assert_eq!(
             report.table(&[]),
             "set              bytes  ns per visible  displaying\n\

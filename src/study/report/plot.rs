@@ -1,96 +1,96 @@
-//! Plots of what a study found: named series of points, which [`draw`](super::draw) turns into a picture.
+//! Plots: named series of points. With the feature `plot` they can be drawn.
 
 #[cfg(not(feature = "plot"))]
 use adjsplat::error::{Error, Result};
 
-/// What a plot shows along one side.
+/// An axis of a plot.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Side {
-    /// What and in which unit.
+pub struct PlotAxis {
+    /// Its quantity and unit.
     pub label: String,
-    /// Whether equal distances are equal ratios.
+    /// Whether the scale is logarithmic.
     pub logarithmic: bool,
-    /// Names at 1, 2, 3 ...; empty for numbers.
+    /// Names of the positions 1, 2, 3 and so on; empty for numbers.
     pub names: Vec<String>,
 }
 
-impl Side {
-    /// Numbers, evenly.
-    pub fn linear(label: &str) -> Side {
-        Side { label: label.to_owned(), logarithmic: false, names: Vec::new() }
+impl PlotAxis {
+    /// Returns an axis with a linear scale.
+    pub fn linear(label: &str) -> PlotAxis {
+        PlotAxis { label: label.to_owned(), logarithmic: false, names: Vec::new() }
     }
 
-    /// Numbers, by ratio.
-    pub fn logarithmic(label: &str) -> Side {
-        Side { logarithmic: true, ..Side::linear(label) }
+    /// Returns an axis with a logarithmic scale.
+    pub fn logarithmic(label: &str) -> PlotAxis {
+        PlotAxis { logarithmic: true, ..PlotAxis::linear(label) }
     }
 
-    /// Names.
-    pub fn named(label: &str, names: Vec<String>) -> Side {
-        Side { names, ..Side::linear(label) }
+    /// Returns an axis of names.
+    pub fn named(label: &str, names: Vec<String>) -> PlotAxis {
+        PlotAxis { names, ..PlotAxis::linear(label) }
     }
 }
 
-/// How a series' points are joined.
+/// The line through the points of a series.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Stroke {
-    /// By a line.
+    /// A solid line.
     Solid,
-    /// By a dashed line.
+    /// A dashed line.
     Dashed,
-    /// Not at all.
+    /// No line.
     None,
 }
 
-/// Points that belong together.
+/// A series of points in a plot.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Series {
-    /// What the legend calls it.
+pub struct PlotSeries {
+    /// Its name in the legend.
     pub name: String,
-    /// From left to right.
+    /// The points, from left to right.
     pub points: Vec<[f64; 2]>,
-    /// What joins them.
+    /// The line through them.
     pub stroke: Stroke,
-    /// What stands beside each point; empty for nothing.
+    /// Labels of the points; empty for none.
     pub labels: Vec<String>,
 }
 
-impl Series {
-    /// Points joined by a line.
-    pub fn solid(name: impl Into<String>, points: Vec<[f64; 2]>) -> Series {
-        Series { name: name.into(), points, stroke: Stroke::Solid, labels: Vec::new() }
+impl PlotSeries {
+    /// Returns points on a solid line.
+    pub fn solid(name: impl Into<String>, points: Vec<[f64; 2]>) -> PlotSeries {
+        PlotSeries { name: name.into(), points, stroke: Stroke::Solid, labels: Vec::new() }
     }
 
-    /// Points joined by a dashed line.
-    pub fn dashed(name: impl Into<String>, points: Vec<[f64; 2]>) -> Series {
-        Series { stroke: Stroke::Dashed, ..Series::solid(name, points) }
+    /// Returns points on a dashed line.
+    pub fn dashed(name: impl Into<String>, points: Vec<[f64; 2]>) -> PlotSeries {
+        PlotSeries { stroke: Stroke::Dashed, ..PlotSeries::solid(name, points) }
     }
 
-    /// Points alone.
-    pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> Series {
-        Series { stroke: Stroke::None, ..Series::solid(name, points) }
+    /// Returns points without a line.
+    pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> PlotSeries {
+        PlotSeries { stroke: Stroke::None, ..PlotSeries::solid(name, points) }
     }
 
-    /// Adds a point to the one of `all` that has this name, or to a new one of points alone.
-    pub fn add_point(all: &mut Vec<Series>, name: &str, point: [f64; 2]) {
+    /// Adds a point to the series `name` of `all`; makes one without a line if there is none.
+    pub fn add_point(all: &mut Vec<PlotSeries>, name: &str, point: [f64; 2]) {
         match all.iter_mut().find(|series| series.name == name) {
             Some(series) => series.points.push(point),
-            None => all.push(Series::points(name, vec![point])),
+            None => all.push(PlotSeries::points(name, vec![point])),
         }
     }
 }
 
-/// A plot of points, and lines through them.
+/// A plot: series of points on two axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
-    /// What it says.
+    /// Its title.
     pub title: String,
-    /// From left to right.
-    pub x: Side,
-    /// Upward.
-    pub y: Side,
-    /// Each in a colour of its own; a solid and a dashed one of the same name share theirs.
-    pub series: Vec<Series>,
+    /// The horizontal axis.
+    pub x: PlotAxis,
+    /// The vertical axis.
+    pub y: PlotAxis,
+    /// The series. Each name has its own colour, so a solid and a dashed series of one name share theirs.
+    pub series: Vec<PlotSeries>,
 }
 
 #[cfg(not(feature = "plot"))]
@@ -98,7 +98,7 @@ impl Plot {
     /// Fails: this build has no plotting library.
     ///
     /// # Errors
-    /// [`Error::Input`].
+    /// Always [`Error::Input`].
     pub fn to_svg(&self) -> Result<Vec<u8>> {
         Err(Error::input("plot", "cannot be drawn: the feature `plot` of adjsplat-study is off"))
     }
@@ -106,7 +106,7 @@ impl Plot {
     /// Fails, as [`Plot::to_svg`].
     ///
     /// # Errors
-    /// [`Error::Input`].
+    /// Always [`Error::Input`].
     pub fn to_png(&self) -> Result<Vec<u8>> {
         self.to_svg()
     }

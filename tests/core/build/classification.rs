@@ -3,9 +3,10 @@
 use adjsplat::build::BuildOptions;
 use adjsplat::classify::{Colour, Contour, FactorPoint, Label, Point, TransferFunction, UnlistedLabels};
 use adjsplat::volume::SampleType;
+use adjsplat_tests::scenes::options;
 
-use super::dense::{Dense, random_at};
-use super::twin::{build_and_compare, options};
+use super::dense::{SampleVolume, random_at};
+use super::twin::build_and_compare;
 
 /// A blob with some roughness, 0 to 200.
 pub(super) fn blob([x, y, z]: [u32; 3]) -> f64 {
@@ -14,8 +15,8 @@ pub(super) fn blob([x, y, z]: [u32; 3]) -> f64 {
     (200.0 - 17.0 * r).max(0.0) + 10.0 * random_at([x, y, z])
 }
 
-fn volume(sample_type: SampleType) -> Dense {
-    let volume = Dense::new([23, 20, 17], sample_type, [0.9, 1.1, 1.3], |p| {
+fn volume(sample_type: SampleType) -> SampleVolume {
+    let volume = SampleVolume::new([23, 20, 17], sample_type, [0.9, 1.1, 1.3], |p| {
         if sample_type == SampleType::I8 { blob(p) / 2.0 } else { blob(p) }
     });
     if sample_type == SampleType::U16 { volume.scaled(0.5, 20.0) } else { volume }
@@ -126,7 +127,7 @@ fn labels_shade_by_their_smoothed_visibility() {
         TransferFunction::labels(vec![Label { opacity: 0.0, ..label(7) }], UnlistedLabels::Distinct).expect("sound");
     for dims in [[23, 20, 17], [1, 1, 1], [5, 1, 3], [1, 2, 40], [2, 3, 1]] {
         for sample_type in [SampleType::U8, SampleType::I16, SampleType::U32] {
-            let volume = Dense::new(dims, sample_type, [1.0, 1.0, 1.5], |p| 3.0 + (blob(p) / 16.0).floor());
+            let volume = SampleVolume::new(dims, sample_type, [1.0, 1.0, 1.5], |p| 3.0 + (blob(p) / 16.0).floor());
             for transfer in [&some, &all, &but_seven] {
                 if dims[0] < 20 && std::ptr::eq(transfer, &some) {
                     continue; // may hold none of the three
@@ -138,7 +139,7 @@ fn labels_shade_by_their_smoothed_visibility() {
         }
     }
     // Inside a solid of many labels there is no surface, so no normal: labels as such do not shade.
-    let solid = Dense::new([9, 9, 9], SampleType::U8, [1.0; 3], |p| 1.0 + (random_at(p) * 50.0).floor());
+    let solid = SampleVolume::new([9, 9, 9], SampleType::U8, [1.0; 3], |p| 1.0 + (random_at(p) * 50.0).floor());
     let built = build_and_compare(&solid, &options(all));
     let none = u32::from(adjsplat::classify::normal::NONE8);
     assert!((0..729).all(|record| built.lanes[0].view().normal_code(record) == none));

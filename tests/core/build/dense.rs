@@ -2,10 +2,11 @@
 
 use adjsplat::volume::{Grid, Header, SampleType, Samples, SlabSource};
 use adjsplat::{Error, Result};
+use adjsplat_tests::random::Random;
 
 /// A whole volume.
 #[derive(Clone)]
-pub(crate) struct Dense {
+pub(crate) struct SampleVolume {
     pub(crate) header: Header,
     pub(crate) samples: Samples,
     next: usize,
@@ -13,14 +14,14 @@ pub(crate) struct Dense {
     pub(crate) slices_read: usize,
 }
 
-impl Dense {
+impl SampleVolume {
     /// Samples by place, rounded to the type as a cast does.
     pub(crate) fn new(
         dims: [u32; 3],
         sample_type: SampleType,
         spacing: [f64; 3],
         sample: impl Fn([u32; 3]) -> f64,
-    ) -> Dense {
+    ) -> SampleVolume {
         let grid = Grid::new(dims.map(u64::from), spacing).expect("test grids are sound");
         let mut samples = Samples::zeros(sample_type, usize::try_from(grid.len()).expect("small"));
         let places =
@@ -35,16 +36,16 @@ impl Dense {
         fill!(U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, F32 f32, F64 f64);
         let name = "dense".to_owned();
         let header = Header { grid, sample_type, slope: 1.0, intercept: 0.0, name, format: "memory" };
-        Dense { header, samples, next: 0, slices_read: 0 }
+        SampleVolume { header, samples, next: 0, slices_read: 0 }
     }
 
-    pub(crate) fn scaled(mut self, slope: f64, intercept: f64) -> Dense {
+    pub(crate) fn scaled(mut self, slope: f64, intercept: f64) -> SampleVolume {
         (self.header.slope, self.header.intercept) = (slope, intercept);
         self
     }
 
     /// All of `source`, which must be at its first slice.
-    pub(crate) fn read(source: &mut dyn SlabSource) -> Dense {
+    pub(crate) fn read(source: &mut dyn SlabSource) -> SampleVolume {
         let header = source.header().clone();
         let mut samples = Samples::zeros(header.sample_type, usize::try_from(header.grid.len()).expect("fits"));
         let mut slice = header.new_slice().expect("fits");
@@ -53,7 +54,7 @@ impl Dense {
             let width = slice.bytes().len();
             samples.bytes_mut()[z * width..][..width].copy_from_slice(slice.bytes());
         }
-        Dense { header, samples, next: 0, slices_read: 0 }
+        SampleVolume { header, samples, next: 0, slices_read: 0 }
     }
 
     /// The value of a sample, in its own unit; `None` outside the grid.
@@ -70,7 +71,7 @@ impl Dense {
     }
 }
 
-impl SlabSource for Dense {
+impl SlabSource for SampleVolume {
     fn header(&self) -> &Header {
         &self.header
     }
@@ -93,15 +94,7 @@ impl SlabSource for Dense {
     }
 }
 
-/// Numbers from 0 to 1 that look random and depend on the seed alone (splitmix64).
-pub(crate) fn random(seed: u64) -> f64 {
-    let mut z = seed.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-}
-
 /// A random number of a place.
 pub(crate) fn random_at([x, y, z]: [u32; 3]) -> f64 {
-    random(u64::from(x) | u64::from(y) << 20 | u64::from(z) << 40)
+    Random(u64::from(x) | u64::from(y) << 20 | u64::from(z) << 40).number()
 }

@@ -6,16 +6,17 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
+use adjsplat_tests::scenes::options;
 
-use super::dense::{Dense, random_at};
-use super::twin::{build_and_compare, compare, options};
+use super::dense::{SampleVolume, random_at};
+use super::twin::{build_and_compare, compare};
 
 fn range(low: f64, high: f64) -> TransferFunction {
     TransferFunction::range(low, high).expect("a sound range")
 }
 
-fn phantom(phantom: &Phantom, dims: [u64; 3], sample_type: SampleType, spacing: [f64; 3]) -> Dense {
-    Dense::read(&mut *phantom.open(dims, sample_type, spacing).expect("a sound phantom"))
+fn phantom(phantom: &Phantom, dims: [u64; 3], sample_type: SampleType, spacing: [f64; 3]) -> SampleVolume {
+    SampleVolume::read(&mut *phantom.open(dims, sample_type, spacing).expect("a sound phantom"))
 }
 
 #[test]
@@ -63,7 +64,7 @@ fn the_smallest_and_thinnest_grids() {
     for dims in [[1, 1, 1], [1, 1, 300], [1, 300, 1], [300, 1, 1], [2, 1, 1], [1, 9, 17], [2, 2, 2], [700, 1, 2]] {
         for sample_type in SampleType::ALL {
             let wrapped = |place| ramp(place) % 127.0;
-            let volume = Dense::new(dims, sample_type, [1.0, 2.0, 0.5], wrapped);
+            let volume = SampleVolume::new(dims, sample_type, [1.0, 2.0, 0.5], wrapped);
             for normal_bits in [0, 8, 16] {
                 build_and_compare(&volume, &BuildOptions { normal_bits, ..options(range(0.0, 126.0)) });
             }
@@ -78,7 +79,7 @@ fn gaps_of_every_length_around_255_are_bridged() {
             let volume = |turn: usize| {
                 let mut dims = [2, 3, 2];
                 dims[turn] = first + gap + 2;
-                Dense::new(dims, SampleType::U8, [1.0; 3], move |place| {
+                SampleVolume::new(dims, SampleType::U8, [1.0; 3], move |place| {
                     let at = place[turn];
                     f64::from(at == first || at == first + gap) * 9.0
                 })
@@ -97,7 +98,7 @@ fn gaps_of_every_length_around_255_are_bridged() {
 #[test]
 fn constant_volumes_have_no_normals_and_every_voxel() {
     for sample_type in SampleType::ALL {
-        let volume = Dense::new([9, 10, 11], sample_type, [1.0; 3], |_| 100.0);
+        let volume = SampleVolume::new([9, 10, 11], sample_type, [1.0; 3], |_| 100.0);
         for value_bits in [8, 16] {
             let built = build_and_compare(&volume, &BuildOptions { value_bits, ..options(range(50.0, 120.0)) });
             assert_eq!(built.facts.visible_voxels, 990);
@@ -118,7 +119,7 @@ fn samples_that_are_no_numbers_are_transparent_and_counted() {
             let dice = random_at(place);
             if dice < 0.3 { bad[(dice * 1e6) as usize % bad.len()] } else { dice * 100.0 }
         };
-        let volume = Dense::new([21, 13, 10], sample_type, [1.0, 0.5, 3.0], sample);
+        let volume = SampleVolume::new([21, 13, 10], sample_type, [1.0, 0.5, 3.0], sample);
         let wrong = (0..volume.samples.len()).filter(|&i| !volume.samples.get(i).is_finite()).count() as u64;
         for (low, high) in
             [(40.0, 90.0), (40.0, f64::INFINITY), (f64::NEG_INFINITY, 0.0), (f64::NEG_INFINITY, f64::INFINITY)]
@@ -138,8 +139,8 @@ fn samples_that_are_no_numbers_are_transparent_and_counted() {
 fn slope_and_intercept_give_values_in_their_own_unit() {
     for (slope, intercept) in [(2.007_843_255_996_704, 0.0), (0.1, -1024.0), (-3.0, 700.0), (1e-7, 1e3)] {
         for sample_type in [SampleType::U8, SampleType::I16, SampleType::I32] {
-            let volume =
-                Dense::new([15, 14, 13], sample_type, [1.0; 3], |p| random_at(p) * 120.0).scaled(slope, intercept);
+            let volume = SampleVolume::new([15, 14, 13], sample_type, [1.0; 3], |p| random_at(p) * 120.0)
+                .scaled(slope, intercept);
             let middle = 60.0 * slope + intercept;
             for (low, high) in [(middle, f64::INFINITY), (f64::NEG_INFINITY, middle)] {
                 for value_bits in [8, 16] {
@@ -156,8 +157,9 @@ fn slope_and_intercept_give_values_in_their_own_unit() {
 fn wide_samples_share_codes_within_half_a_code() {
     for sample_type in [SampleType::U16, SampleType::I16, SampleType::U32, SampleType::I32, SampleType::F64] {
         let (low, high) = sample_type.integer_range().unwrap_or((-1e300, 1e300));
-        let volume =
-            Dense::new([19, 8, 9], sample_type, [1.0; 3], |p| low + (high / 2.0 - low / 2.0) * 2.0 * random_at(p));
+        let volume = SampleVolume::new([19, 8, 9], sample_type, [1.0; 3], |p| {
+            low + (high / 2.0 - low / 2.0) * 2.0 * random_at(p)
+        });
         for value_bits in [8, 16] {
             // Gradients of samples up to 1e300 leave single precision, in which they are taken; values do not.
             let normal_bits = if sample_type == SampleType::F64 { 0 } else { 8 };

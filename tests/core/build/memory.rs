@@ -6,13 +6,13 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
 use adjsplat::internals::Budget;
 use adjsplat::volume::{SampleType, SlabSource as _};
+use adjsplat_tests::scenes::options;
 
 use super::classification::blob;
-use super::dense::{Dense, random_at};
-use super::twin::options;
+use super::dense::{SampleVolume, random_at};
 
 /// The least memory that a build of `volume` takes.
-fn least(volume: &Dense, options: &BuildOptions, resources: &Resources) -> u64 {
+fn least(volume: &SampleVolume, options: &BuildOptions, resources: &Resources) -> u64 {
     let enough = |memory| {
         let resources = Resources { memory: Some(memory), ..resources.clone() };
         Budget::new(volume.header(), options, &resources, 0).is_ok()
@@ -31,9 +31,9 @@ fn any_budget_and_any_number_of_threads_give_the_bytes_of_a_build_in_memory() {
     let folder = tempfile::tempdir().expect("there is a temporary folder");
     let dims = [75, 61, 53];
     let lone = |p: [u32; 3]| if random_at(p) > 0.97 { 90.0 } else { 0.0 };
-    let smooth = Dense::new(dims, SampleType::U16, [1.0, 0.5, 2.0], blob);
-    let labels = Dense::new(dims, SampleType::U8, [1.0; 3], |p| (blob(p) / 16.0).floor());
-    let sparse = Dense::new([9, 700, 13], SampleType::F32, [1.0; 3], lone);
+    let smooth = SampleVolume::new(dims, SampleType::U16, [1.0, 0.5, 2.0], blob);
+    let labels = SampleVolume::new(dims, SampleType::U8, [1.0; 3], |p| (blob(p) / 16.0).floor());
+    let sparse = SampleVolume::new([9, 700, 13], SampleType::F32, [1.0; 3], lone);
     let range = TransferFunction::range(60.0, f64::INFINITY).expect("sound");
     let surface = TransferFunction::contour(60.0).expect("sound");
     let palette = TransferFunction::preset("labels").expect("a preset");

@@ -1,33 +1,20 @@
 //! Real volumes: the counts and gaps that independent readers found (shared/data/MANIFEST.md).
 
-use std::io::Write as _;
-use std::path::{Path, PathBuf};
-
 use adjsplat::arena::Lane;
-use adjsplat::build::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::volume::SlabSource;
 use adjsplat::volume::UnscaledSource;
-use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_tests::real_volume;
+use adjsplat_tests::scenes::{at_least, built, options, volume};
 
-use super::dense::Dense;
-use super::twin::{compare, options};
+use super::dense::SampleVolume;
+use super::twin::compare;
 
-/// A real volume's samples as they are stored; `None`, with a line that says so, where they are not on this machine.
+/// A real volume's samples as they are stored; `None` where they are not on this machine.
 pub(crate) fn real(file: &str) -> Option<Box<dyn SlabSource>> {
-    let folder = adjsplat_tests::repository().join("../shared/data");
-    if !folder.is_dir() {
-        // Not by eprintln, which the test runner keeps to itself where a test passes.
-        let _ = writeln!(std::io::stderr(), "SKIPPED: no real volumes in {}; {file} was not built", folder.display());
-        return None;
-    }
     // MANIFEST.md counts stored numbers; the MR head has a slope.
-    let source = open(&folder.join(file), &OpenOptions::default()).unwrap_or_else(|error| panic!("{error}"));
-    Some(Box::new(UnscaledSource::new(source)))
-}
-
-pub(crate) fn at_least(iso: f64) -> TransferFunction {
-    TransferFunction::range(iso, f64::INFINITY).expect("a sound range")
+    Some(Box::new(UnscaledSource::new(volume(&real_volume(file)?))))
 }
 
 /// Builds one bare lane of `file` for each threshold and checks how many voxels it has.
@@ -35,7 +22,7 @@ fn check_counts(file: &str, counts: &[(f64, u64)]) {
     for &(iso, visible) in counts {
         let Some(mut source) = real(file) else { return };
         let options = BuildOptions { lane_count: 1, normal_bits: 0, ..options(at_least(iso)) };
-        let built = build(&mut *source, &options, &mut Unobserved).unwrap_or_else(|error| panic!("{error}"));
+        let built = built(&mut *source, &options);
         assert_eq!(built.facts.visible_voxels, visible, "{file} >= {iso}");
     }
 }
@@ -44,10 +31,10 @@ fn check_counts(file: &str, counts: &[(f64, u64)]) {
 fn check_voxels(file: &str, iso: f64, visible: u64) {
     let Some(mut source) = real(file) else { return };
     let options = options(at_least(iso));
-    let built = build(&mut *source, &options, &mut Unobserved).unwrap_or_else(|error| panic!("{error}"));
+    let built = built(&mut *source, &options);
     assert_eq!(built.facts.visible_voxels, visible, "{file} >= {iso}");
     source.rewind().expect("the file is still there");
-    compare(&Dense::read(&mut *source), &options, &built);
+    compare(&SampleVolume::read(&mut *source), &options, &built);
 }
 
 #[test]
@@ -99,7 +86,7 @@ fn atlas_of_138_labels() {
     let Some(mut source) = real("allen-human-atlas/AllenAtlas.nii.gz") else { return };
     let all = TransferFunction::preset("labels").expect("a preset");
     let options = BuildOptions { lane_count: 1, normal_bits: 0, ..options(all) };
-    let built = build(&mut *source, &options, &mut Unobserved).unwrap_or_else(|error| panic!("{error}"));
+    let built = built(&mut *source, &options);
     assert_eq!(built.facts.visible_voxels, 13_963_402);
     // Labels keep codes of their own.
     assert_eq!(built.facts.scales.value_step, 1.0);
@@ -125,7 +112,7 @@ fn gaps(lane: &Lane) -> (u32, usize, u64) {
 fn frog_has_gaps_that_need_stepping_voxels() {
     let Some(mut source) = real("frogtissue/frogtissue.mhd") else { return };
     let options = BuildOptions { normal_bits: 0, ..options(at_least(1.0)) };
-    let built: Built = build(&mut *source, &options, &mut Unobserved).unwrap_or_else(|error| panic!("{error}"));
+    let built = built(&mut *source, &options);
     assert_eq!(built.facts.visible_voxels, 1_156_957);
     let lanes: Vec<Lane> = built.lanes.iter().map(|lane| lane.view()).collect();
     let [x, y, z] = [gaps(&lanes[0]), gaps(&lanes[1]), gaps(&lanes[2])];

@@ -6,20 +6,20 @@ use adjsplat::build::{BuildOptions, Observer, Phase, Unobserved, build};
 use adjsplat::classify::{Colour, Point, TransferFunction};
 use adjsplat::volume::{Axis, SampleType};
 use adjsplat::{Error, Result};
+use adjsplat_tests::scenes::options;
 
-use super::dense::{Dense, random_at};
-use super::twin::options;
+use super::dense::{SampleVolume, random_at};
 
 fn range(low: f64, high: f64) -> TransferFunction {
     TransferFunction::range(low, high).expect("a sound range")
 }
 
-fn rough(sample_type: SampleType) -> Dense {
-    Dense::new([12, 11, 10], sample_type, [1.0; 3], |p| 10.0 + (80.0 * random_at(p)).floor())
+fn rough(sample_type: SampleType) -> SampleVolume {
+    SampleVolume::new([12, 11, 10], sample_type, [1.0; 3], |p| 10.0 + (80.0 * random_at(p)).floor())
 }
 
 /// The error of building, in one line, and the volume after it.
-fn refused(volume: &Dense, options: &BuildOptions) -> String {
+fn refused(volume: &SampleVolume, options: &BuildOptions) -> String {
     let error = build(&mut volume.clone(), options, &mut Unobserved).map(|built| built.facts).expect_err("refused");
     let line = error.to_string();
     assert!(!line.contains('\n') && !line.ends_with('.'), "{line}");
@@ -41,7 +41,7 @@ fn nothing_visible_says_the_range_of_the_samples_and_what_to_try() {
             assert!(line.starts_with("nothing is visible"), "{line}");
             assert!(line.contains(&format!("from {low} to {high}")), "{}: {line}", sample_type.name());
             // What it says to try works.
-            let tried = line.split("--range ").nth(1).expect("it says what to try");
+            let tried = line.split("the range ").nth(1).expect("it says what to try");
             let (from, to) = tried.split_once("..").expect("a range");
             let tried = range(from.parse().expect("a number"), to.parse().expect("a number"));
             assert!(build(&mut volume.clone(), &options(tried), &mut Unobserved).is_ok(), "{line}");
@@ -51,7 +51,7 @@ fn nothing_visible_says_the_range_of_the_samples_and_what_to_try() {
 
 #[test]
 fn nothing_visible_where_gradients_are_wanted_and_there_are_none() {
-    let flat = Dense::new([5, 5, 5], SampleType::F32, [1.0; 3], |_| 7.0);
+    let flat = SampleVolume::new([5, 5, 5], SampleType::F32, [1.0; 3], |_| 7.0);
     for text in [
         r##"{"kind":"region","knots":[{"value":0,"colour":"#ffffff","opacity":1},{"value":9,"colour":"#ffffff","opacity":1}]}"##,
         r##"{"kind":"contour","contours":[{"value":6.5,"opacity":1}]}"##,
@@ -65,7 +65,8 @@ fn nothing_visible_where_gradients_are_wanted_and_there_are_none() {
 
 #[test]
 fn a_volume_of_no_numbers_says_so() {
-    let volume = Dense::new([3, 4, 5], SampleType::F32, [1.0; 3], |p| if p[0] == 0 { f64::INFINITY } else { f64::NAN });
+    let volume =
+        SampleVolume::new([3, 4, 5], SampleType::F32, [1.0; 3], |p| if p[0] == 0 { f64::INFINITY } else { f64::NAN });
     for shown in [range(0.0, 1.0), range(0.0, f64::INFINITY)] {
         let line = refused(&volume, &options(shown));
         assert!(
@@ -96,9 +97,9 @@ fn options_out_of_range_are_refused_before_a_sample_is_read() {
 #[test]
 fn label_maps_that_codes_cannot_hold_are_refused_with_the_way_out() {
     let labels = || TransferFunction::preset("labels").expect("a preset");
-    let many = Dense::new([20, 20, 2], SampleType::U16, [1.0; 3], |[x, y, _]| f64::from(1 + x + 20 * y));
+    let many = SampleVolume::new([20, 20, 2], SampleType::U16, [1.0; 3], |[x, y, _]| f64::from(1 + x + 20 * y));
     let line = refused(&many, &options(labels()));
-    assert!(line.contains("--value-bits 16"), "{line}");
+    assert!(line.contains("16-bit values"), "{line}");
     assert!(build(&mut many.clone(), &BuildOptions { value_bits: 16, ..options(labels()) }, &mut Unobserved).is_ok());
     let line = refused(&rough(SampleType::F32), &options(labels()));
     assert!(line.contains("whole numbers"), "{line}");

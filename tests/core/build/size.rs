@@ -4,14 +4,14 @@ use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::file::arena_bytes;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};
+use adjsplat_tests::scenes::{at_least, built, options};
 
-use super::real::{at_least, real};
-use super::twin::options;
+use super::real::real;
 
 /// Bytes a visible voxel of files with one lane and with three.
 fn check(source: Option<Box<dyn SlabSource>>, iso: f64, one_bar: f64, three_bar: f64) {
     let Some(mut source) = source else { return };
-    let built = build(&mut *source, &options(at_least(iso)), &mut Unobserved).unwrap_or_else(|error| panic!("{error}"));
+    let built = built(&mut *source, &options(at_least(iso)));
     let name = source.header().name.clone();
     // About as long as what the program writes.
     let description = format!("{{\"transfer_function\":\"{}\"}}", "x".repeat(500));
@@ -44,7 +44,7 @@ fn one_percent_noise() {
 #[test]
 fn a_lane_alone_is_the_same_as_with_others() {
     let gyroid = || Phantom::Gyroid.open([70, 60, 50], SampleType::U8, [1.0; 3]).expect("sound");
-    let all = build(&mut *gyroid(), &options(at_least(150.0)), &mut Unobserved).expect("builds");
+    let all = built(&mut *gyroid(), &options(at_least(150.0)));
     let one = BuildOptions { lane_count: 1, ..options(at_least(150.0)) };
     let one = build(&mut *gyroid(), &one, &mut Unobserved).expect("builds");
     assert!(one.lanes[0] == all.lanes[0] && one.facts == all.facts);

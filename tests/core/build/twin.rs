@@ -1,18 +1,13 @@
 //! The twin: every sample of the volume in its turn, and what a lane must hold of it.
 
-use adjsplat::arena::layout::Channels;
-use adjsplat::arena::{Arena, TileOrder};
+use adjsplat::arena::Arena;
+use adjsplat::arena::Channels;
 use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::{MagnitudeCodec, TransferFunction, normal};
 use adjsplat::file::arena_bytes;
 use adjsplat::volume::Axis;
 
-use super::dense::Dense;
-
-/// Three lanes, u8 values, 2x8 normals.
-pub(crate) fn options(transfer: TransferFunction) -> BuildOptions {
-    BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits: 8 }
-}
+use super::dense::SampleVolume;
 
 /// What a record must hold.
 struct Expected {
@@ -23,13 +18,13 @@ struct Expected {
 }
 
 /// Builds `volume`, compares each lane with the twin voxel by voxel, and has the file checked.
-pub(crate) fn build_and_compare(volume: &Dense, options: &BuildOptions) -> Built {
+pub(crate) fn build_and_compare(volume: &SampleVolume, options: &BuildOptions) -> Built {
     let built = build(&mut volume.clone(), options, &mut Unobserved).unwrap_or_else(|error| panic!("{error}"));
     compare(volume, options, &built);
     built
 }
 
-pub(crate) fn compare(volume: &Dense, options: &BuildOptions, built: &Built) {
+pub(crate) fn compare(volume: &SampleVolume, options: &BuildOptions, built: &Built) {
     let expected = twin(volume, options, built);
     let visible = expected.iter().flatten().count();
     assert_eq!(built.facts.visible_voxels, visible as u64, "visible voxels");
@@ -70,7 +65,7 @@ pub(crate) fn compare(volume: &Dense, options: &BuildOptions, built: &Built) {
 }
 
 /// Largest difference that a stored value may have: half a code, or none where there is a code for every sample.
-fn value_tolerance(volume: &Dense, built: &Built) -> f64 {
+fn value_tolerance(volume: &SampleVolume, built: &Built) -> f64 {
     let scales = built.facts.scales;
     let whole = volume.header.sample_type.integer_range().is_some();
     let one_each = whole && (scales.value_step == volume.header.slope.abs() || scales.value_step == 0.0);
@@ -79,7 +74,7 @@ fn value_tolerance(volume: &Dense, built: &Built) -> f64 {
 }
 
 /// By sample, x fastest: what is stored of it, if it is visible.
-fn twin(volume: &Dense, options: &BuildOptions, built: &Built) -> Vec<Option<Expected>> {
+fn twin(volume: &SampleVolume, options: &BuildOptions, built: &Built) -> Vec<Option<Expected>> {
     // The same function, with what the volume decides filled in: it must not change what was given.
     let transfer = &built.transfer;
     assert_eq!(transfer.shaded(), options.transfer.shaded());
@@ -123,7 +118,7 @@ struct Field {
 }
 
 impl Field {
-    fn of(volume: &Dense, transfer: &TransferFunction) -> Field {
+    fn of(volume: &SampleVolume, transfer: &TransferFunction) -> Field {
         let dims = volume.header.grid.dims.map(i64::from);
         let mut field = Field { dims, spacing: volume.header.grid.spacing, values: Vec::new() };
         let places = (0..dims[2]).flat_map(|z| (0..dims[1]).flat_map(move |y| (0..dims[0]).map(move |x| [x, y, z])));

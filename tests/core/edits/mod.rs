@@ -20,27 +20,22 @@ use adjsplat::arena::{Channels, OwnedLane, Region, TileOrder};
 use adjsplat::file::arena_bytes;
 use adjsplat::internals::LanePacker;
 use adjsplat::volume::{Axis, Grid};
-
-/// Eight-bit values and nothing else.
-const PLAIN: Channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0 };
-/// What a build gives by default.
-const LIT: Channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0 };
-/// Every channel at its widest.
-const WIDE: Channels = Channels { value_bits: 16, normal_bits: 16, magnitude_bits: 8 };
+use adjsplat_tests::random::Random;
+use adjsplat_tests::scenes::{LIT, PLAIN, WIDE};
 
 /// Some voxels by z, y, x, and how they are stored.
 #[derive(Clone)]
-struct Model {
+struct VoxelMap {
     facts: Facts,
     voxels: BTreeMap<[u16; 3], Record>,
 }
 
-impl Model {
-    fn new(dims: [u32; 3], channels: Channels, tile_order: TileOrder) -> Model {
+impl VoxelMap {
+    fn new(dims: [u32; 3], channels: Channels, tile_order: TileOrder) -> VoxelMap {
         let grid = Grid::new(dims.map(u64::from), [1.0, 0.5, 2.0]).expect("a sound grid");
         let scales = Scales { value_low: 10.0, value_step: 2.0, magnitude_scale: 50.0 };
         let scales = if channels.magnitude_bits == 0 { Scales { magnitude_scale: 0.0, ..scales } } else { scales };
-        Model { facts: Facts { grid, channels, tile_order, scales, visible_voxels: 0 }, voxels: BTreeMap::new() }
+        VoxelMap { facts: Facts { grid, channels, tile_order, scales, visible_voxels: 0 }, voxels: BTreeMap::new() }
     }
 
     fn dims(&self) -> [u32; 3] {
@@ -60,17 +55,17 @@ impl Model {
     }
 
     /// Those voxels that `keep` keeps.
-    fn filtered(&self, mut keep: impl FnMut([u32; 3], Record) -> bool) -> Model {
+    fn filtered(&self, mut keep: impl FnMut([u32; 3], Record) -> bool) -> VoxelMap {
         let mut left = self.clone();
         left.voxels.retain(|&[z, y, x], record| keep([x, y, z].map(u32::from), *record));
         left
     }
 
     /// Those voxels that lie in `crop`, counted from its lowest corner, on a grid of its size.
-    fn cropped(&self, crop: &Region) -> Model {
+    fn cropped(&self, crop: &Region) -> VoxelMap {
         let low = [&crop.xs, &crop.ys, &crop.zs].map(|part| part.start);
         let dims = [&crop.xs, &crop.ys, &crop.zs].map(|part| part.end - part.start);
-        let mut left = Model::new(dims, self.facts.channels, self.facts.tile_order);
+        let mut left = VoxelMap::new(dims, self.facts.channels, self.facts.tile_order);
         for (&[z, y, x], &record) in &self.voxels {
             let at = [x, y, z].map(u32::from);
             if (0..3).all(|a| (low[a]..low[a] + dims[a]).contains(&at[a])) {
@@ -113,28 +108,16 @@ fn narrow(coordinate: u32) -> u16 {
     u16::try_from(coordinate).expect("grids have at most 65,535 points an axis")
 }
 
-/// A small generator, so that failures repeat (SplitMix64, Steele et al. 2014).
-#[derive(Debug, Clone)]
-struct Random(u64);
-
-impl Random {
-    fn next(&mut self) -> u64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.0;
-        bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        bits ^ bits >> 31
-    }
-
-    fn below(&mut self, bound: u64) -> u64 {
-        self.next() % bound
-    }
-
-    fn place(&mut self, dims: [u32; 3]) -> [u32; 3] {
-        dims.map(|points| self.below(points.into()) as u32)
-    }
-
+/// Random structures.
+trait RandomVoxels {
     /// A record whose codes fit the channels, and are 0 where there is none.
+    fn record(&mut self, channels: Channels) -> Record;
+
+    /// A volume: mostly small, now and then with an axis so long that gaps need stepping voxels or ends are wide.
+    fn voxels(&mut self) -> VoxelMap;
+}
+
+impl RandomVoxels for Random {
     fn record(&mut self, channels: Channels) -> Record {
         let bits = |random: &mut Random, bits: u32| random.next() & ((1u64 << bits) - 1);
         Record {
@@ -144,8 +127,7 @@ impl Random {
         }
     }
 
-    /// A volume: mostly small, now and then with an axis so long that gaps need stepping voxels or ends are wide.
-    fn model(&mut self) -> Model {
+    fn voxels(&mut self) -> VoxelMap {
         let mut dims = [(); 3].map(|()| 1 + self.below(24) as u32);
         match self.below(4) {
             0 => dims = [1 + dims[0] / 3, 1 + dims[1] / 8, 1 + dims[2] / 8],
@@ -157,7 +139,7 @@ impl Random {
         }
         let channels = [PLAIN, LIT, WIDE][self.below(3) as usize];
         let order = TileOrder::from_code(self.below(3) as u8).expect("there are three");
-        let mut model = Model::new(dims, channels, order);
+        let mut model = VoxelMap::new(dims, channels, order);
         let share = [0, 3, 40, 128, 256][self.below(5) as usize];
         for z in 0..dims[2] {
             for y in 0..dims[1] {

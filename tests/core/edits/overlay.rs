@@ -9,50 +9,29 @@ use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
 use adjsplat::internals::transpose;
 use adjsplat::splat::{Camera, Code, Lanes, Mode, Orbit, Scene, Settings, Surround, cpu};
-use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
+use adjsplat::traverse::Order;
 use adjsplat::volume::Axis;
+use adjsplat_tests::random::Random;
+use adjsplat_tests::scenes::{LIT, PLAIN, WIDE};
+use adjsplat_tests::walks::{eye_orders, parallel_orders, visited};
 
-use crate::edits::{LIT, Model, PLAIN, Random, WIDE, damage};
+use crate::edits::{RandomVoxels as _, VoxelMap, damage};
 
 /// Everything a walk visits.
 fn visits(lane: &Lane, order: &Order) -> Vec<([u32; 3], Record)> {
-    let mut seen = Vec::new();
-    walk(lane, order, &mut |batch: &Batch| {
-        assert!(!batch.is_empty());
-        for index in 0..batch.len() {
-            let mut at = [0; 3];
-            at[order.slow.index()] = batch.slow.into();
-            at[order.medium.index()] = batch.medium[index].into();
-            at[order.fast.index()] = batch.fast[index].into();
-            seen.push((at, lane.record(batch.record_index(index))));
-        }
-    });
-    seen
+    visited(lane, order, |at, record| (at, lane.record(record)))
 }
 
 /// All 48 orders of parallel views, and those of some eyes: inside, on a plane of the grid, and beside it.
 fn orders(dims: [u32; 3], random: &mut Random) -> Vec<Order> {
-    const TOWARD: [[f64; 3]; 6] =
-        [[3.0, 2.0, 1.0], [3.0, 1.0, -2.0], [2.0, 3.0, 1.0], [1.0, 3.0, 2.0], [-2.0, 1.0, 3.0], [1.0, 2.0, -3.0]];
-    let mut orders: Vec<Order> =
-        (0..6).flat_map(|nesting| (0..8).map(move |down| Order::parallel(nesting, down))).collect();
     let inside = dims.map(|points| random.below(2 * u64::from(points)) as f64 / 2.0);
     let beside = [-3.0, inside[1] + 0.3, inside[2]];
-    for eye in [inside, beside] {
-        for toward in TOWARD {
-            for form in [SplitForm::Split, SplitForm::Interleaved] {
-                for sense in [Sense::BackToFront, Sense::FrontToBack] {
-                    let viewpoint = Viewpoint::Perspective { eye, toward };
-                    orders.push(Order::new(viewpoint, dims, sense, form).expect("a sound viewpoint"));
-                }
-            }
-        }
-    }
-    orders
+    let eyes = [inside, beside].into_iter().flat_map(|eye| eye_orders(eye, dims).map(|(_, order)| order));
+    parallel_orders().chain(eyes).collect()
 }
 
 /// Edits the overlay and the model alike: some scattered, some in a row, some that take back earlier ones.
-fn edit(overlay: &mut Overlay, model: &mut Model, random: &mut Random, count: u64) {
+fn edit(overlay: &mut Overlay, model: &mut VoxelMap, random: &mut Random, count: u64) {
     let dims = model.dims();
     let mut last = random.place(dims);
     for _ in 0..count {
@@ -78,7 +57,7 @@ fn edit(overlay: &mut Overlay, model: &mut Model, random: &mut Random, count: u6
 }
 
 /// Holds `overlay` equal to the arena rebuilt from `model`: walks along every lane, counts, lanes and file.
-fn check(overlay: &Overlay, model: &Model, random: &mut Random) {
+fn check(overlay: &Overlay, model: &VoxelMap, random: &mut Random) {
     let rebuilt = model.lanes(3);
     assert_eq!(overlay.facts().expect("counts"), model.facts());
     for order in orders(model.dims(), random) {
@@ -127,7 +106,7 @@ fn check(overlay: &Overlay, model: &Model, random: &mut Random) {
 fn any_edits_give_what_a_rebuild_gives() {
     for seed in 0..60 {
         let mut random = Random(seed);
-        let mut model = random.model();
+        let mut model = random.voxels();
         // Some lanes are stored, the others derived.
         let bytes = model.bytes(1 + random.below(3) as usize);
         let lanes = LaneSet::new(Arena::new(&bytes).unwrap_or_else(|fault| panic!("{seed}: {fault}")), None);
@@ -144,7 +123,7 @@ fn any_edits_give_what_a_rebuild_gives() {
 fn edits_taken_back_leave_nothing() {
     let mut random = Random(7);
     for _ in 0..40 {
-        let original = random.model();
+        let original = random.voxels();
         let bytes = original.bytes(1);
         let lanes = LaneSet::new(Arena::new(&bytes).expect("sound"), None);
         let mut overlay = Overlay::new(&lanes);
@@ -167,7 +146,7 @@ fn edits_taken_back_leave_nothing() {
 
 #[test]
 fn without_edits_a_lane_is_the_arenas_own() {
-    let mut model = Model::new([9, 9, 9], PLAIN, Default::default());
+    let mut model = VoxelMap::new([9, 9, 9], PLAIN, Default::default());
     model.put([1, 2, 3], Some(Record { value: 9, ..Record::default() }));
     let bytes = model.bytes(3);
     let lanes = LaneSet::new(Arena::new(&bytes).expect("sound"), None);
@@ -184,7 +163,7 @@ fn without_edits_a_lane_is_the_arenas_own() {
 
 #[test]
 fn voxels_that_do_not_fit_are_refused() {
-    let mut model = Model::new([5, 6, 7], LIT, Default::default());
+    let mut model = VoxelMap::new([5, 6, 7], LIT, Default::default());
     model.put([1, 2, 3], Some(Record::default()));
     let bytes = model.bytes(3);
     let lanes = LaneSet::new(Arena::new(&bytes).expect("sound"), None);
@@ -227,7 +206,7 @@ fn transfer(by_magnitude: bool) -> TransferFunction {
 fn a_threshold_hides_what_a_rebuild_leaves_out() {
     for seed in 100..130 {
         let mut random = Random(seed);
-        let mut model = random.model();
+        let mut model = random.voxels();
         let by_magnitude = model.facts.channels.magnitude_bits > 0 && random.below(2) == 0;
         let transfer = transfer(by_magnitude);
         let bytes = model.bytes(3);
@@ -253,7 +232,7 @@ fn a_threshold_hides_what_a_rebuild_leaves_out() {
 
 #[test]
 fn a_threshold_without_meaning_is_refused() {
-    let mut model = Model::new([5, 6, 7], PLAIN, Default::default());
+    let mut model = VoxelMap::new([5, 6, 7], PLAIN, Default::default());
     model.put([1, 2, 3], Some(Record::default()));
     let bytes = model.bytes(1);
     let lanes = LaneSet::new(Arena::new(&bytes).expect("sound"), None);
@@ -266,8 +245,8 @@ fn a_threshold_without_meaning_is_refused() {
 }
 
 /// A ball with normals, in a grid with room.
-fn ball() -> Model {
-    let mut model = Model::new([40, 44, 36], LIT, Default::default());
+fn ball() -> VoxelMap {
+    let mut model = VoxelMap::new([40, 44, 36], LIT, Default::default());
     let [nx, ny, nz] = model.dims();
     for (z, y, x) in (0..nz).flat_map(|z| (0..ny).flat_map(move |y| (0..nx).map(move |x| (z, y, x)))) {
         let d = [f64::from(x) - 20.0, f64::from(y) - 22.0, f64::from(z) - 18.0];
@@ -344,7 +323,7 @@ fn pictures_are_those_of_a_rebuilt_arena_bit_for_bit() {
                 (Mode::Maximum, 2, Code::Best),
                 (Mode::Additive, 1, Code::Portable),
             ] {
-                let settings = Settings { mode, threads, code, exposure: None, ..Settings::new([90, 70]) };
+                let settings = Settings { mode, threads, code, exposure: None, ..Settings::every_pixel([90, 70]) };
                 let over = draw(&facts, &overlay, &camera, &settings);
                 let anew = draw(&left.facts(), &rebuilt, &camera, &settings);
                 assert!(over == anew, "{azimuth} {elevation} {mode:?} {threads} {code:?} {threshold:?}");
@@ -357,7 +336,7 @@ fn pictures_are_those_of_a_rebuilt_arena_bit_for_bit() {
 fn over_a_damaged_arena_everything_ends() {
     for seed in 0..150 {
         let mut random = Random(1_000 + seed);
-        let model = random.model();
+        let model = random.voxels();
         let mut packed = model.lanes(3);
         for lane in &mut packed {
             for _ in 0..1 + random.below(4) {
@@ -388,7 +367,7 @@ fn over_a_damaged_arena_everything_ends() {
 #[test]
 fn the_widest_records_come_through_a_walk() {
     // Codes of every channel, in lines that are changed and lines that are not.
-    let mut model = Model::new([20, 20, 20], WIDE, Default::default());
+    let mut model = VoxelMap::new([20, 20, 20], WIDE, Default::default());
     let mut random = Random(5);
     for _ in 0..500 {
         let (at, record) = (random.place([20; 3]), random.record(WIDE));

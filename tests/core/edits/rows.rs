@@ -3,8 +3,9 @@
 use adjsplat::arena::Record;
 use adjsplat::arena::{LaneRows, Region, Rows};
 use adjsplat::volume::Axis;
+use adjsplat_tests::random::Random;
 
-use crate::edits::{Model, Random, damage};
+use crate::edits::{RandomVoxels as _, VoxelMap, damage};
 
 /// A box that may reach beyond the grid or be empty.
 fn region(random: &mut Random, dims: [u32; 3]) -> Region {
@@ -45,7 +46,7 @@ fn holds(region: &Region, at: [u32; 3]) -> bool {
     region.xs.contains(&at[0]) && region.ys.contains(&at[1]) && region.zs.contains(&at[2])
 }
 
-fn expected(model: &Model, region: &Region) -> Vec<([u32; 3], Record)> {
+fn expected(model: &VoxelMap, region: &Region) -> Vec<([u32; 3], Record)> {
     let all = model.voxels.iter().map(|(&[z, y, x], &record)| ([x, y, z].map(u32::from), record));
     all.filter(|&(at, _)| holds(region, at)).collect()
 }
@@ -54,7 +55,7 @@ fn expected(model: &Model, region: &Region) -> Vec<([u32; 3], Record)> {
 fn any_box_has_its_voxels() {
     let mut random = Random(1);
     for _ in 0..300 {
-        let model = random.model();
+        let model = random.voxels();
         let lane = model.pack(Axis::X);
         let rows = LaneRows::new(lane.view(), |_, _, record| Some(record));
         assert_eq!((rows.dims(), rows.channels()), (model.dims(), model.facts.channels));
@@ -69,7 +70,7 @@ fn any_box_has_its_voxels() {
 fn a_window_and_a_closure_leave_out_the_rest() {
     let mut random = Random(2);
     for _ in 0..200 {
-        let model = random.model();
+        let model = random.voxels();
         let lane = model.pack(Axis::X);
         let view = lane.view();
         let window = region(&mut random, model.dims());
@@ -78,7 +79,7 @@ fn a_window_and_a_closure_leave_out_the_rest() {
             assert_eq!((Some(record), view.record(index)), (model.get(at.map(u32::from)), record));
             (!record.value.is_multiple_of(3)).then_some(Record { magnitude: 0, ..record })
         };
-        let left = |region: &Region, model: &Model| -> Vec<_> {
+        let left = |region: &Region, model: &VoxelMap| -> Vec<_> {
             let some = expected(model, region).into_iter().filter(|(_, record)| !record.value.is_multiple_of(3));
             some.map(|(at, record)| (at, Record { magnitude: 0, ..record })).collect()
         };
@@ -102,7 +103,7 @@ fn a_window_and_a_closure_leave_out_the_rest() {
 fn a_damaged_lane_is_read_to_an_end_and_alike_each_time() {
     let mut random = Random(3);
     for _ in 0..400 {
-        let model = random.model();
+        let model = random.voxels();
         let mut lane = model.pack(Axis::X);
         for _ in 0..1 + random.below(6) {
             damage(&mut lane, &mut random);

@@ -1,18 +1,18 @@
 //! Trimming: what is left is what a build of the smaller volume holds.
 
-use std::path::Path;
-
 use adjsplat::Error;
 use adjsplat::arena::Record;
 use adjsplat::arena::{Arena, LaneSet, Region, Rows, TileOrder, TrimOptions, trim};
-use adjsplat::build::{BuildOptions, Built, Unobserved, build};
+use adjsplat::build::{BuildOptions, Unobserved};
 use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
 use adjsplat::splat::{Camera, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::VoxelBox;
-use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_tests::random::Random;
+use adjsplat_tests::real_volume;
+use adjsplat_tests::scenes::{LIT, PLAIN, WIDE, at_least, built, options, volume};
 
-use crate::edits::{LIT, Model, PLAIN, Random, WIDE};
+use crate::edits::{RandomVoxels as _, VoxelMap};
 
 /// The bytes of what is left of an arena.
 fn trimmed(bytes: &[u8], stored: Option<&TransferFunction>, options: &TrimOptions, lanes: u8) -> Vec<u8> {
@@ -30,9 +30,9 @@ fn trimmed(bytes: &[u8], stored: Option<&TransferFunction>, options: &TrimOption
 }
 
 /// A random volume that is not empty.
-fn some_model(random: &mut Random) -> Model {
+fn some_model(random: &mut Random) -> VoxelMap {
     loop {
-        let model = random.model();
+        let model = random.voxels();
         if !model.voxels.is_empty() {
             return model;
         }
@@ -95,7 +95,7 @@ fn a_crop_is_a_build_of_the_box() {
 
 #[test]
 fn a_crop_outside_the_grid_is_refused() {
-    let mut model = Model::new([5, 6, 7], PLAIN, TileOrder::Morton);
+    let mut model = VoxelMap::new([5, 6, 7], PLAIN, TileOrder::Morton);
     model.put([0; 3], Some(Record::default()));
     let bytes = model.bytes(1);
     let arena = Arena::new(&bytes).expect("sound");
@@ -144,7 +144,7 @@ fn channels_that_go_leave_the_others_as_they_were() {
 
 #[test]
 fn magnitudes_that_a_function_needs_stay() {
-    let mut model = Model::new([5, 6, 7], WIDE, TileOrder::Morton);
+    let mut model = VoxelMap::new([5, 6, 7], WIDE, TileOrder::Morton);
     model.put([1, 2, 3], Some(Record { value: 25, normal: 1, magnitude: 255 }));
     let bytes = model.bytes(1);
     let arena = Arena::new(&bytes).expect("sound");
@@ -183,7 +183,7 @@ fn voxels(bytes: &[u8]) -> Vec<([u32; 3], Record)> {
 fn narrowed_values_are_exact_where_eight_bits_do() {
     for (codes, exact) in [(1u64, true), (200, true), (256, true), (257, false), (60_000, false)] {
         let mut random = Random(codes);
-        let mut model = Model::new([30, 20, 10], WIDE, TileOrder::Hilbert);
+        let mut model = VoxelMap::new([30, 20, 10], WIDE, TileOrder::Hilbert);
         for _ in 0..600 {
             let record = Record { value: 3_000 + random.below(codes) as u16, ..random.record(WIDE) };
             model.put(random.place([30, 20, 10]), Some(record));
@@ -223,7 +223,7 @@ fn narrowed_values_are_exact_where_eight_bits_do() {
 #[test]
 fn labels_keep_their_codes_or_are_refused() {
     let labels = TransferFunction::preset("labels").expect("it is built in");
-    let mut model = Model::new([30, 20, 10], WIDE, TileOrder::Morton);
+    let mut model = VoxelMap::new([30, 20, 10], WIDE, TileOrder::Morton);
     model.facts.scales.value_step = 1.0;
     for x in 0..30u16 {
         model.put([x.into(), 0, 0], Some(Record { value: 1 + 30 * x, ..Record::default() }));
@@ -240,7 +240,7 @@ fn labels_keep_their_codes_or_are_refused() {
 
 #[test]
 fn values_that_turn_transparent_are_counted() {
-    let mut model = Model::new([30, 20, 10], WIDE, TileOrder::Morton);
+    let mut model = VoxelMap::new([30, 20, 10], WIDE, TileOrder::Morton);
     // Codes 0 and 60,000 give steps of 235 codes; a slit of 10 lies between two of them.
     for (x, value) in [(0, 0), (1, 60_000), (2, 1_000), (3, 1_000)] {
         model.put([x, 0, 0], Some(Record { value, ..Record::default() }));
@@ -272,7 +272,7 @@ fn values_that_turn_transparent_are_counted() {
 #[test]
 fn a_cropped_arena_lies_where_it_lay() {
     let mut random = Random(8);
-    let mut model = Model::new([40, 40, 40], LIT, TileOrder::Morton);
+    let mut model = VoxelMap::new([40, 40, 40], LIT, TileOrder::Morton);
     let half = std::f64::consts::FRAC_1_SQRT_2;
     model.facts.grid.direction = [[half, half, 0.0], [-half, half, 0.0], [0.0, 0.0, 1.0]];
     model.facts.grid.origin = [5.0, -3.0, 7.5];
@@ -295,7 +295,7 @@ fn a_cropped_arena_lies_where_it_lay() {
     let [whole, part] = [(&bytes[0], Some(boxed)), (&bytes[1], None)].map(|(bytes, crop)| {
         let lanes = LaneSet::new(Arena::new(bytes).expect("sound"), None);
         let facts = lanes.arena().facts().clone();
-        let settings = Settings { crop, termination: Some(0.0), ..Settings::new([120, 100]) };
+        let settings = Settings { crop, termination: Some(0.0), ..Settings::every_pixel([120, 100]) };
         cpu::render(&Scene { facts: &facts, lanes: &lanes, transfer: &transfer }, &camera, &settings).expect("draws").0
     });
     let differences = whole.pixels().iter().zip(part.pixels()).map(|(a, b)| (a - b).abs());
@@ -304,33 +304,18 @@ fn a_cropped_arena_lies_where_it_lay() {
     assert!(whole.pixels().iter().any(|value| *value > 0.3 && *value < 1.0));
 }
 
-/// A build of a real volume.
-fn built(path: &Path, low: f64, value_bits: u8) -> Built {
-    let mut source = open(path, &OpenOptions::default()).expect("a real volume can be read");
-    let options = BuildOptions {
-        transfer: TransferFunction::range(low, f64::INFINITY).expect("sound"),
-        lane_count: 3,
-        tile_order: TileOrder::Morton,
-        value_bits,
-        normal_bits: 8,
-    };
-    build(&mut *source, &options, &mut Unobserved).expect("builds")
-}
-
 #[test]
 fn real_volumes_trimmed_hold_what_a_build_holds() {
-    let folder = adjsplat_tests::repository().join("../shared/data");
-    if !folder.exists() {
-        eprintln!("SKIPPED: there is no {}; trimming is judged on made-up volumes only", folder.display());
-        return;
-    }
     for (path, low, high, value_bits, left) in [
         ("scivis-engine/engine.nii.gz", 60.0, 180.0, 8, 69_847),
         ("headsq-quarter/quarter.nhdr", 500.0, 1_150.0, 16, 34_295),
         ("ironProt/ironProt.vtk", 30.0, 128.0, 8, 9_338),
     ] {
-        let path = folder.join(path);
-        let (from, to) = (built(&path, low, value_bits), built(&path, high, value_bits));
+        let Some(path) = real_volume(path) else { return };
+        let [from, to] = [low, high].map(|low| {
+            let options = BuildOptions { value_bits, ..options(at_least(low)) };
+            built(&mut *volume(&path), &options)
+        });
         assert_eq!(to.facts.visible_voxels, left);
         let bytes = arena_bytes(&from.facts, &from.lanes, "{}");
         let transfer = TransferFunction::range(high, f64::INFINITY).expect("sound");

@@ -155,23 +155,3 @@ pub(crate) fn listing(voxels: &[Voxel]) -> String {
     let line = |&([x, y, z], r): &Voxel| format!("{x} {y} {z} {} {} {}\n", r.value, r.normal, r.magnitude);
     voxels.iter().map(line).collect()
 }
-
-/// Numbers that a seed repeats.
-pub(crate) struct Random(pub(crate) u64);
-
-impl Random {
-    /// A number below `bound`, at least 1.
-    pub(crate) fn below(&mut self, bound: u64) -> u64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        let mixed = (self.0 ^ self.0 >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        (mixed ^ mixed >> 32) % bound
-    }
-
-    pub(crate) fn index(&mut self, len: usize) -> usize {
-        usize::try_from(self.below(len as u64)).unwrap()
-    }
-
-    pub(crate) fn byte(&mut self) -> u8 {
-        u8::try_from(self.below(256)).unwrap()
-    }
-}

@@ -7,8 +7,7 @@ use adjsplat::splat::{Camera, Code, Mode, Orbit, Quality, Scene, Settings, Surro
 use adjsplat::traverse::{Batch, walk};
 use adjsplat::traverse::{Order, Sense, SplitForm, Viewpoint, VoxelBox};
 use adjsplat::volume::Axis;
-
-use crate::format::assemble::Random;
+use adjsplat_tests::random::Random;
 
 /// Transfer functions to draw with.
 pub(crate) struct Looks {
@@ -117,7 +116,7 @@ fn draw(arena: &Arena, looks: &Looks, random: &mut Random) -> bool {
     };
     // A damaged grid may have no sphere around it that numbers can hold.
     let Ok(camera) = Camera::orbiting(orbit, around, size) else { return false };
-    let mut settings = Settings::new(size);
+    let mut settings = Settings::every_pixel(size);
     settings.mode =
         [Mode::Composite, Mode::Composite, Mode::Additive, Mode::Maximum, Mode::MaximumGrey][random.index(5)];
     settings.quality = [Quality::Draft, Quality::Standard][random.index(2)];

@@ -1,7 +1,7 @@
 //! The frozen examples: every byte as it was, every result as `expected.txt` says.
 
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Once;
 
 use adjsplat::arena::Arena;

@@ -4,7 +4,7 @@
 //! record structs, and by a reader in another language. Cannot catch: an error in the specification that the
 //! library, the oracle and the reader share.
 //!
-//! `ADJ_BLESS=1 cargo test --test format` rewrites the examples and their results.
+//! `ADJ_BLESS=1 cargo test -p adjsplat-tests --test core examples` rewrites the examples and their results.
 //! `ADJ_PYTHON=require` makes a missing Python or numpy a failure.
 
 mod assemble;

@@ -1,8 +1,9 @@
 //! How mutants are made: see [`crate::format::mutants`] for the three kinds.
 
+use adjsplat_tests::random::Random;
 use xxhash_rust::xxh3::xxh3_64;
 
-use crate::format::assemble::{Part, Parts, Random, repair_header};
+use crate::format::assemble::{Part, Parts, repair_header};
 
 const HEADER: usize = 256;
 const ENTRY: usize = 32;

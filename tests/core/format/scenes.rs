@@ -4,8 +4,9 @@ use adjsplat::arena::Record;
 use adjsplat::arena::layout::{Facts, Scales};
 use adjsplat::arena::{Channels, TileOrder};
 use adjsplat::volume::Grid;
+use adjsplat_tests::random::Random;
 
-use crate::format::assemble::{Part, Random, Voxel};
+use crate::format::assemble::{Part, Voxel};
 
 /// One valid file.
 #[derive(Debug, Clone)]

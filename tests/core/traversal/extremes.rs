@@ -5,21 +5,24 @@ use adjsplat::arena::{Channels, OwnedLane, TileOrder};
 use adjsplat::internals::transpose;
 use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, VoxelBox, walk};
 use adjsplat::volume::Axis;
+use adjsplat_tests::random::Random;
+use adjsplat_tests::scenes::{PLAIN, WIDE};
+use adjsplat_tests::walks::{each_voxel, eye_orders, parallel_orders};
 use proptest::prelude::*;
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
-use crate::traversal::{Crop, Dense, PLAIN, Random, WIDE, each_voxel, eye_orders, parallel_orders, visits};
+use crate::traversal::{CodeVolume, Crop, visits};
 
 /// The longest axis there is.
 const LONGEST: u32 = 65_535;
 
-fn long(axis: Axis, code: impl Fn(u32) -> u8) -> Dense {
+fn long(axis: Axis, code: impl Fn(u32) -> u8) -> CodeVolume {
     let mut dims = [1; 3];
     dims[axis.index()] = LONGEST;
-    Dense::new(dims, |at| code(at[axis.index()]))
+    CodeVolume::new(dims, |at| code(at[axis.index()]))
 }
 
-fn assert_all_orders(volume: &Dense, axis: Axis, coordinates: &[u32]) {
+fn assert_all_orders(volume: &CodeVolume, axis: Axis, coordinates: &[u32]) {
     let lanes = volume.lanes();
     for order in parallel_orders() {
         let seen = visits(&lanes[order.fast.index()].view(), &order).into_iter().map(|(at, _)| at[axis.index()]);
@@ -68,7 +71,7 @@ fn the_longest_line_with_a_voxel_at_each_end() {
 #[test]
 fn lines_longer_than_a_batch_and_batches_of_many_lines() {
     for dims in [[5_000, 5, 2], [3, 5_000, 2], [2, 3, 5_000], [200, 90, 3], [3, 200, 90], [90, 3, 200]] {
-        let volume = Dense::new(dims, |[x, y, z]| 1 + ((x * 7 + y * 5 + z * 3) % 255) as u8);
+        let volume = CodeVolume::new(dims, |[x, y, z]| 1 + ((x * 7 + y * 5 + z * 3) % 255) as u8);
         let lanes = volume.lanes();
         for order in parallel_orders() {
             let seen = visits(&lanes[order.fast.index()].view(), &order);
@@ -86,12 +89,12 @@ fn lines_longer_than_a_batch_and_batches_of_many_lines() {
 }
 
 /// A volume of `dims` with about one in `one_in` samples visible.
-fn random_volume(dims: [u32; 3], one_in: u64, seed: u64) -> Dense {
+fn random_volume(dims: [u32; 3], one_in: u64, seed: u64) -> CodeVolume {
     let mut random = Random(seed);
-    Dense::new(dims, |_| if random.below(one_in) == 0 { 1 + random.below(255) as u8 } else { 0 })
+    CodeVolume::new(dims, |_| if random.below(one_in) == 0 { 1 + random.below(255) as u8 } else { 0 })
 }
 
-fn a_volume() -> impl Strategy<Value = Dense> {
+fn a_volume() -> impl Strategy<Value = CodeVolume> {
     ([1u32..=40, 1..=40, 1..=40], prop_oneof![Just(1u64), Just(4), Just(60)], any::<u64>())
         .prop_map(|(dims, one_in, seed)| random_volume(dims, one_in, seed))
 }
@@ -309,7 +312,7 @@ fn a_walk_needs_the_lane_along_its_fast_axis() {
 
 #[test]
 fn an_empty_volume_has_nothing_to_visit() {
-    let lanes = Dense::new([9, 2, 1], |_| 0).lanes();
+    let lanes = CodeVolume::new([9, 2, 1], |_| 0).lanes();
     for order in parallel_orders() {
         assert!(visits(&lanes[order.fast.index()].view(), &order).is_empty());
     }
@@ -318,7 +321,7 @@ fn an_empty_volume_has_nothing_to_visit() {
 #[test]
 fn a_tile_beyond_any_channel_does_not_carry_others_past_the_end() {
     // Both tiles lie in one slice. Offsets from a base near 2^64 once wrapped to the sound tile's records.
-    let mut lane = Dense::new([4, 16, 1], |_| 1).pack(Axis::X, PLAIN, TileOrder::Rows);
+    let mut lane = CodeVolume::new([4, 16, 1], |_| 1).pack(Axis::X, PLAIN, TileOrder::Rows);
     lane.tiles[0].first_record = U64::new(u64::MAX);
     // z slow, y medium, x fast.
     let order = Order::parallel(5, 0);
@@ -343,7 +346,7 @@ fn a_line_that_starts_near_the_end_of_32_bits_is_no_line() {
 
 #[test]
 fn codes_past_the_end_are_zero_however_far() {
-    let lane = Dense::new([3, 1, 1], |_| 7).pack(Axis::X, WIDE, TileOrder::Morton);
+    let lane = CodeVolume::new([3, 1, 1], |_| 7).pack(Axis::X, WIDE, TileOrder::Morton);
     for record in [3, usize::MAX / 4, usize::MAX / 2, usize::MAX] {
         let lane = lane.view();
         assert_eq!((lane.value_code(record), lane.normal_code(record), lane.magnitude_code(record)), (0, 0, 0));

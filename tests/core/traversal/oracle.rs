@@ -6,8 +6,9 @@
 use adjsplat::arena::OwnedLane;
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 use adjsplat::volume::Axis;
+use adjsplat_tests::walks::{eye_orders, parallel_orders};
 
-use crate::traversal::{Dense, eye_orders, parallel_orders, visits};
+use crate::traversal::{CodeVolume, visits};
 
 /// Edge of the largest volume.
 const EDGE: i64 = 7;
@@ -29,8 +30,8 @@ fn voxels([nx, ny, nz]: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
     (0..nz).flat_map(move |z| (0..ny).flat_map(move |y| (0..nx).map(move |x| [x, y, z])))
 }
 
-fn full(dims: [i64; 3]) -> Dense {
-    Dense::new(dims.map(|d| u32::try_from(d).unwrap()), |_| 1)
+fn full(dims: [i64; 3]) -> CodeVolume {
+    CodeVolume::new(dims.map(|d| u32::try_from(d).unwrap()), |_| 1)
 }
 
 /// When each voxel is visited, by `x + 7 y + 49 z`; each exactly once.

@@ -1,14 +1,17 @@
 //! The dense twin: nested loops over the whole volume must visit the same voxels in the same sequence.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use adjsplat::arena::OwnedLane;
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm};
 use adjsplat::volume::{Axis, Samples};
-use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_tests::random::Random;
+use adjsplat_tests::real_volume;
+use adjsplat_tests::scenes::volume;
+use adjsplat_tests::walks::{eye_orders, parallel_orders};
 use proptest::prelude::*;
 
-use crate::traversal::{Dense, Random, Visit, eye_orders, parallel_orders, visits};
+use crate::traversal::{CodeVolume, Visit, visits};
 
 /// The coordinates below `count` in an axis' order, by the words of [`AxisOrder`] alone.
 fn sequence(along: AxisOrder, count: u32) -> Vec<u32> {
@@ -39,7 +42,7 @@ fn sequence(along: AxisOrder, count: u32) -> Vec<u32> {
 }
 
 /// What nested loops visit.
-fn dense_visits(volume: &Dense, order: &Order) -> Vec<Visit> {
+fn dense_visits(volume: &CodeVolume, order: &Order) -> Vec<Visit> {
     let of = |axis: Axis| sequence(order.along[axis.index()], volume.dims[axis.index()]);
     let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(of);
     let mut seen = Vec::new();
@@ -60,7 +63,7 @@ fn dense_visits(volume: &Dense, order: &Order) -> Vec<Visit> {
     seen
 }
 
-fn check(volume: &Dense, lanes: &[OwnedLane; 3], order: &Order) {
+fn check(volume: &CodeVolume, lanes: &[OwnedLane; 3], order: &Order) {
     let expected = dense_visits(volume, order);
     let lane = lanes[order.fast.index()].view();
     let mut got = visits(&lane, order);
@@ -100,7 +103,7 @@ fn eyes(dims: [u32; 3], random: &mut Random) -> Vec<[f64; 3]> {
     eyes
 }
 
-fn check_every_order(volume: &Dense, seed: u64) {
+fn check_every_order(volume: &CodeVolume, seed: u64) {
     let lanes = volume.lanes();
     parallel_orders().for_each(|order| check(volume, &lanes, &order));
     for eye in eyes(volume.dims, &mut Random(seed)) {
@@ -114,23 +117,23 @@ fn check_every_order(volume: &Dense, seed: u64) {
 }
 
 /// A small volume with `share` of 256 samples visible.
-fn small_volume() -> impl Strategy<Value = (Dense, u64)> {
+fn small_volume() -> impl Strategy<Value = (CodeVolume, u64)> {
     let share = prop_oneof![Just(0u64), Just(256), Just(3), Just(30), Just(128), Just(250)];
     ([1u32..=20, 1..=20, 1..=20], share, any::<u64>()).prop_map(|(dims, share, seed)| {
         let mut random = Random(seed);
         let code = |random: &mut Random| if random.below(256) < share { 1 + random.below(255) as u8 } else { 0 };
-        (Dense::new(dims, |_| code(&mut random)), seed)
+        (CodeVolume::new(dims, |_| code(&mut random)), seed)
     })
 }
 
 /// A volume long along one axis, whose gaps need no, one or two stepping voxels, just so or just not.
-fn long_volume() -> impl Strategy<Value = (Dense, u64)> {
+fn long_volume() -> impl Strategy<Value = (CodeVolume, u64)> {
     (0usize..3, 200u32..=1_100, 1u32..=9, 1u32..=3, any::<u64>()).prop_map(|(axis, long, wide, thin, seed)| {
         let mut random = Random(seed);
         let mut dims = [wide, thin, thin];
         dims.swap(0, axis);
         dims[axis] = long;
-        let mut volume = Dense::new(dims, |_| 0);
+        let mut volume = CodeVolume::new(dims, |_| 0);
         for line in 0..volume.codes.len() / long as usize {
             let mut at = u64::MAX;
             loop {
@@ -153,7 +156,7 @@ fn long_volume() -> impl Strategy<Value = (Dense, u64)> {
     })
 }
 
-impl std::fmt::Debug for Dense {
+impl std::fmt::Debug for CodeVolume {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{:?}, {} visible", self.dims, self.codes.iter().filter(|&&code| code != 0).count())
     }
@@ -173,14 +176,9 @@ proptest! {
     }
 }
 
-/// The folder of real volumes; absent where only the project was checked out.
-fn real_volumes() -> PathBuf {
-    adjsplat_tests::repository().join("../shared/data")
-}
-
 /// A real volume of samples from `iso` up; checks how many there are.
-fn real_volume(path: &Path, iso: f64, visible: usize) -> Dense {
-    let mut source = open(path, &OpenOptions::default()).expect("a real volume can be read");
+fn real_codes(path: &Path, iso: f64, visible: usize) -> CodeVolume {
+    let mut source = volume(path);
     let header = source.header().clone();
     let mut slice = Samples::zeros(header.sample_type, header.grid.slice_len() as usize);
     let mut codes = Vec::new();
@@ -190,23 +188,19 @@ fn real_volume(path: &Path, iso: f64, visible: usize) -> Dense {
         codes.extend((0..slice.len()).map(|i| if slice.get(i) >= iso { 1 + (i % 251) as u8 } else { 0 }));
     }
     assert_eq!(codes.iter().filter(|&&code| code != 0).count(), visible, "{}", path.display());
-    Dense { dims: header.grid.dims, codes }
+    CodeVolume { dims: header.grid.dims, codes }
 }
 
 #[test]
 fn real_volumes_are_walked_as_plain_loops_do() {
-    let folder = real_volumes();
-    if !folder.exists() {
-        eprintln!("SKIPPED: there is no {}; the walk is judged on made-up volumes only", folder.display());
-        return;
-    }
     for (path, iso, visible, has_stepping) in [
         ("frogtissue/frogtissue.mhd", 1.0, 1_156_957, true),
         ("ironProt/ironProt.vtk", 30.0, 35_511, false),
         ("headsq-quarter/quarter.nhdr", 1_150.0, 34_295, false),
         ("scivis-fuel/fuel.nii.gz", 20.0, 5_740, false),
     ] {
-        let volume = real_volume(&folder.join(path), iso, visible);
+        let Some(path) = real_volume(path) else { return };
+        let volume = real_codes(&path, iso, visible);
         let lanes = volume.lanes();
         assert_eq!(lanes.iter().any(|lane| lane.view().stepping_voxels() > 0), has_stepping);
         // Each nesting once, with six of the eight sign patterns; the reverses are checked too. All 48 orders and more

@@ -1,26 +1,26 @@
 //! Twin of `shaders/bin.wgsl`: from splats to each tile's mask of batches.
 
 use super::{high_half, low_half};
-use adjsplat::splat::gpu::layout::{BATCH, NOTHING, Shot, Splat, TILE};
+use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, NOTHING, Splat, TILE};
 
 /// Sets in `masks`, which are 0, the bit of each batch on each tile that one of its splats' boxes meets.
 ///
 /// # Panics
 /// If a splat does not meet the window.
-pub(crate) fn bin(shot: &Shot, splats: &[Splat], masks: &mut [u32]) {
+pub(crate) fn bin(frame: &FrameUniform, splats: &[Splat], masks: &mut [u32]) {
     for (splat, slot) in splats.iter().zip(0u32..) {
         if splat.columns == NOTHING {
             continue;
         }
         let batch = slot / BATCH;
         let tile_of = |pixel: i32, first: i32| (pixel - first).cast_unsigned() / TILE;
-        let [x0, y0, x1, y1] = shot.window;
+        let [x0, y0, x1, y1] = frame.window;
         let (left, right) = (low_half(splat.columns).max(x0), high_half(splat.columns).min(x1 - 1));
         let (top, bottom) = (low_half(splat.rows).max(y0), high_half(splat.rows).min(y1 - 1));
         for row in tile_of(top, y0)..=tile_of(bottom, y0) {
             for column in tile_of(left, x0)..=tile_of(right, x0) {
-                let tile = row * shot.tile_columns + column;
-                masks[(tile * shot.mask_words + batch / 32) as usize] |= 1 << (batch % 32);
+                let tile = row * frame.tile_columns + column;
+                masks[(tile * frame.mask_words + batch / 32) as usize] |= 1 << (batch % 32);
             }
         }
     }

@@ -11,8 +11,8 @@ pub(crate) mod splat;
 pub(crate) mod tile;
 pub(crate) mod walk;
 
+use adjsplat::internals::gpu_stages::{NOTHING, Splat};
 use adjsplat::internals::{REACH as PROCESSORS_REACH, WHOLE_CELL as PROCESSORS_WHOLE_CELL};
-use adjsplat::splat::gpu::layout::{NOTHING, Splat};
 
 /// Largest half-width of a footprint in pixels: the processor's.
 pub(crate) const REACH: f32 = PROCESSORS_REACH;
@@ -25,8 +25,8 @@ const EMPTY: Splat = Splat {
     rows: NOTHING,
     corner_x: 0.0,
     corner_y: 0.0,
-    across: 0.0,
-    along: 0.0,
+    falloff_x: 0.0,
+    falloff_y: 0.0,
     shear: 0.0,
     peak: 0.0,
     red: 0.0,
@@ -58,14 +58,14 @@ pub(crate) fn absorbed(x: f32) -> f32 {
     let low = std::f32::consts::LN_2 + -2.402_265e-1 * f;
     let middle = 5.550_357_4e-2 + -9.618_237e-3 * f;
     let high = 1.339_073_5e-3 + -1.540_351_3e-4 * f;
-    let rest = low + square * (middle + square * high);
+    let series = low + square * (middle + square * high);
     let scale = f32::from_bits(0x3f80_0000 - ((whole as u32) << 23));
-    (1.0 - scale) + scale * (f * rest)
+    (1.0 - scale) + scale * (f * series)
 }
 
 /// Optical depth of a splat at `dx`, `dy` from its centre, in units of ln 2; 0 outside its ellipse.
 pub(crate) fn depth_at(dx: f32, dy: f32, splat: &Splat, cut: f32) -> f32 {
     let u = dx - splat.shear * dy;
-    let q = splat.across * (u * u) + splat.along * (dy * dy);
+    let q = splat.falloff_x * (u * u) + splat.falloff_y * (dy * dy);
     if q <= cut { splat.peak * (-q).exp2() } else { 0.0 }
 }

@@ -3,9 +3,9 @@
 use half::f16;
 
 use super::{WHOLE_CELL, absorbed, depth_at, high_half, low_half};
+use adjsplat::internals::gpu_stages::BlendMode;
+use adjsplat::internals::gpu_stages::{FrameUniform, NOTHING, Splat};
 use adjsplat::splat::gpu::Target;
-use adjsplat::splat::gpu::layout::{NOTHING, Shot, Splat};
-use adjsplat::splat::gpu::stages::Blend;
 
 /// Which of the two neighbours a device takes for a value between them: what draws may do either.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -22,20 +22,20 @@ pub(crate) enum Rounding {
 /// # Panics
 /// If `pixels` are fewer than the window has.
 pub(crate) fn splat(
-    shot: &Shot,
-    blend: Blend,
+    frame: &FrameUniform,
+    blend: BlendMode,
     (target, rounding): (Target, Rounding),
     splats: &[Splat],
     pixels: &mut [[f32; 4]],
 ) {
-    let [x0, y0, x1, y1] = shot.window;
+    let [x0, y0, x1, y1] = frame.window;
     for splat in splats.iter().filter(|splat| splat.columns != NOTHING) {
         let (left, top) = (low_half(splat.columns), low_half(splat.rows));
         for y in top.max(y0)..=high_half(splat.rows).min(y1 - 1) {
             for x in left.max(x0)..=high_half(splat.columns).min(x1 - 1) {
                 let dx = splat.corner_x + (x - left) as f32;
                 let dy = splat.corner_y + (y - top) as f32;
-                let source = fragment(blend, splat, depth_at(dx, dy, splat, shot.cut));
+                let source = fragment(blend, splat, depth_at(dx, dy, splat, frame.cut_exponent));
                 let place = (y - y0).cast_unsigned() * (x1 - x0).cast_unsigned() + (x - x0).cast_unsigned();
                 let pixel = &mut pixels[place as usize];
                 *pixel = blended(blend, target, source, *pixel).map(|value| rounded(target, rounding, value));
@@ -45,25 +45,25 @@ pub(crate) fn splat(
 }
 
 /// What the shader gives.
-fn fragment(blend: Blend, splat: &Splat, depth: f32) -> [f32; 4] {
+fn fragment(blend: BlendMode, splat: &Splat, depth: f32) -> [f32; 4] {
     let ink = [splat.red, splat.green, splat.blue, 1.0];
     match blend {
-        Blend::Maximum => ink.map(|ink| ink.min(depth * WHOLE_CELL)),
-        Blend::Additive => ink.map(|ink| ink * depth),
-        Blend::FrontToBack | Blend::BackToFront => ink.map(|ink| ink * absorbed(depth)),
+        BlendMode::Maximum => ink.map(|ink| ink.min(depth * WHOLE_CELL)),
+        BlendMode::Additive => ink.map(|ink| ink * depth),
+        BlendMode::FrontToBack | BlendMode::BackToFront => ink.map(|ink| ink * absorbed(depth)),
     }
 }
 
 /// What the blend state makes of it; a target of whole numbers takes no source outside 0 to 1.
-fn blended(blend: Blend, target: Target, source: [f32; 4], pixel: [f32; 4]) -> [f32; 4] {
+fn blended(blend: BlendMode, target: Target, source: [f32; 4], pixel: [f32; 4]) -> [f32; 4] {
     let source = if target == Target::Unorm8 { source.map(|value| value.clamp(0.0, 1.0)) } else { source };
     let [sr, sg, sb, sa] = source;
     let [r, g, b, a] = pixel;
     match blend {
-        Blend::FrontToBack => [sr * a + r, sg * a + g, sb * a + b, a * (1.0 - sa)],
-        Blend::BackToFront => [sr + r * (1.0 - sa), sg + g * (1.0 - sa), sb + b * (1.0 - sa), a * (1.0 - sa)],
-        Blend::Additive => [sr + r, sg + g, sb + b, sa + a],
-        Blend::Maximum => [sr.max(r), sg.max(g), sb.max(b), sa.max(a)],
+        BlendMode::FrontToBack => [sr * a + r, sg * a + g, sb * a + b, a * (1.0 - sa)],
+        BlendMode::BackToFront => [sr + r * (1.0 - sa), sg + g * (1.0 - sa), sb + b * (1.0 - sa), a * (1.0 - sa)],
+        BlendMode::Additive => [sr + r, sg + g, sb + b, sa + a],
+        BlendMode::Maximum => [sr.max(r), sg.max(g), sb.max(b), sa.max(a)],
     }
 }
 

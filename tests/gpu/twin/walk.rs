@@ -1,8 +1,8 @@
 //! Twin of `shaders/walk.wgsl`: from a slab's bytes and its lines to voxels in visit order.
 
 use super::element;
-use adjsplat::arena::layout::TileRecord;
-use adjsplat::splat::gpu::layout::{Block, LINES, NO_RECORD, Shot, Voxel};
+use adjsplat::arena::TileRecord;
+use adjsplat::internals::gpu_stages::{FrameUniform, LINES, LineBlock, NO_RECORD, VisitedVoxel};
 
 /// What a stepping voxel advances.
 pub(crate) const STEPPING: i32 = 255;
@@ -13,7 +13,7 @@ const INTERLEAVED: u32 = 3;
 
 /// What the walk reads of a slab.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Slab<'a> {
+pub(crate) struct SlabWords<'a> {
     /// Its tiles, counted from the slab's beginning.
     pub(crate) tiles: &'a [TileRecord],
     /// Words of its line ends.
@@ -36,28 +36,28 @@ struct Line {
 ///
 /// # Panics
 /// If a block has more than [`LINES`] lines.
-pub(crate) fn walk(shot: &Shot, slab: &Slab, blocks: &[Block], voxels: &mut [Voxel]) {
+pub(crate) fn walk(frame: &FrameUniform, slab: &SlabWords, blocks: &[LineBlock], voxels: &mut [VisitedVoxel]) {
     for block in blocks {
         let mut lines = [Line::default(); LINES as usize];
         for local in 0..block.line_count {
-            lines[local as usize] = line(shot, slab, block.first_line + local);
+            lines[local as usize] = line(frame, slab, block.first_line + local);
         }
         let mut end = 0u32;
         for line in lines {
             let first_slot = block.first_slot.wrapping_add(end);
             end = end.wrapping_add(line.count);
             if first_slot <= block.end_slot && line.count <= block.end_slot - first_slot {
-                follow(shot, slab, line, first_slot, voxels);
+                follow(frame, slab, line, first_slot, voxels);
             }
         }
     }
 }
 
-fn line(shot: &Shot, slab: &Slab, index: u32) -> Line {
+fn line(frame: &FrameUniform, slab: &SlabWords, index: u32) -> Line {
     let entry = slab.lines[index as usize];
     let Some(tile) = slab.tiles.get((entry >> 6) as usize) else { return Line::default() };
     let bit = entry & 63;
-    let line_end = |line: u32| element(slab.line_ends, line, 8 * shot.line_end_bytes);
+    let line_end = |line: u32| element(slab.line_ends, line, 8 * frame.line_end_bytes);
     let rank = (tile.occupancy.get() & ((1 << bit) - 1)).count_ones();
     let index = tile.first_line.get().wrapping_add(rank);
     let start = if rank > 0 { line_end(index.wrapping_sub(1)) } else { 0 };
@@ -65,12 +65,12 @@ fn line(shot: &Shot, slab: &Slab, index: u32) -> Line {
     let first_record = tile.first_record.get() as u32;
     Line {
         first: first_record.wrapping_add(start),
-        count: line_end(index).wrapping_sub(start).min(shot.longest),
+        count: line_end(index).wrapping_sub(start).min(frame.longest_line),
         uv: [8 * u32::from(tile.tile_u.get()) + (bit & 7), 8 * u32::from(tile.tile_v.get()) + (bit >> 3)],
     }
 }
 
-fn follow(shot: &Shot, slab: &Slab, line: Line, first_slot: u32, voxels: &mut [Voxel]) {
+fn follow(frame: &FrameUniform, slab: &SlabWords, line: Line, first_slot: u32, voxels: &mut [VisitedVoxel]) {
     let Line { first, count, .. } = line;
     let last_slot = first_slot.wrapping_add(count).wrapping_sub(1);
     let step_of = |k: u32| element(slab.steps, first.wrapping_add(k), 8);
@@ -78,22 +78,22 @@ fn follow(shot: &Shot, slab: &Slab, line: Line, first_slot: u32, voxels: &mut [V
     let mut put = |slot: u32, at: i32, k: u32| {
         let along = at.cast_unsigned() & 0xffff;
         let [u, v] = line.uv;
-        let [x, y, z] = match shot.fast_axis {
+        let [x, y, z] = match frame.fast_axis {
             0 => [along, u, v],
             1 => [u, along, v],
             _ => [u, v, along],
         };
         let record = if step_of(k) == 0 { NO_RECORD } else { first.wrapping_add(k) };
         if let Some(voxel) = voxels.get_mut(slot as usize) {
-            *voxel = Voxel { xy: x | y << 16, z, record };
+            *voxel = VisitedVoxel { xy: x | y << 16, z, record };
         }
     };
 
-    if shot.fast_order == ASCENDING || shot.fast_order == DESCENDING {
+    if frame.fast_order == ASCENDING || frame.fast_order == DESCENDING {
         let mut at = -1;
         for k in 0..count {
             at += distance(k);
-            put(if shot.fast_order == DESCENDING { last_slot - k } else { first_slot + k }, at, k);
+            put(if frame.fast_order == DESCENDING { last_slot - k } else { first_slot + k }, at, k);
         }
         return;
     }
@@ -102,7 +102,7 @@ fn follow(shot: &Shot, slab: &Slab, line: Line, first_slot: u32, voxels: &mut [V
     let (mut high, mut low_at, mut high_at) = (0, -1, -1);
     while high < count {
         high_at = low_at + distance(high);
-        if high_at >= shot.eye_ceil {
+        if high_at >= frame.eye_ceil {
             break;
         }
         low_at = high_at;
@@ -110,8 +110,8 @@ fn follow(shot: &Shot, slab: &Slab, line: Line, first_slot: u32, voxels: &mut [V
     }
     let mut low = high;
     for k in 0..count {
-        let low_is_nearer = shot.fast_order == INTERLEAVED && low_at + high_at > shot.eye_twice;
-        let slot = if shot.back_to_front == 1 { last_slot - k } else { first_slot + k };
+        let low_is_nearer = frame.fast_order == INTERLEAVED && low_at + high_at > frame.eye_twice;
+        let slot = if frame.is_back_to_front == 1 { last_slot - k } else { first_slot + k };
         if low > 0 && (high >= count || low_is_nearer) {
             low -= 1;
             put(slot, low_at, low);

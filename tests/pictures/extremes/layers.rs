@@ -6,19 +6,21 @@
 
 use std::sync::OnceLock;
 
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Frame, Quality, Settings, Stats, cpu};
 use adjsplat::traverse::{Sense, VoxelBox};
+use adjsplat_tests::scenes::{Draw as _, transfer};
 
-use crate::extremes::model::{Model, constant, json, parallel};
+use crate::extremes::model::{coded, constant, parallel, solid};
 
 /// Pixels per voxel.
 const SCALE: f64 = 1e-3;
 const SIZE: [u32; 2] = [3, 3];
 const LONGEST: u64 = 65_535;
 
-fn columns() -> &'static Model {
-    static COLUMNS: OnceLock<Model> = OnceLock::new();
-    COLUMNS.get_or_init(|| Model::solid([13, 12, LONGEST], [1.0; 3], constant(0.5, 1.0)))
+fn columns() -> &'static Built {
+    static COLUMNS: OnceLock<Built> = OnceLock::new();
+    COLUMNS.get_or_init(|| solid([13, 12, LONGEST], [1.0; 3], constant(0.5, 1.0)))
 }
 
 /// Along the columns, with the middle of the first 4 x 4, or of all, in the picture's.
@@ -29,7 +31,7 @@ fn camera(is_million: bool) -> Camera {
 
 fn settings(is_million: bool) -> Settings {
     let crop = is_million.then_some(VoxelBox { low: [0; 3], high: [3, 3, u16::MAX] });
-    Settings { quality: Quality::Reference, crop, ..Settings::new(SIZE) }
+    Settings { quality: Quality::Reference, crop, ..Settings::every_pixel(SIZE) }
 }
 
 /// Optical depth of a voxel per optical depth at the middle pixel: the low-pass's own, 0.6 px wide, cut off at 3/0.7.
@@ -106,20 +108,20 @@ fn colours_of_a_million_layers_mix_as_their_depths_say() {
     let part = 2e-6f64;
     let depth = -(-part).ln_1p() * voxel_per_pixel();
     let opacity = -(-depth * 1e-6f64).exp_m1();
-    let transfer = json(&format!(
+    let transfer = transfer(&format!(
         r##"{{"kind": "points", "reference_length": 1e-6, "shaded": false, "points": [
             {{"value": 0, "colour": [1, 0, 0], "opacity": {opacity:e}}},
             {{"value": 1, "colour": [0, 0, 1], "opacity": {opacity:e}}}]}}"##
     ));
     // Half of the layers are red: the near ones, as the view goes up.
-    let model = Model::new(columns().facts.grid.clone(), transfer, |[x, y, z]| {
+    let model = coded(columns().facts.grid.clone(), transfer, |[x, y, z]| {
         (x < 4 && y < 4).then_some(u16::from(u64::from(z) >= LONGEST / 2))
     });
     let half = -part * 16.0 * (LONGEST as f64) / 2.0;
     let (red, blue) = (-half.exp_m1(), half.exp() * -half.exp_m1());
     for sense in [Sense::FrontToBack, Sense::BackToFront] {
         let settings = Settings { sense, ..settings(true) };
-        let (frame, _) = cpu::render(&model.scene(), &camera(true), &settings).unwrap();
+        let (frame, _) = model.render(&camera(true), &settings);
         let got = frame.pixel(1, 1).map(f64::from);
         println!("{sense:?}: {got:?}, exactly {red} and {blue}");
         assert!((got[0] - red).abs() <= 1e-4 && (got[2] - blue).abs() <= 1e-4, "{sense:?}: {got:?}, {red} {blue}");

@@ -3,19 +3,20 @@
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Mode, Settings};
 use adjsplat::volume::Grid;
+use adjsplat_tests::scenes::transfer;
 
-use crate::extremes::model::{Model, json, parallel, peak_weight};
+use crate::extremes::model::{Judge as _, coded, parallel, peak_weight};
 
 /// Alpha of a row of voxels that are far enough apart, one for each code, at their centres.
 fn row(transfer: TransferFunction, low: f64, step: f64, codes: &[u16]) -> Vec<f64> {
     let count = codes.len() as u64;
     let grid = Grid::new([8 * count, 1, 1], [1.0; 3]).unwrap();
-    let mut model = Model::new(grid, transfer, |[x, _, _]| (x % 8 == 4).then(|| codes[usize::from(x / 8)]));
+    let mut model = coded(grid, transfer, |[x, _, _]| (x % 8 == 4).then(|| codes[usize::from(x / 8)]));
     (model.facts.scales.value_low, model.facts.scales.value_step) = (low, step);
     // Eight pixels a voxel; voxel 8 n + 4 is centred in column 64 n + 32.
     let columns = 64 * codes.len() as u32;
     let target = [(f64::from(columns) - 1.0) / 2.0 / 8.0, 0.0, 0.0];
-    let settings = Settings::new([columns, 17]);
+    let settings = Settings::every_pixel([columns, 17]);
     let camera = parallel(target, [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 17.0 / 8.0);
     for mode in [Mode::Additive, Mode::Maximum, Mode::MaximumGrey] {
         model.draw(&camera, &Settings { mode, exposure: None, ..settings.clone() });
@@ -27,7 +28,7 @@ fn row(transfer: TransferFunction, low: f64, step: f64, codes: &[u16]) -> Vec<f6
 
 fn want(opacity: f64) -> f64 {
     let depth = (-(-opacity).ln_1p()).min(16.0);
-    -(-depth * peak_weight(&Settings::new([9, 9]))).exp_m1()
+    -(-depth * peak_weight(&Settings::every_pixel([9, 9]))).exp_m1()
 }
 
 fn assert_row(transfer: TransferFunction, low: f64, step: f64, codes: &[u16], opacities: &[f64]) {
@@ -43,7 +44,10 @@ fn points(list: &[(f64, f64)]) -> TransferFunction {
         .iter()
         .map(|(value, opacity)| format!(r##"{{"value": {value:e}, "colour": "#ffffff", "opacity": {opacity}}}"##))
         .collect();
-    json(&format!(r#"{{"kind": "points", "shaded": false, "reference_length": 1, "points": [{}]}}"#, list.join(",")))
+    transfer(&format!(
+        r#"{{"kind": "points", "shaded": false, "reference_length": 1, "points": [{}]}}"#,
+        list.join(",")
+    ))
 }
 
 #[test]
@@ -85,8 +89,9 @@ fn values_as_small_as_numbers_go_are_interpolated() {
 
 #[test]
 fn ranges_and_regions_of_huge_values_are_finite() {
-    let range = json(r#"{"kind": "range", "low": -1.7e308, "high": 1.7e308, "shaded": false, "reference_length": 1}"#);
-    let region = json(
+    let range =
+        transfer(r#"{"kind": "range", "low": -1.7e308, "high": 1.7e308, "shaded": false, "reference_length": 1}"#);
+    let region = transfer(
         r##"{"kind": "region", "shaded": false, "reference_length": 1, "knots": [
             {"value": -1.7e308, "colour": "#ff0000", "opacity": 0.1},
             {"value": 1.7e308, "colour": "#0000ff", "opacity": 0.9}], "largest_magnitude": 1e308}"##,

@@ -1,75 +1,55 @@
 //! Scenes in memory, pictures of them, and what double precision makes of the same splats.
 
 use adjsplat::arena::Record;
-use adjsplat::arena::layout::{Channels, Facts, Scales};
-use adjsplat::arena::{OwnedLane, TileOrder};
+use adjsplat::build::Built;
 use adjsplat::classify::TransferFunction;
-use adjsplat::internals::LanePacker;
-use adjsplat::internals::transpose;
 use adjsplat::splat::view::PixelMap;
-use adjsplat::splat::{Camera, Code, Frame, Projection, Scene, Settings, Stats, View, cpu};
-use adjsplat::volume::{Axis, Grid};
+use adjsplat::splat::{Camera, Code, Frame, Projection, Settings, Stats, View, cpu};
+use adjsplat::volume::Grid;
+use adjsplat_tests::pictures::{alphas, bits};
+use adjsplat_tests::scenes::{Draw as _, PLAIN, packed, transfer};
 
-/// A structure in memory, 8-bit values and nothing else.
-pub(crate) struct Model {
-    pub(crate) facts: Facts,
-    pub(crate) lanes: Vec<OwnedLane>,
-    pub(crate) transfer: TransferFunction,
+/// Returns the voxels of a grid that `value` gives a code.
+pub(crate) fn coded(grid: Grid, transfer: TransferFunction, value: impl Fn([u16; 3]) -> Option<u16>) -> Built {
+    packed(grid, PLAIN, transfer, |at| value(at).map(|value| Record { value, ..Record::default() }))
 }
 
-impl Model {
-    /// The voxels of a grid that `value` gives a code.
-    pub(crate) fn new(grid: Grid, transfer: TransferFunction, value: impl Fn([u16; 3]) -> Option<u16>) -> Model {
-        let channels = Channels { value_bits: 8, normal_bits: 0, magnitude_bits: 0 };
-        let mut packer = LanePacker::new(Axis::X, grid.dims, channels, TileOrder::Morton);
-        let [nx, ny, nz] = grid.dims.map(|d| u16::try_from(d).unwrap());
-        for (z, y) in (0..nz).flat_map(|z| (0..ny).map(move |y| (z, y))) {
-            let record = |x| value([x, y, z]).map(|value| (x, Record { value, ..Record::default() }));
-            let mut line = (0..nx).filter_map(record).peekable();
-            if line.peek().is_some() {
-                packer.line(y, z, line);
-            }
-        }
-        let visible_voxels = packer.visible();
-        let x = packer.finish();
-        let others = [Axis::Y, Axis::Z].map(|axis| transpose(&x.view(), axis, TileOrder::Morton));
-        let lanes = std::iter::once(x).chain(others).collect();
-        let scales = Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 1.0 };
-        let facts = Facts { grid, channels, tile_order: TileOrder::Morton, scales, visible_voxels };
-        Model { facts, lanes, transfer }
-    }
+/// Returns every voxel of a grid, with code 1.
+pub(crate) fn solid(dims: [u64; 3], spacing: [f64; 3], transfer: TransferFunction) -> Built {
+    coded(Grid::new(dims, spacing).unwrap(), transfer, |_| Some(1))
+}
 
-    /// Every voxel of a grid, code 1.
-    pub(crate) fn solid(dims: [u64; 3], spacing: [f64; 3], transfer: TransferFunction) -> Model {
-        Model::new(Grid::new(dims, spacing).unwrap(), transfer, |_| Some(1))
-    }
-
-    pub(crate) fn scene(&self) -> Scene<'_> {
-        Scene { facts: &self.facts, lanes: &self.lanes, transfer: &self.transfer }
-    }
-
+/// How a structure is drawn and judged.
+pub(crate) trait Judge {
     /// The picture: finite, and bit for bit the same of any code and any number of threads.
-    pub(crate) fn draw(&self, camera: &Camera, settings: &Settings) -> (Frame, Stats) {
-        let (frame, stats) = cpu::render(&self.scene(), camera, settings).unwrap();
+    fn draw(&self, camera: &Camera, settings: &Settings) -> (Frame, Stats);
+
+    /// What drawing is refused with: one line.
+    fn refusal(&self, camera: &Camera, settings: &Settings) -> String;
+
+    /// Sums of optical depth at each pixel of a parallel view, in double precision, voxel after voxel; `depth` of a
+    /// code: per mean voxel. And how many splats are at the pixel with the most.
+    fn depths(&self, camera: &Camera, settings: &Settings, depth: impl Fn(u16) -> f64) -> (Vec<f64>, u64);
+}
+
+impl Judge for Built {
+    fn draw(&self, camera: &Camera, settings: &Settings) -> (Frame, Stats) {
+        let (frame, stats) = self.render(camera, settings);
         assert!(frame.pixels().iter().all(|value| value.is_finite()), "not finite: {camera:?} {settings:?}");
         for (code, threads) in [(Code::Plain, 1), (Code::Best, 3)] {
-            let (again, _) =
-                cpu::render(&self.scene(), camera, &Settings { code, threads, ..settings.clone() }).unwrap();
+            let again = self.frame(camera, &Settings { code, threads, ..settings.clone() });
             assert!(bits(&again) == bits(&frame), "{code:?} with {threads} threads: {camera:?} {settings:?}");
         }
         (frame, stats)
     }
 
-    /// What drawing is refused with: one line.
-    pub(crate) fn refusal(&self, camera: &Camera, settings: &Settings) -> String {
+    fn refusal(&self, camera: &Camera, settings: &Settings) -> String {
         let error = cpu::render(&self.scene(), camera, settings).expect_err("this cannot be drawn").to_string();
         assert_eq!(error.lines().count(), 1, "{error}");
         error
     }
 
-    /// Sums of optical depth at each pixel of a parallel view, in double precision, voxel after voxel; `depth` of a
-    /// code: per mean voxel. And how many splats are at the pixel with the most.
-    pub(crate) fn depths(&self, camera: &Camera, settings: &Settings, depth: impl Fn(u16) -> f64) -> (Vec<f64>, u64) {
+    fn depths(&self, camera: &Camera, settings: &Settings, depth: impl Fn(u16) -> f64) -> (Vec<f64>, u64) {
         let kernel = settings.kernel();
         let (sigma, cut) = (f64::from(kernel.sigma), f64::from(kernel.radius / kernel.sigma).powi(2));
         let kept = -(-cut / 2.0).exp_m1();
@@ -114,14 +94,10 @@ impl Model {
 
 /// One colour, one opacity; opacities are per `reference` world length.
 pub(crate) fn constant(opacity: f64, reference: f64) -> TransferFunction {
-    json(&format!(
+    transfer(&format!(
         r##"{{"kind": "points", "points": [{{"value": 0, "colour": "#ffffff", "opacity": {opacity:e}}}],
             "reference_length": {reference:e}, "shaded": false}}"##
     ))
-}
-
-pub(crate) fn json(text: &str) -> TransferFunction {
-    TransferFunction::from_json(text).unwrap()
 }
 
 /// A parallel camera whose picture is `height` high and has `target` in its middle.
@@ -135,24 +111,9 @@ pub(crate) fn middle(grid: &Grid) -> [f64; 3] {
     std::array::from_fn(|a| f64::from(grid.dims[a] - 1) / 2.0 * grid.spacing[a])
 }
 
-pub(crate) fn bits(frame: &Frame) -> Vec<u32> {
-    frame.pixels().iter().map(|value| value.to_bits()).collect()
-}
-
-/// The fourth of each pixel.
-pub(crate) fn alphas(frame: &Frame) -> impl Iterator<Item = f64> {
-    frame.pixels().iter().skip(3).step_by(4).map(|alpha| f64::from(*alpha))
-}
-
 /// Largest difference between a frame's alpha and what sums of optical depth say.
 pub(crate) fn worst(frame: &Frame, depths: &[f64]) -> f64 {
     alphas(frame).zip(depths).map(|(alpha, depth)| (alpha + (-depth).exp_m1()).abs()).fold(0.0, f64::max)
-}
-
-/// Largest difference of a sample.
-pub(crate) fn apart(a: &Frame, b: &Frame) -> f64 {
-    assert_eq!(a.size(), b.size());
-    a.pixels().iter().zip(b.pixels()).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max)
 }
 
 /// What a splat weighs at its centre, where it is wide enough: the kernel's integral along a line through it.

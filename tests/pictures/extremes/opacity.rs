@@ -3,16 +3,18 @@
 use adjsplat::splat::{Mode, Quality, Settings};
 use adjsplat::traverse::Order;
 use adjsplat::volume::Grid;
+use adjsplat_tests::pictures::{alphas, apart, bits};
+use adjsplat_tests::scenes::transfer;
 
-use crate::extremes::model::{Model, alphas, apart, bits, constant, json, middle, parallel, peak_weight, worst};
+use crate::extremes::model::{Judge as _, coded, constant, middle, parallel, peak_weight, solid, worst};
 
 const UP: [f64; 3] = [0.0, 1.0, 0.0];
 const MODES: [Mode; 4] = [Mode::Composite, Mode::Additive, Mode::Maximum, Mode::MaximumGrey];
 
 /// One voxel in the middle of 9 x 9 pixels, 8 of which are a voxel's width.
 fn one_voxel(opacity: f64) -> f64 {
-    let model = Model::solid([1; 3], [1.0; 3], constant(opacity, 1.0));
-    let settings = Settings::new([9, 9]);
+    let model = solid([1; 3], [1.0; 3], constant(opacity, 1.0));
+    let settings = Settings::every_pixel([9, 9]);
     let (frame, _) = model.draw(&parallel([0.0; 3], [0.0, 0.0, 1.0], UP, 9.0 / 8.0), &settings);
     f64::from(frame.pixel(4, 4)[3])
 }
@@ -20,8 +22,8 @@ fn one_voxel(opacity: f64) -> f64 {
 #[test]
 fn no_voxels_and_no_opacity_leave_the_background_as_it_is() {
     let grid = || Grid::new([6, 5, 4], [1.0; 3]).unwrap();
-    let nothing = Model::new(grid(), constant(0.5, 1.0), |_| None);
-    let transparent = Model::new(grid(), constant(0.0, 1.0), |_| Some(7));
+    let nothing = coded(grid(), constant(0.5, 1.0), |_| None);
+    let transparent = coded(grid(), constant(0.0, 1.0), |_| Some(7));
     let background = [0.1, 0.7, 0.3];
     for model in [&nothing, &transparent] {
         for mode in MODES {
@@ -29,7 +31,7 @@ fn no_voxels_and_no_opacity_leave_the_background_as_it_is() {
             if mode.is_maximum() && model.facts.visible_voxels > 0 {
                 continue;
             }
-            let settings = Settings { mode, ..Settings::new([20, 10]) };
+            let settings = Settings { mode, ..Settings::every_pixel([20, 10]) };
             let (mut frame, stats) = model.draw(&parallel(middle(&grid()), [1.0, 2.0, 3.0], UP, 8.0), &settings);
             assert!(stats.splats_drawn == 0 && frame.pixels().iter().all(|value| value.to_bits() == 0), "{mode:?}");
             frame.over(background);
@@ -43,7 +45,7 @@ fn no_voxels_and_no_opacity_leave_the_background_as_it_is() {
 /// own error of a few 2^-23 counts only times depth and transmittance, 0.006.
 #[test]
 fn an_opaque_voxel_lets_through_what_its_largest_depth_says() {
-    let weight = peak_weight(&Settings::new([9, 9]));
+    let weight = peak_weight(&Settings::every_pixel([9, 9]));
     let want = -(-16.0 * weight).exp_m1();
     let got = one_voxel(1.0);
     assert!((got - want).abs() <= 2f64.powi(-23), "{got} {want}");
@@ -51,7 +53,7 @@ fn an_opaque_voxel_lets_through_what_its_largest_depth_says() {
 
 #[test]
 fn opacities_a_step_below_one_are_finite_and_in_order() {
-    let weight = peak_weight(&Settings::new([9, 9]));
+    let weight = peak_weight(&Settings::every_pixel([9, 9]));
     let mut before = 0.0;
     for missing in [0.5, 1e-3, 2f64.powi(-20), 2f64.powi(-24), 2f64.powi(-53), 0.0] {
         let got = one_voxel(1.0 - missing);
@@ -79,18 +81,18 @@ fn reference_lengths_from_tiny_to_huge_are_finite() {
     for (reference, want) in
         [(5e-324, 1.0), (1e-310, 1.0), (1e-300, 1.0), (1e-16, 1.0), (1e30, 0.0), (1e300, 0.0), (f64::MAX, 0.0)]
     {
-        let transfer = json(&format!(
+        let transfer = transfer(&format!(
             r##"{{"kind": "points", "reference_length": {reference:e}, "shaded": false, "points": [
                 {{"value": 0, "colour": "#ffffff", "opacity": 0}}, {{"value": 1, "colour": "#ffffff", "opacity": 0}},
                 {{"value": 2, "colour": "#ffffff", "opacity": 0.9}}]}}"##
         ));
         // Transparent voxels at x = 0.
         let grid = Grid::new([5, 4, 4], [1.0; 3]).unwrap();
-        let model = Model::new(grid, transfer, |[x, _, _]| Some(x.min(1) * 2));
+        let model = coded(grid, transfer, |[x, _, _]| Some(x.min(1) * 2));
         for mode in MODES {
             for exposure in [Some(1.0), None] {
                 // No ray ends before it is dark.
-                let settings = Settings { mode, exposure, termination: Some(0.0), ..Settings::new([21, 21]) };
+                let settings = Settings { mode, exposure, termination: Some(0.0), ..Settings::every_pixel([21, 21]) };
                 let (frame, stats) = model.draw(&parallel([2.0, 1.5, 1.5], [0.0, 0.0, 1.0], UP, 6.0), &settings);
                 // Transparent voxels are not drawn, nor depths that underflow; maxima show values.
                 let drawn = if reference < 1e100 || mode.is_maximum() { 64 } else { 0 };
@@ -108,9 +110,9 @@ fn reference_lengths_from_tiny_to_huge_are_finite() {
 fn slab(depth: f64, direction: [f64; 3], quality: Quality) -> (Vec<f64>, f64) {
     // Opacity per millionth of a voxel: up to 16 of depth in each.
     let reference = 1e-6;
-    let model = Model::solid([64, 64, 12], [1.0; 3], constant(-(-depth / 12.0 * reference).exp_m1(), reference));
+    let model = solid([64, 64, 12], [1.0; 3], constant(-(-depth / 12.0 * reference).exp_m1(), reference));
     let length = direction.iter().map(|c| c * c).sum::<f64>().sqrt();
-    let settings = Settings { quality, termination: Some(0.0), ..Settings::new([50, 50]) };
+    let settings = Settings { quality, termination: Some(0.0), ..Settings::every_pixel([50, 50]) };
     let camera = parallel([31.5, 31.5, 5.5], direction, UP, 2.0);
     let (frame, _) = model.draw(&camera, &settings);
     (alphas(&frame).collect(), depth * length / direction[2])
@@ -147,9 +149,9 @@ fn slabs_of_any_depth_let_through_what_beer_and_lambert_say() {
 fn half_the_spacing_lets_the_same_light_through() {
     let mean = |layers: u64, spacing: f64| {
         let side = (48.0 / spacing) as u64;
-        let model = Model::solid([side, side, layers], [spacing; 3], constant(0.1, 1.0));
+        let model = solid([side, side, layers], [spacing; 3], constant(0.1, 1.0));
         let camera = parallel(middle(&model.facts.grid), [0.2, 0.1, 1.0], UP, 2.0);
-        let (frame, _) = model.draw(&camera, &Settings { termination: Some(0.0), ..Settings::new([50, 50]) });
+        let (frame, _) = model.draw(&camera, &Settings { termination: Some(0.0), ..Settings::every_pixel([50, 50]) });
         alphas(&frame).map(|alpha| -(-alpha).ln_1p()).sum::<f64>() / 2500.0
     };
     let want = -(0.9f64).ln() * 8.0 * (0.05f64 + 1.0).sqrt();
@@ -168,9 +170,9 @@ fn alternating_layers_and_checkers_stay_between_nothing_and_all() {
         for opacity in [0.05, 0.7, 1.0] {
             let grid = Grid::new([16, 15, 14], [1.0; 3]).unwrap();
             let target = middle(&grid);
-            let model = Model::new(grid, constant(opacity, 1.0), |at| shows(at).then_some(1));
+            let model = coded(grid, constant(opacity, 1.0), |at| shows(at).then_some(1));
             for along in [[0.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.3, 0.5, 0.8]] {
-                let settings = Settings { quality: Quality::Reference, ..Settings::new([40, 40]) };
+                let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([40, 40]) };
                 let camera = parallel(target, along, [0.1, 1.0, 0.2], 24.0);
                 let (frame, _) = model.draw(&camera, &settings);
                 let (depths, splats) = model.depths(&camera, &settings, |_| (-(-opacity).ln_1p()).min(16.0));
@@ -195,15 +197,14 @@ fn alternating_layers_and_checkers_stay_between_nothing_and_all() {
 /// let through.
 #[test]
 fn one_colour_is_the_same_in_all_48_orders() {
-    let transfer = json(
+    let transfer = transfer(
         r##"{"kind": "points", "points": [{"value": 0, "colour": "#8040c0", "opacity": 0.4}],
             "reference_length": 1, "shaded": false}"##,
     );
     let [red, green, blue] = transfer.colour(0.0);
-    let model =
-        Model::new(Grid::new([12; 3], [1.0; 3]).unwrap(), transfer, |[x, y, z]| ((x * y + z) % 3 != 0).then_some(1));
+    let model = coded(Grid::new([12; 3], [1.0; 3]).unwrap(), transfer, |[x, y, z]| ((x * y + z) % 3 != 0).then_some(1));
     let camera = parallel([5.5; 3], [0.3, -0.5, 0.8], UP, 16.0);
-    let settings = Settings { quality: Quality::Reference, ..Settings::new([32, 32]) };
+    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([32, 32]) };
     let (first, _) = model.draw(&camera, &settings);
     for order in (0..48).map(|n| Order::parallel(n / 8, (n % 8) as u8)) {
         let (frame, _) = model.draw(&camera, &Settings { order: Some(order), ..settings.clone() });

@@ -1,13 +1,13 @@
 //! What every approximation costs, beside the bound that docs/NUMERICS.md derives for it.
 
-use adjsplat::arena::TileOrder;
-use adjsplat::build::{BuildOptions, Built, Unobserved, build};
-use adjsplat::splat::{Camera, Frame, Lighting, Orbit, Projection, Quality, Sampling, Scene, Settings, Surround, cpu};
+use adjsplat::build::{BuildOptions, Built};
+use adjsplat::splat::{Camera, Frame, Lighting, Projection, Quality, Sampling, Settings};
 use adjsplat::traverse::Sense;
-use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Grid, SampleType};
+use adjsplat_tests::pictures::{alphas, apart};
+use adjsplat_tests::scenes::{Draw as _, built, options, phantom, transfer};
 
-use crate::extremes::model::{Model, alphas, apart, constant, json, parallel};
+use crate::extremes::model::{Judge as _, coded, constant, parallel, solid};
 
 /// Opacities of a code: 0 to 0.005, so that a hundred thousand splats at a pixel matter to the last.
 fn opacity(code: u16) -> f64 {
@@ -29,7 +29,7 @@ fn rounding_stays_within_its_bound_over_half_a_million_layers() {
                 format!(r##"{{"value": {code}, "colour": [{red}, 0, {blue}], "opacity": {:e}}}"##, opaque(code))
             })
             .collect();
-        let transfer = json(&format!(
+        let transfer = transfer(&format!(
             r#"{{"kind": "points", "reference_length": 1e-6, "shaded": false, "points": [{}]}}"#,
             points.join(",")
         ));
@@ -38,7 +38,7 @@ fn rounding_stays_within_its_bound_over_half_a_million_layers() {
             least + (mixed >> 16) as u16 % (256 - least)
         };
         let grid = Grid::new([4, 4, 30_000], [1.0; 3]).unwrap();
-        let model = Model::new(grid, transfer, |at| Some(code(at)));
+        let model = coded(grid, transfer, |at| Some(code(at)));
         let camera = parallel([1.5, 1.5, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 3.0 / scale);
         // In double precision, in an order of the walk: the weights of a layer differ by 3e-4 and colours alternate, so
         // that the order within a layer is of no consequence.
@@ -59,8 +59,8 @@ fn rounding_stays_within_its_bound_over_half_a_million_layers() {
             }
         }
         for sense in [Sense::FrontToBack, Sense::BackToFront] {
-            let settings = Settings { quality: Quality::Reference, sense, ..Settings::new([3, 3]) };
-            let (frame, stats) = cpu::render(&model.scene(), &camera, &settings).unwrap();
+            let settings = Settings { quality: Quality::Reference, sense, ..Settings::every_pixel([3, 3]) };
+            let (frame, stats) = model.render(&camera, &settings);
             assert_eq!(stats.splats_drawn, 480_000);
             let got = frame.pixel(1, 1).map(f64::from);
             let error =
@@ -81,10 +81,10 @@ fn rounding_stays_within_its_bound_over_half_a_million_layers() {
 fn ripple_is_what_each_quality_promises() {
     // The largest are spikes at points of the lattice, where four splats end: pixels meet some of them.
     for (quality, promised) in [(Quality::Draft, 3.9e-3), (Quality::Standard, 3.9e-3), (Quality::High, 4.8e-4)] {
-        let model = Model::solid([24, 24, 1], [1.0; 3], constant(0.5, 1.0));
+        let model = solid([24, 24, 1], [1.0; 3], constant(0.5, 1.0));
         // 160 pixels to a voxel, two voxels across.
         let camera = parallel([11.5, 11.5, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 2.0);
-        let (frame, _) = model.draw(&camera, &Settings { quality, ..Settings::new([320, 320]) });
+        let (frame, _) = model.draw(&camera, &Settings { quality, ..Settings::every_pixel([320, 320]) });
         let depths: Vec<f64> = alphas(&frame).map(|alpha| -(-alpha).ln_1p() / -(0.5f64).ln()).collect();
         let mean = depths.iter().sum::<f64>() / depths.len() as f64;
         let (low, high) =
@@ -110,11 +110,11 @@ fn an_affine_footprint_is_as_far_off_as_its_fit_says() {
             let fov = 2.0 * (150.5 / focal).atan().to_degrees();
             let mut grid = Grid::new([1; 3], [1.0; 3]).unwrap();
             grid.origin = [depth * tangent, 0.0, -depth];
-            let model = Model::new(grid, constant(0.1, 1.0), |_| Some(1));
+            let model = coded(grid, constant(0.1, 1.0), |_| Some(1));
             let camera =
                 Camera::new([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], Projection::Perspective { fov }).unwrap();
-            let settings = Settings { quality: Quality::Reference, ..Settings::new(size) };
-            let (frame, _) = cpu::render(&model.scene(), &camera, &settings).unwrap();
+            let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel(size) };
+            let (frame, _) = model.render(&camera, &settings);
             let peak = -(0.9f64).ln() / (std::f64::consts::TAU * sigma * sigma * kept);
             let mut most = 0.0f64;
             for (row, column) in (0..size[1]).flat_map(|row| (0..columns).map(move |column| (row, column))) {
@@ -139,23 +139,17 @@ fn an_affine_footprint_is_as_far_off_as_its_fit_says() {
 }
 
 fn gyroid(text: &str, value_bits: u8, normal_bits: u8) -> Built {
-    let mut source = Phantom::from_name("gyroid").unwrap().open([40, 44, 36], SampleType::U16, [1.0; 3]).unwrap();
-    let options =
-        BuildOptions { transfer: json(text), lane_count: 3, tile_order: TileOrder::Morton, value_bits, normal_bits };
-    build(&mut *source, &options, &mut Unobserved).unwrap()
+    let mut source = phantom("gyroid", [40, 44, 36], SampleType::U16, [1.0; 3]);
+    built(&mut *source, &BuildOptions { value_bits, normal_bits, ..options(transfer(text)) })
 }
 
 /// Parallel views, lit from the eye.
 fn pictures(built: &Built) -> Vec<Frame> {
-    let scene = Scene { facts: &built.facts, lanes: &built.lanes, transfer: &built.transfer };
-    let around = Surround::of_grid(&built.facts.grid);
     [(0.0, 0.0), (31.0, 24.0), (-100.0, 60.0)]
         .map(|(azimuth, elevation)| {
-            let orbit = Orbit { azimuth, elevation, ..Orbit::default() };
-            let camera = Camera::orbiting(orbit, around, [120, 120]).unwrap();
             let lighting = Some(Lighting { toward_light: [0.0, 0.0, 1.0], ..Lighting::default() });
-            let settings = Settings { quality: Quality::Reference, lighting, ..Settings::new([120, 120]) };
-            cpu::render(&scene, &camera, &settings).unwrap().0
+            let settings = Settings { quality: Quality::Reference, lighting, ..Settings::every_pixel([120, 120]) };
+            built.frame(&built.orbit(azimuth, elevation, None, [120, 120]), &settings)
         })
         .into()
 }
@@ -204,10 +198,11 @@ fn eight_bits_of_normal_change_a_picture_within_their_angle() {
 #[test]
 fn small_pictures_of_things_with_holes_are_too_opaque_but_for_finer_pixels() {
     let grid = Grid::new([64, 64, 1], [1.0; 3]).unwrap();
-    let model = Model::new(grid, constant(0.9, 1.0), |[x, y, _]| ((x / 2 + y / 2) % 2 == 0).then_some(1));
+    let model = coded(grid, constant(0.9, 1.0), |[x, y, _]| ((x / 2 + y / 2) % 2 == 0).then_some(1));
     let mean = |pixels: f64, size: u32, sampling: Sampling| {
         let camera = parallel([31.5, 31.5, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], f64::from(size) / pixels);
-        let settings = Settings { quality: Quality::Reference, sampling, ..Settings::new([size; 2]) };
+        let settings =
+            Settings { quality: Quality::Reference, sampling: Some(sampling), ..Settings::every_pixel([size; 2]) };
         let (frame, _) = model.draw(&camera, &settings);
         alphas(&frame).sum::<f64>() / f64::from(size * size)
     };

@@ -1,15 +1,18 @@
 //! Splats from a millionth of a pixel to a thousand million, pictures from one pixel to 16,384 a side.
 
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Mode, Projection, Quality, Settings};
 use adjsplat::volume::Grid;
+use adjsplat_tests::pictures::{alphas, apart};
+use adjsplat_tests::scenes::Draw as _;
 
-use crate::extremes::model::{Model, alphas, apart, constant, parallel, peak_weight, worst};
+use crate::extremes::model::{Judge as _, coded, constant, parallel, peak_weight, solid, worst};
 
 const ALONG: [f64; 3] = [0.0, 0.0, 1.0];
 const UP: [f64; 3] = [0.0, 1.0, 0.0];
 
-fn voxel(opacity: f64) -> Model {
-    Model::solid([1; 3], [1.0; 3], constant(opacity, 1.0))
+fn voxel(opacity: f64) -> Built {
+    solid([1; 3], [1.0; 3], constant(opacity, 1.0))
 }
 
 /// One voxel as wide as `pixels`, `shift` of a pixel from the picture's middle to the right and down.
@@ -20,7 +23,7 @@ fn at(pixels: f64, shift: [f64; 2], size: [u32; 2]) -> Camera {
 }
 
 /// Sum of the depths of an x-ray's pixels.
-fn light(model: &Model, camera: &Camera, settings: &Settings) -> f64 {
+fn light(model: &Built, camera: &Camera, settings: &Settings) -> f64 {
     let (frame, _) = model.draw(camera, &Settings { mode: Mode::Additive, ..settings.clone() });
     alphas(&frame).map(|alpha| -(-alpha).ln_1p()).sum()
 }
@@ -28,7 +31,7 @@ fn light(model: &Model, camera: &Camera, settings: &Settings) -> f64 {
 /// Widened to 0.6 pixels: sampling such a Gaussian ripples by 0.33 %, and its cut-off (3/0.7) by less.
 #[test]
 fn splats_far_below_a_pixel_keep_their_light() {
-    let settings = Settings { quality: Quality::High, ..Settings::new([41, 41]) };
+    let settings = Settings { quality: Quality::High, ..Settings::every_pixel([41, 41]) };
     for pixels in [0.1, 1e-3, 1e-6, 1e-9] {
         for shift in [[0.0, 0.0], [0.5, 0.0], [0.5, 0.5], [0.31, -0.17]] {
             let got = light(&voxel(0.5), &at(pixels, shift, [41, 41]), &settings);
@@ -51,9 +54,9 @@ fn splats_far_below_a_pixel_keep_their_light() {
 #[test]
 fn splats_far_beyond_the_picture_are_flat() {
     for opacity in [0.01f64, 0.5, 1.0] {
-        let depth = (-(-opacity).ln_1p()).min(16.0) * peak_weight(&Settings::new([9, 9]));
+        let depth = (-(-opacity).ln_1p()).min(16.0) * peak_weight(&Settings::every_pixel([9, 9]));
         for pixels in [1e5, 5e5, 1e6, 1e9, 4e9] {
-            let settings = Settings::new([64, 48]);
+            let settings = Settings::every_pixel([64, 48]);
             let (frame, stats) = voxel(opacity).draw(&at(pixels, [3.0, 5.0], [64, 48]), &settings);
             assert_eq!(stats.splats_drawn, 1);
             for alpha in alphas(&frame) {
@@ -63,14 +66,14 @@ fn splats_far_beyond_the_picture_are_flat() {
             // The bound is generous: this takes a millisecond.
             assert!(stats.frame_ms < 2_000.0, "{stats:?}");
         }
-        let (frame, stats) = voxel(opacity).draw(&at(1e12, [0.0; 2], [64, 48]), &Settings::new([64, 48]));
+        let (frame, stats) = voxel(opacity).draw(&at(1e12, [0.0; 2], [64, 48]), &Settings::every_pixel([64, 48]));
         assert!(stats.splats_drawn == 0 && alphas(&frame).all(|alpha| alpha == 0.0));
     }
 }
 
 #[test]
 fn voxels_far_off_the_picture_leave_it_as_it_is() {
-    let settings = Settings { quality: Quality::High, ..Settings::new([40, 30]) };
+    let settings = Settings { quality: Quality::High, ..Settings::every_pixel([40, 30]) };
     let empty = |camera: &Camera, what: &str| {
         for mode in [Mode::Composite, Mode::Additive] {
             let (frame, stats) = voxel(0.9).draw(camera, &Settings { mode, ..settings.clone() });
@@ -94,7 +97,7 @@ fn a_splat_on_a_pixels_middle_edge_or_corner_is_symmetric() {
         for (shift, size) in
             [([0.0, 0.0], [31, 31]), ([0.0, 0.0], [30, 31]), ([0.0, 0.0], [31, 30]), ([0.0, 0.0], [30, 30])]
         {
-            let settings = Settings { mode: Mode::Additive, ..Settings::new(size) };
+            let settings = Settings { mode: Mode::Additive, ..Settings::every_pixel(size) };
             let (frame, _) = voxel(0.9).draw(&at(pixels, shift, size), &settings);
             let peak = alphas(&frame).fold(0.0, f64::max);
             assert!(peak > 0.0);
@@ -113,11 +116,11 @@ fn a_splat_on_a_pixels_middle_edge_or_corner_is_symmetric() {
 #[test]
 fn a_splat_on_the_border_is_cut_there_and_nowhere_else() {
     for pixels in [0.3, 3.0, 12.0] {
-        let whole = Settings::new([64, 64]);
+        let whole = Settings::every_pixel([64, 64]);
         for shift in [[-16.0, 0.0], [0.0, -16.0], [16.0, 16.0], [-15.5, 3.25], [15.5, -16.5]] {
             // The middle 32 x 32 pixels of the one are the other.
             let (large, _) = voxel(0.9).draw(&at(pixels, shift, [64, 64]), &whole);
-            let (small, stats) = voxel(0.9).draw(&at(pixels, shift, [32, 32]), &Settings::new([32, 32]));
+            let (small, stats) = voxel(0.9).draw(&at(pixels, shift, [32, 32]), &Settings::every_pixel([32, 32]));
             assert_eq!(stats.splats_drawn, 1, "{pixels} {shift:?}");
             for (row, column) in (0..32).flat_map(|row| (0..32).map(move |column| (row, column))) {
                 let (a, b) = (small.pixel(column, row), large.pixel(column + 16, row + 16));
@@ -132,7 +135,7 @@ fn a_splat_on_the_border_is_cut_there_and_nowhere_else() {
 #[test]
 fn pictures_at_the_largest_side_are_as_exact_at_their_ends_as_small_ones() {
     let grid = || Grid::new([4, 4, 4], [1.0; 3]).unwrap();
-    let model = Model::new(grid(), constant(0.6, 1.0), |[x, y, z]| ((x + y + z) % 2 == 0).then_some(1));
+    let model = coded(grid(), constant(0.6, 1.0), |[x, y, z]| ((x + y + z) % 2 == 0).then_some(1));
     let along = [0.3, 0.2, 1.0];
     for (size, shift) in
         [([16_384, 24], [8_176.0, 0.0]), ([24, 16_384], [0.0, 8_176.0]), ([16_384, 24], [-8_170.25, 0.0])]
@@ -142,8 +145,8 @@ fn pictures_at_the_largest_side_are_as_exact_at_their_ends_as_small_ones() {
             let (right, up) = axes(along);
             let target = [0, 1, 2].map(|a| 1.5 - right[a] * shift[0] / 4.0 + up[a] * shift[1] / 4.0);
             let camera = parallel(target, along, UP, f64::from(size[1]) / 4.0);
-            let settings = Settings { quality: Quality::High, ..Settings::new(size) };
-            adjsplat::splat::cpu::render(&model.scene(), &camera, &settings).unwrap().0
+            let settings = Settings { quality: Quality::High, ..Settings::every_pixel(size) };
+            model.frame(&camera, &settings)
         };
         let large = draw(size, shift);
         // The same pixels in a picture of 24 x 24 whose middle is 16 pixels from the large one's end.
@@ -179,11 +182,11 @@ fn pictures_that_cannot_be_are_refused_before_memory_is_taken() {
     for size in
         [[0, 0], [0, 7], [7, 0], [1, 16_385], [65_535, 1], [1 << 31, 1 << 31], [u32::MAX, u32::MAX], [0, u32::MAX]]
     {
-        let refusal = voxel(0.5).refusal(&camera, &Settings::new(size));
+        let refusal = voxel(0.5).refusal(&camera, &Settings::every_pixel(size));
         assert!(refusal.contains("picture size"), "{size:?}: {refusal}");
     }
     for size in [[1, 1], [1, 16_384], [16_384, 1], [3, 2]] {
-        let (frame, stats) = voxel(0.5).draw(&at(1.0, [0.0; 2], size), &Settings::new(size));
+        let (frame, stats) = voxel(0.5).draw(&at(1.0, [0.0; 2], size), &Settings::every_pixel(size));
         assert!(frame.size() == size && stats.splats_drawn == 1, "{size:?}");
     }
 }
@@ -199,7 +202,7 @@ fn needles_are_finite_and_no_deeper_than_they_should_be() {
         ([1e5, 1e-5, 1e5], [0.7, 0.0, 0.7]),
         ([1e5, 1e5, 1e-5], [0.70001, 0.7, 1e-9]),
     ] {
-        let mut model = Model::solid([3, 4, 5], spacing, constant(0.3, 1.0));
+        let mut model = solid([3, 4, 5], spacing, constant(0.3, 1.0));
         let mean: f64 = spacing.iter().product::<f64>().cbrt();
         for reference in [mean, 1.0] {
             model.transfer = constant(0.3, reference);
@@ -207,7 +210,7 @@ fn needles_are_finite_and_no_deeper_than_they_should_be() {
             let target = [0, 1, 2].map(|a| spacing[a] * [1.0, 1.5, 2.0][a]);
             for height in [1e-4, 1.0, 6.0, 30.0, 1e6] {
                 let camera = parallel(target, along, [0.3, 0.8, 0.2], height);
-                let settings = Settings { quality: Quality::Reference, ..Settings::new([32, 32]) };
+                let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([32, 32]) };
                 let (frame, _) = model.draw(&camera, &settings);
                 // Splats that are longer than 2,097,152 pixels to either side end there.
                 if 3.0 * spacing.iter().copied().fold(0.0, f64::max) * 32.0 / height > 2e6 {
@@ -231,10 +234,10 @@ fn needles_are_finite_and_no_deeper_than_they_should_be() {
 /// A camera that moves by a pixel moves the picture by a pixel; by half a pixel, it is between.
 #[test]
 fn a_camera_a_pixel_aside_gives_the_picture_a_pixel_aside() {
-    let model = Model::new(Grid::new([7, 6, 5], [1.0; 3]).unwrap(), constant(0.4, 1.0), |[x, y, z]| {
+    let model = coded(Grid::new([7, 6, 5], [1.0; 3]).unwrap(), constant(0.4, 1.0), |[x, y, z]| {
         ((x * 3 + y * 5 + z) % 4 != 0).then_some(1)
     });
-    let settings = Settings { quality: Quality::Reference, ..Settings::new([60, 50]) };
+    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([60, 50]) };
     let (right, up) = axes([0.2, 0.3, 1.0]);
     let draw = |x: f64, y: f64| {
         let target = [0, 1, 2].map(|a| [3.0, 2.5, 2.0][a] + (right[a] * x - up[a] * y) / 5.0);

@@ -1,18 +1,21 @@
 //! Spacings from the smallest to the largest, anisotropy up to 1 to a million, mirrored and sheared grids.
 
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Projection, Quality, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::{Axis, Grid};
+use adjsplat_tests::pictures::{alphas, apart, bits};
+use adjsplat_tests::scenes::{Draw as _, transfer};
 
-use crate::extremes::model::{Model, alphas, apart, bits, constant, json, middle, parallel, worst};
+use crate::extremes::model::{Judge as _, coded, constant, middle, parallel, solid, worst};
 
 /// A lumpy ball of some thousand voxels of two colours; opacities per mean voxel.
-fn ball(spacing: [f64; 3]) -> Model {
-    let transfer = json(
+fn ball(spacing: [f64; 3]) -> Built {
+    let transfer = transfer(
         r##"{"kind": "points", "shaded": false, "points": [
             {"value": 0, "colour": "#ff4020", "opacity": 0.1}, {"value": 200, "colour": "#3060ff", "opacity": 0.6}]}"##,
     );
-    Model::new(Grid::new([20, 18, 16], spacing).unwrap(), transfer, |at| {
+    coded(Grid::new([20, 18, 16], spacing).unwrap(), transfer, |at| {
         let [x, y, z] = at.map(f64::from);
         let square = (x - 9.5).powi(2) + (y - 8.5).powi(2) + (z - 7.5).powi(2);
         (square < 60.0 + 10.0 * x.sin()).then_some((at[0] * 31 + at[1] * 17 + at[2] * 7) % 200)
@@ -33,7 +36,7 @@ fn cameras(unit: f64) -> [Camera; 3] {
 }
 
 fn high() -> Settings {
-    Settings { quality: Quality::High, ..Settings::new([48, 40]) }
+    Settings { quality: Quality::High, ..Settings::every_pixel([48, 40]) }
 }
 
 /// By powers of two (of three in the exponent, for the cube root) bit for bit; by powers of ten up to what moves a pixel
@@ -116,7 +119,7 @@ fn slabs_of_1_to_1000_in_every_turn_let_through_what_they_should() {
             spacing[coarse] = 1000.0;
             let mut dims = [64; 3];
             dims[across] = 12;
-            let mut model = Model::solid(dims, spacing, constant(0.5, 1.0));
+            let mut model = solid(dims, spacing, constant(0.5, 1.0));
             for tilt in [[0.0, 0.0], [0.09, 0.0], [0.58, 0.1], [1.0, 1.0]] {
                 let mut world = [0.0; 3];
                 let (u, v) = ((across + 1) % 3, (across + 2) % 3);
@@ -133,9 +136,9 @@ fn slabs_of_1_to_1000_in_every_turn_let_through_what_they_should() {
                 for place in 0..4 {
                     let mut target = middle(&model.facts.grid);
                     target[coarse] += f64::from(place) * 250.0;
-                    let settings = Settings { termination: Some(0.0), ..Settings::new([150, 150]) };
+                    let settings = Settings { termination: Some(0.0), ..Settings::every_pixel([150, 150]) };
                     let camera = parallel(target, world.map(|c| c / length), up, 6.0);
-                    let (frame, _) = adjsplat::splat::cpu::render(&model.scene(), &camera, &settings).unwrap();
+                    let (frame, _) = model.render(&camera, &settings);
                     let depths = alphas(&frame).map(|alpha| -(-alpha).ln_1p());
                     let peak = depths.map(|depth| (depth / want - 1.0).abs()).fold(0.0, f64::max);
                     worst = worst.max(peak);
@@ -158,7 +161,7 @@ fn the_slow_axis_is_chosen_in_voxels() {
     ] {
         let grid = Grid::new([8; 3], spacing).unwrap();
         let camera = parallel([0.0; 3], along, [0.3, 0.5, -0.2], 10.0);
-        let settings = Settings::new([8, 8]);
+        let settings = Settings::every_pixel([8, 8]);
         let view = View::new(&camera, &grid, settings.size, settings.kernel(), None).unwrap();
         let order = Order::new(view.viewpoint, grid.dims, Sense::FrontToBack, SplitForm::default()).unwrap();
         assert_eq!(order.slow, slow, "{spacing:?} {along:?}");
@@ -190,7 +193,7 @@ fn anisotropic_mirrored_and_sheared_grids_are_drawn_as_they_lie() {
         let extent = spacing.iter().copied().fold(0.0, f64::max) * 24.0;
         for (along, height) in [([0.3, 0.4, 1.0], extent), ([1.0, -0.2, 0.1], 24.0), ([0.0, 1.0, 0.0], extent)] {
             let camera = parallel(target, along, [0.1, 0.2, 0.9], height);
-            let settings = Settings { quality: Quality::Reference, ..Settings::new([32, 32]) };
+            let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([32, 32]) };
             let (frame, stats) = model.draw(&camera, &settings);
             let (want, splats) = model.depths(&camera, &settings, |code| depths[usize::from(code)]);
             let bound = splats as f64 * 2f64.powi(-24) + 1.1e-4 * 0.33 + 1e-5;

@@ -1,18 +1,21 @@
 //! Views along axes and diagonals, eyes on voxels, within, and far away, and what is at the near plane.
 
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Mode, Orbit, Projection, Quality, Settings, Surround};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::Grid;
+use adjsplat_tests::pictures::{alphas, apart, bits};
+use adjsplat_tests::scenes::transfer;
 
-use crate::extremes::model::{Model, alphas, apart, bits, constant, json, parallel, worst};
+use crate::extremes::model::{Judge as _, coded, constant, parallel, solid, worst};
 
 /// Red and blue by turns: every wrong order of two neighbours shows.
-fn checkers(side: u64, opacity: f64) -> Model {
-    let transfer = json(&format!(
+fn checkers(side: u64, opacity: f64) -> Built {
+    let transfer = transfer(&format!(
         r##"{{"kind": "points", "shaded": false, "reference_length": 1, "points": [
             {{"value": 0, "colour": [1, 0, 0], "opacity": {opacity}}}, {{"value": 1, "colour": [0, 0, 1], "opacity": {opacity}}}]}}"##
     ));
-    Model::new(Grid::new([side; 3], [1.0; 3]).unwrap(), transfer, |[x, y, z]| Some((x + y + z) % 2))
+    coded(Grid::new([side; 3], [1.0; 3]).unwrap(), transfer, |[x, y, z]| Some((x + y + z) % 2))
 }
 
 fn perspective(position: [f64; 3], target: [f64; 3], fov: f64) -> Camera {
@@ -30,7 +33,7 @@ fn views_along_an_axis_are_right_either_way() {
             along[axis] = sign;
             let up = [0, 1, 2].map(|a| f64::from(u8::from(a == (axis + 1) % 3)));
             let camera = parallel([4.5; 3], along, up, 14.0);
-            let settings = Settings { quality: Quality::Reference, ..Settings::new([40, 40]) };
+            let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([40, 40]) };
             let (own, _) = model.draw(&camera, &settings);
             let (depths, splats) = model.depths(&camera, &settings, depth);
             // As in `opacity`: roundings, and a pixel on a footprint's edge.
@@ -58,7 +61,7 @@ fn tied_axes_are_drawn_alike_on_both_sides_of_the_tie() {
     for (n, opacity) in [0.05, 0.6].into_iter().enumerate() {
         let model = checkers(12, opacity);
         for along in [[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, 0.0, 1.0], [0.0, -1.0, -1.0]] {
-            let settings = Settings { quality: Quality::Reference, ..Settings::new([48, 48]) };
+            let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([48, 48]) };
             let draw = |along: [f64; 3]| model.draw(&parallel([5.5; 3], along, [0.3, 0.2, 0.9], 22.0), &settings).0;
             let tied = draw(along);
             for axis in 0..3 {
@@ -83,8 +86,8 @@ fn tied_axes_are_drawn_alike_on_both_sides_of_the_tie() {
 /// One colour: nothing depends on the order, tied or not.
 #[test]
 fn a_tie_does_not_show_in_one_colour() {
-    let model = Model::solid([12; 3], [1.0; 3], constant(0.4, 1.0));
-    let settings = Settings { quality: Quality::Reference, ..Settings::new([48, 48]) };
+    let model = solid([12; 3], [1.0; 3], constant(0.4, 1.0));
+    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([48, 48]) };
     let draw = |along: [f64; 3]| model.draw(&parallel([5.5; 3], along, [0.3, 0.2, 0.9], 22.0), &settings).0;
     let tied = draw([1.0, 1.0, 1.0]);
     for beside in [[1.0, 1.0 + 1e-15, 1.0], [1.0 - 1e-15, 1.0, 1.0], [1.0, 1.0, 1.0 + 1e-15]] {
@@ -96,12 +99,12 @@ fn a_tie_does_not_show_in_one_colour() {
 /// An eye on a voxel sees all but the voxels that are nearer than the kernel reaches.
 #[test]
 fn an_eye_on_a_voxel_does_not_see_that_voxel() {
-    let whole = Model::solid([9; 3], [1.0; 3], constant(0.1, 1.0));
-    let without = Model::new(whole.facts.grid.clone(), constant(0.1, 1.0), |at| (at != [4; 3]).then_some(1));
+    let whole = solid([9; 3], [1.0; 3], constant(0.1, 1.0));
+    let without = coded(whole.facts.grid.clone(), constant(0.1, 1.0), |at| (at != [4; 3]).then_some(1));
     for near in [None, Some(1e-9), Some(0.5)] {
         for toward in [[1.0, 0.0, 0.0], [0.3, -0.8, 0.5], [1.0, 1.0, 1.0]] {
             let target = [0, 1, 2].map(|a| 4.0 + toward[a]);
-            let settings = Settings { near, ..Settings::new([40, 30]) };
+            let settings = Settings { near, ..Settings::every_pixel([40, 30]) };
             let (all, stats) = whole.draw(&perspective([4.0; 3], target, 70.0), &settings);
             let (rest, _) = without.draw(&perspective([4.0; 3], target, 70.0), &settings);
             assert!(bits(&all) == bits(&rest) && stats.splats_drawn > 0, "{near:?} {toward:?}");
@@ -127,7 +130,7 @@ fn eyes_anywhere_give_the_same_light_in_every_order() {
         [-1e-12, 5.0, 11.0 + 1e-12],
     ] {
         let camera = perspective(position, target, 60.0);
-        let settings = Settings { quality: Quality::Reference, ..Settings::new([40, 36]) };
+        let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([40, 36]) };
         let (first, stats) = model.draw(&camera, &settings);
         assert!(stats.splats_drawn > 0, "{position:?}");
         for (form, sense) in [
@@ -150,7 +153,7 @@ fn an_eye_a_thousand_million_voxels_away_sees_what_a_parallel_view_shows() {
     let model = checkers(12, 0.3);
     let along = [0.4, 0.7, -0.59];
     let length = along.iter().map(|c: &f64| c * c).sum::<f64>().sqrt();
-    let settings = Settings { quality: Quality::Reference, ..Settings::new([60, 60]) };
+    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([60, 60]) };
     let up = [0.1, 0.2, 1.0];
     let (flat, _) = model.draw(&parallel([5.5; 3], along, up, 24.0), &settings);
     for distance in [1e6, 1e9] {
@@ -172,11 +175,11 @@ fn nothing_is_mirrored_at_the_near_plane() {
     let voxel = |at: [f64; 3]| {
         let mut grid = Grid::new([1; 3], [1.0; 3]).unwrap();
         grid.origin = at;
-        Model::new(grid, constant(0.5, 1.0), |_| Some(1))
+        coded(grid, constant(0.5, 1.0), |_| Some(1))
     };
     for fov in [1e-6, 60.0, 170.0, 179.9] {
         for near in [None, Some(1e-12), Some(0.3)] {
-            let settings = Settings { near, ..Settings::new([41, 41]) };
+            let settings = Settings { near, ..Settings::every_pixel([41, 41]) };
             let light = |at: [f64; 3]| -> [f64; 2] {
                 let (frame, stats) = voxel(at).draw(&camera(fov), &settings);
                 assert!(alphas(&frame).all(|alpha| (0.0..=1.0).contains(&alpha)));
@@ -232,7 +235,7 @@ fn orbits_that_cannot_be_are_refused() {
 fn a_turn_in_36_steps_comes_back_bit_equal() {
     let model = checkers(8, 0.4);
     let around = Surround::of_grid(&model.facts.grid);
-    let settings = Settings { mode: Mode::Composite, ..Settings::new([30, 30]) };
+    let settings = Settings { mode: Mode::Composite, ..Settings::every_pixel([30, 30]) };
     let at = |step: u32| {
         let orbit = Orbit { azimuth: 10.0 * f64::from(step), elevation: 20.0, ..Orbit::default() };
         bits(&model.draw(&Camera::orbiting(orbit, around, [30, 30]).unwrap(), &settings).0)

@@ -3,15 +3,16 @@
 use std::collections::HashSet;
 
 use adjsplat::Error;
-use adjsplat::arena::TileOrder;
-use adjsplat::build::{BuildOptions, Unobserved, build};
+use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
-use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Scene, Settings, cpu};
-use adjsplat::traverse::{Batch, Order, walk};
+use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Settings};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, Grid, SampleType};
+use adjsplat_tests::pictures::{alphas, apart};
+use adjsplat_tests::scenes::{Draw as _, built, options};
+use adjsplat_tests::walks::{parallel_orders, visited};
 
-use crate::extremes::model::{Model, alphas, apart, constant, parallel, worst};
+use crate::extremes::model::{Judge as _, coded, constant, parallel, solid, worst};
 
 /// Middle of the light on some columns of a picture, and how much there is.
 fn centroid(frame: &Frame, columns: std::ops::Range<u32>) -> ([f64; 2], f64) {
@@ -27,7 +28,7 @@ fn centroid(frame: &Frame, columns: std::ops::Range<u32>) -> ([f64; 2], f64) {
 }
 
 fn additive(size: [u32; 2]) -> Settings {
-    Settings { mode: Mode::Additive, ..Settings::new(size) }
+    Settings { mode: Mode::Additive, ..Settings::every_pixel(size) }
 }
 
 /// Through the builder: 8 corners, 12 edges, 6 faces.
@@ -39,10 +40,7 @@ fn a_voxel_anywhere_on_the_border_is_drawn_where_it_is() {
         let mut source =
             Phantom::Voxels(vec![place]).open(dims.map(u64::from), SampleType::U8, [1.0, 1.5, 0.5]).unwrap();
         let transfer = TransferFunction::range(1.0, 255.0).unwrap().with_shaded(false);
-        let options =
-            BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits: 0 };
-        let built = build(&mut *source, &options, &mut Unobserved).unwrap();
-        let scene = Scene { facts: &built.facts, lanes: &built.lanes, transfer: &built.transfer };
+        let built = built(&mut *source, &BuildOptions { normal_bits: 0, ..options(transfer) });
         let world = [f64::from(place[0]), 1.5 * f64::from(place[1]), 0.5 * f64::from(place[2])];
         // Right, up and along of three views.
         for (right, up, along) in [
@@ -52,10 +50,8 @@ fn a_voxel_anywhere_on_the_border_is_drawn_where_it_is() {
         ] {
             // 5 pixels to a world length.
             let camera = parallel([2.0, 3.0, 2.0], along, up, 24.2);
-            let (frame, stats) = {
-                let settings = Settings { quality: Quality::High, ..additive([121, 121]) };
-                cpu::render(&scene, &camera, &settings).unwrap()
-            };
+            let settings = Settings { quality: Quality::High, ..additive([121, 121]) };
+            let (frame, stats) = built.render(&camera, &settings);
             let dot = |axis: [f64; 3]| (0..3).map(|a| axis[a] * (world[a] - [2.0, 3.0, 2.0][a])).sum::<f64>();
             let want = [60.0 + 5.0 * dot(right), 60.0 - 5.0 * dot(up)];
             let (got, sum) = centroid(&frame, 0..121);
@@ -82,7 +78,7 @@ fn voxels_at_both_sides_of_a_gap_are_drawn_where_they_are() {
             dims[axis.index()] = first + gap + 1;
             let grid = Grid::new(dims.map(|d: u32| u64::from(d)), [1.0; 3]).unwrap();
             let ends = [first, first + gap].map(|end| u16::try_from(end).unwrap());
-            let model = Model::new(grid, constant(0.9, 1.0), |at| ends.contains(&at[axis.index()]).then_some(0));
+            let model = coded(grid, constant(0.9, 1.0), |at| ends.contains(&at[axis.index()]).then_some(0));
             assert_eq!(model.facts.visible_voxels, 2);
             // Across the line, 20 pixels at each end and as wide as it must be between.
             let mut middle = [0.0; 3];
@@ -115,18 +111,15 @@ fn codes_that_a_step_has_too_are_values() {
     for code in [0, 255] {
         let grid = Grid::new([2_000, 1, 1], [1.0; 3]).unwrap();
         let places = [0, 255, 256, 1_000, 1_999];
-        let model = Model::new(grid, constant(0.5, 1.0), |[x, _, _]| places.contains(&x).then_some(code));
+        let model = coded(grid, constant(0.5, 1.0), |[x, _, _]| places.contains(&x).then_some(code));
         for lane in &model.lanes {
-            let order = (0..48).map(|n| Order::parallel(n / 8, (n % 8) as u8)).find(|order| order.fast == lane.axis);
-            let mut seen = Vec::new();
-            walk(&lane.view(), &order.unwrap(), &mut |batch: &Batch| {
-                seen.extend((0..batch.len()).map(|j| lane.view().value_code(batch.record_index(j))));
-            });
+            let order = parallel_orders().find(|order| order.fast == lane.axis).unwrap();
+            let seen = visited(&lane.view(), &order, |_, record| lane.view().value_code(record));
             assert_eq!(seen, [code; 5], "{:?}", lane.axis);
         }
         assert!(model.lanes[0].view().stepping_voxels() > 3);
         let camera = parallel([1_000.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 41.0);
-        assert_eq!(model.draw(&camera, &Settings::new([2_001, 41])).1.splats_drawn, 5);
+        assert_eq!(model.draw(&camera, &Settings::every_pixel([2_001, 41])).1.splats_drawn, 5);
     }
 }
 
@@ -136,7 +129,7 @@ fn the_longest_line_is_drawn_whole() {
     for axis in Axis::ALL {
         let mut dims = [1; 3];
         dims[axis.index()] = 65_535;
-        let model = Model::solid(dims, [1.0; 3], constant(1e-5, 1.0));
+        let model = solid(dims, [1.0; 3], constant(1e-5, 1.0));
         let [side, other] = axis.others().map(|a| Axis::ALL.map(|b| f64::from(u8::from(a == b))));
         let along = Axis::ALL.map(|b| f64::from(u8::from(axis == b)));
         let depth = |_| -(-1e-5f64).ln_1p();
@@ -149,7 +142,7 @@ fn the_longest_line_is_drawn_whole() {
             let mut target = [0.0; 3];
             target[axis.index()] = 32_767.0;
             let camera = parallel(target, view, up, height);
-            let settings = Settings { quality: Quality::Reference, ..Settings::new(size) };
+            let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel(size) };
             let (frame, stats) = model.draw(&camera, &settings);
             let (depths, splats) = model.depths(&camera, &settings, depth);
             assert!(stats.splats_drawn > 0);
@@ -180,8 +173,8 @@ fn grids_beyond_the_limits_are_refused() {
     // The largest grid has fewer than 2^48 points: what is counted of it is below 2^64.
     assert_eq!(Grid::new([65_535; 3], [1.0; 3]).unwrap().len(), 65_535u64.pow(3));
     // More points than 32 bits count, and a voxel at each end.
-    let model = || Grid::new([2_049, 2_049, 1_100], [1.0; 3]).unwrap();
-    assert!(model().len() > u64::from(u32::MAX));
+    let grid = Grid::new([2_049, 2_049, 1_100], [1.0; 3]).unwrap();
+    assert!(grid.len() > u64::from(u32::MAX));
 }
 
 /// Lines of a face in 16 bits and one more.
@@ -190,22 +183,19 @@ fn a_face_of_65_536_lines_is_walked_and_drawn() {
     for axis in Axis::ALL {
         let mut dims = [256; 3];
         dims[axis.index()] = 1;
-        let model = Model::solid(dims, [1.0; 3], constant(0.3, 1.0));
+        let model = solid(dims, [1.0; 3], constant(0.3, 1.0));
         assert_eq!(model.facts.visible_voxels, 65_536);
         let lane = model.lanes[axis.index()].view();
         assert_eq!(lane.line_ends.len(), 65_536);
-        for order in (0..48).map(|n| Order::parallel(n / 8, (n % 8) as u8)) {
+        for order in parallel_orders() {
             let lane = model.lanes[order.fast.index()].view();
-            let mut seen = HashSet::new();
-            walk(&lane, &order, &mut |batch: &Batch| {
-                seen.extend((0..batch.len()).map(|j| (batch.slow, batch.medium[j], batch.fast[j])));
-            });
+            let seen: HashSet<[u32; 3]> = visited(&lane, &order, |at, _| at).into_iter().collect();
             assert_eq!(seen.len(), 65_536, "{order:?}");
         }
         let along = Axis::ALL.map(|a| f64::from(u8::from(a == axis)));
         let up = Axis::ALL.map(|a| f64::from(u8::from(a == axis.others()[0])));
         let target = Axis::ALL.map(|a| if a == axis { 0.0 } else { 127.5 });
-        let (frame, _) = model.draw(&parallel(target, along, up, 200.0), &Settings::new([200, 200]));
+        let (frame, _) = model.draw(&parallel(target, along, up, 200.0), &Settings::every_pixel([200, 200]));
         // One layer; a pixel a voxel: only the widening to 0.6 px ripples, by 0.4 %.
         assert!(alphas(&frame).all(|alpha| (alpha / 0.3 - 1.0).abs() < 5e-3), "{axis:?}");
     }
@@ -214,12 +204,12 @@ fn a_face_of_65_536_lines_is_walked_and_drawn() {
 /// A camera that is as far away as the longest line is long, on both sides of it.
 #[test]
 fn the_longest_line_is_seen_from_its_ends() {
-    let model = Model::solid([1, 1, 65_535], [1.0; 3], constant(0.01, 1.0));
+    let model = solid([1, 1, 65_535], [1.0; 3], constant(0.01, 1.0));
     let frames = [([0.0, 3.0, -40.0], [0.0, 0.0, 20.0]), ([0.0, 3.0, 65_574.0], [0.0, 0.0, 65_514.0])].map(
         |(position, target)| {
             let projection = Projection::Perspective { fov: 40.0 };
             let camera = Camera::new(position, target, [0.0, 1.0, 0.0], projection).unwrap();
-            let settings = Settings { quality: Quality::High, ..Settings::new([61, 50]) };
+            let settings = Settings { quality: Quality::High, ..Settings::every_pixel([61, 50]) };
             let (frame, stats) = model.draw(&camera, &settings);
             assert!(stats.splats_drawn > 60_000, "{stats:?}");
             frame

@@ -5,9 +5,11 @@ use std::ops::ControlFlow;
 use adjsplat::Error;
 use adjsplat::splat::Quality;
 use adjsplat_judge::hidden::{Algorithm, Culling, find};
+use adjsplat_tests::at_full;
+use adjsplat_tests::scenes::Draw as _;
 
 use crate::hidden::judge::worst_change;
-use crate::hidden::scenes::{Dense, EPS, Model, culling, find_in, hidden, without};
+use crate::hidden::scenes::{EPS, ShadeVolume, culling, find_in, hidden, structure, without};
 
 const BOTH: [Algorithm; 2] = [Algorithm::Sampled, Algorithm::Certified];
 
@@ -15,9 +17,9 @@ fn distance([x, y, z]: [usize; 3], centre: f64) -> f64 {
     [x, y, z].map(|c| (c as f64 - centre).powi(2)).iter().sum::<f64>().sqrt()
 }
 
-fn ball(side: usize, inner: f64, outer: f64) -> Dense {
+fn ball(side: usize, inner: f64, outer: f64) -> ShadeVolume {
     let centre = (side as f64 - 1.0) / 2.0;
-    Dense::new([side; 3], 1.0, |at| u8::from((inner..=outer).contains(&distance(at, centre))) * 99)
+    ShadeVolume::new([side; 3], 1.0, |at| u8::from((inner..=outer).contains(&distance(at, centre))) * 99)
 }
 
 #[test]
@@ -41,7 +43,7 @@ fn a_thin_shell_hides_nothing_of_itself_but_a_ball_within() {
         assert_eq!(hidden(&thin, algorithm).1.count, 0, "{algorithm:?}");
     }
     // A closed shell of four voxels around a ball.
-    let both = Dense::new([45; 3], 1.0, |at| {
+    let both = ShadeVolume::new([45; 3], 1.0, |at| {
         let distance = distance(at, 22.0);
         u8::from(distance <= 8.0 || (17.0..=21.5).contains(&distance)) * 50
     });
@@ -54,7 +56,7 @@ fn a_thin_shell_hides_nothing_of_itself_but_a_ball_within() {
 fn nothing_at_the_end_of_a_pinhole_is_removed() {
     // Kernels of both sides close a hole of one voxel in opaque matter; one of three lets light through.
     for (axis, half) in [(0, 1), (1, 1), (2, 1), (2, 0)] {
-        let dense = Dense::new([25; 3], 1.0, |at| {
+        let dense = ShadeVolume::new([25; 3], 1.0, |at| {
             let others = [(axis + 1) % 3, (axis + 2) % 3];
             let hole = others.iter().all(|&a| at[a].abs_diff(12) <= half) && at[axis] < 12;
             u8::from(!hole) * 120
@@ -78,7 +80,7 @@ fn nothing_at_the_end_of_a_pinhole_is_removed() {
 
 #[test]
 fn the_walls_of_a_slanted_tunnel_stay() {
-    let dense = Dense::new([32, 28, 30], 1.0, |[x, y, z]| {
+    let dense = ShadeVolume::new([32, 28, 30], 1.0, |[x, y, z]| {
         // Two voxels wide, at a slope of 2 to 5.
         let axis = [10.0 + z as f64 * 0.4, 8.0 + z as f64 * 0.3];
         let hole = (x as f64 - axis[0]).abs() <= 1.0 && (y as f64 - axis[1]).abs() <= 1.0;
@@ -99,12 +101,13 @@ fn the_walls_of_a_slanted_tunnel_stay() {
 #[test]
 fn slabs_lose_their_middle_only_from_some_thickness_on() {
     let counts = |algorithm: Algorithm, opacity: f64| {
-        [1, 4, 8, 9, 10, 11, 12, 13, 14, 15, 16, 20, 24]
-            .map(|thickness| (thickness, hidden(&Dense::new([30, 30, thickness], opacity, |_| 1), algorithm).1.count))
+        let thicknesses = at_full(&[1, 4, 8, 9, 10, 11, 12, 13, 14, 15, 16, 20, 24][..], &[8, 9, 11, 12, 14, 16, 20]);
+        let count = |&thickness| hidden(&ShadeVolume::new([30, 30, thickness], opacity, |_| 1), algorithm).1.count;
+        thicknesses.iter().map(|thickness| (*thickness, count(thickness))).collect::<Vec<_>>()
     };
     let first = |counts: &[(usize, u64)]| counts.iter().find(|(_, count)| *count > 0).map(|(thickness, _)| *thickness);
     let [sampled, certified] = BOTH.map(|algorithm| counts(algorithm, 1.0));
-    for counts in [sampled, certified] {
+    for counts in [&sampled, &certified] {
         assert!(counts.is_sorted_by_key(|(_, count)| *count), "{counts:?}");
     }
     println!("opaque slabs: sampled from {:?}, certified from {:?}", first(&sampled), first(&certified));
@@ -118,7 +121,7 @@ fn slabs_lose_their_middle_only_from_some_thickness_on() {
 
 #[test]
 fn translucent_voxels_stay() {
-    let dense = Dense { opacity: 0.1, ..ball(31, 0.0, 14.0) };
+    let dense = ShadeVolume { opacity: 0.1, ..ball(31, 0.0, 14.0) };
     for algorithm in BOTH {
         assert_eq!(hidden(&dense, algorithm).1.count, 0, "{algorithm:?}");
     }
@@ -126,7 +129,7 @@ fn translucent_voxels_stay() {
 
 #[test]
 fn anisotropic_grids_are_judged_in_their_own_units() {
-    let dense = Dense { spacing: [1.0, 2.0, 0.5], ..Dense::new([28, 24, 40], 1.0, |_| 3) };
+    let dense = ShadeVolume { spacing: [1.0, 2.0, 0.5], ..ShadeVolume::new([28, 24, 40], 1.0, |_| 3) };
     for algorithm in BOTH {
         let (gone, found) = hidden(&dense, algorithm);
         assert!(found.count > 1_000, "{algorithm:?}: {}", found.count);
@@ -138,10 +141,10 @@ fn anisotropic_grids_are_judged_in_their_own_units() {
 fn lines_of_voxels_and_single_ones_are_no_special_case() {
     for dims in [[1, 1, 1], [1, 1, 90], [90, 1, 1], [1, 90, 1], [40, 40, 1]] {
         for algorithm in BOTH {
-            assert_eq!(hidden(&Dense::new(dims, 1.0, |_| 5), algorithm).1.count, 0, "{dims:?} {algorithm:?}");
+            assert_eq!(hidden(&ShadeVolume::new(dims, 1.0, |_| 5), algorithm).1.count, 0, "{dims:?} {algorithm:?}");
         }
     }
-    let nothing = Model::new(&Dense::new([4; 3], 1.0, |_| 0));
+    let nothing = structure(&ShadeVolume::new([4; 3], 1.0, |_| 0));
     let none = find(&nothing.scene(), &culling(Algorithm::Sampled), &mut |_, _, _| ControlFlow::Continue(()));
     assert!(none.unwrap_err().to_string().contains("no voxels"));
 }
@@ -159,7 +162,7 @@ fn removing_again_removes_nothing() {
 
 #[test]
 fn thresholds_from_none_to_all() {
-    let model = Model::new(&ball(25, 0.0, 11.0));
+    let model = structure(&ball(25, 0.0, 11.0));
     let run = |eps: f64| {
         let culling = Culling { eps, ..culling(Algorithm::Sampled) };
         find(&model.scene(), &culling, &mut |_, _, _| ControlFlow::Continue(()))
@@ -174,7 +177,7 @@ fn thresholds_from_none_to_all() {
 
 #[test]
 fn little_memory_means_more_passes_and_the_same_voxels() {
-    let model = Model::new(&ball(30, 0.0, 14.0));
+    let model = structure(&ball(30, 0.0, 14.0));
     let run = |memory: u64, threads: usize| {
         let culling = Culling { memory, threads, ..culling(Algorithm::Sampled) };
         find(&model.scene(), &culling, &mut |_, _, _| ControlFlow::Continue(()))
@@ -191,7 +194,7 @@ fn little_memory_means_more_passes_and_the_same_voxels() {
 
 #[test]
 fn a_search_stops_when_asked_to() {
-    let model = Model::new(&ball(20, 0.0, 9.0));
+    let model = structure(&ball(20, 0.0, 9.0));
     for algorithm in BOTH {
         let stopped = find(&model.scene(), &culling(algorithm), &mut |_, done, _| {
             if done >= 3 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

@@ -5,7 +5,7 @@
 use adjsplat::splat::Frame;
 
 /// `fine` of `finer` pixels for each along a side, seen through a Gaussian of `sigma` of them; beyond its edge it goes on.
-pub fn seen_through(fine: &Frame, size: [u32; 2], finer: u32, sigma: f64) -> Frame {
+pub(crate) fn seen_through(fine: &Frame, size: [u32; 2], finer: u32, sigma: f64) -> Frame {
     let mut out = Frame::transparent(size).unwrap();
     let reach = (4.0 * sigma).ceil() as i64;
     for (index, pixel) in out.pixels_mut().chunks_exact_mut(4).enumerate() {

@@ -1,7 +1,7 @@
 //! Both judges against what can be written down.
 
-use adjsplat::splat::{Camera, Projection};
-use adjsplat_judge::reference::{closed, ray, splat};
+use adjsplat::splat::{Blending, Camera, Projection};
+use adjsplat_judge::reference::{JudgeSettings, RaySettings, closed};
 
 use crate::reference::scenes::{down_z, integrated, made, order_of_convergence, splatted};
 
@@ -20,8 +20,8 @@ fn a_constant_slab_is_beer_and_lamberts_law_at_any_angle_and_spacing() {
             // Around the middle, where neither side of the slab is seen.
             let camera = Camera::new(position, middle, [0.0, 1.0, 0.0], Projection::Parallel { height: 1.0 }).unwrap();
             let want = 1.0 - closed::transmittance(depth * thickness / cos / mean_voxel);
-            let splat = splatted(&slab, &camera, splat::Settings { sigma: 1.0, ..splat::Settings::new([5, 5]) });
-            let settings = ray::Settings { sigma: 1.0, tolerance: 1e-9, ..ray::Settings::new([5, 5]) };
+            let splat = splatted(&slab, &camera, JudgeSettings { sigma: 1.0, ..JudgeSettings::new([5, 5]) });
+            let settings = RaySettings { sigma: 1.0, tolerance: 1e-9, ..RaySettings::new([5, 5]) };
             let ray = integrated(&slab, &camera, settings);
             for (name, picture) in [("splats", &splat), ("rays", &ray)] {
                 for [r, g, b, alpha] in picture.pixels() {
@@ -40,7 +40,7 @@ fn rays_through_a_slab_in_perspective_go_as_far_as_they_go() {
     let slab = made([48, 48, 8], [1.0; 3], |_| Some((0.3, [1.0; 3])));
     let projection = Projection::Perspective { fov: 30.0 };
     let camera = Camera::new([23.5, 23.5, -20.0], [23.5, 23.5, 0.0], [0.0, 1.0, 0.0], projection).unwrap();
-    let settings = ray::Settings { sigma: 1.0, tolerance: 1e-9, ..ray::Settings::new([9, 9]) };
+    let settings = RaySettings { sigma: 1.0, tolerance: 1e-9, ..RaySettings::new([9, 9]) };
     let picture = integrated(&slab, &camera, settings);
     let focal = 4.5 / 15.0f64.to_radians().tan();
     for row in 0..9 {
@@ -61,9 +61,9 @@ fn a_single_voxel_is_its_kernel() {
     for toward in [[0.0, 0.0, 1.0], [0.48, 0.6, 0.64], [-0.8, 0.36, 0.48]] {
         let position = toward.map(|c| 4.0 - 50.0 * c);
         let camera = Camera::new(position, [4.0; 3], [0.0, 1.0, 0.0], Projection::Parallel { height: 10.0 }).unwrap();
-        let splat = splatted(&one, &camera, splat::Settings::new([40, 40]));
-        let ray = integrated(&one, &camera, ray::Settings { tolerance: 1e-9, ..ray::Settings::new([40, 40]) });
-        let sigma = splat::Settings::new([1, 1]).sigma;
+        let splat = splatted(&one, &camera, JudgeSettings::new([40, 40]));
+        let ray = integrated(&one, &camera, RaySettings { tolerance: 1e-9, ..RaySettings::new([40, 40]) });
+        let sigma = JudgeSettings::new([1, 1]).sigma;
         for row in 0..40 {
             for column in 0..40 {
                 let distance = (f64::from(column) - 19.5).hypot(f64::from(row) - 19.5) / 4.0;
@@ -84,7 +84,7 @@ fn a_single_voxel_is_its_kernel() {
 #[test]
 fn two_voxels_overlap_as_layers_or_mix_where_they_are_one() {
     let (near, far) = ((2.0, [1.0, 0.0, 0.5]), (3.0, [0.0, 1.0, 0.5]));
-    let sigma = splat::Settings::new([1, 1]).sigma;
+    let sigma = JudgeSettings::new([1, 1]).sigma;
     let camera = down_z([4.5, 4.0], 8.0);
     // A row of pixels a quarter of a voxel apart; the middle of the picture is between both voxels.
     let place = |column: u32| 4.5 + (f64::from(column) - 15.5) / 4.0;
@@ -99,8 +99,8 @@ fn two_voxels_overlap_as_layers_or_mix_where_they_are_one() {
         [5, 4, 4] => Some(far),
         _ => None,
     });
-    let ray = integrated(&beside, &camera, ray::Settings { tolerance: 1e-9, ..ray::Settings::new([32, 32]) });
-    let splat = splatted(&beside, &camera, splat::Settings::new([32, 32]));
+    let ray = integrated(&beside, &camera, RaySettings { tolerance: 1e-9, ..RaySettings::new([32, 32]) });
+    let splat = splatted(&beside, &camera, JudgeSettings::new([32, 32]));
     for row in 0..32 {
         for column in 0..32 {
             let [to_near, to_far] = amounts(column, row);
@@ -124,8 +124,8 @@ fn two_voxels_overlap_as_layers_or_mix_where_they_are_one() {
         [5, 4, 24] => Some(far),
         _ => None,
     });
-    let ray = integrated(&behind, &camera, ray::Settings { tolerance: 1e-9, ..ray::Settings::new([32, 32]) });
-    let splat = splatted(&behind, &camera, splat::Settings::new([32, 32]));
+    let ray = integrated(&behind, &camera, RaySettings { tolerance: 1e-9, ..RaySettings::new([32, 32]) });
+    let splat = splatted(&behind, &camera, JudgeSettings::new([32, 32]));
     for row in 0..32 {
         for column in 0..32 {
             let [to_near, to_far] = amounts(column, row);
@@ -165,14 +165,14 @@ fn a_linear_ramp_is_approached_at_second_order() {
     let splat = |blending| {
         let camera = &camera;
         move |visible: &adjsplat_judge::reference::VisibleVoxels| {
-            let settings = splat::Settings { sigma: 1.0, blending, ..splat::Settings::new([1, 1]) };
+            let settings = JudgeSettings { sigma: 1.0, blending, ..JudgeSettings::new([1, 1]) };
             splatted(visible, camera, settings).pixel(0, 0)[0]
         }
     };
-    let exponential = errors(&splat(splat::Blending::Exponential));
-    let linear = errors(&splat(splat::Blending::Linear));
+    let exponential = errors(&splat(Blending::Exponential));
+    let linear = errors(&splat(Blending::Linear));
     let rays = errors(&|visible| {
-        let settings = ray::Settings { sigma: 1.0, tolerance: 1e-10, ..ray::Settings::new([1, 1]) };
+        let settings = RaySettings { sigma: 1.0, tolerance: 1e-10, ..RaySettings::new([1, 1]) };
         integrated(visible, &camera, settings).pixel(0, 0)[0]
     });
     let orders = [&exponential, &linear, &rays].map(|errors| order_of_convergence(&[16, 32, 64, 128], errors));

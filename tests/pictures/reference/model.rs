@@ -1,8 +1,10 @@
 //! What splatting itself costs: splats in order of depth against the integral, in decibels.
 
-use adjsplat_judge::reference::{VisibleVoxels, ray, splat};
+use adjsplat::splat::Blending;
+use adjsplat_judge::reference::{JudgeSettings, RaySettings, SplatOrder, VisibleVoxels};
+use adjsplat_tests::pictures::decibels;
 
-use crate::reference::scenes::{decibels, integrated, made, orbit, splatted};
+use crate::reference::scenes::{EMPTY, integrated, made, orbit, splatted};
 
 /// A well-mixed number for each place.
 fn noise([x, y, z]: [u16; 3]) -> f64 {
@@ -62,15 +64,15 @@ fn exponential_blending_comes_far_nearer_to_the_integral_than_the_classic_form()
         for (azimuth, elevation) in [(0.0, 0.0), (33.0, 21.0)] {
             let size = [64, 64];
             let camera = orbit(scene.grid(), azimuth, elevation, None, size);
-            let settings = ray::Settings { sigma: 0.6, tolerance: 1e-5, ..ray::Settings::new(size) };
+            let settings = RaySettings { sigma: 0.6, tolerance: 1e-5, ..RaySettings::new(size) };
             let rays = integrated(&scene, &camera, settings);
             let of = |blending, order| {
-                let settings = splat::Settings { sigma: 0.6, blending, order, ..splat::Settings::new(size) };
-                decibels(&splatted(&scene, &camera, settings), &rays)
+                let settings = JudgeSettings { sigma: 0.6, blending, order, ..JudgeSettings::new(size) };
+                decibels(&splatted(&scene, &camera, settings), &rays, EMPTY)
             };
-            let exponential = of(splat::Blending::Exponential, splat::Order::Sorted);
-            let nested = of(splat::Blending::Exponential, splat::Order::Nested);
-            let linear = of(splat::Blending::Linear, splat::Order::Sorted);
+            let exponential = of(Blending::Exponential, SplatOrder::Sorted);
+            let nested = of(Blending::Exponential, SplatOrder::Nested);
+            let linear = of(Blending::Linear, SplatOrder::Sorted);
             println!("{name}, {azimuth}, {elevation}: {exponential:.1} dB, nested {nested:.1}, classic {linear:.1}");
             assert!(exponential > least && nested > least - 3.0, "{name}: {exponential}, nested {nested}");
             // Worth 10 dB and more, on the scene of sharp colours the least.

@@ -1,12 +1,13 @@
 //! The renderer on the processor against the splat judge.
 
-use adjsplat::arena::TileOrder;
-use adjsplat::build::{BuildOptions, Built, Unobserved, build};
-use adjsplat::splat::{Camera, Mode, Projection, Quality, Scene, Settings, cpu};
+use adjsplat::build::Built;
+use adjsplat::splat::{Camera, Mode, Projection, Quality, Settings};
 use adjsplat::volume::SampleType;
-use adjsplat_judge::reference::splat::{Judge, Settings as JudgeSettings};
+use adjsplat_judge::reference::{Judge, JudgeSettings};
+use adjsplat_tests::pictures::apart;
+use adjsplat_tests::scenes::{Draw as _, LAYERS, LIT_LAYERS, built, fitting, phantom, transfer};
 
-use crate::reference::scenes::{THREADS, function, orbit, phantom};
+use crate::reference::scenes::{THREADS, orbit};
 
 const SIZE: [u32; 2] = [64, 64];
 
@@ -18,14 +19,11 @@ struct Pair {
 
 impl Pair {
     fn new(spacing: [f64; 3], text: &str) -> Pair {
-        let transfer = function(text);
+        let transfer = transfer(text);
         let mut source = phantom("gyroid", [48, 44, 40], SampleType::F32, spacing);
         let judge = Judge::new(&mut *source, &transfer).unwrap();
         source.rewind().unwrap();
-        let normal_bits = if transfer.shaded() { 16 } else { 0 };
-        let options =
-            BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 16, normal_bits };
-        let built = build(&mut *source, &options, &mut Unobserved).unwrap();
+        let built = built(&mut *source, &fitting(transfer, 16));
         assert_eq!(built.facts.visible_voxels, judge.visible().voxels().len() as u64);
         assert_eq!(Some(&built.transfer), judge.visible().transfer());
         Pair { built, judge }
@@ -34,13 +32,10 @@ impl Pair {
     /// Largest difference of `reference` quality from the judge.
     fn apart(&self, camera: &Camera, mode: Mode) -> f64 {
         let Pair { built, judge } = self;
-        let scene = Scene { facts: &built.facts, lanes: &built.lanes, transfer: &built.transfer };
-        let settings = Settings { quality: Quality::Reference, mode, exposure: None, ..Settings::new(SIZE) };
-        let (frame, _) = cpu::render(&scene, camera, &settings).unwrap();
+        let settings = Settings { quality: Quality::Reference, mode, exposure: None, ..Settings::every_pixel(SIZE) };
+        let frame = built.frame(camera, &settings);
         let settings = JudgeSettings { threads: THREADS, mode, exposure: None, ..JudgeSettings::new(SIZE) };
-        let picture = judge.draw(camera, &settings).unwrap();
-        let pairs = frame.pixels().iter().zip(picture.pixels().as_flattened());
-        pairs.map(|(got, want)| (f64::from(*got) - want).abs()).fold(0.0, f64::max)
+        apart(&frame, &judge.draw(camera, &settings).unwrap())
     }
 
     /// Holds the renderer to the judge.
@@ -51,21 +46,11 @@ impl Pair {
     }
 }
 
-const LAYERS: &str = r##"{ "kind": "points", "shaded": false, "points": [
-    { "value": 100, "colour": "#ff2010", "opacity": 0.1 },
-    { "value": 128, "colour": "#20c040", "opacity": 0.6 },
-    { "value": 156, "colour": "#2030ff", "opacity": 0.1 }] }"##;
-
-const LIT: &str = r##"{ "kind": "points", "points": [
-    { "value": 100, "colour": "#ff2010", "opacity": 0.1 },
-    { "value": 128, "colour": "#20c040", "opacity": 0.6 },
-    { "value": 156, "colour": "#2030ff", "opacity": 0.1 }] }"##;
-
 /// Rounding in single precision of some hundred steps a pixel, codes of 16 bits, and normals within 0.0025 degrees: 2.4e-5
 /// was measured. With its kernel cut off at 3.0 the renderer was 4.7e-4 away, and 1.8e-5 from a judge that cuts there too.
 #[test]
 fn reference_quality_is_the_judges_picture() {
-    for (text, name) in [(LAYERS, "layers"), (LIT, "lit")] {
+    for (text, name) in [(LAYERS, "layers"), (LIT_LAYERS, "lit")] {
         for spacing in [[1.0; 3], [0.8, 1.0, 2.0]] {
             let pair = Pair::new(spacing, text);
             // Among them ties of two axes and of three, which only one order resolves as the renderer does.
@@ -87,7 +72,7 @@ fn reference_quality_is_the_judges_picture() {
 /// Where all three axes are two-sided: on a voxel, between voxels, and on a plane. As above.
 #[test]
 fn from_inside_it_is_the_judges_picture_too() {
-    for (text, name) in [(LAYERS, "layers"), (LIT, "lit")] {
+    for (text, name) in [(LAYERS, "layers"), (LIT_LAYERS, "lit")] {
         let pair = Pair::new([1.0, 1.0, 1.5], text);
         for eye in [[24.0, 22.0, 30.0], [20.3, 25.1, 31.7], [24.5, 21.0, 28.2]] {
             for toward in [[1.0, 0.2, 0.1], [-0.3, 0.4, -1.0]] {

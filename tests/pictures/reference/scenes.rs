@@ -1,17 +1,17 @@
 //! Scenes and views for the judges.
 
-use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Orbit, Projection, Surround};
-use adjsplat::volume::phantom::Phantom;
-use adjsplat::volume::{Grid, SampleType, SlabSource};
-use adjsplat_judge::reference::{Picture, VisibleVoxels, Voxel, ray, splat};
+use adjsplat::volume::Grid;
+use adjsplat_judge::reference::{
+    Judge, JudgeSettings, RayJudge, RaySettings, ReferencePicture, ReferenceVoxel, VisibleVoxels,
+};
 
 /// Threads that these tests take.
 pub(crate) const THREADS: usize = 2;
 
 /// A voxel that is not lit; its value is 0.
-pub(crate) fn voxel(position: [u16; 3], depth: f64, colour: [f32; 3]) -> Voxel {
-    Voxel { position, depth, colour, normal: [0.0; 3], value: 0.0 }
+pub(crate) fn voxel(position: [u16; 3], depth: f64, colour: [f32; 3]) -> ReferenceVoxel {
+    ReferenceVoxel { position, depth, colour, normal: [0.0; 3], value: 0.0 }
 }
 
 /// Voxels of a grid of `dims` points, where `look` gives optical depth and colour.
@@ -34,14 +34,6 @@ pub(crate) fn made(
     VisibleVoxels::new(grid, voxels).unwrap()
 }
 
-pub(crate) fn phantom(name: &str, dims: [u64; 3], sample_type: SampleType, spacing: [f64; 3]) -> Box<dyn SlabSource> {
-    Phantom::from_name(name).unwrap().open(dims, sample_type, spacing).unwrap()
-}
-
-pub(crate) fn function(text: &str) -> TransferFunction {
-    TransferFunction::from_json(text).unwrap()
-}
-
 /// A camera on an orbit around all of a grid.
 pub(crate) fn orbit(grid: &Grid, azimuth: f64, elevation: f64, fov: Option<f64>, size: [u32; 2]) -> Camera {
     let orbit = Orbit { azimuth, elevation, fov, ..Orbit::default() };
@@ -54,35 +46,16 @@ pub(crate) fn down_z([x, y]: [f64; 2], height: f64) -> Camera {
     Camera::new([x, y, -100.0], [x, y, 0.0], [0.0, 1.0, 0.0], projection).unwrap()
 }
 
-pub(crate) fn splatted(visible: &VisibleVoxels, camera: &Camera, settings: splat::Settings) -> Picture {
-    splat::Judge::of_voxels(visible.clone()).draw(camera, &splat::Settings { threads: THREADS, ..settings }).unwrap()
+pub(crate) fn splatted(visible: &VisibleVoxels, camera: &Camera, settings: JudgeSettings) -> ReferencePicture {
+    Judge::of_voxels(visible.clone()).draw(camera, &JudgeSettings { threads: THREADS, ..settings }).unwrap()
 }
 
-pub(crate) fn integrated(visible: &VisibleVoxels, camera: &Camera, settings: ray::Settings) -> Picture {
-    ray::Judge::new(visible).draw(camera, &ray::Settings { threads: THREADS, ..settings }).unwrap()
+pub(crate) fn integrated(visible: &VisibleVoxels, camera: &Camera, settings: RaySettings) -> ReferencePicture {
+    RayJudge::new(visible).draw(camera, &RaySettings { threads: THREADS, ..settings }).unwrap()
 }
 
-/// Largest difference of two pictures' samples.
-pub(crate) fn apart(a: &Picture, b: &Picture) -> f64 {
-    let pairs = a.pixels().as_flattened().iter().zip(b.pixels().as_flattened());
-    pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
-}
-
-/// Root of the mean squared difference over pixels of which one is not empty.
-pub(crate) fn rmse(a: &Picture, b: &Picture) -> f64 {
-    let shown = a.pixels().iter().zip(b.pixels()).filter(|(a, b)| a[3] > 1e-6 || b[3] > 1e-6);
-    let (mut sum, mut samples) = (0.0, 0.0);
-    for (a, b) in shown {
-        sum += (0..4).map(|c| (a[c] - b[c]).powi(2)).sum::<f64>();
-        samples += 4.0;
-    }
-    f64::sqrt(sum / samples)
-}
-
-/// The same in decibels.
-pub(crate) fn decibels(a: &Picture, b: &Picture) -> f64 {
-    -20.0 * rmse(a, b).log10()
-}
+/// Pixels with no sample above this are empty.
+pub(crate) const EMPTY: f64 = 1e-6;
 
 /// Slope of log error over log step, by least squares; `points`: of an axis, in inverse proportion to the step.
 pub(crate) fn order_of_convergence(points: &[u64], errors: &[f64]) -> f64 {

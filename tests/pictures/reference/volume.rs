@@ -2,28 +2,31 @@
 
 use adjsplat::splat::Mode;
 use adjsplat::volume::SampleType;
-use adjsplat_judge::reference::VisibleVoxels;
-use adjsplat_judge::reference::splat::{Judge, Order, Settings};
+use adjsplat_judge::reference::{Judge, JudgeSettings, SplatOrder, VisibleVoxels};
+use adjsplat_tests::pictures::apart;
+use adjsplat_tests::scenes::{phantom, transfer};
 
-use crate::reference::scenes::{apart, function, made, orbit, phantom};
+use crate::reference::scenes::{made, orbit};
 
 #[test]
 fn the_picture_has_the_same_bits_for_any_threads_and_alpha_in_any_order() {
     let mut source = phantom("gyroid", [20, 22, 24], SampleType::U8, [1.0, 1.0, 1.5]);
-    let transfer = function(
+    let transfer = transfer(
         r##"{ "kind": "points", "points": [{ "value": 110, "colour": "#ff2010", "opacity": 0 },
             { "value": 128, "colour": "#20c040", "opacity": 1 }, { "value": 150, "colour": "#2030ff", "opacity": 0 }] }"##,
     );
     let judge = Judge::new(&mut *source, &transfer).unwrap();
     for fov in [None, Some(50.0)] {
         let camera = orbit(judge.visible().grid(), 31.0, 24.0, fov, [50, 37]);
-        let of = |order, threads| judge.draw(&camera, &Settings { order, threads, ..Settings::new([50, 37]) }).unwrap();
-        let first = of(Order::Nested, 1);
+        let of = |order, threads| {
+            judge.draw(&camera, &JudgeSettings { order, threads, ..JudgeSettings::new([50, 37]) }).unwrap()
+        };
+        let first = of(SplatOrder::Nested, 1);
         for threads in [2, 3, 64] {
-            assert!(of(Order::Nested, threads) == first, "{threads} threads");
+            assert!(of(SplatOrder::Nested, threads) == first, "{threads} threads");
         }
         // A product in another order: rounding of some hundred factors in double precision.
-        let sorted = of(Order::Sorted, 2);
+        let sorted = of(SplatOrder::Sorted, 2);
         let worst = first.pixels().iter().zip(sorted.pixels()).map(|(a, b)| (a[3] - b[3]).abs()).fold(0.0, f64::max);
         assert!(worst < 1e-13, "{worst:e}");
         assert!(apart(&first, &sorted) > 1e-6, "orders make no difference here");
@@ -45,8 +48,8 @@ fn an_eye_inside_sees_the_near_voxel_before_the_far_one() {
         let target = std::array::from_fn(|a| eye[a] + toward[a]);
         let projection = adjsplat::splat::Projection::Perspective { fov: 20.0 };
         let camera = adjsplat::splat::Camera::new(eye, target, [0.0, 1.0, 0.0], projection).unwrap();
-        for order in [Order::Nested, Order::Sorted] {
-            let picture = judge.draw(&camera, &Settings { order, ..Settings::new([9, 9]) }).unwrap();
+        for order in [SplatOrder::Nested, SplatOrder::Sorted] {
+            let picture = judge.draw(&camera, &JudgeSettings { order, ..JudgeSettings::new([9, 9]) }).unwrap();
             let [red, green, _, alpha] = picture.pixel(4, 4);
             // Each is 16 deep over a voxel: 5.2 at its centre.
             assert!(red > 0.99 && green < 0.01 && alpha > 0.99, "{toward:?} {order:?}: {red} {green} {alpha}");
@@ -61,11 +64,10 @@ fn missing_samples_and_borders_have_one_sided_gradients() {
     let path = folder.path().join("three.raw");
     let samples = [1.0f32, f32::NAN, 4.0, 6.0, 9.0];
     std::fs::write(&path, samples.iter().flat_map(|s| s.to_le_bytes()).collect::<Vec<u8>>()).unwrap();
-    let mut raw = adjsplat_readers::raw::RawOptions::new([5, 1, 1], SampleType::F32);
-    raw.endian = adjsplat_readers::slab::Endian::Little;
-    let options = adjsplat_readers::open::OpenOptions { raw: Some(raw), ..Default::default() };
-    let mut source = adjsplat_readers::open::open(&path, &options).unwrap();
-    let transfer = function(
+    let raw = adjsplat_readers::RawOptions::new([5, 1, 1], SampleType::F32);
+    let options = adjsplat_readers::OpenOptions::new().raw(raw);
+    let mut source = adjsplat_readers::open(&path, &options).unwrap();
+    let transfer = transfer(
         r##"{ "kind": "points", "points": [{ "value": 0, "colour": "#ffffff", "opacity": 0.5 }],
             "gradient": [{ "magnitude": 0, "factor": 0 }, { "magnitude": 10, "factor": 1 }] }"##,
     );
@@ -85,13 +87,13 @@ fn missing_samples_and_borders_have_one_sided_gradients() {
 fn label_maps_are_lit_by_their_smoothed_surface() {
     let mut source = phantom("constant", [12, 12, 12], SampleType::U8, [1.0; 3]);
     let text = r##"{ "kind": "labels", "labels": [{ "label": 200, "name": "all", "colour": "#ffffff" }] }"##;
-    let visible = VisibleVoxels::of_volume(&mut *source, &function(text)).unwrap();
+    let visible = VisibleVoxels::of_volume(&mut *source, &transfer(text)).unwrap();
     // Borders repeat, so a volume that is full has no surface.
     assert_eq!(visible.voxels().len(), 1728);
     assert!(visible.voxels().iter().all(|v| v.normal == [0.0; 3] && v.depth == 16.0));
     let mut source = phantom("corners", [9, 9, 9], SampleType::U8, [1.0; 3]);
     let text = r##"{ "kind": "labels", "labels": [{ "label": 255, "name": "all", "colour": "#ffffff" }] }"##;
-    let visible = VisibleVoxels::of_volume(&mut *source, &function(text)).unwrap();
+    let visible = VisibleVoxels::of_volume(&mut *source, &transfer(text)).unwrap();
     let of = |at: [u16; 3]| visible.voxels().iter().find(|v| v.position == at).unwrap().normal;
     assert_eq!(of([4; 3]), [0.0; 3]);
     let corner = 1.0 / 3.0f64.sqrt();
@@ -104,11 +106,11 @@ fn label_maps_are_lit_by_their_smoothed_surface() {
 fn what_the_judge_does_not_draw_is_refused() {
     let judge = Judge::of_voxels(made([3; 3], [1.0; 3], |_| Some((1.0, [1.0; 3]))));
     let camera = orbit(judge.visible().grid(), 0.0, 0.0, None, [4, 4]);
-    let refused = |settings: Settings| judge.draw(&camera, &settings).unwrap_err().to_string();
-    let usual = || Settings::new([4, 4]);
-    let told = refused(Settings { mode: Mode::Maximum, ..usual() });
+    let refused = |settings: JudgeSettings| judge.draw(&camera, &settings).unwrap_err().to_string();
+    let usual = || JudgeSettings::new([4, 4]);
+    let told = refused(JudgeSettings { mode: Mode::Maximum, ..usual() });
     assert_eq!(told, "mode: is a maximum, which has no reference; take composite or xray");
-    assert!(refused(Settings { sigma: f64::NAN, ..usual() }).starts_with("kernel sigma: is NaN"));
-    assert!(refused(Settings { threads: 0, ..usual() }).starts_with("threads"));
-    assert!(refused(Settings { exposure: Some(0.0), mode: Mode::Additive, ..usual() }).starts_with("exposure"));
+    assert!(refused(JudgeSettings { sigma: f64::NAN, ..usual() }).starts_with("kernel sigma: is NaN"));
+    assert!(refused(JudgeSettings { threads: 0, ..usual() }).starts_with("threads"));
+    assert!(refused(JudgeSettings { exposure: Some(0.0), mode: Mode::Additive, ..usual() }).starts_with("exposure"));
 }

@@ -1,38 +1,29 @@
-//! What pictures jump by where the order switches: table and rows.
+//! `--popping`: how much pictures jump where the order of voxels switches.
 
-use super::super::super::{Answer, print_result};
+use super::super::super::Answer;
+use super::super::super::resources::processors;
+use super::super::table_of;
 use super::Arguments;
 use adjsplat::error::Result;
 use adjsplat::splat::Quality;
 use adjsplat_study::accuracy::Candidate;
 use adjsplat_study::accuracy::popping::{STEPS, measure};
-use adjsplat_study::report::Report;
-use adjsplat_study::report::plot::{Plot, Series, Side};
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let presets = [Candidate::preset(Quality::Standard, 8), Candidate::preset(Quality::High, 16)];
-    let threads = arguments.threads()?;
-    let mut report = Report::new(&[
-        "set",
-        "azimuth",
-        "across",
-        "step_degrees",
-        "drawer",
-        "max_abs",
-        "rms",
-        "sorted_max_abs",
-        "sorted_rms",
-        "popping_max_abs",
-        "popping_rms",
-    ]);
-    let mut series: Vec<Series> = Vec::new();
+    let threads = processors();
+    let mut report = table_of(
+        "set azimuth across step_degrees drawer max_abs rms sorted_max_abs sorted_rms popping_max_abs popping_rms",
+    );
+    let mut series: Vec<PlotSeries> = Vec::new();
     let mut names = Vec::new();
     arguments.each_judged(&arguments.sets, false, |set, go_on| {
         names.push(set.name.to_owned());
         for found in measure(set, &presets, threads, go_on)? {
             let excess = found.found.largest - found.sorted.largest;
             if found.across && found.step == STEPS[STEPS.len() - 1] {
-                Series::add_point(&mut series, &found.drawer, [names.len() as f64, excess.max(0.0)]);
+                PlotSeries::add_point(&mut series, &found.drawer, [names.len() as f64, excess.max(0.0)]);
             }
             report.push(vec![
                 set.name.into(),
@@ -52,11 +43,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     })?;
     let plot = Plot {
         title: "Popping: largest change as the slow axis switches, less that of sorted splats".into(),
-        x: Side::named("", names),
-        y: Side::linear("of full scale"),
+        x: PlotAxis::named("", names),
+        y: PlotAxis::linear("of full scale"),
         series,
     };
-    arguments.output.write(&report, &plot)?;
-    print_result(report.table(&[]).trim_end());
-    Ok(Answer::Yes)
+    arguments.output.finish(&report, &plot, &[])
 }

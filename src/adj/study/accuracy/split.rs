@@ -1,23 +1,23 @@
-//! The error in three: table and rows.
+//! `--model`: the error in three parts.
 
-use super::super::super::{Answer, print_result};
+use super::super::super::Answer;
+use super::super::super::resources::processors;
+use super::super::table_of;
 use super::{Arguments, bounds};
 use adjsplat::error::Result;
 use adjsplat::splat::Quality;
-use adjsplat_study::accuracy::model::{Part, measure};
+use adjsplat_study::accuracy::model::{ErrorPart, measure};
 use adjsplat_study::accuracy::{Candidate, views};
-use adjsplat_study::report::Report;
-use adjsplat_study::report::plot::{Plot, Series, Side};
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let presets = [(Quality::Draft, 8), (Quality::Standard, 8), (Quality::High, 16), (Quality::Reference, 16)]
         .map(|(quality, bits)| Candidate::preset(quality, bits));
-    let threads = arguments.threads()?;
+    let threads = processors();
     let sets = arguments.sets.with_edge(if arguments.sets.quick { 24 } else { 40 });
-    let mut report =
-        Report::new(&["set", "view", "part", "quality", "settings", "psnr", "ssim", "flip", "max_abs", "rmse"]);
-    let mut series: Vec<Series> = Vec::new();
-    let mut places = Vec::new();
+    let mut report = table_of("set view part quality settings psnr ssim flip max_abs rmse");
+    let mut series: Vec<PlotSeries> = Vec::new();
+    let mut labels = Vec::new();
     arguments.each_judged(&sets, false, |set, go_on| {
         let (low, high) = bounds(set.judge, set.name)?;
         let views = views(set.judge.visible().grid(), low, high, arguments.sets.quick)?;
@@ -25,14 +25,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         for share in measure(set, &views, &presets, threads, go_on)? {
             let view = views[share.view].name;
             if last != Some(share.view) {
-                places.push(format!("{}, {view}", set.name));
+                labels.push(format!("{}, {view}", set.name));
                 last = Some(share.view);
             }
             let candidate = share.candidate.map(|index| &presets[index]);
             let quality = candidate.map_or("", Candidate::quality_name);
-            if share.part != Part::All && share.metrics.psnr.is_finite() {
+            if share.part != ErrorPart::All && share.metrics.psnr.is_finite() {
                 let name = format!("{} {quality}", share.part.name());
-                Series::add_point(&mut series, name.trim_end(), [places.len() as f64, share.metrics.psnr]);
+                PlotSeries::add_point(&mut series, name.trim_end(), [labels.len() as f64, share.metrics.psnr]);
             }
             let metrics = share.metrics;
             report.push(vec![
@@ -52,11 +52,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     })?;
     let plot = Plot {
         title: "The error in three: model, order, arithmetic of the presets".into(),
-        x: Side::named("", places),
-        y: Side::linear("PSNR, dB"),
+        x: PlotAxis::named("", labels),
+        y: PlotAxis::linear("PSNR, dB"),
         series,
     };
-    arguments.output.write(&report, &plot)?;
-    print_result(report.table(&["set", "view", "part", "quality", "psnr", "ssim", "max_abs"]).trim_end());
-    Ok(Answer::Yes)
+    arguments.output.finish(&report, &plot, &["set", "view", "part", "quality", "psnr", "ssim", "max_abs"])
 }

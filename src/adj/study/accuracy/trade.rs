@@ -1,65 +1,51 @@
 //! Time against error: the table, the rows and the plot.
 
+use super::super::super::resources::processors;
 use super::super::super::{Answer, print_result};
+use super::super::table_of;
 use super::{Arguments, bounds};
 use adjsplat::error::Result;
 use adjsplat::splat::Quality;
 use adjsplat_study::accuracy::{
     Candidate, Effort, Family, JudgedView, Outcome, candidates, mark_front, measure, views,
 };
-use adjsplat_study::report::plot::{Plot, Series, Side};
-use adjsplat_study::report::{Cell, Report};
+use adjsplat_study::report::ReportCell;
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 
-/// What was found of one set.
-struct Found {
+/// Outcomes of one set.
+struct SetOutcomes {
     name: String,
     voxels: u64,
     views: Vec<JudgedView>,
-    /// Numbers of the candidates, by the outcomes' numbers.
+    /// Index of the candidate behind each index in `outcomes`.
     candidates: Vec<usize>,
     outcomes: Vec<Outcome>,
 }
 
-const COLUMNS: [&str; 16] = [
-    "set",
-    "visible_voxels",
-    "view",
-    "pixels_per_voxel",
-    "family",
-    "quality",
-    "settings",
-    "value_bits",
-    "normal_bits",
-    "ms",
-    "psnr",
-    "ssim",
-    "flip",
-    "max_abs",
-    "rmse",
-    "front",
-];
+const COLUMNS: &str = "set visible_voxels view pixels_per_voxel family quality settings value_bits normal_bits ms psnr \
+                       ssim flip max_abs rmse front";
 const SHOWN: [&str; 9] = ["set", "family", "quality", "settings", "ms", "psnr", "ssim", "max_abs", "front"];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let quick = arguments.sets.quick;
-    let families = arguments.families.iter().map(|name| Family::named(name)).collect::<Result<Vec<Family>>>()?;
+    let families = &arguments.families;
     let mut all = candidates(quick);
     all.retain(|candidate| families.is_empty() || families.contains(&candidate.family));
     let repetitions = arguments.repetitions.unwrap_or(if quick { 1 } else { 5 });
-    let effort = Effort { repetitions, threads: arguments.threads()? };
-    let mut found: Vec<Found> = Vec::new();
+    let effort = Effort { repetitions, threads: processors() };
+    let mut found: Vec<SetOutcomes> = Vec::new();
     arguments.each_judged(&arguments.sets, true, |set, go_on| {
         let (low, high) = bounds(set.judge, set.name)?;
         let views = views(set.judge.visible().grid(), low, high, quick)?;
         let drawn: Vec<usize> = (0..all.len()).filter(|&index| set.can_draw(&all[index])).collect();
-        let these: Vec<Candidate> = drawn.iter().map(|&index| all[index]).collect();
-        let outcomes = measure(set, &views, &these, effort, go_on)?;
+        let drawable: Vec<Candidate> = drawn.iter().map(|&index| all[index]).collect();
+        let outcomes = measure(set, &views, &drawable, effort, go_on)?;
         let voxels = set.judge.visible().voxels().len() as u64;
-        found.push(Found { name: set.name.to_owned(), voxels, views, candidates: drawn, outcomes });
+        found.push(SetOutcomes { name: set.name.to_owned(), voxels, views, candidates: drawn, outcomes });
         Ok(())
     })?;
-    let mut report = Report::new(&COLUMNS);
-    let mut shown = Report::new(&COLUMNS);
+    let mut report = table_of(COLUMNS);
+    let mut shown = table_of(COLUMNS);
     for set in &found {
         for outcome in &set.outcomes {
             let candidate = &all[set.candidates[outcome.candidate]];
@@ -72,7 +58,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     }
     let over_sets = over_sets(&found, all.len());
     let name = format!("all {} sets", found.len());
-    let together = Found {
+    let together = SetOutcomes {
         name: name.clone(),
         voxels: found.iter().map(|set| set.voxels).sum(),
         views: Vec::new(),
@@ -91,8 +77,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-impl Found {
-    fn row(&self, candidate: &Candidate, outcome: &Outcome) -> Vec<Cell> {
+impl SetOutcomes {
+    fn row(&self, candidate: &Candidate, outcome: &Outcome) -> Vec<ReportCell> {
         let view = outcome.view.map(|view| &self.views[view]);
         vec![
             self.name.as_str().into(),
@@ -115,20 +101,20 @@ impl Found {
     }
 }
 
-/// An outcome of every candidate that all sets have drawn: the geometric mean of times, the worst of errors.
-fn over_sets(found: &[Found], count: usize) -> Vec<Outcome> {
+/// Sums up each candidate that was drawn for all sets: the geometric mean of times, the worst of errors.
+fn over_sets(found: &[SetOutcomes], count: usize) -> Vec<Outcome> {
     let mut all = Vec::new();
     for candidate in 0..count {
-        let of_set = |set: &Found| {
+        let of_set = |set: &SetOutcomes| {
             let in_all = |outcome: &&Outcome| outcome.view.is_none() && set.candidates[outcome.candidate] == candidate;
             set.outcomes.iter().find(in_all).copied()
         };
         let Some(outcomes) = found.iter().map(of_set).collect::<Option<Vec<Outcome>>>() else { continue };
-        let Some((first, others)) = outcomes.split_first() else { continue };
+        let Some((first, further)) = outcomes.split_first() else { continue };
         let logs: Option<f64> = outcomes.iter().map(|outcome| outcome.milliseconds.map(f64::ln)).sum();
         let milliseconds = logs.map(|sum| (sum / outcomes.len() as f64).exp());
         let mut together = Outcome { candidate, milliseconds, ..*first };
-        others.iter().for_each(|outcome| together.worsen(outcome));
+        further.iter().for_each(|outcome| together.worsen(outcome));
         all.push(together);
     }
     mark_front(&mut all);
@@ -136,19 +122,19 @@ fn over_sets(found: &[Found], count: usize) -> Vec<Outcome> {
 }
 
 /// Time against PSNR over all sets, as multiples of the time of `standard`.
-fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[Found]) -> Plot {
+fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[SetOutcomes]) -> Plot {
     let standard = Candidate::preset(Quality::Standard, 8);
     let unit = outcomes.iter().find(|outcome| all[outcome.candidate] == standard).and_then(|o| o.milliseconds);
     let unit = unit.unwrap_or(1.0);
-    let place = |outcome: &Outcome| outcome.milliseconds.map(|ms| [ms / unit, outcome.psnr]);
-    let mut series: Vec<Series> = Vec::new();
-    let mut front: Vec<[f64; 2]> = outcomes.iter().filter(|outcome| outcome.front).filter_map(place).collect();
+    let point = |outcome: &Outcome| outcome.milliseconds.map(|ms| [ms / unit, outcome.psnr]);
+    let mut series: Vec<PlotSeries> = Vec::new();
+    let mut front: Vec<[f64; 2]> = outcomes.iter().filter(|outcome| outcome.front).filter_map(point).collect();
     front.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    series.push(Series::solid("front", front));
+    series.push(PlotSeries::solid("front", front));
     // Presets lie on top of the others, but come first in the legend.
     for family in Family::ALL.into_iter().chain([Family::Presets]) {
         let members = outcomes.iter().filter(|outcome| all[outcome.candidate].family == family);
-        let timed: Vec<(usize, [f64; 2])> = members.filter_map(|o| Some((o.candidate, place(o)?))).collect();
+        let timed: Vec<(usize, [f64; 2])> = members.filter_map(|o| Some((o.candidate, point(o)?))).collect();
         let label = |&(candidate, _): &(usize, [f64; 2])| {
             let candidate = &all[candidate];
             candidate
@@ -158,7 +144,7 @@ fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[Found]) -> Plot {
         let labels = if family == Family::Presets { timed.iter().map(label).collect() } else { Vec::new() };
         let points: Vec<[f64; 2]> = timed.into_iter().map(|(_, point)| point).collect();
         if !points.is_empty() {
-            series.push(Series { labels, ..Series::points(family.name(), points) });
+            series.push(PlotSeries { labels, ..PlotSeries::points(family.name(), points) });
         }
     }
     let of = match found {
@@ -167,8 +153,8 @@ fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[Found]) -> Plot {
     };
     Plot {
         title: format!("What speed costs: {of}"),
-        x: Side::logarithmic("time of a frame, as a multiple of standard's"),
-        y: Side::linear("PSNR against the judge, dB"),
+        x: PlotAxis::logarithmic("time of a frame, as a multiple of standard's"),
+        y: PlotAxis::linear("PSNR against the judge, dB"),
         series,
     }
 }

@@ -1,187 +1,122 @@
-//! A band of the picture: the part that one thread draws.
+//! Drawing a band of the picture by splats, on one thread.
 //!
-//! In: a lane, an order, the band's rectangle. Out: the band's planes. Every band walks the lane for itself and skips
-//! tiles and rows of tiles that do not project into it, lie outside the crop, or lie behind what is opaque. So no
-//! memory is spent on sorting splats into bands, and a pixel sees the same splats in the same order whatever the
-//! bands are.
-
-#![expect(clippy::cast_possible_truncation, reason = "coordinates are clipped to the picture before the cast")]
+//! In: a drawing task and the band's rectangle. Out: the band's pixels. The walk skips tiles and rows of tiles that do
+//! not project into the band, lie outside the crop, or are hidden behind opaque voxels.
 
 use std::marker::PhantomData;
 use std::ops::Range;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use super::blend::Blend;
-use super::dispatch;
-use super::dispatch::Bench;
-use super::planes::{Planes, Rect};
-use super::project::{GROUP, Projector, Voxels};
-use super::raster::{EllipseEach, Limits, Splats};
-use super::seen::Seen;
-use super::without::Without;
-use crate::arena::RecordSet;
+use super::dispatch::{self, SplatBuffers};
+use super::project::{GROUP, VoxelBlock};
+use super::task::{BandResult, BandStats, DrawTask};
+use super::tile_buffer::{Rect, TileBuffer};
 use crate::error::Result;
-use crate::splat::{Code, View};
-use crate::traverse::{Batch, Order, Visitor, VoxelBox, walk};
-
-/// What a band's thread gives back.
-pub struct Drawn<P> {
-    pub pixels: P,
-    pub work: Work,
-}
-
-/// What drawing took.
-#[derive(Debug, Clone, Copy, Default)]
-pub struct Work {
-    pub visited: u64,
-    pub drawn: u64,
-    pub walking: Duration,
-    pub drawing: Duration,
-}
-
-/// What a band does beside drawing what the walk visits.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Extra<'a> {
-    /// Records of the walk's lane that are not drawn.
-    pub(crate) left_out: Option<&'a RecordSet>,
-    /// Where to note which records are seen; for front to back compositing.
-    pub(crate) seen: Option<Seen<'a>>,
-    /// Whether the splats of a slice are added up before they are composited; for front to back compositing.
-    pub(crate) has_sheets: bool,
-}
+use crate::splat::Blending;
+use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Draws the band `rect`.
 ///
 /// # Errors
-/// If the memory cannot be had.
-pub(crate) fn draw<B: Blend>(
-    projector: &Projector,
-    view: &View,
-    order: &Order,
-    rect: Rect,
-    limits: Limits,
-    code: Code,
-    extra: Extra,
-) -> Result<Drawn<Planes>> {
-    let mut band = Band::<B> {
-        projector,
-        view,
-        half: projector.half(),
-        fast: order.fast.index(),
-        limits,
-        code,
-        seen: extra.seen,
-        voxels: Voxels::new(),
+/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<TileBuffer>> {
+    let mut painter = BandPainter::<B> {
+        task,
+        voxels: VoxelBlock::new(),
         slow: None,
-        bench: Bench {
-            planes: Planes::new(rect, B::FOURTH)?,
-            splats: Splats::new(),
-            each: EllipseEach::new(),
-            sheet: extra.has_sheets.then(|| Planes::sheet(rect)).transpose()?,
-        },
-        visited: 0,
-        drawn: 0,
-        drawing: Duration::ZERO,
+        buffers: SplatBuffers::new::<B>(rect, task.settings.blending == Blending::Sheets)?,
+        stats: BandStats { bands: 1, ..BandStats::default() },
         blend: PhantomData,
     };
-    let start = Instant::now();
-    match extra.left_out {
-        None => walk(&projector.lane, order, &mut band),
-        Some(left_out) => walk(&projector.lane, order, &mut Without::new(&mut band, left_out)),
-    }
-    band.finish_sheet();
-    let walking = start.elapsed().saturating_sub(band.drawing);
-    let Band { bench, visited, drawn, drawing, .. } = band;
-    Ok(Drawn { pixels: bench.planes, work: Work { visited, drawn, walking, drawing } })
+    let elapsed = task.walk(&mut painter);
+    painter.stats.walking = elapsed.saturating_sub(painter.stats.drawing);
+    painter.finish_slice();
+    Ok(BandResult { pixels: painter.buffers.tiles, stats: painter.stats })
 }
 
-struct Band<'a, B> {
-    projector: &'a Projector<'a>,
-    view: &'a View,
-    half: [f64; 2],
-    fast: usize,
-    limits: Limits,
-    code: Code,
-    seen: Option<Seen<'a>>,
-    voxels: Box<Voxels>,
+/// A visitor that draws the voxels of a walk.
+struct BandPainter<'a, B> {
+    task: &'a DrawTask<'a>,
+    /// Voxels that are not drawn yet.
+    voxels: Box<VoxelBlock>,
     /// The slice of the last batch.
     slow: Option<u16>,
-    bench: Bench,
-    visited: u64,
-    drawn: u64,
-    drawing: Duration,
+    buffers: SplatBuffers,
+    stats: BandStats,
     blend: PhantomData<B>,
 }
 
-/// Voxels that are asked about at once before groups of them: inside what is opaque one answer does.
-const MANY: usize = 64;
-/// Voxels along the fast axis that are asked about at once: their boxes on the screen stay small.
-const PIECE: u16 = 32;
+/// Voxels whose visibility is tested together before groups of [`GROUP`]: behind opaque voxels one test is enough.
+const TESTED_TOGETHER: usize = 64;
+/// Voxels along the fast axis whose visibility is tested together: their boxes on the screen stay small.
+const SEGMENT: u16 = 32;
 
-impl<B: Blend> Band<'_, B> {
-    fn pixels(&self, bounds: &VoxelBox) -> Option<Rect> {
-        pixels(self.view, self.half, self.bench.planes.rect, bounds)
+impl<B: Blend> BandPainter<'_, B> {
+    /// Whether rays end early, so that voxels can be hidden.
+    fn stops(&self) -> bool {
+        B::STOPS && self.task.thresholds.stop > 0.0
     }
 
-    /// Whether nothing of a group of voxels can be seen: they lie outside the band or behind what is opaque.
+    /// Whether voxels in `bounds` may change a pixel of the band.
+    fn may_show(&self, bounds: &VoxelBox) -> bool {
+        let tiles = &self.buffers.tiles;
+        self.task.pixels(tiles.rect, bounds).is_some_and(|rect| !tiles.is_region_frozen(rect))
+    }
+
+    /// Whether a range of a batch lies outside the band or behind opaque voxels.
     #[inline(always)]
     fn is_hidden(&self, batch: &Batch, range: Range<usize>) -> bool {
-        let ends = |along: &[u16]| {
-            along[range.clone()].iter().fold((u16::MAX, 0), |(low, high), &at| (low.min(at), high.max(at)))
+        let ends = |coordinates: &[u16]| {
+            coordinates[range.clone()].iter().fold((u16::MAX, 0), |(low, high), &at| (low.min(at), high.max(at)))
         };
-        let [s, m, f] = self.projector.nesting;
+        let [s, m, f] = self.task.projector.nesting;
         let mut bounds = VoxelBox { low: [batch.slow; 3], high: [batch.slow; 3] };
         debug_assert_eq!(s + m + f, 3);
         (bounds.low[m], bounds.high[m]) = ends(batch.medium);
         (bounds.low[f], bounds.high[f]) = ends(batch.fast);
-        match self.pixels(&bounds) {
-            Some(rect) => self.bench.planes.is_widely_frozen(rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1),
-            None => true,
-        }
+        !self.may_show(&bounds)
     }
 
-    /// Draws the voxels that wait.
+    /// Draws the waiting voxels.
     fn flush(&mut self) {
-        let Band { code, projector, voxels, bench, limits, .. } = self;
-        self.drawn += match self.seen {
-            None => dispatch::block::<B>(*code, projector, voxels, bench, *limits),
-            Some(seen) => dispatch::block_seen(projector, voxels, bench, *limits, seen),
+        let DrawTask { projector, settings, thresholds, visible, .. } = self.task;
+        let (voxels, buffers) = (&self.voxels, &mut self.buffers);
+        self.stats.drawn += match visible {
+            None => dispatch::project_and_draw::<B>(settings.code, projector, voxels, buffers, *thresholds),
+            Some(visible) => dispatch::mark_and_draw(projector, voxels, buffers, *thresholds, *visible),
         };
-        voxels.count = 0;
+        self.voxels.count = 0;
     }
 
-    /// Draws the voxels that wait, which are the last of their slice.
-    fn finish_sheet(&mut self) {
+    /// Draws the waiting voxels, the last of their slice.
+    fn finish_slice(&mut self) {
+        let start = Instant::now();
         self.flush();
-        dispatch::sheet(&mut self.bench, self.limits);
-    }
-
-    fn in_crop(&self, bounds: &VoxelBox) -> bool {
-        self.projector.crop.is_none_or(|crop| bounds.meets(&crop))
+        dispatch::composite_sheet(&mut self.buffers, self.task.thresholds);
+        self.stats.drawing += start.elapsed();
     }
 }
 
-impl<B: Blend> Visitor for Band<'_, B> {
+impl<B: Blend> Visitor for BandPainter<'_, B> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
-        self.in_crop(bounds) && self.pixels(bounds).is_some()
+        self.task.pixels_in_crop(self.buffers.tiles.rect, bounds).is_some()
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
-        if !self.in_crop(bounds) {
+        if !self.stops() {
+            return self.wants_tile(bounds);
+        }
+        if self.task.projector.crop.is_some_and(|crop| !bounds.meets(&crop)) {
             return false;
         }
-        if !(B::STOPS && self.limits.stop > 0.0) {
-            return self.pixels(bounds).is_some();
-        }
-        let (low, high) = (bounds.low[self.fast], bounds.high[self.fast]);
-        let mut from = low;
+        let fast = self.task.setup.order.fast.index();
+        let (mut from, high) = (bounds.low[fast], bounds.high[fast]);
         loop {
-            let to = high.min(from.saturating_add(PIECE - 1));
-            let mut piece = *bounds;
-            (piece.low[self.fast], piece.high[self.fast]) = (from, to);
-            if let Some(rect) = self.pixels(&piece)
-                && !self.bench.planes.is_widely_frozen(rect.x0, rect.y0, rect.x1 - 1, rect.y1 - 1)
-            {
+            let to = high.min(from.saturating_add(SEGMENT - 1));
+            let mut segment = *bounds;
+            (segment.low[fast], segment.high[fast]) = (from, to);
+            if self.may_show(&segment) {
                 return true;
             }
             if to == high {
@@ -192,19 +127,19 @@ impl<B: Blend> Visitor for Band<'_, B> {
     }
 
     fn visit(&mut self, batch: &Batch) {
-        let start = Instant::now();
-        if self.bench.sheet.is_some() && self.slow.replace(batch.slow) != Some(batch.slow) {
-            self.finish_sheet();
+        if self.buffers.has_sheet() && self.slow.replace(batch.slow) != Some(batch.slow) {
+            self.finish_slice();
         }
-        let stops = B::STOPS && self.limits.stop > 0.0;
-        let pieces = |range: Range<usize>, len: usize| {
+        let start = Instant::now();
+        let stops = self.stops();
+        let parts = |range: Range<usize>, len: usize| {
             range.clone().step_by(len).map(move |from| from..range.end.min(from + len))
         };
-        for many in pieces(0..batch.len(), MANY) {
+        for many in parts(0..batch.len(), TESTED_TOGETHER) {
             if stops && self.is_hidden(batch, many.clone()) {
                 continue;
             }
-            for group in pieces(many, GROUP) {
+            for group in parts(many, GROUP) {
                 if stops && self.is_hidden(batch, group.clone()) {
                     continue;
                 }
@@ -214,83 +149,12 @@ impl<B: Blend> Visitor for Band<'_, B> {
                 self.voxels.add(batch, group.start, GROUP);
             }
         }
-        // Voxels that wait for the next batch would hide each other no more where what is seen is noted; and be read
-        // after the pager was told of others.
-        if self.seen.is_some() || self.projector.lane.pager.is_some() {
+        // Visible voxels are marked batch by batch, so that one batch can hide the next. A pager may drop this batch's
+        // records before the next one.
+        if self.task.visible.is_some() || self.task.setup.lane.pager.is_some() {
             self.flush();
         }
-        self.visited += batch.len() as u64;
-        self.drawing += start.elapsed();
+        self.stats.visited += batch.len() as u64;
+        self.stats.drawing += start.elapsed();
     }
-}
-
-/// The pixels of `rect` that voxels in `bounds` may touch; `None` if there are none.
-pub(super) fn pixels(view: &View, half: [f64; 2], rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
-    let [left, right, top, bottom] = view.pixel_bounds(bounds, half)?;
-    // Of what is clipped, and so not negative, a cast is the floor.
-    let floor = |at: f64, low: i32, high: i32| at.clamp(f64::from(low), f64::from(high)) as i32;
-    let ceil = |at: f64, low: i32, high: i32| {
-        let floor = floor(at, low, high);
-        (floor + i32::from(f64::from(floor) < at)).min(high)
-    };
-    let meets = right >= f64::from(rect.x0)
-        && left <= f64::from(rect.x1 - 1)
-        && bottom >= f64::from(rect.y0)
-        && top <= f64::from(rect.y1 - 1);
-    meets.then(|| Rect {
-        x0: floor(left, rect.x0, rect.x1 - 1),
-        x1: ceil(right, rect.x0, rect.x1 - 1) + 1,
-        y0: floor(top, rect.y0, rect.y1 - 1),
-        y1: ceil(bottom, rect.y0, rect.y1 - 1) + 1,
-    })
-}
-
-/// Borders of `count` bands of about equal work, across rows (or columns): `count + 1` of them, from 0 to the side.
-pub(crate) fn borders(projector: &Projector, view: &View, by_rows: bool, count: usize) -> Vec<i32> {
-    let side = usize::try_from(view.size[usize::from(by_rows)]).unwrap_or(1);
-    let lane = &projector.lane;
-    let [u_axis, v_axis] = lane.axis.others().map(|axis| axis.index());
-    let half = projector.half();
-    // Every row costs a little even where nothing lands.
-    let mut work = vec![0.0f64; side + 1];
-    // Enough tiles for an estimate; a frame should not wait for millions.
-    let stride = (lane.tiles.len() / 100_000).max(1);
-    for index in (0..lane.tiles.len()).step_by(stride) {
-        let Some(tile) = lane.tile(index) else { break };
-        let records = lane.tile_records(tile) as f64;
-        let mut bounds = VoxelBox { low: [tile.low.get(); 3], high: [tile.high.get(); 3] };
-        for (axis, tile_line) in [(u_axis, tile.tile_u.get()), (v_axis, tile.tile_v.get())] {
-            let first = u32::from(tile_line) * 8;
-            let last = (first + 7).min(lane.dims[axis].saturating_sub(1));
-            bounds.low[axis] = u16::try_from(first).unwrap_or(u16::MAX);
-            bounds.high[axis] = u16::try_from(last).unwrap_or(u16::MAX);
-        }
-        let Some([left, right, top, bottom]) = view.pixel_bounds(&bounds, half) else { continue };
-        let (low, high) = if by_rows { (top, bottom) } else { (left, right) };
-        let (from, to) = (low.max(0.0), high.min(side as f64 - 1.0));
-        if from <= to {
-            let density = records / (high - low + 1.0);
-            work[from as usize] += density;
-            work[to as usize + 1] -= density;
-        }
-    }
-    let mut running = 0.0;
-    let mut total = 0.0;
-    for row in &mut work[..side] {
-        running += *row;
-        total += running.max(0.0);
-        *row = total;
-    }
-    let mut borders = vec![0];
-    for band in 1..count {
-        let share = total * band as f64 / count as f64;
-        let even = side * band / count;
-        let border = if total > 0.0 { work[..side].partition_point(|&done| done < share) } else { even };
-        // At least a row each.
-        let least = usize::try_from(borders[band - 1]).unwrap_or(0) + 1;
-        let most = side - (count - band);
-        borders.push(i32::try_from(border.clamp(least, most.max(least))).unwrap_or(i32::MAX));
-    }
-    borders.push(i32::try_from(side).unwrap_or(i32::MAX));
-    borders
 }

@@ -1,17 +1,19 @@
-//! The base plane: the plane of a parallel view's slices, in which every slice is a lattice of pixels.
+//! The base plane: a plane on which every slice of a parallel view is a lattice of pixels.
 //!
 //! In: a parallel view and the order of its walk. Out: the same view onto a plane whose columns and rows are those of
-//! the voxels of a slice, each slice shifted by as much as the view is slanted (Lacroute and Levoy, "Fast volume
-//! rendering using a shear-warp factorization of the viewing transformation", 1994); and from the picture on that
-//! plane the picture that was asked for, by cubic B-splines.
+//! the voxels of a slice, each slice shifted with the slant of the view; and from the picture on that plane the picture
+//! of the view, by cubic B-splines.
 //!
 //! ```text
 //! column = fast   + slope_f * slow + a          pixel = A (column, row) + b
 //! row    = medium + slope_m * slow + c
 //! ```
 //!
-//! All voxels of a slice lie alike between the plane's pixels, so they have one footprint in common, pixel for pixel
-//! ([`stamp`](super::stamp)), and what a frame costs depends on its voxels, not on the size of the picture.
+//! All voxels of a slice share one footprint, pixel for pixel ([`stamp`](super::stamp)), and the cost of a frame depends
+//! on its voxels, not on the picture's size.
+//!
+//! Source: Lacroute and Levoy, "Fast volume rendering using a shear-warp factorization of the viewing transformation",
+//! 1994.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -22,26 +24,29 @@
 use glam::Vec4;
 use multiversion::multiversion;
 
-use super::sampling::{columns_to_coefficients, covered, spline, to_coefficients};
-use super::{plane_rows, stamp};
+use super::coarse::{columns_to_coefficients, covered, spline_weights, to_coefficients};
+use super::{row_buffer, stamp};
 use crate::error::Result;
-use crate::splat::finer;
 use crate::splat::frame::in_range;
-use crate::splat::kernel::{LOW_PASS, footprint, narrowest};
-use crate::splat::view::{Affine, MAX_SIZE, PixelMap, View};
+use crate::splat::kernel::{LOW_PASS, footprint, narrowest_sigma};
+use crate::splat::supersample::WIDE_ENOUGH;
+use crate::splat::view::{Affine, MAX_SIZE, PixelMap, View, single};
 use crate::splat::{Blending, Frame, Sampling, Settings};
 use crate::traverse::{Order, Sense, VoxelBox};
 
-/// Pixels around what is drawn on the plane, so that its edge is interpolated like the rest.
+/// Pixels around the voxels on the plane, so that their edge is interpolated like the rest.
 const MARGIN: f64 = 6.0;
-/// Planes with more pixels than this for each of the picture are not worth while.
-const MOST_PIXELS: f64 = 6.0;
-/// Standard deviation of a kernel in pixels of the picture, along either direction of the plane, up to which the plane is the
-/// more exact: below, the low-pass widens splats. Up to 0.49 it was nearer to finer pixels in all of 36 views, by 5 to 19 dB; at
-/// 0.56 in 15 of 18 (docs/studies/sampling.md).
-const ENOUGH: f64 = finer::WIDE_ENOUGH;
+/// Pixels of the plane per pixel of the picture above which a plane is not worth while.
+const MAX_PIXELS: f64 = 6.0;
+/// Standard deviation of a kernel in pixels of the picture, along either direction of the plane, up to which the plane
+/// is more exact than splats, which the low-pass widens. Up to 0.49 it was nearer to supersampled pictures in all of 36
+/// views, by 5 to 19 dB; at 0.56 in 15 of 18 (docs/studies/sampling.md).
+const ENOUGH: f64 = WIDE_ENOUGH;
 /// The same where 32 dB are enough: in the worst view, nearly along an axis, it is 34 dB at any magnification.
 const FEWEST: f64 = 2.1;
+/// Pixels of the picture per pixel of the plane, along both directions, below which the plane is too fine: four points a
+/// pixel would miss parts of it.
+const FINEST: f64 = 0.4;
 
 /// A view's base plane.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,19 +61,16 @@ pub(super) struct BasePlane {
     plane_from_pixel: [[f64; 3]; 2],
     /// Pixels of the plane per mean voxel, as a length.
     scale: f64,
-    /// Variance in square pixels of the picture by which the low-pass widens it, each way.
+    /// Variance of the low-pass in square pixels of the picture, each way.
     blur: f64,
 }
 
-/// Pixels of the picture for one of the plane, along both directions, below which the plane is too fine: four points a pixel
-/// would no longer see all of it.
-const FINEST: f64 = 0.4;
-
 impl BasePlane {
-    /// The base plane of a parallel view of the voxels in `bounds`; `None` if the view is not parallel, if the plane
-    /// would be too coarse for `settings`, too fine or too large, if `order` is not the view's own, or if splats are put together
-    /// in another way than a stamp's.
-    pub(super) fn of(view: &View, order: &Order, bounds: &VoxelBox, settings: &Settings) -> Option<BasePlane> {
+    /// Returns the base plane of a parallel view of the voxels in `bounds`.
+    ///
+    /// `None` if the view is not parallel, `order` is not the view's own, the blending is not the stamps', or the plane
+    /// would be too coarse for `settings`, too fine or too large.
+    pub(super) fn new(view: &View, order: &Order, bounds: &VoxelBox, settings: &Settings) -> Option<BasePlane> {
         let is_stamped = settings.sense == Sense::FrontToBack && settings.blending == Blending::Exponential;
         if settings.keeps_pixels() || !is_stamped {
             return None;
@@ -82,17 +84,17 @@ impl BasePlane {
         let PixelMap::Parallel { pixel_from_voxel: [x, y], scale } = &view.map else { return None };
         let [slow, medium, fast] = [order.slow.index(), order.medium.index(), order.fast.index()];
         let area = x[fast] * y[medium] - x[medium] * y[fast];
-        // The inverse of A, whose columns are a voxel's steps along the fast and the medium axis.
+        // The inverse of A. The columns of A are a voxel's steps along the fast and the medium axis.
         let inverse = [[y[medium] / area, -x[medium] / area], [-y[fast] / area, x[fast] / area]];
-        let from_pixels = |[a, b]: [f64; 2], [p, q]: [f64; 2]| a * p + b * q;
-        let slope = inverse.map(|row| from_pixels(row, [x[slow], y[slow]]));
+        let transform = |[a, b]: [f64; 2], [p, q]: [f64; 2]| a * p + b * q;
+        let slope = inverse.map(|row| transform(row, [x[slow], y[slow]]));
         let sigma = f64::from(kernel.sigma);
         let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
-        // A slope is at most 1 where the slow axis is the view's; more is no slice that the view looks onto.
+        // A slope above 1 means that the slow axis is not the one that the view runs along.
         if !slope.iter().all(|slope| slope.abs() < 1.001)
             || steps.iter().any(|step| sigma * step > coarsest)
             || steps.iter().all(|step| *step < FINEST)
-            || area.abs() < 1.0 / MOST_PIXELS
+            || area.abs() < 1.0 / MAX_PIXELS
         {
             return None;
         }
@@ -102,24 +104,22 @@ impl BasePlane {
             map
         };
         let mut plane_from_voxel = [base(fast, slope[0]), base(medium, slope[1])];
-        // What the picture shows of the plane, and what of it has voxels.
+        // The plane is limited to what the picture shows and to the voxels.
         let [columns, rows] = view.size.map(f64::from);
         let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
             .map(|[across, down]: [f64; 2]| [across - 0.5 - x[3], down - 0.5 - y[3]]);
         let mut size = [0; 2];
         let mut first = [0.0; 2];
         for side in 0..2 {
-            let shown = corners.map(|corner| from_pixels(inverse[side], corner));
-            let shown = [
-                shown.iter().copied().fold(f64::INFINITY, f64::min),
-                shown.iter().copied().fold(-f64::INFINITY, f64::max),
-            ];
+            let shown = corners.map(|corner| transform(inverse[side], corner));
+            let shown_low = shown.into_iter().fold(f64::INFINITY, f64::min);
+            let shown_high = shown.into_iter().fold(-f64::INFINITY, f64::max);
             let axis = [fast, medium][side];
             let ends = [bounds.low[slow], bounds.high[slow]].map(|at| slope[side] * f64::from(at));
             let reach = f64::from(kernel.radius) * 1.5 + 1.0;
             let low = f64::from(bounds.low[axis]) + ends[0].min(ends[1]) - reach;
             let high = f64::from(bounds.high[axis]) + ends[0].max(ends[1]) + reach;
-            let (low, high) = (low.max(shown[0] - 2.0), high.min(shown[1] + 2.0));
+            let (low, high) = (low.max(shown_low - 2.0), high.min(shown_high + 2.0));
             first[side] = low.floor() - MARGIN;
             let pixels = (high.ceil() - first[side] + MARGIN + 1.0).max(2.0 * MARGIN);
             if pixels.is_nan() || pixels > f64::from(MAX_SIZE) {
@@ -132,13 +132,12 @@ impl BasePlane {
             let [a, b]: [f64; 2] = inverse[side];
             [a, b, -first[side] - a * x[3] - b * y[3]]
         });
-        let single = |map: &Affine| [map[0] as f32, map[1] as f32, map[2] as f32];
-        let print = footprint(plane_from_voxel.each_ref().map(single), kernel.sigma, kernel.cut_off()).ellipse;
-        if print.half_x.max(print.half_y) >= stamp::REACH {
+        let ellipse = footprint(plane_from_voxel.each_ref().map(single), kernel.sigma, kernel.cut_off()).ellipse;
+        if ellipse.half_x.max(ellipse.half_y) >= stamp::MAX_HALF_WIDTH {
             return None;
         }
-        let width = narrowest([single(x), single(y)], kernel.sigma);
-        let blur = (f64::from(LOW_PASS * LOW_PASS) - f64::from(width * width)).max(0.0);
+        let sigma = narrowest_sigma([single(x), single(y)], kernel.sigma);
+        let blur = (f64::from(LOW_PASS * LOW_PASS) - f64::from(sigma * sigma)).max(0.0);
         Some(BasePlane {
             picture: view.size,
             size,
@@ -149,27 +148,27 @@ impl BasePlane {
         })
     }
 
-    /// Pixels of the plane.
+    /// Returns the number of pixels of the plane.
     pub(super) fn pixels(&self) -> u64 {
         u64::from(self.size[0]) * u64::from(self.size[1])
     }
 
-    /// `view` onto the plane.
+    /// Returns `view` onto the plane.
     pub(super) fn view(&self, view: &View) -> View {
         let map = PixelMap::Parallel { pixel_from_voxel: self.plane_from_voxel, scale: self.scale };
         View { map, size: self.size, ..view.clone() }
     }
 
-    /// The picture, from the frame of the plane.
+    /// Returns the picture, from the frame of the plane.
     ///
     /// O(pixels of both). The result does not depend on `threads`.
     ///
     /// # Errors
-    /// If memory cannot be had.
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub(super) fn warp(&self, mut plane: Frame, threads: usize) -> Result<Frame> {
         let columns = plane.size()[0] as usize;
         let covered = covered(&plane);
-        plane.in_shares(threads, |_, rows| {
+        plane.fill_rows(threads, |_, rows| {
             for row in rows.chunks_exact_mut(4 * columns) {
                 to_coefficients(row.as_chunks_mut().0);
             }
@@ -177,13 +176,16 @@ impl BasePlane {
         columns_to_coefficients(plane.pixels_mut(), 4 * columns);
         let mut picture = Frame::transparent(self.picture)?;
         let width = 4 * self.picture[0] as usize;
-        // Two points each way, a standard deviation from the pixel, blur by that variance.
-        let apart = self.blur.sqrt();
+        // Four points, each a standard deviation from the pixel both ways, blur by that variance.
+        let distance = self.blur.sqrt();
         let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
-        let points: Vec<[f64; 2]> =
-            if apart < LEAST_BLUR { vec![[0.0; 2]] } else { corners.map(|point| point.map(|c| c * apart)).to_vec() };
+        let points: Vec<[f64; 2]> = if distance < MIN_BLUR {
+            vec![[0.0; 2]]
+        } else {
+            corners.map(|point| point.map(|c| c * distance)).to_vec()
+        };
         let coefficients = Coefficients { values: plane.pixels().as_chunks().0, covered: &covered, columns };
-        picture.in_shares(threads, |first, out| {
+        picture.fill_rows(threads, |first, out| {
             for (y, row) in (first..).zip(out.chunks_exact_mut(width)) {
                 resample(&coefficients, &self.plane_from_pixel, &points, y as f64, row.as_chunks_mut().0);
             }
@@ -192,19 +194,18 @@ impl BasePlane {
     }
 }
 
-/// Most bytes that drawing on a plane of `pixels` takes beside the picture: a band's rows, the plane's frame, and what of it
-/// is covered.
+/// Returns the most bytes that drawing on a plane of `pixels` takes beside the picture: a band's rows, the plane's frame
+/// and the mask of covered pixels.
 pub(super) fn memory_need(pixels: u64) -> u64 {
     const PIXEL: u64 = 2 * 16 + 2;
-    // What rows have to spare.
-    const SPARE: u64 = 16 * plane_rows::WIDE as u64 * MAX_SIZE as u64;
-    if pixels == 0 { 0 } else { PIXEL.saturating_mul(pixels).saturating_add(SPARE) }
+    const SPARE_COLUMNS: u64 = 16 * row_buffer::WIDE as u64 * MAX_SIZE as u64;
+    if pixels == 0 { 0 } else { PIXEL.saturating_mul(pixels).saturating_add(SPARE_COLUMNS) }
 }
 
-/// Blurs by less than this, in pixels, are left out: they change nothing by more than a thousandth.
-const LEAST_BLUR: f64 = 0.03;
+/// Smallest blur in pixels; a smaller one changes nothing by more than a thousandth.
+const MIN_BLUR: f64 = 0.03;
 
-/// A plane's spline.
+/// The coefficients of a plane's spline.
 struct Coefficients<'a> {
     values: &'a [[f32; 4]],
     /// Whether something was drawn at or beside each pixel.
@@ -212,82 +213,84 @@ struct Coefficients<'a> {
     columns: usize,
 }
 
-/// Pixels of a row whose places are computed together.
+/// Pixels of a row whose coordinates are computed at once.
 const TOGETHER: usize = 16;
 
-/// A row of the picture: the mean of the plane's spline at `points` around each pixel.
+/// Computes a row of the picture: the mean of the plane's spline at `points` around each pixel.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 fn resample(from: &Coefficients, map: &[[f64; 3]; 2], points: &[[f64; 2]], y: f64, row: &mut [[f32; 4]]) {
-    let share = 1.0 / points.len() as f32;
-    let mut sides = [Along::default(), Along::default()];
+    let weight = 1.0 / points.len() as f32;
+    let mut sides = [PlaneCoordinates::default(), PlaneCoordinates::default()];
     for (first, pixels) in (0u32..).step_by(TOGETHER).zip(row.chunks_mut(TOGETHER)) {
         let mut sums = [Vec4::ZERO; TOGETHER];
-        for [across, down] in points {
+        for [dx, dy] in points {
             for (side, [a, b, c]) in sides.iter_mut().zip(map) {
-                side.place(*a, (f64::from(first) + across) * a + (b * (y + down) + c));
+                side.set(*a, (f64::from(first) + dx) * a + (b * (y + dy) + c));
             }
             from.add(&sides, &mut sums[..pixels.len()]);
         }
         for (pixel, sum) in pixels.iter_mut().zip(sums) {
-            *pixel = in_range(sum * share);
+            *pixel = in_range(sum * weight);
         }
     }
 }
 
 impl Coefficients<'_> {
-    /// Adds the spline at the places `sides` to `sums`.
+    /// Adds the spline at the coordinates `u`, `v` to `sums`.
     #[inline(always)]
-    fn add(&self, [u, v]: &[Along; 2], sums: &mut [Vec4]) {
+    fn add(&self, [u, v]: &[PlaneCoordinates; 2], sums: &mut [Vec4]) {
         let ends = [self.columns, self.values.len() / self.columns].map(|side| side as i32 - 2);
         for (i, sum) in sums.iter_mut().enumerate() {
-            // Outside, and where no four pixels are around, nothing was drawn.
-            if u.first[i] < 1 || v.first[i] < 1 || u.first[i] >= ends[0] || v.first[i] >= ends[1] {
+            // Outside the plane and at its border, nothing was drawn.
+            if u.pixel[i] < 1 || v.pixel[i] < 1 || u.pixel[i] >= ends[0] || v.pixel[i] >= ends[1] {
                 continue;
             }
-            let (left, top) = (u.first[i] as usize, v.first[i] as usize);
-            let nearest = self.columns * (top + usize::from(v.rest[i] >= 0.5)) + left + usize::from(u.rest[i] >= 0.5);
+            let (left, top) = (u.pixel[i] as usize, v.pixel[i] as usize);
+            let nearest =
+                self.columns * (top + usize::from(v.fraction[i] >= 0.5)) + left + usize::from(u.fraction[i] >= 0.5);
             if self.covered[nearest] {
-                let weights = |side: &Along| [0, 1, 2, 3].map(|k| side.weights[k][i]);
-                *sum += self.at(left - 1, top - 1, weights(u), weights(v));
+                let weights = |side: &PlaneCoordinates| [0, 1, 2, 3].map(|k| side.weights[k][i]);
+                *sum += self.spline(left - 1, top - 1, weights(u), weights(v));
             }
         }
     }
 
-    /// The spline where the first of the 4 x 4 pixels around is in column `left` and row `top`.
+    /// Returns the spline between 4 x 4 pixels, the first in column `left` and row `top`.
     #[inline(always)]
-    fn at(&self, left: usize, top: usize, across: [f32; 4], down: [f32; 4]) -> Vec4 {
+    fn spline(&self, left: usize, top: usize, column_weights: [f32; 4], row_weights: [f32; 4]) -> Vec4 {
         let row = |k: usize| {
-            let taps: &[[f32; 4]; 4] =
+            let pixels: &[[f32; 4]; 4] =
                 self.values[self.columns * (top + k) + left..].first_chunk().expect("four pixels are around");
-            let [a, b, c, d] = taps.map(Vec4::from_array);
-            (a * across[0] + b * across[1]) + (c * across[2] + d * across[3])
+            let [a, b, c, d] = pixels.map(Vec4::from_array);
+            (a * column_weights[0] + b * column_weights[1]) + (c * column_weights[2] + d * column_weights[3])
         };
-        (row(0) * down[0] + row(1) * down[1]) + (row(2) * down[2] + row(3) * down[3])
+        (row(0) * row_weights[0] + row(1) * row_weights[1]) + (row(2) * row_weights[2] + row(3) * row_weights[3])
     }
 }
 
-/// Where the pixels of a part of a row lie along one side of the plane.
+/// The coordinates of some pixels of the picture along one side of the plane.
 #[derive(Default)]
-struct Along {
-    /// The pixel at or before each.
-    first: [i32; TOGETHER],
-    /// How far past it.
-    rest: [f32; TOGETHER],
+struct PlaneCoordinates {
+    /// The plane's pixel at or before each.
+    pixel: [i32; TOGETHER],
+    /// The distance past it, 0 to 1.
+    fraction: [f32; TOGETHER],
+    /// The spline's weights there.
     weights: [[f32; TOGETHER]; 4],
 }
 
-impl Along {
-    /// Places pixels `step` apart, the first at `at`.
+impl PlaneCoordinates {
+    /// Sets the coordinates of pixels that are `step` apart, the first at `first`.
     #[inline(always)]
-    fn place(&mut self, step: f64, at: f64) {
+    fn set(&mut self, step: f64, first: f64) {
         for i in 0..TOGETHER {
-            let at = at + i as f64 * step;
+            let at = first + i as f64 * step;
             let floor = at.floor();
-            (self.first[i], self.rest[i]) = (floor as i32, (at - floor) as f32);
+            (self.pixel[i], self.fraction[i]) = (floor as i32, (at - floor) as f32);
         }
         let [a, b, c, d] = &mut self.weights;
         for i in 0..TOGETHER {
-            [a[i], b[i], c[i], d[i]] = spline(self.rest[i]);
+            [a[i], b[i], c[i], d[i]] = spline_weights(self.fraction[i]);
         }
     }
 }

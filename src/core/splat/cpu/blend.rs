@@ -1,62 +1,62 @@
-//! What a splat does to a pixel: the ways of putting splats together.
+//! Blend modes: how a splat changes a pixel.
 //!
-//! In: a splat's optical depth at a pixel in units of ln 2 (0 outside its cut-off), then the pixel's values. Out: the
-//! pixel's new values. A pixel's red, green, blue and fourth value lie side by side, so one formula serves all four:
-//! what differs is the splat's *ink*, which has a number for each. Every way leaves a pixel of optical depth 0 as it
-//! was, bit for bit, so that a kernel may run over pixels that a splat does not cover.
+//! In: a splat's optical depth at a pixel, in units of ln 2 (0 outside its footprint), and the pixel's values. Out: the
+//! pixel's new values. Red, green, blue and alpha go through one formula, each with its own number of the splat's
+//! *ink*. Alpha is a transmittance, an opacity or a sum of optical depths, depending on the mode. A depth of 0 leaves
+//! the pixel's bits unchanged, so a kernel may run over pixels outside its footprint.
 
-use crate::splat::arith::{absorbed, absorbed_little, at_least, at_most, keep_if};
+use crate::splat::arith::{absorbed, absorbed_small, at_least, at_most, keep_if};
 
-/// One way of compositing.
+/// A blend mode.
 pub trait Blend: Copy + Send + Sync {
-    /// What the fourth value starts as.
-    const FOURTH: f32;
-    /// Whether pixels can freeze.
+    /// The alpha of an empty pixel.
+    const INITIAL_ALPHA: f32;
+    /// Whether a pixel stops changing once its transmittance is low.
     const STOPS: bool;
-    /// A splat's ink for the fourth value.
-    const INK: f32;
-    /// What can be computed of an optical depth before the pixel is known; 0 for 0.
-    fn amount(depth: f32) -> f32;
-    /// The same for depths up to [`LITTLE`](crate::splat::arith::LITTLE): the same bits for less work.
-    fn little(depth: f32) -> f32;
-    /// One of a pixel's values after a splat of that amount. `stop`: transmittance below which the pixel no longer
-    /// changes; 0 for never.
-    fn blend(value: f32, fourth: f32, amount: f32, ink: f32, stop: f32) -> f32;
-}
+    /// The ink of every splat for alpha.
+    const ALPHA_INK: f32;
 
-/// Front to back; the fourth value is the transmittance. Pixels below `stop` are frozen.
-#[derive(Debug, Clone, Copy)]
-pub struct FrontToBack;
-
-impl Blend for FrontToBack {
-    const FOURTH: f32 = 1.0;
-    const STOPS: bool = true;
-    const INK: f32 = -1.0;
-
+    /// Returns the factor that an optical depth puts on the ink; 0 for 0.
     #[inline(always)]
     fn amount(depth: f32) -> f32 {
         absorbed(depth)
     }
 
+    /// Returns the same bits as [`Blend::amount`] in less time, for depths up to `arith::SMALL_DEPTH`.
     #[inline(always)]
-    fn little(depth: f32) -> f32 {
-        absorbed_little(depth)
+    fn small_amount(depth: f32) -> f32 {
+        absorbed_small(depth)
     }
 
+    /// Returns one of a pixel's four values after a splat.
+    ///
+    /// `stop` is the transmittance below which the pixel no longer changes; 0 for never.
+    fn blend(value: f32, alpha: f32, amount: f32, ink: f32, stop: f32) -> f32;
+}
+
+/// Compositing front to back; alpha is the transmittance. A pixel below `stop` keeps its values.
+#[derive(Debug, Clone, Copy)]
+pub struct FrontToBack;
+
+impl Blend for FrontToBack {
+    const INITIAL_ALPHA: f32 = 1.0;
+    const STOPS: bool = true;
+    const ALPHA_INK: f32 = -1.0;
+
     #[inline(always)]
-    fn blend(value: f32, fourth: f32, amount: f32, ink: f32, stop: f32) -> f32 {
-        value + keep_if(fourth >= stop, fourth * amount) * ink
+    fn blend(value: f32, alpha: f32, amount: f32, ink: f32, stop: f32) -> f32 {
+        value + keep_if(alpha >= stop, alpha * amount) * ink
     }
 }
 
-/// Front to back, opacity times weight; the fourth value is the transmittance.
+/// Compositing front to back by opacity times weight; alpha is the transmittance.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LinearFrontToBack;
 
 impl Blend for LinearFrontToBack {
-    const FOURTH: f32 = FrontToBack::FOURTH;
+    const INITIAL_ALPHA: f32 = FrontToBack::INITIAL_ALPHA;
     const STOPS: bool = FrontToBack::STOPS;
-    const INK: f32 = FrontToBack::INK;
+    const ALPHA_INK: f32 = FrontToBack::ALPHA_INK;
 
     #[inline(always)]
     fn amount(opacity: f32) -> f32 {
@@ -64,43 +64,35 @@ impl Blend for LinearFrontToBack {
     }
 
     #[inline(always)]
-    fn little(opacity: f32) -> f32 {
+    fn small_amount(opacity: f32) -> f32 {
         opacity
     }
 
     #[inline(always)]
-    fn blend(value: f32, fourth: f32, amount: f32, ink: f32, stop: f32) -> f32 {
-        FrontToBack::blend(value, fourth, amount, ink, stop)
+    fn blend(value: f32, alpha: f32, amount: f32, ink: f32, stop: f32) -> f32 {
+        FrontToBack::blend(value, alpha, amount, ink, stop)
     }
 }
 
-/// What a pixel takes of a sheet, front to back, and that per optical depth of the sheet. `depth` in units of ln 2.
+/// Returns the light that a pixel loses to a sheet behind it, in all and per unit of the sheet's optical depth.
+///
+/// `depth` is the sheet's optical depth in units of ln 2.
 #[inline(always)]
-pub(crate) fn sheet_parts(transmittance: f32, depth: f32, stop: f32) -> [f32; 2] {
-    /// More than the exponential takes; a sheet of a few splats of the largest depth has it.
-    const MOST: f32 = 125.0;
-    let part = keep_if(transmittance >= stop, transmittance * absorbed(at_most(depth, MOST)));
-    [part, part / at_least(depth, f32::MIN_POSITIVE)]
+pub(crate) fn sheet_loss(transmittance: f32, depth: f32, stop: f32) -> [f32; 2] {
+    /// The largest argument of the exponential; a few of the strongest splats exceed it.
+    const MAX_SUM: f32 = 125.0;
+    let loss = keep_if(transmittance >= stop, transmittance * absorbed(at_most(depth, MAX_SUM)));
+    [loss, loss / at_least(depth, f32::MIN_POSITIVE)]
 }
 
-/// Back to front; the fourth value is the transmittance.
+/// Compositing back to front; alpha is the transmittance.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BackToFront;
 
 impl Blend for BackToFront {
-    const FOURTH: f32 = 1.0;
+    const INITIAL_ALPHA: f32 = 1.0;
     const STOPS: bool = false;
-    const INK: f32 = 0.0;
-
-    #[inline(always)]
-    fn amount(depth: f32) -> f32 {
-        absorbed(depth)
-    }
-
-    #[inline(always)]
-    fn little(depth: f32) -> f32 {
-        absorbed_little(depth)
-    }
+    const ALPHA_INK: f32 = 0.0;
 
     #[inline(always)]
     fn blend(value: f32, _: f32, amount: f32, ink: f32, _: f32) -> f32 {
@@ -108,64 +100,45 @@ impl Blend for BackToFront {
     }
 }
 
-/// Front to back, where a pixel takes little: the fourth value is the opacity, as fine as it is small (`deep.rs`).
+/// Compositing front to back of faint splats (`faint.rs`); alpha is the opacity, which is more exact near 0 than a
+/// transmittance near 1.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FaintFrontToBack;
 
 impl Blend for FaintFrontToBack {
-    const FOURTH: f32 = 0.0;
+    const INITIAL_ALPHA: f32 = 0.0;
     const STOPS: bool = false;
-    const INK: f32 = 1.0;
+    const ALPHA_INK: f32 = 1.0;
 
     #[inline(always)]
-    fn amount(depth: f32) -> f32 {
-        absorbed(depth)
-    }
-
-    #[inline(always)]
-    fn little(depth: f32) -> f32 {
-        absorbed_little(depth)
-    }
-
-    #[inline(always)]
-    fn blend(value: f32, fourth: f32, amount: f32, ink: f32, _: f32) -> f32 {
-        value + (1.0 - fourth) * amount * ink
+    fn blend(value: f32, alpha: f32, amount: f32, ink: f32, _: f32) -> f32 {
+        value + (1.0 - alpha) * amount * ink
     }
 }
 
-/// Back to front; the fourth value is the opacity.
+/// Compositing back to front of faint splats; alpha is the opacity.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FaintBackToFront;
 
 impl Blend for FaintBackToFront {
-    const FOURTH: f32 = 0.0;
+    const INITIAL_ALPHA: f32 = 0.0;
     const STOPS: bool = false;
-    const INK: f32 = 1.0;
+    const ALPHA_INK: f32 = 1.0;
 
     #[inline(always)]
-    fn amount(depth: f32) -> f32 {
-        absorbed(depth)
-    }
-
-    #[inline(always)]
-    fn little(depth: f32) -> f32 {
-        absorbed_little(depth)
-    }
-
-    #[inline(always)]
-    fn blend(value: f32, _: f32, amount: f32, ink: f32, _: f32) -> f32 {
-        value + amount * (ink - value)
+    fn blend(value: f32, alpha: f32, amount: f32, ink: f32, stop: f32) -> f32 {
+        BackToFront::blend(value, alpha, amount, ink, stop)
     }
 }
 
-/// Sums of colour times optical depth; the fourth value is the sum of optical depth, in units of ln 2.
+/// Sums of colour times optical depth; alpha is the sum of optical depths, in units of ln 2.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Additive;
 
 impl Blend for Additive {
-    const FOURTH: f32 = 0.0;
+    const INITIAL_ALPHA: f32 = 0.0;
     const STOPS: bool = false;
-    const INK: f32 = 1.0;
+    const ALPHA_INK: f32 = 1.0;
 
     #[inline(always)]
     fn amount(depth: f32) -> f32 {
@@ -173,7 +146,7 @@ impl Blend for Additive {
     }
 
     #[inline(always)]
-    fn little(depth: f32) -> f32 {
+    fn small_amount(depth: f32) -> f32 {
         depth
     }
 
@@ -183,18 +156,18 @@ impl Blend for Additive {
     }
 }
 
-/// What a voxel's weight is multiplied by before it is capped at 1: cells stay whole, with no dips between voxels, as
-/// long as a kernel is wide enough to weigh more than 1/e at a cell's corner, which takes a sigma of 1/2.
+/// Factor on a voxel's weight before it is capped at 1. It leaves no gaps between voxels if the kernel weighs more than
+/// 1/e at a cell's corner, that is for a sigma of at least 1/2.
 pub const WHOLE_CELL: f32 = std::f32::consts::E;
 
-/// The largest normalised value, at full weight over its cell; red holds it, as red's ink is the voxel's value.
+/// The largest normalised value, each voxel at full weight over its cell. The ink's red is the voxel's value.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Maximum;
 
 impl Blend for Maximum {
-    const FOURTH: f32 = 0.0;
+    const INITIAL_ALPHA: f32 = 0.0;
     const STOPS: bool = false;
-    const INK: f32 = 1.0;
+    const ALPHA_INK: f32 = 1.0;
 
     #[inline(always)]
     fn amount(depth: f32) -> f32 {
@@ -202,7 +175,7 @@ impl Blend for Maximum {
     }
 
     #[inline(always)]
-    fn little(depth: f32) -> f32 {
+    fn small_amount(depth: f32) -> f32 {
         depth * WHOLE_CELL
     }
 

@@ -1,130 +1,148 @@
-//! Both stages, compiled once for each instruction set and chosen when the program runs.
+//! The inner loops, compiled for several instruction sets and chosen at run time.
 //!
-//! The loops are plain arithmetic on arrays, so all versions give the same bits; only the number of voxels or pixels
-//! that go side by side differs.
+//! The loops are plain arithmetic on arrays, so all versions give the same bits. Only the number of voxels or pixels
+//! that are computed at once differs.
 
 use multiversion::multiversion;
 
 use super::blend::{Additive, Blend, FrontToBack};
-use super::planes::Planes;
-use super::project::{Kind, Projector, Voxels};
-use super::raster;
-use super::raster::{EllipseEach, Limits, Splats};
-use super::seen::Seen;
-use super::stamp;
+use super::project::{Projector, SplatProjection, VoxelBlock};
+use super::raster::{self, EllipseArrays, Splats, Thresholds};
+use super::stamp::StampBuffers;
+use super::tile_buffer::{Rect, TileBuffer};
+use super::visible::VisibleRecords;
+use crate::error::Result;
 use crate::splat::Code;
 use crate::traverse::Batch;
 
-/// What a band works with.
-pub struct Bench {
-    pub planes: Planes,
+/// The pixels of a band, and the splats that one thread is drawing on them.
+pub struct SplatBuffers {
+    /// The band's pixels.
+    pub tiles: TileBuffer,
+    /// One block of splats.
     pub splats: Box<Splats>,
-    pub each: Box<EllipseEach>,
-    /// Where the splats of a slice are added up before they are composited, if they are.
-    pub sheet: Option<Planes>,
+    /// The ellipses of the block in a perspective view.
+    pub ellipses: Box<EllipseArrays>,
+    /// The sum of a slice's splats until it is composited, for sheets.
+    pub(super) sheet: Option<TileBuffer>,
 }
 
-/// Projects and draws a block of voxels; gives how many splats were drawn.
-pub fn block<B: Blend>(code: Code, projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
-    match code {
-        Code::Best => block_best::<B>(projector, voxels, bench, limits),
-        Code::Avx2 => block_avx2::<B>(projector, voxels, bench, limits),
-        Code::Portable | Code::Plain => block_any::<B>(projector, voxels, bench, limits),
+impl SplatBuffers {
+    /// Returns buffers for the pixels of `rect`; with a sheet if the splats of a slice are added up first.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    pub fn new<B: Blend>(rect: Rect, has_sheet: bool) -> Result<SplatBuffers> {
+        Ok(SplatBuffers {
+            tiles: TileBuffer::new(rect, B::INITIAL_ALPHA)?,
+            splats: Splats::new(),
+            ellipses: EllipseArrays::new(),
+            sheet: has_sheet.then(|| TileBuffer::sheet(rect)).transpose()?,
+        })
+    }
+
+    pub(super) fn has_sheet(&self) -> bool {
+        self.sheet.is_some()
     }
 }
 
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn block_best<B: Blend>(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
-    block_any::<B>(projector, voxels, bench, limits)
+/// Defines a function with `code` as its first argument, which runs the version of the body for that instruction set.
+macro_rules! for_each_instruction_set {
+    ($(#[$doc:meta])* $vis:vis fn $name:ident$(<$blend:ident>)?($($arg:ident: $kind:ty),*) -> u64 $body:block) => {
+        $(#[$doc])*
+        $vis fn $name$(<$blend: Blend>)?(code: Code, $($arg: $kind),*) -> u64 {
+            #[multiversion(
+                targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"),
+                dispatcher = "direct"
+            )]
+            fn best$(<$blend: Blend>)?($($arg: $kind),*) -> u64 $body
+
+            #[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
+            fn avx2$(<$blend: Blend>)?($($arg: $kind),*) -> u64 $body
+
+            fn portable$(<$blend: Blend>)?($($arg: $kind),*) -> u64 $body
+
+            match code {
+                Code::Best => best$(::<$blend>)?($($arg),*),
+                Code::Avx2 => avx2$(::<$blend>)?($($arg),*),
+                Code::Portable | Code::Plain => portable$(::<$blend>)?($($arg),*),
+            }
+        }
+    };
 }
 
-#[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
-fn block_avx2<B: Blend>(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
-    block_any::<B>(projector, voxels, bench, limits)
-}
-
-/// As [`block`] front to back, and notes what is seen of the block before it is drawn.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-pub(crate) fn block_seen(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits, seen: Seen) -> u64 {
-    let Bench { planes, splats, each, .. } = bench;
-    projector.block(voxels, splats, each, planes, limits);
-    seen.note(projector, voxels, splats, each, planes, limits);
-    draw::<FrontToBack>(projector, planes, splats, each, limits)
-}
-
-/// [`stamp::Bench::flush`].
-pub(super) fn stamped(code: Code, projector: &Projector, bench: &mut stamp::Bench, limits: Limits) -> u64 {
-    match code {
-        Code::Best => stamped_best(projector, bench, limits),
-        Code::Avx2 => stamped_avx2(projector, bench, limits),
-        Code::Portable | Code::Plain => bench.flush(projector, limits),
+for_each_instruction_set! {
+    /// Projects and draws a block of voxels; returns how many splats were drawn.
+    pub fn project_and_draw<B>(
+        projector: &Projector,
+        voxels: &VoxelBlock,
+        buffers: &mut SplatBuffers,
+        thresholds: Thresholds
+    ) -> u64 {
+        let SplatBuffers { tiles, splats, ellipses, sheet } = buffers;
+        let thresholds = if B::STOPS { thresholds } else { Thresholds { stop: 0.0, ..thresholds } };
+        projector.project_block(voxels, splats, ellipses, tiles, thresholds);
+        match sheet {
+            None => draw_splats::<B>(projector, tiles, splats, ellipses, thresholds),
+            Some(sheet) => draw_splats::<Additive>(projector, sheet, splats, ellipses, thresholds),
+        }
     }
 }
 
+for_each_instruction_set! {
+    /// Runs [`StampBuffers::flush`].
+    pub(super) fn flush_stamps(projector: &Projector, buffers: &mut StampBuffers, thresholds: Thresholds) -> u64 {
+        buffers.flush(projector, thresholds)
+    }
+}
+
+for_each_instruction_set! {
+    /// Runs [`StampBuffers::add_visible`]; `flush_code` is the code that it draws with.
+    pub(super) fn add_visible(
+        flush_code: Code,
+        projector: &Projector,
+        buffers: &mut StampBuffers,
+        thresholds: Thresholds,
+        batch: &Batch
+    ) -> u64 {
+        buffers.add_visible(flush_code, projector, thresholds, batch)
+    }
+}
+
+/// Projects a block of voxels, marks the visible ones, then draws the block front to back.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn stamped_best(projector: &Projector, bench: &mut stamp::Bench, limits: Limits) -> u64 {
-    bench.flush(projector, limits)
-}
-
-#[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
-fn stamped_avx2(projector: &Projector, bench: &mut stamp::Bench, limits: Limits) -> u64 {
-    bench.flush(projector, limits)
-}
-
-/// [`stamp::Bench::sift`].
-pub(super) fn sifted(
-    code: Code,
+pub(super) fn mark_and_draw(
     projector: &Projector,
-    bench: &mut stamp::Bench,
-    limits: Limits,
-    batch: &Batch,
+    voxels: &VoxelBlock,
+    buffers: &mut SplatBuffers,
+    thresholds: Thresholds,
+    visible: VisibleRecords,
 ) -> u64 {
-    match code {
-        Code::Best => sifted_best(projector, bench, limits, batch),
-        Code::Avx2 => sifted_avx2(projector, bench, limits, batch),
-        Code::Portable | Code::Plain => bench.sift(code, projector, limits, batch),
-    }
+    let SplatBuffers { tiles, splats, ellipses, .. } = buffers;
+    projector.project_block(voxels, splats, ellipses, tiles, thresholds);
+    visible.mark(projector, voxels, splats, ellipses, tiles, thresholds);
+    draw_splats::<FrontToBack>(projector, tiles, splats, ellipses, thresholds)
 }
 
+/// Composites the sheet behind the band's pixels, if there is one.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn sifted_best(projector: &Projector, bench: &mut stamp::Bench, limits: Limits, batch: &Batch) -> u64 {
-    bench.sift(Code::Best, projector, limits, batch)
-}
-
-#[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
-fn sifted_avx2(projector: &Projector, bench: &mut stamp::Bench, limits: Limits, batch: &Batch) -> u64 {
-    bench.sift(Code::Avx2, projector, limits, batch)
-}
-
-#[inline(always)]
-fn block_any<B: Blend>(projector: &Projector, voxels: &Voxels, bench: &mut Bench, limits: Limits) -> u64 {
-    let Bench { planes, splats, each, sheet } = bench;
-    let limits = if B::STOPS { limits } else { Limits { stop: 0.0, ..limits } };
-    projector.block(voxels, splats, each, planes, limits);
-    match sheet {
-        None => draw::<B>(projector, planes, splats, each, limits),
-        Some(sheet) => draw::<Additive>(projector, sheet, splats, each, limits),
+pub(super) fn composite_sheet(buffers: &mut SplatBuffers, thresholds: Thresholds) {
+    if let SplatBuffers { tiles, sheet: Some(sheet), .. } = buffers {
+        tiles.composite(sheet, thresholds.stop);
     }
 }
 
-/// Composites a bench's sheet, if it has one.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-pub(crate) fn sheet(bench: &mut Bench, limits: Limits) {
-    if let Bench { planes, sheet: Some(sheet), .. } = bench {
-        planes.composite(sheet, limits.stop);
-    }
-}
-
+/// Draws a projected block on `tiles`; returns how many splats were drawn.
 #[inline(always)]
-pub fn draw<B: Blend>(
+pub fn draw_splats<B: Blend>(
     projector: &Projector,
-    planes: &mut Planes,
+    tiles: &mut TileBuffer,
     splats: &Splats,
-    each: &EllipseEach,
-    limits: Limits,
+    ellipses: &EllipseArrays,
+    thresholds: Thresholds,
 ) -> u64 {
-    match &projector.kind {
-        Kind::Parallel { ellipse, .. } => raster::draw::<B, _>(planes, splats, ellipse, limits),
-        Kind::Perspective { .. } => raster::draw::<B, _>(planes, splats, each, limits),
+    match &projector.projection {
+        SplatProjection::Parallel { ellipse, .. } => raster::draw::<B, _>(tiles, splats, ellipse, thresholds),
+        SplatProjection::Perspective { .. } => raster::draw::<B, _>(tiles, splats, ellipses, thresholds),
     }
 }

@@ -1,14 +1,15 @@
-//! Drawing on a base plane: one stamp a slice.
+//! Drawing a band of the base plane by stamps, on one thread.
 //!
-//! In: a lane, an order, the view onto the [`base plane`](super::base_plane). Out: a band of the plane. All voxels of a
-//! slice lie alike between the plane's pixels, so a footprint's weights are computed once for a slice; a voxel's
-//! amounts on all its pixels are computed together, and go row by row onto the plane, eight pixels a step:
+//! In: a drawing task whose view is that of a [`base plane`](super::base_plane), the band's rectangle. Out: the band's
+//! pixels, composited front to back. All voxels of a slice lie alike between the plane's pixels. So a footprint's
+//! weights, the *stamp*, are computed once for a slice; a voxel's amounts at all its pixels are computed together, and
+//! composited row by row, eight pixels at once:
 //!
 //! ```text
-//! slice -> stamp (weights) -> voxels that are not behind what is opaque -> 128 at a time: colours -> rows
+//! slice -> stamp (weights) -> voxels that are not hidden -> 128 at a time: colours -> rows
 //! ```
 //!
-//! Composites front to back. The plain twin is the renderer of any view, given the same view.
+//! The plain renderer draws the same view pixel by pixel; tests compare the two.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -18,54 +19,55 @@
 )]
 
 use std::ops::Range;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-use super::band;
-use super::band::{Drawn, Extra, Work};
 use super::dispatch;
-use super::plane_rows::{EIGHT, Rows, WIDE};
-use super::planes::Rect;
-use super::project::{Kind, Projector, Voxels, along, span, split};
-use super::raster::{BLOCK, Centre, Kernel, Limits, Splats};
-use super::without::Without;
+use super::project::{Projector, SplatProjection, VoxelBlock, affine_at, nearest_pixel, pixel_span};
+use super::raster::{BLOCK, Centre, SplatKernel, Splats, Thresholds};
+use super::row_buffer::{EIGHT, RowBuffer, WIDE};
+use super::task::{BandResult, BandStats, DrawTask};
+use super::tile_buffer::Rect;
 use crate::error::Result;
+use crate::splat::Code;
 use crate::splat::arith::absorbed;
-use crate::splat::{Code, View};
-use crate::traverse::{Batch, Order, Visitor, VoxelBox, walk};
+use crate::traverse::{Batch, Visitor, VoxelBox};
 
-/// Pixels of a stamp's row, and its rows, at most.
+/// Most columns and most rows of a stamp.
 const SIDE: usize = EIGHT;
-/// Footprints whose half-widths are below this fit a stamp: two of them and a pixel's width are at most [`SIDE`].
-pub(super) const REACH: f32 = 4.0;
+/// Half-width below which a footprint fits a stamp: twice this is at most [`SIDE`] pixels.
+pub(super) const MAX_HALF_WIDTH: f32 = 4.0;
+/// Weights or amounts at the pixels of a stamp.
+type StampRows = [[f32; SIDE]; SIDE];
 
-/// The weights of a slice's footprints.
+/// The weights of the footprints of a slice.
+#[derive(Default)]
 struct Stamp {
-    /// Its first column and row, of a voxel whose fast and medium coordinates are 0.
+    /// First column and row for a voxel whose fast and medium coordinates are 0.
     left: i32,
     top: i32,
-    /// Its columns and rows.
+    /// Number of columns and rows.
     columns: usize,
     rows: usize,
+    /// Coordinate of the slice on the slow axis.
     slow: u16,
-    weights: [[f32; SIDE]; SIDE],
+    weights: StampRows,
 }
 
 impl Stamp {
-    /// Of the voxels whose slow coordinate is `slow`, in a view whose voxels' steps are the plane's pixels.
-    fn of(projector: &Projector, slow: u16, limits: Limits) -> Stamp {
-        let Kind::Parallel { pixel_from_voxel, ellipse, .. } = &projector.kind else {
+    /// Returns the stamp of the slice `slow`, in a view in which a voxel's steps are the plane's pixels.
+    fn new(projector: &Projector, slow: u16, thresholds: Thresholds) -> Stamp {
+        let SplatProjection::Parallel { pixel_from_voxel, ellipse, .. } = &projector.projection else {
             unreachable!("a base plane is a parallel view's")
         };
-        let [s, m, f] = projector.nesting;
-        let [column, row] =
-            pixel_from_voxel.map(|map| split(along(&[map[s], map[m], map[f], map[3]], [slow.into(), 0.0, 0.0])));
-        let (left, right) = span(column, ellipse.half_x);
-        let (top, bottom) = span(row, ellipse.half_y);
+        let [(x, offset_x), (y, offset_y)] =
+            pixel_from_voxel.map(|map| nearest_pixel(affine_at(&projector.nested(&map), [slow.into(), 0.0, 0.0])));
+        let (left, right) = pixel_span((x, offset_x), ellipse.half_x);
+        let (top, bottom) = pixel_span((y, offset_y), ellipse.half_y);
         let [columns, rows] =
             [(left, right), (top, bottom)].map(|(low, high)| ((high - low + 1).max(0) as usize).min(SIDE));
-        let centre = Centre { x: column.0, y: row.0, rest_x: column.1, rest_y: row.1 };
-        let kernel = Kernel { centre, ellipse: *ellipse, cut: limits.cut, peak: 1.0 };
-        let mut weights = [[0.0; SIDE]; SIDE];
+        let centre = Centre { x, y, offset_x, offset_y };
+        let kernel = SplatKernel { centre, ellipse: *ellipse, cut: thresholds.cut, peak: 1.0 };
+        let mut weights = StampRows::default();
         for (y, weights) in (top..=bottom).zip(&mut weights) {
             for (x, weight) in (left..=right).zip(weights) {
                 *weight = kernel.depth(x, y);
@@ -73,206 +75,213 @@ impl Stamp {
         }
         Stamp { left, top, columns, rows, slow, weights }
     }
+
+    /// Returns how many voxels of a batch from `first` on lie on one line with all their pixels among [`WIDE`]; fewer
+    /// than [`WIDE`].
+    #[inline(always)]
+    fn neighbours(&self, batch: &Batch, first: usize) -> usize {
+        let (medium, fast) = (batch.medium[first], batch.fast[first]);
+        let most = (WIDE - self.columns) as u16;
+        let is_near =
+            |other_medium: u16, other_fast: u16| (other_medium == medium) & (other_fast.abs_diff(fast) <= most);
+        let (mediums, fasts) = (&batch.medium[first..], &batch.fast[first..]);
+        let mut count = 0u16;
+        if let (Some(mediums), Some(fasts)) = (mediums.first_chunk::<WIDE>(), fasts.first_chunk::<WIDE>()) {
+            for i in 0..WIDE {
+                count += u16::from(is_near(mediums[i], fasts[i]));
+            }
+        } else {
+            for (medium, fast) in mediums.iter().zip(fasts).take(WIDE) {
+                count += u16::from(is_near(*medium, *fast));
+            }
+        }
+        usize::from(count)
+    }
 }
 
-/// Value codes of which the amounts on a slice's stamps are kept.
+/// Value codes whose amounts on a slice's stamps are kept.
 const CODES: usize = 256;
 
-/// What a voxel takes of each pixel of its stamp.
+/// The part of the light that a voxel takes from each pixel of its stamp.
 #[derive(Debug, Clone, Copy)]
 struct Amounts {
-    /// The slice, and the peak of optical depth; NaN for none yet.
+    /// The slice that they are for.
     slow: u16,
+    /// The peak of optical depth that they are for; NaN for none yet.
     peak: f32,
-    rows: [[f32; SIDE]; SIDE],
+    rows: StampRows,
 }
 
 impl Amounts {
     #[inline(always)]
     fn fill(&mut self, stamp: &Stamp, peak: f32) {
         (self.slow, self.peak) = (stamp.slow, peak);
-        // One long loop: of the rows' short ones the compiler makes no vectors.
-        let all = SIDE * stamp.rows.min(SIDE);
+        // One long loop: the compiler does not vectorise short ones over the rows.
+        let count = SIDE * stamp.rows.min(SIDE);
         let (amounts, weights) = (self.rows.as_flattened_mut(), stamp.weights.as_flattened());
-        for (amount, weight) in amounts[..all].iter_mut().zip(&weights[..all]) {
+        for (amount, weight) in amounts[..count].iter_mut().zip(&weights[..count]) {
             *amount = absorbed(peak * weight);
         }
     }
 }
 
-/// What a band's thread works with.
-pub struct Bench {
-    pub(super) rows: Rows,
-    /// Of the slice whose voxels wait.
-    stamp: Stamp,
-    voxels: Box<Voxels>,
-    pub splats: Box<Splats>,
-    amounts: Box<[Amounts; CODES]>,
-}
-
 /// Draws the rows `rect` of the plane.
 ///
 /// # Errors
-/// If the memory cannot be had.
-pub(super) fn draw(
-    projector: &Projector,
-    view: &View,
-    order: &Order,
-    rect: Rect,
-    limits: Limits,
-    code: Code,
-    extra: Extra,
-) -> Result<Drawn<Rows>> {
-    let mut band = Band {
-        projector,
-        view,
-        half: projector.half(),
-        limits,
-        code,
+/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+pub(super) fn draw(task: &DrawTask, rect: Rect) -> Result<BandResult<RowBuffer>> {
+    let unfilled = Amounts { slow: 0, peak: f32::NAN, rows: StampRows::default() };
+    let mut painter = StampPainter {
+        task,
         slow: None,
-        bench: Bench {
-            rows: Rows::new(rect)?,
-            stamp: Stamp { left: 0, top: 0, columns: 0, rows: 0, slow: 0, weights: [[0.0; SIDE]; SIDE] },
-            voxels: Voxels::new(),
+        buffers: StampBuffers {
+            pixels: RowBuffer::new(rect)?,
+            stamp: Stamp::default(),
+            voxels: VoxelBlock::new(),
             splats: Splats::new(),
-            amounts: Box::new([Amounts { slow: 0, peak: f32::NAN, rows: [[0.0; SIDE]; SIDE] }; CODES]),
+            amounts: Box::new([unfilled; CODES]),
         },
-        visited: 0,
-        drawn: 0,
-        drawing: Duration::ZERO,
+        stats: BandStats { bands: 1, ..BandStats::default() },
     };
-    let start = Instant::now();
-    match extra.left_out {
-        None => walk(&projector.lane, order, &mut band),
-        Some(left_out) => walk(&projector.lane, order, &mut Without::new(&mut band, left_out)),
-    }
-    band.flush();
-    let walking = start.elapsed().saturating_sub(band.drawing);
-    let Band { bench, visited, drawn, drawing, .. } = band;
-    Ok(Drawn { pixels: bench.rows, work: Work { visited, drawn, walking, drawing } })
+    let elapsed = task.walk(&mut painter);
+    painter.stats.walking = elapsed.saturating_sub(painter.stats.drawing);
+    painter.flush();
+    Ok(BandResult { pixels: painter.buffers.pixels, stats: painter.stats })
 }
 
-struct Band<'a> {
-    projector: &'a Projector<'a>,
-    view: &'a View,
-    half: [f64; 2],
-    limits: Limits,
-    code: Code,
-    /// The slice whose voxels wait.
+/// A visitor that draws the voxels of a walk.
+struct StampPainter<'a> {
+    task: &'a DrawTask<'a>,
+    /// The slice of the waiting voxels.
     slow: Option<u16>,
-    bench: Bench,
-    visited: u64,
-    drawn: u64,
-    drawing: Duration,
+    buffers: StampBuffers,
+    stats: BandStats,
 }
 
-impl Band<'_> {
-    fn pixels(&self, bounds: &VoxelBox) -> Option<Rect> {
-        band::pixels(self.view, self.half, self.bench.rows.rect, bounds)
-    }
-
-    fn in_crop(&self, bounds: &VoxelBox) -> bool {
-        self.projector.crop.is_none_or(|crop| bounds.meets(&crop))
-    }
-
-    /// Draws the voxels that wait.
+impl StampPainter<'_> {
+    /// Draws the waiting voxels.
     fn flush(&mut self) {
-        if self.bench.voxels.count == 0 {
-            return;
+        let DrawTask { projector, settings, thresholds, .. } = self.task;
+        if self.buffers.voxels.count > 0 {
+            self.stats.drawn += dispatch::flush_stamps(settings.code, projector, &mut self.buffers, *thresholds);
         }
-        self.drawn += dispatch::stamped(self.code, self.projector, &mut self.bench, self.limits);
     }
 }
 
-impl Visitor for Band<'_> {
+impl Visitor for StampPainter<'_> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
-        self.in_crop(bounds) && self.pixels(bounds).is_some()
+        self.task.pixels_in_crop(self.buffers.pixels.rect, bounds).is_some()
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
-        self.in_crop(bounds) && self.pixels(bounds).is_some_and(|rect| !self.bench.rows.is_closed(rect))
+        let pixels = &self.buffers.pixels;
+        self.task.pixels_in_crop(pixels.rect, bounds).is_some_and(|rect| !pixels.is_closed(rect))
     }
 
     fn visit(&mut self, batch: &Batch) {
         let start = Instant::now();
+        let DrawTask { projector, settings, thresholds, .. } = self.task;
         if self.slow != Some(batch.slow) {
             self.flush();
             self.slow = Some(batch.slow);
-            self.bench.stamp = Stamp::of(self.projector, batch.slow, self.limits);
+            self.buffers.stamp = Stamp::new(projector, batch.slow, *thresholds);
         }
-        self.drawn += dispatch::sifted(self.code, self.projector, &mut self.bench, self.limits, batch);
-        // What a pager let in may be gone when the next batch comes.
-        if self.projector.lane.pager.is_some() {
+        let code = settings.code;
+        self.stats.drawn += dispatch::add_visible(code, code, projector, &mut self.buffers, *thresholds, batch);
+        // A pager may drop this batch's records before the next one.
+        if projector.lane.pager.is_some() {
             self.flush();
         }
-        self.visited += batch.len() as u64;
-        self.drawing += start.elapsed();
+        self.stats.visited += batch.len() as u64;
+        self.stats.drawing += start.elapsed();
     }
 }
 
-impl Bench {
-    /// Lets those voxels of a batch of the stamp's slice wait that are not behind what is opaque, and draws them as they
-    /// fill a block; gives how many splats were drawn.
-    #[inline(always)]
-    pub(super) fn sift(&mut self, code: Code, projector: &Projector, limits: Limits, batch: &Batch) -> u64 {
-        let (mut drawn, mut from, mut at) = (0, 0, 0);
-        while at < batch.len() {
-            let count = self.stamp.neighbours(batch, at);
-            if count >= FEW && !self.is_open(batch, at, count, limits.stop) {
-                drawn += self.wait(code, projector, limits, batch, from..at);
-                from = at + count;
-            }
-            at += count;
-        }
-        drawn + self.wait(code, projector, limits, batch, from..at)
-    }
+/// The pixels of a band, and the voxels that one thread is drawing on them.
+pub(super) struct StampBuffers {
+    pixels: RowBuffer,
+    /// The stamp of the waiting voxels' slice.
+    stamp: Stamp,
+    /// Voxels that are not drawn yet.
+    voxels: Box<VoxelBlock>,
+    splats: Box<Splats>,
+    /// Amounts by value code.
+    amounts: Box<[Amounts; CODES]>,
+}
 
-    /// Whether some pixel of the stamps of `count` neighbours from `at` on may still change.
-    #[inline(always)]
-    fn is_open(&self, batch: &Batch, at: usize, count: usize, stop: f32) -> bool {
-        let Bench { rows, stamp, .. } = self;
-        let ends = [batch.fast[at], batch.fast[at + count - 1]].map(|fast| stamp.left + i32::from(fast));
-        let (x, y) = (ends[0].min(ends[1]), stamp.top + i32::from(batch.medium[at]));
-        // Left of the band nothing can be read: what reaches in from there is drawn.
-        let is_beside = ends[0].max(ends[1]) < rows.rect.x0 || x >= rows.rect.x1;
-        !is_beside && (x < rows.rect.x0 || rows.are_open::<WIDE>(x, y, stamp.rows, stop))
-    }
+/// Number of neighbours from which on they are tested together; fewer are tested one by one when they are drawn.
+const TESTED_TOGETHER: usize = 5;
 
-    /// Lets a range of a batch's voxels wait for a block to be full.
+impl StampBuffers {
+    /// Adds the voxels of a batch that are not hidden to the waiting ones, and draws full blocks with the instructions
+    /// of `code`; returns how many splats were drawn.
     #[inline(always)]
-    fn wait(
+    pub(super) fn add_visible(
         &mut self,
         code: Code,
         projector: &Projector,
-        limits: Limits,
+        thresholds: Thresholds,
+        batch: &Batch,
+    ) -> u64 {
+        let (mut drawn, mut from, mut to) = (0, 0, 0);
+        while to < batch.len() {
+            let count = self.stamp.neighbours(batch, to);
+            if count >= TESTED_TOGETHER && !self.is_open(batch, to, count, thresholds.stop) {
+                drawn += self.add(code, projector, thresholds, batch, from..to);
+                from = to + count;
+            }
+            to += count;
+        }
+        drawn + self.add(code, projector, thresholds, batch, from..to)
+    }
+
+    /// Returns whether some pixel of the stamps of `count` neighbours from `first` on may still change.
+    #[inline(always)]
+    fn is_open(&self, batch: &Batch, first: usize, count: usize, stop: f32) -> bool {
+        let StampBuffers { pixels, stamp, .. } = self;
+        let ends = [batch.fast[first], batch.fast[first + count - 1]].map(|fast| stamp.left + i32::from(fast));
+        let (x, y) = (ends[0].min(ends[1]), stamp.top + i32::from(batch.medium[first]));
+        // Left of the band nothing can be read: voxels that reach in from there are drawn.
+        let is_beside = ends[0].max(ends[1]) < pixels.rect.x0 || x >= pixels.rect.x1;
+        !is_beside && (x < pixels.rect.x0 || pixels.are_open::<WIDE>(x, y, stamp.rows, stop))
+    }
+
+    /// Adds a range of a batch's voxels to the waiting ones, and draws full blocks.
+    #[inline(always)]
+    fn add(
+        &mut self,
+        code: Code,
+        projector: &Projector,
+        thresholds: Thresholds,
         batch: &Batch,
         mut range: Range<usize>,
     ) -> u64 {
         let mut drawn = 0;
         while !range.is_empty() {
             if !self.voxels.have_room(1) {
-                drawn += dispatch::stamped(code, projector, self, limits);
+                drawn += dispatch::flush_stamps(code, projector, self, thresholds);
             }
             range.start += self.voxels.add(batch, range.start, range.len());
         }
         drawn
     }
 
-    /// Draws the voxels that wait; gives how many splats were drawn.
+    /// Draws the waiting voxels; returns how many splats were drawn.
     #[inline(always)]
-    pub(super) fn flush(&mut self, projector: &Projector, limits: Limits) -> u64 {
-        let Bench { rows, stamp, voxels, splats, amounts } = self;
-        let Kind::Parallel { strength, .. } = &projector.kind else { return 0 };
-        Projector::plane_places(voxels, [stamp.left, stamp.top], splats);
+    pub(super) fn flush(&mut self, projector: &Projector, thresholds: Thresholds) -> u64 {
+        let StampBuffers { pixels, stamp, voxels, splats, amounts } = self;
+        let SplatProjection::Parallel { strength, .. } = &projector.projection else { return 0 };
+        Projector::place_stamps(voxels, [stamp.left, stamp.top], splats);
         splats.strength = [*strength; BLOCK];
-        let wanted = projector.in_crop(voxels);
+        let in_crop = projector.in_crop(voxels);
         let mut kept = 0;
         for j in 0..voxels.count.min(BLOCK) {
             splats.kept[kept] = j as u8;
-            // All columns of a stamp that begins in the band are on the plane or on what is to spare.
-            let is_inside = (splats.x[j] >= rows.rect.x0) & (splats.x[j] < rows.rect.x1);
-            let is_open = || rows.are_open::<SIDE>(splats.x[j], splats.y[j], stamp.rows, limits.stop);
-            kept += usize::from(wanted[j] && is_inside && is_open());
+            let (x, y) = (splats.x.nearest[j], splats.y.nearest[j]);
+            // All columns of a stamp that begins in the band are in the band or spare.
+            let is_inside = (x >= pixels.rect.x0) & (x < pixels.rect.x1);
+            let is_open = || pixels.are_open::<SIDE>(x, y, stamp.rows, thresholds.stop);
+            kept += usize::from(in_crop[j] && is_inside && is_open());
         }
         splats.count = kept;
         projector.colour(voxels, splats);
@@ -285,35 +294,10 @@ impl Bench {
             if amounts.peak.to_bits() != peak.to_bits() || amounts.slow != stamp.slow {
                 amounts.fill(stamp, peak);
             }
-            rows.put([splats.x[j], splats.y[j]], &amounts.rows, stamp.rows, &splats.ink[k], limits.stop);
+            let first = [splats.x.nearest[j], splats.y.nearest[j]];
+            pixels.composite(first, &amounts.rows, stamp.rows, &splats.ink[k], thresholds.stop);
         }
         voxels.count = 0;
         kept as u64
-    }
-}
-
-/// Of fewer neighbours each is asked for itself, later.
-const FEW: usize = 5;
-
-impl Stamp {
-    /// How many voxels of a batch from `at` on lie on one line and have all their pixels among [`WIDE`]: they are fewer.
-    #[inline(always)]
-    fn neighbours(&self, batch: &Batch, at: usize) -> usize {
-        let (medium, fast) = (batch.medium[at], batch.fast[at]);
-        let most = (WIDE - self.columns) as u16;
-        let is_near =
-            |other_medium: u16, other_fast: u16| (other_medium == medium) & (other_fast.abs_diff(fast) <= most);
-        let (mediums, fasts) = (&batch.medium[at..], &batch.fast[at..]);
-        let mut count = 0u16;
-        if let (Some(mediums), Some(fasts)) = (mediums.first_chunk::<WIDE>(), fasts.first_chunk::<WIDE>()) {
-            for i in 0..WIDE {
-                count += u16::from(is_near(mediums[i], fasts[i]));
-            }
-        } else {
-            for (medium, fast) in mediums.iter().zip(fasts).take(WIDE) {
-                count += u16::from(is_near(*medium, *fast));
-            }
-        }
-        usize::from(count)
     }
 }

@@ -1,48 +1,51 @@
 //! Adapters: the one place that asks the system for graphics devices.
 //!
-//! In: a name, or none; wgpu's environment variables (`WGPU_BACKEND`, `WGPU_ADAPTER_NAME`, `WGPU_POWER_PREF`). Out:
-//! what there is, and a device with its queue for a [`Renderer`](super::Renderer). A renderer never asks for a device
-//! itself; who has one already needs nothing of this.
+//! In: a name, or none; wgpu's environment variables (`WGPU_BACKEND`, `WGPU_ADAPTER_NAME`, `WGPU_POWER_PREF`). Out: the
+//! adapters of the system, and a device with its queue for a [`Renderer`](super::Renderer), which never asks for one
+//! itself. A program that has a device does not need this module.
 
 use wgpu::{
     Adapter, Backends, Device, DeviceDescriptor, DeviceType, Features, Instance, InstanceDescriptor, Limits,
     MemoryHints, PowerPreference, Queue,
 };
 
-use super::context::{MOST_BINDING, one_line};
+use super::context::{MAX_BINDING, one_line};
 use crate::error::{Error, Result};
 
-/// What a system says of an adapter.
+/// Kinds of hardware, best first, and their names.
+const KINDS: [(DeviceType, &str); 5] = [
+    (DeviceType::DiscreteGpu, "discrete"),
+    (DeviceType::IntegratedGpu, "integrated"),
+    (DeviceType::VirtualGpu, "virtual"),
+    (DeviceType::Other, "other"),
+    (DeviceType::Cpu, "software"),
+];
+
+/// What the system says of an adapter.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AdapterFacts {
-    /// Its name: "NVIDIA H200", "llvmpipe (LLVM 15.0.6, 256 bits)".
+    /// Name of the adapter: "NVIDIA H200", "llvmpipe (LLVM 15.0.6, 256 bits)".
     pub name: String,
-    /// Vulkan, Metal, DX12 ...
+    /// Programming interface: Vulkan, Metal, DX12 ...
     pub backend: String,
-    /// What kind it is: discrete, integrated, virtual, software, other.
+    /// Kind of hardware: discrete, integrated, virtual, software, other.
     pub kind: &'static str,
     /// Driver and its version.
     pub driver: String,
-    /// Bytes of its largest binding, before our own limit.
+    /// Bytes of the adapter's largest binding, before our own limit.
     pub most_binding: u64,
-    /// Bytes of its largest buffer.
+    /// Bytes of the adapter's largest buffer.
     pub most_buffer: u64,
     /// Whether quads can accumulate in 32 bits.
     pub blends_float32: bool,
-    /// Whether it times what it does.
+    /// Whether stages can be timed by the device's own clock.
     pub has_clock: bool,
 }
 
 impl AdapterFacts {
     fn new(adapter: &Adapter) -> AdapterFacts {
         let (info, limits, features) = (adapter.get_info(), adapter.limits(), adapter.features());
-        let kind = match info.device_type {
-            DeviceType::DiscreteGpu => "discrete",
-            DeviceType::IntegratedGpu => "integrated",
-            DeviceType::VirtualGpu => "virtual",
-            DeviceType::Cpu => "software",
-            DeviceType::Other => "other",
-        };
+        let kind = KINDS.iter().find(|(kind, _)| *kind == info.device_type).map_or("other", |(_, name)| name);
         AdapterFacts {
             name: info.name,
             backend: info.backend.to_string(),
@@ -55,31 +58,31 @@ impl AdapterFacts {
         }
     }
 
-    /// Whether it runs on the processor: correct, but not faster than the renderer there.
+    /// Returns whether the adapter runs on the processor: correct, but no faster than the processor's renderer.
     pub fn is_software(&self) -> bool {
         self.kind == "software"
     }
 }
 
-/// A device that was asked for.
+/// A device that [`open`] asked for.
 #[derive(Debug)]
 pub struct Opened {
-    /// What it runs on.
+    /// The adapter that the device runs on.
     pub facts: AdapterFacts,
-    /// The device.
+    /// The device itself.
     pub device: Device,
-    /// Its queue.
+    /// The device's queue.
     pub queue: Queue,
 }
 
-/// Whether the system shows any sign of graphics hardware. Where it shows none there is no need to ask for adapters,
-/// which loads every driver that is installed.
+/// Returns whether the system shows any sign of graphics hardware. Where it does not, a program can avoid asking for
+/// adapters, which loads every driver that is installed.
 pub fn has_hardware() -> bool {
     const SIGNS: [&str; 5] = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
     !cfg!(target_os = "linux") || SIGNS.iter().any(|sign| std::path::Path::new(sign).exists())
 }
 
-/// All adapters that can run the stages, best first: discrete, integrated, virtual, other, software.
+/// Returns all adapters that can run the stages, best first: discrete, integrated, virtual, other, software.
 pub fn adapters() -> Vec<AdapterFacts> {
     ranked().iter().map(AdapterFacts::new).collect()
 }
@@ -87,63 +90,57 @@ pub fn adapters() -> Vec<AdapterFacts> {
 fn ranked() -> Vec<Adapter> {
     let instance = Instance::new(InstanceDescriptor::new_without_display_handle_from_env());
     let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::all()));
-    adapters.retain(|adapter| limits_of(adapter).is_some());
+    adapters.retain(|adapter| required_limits(adapter).is_some());
     let saves_power = PowerPreference::from_env() == Some(PowerPreference::LowPower);
-    adapters.sort_by_key(|adapter| match adapter.get_info().device_type {
-        DeviceType::DiscreteGpu => 1,
-        DeviceType::IntegratedGpu if saves_power => 0,
-        DeviceType::IntegratedGpu => 2,
-        DeviceType::VirtualGpu => 3,
-        DeviceType::Other => 4,
-        DeviceType::Cpu => 5,
+    adapters.sort_by_key(|adapter| {
+        let kind = adapter.get_info().device_type;
+        let is_first = saves_power && kind == DeviceType::IntegratedGpu;
+        if is_first { None } else { KINDS.iter().position(|(ranked, _)| *ranked == kind) }
     });
     adapters
 }
 
-/// What the stages need of an adapter; `None` if it has less.
-fn limits_of(adapter: &Adapter) -> Option<Limits> {
+/// Returns the limits that the stages need; `None` if the adapter has less.
+fn required_limits(adapter: &Adapter) -> Option<Limits> {
     let have = adapter.limits();
     let need = Limits {
-        max_storage_buffer_binding_size: have.max_storage_buffer_binding_size.min(MOST_BINDING),
+        max_storage_buffer_binding_size: have.max_storage_buffer_binding_size.min(MAX_BINDING),
         max_buffer_size: have.max_buffer_size,
         max_texture_dimension_2d: have.max_texture_dimension_2d,
         min_uniform_buffer_offset_alignment: have.min_uniform_buffer_offset_alignment,
         min_storage_buffer_offset_alignment: have.min_storage_buffer_offset_alignment,
         ..Limits::defaults()
     };
-    let fits = need.check_limits(&have);
-    fits.then_some(need)
+    need.check_limits(&have).then_some(need)
 }
 
-/// Opens the best adapter, or the best whose name or driver contains `name` in any case; `WGPU_ADAPTER_NAME` stands in for none.
+/// Opens the best adapter whose name or driver contains `name` in any case; `None` stands for `WGPU_ADAPTER_NAME` if
+/// that is set, else for any adapter.
 ///
 /// # Errors
-/// [`Error::Device`] if there is none, or it refuses.
+/// [`Error::Device`] if there is no such adapter, or it refuses.
 pub fn open(name: Option<&str>) -> Result<Opened> {
     let wanted = name.map(str::to_owned).or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok());
     let adapters = ranked();
     if adapters.is_empty() {
-        let why = "there is none; install a driver (Vulkan, Metal or DX12), or take --renderer cpu";
-        return Err(Error::device(why));
+        return Err(Error::device("there is none; install a driver (Vulkan, Metal or DX12), or draw on the processor"));
     }
     let facts: Vec<AdapterFacts> = adapters.iter().map(AdapterFacts::new).collect();
     let is_wanted = |facts: &AdapterFacts| {
         let title = format!("{} {}", facts.name, facts.driver).to_lowercase();
         wanted.as_ref().is_none_or(|wanted| title.contains(&wanted.to_lowercase()))
     };
-    let Some(place) = facts.iter().position(is_wanted) else {
+    let Some(index) = facts.iter().position(is_wanted) else {
         let names: Vec<&str> = facts.iter().map(|facts| facts.name.as_str()).collect();
         let wanted = wanted.unwrap_or_default();
         return Err(Error::device(format!("none is called \"{wanted}\"; there are: {}", names.join(", "))));
     };
-    let adapter = &adapters[place];
-    let required_limits = limits_of(adapter).expect("adapters that have less were left out");
-    let wished = Features::TIMESTAMP_QUERY | Features::FLOAT32_BLENDABLE;
+    let adapter = &adapters[index];
     let descriptor = DeviceDescriptor {
         label: Some("adjsplat"),
-        required_features: adapter.features() & wished,
-        required_limits,
-        // Blocks as large as what is asked for, so that --vram holds.
+        required_features: adapter.features() & (Features::TIMESTAMP_QUERY | Features::FLOAT32_BLENDABLE),
+        required_limits: required_limits(adapter).expect("adapters that have less were left out"),
+        // Memory is allocated in blocks no larger than needed, so that the ceiling holds.
         memory_hints: MemoryHints::MemoryUsage,
         ..Default::default()
     };

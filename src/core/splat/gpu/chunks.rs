@@ -1,28 +1,27 @@
-//! Chunks: which blocks of a slab a frame draws, and where their voxels go.
+//! Chunks: which blocks of a slab a frame draws, and the slots of their voxels.
 //!
-//! In: a slab's blocks, a view and a window of its picture. Out: the blocks that may have a voxel there, in order, and
-//! runs of them that fit the buffers. O(blocks), for each frame; lines are not looked at.
+//! In: a slab's blocks, a view and a window of its picture. Out: the blocks that may have a voxel there, in visit order,
+//! cut into runs that fit the buffers. O(blocks) for each frame; lines are not looked at.
 
-use super::layout::{Block, Chunk};
-use super::lines::{LineBlock, LineList, Slab};
+use super::layout::{Chunk, LineBlock};
+use super::lines::{LineList, ListBlock, Slab};
 use crate::splat::View;
 use crate::traverse::VoxelBox;
 
-/// Part of a picture, and which voxels may show there.
+/// A window of a picture and the voxels that may show there.
 #[derive(Debug)]
-pub(crate) struct Sight<'a> {
+pub(crate) struct WindowView<'a> {
     pub(crate) view: &'a View,
-    /// Half-widths of a parallel view's footprints.
-    pub(crate) half: [f64; 2],
-    /// First column and row, one past the last.
-    pub(crate) window: [i32; 4],
+    pub(crate) half_width: [f64; 2], // Half-widths of a parallel view's footprints, in pixels.
+    pub(crate) window: [i32; 4],     // First column and row, one past the last.
     pub(crate) crop: Option<VoxelBox>,
 }
 
-impl Sight<'_> {
-    /// Whether a voxel of `bounds` may show; and whether none of them can miss the window.
+impl WindowView<'_> {
+    /// Returns whether any voxel of `bounds` may show, and whether all of them lie inside the window.
     fn meets(&self, bounds: &VoxelBox) -> (bool, bool) {
-        let Some([left, right, top, bottom]) = self.view.pixel_bounds(bounds, self.half) else { return (false, false) };
+        let pixels = self.view.pixel_bounds(bounds, self.half_width);
+        let Some([left, right, top, bottom]) = pixels else { return (false, false) };
         let [x0, y0, x1, y1] = self.window.map(f64::from);
         let meets = right >= x0 && left <= x1 - 1.0 && bottom >= y0 && top <= y1 - 1.0;
         let is_inside = left >= x0 && right <= x1 - 1.0 && top >= y0 && bottom <= y1 - 1.0 && self.crop.is_none();
@@ -30,28 +29,27 @@ impl Sight<'_> {
     }
 }
 
-/// What a slab gives to draw.
+/// The blocks of a slab that are drawn, and the chunks that they form.
 #[derive(Debug, Default)]
 pub(crate) struct Chunks {
-    pub(crate) blocks: Vec<Block>,
-    /// Each with the number of its blocks.
-    pub(crate) chunks: Vec<(Chunk, u32)>,
+    pub(crate) blocks: Vec<LineBlock>,
+    pub(crate) chunks: Vec<(Chunk, u32)>, // Each with the number of its blocks.
 }
 
 impl Chunks {
-    /// Of `slab` as `sight` sees it, in chunks of at most `slots` records.
-    pub(crate) fn new(list: &LineList, slab: &Slab, sight: &Sight, slots: u32) -> Chunks {
-        let (meets, all_inside) = sight.meets(&list.bounds);
+    /// Cuts what shows of `slab` in `window` into chunks of at most `slots` records.
+    pub(crate) fn new(list: &LineList, slab: &Slab, window: &WindowView, slots: u32) -> Chunks {
+        let (meets, all_inside) = window.meets(&list.bounds);
         let mut chunks = Chunks::default();
         if meets {
-            for block in slab.blocks.iter().filter(|block| all_inside || sight.meets(&block.bounds).0) {
+            for block in slab.blocks.iter().filter(|block| all_inside || window.meets(&block.bounds).0) {
                 chunks.push(block, slots);
             }
         }
         chunks
     }
 
-    fn push(&mut self, block: &LineBlock, slots: u32) {
+    fn push(&mut self, block: &ListBlock, slots: u32) {
         let first_block = u32::try_from(self.blocks.len()).expect("fewer blocks than lines, which are below 2^32");
         if self.chunks.last().is_none_or(|(chunk, _)| chunk.slot_count + block.records > slots) {
             self.chunks.push((Chunk { first_block, slot_count: 0, index: 0, is_first: 0 }, 0));
@@ -60,7 +58,7 @@ impl Chunks {
         let first_slot = chunk.slot_count;
         chunk.slot_count += block.records;
         *count += 1;
-        let LineBlock { first_line, line_count, .. } = *block;
-        self.blocks.push(Block { first_line, line_count, first_slot, end_slot: chunk.slot_count });
+        let ListBlock { first_line, line_count, .. } = *block;
+        self.blocks.push(LineBlock { first_line, line_count, first_slot, end_slot: chunk.slot_count });
     }
 }

@@ -1,257 +1,219 @@
-//! The line list: what the processor does for a walk on the device.
+//! The line list: what the processor prepares for a walk on the device.
 //!
-//! In: a lane and an order; how many bytes of a lane the device holds at a time. Out: slabs, each some of the lane's
-//! tiles and a run of lines in visit order, cut into blocks. A list depends on the nesting and on the directions of the
-//! slow and the medium axis alone (with an eye between, on which half of which voxel it is in), so that it stays as it
-//! is while a camera turns within one order.
-//!
-//! ```text
-//! slices in the slow order -> as many as there is room for -> slab: tiles as the lane has them, lines in visit order
-//! lines -> blocks of 64 -> per frame: those in view, in chunks of as many records as the buffers hold
-//! ```
+//! In: a lane and an order; how much of a lane the device holds at a time. Out: slabs, each some of the lane's tiles and
+//! a run of lines in visit order, cut into blocks. A list depends only on the nesting and on the directions of the slow
+//! and the medium axis (with the eye inside the grid: on which half of which voxel it is in). So it lasts while a camera
+//! turns within one order.
 
 use super::layout::LINES;
 use crate::arena::layout::line_end_bytes;
 use crate::arena::{Lane, TileRecord};
 use crate::error::{Error, Result};
-use crate::traverse::{AxisOrder, Order, OrderedLine, Sense, SplitForm, VoxelBox, ordered_lines};
-use crate::volume::Axis;
+use crate::traverse::{AxisOrder, Order, OrderedLine, VoxelBox, ordered_lines};
 
-/// Largest number of records of a block of more than one line.
-const BLOCK_RECORDS: u32 = 1 << 14;
+const BLOCK_RECORDS: u32 = 1 << 14; // Largest number of records of a block of more than one line.
 
-/// Bytes of a line in the lists on the device: its word, and its share of a block.
-pub(crate) const LINE_BYTES: u64 = 8;
+pub(crate) const LINE_BYTES: u64 = 8; // Bytes of a line in the lists on the device: its word, and its share of a block.
 
-/// What a list depends on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Key {
-    slow: Axis,
-    medium: Axis,
-    along: [Direction; 2],
-}
-
-/// The direction of an axis: two eyes of one value put all whole coordinates in the same order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Direction {
-    Ascending,
-    Descending,
-    TwoSided { twice: i64, is_half: bool, form: SplitForm, sense: Sense },
-}
-
-impl Direction {
-    #[expect(clippy::cast_possible_truncation, reason = "an eye within the grid")]
-    fn new(order: AxisOrder) -> Direction {
-        match order {
-            AxisOrder::Ascending => Direction::Ascending,
-            AxisOrder::Descending => Direction::Descending,
-            AxisOrder::TwoSided { eye, form, sense } => {
-                let twice = 2.0 * eye;
-                Direction::TwoSided { twice: twice.floor() as i64, is_half: twice == twice.floor(), form, sense }
-            }
+/// Returns what a list depends on: orders of equal keys list all lines alike. Coordinates are whole, so an eye stands for
+/// all eyes between the same halves of voxels.
+pub(crate) fn list_key(order: &Order) -> Order {
+    let mut key = *order;
+    key.along[order.fast.index()] = AxisOrder::Ascending;
+    for axis in &mut key.along {
+        if let AxisOrder::TwoSided { eye, .. } = axis {
+            let twice = 2.0 * *eye;
+            *eye = if twice == twice.floor() { *eye } else { twice.floor() / 2.0 + 0.25 };
         }
     }
+    key
 }
 
-impl Key {
-    pub(crate) fn new(order: &Order) -> Key {
-        let along = [order.slow, order.medium].map(|axis| Direction::new(order.along[axis.index()]));
-        Key { slow: order.slow, medium: order.medium, along }
-    }
-}
-
-/// A line list.
+/// All lines of a lane in visit order.
 #[derive(Debug)]
 pub(crate) struct LineList {
-    pub(crate) key: Key,
-    /// In visit order.
+    pub(crate) key: Order, // See [`list_key`].
     pub(crate) slabs: Vec<Slab>,
-    /// All voxels that there may be.
-    pub(crate) bounds: VoxelBox,
-    /// Records of all lines.
-    pub(crate) records: u64,
+    pub(crate) bounds: VoxelBox, // A box around all voxels.
+    pub(crate) records: u64,     // Number of records of all lines.
 }
 
-/// What is on the device at a time: tiles of a lane, and lines that lie in them.
-#[derive(Debug)]
+/// A part of a lane that is on the device at a time: some tiles, and the lines that lie in them.
+#[derive(Debug, Default)]
 pub(crate) struct Slab {
-    /// Indices of the tiles, ascending.
-    pub(crate) tiles: Vec<u32>,
+    pub(crate) tiles: Vec<u32>, // Indices of the tiles, ascending.
     /// Lines in visit order: index of the tile in `tiles` in the high 26 bits, line of the tile in the low 6.
     pub(crate) lines: Vec<u32>,
-    pub(crate) blocks: Vec<LineBlock>,
+    pub(crate) blocks: Vec<ListBlock>,
 }
 
-/// Some lines in visit order.
+/// Up to [`LINES`] consecutive lines of a slab.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct LineBlock {
+pub(crate) struct ListBlock {
     pub(crate) first_line: u32,
     pub(crate) line_count: u32,
     pub(crate) records: u32,
     pub(crate) bounds: VoxelBox,
 }
 
-/// How much of a lane there may be on the device at a time.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Room {
-    /// Bytes of tiles, line ends, channels and lists.
-    pub(crate) bytes: u64,
-    /// Records, by the device's largest binding.
+/// An amount of a lane: how much some tiles take, or how much may be on the device at a time.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(crate) struct LaneSize {
+    pub(crate) bytes: u64, // Bytes of tiles, line ends, channels and lists.
     pub(crate) records: u64,
-    /// Lines, likewise.
     pub(crate) lines: u64,
-    /// Tiles, likewise.
     pub(crate) tiles: u64,
 }
 
-impl LineList {
-    /// The list of `lane` in `order`: one slab if there is room for all of it, else as few as there are slices to share.
-    ///
-    /// # Errors
-    /// [`Error::Limit`] if there is no room for the tiles of a single slice.
-    pub(crate) fn new(lane: &Lane, order: &Order, room: Room) -> Result<LineList> {
-        let nesting = [order.slow.index(), order.medium.index(), order.fast.index()];
-        let lines = line_count(lane);
-        let bytes = lane.bytes() + LINE_BYTES * lines;
-        let whole = Load { bytes, records: lane.record_count(), lines, tiles: lane.tiles.len() as u64 };
-        let mut open = Open::new(lane, nesting, whole.fits(room));
-        let mut slabs = Vec::new();
-        let mut slice: Vec<OrderedLine> = Vec::new();
-        let mut refused = None;
-        let mut end_slice = |slice: &mut Vec<OrderedLine>| {
-            if refused.is_none() && !open.take(slice, room) {
-                slabs.extend(open.close());
-                if !open.take(slice, room) {
-                    refused = Some(open.load_of(slice));
-                }
-            }
-            slice.clear();
-        };
-        ordered_lines(lane, order, |line| {
-            if slice.last().is_some_and(|last| last.slow != line.slow) {
-                end_slice(&mut slice);
-            }
-            slice.push(line);
-        });
-        if !slice.is_empty() {
-            end_slice(&mut slice);
-        }
-        if let Some(load) = refused {
-            return Err(load.refusal(room));
-        }
-        slabs.extend(open.close());
-        let bounds = slabs.iter().flat_map(|slab: &Slab| &slab.blocks).map(|block| block.bounds).reduce(union);
-        let bounds = bounds.unwrap_or(VoxelBox { low: [0; 3], high: [0; 3] });
-        let records = slabs.iter().flat_map(|slab| &slab.blocks).map(|block| u64::from(block.records)).sum();
-        Ok(LineList { key: Key::new(order), slabs, bounds, records })
+impl LaneSize {
+    /// Returns the size of a tile with its line ends and records.
+    fn of_tile(lane: &Lane, index: u32) -> LaneSize {
+        let Some(tile) = lane.tile(index as usize) else { return LaneSize::default() };
+        let lines = u64::from(tile.occupancy.get().count_ones());
+        let records = lane.tile_records(tile);
+        let line_end = u64::from(line_end_bytes(lane.dims[lane.axis.index()]));
+        let bytes = size_of::<TileRecord>() as u64
+            + lines * (line_end + LINE_BYTES)
+            + records.saturating_mul(lane.channels.record_bytes());
+        LaneSize { bytes, records, lines, tiles: 1 }
     }
-}
 
-/// What tiles take.
-#[derive(Debug, Clone, Copy, Default)]
-struct Load {
-    bytes: u64,
-    records: u64,
-    lines: u64,
-    tiles: u64,
-}
-
-impl Load {
-    fn fits(self, room: Room) -> bool {
+    fn fits(self, room: LaneSize) -> bool {
         self.bytes <= room.bytes && self.records <= room.records && self.lines <= room.lines && self.tiles <= room.tiles
     }
 
-    /// What of a single slice is too much.
-    fn refusal(self, room: Room) -> Error {
-        let (what, need, have) = if self.bytes > room.bytes {
-            ("video memory in bytes for the tiles of one slice (give more --vram)", self.bytes, room.bytes)
-        } else if self.records > room.records {
-            ("records of one slice in a device's largest binding (take --renderer cpu)", self.records, room.records)
-        } else if self.lines > room.lines {
-            ("lines of one slice in a device's largest binding (take --renderer cpu)", self.lines, room.lines)
-        } else {
-            ("tiles of one slice in a device's largest binding (take --renderer cpu)", self.tiles, room.tiles)
-        };
+    fn add(self, other: LaneSize) -> LaneSize {
+        LaneSize {
+            bytes: self.bytes.saturating_add(other.bytes),
+            records: self.records.saturating_add(other.records),
+            lines: self.lines + other.lines,
+            tiles: self.tiles + other.tiles,
+        }
+    }
+
+    /// Returns the error for a single slice that does not fit `room`: it names the first amount that is too large.
+    fn refusal(self, room: LaneSize) -> Error {
+        let amounts = [
+            ("video memory in bytes for the tiles of one slice (give more video memory)", self.bytes, room.bytes),
+            ("records of one slice in a device's largest binding (draw on the processor)", self.records, room.records),
+            ("lines of one slice in a device's largest binding (draw on the processor)", self.lines, room.lines),
+            ("tiles of one slice in a device's largest binding (draw on the processor)", self.tiles, room.tiles),
+        ];
+        let (what, need, have) =
+            amounts.into_iter().find(|(_, need, have)| need > have).expect("what does not fit exceeds an amount");
         Error::Limit { what: what.into(), need, have }
     }
+}
 
-    fn add(&mut self, other: Load) {
-        self.bytes = self.bytes.saturating_add(other.bytes);
-        self.records = self.records.saturating_add(other.records);
-        self.lines += other.lines;
-        self.tiles += other.tiles;
+impl LineList {
+    /// Lists the lines of `lane` in `order`: one slab if all of it fits `room`, else slabs of as many slices as fit;
+    /// [`Error::Limit`] if the tiles of a single slice do not.
+    pub(crate) fn new(lane: &Lane, order: &Order, room: LaneSize) -> Result<LineList> {
+        let mut builder = ListBuilder::new(lane, order, room);
+        let mut slice: Vec<OrderedLine> = Vec::new();
+        let mut outcome = Ok(());
+        ordered_lines(lane, order, |line| {
+            if slice.last().is_some_and(|last| last.slow != line.slow) {
+                if outcome.is_ok() {
+                    outcome = builder.add_slice(&slice);
+                }
+                slice.clear();
+            }
+            slice.push(line);
+        });
+        outcome?;
+        builder.add_slice(&slice)?;
+        builder.close_slab();
+        let slabs = builder.closed;
+        let blocks = || slabs.iter().flat_map(|slab| &slab.blocks);
+        let bounds = blocks().map(|block| block.bounds).reduce(union);
+        let bounds = bounds.unwrap_or(VoxelBox { low: [0; 3], high: [0; 3] });
+        let records = blocks().map(|block| u64::from(block.records)).sum();
+        Ok(LineList { key: list_key(order), bounds, records, slabs })
     }
 }
 
-/// The slab that lines are put into.
-struct Open<'a> {
+/// Cuts the lines of a lane, slice by slice, into slabs.
+struct ListBuilder<'a> {
     lane: &'a Lane<'a>,
-    nesting: [usize; 3],
-    /// Whether it holds the whole lane, so that nothing has to be counted.
-    is_whole: bool,
-    /// Whether each of the lane's tiles is in the slab.
-    has_tile: Vec<bool>,
-    load: Load,
-    slab: Slab,
+    nesting: [usize; 3], // Indices of the slow, the medium and the fast axis.
+    room: LaneSize,
+    is_whole: bool,      // Whether the open slab takes the whole lane, so that nothing has to be counted.
+    has_tile: Vec<bool>, // Whether each of the lane's tiles is in the open slab.
+    size: LaneSize,      // Size of the open slab.
+    open: Slab,
+    closed: Vec<Slab>,
 }
 
-impl<'a> Open<'a> {
-    fn new(lane: &'a Lane<'a>, nesting: [usize; 3], is_whole: bool) -> Open<'a> {
-        let has_tile = if is_whole { Vec::new() } else { vec![false; lane.tiles.len()] };
-        let slab = Slab { tiles: Vec::new(), lines: Vec::new(), blocks: Vec::new() };
-        Open { lane, nesting, is_whole, has_tile, load: Load::default(), slab }
+impl<'a> ListBuilder<'a> {
+    fn new(lane: &'a Lane<'a>, order: &Order, room: LaneSize) -> ListBuilder<'a> {
+        let nesting = [order.slow.index(), order.medium.index(), order.fast.index()];
+        let (lines, tiles) = (line_count(lane), lane.tiles.len());
+        let bytes = lane.bytes() + LINE_BYTES * lines;
+        let is_whole = LaneSize { bytes, records: lane.record_count(), lines, tiles: tiles as u64 }.fits(room);
+        let has_tile = vec![false; if is_whole { 0 } else { tiles }];
+        let (size, open) = (LaneSize::default(), Slab::default());
+        ListBuilder { lane, nesting, room, is_whole, has_tile, size, open, closed: Vec::new() }
     }
 
-    /// What the tiles of `slice` take that are not here yet.
-    fn load_of(&self, slice: &[OrderedLine]) -> Load {
-        // Lines of a tile need not come one after the other: with an eye between, two tiles take turns.
+    /// Adds the lines of a slice to the open slab, or to a new one where there is no room.
+    fn add_slice(&mut self, slice: &[OrderedLine]) -> Result<()> {
+        if !self.try_add(slice) {
+            self.close_slab();
+            if !self.try_add(slice) {
+                return Err(self.added_size(slice).refusal(self.room));
+            }
+        }
+        Ok(())
+    }
+
+    /// Returns the size of those tiles of `slice` that the open slab does not have.
+    fn added_size(&self, slice: &[OrderedLine]) -> LaneSize {
+        // Lines of a tile need not come one after the other: with the eye inside the grid, two tiles take turns.
         let mut tiles: Vec<u32> = slice.iter().map(|line| line.tile).collect();
         tiles.sort_unstable();
         tiles.dedup();
-        let mut load = Load::default();
-        for tile in tiles.into_iter().filter(|&tile| !self.has_tile[tile as usize]) {
-            load.add(tile_load(self.lane, tile));
-        }
-        load
+        let added = tiles.into_iter().filter(|&tile| !self.has_tile[tile as usize]);
+        added.map(|tile| LaneSize::of_tile(self.lane, tile)).fold(LaneSize::default(), LaneSize::add)
     }
 
-    /// Takes the lines of a slice if there is room for their tiles.
-    fn take(&mut self, slice: &[OrderedLine], room: Room) -> bool {
+    /// Adds the lines of a slice to the open slab if there is room for their tiles; returns whether there was.
+    fn try_add(&mut self, slice: &[OrderedLine]) -> bool {
         if !self.is_whole {
-            let mut load = self.load_of(slice);
-            load.add(self.load);
-            if !load.fits(room) {
+            let size = self.size.add(self.added_size(slice));
+            if !size.fits(self.room) {
                 return false;
             }
-            self.load = load;
+            self.size = size;
             for line in slice {
                 if !std::mem::replace(&mut self.has_tile[line.tile as usize], true) {
-                    self.slab.tiles.push(line.tile);
+                    self.open.tiles.push(line.tile);
                 }
             }
         }
         for line in slice {
-            self.slab.add(line, self.nesting);
+            self.open.add(line, self.nesting);
         }
         true
     }
 
-    /// The slab, if it has lines; a new one is begun.
-    fn close(&mut self) -> Option<Slab> {
-        let empty = Slab { tiles: Vec::new(), lines: Vec::new(), blocks: Vec::new() };
-        let mut slab = std::mem::replace(&mut self.slab, empty);
-        self.load = Load::default();
+    /// Closes the open slab, which is dropped if it has no lines, and opens an empty one.
+    fn close_slab(&mut self) {
+        let mut slab = std::mem::take(&mut self.open);
+        self.size = LaneSize::default();
         if self.is_whole {
             slab.tiles = (0..u32::try_from(self.lane.tiles.len()).expect("a face has at most 2^26 tiles")).collect();
         } else {
             slab.tiles.sort_unstable();
-            let place = |tile| slab.tiles.binary_search(&tile).expect("a line's tile is in its slab");
+            let index = |tile| slab.tiles.binary_search(&tile).expect("a line's tile is in its slab");
             for line in &mut slab.lines {
-                *line = u32::try_from(place(*line >> 6)).expect("a place among the tiles") << 6 | *line & 63;
+                *line = u32::try_from(index(*line >> 6)).expect("an index of a tile") << 6 | *line & 63;
             }
             self.has_tile.fill(false);
         }
-        (!slab.lines.is_empty()).then_some(slab)
+        if !slab.lines.is_empty() {
+            self.closed.push(slab);
+        }
     }
 }
 
@@ -269,12 +231,12 @@ impl Slab {
                 block.records += line.records;
                 block.bounds = union(block.bounds, bounds);
             }
-            _ => self.blocks.push(LineBlock { first_line, line_count: 1, records: line.records, bounds }),
+            _ => self.blocks.push(ListBlock { first_line, line_count: 1, records: line.records, bounds }),
         }
     }
 }
 
-/// Lines of `lane`, its patch's included.
+/// Returns the number of lines of `lane`, its patch's included.
 pub(crate) fn line_count(lane: &Lane) -> u64 {
     (lane.line_ends.len() + lane.patch.map_or(0, |patch| patch.view().line_ends.len())) as u64
 }
@@ -284,16 +246,4 @@ fn union(a: VoxelBox, b: VoxelBox) -> VoxelBox {
         low: std::array::from_fn(|axis| a.low[axis].min(b.low[axis])),
         high: std::array::from_fn(|axis| a.high[axis].max(b.high[axis])),
     }
-}
-
-/// What a tile takes with its line ends and records.
-fn tile_load(lane: &Lane, index: u32) -> Load {
-    let Some(tile) = lane.tile(index as usize) else { return Load::default() };
-    let lines = u64::from(tile.occupancy.get().count_ones());
-    let records = lane.tile_records(tile);
-    let line_end = u64::from(line_end_bytes(lane.dims[lane.axis.index()]));
-    let bytes = size_of::<TileRecord>() as u64
-        + lines * (line_end + LINE_BYTES)
-        + records.saturating_mul(lane.channels.record_bytes());
-    Load { bytes, records, lines, tiles: 1 }
 }

@@ -1,8 +1,8 @@
-//! Looks on the device: what each code looks like, as tables.
+//! Tables on the device of what each code looks like.
 //!
-//! In: the host's table, the codes that a lane shows. Out: a colour and an optical depth by value code, and where the
-//! depth depends on the gradient too, one by value code and magnitude code. The host computes that one voxel by voxel
-//! for 16-bit values; here it is a table of up to 64 MiB.
+//! In: the host's table, the codes that a lane shows. Out: colour and optical depth by value code; where the depth
+//! depends on the gradient, also depth by value and magnitude code. For 16-bit values that is a table of up to 64 MiB,
+//! which the host avoids by computing it for each voxel.
 
 use wgpu::{Buffer, BufferUsages};
 
@@ -10,36 +10,34 @@ use super::context::Context;
 use crate::arena::Lane;
 use crate::error::Result;
 use crate::splat::composite::Table;
-use crate::splat::shot::Shot;
+use crate::splat::setup::FrameSetup as Shot;
 use crate::splat::{Mode, Scene, Settings};
 
-/// The tables, the host's and what they depend on beside the scene.
+/// The tables, and the settings that they were made for.
 #[derive(Debug)]
-pub(crate) struct Looks<'a> {
+pub(crate) struct LookTables<'a> {
     pub(crate) mode: Mode,
     pub(crate) exposure: Option<f32>,
-    /// The host's.
-    pub(crate) table: Table<'a>,
-    pub(crate) by_value: Buffer,
-    pub(crate) by_pair: Buffer,
-    pub(crate) by_magnitude: bool,
+    pub(crate) table: Table<'a>, // The host's table.
+    pub(crate) by_value: Buffer, // By value code: colour and optical depth.
+    pub(crate) by_pair: Buffer,  // By value code and magnitude code: optical depth.
+    pub(crate) uses_magnitude: bool,
 }
 
-impl<'a> Looks<'a> {
-    /// Bytes that the tables of `lane` take at most.
-    pub(crate) fn need(lane: &Lane, uses_gradient: bool) -> u64 {
+impl<'a> LookTables<'a> {
+    /// Returns the most bytes that the tables of `lane` take.
+    pub(crate) fn max_bytes(lane: &Lane, uses_gradient: bool) -> u64 {
         let codes = 1u64 << lane.channels.value_bits;
         let pairs = if uses_gradient && lane.channels.magnitude_bits > 0 { 256 * codes } else { 0 };
         16 * codes + 4 * pairs
     }
 
-    /// # Errors
-    /// If the device has no memory for the tables.
-    pub(crate) fn new(context: &Context, scene: &Scene<'a>, shot: &Shot, settings: &Settings) -> Result<Looks<'a>> {
+    /// Computes the tables and copies them to the device.
+    pub(crate) fn new(context: &Context, scene: &Scene<'a>, shot: &Shot, settings: &Settings) -> Result<Self> {
         let lane = &shot.lane;
         let table = Table::new(scene, lane, settings, shot.view.mean_voxel)?;
         let last = if lane.channels.value_bits == 8 { u16::from(u8::MAX) } else { u16::MAX };
-        let by_magnitude = table.needs_magnitude()
+        let uses_magnitude = table.needs_magnitude()
             || lane.shown.is_some_and(|shown| shown.by_magnitude() && lane.channels.magnitude_bits > 0);
         let look = |value: u16, magnitude: u8| {
             let [red, green, blue, depth] = table.look(value, magnitude);
@@ -47,28 +45,22 @@ impl<'a> Looks<'a> {
             [red, green, blue, if is_shown { depth } else { 0.0 }]
         };
         let values: Vec<[f32; 4]> = (0..=last).map(|value| look(value, 0)).collect();
-        let pairs: Vec<f32> = match by_magnitude {
-            false => Vec::new(),
-            true => (0..=last)
-                .flat_map(|value| (0..=u8::MAX).map(move |m| (value, m)))
-                .map(|(v, m)| look(v, m)[3])
-                .collect(),
-        };
+        let mut pairs: Vec<f32> = Vec::new();
+        if uses_magnitude {
+            pairs.extend((0..=last).flat_map(|value| (0..=u8::MAX).map(move |code| look(value, code)[3])));
+        }
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         let store = |label: &str, bytes: &[u8]| -> Result<Buffer> {
             let buffer = context.buffer(label, bytes.len() as u64, usage)?;
-            for (piece, bytes) in (0u64..).zip(bytes.chunks(1 << 20)) {
-                context.write(&buffer, piece << 20, bytes)?;
-            }
+            context.fill(&buffer, bytes)?;
             Ok(buffer)
         };
         let by_value = store("looks", bytemuck::cast_slice(&values))?;
         let by_pair = store("depths", bytemuck::cast_slice(&pairs))?;
         let Settings { mode, exposure, .. } = *settings;
-        Ok(Looks { mode, exposure, table, by_value, by_pair, by_magnitude })
+        Ok(LookTables { mode, exposure, table, by_value, by_pair, uses_magnitude })
     }
 
-    /// Bytes of the tables.
     pub(crate) fn bytes(&self) -> u64 {
         self.by_value.size() + self.by_pair.size()
     }

@@ -1,32 +1,31 @@
-//! The renderer on graphics processors: the processor walks faces, the device walks voxels.
+//! The renderer on graphics devices (Vulkan, Metal, DX12).
 //!
-//! In: a device and its queue, a scene, a camera, settings. Out: a frame and what it took, as from
-//! [`cpu::render`](super::cpu::render).
+//! In: a device and its queue, a scene, a camera, settings. Out: a [`Frame`], or a picture in a texture of the caller's.
 //!
 //! ```text
-//! lane (as the file has it) ---------------.
-//! order -> line list (kept while it lasts) -+-> walk -> voxels -> project -> splats -> bin -> masks -> tile -> pixels
-//! camera -> blocks in view -> chunks ------'                                    '----> splat (quads) ----> target
+//! lane (bytes of the file) ------------------.
+//! order -> line list (kept while it lasts) ---+-> walk -> voxels -> project -> splats -> bin -> masks -> tile -> pixels
+//! camera -> blocks in view -> chunks --------'                                     '----> splat (quads) ----> target
 //! ```
 //!
-//! A frame is drawn chunk by chunk, each of as many records as the buffers hold, in exact visibility order: nothing is
-//! sorted. A lane stays on the device as long as there is room; one that is too large passes through in slabs along the
-//! slow axis. A picture that is too large is drawn in windows. The pixels do not depend on any of this, bit for bit.
+//! The device walks scan lines in exact visibility order, so nothing is sorted. A frame is drawn in *chunks* of as many
+//! records as the buffers hold. A lane stays on the device while there is room; a larger one passes through in *slabs*
+//! along the slow axis; a larger picture is drawn in *windows*. The pixels do not depend on any of this, bit for bit.
 
 pub mod adapter;
 mod budget;
+mod buffers;
 mod chunks;
 mod context;
 mod draw;
-pub mod layout;
+pub(crate) mod layout;
 mod lines;
 mod looks;
-pub mod probe;
+pub(crate) mod probe;
 mod read_back;
-mod residence;
 mod resolve;
-mod scratch;
-pub mod stages;
+mod slab_buffers;
+pub(crate) mod stages;
 mod timing;
 
 use std::sync::Arc;
@@ -35,59 +34,56 @@ use std::time::Instant;
 pub use wgpu;
 use wgpu::{Device, DeviceType, Features, Queue};
 
-use self::budget::{Plan, Question, in_flight};
+use self::budget::{MemoryDemand, MemoryPlan, in_flight};
+use self::buffers::FrameBuffers;
 use self::context::Context;
-use self::draw::Output;
-use self::lines::{Key, LineList};
-use self::looks::Looks;
-use self::probe::Look;
-use self::residence::{Residence, Sizes};
+use self::draw::FrameOutput;
+use self::lines::{LaneSize, LineList, list_key};
+use self::looks::LookTables;
+use self::probe::ProbeCallback;
 pub use self::resolve::Canvas;
-use self::resolve::Resolver;
-use self::scratch::Scratch;
-use self::stages::Stages;
+use self::resolve::ResolvePipeline;
+use self::slab_buffers::{SlabBuffers, SlabSizes, slab_sizes};
+use self::stages::Pipelines;
 use self::timing::Timer;
-use super::composite::Table;
-use super::frame::Frame;
-use super::shot::Shot;
+use super::setup::FrameSetup as Shot;
+use super::supersample::supersampled;
 use super::view::check_size;
-use super::{Blending, Camera, Scene, Settings};
+use super::{Blending, Camera, Frame, Sampling, Scene, Settings};
 use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
-use crate::splat::Sampling;
-use crate::splat::finer::supersampled;
 use crate::traverse::VoxelBox;
 use crate::volume::Axis;
 
 /// How splats become pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Compositor {
-    /// In compute: a workgroup for each tile of the picture, accumulating in registers of 32 bits; ends early.
+    /// In compute: a workgroup for each tile of the picture accumulates in registers of 32 bits, and can end early.
     Tiles,
-    /// As quads, which the device blends into a target.
+    /// As quads, which the device blends into a target of this format.
     Quads(Target),
 }
 
-/// What quads accumulate in.
+/// The format that quads accumulate in.
 ///
-/// In few bits back to front is the better sense: each splat shrinks the roundings behind it. Measured on lavapipe, which
-/// rounds toward 0, opacities of 0.1 and above in 16 bits: 42 dB, and 35 dB front to back (tests/gpu).
+/// Few bits need back to front order: each splat then shrinks the rounding errors behind it. Measured on lavapipe, which
+/// rounds toward 0, with opacities of 0.1 and above in 16 bits: 42 dB, but 35 dB front to back (tests/gpu).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Target {
     /// 32-bit float, where the device blends it.
     Float32,
-    /// 16-bit float: stagnates where opacities are small.
+    /// 16-bit float; small opacities are lost.
     Float16,
-    /// 8 bits: stagnates sooner.
+    /// 8 bits; larger opacities are lost.
     Unorm8,
 }
 
-/// What a renderer may use.
+/// Options of a renderer on a graphics device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Options {
-    /// Most bytes of video memory, copies on their way included. A picture does not depend on it.
+    /// Most bytes of video memory, copies in flight included. The picture does not depend on it.
     pub vram: u64,
-    /// How splats become pixels; `None` for the faster one on the device at hand.
+    /// How splats become pixels; `None` for the faster way on the device.
     pub compositor: Option<Compositor>,
 }
 
@@ -97,16 +93,16 @@ impl Default for Options {
     }
 }
 
-/// What drawing a frame took. Times of stages are 0 where the device has no clock.
+/// Counts and times of a frame. Times of stages are 0 where the device has no clock.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Stats {
     /// Splats that reached a window of the picture.
     pub splats_drawn: u64,
-    /// Records that were visited but not drawn: stepping voxels, transparent or off the picture.
+    /// Records that were visited but not drawn: stepping records, transparent or off the picture.
     pub splats_skipped: u64,
     /// Line lists that were made: 0 while the order lasts.
     pub line_lists: u64,
-    /// Slabs that the lane was cut into; 1 if it is on the device as a whole.
+    /// Slabs that the lane was cut into; 1 if all of it is on the device.
     pub slabs: usize,
     /// Windows that the picture was cut into.
     pub windows: usize,
@@ -120,19 +116,19 @@ pub struct Stats {
     pub vram_bytes: u64,
     /// Milliseconds of the whole frame.
     pub frame_ms: f64,
-    /// Milliseconds of the processor: making the line list.
+    /// Milliseconds of the processor for making the line list.
     pub line_list_ms: f64,
-    /// Milliseconds of the processor: handing lanes, tables and lists to the device.
+    /// Milliseconds of the processor for handing lanes, tables and lists to the device.
     pub upload_ms: f64,
-    /// Milliseconds of the device's stages.
+    /// Milliseconds of the device for the stage walk.
     pub walk_ms: f64,
-    /// Likewise.
+    /// Milliseconds of the device for the stage project.
     pub project_ms: f64,
-    /// Likewise.
+    /// Milliseconds of the device for the stage bin.
     pub bin_ms: f64,
-    /// Likewise: tiles or quads.
+    /// Milliseconds of the device for tiles or quads.
     pub composite_ms: f64,
-    /// Milliseconds from the last work's hand-over until the pixels are back.
+    /// Milliseconds from the last submission until the pixels are back.
     pub read_back_ms: f64,
 }
 
@@ -140,50 +136,43 @@ pub struct Stats {
 #[derive(Debug)]
 pub struct Renderer<'a> {
     context: Arc<Context>,
-    stages: Arc<Stages>,
+    pipelines: Arc<Pipelines>,
     timer: Option<Timer>,
     scene: Scene<'a>,
     options: Options,
-    /// Whether the device is a processor.
-    is_software: bool,
-    looks: Option<Looks<'a>>,
-    list: Option<Listed>,
-    /// Lanes that are on the device as a whole, the last used last.
-    residents: Vec<Residence>,
-    /// The slab of a larger lane that is on the device.
-    passage: Option<Residence>,
-    scratch: Scratch,
-    /// How the frame at hand is composited.
-    current: Compositor,
-    resolver: Option<Resolver>,
+    is_software: bool, // Whether the device runs on the processor.
+    looks: Option<LookTables<'a>>,
+    list: Option<CachedList>,
+    residents: Vec<SlabBuffers>,   // Whole lanes on the device, the last used last.
+    streamed: Option<SlabBuffers>, // The slab on the device of a lane that is too large to stay there.
+    buffers: FrameBuffers,
+    current: Compositor, // The compositor of the frame that is being drawn.
+    resolve: Option<ResolvePipeline>,
 }
 
-/// A line list and what it is for.
+/// A line list and what it was made for.
 #[derive(Debug)]
-struct Listed {
-    axis: Axis,
-    room: lines::Room,
+struct CachedList {
+    room: LaneSize,
     list: Arc<LineList>,
-    /// Of each slab.
-    sizes: Vec<Sizes>,
-    /// The slab whose lines are on the device.
-    on_device: Option<usize>,
+    sizes: Vec<SlabSizes>,
+    on_device: Option<usize>, // Index of the slab whose lines are on the device.
 }
 
 impl<'a> Renderer<'a> {
-    /// A renderer of `scene` on `device`, which needs the limits of WebGPU and may offer `TIMESTAMP_QUERY` (else stages
-    /// are not timed) and `FLOAT32_BLENDABLE` (for [`Target::Float32`]).
+    /// Creates a renderer of `scene` on `device`, which needs the limits of WebGPU. `TIMESTAMP_QUERY` is optional (else
+    /// stages are not timed), as is `FLOAT32_BLENDABLE` (for [`Target::Float32`]).
     ///
     /// # Errors
-    /// [`Error::Device`] if the device fails, or cannot blend what `options` asks for.
+    /// [`Error::Device`] if the device fails, or cannot blend the format of `options`.
     pub fn new(device: Device, queue: Queue, scene: Scene<'a>, options: Options) -> Result<Renderer<'a>> {
         check_blends(&device, options.compositor)?;
         let context = Arc::new(Context::new(device, queue, in_flight(options.vram)));
         let is_software = context.device.adapter_info().device_type == DeviceType::Cpu;
-        let (stages, timer) = context.watch(|| Ok((Stages::new(&context.device), Timer::new(&context)?)))?;
+        let (pipelines, timer) = context.watch(|| Ok((Pipelines::new(&context.device), Timer::new(&context)?)))?;
         Ok(Renderer {
             context,
-            stages: Arc::new(stages),
+            pipelines: Arc::new(pipelines),
             timer,
             scene,
             options,
@@ -191,10 +180,10 @@ impl<'a> Renderer<'a> {
             looks: None,
             list: None,
             residents: Vec::new(),
-            passage: None,
-            scratch: Scratch::default(),
+            streamed: None,
+            buffers: FrameBuffers::default(),
             current: Compositor::Tiles,
-            resolver: None,
+            resolve: None,
         })
     }
 
@@ -204,84 +193,84 @@ impl<'a> Renderer<'a> {
         self.looks = None;
     }
 
-    /// How splats become pixels: as asked for; else by tiles, or by quads where the device is a processor, which spends
-    /// as long on one of a tile's barriers as on a hundred pixels (docs/studies/gpu.md).
+    /// Returns the compositor in use: that of the options; else tiles, or quads where the device is a processor, which
+    /// spends as long on one barrier of a tile as on a hundred pixels (docs/studies/gpu.md).
     pub fn compositor(&self) -> Compositor {
         let can_blend = self.context.device.features().contains(Features::FLOAT32_BLENDABLE);
-        self.options.compositor.unwrap_or(match self.is_software && can_blend {
-            true => Compositor::Quads(Target::Float32),
-            false => Compositor::Tiles,
-        })
+        let prefers_quads = self.is_software && can_blend;
+        let default = if prefers_quads { Compositor::Quads(Target::Float32) } else { Compositor::Tiles };
+        self.options.compositor.unwrap_or(default)
     }
 
-    /// Makes pixels of splats in another way from the next frame on; `None` for the best one.
+    /// Changes the compositor from the next frame on; `None` for the faster one.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device cannot blend it.
+    /// [`Error::Device`] if the device cannot blend its format.
     pub fn set_compositor(&mut self, compositor: Option<Compositor>) -> Result<()> {
         check_blends(&self.context.device, compositor)?;
         self.options.compositor = compositor;
         // All buffers go, so that the other compositor's do not count towards the budget; the list's lines with them.
-        self.scratch = Scratch::default();
-        self.resolver = None;
-        if let Some(listed) = &mut self.list {
-            listed.on_device = None;
+        self.buffers = FrameBuffers::default();
+        self.resolve = None;
+        if let Some(cached) = &mut self.list {
+            cached.on_device = None;
         }
         Ok(())
     }
 
-    /// Draws a frame.
+    /// Draws a frame and waits for it; `settings.threads` and `settings.code` do not matter.
     ///
-    /// `settings.threads` and `settings.code` do not matter. The frame is that of [`cpu::render`](super::cpu::render)
-    /// but for rounding, for early termination (quads have none), and for what the target rounds.
+    /// The frame is that of [`cpu::render`](super::cpu::render), up to rounding, early termination (which quads do not
+    /// have) and the rounding of the target.
     ///
     /// # Errors
-    /// As [`cpu::render`](super::cpu::render); [`Error::Device`] if the device fails; [`Error::Limit`] if the video
-    /// memory of [`Options::vram`] is too little.
+    /// As [`cpu::render`](super::cpu::render); [`Error::Input`] for a [`Blending`] other than exponential;
+    /// [`Error::Device`] if the device fails; [`Error::Limit`] if [`Options::vram`] is too little.
     pub fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
-        // A look at all tiles: not for pictures that keep their pixels.
+        // Bounds cost a pass over all tiles, which pictures that keep their pixels do not need.
         let bounds = if settings.keeps_pixels() { None } else { self.scene.lanes.lane(Axis::X)?.bounds() };
         let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
         let grid = &self.scene.facts.grid;
         supersampled(grid, bounds, camera, settings, |settings| self.render_probed(camera, settings, None))
     }
 
-    /// As [`Renderer::render`], with a look at the stages' buffers after each chunk.
+    /// Draws a frame with one sample a pixel, and calls `probe` after each chunk.
     ///
     /// # Errors
-    /// Likewise.
+    /// As [`Renderer::render`].
+    #[doc(hidden)]
     pub fn render_probed(
         &mut self,
         camera: &Camera,
         settings: &Settings,
-        look: Option<Look>,
+        probe: Option<ProbeCallback>,
     ) -> Result<(Frame, Stats)> {
         check_size(settings.size)?;
         let mut frame = Frame::transparent(settings.size)?;
-        let stats = self.draw(camera, settings, Output::Frame(&mut frame), look)?;
+        let stats = self.draw(camera, settings, FrameOutput::Frame(&mut frame, probe))?;
         Ok((frame, stats))
     }
 
-    /// Draws a frame into a texture, and does not wait for it: the work is handed to the queue that the renderer has.
-    /// Only copies to the device may have to wait for earlier ones.
+    /// Draws a frame into a texture without waiting for it; the work is submitted to the renderer's queue. Only copies to
+    /// the device may have to wait for earlier ones.
     ///
     /// `settings.size` is the texture's. Splats are not counted and stages not timed.
     ///
     /// # Errors
-    /// As [`Renderer::render`].
+    /// As [`Renderer::render`]; [`Error::Input`] for a sampling other than [`Sampling::EveryPixel`].
     pub fn render_to(&mut self, camera: &Camera, settings: &Settings, canvas: &Canvas) -> Result<Stats> {
         if settings.sampling.is_some_and(|sampling| sampling != Sampling::EveryPixel) {
             return Err(Error::input("sampling", "of a texture is of every pixel; supersample by a larger texture"));
         }
-        self.draw(camera, settings, Output::Canvas(canvas), None)
+        self.draw(camera, settings, FrameOutput::Texture(canvas))
     }
 
-    fn draw(&mut self, camera: &Camera, settings: &Settings, output: Output, look: Option<Look>) -> Result<Stats> {
+    fn draw(&mut self, camera: &Camera, settings: &Settings, output: FrameOutput) -> Result<Stats> {
         let start = Instant::now();
         let shot = Shot::new(&self.scene, camera, settings)?;
         if settings.blending != Blending::Exponential {
-            let why =
-                format!("{} is not for graphics devices; take the processor's renderer", settings.blending.name());
+            let name = settings.blending.name();
+            let why = format!("{name} is not for graphics devices; take the processor's renderer");
             return Err(Error::input("blending", why));
         }
         let context = self.context.clone();
@@ -290,12 +279,12 @@ impl<'a> Renderer<'a> {
         let drawn = context.watch(|| {
             let plan = self.plan(&shot, settings)?;
             self.prepare_looks(&shot, settings, &mut stats)?;
-            let records = self.prepare_list(&shot, plan, &mut stats)?;
-            draw::frame(self, &shot, settings, plan.for_records(records), output, &mut stats, look)
+            self.prepare_list(&shot, plan.room, &mut stats)?;
+            let plan = plan.for_records(self.list().list.records);
+            draw::frame(self, &shot, settings, plan, output, &mut stats)
         });
         if let Err(fault) = drawn {
-            // Some of what is on the device may not be what it should be.
-            self.let_go();
+            self.forget_device();
             return Err(fault);
         }
         stats.vram_bytes = self.vram_bytes();
@@ -303,34 +292,41 @@ impl<'a> Renderer<'a> {
         Ok(stats)
     }
 
-    fn let_go(&mut self) {
-        (self.looks, self.list, self.passage, self.resolver) = (None, None, None, None);
+    /// Forgets all that is on the device, some of which may be wrong after an error.
+    fn forget_device(&mut self) {
+        (self.looks, self.list, self.streamed, self.resolve) = (None, None, None, None);
         self.residents.clear();
-        self.scratch = Scratch::default();
+        self.buffers = FrameBuffers::default();
         if let Some(timer) = &mut self.timer {
-            timer.clear();
+            timer.passes.clear();
         }
     }
 
-    /// As [`Renderer::compositor`], but that what was not asked for must be able to draw a picture of this size.
+    /// Returns the compositor for a picture of this size: tiles where the default cannot draw it.
     fn compositor_for(&self, size: [u32; 2]) -> Compositor {
         let fits = size.into_iter().all(|side| side <= self.context.limits.max_texture_dimension_2d);
         if fits || self.options.compositor.is_some() { self.compositor() } else { Compositor::Tiles }
     }
 
-    /// The looks of the frame at hand.
-    fn table(&self) -> &Table<'a> {
-        &self.looks.as_ref().expect("a frame begins with its looks").table
+    /// Returns the tables of the frame that is being drawn.
+    fn looks(&self) -> &LookTables<'a> {
+        self.looks.as_ref().expect("a frame begins with its tables")
     }
 
-    fn plan(&self, shot: &Shot, settings: &Settings) -> Result<Plan> {
+    /// Returns the line list of the frame that is being drawn.
+    fn list(&self) -> &CachedList {
+        self.list.as_ref().expect("a frame begins with its line list")
+    }
+
+    fn plan(&self, shot: &Shot, settings: &Settings) -> Result<MemoryPlan> {
         let channels = shot.lane.channels;
-        Plan::new(Question {
+        let uses_gradient = self.scene.transfer.uses_gradient() || shot.lane.shown.is_some();
+        MemoryPlan::new(MemoryDemand {
             ceiling: self.options.vram,
-            most_binding: self.context.most_binding(),
+            max_binding: self.context.max_binding(),
             size: settings.size,
-            tables: Looks::need(&shot.lane, self.scene.transfer.uses_gradient() || shot.lane.shown.is_some()),
-            widest: [1, channels.value_bits / 8, channels.normal_bits / 4].into_iter().max().unwrap_or(1).into(),
+            table_bytes: LookTables::max_bytes(&shot.lane, uses_gradient),
+            widest_channel: (channels.value_bits / 8).max(channels.normal_bits / 4).max(1).into(),
             is_software: self.is_software,
         })
     }
@@ -341,40 +337,35 @@ impl<'a> Renderer<'a> {
         if self.looks.as_ref().is_none_or(|looks| (looks.mode, looks.exposure) != wanted) {
             // The old tables go first: the budget counts one set.
             self.looks = None;
-            self.looks = Some(Looks::new(&self.context, &self.scene, shot, settings)?);
+            self.looks = Some(LookTables::new(&self.context, &self.scene, shot, settings)?);
         }
         stats.upload_ms += start.elapsed().as_secs_f64() * 1e3;
         Ok(())
     }
 
-    /// Gives the list's records.
-    fn prepare_list(&mut self, shot: &Shot, plan: Plan, stats: &mut Stats) -> Result<u64> {
+    fn prepare_list(&mut self, shot: &Shot, room: LaneSize, stats: &mut Stats) -> Result<()> {
         let start = Instant::now();
-        let (axis, key, room) = (shot.order.fast, Key::new(&shot.order), plan.room);
-        let fits = |listed: &Listed| listed.axis == axis && listed.room == room && listed.list.key == key;
-        if !self.list.as_ref().is_some_and(fits) {
+        let key = list_key(&shot.order);
+        if self.list.as_ref().is_none_or(|cached| cached.room != room || cached.list.key != key) {
             let list = Arc::new(LineList::new(&shot.lane, &shot.order, room)?);
-            let sizes = list.slabs.iter().map(|slab| Sizes::of(&shot.lane, &slab.tiles)).collect::<Result<_>>()?;
-            self.list = Some(Listed { axis, room, list, sizes, on_device: None });
+            let sizes = list.slabs.iter().map(|slab| slab_sizes(&shot.lane, &slab.tiles)).collect::<Result<_>>()?;
+            self.list = Some(CachedList { room, list, sizes, on_device: None });
             stats.line_lists = 1;
             stats.line_list_ms = start.elapsed().as_secs_f64() * 1e3;
         }
-        Ok(self.list.as_ref().map_or(0, |listed| listed.list.records))
+        Ok(())
     }
 
     fn vram_bytes(&self) -> u64 {
-        let looks = self.looks.as_ref().map_or(0, Looks::bytes);
-        let passage = self.passage.as_ref().map_or(0, Residence::bytes);
-        looks + passage + self.residents.iter().map(Residence::bytes).sum::<u64>() + self.scratch.bytes()
+        let slabs = self.residents.iter().chain(&self.streamed).map(SlabBuffers::bytes).sum::<u64>();
+        self.looks.as_ref().map_or(0, LookTables::bytes) + slabs + self.buffers.bytes()
     }
 }
 
-/// # Errors
-/// [`Error::Device`] if `device` cannot blend what `compositor` asks for.
+/// Checks that `device` can blend the format of `compositor`; [`Error::Device`] if not.
 fn check_blends(device: &Device, compositor: Option<Compositor>) -> Result<()> {
-    if compositor == Some(Compositor::Quads(Target::Float32))
-        && !device.features().contains(Features::FLOAT32_BLENDABLE)
-    {
+    let needs_float32 = compositor == Some(Compositor::Quads(Target::Float32));
+    if needs_float32 && !device.features().contains(Features::FLOAT32_BLENDABLE) {
         return Err(Error::device("cannot blend 32-bit floats; take tiles, or accumulate in 16 bits"));
     }
     Ok(())

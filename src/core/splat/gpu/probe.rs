@@ -1,37 +1,37 @@
-//! A look at the stages' buffers between chunks: for tests that judge each stage, and for studies.
+//! Access to the stages' buffers between chunks, for tests that judge each stage and for benches.
 
 use wgpu::{Buffer, Device, Queue};
 
-use super::layout::{Block, Chunk, Shot};
+use super::layout::{Chunk, FrameUniform, LineBlock};
 
-/// What is on the device once the work of a chunk was handed over. Reading a buffer waits for it.
+/// What is on the device once the commands of a chunk were submitted. Reading a buffer waits for them.
 #[derive(Debug)]
 pub struct Probe<'p> {
-    /// The device.
+    /// The renderer's device.
     pub device: &'p Device,
-    /// Its queue.
+    /// The device's queue.
     pub queue: &'p Queue,
-    /// The uniform of all stages.
-    pub shot: &'p Shot,
-    /// The chunk.
+    /// The uniform of the window.
+    pub uniform: &'p FrameUniform,
+    /// The chunk that was drawn.
     pub chunk: Chunk,
-    /// Its blocks: what of the slab's lines it walks.
-    pub blocks: &'p [Block],
-    /// Words of all the blocks' lines: tile of the slab and line of the tile; the whole list of the slab.
+    /// The blocks of lines that the chunk walks.
+    pub blocks: &'p [LineBlock],
+    /// All lines of the slab: index of the tile in the high 26 bits, line of the tile in the low 6.
     pub lines: &'p [u32],
     /// Tiles, line ends, steps, values, normals and magnitudes of the slab.
     pub slab: &'p [Buffer; 6],
-    /// Looks by value code, depths by pair of codes.
+    /// Colours and depths by value code; depths by value and magnitude code.
     pub looks: [&'p Buffer; 2],
-    /// [`Voxel`](super::layout::Voxel)s.
+    /// The chunk's [`VisitedVoxel`](super::layout::VisitedVoxel)s.
     pub voxels: &'p Buffer,
-    /// [`Splat`](super::layout::Splat)s.
+    /// The chunk's [`Splat`](super::layout::Splat)s.
     pub splats: &'p Buffer,
-    /// A mask for each tile; with tiles only.
+    /// A mask of batches for each tile of the picture; with tiles only.
     pub masks: Option<&'p Buffer>,
-    /// Four values a pixel; with tiles only.
+    /// Four values for each pixel; with tiles only.
     pub pixels: Option<&'p Buffer>,
 }
 
-/// Called after each chunk.
-pub type Look<'l> = &'l mut dyn FnMut(&Probe);
+/// A function that is called after each chunk.
+pub type ProbeCallback<'l> = &'l mut dyn FnMut(&Probe);

@@ -1,28 +1,21 @@
 //! Reading back: from pixels on the device to a frame.
 //!
-//! In: a window's pixels as they were accumulated, in a buffer (tiles) or in a target (quads). Out: finished pixels.
+//! In: a window's accumulated pixels, in a buffer (tiles) or in a target (quads). Out: finished pixels.
 
 use std::time::Instant;
 
 use half::f16;
-use wgpu::{
-    CommandEncoderDescriptor, Extent3d, Origin3d, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo,
-    TextureAspect,
-};
+use wgpu::{Extent3d, TexelCopyBufferInfo, TexelCopyBufferLayout};
 
+use super::buffers::{BufferName, FrameBuffers};
 use super::context::Context;
-use super::scratch::{Name, Scratch};
 use super::{Compositor, Renderer, Stats, Target};
 use crate::error::Result;
 use crate::splat::composite::Finish;
 
-/// Counters of drawn splats: chunks beyond them share one.
-pub(super) const COUNTERS: u64 = 4_096;
+pub(super) const COUNTERS: u64 = 4_096; // Counters of drawn splats; chunks beyond them share one.
 
-/// Brings the pixels of a window of `size` back into `out`, its part of a frame.
-///
-/// # Errors
-/// If the device fails.
+/// Copies the pixels of a window of `size` into `out`, its part of a frame.
 pub(super) fn window(renderer: &mut Renderer, size: [u32; 2], out: &mut [f32], stats: &mut Stats) -> Result<()> {
     let start = Instant::now();
     let (context, compositor) = (renderer.context.clone(), renderer.current);
@@ -33,24 +26,25 @@ pub(super) fn window(renderer: &mut Renderer, size: [u32; 2], out: &mut [f32], s
         Compositor::Quads(target) => (target, (target.pixel_bytes() * width).next_multiple_of(256)),
     };
     let bytes = u64::from(pitch) * u64::from(height);
-    let scratch = &mut renderer.scratch;
-    let back = scratch.make(&context, Name::ReadBack, bytes)?;
-    let mut encoder = context.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("read back") });
+    let buffers = &mut renderer.buffers;
+    let back = buffers.make(&context, BufferName::ReadBack, bytes)?;
+    let mut encoder = context.encoder("read back");
     match compositor {
-        Compositor::Tiles => encoder.copy_buffer_to_buffer(scratch.get(Name::Pixels), 0, &back, 0, Some(bytes)),
+        Compositor::Tiles => {
+            encoder.copy_buffer_to_buffer(buffers.get(BufferName::Pixels), 0, &back, 0, Some(bytes));
+        }
         Compositor::Quads(_) => {
-            let (origin, aspect) = (Origin3d::ZERO, TextureAspect::All);
-            let source = TexelCopyTextureInfo { texture: scratch.target(), mip_level: 0, origin, aspect };
             let layout = TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(pitch), rows_per_image: Some(height) };
             let size = Extent3d { width, height, depth_or_array_layers: 1 };
-            encoder.copy_texture_to_buffer(source, TexelCopyBufferInfo { buffer: &back, layout }, size);
+            let to = TexelCopyBufferInfo { buffer: &back, layout };
+            encoder.copy_texture_to_buffer(buffers.target().as_image_copy(), to, size);
         }
     }
     if let Some(timer) = &renderer.timer {
         timer.resolve(&mut encoder);
     }
     context.submit([encoder.finish()])?;
-    let finish = Finish::new(renderer.table());
+    let finish = Finish::new(&renderer.looks().table);
     let pixels = out.as_chunks_mut::<4>().0;
     context.read(&back, bytes, |bytes| {
         let pixel_bytes = target.pixel_bytes() as usize;
@@ -71,20 +65,18 @@ pub(super) fn window(renderer: &mut Renderer, size: [u32; 2], out: &mut [f32], s
     Ok(())
 }
 
-/// Splats that were drawn since the counters were cleared.
-///
-/// # Errors
-/// If the device fails.
-pub(super) fn drawn(scratch: &mut Scratch, context: &Context) -> Result<u64> {
-    let back = scratch.make(context, Name::DrawnBack, 4 * COUNTERS)?;
-    let mut encoder = context.device.create_command_encoder(&CommandEncoderDescriptor { label: Some("count") });
-    encoder.copy_buffer_to_buffer(scratch.get(Name::Drawn), 0, &back, 0, Some(4 * COUNTERS));
+/// Returns the number of splats that were drawn since the counters were cleared.
+pub(super) fn drawn(buffers: &mut FrameBuffers, context: &Context) -> Result<u64> {
+    let back = buffers.make(context, BufferName::DrawnBack, 4 * COUNTERS)?;
+    let mut encoder = context.encoder("count");
+    encoder.copy_buffer_to_buffer(buffers.get(BufferName::Drawn), 0, &back, 0, Some(4 * COUNTERS));
     context.submit([encoder.finish()])?;
     let sum = |bytes: &[u8]| bytes.as_chunks().0.iter().map(|count| u64::from(u32::from_le_bytes(*count))).sum();
     context.read(&back, 4 * COUNTERS, sum)
 }
 
 impl Target {
+    /// Returns the values of a pixel from its bytes.
     fn decode(self, bytes: &[u8]) -> [f32; 4] {
         let float = |at: usize| bytes[4 * at..].first_chunk().map_or(0.0, |bytes| f32::from_le_bytes(*bytes));
         let half = |at: usize| bytes[2 * at..].first_chunk().map_or(0.0, |bytes| f16::from_le_bytes(*bytes).to_f32());

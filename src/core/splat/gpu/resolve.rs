@@ -1,43 +1,39 @@
-//! Resolving: from pixels on the device to a texture of the caller's, without leaving the device.
+//! Resolving: from accumulated pixels to a texture of the caller's, without leaving the device.
 //!
-//! In: a window's pixels as they were accumulated. Out: linear premultiplied colours in the texture, over a background
-//! if there is one. The values are those of [`Finish`](crate::splat::composite::Finish); the colours of a maximum are
-//! interpolated between [`RAMP`] of them.
+//! In: a window's accumulated pixels. Out: linear premultiplied colours in the texture, over a background if there is
+//! one. The values are those of [`Finish`](crate::splat::composite::Finish), but that the colours of a maximum are
+//! interpolated between [`RAMP`] entries.
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::{BufferInitDescriptor, DeviceExt as _};
 use wgpu::{
-    BindGroupDescriptor, BindGroupEntry, BufferUsages, ColorTargetState, ColorWrites, CommandEncoderDescriptor,
-    FragmentState, LoadOp, MultisampleState, Operations, PrimitiveState, RenderPassColorAttachment,
-    RenderPassDescriptor, RenderPipeline, RenderPipelineDescriptor, ShaderModuleDescriptor, ShaderSource, StoreOp,
-    TextureFormat, TextureView, VertexState,
+    BindGroupDescriptor, BindGroupEntry, BufferUsages, Color, ColorTargetState, ColorWrites, LoadOp, PrimitiveTopology,
+    RenderPipeline, TextureFormat, TextureView,
 };
 
-use super::context::Context;
-use super::scratch::Name;
-use super::stages::RESOLVE;
+use super::buffers::BufferName;
+use super::stages::{RESOLVE, render_pass, render_pipeline, shader_module};
 use super::{Compositor, Renderer};
 use crate::error::Result;
 use crate::splat::Mode;
 
-/// Colours of normalised values.
-const RAMP: u16 = 1_024;
+const RAMP: u16 = 1_024; // Entries of the table of a maximum's colours.
 
-/// A texture that a frame is drawn into.
+/// A texture of the caller's that a picture is drawn into.
 #[derive(Debug, Clone, Copy)]
 pub struct Canvas<'t> {
-    /// The texture, as large as the picture, usable as `RENDER_ATTACHMENT`.
+    /// View of the texture, which has the picture's size and the usage `RENDER_ATTACHMENT`.
     pub view: &'t TextureView,
-    /// Its format: any that can be rendered to. Values are linear; a format of sRGB encodes them.
+    /// Format of the texture: any that can be rendered to. Values are linear; an sRGB format encodes them.
     pub format: TextureFormat,
-    /// Linear colour behind; `None` leaves the picture transparent.
+    /// Linear colour of the background; `None` leaves the picture transparent.
     pub background: Option<[f32; 3]>,
 }
 
-/// `Finish` of resolve.wgsl.
+/// The uniform of resolve.wgsl, which documents the fields.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
-struct Finish {
+struct ResolveUniform {
     window: [i32; 4],
     background: [f32; 4],
     mode: u32,
@@ -45,27 +41,29 @@ struct Finish {
     unused: [u32; 2],
 }
 
-/// A pipeline, and what it is for.
+/// The pipeline for textures of a format, and whether it reads a buffer (tiles) or a target (quads).
 #[derive(Debug)]
-pub(super) struct Resolver {
-    format: TextureFormat,
+pub(super) struct ResolvePipeline {
+    key: (TextureFormat, bool),
     pipeline: RenderPipeline,
 }
 
-/// Puts the pixels of `window` into `canvas`.
-///
-/// # Errors
-/// If the device fails.
+/// Draws the pixels of `window` into `canvas`.
 pub(super) fn window(renderer: &mut Renderer, window: [i32; 4], canvas: &Canvas) -> Result<()> {
     let context = renderer.context.clone();
     let device = &context.device;
     let is_buffer = renderer.current == Compositor::Tiles;
-    if renderer.resolver.as_ref().is_none_or(|resolver| resolver.format != canvas.format) {
-        let pipeline = pipeline(&context, canvas.format, is_buffer);
-        renderer.resolver = Some(Resolver { format: canvas.format, pipeline });
+    let key = (canvas.format, is_buffer);
+    if renderer.resolve.as_ref().is_none_or(|resolve| resolve.key != key) {
+        let module = shader_module(device, "resolve", RESOLVE);
+        let entries = ["corner", if is_buffer { "from_buffer" } else { "from_target" }];
+        let target = ColorTargetState { format: canvas.format, blend: None, write_mask: ColorWrites::ALL };
+        let pipeline =
+            render_pipeline(device, "resolve", &module, entries, PrimitiveTopology::TriangleList, target, &[]);
+        renderer.resolve = Some(ResolvePipeline { key, pipeline });
     }
-    let pipeline = &renderer.resolver.as_ref().expect("it was just made").pipeline;
-    let table = renderer.table();
+    let pipeline = &renderer.resolve.as_ref().expect("it was just made").pipeline;
+    let table = &renderer.looks().table;
     let mode = match table.mode() {
         Mode::Composite => 0,
         Mode::Additive => 1,
@@ -74,7 +72,7 @@ pub(super) fn window(renderer: &mut Renderer, window: [i32; 4], canvas: &Canvas)
     };
     let [red, green, blue] = canvas.background.unwrap_or_default();
     let background = [red, green, blue, if canvas.background.is_some() { 1.0 } else { 0.0 }];
-    let finish = Finish { window, background, mode, last: (RAMP - 1).into(), unused: [0; 2] };
+    let uniform = ResolveUniform { window, background, mode, last: (RAMP - 1).into(), unused: [0; 2] };
     let ramp: Vec<[f32; 4]> = (0..if mode == 2 { RAMP } else { 2 })
         .map(|entry| table.colour_of(f32::from(entry) / f32::from(RAMP - 1)))
         .map(|[red, green, blue]| [red, green, blue, 1.0])
@@ -82,37 +80,25 @@ pub(super) fn window(renderer: &mut Renderer, window: [i32; 4], canvas: &Canvas)
     let buffer = |label, contents: &[u8], usage| {
         device.create_buffer_init(&BufferInitDescriptor { label: Some(label), contents, usage })
     };
-    let finish = buffer("finish", bytemuck::bytes_of(&finish), BufferUsages::UNIFORM);
+    let uniform = buffer("resolve", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
     let ramp = buffer("ramp", bytemuck::cast_slice(&ramp), BufferUsages::STORAGE);
-    let target = (!is_buffer).then(|| renderer.scratch.target().create_view(&Default::default()));
+    let target = (!is_buffer).then(|| renderer.buffers.target().create_view(&Default::default()));
     let (binding, resource) = match &target {
         Some(target) => (3, wgpu::BindingResource::TextureView(target)),
-        None => (2, renderer.scratch.get(Name::Pixels).as_entire_binding()),
+        None => (2, renderer.buffers.get(BufferName::Pixels).as_entire_binding()),
     };
     let group = device.create_bind_group(&BindGroupDescriptor {
         label: Some("resolve"),
         layout: &pipeline.get_bind_group_layout(0),
         entries: &[
-            BindGroupEntry { binding: 0, resource: finish.as_entire_binding() },
+            BindGroupEntry { binding: 0, resource: uniform.as_entire_binding() },
             BindGroupEntry { binding: 1, resource: ramp.as_entire_binding() },
             BindGroupEntry { binding, resource },
         ],
     });
-    let mut encoder = device.create_command_encoder(&CommandEncoderDescriptor { label: Some("resolve") });
-    let load = if window[1] == 0 { LoadOp::Clear(wgpu::Color::TRANSPARENT) } else { LoadOp::Load };
-    let mut pass = encoder.begin_render_pass(&RenderPassDescriptor {
-        label: Some("resolve"),
-        color_attachments: &[Some(RenderPassColorAttachment {
-            view: canvas.view,
-            depth_slice: None,
-            resolve_target: None,
-            ops: Operations { load, store: StoreOp::Store },
-        })],
-        depth_stencil_attachment: None,
-        timestamp_writes: None,
-        occlusion_query_set: None,
-        multiview_mask: None,
-    });
+    let mut encoder = context.encoder("resolve");
+    let load = if window[1] == 0 { LoadOp::Clear(Color::TRANSPARENT) } else { LoadOp::Load };
+    let mut pass = render_pass(&mut encoder, canvas.view, load, None);
     let [x0, y0, x1, y1] = window.map(i32::cast_unsigned);
     pass.set_pipeline(pipeline);
     pass.set_bind_group(0, &group, &[]);
@@ -120,32 +106,4 @@ pub(super) fn window(renderer: &mut Renderer, window: [i32; 4], canvas: &Canvas)
     pass.draw(0..3, 0..1);
     drop(pass);
     context.submit([encoder.finish()])
-}
-
-fn pipeline(context: &Context, format: TextureFormat, is_buffer: bool) -> RenderPipeline {
-    let device = &context.device;
-    let source = ShaderSource::Wgsl(RESOLVE.into());
-    let module = &device.create_shader_module(ShaderModuleDescriptor { label: Some("resolve"), source });
-    let target = ColorTargetState { format, blend: None, write_mask: ColorWrites::ALL };
-    device.create_render_pipeline(&RenderPipelineDescriptor {
-        label: Some("resolve"),
-        layout: None,
-        vertex: VertexState {
-            module,
-            entry_point: Some("corner"),
-            compilation_options: Default::default(),
-            buffers: &[],
-        },
-        primitive: PrimitiveState::default(),
-        depth_stencil: None,
-        multisample: MultisampleState::default(),
-        fragment: Some(FragmentState {
-            module,
-            entry_point: Some(if is_buffer { "from_buffer" } else { "from_target" }),
-            compilation_options: Default::default(),
-            targets: &[Some(target)],
-        }),
-        multiview_mask: None,
-        cache: None,
-    })
 }

@@ -1,19 +1,20 @@
-//! The stages: pipelines and what they bind.
+//! The pipelines of the stages and what they bind.
 //!
-//! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat for each way of
-//! blending. Each shader is `shaders/common.wgsl` and its own file; each has a twin of the same name in `twin/`;
-//! what resolve does is judged by frames that were read back.
+//! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat, the last two for each
+//! [`BlendMode`]. A shader is `shaders/common.wgsl` followed by its own file; its twin has the same name in
+//! tests/gpu/twin.
 
 use std::num::NonZeroU64;
 use std::sync::OnceLock;
 
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry,
-    BindingResource, BindingType, BlendComponent, BlendFactor, BlendOperation, BlendState, BufferBinding,
-    BufferBindingType, ColorTargetState, ColorWrites, ComputePipeline, ComputePipelineDescriptor, Device,
-    FragmentState, MultisampleState, PipelineCompilationOptions, PipelineLayout, PipelineLayoutDescriptor,
-    PrimitiveState, PrimitiveTopology, RenderPipeline, RenderPipelineDescriptor, ShaderModule, ShaderModuleDescriptor,
-    ShaderSource, ShaderStages, TextureFormat, VertexState,
+    BindingResource, BindingType, BlendComponent, BlendFactor, BlendOperation, BlendState, Buffer, BufferBinding,
+    BufferBindingType, ColorTargetState, ColorWrites, CommandEncoder, ComputePipeline, ComputePipelineDescriptor,
+    Device, FragmentState, LoadOp, MultisampleState, Operations, PipelineCompilationOptions, PipelineLayoutDescriptor,
+    PrimitiveState, PrimitiveTopology, RenderPass, RenderPassColorAttachment, RenderPassDescriptor,
+    RenderPassTimestampWrites, RenderPipeline, RenderPipelineDescriptor, ShaderModule, ShaderModuleDescriptor,
+    ShaderSource, ShaderStages, StoreOp, TextureFormat, TextureView, VertexState,
 };
 
 use super::Target;
@@ -21,64 +22,61 @@ use super::layout::Chunk;
 use crate::splat::Mode;
 use crate::traverse::Sense;
 
-/// Text of the shaders, by stage: common.wgsl, then the stage's own.
+macro_rules! shader {
+    ($file:literal) => {
+        concat!(include_str!("shaders/common.wgsl"), include_str!(concat!("shaders/", $file)))
+    };
+}
+
+/// The text of each stage's shader, by the stage's name.
 pub const SHADERS: [(&str, &str); 5] = [
-    ("walk", concat!(include_str!("shaders/common.wgsl"), include_str!("shaders/walk.wgsl"))),
-    ("project", concat!(include_str!("shaders/common.wgsl"), include_str!("shaders/project.wgsl"))),
-    ("bin", concat!(include_str!("shaders/common.wgsl"), include_str!("shaders/bin.wgsl"))),
-    ("tile", concat!(include_str!("shaders/common.wgsl"), include_str!("shaders/tile.wgsl"))),
-    ("splat", concat!(include_str!("shaders/common.wgsl"), include_str!("shaders/splat.wgsl"))),
+    ("walk", shader!("walk.wgsl")),
+    ("project", shader!("project.wgsl")),
+    ("bin", shader!("bin.wgsl")),
+    ("tile", shader!("tile.wgsl")),
+    ("splat", shader!("splat.wgsl")),
 ];
 
-/// Text of what puts pixels into a texture.
-pub(crate) const RESOLVE: &str = concat!(include_str!("shaders/common.wgsl"), include_str!("shaders/resolve.wgsl"));
+pub(crate) const RESOLVE: &str = shader!("resolve.wgsl"); // The text of the shader that writes pixels to a texture.
 
-/// How a pixel takes splats; numbered as in the shaders.
+/// How a splat changes a pixel; numbered as in the shaders.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Blend {
-    /// Composited, near splats first; the fourth value is the transmittance.
+pub enum BlendMode {
+    /// Composites near splats first; the fourth value of a pixel is its transmittance.
     FrontToBack,
-    /// Composited, far splats first.
+    /// Composites far splats first.
     BackToFront,
     /// Sums.
     Additive,
-    /// Largest values.
+    /// Keeps the largest values.
     Maximum,
 }
 
-impl Blend {
-    /// Of settings.
-    pub(crate) fn new(mode: Mode, sense: Sense) -> Blend {
+impl BlendMode {
+    pub(crate) fn new(mode: Mode, sense: Sense) -> BlendMode {
         match (mode, sense) {
-            (Mode::Composite, Sense::FrontToBack) => Blend::FrontToBack,
-            (Mode::Composite, Sense::BackToFront) => Blend::BackToFront,
-            (Mode::Additive, _) => Blend::Additive,
-            (Mode::Maximum | Mode::MaximumGrey, _) => Blend::Maximum,
+            (Mode::Composite, Sense::FrontToBack) => BlendMode::FrontToBack,
+            (Mode::Composite, Sense::BackToFront) => BlendMode::BackToFront,
+            (Mode::Additive, _) => BlendMode::Additive,
+            (Mode::Maximum | Mode::MaximumGrey, _) => BlendMode::Maximum,
         }
     }
 
-    /// What a pixel's fourth value starts as.
-    pub(crate) fn fourth(self) -> f32 {
-        match self {
-            Blend::FrontToBack | Blend::BackToFront => 1.0,
-            Blend::Additive | Blend::Maximum => 0.0,
-        }
+    /// Returns the initial value of a pixel's fourth channel.
+    pub(crate) fn initial_alpha(self) -> f32 {
+        if matches!(self, BlendMode::FrontToBack | BlendMode::BackToFront) { 1.0 } else { 0.0 }
     }
 
-    fn number(self) -> usize {
-        self as usize
-    }
-
-    /// What a device does to a pixel: colours, fourth value.
+    /// Returns how a device blends quads.
     fn state(self) -> BlendState {
         use BlendFactor::{DstAlpha, One, OneMinusSrcAlpha, Zero};
         let add = |src_factor, dst_factor| BlendComponent { src_factor, dst_factor, operation: BlendOperation::Add };
         let max = BlendComponent { src_factor: One, dst_factor: One, operation: BlendOperation::Max };
         let (color, alpha) = match self {
-            Blend::FrontToBack => (add(DstAlpha, One), add(Zero, OneMinusSrcAlpha)),
-            Blend::BackToFront => (add(One, OneMinusSrcAlpha), add(Zero, OneMinusSrcAlpha)),
-            Blend::Additive => (add(One, One), add(One, One)),
-            Blend::Maximum => (max, max),
+            BlendMode::FrontToBack => (add(DstAlpha, One), add(Zero, OneMinusSrcAlpha)),
+            BlendMode::BackToFront => (add(One, OneMinusSrcAlpha), add(Zero, OneMinusSrcAlpha)),
+            BlendMode::Additive => (add(One, One), add(One, One)),
+            BlendMode::Maximum => (max, max),
         };
         BlendState { color, alpha }
     }
@@ -94,174 +92,161 @@ impl Target {
     }
 
     pub(super) fn pixel_bytes(self) -> u32 {
-        match self {
-            Target::Float32 => 16,
-            Target::Float16 => 8,
-            Target::Unorm8 => 4,
-        }
-    }
-
-    fn number(self) -> usize {
-        self as usize
+        self.format().block_copy_size(None).expect("a format of whole bytes")
     }
 }
 
-/// What a binding is.
-#[derive(Clone, Copy)]
-enum Kind {
-    Uniform,
-    /// A uniform at an offset that is given with each dispatch.
-    Moving,
-    Read,
-    Write,
-}
-
-/// A compute stage.
+/// The pipeline of a compute stage.
+///
+/// Binding 0 is the uniform of the window, 1 a chunk, at an offset that is given with each dispatch. Then come buffers
+/// that are read, then buffers that are written.
 #[derive(Debug)]
-pub(crate) struct Stage {
+pub(crate) struct ComputeStage {
     pub(crate) pipeline: ComputePipeline,
     layout: BindGroupLayout,
 }
 
-/// All stages.
+impl ComputeStage {
+    /// Compiles the stage `name`, which reads and writes so many buffers, for a way of blending.
+    fn new(device: &Device, name: &str, module: &ShaderModule, [reads, writes]: [usize; 2], blend: &[f64]) -> Self {
+        let uniform = |moves| (BufferBindingType::Uniform, moves);
+        let storage = |read_only, count| std::iter::repeat_n((BufferBindingType::Storage { read_only }, false), count);
+        let kinds =
+            [uniform(false), uniform(true)].into_iter().chain(storage(true, reads)).chain(storage(false, writes));
+        let entries: Vec<_> = (0..)
+            .zip(kinds)
+            .map(|(binding, (ty, has_dynamic_offset))| BindGroupLayoutEntry {
+                binding,
+                visibility: ShaderStages::COMPUTE,
+                ty: BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: None },
+                count: None,
+            })
+            .collect();
+        let label = Some(name);
+        let layout = device.create_bind_group_layout(&BindGroupLayoutDescriptor { label, entries: &entries });
+        let bind_group_layouts = &[Some(&layout)];
+        let descriptor = PipelineLayoutDescriptor { label, bind_group_layouts, immediate_size: 0 };
+        let constants: Vec<_> = blend.iter().map(|&blend| ("BLEND", blend)).collect();
+        let pipeline = device.create_compute_pipeline(&ComputePipelineDescriptor {
+            label,
+            layout: Some(&device.create_pipeline_layout(&descriptor)),
+            module,
+            entry_point: label,
+            compilation_options: PipelineCompilationOptions { constants: &constants, ..Default::default() },
+            cache: None,
+        });
+        ComputeStage { pipeline, layout }
+    }
+
+    /// Binds the uniform, the buffer of all chunks, and the stage's own buffers in the order of its shader.
+    pub(crate) fn bind(&self, device: &Device, uniform: &Buffer, chunks: &Buffer, buffers: &[&Buffer]) -> BindGroup {
+        let size = NonZeroU64::new(size_of::<Chunk>() as u64);
+        let chunk = BindingResource::Buffer(BufferBinding { buffer: chunks, offset: 0, size });
+        let mut resources = vec![uniform.as_entire_binding(), chunk];
+        resources.extend(buffers.iter().map(|buffer| buffer.as_entire_binding()));
+        bind(device, &self.layout, resources)
+    }
+}
+
+/// Binds resources in the order of their numbers, from 0.
+fn bind(device: &Device, layout: &BindGroupLayout, resources: Vec<BindingResource>) -> BindGroup {
+    let entry = |(binding, resource)| BindGroupEntry { binding, resource };
+    let entries: Vec<_> = (0..).zip(resources).map(entry).collect();
+    device.create_bind_group(&BindGroupDescriptor { label: Some("stage"), layout, entries: &entries })
+}
+
+/// The pipelines of all stages; those of a blend mode are compiled on first use.
 #[derive(Debug)]
-pub(crate) struct Stages {
-    pub(crate) walk: Stage,
-    pub(crate) project: Stage,
-    pub(crate) bin: Stage,
+pub(crate) struct Pipelines {
+    pub(crate) walk: ComputeStage,
+    pub(crate) project: ComputeStage,
+    pub(crate) bin: ComputeStage,
     tile_module: ShaderModule,
-    tiles: [OnceLock<Stage>; 4],
+    tiles: [OnceLock<ComputeStage>; 4],
     splat_module: ShaderModule,
-    splat_layout: (BindGroupLayout, PipelineLayout),
     splats: [[OnceLock<RenderPipeline>; 3]; 4],
 }
 
-impl Stages {
-    pub(crate) fn new(device: &Device) -> Stages {
-        use Kind::{Moving, Read, Uniform, Write};
-        let [walk, project, bin, tile_module, splat_module] = SHADERS.map(|(label, text)| {
-            let source = ShaderSource::Wgsl(text.into());
-            device.create_shader_module(ShaderModuleDescriptor { label: Some(label), source })
-        });
-        let splat_bindings = layout(device, "splat", ShaderStages::VERTEX_FRAGMENT, &[Uniform, Read]);
-        let splat_pipeline = pipeline_layout(device, "splat", &splat_bindings);
-        Stages {
-            walk: stage(device, "walk", &walk, &[Uniform, Moving, Read, Read, Read, Read, Read, Write], &[]),
-            project: stage(
-                device,
-                "project",
-                &project,
-                &[Uniform, Moving, Read, Read, Read, Read, Read, Read, Write, Write],
-                &[],
-            ),
-            bin: stage(device, "bin", &bin, &[Uniform, Moving, Read, Write], &[]),
+impl Pipelines {
+    pub(crate) fn new(device: &Device) -> Pipelines {
+        let [walk, project, bin, tile_module, splat_module] =
+            SHADERS.map(|(label, text)| shader_module(device, label, text));
+        Pipelines {
+            walk: ComputeStage::new(device, "walk", &walk, [5, 1], &[]),
+            project: ComputeStage::new(device, "project", &project, [6, 2], &[]),
+            bin: ComputeStage::new(device, "bin", &bin, [1, 1], &[]),
             tile_module,
             tiles: Default::default(),
             splat_module,
-            splat_layout: (splat_bindings, splat_pipeline),
             splats: Default::default(),
         }
     }
 
-    /// The tile compositor for a way of blending; compiled on first use.
-    pub(crate) fn tile(&self, device: &Device, blend: Blend) -> &Stage {
-        use Kind::{Moving, Read, Uniform, Write};
-        self.tiles[blend.number()].get_or_init(|| {
-            let constants = [("BLEND", blend.number() as f64)];
-            stage(device, "tile", &self.tile_module, &[Uniform, Moving, Read, Read, Write], &constants)
-        })
+    /// Returns the stage that composites tiles.
+    pub(crate) fn tile(&self, device: &Device, blend: BlendMode) -> &ComputeStage {
+        let compile = || ComputeStage::new(device, "tile", &self.tile_module, [2, 1], &[f64::from(blend as u8)]);
+        self.tiles[blend as usize].get_or_init(compile)
     }
 
-    /// The quads for a way of blending into a target; compiled on first use.
-    pub(crate) fn splat(&self, device: &Device, blend: Blend, target: Target) -> &RenderPipeline {
-        self.splats[blend.number()][target.number()].get_or_init(|| {
-            let format = target.format();
-            let constants = [("BLEND", blend.number() as f64)];
-            let options = || PipelineCompilationOptions { constants: &constants, ..Default::default() };
+    /// Returns the stage that draws quads into a target.
+    pub(crate) fn splat(&self, device: &Device, blend: BlendMode, target: Target) -> &RenderPipeline {
+        self.splats[blend as usize][target as usize].get_or_init(|| {
+            let (format, entries) = (target.format(), ["corner", "pixel"]);
             let target = ColorTargetState { format, blend: Some(blend.state()), write_mask: ColorWrites::ALL };
-            device.create_render_pipeline(&RenderPipelineDescriptor {
-                label: Some("splat"),
-                layout: Some(&self.splat_layout.1),
-                vertex: VertexState {
-                    module: &self.splat_module,
-                    entry_point: Some("corner"),
-                    compilation_options: options(),
-                    buffers: &[],
-                },
-                primitive: PrimitiveState { topology: PrimitiveTopology::TriangleStrip, ..Default::default() },
-                depth_stencil: None,
-                multisample: MultisampleState::default(),
-                fragment: Some(FragmentState {
-                    module: &self.splat_module,
-                    entry_point: Some("pixel"),
-                    compilation_options: options(),
-                    targets: &[Some(target)],
-                }),
-                multiview_mask: None,
-                cache: None,
-            })
+            let constants = [("BLEND", f64::from(blend as u8))];
+            let topology = PrimitiveTopology::TriangleStrip;
+            render_pipeline(device, "splat", &self.splat_module, entries, topology, target, &constants)
         })
     }
 
-    /// What the quads bind.
-    pub(crate) fn bind_splat(&self, device: &Device, resources: &[BindingResource]) -> BindGroup {
-        bind(device, "splat", &self.splat_layout.0, resources)
+    /// Binds the uniform and the splats for quads.
+    pub(crate) fn bind_splat(device: &Device, pipeline: &RenderPipeline, buffers: [&Buffer; 2]) -> BindGroup {
+        bind(device, &pipeline.get_bind_group_layout(0), buffers.map(Buffer::as_entire_binding).into())
     }
 }
 
-impl Stage {
-    /// What the stage binds, in the order of its shader; the second is the chunk's uniform.
-    pub(crate) fn bind(&self, device: &Device, resources: &[BindingResource]) -> BindGroup {
-        bind(device, "stage", &self.layout, resources)
-    }
+/// Compiles a shader.
+pub(crate) fn shader_module(device: &Device, label: &str, text: &'static str) -> ShaderModule {
+    device.create_shader_module(ShaderModuleDescriptor { label: Some(label), source: ShaderSource::Wgsl(text.into()) })
 }
 
-fn bind(device: &Device, label: &str, layout: &BindGroupLayout, resources: &[BindingResource]) -> BindGroup {
-    let entries: Vec<_> = (0u32..)
-        .zip(resources)
-        .map(|(binding, resource)| BindGroupEntry { binding, resource: resource.clone() })
-        .collect();
-    device.create_bind_group(&BindGroupDescriptor { label: Some(label), layout, entries: &entries })
-}
-
-/// One chunk of a buffer of chunks.
-pub(crate) fn one_chunk(buffer: &wgpu::Buffer) -> BindingResource<'_> {
-    BindingResource::Buffer(BufferBinding { buffer, offset: 0, size: NonZeroU64::new(size_of::<Chunk>() as u64) })
-}
-
-fn stage(device: &Device, name: &str, module: &ShaderModule, kinds: &[Kind], constants: &[(&str, f64)]) -> Stage {
-    let layout = layout(device, name, ShaderStages::COMPUTE, kinds);
-    let pipeline = device.create_compute_pipeline(&ComputePipelineDescriptor {
-        label: Some(name),
-        layout: Some(&pipeline_layout(device, name, &layout)),
-        module,
-        entry_point: Some(name),
-        compilation_options: PipelineCompilationOptions { constants, ..Default::default() },
+/// Compiles the pipeline of a drawing stage; `entries`: names of the vertex and the fragment function.
+pub(crate) fn render_pipeline(
+    device: &Device,
+    label: &str,
+    module: &ShaderModule,
+    entries: [&str; 2],
+    topology: PrimitiveTopology,
+    target: ColorTargetState,
+    constants: &[(&str, f64)],
+) -> RenderPipeline {
+    let compilation_options = PipelineCompilationOptions { constants, ..Default::default() };
+    let [vertex, fragment] = entries.map(Some);
+    let (vertex_options, targets) = (compilation_options.clone(), &[Some(target)]);
+    device.create_render_pipeline(&RenderPipelineDescriptor {
+        label: Some(label),
+        layout: None,
+        vertex: VertexState { module, entry_point: vertex, compilation_options: vertex_options, buffers: &[] },
+        primitive: PrimitiveState { topology, ..Default::default() },
+        depth_stencil: None,
+        multisample: MultisampleState::default(),
+        fragment: Some(FragmentState { module, entry_point: fragment, compilation_options, targets }),
+        multiview_mask: None,
         cache: None,
-    });
-    Stage { pipeline, layout }
-}
-
-fn pipeline_layout(device: &Device, name: &str, layout: &BindGroupLayout) -> PipelineLayout {
-    let bind_group_layouts = &[Some(layout)];
-    device.create_pipeline_layout(&PipelineLayoutDescriptor {
-        label: Some(name),
-        bind_group_layouts,
-        immediate_size: 0,
     })
 }
 
-fn layout(device: &Device, name: &str, visibility: ShaderStages, kinds: &[Kind]) -> BindGroupLayout {
-    let entry = |(binding, &kind): (u32, &Kind)| {
-        let ty = match kind {
-            Kind::Uniform | Kind::Moving => BufferBindingType::Uniform,
-            Kind::Read => BufferBindingType::Storage { read_only: true },
-            Kind::Write => BufferBindingType::Storage { read_only: false },
-        };
-        let has_dynamic_offset = matches!(kind, Kind::Moving);
-        let ty = BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: None };
-        BindGroupLayoutEntry { binding, visibility, ty, count: None }
-    };
-    let entries: Vec<_> = (0..).zip(kinds).map(entry).collect();
-    device.create_bind_group_layout(&BindGroupLayoutDescriptor { label: Some(name), entries: &entries })
+/// Begins a render pass into `view`.
+pub(crate) fn render_pass<'e>(
+    encoder: &'e mut CommandEncoder,
+    view: &TextureView,
+    load: LoadOp<wgpu::Color>,
+    timestamp_writes: Option<RenderPassTimestampWrites>,
+) -> RenderPass<'e> {
+    let ops = Operations { load, store: StoreOp::Store };
+    encoder.begin_render_pass(&RenderPassDescriptor {
+        color_attachments: &[Some(RenderPassColorAttachment { view, depth_slice: None, resolve_target: None, ops })],
+        timestamp_writes,
+        ..Default::default()
+    })
 }

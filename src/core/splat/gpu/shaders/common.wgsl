@@ -1,80 +1,51 @@
-// What the stages share: the buffers' records and the arithmetic of a pixel. It stands before each stage's own text.
-// Rust's side: layout.rs; tests/gpu holds the two equal.
+// Shared by all stages: records of the buffers and the arithmetic of a pixel. It stands before each stage's own text.
+// Rust's side: layout.rs; tests/gpu/layout.rs compares the two.
 
-// From voxels to one coordinate: a sum of whole numbers of 2^-shift, exact while it wraps, and what they leave over.
-struct Row {
-    whole: vec4<i32>,
-    rest: vec4<f32>,
+// One row of an affine map from voxel coordinates to a screen coordinate. The integer sum is exact even where it wraps;
+// the remainder is small enough for single precision.
+struct AffineRow {
+    whole: vec4<i32>, // Factors of x, y, z and 1, in units of 2^-shift.
+    remainder: vec4<f32>, // What the whole factors leave over.
 }
 
-// A frame, as all of its voxels see it.
-struct Shot {
-    // Parallel: column, row, none. Perspective: right, up, along the view. Times (x, y, z, 1).
-    rows: array<Row, 3>,
-    // Bits below the point of each row's whole numbers.
-    shift: vec4<i32>,
-    // For x, y, z: right, up, along the view per voxel; the distance between voxels; in mean voxels.
-    steps: array<vec4<f32>, 3>,
-    // Perspective: the eye in mean voxels. Parallel: the unit vector toward it.
-    eye: vec4<f32>,
-    // Unit vector toward the light.
-    light: vec4<f32>,
-    // Weights of ambient, diffuse and specular light.
-    weights: vec4<f32>,
-    // Parallel: across, along, shear, peak of a unit of optical depth. Perspective: the last alone.
-    ellipse: vec4<f32>,
-    // Parallel: half of a footprint's box.
-    half: vec2<f32>,
-    // Pixel that the view axis meets.
-    centre: vec2<f32>,
-    focal: f32,
-    near: f32,
-    sigma: f32,
-    // Where the kernel is cut off, in sigmas.
-    cut_off: f32,
-    // Exponent there, in units of ln 2.
-    cut: f32,
-    // Transmittance below which a pixel no longer changes; 0 for never.
-    stop: f32,
-    // Largest optical depth of a splat, in units of ln 2.
-    most: f32,
-    // What a pixel's fourth value starts as.
-    fourth: f32,
-    // The pixels at hand: first column and row, one past the last.
-    window: vec4<i32>,
-    // Voxels that are drawn, inclusive.
-    crop_low: vec4<u32>,
+// The uniform of a window of a frame's picture. Lengths are in mean voxels, unless in pixels.
+struct FrameUniform {
+    rows: array<AffineRow, 3>, // Parallel views: column, row, unused. Perspective: right, up, depth along the view axis.
+    shifts: vec4<i32>, // Fraction bits of each row's whole factors.
+    steps: array<vec4<f32>, 3>, // From voxel to voxel along x, y, z: change of right, up and depth; distance.
+    eye: vec4<f32>, // Perspective: the eye. Parallel: the unit vector toward it.
+    light: vec4<f32>, // Unit vector toward the light.
+    light_weights: vec4<f32>, // Ambient, diffuse and specular light.
+    ellipse: vec4<f32>, // Parallel: falloff_x, falloff_y, shear of all splats. The fourth: peak per optical depth.
+    half_width: vec2<f32>, // Parallel: half the width and height of a footprint's box, in pixels.
+    centre: vec2<f32>, // Pixel where the view axis meets the picture.
+    focal: f32, // Focal length, in pixels.
+    near: f32, // Least depth that is drawn.
+    sigma: f32, // Standard deviation of the kernel, in voxels.
+    cut_off: f32, // Radius of the kernel, in sigmas.
+    cut_exponent: f32, // Exponent at that radius, in units of ln 2.
+    termination: f32, // Transmittance below which a pixel no longer changes; 0 for never.
+    max_depth: f32, // Largest optical depth of a splat, in units of ln 2.
+    initial_alpha: f32, // Initial value of a pixel's fourth channel.
+    window: vec4<i32>, // First column and row, one past the last column and row.
+    crop_low: vec4<u32>, // Voxels outside this box are not drawn; both ends are inside.
     crop_high: vec4<u32>,
-    // The eye's coordinate on the fast axis, rounded up; twice it, rounded down.
-    eye_ceil: i32,
-    eye_twice: i32,
-    // One of the constants below.
-    fast_order: u32,
-    // 1 where the far end of a line comes first.
-    back_to_front: u32,
-    // The lane's axis: 0, 1 or 2.
-    fast_axis: u32,
-    // Most records that a line may have.
-    longest: u32,
-    // 2 or 4.
-    line_end_bytes: u32,
-    // 8 or 16.
-    value_bits: u32,
-    // 0, 8 or 16.
-    normal_bits: u32,
-    // 1 where the optical depth depends on the gradient's magnitude too.
-    by_magnitude: u32,
-    // 1 where a peak is a normalised value.
-    maximum: u32,
-    perspective: u32,
-    // Exponent of the highlight; 0 for no lighting.
-    shininess: u32,
-    // Tiles of the window from one row of them to the next.
-    tile_columns: u32,
-    // Words of a tile's mask.
-    mask_words: u32,
-    // Rows of the whole picture, of which the window has some.
-    picture_rows: u32,
+    eye_ceil: i32, // The eye's coordinate on the fast axis, rounded up.
+    eye_twice: i32, // Twice that coordinate, rounded down.
+    fast_order: u32, // ASCENDING, DESCENDING, SPLIT or INTERLEAVED.
+    is_back_to_front: u32, // 1 where the far end of a line comes first.
+    fast_axis: u32, // Axis of the lane: 0, 1 or 2.
+    longest_line: u32, // Most records that a line may have.
+    line_end_bytes: u32, // 2 or 4.
+    value_bits: u32, // 8 or 16.
+    normal_bits: u32, // 0, 8 or 16.
+    uses_magnitude: u32, // 1 where the optical depth depends on the gradient magnitude too.
+    is_maximum: u32, // 1 where a peak is a normalised value.
+    is_perspective: u32, // 1 or 0.
+    shininess: u32, // Exponent of the highlight; 0 for no lighting.
+    tile_columns: u32, // Tiles in a row of the window.
+    mask_words: u32, // Words of a tile's mask.
+    picture_rows: u32, // Rows of the whole picture.
 }
 
 const ASCENDING: u32 = 0u;
@@ -82,54 +53,43 @@ const DESCENDING: u32 = 1u;
 const SPLIT: u32 = 2u;
 const INTERLEAVED: u32 = 3u;
 
-// As many voxels of the walk as the buffers hold.
+// A run of records that fits the buffers.
 struct Chunk {
-    first_block: u32,
-    slot_count: u32,
-    // Which counter of drawn splats is its own.
-    index: u32,
-    // 1 where pixels start anew.
-    is_first: u32,
+    first_block: u32, // Index of its first block of lines.
+    slot_count: u32, // Number of its records: each has a slot among the voxels and the splats.
+    index: u32, // Index of its counter of drawn splats.
+    is_first: u32, // 1 for the first chunk of a window, which clears the pixels.
 }
 
-// A visited voxel.
-struct Voxel {
-    // x in the low half, y in the high half.
-    xy: u32,
+// A voxel that the walk visited.
+struct VisitedVoxel {
+    xy: u32, // x in the low half, y in the high half.
     z: u32,
-    // Its record; NO_RECORD for what is no voxel.
-    record: u32,
+    record: u32, // Index of its record in the slab; NO_RECORD for a slot without a voxel.
 }
 
 const NO_RECORD: u32 = 0xffffffffu;
 
-// A splat: what a voxel does to the pixels of its box.
+// A splat: the footprint of a voxel in the picture.
 struct Splat {
-    // First column in the low half, last column in the high half; of nothing if they are the wrong way around. Within
-    // the picture, so that a splat is the same for every window that it meets.
+    // First column in the low half, last column in the high half; NOTHING for a splat of no pixels. Coordinates of the
+    // whole picture, so that a splat is the same in every window that it meets.
     columns: u32,
-    rows: u32,
-    // From the centre to the first column and row, in pixels.
-    corner_x: f32,
-    corner_y: f32,
-    // Exponent per squared pixel along a row and from row to row; columns that the ridge moves per row.
-    across: f32,
-    along: f32,
-    shear: f32,
-    // Optical depth at the centre in units of ln 2, or normalised value.
-    peak: f32,
-    red: f32,
+    rows: u32, // First row and last row, in the same way.
+    corner_x: f32, // From the centre to the first column, in pixels.
+    corner_y: f32, // From the centre to the first row, in pixels.
+    falloff_x: f32, // Exponent per squared pixel along a row, in units of ln 2.
+    falloff_y: f32, // Exponent per squared pixel from row to row, in units of ln 2.
+    shear: f32, // Columns that the ridge moves per row.
+    peak: f32, // Optical depth at the centre in units of ln 2, or normalised value.
+    red: f32, // Linear colour, lit.
     green: f32,
     blue: f32,
 }
 
-// Voxels of a workgroup, and splats that are looked at together.
-const BATCH: u32 = 256u;
-// Pixels along an edge of a tile.
-const TILE: i32 = 16;
-
-// Columns and rows of a splat that has none.
-const NOTHING: u32 = 1u;
+const BATCH: u32 = 256u; // Splats of a batch, and invocations of a workgroup.
+const TILE: i32 = 16; // Side of a tile of the picture, in pixels.
+const NOTHING: u32 = 1u; // Columns and rows of a splat of no pixels: the last lies before the first.
 
 const LN_2: f32 = 0.6931471805599453;
 const LOG2_E: f32 = 1.4426950408889634;
@@ -142,7 +102,7 @@ fn high_half(word: u32) -> i32 {
     return i32(word >> 16u);
 }
 
-// 1 - 2^-x for x of 0 to 125, relative error below 3e-7 however small x is: arith.rs.
+// Returns 1 - 2^-x for x of 0 to 125; relative error below 3e-7 however small x is. Polynomial: arith.rs.
 fn absorbed(x: f32) -> f32 {
     let whole = round(x);
     let f = x - whole;
@@ -150,14 +110,14 @@ fn absorbed(x: f32) -> f32 {
     let low = LN_2 + -2.402265e-1 * f;
     let middle = 5.5503574e-2 + -9.618237e-3 * f;
     let high = 1.3390735e-3 + -1.5403513e-4 * f;
-    let rest = low + square * (middle + square * high);
+    let series = low + square * (middle + square * high);
     let scale = bitcast<f32>(0x3f800000u - (u32(whole) << 23u));
-    return (1.0 - scale) + scale * (f * rest);
+    return (1.0 - scale) + scale * (f * series);
 }
 
-// Optical depth of a splat at a pixel in units of ln 2, 0 outside its ellipse; `dx`, `dy` from its centre.
-fn depth_at(dx: f32, dy: f32, across: f32, along: f32, shear: f32, peak: f32, cut: f32) -> f32 {
+// Returns a splat's optical depth at `dx`, `dy` pixels from its centre, in units of ln 2; 0 outside its ellipse.
+fn depth_at(dx: f32, dy: f32, falloff_x: f32, falloff_y: f32, shear: f32, peak: f32, cut_exponent: f32) -> f32 {
     let u = dx - shear * dy;
-    let q = across * (u * u) + along * (dy * dy);
-    return select(0.0, peak * exp2(-q), q <= cut);
+    let q = falloff_x * (u * u) + falloff_y * (dy * dy);
+    return select(0.0, peak * exp2(-q), q <= cut_exponent);
 }

@@ -1,12 +1,12 @@
 // Stage: splat. In: splats in visit order. Out: the window's pixels, blended by the device in the order of instances.
-// Twin: twin/splat.rs
+// Twin: tests/gpu/twin/splat.rs
 //
-// One instance a splat: a quad over its box. Blend states: stages.rs.
+// Each instance is one splat: a quad over its box. Blend states: stages.rs.
 
-@group(0) @binding(0) var<uniform> shot: Shot;
+@group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
 
-// cpu/blend.rs
+// One of stages.rs, BlendMode; WHOLE_CELL: cpu/blend.rs.
 override BLEND: u32 = 0u;
 const ADDITIVE: u32 = 2u;
 const MAXIMUM: u32 = 3u;
@@ -21,26 +21,26 @@ struct Corner {
 fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32) -> Corner {
     let columns = splats[slot].columns;
     let rows = splats[slot].rows;
-    let low = max(vec2<i32>(low_half(columns), low_half(rows)), shot.window.xy);
-    let high = min(vec2<i32>(high_half(columns), high_half(rows)) + 1, shot.window.zw);
+    let low = max(vec2<i32>(low_half(columns), low_half(rows)), frame.window.xy);
+    let high = min(vec2<i32>(high_half(columns), high_half(rows)) + 1, frame.window.zw);
     let is_nothing = columns == NOTHING;
     let x = select(low.x, high.x, (vertex & 1u) == 1u && !is_nothing);
     let y = select(low.y, high.y, (vertex & 2u) == 2u && !is_nothing);
-    let size = vec2<f32>(shot.window.zw - shot.window.xy);
-    let at = vec2<f32>(vec2<i32>(x, y) - shot.window.xy) / size;
+    let size = vec2<f32>(frame.window.zw - frame.window.xy);
+    let at = vec2<f32>(vec2<i32>(x, y) - frame.window.xy) / size;
     return Corner(vec4<f32>(2.0 * at.x - 1.0, 1.0 - 2.0 * at.y, 0.0, 1.0), slot);
 }
 
 @fragment
 fn pixel(in: Corner) -> @location(0) vec4<f32> {
     let splat = splats[in.slot];
-    let at = vec2<i32>(floor(in.position.xy)) + shot.window.xy;
+    let at = vec2<i32>(floor(in.position.xy)) + frame.window.xy;
     let dx = splat.corner_x + f32(at.x - low_half(splat.columns));
     let dy = splat.corner_y + f32(at.y - low_half(splat.rows));
-    let depth = depth_at(dx, dy, splat.across, splat.along, splat.shear, splat.peak, shot.cut);
-    let ink = vec4<f32>(splat.red, splat.green, splat.blue, 1.0);
+    let depth = depth_at(dx, dy, splat.falloff_x, splat.falloff_y, splat.shear, splat.peak, frame.cut_exponent);
+    let colour = vec4<f32>(splat.red, splat.green, splat.blue, 1.0);
     if BLEND == MAXIMUM {
-        return min(vec4<f32>(depth * WHOLE_CELL), ink);
+        return min(vec4<f32>(depth * WHOLE_CELL), colour);
     }
-    return ink * select(absorbed(depth), depth, BLEND == ADDITIVE);
+    return colour * select(absorbed(depth), depth, BLEND == ADDITIVE);
 }

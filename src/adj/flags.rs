@@ -1,0 +1,98 @@
+//! Flags in error messages.
+//!
+//! In: an error of the libraries, which know no flags. Out: one line that names the flag to change.
+
+use std::error::Error as _;
+
+use adjsplat::error::Error;
+
+/// Values that library errors are about, whose flag has the same name.
+const SAME_NAME: &str = "azimuth blending crop elevation exposure kernel lanes level line mode series spacing termination \
+                         threads volume zoom";
+
+/// Values whose flag has another name.
+const FLAGS: [(&str, &str); 6] = [
+    ("angle of view", "--perspective"),
+    ("largest error", "--max-error"),
+    ("normal bits", "--normals"),
+    ("picture size", "--size"),
+    ("sample type", "--type"),
+    ("value bits", "--value-bits"),
+];
+
+/// Words of the core and the studies, and the same with flags.
+const ADVICE: [(&str, &str); 10] = [
+    ("picture size in pixels", "--size in pixels"),
+    ("try the range ", "try --range "),
+    ("use 16-bit values", "use --value-bits 16"),
+    ("a limit of ", "--memory "),
+    ("give more video memory", "give more --vram"),
+    ("give it less video memory", "give it less with --vram"),
+    ("draw a smaller picture", "a smaller --size"),
+    ("draw on the processor", "take --renderer cpu"),
+    ("(take tiles)", "(take --compositor tiles)"),
+    ("a smaller edge", "a smaller --edge"),
+];
+
+/// Words of the judge and the readers, and the same with flags.
+const MORE_ADVICE: [(&str, &str); 10] = [
+    ("certified hidden voxels: ", "--cull-hidden-certified: "),
+    ("find hidden voxels by sampling instead", "use --cull-hidden instead"),
+    ("; allow a larger change", "; give a larger --cull-hidden=EPS, or leave it out"),
+    ("describe them with `OpenOptions::raw`", "give --dims 256x256x128 and --type u8 or alike"),
+    ("`OpenOptions::level`", "--level"),
+    ("`OpenOptions::series`", "--series"),
+    ("`OpenOptions::spacing`", "--spacing XxYxZ"),
+    ("`dims`", "--dims"),
+    ("`skip`", "--skip"),
+    ("`type`", "--type"),
+];
+
+/// The error and its causes in one line, with the flag of the value that is wrong.
+pub(super) fn one_line(error: &Error) -> String {
+    let mut line = match error {
+        Error::Input { what, why } => match FLAGS.iter().find(|(name, _)| name == what) {
+            Some((_, flag)) => format!("{flag}: {why}"),
+            None if SAME_NAME.split(' ').any(|name| name == what) => format!("--{what}: {why}"),
+            None => error.to_string(),
+        },
+        _ => error.to_string(),
+    };
+    let mut source = error.source();
+    while let Some(cause) = source {
+        line.push_str(": ");
+        line.push_str(&cause.to_string());
+        source = cause.source();
+    }
+    line
+}
+
+/// Returns a message or note of the libraries with flags in its advice.
+pub(super) fn with_flags(text: &str) -> String {
+    ADVICE.iter().chain(&MORE_ADVICE).fold(text.to_owned(), |text, (advice, flags)| text.replace(advice, flags))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::path::Path;
+
+    /// The sources of a library, in one text.
+    fn sources(folder: &Path) -> String {
+        let text = |path: &Path| {
+            if path.is_dir() { sources(path) } else { std::fs::read_to_string(path).expect("a source file") }
+        };
+        let entries = std::fs::read_dir(folder).expect("a folder of sources");
+        entries.map(|entry| text(&entry.expect("it is there").path())).collect()
+    }
+
+    #[test]
+    fn libraries_still_say_what_is_reworded() {
+        let source = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the folder of all crates");
+        let all = ["core", "readers", "judge", "study"].map(|library| sources(&source.join(library))).concat();
+        let names = SAME_NAME.split(' ').chain(FLAGS.map(|(name, _)| name)).map(|name| format!("\"{name}\""));
+        for words in names.chain(ADVICE.into_iter().chain(MORE_ADVICE).map(|(advice, _)| advice.to_owned())) {
+            assert!(all.contains(&words), "no library says {words}");
+        }
+    }
+}

@@ -1,0 +1,112 @@
+//! Draws the frames of `adj render` and writes pictures and statistics.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use serde_json::{Value, json};
+use sha2::{Digest as _, Sha256};
+
+use super::super::picture::{Picture, PictureKind, write_png};
+use super::super::progress::{Progress, interrupted};
+use super::super::renderer::{FrameStats, Renderer};
+use super::super::resources::peak_rss_bytes;
+use super::super::{Answer, print_note, print_result};
+use super::RenderJob;
+use adjsplat::error::{Error, Result};
+use adjsplat::file::write_atomically_unless;
+use adjsplat::splat::{Camera, Settings};
+
+/// Draws every frame and writes it. `measured` is the largest error, if `--max-error` is given.
+pub(super) fn draw_frames(
+    job: &RenderJob,
+    settings: &Settings,
+    cameras: &[Camera],
+    mut renderer: Renderer,
+    measured: Option<f64>,
+    start: Instant,
+) -> Result<Answer> {
+    let RenderJob { arguments, kind, outputs, .. } = *job;
+    let background = arguments.look.background();
+    let mut progress = Progress::new(arguments.quiet || arguments.view.frames == 1);
+    let mut pictures = Vec::new();
+    let mut all_stats = Vec::new();
+    let mut digest = Sha256::new();
+    for (number, camera) in cameras.iter().enumerate() {
+        if progress.show("render", number as u64, arguments.view.frames.into()).is_break() {
+            return Err(Error::Interrupted);
+        }
+        let (mut frame, stats) = renderer.render(camera, settings)?;
+        if let Some(background) = background {
+            frame.over(background);
+        }
+        all_stats.push(stats);
+        let picture = Picture::new(&frame, kind, arguments.look.bits);
+        drop(frame);
+        digest.update(picture.bytes());
+        match kind {
+            PictureKind::Apng => pictures.push(picture),
+            _ => write_atomically_unless(&interrupted, &outputs[number], |out| picture.write(out))?,
+        }
+    }
+    if kind == PictureKind::Apng {
+        write_atomically_unless(&interrupted, &outputs[0], |out| write_png(out, &pictures))?;
+    }
+    drop(progress);
+    if let Some(path) = &arguments.stats {
+        let mut stats = stats_json(settings, &renderer, &all_stats, &format!("{:x}", digest.finalize()));
+        stats["measured_error"] = json!(measured);
+        write_atomically_unless(&interrupted, path, |out| writeln!(out, "{stats:#}"))?;
+    }
+    let drawn = all_stats.iter().map(|stats| stats.splats_drawn).max().unwrap_or(0);
+    if drawn == 0 {
+        print_note(
+            "warning: the picture is empty: nothing visible lies in view, or it is too small, too near or transparent",
+        );
+    }
+    let mean = all_stats.iter().map(|stats| stats.frame_ms).sum::<f64>() / all_stats.len() as f64;
+    let many = if outputs.len() > 1 { format!(" to {}", outputs[outputs.len() - 1].display()) } else { String::new() };
+    print_result(&format!(
+        "{}{many}: {}x{}, {drawn} splats, {mean:.1} ms a frame, {:.2} s in all{}",
+        outputs[0].display(),
+        settings.size[0],
+        settings.size[1],
+        start.elapsed().as_secs_f64(),
+        renderer.adapter().map(|adapter| format!(", by {adapter}")).unwrap_or_default(),
+    ));
+    Ok(Answer::Yes)
+}
+
+/// Turns `out.png` into `out-000.png`, `out-001.png` ...
+pub(super) fn numbered(path: &Path, frames: u32) -> Vec<PathBuf> {
+    let width = (frames - 1).to_string().len().max(3);
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let extension = path.extension().unwrap_or_default().to_string_lossy().into_owned();
+    (0..frames).map(|frame| path.with_file_name(format!("{stem}-{frame:0width$}.{extension}"))).collect()
+}
+
+/// Returns what `--stats` writes.
+fn stats_json(settings: &Settings, renderer: &Renderer, stats: &[FrameStats], image_sha256: &str) -> Value {
+    let total = |count: fn(&FrameStats) -> u64| stats.iter().map(count).sum::<u64>();
+    let mut document = json!({
+        "renderer": renderer.name(),
+        "adapter": renderer.adapter(),
+        "threads": settings.threads,
+        "size": settings.size,
+        "kernel": settings.kernel(),
+        "termination": settings.termination(),
+        "sampling": settings.sampling(),
+        "blending": settings.blending,
+        "frames": stats.len(),
+        "splats_drawn": total(|s| s.splats_drawn),
+        "splats_skipped": total(|s| s.splats_skipped),
+        "frame_ms": stats.iter().map(|s| s.frame_ms).collect::<Vec<f64>>(),
+    });
+    // Numbers that not every frame has.
+    for (name, _) in stats.last().map_or(&[][..], |last| &last.others) {
+        let of = |frame: &FrameStats| frame.others.iter().find(|(n, _)| n == name).map(|(_, value)| value.clone());
+        document[name] = stats.iter().map(|frame| of(frame).unwrap_or(Value::Null)).collect();
+    }
+    document["peak_rss_bytes"] = json!(peak_rss_bytes());
+    document["image_sha256"] = json!(image_sha256);
+    document
+}

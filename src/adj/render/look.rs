@@ -1,0 +1,136 @@
+//! How the picture is made: `--quality`, `--mode` and the like.
+
+use clap::Args;
+
+use super::super::picture::SampleDepth;
+use super::super::values::{Background, Choice, background, choice, kernel, number};
+use adjsplat::error::{Error, Result};
+use adjsplat::splat::{Blending, KernelShape, Mode, Quality, Sampling, Settings};
+use adjsplat::traverse::SplitForm;
+
+/// How the picture is made.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "Look")]
+pub(super) struct LookArguments {
+    /// How exact the picture is: where splats are cut off, when rays end, which pixels are drawn
+    #[arg(long, value_name = "Q", default_value = "standard", value_parser = choice(QUALITIES))]
+    quality: Quality,
+    /// Which pixels are drawn; by default fewest for draft, enough for standard, finer for high and reference.
+    /// Graphics devices and --renderer reference draw finer for fewest and enough
+    #[arg(long, value_name = "PIXELS", value_parser = choice(SAMPLINGS))]
+    sampling: Option<Sampling>,
+    /// Choose the fastest settings whose largest error (of a linear sample from 0 to 1, beside --quality reference)
+    /// is at most E, by measuring small windows of the pictures
+    #[arg(long, value_name = "E", allow_hyphen_values = true, conflicts_with_all = ["quality", "sampling", "kernel", "termination", "blending"])]
+    pub(super) max_error: Option<f64>,
+    /// Gaussian of a splat, in voxels: standard deviation (0.2 to 4) and radius (1 to 6 times that), such as 0.6,2;
+    /// by default that of --quality
+    #[arg(long, value_name = "SIGMA,RADIUS", value_parser = kernel)]
+    kernel: Option<KernelShape>,
+    /// End a ray when at most this share of its light is left, 0 to 1, which is also the most that a pixel loses;
+    /// by default that of --quality
+    #[arg(long, value_name = "T", value_parser = number(0.0..=1.0f32))]
+    pub(super) termination: Option<f32>,
+    /// What a pixel shows of its ray
+    #[arg(long, value_name = "MODE", default_value = "composite", value_parser = choice(MODES))]
+    mode: Mode,
+    /// How a splat covers what is behind it, in composite mode; linear and sheets need --renderer cpu, and are not exact
+    /// for very many very faint layers
+    #[arg(long, value_name = "B", default_value = "exponential", value_parser = choice(BLENDINGS))]
+    blending: Blending,
+    /// Brightness of xray mode, a factor above 0; by default it suits what is visible
+    #[arg(long, value_name = "FACTOR", allow_hyphen_values = true)]
+    exposure: Option<f32>,
+    /// Colour behind the volume: #rrggbb, black, white or transparent;
+    /// by default white in composite mode, black in the others
+    #[arg(long, value_name = "COLOUR", value_parser = background)]
+    background: Option<Background>,
+    /// Draw without lighting
+    #[arg(long)]
+    unlit: bool,
+    /// Order of voxels in perspective, on the two sides of the eye
+    #[arg(long, value_name = "FORM", default_value = "interleaved", value_parser = choice(FORMS))]
+    form: SplitForm,
+    /// Bits of each sample of a PNG
+    #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice(DEPTHS))]
+    pub(super) bits: SampleDepth,
+}
+
+const QUALITIES: [Choice<Quality>; 4] = [
+    ("draft", Quality::Draft, "For moving the camera"),
+    ("standard", Quality::Standard, "For pictures to look at"),
+    ("high", Quality::High, "For pictures to measure in"),
+    ("reference", Quality::Reference, "Nothing is left out; slow"),
+];
+
+const SAMPLINGS: [Choice<Sampling>; 4] = [
+    ("fewest", Sampling::Fewest, "Enough for 32 dB, for moving the camera"),
+    ("enough", Sampling::Enough, "Fewer than all where splats are wide; the picture is interpolated"),
+    ("every", Sampling::EveryPixel, "All pixels of the picture"),
+    ("finer", Sampling::Finer, "Several for each pixel where voxels are smaller than pixels"),
+];
+
+const MODES: [Choice<Mode>; 4] = [
+    ("composite", Mode::Composite, "Splats blended from front to back, with lighting"),
+    ("maximum", Mode::Maximum, "The largest value, in its colour"),
+    ("maximum-grey", Mode::MaximumGrey, "The largest value, in grey"),
+    ("xray", Mode::Additive, "The sum along the ray"),
+];
+
+const BLENDINGS: [Choice<Blending>; 3] = [
+    ("exponential", Blending::Exponential, "The integral along the ray"),
+    ("linear", Blending::Linear, "Opacity times weight, the classic form"),
+    ("sheets", Blending::Sheets, "The integral of the sum of each slice's splats"),
+];
+
+const FORMS: [Choice<SplitForm>; 2] = [
+    ("interleaved", SplitForm::Interleaved, "In turns; right where splats overlap"),
+    ("split", SplitForm::Split, "One side after the other"),
+];
+
+const DEPTHS: [Choice<SampleDepth>; 2] = [("8", SampleDepth::Eight, ""), ("16", SampleDepth::Sixteen, "")];
+
+impl LookArguments {
+    /// Returns the settings for a picture of `size`, drawn by `threads`.
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a flag that does not go with `--mode`, or a value out of range.
+    pub(super) fn settings(&self, size: [u32; 2], threads: usize) -> Result<Settings> {
+        let mut settings = Settings::new(size);
+        (settings.quality, settings.mode, settings.blending) = (self.quality, self.mode, self.blending);
+        if settings.blending != Blending::Exponential && settings.mode != Mode::Composite {
+            return Err(Error::input("--blending", "is for --mode composite; leave it out"));
+        }
+        settings.sampling = self.sampling;
+        (settings.kernel, settings.termination, settings.form) = (self.kernel, self.termination, self.form);
+        if self.unlit {
+            settings.lighting = None;
+        }
+        if self.exposure.is_some() && settings.mode != Mode::Additive {
+            return Err(Error::input("--exposure", "is for --mode xray; leave it out"));
+        }
+        settings.exposure = self.exposure;
+        settings.threads = threads;
+        settings.check()?;
+        Ok(settings)
+    }
+
+    /// Returns the colour behind the volume, linear; `None` for transparent.
+    pub(super) fn background(&self) -> Option<[f32; 3]> {
+        let usual = if self.mode == Mode::Composite { [1.0; 3] } else { [0.0; 3] };
+        match self.background {
+            Some(Background::Transparent) => None,
+            Some(Background::Colour(colour)) => Some(colour),
+            None => Some(usual),
+        }
+    }
+}
+
+/// Describes the settings that `--max-error` chose, as flags.
+pub(super) fn chosen(settings: &Settings, measured: f64) -> String {
+    let KernelShape { sigma, radius } = settings.kernel();
+    let (termination, sampling) = (settings.termination(), settings.sampling().name());
+    format!(
+        "--kernel {sigma},{radius} --termination {termination} --sampling {sampling}: largest error measured {measured:.2e}"
+    )
+}

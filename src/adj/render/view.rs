@@ -1,0 +1,79 @@
+//! Where the camera is: `--azimuth`, `--camera` and the like.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::super::values::{Crop, crop, library, number, picture_size};
+use adjsplat::error::{Error, Result};
+use adjsplat::internals::read_text;
+use adjsplat::splat::{Camera, Orbit, Surround, Up};
+use adjsplat::traverse::VoxelBox;
+use adjsplat::volume::Grid;
+
+/// Where the camera is.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "View")]
+pub(super) struct ViewArguments {
+    /// Columns and rows of the picture, 1 to 16384 each
+    #[arg(long, value_name = "WxH", default_value = "800x800", value_parser = picture_size)]
+    pub(super) size: [u32; 2],
+    /// Degrees around the vertical: 0 looks from the front (at a face), 90 from the right of the picture
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true)]
+    azimuth: f64,
+    /// Degrees above the horizontal
+    #[arg(long, value_name = "DEGREES", default_value_t = 0.0, allow_hyphen_values = true)]
+    elevation: f64,
+    /// World axis that points up, and that --azimuth turns around: x, -x, y, -y, z or -z
+    #[arg(long, value_name = "AXIS", default_value = "z", allow_hyphen_values = true, value_parser = library(Up::from_name))]
+    up: Up,
+    /// Magnification, above 0; at 1 the whole volume fits
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_hyphen_values = true)]
+    zoom: f64,
+    /// Draw in perspective, with this vertical angle of view (above 0, below 180); parallel by default
+    #[arg(long, value_name = "DEGREES", allow_hyphen_values = true)]
+    perspective: Option<f64>,
+    /// Camera in world coordinates, as a JSON file: position, target, up, and fov or height
+    #[arg(long, value_name = "FILE.json", conflicts_with_all = ["azimuth", "elevation", "up", "zoom", "perspective"])]
+    camera: Option<PathBuf>,
+    /// Frames of a full turn around the vertical, 1 to 100000: numbered files, or one .apng
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = number(1..=100_000u32))]
+    pub(super) frames: u32,
+    /// Draw only voxels in this box of indices, ends included: 0..127,..63,10..
+    #[arg(long, value_name = "X,Y,Z", value_parser = crop)]
+    pub(super) crop: Option<Crop>,
+}
+
+/// Returns what the camera fits into the picture: the crop, or else all visible voxels.
+pub(super) fn surround(grid: &Grid, crop: Option<VoxelBox>, visible: Option<([u16; 3], [u16; 3])>) -> Surround {
+    match (crop, visible) {
+        (Some(crop), _) => Surround::of_voxels(grid, crop.low, crop.high),
+        (None, Some((low, high))) => Surround::of_voxels(grid, low, high),
+        (None, None) => Surround::of_grid(grid),
+    }
+}
+
+/// Returns the camera of every frame.
+pub(super) fn cameras(view: &ViewArguments, around: Surround, size: [u32; 2]) -> Result<Vec<Camera>> {
+    (0..view.frames).map(|frame_index| camera(view, around, size, frame_index)).collect()
+}
+
+fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u32) -> Result<Camera> {
+    if let Some(path) = &view.camera {
+        if view.frames > 1 {
+            return Err(Error::input("--camera", "is one view; leave out --frames, or use --azimuth and --elevation"));
+        }
+        let text = read_text(path)?;
+        return serde_json::from_str(&text)
+            .map_err(|fault| Error::input(path.display().to_string(), fault.to_string()));
+    }
+    let turned = 360.0 * f64::from(frame_index) / f64::from(view.frames);
+    let orbit = Orbit {
+        azimuth: view.azimuth + turned,
+        elevation: view.elevation,
+        zoom: view.zoom,
+        fov: view.perspective,
+        up: view.up,
+    };
+    Camera::orbiting(orbit, around, size)
+}

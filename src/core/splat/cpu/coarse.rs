@@ -1,0 +1,259 @@
+//! Coarse views: where footprints are wide, fewer samples than pixels are enough.
+//!
+//! In: a view whose narrowest footprint is wide. Out: the same view with fewer, larger pixels; from its frame the
+//! picture, by cubic B-spline interpolation. A picture of Gaussian footprints has hardly any detail finer than a
+//! footprint: at a standard deviation of [`ENOUGH`] pixels, a footprint's frequencies fall to 1 % of its mean at half
+//! the sampling rate. The edges of opaque voxels are finer: where a splat's depth at its centre is p > 1,
+//! `1 - exp(-p exp(-r^2 / 2 sigma^2))` rises within sigma / sqrt(2 ln p), and that width counts. Measured:
+//! docs/studies/sampling.md.
+//!
+//! ```text
+//! view -> fewer pixels, with a margin -> draw -> coefficients (a recursive filter) -> columns -> rows -> picture
+//! ```
+//!
+//! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993: interpolation by a recursive filter, then the
+//! B-spline's weights.
+
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "places are inside pictures of 16,384 pixels a side; weights are single precision"
+)]
+
+use std::f64::consts::TAU;
+
+use glam::Vec4;
+use multiversion::multiversion;
+
+use super::project::jacobian;
+use crate::error::Result;
+use crate::splat::frame::in_range;
+use crate::splat::kernel::narrowest_sigma;
+use crate::splat::supersample::sigma_at_centre;
+use crate::splat::view::{PixelMap, View, apply, single};
+use crate::splat::{Blending, Frame, Sampling, Settings};
+use crate::traverse::VoxelBox;
+
+/// Standard deviation, in samples, of the narrowest footprint of a coarse view: at 0.97 footprints of the standard
+/// kernel are 6.5 samples wide, and what is lost is 45 dB below the picture or more.
+const ENOUGH: f64 = 0.97;
+/// The same where 32 dB below the picture are enough: measured at 37 dB and more; with 0.5, at 30.
+const FEWEST: f64 = 0.62;
+/// Largest number of samples per pixel, along a side, at which a coarse view is worth its interpolation.
+const MAX_FACTOR: f64 = 0.8;
+/// Samples around a coarse picture, so that its edge is interpolated like the rest: samples beyond have a weight below
+/// 0.268^5.
+const MARGIN: u32 = 6;
+/// Pictures with a shorter side have no coarse view.
+const MIN_SIDE: u32 = 64;
+
+/// A view with fewer samples than the picture has pixels.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct CoarseView {
+    /// Samples per pixel, along a side; below 1.
+    factor: f64,
+    /// Columns and rows of the picture.
+    size: [u32; 2],
+}
+
+impl CoarseView {
+    /// Returns the coarse view that is exact enough for the voxels in `bounds`, whose optical depth per mean voxel is at
+    /// most `deepest`.
+    ///
+    /// `None` if every pixel is needed, or for blending other than exponential, whose edges differ.
+    pub(super) fn new(view: &View, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<CoarseView> {
+        if settings.keeps_pixels() || settings.blending != Blending::Exponential {
+            return None;
+        }
+        let kernel = settings.kernel();
+        let enough = match settings.sampling() {
+            Sampling::EveryPixel | Sampling::Finer => return None,
+            Sampling::Enough => ENOUGH,
+            Sampling::Fewest => FEWEST,
+        };
+        if view.size.into_iter().any(|side| side < MIN_SIDE) {
+            return None;
+        }
+        let narrowest = match &view.map {
+            PixelMap::Parallel { pixel_from_voxel, .. } => {
+                narrowest_sigma(pixel_from_voxel.each_ref().map(single), kernel.sigma)
+            }
+            PixelMap::Perspective { camera_from_voxel, focal, near, .. } => {
+                let steps = camera_from_voxel.each_ref().map(single);
+                // The farthest voxels have the narrowest footprints, and the farthest one is a corner.
+                let corners = (0..8).map(|corner: u32| {
+                    let at = [0, 1, 2].map(|a| [bounds.low[a], bounds.high[a]][(corner >> a & 1) as usize].into());
+                    let [t0, t1, t2] = camera_from_voxel.each_ref().map(|map| apply(map, at));
+                    let t2 = t2.max(*near);
+                    let rows = jacobian(&steps, (t0 / t2) as f32, (t1 / t2) as f32, (focal / t2) as f32);
+                    narrowest_sigma(rows, kernel.sigma)
+                });
+                corners.fold(f32::INFINITY, f32::min)
+            }
+        };
+        // In drafts the farthest voxels get half of the samples that those in the middle need.
+        let sigma = match (settings.sampling(), &view.map) {
+            (Sampling::Fewest, PixelMap::Perspective { .. }) => {
+                sigma_at_centre(view, bounds, settings).min(2.0 * narrowest).max(narrowest)
+            }
+            _ => narrowest,
+        };
+        let peak = deepest / (TAU * f64::from(kernel.sigma).powi(2));
+        let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
+        let factor = enough * sharpness / f64::from(sigma);
+        // Not so coarse that a picture is all margin; NaN takes this limit too.
+        let factor = factor.max(1.0 / 16.0);
+        (factor <= MAX_FACTOR).then_some(CoarseView { factor, size: view.size })
+    }
+
+    /// Returns `view` with fewer samples.
+    pub(super) fn view(&self, view: &View) -> View {
+        let side = |pixels: u32| (f64::from(pixels) * self.factor).ceil() as u32 + 2 * MARGIN;
+        view.with_pixels(self.factor, self.size.map(side), f64::from(MARGIN))
+    }
+
+    /// Returns the picture, from the frame of the coarse view.
+    ///
+    /// O(pixels). The result does not depend on `threads`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    pub(super) fn enlarge(&self, mut coarse: Frame, threads: usize) -> Result<Frame> {
+        let [columns, rows] = coarse.size().map(|side| side as usize);
+        let covered = covered(&coarse);
+        columns_to_coefficients(coarse.pixels_mut(), 4 * columns);
+        let column_taps = self.taps(self.size[0], columns);
+        let width = self.size[0] as usize;
+        let mut wide = Frame::transparent([self.size[0], coarse.size()[1]])?;
+        wide.fill_rows(threads, |first, wide| {
+            for (row, out) in (first..).zip(wide.chunks_exact_mut(4 * width)) {
+                let mut line: Vec<[f32; 4]> =
+                    coarse.pixels()[4 * columns * row..][..4 * columns].as_chunks().0.to_vec();
+                to_coefficients(&mut line);
+                for (pixel, tap) in out.as_chunks_mut::<4>().0.iter_mut().zip(&column_taps) {
+                    let samples: &[[f32; 4]; 4] =
+                        line[tap.first..].first_chunk().expect("four samples inside the margin");
+                    *pixel = std::array::from_fn(|c| (0..4).map(|k| tap.weights[k] * samples[k][c]).sum());
+                }
+            }
+        });
+        drop(coarse);
+        let mut picture = Frame::transparent(self.size)?;
+        let row_taps = self.taps(self.size[1], rows);
+        let wide = wide.pixels();
+        picture.fill_rows(threads, |first, out| {
+            for (row, tap) in out.chunks_exact_mut(4 * width).zip(&row_taps[first..]) {
+                let sample = |k: usize| &wide[4 * width * (tap.first + k)..][..4 * width];
+                weighted_sum([sample(0), sample(1), sample(2), sample(3)], tap.weights, row);
+                let covered = &covered[columns * tap.nearest..][..columns];
+                for (pixel, column) in row.as_chunks_mut::<4>().0.iter_mut().zip(&column_taps) {
+                    // Pixels without a covered neighbour stay empty.
+                    let factor = if covered[column.nearest] { 1.0 } else { 0.0 };
+                    *pixel = in_range(factor * Vec4::from_array(*pixel));
+                }
+            }
+        });
+        Ok(picture)
+    }
+
+    /// Returns the samples that each of `count` columns (or rows) is interpolated from; there are `samples` of them.
+    fn taps(&self, count: u32, samples: usize) -> Vec<SplineTaps> {
+        let taps = |index: u32| {
+            let at = (f64::from(index) + 0.5) * self.factor - 0.5 + f64::from(MARGIN);
+            let first = (at.floor() as usize).saturating_sub(1).min(samples - 4);
+            let weights = spline_weights((at - at.floor()) as f32);
+            SplineTaps { first, nearest: (at.round() as usize).min(samples - 1), weights }
+        };
+        (0..count).map(taps).collect()
+    }
+}
+
+/// The samples that a pixel is interpolated from, along a side.
+struct SplineTaps {
+    /// First of the four.
+    first: usize,
+    nearest: usize,
+    weights: [f32; 4],
+}
+
+/// Returns for each pixel whether it or one of its eight neighbours is not empty.
+pub(super) fn covered(frame: &Frame) -> Vec<bool> {
+    let [columns, rows] = frame.size().map(|side| side as usize);
+    let drawn: Vec<bool> = frame.pixels().chunks_exact(4).map(|pixel| pixel[3] > 0.0).collect();
+    let mut in_row = vec![false; drawn.len()];
+    for (row, out) in drawn.chunks_exact(columns).zip(in_row.chunks_exact_mut(columns)) {
+        for column in 0..columns {
+            out[column] = row[column.saturating_sub(1)..columns.min(column + 2)].contains(&true);
+        }
+    }
+    let mut covered = vec![false; drawn.len()];
+    for row in 0..rows {
+        for near in row.saturating_sub(1)..rows.min(row + 2) {
+            let near = &in_row[columns * near..][..columns];
+            let out = &mut covered[columns * row..][..columns];
+            out.iter_mut().zip(near).for_each(|(out, near)| *out |= near);
+        }
+    }
+    covered
+}
+
+/// The pole of the cubic B-spline's recursive filter: sqrt(3) - 2.
+const POLE: f32 = -0.267_949_2;
+/// Factor that the filter's two directions leave out, -6 times the pole; it is in the weights.
+const GAIN: f32 = 6.0 * 0.267_949_2;
+
+/// Returns the weights of four coefficients at `t` (0 to 1) past the second; with [`GAIN`].
+#[inline(always)]
+pub(super) fn spline_weights(t: f32) -> [f32; 4] {
+    let s = 1.0 - t;
+    [
+        GAIN / 6.0 * (s * s * s),
+        GAIN * (2.0 / 3.0 - t * t * (2.0 - t) / 2.0),
+        GAIN * (2.0 / 3.0 - s * s * (2.0 - s) / 2.0),
+        GAIN / 6.0 * (t * t * t),
+    ]
+}
+
+/// Turns the samples of a line into coefficients whose B-spline goes through them, except for [`GAIN`]. Beyond its ends
+/// a line continues with its end samples.
+pub(super) fn to_coefficients(line: &mut [[f32; 4]]) {
+    filter(line.iter_mut());
+    filter(line.iter_mut().rev());
+}
+
+/// Applies one direction of the filter.
+fn filter<'a>(mut line: impl Iterator<Item = &'a mut [f32; 4]>) {
+    let Some(first) = line.next() else { return };
+    *first = first.map(|value| value / (1.0 - POLE));
+    let mut before = *first;
+    for pixel in line {
+        before = std::array::from_fn(|c| pixel[c] + POLE * before[c]);
+        *pixel = before;
+    }
+}
+
+/// Does what [`to_coefficients`] does for every column; rows have `len` numbers.
+pub(super) fn columns_to_coefficients(rows: &mut [f32], len: usize) {
+    let count = rows.len() / len;
+    let edge = |row: &mut [f32]| row.iter_mut().for_each(|value| *value /= 1.0 - POLE);
+    let step = |row: &mut [f32], before: &[f32]| row.iter_mut().zip(before).for_each(|(v, b)| *v += POLE * b);
+    edge(&mut rows[..len]);
+    for row in 1..count {
+        let (before, from_row) = rows.split_at_mut(len * row);
+        step(&mut from_row[..len], &before[len * (row - 1)..]);
+    }
+    edge(&mut rows[len * (count - 1)..]);
+    for row in (0..count - 1).rev() {
+        let (to_row, before) = rows.split_at_mut(len * (row + 1));
+        step(&mut to_row[len * row..], &before[..len]);
+    }
+}
+
+/// Computes the weighted sum of four rows.
+#[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
+fn weighted_sum(rows: [&[f32]; 4], weights: [f32; 4], out: &mut [f32]) {
+    let [a, b, c, d] = rows.map(|row| &row[..out.len()]);
+    for i in 0..out.len() {
+        out[i] = (weights[0] * a[i] + weights[1] * b[i]) + (weights[2] * c[i] + weights[3] * d[i]);
+    }
+}

@@ -1,0 +1,48 @@
+//! A walk that leaves out some voxels.
+//!
+//! In: a walk's batches and a set of records. Out: the same batches without those records, for another visitor: what it
+//! would receive from a structure without those voxels.
+
+use crate::arena::RecordSet;
+use crate::traverse::{Batch, Visitor, VoxelBox};
+
+/// Passes on the records that are not in a set.
+#[derive(Debug)]
+pub(super) struct OmittingVisitor<'a, V> {
+    inner: &'a mut V,
+    omitted: &'a RecordSet,
+    medium: Vec<u16>,
+    fast: Vec<u16>,
+    record: Vec<u32>,
+}
+
+impl<'a, V> OmittingVisitor<'a, V> {
+    pub(super) fn new(inner: &'a mut V, omitted: &'a RecordSet) -> OmittingVisitor<'a, V> {
+        OmittingVisitor { inner, omitted, medium: Vec::new(), fast: Vec::new(), record: Vec::new() }
+    }
+}
+
+impl<V: Visitor> Visitor for OmittingVisitor<'_, V> {
+    fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
+        self.inner.wants_tile(bounds)
+    }
+
+    fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
+        self.inner.wants_row(bounds)
+    }
+
+    fn visit(&mut self, batch: &Batch) {
+        self.medium.clear();
+        self.fast.clear();
+        self.record.clear();
+        for index in (0..batch.len()).filter(|&index| !self.omitted.contains(batch.record_index(index))) {
+            self.medium.push(batch.medium[index]);
+            self.fast.push(batch.fast[index]);
+            self.record.push(batch.record[index]);
+        }
+        if !self.record.is_empty() {
+            let kept = Batch { medium: &self.medium, fast: &self.fast, record: &self.record, ..*batch };
+            self.inner.visit(&kept);
+        }
+    }
+}

@@ -1,0 +1,293 @@
+//! A drawing task: what all threads of a frame share, how its picture is cut into bands, and how bands become a frame.
+//!
+//! In: a frame's setup, projector and settings. Out: a frame. Each band walks the lane for itself, so no memory is spent
+//! on sorting splats into bands, and a pixel meets the same splats in the same order whatever the bands are.
+
+#![expect(clippy::cast_possible_truncation, reason = "coordinates are clipped to the picture before the cast")]
+
+use std::time::{Duration, Instant};
+
+use super::blend::Blend;
+use super::omit::OmittingVisitor;
+use super::project::Projector;
+use super::raster::Thresholds;
+use super::tile_buffer::{Rect, TileBuffer};
+use super::visible::VisibleRecords;
+use super::{band, plain};
+use crate::arena::RecordSet;
+use crate::error::Result;
+use crate::splat::composite::{Blending, Finish};
+use crate::splat::setup::FrameSetup;
+use crate::splat::view::{PixelMap, View};
+use crate::splat::{Code, Frame, Settings};
+use crate::traverse::{Visitor, VoxelBox, walk};
+
+/// What the threads that draw a frame share.
+pub(super) struct DrawTask<'a> {
+    pub(super) projector: &'a Projector<'a>,
+    pub(super) setup: &'a FrameSetup<'a>,
+    pub(super) settings: &'a Settings,
+    pub(super) thresholds: Thresholds,
+    /// Half the size of every footprint's box in a parallel view, in pixels; 0 in perspective.
+    pub(super) half_widths: [f64; 2],
+    /// Records of the lane that are not drawn.
+    pub(super) omitted: Option<&'a RecordSet>,
+    /// Where visible records are marked; for front-to-back compositing on one thread.
+    pub(super) visible: Option<VisibleRecords<'a>>,
+}
+
+/// The pixels of one band.
+pub(super) trait BandPixels {
+    fn rect(&self) -> Rect;
+    /// Visits the pixels of row `y` with their column and values; may leave out empty pixels.
+    fn visit_row(&self, y: i32, visit: impl FnMut(i32, [f32; 4]));
+}
+
+/// A drawn band.
+pub struct BandResult<P> {
+    /// The band's pixels.
+    pub pixels: P,
+    /// The work that it took.
+    pub stats: BandStats,
+}
+
+/// The work of drawing one or more bands.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct BandStats {
+    /// Voxels visited.
+    pub visited: u64,
+    /// Splats drawn.
+    pub drawn: u64,
+    /// Time spent walking, summed over threads.
+    pub walking: Duration,
+    /// Time spent projecting and drawing, summed over threads.
+    pub drawing: Duration,
+    /// Bands drawn at a time.
+    pub bands: usize,
+}
+
+impl BandStats {
+    /// Returns the sums over bands that were drawn at the same time.
+    pub(super) fn of<P>(results: &[BandResult<P>]) -> BandStats {
+        let mut stats = BandStats::default();
+        results.iter().for_each(|band| stats.add(&band.stats));
+        BandStats { bands: results.len(), ..stats }
+    }
+
+    /// Adds the work of bands that were drawn before or after.
+    pub(super) fn add(&mut self, part: &BandStats) {
+        self.visited += part.visited;
+        self.drawn += part.drawn;
+        self.walking += part.walking;
+        self.drawing += part.drawing;
+        self.bands = self.bands.max(part.bands);
+    }
+}
+
+impl<'a> DrawTask<'a> {
+    /// Returns a task; `stop` is the transmittance below which a pixel no longer changes.
+    pub(super) fn new(
+        setup: &'a FrameSetup<'a>,
+        projector: &'a Projector<'a>,
+        settings: &'a Settings,
+        stop: f32,
+    ) -> DrawTask<'a> {
+        let thresholds = Thresholds { cut: setup.kernel.cut(), stop };
+        let half_widths = projector.half_widths();
+        DrawTask { projector, setup, settings, thresholds, half_widths, omitted: None, visible: None }
+    }
+
+    /// Draws all splats, band by band.
+    pub(super) fn splat<B: Blend>(&self) -> Result<Vec<BandResult<TileBuffer>>> {
+        if self.settings.code != Code::Plain {
+            return self.in_bands(self.lines_follow_rows(), |rect| band::draw::<B>(self, rect));
+        }
+        let rect = full_rect(self.settings.size);
+        let drawn = match self.settings.blending {
+            Blending::Sheets => plain::draw_sheets(self, rect)?,
+            Blending::Exponential | Blending::Linear => plain::draw::<B>(self, rect)?,
+        };
+        Ok(vec![drawn])
+    }
+
+    /// Walks the lane with `painter`, which draws; returns the time that this took.
+    pub(super) fn walk(&self, painter: &mut impl Visitor) -> Duration {
+        let start = Instant::now();
+        let FrameSetup { lane, order, .. } = self.setup;
+        match self.omitted {
+            None => walk(lane, order, painter),
+            Some(omitted) => walk(lane, order, &mut OmittingVisitor::new(painter, omitted)),
+        }
+        start.elapsed()
+    }
+
+    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none or the voxels lie
+    /// outside the crop.
+    #[inline(always)]
+    pub(super) fn pixels_in_crop(&self, rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
+        if self.projector.crop.is_some_and(|crop| !bounds.meets(&crop)) {
+            return None;
+        }
+        self.pixels(rect, bounds)
+    }
+
+    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none.
+    #[inline(always)]
+    pub(super) fn pixels(&self, rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
+        pixels(&self.setup.view, self.half_widths, rect, bounds)
+    }
+
+    /// Cuts the picture into bands of rows, or of columns, and draws each on a thread of its own.
+    pub(super) fn in_bands<P: Send>(
+        &self,
+        by_rows: bool,
+        draw: impl Fn(Rect) -> Result<BandResult<P>> + Sync,
+    ) -> Result<Vec<BandResult<P>>> {
+        let full = full_rect(self.settings.size);
+        let side = usize::try_from(if by_rows { full.y1 } else { full.x1 }).unwrap_or(1);
+        let borders = self.borders(by_rows, self.settings.threads.clamp(1, side));
+        let draw = |low: i32, high: i32| {
+            draw(if by_rows { Rect { y0: low, y1: high, ..full } } else { Rect { x0: low, x1: high, ..full } })
+        };
+        if let [low, high] = borders[..] {
+            return Ok(vec![draw(low, high)?]);
+        }
+        std::thread::scope(|scope| {
+            let draw = &draw;
+            let threads: Vec<_> = borders.windows(2).map(|pair| scope.spawn(move || draw(pair[0], pair[1]))).collect();
+            threads
+                .into_iter()
+                .map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+                .collect()
+        })
+    }
+
+    /// Returns whether the lane's lines follow the picture's rows more than its columns: bands of rows then cut the
+    /// fewest tiles.
+    fn lines_follow_rows(&self) -> bool {
+        let fast = self.setup.order.fast.index();
+        let [x, y] = match &self.setup.view.map {
+            PixelMap::Parallel { pixel_from_voxel: [x, y], .. } => [x, y],
+            PixelMap::Perspective { camera_from_voxel: [x, y, _], .. } => [x, y],
+        };
+        x[fast].abs() >= y[fast].abs()
+    }
+
+    /// Returns the `count + 1` borders of bands of about equal work, in rows (or columns), from 0 to the picture's side.
+    fn borders(&self, by_rows: bool, count: usize) -> Vec<i32> {
+        let (lane, view) = (&self.setup.lane, &self.setup.view);
+        let side = usize::try_from(view.size[usize::from(by_rows)]).unwrap_or(1);
+        let [u_axis, v_axis] = lane.axis.others().map(|axis| axis.index());
+        let mut work = vec![0.0f64; side + 1];
+        // Enough tiles for an estimate; a frame should not wait for millions.
+        let stride = (lane.tiles.len() / 100_000).max(1);
+        for index in (0..lane.tiles.len()).step_by(stride) {
+            let Some(tile) = lane.tile(index) else { break };
+            let records = lane.tile_records(tile) as f64;
+            let mut bounds = VoxelBox { low: [tile.low.get(); 3], high: [tile.high.get(); 3] };
+            for (axis, tile_line) in [(u_axis, tile.tile_u.get()), (v_axis, tile.tile_v.get())] {
+                let first = u32::from(tile_line) * 8;
+                let last = (first + 7).min(lane.dims[axis].saturating_sub(1));
+                bounds.low[axis] = u16::try_from(first).unwrap_or(u16::MAX);
+                bounds.high[axis] = u16::try_from(last).unwrap_or(u16::MAX);
+            }
+            let Some([left, right, top, bottom]) = view.pixel_bounds(&bounds, self.half_widths) else { continue };
+            let (low, high) = if by_rows { (top, bottom) } else { (left, right) };
+            let (from, to) = (low.max(0.0), high.min(side as f64 - 1.0));
+            if from <= to {
+                let density = records / (high - low + 1.0);
+                work[from as usize] += density;
+                work[to as usize + 1] -= density;
+            }
+        }
+        // From differences to densities to sums.
+        let (mut density, mut total) = (0.0, 0.0);
+        for row in &mut work[..side] {
+            density += *row;
+            total += density.max(0.0);
+            *row = total;
+        }
+        let mut borders = vec![0];
+        for band in 1..count {
+            let goal = total * band as f64 / count as f64;
+            let even = side * band / count;
+            let border = if total > 0.0 { work[..side].partition_point(|&done| done < goal) } else { even };
+            // Each band has at least one row.
+            let least = usize::try_from(borders[band - 1]).unwrap_or(0) + 1;
+            let most = side - (count - band);
+            borders.push(i32::try_from(border.clamp(least, most.max(least))).unwrap_or(i32::MAX));
+        }
+        borders.push(i32::try_from(side).unwrap_or(i32::MAX));
+        borders
+    }
+}
+
+/// Returns the rectangle of all pixels of a picture.
+pub(super) fn full_rect(size: [u32; 2]) -> Rect {
+    let [columns, rows] = size.map(u32::cast_signed);
+    Rect { x0: 0, y0: 0, x1: columns, y1: rows }
+}
+
+/// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none.
+///
+/// `half_widths`: see [`Projector::half_widths`].
+pub(super) fn pixels(view: &View, half_widths: [f64; 2], rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
+    let [left, right, top, bottom] = view.pixel_bounds(bounds, half_widths)?;
+    // Clipped values are not negative, so that a cast is the floor.
+    let floor = |at: f64, low: i32, high: i32| at.clamp(f64::from(low), f64::from(high)) as i32;
+    let ceil = |at: f64, low: i32, high: i32| {
+        let floor = floor(at, low, high);
+        (floor + i32::from(f64::from(floor) < at)).min(high)
+    };
+    let meets = right >= f64::from(rect.x0)
+        && left <= f64::from(rect.x1 - 1)
+        && bottom >= f64::from(rect.y0)
+        && top <= f64::from(rect.y1 - 1);
+    meets.then(|| Rect {
+        x0: floor(left, rect.x0, rect.x1 - 1),
+        x1: ceil(right, rect.x0, rect.x1 - 1) + 1,
+        y0: floor(top, rect.y0, rect.y1 - 1),
+        y1: ceil(bottom, rect.y0, rect.y1 - 1) + 1,
+    })
+}
+
+/// Makes a frame of finished bands of tiles.
+///
+/// # Errors
+/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+pub fn assemble(bands: &[BandResult<TileBuffer>], settings: &Settings, finish: Finish) -> Result<Frame> {
+    finished(bands, settings, finish)
+}
+
+/// Makes a frame of finished bands.
+pub(super) fn finished<P: BandPixels + Sync>(
+    bands: &[BandResult<P>],
+    settings: &Settings,
+    finish: Finish,
+) -> Result<Frame> {
+    let mut frame = Frame::transparent(settings.size)?;
+    combine(bands, settings, &mut frame, |pixel, values| *pixel = finish.pixel(values));
+    Ok(frame)
+}
+
+/// Combines the pixels of all bands with those of a frame by `put`.
+pub(super) fn combine<P: BandPixels + Sync>(
+    bands: &[BandResult<P>],
+    settings: &Settings,
+    frame: &mut Frame,
+    put: impl Fn(&mut [f32; 4], [f32; 4]) + Sync,
+) {
+    let row_len = 4 * settings.size[0] as usize;
+    frame.fill_rows(settings.threads, |first, rows| {
+        for (y, row) in (first..).zip(rows.chunks_exact_mut(row_len)) {
+            let y = i32::try_from(y).unwrap_or(i32::MAX);
+            let row = row.as_chunks_mut().0;
+            for band in bands {
+                let rect = band.pixels.rect();
+                if (rect.y0..rect.y1).contains(&y) {
+                    band.pixels.visit_row(y, |x, values| put(&mut row[x.unsigned_abs() as usize], values));
+                }
+            }
+        }
+    });
+}

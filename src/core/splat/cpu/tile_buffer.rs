@@ -1,0 +1,322 @@
+//! The pixels of a band, in tiles, and which of them can no longer change.
+//!
+//! In: a rectangle of the picture, in absolute pixel coordinates. Out: tiles of 4 x 4 pixels on the picture's fixed
+//! grid, each with sixteen reds, greens, blues and alphas. A footprint covers a few whole tiles, and every vector step
+//! is full. Tiles are read and written whole: a processor forwards a store to a load only if the load asks for no more
+//! than was stored.
+//!
+//! A tile is *fresh* until something is drawn on it; an empty part of the picture then costs no memory. It is *frozen*
+//! when all its pixels are below the stopping threshold. Squares of 4 x 4 tiles count their open tiles, and blocks of
+//! 8 x 8 squares their open squares, so that large rectangles are tested quickly.
+
+#![expect(clippy::cast_possible_truncation, reason = "a picture of 16,384 pixels a side has 2^24 tiles")]
+
+use bytemuck::Zeroable;
+
+use super::blend::{Additive, Blend as _, sheet_loss};
+use super::task::BandPixels;
+use crate::error::{Error, Result};
+
+/// Side of a tile in pixels, as a shift.
+pub(super) const TILE: i32 = 2;
+/// Pixels of a tile.
+pub(super) const TILE_PIXELS: usize = 1 << (2 * TILE);
+/// Side of a square of tiles in pixels, as a shift.
+const SQUARE: i32 = 4;
+/// Side of a block of squares in pixels, as a shift.
+const BLOCK: i32 = 7;
+
+/// A half-open rectangle of pixels, in absolute picture coordinates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Rect {
+    /// First column.
+    pub x0: i32,
+    /// First row; rows run downward.
+    pub y0: i32,
+    /// One past the last column.
+    pub x1: i32,
+    /// One past the last row.
+    pub y1: i32,
+}
+
+impl Rect {
+    /// Returns the parts of the rectangle that lie in each square of `1 << shift` pixels.
+    #[inline(always)]
+    fn split(self, shift: i32) -> impl Iterator<Item = Rect> {
+        let clip = move |low: i32, high: i32, square: i32| (low.max(square << shift), high.min((square + 1) << shift));
+        (self.y0 >> shift..=(self.y1 - 1) >> shift).flat_map(move |row| {
+            let (y0, y1) = clip(self.y0, self.y1, row);
+            (self.x0 >> shift..=(self.x1 - 1) >> shift).map(move |column| {
+                let (x0, x1) = clip(self.x0, self.x1, column);
+                Rect { x0, y0, x1, y1 }
+            })
+        })
+    }
+}
+
+/// The values of 4 x 4 pixels, row by row: reds, greens, blues, alphas.
+#[derive(Debug, Clone, Copy, PartialEq, Zeroable)]
+#[repr(C, align(64))]
+pub(super) struct Tile(pub(super) [[f32; TILE_PIXELS]; 4]);
+
+/// State of a tile on which nothing was drawn yet.
+const FRESH: u8 = 0;
+/// State of a tile of which some pixel may still change.
+const OPEN: u8 = 1;
+/// State of a tile of which no pixel changes any more.
+const FROZEN: u8 = 2;
+
+/// The pixels of one band, in tiles.
+pub struct TileBuffer {
+    /// The band's pixels.
+    pub(super) rect: Rect,
+    /// Alpha of a fresh pixel.
+    initial_alpha: f32,
+    /// Tiles from row to row.
+    pitch: usize,
+    tiles: Box<[Tile]>,
+    /// The state of each tile.
+    states: Vec<u8>,
+    /// Tiles of each square that are not frozen.
+    open_tiles: OpenCounts,
+    /// Squares of each block that have such tiles.
+    open_squares: OpenCounts,
+    /// Indices of the tiles that are not fresh; for a sheet only.
+    touched: Option<Vec<u32>>,
+}
+
+/// A count for each square of a grid over the picture.
+pub(super) struct OpenCounts {
+    left: i32,
+    top: i32,
+    columns: usize,
+    shift: i32,
+    counts: Vec<u8>,
+}
+
+impl OpenCounts {
+    /// Counts, for each square of `1 << shift` pixels, the cells of `1 << cell` pixels that it shares with the
+    /// rectangle.
+    pub(super) fn new(rect: Rect, shift: i32, cell: i32) -> OpenCounts {
+        let cells = |low: i32, high: i32| {
+            let (first, last) = (low >> cell, (high - 1) >> cell);
+            let more = shift - cell;
+            (first >> more..=last >> more)
+                .map(|square| last.min(((square + 1) << more) - 1) - first.max(square << more) + 1)
+                .map(|cells| u8::try_from(cells).expect("eight cells along a square at most"))
+                .collect::<Vec<u8>>()
+        };
+        let (columns, rows) = (cells(rect.x0, rect.x1), cells(rect.y0, rect.y1));
+        let counts = rows.iter().flat_map(|rows| columns.iter().map(move |columns| rows * columns)).collect();
+        OpenCounts { left: rect.x0 >> shift, top: rect.y0 >> shift, columns: columns.len(), shift, counts }
+    }
+
+    /// Index of the square that holds pixel (`x`, `y`).
+    #[inline(always)]
+    fn index(&self, x: i32, y: i32) -> usize {
+        let (column, row) = ((x >> self.shift) - self.left, (y >> self.shift) - self.top);
+        row as usize * self.columns + column as usize
+    }
+
+    /// Takes one from the count of the square that holds pixel (`x`, `y`); returns whether it is 0 now.
+    #[inline(always)]
+    pub(super) fn close_one(&mut self, x: i32, y: i32) -> bool {
+        let index = self.index(x, y);
+        self.counts[index] -= 1;
+        self.counts[index] == 0
+    }
+
+    /// Returns whether the count of the square that holds pixel (`x`, `y`) is 0.
+    #[inline(always)]
+    pub(super) fn is_zero(&self, x: i32, y: i32) -> bool {
+        self.counts[self.index(x, y)] == 0
+    }
+}
+
+impl TileBuffer {
+    /// Returns pixels for `rect`, which is not empty: colours 0, alphas `initial_alpha`.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(super) fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
+        let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
+        let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
+        let len = pitch * tiles_along(rect.y0, rect.y1);
+        let tiles = bytemuck::allocation::try_zeroed_slice_box(len)
+            .map_err(|()| Error::out_of_memory("the picture", (size_of::<Tile>() * len) as u64))?;
+        let (open_tiles, open_squares) = (OpenCounts::new(rect, SQUARE, TILE), OpenCounts::new(rect, BLOCK, SQUARE));
+        let states = vec![FRESH; len];
+        Ok(TileBuffer { rect, initial_alpha, pitch, tiles, states, open_tiles, open_squares, touched: None })
+    }
+
+    /// Returns the pixels of a sheet: sums of colour times optical depth, and of optical depth.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(super) fn sheet(rect: Rect) -> Result<TileBuffer> {
+        let sheet = TileBuffer::new(rect, Additive::INITIAL_ALPHA)?;
+        let mut touched = Vec::new();
+        let len = sheet.tiles.len();
+        touched
+            .try_reserve_exact(len)
+            .map_err(|_| Error::out_of_memory("the picture", (size_of::<u32>() * len) as u64))?;
+        Ok(TileBuffer { touched: Some(touched), ..sheet })
+    }
+
+    /// Composites a sheet of the same rectangle behind the pixels, front to back, and empties the sheet.
+    #[inline(always)]
+    pub(super) fn composite(&mut self, sheet: &mut TileBuffer, stop: f32) {
+        let mut touched = sheet.touched.take().unwrap_or_default();
+        for from in touched.drain(..) {
+            let from = from as usize;
+            // The sheet's tiles have the same indices.
+            let column = (self.rect.x0 >> TILE) + (from % self.pitch) as i32;
+            let row = (self.rect.y0 >> TILE) + (from / self.pitch) as i32;
+            let Tile(added) = &mut sheet.tiles[from];
+            if let Some((index, Tile([red, green, blue, clear]))) = self.tile(column, row) {
+                let (mut losses, mut factors) = ([0.0; TILE_PIXELS], [0.0; TILE_PIXELS]);
+                for i in 0..TILE_PIXELS {
+                    [losses[i], factors[i]] = sheet_loss(clear[i], added[3][i], stop);
+                }
+                for (values, added) in [red, green, blue].into_iter().zip(&*added) {
+                    for i in 0..TILE_PIXELS {
+                        values[i] += factors[i] * added[i];
+                    }
+                }
+                let mut is_open = false;
+                for i in 0..TILE_PIXELS {
+                    clear[i] -= losses[i];
+                    is_open |= clear[i] >= stop;
+                }
+                if !is_open {
+                    self.freeze(index, column, row);
+                }
+            }
+            *added = [[0.0; TILE_PIXELS]; 4];
+            sheet.states[from] = FRESH;
+        }
+        sheet.touched = Some(touched);
+    }
+
+    /// Returns the index of the tile in `column` and `row` of the picture's grid, which meets the rectangle.
+    #[inline(always)]
+    fn index(&self, column: i32, row: i32) -> usize {
+        (row - (self.rect.y0 >> TILE)) as usize * self.pitch + (column - (self.rect.x0 >> TILE)) as usize
+    }
+
+    /// Returns the index and values of the tile in `column` and `row` of the picture's grid, which meets the
+    /// rectangle; `None` if it is frozen.
+    #[inline(always)]
+    pub(super) fn tile(&mut self, column: i32, row: i32) -> Option<(usize, &mut Tile)> {
+        let index = self.index(column, row);
+        match self.states[index] {
+            OPEN => {}
+            FRESH => self.open(index, column, row),
+            _ => return None,
+        }
+        Some((index, &mut self.tiles[index]))
+    }
+
+    /// Gives the pixels of a fresh tile their alpha. It stays 0 outside the rectangle, which never keeps a tile from
+    /// freezing.
+    #[inline(never)]
+    fn open(&mut self, index: usize, column: i32, row: i32) {
+        let (x0, y0) = (column << TILE, row << TILE);
+        for (i, alpha) in (0..).zip(&mut self.tiles[index].0[3]) {
+            let (x, y) = (x0 + (i & 3), y0 + (i >> TILE));
+            let inside = (self.rect.x0..self.rect.x1).contains(&x) && (self.rect.y0..self.rect.y1).contains(&y);
+            *alpha = if inside { self.initial_alpha } else { 0.0 };
+        }
+        self.states[index] = OPEN;
+        if let Some(touched) = &mut self.touched {
+            touched.push(index as u32);
+        }
+    }
+
+    /// Notes that no pixel of an open tile changes any more.
+    #[inline(never)]
+    pub(super) fn freeze(&mut self, index: usize, column: i32, row: i32) {
+        self.states[index] = FROZEN;
+        let (x, y) = (column << TILE, row << TILE);
+        if self.open_tiles.close_one(x, y) {
+            self.open_squares.close_one(x, y);
+        }
+    }
+
+    /// Returns whether all tiles that meet `rect`, a part of the band, are frozen.
+    #[inline(always)]
+    pub(super) fn is_frozen(&self, rect: Rect) -> bool {
+        for row in rect.y0 >> TILE..=(rect.y1 - 1) >> TILE {
+            for column in rect.x0 >> TILE..=(rect.x1 - 1) >> TILE {
+                if self.states[self.index(column, row)] != FROZEN {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+
+    /// Returns the same as [`TileBuffer::is_frozen`], faster for large rectangles: tests whole blocks and squares.
+    pub(super) fn is_region_frozen(&self, rect: Rect) -> bool {
+        rect.split(BLOCK).filter(|part| !self.open_squares.is_zero(part.x0, part.y0)).all(|part| {
+            part.split(SQUARE).all(|part| self.open_tiles.is_zero(part.x0, part.y0) || self.is_frozen(part))
+        })
+    }
+
+    /// Returns pixel (`x`, `y`) of the rectangle.
+    pub(super) fn pixel(&self, x: i32, y: i32) -> [f32; 4] {
+        let index = self.index(x >> TILE, y >> TILE);
+        match self.states[index] {
+            FRESH => [0.0, 0.0, 0.0, self.initial_alpha],
+            _ => self.tiles[index].0.map(|plane| plane[index_in_tile(x, y)]),
+        }
+    }
+
+    /// Sets pixel (`x`, `y`) of the rectangle.
+    pub(super) fn set_pixel(&mut self, x: i32, y: i32, values: [f32; 4]) {
+        let index = self.index(x >> TILE, y >> TILE);
+        if self.states[index] == FRESH {
+            self.open(index, x >> TILE, y >> TILE);
+        }
+        for (plane, value) in self.tiles[index].0.iter_mut().zip(values) {
+            plane[index_in_tile(x, y)] = value;
+        }
+    }
+}
+
+impl BandPixels for TileBuffer {
+    fn rect(&self) -> Rect {
+        self.rect
+    }
+
+    fn visit_row(&self, y: i32, mut visit: impl FnMut(i32, [f32; 4])) {
+        let Rect { x0, x1, .. } = self.rect;
+        for column in x0 >> TILE..=(x1 - 1) >> TILE {
+            let index = self.index(column, y >> TILE);
+            if self.states[index] != FRESH {
+                let Tile(values) = &self.tiles[index];
+                for x in x0.max(column << TILE)..x1.min((column + 1) << TILE) {
+                    visit(x, values.map(|plane| plane[index_in_tile(x, y)]));
+                }
+            }
+        }
+    }
+}
+
+/// Returns a pixel's index in the values of its tile.
+#[inline(always)]
+fn index_in_tile(x: i32, y: i32) -> usize {
+    ((y & 3) << TILE | (x & 3)) as usize
+}
+
+/// Returns a row pitch of at least `tiles`, at which up to three rows do not share places in a page: at a pitch of 4,096
+/// bytes all rows of a splat fall into one cache set, and stores block the loads of the next row.
+fn pitch_for(tiles: usize) -> usize {
+    const PAGE_TILES: usize = 4096 / size_of::<Tile>();
+    let shares_places = |pitch: usize| !(1..=3).all(|rows| (3..=PAGE_TILES - 3).contains(&(rows * pitch % PAGE_TILES)));
+    let mut pitch = tiles;
+    while tiles > PAGE_TILES / 2 && shares_places(pitch) {
+        pitch += 1;
+    }
+    pitch
+}

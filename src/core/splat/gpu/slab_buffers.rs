@@ -1,0 +1,191 @@
+//! A slab of a lane on the device, its channels as the file has them.
+//!
+//! In: a lane and the tiles of a slab. Out: six buffers: tiles, line ends, steps, values, normals, magnitudes. Tiles that
+//! lie one after the other in the lane are copied as one run, a whole lane in one run for each channel; nothing is
+//! repacked. Only each tile's first line and first record are counted from the slab's beginning.
+
+#![expect(clippy::cast_possible_truncation, reason = "offsets into slices that are there")]
+
+use std::ops::Range;
+
+use wgpu::{Buffer, BufferUsages};
+use zerocopy::IntoBytes;
+
+use super::context::Context;
+use super::lines::line_count;
+use crate::arena::layout::{TileRecord, line_end_bytes};
+use crate::arena::{Lane, LineEnds};
+use crate::error::{Error, Result};
+use crate::volume::Axis;
+
+const NAMES: [&str; 6] = ["tiles", "line ends", "steps", "values", "normals", "magnitudes"];
+const STEPS: usize = 2; // Index among [`NAMES`] of the first channel of records.
+const STAGING_BYTES: usize = 1 << 20; // Bytes that are gathered before they are copied.
+const PAGER_RECORDS: u64 = 1 << 14; // Records that a pager is told of at once.
+
+/// The buffers of a slab.
+#[derive(Debug)]
+pub(crate) struct SlabBuffers {
+    pub(crate) axis: Axis,
+    pub(crate) buffers: [Buffer; 6], // In the order of [`NAMES`].
+}
+
+/// Bytes of each buffer of a slab.
+pub(crate) type SlabSizes = [u64; 6];
+
+/// Returns the sizes of a slab with these tiles of `lane`; [`Error::Input`] if they have more records than the lane, which
+/// only a damaged file says.
+pub(crate) fn slab_sizes(lane: &Lane, tiles: &[u32]) -> Result<SlabSizes> {
+    let (mut lines, mut records) = (0u64, 0u64);
+    for run in runs(lane, tiles) {
+        lines += run.lines.end - run.lines.start;
+        records = records.saturating_add(run.records.end - run.records.start);
+    }
+    if records > lane.record_count() {
+        return Err(Error::input("lane", "has tiles that share records; the file is damaged: run adj verify on it"));
+    }
+    let [ends, widths @ ..] = widths(lane);
+    let tiles = tiles.len() as u64 * size_of::<TileRecord>() as u64;
+    let [steps, values, normals, magnitudes] = widths.map(|width| records * width);
+    Ok([tiles, lines * ends, steps, values, normals, magnitudes])
+}
+
+/// Returns the bytes of an element: line end, step, value, normal, magnitude.
+fn widths(lane: &Lane) -> [u64; 5] {
+    let (ends, channels) = (line_end_bytes(lane.dims[lane.axis.index()]), lane.channels);
+    [ends, 1, channels.value_bits / 8, channels.normal_bits / 4, channels.magnitude_bits / 8].map(u64::from)
+}
+
+/// Lines and records that lie one after the other in a lane.
+#[derive(Debug, Clone, PartialEq, Eq)]
+struct LaneRun {
+    lines: Range<u64>,
+    records: Range<u64>,
+}
+
+/// Returns the lines and records of a tile; empty if they are not in the lane.
+fn tile_run(lane: &Lane, tile: &TileRecord) -> LaneRun {
+    let lines = tile.lines();
+    let first = tile.first_record.get();
+    let end = first.saturating_add(lane.tile_records(tile));
+    if end > lane.record_count() || lines.end as u64 > line_count(lane) {
+        return LaneRun { lines: 0..0, records: 0..0 };
+    }
+    LaneRun { lines: lines.start as u64..lines.end as u64, records: first..end }
+}
+
+/// Returns the lines and records of `tiles` as runs, as few as there can be.
+fn runs<'a>(lane: &'a Lane, tiles: &'a [u32]) -> impl Iterator<Item = LaneRun> + 'a {
+    let tiles = tiles.iter().filter_map(|&index| lane.tile(index as usize));
+    let mut tile_runs = tiles.map(|tile| tile_run(lane, tile)).peekable();
+    std::iter::from_fn(move || {
+        let mut run = tile_runs.next()?;
+        while let Some(next) =
+            tile_runs.next_if(|next| (next.lines.start, next.records.start) == (run.lines.end, run.records.end))
+        {
+            (run.lines.end, run.records.end) = (next.lines.end, next.records.end);
+        }
+        Some(run)
+    })
+}
+
+impl SlabBuffers {
+    /// Creates empty buffers.
+    pub(crate) fn new(context: &Context, axis: Axis, sizes: SlabSizes) -> Result<SlabBuffers> {
+        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+        let named = NAMES.into_iter().zip(sizes);
+        let buffers: Vec<_> = named.map(|(name, bytes)| context.buffer(name, bytes, usage)).collect::<Result<_>>()?;
+        Ok(SlabBuffers { axis, buffers: buffers.try_into().expect("as many as there are names") })
+    }
+
+    pub(crate) fn bytes(&self) -> u64 {
+        self.buffers.iter().map(Buffer::size).sum()
+    }
+
+    /// Fills the buffers with `tiles` of `lane`; returns the bytes that were copied.
+    pub(crate) fn upload(&self, context: &Context, lane: &Lane, tiles: &[u32]) -> Result<u64> {
+        let writer = |buffer| BufferWriter { context, buffer, gathered: Vec::new(), written: 0 };
+        let mut writers = self.buffers.each_ref().map(writer);
+        let (mut first_line, mut first_record) = (0u32, 0u64);
+        for tile in tiles.iter().filter_map(|&index| lane.tile(index as usize)) {
+            let LaneRun { lines, records } = tile_run(lane, tile);
+            let mut moved = *tile;
+            (moved.first_line, moved.first_record) = (first_line.into(), first_record.into());
+            writers[0].push(moved.as_bytes())?;
+            first_line += u32::try_from(lines.end - lines.start).expect("a tile has at most 64 lines");
+            first_record += records.end - records.start;
+        }
+        for run in runs(lane, tiles) {
+            let mut copy = |part: usize, elements: &Range<u64>| -> Result<()> {
+                let width = widths(lane)[part - 1];
+                let [stored, patch] = section(lane, part);
+                let (from, to) = (elements.start * width, elements.end * width);
+                let border = stored.len() as u64;
+                let within = |source: &[u8], from: u64, to: u64| from as usize..(to as usize).min(source.len());
+                writers[part].push(&stored[within(stored, from.min(border), to)])?;
+                writers[part].push(&patch[within(patch, from.max(border) - border, to.max(border) - border)])
+            };
+            copy(1, &run.lines)?;
+            for first in run.records.clone().step_by(PAGER_RECORDS as usize) {
+                let records = first..run.records.end.min(first + PAGER_RECORDS);
+                lane.about_to_read(records.start as usize..records.end as usize);
+                for part in STEPS..NAMES.len() {
+                    copy(part, &records)?;
+                }
+            }
+        }
+        writers.into_iter().map(BufferWriter::finish).sum()
+    }
+}
+
+/// Returns the bytes of part `part` of a lane, an index of [`NAMES`]: those of the file, and those of its patch.
+fn section<'a>(lane: &Lane<'a>, part: usize) -> [&'a [u8]; 2] {
+    let part_of = |lane: &Lane<'a>| match part {
+        1 => match lane.line_ends {
+            LineEnds::Narrow(ends) => ends.as_bytes(),
+            LineEnds::Wide(ends) => ends.as_bytes(),
+        },
+        STEPS => lane.steps,
+        3 => lane.values,
+        4 => lane.normals,
+        _ => lane.magnitudes,
+    };
+    [part_of(lane), lane.patch.map_or(&[][..], |patch| part_of(&patch.view()))]
+}
+
+/// Writes bytes to a buffer, gathered into copies of whole words.
+struct BufferWriter<'a> {
+    context: &'a Context,
+    buffer: &'a Buffer,
+    gathered: Vec<u8>,
+    written: u64,
+}
+
+impl BufferWriter<'_> {
+    fn push(&mut self, mut bytes: &[u8]) -> Result<()> {
+        while !bytes.is_empty() {
+            let (now, later) = bytes.split_at(bytes.len().min(STAGING_BYTES - self.gathered.len()));
+            self.gathered.extend_from_slice(now);
+            bytes = later;
+            if self.gathered.len() == STAGING_BYTES {
+                self.flush()?;
+            }
+        }
+        Ok(())
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        self.context.write(self.buffer, self.written, &self.gathered)?;
+        self.written += self.gathered.len() as u64;
+        self.gathered.clear();
+        Ok(())
+    }
+
+    /// Writes what is left; returns the number of bytes that were pushed.
+    fn finish(mut self) -> Result<u64> {
+        let pushed = self.written + self.gathered.len() as u64;
+        self.gathered.resize(self.gathered.len().next_multiple_of(4), 0);
+        self.flush()?;
+        Ok(pushed)
+    }
+}

@@ -1,0 +1,59 @@
+//! The setup of a frame: what every renderer derives from a scene, a camera and settings before it draws.
+
+use super::kernel::KernelShape;
+use super::shade::Lights;
+use super::{Camera, Scene, Settings, View};
+use crate::arena::Lane;
+use crate::error::{Error, Result};
+use crate::traverse::{Order, VoxelBox};
+use crate::volume::Grid;
+
+/// What all voxels of a frame have in common, except the looks of their codes.
+#[derive(Debug, Clone)]
+pub struct FrameSetup<'a> {
+    /// The camera's transforms.
+    pub view: View,
+    pub(crate) order: Order,
+    /// The lane along the order's fast axis.
+    pub lane: Lane<'a>,
+    pub(crate) lights: Option<Lights>,
+    /// The kernel in force.
+    pub kernel: KernelShape,
+    pub(crate) crop: Option<VoxelBox>,
+    /// Whether the mode is one of the two maxima.
+    pub(crate) maximum: bool,
+}
+
+impl<'a> FrameSetup<'a> {
+    /// Checks the arguments and returns the setup.
+    ///
+    /// # Errors
+    /// [`Error::Input`] or [`Error::Limit`] if settings, camera or lane cannot be used; the error of
+    /// [`Lanes::lane`](super::Lanes::lane) if that fails.
+    pub fn new(scene: &Scene<'a>, camera: &Camera, settings: &Settings) -> Result<FrameSetup<'a>> {
+        settings.check()?;
+        let grid = &scene.facts.grid;
+        let kernel = settings.kernel();
+        let view = View::new(camera, grid, settings.size, kernel, settings.near)?;
+        let order = walk_order(&view, grid, settings)?;
+        let lane = scene.lanes.lane(order.fast)?;
+        if lane.channels != scene.facts.channels || lane.dims != grid.dims || lane.axis != order.fast {
+            return Err(Error::input("lane", "does not belong to the scene's grid or runs along another axis"));
+        }
+        let maximum = settings.mode.is_maximum();
+        let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !maximum;
+        let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
+        Ok(FrameSetup { view, order, lane, lights, kernel, crop: settings.crop, maximum })
+    }
+}
+
+/// Returns the order in which a view visits the voxels of a grid.
+///
+/// # Errors
+/// [`Error::Input`] if the grid has no such order.
+pub(crate) fn walk_order(view: &View, grid: &Grid, settings: &Settings) -> Result<Order> {
+    match settings.order {
+        Some(order) => Ok(order),
+        None => Order::new(view.viewpoint, grid.dims, settings.sense, settings.form),
+    }
+}

@@ -1,0 +1,192 @@
+//! Projects voxels to footprints and composites them into pixels.
+//!
+//! ```text
+//! depth(x) = depth of a mean voxel * (pixels per mean area) / (2 pi sqrt |V|) * exp(-x^T V^-1 x / 2)
+//! V        = sigma^2 M M^T + low-pass; M: 2 x 3, pixels per voxel
+//! pixel   += transmittance * (1 - exp(-depth)) * colour
+//! ```
+//!
+//! Source: Zwicker et al., "EWA Volume Splatting", 2001.
+
+use adjsplat::splat::composite::MAX_DEPTH;
+use adjsplat::splat::kernel::LOW_PASS;
+use adjsplat::splat::view::{Affine, PixelMap};
+use adjsplat::splat::{Blending, Mode, View};
+
+use super::light::ReferenceLights;
+use super::splat::JudgeSettings;
+use super::voxels::ReferenceVoxel;
+
+/// A pixel with less transmittance no longer changes in double precision.
+const GONE: f64 = 1e-18;
+
+/// Rows of a picture that one thread draws.
+pub(super) struct PixelRows<'a> {
+    pub(super) first_row: usize,
+    pub(super) columns: usize,
+    pub(super) pixels: &'a mut [[f64; 4]],
+}
+
+/// The covariance of a footprint, in square pixels.
+#[derive(Debug, Clone, Copy)]
+struct SplatCovariance {
+    xx: f64,
+    xy: f64,
+    yy: f64,
+    determinant: f64,
+}
+
+impl SplatCovariance {
+    /// Projects a kernel by a Jacobian in pixels per voxel, and adds the low-pass.
+    fn new([x, y]: [[f64; 3]; 2], sigma: f64) -> SplatCovariance {
+        let square = sigma * sigma;
+        let [x, y] = [x, y].map(glam::DVec3::from_array);
+        let (xx, xy, yy) = (square * x.dot(x), square * x.dot(y), square * y.dot(y));
+        let determinant = square * square * x.cross(y).length_squared();
+        // The larger eigenvalue has no difference in it that could cancel; the smaller follows from the product.
+        let widest = (xx + yy) / 2.0 + ((xx - yy) / 2.0).hypot(xy);
+        let narrowest = if widest > 0.0 { determinant / widest } else { 0.0 };
+        let added = (f64::from(LOW_PASS).powi(2) - narrowest).max(0.0);
+        SplatCovariance { xx: xx + added, xy, yy: yy + added, determinant: determinant + added * (xx + yy + added) }
+    }
+}
+
+/// Draws voxels of one view.
+pub(super) struct SplatProjector<'a> {
+    map: PixelMap,
+    settings: &'a JudgeSettings,
+    lights: Option<ReferenceLights>,
+    /// Makes up for the cut-off and holds the factor 1 / (2 pi).
+    strength: f64,
+    exposure: f64,
+    /// The covariance that all voxels of a parallel view share.
+    footprint: Option<SplatCovariance>,
+}
+
+impl<'a> SplatProjector<'a> {
+    pub(super) fn new(view: &View, settings: &'a JudgeSettings, exposure: f64) -> SplatProjector<'a> {
+        let lost = (-0.5 * settings.cut_off * settings.cut_off).exp();
+        let footprint = match &view.map {
+            PixelMap::Parallel { pixel_from_voxel, .. } => {
+                Some(SplatCovariance::new(pixel_from_voxel.map(|m| [m[0], m[1], m[2]]), settings.sigma))
+            }
+            PixelMap::Perspective { .. } => None,
+        };
+        SplatProjector {
+            map: view.map,
+            settings,
+            lights: settings.lighting.map(|lighting| ReferenceLights::new(lighting, view)),
+            strength: 1.0 / (std::f64::consts::TAU * (1.0 - lost)),
+            exposure,
+            footprint,
+        }
+    }
+
+    /// Returns the centre, the covariance, and the pixels per mean area across the ray. `None`: too near.
+    fn project(&self, voxel: &ReferenceVoxel) -> Option<([f64; 2], SplatCovariance, f64)> {
+        let [x, y, z] = voxel.position.map(f64::from);
+        let at = |m: &Affine| m[0] * x + m[1] * y + m[2] * z + m[3];
+        match (&self.map, self.footprint) {
+            (PixelMap::Parallel { pixel_from_voxel, scale }, Some(footprint)) => {
+                Some((pixel_from_voxel.each_ref().map(at), footprint, scale * scale))
+            }
+            (PixelMap::Perspective { camera_from_voxel, focal, centre, near }, _) => {
+                let [t0, t1, t2] = camera_from_voxel.each_ref().map(at);
+                if t2 < *near {
+                    return None;
+                }
+                let (across, above) = (t0 / t2, t1 / t2);
+                let [right, up, along] = camera_from_voxel;
+                let scale = focal / t2;
+                let jacobian = [
+                    std::array::from_fn(|a| scale * (right[a] - across * along[a])),
+                    std::array::from_fn(|a| scale * (above * along[a] - up[a])),
+                ];
+                // A pixel's solid angle is cos^3 / focal^2, and it is t2 / cos away.
+                let slant = (1.0 + across * across + above * above).sqrt();
+                let centre = [centre[0] + focal * across, centre[1] - focal * above];
+                Some((centre, SplatCovariance::new(jacobian, self.settings.sigma), scale * scale * slant))
+            }
+            (PixelMap::Parallel { .. }, None) => None,
+        }
+    }
+
+    pub(super) fn splat(&self, voxel: &ReferenceVoxel, band: &mut PixelRows) {
+        if let Some((low, high)) = self.settings.crop
+            && (0..3).any(|a| voxel.position[a] < low[a] || voxel.position[a] > high[a])
+        {
+            return;
+        }
+        let Some(([x, y], footprint, density)) = self.project(voxel) else { return };
+        let SplatCovariance { xx, xy, yy, determinant } = footprint;
+        let reach = self.settings.cut_off * yy.sqrt();
+        let Some((first_row, last_row)) = whole(y - reach, y + reach, band.first_row, band.rows()) else { return };
+        let wide = self.settings.cut_off * xx.sqrt();
+        if whole(x - wide, x + wide, 0, band.columns).is_none() {
+            return;
+        }
+        // The weight at the centre of a footprint; weights of a layer of voxels add up to 1.
+        let weight = self.strength * density / determinant.sqrt();
+        let peak = match self.settings.blending {
+            Blending::Linear => -(-voxel.depth * self.exposure).exp_m1() * weight,
+            _ => (voxel.depth * self.exposure * weight).min(MAX_DEPTH),
+        };
+        if peak <= 0.0 || peak.is_nan() {
+            return;
+        }
+        let colour = self.lights.map_or_else(|| voxel.colour.map(f64::from), |lights| lights.lit(voxel));
+        let cut = self.settings.cut_off * self.settings.cut_off;
+        for row in first_row..=last_row {
+            let dy = row as f64 - y;
+            let room = cut - dy * dy / yy;
+            if room < 0.0 {
+                continue;
+            }
+            // On a row the exponent is that of a Gaussian around the ridge.
+            let (middle, half_width) = (x + xy / yy * dy, (room * determinant / yy).sqrt());
+            let Some((first, last)) = whole(middle - half_width, middle + half_width, 0, band.columns) else {
+                continue;
+            };
+            let row_pixels = &mut band.pixels[(row - band.first_row) * band.columns..][..band.columns];
+            for (column, pixel) in (first..=last).zip(&mut row_pixels[first..=last]) {
+                let dx = column as f64 - middle;
+                let exponent = -0.5 * (dx * dx * yy / determinant + dy * dy / yy);
+                self.blend(pixel, peak * exponent.exp(), colour);
+            }
+        }
+    }
+
+    /// Composites an optical depth (an opacity with linear blending) of `colour` behind what the pixel shows.
+    fn blend(&self, pixel: &mut [f64; 4], amount: f64, colour: [f64; 3]) {
+        if self.settings.mode == Mode::Additive {
+            (0..3).for_each(|c| pixel[c] += amount * colour[c]);
+            pixel[3] += amount;
+            return;
+        }
+        if pixel[3] < GONE {
+            return;
+        }
+        let opacity = match self.settings.blending {
+            Blending::Linear => amount.min(1.0),
+            _ => -(-amount).exp_m1(),
+        };
+        let taken = pixel[3] * opacity;
+        (0..3).for_each(|c| pixel[c] += taken * colour[c]);
+        pixel[3] -= taken;
+    }
+}
+
+impl PixelRows<'_> {
+    fn rows(&self) -> usize {
+        self.pixels.len() / self.columns
+    }
+}
+
+/// Returns the whole numbers from `low` to `high`, inclusive, that are among the `count` from `first` on.
+fn whole(low: f64, high: f64, first: usize, count: usize) -> Option<(usize, usize)> {
+    let last = first + count - 1;
+    let (from, to) = (low.ceil().max(first as f64), high.floor().min(last as f64));
+    // NaN compares false.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between `first` and `last`")]
+    (from <= to).then_some((from as usize, to as usize))
+}

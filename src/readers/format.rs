@@ -1,0 +1,115 @@
+//! Which format a file is in: found from its first bytes, and from its name only where those say nothing.
+//!
+//! ```text
+//! "NRRD"                                   NRRD
+//! "# vtk DataFile"                         VTK legacy
+//! "DICM" at byte 128                       DICOM
+//! "II" or "MM", and 42 or 43               TIFF, BigTIFF
+//! "<VTKFile", also behind "<?xml"          VTK XML image
+//! 348 or 540, either order, and a magic    NIfTI, also inside gzip
+//! "ObjectType =", "NDims =" ...            MetaImage
+//! name ends in .hdr, .img                  NIfTI pair
+//! name ends in .nrrd .mhd .nii .vtk ...    that format, whose reader says what is wrong
+//! ```
+
+use std::io::Read;
+use std::path::Path;
+
+use flate2::read::MultiGzDecoder;
+
+use super::{metaimage, nifti, vti};
+use adjsplat::error::{Error, Result};
+use adjsplat::internals::open_regular;
+
+/// A format of single files.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Format {
+    Nrrd,
+    MetaImage,
+    Nifti,
+    Vtk,
+    Dicom,
+    Vti,
+    Tiff,
+}
+
+/// Bytes from the front of a file that its format is found from.
+const PROBE_BYTES: u64 = 4096;
+
+/// Files that make a folder a Zarr node.
+const ZARR_MARKS: [&str; 4] = ["zarr.json", ".zarray", ".zgroup", ".zattrs"];
+
+impl Format {
+    /// The format of the file at `path`, which starts with `probe`; `None` if neither bytes nor name tell it.
+    pub(super) fn find(path: &Path, probe: &[u8]) -> Option<Format> {
+        Format::from_content(probe).or_else(|| Format::from_name(path))
+    }
+
+    fn from_content(probe: &[u8]) -> Option<Format> {
+        if probe.starts_with(b"NRRD") {
+            Some(Format::Nrrd)
+        } else if probe.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {
+            Some(Format::Vtk)
+        } else if is_dicom(probe) {
+            // Before TIFF: slides may be both, with a TIFF header in the bytes that DICOM leaves free.
+            Some(Format::Dicom)
+        } else if is_tiff(probe) {
+            Some(Format::Tiff)
+        } else if vti::is_header(probe) {
+            Some(Format::Vti)
+        } else if nifti::is_header(probe) {
+            Some(Format::Nifti)
+        } else if metaimage::is_header(probe) {
+            Some(Format::MetaImage)
+        } else if probe.starts_with(&[0x1f, 0x8b]) {
+            let mut inside = Vec::new();
+            // A cut stream still gives the bytes before the cut, which are enough here.
+            let _ = MultiGzDecoder::new(probe).take(PROBE_BYTES).read_to_end(&mut inside);
+            nifti::is_header(&inside).then_some(Format::Nifti)
+        } else {
+            None
+        }
+    }
+
+    fn from_name(path: &Path) -> Option<Format> {
+        match extension(path).as_str() {
+            "nrrd" | "nhdr" => Some(Format::Nrrd),
+            "mhd" | "mha" => Some(Format::MetaImage),
+            "nii" | "hdr" | "img" => Some(Format::Nifti),
+            "gz" => Format::from_name(Path::new(path.file_stem()?)).filter(|format| *format == Format::Nifti),
+            "vtk" => Some(Format::Vtk),
+            "dcm" | "dicom" => Some(Format::Dicom),
+            "vti" => Some(Format::Vti),
+            "tif" | "tiff" => Some(Format::Tiff),
+            _ => None,
+        }
+    }
+}
+
+/// Whether a file that starts with `probe` is DICOM.
+pub(super) fn is_dicom(probe: &[u8]) -> bool {
+    probe.get(128..).is_some_and(|behind_preamble| behind_preamble.starts_with(b"DICM"))
+}
+
+/// Whether a file that starts with `probe` is a TIFF or BigTIFF.
+pub(super) fn is_tiff(probe: &[u8]) -> bool {
+    [&b"II*\0"[..], b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| probe.starts_with(magic))
+}
+
+/// Whether the folder at `path` is a Zarr node.
+pub(super) fn is_zarr(path: &Path) -> bool {
+    ZARR_MARKS.iter().any(|mark| path.join(mark).is_file())
+}
+
+/// Returns the first bytes of the file at `path`.
+pub(super) fn probe(path: &Path) -> Result<Vec<u8>> {
+    let mut probe = Vec::new();
+    let (file, _) = open_regular(path, "open")?;
+    file.take(PROBE_BYTES).read_to_end(&mut probe).map_err(Error::io("read", path))?;
+    Ok(probe)
+}
+
+/// The extension of `path` in lower case.
+fn extension(path: &Path) -> String {
+    path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
+}

@@ -1,0 +1,63 @@
+//! Families of candidates.
+
+use adjsplat::error::{Error, Result};
+
+/// Candidates that vary the same setting: a series of a plot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Family {
+    /// `draft`, `standard`, `high`, `reference`.
+    Presets,
+    /// The settings among which the dial chooses by largest error.
+    Dial,
+    /// Width and radius of the kernel.
+    Kernel,
+    /// Transmittance below which a ray ends.
+    Termination,
+    /// How many pixels are drawn.
+    Sampling,
+    /// Bits of values and normals.
+    Codes,
+    /// Nesting and direction of the walk.
+    Order,
+    /// How splats cover pixels: the classic form, sheet buffers.
+    Blending,
+    /// Cubes of voxels as one splat.
+    Octree,
+    /// Several settings at once.
+    Combined,
+}
+
+impl Family {
+    /// All families, in order.
+    pub const ALL: [Family; 10] = [
+        Family::Presets,
+        Family::Dial,
+        Family::Kernel,
+        Family::Termination,
+        Family::Sampling,
+        Family::Codes,
+        Family::Order,
+        Family::Blending,
+        Family::Octree,
+        Family::Combined,
+    ];
+
+    /// Returns the family of this name.
+    ///
+    /// # Errors
+    /// [`Error::Input`], which lists all names, if there is none.
+    pub fn named(name: &str) -> Result<Family> {
+        let why = || format!("has {name}, but must be of {}", NAMES.join(", "));
+        let index = NAMES.iter().position(|known| *known == name);
+        index.map(|index| Family::ALL[index]).ok_or_else(|| Error::input("families", why()))
+    }
+
+    /// Returns its name in tables and legends.
+    pub fn name(self) -> &'static str {
+        NAMES[self as usize]
+    }
+}
+
+/// Names of the families, in the order of the variants.
+const NAMES: [&str; Family::ALL.len()] =
+    ["presets", "dial", "kernel", "termination", "sampling", "codes", "order", "blending", "octree", "combined"];

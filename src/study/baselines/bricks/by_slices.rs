@@ -1,0 +1,151 @@
+//! The walk slice by slice.
+
+use super::nesting::AxisNesting;
+use super::walk::BrickWalk;
+use super::{Bricks, EDGE, NONE, TABLE};
+use crate::baselines::{Receiver, coordinates, narrow};
+use crate::trace::Trace;
+use adjsplat::traverse::{AxisOrder, Order};
+
+/// Scratch memory of a walk.
+#[derive(Debug, Default)]
+pub(super) struct BrickScratch {
+    /// Non-empty bricks, by row of bricks, ascending on the fast axis.
+    pub(super) crossed: Vec<CrossedBrick>,
+    /// Where each row of bricks begins in `crossed`; then the end of the last.
+    pub(super) starts: Vec<u32>,
+    /// The part of `crossed` that the current slice meets.
+    pub(super) planes: Vec<BrickPlane>,
+    /// Where each row of bricks begins in `planes`.
+    plane_starts: Vec<u32>,
+    /// The slice's non-empty rows, ascending.
+    lines: Vec<u16>,
+}
+
+/// A brick of a row of bricks.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct CrossedBrick {
+    brick: u32,
+    /// Its lowest coordinate on the fast axis.
+    fast: u16,
+}
+
+/// A brick's voxels of one slice.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct BrickPlane {
+    /// A byte for each medium coordinate, a bit for each fast one.
+    voxels: u64,
+    brick: u32,
+    fast: u16,
+}
+
+impl BrickScratch {
+    /// Lists the bricks of each row of bricks, in the nesting.
+    fn list<T: Trace>(&mut self, bricks: &Bricks, nesting: AxisNesting, trace: &mut T) {
+        let stride = [1, bricks.counts[0], bricks.counts[0] * bricks.counts[1]];
+        self.crossed.clear();
+        self.starts.clear();
+        let AxisNesting { slow, medium, fast } = nesting;
+        for s in 0..bricks.counts[slow] {
+            for m in 0..bricks.counts[medium] {
+                self.starts.push(u32_of(self.crossed.len()));
+                for f in 0..bricks.counts[fast] {
+                    let cell = s * stride[slow] + m * stride[medium] + f * stride[fast];
+                    trace.read(TABLE, 4 * cell, 4);
+                    let brick = bricks.table[cell];
+                    if brick != NONE {
+                        self.crossed.push(CrossedBrick { brick, fast: narrow(EDGE * f) });
+                    }
+                }
+            }
+        }
+        self.starts.push(u32_of(self.crossed.len()));
+    }
+
+    /// Cuts slice `slow` out of its bricks; returns whether it has voxels.
+    fn cut<T: Trace>(&mut self, bricks: &Bricks, nesting: AxisNesting, slow: usize, trace: &mut T) -> bool {
+        self.planes.clear();
+        self.plane_starts.clear();
+        self.lines.clear();
+        let rows = bricks.counts[nesting.medium];
+        let first = slow / EDGE * rows;
+        for row in 0..rows {
+            self.plane_starts.push(u32_of(self.planes.len()));
+            let mut union = 0;
+            let range = self.starts[first + row] as usize..self.starts[first + row + 1] as usize;
+            for &CrossedBrick { brick, fast } in &self.crossed[range] {
+                let voxels = nesting.plane(&bricks.masks[brick as usize], slow % EDGE, brick as usize, trace);
+                union |= voxels;
+                if voxels != 0 {
+                    self.planes.push(BrickPlane { voxels, brick, fast });
+                }
+            }
+            let bytes = union.to_le_bytes().into_iter().enumerate().filter(|(_, byte)| *byte != 0);
+            self.lines.extend(bytes.map(|(line, _)| narrow(EDGE * row + line)));
+        }
+        self.plane_starts.push(u32_of(self.planes.len()));
+        !self.lines.is_empty()
+    }
+}
+
+/// Narrows a number of bricks, which are fewer than voxels.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "see above; and voxels are fewer than 2^32")]
+fn u32_of(count: usize) -> u32 {
+    count as u32
+}
+
+/// Visits one slice of the volume after the other.
+pub(super) fn by_slices<R: Receiver, T: Trace>(walk: &mut BrickWalk<R, T>, scratch: &mut BrickScratch, order: &Order) {
+    let (bricks, nesting) = (walk.bricks, walk.nesting);
+    scratch.list(bricks, nesting, walk.trace);
+    let all: Vec<u16> = coordinates(bricks.dims[nesting.slow]);
+    let fast_order = order.along[nesting.fast];
+    let (mut coordinates, mut payloads) = (Vec::new(), Vec::new());
+    order.along[nesting.slow].for_each_index(&all, |slow| {
+        if !scratch.cut(bricks, nesting, slow, walk.trace) {
+            return;
+        }
+        walk.position[nesting.slow] = all[slow];
+        order.along[nesting.medium].for_each_index(&scratch.lines, |line| {
+            let medium = scratch.lines[line];
+            walk.position[nesting.medium] = medium;
+            let row = usize::from(medium) / EDGE;
+            let shift = 8 * (medium % 8);
+            let range = scratch.plane_starts[row] as usize..scratch.plane_starts[row + 1] as usize;
+            let planes = &scratch.planes[range];
+            let show = |walk: &mut BrickWalk<R, T>, plane: &BrickPlane, up: bool| {
+                let voxels = (plane.voxels >> shift).to_le_bytes()[0];
+                if voxels != 0 {
+                    let row = walk.row_payload(plane.brick as usize, slow % EDGE, usize::from(medium) % EDGE);
+                    walk.row(&row, voxels, plane.fast, up);
+                }
+            };
+            match fast_order {
+                AxisOrder::Ascending => planes.iter().for_each(|plane| show(walk, plane, true)),
+                AxisOrder::Descending => planes.iter().rev().for_each(|plane| show(walk, plane, false)),
+                AxisOrder::TwoSided { .. } => {
+                    coordinates.clear();
+                    payloads.clear();
+                    for plane in planes {
+                        let mut voxels = (plane.voxels >> shift).to_le_bytes()[0];
+                        if voxels == 0 {
+                            continue;
+                        }
+                        let row = walk.row_payload(plane.brick as usize, slow % EDGE, usize::from(medium) % EDGE);
+                        for before in 0.. {
+                            if voxels == 0 {
+                                break;
+                            }
+                            let fast = voxels.trailing_zeros() as usize;
+                            voxels &= voxels - 1;
+                            coordinates.push(plane.fast + narrow(fast));
+                            payloads.push(walk.payload(&row, before, fast));
+                        }
+                    }
+                    fast_order.for_each_index(&coordinates, |index| walk.show(coordinates[index], payloads[index]));
+                }
+            }
+        });
+    });
+}

@@ -1,0 +1,69 @@
+//! The nesting of an order, and slices cut out of a brick.
+
+use super::EDGE;
+use crate::trace::Trace;
+use adjsplat::traverse::Order;
+
+pub(super) const MASKS: usize = 1;
+
+/// The axes of an order, by index.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AxisNesting {
+    pub(super) slow: usize,
+    pub(super) medium: usize,
+    pub(super) fast: usize,
+}
+
+impl AxisNesting {
+    pub(super) fn of(order: &Order) -> AxisNesting {
+        let [slow, medium, fast] = [order.slow, order.medium, order.fast].map(|axis| axis.index());
+        AxisNesting { slow, medium, fast }
+    }
+
+    /// Returns a brick's voxels in its slice `within`: a byte for each medium coordinate, a bit for each fast one.
+    #[inline(always)]
+    pub(super) fn plane<T: Trace>(self, masks: &[u64; EDGE], within: usize, brick: usize, trace: &mut T) -> u64 {
+        let plane = match self.slow {
+            2 => {
+                trace.read(MASKS, 64 * brick + 8 * within, 8);
+                masks[within]
+            }
+            1 => {
+                (0..EDGE).for_each(|z| trace.read(MASKS, 64 * brick + 8 * z + within, 1));
+                u64::from_le_bytes(masks.map(|word| word.to_le_bytes()[within]))
+            }
+            _ => {
+                trace.read(MASKS, 64 * brick, 64);
+                u64::from_le_bytes(masks.map(|word| column(word, within)))
+            }
+        };
+        // So far the lower axis has the bits.
+        if self.fast < self.medium { plane } else { transposed(plane) }
+    }
+
+    /// Returns the word and bit of a voxel of a brick.
+    #[inline(always)]
+    pub(super) fn place(self, slow: usize, medium: usize, fast: usize) -> (usize, usize) {
+        let mut at = [0; 3];
+        (at[self.slow], at[self.medium], at[self.fast]) = (slow, medium, fast);
+        (at[2], EDGE * at[1] + at[0])
+    }
+}
+
+/// Returns bit `bit` of each byte, the lowest byte's first.
+#[inline(always)]
+fn column(word: u64, bit: usize) -> u8 {
+    // Byte i's bit moves to bit i of the top byte: each partial product lands on its own bit.
+    let column = (word >> bit & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080);
+    column.to_le_bytes()[7]
+}
+
+/// Transposes 8 x 8 bits (Warren, "Hacker's Delight", section 7-3).
+#[inline(always)]
+fn transposed(mut bits: u64) -> u64 {
+    for (shift, mask) in [(7, 0x00aa_00aa_00aa_00aa), (14, 0x0000_cccc_0000_cccc), (28, 0x0000_0000_f0f0_f0f0)] {
+        let exchanged = (bits ^ bits >> shift) & mask;
+        bits ^= exchanged ^ exchanged << shift;
+    }
+    bits
+}

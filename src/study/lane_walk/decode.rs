@@ -1,0 +1,159 @@
+//! Decodes lines into batches, sixteen steps at a time, as the walk does.
+
+use super::store::{CHUNK, LaneStore};
+use super::traced_vec::TracedVec;
+use crate::trace::Trace;
+
+/// Largest distance of a batch's records from those of its first line.
+const REACH: u64 = 1 << 31;
+
+/// A line of the current slice.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct SliceLine {
+    pub(super) first_record: u64,
+    pub(super) count: u16,
+    pub(super) medium: u16,
+}
+
+/// Coordinates and records of voxels.
+pub(super) struct TracedBatch {
+    pub(super) medium: TracedVec<u16>,
+    pub(super) fast: TracedVec<u16>,
+    pub(super) record: TracedVec<u32>,
+}
+
+impl TracedBatch {
+    pub(super) fn new(first_array: usize, len: usize) -> TracedBatch {
+        TracedBatch {
+            medium: TracedVec::new(first_array, len),
+            fast: TracedVec::new(first_array + 1, len),
+            record: TracedVec::new(first_array + 2, len),
+        }
+    }
+
+    /// Traces the write of sixteen voxels at once.
+    #[inline]
+    fn write_chunk<T: Trace>(&self, from: usize, trace: &mut T) {
+        self.medium.write(from, CHUNK, trace);
+        self.fast.write(from, CHUNK, trace);
+        self.record.write(from, CHUNK, trace);
+    }
+
+    /// Stores one voxel; its write `is_traced` already if its chunk was.
+    #[inline]
+    fn put<T: Trace>(&mut self, place: usize, medium: u16, (fast, record): (u16, u32), is_traced: bool, trace: &mut T) {
+        if is_traced {
+            self.medium.items_mut()[place] = medium;
+            self.fast.items_mut()[place] = fast;
+            self.record.items_mut()[place] = record;
+        } else {
+            self.medium.set(place, medium, trace);
+            self.fast.set(place, fast, trace);
+            self.record.set(place, record, trace);
+        }
+    }
+}
+/// Returns the end and the base record of the first group of the lines `first..count`.
+#[inline]
+pub(super) fn group<T: Trace>(
+    lines: &TracedVec<SliceLine>,
+    first: usize,
+    count: usize,
+    capacity: usize,
+    trace: &mut T,
+) -> (usize, u64) {
+    let base = lines.get(first, trace).first_record.saturating_sub(REACH);
+    let mut records = 0;
+    let mut end = first;
+    while end < count {
+        let line = lines.get(end, trace);
+        let more = records + u64::from(line.count);
+        let is_near = line.first_record.wrapping_sub(base) < 2 * REACH - u64::from(u16::MAX);
+        if end > first && (more > capacity as u64 || !is_near) {
+            break;
+        }
+        records = more;
+        end += 1;
+    }
+    (end, base)
+}
+
+/// Up to sixteen consecutive voxels of a line: coordinate, and record relative to the base.
+struct StepChunk {
+    voxels: [(u16, u32); CHUNK],
+    count: usize,
+    /// Whether they were decoded at once, as there are no stepping records among them.
+    at_once: bool,
+}
+
+/// Calls `take` with the voxels of a line, sixteen records at a time.
+#[inline]
+fn step_chunks<S: LaneStore, T: Trace>(
+    store: &S,
+    line: SliceLine,
+    base: u64,
+    trace: &mut T,
+    mut take: impl FnMut(&StepChunk, &mut T),
+) {
+    let from = usize::try_from(line.first_record).expect("a sound line lies in memory");
+    let count = usize::from(line.count);
+    let mut previous = u16::MAX;
+    for done in (0..count).step_by(CHUNK) {
+        let steps = store.steps(from + done, trace);
+        let valid = CHUNK.min(count - done);
+        let mut chunk = StepChunk { voxels: [(0, 0); CHUNK], count: 0, at_once: false };
+        let first = line.first_record + done as u64 - base;
+        for (offset, &step) in (first..).zip(&steps[..valid]) {
+            previous = previous.wrapping_add(if step == 0 { 255 } else { u16::from(step) });
+            let offset = u32::try_from(offset).expect("lines of a group lie near its base");
+            chunk.voxels[chunk.count] = (previous, offset);
+            chunk.count += usize::from(step != 0);
+        }
+        chunk.at_once = chunk.count == valid;
+        take(&chunk, trace);
+    }
+}
+
+/// Writes a line's voxels, ascending, from `at` up; returns the end.
+pub(super) fn decode_up<S: LaneStore, T: Trace>(
+    store: &S,
+    line: SliceLine,
+    base: u64,
+    out: &mut TracedBatch,
+    at: usize,
+    trace: &mut T,
+) -> usize {
+    let mut end = at;
+    step_chunks(store, line, base, trace, |chunk, trace| {
+        if chunk.at_once {
+            out.write_chunk(end, trace);
+        }
+        for &voxel in &chunk.voxels[..chunk.count] {
+            out.put(end, line.medium, voxel, chunk.at_once, trace);
+            end += 1;
+        }
+    });
+    end
+}
+
+/// Writes a line's voxels, descending, below `at`; returns the start.
+pub(super) fn decode_down<S: LaneStore, T: Trace>(
+    store: &S,
+    line: SliceLine,
+    base: u64,
+    out: &mut TracedBatch,
+    at: usize,
+    trace: &mut T,
+) -> usize {
+    let mut start = at;
+    step_chunks(store, line, base, trace, |chunk, trace| {
+        if chunk.at_once {
+            out.write_chunk(start - CHUNK, trace);
+        }
+        for &voxel in &chunk.voxels[..chunk.count] {
+            start -= 1;
+            out.put(start, line.medium, voxel, chunk.at_once, trace);
+        }
+    });
+    start
+}

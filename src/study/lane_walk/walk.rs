@@ -1,0 +1,307 @@
+//! A traced walk through one lane: from a [`LaneStore`] and an order to blocks of voxels with their codes.
+
+use std::ops::Range;
+
+use super::CodesRead;
+use super::decode::{SliceLine, TracedBatch, decode_down, decode_up, group};
+use super::scratch_sizes::{BATCH, BATCH_ARRAYS, LINE_ARRAYS, LINES, MEDIUMS, SLICES, ScratchSizes, TWO_SIDED};
+use super::sort::sorted_tiles;
+use super::store::{CHUNK, LaneStore, Mask, has_bit, rank};
+use super::traced_vec::TracedVec;
+use crate::trace::Trace;
+use adjsplat::internals::scatter::BLOCK;
+use adjsplat::traverse::{AxisOrder, Batch, Order};
+use adjsplat::volume::Axis;
+
+/// Up to [`BLOCK`] voxels of a batch, as the renderer's first stage takes them.
+pub(crate) struct VisitedBlock<'a> {
+    pub(crate) batch: &'a Batch<'a>,
+    /// Their indices in the batch.
+    pub(crate) block: Range<usize>,
+    /// Their codes; zeros if they are not read.
+    pub(crate) values: &'a [u8],
+    pub(crate) normals: &'a [u16],
+}
+
+impl VisitedBlock<'_> {
+    /// Returns each voxel's index in the block and its coordinates.
+    #[inline]
+    pub(crate) fn positions(&self, order: &Order) -> impl Iterator<Item = (usize, [u16; 3])> {
+        let axes = [order.slow.index(), order.medium.index(), order.fast.index()];
+        let batch = self.batch;
+        self.block.clone().enumerate().map(move |(index, voxel)| (index, position(axes, batch, voxel)))
+    }
+}
+
+#[inline(always)]
+fn position([slow, medium, fast]: [usize; 3], batch: &Batch, voxel: usize) -> [u16; 3] {
+    let mut position = [0; 3];
+    (position[slow], position[medium], position[fast]) = (batch.slow, batch.medium[voxel], batch.fast[voxel]);
+    position
+}
+
+/// Walks `store` in `order`, reading `codes`.
+///
+/// # Panics
+/// If the lane does not run along the order's fast axis, or is not sound.
+pub(crate) fn traced_walk<S: LaneStore, T: Trace>(
+    store: &S,
+    order: &Order,
+    codes: CodesRead,
+    sizes: ScratchSizes,
+    trace: &mut T,
+    visit: &mut impl FnMut(&VisitedBlock),
+) {
+    assert_eq!(store.axis(), order.fast, "a walk needs the lane along its fast axis");
+    TracedWalk::new(store, *order, codes, sizes, trace).slices(visit);
+}
+
+struct TracedWalk<'s, 't, S, T> {
+    store: &'s S,
+    order: Order,
+    codes: CodesRead,
+    slow_is_v: bool,
+    trace: &'t mut T,
+    /// Tiles by row, within a row by column, and where rows start.
+    sorted: TracedVec<u32>,
+    starts: TracedVec<u32>,
+    slices: TracedVec<u16>,
+    /// Lines of a slice, ascending; and in the order of an axis with two sides.
+    lines: TracedVec<SliceLine>,
+    mediums: TracedVec<u16>,
+    two_sided: TracedVec<SliceLine>,
+    batch: TracedBatch,
+    line: TracedBatch,
+    /// Voxels for which a batch has room.
+    capacity: usize,
+}
+
+impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
+    fn new(store: &'s S, order: Order, codes: CodesRead, sizes: ScratchSizes, trace: &'t mut T) -> Self {
+        let points = |axis: Axis| store.dims()[axis.index()];
+        let across = |axis: Axis| points(axis).div_ceil(store.edge().into()) as usize;
+        let slow_is_v = order.slow == store.axis().others()[1];
+        let sides = [across(order.slow), across(order.medium)];
+        let (sorted, starts) = sorted_tiles(store, slow_is_v, sides, sizes.first_array, trace);
+        // A walk allocates a batch for its own lane.
+        let longest = points(store.axis()) as usize;
+        let capacity = longest.max(BATCH);
+        TracedWalk {
+            store,
+            order,
+            codes,
+            slow_is_v,
+            trace,
+            sorted,
+            starts,
+            slices: TracedVec::new(sizes.first_array + SLICES, points(order.slow) as usize),
+            lines: TracedVec::new(sizes.first_array + LINES, sizes.lines()),
+            mediums: TracedVec::new(sizes.first_array + MEDIUMS, sizes.lines()),
+            two_sided: TracedVec::new(sizes.first_array + TWO_SIDED, sizes.lines()),
+            batch: TracedBatch::new(sizes.first_array + BATCH_ARRAYS, capacity + 2 * CHUNK),
+            line: TracedBatch::new(sizes.first_array + LINE_ARRAYS, longest + 2 * CHUNK),
+            capacity,
+        }
+    }
+
+    /// Returns which of the sorted tiles are in `row`.
+    fn row(&mut self, row: usize) -> Range<usize> {
+        self.starts.get(row, self.trace) as usize..self.starts.get(row + 1, self.trace) as usize
+    }
+
+    /// Returns the mask bit of the line at `medium` of a tile, in its slice `within`.
+    #[inline(always)]
+    fn bit(&self, within: u16, medium: u16) -> u32 {
+        let edge = self.store.edge();
+        u32::from(if self.slow_is_v { edge * within + medium } else { edge * medium + within })
+    }
+
+    #[inline(always)]
+    fn has_lines(&self, mask: &Mask, within: u16) -> bool {
+        (0..self.store.edge()).any(|medium| has_bit(mask, self.bit(within, medium)))
+    }
+
+    /// Lists the non-empty slices; returns their number.
+    fn find_slices(&mut self) -> usize {
+        let edge = self.store.edge();
+        let mut count = 0;
+        for row in 0..self.starts.len() - 1 {
+            let mut union = Mask::default();
+            for item in self.row(row) {
+                let mask = self.store.mask(self.sorted.get(item, self.trace), self.trace);
+                union.iter_mut().zip(mask).for_each(|(all, bits)| *all |= bits);
+            }
+            for within in 0..edge {
+                if self.has_lines(&union, within) && count < self.slices.len() {
+                    let slice = u16::try_from(row).unwrap_or(u16::MAX).saturating_mul(edge) + within;
+                    self.slices.set(count, slice, self.trace);
+                    count += 1;
+                }
+            }
+        }
+        count
+    }
+
+    /// Visits every slice in the slow order.
+    fn slices(&mut self, visit: &mut impl FnMut(&VisitedBlock)) {
+        let count = self.find_slices();
+        let numbers = self.slices.items()[..count].to_vec();
+        let along = |axis: Axis| self.order.along[axis.index()];
+        let (slow_order, medium_order) = (along(self.order.slow), along(self.order.medium));
+        let is_two_sided = matches!(medium_order, AxisOrder::TwoSided { .. });
+        slow_order.for_each_index(&numbers, |index| {
+            let slow = self.slices.get(index, self.trace);
+            let count = self.gather(slow);
+            match medium_order {
+                AxisOrder::Ascending => {}
+                AxisOrder::Descending => self.reverse_lines(count),
+                AxisOrder::TwoSided { .. } => self.part_lines(medium_order, count),
+            }
+            let mut first = 0;
+            while first < count {
+                let lines = if is_two_sided { &self.two_sided } else { &self.lines };
+                let (end, base) = group(lines, first, count, self.capacity, self.trace);
+                self.decode(first..end, is_two_sided, base, slow, visit);
+                first = end;
+            }
+        });
+    }
+
+    fn reverse_lines(&mut self, count: usize) {
+        for low in 0..count / 2 {
+            let high = count - 1 - low;
+            let (a, b) = (self.lines.get(low, self.trace), self.lines.get(high, self.trace));
+            self.lines.set(low, b, self.trace);
+            self.lines.set(high, a, self.trace);
+        }
+    }
+
+    /// Puts the lines in the order of an axis with two sides.
+    fn part_lines(&mut self, sides: AxisOrder, count: usize) {
+        for item in 0..count {
+            let line = self.lines.get(item, self.trace);
+            self.mediums.set(item, line.medium, self.trace);
+        }
+        let mut to = 0;
+        sides.for_each_index(&self.mediums.items()[..count], |from| {
+            let line = self.lines.get(from, self.trace);
+            self.two_sided.set(to, line, self.trace);
+            to += 1;
+        });
+    }
+
+    /// Lists the lines of slice `slow`, ascending; returns their number.
+    fn gather(&mut self, slow: u16) -> usize {
+        let edge = self.store.edge();
+        let within = slow % edge;
+        let longest = u64::from(self.store.dims()[self.store.axis().index()]);
+        let record_count = self.store.record_count();
+        let mut count = 0;
+        for item in self.row(usize::from(slow / edge)) {
+            let tile = self.sorted.get(item, self.trace);
+            let mask = self.store.mask(tile, self.trace);
+            if !self.has_lines(&mask, within) {
+                continue;
+            }
+            // Reads whether the row is wanted, and where its lines and records lie.
+            let start = self.store.start(tile, self.trace);
+            let first_medium = edge.wrapping_mul(start.place[usize::from(!self.slow_is_v)]);
+            for medium in 0..edge {
+                let bit = self.bit(within, medium);
+                if !has_bit(&mask, bit) {
+                    continue;
+                }
+                let Some([first, end]) = self.store.line(tile, &start, rank(&mask, bit), self.trace) else { break };
+                let records = end.wrapping_sub(first);
+                #[allow(clippy::cast_possible_truncation, reason = "only kept if it is at most 65,535")]
+                let line = SliceLine {
+                    first_record: start.first_record + first,
+                    count: records as u16,
+                    medium: first_medium.wrapping_add(medium),
+                };
+                self.lines.set(count, line, self.trace);
+                let is_sound = records.wrapping_sub(1) < longest && start.first_record + end <= record_count;
+                count += usize::from(is_sound);
+            }
+        }
+        count
+    }
+
+    /// Decodes lines of slice `slow` and delivers their voxels.
+    fn decode(
+        &mut self,
+        lines: Range<usize>,
+        is_two_sided: bool,
+        base: u64,
+        slow: u16,
+        visit: &mut impl FnMut(&VisitedBlock),
+    ) {
+        let list = if is_two_sided { &self.two_sided } else { &self.lines };
+        let (store, trace) = (self.store, &mut *self.trace);
+        let range = match self.order.along[self.order.fast.index()] {
+            AxisOrder::Ascending => {
+                let mut end = CHUNK;
+                for item in lines {
+                    end = decode_up(store, list.get(item, trace), base, &mut self.batch, end, trace);
+                }
+                CHUNK..end
+            }
+            AxisOrder::Descending => {
+                let top = CHUNK + self.capacity;
+                let mut start = top;
+                for item in lines.rev() {
+                    start = decode_down(store, list.get(item, trace), base, &mut self.batch, start, trace);
+                }
+                start..top
+            }
+            sides @ AxisOrder::TwoSided { .. } => {
+                let mut end = CHUNK;
+                for item in lines {
+                    let line = list.get(item, trace);
+                    let line_end = decode_up(store, line, base, &mut self.line, CHUNK, trace);
+                    let coordinates = self.line.fast.items()[CHUNK..line_end].to_vec();
+                    sides.for_each_index(&coordinates, |index| {
+                        self.batch.medium.set(end, line.medium, trace);
+                        let fast = self.line.fast.get(CHUNK + index, trace);
+                        self.batch.fast.set(end, fast, trace);
+                        let record = self.line.record.get(CHUNK + index, trace);
+                        self.batch.record.set(end, record, trace);
+                        end += 1;
+                    });
+                }
+                CHUNK..end
+            }
+        };
+        self.hand_over(range, base, slow, visit);
+    }
+
+    /// Reads the voxels in `range` of the batch as the renderer's first stage does, block by block.
+    fn hand_over(&mut self, range: Range<usize>, base: u64, slow: u16, visit: &mut impl FnMut(&VisitedBlock)) {
+        let TracedBatch { medium, fast, record } = &self.batch;
+        let items = (&medium.items()[range.clone()], &fast.items()[range.clone()], &record.items()[range.clone()]);
+        let batch = Batch { slow, medium: items.0, fast: items.1, record: items.2, base };
+        let axes = [self.order.slow.index(), self.order.medium.index(), self.order.fast.index()];
+        let (mut values, mut normals) = ([0; BLOCK], [0; BLOCK]);
+        for from in (0..batch.len()).step_by(BLOCK) {
+            let block = from..batch.len().min(from + BLOCK);
+            medium.read(range.start + from, block.len(), self.trace);
+            fast.read(range.start + from, block.len(), self.trace);
+            if self.codes >= CodesRead::Values {
+                for voxel in block.clone() {
+                    record.read(range.start + voxel, 1, self.trace);
+                    let place = position(axes, &batch, voxel);
+                    values[voxel - from] = self.store.value(place, batch.record_index(voxel), self.trace);
+                }
+            }
+            if self.codes >= CodesRead::ValuesAndNormals {
+                for voxel in block.clone() {
+                    record.read(range.start + voxel, 1, self.trace);
+                    let place = position(axes, &batch, voxel);
+                    normals[voxel - from] = self.store.normal(place, batch.record_index(voxel), self.trace);
+                }
+            }
+            let count = block.len();
+            visit(&VisitedBlock { batch: &batch, block, values: &values[..count], normals: &normals[..count] });
+        }
+    }
+}

@@ -1,0 +1,188 @@
+//! Layouts: other ways to lay out a lane, made from the same voxels and walked by the same walk.
+//!
+//! In: a subject and a [`LaneLayout`]. Out: a [`LayoutWalk`], whose bytes, misses and time are compared with ours. The
+//! shipped layout is one of them, and must equal our lanes byte for byte (tests/study).
+//!
+//! | choice | values |
+//! | --- | --- |
+//! | tile edge | 1, 4, 8, 16 lines. With 1 a tile is its line: no mask, no line record |
+//! | tile order | rows, Morton, Hilbert |
+//! | records | an array for each channel; or interleaved: step, value, normal |
+//! | line record | 2, 4: the end; 8: the end, lowest and highest coordinate |
+//! | payload | in each lane; or once, in bricks of 8 x 8 x 4 voxels, with a one-byte slot in each lane |
+//! | lanes | 3; or fewer: if an order's fast axis has no lane, the innermost axis that has one becomes fast |
+
+mod lane;
+mod records;
+mod store;
+
+use std::sync::Arc;
+
+use self::lane::{LayoutLane, NAMES, OF_A_LANE, SCRATCH};
+use self::records::PayloadBricks;
+use crate::baselines::{Normal, Receiver, Viewing, Walker};
+use crate::lane_walk::{CodesRead, ScratchSizes, VisitedBlock, traced_walk};
+use crate::subject::Subject;
+use crate::trace::{Trace, WalkerArray};
+use adjsplat::arena::TileOrder;
+use adjsplat::arena::layout::line_end_bytes;
+use adjsplat::error::{Error, Result};
+use adjsplat::traverse::Order;
+use adjsplat::volume::Axis;
+
+/// A way to lay out lanes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LaneLayout {
+    /// Lines along a side of a tile: 1, 4, 8 or 16.
+    pub edge: u16,
+    /// Order of the tiles in memory.
+    pub tile_order: TileOrder,
+    /// Whether records are interleaved, instead of an array for each channel.
+    pub interleaved: bool,
+    /// Bytes of a line record: 2, 4 or 8; 2 becomes 4 if ends need it.
+    pub line_bytes: u8,
+    /// Whether values and normals are stored once for all lanes.
+    pub shared: bool,
+    /// Number of lanes: 1 (x), 2 (x, y) or 3.
+    pub lanes: u8,
+}
+
+impl LaneLayout {
+    /// Returns our layout for a grid of `dims` points, with the widest line record of the three axes.
+    pub fn shipped(dims: [u32; 3]) -> LaneLayout {
+        let line_bytes = dims.into_iter().map(line_end_bytes).max().unwrap_or(2);
+        LaneLayout { edge: 8, tile_order: TileOrder::Morton, interleaved: false, line_bytes, shared: false, lanes: 3 }
+    }
+
+    /// Returns the shipped layout, layouts that differ from it in one choice, and some that differ in two.
+    pub fn studied(dims: [u32; 3]) -> Vec<LaneLayout> {
+        let shipped = LaneLayout::shipped(dims);
+        let mut all = vec![shipped];
+        all.extend([1, 4, 16].map(|edge| LaneLayout { edge, ..shipped }));
+        all.extend([TileOrder::Rows, TileOrder::Hilbert].map(|tile_order| LaneLayout { tile_order, ..shipped }));
+        all.push(LaneLayout { interleaved: true, ..shipped });
+        all.extend(
+            [2, 4, 8].into_iter().filter(|&b| b != shipped.line_bytes).map(|b| LaneLayout { line_bytes: b, ..shipped }),
+        );
+        all.push(LaneLayout { shared: true, ..shipped });
+        all.extend([2, 1].map(|lanes| LaneLayout { lanes, ..shipped }));
+        all.extend([4, 16].map(|edge| LaneLayout { edge, interleaved: true, ..shipped }));
+        all.push(LaneLayout { interleaved: true, shared: true, ..shipped });
+        all
+    }
+
+    /// Returns its name: the choices in the order of the fields, such as `8-morton-arrays-end2-own-xyz`.
+    pub fn name(&self) -> String {
+        format!(
+            "{}-{}-{}-end{}-{}-{}",
+            self.edge,
+            self.tile_order.name(),
+            if self.interleaved { "records" } else { "arrays" },
+            if self.edge == 1 { 0 } else { self.line_bytes },
+            if self.shared { "shared" } else { "own" },
+            &"xyz"[..usize::from(self.lanes)]
+        )
+    }
+
+    /// Returns the nesting that these lanes can walk: `order`, if its fast axis has a lane.
+    ///
+    /// Else the innermost axis with a lane becomes fast, and the others keep their order. In parallel views every nesting is
+    /// a visibility order of points; splats that overlap sideways may come in another order.
+    pub fn nested(&self, order: &Order) -> Order {
+        let has_lane = |axis: Axis| axis.index() < usize::from(self.lanes);
+        let Order { slow, medium, fast, .. } = *order;
+        let [slow, medium, fast] = if has_lane(fast) {
+            [slow, medium, fast]
+        } else if has_lane(medium) {
+            [slow, fast, medium]
+        } else {
+            [medium, fast, slow]
+        };
+        Order { slow, medium, fast, ..*order }
+    }
+
+    /// Returns the bytes of a tile record, the offset of its mask, and the bytes of the mask.
+    fn tile_bytes(&self) -> [usize; 3] {
+        match self.edge {
+            1 => [16, 12, 0],
+            edge => {
+                let mask = usize::from(edge * edge).div_ceil(8);
+                [20 + mask, 16, mask]
+            }
+        }
+    }
+}
+
+/// Lanes in some layout, as a walker.
+#[derive(Debug)]
+pub struct LayoutWalk {
+    layout: LaneLayout,
+    lanes: Vec<LayoutLane>,
+    codes: CodesRead,
+}
+
+impl LayoutWalk {
+    /// Lays out the subject's voxels; a walk reads `codes` of each voxel. O(n log n).
+    ///
+    /// # Errors
+    /// [`Error::Input`] for a layout that cannot be made; [`Error::Limit`] for more than 2^32 voxels.
+    pub fn new(subject: &Subject, layout: LaneLayout, codes: CodesRead) -> Result<LayoutWalk> {
+        let known = matches!(layout.edge, 1 | 4 | 8 | 16)
+            && matches!(layout.line_bytes, 2 | 4 | 8)
+            && (1..=3).contains(&layout.lanes);
+        if !known || subject.dims().into_iter().max() > Some(8 * 1024) {
+            let why = "has no such form; edges are 1, 4, 8 or 16, line records 2, 4 or 8 bytes, lanes 1 to 3, and axes \
+                       have up to 8192 points";
+            return Err(Error::input(format!("layout {}", layout.edge), why));
+        }
+        let normal_bytes = usize::from(subject.facts.channels.normal_bits / 4);
+        let shared = if layout.shared {
+            let (bricks, slots) = PayloadBricks::new(subject, layout.interleaved, normal_bytes)?;
+            Some((Arc::new(bricks), slots))
+        } else {
+            None
+        };
+        let axes = Axis::ALL.into_iter().take(layout.lanes.into());
+        let lanes = axes.map(|axis| LayoutLane::new(subject, layout, axis, shared.as_ref())).collect();
+        Ok(LayoutWalk { layout, lanes, codes })
+    }
+
+    fn sizes(&self) -> ScratchSizes {
+        ScratchSizes::of(&self.lanes, SCRATCH)
+    }
+}
+
+impl Walker for LayoutWalk {
+    fn method(&self) -> &'static str {
+        "layout"
+    }
+
+    fn arrays(&self) -> Vec<WalkerArray> {
+        let none = |name| WalkerArray { name, bytes: 0, scratch: false };
+        let mut arrays: Vec<WalkerArray> = NAMES.into_iter().flatten().map(none).collect();
+        for lane in &self.lanes {
+            arrays[lane.arrays_from()..][..OF_A_LANE].copy_from_slice(&lane.arrays());
+        }
+        let bricks = self.lanes.first().and_then(|lane| lane.bricks.as_ref());
+        let sizes = bricks.map_or([0; 3], |bricks| {
+            [4 * bricks.bases.len(), bricks.payload.arrays[0].len(), bricks.payload.arrays[1].len()]
+        });
+        let names = ["bricks", "brick values", "brick normals"];
+        arrays.extend(
+            names.into_iter().zip(sizes).map(|(name, bytes)| WalkerArray { bytes: bytes as u64, ..none(name) }),
+        );
+        arrays.extend(self.sizes().arrays());
+        arrays
+    }
+
+    fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
+        let order = self.layout.nested(&viewing.order);
+        let lane = &self.lanes[order.fast.index()];
+        traced_walk(lane, &order, self.codes, self.sizes(), trace, &mut |visited: &VisitedBlock| {
+            for (index, position) in visited.positions(&order) {
+                let (value, normal) = (visited.values[index], visited.normals[index]);
+                receiver.voxel(position, value, Normal::Code(normal));
+            }
+        });
+    }
+}

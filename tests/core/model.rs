@@ -1,0 +1,101 @@
+//! Models: what a library's user builds, walks and draws, judged by plain loops over the samples.
+
+use adjsplat::classify::TransferFunction;
+use adjsplat::{Build, Error, Model, Viewpoint, Volume};
+
+const DIMS: [u64; 3] = [9, 7, 5];
+
+fn sample(position: [u16; 3]) -> i16 {
+    let [x, y, z] = position.map(i32::from);
+    i16::try_from((x * 37 + y * 101 + z * 59) % 400 - 200).expect("small")
+}
+
+fn volume() -> Volume {
+    let mut samples = Vec::new();
+    for z in 0..5 {
+        for y in 0..7 {
+            samples.extend((0..9).map(|x| sample([x, y, z])));
+        }
+    }
+    Volume::new(DIMS, samples).unwrap().with_spacing([1.0, 2.0, 0.5]).unwrap()
+}
+
+fn model() -> Model {
+    Build::new(TransferFunction::range(50.0, f64::INFINITY).unwrap()).with_value_bits(16).run(&volume()).unwrap()
+}
+
+#[test]
+fn a_walk_hands_over_every_visible_voxel_once_near_ones_first() {
+    let mut want: Vec<[u16; 3]> = Vec::new();
+    for z in 0..5 {
+        for y in 0..7 {
+            want.extend((0..9).map(|x| [x, y, z]).filter(|&position| sample(position) >= 50));
+        }
+    }
+    let mut walked = Vec::new();
+    let mut distance = f64::NEG_INFINITY;
+    model()
+        .walk(&Viewpoint::parallel([0.0, 0.0, -1.0]).unwrap(), |voxels| {
+            for voxel in voxels.iter() {
+                assert_eq!(voxel.value, f64::from(sample(voxel.position)), "{:?}", voxel.position);
+                let length: f32 = voxel.normal.expect("a shaded function").iter().map(|part| part * part).sum();
+                assert!((length - 1.0).abs() < 0.02 || length == 0.0, "{length}");
+                let along = -f64::from(voxel.position[2]);
+                assert!(along >= distance, "a far voxel comes before a near one");
+                distance = along;
+                walked.push(voxel.position);
+            }
+        })
+        .unwrap();
+    walked.sort_unstable_by_key(|&[x, y, z]| [z, y, x]);
+    assert_eq!(walked, want);
+    assert_eq!(model().visible_voxels(), want.len() as u64);
+}
+
+#[test]
+fn samples_that_do_not_fill_the_grid_are_refused() {
+    let error = Volume::new(DIMS, vec![0u8; 314]).unwrap_err().to_string();
+    assert_eq!(error, "samples: are 314, but 9 x 7 x 5 points need 315");
+    assert!(matches!(Volume::new([0, 1, 1], Vec::<f32>::new()), Err(Error::Input { .. })));
+    assert!(matches!(Volume::new([70_000, 1, 1], vec![0u8; 70_000]), Err(Error::Limit { .. })));
+    assert!(volume().with_spacing([1.0, f64::NAN, 1.0]).is_err());
+    assert!(volume().with_direction([[1.0, 0.0, 0.0]; 3]).is_err());
+}
+
+#[test]
+fn a_volume_is_what_reading_its_slices_gives() {
+    let volume = volume();
+    assert_eq!(Volume::read(&mut volume.slices()).unwrap(), volume);
+}
+
+#[test]
+fn another_transfer_function_says_what_is_missing() {
+    let model = model();
+    let wider = TransferFunction::range(0.0, f64::INFINITY).unwrap();
+    let missing = model.missing_values(&wider).unwrap();
+    assert_eq!(missing.len(), 1);
+    assert!(missing[0][0] <= 0.0 && (49.0..=50.0).contains(&missing[0][1]), "{missing:?}");
+    let narrower = TransferFunction::range(100.0, f64::INFINITY).unwrap();
+    assert!(model.missing_values(&narrower).unwrap().is_empty());
+    assert_eq!(
+        model.with_transfer(narrower.clone()).unwrap().transfer().opacity(120.0, 0.0),
+        narrower.opacity(120.0, 0.0)
+    );
+}
+
+#[test]
+fn a_file_without_a_transfer_function_is_refused_with_its_name() {
+    let model = model();
+    let mut bytes = model.arena().unwrap().bytes().to_vec();
+    let text = b"\"transfer_function\"";
+    let at = bytes.windows(text.len()).position(|window| window == text).unwrap();
+    bytes[at + 1] = b'T';
+    let error = Model::from_bytes(bytes).unwrap_err().to_string();
+    assert!(error.contains("stores no transfer function"), "{error}");
+}
+
+#[test]
+fn a_view_that_is_no_direction_is_refused() {
+    assert!(Viewpoint::parallel([0.0; 3]).is_err());
+    assert!(Viewpoint::perspective([f64::NAN, 0.0, 0.0], [1.0, 0.0, 0.0]).is_err());
+}
