@@ -4,7 +4,7 @@
 //! byte says not to; that byte is then dropped.
 #![no_main]
 
-use adjsplat::arena::transpose::transpose;
+use adjsplat::internals::transpose;
 use adjsplat::arena::{Arena, Lane, LaneSet};
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Orbit, Scene, Settings, Surround, cpu};
