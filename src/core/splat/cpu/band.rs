@@ -17,9 +17,6 @@ use crate::splat::Blending;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Draws the band `rect`.
-///
-/// # Errors
-/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
 pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<TileBuffer>> {
     let mut painter = BandPainter::<B> {
         task,
@@ -55,7 +52,7 @@ const SEGMENT: u16 = 32;
 impl<B: Blend> BandPainter<'_, B> {
     /// Whether rays end early, so that voxels can be hidden.
     fn stops(&self) -> bool {
-        B::STOPS && self.task.thresholds.stop > 0.0
+        B::STOPS && self.task.projector.stop > 0.0
     }
 
     /// Whether voxels in `bounds` may change a pixel of the band.
@@ -80,11 +77,11 @@ impl<B: Blend> BandPainter<'_, B> {
 
     /// Draws the waiting voxels.
     fn flush(&mut self) {
-        let DrawTask { projector, settings, thresholds, visible, .. } = self.task;
+        let DrawTask { projector, settings, visible, .. } = self.task;
         let (voxels, buffers) = (&self.voxels, &mut self.buffers);
         self.stats.drawn += match visible {
-            None => dispatch::project_and_draw::<B>(settings.code, projector, voxels, buffers, *thresholds),
-            Some(visible) => dispatch::mark_and_draw(projector, voxels, buffers, *thresholds, *visible),
+            None => dispatch::project_and_draw::<B>(settings.code, projector, voxels, buffers),
+            Some(visible) => dispatch::mark_and_draw(projector, voxels, buffers, *visible),
         };
         self.voxels.count = 0;
     }
@@ -93,7 +90,7 @@ impl<B: Blend> BandPainter<'_, B> {
     fn finish_slice(&mut self) {
         let start = Instant::now();
         self.flush();
-        dispatch::composite_sheet(&mut self.buffers, self.task.thresholds);
+        dispatch::composite_sheet(&mut self.buffers, self.task.projector.stop);
         self.stats.drawing += start.elapsed();
     }
 }

@@ -162,9 +162,6 @@ impl BasePlane {
     /// Returns the picture, from the frame of the plane.
     ///
     /// O(pixels of both). The result does not depend on `threads`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub(super) fn warp(&self, mut plane: Frame, threads: usize) -> Result<Frame> {
         let columns = plane.size()[0] as usize;
         let covered = covered(&plane);

@@ -115,9 +115,6 @@ impl CoarseView {
     /// Returns the picture, from the frame of the coarse view.
     ///
     /// O(pixels). The result does not depend on `threads`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub(super) fn enlarge(&self, mut coarse: Frame, threads: usize) -> Result<Frame> {
         let [columns, rows] = coarse.size().map(|side| side as usize);
         let covered = covered(&coarse);

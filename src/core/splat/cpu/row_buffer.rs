@@ -41,8 +41,7 @@ pub(super) struct RowBuffer {
 }
 
 impl RowBuffer {
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Returns pixels for `rect`, which is not empty: colours 0, transmittances 1.
     pub(super) fn new(rect: Rect) -> Result<RowBuffer> {
         let columns = (rect.x1 - rect.x0) as usize;
         let pitch = columns + WIDE;

@@ -10,7 +10,6 @@ use std::time::{Duration, Instant};
 use super::blend::Blend;
 use super::omit::OmittingVisitor;
 use super::project::Projector;
-use super::raster::Thresholds;
 use super::tile_buffer::{Rect, TileBuffer};
 use super::visible::VisibleRecords;
 use super::{band, plain};
@@ -27,7 +26,6 @@ pub(super) struct DrawTask<'a> {
     pub(super) projector: &'a Projector<'a>,
     pub(super) setup: &'a FrameSetup<'a>,
     pub(super) settings: &'a Settings,
-    pub(super) thresholds: Thresholds,
     /// Half the size of every footprint's box in a parallel view, in pixels; 0 in perspective.
     pub(super) half_widths: [f64; 2],
     /// Records of the lane that are not drawn.
@@ -85,16 +83,9 @@ impl BandStats {
 }
 
 impl<'a> DrawTask<'a> {
-    /// Returns a task; `stop` is the transmittance below which a pixel no longer changes.
-    pub(super) fn new(
-        setup: &'a FrameSetup<'a>,
-        projector: &'a Projector<'a>,
-        settings: &'a Settings,
-        stop: f32,
-    ) -> DrawTask<'a> {
-        let thresholds = Thresholds { cut: setup.kernel.cut(), stop };
+    pub(super) fn new(setup: &'a FrameSetup, projector: &'a Projector, settings: &'a Settings) -> DrawTask<'a> {
         let half_widths = projector.half_widths();
-        DrawTask { projector, setup, settings, thresholds, half_widths, omitted: None, visible: None }
+        DrawTask { projector, setup, settings, half_widths, omitted: None, visible: None }
     }
 
     /// Draws all splats, band by band.

@@ -135,9 +135,6 @@ impl OpenCounts {
 
 impl TileBuffer {
     /// Returns pixels for `rect`, which is not empty: colours 0, alphas `initial_alpha`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(super) fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
         let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
         let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
@@ -150,9 +147,6 @@ impl TileBuffer {
     }
 
     /// Returns the pixels of a sheet: sums of colour times optical depth, and of optical depth.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(super) fn sheet(rect: Rect) -> Result<TileBuffer> {
         let sheet = TileBuffer::new(rect, Additive::INITIAL_ALPHA)?;
         let mut touched = Vec::new();
