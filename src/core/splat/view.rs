@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use super::camera::{Camera, Projection, SOUND_LENGTHS, WorldFrame};
 use super::kernel::KernelShape;
+use super::{require, require_pixels, require_positive};
 use crate::error::{Error, Result};
 use crate::traverse::{Viewpoint, VoxelBox};
 use crate::volume::Grid;
@@ -88,9 +89,7 @@ impl View {
     /// above [`MAX_SIZE`].
     pub fn new(camera: &Camera, grid: &Grid, size: [u32; 2], kernel: KernelShape, near: Option<f64>) -> Result<View> {
         check_size(size)?;
-        if let Some(near) = near.filter(|near| !(near.is_finite() && *near > 0.0)) {
-            return Err(Error::input("near distance", format!("is {near}, but must be finite and above 0")));
-        }
+        near.map_or(Ok(()), |near| require_positive(near, "near distance"))?;
         grid.check()?;
         let world = WorldFrame::of(grid);
         let mean_voxel = mean_voxel(&world);
@@ -131,10 +130,9 @@ impl View {
             PixelMap::Perspective { camera_from_voxel, .. } => camera_from_voxel.as_flattened(),
         };
         let is_sound = world.steps.iter().all(|step| SOUND_LENGTHS.contains(&step.length()));
-        if !(is_sound && numbers.iter().chain(&toward).all(|c| c.is_finite())) {
-            let why = "is too near or far for the grid's spacing (1e-150 to 1e150): the transform is not finite";
-            return Err(Error::input("camera", why));
-        }
+        let is_finite = numbers.iter().chain(&toward).all(|c| c.is_finite());
+        let why = "is too near or far for the grid's spacing (1e-150 to 1e150): the transform is not finite";
+        require(is_sound && is_finite, "camera", why)?;
         let by_axis = |vector: DVec3| grid.direction.map(|axis| DVec3::from_array(axis).dot(vector));
         let eye_scaled = std::array::from_fn(|a| eye_voxel[a] * steps[a]);
         let axes = [by_axis(right), by_axis(up), by_axis(forward)];
@@ -242,16 +240,14 @@ impl View {
 /// # Errors
 /// [`Error::Input`] if a side of `size` is 0; [`Error::Limit`] if one is above [`MAX_SIZE`].
 pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
-    for side in size {
-        if side == 0 {
-            return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
-        }
-        if side > MAX_SIZE {
+    require_pixels(size)?;
+    match size.into_iter().find(|side| *side > MAX_SIZE) {
+        None => Ok(()),
+        Some(side) => {
             let what = "picture size in pixels".to_string();
-            return Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() });
+            Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() })
         }
     }
-    Ok(())
 }
 
 /// The most that the low-pass adds to half of a footprint's width, in pixels, at any cut-off in use.

@@ -55,7 +55,7 @@ impl<B: Blend> BandPainter<'_, B> {
         B::STOPS && self.task.projector.stop > 0.0
     }
 
-    /// Whether voxels in `bounds` may change a pixel of the band.
+    /// Whether voxels in `bounds` may change a pixel of the band; false outside the crop.
     fn may_show(&self, bounds: &VoxelBox) -> bool {
         let tiles = &self.buffers.tiles;
         self.task.pixels(tiles.rect, bounds).is_some_and(|rect| !tiles.is_region_frozen(rect))
@@ -97,15 +97,12 @@ impl<B: Blend> BandPainter<'_, B> {
 
 impl<B: Blend> Visitor for BandPainter<'_, B> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
-        self.task.pixels_in_crop(self.buffers.tiles.rect, bounds).is_some()
+        self.task.pixels(self.buffers.tiles.rect, bounds).is_some()
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
         if !self.stops() {
             return self.wants_tile(bounds);
-        }
-        if self.task.projector.crop.is_some_and(|crop| !bounds.meets(&crop)) {
-            return false;
         }
         let fast = self.task.setup.order.fast.index();
         let (mut from, high) = (bounds.low[fast], bounds.high[fast]);
@@ -124,7 +121,7 @@ impl<B: Blend> Visitor for BandPainter<'_, B> {
     }
 
     fn visit(&mut self, batch: &Batch) {
-        if self.buffers.has_sheet() && self.slow.replace(batch.slow) != Some(batch.slow) {
+        if self.buffers.sheet.is_some() && self.slow.replace(batch.slow) != Some(batch.slow) {
             self.finish_slice();
         }
         let start = Instant::now();

@@ -15,12 +15,6 @@
 //! Source: Lacroute and Levoy, "Fast volume rendering using a shear-warp factorization of the viewing transformation",
 //! 1994.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "places are inside planes of 16,384 pixels a side; weights are single precision"
-)]
-
 use glam::Vec4;
 use multiversion::multiversion;
 

@@ -14,12 +14,6 @@
 //! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993: interpolation by a recursive filter, then the
 //! B-spline's weights.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "places are inside pictures of 16,384 pixels a side; weights are single precision"
-)]
-
 use std::f64::consts::TAU;
 
 use glam::Vec4;

@@ -35,10 +35,6 @@ impl SplatBuffers {
             sheet: has_sheet.then(|| TileBuffer::sheet(rect)).transpose()?,
         })
     }
-
-    pub(super) fn has_sheet(&self) -> bool {
-        self.sheet.is_some()
-    }
 }
 
 /// Defines a function with `code` as its first argument, which runs the version of the body for that instruction set.

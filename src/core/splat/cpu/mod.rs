@@ -3,6 +3,12 @@
 //! In: a scene, a camera, settings. Out: a frame and what it took. Each thread draws a band of the picture and walks
 //! the lane for itself. The picture has the same bits for any number of threads and any instruction set.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::needless_range_loop,
+    reason = "coordinates are clipped to pictures of 16,384 pixels a side, and index loops over arrays run side by side"
+)]
+
 mod band;
 mod base_plane;
 pub(crate) mod blend;

@@ -3,8 +3,6 @@
 //! In and out as for a band. It shares the arithmetic of a single voxel and a single pixel with the fast code and
 //! nothing else: no blocks, tiles, chords, frozen pixels or bands. Tests hold the two to equal bits.
 
-#![expect(clippy::cast_possible_truncation, reason = "as the fast code, whose bits it must give")]
-
 use std::time::Instant;
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};

@@ -12,12 +12,6 @@
 //! Centres are computed in double precision and split into the nearest pixel and an offset, so that a picture of 16,384
 //! pixels is as exact as a small one.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::needless_range_loop,
-    reason = "stages compute in single precision from double, and index loops over several arrays run side by side"
-)]
-
 use super::raster::{BLOCK, Extents, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
 use crate::arena::Lane;

@@ -11,12 +11,6 @@
 //! that its ellipse meets. Frozen tiles are skipped. Pixels of a tile outside the ellipse get depth 0; pixels outside the
 //! band are never read. A pixel's bits depend on absolute coordinates only.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::needless_range_loop,
-    reason = "index loops over arrays run side by side; pixel counts are below 2^15; casts of coordinates saturate and are clipped to the band"
-)]
-
 use super::blend::Blend;
 use super::tile_buffer::{Rect, TILE, TILE_PIXELS, Tile, TileBuffer};
 use crate::splat::arith::{SMALL_DEPTH, at_least, at_most, exp2_neg, keep_if};

@@ -4,13 +4,6 @@
 //! eight pixels can always be read and written at once. Cells of 8 x 8 pixels count their open pixels, and blocks of
 //! 8 x 8 cells their open cells.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    clippy::cast_sign_loss,
-    reason = "coordinates lie on a plane of 16,384 pixels a side"
-)]
-
 use std::ops::Range;
 
 use super::task::BandPixels;

@@ -11,13 +11,6 @@
 //!
 //! The plain renderer draws the same view pixel by pixel; tests compare the two.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::needless_range_loop,
-    reason = "coordinates lie on a plane of 16,384 pixels a side; index loops over arrays run side by side"
-)]
-
 use std::ops::Range;
 use std::time::Instant;
 
@@ -169,12 +162,12 @@ impl StampPainter<'_> {
 
 impl Visitor for StampPainter<'_> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
-        self.task.pixels_in_crop(self.buffers.pixels.rect, bounds).is_some()
+        self.task.pixels(self.buffers.pixels.rect, bounds).is_some()
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
         let pixels = &self.buffers.pixels;
-        self.task.pixels_in_crop(pixels.rect, bounds).is_some_and(|rect| !pixels.is_closed(rect))
+        self.task.pixels(pixels.rect, bounds).is_some_and(|rect| !pixels.is_closed(rect))
     }
 
     fn visit(&mut self, batch: &Batch) {

@@ -3,8 +3,6 @@
 //! In: a frame's setup, projector and settings. Out: a frame. Each band walks the lane for itself, so no memory is spent
 //! on sorting splats into bands, and a pixel meets the same splats in the same order whatever the bands are.
 
-#![expect(clippy::cast_possible_truncation, reason = "coordinates are clipped to the picture before the cast")]
-
 use std::time::{Duration, Instant};
 
 use super::blend::Blend;
@@ -112,20 +110,11 @@ impl<'a> DrawTask<'a> {
         start.elapsed()
     }
 
-    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none or the voxels lie
-    /// outside the crop.
-    #[inline(always)]
-    pub(super) fn pixels_in_crop(&self, rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
-        if self.projector.crop.is_some_and(|crop| !bounds.meets(&crop)) {
-            return None;
-        }
-        self.pixels(rect, bounds)
-    }
-
-    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none.
+    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none, or outside the crop.
     #[inline(always)]
     pub(super) fn pixels(&self, rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
-        pixels(&self.setup.view, self.half_widths, rect, bounds)
+        let is_cropped = self.projector.crop.is_some_and(|crop| !bounds.meets(&crop));
+        if is_cropped { None } else { pixels(&self.setup.view, self.half_widths, rect, bounds) }
     }
 
     /// Cuts the picture into bands of rows, or of columns, and draws each on a thread of its own.

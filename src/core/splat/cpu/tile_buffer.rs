@@ -9,8 +9,6 @@
 //! when all its pixels are below the stopping threshold. Squares of 4 x 4 tiles count their open tiles, and blocks of
 //! 8 x 8 squares their open squares, so that large rectangles are tested quickly.
 
-#![expect(clippy::cast_possible_truncation, reason = "a picture of 16,384 pixels a side has 2^24 tiles")]
-
 use bytemuck::Zeroable;
 
 use super::blend::{Additive, Blend as _, sheet_loss};
