@@ -28,8 +28,8 @@ pub enum Projection {
 
 /// A camera, in world units.
 ///
-/// As JSON: `{"position": [..], "target": [..], "up": [..], "fov": 30}`; a parallel one has `"height"` instead of
-/// `"fov"`.
+/// As JSON: `{"position": [..], "target": [..], "up": [..], "fov": 30}`; a parallel one has
+/// `"height"` instead of `"fov"`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "CameraDocument", into = "CameraDocument")]
 pub struct Camera {
@@ -243,8 +243,7 @@ impl Camera {
     /// If `up` is parallel to the view, the world axis farthest from the view replaces it.
     ///
     /// # Errors
-    /// [`Error::Input`] if a number is not finite or out of its range, if position and target coincide, or if up has
-    /// length 0.
+    /// [`Error::Input`] if a number is not finite or out of range, position and target coincide, or up has length 0.
     pub fn new(position: [f64; 3], target: [f64; 3], up: [f64; 3], projection: Projection) -> Result<Camera> {
         for (name, vector) in [("camera position", position), ("camera target", target), ("camera up", up)] {
             let is_finite = vector.iter().all(|c| c.is_finite());
@@ -317,8 +316,7 @@ impl Camera {
         Camera::new(position.to_array(), target.to_array(), self.up.to_array(), projection)
     }
 
-    /// Returns the camera turned to look along the ray with these tangents to the picture's right and top, with another
-    /// projection.
+    /// Returns the camera turned to the ray with these tangents to the right and top, with another projection.
     ///
     /// # Errors
     /// As [`Camera::new`].

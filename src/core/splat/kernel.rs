@@ -62,8 +62,7 @@ pub enum Quality {
     Reference,
 }
 
-/// Standard deviation of every quality's kernel, in voxel spacings. With a wide cut-off, a constant volume ripples by
-/// 0.05 %.
+/// Standard deviation of every quality's kernel, in voxel spacings; a constant volume ripples by 0.05 %.
 const SIGMA: f32 = 0.7;
 
 impl Quality {

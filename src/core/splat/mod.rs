@@ -1,7 +1,6 @@
 //! Splatting: drawing the voxels that a walk visits.
 //!
-//! In: a [`Scene`] (the voxels and their looks), a [`Camera`] and [`Settings`]. Out: a [`Frame`] of linear
-//! premultiplied colours, and [`Stats`].
+//! In: a [`Scene`] (the voxels and their looks), a [`Camera`] and [`Settings`]. Out: a [`Frame`] and [`Stats`].
 //!
 //! ```text
 //! walk -> project, classify, shade (stage 1) -> footprints into the picture (stage 2) -> frame
@@ -19,6 +18,8 @@ pub(crate) mod setup;
 pub(crate) mod shade;
 pub(crate) mod supersample;
 pub mod view;
+
+use std::fmt::Display;
 
 use serde::{Deserialize, Serialize};
 
@@ -233,7 +234,7 @@ impl Settings {
             format_args!("is {termination}, but must be 0 to 1"),
         )?;
         if let Some(exposure) = self.exposure {
-            require_positive(exposure.into(), "exposure")?;
+            require_positive(exposure, "exposure")?;
         }
         let is_composited = self.mode == Mode::Composite && self.sense == Sense::FrontToBack;
         let why = format_args!("is {}, but only front-to-back composites have that", self.blending.name());
@@ -246,13 +247,14 @@ impl Settings {
 }
 
 /// Returns an input error that names `what` and says `why`, unless `holds`.
-fn require(holds: bool, what: &str, why: impl std::fmt::Display) -> Result<()> {
+fn require(holds: bool, what: &str, why: impl Display) -> Result<()> {
     if holds { Ok(()) } else { Err(Error::input(what, why.to_string())) }
 }
 
 /// Returns an input error that names `what`, unless the number is finite and above 0.
-fn require_positive(number: f64, what: &str) -> Result<()> {
-    require(number.is_finite() && number > 0.0, what, format_args!("is {number}, but must be finite and above 0"))
+fn require_positive<T: Into<f64> + Display + Copy>(number: T, what: &str) -> Result<()> {
+    let is_positive = number.into().is_finite() && number.into() > 0.0;
+    require(is_positive, what, format_args!("is {number}, but must be finite and above 0"))
 }
 
 /// Returns an input error if a picture has no columns or rows.
@@ -263,8 +265,7 @@ fn require_pixels(size: [u32; 2]) -> Result<()> {
 /// The work of drawing a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Stats {
-    /// Splats that reached the picture. A splat on the border of two threads' bands, or of two strips of samples, counts
-    /// twice.
+    /// Splats that reached the picture. On the border of two threads' bands or strips they count twice.
     pub splats_drawn: u64,
     /// Voxels that were visited but not drawn: transparent, outside the picture, or hidden behind opaque ones.
     pub splats_skipped: u64,

@@ -85,8 +85,7 @@ impl View {
     /// extent: a nearer footprint would wrap around the eye.
     ///
     /// # Errors
-    /// [`Error::Input`] if a side of `size` is 0, or `near` is not finite and above 0; [`Error::Limit`] if a side is
-    /// above [`MAX_SIZE`].
+    /// [`Error::Input`] if a side of `size` or `near` is not above 0; [`Error::Limit`] if a side is above [`MAX_SIZE`].
     pub fn new(camera: &Camera, grid: &Grid, size: [u32; 2], kernel: KernelShape, near: Option<f64>) -> Result<View> {
         check_size(size)?;
         near.map_or(Ok(()), |near| require_positive(near, "near distance"))?;
@@ -167,11 +166,10 @@ impl View {
         view
     }
 
-    /// Returns the box on the screen of all footprints of the voxels in `bounds`: first and last column, first and last
-    /// row. It is never too small.
+    /// Returns the box on the screen of all footprints of the voxels in `bounds`: first and last column, then
+    /// row; it is never too small.
     ///
-    /// `None` if all voxels are too near to be drawn. `half_widths` are those of a footprint in a parallel view, in
-    /// pixels; unused in perspective.
+    /// `None` if all voxels are too near to be drawn. `half_widths`: half a footprint's size in a parallel view, in pixels.
     pub fn pixel_bounds(&self, bounds: &VoxelBox, half_widths: [f64; 2]) -> Option<[f64; 4]> {
         let middle: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.low[a]) + f64::from(bounds.high[a])) / 2.0);
         let extent: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.high[a]) - f64::from(bounds.low[a])) / 2.0);
@@ -235,10 +233,7 @@ impl View {
     }
 }
 
-/// Checks a picture's columns and rows.
-///
-/// # Errors
-/// [`Error::Input`] if a side of `size` is 0; [`Error::Limit`] if one is above [`MAX_SIZE`].
+/// Returns an error unless both sides are 1 to [`MAX_SIZE`] pixels.
 pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
     require_pixels(size)?;
     match size.into_iter().find(|side| *side > MAX_SIZE) {

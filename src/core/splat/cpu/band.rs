@@ -143,8 +143,7 @@ impl<B: Blend> Visitor for BandPainter<'_, B> {
                 self.voxels.add(batch, group.start, GROUP);
             }
         }
-        // Visible voxels are marked batch by batch, so that one batch can hide the next. A pager may drop this batch's
-        // records before the next one.
+        // While marking, a batch can hide the next one. A pager may drop this batch's records before the next.
         if self.task.visible.is_some() || self.task.setup.lane.pager.is_some() {
             self.flush();
         }

@@ -99,8 +99,7 @@ impl Blend for BackToFront {
     }
 }
 
-/// Compositing front to back of faint splats (`faint.rs`); alpha is the opacity, which is more exact near 0 than a
-/// transmittance near 1.
+/// Compositing front to back of faint splats (`faint.rs`); alpha is the opacity.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FaintFrontToBack;
 

@@ -1,7 +1,6 @@
 //! The inner loops, compiled for several instruction sets and chosen at run time.
 //!
-//! The loops are plain arithmetic on arrays, so all versions give the same bits. Only the number of voxels or pixels
-//! that are computed at once differs.
+//! All versions give the same bits: they are plain arithmetic on arrays and differ only in how much is computed at once.
 
 use multiversion::multiversion;
 

@@ -35,7 +35,7 @@ use self::base_plane::BasePlane;
 use self::blend::{Additive, BackToFront, Blend, FrontToBack, LinearFrontToBack, Maximum};
 use self::coarse::CoarseView;
 use self::project::Projector;
-use self::task::{BandStats, DrawTask, assemble, finished, full_rect, pixels};
+use self::task::{BandStats, DrawTask, assemble, full_rect, pixels};
 use self::tile_buffer::Rect;
 use super::composite::{Blending, Finish, Mode, Table};
 use super::frame::Frame;
@@ -61,8 +61,7 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
 
 /// Draws a frame without the records `omitted` of the lane that the view walks along.
 ///
-/// The picture has the bits of [`render`] for a scene from which these voxels were removed. [`Code::Plain`] ignores
-/// `omitted`.
+/// The picture has the bits of a scene from which these voxels were removed. [`Code::Plain`] ignores `omitted`.
 ///
 /// # Errors
 /// As [`render`].
@@ -165,7 +164,7 @@ fn draw_in_mode(
         let projector = Projector::new(setup, table, FrontToBack::ALPHA_INK, settings.termination());
         let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings) };
         let bands = task.in_bands(true, |rect| stamp::draw(&task, rect))?;
-        return Ok((finished(&bands, settings, Finish::new(table))?, BandStats::of(&bands)));
+        return Ok((assemble(&bands, settings, Finish::new(table))?, BandStats::of(&bands)));
     }
     let draw = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) if settings.blending == Blending::Linear => blended::<LinearFrontToBack>,

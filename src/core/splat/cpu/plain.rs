@@ -26,8 +26,7 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<T
     Ok(BandResult { pixels: tiles, stats })
 }
 
-/// Draws the whole picture front to back, slice by slice: sums a slice's splats, then composites the sum behind the
-/// picture.
+/// Draws the whole picture front to back, slice by slice: composites the sum of a slice's splats.
 pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult<TileBuffer>> {
     let mut tiles = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
     let mut sheet = TileBuffer::new(rect, Additive::INITIAL_ALPHA)?;

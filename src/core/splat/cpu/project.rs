@@ -9,8 +9,7 @@
 //! colour    code -> look; normal -> light             kept voxels only
 //! ```
 //!
-//! Centres are computed in double precision and split into the nearest pixel and an offset, so that a picture of 16,384
-//! pixels is as exact as a small one.
+//! Centres are computed in double precision, so that a picture of 16,384 pixels is as exact as a small one.
 
 use super::raster::{BLOCK, Extents, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
@@ -48,8 +47,7 @@ pub struct Projector<'a> {
     pub(super) map: PixelMap,
     /// The footprint of all voxels of a parallel view; 0 in perspective.
     pub(super) ellipse: Ellipse,
-    /// Peak of a unit of optical depth in a parallel view; in perspective, kernel normalisation times squared focal
-    /// length.
+    /// Peak of a unit of optical depth; in perspective, kernel normalisation times squared focal length.
     pub(super) strength: f32,
     /// The eye by index axis, in mean voxels.
     pub(super) eye: [f32; 3],
@@ -116,8 +114,7 @@ impl VoxelBlock {
 pub const GROUP: usize = 16;
 
 impl<'a> Projector<'a> {
-    /// Returns the projector of a frame; `alpha_ink` is its blend mode's, `stop` the transmittance below which a pixel no
-    /// longer changes.
+    /// Returns the projector of a frame; `alpha_ink` and `stop`: see the fields.
     pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, alpha_ink: f32, stop: f32) -> Projector<'a> {
         let FrameSetup { view, order, lane, lights, kernel, crop, maximum } = setup;
         let (sigma, cut_off, normalisation) = (kernel.sigma, kernel.cut_off(), kernel.normalisation());
@@ -148,8 +145,7 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Returns a projector for cubes of `edge` voxels a side, one splat each: the kernel is `edge` times as wide and
-    /// holds the cube's volume.
+    /// Returns a projector for cubes of `edge` voxels a side, each a splat of a kernel `edge` times as wide.
     pub fn of_cubes(&self, edge: u32) -> Projector<'a> {
         let width = edge as f32;
         let sigma = self.sigma * width;
@@ -488,8 +484,7 @@ pub(super) fn slant(tan_x: f32, tan_y: f32) -> f32 {
     (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt()
 }
 
-/// Returns the pixel nearest to a coordinate and the coordinate minus that pixel. Coordinates beyond 1e9 pixels, and
-/// NaN, count as 1e9.
+/// Returns the pixel nearest to a coordinate and the coordinate minus that pixel. It is limited to 1e9 pixels.
 #[inline(always)]
 pub(super) fn nearest_pixel(at: f64) -> (i32, f32) {
     // Adding it leaves the nearest integer in the low bits of the sum.

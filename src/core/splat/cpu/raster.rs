@@ -128,8 +128,7 @@ pub(super) fn draw<B: Blend>(
     drawn
 }
 
-/// Draws a splat on the tiles from the first to the last of `columns` and `rows`. `IS_SMALL`: its peak is at most
-/// [`SMALL_DEPTH`].
+/// Draws a splat on the tiles from the first to the last of `columns` and `rows`. `IS_SMALL`: see [`SMALL_DEPTH`].
 #[inline(always)]
 fn draw_splat<B: Blend, const IS_SMALL: bool>(
     tiles: &mut TileBuffer,
@@ -264,8 +263,7 @@ impl SplatKernel {
         depths
     }
 
-    /// Returns the first and last tile of a row that the ellipse may meet, with more than half a pixel to spare for
-    /// rounding.
+    /// Returns the first and last tile of a row that the ellipse may meet, with half a pixel to spare for rounding.
     #[inline(always)]
     fn chord(&self, row: i32) -> [i32; 2] {
         let low = ((row << TILE) - self.centre.y) as f32 - self.centre.offset_y;

@@ -132,8 +132,7 @@ impl RowBuffer {
             .all(|y| cells(rect.x0, rect.x1).all(|x| self.open_cells.is_zero(x, y) || self.open_pixels.is_zero(x, y)))
     }
 
-    /// Counts a splat's pixels that changed for the last time; `closed_rows` has a bit for each row with such pixels,
-    /// `before` their transmittances before the splat.
+    /// Counts a splat's pixels that changed for the last time, in the rows whose bit in `closed_rows` is set.
     #[cold]
     #[inline(never)]
     fn count_closed(&mut self, [x, y]: [i32; 2], before: &[[f32; EIGHT]; EIGHT], closed_rows: u8, stop: f32) {

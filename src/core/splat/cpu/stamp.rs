@@ -71,8 +71,7 @@ impl Stamp {
         Stamp { left, top, columns, rows, slow, weights }
     }
 
-    /// Returns how many voxels of a batch from `first` on lie on one line with all their pixels among [`WIDE`]; fewer
-    /// than [`WIDE`].
+    /// Returns how many voxels of a batch from `first` on lie on one line with all their pixels among [`WIDE`].
     #[inline(always)]
     fn neighbours(&self, batch: &Batch, first: usize) -> usize {
         let (medium, fast) = (batch.medium[first], batch.fast[first]);
@@ -205,8 +204,7 @@ pub(super) struct StampBuffers {
 const TESTED_TOGETHER: usize = 5;
 
 impl StampBuffers {
-    /// Adds the voxels of a batch that are not hidden to the waiting ones, and draws full blocks with the instructions
-    /// of `code`; returns how many splats were drawn.
+    /// Adds the voxels of a batch that are not hidden to the waiting ones, and draws full blocks; returns how many splats.
     #[inline(always)]
     pub(super) fn add_visible(&mut self, code: Code, projector: &Projector, batch: &Batch) -> u64 {
         let (mut drawn, mut from, mut to) = (0, 0, 0);

@@ -33,7 +33,8 @@ pub(super) struct DrawTask<'a> {
 }
 
 /// The pixels of one band.
-pub(super) trait BandPixels {
+pub trait BandPixels {
+    /// Returns the band's rectangle.
     fn rect(&self) -> Rect;
     /// Visits the pixels of row `y` with their column and values; may leave out empty pixels.
     fn visit_row(&self, y: i32, visit: impl FnMut(i32, [f32; 4]));
@@ -142,8 +143,7 @@ impl<'a> DrawTask<'a> {
         })
     }
 
-    /// Returns whether the lane's lines follow the picture's rows more than its columns: bands of rows then cut the
-    /// fewest tiles.
+    /// Returns whether the lane's lines rather follow the picture's rows: bands of rows then cut the fewest tiles.
     fn lines_follow_rows(&self) -> bool {
         let fast = self.setup.order.fast.index();
         let [x, y] = match &self.setup.view.map {
@@ -231,20 +231,11 @@ pub(super) fn pixels(view: &View, half_widths: [f64; 2], rect: Rect, bounds: &Vo
     })
 }
 
-/// Makes a frame of finished bands of tiles.
+/// Makes a frame of drawn bands.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
-pub fn assemble(bands: &[BandResult<TileBuffer>], settings: &Settings, finish: Finish) -> Result<Frame> {
-    finished(bands, settings, finish)
-}
-
-/// Makes a frame of finished bands.
-pub(super) fn finished<P: BandPixels + Sync>(
-    bands: &[BandResult<P>],
-    settings: &Settings,
-    finish: Finish,
-) -> Result<Frame> {
+pub fn assemble<P: BandPixels + Sync>(bands: &[BandResult<P>], settings: &Settings, finish: Finish) -> Result<Frame> {
     let mut frame = Frame::transparent(settings.size)?;
     combine(bands, settings, &mut frame, |pixel, values| *pixel = finish.pixel(values));
     Ok(frame)

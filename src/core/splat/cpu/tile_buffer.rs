@@ -93,8 +93,7 @@ pub(super) struct OpenCounts {
 }
 
 impl OpenCounts {
-    /// Counts, for each square of `1 << shift` pixels, the cells of `1 << cell` pixels that it shares with the
-    /// rectangle.
+    /// Counts the cells of `1 << cell` pixels of the rectangle, for each square of `1 << shift` pixels.
     pub(super) fn new(rect: Rect, shift: i32, cell: i32) -> OpenCounts {
         let cells = |low: i32, high: i32| {
             let (first, last) = (low >> cell, (high - 1) >> cell);
@@ -196,8 +195,7 @@ impl TileBuffer {
         (row - (self.rect.y0 >> TILE)) as usize * self.pitch + (column - (self.rect.x0 >> TILE)) as usize
     }
 
-    /// Returns the index and values of the tile in `column` and `row` of the picture's grid, which meets the
-    /// rectangle; `None` if it is frozen.
+    /// Returns the index and values of the tile in `column` and `row` of the picture's grid; `None` if it is frozen.
     #[inline(always)]
     pub(super) fn tile(&mut self, column: i32, row: i32) -> Option<(usize, &mut Tile)> {
         let index = self.index(column, row);
@@ -209,8 +207,7 @@ impl TileBuffer {
         Some((index, &mut self.tiles[index]))
     }
 
-    /// Gives the pixels of a fresh tile their alpha. It stays 0 outside the rectangle, which never keeps a tile from
-    /// freezing.
+    /// Gives the pixels of a fresh tile their alpha; outside the rectangle it stays 0, so that the tile can freeze.
     #[inline(never)]
     fn open(&mut self, index: usize, column: i32, row: i32) {
         let (x0, y0) = (column << TILE, row << TILE);
