@@ -40,7 +40,7 @@ impl Mode {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Blending {
-    /// `1 - exp(-depth)` of the splat's optical depth at a pixel: the integral along the ray. Exact for a million faint layers.
+    /// `1 - exp(-depth)` of the optical depth at a pixel: the integral along the ray. Exact for a million faint layers.
     #[default]
     Exponential,
     /// Opacity times the kernel's weight, at most 1: the classic form (Westover 1990). At worst 17 dB from the other.

@@ -12,7 +12,7 @@
 //! band are never read. A pixel's bits depend on absolute coordinates only.
 
 use super::blend::Blend;
-use super::tile_buffer::{Rect, TILE, TILE_PIXELS, Tile, TileBuffer};
+use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
 use crate::splat::arith::{SMALL_DEPTH, at_least, at_most, exp2_neg, keep_if};
 use crate::splat::kernel::Ellipse;
 
@@ -147,7 +147,7 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
             (from, to) = (from.max(first), to.min(last));
         }
         for column in from..to + 1 {
-            let Some((index, Tile(values))) = tiles.tile(column, row) else { continue };
+            let Some((index, PixelTile(values))) = tiles.tile(column, row) else { continue };
             let mut amounts = kernel.depths(root, &tile_row, column);
             for i in 0..TILE_PIXELS {
                 amounts[i] = if IS_SMALL { B::small_amount(amounts[i]) } else { B::amount(amounts[i]) };
