@@ -15,7 +15,7 @@ pub mod scatter {
     pub use crate::splat::cpu::blend::{Blend, FrontToBack};
     pub use crate::splat::cpu::dispatch::{SplatBuffers, draw_splats, project_and_draw};
     pub use crate::splat::cpu::project::{Coordinates, GROUP, Projector, VoxelBlock, apply_strengths};
-    pub use crate::splat::cpu::raster::{BLOCK, Splats, Thresholds};
+    pub use crate::splat::cpu::raster::BLOCK;
     pub use crate::splat::cpu::task::{BandResult, BandStats, assemble};
     pub use crate::splat::cpu::tile_buffer::Rect;
 }

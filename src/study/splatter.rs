@@ -11,7 +11,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::FrameSetup;
 use adjsplat::internals::scatter::{
     BLOCK, BandResult, BandStats, Blend as _, Coordinates, Finish, FrontToBack, GROUP, Look, Projector, Rect,
-    SplatBuffers, Table, Thresholds, VoxelBlock, apply_strengths, assemble, draw_splats, project_and_draw,
+    SplatBuffers, Table, VoxelBlock, apply_strengths, assemble, draw_splats, project_and_draw,
 };
 use adjsplat::splat::{Camera, Code, Frame, Mode, Scene, Settings};
 use adjsplat::traverse::{Batch, Sense};
@@ -26,7 +26,6 @@ pub(crate) struct Splatter<'a> {
     /// By value code.
     looks: [Look; 256],
     nesting: [usize; 3],
-    thresholds: Thresholds,
     drawing: bool,
     buffers: SplatBuffers,
     level: usize,
@@ -50,14 +49,8 @@ struct Block {
 
 impl Coordinates for Block {
     #[inline(always)]
-    fn double(&self, j: usize) -> [f64; 3] {
+    fn at(&self, j: usize) -> [f64; 3] {
         [self.at[0][j], self.at[1][j], self.at[2][j]]
-    }
-
-    #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16 and whole or half")]
-    fn single(&self, j: usize) -> [f32; 3] {
-        self.at.map(|along| along[j] as f32)
     }
 }
 
@@ -122,9 +115,9 @@ impl Splatter<'_> {
     fn flush_voxels(&mut self) {
         let (projector, buffers) = (&self.projectors[0], &mut self.buffers);
         self.drawn += if self.drawing {
-            project_and_draw::<FrontToBack>(Code::Best, projector, &self.voxels, buffers, self.thresholds)
+            project_and_draw::<FrontToBack>(Code::Best, projector, &self.voxels, buffers)
         } else {
-            project(projector, &self.voxels, buffers, self.thresholds)
+            project(projector, &self.voxels, buffers)
         };
         self.voxels.count = 0;
     }
@@ -135,16 +128,16 @@ impl Splatter<'_> {
             self.projectors.push(self.projectors[0].of_cubes(edge));
         }
         let projector = &self.projectors[self.level];
-        self.drawn += handed(projector, &mut self.block, &mut self.buffers, self.thresholds, self.drawing);
+        self.drawn += handed(projector, &mut self.block, &mut self.buffers, self.drawing);
     }
 }
 
 /// Stage 1 of a block that was handed over, which is empty then.
 #[inline(always)]
-fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers, thresholds: Thresholds) {
-    let SplatBuffers { tiles, splats, ellipses, .. } = buffers;
-    projector.place(block, splats, ellipses);
-    projector.cull(block.count, [true; BLOCK], splats, tiles, thresholds);
+fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers) {
+    let SplatBuffers { tiles, splats, .. } = buffers;
+    projector.place(block, splats);
+    projector.cull(block.count, [true; BLOCK], splats, tiles);
     for k in 0..splats.count {
         let j = usize::from(splats.kept[k]) % BLOCK;
         let [red, green, blue, depth] = block.looks[j];
@@ -173,25 +166,19 @@ fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut Splat
 
 /// As [`project_and_draw`], but for the drawing; gives how many splats would be drawn.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn project(projector: &Projector, voxels: &VoxelBlock, buffers: &mut SplatBuffers, thresholds: Thresholds) -> u64 {
-    let SplatBuffers { tiles, splats, ellipses, .. } = buffers;
-    projector.project_block(voxels, splats, ellipses, tiles, thresholds);
+fn project(projector: &Projector, voxels: &VoxelBlock, buffers: &mut SplatBuffers) -> u64 {
+    let SplatBuffers { tiles, splats, .. } = buffers;
+    projector.project_block(voxels, splats, tiles);
     std::hint::black_box(&buffers.splats).count as u64
 }
 
 /// Projects and, if `drawing`, draws a block that was handed over; gives how many splats were drawn, or would be.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn handed(
-    projector: &Projector,
-    block: &mut Block,
-    buffers: &mut SplatBuffers,
-    thresholds: Thresholds,
-    drawing: bool,
-) -> u64 {
-    place_and_shade(projector, block, buffers, thresholds);
+fn handed(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers, drawing: bool) -> u64 {
+    place_and_shade(projector, block, buffers);
     if drawing {
-        let SplatBuffers { tiles, splats, ellipses, .. } = buffers;
-        draw_splats::<FrontToBack>(projector, tiles, splats, ellipses, thresholds)
+        let SplatBuffers { tiles, splats, .. } = buffers;
+        draw_splats::<FrontToBack>(projector, tiles, splats)
     } else {
         std::hint::black_box(&buffers.splats).count as u64
     }
@@ -216,14 +203,13 @@ pub(crate) fn splat(
     let table = Table::new(scene, &setup.lane, &settings, setup.view.mean_voxel)?;
     let looks =
         *table.of_bytes().ok_or_else(|| Error::input("values", "have 16 bits, or looks depend on gradients"))?;
-    let projector = Projector::new(&setup, &table, FrontToBack::ALPHA_INK);
+    let projector = Projector::new(&setup, &table, FrontToBack::ALPHA_INK, settings.termination());
     let [columns, rows] = settings.size.map(u32::cast_signed);
     let rect = Rect { x0: 0, y0: 0, x1: columns, y1: rows };
     let mut splatter = Splatter {
         looks,
         nesting: projector.nesting,
         projectors: vec![projector],
-        thresholds: Thresholds { cut: setup.kernel.cut(), stop: settings.termination() },
         drawing,
         buffers: SplatBuffers::new::<FrontToBack>(rect, false)?,
         level: 0,

@@ -40,8 +40,7 @@ pub(crate) fn absorbed_small(x: f32) -> f32 {
     x * loss_ratio(x)
 }
 
-/// Returns `(1 - 2^-f) / f` for `f` in -1/2..=1/2, within 1.1e-8. Terms are paired (Estrin's scheme), which halves the
-/// chain of dependent steps.
+/// Returns `(1 - 2^-f) / f` for `f` in -1/2..=1/2, within 1.1e-8. Pairs of terms (Estrin's scheme) halve the steps.
 #[inline(always)]
 fn loss_ratio(f: f32) -> f32 {
     let square = f * f;

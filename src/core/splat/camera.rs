@@ -7,6 +7,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::{require, require_pixels, require_positive};
 use crate::error::{Error, Result};
 use crate::volume::{Axis, Grid};
 
@@ -27,8 +28,8 @@ pub enum Projection {
 
 /// A camera, in world units.
 ///
-/// As JSON: `{"position": [..], "target": [..], "up": [..], "fov": 30}`; a parallel one has `"height"` instead of
-/// `"fov"`.
+/// As JSON: `{"position": [..], "target": [..], "up": [..], "fov": 30}`; a parallel one has
+/// `"height"` instead of `"fov"`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(try_from = "CameraDocument", into = "CameraDocument")]
 pub struct Camera {
@@ -242,34 +243,23 @@ impl Camera {
     /// If `up` is parallel to the view, the world axis farthest from the view replaces it.
     ///
     /// # Errors
-    /// [`Error::Input`] if a number is not finite or out of its range, if position and target coincide, or if up has
-    /// length 0.
+    /// [`Error::Input`] if a number is not finite or out of range, position and target coincide, or up has length 0.
     pub fn new(position: [f64; 3], target: [f64; 3], up: [f64; 3], projection: Projection) -> Result<Camera> {
-        for (name, vector) in [("position", position), ("target", target), ("up", up)] {
-            if !vector.iter().all(|c| c.is_finite()) {
-                return Err(Error::input(format!("camera {name}"), format!("is {vector:?}, but must be finite")));
-            }
+        for (name, vector) in [("camera position", position), ("camera target", target), ("camera up", up)] {
+            let is_finite = vector.iter().all(|c| c.is_finite());
+            require(is_finite, name, format_args!("is {vector:?}, but must be finite"))?;
         }
         let [position, target, up] = [position, target, up].map(DVec3::from_array);
-        if target == position {
-            return Err(Error::input("camera target", "is where the camera is; it must look somewhere"));
-        }
-        if !SOUND_LENGTHS.contains(&(target - position).length()) {
-            return Err(Error::input("camera target", "is too near to the camera or too far from it for a direction"));
-        }
-        if !SOUND_LENGTHS.contains(&up.length()) {
-            return Err(Error::input("camera up", "has length 0, or one beyond 1e-150 to 1e150"));
-        }
+        require(target != position, "camera target", "is where the camera is; it must look somewhere")?;
+        let is_direction = SOUND_LENGTHS.contains(&(target - position).length());
+        require(is_direction, "camera target", "is too near to the camera or too far from it for a direction")?;
+        let why = "has length 0, or one beyond 1e-150 to 1e150";
+        require(SOUND_LENGTHS.contains(&up.length()), "camera up", why)?;
         match projection {
-            Projection::Parallel { height } if !(height.is_finite() && height > 0.0) => {
-                Err(Error::input("camera height", format!("is {height}, but must be finite and above 0")))
-            }
-            Projection::Perspective { fov } if !(fov > 0.0 && fov < 180.0) => {
-                let why = format!("is {fov} degrees, but must be above 0 and below 180");
-                Err(Error::input("camera angle of view", why))
-            }
-            _ => Ok(Camera { position, target, up, projection }),
+            Projection::Parallel { height } => require_positive(height, "camera height")?,
+            Projection::Perspective { fov } => require_angle(fov, "camera angle of view")?,
         }
+        Ok(Camera { position, target, up, projection })
     }
 
     /// Returns the camera of an orbit: at zoom 1, all of `around` fits into a picture of `size` (columns, rows).
@@ -279,16 +269,10 @@ impl Camera {
     pub fn orbiting(orbit: Orbit, around: Surround, size: [u32; 2]) -> Result<Camera> {
         let Orbit { azimuth, elevation, zoom, fov, up } = orbit;
         for (name, angle) in [("azimuth", azimuth), ("elevation", elevation)] {
-            if !angle.is_finite() {
-                return Err(Error::input(name, format!("is {angle}, but must be finite")));
-            }
+            require(angle.is_finite(), name, format_args!("is {angle}, but must be finite"))?;
         }
-        if !(zoom.is_finite() && zoom > 0.0) {
-            return Err(Error::input("zoom", format!("is {zoom}, but must be finite and above 0")));
-        }
-        if size.contains(&0) {
-            return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
-        }
+        require_positive(zoom, "zoom")?;
+        require_pixels(size)?;
         let (sin_a, cos_a) = sin_cos_degrees(azimuth);
         let (sin_e, cos_e) = sin_cos_degrees(elevation);
         let [side, front, upright] = up.frame();
@@ -300,15 +284,12 @@ impl Camera {
         let tall = (f64::from(size[1]) / f64::from(size[0])).max(1.0);
         let (distance, projection) = match fov {
             None => (2.0 * radius, Projection::Parallel { height: 2.0 * radius * tall / zoom }),
-            Some(fov) if fov > 0.0 && fov < 180.0 => {
+            Some(fov) => {
+                require_angle(fov, "angle of view")?;
                 let tangent = (fov.to_radians() / 2.0).tan();
                 let distance = radius / (tangent / tall).atan().sin();
                 let zoomed = 2.0 * (tangent / zoom).atan().to_degrees();
                 (distance, Projection::Perspective { fov: zoomed })
-            }
-            Some(fov) => {
-                let why = format!("is {fov} degrees, but must be above 0 and below 180");
-                return Err(Error::input("angle of view", why));
             }
         };
         Camera::new((centre + outward * distance).to_array(), around.centre, up.to_array(), projection)
@@ -335,8 +316,7 @@ impl Camera {
         Camera::new(position.to_array(), target.to_array(), self.up.to_array(), projection)
     }
 
-    /// Returns the camera turned to look along the ray with these tangents to the picture's right and top, with another
-    /// projection.
+    /// Returns the camera turned to the ray with these tangents to the right and top, with another projection.
     ///
     /// # Errors
     /// As [`Camera::new`].
@@ -362,6 +342,11 @@ impl Camera {
         };
         [right, right.cross(forward), forward]
     }
+}
+
+/// Returns an input error that names `what`, unless the angle of view is above 0 and below 180 degrees.
+fn require_angle(fov: f64, what: &str) -> Result<()> {
+    require(fov > 0.0 && fov < 180.0, what, format_args!("is {fov} degrees, but must be above 0 and below 180"))
 }
 
 /// Returns the sine and cosine of an angle in degrees: exact at multiples of 90, the same after whole turns.

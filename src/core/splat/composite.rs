@@ -40,12 +40,10 @@ impl Mode {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Blending {
-    /// `1 - exp(-depth)` of the splat's optical depth at a pixel: the integral along the ray. Exact even for a million
-    /// layers of almost no opacity.
+    /// `1 - exp(-depth)` of the optical depth at a pixel: the integral along the ray. Exact for a million faint layers.
     #[default]
     Exponential,
-    /// Opacity times the kernel's weight, at most 1: the classic form (Westover 1990). In the worst case 17 dB from
-    /// `Exponential`.
+    /// Opacity times the kernel's weight, at most 1: the classic form (Westover 1990). At worst 17 dB from the other.
     Linear,
     /// `Exponential` of the sum of a slice's splats, with colours in proportion to their depths: sheet buffers (Westover
     /// 1991). Within a slice no splat is in front of another.
@@ -152,8 +150,7 @@ impl<'a> Table<'a> {
         Ok(table)
     }
 
-    /// Returns the exposure at which a typical ray has brightness `1 - exp(-1.4)`: one through as many visible voxels as
-    /// a cube of all of them is wide.
+    /// Returns the exposure at which a ray through as many visible voxels as their cube root has `1 - exp(-1.4)`.
     fn exposure(&self, lane: &Lane) -> f32 {
         let voxels = self.scene.facts.visible_voxels.max(1) as f64;
         let depth = |record| self.look(lane.value_code(record), lane.magnitude_code(record))[3];

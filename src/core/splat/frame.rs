@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use glam::Vec4;
 
+use super::require_pixels;
 use crate::error::{Error, Result};
 
 /// A picture: red, green, blue, alpha for each pixel, row after row from the top; linear light, premultiplied by alpha.
@@ -21,9 +22,7 @@ impl Frame {
     /// # Errors
     /// [`Error::Input`] if a side of `size` is 0; [`Error::OutOfMemory`].
     pub fn transparent(size: [u32; 2]) -> Result<Frame> {
-        if size.contains(&0) {
-            return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
-        }
+        require_pixels(size)?;
         let floats = u64::from(size[0]) * u64::from(size[1]) * 4;
         let refused = || Error::out_of_memory("the picture", 4 * floats);
         let len = usize::try_from(floats).map_err(|_| refused())?;

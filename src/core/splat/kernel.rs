@@ -18,9 +18,9 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Sampling;
 use super::arith::{LOG2_E, at_least, at_most};
-use crate::error::{Error, Result};
+use super::{Sampling, require};
+use crate::error::Result;
 
 /// A footprint's ellipse, in pixels.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -62,8 +62,7 @@ pub enum Quality {
     Reference,
 }
 
-/// Standard deviation of every quality's kernel, in voxel spacings. With a wide cut-off, a constant volume ripples by
-/// 0.05 %.
+/// Standard deviation of every quality's kernel, in voxel spacings; a constant volume ripples by 0.05 %.
 const SIGMA: f32 = 0.7;
 
 impl Quality {
@@ -123,15 +122,12 @@ impl KernelShape {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`Error::Input`] if a number is outside its range.
+    /// [`Error::Input`](crate::Error::Input) if a number is outside its range.
     pub fn check(self) -> Result<()> {
-        let in_range = (0.2..=4.0).contains(&self.sigma) && (1.0..=6.0).contains(&(self.radius / self.sigma));
-        if in_range {
-            Ok(())
-        } else {
-            let why = format!("is sigma {}, radius {}; use 0.2 to 4, and 1 to 6 sigma", self.sigma, self.radius);
-            Err(Error::input("kernel", why))
-        }
+        let KernelShape { sigma, radius } = self;
+        let is_in_range = (0.2..=4.0).contains(&sigma) && (1.0..=6.0).contains(&(radius / sigma));
+        let why = format_args!("is sigma {sigma}, radius {radius}; use 0.2 to 4, and 1 to 6 sigma");
+        require(is_in_range, "kernel", why)
     }
 
     /// Returns the cut-off in standard deviations.

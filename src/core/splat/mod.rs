@@ -1,7 +1,6 @@
 //! Splatting: drawing the voxels that a walk visits.
 //!
-//! In: a [`Scene`] (the voxels and their looks), a [`Camera`] and [`Settings`]. Out: a [`Frame`] of linear
-//! premultiplied colours, and [`Stats`].
+//! In: a [`Scene`] (the voxels and their looks), a [`Camera`] and [`Settings`]. Out: a [`Frame`] and [`Stats`].
 //!
 //! ```text
 //! walk -> project, classify, shade (stage 1) -> footprints into the picture (stage 2) -> frame
@@ -19,6 +18,8 @@ pub(crate) mod setup;
 pub(crate) mod shade;
 pub(crate) mod supersample;
 pub mod view;
+
+use std::fmt::Display;
 
 use serde::{Deserialize, Serialize};
 
@@ -226,38 +227,45 @@ impl Settings {
     /// [`Error::Input`] that names the setting.
     pub fn check(&self) -> Result<()> {
         self.kernel().check()?;
-        if !(0.0..=1.0).contains(&self.termination()) {
-            let why = format!("is {}, but must be 0 to 1", self.termination());
-            return Err(Error::input("termination", why));
-        }
-        if let Some(exposure) = self.exposure.filter(|exposure| !(exposure.is_finite() && *exposure > 0.0)) {
-            return Err(Error::input("exposure", format!("is {exposure}, but must be finite and above 0")));
+        let termination = self.termination();
+        require(
+            (0.0..=1.0).contains(&termination),
+            "termination",
+            format_args!("is {termination}, but must be 0 to 1"),
+        )?;
+        if let Some(exposure) = self.exposure {
+            require_positive(exposure, "exposure")?;
         }
         let is_composited = self.mode == Mode::Composite && self.sense == Sense::FrontToBack;
-        if self.blending != Blending::Exponential && !is_composited {
-            let why = format!("is {}, but only front-to-back composites have that", self.blending.name());
-            return Err(Error::input("blending", why));
-        }
-        if self.threads == 0 {
-            return Err(Error::input("threads", "are 0, but must be at least 1"));
-        }
-        if let Some(lighting) = &self.lighting {
-            lighting.check()?;
-        }
-        match self.crop {
-            Some(crop) if (0..3).any(|a| crop.low[a] > crop.high[a]) => {
-                Err(Error::input("crop", "has a low end above its high end"))
-            }
-            _ => Ok(()),
-        }
+        let why = format_args!("is {}, but only front-to-back composites have that", self.blending.name());
+        require(self.blending == Blending::Exponential || is_composited, "blending", why)?;
+        require(self.threads > 0, "threads", "are 0, but must be at least 1")?;
+        self.lighting.map_or(Ok(()), |lighting| lighting.check())?;
+        let is_ordered = self.crop.is_none_or(|crop| (0..3).all(|a| crop.low[a] <= crop.high[a]));
+        require(is_ordered, "crop", "has a low end above its high end")
     }
+}
+
+/// Returns an input error that names `what` and says `why`, unless `holds`.
+fn require(holds: bool, what: &str, why: impl Display) -> Result<()> {
+    if holds { Ok(()) } else { Err(Error::input(what, why.to_string())) }
+}
+
+/// Returns an input error that names `what`, unless the number is finite and above 0.
+fn require_positive<T: Into<f64> + Display + Copy>(number: T, what: &str) -> Result<()> {
+    let is_positive = number.into().is_finite() && number.into() > 0.0;
+    require(is_positive, what, format_args!("is {number}, but must be finite and above 0"))
+}
+
+/// Returns an input error if a picture has no columns or rows.
+fn require_pixels(size: [u32; 2]) -> Result<()> {
+    require(!size.contains(&0), "picture size", "is 0, but must be at least 1 in both directions")
 }
 
 /// The work of drawing a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Stats {
-    /// Splats that reached the picture. A splat on the border of two threads' bands, or of two strips of samples, counts
-    /// twice.
+    /// Splats that reached the picture. On the border of two threads' bands or strips they count twice.
     pub splats_drawn: u64,
     /// Voxels that were visited but not drawn: transparent, outside the picture, or hidden behind opaque ones.
     pub splats_skipped: u64,

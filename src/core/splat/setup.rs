@@ -48,9 +48,6 @@ impl<'a> FrameSetup<'a> {
 }
 
 /// Returns the order in which a view visits the voxels of a grid.
-///
-/// # Errors
-/// [`Error::Input`] if the grid has no such order.
 pub(crate) fn walk_order(view: &View, grid: &Grid, settings: &Settings) -> Result<Order> {
     match settings.order {
         Some(order) => Ok(order),

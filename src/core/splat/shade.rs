@@ -8,8 +8,9 @@
 use serde::{Deserialize, Serialize};
 
 use super::arith::{at_least, keep_if};
+use super::require;
 use super::view::View;
-use crate::error::{Error, Result};
+use crate::error::Result;
 
 /// The light on voxels, and how they reflect it (Blinn-Phong). The light moves with the camera.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -37,23 +38,18 @@ impl Lighting {
     /// Checks the ranges.
     ///
     /// # Errors
-    /// [`Error::Input`] if a number is outside its range.
+    /// [`Error::Input`](crate::Error::Input) if a number is outside its range.
     pub fn check(&self) -> Result<()> {
-        let weights = [("ambient", self.ambient), ("diffuse", self.diffuse), ("specular", self.specular)];
+        let Lighting { ambient, diffuse, specular, .. } = *self;
+        let weights = [("lighting ambient", ambient), ("lighting diffuse", diffuse), ("lighting specular", specular)];
         for (name, weight) in weights {
-            if !(0.0..=1.0).contains(&weight) {
-                return Err(Error::input(format!("lighting {name}"), format!("is {weight}, but must be 0 to 1")));
-            }
+            require((0.0..=1.0).contains(&weight), name, format_args!("is {weight}, but must be 0 to 1"))?;
         }
-        if self.shininess == 0 {
-            return Err(Error::input("lighting shininess", "is 0, but must be 1 to 255"));
-        }
+        require(self.shininess > 0, "lighting shininess", "is 0, but must be 1 to 255")?;
         let light = glam::DVec3::from_array(self.toward_light);
-        if light.is_finite() && light.try_normalize().is_some() {
-            Ok(())
-        } else {
-            Err(Error::input("light direction", format!("is {:?}, but must be finite and not 0", self.toward_light)))
-        }
+        let is_direction = light.is_finite() && light.try_normalize().is_some();
+        let why = format_args!("is {:?}, but must be finite and not 0", self.toward_light);
+        require(is_direction, "light direction", why)
     }
 }
 
@@ -89,8 +85,7 @@ impl Lights {
         }
     }
 
-    /// Returns the factor on the colour, and the highlight, for a unit normal (0 for none) and the unit vector toward the
-    /// eye.
+    /// Returns the factor on the colour, and the highlight, for a unit normal (0 for none) and a unit vector to the eye.
     #[inline(always)]
     pub(crate) fn shade(&self, normal: [f32; 3], eye: [f32; 3]) -> [f32; 2] {
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

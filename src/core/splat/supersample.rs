@@ -26,8 +26,7 @@ use crate::traverse::VoxelBox;
 use crate::volume::Grid;
 
 /// Standard deviation of a footprint across its narrowest direction, in pixels, from which on one sample a pixel is
-/// enough. Up to 0.49 supersampling was nearer to sixteen times as many samples in all of 36 views
-/// (docs/studies/sampling.md).
+/// enough. Up to 0.49 supersampling was better in all of 36 views (docs/studies/sampling.md).
 pub(super) const WIDE_ENOUGH: f64 = 0.53;
 /// Part of the low-pass's width that samples' footprints need to reach where 32 dB are enough.
 const FEWEST: f64 = 0.5;
@@ -142,8 +141,6 @@ impl Supersampling {
     }
 
     /// Filters the samples of a strip into `picture`; samples beyond the edge of all samples have no weight.
-    ///
-    /// O(samples). The result does not depend on `threads`.
     pub(crate) fn reduce(&self, samples: &Frame, strip: &Strip, threads: usize, picture: &mut Frame) {
         let filter = self.filter();
         let all_columns = 0..samples.size()[0];

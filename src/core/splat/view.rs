@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use super::camera::{Camera, Projection, SOUND_LENGTHS, WorldFrame};
 use super::kernel::KernelShape;
+use super::{require, require_pixels, require_positive};
 use crate::error::{Error, Result};
 use crate::traverse::{Viewpoint, VoxelBox};
 use crate::volume::Grid;
@@ -84,13 +85,10 @@ impl View {
     /// extent: a nearer footprint would wrap around the eye.
     ///
     /// # Errors
-    /// [`Error::Input`] if a side of `size` is 0, or `near` is not finite and above 0; [`Error::Limit`] if a side is
-    /// above [`MAX_SIZE`].
+    /// [`Error::Input`] if a side of `size` or `near` is not above 0; [`Error::Limit`] if a side is above [`MAX_SIZE`].
     pub fn new(camera: &Camera, grid: &Grid, size: [u32; 2], kernel: KernelShape, near: Option<f64>) -> Result<View> {
         check_size(size)?;
-        if let Some(near) = near.filter(|near| !(near.is_finite() && *near > 0.0)) {
-            return Err(Error::input("near distance", format!("is {near}, but must be finite and above 0")));
-        }
+        near.map_or(Ok(()), |near| require_positive(near, "near distance"))?;
         grid.check()?;
         let world = WorldFrame::of(grid);
         let mean_voxel = mean_voxel(&world);
@@ -131,10 +129,9 @@ impl View {
             PixelMap::Perspective { camera_from_voxel, .. } => camera_from_voxel.as_flattened(),
         };
         let is_sound = world.steps.iter().all(|step| SOUND_LENGTHS.contains(&step.length()));
-        if !(is_sound && numbers.iter().chain(&toward).all(|c| c.is_finite())) {
-            let why = "is too near or far for the grid's spacing (1e-150 to 1e150): the transform is not finite";
-            return Err(Error::input("camera", why));
-        }
+        let is_finite = numbers.iter().chain(&toward).all(|c| c.is_finite());
+        let why = "is too near or far for the grid's spacing (1e-150 to 1e150): the transform is not finite";
+        require(is_sound && is_finite, "camera", why)?;
         let by_axis = |vector: DVec3| grid.direction.map(|axis| DVec3::from_array(axis).dot(vector));
         let eye_scaled = std::array::from_fn(|a| eye_voxel[a] * steps[a]);
         let axes = [by_axis(right), by_axis(up), by_axis(forward)];
@@ -169,11 +166,10 @@ impl View {
         view
     }
 
-    /// Returns the box on the screen of all footprints of the voxels in `bounds`: first and last column, first and last
-    /// row. It is never too small.
+    /// Returns the box on the screen of all footprints of the voxels in `bounds`: first and last column, then
+    /// row; it is never too small.
     ///
-    /// `None` if all voxels are too near to be drawn. `half_widths` are those of a footprint in a parallel view, in
-    /// pixels; unused in perspective.
+    /// `None` if all voxels are too near to be drawn. `half_widths`: half a footprint's size in a parallel view, in pixels.
     pub fn pixel_bounds(&self, bounds: &VoxelBox, half_widths: [f64; 2]) -> Option<[f64; 4]> {
         let middle: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.low[a]) + f64::from(bounds.high[a])) / 2.0);
         let extent: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.high[a]) - f64::from(bounds.low[a])) / 2.0);
@@ -237,21 +233,16 @@ impl View {
     }
 }
 
-/// Checks a picture's columns and rows.
-///
-/// # Errors
-/// [`Error::Input`] if a side of `size` is 0; [`Error::Limit`] if one is above [`MAX_SIZE`].
+/// Returns an error unless both sides are 1 to [`MAX_SIZE`] pixels.
 pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
-    for side in size {
-        if side == 0 {
-            return Err(Error::input("picture size", "is 0, but must be at least 1 in both directions"));
-        }
-        if side > MAX_SIZE {
+    require_pixels(size)?;
+    match size.into_iter().find(|side| *side > MAX_SIZE) {
+        None => Ok(()),
+        Some(side) => {
             let what = "picture size in pixels".to_string();
-            return Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() });
+            Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() })
         }
     }
-    Ok(())
 }
 
 /// The most that the low-pass adds to half of a footprint's width, in pixels, at any cut-off in use.

@@ -17,9 +17,6 @@ use crate::splat::Blending;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Draws the band `rect`.
-///
-/// # Errors
-/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
 pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<TileBuffer>> {
     let mut painter = BandPainter::<B> {
         task,
@@ -55,10 +52,10 @@ const SEGMENT: u16 = 32;
 impl<B: Blend> BandPainter<'_, B> {
     /// Whether rays end early, so that voxels can be hidden.
     fn stops(&self) -> bool {
-        B::STOPS && self.task.thresholds.stop > 0.0
+        B::STOPS && self.task.projector.stop > 0.0
     }
 
-    /// Whether voxels in `bounds` may change a pixel of the band.
+    /// Whether voxels in `bounds` may change a pixel of the band; false outside the crop.
     fn may_show(&self, bounds: &VoxelBox) -> bool {
         let tiles = &self.buffers.tiles;
         self.task.pixels(tiles.rect, bounds).is_some_and(|rect| !tiles.is_region_frozen(rect))
@@ -80,11 +77,11 @@ impl<B: Blend> BandPainter<'_, B> {
 
     /// Draws the waiting voxels.
     fn flush(&mut self) {
-        let DrawTask { projector, settings, thresholds, visible, .. } = self.task;
+        let DrawTask { projector, settings, visible, .. } = self.task;
         let (voxels, buffers) = (&self.voxels, &mut self.buffers);
         self.stats.drawn += match visible {
-            None => dispatch::project_and_draw::<B>(settings.code, projector, voxels, buffers, *thresholds),
-            Some(visible) => dispatch::mark_and_draw(projector, voxels, buffers, *thresholds, *visible),
+            None => dispatch::project_and_draw::<B>(settings.code, projector, voxels, buffers),
+            Some(visible) => dispatch::mark_and_draw(projector, voxels, buffers, *visible),
         };
         self.voxels.count = 0;
     }
@@ -93,22 +90,19 @@ impl<B: Blend> BandPainter<'_, B> {
     fn finish_slice(&mut self) {
         let start = Instant::now();
         self.flush();
-        dispatch::composite_sheet(&mut self.buffers, self.task.thresholds);
+        dispatch::composite_sheet(&mut self.buffers, self.task.projector.stop);
         self.stats.drawing += start.elapsed();
     }
 }
 
 impl<B: Blend> Visitor for BandPainter<'_, B> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
-        self.task.pixels_in_crop(self.buffers.tiles.rect, bounds).is_some()
+        self.task.pixels(self.buffers.tiles.rect, bounds).is_some()
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
         if !self.stops() {
             return self.wants_tile(bounds);
-        }
-        if self.task.projector.crop.is_some_and(|crop| !bounds.meets(&crop)) {
-            return false;
         }
         let fast = self.task.setup.order.fast.index();
         let (mut from, high) = (bounds.low[fast], bounds.high[fast]);
@@ -127,7 +121,7 @@ impl<B: Blend> Visitor for BandPainter<'_, B> {
     }
 
     fn visit(&mut self, batch: &Batch) {
-        if self.buffers.has_sheet() && self.slow.replace(batch.slow) != Some(batch.slow) {
+        if self.buffers.sheet.is_some() && self.slow.replace(batch.slow) != Some(batch.slow) {
             self.finish_slice();
         }
         let start = Instant::now();
@@ -149,8 +143,7 @@ impl<B: Blend> Visitor for BandPainter<'_, B> {
                 self.voxels.add(batch, group.start, GROUP);
             }
         }
-        // Visible voxels are marked batch by batch, so that one batch can hide the next. A pager may drop this batch's
-        // records before the next one.
+        // While marking, a batch can hide the next one. A pager may drop this batch's records before the next.
         if self.task.visible.is_some() || self.task.setup.lane.pager.is_some() {
             self.flush();
         }

@@ -1,25 +1,16 @@
 //! The base plane: a plane on which every slice of a parallel view is a lattice of pixels.
 //!
 //! In: a parallel view and the order of its walk. Out: the same view onto a plane whose columns and rows are those of
-//! the voxels of a slice, each slice shifted with the slant of the view; and from the picture on that plane the picture
-//! of the view, by cubic B-splines.
+//! a slice's voxels, each slice shifted with the slant of the view; and the picture from that plane, by cubic B-splines.
 //!
 //! ```text
 //! column = fast   + slope_f * slow + a          pixel = A (column, row) + b
 //! row    = medium + slope_m * slow + c
 //! ```
 //!
-//! All voxels of a slice share one footprint, pixel for pixel ([`stamp`](super::stamp)), and the cost of a frame depends
-//! on its voxels, not on the picture's size.
+//! All voxels of a slice share one footprint, pixel for pixel ([`stamp`](super::stamp)); the picture's size costs little.
 //!
-//! Source: Lacroute and Levoy, "Fast volume rendering using a shear-warp factorization of the viewing transformation",
-//! 1994.
-
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "places are inside planes of 16,384 pixels a side; weights are single precision"
-)]
+//! Source: Lacroute and Levoy, "Fast volume rendering using a shear-warp factorization", 1994.
 
 use glam::Vec4;
 use multiversion::multiversion;
@@ -44,8 +35,7 @@ const MAX_PIXELS: f64 = 6.0;
 const ENOUGH: f64 = WIDE_ENOUGH;
 /// The same where 32 dB are enough: in the worst view, nearly along an axis, it is 34 dB at any magnification.
 const FEWEST: f64 = 2.1;
-/// Pixels of the picture per pixel of the plane, along both directions, below which the plane is too fine: four points a
-/// pixel would miss parts of it.
+/// Pixels of the picture per pixel of the plane, along both directions, below which four points a pixel miss parts of it.
 const FINEST: f64 = 0.4;
 
 /// A view's base plane.
@@ -159,12 +149,7 @@ impl BasePlane {
         View { map, size: self.size, ..view.clone() }
     }
 
-    /// Returns the picture, from the frame of the plane.
-    ///
-    /// O(pixels of both). The result does not depend on `threads`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    /// Returns the picture, from the frame of the plane. The result does not depend on `threads`.
     pub(super) fn warp(&self, mut plane: Frame, threads: usize) -> Result<Frame> {
         let columns = plane.size()[0] as usize;
         let covered = covered(&plane);
@@ -194,8 +179,7 @@ impl BasePlane {
     }
 }
 
-/// Returns the most bytes that drawing on a plane of `pixels` takes beside the picture: a band's rows, the plane's frame
-/// and the mask of covered pixels.
+/// Returns the most bytes that a plane of `pixels` takes: a band's rows, the plane's frame, the mask of covered pixels.
 pub(super) fn memory_need(pixels: u64) -> u64 {
     const PIXEL: u64 = 2 * 16 + 2;
     const SPARE_COLUMNS: u64 = 16 * row_buffer::WIDE as u64 * MAX_SIZE as u64;

@@ -10,11 +10,11 @@ use crate::splat::arith::{absorbed, absorbed_small, at_least, at_most, keep_if};
 /// A blend mode.
 pub trait Blend: Copy + Send + Sync {
     /// The alpha of an empty pixel.
-    const INITIAL_ALPHA: f32;
+    const INITIAL_ALPHA: f32 = 0.0;
     /// Whether a pixel stops changing once its transmittance is low.
-    const STOPS: bool;
+    const STOPS: bool = false;
     /// The ink of every splat for alpha.
-    const ALPHA_INK: f32;
+    const ALPHA_INK: f32 = 1.0;
 
     /// Returns the factor that an optical depth puts on the ink; 0 for 0.
     #[inline(always)]
@@ -91,7 +91,6 @@ pub(crate) struct BackToFront;
 
 impl Blend for BackToFront {
     const INITIAL_ALPHA: f32 = 1.0;
-    const STOPS: bool = false;
     const ALPHA_INK: f32 = 0.0;
 
     #[inline(always)]
@@ -100,16 +99,11 @@ impl Blend for BackToFront {
     }
 }
 
-/// Compositing front to back of faint splats (`faint.rs`); alpha is the opacity, which is more exact near 0 than a
-/// transmittance near 1.
+/// Compositing front to back of faint splats (`faint.rs`); alpha is the opacity.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct FaintFrontToBack;
 
 impl Blend for FaintFrontToBack {
-    const INITIAL_ALPHA: f32 = 0.0;
-    const STOPS: bool = false;
-    const ALPHA_INK: f32 = 1.0;
-
     #[inline(always)]
     fn blend(value: f32, alpha: f32, amount: f32, ink: f32, _: f32) -> f32 {
         value + (1.0 - alpha) * amount * ink
@@ -121,10 +115,6 @@ impl Blend for FaintFrontToBack {
 pub(crate) struct FaintBackToFront;
 
 impl Blend for FaintBackToFront {
-    const INITIAL_ALPHA: f32 = 0.0;
-    const STOPS: bool = false;
-    const ALPHA_INK: f32 = 1.0;
-
     #[inline(always)]
     fn blend(value: f32, alpha: f32, amount: f32, ink: f32, stop: f32) -> f32 {
         BackToFront::blend(value, alpha, amount, ink, stop)
@@ -136,10 +126,6 @@ impl Blend for FaintBackToFront {
 pub(crate) struct Additive;
 
 impl Blend for Additive {
-    const INITIAL_ALPHA: f32 = 0.0;
-    const STOPS: bool = false;
-    const ALPHA_INK: f32 = 1.0;
-
     #[inline(always)]
     fn amount(depth: f32) -> f32 {
         depth
@@ -165,10 +151,6 @@ pub const WHOLE_CELL: f32 = std::f32::consts::E;
 pub(crate) struct Maximum;
 
 impl Blend for Maximum {
-    const INITIAL_ALPHA: f32 = 0.0;
-    const STOPS: bool = false;
-    const ALPHA_INK: f32 = 1.0;
-
     #[inline(always)]
     fn amount(depth: f32) -> f32 {
         depth * WHOLE_CELL

@@ -4,21 +4,13 @@
 //! picture, by cubic B-spline interpolation. A picture of Gaussian footprints has hardly any detail finer than a
 //! footprint: at a standard deviation of [`ENOUGH`] pixels, a footprint's frequencies fall to 1 % of its mean at half
 //! the sampling rate. The edges of opaque voxels are finer: where a splat's depth at its centre is p > 1,
-//! `1 - exp(-p exp(-r^2 / 2 sigma^2))` rises within sigma / sqrt(2 ln p), and that width counts. Measured:
-//! docs/studies/sampling.md.
+//! `1 - exp(-p exp(-r^2 / 2 sigma^2))` rises within sigma / sqrt(2 ln p), and that width counts (docs/studies/sampling.md).
 //!
 //! ```text
 //! view -> fewer pixels, with a margin -> draw -> coefficients (a recursive filter) -> columns -> rows -> picture
 //! ```
 //!
-//! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993: interpolation by a recursive filter, then the
-//! B-spline's weights.
-
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "places are inside pictures of 16,384 pixels a side; weights are single precision"
-)]
+//! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993: a recursive filter, then weights.
 
 use std::f64::consts::TAU;
 
@@ -41,8 +33,7 @@ const ENOUGH: f64 = 0.97;
 const FEWEST: f64 = 0.62;
 /// Largest number of samples per pixel, along a side, at which a coarse view is worth its interpolation.
 const MAX_FACTOR: f64 = 0.8;
-/// Samples around a coarse picture, so that its edge is interpolated like the rest: samples beyond have a weight below
-/// 0.268^5.
+/// Samples around a coarse picture that its edge is interpolated from; those beyond weigh less than 0.268^5.
 const MARGIN: u32 = 6;
 /// Pictures with a shorter side have no coarse view.
 const MIN_SIDE: u32 = 64;
@@ -57,8 +48,7 @@ pub(super) struct CoarseView {
 }
 
 impl CoarseView {
-    /// Returns the coarse view that is exact enough for the voxels in `bounds`, whose optical depth per mean voxel is at
-    /// most `deepest`.
+    /// Returns the coarse view of the voxels in `bounds`; `deepest` is their largest optical depth per mean voxel.
     ///
     /// `None` if every pixel is needed, or for blending other than exponential, whose edges differ.
     pub(super) fn new(view: &View, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<CoarseView> {
@@ -112,12 +102,7 @@ impl CoarseView {
         view.with_pixels(self.factor, self.size.map(side), f64::from(MARGIN))
     }
 
-    /// Returns the picture, from the frame of the coarse view.
-    ///
-    /// O(pixels). The result does not depend on `threads`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    /// Returns the picture, from the frame of the coarse view. The result does not depend on `threads`.
     pub(super) fn enlarge(&self, mut coarse: Frame, threads: usize) -> Result<Frame> {
         let [columns, rows] = coarse.size().map(|side| side as usize);
         let covered = covered(&coarse);
@@ -214,8 +199,7 @@ pub(super) fn spline_weights(t: f32) -> [f32; 4] {
     ]
 }
 
-/// Turns the samples of a line into coefficients whose B-spline goes through them, except for [`GAIN`]. Beyond its ends
-/// a line continues with its end samples.
+/// Turns the samples of a line into coefficients whose B-spline goes through them, except for [`GAIN`]; its ends continue.
 pub(super) fn to_coefficients(line: &mut [[f32; 4]]) {
     filter(line.iter_mut());
     filter(line.iter_mut().rev());

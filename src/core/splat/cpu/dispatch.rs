@@ -1,18 +1,18 @@
 //! The inner loops, compiled for several instruction sets and chosen at run time.
 //!
-//! The loops are plain arithmetic on arrays, so all versions give the same bits. Only the number of voxels or pixels
-//! that are computed at once differs.
+//! All versions give the same bits: they are plain arithmetic on arrays and differ only in how much is computed at once.
 
 use multiversion::multiversion;
 
 use super::blend::{Additive, Blend, FrontToBack};
-use super::project::{Projector, SplatProjection, VoxelBlock};
-use super::raster::{self, EllipseArrays, Splats, Thresholds};
+use super::project::{Projector, VoxelBlock};
+use super::raster::{self, Splats};
 use super::stamp::StampBuffers;
 use super::tile_buffer::{Rect, TileBuffer};
 use super::visible::VisibleRecords;
 use crate::error::Result;
 use crate::splat::Code;
+use crate::splat::view::PixelMap;
 use crate::traverse::Batch;
 
 /// The pixels of a band, and the splats that one thread is drawing on them.
@@ -21,28 +21,18 @@ pub struct SplatBuffers {
     pub tiles: TileBuffer,
     /// One block of splats.
     pub splats: Box<Splats>,
-    /// The ellipses of the block in a perspective view.
-    pub ellipses: Box<EllipseArrays>,
     /// The sum of a slice's splats until it is composited, for sheets.
     pub(super) sheet: Option<TileBuffer>,
 }
 
 impl SplatBuffers {
     /// Returns buffers for the pixels of `rect`; with a sheet if the splats of a slice are added up first.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
     pub fn new<B: Blend>(rect: Rect, has_sheet: bool) -> Result<SplatBuffers> {
         Ok(SplatBuffers {
             tiles: TileBuffer::new(rect, B::INITIAL_ALPHA)?,
             splats: Splats::new(),
-            ellipses: EllipseArrays::new(),
             sheet: has_sheet.then(|| TileBuffer::sheet(rect)).transpose()?,
         })
-    }
-
-    pub(super) fn has_sheet(&self) -> bool {
-        self.sheet.is_some()
     }
 }
 
@@ -73,26 +63,20 @@ macro_rules! for_each_instruction_set {
 
 for_each_instruction_set! {
     /// Projects and draws a block of voxels; returns how many splats were drawn.
-    pub fn project_and_draw<B>(
-        projector: &Projector,
-        voxels: &VoxelBlock,
-        buffers: &mut SplatBuffers,
-        thresholds: Thresholds
-    ) -> u64 {
-        let SplatBuffers { tiles, splats, ellipses, sheet } = buffers;
-        let thresholds = if B::STOPS { thresholds } else { Thresholds { stop: 0.0, ..thresholds } };
-        projector.project_block(voxels, splats, ellipses, tiles, thresholds);
+    pub fn project_and_draw<B>(projector: &Projector, voxels: &VoxelBlock, buffers: &mut SplatBuffers) -> u64 {
+        let SplatBuffers { tiles, splats, sheet } = buffers;
+        projector.project_block(voxels, splats, tiles);
         match sheet {
-            None => draw_splats::<B>(projector, tiles, splats, ellipses, thresholds),
-            Some(sheet) => draw_splats::<Additive>(projector, sheet, splats, ellipses, thresholds),
+            None => draw_splats::<B>(projector, tiles, splats),
+            Some(sheet) => draw_splats::<Additive>(projector, sheet, splats),
         }
     }
 }
 
 for_each_instruction_set! {
     /// Runs [`StampBuffers::flush`].
-    pub(super) fn flush_stamps(projector: &Projector, buffers: &mut StampBuffers, thresholds: Thresholds) -> u64 {
-        buffers.flush(projector, thresholds)
+    pub(super) fn flush_stamps(projector: &Projector, buffers: &mut StampBuffers) -> u64 {
+        buffers.flush(projector)
     }
 }
 
@@ -102,10 +86,9 @@ for_each_instruction_set! {
         flush_code: Code,
         projector: &Projector,
         buffers: &mut StampBuffers,
-        thresholds: Thresholds,
         batch: &Batch
     ) -> u64 {
-        buffers.add_visible(flush_code, projector, thresholds, batch)
+        buffers.add_visible(flush_code, projector, batch)
     }
 }
 
@@ -115,34 +98,28 @@ pub(super) fn mark_and_draw(
     projector: &Projector,
     voxels: &VoxelBlock,
     buffers: &mut SplatBuffers,
-    thresholds: Thresholds,
     visible: VisibleRecords,
 ) -> u64 {
-    let SplatBuffers { tiles, splats, ellipses, .. } = buffers;
-    projector.project_block(voxels, splats, ellipses, tiles, thresholds);
-    visible.mark(projector, voxels, splats, ellipses, tiles, thresholds);
-    draw_splats::<FrontToBack>(projector, tiles, splats, ellipses, thresholds)
+    let SplatBuffers { tiles, splats, .. } = buffers;
+    projector.project_block(voxels, splats, tiles);
+    visible.mark(projector, voxels, splats, tiles);
+    draw_splats::<FrontToBack>(projector, tiles, splats)
 }
 
 /// Composites the sheet behind the band's pixels, if there is one.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-pub(super) fn composite_sheet(buffers: &mut SplatBuffers, thresholds: Thresholds) {
+pub(super) fn composite_sheet(buffers: &mut SplatBuffers, stop: f32) {
     if let SplatBuffers { tiles, sheet: Some(sheet), .. } = buffers {
-        tiles.composite(sheet, thresholds.stop);
+        tiles.composite(sheet, stop);
     }
 }
 
 /// Draws a projected block on `tiles`; returns how many splats were drawn.
 #[inline(always)]
-pub fn draw_splats<B: Blend>(
-    projector: &Projector,
-    tiles: &mut TileBuffer,
-    splats: &Splats,
-    ellipses: &EllipseArrays,
-    thresholds: Thresholds,
-) -> u64 {
-    match &projector.projection {
-        SplatProjection::Parallel { ellipse, .. } => raster::draw::<B, _>(tiles, splats, ellipse, thresholds),
-        SplatProjection::Perspective { .. } => raster::draw::<B, _>(tiles, splats, ellipses, thresholds),
+pub fn draw_splats<B: Blend>(projector: &Projector, tiles: &mut TileBuffer, splats: &Splats) -> u64 {
+    let thresholds = [projector.cut, projector.stop];
+    match &projector.map {
+        PixelMap::Parallel { .. } => raster::draw::<B>(tiles, splats, |_| projector.ellipse, thresholds),
+        PixelMap::Perspective { .. } => raster::draw::<B>(tiles, splats, |j| splats.ellipse(j), thresholds),
     }
 }

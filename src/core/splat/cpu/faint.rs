@@ -12,7 +12,7 @@
 //! Ordinary scenes have a splat that is not faint and pay nothing. Measured: docs/NUMERICS.md.
 
 use super::blend::{Blend, FaintBackToFront, FaintFrontToBack};
-use super::project::{Projector, SplatProjection};
+use super::project::Projector;
 use super::task::{BandResult, BandStats, DrawTask, combine};
 use super::tile_buffer::TileBuffer;
 use crate::arena::RecordSet;
@@ -20,6 +20,7 @@ use crate::error::Result;
 use crate::splat::composite::{Blending, Mode, Table};
 use crate::splat::frame::Frame;
 use crate::splat::setup::FrameSetup;
+use crate::splat::view::PixelMap;
 use crate::splat::{Scene, Settings};
 use crate::traverse::{AxisOrder, Sense, VoxelBox};
 
@@ -47,10 +48,10 @@ pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings:
         AxisOrder::Descending => false,
         AxisOrder::TwoSided { .. } => return None,
     };
-    let strongest = match Projector::new(setup, table, FaintFrontToBack::ALPHA_INK).projection {
-        SplatProjection::Parallel { strength, .. } => f64::from(strength),
+    let strongest = match setup.view.map {
+        PixelMap::Parallel { .. } => Projector::new(setup, table, FaintFrontToBack::ALPHA_INK, 0.0).strength.into(),
         // The strongest splats: the view runs along the longest spacing, and footprints are not widened.
-        SplatProjection::Perspective { .. } => {
+        PixelMap::Perspective { .. } => {
             setup.view.steps.into_iter().fold(0.0, f64::max) * f64::from(setup.kernel.normalisation())
                 / f64::from(setup.kernel.sigma).powi(2)
         }
@@ -86,9 +87,6 @@ pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings:
 }
 
 /// Draws a frame stack by stack; no ray ends early. It takes as much memory as without stacks.
-///
-/// # Errors
-/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
 pub(super) fn draw(
     setup: &mut FrameSetup,
     table: &Table,
@@ -100,8 +98,8 @@ pub(super) fn draw(
     let mut stats = BandStats::default();
     for stack in stacks {
         setup.crop = Some(*stack);
-        let projector = Projector::new(setup, table, FaintFrontToBack::ALPHA_INK);
-        let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings, 0.0) };
+        let projector = Projector::new(setup, table, FaintFrontToBack::ALPHA_INK, 0.0);
+        let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings) };
         let bands: Vec<BandResult<TileBuffer>> = match settings.sense {
             Sense::FrontToBack => task.splat::<FaintFrontToBack>()?,
             Sense::BackToFront => task.splat::<FaintBackToFront>()?,

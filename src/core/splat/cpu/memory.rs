@@ -46,8 +46,7 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
     })
 }
 
-/// Returns an upper bound of the bytes that [`render`](super::render) takes beside the lanes: frame, bands, tables and
-/// lists.
+/// Returns an upper bound of the bytes that [`render`](super::render) takes beside the lanes.
 ///
 /// `dims` are the grid's, `tiles` is the number of tiles of the lane with the most, `canvas` the result of [`canvas`].
 pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settings) -> u64 {

@@ -3,6 +3,12 @@
 //! In: a scene, a camera, settings. Out: a frame and what it took. Each thread draws a band of the picture and walks
 //! the lane for itself. The picture has the same bits for any number of threads and any instruction set.
 
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::needless_range_loop,
+    reason = "coordinates are clipped to pictures of 16,384 pixels a side, and index loops over arrays run side by side"
+)]
+
 mod band;
 mod base_plane;
 pub(crate) mod blend;
@@ -29,7 +35,7 @@ use self::base_plane::BasePlane;
 use self::blend::{Additive, BackToFront, Blend, FrontToBack, LinearFrontToBack, Maximum};
 use self::coarse::CoarseView;
 use self::project::Projector;
-use self::task::{BandStats, DrawTask, assemble, finished, full_rect, pixels};
+use self::task::{BandStats, DrawTask, assemble, full_rect, pixels};
 use self::tile_buffer::Rect;
 use super::composite::{Blending, Finish, Mode, Table};
 use super::frame::Frame;
@@ -55,8 +61,7 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
 
 /// Draws a frame without the records `omitted` of the lane that the view walks along.
 ///
-/// The picture has the bits of [`render`] for a scene from which these voxels were removed. [`Code::Plain`] ignores
-/// `omitted`.
+/// The picture has the bits of a scene from which these voxels were removed. [`Code::Plain`] ignores `omitted`.
 ///
 /// # Errors
 /// As [`render`].
@@ -98,7 +103,7 @@ pub fn render_without(
             let (mut picture, mut work) = (Frame::transparent(settings.size)?, BandStats::default());
             for strip in supersampling.strips() {
                 let setup = FrameSetup { view: supersampling.view(&setup.view, &strip), ..setup.clone() };
-                let half_widths = Projector::new(&setup, &table, FrontToBack::ALPHA_INK).half_widths();
+                let half_widths = Projector::new(&setup, &table, FrontToBack::ALPHA_INK, 0.0).half_widths();
                 let rect = full_rect(setup.view.size);
                 if bounds.is_some_and(|bounds| pixels(&setup.view, half_widths, rect, &bounds).is_none()) {
                     continue;
@@ -156,10 +161,10 @@ fn draw_in_mode(
     is_base_plane: bool,
 ) -> Result<(Frame, BandStats)> {
     if is_base_plane && settings.code != Code::Plain {
-        let projector = Projector::new(setup, table, FrontToBack::ALPHA_INK);
-        let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings, settings.termination()) };
+        let projector = Projector::new(setup, table, FrontToBack::ALPHA_INK, settings.termination());
+        let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings) };
         let bands = task.in_bands(true, |rect| stamp::draw(&task, rect))?;
-        return Ok((finished(&bands, settings, Finish::new(table))?, BandStats::of(&bands)));
+        return Ok((assemble(&bands, settings, Finish::new(table))?, BandStats::of(&bands)));
     }
     let draw = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) if settings.blending == Blending::Linear => blended::<LinearFrontToBack>,
@@ -180,8 +185,8 @@ fn blended<B: Blend>(
 ) -> Result<(Frame, BandStats)> {
     let is_summed_first = settings.blending == Blending::Sheets;
     let ink = if is_summed_first { Additive::ALPHA_INK } else { B::ALPHA_INK };
-    let projector = Projector::new(setup, table, ink);
-    let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings, settings.termination()) };
+    let projector = Projector::new(setup, table, ink, if B::STOPS { settings.termination() } else { 0.0 });
+    let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings) };
     let bands = task.splat::<B>()?;
     Ok((assemble(&bands, settings, Finish::new(table))?, BandStats::of(&bands)))
 }
@@ -205,9 +210,8 @@ pub fn mark_visible(scene: &Scene, camera: &Camera, settings: &Settings, visible
     };
     let setup = FrameSetup::new(scene, camera, &settings)?;
     let table = Table::new(scene, &setup.lane, &settings, setup.view.mean_voxel)?;
-    let projector = Projector::new(&setup, &table, FrontToBack::ALPHA_INK);
-    let task = DrawTask::new(&setup, &projector, &settings, settings.termination());
-    let task = DrawTask { visible: Some(visible), ..task };
+    let projector = Projector::new(&setup, &table, FrontToBack::ALPHA_INK, settings.termination());
+    let task = DrawTask { visible: Some(visible), ..DrawTask::new(&setup, &projector, &settings) };
     let full = full_rect(settings.size);
     let strip = (STRIP_PIXELS / full.x1.max(1)).max(1);
     for y0 in (0..full.y1).step_by(strip.unsigned_abs() as usize) {

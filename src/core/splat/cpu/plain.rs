@@ -3,12 +3,10 @@
 //! In and out as for a band. It shares the arithmetic of a single voxel and a single pixel with the fast code and
 //! nothing else: no blocks, tiles, chords, frozen pixels or bands. Tests hold the two to equal bits.
 
-#![expect(clippy::cast_possible_truncation, reason = "as the fast code, whose bits it must give")]
-
 use std::time::Instant;
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
-use super::project::{Projector, SplatProjection, jacobian, nearest_pixel, pixel_span, slant};
+use super::project::{Projector, jacobian, nearest_pixel, pixel_span, slant};
 use super::raster::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::{Rect, TileBuffer};
@@ -17,32 +15,25 @@ use crate::error::Result;
 use crate::splat::arith::{LOG2_E, at_least, at_most};
 use crate::splat::composite::MAX_DEPTH;
 use crate::splat::kernel::{Ellipse, footprint};
-use crate::splat::view::single;
+use crate::splat::view::{PixelMap, single};
 use crate::traverse::{Batch, walk};
 
 /// Draws the whole picture.
-///
-/// # Errors
-/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
 pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<TileBuffer>> {
     let mut tiles = TileBuffer::new(rect, B::INITIAL_ALPHA)?;
-    let stop = if B::STOPS { task.thresholds.stop } else { 0.0 };
+    let stop = task.projector.stop;
     let stats = each_splat(task, |splat, _| splat.is_some_and(|splat| draw_splat::<B>(&mut tiles, splat, stop)));
     Ok(BandResult { pixels: tiles, stats })
 }
 
-/// Draws the whole picture front to back, slice by slice: sums a slice's splats, then composites the sum behind the
-/// picture.
-///
-/// # Errors
-/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+/// Draws the whole picture front to back, slice by slice: composites the sum of a slice's splats.
 pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult<TileBuffer>> {
     let mut tiles = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
     let mut sheet = TileBuffer::new(rect, Additive::INITIAL_ALPHA)?;
     let composite = |tiles: &mut TileBuffer, sheet: &mut TileBuffer| {
         for (x, y) in (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| (x, y))) {
             let (old, added) = (tiles.pixel(x, y), sheet.pixel(x, y));
-            let [loss, per_depth] = sheet_loss(old[3], added[3], task.thresholds.stop);
+            let [loss, per_depth] = sheet_loss(old[3], added[3], task.projector.stop);
             let [red, green, blue] = [0, 1, 2].map(|c| old[c] + per_depth * added[c]);
             tiles.set_pixel(x, y, [red, green, blue, old[3] - loss]);
             sheet.set_pixel(x, y, [0.0; 4]);
@@ -108,7 +99,7 @@ fn splat(task: &DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredKern
         return None;
     }
     let colour = lit_colour(projector, voxel, record, [red, green, blue]);
-    Some((SplatKernel { centre, ellipse, cut: task.thresholds.cut, peak }, colour))
+    Some((SplatKernel { centre, ellipse, cut: projector.cut, peak }, colour))
 }
 
 /// Returns a voxel's centre and footprint, and the peak of a unit of optical depth; `None` if it is too near.
@@ -120,11 +111,11 @@ fn project_voxel(projector: &Projector, voxel: [u16; 3]) -> Option<(Centre, Elli
         let ((x, offset_x), (y, offset_y)) = (nearest_pixel(column), nearest_pixel(row));
         Centre { x, y, offset_x, offset_y }
     };
-    match &projector.projection {
-        SplatProjection::Parallel { pixel_from_voxel: [column, row], ellipse, strength } => {
-            Some((centre(affine(column), affine(row)), *ellipse, *strength))
+    match &projector.map {
+        PixelMap::Parallel { pixel_from_voxel: [column, row], .. } => {
+            Some((centre(affine(column), affine(row)), projector.ellipse, projector.strength))
         }
-        SplatProjection::Perspective { camera_from_voxel, focal, centre: [middle_x, middle_y], near, strength } => {
+        PixelMap::Perspective { camera_from_voxel, focal, centre: [middle_x, middle_y], near } => {
             let [t0, t1, t2] = camera_from_voxel.map(|map| affine(&map));
             if t2 < *near {
                 return None;
@@ -134,7 +125,7 @@ fn project_voxel(projector: &Projector, voxel: [u16; 3]) -> Option<(Centre, Elli
             let (tan_x, tan_y, nearness) = (right as f32, up as f32, inverse_depth as f32);
             let rows = jacobian(&camera_from_voxel.each_ref().map(single), tan_x, tan_y, *focal as f32 * nearness);
             let footprint = footprint(rows, projector.sigma, projector.cut_off);
-            let strength = *strength * footprint.density * slant(tan_x, tan_y) * (nearness * nearness);
+            let strength = projector.strength * footprint.density * slant(tan_x, tan_y) * (nearness * nearness);
             Some((centre(middle_x + focal * right, middle_y - focal * up), footprint.ellipse, strength))
         }
     }
@@ -146,9 +137,9 @@ fn lit_colour(projector: &Projector, voxel: [u16; 3], record: usize, colour: [f3
     let code = projector.lane.normal_code(record);
     let normal =
         if projector.lane.channels.normal_bits == 8 { normal::decode8(code as u16) } else { normal::decode16(code) };
-    let eye = match projector.projection {
-        SplatProjection::Parallel { .. } => lights.eye,
-        SplatProjection::Perspective { .. } => {
+    let eye = match projector.map {
+        PixelMap::Parallel { .. } => lights.eye,
+        PixelMap::Perspective { .. } => {
             let toward: [f32; 3] = std::array::from_fn(|a| projector.eye[a] - projector.steps[a] * f32::from(voxel[a]));
             let [x, y, z] = toward;
             let length = at_least(x * x + y * y + z * z, f32::MIN_POSITIVE).sqrt();

@@ -9,16 +9,9 @@
 //! colour    code -> look; normal -> light             kept voxels only
 //! ```
 //!
-//! Centres are computed in double precision and split into the nearest pixel and an offset, so that a picture of 16,384
-//! pixels is as exact as a small one.
+//! Centres are computed in double precision, so that a picture of 16,384 pixels is as exact as a small one.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::needless_range_loop,
-    reason = "stages compute in single precision from double, and index loops over several arrays run side by side"
-)]
-
-use super::raster::{BLOCK, EllipseArrays, Extents, Splats, Thresholds};
+use super::raster::{BLOCK, Extents, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
 use crate::arena::Lane;
 use crate::classify::normal;
@@ -45,9 +38,17 @@ pub struct Projector<'a> {
     pub(super) sigma: f32,
     /// The kernel's cut-off in standard deviations.
     pub(super) cut_off: f32,
+    /// The kernel's exponent at the cut-off, in units of ln 2.
+    pub(super) cut: f32,
+    /// Transmittance below which a pixel no longer changes; 0 for never.
+    pub(super) stop: f32,
     /// Indices of the slow, medium and fast axis.
     pub nesting: [usize; 3],
-    pub(super) projection: SplatProjection,
+    pub(super) map: PixelMap,
+    /// The footprint of all voxels of a parallel view; 0 in perspective.
+    pub(super) ellipse: Ellipse,
+    /// Peak of a unit of optical depth; in perspective, kernel normalisation times squared focal length.
+    pub(super) strength: f32,
     /// The eye by index axis, in mean voxels.
     pub(super) eye: [f32; 3],
     /// The distance between voxels on each axis, in mean voxels.
@@ -57,9 +58,7 @@ pub struct Projector<'a> {
 /// Coordinates of the voxels of a block along the slow, medium and fast axis, for every index below [`BLOCK`].
 pub trait Coordinates {
     /// Returns the coordinates of voxel `j`.
-    fn double(&self, j: usize) -> [f64; 3];
-    /// Returns the coordinates of voxel `j` in single precision.
-    fn single(&self, j: usize) -> [f32; 3];
+    fn at(&self, j: usize) -> [f64; 3];
 }
 
 /// Coordinates along the slow, medium and fast axis.
@@ -68,13 +67,8 @@ struct Positions([[u16; BLOCK]; 3]);
 
 impl Coordinates for Positions {
     #[inline(always)]
-    fn double(&self, j: usize) -> [f64; 3] {
+    fn at(&self, j: usize) -> [f64; 3] {
         [self.0[0][j].into(), self.0[1][j].into(), self.0[2][j].into()]
-    }
-
-    #[inline(always)]
-    fn single(&self, j: usize) -> [f32; 3] {
-        self.0.map(|coordinates| coordinates[j].into())
     }
 }
 
@@ -119,41 +113,17 @@ impl VoxelBlock {
 /// Voxels that are tested for visibility and added to a block together.
 pub const GROUP: usize = 16;
 
-/// The terms of a projection that all voxels of a frame share.
-#[derive(Debug)]
-pub(super) enum SplatProjection {
-    Parallel {
-        pixel_from_voxel: [Affine; 2],
-        ellipse: Ellipse,
-        /// Peak of a unit of optical depth.
-        strength: f32,
-    },
-    Perspective {
-        camera_from_voxel: [Affine; 3],
-        focal: f64,
-        centre: [f64; 2],
-        near: f64,
-        /// Kernel normalisation times focal length squared.
-        strength: f32,
-    },
-}
-
 impl<'a> Projector<'a> {
-    /// Returns the projector of a frame; `alpha_ink` is its blend mode's.
-    pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, alpha_ink: f32) -> Projector<'a> {
+    /// Returns the projector of a frame; `alpha_ink` and `stop`: see the fields.
+    pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, alpha_ink: f32, stop: f32) -> Projector<'a> {
         let FrameSetup { view, order, lane, lights, kernel, crop, maximum } = setup;
-        let (sigma, cut_off) = (kernel.sigma, kernel.cut_off());
-        let normalisation = kernel.normalisation();
-        let projection = match view.map {
+        let (sigma, cut_off, normalisation) = (kernel.sigma, kernel.cut_off(), kernel.normalisation());
+        let (ellipse, strength) = match &view.map {
             PixelMap::Parallel { pixel_from_voxel, scale } => {
                 let footprint = footprint(pixel_from_voxel.each_ref().map(single), sigma, cut_off);
-                let strength = normalisation * footprint.density * (scale * scale) as f32;
-                SplatProjection::Parallel { pixel_from_voxel, ellipse: footprint.ellipse, strength }
+                (footprint.ellipse, normalisation * footprint.density * (scale * scale) as f32)
             }
-            PixelMap::Perspective { camera_from_voxel, focal, centre, near } => {
-                let strength = normalisation * (focal * focal) as f32;
-                SplatProjection::Perspective { camera_from_voxel, focal, centre, near, strength }
-            }
+            PixelMap::Perspective { focal, .. } => (Ellipse::default(), normalisation * (focal * focal) as f32),
         };
         Projector {
             lane: *lane,
@@ -164,61 +134,44 @@ impl<'a> Projector<'a> {
             alpha_ink,
             sigma,
             cut_off,
+            cut: kernel.cut(),
+            stop,
             nesting: [order.slow.index(), order.medium.index(), order.fast.index()],
-            projection,
+            map: view.map,
+            ellipse,
+            strength,
             eye: view.eye_scaled.map(|c| c as f32),
             steps: view.steps.map(|c| c as f32),
         }
     }
 
-    /// Returns a projector for cubes of `edge` voxels a side, one splat each: the kernel is `edge` times as wide and
-    /// holds the cube's volume.
+    /// Returns a projector for cubes of `edge` voxels a side, each a splat of a kernel `edge` times as wide.
     pub fn of_cubes(&self, edge: u32) -> Projector<'a> {
         let width = edge as f32;
         let sigma = self.sigma * width;
-        let projection = match &self.projection {
-            SplatProjection::Parallel { pixel_from_voxel, ellipse, strength } => {
+        let (ellipse, strength) = match &self.map {
+            PixelMap::Parallel { pixel_from_voxel, .. } => {
                 let rows = pixel_from_voxel.each_ref().map(single);
                 let (one, many) = (footprint(rows, self.sigma, self.cut_off), footprint(rows, sigma, self.cut_off));
-                debug_assert_eq!(one.ellipse, *ellipse);
-                let strength = strength * (many.density / one.density) * width.powi(3);
-                SplatProjection::Parallel { pixel_from_voxel: *pixel_from_voxel, ellipse: many.ellipse, strength }
+                (many.ellipse, self.strength * (many.density / one.density))
             }
-            SplatProjection::Perspective { camera_from_voxel, focal, centre, near, strength } => {
-                SplatProjection::Perspective {
-                    camera_from_voxel: *camera_from_voxel,
-                    focal: *focal,
-                    centre: *centre,
-                    near: *near,
-                    strength: strength * width.powi(3),
-                }
-            }
+            PixelMap::Perspective { .. } => (self.ellipse, self.strength),
         };
-        Projector { sigma, projection, ..*self }
+        Projector { sigma, ellipse, strength: strength * width.powi(3), ..*self }
     }
 
     /// Returns half the size of every footprint's box in a parallel view, in pixels; 0 in perspective.
     pub(super) fn half_widths(&self) -> [f64; 2] {
-        match &self.projection {
-            SplatProjection::Parallel { ellipse, .. } => [ellipse.half_x.into(), ellipse.half_y.into()],
-            SplatProjection::Perspective { .. } => [0.0; 2],
-        }
+        [self.ellipse.half_x.into(), self.ellipse.half_y.into()]
     }
 
     /// Runs all of stage 1 for a block.
     #[inline(always)]
-    pub fn project_block(
-        &self,
-        voxels: &VoxelBlock,
-        out: &mut Splats,
-        ellipses: &mut EllipseArrays,
-        tiles: &TileBuffer,
-        thresholds: Thresholds,
-    ) {
+    pub fn project_block(&self, voxels: &VoxelBlock, out: &mut Splats, tiles: &TileBuffer) {
         // The copy tells the compiler that positions and results do not overlap.
         let positions = voxels.positions;
-        self.place(&positions, out, ellipses);
-        self.cull(voxels.count, self.in_crop(voxels), out, tiles, thresholds);
+        self.place(&positions, out);
+        self.cull(voxels.count, self.in_crop(voxels), out, tiles);
         self.colour(voxels, out);
     }
 
@@ -252,29 +205,30 @@ impl<'a> Projector<'a> {
 
     /// Computes the centres, ellipses and bounding boxes of a whole block.
     #[inline(always)]
-    pub fn place<C: Coordinates>(&self, positions: &C, out: &mut Splats, ellipses: &mut EllipseArrays) {
-        match &self.projection {
-            SplatProjection::Parallel { .. } => self.place_parallel(positions, out),
-            SplatProjection::Perspective { .. } => self.place_perspective(positions, out, ellipses),
+    pub fn place<C: Coordinates>(&self, positions: &C, out: &mut Splats) {
+        match self.map {
+            PixelMap::Parallel { pixel_from_voxel, .. } => self.place_parallel(pixel_from_voxel, positions, out),
+            PixelMap::Perspective { camera_from_voxel, focal, centre, near } => {
+                self.place_perspective(camera_from_voxel, focal, centre, near, positions, out);
+            }
         }
     }
 
     #[inline(always)]
-    fn place_parallel<C: Coordinates>(&self, positions: &C, out: &mut Splats) {
-        let SplatProjection::Parallel { pixel_from_voxel, ellipse, strength } = &self.projection else { return };
+    fn place_parallel<C: Coordinates>(&self, pixel_from_voxel: [Affine; 2], positions: &C, out: &mut Splats) {
         let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
-        let (half_x, half_y) = (ellipse.half_x, ellipse.half_y);
+        let Ellipse { half_x, half_y, .. } = self.ellipse;
         for from in (0..BLOCK).step_by(LANES) {
             let (mut x, mut y) = (Extents::new(), Extents::new());
             for j in 0..LANES {
-                let position = positions.double(from + j);
+                let position = positions.at(from + j);
                 x.set(j, nearest_pixel(affine_at(&column, position)), half_x);
                 y.set(j, nearest_pixel(affine_at(&row, position)), half_y);
             }
             x.copy_to(from, &mut out.x);
             y.copy_to(from, &mut out.y);
         }
-        out.strength = [*strength; BLOCK];
+        out.strength = [self.strength; BLOCK];
     }
 
     /// Returns an affine map with its factors in the order slow, medium, fast.
@@ -285,20 +239,24 @@ impl<'a> Projector<'a> {
     }
 
     #[inline(always)]
-    fn place_perspective<C: Coordinates>(&self, positions: &C, out: &mut Splats, ellipses: &mut EllipseArrays) {
-        let SplatProjection::Perspective { camera_from_voxel, focal, centre, near, strength } = &self.projection else {
-            return;
-        };
+    fn place_perspective<C: Coordinates>(
+        &self,
+        camera_from_voxel: [Affine; 3],
+        focal: f64,
+        [centre_x, centre_y]: [f64; 2],
+        near: f64,
+        positions: &C,
+        out: &mut Splats,
+    ) {
         let steps = camera_from_voxel.each_ref().map(single);
         let [right, up, forward] = camera_from_voxel.map(|map| self.nested(&map));
-        let (focal, near, strength, [centre_x, centre_y]) = (*focal, *near, *strength, *centre);
-        let (focal_single, sigma, cut_off) = (focal as f32, self.sigma, self.cut_off);
+        let (focal_single, sigma, cut_off, strength) = (focal as f32, self.sigma, self.cut_off, self.strength);
         for from in (0..BLOCK).step_by(LANES) {
             let (mut x, mut y) = (Extents::new(), Extents::new());
             let mut strengths = [0.0; LANES];
             let mut factors = [[0.0; LANES]; 3];
             for j in 0..LANES {
-                let position = positions.double(from + j);
+                let position = positions.at(from + j);
                 let [t0, t1, t2] =
                     [affine_at(&right, position), affine_at(&up, position), affine_at(&forward, position)];
                 let in_front = t2 >= near;
@@ -316,22 +274,15 @@ impl<'a> Projector<'a> {
             x.copy_to(from, &mut out.x);
             y.copy_to(from, &mut out.y);
             out.strength[from..from + LANES].copy_from_slice(&strengths);
-            ellipses.u_factor[from..from + LANES].copy_from_slice(&factors[0]);
-            ellipses.y_factor[from..from + LANES].copy_from_slice(&factors[1]);
-            ellipses.shear[from..from + LANES].copy_from_slice(&factors[2]);
+            for (out, factors) in out.ellipses.iter_mut().zip(&factors) {
+                out[from..from + LANES].copy_from_slice(factors);
+            }
         }
     }
 
     /// Lists those of the first `count` splats that are `wanted` and can change a pixel of the band.
     #[inline(always)]
-    pub fn cull(
-        &self,
-        count: usize,
-        wanted: [bool; BLOCK],
-        out: &mut Splats,
-        tiles: &TileBuffer,
-        thresholds: Thresholds,
-    ) {
+    pub fn cull(&self, count: usize, wanted: [bool; BLOCK], out: &mut Splats, tiles: &TileBuffer) {
         let rect = tiles.rect;
         let mut reaching = [false; BLOCK];
         let Splats { x, y, strength, .. } = out;
@@ -349,7 +300,7 @@ impl<'a> Projector<'a> {
             out.kept[kept] = j as u8;
             kept += usize::from(reaching[j]);
         }
-        if thresholds.stop > 0.0 {
+        if self.stop > 0.0 {
             let mut open = 0;
             for k in 0..kept {
                 let j = usize::from(out.kept[k]) % BLOCK;
@@ -439,7 +390,7 @@ impl<'a> Projector<'a> {
     #[inline(always)]
     pub fn light<C: Coordinates>(&self, lights: &Lights, normals: &[[f32; BLOCK]; 3], positions: &C, out: &mut Splats) {
         let mut shades = [[0.0f32; BLOCK]; 2];
-        if let SplatProjection::Parallel { .. } = self.projection {
+        if let PixelMap::Parallel { .. } = self.map {
             let lights = *lights;
             for from in (0..out.count.min(BLOCK)).step_by(LANES) {
                 let mut parts = [[0.0; LANES]; 2];
@@ -455,7 +406,7 @@ impl<'a> Projector<'a> {
             let [s, m, f] = self.nesting;
             let mut toward_eye = [[0.0f32; BLOCK]; 3];
             for k in 0..out.count {
-                let [slow, medium, fast] = positions.single(usize::from(out.kept[k]) % BLOCK);
+                let [slow, medium, fast] = positions.at(usize::from(out.kept[k]) % BLOCK).map(|c| c as f32);
                 toward_eye[s][k] = self.eye[s] - self.steps[s] * slow;
                 toward_eye[m][k] = self.eye[m] - self.steps[m] * medium;
                 toward_eye[f][k] = self.eye[f] - self.steps[f] * fast;
@@ -533,8 +484,7 @@ pub(super) fn slant(tan_x: f32, tan_y: f32) -> f32 {
     (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt()
 }
 
-/// Returns the pixel nearest to a coordinate and the coordinate minus that pixel. Coordinates beyond 1e9 pixels, and
-/// NaN, count as 1e9.
+/// Returns the pixel nearest to a coordinate and the coordinate minus that pixel. It is limited to 1e9 pixels.
 #[inline(always)]
 pub(super) fn nearest_pixel(at: f64) -> (i32, f32) {
     // Adding it leaves the nearest integer in the low bits of the sum.

@@ -11,14 +11,8 @@
 //! that its ellipse meets. Frozen tiles are skipped. Pixels of a tile outside the ellipse get depth 0; pixels outside the
 //! band are never read. A pixel's bits depend on absolute coordinates only.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::needless_range_loop,
-    reason = "index loops over arrays run side by side; pixel counts are below 2^15; casts of coordinates saturate and are clipped to the band"
-)]
-
 use super::blend::Blend;
-use super::tile_buffer::{Rect, TILE, TILE_PIXELS, Tile, TileBuffer};
+use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
 use crate::splat::arith::{SMALL_DEPTH, at_least, at_most, exp2_neg, keep_if};
 use crate::splat::kernel::Ellipse;
 
@@ -59,6 +53,8 @@ pub struct Splats {
     pub(super) strength: [f32; BLOCK],
     pub(super) x: Extents<BLOCK>,
     pub(super) y: Extents<BLOCK>,
+    /// Factors and shear of the ellipses of a perspective view.
+    pub(super) ellipses: [[f32; BLOCK]; 3],
     /// Factors on what the splat adds to a pixel's red, green, blue and alpha.
     pub ink: [[f32; 4]; BLOCK],
     /// Optical depth at the centre, in units of ln 2, or normalised value; 0 for a splat that is not drawn.
@@ -74,6 +70,7 @@ impl Splats {
             strength: [0.0; BLOCK],
             x: Extents::new(),
             y: Extents::new(),
+            ellipses: [[0.0; BLOCK]; 3],
             ink: [[0.0; 4]; BLOCK],
             peak: [0.0; BLOCK],
         })
@@ -85,6 +82,13 @@ impl Splats {
         (self.x.clipped(j, rect.x0, rect.x1), self.y.clipped(j, rect.y0, rect.y1))
     }
 
+    /// Returns the ellipse of splat `j` in a perspective view, without its box.
+    #[inline(always)]
+    pub(super) fn ellipse(&self, j: usize) -> Ellipse {
+        let [u_factor, y_factor, shear] = [self.ellipses[0][j], self.ellipses[1][j], self.ellipses[2][j]];
+        Ellipse { u_factor, y_factor, shear, ..Ellipse::default() }
+    }
+
     #[inline(always)]
     pub(super) fn centre(&self, j: usize) -> Centre {
         let Splats { x, y, .. } = self;
@@ -92,57 +96,15 @@ impl Splats {
     }
 }
 
-/// The ellipses of a block: the same for all splats, or one for each.
-pub(crate) trait Ellipses {
-    /// Returns the ellipse of splat `j`, below [`BLOCK`].
-    fn at(&self, j: usize) -> Ellipse;
-}
-
-impl Ellipses for Ellipse {
-    #[inline(always)]
-    fn at(&self, _: usize) -> Ellipse {
-        *self
-    }
-}
-
-/// The ellipses of a block of splats, one for each.
-pub struct EllipseArrays {
-    pub(super) u_factor: [f32; BLOCK],
-    pub(super) y_factor: [f32; BLOCK],
-    pub(super) shear: [f32; BLOCK],
-}
-
-impl EllipseArrays {
-    /// Returns a block of ellipses to be filled.
-    pub fn new() -> Box<EllipseArrays> {
-        Box::new(EllipseArrays { u_factor: [0.0; BLOCK], y_factor: [0.0; BLOCK], shear: [0.0; BLOCK] })
-    }
-}
-
-impl Ellipses for EllipseArrays {
-    #[inline(always)]
-    fn at(&self, j: usize) -> Ellipse {
-        let (u_factor, y_factor, shear) = (self.u_factor[j], self.y_factor[j], self.shear[j]);
-        Ellipse { u_factor, y_factor, shear, half_x: 0.0, half_y: 0.0 }
-    }
-}
-
-/// Thresholds that all splats of a frame share.
-#[derive(Debug, Clone, Copy)]
-pub struct Thresholds {
-    /// Exponent at the kernel's cut-off, in units of ln 2.
-    pub cut: f32,
-    /// Transmittance below which a pixel no longer changes; 0 for never.
-    pub stop: f32,
-}
-
-/// Draws a block; returns how many splats touched the band.
+/// Draws a block with the ellipse of each splat; returns how many splats touched the band.
+///
+/// `cut` is the exponent at the kernel's cut-off, `stop` the transmittance below which a pixel no longer changes.
 #[inline(always)]
-pub(super) fn draw<B: Blend, E: Ellipses>(
+pub(super) fn draw<B: Blend>(
     tiles: &mut TileBuffer,
     splats: &Splats,
-    ellipses: &E,
-    thresholds: Thresholds,
+    ellipse: impl Fn(usize) -> Ellipse,
+    [cut, stop]: [f32; 2],
 ) -> u64 {
     let mut drawn = 0;
     for k in 0..splats.count.min(BLOCK) {
@@ -154,20 +116,19 @@ pub(super) fn draw<B: Blend, E: Ellipses>(
             continue;
         }
         drawn += 1;
-        let kernel = SplatKernel { centre: splats.centre(j), ellipse: ellipses.at(j), cut: thresholds.cut, peak };
+        let kernel = SplatKernel { centre: splats.centre(j), ellipse: ellipse(j), cut, peak };
         let columns = [low_x >> TILE, high_x >> TILE];
         let rows = [low_y >> TILE, high_y >> TILE];
         if peak <= SMALL_DEPTH {
-            draw_splat::<B, true>(tiles, &kernel, columns, rows, &splats.ink[k], thresholds.stop);
+            draw_splat::<B, true>(tiles, &kernel, columns, rows, &splats.ink[k], stop);
         } else {
-            draw_splat::<B, false>(tiles, &kernel, columns, rows, &splats.ink[k], thresholds.stop);
+            draw_splat::<B, false>(tiles, &kernel, columns, rows, &splats.ink[k], stop);
         }
     }
     drawn
 }
 
-/// Draws a splat on the tiles from the first to the last of `columns` and `rows`. `IS_SMALL`: its peak is at most
-/// [`SMALL_DEPTH`].
+/// Draws a splat on the tiles from the first to the last of `columns` and `rows`. `IS_SMALL`: see [`SMALL_DEPTH`].
 #[inline(always)]
 fn draw_splat<B: Blend, const IS_SMALL: bool>(
     tiles: &mut TileBuffer,
@@ -186,7 +147,7 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
             (from, to) = (from.max(first), to.min(last));
         }
         for column in from..to + 1 {
-            let Some((index, Tile(values))) = tiles.tile(column, row) else { continue };
+            let Some((index, PixelTile(values))) = tiles.tile(column, row) else { continue };
             let mut amounts = kernel.depths(root, &tile_row, column);
             for i in 0..TILE_PIXELS {
                 amounts[i] = if IS_SMALL { B::small_amount(amounts[i]) } else { B::amount(amounts[i]) };
@@ -302,8 +263,7 @@ impl SplatKernel {
         depths
     }
 
-    /// Returns the first and last tile of a row that the ellipse may meet, with more than half a pixel to spare for
-    /// rounding.
+    /// Returns the first and last tile of a row that the ellipse may meet, with half a pixel to spare for rounding.
     #[inline(always)]
     fn chord(&self, row: i32) -> [i32; 2] {
         let low = ((row << TILE) - self.centre.y) as f32 - self.centre.offset_y;

@@ -4,13 +4,6 @@
 //! eight pixels can always be read and written at once. Cells of 8 x 8 pixels count their open pixels, and blocks of
 //! 8 x 8 cells their open cells.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_possible_wrap,
-    clippy::cast_sign_loss,
-    reason = "coordinates lie on a plane of 16,384 pixels a side"
-)]
-
 use std::ops::Range;
 
 use super::task::BandPixels;
@@ -41,8 +34,7 @@ pub(super) struct RowBuffer {
 }
 
 impl RowBuffer {
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Returns pixels for `rect`, which is not empty: colours 0, transmittances 1.
     pub(super) fn new(rect: Rect) -> Result<RowBuffer> {
         let columns = (rect.x1 - rect.x0) as usize;
         let pitch = columns + WIDE;
@@ -140,8 +132,7 @@ impl RowBuffer {
             .all(|y| cells(rect.x0, rect.x1).all(|x| self.open_cells.is_zero(x, y) || self.open_pixels.is_zero(x, y)))
     }
 
-    /// Counts a splat's pixels that changed for the last time; `closed_rows` has a bit for each row with such pixels,
-    /// `before` their transmittances before the splat.
+    /// Counts a splat's pixels that changed for the last time, in the rows whose bit in `closed_rows` is set.
     #[cold]
     #[inline(never)]
     fn count_closed(&mut self, [x, y]: [i32; 2], before: &[[f32; EIGHT]; EIGHT], closed_rows: u8, stop: f32) {

@@ -11,25 +11,19 @@
 //!
 //! The plain renderer draws the same view pixel by pixel; tests compare the two.
 
-#![expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    clippy::needless_range_loop,
-    reason = "coordinates lie on a plane of 16,384 pixels a side; index loops over arrays run side by side"
-)]
-
 use std::ops::Range;
 use std::time::Instant;
 
 use super::dispatch;
-use super::project::{Projector, SplatProjection, VoxelBlock, affine_at, nearest_pixel, pixel_span};
-use super::raster::{BLOCK, Centre, SplatKernel, Splats, Thresholds};
+use super::project::{Projector, VoxelBlock, affine_at, nearest_pixel, pixel_span};
+use super::raster::{BLOCK, Centre, SplatKernel, Splats};
 use super::row_buffer::{EIGHT, RowBuffer, WIDE};
 use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::Rect;
 use crate::error::Result;
 use crate::splat::Code;
 use crate::splat::arith::absorbed;
+use crate::splat::view::PixelMap;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Most columns and most rows of a stamp.
@@ -55,10 +49,11 @@ struct Stamp {
 
 impl Stamp {
     /// Returns the stamp of the slice `slow`, in a view in which a voxel's steps are the plane's pixels.
-    fn new(projector: &Projector, slow: u16, thresholds: Thresholds) -> Stamp {
-        let SplatProjection::Parallel { pixel_from_voxel, ellipse, .. } = &projector.projection else {
+    fn new(projector: &Projector, slow: u16) -> Stamp {
+        let PixelMap::Parallel { pixel_from_voxel, .. } = &projector.map else {
             unreachable!("a base plane is a parallel view's")
         };
+        let ellipse = projector.ellipse;
         let [(x, offset_x), (y, offset_y)] =
             pixel_from_voxel.map(|map| nearest_pixel(affine_at(&projector.nested(&map), [slow.into(), 0.0, 0.0])));
         let (left, right) = pixel_span((x, offset_x), ellipse.half_x);
@@ -66,7 +61,7 @@ impl Stamp {
         let [columns, rows] =
             [(left, right), (top, bottom)].map(|(low, high)| ((high - low + 1).max(0) as usize).min(SIDE));
         let centre = Centre { x, y, offset_x, offset_y };
-        let kernel = SplatKernel { centre, ellipse: *ellipse, cut: thresholds.cut, peak: 1.0 };
+        let kernel = SplatKernel { centre, ellipse, cut: projector.cut, peak: 1.0 };
         let mut weights = StampRows::default();
         for (y, weights) in (top..=bottom).zip(&mut weights) {
             for (x, weight) in (left..=right).zip(weights) {
@@ -76,8 +71,7 @@ impl Stamp {
         Stamp { left, top, columns, rows, slow, weights }
     }
 
-    /// Returns how many voxels of a batch from `first` on lie on one line with all their pixels among [`WIDE`]; fewer
-    /// than [`WIDE`].
+    /// Returns how many voxels of a batch from `first` on lie on one line with all their pixels among [`WIDE`].
     #[inline(always)]
     fn neighbours(&self, batch: &Batch, first: usize) -> usize {
         let (medium, fast) = (batch.medium[first], batch.fast[first]);
@@ -126,9 +120,6 @@ impl Amounts {
 }
 
 /// Draws the rows `rect` of the plane.
-///
-/// # Errors
-/// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
 pub(super) fn draw(task: &DrawTask, rect: Rect) -> Result<BandResult<RowBuffer>> {
     let unfilled = Amounts { slow: 0, peak: f32::NAN, rows: StampRows::default() };
     let mut painter = StampPainter {
@@ -161,33 +152,33 @@ struct StampPainter<'a> {
 impl StampPainter<'_> {
     /// Draws the waiting voxels.
     fn flush(&mut self) {
-        let DrawTask { projector, settings, thresholds, .. } = self.task;
+        let DrawTask { projector, settings, .. } = self.task;
         if self.buffers.voxels.count > 0 {
-            self.stats.drawn += dispatch::flush_stamps(settings.code, projector, &mut self.buffers, *thresholds);
+            self.stats.drawn += dispatch::flush_stamps(settings.code, projector, &mut self.buffers);
         }
     }
 }
 
 impl Visitor for StampPainter<'_> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
-        self.task.pixels_in_crop(self.buffers.pixels.rect, bounds).is_some()
+        self.task.pixels(self.buffers.pixels.rect, bounds).is_some()
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
         let pixels = &self.buffers.pixels;
-        self.task.pixels_in_crop(pixels.rect, bounds).is_some_and(|rect| !pixels.is_closed(rect))
+        self.task.pixels(pixels.rect, bounds).is_some_and(|rect| !pixels.is_closed(rect))
     }
 
     fn visit(&mut self, batch: &Batch) {
         let start = Instant::now();
-        let DrawTask { projector, settings, thresholds, .. } = self.task;
+        let DrawTask { projector, settings, .. } = self.task;
         if self.slow != Some(batch.slow) {
             self.flush();
             self.slow = Some(batch.slow);
-            self.buffers.stamp = Stamp::new(projector, batch.slow, *thresholds);
+            self.buffers.stamp = Stamp::new(projector, batch.slow);
         }
         let code = settings.code;
-        self.stats.drawn += dispatch::add_visible(code, code, projector, &mut self.buffers, *thresholds, batch);
+        self.stats.drawn += dispatch::add_visible(code, code, projector, &mut self.buffers, batch);
         // A pager may drop this batch's records before the next one.
         if projector.lane.pager.is_some() {
             self.flush();
@@ -213,26 +204,19 @@ pub(super) struct StampBuffers {
 const TESTED_TOGETHER: usize = 5;
 
 impl StampBuffers {
-    /// Adds the voxels of a batch that are not hidden to the waiting ones, and draws full blocks with the instructions
-    /// of `code`; returns how many splats were drawn.
+    /// Adds the voxels of a batch that are not hidden to the waiting ones, and draws full blocks; returns how many splats.
     #[inline(always)]
-    pub(super) fn add_visible(
-        &mut self,
-        code: Code,
-        projector: &Projector,
-        thresholds: Thresholds,
-        batch: &Batch,
-    ) -> u64 {
+    pub(super) fn add_visible(&mut self, code: Code, projector: &Projector, batch: &Batch) -> u64 {
         let (mut drawn, mut from, mut to) = (0, 0, 0);
         while to < batch.len() {
             let count = self.stamp.neighbours(batch, to);
-            if count >= TESTED_TOGETHER && !self.is_open(batch, to, count, thresholds.stop) {
-                drawn += self.add(code, projector, thresholds, batch, from..to);
+            if count >= TESTED_TOGETHER && !self.is_open(batch, to, count, projector.stop) {
+                drawn += self.add(code, projector, batch, from..to);
                 from = to + count;
             }
             to += count;
         }
-        drawn + self.add(code, projector, thresholds, batch, from..to)
+        drawn + self.add(code, projector, batch, from..to)
     }
 
     /// Returns whether some pixel of the stamps of `count` neighbours from `first` on may still change.
@@ -248,18 +232,11 @@ impl StampBuffers {
 
     /// Adds a range of a batch's voxels to the waiting ones, and draws full blocks.
     #[inline(always)]
-    fn add(
-        &mut self,
-        code: Code,
-        projector: &Projector,
-        thresholds: Thresholds,
-        batch: &Batch,
-        mut range: Range<usize>,
-    ) -> u64 {
+    fn add(&mut self, code: Code, projector: &Projector, batch: &Batch, mut range: Range<usize>) -> u64 {
         let mut drawn = 0;
         while !range.is_empty() {
             if !self.voxels.have_room(1) {
-                drawn += dispatch::flush_stamps(code, projector, self, thresholds);
+                drawn += dispatch::flush_stamps(code, projector, self);
             }
             range.start += self.voxels.add(batch, range.start, range.len());
         }
@@ -268,11 +245,10 @@ impl StampBuffers {
 
     /// Draws the waiting voxels; returns how many splats were drawn.
     #[inline(always)]
-    pub(super) fn flush(&mut self, projector: &Projector, thresholds: Thresholds) -> u64 {
+    pub(super) fn flush(&mut self, projector: &Projector) -> u64 {
         let StampBuffers { pixels, stamp, voxels, splats, amounts } = self;
-        let SplatProjection::Parallel { strength, .. } = &projector.projection else { return 0 };
         Projector::place_stamps(voxels, [stamp.left, stamp.top], splats);
-        splats.strength = [*strength; BLOCK];
+        splats.strength = [projector.strength; BLOCK];
         let in_crop = projector.in_crop(voxels);
         let mut kept = 0;
         for j in 0..voxels.count.min(BLOCK) {
@@ -280,7 +256,7 @@ impl StampBuffers {
             let (x, y) = (splats.x.nearest[j], splats.y.nearest[j]);
             // All columns of a stamp that begins in the band are in the band or spare.
             let is_inside = (x >= pixels.rect.x0) & (x < pixels.rect.x1);
-            let is_open = || pixels.are_open::<SIDE>(x, y, stamp.rows, thresholds.stop);
+            let is_open = || pixels.are_open::<SIDE>(x, y, stamp.rows, projector.stop);
             kept += usize::from(in_crop[j] && is_inside && is_open());
         }
         splats.count = kept;
@@ -295,7 +271,7 @@ impl StampBuffers {
                 amounts.fill(stamp, peak);
             }
             let first = [splats.x.nearest[j], splats.y.nearest[j]];
-            pixels.composite(first, &amounts.rows, stamp.rows, &splats.ink[k], thresholds.stop);
+            pixels.composite(first, &amounts.rows, stamp.rows, &splats.ink[k], projector.stop);
         }
         voxels.count = 0;
         kept as u64

@@ -3,14 +3,11 @@
 //! In: a frame's setup, projector and settings. Out: a frame. Each band walks the lane for itself, so no memory is spent
 //! on sorting splats into bands, and a pixel meets the same splats in the same order whatever the bands are.
 
-#![expect(clippy::cast_possible_truncation, reason = "coordinates are clipped to the picture before the cast")]
-
 use std::time::{Duration, Instant};
 
 use super::blend::Blend;
 use super::omit::OmittingVisitor;
 use super::project::Projector;
-use super::raster::Thresholds;
 use super::tile_buffer::{Rect, TileBuffer};
 use super::visible::VisibleRecords;
 use super::{band, plain};
@@ -27,7 +24,6 @@ pub(super) struct DrawTask<'a> {
     pub(super) projector: &'a Projector<'a>,
     pub(super) setup: &'a FrameSetup<'a>,
     pub(super) settings: &'a Settings,
-    pub(super) thresholds: Thresholds,
     /// Half the size of every footprint's box in a parallel view, in pixels; 0 in perspective.
     pub(super) half_widths: [f64; 2],
     /// Records of the lane that are not drawn.
@@ -37,7 +33,8 @@ pub(super) struct DrawTask<'a> {
 }
 
 /// The pixels of one band.
-pub(super) trait BandPixels {
+pub trait BandPixels {
+    /// Returns the band's rectangle.
     fn rect(&self) -> Rect;
     /// Visits the pixels of row `y` with their column and values; may leave out empty pixels.
     fn visit_row(&self, y: i32, visit: impl FnMut(i32, [f32; 4]));
@@ -85,16 +82,9 @@ impl BandStats {
 }
 
 impl<'a> DrawTask<'a> {
-    /// Returns a task; `stop` is the transmittance below which a pixel no longer changes.
-    pub(super) fn new(
-        setup: &'a FrameSetup<'a>,
-        projector: &'a Projector<'a>,
-        settings: &'a Settings,
-        stop: f32,
-    ) -> DrawTask<'a> {
-        let thresholds = Thresholds { cut: setup.kernel.cut(), stop };
+    pub(super) fn new(setup: &'a FrameSetup, projector: &'a Projector, settings: &'a Settings) -> DrawTask<'a> {
         let half_widths = projector.half_widths();
-        DrawTask { projector, setup, settings, thresholds, half_widths, omitted: None, visible: None }
+        DrawTask { projector, setup, settings, half_widths, omitted: None, visible: None }
     }
 
     /// Draws all splats, band by band.
@@ -121,20 +111,11 @@ impl<'a> DrawTask<'a> {
         start.elapsed()
     }
 
-    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none or the voxels lie
-    /// outside the crop.
-    #[inline(always)]
-    pub(super) fn pixels_in_crop(&self, rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
-        if self.projector.crop.is_some_and(|crop| !bounds.meets(&crop)) {
-            return None;
-        }
-        self.pixels(rect, bounds)
-    }
-
-    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none.
+    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none, or outside the crop.
     #[inline(always)]
     pub(super) fn pixels(&self, rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
-        pixels(&self.setup.view, self.half_widths, rect, bounds)
+        let is_cropped = self.projector.crop.is_some_and(|crop| !bounds.meets(&crop));
+        if is_cropped { None } else { pixels(&self.setup.view, self.half_widths, rect, bounds) }
     }
 
     /// Cuts the picture into bands of rows, or of columns, and draws each on a thread of its own.
@@ -162,8 +143,7 @@ impl<'a> DrawTask<'a> {
         })
     }
 
-    /// Returns whether the lane's lines follow the picture's rows more than its columns: bands of rows then cut the
-    /// fewest tiles.
+    /// Returns whether the lane's lines rather follow the picture's rows: bands of rows then cut the fewest tiles.
     fn lines_follow_rows(&self) -> bool {
         let fast = self.setup.order.fast.index();
         let [x, y] = match &self.setup.view.map {
@@ -251,20 +231,11 @@ pub(super) fn pixels(view: &View, half_widths: [f64; 2], rect: Rect, bounds: &Vo
     })
 }
 
-/// Makes a frame of finished bands of tiles.
+/// Makes a frame of drawn bands.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
-pub fn assemble(bands: &[BandResult<TileBuffer>], settings: &Settings, finish: Finish) -> Result<Frame> {
-    finished(bands, settings, finish)
-}
-
-/// Makes a frame of finished bands.
-pub(super) fn finished<P: BandPixels + Sync>(
-    bands: &[BandResult<P>],
-    settings: &Settings,
-    finish: Finish,
-) -> Result<Frame> {
+pub fn assemble<P: BandPixels + Sync>(bands: &[BandResult<P>], settings: &Settings, finish: Finish) -> Result<Frame> {
     let mut frame = Frame::transparent(settings.size)?;
     combine(bands, settings, &mut frame, |pixel, values| *pixel = finish.pixel(values));
     Ok(frame)

@@ -9,8 +9,6 @@
 //! when all its pixels are below the stopping threshold. Squares of 4 x 4 tiles count their open tiles, and blocks of
 //! 8 x 8 squares their open squares, so that large rectangles are tested quickly.
 
-#![expect(clippy::cast_possible_truncation, reason = "a picture of 16,384 pixels a side has 2^24 tiles")]
-
 use bytemuck::Zeroable;
 
 use super::blend::{Additive, Blend as _, sheet_loss};
@@ -57,7 +55,7 @@ impl Rect {
 /// The values of 4 x 4 pixels, row by row: reds, greens, blues, alphas.
 #[derive(Debug, Clone, Copy, PartialEq, Zeroable)]
 #[repr(C, align(64))]
-pub(super) struct Tile(pub(super) [[f32; TILE_PIXELS]; 4]);
+pub(super) struct PixelTile(pub(super) [[f32; TILE_PIXELS]; 4]);
 
 /// State of a tile on which nothing was drawn yet.
 const FRESH: u8 = 0;
@@ -74,7 +72,7 @@ pub struct TileBuffer {
     initial_alpha: f32,
     /// Tiles from row to row.
     pitch: usize,
-    tiles: Box<[Tile]>,
+    tiles: Box<[PixelTile]>,
     /// The state of each tile.
     states: Vec<u8>,
     /// Tiles of each square that are not frozen.
@@ -95,8 +93,7 @@ pub(super) struct OpenCounts {
 }
 
 impl OpenCounts {
-    /// Counts, for each square of `1 << shift` pixels, the cells of `1 << cell` pixels that it shares with the
-    /// rectangle.
+    /// Counts the cells of `1 << cell` pixels of the rectangle, for each square of `1 << shift` pixels.
     pub(super) fn new(rect: Rect, shift: i32, cell: i32) -> OpenCounts {
         let cells = |low: i32, high: i32| {
             let (first, last) = (low >> cell, (high - 1) >> cell);
@@ -135,24 +132,18 @@ impl OpenCounts {
 
 impl TileBuffer {
     /// Returns pixels for `rect`, which is not empty: colours 0, alphas `initial_alpha`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(super) fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
         let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
         let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
         let len = pitch * tiles_along(rect.y0, rect.y1);
         let tiles = bytemuck::allocation::try_zeroed_slice_box(len)
-            .map_err(|()| Error::out_of_memory("the picture", (size_of::<Tile>() * len) as u64))?;
+            .map_err(|()| Error::out_of_memory("the picture", (size_of::<PixelTile>() * len) as u64))?;
         let (open_tiles, open_squares) = (OpenCounts::new(rect, SQUARE, TILE), OpenCounts::new(rect, BLOCK, SQUARE));
         let states = vec![FRESH; len];
         Ok(TileBuffer { rect, initial_alpha, pitch, tiles, states, open_tiles, open_squares, touched: None })
     }
 
     /// Returns the pixels of a sheet: sums of colour times optical depth, and of optical depth.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(super) fn sheet(rect: Rect) -> Result<TileBuffer> {
         let sheet = TileBuffer::new(rect, Additive::INITIAL_ALPHA)?;
         let mut touched = Vec::new();
@@ -172,8 +163,8 @@ impl TileBuffer {
             // The sheet's tiles have the same indices.
             let column = (self.rect.x0 >> TILE) + (from % self.pitch) as i32;
             let row = (self.rect.y0 >> TILE) + (from / self.pitch) as i32;
-            let Tile(added) = &mut sheet.tiles[from];
-            if let Some((index, Tile([red, green, blue, clear]))) = self.tile(column, row) {
+            let PixelTile(added) = &mut sheet.tiles[from];
+            if let Some((index, PixelTile([red, green, blue, clear]))) = self.tile(column, row) {
                 let (mut losses, mut factors) = ([0.0; TILE_PIXELS], [0.0; TILE_PIXELS]);
                 for i in 0..TILE_PIXELS {
                     [losses[i], factors[i]] = sheet_loss(clear[i], added[3][i], stop);
@@ -204,10 +195,9 @@ impl TileBuffer {
         (row - (self.rect.y0 >> TILE)) as usize * self.pitch + (column - (self.rect.x0 >> TILE)) as usize
     }
 
-    /// Returns the index and values of the tile in `column` and `row` of the picture's grid, which meets the
-    /// rectangle; `None` if it is frozen.
+    /// Returns the index and values of the tile in `column` and `row` of the picture's grid; `None` if it is frozen.
     #[inline(always)]
-    pub(super) fn tile(&mut self, column: i32, row: i32) -> Option<(usize, &mut Tile)> {
+    pub(super) fn tile(&mut self, column: i32, row: i32) -> Option<(usize, &mut PixelTile)> {
         let index = self.index(column, row);
         match self.states[index] {
             OPEN => {}
@@ -217,8 +207,7 @@ impl TileBuffer {
         Some((index, &mut self.tiles[index]))
     }
 
-    /// Gives the pixels of a fresh tile their alpha. It stays 0 outside the rectangle, which never keeps a tile from
-    /// freezing.
+    /// Gives the pixels of a fresh tile their alpha; outside the rectangle it stays 0, so that the tile can freeze.
     #[inline(never)]
     fn open(&mut self, index: usize, column: i32, row: i32) {
         let (x0, y0) = (column << TILE, row << TILE);
@@ -294,7 +283,7 @@ impl BandPixels for TileBuffer {
         for column in x0 >> TILE..=(x1 - 1) >> TILE {
             let index = self.index(column, y >> TILE);
             if self.states[index] != FRESH {
-                let Tile(values) = &self.tiles[index];
+                let PixelTile(values) = &self.tiles[index];
                 for x in x0.max(column << TILE)..x1.min((column + 1) << TILE) {
                     visit(x, values.map(|plane| plane[index_in_tile(x, y)]));
                 }
@@ -312,7 +301,7 @@ fn index_in_tile(x: i32, y: i32) -> usize {
 /// Returns a row pitch of at least `tiles`, at which up to three rows do not share places in a page: at a pitch of 4,096
 /// bytes all rows of a splat fall into one cache set, and stores block the loads of the next row.
 fn pitch_for(tiles: usize) -> usize {
-    const PAGE_TILES: usize = 4096 / size_of::<Tile>();
+    const PAGE_TILES: usize = 4096 / size_of::<PixelTile>();
     let shares_places = |pitch: usize| !(1..=3).all(|rows| (3..=PAGE_TILES - 3).contains(&(rows * pitch % PAGE_TILES)));
     let mut pitch = tiles;
     while tiles > PAGE_TILES / 2 && shares_places(pitch) {

@@ -4,10 +4,11 @@
 //! pixel of their footprint, a transmittance of at least the stopping threshold. Without all unmarked voxels the view
 //! changes by less than that threshold. Splats of one block do not hide each other: the error is on the safe side.
 
-use super::project::{Projector, SplatProjection, VoxelBlock};
-use super::raster::{BLOCK, EllipseArrays, Ellipses as _, SplatKernel, Splats, Thresholds};
+use super::project::{Projector, VoxelBlock};
+use super::raster::{BLOCK, SplatKernel, Splats};
 use super::tile_buffer::TileBuffer;
 use crate::arena::RecordSet;
+use crate::splat::view::PixelMap;
 
 /// Where a view marks the records that it shows.
 #[derive(Debug, Clone, Copy)]
@@ -21,29 +22,21 @@ pub struct VisibleRecords<'a> {
 impl VisibleRecords<'_> {
     /// Marks the visible splats of a block.
     #[inline(always)]
-    pub(super) fn mark(
-        &self,
-        projector: &Projector,
-        voxels: &VoxelBlock,
-        splats: &Splats,
-        ellipses: &EllipseArrays,
-        tiles: &TileBuffer,
-        thresholds: Thresholds,
-    ) {
+    pub(super) fn mark(&self, projector: &Projector, voxels: &VoxelBlock, splats: &Splats, tiles: &TileBuffer) {
         for k in 0..splats.count.min(BLOCK) {
             let j = usize::from(splats.kept[k]) % BLOCK;
             let Some(record) = voxels.records[j].checked_sub(self.first) else { continue };
             if record >= self.records.len() || self.records.contains(record) {
                 continue;
             }
-            let ellipse = match &projector.projection {
-                SplatProjection::Parallel { ellipse, .. } => *ellipse,
-                SplatProjection::Perspective { .. } => ellipses.at(j),
+            let ellipse = match &projector.map {
+                PixelMap::Parallel { .. } => projector.ellipse,
+                PixelMap::Perspective { .. } => splats.ellipse(j),
             };
-            let kernel = SplatKernel { centre: splats.centre(j), ellipse, cut: thresholds.cut, peak: 1.0 };
+            let kernel = SplatKernel { centre: splats.centre(j), ellipse, cut: projector.cut, peak: 1.0 };
             let ([low_x, high_x], [low_y, high_y]) = splats.clipped(j, tiles.rect);
             let mut pixels = (low_y..=high_y).flat_map(|y| (low_x..=high_x).map(move |x| (x, y)));
-            if pixels.any(|(x, y)| tiles.pixel(x, y)[3] >= thresholds.stop && kernel.depth(x, y) > 0.0) {
+            if pixels.any(|(x, y)| tiles.pixel(x, y)[3] >= projector.stop && kernel.depth(x, y) > 0.0) {
                 self.records.insert(record);
             }
         }
