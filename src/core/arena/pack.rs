@@ -1,9 +1,7 @@
 //! Packing: from the voxels of scan lines to a lane.
 //!
 //! In: lines by ascending v, then u, with voxels by ascending coordinate. Out: an [`OwnedLane`] with its tiles in tile
-//! order.
-
-use std::ops::Range;
+//! order. Lines are collected for eight values of v at a time (a strip); then their tiles are complete.
 
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
@@ -84,7 +82,8 @@ impl ChannelArrays {
         (low.expect("a line that is packed has a voxel"), high)
     }
 
-    fn append(&mut self, channels: Channels, other: &ChannelArrays, Range { start: from, end: to }: Range<usize>) {
+    /// Appends the records `from..to` of `other`.
+    fn append(&mut self, channels: Channels, other: &ChannelArrays, from: usize, to: usize) {
         let value = usize::from(channels.value_bits / 8);
         let normal = usize::from(channels.normal_bits / 4);
         let magnitude = usize::from(channels.magnitude_bits / 8);
@@ -104,13 +103,27 @@ impl ChannelArrays {
     }
 }
 
-/// A packed line, and where its records are in order of arrival.
-struct PackedLine {
+/// A packed tile, and where its lines and records lie.
+struct PackedTile {
     u: u16,
     v: u16,
+    occupancy: u64,
     low: u16,
     high: u16,
-    records: Range<usize>,
+    strip: usize,
+    first_record: usize,
+    record_count: usize,
+    first_line: usize,
+}
+
+/// One line of the current strip.
+struct PendingLine {
+    u: u16,
+    v: u16,
+    from: usize,
+    to: usize,
+    low: u16,
+    high: u16,
 }
 
 /// Packs the lines of one lane.
@@ -119,17 +132,32 @@ pub struct LanePacker {
     dims: [u32; 3],
     channels: Channels,
     tile_order: TileOrder,
-    /// All records, in order of arrival.
-    arrived: ChannelArrays,
-    lines: Vec<PackedLine>,
+    /// Records of the current strip in order of arrival, and its lines.
+    pending: ChannelArrays,
+    pending_lines: Vec<PendingLine>,
+    /// Finished strips, tile by tile.
+    strips: Vec<ChannelArrays>,
+    tiles: Vec<PackedTile>,
+    /// Line ends of all tiles, in the order of `tiles`.
+    ends: Vec<u32>,
     visible: u64,
 }
 
 impl LanePacker {
     /// Starts a lane along `axis` of a grid with `dims` points.
     pub fn new(axis: Axis, dims: [u32; 3], channels: Channels, tile_order: TileOrder) -> LanePacker {
-        let (arrived, lines) = (ChannelArrays::default(), Vec::new());
-        LanePacker { axis, dims, channels, tile_order, arrived, lines, visible: 0 }
+        LanePacker {
+            axis,
+            dims,
+            channels,
+            tile_order,
+            pending: ChannelArrays::default(),
+            pending_lines: Vec::new(),
+            strips: Vec::new(),
+            tiles: Vec::new(),
+            ends: Vec::new(),
+            visible: 0,
+        }
     }
 
     /// Appends the line at (u, v); lines must come by ascending v, then u.
@@ -140,14 +168,17 @@ impl LanePacker {
     /// If lines or voxels are out of order.
     #[inline]
     pub fn line(&mut self, u: u16, v: u16, voxels: impl Iterator<Item = (u16, Record)>) {
-        if let Some(last) = self.lines.last() {
+        if let Some(last) = self.pending_lines.last() {
             assert!((last.v, last.u) < (v, u), "lines come by v, then u");
+            if last.v / TILE_EDGE != v / TILE_EDGE {
+                self.close_strip();
+            }
         }
         let mut voxels = voxels.inspect(|_| self.visible += 1).peekable();
         if voxels.peek().is_some() {
-            let first = self.arrived.steps.len();
-            let (low, high) = self.arrived.push_line(self.channels, voxels);
-            self.lines.push(PackedLine { u, v, low, high, records: first..self.arrived.steps.len() });
+            let from = self.pending.steps.len();
+            let (low, high) = self.pending.push_line(self.channels, voxels);
+            self.pending_lines.push(PendingLine { u, v, from, to: self.pending.steps.len(), low, high });
         }
     }
 
@@ -156,36 +187,76 @@ impl LanePacker {
         self.visible
     }
 
+    /// Groups the strip's lines by tile.
+    fn close_strip(&mut self) {
+        let mut lines = std::mem::take(&mut self.pending_lines);
+        let place = |line: &PendingLine| (line.u / TILE_EDGE, line.v, line.u);
+        lines.sort_unstable_by_key(place);
+        let mut strip = ChannelArrays::with_capacity(self.channels, self.pending.steps.len());
+        for tile_lines in lines.chunk_by(|a, b| a.u / TILE_EDGE == b.u / TILE_EDGE) {
+            let first_record = strip.steps.len();
+            let first_line = self.ends.len();
+            let mut occupancy = 0u64;
+            for line in tile_lines {
+                strip.append(self.channels, &self.pending, line.from, line.to);
+                occupancy |= 1 << ((line.v % TILE_EDGE) * TILE_EDGE + line.u % TILE_EDGE);
+                let end = strip.steps.len() - first_record;
+                self.ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
+            }
+            self.tiles.push(PackedTile {
+                u: tile_lines[0].u / TILE_EDGE,
+                v: tile_lines[0].v / TILE_EDGE,
+                occupancy,
+                low: tile_lines.iter().map(|l| l.low).min().expect("a chunk is not empty"),
+                high: tile_lines.iter().map(|l| l.high).max().expect("a chunk is not empty"),
+                strip: self.strips.len(),
+                first_record,
+                record_count: strip.steps.len() - first_record,
+                first_line,
+            });
+        }
+        self.strips.push(strip);
+        self.pending = ChannelArrays::default();
+        lines.clear();
+        self.pending_lines = lines;
+    }
+
     /// Returns the lane, with its tiles in tile order.
     pub fn finish(mut self) -> OwnedLane {
-        let tile = |line: &PackedLine| (line.u / TILE_EDGE, line.v / TILE_EDGE);
-        self.lines.sort_by_cached_key(|line| (self.tile_order.key(tile(line).0, tile(line).1), line.v, line.u));
-        let mut arrays = ChannelArrays::with_capacity(self.channels, self.arrived.steps.len());
+        self.close_strip();
+        let (tiles, channels) = (&mut self.tiles, self.channels);
+        tiles.sort_unstable_by_key(|tile| self.tile_order.key(tile.u, tile.v));
+        let records = self.strips.iter().map(|strip| strip.steps.len()).sum();
+        let mut arrays = ChannelArrays::with_capacity(channels, records);
         let mut line_ends = OwnedLineEnds::for_line(self.dims[self.axis.index()]);
-        let mut tiles = Vec::new();
-        let mut first_line = 0;
-        for lines in self.lines.chunk_by(|a, b| tile(a) == tile(b)) {
-            let first_record = arrays.steps.len();
-            let mut occupancy = 0u64;
-            for line in lines {
-                arrays.append(self.channels, &self.arrived, line.records.clone());
-                occupancy |= 1 << ((line.v % TILE_EDGE) * TILE_EDGE + line.u % TILE_EDGE);
-                let end = arrays.steps.len() - first_record;
-                line_ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
-            }
-            tiles.push(TileRecord {
-                tile_u: U16::new(lines[0].u / TILE_EDGE),
-                tile_v: U16::new(lines[0].v / TILE_EDGE),
-                first_line: U32::new(first_line),
-                first_record: U64::new(first_record as u64),
-                occupancy: U64::new(occupancy),
-                low: U16::new(lines.iter().map(|line| line.low).min().expect("a chunk is not empty")),
-                high: U16::new(lines.iter().map(|line| line.high).max().expect("a chunk is not empty")),
+        let mut table = Vec::with_capacity(tiles.len());
+        let mut line_count = 0u32;
+        for tile in tiles.iter() {
+            table.push(TileRecord {
+                tile_u: U16::new(tile.u),
+                tile_v: U16::new(tile.v),
+                first_line: U32::new(line_count),
+                first_record: U64::new(arrays.steps.len() as u64),
+                occupancy: U64::new(tile.occupancy),
+                low: U16::new(tile.low),
+                high: U16::new(tile.high),
             });
-            first_line += occupancy.count_ones();
+            let (from, to) = (tile.first_record, tile.first_record + tile.record_count);
+            arrays.append(channels, &self.strips[tile.strip], from, to);
+            let lines = tile.occupancy.count_ones();
+            self.ends[tile.first_line..][..lines as usize].iter().for_each(|&end| line_ends.push(end));
+            line_count += lines;
         }
-        let (axis, dims, channels) = (self.axis, self.dims, self.channels);
-        let ChannelArrays { steps, values, normals, magnitudes } = arrays;
-        OwnedLane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes }
+        OwnedLane {
+            axis: self.axis,
+            dims: self.dims,
+            channels,
+            tiles: table,
+            line_ends,
+            steps: arrays.steps,
+            values: arrays.values,
+            normals: arrays.normals,
+            magnitudes: arrays.magnitudes,
+        }
     }
 }
