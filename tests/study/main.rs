@@ -5,7 +5,6 @@
 //! - `own_walk`: the traced twin of our walk reads what the walk reads.
 //! - `layouts`: the shipped layout is ours; each hands over the same voxels. Traces come back from files.
 
-#![cfg(feature = "cli")]
 #![allow(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "small or random numbers")]
 
 mod baselines;
