@@ -17,7 +17,7 @@ pub mod cache;
 pub mod lane_walk;
 pub mod layouts;
 pub mod memory;
-pub mod ours;
+mod ours;
 pub mod picture;
 pub mod receive;
 pub mod report;

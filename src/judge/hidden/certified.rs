@@ -69,10 +69,10 @@ pub(super) fn possibly_visible(
         for kernel in kernels {
             // Equal distances are common, and have equal weights.
             let [u, v] = slow.others();
-            let apart = [slow, u, v].map(|axis| lengths[axis.index()]);
-            let found = known.iter().find(|(other, shape, _)| *other == apart && *shape == kernel);
+            let spacings = [slow, u, v].map(|axis| lengths[axis.index()]);
+            let found = known.iter().find(|(other, shape, _)| *other == spacings && *shape == kernel);
             let weights = found.map_or_else(|| layer_weights(kernel, slow, lengths), |(.., weights)| *weights);
-            known.push((apart, kernel, weights));
+            known.push((spacings, kernel, weights));
             let strongest = peak(kernel) * lengths.iter().copied().fold(0.0, f64::max);
             for along in [AxisOrder::Ascending, AxisOrder::Descending] {
                 let march = March { lane, table: &table, slow, low, high, weights, kernel, need };

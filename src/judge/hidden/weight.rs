@@ -98,8 +98,8 @@ impl VoxelLayer {
             for i in -cells..=cells {
                 let (dx, dy) = (f64::from(i) - lines.place[0], f64::from(j) - lines.place[1]);
                 let offset = dx * dx + dy * dy;
-                let along = dx * sx + dy * sy;
-                let distance = (offset - along * along / square).max(0.0).sqrt();
+                let product = dx * sx + dy * sy;
+                let distance = (offset - product * product / square).max(0.0).sqrt();
                 sum += self.weight(distance + moved + (offset.sqrt() + moved) * turned);
             }
         }

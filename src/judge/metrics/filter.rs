@@ -30,9 +30,9 @@ impl FilterKernel {
 /// Filters `plane` with `across` along rows and with `down` along columns.
 pub(super) fn filtered(plane: &[f64], columns: usize, across: &FilterKernel, down: &FilterKernel) -> Vec<f64> {
     let rows = plane.len() / columns;
-    let mut along = vec![0.0; plane.len()];
+    let mut filtered_rows = vec![0.0; plane.len()];
     let middle = across.0.len() / 2;
-    for (row, out) in plane.chunks_exact(columns).zip(along.chunks_exact_mut(columns)) {
+    for (row, out) in plane.chunks_exact(columns).zip(filtered_rows.chunks_exact_mut(columns)) {
         for (x, out) in out.iter_mut().enumerate() {
             let taps = across.0.iter().enumerate();
             *out = taps.map(|(tap, weight)| weight * row[(x + tap).saturating_sub(middle).min(columns - 1)]).sum();
@@ -43,7 +43,7 @@ pub(super) fn filtered(plane: &[f64], columns: usize, across: &FilterKernel, dow
     for (y, out) in result.chunks_exact_mut(columns).enumerate() {
         for (tap, weight) in down.0.iter().enumerate() {
             let from = (y + tap).saturating_sub(middle).min(rows - 1) * columns;
-            out.iter_mut().zip(&along[from..][..columns]).for_each(|(out, value)| *out += weight * value);
+            out.iter_mut().zip(&filtered_rows[from..][..columns]).for_each(|(out, value)| *out += weight * value);
         }
     }
     result

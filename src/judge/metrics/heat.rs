@@ -28,9 +28,9 @@ impl HeatMap {
             return Err(Error::input("pictures", "differ in size; compare pictures of one size"));
         }
         let pairs = a.pixels().as_chunks::<4>().0.iter().zip(b.pixels().as_chunks::<4>().0);
-        let apart =
+        let difference =
             |(a, b): (&[f32; 4], &[f32; 4])| a.iter().zip(b).map(|(a, b)| f64::from((a - b).abs())).fold(0.0, f64::max);
-        let differences: Vec<f64> = pairs.map(apart).collect();
+        let differences: Vec<f64> = pairs.map(difference).collect();
         let brightest = differences.iter().copied().fold(0.0, f64::max);
         let colours: Vec<[f32; 3]> = (0..=255u8).map(|step| colour(f64::from(step) / 255.0)).collect();
         let mut frame = Frame::transparent(a.size())?;

@@ -101,10 +101,10 @@ impl ErrorSums {
         for &at in shown {
             let (a, b) = pair(at);
             for (a, b) in a.into_iter().zip(b) {
-                let apart = (a - b).abs();
-                tally.squares += apart * apart;
-                if apart > tally.worst {
-                    (tally.worst, tally.worst_at) = (apart, at);
+                let difference = (a - b).abs();
+                tally.squares += difference * difference;
+                if difference > tally.worst {
+                    (tally.worst, tally.worst_at) = (difference, at);
                 }
             }
         }

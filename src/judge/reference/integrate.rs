@@ -93,8 +93,8 @@ impl RayField<'_> {
         let from = self.gaussians.partition_point(|gaussian| gaussian.centre < t - reach);
         let mut sums = [0.0; 4];
         for gaussian in self.gaussians[from..].iter().take_while(|gaussian| gaussian.centre <= t + reach) {
-            let apart = (t - gaussian.centre) / self.width;
-            let weight = (-0.5 * apart * apart).exp();
+            let distance = (t - gaussian.centre) / self.width;
+            let weight = (-0.5 * distance * distance).exp();
             sums[0] += weight * gaussian.amount;
             (0..3).for_each(|c| sums[c + 1] += weight * gaussian.emission[c]);
         }

@@ -40,10 +40,10 @@ impl ReferenceLights {
         }
         let place = self.steps * DVec3::from_array(voxel.position.map(f64::from));
         let toward_eye = self.eye.map_or(self.toward_eye, |eye| (eye - place).normalize_or_zero());
-        let half = (self.toward_light + toward_eye).normalize_or_zero();
+        let halfway = (self.toward_light + toward_eye).normalize_or_zero();
         let Lighting { ambient, diffuse, specular, shininess, .. } = self.lighting;
         let factor = f64::from(ambient) + f64::from(diffuse) * normal.dot(self.toward_light).abs();
-        let highlight = f64::from(specular) * normal.dot(half).abs().powi(shininess.into());
+        let highlight = f64::from(specular) * normal.dot(halfway).abs().powi(shininess.into());
         colour.map(|c| c * factor + highlight)
     }
 }

@@ -121,8 +121,8 @@ impl<'a> SplatProjector<'a> {
         let SplatCovariance { xx, xy, yy, determinant } = footprint;
         let reach = self.settings.cut_off * yy.sqrt();
         let Some((first_row, last_row)) = whole(y - reach, y + reach, band.first_row, band.rows()) else { return };
-        let wide = self.settings.cut_off * xx.sqrt();
-        if whole(x - wide, x + wide, 0, band.columns).is_none() {
+        let reach_x = self.settings.cut_off * xx.sqrt();
+        if whole(x - reach_x, x + reach_x, 0, band.columns).is_none() {
             return;
         }
         // The weight at the centre of a footprint; weights of a layer of voxels add up to 1.

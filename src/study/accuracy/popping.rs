@@ -111,9 +111,9 @@ fn change(cameras: &[Camera], draw: impl Fn(&Camera) -> Result<Frame>) -> Result
         let frame = draw(camera)?;
         if let Some(before) = before {
             let samples = before.pixels().iter().zip(frame.pixels());
-            let apart = samples.map(|(&a, &b)| (f64::from(a) - f64::from(b)).abs());
-            let (largest, squares) =
-                apart.fold((0.0f64, 0.0), |(most, sum), apart| (most.max(apart), sum + apart * apart));
+            let difference = samples.map(|(&a, &b)| (f64::from(a) - f64::from(b)).abs());
+            let (largest, squares) = difference
+                .fold((0.0f64, 0.0), |(most, sum), difference| (most.max(difference), sum + difference * difference));
             let rms = (squares / frame.pixels().len() as f64).sqrt();
             change = FrameChange { largest: change.largest.max(largest), rms: change.rms.max(rms) };
         }

@@ -65,7 +65,7 @@ fn seen_through(fine: &ReferencePicture, size: [u32; 2], sigma: f64) -> Result<F
     Ok(frame)
 }
 
-/// Returns the weights of the fine pixels below `end` around the centre of pixel `at`; all weights sum to 1.
+/// Returns the weights of the fine pixels below `end` around the centre of pixel `at`; with those beyond the edge they sum to 1.
 fn taps(at: usize, end: usize, sigma: f64) -> Vec<(usize, f64)> {
     let finer = f64::from(FINER);
     let middle = at as f64 * finer + (finer - 1.0) / 2.0;

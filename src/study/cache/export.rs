@@ -132,7 +132,7 @@ pub fn replay<T: Trace>(
     while !reader.at.is_multiple_of(8) {
         reader.bytes::<1>()?;
     }
-    let mut told = trace(&arrays);
+    let mut made = trace(&arrays);
     while !reader.input.fill_buf().map_err(Error::io("read", path))?.is_empty() {
         let at = reader.at;
         let word = u64::from_le_bytes(reader.bytes()?);
@@ -147,12 +147,12 @@ pub fn replay<T: Trace>(
         }
         let place = |number: u64| usize::try_from(number).unwrap_or(usize::MAX);
         if word >> 63 == 0 {
-            told.read(index, place(offset), place(bytes));
+            made.read(index, place(offset), place(bytes));
         } else {
-            told.write(index, place(offset), place(bytes));
+            made.write(index, place(offset), place(bytes));
         }
     }
-    Ok((arrays, told))
+    Ok((arrays, made))
 }
 
 struct TraceReader<'a> {

@@ -188,11 +188,11 @@ impl LaneStore for OwnStore<'_> {
 
     #[inline]
     fn steps<T: Trace>(&self, from: usize, trace: &mut T) -> [u8; CHUNK] {
-        let rest = &self.lane.steps[from..];
-        let count = rest.len().min(CHUNK);
+        let steps = &self.lane.steps[from..];
+        let count = steps.len().min(CHUNK);
         trace.read(self.arrays + STEPS, from, count);
         let mut chunk = [1; CHUNK];
-        chunk[..count].copy_from_slice(&rest[..count]);
+        chunk[..count].copy_from_slice(&steps[..count]);
         chunk
     }
 

@@ -77,15 +77,15 @@ impl Records {
     /// Reads up to sixteen one-byte codes from `record` on, padded with ones.
     #[inline(always)]
     pub(super) fn chunk<T: Trace>(&self, record: usize, trace: &mut T) -> [u8; CHUNK] {
-        let (array, at, apart) = self.place(0, record);
-        let rest = &self.arrays[array][at..];
+        let (array, at, stride) = self.place(0, record);
+        let codes = &self.arrays[array][at..];
         let mut chunk = [1; CHUNK];
-        let count = (rest.len() / apart).min(CHUNK);
-        trace.read(self.first_array + array, at, count * apart);
-        if apart == 1 {
-            chunk[..count].copy_from_slice(&rest[..count]);
+        let count = (codes.len() / stride).min(CHUNK);
+        trace.read(self.first_array + array, at, count * stride);
+        if stride == 1 {
+            chunk[..count].copy_from_slice(&codes[..count]);
         } else {
-            chunk.iter_mut().zip(rest.iter().step_by(apart)).for_each(|(code, &byte)| *code = byte);
+            chunk.iter_mut().zip(codes.iter().step_by(stride)).for_each(|(code, &byte)| *code = byte);
         }
         chunk
     }

@@ -90,13 +90,13 @@ impl LaneStore for LayoutLane {
         let at = tile as usize * bytes;
         trace.read(self.arrays_from() + TILES, at, bytes);
         let record = &self.tiles[at..at + bytes];
-        let half = |from: usize| u16::from_le_bytes([record[from], record[from + 1]]);
+        let number_16 = |from: usize| u16::from_le_bytes([record[from], record[from + 1]]);
         let number = |from: usize, bytes: usize| {
             record[from..from + bytes].iter().rev().fold(0, |number, &byte| number << 8 | u64::from(byte))
         };
         let (first_line, first_record) =
             if self.layout.edge == 1 { (tile.into(), number(4, 8)) } else { (number(4, 4), number(8, 8)) };
-        TileStart { place: [half(0), half(2)], first_line, first_record }
+        TileStart { place: [number_16(0), number_16(2)], first_line, first_record }
     }
 
     #[inline]

@@ -24,10 +24,12 @@ struct OctreeWalk<'a, R, T> {
 impl<R: Receiver, T: Trace> OctreeWalk<'_, R, T> {
     /// Returns the first octant to visit in the cube at `low` with half its edge.
     #[inline(always)]
-    fn first_octant(&self, low: [u32; 3], half: u32) -> u8 {
+    fn first_octant(&self, low: [u32; 3], half_edge: u32) -> u8 {
         let near = match self.viewpoint {
             Viewpoint::Parallel { direction } => octant(direction.map(|c| c < 0.0)),
-            Viewpoint::Perspective { eye, .. } => octant([0, 1, 2].map(|a| eye[a] >= f64::from(low[a] + half) - 0.5)),
+            Viewpoint::Perspective { eye, .. } => {
+                octant([0, 1, 2].map(|a| eye[a] >= f64::from(low[a] + half_edge) - 0.5))
+            }
         };
         if self.sense == Sense::FrontToBack { near } else { !near & 7 }
     }
@@ -46,15 +48,15 @@ impl<R: Receiver, T: Trace> OctreeWalk<'_, R, T> {
         }
         self.trace.read(BRANCHES, 8 * branch, 5);
         let Branch { first, octants } = octree.branches[branch];
-        let half = 1u32 << (level - 1);
-        let begin = self.first_octant(low, half);
+        let half_edge = 1u32 << (level - 1);
+        let begin = self.first_octant(low, half_edge);
         for relative in self.octants {
             let octant = begin ^ relative;
             if octants >> octant & 1 == 0 {
                 continue;
             }
             let child = first as usize + RANKS[usize::from(octants) & ((1 << octant) - 1)] as usize;
-            let at = [0, 1, 2].map(|a| low[a] + if octant >> a & 1 == 0 { 0 } else { half });
+            let at = [0, 1, 2].map(|a| low[a] + if octant >> a & 1 == 0 { 0 } else { half_edge });
             if level > 1 {
                 self.cube(child, at, level - 1);
             } else {
