@@ -7,17 +7,17 @@ use adjsplat::internals::gpu_stages::BlendMode;
 use adjsplat::internals::gpu_stages::{FrameUniform, NOTHING, Splat};
 use adjsplat::splat::gpu::Target;
 
-/// Which of the two neighbours a device takes for a value between them: what draws may do either.
+/// How a device rounds a blended value to its target; devices may do either.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Rounding {
-    /// The nearest.
+    /// To the nearest value of the target.
     Nearest,
-    /// The one nearer to 0.
+    /// To the neighbour nearer to 0.
     TowardZero,
 }
 
-/// Draws `splats`, a chunk's, onto `pixels` of a target, which start as the chunk before left them: for each splat, in
-/// order, the fragments of its box, each blended in single precision and rounded to the target.
+/// Draws the splats of a chunk, in order, onto the pixels that the previous chunk left. Each fragment is blended in single
+/// precision and rounded to the target.
 ///
 /// # Panics
 /// If `pixels` are fewer than the window has.
@@ -44,7 +44,7 @@ pub(crate) fn splat(
     }
 }
 
-/// What the shader gives.
+/// Returns the colour of the fragment shader.
 fn fragment(blend: BlendMode, splat: &Splat, depth: f32) -> [f32; 4] {
     let ink = [splat.red, splat.green, splat.blue, 1.0];
     match blend {
@@ -54,7 +54,7 @@ fn fragment(blend: BlendMode, splat: &Splat, depth: f32) -> [f32; 4] {
     }
 }
 
-/// What the blend state makes of it; a target of whole numbers takes no source outside 0 to 1.
+/// Returns the pixel after the blend state; a source for 8 bits is clamped to 0 to 1 before.
 fn blended(blend: BlendMode, target: Target, source: [f32; 4], pixel: [f32; 4]) -> [f32; 4] {
     let source = if target == Target::Unorm8 { source.map(|value| value.clamp(0.0, 1.0)) } else { source };
     let [sr, sg, sb, sa] = source;
@@ -67,7 +67,7 @@ fn blended(blend: BlendMode, target: Target, source: [f32; 4], pixel: [f32; 4]) 
     }
 }
 
-/// The value as the target holds it.
+/// Returns the value as the target stores it.
 fn rounded(target: Target, rounding: Rounding, value: f32) -> f32 {
     match target {
         Target::Float32 => value,
