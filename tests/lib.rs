@@ -7,3 +7,8 @@ pub fn repository() -> PathBuf {
     let tests = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
     tests.parent().expect("tests is a folder of the repository").to_path_buf()
 }
+
+/// The example of docs/EMBEDDING.md, which must compile.
+#[doc = include_str!("../docs/EMBEDDING.md")]
+#[cfg(doctest)]
+pub struct Embedding;

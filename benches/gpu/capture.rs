@@ -2,7 +2,7 @@
 
 use adjsplat::internals::gpu_stages::Probe;
 use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, Splat, TILE, VisitedVoxel};
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats};
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, GpuStats};
 use adjsplat::splat::{Camera, Frame, Settings, View};
 
 use super::device::Gpu;
@@ -43,8 +43,8 @@ pub(crate) struct Capture {
 
 /// Draws a frame, in one window and one slab, and keeps at most `most` of its splats.
 pub(crate) fn capture(gpu: &Gpu, subject: &BenchScene, camera: &Camera, settings: &Settings, most: usize) -> Capture {
-    let options = Options { vram: VRAM, compositor: Some(Compositor::Tiles) };
-    let renderer = Renderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
+    let options = GpuOptions { vram: VRAM, compositor: Some(Compositor::Tiles) };
+    let renderer = GpuRenderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
     let mut renderer = renderer.expect("a renderer");
     let facts = subject.scene.facts;
     let view = View::new(camera, &facts.grid, settings.size, settings.kernel(), settings.near).expect("a view");
@@ -89,7 +89,7 @@ pub(crate) fn capture(gpu: &Gpu, subject: &BenchScene, camera: &Camera, settings
         }
     };
     let (frame, stats) = renderer.render_probed(camera, settings, Some(&mut look)).expect("a frame");
-    let Stats { splats_drawn, slabs, windows, .. } = stats;
+    let GpuStats { splats_drawn, slabs, windows, .. } = stats;
     assert_eq!((slabs, windows), (1, 1), "records and masks are read as those of one slab and one window");
     assert_eq!(work.splats, splats_drawn, "the device counted other splats than it left");
     Capture { uniform: uniform.expect("something is in view"), work, frame, splats, records, distances }

@@ -1,6 +1,6 @@
 //! The renderer over a turn: tiles, and quads in each format that the device blends.
 
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, GpuStats, QuadFormat};
 use adjsplat::splat::{Quality, Settings};
 use serde::Serialize;
 
@@ -43,9 +43,9 @@ pub(crate) struct StageTimes {
 
 /// Returns the compositors that the device can run.
 pub(crate) fn compositors(gpu: &Gpu) -> Vec<(&'static str, Compositor)> {
-    let mut found = vec![("tiles", Compositor::Tiles), ("quads, 16 bits", Compositor::Quads(Target::Float16))];
+    let mut found = vec![("tiles", Compositor::Tiles), ("quads, 16 bits", Compositor::Quads(QuadFormat::Float16))];
     if gpu.facts.blends_float32 {
-        found.push(("quads, 32 bits", Compositor::Quads(Target::Float32)));
+        found.push(("quads, 32 bits", Compositor::Quads(QuadFormat::Float32)));
     }
     found
 }
@@ -53,8 +53,8 @@ pub(crate) fn compositors(gpu: &Gpu) -> Vec<(&'static str, Compositor)> {
 /// Measures a turn of `frames` frames by each compositor.
 pub(crate) fn measure(gpu: &Gpu, subject: &BenchScene, settings: &Settings, frames: usize) -> Vec<PathRow> {
     let measure = |(name, compositor)| {
-        let options = Options { vram: VRAM, compositor: Some(compositor) };
-        let renderer = Renderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
+        let options = GpuOptions { vram: VRAM, compositor: Some(compositor) };
+        let renderer = GpuRenderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
         let mut renderer = renderer.expect("a renderer");
         let mut draw = |index| {
             let camera = subject.camera(index, frames, settings.size);
@@ -62,8 +62,8 @@ pub(crate) fn measure(gpu: &Gpu, subject: &BenchScene, settings: &Settings, fram
         };
         // The first frame compiles pipelines and copies the lane; it does not count.
         draw(0);
-        let turn: Vec<Stats> = (0..frames).map(draw).collect();
-        let middle = |of: fn(&Stats) -> f64| median(turn.iter().map(of).collect());
+        let turn: Vec<GpuStats> = (0..frames).map(draw).collect();
+        let middle = |of: fn(&GpuStats) -> f64| median(turn.iter().map(of).collect());
         let (splats, frame_ms) = (middle(|stats| stats.splats_drawn as f64), middle(|stats| stats.frame_ms));
         let stages = StageTimes {
             walk_ms: middle(|stats| stats.walk_ms),

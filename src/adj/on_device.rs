@@ -10,10 +10,9 @@ use super::print_note;
 use super::renderer::{FrameStats, Renderer, RendererArguments};
 use super::size::parse_size;
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::gpu;
 use adjsplat::splat::gpu::adapter;
-use adjsplat::splat::gpu::adapter::Opened;
-use adjsplat::splat::gpu::{Compositor, Options, Target};
+use adjsplat::splat::gpu::adapter::OpenedDevice;
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat};
 use adjsplat::splat::{Camera, Frame, Scene, Settings};
 use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat::volume::Axis;
@@ -27,7 +26,7 @@ pub(super) struct OnDevice<'a> {
     pub(super) adapter: String,
     /// Whether the processor may draw instead.
     pub(super) is_auto: bool,
-    renderer: gpu::Renderer<'a>,
+    renderer: GpuRenderer<'a>,
     /// Largest difference and root mean square of the first frame to one in 32 bits.
     accumulation_error: Option<[f64; 2]>,
 }
@@ -48,8 +47,8 @@ impl RendererArguments {
             opened => opened?,
         };
         quiet_about_lost_devices();
-        let Opened { facts, device, queue } = opened;
-        match gpu::Renderer::new(device, queue, scene, options) {
+        let OpenedDevice { facts, device, queue } = opened;
+        match GpuRenderer::new(device, queue, scene, options) {
             Ok(renderer) => {
                 let adapter = facts.name;
                 Ok(Renderer::Gpu(Box::new(OnDevice { scene, adapter, is_auto, renderer, accumulation_error: None })))
@@ -59,25 +58,25 @@ impl RendererArguments {
         }
     }
 
-    fn options(&self) -> Result<Options> {
+    fn options(&self) -> Result<GpuOptions> {
         let target = match self.accumulate.as_deref() {
-            Some("16") => Target::Float16,
-            Some("8") => Target::Unorm8,
-            _ => Target::Float32,
+            Some("16") => QuadFormat::Float16,
+            Some("8") => QuadFormat::Unorm8,
+            _ => QuadFormat::Float32,
         };
         let compositor = match self.compositor.as_deref() {
-            Some("tiles") if target != Target::Float32 => {
+            Some("tiles") if target != QuadFormat::Float32 => {
                 return Err(Error::input("--accumulate", "is for quads; tiles accumulate in 32 bits"));
             }
             Some("tiles") => Some(Compositor::Tiles),
-            None if target == Target::Float32 => None,
+            None if target == QuadFormat::Float32 => None,
             _ => Some(Compositor::Quads(target)),
         };
-        let vram = self.vram.as_deref().map_or(Ok(Options::default().vram), |vram| parse_size("--vram", vram))?;
+        let vram = self.vram.as_deref().map_or(Ok(GpuOptions::default().vram), |vram| parse_size("--vram", vram))?;
         if vram < LEAST_VRAM {
             return Err(Error::input("--vram", "must be at least 16MiB"));
         }
-        Ok(Options { vram, compositor })
+        Ok(GpuOptions { vram, compositor })
     }
 }
 
@@ -94,7 +93,7 @@ fn quiet_about_lost_devices() {
 impl OnDevice<'_> {
     pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
         let compositor = self.renderer.compositor();
-        let has_few_bits = matches!(compositor, Compositor::Quads(Target::Float16 | Target::Unorm8));
+        let has_few_bits = matches!(compositor, Compositor::Quads(QuadFormat::Float16 | QuadFormat::Unorm8));
         // Quads do not end early; and back to front each splat shrinks the roundings behind it.
         let sense = if has_few_bits { Sense::BackToFront } else { settings.sense };
         let settings = &Settings { sense, ..settings.clone() };
@@ -113,9 +112,9 @@ impl OnDevice<'_> {
         }
         let compositor = match compositor {
             Compositor::Tiles => "tiles",
-            Compositor::Quads(Target::Float32) => "quads, 32 bits",
-            Compositor::Quads(Target::Float16) => "quads, 16 bits",
-            Compositor::Quads(Target::Unorm8) => "quads, 8 bits",
+            Compositor::Quads(QuadFormat::Float32) => "quads, 32 bits",
+            Compositor::Quads(QuadFormat::Float16) => "quads, 16 bits",
+            Compositor::Quads(QuadFormat::Unorm8) => "quads, 8 bits",
         };
         let mut others: Vec<(&'static str, Value)> = vec![
             ("compositor", json!(compositor)),

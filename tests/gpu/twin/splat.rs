@@ -5,7 +5,7 @@ use half::f16;
 use super::{WHOLE_CELL, absorbed, depth_at, high_half, low_half};
 use adjsplat::internals::gpu_stages::BlendMode;
 use adjsplat::internals::gpu_stages::{FrameUniform, NOTHING, Splat};
-use adjsplat::splat::gpu::Target;
+use adjsplat::splat::gpu::QuadFormat;
 
 /// How a device rounds a blended value to its target; devices may do either.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,7 +24,7 @@ pub(crate) enum Rounding {
 pub(crate) fn splat(
     frame: &FrameUniform,
     blend: BlendMode,
-    (target, rounding): (Target, Rounding),
+    (target, rounding): (QuadFormat, Rounding),
     splats: &[Splat],
     pixels: &mut [[f32; 4]],
 ) {
@@ -55,8 +55,8 @@ fn fragment(blend: BlendMode, splat: &Splat, depth: f32) -> [f32; 4] {
 }
 
 /// Returns the pixel after the blend state; a source for 8 bits is clamped to 0 to 1 before.
-fn blended(blend: BlendMode, target: Target, source: [f32; 4], pixel: [f32; 4]) -> [f32; 4] {
-    let source = if target == Target::Unorm8 { source.map(|value| value.clamp(0.0, 1.0)) } else { source };
+fn blended(blend: BlendMode, target: QuadFormat, source: [f32; 4], pixel: [f32; 4]) -> [f32; 4] {
+    let source = if target == QuadFormat::Unorm8 { source.map(|value| value.clamp(0.0, 1.0)) } else { source };
     let [sr, sg, sb, sa] = source;
     let [r, g, b, a] = pixel;
     match blend {
@@ -68,10 +68,10 @@ fn blended(blend: BlendMode, target: Target, source: [f32; 4], pixel: [f32; 4]) 
 }
 
 /// Returns the value as the target stores it.
-fn rounded(target: Target, rounding: Rounding, value: f32) -> f32 {
+fn rounded(target: QuadFormat, rounding: Rounding, value: f32) -> f32 {
     match target {
-        Target::Float32 => value,
-        Target::Float16 => {
+        QuadFormat::Float32 => value,
+        QuadFormat::Float16 => {
             let nearest = f16::from_f32(value);
             let is_farther = nearest.to_f32().abs() > value.abs();
             match rounding {
@@ -79,7 +79,7 @@ fn rounded(target: Target, rounding: Rounding, value: f32) -> f32 {
                 _ => nearest.to_f32(),
             }
         }
-        Target::Unorm8 => {
+        QuadFormat::Unorm8 => {
             let steps = value.clamp(0.0, 1.0) * 255.0;
             let whole = if rounding == Rounding::Nearest { steps.round_ties_even() } else { steps.floor() };
             whole / 255.0
