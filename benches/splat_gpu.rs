@@ -11,7 +11,7 @@ use std::time::Duration;
 use adjsplat::arena::TileOrder;
 use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target, adapter};
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat, adapter};
 use adjsplat::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, cpu};
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
@@ -68,15 +68,15 @@ fn splats(criterion: &mut Criterion) {
         let mut ways = vec![
             ("tiles", Compositor::Tiles, 60.0),
             // 16-bit floats have steps of 1/2048 and stagnate.
-            ("quads, 16 bits", Compositor::Quads(Target::Float16), 40.0),
+            ("quads, 16 bits", Compositor::Quads(QuadFormat::Float16), 40.0),
         ];
         if opened.facts.blends_float32 {
-            ways.push(("quads, 32 bits", Compositor::Quads(Target::Float32), 60.0));
+            ways.push(("quads, 32 bits", Compositor::Quads(QuadFormat::Float32), 60.0));
         }
         for (name, compositor, least) in ways {
-            let options = Options { compositor: Some(compositor), ..Options::default() };
+            let options = GpuOptions { compositor: Some(compositor), ..GpuOptions::default() };
             let (device, queue) = (opened.device.clone(), opened.queue.clone());
-            let mut renderer = Renderer::new(device, queue, scene, options).expect("a renderer");
+            let mut renderer = GpuRenderer::new(device, queue, scene, options).expect("a renderer");
             let (frame, _) = renderer.render(&camera, &settings).expect("a frame");
             let likeness = psnr(&frame, &want);
             assert!(likeness >= least, "{kind}, {name}: {likeness:.1} dB of the processor's picture");

@@ -12,3 +12,8 @@ pub mod scenes;
 pub mod walks;
 
 pub use files::{at_full, is_full, real_volume, repository, required, say, skipped};
+
+/// The example of docs/EMBEDDING.md, which must compile.
+#[doc = include_str!("../docs/EMBEDDING.md")]
+#[cfg(doctest)]
+pub struct Embedding;

@@ -8,7 +8,7 @@ use super::report::median;
 /// Workgroups of the copy: enough to fill a large card, each with several turns.
 const GROUPS: u32 = 16_384;
 
-/// Gigabytes (10^9) a second, and the buffer's bytes: 512 MiB where the device binds as much, far beyond any cache.
+/// Returns gigabytes (10^9) a second, and the buffer's bytes: at most 512 MiB, far beyond any cache.
 pub(crate) fn measure(gpu: &Gpu) -> (f64, u64) {
     let most = if gpu.facts.is_software() { 64 << 20 } else { 512 << 20 };
     let bytes = gpu.most_binding().min(most) & !15;

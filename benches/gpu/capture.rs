@@ -1,17 +1,17 @@
-//! A frame's splats, taken from the renderer's own buffers chunk by chunk, and what its stages had to do.
+//! The splats of a frame, read from the renderer's buffers chunk by chunk, and the work of its stages.
 
 use adjsplat::internals::gpu_stages::Probe;
 use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, Splat, TILE, VisitedVoxel};
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats};
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, GpuStats};
 use adjsplat::splat::{Camera, Frame, Settings, View};
 
 use super::device::Gpu;
-use super::subject::Subject;
+use super::subject::BenchScene;
 
-/// Enough for the largest of the scenes: a ceiling, of which is taken what is needed.
+/// Video memory in bytes: enough for the largest scene; the renderer takes what it needs.
 pub(crate) const VRAM: u64 = 6 << 30;
 
-/// What the stages of a frame had to do.
+/// The work of the stages of a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Work {
     /// Records that were walked.
@@ -28,23 +28,23 @@ pub(crate) struct Work {
     pub(crate) channel_bytes: u64,
 }
 
-/// The splats.
+/// The splats of a frame.
 pub(crate) struct Capture {
     pub(crate) uniform: FrameUniform,
     pub(crate) work: Work,
     pub(crate) frame: Frame,
-    /// In visit order: all that were drawn, or as many of the first as were asked for.
+    /// Drawn splats in visit order, at most as many as were asked for.
     pub(crate) splats: Vec<Splat>,
-    /// Where each one's record lies in its lane.
+    /// Index of each splat's record in its lane.
     pub(crate) records: Vec<u32>,
-    /// From the eye, in world units.
+    /// Distance of each splat from the eye, in world units.
     pub(crate) distances: Vec<f32>,
 }
 
-/// Draws a frame with `renderer`, which must do so in one window and one slab, and keeps at most `most` of its splats.
-pub(crate) fn capture(gpu: &Gpu, subject: &Subject, camera: &Camera, settings: &Settings, most: usize) -> Capture {
-    let options = Options { vram: VRAM, compositor: Some(Compositor::Tiles) };
-    let renderer = Renderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
+/// Draws a frame, in one window and one slab, and keeps at most `most` of its splats.
+pub(crate) fn capture(gpu: &Gpu, subject: &BenchScene, camera: &Camera, settings: &Settings, most: usize) -> Capture {
+    let options = GpuOptions { vram: VRAM, compositor: Some(Compositor::Tiles) };
+    let renderer = GpuRenderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
     let mut renderer = renderer.expect("a renderer");
     let facts = subject.scene.facts;
     let view = View::new(camera, &facts.grid, settings.size, settings.kernel(), settings.near).expect("a view");
@@ -68,7 +68,7 @@ pub(crate) fn capture(gpu: &Gpu, subject: &Subject, camera: &Camera, settings: &
         let tiles = [right - left, bottom - top].map(|side| side.cast_unsigned().div_ceil(TILE) as usize);
         let words = tiles[0] * tiles[1] * probe.uniform.mask_words as usize;
         let masks: Vec<u32> = gpu.read(probe.masks.expect("tiles have masks"), words);
-        // Words beyond the chunk's batches are not looked at.
+        // The shader does not read words beyond the chunk's batches.
         let used = count.div_ceil(BATCH as usize).div_ceil(32);
         let rows = masks.chunks_exact(probe.uniform.mask_words as usize);
         work.tile_batches += rows.flat_map(|row| &row[..used]).map(|word| u64::from(word.count_ones())).sum::<u64>();
@@ -89,7 +89,7 @@ pub(crate) fn capture(gpu: &Gpu, subject: &Subject, camera: &Camera, settings: &
         }
     };
     let (frame, stats) = renderer.render_probed(camera, settings, Some(&mut look)).expect("a frame");
-    let Stats { splats_drawn, slabs, windows, .. } = stats;
+    let GpuStats { splats_drawn, slabs, windows, .. } = stats;
     assert_eq!((slabs, windows), (1, 1), "records and masks are read as those of one slab and one window");
     assert_eq!(work.splats, splats_drawn, "the device counted other splats than it left");
     Capture { uniform: uniform.expect("something is in view"), work, frame, splats, records, distances }

@@ -1,8 +1,8 @@
-//! The device of the study, and its stop watch.
+//! The device of the study, and its clock.
 //!
-//! In: work. Out: milliseconds, by the device's own clock where it has one, else from hand-over to done; buffers filled
-//! and read back. The device is opened with the largest bindings of its adapter, so that a frame's splats fit one where
-//! they can.
+//! In: passes to time. Out: milliseconds, by the device's own clock where it has one, else from submission to completion;
+//! buffers that are filled and read back. The device is opened with its adapter's largest bindings, so that the splats
+//! of a frame fit one where possible.
 
 use std::time::Instant;
 
@@ -33,7 +33,7 @@ struct Clock {
 }
 
 impl Gpu {
-    /// The adapter that the renderer would take, or what there is instead.
+    /// Opens the adapter that the renderer would take.
     pub(crate) fn open() -> Result<Gpu, String> {
         let facts = adapter::open(None).map_err(|fault| fault.to_string())?.facts;
         let instance = Instance::new(InstanceDescriptor::new_without_display_handle_from_env());
@@ -69,12 +69,12 @@ impl Gpu {
         Ok(Gpu { facts, device, queue, clock })
     }
 
-    /// Whether times are the device's own.
+    /// Returns whether times are by the device's clock.
     pub(crate) fn has_clock(&self) -> bool {
         self.clock.is_some()
     }
 
-    /// Bytes of the largest buffer that a shader can read as a whole.
+    /// Returns the bytes of the largest buffer that a shader can read.
     pub(crate) fn most_binding(&self) -> u64 {
         let limits = self.device.limits();
         limits.max_storage_buffer_binding_size.min(limits.max_buffer_size)
@@ -99,7 +99,7 @@ impl Gpu {
         self.device.create_buffer_init(&BufferInitDescriptor { label: Some(label), contents, usage })
     }
 
-    /// The first `count` elements of `buffer`.
+    /// Returns the first `count` elements of `buffer`.
     pub(crate) fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Vec<T> {
         let size = (count * size_of::<T>()) as u64;
         let back = self.device.create_buffer(&BufferDescriptor {
@@ -121,7 +121,7 @@ impl Gpu {
         self.device.poll(PollType::wait_indefinitely()).expect("the device is there");
     }
 
-    /// Milliseconds of a compute pass.
+    /// Returns the milliseconds of a compute pass.
     pub(crate) fn time_compute(&self, record: impl FnOnce(&mut ComputePass)) -> f64 {
         self.time(|encoder, clock| {
             let timestamp_writes = clock.map(|clock| ComputePassTimestampWrites {
@@ -133,7 +133,7 @@ impl Gpu {
         })
     }
 
-    /// Milliseconds of a render pass into `target`, which starts as `start`.
+    /// Returns the milliseconds of a render pass into `target`, cleared to `start`.
     pub(crate) fn time_draw(&self, target: &TextureView, start: Color, record: impl FnOnce(&mut RenderPass)) -> f64 {
         self.time(|encoder, clock| {
             let timestamp_writes = clock.map(|clock| RenderPassTimestampWrites {

@@ -1,8 +1,7 @@
-//! The limit: the bytes that each stage must move, against what the memory moves in the same time.
+//! The limit of each stage: the time that the memory needs for the bytes that the stage must move.
 //!
-//! A stage's bytes are what it reads and writes if each is read or written once, caches of no help and no harm. Tiles
-//! are given twice: every splat once, and as often as it lies in a batch that a tile reads, had none ended early;
-//! caches may serve those.
+//! Each byte counts once as read or written, as if there were no caches. Tiles have two rows: each splat counted once, and
+//! counted for each tile that reads its batch, as if no tile ended early; caches may serve the latter.
 
 use adjsplat::internals::gpu_stages::{BATCH, Splat, VisitedVoxel};
 use serde::Serialize;
@@ -17,23 +16,23 @@ const LINE: u64 = 4 + 4;
 /// Bytes of a pixel of tiles.
 const PIXEL: u64 = 16;
 
-/// A stage's bytes and time.
+/// The bytes and the time of a stage.
 #[derive(Debug, Serialize)]
 pub(crate) struct LimitRow {
     pub(crate) scene: String,
     pub(crate) stage: &'static str,
     pub(crate) bytes: u64,
-    /// What the memory would take.
+    /// Milliseconds that the memory needs for the bytes.
     pub(crate) limit_ms: f64,
     pub(crate) ms: Option<f64>,
 }
 
-/// The limits of a scene whose first view has `work`; `bandwidth` in gigabytes a second.
+/// Returns the limits of a scene whose first view has `work`; `bandwidth` in gigabytes a second.
 pub(crate) fn rows(work: &Work, tiles: &PathRow, order: &OrderRow, bandwidth: f64) -> Vec<LimitRow> {
     let (voxel, splat) = (size_of::<VisitedVoxel>() as u64, size_of::<Splat>() as u64);
     let pixels = u64::from(tiles.size[0]) * u64::from(tiles.size[1]);
     let blended = |splats: f64| {
-        // What is compared may be a part of the frame.
+        // The compared splats may be a part of the frame's.
         let touched = work.pixels_touched as f64 * splats / work.splats as f64;
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a count of bytes")]
         let bytes = (splats * splat as f64 + touched * 2.0 * quads::PIXEL_BYTES as f64) as u64;

@@ -1,12 +1,9 @@
-//! Study of the renderer on graphics devices: what order costs, what the structure saves, how far the memory is.
+//! Study of the renderer on graphics devices: the cost of order, what the structure saves, the distance to the memory's limit.
 //!
 //! `cargo bench --bench gpu_study -- [--quick] [--scene gyroid:512 | --scene FILE.adj]... [--size 1920x1080]...
 //! [--quality standard]... [--frames 48] [--views 4] [--paths-only] [--json FILE]` prints tables for
-//! docs/studies/gpu.md; benches/gpu_study.sh does so for a person with a card. With `--test` a small scene is measured
-//! once and everything is checked: the sort against the processor's, the pictures against the renderer's.
-//!
-//! It is a bench and not an example or a part of the program, as it measures, is run once by `cargo bench -- --test`
-//! with the other benches, and nobody installs it.
+//! docs/studies/gpu.md; benches/gpu_study.sh runs it on a machine with a card. With `--test` it measures a small scene
+//! once and checks everything: the sort against the processor's, the pictures against the renderer's.
 
 mod bandwidth;
 mod capture;
@@ -26,10 +23,10 @@ use adjsplat::splat::{Quality, Settings};
 
 use self::device::Gpu;
 use self::report::Report;
-use self::subject::{Subject, with_subject};
+use self::subject::{BenchScene, with_scene};
 
-/// What to measure.
-struct Plan {
+/// What the study measures.
+struct StudyOptions {
     scenes: Vec<String>,
     sizes: Vec<[u32; 2]>,
     qualities: Vec<Quality>,
@@ -41,8 +38,8 @@ struct Plan {
 }
 
 fn main() -> ExitCode {
-    let plan = match Plan::parse(std::env::args().skip(1)) {
-        Ok(plan) => plan,
+    let options = match StudyOptions::parse(std::env::args().skip(1)) {
+        Ok(options) => options,
         Err(fault) => {
             eprintln!("error: {fault}");
             return ExitCode::from(2);
@@ -59,7 +56,7 @@ fn main() -> ExitCode {
             return ExitCode::SUCCESS;
         }
     };
-    match run(&gpu, &plan) {
+    match run(&gpu, &options) {
         Ok(()) => ExitCode::SUCCESS,
         Err(fault) => {
             eprintln!("error: {fault}");
@@ -68,11 +65,11 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(gpu: &Gpu, plan: &Plan) -> Result<(), String> {
-    if plan.test {
+fn run(gpu: &Gpu, options: &StudyOptions) -> Result<(), String> {
+    if options.test {
         sort::check(gpu);
     }
-    let copy = (!plan.paths_only).then(|| bandwidth::measure(gpu));
+    let copy = (!options.paths_only).then(|| bandwidth::measure(gpu));
     let mut report = Report {
         device: gpu.facts.name.clone(),
         driver: gpu.facts.driver.clone(),
@@ -85,29 +82,29 @@ fn run(gpu: &Gpu, plan: &Plan) -> Result<(), String> {
         order: Vec::new(),
         limits: Vec::new(),
     };
-    for name in &plan.scenes {
+    for name in &options.scenes {
         eprintln!("{name}: building or opening");
-        with_subject(name, &mut |subject| measure(gpu, plan, subject, &mut report))?;
+        with_scene(name, &mut |subject| measure(gpu, options, subject, &mut report))?;
     }
     report.print();
-    if let Some(path) = &plan.json {
+    if let Some(path) = &options.json {
         let text = serde_json::to_string_pretty(&report).map_err(|fault| fault.to_string())?;
         std::fs::write(path, text + "\n").map_err(|fault| format!("cannot write {}: {fault}", path.display()))?;
     }
     Ok(())
 }
 
-fn measure(gpu: &Gpu, plan: &Plan, subject: &Subject, report: &mut Report) {
-    for &size in &plan.sizes {
-        for &quality in &plan.qualities {
+fn measure(gpu: &Gpu, options: &StudyOptions, subject: &BenchScene, report: &mut Report) {
+    for &size in &options.sizes {
+        for &quality in &options.qualities {
             let settings = Settings { quality, ..Settings::every_pixel(size) };
             eprintln!("{}: {}x{} {quality:?}", subject.name, size[0], size[1]);
-            if plan.test {
+            if options.test {
                 order::check(gpu, subject, &settings);
             }
-            let paths = paths::measure(gpu, subject, &settings, plan.frames);
+            let paths = paths::measure(gpu, subject, &settings, options.frames);
             if let Some(bandwidth) = report.copy_gigabytes_a_second {
-                let (order, work) = order::measure(gpu, subject, &settings, plan.views);
+                let (order, work) = order::measure(gpu, subject, &settings, options.views);
                 report.limits.extend(limits::rows(&work, &paths[0], &order, bandwidth));
                 report.order.push(order);
             }
@@ -116,9 +113,9 @@ fn measure(gpu: &Gpu, plan: &Plan, subject: &Subject, report: &mut Report) {
     }
 }
 
-impl Plan {
-    fn parse(mut words: impl Iterator<Item = String>) -> Result<Plan, String> {
-        let mut plan = Plan {
+impl StudyOptions {
+    fn parse(mut words: impl Iterator<Item = String>) -> Result<StudyOptions, String> {
+        let mut options = StudyOptions {
             scenes: Vec::new(),
             sizes: Vec::new(),
             qualities: Vec::new(),
@@ -132,40 +129,40 @@ impl Plan {
         while let Some(word) = words.next() {
             let mut value = || words.next().ok_or_else(|| format!("{word} needs a value"));
             match word.as_str() {
-                "--scene" => plan.scenes.push(value()?),
-                "--size" => plan.sizes.push(parse_size(&value()?)?),
+                "--scene" => options.scenes.push(value()?),
+                "--size" => options.sizes.push(parse_size(&value()?)?),
                 "--quality" => {
                     let text = serde_json::Value::String(value()?);
-                    plan.qualities.push(serde_json::from_value(text).map_err(|fault| fault.to_string())?);
+                    options.qualities.push(serde_json::from_value(text).map_err(|fault| fault.to_string())?);
                 }
-                "--frames" => plan.frames = parse_count(&word, &value()?)?,
-                "--views" => plan.views = parse_count(&word, &value()?)?,
-                "--json" => plan.json = Some(value()?.into()),
-                "--paths-only" => plan.paths_only = true,
+                "--frames" => options.frames = parse_count(&word, &value()?)?,
+                "--views" => options.views = parse_count(&word, &value()?)?,
+                "--json" => options.json = Some(value()?.into()),
+                "--paths-only" => options.paths_only = true,
                 "--quick" => quick = true,
-                "--test" => plan.test = true,
-                // What cargo bench says to each of its benches.
+                "--test" => options.test = true,
+                // Cargo passes this to every bench.
                 "--bench" => {}
                 other => return Err(format!("{other} is not known; see the head of benches/gpu/main.rs")),
             }
         }
-        if plan.test {
-            (plan.frames, plan.views) = (2, 1);
+        if options.test {
+            (options.frames, options.views) = (2, 1);
         }
-        if plan.scenes.is_empty() {
-            plan.scenes = match (plan.test, quick) {
+        if options.scenes.is_empty() {
+            options.scenes = match (options.test, quick) {
                 (true, _) => vec!["gyroid:48".into()],
                 (_, true) => vec!["gyroid:128".into(), "shells:128".into()],
                 _ => vec!["gyroid:512".into(), "shells:1024".into()],
             };
         }
-        if plan.sizes.is_empty() {
-            plan.sizes.push(if plan.test { [202, 150] } else { [1920, 1080] });
+        if options.sizes.is_empty() {
+            options.sizes.push(if options.test { [202, 150] } else { [1920, 1080] });
         }
-        if plan.qualities.is_empty() {
-            plan.qualities.push(Quality::Standard);
+        if options.qualities.is_empty() {
+            options.qualities.push(Quality::Standard);
         }
-        Ok(plan)
+        Ok(options)
     }
 }
 

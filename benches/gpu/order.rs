@@ -1,9 +1,9 @@
-//! What order costs and what the structure saves: the same splats drawn as quads into 16-bit floats three times.
+//! The cost of order and what the structure saves: the same splats drawn as quads into 16-bit floats three times.
 //!
 //! ```text
 //! visit order     as the walk leaves them: a right picture, nothing sorted
 //! storage order   as their records lie: a wrong picture, the same work without order
-//! sorted          in storage order, their distances sorted in each frame, drawn through the sorted places
+//! sorted          stored in storage order, drawn through indices that each frame sorts by distance
 //! ```
 
 use adjsplat::internals::gpu_stages::Splat;
@@ -15,7 +15,7 @@ use super::device::Gpu;
 use super::quads::Quads;
 use super::report::median;
 use super::sort::Sorter;
-use super::subject::Subject;
+use super::subject::BenchScene;
 
 /// Times that each draw is repeated; the median counts.
 const REPEATS: usize = 5;
@@ -29,7 +29,7 @@ pub(crate) struct OrderRow {
     pub(crate) views: usize,
     /// Splats of the frame.
     pub(crate) splats_of_frame: f64,
-    /// Of them, the first in visit order that fit a binding: what is compared.
+    /// Splats that are compared: the first in visit order, as many as fit a binding.
     pub(crate) splats: f64,
     pub(crate) visit_order_ms: f64,
     pub(crate) storage_order_ms: f64,
@@ -38,17 +38,17 @@ pub(crate) struct OrderRow {
 }
 
 /// Milliseconds of one view.
-struct Times {
+struct OrderTimes {
     visit: f64,
     storage: f64,
     sort: f64,
     sorted: f64,
 }
 
-impl Times {
-    fn medians(of: &[Times]) -> Times {
-        let middle = |part: fn(&Times) -> f64| median(of.iter().map(part).collect());
-        Times {
+impl OrderTimes {
+    fn medians(of: &[OrderTimes]) -> OrderTimes {
+        let middle = |part: fn(&OrderTimes) -> f64| median(of.iter().map(part).collect());
+        OrderTimes {
             visit: middle(|times| times.visit),
             storage: middle(|times| times.storage),
             sort: middle(|times| times.sort),
@@ -98,12 +98,12 @@ fn most_splats(gpu: &Gpu) -> usize {
     usize::try_from(gpu.most_binding()).unwrap_or(usize::MAX) / size_of::<Splat>()
 }
 
-/// `views` views of a turn; also the work of the first.
-pub(crate) fn measure(gpu: &Gpu, subject: &Subject, settings: &Settings, views: usize) -> (OrderRow, Work) {
+/// Measures `views` views of a turn; returns also the work of the first.
+pub(crate) fn measure(gpu: &Gpu, subject: &BenchScene, settings: &Settings, views: usize) -> (OrderRow, Work) {
     let sorter = Sorter::new(gpu);
     let mut work = None;
     let (mut of_frame, mut compared) = (Vec::new(), Vec::new());
-    let times: Vec<Times> = (0..views)
+    let times: Vec<OrderTimes> = (0..views)
         .map(|index| {
             let camera = subject.camera(index, views, settings.size);
             let capture = capture(gpu, subject, &camera, settings, most_splats(gpu));
@@ -111,18 +111,18 @@ pub(crate) fn measure(gpu: &Gpu, subject: &Subject, settings: &Settings, views: 
             of_frame.push(capture.work.splats as f64);
             compared.push(capture.splats.len() as f64);
             let draws = Draws::new(gpu, &sorter, &capture);
-            let one = || Times {
+            let one = || OrderTimes {
                 visit: draws.visit(gpu),
                 storage: draws.storage(gpu),
                 sort: sorter.sort(gpu, &draws.sorting),
                 sorted: draws.sorted(gpu),
             };
-            // Pipelines warm up once; then all take turns, so that what else the machine does meets all alike.
+            // After a first run the draws take turns, so that other load on the machine meets all alike.
             one();
-            Times::medians(&(0..REPEATS).map(|_| one()).collect::<Vec<_>>())
+            OrderTimes::medians(&(0..REPEATS).map(|_| one()).collect::<Vec<_>>())
         })
         .collect();
-    let times = Times::medians(&times);
+    let times = OrderTimes::medians(&times);
     let row = OrderRow {
         scene: subject.name.clone(),
         size: settings.size,
@@ -138,9 +138,8 @@ pub(crate) fn measure(gpu: &Gpu, subject: &Subject, settings: &Settings, views: 
     (row, work.expect("at least one view"))
 }
 
-/// Holds the pictures to what they must be: visit order's the renderer's own, the sort's close to it, storage order's
-/// not.
-pub(crate) fn check(gpu: &Gpu, subject: &Subject, settings: &Settings) {
+/// Checks the pictures: that of visit order equals the renderer's, the sorted one is close, that of storage order is not.
+pub(crate) fn check(gpu: &Gpu, subject: &BenchScene, settings: &Settings) {
     let sorter = Sorter::new(gpu);
     let camera = subject.camera(1, 7, settings.size);
     let capture = capture(gpu, subject, &camera, settings, most_splats(gpu));
@@ -163,14 +162,14 @@ pub(crate) fn check(gpu: &Gpu, subject: &Subject, settings: &Settings) {
     ];
     let [visit, storage, sorted] = pictures.map(|picture| largest_mean_difference(&frame, &picture));
     println!("mean difference of colour from tiles: visit {visit:.5}, sorted {sorted:.5}, storage {storage:.5}");
-    // 16-bit floats and rays without end: a few thousandths where matter is dense.
+    // 16-bit floats and rays that do not end early: a few thousandths where matter is dense.
     assert!(visit < 2e-3, "quads in visit order differ from tiles by {visit} in the mean");
-    // Splats that overlap are not composited in one true order: by rows or by distance they differ a little.
+    // Overlapping splats have no single true order: by rows or by distance they differ a little.
     assert!(sorted < 1e-2, "sorted quads differ from tiles by {sorted} in the mean");
     assert!(storage > 3.0 * sorted, "without order the picture should be wrong: {storage} against {sorted}");
 }
 
-/// Mean over the pixels of the absolute difference of a colour, of the colour where it is largest.
+/// Returns the mean absolute difference over the pixels, of the colour channel where it is largest.
 fn largest_mean_difference(frame: &[[f32; 4]], picture: &[[f32; 4]]) -> f64 {
     assert_eq!(frame.len(), picture.len());
     let mean = |c: usize| {

@@ -1,14 +1,13 @@
-//! The renderer itself, over a turn: tiles, and quads in each target that the device blends.
+//! The renderer over a turn: tiles, and quads in each format that the device blends.
 
-use adjsplat::splat::gpu::Stats;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, GpuStats, QuadFormat};
 use adjsplat::splat::{Quality, Settings};
 use serde::Serialize;
 
 use super::capture::VRAM;
 use super::device::Gpu;
 use super::report::median;
-use super::subject::Subject;
+use super::subject::BenchScene;
 
 /// Medians over the frames of a turn; times in milliseconds, of stages by the device's clock.
 #[derive(Debug, Serialize)]
@@ -19,22 +18,22 @@ pub(crate) struct PathRow {
     pub(crate) compositor: &'static str,
     pub(crate) frames: usize,
     pub(crate) splats: f64,
-    /// From the call to the picture in the processor's memory.
+    /// Milliseconds from the call to the picture in the processor's memory.
     pub(crate) frame_ms: f64,
-    /// By the device's clock; `None` if it has none that can be believed.
-    pub(crate) stages: Option<Stages>,
+    /// Times by the device's clock; `None` if there is none, or a wrong one.
+    pub(crate) stages: Option<StageTimes>,
     pub(crate) read_back_ms: f64,
     pub(crate) frames_a_second: f64,
-    /// Drawn splats over the time of the stages; over that of the frame where that is not known.
+    /// Drawn splats over the time of the stages; over the time of the frame where that is unknown.
     pub(crate) splats_a_second: f64,
-    /// Over the whole turn: line lists made, and the processor's time for them.
+    /// Line lists made over the whole turn, and the processor's time for them.
     pub(crate) line_lists: u64,
     pub(crate) line_lists_ms: f64,
 }
 
 /// Milliseconds of the stages.
 #[derive(Debug, Serialize)]
-pub(crate) struct Stages {
+pub(crate) struct StageTimes {
     pub(crate) walk_ms: f64,
     pub(crate) project_ms: f64,
     pub(crate) bin_ms: f64,
@@ -42,39 +41,39 @@ pub(crate) struct Stages {
     pub(crate) all_ms: f64,
 }
 
-/// The ways to pixels that the device has.
+/// Returns the compositors that the device can run.
 pub(crate) fn compositors(gpu: &Gpu) -> Vec<(&'static str, Compositor)> {
-    let mut found = vec![("tiles", Compositor::Tiles), ("quads, 16 bits", Compositor::Quads(Target::Float16))];
+    let mut found = vec![("tiles", Compositor::Tiles), ("quads, 16 bits", Compositor::Quads(QuadFormat::Float16))];
     if gpu.facts.blends_float32 {
-        found.push(("quads, 32 bits", Compositor::Quads(Target::Float32)));
+        found.push(("quads, 32 bits", Compositor::Quads(QuadFormat::Float32)));
     }
     found
 }
 
-/// A turn of `frames` frames by each compositor.
-pub(crate) fn measure(gpu: &Gpu, subject: &Subject, settings: &Settings, frames: usize) -> Vec<PathRow> {
+/// Measures a turn of `frames` frames by each compositor.
+pub(crate) fn measure(gpu: &Gpu, subject: &BenchScene, settings: &Settings, frames: usize) -> Vec<PathRow> {
     let measure = |(name, compositor)| {
-        let options = Options { vram: VRAM, compositor: Some(compositor) };
-        let renderer = Renderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
+        let options = GpuOptions { vram: VRAM, compositor: Some(compositor) };
+        let renderer = GpuRenderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
         let mut renderer = renderer.expect("a renderer");
         let mut draw = |index| {
             let camera = subject.camera(index, frames, settings.size);
             renderer.render(&camera, settings).expect("a frame").1
         };
-        // Pipelines are made and the first lane is copied in a frame that does not count.
+        // The first frame compiles pipelines and copies the lane; it does not count.
         draw(0);
-        let turn: Vec<Stats> = (0..frames).map(draw).collect();
-        let middle = |of: fn(&Stats) -> f64| median(turn.iter().map(of).collect());
+        let turn: Vec<GpuStats> = (0..frames).map(draw).collect();
+        let middle = |of: fn(&GpuStats) -> f64| median(turn.iter().map(of).collect());
         let (splats, frame_ms) = (middle(|stats| stats.splats_drawn as f64), middle(|stats| stats.frame_ms));
-        let stages = Stages {
+        let stages = StageTimes {
             walk_ms: middle(|stats| stats.walk_ms),
             project_ms: middle(|stats| stats.project_ms),
             bin_ms: middle(|stats| stats.bin_ms),
             composite_ms: middle(|stats| stats.composite_ms),
             all_ms: middle(|stats| stats.walk_ms + stats.project_ms + stats.bin_ms + stats.composite_ms),
         };
-        // On a processor a frame is its stages: copies within its memory take far less than half. Mesa 22.3's clock does
-        // not wait for compute, and leaves most of the time to the reading back.
+        // On software devices the stages take nearly all of a frame. Mesa 22.3's clock does not wait for compute, and
+        // counts most of the time as reading back.
         let is_believed = gpu.has_clock() && !(gpu.facts.is_software() && stages.all_ms < 0.5 * frame_ms);
         let busy_ms = if is_believed { stages.all_ms } else { frame_ms };
         PathRow {

@@ -1,6 +1,6 @@
-//! Splats as quads, as they lie or through a list of places: one render pass, the renderer's own shader.
+//! Splats as quads, in storage order or through a list of indices: one render pass with the renderer's shader.
 //!
-//! In: splats of one frame. Out: milliseconds, and the picture in 16-bit floats for those who check it.
+//! In: splats of one frame. Out: milliseconds, and the picture in 16-bit floats for checks.
 
 use adjsplat::internals::gpu_stages::FrameUniform;
 use adjsplat::internals::gpu_stages::SHADERS;
@@ -29,7 +29,7 @@ pub(crate) struct Quads {
 }
 
 impl Quads {
-    /// For the pixels of `uniform`'s window.
+    /// Compiles the pipelines for the pixels of a window.
     pub(crate) fn new(gpu: &Gpu, uniform: &FrameUniform) -> Quads {
         let [left, top, right, bottom] = uniform.window;
         let size = [right - left, bottom - top].map(i32::cast_unsigned);
@@ -83,7 +83,7 @@ impl Quads {
         Quads { size, uniform: gpu.uniform("uniform", uniform), target, as_they_lie, ranked }
     }
 
-    /// Draws `count` splats, in the order of `places` where there are any; gives milliseconds.
+    /// Draws `count` splats, in the order of `places` if given; returns milliseconds.
     pub(crate) fn draw(&self, gpu: &Gpu, splats: &Buffer, places: Option<&Buffer>, count: u32) -> f64 {
         let pipeline = if places.is_some() { &self.ranked } else { &self.as_they_lie };
         let buffers = [Some(&self.uniform), Some(splats), places];
@@ -102,7 +102,7 @@ impl Quads {
         })
     }
 
-    /// Red, green, blue and transmittance of each pixel.
+    /// Returns red, green, blue and transmittance of each pixel.
     pub(crate) fn picture(&self, gpu: &Gpu) -> Vec<[f32; 4]> {
         let [width, height] = self.size;
         // Rows of copies from textures start at multiples of 256 bytes.

@@ -1,4 +1,4 @@
-// Quads through a list of places: instance k is splat ranks[k]. It stands after common.wgsl and splat.wgsl.
+// Quads through a list of indices: instance k is splat ranks[k]. This text stands after common.wgsl and splat.wgsl.
 
 @group(0) @binding(2) var<storage, read> ranks: array<u32>;
 

@@ -1,21 +1,21 @@
-//! The tables and the JSON.
+//! The report of the study, as Markdown tables and as JSON.
 
 use adjsplat::splat::Quality;
 use serde::Serialize;
 
 use super::limits::LimitRow;
 use super::order::OrderRow;
-use super::paths::{PathRow, Stages};
+use super::paths::{PathRow, StageTimes};
 
-/// All that was measured.
+/// All measurements.
 #[derive(Debug, Serialize)]
 pub(crate) struct Report {
     pub(crate) device: String,
     pub(crate) driver: String,
     pub(crate) kind: &'static str,
-    /// Whether draws and sorts are timed by the device's clock; else from hand-over to done.
+    /// Whether draws and sorts are timed by the device's clock; else from submission to completion.
     pub(crate) has_clock: bool,
-    /// Host code with debug assertions: its milliseconds mean little.
+    /// Whether the host code has debug assertions: its milliseconds mean little then.
     pub(crate) has_debug_assertions: bool,
     /// Gigabytes (10^9) a second, of the copy.
     pub(crate) copy_gigabytes_a_second: Option<f64>,
@@ -25,7 +25,7 @@ pub(crate) struct Report {
     pub(crate) limits: Vec<LimitRow>,
 }
 
-/// The middle one of at least one, or the mean of the two in the middle.
+/// Returns the median of at least one value.
 pub(crate) fn median(mut of: Vec<f64>) -> f64 {
     of.sort_by(f64::total_cmp);
     f64::midpoint(of[(of.len() - 1) / 2], of[of.len() / 2])
@@ -40,7 +40,7 @@ fn quality(quality: Quality) -> String {
 }
 
 impl Report {
-    /// Prints what is there as Markdown.
+    /// Prints the measurements as Markdown.
     pub(crate) fn print(&self) {
         println!("{} ({}), {}", self.device, self.kind, self.driver);
         if self.kind == "software" {
@@ -50,7 +50,7 @@ impl Report {
             println!("The device has no clock: draws and sorts are timed from hand-over to done.");
         }
         if self.paths.iter().any(|row| row.stages.is_none()) {
-            println!("Stages without times: the device has no clock, or one that stops before the work is done.");
+            println!("StageTimes without times: the device has no clock, or one that stops before the work is done.");
         }
         self.print_paths();
         self.print_order();
@@ -65,7 +65,7 @@ impl Report {
         );
         println!("|{}", " --- |".repeat(16));
         for row in &self.paths {
-            let stage = |of: fn(&Stages) -> f64| milliseconds(row.stages.as_ref().map(of));
+            let stage = |of: fn(&StageTimes) -> f64| milliseconds(row.stages.as_ref().map(of));
             println!(
                 "| {} | {}x{} | {} | {} | {:.0} | {:.2} | {:.2} | {:.2} | {} | {} | {} | {} | {} | {:.2} | {} | {:.2} |",
                 row.scene,
@@ -104,7 +104,7 @@ impl Report {
                 (&path.scene, path.size, path.quality) == (&row.scene, row.size, row.quality)
                     && path.compositor == "tiles"
             });
-            // The walk is that of all of the frame's splats: here the share of those that are compared.
+            // The walk visits all splats of the frame: here the share of those that are compared.
             let share = row.splats / row.splats_of_frame.max(1.0);
             let walk = of_tiles.and_then(|path| path.stages.as_ref()).map(|stages| stages.walk_ms * share);
             let costs = walk.map(|walk| walk + row.visit_order_ms - row.storage_order_ms);

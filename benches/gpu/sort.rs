@@ -1,6 +1,6 @@
-//! A radix sort on the device: what a renderer without the structure does in each frame.
+//! A radix sort on the device, which a renderer without the structure needs in each frame.
 //!
-//! In: distances. Out: their places, far ones last, equal ones as they came. Four passes of 8 bits; sort.wgsl.
+//! In: distances. Out: their indices, far ones last, equal ones in their order before. Four passes of 8 bits; sort.wgsl.
 
 use wgpu::{
     BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayoutDescriptor, BindGroupLayoutEntry, BindingType,
@@ -13,8 +13,8 @@ use super::device::Gpu;
 /// Elements of a workgroup.
 const SHARE: usize = 4_096;
 const DIGITS: u32 = 256;
-/// Bytes that are read and written of each element by a sort: a key made, and four times counted (a key read) and
-/// scattered (key and place, read and written).
+/// Bytes that a sort reads and writes for each element: the key is made, then four times counted (key read) and scattered
+/// (key and index, read and written).
 pub(crate) const BYTES: u64 = 4 + 8 + 4 * (4 + 16);
 
 /// The pipelines.
@@ -26,13 +26,13 @@ pub(crate) struct Sorter {
     passes: [[ComputePipeline; 2]; 4],
 }
 
-/// Distances on the device, and room to sort them.
+/// Distances on the device, and the buffers to sort them.
 pub(crate) struct Sorting {
     groups: u32,
-    /// From the second pair of buffers to the first, and back.
+    /// Bindings from the second pair of buffers to the first, and back.
     ways: [BindGroup; 2],
     keys: Buffer,
-    /// Places in the order of their distances, once sorted.
+    /// Indices in the order of their distances, once sorted.
     pub(crate) places: Buffer,
 }
 
@@ -69,7 +69,7 @@ impl Sorter {
         Sorter { key: pipeline("key", 0), scan: pipeline("scan", 0), passes, layout }
     }
 
-    /// Room for `distances`, at least one.
+    /// Copies `distances`, at least one, to the device.
     pub(crate) fn prepare(&self, gpu: &Gpu, distances: &[f32]) -> Sorting {
         let groups = u32::try_from(distances.len().div_ceil(SHARE)).expect("below 2^32");
         let bytes = 4 * distances.len() as u64;
@@ -92,7 +92,7 @@ impl Sorter {
         Sorting { groups, ways, keys, places }
     }
 
-    /// Sorts; gives milliseconds.
+    /// Sorts; returns milliseconds.
     pub(crate) fn sort(&self, gpu: &Gpu, sorting: &Sorting) -> f64 {
         let [to_first, to_second] = &sorting.ways;
         gpu.time_compute(|pass| {
@@ -111,7 +111,7 @@ impl Sorter {
     }
 }
 
-/// Holds the sort against the processor's, for sizes around those of its parts and for many equal keys.
+/// Checks the sort against the processor's, for sizes around those of its parts and for many equal keys.
 pub(crate) fn check(gpu: &Gpu) {
     let sorter = Sorter::new(gpu);
     for (count, kinds) in [(1, 1), (255, 7), (256, 3), (257, 1 << 20), (4_096, 2), (4_097, 300), (1_100_003, 5_000)] {
@@ -124,7 +124,7 @@ pub(crate) fn check(gpu: &Gpu) {
             })
             .collect();
         let sorting = sorter.prepare(gpu, &distances);
-        // Twice, as buffers are used again.
+        // Twice, because buffers are reused.
         for _ in 0..2 {
             sorter.sort(gpu, &sorting);
         }

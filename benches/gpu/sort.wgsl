@@ -1,4 +1,4 @@
-// A stable radix sort of keys and what goes with them, 8 bits at a time, lowest first: count, scan, scatter.
+// A stable radix sort of keys and their items, 8 bits at a time, lowest first: count, scan, scatter.
 //
 // A workgroup has ROUNDS x 256 neighbours. `count`: how many of them have each digit. `scan`: one workgroup a digit,
 // how many come before each workgroup's. `scatter`: round by round each invocation sets its bit in the mask of its
@@ -26,7 +26,7 @@ const WORDS: u32 = 8u;
 var<workgroup> histogram: array<atomic<u32>, DIGITS>;
 var<workgroup> sums: array<u32, SIZE>;
 var<workgroup> next: array<u32, DIGITS>;
-// Who has the digit in this round: by word, then by digit.
+// Invocations that have the digit in this round: by word, then by digit.
 var<workgroup> masks: array<atomic<u32>, 2048>;
 
 fn digit_of(key: u32) -> u32 {
@@ -49,7 +49,7 @@ fn sum_up_to(local: u32, own: u32) -> u32 {
     return sums[local];
 }
 
-// Distances as words of the same order, each with its place.
+// Distances as words of the same order, each with its index.
 @compute @workgroup_size(256)
 fn key(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     for (var round = 0u; round < ROUNDS; round++) {

@@ -1,4 +1,4 @@
-//! What is drawn: phantoms built on the spot ("gyroid:512"), or .adj files.
+//! The scenes of the study: phantoms built on the spot ("gyroid:512"), or .adj files.
 
 use std::path::Path;
 
@@ -11,15 +11,15 @@ use adjsplat::splat::{Camera, Orbit, Scene, Surround};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType};
 
-/// A scene's name, and what a turn around it needs.
-pub(crate) struct Subject<'a> {
+/// A scene with its name, and what a turn around it needs.
+pub(crate) struct BenchScene<'a> {
     pub(crate) name: String,
     pub(crate) scene: Scene<'a>,
     around: Surround,
 }
 
-impl Subject<'_> {
-    /// View `index` of `count` of a turn, in perspective.
+impl BenchScene<'_> {
+    /// Returns the camera of view `index` of `count` of a turn, in perspective.
     pub(crate) fn camera(&self, index: usize, count: usize, size: [u32; 2]) -> Camera {
         let azimuth = 360.0 * index as f64 / count as f64 + 10.0;
         let orbit = Orbit { azimuth, elevation: 20.0, fov: Some(30.0), ..Orbit::default() };
@@ -27,8 +27,8 @@ impl Subject<'_> {
     }
 }
 
-/// Calls `with` with the subject of that name.
-pub(crate) fn with_subject(name: &str, with: &mut dyn FnMut(&Subject)) -> Result<(), String> {
+/// Calls `with` with the scene of that name.
+pub(crate) fn with_scene(name: &str, with: &mut dyn FnMut(&BenchScene)) -> Result<(), String> {
     if let Some((phantom, side)) = name.split_once(':') {
         let phantom = Phantom::from_name(phantom).map_err(|fault| fault.to_string())?;
         let side: u64 = side.parse().map_err(|_| format!("\"{name}\" has no side, as gyroid:512 has"))?;
@@ -68,11 +68,11 @@ pub(crate) fn with_subject(name: &str, with: &mut dyn FnMut(&Subject)) -> Result
     Ok(())
 }
 
-fn subject<'a>(name: String, facts: &Facts, bounds: Option<([u16; 3], [u16; 3])>, scene: Scene<'a>) -> Subject<'a> {
+fn subject<'a>(name: String, facts: &Facts, bounds: Option<([u16; 3], [u16; 3])>, scene: Scene<'a>) -> BenchScene<'a> {
     let grid = &facts.grid;
     let around = match bounds {
         Some((low, high)) => Surround::of_voxels(grid, low, high),
         None => Surround::of_grid(grid),
     };
-    Subject { name, scene, around }
+    BenchScene { name, scene, around }
 }

@@ -11,8 +11,8 @@ use super::renderer::{AccumulateBits, CompositorName, FrameStats, Renderer, Rend
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::gpu;
 use adjsplat::splat::gpu::adapter;
-use adjsplat::splat::gpu::adapter::Opened;
-use adjsplat::splat::gpu::{Compositor, Options, Target};
+use adjsplat::splat::gpu::adapter::OpenedDevice;
+use adjsplat::splat::gpu::{Compositor, GpuOptions, QuadFormat};
 use adjsplat::splat::{Camera, Frame, Scene, Settings};
 use adjsplat::traverse::Sense;
 
@@ -22,7 +22,7 @@ pub(super) struct OnDevice<'a> {
     pub(super) adapter: String,
     /// Whether the processor may draw instead.
     pub(super) is_auto: bool,
-    renderer: gpu::Renderer<'a>,
+    renderer: gpu::GpuRenderer<'a>,
     /// Largest and root mean square difference of the first frame from one in 32 bits.
     accumulation_error: Option<[f64; 2]>,
 }
@@ -43,8 +43,8 @@ impl RendererArguments {
             opened => opened?,
         };
         quiet_about_lost_devices();
-        let Opened { facts, device, queue } = opened;
-        match gpu::Renderer::new(device, queue, scene, options) {
+        let OpenedDevice { facts, device, queue } = opened;
+        match gpu::GpuRenderer::new(device, queue, scene, options) {
             Ok(renderer) => {
                 let adapter = facts.name;
                 Ok(Renderer::Gpu(Box::new(OnDevice { scene, adapter, is_auto, renderer, accumulation_error: None })))
@@ -54,21 +54,21 @@ impl RendererArguments {
         }
     }
 
-    fn options(&self) -> Result<Options> {
+    fn options(&self) -> Result<GpuOptions> {
         let target = match self.accumulate {
-            Some(AccumulateBits::Float16) => Target::Float16,
-            Some(AccumulateBits::Unorm8) => Target::Unorm8,
-            Some(AccumulateBits::Float32) | None => Target::Float32,
+            Some(AccumulateBits::Float16) => QuadFormat::Float16,
+            Some(AccumulateBits::Unorm8) => QuadFormat::Unorm8,
+            Some(AccumulateBits::Float32) | None => QuadFormat::Float32,
         };
         let compositor = match self.compositor {
-            Some(CompositorName::Tiles) if target != Target::Float32 => {
+            Some(CompositorName::Tiles) if target != QuadFormat::Float32 => {
                 return Err(Error::input("--accumulate", "is for quads; tiles accumulate in 32 bits"));
             }
             Some(CompositorName::Tiles) => Some(Compositor::Tiles),
-            None if target == Target::Float32 => None,
+            None if target == QuadFormat::Float32 => None,
             Some(CompositorName::Quads) | None => Some(Compositor::Quads(target)),
         };
-        Ok(Options { vram: self.vram.unwrap_or(Options::default().vram), compositor })
+        Ok(GpuOptions { vram: self.vram.unwrap_or(GpuOptions::default().vram), compositor })
     }
 }
 
@@ -85,7 +85,7 @@ fn quiet_about_lost_devices() {
 impl OnDevice<'_> {
     pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
         let compositor = self.renderer.compositor();
-        let has_few_bits = matches!(compositor, Compositor::Quads(Target::Float16 | Target::Unorm8));
+        let has_few_bits = matches!(compositor, Compositor::Quads(QuadFormat::Float16 | QuadFormat::Unorm8));
         // Quads do not end early; and back to front each splat shrinks the roundings behind it.
         let sense = if has_few_bits { Sense::BackToFront } else { settings.sense };
         let settings = &Settings { sense, ..settings.clone() };
@@ -104,9 +104,9 @@ impl OnDevice<'_> {
         }
         let compositor = match compositor {
             Compositor::Tiles => "tiles",
-            Compositor::Quads(Target::Float32) => "quads, 32 bits",
-            Compositor::Quads(Target::Float16) => "quads, 16 bits",
-            Compositor::Quads(Target::Unorm8) => "quads, 8 bits",
+            Compositor::Quads(QuadFormat::Float32) => "quads, 32 bits",
+            Compositor::Quads(QuadFormat::Float16) => "quads, 16 bits",
+            Compositor::Quads(QuadFormat::Unorm8) => "quads, 8 bits",
         };
         let mut others: Vec<(&'static str, Value)> = vec![
             ("compositor", json!(compositor)),

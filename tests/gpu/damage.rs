@@ -5,7 +5,7 @@
 use adjsplat::arena::OwnedLane;
 use adjsplat::arena::OwnedLineEnds;
 use adjsplat::build::Built;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat};
 use adjsplat::splat::{Quality, Settings, cpu};
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm};
 use adjsplat_tests::pictures::decibels;
@@ -80,9 +80,10 @@ fn drawing_a_damaged_lane_ends() {
         let mut random = Random(seed);
         let mut built: Built = sound.clone();
         built.lanes.iter_mut().for_each(|lane| damage(lane, &mut random));
-        let compositor = if random.index(2) == 0 { Compositor::Tiles } else { Compositor::Quads(Target::Float16) };
-        let options = Options { vram: [8 << 20, 128 << 20][random.index(2)], compositor: Some(compositor) };
-        let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
+        let compositor = if random.index(2) == 0 { Compositor::Tiles } else { Compositor::Quads(QuadFormat::Float16) };
+        let options = GpuOptions { vram: [8 << 20, 128 << 20][random.index(2)], compositor: Some(compositor) };
+        let mut renderer =
+            GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
         let camera = built.orbit(31.0, 24.0, None, size);
         for _ in 0..3 {
             let settings =
@@ -97,8 +98,8 @@ fn drawing_a_damaged_lane_ends() {
     assert!(drew > 20, "{drew} drawn: the walk was hardly reached");
     // The device is as good as before.
     let camera = sound.orbit(31.0, 24.0, None, size);
-    let options = Options { vram: 128 << 20, compositor: Some(Compositor::Tiles) };
-    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), sound.scene(), options).unwrap();
+    let options = GpuOptions { vram: 128 << 20, compositor: Some(Compositor::Tiles) };
+    let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), sound.scene(), options).unwrap();
     let (got, _) = renderer.render(&camera, &Settings::every_pixel(size)).unwrap();
     let (want, _) = cpu::render(&sound.scene(), &camera, &Settings::every_pixel(size)).unwrap();
     assert!(decibels(&got, &want, 0.0) >= 50.0);

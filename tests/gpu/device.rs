@@ -2,19 +2,19 @@
 
 use std::sync::OnceLock;
 
-use adjsplat::splat::gpu::adapter::{Opened, open};
+use adjsplat::splat::gpu::adapter::{OpenedDevice, open};
 use adjsplat_tests::{say, skipped};
 use bytemuck::Pod;
 use wgpu::{Buffer, BufferDescriptor, BufferUsages, Device, MapMode, PollType, Queue};
 
 /// The device that most tests share; `None`, said loudly, where there is none.
-pub(crate) fn device() -> Option<&'static Opened> {
-    static SHARED: OnceLock<Option<Opened>> = OnceLock::new();
+pub(crate) fn device() -> Option<&'static OpenedDevice> {
+    static SHARED: OnceLock<Option<OpenedDevice>> = OnceLock::new();
     SHARED.get_or_init(own_device).as_ref()
 }
 
 /// A device of the test's own.
-pub(crate) fn own_device() -> Option<Opened> {
+pub(crate) fn own_device() -> Option<OpenedDevice> {
     match open(None) {
         Ok(opened) => {
             let facts = &opened.facts;

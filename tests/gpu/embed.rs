@@ -1,7 +1,7 @@
 //! Pictures in a texture of the caller's against frames that were read back; a device that goes away.
 
 use adjsplat::error::Error;
-use adjsplat::splat::gpu::{Canvas, Compositor, Options, Renderer, Target};
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat, RenderTarget};
 use adjsplat::splat::{Camera, Frame, Mode, Settings};
 use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, transfer};
 use wgpu::{
@@ -58,11 +58,11 @@ fn a_texture_shows_what_a_frame_shows() {
     let Some(opened) = device() else { return };
     let built = phantom("gyroid", [24, 20, 28], [1.0; 3], transfer(LIT_LAYERS), 8);
     let camera: Camera = built.orbit(35.0, 20.0, Some(40.0), SIZE);
-    let quads = Compositor::Quads(if opened.facts.blends_float32 { Target::Float32 } else { Target::Float16 });
+    let quads = Compositor::Quads(if opened.facts.blends_float32 { QuadFormat::Float32 } else { QuadFormat::Float16 });
     for compositor in [Compositor::Tiles, quads] {
-        let options = Options { compositor: Some(compositor), ..Options::default() };
+        let options = GpuOptions { compositor: Some(compositor), ..Options::default() };
         let (device, queue) = (&opened.device, &opened.queue);
-        let mut renderer = Renderer::new(device.clone(), queue.clone(), built.scene(), options).unwrap();
+        let mut renderer = GpuRenderer::new(device.clone(), queue.clone(), built.scene(), options).unwrap();
         for mode in [Mode::Composite, Mode::Additive, Mode::Maximum, Mode::MaximumGrey] {
             let settings = Settings { mode, ..Settings::every_pixel(SIZE) };
             let (frame, _) = renderer.render(&camera, &settings).unwrap();
@@ -71,7 +71,7 @@ fn a_texture_shows_what_a_frame_shows() {
                 let format = TextureFormat::Rgba32Float;
                 let target = texture(device, format);
                 let view = target.create_view(&Default::default());
-                renderer.render_to(&camera, &settings, &Canvas { view: &view, format, background }).unwrap();
+                renderer.render_to(&camera, &settings, &RenderTarget { view: &view, format, background }).unwrap();
                 let bytes = content(device, queue, &target, 16);
                 let worst = bytes
                     .as_chunks()
@@ -91,7 +91,7 @@ fn a_texture_shows_what_a_frame_shows() {
         let target = texture(device, format);
         let view = target.create_view(&Default::default());
         let background = Some([1.0; 3]);
-        renderer.render_to(&camera, &settings, &Canvas { view: &view, format, background }).unwrap();
+        renderer.render_to(&camera, &settings, &RenderTarget { view: &view, format, background }).unwrap();
         let got = content(device, queue, &target, 4);
         let want = over(&frame, background).to_srgb8();
         let worst = got.iter().zip(&want).map(|(got, want)| got.abs_diff(*want)).max();
@@ -105,7 +105,7 @@ fn a_device_that_was_lost_is_an_error() {
     let Some(opened) = own_device() else { return };
     let built = phantom("gyroid", [16, 16, 16], [1.0; 3], transfer(LIT_LAYERS), 8);
     let (device, queue) = (opened.device.clone(), opened.queue.clone());
-    let mut renderer = Renderer::new(device, queue, built.scene(), Options::default()).unwrap();
+    let mut renderer = GpuRenderer::new(device, queue, built.scene(), GpuOptions::default()).unwrap();
     let (camera, settings) = (built.orbit(0.0, 0.0, None, SIZE), Settings::every_pixel(SIZE));
     renderer.render(&camera, &settings).unwrap();
     opened.device.destroy();

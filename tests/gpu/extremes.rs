@@ -2,7 +2,7 @@
 //! where the targets of quads are narrow, off by what is known of them.
 
 use adjsplat::build::{BuildOptions, Built};
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat};
 use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Settings, cpu};
 use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat::volume::SampleType;
@@ -21,17 +21,17 @@ const ALONG: [f64; 3] = [0.0, 0.0, 1.0];
 /// What adds up in 32 bits.
 fn compositors() -> Vec<Compositor> {
     let blends = device().is_some_and(|opened| opened.facts.blends_float32);
-    std::iter::once(Compositor::Tiles).chain(blends.then_some(Compositor::Quads(Target::Float32))).collect()
+    std::iter::once(Compositor::Tiles).chain(blends.then_some(Compositor::Quads(QuadFormat::Float32))).collect()
 }
 
-fn renderer(built: &Built, compositor: Compositor) -> Option<Renderer<'_>> {
+fn renderer(built: &Built, compositor: Compositor) -> Option<GpuRenderer<'_>> {
     let opened = device()?;
-    let options = Options { vram: 512 << 20, compositor: Some(compositor) };
-    Some(Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap())
+    let options = GpuOptions { vram: 512 << 20, compositor: Some(compositor) };
+    Some(GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap())
 }
 
 /// The picture: finite, and the same a second time.
-fn draw(renderer: &mut Renderer, camera: &Camera, settings: &Settings) -> Frame {
+fn draw(renderer: &mut GpuRenderer, camera: &Camera, settings: &Settings) -> Frame {
     let (frame, _) = renderer.render(camera, settings).unwrap();
     let (again, _) = renderer.render(camera, settings).unwrap();
     assert!(frame.pixels().iter().all(|value| value.is_finite()), "not finite: {settings:?}");
@@ -301,7 +301,7 @@ fn a_million_faint_layers_on_a_device_are_off_by_what_is_known() {
                 assert!(part > 1e-6 || error > 1e-4, "{part:e} {compositor:?}: better than known: {error:e}");
             }
         }
-        for target in [Target::Float16, Target::Unorm8] {
+        for target in [QuadFormat::Float16, QuadFormat::Unorm8] {
             let settings = Settings { sense: Sense::BackToFront, ..settings.clone() };
             let Some(mut renderer) = renderer(&built, Compositor::Quads(target)) else { return };
             let (frame, _) = renderer.render(&camera, &settings).unwrap();
@@ -309,7 +309,7 @@ fn a_million_faint_layers_on_a_device_are_off_by_what_is_known() {
             say(&format!("{part:e} a million times, {target:?}: {got:.4}, exactly {exact:.4}"));
             // Eight bits never see such a splat. Of sixteen it takes a whole unit in the last place where a device rounds
             // toward 0, until nothing is left, and else nothing.
-            let known = if target == Target::Unorm8 { got == 1.0 } else { got == 1.0 || got < 0.01 };
+            let known = if target == QuadFormat::Unorm8 { got == 1.0 } else { got == 1.0 || got < 0.01 };
             assert!(known, "{part:e} {target:?}: {got}");
         }
     }

@@ -5,9 +5,9 @@ use adjsplat::arena::Record;
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::layout::Facts;
 use adjsplat::build::Built;
-use adjsplat::splat::gpu::Stats;
-use adjsplat::splat::gpu::adapter::Opened;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
+use adjsplat::splat::gpu::GpuStats;
+use adjsplat::splat::gpu::adapter::OpenedDevice;
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Orbit, Quality, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::{Order, SplitForm};
 use adjsplat::volume::{Axis, Grid};
@@ -23,24 +23,24 @@ use crate::scenes::{inside, phantom, zoomed};
 const TIGHT: u64 = 7 << 20;
 const PLENTY: u64 = 512 << 20;
 
-fn renderer<'a>(opened: &Opened, built: &'a Built, vram: u64) -> Renderer<'a> {
-    let options = Options { vram, compositor: Some(Compositor::Tiles) };
-    Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap()
+fn renderer<'a>(opened: &OpenedDevice, built: &'a Built, vram: u64) -> GpuRenderer<'a> {
+    let options = GpuOptions { vram, compositor: Some(Compositor::Tiles) };
+    GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap()
 }
 
 /// Bytes that the device has given out, where it says so.
-fn allocated(opened: &Opened) -> u64 {
+fn allocated(opened: &OpenedDevice) -> u64 {
     opened.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes)
 }
 
 /// Draws, and holds the memory in use after each chunk to `vram`.
 fn drawn(
-    opened: &Opened,
-    renderer: &mut Renderer,
+    opened: &OpenedDevice,
+    renderer: &mut GpuRenderer,
     camera: &Camera,
     settings: &Settings,
     vram: u64,
-) -> (Frame, Stats, u64) {
+) -> (Frame, GpuStats, u64) {
     let mut most = 0;
     let mut look = |_: &adjsplat::internals::gpu_stages::Probe| most = most.max(allocated(opened));
     let (frame, stats) = renderer.render_probed(camera, settings, Some(&mut look)).unwrap();
@@ -68,9 +68,9 @@ fn dust_beside_a_solid_stays_within() {
     // Slow z, medium y, fast x.
     let order = Some(Order::parallel(5, 0));
     let settings = Settings { quality: Quality::Draft, order, ..Settings::every_pixel(size) };
-    let options = |vram| Options { vram, compositor: Some(Compositor::Quads(Target::Float16)) };
+    let options = |vram| GpuOptions { vram, compositor: Some(Compositor::Quads(QuadFormat::Float16)) };
     let draw = |vram| {
-        let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene, options(vram)).unwrap();
+        let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), scene, options(vram)).unwrap();
         drawn(&opened, &mut renderer, &camera, &settings, vram)
     };
     let (whole, one, _) = draw(PLENTY);

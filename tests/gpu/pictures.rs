@@ -8,7 +8,7 @@ use adjsplat::arena::{Arena, LaneSet, Overlay, OwnedLane};
 use adjsplat::build::Built;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat};
 use adjsplat::splat::{Camera, Lighting, Mode, Quality, Scene, Settings, cpu};
 use adjsplat::traverse::{Sense, SplitForm, VoxelBox};
 use adjsplat_tests::pictures::{decibels, shows};
@@ -25,7 +25,7 @@ const LEAST_DB: f64 = 50.0;
 /// Ways of making pixels that must give the processor's picture: those that add up in 32 bits.
 fn compositors() -> Vec<Compositor> {
     let blends = device().is_some_and(|opened| opened.facts.blends_float32);
-    let quads = blends.then_some(Compositor::Quads(Target::Float32));
+    let quads = blends.then_some(Compositor::Quads(QuadFormat::Float32));
     if !blends {
         say("SKIPPED: quads in 32 bits, which this device does not blend");
     }
@@ -36,8 +36,8 @@ fn compositors() -> Vec<Compositor> {
 fn check(what: &str, scene: Scene, views: &[(Camera, Settings)]) {
     let Some(opened) = device() else { return };
     for compositor in compositors() {
-        let options = Options { vram: 512 << 20, compositor: Some(compositor) };
-        let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), scene, options).unwrap();
+        let options = GpuOptions { vram: 512 << 20, compositor: Some(compositor) };
+        let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), scene, options).unwrap();
         let mut least = f64::INFINITY;
         for (camera, settings) in views {
             let (want, _) = cpu::render(&scene, camera, settings).unwrap();
@@ -158,8 +158,8 @@ fn another_transfer_function() {
     let (camera, settings) = (built.orbit(31.0, 24.0, None, size), high(size));
     let sheet = TransferFunction::range(110.0, 140.0).unwrap().with_shaded(false);
     let edges = transfer(&EDGES.replace("#20c040", "#f0c040").replace("0.6", "0.3"));
-    let options = Options { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
-    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
+    let options = GpuOptions { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
+    let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
     let (_, first) = renderer.render(&camera, &settings).unwrap();
     assert!(first.upload_bytes > 0);
     for (what, other) in [("sheet", &sheet), ("edges", &edges)] {
@@ -224,8 +224,8 @@ fn early_termination() {
     let size = [96, 96];
     let camera = built.orbit(31.0, 24.0, None, size);
     let Some(opened) = device() else { return };
-    let options = Options { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
-    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
+    let options = GpuOptions { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
+    let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
     for termination in [1.0 / 32.0, 1.0 / 1024.0, 1e-5] {
         let settings = Settings { termination: Some(termination), ..high(size) };
         let (got, _) = renderer.render(&camera, &settings).unwrap();
@@ -249,8 +249,9 @@ fn an_empty_scene() {
     facts.visible_voxels = 0;
     lanes.iter_mut().for_each(|lane| *lane = OwnedLane::new(lane.axis, lane.dims, lane.channels));
     for compositor in compositors() {
-        let options = Options { vram: 64 << 20, compositor: Some(compositor) };
-        let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
+        let options = GpuOptions { vram: 64 << 20, compositor: Some(compositor) };
+        let mut renderer =
+            GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
         for mode in [Mode::Composite, Mode::Additive, Mode::Maximum] {
             for fov in [None, Some(50.0)] {
                 let settings = Settings { mode, ..high([40, 30]) };

@@ -10,7 +10,7 @@ use adjsplat::build::Built;
 use adjsplat::internals::gpu_stages::BlendMode;
 use adjsplat::internals::gpu_stages::Probe;
 use adjsplat::internals::gpu_stages::{FrameUniform, NO_RECORD, NOTHING, Splat, VisitedVoxel};
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Stats, Target};
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, GpuStats, QuadFormat};
 use adjsplat::splat::{Camera, Frame, Lanes as _, Lighting, Mode, Quality, Settings, cpu};
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint, VoxelBox};
 use adjsplat_tests::pictures::decibels;
@@ -51,7 +51,7 @@ struct Apart {
 
 /// A stage's run over a frame, judged.
 struct Judged {
-    stats: Stats,
+    stats: GpuStats,
     apart: Apart,
     /// In visit order.
     visits: Vec<[u32; 3]>,
@@ -64,7 +64,7 @@ fn read_all<T: bytemuck::Pod>(probe: &Probe, buffer: &wgpu::Buffer) -> Vec<T> {
 /// What a frame's chunks leave for the next.
 struct Frames {
     blend: BlendMode,
-    target: Option<Target>,
+    target: Option<QuadFormat>,
     judges_pixels: bool,
     before: Vec<[f32; 4]>,
     /// As `before`, of a target that rounds toward 0.
@@ -249,11 +249,11 @@ fn judged(
     built: &Built,
     camera: &Camera,
     settings: &Settings,
-    options: Options,
+    options: GpuOptions,
     judges_pixels: bool,
 ) -> Option<(Judged, Frame, Frames)> {
     let opened = device()?;
-    let mut renderer = Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
+    let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
     let target = match options.compositor {
         Some(Compositor::Quads(target)) => Some(target),
         _ => None,
@@ -290,7 +290,7 @@ fn walks_visit_what_the_processor_visits_in_all_orders() {
     let wide = noise([1_100, 9, 10]);
     let long = noise([12, 700, 20]);
     let full = phantom("gyroid", [70, 33, 41], [1.0; 3], plain(), 8);
-    let options = Options { vram: 64 << 20, compositor: Some(Compositor::Tiles) };
+    let options = GpuOptions { vram: 64 << 20, compositor: Some(Compositor::Tiles) };
     for (name, built) in [("wide", &wide), ("long", &long), ("gyroid", &full)] {
         let camera = built.orbit(20.0, 30.0, None, [40, 40]);
         let mut orders: Vec<Order> = parallel_orders().collect();
@@ -321,7 +321,7 @@ fn walks_of_many_slabs_and_chunks_visit_what_the_processor_visits() {
     // 4 bytes a record: 2.6 MB of them.
     let transfer = transfer(r#"{ "kind": "range", "low": 1, "opacity": 0.02 }"#);
     let built = phantom("constant", [96, 90, 76], [1.0; 3], transfer, 8);
-    let tight = |compositor| Options { vram: TIGHT, compositor: Some(compositor) };
+    let tight = |compositor| GpuOptions { vram: TIGHT, compositor: Some(compositor) };
     let eye = [40.25, 44.5, 38.0];
     for (form, toward) in [(SplitForm::Split, [0.1, 0.3, -1.0]), (SplitForm::Interleaved, [1.0, 0.4, 0.2])] {
         let viewpoint = Viewpoint::Perspective { eye, toward };
@@ -329,7 +329,7 @@ fn walks_of_many_slabs_and_chunks_visit_what_the_processor_visits() {
         // A parallel camera sees all of it, whatever the order.
         let settings = Settings { order: Some(order), ..high([16, 16]) };
         let outside = built.orbit(20.0, 30.0, None, [16, 16]);
-        let quads = tight(Compositor::Quads(Target::Float16));
+        let quads = tight(Compositor::Quads(QuadFormat::Float16));
         let Some((all, ..)) = judged(&built, &outside, &settings, quads, false) else { return };
         assert!(all.stats.slabs > 1 && all.stats.chunks as usize > all.stats.slabs, "{:?}", all.stats);
         assert!(all.visits == visits(&built, &order), "{form:?}");
@@ -384,7 +384,7 @@ fn cases() -> Vec<Case> {
 #[test]
 fn each_stage_of_tiles_does_what_its_twin_does() {
     for (name, built, camera, settings) in cases() {
-        let options = Options { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
+        let options = GpuOptions { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
         let Some((judged, ..)) = judged(&built, &camera, &settings, options, true) else { return };
         let parallel = matches!(camera.projection(), adjsplat::splat::Projection::Parallel { .. });
         judged.apart.check(name, if parallel { &PARALLEL } else { &PERSPECTIVE });
@@ -394,14 +394,15 @@ fn each_stage_of_tiles_does_what_its_twin_does() {
 #[test]
 fn each_stage_of_quads_does_what_its_twin_does() {
     for (index, (name, built, camera, settings)) in cases().into_iter().enumerate() {
-        let targets = [Target::Float32, Target::Float16, Target::Unorm8].into_iter().skip(at_full(0, index % 3));
+        let targets =
+            [QuadFormat::Float32, QuadFormat::Float16, QuadFormat::Unorm8].into_iter().skip(at_full(0, index % 3));
         for target in targets.step_by(at_full(1, 3)) {
-            let options = Options { vram: 512 << 20, compositor: Some(Compositor::Quads(target)) };
-            if device().is_some_and(|opened| target == Target::Float32 && !opened.facts.blends_float32) {
+            let options = GpuOptions { vram: 512 << 20, compositor: Some(Compositor::Quads(target)) };
+            if device().is_some_and(|opened| target == QuadFormat::Float32 && !opened.facts.blends_float32) {
                 continue;
             }
             let maximum = settings.mode.is_maximum();
-            if maximum || settings.mode == Mode::Additive && target != Target::Float32 {
+            if maximum || settings.mode == Mode::Additive && target != QuadFormat::Float32 {
                 // Frames of these are not what was accumulated.
                 continue;
             }
@@ -422,9 +423,9 @@ fn each_stage_of_quads_does_what_its_twin_does() {
             // Edges of ellipses in 32 bits; in 16, now and then a splat on the other side of where the target rounds, 2^-11
             // each. In 8 bits devices may round what they blend before too: some steps of 1/255.
             let allowed = match target {
-                Target::Float32 => 1e-4,
-                Target::Float16 => 1e-3,
-                Target::Unorm8 => 2e-2,
+                QuadFormat::Float32 => 1e-4,
+                QuadFormat::Float16 => 1e-3,
+                QuadFormat::Unorm8 => 2e-2,
             };
             assert!(rms <= allowed, "{name}, {target:?}: {rms:e}");
             drop(judged);
@@ -441,7 +442,7 @@ fn pixels_of_many_chunks_are_what_the_twins_make_of_them() {
     for fov in [None, Some(60.0)] {
         let camera = built.orbit(31.0, 24.0, fov, size);
         for settings in [high(size), Settings { sense: Sense::BackToFront, ..high(size) }] {
-            let options = Options { vram: TIGHT, compositor: Some(Compositor::Tiles) };
+            let options = GpuOptions { vram: TIGHT, compositor: Some(Compositor::Tiles) };
             let Some((judged, frame, _)) = judged(&built, &camera, &settings, options, true) else { return };
             assert!(judged.stats.chunks > 2, "{:?}", judged.stats);
             judged.apart.check(&format!("chunks, {fov:?}"), if fov.is_none() { &PARALLEL } else { &PERSPECTIVE });
@@ -461,7 +462,7 @@ fn a_real_set_stage_by_stage() {
     }
     let built = built(&mut *volume(&path), &fitting(transfer, 8));
     let camera = built.orbit(20.0, 15.0, None, [48, 48]);
-    let options = Options { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
+    let options = GpuOptions { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
     for &nesting in at_full(&[0, 3, 4][..], &[3]) {
         let order = Order::parallel(nesting, 0b010);
         let settings = Settings { order: Some(order), ..high([48, 48]) };

@@ -2,7 +2,7 @@
 //! small, because a step below half a unit in the last place changes nothing any more.
 
 use adjsplat::build::Built;
-use adjsplat::splat::gpu::{Compositor, Options, Renderer, Target};
+use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat};
 use adjsplat::splat::{Camera, Projection, Quality, Settings, cpu};
 use adjsplat::traverse::Sense;
 use adjsplat_tests::pictures::decibels;
@@ -14,10 +14,10 @@ use crate::scenes::{block, phantom};
 
 const SIZE: [u32; 2] = [9, 9];
 
-fn renderer(built: &Built, compositor: Compositor) -> Option<Renderer<'_>> {
+fn renderer(built: &Built, compositor: Compositor) -> Option<GpuRenderer<'_>> {
     let opened = device()?;
-    let options = Options { vram: 256 << 20, compositor: Some(compositor) };
-    Some(Renderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap())
+    let options = GpuOptions { vram: 256 << 20, compositor: Some(compositor) };
+    Some(GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap())
 }
 
 /// 16 bits hold a pixel of up to 1 within 2^-12, and a hundred splats add up to 40 dB, where each is rounded to
@@ -32,8 +32,9 @@ fn half_floats_are_good_enough_for_large_opacities() {
         { "value": 128, "colour": "#20c040", "opacity": 0.95 },
         { "value": 156, "colour": "#2030ff", "opacity": 0.3 }] }"##;
     let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(text), 8);
-    let Some(mut renderer) = renderer(&built, Compositor::Quads(Target::Float16)) else { return };
-    let rounds_toward_zero = column_error(Compositor::Quads(Target::Float16)).is_some_and(|error| error > TOWARD_ZERO);
+    let Some(mut renderer) = renderer(&built, Compositor::Quads(QuadFormat::Float16)) else { return };
+    let rounds_toward_zero =
+        column_error(Compositor::Quads(QuadFormat::Float16)).is_some_and(|error| error > TOWARD_ZERO);
     if rounds_toward_zero {
         say("this device rounds toward 0 in 16 bits");
     }
@@ -99,10 +100,10 @@ fn narrow_targets_stagnate_where_opacities_are_small_and_wide_ones_do_not() {
     // Calibrating by a picture costs a few units in the last place of the opacity.
     assert!(tiles < 1e-5, "{tiles:e}");
     if device().is_some_and(|opened| opened.facts.blends_float32) {
-        let wide = column_error(Compositor::Quads(Target::Float32)).unwrap();
+        let wide = column_error(Compositor::Quads(QuadFormat::Float32)).unwrap();
         assert!(wide < 1e-5, "{wide:e}");
     }
-    for (target, known) in [(Target::Float16, 0.025), (Target::Unorm8, 0.165)] {
+    for (target, known) in [(QuadFormat::Float16, 0.025), (QuadFormat::Unorm8, 0.165)] {
         let found = column_error(Compositor::Quads(target)).unwrap();
         assert!((known / 2.0..=known * 2.0).contains(&found), "{target:?}: {found}, not about {known}");
     }

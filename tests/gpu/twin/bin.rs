@@ -3,7 +3,7 @@
 use super::{high_half, low_half};
 use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, NOTHING, Splat, TILE};
 
-/// Sets in `masks`, which are 0, the bit of each batch on each tile that one of its splats' boxes meets.
+/// Sets the bit of each batch in the mask of each tile that a splat of the batch meets; `masks` are 0 before.
 ///
 /// # Panics
 /// If a splat does not meet the window.

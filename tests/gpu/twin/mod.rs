@@ -1,9 +1,9 @@
-//! The stages on the processor: what each shader must do, one file a shader, of the same name.
+//! Twins: each stage of the device renderer on the processor, in a file of its shader's name.
 //!
-//! In and out: what the shader of that name reads and writes, as slices. Each is the shader line by line, one
-//! invocation after the other; nothing here is fast and nothing is drawn with it: tests/gpu runs a stage and its twin
-//! on the same buffers and compares what they wrote. Arithmetic is in single precision, each step rounded, where a
-//! device may fuse steps and be a few units off in exponentials and roots; whole numbers are equal bit for bit.
+//! In and out: what the shader reads and writes, as slices. A twin is the shader line by line, one invocation after the
+//! other. `stages` runs a stage and its twin on the same buffers and compares what they wrote: whole numbers are equal
+//! bit for bit. Twins round each step to single precision; a device may fuse steps, and be a few units in the last place
+//! off in exponentials and roots.
 
 pub(crate) mod bin;
 pub(crate) mod project;
@@ -14,9 +14,9 @@ pub(crate) mod walk;
 use adjsplat::internals::gpu_stages::{NOTHING, Splat};
 use adjsplat::internals::{REACH as PROCESSORS_REACH, WHOLE_CELL as PROCESSORS_WHOLE_CELL};
 
-/// Largest half-width of a footprint in pixels: the processor's.
+/// Largest half-width of a footprint, in pixels; that of the processor's renderer.
 pub(crate) const REACH: f32 = PROCESSORS_REACH;
-/// What a voxel's weight in a maximum is multiplied by before it is capped: the processor's.
+/// Factor on a voxel's weight in a maximum, before it is capped; that of the processor's renderer.
 pub(crate) const WHOLE_CELL: f32 = PROCESSORS_WHOLE_CELL;
 
 /// A splat of no pixels.
@@ -42,14 +42,14 @@ fn high_half(word: u32) -> i32 {
     (word >> 16).cast_signed()
 }
 
-/// An element of a word, `bits` wide, of an array that starts with `words`; 0 beyond the last.
+/// Returns element `index` of packed elements of `bits` bits; 0 beyond the last word.
 fn element(words: &[u32], index: u32, bits: u32) -> u32 {
     let in_a_word = 32 / bits;
     let word = words.get((index / in_a_word) as usize).copied().unwrap_or(0);
     (word >> (bits * (index % in_a_word))) & (u32::MAX >> (32 - bits))
 }
 
-/// `1 - 2^-x` for `x` of 0 to 125.
+/// Returns `1 - 2^-x` for `x` of 0 to 125.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 125")]
 pub(crate) fn absorbed(x: f32) -> f32 {
     let whole = x.round_ties_even();
@@ -63,7 +63,7 @@ pub(crate) fn absorbed(x: f32) -> f32 {
     (1.0 - scale) + scale * (f * series)
 }
 
-/// Optical depth of a splat at `dx`, `dy` from its centre, in units of ln 2; 0 outside its ellipse.
+/// Returns the optical depth of a splat at `dx`, `dy` from its centre, in units of ln 2; 0 outside its ellipse.
 pub(crate) fn depth_at(dx: f32, dy: f32, splat: &Splat, cut: f32) -> f32 {
     let u = dx - splat.shear * dy;
     let q = splat.falloff_x * (u * u) + splat.falloff_y * (dy * dy);

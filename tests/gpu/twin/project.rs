@@ -10,12 +10,12 @@ use super::{EMPTY, REACH, element};
 use adjsplat::internals::LOW_PASS;
 use adjsplat::internals::gpu_stages::{AffineRow, FrameUniform, NO_RECORD, NOTHING, Splat, VisitedVoxel};
 
-/// Beyond this a pixel is not told from others so far away.
+/// Coordinates beyond this are too large for exact pixels.
 const FAR: f32 = 5.0e8;
-/// What a pixel may lie outside a footprint's box.
+/// How far a pixel may lie outside a footprint's box, in pixels.
 const NEARLY_HALF: f32 = 0.4999;
 
-/// What the stage reads of a slab and of the tables, as words.
+/// The words of a slab's channels, and the tables of the scene.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Channels<'a> {
     /// Value codes.
@@ -24,9 +24,9 @@ pub(crate) struct Channels<'a> {
     pub(crate) normals: &'a [u32],
     /// Magnitude codes.
     pub(crate) magnitudes: &'a [u32],
-    /// By value code: colour, and optical depth or normalised value.
+    /// Colour, and optical depth or normalised value, by value code.
     pub(crate) looks: &'a [[f32; 4]],
-    /// By value code and magnitude code: optical depth.
+    /// Optical depth by value code and magnitude code.
     pub(crate) depths: &'a [f32],
 }
 
@@ -45,7 +45,7 @@ struct Footprint {
     density: f32,
 }
 
-/// Makes a splat of each voxel; gives how many are drawn.
+/// Computes the splat of each voxel; returns how many are drawn.
 ///
 /// # Panics
 /// If a value has no look.
@@ -145,7 +145,7 @@ fn normal_of(frame: &FrameUniform, channels: &Channels, record: u32) -> [f32; 3]
     [x * factor, y * factor, z * factor]
 }
 
-/// Factor on the colour, highlight.
+/// Returns the factor on the colour, and the highlight.
 fn shade(frame: &FrameUniform, normal: [f32; 3], eye: [f32; 3]) -> [f32; 2] {
     if dot(normal, normal) <= 0.5 {
         return [1.0, 0.0];

@@ -5,26 +5,26 @@ use half::f16;
 use super::{WHOLE_CELL, absorbed, depth_at, high_half, low_half};
 use adjsplat::internals::gpu_stages::BlendMode;
 use adjsplat::internals::gpu_stages::{FrameUniform, NOTHING, Splat};
-use adjsplat::splat::gpu::Target;
+use adjsplat::splat::gpu::QuadFormat;
 
-/// Which of the two neighbours a device takes for a value between them: what draws may do either.
+/// How a device rounds a blended value to its target; devices may do either.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Rounding {
-    /// The nearest.
+    /// To the nearest value of the target.
     Nearest,
-    /// The one nearer to 0.
+    /// To the neighbour nearer to 0.
     TowardZero,
 }
 
-/// Draws `splats`, a chunk's, onto `pixels` of a target, which start as the chunk before left them: for each splat, in
-/// order, the fragments of its box, each blended in single precision and rounded to the target.
+/// Draws the splats of a chunk, in order, onto the pixels that the previous chunk left. Each fragment is blended in single
+/// precision and rounded to the target.
 ///
 /// # Panics
 /// If `pixels` are fewer than the window has.
 pub(crate) fn splat(
     frame: &FrameUniform,
     blend: BlendMode,
-    (target, rounding): (Target, Rounding),
+    (target, rounding): (QuadFormat, Rounding),
     splats: &[Splat],
     pixels: &mut [[f32; 4]],
 ) {
@@ -44,7 +44,7 @@ pub(crate) fn splat(
     }
 }
 
-/// What the shader gives.
+/// Returns the colour of the fragment shader.
 fn fragment(blend: BlendMode, splat: &Splat, depth: f32) -> [f32; 4] {
     let ink = [splat.red, splat.green, splat.blue, 1.0];
     match blend {
@@ -54,9 +54,9 @@ fn fragment(blend: BlendMode, splat: &Splat, depth: f32) -> [f32; 4] {
     }
 }
 
-/// What the blend state makes of it; a target of whole numbers takes no source outside 0 to 1.
-fn blended(blend: BlendMode, target: Target, source: [f32; 4], pixel: [f32; 4]) -> [f32; 4] {
-    let source = if target == Target::Unorm8 { source.map(|value| value.clamp(0.0, 1.0)) } else { source };
+/// Returns the pixel after the blend state; a source for 8 bits is clamped to 0 to 1 before.
+fn blended(blend: BlendMode, target: QuadFormat, source: [f32; 4], pixel: [f32; 4]) -> [f32; 4] {
+    let source = if target == QuadFormat::Unorm8 { source.map(|value| value.clamp(0.0, 1.0)) } else { source };
     let [sr, sg, sb, sa] = source;
     let [r, g, b, a] = pixel;
     match blend {
@@ -67,11 +67,11 @@ fn blended(blend: BlendMode, target: Target, source: [f32; 4], pixel: [f32; 4]) 
     }
 }
 
-/// The value as the target holds it.
-fn rounded(target: Target, rounding: Rounding, value: f32) -> f32 {
+/// Returns the value as the target stores it.
+fn rounded(target: QuadFormat, rounding: Rounding, value: f32) -> f32 {
     match target {
-        Target::Float32 => value,
-        Target::Float16 => {
+        QuadFormat::Float32 => value,
+        QuadFormat::Float16 => {
             let nearest = f16::from_f32(value);
             let is_farther = nearest.to_f32().abs() > value.abs();
             match rounding {
@@ -79,7 +79,7 @@ fn rounded(target: Target, rounding: Rounding, value: f32) -> f32 {
                 _ => nearest.to_f32(),
             }
         }
-        Target::Unorm8 => {
+        QuadFormat::Unorm8 => {
             let steps = value.clamp(0.0, 1.0) * 255.0;
             let whole = if rounding == Rounding::Nearest { steps.round_ties_even() } else { steps.floor() };
             whole / 255.0

@@ -4,7 +4,7 @@ use super::{WHOLE_CELL, absorbed, depth_at, high_half, low_half};
 use adjsplat::internals::gpu_stages::BlendMode;
 use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, Splat, TILE};
 
-/// Puts `splats`, a chunk's, onto `pixels`, which start as the chunk before left them.
+/// Composites the splats of a chunk onto the pixels that the previous chunk left.
 ///
 /// # Panics
 /// If masks or pixels are fewer than the window has.
@@ -40,7 +40,7 @@ fn pixel(
             if blend == BlendMode::FrontToBack && pixel[3] < frame.termination {
                 return pixel;
             }
-            // The device looks at whole tiles, whose pixels outside a box are outside its ellipse too.
+            // The device draws whole tiles; their pixels outside a splat's box are outside its ellipse too.
             if columns.contains(&x) && rows.contains(&y) {
                 let dx = splat.corner_x + (x - columns.start()) as f32;
                 let dy = splat.corner_y + (y - rows.start()) as f32;

@@ -4,23 +4,23 @@ use super::element;
 use adjsplat::arena::TileRecord;
 use adjsplat::internals::gpu_stages::{FrameUniform, LINES, LineBlock, NO_RECORD, VisitedVoxel};
 
-/// What a stepping voxel advances.
+/// Voxels that a stepping record advances.
 pub(crate) const STEPPING: i32 = 255;
 
 const ASCENDING: u32 = 0;
 const DESCENDING: u32 = 1;
 const INTERLEAVED: u32 = 3;
 
-/// What the walk reads of a slab.
+/// The buffers of a slab that the walk reads.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct SlabWords<'a> {
-    /// Its tiles, counted from the slab's beginning.
+    /// Tiles, with lines and records counted from the slab's beginning.
     pub(crate) tiles: &'a [TileRecord],
-    /// Words of its line ends.
+    /// Words of the line ends.
     pub(crate) line_ends: &'a [u32],
-    /// Words of its steps.
+    /// Words of the steps.
     pub(crate) steps: &'a [u32],
-    /// Its lines in visit order: tile in the high 26 bits, line of the tile in the low 6.
+    /// Lines in visit order: index of the tile in the high 26 bits, line of the tile in the low 6.
     pub(crate) lines: &'a [u32],
 }
 
@@ -32,7 +32,7 @@ struct Line {
     uv: [u32; 2],
 }
 
-/// Walks the lines of `blocks`, a chunk's, into its `voxels`. What a line has no place for is left as it is.
+/// Walks the lines of a chunk's blocks into its voxels. Slots that no line has a record for stay as they are.
 ///
 /// # Panics
 /// If a block has more than [`LINES`] lines.
@@ -98,7 +98,7 @@ fn follow(frame: &FrameUniform, slab: &SlabWords, line: Line, first_slot: u32, v
         return;
     }
 
-    // From where the eye's plane meets the line to both of its ends.
+    // From the eye's plane toward both ends of the line.
     let (mut high, mut low_at, mut high_at) = (0, -1, -1);
     while high < count {
         high_at = low_at + distance(high);

@@ -1,7 +1,7 @@
 //! Adapters: the one place that asks the system for graphics devices.
 //!
 //! In: a name, or none; wgpu's environment variables (`WGPU_BACKEND`, `WGPU_ADAPTER_NAME`, `WGPU_POWER_PREF`). Out: the
-//! adapters of the system, and a device with its queue for a [`Renderer`](super::Renderer), which never asks for one
+//! adapters of the system, and a device with its queue for a [`GpuRenderer`](super::GpuRenderer), which never asks for one
 //! itself. A program that has a device does not need this module.
 
 use wgpu::{
@@ -66,7 +66,7 @@ impl AdapterFacts {
 
 /// A device that [`open`] asked for.
 #[derive(Debug)]
-pub struct Opened {
+pub struct OpenedDevice {
     /// The adapter that the device runs on.
     pub facts: AdapterFacts,
     /// The device itself.
@@ -119,7 +119,7 @@ fn required_limits(adapter: &Adapter) -> Option<Limits> {
 ///
 /// # Errors
 /// [`Error::Device`] if there is no such adapter, or it refuses.
-pub fn open(name: Option<&str>) -> Result<Opened> {
+pub fn open(name: Option<&str>) -> Result<OpenedDevice> {
     let wanted = name.map(str::to_owned).or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok());
     let adapters = ranked();
     if adapters.is_empty() {
@@ -146,5 +146,5 @@ pub fn open(name: Option<&str>) -> Result<Opened> {
     };
     let refused = |fault: wgpu::RequestDeviceError| Error::device(format!("refuses: {}", one_line(&fault.to_string())));
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(refused)?;
-    Ok(Opened { facts: AdapterFacts::new(adapter), device, queue })
+    Ok(OpenedDevice { facts: AdapterFacts::new(adapter), device, queue })
 }

@@ -15,11 +15,11 @@ use super::layout::{BATCH, Chunk, FrameUniform, LineBlock, Splat, TILE, VisitedV
 use super::lines::{LINE_BYTES, LineList, Slab, line_count};
 use super::probe::{Probe, ProbeCallback};
 use super::read_back::{self, COUNTERS};
-use super::resolve::{self, Canvas};
+use super::resolve::{self, RenderTarget};
 use super::slab_buffers::SlabBuffers;
 use super::stages::{BlendMode, ComputeStage, Pipelines, render_pass};
 use super::timing::Pass;
-use super::{Compositor, Renderer, Stats, Target};
+use super::{Compositor, GpuRenderer, GpuStats, QuadFormat};
 use crate::error::Result;
 use crate::splat::setup::FrameSetup as Shot;
 use crate::splat::{Frame, Settings};
@@ -29,12 +29,12 @@ pub(super) enum FrameOutput<'o, 'p> {
     /// Back to the processor.
     Frame(&'o mut Frame, Option<ProbeCallback<'p>>),
     /// Into a texture, without waiting for the device; nothing is timed or counted then.
-    Texture(&'o Canvas<'o>),
+    Texture(&'o RenderTarget<'o>),
 }
 
 /// A frame that is being drawn.
 struct FrameDraw<'d, 'a, 'p> {
-    renderer: &'d mut Renderer<'a>,
+    renderer: &'d mut GpuRenderer<'a>,
     context: Arc<Context>,
     pipelines: Arc<Pipelines>,
     list: Arc<LineList>,
@@ -43,18 +43,18 @@ struct FrameDraw<'d, 'a, 'p> {
     termination: f32,
     blend: BlendMode,
     is_timed: bool,
-    stats: &'d mut Stats,
+    stats: &'d mut GpuStats,
     probe: Option<ProbeCallback<'p>>,
 }
 
 /// Draws a frame into `output`.
 pub(super) fn frame<'a>(
-    renderer: &mut Renderer<'a>,
+    renderer: &mut GpuRenderer<'a>,
     shot: &Shot<'a>,
     settings: &Settings,
     plan: MemoryPlan,
     output: FrameOutput,
-    stats: &mut Stats,
+    stats: &mut GpuStats,
 ) -> Result<()> {
     let context = renderer.context.clone();
     let mut draw = FrameDraw {
@@ -92,10 +92,10 @@ pub(super) fn frame<'a>(
             let drawn = read_back::drawn(&mut draw.renderer.buffers, &context)?;
             (draw.stats.splats_drawn, draw.stats.splats_skipped) = (drawn, records - drawn.min(records));
         }
-        FrameOutput::Texture(canvas) => {
+        FrameOutput::Texture(target) => {
             for window in windows {
                 draw.window(window)?;
-                resolve::window(draw.renderer, window, canvas)?;
+                resolve::window(draw.renderer, window, target)?;
             }
         }
     }
@@ -116,7 +116,7 @@ struct ChunkBindings {
 
 enum CompositorBindings {
     Tiles { bin: BindGroup, tile: BindGroup },
-    Quads { target: Target, group: BindGroup },
+    Quads { target: QuadFormat, group: BindGroup },
 }
 
 impl FrameDraw<'_, '_, '_> {

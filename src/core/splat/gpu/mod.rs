@@ -41,7 +41,7 @@ use self::draw::FrameOutput;
 use self::lines::{LaneSize, LineList, list_key};
 use self::looks::LookTables;
 use self::probe::ProbeCallback;
-pub use self::resolve::Canvas;
+pub use self::resolve::RenderTarget;
 use self::resolve::ResolvePipeline;
 use self::slab_buffers::{SlabBuffers, SlabSizes, slab_sizes};
 use self::stages::Pipelines;
@@ -61,7 +61,7 @@ pub enum Compositor {
     /// In compute: a workgroup for each tile of the picture accumulates in registers of 32 bits, and can end early.
     Tiles,
     /// As quads, which the device blends into a target of this format.
-    Quads(Target),
+    Quads(QuadFormat),
 }
 
 /// The format that quads accumulate in.
@@ -69,7 +69,7 @@ pub enum Compositor {
 /// Few bits need back to front order: each splat then shrinks the rounding errors behind it. Measured on lavapipe, which
 /// rounds toward 0, with opacities of 0.1 and above in 16 bits: 42 dB, but 35 dB front to back (tests/gpu).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Target {
+pub enum QuadFormat {
     /// 32-bit float, where the device blends it.
     Float32,
     /// 16-bit float; small opacities are lost.
@@ -78,24 +78,24 @@ pub enum Target {
     Unorm8,
 }
 
-/// Options of a renderer on a graphics device.
+/// GpuOptions of a renderer on a graphics device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Options {
+pub struct GpuOptions {
     /// Most bytes of video memory, copies in flight included. The picture does not depend on it.
     pub vram: u64,
     /// How splats become pixels; `None` for the faster way on the device.
     pub compositor: Option<Compositor>,
 }
 
-impl Default for Options {
-    fn default() -> Options {
-        Options { vram: 1 << 30, compositor: None }
+impl Default for GpuOptions {
+    fn default() -> GpuOptions {
+        GpuOptions { vram: 1 << 30, compositor: None }
     }
 }
 
 /// Counts and times of a frame. Times of stages are 0 where the device has no clock.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Stats {
+pub struct GpuStats {
     /// Splats that reached a window of the picture.
     pub splats_drawn: u64,
     /// Records that were visited but not drawn: stepping records, transparent or off the picture.
@@ -134,12 +134,12 @@ pub struct Stats {
 
 /// Draws frames of a scene on a device.
 #[derive(Debug)]
-pub struct Renderer<'a> {
+pub struct GpuRenderer<'a> {
     context: Arc<Context>,
     pipelines: Arc<Pipelines>,
     timer: Option<Timer>,
     scene: Scene<'a>,
-    options: Options,
+    options: GpuOptions,
     is_software: bool, // Whether the device runs on the processor.
     looks: Option<LookTables<'a>>,
     list: Option<CachedList>,
@@ -159,18 +159,18 @@ struct CachedList {
     on_device: Option<usize>, // Index of the slab whose lines are on the device.
 }
 
-impl<'a> Renderer<'a> {
+impl<'a> GpuRenderer<'a> {
     /// Creates a renderer of `scene` on `device`, which needs the limits of WebGPU. `TIMESTAMP_QUERY` is optional (else
-    /// stages are not timed), as is `FLOAT32_BLENDABLE` (for [`Target::Float32`]).
+    /// stages are not timed), as is `FLOAT32_BLENDABLE` (for [`QuadFormat::Float32`]).
     ///
     /// # Errors
     /// [`Error::Device`] if the device fails, or cannot blend the format of `options`.
-    pub fn new(device: Device, queue: Queue, scene: Scene<'a>, options: Options) -> Result<Renderer<'a>> {
+    pub fn new(device: Device, queue: Queue, scene: Scene<'a>, options: GpuOptions) -> Result<GpuRenderer<'a>> {
         check_blends(&device, options.compositor)?;
         let context = Arc::new(Context::new(device, queue, in_flight(options.vram)));
         let is_software = context.device.adapter_info().device_type == DeviceType::Cpu;
         let (pipelines, timer) = context.watch(|| Ok((Pipelines::new(&context.device), Timer::new(&context)?)))?;
-        Ok(Renderer {
+        Ok(GpuRenderer {
             context,
             pipelines: Arc::new(pipelines),
             timer,
@@ -198,7 +198,7 @@ impl<'a> Renderer<'a> {
     pub fn compositor(&self) -> Compositor {
         let can_blend = self.context.device.features().contains(Features::FLOAT32_BLENDABLE);
         let prefers_quads = self.is_software && can_blend;
-        let default = if prefers_quads { Compositor::Quads(Target::Float32) } else { Compositor::Tiles };
+        let default = if prefers_quads { Compositor::Quads(QuadFormat::Float32) } else { Compositor::Tiles };
         self.options.compositor.unwrap_or(default)
     }
 
@@ -225,8 +225,8 @@ impl<'a> Renderer<'a> {
     ///
     /// # Errors
     /// As [`cpu::render`](super::cpu::render); [`Error::Input`] for a [`Blending`] other than exponential;
-    /// [`Error::Device`] if the device fails; [`Error::Limit`] if [`Options::vram`] is too little.
-    pub fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, Stats)> {
+    /// [`Error::Device`] if the device fails; [`Error::Limit`] if [`GpuOptions::vram`] is too little.
+    pub fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, GpuStats)> {
         // Bounds cost a pass over all tiles, which pictures that keep their pixels do not need.
         let bounds = if settings.keeps_pixels() { None } else { self.scene.lanes.lane(Axis::X)?.bounds() };
         let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
@@ -237,14 +237,14 @@ impl<'a> Renderer<'a> {
     /// Draws a frame with one sample a pixel, and calls `probe` after each chunk.
     ///
     /// # Errors
-    /// As [`Renderer::render`].
+    /// As [`GpuRenderer::render`].
     #[doc(hidden)]
     pub fn render_probed(
         &mut self,
         camera: &Camera,
         settings: &Settings,
         probe: Option<ProbeCallback>,
-    ) -> Result<(Frame, Stats)> {
+    ) -> Result<(Frame, GpuStats)> {
         check_size(settings.size)?;
         let mut frame = Frame::transparent(settings.size)?;
         let stats = self.draw(camera, settings, FrameOutput::Frame(&mut frame, probe))?;
@@ -257,15 +257,15 @@ impl<'a> Renderer<'a> {
     /// `settings.size` is the texture's. Splats are not counted and stages not timed.
     ///
     /// # Errors
-    /// As [`Renderer::render`]; [`Error::Input`] for a sampling other than [`Sampling::EveryPixel`].
-    pub fn render_to(&mut self, camera: &Camera, settings: &Settings, canvas: &Canvas) -> Result<Stats> {
+    /// As [`GpuRenderer::render`]; [`Error::Input`] for a sampling other than [`Sampling::EveryPixel`].
+    pub fn render_to(&mut self, camera: &Camera, settings: &Settings, target: &RenderTarget) -> Result<GpuStats> {
         if settings.sampling.is_some_and(|sampling| sampling != Sampling::EveryPixel) {
             return Err(Error::input("sampling", "of a texture is of every pixel; supersample by a larger texture"));
         }
-        self.draw(camera, settings, FrameOutput::Texture(canvas))
+        self.draw(camera, settings, FrameOutput::Texture(target))
     }
 
-    fn draw(&mut self, camera: &Camera, settings: &Settings, output: FrameOutput) -> Result<Stats> {
+    fn draw(&mut self, camera: &Camera, settings: &Settings, output: FrameOutput) -> Result<GpuStats> {
         let start = Instant::now();
         let shot = Shot::new(&self.scene, camera, settings)?;
         if settings.blending != Blending::Exponential {
@@ -274,7 +274,7 @@ impl<'a> Renderer<'a> {
             return Err(Error::input("blending", why));
         }
         let context = self.context.clone();
-        let mut stats = Stats::default();
+        let mut stats = GpuStats::default();
         self.current = self.compositor_for(settings.size);
         let drawn = context.watch(|| {
             let plan = self.plan(&shot, settings)?;
@@ -331,7 +331,7 @@ impl<'a> Renderer<'a> {
         })
     }
 
-    fn prepare_looks(&mut self, shot: &Shot, settings: &Settings, stats: &mut Stats) -> Result<()> {
+    fn prepare_looks(&mut self, shot: &Shot, settings: &Settings, stats: &mut GpuStats) -> Result<()> {
         let start = Instant::now();
         let wanted = (settings.mode, settings.exposure);
         if self.looks.as_ref().is_none_or(|looks| (looks.mode, looks.exposure) != wanted) {
@@ -343,7 +343,7 @@ impl<'a> Renderer<'a> {
         Ok(())
     }
 
-    fn prepare_list(&mut self, shot: &Shot, room: LaneSize, stats: &mut Stats) -> Result<()> {
+    fn prepare_list(&mut self, shot: &Shot, room: LaneSize, stats: &mut GpuStats) -> Result<()> {
         let start = Instant::now();
         let key = list_key(&shot.order);
         if self.list.as_ref().is_none_or(|cached| cached.room != room || cached.list.key != key) {
@@ -364,7 +364,7 @@ impl<'a> Renderer<'a> {
 
 /// Checks that `device` can blend the format of `compositor`; [`Error::Device`] if not.
 fn check_blends(device: &Device, compositor: Option<Compositor>) -> Result<()> {
-    let needs_float32 = compositor == Some(Compositor::Quads(Target::Float32));
+    let needs_float32 = compositor == Some(Compositor::Quads(QuadFormat::Float32));
     if needs_float32 && !device.features().contains(Features::FLOAT32_BLENDABLE) {
         return Err(Error::device("cannot blend 32-bit floats; take tiles, or accumulate in 16 bits"));
     }

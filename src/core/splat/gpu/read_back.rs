@@ -9,19 +9,19 @@ use wgpu::{Extent3d, TexelCopyBufferInfo, TexelCopyBufferLayout};
 
 use super::buffers::{BufferName, FrameBuffers};
 use super::context::Context;
-use super::{Compositor, Renderer, Stats, Target};
+use super::{Compositor, GpuRenderer, GpuStats, QuadFormat};
 use crate::error::Result;
 use crate::splat::composite::Finish;
 
 pub(super) const COUNTERS: u64 = 4_096; // Counters of drawn splats; chunks beyond them share one.
 
 /// Copies the pixels of a window of `size` into `out`, its part of a frame.
-pub(super) fn window(renderer: &mut Renderer, size: [u32; 2], out: &mut [f32], stats: &mut Stats) -> Result<()> {
+pub(super) fn window(renderer: &mut GpuRenderer, size: [u32; 2], out: &mut [f32], stats: &mut GpuStats) -> Result<()> {
     let start = Instant::now();
     let (context, compositor) = (renderer.context.clone(), renderer.current);
     let [width, height] = size;
     let (target, pitch) = match compositor {
-        Compositor::Tiles => (Target::Float32, 16 * width),
+        Compositor::Tiles => (QuadFormat::Float32, 16 * width),
         // Rows of copies from textures start at multiples of 256 bytes.
         Compositor::Quads(target) => (target, (target.pixel_bytes() * width).next_multiple_of(256)),
     };
@@ -75,15 +75,15 @@ pub(super) fn drawn(buffers: &mut FrameBuffers, context: &Context) -> Result<u64
     context.read(&back, 4 * COUNTERS, sum)
 }
 
-impl Target {
+impl QuadFormat {
     /// Returns the values of a pixel from its bytes.
     fn decode(self, bytes: &[u8]) -> [f32; 4] {
         let float = |at: usize| bytes[4 * at..].first_chunk().map_or(0.0, |bytes| f32::from_le_bytes(*bytes));
         let half = |at: usize| bytes[2 * at..].first_chunk().map_or(0.0, |bytes| f16::from_le_bytes(*bytes).to_f32());
         match self {
-            Target::Float32 => std::array::from_fn(float),
-            Target::Float16 => std::array::from_fn(half),
-            Target::Unorm8 => std::array::from_fn(|at| f32::from(bytes[at]) / 255.0),
+            QuadFormat::Float32 => std::array::from_fn(float),
+            QuadFormat::Float16 => std::array::from_fn(half),
+            QuadFormat::Unorm8 => std::array::from_fn(|at| f32::from(bytes[at]) / 255.0),
         }
     }
 }

@@ -13,7 +13,7 @@ use wgpu::{
 
 use super::buffers::BufferName;
 use super::stages::{RESOLVE, render_pass, render_pipeline, shader_module};
-use super::{Compositor, Renderer};
+use super::{Compositor, GpuRenderer};
 use crate::error::Result;
 use crate::splat::Mode;
 
@@ -21,7 +21,7 @@ const RAMP: u16 = 1_024; // Entries of the table of a maximum's colours.
 
 /// A texture of the caller's that a picture is drawn into.
 #[derive(Debug, Clone, Copy)]
-pub struct Canvas<'t> {
+pub struct RenderTarget<'t> {
     /// View of the texture, which has the picture's size and the usage `RENDER_ATTACHMENT`.
     pub view: &'t TextureView,
     /// Format of the texture: any that can be rendered to. Values are linear; an sRGB format encodes them.
@@ -48,18 +48,18 @@ pub(super) struct ResolvePipeline {
     pipeline: RenderPipeline,
 }
 
-/// Draws the pixels of `window` into `canvas`.
-pub(super) fn window(renderer: &mut Renderer, window: [i32; 4], canvas: &Canvas) -> Result<()> {
+/// Draws the pixels of `window` into `target`.
+pub(super) fn window(renderer: &mut GpuRenderer, window: [i32; 4], target: &RenderTarget) -> Result<()> {
     let context = renderer.context.clone();
     let device = &context.device;
     let is_buffer = renderer.current == Compositor::Tiles;
-    let key = (canvas.format, is_buffer);
+    let key = (target.format, is_buffer);
     if renderer.resolve.as_ref().is_none_or(|resolve| resolve.key != key) {
         let module = shader_module(device, "resolve", RESOLVE);
         let entries = ["corner", if is_buffer { "from_buffer" } else { "from_target" }];
-        let target = ColorTargetState { format: canvas.format, blend: None, write_mask: ColorWrites::ALL };
+        let colour = ColorTargetState { format: target.format, blend: None, write_mask: ColorWrites::ALL };
         let pipeline =
-            render_pipeline(device, "resolve", &module, entries, PrimitiveTopology::TriangleList, target, &[]);
+            render_pipeline(device, "resolve", &module, entries, PrimitiveTopology::TriangleList, colour, &[]);
         renderer.resolve = Some(ResolvePipeline { key, pipeline });
     }
     let pipeline = &renderer.resolve.as_ref().expect("it was just made").pipeline;
@@ -70,8 +70,8 @@ pub(super) fn window(renderer: &mut Renderer, window: [i32; 4], canvas: &Canvas)
         Mode::Maximum => 2,
         Mode::MaximumGrey => 3,
     };
-    let [red, green, blue] = canvas.background.unwrap_or_default();
-    let background = [red, green, blue, if canvas.background.is_some() { 1.0 } else { 0.0 }];
+    let [red, green, blue] = target.background.unwrap_or_default();
+    let background = [red, green, blue, if target.background.is_some() { 1.0 } else { 0.0 }];
     let uniform = ResolveUniform { window, background, mode, last: (RAMP - 1).into(), unused: [0; 2] };
     let ramp: Vec<[f32; 4]> = (0..if mode == 2 { RAMP } else { 2 })
         .map(|entry| table.colour_of(f32::from(entry) / f32::from(RAMP - 1)))
@@ -82,9 +82,9 @@ pub(super) fn window(renderer: &mut Renderer, window: [i32; 4], canvas: &Canvas)
     };
     let uniform = buffer("resolve", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
     let ramp = buffer("ramp", bytemuck::cast_slice(&ramp), BufferUsages::STORAGE);
-    let target = (!is_buffer).then(|| renderer.buffers.target().create_view(&Default::default()));
-    let (binding, resource) = match &target {
-        Some(target) => (3, wgpu::BindingResource::TextureView(target)),
+    let quads = (!is_buffer).then(|| renderer.buffers.target().create_view(&Default::default()));
+    let (binding, resource) = match &quads {
+        Some(quads) => (3, wgpu::BindingResource::TextureView(quads)),
         None => (2, renderer.buffers.get(BufferName::Pixels).as_entire_binding()),
     };
     let group = device.create_bind_group(&BindGroupDescriptor {
@@ -98,7 +98,7 @@ pub(super) fn window(renderer: &mut Renderer, window: [i32; 4], canvas: &Canvas)
     });
     let mut encoder = context.encoder("resolve");
     let load = if window[1] == 0 { LoadOp::Clear(Color::TRANSPARENT) } else { LoadOp::Load };
-    let mut pass = render_pass(&mut encoder, canvas.view, load, None);
+    let mut pass = render_pass(&mut encoder, target.view, load, None);
     let [x0, y0, x1, y1] = window.map(i32::cast_unsigned);
     pass.set_pipeline(pipeline);
     pass.set_bind_group(0, &group, &[]);

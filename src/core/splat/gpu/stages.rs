@@ -17,7 +17,7 @@ use wgpu::{
     ShaderSource, ShaderStages, StoreOp, TextureFormat, TextureView, VertexState,
 };
 
-use super::Target;
+use super::QuadFormat;
 use super::layout::Chunk;
 use crate::splat::Mode;
 use crate::traverse::Sense;
@@ -82,12 +82,12 @@ impl BlendMode {
     }
 }
 
-impl Target {
+impl QuadFormat {
     pub(super) fn format(self) -> TextureFormat {
         match self {
-            Target::Float32 => TextureFormat::Rgba32Float,
-            Target::Float16 => TextureFormat::Rgba16Float,
-            Target::Unorm8 => TextureFormat::Rgba8Unorm,
+            QuadFormat::Float32 => TextureFormat::Rgba32Float,
+            QuadFormat::Float16 => TextureFormat::Rgba16Float,
+            QuadFormat::Unorm8 => TextureFormat::Rgba8Unorm,
         }
     }
 
@@ -189,7 +189,7 @@ impl Pipelines {
     }
 
     /// Returns the stage that draws quads into a target.
-    pub(crate) fn splat(&self, device: &Device, blend: BlendMode, target: Target) -> &RenderPipeline {
+    pub(crate) fn splat(&self, device: &Device, blend: BlendMode, target: QuadFormat) -> &RenderPipeline {
         self.splats[blend as usize][target as usize].get_or_init(|| {
             let (format, entries) = (target.format(), ["corner", "pixel"]);
             let target = ColorTargetState { format, blend: Some(blend.state()), write_mask: ColorWrites::ALL };
