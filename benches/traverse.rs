@@ -16,7 +16,6 @@ use adjsplat::internals::transpose;
 use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType, Samples, SlabSource};
-use adjsplat_readers::open::{OpenOptions, open};
 use criterion::{BenchmarkId, Criterion, Throughput};
 
 /// One byte a voxel: what a walk reads does not depend on it.
