@@ -86,15 +86,8 @@ fn brush(side: u32) -> Vec<[u32; 3]> {
     ball
 }
 
-/// As many places all over the grid (SplitMix64, Steele et al. 2014).
+/// As many places all over the grid.
 fn scattered(side: u32) -> Vec<[u32; 3]> {
-    let mut state = 1u64;
-    let mut next = || {
-        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = state;
-        bits = (bits ^ bits >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ bits >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-        u32::try_from((bits ^ bits >> 31) % u64::from(side)).expect("below the side")
-    };
-    (0..EDITS).map(|_| [next(), next(), next()]).collect()
+    let mut random = adjsplat_tests::random::Random(1);
+    (0..EDITS).map(|_| random.place([side; 3])).collect()
 }

@@ -7,7 +7,6 @@
 //! With `--test` the volumes are small and each walk runs once, of both.
 
 use std::hint::black_box;
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use adjsplat::arena::Record;
@@ -17,7 +16,6 @@ use adjsplat::internals::transpose;
 use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType, Samples, SlabSource};
-use adjsplat_readers::open::{OpenOptions, open};
 use criterion::{BenchmarkId, Criterion, Throughput};
 
 /// One byte a voxel: what a walk reads does not depend on it.
@@ -87,12 +85,8 @@ impl Scene {
 
     /// The segmented frog, where there is the folder of real volumes.
     fn frog() -> Option<Scene> {
-        let path = adjsplat_tests::repository().join("../shared/data/frogtissue/frogtissue.mhd");
-        if !path.exists() {
-            println!("SKIPPED: no frog, because there is no {}", path.display());
-            return None;
-        }
-        let mut source = open(&path, &OpenOptions::default()).expect("the frog can be read");
+        let path = adjsplat_tests::real_volume("frogtissue/frogtissue.mhd")?;
+        let mut source = adjsplat_tests::scenes::volume(&path);
         Some(Scene::new("frog".into(), &mut *source, (1.0, 255.0)))
     }
 

@@ -47,7 +47,7 @@ fn main() -> ExitCode {
     };
     let gpu = match Gpu::open() {
         Ok(gpu) => gpu,
-        Err(why) if std::env::var("ADJ_GPU").is_ok_and(|wish| wish == "require") => {
+        Err(why) if adjsplat_tests::required("ADJ_GPU") => {
             eprintln!("error: {why}");
             return ExitCode::FAILURE;
         }

@@ -259,7 +259,7 @@ fn sizes_of_pictures() {
     }
 }
 
-/// 16 splats a layer on one pixel, each of `part` of its light: as `layers` of tests/extremes has them.
+/// 16 splats a layer on one pixel, each of `part` of its light: as `layers` of tests/pictures/extremes has them.
 fn columns(part: f64, layers: u64) -> (Built, Camera, Settings, f64) {
     let scale = 1e-3f64;
     let kept = -(-0.5 * (3.0f64 / 0.7).powi(2)).exp_m1();

@@ -1,7 +1,5 @@
 //! Pictures drawn on the base plane of a parallel view, beside those whose every pixel is drawn.
 
-#![expect(clippy::cast_possible_truncation, reason = "pixels of small pictures")]
-
 use adjsplat::build::{BuildOptions, Built};
 use adjsplat::splat::{Camera, Code, KernelShape, Projection, Sampling, Settings};
 use adjsplat::traverse::VoxelBox;

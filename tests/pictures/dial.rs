@@ -23,7 +23,7 @@ fn a_bound_is_kept_by_whole_pictures() {
     {
         let built = built_phantom(name, [edge; 3], [opacity; 2]);
         let exact = Settings { quality: Quality::Reference, ..Settings::every_pixel(size) };
-        for turn in (0..5).step_by(at_full(1, 2)) {
+        for turn in (0..5).step_by(at_full(1, 3)) {
             let view = camera(&built, f64::from(turn) * 79.7 + 3.0, f64::from(turn) * 33.0 - 70.0, fov, size);
             let right = built.frame(&view, &exact);
             let (mut rungs, mut errors) = (Vec::new(), HashMap::new());

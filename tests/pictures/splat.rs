@@ -183,13 +183,12 @@ fn both_senses_and_any_termination_give_one_picture() {
     let (front, all) = model.render(&camera, &settings);
     let (back, _) = model.render(&camera, &Settings { sense: Sense::BackToFront, ..settings.clone() });
     assert!(apart(&front, &back) < 2e-5, "{}", apart(&front, &back));
-    for termination in [0.5, 0.1, 0.01, 1e-3] {
-        let (early, stats) =
-            model.render(&camera, &Settings { termination: Some(termination as f32), ..settings.clone() });
+    for termination in [0.5f32, 0.1, 0.01, 1e-3] {
+        let (early, stats) = model.render(&camera, &Settings { termination: Some(termination), ..settings.clone() });
         let difference = apart(&front, &early);
         // Highlights go a little above 1.
         println!("rays that end at {termination}: off by {difference:.1e}");
-        assert!(difference <= termination * 1.2 + 1e-6, "{termination}: {difference}");
+        assert!(difference <= f64::from(termination) * 1.2 + 1e-6, "{termination}: {difference}");
         assert!(stats.splats_drawn < all.splats_drawn || termination < 0.1, "{termination}: {stats:?}");
     }
 }

@@ -15,6 +15,10 @@ pub(crate) fn rewrite(path: &Path, bytes: &[u8]) {
 
 /// Changes a few bytes of the good file at `path`, again and again, and reads what that gives.
 pub(crate) fn expect_no_panic(path: &Path, rounds: u32) {
+    expect_no_panic_with(path, &OpenOptions::default(), rounds);
+}
+
+pub(crate) fn expect_no_panic_with(path: &Path, options: &OpenOptions, rounds: u32) {
     let whole = std::fs::read(path).expect("just written");
     // xorshift32; any seed does.
     let mut state = 0x9e37_79b9_u32;
@@ -24,7 +28,7 @@ pub(crate) fn expect_no_panic(path: &Path, rounds: u32) {
         state ^= state << 5;
         state as usize % below
     };
-    let marks = [0, 1, 0xff, 0x7f, 0x80, b'\n', b'9', b'-', b'"', b'<', b'>', b'='];
+    let marks = [0, 1, 0xff, 0x7f, 0x80, b'\n', b'9', b'-', b'"', b'<', b'>', b'=', b'%', b' ', b'('];
     for _ in 0..rounds {
         let mut bad = whole.clone();
         for _ in 0..1 + random(4) {
@@ -33,7 +37,7 @@ pub(crate) fn expect_no_panic(path: &Path, rounds: u32) {
         }
         rewrite(path, &bad);
         // Damage may give a larger volume only as far as the file's bytes go.
-        let Ok(mut source) = open(path, &OpenOptions::default()) else { continue };
+        let Ok(mut source) = open(path, options) else { continue };
         let Ok(mut slice) = source.header().new_slice() else { continue };
         for _ in 0..source.header().grid.dims[2] {
             if source.read_slice(&mut slice).is_err() {

@@ -61,7 +61,7 @@ pub struct Folder(tempfile::TempDir);
 
 impl Folder {
     /// Makes an empty folder.
-    #[expect(clippy::new_without_default, reason = "it makes a folder on the disk")]
+    #[allow(clippy::new_without_default, reason = "it makes a folder on the disk")]
     pub fn new() -> Folder {
         Folder(tempfile::tempdir().expect("the system has a temporary folder"))
     }

@@ -8,7 +8,7 @@ pub struct Random(pub u64);
 
 impl Random {
     /// Returns the next 64 random bits.
-    #[expect(clippy::should_implement_trait, reason = "it has no end")]
+    #[allow(clippy::should_implement_trait, reason = "it has no end")]
     pub fn next(&mut self) -> u64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         let mixed = (self.0 ^ self.0 >> 29).wrapping_mul(0xbf58_476d_1ce4_e5b9);

@@ -6,9 +6,9 @@
 use std::path::PathBuf;
 use std::sync::LazyLock;
 
-use adjsplat::volume::raw::RawOptions;
 use adjsplat::volume::SampleType;
-use adjsplat::volume::open::{OpenOptions, open};
+use adjsplat_readers::open::{OpenOptions, open};
+use adjsplat_readers::raw::RawOptions;
 use libfuzzer_sys::fuzz_target;
 
 /// One name for each way into a reader.
