@@ -1,6 +1,6 @@
 //! Opening a volume of any supported format.
 //!
-//! In: a path, and what the file cannot say itself. Out: a slab source of the format that [`Format`] finds.
+//! In: a path, and what the file cannot say itself. Out: a slab source of the format that `Format` finds.
 
 use std::path::Path;
 
