@@ -1,4 +1,4 @@
-//! Unordered splatting: a list of the visible voxels, drawn in scan order whatever the view. It shows the cost of order.
+//! Unordered splatting: a list of the visible voxels, drawn in scan order in every view. It shows the cost of order.
 //!
 //! Orchard and Möller store with each voxel what their ordered methods store, so that only the order differs: position 6,
 //! value 1, colour 4 and gradient 12 bytes, 23 in all. Crawfis himself needs no gradient.
