@@ -1,7 +1,7 @@
 //! How rendering divides the memory that `--memory` allows.
 //!
-//! In: the limit, the file, the picture. Out: the number of threads, how much of the file may be resident, and how large
-//! derived lanes may be. The picture depends on none of them.
+//! In: the limit, the file, the picture. Out: the number of threads, how much of the file may be resident, and how
+//! large derived lanes may be. The picture depends on none of them.
 //!
 //! ```text
 //! memory = program + frame, bands, tables, lists + pictures + derived lanes + pages in flight + the file's pages

@@ -18,8 +18,8 @@ use adjsplat::splat::view::MAX_SIZE;
 /// Reads the picture at `path`, whose name ends in its format.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be opened; [`Error::Input`] if it is no picture of that format; [`Error::Limit`] if a side
-/// is above [`MAX_SIZE`] or the memory cannot be had.
+/// [`Error::Io`] if it cannot be opened; [`Error::Input`] if it is no picture of that format; [`Error::Limit`] if a
+/// side is above [`MAX_SIZE`] or the memory cannot be had.
 pub(super) fn read_picture(path: &Path) -> Result<Frame> {
     match PictureKind::of(path)? {
         PictureKind::Png | PictureKind::Apng => read_png(path),

@@ -121,7 +121,8 @@ impl RendererArguments {
     /// `is_bounded`: `--memory` is given, which no graphics driver obeys. Devices know exponential `blending` only.
     ///
     /// # Errors
-    /// [`Error::Device`] if a graphics device was asked for and cannot be had; [`Error::Input`] for a flag out of place.
+    /// [`Error::Device`] if a graphics device was asked for and cannot be had; [`Error::Input`] for a flag out of
+    /// place.
     pub(super) fn renderer<'a>(&self, scene: Scene<'a>, is_bounded: bool, blending: Blending) -> Result<Renderer<'a>> {
         let is_for_devices = blending == Blending::Exponential;
         match (self.renderer, self.of_devices().into_iter().find(|(_, is_given)| *is_given)) {

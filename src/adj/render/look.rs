@@ -34,8 +34,8 @@ pub(super) struct LookArguments {
     /// What a pixel shows of its ray
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = choice(MODES))]
     mode: Mode,
-    /// How a splat covers what is behind it, in composite mode; linear and sheets need --renderer cpu, and are not exact
-    /// for very many very faint layers
+    /// How a splat covers what is behind it, in composite mode; linear and sheets need --renderer cpu, and are not
+    /// exact for very many very faint layers
     #[arg(long, value_name = "B", default_value = "exponential", value_parser = choice(BLENDINGS))]
     blending: Blending,
     /// Brightness of xray mode, a factor above 0; by default it suits what is visible

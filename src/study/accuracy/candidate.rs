@@ -111,7 +111,7 @@ impl Candidate {
     /// Returns the renderer's settings for one thread; `view` must have the size of the picture that is drawn.
     ///
     /// # Errors
-    /// Those of [`Order::new`].
+    /// Any error of [`Order::new`].
     pub fn settings(&self, view: &View, dims: [u32; 3]) -> Result<Settings> {
         let order = match self.nesting {
             Nesting::Own => None,

@@ -153,7 +153,8 @@ struct CandidateRenderer<'a> {
 }
 
 impl CandidateRenderer<'_> {
-    /// Returns the errors of each candidate's picture against the reference picture `truth`, in the order of `candidates`.
+    /// Returns the errors of each candidate's picture against the reference picture `truth`, in the order of
+    /// `candidates`.
     fn errors(
         &self,
         view: &JudgedView,

@@ -4,7 +4,8 @@
 //!
 //! 1. Ray casting (the integral itself) and splats sorted by distance: the model's error, as splats overlap.
 //! 2. Sorted splats and splats in nested order (nested loops over the axes): the order's error.
-//! 3. Splats in nested order and the renderer's picture: the error of its codes, cut-off, termination, sampling, precision.
+//! 3. Splats in nested order and the renderer's picture: the error of its codes, cut-off, termination, sampling,
+//!    precision.
 
 use std::ops::ControlFlow;
 

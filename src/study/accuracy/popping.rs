@@ -1,9 +1,9 @@
 //! Popping: how much a picture jumps where the loops of the walk change places between two frames.
 //!
-//! In: a set. Out: differences of neighbouring frames while the camera turns around the set, at the azimuth where another
-//! axis becomes the slow (outermost) one, and elsewhere. A turn changes every picture a little. So the same is measured
-//! with the reference renderer and splats sorted by distance, where only two splats swap at a time; changes above that are
-//! popping. Long steps of azimuth show what a viewer sees at usual speed; short ones isolate the jump.
+//! In: a set. Out: differences of neighbouring frames while the camera turns around the set, at the azimuth where
+//! another axis becomes the slow (outermost) one, and elsewhere. A turn changes every picture a little. So the same is
+//! measured with the reference renderer and splats sorted by distance, where only two splats swap at a time; changes
+//! above that are popping. Long steps of azimuth show what a viewer sees at usual speed; short ones isolate the jump.
 //!
 //! Source: Radl et al., "StopThePop", 2024. Departs from it in the sorted reference, which replaces optical flow.
 
@@ -32,8 +32,8 @@ const PIXELS: f64 = 1.25;
 pub struct FrameChange {
     /// Largest difference of a sample between two neighbouring frames.
     pub largest: f64,
-    /// Highest root mean square difference of two neighbouring frames, over the whole picture. Empty pixels are included
-    /// because which pixels are empty depends on the renderer's cut-off.
+    /// Highest root mean square difference of two neighbouring frames, over the whole picture. Empty pixels are
+    /// included because which pixels are empty depends on the renderer's cut-off.
     pub rms: f64,
 }
 

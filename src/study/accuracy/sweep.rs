@@ -1,5 +1,6 @@
-//! The candidates that the study compares: presets on files of 8 and of 16 bits, the dial's settings, `standard` with one
-//! setting changed, and combinations of the settings that matter most for time. The dial searches the fastest settings.
+//! The candidates that the study compares: presets on files of 8 and of 16 bits, the dial's settings, `standard` with
+//! one setting changed, and combinations of the settings that matter most for time. The dial searches the fastest
+//! settings.
 
 use super::candidate::{Candidate, Drawer, Nesting};
 use super::family::Family;

@@ -1,8 +1,8 @@
 //! Views in which a set is compared with the reference.
 //!
-//! In: a grid and a box of voxels. Out: cameras and picture sizes. Pictures are so large that the footprint of the narrowest
-//! kernel is at least as wide as EWA's low-pass filter. So the filter does nothing, and all kernels have one reference
-//! picture. One view has voxels finer than pixels, where the filter acts.
+//! In: a grid and a box of voxels. Out: cameras and picture sizes. Pictures are so large that the footprint of the
+//! narrowest kernel is at least as wide as EWA's low-pass filter. So the filter does nothing, and all kernels have one
+//! reference picture. One view has voxels finer than pixels, where the filter acts.
 
 use adjsplat::error::Result;
 use adjsplat::splat::{Camera, Orbit, Projection, Surround};
@@ -17,7 +17,8 @@ pub struct JudgedView {
     pub camera: Camera,
     /// Columns and rows of the view's picture.
     pub size: [u32; 2],
-    /// Pixels from one to the next of the farthest voxels, along the axis of the smallest spacing, seen at a right angle.
+    /// Pixels from one to the next of the farthest voxels, along the axis of the smallest spacing, seen at a right
+    /// angle.
     pub pixels_per_voxel: f64,
     /// Whether voxels are finer than pixels: the reference is then drawn on finer pixels and filtered by the low-pass.
     pub is_fine: bool,
@@ -27,7 +28,8 @@ pub struct JudgedView {
 const PIXELS: f64 = 1.25;
 /// Zoom of close views in pixels per voxel: splats are wide, and pixels may be skipped.
 const CLOSE: f64 = 3.0;
-/// Longest side in pixels. Larger pictures are cropped to the middle, as comparing a pixel takes longer than drawing it.
+/// Longest side in pixels. Larger pictures are cropped to the middle, as comparing a pixel takes longer than drawing
+/// it.
 const LONGEST: u32 = 512;
 /// Zoom of the view with voxels finer than pixels, in pixels per voxel.
 const FINE: f64 = 0.6;
@@ -56,7 +58,7 @@ const PLANS: [ViewPlan; 8] = [
 /// Returns the views of the voxels from `low` to `high`; if `quick`, only the oblique one.
 ///
 /// # Errors
-/// Those of [`Camera::orbiting`].
+/// Any error of [`Camera::orbiting`].
 pub fn views(grid: &Grid, low: [u16; 3], high: [u16; 3], quick: bool) -> Result<Vec<JudgedView>> {
     let around = Surround::of_voxels(grid, low, high);
     let plans = PLANS.iter().filter(|plan| !quick || plan.name == "oblique");

@@ -20,7 +20,8 @@ impl Appearance {
         Ok(Appearance { colours, has_normals: subject.facts.channels.normal_bits > 0 })
     }
 
-    /// Returns the voxel's linear red, green, blue and opacity. Opacity is above 0, as 0 marks cells without a visible voxel.
+    /// Returns the voxel's linear red, green, blue and opacity. Opacity is above 0, as 0 marks cells without a visible
+    /// voxel.
     pub(super) fn colour(&self, voxel: &VisibleVoxel) -> [u8; 4] {
         self.colours[usize::from(voxel.value)]
     }

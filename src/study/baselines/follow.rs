@@ -1,8 +1,8 @@
 //! Follows a chain (a scan line of doubly linked voxels) in the order of an axis.
 //!
-//! In: a chain between its two caps (the virtual voxels at its ends), and an [`AxisOrder`]. Out: its voxels in that order,
-//! found by links alone. If the eye lies between the ends of the axis, the chain has two sides. A back-to-front walk
-//! follows it from both ends. A front-to-back walk first follows the links to the voxels where the sides meet.
+//! In: a chain between its two caps (the virtual voxels at its ends), and an [`AxisOrder`]. Out: its voxels in that
+//! order, found by links alone. If the eye lies between the ends of the axis, the chain has two sides. A back-to-front
+//! walk follows it from both ends. A front-to-back walk first follows the links to the voxels where the sides meet.
 
 use adjsplat::traverse::{AxisOrder, Sense, SplitForm};
 
@@ -30,8 +30,8 @@ pub(super) fn needs_both_ends(order: AxisOrder) -> bool {
 
 /// Calls `visit` with the voxels of `chain` in the given order.
 ///
-/// `start` is the cap where the order begins, the low cap if the chain has two sides of the eye. `far` is the other cap,
-/// used only if the chain has two sides.
+/// `start` is the cap where the order begins, the low cap if the chain has two sides of the eye. `far` is the other
+/// cap, used only if the chain has two sides.
 #[inline(always)]
 pub(super) fn follow<C, L: Chain<C>>(
     order: AxisOrder,

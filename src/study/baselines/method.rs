@@ -92,7 +92,7 @@ impl Method {
     /// Builds the structure for `subject`; our own method derives the lanes that the file does not store.
     ///
     /// # Errors
-    /// [`Error::Limit`] if memory cannot be had or the structure would be too large; those of [`Subject::looks`].
+    /// [`Error::Limit`] if memory cannot be had or the structure would be too large; any error of [`Subject::looks`].
     pub fn build<'a>(self, subject: &'a Subject<'a>) -> Result<BuiltMethod<'a>> {
         Ok(match self {
             Method::Adjsplat => BuiltMethod::Adjsplat(Adjsplat::new(subject)?),

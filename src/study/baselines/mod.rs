@@ -1,4 +1,5 @@
-//! Baselines: other ways to store and walk a volume's visible voxels, each built in full from a [`Subject`](super::Subject).
+//! Baselines: other ways to store and walk a volume's visible voxels, each built in full from a
+//! [`Subject`](super::Subject).
 //!
 //! In: a subject and a [`Viewing`]. Out: every visible voxel, delivered to a [`Receiver`] in the method's order. All
 //! methods deliver the same codes, so one splatter draws them all.
@@ -86,7 +87,7 @@ impl Viewing {
     /// Returns the view from `viewpoint` of a grid of `dims` points.
     ///
     /// # Errors
-    /// Those of [`Order::new`].
+    /// Any error of [`Order::new`].
     pub fn new(viewpoint: Viewpoint, dims: [u32; 3], sense: Sense, form: SplitForm) -> Result<Viewing> {
         Ok(Viewing { order: Order::new(viewpoint, dims, sense, form)?, viewpoint })
     }
@@ -124,8 +125,8 @@ pub struct VoxelCube {
     pub low: [u16; 3],
     /// Base-2 logarithm of the cube's edge in voxels; above 0.
     pub level: u8,
-    /// Red, green and blue, averaged with optical depths as weights, and the mean optical depth over all cells of the cube,
-    /// empty ones included; in the units of [`Subject::looks`](super::Subject::looks).
+    /// Red, green and blue, averaged with optical depths as weights, and the mean optical depth over all cells of the
+    /// cube, empty ones included; in the units of [`Subject::looks`](super::Subject::looks).
     pub look: [f32; 4],
     /// Mean normal of unit length; zero if voxels have no normals.
     pub normal: [f32; 3],

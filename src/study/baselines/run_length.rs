@@ -8,8 +8,8 @@
 //! payload  3 bytes per visible voxel, in the order of lines: value 1, normal 2
 //! ```
 //!
-//! As pairs fill the line, they can be read from its end too. The original stores where each slice begins, not each line,
-//! as it visits the lines of a slice always in the same order.
+//! As pairs fill the line, they can be read from its end too. The original stores where each slice begins, not each
+//! line, as it visits the lines of a slice always in the same order.
 //!
 //! Source: Lacroute and Levoy, "Fast Volume Rendering Using a Shear-Warp Factorization of the Viewing
 //! Transformation", SIGGRAPH 1994.

@@ -1,15 +1,15 @@
 //! Shell splatting: rows of visible voxels behind an array of row pointers.
 //!
-//! For each row of the volume, a pointer says where the row's voxels begin in a list. A voxel has 6 bytes: coordinate on
-//! the row 2, value 1, neighbour code (which neighbours are opaque) 1, normal 2.
+//! For each row of the volume, a pointer says where the row's voxels begin in a list. A voxel has 6 bytes: coordinate
+//! on the row 2, value 1, neighbour code (which neighbours are opaque) 1, normal 2.
 //!
-//! Rows run along x, and x stays the innermost loop in every view: as voxels are points, any nesting is a correct order. So
-//! the nesting is the view's with x moved to the end. With [`Lists::Three`] rows run along the view's fast axis, in exact
-//! slice order.
+//! Rows run along x, and x stays the innermost loop in every view: as voxels are points, any nesting is a correct
+//! order. So the nesting is the view's with x moved to the end. With [`Lists::Three`] rows run along the view's fast
+//! axis, in exact slice order.
 //!
-//! Bit 2a of the neighbour code is set if the neighbour below on axis a is opaque, bit 2a + 1 for the one above. A voxel
-//! can be skipped if its three neighbours toward the eye are opaque. That changes pictures, as a splat is wider than a
-//! voxel, so only [`Shell::hide`] turns it on.
+//! Bit 2a of the neighbour code is set if the neighbour below on axis a is opaque, bit 2a + 1 for the one above. A
+//! voxel can be skipped if its three neighbours toward the eye are opaque. That changes pictures, as a splat is wider
+//! than a voxel, so only [`Shell::hide`] turns it on.
 //!
 //! Source: Udupa and Odhner, "Shell Rendering", CG&A 1993; Botha and Post, "ShellSplatting", VisSym 2003.
 
@@ -67,7 +67,7 @@ impl Shell {
     /// Builds the rows of `subject`. A neighbour is opaque if its opacity is at least `opaque` (above 0, at most 1).
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had; those of [`Subject::looks`].
+    /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had; any error of [`Subject::looks`].
     pub fn new(subject: &Subject, lists: Lists, opaque: f32) -> Result<Shell> {
         let opaque_codes = subject.looks()?.map(|look| 1.0 - (-look[3]).exp2() >= opaque);
         let [width, height, depth] = subject.dims().map(u64::from);

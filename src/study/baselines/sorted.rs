@@ -1,11 +1,12 @@
 //! Sorted splatting: a list of the visible voxels, sorted by distance for every frame.
 //!
-//! Renderers of splats without a grid draw this way (Kerbl et al. 2023 and others). Distance is measured from the eye, or
-//! along the direction of a parallel view.
+//! Renderers of splats without a grid draw this way (Kerbl et al. 2023 and others). Distance is measured from the eye,
+//! or along the direction of a parallel view.
 //!
-//! Distances become integers of 32 bits over the frame's range, computed in double precision: no two voxels on a ray have
-//! the same integer, wherever the eye is. These keys and the voxels' indices go through a radix sort in four passes of 8
-//! bits, least significant first. A pass whose digit all keys share is skipped. Voxels are then read by index.
+//! Distances become integers of 32 bits over the frame's range, computed in double precision: no two voxels on a ray
+//! have the same integer, wherever the eye is. These keys and the voxels' indices go through a radix sort in four
+//! passes of 8 bits, least significant first. A pass whose digit all keys share is skipped. Voxels are then read by
+//! index.
 
 use super::allocate::{filled, reserved};
 use super::{Normal, Receiver, Viewing, Walker};
@@ -94,8 +95,8 @@ impl Sorted {
         }
     }
 
-    /// Sorts the pairs by key, stably. Returns which array a trace notes them in: `PAIRS`, or `SPARE` after an odd number of
-    /// passes.
+    /// Sorts the pairs by key, stably. Returns which array a trace notes them in: `PAIRS`, or `SPARE` after an odd
+    /// number of passes.
     #[inline(always)]
     fn sort<T: Trace>(&mut self, trace: &mut T) -> usize {
         let [mut from, mut to] = [PAIRS, SPARE];

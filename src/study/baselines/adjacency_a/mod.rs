@@ -8,9 +8,9 @@
 //! ```
 //!
 //! A link holds only the neighbour's coordinate on its axis, so following it reads the neighbour's cell. Virtual voxels
-//! ("caps") end scan lines on the box's faces, lines of caps on its edges, and edges at its corners, which always exist.
-//! Adding a voxel adds the missing caps of its three lines; removing one removes the caps of lines that become empty.
-//! Freed records are reused, the last one first.
+//! ("caps") end scan lines on the box's faces, lines of caps on its edges, and edges at its corners, which always
+//! exist. Adding a voxel adds the missing caps of its three lines; removing one removes the caps of lines that become
+//! empty. Freed records are reused, the last one first.
 //!
 //! Coordinates count from the low cap, which is at 0, so voxels begin at 1.
 //!
@@ -46,7 +46,8 @@ const _: () = assert!(size_of::<GridCell>() == 5);
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct RecordA {
-    /// Red, green, blue, opacity; opacity 0 marks a virtual voxel. A freed record holds the number of the one freed before.
+    /// Red, green, blue, opacity; opacity 0 marks a virtual voxel. A freed record holds the number of the one freed
+    /// before.
     colour: [u8; 4],
     gradient: [f32; 3],
     /// For each axis, the coordinates of the next voxel below and of the next one above.
@@ -73,10 +74,11 @@ pub struct AdjacencyA {
 }
 
 impl AdjacencyA {
-    /// Adds all voxels of `subject` in scan order; takes `5(w+2)(h+2)(d+2) + 28s` bytes for s visible and virtual voxels.
+    /// Adds all voxels of `subject` in scan order; takes `5(w+2)(h+2)(d+2) + 28s` bytes for s visible and virtual
+    /// voxels.
     ///
     /// # Errors
-    /// Those of [`AdjacencyA::empty`] and [`AdjacencyA::insert`].
+    /// Any error of [`AdjacencyA::empty`] and [`AdjacencyA::insert`].
     pub fn new(subject: &Subject) -> Result<AdjacencyA> {
         let mut structure = AdjacencyA::empty(subject)?;
         for voxel in &subject.voxels {
@@ -89,7 +91,8 @@ impl AdjacencyA {
     /// Returns a structure without voxels for the grid of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if an axis has more than 65,534 points or memory cannot be had; those of [`Subject::looks`].
+    /// [`Error::Limit`] if an axis has more than 65,534 points or memory cannot be had; any error of
+    /// [`Subject::looks`].
     pub fn empty(subject: &Subject) -> Result<AdjacencyA> {
         let last = last_places(subject.dims())?;
         let cell = GridCell { record: U32::new(NONE), intensity: 0 };
@@ -118,8 +121,8 @@ impl AdjacencyA {
         self.virtual_voxels
     }
 
-    /// Adds a voxel and the missing caps of its lines, or changes an existing voxel. O(1), except for the search for its
-    /// neighbours, which starts at both ends of each of its three lines.
+    /// Adds a voxel and the missing caps of its lines, or changes an existing voxel. O(1), except for the search for
+    /// its neighbours, which starts at both ends of each of its three lines.
     ///
     /// # Errors
     /// [`Error::Input`] if it lies outside the grid, [`Error::Limit`] if memory cannot be had.
@@ -261,8 +264,8 @@ impl AdjacencyA {
         *if self.is_virtual(place) { &mut self.virtual_voxels } else { &mut self.visible } -= 1;
     }
 
-    /// Returns the coordinates of the new voxel's next voxels on its line, below and above. The search starts from both ends
-    /// of the line, so that voxels that come in ascending or descending order take one step.
+    /// Returns the coordinates of the new voxel's next voxels on its line, below and above. The search starts from both
+    /// ends of the line, so that voxels that come in ascending or descending order take one step.
     fn neighbours(&mut self, place: CellPosition, axis: usize) -> [u16; 2] {
         let (mut below, mut above) = (0, self.last[axis]);
         loop {

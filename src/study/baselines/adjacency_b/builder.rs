@@ -42,7 +42,8 @@ impl BuilderB {
         Ok(())
     }
 
-    /// Adds a new voxel to its three lines, with the missing caps of the lines; returns the number of the voxel's record.
+    /// Adds a new voxel to its three lines, with the missing caps of the lines; returns the number of the voxel's
+    /// record.
     fn link(&mut self, place: [u16; 3]) -> Result<u32> {
         let index = u32::try_from(self.records.len()).ok().filter(|&index| index != NONE);
         let index = index.ok_or_else(|| Error::Limit {
@@ -92,8 +93,8 @@ impl BuilderB {
         &mut self.records[record as usize].pointers[2 * axis + usize::from(up)]
     }
 
-    /// Returns the records below and above a new voxel on its line between two caps. The search starts from both ends, so
-    /// that voxels in scan order take one step.
+    /// Returns the records below and above a new voxel on its line between two caps. The search starts from both ends,
+    /// so that voxels in scan order take one step.
     fn neighbours(&mut self, place: [u16; 3], axis: usize, [low, high]: [u32; 2]) -> [u32; 2] {
         if self.pointer(low, axis, true).get() == NONE {
             return [low, high];

@@ -7,14 +7,15 @@
 //!         intensity 1, colour 4, six pointers of 4, position 3 x 2, gradient 12
 //! ```
 //!
-//! As in the paper, voxels are added in scan order, each with the missing caps (virtual voxels at the ends) of its lines. A
-//! hash map finds the caps. The paper does not mention one. It is dropped in the end; [`AdjacencyB::build_bytes`] is its size.
+//! As in the paper, voxels are added in scan order, each with the missing caps (virtual voxels at the ends) of its
+//! lines. A hash map finds the caps. The paper does not mention one. It is dropped in the end;
+//! [`AdjacencyB::build_bytes`] is its size.
 //!
 //! Records lie in the order in which they were made: scan order with caps between. As the paper's structure can be
 //! edited, its records may have any order; [`Storage::Shuffled`] is the worst case.
 //!
-//! If an axis has voxels on both sides of the eye, a walk needs the caps at both ends of a line. B has no grid in which to
-//! look them up. So the walk follows the edges of the box, and both rims of a face, side by side.
+//! If an axis has voxels on both sides of the eye, a walk needs the caps at both ends of a line. B has no grid in which
+//! to look them up. So the walk follows the edges of the box, and both rims of a face, side by side.
 //!
 //! Source: Orchard and Möller 2001, sections 3 and 4.2.
 
@@ -77,8 +78,8 @@ impl AdjacencyB {
     /// Builds the structure of `subject`; takes `47s` bytes for s visible and virtual voxels.
     ///
     /// # Errors
-    /// [`Error::Limit`](adjsplat::Error::Limit) if an axis has more than 65,534 points, there are 2^32 voxels, or memory
-    /// cannot be had; those of [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if an axis has more than 65,534 points, there are 2^32 voxels, or
+    /// memory cannot be had; any error of [`Subject::looks`].
     pub fn new(subject: &Subject, storage: Storage) -> Result<AdjacencyB> {
         let appearance = Appearance::of(subject)?;
         let mut builder = BuilderB::new(last_places(subject.dims())?)?;

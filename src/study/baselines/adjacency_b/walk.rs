@@ -18,7 +18,8 @@ struct WalkB<'a, R, T> {
     trace: &'a mut T,
 }
 
-/// Parallel lines whose voxels have the same coordinates. They are followed together to find the ends of the inner loops.
+/// Parallel lines whose voxels have the same coordinates. They are followed together to find the ends of the inner
+/// loops.
 #[derive(Clone, Copy)]
 struct ParallelLines<const COUNT: usize> {
     axis: usize,

@@ -43,7 +43,8 @@ impl AxisBricks {
         };
         let places =
             all.chunks(EDGE).map(|brick| BrickCoordinates::new(in_order(order, brick, brick[0]))).collect::<Vec<_>>();
-        // Borders of bricks lie half-way between voxels. The brick that holds the eye is the nearest one from both sides.
+        // Borders of bricks lie half-way between voxels. The brick that holds the eye is the nearest one from both
+        // sides.
         let of_bricks = match order {
             AxisOrder::TwoSided { eye, form, sense } => {
                 AxisOrder::TwoSided { eye: ((eye + 0.5) / EDGE as f64).floor(), form, sense }

@@ -7,9 +7,10 @@
 //! payload  3 bytes per visible voxel, in the order of bricks and bits: value 1, normal 2
 //! ```
 //!
-//! Slice order crosses the bricks of a slice row by row. To skip empty bricks, a walk first reads the table into a list of
-//! bricks for each row of bricks, in the view's nesting. It cuts a brick's 8 x 8 voxels of the slice out of the masks once,
-//! one byte per row. If rows run along x, their voxels are consecutive in the payload; else bits are counted for each voxel.
+//! Slice order crosses the bricks of a slice row by row. To skip empty bricks, a walk first reads the table into a list
+//! of bricks for each row of bricks, in the view's nesting. It cuts a brick's 8 x 8 voxels of the slice out of the
+//! masks once, one byte per row. If rows run along x, their voxels are consecutive in the payload; else bits are
+//! counted for each voxel.
 //!
 //! Brick by brick, bricks come in the view's nesting, and so do their voxels. No voxel comes before one that it hides,
 //! but the order is not by slices of the volume.

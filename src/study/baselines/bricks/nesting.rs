@@ -20,7 +20,8 @@ impl AxisNesting {
         AxisNesting { slow, medium, fast }
     }
 
-    /// Returns a brick's voxels in its slice number `within`: a byte for each medium coordinate, a bit for each fast one.
+    /// Returns a brick's voxels in its slice number `within`: a byte for each medium coordinate, a bit for each fast
+    /// one.
     #[inline(always)]
     pub(super) fn plane<T: Trace>(self, masks: &[u64; EDGE], within: usize, brick: usize, trace: &mut T) -> u64 {
         let plane = match self.slow {

@@ -1,7 +1,7 @@
 //! Hierarchical splatting: an octree of mean looks (colour and optical depth), drawn as coarsely as an error allows.
 //!
-//! In: a subject and a threshold. Out: octant by octant in visibility order, cubes of voxels as one splat where their error
-//! is below the threshold, and voxels elsewhere. With a threshold of 0 only voxels are drawn.
+//! In: a subject and a threshold. Out: octant by octant in visibility order, cubes of voxels as one splat where their
+//! error is below the threshold, and voxels elsewhere. With a threshold of 0 only voxels are drawn.
 //!
 //! ```text
 //! branches   8 bytes: first child, and which of eight exist; levels from the finest up, each in Morton order
@@ -9,12 +9,12 @@
 //! voxels     3 bytes, in Morton order: value, normal; positions follow from the path through the branches
 //! ```
 //!
-//! Optical depth is averaged over all cells of a cube, empty ones included, so that its sum is kept. Colour is averaged by
-//! optical depth. The error is the root mean square distance of the cells from their mean, in opacity and in red, green
-//! and blue times opacity: 0 if all cells are equal, below 1.
+//! Optical depth is averaged over all cells of a cube, empty ones included, so that its sum is kept. Colour is averaged
+//! by optical depth. The error is the root mean square distance of the cells from their mean, in opacity and in red,
+//! green and blue times opacity: 0 if all cells are equal, below 1.
 //!
-//! The planes that split a cube lie half-way between voxels. The eye's side of them decides which octant is farthest, so
-//! no ray meets two octants in the wrong order, even from inside. Empty octants are not stored.
+//! The planes that split a cube lie half-way between voxels. The eye's side of them decides which octant is farthest,
+//! so no ray meets two octants in the wrong order, even from inside. Empty octants are not stored.
 //!
 //! Source: Laur and Hanrahan, "Hierarchical Splatting: A Progressive Refinement Algorithm for Volume Rendering",
 //! SIGGRAPH 1991.
@@ -66,11 +66,12 @@ pub struct Octree {
 }
 
 impl Octree {
-    /// Builds the octree of `subject`. A cube is drawn as one splat if its error is below `threshold`; with 0 all voxels are drawn.
+    /// Builds the octree of `subject`. A cube is drawn as one splat if its error is below `threshold`; with 0 all
+    /// voxels are drawn.
     ///
     /// # Errors
     /// [`Error::Input`] if the threshold is negative or not finite, [`Error::Limit`] if there are 2^32 voxels or memory
-    /// cannot be had; those of [`Subject::looks`].
+    /// cannot be had; any error of [`Subject::looks`].
     pub fn new(subject: &Subject, threshold: f32) -> Result<Octree> {
         let count = subject.voxels.len() as u64;
         if count > u32::MAX.into() {

@@ -15,14 +15,15 @@ struct OctreeWalk<'a, R, T> {
     octree: &'a Octree,
     viewpoint: Viewpoint,
     sense: Sense,
-    /// Numbers of the octants in the view's nesting, each XORed with the number of the first one visited.
+    /// Octants in the view's nesting: their numbers, to be XORed with that of the first octant to visit.
     octants: [u8; 8],
     receiver: &'a mut R,
     trace: &'a mut T,
 }
 
 impl<R: Receiver, T: Trace> OctreeWalk<'_, R, T> {
-    /// Returns the number of the octant to visit first, in the cube whose lowest voxel is `low`; `half_edge` is in voxels.
+    /// Returns the number of the octant to visit first, in the cube whose lowest voxel is `low`; `half_edge` is in
+    /// voxels.
     #[inline(always)]
     fn first_octant(&self, low: [u32; 3], half_edge: u32) -> u8 {
         let near = match self.viewpoint {
