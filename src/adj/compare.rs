@@ -1,4 +1,4 @@
-//! `adj compare`: how far two pictures are apart.
+//! `adj compare`: measures how much two pictures differ.
 
 use std::path::{Path, PathBuf};
 
@@ -83,7 +83,7 @@ fn bound(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|bound: &f64| !bound.is_nan()).ok_or_else(|| "must be a number".into())
 }
 
-/// Parses a colour that is not transparent.
+/// Parses a colour and refuses transparency.
 fn opaque(text: &str) -> Result<[f32; 3], String> {
     match background(text)? {
         Background::Colour(colour) => Ok(colour),

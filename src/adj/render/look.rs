@@ -1,4 +1,4 @@
-//! How the picture is made: `--quality`, `--mode` and the like.
+//! The flags for how the picture is made: `--quality`, `--mode` and others.
 
 use clap::Args;
 
@@ -8,7 +8,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Blending, KernelShape, Mode, Quality, Sampling, Settings};
 use adjsplat::traverse::SplitForm;
 
-/// How the picture is made.
+/// The flags for how the picture is made.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Look")]
 pub(super) struct LookArguments {
@@ -126,7 +126,7 @@ impl LookArguments {
     }
 }
 
-/// Describes the settings that `--max-error` chose, as flags.
+/// Formats the settings that `--max-error` chose as flags.
 pub(super) fn chosen(settings: &Settings, measured: f64) -> String {
     let KernelShape { sigma, radius } = settings.kernel();
     let (termination, sampling) = (settings.termination(), settings.sampling().name());
