@@ -101,7 +101,7 @@ fn stats_json(settings: &Settings, renderer: &Renderer, stats: &[FrameStats], im
         "splats_skipped": total(|s| s.splats_skipped),
         "frame_ms": stats.iter().map(|s| s.frame_ms).collect::<Vec<f64>>(),
     });
-    // Numbers that only some renderers have become lists with an entry per frame.
+    // A number that not every frame has becomes a list with an entry per frame, null where it is missing.
     for (name, _) in stats.last().map_or(&[][..], |last| &last.others) {
         let of = |frame: &FrameStats| frame.others.iter().find(|(n, _)| n == name).map(|(_, value)| value.clone());
         document[name] = stats.iter().map(|frame| of(frame).unwrap_or(Value::Null)).collect();

@@ -8,7 +8,7 @@ use adjsplat::splat::{Camera, Mode, Settings, View};
 use adjsplat::traverse::Viewpoint;
 use adjsplat_judge::hidden::CLEARANCE;
 
-/// Returns which flag or view may make the picture show places where hidden voxels were removed from the file.
+/// Returns why the picture may show places where hidden voxels were removed from the file, as part of a warning.
 /// Returns `None` if the picture shows no such place.
 pub(super) fn shows_missing_voxels(
     arena: &Arena,

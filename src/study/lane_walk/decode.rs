@@ -53,8 +53,8 @@ impl TracedBatch {
         }
     }
 }
-/// Groups lines that fit one batch, starting at line `first`; returns the index after its last line, and its base
-/// record.
+/// Groups the lines that fit one batch, starting at line `first`. Returns the index after the last of them, and the
+/// base: the record that the batch's record indices are relative to.
 #[inline]
 pub(super) fn group<T: Trace>(
     lines: &TracedVec<SliceLine>,

@@ -205,7 +205,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
             if !self.has_lines(&mask, within) {
                 continue;
             }
-            // The read tells whether the tile's row has lines here, and where its lines and records lie.
+            // This reads what a renderer culls by, and where the tile's lines and records lie.
             let start = self.store.start(tile, self.trace);
             let first_medium = edge.wrapping_mul(start.place[usize::from(!self.slow_is_v)]);
             for medium in 0..edge {
@@ -229,7 +229,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         count
     }
 
-    /// Decodes the slice's lines in the range `lines` and delivers their voxels; `base` is the batch's first record.
+    /// Decodes the slice's lines in the range `lines` and delivers their voxels; record indices count from `base`.
     fn decode(
         &mut self,
         lines: Range<usize>,

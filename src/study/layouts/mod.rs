@@ -10,9 +10,7 @@
 //! | tile order | rows, Morton, Hilbert |
 //! | records | one array per channel; or interleaved: step, value, normal |
 //! | line record | 2 or 4 bytes: the end; 8 bytes: the end, lowest and highest coordinate |
-//! | payload | in each lane; or stored once, in bricks of 8 x 8 x 4 voxels, with a one-byte slot (place in a brick) in
-//! | payload | in each lane; or once, in bricks of 8 x 8 x 4 voxels, with a one-byte slot (place in the brick) per lane
-//! |
+//! | payload | in each lane; or once, in bricks of 8 x 8 x 4 voxels, with a one-byte slot (place in a brick) per lane |
 
 mod lane;
 mod records;
