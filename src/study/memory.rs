@@ -123,7 +123,7 @@ pub fn crossing(subject: &Subject) -> Result<Crossing> {
 }
 
 /// Returns the share of cells at which A and B take equal memory, interpolated between two of `crossings`, which are
-/// sorted by share; `None` if no two of them have B smaller in one and A in the next.
+/// sorted by share; `None` if B never goes from smaller than A to larger.
 pub fn crossover(crossings: &[Crossing]) -> Option<f64> {
     let surplus = |c: &Crossing| c.b as f64 - c.a as f64;
     crossings.windows(2).find(|pair| surplus(&pair[0]) < 0.0 && surplus(&pair[1]) >= 0.0).map(|pair| {
