@@ -1,4 +1,4 @@
-//! `adj build`: from a volume to an `.adj` file.
+//! `adj build`: makes an `.adj` file from a volume.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -58,7 +58,7 @@ pub(super) struct Arguments {
     resources: ResourceArguments,
 }
 
-/// How the visible voxels are stored.
+/// The flags for how the visible voxels are stored.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Packing")]
 pub(super) struct PackingArguments {
@@ -76,15 +76,15 @@ pub(super) struct PackingArguments {
     normals: u8,
 }
 
-/// Words of `--lanes`: how many there are.
+/// Values of `--lanes`: each word names the axes, and the number is how many there are.
 pub(super) const LANES: [Choice<u8>; 3] = [("x", 1, ""), ("xy", 2, ""), ("xyz", 3, "")];
 
-/// Words of flags for the order of tiles.
+/// Values of the flags for the order in which tiles are stored.
 pub(super) const TILE_ORDERS: [Choice<TileOrder>; 3] =
     [("morton", TileOrder::Morton, ""), ("hilbert", TileOrder::Hilbert, ""), ("rows", TileOrder::Rows, "")];
 
 impl PackingArguments {
-    /// Returns the first of these flags whose value is not the default, if there is one.
+    /// Returns the first flag of this group whose value is not the default; `None` if there is none.
     pub(super) fn given(&self) -> Option<&'static str> {
         let flags = [
             ("--lanes", self.lanes != 3),
@@ -95,7 +95,7 @@ impl PackingArguments {
         flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
     }
 
-    /// The builder's options.
+    /// Returns the builder's options that these flags and `transfer` give.
     pub(super) fn options(&self, transfer: TransferFunction) -> BuildOptions {
         BuildOptions {
             normal_bits: if transfer.shaded() { self.normals } else { 0 },
@@ -189,7 +189,7 @@ pub(super) fn classify_with_warnings(
     Ok(built)
 }
 
-/// Checks, before a long build, that the output can be written and replaces no volume.
+/// Checks, before a long build, that the output can be written and would not overwrite a volume.
 fn check_output(output: &Path, input: &Path) -> Result<()> {
     if is_same_file(output, input) {
         return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
@@ -197,9 +197,9 @@ fn check_output(output: &Path, input: &Path) -> Result<()> {
     check_replaceable(output)
 }
 
-/// Checks that the output can be written and replaces no file but an old .adj file.
+/// Checks that the output can be written and would overwrite nothing but an old .adj file.
 pub(super) fn check_replaceable(output: &Path) -> Result<()> {
-    // A header may name other files that hold the samples, so those are kept too.
+    // A header file may name other files that hold its samples, so those are kept too.
     let named = output.extension().is_some_and(|extension| extension == "adj");
     let old = std::fs::metadata(output).is_ok_and(|found| found.is_file() && found.len() > 0);
     if old && !named && !starts_as_adj(output)? {

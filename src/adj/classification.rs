@@ -1,4 +1,4 @@
-//! The flags that say what is visible.
+//! The flags that say which values are visible.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::classify::colour::srgb_from_linear;
 use adjsplat::error::{Error, Result};
 
-/// What is visible, and what it looks like; one of these.
+/// The flags that say which values are visible, and what they look like; the user gives one of them.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "What is visible (one of)")]
 #[group(multiple = false)]
@@ -55,7 +55,7 @@ impl ClassificationArguments {
         TransferFunction::range(low, high).map(Some)
     }
 
-    /// As [`Self::transfer`], where there must be one.
+    /// Returns what [`Self::transfer`] returns, or an error if that is nothing.
     pub(super) fn required(&self, input: &Path) -> Result<TransferFunction> {
         self.transfer(input)?.ok_or_else(|| {
             let why = "say it with --range, --iso, --tf, --levoy or --labels; adj info shows the values of a volume";
@@ -64,7 +64,7 @@ impl ClassificationArguments {
     }
 }
 
-/// Reads the file of this name, or else the preset.
+/// Reads the transfer function in the file `name`, or else returns the preset of this name.
 fn named(name: &str) -> Result<TransferFunction> {
     let path = PathBuf::from(name);
     if path.exists() || path.extension().is_some_and(|e| e == "json" || e == "ctbl") {
@@ -77,7 +77,7 @@ fn contour(text: &str) -> Result<TransferFunction> {
     TransferFunction::contour(text.trim().parse().map_err(|_| Error::input("value", "must be a number"))?)
 }
 
-/// Parses two ends, either of which may be left out: `60..200`, `60..` or `..200`.
+/// Parses a range of values, either end of which may be left out: `60..200`, `60..` or `..200`.
 fn range(text: &str) -> Result<TransferFunction> {
     let end = |text: &str, open: f64| match text.trim() {
         "" => Some(open),

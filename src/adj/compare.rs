@@ -1,4 +1,4 @@
-//! `adj compare`: how far two pictures are apart.
+//! `adj compare`: measures how much two pictures differ.
 
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,8 @@ use adjsplat_judge::metrics::{HeatMap, Metrics, compare};
 /// Exit code 0: done, or within --max-error; 1: they differ more than that; 2: they cannot be compared.
 ///
 /// The column "linear" compares linear, premultiplied red, green, blue and alpha of the pixels that one of the pictures
-/// covers. The column "display" compares sRGB values over the background, as do ssim and flip (at 67 pixels per degree).
+/// covers. The column "display" compares sRGB values over the background, as do ssim and flip (at 67 pixels per
+/// degree).
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj compare right.exr draft.exr\n  adj compare right.png other.png --max-error 0.01 --diff where.png\n  adj compare right.png other.png --metric psnr --max-error 42 --json -"
@@ -82,7 +83,7 @@ fn bound(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|bound: &f64| !bound.is_nan()).ok_or_else(|| "must be a number".into())
 }
 
-/// Parses a colour that is not transparent.
+/// Parses a colour and refuses transparency.
 fn opaque(text: &str) -> Result<[f32; 3], String> {
     match background(text)? {
         Background::Colour(colour) => Ok(colour),

@@ -1,4 +1,4 @@
-//! `adj completions`: a script for the shell.
+//! `adj completions`: prints a script with which a shell completes commands and flags.
 
 use std::io::Write as _;
 
@@ -17,7 +17,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    // Into memory first: the generator panics if a pipe is closed.
+    // The script goes into memory first: the generator panics if a pipe is closed.
     let mut script = Vec::new();
     clap_complete::generate(arguments.shell, &mut Cli::command(), "adj", &mut script);
     finish_stdout(std::io::stdout().write_all(&script));

@@ -1,6 +1,7 @@
-//! `--cull-hidden`: a file without the voxels that no view from outside shows.
+//! `--cull-hidden`: writes a file without the voxels that no view from outside shows.
 //!
-//! In: an `.adj` file and the flags. Out: a file without its hidden voxels, which its description mentions.
+//! In: an `.adj` file and the flags. Out: a file without its hidden voxels; its description says that they were
+//! removed.
 
 use std::path::Path;
 
@@ -18,7 +19,7 @@ use adjsplat::splat::Scene;
 use adjsplat::volume::Axis;
 use adjsplat_judge::hidden::{Algorithm, Culling, CullingStage, DEFAULT_EPS, DEFAULT_VIEWS, find};
 
-/// Whether to leave out voxels that no view from outside shows.
+/// The flags that say whether to leave out voxels that no view from outside shows.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Hidden voxels")]
 pub(super) struct CullArguments {
@@ -35,10 +36,10 @@ pub(super) struct CullArguments {
 }
 
 impl CullArguments {
-    /// Returns how to look for hidden voxels, in `memory` bytes; `None` if no flag asks for it.
+    /// Returns how to look for hidden voxels, with `memory` bytes at most; `None` if no flag asks for it.
     ///
     /// # Errors
-    /// [`Error::Input`] if `--cull-views` is alone.
+    /// [`Error::Input`] if `--cull-views` is given without a flag that removes voxels.
     pub(super) fn culling(&self, memory: u64, threads: usize) -> Result<Option<Culling>> {
         let eps = match self.cull_hidden {
             Some(eps) => eps.unwrap_or(DEFAULT_EPS),
@@ -65,13 +66,13 @@ fn fraction(text: &str) -> Result<f64, String> {
     number.ok_or_else(|| "must be above 0 and below 1, such as 0.002".into())
 }
 
-/// What culling wrote.
+/// The result of removing hidden voxels from a file.
 pub(super) struct Culled {
-    /// Facts of the file without hidden voxels.
+    /// Facts (grid and coding) of the file without hidden voxels.
     pub(super) facts: Facts,
     /// Size of that file in bytes.
     pub(super) bytes: u64,
-    /// Counts and settings, for `--json`.
+    /// Numbers of voxels, and the settings, for `--json`.
     pub(super) report: Value,
 }
 
@@ -93,7 +94,7 @@ impl Culled {
     }
 }
 
-/// Writes the voxels of the file `input` that are not hidden to `output`, in as many lanes.
+/// Writes the file `input` without its hidden voxels to `output`, with as many lanes.
 pub(super) fn cull(input: &Path, output: &Path, culling: &Culling, quiet: bool) -> Result<Culled> {
     let file = AdjFile::open(input)?;
     let arena = file.arena()?;
@@ -102,7 +103,7 @@ pub(super) fn cull(input: &Path, output: &Path, culling: &Culling, quiet: bool) 
     let lane_count = u8::try_from(arena.lanes().count()).expect("there are three axes");
     let transfer = stored_transfer(&arena, input)?;
     let mut description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
-    // Lanes that are not stored are derived, and count too.
+    // Lanes that the file does not store are derived, and their memory counts too.
     let lanes = LaneSet::new(arena, Some(culling.memory));
     let scene = Scene { facts: &facts, lanes: &lanes, transfer: &transfer };
     let mut progress = Progress::new(quiet);

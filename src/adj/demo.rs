@@ -31,7 +31,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-/// Prints a command as a user would type it, and runs it.
+/// Prints a command as a user would type it, and runs it; `more` are paths at its end.
 fn say_and_do(words: &[&str], more: &[&Path]) -> Result<()> {
     let command: Vec<&Path> = ["adj"].iter().chain(words).map(Path::new).chain(more.iter().copied()).collect();
     let shown: Vec<String> = command.iter().map(|word| word.display().to_string()).collect();

@@ -1,4 +1,4 @@
-//! `adj devices`: what graphics devices there are.
+//! `adj devices`: lists the graphics devices of the machine.
 
 use clap::Args;
 use indicatif::HumanBytes;

@@ -1,16 +1,16 @@
-//! Flags in error messages.
+//! Puts the names of flags into error messages.
 //!
-//! In: an error of the libraries, which know no flags. Out: one line that names the flag to change.
+//! In: an error of the libraries, which do not know flags. Out: one line that names the flag to change.
 
 use std::error::Error as _;
 
 use adjsplat::error::Error;
 
-/// Values that library errors are about, whose flag has the same name.
+/// Names of values in library errors that are also the names of their flags.
 const SAME_NAME: &str = "azimuth blending crop elevation exposure kernel lanes level line mode series spacing termination \
                          threads volume zoom";
 
-/// Values whose flag has another name.
+/// Names of values in library errors, each with its flag, which is called something else.
 const FLAGS: [(&str, &str); 6] = [
     ("angle of view", "--perspective"),
     ("largest error", "--max-error"),
@@ -20,7 +20,7 @@ const FLAGS: [(&str, &str); 6] = [
     ("value bits", "--value-bits"),
 ];
 
-/// Words of the core and the studies, and the same with flags.
+/// Texts in messages of the core library and the studies, each with the text with flags that replaces it.
 const ADVICE: [(&str, &str); 10] = [
     ("picture size in pixels", "--size in pixels"),
     ("try the range ", "try --range "),
@@ -34,7 +34,7 @@ const ADVICE: [(&str, &str); 10] = [
     ("a smaller edge", "a smaller --edge"),
 ];
 
-/// Words of the judge and the readers, and the same with flags.
+/// Texts in messages of the judge and the readers, each with the text with flags that replaces it.
 const MORE_ADVICE: [(&str, &str); 10] = [
     ("certified hidden voxels: ", "--cull-hidden-certified: "),
     ("find hidden voxels by sampling instead", "use --cull-hidden instead"),
@@ -48,7 +48,7 @@ const MORE_ADVICE: [(&str, &str); 10] = [
     ("`type`", "--type"),
 ];
 
-/// The error and its causes in one line, with the flag of the value that is wrong.
+/// Returns the error and its causes in one line, with the flag of the value that is wrong.
 pub(super) fn one_line(error: &Error) -> String {
     let mut line = match error {
         Error::Input { what, why } => match FLAGS.iter().find(|(name, _)| name == what) {
@@ -67,7 +67,7 @@ pub(super) fn one_line(error: &Error) -> String {
     line
 }
 
-/// Returns a message or note of the libraries with flags in its advice.
+/// Returns a message or note of the libraries, in which advice names flags.
 pub(super) fn with_flags(text: &str) -> String {
     ADVICE.iter().chain(&MORE_ADVICE).fold(text.to_owned(), |text, (advice, flags)| text.replace(advice, flags))
 }
@@ -77,7 +77,7 @@ mod tests {
     use super::*;
     use std::path::Path;
 
-    /// The sources of a library, in one text.
+    /// Returns all source files of a library in one text.
     fn sources(folder: &Path) -> String {
         let text = |path: &Path| {
             if path.is_dir() { sources(path) } else { std::fs::read_to_string(path).expect("a source file") }

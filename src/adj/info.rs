@@ -1,4 +1,4 @@
-//! `adj info`: what a file holds.
+//! `adj info`: shows what a file holds.
 
 use std::path::{Path, PathBuf};
 
@@ -30,7 +30,7 @@ pub(super) struct Arguments {
     reading: InputArguments,
 }
 
-/// Quantiles of a volume's values that are shown.
+/// The quantiles of a volume's values that are shown, as fractions from 0 to 1.
 const QUANTILES: [f64; 8] = [0.01, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
@@ -39,7 +39,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-/// Whether `path` is an `.adj` file, by its first bytes or its name.
+/// Returns whether `path` is an `.adj` file, by its first bytes or its name.
 pub(super) fn is_adj(path: &Path) -> Result<bool> {
     let named = path.extension().is_some_and(|extension| extension == "adj");
     // Only regular files are read here; the reader refuses other kinds.
@@ -81,7 +81,7 @@ fn of_arena(path: &Path) -> Result<Value> {
             })
         })
         .collect();
-    // The description is for people: a file without a readable one is still sound.
+    // The description is for people: a file whose description cannot be read is still valid.
     let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     Ok(json!({
         "file": path.display().to_string(),
@@ -142,7 +142,7 @@ fn of_volume(arguments: &Arguments) -> Result<Value> {
     }))
 }
 
-/// One member per line; of lists of objects, one object per line.
+/// Formats JSON with one member per line; a list of objects gets one line per object.
 fn as_text(answer: &Value) -> String {
     let mut text = String::new();
     let members = answer.as_object().into_iter().flatten();

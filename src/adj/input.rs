@@ -1,4 +1,4 @@
-//! The volume that a command reads: a file of any format, or a phantom.
+//! Opens the volume that a command reads: a file of any format, or a phantom (a computed volume).
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};
 use adjsplat_readers::{Endian, OpenOptions, RawOptions, open, parse_dims, parse_type};
 
-/// How to read what a file does not say itself.
+/// The flags for what a volume's file does not say itself.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Reading")]
 pub(super) struct InputArguments {
@@ -47,7 +47,7 @@ pub(super) struct InputArguments {
 }
 
 impl InputArguments {
-    /// Returns the first of these flags on the command line, if there is one.
+    /// Returns the first flag of this group that is on the command line, if there is one.
     pub(super) fn given(&self) -> Option<&'static str> {
         let flags = [
             ("--dims", self.dims.is_some()),
@@ -63,7 +63,7 @@ impl InputArguments {
         flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
     }
 
-    /// Opens `input`: a path, or `phantom:NAME`. Prints its reader's notes to stderr.
+    /// Opens `input`, a path or `phantom:NAME`. Prints the notes of the file's reader to stderr.
     pub(super) fn open(&self, input: &Path) -> Result<Box<dyn SlabSource>> {
         if let Some(phantom) = phantom(input)? {
             if self.level != 0 || self.series.is_some() {
@@ -93,7 +93,7 @@ impl InputArguments {
         Ok(if self.unscaled { Box::new(UnscaledSource::new(source)) } else { source })
     }
 
-    /// Returns how to read a raw file, if the flags for one are there.
+    /// Returns how to read a raw file; `None` if the flags for raw files are not given.
     fn raw(&self) -> Result<Option<RawOptions>> {
         match (self.dims, self.sample_type) {
             (Some(dims), Some((sample_type, endian))) => {

@@ -42,12 +42,12 @@ use clap::{CommandFactory as _, Parser, Subcommand};
 use adjsplat::arena::layout::MAGIC;
 use adjsplat::error::{Error, Result};
 
-/// Result of a command that did not fail.
+/// The answer of a command that did not fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Answer {
     /// Done, or yes.
     Yes,
-    /// The question was answered with no.
+    /// The answer to the command's question is no: a file is damaged, or pictures differ.
     No,
 }
 
@@ -112,7 +112,7 @@ fn run(command: &Command) -> Result<Answer> {
     }
 }
 
-/// Prints help, or what is wrong with the arguments in one line.
+/// Prints help; or, in one line, what is wrong with the arguments.
 fn usage(error: &clap::Error) -> ExitCode {
     match error.kind() {
         ErrorKind::DisplayHelp | ErrorKind::DisplayVersion | ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand => {
@@ -140,7 +140,7 @@ fn usage(error: &clap::Error) -> ExitCode {
     }
 }
 
-/// Prints a result. Ends the program if stdout fails, unless its reader went away.
+/// Prints a result. Ends the program if stdout fails, but not if the reader closed it.
 fn print_result(text: &str) {
     let mut stdout = std::io::stdout().lock();
     let written =
@@ -148,7 +148,7 @@ fn print_result(text: &str) {
     finish_stdout(written);
 }
 
-/// Ends the program with exit code 2 if writing a result failed, unless its reader went away.
+/// Ends the program with exit code 2 if writing a result failed, but not if the reader closed stdout.
 fn finish_stdout(written: std::io::Result<()>) {
     if let Err(error) = written
         && error.kind() != std::io::ErrorKind::BrokenPipe
@@ -158,17 +158,17 @@ fn finish_stdout(written: std::io::Result<()>) {
     }
 }
 
-/// Prints an error or a warning in one line to stderr, and ignores whether that works.
+/// Prints an error or a warning in one line to stderr; a failure to print is ignored.
 fn print_note(text: &str) {
     let _ = writeln!(std::io::stderr(), "adj: {}", flags::with_flags(text).replace(['\n', '\r'], " "));
 }
 
-/// Whether both paths lead to the same existing file.
+/// Returns whether both paths lead to the same existing file.
 fn is_same_file(a: &Path, b: &Path) -> bool {
     matches!((a.canonicalize(), b.canonicalize()), (Ok(a), Ok(b)) if a == b)
 }
 
-/// Whether the regular file at `path` starts as `.adj` files do.
+/// Returns whether the regular file at `path` starts as `.adj` files do.
 fn starts_as_adj(path: &Path) -> Result<bool> {
     let mut first = Vec::new();
     let file = std::fs::File::open(path).map_err(Error::io("open", path))?;

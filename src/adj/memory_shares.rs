@@ -1,7 +1,7 @@
-//! How rendering divides the memory that `--memory` allows.
+//! Divides the memory that `--memory` allows for rendering.
 //!
-//! In: the limit, the file, the picture. Out: the number of threads, how much of the file may be resident, and how large
-//! derived lanes may be. The picture depends on none of them.
+//! In: the limit, the file, the picture. Out: the number of threads, how much of the file may be resident, and how
+//! large derived lanes may be. The picture depends on none of them.
 //!
 //! ```text
 //! memory = program + frame, bands, tables, lists + pictures + derived lanes + pages in flight + the file's pages
@@ -22,27 +22,27 @@ use adjsplat::volume::Axis;
 
 /// Memory that the program takes before it draws: code, stacks, the allocator's slack. Measured: 7 to 10 MiB.
 const BASE: u64 = 14 << 20;
-/// Memory that the program may take beyond what it has.
+/// Bytes that the program may take beyond its current resident size.
 const GROWTH: u64 = 6 << 20;
-/// How much more memory another run may take, as systems map more or less of the code at once.
+/// Bytes by which the memory of two runs may differ, as systems map more or less of the code at once.
 const BETWEEN_RUNS: u64 = 2 << 20;
-/// Fewest bytes of resident pages: with fewer, page faults take longer than drawing.
+/// Fewest bytes of the file's pages that may be resident: with fewer, page faults take longer than drawing.
 const LEAST_RESIDENT: u64 = 4 << 20;
-/// Bytes needed to derive a lane for each byte of the lane along x: the lane, its copy while it grows, a strip.
+/// Bytes needed to derive a lane, per byte of the lane along x: the lane, its copy while it grows, and a strip.
 const DERIVING: u64 = 3;
 
-/// Shares of the memory.
+/// How the memory is divided.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct MemoryShares {
     pub(super) threads: usize,
-    /// Bytes of the file that may be resident.
+    /// Bytes of the file that may be in memory at once.
     pub(super) resident: u64,
-    /// Bytes of derived lanes.
+    /// Bytes that derived lanes (made from a stored one) may take.
     pub(super) derived: u64,
 }
 
 impl MemoryShares {
-    /// Divides `memory` for pictures with `settings` and any of `samplings`.
+    /// Divides `memory` bytes for pictures with `settings`, for the largest need among `samplings`.
     ///
     /// # Errors
     /// [`Error::Input`] if not even one thread fits; it says how much memory is enough.
@@ -74,7 +74,7 @@ impl MemoryShares {
             let settings = Settings { threads, ..settings.clone() };
             let drawing = canvases.iter().map(|&canvas| cpu::memory_need(dims, tiles, canvas, &settings)).max();
             let drawing = drawing.unwrap_or(0);
-            // The frame is gone when its picture is encoded.
+            // The frame is freed before its picture is encoded.
             let writing = kind.memory(depth, pixels);
             let in_flight = IN_FLIGHT * threads as u64;
             base.saturating_add(drawing.max(writing)).saturating_add(kind.kept(depth, pixels, frames)) + in_flight
@@ -105,15 +105,15 @@ impl MemoryShares {
     }
 }
 
-/// Returns how much of `memory` the file's pages may take while one thread only reads it.
+/// Returns how many bytes of `memory` the file's pages may take while one thread only reads the file.
 pub(super) fn memory_of_pages(memory: u64) -> u64 {
     memory.saturating_sub(BASE.max(resident_bytes().unwrap_or(0)) + GROWTH + IN_FLIGHT).max(LEAST_RESIDENT)
 }
 
-/// The lanes of a file; missing ones are derived if memory allows.
+/// The lanes (all scan lines along one axis each) of a file; missing ones are derived if memory allows.
 pub(super) struct BoundedLanes<'a> {
     pub(super) lanes: LaneSet<'a>,
-    /// `--memory`, if it is given.
+    /// The limit of `--memory` in bytes, if the flag is given.
     pub(super) memory: Option<u64>,
 }
 

@@ -1,6 +1,6 @@
-//! Drawing on a graphics device for `adj render`.
+//! Draws on a graphics device for `adj render`.
 //!
-//! In: the flags. Out: frames; where samples have 16 or 8 bits, how far the first frame is from one in 32 bits.
+//! In: the flags. Out: frames; if samples have 16 or 8 bits, also how much the first frame differs from one in 32 bits.
 
 use std::time::Instant;
 
@@ -20,10 +20,10 @@ use adjsplat::traverse::Sense;
 pub(super) struct OnDevice<'a> {
     pub(super) scene: Scene<'a>,
     pub(super) adapter: String,
-    /// Whether the processor may draw instead.
+    /// Whether the processor may draw instead if the device fails.
     pub(super) is_auto: bool,
     renderer: gpu::GpuRenderer<'a>,
-    /// Largest and root mean square difference of the first frame from one in 32 bits.
+    /// Largest and root mean square difference between the first frame and the same frame with 32-bit samples.
     accumulation_error: Option<[f64; 2]>,
 }
 
@@ -31,7 +31,7 @@ impl RendererArguments {
     /// Returns a graphics device; or the processor, if there is only software and the user did not ask for a device.
     pub(super) fn device_or_cpu<'a>(&self, scene: Scene<'a>, is_auto: bool) -> Result<Renderer<'a>> {
         let options = self.options()?;
-        // A device that the user names is used even if it is software.
+        // A device that the user names is used even if it is software (runs on the processor).
         let is_named = self.adapter.is_some() || std::env::var_os("WGPU_ADAPTER_NAME").is_some();
         let is_free = is_auto && !is_named;
         if is_free && !adapter::has_hardware() {
@@ -86,7 +86,8 @@ impl OnDevice<'_> {
     pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
         let compositor = self.renderer.compositor();
         let has_few_bits = matches!(compositor, Compositor::Quads(QuadFormat::Float16 | QuadFormat::Unorm8));
-        // Quads do not end early; and back to front each splat shrinks the roundings behind it.
+        // The compositor of quads cannot stop at opaque pixels; and back to front, each splat shrinks the rounding
+        // errors behind it.
         let sense = if has_few_bits { Sense::BackToFront } else { settings.sense };
         let settings = &Settings { sense, ..settings.clone() };
         let start = Instant::now();
@@ -133,7 +134,7 @@ impl OnDevice<'_> {
     }
 }
 
-/// Largest difference and root mean square over all values of two frames of one size.
+/// Returns the largest and the root mean square difference over all samples of two frames of the same size.
 fn difference(a: &Frame, b: &Frame) -> [f64; 2] {
     let differences = a.pixels().iter().zip(b.pixels()).map(|(a, b)| f64::from(a - b).abs());
     let [largest, squares] =

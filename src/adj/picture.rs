@@ -1,4 +1,4 @@
-//! Pictures: frames as files.
+//! Pictures: writes frames to files.
 //!
 //! In: frames of linear premultiplied light. Out: PNG (sRGB, 8 or 16 bits, not premultiplied), animated PNG, or
 //! OpenEXR (linear, premultiplied, 32-bit float).
@@ -20,7 +20,7 @@ pub(super) enum PictureKind {
 }
 
 impl PictureKind {
-    /// Returns the format that the file's name ends in.
+    /// Returns the format that the ending of the file's name stands for.
     pub(super) fn of(path: &Path) -> Result<PictureKind> {
         match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
             Some("png") => Ok(PictureKind::Png),
@@ -30,17 +30,18 @@ impl PictureKind {
         }
     }
 
-    /// Most bytes that encoding a picture takes: the picture, its compressed form, and the encoder's buffers.
+    /// Returns the most bytes that encoding a picture takes: the picture, its compressed form, and the encoder's
+    /// buffers.
     ///
     /// An animation is encoded at its end, one frame at a time.
     pub(super) fn memory(self, depth: SampleDepth, pixels: u64) -> u64 {
         let picture = pixels.saturating_mul(self.pixel_bytes(depth));
-        // Samples of 16 bits are there twice while a picture is made from a frame, which is there too.
+        // While a picture with 16-bit samples is made from a frame, memory holds the frame and the samples twice.
         let converting = pixels.saturating_mul(16).saturating_add(picture.saturating_mul(2));
         picture.saturating_mul(4).max(converting)
     }
 
-    /// Bytes of finished pictures that are kept until all are drawn, as an animation needs.
+    /// Returns the bytes of finished pictures that are kept until all are drawn, as an animation needs.
     pub(super) fn kept(self, depth: SampleDepth, pixels: u64, frames: u32) -> u64 {
         match self {
             PictureKind::Apng => pixels.saturating_mul(self.pixel_bytes(depth)).saturating_mul(frames.into()),
@@ -86,12 +87,12 @@ impl Picture {
         Picture { size: frame.size(), kind, depth, bytes }
     }
 
-    /// Red, green, blue, alpha of each pixel, for a checksum.
+    /// Returns red, green, blue and alpha of each pixel, for a checksum.
     pub(super) fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// Writes the file's bytes.
+    /// Writes the picture as a file of its format.
     pub(super) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         match self.kind {
             PictureKind::Exr => self.write_exr(out),
@@ -110,7 +111,7 @@ impl Picture {
         });
         let attributes = LayerAttributes::named("adjsplat");
         let layer = Layer::new((columns, rows), attributes, Encoding::SMALL_LOSSLESS, channels);
-        // The encoder goes back to fill in its tables.
+        // The encoder seeks back to fill in its tables, so it writes to memory first.
         let mut file = Cursor::new(Vec::new());
         let written = Image::from_layer(layer).write().to_buffered(&mut file);
         written.map_err(|fault| io::Error::other(fault.to_string()))?;

@@ -1,4 +1,4 @@
-//! Progress on stderr when it is a terminal, and Ctrl-C.
+//! Shows progress on stderr if it is a terminal, and handles Ctrl-C.
 
 use std::io::IsTerminal as _;
 use std::ops::ControlFlow;
@@ -24,19 +24,19 @@ pub(super) fn catch_interrupts() {
     });
 }
 
-/// Whether Ctrl-C was pressed.
+/// Returns whether Ctrl-C was pressed.
 pub(super) fn interrupted() -> bool {
     INTERRUPTED.load(Ordering::Relaxed)
 }
 
-/// A bar for long work.
+/// A progress bar for long work.
 pub(super) struct Progress {
     bar: ProgressBar,
     phase: Option<Phase>,
 }
 
 impl Progress {
-    /// A bar on stderr; hidden if stderr is no terminal or if `quiet`.
+    /// Creates a bar on stderr; it is hidden if stderr is no terminal or if `quiet`.
     pub(super) fn new(quiet: bool) -> Progress {
         let target = if quiet || !std::io::stderr().is_terminal() {
             ProgressDrawTarget::hidden()

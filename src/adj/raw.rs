@@ -1,4 +1,4 @@
-//! `adj raw`: a volume's voxels as a raw file, for tools that read nothing else.
+//! `adj raw`: writes a volume's voxels as a raw file, for tools that read no other format.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! Pictures from files: PNG and OpenEXR as frames of linear premultiplied light.
+//! Reads pictures from files: PNG and OpenEXR as frames of linear premultiplied light.
 //!
 //! In: a path. Out: a [`Frame`]. PNG samples of up to 16 bits are taken for sRGB and not premultiplied, grey and
 //! palettes for colours; of an animation the first frame counts. OpenEXR samples are taken as they are: linear and
@@ -15,11 +15,11 @@ use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
 use adjsplat::splat::view::MAX_SIZE;
 
-/// Reads the picture at `path`, whose name ends in its format.
+/// Reads the picture at `path`; the ending of its name says the format.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be opened; [`Error::Input`] if it is no picture of that format; [`Error::Limit`] if a side
-/// is above [`MAX_SIZE`] or the memory cannot be had.
+/// [`Error::Io`] if it cannot be opened; [`Error::Input`] if it is no picture of that format; [`Error::Limit`] if a
+/// side is above [`MAX_SIZE`] or the memory cannot be had.
 pub(super) fn read_picture(path: &Path) -> Result<Frame> {
     match PictureKind::of(path)? {
         PictureKind::Png | PictureKind::Apng => read_png(path),
@@ -32,7 +32,7 @@ fn broken(path: &Path, fault: impl std::fmt::Display) -> Error {
     Error::input(path.display().to_string(), format!("cannot be read as a picture: {}", fault.trim_end_matches('.')))
 }
 
-/// Returns an empty frame of `size`.
+/// Returns an empty frame of `size` (columns and rows); `path` names the picture in errors.
 fn frame(path: &Path, size: [u32; 2]) -> Result<Frame> {
     if let Some(&side) = size.iter().find(|&&side| side > MAX_SIZE) {
         let what = format!("{}: picture size in pixels", path.display());
@@ -76,7 +76,7 @@ fn read_png(path: &Path) -> Result<Frame> {
     Ok(frame)
 }
 
-/// Linear light of every sRGB sample of 8 or 16 bits (IEC 61966-2-1).
+/// Returns the linear light of every sRGB sample of 16 bits if `wide`, else of 8 bits (IEC 61966-2-1).
 fn linear_samples(wide: bool) -> Vec<f32> {
     let last = if wide { u16::MAX } else { 255 };
     let linear = |encoded: f64| {
@@ -86,14 +86,14 @@ fn linear_samples(wide: bool) -> Vec<f32> {
     (0..=last).map(|sample| linear(f64::from(sample) / f64::from(last)) as f32).collect()
 }
 
-/// Pixels of an OpenEXR file while it is read.
+/// The pixels of an OpenEXR file while it is read.
 struct ExrPixels {
     columns: usize,
     frame: Result<Frame>,
 }
 
 fn read_exr(path: &Path) -> Result<Frame> {
-    // The decoder would not say that a file is missing.
+    // The decoder's error would not say that a file is missing, so the file is opened first.
     File::open(path).map_err(Error::io("open", path))?;
     let image = exr::prelude::read()
         .no_deep_data()

@@ -1,4 +1,4 @@
-//! `adj render`: from an `.adj` file, or a volume, to pictures.
+//! `adj render`: draws pictures of an `.adj` file or a volume.
 
 mod frames;
 mod look;
@@ -113,7 +113,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let resources = Resources { memory, threads: settings.threads, folder: folder.clone() };
     let visible = classify_with_warnings(&mut *source, &options, &resources, arguments.quiet)?;
     if let Some(folder) = folder {
-        // The visible voxels may exceed the memory, so they go through a file without a name.
+        // The visible voxels may need more than the memory, so they go through a temporary file without a name.
         let description = description(&header, &visible);
         let lane_count = options.lane_count;
         let facts = visible.facts.clone();
@@ -129,7 +129,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     draw(&job, settings, LaneSet::new(arena, None), None, start)
 }
 
-/// What is drawn, and where it goes.
+/// What a command draws, and where the pictures go.
 struct RenderJob<'a> {
     arguments: &'a Arguments,
     kind: PictureKind,
@@ -140,7 +140,7 @@ struct RenderJob<'a> {
 
 impl RenderJob<'_> {
     fn open(&self, path: &Path) -> Result<AdjFile> {
-        // As JSON values a text takes more than ten times its bytes.
+        // As parsed JSON, a text takes more than ten times its bytes.
         let description_bytes = self.memory.map_or(u64::MAX, |memory| memory / 64);
         AdjFile::open_with(path, &Limits { description_bytes, ..Limits::default() })
     }

@@ -1,4 +1,4 @@
-//! The renderer that draws: the processor, a graphics device, or the reference.
+//! Chooses the renderer: the processor, a graphics device, or the reference.
 //!
 //! In: `--renderer`, `--adapter`, `--vram`, `--compositor`, `--accumulate`. Out: frames, and numbers for `--stats`.
 
@@ -38,7 +38,7 @@ pub(super) struct RendererArguments {
     pub(super) accumulate: Option<AccumulateBits>,
 }
 
-/// Words of `--renderer`.
+/// Values of `--renderer`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 enum RendererName {
     /// A graphics device that is not software, if there is one; else the processor
@@ -51,7 +51,7 @@ enum RendererName {
     Reference,
 }
 
-/// Words of `--compositor`.
+/// Values of `--compositor`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum CompositorName {
     /// Compute shaders, which stop at opaque pixels
@@ -60,7 +60,7 @@ pub(super) enum CompositorName {
     Quads,
 }
 
-/// Words of `--accumulate`.
+/// Values of `--accumulate`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
 pub(super) enum AccumulateBits {
     #[value(name = "32")]
@@ -77,11 +77,11 @@ pub(super) struct FrameStats {
     pub(super) splats_drawn: u64,
     pub(super) splats_skipped: u64,
     pub(super) frame_ms: f64,
-    /// Numbers that only one kind of renderer has, by name.
+    /// Names and values of numbers that only one kind of renderer has.
     pub(super) others: Vec<(&'static str, Value)>,
 }
 
-/// A renderer of one scene.
+/// A renderer, with the scene that it draws.
 pub(super) enum Renderer<'a> {
     Cpu(Scene<'a>),
     #[cfg(feature = "gpu")]
@@ -90,12 +90,12 @@ pub(super) enum Renderer<'a> {
 }
 
 impl RendererArguments {
-    /// Whether the reference is asked for, which draws volumes only.
+    /// Returns whether the user asks for the reference, which draws volumes only.
     pub(super) fn is_reference(&self) -> bool {
         self.renderer == RendererName::Reference
     }
 
-    /// Flags of graphics devices, and whether each is on the command line.
+    /// Returns the flags for graphics devices, and whether each is on the command line.
     fn of_devices(&self) -> [(&'static str, bool); 4] {
         [
             ("--adapter", self.adapter.is_some()),
@@ -108,7 +108,7 @@ impl RendererArguments {
     /// Returns the reference as a renderer.
     ///
     /// # Errors
-    /// [`Error::Input`] for a flag of graphics devices.
+    /// [`Error::Input`] if a flag for graphics devices is given.
     pub(super) fn reference(&self, judge: Judge) -> Result<Renderer<'static>> {
         match self.of_devices().into_iter().find(|(_, is_given)| *is_given) {
             Some((flag, _)) => Err(Error::input(flag, "is for graphics devices; leave it out")),
@@ -118,10 +118,12 @@ impl RendererArguments {
 
     /// Returns the renderer that the flags ask for.
     ///
-    /// `is_bounded`: `--memory` is given, which no graphics driver obeys. Devices know exponential `blending` only.
+    /// `is_bounded` says that `--memory` is given, which no graphics driver obeys. Devices know exponential `blending`
+    /// only.
     ///
     /// # Errors
-    /// [`Error::Device`] if a graphics device was asked for and cannot be had; [`Error::Input`] for a flag out of place.
+    /// [`Error::Device`] if a graphics device was asked for and cannot be had; [`Error::Input`] for a flag out of
+    /// place.
     pub(super) fn renderer<'a>(&self, scene: Scene<'a>, is_bounded: bool, blending: Blending) -> Result<Renderer<'a>> {
         let is_for_devices = blending == Blending::Exponential;
         match (self.renderer, self.of_devices().into_iter().find(|(_, is_given)| *is_given)) {
@@ -155,7 +157,8 @@ impl<'a> Renderer<'a> {
     /// Draws a frame.
     ///
     /// # Errors
-    /// As the renderers. If a device fails that the user did not choose, the processor draws instead, with a note.
+    /// Any error of the renderer. If a device fails that the user did not choose, the processor draws instead, with a
+    /// note.
     pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
         #[cfg(feature = "gpu")]
         if let Renderer::Gpu(on_device) = self {
@@ -191,7 +194,7 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    /// `cpu`, `gpu` or `reference`.
+    /// Returns the renderer's name: `cpu`, `gpu` or `reference`.
     pub(super) fn name(&self) -> &'static str {
         match self {
             Renderer::Cpu(_) => "cpu",
@@ -201,7 +204,7 @@ impl<'a> Renderer<'a> {
         }
     }
 
-    /// The graphics device's name.
+    /// Returns the graphics device's name; `None` for other renderers.
     pub(super) fn adapter(&self) -> Option<&str> {
         match self {
             Renderer::Cpu(_) | Renderer::Reference(_) => None,
@@ -211,13 +214,13 @@ impl<'a> Renderer<'a> {
     }
 }
 
-/// The error for a reference picture of an .adj file.
+/// Returns the error for a reference picture of an .adj file: the reference needs a volume.
 pub(super) fn needs_volume() -> Error {
     let why = "reference needs the volume, and this file holds codes; give the volume that it was built from";
     Error::input("--renderer", why)
 }
 
-/// Draws a frame with the judge.
+/// Draws a frame with the reference renderer.
 fn judged(judge: &Judge, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
     let start = Instant::now();
     let frame = judge.render(camera, settings)?;

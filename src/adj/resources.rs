@@ -1,11 +1,11 @@
-//! `--memory` and `--threads`: what a command may take of the machine.
+//! `--memory` and `--threads`: how much memory and how many threads a command may use.
 
 use clap::Args;
 
 use super::size::memory;
 use super::values::number;
 
-/// What a command may take of the machine.
+/// The flags for how much memory and how many threads a command may use.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Resources")]
 pub(super) struct ResourceArguments {
@@ -19,38 +19,38 @@ pub(super) struct ResourceArguments {
 }
 
 impl ResourceArguments {
-    /// Most memory to take, in bytes.
+    /// Returns the most memory that the command may take, in bytes.
     pub(super) fn memory(&self) -> u64 {
         self.memory.unwrap_or(2 << 30)
     }
 
-    /// Whether `--memory` is on the command line.
+    /// Returns whether `--memory` is on the command line.
     pub(super) fn memory_given(&self) -> bool {
         self.memory.is_some()
     }
 
-    /// Threads to use.
+    /// Returns the number of threads to use.
     pub(super) fn threads(&self) -> usize {
         self.threads.unwrap_or_else(processors)
     }
 }
 
-/// Number of processors, at most 1,024.
+/// Returns the number of processors, at most 1,024.
 pub(super) fn processors() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from).min(1024)
 }
 
-/// Largest resident size of the process so far, in bytes; `None` where the system does not say.
+/// Returns the largest resident size of the process so far, in bytes; `None` where the system does not say.
 pub(super) fn peak_rss_bytes() -> Option<u64> {
     status_bytes("VmHWM:")
 }
 
-/// Resident size of the process now, in bytes; `None` where the system does not say.
+/// Returns the resident size of the process now, in bytes; `None` where the system does not say.
 pub(super) fn resident_bytes() -> Option<u64> {
     status_bytes("VmRSS:")
 }
 
-/// A size that the system gives in kB, which are KiB.
+/// Returns the size, in bytes, that the system states for `name` in kB, which are KiB.
 fn status_bytes(name: &str) -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix(name))?;

@@ -1,6 +1,6 @@
-//! Sizes of memory as people write them: `64MiB`, `2GiB`, `500MB`, `1000000`.
+//! Parses sizes of memory as people write them: `64MiB`, `2GiB`, `500MB`, `1000000`.
 
-/// Names of units in lower case, and their bytes; without a unit a number counts bytes.
+/// Names of units in lower case, and how many bytes each unit has; without a unit a number counts bytes.
 const UNITS: [(&[&str], u64); 7] = [
     (&["", "b"], 1),
     (&["k", "kib"], 1 << 10),
@@ -11,7 +11,7 @@ const UNITS: [(&[&str], u64); 7] = [
     (&["gb"], 1_000_000_000),
 ];
 
-/// Parses a number, which may have a fraction, and a unit, to bytes.
+/// Parses a number, which may have a fraction, and a unit; returns bytes.
 fn bytes(text: &str) -> Result<u64, String> {
     let refused = "must be a size such as 64MiB, 1.5GiB or 500MB";
     let text = text.trim().to_ascii_lowercase();
@@ -27,18 +27,18 @@ fn bytes(text: &str) -> Result<u64, String> {
     Ok(bytes as u64)
 }
 
-/// Parses a size of `least` bytes or more.
+/// Parses a size, and refuses sizes below `least` bytes.
 fn at_least(least: u64, text: &str) -> Result<u64, String> {
     let bytes = bytes(text)?;
     if bytes < least { Err(format!("must be at least {}MiB", least >> 20)) } else { Ok(bytes) }
 }
 
-/// Parses `--memory`: 64 MiB or more, the least in which every command does something useful.
+/// Parses `--memory`: at least 64 MiB, with which every command can do something useful.
 pub(super) fn memory(text: &str) -> Result<u64, String> {
     at_least(64 << 20, text)
 }
 
-/// Parses `--vram`: 16 MiB or more.
+/// Parses `--vram`: at least 16 MiB.
 pub(super) fn video_memory(text: &str) -> Result<u64, String> {
     at_least(16 << 20, text)
 }

@@ -1,4 +1,4 @@
-//! The transfer function that a file was built with, and the values that it left out.
+//! Reads the transfer function that a file was built with, and finds values that the file does not store.
 
 use std::path::Path;
 
@@ -22,9 +22,9 @@ pub(super) fn missing_values(arena: &Arena, transfer: &TransferFunction) -> Resu
     Ok((!missing.is_empty()).then(|| described(&missing)))
 }
 
-/// Formats ranges: `20..60, 80 and above 100`.
+/// Formats ranges of values: `20..60, 80 and above 100`.
 fn described(ranges: &[[f64; 2]]) -> String {
-    /// Most ranges to list.
+    /// Most ranges that the text lists.
     const MOST: usize = 6;
     let one = |&[low, high]: &[f64; 2]| match (low.is_finite(), high.is_finite()) {
         _ if low == high => format!("{low}"),

@@ -1,4 +1,4 @@
-//! `adj trim`: from an `.adj` file to a smaller one, without the volume.
+//! `adj trim`: makes a smaller `.adj` file from an `.adj` file, without the volume.
 
 use std::path::PathBuf;
 use std::time::Instant;
@@ -65,7 +65,7 @@ pub(super) struct Arguments {
     resources: ResourceArguments,
 }
 
-/// How the voxels that stay are stored; as in the input by default.
+/// The flags for how the voxels that stay are stored; by default as in the input.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Packing (as in the input by default)")]
 struct PackingArguments {
@@ -86,7 +86,7 @@ struct PackingArguments {
     order: Option<TileOrder>,
 }
 
-/// What a voxel can do without.
+/// A part of a voxel's record that can be left out.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum, Serialize)]
 #[serde(rename_all = "lowercase")]
 enum Channel {
@@ -151,7 +151,7 @@ impl Arguments {
     }
 }
 
-/// Warns, before the file is written, of voxels that turn transparent and of gaps that a crop may show.
+/// Warns, before the file is written, of voxels that become transparent and of gaps that a crop may show.
 fn warn<R>(arena: &Arena, options: &TrimOptions, left: &Trim<R>) {
     if left.blurred_away > 0 {
         print_note(&format!(

@@ -1,6 +1,7 @@
-//! Parsers of flags' values, for clap.
+//! Parses the values of flags, for clap.
 //!
-//! In: one word of the command line. Out: a typed value, or what the value must be; clap adds which flag it is.
+//! In: one word of the command line. Out: a typed value, or a text that says what is allowed; clap adds the flag's
+//! name.
 
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -41,7 +42,7 @@ where
     }
 }
 
-/// Returns a parser that calls one of the library; of its error it keeps what the value must be.
+/// Returns a parser that calls `parse` of the library; of its error it keeps what the value must be.
 pub(super) fn library<T>(parse: impl Fn(&str) -> Result<T> + Clone) -> impl Fn(&str) -> Result<T, String> + Clone {
     move |text| {
         parse(text).map_err(|error| match error {
@@ -51,7 +52,7 @@ pub(super) fn library<T>(parse: impl Fn(&str) -> Result<T> + Clone) -> impl Fn(&
     }
 }
 
-/// Parses the two parts of `text` around `separator`.
+/// Parses `text` into the parts before and after `separator`.
 fn pair<T: FromStr>(text: &str, separator: &[char]) -> Option<[T; 2]> {
     let (first, second) = text.split_once(separator)?;
     Some([first.trim().parse().ok()?, second.trim().parse().ok()?])
@@ -68,11 +69,11 @@ pub(super) fn kernel(text: &str) -> Result<KernelShape, String> {
     Ok(KernelShape { sigma, radius })
 }
 
-/// What lies behind a picture.
+/// What is seen behind the volume in a picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Background {
     Transparent,
-    /// Linear red, green, blue.
+    /// A colour in linear red, green and blue.
     Colour([f32; 3]),
 }
 
@@ -95,7 +96,7 @@ pub(super) fn background(text: &str) -> Result<Background, String> {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Crop([[Option<u32>; 2]; 3]);
 
-/// Parses `0..127,0..63,10..20`; an end may be left out.
+/// Parses a box such as `0..127,0..63,10..20`; each end may be left out.
 pub(super) fn crop(text: &str) -> Result<Crop, String> {
     let end = |text: &str| match text.trim() {
         "" => Some(None),

@@ -1,4 +1,4 @@
-//! `adj verify`: is the file whole and sound?
+//! `adj verify`: checks that a file is complete and valid.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -45,7 +45,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
             }
             Err(Error::Format { fault, .. }) => Some(fault),
             Err(error) => {
-                // The other files are checked all the same; the caller prints the last error.
+                // The remaining files are still checked; the caller prints the last error.
                 if let Some(earlier) = trouble.replace(error) {
                     print_note(&one_line(&earlier));
                 }

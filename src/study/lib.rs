@@ -1,14 +1,14 @@
 //! Studies that compare adjsplat's structure with other ways to store and walk the visible voxels of a volume.
 //!
-//! A [`Subject`] is a scene from which every [`Method`] builds its structure. Studies measure how fast each method walks
-//! and draws, its memory, its cache misses, and how settings of the renderer trade time for accuracy.
+//! A [`Subject`] is a scene from which every [`Method`] builds its structure. Studies measure how fast each method
+//! walks and draws, its memory, its cache misses, and how settings of the renderer trade time for accuracy.
 //!
 //! ```text
 //! subject -> method (a Walker) -> Receiver: a sum, or the splatter
 //!                             \-> Trace: a cache model, a file, or nothing
 //! ```
 
-/// Whether this build can draw plots, which needs the feature `plot`.
+/// Whether this build can draw plots; that needs the feature `plot`.
 pub const CAN_PLOT: bool = cfg!(feature = "plot");
 
 pub mod accuracy;

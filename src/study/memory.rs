@@ -1,6 +1,6 @@
 //! Memory that every method takes, and the formulas of the paper.
 //!
-//! In: a subject and methods. Out: the bytes allocated by each structure; Table 3 of the paper from its own formulas
+//! In: a subject and methods. Out: the bytes that each structure allocates; Table 3 of the paper from its own formulas
 //! (Orchard and Möller 2001, section 4.2); the share of voxels at which implementations A and B take equal memory.
 
 use super::baselines::{Method, Walker as _};
@@ -9,26 +9,26 @@ use adjsplat::arena::Arena;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Axis;
 
-/// Memory that a method takes for one subject.
+/// The memory that a method takes for one subject.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Memory {
-    /// Name of the method. Ours appears twice: with three lanes, and with the one from which the others can be derived.
+    /// Name of the method. Ours has two rows: with three lanes, and with the one from which the others can be derived.
     pub name: &'static str,
-    /// Bytes allocated between frames.
+    /// Bytes of the arrays that are kept between frames.
     pub bytes: u64,
     /// Bytes of scratch arrays, which hold nothing between frames.
     pub scratch: u64,
-    /// Bytes by the paper's formula, for the paper's own methods.
+    /// Bytes by the paper's formula; `None` for methods that are not the paper's.
     pub formula: Option<u64>,
 }
 
-/// Name of our structure with only the lane along x.
+/// Name of the row for our structure with only the lane along x.
 pub const ONE_LANE: &str = "adjsplat_one_lane";
 
-/// Measures each method, built one after another.
+/// Measures the memory of each method; the structures are built one after another.
 ///
 /// # Errors
-/// Those of [`Method::build`].
+/// Any error of [`Method::build`].
 pub fn measure(subject: &Subject, methods: &[Method]) -> Result<Vec<Memory>> {
     let structure = subject.voxels.len() as u64 + virtual_voxels(subject.lanes.arena())?;
     let mut measured = Vec::new();
@@ -45,8 +45,9 @@ pub fn measure(subject: &Subject, methods: &[Method]) -> Result<Vec<Memory>> {
     Ok(measured)
 }
 
-/// Returns the bytes of the paper's methods (section 4.2); `None` for other methods. `structure` counts visible and
-/// virtual voxels s: m_T = 17 whd, m_A = 5 (w+2)(h+2)(d+2) + 28 s, m_B = 47 s.
+/// Returns the bytes that the paper's formula gives for a method (section 4.2); `None` for methods that are not the
+/// paper's. `structure` is the number s of visible and virtual voxels: m_T = 17 whd, m_A = 5 (w+2)(h+2)(d+2) + 28 s,
+/// m_B = 47 s.
 pub fn formula(method: Method, dims: [u32; 3], structure: u64) -> Option<u64> {
     let cells = |border: u64| dims.iter().map(|&points| u64::from(points) + border).product::<u64>();
     match method {
@@ -57,7 +58,7 @@ pub fn formula(method: Method, dims: [u32; 3], structure: u64) -> Option<u64> {
     }
 }
 
-/// A row of the paper's Table 3.
+/// A row of the paper's Table 3: a volume and the memory of three methods.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PaperSet {
     /// Name of the volume.
@@ -66,13 +67,13 @@ pub struct PaperSet {
     pub dims: [u32; 3],
     /// Number of visible voxels.
     pub visible: u64,
-    /// Number of visible and virtual voxels.
+    /// Number of visible and virtual voxels (those that the structure adds at the ends of lines).
     pub structure: u64,
-    /// Megabytes (2^20 bytes) that the paper states for traditional, A and B.
+    /// Megabytes (2^20 bytes) that the paper states for the traditional method, A and B.
     pub megabytes: [f64; 3],
 }
 
-/// The paper's Table 3.
+/// The rows of the paper's Table 3.
 pub const TABLE_3: [PaperSet; 5] = [
     paper_set("Jeff", [256, 256, 129], [513_799, 629_487], [137.06, 58.39, 28.22]),
     paper_set("Frog", [500, 470, 136], [354_894, 600_979], [518.15, 171.97, 26.94]),
@@ -90,7 +91,7 @@ const fn paper_set(
     PaperSet { name, dims, visible, structure, megabytes }
 }
 
-/// Returns the share of the grid's cells, caps included, that are in the structure when A and B take equal memory.
+/// Returns the share of cells (grid points and caps) that hold a voxel when A and B take equal memory.
 ///
 /// `record_b` is the size of B's record in bytes. The paper's text says 47, which gives 5 / (47 - 28) = 26.3 %. Its
 /// Table 2 says 43 + k = 59, which gives its break-even of 16.1 %.
@@ -98,21 +99,21 @@ pub fn break_even(record_b: f64) -> f64 {
     5.0 / (record_b - 28.0)
 }
 
-/// Memory of A and B for one subject, and the share of cells in the structure.
+/// Memory of implementations A and B for one subject, and the share of cells that hold a visible or virtual voxel.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Crossing {
-    /// Share of the (w+2)(h+2)(d+2) cells that are in the structure.
+    /// Share of the (w+2)(h+2)(d+2) cells that hold a visible or virtual voxel.
     pub share: f64,
-    /// Bytes of A.
+    /// Bytes that implementation A takes.
     pub a: u64,
-    /// Bytes of B.
+    /// Bytes that implementation B takes.
     pub b: u64,
 }
 
-/// Builds A and B of a subject.
+/// Builds implementations A and B for a subject, and returns their memory.
 ///
 /// # Errors
-/// Those of [`Method::build`].
+/// Any error of [`Method::build`].
 pub fn crossing(subject: &Subject) -> Result<Crossing> {
     let structure = subject.voxels.len() as u64 + virtual_voxels(subject.lanes.arena())?;
     let cells: f64 = subject.dims().iter().map(|&points| f64::from(points) + 2.0).product();
@@ -121,8 +122,8 @@ pub fn crossing(subject: &Subject) -> Result<Crossing> {
     Ok(Crossing { share: structure as f64 / cells, a: a?, b: b? })
 }
 
-/// Returns the share at which A and B take equal memory, interpolated between two of `crossings` (by rising share);
-/// `None` if no two lie on either side of it.
+/// Returns the share of cells at which A and B take equal memory, interpolated between two of `crossings`, which are
+/// sorted by share; `None` if B never goes from smaller than A to larger.
 pub fn crossover(crossings: &[Crossing]) -> Option<f64> {
     let surplus = |c: &Crossing| c.b as f64 - c.a as f64;
     crossings.windows(2).find(|pair| surplus(&pair[0]) < 0.0 && surplus(&pair[1]) >= 0.0).map(|pair| {
@@ -143,7 +144,7 @@ pub fn virtual_voxels(arena: &Arena) -> Result<u64> {
     let mut slices = [0; 3];
     let [u, v] = lane.axis.others();
     lines[lane.axis.index()] = lane.line_ends.len() as u64;
-    // Lines along u are distinct (fast, v), lines along v are distinct (fast, u).
+    // Lines along u differ in (fast, v), and lines along v differ in (fast, u).
     let mut along_u = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[v.index()]));
     let mut along_v = Occupied::new(u64::from(dims[lane.axis.index()]) * u64::from(dims[u.index()]));
     let mut coordinates = Axis::ALL.map(|axis| Occupied::new(dims[axis.index()].into()));
@@ -164,7 +165,7 @@ pub fn virtual_voxels(arena: &Arena) -> Result<u64> {
     Ok(2 * lines.iter().sum::<u64>() + 4 * slices.iter().sum::<u64>() + 8)
 }
 
-/// A set of small numbers; larger ones are ignored.
+/// A set of numbers below a limit, one bit each; numbers at or above the limit are ignored.
 struct Occupied(Vec<u64>);
 
 impl Occupied {

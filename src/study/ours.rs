@@ -1,4 +1,4 @@
-//! Our own structure as a walker: the production walk over a subject's lanes, in exact slice order.
+//! Our own structure as a walker: the walk that renderers use, over a subject's lanes, in exact slice order.
 
 use super::baselines::{Normal, Receiver, Viewing, Walker, placed};
 use super::subject::Subject;
@@ -8,7 +8,7 @@ use adjsplat::error::Result;
 use adjsplat::traverse::{Batch, walk};
 use adjsplat::volume::Axis;
 
-/// The lanes of a subject.
+/// The lanes (all scan lines along one axis each) of a subject.
 #[derive(Debug, Clone, Copy)]
 pub struct Adjsplat<'a> {
     subject: &'a Subject<'a>,
@@ -18,7 +18,7 @@ impl<'a> Adjsplat<'a> {
     /// Borrows the lanes of `subject`, and derives those that the file does not store.
     ///
     /// # Errors
-    /// [`Error::Limit`](adjsplat::Error::Limit) if a derived lane would not fit the lanes' memory.
+    /// [`Error::Limit`](adjsplat::Error::Limit) if a derived lane would not fit the memory that the lanes may take.
     pub fn new(subject: &'a Subject<'a>) -> Result<Adjsplat<'a>> {
         for axis in Axis::ALL {
             subject.lanes.lane(axis)?;
@@ -27,7 +27,7 @@ impl<'a> Adjsplat<'a> {
     }
 }
 
-/// Names of a lane's arrays.
+/// Names of the five arrays of each lane.
 const NAMES: [[&str; 5]; 3] = [
     ["tiles along x", "line ends along x", "steps along x", "values along x", "normals along x"],
     ["tiles along y", "line ends along y", "steps along y", "values along y", "normals along y"],

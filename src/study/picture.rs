@@ -1,7 +1,7 @@
-//! Pictures of what methods visit, all by one splatter, front to back, on one thread.
+//! Pictures of the voxels that methods visit. One splatter draws them all, front to back, on one thread.
 //!
 //! In: a subject, a camera, and a method or a sequence of voxels. Out: a frame. The same voxels in the same order give
-//! the same bits. In the renderer's order these are the bits of [`render`](adjsplat::splat::cpu::render).
+//! the same bits of the frame; in the renderer's order, those of [`render`](adjsplat::splat::cpu::render).
 
 use super::baselines::{BuiltMethod, Normal, Receiver as _, Viewing, Walker as _};
 use super::subject::{Subject, VisibleVoxel};
@@ -12,10 +12,10 @@ use adjsplat::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, View};
 use adjsplat::traverse::{Batch, Sense, walk};
 use adjsplat::volume::Axis;
 
-/// Returns the front-to-back view of a subject by `camera`.
+/// Returns the view of a subject by `camera`, in front-to-back order.
 ///
 /// # Errors
-/// Those of [`View::new`] and [`Viewing::new`].
+/// Any error of [`View::new`] and [`Viewing::new`].
 pub fn viewing(subject: &Subject, camera: &Camera, settings: &Settings) -> Result<Viewing> {
     let view = View::new(camera, &subject.facts.grid, settings.size, settings.kernel(), None)?;
     Viewing::new(view.viewpoint, subject.dims(), Sense::FrontToBack, settings.form)
@@ -24,7 +24,7 @@ pub fn viewing(subject: &Subject, camera: &Camera, settings: &Settings) -> Resul
 /// Returns a camera on an orbit around the visible voxels.
 ///
 /// # Errors
-/// Those of [`Camera::orbiting`].
+/// Any error of [`Camera::orbiting`].
 pub fn camera(subject: &Subject, orbit: Orbit, size: [u32; 2]) -> Result<Camera> {
     let around = match subject.lane(Axis::X).bounds() {
         Some((low, high)) => Surround::of_voxels(&subject.facts.grid, low, high),
@@ -33,15 +33,16 @@ pub fn camera(subject: &Subject, orbit: Orbit, size: [u32; 2]) -> Result<Camera>
     Camera::orbiting(orbit, around, size)
 }
 
-/// Returns the subject as a renderer takes it.
+/// Returns the subject as a scene, which renderers take.
 pub fn scene<'a>(subject: &'a Subject) -> Scene<'a> {
     Scene { facts: subject.facts, lanes: subject.lanes, transfer: &subject.transfer }
 }
 
-/// Draws what a method visits. Without `drawing`, all work but the drawing of splats is done and the frame is empty.
+/// Draws the voxels that a method visits. Without `drawing`, it does all work but drawing splats, and the frame is
+/// empty.
 ///
 /// # Errors
-/// Those of [`cpu::render`](adjsplat::splat::cpu::render).
+/// Any error of [`cpu::render`](adjsplat::splat::cpu::render).
 pub fn of_method(
     subject: &Subject,
     camera: &Camera,
@@ -62,10 +63,10 @@ pub fn of_method(
     Ok(frame)
 }
 
-/// Draws voxels in the given order.
+/// Draws `voxels` in the order in which they come.
 ///
 /// # Errors
-/// Those of [`cpu::render`](adjsplat::splat::cpu::render).
+/// Any error of [`cpu::render`](adjsplat::splat::cpu::render).
 pub fn of_voxels(
     subject: &Subject,
     camera: &Camera,

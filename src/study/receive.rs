@@ -5,17 +5,17 @@ use crate::splatter::Splatter;
 use adjsplat::arena::Lane;
 use adjsplat::traverse::Batch;
 
-/// Sums coordinates, codes and normals: the least work that uses all of a voxel.
+/// Adds up coordinates, codes and normals: the least work that uses everything a voxel has.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct VoxelSum {
-    /// Number of voxels and cubes.
+    /// Number of voxels and cubes that were received.
     pub count: u64,
-    /// Sum of coordinates, codes and bits of normals; wraps.
+    /// Sum of coordinates, codes and bits of normals, modulo the range of its type.
     pub of_all: u64,
 }
 
 impl VoxelSum {
-    /// Adds a batch of `lane`, array by array as a renderer reads them; normals only if `shaded`.
+    /// Adds a batch of voxels of `lane`, array by array as a renderer reads them; adds normals only if `shaded`.
     #[inline(always)]
     pub fn add(&mut self, lane: &Lane, batch: &Batch, shaded: bool) {
         let mut sum = u64::from(batch.slow) * batch.len() as u64;
@@ -52,17 +52,17 @@ impl Receiver for VoxelSum {
     }
 }
 
-/// Sums coordinates only: the cost of a walk itself.
+/// Adds up coordinates only, which measures the cost of the walk itself.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct CoordinateSum {
-    /// Number of voxels and cubes.
+    /// Number of voxels and cubes that were received.
     pub count: u64,
-    /// Sum of coordinates; wraps.
+    /// Sum of coordinates, modulo the range of its type.
     pub of_all: u64,
 }
 
 impl CoordinateSum {
-    /// Adds a batch.
+    /// Adds the coordinates of a batch of voxels.
     #[inline(always)]
     pub fn add(&mut self, batch: &Batch) {
         let sum = |along: &[u16]| along.iter().map(|&c| u64::from(c)).sum::<u64>();

@@ -1,9 +1,10 @@
-//! Speed: times of every method's frames over a turn around the volume.
+//! Speed: how long every method takes for the frames of a turn around the volume.
 //!
-//! In: a subject, methods, a picture size. Out: times of 36 frames, 10 degrees apart, in parallel and perspective views,
-//! as Orchard and Möller (2001, Table 1 and Figure 5) measure them. *Displaying* is everything, *non-displaying* all but
-//! the drawing of splats, and the *walk* only adds up what it visits. All run on one thread, front to back, with one
-//! splatter. Our own displaying frames are the renderer's, which skips hidden rows.
+//! In: a subject, methods, a picture size. Out: times of 36 frames, 10 degrees apart, in parallel and perspective
+//! views, as Orchard and Möller (2001, Table 1 and Figure 5) measure them. *Displaying* is the whole frame,
+//! *non-displaying* all of it but the drawing of splats, and *walk* only adds up the voxels that it visits. All run on
+//! one thread, front to back, with one splatter. The displaying frames of our own method are the renderer's, which
+//! skips hidden rows.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -23,9 +24,9 @@ use adjsplat::traverse::{Batch, walk};
 /// Settings of the measurement.
 #[derive(Debug, Clone)]
 pub struct SpeedOptions {
-    /// Columns and rows of a picture; 300 x 300 in the paper.
+    /// Columns and rows of a picture in pixels; 300 x 300 in the paper.
     pub size: [u32; 2],
-    /// Frames of a turn, at least 1; 36 in the paper.
+    /// Number of frames of a turn, at least 1; 36 in the paper.
     pub frames: u32,
     /// Elevation of the camera, in degrees.
     pub elevation: f64,
@@ -35,31 +36,31 @@ pub struct SpeedOptions {
     pub methods: Vec<Method>,
 }
 
-/// Times of a method in one projection.
+/// Times of a method over a turn, in one kind of projection.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Speed {
     /// The measured method.
     pub method: Method,
-    /// Whether views were perspective.
+    /// Whether the views were perspective; else they were parallel.
     pub perspective: bool,
-    /// Mean number of splats of a frame.
+    /// Mean number of splats per frame.
     pub splats: f64,
-    /// Mean seconds of a frame.
+    /// Mean seconds per frame.
     pub displaying: f64,
-    /// Mean seconds of a frame without drawing.
+    /// Mean seconds per frame without the drawing of splats.
     pub non_displaying: f64,
-    /// Mean seconds of the walk alone.
+    /// Mean seconds per frame of the walk alone.
     pub walk: f64,
     /// Seconds to build the structure.
     pub build: f64,
-    /// XXH3-64 of the turn's frames: equal if all pictures are equal, bit for bit.
+    /// Hash (XXH3-64) of the turn's frames: equal if all pictures are equal, bit for bit.
     pub pictures: u64,
 }
 
-/// Measures all methods; `go_on` receives the frames done and in total, and can cancel.
+/// Measures all methods of `options`; `go_on` receives the frames done and in total, and can cancel.
 ///
 /// # Errors
-/// Those of building the methods and of drawing; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of building the methods and of drawing; [`Error::Interrupted`] if `go_on` cancels.
 pub fn measure(
     subject: &Subject,
     options: &SpeedOptions,
@@ -111,17 +112,17 @@ pub fn measure(
     Ok(found)
 }
 
-/// One of this many frames is also timed without drawing: those times change little from frame to frame.
+/// Every third frame is also timed without drawing: those times change little from frame to frame.
 const UNDRAWN: u32 = 3;
 
-/// A view of the turn.
+/// One view of the turn.
 struct TurnedView {
     settings: Settings,
     camera: Camera,
     viewing: Viewing,
 }
 
-/// Seconds of a frame without drawing, and its number of splats.
+/// Number of splats of a frame, its seconds without drawing, and the seconds of its walk.
 struct Undrawn {
     splats: f64,
     non_displaying: f64,
@@ -147,7 +148,7 @@ impl TurnedView {
         Ok(Undrawn { splats: sum.count as f64, non_displaying, walk })
     }
 
-    /// Returns the picture and the seconds that it took.
+    /// Draws the view; returns the picture and the seconds that it took.
     fn drawn(&self, subject: &Subject, built: &mut BuiltMethod) -> Result<(Frame, f64)> {
         let start = Instant::now();
         let picture = match built {
@@ -158,7 +159,7 @@ impl TurnedView {
     }
 }
 
-/// Walks and sums coordinates only; our own walk delivers batches, as it does to a renderer.
+/// Walks the structure and adds up coordinates only; our own walk delivers batches, as it does to a renderer.
 pub fn summed_coordinates(subject: &Subject, built: &mut BuiltMethod, viewing: &Viewing) -> CoordinateSum {
     let mut sum = CoordinateSum::default();
     match built {
@@ -170,7 +171,7 @@ pub fn summed_coordinates(subject: &Subject, built: &mut BuiltMethod, viewing: &
     sum
 }
 
-/// Walks and sums everything; our own walk delivers batches, as it does to a renderer.
+/// Walks the structure and adds up all that voxels have; our own walk delivers batches, as it does to a renderer.
 pub fn summed(subject: &Subject, built: &mut BuiltMethod, viewing: &Viewing) -> VoxelSum {
     let mut sum = VoxelSum::default();
     match built {

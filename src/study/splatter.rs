@@ -1,8 +1,9 @@
-//! Splats of voxels that are handed over one by one, whoever walks them.
+//! Draws splats of voxels that arrive one by one, from any walk.
 //!
-//! In: positions, looks and normals in visit order, front to back, from structures that are no lanes. Out: a frame: for
-//! the same voxels in the same order the bits of `cpu::render`. One thread, no crop. Cubes of voxels, the nodes of
-//! an octree, are splats of a kernel as many times as wide.
+//! In: positions, looks (colour and optical depth) and normals in visit order, front to back, from structures other
+//! than lanes. Out: a frame; the same voxels in the same order give the same bits as `cpu::render`. It uses one thread
+//! and no crop. A cube of voxels (a node of an octree) is one splat, whose kernel is wider by the cube's edge in
+//! voxels.
 
 use multiversion::multiversion;
 
@@ -16,34 +17,34 @@ use adjsplat::internals::scatter::{
 use adjsplat::splat::{Camera, Code, Frame, Mode, Scene, Settings};
 use adjsplat::traverse::{Batch, Sense};
 
-/// Edges of cubes are 2 to less than this.
+/// Number of cube levels: the edge of a cube is below 2 to this power, in voxels.
 const LEVELS: usize = 17;
 
-/// Draws what it is given.
+/// Draws the voxels and cubes that it receives.
 pub(crate) struct Splatter<'a> {
-    /// By level of the cubes; voxels are level 0.
+    /// For each level (base-2 logarithm of a cube's edge), what projects its cubes; voxels are level 0.
     projectors: Vec<Projector<'a>>,
-    /// By value code.
+    /// For each value code (stored number of a value), its colour and optical depth.
     looks: [Look; 256],
     nesting: [usize; 3],
     drawing: bool,
     buffers: SplatBuffers,
     level: usize,
-    /// Of a lane's batch.
+    /// Voxels of a lane's batch that wait to be drawn.
     voxels: Box<VoxelBlock>,
     block: Block,
     drawn: u64,
 }
 
-/// Voxels that wait for the block to be full.
+/// Voxels that are collected until the block is full, and then drawn together.
 struct Block {
     count: usize,
-    /// Along the slow, medium and fast axis.
+    /// Coordinates of the voxels along the slow, medium and fast axis.
     at: [[f64; BLOCK]; 3],
     looks: [Look; BLOCK],
     codes: [u16; BLOCK],
     normals: [[f32; BLOCK]; 3],
-    /// Whether normals are codes.
+    /// Whether normals are codes (`codes`), not vectors (`normals`).
     coded: bool,
 }
 
@@ -55,7 +56,7 @@ impl Coordinates for Block {
 }
 
 impl Splatter<'_> {
-    /// A voxel by its codes.
+    /// Adds a voxel by the codes (stored numbers) of its value and normal.
     #[inline(always)]
     pub(crate) fn coded(&mut self, position: [u16; 3], value: u8, normal: u16) {
         let place = self.room(0, true);
@@ -63,14 +64,14 @@ impl Splatter<'_> {
         self.put(place, position.map(f64::from), self.look(value));
     }
 
-    /// What a value looks like.
+    /// Returns the look (colour and optical depth) of a value code.
     #[inline(always)]
     pub(crate) fn look(&self, value: u8) -> Look {
         self.looks[usize::from(value)]
     }
 
-    /// A cube of voxels of edge `1 << level` with its lowest voxel at `low`; `level` 0 for a voxel. Its normal is a unit
-    /// vector, or 0 for none.
+    /// Adds a cube of voxels of edge `1 << level` with its lowest voxel at `low`; `level` 0 is a voxel. Its normal is a
+    /// unit vector, or 0 if it has none.
     #[inline(always)]
     pub(crate) fn cube(&mut self, low: [u16; 3], level: u8, look: Look, normal: [f32; 3]) {
         let place = self.room(usize::from(level), false);
@@ -90,7 +91,7 @@ impl Splatter<'_> {
         self.block.count = place + 1;
     }
 
-    /// Where the next voxel goes.
+    /// Returns the index in the block for the next voxel, and first draws the block if the voxel cannot join it.
     #[inline(always)]
     fn room(&mut self, level: usize, coded: bool) -> usize {
         if self.block.count == BLOCK || level != self.level || coded != self.block.coded {
@@ -100,7 +101,7 @@ impl Splatter<'_> {
         self.block.count % BLOCK
     }
 
-    /// Voxels of the lane that the order asks for.
+    /// Adds a batch of voxels from the lane that the order needs.
     pub(crate) fn batch(&mut self, batch: &Batch) {
         self.flush();
         for from in (0..batch.len()).step_by(GROUP) {
@@ -132,7 +133,7 @@ impl Splatter<'_> {
     }
 }
 
-/// Stage 1 of a block that was handed over, which is empty then.
+/// Places and shades the voxels of a block (stage 1 of the renderer); the block is empty afterwards.
 #[inline(always)]
 fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers) {
     let SplatBuffers { tiles, splats, .. } = buffers;
@@ -164,7 +165,7 @@ fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut Splat
     block.count = 0;
 }
 
-/// As [`project_and_draw`], but for the drawing; gives how many splats would be drawn.
+/// Does all that [`project_and_draw`] does except the drawing; returns how many splats it would draw.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 fn project(projector: &Projector, voxels: &VoxelBlock, buffers: &mut SplatBuffers) -> u64 {
     let SplatBuffers { tiles, splats, .. } = buffers;
@@ -172,7 +173,7 @@ fn project(projector: &Projector, voxels: &VoxelBlock, buffers: &mut SplatBuffer
     std::hint::black_box(&buffers.splats).count as u64
 }
 
-/// Projects and, if `drawing`, draws a block that was handed over; gives how many splats were drawn, or would be.
+/// Projects a block and, if `drawing`, draws it; returns how many splats were drawn, or would be.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 fn handed(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers, drawing: bool) -> u64 {
     place_and_shade(projector, block, buffers);
@@ -184,13 +185,13 @@ fn handed(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers, 
     }
 }
 
-/// The picture of what `feed` gives to the splatter, in the order of the view.
+/// Returns the picture of the voxels that `feed` gives to the splatter, in the order of the view.
 ///
-/// `settings` are for compositing front to back. Without `drawing` everything is done but the drawing itself. Gives the
-/// frame and how many splats touched it; without drawing, how many would have.
+/// `settings` must ask for front-to-back compositing. Without `drawing`, all work but the drawing itself is done. Also
+/// returns how many splats were drawn; without drawing, how many would be.
 ///
 /// # Errors
-/// As `cpu::render`, and whatever `feed` fails with.
+/// Any error of `cpu::render`, and any error that `feed` returns.
 pub(crate) fn splat(
     scene: &Scene,
     camera: &Camera,

@@ -1,4 +1,4 @@
-//! Subjects: the scenes that a study's methods are built from.
+//! Subjects: the scenes for which the methods of a study build their structures.
 //!
 //! In: a file with 8-bit values and with normals of 2 x 8 bits or none. Out: its visible voxels in scan order (x
 //! fastest) and its three lanes.
@@ -17,32 +17,33 @@ use adjsplat::volume::Axis;
 pub struct VisibleVoxel {
     /// Coordinates along x, y and z.
     pub position: [u16; 3],
-    /// Code of its value.
+    /// The voxel's value code (stored number).
     pub value: u8,
-    /// Code of its normal; 0 if there are no normals.
+    /// The voxel's normal code (stored number); 0 if there are no normals.
     pub normal: u16,
 }
 
-/// A scene under study.
+/// A scene that a study draws with every method.
 #[derive(Debug)]
 pub struct Subject<'a> {
-    /// Its name in tables.
+    /// The subject's name in tables.
     pub name: String,
-    /// Its grid and codecs.
+    /// The grid, and how values and normals are coded.
     pub facts: &'a Facts,
-    /// Its transfer function.
+    /// The transfer function: the colour and opacity of each value.
     pub transfer: TransferFunction,
-    /// Its lanes, stored or derived.
+    /// The three lanes (all scan lines along one axis each), stored or derived.
     pub lanes: &'a LaneSet<'a>,
-    /// Its visible voxels, x fastest, then y, then z.
+    /// The visible voxels in scan order: x fastest, then y, then z.
     pub voxels: Vec<VisibleVoxel>,
 }
 
 impl<'a> Subject<'a> {
-    /// Reads the scene of `lanes` under `transfer`. O(voxels); takes 10 bytes a voxel.
+    /// Reads the visible voxels of `lanes`, which `transfer` colours. O(voxels); takes 10 bytes per voxel.
     ///
     /// # Errors
-    /// [`Error::Input`] if the file has other channels; [`Error::Limit`] if memory cannot be had; errors of deriving a lane.
+    /// [`Error::Input`] if values do not have 8 bits or normals neither 2 x 8 bits nor none; [`Error::Limit`] if memory
+    /// cannot be had; any error of deriving a lane.
     pub fn new(name: &str, lanes: &'a LaneSet<'a>, transfer: TransferFunction) -> Result<Subject<'a>> {
         let facts = lanes.arena().facts();
         let channels = facts.channels;
@@ -60,7 +61,7 @@ impl<'a> Subject<'a> {
             )
         })?;
         let lane = lanes.lane(Axis::X)?;
-        // Nesting z, y, x, all ascending: scan order.
+        // The nesting z, y, x, all ascending, gives scan order.
         walk(&lane, &Order::parallel(5, 0), &mut |batch: &Batch| {
             for index in 0..batch.len() {
                 let record = batch.record_index(index);

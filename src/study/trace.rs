@@ -1,4 +1,4 @@
-//! Traces: what a walk reads and writes, in order.
+//! Traces: the memory accesses of a walk, in order.
 
 /// Receives each memory access of a walk.
 pub trait Trace {
@@ -19,24 +19,24 @@ impl Trace for Untraced {
     fn write(&mut self, _: usize, _: usize, _: usize) {}
 }
 
-/// An allocation of a walker.
+/// An array that a walker allocates, whose number a trace uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WalkerArray {
-    /// What it holds.
+    /// Name of what the array holds.
     pub name: &'static str,
-    /// Bytes that are allocated, used or not.
+    /// Bytes that are allocated, whether used or not.
     pub bytes: u64,
-    /// Whether it is scratch memory, which holds nothing between frames.
+    /// Whether the array is scratch memory, which holds nothing between frames.
     pub scratch: bool,
 }
 
 impl WalkerArray {
-    /// Returns the array of the allocation of `elements`, which hold the structure.
+    /// Describes the allocation of `elements`, which are part of the structure.
     pub fn of<T>(name: &'static str, elements: &Vec<T>) -> WalkerArray {
         WalkerArray { name, bytes: (elements.capacity() * size_of::<T>()) as u64, scratch: false }
     }
 
-    /// Returns the array of the allocation of `elements`, which hold nothing between frames.
+    /// Describes the allocation of `elements` as scratch memory, which holds nothing between frames.
     pub fn scratch<T>(name: &'static str, elements: &Vec<T>) -> WalkerArray {
         WalkerArray { scratch: true, ..WalkerArray::of(name, elements) }
     }

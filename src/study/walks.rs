@@ -1,8 +1,8 @@
-//! Walk times: nanoseconds a visible voxel in each of the 48 orders of parallel views.
+//! Walk times: nanoseconds per visible voxel in each of the 48 orders of parallel views.
 //!
-//! In: a subject and methods. Out: the fastest of several walks of each method in each order, on one thread. Walks add up
-//! coordinates, values and normals, so that nothing a renderer needs stays unread; or only coordinates. Methods take
-//! turns in every order, so that changes of the machine's speed affect all of them.
+//! In: a subject and methods. Out: the fastest of several walks of each method in each order, on one thread. A walk
+//! adds up coordinates, values and normals, so that it reads everything that a renderer needs; or only coordinates. In
+//! each order the methods take turns, so that changes of the machine's speed affect all of them.
 
 use std::hint::black_box;
 use std::ops::ControlFlow;
@@ -32,17 +32,17 @@ pub enum Reading {
 pub struct Walks {
     /// The measured method.
     pub method: Method,
-    /// Nanoseconds a visible voxel, by order: 8 x nesting + directions, as [`Order::parallel`] numbers them.
+    /// Nanoseconds per visible voxel, by order: index 8 x nesting + directions, as [`Order::parallel`] numbers them.
     pub ns: Vec<f64>,
 }
 
 impl Walks {
-    /// Returns the geometric mean over the orders.
+    /// Returns the geometric mean of the times over the orders.
     pub fn geometric_mean(&self) -> f64 {
         (self.ns.iter().map(|ns| ns.ln()).sum::<f64>() / self.ns.len() as f64).exp()
     }
 
-    /// Returns the median over the orders.
+    /// Returns the median of the times over the orders.
     pub fn median(&self) -> f64 {
         let mut sorted = self.ns.clone();
         sorted.sort_by(f64::total_cmp);
@@ -61,12 +61,13 @@ pub fn order(index: usize) -> Order {
     Order::parallel(index / 8, u8::try_from(index % 8).expect("below 8"))
 }
 
-/// Measures every `stride`-th order `repetitions` times; `go_on` receives the orders done and in total, and can cancel.
+/// Measures every `stride`-th order, each `repetitions` times; `go_on` receives the orders done and in total, and can
+/// cancel.
 ///
-/// All structures are in memory at once.
+/// The structures of all methods are in memory at once.
 ///
 /// # Errors
-/// Those of [`Method::build`]; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of [`Method::build`]; [`Error::Interrupted`] if `go_on` cancels.
 pub fn measure(
     subject: &Subject,
     methods: &[Method],

@@ -16,7 +16,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::write_atomically_unless;
 use adjsplat::splat::{Camera, Settings};
 
-/// Draws every frame and writes it. `measured` is the largest error, if `--max-error` is given.
+/// Draws every frame and writes it. `measured` is the largest error that was measured, if `--max-error` is given.
 pub(super) fn draw_frames(
     job: &RenderJob,
     settings: &Settings,
@@ -76,7 +76,7 @@ pub(super) fn draw_frames(
     Ok(Answer::Yes)
 }
 
-/// Turns `out.png` into `out-000.png`, `out-001.png` ...
+/// Returns numbered paths, one per frame: `out-000.png`, `out-001.png` ... for `out.png`.
 pub(super) fn numbered(path: &Path, frames: u32) -> Vec<PathBuf> {
     let width = (frames - 1).to_string().len().max(3);
     let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -84,7 +84,7 @@ pub(super) fn numbered(path: &Path, frames: u32) -> Vec<PathBuf> {
     (0..frames).map(|frame| path.with_file_name(format!("{stem}-{frame:0width$}.{extension}"))).collect()
 }
 
-/// Returns what `--stats` writes.
+/// Returns the document that `--stats` writes.
 fn stats_json(settings: &Settings, renderer: &Renderer, stats: &[FrameStats], image_sha256: &str) -> Value {
     let total = |count: fn(&FrameStats) -> u64| stats.iter().map(count).sum::<u64>();
     let mut document = json!({
@@ -101,7 +101,7 @@ fn stats_json(settings: &Settings, renderer: &Renderer, stats: &[FrameStats], im
         "splats_skipped": total(|s| s.splats_skipped),
         "frame_ms": stats.iter().map(|s| s.frame_ms).collect::<Vec<f64>>(),
     });
-    // Numbers that not every frame has.
+    // A number that not every frame has becomes a list with an entry per frame, null where it is missing.
     for (name, _) in stats.last().map_or(&[][..], |last| &last.others) {
         let of = |frame: &FrameStats| frame.others.iter().find(|(n, _)| n == name).map(|(_, value)| value.clone());
         document[name] = stats.iter().map(|frame| of(frame).unwrap_or(Value::Null)).collect();

@@ -1,4 +1,4 @@
-//! How the picture is made: `--quality`, `--mode` and the like.
+//! The flags for how the picture is made: `--quality`, `--mode` and others.
 
 use clap::Args;
 
@@ -8,7 +8,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Blending, KernelShape, Mode, Quality, Sampling, Settings};
 use adjsplat::traverse::SplitForm;
 
-/// How the picture is made.
+/// The flags for how the picture is made.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Look")]
 pub(super) struct LookArguments {
@@ -34,8 +34,8 @@ pub(super) struct LookArguments {
     /// What a pixel shows of its ray
     #[arg(long, value_name = "MODE", default_value = "composite", value_parser = choice(MODES))]
     mode: Mode,
-    /// How a splat covers what is behind it, in composite mode; linear and sheets need --renderer cpu, and are not exact
-    /// for very many very faint layers
+    /// How a splat covers what is behind it, in composite mode; linear and sheets need --renderer cpu, and are not
+    /// exact for very many very faint layers
     #[arg(long, value_name = "B", default_value = "exponential", value_parser = choice(BLENDINGS))]
     blending: Blending,
     /// Brightness of xray mode, a factor above 0; by default it suits what is visible
@@ -126,7 +126,7 @@ impl LookArguments {
     }
 }
 
-/// Describes the settings that `--max-error` chose, as flags.
+/// Formats the settings that `--max-error` chose as flags.
 pub(super) fn chosen(settings: &Settings, measured: f64) -> String {
     let KernelShape { sigma, radius } = settings.kernel();
     let (termination, sampling) = (settings.termination(), settings.sampling().name());

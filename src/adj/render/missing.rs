@@ -1,4 +1,4 @@
-//! Warns of pictures that show where hidden voxels were left out of a file.
+//! Warns if a picture shows places where hidden voxels were removed from the file.
 
 use serde_json::Value;
 
@@ -8,7 +8,8 @@ use adjsplat::splat::{Camera, Mode, Settings, View};
 use adjsplat::traverse::Viewpoint;
 use adjsplat_judge::hidden::CLEARANCE;
 
-/// Returns what may show that the file lacks hidden voxels, if the picture may.
+/// Returns why the picture may show places where hidden voxels were removed from the file, as part of a warning.
+/// Returns `None` if the picture shows no such place.
 pub(super) fn shows_missing_voxels(
     arena: &Arena,
     settings: &Settings,

@@ -1,4 +1,4 @@
-//! Where the camera is: `--azimuth`, `--camera` and the like.
+//! The flags for where the camera is: `--azimuth`, `--camera` and others.
 
 use std::path::PathBuf;
 
@@ -11,7 +11,7 @@ use adjsplat::splat::{Camera, Orbit, Surround, Up};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::Grid;
 
-/// Where the camera is.
+/// The flags for where the camera is.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "View")]
 pub(super) struct ViewArguments {
@@ -44,7 +44,7 @@ pub(super) struct ViewArguments {
     pub(super) crop: Option<Crop>,
 }
 
-/// Returns what the camera fits into the picture: the crop, or else all visible voxels.
+/// Returns the box that the camera fits into the picture: the crop, or else the box of all visible voxels.
 pub(super) fn surround(grid: &Grid, crop: Option<VoxelBox>, visible: Option<([u16; 3], [u16; 3])>) -> Surround {
     match (crop, visible) {
         (Some(crop), _) => Surround::of_voxels(grid, crop.low, crop.high),

@@ -1,4 +1,4 @@
-//! `adj study cache`: cache misses of walks, in a model.
+//! `adj study cache`: counts cache misses of walks, in a model.
 
 use std::hint::black_box;
 use std::io::BufWriter;
@@ -85,10 +85,10 @@ pub(super) struct Arguments {
     output: OutputArguments,
 }
 
-/// Walks in one run under the machine's counters.
+/// Number of walks in one run under the machine's counters.
 const COUNTED_WALKS: u32 = 16;
 
-/// A structure to measure, and its name in tables.
+/// A structure to measure, with its name in tables.
 pub(super) struct Measured<'a> {
     pub(super) layout: String,
     pub(super) codes: Option<CodesRead>,
@@ -130,7 +130,7 @@ impl Arguments {
         Geometry::parse(self.line, &levels, &self.tlb)
     }
 
-    /// Returns the single method and order, which some flags need.
+    /// Returns the only method and order to measure, which some flags need; fails if there are several.
     fn only(&self) -> Result<(Method, Viewing)> {
         match (&self.structures()[..], &self.orders.0[..], self.sets.list()?.len()) {
             (&[(method, _)], &[order], 1) => Ok((method, Viewing::along(order))),
@@ -141,7 +141,8 @@ impl Arguments {
         }
     }
 
-    /// Lists the structures to measure: each method in turn, ours with every tile order and every channel.
+    /// Lists the structures to measure: each method once, and ours with each tile order and each choice of codes to
+    /// read.
     fn structures(&self) -> Vec<(Method, Option<(TileOrder, CodesRead)>)> {
         let forms = |&tile_order| self.channels.iter().map(move |&codes| Some((tile_order, codes)));
         let of_method = |method| match method {
@@ -235,16 +236,16 @@ fn study(
     Ok(())
 }
 
-/// Checks the lanes: damaged ones would be walked otherwise.
+/// Checks that the lanes are valid: walks of damaged lanes would differ.
 fn sound(subject: &Subject) -> Result<()> {
     let fault = |fault| Error::Format { path: PathBuf::from(&subject.name), fault };
     subject.lanes.arena().check().map(drop).map_err(fault)
 }
 
-/// Bytes to read before a walk whose misses other tools count: more than any cache but the last holds.
+/// Bytes to read before a walk whose misses other tools count: more than fits any cache but the last one.
 const SWEPT_BYTES: usize = 64 << 20;
 
-/// Walks without measuring, after emptying the caches of the structure.
+/// Walks `times` times without measuring, after reading other memory so that the caches do not hold the structure.
 fn only_walk(arguments: &Arguments, times: u32) -> Result<Answer> {
     let (method, viewing) = arguments.only()?;
     each_set(&arguments.sets, arguments.sets.list()?, true, |subject, _| {
@@ -259,7 +260,7 @@ fn only_walk(arguments: &Arguments, times: u32) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-/// Returns the figures of the machine's own counters, or why there are none.
+/// Returns a line with the figures of the machine's own counters, or with the reason why there are none.
 fn counters_line(arguments: &Arguments) -> String {
     let absent = |why: String| format!("hardware counters: absent: {why}");
     if !arguments.counters {

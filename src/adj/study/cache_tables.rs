@@ -1,4 +1,4 @@
-//! Tables and plots of `adj study cache`.
+//! Makes the tables and plots of `adj study cache`.
 
 use super::cache::Measured;
 use super::table_of;
@@ -19,7 +19,7 @@ pub(super) struct CacheTables {
     curves: Vec<(String, String, Vec<f64>)>,
 }
 
-/// CacheFigures of one structure of a set at one cache level; lists have an entry for each order.
+/// Figures of one structure of a set at one cache level; each list has an entry for each order.
 struct SumOfOrders {
     set: String,
     layout: String,
@@ -131,7 +131,7 @@ impl CacheTables {
         self.curves.push((subject.name.clone(), name, reuse.miss_ratios()));
     }
 
-    /// Returns means and worst cases over the orders.
+    /// Returns the means and worst cases of the figures over the orders.
     pub(super) fn summary(&self) -> Report {
         let mut report = table_of(
             "set layout channels level compulsory_per_visible misses_mean misses_worst worst_order \

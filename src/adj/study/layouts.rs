@@ -1,4 +1,4 @@
-//! `adj study layouts`: other ways to lay out lanes.
+//! `adj study layouts`: compares other memory layouts of lanes (all scan lines along one axis) with ours.
 
 use std::hint::black_box;
 use std::time::Instant;
@@ -49,9 +49,9 @@ pub(super) struct Arguments {
 #[derive(Default)]
 struct LayoutFigures {
     bytes: u64,
-    /// For each order, misses of three levels and of the first translation buffer.
+    /// For each order, the misses of three cache levels and of the first translation buffer (TLB).
     misses: Vec<[u64; 4]>,
-    /// For each order, nanoseconds of a walk.
+    /// For each order, the nanoseconds of a walk.
     ns: Vec<f64>,
 }
 
@@ -83,7 +83,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     arguments.output.finish(&report, &plot, &[])
 }
 
-/// Mean of the misses at `level` over the orders.
+/// Returns the mean, over the orders, of the misses at `level`.
 fn mean(found: &LayoutFigures, level: usize) -> f64 {
     found.misses.iter().map(|misses| misses[level] as f64).sum::<f64>() / found.misses.len().max(1) as f64
 }

@@ -1,4 +1,4 @@
-//! `adj study memory`: the paper's Table 3.
+//! `adj study memory`: measures the memory of every method, as in the paper's Table 3.
 
 use clap::Args;
 
@@ -27,7 +27,7 @@ pub(super) struct Arguments {
     output: OutputArguments,
 }
 
-/// Shares of visible voxels in noise, around the share at which A and B take the same memory.
+/// Fractions of visible voxels in the noise volumes, around the fraction at which A and B take the same memory.
 const SHARES: [f64; 8] = [0.02, 0.06, 0.1, 0.14, 0.18, 0.22, 0.26, 0.3];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
@@ -80,7 +80,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-/// The paper's figures beside the results of its formulas.
+/// Returns the figures of the paper's Table 3 beside the results of its formulas.
 fn table_3() -> Report {
     let mut report = Report::new(&["set", "share_percent", "method", "paper", "formula", "formula_with_59"]);
     let methods = [Method::Traditional, Method::AdjacencyA, Method::AdjacencyB];
@@ -102,7 +102,7 @@ fn table_3() -> Report {
     report
 }
 
-/// Bytes per grid point against the share of cells in the structure.
+/// Plots bytes per grid point against the share of cells that hold a visible or virtual voxel.
 fn plot(crossings: &[(Crossing, f64)], ours: Vec<[f64; 2]>) -> Plot {
     let line = |name: &str, bytes: fn(&Crossing) -> u64| {
         PlotSeries::solid(name, crossings.iter().map(|(c, points)| [c.share, bytes(c) as f64 / points]).collect())

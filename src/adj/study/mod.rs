@@ -1,4 +1,4 @@
-//! `adj study`: measures our structure and others.
+//! `adj study`: measures our structure and those of other methods.
 
 mod accuracy;
 mod cache;
@@ -61,7 +61,7 @@ fn table_of(columns: &'static str) -> Report {
     Report::new(&columns.split(' ').collect::<Vec<_>>())
 }
 
-/// Which methods to measure.
+/// The flag for which methods to measure.
 #[derive(Debug, Args)]
 struct MethodArguments {
     /// Methods to measure, with commas between; all by default
@@ -75,17 +75,17 @@ impl MethodArguments {
     }
 }
 
-/// Words of flags for what a walk reads of each voxel.
+/// Values of the flags for which codes a walk reads of each voxel.
 const CODES: [Choice<CodesRead>; 3] = [
     ("steps", CodesRead::Nothing, "The steps between voxels alone"),
     ("value", CodesRead::Values, "Also the value"),
     ("value+normal", CodesRead::ValuesAndNormals, "Also value and normal"),
 ];
 
-/// Receives how many steps are done, of how many; can stop the work.
+/// Receives the number of steps done and the total number; can stop the work.
 type GoOn<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
 
-/// Loads, studies and drops one set of `list` after another, with a progress bar.
+/// Loads one set of `list` after another, calls `study` with it, and drops it; shows a progress bar.
 fn each_set(
     sets: &SetArguments,
     list: Vec<SetChoice>,

@@ -14,7 +14,7 @@ pub(super) fn name(order: &Order) -> String {
     axes.map(signed).concat()
 }
 
-/// Orders of parallel views.
+/// A list of orders of parallel views.
 #[derive(Debug, Clone)]
 pub(super) struct Orders(pub(super) Vec<Order>);
 
@@ -28,7 +28,7 @@ pub(super) fn parse(text: &str) -> Result<Orders> {
         if !(1..=ORDERS).contains(&count) {
             return Err(Error::input("orders", format!("must be 1 to {ORDERS}")));
         }
-        // An odd stride meets both directions of every axis.
+        // The stride is odd, so that both directions of every axis occur.
         return Ok(Orders((0..count).map(|index| order(index * ORDERS / count)).collect()));
     }
     let named = |wanted: &str| {

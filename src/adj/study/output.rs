@@ -1,4 +1,4 @@
-//! Files with the results of a study: `--json`, `--csv`, `--plot`.
+//! Writes files with the results of a study: `--json`, `--csv`, `--plot`.
 
 use std::path::{Path, PathBuf};
 
@@ -11,7 +11,7 @@ use adjsplat::file::{check_writable, write_atomically_unless};
 use adjsplat_study::report::Report;
 use adjsplat_study::report::plot::Plot;
 
-/// Files to write.
+/// The flags for the files to write.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Results")]
 pub(super) struct OutputArguments {
@@ -36,14 +36,14 @@ impl OutputArguments {
         self.json.iter().chain(&self.csv).try_for_each(|path| check_writable(path))
     }
 
-    /// Writes the files and prints a table of `columns` (all if there are none).
+    /// Writes the files and prints a table of `columns` (of all columns if the list is empty).
     pub(super) fn finish(&self, report: &Report, plot: &Plot, columns: &[&str]) -> Result<Answer> {
         self.write(report, plot)?;
         print_result(report.table(columns).trim_end());
         Ok(Answer::Yes)
     }
 
-    /// Writes the files.
+    /// Writes the files that the flags ask for.
     pub(super) fn write(&self, report: &Report, plot: &Plot) -> Result<()> {
         if let Some(path) = &self.json {
             write_atomically_unless(&interrupted, path, |out| writeln!(out, "{:#}", report.json()))?;

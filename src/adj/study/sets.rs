@@ -1,4 +1,4 @@
-//! The sets of a study: the paper's volumes, phantoms, and files that the user names.
+//! The sets (volumes and files) of a study: the paper's volumes, phantoms, and files that the user names.
 
 use std::path::{Path, PathBuf};
 
@@ -25,7 +25,7 @@ use adjsplat_judge::reference::Judge;
 use adjsplat_readers::open;
 use adjsplat_study::Subject;
 
-/// Which sets to study.
+/// The flags for which sets to study.
 #[derive(Debug, Clone, Args)]
 #[command(next_help_heading = "Sets")]
 pub(super) struct SetArguments {
@@ -52,7 +52,7 @@ pub(super) struct RealVolume {
     visible: VisibleValues,
 }
 
-/// Which values of it are visible.
+/// Which values of a real volume are visible.
 #[derive(Debug)]
 enum VisibleValues {
     Preset(&'static str),
@@ -68,7 +68,7 @@ impl VisibleValues {
     }
 }
 
-/// The paper's sets, or similar ones, as their names say.
+/// The paper's volumes, or similar ones; their names say which.
 const PAPER: [RealVolume; 5] = [
     RealVolume { name: "t1-head (for Jeff)", path: "SAG-anon", visible: AtLeast(250.0) },
     RealVolume { name: "frog", path: "frogtissue/frogtissue.mhd", visible: Preset("frog") },
@@ -88,19 +88,19 @@ const OTHER_VOLUMES: [RealVolume; 7] = [
     RealVolume { name: "atlas", path: "allen-human-atlas/AllenAtlas.nii.gz", visible: Preset("labels") },
 ];
 
-/// Phantoms of a study.
+/// The phantoms (computed volumes) of a study.
 const PHANTOMS: [&str; 4] = ["phantom:gyroid", "phantom:shells", "phantom:vessels", "phantom:noise"];
 
-/// A set that is built or opened.
+/// An `.adj` file that was built or opened for a study.
 pub(super) struct Set {
-    /// Name in tables.
+    /// The set's name in tables.
     pub(super) name: String,
     file: AdjFile,
     transfer: TransferFunction,
 }
 
 impl Set {
-    /// Returns its lanes; those that the file does not store are derived.
+    /// Returns the set's lanes; those that the file does not store are derived.
     pub(super) fn lanes(&self) -> Result<LaneSet<'_>> {
         Ok(LaneSet::new(self.file.arena()?, None))
     }
@@ -110,19 +110,19 @@ impl Set {
         Scene { facts: lanes.arena().facts(), lanes, transfer: &self.transfer }
     }
 
-    /// Returns the subject of a study.
+    /// Returns the set as the subject of a study, which every method is built from.
     pub(super) fn subject<'a>(&self, lanes: &'a LaneSet<'a>) -> Result<Subject<'a>> {
         Subject::new(&self.name, lanes, self.transfer.clone())
     }
 }
 
-/// A set as a volume: files are built from it, and a judge draws it.
+/// A set as a volume: files are built from it, and the reference renderer draws it.
 pub(super) struct SetVolume {
-    /// Name in tables.
+    /// The set's name in tables.
     pub(super) name: String,
     source: Box<dyn SlabSource>,
     transfer: TransferFunction,
-    /// Whether slices were read, so that the source must be rewound.
+    /// Whether slices were read, so that the source must go back to the first slice.
     is_read: bool,
 }
 
@@ -135,7 +135,7 @@ impl SetVolume {
         Ok(SetVolume { name, source, transfer, is_read: false })
     }
 
-    /// Whether its voxels are lit and so need normals.
+    /// Returns whether the set's voxels are lit and so need normals.
     pub(super) fn is_shaded(&self) -> bool {
         self.transfer.shaded()
     }
@@ -147,13 +147,13 @@ impl SetVolume {
         Ok(&mut *self.source)
     }
 
-    /// Returns the judge of its samples.
+    /// Returns the reference renderer of the set's samples.
     pub(super) fn judge(&mut self) -> Result<Judge> {
         let transfer = self.transfer.clone();
         Judge::new(self.restarted()?, &transfer)
     }
 
-    /// Builds a file of it, without a name, in the system's folder for temporary files.
+    /// Builds an `.adj` file of the volume, without a name, in the system's folder for temporary files.
     pub(super) fn build(&mut self, value_bits: u8, normal_bits: u8) -> Result<Set> {
         let (name, transfer) = (self.name.clone(), self.transfer.clone());
         let normal_bits = if transfer.shaded() { normal_bits } else { 0 };
@@ -170,16 +170,16 @@ impl SetVolume {
     }
 }
 
-/// Input of a set.
+/// What a set is opened as.
 pub(super) enum SetInput {
-    /// Samples.
+    /// A volume, whose samples are read.
     Volume(SetVolume),
-    /// A file that was built before.
+    /// An `.adj` file that was built before.
     File(PathBuf),
 }
 
 impl SetArguments {
-    /// Returns the same with `edge` as the default of `--edge`.
+    /// Returns these arguments with `edge` as the default of `--edge`.
     pub(super) fn with_edge(&self, edge: u16) -> SetArguments {
         SetArguments { edge: self.edge.or(Some(edge)), ..self.clone() }
     }
@@ -216,7 +216,7 @@ impl SetArguments {
         Ok(wanted)
     }
 
-    /// Builds or opens a set, with 8-bit values and normals.
+    /// Builds or opens a set, with values and normals of 8 bits.
     pub(super) fn load(&self, wanted: &SetChoice) -> Result<Set> {
         match self.read(wanted)? {
             SetInput::Volume(mut volume) => volume.build(8, 8),
@@ -224,7 +224,7 @@ impl SetArguments {
         }
     }
 
-    /// Opens a set for reading, if it is a volume.
+    /// Opens a set: a volume for reading its samples, or the path of an `.adj` file.
     pub(super) fn read(&self, wanted: &SetChoice) -> Result<SetInput> {
         let (name, source, transfer) = match wanted {
             SetChoice::Named(path) => {
@@ -256,7 +256,7 @@ pub(super) enum SetChoice {
     Named(PathBuf),
     /// A volume in `--data`.
     Real(&'static RealVolume),
-    /// Noise with this share of visible voxels.
+    /// A volume of noise in which this share of voxels is visible.
     Noise { share: f64, edge: u16 },
 }
 

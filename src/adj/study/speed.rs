@@ -1,4 +1,4 @@
-//! `adj study speed`: the paper's Table 1 and Figure 5.
+//! `adj study speed`: measures the paper's Table 1 and Figure 5.
 
 use std::path::PathBuf;
 
@@ -83,7 +83,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Yes)
 }
 
-/// A row for each set and method, with a letter that equal pictures share.
+/// Returns a table with a row for each set and method; methods with equal pictures have the same letter.
 fn table(names: &[String], all: &[(f64, Vec<Speed>)]) -> String {
     let mut report = table_of(
         "set method splats fps fps_not_displaying walk_ns perspective_fps not_displaying perspective_walk_ns picture",
@@ -92,7 +92,7 @@ fn table(names: &[String], all: &[(f64, Vec<Speed>)]) -> String {
         let mut pictures: Vec<u64> = Vec::new();
         for pair in found.chunks_exact(2) {
             let [parallel, perspective] = [&pair[0], &pair[1]];
-            // Of both turns: methods agree only if all their pictures do.
+            // The hash combines both turns: methods agree only if all their pictures do.
             let both = parallel.pictures ^ perspective.pictures.rotate_left(32);
             let kind = pictures.iter().position(|picture| *picture == both).unwrap_or_else(|| {
                 pictures.push(both);
@@ -112,7 +112,8 @@ fn table(names: &[String], all: &[(f64, Vec<Speed>)]) -> String {
     format!("{}\nPictures of one set with the same letter are equal, bit for bit, in all frames.", report.table(&[]))
 }
 
-/// Time per voxel of every method's frames without drawing, in parallel views: the cost of the structure alone.
+/// Plots the time per voxel of every method's frames without drawing, in parallel views: the cost of the structure
+/// alone.
 fn by_set(methods: &[Method], names: Vec<String>, all: &[(f64, Vec<Speed>)]) -> Plot {
     let series = methods.iter().map(|&method| {
         let points = (1u32..).zip(all).filter_map(|(position, (visible, found))| {
@@ -129,11 +130,12 @@ fn by_set(methods: &[Method], names: Vec<String>, all: &[(f64, Vec<Speed>)]) -> 
     }
 }
 
-/// Methods of Figure 5: the paper's and ours.
+/// The methods of Figure 5: the paper's and ours.
 const FIGURE_5: [Method; 6] =
     [Method::Adjsplat, Method::Traditional, Method::Unordered, Method::Octree, Method::AdjacencyA, Method::AdjacencyB];
 
-/// Time of a frame against its splats, displaying (solid) and not (dashed), parallel views.
+/// Plots the time of a frame against its number of splats, displaying (solid) and not displaying (dashed), for parallel
+/// views.
 fn figure5(methods: &[Method], mut all: Vec<(f64, Vec<Speed>)>) -> Plot {
     all.sort_by(|(a, _), (b, _)| a.total_cmp(b));
     let mut series = Vec::new();

@@ -1,4 +1,4 @@
-//! `adj study walk`: nanoseconds per voxel in all orders.
+//! `adj study walk`: measures nanoseconds per voxel in all orders of parallel views.
 
 use clap::Args;
 

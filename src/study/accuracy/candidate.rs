@@ -5,14 +5,14 @@ use adjsplat::error::Result;
 use adjsplat::splat::{Blending, KernelShape, Quality, Sampling, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 
-/// Which axis of a view's order becomes which loop.
+/// Says which axis of a view's order becomes which loop of the walk: slow (outermost), medium or fast (innermost).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Nesting {
-    /// As the view asks.
+    /// The axes keep the loops that the view gives them.
     Own,
-    /// Medium and fast axis exchanged, as a file with two lanes may need.
+    /// Exchanges the medium and the fast axis, as a file with only two lanes may need.
     MediumFastSwapped,
-    /// Slow and fast axis exchanged: the least aligned axis is outermost.
+    /// Exchanges the slow and the fast axis: the axis least aligned with the view is outermost.
     SlowFastSwapped,
 }
 
@@ -21,20 +21,20 @@ pub enum Nesting {
 pub enum Drawer {
     /// The renderer on the processor.
     Renderer,
-    /// The same splatter with an octree, whose cubes are one splat if their error is below this threshold.
+    /// The same splatter with an octree, which draws a cube as one splat if the cube's error is below this threshold.
     Octree(f32),
 }
 
-/// Settings of the renderer and of the file that it draws.
+/// Settings of the renderer, and of the file that it draws, which are compared with other candidates.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Candidate {
-    /// The family that it belongs to.
+    /// The family (candidates that vary the same setting) that the candidate belongs to.
     pub family: Family,
-    /// The preset that it is; `None` for other settings.
+    /// The preset that has these settings; `None` if they are not a preset's.
     pub quality: Option<Quality>,
-    /// Width and radius of the kernel.
+    /// Width (standard deviation) and radius of the splat's Gaussian kernel.
     pub kernel: KernelShape,
-    /// Transmittance from 0 to 1 below which a pixel is finished.
+    /// Transmittance from 0 to 1 below which a pixel is finished, so that no more splats are added to it.
     pub termination: f32,
     /// How many pixels are drawn.
     pub sampling: Sampling,
@@ -42,13 +42,13 @@ pub struct Candidate {
     pub value_bits: u8,
     /// Bits of each component of a stored normal: 0 for none, 8 or 16.
     pub normal_bits: u8,
-    /// Which axis becomes which loop.
+    /// Which axis of the view becomes which loop of the walk.
     pub nesting: Nesting,
-    /// Front to back or back to front.
+    /// Whether splats are composited front to back or back to front.
     pub sense: Sense,
-    /// How a splat covers a pixel.
+    /// How a splat covers what is behind it in a pixel.
     pub blending: Blending,
-    /// What draws it.
+    /// What draws the candidate's picture.
     pub drawer: Drawer,
 }
 
@@ -70,12 +70,12 @@ impl Candidate {
         }
     }
 
-    /// Returns `standard` on a file of 8 bits, as a start for other settings of `family`.
+    /// Returns the preset `standard` on a file of 8 bits; the caller then changes the setting that `family` varies.
     pub(super) fn away(family: Family) -> Candidate {
         Candidate { family, quality: None, ..Candidate::preset(Quality::Standard, 8) }
     }
 
-    /// Returns the name of the preset; empty if it is none.
+    /// Returns the name of the candidate's preset; an empty text if it has none.
     pub fn quality_name(&self) -> &'static str {
         self.quality.map_or("", Quality::name)
     }
@@ -108,10 +108,10 @@ impl Candidate {
         text
     }
 
-    /// Returns the renderer's settings on one thread; `view` must have the picture's size.
+    /// Returns the renderer's settings for one thread; `view` must have the size of the picture that is drawn.
     ///
     /// # Errors
-    /// Those of [`Order::new`].
+    /// Any error of [`Order::new`].
     pub fn settings(&self, view: &View, dims: [u32; 3]) -> Result<Settings> {
         let order = match self.nesting {
             Nesting::Own => None,
@@ -136,7 +136,7 @@ impl Candidate {
     }
 }
 
-/// Formats 0.0009765625 as 1/1024.
+/// Formats a fraction as one over a whole number: 0.0009765625 as 1/1024.
 fn share(part: f32) -> String {
     let times = (1.0 / part).round();
     if (2.0..=4096.0).contains(&times) && (1.0 / times - part).abs() <= f32::EPSILON * part {

@@ -1,27 +1,27 @@
-//! Families of candidates.
+//! Families of candidates: groups that vary the same setting of the renderer.
 
 use adjsplat::error::{Error, Result};
 
 /// Candidates that vary the same setting: a series of a plot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Family {
-    /// `draft`, `standard`, `high`, `reference`.
+    /// The presets `draft`, `standard`, `high` and `reference`.
     Presets,
-    /// The settings among which the dial chooses by largest error.
+    /// The settings among which the dial (the search for the fastest settings within a largest error) chooses.
     Dial,
-    /// Width and radius of the kernel.
+    /// Width and radius of the splat's kernel.
     Kernel,
     /// Transmittance below which a ray ends.
     Termination,
     /// How many pixels are drawn.
     Sampling,
-    /// Bits of values and normals.
+    /// Bits of a stored value and of each component of a normal.
     Codes,
-    /// Nesting and direction of the walk.
+    /// Nesting of the walk's loops, and their direction: front to back or back to front.
     Order,
     /// How splats cover pixels: the classic form, sheet buffers.
     Blending,
-    /// Cubes of voxels as one splat.
+    /// An octree that draws cubes of voxels as one splat.
     Octree,
     /// Several settings at once.
     Combined,
@@ -52,7 +52,7 @@ impl Family {
         index.map(|index| Family::ALL[index]).ok_or_else(|| Error::input("families", why()))
     }
 
-    /// Returns its name in tables and legends.
+    /// Returns the family's name in tables and legends.
     pub fn name(self) -> &'static str {
         NAMES[self as usize]
     }

@@ -1,8 +1,9 @@
 //! The Pareto front: candidates that no other beats in both time and accuracy.
 
-/// Returns which `points` (milliseconds, decibels) are on the front: no other is as fast and as exact, and better in one.
+/// Returns for each of `points` (milliseconds, decibels) whether it is on the front.
+/// A point is on it if no other is as fast and as exact, and better in one of the two.
 ///
-/// Equal points are all on it. A point without a time is not. O(points squared).
+/// Equal points are all on it. A point without a time is not. O(n^2) for n points.
 pub(super) fn front(points: &[(Option<f64>, f64)]) -> Vec<bool> {
     let beats = |(time, decibels): (f64, f64), (than, worse): (f64, f64)| {
         time <= than && decibels >= worse && (time < than || decibels > worse)

@@ -17,40 +17,40 @@ use adjsplat::internals::in_order;
 use adjsplat::splat::{Frame, Quality, View, cpu};
 use adjsplat_judge::metrics::{Metrics, compare};
 
-/// Repetitions and threads of a measurement.
+/// How often and with how many threads candidates are measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Effort {
     /// Rounds of timing, of which the fastest counts; 0 to measure errors only.
     pub repetitions: u32,
-    /// Threads that measure errors, and threads of the reference renderer.
+    /// Threads that measure errors; the reference renderer uses as many.
     pub threads: usize,
 }
 
 /// Time and error of a candidate in a view, or in all views.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outcome {
-    /// Number of the view; `None` for all views whose voxels are not finer than pixels.
+    /// Number of the view; `None` for the summary of all views in which a voxel is at least as large as a pixel.
     pub view: Option<usize>,
-    /// Number of the candidate.
+    /// Number of the candidate in the measured list.
     pub candidate: usize,
     /// Milliseconds of a frame on one thread, the mean over views; `None` if it was not timed.
     pub milliseconds: Option<f64>,
-    /// Peak signal-to-noise ratio in decibels, the lowest of the views.
+    /// Peak signal-to-noise ratio in decibels; in a summary the lowest of the views.
     pub psnr: f64,
-    /// Structural similarity, the lowest of the views.
+    /// Structural similarity (SSIM, at most 1); in a summary the lowest of the views.
     pub ssim: f64,
-    /// FLIP, the highest of the views.
+    /// Perceived difference by the metric FLIP (0 to 1); in a summary the highest of the views.
     pub flip: f64,
-    /// Largest difference of a sample in any view.
+    /// Largest absolute difference of a sample from the reference; in a summary the largest of the views.
     pub max_abs: f64,
-    /// Root mean square difference, the highest of the views.
+    /// Root mean square difference from the reference; in a summary the highest of the views.
     pub rmse: f64,
-    /// Whether it is on the Pareto front of time and PSNR.
+    /// Whether no other candidate beats this one in both time and PSNR (the Pareto front).
     pub front: bool,
 }
 
 impl Outcome {
-    /// Keeps the worse of each error.
+    /// Replaces each error by that of `other` where the other is worse.
     pub fn worsen(&mut self, other: &Outcome) {
         self.psnr = self.psnr.min(other.psnr);
         self.ssim = self.ssim.min(other.ssim);
@@ -60,7 +60,7 @@ impl Outcome {
     }
 }
 
-/// Marks the outcomes that no other beats in both time and PSNR.
+/// Sets `front` of the outcomes that no other beats in both time and PSNR.
 pub fn mark_front(outcomes: &mut [Outcome]) {
     let points: Vec<_> = outcomes.iter().map(|outcome| (outcome.milliseconds, outcome.psnr)).collect();
     outcomes.iter_mut().zip(front(&points)).for_each(|(outcome, front)| outcome.front = front);
@@ -68,11 +68,11 @@ pub fn mark_front(outcomes: &mut [Outcome]) {
 
 /// Measures `candidates` in `views`; `go_on` receives the steps done and in total, and can cancel.
 ///
-/// The set must be able to draw all candidates. Returns an outcome of each candidate for each view, then for all views.
-/// Takes memory for a frame a thread and for the reference pictures of all views.
+/// The set must be able to draw all candidates. Returns an outcome of each candidate for each view, then one for all
+/// views. Takes memory for one frame per thread, and for the reference pictures of all views.
 ///
 /// # Errors
-/// Those of drawing; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of drawing; [`Error::Interrupted`] if `go_on` cancels.
 pub fn measure(
     set: &JudgedSet,
     views: &[JudgedView],
@@ -127,7 +127,7 @@ pub fn measure(
     Ok(outcomes)
 }
 
-/// Returns an outcome of each candidate over all views whose voxels are not finer than pixels.
+/// Returns one outcome per candidate that sums up all views in which a voxel is at least as large as a pixel.
 fn over_all(views: &[JudgedView], candidates: usize, outcomes: &[Outcome]) -> Vec<Outcome> {
     let count = views.iter().filter(|view| !view.is_fine).count().max(1) as f64;
     let mut all: Vec<Outcome> = Vec::new();
@@ -145,15 +145,16 @@ fn over_all(views: &[JudgedView], candidates: usize, outcomes: &[Outcome]) -> Ve
     all
 }
 
-/// Draws the pictures of candidates.
+/// Draws the pictures of candidates of one set.
 struct CandidateRenderer<'a> {
     set: &'a JudgedSet<'a>,
-    /// Each picture sets its threshold.
+    /// The octree, which is shared by all pictures; each picture sets its own threshold.
     octree: Option<Mutex<BuiltMethod<'a>>>,
 }
 
 impl CandidateRenderer<'_> {
-    /// Returns the errors of each candidate's picture.
+    /// Returns the errors of each candidate's picture against the reference picture `truth`, in the order of
+    /// `candidates`.
     fn errors(
         &self,
         view: &JudgedView,
@@ -177,7 +178,7 @@ impl CandidateRenderer<'_> {
         Ok(found)
     }
 
-    /// Returns the seconds of a frame.
+    /// Returns the seconds that one frame of `candidate` takes.
     fn timed(&self, view: &JudgedView, candidate: &Candidate) -> Result<f64> {
         let start = Instant::now();
         black_box(self.draw(view, candidate)?);

@@ -1,8 +1,8 @@
 //! Accuracy: what each setting of the renderer saves in time and costs in error.
 //!
 //! In: a [`JudgedSet`], which is a volume's reference renderer and files built from the volume; views; candidates. Out:
-//! each candidate's time, its error against the reference, and the candidates that no other beats in both. Besides:
-//! how much pictures [pop](popping) where the order switches, and the [three parts](model) of the error.
+//! each candidate's time, its error against the reference, and the candidates that no other beats in both. Submodules
+//! also measure how much pictures [pop](popping) where the order switches, and the [three parts](model) of the error.
 //!
 //! ```text
 //! volume -> judge -> picture of each view, in double precision --\
@@ -34,7 +34,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::splat::Scene;
 use adjsplat_judge::reference::Judge;
 
-/// A file of a set.
+/// A file of a set, with the bits of its values and normals.
 #[derive(Debug, Clone, Copy)]
 pub struct StoredFile<'a> {
     /// Bits of a value: 8 or 16.
@@ -48,7 +48,7 @@ pub struct StoredFile<'a> {
 /// A volume under study, with its reference renderer and files.
 #[derive(Debug)]
 pub struct JudgedSet<'a> {
-    /// Its name in tables.
+    /// The set's name in tables.
     pub name: &'a str,
     /// The reference renderer of the volume.
     pub judge: &'a Judge,
@@ -59,10 +59,10 @@ pub struct JudgedSet<'a> {
 }
 
 impl<'a> JudgedSet<'a> {
-    /// Returns the file with these channels.
+    /// Returns the scene of the file whose values and normals have these bits.
     ///
     /// # Errors
-    /// [`Error::Input`] if the set has none.
+    /// [`Error::Input`] if the set has no such file.
     pub fn file(&self, value_bits: u8, normal_bits: u8) -> Result<Scene<'a>> {
         let found = self.files.iter().find(|file| (file.value_bits, file.normal_bits) == (value_bits, normal_bits));
         found.map(|file| file.scene).ok_or_else(|| {
@@ -71,7 +71,7 @@ impl<'a> JudgedSet<'a> {
         })
     }
 
-    /// Whether the set has the file that `candidate` draws.
+    /// Returns whether the set has the file that `candidate` draws.
     pub fn can_draw(&self, candidate: &Candidate) -> bool {
         match candidate.drawer {
             Drawer::Renderer => self.file(candidate.value_bits, candidate.normal_bits).is_ok(),

@@ -1,8 +1,11 @@
-//! The three parts of the error: of the model, of the order, of the arithmetic.
+//! The three parts of a picture's error: those of the splatting model, of the drawing order, and of the arithmetic.
 //!
-//! In: a small set. Out: for each view, the differences along a chain of four pictures. Ray casting (the integral itself)
-//! against splats sorted by distance is the model's error, as splats overlap. Sorted splats against nested order is the
-//! order's. Nested splats against the renderer is the arithmetic's: codes, cut-off, termination, sampling, precision.
+//! In: a small set. Out: for each view, the differences between neighbours in a chain of four pictures:
+//!
+//! 1. Ray casting (the integral itself) and splats sorted by distance: the model's error, as splats overlap.
+//! 2. Sorted splats and splats in nested order (nested loops over the axes): the order's error.
+//! 3. Splats in nested order and the renderer's picture: the error of its codes, cut-off, termination, sampling,
+//!    precision.
 
 use std::ops::ControlFlow;
 
@@ -13,24 +16,24 @@ use adjsplat::splat::{Frame, Quality, Settings, View, cpu};
 use adjsplat_judge::metrics::{Metrics, compare};
 use adjsplat_judge::reference::{JudgeSettings, RayJudge, RaySettings, SplatOrder};
 
-/// Most grid points of a set: a ray costs about a microsecond a voxel near it.
+/// Most grid points that a set may have: a ray takes about a microsecond for each voxel near it.
 pub const MOST_POINTS: u64 = 64 * 64 * 64;
 
 /// A part of the error: the difference of two pictures.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ErrorPart {
-    /// Rays against sorted splats.
+    /// Ray casting against sorted splats.
     Model,
-    /// Sorted splats against nested order.
+    /// Sorted splats against splats in nested order.
     Order,
-    /// Nested splats against a candidate's picture.
+    /// Splats in nested order against a candidate's picture.
     Arithmetic,
-    /// Rays against a candidate's picture.
+    /// Ray casting against a candidate's picture.
     All,
 }
 
 impl ErrorPart {
-    /// Returns its name in tables.
+    /// Returns the part's name in tables.
     pub fn name(self) -> &'static str {
         ["model", "order", "arithmetic", "all"][self as usize]
     }
@@ -41,15 +44,15 @@ impl ErrorPart {
 pub struct ErrorShare {
     /// Number of the view.
     pub view: usize,
-    /// The part.
+    /// The part of the error.
     pub part: ErrorPart,
-    /// Number of the candidate that drew the second picture, if one did.
+    /// Number of the candidate that drew the second of the two pictures; `None` if the reference drew both.
     pub candidate: Option<usize>,
-    /// The errors.
+    /// The differences between the two pictures.
     pub metrics: Metrics,
 }
 
-/// Splits the error of `candidates` in each view whose voxels are not finer than pixels.
+/// Measures the parts of the error of `candidates` in each view in which a voxel is at least as large as a pixel.
 ///
 /// `go_on` receives the views done and in total, and can cancel.
 ///

@@ -1,9 +1,9 @@
-//! Popping: how much a picture jumps where the order of the walk switches.
+//! Popping: how much a picture jumps where the loops of the walk change places between two frames.
 //!
-//! In: a set. Out: differences of neighbouring frames of a turn, around the azimuth at which another axis becomes the slow
-//! one, and elsewhere. A turn changes every picture a little. So the same is measured with the reference renderer and
-//! splats sorted by distance, where two splats swap at a time; changes above that are popping. Long steps show what a
-//! viewer sees at usual speed; short ones isolate the jump.
+//! In: a set. Out: differences of neighbouring frames while the camera turns around the set, at the azimuth where
+//! another axis becomes the slow (outermost) one, and elsewhere. A turn changes every picture a little. So the same is
+//! measured with the reference renderer and splats sorted by distance, where only two splats swap at a time; changes
+//! above that are popping. Long steps of azimuth show what a viewer sees at usual speed; short ones isolate the jump.
 //!
 //! Source: Radl et al., "StopThePop", 2024. Departs from it in the sorted reference, which replaces optical flow.
 
@@ -18,48 +18,49 @@ use adjsplat::traverse::{Sense, SplitForm};
 use adjsplat::volume::{Axis, Grid};
 use adjsplat_judge::reference::{JudgeSettings, SplatOrder};
 
-/// Degrees between frames.
+/// Degrees of azimuth from one frame to the next: a long and a short step.
 pub const STEPS: [f64; 2] = [0.5, 0.05];
-/// Frames around each azimuth; the order switches between the middle two.
+/// Frames around each azimuth; the order of the walk switches between the middle two.
 const FRAMES: u32 = 4;
 /// Elevation of the camera, in degrees.
 const ELEVATION: f64 = 10.0;
-/// Pixels a voxel.
+/// Zoom of the pictures, in pixels per voxel.
 const PIXELS: f64 = 1.25;
 
-/// Differences of neighbouring frames.
+/// How much neighbouring frames differ.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FrameChange {
-    /// Largest difference of a sample, of all pairs.
+    /// Largest difference of a sample between two neighbouring frames.
     pub largest: f64,
-    /// Highest root mean square difference of a pair, over the whole picture: which pixels are empty depends on the
-    /// renderer's cut-off.
+    /// Highest root mean square difference of two neighbouring frames, over the whole picture. Empty pixels are
+    /// included because which pixels are empty depends on the renderer's cut-off.
     pub rms: f64,
 }
 
-/// Changes of a renderer's frames, beside those of the sorted reference.
+/// Changes of a renderer's frames, and those of the sorted reference beside them.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Popping {
     /// Azimuth between the middle frames, in degrees.
     pub azimuth: f64,
-    /// Whether the slow axis switches there.
+    /// Whether the slow (outermost) axis switches at this azimuth.
     pub across: bool,
-    /// Degrees between frames.
+    /// Degrees of azimuth from one frame to the next.
     pub step: f64,
     /// Name of the renderer: a preset with the bits of its file, or the reference in nested order.
     pub drawer: String,
-    /// Changes of its frames.
+    /// Changes of this renderer's frames.
     pub found: FrameChange,
-    /// Changes of the reference with sorted splats.
+    /// Changes of frames of the reference renderer, with splats sorted by distance.
     pub sorted: FrameChange,
 }
 
-/// Measures `presets` and the reference in nested order; `go_on` receives the steps done and in total, and can cancel.
+/// Measures `presets` and the reference in nested order.
 ///
+/// `go_on` receives the steps done and in total, and can cancel.
 /// Returns nothing if no azimuth switches the slow axis.
 ///
 /// # Errors
-/// Those of drawing; [`Error::Interrupted`] if `go_on` cancels.
+/// Any error of drawing; [`Error::Interrupted`] if `go_on` cancels.
 pub fn measure(
     set: &JudgedSet,
     presets: &[Candidate],
@@ -103,7 +104,7 @@ pub fn measure(
     Ok(all)
 }
 
-/// Returns the largest changes from each camera's frame to the next.
+/// Draws a frame for each camera, and returns the largest changes from one frame to the next.
 fn change(cameras: &[Camera], draw: impl Fn(&Camera) -> Result<Frame>) -> Result<FrameChange> {
     let mut change = FrameChange { largest: 0.0, rms: 0.0 };
     let mut before: Option<Frame> = None;
@@ -122,7 +123,7 @@ fn change(cameras: &[Camera], draw: impl Fn(&Camera) -> Result<Frame>) -> Result
     Ok(change)
 }
 
-/// A turn around a set.
+/// The camera's turn around a set.
 struct Turn<'a> {
     grid: &'a Grid,
     around: Surround,
@@ -154,7 +155,7 @@ impl<'a> Turn<'a> {
         Ok(order.slow)
     }
 
-    /// Returns the first azimuth of half a turn at which another axis becomes the slow one.
+    /// Returns the first azimuth in half a turn (180 degrees) at which another axis becomes the slow one.
     fn switch(&self) -> Result<Option<f64>> {
         let first = self.slow(0.0)?;
         for degree in 1..=180u32 {
@@ -163,7 +164,7 @@ impl<'a> Turn<'a> {
                 continue;
             }
             let mut low = high - 1.0;
-            // To a millionth of a degree.
+            // Twenty halvings find the azimuth to a millionth of a degree.
             for _ in 0..20 {
                 let middle = f64::midpoint(low, high);
                 if self.slow(middle)? == first { low = middle } else { high = middle }
@@ -173,7 +174,7 @@ impl<'a> Turn<'a> {
         Ok(None)
     }
 
-    /// Returns an azimuth past `from` around which no axis switches.
+    /// Returns an azimuth above `from` around which no axis switches.
     fn calm_from(&self, from: f64) -> Result<f64> {
         for past in [20.0, 10.0, 5.0, 30.0] {
             let at = from + past;

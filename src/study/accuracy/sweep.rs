@@ -1,5 +1,6 @@
-//! The candidates that the study compares: presets on files of 8 and of 16 bits, the dial's settings, `standard` with one
-//! setting changed, and combinations of the settings that matter most for time.
+//! The candidates that the study compares: presets on files of 8 and of 16 bits, the dial's settings, `standard` with
+//! one setting changed, and combinations of the settings that matter most for time. The dial searches the fastest
+//! settings.
 
 use super::candidate::{Candidate, Drawer, Nesting};
 use super::family::Family;
@@ -8,19 +9,19 @@ use adjsplat::traverse::Sense;
 use adjsplat_judge::dial;
 use adjsplat_judge::dial::Rung;
 
-/// Kernels, as sigma and radii, from narrower than draft's to the widest in use.
+/// Kernels: each standard deviation in voxels with its radii, from narrower than that of `draft` to the widest in use.
 const KERNELS: [(f32, &[f32]); 4] =
     [(0.5, &[1.5]), (0.6, &[1.5, 2.0]), (0.65, &[2.0, 2.5]), (0.7, &[1.5, 1.8, 2.0, 2.1, 2.3, 2.5, 2.8, 3.0])];
 const TERMINATIONS: [f32; 6] = [0.0, 1e-5, 1.0 / 1024.0, 1.0 / 255.0, 1.0 / 128.0, 1.0 / 32.0];
 const SAMPLINGS: [Sampling; 4] = [Sampling::EveryPixel, Sampling::Finer, Sampling::Enough, Sampling::Fewest];
-/// Bits of values and of normals.
+/// Pairs of bits: of a value, and of each component of a normal.
 const CODES: [(u8, u8); 5] = [(8, 8), (16, 16), (16, 8), (8, 16), (8, 0)];
 const THRESHOLDS: [f32; 3] = [0.01, 0.03, 0.1];
-/// Kernels and terminations that are combined.
+/// Kernels (standard deviation, radius) that are combined with several terminations.
 const COMBINED_KERNELS: [(f32, f32); 6] = [(0.6, 1.5), (0.6, 2.0), (0.7, 1.5), (0.7, 1.8), (0.7, 2.1), (0.7, 3.0)];
 const COMBINED_TERMINATIONS: [f32; 2] = [1.0 / 128.0, 1.0 / 32.0];
 
-/// Returns all candidates, no two with equal settings; with `quick` only presets and a few others.
+/// Returns all candidates, no two with equal settings; if `quick`, only the presets and a few others.
 pub fn candidates(quick: bool) -> Vec<Candidate> {
     let mut all = Vec::new();
     for bits in [8, 16] {
@@ -35,7 +36,7 @@ pub fn candidates(quick: bool) -> Vec<Candidate> {
             all.push(candidate);
         }
     };
-    // The dial's error excludes that of the file, so its candidates get the most exact file.
+    // The dial's error does not include that of the file, so its candidates get the most exact file.
     for Rung { kernel, termination, sampling } in dial::RUNGS {
         let stored = Candidate { value_bits: 16, normal_bits: 16, ..Candidate::away(Family::Dial) };
         add(Candidate { kernel, termination, sampling, ..stored });
@@ -60,7 +61,7 @@ pub fn candidates(quick: bool) -> Vec<Candidate> {
     }
     add(Candidate { sense: Sense::BackToFront, ..Candidate::away(Family::Order) });
     for blending in [Blending::Linear, Blending::Sheets] {
-        // These cannot draw coarser pixels, so they are compared with finer ones.
+        // These forms of blending cannot draw coarser pixels, so all are compared on finer pixels.
         add(Candidate { blending, sampling: Sampling::Finer, ..Candidate::away(Family::Blending) });
     }
     for &threshold in THRESHOLDS.iter().step_by(step) {

@@ -1,7 +1,7 @@
 //! Reference pictures of views.
 //!
-//! In: a reference renderer and a view. Out: a frame. If voxels are finer than pixels, point samples are not what a pixel
-//! should show. Then four times as many pixels a side are drawn, and seen through the Gaussian of EWA's low-pass.
+//! In: a reference renderer and a view. Out: a frame. Where voxels are finer than pixels, a point sample is not what a
+//! pixel should show. Then each side gets four times as many pixels, which the Gaussian of EWA's low-pass filter blurs.
 
 use super::view::JudgedView;
 use adjsplat::error::Result;
@@ -10,10 +10,10 @@ use adjsplat::splat::view::PixelMap;
 use adjsplat::splat::{Frame, Quality, View};
 use adjsplat_judge::reference::{Judge, JudgeSettings, ReferencePicture};
 
-/// Fine pixels along the side of a pixel.
+/// Fine pixels along each side of a pixel.
 const FINER: u32 = 4;
 
-/// Draws what a view should show.
+/// Returns the reference picture of a view.
 pub(super) fn truth(judge: &Judge, view: &JudgedView, threads: usize) -> Result<Frame> {
     if !view.is_fine {
         return judge.draw(&view.camera, &settings(view.size, threads))?.to_frame();
@@ -37,12 +37,13 @@ fn settings(size: [u32; 2], threads: usize) -> JudgeSettings {
     JudgeSettings { threads, ..JudgeSettings::new(size) }
 }
 
-/// Filters `fine` by a Gaussian of `sigma` fine pixels and keeps every [`FINER`]-th; beyond its edge it is empty.
+/// Filters `fine` by a Gaussian of `sigma` fine pixels and keeps every [`FINER`]-th pixel.
+/// Beyond its edge `fine` counts as empty.
 fn seen_through(fine: &ReferencePicture, size: [u32; 2], sigma: f64) -> Result<Frame> {
     let [columns, rows] = size.map(|side| side as usize);
     let [fine_columns, fine_rows] = fine.size().map(|side| side as usize);
     let taps = |at: usize, end: usize| taps(at, end, sigma);
-    // Rows first.
+    // Rows are filtered first, then columns.
     let mut narrow = vec![[0.0f64; 4]; columns * fine_rows];
     for column in 0..columns {
         let taps = taps(column, fine_columns);
@@ -65,7 +66,8 @@ fn seen_through(fine: &ReferencePicture, size: [u32; 2], sigma: f64) -> Result<F
     Ok(frame)
 }
 
-/// Returns the weights of the fine pixels below `end` around the centre of pixel `at`; with those beyond the edge they sum to 1.
+/// Returns the indices below `end` and the weights of the fine pixels around the centre of pixel `at`.
+/// Together with the weights beyond the edge they sum to 1.
 fn taps(at: usize, end: usize, sigma: f64) -> Vec<(usize, f64)> {
     let finer = f64::from(FINER);
     let middle = at as f64 * finer + (finer - 1.0) / 2.0;
@@ -91,9 +93,9 @@ mod tests {
         let inner = taps(3, 400, 1.7);
         let total: f64 = inner.iter().map(|(_, weight)| weight).sum();
         let mean: f64 = inner.iter().map(|&(at, weight)| at as f64 * weight).sum();
-        // Rounding of some twenty terms.
+        // The tolerance covers the rounding of some twenty terms.
         assert!((total - 1.0).abs() < 1e-14 && (mean - 13.5).abs() < 1e-12, "{total} {mean}");
-        // Half of what a pixel on the edge sees is beyond it, but for the pixel's own half.
+        // A pixel on the edge has half of its weight beyond the edge, less half the weight of the pixel itself.
         let edge: f64 = taps(0, 400, 1.7).iter().map(|(_, weight)| weight).sum();
         assert!(edge < 0.9, "{edge}");
     }

@@ -1,8 +1,8 @@
-//! Views in which a set is judged.
+//! Views in which a set is compared with the reference.
 //!
-//! In: a grid and a box of voxels. Out: cameras and picture sizes. Pictures are so large that footprints of the narrowest
-//! kernel are at least as wide as EWA's low-pass: it does not act, and all kernels have one reference picture. One view
-//! has voxels finer than pixels, where the low-pass acts.
+//! In: a grid and a box of voxels. Out: cameras and picture sizes. Pictures are so large that the footprint of the
+//! narrowest kernel is at least as wide as EWA's low-pass filter. So the filter does nothing, and all kernels have one
+//! reference picture. One view has voxels finer than pixels, where the filter acts.
 
 use adjsplat::error::Result;
 use adjsplat::splat::{Camera, Orbit, Projection, Surround};
@@ -11,25 +11,27 @@ use adjsplat::volume::Grid;
 /// A view, and how it is judged.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JudgedView {
-    /// Its name in tables.
+    /// The view's name in tables.
     pub name: &'static str,
-    /// Its camera.
+    /// The view's camera.
     pub camera: Camera,
-    /// Columns and rows of its picture.
+    /// Columns and rows of the view's picture.
     pub size: [u32; 2],
-    /// Pixels between the farthest voxels, along the axis of the smallest spacing, seen at a right angle.
+    /// Pixels from one to the next of the farthest voxels, along the axis of the smallest spacing, seen at a right
+    /// angle.
     pub pixels_per_voxel: f64,
-    /// Whether voxels are finer than pixels: the reference is then drawn finer and seen through the low-pass.
+    /// Whether voxels are finer than pixels: the reference is then drawn on finer pixels and filtered by the low-pass.
     pub is_fine: bool,
 }
 
-/// Pixels a voxel: the narrowest sigma in use, 0.5 voxels, is then 0.62 pixels; the low-pass is 0.6.
+/// Zoom in pixels per voxel. The narrowest sigma in use, 0.5 voxels, is then 0.62 pixels; the low-pass has 0.6.
 const PIXELS: f64 = 1.25;
-/// Pixels a voxel close by, where splats are wide and pixels may be skipped.
+/// Zoom of close views in pixels per voxel: splats are wide, and pixels may be skipped.
 const CLOSE: f64 = 3.0;
-/// Longest side of a picture; larger ones show the middle. Comparing a pixel takes longer than drawing it.
+/// Longest side in pixels. Larger pictures are cropped to the middle, as comparing a pixel takes longer than drawing
+/// it.
 const LONGEST: u32 = 512;
-/// Pixels a voxel of the view with fine voxels.
+/// Zoom of the view with voxels finer than pixels, in pixels per voxel.
 const FINE: f64 = 0.6;
 
 /// A view before the size of its picture is known.
@@ -48,15 +50,15 @@ const PLANS: [ViewPlan; 8] = [
     ViewPlan { name: "diagonal", azimuth: -44.0, elevation: 35.0, fov: None, pixels: PIXELS },
     ViewPlan { name: "close", azimuth: 120.0, elevation: -28.0, fov: None, pixels: CLOSE },
     ViewPlan { name: "perspective", azimuth: 33.0, elevation: 21.0, fov: Some(30.0), pixels: PIXELS },
-    // The nearest voxels are ten times as large as the farthest.
+    // In this view the nearest voxels appear ten times as large as the farthest.
     ViewPlan { name: "wide perspective", azimuth: -110.0, elevation: 15.0, fov: Some(75.0), pixels: 1.0 },
     ViewPlan { name: "fine voxels", azimuth: 33.0, elevation: 21.0, fov: None, pixels: FINE },
 ];
 
-/// Returns the views of the voxels from `low` to `high`; with `quick` only the oblique one.
+/// Returns the views of the voxels from `low` to `high`; if `quick`, only the oblique one.
 ///
 /// # Errors
-/// Those of [`Camera::orbiting`].
+/// Any error of [`Camera::orbiting`].
 pub fn views(grid: &Grid, low: [u16; 3], high: [u16; 3], quick: bool) -> Result<Vec<JudgedView>> {
     let around = Surround::of_voxels(grid, low, high);
     let plans = PLANS.iter().filter(|plan| !quick || plan.name == "oblique");
@@ -69,7 +71,7 @@ impl ViewPlan {
         let orbit = |zoom: f64| Orbit { azimuth, elevation, zoom, fov, ..Orbit::default() };
         let camera = Camera::orbiting(orbit(1.0), around, [1, 1])?;
         let closest = grid.finest_spacing();
-        // World length that the picture covers at the depth of the farthest voxels.
+        // This is the world length that the picture covers at the depth of the farthest voxels.
         let shown = match camera.projection() {
             Projection::Parallel { height } => height,
             Projection::Perspective { fov } => {
@@ -78,7 +80,7 @@ impl ViewPlan {
                 2.0 * (fov.to_radians() / 2.0).tan() * (apart + around.radius)
             }
         };
-        // Close views show the middle, in a picture that would show everything at [`PIXELS`].
+        // Close views show the middle. Their picture is as large as one that shows everything at [`PIXELS`].
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most a picture's longest side")]
         let side = (shown / closest * pixels.min(PIXELS)).ceil().clamp(1.0, f64::from(LONGEST)) as u32;
         let zoom = (pixels * shown / closest / f64::from(side)).max(1.0);

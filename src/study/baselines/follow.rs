@@ -1,37 +1,37 @@
-//! Follows a chain of doubly linked voxels in the order of an axis.
+//! Follows a chain (a scan line of doubly linked voxels) in the order of an axis.
 //!
-//! In: a chain between its two caps, and an [`AxisOrder`]. Out: its voxels in that order, found by links alone. If the
-//! axis has two sides of the eye, a back-to-front walk follows the chain from both ends. A front-to-back walk first
-//! follows the links to the voxels where the sides meet.
+//! In: a chain between its two caps (the virtual voxels at its ends), and an [`AxisOrder`]. Out: its voxels in that
+//! order, found by links alone. If the eye lies between the ends of the axis, the chain has two sides. A back-to-front
+//! walk follows it from both ends. A front-to-back walk first follows the links to the voxels where the sides meet.
 
 use adjsplat::traverse::{AxisOrder, Sense, SplitForm};
 
-/// A scan line of linked voxels, walked in a context `C` that holds the structure.
+/// A scan line of linked voxels; the context `C` holds the structure that the links point into.
 pub(super) trait Chain<C>: Copy {
-    /// A voxel of the chain.
+    /// Identifies a voxel of the chain.
     type ChainVoxel: Copy;
 
-    /// Follows a link from `from`, toward higher coordinates if `up`; `None` if it leads to a cap.
+    /// Returns the neighbour of `from`, the higher one if `up`; `None` if that is a cap (a virtual voxel at an end).
     fn step(self, context: &mut C, from: Self::ChainVoxel, up: bool) -> Option<Self::ChainVoxel>;
 
-    /// Returns a voxel's coordinate on the axis.
+    /// Returns a voxel's coordinate on the chain's axis.
     fn coordinate(self, node: Self::ChainVoxel) -> u16;
 }
 
-/// Whether a walk in this order begins at a chain's high end.
+/// Returns whether a walk in this order begins at a chain's high end.
 pub(super) fn starts_high(order: AxisOrder) -> bool {
     order == AxisOrder::Descending
 }
 
-/// Whether a walk in this order needs both ends of a chain.
+/// Returns whether a walk in this order needs both ends of a chain.
 pub(super) fn needs_both_ends(order: AxisOrder) -> bool {
     matches!(order, AxisOrder::TwoSided { .. })
 }
 
-/// Calls `visit` with the voxels of `chain` in this order.
+/// Calls `visit` with the voxels of `chain` in the given order.
 ///
-/// `start` is the cap where the order begins, the low one if it has two sides. `far` is the other cap, used only if the
-/// order has two sides.
+/// `start` is the cap where the order begins, the low cap if the chain has two sides of the eye. `far` is the other
+/// cap, used only if the chain has two sides.
 #[inline(always)]
 pub(super) fn follow<C, L: Chain<C>>(
     order: AxisOrder,
@@ -52,7 +52,7 @@ pub(super) fn follow<C, L: Chain<C>>(
     }
 }
 
-/// Visits `first` and all voxels after it.
+/// Visits `first` and all voxels that follow it in one direction.
 #[inline(always)]
 fn run<C, L: Chain<C>>(
     chain: L,
@@ -68,7 +68,7 @@ fn run<C, L: Chain<C>>(
     }
 }
 
-/// Visits voxels from both ends toward the eye.
+/// Visits voxels from both ends of the chain toward the eye.
 fn back_to_front<C, L: Chain<C>>(
     eye: f64,
     form: SplitForm,
@@ -90,13 +90,13 @@ fn back_to_front<C, L: Chain<C>>(
                 visit(context, node);
                 high = chain.step(context, node, false);
             }
-            // A voxel on the eye's plane is nearest to both sides: it comes last.
+            // A voxel on the eye's plane belongs to both sides and is nearest: it comes last.
             if let Some(node) = low.filter(|&node| place(node) == eye) {
                 visit(context, node);
             }
         }
         SplitForm::Interleaved => {
-            // Before they meet, neither is a cap.
+            // Before the two ends meet, neither `low` nor `high` is a cap.
             while let (Some(below), Some(above)) = (low, high) {
                 let is_last = chain.coordinate(below) == chain.coordinate(above);
                 if eye - place(below) >= place(above) - eye {
@@ -111,7 +111,7 @@ fn back_to_front<C, L: Chain<C>>(
     }
 }
 
-/// Visits voxels from where the sides meet toward both ends: the exact reverse.
+/// Visits voxels from where the sides meet toward both ends: the exact reverse of [`back_to_front`].
 fn front_to_back<C, L: Chain<C>>(
     eye: f64,
     form: SplitForm,
@@ -133,7 +133,7 @@ fn front_to_back<C, L: Chain<C>>(
             run(chain, low, false, context, visit);
         }
         SplitForm::Interleaved => loop {
-            // On a tie the low side is farther in the reverse order: it comes second.
+            // On a tie of distances the low side counts as farther in the reverse order: it comes second.
             let low_is_next = match (low, high) {
                 (Some(below), Some(above)) => eye - place(below) < place(above) - eye,
                 (Some(_), None) => true,

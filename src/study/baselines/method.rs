@@ -15,21 +15,21 @@ use crate::ours::Adjsplat;
 use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::{Error, Result};
 
-/// Seed of the records' order in [`Method::AdjacencyBShuffled`].
+/// Seed of the random order of records in [`Method::AdjacencyBShuffled`].
 const SEED: u64 = 2001;
-/// Opacity from which on a voxel counts as opaque in the code of its neighbours.
+/// Opacity of a voxel, from 0 to 1, from which on its neighbours count it as opaque.
 const OPAQUE: f32 = 0.95;
 
 /// A structure that stores and walks visible voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Method {
-    /// Our own lanes.
+    /// Our own lanes (all scan lines along one axis).
     Adjsplat,
-    /// A dense volume, walked in full.
+    /// A dense volume; every grid point is visited.
     Traditional,
-    /// A list in storage order.
+    /// A list of the visible voxels, drawn in storage order.
     Unordered,
-    /// An [`Octree`] with a threshold of 0.
+    /// An [`Octree`] with an error threshold of 0, which draws every voxel.
     Octree,
     /// Linked records beside a dense volume: [`AdjacencyA`].
     AdjacencyA,
@@ -41,13 +41,13 @@ pub enum Method {
     Shell,
     /// A [`Shell`] with rows along each axis.
     ShellThree,
-    /// A list sorted by distance for each frame.
+    /// A list of the visible voxels, sorted by distance for each frame.
     Sorted,
     /// Bricks of bit masks, walked slice by slice.
     Bricks,
     /// Bricks of bit masks, walked brick by brick.
     BricksBrickwise,
-    /// Run lengths along each axis.
+    /// Lengths of empty and visible runs, along each axis.
     RunLength,
 }
 
@@ -69,7 +69,7 @@ impl Method {
         Method::RunLength,
     ];
 
-    /// Returns its name in tables and files.
+    /// Returns the method's name in tables and files.
     pub fn name(self) -> &'static str {
         names()[self as usize]
     }
@@ -83,16 +83,16 @@ impl Method {
         method.ok_or_else(|| Error::input("method", format!("is {name}, but must be one of {}", names().join(", "))))
     }
 
-    /// Whether voxels come in exact slice order: nested loops over the axes of the order.
+    /// Returns whether voxels come in exact slice order: that of nested loops over the axes of the view's order.
     pub fn is_in_slice_order(self) -> bool {
         use Method::{BricksBrickwise, Octree, Shell, Sorted, Unordered};
         !matches!(self, Unordered | Octree | Shell | Sorted | BricksBrickwise)
     }
 
-    /// Builds the structure for `subject`; our own derives the lanes that the file lacks.
+    /// Builds the structure for `subject`; our own method derives the lanes that the file does not store.
     ///
     /// # Errors
-    /// [`Error::Limit`] if memory cannot be had or the structure would be too large; those of [`Subject::looks`].
+    /// [`Error::Limit`] if memory cannot be had or the structure would be too large; any error of [`Subject::looks`].
     pub fn build<'a>(self, subject: &'a Subject<'a>) -> Result<BuiltMethod<'a>> {
         Ok(match self {
             Method::Adjsplat => BuiltMethod::Adjsplat(Adjsplat::new(subject)?),
@@ -131,7 +131,7 @@ pub fn names() -> [&'static str; Method::ALL.len()] {
     ]
 }
 
-/// The structure of a method.
+/// The structure that a method built for a subject.
 #[derive(Debug)]
 #[expect(missing_docs, reason = "each variant is the structure that it is named for")]
 pub enum BuiltMethod<'a> {
@@ -147,7 +147,7 @@ pub enum BuiltMethod<'a> {
     RunLength(RunLength),
 }
 
-/// Calls the same method of whichever structure it is.
+/// Calls the same method of whichever structure the enum holds.
 macro_rules! whichever {
     ($built:expr, $walker:ident => $call:expr) => {
         match $built {

@@ -1,9 +1,10 @@
-//! Baselines: other ways to store and walk a volume's visible voxels, each built in full from a [`Subject`](super::Subject).
+//! Baselines: other ways to store and walk a volume's visible voxels, each built in full from a
+//! [`Subject`](super::Subject).
 //!
 //! In: a subject and a [`Viewing`]. Out: every visible voxel, delivered to a [`Receiver`] in the method's order. All
 //! methods deliver the same codes, so one splatter draws them all.
 //!
-//! | method | source | its order |
+//! | method | source | order of its voxels |
 //! | --- | --- | --- |
 //! | traditional | Westover 1990, as Orchard and Möller 2001 measure it | exact slice order |
 //! | unordered | Crawfis 1996, as Orchard and Möller 2001 measure it | storage |
@@ -38,8 +39,8 @@ use super::trace::{Trace, WalkerArray};
 use adjsplat::error::Result;
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 
-/// Returns `position` with `coordinate` on `axis`. It selects: writing to an array in memory and reading it back would
-/// stall every voxel.
+/// Returns `position` with its coordinate on `axis` replaced. It selects each coordinate: writing to an array in memory
+/// and reading it back would stall every voxel.
 #[inline(always)]
 pub(super) fn placed(position: [u16; 3], axis: usize, coordinate: u16) -> [u16; 3] {
     let [x, y, z] = position;
@@ -50,22 +51,22 @@ pub(super) fn placed(position: [u16; 3], axis: usize, coordinate: u16) -> [u16; 
     ]
 }
 
-/// Returns all coordinates of an axis.
+/// Returns all coordinates of an axis with this number of points, ascending.
 fn coordinates(points: u32) -> Vec<u16> {
     (0..=u16::MAX).take(points as usize).collect()
 }
 
-/// Narrows a coordinate of the grid.
+/// Converts a coordinate of the grid, which fits 16 bits.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "grids have at most 65,535 points an axis")]
 fn narrow(coordinate: usize) -> u16 {
     coordinate as u16
 }
 
-/// A view, as walks see it.
+/// A view, in the two forms that walks need.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Viewing {
-    /// Nesting and directions, for methods that nest loops.
+    /// Nesting (which axis is which loop) and directions, for methods that nest loops.
     pub order: Order,
     /// The same view, for methods that measure distances.
     pub viewpoint: Viewpoint,
@@ -76,7 +77,7 @@ impl Viewing {
     pub fn along(order: Order) -> Viewing {
         let mut direction = [0.0; 3];
         for (axis, share) in [(order.slow, 3.0), (order.medium, 2.0), (order.fast, 1.0)] {
-            // Front to back, an axis runs in the direction of the view.
+            // In front-to-back order an axis runs in the direction of the view.
             let sign = if matches!(order.along[axis.index()], AxisOrder::Ascending) { 1.0 } else { -1.0 };
             direction[axis.index()] = sign * share;
         }
@@ -86,15 +87,15 @@ impl Viewing {
     /// Returns the view from `viewpoint` of a grid of `dims` points.
     ///
     /// # Errors
-    /// Those of [`Order::new`].
+    /// Any error of [`Order::new`].
     pub fn new(viewpoint: Viewpoint, dims: [u32; 3], sense: Sense, form: SplitForm) -> Result<Viewing> {
         Ok(Viewing { order: Order::new(viewpoint, dims, sense, form)?, viewpoint })
     }
 
-    /// Returns whether the order is front to back or back to front, judged by its slow axis.
+    /// Returns whether the order is front to back or back to front; the direction of its slow axis decides.
     pub fn sense(&self) -> Sense {
         let axis = self.order.slow.index();
-        // Front to back, an axis runs away from the eye: up if the eye is below its range.
+        // In front-to-back order an axis runs away from the eye: up if the eye is below its range.
         let runs_up = match self.order.along[axis] {
             AxisOrder::Ascending => true,
             AxisOrder::Descending => false,
@@ -111,46 +112,46 @@ impl Viewing {
 /// A voxel's normal, as a method stores it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Normal {
-    /// The code of [`adjsplat::classify::normal::decode8`].
+    /// The code (stored number) that [`adjsplat::classify::normal::decode8`] decodes.
     Code(u16),
-    /// The decoded unit vector; zero for none.
+    /// The decoded unit vector; zero for a voxel without a normal.
     Vector([f32; 3]),
 }
 
 /// A cube of voxels that is drawn as one splat.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct VoxelCube {
-    /// Its lowest voxel, x, y, z.
+    /// Coordinates x, y, z of the cube's lowest voxel.
     pub low: [u16; 3],
-    /// Base-2 logarithm of its edge in voxels; above 0.
+    /// Base-2 logarithm of the cube's edge in voxels; above 0.
     pub level: u8,
-    /// Red, green and blue averaged by optical depth, and the mean optical depth over all its cells, empty ones included;
-    /// in the units of [`Subject::looks`](super::Subject::looks).
+    /// Red, green and blue, averaged with optical depths as weights, and the mean optical depth over all cells of the
+    /// cube, empty ones included; in the units of [`Subject::looks`](super::Subject::looks).
     pub look: [f32; 4],
-    /// Mean normal of unit length; zero for none.
+    /// Mean normal of unit length; zero if voxels have no normals.
     pub normal: [f32; 3],
 }
 
 /// Receives the voxels of a walk, in visit order.
 pub trait Receiver {
-    /// Receives a voxel: x, y, z and its codes.
+    /// Receives a voxel: its coordinates x, y, z, its value code (stored number) and its normal.
     fn voxel(&mut self, position: [u16; 3], value: u8, normal: Normal);
-    /// Receives a cube of voxels; only an octree with a threshold above 0 has any.
+    /// Receives a cube of voxels; only an octree with an error threshold above 0 delivers cubes.
     fn cube(&mut self, cube: &VoxelCube);
 }
 
-/// A structure that can be walked.
+/// A structure whose visible voxels can be visited in the order of a view.
 pub trait Walker {
-    /// Returns its name in tables and files.
+    /// Returns the method's name in tables and files.
     fn method(&self) -> &'static str;
 
-    /// Returns its allocations; a trace numbers them in this order.
+    /// Returns the structure's allocations; a trace numbers them in this order.
     fn arrays(&self) -> Vec<WalkerArray>;
 
-    /// Delivers every visible voxel to `receiver`, in this method's order for `viewing`.
+    /// Delivers every visible voxel to `receiver`, in the order that this method has for `viewing`.
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T);
 
-    /// Returns the bytes of the structure between frames.
+    /// Returns the bytes that the structure takes between frames.
     fn bytes(&self) -> u64 {
         self.arrays().iter().filter(|array| !array.scratch).map(|array| array.bytes).sum()
     }

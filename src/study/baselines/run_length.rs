@@ -1,15 +1,15 @@
-//! Run lengths: each line's empty and visible stretches, and the visible voxels' payload; in exact slice order.
+//! Run lengths: each line's empty and visible runs, and the visible voxels' payload; walked in exact slice order.
 //!
 //! Lines are stored along each of the three axes, as the shear-warp algorithm stores them for its viewing axes.
 //!
 //! ```text
 //! lines    8 bytes for each line of the volume: where its pairs and its payload begin
 //! pairs    2 bytes: the length of an empty run and of a visible run, 0 to 255 each; they fill the line
-//! payload  3 bytes a visible voxel, in the order of lines: value 1, normal 2
+//! payload  3 bytes per visible voxel, in the order of lines: value 1, normal 2
 //! ```
 //!
-//! As pairs fill the line, they can be read from its end too. The original stores where slices begin, not lines, as it
-//! takes the lines of a slice in one order.
+//! As pairs fill the line, they can be read from its end too. The original stores where each slice begins, not each
+//! line, as it visits the lines of a slice always in the same order.
 //!
 //! Source: Lacroute and Levoy, "Fast Volume Rendering Using a Shear-Warp Factorization of the Viewing
 //! Transformation", SIGGRAPH 1994.
@@ -23,10 +23,10 @@ use adjsplat::error::{Error, Result};
 use adjsplat::traverse::AxisOrder;
 use adjsplat::volume::Axis;
 
-/// Number of arrays of an axis: lines, pairs, values, normals.
+/// Number of arrays per axis: lines, pairs, values, normals.
 const ARRAYS: usize = 4;
 
-/// Where a line begins.
+/// Where a line's pairs and payload begin.
 #[derive(Debug, Clone, Copy, Default)]
 #[repr(C)]
 struct LineStart {
@@ -37,13 +37,13 @@ struct LineStart {
 /// The lines along one axis.
 #[derive(Debug)]
 struct RunLines {
-    /// The start of each line, the lower other axis fastest; then the end of the last line.
+    /// The start of each line, sorted with the lower of the two other axes fastest; then the end of the last line.
     starts: Vec<LineStart>,
-    /// Lengths of an empty and of a visible run.
+    /// Lengths of an empty run and of the visible run after it.
     pairs: Vec<[u8; 2]>,
     values: Vec<u8>,
     normals: Vec<u16>,
-    /// By axis, the distance in `starts` of lines whose coordinates differ by 1.
+    /// For each axis, the distance in `starts` between lines whose coordinates on it differ by 1.
     stride: [usize; 3],
 }
 
@@ -111,7 +111,7 @@ impl RunLines {
         Ok(lines)
     }
 
-    /// Appends empty voxels; visible ones may follow in the last pair.
+    /// Appends `count` empty voxels to the line; visible voxels may follow in its last pair.
     fn empty(&mut self, mut count: u32) -> Result<()> {
         loop {
             let part = u8::try_from(count).unwrap_or(u8::MAX);
@@ -133,7 +133,7 @@ impl RunLines {
     }
 }
 
-/// Narrows an index into an array of at most 2^32 elements.
+/// Converts an index into an array of at most 2^32 elements.
 fn u32_of(place: usize) -> Result<u32> {
     u32::try_from(place).map_err(|_| Error::Limit {
         what: "voxels or runs along an axis".into(),

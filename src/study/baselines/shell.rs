@@ -1,14 +1,15 @@
 //! Shell splatting: rows of visible voxels behind an array of row pointers.
 //!
-//! For each row of the volume, a pointer says where its voxels lie in a list. A voxel has 6 bytes: its coordinate on the
-//! row 2, value 1, code of its neighbours 1, normal 2.
+//! For each row of the volume, a pointer says where the row's voxels begin in a list. A voxel has 6 bytes: coordinate
+//! on the row 2, value 1, neighbour code (which neighbours are opaque) 1, normal 2.
 //!
-//! Rows run along x, and x stays innermost in every view: for voxels as points, any nesting is in order. So the order is
-//! the view's with x moved to the end. With [`Lists::Three`] rows run along the view's fast axis, in exact slice order.
+//! Rows run along x, and x stays the innermost loop in every view: as voxels are points, any nesting is a correct
+//! order. So the nesting is the view's with x moved to the end. With [`Lists::Three`] rows run along the view's fast
+//! axis, in exact slice order.
 //!
-//! Bit 2a (2a + 1) of the code of its neighbours is set if the neighbour below (above) on axis a is opaque. A voxel can
-//! be skipped if its three neighbours toward the eye are opaque. That changes pictures, as a splat is wider than a
-//! voxel, so only [`Shell::hide`] turns it on.
+//! Bit 2a of the neighbour code is set if the neighbour below on axis a is opaque, bit 2a + 1 for the one above. A
+//! voxel can be skipped if its three neighbours toward the eye are opaque. That changes pictures, as a splat is wider
+//! than a voxel, so only [`Shell::hide`] turns it on.
 //!
 //! Source: Udupa and Odhner, "Shell Rendering", CG&A 1993; Botha and Post, "ShellSplatting", VisSym 2003.
 
@@ -23,9 +24,9 @@ use adjsplat::volume::Axis;
 /// The axes along which rows are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Lists {
-    /// Only x, as in the sources.
+    /// Only x, as in the cited papers.
     One,
-    /// Each axis.
+    /// All three axes.
     Three,
 }
 
@@ -33,7 +34,7 @@ pub enum Lists {
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct ShellVoxel {
-    /// Coordinate along the row.
+    /// The voxel's coordinate along the row.
     coordinate: u16,
     normal: u16,
     value: u8,
@@ -46,14 +47,14 @@ const _: () = assert!(size_of::<ShellVoxel>() == 6);
 #[derive(Debug)]
 struct ShellRows {
     axis: Axis,
-    /// The start of each row's voxels, the lower other axis fastest; then the end of the last row.
+    /// Index of each row's first voxel, with the lower of the two other axes fastest; then the end of the last row.
     pointers: Vec<u32>,
     voxels: Vec<ShellVoxel>,
-    /// By axis, the distance in `pointers` of rows whose coordinates differ by 1.
+    /// For each axis, the distance in `pointers` between rows whose coordinates on it differ by 1.
     stride: [usize; 3],
 }
 
-/// Rows of voxels along one axis, or along each.
+/// Rows of voxels along x, or along each axis.
 #[derive(Debug)]
 pub struct Shell {
     dims: [u32; 3],
@@ -63,14 +64,14 @@ pub struct Shell {
 }
 
 impl Shell {
-    /// Builds the rows of `subject`; neighbours are opaque from an opacity of `opaque` on, above 0 to 1.
+    /// Builds the rows of `subject`. A neighbour is opaque if its opacity is at least `opaque` (above 0, at most 1).
     ///
     /// # Errors
-    /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had; those of [`Subject::looks`].
+    /// [`Error::Limit`] if there are 2^32 voxels or memory cannot be had; any error of [`Subject::looks`].
     pub fn new(subject: &Subject, lists: Lists, opaque: f32) -> Result<Shell> {
         let opaque_codes = subject.looks()?.map(|look| 1.0 - (-look[3]).exp2() >= opaque);
         let [width, height, depth] = subject.dims().map(u64::from);
-        // A bit for each grid point. Neighbours outside the grid wrap to coordinates that are outside too.
+        // There is one bit for each grid point. Neighbours outside the grid wrap to coordinates that are outside too.
         let bit = |[x, y, z]: [u16; 3]| {
             let [x, y, z] = [x, y, z].map(u64::from);
             let inside = x < width && y < height && z < depth;
@@ -133,7 +134,7 @@ impl ShellRows {
             next += *pointer;
             *pointer = next;
         }
-        // In scan order each row's voxels are ascending, for every axis.
+        // In scan order, the voxels of each row are ascending, for every axis.
         let mut next: Vec<u32> = reserved("row pointers", row_count + 1)?;
         next.extend_from_slice(&pointers);
         let none = ShellVoxel { coordinate: 0, normal: 0, value: 0, opaque_neighbours: 0 };
@@ -152,7 +153,7 @@ impl ShellRows {
     }
 }
 
-/// Returns the bits of the neighbours toward the eye, on one axis.
+/// Returns which bits of the neighbour code, on one axis, belong to neighbours toward the eye.
 fn toward_eye(viewpoint: Viewpoint, axis: usize, coordinate: u16) -> u8 {
     let sides = match viewpoint {
         Viewpoint::Parallel { direction } => direction[axis].partial_cmp(&0.0),
@@ -161,7 +162,7 @@ fn toward_eye(viewpoint: Viewpoint, axis: usize, coordinate: u16) -> u8 {
     let bits = match sides {
         Some(std::cmp::Ordering::Greater) => 0b01,
         Some(std::cmp::Ordering::Less) => 0b10,
-        // Across the view: both must be opaque.
+        // The view runs across this axis: both neighbours must be opaque.
         _ => 0b11,
     };
     bits << (2 * axis)
@@ -189,7 +190,7 @@ impl Walker for Shell {
         let list = if self.lists.len() == 1 { 0 } else { order.fast.index() };
         let rows = &self.lists[list];
         let [pointer_array, voxel_array] = [2 * list, 2 * list + 1];
-        // The view's nesting with the rows' axis moved to the end.
+        // This is the view's nesting with the rows' axis moved to the end.
         let [slow, medium] = {
             let mut others = [order.slow, order.medium, order.fast].into_iter().filter(|&axis| axis != rows.axis);
             [0; 2].map(|_: usize| others.next().expect("two of three axes").index())

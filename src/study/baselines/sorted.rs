@@ -1,11 +1,12 @@
 //! Sorted splatting: a list of the visible voxels, sorted by distance for every frame.
 //!
-//! This is what renderers of splats without a grid do (Kerbl et al. 2023 and others). Distance is from the eye, or along
-//! the direction of a parallel view.
+//! Renderers of splats without a grid draw this way (Kerbl et al. 2023 and others). Distance is measured from the eye,
+//! or along the direction of a parallel view.
 //!
-//! Distances become integers of 32 bits over the frame's range, computed in double precision: no two voxels of a ray share
-//! one, wherever the eye is. Keys with indices go through a radix sort, four passes of 8 bits, least significant first; a
-//! digit that all keys share is skipped. Voxels are then read by index.
+//! Distances become integers of 32 bits over the frame's range, computed in double precision: no two voxels on a ray
+//! have the same integer, wherever the eye is. These keys and the voxels' indices go through a radix sort in four
+//! passes of 8 bits, least significant first. A pass whose digit all keys share is skipped. Voxels are then read by
+//! index.
 
 use super::allocate::{filled, reserved};
 use super::{Normal, Receiver, Viewing, Walker};
@@ -20,27 +21,27 @@ const PAIRS: usize = 1;
 const SPARE: usize = 2;
 const COUNTS: usize = 3;
 
-/// Bits of a digit.
+/// Bits of a digit of the radix sort.
 const DIGIT: u32 = 8;
 const DIGITS: usize = 1 << DIGIT;
 const PASSES: usize = 4;
 
-/// A voxel's distance and its index in the list.
+/// A voxel's distance as a sort key, and the voxel's index in the list.
 #[derive(Debug, Clone, Copy, Default)]
 struct KeyedIndex {
     key: u32,
     index: u32,
 }
 
-/// A list of visible voxels, 10 bytes each, and 16 more to sort them.
+/// A list of visible voxels, 10 bytes each, and 16 more bytes for each to sort them.
 #[derive(Debug)]
 pub struct Sorted {
     voxels: Vec<VisibleVoxel>,
     pairs: Vec<KeyedIndex>,
     spare: Vec<KeyedIndex>,
-    /// Number of keys with each digit, pass by pass; then where each digit's pairs go.
+    /// For each pass, the number of keys with each digit; then the index at which each digit's next pair goes.
     counts: Vec<[u32; DIGITS]>,
-    /// Lowest and highest coordinates of the voxels.
+    /// Lowest and highest coordinates of the voxels along each axis.
     bounds: [[f64; 3]; 2],
 }
 
@@ -69,7 +70,8 @@ impl Sorted {
         })
     }
 
-    /// Fills the keys from `distance`, which lies between `near` and `far`, and counts digits; the first drawn is lowest.
+    /// Computes the keys from `distance`, which lies between `near` and `far`, and counts their digits.
+    /// The voxel drawn first has the lowest key.
     #[inline(always)]
     fn keys<T: Trace>(&mut self, sense: Sense, near: f64, far: f64, distance: impl Fn([f64; 3]) -> f64, trace: &mut T) {
         let scale = f64::from(u32::MAX) / (far - near).max(f64::MIN_POSITIVE);
@@ -93,7 +95,8 @@ impl Sorted {
         }
     }
 
-    /// Sorts the pairs by key, stably. Returns the array that holds them: after an odd number of passes the other one.
+    /// Sorts the pairs by key, stably. Returns which array a trace notes them in: `PAIRS`, or `SPARE` after an odd
+    /// number of passes.
     #[inline(always)]
     fn sort<T: Trace>(&mut self, trace: &mut T) -> usize {
         let [mut from, mut to] = [PAIRS, SPARE];

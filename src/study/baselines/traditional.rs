@@ -1,9 +1,10 @@
 //! Traditional splatting: every grid point is visited in slice order, and visible ones are drawn.
 //!
-//! Each grid point has the paper's 17 bytes: value 1, colour 4, gradient 12. The visibility test reads one, the opacity.
+//! Each grid point has the paper's 17 bytes: value 1, colour 4, gradient 12. The test for visibility reads only
+//! opacity.
 //!
-//! The attributes are separate arrays: with a 17-byte record the test would fetch all of it, and a walk of a mostly empty
-//! volume takes as long as the memory that it fetches.
+//! The attributes are separate arrays. With a 17-byte record the test would fetch all of it, and a walk of a mostly
+//! empty volume takes as long as fetching its memory.
 //!
 //! Source: Westover, "Footprint Evaluation for Volume Rendering", SIGGRAPH 1990; sizes by Orchard and Möller 2001,
 //! section 4.2.
@@ -24,16 +25,16 @@ const GRADIENTS: usize = 2;
 pub struct Traditional {
     dims: [u32; 3],
     values: Vec<u8>,
-    /// Red, green, blue, opacity; opacity 0 is not visible.
+    /// Red, green, blue, opacity; opacity 0 marks an invisible grid point.
     colours: Vec<[u8; 4]>,
     gradients: Vec<[f32; 3]>,
 }
 
 impl Traditional {
-    /// Fills the volume from `subject`; 17 bytes a grid point.
+    /// Fills the volume from `subject`; takes 17 bytes per grid point.
     ///
     /// # Errors
-    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; those of [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; any error of [`Subject::looks`].
     pub fn new(subject: &Subject) -> Result<Traditional> {
         let points = product(subject.dims().map(u64::from));
         check("the dense volume", points.saturating_mul(17))?;

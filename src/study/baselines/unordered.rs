@@ -1,7 +1,7 @@
-//! Unordered splatting: a list of the visible voxels, drawn in scan order whatever the view. It shows the cost of order.
+//! Unordered splatting: a list of the visible voxels, drawn in scan order in every view. It shows the cost of order.
 //!
-//! Orchard and Möller store with each voxel what their ordered methods store, so that only the order differs: position 6,
-//! value 1, colour 4 and gradient 12 bytes, 23 in all. Crawfis himself needs no gradient.
+//! Orchard and Möller store with each voxel what their ordered methods store, so that only the order differs: position
+//! 6, value 1, colour 4 and gradient 12 bytes, 23 in all. Crawfis himself needs no gradient.
 //!
 //! Source: Crawfis, "Real-time Slicing of Data Space", Visualization 1996; as measured by Orchard and Möller 2001,
 //! section 4.
@@ -30,7 +30,7 @@ impl Unordered {
     /// Copies the voxels of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; those of [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if memory cannot be had; any error of [`Subject::looks`].
     pub fn new(subject: &Subject) -> Result<Unordered> {
         let appearance = Appearance::of(subject)?;
         let count = subject.voxels.len() as u64;

@@ -1,15 +1,16 @@
-//! Hardware counters of a command, by `perf stat`. Virtual machines often have none; the reason is then the answer.
+//! Counts cache misses of a command by hardware counters, with `perf stat`. Virtual machines often have no counters;
+//! the answer is then the reason.
 
 use std::ffi::OsString;
 use std::process::{Command, Stdio};
 
-/// Events to count, by the names of `perf list`.
+/// The events to count, by their names in `perf list`.
 pub const EVENTS: [&str; 4] = ["L1-dcache-loads", "L1-dcache-load-misses", "cache-misses", "dTLB-load-misses"];
 
-/// Runs `command` without output and counts those [`EVENTS`] that the machine has.
+/// Runs `command`, discards its output, and counts those of [`EVENTS`] that the machine can count.
 ///
 /// # Errors
-/// The reason for no counts, in words: no perf, no permission, no such counters.
+/// The reason why there are no counts, in words: no perf, no permission, no such counters.
 pub fn count(command: &[OsString]) -> Result<Vec<(&'static str, u64)>, String> {
     let mut perf = Command::new("perf");
     perf.env("LC_ALL", "C").args(["stat", "-x,", "-e", &EVENTS.join(","), "--"]).args(command);
@@ -21,13 +22,13 @@ pub fn count(command: &[OsString]) -> Result<Vec<(&'static str, u64)>, String> {
 /// Reads the counts from the output of `perf stat -x,`.
 ///
 /// # Errors
-/// The reason for no counts.
+/// The reason why there are no counts.
 pub fn counts(text: &str) -> Result<Vec<(&'static str, u64)>, String> {
     let mut found = Vec::new();
     let mut refused = None;
     for line in text.lines() {
         let fields: Vec<&str> = line.split(',').collect();
-        // count, unit, event, ...; events of a user's own processes end in ":u".
+        // A line has count, unit, event, ...; events of a user's own processes end in ":u".
         let [count, _, event, ..] = fields[..] else { continue };
         let Some(event) = EVENTS.into_iter().find(|name| event == *name || event.strip_suffix(":u") == Some(name))
         else {

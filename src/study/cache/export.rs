@@ -1,4 +1,4 @@
-//! Trace files: a walk's accesses as bytes, as `formats/adj-trace-1.md` describes them. Eight bytes an access.
+//! Trace files: the memory accesses of a walk, eight bytes each, as `formats/adj-trace-1.md` describes them.
 
 use std::io::{self, BufRead, Write};
 use std::path::Path;
@@ -7,20 +7,21 @@ use super::model::addresses;
 use crate::trace::{Trace, WalkerArray};
 use adjsplat::error::{Error, Result};
 
-/// First bytes of a file.
+/// The first bytes of a trace file.
 const MAGIC: [u8; 8] = *b"adjtrace";
 /// Version of the format.
 const VERSION: u16 = 1;
-/// Bits of an access: offset, array, bytes less one. The last bit is set for a write.
+/// How many bits of an access store its offset. Then come the array's number and the number of bytes less one.
+/// The last bit is set for a write.
 const OFFSET_BITS: u32 = 40;
 const ARRAY_BITS: u32 = 12;
 const BYTES_BITS: u32 = 11;
 
-/// A trace that writes accesses to a file.
+/// A trace that writes the accesses of a walk to a file.
 pub struct TraceWriter<'a> {
     out: &'a mut dyn Write,
     accesses: u64,
-    /// The first failure; nothing is written after it.
+    /// The first error of a write; nothing is written after it.
     failed: Option<io::Error>,
 }
 
@@ -51,16 +52,16 @@ impl<'a> TraceWriter<'a> {
         Ok(TraceWriter { out, accesses: 0, failed: None })
     }
 
-    /// Returns how many accesses were written.
+    /// Ends the file; returns how many accesses were written.
     ///
     /// # Errors
-    /// The first failure of a write.
+    /// The first error of a write.
     pub fn finish(self) -> io::Result<u64> {
         self.failed.map_or(Ok(self.accesses), Err)
     }
 
     fn put(&mut self, array: usize, mut offset: usize, mut bytes: usize, is_write: bool) {
-        // A longer access is split.
+        // An access that is too long for the format becomes several.
         while bytes > 0 && self.failed.is_none() {
             let piece = bytes.min(1 << BYTES_BITS);
             let word = offset as u64
@@ -84,20 +85,21 @@ impl Trace for TraceWriter<'_> {
     }
 }
 
-/// An array of a trace file.
+/// An array that a trace file describes.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RecordedArray {
-    /// What it holds.
+    /// Name of what the array holds.
     pub name: String,
-    /// Its address in the cache model.
+    /// The array's address in the cache model, in bytes.
     pub address: u64,
-    /// Its length.
+    /// The array's length in bytes.
     pub bytes: u64,
-    /// Whether it is scratch memory.
+    /// Whether the array is scratch memory, which holds nothing between frames.
     pub scratch: bool,
 }
 
-/// Reads a file's arrays and passes its accesses, in order, to the trace that `trace` makes; `path` is for messages.
+/// Reads a file's arrays and passes its accesses, in order, to the trace that `trace` makes; `path` names the file in
+/// errors.
 ///
 /// # Errors
 /// [`Error::Format`] if the bytes break the format; [`Error::Io`] if they cannot be read.

@@ -1,24 +1,24 @@
-//! Geometry of memory hierarchies: sizes, ways, lines, pages.
+//! Geometry of memory hierarchies: their sizes, associativity (ways), lines and pages.
 
 use adjsplat::error::{Error, Result};
 
-/// Size and associativity of a cache or of a translation buffer.
+/// Size and associativity of a cache, or of a translation buffer (TLB).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Associativity {
-    /// Number of lines, or of pages, that it holds; above 0.
+    /// Number of lines that the cache holds, or of pages for a translation buffer; above 0.
     pub places: u64,
-    /// Places of one set, a divisor of `places`; equal to it if fully associative.
+    /// Number of places in one set, a divisor of `places`; equal to it if fully associative.
     pub ways: u64,
 }
 
-/// A memory hierarchy: caches of lines, and translation buffers of pages.
+/// A memory hierarchy: caches of lines, and translation buffers (TLBs) of pages.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Geometry {
-    /// Bytes of a line: a power of two from 16 to 4096.
+    /// Bytes of a cache line: a power of two from 16 to 4096.
     pub line_bytes: u64,
-    /// Caches, from the nearest to the processor.
+    /// The caches, from the one nearest to the processor.
     pub levels: Vec<Associativity>,
-    /// Translation buffers, from the nearest; pages have 4 KiB.
+    /// The translation buffers, from the one nearest to the processor; pages have 4 KiB.
     pub translation: Vec<Associativity>,
 }
 
@@ -28,7 +28,8 @@ pub(super) const PAGE_BYTES: u64 = 4096;
 pub(super) const LARGE_PAGE_BYTES: u64 = 2 << 20;
 
 impl Default for Geometry {
-    /// Returns caches of 32 KiB with 8 ways, 1 MiB and 8 MiB with 16; translation buffers of 64, full, and 1536 with 12.
+    /// Returns caches of 32 KiB with 8 ways, and of 1 MiB and 8 MiB with 16 ways; and translation buffers of 64 pages,
+    /// fully associative, and of 1536 pages with 12 ways.
     fn default() -> Geometry {
         let cache = |bytes: u64, ways| Associativity { places: bytes / 64, ways };
         Geometry {
@@ -43,7 +44,8 @@ impl Geometry {
     /// Parses caches such as `32KiB/8` or `1MiB/full`, and translation buffers such as `64/full` or `1536/12`.
     ///
     /// # Errors
-    /// [`Error::Input`] for other texts, for lines that are not a power of two from 16 to 4096, and for broken sets.
+    /// [`Error::Input`] for other texts, for lines that are not a power of two from 16 to 4096, and if ways do not
+    /// divide places.
     pub fn parse(line_bytes: u64, levels: &[String], translation: &[String]) -> Result<Geometry> {
         if !line_bytes.is_power_of_two() || !(16..=PAGE_BYTES).contains(&line_bytes) {
             return Err(Error::input("line", format!("is {line_bytes}, but must be a power of two from 16 to 4096")));
@@ -60,7 +62,7 @@ impl Associativity {
         Associativity { places, ways: places }
     }
 
-    /// Parses `SIZE/WAYS`; a place has `place_bytes` bytes, and ways may be `full`.
+    /// Parses `SIZE/WAYS`, where WAYS may be `full`; each place holds `place_bytes` bytes.
     fn parse(text: &str, place_bytes: u64) -> Result<Associativity> {
         let wrong = |why: &str| Error::input(format!("geometry {text}"), format!("{why}; write 32KiB/8 or 64/full"));
         let (size, ways) = text.split_once('/').ok_or_else(|| wrong("has no '/'"))?;
@@ -90,7 +92,7 @@ impl Associativity {
     }
 }
 
-/// Most places of a level, whose numbers take 128 MiB in the model.
+/// Most places of a level: the model takes 128 MiB for the numbers that they hold.
 const MOST_PLACES: u64 = 1 << 24;
 
 #[cfg(test)]

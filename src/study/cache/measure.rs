@@ -1,13 +1,13 @@
-//! Measures one walk through an empty hierarchy.
+//! Measures one walk through a memory hierarchy that starts empty.
 
 use super::geometry::Geometry;
 use super::model::{CacheFigures, CacheModel};
 use crate::baselines::{Normal, Receiver, Viewing, VoxelCube, Walker};
 use crate::trace::Untraced;
 
-/// Returns what the hierarchy does on one walk, and the number of voxels and cubes; `reuse` also measures distances.
+/// Returns the hierarchy's figures for one walk, and the number of voxels and cubes; if `reuse`, also reuse distances.
 ///
-/// An untraced walk comes first, so that growing arrays have their size.
+/// An untraced walk comes first, so that scratch arrays that grow have their final size.
 pub fn measure<W: Walker>(walker: &mut W, viewing: &Viewing, geometry: &Geometry, reuse: bool) -> (CacheFigures, u64) {
     walker.walk(viewing, &mut VisitCounter::default(), &mut Untraced);
     let mut model = CacheModel::new(geometry, &walker.arrays(), reuse);
@@ -16,7 +16,7 @@ pub fn measure<W: Walker>(walker: &mut W, viewing: &Viewing, geometry: &Geometry
     (model.figures(), count.visited)
 }
 
-/// Counts voxels and cubes.
+/// Counts the voxels and cubes that it receives.
 #[derive(Debug, Default)]
 struct VisitCounter {
     visited: u64,

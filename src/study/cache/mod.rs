@@ -1,17 +1,18 @@
-//! The cache model: what a walk asks of a memory hierarchy.
+//! The cache model: how many misses a walk causes in a memory hierarchy.
 //!
-//! In: a walk's accesses, as a [`Trace`](super::Trace). Out: misses by level, pages, distances of reuse, and the least
-//! that any walk of the same structure must fetch.
+//! In: the memory accesses of a walk, as a [`Trace`](super::Trace). Out: misses by level, pages, distances of reuse,
+//! and the least that any walk of the same structure must fetch.
 //!
 //! ```text
 //! walker -> CacheModel: addresses -> levels and translation buffers     misses
 //!                                 -> Touched                            distinct bytes, lines, pages: the bound
-//!                                 -> Reuse                              distances: curves, working set, kinds of misses
+//! -> Reuse                              distances: curves, working set, kinds of misses
 //!        -> export                                                      a file of the same accesses
 //! ```
 //!
-//! The order of accesses is the walk's; addresses are the model's. A walker's arrays follow each other in the order of
-//! `arrays()`, each at the start of a page, with an unused page between. So figures do not depend on an allocator.
+//! The order of accesses is that of the walk; the model makes the addresses. A walker's arrays follow each other in the
+//! order of `arrays()`, each at the start of a page, with an unused page between. So figures do not depend on an
+//! allocator.
 
 pub mod counters;
 mod export;

@@ -1,12 +1,12 @@
-//! The model: turns the accesses of a walk into misses.
+//! The cache model: turns the accesses of a walk into misses.
 //!
 //! ```text
-//! access -> its lines, one touch each: the first level; what misses there asks the next
-//!        -> their pages: the first translation buffer; what misses there asks the next
+//! access -> its lines, one touch each: the first level is asked; on a miss, the next
+//!        -> their pages: the first translation buffer is asked; on a miss, the next
 //! ```
 //!
-//! Writes are treated as reads (write-allocate). Levels are neither inclusive nor exclusive. The hierarchy starts empty,
-//! so each first touch misses at every level. There is no prefetching.
+//! Writes are treated as reads (write-allocate). Levels are neither inclusive nor exclusive. The hierarchy starts
+//! empty, so each first touch misses at every level. There is no prefetching.
 
 use super::geometry::{Geometry, LARGE_PAGE_BYTES, PAGE_BYTES};
 use super::level::CacheLevel;
@@ -14,7 +14,7 @@ use super::reuse::{Reuse, ReuseFigures};
 use super::touched::Touched;
 use crate::trace::{Trace, WalkerArray};
 
-/// A model of a memory hierarchy, which traces a walk.
+/// A model of a memory hierarchy; as a trace, it receives the accesses of a walk.
 #[derive(Debug, Clone)]
 pub struct CacheModel {
     geometry: Geometry,
@@ -22,18 +22,18 @@ pub struct CacheModel {
     levels: Vec<CacheLevel>,
     translation: Vec<CacheLevel>,
     figures: CacheFigures,
-    /// Bytes of the structure, by address.
+    /// The bytes of the structure that were read or written, as model addresses.
     used: Touched,
     structure_lines: Touched,
     pages: Touched,
     large_pages: Touched,
     reuse: Option<Reuse>,
-    /// The last line and page, which are in the nearest place.
+    /// The last line and page that were touched: they are in the first place of their set in the nearest level.
     line: u64,
     page: u64,
 }
 
-/// Where an array lies.
+/// Where an array lies in the model's memory, in bytes.
 #[derive(Debug, Clone, Copy)]
 struct ArrayExtent {
     address: u64,
@@ -41,7 +41,7 @@ struct ArrayExtent {
     scratch: bool,
 }
 
-/// Returns the start of each array: a page, with an unused page before it.
+/// Returns the model address at which each array starts: a page's start, with an unused page before it.
 pub(super) fn addresses(arrays: &[WalkerArray]) -> Vec<u64> {
     let mut next = PAGE_BYTES;
     let mut starts = Vec::new();
@@ -52,14 +52,14 @@ pub(super) fn addresses(arrays: &[WalkerArray]) -> Vec<u64> {
     starts
 }
 
-/// What a hierarchy did in a walk.
+/// Counts of what a hierarchy did in a walk.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct CacheFigures {
     /// Bytes of a line.
     pub line_bytes: u64,
     /// Reads and writes, of any number of bytes.
     pub accesses: u64,
-    /// Touches of lines: an access touches each line that it overlaps.
+    /// Touches of lines: an access touches each line that it overlaps, once.
     pub touches: u64,
     /// Distinct bytes of the structure that were read or written.
     pub used_bytes: u64,
@@ -69,36 +69,37 @@ pub struct CacheFigures {
     pub levels: Vec<Misses>,
     /// Misses of each translation buffer, from the nearest.
     pub translation: Vec<u64>,
-    /// Distinct pages of 4 KiB.
+    /// Distinct pages of 4 KiB that were touched.
     pub pages: u64,
-    /// Distinct pages of 2 MiB.
+    /// Distinct pages of 2 MiB that were touched.
     pub large_pages: u64,
-    /// Distances of reuse, if they were measured.
+    /// Distances of reuse, if the model measured them.
     pub reuse: Option<ReuseFigures>,
 }
 
-/// Misses of a level.
+/// Misses of one level of the hierarchy, by kind.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Misses {
     /// All misses.
     pub all: u64,
     /// Misses in arrays of the structure, not in scratch memory.
     pub structure: u64,
-    /// First touches.
+    /// Misses by the first touch of a line.
     pub cold: u64,
-    /// Misses that a fully associative cache of this size would also have, given every touch; 0 without distances.
+    /// Misses of later touches that a fully associative cache of this size would also have, if it saw every touch.
+    /// It is 0 if distances were not measured.
     pub capacity: u64,
-    /// All other misses; 0 without distances.
+    /// All other misses: the line's set was full. It is 0 if distances were not measured.
     pub conflict: u64,
 }
 
 impl CacheFigures {
-    /// Returns the fewest lines that can hold the used bytes.
+    /// Returns the fewest lines that can hold the used bytes of the structure.
     pub fn compulsory_lines(&self) -> u64 {
         self.used_bytes.div_ceil(self.line_bytes.max(1))
     }
 
-    /// Returns the bytes fetched into `level` for each used byte of the structure.
+    /// Returns the bytes fetched into level number `level` (0 is the nearest) for each used byte of the structure.
     ///
     /// # Panics
     /// If there is no such level.
@@ -108,7 +109,7 @@ impl CacheFigures {
 }
 
 impl CacheModel {
-    /// Returns an empty hierarchy for a walker with `arrays`. Distances of `reuse` take most of the time.
+    /// Returns an empty hierarchy for a walker with `arrays`. If `reuse`, it measures reuse distances, which is slow.
     pub fn new(geometry: &Geometry, arrays: &[WalkerArray], reuse: bool) -> CacheModel {
         let place =
             |(array, address): (&WalkerArray, u64)| ArrayExtent { address, bytes: array.bytes, scratch: array.scratch };
@@ -136,7 +137,7 @@ impl CacheModel {
         }
     }
 
-    /// Returns what the hierarchy did so far.
+    /// Returns the counts of everything since the model was made.
     pub fn figures(&self) -> CacheFigures {
         CacheFigures {
             used_bytes: self.used.count(),

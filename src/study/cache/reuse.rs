@@ -1,51 +1,52 @@
 //! Reuse distances: how many other lines are touched before a line is touched again.
 //!
-//! In: line numbers, in order. Out: [`ReuseFigures`]. The distance of a touch is the number of distinct other lines since
-//! the last touch of its line. A fully associative LRU cache of C lines hits if the distance is below C, for every C at
-//! once (Mattson, Gecsei, Slutz and Traiger 1970, stack algorithms).
+//! In: numbers of touched lines, in order. Out: [`ReuseFigures`]. The distance of a touch is the number of distinct
+//! other lines since the last touch of its line. A fully associative LRU cache of C lines hits if the distance is below
+//! C. So the distances give the misses for every C at once (Mattson, Gecsei, Slutz and Traiger 1970, stack algorithms).
 //!
 //! ```text
-//! each line keeps the slot of its last touch; a slot is live if it is some line's last
-//! distance = live slots after its own       a Fenwick tree over slots (1994): O(log slots)
+//! each line keeps the slot (place in time) of its last touch; a slot is live if it holds some line's last touch
+//! distance = live slots after the line's own  a Fenwick tree over slots (1994): O(log slots)
 //! touch: the line's slot dies, it takes the next slot; when slots run out, the live ones are compacted
 //! ```
 //!
-//! There are twice as many slots as lines, so compacting costs O(log) a touch. Distances and times are counted in bins
-//! of powers of two, which makes the curves exact at powers of two.
+//! There are twice as many slots as lines, so compacting costs O(log) per touch. Distances and times are counted in
+//! bins of powers of two, which makes the curves exact at powers of two.
 
-/// Slot of a line that was never touched.
+/// The slot of a line that was never touched.
 const NEVER: u32 = u32::MAX;
-/// Number of bins: 0, 1, 2-3, 4-7 and so on.
+/// Number of bins, which count 0, 1, 2-3, 4-7 and so on.
 const BINS: usize = 64;
 
-/// Measures reuse distances.
+/// Measures reuse distances: receives the touches of lines, one by one.
 #[derive(Debug, Clone)]
 pub struct Reuse {
-    /// Slot of each line's last touch.
+    /// For each line, the slot of its last touch.
     slots: Vec<u32>,
-    /// Line of each slot, live or not.
+    /// For each slot, live or not, the line that touched it.
     lines: Vec<u32>,
-    /// Fenwick tree of live slots, from 1.
+    /// Fenwick tree that counts live slots; its indices start at 1.
     live: Vec<u32>,
     next: u32,
     distinct: u64,
-    /// Number of touches, and the time of each line's last touch, from 1.
+    /// Number of touches so far. The next field holds the time (1 for the first touch) of each line's last touch.
     time: u64,
     last: Vec<u64>,
     distances: [u64; BINS],
-    /// Times between touches of a line (`times`), and from the start and to the end (`edges`), by bin: count and sum.
+    /// For each bin, count and sum of the times between two touches of a line.
+    /// `edges` counts the times from the start to first touches and from last touches to the end.
     times: [(u64, u64); BINS],
     edges: [(u64, u64); BINS],
 }
 
-/// Reuse distances of a trace.
+/// Reuse distances of a trace, and the times between touches.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct ReuseFigures {
-    /// Touches of lines.
+    /// Number of touches of lines.
     pub touches: u64,
-    /// Distinct lines: touches that every cache misses.
+    /// Number of distinct lines; their first touches miss in every cache.
     pub distinct: u64,
-    /// Touches by distance: entry 0 for distance 0, entry k for 2^(k-1) to 2^k - 1.
+    /// Number of touches by distance: entry 0 counts distance 0, entry k the distances 2^(k-1) to 2^k - 1.
     pub distances: Vec<u64>,
     times: [(u64, u64); BINS],
     edges: [(u64, u64); BINS],
@@ -57,7 +58,7 @@ fn bin(number: u64) -> usize {
 }
 
 impl Reuse {
-    /// Makes a measurement for lines numbered below `lines`.
+    /// Starts a measurement for lines whose numbers are below `lines`.
     ///
     /// # Panics
     /// If there are more than 2^30 lines, whose slots would not fit 32 bits.
@@ -90,7 +91,7 @@ impl Reuse {
             note(&mut self.edges, self.time);
             None
         } else if slot + 1 == self.next {
-            // Again at once: nothing moves.
+            // The line was also the last one touched: nothing moves.
             self.distances[0] += 1;
             note(&mut self.times, self.time - self.last[index]);
             self.last[index] = self.time;
@@ -114,7 +115,7 @@ impl Reuse {
         distance
     }
 
-    /// Returns the number of live slots up to `slot`.
+    /// Returns the number of live slots up to `slot`, inclusive.
     fn live_through(&self, slot: u32) -> u64 {
         let mut at = slot as usize + 1;
         let mut sum = 0;
@@ -125,7 +126,7 @@ impl Reuse {
         sum
     }
 
-    /// Adds `more`, 1 or -1 modulo 2^32, at `slot`.
+    /// Adds `more`, 1 or -1 modulo 2^32, to the tree's count at `slot`.
     fn change(&mut self, slot: u32, more: u32) {
         let mut at = slot as usize + 1;
         while at < self.live.len() {
@@ -134,7 +135,7 @@ impl Reuse {
         }
     }
 
-    /// Moves the live slots to the front. The current line has none at this moment.
+    /// Moves the live slots to the front. The line that is being touched has no live slot at this moment.
     fn gather(&mut self) {
         let mut next = 0u32;
         for slot in 0..self.next {
@@ -145,7 +146,7 @@ impl Reuse {
                 next += 1;
             }
         }
-        // In a tree over ones up to `next`, node i counts those of its range that are below `next`.
+        // In a tree over ones up to `next`, node i counts the slots of its range that are below `next`.
         for at in 1..self.live.len() {
             let low = at & (at - 1);
             let ones = at.min(next as usize).saturating_sub(low);
@@ -154,7 +155,7 @@ impl Reuse {
         self.next = next;
     }
 
-    /// Returns the distances so far.
+    /// Returns the distances measured so far.
     pub fn figures(&self) -> ReuseFigures {
         let mut edges = self.edges;
         for &last in self.last.iter().filter(|&&last| last > 0) {
@@ -171,7 +172,7 @@ impl Reuse {
     }
 }
 
-/// Counts `time` in bins whose upper borders are powers of two, inclusive: bins past k hold times above 2^k.
+/// Counts `time` in bins whose upper ends are powers of two, inclusive: bins above bin k hold times above 2^k.
 fn note(bins: &mut [(u64, u64); BINS], time: u64) {
     let (count, sum) = &mut bins[bin(time - 1)];
     (*count, *sum) = (*count + 1, *sum + time);
@@ -189,10 +190,12 @@ impl ReuseFigures {
         (0..self.distances.len().max(1)).map(ratio).collect()
     }
 
-    /// Returns the mean number of distinct lines in 2^`power` consecutive touches; `None` if there are fewer.
+    /// Returns the mean number of distinct lines in 2^`power` consecutive touches; `None` if the trace has fewer
+    /// touches.
     ///
-    /// Exact over all windows. A line is missing from a window if two of its touches, or the trace's ends, enclose the
-    /// window; so the times between touches suffice (Xiang, Bao, Ding and Gao 2011, equation 1).
+    /// Exact over all windows of that length. A line is missing from a window if two of its touches, or an end of the
+    /// trace and a touch, enclose the window. So the times between touches suffice (Xiang, Bao, Ding and Gao 2011,
+    /// equation 1).
     pub fn working_set(&self, power: usize) -> Option<f64> {
         let window = 1u64.checked_shl(u32::try_from(power).ok()?)?;
         let windows = (self.touches + 1).checked_sub(window).filter(|&windows| windows > 0 && power < BINS)?;

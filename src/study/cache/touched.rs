@@ -1,6 +1,6 @@
-//! Sets of touched bytes, lines and pages: a bit each, so a range costs a step for each 64 numbers.
+//! Sets of touched bytes, lines and pages. Each number has one bit, so adding a range takes one step per 64 numbers.
 
-/// A set of numbers from 0.
+/// A set of numbers from 0 to a limit.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Touched {
     words: Vec<u64>,
@@ -31,7 +31,7 @@ impl Touched {
         self.count - before
     }
 
-    /// Returns the size of the set.
+    /// Returns how many numbers are in the set.
     pub(super) fn count(&self) -> u64 {
         self.count
     }

@@ -1,13 +1,13 @@
-//! Decodes lines into batches, sixteen steps at a time, as the walk does.
+//! Decodes scan lines into batches (arrays of voxels), sixteen steps at a time, as the production walk does.
 
 use super::store::{CHUNK, LaneStore};
 use super::traced_vec::TracedVec;
 use crate::trace::Trace;
 
-/// Largest distance of a batch's records from those of its first line.
+/// Largest distance between the index of a record in a batch and that of the batch's first line.
 const REACH: u64 = 1 << 31;
 
-/// A line of the current slice.
+/// A scan line of the current slice.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct SliceLine {
     pub(super) first_record: u64,
@@ -15,7 +15,7 @@ pub(super) struct SliceLine {
     pub(super) medium: u16,
 }
 
-/// Coordinates and records of voxels.
+/// The coordinates of voxels on the medium and fast axis, and the indices of their records.
 pub(super) struct TracedBatch {
     pub(super) medium: TracedVec<u16>,
     pub(super) fast: TracedVec<u16>,
@@ -31,7 +31,7 @@ impl TracedBatch {
         }
     }
 
-    /// Traces the write of sixteen voxels at once.
+    /// Traces the write of sixteen voxels at index `from` and after it, as one access per array.
     #[inline]
     fn write_chunk<T: Trace>(&self, from: usize, trace: &mut T) {
         self.medium.write(from, CHUNK, trace);
@@ -39,7 +39,7 @@ impl TracedBatch {
         self.record.write(from, CHUNK, trace);
     }
 
-    /// Stores one voxel; its write `is_traced` already if its chunk was.
+    /// Stores one voxel at `place`. It traces the write unless `is_traced`, which says that its chunk was traced.
     #[inline]
     fn put<T: Trace>(&mut self, place: usize, medium: u16, (fast, record): (u16, u32), is_traced: bool, trace: &mut T) {
         if is_traced {
@@ -53,7 +53,8 @@ impl TracedBatch {
         }
     }
 }
-/// Returns the end and the base record of the first group of the lines `first..count`.
+/// Groups the lines that fit one batch, starting at line `first`. Returns the index after the last of them, and the
+/// base: the record that the batch's record indices are relative to.
 #[inline]
 pub(super) fn group<T: Trace>(
     lines: &TracedVec<SliceLine>,
@@ -78,11 +79,11 @@ pub(super) fn group<T: Trace>(
     (end, base)
 }
 
-/// Up to sixteen consecutive voxels of a line: coordinate, and record relative to the base.
+/// Up to sixteen consecutive voxels of a line: coordinate, and index of the record relative to the batch's base record.
 struct StepChunk {
     voxels: [(u16, u32); CHUNK],
     count: usize,
-    /// Whether they were decoded at once, as there are no stepping records among them.
+    /// Whether the voxels were decoded at once, as there are no stepping records (records without a voxel) among them.
     at_once: bool,
 }
 
@@ -114,7 +115,7 @@ fn step_chunks<S: LaneStore, T: Trace>(
     }
 }
 
-/// Writes a line's voxels, ascending, from `at` up; returns the end.
+/// Writes a line's voxels in ascending order to `out` from index `at` on; returns the index after the last one.
 pub(super) fn decode_up<S: LaneStore, T: Trace>(
     store: &S,
     line: SliceLine,
@@ -136,7 +137,7 @@ pub(super) fn decode_up<S: LaneStore, T: Trace>(
     end
 }
 
-/// Writes a line's voxels, descending, below `at`; returns the start.
+/// Writes a line's voxels in descending order to the places of `out` below `at`; returns the index of the first one.
 pub(super) fn decode_down<S: LaneStore, T: Trace>(
     store: &S,
     line: SliceLine,

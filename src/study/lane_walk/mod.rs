@@ -1,20 +1,23 @@
-//! The walk through lanes, traced access by access.
+//! The walk through lanes (all scan lines along one axis), which traces every memory access.
 //!
-//! In: lanes in some layout, and a trace. Out: the voxels that [`adjsplat::traverse::walk()`] visits, in the same batches.
-//! The trace receives what that walk reads and writes, in the same order, and what the renderer's first stage reads.
+//! In: lanes in some layout, and a trace. Out: the voxels that [`adjsplat::traverse::walk()`] visits, in the same
+//! batches. The trace receives what that walk reads and writes, in the same order, and what the renderer's first stage
+//! reads.
 //!
-//! This is a plain twin of the production walk, whose own reports are too coarse for a cache model. tests/study proves
-//! both equal: the same batches, and the same tiles, ends and lines in the same order.
+//! This is a plain copy of the production walk, which does not report its reads finely enough for a cache model.
+//! tests/study proves both equal: they yield the same batches, and read the same tiles, ends and lines in the same
+//! order.
 //!
 //! ```text
-//! tiles of the face -> two counting sorts by column and row        sort       (traverse/tiles.rs)
+//! tiles of the lane -> two counting sorts by column and row        sort       (traverse/tiles.rs)
 //! slice: its tiles -> its lines, from their ends                   walk       (traverse/gather.rs)
 //! group of lines: sixteen steps at a time -> batch                 decode     (traverse/decode.rs)
 //! batch, 128 voxels at a time: coordinates; values; normals        walk       (splat/cpu/project.rs)
 //! where each byte lies                                             store: our lanes; crate::layouts: others
 //! ```
 //!
-//! Not traced: what stays in registers, the search for the eye on an axis with two sides, and copies of growing vectors.
+//! Not traced: what stays in registers, the search for the eye on an axis that it divides, and copies of growing
+//! vectors.
 
 mod decode;
 mod own;
@@ -32,22 +35,22 @@ pub(super) use walk::{VisitedBlock, traced_walk};
 
 use adjsplat::error::{Error, Result};
 
-/// Which codes of a voxel are read.
+/// Which codes (stored numbers) of a voxel a walk reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum CodesRead {
-    /// None: coordinates only.
+    /// Neither: the walk reads coordinates only.
     Nothing,
-    /// Its value.
+    /// The value.
     Values,
-    /// Its value and its normal.
+    /// The value and the normal.
     ValuesAndNormals,
 }
 
 impl CodesRead {
-    /// All of them.
+    /// All variants.
     pub const ALL: [CodesRead; 3] = [CodesRead::Nothing, CodesRead::Values, CodesRead::ValuesAndNormals];
 
-    /// Returns its name in tables.
+    /// Returns the variant's name in tables.
     pub const fn name(self) -> &'static str {
         match self {
             CodesRead::Nothing => "steps",
@@ -56,7 +59,7 @@ impl CodesRead {
         }
     }
 
-    /// Returns the codes of this name.
+    /// Returns the variant of this name.
     ///
     /// # Errors
     /// [`Error::Input`] for any other name.

@@ -1,4 +1,4 @@
-//! Our own lanes as a traced walker.
+//! Our own lanes as a walker that traces every access.
 
 use super::CodesRead;
 use super::scratch_sizes::ScratchSizes;
@@ -10,7 +10,7 @@ use adjsplat::arena::Lane;
 use adjsplat::traverse::{Batch, Order};
 use adjsplat::volume::Axis;
 
-/// Our lanes, walked by the traced twin.
+/// Our lanes, walked by the traced copy of the production walk.
 #[derive(Debug, Clone)]
 pub struct OwnWalk<'a> {
     lanes: [OwnStore<'a>; 3],
@@ -18,10 +18,12 @@ pub struct OwnWalk<'a> {
 }
 
 impl<'a> OwnWalk<'a> {
-    /// Takes sound lanes along x, y and z. A walk reads `codes` of each voxel and delivers the others as 0.
+    /// Takes valid lanes along x, y and z. A walk reads `codes` of each voxel and delivers 0 for the codes that it does
+    /// not read.
     ///
     /// # Panics
-    /// If the lanes run along other axes, have edits, or other channels than values of 8 and normals of 2 x 8 bits or none.
+    /// If the lanes run along other axes, have edits, or if values have not 8 bits or normals neither 2 x 8 bits nor
+    /// none.
     pub fn new(lanes: [Lane<'a>; 3], codes: CodesRead) -> OwnWalk<'a> {
         assert!(lanes.iter().map(|lane| lane.axis).eq(Axis::ALL), "lanes along x, y and z");
         for lane in &lanes {
@@ -32,7 +34,7 @@ impl<'a> OwnWalk<'a> {
         OwnWalk { lanes: lanes.map(store), codes }
     }
 
-    /// Walks in `order` and calls `visit` with each batch.
+    /// Walks in `order` and calls `visit` with each batch of voxels.
     pub fn walk_batches<T: Trace>(&self, order: &Order, trace: &mut T, visit: &mut impl FnMut(&Batch)) {
         let mut whole = |visited: &VisitedBlock| {
             if visited.block.start == 0 {

@@ -1,4 +1,4 @@
-//! Our lanes in another tile order.
+//! Our lanes with their tiles stored in another order.
 
 use crate::subject::{Subject, VisibleVoxel};
 use adjsplat::arena::Record;

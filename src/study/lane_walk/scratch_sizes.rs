@@ -1,13 +1,13 @@
-//! Sizes and numbers of the scratch arrays of a walk.
+//! Sizes and numbers of the scratch arrays that a walk needs.
 
 use super::decode::SliceLine;
 use super::store::{CHUNK, LaneStore};
 use crate::trace::WalkerArray;
 
-/// Voxels that a batch holds unless a single line has more.
+/// Number of voxels for which a batch has room, unless a single line has more.
 pub(super) const BATCH: usize = 2_048;
 
-/// Numbers of the scratch arrays, relative to the first one.
+/// Numbers by which a trace names the scratch arrays, relative to the first one.
 pub(super) const WANTED: usize = 0;
 pub(super) const BY_COLUMN: usize = 1;
 pub(super) const SORTED: usize = 2;
@@ -19,15 +19,15 @@ pub(super) const SLICES: usize = 7;
 pub(super) const LINES: usize = 8;
 pub(super) const MEDIUMS: usize = 9;
 pub(super) const TWO_SIDED: usize = 10;
-/// Three arrays each: coordinates on the medium and the fast axis, and records.
+/// First of three arrays of a batch: coordinates on the medium axis, on the fast axis, and records. A line's follow.
 pub(super) const BATCH_ARRAYS: usize = 11;
 pub(super) const LINE_ARRAYS: usize = 14;
 
-/// Sizes of scratch arrays that suffice for all lanes of a walker, and the number of the first.
+/// Sizes of scratch arrays that suffice for all lanes of a walker, and the number of the first scratch array.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct ScratchSizes {
     pub(super) first_array: usize,
-    /// Most tiles of a lane.
+    /// Largest number of tiles that a lane has.
     tiles: usize,
     /// Grid points of the longest axis.
     points: usize,
@@ -35,7 +35,7 @@ pub(crate) struct ScratchSizes {
 }
 
 impl ScratchSizes {
-    /// Returns the sizes for `lanes`; scratch arrays are numbered from `first_array`.
+    /// Returns the sizes that suffice for `lanes`; the first scratch array has number `first_array`.
     pub(crate) fn of<S: LaneStore>(lanes: &[S], first_array: usize) -> ScratchSizes {
         let most = |of: fn(&S) -> u32| lanes.iter().map(of).max().unwrap_or(0) as usize;
         ScratchSizes {
@@ -45,12 +45,12 @@ impl ScratchSizes {
             edge: most(|lane| lane.edge().into()),
         }
     }
-    /// Returns the lines of a slice, rounded up to whole tiles.
+    /// Returns the most lines that a slice can have, rounded up to whole tiles.
     pub(super) fn lines(self) -> usize {
         self.points.next_multiple_of(self.edge.max(1))
     }
 
-    /// Returns the scratch arrays, by number.
+    /// Returns the scratch arrays, in the order of their numbers.
     pub(crate) fn arrays(self) -> [WalkerArray; 17] {
         let rows = self.lines() / self.edge.max(1) + 1;
         let (batch, line) = (self.points.max(BATCH) + 2 * CHUNK, self.points + 2 * CHUNK);

@@ -5,7 +5,8 @@ use super::store::LaneStore;
 use super::traced_vec::TracedVec;
 use crate::trace::Trace;
 
-/// Returns tiles by row of the slow axis, within a row by column, and where rows start. O(tiles).
+/// Returns the tiles sorted by row of the slow axis, and in each row by column, and the index where each row starts.
+/// O(tiles).
 pub(super) fn sorted_tiles<S: LaneStore, T: Trace>(
     store: &S,
     slow_is_v: bool,
@@ -21,7 +22,7 @@ pub(super) fn sorted_tiles<S: LaneStore, T: Trace>(
     let mut count = 0;
     for tile in 0..store.tile_count() {
         let [row, column] = place(tile, trace);
-        // A renderer decides by the extent whether it wants a tile; this walk wants all.
+        // A renderer reads the extent to decide whether it needs the tile; this walk needs all tiles.
         store.extent(tile, trace);
         if row < rows && column < columns {
             wanted.set(count, tile, trace);

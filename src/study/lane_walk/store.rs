@@ -1,4 +1,4 @@
-//! Where the bytes of a lane lie: answers a walk's questions, and traces the bytes that the answer reads.
+//! Where the bytes of a lane lie: answers what a walk asks of a lane, and traces the bytes that each answer reads.
 
 use crate::trace::{Trace, WalkerArray};
 use adjsplat::arena::TileRecord;
@@ -6,19 +6,20 @@ use adjsplat::arena::layout::TILE_EDGE;
 use adjsplat::arena::{Lane, LineEnds};
 use adjsplat::volume::Axis;
 
-/// Steps that are read at once.
+/// Number of steps (distances from a voxel to the next on its line) that are read at once.
 pub(crate) const CHUNK: usize = 16;
 
-/// The non-empty lines of a tile: bit `edge * v + u` for the line at (u, v) of the tile. Up to 16 x 16.
+/// The non-empty lines of a tile: bit `edge * v + u` for the line at (u, v) in the tile. A tile has up to 16 x 16
+/// lines.
 pub(crate) type Mask = [u64; 4];
 
-/// Whether `mask` has `bit`.
+/// Returns whether bit number `bit` of `mask` is set.
 #[inline(always)]
 pub(crate) fn has_bit(mask: &Mask, bit: u32) -> bool {
     mask[bit as usize / 64] >> (bit % 64) & 1 == 1
 }
 
-/// Returns how many bits of `mask` come before `bit`.
+/// Returns how many set bits of `mask` come before bit number `bit`.
 #[inline(always)]
 pub(crate) fn rank(mask: &Mask, bit: u32) -> u32 {
     let word = bit as usize / 64;
@@ -29,52 +30,53 @@ pub(crate) fn rank(mask: &Mask, bit: u32) -> u32 {
 /// Where a tile's lines and records start.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct TileStart {
-    /// Position on the face, in tiles.
+    /// The tile's position on the face (the lane's lines as a 2-D array), in tiles.
     pub(crate) place: [u16; 2],
-    /// Index of its first line.
+    /// Index of the tile's first line among the lane's lines.
     pub(crate) first_line: u64,
-    /// Index of its first record.
+    /// Index of the tile's first record among the lane's records.
     pub(crate) first_record: u64,
 }
 
-/// A lane in some layout.
+/// A lane (all scan lines along one axis) in some memory layout.
 pub(crate) trait LaneStore {
-    /// Returns the axis along which its lines run.
+    /// Returns the axis along which the lane's lines run.
     fn axis(&self) -> Axis;
     /// Returns the grid points along x, y and z.
     fn dims(&self) -> [u32; 3];
-    /// Returns the lines along a side of a tile: 1, 4, 8 or 16.
+    /// Returns the number of lines along a side of a tile: 1, 4, 8 or 16.
     fn edge(&self) -> u16;
-    /// Returns the number of records, stepping records included.
+    /// Returns the number of the lane's records, with stepping records, which bridge long gaps and hold no voxel.
     fn record_count(&self) -> u64;
-    /// Returns the number of non-empty tiles.
+    /// Returns the number of the lane's non-empty tiles.
     fn tile_count(&self) -> u32;
-    /// Returns the position of a tile on the face, in tiles.
+    /// Returns the position of a tile on the face (the lane's lines as a 2-D array), in tiles.
     fn place<T: Trace>(&self, tile: u32, trace: &mut T) -> [u16; 2];
     /// Reads the lowest and the highest coordinate of a tile's voxels, by which a renderer culls.
     fn extent<T: Trace>(&self, tile: u32, trace: &mut T);
-    /// Returns the non-empty lines of a tile.
+    /// Returns which lines of a tile are not empty.
     fn mask<T: Trace>(&self, tile: u32, trace: &mut T) -> Mask;
-    /// Reads all of a tile's record.
+    /// Reads the whole record of a tile, and returns where its lines and records start.
     fn start<T: Trace>(&self, tile: u32, trace: &mut T) -> TileStart;
-    /// Returns where the line of this rank starts and ends, relative to the tile's first record; `None` if it is missing.
+    /// Returns where the tile's non-empty line number `rank` starts and ends, in records from the tile's first record.
+    /// Returns `None` if the line is missing.
     fn line<T: Trace>(&self, tile: u32, start: &TileStart, rank: u32, trace: &mut T) -> Option<[u64; 2]>;
-    /// Returns sixteen steps from record `from`, padded with ones.
+    /// Returns sixteen steps from record `from` on, padded with ones at the end of the lane.
     fn steps<T: Trace>(&self, from: usize, trace: &mut T) -> [u8; CHUNK];
-    /// Returns the value code of the voxel at `position` with this record.
+    /// Returns the value code (stored number) of the voxel at `position`, whose record is number `record`.
     fn value<T: Trace>(&self, position: [u16; 3], record: usize, trace: &mut T) -> u8;
-    /// Returns the normal code of the voxel at `position` with this record; 0 for none.
+    /// Returns the normal code of the voxel at `position`, whose record is number `record`; 0 if there are no normals.
     fn normal<T: Trace>(&self, position: [u16; 3], record: usize, trace: &mut T) -> u16;
 }
 
-/// Our own lane, and the number of its first array.
+/// Our own lane, and the number by which a trace names its first array.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct OwnStore<'a> {
     pub(super) lane: Lane<'a>,
     pub(super) arrays: usize,
 }
 
-/// Numbers of a lane's arrays, relative to its first, and their count.
+/// Numbers of a lane's arrays, relative to its first one; the last constant is their count.
 const TILES: usize = 0;
 const LINE_ENDS: usize = 1;
 const STEPS: usize = 2;
@@ -87,14 +89,14 @@ const NAMES: [[&str; OF_A_LANE]; 3] = [
     ["tiles z", "line ends z", "steps z", "values z", "normals z"],
 ];
 
-/// Fields of a tile record: offset and bytes.
+/// Offset and number of bytes of each field of a tile record.
 const PLACE: (usize, usize) = (0, 4);
 const OCCUPANCY: (usize, usize) = (16, 8);
 const EXTENT: (usize, usize) = (24, 4);
 const WHOLE: (usize, usize) = (0, size_of::<TileRecord>());
 
 impl OwnStore<'_> {
-    /// Returns its arrays.
+    /// Returns the lane's arrays, in the order of their numbers.
     pub(super) fn arrays(&self) -> [WalkerArray; OF_A_LANE] {
         let lane = &self.lane;
         let sizes = [
@@ -115,7 +117,7 @@ impl OwnStore<'_> {
         }
     }
 
-    /// Returns a tile, and traces a read of `(offset, bytes)`.
+    /// Returns tile number `index`, and traces a read of `bytes` at `offset` in its record.
     #[inline]
     fn tile<T: Trace>(&self, index: u32, (offset, bytes): (usize, usize), trace: &mut T) -> &TileRecord {
         trace.read(self.arrays + TILES, index as usize * size_of::<TileRecord>() + offset, bytes);

@@ -2,7 +2,7 @@
 
 use crate::trace::Trace;
 
-/// A scratch array and its number.
+/// A scratch array, and the number by which a trace names it.
 #[derive(Debug, Clone)]
 pub(super) struct TracedVec<E> {
     array: usize,
@@ -10,7 +10,7 @@ pub(super) struct TracedVec<E> {
 }
 
 impl<E: Copy + Default> TracedVec<E> {
-    /// Makes array number `array` with `len` elements.
+    /// Creates array number `array` with `len` elements.
     pub(super) fn new(array: usize, len: usize) -> TracedVec<E> {
         TracedVec { array, items: vec![E::default(); len] }
     }
@@ -20,38 +20,38 @@ impl<E: Copy + Default> TracedVec<E> {
         self.items.len()
     }
 
-    /// Reads an element.
+    /// Reads the element at `index`, and traces it.
     #[inline]
     pub(super) fn get<T: Trace>(&self, index: usize, trace: &mut T) -> E {
         self.read(index, 1, trace);
         self.items[index]
     }
 
-    /// Writes an element.
+    /// Writes the element at `index`, and traces it.
     #[inline]
     pub(super) fn set<T: Trace>(&mut self, index: usize, item: E, trace: &mut T) {
         self.write(index, 1, trace);
         self.items[index] = item;
     }
 
-    /// Traces a read of `count` elements at once.
+    /// Traces one read of `count` elements from `first` on.
     #[inline]
     pub(super) fn read<T: Trace>(&self, first: usize, count: usize, trace: &mut T) {
         trace.read(self.array, first * size_of::<E>(), count * size_of::<E>());
     }
 
-    /// Traces a write of `count` elements at once.
+    /// Traces one write of `count` elements from `first` on.
     #[inline]
     pub(super) fn write<T: Trace>(&self, first: usize, count: usize, trace: &mut T) {
         trace.write(self.array, first * size_of::<E>(), count * size_of::<E>());
     }
 
-    /// Returns the elements, untraced.
+    /// Returns the elements; what the caller reads is not traced.
     pub(super) fn items(&self) -> &[E] {
         &self.items
     }
 
-    /// Returns the elements for writing, untraced.
+    /// Returns the elements for writing; what the caller reads or writes is not traced.
     pub(super) fn items_mut(&mut self) -> &mut [E] {
         &mut self.items
     }

@@ -1,4 +1,5 @@
-//! A traced walk through one lane: from a [`LaneStore`] and an order to blocks of voxels with their codes.
+//! A traced walk through one lane: from a [`LaneStore`] and an order to blocks of voxels with their codes (stored
+//! numbers).
 
 use std::ops::Range;
 
@@ -13,18 +14,18 @@ use adjsplat::internals::scatter::BLOCK;
 use adjsplat::traverse::{AxisOrder, Batch, Order};
 use adjsplat::volume::Axis;
 
-/// Up to [`BLOCK`] voxels of a batch, as the renderer's first stage takes them.
+/// Up to [`BLOCK`] voxels of a batch, as the renderer's first stage takes them, with their codes.
 pub(crate) struct VisitedBlock<'a> {
     pub(crate) batch: &'a Batch<'a>,
-    /// Their indices in the batch.
+    /// Indices of the block's voxels in the batch.
     pub(crate) block: Range<usize>,
-    /// Their codes; zeros if they are not read.
+    /// Value codes of the block's voxels; zeros if the walk does not read them. Normal codes follow.
     pub(crate) values: &'a [u8],
     pub(crate) normals: &'a [u16],
 }
 
 impl VisitedBlock<'_> {
-    /// Returns each voxel's index in the block and its coordinates.
+    /// Iterates over the voxels: each one's index in the block, and its coordinates x, y and z.
     #[inline]
     pub(crate) fn positions(&self, order: &Order) -> impl Iterator<Item = (usize, [u16; 3])> {
         let axes = [order.slow.index(), order.medium.index(), order.fast.index()];
@@ -40,10 +41,10 @@ fn position([slow, medium, fast]: [usize; 3], batch: &Batch, voxel: usize) -> [u
     position
 }
 
-/// Walks `store` in `order`, reading `codes`.
+/// Walks through the voxels of `store` in `order`, reads `codes` of each, and calls `visit` with every block.
 ///
 /// # Panics
-/// If the lane does not run along the order's fast axis, or is not sound.
+/// If the lane does not run along the order's fast axis, or breaks a rule of the format.
 pub(crate) fn traced_walk<S: LaneStore, T: Trace>(
     store: &S,
     order: &Order,
@@ -62,17 +63,18 @@ struct TracedWalk<'s, 't, S, T> {
     codes: CodesRead,
     slow_is_v: bool,
     trace: &'t mut T,
-    /// Tiles by row, within a row by column, and where rows start.
+    /// Numbers of the tiles, by row of tiles and in each row by column; `starts` says where rows begin.
     sorted: TracedVec<u32>,
     starts: TracedVec<u32>,
     slices: TracedVec<u16>,
-    /// Lines of a slice, ascending; and in the order of an axis with two sides.
+    /// Lines of the current slice, ascending. `two_sided` holds them in the order of an axis with voxels on both sides
+    /// of the eye; `mediums` are their coordinates.
     lines: TracedVec<SliceLine>,
     mediums: TracedVec<u16>,
     two_sided: TracedVec<SliceLine>,
     batch: TracedBatch,
     line: TracedBatch,
-    /// Voxels for which a batch has room.
+    /// Number of voxels for which a batch has room.
     capacity: usize,
 }
 
@@ -83,7 +85,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         let slow_is_v = order.slow == store.axis().others()[1];
         let sides = [across(order.slow), across(order.medium)];
         let (sorted, starts) = sorted_tiles(store, slow_is_v, sides, sizes.first_array, trace);
-        // A walk allocates a batch for its own lane.
+        // Each walk allocates a batch that is large enough for its own lane.
         let longest = points(store.axis()) as usize;
         let capacity = longest.max(BATCH);
         TracedWalk {
@@ -104,12 +106,12 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         }
     }
 
-    /// Returns which of the sorted tiles are in `row`.
+    /// Returns the range of `sorted` with the tiles of row number `row`.
     fn row(&mut self, row: usize) -> Range<usize> {
         self.starts.get(row, self.trace) as usize..self.starts.get(row + 1, self.trace) as usize
     }
 
-    /// Returns the mask bit of the line at `medium` of a tile, in its slice `within`.
+    /// Returns the bit in a tile's mask of the line at `medium`; `within` is the slice's place in the tile.
     #[inline(always)]
     fn bit(&self, within: u16, medium: u16) -> u32 {
         let edge = self.store.edge();
@@ -121,7 +123,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         (0..self.store.edge()).any(|medium| has_bit(mask, self.bit(within, medium)))
     }
 
-    /// Lists the non-empty slices; returns their number.
+    /// Lists the slices that have lines; returns their number.
     fn find_slices(&mut self) -> usize {
         let edge = self.store.edge();
         let mut count = 0;
@@ -142,7 +144,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         count
     }
 
-    /// Visits every slice in the slow order.
+    /// Visits every slice that has lines, in the order of the slow axis.
     fn slices(&mut self, visit: &mut impl FnMut(&VisitedBlock)) {
         let count = self.find_slices();
         let numbers = self.slices.items()[..count].to_vec();
@@ -176,7 +178,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         }
     }
 
-    /// Puts the lines in the order of an axis with two sides.
+    /// Sorts the slice's `count` lines into the order of an axis with voxels on both sides of the eye.
     fn part_lines(&mut self, sides: AxisOrder, count: usize) {
         for item in 0..count {
             let line = self.lines.get(item, self.trace);
@@ -190,7 +192,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         });
     }
 
-    /// Lists the lines of slice `slow`, ascending; returns their number.
+    /// Lists the lines of slice `slow` in ascending order; returns their number.
     fn gather(&mut self, slow: u16) -> usize {
         let edge = self.store.edge();
         let within = slow % edge;
@@ -203,7 +205,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
             if !self.has_lines(&mask, within) {
                 continue;
             }
-            // Reads whether the row is wanted, and where its lines and records lie.
+            // This reads what a renderer culls by, and where the tile's lines and records lie.
             let start = self.store.start(tile, self.trace);
             let first_medium = edge.wrapping_mul(start.place[usize::from(!self.slow_is_v)]);
             for medium in 0..edge {
@@ -227,7 +229,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         count
     }
 
-    /// Decodes lines of slice `slow` and delivers their voxels.
+    /// Decodes the slice's lines in the range `lines` and delivers their voxels; record indices count from `base`.
     fn decode(
         &mut self,
         lines: Range<usize>,
@@ -275,7 +277,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         self.hand_over(range, base, slow, visit);
     }
 
-    /// Reads the voxels in `range` of the batch as the renderer's first stage does, block by block.
+    /// Reads the batch's voxels in `range` as the renderer's first stage does, and calls `visit` block by block.
     fn hand_over(&mut self, range: Range<usize>, base: u64, slow: u16, visit: &mut impl FnMut(&VisitedBlock)) {
         let TracedBatch { medium, fast, record } = &self.batch;
         let items = (&medium.items()[range.clone()], &fast.items()[range.clone()], &record.items()[range.clone()]);

@@ -1,4 +1,4 @@
-//! A lane in some layout, made from a subject's voxels.
+//! A lane (all scan lines along one axis) in some memory layout, made from a subject's voxels.
 
 use std::sync::Arc;
 
@@ -10,22 +10,22 @@ use crate::trace::WalkerArray;
 use adjsplat::internals::STEPPING;
 use adjsplat::volume::Axis;
 
-/// A lane in some layout.
+/// The bytes of a lane in some memory layout.
 #[derive(Debug)]
 pub(super) struct LayoutLane {
     pub(super) layout: LaneLayout,
     pub(super) axis: Axis,
     pub(super) dims: [u32; 3],
-    /// Records of tiles and of lines.
+    /// Bytes of the records of tiles; `lines` are those of lines.
     pub(super) tiles: Vec<u8>,
     pub(super) lines: Vec<u8>,
     pub(super) line_bytes: usize,
-    /// Step, value and normal; or step and slot if the payload is shared.
+    /// Records of voxels: step, value and normal; or step and slot (place in a brick) if the payload is shared.
     pub(super) records: Records,
     pub(super) bricks: Option<Arc<PayloadBricks>>,
 }
 
-/// Numbers of a lane's arrays among its five; then those of bricks and of scratch arrays.
+/// Numbers of three of a lane's five arrays; then those of the shared bricks and of the scratch arrays.
 pub(super) const TILES: usize = 0;
 pub(super) const LINES: usize = 1;
 pub(super) const RECORDS: usize = 2;
@@ -39,15 +39,16 @@ pub(super) const NAMES: [[&str; OF_A_LANE]; 3] = [
     ["tiles z", "lines z", "steps z", "values z", "normals z"],
 ];
 
-/// Channels of a lane's records.
+/// Numbers of the channels in a voxel's record.
 pub(super) const VALUE_OR_SLOT: usize = 1;
 pub(super) const NORMAL: usize = 2;
 
-/// A voxel's sort key in the lane, the voxel, and its slot.
+/// A voxel's sort key in the lane, the voxel, and its slot (place in a brick of shared payloads).
 type SortedVoxel<'a> = (u64, &'a VisibleVoxel, u8);
 
 impl LayoutLane {
-    /// Sorts the subject's voxels into the lane along `axis`.
+    /// Sorts the subject's voxels into the lane along `axis`; `shared` holds the bricks of shared payloads and each
+    /// voxel's slot.
     pub(super) fn new(
         subject: &Subject,
         layout: LaneLayout,
@@ -83,7 +84,8 @@ impl LayoutLane {
             ),
             bricks: shared.map(|(bricks, _)| Arc::clone(bricks)),
         };
-        // End, lowest and highest coordinate of each line. All ends decide the width of a line record.
+        // These are the end, the lowest and the highest coordinate of each line. The largest end decides how wide line
+        // records are.
         let mut lines: Vec<[u32; 3]> = Vec::new();
         for tile in placed.chunk_by(|a, b| a.0 >> 32 == b.0 >> 32) {
             let first_record = lane.records.len();
@@ -140,12 +142,12 @@ impl LayoutLane {
         self.tiles.extend([low, high].into_iter().flat_map(|end| end.to_le_bytes().into_iter().take(2)));
     }
 
-    /// Returns the number of its first array.
+    /// Returns the number by which a trace names the lane's first array.
     pub(super) fn arrays_from(&self) -> usize {
         OF_A_LANE * self.axis.index()
     }
 
-    /// Returns its arrays, by number; those that this layout lacks are empty.
+    /// Returns the lane's arrays, in the order of their numbers; arrays that this layout does not use are empty.
     pub(super) fn arrays(&self) -> [WalkerArray; OF_A_LANE] {
         let names = NAMES[self.axis.index()];
         let channels = &self.records.arrays;

@@ -1,16 +1,16 @@
-//! Layouts: other ways to lay out a lane, made from the same voxels and walked by the same walk.
+//! Memory layouts: other ways to store a lane (all scan lines along one axis), made from the same voxels.
 //!
-//! In: a subject and a [`LaneLayout`]. Out: a [`LayoutWalk`], whose bytes, misses and time are compared with ours. The
-//! shipped layout is one of them, and must equal our lanes byte for byte (tests/study).
+//! In: a subject and a [`LaneLayout`]. Out: a [`LayoutWalk`], whose bytes, cache misses and time are compared with
+//! those of our own lanes. The shipped layout is one of the layouts; its bytes must equal our lanes' bytes
+//! (tests/study).
 //!
 //! | choice | values |
 //! | --- | --- |
-//! | tile edge | 1, 4, 8, 16 lines. With 1 a tile is its line: no mask, no line record |
+//! | tile edge | 1, 4, 8, 16 lines. With 1 a tile is a single line: it has no mask and no line record |
 //! | tile order | rows, Morton, Hilbert |
-//! | records | an array for each channel; or interleaved: step, value, normal |
-//! | line record | 2, 4: the end; 8: the end, lowest and highest coordinate |
-//! | payload | in each lane; or once, in bricks of 8 x 8 x 4 voxels, with a one-byte slot in each lane |
-//! | lanes | 3; or fewer: if an order's fast axis has no lane, the innermost axis that has one becomes fast |
+//! | records | one array per channel; or interleaved: step, value, normal |
+//! | line record | 2 or 4 bytes: the end; 8 bytes: the end, lowest and highest coordinate |
+//! | payload | in each lane; or once, in bricks of 8 x 8 x 4 voxels, with a one-byte slot (place in a brick) per lane |
 
 mod lane;
 mod records;
@@ -30,25 +30,26 @@ use adjsplat::error::{Error, Result};
 use adjsplat::traverse::Order;
 use adjsplat::volume::Axis;
 
-/// A way to lay out lanes.
+/// A way to lay out lanes in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LaneLayout {
-    /// Lines along a side of a tile: 1, 4, 8 or 16.
+    /// Number of lines along each side of a tile: 1, 4, 8 or 16.
     pub edge: u16,
-    /// Order of the tiles in memory.
+    /// The order in which tiles are stored.
     pub tile_order: TileOrder,
-    /// Whether records are interleaved, instead of an array for each channel.
+    /// Whether a voxel's step, value and normal are stored side by side, instead of in one array per channel.
     pub interleaved: bool,
-    /// Bytes of a line record: 2, 4 or 8; 2 becomes 4 if ends need it.
+    /// Bytes of a line record: 2, 4 or 8; 2 becomes 4 if a line's end does not fit 2 bytes.
     pub line_bytes: u8,
-    /// Whether values and normals are stored once for all lanes.
+    /// Whether values and normals are stored once for all lanes, in bricks.
     pub shared: bool,
     /// Number of lanes: 1 (x), 2 (x, y) or 3.
     pub lanes: u8,
 }
 
 impl LaneLayout {
-    /// Returns our layout for a grid of `dims` points, with the widest line record of the three axes.
+    /// Returns the layout that we ship, for a grid of `dims` points, with the widest line record that one of the axes
+    /// needs.
     pub fn shipped(dims: [u32; 3]) -> LaneLayout {
         let line_bytes = dims.into_iter().map(line_end_bytes).max().unwrap_or(2);
         LaneLayout { edge: 8, tile_order: TileOrder::Morton, interleaved: false, line_bytes, shared: false, lanes: 3 }
@@ -71,7 +72,7 @@ impl LaneLayout {
         all
     }
 
-    /// Returns its name: the choices in the order of the fields, such as `8-morton-arrays-end2-own-xyz`.
+    /// Returns the layout's name: the choices in the order of the fields, such as `8-morton-arrays-end2-own-xyz`.
     pub fn name(&self) -> String {
         format!(
             "{}-{}-{}-end{}-{}-{}",
@@ -84,10 +85,10 @@ impl LaneLayout {
         )
     }
 
-    /// Returns the nesting that these lanes can walk: `order`, if its fast axis has a lane.
+    /// Returns the nesting (which axis is which loop) that these lanes can walk: `order`, if its fast axis has a lane.
     ///
-    /// Else the innermost axis with a lane becomes fast, and the others keep their order. In parallel views every nesting is
-    /// a visibility order of points; splats that overlap sideways may come in another order.
+    /// Else the innermost axis with a lane becomes fast, and the others keep their order. In parallel views every
+    /// nesting is a visibility order of points; splats that overlap sideways may come in another order.
     pub fn nested(&self, order: &Order) -> Order {
         let has_lane = |axis: Axis| axis.index() < usize::from(self.lanes);
         let Order { slow, medium, fast, .. } = *order;
@@ -101,7 +102,7 @@ impl LaneLayout {
         Order { slow, medium, fast, ..*order }
     }
 
-    /// Returns the bytes of a tile record, the offset of its mask, and the bytes of the mask.
+    /// Returns the number of bytes of a tile record, the offset of its mask, and the number of bytes of the mask.
     fn tile_bytes(&self) -> [usize; 3] {
         match self.edge {
             1 => [16, 12, 0],
@@ -113,7 +114,7 @@ impl LaneLayout {
     }
 }
 
-/// Lanes in some layout, as a walker.
+/// Lanes in some memory layout, which can be walked.
 #[derive(Debug)]
 pub struct LayoutWalk {
     layout: LaneLayout,
@@ -122,10 +123,10 @@ pub struct LayoutWalk {
 }
 
 impl LayoutWalk {
-    /// Lays out the subject's voxels; a walk reads `codes` of each voxel. O(n log n).
+    /// Stores the subject's voxels in the layout; a walk then reads `codes` of each voxel. O(n log n) for n voxels.
     ///
     /// # Errors
-    /// [`Error::Input`] for a layout that cannot be made; [`Error::Limit`] for more than 2^32 voxels.
+    /// [`Error::Input`] if this module cannot make the layout; [`Error::Limit`] for more than 2^32 voxels.
     pub fn new(subject: &Subject, layout: LaneLayout, codes: CodesRead) -> Result<LayoutWalk> {
         let known = matches!(layout.edge, 1 | 4 | 8 | 16)
             && matches!(layout.line_bytes, 2 | 4 | 8)

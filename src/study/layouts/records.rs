@@ -1,4 +1,4 @@
-//! Records of a layout: channels of codes, in arrays or interleaved; and shared payloads in bricks.
+//! Records of a layout: channels of codes (stored numbers), in arrays or interleaved; and payloads shared by all lanes.
 
 use super::lane::BRICK_VALUES;
 use crate::lane_walk::store::CHUNK;
@@ -6,29 +6,29 @@ use crate::subject::{Subject, VisibleVoxel};
 use crate::trace::Trace;
 use adjsplat::error::{Error, Result};
 
-/// Voxels of a brick along x, y and z: 256 in all.
+/// Number of voxels of a brick along x, y and z: 256 in all.
 const BRICK: [u16; 3] = [8, 8, 4];
 
-/// Values and normals, stored once for all lanes.
+/// Values and normals, sorted by brick, which are stored once for all lanes.
 #[derive(Debug)]
 pub(super) struct PayloadBricks {
-    /// Bricks along x and y.
+    /// Number of bricks along x and y.
     pub(super) across: [usize; 2],
-    /// Index of each brick's first payload.
+    /// For each brick, the index of its first voxel in `payload`.
     pub(super) bases: Vec<u32>,
-    /// Values and normals.
+    /// Values and normals of the voxels, brick by brick.
     pub(super) payload: Records,
 }
 
-/// Records of several channels, in an array for each or interleaved in one.
+/// Records of several channels, in one array per channel or interleaved in a single array.
 #[derive(Debug, Clone)]
 pub(super) struct Records {
     interleaved: bool,
-    /// Bytes of each channel.
+    /// Bytes of a code in each channel.
     widths: Vec<usize>,
-    /// Number of the first array.
+    /// The number by which a trace names the first array.
     first_array: usize,
-    /// An array for each channel; interleaved records are all in the first.
+    /// One array per channel; interleaved records are all in array 0, and the others are empty.
     pub(super) arrays: Vec<Vec<u8>>,
 }
 
@@ -37,7 +37,7 @@ impl Records {
         Records { interleaved, widths: widths.to_vec(), first_array, arrays: vec![Vec::new(); widths.len()] }
     }
 
-    /// Appends a record with a code for each channel.
+    /// Appends a record, which has one code for each channel.
     pub(super) fn push(&mut self, codes: &[u16]) {
         for (channel, (&code, &width)) in codes.iter().zip(&self.widths).enumerate() {
             let array = if self.interleaved { 0 } else { channel };
@@ -50,7 +50,8 @@ impl Records {
         self.arrays[0].len() / width
     }
 
-    /// Returns the array of a channel, the offset of its code of `record`, and the distance between codes.
+    /// Returns the index of the channel's array, the byte offset of the code of `record`, and the bytes from a code to
+    /// the next.
     #[inline(always)]
     fn place(&self, channel: usize, record: usize) -> (usize, usize, usize) {
         if self.interleaved {
@@ -74,7 +75,7 @@ impl Records {
         u16::from(bytes[0]) | bytes.get(1).map_or(0, |&high| u16::from(high) << 8)
     }
 
-    /// Reads up to sixteen one-byte codes from `record` on, padded with ones.
+    /// Reads up to sixteen one-byte codes of channel 0 from `record` on; ones fill what is missing at the end.
     #[inline(always)]
     pub(super) fn chunk<T: Trace>(&self, record: usize, trace: &mut T) -> [u8; CHUNK] {
         let (array, at, stride) = self.place(0, record);
@@ -91,14 +92,15 @@ impl Records {
     }
 }
 
-/// Returns the brick of a position.
+/// Returns the number of the brick that holds a position; `across` is the number of bricks along x and y.
 pub(super) fn brick_of([x, y, z]: [u16; 3], across: [usize; 2]) -> usize {
     let [x, y, z] = [x / BRICK[0], y / BRICK[1], z / BRICK[2]].map(usize::from);
     (z * across[1] + y) * across[0] + x
 }
 
 impl PayloadBricks {
-    /// Makes the bricks; also returns the slot of each voxel, in the subject's order.
+    /// Sorts the values and normals into bricks. Also returns each voxel's slot (place in its brick), in the subject's
+    /// order.
     pub(super) fn new(subject: &Subject, interleaved: bool, normal_bytes: usize) -> Result<(PayloadBricks, Vec<u8>)> {
         let [nx, ny, nz] = [0, 1, 2].map(|a| (subject.dims()[a] as usize).div_ceil(BRICK[a].into()));
         let across = [nx, ny];

@@ -1,4 +1,4 @@
-//! Reads the bytes of a lane in some layout, as a walk does.
+//! Reads the bytes of a lane in some layout as a walk does, and traces each read.
 
 use super::lane::{BASES, LINES, LayoutLane, NORMAL, TILES, VALUE_OR_SLOT};
 use super::records::{PayloadBricks, brick_of};
@@ -7,7 +7,7 @@ use crate::trace::Trace;
 use adjsplat::volume::Axis;
 
 impl LayoutLane {
-    /// Reads bytes of a tile's record, starting at `from`.
+    /// Reads `N` bytes of the record of tile number `tile`, starting at byte `from` of the record.
     #[inline]
     fn tile<const N: usize, T: Trace>(&self, tile: u32, from: usize, trace: &mut T) -> [u8; N] {
         let at = tile as usize * self.layout.tile_bytes()[0] + from;
@@ -26,7 +26,8 @@ impl LayoutLane {
         Some(u64::from_le_bytes(end))
     }
 
-    /// Reads the slot and the brick of the voxel at `position`; returns the index of its payload.
+    /// Reads the slot (place in its brick) of the voxel at `position` and its brick's start; returns its index in the
+    /// payload.
     #[inline]
     fn brick_place<T: Trace>(&self, bricks: &PayloadBricks, position: [u16; 3], record: usize, trace: &mut T) -> usize {
         let slot = self.records.code(VALUE_OR_SLOT, record, trace);

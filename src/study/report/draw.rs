@@ -9,7 +9,8 @@ use super::plot::{Plot, Stroke};
 use crate::baselines::Method;
 use adjsplat::error::{Error, Result};
 
-/// Colours that differ for most viewers and in print (Okabe and Ito 2008), then darker and lighter ones: one a method.
+/// One colour per method. They differ for most viewers and in print (Okabe and Ito 2008); darker and lighter ones
+/// follow.
 const COLOURS: [&str; Method::ALL.len()] = [
     "#d55e00", "#0072b2", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000", "#8c6d31", "#7f7f7f", "#7b4173",
     "#b5cf6b", "#ff9896", "#00441b",
@@ -26,7 +27,7 @@ impl Plot {
                 names.len() - 1
             });
             let colour = COLOURS[index % COLOURS.len()];
-            // Logarithmic axes have no place for 0 and below.
+            // A logarithmic axis cannot show 0 and negative numbers.
             let shown = |&[x, y]: &[f64; 2]| (!self.x.logarithmic || x > 0.0) && (!self.y.logarithmic || y > 0.0);
             let at: Vec<usize> = (0..series.points.len()).filter(|&at| shown(&series.points[at])).collect();
             let points: Vec<(f64, f64)> = at.iter().map(|&at| series.points[at].into()).collect();
@@ -40,7 +41,7 @@ impl Plot {
                 marks = marks.with_labels(at.iter().map(label)).with_repel_labels();
             }
             if series.stroke == Stroke::None {
-                // Marks without a line are larger.
+                // Marks of a series without a line are larger.
                 marks = marks.with_size(4.0);
                 plots.push(Drawn::Scatter(legend.into_iter().fold(marks, ScatterPlot::with_legend)));
                 continue;
@@ -76,7 +77,7 @@ impl Plot {
         Ok(kuva::render_to_svg(plots, layout).into_bytes())
     }
 
-    /// Returns the plot as a PNG file, with twice as many pixels a side as the SVG has units.
+    /// Returns the plot as a PNG file, with two pixels for each unit of the SVG.
     ///
     /// # Errors
     /// [`Error::Input`] if the plot cannot be rasterised.

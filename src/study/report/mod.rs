@@ -1,4 +1,4 @@
-//! Reports: the results of a study as a table, as JSON `{"rows": [...]}`, as CSV, and as [`plot`]s.
+//! Reports: the rows of a study's results, as a table, as JSON `{"rows": [...]}`, as CSV, and as [`plot`]s.
 
 #[cfg(feature = "plot")]
 mod draw;
@@ -52,7 +52,7 @@ impl<T: Into<ReportCell>> From<Option<T>> for ReportCell {
 }
 
 impl ReportCell {
-    /// Formats the value for tables.
+    /// Formats the value as tables show it.
     fn shown(&self) -> String {
         match self {
             ReportCell::Text(text) => text.clone(),
@@ -91,7 +91,7 @@ impl ReportCell {
     }
 }
 
-/// Formats 1234567 as 1,234,567.
+/// Formats a count with commas between thousands: 1234567 as 1,234,567.
 fn grouped(count: u64) -> String {
     let digits = count.to_string();
     let mut out = String::new();
@@ -104,7 +104,7 @@ fn grouped(count: u64) -> String {
     out
 }
 
-/// Formats a number with four significant digits and no exponent; whole thousands in full.
+/// Formats a number with four significant digits and no exponent; all digits before the point are kept.
 fn significant(number: f64) -> String {
     if number == 0.0 {
         return "0".to_owned();
@@ -123,13 +123,13 @@ fn significant(number: f64) -> String {
 /// The results of a study: rows of named columns.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
-    /// Names of the columns: keys of JSON rows, headings elsewhere.
+    /// Names of the columns: keys of JSON rows, and headings of tables and CSV.
     columns: Vec<&'static str>,
     rows: Vec<Vec<ReportCell>>,
 }
 
 impl Report {
-    /// Returns a report without rows.
+    /// Returns a report with these columns and no rows.
     pub fn new(columns: &[&'static str]) -> Report {
         Report { columns: columns.to_vec(), rows: Vec::new() }
     }
@@ -157,7 +157,7 @@ impl Report {
         self.rows.iter().map(move |row| &row[index])
     }
 
-    /// Formats a table with aligned columns; `shown` names the columns, all if empty.
+    /// Formats a table with aligned columns; `shown` names the columns to show, or is empty to show all.
     pub fn table(&self, shown: &[&str]) -> String {
         let indices: Vec<usize> =
             (0..self.columns.len()).filter(|&i| shown.is_empty() || shown.contains(&self.columns[i])).collect();
@@ -179,7 +179,7 @@ impl Report {
         out
     }
 
-    /// Returns `{"rows": [...]}` with an object a row.
+    /// Returns `{"rows": [...]}` with one object per row.
     pub fn json(&self) -> Value {
         let row = |row: &Vec<ReportCell>| {
             let pairs = self.columns.iter().zip(row).map(|(column, cell)| ((*column).to_owned(), cell.value()));
@@ -188,7 +188,7 @@ impl Report {
         json!({ "rows": self.rows.iter().map(row).collect::<Vec<_>>() })
     }
 
-    /// Formats comma-separated values with a line of headings.
+    /// Formats the rows as comma-separated values, after a line of headings.
     pub fn csv(&self) -> String {
         let mut out = self.columns.join(",");
         out.push('\n');

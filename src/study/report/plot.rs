@@ -1,4 +1,4 @@
-//! Plots: named series of points. With the feature `plot` they can be drawn.
+//! Plots: named series of points. A build with the feature `plot` can draw them.
 
 #[cfg(not(feature = "plot"))]
 use adjsplat::error::{Error, Result};
@@ -6,11 +6,11 @@ use adjsplat::error::{Error, Result};
 /// An axis of a plot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlotAxis {
-    /// Its quantity and unit.
+    /// The quantity that the axis shows, and its unit.
     pub label: String,
     /// Whether the scale is logarithmic.
     pub logarithmic: bool,
-    /// Names of the positions 1, 2, 3 and so on; empty for numbers.
+    /// Names of the positions 1, 2, 3 and so on; empty for an axis of numbers.
     pub names: Vec<String>,
 }
 
@@ -25,7 +25,7 @@ impl PlotAxis {
         PlotAxis { logarithmic: true, ..PlotAxis::linear(label) }
     }
 
-    /// Returns an axis of names.
+    /// Returns an axis whose positions have names instead of numbers.
     pub fn named(label: &str, names: Vec<String>) -> PlotAxis {
         PlotAxis { names, ..PlotAxis::linear(label) }
     }
@@ -45,33 +45,33 @@ pub enum Stroke {
 /// A series of points in a plot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlotSeries {
-    /// Its name in the legend.
+    /// The series' name in the legend.
     pub name: String,
     /// The points, from left to right.
     pub points: Vec<[f64; 2]>,
-    /// The line through them.
+    /// The line that joins the points.
     pub stroke: Stroke,
-    /// Labels of the points; empty for none.
+    /// Labels of the points, in their order; empty for none.
     pub labels: Vec<String>,
 }
 
 impl PlotSeries {
-    /// Returns points on a solid line.
+    /// Returns a series whose points are joined by a solid line.
     pub fn solid(name: impl Into<String>, points: Vec<[f64; 2]>) -> PlotSeries {
         PlotSeries { name: name.into(), points, stroke: Stroke::Solid, labels: Vec::new() }
     }
 
-    /// Returns points on a dashed line.
+    /// Returns a series whose points are joined by a dashed line.
     pub fn dashed(name: impl Into<String>, points: Vec<[f64; 2]>) -> PlotSeries {
         PlotSeries { stroke: Stroke::Dashed, ..PlotSeries::solid(name, points) }
     }
 
-    /// Returns points without a line.
+    /// Returns a series of points without a line.
     pub fn points(name: impl Into<String>, points: Vec<[f64; 2]>) -> PlotSeries {
         PlotSeries { stroke: Stroke::None, ..PlotSeries::solid(name, points) }
     }
 
-    /// Adds a point to the series `name` of `all`; makes one without a line if there is none.
+    /// Adds a point to the series `name` in `all`, which gets a new series without a line if it has none of that name.
     pub fn add_point(all: &mut Vec<PlotSeries>, name: &str, point: [f64; 2]) {
         match all.iter_mut().find(|series| series.name == name) {
             Some(series) => series.points.push(point),
@@ -83,13 +83,13 @@ impl PlotSeries {
 /// A plot: series of points on two axes.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
-    /// Its title.
+    /// The plot's title.
     pub title: String,
     /// The horizontal axis.
     pub x: PlotAxis,
     /// The vertical axis.
     pub y: PlotAxis,
-    /// The series. Each name has its own colour, so a solid and a dashed series of one name share theirs.
+    /// The series to draw. Each name has its own colour, so a solid and a dashed series of one name share theirs.
     pub series: Vec<PlotSeries>,
 }
 
@@ -103,7 +103,7 @@ impl Plot {
         Err(Error::input("plot", "cannot be drawn: the feature `plot` of adjsplat-study is off"))
     }
 
-    /// Fails, as [`Plot::to_svg`].
+    /// Fails as [`Plot::to_svg`] does: this build has no plotting library.
     ///
     /// # Errors
     /// Always [`Error::Input`].

@@ -1,4 +1,4 @@
-//! `adj study accuracy`: what speed costs in error.
+//! `adj study accuracy`: measures how much error each gain of speed costs.
 
 mod popping;
 mod split;
@@ -123,7 +123,8 @@ fn volume(sets: &SetArguments, wanted: &SetChoice, visible: &ClassificationArgum
     }
 }
 
-/// Builds files with values and normals of 8 and 16 bits, the one with 8 bits of both first. Unlit voxels have no normals.
+/// Builds files with values and normals of 8 and 16 bits; the file with 8 bits for both comes first.
+/// Unlit voxels have no normals.
 fn files(volume: &mut SetVolume) -> Result<Vec<([u8; 2], Set)>> {
     let channels: &[[u8; 2]] =
         if volume.is_shaded() { &[[8, 8], [16, 16], [16, 8], [8, 16], [8, 0]] } else { &[[8, 8], [16, 16]] };

@@ -1,4 +1,4 @@
-//! `--model`: the error in three parts.
+//! `--model`: splits the error into three parts: of the model, of the order, of the arithmetic.
 
 use super::super::super::Answer;
 use super::super::super::resources::processors;

@@ -1,4 +1,4 @@
-//! Time against error: the table, the rows and the plot.
+//! Time against error: writes the table, the rows and the plot.
 
 use super::super::super::resources::processors;
 use super::super::super::{Answer, print_result};
@@ -12,12 +12,12 @@ use adjsplat_study::accuracy::{
 use adjsplat_study::report::ReportCell;
 use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 
-/// Outcomes of one set.
+/// The outcomes (time and error of each candidate in each view) of one set.
 struct SetOutcomes {
     name: String,
     voxels: u64,
     views: Vec<JudgedView>,
-    /// Index of the candidate behind each index in `outcomes`.
+    /// For each candidate's index in `outcomes`, its index among all candidates.
     candidates: Vec<usize>,
     outcomes: Vec<Outcome>,
 }
@@ -101,7 +101,7 @@ impl SetOutcomes {
     }
 }
 
-/// Sums up each candidate that was drawn for all sets: the geometric mean of times, the worst of errors.
+/// Summarises each candidate that was drawn for all sets: the geometric mean of its times, the worst of its errors.
 fn over_sets(found: &[SetOutcomes], count: usize) -> Vec<Outcome> {
     let mut all = Vec::new();
     for candidate in 0..count {
@@ -121,7 +121,7 @@ fn over_sets(found: &[SetOutcomes], count: usize) -> Vec<Outcome> {
     all
 }
 
-/// Time against PSNR over all sets, as multiples of the time of `standard`.
+/// Plots time against PSNR over all sets; times are multiples of the time of `standard`.
 fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[SetOutcomes]) -> Plot {
     let standard = Candidate::preset(Quality::Standard, 8);
     let unit = outcomes.iter().find(|outcome| all[outcome.candidate] == standard).and_then(|o| o.milliseconds);
@@ -131,7 +131,7 @@ fn plot(all: &[Candidate], outcomes: &[Outcome], found: &[SetOutcomes]) -> Plot 
     let mut front: Vec<[f64; 2]> = outcomes.iter().filter(|outcome| outcome.front).filter_map(point).collect();
     front.sort_by(|a, b| a[0].total_cmp(&b[0]));
     series.push(PlotSeries::solid("front", front));
-    // Presets lie on top of the others, but come first in the legend.
+    // The presets are drawn last, on top of the others, but come first in the legend.
     for family in Family::ALL.into_iter().chain([Family::Presets]) {
         let members = outcomes.iter().filter(|outcome| all[outcome.candidate].family == family);
         let timed: Vec<(usize, [f64; 2])> = members.filter_map(|o| Some((o.candidate, point(o)?))).collect();

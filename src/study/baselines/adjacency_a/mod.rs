@@ -1,17 +1,18 @@
 //! Adjacency data structure, implementation A: linked records beside a dense volume.
 //!
-//! Voxels are visited in exact slice order by following links, and can be added and removed at any time.
+//! Voxels are visited in exact slice order by following links. Voxels can be added and removed at any time.
 //!
 //! ```text
-//! cells    (w+2)(h+2)(d+2) x 5 bytes: the record's number 4, intensity 1
+//! cells    (w+2)(h+2)(d+2) x 5 bytes: number of the cell's record 4, intensity 1
 //! records  28 bytes for each visible or virtual voxel: colour 4, gradient 12, six neighbours of 2
 //! ```
 //!
-//! A neighbour is a coordinate on its axis, so following a link goes through a cell. Virtual voxels cap scan lines (box
-//! faces), lines of faces (box edges) and edges (corners, which always exist). Adding a voxel adds the missing caps of
-//! its three lines; removing one removes the caps of lines that become empty. Freed records are reused, last one first.
+//! A link holds only the neighbour's coordinate on its axis, so following it reads the neighbour's cell. Virtual voxels
+//! ("caps") end scan lines on the box's faces, lines of caps on its edges, and edges at its corners, which always
+//! exist. Adding a voxel adds the missing caps of its three lines; removing one removes the caps of lines that become
+//! empty. Freed records are reused, the last one first.
 //!
-//! Coordinates count from the low cap at 0, so voxels begin at 1.
+//! Coordinates count from the low cap, which is at 0, so voxels begin at 1.
 //!
 //! Source: Orchard and Möller 2001, sections 3 and 4.2.
 
@@ -26,12 +27,12 @@ use crate::subject::VisibleVoxel;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Axis;
 
-/// In a cell: no record. In the list of freed records: its end.
+/// Marks a cell without a record, and the end of the list of freed records.
 const NONE: u32 = u32::MAX;
-/// Most grid points along an axis: with both caps, coordinates fit two bytes.
+/// Most grid points along an axis: with the caps at both ends, coordinates fit two bytes.
 const MOST_POINTS: u32 = 65_534;
 
-/// A grid point or a cap.
+/// The cell of a grid point or of a cap (a virtual voxel at the end of a line).
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct GridCell {
@@ -41,30 +42,31 @@ struct GridCell {
 
 const _: () = assert!(size_of::<GridCell>() == 5);
 
-/// A voxel of the structure.
+/// A visible or virtual voxel of the structure.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct RecordA {
-    /// Red, green, blue, opacity; opacity 0 is virtual. A freed record holds the number of the one freed before.
+    /// Red, green, blue, opacity; opacity 0 marks a virtual voxel. A freed record holds the number of the one freed
+    /// before.
     colour: [u8; 4],
     gradient: [f32; 3],
-    /// By axis, the coordinates of the next voxels below and above.
+    /// For each axis, the coordinates of the next voxel below and of the next one above.
     neighbours: [u16; 6],
 }
 
 const _: () = assert!(size_of::<RecordA>() == 28);
 
-/// A cell's coordinates, caps included.
+/// A cell's coordinates, where the low cap is at 0 and grid points begin at 1.
 type CellPosition = [u16; 3];
 
 /// Implementation A of the paper's adjacency structure: linked records beside a dense volume.
 #[derive(Debug)]
 pub struct AdjacencyA {
-    /// The high cap's coordinate along each axis; the low one's is 0.
+    /// The high cap's coordinate along each axis; the low cap's is 0.
     last: CellPosition,
     cells: Vec<GridCell>,
     records: Vec<RecordA>,
-    /// The record freed last, or [`NONE`].
+    /// The number of the record freed last, or [`NONE`].
     freed: u32,
     visible: u64,
     virtual_voxels: u64,
@@ -72,10 +74,11 @@ pub struct AdjacencyA {
 }
 
 impl AdjacencyA {
-    /// Adds all voxels of `subject` in scan order; takes `5(w+2)(h+2)(d+2) + 28s` bytes for s visible and virtual voxels.
+    /// Adds all voxels of `subject` in scan order; takes `5(w+2)(h+2)(d+2) + 28s` bytes for s visible and virtual
+    /// voxels.
     ///
     /// # Errors
-    /// Those of [`AdjacencyA::empty`] and [`AdjacencyA::insert`].
+    /// Any error of [`AdjacencyA::empty`] and [`AdjacencyA::insert`].
     pub fn new(subject: &Subject) -> Result<AdjacencyA> {
         let mut structure = AdjacencyA::empty(subject)?;
         for voxel in &subject.voxels {
@@ -88,7 +91,8 @@ impl AdjacencyA {
     /// Returns a structure without voxels for the grid of `subject`.
     ///
     /// # Errors
-    /// [`Error::Limit`] if an axis has more than 65,534 points or memory cannot be had; those of [`Subject::looks`].
+    /// [`Error::Limit`] if an axis has more than 65,534 points or memory cannot be had; any error of
+    /// [`Subject::looks`].
     pub fn empty(subject: &Subject) -> Result<AdjacencyA> {
         let last = last_places(subject.dims())?;
         let cell = GridCell { record: U32::new(NONE), intensity: 0 };
@@ -117,8 +121,8 @@ impl AdjacencyA {
         self.virtual_voxels
     }
 
-    /// Adds a voxel and the missing caps of its lines, or changes an existing one. O(1), except for the search for its
-    /// neighbours from both ends of three lines.
+    /// Adds a voxel and the missing caps of its lines, or changes an existing voxel. O(1), except for the search for
+    /// its neighbours, which starts at both ends of each of its three lines.
     ///
     /// # Errors
     /// [`Error::Input`] if it lies outside the grid, [`Error::Limit`] if memory cannot be had.
@@ -166,7 +170,7 @@ impl AdjacencyA {
         self.cells[self.cell(place)].record.get() != NONE
     }
 
-    /// Returns the neighbour below or above of an existing voxel.
+    /// Returns the coordinate of the existing voxel's next voxel on `axis`: above it if `up`, else below it.
     fn neighbour(&mut self, place: CellPosition, axis: usize, up: bool) -> &mut u16 {
         let record = self.cells[self.cell(place)].record.get() as usize;
         &mut self.records[record].neighbours[2 * axis + usize::from(up)]
@@ -180,7 +184,7 @@ impl AdjacencyA {
         (0..3).any(|axis| self.is_cap(place, axis))
     }
 
-    /// Adds a new voxel to its lines, after their missing caps.
+    /// Adds a new voxel to its three lines; missing caps of the lines are added first.
     fn link(&mut self, place: CellPosition) -> Result<()> {
         self.allocate(place)?;
         for axis in 0..3 {
@@ -202,7 +206,7 @@ impl AdjacencyA {
         Ok(())
     }
 
-    /// Takes a record for `place`. Its neighbours are the caps at first.
+    /// Takes a record for the voxel at `place`, whose neighbours are at first the caps of its lines.
     fn allocate(&mut self, place: CellPosition) -> Result<()> {
         let [x, y, z] = self.last;
         let record = RecordA { colour: [0; 4], gradient: [0.0; 3], neighbours: [0, x, 0, y, 0, z] };
@@ -228,7 +232,7 @@ impl AdjacencyA {
         Ok(())
     }
 
-    /// Removes an existing voxel from its lines, with the caps of lines that become empty.
+    /// Removes an existing voxel from its three lines, and the caps of lines that become empty.
     fn unlink(&mut self, place: CellPosition) {
         for axis in 0..3 {
             if self.is_cap(place, axis) {
@@ -260,8 +264,8 @@ impl AdjacencyA {
         *if self.is_virtual(place) { &mut self.virtual_voxels } else { &mut self.visible } -= 1;
     }
 
-    /// Finds the neighbours of a new voxel on its line. It searches from both ends, so that voxels in ascending or
-    /// descending order are found at once.
+    /// Returns the coordinates of the new voxel's next voxels on its line, below and above. The search starts from both
+    /// ends of the line, so that voxels that come in ascending or descending order take one step.
     fn neighbours(&mut self, place: CellPosition, axis: usize) -> [u16; 2] {
         let (mut below, mut above) = (0, self.last[axis]);
         loop {
@@ -279,7 +283,7 @@ impl AdjacencyA {
     }
 }
 
-/// Returns the high caps' coordinates for a grid of `dims` points; fails if one does not fit two bytes.
+/// Returns the high caps' coordinates for a grid of `dims` points, or an error if one does not fit two bytes.
 pub(super) fn last_places(dims: [u32; 3]) -> Result<[u16; 3]> {
     let mut last = [0; 3];
     for axis in Axis::ALL {
@@ -293,7 +297,7 @@ pub(super) fn last_places(dims: [u32; 3]) -> Result<[u16; 3]> {
     Ok(last)
 }
 
-/// Returns `place` with another coordinate on `axis`.
+/// Returns `place` with its coordinate on `axis` replaced.
 fn with(mut place: CellPosition, axis: usize, coordinate: u16) -> CellPosition {
     place[axis] = coordinate;
     place

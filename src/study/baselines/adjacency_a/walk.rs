@@ -8,7 +8,7 @@ use crate::trace::{Trace, WalkerArray};
 const CELLS: usize = 0;
 const RECORDS: usize = 1;
 
-/// The structure, receiver and trace of a walk.
+/// The structure, the receiver and the trace of a walk.
 struct WalkA<'a, R, T> {
     structure: &'a AdjacencyA,
     receiver: &'a mut R,
@@ -16,7 +16,7 @@ struct WalkA<'a, R, T> {
 }
 
 impl<R: Receiver, T: Trace> WalkA<'_, R, T> {
-    /// Reads the number of a cell's record.
+    /// Reads the number of the record of cell number `cell`.
     #[inline(always)]
     fn record(&mut self, cell: usize) -> u32 {
         self.trace.read(CELLS, 5 * cell, 4);
@@ -24,18 +24,18 @@ impl<R: Receiver, T: Trace> WalkA<'_, R, T> {
     }
 }
 
-/// A line of cells.
+/// A line of cells along one axis.
 #[derive(Clone, Copy)]
 struct CellLine {
     axis: usize,
-    /// The high cap's coordinate.
+    /// Coordinate of the cap at the line's high end.
     last: u16,
-    /// The low cap's cell.
+    /// Number of the cell of the cap at the line's low end.
     first_cell: usize,
     stride: usize,
 }
 
-/// A voxel of a line.
+/// A voxel of a line, with its coordinate and record.
 #[derive(Clone, Copy)]
 struct LineVoxel {
     coordinate: u16,
@@ -48,7 +48,7 @@ impl CellLine {
         self.first_cell + usize::from(coordinate) * self.stride
     }
 
-    /// Returns the existing voxel at `coordinate`.
+    /// Returns the line's existing voxel at `coordinate`.
     #[inline(always)]
     fn node<R: Receiver, T: Trace>(self, walk: &mut WalkA<R, T>, coordinate: u16) -> LineVoxel {
         LineVoxel { coordinate, record: walk.record(self.cell(coordinate)) }
@@ -67,7 +67,7 @@ impl<R: Receiver, T: Trace> Chain<WalkA<'_, R, T>> for CellLine {
         if is_cap { None } else { Some(self.node(walk, coordinate)) }
     }
 
-    /// Returns the voxel's coordinate in the grid; the low cap is at 0.
+    /// Returns the voxel's coordinate in the grid, which is one less than in the line: the low cap is at 0.
     #[inline(always)]
     fn coordinate(self, node: LineVoxel) -> u16 {
         node.coordinate - 1
@@ -90,11 +90,11 @@ impl Walker for AdjacencyA {
         let [width, height, _] = self.last.map(|last| usize::from(last) + 1);
         let stride = [1, width, width * height];
         let last = self.last;
-        // The cap where each axis' order begins.
+        // These are the coordinates of the cap at which the walk starts on each axis.
         let start = [0, 1, 2].map(|a| if starts_high(order.along[a]) { last[a] } else { 0 });
         let mut walk = WalkA { structure: self, receiver, trace };
         let line = |axis: usize, first_cell| CellLine { axis, last: last[axis], first_cell, stride: stride[axis] };
-        // Both caps; the far one is looked up only if the walk starts there too.
+        // Returns the caps at both ends of a line; the far one is looked up only if the walk starts there too.
         let ends = |walk: &mut WalkA<R, T>, line: CellLine, record: Option<u32>| {
             let coordinate = start[line.axis];
             let near = record.map_or_else(|| line.node(walk, coordinate), |record| LineVoxel { coordinate, record });

@@ -10,16 +10,16 @@ use crate::baselines::appearance::Appearance;
 use crate::subject::VisibleVoxel;
 use adjsplat::error::{Error, Result};
 
-/// The structure while voxels are added.
+/// The structure of implementation B while voxels are added.
 pub(super) struct BuilderB {
     pub(super) last: [u16; 3],
     pub(super) records: Vec<RecordB>,
-    /// Records of the virtual voxels, by position.
+    /// Numbers of the records of virtual voxels (caps, which end scan lines), by position.
     pub(super) caps: HashMap<[u16; 3], u32>,
 }
 
 impl BuilderB {
-    /// Makes the eight corners, each of which points to three others.
+    /// Creates the eight corners of the box, each of which points to the three corners that share an edge with it.
     pub(super) fn new(last: [u16; 3]) -> Result<BuilderB> {
         let mut builder = BuilderB { last, records: Vec::new(), caps: HashMap::new() };
         for corner in 0..8u32 {
@@ -42,7 +42,8 @@ impl BuilderB {
         Ok(())
     }
 
-    /// Adds a new voxel to its lines, with their missing caps.
+    /// Adds a new voxel to its three lines, with the missing caps of the lines; returns the number of the voxel's
+    /// record.
     fn link(&mut self, place: [u16; 3]) -> Result<u32> {
         let index = u32::try_from(self.records.len()).ok().filter(|&index| index != NONE);
         let index = index.ok_or_else(|| Error::Limit {
@@ -79,7 +80,7 @@ impl BuilderB {
         Ok(index)
     }
 
-    /// Returns the cap at `end` of the line through `place`, and adds it if it is missing.
+    /// Returns the record of the cap at coordinate `end` of the line through `place`; adds the cap if it is missing.
     fn cap(&mut self, mut place: [u16; 3], axis: usize, end: u16) -> Result<u32> {
         place[axis] = end;
         match self.caps.get(&place) {
@@ -92,8 +93,8 @@ impl BuilderB {
         &mut self.records[record as usize].pointers[2 * axis + usize::from(up)]
     }
 
-    /// Finds the neighbours of a new voxel on its line between two caps; from both ends, so that voxels in scan order are
-    /// found at once.
+    /// Returns the records below and above a new voxel on its line between two caps. The search starts from both ends,
+    /// so that voxels in scan order take one step.
     fn neighbours(&mut self, place: [u16; 3], axis: usize, [low, high]: [u32; 2]) -> [u32; 2] {
         if self.pointer(low, axis, true).get() == NONE {
             return [low, high];

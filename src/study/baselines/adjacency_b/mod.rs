@@ -7,14 +7,15 @@
 //!         intensity 1, colour 4, six pointers of 4, position 3 x 2, gradient 12
 //! ```
 //!
-//! As in the paper, voxels are added in scan order, each with the missing caps of its lines. A hash map finds the caps.
-//! The paper does not mention one; it is dropped in the end, and [`AdjacencyB::build_bytes`] returns its size.
+//! As in the paper, voxels are added in scan order, each with the missing caps (virtual voxels at the ends) of its
+//! lines. A hash map finds the caps. The paper does not mention one. It is dropped in the end;
+//! [`AdjacencyB::build_bytes`] is its size.
 //!
 //! Records lie in the order in which they were made: scan order with caps between. As the paper's structure can be
 //! edited, its records may have any order; [`Storage::Shuffled`] is the worst case.
 //!
-//! If an axis has two sides of the eye, a walk needs the caps at both ends of a line. B has no grid to look them up. So
-//! it follows the edges of the box and both rims of a face side by side.
+//! If an axis has voxels on both sides of the eye, a walk needs the caps at both ends of a line. B has no grid in which
+//! to look them up. So the walk follows the edges of the box, and both rims of a face, side by side.
 //!
 //! Source: Orchard and Möller 2001, sections 3 and 4.2.
 
@@ -33,16 +34,16 @@ use adjsplat::error::Result;
 /// A pointer to no record.
 const NONE: u32 = u32::MAX;
 
-/// A voxel of the structure.
+/// A visible or virtual voxel of the structure.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct RecordB {
     intensity: u8,
-    /// Red, green, blue, opacity; opacity 0 is virtual.
+    /// Red, green, blue, opacity; opacity 0 marks a virtual voxel.
     colour: [u8; 4],
-    /// By axis, the next voxels below and above.
+    /// For each axis, the record numbers of the next voxel below and of the next one above.
     pointers: [U32; 6],
-    /// Coordinates from the low caps at 0, so voxels begin at 1.
+    /// Coordinates along x, y and z, counted from the low caps at 0, so that voxels begin at 1.
     position: [U16; 3],
     gradient: [F32; 3],
 }
@@ -54,19 +55,19 @@ const _: () = assert!(size_of::<RecordB>() == RECORD);
 /// The order of records in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Storage {
-    /// As they were made.
+    /// The order in which the records were built.
     AsBuilt,
-    /// Random, from this seed.
+    /// A random order, from this seed.
     Shuffled(u64),
 }
 
 /// Implementation B of the paper's adjacency structure: linked records.
 #[derive(Debug)]
 pub struct AdjacencyB {
-    /// The high cap's coordinate along each axis; the low one's is 0.
+    /// The high cap's coordinate along each axis; the low cap's is 0.
     last: [u16; 3],
     records: Vec<RecordB>,
-    /// The corners' records; bit a of the index is set at the high end of axis a.
+    /// The records of the box's corners; bit a of the index is set for the high end of axis a.
     corners: [u32; 8],
     visible: u64,
     storage: Storage,
@@ -77,8 +78,8 @@ impl AdjacencyB {
     /// Builds the structure of `subject`; takes `47s` bytes for s visible and virtual voxels.
     ///
     /// # Errors
-    /// [`Error::Limit`](adjsplat::Error::Limit) if an axis has more than 65,534 points, there are 2^32 voxels, or memory
-    /// cannot be had; those of [`Subject::looks`].
+    /// [`Error::Limit`](adjsplat::Error::Limit) if an axis has more than 65,534 points, there are 2^32 voxels, or
+    /// memory cannot be had; any error of [`Subject::looks`].
     pub fn new(subject: &Subject, storage: Storage) -> Result<AdjacencyB> {
         let appearance = Appearance::of(subject)?;
         let mut builder = BuilderB::new(last_places(subject.dims())?)?;
@@ -86,7 +87,7 @@ impl AdjacencyB {
             builder.insert(voxel, &appearance)?;
         }
         let BuilderB { last, mut records, caps } = builder;
-        // A map has entries with a control byte each, and is at most seven eighths full.
+        // A map takes an entry and a control byte for each place, and at most seven eighths of its places are filled.
         let build_bytes = (caps.capacity() as u64 * 8 / 7) * (size_of::<([u16; 3], u32)>() as u64 + 1);
         drop(caps);
         records.shrink_to_fit();
@@ -109,7 +110,7 @@ impl AdjacencyB {
         self.records.len() as u64 - self.visible
     }
 
-    /// Returns the bytes that only building took.
+    /// Returns the bytes of the hash map that only building needs.
     pub fn build_bytes(&self) -> u64 {
         self.build_bytes
     }

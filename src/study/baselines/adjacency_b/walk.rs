@@ -11,24 +11,25 @@ use crate::trace::{Trace, WalkerArray};
 
 const RECORDS: usize = 0;
 
-/// The records, receiver and trace of a walk.
+/// The records, the receiver and the trace of a walk.
 struct WalkB<'a, R, T> {
     records: &'a [RecordB],
     receiver: &'a mut R,
     trace: &'a mut T,
 }
 
-/// Lines side by side with voxels at the same coordinates: as many as the inner loops need the ends of.
+/// Parallel lines whose voxels have the same coordinates. They are followed together to find the ends of the inner
+/// loops.
 #[derive(Clone, Copy)]
 struct ParallelLines<const COUNT: usize> {
     axis: usize,
-    /// The high cap's coordinate.
+    /// Coordinate of the caps at the lines' high ends.
     last: u16,
-    /// Which of the lines are followed.
+    /// Whether each of the lines is followed.
     followed: [bool; COUNT],
 }
 
-/// A voxel of each line; any record for lines that are not followed.
+/// One voxel of each line, all at one coordinate; lines that are not followed have any record.
 #[derive(Clone, Copy)]
 struct LineVoxels<const COUNT: usize> {
     coordinate: u16,
@@ -59,7 +60,7 @@ impl<const COUNT: usize, R: Receiver, T: Trace> Chain<WalkB<'_, R, T>> for Paral
         if is_cap { None } else { Some(LineVoxels { coordinate, records }) }
     }
 
-    /// Returns the voxels' coordinate in the grid; the low cap is at 0.
+    /// Returns the voxels' coordinate in the grid, which is one less than in the lines: the low cap is at 0.
     #[inline(always)]
     fn coordinate(self, node: LineVoxels<COUNT>) -> u16 {
         node.coordinate - 1
@@ -85,7 +86,7 @@ impl Walker for AdjacencyB {
         let [slow_order, medium_order, fast_order] = axes.map(|axis| order.along[axis]);
         let [medium_both, fast_both] = [medium_order, fast_order].map(needs_both_ends);
         let start = [0, 1, 2].map(|a| usize::from(starts_high(order.along[a])));
-        // The corner where the slow, medium and fast order begin, or at the other end of an axis.
+        // Returns the corner where the walk starts, with the coordinate of some axes moved to the other end.
         let corner = |others: [usize; 3]| {
             let index = (0..3).map(|i| (start[axes[i]] ^ others[i]) << axes[i]).sum::<usize>();
             self.corners[index]

@@ -1,4 +1,4 @@
-//! The walk brick by brick.
+//! The walk that visits one brick after the other.
 
 use super::nesting::AxisNesting;
 use super::walk::BrickWalk;
@@ -7,18 +7,18 @@ use crate::baselines::{Receiver, coordinates, narrow};
 use crate::trace::Trace;
 use adjsplat::traverse::{AxisOrder, Order};
 
-/// The coordinates of an axis, brick by brick.
+/// The coordinates of an axis, grouped by brick.
 struct AxisBricks {
-    /// Bricks in visit order.
+    /// Indices of the bricks along the axis, in visit order.
     sequence: Vec<u16>,
-    /// The coordinates in each brick of the axis, by brick.
+    /// For each brick of the axis, the coordinates in it.
     places: Vec<BrickCoordinates>,
 }
 
-/// The coordinates in a brick along an axis, in visit order.
+/// The coordinates that a brick covers along an axis, in visit order.
 struct BrickCoordinates {
     sequence: Vec<u16>,
-    /// Whether they ascend or descend; `None` for neither.
+    /// `Some(true)` if the coordinates ascend, `Some(false)` if they descend, `None` if they do neither.
     up: Option<bool>,
 }
 
@@ -43,7 +43,8 @@ impl AxisBricks {
         };
         let places =
             all.chunks(EDGE).map(|brick| BrickCoordinates::new(in_order(order, brick, brick[0]))).collect::<Vec<_>>();
-        // Bricks border half-way between voxels; the brick that holds the eye is nearest to both sides.
+        // Borders of bricks lie half-way between voxels. The brick that holds the eye is the nearest one from both
+        // sides.
         let of_bricks = match order {
             AxisOrder::TwoSided { eye, form, sense } => {
                 AxisOrder::TwoSided { eye: ((eye + 0.5) / EDGE as f64).floor(), form, sense }
@@ -55,7 +56,7 @@ impl AxisBricks {
     }
 }
 
-/// Visits one brick of the volume after the other.
+/// Visits the volume's bricks one after the other, and all voxels of each.
 pub(super) fn by_bricks<R: Receiver, T: Trace>(walk: &mut BrickWalk<R, T>, order: &Order) {
     let (bricks, nesting) = (walk.bricks, walk.nesting);
     let AxisNesting { slow, medium, fast } = nesting;

@@ -1,4 +1,4 @@
-//! The walk slice by slice.
+//! The walk that visits one slice of the volume after the other.
 
 use super::nesting::AxisNesting;
 use super::walk::BrickWalk;
@@ -7,40 +7,40 @@ use crate::baselines::{Receiver, coordinates, narrow};
 use crate::trace::Trace;
 use adjsplat::traverse::{AxisOrder, Order};
 
-/// Scratch memory of a walk.
+/// Scratch memory of a walk by slices.
 #[derive(Debug, Default)]
 pub(super) struct BrickScratch {
-    /// Non-empty bricks, by row of bricks, ascending on the fast axis.
+    /// Non-empty bricks, sorted by row of bricks, in each row ascending on the fast axis.
     pub(super) crossed: Vec<CrossedBrick>,
-    /// Where each row of bricks begins in `crossed`; then the end of the last.
+    /// Index in `crossed` at which each row of bricks begins; then the end of the last row.
     pub(super) starts: Vec<u32>,
-    /// The part of `crossed` that the current slice meets.
+    /// The voxels in the current slice of the `crossed` bricks, without bricks that have none.
     pub(super) planes: Vec<BrickPlane>,
-    /// Where each row of bricks begins in `planes`.
+    /// Index in `planes` at which each row of bricks begins.
     plane_starts: Vec<u32>,
-    /// The slice's non-empty rows, ascending.
+    /// Medium coordinates of the slice's non-empty rows, ascending.
     lines: Vec<u16>,
 }
 
-/// A brick of a row of bricks.
+/// A non-empty brick in a row of bricks.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CrossedBrick {
     brick: u32,
-    /// Its lowest coordinate on the fast axis.
+    /// The brick's lowest coordinate on the fast axis.
     fast: u16,
 }
 
-/// A brick's voxels of one slice.
+/// The voxels that a brick has in one slice.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct BrickPlane {
-    /// A byte for each medium coordinate, a bit for each fast one.
+    /// One byte for each medium coordinate, with a bit for each fast coordinate that has a voxel.
     voxels: u64,
     brick: u32,
     fast: u16,
 }
 
 impl BrickScratch {
-    /// Lists the bricks of each row of bricks, in the nesting.
+    /// Lists the non-empty bricks of each row of bricks, in the nesting (which axis is which loop) of the view.
     fn list<T: Trace>(&mut self, bricks: &Bricks, nesting: AxisNesting, trace: &mut T) {
         let stride = [1, bricks.counts[0], bricks.counts[0] * bricks.counts[1]];
         self.crossed.clear();
@@ -62,7 +62,7 @@ impl BrickScratch {
         self.starts.push(u32_of(self.crossed.len()));
     }
 
-    /// Cuts slice `slow` out of its bricks; returns whether it has voxels.
+    /// Fills `planes` with the voxels of slice `slow`; returns whether it has any.
     fn cut<T: Trace>(&mut self, bricks: &Bricks, nesting: AxisNesting, slow: usize, trace: &mut T) -> bool {
         self.planes.clear();
         self.plane_starts.clear();
@@ -88,14 +88,14 @@ impl BrickScratch {
     }
 }
 
-/// Narrows a number of bricks, which are fewer than voxels.
+/// Converts a number of bricks, which are fewer than voxels and so fewer than 2^32.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "see above; and voxels are fewer than 2^32")]
 fn u32_of(count: usize) -> u32 {
     count as u32
 }
 
-/// Visits one slice of the volume after the other.
+/// Visits the volume's slices one after the other.
 pub(super) fn by_slices<R: Receiver, T: Trace>(walk: &mut BrickWalk<R, T>, scratch: &mut BrickScratch, order: &Order) {
     let (bricks, nesting) = (walk.bricks, walk.nesting);
     scratch.list(bricks, nesting, walk.trace);

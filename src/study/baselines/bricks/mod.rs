@@ -1,15 +1,16 @@
 //! Bricks of bit masks: leaves of 8 x 8 x 8 voxels, as in VDB; in exact slice order, or brick by brick.
 //!
 //! ```text
-//! table    4 bytes for each brick of the volume: its number, or none
-//! masks   64 bytes a brick: a bit for each voxel, word z, bit 8 y + x
-//! ranks   16 bytes a brick: visible voxels before each word; first: 4 bytes, the brick's first in the payload
-//! payload  3 bytes a visible voxel, in the order of bricks and bits: value 1, normal 2
+//! table    4 bytes for each brick of the volume: its number, or the mark of an empty brick
+//! masks   64 bytes per brick: a bit for each voxel, in word z at bit 8 y + x
+//! ranks   16 bytes per brick: visible voxels before each word; first: 4 bytes, index of its first voxel in the payload
+//! payload  3 bytes per visible voxel, in the order of bricks and bits: value 1, normal 2
 //! ```
 //!
-//! Slice order crosses a slice's bricks row by row. To skip empty bricks, the table is first read into a list of bricks
-//! for each row of bricks, in the view's nesting. A brick's 8 x 8 voxels of the slice are cut out of its masks once, a
-//! byte a row. If rows run along x, their voxels are consecutive in the payload; else bits are counted for each voxel.
+//! Slice order crosses the bricks of a slice row by row. To skip empty bricks, a walk first reads the table into a list
+//! of bricks for each row of bricks, in the view's nesting. It cuts a brick's 8 x 8 voxels of the slice out of the
+//! masks once, one byte per row. If rows run along x, their voxels are consecutive in the payload; else bits are
+//! counted for each voxel.
 //!
 //! Brick by brick, bricks come in the view's nesting, and so do their voxels. No voxel comes before one that it hides,
 //! but the order is not by slices of the volume.
@@ -34,12 +35,12 @@ use adjsplat::error::{Error, Result};
 
 const TABLE: usize = 0;
 
-/// In the table: the brick is empty.
+/// Marks an empty brick in the table.
 const NONE: u32 = u32::MAX;
 /// Edge of a brick, in voxels.
 const EDGE: usize = 8;
 
-/// The order of a walk.
+/// The order in which a walk visits voxels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BrickOrder {
     /// Exact slice order.
@@ -52,7 +53,7 @@ pub enum BrickOrder {
 #[derive(Debug)]
 pub struct Bricks {
     dims: [u32; 3],
-    /// Bricks along each axis.
+    /// Number of bricks along each axis.
     counts: [usize; 3],
     table: Vec<u32>,
     masks: Vec<[u64; EDGE]>,
@@ -128,7 +129,7 @@ impl Bricks {
         Ok(bricks)
     }
 
-    /// Returns where the voxel at `bit` of word `z` of a brick is in the payload.
+    /// Returns the index in the payload of the voxel at bit number `bit` of word `z` of a brick.
     #[inline(always)]
     fn payload(&self, brick: usize, z: usize, bit: usize) -> usize {
         let before = (self.masks[brick][z] & ((1 << bit) - 1)).count_ones();
@@ -160,7 +161,7 @@ impl Walker for Bricks {
 
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
         let order = &viewing.order;
-        // Kept from walk to walk; taken out, as the bricks are borrowed.
+        // The scratch memory is kept from walk to walk. It is taken out because the walk borrows the bricks.
         let mut scratch = std::mem::take(&mut self.scratch);
         let mut walk = BrickWalk { bricks: self, nesting: AxisNesting::of(order), receiver, trace, position: [0; 3] };
         match self.order {

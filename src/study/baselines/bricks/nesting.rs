@@ -1,4 +1,4 @@
-//! The nesting of an order, and slices cut out of a brick.
+//! The nesting of an order (which axis is which loop), and slices cut out of a brick.
 
 use super::EDGE;
 use crate::trace::Trace;
@@ -6,7 +6,7 @@ use adjsplat::traverse::Order;
 
 pub(super) const MASKS: usize = 1;
 
-/// The axes of an order, by index.
+/// The indices (0 for x, 1 for y, 2 for z) of an order's slow, medium and fast axis.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct AxisNesting {
     pub(super) slow: usize,
@@ -20,7 +20,8 @@ impl AxisNesting {
         AxisNesting { slow, medium, fast }
     }
 
-    /// Returns a brick's voxels in its slice `within`: a byte for each medium coordinate, a bit for each fast one.
+    /// Returns a brick's voxels in its slice number `within`: a byte for each medium coordinate, a bit for each fast
+    /// one.
     #[inline(always)]
     pub(super) fn plane<T: Trace>(self, masks: &[u64; EDGE], within: usize, brick: usize, trace: &mut T) -> u64 {
         let plane = match self.slow {
@@ -37,11 +38,11 @@ impl AxisNesting {
                 u64::from_le_bytes(masks.map(|word| column(word, within)))
             }
         };
-        // So far the lower axis has the bits.
+        // Here the bits of a byte run along the lower of the two axes.
         if self.fast < self.medium { plane } else { transposed(plane) }
     }
 
-    /// Returns the word and bit of a voxel of a brick.
+    /// Returns the word and the bit of the voxel at these coordinates in a brick.
     #[inline(always)]
     pub(super) fn place(self, slow: usize, medium: usize, fast: usize) -> (usize, usize) {
         let mut at = [0; 3];
@@ -50,10 +51,10 @@ impl AxisNesting {
     }
 }
 
-/// Returns bit `bit` of each byte, the lowest byte's first.
+/// Collects bit number `bit` of each of the 8 bytes of `word`; that of the lowest byte becomes bit 0.
 #[inline(always)]
 fn column(word: u64, bit: usize) -> u8 {
-    // Byte i's bit moves to bit i of the top byte: each partial product lands on its own bit.
+    // The product moves the bit of byte i to bit i of the top byte: each partial product lands on its own bit.
     let column = (word >> bit & 0x0101_0101_0101_0101).wrapping_mul(0x0102_0408_1020_4080);
     column.to_le_bytes()[7]
 }

@@ -10,7 +10,7 @@ const FIRSTS: usize = 3;
 const VALUES: usize = 4;
 const NORMALS: usize = 5;
 
-/// A walk: the bricks, the receiver, and the position so far.
+/// A walk: the bricks, the receiver, the trace, and the coordinates of the current voxel.
 pub(super) struct BrickWalk<'a, R, T> {
     pub(super) bricks: &'a Bricks,
     pub(super) nesting: AxisNesting,
@@ -20,7 +20,7 @@ pub(super) struct BrickWalk<'a, R, T> {
 }
 
 impl<R: Receiver, T: Trace> BrickWalk<'_, R, T> {
-    /// Delivers the voxel at `payload`; the position's other coordinates are set.
+    /// Delivers the voxel at fast coordinate `fast` and index `payload`; its other coordinates are already set.
     #[inline(always)]
     pub(super) fn show(&mut self, fast: u16, payload: usize) {
         self.trace.read(VALUES, payload, 1);
@@ -30,7 +30,7 @@ impl<R: Receiver, T: Trace> BrickWalk<'_, R, T> {
         self.receiver.voxel(position, bricks.values[payload], Normal::Code(bricks.normals[payload]));
     }
 
-    /// Finds a row's voxels in the payload.
+    /// Returns where the row's voxels are in the payload.
     #[inline(always)]
     pub(super) fn row_payload(&mut self, brick: usize, slow: usize, medium: usize) -> RowPayload {
         let (z, bit) = self.nesting.place(slow, medium, 0);
@@ -45,7 +45,7 @@ impl<R: Receiver, T: Trace> BrickWalk<'_, R, T> {
         RowPayload { brick, z, bit, first: self.bricks.payload(brick, z, bit) }
     }
 
-    /// Returns the payload of the row's voxel at `fast`, with `before` voxels of the row before it.
+    /// Returns the payload index of the row's voxel at `fast`; `before` is the number of the row's voxels before it.
     #[inline(always)]
     pub(super) fn payload(&self, row: &RowPayload, before: usize, fast: usize) -> usize {
         match self.nesting.fast {
@@ -55,7 +55,7 @@ impl<R: Receiver, T: Trace> BrickWalk<'_, R, T> {
         }
     }
 
-    /// Delivers a row's voxels, given as bits, up or down.
+    /// Delivers the voxels of a row, given as bits, in ascending order if `up`, else descending.
     #[inline(always)]
     pub(super) fn row(&mut self, row: &RowPayload, voxels: u8, base: u16, up: bool) {
         let mut left = voxels;
@@ -71,12 +71,12 @@ impl<R: Receiver, T: Trace> BrickWalk<'_, R, T> {
     }
 }
 
-/// Where a brick's row of voxels is.
+/// Where the voxels of a brick's row are in the payload.
 pub(super) struct RowPayload {
     brick: usize,
-    /// Word and bit of its coordinate 0.
+    /// Word and bit of the row's coordinate 0.
     z: usize,
     bit: usize,
-    /// Payload of its first voxel, if rows run along x.
+    /// Payload index of the row's first voxel, if rows run along x.
     first: usize,
 }

@@ -1,20 +1,20 @@
-//! Hierarchical splatting: an octree of mean looks, drawn as coarsely as an error allows.
+//! Hierarchical splatting: an octree of mean looks (colour and optical depth), drawn as coarsely as an error allows.
 //!
-//! In: a subject, a threshold. Out: octant by octant in visibility order, cubes of voxels as one splat if their error is
-//! below the threshold, and voxels elsewhere. With a threshold of 0 these are all voxels.
+//! In: a subject and a threshold. Out: octant by octant in visibility order, cubes of voxels as one splat where their
+//! error is below the threshold, and voxels elsewhere. With a threshold of 0 only voxels are drawn.
 //!
 //! ```text
-//! branches   8 bytes: first child, which of eight exist; levels from the finest up, each in Morton order
+//! branches   8 bytes: first child, and which of eight exist; levels from the finest up, each in Morton order
 //! looks     32 bytes: mean red, green, blue, optical depth; mean normal; error
-//! voxels     3 bytes, in Morton order: value, normal; positions follow from the path
+//! voxels     3 bytes, in Morton order: value, normal; positions follow from the path through the branches
 //! ```
 //!
-//! Optical depth is averaged over all cells of a cube, empty ones included, so that its sum is kept. Colour is averaged by
-//! optical depth. The error is the root mean square distance of the cells from their mean, in opacity and in red, green
-//! and blue times opacity: 0 if all cells are equal, below 1.
+//! Optical depth is averaged over all cells of a cube, empty ones included, so that its sum is kept. Colour is averaged
+//! by optical depth. The error is the root mean square distance of the cells from their mean, in opacity and in red,
+//! green and blue times opacity: 0 if all cells are equal, below 1.
 //!
-//! The planes that split a cube lie half-way between voxels. The eye's side of them decides which octant is farthest, so
-//! no ray meets two octants in the wrong order, even from inside. Empty octants are not stored.
+//! The planes that split a cube lie half-way between voxels. The eye's side of them decides which octant is farthest,
+//! so no ray meets two octants in the wrong order, even from inside. Empty octants are not stored.
 //!
 //! Source: Laur and Hanrahan, "Hierarchical Splatting: A Progressive Refinement Algorithm for Volume Rendering",
 //! SIGGRAPH 1991.
@@ -29,23 +29,23 @@ use crate::Subject;
 use crate::subject::VisibleVoxel;
 use adjsplat::error::{Error, Result};
 
-/// The octants of a cube.
+/// The children of a cube, one for each octant that has voxels.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct Branch {
-    /// The first existing one in the finer level; at the finest level, in the list of voxels.
+    /// Index of the first existing child in the next finer level; at the finest level, in the list of voxels.
     first: u32,
-    /// Bit o is set if octant o exists; bit a of o is set in the upper half of axis a.
+    /// Bit o is set if octant o exists; bit a of the number o is set in the upper half of axis a.
     octants: u8,
 }
 
 const _: () = assert!(size_of::<Branch>() == 8);
 
-/// The look of a cube as one splat.
+/// The mean look (colour and optical depth), normal and error of a cube that is drawn as one splat.
 #[derive(Debug, Clone, Copy)]
 #[repr(C)]
 struct CubeLook {
-    /// As [`VoxelCube::look`](super::VoxelCube::look).
+    /// Mean colour and optical depth, as in [`VoxelCube::look`](super::VoxelCube::look).
     look: [f32; 4],
     normal: [f32; 3],
     error: f32,
@@ -53,24 +53,25 @@ struct CubeLook {
 
 const _: () = assert!(size_of::<CubeLook>() == 32);
 
-/// An octree of cubes above voxels.
+/// An octree whose inner nodes are cubes and whose leaves are voxels.
 #[derive(Debug)]
 pub struct Octree {
     branches: Vec<Branch>,
     looks: Vec<CubeLook>,
     values: Vec<u8>,
     normals: Vec<u16>,
-    /// The root's level: its edge is 2 to this; 0 if there are no voxels.
+    /// The root's level: its edge is 2^level voxels; 0 if there are no voxels.
     levels: u8,
     threshold: f32,
 }
 
 impl Octree {
-    /// Builds the octree of `subject`. Cubes are one splat if their error is below `threshold`; 0 is exact.
+    /// Builds the octree of `subject`. A cube is drawn as one splat if its error is below `threshold`; with 0 all
+    /// voxels are drawn.
     ///
     /// # Errors
     /// [`Error::Input`] if the threshold is negative or not finite, [`Error::Limit`] if there are 2^32 voxels or memory
-    /// cannot be had; those of [`Subject::looks`].
+    /// cannot be had; any error of [`Subject::looks`].
     pub fn new(subject: &Subject, threshold: f32) -> Result<Octree> {
         let count = subject.voxels.len() as u64;
         if count > u32::MAX.into() {
@@ -98,10 +99,10 @@ impl Octree {
         Ok(octree)
     }
 
-    /// Sets the error below which a cube is one splat.
+    /// Sets the error below which a cube is drawn as one splat.
     ///
     /// # Errors
-    /// [`Error::Input`] if it is negative or not finite.
+    /// [`Error::Input`] if the threshold is negative or not finite.
     pub fn set_threshold(&mut self, threshold: f32) -> Result<()> {
         if !(threshold >= 0.0 && threshold.is_finite()) {
             let why = format!("is {threshold}, but must be 0 or above");
@@ -111,7 +112,7 @@ impl Octree {
         Ok(())
     }
 
-    /// Stacks levels until one cube holds all `voxels`, which are not empty.
+    /// Adds levels, from the finest up, until one cube holds all `voxels`, of which there is at least one.
     fn build(&mut self, voxels: &[(u64, VisibleVoxel)], subject: &Subject) -> Result<()> {
         let (looks, appearance) = (subject.looks()?, Appearance::of(subject)?);
         let mut finer = reserved("sums of an octree's level", voxels.len() as u64)?;
@@ -154,7 +155,7 @@ impl Octree {
     }
 }
 
-/// Interleaves the bits of x, y and z, x lowest.
+/// Interleaves the bits of x, y and z; the lowest bit is that of x.
 fn morton(position: [u16; 3]) -> u64 {
     let spread = |c: u16| {
         let mut bits = u64::from(c);

@@ -5,11 +5,11 @@ use super::CubeLook;
 /// Sums over the cells of a cube, in double precision.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CubeSums {
-    /// Colour times optical depth, and optical depth.
+    /// Sums of red, green and blue times optical depth, and of optical depth.
     weighted: [f64; 4],
-    /// Normals times optical depth.
+    /// Sum of normals times optical depth.
     normal: [f64; 3],
-    /// Colour times opacity, and opacity; and their squares.
+    /// Sums of red, green and blue times opacity, and of opacity; the next field holds the sums of their squares.
     seen: [f64; 4],
     squares: f64,
 }
@@ -35,7 +35,7 @@ impl CubeSums {
         self.squares += other.squares;
     }
 
-    /// Returns the look of a cube of edge 2 to `level`.
+    /// Returns the look of a cube whose edge is 2^`level` voxels.
     pub(super) fn look(&self, level: u8) -> CubeLook {
         let cells = (3.0 * f64::from(level)).exp2();
         let [red, green, blue, depth] = self.weighted;

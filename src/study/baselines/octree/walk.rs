@@ -15,14 +15,15 @@ struct OctreeWalk<'a, R, T> {
     octree: &'a Octree,
     viewpoint: Viewpoint,
     sense: Sense,
-    /// Octants in the view's nesting, relative to the first one visited.
+    /// Octants in the view's nesting: their numbers, to be XORed with that of the first octant to visit.
     octants: [u8; 8],
     receiver: &'a mut R,
     trace: &'a mut T,
 }
 
 impl<R: Receiver, T: Trace> OctreeWalk<'_, R, T> {
-    /// Returns the first octant to visit in the cube at `low` with half its edge.
+    /// Returns the number of the octant to visit first, in the cube whose lowest voxel is `low`; `half_edge` is in
+    /// voxels.
     #[inline(always)]
     fn first_octant(&self, low: [u32; 3], half_edge: u32) -> u8 {
         let near = match self.viewpoint {
@@ -34,7 +35,7 @@ impl<R: Receiver, T: Trace> OctreeWalk<'_, R, T> {
         if self.sense == Sense::FrontToBack { near } else { !near & 7 }
     }
 
-    /// Visits the cube of `branch`, whose lowest voxel is `low` and whose edge is 2 to `level`.
+    /// Visits the cube of `branch`, whose lowest voxel is `low` and whose edge is 2^`level` voxels.
     fn cube(&mut self, branch: usize, low: [u32; 3], level: u8) {
         let octree = self.octree;
         if octree.threshold > 0.0 {
@@ -68,7 +69,7 @@ impl<R: Receiver, T: Trace> OctreeWalk<'_, R, T> {
     }
 }
 
-/// Number of bits in each byte.
+/// For each byte, the number of its set bits.
 const RANKS: [u8; 256] = {
     let mut ranks = [0; 256];
     let mut byte = 1;
@@ -83,7 +84,7 @@ fn octant(upper: [bool; 3]) -> u8 {
     u8::from(upper[0]) | u8::from(upper[1]) << 1 | u8::from(upper[2]) << 2
 }
 
-/// Narrows the place of a cube, which begins inside the grid.
+/// Converts a cube's lowest corner, which lies inside the grid, to 16-bit coordinates.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "see above")]
 fn narrow_place(place: [u32; 3]) -> [u16; 3] {
@@ -107,7 +108,7 @@ impl Walker for Octree {
     fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
         let Some(root) = self.branches.len().checked_sub(1) else { return };
         let order = &viewing.order;
-        // Bit 0 of a place in the sequence is the fast axis'.
+        // Bit 0 of an octant's place in the sequence belongs to the fast axis.
         let octants = [0, 1, 2, 3, 4, 5, 6, 7u8].map(|place| {
             (place & 1) << order.fast.index()
                 | (place >> 1 & 1) << order.medium.index()
