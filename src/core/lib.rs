@@ -17,10 +17,10 @@
 //! # }
 //! ```
 //!
-//! A build turns a volume into an *arena*, which stores only the visible voxels, in *lanes*. A lane lists them along the
-//! scan lines of one axis; each voxel stores its distance from the previous one as a one-byte step. An `.adj` file holds
-//! the arena's bytes; it is mapped and never unpacked. A *walk* visits the voxels from any viewpoint in exact visibility
-//! order. A *renderer* splats the voxels that a walk visits, on the processor or a graphics device.
+//! A build turns a volume into an *arena*, which stores only the visible voxels, in *lanes*. A lane lists them along
+//! the scan lines of one axis; each voxel stores its distance from the previous one as a one-byte step. An `.adj` file
+//! holds the arena's bytes; it is mapped and never unpacked. A *walk* visits the voxels from any viewpoint in exact
+//! visibility order. A *renderer* splats the voxels that a walk visits, on the processor or a graphics device.
 //!
 //! ```text
 //! volume -> classify -> arena <- build <- file     a Model holds an arena, and walks and draws it

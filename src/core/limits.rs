@@ -10,8 +10,8 @@
 //! # Ok::<(), adjsplat::Error>(())
 //! ```
 //!
-//! Limits restrict sizes only. A file with any content is safe to walk; `Arena::check` tells whether its content follows
-//! the rules of the format.
+//! Limits restrict sizes only. A file with any content is safe to walk; `Arena::check` tells whether its content
+//! follows the rules of the format.
 
 use std::path::Path;
 

@@ -21,7 +21,7 @@ use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes, KnownLayout, Unaligne
 use super::curve::TileOrder;
 use crate::volume::{Axis, Grid};
 
-/// The first eight bytes of a file: a byte that is not ASCII, "ADJ", then line breaks that a text transfer would change.
+/// The first eight bytes of a file: a byte that is not ASCII, "ADJ", then line breaks that a text transfer changes.
 pub const MAGIC: [u8; 8] = *b"\x89ADJ\r\n\x1a\n";
 /// Major version of the format. Readers refuse any other, because the bytes would have another meaning.
 pub const MAJOR: u16 = 1;
@@ -128,8 +128,8 @@ const _: () = {
 
 /// A tile: 8 x 8 neighbouring scan lines of a lane, at least one of which holds a voxel.
 ///
-/// u and v are a line's coordinates on the two axes across the lane; u belongs to the first of them in the order x, y, z.
-/// Line (u, v) of the tile is bit `(v % 8) * 8 + u % 8` of the mask `occupancy`.
+/// u and v are a line's coordinates on the two axes across the lane; u belongs to the first of these axes (x before y
+/// before z). Line (u, v) of the tile is bit `(v % 8) * 8 + u % 8` of the mask `occupancy`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, FromBytes, IntoBytes, KnownLayout, Immutable, Unaligned)]
 #[repr(C)]
 pub struct TileRecord {
@@ -181,11 +181,11 @@ pub enum SectionKind {
     Description = 1,
     /// [`TileRecord`]s in tile order.
     Tiles = 2,
-    /// For each line that holds voxels, tile by tile and in the order of the mask's bits: the index after its last record,
+    /// For each line that holds voxels, tile by tile, in the order of the mask's bits: the index after its last record,
     /// counted from the tile's first record.
     LineEnds = 3,
-    /// For each record: the distance from the previous one on its line, in grid points. 0 marks a stepping voxel, a record
-    /// without a voxel that bridges 255 points.
+    /// For each record: the distance from the previous one on its line, in grid points. 0 marks a stepping voxel, which
+    /// only bridges 255 points.
     Steps = 4,
     /// For each record: the code (stored number) of the value.
     Values = 5,
@@ -210,7 +210,7 @@ impl SectionKind {
         [SectionKind::Description].into_iter().chain(SectionKind::OF_LANES).find(|&kind| kind as u16 == number)
     }
 
-    /// Returns the size in bytes of one element of such a section in the lane along `axis`; 0 if there is no such section.
+    /// Returns the size in bytes of one element of this kind in the lane along `axis`; 0 if there is no such section.
     pub fn element_bytes(self, channels: Channels, dims: [u32; 3], axis: Axis) -> u8 {
         match self {
             SectionKind::Description | SectionKind::Steps => 1,
@@ -276,7 +276,7 @@ pub struct Scales {
 }
 
 impl Scales {
-    /// Returns the value of `code`, which may be fractional. Finite if the lowest and the highest code have finite values.
+    /// Returns the value of `code`, which may be fractional; finite if the lowest and highest codes have finite values.
     #[inline]
     pub fn value(&self, code: f64) -> f64 {
         let value = self.value_low + code * self.value_step;
