@@ -56,8 +56,8 @@ impl Arena<'_> {
     /// Checks everything that [`Arena::new`] did not check: rules R12 to R22 of `formats/adj-1.md`.
     ///
     /// In a file that passes, all lanes hold the same voxels, inside the grid, in the only valid way to store them. Any
-    /// change of a single byte of such a file makes opening or this check fail. O(bytes): 4 to 7 ns per record, with all
-    /// channels and checksums (benches/open.rs).
+    /// change of a single byte of such a file makes opening or this check fail. O(bytes): 4 to 7 ns per record, with
+    /// all channels and checksums (benches/open.rs).
     ///
     /// # Errors
     /// The first broken rule, with its byte offset in the file.
@@ -256,8 +256,8 @@ impl<'a> LaneCheck<'a> {
         Ok((counts, self.sum))
     }
 
-    /// Checks that the tile and its lines lie inside the face (the lane's lines as a 2-D array), and that it follows the
-    /// previous tile in tile order. R13.
+    /// Checks that the tile and its lines lie inside the face (the lane's lines as a 2-D array), and that the tile
+    /// follows the previous one in tile order. R13.
     fn check_place(&self, tile: &TileRecord, at: u64, last_key: &mut Option<u32>) -> Result<(), FormatFault> {
         let edge = u32::from(TILE_EDGE);
         let dims = self.lane.axis.others().map(|axis| self.lane.dims[axis.index()]);

@@ -113,8 +113,8 @@ impl<'a> Overlay<'a> {
 
     /// Shows only voxels whose opacity with `transfer`, judged by their codes, is above 0 and at least `threshold`.
     ///
-    /// Hidden voxels remain stored; walks skip them and [`Overlay::rows`] leaves them out. This costs a table of 32 bytes
-    /// to 2 MiB and one look-up per voxel of a walk.
+    /// Hidden voxels remain stored; walks skip them and [`Overlay::rows`] leaves them out. This costs a table of 32
+    /// bytes to 2 MiB and one look-up per voxel of a walk.
     ///
     /// # Errors
     /// The same as [`VisibleCodes::new`].

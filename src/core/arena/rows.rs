@@ -43,7 +43,7 @@ pub trait Rows: Sync {
 
     /// Calls `row` with y, z and the voxels inside `region` of each row that has such voxels.
     ///
-    /// A row's voxels come by ascending x. Rows with the same z come by ascending y, rows with the same y by ascending z.
+    /// Voxels come by ascending x. Rows with the same z come by ascending y, rows with the same y by ascending z.
     ///
     /// # Errors
     /// Any error of reading the underlying data.

@@ -10,8 +10,8 @@ use crate::error::{Error, Result};
 
 /// Returns the opacity of a stored voxel with value code `value`, from 0 to 1, per reference length.
 ///
-/// `magnitude` is the voxel's gradient magnitude. A code at an end of the visible value range may decode to a value just
-/// outside the range, by rounding; the voxel still counts as visible.
+/// `magnitude` is the voxel's gradient magnitude. A code at an end of the visible value range may decode to a value
+/// just outside the range, by rounding; the voxel still counts as visible.
 pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, magnitude: f64) -> f64 {
     let value = scales.value(value.into());
     let opacity = transfer.opacity(value, magnitude);
@@ -25,7 +25,7 @@ pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, 
 /// A table that tells which stored codes are visible.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct VisibleCodes {
-    /// One bit per value code, or per pair of codes: the value is then the index's high part, the magnitude its low byte.
+    /// One bit per value code, or per pair of codes: the index is then the value's code times 256 plus the magnitude's.
     bits: Vec<u64>,
     by_magnitude: bool,
 }
