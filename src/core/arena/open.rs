@@ -150,7 +150,7 @@ impl<'a> Arena<'a> {
         self.pager
     }
 
-    /// Returns the contents of the header: grid, channels, scales and voxel count.
+    /// Returns the contents of the header: grid, channels, tile order, scales and voxel count.
     pub fn facts(&self) -> &Facts {
         &self.facts
     }

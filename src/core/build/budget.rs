@@ -1,8 +1,8 @@
 //! The memory budget: how a build divides the memory that it may use.
 //!
-//! In: a volume's header, the options, the memory limit. Out: [`Budget`], or an error that names a sufficient limit. The
-//! sums are upper bounds of the bytes that each stage holds at once; tests/core/build/memory.rs compares them with the
-//! process's peak.
+//! In: a volume's header, the options, the memory limit. Out: [`Budget`], or an error that names a sufficient limit.
+//! The sums are upper bounds of the bytes that each stage holds at once; tests/core/build/memory.rs compares them with
+//! the process's peak.
 
 use super::options::{BuildOptions, GradientSource, Resources};
 use super::spill::VoxelWidths;
@@ -19,8 +19,8 @@ const BATCH_SAMPLES: u64 = 1 << 21;
 /// Bytes that are collected for each section of a lane before they are written to the file.
 pub(crate) const WRITE_BYTES: u64 = 1 << 18;
 const SECTIONS: u64 = 6;
-/// Bytes per record while a lane is built: 16 for the unsorted record, 4 for its index, up to 8 for the packed record in
-/// each of two results that may wait. The remainder is allocator overhead, as measured.
+/// Bytes per record while a lane is built: 16 for the unsorted record, 4 for its index, up to 8 for the packed record
+/// in each of two results that may wait. The remainder is allocator overhead, as measured.
 pub(super) const RECORD_BYTES: u64 = 64;
 /// Bytes per tile of a lane's face while the lane is built: 4 for its record count, 12 for its slot in the tile order.
 const TILE_BYTES: u64 = 4 + 12;
@@ -42,7 +42,7 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Divides the memory of `resources` for a build. The volume's source buffers `buffer_bytes` bytes beside its slices.
+    /// Divides the memory of `resources` for a build. The volume's source holds `buffer_bytes` beside its slices.
     ///
     /// # Errors
     /// [`Error::Limit`] if the memory does not suffice for one slice with its neighbours, or for one tile.
@@ -63,7 +63,7 @@ impl Budget {
         let per_slice =
             if gradients == GradientSource::Visibility { slice + 4 * header.grid.slice_len() } else { slice };
         let block_samples = width * u64::from(block_rows(header.grid.dims[0])).min(height);
-        // A block's growing buffer may reserve twice its bytes; each worker has a block, and two per worker may wait.
+        // A growing block may reserve twice its bytes. Each worker has up to two, in progress or waiting; two to spare.
         let blocks = (2 * workers + 2) * 2 * block_samples * widths.voxel() as u64;
         let sweep = |slices: u64| BASE + buffer_bytes + reach + slices * per_slice + blocks;
 
@@ -88,7 +88,7 @@ impl Budget {
             return Err(Error::Limit { what, need: least, have: memory });
         }
         let wanted = BATCH_SAMPLES.div_ceil(header.grid.slice_len()).clamp(1, depth);
-        // Free memory, in slices.
+        // The free memory, in slices. With reading ahead, two batches share it.
         let free = (memory - sweep(0)) / per_slice.max(1);
         let read_ahead = threads > 1 && free >= 2;
         let batch = if read_ahead { free / 2 } else { free }.clamp(1, wanted);

@@ -1,8 +1,8 @@
 //! The builder: from a volume to its visible voxels, and to lanes.
 //!
-//! In: a [`SlabSource`], which reads a volume slice by slice, and a transfer function. A voxel is visible if its opacity
-//! is above 0. Its value is quantised over the visible range; its normal is computed from the gradient. The result
-//! depends only on the input and the options, not on memory or threads.
+//! In: a [`SlabSource`], which reads a volume slice by slice, and a transfer function. A voxel is visible if its
+//! opacity is above 0. Its value is quantised over the visible range; its normal is computed from the gradient. The
+//! result depends only on the input and the options, not on memory or threads.
 //!
 //! Slices are read once, or twice if visibility depends on the data's largest gradient:
 //! [`BuildOptions::needs_survey`].

@@ -1,7 +1,7 @@
 //! The encoding of visible voxels, which is decided once all samples have been read.
 //!
-//! In: the volume's header, the options, the samples' range. Out: [`VoxelEncoder`], with the completed transfer function
-//! and the mapping of values and gradient magnitudes to codes.
+//! In: the volume's header, the options, the samples' range. Out: [`VoxelEncoder`], with the completed transfer
+//! function and the mapping of values and gradient magnitudes to codes.
 
 use super::options::BuildOptions;
 use super::summary::SampleSummary;
@@ -27,7 +27,7 @@ pub(super) struct VoxelEncoder {
 }
 
 impl VoxelEncoder {
-    /// Creates the encoder. `samples` describes all samples; `largest_magnitude` is set if a first reading has found it.
+    /// Creates the encoder. `samples` describes all samples; `largest_magnitude` is set if a first reading found it.
     pub(super) fn new(
         header: &Header,
         options: &BuildOptions,

@@ -31,7 +31,7 @@ pub struct Resources {
     pub memory: Option<u64>,
     /// Number of worker threads; 0 counts as 1. With several, one more thread reads slices ahead if memory allows.
     pub threads: usize,
-    /// Folder for a temporary file that holds visible voxels if they do not fit in memory; `None` to keep all in memory.
+    /// Folder for a temporary file, for visible voxels that do not fit in memory; `None` to keep all in memory.
     pub folder: Option<PathBuf>,
 }
 
@@ -71,16 +71,16 @@ impl BuildOptions {
 
     /// Returns whether a build must read the volume twice.
     ///
-    /// This is needed if opacity is relative to the data's largest gradient magnitude (at region boundaries): until that
-    /// magnitude is known, it is undecided which samples are visible.
+    /// This is needed if opacity is relative to the data's largest gradient magnitude (at region boundaries): until
+    /// that magnitude is known, it is undecided which samples are visible.
     pub fn needs_survey(&self) -> bool {
         self.transfer.clone().with_largest_magnitude(2.0).is_ok_and(|filled| filled != self.transfer)
     }
 
     /// Returns whether value codes are spread over the range of the samples, not over the range of their type.
     ///
-    /// 8-bit samples have a code for each value. Other types need the samples' range if the visible range has an infinite
-    /// end, or if opacity depends on the gradient, whose largest magnitude is unknown.
+    /// 8-bit samples have a code for each value. Other types need the samples' range if the visible range has an
+    /// infinite end, or if opacity depends on the gradient, whose largest magnitude is unknown.
     pub(super) fn needs_data_range(&self, sample_type: SampleType) -> bool {
         let (low, high) = self.transfer.domain(f64::INFINITY);
         let open = low == f64::NEG_INFINITY || high == f64::INFINITY;

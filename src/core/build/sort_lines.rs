@@ -72,8 +72,8 @@ impl LineSorter {
         Ok(run)
     }
 
-    /// Sorts the voxels of `region` by line. `first_u`, `first_v` and `columns` are the corner and width, in tiles, of the
-    /// box that `numbers` covers.
+    /// Sorts the voxels of `region` by line. `first_u`, `first_v` and `columns` are the corner and width, in tiles, of
+    /// the box that `numbers` covers.
     fn sort(
         &mut self,
         rows: &dyn Rows,

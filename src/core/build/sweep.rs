@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::parallel::in_order;
 use crate::volume::{Header, SlabSource};
 
-/// Number of samples in a block of rows, about; a block has at least one group of rows.
+/// Approximate number of samples in a block of rows; a block has at least one group of rows.
 const BLOCK_SAMPLES: u32 = 1 << 16;
 
 /// The number of slices that are in memory, and of threads that process them.

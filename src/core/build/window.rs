@@ -133,7 +133,7 @@ impl<'a> SliceReader<'a> {
         Ok(samples)
     }
 
-    /// Adds a slice to the smoothing of visibility, and returns how many smoothed slices were appended to `fields`: 0 or 1.
+    /// Smooths the visibility of a slice, and returns how many smoothed slices were appended to `fields`: 0 or 1.
     fn smooth(&mut self, samples: &Samples, fields: &mut Vec<Vec<f32>>) -> Result<u32> {
         let mut indicator = self.new_field()?;
         let mut smoothed = self.new_field()?;

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use super::atomic_temporary::{TemporaryFile, remove_dead, unnamed};
 use crate::error::{Error, Result};
 
-/// Number of bytes that are written between two calls of `stop`.
+/// Most bytes that are written between two calls of `stop`.
 const CHUNK_BYTES: usize = 4 << 20;
 /// Largest number of symbolic links that are followed; the system has the same limit.
 const MOST_LINKS: usize = 40;

@@ -39,8 +39,8 @@ impl ResidentPages {
         }
     }
 
-    /// Notes that `bytes` are about to be read; returns whether too many blocks are then resident. Ignores bytes outside
-    /// the map.
+    /// Notes that `bytes` are about to be read; returns whether too many blocks are then resident. Ignores bytes
+    /// outside the map.
     #[inline]
     pub(super) fn note(&self, bytes: &[u8]) -> bool {
         let start = bytes.as_ptr().addr();
