@@ -1,34 +1,34 @@
-//! Errors, sorted by who can act on them.
+//! The errors of this crate, sorted by who can act on them.
 //!
-//! Each prints as one line, lower case, no full stop, and says what to do where that is known. The line never
-//! repeats `source()`: a program prints the chain.
+//! Each error prints as one line, in lower case without a full stop, and says what to do where that is known. The line
+//! never repeats `source()`: the program prints the chain of sources.
 
 use std::io;
 use std::path::{Path, PathBuf};
 
-/// What every fallible call of this crate returns.
+/// The result of every function of this crate that can fail.
 pub type Result<T, E = Error> = std::result::Result<T, E>;
 
-/// Whose turn it is when something fails.
+/// A failure; the variant tells who can act on it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// The operating system refused; `source` says why.
+    /// The operating system refused an action on a file; `source` says why.
     #[error("cannot {action} {}", path.display())]
     Io {
-        /// What was tried, as a verb: "open", "read", "create".
+        /// The action that failed, as a verb: "open", "read", "create".
         action: &'static str,
-        /// The file or folder it was tried on.
+        /// The file or folder that the action was tried on.
         path: PathBuf,
-        /// The system's answer.
+        /// The operating system's error.
         source: io::Error,
     },
     /// A file breaks a rule of its format: rebuild it or report it.
     #[error("{}: {fault}", path.display())]
     Format {
-        /// The file at fault.
+        /// The file that breaks the rule.
         path: PathBuf,
-        /// Where and how.
+        /// The broken rule and its position in the file.
         fault: FormatFault,
     },
     /// A value that the caller gave cannot be used.
@@ -36,34 +36,34 @@ pub enum Error {
     Input {
         /// The value's name as the caller knows it: a flag, a field.
         what: String,
-        /// Why not, and what would do.
+        /// Why the value cannot be used, and which values can.
         why: String,
     },
-    /// A size is beyond what can be done; checked before anything is allocated.
+    /// A size exceeds its limit; checked before anything is allocated.
     #[error("{what}: needs {need}, but the limit is {have}")]
     Limit {
-        /// What is too large.
+        /// The quantity that is too large, with its unit.
         what: String,
-        /// How much it needs.
+        /// The size that is needed, in the unit of the quantity.
         need: u64,
-        /// How much there may be.
+        /// The largest allowed size, in the same unit.
         have: u64,
     },
-    /// The system gives no more memory: close other programs, or do less at once.
+    /// The system provides no more memory: close other programs, or process less at once.
     #[error("not enough memory: {what} needs {bytes} bytes, which the system does not give")]
     OutOfMemory {
         /// What the memory was for.
         what: String,
-        /// Bytes that were asked for.
+        /// Number of bytes that were requested.
         bytes: u64,
     },
-    /// A graphics device cannot be had, failed or was lost: use another one, or the renderer on the processor.
+    /// A graphics device is unavailable, failed or was lost: use another one, or the renderer on the processor.
     #[error("graphics device: {why}")]
     Device {
-        /// What happened, and what would help.
+        /// What happened to the device, and what the user can do.
         why: String,
     },
-    /// The caller's observer asked to stop; nothing was left behind.
+    /// The caller cancelled the work, for example through its observer; no file was left behind.
     #[error("stopped before it was done; nothing was written")]
     Interrupted,
 }
@@ -76,35 +76,35 @@ pub struct FormatFault {
     pub at: u64,
     /// The rule, by its name in the format's specification: "R7", "NRRD sizes".
     pub rule: &'static str,
-    /// What the rule asks for.
+    /// What the rule requires.
     pub expected: String,
-    /// What the file has.
+    /// What the file contains instead.
     pub got: String,
 }
 
 impl Error {
-    /// An [`Error::Io`] for `action` on `path`, made for `map_err`.
+    /// Returns a closure for `map_err` that creates an [`Error::Io`]: `action` (a verb) on `path` failed.
     pub fn io(action: &'static str, path: &Path) -> impl FnOnce(io::Error) -> Error {
         let path = path.to_path_buf();
         move |source| Error::Io { action, path, source }
     }
 
-    /// An [`Error::Input`] about `what`.
+    /// Creates an [`Error::Input`]: the value named `what` cannot be used, and `why`.
     pub fn input(what: impl Into<String>, why: impl Into<String>) -> Error {
         Error::Input { what: what.into(), why: why.into() }
     }
 
-    /// The [`Error::OutOfMemory`] for `what` of `bytes` bytes.
+    /// Creates an [`Error::OutOfMemory`]: `bytes` bytes for `what` were refused.
     pub fn out_of_memory(what: impl Into<String>, bytes: u64) -> Error {
         Error::OutOfMemory { what: what.into(), bytes }
     }
 
-    /// An [`Error::Device`].
+    /// Creates an [`Error::Device`] whose message is `why`.
     pub fn device(why: impl Into<String>) -> Error {
         Error::Device { why: why.into() }
     }
 
-    /// An [`Error::Format`] in `path`, at byte `at`.
+    /// Creates an [`Error::Format`]: the file at `path` breaks `rule` at byte offset `at`.
     pub fn format(
         path: &Path,
         at: u64,

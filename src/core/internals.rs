@@ -1,4 +1,4 @@
-//! What the other crates of this workspace reach into: judges, studies, the program, tests. No part of the API.
+//! Items for the other crates of this workspace only: comparison tools, studies, the program, tests. Not public API.
 
 pub use crate::model::{drawable, missing_values, stored_transfer};
 pub use crate::parallel::in_order;
@@ -9,7 +9,7 @@ pub use crate::splat::setup::FrameSetup;
 pub use crate::splat::supersample::supersampled;
 pub use crate::text::{open_regular, read_text};
 
-/// The renderer's two stages, for studies that feed them from other structures.
+/// The two stages of the processor's renderer, for studies that feed them with voxels from other data structures.
 pub mod scatter {
     pub use crate::splat::composite::{Finish, Look, Table};
     pub use crate::splat::cpu::blend::{Blend, FrontToBack};
@@ -20,7 +20,7 @@ pub mod scatter {
     pub use crate::splat::cpu::tile_buffer::Rect;
 }
 
-// structure
+// Parts of the arena, of a build and of the volume's sources.
 pub use crate::arena::lane::STEPPING;
 pub use crate::arena::pack::LanePacker;
 pub use crate::arena::pager::IN_FLIGHT;
@@ -30,7 +30,7 @@ pub use crate::build::budget::Budget;
 pub use crate::build::description;
 pub use crate::volume::source::obtainable;
 
-/// The stages of the renderer on graphics devices: their records, their shaders, and access to their buffers.
+/// The stages of the renderer on graphics devices: their record types, their shaders, and access to their buffers.
 #[cfg(feature = "gpu")]
 pub mod gpu_stages {
     pub use crate::splat::gpu::layout::{AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING};

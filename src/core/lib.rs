@@ -17,17 +17,18 @@
 //! # }
 //! ```
 //!
-//! A build turns a volume into an *arena*: its visible voxels in lanes along the axes, linked by one-byte steps. An
-//! `.adj` file holds the arena's bytes; it is mapped and never unpacked. A *walk* visits the voxels from any viewpoint
-//! in exact visibility order. A *renderer* splats what a walk visits, on the processor or a graphics device.
+//! A build turns a volume into an *arena*, which stores only the visible voxels, in *lanes*. A lane lists them along
+//! the scan lines of one axis; each voxel stores its distance from the previous one as a one-byte step. An `.adj` file
+//! holds the arena's bytes; it is mapped and never unpacked. A *walk* visits the voxels from any viewpoint in exact
+//! visibility order. A *renderer* splats the voxels that a walk visits, on the processor or a graphics device.
 //!
 //! ```text
 //! volume -> classify -> arena <- build <- file     a Model holds an arena, and walks and draws it
-//!                         ^-- traverse <- splat    arrows point from what is imported to what imports it
+//!                         ^-- traverse <- splat    an arrow points from a module to the one that imports it
 //! ```
 //!
-//! [`Model`], [`Build`], [`Volume`] and [`Settings`] are what most programs need. The modules below them are for
-//! programs that need a part alone: a walk without pictures, a reader of their own, a renderer inside another one.
+//! Most programs need only [`Model`], [`Build`], [`Volume`] and [`Settings`]. The modules are for programs that need a
+//! single part: a walk without pictures, their own file reader, or this renderer inside another one.
 //! Readers of file formats are in the crate `adjsplat-readers`.
 //!
 //! The structure is "implementation B" of Orchard and Möller, "Accelerated Splatting using a 3D Adjacency Data

@@ -10,30 +10,31 @@
 //! # Ok::<(), adjsplat::Error>(())
 //! ```
 //!
-//! Limits concern sizes only. Any content is safe to walk; `Arena::check` tells whether it is sound.
+//! Limits restrict sizes only. A file with any content is safe to walk; `Arena::check` tells whether its content
+//! follows the rules of the format.
 
 use std::path::Path;
 
 use crate::error::{Error, Result};
 
-/// The largest accepted sizes, inclusive.
+/// The largest accepted sizes, inclusive: a larger size is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
-    /// Grid points along one axis.
+    /// Most grid points along one axis.
     pub points_per_axis: u64,
-    /// Grid points in the whole volume.
+    /// Most grid points in the whole volume.
     pub points: u64,
-    /// Bytes of an `.adj` file, which is mapped rather than read.
+    /// Most bytes of an `.adj` file, which is mapped rather than read.
     pub file_bytes: u64,
-    /// Number of sections in an `.adj` file.
+    /// Most sections in an `.adj` file.
     pub sections: u32,
-    /// Bytes of one section of an `.adj` file.
+    /// Most bytes of one section of an `.adj` file.
     pub section_bytes: u64,
-    /// Bytes of an `.adj` file's description, which is parsed into JSON values.
+    /// Most bytes of an `.adj` file's description, which is parsed into JSON values.
     pub description_bytes: u64,
-    /// Bytes of all lanes that are derived in memory because the file does not store them.
+    /// Most bytes of all lanes together that are derived in memory because the file does not store them.
     pub derived_bytes: u64,
-    /// Bytes of one z-slice of a volume.
+    /// Most bytes of one z-slice of a volume.
     pub slice_bytes: u64,
 }
 
@@ -54,10 +55,12 @@ impl Default for Limits {
 }
 
 impl Limits {
-    /// Checks that `need` of `what`, a size in the file at `path`, is at most `have`.
+    /// Checks that a size of the file at `path` is within its limit: `need`, the size, is at most `have`.
+    ///
+    /// `what` names the size in the error message.
     ///
     /// # Errors
-    /// [`Error::Limit`] if it is more.
+    /// [`Error::Limit`] if the size exceeds the limit.
     pub fn check(&self, path: &Path, what: &str, need: u64, have: u64) -> Result<()> {
         if need <= have {
             return Ok(());
@@ -65,10 +68,10 @@ impl Limits {
         Err(Error::Limit { what: format!("{}: {what}", path.display()), need, have })
     }
 
-    /// Checks the grid of the file at `path`: points along x, y, z and in all.
+    /// Checks the grid of the file at `path`: its points along each axis (`dims`), and the total number of points.
     ///
     /// # Errors
-    /// [`Error::Limit`] if they are too many.
+    /// [`Error::Limit`] if there are too many points.
     pub fn check_grid(&self, path: &Path, dims: &[u64; 3]) -> Result<()> {
         for points in dims {
             self.check(path, "grid points along an axis", *points, self.points_per_axis)?;

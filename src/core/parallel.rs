@@ -1,7 +1,7 @@
 //! Runs work on several threads and delivers the results in order.
 //!
 //! The caller's thread consumes the results in item order, so the outcome does not depend on the number of threads.
-//! Workers stay at most two items per thread ahead of it, which bounds memory.
+//! Workers are at most two items per thread ahead of the caller's thread, which bounds memory.
 
 use std::collections::VecDeque;
 use std::sync::{Condvar, Mutex, PoisonError};
@@ -10,17 +10,18 @@ use crate::error::Result;
 
 struct WorkQueue<T> {
     next: usize,
-    /// Items whose results were consumed.
+    /// Number of items whose results the caller's thread has consumed.
     taken: usize,
-    /// Results of the items from `taken` on; `None` while a worker is busy.
+    /// Results of the items from index `taken` on; `None` while a worker still computes the result.
     results: VecDeque<Option<Result<T>>>,
-    /// Set by the first error or a panic.
+    /// Whether workers must stop; set by the first error, by a panic and at the end.
     stop: bool,
 }
 
-/// Calls `work` for the items `0..count` on `threads` threads, and `take` on the caller's thread, in item order.
+/// Calls `work` for each item of `0..count` on `threads` threads, and passes the results in item order to `take`.
 ///
-/// Each worker passes its own buffer, made by `scratch`, to `work`. With one thread nothing is spawned.
+/// `take` runs on the caller's thread. Each worker creates its own buffer with `scratch` and passes it to every call of
+/// `work`. If `threads` is 1 no thread is spawned: the caller's thread does everything.
 ///
 /// # Errors
 /// The first error of `work`, in item order, or of `take`; later results are dropped.

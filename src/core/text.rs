@@ -1,4 +1,4 @@
-//! Reads small text files whole: transfer functions, headers.
+//! Reads small text files, such as transfer functions and headers, as a whole.
 
 use std::fs::File;
 use std::io::Read as _;
@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 /// Opens a regular file and returns it with its length in bytes.
 ///
 /// # Errors
-/// [`Error::Io`] as `action` if it cannot be opened; [`Error::Input`] if it is a folder, a pipe or a device.
+/// [`Error::Io`] that names `action` if the file cannot be opened; [`Error::Input`] if it is a folder, pipe or device.
 pub fn open_regular(path: &Path, action: &'static str) -> Result<(File, u64)> {
     let kind = std::fs::metadata(path).map_err(Error::io(action, path))?;
     if kind.is_dir() {
@@ -24,14 +24,14 @@ pub fn open_regular(path: &Path, action: &'static str) -> Result<(File, u64)> {
     Ok((file, len))
 }
 
-/// Longest text file that is read; a palette of 65,536 labels takes a tenth of it.
+/// Size of the longest text file that is read, in bytes. A palette of 65,536 labels needs a tenth of it.
 const LONGEST_TEXT: u64 = 64 << 20;
 
 /// Reads a text file, such as a transfer function.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read or is not UTF-8; [`Error::Input`] if it is not a regular file; [`Error::Limit`]
-/// if it is longer than 64 MiB.
+/// [`Error::Io`] if the file cannot be read or is not UTF-8; [`Error::Input`] if it is not a regular file;
+/// [`Error::Limit`] if it is longer than 64 MiB.
 pub fn read_text(path: &Path) -> Result<String> {
     let (file, need) = open_regular(path, "read")?;
     if need > LONGEST_TEXT {

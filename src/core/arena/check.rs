@@ -1,4 +1,4 @@
-//! The check: whether an arena that opened is sound, in O(bytes).
+//! The check: tells whether the content of an open arena follows all rules of the format, in O(bytes).
 //!
 //! In: an [`Arena`]. Out: counts, or the first broken rule of `formats/adj-1.md` among R12 to R22 with its byte. The check
 //! allocates nothing that grows with the file and ends on any bytes: every tile, line and record is read once, because
@@ -26,7 +26,7 @@ use super::pager::tell;
 use crate::error::FormatFault;
 use crate::volume::Axis;
 
-/// The contents of a sound arena.
+/// The size and counts of an arena that passed the check.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Checked {
     /// Length of the file in bytes.
@@ -37,7 +37,7 @@ pub struct Checked {
     pub lanes: Vec<CheckedLane>,
 }
 
-/// The size of one lane of a sound arena.
+/// The size of one lane of an arena that passed the check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct CheckedLane {
     /// The axis along which the lane's lines run.
@@ -53,11 +53,11 @@ pub struct CheckedLane {
 }
 
 impl Arena<'_> {
-    /// Checks everything that opening did not: rules R12 to R22 of `formats/adj-1.md`.
+    /// Checks everything that [`Arena::new`] did not check: rules R12 to R22 of `formats/adj-1.md`.
     ///
     /// In a file that passes, all lanes hold the same voxels, inside the grid, in the only valid way to store them. Any
-    /// change of a single byte of a sound file makes opening or this check fail. O(bytes): 4 to 7 ns per record, with all
-    /// channels and checksums (benches/open.rs).
+    /// change of a single byte of such a file makes opening or this check fail. O(bytes): 4 to 7 ns per record, with
+    /// all channels and checksums (benches/open.rs).
     ///
     /// # Errors
     /// The first broken rule, with its byte offset in the file.
@@ -114,7 +114,7 @@ fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
     zeros(end, bytes.len() as u64)
 }
 
-/// Returns the XXH3-64 of a section; in parts if pages are limited, so that not all are resident at once.
+/// Returns the XXH3-64 of a section. Reads it in parts if a pager limits resident pages.
 fn checksum(arena: &Arena, content: &[u8]) -> u64 {
     let Some(pager) = arena.pager() else { return xxh3_64(content) };
     let mut sum = Xxh3::new();
@@ -158,17 +158,17 @@ struct LaneCheck<'a> {
     lane: Lane<'a>,
     facts: &'a Facts,
     hash: VoxelHash,
-    /// Starts of the lane's sections in the file, in the order of [`SectionKind::OF_LANES`].
+    /// Byte offsets of the lane's sections in the file, in the order of [`SectionKind::OF_LANES`].
     offsets: [u64; 6],
     stepping_voxels: u64,
     sum: u64,
 }
 
 struct LineOutcome {
-    /// One past the highest coordinate.
+    /// Highest coordinate of the line's voxels, plus 1.
     end: u32,
     stepping_voxels: u32,
-    /// All bits set in the channels of stepping voxels, which must carry nothing.
+    /// Bitwise OR of all codes of stepping voxels; must be 0, because they hold no voxel.
     stray: u64,
     sum: u64,
 }
@@ -185,7 +185,7 @@ impl<'a> LaneCheck<'a> {
         }
     }
 
-    /// Runs [`LaneCheck::run`] compiled for the widths of the lane's channels.
+    /// Runs the variant of [`LaneCheck::run`] that is compiled for the widths of the lane's channels.
     fn run_by_width(self) -> Result<(CheckedLane, u64), FormatFault> {
         let channels = self.lane.channels;
         match (channels.value_bits, channels.normal_bits, channels.magnitude_bits) {
@@ -256,7 +256,8 @@ impl<'a> LaneCheck<'a> {
         Ok((counts, self.sum))
     }
 
-    /// Checks that the tile lies inside the face, after the previous one, with all its lines inside. R13.
+    /// Checks that the tile and its lines lie inside the face (the lane's lines as a 2-D array), and that the tile
+    /// follows the previous one in tile order. R13.
     fn check_place(&self, tile: &TileRecord, at: u64, last_key: &mut Option<u32>) -> Result<(), FormatFault> {
         let edge = u32::from(TILE_EDGE);
         let dims = self.lane.axis.others().map(|axis| self.lane.dims[axis.index()]);
@@ -283,7 +284,7 @@ impl<'a> LaneCheck<'a> {
         Ok(())
     }
 
-    /// Returns the index after the last record of a line that starts at record `start`. R16.
+    /// Checks the end of a line whose first record is `start`; returns the index after its last record. R16.
     #[inline(always)]
     fn check_line_end(&self, line: usize, first_record: usize, start: usize) -> Result<usize, FormatFault> {
         let (at, records) = (self.line_end_offset(line), self.lane.steps.len());
@@ -299,7 +300,7 @@ impl<'a> LaneCheck<'a> {
         Ok(end)
     }
 
-    /// Checks the steps of the line at `bit` of `tile`. R17, R18.
+    /// Checks the records of the line at `bit` of the tile's mask. R17, R18.
     #[inline(always)]
     fn check_line<const V: usize, const N: usize, const M: usize>(
         &mut self,
@@ -353,14 +354,14 @@ impl<'a> LaneCheck<'a> {
         end
     }
 
-    /// Returns the first coordinate of a line that is outside the grid, with its record.
+    /// Returns the first coordinate of a line that is outside the grid, with the index of its record.
     fn first_outside(&self, records: std::ops::Range<usize>) -> (u32, usize) {
         let points = self.lane.dims[self.lane.axis.index()];
         let outside = self.lane.line_voxels(records.clone()).find(|&(coordinate, _)| coordinate >= points);
         outside.unwrap_or((points, records.start))
     }
 
-    /// Returns the fault of a stepping voxel that carries something. R18.
+    /// Returns the fault for the first stepping voxel of a line with a code that is not 0. R18.
     fn stray_fault(&self, records: std::ops::Range<usize>) -> FormatFault {
         let lane = &self.lane;
         let widths = [lane.channels.value_bits / 8, lane.channels.normal_bits / 4, lane.channels.magnitude_bits / 8];
@@ -383,7 +384,7 @@ impl<'a> LaneCheck<'a> {
     }
 }
 
-/// Returns the bit position of a coordinate on `axis` in the packed position.
+/// Returns the bit at which a coordinate on `axis` starts in a position packed for the voxel hash.
 const fn shift(axis: Axis) -> u32 {
     match axis {
         Axis::X => 0,
@@ -411,7 +412,7 @@ impl VoxelHash {
     }
 }
 
-/// Multiplies, and combines the halves of the product by exclusive or.
+/// Multiplies `a` by `b`, and combines the halves of the 128-bit product by exclusive or.
 #[inline(always)]
 fn fold(a: u64, b: u64) -> u64 {
     let product = u128::from(a) * u128::from(b);
@@ -420,7 +421,7 @@ fn fold(a: u64, b: u64) -> u64 {
     halves.0 ^ halves.1
 }
 
-/// Follows a line with values of `V` bytes, normals of `N` and magnitudes of `M`.
+/// Adds up the steps of a line and hashes its voxels; `V`, `N` and `M` are the bytes of a value, normal and magnitude.
 ///
 /// `records` must lie inside the channels and number at most 65,535. `place` holds the line's two coordinates.
 #[inline(always)]

@@ -1,23 +1,23 @@
 //! The order of a lane's tiles in memory.
 //!
-//! A walk visits a lane's face row by row or column by column. Along a space-filling curve, both neighbours of a tile
-//! are near it in memory, so both directions use the cache well.
+//! A walk visits a lane's face (its lines as a 2-D array) row by row or column by column. On a space-filling curve, the
+//! next tile in the row and the next one in the column are both near in memory, so both directions use the cache well.
 
 use crate::error::{Error, Result};
 
 /// The order of a lane's tiles in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum TileOrder {
-    /// Along a Z-order curve (Morton 1966): the bits of u and v interleaved, u lowest.
+    /// Along a Z-order curve (Morton 1966): the bits of the tile's u and v are interleaved; bit 0 is from u.
     #[default]
     Morton = 0,
     /// Along a Hilbert curve of 2^13 x 2^13 tiles.
     Hilbert = 1,
-    /// Row by row: v slow, u fast.
+    /// Row by row: u changes fastest.
     Rows = 2,
 }
 
-/// Bits of a tile's row and column: 65,535 lines in tiles of 8.
+/// Number of bits that a tile's row or column needs: an axis has at most 65,535 lines, in tiles of 8.
 const CURVE_BITS: u32 = 13;
 
 impl TileOrder {
@@ -28,7 +28,7 @@ impl TileOrder {
         self as u8
     }
 
-    /// Returns the order with this number in a file's header.
+    /// Returns the order with this number in a file's header; `None` if no order has it.
     pub fn from_code(code: u8) -> Option<TileOrder> {
         TileOrder::ALL.into_iter().find(|order| order.code() == code)
     }
@@ -66,7 +66,8 @@ fn spread(x: u16) -> u32 {
     (x | x << 1) & 0x5555_5555
 }
 
-/// Returns the distance along the Hilbert curve: one quadrant per bit, reflecting the remaining bits to match.
+/// Returns how far along the Hilbert curve tile (u, v) lies. Each bit selects a quadrant; the lower bits are reflected
+/// to match the quadrant's orientation.
 fn hilbert(mut u: u32, mut v: u32) -> u32 {
     let mut distance = 0;
     for bit in (0..CURVE_BITS).rev() {

@@ -14,20 +14,20 @@ use super::pager::{Pager, tell};
 use super::visible::VisibleCodes;
 use crate::volume::Axis;
 
-/// The distance that a stepping voxel bridges.
+/// The distance, in grid points, that a stepping voxel bridges (a record that stands for no voxel of its own).
 pub const STEPPING: u32 = 255;
 
-/// For each line, the index after its last record, counted from the first record of its tile.
+/// For each scan line, the index after its last record, counted from the first record of its tile.
 #[derive(Debug, Clone, Copy)]
 pub enum LineEnds<'a> {
-    /// Two bytes each, for lines of at most [`super::layout::NARROW_LINE`] points.
+    /// Ends of two bytes each, for lines of at most [`super::layout::NARROW_LINE`] grid points.
     Narrow(&'a [U16]),
-    /// Four bytes each, for longer lines.
+    /// Ends of four bytes each, for longer lines.
     Wide(&'a [U32]),
 }
 
 impl<'a> LineEnds<'a> {
-    /// Returns the bytes of the ends of lines `range`, as far as they exist.
+    /// Returns the bytes that store the ends of the lines in `range`, as far as these lines exist.
     pub(crate) fn bytes_of(&self, range: Range<usize>) -> &'a [u8] {
         let within = |len: usize| range.start.min(len)..range.end.min(len).max(range.start.min(len));
         match self {
@@ -43,12 +43,10 @@ impl<'a> LineEnds<'a> {
         }
     }
     /// Returns whether there are no lines.
-    /// Whether there are no lines.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
     /// Returns the end of line `index`; `None` past the last line.
-    /// The end of line `index`; `None` past the last.
     #[inline(always)]
     pub fn get(&self, index: usize) -> Option<u32> {
         match self {
@@ -58,41 +56,41 @@ impl<'a> LineEnds<'a> {
     }
 }
 
-/// A lane that borrows its data.
+/// A lane that borrows its data: every visible voxel, on the scan lines along one axis.
 #[derive(Debug, Clone, Copy)]
 pub struct Lane<'a> {
     /// The axis along which the lane's lines run.
     pub axis: Axis,
     /// Number of grid points along x, y, z.
     pub dims: [u32; 3],
-    /// Widths of the channels.
+    /// Widths of the channels (the arrays with one code per record).
     pub channels: Channels,
-    /// Tiles that are not empty, in tile order.
+    /// Tiles (blocks of 8 x 8 neighbouring lines) that are not empty, in tile order.
     pub tiles: &'a [TileRecord],
-    /// Ends of the lines that are not empty, tile by tile, in the order of the mask's bits.
+    /// Ends of the lines that are not empty, tile by tile, in the order of the bits of the tile's mask.
     pub line_ends: LineEnds<'a>,
-    /// One byte per record: the distance from the previous record; 0 marks a stepping voxel, which bridges 255.
+    /// One byte per record: the distance from the previous one on its line, in grid points; 0 marks a stepping voxel.
     pub steps: &'a [u8],
-    /// Value codes, 1 or 2 bytes per record.
+    /// Value codes (stored numbers of values), 1 or 2 bytes per record.
     pub values: &'a [u8],
     /// Normal codes, 0, 2 or 4 bytes per record.
     pub normals: &'a [u8],
     /// Magnitude codes, 0 or 1 byte per record.
     pub magnitudes: &'a [u8],
-    /// Lines and records of the tiles that an [overlay](super::Overlay) changed; their indices follow the lane's own.
+    /// Lines and records of the tiles that an [overlay](super::Overlay) changed. Their indices continue the lane's own.
     pub patch: Option<&'a OwnedLane>,
-    /// The codes of voxels that are shown; `None` shows all.
+    /// The codes whose voxels are shown; `None` shows all voxels.
     pub shown: Option<&'a VisibleCodes>,
-    /// Informed before parts of the lane are read; `None` if pages are not limited.
+    /// Is told which parts of the lane are about to be read; `None` if the resident pages of the file are not limited.
     pub pager: Option<&'a dyn Pager>,
 }
 
-/// Tiles, and records, that are announced to the pager at once.
+/// Number of tiles, and number of records, that a sweep announces to the pager at once.
 const SWEEP_TILES: usize = 1 << 10;
 const SWEEP_RECORDS: usize = 1 << 14;
 
 impl<'a> Lane<'a> {
-    /// Informs the pager that these records are about to be read, in all channels.
+    /// Tells the pager (which limits resident pages) that `records` are about to be read in all channels.
     #[inline]
     pub fn about_to_read(&self, records: Range<usize>) {
         if self.pager.is_some() {
@@ -106,7 +104,7 @@ impl<'a> Lane<'a> {
         }
     }
 
-    /// Returns tile `index`, and informs the pager.
+    /// Returns tile `index`, and tells the pager that it is about to be read; `None` past the last tile.
     #[inline]
     pub fn tile(&self, index: usize) -> Option<&'a TileRecord> {
         let tile = self.tiles.get(index)?;
@@ -114,7 +112,7 @@ impl<'a> Lane<'a> {
         Some(tile)
     }
 
-    /// Iterates over all tiles, and informs the pager.
+    /// Iterates over all tiles, and tells the pager which tiles are about to be read.
     pub fn sweep_tiles(&self) -> impl Iterator<Item = &'a TileRecord> + use<'a> {
         let pager = self.pager;
         self.tiles.chunks(SWEEP_TILES).flat_map(move |chunk| {
@@ -123,7 +121,7 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// Iterates over all records in ranges, and informs the pager.
+    /// Iterates over ranges that together cover the lane's own records, and tells the pager before each range is read.
     pub fn sweep_records(&self) -> impl Iterator<Item = Range<usize>> + use<'a> {
         let lane = *self;
         (0..lane.steps.len()).step_by(SWEEP_RECORDS).map(move |start| {
@@ -137,7 +135,7 @@ impl<'a> Lane<'a> {
         (self.steps.len() + self.patch.map_or(0, |patch| patch.steps.len())) as u64
     }
 
-    /// Returns the bytes of all sections, without padding.
+    /// Returns the size of all sections of the lane in bytes, without padding.
     pub fn bytes(&self) -> u64 {
         let width = match self.line_ends {
             LineEnds::Narrow(_) => 2,
@@ -175,13 +173,13 @@ impl<'a> Lane<'a> {
         (!self.tiles.is_empty()).then(|| (inside(low), inside(high)))
     }
 
-    /// Calls `see` with the index of each voxel's record that is shown, in the order of the records. O(records).
+    /// Calls `see` with the record index of each voxel that is shown, tile by tile. O(records).
     pub fn each_record(&self, mut see: impl FnMut(usize)) {
         if self.patch.is_none() {
             let voxels = self.sweep_records().flatten().filter(|&record| self.steps[record] != 0);
             voxels.filter(|&record| self.shows(record)).for_each(see);
         } else {
-            // Changed tiles leave unused records behind: only lines tell which records count.
+            // Changed tiles leave unused records behind: only the lines tell which records are in use.
             for line in self.lines() {
                 self.line_voxels(line.records).filter(|&(_, record)| self.shows(record)).for_each(|(_, r)| see(r));
             }
@@ -214,18 +212,18 @@ impl<'a> Lane<'a> {
 /// The position of a scan line, and the range of its records.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LineSpan {
-    /// Coordinate on the lower of the two axes that are not the lane's.
+    /// Coordinate on the first of the two axes across the lane.
     pub u: u32,
-    /// Coordinate on the higher of these axes.
+    /// Coordinate on the second of the two axes across the lane.
     pub v: u32,
-    /// The line's records. Always inside the channels; empty where a damaged file is inconsistent.
+    /// Indices of the line's records. Always inside the channels; empty where a damaged file is inconsistent.
     pub records: Range<usize>,
 }
 
 impl<'a> Lane<'a> {
-    /// Iterates over the lines of `tile` that have a bit in `wanted`, in the order of the bits.
+    /// Iterates over the lines of `tile` whose bit is set in the mask `wanted`, in the order of the bits.
     ///
-    /// This is the simple way to read a lane; the walk has a faster one, and tests compare the two.
+    /// This is the simple way to read a lane; a walk uses faster code, and tests compare the results.
     pub fn tile_lines(&self, tile: &TileRecord, wanted: u64) -> impl Iterator<Item = LineSpan> + use<'a> {
         let (lane, tile) = (*self, *tile);
         tell(lane.pager, || lane.line_ends.bytes_of(tile.lines()));
@@ -264,13 +262,13 @@ impl<'a> Lane<'a> {
         self.line_ends.get(index).or_else(|| self.patched_line_end(index))
     }
 
-    /// Returns the end of a line that belongs to the patch.
+    /// Returns the end of line `index`, which belongs to the patch; `None` past the patch's last line.
     #[cold]
     pub(crate) fn patched_line_end(&self, index: usize) -> Option<u32> {
         self.patch?.view().line_ends.get(index.checked_sub(self.line_ends.len())?)
     }
 
-    /// Returns the steps of `records`; empty if some lie past the end.
+    /// Returns the steps of `records`; empty if some of them lie past the last record.
     pub fn steps_of(&self, records: Range<usize>) -> &'a [u8] {
         self.steps.get(records.clone()).unwrap_or_else(|| {
             let own = self.steps.len();
@@ -279,7 +277,7 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// Returns a code of a record that belongs to the patch; 0 past its end.
+    /// Returns what `code` reads for a record that belongs to the patch; 0 past the patch's last record.
     #[cold]
     fn patched<T: Default>(&self, record: usize, code: impl Fn(&Lane<'_>, usize) -> T) -> T {
         match self.patch.zip(record.checked_sub(self.steps.len())) {
@@ -288,11 +286,11 @@ impl<'a> Lane<'a> {
         }
     }
 
-    /// Iterates over the voxels of a line, by ascending coordinate: (coordinate on the lane's axis, record).
+    /// Iterates over the voxels of the line with `records`: (coordinate on the lane's axis, record index), ascending.
     pub fn line_voxels(&self, records: Range<usize>) -> impl Iterator<Item = (u32, usize)> + use<'a> {
         self.about_to_read(records.clone());
         let steps = self.steps_of(records.clone());
-        // The first step counts from -1, so the position is one ahead of the coordinate.
+        // The first step counts from -1, so `position` is the coordinate plus 1.
         let mut position = 0u32;
         steps.iter().zip(records.start..).filter_map(move |(&step, record)| {
             position = position.wrapping_add(if step == 0 { STEPPING } else { u32::from(step) });
@@ -300,7 +298,7 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// Returns all codes of `record`; 0 past the end and for channels that are not stored.
+    /// Returns all codes of `record`; 0 past the last record and for channels that are not stored.
     #[inline(always)]
     pub fn record(&self, record: usize) -> Record {
         Record {
@@ -310,7 +308,7 @@ impl<'a> Lane<'a> {
         }
     }
 
-    /// Returns the value code of `record`; 0 past the end.
+    /// Returns the value code of `record`; 0 past the last record.
     #[inline(always)]
     pub fn value_code(&self, record: usize) -> u16 {
         let code = match self.channels.value_bits {
@@ -320,7 +318,7 @@ impl<'a> Lane<'a> {
         code.unwrap_or_else(|| self.patched(record, |patch, record| patch.value_code(record)))
     }
 
-    /// Returns the normal code of `record`, u in the low half; 0 past the end or without normals.
+    /// Returns the normal code of `record`, octahedral u in the low half; 0 past the last record or without normals.
     #[inline(always)]
     pub fn normal_code(&self, record: usize) -> u32 {
         let code = match self.channels.normal_bits {
@@ -331,7 +329,7 @@ impl<'a> Lane<'a> {
         code.unwrap_or_else(|| self.patched(record, |patch, record| patch.normal_code(record)))
     }
 
-    /// Returns the magnitude code of `record`; 0 past the end or without magnitudes.
+    /// Returns the magnitude code of `record`; 0 past the last record or without magnitudes.
     #[inline(always)]
     pub fn magnitude_code(&self, record: usize) -> u8 {
         if self.channels.magnitude_bits == 0 {

@@ -1,10 +1,10 @@
-//! The rows of a lane, read in place, with voxels kept, changed or dropped by a closure.
+//! The voxels of a lane as rows along x, read in place; a closure keeps, changes or drops each voxel.
 //!
 //! In: the lane along x and the closure. Out: [`Rows`], from which [`crate::file::write_rows`] makes a file. Memory: the
 //! current row and an index of the tiles (4 bytes per tile).
 //!
-//! Safe on any bytes: from a damaged lane it yields some voxels inside the grid, at most as many as there are records,
-//! and the same ones at each reading.
+//! Safe on any bytes: a damaged lane yields voxels inside the grid, at most as many as it has records, and the same
+//! voxels each time it is read.
 
 use std::ops::Range;
 
@@ -15,14 +15,15 @@ use super::rows::{Region, Rows, Voxel};
 use crate::error::Result;
 use crate::volume::Axis;
 
-/// Rows of a lane along x. `keep` receives (x, y, z), the record's index and its codes, and returns what to keep.
+/// Yields the voxels of a lane along x row by row. `keep` receives a voxel's (x, y, z), record index and codes, and
+/// returns the codes to yield, or `None` to drop the voxel.
 pub struct LaneRows<'a, K> {
     lane: Lane<'a>,
-    /// Indices of the lane's tiles, sorted by v, then u.
+    /// Indices of the lane's tiles, sorted by tile row v, then tile column u.
     tiles: Vec<u32>,
-    /// The region that is read, in the lane's coordinates.
+    /// The box of grid points that is read, in the lane's coordinates.
     window: [Range<u32>; 3],
-    /// The lane's coordinates of the rows' point (0, 0, 0).
+    /// The grid point of the lane that becomes grid point (0, 0, 0) of the rows.
     origin: [u16; 3],
     dims: [u32; 3],
     channels: Channels,
@@ -30,7 +31,7 @@ pub struct LaneRows<'a, K> {
 }
 
 impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K> {
-    /// Creates the rows of `lane`, with each voxel replaced by what `keep` returns.
+    /// Creates the rows of `lane`, with each voxel replaced by the record that `keep` returns, or dropped.
     ///
     /// # Panics
     /// If `lane` does not run along x.
@@ -75,7 +76,7 @@ impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K
         self
     }
 
-    /// Returns the part of the window inside `region`, in the lane's coordinates.
+    /// Returns the part of the window that is inside `region`, in the lane's coordinates.
     fn inside(&self, region: &Region) -> [Range<u32>; 3] {
         let parts = [&region.xs, &region.ys, &region.zs];
         std::array::from_fn(|a| {
@@ -141,22 +142,22 @@ fn narrow(coordinate: u32) -> u16 {
     u16::try_from(coordinate).expect("inside a grid of at most 65,535 points an axis")
 }
 
-/// Returns a mask of the lines of `tile` inside `us` and `vs`.
+/// Returns a mask of the lines of `tile` whose u is in `us` and whose v is in `vs`.
 fn wanted_lines(tile: &TileRecord, us: &Range<u32>, vs: &Range<u32>) -> u64 {
     let edge = u32::from(TILE_EDGE);
-    // Bits `from..to` of eight, for a range that overlaps the tile.
+    // One bit per line along an edge of the tile: set if `range`, which overlaps the tile, contains the line.
     let eight = |range: &Range<u32>, tile: u16| {
         let first = u32::from(tile) * edge;
         let end = |end: u32| end.saturating_sub(first).min(edge);
         (1u64 << end(range.end)) - (1u64 << end(range.start))
     };
     let (columns, rows) = (eight(us, tile.tile_u.get()), eight(vs, tile.tile_v.get()));
-    // Bit i of `rows` becomes byte i.
+    // Bit i of `rows` fills byte i.
     let spread = (0..8).map(|row| (rows >> row & 1) * (0xff << (8 * row))).sum::<u64>();
     spread & columns.wrapping_mul(0x0101_0101_0101_0101)
 }
 
-/// Returns the indices of a lane's sound tiles, sorted by v, then u.
+/// Returns the indices of a lane's undamaged tiles, sorted by tile row v, then tile column u.
 fn tiles_by_row(lane: &Lane) -> Vec<u32> {
     let [across, up] = lane.axis.others().map(|a| lane.dims[a.index()].div_ceil(u32::from(TILE_EDGE)));
     let mut budget = lane.record_count();
@@ -179,7 +180,7 @@ fn tiles_by_row(lane: &Lane) -> Vec<u32> {
     tiles
 }
 
-/// Returns v and u of tile `index`.
+/// Returns the tile row v and the tile column u of tile `index`.
 fn row_position(lane: &Lane, index: u32) -> (u32, u32) {
     let tile = &lane.tiles[index as usize];
     (tile.tile_v.get().into(), tile.tile_u.get().into())

@@ -24,10 +24,10 @@ impl DerivedLanes {
         DerivedLanes { lanes: Default::default(), memory }
     }
 
-    /// Returns the lane of `arena` along `axis`. Derives a missing one, once, in about the time of a few frames.
+    /// Returns the lane of `arena` along `axis`. A missing lane is derived once, in about the time of a few frames.
     ///
     /// # Errors
-    /// [`Error::Limit`] if a derived lane would exceed the memory.
+    /// [`Error::Limit`] if the derived lanes would exceed the memory they may take.
     pub(crate) fn lane<'a>(&'a self, arena: &Arena<'a>, axis: Axis) -> Result<Lane<'a>> {
         if let Some(lane) = arena.lane(axis) {
             return Ok(lane);
@@ -74,7 +74,7 @@ impl<'a> LaneSet<'a> {
     /// Returns the lane along `axis`, deriving it if the arena does not store it.
     ///
     /// # Errors
-    /// [`Error::Limit`] if a derived lane would exceed the memory.
+    /// [`Error::Limit`] if the derived lanes would exceed the memory they may take.
     pub fn lane(&self, axis: Axis) -> Result<Lane<'_>> {
         self.derived.lane(&self.arena, axis)
     }

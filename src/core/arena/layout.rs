@@ -21,67 +21,67 @@ use zerocopy::{FromBytes, FromZeros, Immutable, IntoBytes, KnownLayout, Unaligne
 use super::curve::TileOrder;
 use crate::volume::{Axis, Grid};
 
-/// The first eight bytes: "ADJ" after a byte that no text has, then line ends that a text transfer would change.
+/// The first eight bytes of a file: a byte that is not ASCII, "ADJ", then line breaks that a text transfer changes.
 pub const MAGIC: [u8; 8] = *b"\x89ADJ\r\n\x1a\n";
 /// Major version of the format. Readers refuse any other, because the bytes would have another meaning.
 pub const MAJOR: u16 = 1;
-/// Minor version of the format. A higher one only adds sections of optional kinds.
+/// Minor version of the format. A higher minor version only adds section kinds that readers may skip.
 pub const MINOR: u16 = 0;
-/// Sections start at multiples of this, so that each can be bound as a GPU storage buffer. The last one is padded too:
-/// uploads in words of four bytes may read past a section's end.
+/// Sections start at multiples of this many bytes, so that each can be bound as a GPU storage buffer. The last section
+/// is padded too: uploads in words of four bytes may read past a section's end.
 pub const ALIGNMENT: u64 = 256;
-/// Lines along each edge of a tile.
+/// Number of scan lines along each edge of a tile (a square block of neighbouring lines).
 pub const TILE_EDGE: u16 = 8;
-/// Readers may skip sections of this kind or higher that they do not know.
+/// Lowest number of an optional section kind: readers may skip sections of unknown kinds from this number on.
 pub const OPTIONAL_KINDS: u16 = 0x8000;
-/// Longest line, in grid points, with two-byte line ends: 64 such lines have at most 65,535 records.
+/// Longest scan line, in grid points, whose end is stored in two bytes: 64 such lines have at most 65,535 records.
 pub const NARROW_LINE: u32 = 1_023;
-/// Most sections of a file; three complete lanes need 19.
+/// Largest number of sections in a file; three complete lanes need 19.
 pub const MAX_SECTIONS: u32 = 1_024;
 
 /// The first 256 bytes of a file.
 #[derive(Debug, Clone, Copy, FromBytes, IntoBytes, KnownLayout, Immutable, Unaligned)]
 #[repr(C)]
 pub struct FileHeader {
-    /// [`MAGIC`]. R1.
+    /// Always [`MAGIC`]. R1.
     pub magic: [u8; 8],
-    /// [`MAJOR`]. R2.
+    /// Always [`MAJOR`]. R2.
     pub major: U16,
-    /// [`MINOR`] or later. R2.
+    /// [`MINOR`] or a higher minor version. R2.
     pub minor: U16,
     /// Number of entries in the section table, at most [`MAX_SECTIONS`]. R5.
     pub section_count: U32,
     /// Length of the file in bytes. R4.
     pub file_bytes: U64,
-    /// XXH3-64 of the header, with this field 0, followed by the section table. R3.
+    /// XXH3-64 of the header, with this field set to 0, followed by the section table. R3.
     pub header_xxh3: U64,
     /// Number of grid points along x, y, z; each at least 1. R6.
     pub dims: [U16; 3],
-    /// Bits of a value: 8 or 16. R7.
+    /// Bits per value: 8 or 16. R7.
     pub value_bits: u8,
-    /// Bits of a normal's component: 0 (no normals), 8 or 16. R7.
+    /// Bits per component of a normal: 0 (no normals), 8 or 16. R7.
     pub normal_bits: u8,
-    /// Bits of a gradient magnitude: 0 (no magnitudes) or 8. R7.
+    /// Bits per gradient magnitude: 0 (no magnitudes) or 8. R7.
     pub magnitude_bits: u8,
     /// Order of the tiles: 0 Morton, 1 Hilbert, 2 rows. R7.
     pub tile_order: u8,
-    /// 0. R8.
+    /// Reserved; always 0. R8.
     pub reserved_0: [u8; 6],
     /// Number of visible voxels, the same in every lane. R11, R19.
     pub visible_voxels: U64,
-    /// Distance between grid points along each index axis. R6.
+    /// Distance between neighbouring grid points along each index axis, in world units. R6.
     pub spacing: [F64; 3],
     /// World position of grid point (0, 0, 0). R6.
     pub origin: [F64; 3],
     /// World directions of the index axes x, y, z, as unit vectors. R6.
     pub direction: [[F64; 3]; 3],
-    /// Value of code 0, in the samples' own unit. R9.
+    /// Value of code 0 (a code is the stored number of a value), in the samples' own unit. R9.
     pub value_low: F64,
     /// Difference in value between neighbouring codes. R9.
     pub value_step: F64,
-    /// Gradient magnitude of code 255, per world length. R9.
+    /// Gradient magnitude of code 255, in value per world unit. R9.
     pub magnitude_scale: F64,
-    /// 0. R8.
+    /// Reserved; always 0. R8.
     pub reserved_1: [u8; 56],
 }
 
@@ -94,19 +94,19 @@ const _: () = {
     assert!(offset_of!(FileHeader, reserved_1) == 200);
 };
 
-/// One entry of the section table.
+/// One entry of the section table: the kind, position and checksum of a section.
 #[derive(Debug, Clone, Copy, FromBytes, IntoBytes, KnownLayout, Immutable, Unaligned)]
 #[repr(C)]
 pub struct SectionEntry {
-    /// A [`SectionKind`] as a number. R10.
+    /// The number of the section's [`SectionKind`]. R10.
     pub kind: U16,
     /// The lane that the section belongs to: 0, 1 or 2 for x, y, z; 255 for none. R10.
     pub axis: u8,
-    /// Bytes of one element. R11.
+    /// Size of one element in bytes. R11.
     pub element_bytes: u8,
-    /// 0. R8.
+    /// Reserved; always 0. R8.
     pub reserved: U32,
-    /// Start in the file: the first multiple of [`ALIGNMENT`] after the previous section. R5.
+    /// Byte offset in the file: the first multiple of [`ALIGNMENT`] after the previous section. R5.
     pub offset: U64,
     /// Length in bytes; a multiple of `element_bytes`. R5, R11.
     pub bytes: U64,
@@ -115,7 +115,7 @@ pub struct SectionEntry {
 }
 
 impl SectionEntry {
-    /// Returns the entry of a section that is not laid out yet: offset, length and checksum are 0.
+    /// Returns the entry of a section without a position yet: offset, length and checksum are 0.
     pub(crate) fn empty(kind: SectionKind, axis: u8, element_bytes: u8) -> SectionEntry {
         SectionEntry { kind: U16::new(kind as u16), axis, element_bytes, ..SectionEntry::new_zeroed() }
     }
@@ -128,35 +128,37 @@ const _: () = {
 
 /// A tile: 8 x 8 neighbouring scan lines of a lane, at least one of which holds a voxel.
 ///
-/// u and v are the two axes that are not the lane's, u the lower. Line (u, v) of the tile is bit `(v % 8) * 8 + u % 8`
-/// of the mask.
+/// u and v are a line's coordinates on the two axes across the lane; u belongs to the first of these axes (x before y
+/// before z). Line (u, v) of the tile is bit `(v % 8) * 8 + u % 8` of the mask `occupancy`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, FromBytes, IntoBytes, KnownLayout, Immutable, Unaligned)]
 #[repr(C)]
 pub struct TileRecord {
-    /// The tile's column: lines `u = 8 * tile_u ..`. R13.
+    /// The tile's column: its lines have u from `8 * tile_u` to `8 * tile_u + 7`. R13.
     pub tile_u: U16,
-    /// The tile's row: lines `v = 8 * tile_v ..`. R13.
+    /// The tile's row: its lines have v from `8 * tile_v` to `8 * tile_v + 7`. R13.
     pub tile_v: U16,
-    /// Index of this tile's first line in the lane's line ends: the number of lines in all tiles before it. R14.
+    /// Index of this tile's first line in the lane's line ends: the number of stored lines in all tiles before it. R14.
     pub first_line: U32,
-    /// Index of this tile's first record in the lane's channels: the number of records in all tiles before it. R14.
+    /// Index of this tile's first record in the lane's channels (the arrays of steps, values, normals and magnitudes):
+    /// the number of records in all tiles before it. R14.
     pub first_record: U64,
-    /// Mask of the lines that hold voxels; never 0, and no line outside the face. R13.
+    /// Mask of the tile's lines that hold voxels; never 0. Lines outside the face (the lane's lines as a 2-D array) are
+    /// not in it. R13.
     pub occupancy: U64,
-    /// Lowest coordinate of a voxel on the lane's axis. R15.
+    /// Lowest coordinate of the tile's voxels on the lane's axis. R15.
     pub low: U16,
-    /// Highest coordinate of a voxel on the lane's axis, inclusive. R15.
+    /// Highest coordinate of the tile's voxels on the lane's axis, inclusive. R15.
     pub high: U16,
 }
 
 impl TileRecord {
-    /// Returns the range of the tile's lines in the lane's line ends; in a damaged file it may exceed them.
+    /// Returns the index range of the tile's lines in the lane's line ends; in a damaged file it may exceed the array.
     pub(crate) fn lines(&self) -> std::ops::Range<usize> {
         let first = self.first_line.get() as usize;
         first..first.saturating_add(self.occupancy.get().count_ones() as usize)
     }
 
-    /// Returns the tile with its first line and first record increased.
+    /// Returns the tile with its first line increased by `lines`, and its first record by `records`.
     pub(crate) fn moved(mut self, lines: u32, records: u64) -> TileRecord {
         self.first_line = U32::new(self.first_line.get() + lines);
         self.first_record = U64::new(self.first_record.get() + records);
@@ -171,7 +173,7 @@ const _: () = {
     assert!(offset_of!(TileRecord, low) == 24);
 };
 
-/// What a section holds.
+/// The kinds of sections, by what they hold.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u16)]
 pub enum SectionKind {
@@ -179,13 +181,15 @@ pub enum SectionKind {
     Description = 1,
     /// [`TileRecord`]s in tile order.
     Tiles = 2,
-    /// For each line, tile by tile, in the order of the mask's bits: the index after its last record, from the tile's first.
+    /// For each line that holds voxels, tile by tile, in the order of the mask's bits: the index after its last record,
+    /// counted from the tile's first record.
     LineEnds = 3,
-    /// For each record: the distance from the previous one on its line; 0 marks a stepping voxel, which bridges 255.
+    /// For each record: the distance from the previous one on its line, in grid points. 0 marks a stepping voxel, which
+    /// only bridges 255 points.
     Steps = 4,
-    /// For each record: the code of the value.
+    /// For each record: the code (stored number) of the value.
     Values = 5,
-    /// For each record: the code of an octahedral normal.
+    /// For each record: the code of the normal, in octahedral encoding.
     Normals = 6,
     /// For each record: the code of the gradient magnitude.
     Magnitudes = 7,
@@ -206,7 +210,7 @@ impl SectionKind {
         [SectionKind::Description].into_iter().chain(SectionKind::OF_LANES).find(|&kind| kind as u16 == number)
     }
 
-    /// Returns the bytes of an element, in a lane along `axis` of a grid with `dims`; 0 if the lane has no such section.
+    /// Returns the size in bytes of one element of this kind in the lane along `axis`; 0 if there is no such section.
     pub fn element_bytes(self, channels: Channels, dims: [u32; 3], axis: Axis) -> u8 {
         match self {
             SectionKind::Description | SectionKind::Steps => 1,
@@ -218,7 +222,7 @@ impl SectionKind {
         }
     }
 
-    /// Returns the kind's name for messages.
+    /// Returns the kind's name, for use in messages.
     pub const fn name(self) -> &'static str {
         match self {
             SectionKind::Description => "description",
@@ -232,47 +236,47 @@ impl SectionKind {
     }
 }
 
-/// Returns the start of a section that follows byte `end`: the next multiple of [`ALIGNMENT`]. `end` is below 2^63.
+/// Returns where the section after byte `end` starts: at the next multiple of [`ALIGNMENT`]. `end` is below 2^63.
 pub const fn aligned(end: u64) -> u64 {
     end.next_multiple_of(ALIGNMENT)
 }
 
-/// Returns the bytes of a line end, 2 or 4, for lines of `line_points` grid points.
+/// Returns how many bytes store the end offset of a scan line of `line_points` grid points: 2 or 4.
 pub const fn line_end_bytes(line_points: u32) -> u8 {
     if line_points <= NARROW_LINE { 2 } else { 4 }
 }
 
-/// The channels of a record and their widths.
+/// The channels (arrays with one code per record) of a lane, with their widths.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Channels {
-    /// Bits of a value: 8 or 16.
+    /// Bits per value: 8 or 16.
     pub value_bits: u8,
     /// Bits of each of a normal's two components: 8 or 16, or 0 for no normals.
     pub normal_bits: u8,
-    /// Bits of a gradient magnitude: 8, or 0 for no magnitudes.
+    /// Bits per gradient magnitude: 8, or 0 for no magnitudes.
     pub magnitude_bits: u8,
 }
 
 impl Channels {
-    /// Returns the bytes of a record in all channels, including its step.
+    /// Returns how many bytes one record takes in all channels together, including its step.
     pub const fn record_bytes(self) -> u64 {
         1 + self.value_bits as u64 / 8 + self.normal_bits as u64 / 4 + self.magnitude_bits as u64 / 8
     }
 }
 
-/// The meaning of stored codes: the scales of values and gradient magnitudes.
+/// The scales that convert stored codes to values and gradient magnitudes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scales {
     /// Value of code 0.
     pub value_low: f64,
     /// Difference in value between neighbouring codes.
     pub value_step: f64,
-    /// Gradient magnitude of code 255, per world length.
+    /// Gradient magnitude of code 255, in value per world unit.
     pub magnitude_scale: f64,
 }
 
 impl Scales {
-    /// Returns the value of a code, which may lie between two codes; finite if both ends of the range are.
+    /// Returns the value of `code`, which may be fractional; finite if the lowest and highest codes have finite values.
     #[inline]
     pub fn value(&self, code: f64) -> f64 {
         let value = self.value_low + code * self.value_step;
@@ -284,26 +288,26 @@ impl Scales {
 /// The contents of an arena's header.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Facts {
-    /// The grid of the voxels; its `unit` is in the description instead.
+    /// The grid of the voxels. Its `unit` is not in the header: the file's JSON description holds it.
     pub grid: Grid,
     /// Channels of the records.
     pub channels: Channels,
     /// Order of the tiles in memory.
     pub tile_order: TileOrder,
-    /// The meaning of codes.
+    /// The scales that convert stored codes to values.
     pub scales: Scales,
     /// Number of visible voxels.
     pub visible_voxels: u64,
 }
 
-/// Returns the XXH3-64 of the header, with its own checksum field 0, followed by the section table.
+/// Returns the XXH3-64 of the header, with its checksum field set to 0, followed by the section table.
 pub fn header_checksum(header: &FileHeader, table: &[SectionEntry]) -> u64 {
     let mut blank = *header;
     blank.header_xxh3 = U64::ZERO;
     xxh3_64(&[blank.as_bytes(), table.as_bytes()].concat())
 }
 
-/// Returns the header for `facts`, without the counts and the checksum, which the writer adds.
+/// Returns the header for `facts`, without section count, file length and checksum, which the writer adds.
 pub fn header_of(facts: &Facts) -> FileHeader {
     let triple = |v: [f64; 3]| v.map(F64::new);
     FileHeader {

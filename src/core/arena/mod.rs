@@ -1,8 +1,8 @@
 //! The arena: only the visible voxels of a volume, packed in lanes.
 //!
-//! A [`Lane`] holds every visible voxel once, on the scan lines along one axis; three lanes serve every view. An
-//! [`Arena`] gives access to the bytes of a file without copying. An [`Overlay`] edits voxels, [`trim`] makes a smaller
-//! arena.
+//! A [`Lane`] holds every visible voxel once, sorted into the scan lines along one axis. Three lanes, one per axis,
+//! serve every view direction. An [`Arena`] gives access to the bytes of a file without copying. An [`Overlay`] adds
+//! and removes voxels, [`trim`] makes a smaller arena.
 
 mod check;
 mod curve;

@@ -3,8 +3,8 @@
 //! In: any bytes. Out: lanes that borrow them, after checking rules R1 to R11 of `formats/adj-1.md`. Nothing is copied;
 //! only the list of sections is allocated, at most [`MAX_SECTIONS`].
 //!
-//! Walks rely on what opening checks: channels of equal length, and counts that bound each other. The content of
-//! sections is not read. Whatever opens is safe to walk and to transpose; [`Arena::check`] tells whether it is sound.
+//! Walks rely on these checks: all channels have the same number of records, and counts bound each other. The content
+//! of sections is not read. Any arena that opens is safe to walk; [`Arena::check`] tells whether its content is valid.
 
 use std::mem::{offset_of, size_of};
 use std::path::Path;
@@ -23,7 +23,7 @@ use crate::error::{Error, FormatFault};
 use crate::limits::Limits;
 use crate::volume::{Axis, Grid};
 
-/// An open `.adj` file's bytes: header facts, sections and lanes, without copies.
+/// Gives access to the bytes of an open `.adj` file: header facts, sections and lanes, without copies.
 #[derive(Debug, Clone)]
 pub struct Arena<'a> {
     bytes: &'a [u8],
@@ -41,17 +41,17 @@ pub struct Section {
     pub kind: Option<SectionKind>,
     /// The lane that the section belongs to; `None` for the description.
     pub axis: Option<Axis>,
-    /// Bytes of one element.
+    /// Size of one element in bytes.
     pub element_bytes: u8,
     /// Start in the file, in bytes.
     pub offset: u64,
     /// Length in bytes, without padding.
     pub bytes: u64,
-    /// The checksum that the section table states.
+    /// XXH3-64 checksum of the section's bytes, as stated in the section table.
     pub xxh3: u64,
 }
 
-/// Creates the fault that `rule` is broken at byte `at` of the file.
+/// Creates the [`FormatFault`] for a file that breaks `rule` at byte `at`.
 pub(super) fn fault(
     at: u64,
     rule: &'static str,
@@ -61,7 +61,7 @@ pub(super) fn fault(
     FormatFault { at, rule, expected: expected.into(), got: got.to_string() }
 }
 
-/// Returns the byte of the file at which a field of the header, or of entry `index` of the section table, starts.
+/// Returns the byte offset in the file of a field of the header, or of a field of entry `index` of the section table.
 macro_rules! at {
     (header.$field:ident) => {
         offset_of!(FileHeader, $field) as u64
@@ -74,7 +74,7 @@ macro_rules! at {
 impl<'a> Arena<'a> {
     /// Opens an arena: checks header, section table and the bounds of sections, in O(number of sections).
     ///
-    /// The content of sections is not checked. Walks are safe on any content; [`Arena::check`] tells whether it is sound.
+    /// The content of sections is not checked. Walks are safe on any content; [`Arena::check`] tells if it is valid.
     ///
     /// # Errors
     /// The first broken rule of `formats/adj-1.md` among R1 to R11.
@@ -127,7 +127,7 @@ impl<'a> Arena<'a> {
     /// Refuses an arena that exceeds `limits`; `path` is used in the message.
     ///
     /// # Errors
-    /// [`Error::Limit`] that names the file and what is too large.
+    /// [`Error::Limit`] that names the file and the size that is too large.
     pub fn within(&self, path: &Path, limits: &Limits) -> Result<(), Error> {
         limits.check(path, "file bytes", self.bytes.len() as u64, limits.file_bytes)?;
         limits.check_grid(path, &self.facts.grid.dims.map(u64::from))?;
@@ -139,7 +139,7 @@ impl<'a> Arena<'a> {
         limits.check(path, "bytes of description", description, limits.description_bytes)
     }
 
-    /// Returns the arena with a `pager` that is informed before parts of it are read.
+    /// Returns the arena with a `pager`, which is told which parts of the arena are about to be read.
     pub fn with_pager(mut self, pager: &'a dyn Pager) -> Arena<'a> {
         self.pager = Some(pager);
         self.lanes.iter_mut().flatten().for_each(|lane| lane.pager = Some(pager));
@@ -150,7 +150,7 @@ impl<'a> Arena<'a> {
         self.pager
     }
 
-    /// Returns the contents of the header.
+    /// Returns the contents of the header: grid, channels, tile order, scales and voxel count.
     pub fn facts(&self) -> &Facts {
         &self.facts
     }
@@ -177,7 +177,7 @@ impl<'a> Arena<'a> {
         &self.sections
     }
 
-    /// Returns the section of `kind` that belongs to the lane along `axis`, or to no lane, if the file has it.
+    /// Returns the section of `kind` that belongs to the lane along `axis`, or to no lane; `None` if it is missing.
     pub fn section(&self, kind: SectionKind, axis: Option<Axis>) -> Option<&Section> {
         self.sections.iter().find(|s| s.kind == Some(kind) && s.axis == axis)
     }
@@ -202,7 +202,7 @@ impl<'a> Arena<'a> {
         description
     }
 
-    /// Creates the views of a lane's sections. R10, R11.
+    /// Returns the lane along `axis` as views of its sections, or `None` if it is not stored. Checks R10 and R11.
     fn lane_of(&self, axis: Axis) -> Result<Option<Lane<'a>>, FormatFault> {
         let (channels, dims) = (self.facts.channels, self.facts.grid.dims);
         let place = |kind: SectionKind| self.sections.iter().position(|s| s.kind == Some(kind) && s.axis == Some(axis));
@@ -261,7 +261,7 @@ impl<'a> Arena<'a> {
     }
 }
 
-/// Reads the header's fields. R6 to R9.
+/// Reads and checks the header's fields. R6 to R9.
 fn facts_of(header: &FileHeader) -> Result<Facts, FormatFault> {
     let triple = |v: [F64; 3]| v.map(F64::get);
     let grid = Grid {
@@ -314,7 +314,7 @@ fn facts_of(header: &FileHeader) -> Result<Facts, FormatFault> {
     Ok(Facts { grid, channels, tile_order, scales, visible_voxels: header.visible_voxels.get() })
 }
 
-/// Reads the section table. R5, R8, R10, R11.
+/// Reads and checks the section table. R5, R8, R10, R11.
 fn sections_of(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result<Vec<Section>, FormatFault> {
     let mut sections: Vec<Section> = Vec::with_capacity(table.len());
     let mut next = aligned((size_of::<FileHeader>() + size_of_val(table)) as u64);
@@ -375,7 +375,7 @@ fn sections_of(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
     Ok(sections)
 }
 
-/// Checks that `bytes`, which start at byte `from` of the file, are all 0; the fault names the first that is not.
+/// Checks that `bytes`, which start at byte `from` of the file, are all 0; the fault names the first byte that is not.
 pub(super) fn zeros_from(from: u64, rule: &'static str, bytes: &[u8]) -> Result<(), FormatFault> {
     match bytes.iter().position(|&byte| byte != 0) {
         Some(index) => Err(fault(from + index as u64, rule, "0", bytes[index])),

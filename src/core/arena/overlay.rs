@@ -55,7 +55,7 @@ use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::volume::Axis;
 
-/// An arena with voxels added and removed.
+/// An arena with voxels added and removed; the arena itself stays unchanged.
 #[derive(Debug)]
 pub struct Overlay<'a> {
     lanes: &'a LaneSet<'a>,
@@ -105,7 +105,7 @@ impl<'a> Overlay<'a> {
         Ok(self.put(place, None))
     }
 
-    /// Returns the voxel at `at` (x, y, z), shown or not; `None` if there is none or `at` is outside the grid.
+    /// Returns the voxel at `at` (x, y, z), even if it is hidden; `None` if there is none or `at` is outside the grid.
     pub fn get(&self, at: [u32; 3]) -> Option<Record> {
         let [x, y, z] = self.place(at).ok()?;
         self.edits.get(&[z, y, x]).copied().unwrap_or_else(|| self.stored([x, y, z]))
@@ -113,8 +113,8 @@ impl<'a> Overlay<'a> {
 
     /// Shows only voxels whose opacity with `transfer`, judged by their codes, is above 0 and at least `threshold`.
     ///
-    /// Hidden voxels remain stored; walks skip them and [`Overlay::rows`] leaves them out. Costs a table of 32 bytes to
-    /// 2 MiB and a look-up per voxel of a walk.
+    /// Hidden voxels remain stored; walks skip them and [`Overlay::rows`] leaves them out. This costs a table of 32
+    /// bytes to 2 MiB and one look-up per voxel of a walk.
     ///
     /// # Errors
     /// The same as [`VisibleCodes::new`].
@@ -147,7 +147,7 @@ impl<'a> Overlay<'a> {
         Ok(Facts { visible_voxels, ..self.lanes.arena().facts().clone() })
     }
 
-    /// Returns the lane along `axis` with all edits. The first use after an edit packs its patch.
+    /// Returns the lane along `axis` with all edits. The first call after an edit packs the tiles that hold edits.
     ///
     /// # Errors
     /// The same as [`LaneSet::lane`]; [`Error::Limit`] if there are more lines than tiles can refer to.
@@ -181,7 +181,7 @@ impl<'a> Overlay<'a> {
         Ok(LaneRows::new(lane, move |_, _, record| is_shown(record).then_some(record)))
     }
 
-    /// Converts `at` to coordinates inside the grid.
+    /// Converts `at` (x, y, z) to 16-bit coordinates, after checking that it is inside the grid.
     fn place(&self, at: [u32; 3]) -> Result<[u16; 3]> {
         let dims = self.lanes.arena().facts().grid.dims;
         if (0..3).any(|a| at[a] >= dims[a]) {
@@ -191,7 +191,7 @@ impl<'a> Overlay<'a> {
         Ok(at.map(|c| u16::try_from(c).expect("a grid has at most 65,535 points an axis")))
     }
 
-    /// Sets the record at a position, or none, and returns the previous one.
+    /// Sets the record at a position, or removes it if `record` is `None`, and returns the previous record.
     fn put(&mut self, [x, y, z]: [u16; 3], record: Option<Record>) -> Option<Record> {
         let stored = self.stored([x, y, z]);
         let place = [z, y, x];
@@ -210,7 +210,7 @@ impl<'a> Overlay<'a> {
         before
     }
 
-    /// Returns the arena's own record at a position.
+    /// Returns the record that the arena itself stores at a position, without edits.
     fn stored(&self, [x, y, z]: [u16; 3]) -> Option<Record> {
         let arena = self.lanes.arena();
         let lane = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");

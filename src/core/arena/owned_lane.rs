@@ -7,7 +7,7 @@ use super::layout::{Channels, TileRecord, line_end_bytes};
 use super::pack::TileRun;
 use crate::volume::Axis;
 
-/// A lane that owns its data; the fields are those of [`Lane`].
+/// A lane that owns its data; the fields have the same meaning as those of [`Lane`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct OwnedLane {
     /// The axis along which the lane's lines run.
@@ -16,31 +16,31 @@ pub struct OwnedLane {
     pub dims: [u32; 3],
     /// Widths of the channels.
     pub channels: Channels,
-    /// See [`Lane::tiles`].
+    /// Tiles that are not empty: see [`Lane::tiles`].
     pub tiles: Vec<TileRecord>,
-    /// See [`Lane::line_ends`].
+    /// Ends of the lines that are not empty: see [`Lane::line_ends`].
     pub line_ends: OwnedLineEnds,
-    /// See [`Lane::steps`].
+    /// Distances between records: see [`Lane::steps`].
     pub steps: Vec<u8>,
-    /// See [`Lane::values`].
+    /// Value codes: see [`Lane::values`].
     pub values: Vec<u8>,
-    /// See [`Lane::normals`].
+    /// Normal codes: see [`Lane::normals`].
     pub normals: Vec<u8>,
-    /// See [`Lane::magnitudes`].
+    /// Gradient magnitude codes: see [`Lane::magnitudes`].
     pub magnitudes: Vec<u8>,
 }
 
 /// Line ends that own their memory: see [`LineEnds`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum OwnedLineEnds {
-    /// Two bytes each.
+    /// Ends of two bytes each.
     Narrow(Vec<U16>),
-    /// Four bytes each.
+    /// Ends of four bytes each.
     Wide(Vec<U32>),
 }
 
 impl OwnedLineEnds {
-    /// Creates an empty list with the width that lines of `line_points` grid points need.
+    /// Creates an empty list with the width (2 or 4 bytes) that lines of `line_points` grid points need.
     pub fn for_line(line_points: u32) -> OwnedLineEnds {
         if line_end_bytes(line_points) == 2 {
             OwnedLineEnds::Narrow(Vec::new())
@@ -56,7 +56,7 @@ impl OwnedLineEnds {
         }
     }
 
-    /// Appends the end of a line.
+    /// Appends the end of the next line.
     ///
     /// # Panics
     /// If a two-byte end overflows, which [`super::layout::NARROW_LINE`] excludes.
@@ -86,7 +86,7 @@ impl OwnedLane {
         }
     }
 
-    /// Appends the next tiles.
+    /// Appends the tiles of `run`, with their lines and records, after the lane's own.
     pub fn append(&mut self, run: TileRun) {
         let (first_line, first_record) = (self.line_ends.len(), self.steps.len() as u64);
         let first_line = u32::try_from(first_line).expect("a face has fewer than 2^32 lines");

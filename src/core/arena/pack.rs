@@ -11,18 +11,18 @@ use super::layout::{Channels, TILE_EDGE, TileRecord};
 use super::owned_lane::{OwnedLane, OwnedLineEnds};
 use crate::volume::Axis;
 
-/// The stored codes of one voxel.
+/// The stored codes of one voxel (a code is the number that stands for a value).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Record {
     /// Code of the value.
     pub value: u16,
-    /// Code of the normal, u in the low half; ignored if the arena stores no normals.
+    /// Code of the normal, octahedral u in the low half; ignored if the arena stores no normals.
     pub normal: u32,
     /// Code of the gradient magnitude; ignored if the arena stores no magnitudes.
     pub magnitude: u8,
 }
 
-/// The channels of some records, one array each.
+/// Records of consecutive lines, as one array per channel.
 #[derive(Debug, Default)]
 pub(crate) struct ChannelArrays {
     pub(crate) steps: Vec<u8>,
@@ -58,7 +58,7 @@ impl ChannelArrays {
         }
     }
 
-    /// Appends the records of a line, including stepping voxels; returns its lowest and highest coordinate.
+    /// Appends the records of a line, including stepping voxels; returns the line's lowest and highest coordinate.
     ///
     /// # Panics
     /// If the voxels are not in ascending order, or there are none.
@@ -103,7 +103,7 @@ impl ChannelArrays {
     }
 }
 
-/// A packed tile, and where its lines and records lie.
+/// A packed tile, with the positions of its line ends and of its records in the [`LanePacker`].
 struct PackedTile {
     u: u16,
     v: u16,
@@ -116,7 +116,7 @@ struct PackedTile {
     first_line: usize,
 }
 
-/// One line of the current strip.
+/// One line of the current strip, with its range of records.
 struct PendingLine {
     u: u16,
     v: u16,
@@ -126,16 +126,16 @@ struct PendingLine {
     high: u16,
 }
 
-/// Packs the lines of one lane.
+/// Packs lines of voxels into one lane.
 pub struct LanePacker {
     axis: Axis,
     dims: [u32; 3],
     channels: Channels,
     tile_order: TileOrder,
-    /// Records of the current strip in order of arrival, and its lines.
+    /// Records of the current strip (eight values of v), in order of arrival.
     pending: ChannelArrays,
     pending_lines: Vec<PendingLine>,
-    /// Finished strips, tile by tile.
+    /// Records of the finished strips; within a strip, tile by tile.
     strips: Vec<ChannelArrays>,
     tiles: Vec<PackedTile>,
     /// Line ends of all tiles, in the order of `tiles`.
@@ -144,7 +144,7 @@ pub struct LanePacker {
 }
 
 impl LanePacker {
-    /// Starts a lane along `axis` of a grid with `dims` points.
+    /// Creates a packer for the lane along `axis` of a grid with `dims` points.
     pub fn new(axis: Axis, dims: [u32; 3], channels: Channels, tile_order: TileOrder) -> LanePacker {
         LanePacker {
             axis,
@@ -162,7 +162,7 @@ impl LanePacker {
 
     /// Appends the line at (u, v); lines must come by ascending v, then u.
     ///
-    /// `voxels` yields ascending coordinates along the axis. Lines without voxels take no space.
+    /// `voxels` yields voxels by ascending coordinate along the axis. Lines without voxels take no space.
     ///
     /// # Panics
     /// If lines or voxels are out of order.
@@ -182,12 +182,12 @@ impl LanePacker {
         }
     }
 
-    /// Returns the number of voxels so far.
+    /// Returns the number of voxels that were appended so far.
     pub fn visible(&self) -> u64 {
         self.visible
     }
 
-    /// Groups the strip's lines by tile.
+    /// Ends the current strip: groups its lines and records by tile.
     fn close_strip(&mut self) {
         let mut lines = std::mem::take(&mut self.pending_lines);
         let place = |line: &PendingLine| (line.u / TILE_EDGE, line.v, line.u);

@@ -1,7 +1,7 @@
 //! The patch of an overlay: the tiles of a lane that hold edits, packed again.
 //!
-//! In: a lane and edits. Out: lines and records of the tiles with edits, and a tile table of the whole lane in which
-//! those tiles refer to them. Time: O(tiles + records of the tiles with edits). Memory: all records of these tiles.
+//! In: a lane and edits. Out: new lines and records for the tiles with edits, and a tile table of the whole lane, which
+//! refers to the new lines. Time: O(tiles + records of the tiles with edits). Memory: all records of these tiles.
 
 use std::collections::BTreeMap;
 
@@ -12,10 +12,10 @@ use super::owned_lane::OwnedLane;
 use super::pack::{LanePacker, Record};
 use crate::volume::Axis;
 
-/// The new record, or none, at each edited position (z, y, x) that differs from the arena.
+/// The edits, by position (z, y, x): the voxel's new record, or `None` if it is removed. All differ from the arena.
 pub(super) type Edits = BTreeMap<[u16; 3], Option<Record>>;
 
-/// Returns the tile at (u, v) of a lane with tiles in `order`.
+/// Returns the tile in column `u` and row `v` of a lane whose tiles lie in `order`; `None` if the lane stores none.
 pub(super) fn find_tile<'l>(lane: &Lane<'l>, order: TileOrder, u: u16, v: u16) -> Option<&'l TileRecord> {
     let key = order.key(u, v);
     let place = |tile: &TileRecord| order.key(tile.tile_u.get(), tile.tile_v.get());
@@ -30,7 +30,7 @@ pub(super) struct Patch {
     pub(super) records: OwnedLane,
 }
 
-/// An edit in a lane's coordinates.
+/// An edit in a lane's coordinates: line (u, v), and `at` along the line.
 #[derive(Debug, Clone, Copy)]
 struct LaneEdit {
     v: u16,
@@ -40,7 +40,7 @@ struct LaneEdit {
 }
 
 impl Patch {
-    /// Packs the tiles of `lane`, which lie in `order`, that hold edits.
+    /// Packs the tiles of `lane` that hold edits. `order` is the order of the lane's tiles in memory.
     pub(super) fn new(lane: &Lane, order: TileOrder, edits: &Edits) -> Patch {
         let [u_axis, v_axis] = lane.axis.others();
         let along = |[z, y, x]: [u16; 3], axis: Axis| [x, y, z][axis.index()];
@@ -90,13 +90,13 @@ impl Patch {
         tiles.extend(lane.tiles.iter().filter(|tile| changed.binary_search(&key(tile)).is_err()));
         let lines = u32::try_from(lane.line_ends.len()).expect("checked with the patch's lines");
         tiles.extend(records.tiles.iter().map(|tile| tile.moved(lines, lane.steps.len() as u64)));
-        // Both parts are sorted: this is a merge.
+        // Unchanged and changed tiles are each sorted: this is a merge.
         tiles.sort_by_key(key);
         Patch { tiles, records }
     }
 }
 
-/// Merges a stored line with the edits on it, by ascending coordinate.
+/// Merges the `stored` records of a line with the edits on it, and appends the result to `line`, coordinates ascending.
 fn merge(lane: &Lane, stored: std::ops::Range<usize>, edits: &[LaneEdit], line: &mut Vec<(u16, Record)>) {
     let points = lane.dims[lane.axis.index()];
     // A damaged line may be longer than its axis.

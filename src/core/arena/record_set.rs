@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use super::lane::Lane;
 use crate::error::{Error, Result};
 
-/// A set of records of one lane, by their index in its channels.
+/// A set of records of one lane. A record is identified by its index in the lane's channels.
 #[derive(Debug)]
 pub struct RecordSet {
     words: Vec<AtomicU64>,
@@ -15,7 +15,7 @@ pub struct RecordSet {
 }
 
 impl RecordSet {
-    /// Creates an empty set for a lane of `len` records; takes `len / 8` bytes.
+    /// Creates an empty set for a lane of `len` records; the set takes `len / 8` bytes.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -27,7 +27,7 @@ impl RecordSet {
         Ok(RecordSet { words, len })
     }
 
-    /// Returns the number of records of the lane.
+    /// Returns the number of records of the lane, in the set or not.
     pub fn len(&self) -> usize {
         self.len
     }
@@ -37,12 +37,12 @@ impl RecordSet {
         self.len == 0
     }
 
-    /// Returns the bytes of a set for `len` records.
+    /// Returns how many bytes a set for a lane of `len` records takes.
     pub fn bytes_for(len: usize) -> u64 {
         8 * len.div_ceil(64) as u64
     }
 
-    /// Adds a record; ignores one beyond the end.
+    /// Adds the record with index `record`; ignores an index past the lane's last record.
     #[inline]
     pub fn insert(&self, record: usize) {
         if let Some(word) = self.words.get(record / 64).filter(|_| record < self.len) {
@@ -54,7 +54,7 @@ impl RecordSet {
         }
     }
 
-    /// Returns whether the set contains a record; false beyond the end.
+    /// Returns whether the set contains the record with index `record`; false past the lane's last record.
     #[inline]
     pub fn contains(&self, record: usize) -> bool {
         self.words.get(record / 64).is_some_and(|word| word.load(Relaxed) >> (record % 64) & 1 == 1)
@@ -73,14 +73,15 @@ impl RecordSet {
     }
 }
 
-/// Largest table of [`carry`], in bytes.
+/// Largest size of the table that [`carry`] allocates, in bytes.
 const TABLE_BYTES: usize = 64 << 20;
 
-/// Transfers a set of voxels from lane `from` to lane `to`: adds to `into` the voxels whose records are in `set`.
+/// Converts a set of voxels from record indices of lane `from` to those of lane `to`.
 ///
-/// A *slab* is eight values of the axis along which neither lane runs. Both lanes store a slab in tiles of its own, so
-/// a table with one bit per voxel of a slab translates between them. Time: O(records + face), several times that only
-/// if a slab's table would exceed 64 MiB.
+/// `set` tells whether a record of `from` is in the set; the records of `to` that hold the same voxels are added to
+/// `into`. A *slab* is eight coordinates on the axis along which neither lane runs. In both lanes it consists of whole
+/// tiles, so a table with one bit per voxel of a slab converts between them. Time: O(records + lines of the face),
+/// several times that only if a slab's table would exceed 64 MiB.
 ///
 /// # Panics
 /// If both lanes run along the same axis.
@@ -135,7 +136,8 @@ pub fn carry(from: &Lane, set: &dyn Fn(usize) -> bool, to: &Lane, into: &RecordS
     Ok(())
 }
 
-/// Returns slab and index of each tile of `lane`, by slab. Slabs lie across the axis that is neither lane's.
+/// Returns the slab and the index of each tile of `lane`, sorted by slab. Slabs divide the axis along which neither
+/// lane runs.
 fn slabs(lane: &Lane, other: &Lane) -> Vec<(u16, usize)> {
     let along_u = lane.axis.others()[0] != other.axis;
     let slab = |tile: &super::TileRecord| if along_u { tile.tile_u.get() } else { tile.tile_v.get() };
@@ -144,12 +146,12 @@ fn slabs(lane: &Lane, other: &Lane) -> Vec<(u16, usize)> {
     slabs
 }
 
-/// Returns a line's coordinate on the other lane's axis.
+/// Returns the coordinate of a line of `lane` on the axis of `other`.
 fn line_at(lane: &Lane, line: &super::lane::LineSpan, other: &Lane) -> u32 {
     if lane.axis.others()[0] == other.axis { line.u } else { line.v }
 }
 
-/// Returns the bit for a line's coordinate inside its slab.
+/// Returns the bit that stands for a line's coordinate inside its slab.
 fn line_bit(lane: &Lane, line: &super::lane::LineSpan, other: &Lane) -> u8 {
     1 << ((if lane.axis.others()[0] == other.axis { line.v } else { line.u }) % 8)
 }

@@ -1,4 +1,4 @@
-//! Rows: the visible voxels of a volume along x, from any source.
+//! Rows: the visible voxels of a volume, grouped into rows along x, from any source.
 //!
 //! A build, a trimmed file and an edited file all provide rows; lanes are assembled from rows only.
 
@@ -13,7 +13,7 @@ use crate::error::Result;
 pub struct Voxel {
     /// Coordinate along x.
     pub x: u16,
-    /// Its stored codes.
+    /// The voxel's stored codes.
     pub record: Record,
 }
 
@@ -28,24 +28,24 @@ pub struct Region {
     pub zs: Range<u32>,
 }
 
-/// A source of visible voxels, read by rows along x; every reading yields the same voxels.
+/// A source of visible voxels that can be read row by row along x; each time it yields the same voxels.
 pub trait Rows: Sync {
     /// Returns the number of grid points along x, y, z.
     fn dims(&self) -> [u32; 3];
 
-    /// Returns the channels of the records.
+    /// Returns the channels (value, normal, magnitude) of the records, with their widths.
     fn channels(&self) -> Channels;
 
-    /// Returns the bytes of memory in use.
+    /// Returns how many bytes of memory this source uses.
     fn memory(&self) -> u64 {
         0
     }
 
-    /// Calls `row` with y, z and the voxels of each row inside `region` that is not empty.
+    /// Calls `row` with y, z and the voxels inside `region` of each row that has such voxels.
     ///
     /// Voxels come by ascending x. Rows with the same z come by ascending y, rows with the same y by ascending z.
     ///
     /// # Errors
-    /// The rows cannot be read.
+    /// Any error of reading the underlying data.
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()>;
 }

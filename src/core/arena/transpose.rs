@@ -1,8 +1,8 @@
 //! Transposition: derives the lane along y or z from the lane along x.
 //!
-//! The new lane runs along `t` (y or z); `o` is the third axis. For each strip of eight values of `o`, the voxels are
-//! listed by ascending `t`, counted by their new line (x, o), and sorted into lines. Time: O(voxels + face). Memory
-//! beside the result: one strip.
+//! The new lane runs along axis `t` (y or z); `o` is the remaining one of y and z. For each strip of eight coordinates
+//! on `o`, the voxels are listed by ascending `t`, counted by their new line (x, o), and sorted into lines. Time:
+//! O(voxels + lines of the new lane). Memory beside the result: one strip.
 
 use super::curve::TileOrder;
 use super::lane::{Lane, LineSpan};
@@ -14,7 +14,7 @@ use crate::volume::Axis;
 /// A voxel that is being sorted into its new line.
 #[derive(Clone, Copy, Default)]
 struct TransposedVoxel {
-    /// Its new line in the strip: `(o % 8) * dim x + x`.
+    /// Index of the voxel's new line in the strip: `(o % 8) * dim x + x`.
     line: u32,
     t: u16,
     record: Record,
@@ -22,8 +22,8 @@ struct TransposedVoxel {
 
 /// Returns the voxels of a lane along x as a lane along `axis`.
 ///
-/// For a sound lane the result equals packing along `axis`, byte for byte. For any other it holds the voxels that lie
-/// inside the grid.
+/// For an undamaged lane the result equals packing the voxels along `axis`, byte for byte. For a damaged lane it holds
+/// the voxels that lie inside the grid.
 ///
 /// # Panics
 /// If `lane` does not run along x, or `axis` is x.
@@ -85,7 +85,7 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
     packer.finish()
 }
 
-/// Sorts a strip's voxels by line, keeping their order otherwise; line i becomes `starts[i]..starts[i + 1]`.
+/// Sorts a strip's voxels by line, stably; line i becomes the range `starts[i]..starts[i + 1]` of `sorted`.
 fn sort_by_line(strip: &[TransposedVoxel], sorted: &mut Vec<TransposedVoxel>, starts: &mut Vec<usize>, lines: usize) {
     starts.clear();
     starts.resize(lines + 2, 0);

@@ -1,8 +1,9 @@
 //! Trimming: a smaller arena from an arena, without the volume.
 //!
-//! In: an open arena and what to keep. Out: the remaining [`Rows`], read in place, and the header of the new file. Codes
-//! and their meaning stay the same. Narrowing to 8-bit values is the exception: the new codes are spread over the
-//! remaining values, exactly if these have at most 256 codes. Normals stay those of the whole volume.
+//! In: an open arena, and options that say which voxels and channels to keep. Out: the kept voxels as [`Rows`], read in
+//! place, and the header of the new file. Codes and their meaning stay the same. Narrowing to 8-bit values is the
+//! exception: the new codes are spread over the kept values, without loss if their range has at most 256 codes. Normals
+//! are not computed again.
 
 use super::lane::Lane;
 use super::lane_rows::LaneRows;
@@ -15,15 +16,15 @@ use crate::classify::{Quantiser, TransferFunction, normal};
 use crate::error::{Error, Result};
 use crate::volume::{Axis, Grid, SampleType};
 
-/// Opacity from which the loss of a voxel is noticeable, as in a build.
+/// Lowest opacity (0 to 1) at which the loss of a voxel is noticeable; a build uses the same.
 const NOTICEABLE_OPACITY: f64 = 0.02;
 
-/// What to keep of an arena; the default keeps everything.
+/// Selects the voxels and channels of an arena to keep; the default keeps everything.
 #[derive(Debug, Clone, Default)]
 pub struct TrimOptions {
     /// Keeps only voxels in this box of grid points.
     pub crop: Option<Region>,
-    /// Keeps size and origin of the grid when cropping, instead of shrinking the grid to the box.
+    /// Keeps the size and origin of the grid when cropping, instead of shrinking the grid to the box.
     pub keep_grid: bool,
     /// Keeps only voxels whose codes are visible with this transfer function.
     pub transfer: Option<TransferFunction>,
@@ -40,23 +41,23 @@ pub struct TrimOptions {
 /// The result of [`trim`].
 #[derive(Debug)]
 pub struct Trim<R> {
-    /// The remaining voxels.
+    /// The voxels that are kept.
     pub rows: R,
     /// Contents of the new file's header.
     pub facts: Facts,
     /// The new transfer function, if one was given, completed with everything that depends on the arena.
     pub transfer: Option<TransferFunction>,
-    /// Number of noticeable voxels that become transparent because their value is narrowed.
+    /// Number of noticeable voxels (opacity at least 0.02) that become transparent because their value is narrowed.
     pub blurred_away: u64,
 }
 
-/// Selects what remains of `arena`. `stored` is the transfer function that it was built with, if known.
+/// Selects the voxels of `arena` to keep. `stored` is the transfer function that the arena was built with, if known.
 ///
 /// Reads the lane along x once to count, twice if values are narrowed.
 ///
 /// # Errors
 /// [`Error::Input`] if the crop lies outside the grid, if the transfer function needs magnitudes that are missing or
-/// dropped, if labels would lose their codes, or if nothing remains.
+/// dropped, if narrowing would leave labels without a code of their own, or if no voxel remains.
 pub fn trim<'a>(
     arena: &Arena<'a>,
     stored: Option<&TransferFunction>,
@@ -126,7 +127,7 @@ pub fn trim<'a>(
     Ok(Trim { rows, facts, transfer, blurred_away })
 }
 
-/// Completes a transfer function as a build does: value range, voxel length and largest magnitude.
+/// Completes a transfer function as a build does: sets its value range, voxel length and largest magnitude.
 fn filled_in(
     transfer: TransferFunction,
     stored: Option<&TransferFunction>,
@@ -166,7 +167,7 @@ fn cropped(grid: &Grid, crop: &Region) -> Grid {
     cropped
 }
 
-/// The number of voxels of some rows, and their range of value codes.
+/// The number of voxels in a source of rows, and the range of their value codes.
 #[derive(Debug, Clone, Copy)]
 struct CodeRange {
     voxels: u64,
@@ -193,7 +194,7 @@ fn each_record(rows: &dyn Rows, mut see: impl FnMut(Record)) -> Result<()> {
     })
 }
 
-/// Returns a quantiser with 8-bit codes for the remaining values, whose samples are the old codes.
+/// Returns a quantiser that maps the remaining values to 8-bit codes. It treats the old codes as samples.
 fn quantiser(old: &Scales, counts: CodeRange, transfer: Option<&TransferFunction>) -> Result<Quantiser> {
     // A single code has a step of 0, which samples cannot have.
     let step = if old.value_step > 0.0 { old.value_step } else { 1.0 };
@@ -204,7 +205,7 @@ fn quantiser(old: &Scales, counts: CodeRange, transfer: Option<&TransferFunction
     make(low, high, 8, SampleType::U16, step, old.value_low)
 }
 
-/// Maps old value codes to narrow ones.
+/// Maps old value codes to new 8-bit ones.
 #[derive(Debug, Clone)]
 struct ValueNarrowing {
     quantiser: Quantiser,
@@ -234,7 +235,7 @@ fn blurred(rows: &dyn Rows, transfer: &TransferFunction, old: &Facts, quantiser:
 
 /// Converts a normal code of 2x16 bits to 2x8 bits.
 fn narrowed(code: u32) -> u32 {
-    // Codes stand for the vector against the gradient.
+    // A normal's code stands for the direction opposite to the gradient.
     let gradient = normal::decode16(code).map(|component| -f64::from(component));
     normal::encode8(gradient).into()
 }

@@ -10,8 +10,8 @@ use crate::error::{Error, Result};
 
 /// Returns the opacity of a stored voxel with value code `value`, from 0 to 1, per reference length.
 ///
-/// `magnitude` is its gradient magnitude. A code at an end of the visible range may decode to a value just outside it,
-/// by rounding; the voxel still counts as visible.
+/// `magnitude` is the voxel's gradient magnitude. A code at an end of the visible value range may decode to a value
+/// just outside the range, by rounding; the voxel still counts as visible.
 pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, magnitude: f64) -> f64 {
     let value = scales.value(value.into());
     let opacity = transfer.opacity(value, magnitude);
@@ -22,10 +22,10 @@ pub fn stored_opacity(transfer: &TransferFunction, scales: &Scales, value: u16, 
     transfer.opacity(value - nudge, magnitude).max(transfer.opacity(value + nudge, magnitude))
 }
 
-/// A table of the codes that are visible.
+/// A table that tells which stored codes are visible.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct VisibleCodes {
-    /// One bit per value code, or per pair: value in the high part, magnitude in the low byte.
+    /// One bit per value code, or per pair of codes: the index is then the value's code times 256 plus the magnitude's.
     bits: Vec<u64>,
     by_magnitude: bool,
 }
@@ -78,7 +78,7 @@ impl VisibleCodes {
         self.bits.get(place / 64).is_some_and(|word| word >> (place % 64) & 1 == 1)
     }
 
-    /// Returns whether visibility depends on magnitudes.
+    /// Returns whether visibility depends on gradient magnitudes.
     #[cfg(feature = "gpu")]
     pub(crate) fn by_magnitude(&self) -> bool {
         self.by_magnitude

@@ -1,11 +1,11 @@
 //! Assembly: from rows of voxels to a lane, in tile order and with bounded memory.
 //!
 //! In: [`Rows`]. Out: the lane's tiles in order, in parts ([`TileRun`]). A first pass counts the records of each tile.
-//! The counts divide the tile order into runs that fit in memory. Each run then reads the rows that it touches, sorts
-//! their voxels by line and packs them, on a thread of its own.
+//! By these counts, the tiles are divided into runs (consecutive tiles) that fit in memory. Then one thread per run
+//! reads the rows that the run touches, sorts their voxels by line and packs them.
 //!
-//! Runs are divided by the bits of the order's key, like a binary trie: on a space-filling curve each run is a compact
-//! patch of the face, and reads few rows of other runs.
+//! Runs are divided by the bits of a tile's position in the order, like a binary trie. On a space-filling curve each
+//! run is then a compact patch of the face (the lane's lines as a 2-D array), and reads few voxels of other runs.
 
 use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
@@ -21,7 +21,7 @@ use crate::error::Result;
 use crate::parallel::in_order;
 use crate::volume::Axis;
 
-/// Builds the lanes of some rows, one after the other.
+/// Builds lanes from a source of rows, one lane after the other.
 pub(crate) struct Assembler<'a> {
     rows: &'a dyn Rows,
     tile_order: TileOrder,
@@ -32,7 +32,7 @@ pub(crate) struct Assembler<'a> {
     sorters: Mutex<Vec<LineSorter>>,
 }
 
-/// The size of a lane.
+/// The size of a lane, counted before the lane is built.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct LaneTotals {
     pub(crate) tiles: u64,
@@ -52,14 +52,14 @@ pub(super) struct TileSlot {
 }
 
 impl<'a> Assembler<'a> {
-    /// Creates an assembler for lanes of `rows` whose tiles lie in `tile_order`.
+    /// Creates an assembler of lanes with the voxels of `rows`; the lanes' tiles are stored in `tile_order`.
     ///
-    /// `memory` is the most bytes that the process may use; `None` for no limit. 0 `threads` count as 1.
+    /// `memory` is the most bytes of memory that the process may use; `None` for no limit. 0 `threads` count as 1.
     pub(crate) fn new(rows: &'a dyn Rows, tile_order: TileOrder, memory: Option<u64>, threads: usize) -> Assembler<'a> {
         Assembler { rows, tile_order, memory, threads: threads.max(1), sorters: Mutex::default() }
     }
 
-    /// Builds the lane along `axis`: calls `begin` once with its size, then `take` with its runs in order.
+    /// Builds the lane along `axis`: calls `begin` once with the lane's size, then `take` with its tiles, run by run.
     ///
     /// # Errors
     /// Any error of reading the rows, of `begin` or of `take`; [`Error::Interrupted`](crate::Error::Interrupted) if the
@@ -84,7 +84,7 @@ impl<'a> Assembler<'a> {
         let fewer = usize::try_from(threads).unwrap_or(self.threads).clamp(1, self.threads);
         let threads = if fullest > limit { fewer } else { self.threads };
         let mut runs = Vec::new();
-        // Several runs per thread, so that none waits long for the others.
+        // Several runs per thread, so that no thread waits long for the others.
         let fair = totals.records.div_ceil(8 * threads as u64).max(1 << 14);
         divide(&slots, 0, limit.min(fair), &mut runs);
         let mut done = 0;
@@ -124,7 +124,7 @@ fn divide(slots: &[TileSlot], first: usize, limit: u64, runs: &mut Vec<Range<usi
     divide(above, first + below.len(), limit, runs);
 }
 
-/// The face of a lane: maps voxels of rows to lines.
+/// The face of a lane (its lines as a 2-D array): maps voxels of rows to lines.
 pub(super) struct LaneFace {
     axis: Axis,
     dims: [u32; 3],
@@ -142,7 +142,7 @@ impl LaneFace {
         self.tiles.iter().map(|&tiles| u64::from(tiles)).product()
     }
 
-    /// Returns the region that lines `us`, `vs` cross.
+    /// Returns the box of grid points on the lines whose u is in `us` and whose v is in `vs`.
     pub(super) fn region(&self, us: Range<u32>, vs: Range<u32>) -> Region {
         let [_, dim_y, dim_z] = self.dims;
         match self.axis {
@@ -152,7 +152,7 @@ impl LaneFace {
         }
     }
 
-    /// Returns u, v and the coordinate along the lane of a voxel.
+    /// Returns the line (u, v) of a voxel at (x, y, z), and its coordinate along the line.
     #[inline(always)]
     pub(super) fn locate(&self, x: u16, y: u16, z: u16) -> (u16, u16, u16) {
         match self.axis {
@@ -162,13 +162,13 @@ impl LaneFace {
         }
     }
 
-    /// Counts the records of each tile; returns the tiles in order and the size of the lane.
+    /// Counts the records of each tile; returns the tiles that are not empty, in tile order, and the size of the lane.
     fn census(&self, rows: &dyn Rows, tile_order: TileOrder, threads: usize) -> Result<(Vec<TileSlot>, LaneTotals)> {
         let edge = u32::from(TILE_EDGE);
         let [columns, strips] = self.tiles;
         let mut slots = Vec::new();
         let mut totals = LaneTotals::default();
-        // By line of the strip of tiles: one past the last coordinate; 0 for an empty line.
+        // For each line of the strip of tiles: its last coordinate so far plus 1; 0 for an empty line.
         let scratch = || vec![0u32; (columns * edge * edge) as usize];
         let count = |ends: &mut Vec<u32>, strip: usize| {
             let strip = u32::try_from(strip).expect("at most 8,192 strips");

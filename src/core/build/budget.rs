@@ -1,8 +1,8 @@
 //! The memory budget: how a build divides the memory that it may use.
 //!
-//! In: a volume's header, the options, the limit. Out: [`Budget`], or the error that names a sufficient amount. The
-//! sums are upper bounds of what the stages hold at once; tests/core/build/memory.rs compares them with the process's
-//! peak.
+//! In: a volume's header, the options, the memory limit. Out: [`Budget`], or an error that names a sufficient limit.
+//! The sums are upper bounds of the bytes that each stage holds at once; tests/core/build/memory.rs compares them with
+//! the process's peak.
 
 use super::options::{BuildOptions, GradientSource, Resources};
 use super::spill::VoxelWidths;
@@ -14,25 +14,25 @@ use crate::volume::{Axis, Header};
 /// Bytes in use before anything is read: code, tables, stacks, allocator overhead. Measured: 7 to 10 MiB for the
 /// smallest builds.
 const BASE: u64 = 14 << 20;
-/// Samples of a batch; larger batches are not faster.
+/// Number of samples in a batch of slices that are processed together; larger batches are not faster.
 const BATCH_SAMPLES: u64 = 1 << 21;
-/// Bytes of each section of a lane that are collected before they are written.
+/// Bytes that are collected for each section of a lane before they are written to the file.
 pub(crate) const WRITE_BYTES: u64 = 1 << 18;
 const SECTIONS: u64 = 6;
-/// Bytes per record while a lane is built: 16 unsorted, 4 for its index, up to 8 packed in each of two results that
-/// may wait. The remainder is measured allocator overhead.
+/// Bytes per record while a lane is built: 16 for the unsorted record, 4 for its index, up to 8 for the packed record
+/// in each of two results that may wait. The remainder is allocator overhead, as measured.
 pub(super) const RECORD_BYTES: u64 = 64;
-/// Bytes per tile of a face while a lane is built: its count and its slot in the tile order.
+/// Bytes per tile of a lane's face while the lane is built: 4 for its record count, 12 for its slot in the tile order.
 const TILE_BYTES: u64 = 4 + 12;
-/// Records of a lane that are processed at once; larger runs are not faster.
+/// Number of records in a run (consecutive tiles of a lane that one thread packs); larger runs are not faster.
 pub(super) const RUN_RECORDS: u64 = 1 << 19;
 
-/// The division of a build's memory.
+/// Tells how a build divides its memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Budget {
-    /// Most bytes that the build uses.
+    /// Most bytes of memory that the build uses.
     pub need: u64,
-    /// Bytes that a visible voxel takes in the temporary file.
+    /// Bytes per visible voxel in the temporary store.
     pub spill_bytes_per_voxel: u64,
     /// Bytes of visible voxels that are kept in memory before they move to a temporary file.
     pub(super) spill_memory: u64,
@@ -42,10 +42,10 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// Divides `resources` for a build. `buffer_bytes` is what the source holds beside its slices.
+    /// Divides the memory of `resources` for a build. The volume's source holds `buffer_bytes` beside its slices.
     ///
     /// # Errors
-    /// [`Error::Limit`] if the memory does not suffice for one slice with its neighbours and one tile.
+    /// [`Error::Limit`] if the memory does not suffice for one slice with its neighbours, or for one tile.
     pub fn new(header: &Header, options: &BuildOptions, resources: &Resources, buffer_bytes: u64) -> Result<Budget> {
         let [width, height, depth] = header.grid.dims.map(u64::from);
         let threads = resources.threads.max(1);
@@ -63,7 +63,7 @@ impl Budget {
         let per_slice =
             if gradients == GradientSource::Visibility { slice + 4 * header.grid.slice_len() } else { slice };
         let block_samples = width * u64::from(block_rows(header.grid.dims[0])).min(height);
-        // A growing block holds up to twice its bytes; each worker has one, and two may wait.
+        // A growing block may reserve twice its bytes. Each worker has up to two, in progress or waiting; two to spare.
         let blocks = (2 * workers + 2) * 2 * block_samples * widths.voxel() as u64;
         let sweep = |slices: u64| BASE + buffer_bytes + reach + slices * per_slice + blocks;
 
@@ -88,12 +88,12 @@ impl Budget {
             return Err(Error::Limit { what, need: least, have: memory });
         }
         let wanted = BATCH_SAMPLES.div_ceil(header.grid.slice_len()).clamp(1, depth);
-        // At most half of the free memory; the other half is for the spill.
+        // The free memory, in slices. With reading ahead, two batches share it.
         let free = (memory - sweep(0)) / per_slice.max(1);
         let read_ahead = threads > 1 && free >= 2;
         let batch = if read_ahead { free / 2 } else { free }.clamp(1, wanted);
         let sweeps = sweep(if read_ahead { 2 * batch } else { batch });
-        // The spill stays through both stages; in the second it shares memory with the runs in progress.
+        // The stored visible voxels (the spill) stay through both stages; in the second, runs need memory beside them.
         let runs = RECORD_BYTES * RUN_RECORDS * workers;
         let assembles = BASE + TILE_BYTES * faces + SECTIONS * WRITE_BYTES + runs.max(fullest);
         let remaining = memory.saturating_sub(sweeps.max(assembles));
@@ -111,7 +111,7 @@ impl Budget {
         })
     }
 
-    /// Returns whether `voxels` visible voxels might not fit in memory.
+    /// Returns whether a build with `voxels` visible voxels might need the temporary file.
     pub fn may_spill(&self, voxels: u64) -> bool {
         voxels.saturating_mul(self.spill_bytes_per_voxel) > self.spill_memory
     }
@@ -121,13 +121,14 @@ impl Budget {
     }
 }
 
-/// Returns the bytes free for runs if `held` bytes of `memory` are in use and the face has `tiles` tiles.
+/// Returns how many bytes are free for packing runs if `held` bytes of `memory` are in use and the face has `tiles`
+/// tiles.
 pub(super) fn free_for_runs(memory: Option<u64>, held: u64, tiles: u64) -> u64 {
     memory.map_or(u64::MAX, |memory| memory.saturating_sub(BASE + held + TILE_BYTES * tiles + SECTIONS * WRITE_BYTES))
 }
 
-/// Returns the bytes for a tile of `records` that is too large for one run: its packed records and an eighth of them
-/// unpacked.
+/// Returns how many bytes it takes to pack a tile of `records` records that is too large for one run: all its packed
+/// records, and an eighth of them unpacked.
 pub(super) fn large_tile_bytes(records: u64, channels: Channels) -> u64 {
     let packed = 1 + u64::from(channels.value_bits / 8 + channels.normal_bits / 4 + channels.magnitude_bits / 8);
     records * packed + records.div_ceil(8) * 20

@@ -1,8 +1,8 @@
 //! The builder: from a volume to its visible voxels, and to lanes.
 //!
-//! In: a [`SlabSource`] and a transfer function. A voxel is visible if its opacity is above 0. Its value is quantised
-//! over the visible range; its normal is the direction of the gradient. The result depends on the input and the options
-//! only, not on memory or threads.
+//! In: a [`SlabSource`], which reads a volume slice by slice, and a transfer function. A voxel is visible if its
+//! opacity is above 0. Its value is quantised over the visible range; its normal is computed from the gradient. The
+//! result depends only on the input and the options, not on memory or threads.
 //!
 //! Slices are read once, or twice if visibility depends on the data's largest gradient:
 //! [`BuildOptions::needs_survey`].
@@ -37,19 +37,19 @@ pub struct Built {
     pub lanes: Vec<OwnedLane>,
     /// The transfer function, completed with everything that depends on the volume.
     pub transfer: TransferFunction,
-    /// Statistics of the samples.
+    /// Statistics of the volume's samples.
     pub samples: SampleSummary,
 }
 
-/// The visible voxels of a volume, before lanes are built from them.
+/// The visible voxels of a volume with their codes, before lanes are built from them.
 pub struct Classified {
     /// Grid, channel widths and scales: the contents of a file's header.
     pub facts: Facts,
-    /// The visible voxels.
+    /// The visible voxels, as rows along x.
     pub rows: ClassifiedRows,
     /// The transfer function, completed with everything that depends on the volume.
     pub transfer: TransferFunction,
-    /// Statistics of the samples.
+    /// Statistics of the volume's samples.
     pub samples: SampleSummary,
 }
 
@@ -88,7 +88,7 @@ impl Classified {
 ///
 /// # Errors
 /// [`Error::Input`](crate::Error::Input) if an option is out of range or nothing is visible;
-/// [`Error::Limit`](crate::Error::Limit) if the memory is too small;
+/// [`Error::Limit`](crate::Error::Limit) if the allowed memory is too small;
 /// [`Error::Interrupted`](crate::Error::Interrupted) if the observer cancels; [`Error::Io`](crate::Error::Io) if the
 /// temporary file cannot be written; any error of reading the source.
 pub fn classify(
@@ -179,7 +179,7 @@ fn survey(
     Ok(largest)
 }
 
-/// Appends all visible voxels to `spill` and returns the statistics of the samples.
+/// Appends all visible voxels to `spill` (their temporary store) and returns the statistics of all samples.
 fn keep_visible(
     source: &mut dyn SlabSource,
     header: &Header,
@@ -224,7 +224,7 @@ fn keep_visible(
             if ended {
                 spill.end_slice()?;
             }
-            // Reported per block: a single slice can take long.
+            // Progress is reported per block of rows: a single slice can take long.
             report(observer, Phase::Pack, u64::from(block.z) + u64::from(ended), depth.into())
         },
     )?;

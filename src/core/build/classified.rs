@@ -17,7 +17,7 @@ pub struct ClassifiedRows {
 }
 
 impl ClassifiedRows {
-    /// Returns how many noticeable voxels with z in `zs` are stored under a code whose value is transparent.
+    /// Returns how many noticeable voxels (opacity from 0.02) with z in `zs` have a code whose value is transparent.
     pub(super) fn blurred_away(&self, zs: Range<u32>) -> Result<u64> {
         let [width, height, _] = self.spill.dims;
         let mut blurred = 0u64;

@@ -5,7 +5,7 @@ use serde_json::json;
 use super::builder::Classified;
 use crate::volume::Header;
 
-/// Returns the description of a file made from `built`. `header` is the volume's.
+/// Returns the description, a JSON text, of a file made from `built`. `header` is the header of the volume.
 pub fn description(header: &Header, built: &Classified) -> String {
     let source = json!({
         "name": header.name,

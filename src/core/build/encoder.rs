@@ -1,7 +1,7 @@
-//! Encoding of visible voxels, decided once all samples have been read.
+//! The encoding of visible voxels, which is decided once all samples have been read.
 //!
-//! In: the volume's header, the options, the samples' range. Out: [`VoxelEncoder`]: the completed transfer function, and
-//! the codes of values and magnitudes.
+//! In: the volume's header, the options, the samples' range. Out: [`VoxelEncoder`], with the completed transfer
+//! function and the mapping of values and gradient magnitudes to codes.
 
 use super::options::BuildOptions;
 use super::summary::SampleSummary;
@@ -11,7 +11,7 @@ use crate::classify::{MagnitudeCodec, Quantiser, TransferFunction};
 use crate::error::{Error, Result};
 use crate::volume::{Header, Sample};
 
-/// Opacity from which the loss of a voxel is noticeable.
+/// Lowest opacity (0 to 1) at which the loss of a voxel is noticeable.
 const NOTICEABLE_OPACITY: f64 = 0.02;
 
 /// Maps samples and gradient magnitudes to stored codes.
@@ -20,14 +20,14 @@ pub(super) struct VoxelEncoder {
     pub(super) channels: Channels,
     quantiser: Quantiser,
     pub(super) magnitudes: MagnitudeCodec,
-    /// The code of each sample, by its bits; empty for samples of more than 16 bits.
+    /// The code of each sample, indexed by the sample's bits; empty for samples of more than 16 bits.
     table: Vec<u16>,
     slope: f64,
     intercept: f64,
 }
 
 impl VoxelEncoder {
-    /// Creates the encoder. `samples` describes all samples; `largest_magnitude` is set if the volume was surveyed.
+    /// Creates the encoder. `samples` describes all samples; `largest_magnitude` is set if a first reading found it.
     pub(super) fn new(
         header: &Header,
         options: &BuildOptions,
@@ -43,7 +43,7 @@ impl VoxelEncoder {
         };
         let grid = &header.grid;
         let uses_gradient = options.transfer.uses_gradient();
-        // Bounds every difference of samples by their range over the spacing, on all axes.
+        // A difference of two samples is at most their range: this bounds the gradient on all axes.
         let steepest = grid.spacing.iter().map(|h| 1.0 / (h * h)).sum::<f64>().sqrt();
         let bound = if uses_gradient { ((highest - lowest) * steepest).min(f64::MAX) } else { 0.0 };
         let largest = largest_magnitude.unwrap_or(bound);

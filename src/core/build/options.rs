@@ -8,7 +8,7 @@ use crate::classify::TransferFunction;
 use crate::error::{Error, Result};
 use crate::volume::SampleType;
 
-/// What to build from a volume.
+/// Options that determine the content of the arena that is built from a volume.
 #[derive(Debug, Clone)]
 pub struct BuildOptions {
     /// Decides which samples are visible; only these are stored.
@@ -16,22 +16,22 @@ pub struct BuildOptions {
     /// Number of stored lanes: 1 for x, 2 for x and y, 3 for x, y and z. Missing lanes are derived when a view needs
     /// them.
     pub lane_count: u8,
-    /// Order of the tiles in memory.
+    /// Order of each lane's tiles in memory.
     pub tile_order: TileOrder,
-    /// Bits of a stored value: 8 or 16.
+    /// Bits per stored value: 8 or 16.
     pub value_bits: u8,
     /// Bits of each of a normal's two components: 8 or 16, or 0 for no normals.
     pub normal_bits: u8,
 }
 
-/// Limits on what a build may use.
+/// Limits on the memory, threads and disk that a build may use.
 #[derive(Debug, Clone, Default)]
 pub struct Resources {
     /// Most bytes of memory that the process may use; `None` for no limit.
     pub memory: Option<u64>,
-    /// Number of worker threads; 0 counts as 1. With several, another thread reads ahead if memory allows.
+    /// Number of worker threads; 0 counts as 1. With several, one more thread reads slices ahead if memory allows.
     pub threads: usize,
-    /// Folder for a temporary file that takes visible voxels which do not fit in memory; `None` to keep all in memory.
+    /// Folder for a temporary file, for visible voxels that do not fit in memory; `None` to keep all in memory.
     pub folder: Option<PathBuf>,
 }
 
@@ -71,16 +71,16 @@ impl BuildOptions {
 
     /// Returns whether a build must read the volume twice.
     ///
-    /// Region boundaries need this if their opacity refers to the data's largest gradient magnitude: until that is
-    /// known, it is open which samples are visible.
+    /// This is needed if opacity is relative to the data's largest gradient magnitude (at region boundaries): until
+    /// that magnitude is known, it is undecided which samples are visible.
     pub fn needs_survey(&self) -> bool {
         self.transfer.clone().with_largest_magnitude(2.0).is_ok_and(|filled| filled != self.transfer)
     }
 
-    /// Returns whether value codes are spread over the range of the samples rather than that of their type.
+    /// Returns whether value codes are spread over the range of the samples, not over the range of their type.
     ///
-    /// Samples of 8 bits have a code for each value. Others need the samples' range if the visible range is open, or if
-    /// opacity depends on the gradient, whose largest magnitude is unknown.
+    /// 8-bit samples have a code for each value. Other types need the samples' range if the visible range has an
+    /// infinite end, or if opacity depends on the gradient, whose largest magnitude is unknown.
     pub(super) fn needs_data_range(&self, sample_type: SampleType) -> bool {
         let (low, high) = self.transfer.domain(f64::INFINITY);
         let open = low == f64::NEG_INFINITY || high == f64::INFINITY;

@@ -20,7 +20,7 @@ pub enum Phase {
 
 /// Receives progress reports; can cancel a build.
 pub trait Observer {
-    /// Called when `done` of `total` slices or records of a phase are processed.
+    /// Receives that `done` of `total` slices or records of a phase are processed.
     ///
     /// Return `Break` to cancel the build, which then ends with [`Error::Interrupted`].
     fn progress(&mut self, phase: Phase, done: u64, total: u64) -> ControlFlow<()>;

@@ -1,7 +1,7 @@
 //! The visibility scan: finds the visible voxels of a block of rows.
 //!
-//! In: raw samples of a slice and, if needed, gradients. Out: the visible voxels in the spill's format, and statistics
-//! of all samples.
+//! In: raw samples of a slice and, if needed, gradients. Out: the visible voxels in the format of the temporary store
+//! (`spill.rs`), and statistics of all samples.
 
 use super::spill::{GROUP_ROWS, RowArrays, SpilledRows};
 use super::summary::{RawRange, SampleSummary};
@@ -11,7 +11,7 @@ use crate::arena::layout::Channels;
 use crate::classify::{gradient, normal};
 use crate::volume::{Header, Sample};
 
-/// Samples whose range is compared with the visible range at once; most blocks hold nothing visible.
+/// Number of samples whose range is compared with the visible range at once; most such blocks hold nothing visible.
 const BLOCK: usize = 64;
 
 /// The visible voxels of a block of rows, with statistics of its samples.
@@ -29,7 +29,7 @@ pub(super) struct VisibleScan<'a, T> {
 }
 
 impl<T: Sample> VisibleScan<'_, T> {
-    /// Returns the visible voxels of a block. `gradient` gives the gradient at x and y; `row` is a buffer.
+    /// Returns the visible voxels of a block. `gradient` returns the gradient at (x, y); `row` is a reused buffer.
     pub(super) fn rows(
         &self,
         block: &RowBlock,

@@ -11,7 +11,7 @@ use crate::error::Result;
 /// A voxel that is being sorted into its line.
 #[derive(Debug, Clone, Copy)]
 struct LineVoxel {
-    /// The tile's index in the run times 64, plus the line's bit.
+    /// The tile's index in the run (the tiles packed together) times 64, plus the line's bit in the tile's mask.
     line: u32,
     t: u16,
     value: u16,
@@ -25,14 +25,14 @@ pub(super) struct LineSorter {
     voxels: Vec<LineVoxel>,
     /// Start of each line in `order`.
     starts: Vec<u32>,
-    /// Indices of voxels, by line.
+    /// Indices of voxels, sorted by line.
     order: Vec<u32>,
-    /// For each tile of the run's bounding box: its index in the run plus 1, or 0.
+    /// For each tile of the run's bounding box: its index in the run plus 1, or 0 if it is not in the run.
     numbers: Vec<u32>,
 }
 
 impl LineSorter {
-    /// Packs the tiles at `slots`. A single tile of more than `limit` records is sorted one row of lines at a time.
+    /// Packs the tiles of `slots`. A single tile of more than `limit` records is sorted one row of lines at a time.
     pub(super) fn pack_run(
         &mut self,
         rows: &dyn Rows,
@@ -72,7 +72,8 @@ impl LineSorter {
         Ok(run)
     }
 
-    /// Sorts the voxels of `region` by line. `first_u`, `first_v` and `columns` describe the box of `numbers`.
+    /// Sorts the voxels of `region` by line. `first_u`, `first_v` and `columns` are the corner and width, in tiles, of
+    /// the box that `numbers` covers.
     fn sort(
         &mut self,
         rows: &dyn Rows,
@@ -82,7 +83,7 @@ impl LineSorter {
         tiles: usize,
     ) -> Result<()> {
         self.voxels.clear();
-        // Each line's count stands two entries later, so that the sums below become starts.
+        // Each line's count is stored two entries later, so that the sums below become the starts of lines.
         self.starts.clear();
         self.starts.resize(64 * tiles + 2, 0);
         rows.read(region, &mut |y, z, voxels| {

@@ -4,10 +4,10 @@
 //! are kept because the data's range, which decides the codes, is known only at the end.
 //!
 //! ```text
-//! store:  for each slice that is not empty
-//!             for each row that is not empty
+//! store:  for each slice that has visible voxels
+//!             for each row that has visible voxels
 //!                 y u16, count - 1 u16, then one array each: x u16, sample, normal, magnitude f64
-//!             for every eight rows, where they end, from the slice's start: u64
+//!             the directory: for every eight rows, the byte after them, counted from the slice's start: u64
 //! ```
 //!
 //! All numbers are little endian, except samples and magnitudes, which are native. Memory beside the store: 16 bytes
@@ -21,9 +21,9 @@ use crate::arena::layout::Channels;
 use crate::error::Result;
 use crate::volume::{Header, Sample, SampleType};
 
-/// Rows that share an entry of a slice's directory.
+/// Number of rows that share an entry of a slice's directory.
 pub(super) const GROUP_ROWS: u32 = 8;
-/// Bytes read at once while rows are small.
+/// Most bytes that are read at once, unless a single group of rows is larger.
 const READ_BYTES: u64 = 1 << 18;
 
 #[derive(Debug, Clone, Copy)]
@@ -51,12 +51,12 @@ impl VoxelWidths {
 #[derive(Debug, Default)]
 pub(super) struct SpilledRows {
     bytes: Vec<u8>,
-    /// End of each group in `bytes`.
+    /// End of each group of rows in `bytes`.
     group_ends: Vec<usize>,
     voxels: u64,
 }
 
-/// The voxels of one row, as one array per part.
+/// The visible voxels of one row, as one array per property.
 #[derive(Debug, Default)]
 pub(super) struct RowArrays {
     pub(super) xs: Vec<u16>,
@@ -88,15 +88,15 @@ impl SpilledRows {
     }
 }
 
-/// All visible voxels of a volume, unencoded.
+/// All visible voxels of a volume, with raw samples instead of codes.
 pub(super) struct SpilledVoxels {
     pub(super) dims: [u32; 3],
     pub(super) sample_type: SampleType,
     pub(super) widths: VoxelWidths,
     store: SpillStore,
-    /// Range of each slice's rows in the store; empty, without a directory, if the slice has none.
+    /// Range of bytes in the store of each slice's rows; empty, without a directory, if the slice has no visible voxel.
     slices: Vec<Range<u64>>,
-    /// The current slice's directory and start.
+    /// Directory of the current slice, which starts at byte `start` of the store.
     directory: Vec<u64>,
     start: u64,
     voxels: u64,
@@ -120,7 +120,7 @@ impl SpilledVoxels {
         self.voxels
     }
 
-    /// Returns the bytes of memory in use.
+    /// Returns how many bytes of memory are in use.
     pub(super) fn memory(&self) -> u64 {
         self.store.memory()
     }
@@ -144,7 +144,7 @@ impl SpilledVoxels {
         Ok(())
     }
 
-    /// Calls `row` with y, z and the arrays of each row in the row groups that `region` touches.
+    /// Calls `row` with y, z and all voxels of each row inside the y and z ranges of `region`.
     pub(super) fn read(&self, region: &Region, mut row: impl FnMut(u16, u16, RowParts)) -> Result<()> {
         let (mut directory, mut bytes) = (Vec::new(), Vec::new());
         let groups = self.dims[1].div_ceil(GROUP_ROWS);
@@ -155,7 +155,7 @@ impl SpilledVoxels {
                 continue;
             }
             let z = u16::try_from(z).expect("a grid has at most 65,535 slices");
-            // The directory, from the end of the group before the first; group 0 starts at 0.
+            // Read the directory from the end of the group before `first`, where `first` starts; group 0 starts at 0.
             let from = slice.end + 8 * u64::from(first.saturating_sub(1));
             let ends = self.store.read(from, slice.end + 8 * u64::from(last), &mut directory)?;
             let ends = ends.chunks_exact(8).map(|end| u64::from_ne_bytes(end.try_into().expect("eight bytes")));
@@ -201,7 +201,7 @@ impl RowParts<'_> {
         u16::from_le_bytes([self.xs[2 * index], self.xs[2 * index + 1]])
     }
 
-    /// Returns the index of the first voxel at or after `x`.
+    /// Returns the index of the first voxel whose coordinate is at least `x`.
     pub(super) fn at_or_after(&self, x: u32) -> usize {
         let (mut low, mut high) = (0, self.len());
         while low < high {

@@ -1,7 +1,7 @@
-//! Storage of the spill: bytes that are appended once and read at any position.
+//! Storage for the visible voxels during a build: bytes that are appended once and read at any position.
 //!
-//! They are kept in memory, or in a temporary file once they exceed a limit. Where the system allows it the file has no
-//! name: nothing remains, however the process ends.
+//! The bytes are kept in memory, or in a temporary file once they exceed a limit. Where the system allows it the file
+//! has no name: then no file remains, however the process ends.
 
 use std::fs::File;
 use std::io::{self, Write as _};
@@ -30,7 +30,7 @@ impl SpillStore {
         self.len
     }
 
-    /// Returns the bytes of memory in use.
+    /// Returns how many bytes of memory are in use.
     pub(super) fn memory(&self) -> u64 {
         self.bytes.capacity() as u64
     }
@@ -58,10 +58,10 @@ impl SpillStore {
         Ok(())
     }
 
-    /// Returns the bytes `from..to`, in `buffer` if they must be read from the file.
+    /// Returns the bytes `from..to`. If they must be read from the file, they are read into `buffer`.
     ///
     /// # Panics
-    /// If they have not all been appended.
+    /// If `to` is past the last byte that was appended.
     pub(super) fn read<'a>(&'a self, from: u64, to: u64, buffer: &'a mut Vec<u8>) -> Result<&'a [u8]> {
         assert!(from <= to && to <= self.len, "only what was appended is read");
         let index = |at: u64| usize::try_from(at).expect("what is in memory or read at once fits the address space");

@@ -38,7 +38,7 @@ impl SampleSummary {
     }
 }
 
-/// The range of some raw samples and the number of those that are not finite.
+/// Collects the range of the finite raw samples, and the number of samples that are not finite.
 pub(super) struct RawRange<T> {
     ends: Option<[T; 2]>,
     not_finite: u64,

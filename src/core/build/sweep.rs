@@ -1,8 +1,8 @@
 //! The sweep: processes a volume once, slice by slice, on several threads.
 //!
-//! In: a [`SlabSource`], a function of a block of rows, and a consumer of its results. A batch of slices is in memory,
-//! with the neighbours that its gradients need; workers process it while the next batch is read. Memory: two batches
-//! and the neighbours, whatever the depth.
+//! In: a [`SlabSource`], a function that processes a block of rows, and a consumer of its results. A batch of slices is
+//! in memory, with the neighbouring slices that its gradients need; workers process it while the next batch is read.
+//! Memory: two batches and the neighbouring slices, whatever the depth of the volume.
 
 use std::ops::Range;
 
@@ -14,14 +14,14 @@ use crate::error::Result;
 use crate::parallel::in_order;
 use crate::volume::{Header, SlabSource};
 
-/// Samples of a block of rows, unless one row has more.
+/// Approximate number of samples in a block of rows; a block has at least one group of rows.
 const BLOCK_SAMPLES: u32 = 1 << 16;
 
-/// How many slices are in memory and how many threads process them.
+/// The number of slices that are in memory, and of threads that process them.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct SweepSchedule {
     pub(super) batch: u32,
-    /// Whether another thread reads the next batch meanwhile.
+    /// Whether another thread reads the next batch while one is processed.
     pub(super) read_ahead: bool,
     pub(super) threads: usize,
 }
@@ -30,18 +30,19 @@ pub(super) struct SweepSchedule {
 #[derive(Debug, Clone)]
 pub(super) struct RowBlock {
     pub(super) z: u32,
-    /// Complete groups of [`GROUP_ROWS`], except at the end of the slice.
+    /// The block's range of y: complete groups of [`GROUP_ROWS`] rows, except at the end of the slice.
     pub(super) rows: Range<u32>,
 }
 
-/// Returns the rows of a block, for grids with `width` points along x.
+/// Returns the number of rows in a block, for grids with `width` points along x.
 pub(super) fn block_rows(width: u32) -> u32 {
     (BLOCK_SAMPLES / width).max(1).next_multiple_of(GROUP_ROWS)
 }
 
-/// Calls `work` on every block of a volume, and `take` on the results by ascending z and row.
+/// Calls `work` for every block of rows of a volume, and `take` with each result, by ascending z, then y.
 ///
-/// `source` must be at its first slice. `transfer` decides visibility, for [`GradientSource::Visibility`].
+/// `source` must be at its first slice. `transfer` decides visibility, for [`GradientSource::Visibility`]. `scratch`
+/// creates the buffer that each thread passes to `work`.
 ///
 /// # Errors
 /// Any error of reading the source, of `work` or of `take`; [`Error::Limit`](crate::Error::Limit) if there is no memory

@@ -1,7 +1,7 @@
-//! The visibility test: which samples may be visible, known before the first one is read.
+//! The visibility test: tells which samples may be visible; it is built before the first sample is read.
 //!
 //! In: a transfer function and a volume's header. Out: a table or formula that accepts or refuses a sample. If opacity
-//! depends on the gradient, accepted samples are tested again with their magnitude.
+//! depends on the gradient, accepted samples are tested again with their gradient magnitude.
 
 use super::options::BuildOptions;
 use crate::classify::TransferFunction;
@@ -14,14 +14,14 @@ pub(super) struct VisibilityTest {
     domain: (f64, f64),
     slope: f64,
     intercept: f64,
-    /// Whether each sample may be visible, by its bits; empty for samples of more than 16 bits.
+    /// Whether a sample may be visible, indexed by the sample's bits; empty for samples of more than 16 bits.
     table: Vec<bool>,
     /// Bits of the lowest and highest accepted sample; `None` if there is none or the table is empty.
     ends: Option<[u16; 2]>,
 }
 
 impl VisibilityTest {
-    /// Creates the test. `largest_magnitude` is set if the volume was surveyed.
+    /// Creates the test. `largest_magnitude` is set if a first reading of the volume has found it.
     pub(super) fn new(
         header: &Header,
         options: &BuildOptions,
@@ -77,12 +77,12 @@ impl VisibilityTest {
         self.transfer.opacity(value, magnitude) > 0.0
     }
 
-    /// Returns the range, inclusive, that contains all accepted samples; `None` if there are none.
+    /// Returns an inclusive range of samples that contains all accepted ones; `None` if no sample is accepted.
     pub(super) fn ends<T: Sample>(&self) -> Option<[T; 2]> {
         if !self.table.is_empty() {
             return Some(self.ends?.map(T::from_small_bits));
         }
-        // With slope and intercept, rounding would have to be bounded.
+        // With slope and intercept, rounding would have to be bounded: then the range is that of the type.
         let raw = self.slope == 1.0 && self.intercept == 0.0;
         let [lowest, highest] = T::ENDS;
         let [low, high] = if raw { [T::below(self.domain.0), T::above(self.domain.1)] } else { T::ENDS };
@@ -90,7 +90,7 @@ impl VisibilityTest {
     }
 }
 
-/// Returns bits and number of each sample of an 8-bit or 16-bit type, ascending by number.
+/// Iterates over all samples of an 8-bit or 16-bit type, as (bits, number), ascending by number.
 pub(super) fn small_samples(sample_type: SampleType) -> impl ExactSizeIterator<Item = (u16, f64)> {
     let signed = matches!(sample_type, SampleType::I8 | SampleType::I16);
     let count = 1i32 << (8 * sample_type.bytes());

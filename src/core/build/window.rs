@@ -1,4 +1,4 @@
-//! The slices of a volume that are in memory, and the reader that provides the next ones.
+//! The slices of a volume that are in memory, and the reader that provides the next slices.
 
 use std::collections::VecDeque;
 
@@ -8,7 +8,7 @@ use crate::error::{Error, Result};
 use crate::volume::{Header, Sample, Samples, SlabSource};
 use crate::with_samples;
 
-/// The consecutive slices that are in memory.
+/// The consecutive slices that are in memory: raw samples, and fields of smoothed visibility for gradients.
 pub(super) struct SliceWindow<'a> {
     header: &'a Header,
     samples: VecDeque<Samples>,
@@ -25,17 +25,17 @@ impl<'a> SliceWindow<'a> {
     /// Returns the samples of slice `z`.
     ///
     /// # Panics
-    /// If they are of another type.
+    /// If the volume's samples are not of type `T`.
     pub(super) fn typed<T: Sample>(&self, z: u32) -> &[T] {
         T::slice_of(&self.samples[(z - self.first) as usize]).expect("all slices are of the header's type")
     }
 
-    /// Returns slice `z` of the samples with its neighbours.
+    /// Returns slice `z` of the samples' values with the slices below and above, for gradients.
     pub(super) fn values<T: Sample>(&self, z: u32) -> Neighbourhood<'_, T> {
         self.neighbourhood(z, |z| self.typed(z)).scaled(self.header.slope, self.header.intercept)
     }
 
-    /// Returns slice `z` of the smoothed visibility with its neighbours.
+    /// Returns slice `z` of the smoothed visibility with the slices below and above, for gradients.
     pub(super) fn visibility(&self, z: u32) -> Neighbourhood<'_> {
         self.neighbourhood(z, |z| &self.fields[(z - self.first_field) as usize][..])
     }
@@ -99,7 +99,7 @@ impl<'a> SliceReader<'a> {
         }
     }
 
-    /// Reads the slices below `end`, and those below `reach` that gradients need.
+    /// Reads the next slices: those with z below `end`, and those with z below `reach` that gradients need.
     pub(super) fn read(&mut self, window: &SliceWindow, end: u32, reach: u32) -> Result<NewSlices> {
         let mut slices = NewSlices::default();
         let depth = self.header.grid.dims[2];
@@ -133,7 +133,7 @@ impl<'a> SliceReader<'a> {
         Ok(samples)
     }
 
-    /// Smooths the visibility of a slice and returns the number of slices that became ready, 0 or 1.
+    /// Smooths the visibility of a slice, and returns how many smoothed slices were appended to `fields`: 0 or 1.
     fn smooth(&mut self, samples: &Samples, fields: &mut Vec<Vec<f32>>) -> Result<u32> {
         let mut indicator = self.new_field()?;
         let mut smoothed = self.new_field()?;
@@ -164,7 +164,8 @@ impl<'a> SliceReader<'a> {
         Ok(field)
     }
 
-    /// Reuses the memory of slices that are not needed from slice `next` on.
+    /// Takes back the memory of slices that are not needed any more when slice `next` is processed; `reach` is how many
+    /// slices below it gradients need.
     pub(super) fn recycle(&mut self, window: &mut SliceWindow, next: u32, reach: u32) {
         let below = next.saturating_sub(reach);
         let samples_below = if self.gradients == GradientSource::Values { below } else { next };

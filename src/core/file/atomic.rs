@@ -12,13 +12,13 @@ use std::path::{Path, PathBuf};
 use super::atomic_temporary::{TemporaryFile, remove_dead, unnamed};
 use crate::error::{Error, Result};
 
-/// Bytes written between two checks whether to stop.
+/// Most bytes that are written between two calls of `stop`.
 const CHUNK_BYTES: usize = 4 << 20;
-/// Most links to follow; the system's own limit.
+/// Largest number of symbolic links that are followed; the system has the same limit.
 const MOST_LINKS: usize = 40;
 
 /// Checks, before any work, whether [`write_atomically`] could write to `path`. Creates nothing lasting, and removes
-/// what killed runs left in the folder.
+/// the temporary files that killed runs left in the folder.
 ///
 /// # Errors
 /// [`Error::Input`] if `path` is a folder or its folder does not exist; [`Error::Io`] if no file can be created there.
@@ -34,10 +34,11 @@ pub fn check_writable(path: &Path) -> Result<()> {
     }
 }
 
-/// Returns the folder for temporary files that are needed to make `path`: its own, or the system's for a device.
+/// Returns the folder for temporary files while `path` is written: the folder of `path`, or the system's temporary
+/// folder if `path` is a device.
 ///
 /// # Errors
-/// The same as [`check_writable`]; but nothing is created.
+/// The same as [`check_writable`], except those of creating a file: none is created.
 pub fn scratch_folder(path: &Path) -> Result<PathBuf> {
     Ok(match WriteTarget::of(path)? {
         WriteTarget::Device => std::env::temp_dir(),
@@ -50,13 +51,13 @@ pub fn scratch_folder(path: &Path) -> Result<PathBuf> {
 /// Returns the result of `write`.
 ///
 /// # Errors
-/// [`Error::Input`] if `path` is a folder or its folder does not exist; [`Error::Io`] if the folder or the disk refuses.
-/// The temporary file is then removed and an old file is unchanged.
+/// [`Error::Input`] if `path` is a folder or its folder does not exist; [`Error::Io`] if the file cannot be written.
+/// After an error the temporary file is removed and an old file at `path` is unchanged.
 pub fn write_atomically<T>(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<T>) -> Result<T> {
     write_atomically_unless(&|| false, path, write)
 }
 
-/// Does the same as [`write_atomically`], unless `stop` returns true.
+/// Creates or replaces the file at `path` like [`write_atomically`], unless `stop` returns true.
 ///
 /// `stop` is called every few megabytes, and once more before the file is replaced.
 ///
@@ -80,9 +81,9 @@ pub fn write_atomically_unless<T>(
     })
 }
 
-/// Creates or replaces the file at `path` with what `write` writes, at any offset, to a new file.
+/// Creates or replaces the file at `path` with a new file, to which `write` may write at any offset.
 ///
-/// Returns the result of `write`. A device or a pipe receives the bytes when they are complete.
+/// Returns the result of `write`. If `path` is a device or a pipe, it receives the bytes when they are complete.
 ///
 /// # Errors
 /// The same as [`write_atomically`], and any error of `write`.
@@ -106,7 +107,7 @@ enum WriteTarget {
 }
 
 impl WriteTarget {
-    /// Replaces the file with the one that `write` fills.
+    /// Replaces the target with a new file that `write` fills; `path` is used in messages.
     fn replace<T>(self, path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
         let WriteTarget::File { folder, name } = self else { unreachable!("devices are written to as they are") };
         let temporary = TemporaryFile::new(&folder)?;
@@ -141,11 +142,11 @@ impl WriteTarget {
     }
 }
 
-/// A file for intermediate results, in the folder of the final one; removed when this value is dropped.
+/// A file for intermediate results, in the folder of the final file; removed when this value is dropped.
 #[derive(Debug)]
 pub struct ScratchFile {
     file: TemporaryFile,
-    /// The file at the path, open and locked, so that other runs do not remove it.
+    /// The file at [`ScratchFile::path`], open and locked, so that other runs do not remove it.
     held: Option<File>,
 }
 
@@ -163,7 +164,7 @@ impl ScratchFile {
         self.file.path()
     }
 
-    /// Locks the file that was written at the path.
+    /// Locks the file that was written at [`ScratchFile::path`], so that other runs do not remove it.
     ///
     /// # Errors
     /// [`Error::Io`] if the file no longer exists.

@@ -1,8 +1,8 @@
-//! Temporary files for atomic writing: removed however a run ends.
+//! Temporary files for atomic writing. They are removed however a run of the program ends:
 //!
 //! 1. Success, error or panic: [`TemporaryFile::rename`] moves the file to its final name; dropping it removes it.
 //! 2. A forced exit: [`abandon_writes`] removes all listed files.
-//! 3. Killed, or power lost: the next run that writes to the folder removes the file (`remove_dead`).
+//! 3. The run is killed or loses power: the next run that writes to the folder removes the file (`remove_dead`).
 //! 4. A file without a name disappears when it is closed.
 //!
 //! For 3, a run must tell dead files from those that other runs still write. The owner of a file therefore holds the
@@ -38,7 +38,7 @@ const PREFIX: &str = ".adj-";
 const SUFFIX: &str = ".tmp";
 /// Number of letters and digits between prefix and suffix.
 const RANDOM: usize = 6;
-/// Names to try. A remover takes a name only in the instant after its creation, so one retry nearly always suffices.
+/// Largest number of names to try. A remover takes a name only right after its creation: one retry nearly always helps.
 const MOST_NAMES: usize = 64;
 
 /// Temporary files that a forced exit would leave behind.
@@ -46,7 +46,7 @@ static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 /// Removes the temporary files of all unfinished writes. Call it only to end the process right after.
 ///
-/// Writes that are still running fail or block for ever; none of them replaces a file any more.
+/// Writes that are still running fail or block for ever; none of them replaces its target file any more.
 pub fn abandon_writes() {
     let unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
     for path in unfinished.iter() {
@@ -63,7 +63,7 @@ pub(super) struct TemporaryFile {
 }
 
 impl TemporaryFile {
-    /// Creates a file in `folder`, after removing those of dead runs.
+    /// Creates a temporary file in `folder`, after removing the temporary files of runs that have ended.
     ///
     /// # Errors
     /// [`Error::Io`] if no file can be created there.
@@ -90,7 +90,7 @@ impl TemporaryFile {
                 unfinished.push(file.path().to_path_buf());
                 return Ok(TemporaryFile { file });
             }
-            // A remover has the file.
+            // A remover holds the lock of this file: it removes the file.
             file.disable_cleanup(true);
         }
         let why = "other runs keep removing the temporary files; try again";
@@ -108,7 +108,7 @@ impl TemporaryFile {
     /// Renames the file to `target`; removes it on failure.
     ///
     /// # Errors
-    /// If the system refuses.
+    /// The system's error if it refuses to rename the file.
     pub(super) fn rename(mut self, target: &Path) -> io::Result<()> {
         let path = self.file.path().to_path_buf();
         // Not while writes are abandoned: that would remove the path, which is the target's by then.
@@ -133,8 +133,8 @@ impl Drop for TemporaryFile {
 
 /// Creates a file without a name in `folder`.
 ///
-/// Linux does that in one step (`O_TMPFILE`) on its own disks. Elsewhere the file is created and its name removed at
-/// once; a kill between the two leaves an empty file.
+/// Linux creates it in one step (`O_TMPFILE`) on its own file systems. Elsewhere the file is created and its name then
+/// removed; a run that is killed between these steps leaves an empty file.
 ///
 /// # Errors
 /// [`Error::Io`] if no file can be created there.
@@ -142,7 +142,7 @@ pub(super) fn unnamed(folder: &Path) -> Result<File> {
     tempfile::tempfile_in(folder).map_err(Error::io("create a file in", folder))
 }
 
-/// Removes temporary files without an owner from `folder`; skips those that cannot be removed.
+/// Removes temporary files without an owner (a run that still writes them) from `folder`; ignores failures.
 pub(super) fn remove_dead(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
@@ -162,7 +162,7 @@ fn remove_if_dead(path: &Path) -> io::Result<()> {
     Ok(())
 }
 
-/// Returns whether `path` refers to this very file.
+/// Returns whether `path` refers to the same file as `file`.
 fn is_named(path: &Path, file: &File) -> bool {
     let there = same_file::Handle::from_path(path);
     let ours = file.try_clone().and_then(same_file::Handle::from_file);

@@ -3,9 +3,9 @@
 //! In: a path. Out: [`AdjFile`], whose [`Arena`] borrows the mapped pages. This file holds the crate's only mapping
 //! call, and its only `unsafe` code beside the walk's prefix sums.
 //!
-//! Pages that were read count as the process's memory until the system reclaims them. To stay within a limit, use
-//! [`AdjFile::keep_resident_below`]: all pages are released whenever readers would exceed it. Reading them again takes
-//! them from the system's cache or the disk.
+//! Pages that were read count as the process's memory until the system reclaims them. To limit that memory, use
+//! [`AdjFile::keep_resident_below`]: all pages are released whenever readers would exceed the limit. Pages that are
+//! read again come from the system's cache or the disk.
 #![allow(unsafe_code, reason = "mapping a file and releasing its pages are unsafe: see the notes at the calls")]
 
 use std::fs::File;
@@ -36,7 +36,7 @@ pub struct AdjFile {
 #[derive(Debug)]
 struct FileMap {
     map: Mmap,
-    /// What was read, if that is limited.
+    /// The blocks that were read, if the resident pages are limited.
     resident: Option<ResidentPages>,
     /// Held by the thread that releases pages.
     releasing: Mutex<()>,
@@ -55,7 +55,7 @@ impl AdjFile {
     /// Opens an untrusted file; refuses one that exceeds `limits`.
     ///
     /// # Errors
-    /// The same as [`AdjFile::open`]; [`Error::Limit`] that names the file and what is too large.
+    /// The same as [`AdjFile::open`]; [`Error::Limit`] that names the file and the size that is too large.
     pub fn open_with(path: &Path, limits: &Limits) -> Result<AdjFile> {
         // Tested before opening: opening a pipe would wait for its other end.
         let metadata = std::fs::metadata(path).map_err(Error::io("open", path))?;
@@ -89,8 +89,8 @@ impl AdjFile {
     /// Limits the resident pages of the map to `bytes`, at least 64 KiB, plus
     /// [`IN_FLIGHT`](crate::arena::pager::IN_FLIGHT) for each thread that reads.
     ///
-    /// Walks, rendering, the check and everything else that informs the arena's [`Pager`] respect the limit. Reading is
-    /// slower if the same pages are released and read again.
+    /// Everything that tells the arena's [`Pager`] what it is about to read respects the limit: walks, rendering, the
+    /// check. Reading is slower if the same pages are released and read again.
     ///
     /// # Errors
     /// [`Error::Io`] if the system cannot release pages: not on Unix, or the process has locked its memory.
@@ -155,7 +155,7 @@ impl FileMap {
         Err(std::io::ErrorKind::Unsupported.into())
     }
 
-    /// Asks for pages no larger than the blocks that are counted.
+    /// Asks the system not to use huge pages, which are larger than the blocks that [`ResidentPages`] counts.
     fn forgo_huge_pages(&self) {
         #[cfg(target_os = "linux")]
         // A system without huge pages refuses; then nothing needs to be done.

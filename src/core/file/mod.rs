@@ -1,4 +1,4 @@
-//! Files: arenas on disk, written atomically and read through a memory map.
+//! Files: arenas on disk, which are written atomically and read through a memory map.
 
 mod atomic;
 mod atomic_temporary;

@@ -3,22 +3,22 @@
 //! The system maps pages around a fault in aligned blocks of 64 KiB (Linux: `fault_around_bytes`), so a block counts as
 //! resident as a whole. Threads share the count and never wait for each other, except while pages are released.
 //!
-//! After a release, a thread may touch pages that it announced before. Such blocks are resident but not counted until
-//! the next release; each reader has at most [`IN_FLIGHT`](crate::arena::pager::IN_FLIGHT) bytes of them.
+//! After a release, a thread may touch pages that it announced before the release. Such blocks are resident but not
+//! counted until the next release; per reader they have at most [`IN_FLIGHT`](crate::arena::pager::IN_FLIGHT) bytes.
 
 use std::sync::atomic::{AtomicI64, AtomicU64, Ordering};
 
 pub(super) const BLOCK_BYTES: u64 = 1 << 16;
 
-/// The blocks of one map that have been read.
+/// The blocks of one file map that have been read since the last release of pages.
 #[derive(Debug)]
 pub(super) struct ResidentPages {
-    /// First address and length of the map.
+    /// First address of the map; `len` is its length in bytes.
     base: usize,
     len: usize,
     /// One bit for each block that the map overlaps.
     blocks: Box<[AtomicU64]>,
-    /// Number of set bits; off for a moment while other threads set some.
+    /// Number of set bits in `blocks`; briefly too small while other threads set bits.
     held: AtomicI64,
     most: i64,
 }
@@ -39,7 +39,8 @@ impl ResidentPages {
         }
     }
 
-    /// Notes that `bytes` are about to be read; returns whether too much is resident. Ignores bytes outside the map.
+    /// Notes that `bytes` are about to be read; returns whether too many blocks are then resident. Ignores bytes
+    /// outside the map.
     #[inline]
     pub(super) fn note(&self, bytes: &[u8]) -> bool {
         let start = bytes.as_ptr().addr();
@@ -65,7 +66,7 @@ impl ResidentPages {
         self.held.load(Ordering::Relaxed) > self.most
     }
 
-    /// Forgets all blocks, after a release.
+    /// Clears all bits; call it when pages are released.
     pub(super) fn clear(&self) {
         let cleared: u32 = self.blocks.iter().map(|word| word.swap(0, Ordering::Relaxed).count_ones()).sum();
         self.held.fetch_sub(cleared.into(), Ordering::Relaxed);
@@ -89,7 +90,7 @@ mod tests {
         assert!(resident.note(block(30)) && resident.is_full());
         resident.clear();
         assert!(!resident.is_full() && resident.held.load(Ordering::Relaxed) == 0);
-        // A range counts every block that it meets; one that is not in the map none.
+        // A range of bytes counts every block that it overlaps; bytes outside the map count none.
         assert!(resident.note(&bytes[..5 * SIZE + 1]));
         resident.clear();
         let others = vec![0u8; 40 * SIZE];

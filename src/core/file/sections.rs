@@ -1,4 +1,4 @@
-//! Writing the sections of an `.adj` file side by side: their sizes are known, their bytes arrive in turns.
+//! Writes the sections of an `.adj` file side by side: their sizes are known, their bytes arrive alternately.
 
 use std::fs::File;
 use std::io::{Seek as _, SeekFrom, Write as _};
@@ -54,7 +54,7 @@ pub(super) struct SectionWriter<'a> {
     file: &'a File,
     path: &'a Path,
     entry: SectionEntry,
-    /// Where the buffered bytes belong in the file.
+    /// Byte offset in the file to which the buffered bytes will be written.
     at: u64,
     buffer: Vec<u8>,
     checksum: Xxh3,
@@ -96,7 +96,7 @@ impl SectionWriter<'_> {
         Ok(())
     }
 
-    /// Returns the section's entry, after all bytes were written.
+    /// Writes the remaining bytes, and returns the section's entry in the section table, with its checksum.
     pub(super) fn finish(mut self) -> Result<SectionEntry> {
         self.flush()?;
         assert_eq!(self.at, self.entry.offset.get() + self.entry.bytes.get(), "a section has the length announced");

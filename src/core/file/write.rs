@@ -26,7 +26,7 @@ use crate::volume::Axis;
 
 /// Returns the bytes of an `.adj` file.
 ///
-/// `description` is a JSON text. `lanes` are those along x, y and z, as many as the file stores.
+/// `description` is a JSON text. `lanes` are the lanes to store: along x, or x and y, or x, y and z.
 pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec<u8> {
     let mut sections = vec![(SectionEntry::empty(SectionKind::Description, 255, 1), description.as_bytes())];
     for lane in lanes {
@@ -65,7 +65,7 @@ pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec
     file
 }
 
-/// Writes an `.adj` file like [`arena_bytes`] and returns its length in bytes.
+/// Writes the bytes that [`arena_bytes`] returns to the file at `path`; returns the file's length in bytes.
 ///
 /// # Errors
 /// The same as [`write_atomically`].
@@ -75,11 +75,11 @@ pub fn write_arena(path: &Path, facts: &Facts, lanes: &[OwnedLane], description:
     Ok(bytes.len() as u64)
 }
 
-/// What [`write_rows`] writes, and the resources that it may use.
+/// Tells [`write_rows`] what to write beside the voxels, and which resources it may use.
 pub struct RowsOutput<'a> {
-    /// Contents of the header; visible voxels are counted anew.
+    /// Contents of the file's header; the number of visible voxels is replaced by a new count.
     pub facts: Facts,
-    /// A JSON text.
+    /// Description of the file for people and tools: a JSON text.
     pub description: &'a str,
     /// Number of stored lanes: 1 for x, 2 for x and y, 3 for x, y and z.
     pub lane_count: u8,
@@ -91,7 +91,7 @@ pub struct RowsOutput<'a> {
 
 /// Writes the voxels of `rows` to an `.adj` file, with bounded memory. Returns its header facts and length in bytes.
 ///
-/// The bytes do not depend on memory or threads.
+/// The bytes of the file do not depend on memory or threads.
 ///
 /// # Errors
 /// The same as [`write_atomically`]; [`Error::Input`] if there are no voxels; [`Error::Interrupted`] if the observer
@@ -111,7 +111,9 @@ pub fn write_rows(
     })
 }
 
-/// Writes like [`write_rows`] to a file without a name in `folder`, which disappears when it is closed, and opens it.
+/// Writes the voxels of `rows` like [`write_rows`], but to a file without a name in `folder`, and opens that file.
+///
+/// The file disappears when it is closed.
 ///
 /// # Errors
 /// The same as [`write_rows`].
