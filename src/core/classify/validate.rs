@@ -59,7 +59,7 @@ impl TransferKind {
     }
 }
 
-/// Returns the error for a field of the transfer function.
+/// Creates an [`Error::Input`] whose message names the `field` of a transfer function and says `why`.
 pub(super) fn field_error(field: &str, why: impl Into<String>) -> Error {
     Error::input(format!("transfer function: {field}"), why)
 }
