@@ -148,8 +148,8 @@ impl Model {
     /// Calls `visit` with all visible voxels in exact visibility order, near voxels first, in groups from one slice.
     ///
     /// # Errors
-    /// [`Error::Input`] if the viewpoint cannot be used; [`Error::Limit`] if the walk needs a lane that cannot be derived
-    /// within the model's limits.
+    /// [`Error::Input`] if the viewpoint cannot be used; [`Error::Limit`] if the walk needs a lane that is not stored
+    /// and cannot be derived within the model's limits.
     pub fn walk(&self, viewpoint: &Viewpoint, mut visit: impl FnMut(&Voxels)) -> Result<()> {
         let facts = &self.stored.facts;
         let order = Order::new(*viewpoint, facts.grid.dims, Sense::FrontToBack, SplitForm::default())?;

@@ -164,7 +164,7 @@ impl Up {
 pub struct Surround {
     /// World position of the box's middle.
     pub centre: [f64; 3],
-    /// World distance from the centre to the farthest corner of the box, which is half a voxel larger each way; above 0.
+    /// World distance from the centre to a corner of the box, which is extended by half a voxel on each side; above 0.
     pub radius: f64,
 }
 
@@ -305,7 +305,7 @@ impl Camera {
         self.projection
     }
 
-    /// Returns this camera moved by two world lengths, to the picture's right and to its top, with the new `projection`.
+    /// Returns this camera moved by two world lengths, to the picture's right and to its top, with a new `projection`.
     ///
     /// # Errors
     /// The errors of [`Camera::new`].
@@ -316,7 +316,7 @@ impl Camera {
         Camera::new(position.to_array(), target.to_array(), self.up.to_array(), projection)
     }
 
-    /// Returns this camera turned to a ray, given by its tangents to the right and to the top, with the new `projection`.
+    /// Returns this camera turned to a ray, given by its tangents to the right and to the top, with `projection`.
     ///
     /// # Errors
     /// The errors of [`Camera::new`].

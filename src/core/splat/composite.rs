@@ -43,10 +43,10 @@ pub enum Blending {
     /// `1 - exp(-depth)` of the optical depth at a pixel: the integral along the ray. Exact for a million faint layers.
     #[default]
     Exponential,
-    /// Opacity times the kernel's weight, at most 1: the classic form (Westover 1990). At worst 17 dB from `Exponential`.
+    /// Opacity times the kernel's weight, at most 1: the classic form (Westover 1990). At worst 17 dB from exponential.
     Linear,
-    /// Sheet buffers (Westover 1991): adds up the depths of a slice's splats, then applies `Exponential`. Colours count in
-    /// proportion to their depths. Within a slice no splat is in front of another.
+    /// Sheet buffers (Westover 1991): adds up the depths of a slice's splats, then applies `Exponential`. Colours count
+    /// in proportion to their depths. Within a slice no splat is in front of another.
     Sheets,
 }
 
@@ -150,7 +150,7 @@ impl<'a> Table<'a> {
         Ok(table)
     }
 
-    /// Returns the exposure at which a ray of typical length, the cube root of all voxels, shows `1 - exp(-1.4)`.
+    /// Returns the exposure at which a ray through n average voxels shows `1 - exp(-1.4)`; n is the cube root of all.
     fn exposure(&self, lane: &Lane) -> f32 {
         let voxels = self.scene.facts.visible_voxels.max(1) as f64;
         let depth = |record| self.look(lane.value_code(record), lane.magnitude_code(record))[3];

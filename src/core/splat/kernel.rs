@@ -69,7 +69,7 @@ impl Quality {
     /// All qualities, from fast to exact.
     pub const ALL: [Quality; 4] = [Quality::Draft, Quality::Standard, Quality::High, Quality::Reference];
 
-    /// Returns the name, as in commands and tables.
+    /// Returns the name that commands and tables use.
     pub fn name(self) -> &'static str {
         match self {
             Quality::Draft => "draft",
