@@ -48,7 +48,7 @@ impl TransferFunction {
 
         let is_missing = |value: f64| self.shows_beyond(stored, value, most);
         let mut missing: Vec<[f64; 2]> = Vec::new();
-        // Whether the next missing value extends the last range.
+        // Whether the last range ends here, so that the next missing value extends it.
         let mut open = false;
         let mut add = |is_missing: bool, [from, to]: [f64; 2]| {
             match missing.last_mut().filter(|_| open && is_missing) {
@@ -93,7 +93,7 @@ impl TransferFunction {
         magnitudes.into_iter().any(|m| self.opacity(value, m) > 0.0 && stored.opacity(value, m) == 0.0)
     }
 
-    /// Returns values at which visibility may change, whatever the magnitude.
+    /// Returns the values at which visibility may change at any magnitude: knots, ends, contours, labels.
     fn value_cuts(&self) -> Vec<f64> {
         match &self.kind {
             TransferKind::Points { points: knots, .. } | TransferKind::Region { knots, .. } => {

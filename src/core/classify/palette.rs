@@ -98,7 +98,7 @@ pub(super) fn domain(labels: &[Label], others: UnlistedLabels) -> (f64, f64) {
     }
 }
 
-/// Parses a colour table of 3D Slicer: one `index name r g b a` per line, components from 0 to 255; `#` starts a comment.
+/// Parses a colour table of 3D Slicer: lines of `index name r g b a`, components from 0 to 255; `#` starts a comment.
 pub(super) fn parse_ctbl(text: &str) -> Result<Vec<Label>> {
     let mut labels = Vec::new();
     for (index, line) in text.lines().enumerate() {

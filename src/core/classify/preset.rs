@@ -1,8 +1,8 @@
 //! Built-in transfer functions.
 //!
 //! CT presets are in Hounsfield units (air -1000, water 0). Many files store values about 1024 higher, with skin from
-//! about 500 and bone from about 1150: use `ct-bone+1024`. `mr` fits T1 images of heads whose tissue lies at 100 to
-//! 250. We chose the values and colours.
+//! about 500 and bone from about 1150: use `ct-bone+1024`. `mr` fits T1 images of heads in which tissue has the values
+//! 100 to 250. We chose the values and colours.
 
 use super::colour::Colour;
 use super::kind::{Contour, FactorPoint, Point};

@@ -189,7 +189,7 @@ impl Model {
         camera.to_camera(around, settings.size)
     }
 
-    /// Returns the scene for renderers that are called directly, such as [`GpuRenderer`](crate::splat::gpu::GpuRenderer).
+    /// Returns the scene for renderers that you call directly, such as [`GpuRenderer`](crate::splat::gpu::GpuRenderer).
     pub fn scene(&self) -> Scene<'_> {
         Scene { facts: &self.stored.facts, lanes: self, transfer: &self.transfer }
     }

@@ -18,7 +18,7 @@ pub struct Voxels<'a> {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct ModelVoxel {
-    /// Grid point: x, y, z.
+    /// Indices of the voxel's grid point along x, y, z.
     pub position: [u16; 3],
     /// Value in the volume's unit, as exact as the stored code of 8 or 16 bits.
     pub value: f64,
@@ -37,7 +37,7 @@ impl<'a> Voxels<'a> {
         self.batch.len()
     }
 
-    /// Returns the grid point of voxel `index`: x, y, z.
+    /// Returns the indices of the grid point of voxel `index` along x, y, z.
     ///
     /// # Panics
     /// If `index` is not below [`Voxels::len`].

@@ -2,7 +2,7 @@
 //!
 //! In: a transfer function, the codecs of the channels. Out: a table of looks. Opacities are per reference length, so
 //! extinction = -ln(1 - opacity) / length. An opacity of 1 is an optical depth of [`MAX_DEPTH`], whose transmittance is
-//! below what single precision can add to 1.
+//! so small that single precision loses it when it is added to 1.
 
 use serde::{Deserialize, Serialize};
 
@@ -30,7 +30,7 @@ pub enum Mode {
 }
 
 impl Mode {
-    /// Returns whether the mode is one of the two maxima.
+    /// Returns whether the mode is [`Mode::Maximum`] or [`Mode::MaximumGrey`].
     pub fn is_maximum(self) -> bool {
         matches!(self, Mode::Maximum | Mode::MaximumGrey)
     }
@@ -208,7 +208,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns whether some code's optical depth per mean voxel is at least `depth`; ends at the first such code.
+    /// Returns whether any code has an optical depth per mean voxel of at least `depth`; stops at the first such code.
     pub(crate) fn reaches(&self, depth: f64) -> bool {
         let in_table = |look: &Look| f64::from(look[3] / LOG2_E) >= depth;
         self.key == LookKey::Computed || self.looks.iter().any(in_table)

@@ -45,8 +45,8 @@ pub const LOW_PASS: f32 = 0.6;
 
 /// How exact a picture is.
 ///
-/// All qualities have the same kernel, and so the same sharpness. They differ in where the kernel is cut off, where rays
-/// end, and how many samples are drawn. Measured in docs/studies/0003-accuracy.md.
+/// All qualities have the same kernel, and so the same sharpness. They differ in where the kernel is cut off, where
+/// rays end, and how many samples are drawn. Measured in docs/studies/0003-accuracy.md.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
@@ -62,7 +62,7 @@ pub enum Quality {
     Reference,
 }
 
-/// Standard deviation of every quality's kernel, in voxel spacings; a constant volume ripples by 0.05 %.
+/// Standard deviation of every quality's kernel, in voxel spacings. The picture of a constant volume varies by 0.05 %.
 const SIGMA: f32 = 0.7;
 
 impl Quality {
@@ -148,7 +148,7 @@ impl KernelShape {
     }
 }
 
-/// A footprint on the screen.
+/// The footprint of a kernel on the screen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Footprint {
     pub(crate) ellipse: Ellipse,
@@ -181,7 +181,7 @@ fn covariance([x, y]: [[f32; 3]; 2], sigma: f32) -> Covariance {
 
 /// Returns the standard deviation of a footprint across its narrowest direction before the low-pass, in pixels.
 ///
-/// `rows` is the Jacobian in pixels per voxel: columns, then rows of the picture. `sigma` is the kernel's, in voxels.
+/// `rows` is the Jacobian in pixels per voxel: first for columns, then for rows. `sigma` is the kernel's, in voxels.
 pub fn narrowest_sigma(rows: [[f32; 3]; 2], sigma: f32) -> f32 {
     covariance(rows, sigma).smaller_eigenvalue.sqrt()
 }

@@ -127,8 +127,8 @@ pub struct Settings {
     pub kernel: Option<KernelShape>,
     /// World distance along the view axis below which voxels are not drawn; `None` uses the extent of the kernel.
     pub near: Option<f64>,
-    /// Factor on the optical depths of [`Mode::Additive`], above 0. With `None`, a typical ray has three quarters of full
-    /// brightness; the factor is the same for every view of a scene.
+    /// Factor on the optical depths of [`Mode::Additive`], above 0. With `None`, a typical ray has three quarters of
+    /// full brightness; the factor is the same for every view of a scene.
     pub exposure: Option<f32>,
     /// How many samples are drawn; `None` uses the sampling of `quality`. A graphics device and the judge (a second
     /// renderer, for tests) draw [`Sampling::Finer`] for [`Sampling::Enough`] and [`Sampling::Fewest`].

@@ -20,7 +20,7 @@ pub struct FrameSetup<'a> {
     /// The reconstruction kernel to use.
     pub kernel: KernelShape,
     pub(crate) crop: Option<VoxelBox>,
-    /// Whether the mode is one of the two maxima.
+    /// Whether the mode is [`Mode::Maximum`](super::Mode::Maximum) or its grey form.
     pub(crate) maximum: bool,
 }
 

@@ -85,7 +85,7 @@ impl Lights {
         }
     }
 
-    /// Returns the factor on the colour, and the highlight, for a unit normal (0 for none) and a unit vector to the eye.
+    /// Returns a factor on the colour and a highlight, for a unit normal (0 for none) and a unit vector to the eye.
     #[inline(always)]
     pub(crate) fn shade(&self, normal: [f32; 3], eye: [f32; 3]) -> [f32; 2] {
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

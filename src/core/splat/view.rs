@@ -21,7 +21,7 @@ pub const MAX_SIZE: u32 = 16_384;
 /// An affine map from voxel coordinates to a number: three factors and a constant.
 pub type Affine = [f64; 4];
 
-/// Returns the value of an affine map at a point in voxel coordinates.
+/// Returns the value of the affine `map` at a point in voxel coordinates.
 pub(crate) fn apply(map: &Affine, point: [f64; 3]) -> f64 {
     map[0] * point[0] + map[1] * point[1] + map[2] * point[2] + map[3]
 }
@@ -81,8 +81,8 @@ pub struct View {
 impl View {
     /// Returns the view of `camera` over `grid` for a picture of `size` columns and rows.
     ///
-    /// `near` is the world distance along the view axis below which voxels are not drawn. `None` stands for the kernel's
-    /// extent: a nearer footprint would wrap around the eye.
+    /// `near` is the world distance along the view axis below which voxels are not drawn. `None` stands for the
+    /// kernel's extent: a nearer footprint would wrap around the eye.
     ///
     /// # Errors
     /// [`Error::Input`] if a side of `size` or `near` is not above 0; [`Error::Limit`] if a side is above [`MAX_SIZE`].

@@ -16,7 +16,7 @@ const BATCH: usize = 2_048;
 /// Largest distance, in records, of a batch's records from those of its first line.
 const REACH: u64 = 1 << 31;
 
-/// Consecutive lines that fit in one batch.
+/// How many consecutive lines fit in one batch, and their number of records.
 pub(super) struct LineGroup {
     pub(super) line_count: usize,
     pub(super) records: u64,
@@ -73,7 +73,7 @@ impl GatheredLine {
     }
 }
 
-/// The arrays of a batch, of equal length, with a margin of one chunk at each end.
+/// The arrays of a batch, all of equal length, with space for one chunk (sixteen voxels) at each end.
 struct DecodeBuffer {
     medium: Vec<u16>,
     fast: Vec<u16>,
@@ -113,7 +113,7 @@ pub(super) struct Decoder<'a> {
     capacity: usize,
     fast: AxisOrder,
     batch: DecodeBuffer,
-    /// The voxels of one line in ascending order, for a two-sided fast axis.
+    /// The voxels of one line in ascending order, before they are put in the order of a two-sided fast axis.
     line: DecodeBuffer,
 }
 

@@ -21,7 +21,7 @@ pub(super) struct GatheredLine {
     pub(super) medium: u16,
 }
 
-/// Finds the lines of slices, one slice after another.
+/// Finds the scan lines of slices, one slice after another.
 pub(super) struct LineGatherer<'a> {
     lane: Lane<'a>,
     order: Order,

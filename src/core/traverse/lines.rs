@@ -12,9 +12,9 @@ use crate::arena::pager::tell;
 /// A scan line at its position in the walk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct OrderedLine {
-    /// Coordinate on the slow axis.
+    /// Coordinate on the slow axis (that of the walk's outermost loop).
     pub slow: u16,
-    /// Coordinate on the medium axis.
+    /// Coordinate on the medium axis (that of the walk's middle loop).
     pub medium: u16,
     /// Index, in the lane, of the tile that holds the line.
     pub tile: u32,

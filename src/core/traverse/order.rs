@@ -7,9 +7,9 @@
 //! nesting matters for splats that overlap sideways: the axis closest to the view direction is outermost (Orchard and
 //! Möller 2001, section 3.3). Directions are compared in index space, which takes anisotropic spacing into account.
 //!
-//! In perspective an axis has two sides of the eye, each visited toward the eye: one side after the other (Swan 1997),
-//! or interleaved, the farther voxel first (Botha and Post 2005). Interleaving is also right for splats that overlap
-//! across the eye's plane. An eye inside the volume is no special case.
+//! In perspective an axis has two sides of the eye, and both are visited toward the eye: one side after the other
+//! (Swan 1997), or interleaved, the farther voxel first (Botha and Post 2005). Interleaving is also right for splats
+//! that overlap across the eye's plane. An eye inside the volume is no special case.
 
 use crate::error::{Error, Result};
 use crate::volume::Axis;
@@ -56,7 +56,7 @@ impl Viewpoint {
     }
 }
 
-/// Whether a walk visits far or near voxels first.
+/// The direction of a walk: far voxels first or near voxels first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sense {
     /// Far voxels first.
@@ -107,7 +107,7 @@ impl AxisOrder {
                 let meet = coordinates.partition_point(|&c| f64::from(c) < eye);
                 match (form, sense) {
                     (SplitForm::Split, sense) => {
-                        // A coordinate equal to the eye's is nearest to both sides: back to front it comes last.
+                        // A coordinate equal to the eye's is the nearest of both sides: back to front it comes last.
                         let on_plane = coordinates.get(meet).is_some_and(|&c| f64::from(c) == eye);
                         let above = meet + usize::from(on_plane);
                         let back_to_front = (0..meet).chain((above..count).rev()).chain(meet..above);
@@ -178,12 +178,12 @@ pub struct Order {
     pub medium: Axis,
     /// Axis of the innermost loop, along which the lane's lines run.
     pub fast: Axis,
-    /// Direction along each axis, indexed by axis (not by nesting).
+    /// The order of coordinates along each axis, by x, y, z (not by nesting).
     pub along: [AxisOrder; 3],
 }
 
 impl Order {
-    /// Returns the order for a viewpoint and a grid of `dims` points.
+    /// Returns the order in which to visit a grid of `dims` points from `viewpoint`.
     ///
     /// Equal components of the view direction rank x before y before z, and 0 counts as positive: the order is unique.
     ///

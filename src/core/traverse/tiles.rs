@@ -43,7 +43,7 @@ impl<'a> TileRows<'a> {
         TileRows { lane: *lane, sorted, starts, slow_is_v }
     }
 
-    /// Returns the slices that are not empty, ascending.
+    /// Returns the coordinates of the slices that are not empty, ascending.
     pub(super) fn slices(&self) -> Vec<u16> {
         let mut slices = Vec::new();
         for row in 0..self.starts.len() - 1 {

@@ -1,7 +1,7 @@
 //! The walk: from a lane (all scan lines along one axis) and an order to batches of voxels.
 //!
-//! In: a [`Lane`] that runs along the order's fast axis. Out: [`Batch`]es of voxels of one slice each, in visiting order.
-//! Nothing is allocated per slice, line or voxel.
+//! In: a [`Lane`] that runs along the order's fast axis. Out: [`Batch`]es of voxels of one slice each, in visiting
+//! order. Nothing is allocated per slice, line or voxel.
 //!
 //! ```text
 //! for each slice that is not empty, in the slow order
@@ -53,11 +53,11 @@ impl VoxelBox {
 /// the lane's channels.
 #[derive(Debug, Clone, Copy)]
 pub struct Batch<'a> {
-    /// Coordinate of all voxels on the slow axis.
+    /// Coordinate of all voxels on the slow axis (that of the outermost loop).
     pub slow: u16,
-    /// Coordinate of each voxel on the medium axis.
+    /// Coordinate of each voxel on the medium axis (that of the middle loop).
     pub medium: &'a [u16],
-    /// Coordinate of each voxel on the fast axis.
+    /// Coordinate of each voxel on the fast axis (that of the innermost loop).
     pub fast: &'a [u16],
     /// Index of each voxel's record in the lane's channels, minus `base`.
     pub record: &'a [u32],
@@ -93,7 +93,7 @@ pub trait Visitor {
         true
     }
 
-    /// Returns whether the walk should visit a tile's lines (at most 8) in a slice. Called in ascending order before
+    /// Returns whether to visit the lines of a tile (at most 8) in one slice. Called in ascending order before
     /// the slice is visited.
     fn wants_row(&mut self, _bounds: &VoxelBox) -> bool {
         true

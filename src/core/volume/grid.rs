@@ -67,7 +67,7 @@ impl Grid {
     /// Creates a grid whose origin is the world's and whose index axes point along the world axes.
     ///
     /// # Errors
-    /// The same as [`Grid::check`].
+    /// The errors of [`Grid::check`].
     pub fn new(dims: [u64; 3], spacing: [f64; 3]) -> Result<Grid> {
         let mut narrow = [0u32; 3];
         for axis in Axis::ALL {

@@ -91,8 +91,8 @@ impl Phantom {
     /// Creates the volume on a grid of `dims` points, `spacing` apart.
     ///
     /// # Errors
-    /// The same as [`Grid::new`]; [`Error::Input`] if `sample_type` is not u8, u16 or f32, if the share of visible noise
-    /// is not from 0 to 1, or if a chosen point is outside the grid.
+    /// The errors of [`Grid::new`]; [`Error::Input`] if `sample_type` is not u8, u16 or f32, if the share of visible
+    /// noise is not from 0 to 1, or if a chosen point is outside the grid.
     pub fn open(&self, dims: [u64; 3], sample_type: SampleType, spacing: [f64; 3]) -> Result<Box<dyn SlabSource>> {
         let grid = Grid::new(dims, spacing)?;
         let slope = match sample_type {
