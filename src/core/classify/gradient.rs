@@ -6,7 +6,7 @@
 
 use crate::volume::Sample;
 
-/// Upper bound of 1 / spacing, so that its product with a difference of samples (at most 2^129) stays finite.
+/// Upper bound of 1 / spacing. Its product with a difference of single-precision samples (up to 2^129) stays finite.
 const LARGEST_INVERSE: f64 = 1e250;
 
 /// A z-slice with the slices below and above it, for computing gradients.

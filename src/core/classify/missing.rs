@@ -1,8 +1,8 @@
 //! Finds the values that a transfer function shows but that the function of the file's build left out.
 //!
 //! A sample is visible if its opacity is above 0. This depends on three comparisons: of its value with knots and
-//! labels, of its magnitude with the knots of a ramp, and of the two with a contour's width. The lines of equality cut
-//! the plane of values and magnitudes into pieces of constant visibility. One point in each gives the exact answer:
+//! labels, of its magnitude with the knots of a ramp, and of the two with a contour's width. The lines of equality
+//! cut the plane of values and magnitudes into pieces of constant visibility. A test of one point in each is exact:
 //!
 //! ```text
 //! for each value at which something changes (knots, ends, labels, crossings), and one between each two
@@ -48,7 +48,7 @@ impl TransferFunction {
 
         let is_missing = |value: f64| self.shows_beyond(stored, value, most);
         let mut missing: Vec<[f64; 2]> = Vec::new();
-        // Whether the last range ends here, so that the next missing value extends it.
+        // Whether the last range can still grow: if the next value is missing too, the range extends to it.
         let mut open = false;
         let mut add = |is_missing: bool, [from, to]: [f64; 2]| {
             match missing.last_mut().filter(|_| open && is_missing) {

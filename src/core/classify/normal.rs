@@ -117,7 +117,7 @@ fn split(number: f64) -> (f32, f32) {
     (narrow(whole), narrow(number - whole))
 }
 
-/// Returns a vector scaled to a largest component of 1, and the sum of its sizes; `None` if it is zero or not finite.
+/// Returns a vector scaled to a largest component of 1, and its absolute sum; `None` if it is zero or not finite.
 #[cold]
 fn rescaled(x: f64, y: f64, z: f64) -> Option<[f64; 4]> {
     let largest = x.abs().max(y.abs()).max(z.abs());

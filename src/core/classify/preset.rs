@@ -31,7 +31,7 @@ const CT_BONE: Knots = &[
     (2000.0, [0xff, 0xfc, 0xf5], 0.95),
 ];
 
-/// Value, sRGB colour and opacity of the knots. Skin is the rise from air to fat; soft tissue is almost transparent.
+/// Value, sRGB colour, opacity. Skin is the rise from air to fat; soft tissue down to bone is almost transparent.
 const CT_SKIN: Knots = &[
     (-560.0, [0xc9, 0x8a, 0x6b], 0.0),
     (-420.0, [0xe0, 0xa8, 0x88], 0.35),

@@ -28,7 +28,7 @@ impl Smoother {
         Smoother { dims, ring: std::array::from_fn(|_| vec![0.0; len]), scratch: vec![0.0; len], taken: 0, given: 0 }
     }
 
-    /// Adds the next slice. From the third call on, writes the result for the slice two before and returns true.
+    /// Adds a slice. From the third on, writes the filtered slice two before it to `smoothed` and returns true.
     ///
     /// # Panics
     /// If a length is not the product of the dimensions.

@@ -96,7 +96,7 @@ impl Build {
         Model::from_bytes(arena_bytes(&built.facts, &lanes, &description(source.header(), &built)))
     }
 
-    /// Builds an `.adj` file at `path`, in bounded memory, and memory-maps it. A build that fails leaves no file.
+    /// Builds an `.adj` file at `path`, in bounded memory, and memory-maps it. The file appears complete or not at all.
     ///
     /// # Errors
     /// The errors of [`Build::run`]; [`Error::Io`](crate::Error::Io) if the file cannot be written.

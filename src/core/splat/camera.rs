@@ -16,7 +16,7 @@ use crate::volume::{Axis, Grid};
 pub enum Projection {
     /// All rays are parallel.
     Parallel {
-        /// World length that fits the picture's height; finite and above 0.
+        /// World length that the picture shows from its bottom to its top; finite and above 0.
         height: f64,
     },
     /// All rays come from the eye.

@@ -150,7 +150,7 @@ impl<'a> Table<'a> {
         Ok(table)
     }
 
-    /// Returns the exposure at which a ray through n average voxels shows `1 - exp(-1.4)`; n is the cube root of all.
+    /// Returns the exposure at which a ray through n average voxels shows `1 - exp(-1.4)`; n^3 is the number of voxels.
     fn exposure(&self, lane: &Lane) -> f32 {
         let voxels = self.scene.facts.visible_voxels.max(1) as f64;
         let depth = |record| self.look(lane.value_code(record), lane.magnitude_code(record))[3];
