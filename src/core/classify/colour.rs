@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 
 /// A colour, stored in sRGB as given and in linear light, both from 0 to 1.
 ///
-/// The conversion takes powers; storing the result saves time in palettes of 65,536 colours.
+/// The conversion computes powers; storing its result saves time in palettes of 65,536 colours.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Colour {
     srgb: [f64; 3],
@@ -31,7 +31,7 @@ impl Colour {
         }
     }
 
-    /// Creates a colour from sRGB bytes.
+    /// Creates a colour from sRGB bytes: red, green, blue.
     pub fn from_bytes(bytes: [u8; 3]) -> Colour {
         Colour::of(bytes.map(|byte| f64::from(byte) / 255.0))
     }
@@ -75,7 +75,7 @@ impl Colour {
         loop {
             let rgb = linear_from_oklab([lightness, chroma * hue.cos(), chroma * hue.sin()]);
             if chroma < 0.01 || rgb.iter().all(|c| (0.0..=1.0).contains(c)) {
-                // Rounded to bytes, so that a file shows the same colour as a program.
+                // Rounded to bytes, so that the colour stays the same when it is written to a file and read back.
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
                 return Colour::from_bytes(rgb.map(|c| (srgb_from_linear(c.clamp(0.0, 1.0)) * 255.0).round() as u8));
             }

@@ -1,7 +1,7 @@
 //! Transfer functions as JSON documents, and reading them from files.
 //!
-//! serde refuses wrong syntax, types and unknown fields with line and column. This file refuses fields of another kind,
-//! and [`TransferFunction::checked`] numbers out of range.
+//! serde refuses wrong syntax, wrong types and unknown fields; its message names line and column. This file refuses
+//! fields that belong to another kind of function. [`TransferFunction::checked`] refuses numbers out of range.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
 
@@ -16,7 +16,7 @@ impl TransferFunction {
     /// Reads JSON in the format described in [`crate::classify`].
     ///
     /// # Errors
-    /// [`Error::Input`] that names line and column, or the field, and what it must hold.
+    /// [`Error::Input`] that names line and column, or the field and the numbers that it may hold.
     pub fn from_json(text: &str) -> Result<TransferFunction> {
         let document: TransferDocument =
             serde_json::from_str(text).map_err(|why| Error::input("transfer function", why.to_string()))?;
@@ -26,7 +26,7 @@ impl TransferFunction {
     /// Reads a colour table of 3D Slicer: lines of `index name r g b a`, with components from 0 to 255.
     ///
     /// # Errors
-    /// [`Error::Input`] that names the line.
+    /// [`Error::Input`] that names the first wrong line.
     pub fn from_ctbl(text: &str) -> Result<TransferFunction> {
         TransferFunction::labels(palette::parse_ctbl(text)?, UnlistedLabels::Transparent)
     }
@@ -34,7 +34,7 @@ impl TransferFunction {
     /// Reads a file: a colour table if its name ends in `.ctbl`, otherwise JSON.
     ///
     /// # Errors
-    /// [`Error::Io`], or [`Error::Input`] that names the file.
+    /// [`Error::Io`] if the file cannot be read; [`Error::Input`] that names the file if its content is wrong.
     pub fn read(path: &std::path::Path) -> Result<TransferFunction> {
         let text = crate::text::read_text(path)?;
         let is_table = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ctbl"));

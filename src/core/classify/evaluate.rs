@@ -3,8 +3,8 @@
 //! In: a value in the samples' own unit (slope and intercept applied) and a gradient magnitude in units per world
 //! length. Out: opacity per reference length, colour in linear light.
 //!
-//! Source of contour and region: M. Levoy, "Display of Surfaces from Volume Data", IEEE CG&A 8(3), 1988, equations
-//! 3 to 5.
+//! Source of the kinds contour and region: M. Levoy, "Display of Surfaces from Volume Data", IEEE CG&A 8(3), 1988,
+//! equations 3 to 5.
 
 use super::colour::Colour;
 use super::kind::{Contour, FactorPoint, Point, TransferKind};
@@ -146,7 +146,7 @@ impl TransferFunction {
 
 /// The position of a value among sorted knots, of which at most two share a position.
 enum KnotPosition {
-    /// On a knot or beyond an end; `first != last` where two knots share the position.
+    /// On a knot, or beyond the first or last knot; `first != last` where two knots share the position.
     At {
         first: usize,
         last: usize,
@@ -174,7 +174,7 @@ fn locate<T>(knots: &[T], at: f64, position: impl Fn(&T) -> f64) -> KnotPosition
     }
 }
 
-/// Returns where `at` lies between `low` (0) and `high` (1), which differ, without overflow of the span.
+/// Returns the position of `at` as a fraction, 0 at `low` and 1 at `high`. The ends differ; no step overflows.
 fn fraction(low: f64, high: f64, at: f64) -> f64 {
     let span = high - low;
     let fraction = if span.is_finite() { (at - low) / span } else { (at / 2.0 - low / 2.0) / (high / 2.0 - low / 2.0) };
@@ -207,7 +207,7 @@ fn largest_factor(ramp: &[FactorPoint], largest_magnitude: f64) -> f64 {
     inside.fold(factor(ramp, 0.0).max(factor(ramp, largest_magnitude.max(0.0))), f64::max)
 }
 
-/// Returns the distance in value at which a contour fades out; `change` is the change of value per voxel.
+/// Returns how far a value can be from a contour's before its opacity is 0; `change` is the change of value per voxel.
 fn reach(contour: &Contour, change: f64) -> f64 {
     if contour.width == 0.0 { 0.0 } else { contour.width * change }
 }
@@ -224,7 +224,7 @@ fn contour_opacity(contour: &Contour, value: f64, change: f64) -> f64 {
     }
 }
 
-/// Returns the colour at `value` of `colours` spread evenly from `from` to `to`; the middle colour if an end is open.
+/// Returns the colour at `value` if `colours` are spread evenly over `from..=to`; the middle colour if an end is open.
 fn range_colour(colours: &[Colour], from: f64, to: f64, value: f64) -> [f32; 3] {
     let share = if from < to && from.is_finite() && to.is_finite() { fraction(from, to, value) } else { 0.5 };
     let position = share * (colours.len() - 1) as f64;

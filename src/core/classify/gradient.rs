@@ -1,12 +1,12 @@
 //! Gradients in world units from three neighbouring slices.
 //!
 //! Central differences `(f+ - f-) / 2h`; one-sided at borders and next to samples that are not finite; 0 without any
-//! neighbour. Exact for linear fields, also at faces. Samples are rounded to single precision. Differences are taken
-//! in double precision, so that no field and no spacing overflows or loses its direction.
+//! neighbour. Exact for linear fields, also at the volume's faces. Samples are rounded to single precision. Their
+//! differences are computed in double precision, so that no field and no spacing overflows or loses its direction.
 
 use crate::volume::Sample;
 
-/// Largest factor that keeps a difference of single-precision samples (at most 2^129) finite.
+/// Upper bound of 1 / spacing. Its product with a difference of single-precision samples (up to 2^129) stays finite.
 const LARGEST_INVERSE: f64 = 1e250;
 
 /// A z-slice with the slices below and above it, for computing gradients.
@@ -59,7 +59,7 @@ impl<'a, T: Sample> Neighbourhood<'a, T> {
 
     /// Returns the gradient at (`x`, `y`) along the index axes, in units per world length; always finite.
     ///
-    /// Multiply by [`Grid::direction`](crate::volume::Grid) for world axes.
+    /// To get components along the world axes, multiply by [`Grid::direction`](crate::volume::Grid).
     ///
     /// # Panics
     /// If `x` or `y` is not below its dimension.

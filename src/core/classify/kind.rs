@@ -1,14 +1,14 @@
 //! The five kinds of transfer function and the knots that define them.
 //!
-//! Source of contour and region: M. Levoy, "Display of Surfaces from Volume Data", IEEE CG&A 8(3), 1988, equations
-//! 3 to 5.
+//! Source of the kinds contour and region: M. Levoy, "Display of Surfaces from Volume Data", IEEE CG&A 8(3), 1988,
+//! equations 3 to 5.
 
 use serde::{Deserialize, Serialize};
 
 use super::colour::Colour;
 use super::palette::{Label, UnlistedLabels};
 
-/// Default opacity of a range: solid within a few voxels, with soft edges.
+/// Default opacity of a range, per reference length: it looks solid within a few voxels and has soft edges.
 pub(super) const RANGE_OPACITY: f64 = 0.8;
 /// Default transition width of a contour, in voxels (Levoy's figures use 2).
 pub(super) const CONTOUR_WIDTH: f64 = 2.0;
@@ -35,13 +35,13 @@ pub struct Point {
     pub opacity: f64,
 }
 
-/// A control point of the ramp that multiplies opacity by a factor of the gradient magnitude.
+/// A control point of the ramp that multiplies opacity by a factor that depends on the gradient magnitude.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FactorPoint {
     /// Gradient magnitude in units per world length; finite, 0 or above.
     pub magnitude: f64,
-    /// Factor of the opacity, from 0 to 1.
+    /// Number by which the opacity is multiplied, from 0 to 1.
     pub factor: f64,
 }
 
@@ -76,7 +76,7 @@ pub(super) enum TransferKind {
         contours: Vec<Contour>,
         voxel_length: Option<f64>,
     },
-    /// Open ends are infinite.
+    /// Values from `low` to `high` are visible; an open end is infinite.
     Range {
         low: f64,
         high: f64,
@@ -88,7 +88,7 @@ pub(super) enum TransferKind {
         knots: Vec<Point>,
         largest_magnitude: Option<f64>,
     },
-    /// Sorted by label.
+    /// A palette; its `labels` are sorted by label.
     Labels {
         labels: Vec<Label>,
         others: UnlistedLabels,

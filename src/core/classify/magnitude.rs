@@ -1,8 +1,8 @@
 //! Gradient magnitudes in one byte, on a logarithmic scale.
 //!
 //! Code 1..=255 stands for `largest * 2^((code - 255) / 16)`; code 0 for zero and magnitudes nearer to zero than to
-//! code 1. With 16 codes per octave the relative error is at most half a step, 2^(1/32) - 1 = 2.2 %, over 15.9 octaves
-//! below the largest.
+//! code 1. With 16 codes per octave the relative error is at most half the distance of two codes, 2^(1/32) - 1 = 2.2 %,
+//! over 15.9 octaves below the largest.
 
 use crate::error::{Error, Result};
 
@@ -35,7 +35,7 @@ impl MagnitudeCodec {
         Ok(MagnitudeCodec { largest, octave, decoded })
     }
 
-    /// Returns the magnitude of code 255.
+    /// Returns the magnitude that code 255 stands for, in units per world length.
     pub fn largest(&self) -> f64 {
         self.largest
     }

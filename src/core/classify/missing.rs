@@ -1,8 +1,8 @@
-//! Which values one transfer function shows that another, the one a file was built with, left out.
+//! Finds the values that a transfer function shows but that the function of the file's build left out.
 //!
-//! Visibility (opacity above 0) is decided by comparing the value with knots and labels, the magnitude with knots of a
-//! ramp, and their quotient with a contour's width. These lines cut the plane of values and magnitudes into pieces of
-//! constant visibility. Testing one point in each piece gives the exact answer:
+//! A sample is visible if its opacity is above 0. This depends on three comparisons: of its value with knots and
+//! labels, of its magnitude with the knots of a ramp, and of the two with a contour's width. The lines of equality
+//! cut the plane of values and magnitudes into pieces of constant visibility. A test of one point in each is exact:
 //!
 //! ```text
 //! for each value at which something changes (knots, ends, labels, crossings), and one between each two
@@ -14,15 +14,15 @@ use super::kind::TransferKind;
 use super::palette::UnlistedLabels;
 use super::transfer::TransferFunction;
 
-/// Knots closer than this, relative to their size, count as one knot that was rounded in two ways.
+/// Largest relative distance of two knots that count as one knot, which was rounded in two ways.
 const SLIVER: f64 = 1e-9;
 
 impl TransferFunction {
     /// Returns the ranges of values from `lowest` to `highest` that this function shows but `stored` hides.
     ///
-    /// A file built with `stored` lacks voxels of these values; if opacity depends on the gradient, some of them.
+    /// A file built with `stored` lacks voxels of these values: all, or only some if opacity depends on the gradient.
     /// Gradient magnitudes from 0 to `largest_magnitude` are considered, which may be infinite. Each result is `[from,
-    /// to]`, in ascending order; ends may be infinite. Exact but for rounding. With palettes only whole numbers count.
+    /// to]`, in ascending order; ends may be infinite. Exact but for rounding. For palettes only whole numbers count.
     pub fn missing_from(
         &self,
         stored: &TransferFunction,
@@ -41,14 +41,14 @@ impl TransferFunction {
         cuts.extend([lowest, highest]);
         cuts.retain(|cut| cut.is_finite() && (lowest..=highest).contains(cut));
         cuts.sort_unstable_by(f64::total_cmp);
-        // Knots that rounding moved apart count as one: each side would report the other as missing.
+        // Knots that rounding moved apart count as one, as otherwise the gap between them would count as missing.
         let knots: Vec<Vec<f64>> =
             cuts.chunk_by(|a, b| b - a <= SLIVER * a.abs().max(b.abs())).map(|same| same.to_vec()).collect();
         cuts = knots.iter().map(|same| same[0]).collect();
 
         let is_missing = |value: f64| self.shows_beyond(stored, value, most);
         let mut missing: Vec<[f64; 2]> = Vec::new();
-        // Whether the next missing value extends the last range.
+        // Whether the last range can still grow: if the next value is missing too, the range extends to it.
         let mut open = false;
         let mut add = |is_missing: bool, [from, to]: [f64; 2]| {
             match missing.last_mut().filter(|_| open && is_missing) {
@@ -93,7 +93,7 @@ impl TransferFunction {
         magnitudes.into_iter().any(|m| self.opacity(value, m) > 0.0 && stored.opacity(value, m) == 0.0)
     }
 
-    /// Returns values at which visibility may change, whatever the magnitude.
+    /// Returns the values at which visibility may change at any magnitude: knots, ends, contours, labels.
     fn value_cuts(&self) -> Vec<f64> {
         match &self.kind {
             TransferKind::Points { points: knots, .. } | TransferKind::Region { knots, .. } => {
@@ -123,7 +123,7 @@ impl TransferFunction {
         }
     }
 
-    /// Returns the lines `|value - centre| = slope * magnitude` inside which contours are visible.
+    /// Returns (centre, slope) of the lines `|value - centre| = slope * magnitude` inside which contours are visible.
     fn contour_lines(&self) -> Vec<(f64, f64)> {
         match &self.kind {
             TransferKind::Contour { contours, voxel_length } => {
@@ -134,7 +134,7 @@ impl TransferFunction {
     }
 }
 
-/// Returns values at which contour lines meet ramp knots, the largest magnitude, or each other.
+/// Returns values at which contour lines of both functions meet ramp knots, the largest magnitude, or each other.
 fn crossings(pair: [&TransferFunction; 2], most: f64) -> Vec<f64> {
     let lines: Vec<(f64, f64)> = pair.iter().flat_map(|function| function.contour_lines()).collect();
     let mut levels: Vec<f64> = pair.iter().flat_map(|function| function.ramp_knots()).collect();

@@ -26,19 +26,19 @@ fn opaque() -> f64 {
     1.0
 }
 
-/// How labels look that a palette does not list.
+/// How to draw labels that a palette does not list.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum UnlistedLabels {
-    /// Transparent.
+    /// Unlisted labels are transparent.
     #[default]
     Transparent,
-    /// Opaque if above 0, each in its own colour: [`Colour::distinct`].
+    /// Unlisted labels above 0 are opaque, each in its own colour: [`Colour::distinct`].
     Distinct,
 }
 
-/// The tissues in the segmentation of the Lawrence Berkeley laboratory's whole frog. Stray voxels of 16 and above stay
-/// transparent. The colours are our own.
+/// Label, name and sRGB colour of the tissues in the segmentation of the Lawrence Berkeley laboratory's whole frog.
+/// A few stray voxels have labels of 16 and above; they stay transparent. We chose the colours.
 pub(super) const FROG: [(i64, &str, [u8; 3]); 15] = [
     (1, "blood", [0xb3, 0x1b, 0x2c]),
     (2, "brain", [0xf2, 0xb8, 0xc0]),
@@ -61,7 +61,7 @@ pub(super) fn find(labels: &[Label], label: i64) -> Option<&Label> {
     labels.binary_search_by_key(&label, |entry| entry.label).ok().map(|index| &labels[index])
 }
 
-/// Returns the label with this value, if the value is a whole number.
+/// Returns `value` as a label; `None` if it is not a whole number of at most 2^53.
 fn label_of(value: f64) -> Option<i64> {
     #[expect(clippy::cast_possible_truncation, reason = "bounded: whole numbers below 2^53")]
     (value.fract() == 0.0 && value.abs() <= 9_007_199_254_740_992.0).then_some(value as i64)
@@ -98,7 +98,7 @@ pub(super) fn domain(labels: &[Label], others: UnlistedLabels) -> (f64, f64) {
     }
 }
 
-/// Parses a colour table of 3D Slicer: one `index name r g b a` per line, components from 0 to 255; `#` starts a comment.
+/// Parses a colour table of 3D Slicer: lines of `index name r g b a`, components from 0 to 255; `#` starts a comment.
 pub(super) fn parse_ctbl(text: &str) -> Result<Vec<Label>> {
     let mut labels = Vec::new();
     for (index, line) in text.lines().enumerate() {

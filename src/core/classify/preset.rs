@@ -1,8 +1,8 @@
 //! Built-in transfer functions.
 //!
 //! CT presets are in Hounsfield units (air -1000, water 0). Many files store values about 1024 higher, with skin from
-//! about 500 and bone from about 1150: use `ct-bone+1024`. `mr` fits T1 images of heads whose tissue lies at 100 to
-//! 250. Values and colours are our own.
+//! about 500 and bone from about 1150: use `ct-bone+1024`. `mr` fits T1 images of heads in which tissue has the values
+//! 100 to 250. We chose the values and colours.
 
 use super::colour::Colour;
 use super::kind::{Contour, FactorPoint, Point};
@@ -31,7 +31,7 @@ const CT_BONE: Knots = &[
     (2000.0, [0xff, 0xfc, 0xf5], 0.95),
 ];
 
-/// Skin is the rise from air to fat; soft tissue is almost transparent down to bone.
+/// Value, sRGB colour, opacity. Skin is the rise from air to fat; soft tissue down to bone is almost transparent.
 const CT_SKIN: Knots = &[
     (-560.0, [0xc9, 0x8a, 0x6b], 0.0),
     (-420.0, [0xe0, 0xa8, 0x88], 0.35),
@@ -59,7 +59,7 @@ const MR: Knots = &[
     (400.0, [0xff, 0xf7, 0xea], 0.9),
 ];
 
-/// Makes homogeneous tissue fainter, so that boundaries stand out.
+/// A ramp that makes homogeneous tissue fainter, so that boundaries stand out.
 const MR_GRADIENT: [FactorPoint; 2] =
     [FactorPoint { magnitude: 4.0, factor: 0.25 }, FactorPoint { magnitude: 40.0, factor: 1.0 }];
 

@@ -1,4 +1,4 @@
-//! Quantisation: values as codes of 8 or 16 bits, spread over the visible range only.
+//! Quantisation: stores values as codes of 8 or 16 bits, spread over the visible range only.
 //!
 //! If the samples are whole numbers and the range holds few enough of them, each sample has its own code and is
 //! restored bit for bit. Otherwise codes are spread evenly: `low + code * step`.
@@ -21,11 +21,11 @@ pub struct Quantiser {
     exact: Option<ExactCodes>,
 }
 
-/// Codes that stand for single samples; sample `raw` has the value `raw * slope + intercept`.
+/// The codes of whole-number samples: one code for each raw sample, whose value is `raw * slope + intercept`.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct ExactCodes {
-    /// The raw sample of code 0. Later codes count upward, or downward if the slope is negative.
+    /// The raw sample that code 0 stands for. Higher codes count upward, or downward if the slope is negative.
     raw: i64,
     slope: f64,
     intercept: f64,
@@ -45,8 +45,8 @@ struct QuantiserJson {
 impl Quantiser {
     /// Creates a quantiser for values from `low` to `high`, inclusive, with codes of 8 or 16 `bits`.
     ///
-    /// `slope` and `intercept` are those of the volume's header. For whole-number samples the range may be infinite; it
-    /// shrinks to the sample values inside it, or to `low` if there are none.
+    /// `slope` and `intercept` are those of the volume's header. For whole-number samples the range may be infinite: it
+    /// is then narrowed to the sample values inside it, or to `low` if there are none.
     ///
     /// # Errors
     /// [`Error::Input`] if `bits` is neither 8 nor 16, if slope or intercept is not finite or the slope is 0, if
@@ -91,7 +91,7 @@ impl Quantiser {
     /// Creates a quantiser for a label map, in which every label keeps its own code.
     ///
     /// # Errors
-    /// Those of [`Quantiser::new`]; [`Error::Input`] if the labels are not whole numbers or need more than `bits`.
+    /// The errors of [`Quantiser::new`]; [`Error::Input`] if the labels are not whole numbers or need more than `bits`.
     pub fn for_labels(
         low: f64,
         high: f64,
@@ -183,7 +183,7 @@ impl Quantiser {
         self.step
     }
 
-    /// Returns the bits of a code: 8 or 16.
+    /// Returns the width of a code in bits: 8 or 16.
     pub fn bits(&self) -> u8 {
         self.bits
     }
@@ -217,13 +217,13 @@ impl ExactCodes {
     }
 }
 
-/// Returns `(to - from) / by`, without overflow of the difference.
+/// Returns `(to - from) / by`, also where the difference would overflow.
 fn ratio(from: f64, to: f64, by: f64) -> f64 {
     let span = to - from;
     if span.is_finite() { span / by } else { (to / 2.0 - from / 2.0) / by * 2.0 }
 }
 
-/// Returns the raw samples of the lowest and highest value inside `low..=high`, out of those in `range`.
+/// Returns the two raw samples in `range` whose values are the lowest and the highest inside `low..=high`.
 fn samples_inside(low: f64, high: f64, range: (f64, f64), slope: f64, intercept: f64) -> Option<(i64, i64)> {
     let value = |raw: f64| raw * slope + intercept;
     let inside = |raw: f64| low <= value(raw) && value(raw) <= high;
@@ -264,7 +264,7 @@ impl TryFrom<QuantiserJson> for Quantiser {
             }
             None => Quantiser::even(fields.bits, fields.low, fields.high, fields.largest_code)?,
             Some(exact) => {
-                // Samples have at most 32 bits, so raw numbers stay where i64 and f64 agree.
+                // Samples have at most 32 bits. Raw numbers below 2^40 are exact both as i64 and as f64.
                 let sound = exact.slope.is_finite() && exact.slope != 0.0 && exact.raw.unsigned_abs() < 1 << 40;
                 if !sound {
                     return Err(refused("have a slope or first sample that no volume has"));

@@ -1,8 +1,8 @@
 //! Smoothing of label maps, so that the surfaces of segmentations shade smoothly.
 //!
 //! In: slices that are 1 where a voxel is visible and 0 elsewhere. Out: the slices filtered by the binomial kernel
-//! [1 4 6 4 1]/16 along x, y and z, each two slices later; edges repeat. The gradient of the result lights a surface.
-//! Memory: six slices.
+//! [1 4 6 4 1]/16 along x, y and z. Each result comes two slices later. Beyond an edge, the sample on the edge repeats.
+//! The gradient of the result lights a surface. Memory: six slices.
 
 const TAPS: [f32; 5] = [1.0 / 16.0, 4.0 / 16.0, 6.0 / 16.0, 4.0 / 16.0, 1.0 / 16.0];
 
@@ -12,7 +12,7 @@ pub struct Smoother {
     dims: [usize; 2],
     ring: [Vec<f32>; 5],
     scratch: Vec<f32>,
-    /// Slices received and returned so far.
+    /// Number of slices received (`taken`) and returned (`given`) so far.
     taken: usize,
     given: usize,
 }
@@ -28,7 +28,7 @@ impl Smoother {
         Smoother { dims, ring: std::array::from_fn(|_| vec![0.0; len]), scratch: vec![0.0; len], taken: 0, given: 0 }
     }
 
-    /// Adds the next slice. If a result is ready, writes the slice two before it to `smoothed` and returns true.
+    /// Adds a slice. From the third on, writes the filtered slice two before it to `smoothed` and returns true.
     ///
     /// # Panics
     /// If a length is not the product of the dimensions.
@@ -40,7 +40,7 @@ impl Smoother {
         self.taken >= 3 && self.give(smoothed)
     }
 
-    /// Writes the next outstanding slice to `smoothed` and returns true; returns false when all have been returned.
+    /// Writes the next filtered slice to `smoothed` and returns true; returns false when all have been returned.
     ///
     /// Call it after the last slice was added. The filter can then be used for another volume.
     ///

@@ -46,7 +46,7 @@ impl TransferFunction {
             .checked()
     }
 
-    /// Creates an ivory iso-value surface at `iso`, with opacity 0.9 and a transition of two voxels.
+    /// Creates a function that shows an ivory surface of value `iso`, with opacity 0.9 and a transition of two voxels.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if `iso` is not finite.
@@ -55,7 +55,7 @@ impl TransferFunction {
         TransferFunction::contours(vec![contour])
     }
 
-    /// Creates several iso-value surfaces, sorted by value.
+    /// Creates a function that shows several iso-value surfaces; `contours` must be sorted by value.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if a number is out of range or the values do not ascend.
@@ -63,7 +63,7 @@ impl TransferFunction {
         TransferFunction::of(TransferKind::Contour { contours, voxel_length: None }).checked()
     }
 
-    /// Creates a piecewise-linear function. Unless `gradient` is empty, its ramp multiplies the opacity.
+    /// Creates a piecewise-linear function. Unless `gradient` is empty, the opacity is multiplied by that ramp.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if a number is out of range or the points do not ascend.
@@ -71,7 +71,7 @@ impl TransferFunction {
         TransferFunction::of(TransferKind::Points { points, gradient }).checked()
     }
 
-    /// Creates region boundary surfaces between `knots`, sorted by value.
+    /// Creates a function that shows the boundaries of regions of similar value; `knots` must be sorted by value.
     ///
     /// `largest_magnitude` is the gradient magnitude, in units per world length, at which opacity is reached in full.
     ///
@@ -96,7 +96,7 @@ impl TransferFunction {
         self
     }
 
-    /// Returns the function with opacities per `length`, a world length.
+    /// Sets the reference length that opacities refer to: `length`, a world length.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if `length` is not finite and above 0.
@@ -105,7 +105,7 @@ impl TransferFunction {
         self.checked()
     }
 
-    /// Returns a range function whose open ends take their colours from the data's `lowest` and `highest` value.
+    /// Sets the data's `lowest` and `highest` value, where the colours of a range function's open ends stop.
     ///
     /// Functions of other kinds, and ranges with two finite ends, look the same as before.
     ///
@@ -118,7 +118,7 @@ impl TransferFunction {
         self.checked()
     }
 
-    /// Returns a contour function whose widths count `length`, a world length, as one voxel, unless that is set.
+    /// Sets the world length that counts as one voxel in the widths of a contour function, unless it is set already.
     ///
     /// A build passes the geometric mean of the spacings. The default is 1. Other kinds stay as they are.
     ///
@@ -131,7 +131,7 @@ impl TransferFunction {
         self.checked()
     }
 
-    /// Returns a region function that reaches full opacity at `magnitude`, unless that is set.
+    /// Sets the gradient magnitude at which a region function reaches full opacity, unless it is set already.
     ///
     /// A build passes an upper bound of the data's gradient magnitudes. The default is 1. Other kinds stay as they are.
     ///
@@ -144,7 +144,7 @@ impl TransferFunction {
         self.checked()
     }
 
-    /// Returns the function for samples that are all higher by `offset`; labels stay as they are.
+    /// Shifts the function to samples whose values are all higher by `offset`; labels stay as they are.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if a value is no longer finite or two knots coincide.
@@ -172,7 +172,7 @@ impl TransferFunction {
         }
     }
 
-    /// Returns the data's lowest and highest value, if this is a range that has them:
+    /// Returns the data's lowest and highest value, if this is a range function and they were set by
     /// [`TransferFunction::with_value_range`].
     pub fn value_range(&self) -> Option<[f64; 2]> {
         match self.kind {
@@ -186,7 +186,7 @@ impl TransferFunction {
         matches!(self.kind, TransferKind::Labels { .. })
     }
 
-    /// Returns the name of a label that the palette lists.
+    /// Returns the name of `label`; `None` if the palette does not list it or this is no palette.
     pub fn label_name(&self, label: i64) -> Option<&str> {
         match &self.kind {
             TransferKind::Labels { labels, .. } => palette::find(labels, label).map(|entry| entry.name.as_str()),

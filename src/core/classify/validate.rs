@@ -59,7 +59,7 @@ impl TransferKind {
     }
 }
 
-/// Returns the error for a field of the transfer function.
+/// Creates an [`Error::Input`] whose message names the `field` of a transfer function and says `why`.
 pub(super) fn field_error(field: &str, why: impl Into<String>) -> Error {
     Error::input(format!("transfer function: {field}"), why)
 }
@@ -94,7 +94,7 @@ fn check_share(field: &str, number: f64) -> Result<()> {
     Ok(())
 }
 
-/// Checks that `number` is finite and above 0, or 0 where that is allowed.
+/// Checks that `number` is finite and above 0, or 0 if `zero_allowed`.
 pub(super) fn check_length(field: &str, number: f64, zero_allowed: bool) -> Result<()> {
     let ok = number.is_finite() && (number > 0.0 || (zero_allowed && number == 0.0));
     if !ok {
@@ -104,7 +104,7 @@ pub(super) fn check_length(field: &str, number: f64, zero_allowed: bool) -> Resu
     Ok(())
 }
 
-/// Checks that `positions` ascend and that at most `shared` neighbours have the same position.
+/// Checks that `positions` ascend and that at most `shared` consecutive ones are equal.
 fn check_rising(field: &str, position: &str, positions: impl Iterator<Item = f64>, shared: usize) -> Result<()> {
     let (mut last, mut same) = (f64::NEG_INFINITY, 0);
     for (index, here) in positions.enumerate() {

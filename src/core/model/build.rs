@@ -1,4 +1,4 @@
-//! Building models: what to keep of a volume, and how.
+//! Building models: which voxels of a volume a model keeps, and how it stores them.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use crate::file::{RowsOutput, arena_bytes, scratch_folder, write_rows};
 use crate::volume::SlabSource;
 use crate::volume::memory::IntoSlices;
 
-/// A build: which samples are visible, and how they are stored.
+/// The options of a build: which samples are visible, and how they are stored.
 ///
 /// ```
 /// use adjsplat::classify::TransferFunction;
@@ -30,8 +30,8 @@ pub struct Build {
 }
 
 impl Build {
-    /// Prepares a build of the voxels that `transfer` shows: three lanes, values of 8 bits, normals of 2 x 8 bits if the
-    /// function is shaded, all processors.
+    /// Creates options for the voxels that `transfer` shows: three lanes (a lane: all scan lines along one axis), 8-bit
+    /// values, normals of 2 x 8 bits if the function is shaded, all processors.
     pub fn new(transfer: TransferFunction) -> Build {
         let normal_bits = if transfer.shaded() { 8 } else { 0 };
         let options =
@@ -40,7 +40,7 @@ impl Build {
         Build { options, memory: None, threads }
     }
 
-    /// Stores 1, 2 or 3 lanes: along x, y, z. One is the smallest file; three need no deriving for any view.
+    /// Stores 1, 2 or 3 lanes: along x, y, z. One makes the smallest file; with three, no view must derive a lane.
     pub fn with_lanes(mut self, lane_count: u8) -> Build {
         self.options.lane_count = lane_count;
         self
@@ -58,7 +58,7 @@ impl Build {
         self
     }
 
-    /// Stores tiles in another order than Morton's.
+    /// Stores tiles (blocks of 8 x 8 scan lines) in another order than Morton's.
     pub fn with_tile_order(mut self, order: TileOrder) -> Build {
         self.options.tile_order = order;
         self
@@ -70,7 +70,7 @@ impl Build {
         self
     }
 
-    /// Works on this many threads. The result does not depend on it.
+    /// Sets the number of threads that work. The result does not depend on it.
     pub fn with_threads(mut self, threads: usize) -> Build {
         self.threads = threads;
         self
@@ -79,7 +79,7 @@ impl Build {
     /// Builds a model in memory.
     ///
     /// # Errors
-    /// [`Error::Input`](crate::Error::Input) if nothing is visible or an option is out of range; what reading the volume gives.
+    /// [`Error::Input`](crate::Error::Input) if nothing is visible or an option is out of range; errors of reading.
     pub fn run(&self, volume: impl IntoSlices) -> Result<Model> {
         self.run_observed(volume, &mut Unobserved)
     }
@@ -87,7 +87,7 @@ impl Build {
     /// Builds a model as [`Build::run`] does; `observer` receives progress and can cancel.
     ///
     /// # Errors
-    /// As [`Build::run`]; [`Error::Interrupted`](crate::Error::Interrupted) after a cancel.
+    /// The errors of [`Build::run`]; [`Error::Interrupted`](crate::Error::Interrupted) after a cancel.
     pub fn run_observed(&self, volume: impl IntoSlices, observer: &mut dyn Observer) -> Result<Model> {
         let mut source = volume.into_slices();
         let resources = Resources { memory: self.memory, threads: self.threads, folder: None };
@@ -96,10 +96,10 @@ impl Build {
         Model::from_bytes(arena_bytes(&built.facts, &lanes, &description(source.header(), &built)))
     }
 
-    /// Builds an `.adj` file at `path`, in bounded memory, and maps it. The file appears whole or not at all.
+    /// Builds an `.adj` file at `path`, in bounded memory, and memory-maps it. The file appears complete or not at all.
     ///
     /// # Errors
-    /// As [`Build::run`]; [`Error::Io`](crate::Error::Io) if it cannot be written.
+    /// The errors of [`Build::run`]; [`Error::Io`](crate::Error::Io) if the file cannot be written.
     pub fn write(&self, volume: impl IntoSlices, path: impl AsRef<Path>) -> Result<Model> {
         self.write_observed(volume, path, &mut Unobserved)
     }
@@ -107,7 +107,7 @@ impl Build {
     /// Builds a file as [`Build::write`] does; `observer` receives progress and can cancel.
     ///
     /// # Errors
-    /// As [`Build::write`]; [`Error::Interrupted`](crate::Error::Interrupted) after a cancel.
+    /// The errors of [`Build::write`]; [`Error::Interrupted`](crate::Error::Interrupted) after a cancel.
     pub fn write_observed(
         &self,
         volume: impl IntoSlices,

@@ -1,7 +1,7 @@
 //! A model: the visible voxels of a volume, ready to walk and to draw.
 //!
 //! In: a volume ([`Build`]), or an `.adj` file. Out: a [`Model`], which owns what it needs, so threads, windows and
-//! other languages can hold it. It puts together what `arena`, `file`, `traverse` and `splat` do apart.
+//! other languages can hold it. It combines the modules `arena`, `file`, `traverse` and `splat`.
 
 mod build;
 mod transfer;
@@ -28,15 +28,15 @@ use crate::volume::{Axis, Grid};
 
 /// The visible voxels of a volume and the transfer function that they are drawn with.
 ///
-/// Memory: that of the file's map or of the structure itself. A clone is cheap and shares it; so do threads. A lane that
-/// is not stored is derived when a view first needs it, and kept.
+/// Its bytes are a mapped file or lie in memory; clones are cheap and share them, also between threads. A lane (all
+/// scan lines along one axis) that is not stored is derived when a view first needs it, and kept.
 #[derive(Debug, Clone)]
 pub struct Model {
     stored: Arc<Stored>,
     transfer: Arc<TransferFunction>,
 }
 
-/// What clones of a model share.
+/// The part of a model that its clones share.
 #[derive(Debug)]
 struct Stored {
     bytes: Bytes,
@@ -64,28 +64,28 @@ fn in_memory(fault: FormatFault) -> Error {
 }
 
 impl Model {
-    /// Maps the `.adj` file at `path`; O(header).
+    /// Memory-maps the `.adj` file at `path`, with default limits. Reads only the header.
     ///
     /// # Errors
-    /// As [`Model::open_with`].
+    /// The errors of [`Model::open_with`].
     pub fn open(path: impl AsRef<Path>) -> Result<Model> {
         Model::open_with(path, &Limits::default())
     }
 
-    /// Maps an `.adj` file that need not be trusted: any content is safe to walk and to draw.
+    /// Memory-maps an `.adj` file that need not be trusted: any content is safe to walk and to draw.
     ///
     /// # Errors
-    /// As [`AdjFile::open_with`]; [`Error::Input`] if the file stores no transfer function that can be read.
+    /// The errors of [`AdjFile::open_with`]; [`Error::Input`] if the file stores no readable transfer function.
     pub fn open_with(path: impl AsRef<Path>, limits: &Limits) -> Result<Model> {
         let file = AdjFile::open_with(path.as_ref(), limits)?;
         let derived = DerivedLanes::new(limits.derived_bytes);
         Model::new(Bytes::Mapped(file), derived, path.as_ref())
     }
 
-    /// Takes the bytes of an `.adj` file.
+    /// Creates a model from the bytes of an `.adj` file.
     ///
     /// # Errors
-    /// [`Error::Format`] if they are no arena; [`Error::Input`] if they store no transfer function that can be read.
+    /// [`Error::Format`] if they are no `.adj` file; [`Error::Input`] if they store no readable transfer function.
     pub fn from_bytes(bytes: Vec<u8>) -> Result<Model> {
         Model::new(Bytes::InMemory(bytes), DerivedLanes::new(u64::MAX), "memory".as_ref())
     }
@@ -104,19 +104,19 @@ impl Model {
 
     /// Returns the same voxels, drawn with another transfer function.
     ///
-    /// Values that it shows but the build left out stay away: see [`Model::missing_values`].
+    /// Voxels that `transfer` shows but the build left out stay invisible: see [`Model::missing_values`].
     ///
     /// # Errors
-    /// [`Error::Input`] if it needs gradient magnitudes that are not stored.
+    /// [`Error::Input`] if `transfer` needs gradient magnitudes that are not stored.
     pub fn with_transfer(&self, transfer: TransferFunction) -> Result<Model> {
         let transfer = drawable(&self.arena()?, transfer)?;
         Ok(Model { stored: self.stored.clone(), transfer: Arc::new(transfer) })
     }
 
-    /// Returns the values, as ranges of lowest and highest, that `transfer` shows and the build left out.
+    /// Returns the values that `transfer` shows and the build left out, as ranges `[lowest, highest]`.
     ///
     /// # Errors
-    /// [`Error::Input`] if the stored scales cannot be used.
+    /// [`Error::Input`] if the stored scale of magnitudes is out of range.
     pub fn missing_values(&self, transfer: &TransferFunction) -> Result<Vec<[f64; 2]>> {
         Ok(missing_values(&self.arena()?, transfer)?.unwrap_or_default())
     }
@@ -126,7 +126,7 @@ impl Model {
         &self.transfer
     }
 
-    /// Returns where the voxels sit in the world.
+    /// Returns the grid: the number of voxels along each axis, and their positions in the world.
     pub fn grid(&self) -> &Grid {
         &self.stored.facts.grid
     }
@@ -139,17 +139,17 @@ impl Model {
     /// Returns the smallest box of voxel coordinates that holds all visible voxels. O(tiles).
     ///
     /// # Errors
-    /// As [`Model::arena`].
+    /// The errors of [`Model::arena`].
     pub fn bounds(&self) -> Result<Option<VoxelBox>> {
         let bounds = self.arena()?.lane(Axis::X).and_then(|lane| lane.bounds());
         Ok(bounds.map(|(low, high)| VoxelBox { low, high }))
     }
 
-    /// Calls `visit` with all visible voxels in exact visibility order, near voxels first, some at a time.
+    /// Calls `visit` with all visible voxels in exact visibility order, near voxels first, in groups from one slice.
     ///
     /// # Errors
-    /// [`Error::Input`] if the viewpoint cannot be used; [`Error::Limit`] if a lane would have to be derived beyond
-    /// the limits.
+    /// [`Error::Input`] if the viewpoint cannot be used; [`Error::Limit`] if the walk needs a lane that is not stored
+    /// and cannot be derived within the model's limits.
     pub fn walk(&self, viewpoint: &Viewpoint, mut visit: impl FnMut(&Voxels)) -> Result<()> {
         let facts = &self.stored.facts;
         let order = Order::new(*viewpoint, facts.grid.dims, Sense::FrontToBack, SplitForm::default())?;
@@ -163,20 +163,20 @@ impl Model {
     /// `camera` is a [`Camera`], or an [`Orbit`](crate::splat::Orbit) around the visible voxels (or around the crop).
     ///
     /// # Errors
-    /// As [`cpu::render`].
+    /// The errors of [`cpu::render`].
     pub fn render(&self, camera: &impl ToCamera, settings: &Settings) -> Result<Frame> {
         Ok(self.render_with_stats(camera, settings)?.0)
     }
 
-    /// Draws a picture as [`Model::render`] does, and says what it took.
+    /// Draws a picture as [`Model::render`] does, and also returns counts and times.
     ///
     /// # Errors
-    /// As [`cpu::render`].
+    /// The errors of [`cpu::render`].
     pub fn render_with_stats(&self, camera: &impl ToCamera, settings: &Settings) -> Result<(Frame, Stats)> {
         cpu::render(&self.scene(), &self.camera(camera, settings)?, settings)
     }
 
-    /// Returns the camera that [`Model::render`] uses for an orbit.
+    /// Returns the [`Camera`] that [`Model::render`] uses for `camera`, such as an orbit.
     ///
     /// # Errors
     /// [`Error::Input`] if a number of the orbit is out of its range.
@@ -189,12 +189,12 @@ impl Model {
         camera.to_camera(around, settings.size)
     }
 
-    /// Returns the scene for renderers that are called directly, such as [`GpuRenderer`](crate::splat::gpu::GpuRenderer).
+    /// Returns the scene for renderers that you call directly, such as [`GpuRenderer`](crate::splat::gpu::GpuRenderer).
     pub fn scene(&self) -> Scene<'_> {
         Scene { facts: &self.stored.facts, lanes: self, transfer: &self.transfer }
     }
 
-    /// Returns the structure itself.
+    /// Returns the arena: the stored structure, with its lanes, tiles and records.
     ///
     /// # Errors
     /// [`Error::Format`] if the file was changed in place since it was opened.
@@ -205,7 +205,7 @@ impl Model {
     /// Writes the model as an `.adj` file and returns its bytes.
     ///
     /// # Errors
-    /// As [`write_atomically`].
+    /// The errors of [`write_atomically`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<u64> {
         let arena = self.arena()?;
         write_atomically(path.as_ref(), |out| {

@@ -11,15 +11,15 @@ fn description(arena: &Arena) -> Value {
     serde_json::from_slice(arena.description()).unwrap_or(Value::Null)
 }
 
-/// Returns the transfer function that the file was built with; `None` if it states none that can be read.
+/// Returns the transfer function that the file was built with; `None` if the file stores none that can be read.
 pub fn stored_transfer(arena: &Arena) -> Option<TransferFunction> {
     serde_json::from_value(description(arena)["transfer_function"].take()).ok()
 }
 
-/// Returns `transfer` with everything filled in that the file decides: voxel length and value range.
+/// Returns `transfer` with the numbers filled in that follow from the file: voxel length and value range.
 ///
 /// # Errors
-/// [`Error::Input`] if it needs gradient magnitudes, which the file does not store.
+/// [`Error::Input`] if `transfer` needs gradient magnitudes but the file does not store them.
 pub fn drawable(arena: &Arena, transfer: TransferFunction) -> Result<TransferFunction> {
     let facts = arena.facts();
     if transfer.uses_gradient() && facts.channels.magnitude_bits == 0 {
@@ -33,7 +33,7 @@ pub fn drawable(arena: &Arena, transfer: TransferFunction) -> Result<TransferFun
         .with_value_range(value_low, value_low + f64::from(largest) * value_step)
 }
 
-/// Returns the values that `transfer` shows and the file did not store; `None` if the file does not tell.
+/// Returns the ranges of values that `transfer` shows but the file's own function does not; `None` if it has none.
 ///
 /// # Errors
 /// [`Error::Input`] if the file's scale of magnitudes cannot be used.

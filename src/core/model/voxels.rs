@@ -1,4 +1,4 @@
-//! The voxels that a walk over a model hands over, with their values decoded.
+//! The voxels that a walk over a model passes to its caller, with their values decoded.
 
 use crate::arena::Lane;
 use crate::arena::layout::Facts;
@@ -14,15 +14,15 @@ pub struct Voxels<'a> {
     order: &'a Order,
 }
 
-/// One visible voxel.
+/// One visible voxel: its position, value and normal.
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct ModelVoxel {
-    /// Grid point: x, y, z.
+    /// Indices of the voxel's grid point along x, y, z.
     pub position: [u16; 3],
-    /// Value in the volume's unit, as exact as its code.
+    /// Value in the volume's unit, as exact as the stored code of 8 or 16 bits.
     pub value: f64,
-    /// Unit vector along the gradient, in world axes; `None` if the model stores no normals.
+    /// Unit vector opposite to the gradient, in world axes; `None` if the model stores no normals.
     pub normal: Option<[f32; 3]>,
 }
 
@@ -37,7 +37,7 @@ impl<'a> Voxels<'a> {
         self.batch.len()
     }
 
-    /// Returns the grid point of voxel `index`: x, y, z.
+    /// Returns the indices of the grid point of voxel `index` along x, y, z.
     ///
     /// # Panics
     /// If `index` is not below [`Voxels::len`].
@@ -57,7 +57,7 @@ impl<'a> Voxels<'a> {
         self.facts.scales.value(self.lane.value_code(self.batch.record_index(index)).into())
     }
 
-    /// Returns the normal of voxel `index`: a unit vector along the gradient; `None` if the model stores none.
+    /// Returns the normal of voxel `index`: a unit vector opposite to the gradient; `None` if the model stores none.
     ///
     /// # Panics
     /// If `index` is not below [`Voxels::len`].

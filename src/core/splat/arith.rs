@@ -6,10 +6,10 @@
 //!
 //! Source: Remez polynomials computed for this file (relative errors below, before rounding).
 
-/// Adding and subtracting it rounds a number below 2^22 to the nearest integer, which is in the low bits of the sum.
+/// Adding and subtracting this rounds a number below 2^22 to the nearest integer, which is in the low bits of the sum.
 const ROUND: f32 = 12_582_912.0;
 
-/// Factor from an optical depth to units of ln 2: log2(e).
+/// An optical depth times this factor is in units of ln 2: log2(e).
 pub const LOG2_E: f32 = std::f32::consts::LOG2_E;
 
 /// Returns `2^-x` for `x` in -125..=125; relative error at most 2e-7.
@@ -34,13 +34,13 @@ pub(crate) fn absorbed(x: f32) -> f32 {
 /// Largest argument of [`absorbed_small`]; slightly below 1/2 because of rounding.
 pub(crate) const SMALL_DEPTH: f32 = 0.499;
 
-/// Returns the bits of [`absorbed`] for `x` up to [`SMALL_DEPTH`]: n is 0 there, so nothing is split or scaled.
+/// Returns the same as [`absorbed`], bit for bit, for `x` up to [`SMALL_DEPTH`]: n is 0 there, so x is not split.
 #[inline(always)]
 pub(crate) fn absorbed_small(x: f32) -> f32 {
     x * loss_ratio(x)
 }
 
-/// Returns `(1 - 2^-f) / f` for `f` in -1/2..=1/2, within 1.1e-8. Pairs of terms (Estrin's scheme) halve the steps.
+/// Returns `(1 - 2^-f) / f` for `f` in -1/2..=1/2, within 1.1e-8. Estrin's scheme halves the chain of operations.
 #[inline(always)]
 fn loss_ratio(f: f32) -> f32 {
     let square = f * f;
@@ -50,26 +50,26 @@ fn loss_ratio(f: f32) -> f32 {
     low + square * (middle + square * high)
 }
 
-/// Returns `2^-n` from `n + ROUND`.
+/// Returns `2^-n`; `rounded` is `n + ROUND`.
 #[inline(always)]
 fn power_of_half(rounded: f32) -> f32 {
     f32::from_bits(0x3f80_0000_u32.wrapping_sub(rounded.to_bits() << 23))
 }
 
-/// Returns `value` if `keep`, else 0, without a branch: around much arithmetic, the compiler would make a jump of a plain
-/// `if`, and could not compute eight pixels at once.
+/// Returns `value` if `keep`, else 0, without a branch: from a plain `if` around much arithmetic the compiler makes a
+/// jump, and then cannot compute eight pixels at once.
 #[inline(always)]
 pub(crate) fn keep_if(keep: bool, value: f32) -> f32 {
     f32::from_bits(value.to_bits() & 0_u32.wrapping_sub(u32::from(keep)))
 }
 
-/// Returns the smaller number, `limit` for NaN; one instruction where `f32::min` takes three.
+/// Returns the smaller number, and `limit` if `value` is NaN; one instruction where `f32::min` takes three.
 #[inline(always)]
 pub(crate) fn at_most(value: f32, limit: f32) -> f32 {
     if value < limit { value } else { limit }
 }
 
-/// Returns the larger number, `limit` for NaN.
+/// Returns the larger number, and `limit` if `value` is NaN.
 #[inline(always)]
 pub(crate) fn at_least(value: f32, limit: f32) -> f32 {
     if value > limit { value } else { limit }

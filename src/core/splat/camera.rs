@@ -1,4 +1,4 @@
-//! Cameras in world space: where the eye is, what it looks at, how it projects.
+//! Cameras in world space: where the eye is, what it looks at, how it projects the world to the picture.
 //!
 //! In: an orbit (azimuth, elevation, zoom) around a box, or position, target and up. Out: a checked [`Camera`]. World
 //! axes are right-handed. In an anatomical frame they are R, A, S, and an orbit at azimuth 0, elevation 0 looks at the
@@ -16,7 +16,7 @@ use crate::volume::{Axis, Grid};
 pub enum Projection {
     /// All rays are parallel.
     Parallel {
-        /// World length that the picture's height shows; finite and above 0.
+        /// World length that the picture shows from its bottom to its top; finite and above 0.
         height: f64,
     },
     /// All rays come from the eye.
@@ -94,9 +94,9 @@ impl Orbit {
     }
 }
 
-/// A camera, or something that becomes one once the voxels are known: a [`Camera`] or an [`Orbit`].
+/// A [`Camera`], or an [`Orbit`], which becomes a camera once the box of visible voxels is known.
 pub trait ToCamera {
-    /// Returns the camera for a picture of `size` (columns, rows); an orbit turns around `around`.
+    /// Returns the camera for a picture of `size` (columns, rows); an orbit turns around the sphere `around`.
     ///
     /// # Errors
     /// [`Error::Input`] if a number is out of its range.
@@ -125,7 +125,7 @@ pub enum Up {
 }
 
 impl Default for Up {
-    /// Returns +z: the head, where the world is anatomical.
+    /// Returns +z: toward the head, if the world is anatomical.
     fn default() -> Up {
         Up::Plus(Axis::Z)
     }
@@ -164,7 +164,7 @@ impl Up {
 pub struct Surround {
     /// World position of the box's middle.
     pub centre: [f64; 3],
-    /// World distance from there to the farthest corner, with half a voxel around the points; above 0.
+    /// World distance from the centre to a corner of the box, which is extended by half a voxel on each side; above 0.
     pub radius: f64,
 }
 
@@ -196,12 +196,12 @@ impl Surround {
 pub struct WorldFrame {
     /// World position of the first grid point.
     pub origin: DVec3,
-    /// World vector from a grid point to the next on each axis.
+    /// World vectors from a grid point to its next neighbour along x, y, z.
     pub steps: [DVec3; 3],
 }
 
 impl WorldFrame {
-    /// Returns the map of a grid.
+    /// Returns the map from `grid` into the world.
     pub fn of(grid: &Grid) -> WorldFrame {
         let step = |a: usize| DVec3::from_array(grid.direction[a]) * grid.spacing[a];
         WorldFrame { origin: DVec3::from_array(grid.origin), steps: [step(0), step(1), step(2)] }
@@ -212,7 +212,7 @@ impl WorldFrame {
         self.origin + self.steps[0] * voxel[0] + self.steps[1] * voxel[1] + self.steps[2] * voxel[2]
     }
 
-    /// Returns a world vector in voxel coordinates.
+    /// Converts a vector from world to voxel coordinates.
     pub fn voxel_from_world_vector(&self, vector: DVec3) -> [f64; 3] {
         let [x, y, z] = self.steps;
         // Cramer's rule on unit vectors: a product of three spacings may overflow.
@@ -226,10 +226,10 @@ impl WorldFrame {
     }
 }
 
-/// Lengths whose squares have full precision.
+/// Range of vector lengths whose squares neither overflow nor lose precision.
 pub(crate) const SOUND_LENGTHS: std::ops::RangeInclusive<f64> = 1e-150..=1e150;
 
-/// Factor on the radius that leaves a margin in the picture.
+/// Factor on the sphere's radius that leaves a margin between the sphere and the picture's edge.
 const MARGIN: f64 = 1.04;
 
 impl Camera {
@@ -305,10 +305,10 @@ impl Camera {
         self.projection
     }
 
-    /// Returns the camera moved by world lengths to the picture's right and top, with another projection.
+    /// Returns this camera moved by two world lengths, to the picture's right and to its top, with a new `projection`.
     ///
     /// # Errors
-    /// As [`Camera::new`].
+    /// The errors of [`Camera::new`].
     pub fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
         let [right_axis, up_axis, _] = self.axes();
         let shift = right_axis * right + up_axis * up;
@@ -316,10 +316,10 @@ impl Camera {
         Camera::new(position.to_array(), target.to_array(), self.up.to_array(), projection)
     }
 
-    /// Returns the camera turned to the ray with these tangents to the right and top, with another projection.
+    /// Returns this camera turned to a ray, given by its tangents to the right and to the top, with `projection`.
     ///
     /// # Errors
-    /// As [`Camera::new`].
+    /// The errors of [`Camera::new`].
     pub fn turned(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
         let [right_axis, up_axis, forward] = self.axes();
         let distance = (self.target - self.position).length();
@@ -327,7 +327,7 @@ impl Camera {
         Camera::new(self.position.to_array(), target.to_array(), self.up.to_array(), projection)
     }
 
-    /// Returns unit vectors to the picture's right, to its top, and forward.
+    /// Returns unit world vectors to the picture's right, to its top, and forward along the view.
     pub fn axes(&self) -> [DVec3; 3] {
         let forward = (self.target - self.position).normalize();
         let up = self.up.normalize();

@@ -1,8 +1,8 @@
-//! Compositing modes, and the looks of voxels: colour and optical depth for each value code.
+//! Compositing modes, and the looks of voxels: colour and optical depth for each value code (the stored number).
 //!
 //! In: a transfer function, the codecs of the channels. Out: a table of looks. Opacities are per reference length, so
 //! extinction = -ln(1 - opacity) / length. An opacity of 1 is an optical depth of [`MAX_DEPTH`], whose transmittance is
-//! below what single precision can add to 1.
+//! so small that single precision loses it when it is added to 1.
 
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +12,7 @@ use crate::arena::{Lane, stored_opacity};
 use crate::classify::MagnitudeCodec;
 use crate::error::Result;
 
-/// How the splats on a ray make a pixel.
+/// How the splats on a ray are combined to a pixel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Mode {
@@ -23,30 +23,30 @@ pub enum Mode {
     /// from the lowest to the highest visible one; alpha is the normalised value. A voxel counts in full over its cell
     /// and falls off outside it like its kernel.
     Maximum,
-    /// As `Maximum`, in grey.
+    /// Shows the same normalised values as `Maximum`, in grey.
     MaximumGrey,
     /// Like an X-ray: the sum of colour times optical depth along each ray, shown as `1 - exp(-sum)`.
     Additive,
 }
 
 impl Mode {
-    /// Returns whether the mode is one of the two maxima.
+    /// Returns whether the mode is [`Mode::Maximum`] or [`Mode::MaximumGrey`].
     pub fn is_maximum(self) -> bool {
         matches!(self, Mode::Maximum | Mode::MaximumGrey)
     }
 }
 
-/// How much of the light that reaches a splat it takes, in [`Mode::Composite`].
+/// How much light a splat absorbs of the light that reaches it, in [`Mode::Composite`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Blending {
     /// `1 - exp(-depth)` of the optical depth at a pixel: the integral along the ray. Exact for a million faint layers.
     #[default]
     Exponential,
-    /// Opacity times the kernel's weight, at most 1: the classic form (Westover 1990). At worst 17 dB from the other.
+    /// Opacity times the kernel's weight, at most 1: the classic form (Westover 1990). At worst 17 dB from exponential.
     Linear,
-    /// `Exponential` of the sum of a slice's splats, with colours in proportion to their depths: sheet buffers (Westover
-    /// 1991). Within a slice no splat is in front of another.
+    /// Sheet buffers (Westover 1991): adds up the depths of a slice's splats, then applies `Exponential`. Colours count
+    /// in proportion to their depths. Within a slice no splat is in front of another.
     Sheets,
 }
 
@@ -54,7 +54,7 @@ impl Blending {
     /// All ways of blending.
     pub const ALL: [Blending; 3] = [Blending::Exponential, Blending::Linear, Blending::Sheets];
 
-    /// Returns the name, as in commands and tables.
+    /// Returns the name that commands and tables use.
     pub fn name(self) -> &'static str {
         match self {
             Blending::Exponential => "exponential",
@@ -64,22 +64,22 @@ impl Blending {
     }
 }
 
-/// Largest optical depth of a reference length, and of a splat at a pixel: `e^-16` is below 2^-23.
+/// Largest optical depth, both per reference length and of a splat at a pixel: `e^-16` is below 2^-23.
 pub const MAX_DEPTH: f64 = 16.0;
 
 /// The look of a voxel: linear red, green and blue; optical depth per mean voxel, in units of ln 2.
 ///
-/// For linear blending the last number is an opacity. For a maximum all four are the normalised value.
+/// For linear blending the last number is an opacity. For the maximum modes all four are the normalised value.
 pub type Look = [f32; 4];
 
-/// The looks of all records of a scene, by their codes.
+/// A table of looks (colour and optical depth) by the codes of a scene's records (the stored numbers of its voxels).
 #[derive(Debug)]
 pub struct Table<'a> {
     scene: Scene<'a>,
     magnitudes: Option<MagnitudeCodec>,
     key: LookKey,
     looks: Vec<Look>,
-    /// Optical depth per mean voxel for a unit of -ln(1 - opacity), in units of ln 2.
+    /// Factor from -ln(1 - opacity) to optical depth per mean voxel, in units of ln 2.
     depth_scale: f64,
     /// The value code that a maximum shows at full brightness.
     brightest: u16,
@@ -87,7 +87,7 @@ pub struct Table<'a> {
     blending: Blending,
 }
 
-/// The codes that a record's look depends on.
+/// The codes that a look depends on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum LookKey {
     Value,
@@ -98,7 +98,7 @@ enum LookKey {
 }
 
 impl<'a> Table<'a> {
-    /// Returns the looks of a scene; `lane` is any of its lanes, `mean_voxel` a world length.
+    /// Creates the table of a scene; `lane` is any of its lanes, `mean_voxel` the world length of a mean voxel.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if the scale of the magnitudes is out of range.
@@ -119,7 +119,7 @@ impl<'a> Table<'a> {
             _ => Some(MagnitudeCodec::new(scene.facts.scales.magnitude_scale)?),
         };
         let last = if channels.value_bits == 8 { 255 } else { u16::MAX };
-        // Where a range has fewer values than codes, the last code would leave the maximum dark.
+        // If fewer values than codes are in use, dividing by the last code would leave the maximum dark.
         let brightest = if mode.is_maximum() { lane.largest_value_code().max(1) } else { last };
         let (looks, blending) = (Vec::new(), settings.blending);
         let mut table = Table { scene: *scene, magnitudes, key, looks, depth_scale, brightest, mode, blending };
@@ -131,7 +131,7 @@ impl<'a> Table<'a> {
                     let normalised = (f32::from(code) / f32::from(brightest)).min(1.0);
                     table.looks.push([normalised; 4]);
                 }
-                // Without stored magnitudes, gradients count as full.
+                // Without stored magnitudes, every gradient counts as the largest.
                 LookKey::Value => table.looks.push([red, green, blue, table.depth(code, f64::MAX)]),
                 LookKey::ValueAndMagnitude => {
                     for magnitude in 0..=255 {
@@ -150,7 +150,7 @@ impl<'a> Table<'a> {
         Ok(table)
     }
 
-    /// Returns the exposure at which a ray through as many visible voxels as their cube root has `1 - exp(-1.4)`.
+    /// Returns the exposure at which a ray through n average voxels shows `1 - exp(-1.4)`; n^3 is the number of voxels.
     fn exposure(&self, lane: &Lane) -> f32 {
         let voxels = self.scene.facts.visible_voxels.max(1) as f64;
         let depth = |record| self.look(lane.value_code(record), lane.magnitude_code(record))[3];
@@ -170,7 +170,7 @@ impl<'a> Table<'a> {
         self.magnitudes.as_ref().map_or(0.0, |codec| codec.decode(code))
     }
 
-    /// Returns the last number of a look.
+    /// Returns the last number of a look, optical depth or opacity, for a value code and a gradient magnitude.
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
     fn depth(&self, code: u16, magnitude: f64) -> f32 {
         let opacity = stored_opacity(self.scene.transfer, &self.scene.facts.scales, code, magnitude);
@@ -181,7 +181,7 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns the look of a record with these codes.
+    /// Returns the look of a voxel with the codes `value` and `magnitude`.
     #[inline(always)]
     pub fn look(&self, value: u16, magnitude: u8) -> Look {
         let look = |index: usize| self.looks.get(index).copied().unwrap_or_default();
@@ -195,12 +195,12 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns the looks of 8-bit values; `None` if looks depend on more than that.
+    /// Returns the looks of the first 256 value codes; `None` if looks depend on magnitudes too.
     pub fn of_bytes(&self) -> Option<&[Look; 256]> {
         if self.key == LookKey::Value { self.looks.first_chunk() } else { None }
     }
 
-    /// Returns the largest optical depth per mean voxel of any code.
+    /// Returns the largest optical depth per mean voxel that any code has.
     pub(crate) fn deepest(&self) -> f64 {
         match self.key {
             LookKey::Computed => MAX_DEPTH * self.depth_scale / f64::from(LOG2_E),
@@ -208,13 +208,13 @@ impl<'a> Table<'a> {
         }
     }
 
-    /// Returns whether some code's optical depth per mean voxel is at least `depth`; ends at the first such code.
+    /// Returns whether any code has an optical depth per mean voxel of at least `depth`; stops at the first such code.
     pub(crate) fn reaches(&self, depth: f64) -> bool {
         let in_table = |look: &Look| f64::from(look[3] / LOG2_E) >= depth;
         self.key == LookKey::Computed || self.looks.iter().any(in_table)
     }
 
-    /// Returns the colour of a normalised value, 0 to 1, of a maximum.
+    /// Returns the colour that [`Mode::Maximum`] shows for a normalised value from 0 to 1.
     pub(crate) fn colour_of(&self, normalised: f32) -> [f32; 3] {
         let code = f64::from(normalised) * f64::from(self.brightest);
         self.scene.transfer.colour(self.scene.facts.scales.value(code))
@@ -226,7 +226,7 @@ impl<'a> Table<'a> {
         self.mode
     }
 
-    /// Returns whether looks depend on records' magnitudes.
+    /// Returns whether looks depend on gradient magnitudes.
     pub(crate) fn needs_magnitude(&self) -> bool {
         self.key != LookKey::Value
     }
@@ -235,13 +235,13 @@ impl<'a> Table<'a> {
 /// The conversion of a pixel's accumulated values to colour and alpha.
 #[derive(Clone, Copy)]
 pub enum Finish<'a> {
-    /// From colours and a transmittance.
+    /// Converts colours and a transmittance.
     Transmittance,
-    /// From sums of optical depth, in units of ln 2.
+    /// Converts sums of optical depth, in units of ln 2.
     Sum,
-    /// From a normalised value, to its colour.
+    /// Converts a normalised value to its colour.
     Maximum(&'a Table<'a>),
-    /// From a normalised value, to grey.
+    /// Converts a normalised value to grey.
     Grey,
 }
 
@@ -256,7 +256,7 @@ impl<'a> Finish<'a> {
         }
     }
 
-    /// Returns the pixel of a frame from accumulated values.
+    /// Converts accumulated values to a pixel of a frame.
     #[inline(always)]
     pub(crate) fn pixel(self, [r, g, b, alpha]: [f32; 4]) -> [f32; 4] {
         // Sums of optical depth may exceed the exponential's range.

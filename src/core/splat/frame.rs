@@ -1,6 +1,6 @@
 //! A finished picture.
 //!
-//! In: a renderer's pixels. Out: the same over a background, or as sRGB samples for a picture file.
+//! In: a renderer's pixels. Out: the same pixels over a background, or as sRGB samples for a picture file.
 
 use std::ops::Range;
 
@@ -17,7 +17,7 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Returns an empty frame of `size` columns and rows.
+    /// Creates a transparent frame of `size` columns and rows.
     ///
     /// # Errors
     /// [`Error::Input`] if a side of `size` is 0; [`Error::OutOfMemory`].
@@ -32,27 +32,27 @@ impl Frame {
         Ok(Frame { size, pixels })
     }
 
-    /// Returns the columns and rows.
+    /// Returns the number of columns and rows.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
 
-    /// Returns all pixels, four numbers each.
+    /// Returns all pixels, four numbers each, row after row.
     pub fn pixels(&self) -> &[f32] {
         &self.pixels
     }
 
-    /// Returns all pixels for writing, four numbers each.
+    /// Returns all pixels for writing, four numbers each, row after row.
     pub fn pixels_mut(&mut self) -> &mut [f32] {
         &mut self.pixels
     }
 
-    /// Fills all rows on several threads; `fill` receives the index of its first row, and its rows.
+    /// Fills all rows on several threads. Each thread passes `fill` the index of its first row, and its rows.
     pub(crate) fn fill_rows(&mut self, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
         self.fill_some_rows(0..self.size[1], threads, fill);
     }
 
-    /// Fills some rows on several threads; see [`Frame::fill_rows`].
+    /// Fills the given `rows` on several threads; see [`Frame::fill_rows`].
     pub(crate) fn fill_some_rows(&mut self, rows: Range<u32>, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
         let len = 4 * self.size[0] as usize;
         let [from, to] = [rows.start, rows.end].map(|row| row as usize);
@@ -72,14 +72,14 @@ impl Frame {
     /// Returns the pixel in `column` and `row`.
     ///
     /// # Panics
-    /// If it lies outside the picture.
+    /// If the pixel lies outside the picture.
     pub fn pixel(&self, column: u32, row: u32) -> [f32; 4] {
         assert!(column < self.size[0] && row < self.size[1], "pixel ({column}, {row}) lies outside {:?}", self.size);
         let at = 4 * (row as usize * self.size[0] as usize + column as usize);
         [self.pixels[at], self.pixels[at + 1], self.pixels[at + 2], self.pixels[at + 3]]
     }
 
-    /// Puts the picture over an opaque background of a linear colour.
+    /// Puts the picture over an opaque background, whose colour is in linear light.
     pub fn over(&mut self, background: [f32; 3]) {
         for pixel in self.pixels.chunks_exact_mut(4) {
             let clear = 1.0 - pixel[3];
@@ -112,7 +112,7 @@ impl Frame {
     }
 }
 
-/// Clamps a pixel to its range, which interpolation and rounding may leave: colours of 0 and more, alpha of 0 to 1.
+/// Clamps a pixel that interpolation or rounding moved out of range: colours to 0 and above, alpha to 0 to 1.
 #[inline(always)]
 pub(crate) fn in_range(pixel: Vec4) -> [f32; 4] {
     pixel.max(Vec4::ZERO).min(Vec4::new(f32::MAX, f32::MAX, f32::MAX, 1.0)).to_array()

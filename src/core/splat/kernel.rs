@@ -1,6 +1,6 @@
 //! The reconstruction kernel and its footprint on the screen.
 //!
-//! In: a kernel, and the Jacobian of a view in pixels per voxel. Out: the footprint's ellipse, and the factor from an
+//! In: a kernel, and the Jacobian of a view, in pixels per voxel. Out: the footprint's ellipse, and the factor from an
 //! extinction to the optical depth at its centre. The kernel is a Gaussian whose width follows the spacing of each
 //! axis. Its covariance in voxel coordinates is `sigma^2` times the identity, and on the screen
 //!
@@ -22,18 +22,18 @@ use super::arith::{LOG2_E, at_least, at_most};
 use super::{Sampling, require};
 use crate::error::Result;
 
-/// A footprint's ellipse, in pixels.
+/// A footprint's ellipse, in pixels. Its ridge is the line through the densest point of every pixel row.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(crate) struct Ellipse {
-    /// Exponent per squared pixel from the ridge along a row, in units of ln 2.
+    /// Exponent of the Gaussian per squared pixel of distance from the ridge along a row, in units of ln 2.
     pub(crate) u_factor: f32,
-    /// Exponent per squared pixel from row to row on the ridge, in units of ln 2.
+    /// Exponent of the Gaussian on the ridge per squared row of distance from the centre, in units of ln 2.
     pub(crate) y_factor: f32,
-    /// Columns that the ridge moves per row.
+    /// Number of columns by which the ridge moves per row.
     pub(crate) shear: f32,
-    /// Half of the bounding box in columns; at most [`REACH`].
+    /// Half of the bounding box's width, in columns; at most [`REACH`].
     pub(crate) half_x: f32,
-    /// Half of the bounding box in rows; at most [`REACH`].
+    /// Half of the bounding box's height, in rows; at most [`REACH`].
     pub(crate) half_y: f32,
 }
 
@@ -45,31 +45,31 @@ pub const LOW_PASS: f32 = 0.6;
 
 /// How exact a picture is.
 ///
-/// All qualities have the same kernel, and so the same sharpness. They differ in where the kernel is cut off, where rays
-/// end, and how many samples are drawn. Measured in docs/studies/0003-accuracy.md.
+/// All qualities have the same kernel, and so the same sharpness. They differ in where the kernel is cut off, where
+/// rays end, and how many samples are drawn. Measured in docs/studies/0003-accuracy.md.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Quality {
-    /// For a moving camera.
+    /// The fastest quality, for a moving camera.
     Draft,
-    /// For pictures to look at.
+    /// The quality for pictures to look at.
     #[default]
     Standard,
-    /// For pictures to measure in: errors are below one step of a 16-bit sample.
+    /// The quality for pictures to measure in: errors are below one step of a 16-bit sample.
     High,
     /// The kernel is cut off at six standard deviations, and no ray ends early. What `High` cuts off adds up in solid
     /// layers seen edge-on: 5e-4 of full scale on a gyroid.
     Reference,
 }
 
-/// Standard deviation of every quality's kernel, in voxel spacings; a constant volume ripples by 0.05 %.
+/// Standard deviation of every quality's kernel, in voxel spacings. The picture of a constant volume varies by 0.05 %.
 const SIGMA: f32 = 0.7;
 
 impl Quality {
     /// All qualities, from fast to exact.
     pub const ALL: [Quality; 4] = [Quality::Draft, Quality::Standard, Quality::High, Quality::Reference];
 
-    /// Returns the name, as in commands and tables.
+    /// Returns the name that commands and tables use.
     pub fn name(self) -> &'static str {
         match self {
             Quality::Draft => "draft",
@@ -79,7 +79,7 @@ impl Quality {
         }
     }
 
-    /// Returns the kernel.
+    /// Returns the kernel of this quality.
     pub fn kernel(self) -> KernelShape {
         let radius = match self {
             Quality::Draft | Quality::Standard => 2.5,
@@ -89,7 +89,7 @@ impl Quality {
         KernelShape { sigma: SIGMA, radius }
     }
 
-    /// Returns the transmittance below which a pixel no longer changes, which is also the largest error from this.
+    /// Returns the transmittance below which a pixel no longer changes; ending there causes no larger error than this.
     pub fn termination(self) -> f32 {
         match self {
             Quality::Draft => 1.0 / 128.0,
@@ -99,7 +99,7 @@ impl Quality {
         }
     }
 
-    /// Returns how many samples are drawn.
+    /// Returns how many samples this quality draws.
     pub fn sampling(self) -> Sampling {
         match self {
             Quality::Draft => Sampling::Fewest,
@@ -109,17 +109,17 @@ impl Quality {
     }
 }
 
-/// A Gaussian reconstruction kernel; lengths are in distances between voxels.
+/// A Gaussian reconstruction kernel; lengths are in voxel spacings.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct KernelShape {
     /// Standard deviation; 0.2 to 4.
     pub sigma: f32,
-    /// Distance at which it is cut off; 1 to 6 times `sigma`.
+    /// Distance at which the kernel is cut off; 1 to 6 times `sigma`.
     pub radius: f32,
 }
 
 impl KernelShape {
-    /// Checks the ranges.
+    /// Checks that both numbers are in their ranges.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if a number is outside its range.
@@ -130,7 +130,7 @@ impl KernelShape {
         require(is_in_range, "kernel", why)
     }
 
-    /// Returns the cut-off in standard deviations.
+    /// Returns the radius at which the kernel is cut off, in standard deviations.
     pub(crate) fn cut_off(self) -> f32 {
         self.radius / self.sigma
     }
@@ -140,7 +140,7 @@ impl KernelShape {
         0.5 * self.cut_off() * self.cut_off() * LOG2_E
     }
 
-    /// Returns the factor that makes up for the part of the kernel that is cut off, divided by 2 pi.
+    /// Returns the factor that compensates for the part of the kernel that is cut off, divided by 2 pi.
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
     pub fn normalisation(self) -> f32 {
         let cut_off = f64::from(self.cut_off());
@@ -148,7 +148,7 @@ impl KernelShape {
     }
 }
 
-/// A footprint on the screen.
+/// The footprint of a kernel on the screen.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Footprint {
     pub(crate) ellipse: Ellipse,
@@ -173,7 +173,7 @@ fn covariance([x, y]: [[f32; 3]; 2], sigma: f32) -> Covariance {
     let (xx, xy, yy) = (square * dot(x, x), square * dot(x, y), square * dot(y, y));
     let determinant = square * square * dot(cross, cross);
     let trace = xx + yy;
-    // The eigenvalue as a quotient: the difference in the usual form would cancel.
+    // The eigenvalue as a quotient: in the usual form, a difference, digits would cancel.
     let root = at_least(trace * trace - 4.0 * determinant, 0.0).sqrt();
     let smaller_eigenvalue = 2.0 * determinant / at_least(trace + root, f32::MIN_POSITIVE);
     Covariance { xx, xy, yy, determinant, smaller_eigenvalue }
@@ -181,7 +181,7 @@ fn covariance([x, y]: [[f32; 3]; 2], sigma: f32) -> Covariance {
 
 /// Returns the standard deviation of a footprint across its narrowest direction before the low-pass, in pixels.
 ///
-/// `rows` is the Jacobian in pixels per voxel: columns, then rows of the picture. `sigma` is the kernel's, in voxels.
+/// `rows` is the Jacobian in pixels per voxel: first for columns, then for rows. `sigma` is the kernel's, in voxels.
 pub fn narrowest_sigma(rows: [[f32; 3]; 2], sigma: f32) -> f32 {
     covariance(rows, sigma).smaller_eigenvalue.sqrt()
 }

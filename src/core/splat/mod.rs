@@ -1,6 +1,7 @@
 //! Splatting: drawing the voxels that a walk visits.
 //!
-//! In: a [`Scene`] (the voxels and their looks), a [`Camera`] and [`Settings`]. Out: a [`Frame`] and [`Stats`].
+//! In: a [`Scene`] (the voxels and their looks: colour and optical depth of each code), a [`Camera`] and [`Settings`].
+//! Out: a [`Frame`] and [`Stats`].
 //!
 //! ```text
 //! walk -> project, classify, shade (stage 1) -> footprints into the picture (stage 2) -> frame
@@ -37,9 +38,9 @@ pub use kernel::{KernelShape, Quality};
 pub use shade::Lighting;
 pub use view::View;
 
-/// A source of the voxels of a scene, as lanes along the axes.
+/// A source of the voxels of a scene, as lanes (a lane is all scan lines along one axis).
 pub trait Lanes: Sync {
-    /// Returns the lane along `axis`; may derive it from another lane.
+    /// Returns the lane along `axis`, which may be derived from another lane.
     ///
     /// # Errors
     /// [`Error`] if the lane is missing and cannot be derived.
@@ -65,14 +66,14 @@ impl Lanes for Overlay<'_> {
     }
 }
 
-/// The voxels that a frame shows, and their looks.
+/// The voxels that a frame shows, and their looks (colour and optical depth).
 #[derive(Clone, Copy)]
 pub struct Scene<'a> {
     /// The grid, and the meaning of the voxels' codes.
     pub facts: &'a Facts,
-    /// The voxels.
+    /// The source of the voxels.
     pub lanes: &'a dyn Lanes,
-    /// The colours and opacities of values.
+    /// The transfer function: the colours and opacities of values.
     pub transfer: &'a TransferFunction,
 }
 
@@ -82,57 +83,57 @@ impl std::fmt::Debug for Scene<'_> {
     }
 }
 
-/// The code that draws, for tests, benches and studies. All give the same bits.
+/// Selects the machine code that draws, for tests, benches and studies. All choices give the same bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub enum Code {
-    /// The best instructions that this processor has.
+    /// Uses the best instructions that this processor has.
     #[default]
     Best,
-    /// No instructions beyond AVX2.
+    /// Uses no instructions beyond AVX2.
     Avx2,
-    /// Instructions that every processor of this architecture has.
+    /// Uses instructions that every processor of this architecture has.
     Portable,
     /// The plain renderer: one thread, one voxel and one pixel after the other.
     Plain,
 }
 
-/// How a frame is drawn.
+/// The settings of a frame: size, quality, compositing mode, light, crop and sampling.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// Columns and rows, each 1 to 16,384.
+    /// Columns and rows of the picture, each 1 to 16,384.
     pub size: [u32; 2],
-    /// How exact the picture is: kernel, termination and sampling, unless these are set.
+    /// How exact the picture is: sets kernel, termination and sampling, unless the fields below set them.
     pub quality: Quality,
-    /// How the splats on a ray make a pixel.
+    /// How the splats on a ray are combined to a pixel.
     pub mode: Mode,
-    /// How much light a composited splat takes. Only the processor's renderer, front to back, has others than
-    /// [`Blending::Exponential`].
+    /// How much light a composited splat absorbs. Forms other than [`Blending::Exponential`] work only on the processor
+    /// (not on a graphics device) and front to back.
     pub blending: Blending,
-    /// The light, if the transfer function is shaded and the voxels have normals; `None` for none.
+    /// The light, used if the transfer function is shaded and the voxels have normals; `None` turns it off.
     pub lighting: Option<Lighting>,
-    /// The box of voxels to draw; `None` for all.
+    /// The box of voxels to draw; `None` draws all voxels.
     pub crop: Option<VoxelBox>,
     /// Number of threads, at least 1.
     pub threads: usize,
     /// The direction of compositing. Only front to back ends rays early; the picture is the same up to rounding.
     pub sense: Sense,
-    /// How voxels on both sides of the eye are ordered.
+    /// How a walk alternates between the voxels on the two sides of the eye.
     pub form: SplitForm,
-    /// The order of the walk; `None` for the camera's. For studies; `sense` still says how splats are composited.
+    /// The order of the walk, for studies; `None` derives it from the camera. Compositing still follows `sense`.
     pub order: Option<Order>,
-    /// Transmittance below which a ray ends, 0 to 1; `None` for the quality's.
+    /// Transmittance below which a ray ends, 0 to 1; `None` uses that of `quality`.
     pub termination: Option<f32>,
-    /// The reconstruction kernel; `None` for the quality's.
+    /// The reconstruction kernel; `None` uses that of `quality`.
     pub kernel: Option<KernelShape>,
-    /// World distance along the view axis below which voxels are not drawn; `None` for the kernel's extent.
+    /// World distance along the view axis below which voxels are not drawn; `None` uses the extent of the kernel.
     pub near: Option<f64>,
-    /// Factor on the optical depths of [`Mode::Additive`], above 0. With `None`, a typical ray has three quarters of full
-    /// brightness; the factor is the same for every view of a scene.
+    /// Factor on the optical depths of [`Mode::Additive`], above 0. With `None`, a typical ray has three quarters of
+    /// full brightness; the factor is the same for every view of a scene.
     pub exposure: Option<f32>,
-    /// How many samples are drawn; `None` for the quality's. A graphics device and the judge draw [`Sampling::Finer`] for
-    /// [`Sampling::Enough`] and [`Sampling::Fewest`].
+    /// How many samples are drawn; `None` uses the sampling of `quality`. A graphics device and the judge (a second
+    /// renderer, for tests) draw [`Sampling::Finer`] for [`Sampling::Enough`] and [`Sampling::Fewest`].
     pub sampling: Option<Sampling>,
-    /// The code that draws.
+    /// The machine code that draws.
     pub code: Code,
 }
 
@@ -144,14 +145,14 @@ pub enum Sampling {
     #[serde(rename = "every")]
     EveryPixel,
     /// Supersamples where voxels are smaller than pixels, then filters with a Gaussian. At most 2^24 samples, so that
-    /// pictures above 2,048 x 2,048 pixels have one sample a pixel. Composited pictures only.
+    /// pictures above 2,048 x 2,048 pixels have one sample per pixel. Composited pictures only.
     Finer,
-    /// As many samples as the footprints need, interpolated between. In a parallel view of small voxels that is one for
-    /// each scan line, on the plane of the slices (shear-warp; Lacroute and Levoy 1994); elsewhere work falls with the
-    /// square of the magnification. Supersamples as [`Sampling::Finer`] where voxels are smaller than pixels. Its error
-    /// is in docs/studies/sampling.md.
+    /// As many samples as the footprints need, with interpolation between them. A parallel view of small voxels has one
+    /// sample per scan line, on the plane of the slices (shear-warp; Lacroute and Levoy 1994). In other views their
+    /// number falls with the square of the magnification. Where voxels are smaller than pixels, it supersamples as
+    /// [`Sampling::Finer`] does. The error is in docs/studies/sampling.md.
     Enough,
-    /// Fewer samples, for a moving camera: enough for 32 dB.
+    /// Fewer samples than [`Sampling::Enough`], for a moving camera: enough for 32 dB.
     Fewest,
 }
 
@@ -159,7 +160,7 @@ impl Sampling {
     /// All samplings, from fast to exact.
     pub const ALL: [Sampling; 4] = [Sampling::Fewest, Sampling::Enough, Sampling::EveryPixel, Sampling::Finer];
 
-    /// Returns the name, as in commands and tables.
+    /// Returns the name that commands and tables use.
     pub fn name(self) -> &'static str {
         match self {
             Sampling::EveryPixel => "every",
@@ -201,12 +202,12 @@ impl Settings {
         Settings { threads: 1, exposure: Some(1.0), sampling, ..Settings::new(size) }
     }
 
-    /// Returns the sampling in force.
+    /// Returns the sampling to use: the one that is set, or else that of the quality.
     pub fn sampling(&self) -> Sampling {
         self.sampling.unwrap_or_else(|| self.quality.sampling())
     }
 
-    /// Returns the kernel in force.
+    /// Returns the kernel to use: the one that is set, or else that of the quality.
     pub fn kernel(&self) -> KernelShape {
         self.kernel.unwrap_or_else(|| self.quality.kernel())
     }
@@ -216,7 +217,7 @@ impl Settings {
         self.termination.unwrap_or_else(|| self.quality.termination())
     }
 
-    /// Returns whether every pixel gets one sample, whatever the view.
+    /// Returns whether every pixel gets exactly one sample, whatever the view.
     pub fn keeps_pixels(&self) -> bool {
         self.mode != Mode::Composite || self.sampling() == Sampling::EveryPixel
     }
@@ -262,19 +263,19 @@ fn require_pixels(size: [u32; 2]) -> Result<()> {
     require(!size.contains(&0), "picture size", "is 0, but must be at least 1 in both directions")
 }
 
-/// The work of drawing a frame.
+/// Counts and times of drawing a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Stats {
-    /// Splats that reached the picture. On the border of two threads' bands or strips they count twice.
+    /// Number of splats that reached the picture. A splat on the border between two threads' parts counts twice.
     pub splats_drawn: u64,
-    /// Voxels that were visited but not drawn: transparent, outside the picture, or hidden behind opaque ones.
+    /// Number of voxels that were visited but not drawn: transparent, outside the picture, or hidden by opaque ones.
     pub splats_skipped: u64,
-    /// Bands that were drawn at a time, one per thread.
+    /// Number of bands (parts of the picture, one per thread) that were drawn at a time.
     pub bands: usize,
     /// Time of the whole frame, in milliseconds.
     pub frame_ms: f64,
-    /// Time of walking, summed over threads, in milliseconds.
+    /// Time of walking over the voxels, summed over threads, in milliseconds.
     pub walk_ms: f64,
-    /// Time of projecting and drawing, summed over threads, in milliseconds.
+    /// Time of projecting and drawing the voxels, summed over threads, in milliseconds.
     pub draw_ms: f64,
 }

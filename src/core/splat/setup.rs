@@ -8,19 +8,19 @@ use crate::error::{Error, Result};
 use crate::traverse::{Order, VoxelBox};
 use crate::volume::Grid;
 
-/// What all voxels of a frame have in common, except the looks of their codes.
+/// What a renderer needs to draw the voxels of a frame, except the looks (colours and optical depths) of their codes.
 #[derive(Debug, Clone)]
 pub struct FrameSetup<'a> {
     /// The camera's transforms.
     pub view: View,
     pub(crate) order: Order,
-    /// The lane along the order's fast axis.
+    /// The lane (all scan lines along one axis) along the order's fast axis.
     pub lane: Lane<'a>,
     pub(crate) lights: Option<Lights>,
-    /// The kernel in force.
+    /// The reconstruction kernel to use.
     pub kernel: KernelShape,
     pub(crate) crop: Option<VoxelBox>,
-    /// Whether the mode is one of the two maxima.
+    /// Whether the mode is [`Mode::Maximum`](super::Mode::Maximum) or its grey form.
     pub(crate) maximum: bool,
 }
 

@@ -2,8 +2,8 @@
 //!
 //! In: a unit normal and a unit vector toward the eye, along the grid's axes. Out: a factor on the voxel's colour and a
 //! white highlight to add. Both sides of a surface are lit alike: cosines count without their sign, so that light is a
-//! continuous function of the normal. (Turning normals toward the eye would make light jump where a normal is across the
-//! view, as rounding can turn it.) A voxel without a normal keeps its colour.
+//! continuous function of the normal. (If normals were turned toward the eye, light would jump where a normal is across
+//! the view, because rounding can turn it.) A voxel without a normal keeps its colour.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,15 +16,15 @@ use crate::error::Result;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Lighting {
-    /// Weight of light from all directions, 0 to 1.
+    /// Weight of the light that comes from all directions, 0 to 1.
     pub ambient: f32,
-    /// Weight of light that falls with the cosine between normal and light direction, 0 to 1.
+    /// Weight of the light that is proportional to the cosine between normal and light direction, 0 to 1.
     pub diffuse: f32,
     /// Weight of the highlight, 0 to 1.
     pub specular: f32,
     /// Exponent of the highlight, 1 to 255; larger is glossier.
     pub shininess: u8,
-    /// Direction toward the light: right, up, toward the viewer. Finite, not 0.
+    /// Direction toward the light, by its components to the right, up, and toward the viewer. Finite, not 0.
     pub toward_light: [f64; 3],
 }
 
@@ -35,7 +35,7 @@ impl Default for Lighting {
 }
 
 impl Lighting {
-    /// Checks the ranges.
+    /// Checks that all numbers are in their ranges.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if a number is outside its range.
@@ -53,7 +53,7 @@ impl Lighting {
     }
 }
 
-/// The lighting of a view; vectors are along the grid's axes.
+/// The lighting of a view; components of vectors are along the grid's axes.
 #[derive(Debug, Clone, Copy)]
 pub struct Lights {
     pub(crate) ambient: f32,
@@ -67,7 +67,7 @@ pub struct Lights {
 }
 
 impl Lights {
-    /// Returns the lighting of a view; `lighting` has been checked.
+    /// Creates the lighting of a view; `lighting` must have been checked.
     #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
     pub(crate) fn new(lighting: &Lighting, view: &View) -> Lights {
         let [right, up, forward] = view.axes.map(glam::DVec3::from_array);
@@ -85,7 +85,7 @@ impl Lights {
         }
     }
 
-    /// Returns the factor on the colour, and the highlight, for a unit normal (0 for none) and a unit vector to the eye.
+    /// Returns a factor on the colour and a highlight, for a unit normal (0 for none) and a unit vector to the eye.
     #[inline(always)]
     pub(crate) fn shade(&self, normal: [f32; 3], eye: [f32; 3]) -> [f32; 2] {
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -93,7 +93,7 @@ impl Lights {
         let length = at_least(dot(halfway, halfway), 1e-12).sqrt();
         let light_cosine = dot(normal, self.light).abs();
         let halfway_cosine = (dot(normal, halfway) / length).abs();
-        // The power by repeated squaring: the exponent is the same for all voxels, so this too runs side by side.
+        // The power by repeated squaring: the exponent is the same for all voxels, so several are computed at once.
         let (mut power, mut square) = (1.0, halfway_cosine);
         for bit in 0..8 {
             if self.shininess >> bit & 1 == 1 {

@@ -1,12 +1,12 @@
-//! Supersampling: several samples a pixel where voxels are smaller than pixels, then a Gaussian filter.
+//! Supersampling: several samples per pixel where voxels are smaller than pixels, then a Gaussian filter.
 //!
-//! In: a view whose footprints are narrower than the low-pass. Out: how many samples a pixel to draw, and the picture
-//! from their frame. Without it, EWA's low-pass widens each splat to a pixel before its depth goes through the
-//! exponential, and opaque detail comes out too opaque: 11 to 37 dB from the truth (docs/studies/sampling.md). Samples
-//! composite voxels at their own width, and light is filtered afterwards:
+//! In: a view whose footprints are narrower than the low-pass. Out: how many samples per pixel to draw, and the picture
+//! filtered from them. Without it, EWA's low-pass widens each splat to a pixel before the exponential of its depth is
+//! taken, and opaque detail comes out too opaque: 11 to 37 dB from the truth (docs/studies/sampling.md). With it,
+//! voxels are composited at their own width, and light is filtered afterwards:
 //!
 //! ```text
-//! view -> factor x factor samples a pixel -> draw -> Gaussian of LOW_PASS^2 - width^2 -> picture
+//! view -> factor x factor samples per pixel -> draw -> Gaussian of LOW_PASS^2 - width^2 -> picture
 //! ```
 //!
 //! Every renderer can draw the samples: the same camera, more columns and rows.
@@ -25,20 +25,20 @@ use crate::error::Result;
 use crate::traverse::VoxelBox;
 use crate::volume::Grid;
 
-/// Standard deviation of a footprint across its narrowest direction, in pixels, from which on one sample a pixel is
-/// enough. Up to 0.49 supersampling was better in all of 36 views (docs/studies/sampling.md).
+/// One sample per pixel is enough for footprints with at least this standard deviation across their narrowest
+/// direction, in pixels. Up to 0.49 supersampling was better in all of 36 views (docs/studies/sampling.md).
 pub(super) const WIDE_ENOUGH: f64 = 0.53;
-/// Part of the low-pass's width that samples' footprints need to reach where 32 dB are enough.
+/// Width that samples' footprints must reach where 32 dB are enough, as a fraction of the low-pass's width.
 const FEWEST: f64 = 0.5;
-/// Most samples of a picture: 256 MiB if all are in memory at once.
+/// Largest number of samples of a picture: 256 MiB if all are in memory at once.
 const MAX_SAMPLES: u64 = 1 << 24;
-/// Samples of a strip, unless rows are too long for it: 16 MiB, frame and bands.
+/// Number of samples of a strip, unless rows are too long for it: 16 MiB for its frame and bands.
 const STRIP_SAMPLES: u32 = 1 << 19;
 
-/// A number of samples a pixel, and the filter from samples to pixels.
+/// A number of samples per pixel, and the filter from samples to pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Supersampling {
-    /// Samples per pixel, along a side; at least 2.
+    /// Number of samples along a side of a pixel; at least 2.
     factor: u32,
     /// Columns and rows of the picture.
     size: [u32; 2],
@@ -46,12 +46,12 @@ pub(crate) struct Supersampling {
     sigma: f64,
 }
 
-/// Draws a picture by `draw`, which receives the settings: supersampled if the settings and the view ask for it.
+/// Draws a picture by calling `draw` with settings; supersamples if the settings and the view ask for it.
 ///
-/// `bounds` holds all voxels; `None` if there are none.
+/// `bounds` is a box of all voxels; `None` if there are none.
 ///
 /// # Errors
-/// As [`View::new`]; as `draw`; [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+/// The errors of [`View::new`] and of `draw`; [`Error::OutOfMemory`](crate::Error::OutOfMemory).
 pub fn supersampled<T>(
     grid: &Grid,
     bounds: Option<VoxelBox>,
@@ -71,14 +71,14 @@ pub fn supersampled<T>(
 impl Supersampling {
     /// Returns the supersampling for a view of the voxels in `bounds`.
     ///
-    /// `None` if one sample a pixel is enough, if two along a side are too many, or if `settings` ask for none. In
-    /// perspective the footprints at the centre of the visible voxels count.
+    /// `None` if one sample per pixel is enough, if even two along a side are too many, or if `settings` ask for none.
+    /// In perspective the footprints at the centre of the visible voxels decide.
     pub(crate) fn new(view: &View, bounds: &VoxelBox, settings: &Settings) -> Option<Supersampling> {
         if settings.keeps_pixels() {
             return None;
         }
         let width = f64::from(sigma_at_centre(view, bounds, settings));
-        // False for NaN.
+        // The comparison is false for NaN.
         let is_narrow = width < WIDE_ENOUGH;
         if !is_narrow {
             return None;
@@ -97,13 +97,13 @@ impl Supersampling {
         if factor == 1 {
             return None;
         }
-        // Samples have a low-pass of their own.
+        // The low-pass also widens narrow footprints to its own width in samples.
         let width = width.max(low_pass / f64::from(factor));
         let sigma = f64::from(factor) * (low_pass * low_pass - width * width).sqrt();
         Some(Supersampling { factor, size: view.size, sigma })
     }
 
-    /// Returns the columns and rows of samples.
+    /// Returns the number of columns and rows of samples.
     fn size(&self) -> [u32; 2] {
         self.size.map(|side| side * self.factor)
     }
@@ -117,7 +117,7 @@ impl Supersampling {
     pub(crate) fn strips(&self) -> Vec<Strip> {
         let filter = self.filter();
         let [columns, rows] = self.size();
-        // The filter's rows around a strip are drawn again for the next strip: they should not be most of it.
+        // The rows that the filter needs around a strip are drawn again for the next strip: they should be few.
         let around = filter.weights.len() as u32;
         let height = ((STRIP_SAMPLES / columns).max(3 * around) - around) / self.factor;
         let strip = |from: u32| {
@@ -129,7 +129,7 @@ impl Supersampling {
         (0..self.size[1]).step_by(height as usize).map(strip).collect()
     }
 
-    /// Returns the columns and rows of samples of the largest strip.
+    /// Returns the number of columns and rows of samples of the largest strip.
     pub(crate) fn strip_size(&self) -> [u32; 2] {
         let most = self.strips().iter().map(|strip| strip.sample_rows.len()).max();
         [self.size()[0], most.map_or(0, |rows| rows as u32)]
@@ -140,7 +140,7 @@ impl Supersampling {
         view.with_pixels(f64::from(self.factor), self.size(), 0.0).with_rows(strip.sample_rows.clone())
     }
 
-    /// Filters the samples of a strip into `picture`; samples beyond the edge of all samples have no weight.
+    /// Filters the samples of a strip into `picture`; positions beyond the picture's edge have no weight.
     pub(crate) fn reduce(&self, samples: &Frame, strip: &Strip, threads: usize, picture: &mut Frame) {
         let filter = self.filter();
         let all_columns = 0..samples.size()[0];
@@ -167,7 +167,7 @@ impl Supersampling {
         });
     }
 
-    /// Returns the weights around the middle of a pixel; they add up to 1.
+    /// Returns the weights of the samples around the middle of a pixel; they add up to 1.
     fn filter(&self) -> Filter {
         let factor = f64::from(self.factor);
         let middle = (factor - 1.0) / 2.0;
@@ -192,16 +192,16 @@ pub(crate) struct Strip {
     sample_rows: Range<u32>,
 }
 
-/// The weights of samples around a pixel, along a side.
+/// The weights of the samples around a pixel, along a row or a column.
 struct Filter {
-    /// Number of samples before the pixel's first one at which the weights begin.
+    /// Number of samples between the first weight and the first sample of the pixel.
     before: u32,
     weights: Vec<f32>,
 }
 
 /// The part of a filter that lies within a range of samples.
 struct ClippedFilter<'a> {
-    /// Index of the first sample.
+    /// Index of the first sample, counted from the start of that range.
     first: usize,
     weights: &'a [f32],
     /// One over the sum of the weights.
@@ -209,7 +209,7 @@ struct ClippedFilter<'a> {
 }
 
 impl Filter {
-    /// Returns the filter of the pixel whose first sample is `sample`, within the samples `all`.
+    /// Returns the part of the filter that lies within the samples `all`, for the pixel whose first sample is `sample`.
     fn clipped(&self, sample: u32, all: &Range<u32>) -> ClippedFilter<'_> {
         let from = all.start.max(sample.saturating_sub(self.before));
         let weights = &self.weights[(from + self.before - sample) as usize..];
@@ -220,7 +220,7 @@ impl Filter {
 
 /// Returns the standard deviation of a footprint across its narrowest direction, in pixels.
 ///
-/// In perspective it is that of a voxel at the centre of the drawn part of `bounds`, as if the view went there.
+/// In perspective it is that of a voxel at the centre of the drawn part of `bounds`, as if it were on the view axis.
 pub(super) fn sigma_at_centre(view: &View, bounds: &VoxelBox, settings: &Settings) -> f32 {
     let sigma = settings.kernel().sigma;
     match &view.map {

@@ -1,4 +1,4 @@
-//! A view: the transforms from the voxels of a grid to the pixels of a picture.
+//! A view: the transforms from voxel coordinates of a grid to the pixels of a picture.
 //!
 //! In: a [`Camera`], a grid, a picture's size. Out: the transforms, the viewpoint in voxel units for the walk, and the
 //! pixels that a box of voxels covers. Pixel (0, 0) is centred at (0, 0); x to the right, y down. Lengths are in *mean
@@ -21,7 +21,7 @@ pub const MAX_SIZE: u32 = 16_384;
 /// An affine map from voxel coordinates to a number: three factors and a constant.
 pub type Affine = [f64; 4];
 
-/// Returns the value of an affine map at a point in voxel coordinates.
+/// Returns the value of the affine `map` at a point in voxel coordinates.
 pub(crate) fn apply(map: &Affine, point: [f64; 3]) -> f64 {
     map[0] * point[0] + map[1] * point[1] + map[2] * point[2] + map[3]
 }
@@ -38,7 +38,7 @@ pub(crate) fn single(map: &Affine) -> [f32; 3] {
 pub enum PixelMap {
     /// Parallel projection.
     Parallel {
-        /// The maps to column and row.
+        /// The maps from voxel coordinates to column and row.
         pixel_from_voxel: [Affine; 2],
         /// Pixels per mean voxel.
         scale: f64,
@@ -46,11 +46,11 @@ pub enum PixelMap {
     /// Perspective projection: column `centre.x + focal * t0 / t2`, row `centre.y - focal * t1 / t2`, where t is the
     /// result of `camera_from_voxel`.
     Perspective {
-        /// The maps to the distances from the eye to the right, up and forward, in mean voxels.
+        /// The maps from voxel coordinates to distances from the eye to the right, up and forward, in mean voxels.
         camera_from_voxel: [Affine; 3],
-        /// Pixels per unit of tangent.
+        /// The focal length: pixels per unit of the tangent of the angle to the view axis.
         focal: f64,
-        /// The pixel that the view axis meets.
+        /// The column and row of the point that the view axis meets.
         centre: [f64; 2],
         /// Distance along the view axis below which voxels are not drawn, in mean voxels; above 0.
         near: f64,
@@ -68,11 +68,11 @@ pub struct View {
     pub map: PixelMap,
     /// World length of a mean voxel, the cube root of a cell's volume.
     pub mean_voxel: f64,
-    /// Unit vectors to the picture's right, to its top, and forward; by components along the grid's axes.
+    /// Unit vectors to the picture's right, to its top, and forward; their components are along the grid's axes.
     pub axes: [[f64; 3]; 3],
-    /// The eye along the grid's axes, in mean voxels; meaningless for a parallel view.
+    /// Position of the eye along the grid's axes, in mean voxels; meaningless for a parallel view.
     pub eye_scaled: [f64; 3],
-    /// Upper bound of the extent of a kernel along the view axis, in mean voxels.
+    /// Upper bound of the kernel's half extent along the view axis, in mean voxels.
     pub(super) reach: f64,
     /// The distance between voxels on each axis, in mean voxels.
     pub steps: [f64; 3],
@@ -81,8 +81,8 @@ pub struct View {
 impl View {
     /// Returns the view of `camera` over `grid` for a picture of `size` columns and rows.
     ///
-    /// `near` is the world distance along the view axis below which voxels are not drawn. `None` stands for the kernel's
-    /// extent: a nearer footprint would wrap around the eye.
+    /// `near` is the world distance along the view axis below which voxels are not drawn. `None` stands for the
+    /// kernel's extent: a nearer footprint would wrap around the eye.
     ///
     /// # Errors
     /// [`Error::Input`] if a side of `size` or `near` is not above 0; [`Error::Limit`] if a side is above [`MAX_SIZE`].
@@ -138,7 +138,7 @@ impl View {
         Ok(View { size, viewpoint, map, mean_voxel, axes, eye_scaled, reach, steps })
     }
 
-    /// Returns the view with `factor` pixels for each pixel along a side, in a picture of `size` with `margin` more
+    /// Returns the view with `factor` pixels along each side of a pixel, in a picture of `size` that has `margin` more
     /// pixels on the left and at the top.
     pub(crate) fn with_pixels(&self, factor: f64, size: [u32; 2], margin: f64) -> View {
         // The picture begins at -1/2, as pixel 0 is centred at 0.
@@ -156,7 +156,7 @@ impl View {
         View { map, size, ..self.clone() }
     }
 
-    /// Returns the view of some rows of the picture.
+    /// Returns the view of the given `rows` of the picture.
     pub(crate) fn with_rows(&self, rows: Range<u32>) -> View {
         let mut view = View { size: [self.size[0], rows.end - rows.start], ..self.clone() };
         match &mut view.map {
@@ -166,10 +166,10 @@ impl View {
         view
     }
 
-    /// Returns the box on the screen of all footprints of the voxels in `bounds`: first and last column, then
-    /// row; it is never too small.
+    /// Returns a box on the screen that holds all footprints of the voxels in `bounds`: first and last column, then
+    /// first and last row.
     ///
-    /// `None` if all voxels are too near to be drawn. `half_widths`: half a footprint's size in a parallel view, in pixels.
+    /// `None` if all voxels are too near to draw. `half_widths`: half a footprint's size in a parallel view, in pixels.
     pub fn pixel_bounds(&self, bounds: &VoxelBox, half_widths: [f64; 2]) -> Option<[f64; 4]> {
         let middle: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.low[a]) + f64::from(bounds.high[a])) / 2.0);
         let extent: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.high[a]) - f64::from(bounds.low[a])) / 2.0);
@@ -209,7 +209,7 @@ impl View {
         }
     }
 
-    /// Returns the unit direction of view through the picture's centre, in voxel units.
+    /// Returns the direction of view through the picture's centre, as a unit vector in voxel coordinates.
     pub fn direction(&self) -> [f64; 3] {
         match self.viewpoint {
             Viewpoint::Parallel { direction } => direction,
@@ -217,7 +217,7 @@ impl View {
         }
     }
 
-    /// Returns the eye in voxel coordinates; `None` for a parallel view.
+    /// Returns the position of the eye in voxel coordinates; `None` for a parallel view.
     pub fn eye(&self) -> Option<[f64; 3]> {
         match self.viewpoint {
             Viewpoint::Parallel { .. } => None,
@@ -233,7 +233,7 @@ impl View {
     }
 }
 
-/// Returns an error unless both sides are 1 to [`MAX_SIZE`] pixels.
+/// Checks that both sides of `size` are 1 to [`MAX_SIZE`] pixels.
 pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
     require_pixels(size)?;
     match size.into_iter().find(|side| *side > MAX_SIZE) {
@@ -245,7 +245,7 @@ pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
     }
 }
 
-/// The most that the low-pass adds to half of a footprint's width, in pixels, at any cut-off in use.
+/// Upper bound of what the low-pass adds to half of a footprint's width, in pixels, at any cut-off in use.
 const LOW_PASS_REACH: f64 = 6.0;
 
 /// Returns the cube root of a cell's volume, in world length.
@@ -256,7 +256,7 @@ fn mean_voxel(world: &WorldFrame) -> f64 {
     x.length().cbrt() * y.length().cbrt() * z.length().cbrt() * skew.cbrt()
 }
 
-/// Returns a unit vector; scales first, so that no square overflows.
+/// Returns `vector` scaled to length 1; divides by its largest component first, so that no square overflows.
 fn unit(vector: [f64; 3]) -> [f64; 3] {
     let largest = vector.iter().fold(0.0f64, |most, c| most.max(c.abs()));
     let scaled = DVec3::from_array(vector) / largest;

@@ -1,7 +1,7 @@
 //! Decoding: from the steps of lines to the coordinates and records of a batch.
 //!
-//! In: lines of one slice in medium order, all inside the channels. Out: a [`Batch`] in the fast order. The module
-//! [`super::walk`] lists the departures for speed.
+//! In: lines of one slice in medium order, all inside the channels. Out: a [`Batch`], each line in fast order. The
+//! module [`super::walk`] lists the departures for speed.
 
 use std::ops::Range;
 
@@ -11,27 +11,27 @@ use super::prefix::{CHUNK, prefix_sum, reversed, zero_steps};
 use super::walk::Batch;
 use crate::arena::Lane;
 
-/// Most voxels of a batch, unless a single line has more.
+/// Largest number of voxels in a batch, unless a single line has more.
 const BATCH: usize = 2_048;
-/// Largest distance of a batch's records from those of its first line.
+/// Largest distance, in records, of a batch's records from those of its first line.
 const REACH: u64 = 1 << 31;
 
-/// Consecutive lines that fit in one batch.
+/// How many consecutive lines fit in one batch, and their number of records.
 pub(super) struct LineGroup {
     pub(super) line_count: usize,
     pub(super) records: u64,
-    /// [`REACH`] below the first line's records, so that offsets on both sides of them fit in 32 bits.
+    /// Record index that is [`REACH`] below the first line's; offsets from it fit in 32 bits, also for earlier records.
     pub(super) base: u64,
 }
 
-/// Most blocks of [`MAPPED_RECORDS`] records, in each channel, that the lines of a group may lie in.
+/// Largest number of blocks of [`MAPPED_RECORDS`] records, in each channel, over which a group's lines may spread.
 const MOST_BLOCKS: u64 = 2;
-/// Records in a block that a system maps at once, at one byte per record.
+/// Number of records in a block of a file that a system maps at once, at one byte per record.
 const MAPPED_RECORDS: u64 = 1 << 16;
 
 impl LineGroup {
-    /// Shortens the group of the first of `lines`, so that little is announced to a pager at once: at most 24 blocks in
-    /// all channels, which have up to 8 bytes per record ([`crate::arena::pager::IN_FLIGHT`]).
+    /// Shortens this group of the first of `lines`. The pager (which is told what is about to be read) is then told of
+    /// at most 24 blocks at once, in channels of up to 8 bytes per record ([`crate::arena::pager::IN_FLIGHT`]).
     pub(super) fn stay_near(&mut self, lines: &[GatheredLine]) {
         let (mut blocks, mut last, mut records) = (0, None, 0);
         for (index, line) in lines[..self.line_count].iter().enumerate() {
@@ -47,7 +47,7 @@ impl LineGroup {
     }
 }
 
-/// Returns the first group of `lines`, which are not empty, with at most `capacity` records.
+/// Returns a group of the first of `lines` (at least one line), with at most `capacity` records.
 #[inline(always)]
 pub(super) fn group(lines: &[GatheredLine], capacity: usize) -> LineGroup {
     let base = lines[0].first_record.saturating_sub(REACH);
@@ -66,14 +66,14 @@ pub(super) fn group(lines: &[GatheredLine], capacity: usize) -> LineGroup {
 }
 
 impl GatheredLine {
-    /// Returns the records that decoding reads: the last sixteen steps may reach beyond the line.
+    /// Returns the indices of the records that decoding reads: the last sixteen steps may reach beyond the line.
     pub(super) fn records_read(&self) -> std::ops::Range<usize> {
         let start = usize::try_from(self.first_record).unwrap_or(usize::MAX);
         start..start.saturating_add(usize::from(self.count) + CHUNK)
     }
 }
 
-/// The arrays of a batch, of equal length, with a margin of one chunk at each end.
+/// The arrays of a batch, all of equal length, with space for one chunk (sixteen voxels) at each end.
 struct DecodeBuffer {
     medium: Vec<u16>,
     fast: Vec<u16>,
@@ -101,7 +101,7 @@ struct BatchSlices<'a> {
     record: &'a mut [u32],
 }
 
-/// The steps of a lane, with the lane for the steps of its patch.
+/// The steps of a lane: its `own`, then those of the patch (the changed lines) of `lane`.
 #[derive(Clone, Copy)]
 struct LaneSteps<'a> {
     own: &'a [u8],
@@ -113,12 +113,12 @@ pub(super) struct Decoder<'a> {
     capacity: usize,
     fast: AxisOrder,
     batch: DecodeBuffer,
-    /// The voxels of one line in ascending order, for a two-sided fast axis.
+    /// The voxels of one line in ascending order, before they are put in the order of a two-sided fast axis.
     line: DecodeBuffer,
 }
 
 impl<'a> Decoder<'a> {
-    /// Creates a decoder for lines of `lane` with voxels in the order `fast`.
+    /// Creates a decoder for lines of `lane` that yields each line's voxels in the order `fast`.
     pub(super) fn new(lane: &'a Lane<'a>, fast: AxisOrder) -> Decoder<'a> {
         let longest = lane.dims[lane.axis.index()] as usize;
         let capacity = longest.max(BATCH);
@@ -179,7 +179,7 @@ impl<'a> Decoder<'a> {
 
 /// Writes a line's voxels from `at` on in ascending order, or below `at` in descending order if `DOWN`.
 ///
-/// Returns where the next line continues.
+/// Returns the index at which the next line continues.
 #[inline(always)]
 fn decode_line<const DOWN: bool>(
     steps: LaneSteps,
@@ -222,14 +222,14 @@ fn decode_line<const DOWN: bool>(
     at
 }
 
-/// Returns a line's first record as an index, and relative to `base`.
+/// Returns the index of a line's first record, and its distance from `base`.
 #[inline(always)]
 #[allow(clippy::cast_possible_truncation, reason = "an index of a slice; and a group's lines lie near its base")]
 fn place(line: &GatheredLine, base: u64) -> (usize, u32) {
     (line.first_record as usize, line.first_record.wrapping_sub(base) as u32)
 }
 
-/// Converts a number below the length of a line.
+/// Converts an index in a line, which is below 65,535, to 32 bits.
 #[inline(always)]
 #[allow(clippy::cast_possible_truncation, reason = "lines have at most 65,535 records")]
 fn u32_of(index: usize) -> u32 {
@@ -242,7 +242,7 @@ fn chunk_of<T>(array: &mut [T], from: usize) -> &mut [T; CHUNK] {
     array[from..].first_chunk_mut().expect("the arrays have a margin of one chunk")
 }
 
-/// Returns sixteen steps from `from` on, padded at the end of the channel.
+/// Returns sixteen steps from `from` on, padded with 1 at the end of the channel.
 #[inline(always)]
 fn load(steps: LaneSteps, from: usize) -> [u8; CHUNK] {
     let remaining = steps.own.get(from..).unwrap_or_default();
@@ -252,7 +252,7 @@ fn load(steps: LaneSteps, from: usize) -> [u8; CHUNK] {
     }
 }
 
-/// Returns the channel's last steps, or the patch's, padded.
+/// Returns the last steps of the lane's channel, or steps of its patch, padded with 1.
 #[cold]
 fn load_last(lane: &Lane, from: usize) -> [u8; CHUNK] {
     let (own, patch) = (lane.steps, lane.patch.map_or(&[][..], |patch| &patch.steps));
@@ -266,7 +266,7 @@ fn load_last(lane: &Lane, from: usize) -> [u8; CHUNK] {
     chunk
 }
 
-/// Moves the voxels that are shown to the front of `range`; returns their range.
+/// Moves the voxels that `lane` shows (see `Lane::shown`) to the front of `range`; returns the range that they fill.
 fn keep_shown(lane: &Lane, base: u64, places: &mut BatchSlices, range: Range<usize>) -> Range<usize> {
     let base = usize::try_from(base).unwrap_or(usize::MAX);
     let mut end = range.start;

@@ -1,7 +1,8 @@
 //! Gathering: finds the lines of one slice from the occupancy masks of its tiles.
 //!
-//! In: the tiles of a slice by ascending medium coordinate. Out: [`GatheredLine`]s, ascending. Each line is checked here
-//! against the channels, once; later stages rely on it.
+//! In: the tiles of a slice by ascending coordinate on the medium axis (that of the walk's middle loop). Out:
+//! [`GatheredLine`]s, ascending. Each line is checked here once to lie inside the channels (the arrays of records);
+//! later stages rely on it.
 
 use super::order::Order;
 use super::tiles::TileRows;
@@ -13,14 +14,14 @@ use crate::volume::Axis;
 
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct GatheredLine {
-    /// Index of its first record; all its records are inside the channels.
+    /// Index of the line's first record; all records of the line are inside the channels.
     pub(super) first_record: u64,
-    /// Number of its records: 1 to the length of the fast axis.
+    /// Number of the line's records: 1 to the length of the fast axis.
     pub(super) count: u16,
     pub(super) medium: u16,
 }
 
-/// Finds the lines of slices, one slice after another.
+/// Finds the scan lines of slices, one slice after another.
 pub(super) struct LineGatherer<'a> {
     lane: Lane<'a>,
     order: Order,
@@ -32,7 +33,7 @@ pub(super) struct LineGatherer<'a> {
 }
 
 impl<'a> LineGatherer<'a> {
-    /// Prepares for slices of `lane` across the slow axis of `order`.
+    /// Creates a gatherer of the lines of `lane` in slices across the slow axis of `order`.
     pub(super) fn new(lane: &Lane<'a>, order: &Order) -> LineGatherer<'a> {
         LineGatherer {
             lane: *lane,
@@ -81,12 +82,12 @@ impl<'a> LineGatherer<'a> {
                 let bit = occupied.trailing_zeros() as u16;
                 occupied &= occupied - 1;
                 let rank = (row.ranks >> (8 * bit) & 0xff) as usize;
-                // With 32-bit addresses a damaged number may wrap around to another line, which is checked like any.
+                // With 32-bit addresses a damaged number may wrap around to another line, which is checked too.
                 let line = first_line.wrapping_add(rank);
                 let Some(end) = line_end(line) else { break };
                 let start = if rank == 0 { 0 } else { line_end(line.wrapping_sub(1)).unwrap_or(end) };
-                // A line that ends before it starts gets a count beyond any axis. Computed in 64 bits, because in 32
-                // bits a start near 2^32 would give a small count.
+                // A line that ends before it starts gets a count above the length of any axis. 64 bits are needed: in
+                // 32 bits a start near 2^32 would give a small count.
                 let (start, end) = (u64::from(start), u64::from(end));
                 let line_records = end.wrapping_sub(start);
                 #[allow(clippy::cast_possible_truncation, reason = "only kept if it is at most 65,535")]
@@ -126,7 +127,7 @@ fn row_bounds(order: &Order, slow_is_v: bool, tile: &TileRecord, slow: u16) -> V
 struct TileRow {
     /// Bit m is set if there is a line at medium coordinate m of the tile.
     occupied: u8,
-    /// Byte m is the number of the tile's lines before that line.
+    /// Byte m is the number of the tile's lines before the line at medium coordinate m.
     ranks: u64,
 }
 

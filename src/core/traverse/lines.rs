@@ -1,4 +1,4 @@
-//! The lines of a walk in order, without their voxels: a graphics device walks them itself.
+//! The lines of a walk in order, without their voxels: a graphics device decodes the voxels itself.
 //!
 //! In: a lane and an order. Out: every line that is not empty, slice by slice in the slow order, within a slice in the
 //! medium order. O(tiles + lines); channels are not read. Lines that a [walk](super::walk()) would skip are skipped.
@@ -12,17 +12,17 @@ use crate::arena::pager::tell;
 /// A scan line at its position in the walk.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct OrderedLine {
-    /// Coordinate on the slow axis.
+    /// Coordinate on the slow axis (that of the walk's outermost loop).
     pub slow: u16,
-    /// Coordinate on the medium axis.
+    /// Coordinate on the medium axis (that of the walk's middle loop).
     pub medium: u16,
-    /// Index of its tile in the lane.
+    /// Index, in the lane, of the tile that holds the line.
     pub tile: u32,
-    /// Its bit in the tile's occupancy mask.
+    /// The line's bit in its tile's occupancy mask.
     pub bit: u8,
-    /// Number of its records, including stepping voxels: 1 to the length of the fast axis.
+    /// Number of records, including stepping voxels (records that only bridge a gap): 1 to the length of the fast axis.
     pub records: u32,
-    /// Lowest and highest coordinate on the fast axis, of all lines in its tile.
+    /// Lowest and highest coordinate on the fast axis of the voxels of all lines in the tile.
     pub extent: [u16; 2],
 }
 
@@ -81,7 +81,7 @@ pub(crate) fn ordered_lines(lane: &Lane, order: &Order, mut visit: impl FnMut(Or
     });
 }
 
-/// Returns start and end of the line at `bit`, counted from its tile's first record.
+/// Returns start and end of the line at `bit`, in records from its tile's first record.
 fn line_bounds(lane: &Lane, first_line: u32, occupied: u64, bit: u16) -> Option<[u32; 2]> {
     let rank = (occupied & ((1 << bit) - 1)).count_ones();
     let line = first_line.checked_add(rank)? as usize;

@@ -1,6 +1,7 @@
 //! Traversal: visits the visible voxels in exact visibility order, from any viewpoint, without sorting.
 //!
-//! In: a [`crate::arena::Lane`] and a viewpoint in voxel units. Out: batches of voxels in visiting order.
+//! In: a [`crate::arena::Lane`] (all scan lines along one axis) and a viewpoint in voxel units. Out: batches of voxels
+//! in visiting order.
 
 mod decode;
 mod gather;

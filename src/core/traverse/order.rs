@@ -5,11 +5,11 @@
 //! Nested loops over the three axes visit voxels in exact visibility order if each axis runs from its far to its near
 //! side. Any nesting is exact: the first axis on which two voxels of a ray differ visits the farther one first. The
 //! nesting matters for splats that overlap sideways: the axis closest to the view direction is outermost (Orchard and
-//! Möller 2001, section 3.3). Directions are compared in index space, so that anisotropic spacing counts.
+//! Möller 2001, section 3.3). Directions are compared in index space, which takes anisotropic spacing into account.
 //!
-//! In perspective an axis has two sides of the eye, each visited toward the eye: one side after the other (Swan 1997),
-//! or interleaved, the farther voxel first (Botha and Post 2005). Interleaving is also right for splats that overlap
-//! across the eye's plane. An eye inside the volume needs nothing more.
+//! In perspective an axis has two sides of the eye, and both are visited toward the eye: one side after the other
+//! (Swan 1997), or interleaved, the farther voxel first (Botha and Post 2005). Interleaving is also right for splats
+//! that overlap across the eye's plane. An eye inside the volume is no special case.
 
 use crate::error::{Error, Result};
 use crate::volume::Axis;
@@ -56,7 +56,7 @@ impl Viewpoint {
     }
 }
 
-/// Whether a walk visits far or near voxels first.
+/// The direction of a walk: far voxels first or near voxels first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Sense {
     /// Far voxels first.
@@ -68,7 +68,7 @@ pub enum Sense {
 /// How a walk alternates between the two sides of the eye on an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
 pub enum SplitForm {
-    /// Visits the side of low coordinates, then the other.
+    /// Visits the side of low coordinates, then the side of high coordinates.
     Split,
     /// Visits both sides in turn, by distance from the eye; the low side first if the distances are equal.
     #[default]
@@ -94,7 +94,7 @@ pub enum AxisOrder {
 }
 
 impl AxisOrder {
-    /// Calls `visit` with the index of each of the ascending `coordinates`, in this order.
+    /// Calls `visit` with the index of each element of `coordinates`, which ascend, in the order that `self` describes.
     #[inline]
     pub fn for_each_index(self, coordinates: &[u16], mut visit: impl FnMut(usize)) {
         let count = coordinates.len();
@@ -107,7 +107,7 @@ impl AxisOrder {
                 let meet = coordinates.partition_point(|&c| f64::from(c) < eye);
                 match (form, sense) {
                     (SplitForm::Split, sense) => {
-                        // A coordinate equal to the eye's is nearest to both sides: back to front it comes last.
+                        // A coordinate equal to the eye's is the nearest of both sides: back to front it comes last.
                         let on_plane = coordinates.get(meet).is_some_and(|&c| f64::from(c) == eye);
                         let above = meet + usize::from(on_plane);
                         let back_to_front = (0..meet).chain((above..count).rev()).chain(meet..above);
@@ -135,7 +135,7 @@ impl AxisOrder {
                         while low > 0 || high < count {
                             let below = if low > 0 { eye - f64::from(coordinates[low - 1]) } else { f64::INFINITY };
                             let above = if high < count { f64::from(coordinates[high]) - eye } else { f64::INFINITY };
-                            // If the distances are equal, the low side is the farther one of the reverse order: it comes second.
+                            // At equal distances the low side comes first from back to front, so here it comes second.
                             if below < above {
                                 low -= 1;
                                 visit(low);
@@ -178,14 +178,14 @@ pub struct Order {
     pub medium: Axis,
     /// Axis of the innermost loop, along which the lane's lines run.
     pub fast: Axis,
-    /// Direction along each axis, indexed by axis (not by nesting).
+    /// The order of coordinates along each axis, by x, y, z (not by nesting).
     pub along: [AxisOrder; 3],
 }
 
 impl Order {
-    /// Returns the order for a viewpoint and a grid of `dims` points.
+    /// Returns the order in which to visit a grid of `dims` points from `viewpoint`.
     ///
-    /// Equal components rank x before y before z, and a component of 0 counts as positive, so that the order is unique.
+    /// Equal components of the view direction rank x before y before z, and 0 counts as positive: the order is unique.
     ///
     /// # Errors
     /// [`Error::Input`] if a component is not finite or the view direction is 0.
@@ -224,7 +224,7 @@ impl Order {
 
     /// Returns one of the 48 orders of parallel views.
     ///
-    /// `nesting` (0 to 5) counts the nestings in lexical order. Axis `a` runs downward if bit `a` of `descending` is set.
+    /// `nesting` (0 to 5): index in the list XYZ, XZY .. ZYX. Axis `a` runs downward if bit `a` of `descending` is set.
     ///
     /// # Panics
     /// If `nesting` is not below 6.

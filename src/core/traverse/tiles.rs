@@ -1,8 +1,8 @@
-//! The tiles of a lane's face, grouped by rows along the slow axis: where a walk finds the lines of a slice.
+//! The tiles of a lane's face (its lines as a 2-D array), grouped by rows along the slow axis, to find a slice's lines.
 //!
-//! In: a lane's tile records in any order. Out: for each eight slices, the tiles that hold their lines, by ascending
-//! medium coordinate. A counting sort in O(tiles), once per walk. The occupancy masks also tell which slices are empty,
-//! for which the paper has box-edge voxels.
+//! In: a lane's tile records in any order. Out: for each group of eight slices, the tiles that hold their lines, by
+//! ascending medium coordinate. A counting sort in O(tiles), once per walk. The occupancy masks also show which slices
+//! are empty; the paper stores box-edge voxels for that.
 
 use super::walk::VoxelBox;
 use crate::arena::layout::TILE_EDGE;
@@ -14,13 +14,13 @@ pub(super) struct TileRows<'a> {
     lane: Lane<'a>,
     /// Indices into the lane's tiles, row by row, each row by ascending medium coordinate.
     sorted: Vec<u32>,
-    /// Start of each row in `sorted`, and the end of the last.
+    /// Index in `sorted` at which each row starts; the last element is the end of the last row.
     starts: Vec<u32>,
     slow_is_v: bool,
 }
 
 impl<'a> TileRows<'a> {
-    /// Groups the tiles of `lane` that `wants` accepts.
+    /// Groups those tiles of `lane` whose bounds `wants` accepts.
     pub(super) fn new(lane: &Lane<'a>, slow: Axis, mut wants: impl FnMut(&VoxelBox) -> bool) -> TileRows<'a> {
         let [u, v] = lane.axis.others();
         let slow_is_v = slow == v;
@@ -43,7 +43,7 @@ impl<'a> TileRows<'a> {
         TileRows { lane: *lane, sorted, starts, slow_is_v }
     }
 
-    /// Returns the slices that are not empty, ascending.
+    /// Returns the coordinates of the slices that are not empty, ascending.
     pub(super) fn slices(&self) -> Vec<u16> {
         let mut slices = Vec::new();
         for row in 0..self.starts.len() - 1 {
@@ -59,12 +59,12 @@ impl<'a> TileRows<'a> {
         slices
     }
 
-    /// Iterates over the tiles of slices `8 * row ..`, by ascending medium coordinate.
+    /// Iterates over the tiles of the eight slices from `8 * row` on, by ascending medium coordinate.
     pub(super) fn row(&self, row: usize) -> impl ExactSizeIterator<Item = &'a TileRecord> {
         self.numbered_row(row).map(|(_, tile)| tile)
     }
 
-    /// Does the same as [`TileRows::row`], with each tile's index in the lane.
+    /// Iterates like [`TileRows::row`], and also yields each tile's index in the lane.
     pub(super) fn numbered_row(&self, row: usize) -> impl ExactSizeIterator<Item = (u32, &'a TileRecord)> {
         let range = self.starts[row] as usize..self.starts[row + 1] as usize;
         let lane = self.lane;
@@ -91,7 +91,7 @@ fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
     bounds
 }
 
-/// Sorts `items` by `key`, which is below `keys`, in a stable way; also returns the start of each key's items.
+/// Sorts `items` stably by `key`, a number below `keys`; also returns the index at which each key's items start.
 fn counting_sort(items: &[u32], keys: usize, key: impl Fn(u32) -> usize) -> (Vec<u32>, Vec<u32>) {
     let mut starts = vec![0u32; keys + 1];
     for &item in items {

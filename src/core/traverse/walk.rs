@@ -1,7 +1,7 @@
-//! The walk: from a lane and an order to batches of voxels.
+//! The walk: from a lane (all scan lines along one axis) and an order to batches of voxels.
 //!
-//! In: a [`Lane`] that runs along the order's fast axis. Out: [`Batch`]es of voxels of one slice each, in visiting order.
-//! Nothing is allocated per slice, line or voxel.
+//! In: a [`Lane`] that runs along the order's fast axis. Out: [`Batch`]es of voxels of one slice each, in visiting
+//! order. Nothing is allocated per slice, line or voxel.
 //!
 //! ```text
 //! for each slice that is not empty, in the slow order
@@ -12,15 +12,15 @@
 //! ```
 //!
 //! Departures for speed:
-//! 1. Sixteen steps become coordinates at once, by a prefix sum, and all sixteen are stored; the next line overwrites
-//!    the surplus. Lines of up to sixteen records, which is most, so cost no mispredicted branch.
+//! 1. A prefix sum turns sixteen steps into coordinates at once, and all sixteen are stored; the next line overwrites
+//!    the surplus. Most lines have at most sixteen records; they cost no mispredicted branch.
 //! 2. Where the fast axis runs downward, a group is filled from its end: lines are read in ascending order as stored.
 //! 3. One test tells whether sixteen steps contain stepping voxels; only then are they read one by one.
 //! 4. If the medium axis has one direction, the gathered lines are used as they are or reversed in place. Only a
 //!    two-sided order needs another list.
 //!
-//! An [overlay](crate::arena::Overlay) costs only the lines that it changes: their ends and records follow the lane's
-//! own, and the bounds checks that every line passes anyway find them.
+//! An [overlay](crate::arena::Overlay) costs only the lines that it changes. Their ends and records follow the lane's
+//! own; the bounds check that every line needs anyway finds them.
 //!
 //! Safe on any bytes: lines outside the channels or longer than their axis are skipped, and no walk visits more records
 //! than the lane has.
@@ -31,7 +31,7 @@ use super::order::{AxisOrder, Order};
 use super::tiles::TileRows;
 use crate::arena::{Lane, LineEnds};
 
-/// A box of voxels.
+/// A box of voxels, by grid coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct VoxelBox {
     /// Lowest coordinates x, y, z.
@@ -53,15 +53,15 @@ impl VoxelBox {
 /// the lane's channels.
 #[derive(Debug, Clone, Copy)]
 pub struct Batch<'a> {
-    /// Coordinate of all voxels on the slow axis.
+    /// Coordinate of all voxels on the slow axis (that of the outermost loop).
     pub slow: u16,
-    /// Coordinate of each voxel on the medium axis.
+    /// Coordinate of each voxel on the medium axis (that of the middle loop).
     pub medium: &'a [u16],
-    /// Coordinate of each voxel on the fast axis.
+    /// Coordinate of each voxel on the fast axis (that of the innermost loop).
     pub fast: &'a [u16],
-    /// Record of each voxel in the lane's channels, counted from `base`.
+    /// Index of each voxel's record in the lane's channels, minus `base`.
     pub record: &'a [u32],
-    /// Added to `record` gives the index in the lane's channels.
+    /// Add this to an element of `record` to get the index in the lane's channels.
     pub base: u64,
 }
 
@@ -76,7 +76,7 @@ impl Batch<'_> {
         self.fast.is_empty()
     }
 
-    /// Returns the index in the lane's channels of voxel `index` of the batch.
+    /// Returns the index, in the lane's channels, of the record of voxel `index` of the batch.
     #[inline(always)]
     pub fn record_index(&self, index: usize) -> usize {
         // A lane's channels lie in memory, so the index fits.
@@ -88,12 +88,12 @@ impl Batch<'_> {
 
 /// Receives the voxels of a walk, and can skip parts of the volume.
 pub trait Visitor {
-    /// Returns whether the walk should visit a tile (8 x 8 lines) with these bounds. Called for all tiles before the walk.
+    /// Returns whether to visit a tile (8 x 8 lines) with these bounds. Called for all tiles before the walk.
     fn wants_tile(&mut self, _bounds: &VoxelBox) -> bool {
         true
     }
 
-    /// Returns whether the walk should visit a tile's lines (at most 8) in a slice. Called in ascending order before
+    /// Returns whether to visit the lines of a tile (at most 8) in one slice. Called in ascending order before
     /// the slice is visited.
     fn wants_row(&mut self, _bounds: &VoxelBox) -> bool {
         true
@@ -140,7 +140,7 @@ fn walk_slices<V: Visitor + ?Sized>(
     let mut gather = LineGatherer::new(lane, order);
     let (mut mediums, mut two_sided) = (Vec::new(), Vec::new());
     let mut decoder = Decoder::new(lane, along(order.fast));
-    // Records that may still be visited: bounds the work that a damaged file can cause.
+    // Number of records that may still be visited: limits the work that a damaged file can cause.
     let mut budget = lane.record_count();
     let slices = rows.slices();
     along(order.slow).for_each_index(&slices, |index| {

@@ -8,11 +8,11 @@ pub const MAX_DIM: u32 = 65_535;
 /// One of the grid's three index axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Axis {
-    /// First index; samples that follow each other in memory differ in x.
+    /// First index of a grid point; samples that follow each other in memory differ in x.
     X = 0,
-    /// Second index.
+    /// Second index of a grid point.
     Y = 1,
-    /// Third index; volumes are read slice by slice along it.
+    /// Third index of a grid point; volumes are read slice by slice along it.
     Z = 2,
 }
 
@@ -20,7 +20,7 @@ impl Axis {
     /// All axes: x, y, z.
     pub const ALL: [Axis; 3] = [Axis::X, Axis::Y, Axis::Z];
 
-    /// Returns 0, 1 or 2.
+    /// Returns the axis' index: 0 for x, 1 for y, 2 for z.
     pub const fn index(self) -> usize {
         self as usize
     }
@@ -39,7 +39,7 @@ impl Axis {
         }
     }
 
-    /// Returns "x", "y" or "z".
+    /// Returns the axis' name: "x", "y" or "z".
     pub const fn name(self) -> &'static str {
         ["x", "y", "z"][self.index()]
     }
@@ -64,10 +64,10 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Creates a grid at the world's origin, with its axes along the world's.
+    /// Creates a grid whose origin is the world's and whose index axes point along the world axes.
     ///
     /// # Errors
-    /// The same as [`Grid::check`].
+    /// The errors of [`Grid::check`].
     pub fn new(dims: [u64; 3], spacing: [f64; 3]) -> Result<Grid> {
         let mut narrow = [0u32; 3];
         for axis in Axis::ALL {

@@ -1,12 +1,12 @@
 //! Range, mean and quantiles of a volume's values.
 //!
-//! In: a [`SlabSource`]. Out: [`Histogram`]. The volume is read twice: for the range, then to count.
+//! In: a [`SlabSource`]. Out: [`Histogram`]. The volume is read twice: for its range, then to count its samples.
 
 use super::{Sample, SlabSource};
 use crate::error::Result;
 use crate::with_samples;
 
-/// Bins between the lowest and the highest value; 8-bit and 16-bit samples have one bin per value.
+/// Number of bins between the lowest and the highest value; 8-bit and 16-bit samples have one bin per value.
 const BINS: usize = 65_536;
 
 /// Value statistics of a volume, in the samples' own unit.
@@ -18,13 +18,13 @@ pub struct Histogram {
     pub highest: f64,
     /// Mean of the finite samples; NaN if there is none.
     pub mean: f64,
-    /// Samples that are NaN or infinite.
+    /// Number of samples that are NaN or infinite.
     pub not_finite: u64,
     counts: Vec<u64>,
 }
 
 impl Histogram {
-    /// Reads the whole volume twice. `source` must be at its first slice.
+    /// Computes the histogram of a volume, which is read twice. `source` must be at its first slice.
     ///
     /// # Errors
     /// Any error of reading the source.
@@ -70,7 +70,7 @@ impl Histogram {
         if width > 0.0 { width } else { 1.0 }
     }
 
-    /// Returns the value that a `share` (0 to 1) of the finite samples does not exceed, within half a bin.
+    /// Returns the value that a `share` (0 to 1) of the finite samples does not exceed, exact to half a bin width.
     pub fn quantile(&self, share: f64) -> f64 {
         let total: u64 = self.counts.iter().sum();
         let wanted = share * total as f64;

@@ -1,4 +1,4 @@
-//! A volume in memory: samples that the caller has, with their grid.
+//! A volume in memory: the caller's samples and their grid.
 
 use super::{Grid, Header, Sample, SampleType, Samples, SlabSource};
 use crate::error::{Error, Result};
@@ -18,9 +18,9 @@ pub struct Volume {
 }
 
 impl Volume {
-    /// Takes the samples of a grid with `dims` points along x, y, z; x varies fastest, then y.
+    /// Creates a volume from the samples of a grid with `dims` points along x, y, z; x varies fastest, then y.
     ///
-    /// The spacing is 1 and the origin 0 until set; samples count as they are.
+    /// The spacing is 1 and the origin 0 until you set them; samples are used as values, without slope and intercept.
     ///
     /// # Errors
     /// [`Error::Input`] if a dimension is 0 or `samples` has another length than the grid; [`Error::Limit`] if a
@@ -37,10 +37,10 @@ impl Volume {
         Ok(Volume { header, samples: T::into_samples(samples) })
     }
 
-    /// Reads all slices of `source`, which must be at its first one.
+    /// Reads all slices of `source`, which must be at its first slice.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`]; what reading the source gives.
+    /// [`Error::OutOfMemory`]; any error of reading the source.
     pub fn read(source: &mut dyn SlabSource) -> Result<Volume> {
         let header = source.header().clone();
         let bytes = header.grid.len() * header.sample_type.bytes() as u64;
@@ -63,7 +63,7 @@ impl Volume {
     /// Sets the distances between points along x, y, z.
     ///
     /// # Errors
-    /// [`Error::Input`] if one is not finite and above 0.
+    /// [`Error::Input`] if a distance is not finite and above 0.
     pub fn with_spacing(self, spacing: [f64; 3]) -> Result<Volume> {
         self.with_grid(|grid| grid.spacing = spacing)
     }
@@ -71,7 +71,7 @@ impl Volume {
     /// Sets the world position of point (0, 0, 0).
     ///
     /// # Errors
-    /// [`Error::Input`] if it is not finite.
+    /// [`Error::Input`] if a coordinate is not finite.
     pub fn with_origin(self, origin: [f64; 3]) -> Result<Volume> {
         self.with_grid(|grid| grid.origin = origin)
     }
@@ -90,7 +90,7 @@ impl Volume {
         self
     }
 
-    /// Sets the name by which the volume's files and messages call it.
+    /// Sets the volume's name, which files built from it and messages show.
     pub fn with_name(mut self, name: impl Into<String>) -> Volume {
         self.header.name = name.into();
         self
@@ -117,7 +117,7 @@ impl Volume {
         &self.samples
     }
 
-    /// Returns a reader of the volume's slices, at the first.
+    /// Returns a reader of the volume's slices that starts at the first slice.
     pub fn slices(&self) -> VolumeSlices<'_> {
         VolumeSlices { volume: self, next: 0 }
     }
@@ -127,7 +127,7 @@ impl Volume {
 #[derive(Debug, Clone)]
 pub struct VolumeSlices<'a> {
     volume: &'a Volume,
-    /// The slice to be read next.
+    /// Index of the slice to be read next.
     next: usize,
 }
 
@@ -152,11 +152,11 @@ impl SlabSource for VolumeSlices<'_> {
     }
 }
 
-/// What can be built from: a [`Volume`] by reference, or any [`SlabSource`].
+/// A volume that a build accepts: a [`Volume`] by reference, or any [`SlabSource`].
 pub trait IntoSlices {
-    /// The reader of its slices.
+    /// The type that reads the volume's slices.
     type Slices: SlabSource;
-    /// Returns a reader at the first slice.
+    /// Returns a reader that starts at the first slice.
     fn into_slices(self) -> Self::Slices;
 }
 

@@ -84,12 +84,12 @@ pub trait Sample: Pod + PartialOrd + Send + Sync {
     fn to_f32(self) -> f32;
     /// Returns the sample's bits as a table index, if the type has 8 or 16 bits.
     fn small_bits(self) -> Option<usize>;
-    /// Returns the sample with these bits. An 8-bit type takes the lower eight.
+    /// Returns the sample with these bits. An 8-bit type takes the lower eight of `bits`.
     ///
     /// # Panics
     /// If the type has more than 16 bits.
     fn from_small_bits(bits: u16) -> Self;
-    /// Returns a buffer of these samples.
+    /// Wraps the samples in a [`Samples`] buffer.
     fn into_samples(samples: Vec<Self>) -> Samples;
     /// Returns the buffer as a slice of this type; `None` if the buffer holds another type.
     fn slice_of(samples: &Samples) -> Option<&[Self]>;
@@ -143,7 +143,7 @@ macro_rules! samples {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::unnecessary_cast, reason = "saturates")]
             fn below(value: f64) -> $type {
                 let near = value as $type;
-                // The cast rounds toward 0 or to the nearest float, perhaps upward, by less than this step down.
+                // The cast may round upward, but by less than the number that is subtracted here.
                 if f64::from(near) > value { (value - value.abs() * 1e-6 - 1.0) as $type } else { near }
             }
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, clippy::unnecessary_cast, reason = "saturates")]

@@ -12,7 +12,7 @@ pub struct Header {
     pub sample_type: SampleType,
     /// A sample's value is `raw * slope + intercept`.
     pub slope: f64,
-    /// See `slope`.
+    /// The number that is added to every scaled sample, in the samples' unit.
     pub intercept: f64,
     /// A name to show to people: the file's name without its folder, or the phantom's name.
     pub name: String,
@@ -66,7 +66,7 @@ pub trait SlabSource: Send {
     /// The file cannot be opened again.
     fn rewind(&mut self) -> Result<()>;
 
-    /// Returns the bytes that the source itself holds while reading; a build adds them to its memory budget.
+    /// Returns how much memory the source itself uses while reading, in bytes; a build adds it to its memory budget.
     ///
     /// Buffers below a megabyte, such as a decompressor's window, need not be counted.
     fn buffer_bytes(&self) -> u64 {

@@ -50,7 +50,7 @@ pub(super) fn hash(index: u64) -> u64 {
     bits ^ (bits >> 31)
 }
 
-/// Rounds to a multiple of 2^-20, which single precision holds: hides the last digit of a platform's sine.
+/// Rounds to a multiple of 2^-20, so that the last digit of a sine, which differs between platforms, has no effect.
 #[expect(clippy::cast_possible_truncation, reason = "a multiple of 2^-20, at most a few")]
 fn settled(number: f64) -> f32 {
     ((number * 1_048_576.0).round() / 1_048_576.0) as f32
@@ -107,14 +107,14 @@ impl PhantomField for Shells {
     }
 }
 
-/// sin x cos y + sin y cos z + sin z cos x; brightest on the zero surface.
+/// sin x cos y + sin y cos z + sin z cos x, scaled so that the surface (zero) has the value 128.
 struct Gyroid {
     sin: [Vec<f32>; 3],
     cos: [Vec<f32>; 3],
 }
 
 impl Gyroid {
-    /// Keeps grid rows off the surface's planes of symmetry.
+    /// Phase on each axis, in radians; keeps grid rows off the surface's planes of symmetry.
     const PHASE: [f64; 3] = [0.4, 1.1, 2.3];
 
     fn new(dims: [u32; 3]) -> Gyroid {
@@ -209,7 +209,7 @@ impl PhantomField for Hydrogen {
 
 struct Noise {
     dims: [u32; 3],
-    /// A sample is visible if the low half of its hash is below this.
+    /// A sample is visible if the low 32 bits of its hash are below this.
     threshold: u64,
 }
 

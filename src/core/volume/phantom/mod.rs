@@ -19,10 +19,10 @@ use fields::PhantomField;
 pub enum Phantom {
     /// Every sample is 200: a slab of known transmittance.
     Constant,
-    /// Six concentric spherical shells, two voxels thick.
+    /// Six concentric spherical shells, each two voxels thick.
     Shells,
     /// The gyroid surface with four periods along the longest axis, 128 on the surface. By default 3.2 % of the samples
-    /// are visible: a thin sheet around it.
+    /// are visible: a thin sheet around the surface.
     Gyroid,
     /// The test signal of Marschner and Lobb, close to the Nyquist frequency on a 40^3 grid.
     MarschnerLobb,
@@ -35,7 +35,7 @@ pub enum Phantom {
         /// Share of the samples that are above 0, from 0 to 1.
         visible: f64,
     },
-    /// 255 at the eight corners and in the middle.
+    /// 255 at the grid's eight corners and in its middle, 0 elsewhere.
     Corners,
     /// 255 at these points (x, y, z), 0 elsewhere.
     Voxels(Vec<[u32; 3]>),
@@ -91,8 +91,8 @@ impl Phantom {
     /// Creates the volume on a grid of `dims` points, `spacing` apart.
     ///
     /// # Errors
-    /// The same as [`Grid::new`]; [`Error::Input`] if `sample_type` is not u8, u16 or f32, if the share of visible noise
-    /// is not from 0 to 1, or if a chosen point is outside the grid.
+    /// The errors of [`Grid::new`]; [`Error::Input`] if `sample_type` is not u8, u16 or f32, if the share of visible
+    /// noise is not from 0 to 1, or if a chosen point is outside the grid.
     pub fn open(&self, dims: [u64; 3], sample_type: SampleType, spacing: [f64; 3]) -> Result<Box<dyn SlabSource>> {
         let grid = Grid::new(dims, spacing)?;
         let slope = match sample_type {

@@ -10,9 +10,10 @@ use super::fields::{PhantomField, hash};
 pub(super) const EDGE: f64 = 92.0;
 
 const GENERATIONS: u32 = 8;
-/// Radius of the root, relative to the geometric mean of the dimensions.
+/// Radius of the tree's first vessel, relative to the geometric mean of the dimensions.
 const ROOT_RADIUS: f64 = 0.04;
-/// A value is 255 (1 - (d / (1.25 radius))^2) at distance d, which is 255 (1 - 0.64) at the wall.
+/// Distance from the centre line at which a value is 0, in radii. The value at distance d is 255 (1 - (d / (1.25
+/// radius))^2): 255 (1 - 0.64) at the wall.
 const SOFT_EDGE: f64 = 1.25;
 
 struct VesselSegment {
@@ -111,7 +112,7 @@ impl VesselSegment {
         dot(off, off)
     }
 
-    /// Returns the part of the segment (0 to 1) within reach of the slab `low..=high` across `axis`.
+    /// Returns which part of `part` (fractions of the segment) is within reach of the slab `low..=high` across `axis`.
     fn clip(&self, axis: usize, low: f64, high: f64, part: (f64, f64)) -> Option<(f64, f64)> {
         let (low, high) = (low - self.reach - self.from[axis], high + self.reach - self.from[axis]);
         let along = self.along[axis];
@@ -123,7 +124,7 @@ impl VesselSegment {
         (part.0 <= part.1).then_some(part)
     }
 
-    /// Returns the indices along `axis` that are within reach of `part` of the segment.
+    /// Returns the grid indices along `axis` that are within reach of `part` of the segment (fractions of its length).
     fn extent(&self, axis: usize, part: (f64, f64), points: u32) -> std::ops::RangeInclusive<usize> {
         let [a, b] = [part.0, part.1].map(|at| self.from[axis] + at * self.along[axis]);
         let low = (a.min(b) - self.reach).ceil().max(0.0);
