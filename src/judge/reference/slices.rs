@@ -11,7 +11,7 @@ use adjsplat::error::Result;
 use adjsplat::volume::{Header, Sample as _, Samples, SlabSource};
 use adjsplat::with_samples;
 
-/// The field whose gradients are taken as normals.
+/// Selects the field whose gradients are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum GradientField {
     Nothing,

@@ -146,7 +146,7 @@ impl Judge {
         Ok(picture)
     }
 
-    /// Returns the factor on optical depths: the exposure in additive mode.
+    /// Returns the factor on optical depths: the exposure in additive mode, otherwise 1.
     fn exposure(&self, settings: &JudgeSettings) -> f64 {
         if settings.mode != Mode::Additive {
             return 1.0;
