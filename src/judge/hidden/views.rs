@@ -1,7 +1,7 @@
 //! Chooses the views that decide which voxels are hidden, and the views that measure how pictures change without them.
 //!
-//! In: the box of the visible voxels. Out: cameras outside it, each with a picture size and a kernel. No deciding view is
-//! a measuring view.
+//! In: the box of the visible voxels. Out: cameras outside it, each with a picture size and a kernel. No deciding view
+//! is also a measuring view.
 
 use std::f64::consts::PI;
 
