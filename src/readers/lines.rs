@@ -15,7 +15,7 @@ use adjsplat::internals::open_regular;
 /// The largest size of a header's text, in bytes: a list of 65,535 file names fits.
 pub(super) const TEXT_LIMIT: u64 = 4 << 20;
 
-/// One line of a header.
+/// One line of a header, and its place in the file.
 #[derive(Debug, Clone)]
 pub(super) struct HeaderLine {
     /// The byte offset of the line's first character in the file.

@@ -23,7 +23,7 @@ use adjsplat::volume::{SampleType, SlabSource};
 const RULE_SIZES: &str = "NRRD sizes";
 const RULE_FILES: &str = "NRRD data file";
 
-/// The largest number of dimensions that the format allows.
+/// The largest number of dimensions that the NRRD format allows.
 const MAX_DIMENSION: usize = 16;
 
 /// The names of the fields that are read, separated by spaces.

@@ -1,6 +1,6 @@
 //! Opens a volume of any supported format.
 //!
-//! In: a path, and options for what the file does not state. Out: a slab source of the format that [`Format`] finds.
+//! In: a path, and options for what the file does not state. Out: a slab source of the format that `Format` finds.
 
 use std::path::Path;
 

@@ -60,7 +60,7 @@ pub(super) struct SampleFiles {
     pub(super) byte_skip: u64,
     /// The number of volumes that the files hold, one after the other.
     pub(super) volume_count: u64,
-    /// The volume to read, counted from 0.
+    /// The index of the volume to read, counted from 0.
     pub(super) volume_index: u64,
     /// What may follow the last sample of a file.
     pub(super) tail: Tail,

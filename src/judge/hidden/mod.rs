@@ -42,7 +42,7 @@ pub const DEFAULT_EPS: f64 = 1.0 / 512.0;
 ///
 /// At this distance the standard kernel's affine footprint is within 2 % of its peak of the true one.
 pub const CLEARANCE: f64 = 32.0;
-/// The default of [`Culling::views`].
+/// The default of [`Culling::views`], the number of deciding views.
 pub const DEFAULT_VIEWS: u32 = 240;
 
 /// Selects how hidden voxels are found. The result of either algorithm is then measured on other views.
@@ -66,9 +66,9 @@ pub struct Culling {
     pub views: u32,
     /// The number of random views that measure how pictures change, besides 26 along axes and diagonals.
     pub judging_views: u32,
-    /// Number of threads, at least 1.
+    /// The number of threads, at least 1.
     pub threads: usize,
-    /// Bytes of memory that may be used besides the scene.
+    /// The bytes of memory that the search may use besides the scene.
     pub memory: u64,
 }
 
@@ -90,7 +90,7 @@ pub struct HiddenVoxels {
     /// The records of the hidden voxels in the lane along x. Stepping records, which only bridge long gaps, are not in
     /// it.
     pub records: RecordSet,
-    /// Number of hidden voxels.
+    /// The number of hidden voxels.
     pub count: u64,
     /// The number of views that decided which voxels are hidden.
     pub views: u64,

@@ -13,7 +13,7 @@ pub enum SplatOrder {
     /// outermost; along each axis voxels are sorted by their distance from the eye's plane.
     #[default]
     Nested,
-    /// By distance from the eye; for a parallel view by depth along the view axis.
+    /// Sorted by distance from the eye; in a parallel view by depth along the view axis.
     Sorted,
 }
 

@@ -32,9 +32,9 @@ pub(super) const REACH: f64 = 6.0;
 /// The settings of a picture that [`RayJudge`] draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RaySettings {
-    /// Columns and rows of the picture, each 1 to 16,384.
+    /// The numbers of columns and rows of the picture, each 1 to 16,384.
     pub size: [u32; 2],
-    /// Standard deviation of the Gaussian kernel, in voxel spacings; above 0.
+    /// The standard deviation of the Gaussian kernel, in voxel spacings; above 0.
     pub sigma: f64,
     /// The largest error of a sample whose full scale is 1; from 1e-12 to 1e-2.
     pub tolerance: f64,

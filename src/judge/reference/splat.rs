@@ -21,9 +21,9 @@ use super::voxels::VisibleVoxels;
 /// The settings of a picture that [`Judge`] draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JudgeSettings {
-    /// Columns and rows of the picture, each 1 to 16,384.
+    /// The numbers of columns and rows of the picture, each 1 to 16,384.
     pub size: [u32; 2],
-    /// Standard deviation of the Gaussian kernel, in voxel spacings; above 0.
+    /// The standard deviation of the Gaussian kernel, in voxel spacings; above 0.
     pub sigma: f64,
     /// The radius of the kernel in standard deviations. Weights are scaled up by what the cut-off loses.
     pub cut_off: f64,
@@ -86,7 +86,7 @@ impl JudgeSettings {
     }
 }
 
-/// A slow, exact splatting renderer of one volume.
+/// The splatting reference: a slow renderer of one volume, without approximations for speed.
 #[derive(Debug, Clone)]
 pub struct Judge {
     visible: VisibleVoxels,

@@ -19,7 +19,7 @@ pub struct ReferenceVoxel {
     pub position: [u16; 3],
     /// The optical depth along the length of one mean voxel (the cube root of a cell's volume); finite, 0 or above.
     pub depth: f64,
-    /// Red, green and blue in linear light, 0 to 1.
+    /// The colour of the voxel: red, green and blue in linear light, 0 to 1.
     pub colour: [f32; 3],
     /// The normal as a unit vector along the grid's axes; zero for a voxel that is not lit.
     pub normal: [f64; 3],

@@ -290,7 +290,7 @@ impl<'a> ElementReader<'a> {
             let level = OpenSequence { is_item: false, tag, index: 0, end: None, outside: self.coding };
             self.open(start, level, header.len)?;
             if header.vr == Some(*b"UN") {
-                // PS3.5, 6.2.2 note 2: the inside of an unknown sequence is implicit, little endian.
+                // PS3.5, 6.2.2 note 2: inside a sequence of unknown kind, elements are implicit and little endian.
                 self.coding = ElementCoding { explicit: false, endian: Endian::Little };
             }
             if self.levels.len() == 1 && tag == tags::MODALITY_LUT {

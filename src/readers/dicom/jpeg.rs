@@ -58,7 +58,7 @@ fn check(bytes: &[u8], size: [u32; 2]) -> Result<(), FrameFault> {
             (0xda, _) => {
                 // The low four bits of the scan's last byte are the point transform.
                 let transform = segment.last().map_or(0, |last| last & 15);
-                // jpeg-decoder 0.3 silently gives wrong pixels for these two (its issue 286).
+                // jpeg-decoder 0.3 gives wrong pixels without an error for these two features (its issue 286).
                 if lossless && (restarts || transform != 0) {
                     let got = "one with restart markers or a point transform";
                     return Err(["a lossless JPEG scan in one piece (gdcmconv --raw)".into(), got.into()]);

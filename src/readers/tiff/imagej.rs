@@ -40,7 +40,7 @@ impl ImageJ {
         // Some writers store whole numbers as decimals ("3.0").
         let count = |key| value(key).and_then(|text| text.strip_suffix(".0").unwrap_or(text).parse::<u64>().ok());
         let number = |key| value(key).and_then(|text| text.parse::<f64>().ok()).filter(|number| number.is_finite());
-        // Function 0 is a straight line: c0 + c1 * sample.
+        // Calibration function 0 is a straight line: value = c0 + c1 * sample.
         let scaling = match (count("cf"), number("c0"), number("c1"), value("c2")) {
             (Some(0), Some(intercept), Some(slope), None) if slope != 0.0 => (slope, intercept),
             _ => (1.0, 0.0),
@@ -85,7 +85,7 @@ impl ImageJ {
     pub(super) fn frame(&self, resolution: &Resolution) -> FileFrame {
         let mut pixel = resolution.pixel();
         if resolution.unit == 3 && self.unit.as_deref() == Some("um") {
-            // Some programs write resolutions per centimetre and a description in micrometres.
+            // Some programs write the resolution tags per centimetre, but a description in micrometres.
             pixel = pixel.map(|size| size * 1e4);
         }
         FileFrame { unit: self.unit.clone(), ..FileFrame::upright([pixel[0], pixel[1], self.spacing]) }

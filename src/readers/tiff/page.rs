@@ -63,7 +63,7 @@ impl PageShape {
     }
 }
 
-/// The contents of the resolution tags.
+/// The contents of a page's resolution tags: how many pixels there are per unit of length.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Resolution {
     /// The number of pixels per unit along x and along y; `None` unless it is above 0.
