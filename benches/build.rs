@@ -12,24 +12,23 @@ use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::build::{BuildOptions, Classified, Resources, Unobserved, classify};
 use adjsplat::classify::{Neighbourhood, TransferFunction, normal};
 use adjsplat::volume::phantom::Phantom;
-use adjsplat::volume::{SampleType, SlabSource};
-use adjsplat_benches::InMemory;
+use adjsplat::volume::{SampleType, SlabSource, Volume};
 use criterion::{Criterion, Throughput};
 
 /// Visible voxels and the sum of their normals' codes, one sample after the other.
-fn plainly(volume: &InMemory, transfer: &TransferFunction) -> (u64, u64) {
-    let [width, height, depth] = volume.header.grid.dims.map(|d| d as usize);
-    let (slope, intercept) = (volume.header.slope, volume.header.intercept);
+fn plainly(volume: &Volume, transfer: &TransferFunction) -> (u64, u64) {
+    let [width, height, depth] = volume.grid().dims.map(|d| d as usize);
+    let (slope, intercept) = (volume.slices().header().slope, volume.slices().header().intercept);
     #[allow(clippy::cast_possible_truncation, reason = "gradients are taken of single-precision fields")]
     let field: Vec<f32> =
-        (0..volume.samples.len()).map(|i| (volume.samples.get(i) * slope + intercept) as f32).collect();
+        (0..volume.samples().len()).map(|i| (volume.samples().get(i) * slope + intercept) as f32).collect();
     let slice = |z: usize| &field[z * width * height..][..width * height];
     let (mut count, mut sum) = (0, 0);
     for z in 0..depth {
         let (below, above) = (z.checked_sub(1).map(slice), (z + 1 < depth).then(|| slice(z + 1)));
-        let hood = Neighbourhood::new(below, slice(z), above, [width, height], volume.header.grid.spacing);
+        let hood = Neighbourhood::new(below, slice(z), above, [width, height], volume.grid().spacing);
         for (y, x) in (0..height).flat_map(|y| (0..width).map(move |x| (y, x))) {
-            let sample = volume.samples.get((z * height + y) * width + x);
+            let sample = volume.samples().get((z * height + y) * width + x);
             if transfer.opacity(sample * slope + intercept, 0.0) > 0.0 {
                 count += 1;
                 sum += u64::from(normal::encode8(hood.gradient(x, y)));
@@ -47,7 +46,8 @@ fn found(lane: &OwnedLane) -> (u64, u64) {
 }
 
 fn bench(criterion: &mut Criterion, phantom: &Phantom, sample_type: SampleType, edge: u64) {
-    let mut volume = InMemory::new(phantom, [edge; 3], sample_type);
+    let volume =
+        Volume::read(&mut *phantom.open([edge; 3], sample_type, [1.0; 3]).expect("a sound phantom")).expect("fits");
     let (low, high) = phantom.visible_range();
     let options = BuildOptions {
         transfer: TransferFunction::range(low, high).expect("a sound range"),
@@ -57,36 +57,35 @@ fn bench(criterion: &mut Criterion, phantom: &Phantom, sample_type: SampleType, 
         normal_bits: 8,
     };
     let want = plainly(&volume, &options.transfer);
-    let keep = |volume: &mut InMemory, threads: usize| -> Classified {
-        volume.rewind().expect("in memory");
+    let keep = |volume: &Volume, threads: usize| -> Classified {
         let resources = Resources { threads, ..Resources::default() };
-        classify(volume, &options, &resources, &mut Unobserved).expect("builds")
+        classify(&mut volume.slices(), &options, &resources, &mut Unobserved).expect("builds")
     };
-    let build = |volume: &mut InMemory, lane_count: u8| -> Vec<OwnedLane> {
+    let build = |volume: &Volume, lane_count: u8| -> Vec<OwnedLane> {
         keep(volume, 1).lanes(lane_count, 1, &mut Unobserved).expect("builds")
     };
-    for lane in build(&mut volume, 3) {
+    for lane in build(&volume, 3) {
         assert_eq!(found(&lane), want, "{} {}, lane {}", phantom.name(), sample_type.name(), lane.axis.name());
     }
 
     let mut group = criterion.benchmark_group(format!("build {} {edge}^3 {}", phantom.name(), sample_type.name()));
-    group.throughput(Throughput::Elements(volume.header.grid.len()));
+    group.throughput(Throughput::Elements(volume.grid().len()));
     group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
-    let mut slice = volume.header.new_slice().expect("memory for a slice");
+    let mut slice = volume.slices().header().new_slice().expect("memory for a slice");
     group.bench_function("copy", |bencher| {
         bencher.iter(|| {
-            volume.rewind().expect("in memory");
-            (0..edge).for_each(|_| volume.read_slice(&mut slice).expect("in memory"));
+            let mut slices = volume.slices();
+            (0..edge).for_each(|_| slices.read_slice(&mut slice).expect("in memory"));
             std::hint::black_box(slice.bytes());
         });
     });
     for (name, threads) in [("keep visible, 1 thread", 1), ("keep visible, 2 threads", 2)] {
         group.bench_function(name, |bencher| {
-            bencher.iter(|| assert_eq!(keep(&mut volume, threads).facts.visible_voxels, want.0));
+            bencher.iter(|| assert_eq!(keep(&volume, threads).facts.visible_voxels, want.0));
         });
     }
     for (name, lane_count) in [("lane x", 1), ("three lanes", 3)] {
-        group.bench_function(name, |bencher| bencher.iter(|| build(&mut volume, lane_count)));
+        group.bench_function(name, |bencher| bencher.iter(|| build(&volume, lane_count)));
     }
     group.bench_function("plain twin", |bencher| {
         bencher.iter(|| assert_eq!(plainly(&volume, &options.transfer), want));

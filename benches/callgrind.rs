@@ -13,9 +13,8 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::{Camera, Orbit, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
-use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
-use adjsplat_benches::InMemory;
+use adjsplat::volume::{SampleType, Volume};
 
 /// Points along each axis of the volume: seconds a stage under callgrind.
 const EDGE: u64 = 96;
@@ -39,7 +38,7 @@ fn count<T>(mut stage: impl FnMut() -> T) -> T {
 
 /// The gyroid's sheet, and the options that build it.
 struct Subject {
-    volume: InMemory,
+    volume: Volume,
     options: BuildOptions,
     /// Samples in the visible range, by looking at every one.
     visible: u64,
@@ -49,8 +48,9 @@ impl Subject {
     fn new() -> Subject {
         let phantom = Phantom::Gyroid;
         let (low, high) = phantom.visible_range();
-        let volume = InMemory::new(&phantom, [EDGE; 3], SampleType::U8);
-        let samples = (0..volume.samples.len()).map(|i| volume.samples.get(i));
+        let volume = Volume::read(&mut *phantom.open([EDGE; 3], SampleType::U8, [1.0; 3]).expect("a sound phantom"))
+            .expect("fits");
+        let samples = (0..volume.samples().len()).map(|i| volume.samples().get(i));
         let visible = samples.filter(|sample| (low..=high).contains(sample)).count() as u64;
         let transfer = TransferFunction::range(low, high).expect("a sound range");
         let tile_order = TileOrder::Morton;
@@ -59,7 +59,7 @@ impl Subject {
     }
 
     fn keep(&mut self) -> Classified {
-        classify(&mut self.volume, &self.options, &Resources::default(), &mut Unobserved).expect("builds")
+        classify(&mut self.volume.slices(), &self.options, &Resources::default(), &mut Unobserved).expect("builds")
     }
 
     fn lanes(classified: &Classified) -> Vec<OwnedLane> {

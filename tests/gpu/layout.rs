@@ -171,7 +171,7 @@ fn numbers(text: &str, function: &str) -> Vec<f32> {
 #[test]
 fn the_device_computes_exponentials_with_the_processors_polynomial() {
     let path = adjsplat_tests::repository().join("src/core/splat/arith.rs");
-    let processor = numbers(&std::fs::read_to_string(path).unwrap(), "fn rest(");
+    let processor = numbers(&std::fs::read_to_string(path).unwrap(), "fn loss_ratio(");
     assert_eq!(processor.len(), 5, "{processor:?}");
     for (stage, text) in SHADERS {
         assert_eq!(numbers(text, "fn absorbed("), processor, "{stage}");

@@ -49,7 +49,7 @@ fn a_bound_that_is_no_bound_is_refused_and_a_stop_is_a_stop() {
     let settings = Settings::every_pixel([40, 40]);
     for bound in [-0.1, f64::NAN, f64::INFINITY] {
         let refused = dial::choose(&built.scene(), &view, &settings, bound, || true).unwrap_err();
-        assert!(refused.to_string().contains("--max-error"), "{refused}");
+        assert!(refused.to_string().contains("largest error"), "{refused}");
     }
     assert!(dial::choose(&built.scene(), &[], &settings, 0.1, || true).is_err());
     let stopped = dial::choose(&built.scene(), &view, &settings, 0.1, || false).unwrap_err();

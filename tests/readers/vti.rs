@@ -364,7 +364,7 @@ fn one_block_is_what_is_held() {
         Vti { compressor: Some("vtkLZ4DataCompressor"), block: 1 << 20, ..Vti::new(SampleType::F64, Form::Binary) };
     let held = |vti: &Vti| {
         let source: Box<dyn SlabSource> =
-            open(&folder.write("a.vti", &[&vti.file()]), &Default::default()).expect("good");
+            open(folder.write("a.vti", &[&vti.file()]), &Default::default()).expect("good");
         source.buffer_bytes()
     };
     // No more than there is: 24 samples of 8 bytes, and their packed bytes.

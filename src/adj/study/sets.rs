@@ -241,7 +241,7 @@ impl SetArguments {
             }
             SetChoice::Real(real) => {
                 let folder = self.data.as_deref().unwrap_or(Path::new("."));
-                let source = open::open(&folder.join(real.path), &open::OpenOptions::default())?;
+                let source = open::open(folder.join(real.path), &open::OpenOptions::default())?;
                 (real.name.to_owned(), source, real.visible.transfer()?)
             }
         };

@@ -65,7 +65,7 @@ pub fn measure(
     let visible = set.judge.visible();
     let points = visible.grid().len();
     if points > MOST_POINTS {
-        let what = format!("grid points of {} for the ray casting reference", set.name);
+        let what = format!("grid points of {} for the ray casting reference (take a smaller edge)", set.name);
         return Err(Error::Limit { what, need: points, have: MOST_POINTS });
     }
     let rays = RayJudge::new(visible);
