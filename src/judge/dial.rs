@@ -1,27 +1,28 @@
-//! The dial: the fastest settings whose error is within a bound.
+//! The dial: chooses the fastest settings whose error is within a bound.
 //!
-//! In: a scene, the cameras of the pictures to come, a bound. Out: settings, and the largest error that was measured
-//! with them. Nothing is assumed of the scene: small *windows* of some of the pictures, at the pictures' own
-//! magnification, are drawn by settings after settings, fastest first, and beside [`Quality::Reference`].
+//! In: a scene, the cameras of the pictures that will be drawn, and a bound on the error. Out: settings, and the
+//! largest error measured with them. The dial assumes nothing about the scene. It takes small *windows* (parts) of some
+//! of the pictures, at their own magnification. It draws them with [`Quality::Reference`] and with each candidate,
+//! fastest first.
 //!
 //! ```text
 //! cameras -> windows -> reference, then rung after rung: largest difference * CAUTION <= bound? -> settings
 //! ```
 //!
-//! The error is that of a sample of a linear premultiplied picture, 0 to 1. What a file left out when it was built (bits
-//! of values and normals, hidden voxels) is not in it.
+//! The error is the largest difference of a sample of a linear premultiplied picture, 0 to 1. Errors from building the
+//! file (fewer bits of values and normals, hidden voxels left out) are not part of it.
 
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Camera, Frame, KernelShape, Projection, Quality, Sampling, Scene, Settings, View, cpu};
 
-/// One of the settings that the dial chooses from.
+/// One of the candidates that the dial chooses from: the settings that make a picture faster or more exact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Rung {
-    /// The kernel.
+    /// The kernel of the splats.
     pub kernel: KernelShape,
-    /// Transmittance below which a ray ends.
+    /// The transmittance below which a ray ends.
     pub termination: f32,
-    /// The pixels that are drawn.
+    /// Which pixels are drawn.
     pub sampling: Sampling,
 }
 
@@ -29,7 +30,8 @@ const fn rung(radius: f32, termination: f32, sampling: Sampling) -> Rung {
     Rung { kernel: KernelShape { sigma: 0.7, radius }, termination, sampling }
 }
 
-/// From the fastest on; the last is [`Quality::Reference`]. Measured: docs/studies/0003-accuracy.md.
+/// The candidates, from the fastest to the slowest; the last is [`Quality::Reference`]. Measured:
+/// docs/studies/0003-accuracy.md.
 pub const RUNGS: [Rung; 9] = [
     rung(2.1, 1.0 / 128.0, Sampling::Fewest),
     rung(2.1, 1.0 / 255.0, Sampling::Enough),
@@ -42,28 +44,28 @@ pub const RUNGS: [Rung; 9] = [
     rung(4.2, 0.0, Sampling::Finer),
 ];
 
-/// What is measured in windows is doubled: a picture has more pixels than they, and a turn more views.
+/// The factor on errors measured in windows: whole pictures have more pixels than windows, and a turn has more views.
 pub const CAUTION: f64 = 2.0;
-/// Side of a window in pixels.
+/// The side of a window, in pixels.
 const WINDOW: u32 = 96;
-/// Cameras that windows are taken of, at most.
+/// The largest number of cameras that windows are taken from.
 const CAMERAS: usize = 4;
-/// Places of windows, as parts of what a picture shows of the volume.
+/// Centres of windows, as fractions of the part of a picture that shows the volume.
 const PLACES: [[f64; 2]; 5] = [[0.5, 0.5], [0.22, 0.3], [0.75, 0.22], [0.8, 0.74], [0.27, 0.78]];
 
-/// What the dial chose.
+/// The settings that the dial chose, and their error.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Choice {
-    /// The settings given, with the rung's.
+    /// The caller's settings with the kernel, termination and sampling of the chosen rung.
     pub settings: Settings,
-    /// Which of [`RUNGS`] it is.
+    /// The index of the chosen rung in [`RUNGS`].
     pub rung: usize,
-    /// The largest error measured with them.
+    /// The largest error measured with these settings, before multiplication by [`CAUTION`].
     pub measured: f64,
 }
 
 impl Rung {
-    /// `settings` with these.
+    /// Returns `settings` with this rung's kernel, termination and sampling.
     pub fn applied(&self, settings: &Settings) -> Settings {
         Settings {
             quality: Quality::Reference,
@@ -75,14 +77,15 @@ impl Rung {
     }
 }
 
-/// The fastest of [`RUNGS`] for pictures by `cameras` whose error, measured in windows of some of them and multiplied by
-/// [`CAUTION`], is within `bound`.
+/// Chooses the fastest of [`RUNGS`] whose error is within `bound`. The error is measured in windows of the pictures of
+/// some of the `cameras`, then multiplied by [`CAUTION`].
 ///
-/// Time: about that of two pictures of [`Quality::Reference`], however many cameras there are. `go_on` may stop it.
+/// Takes about as long as two pictures with [`Quality::Reference`], however many cameras there are. If `go_on` returns
+/// false, the search stops.
 ///
 /// # Errors
-/// [`Error::Input`] if `bound` is not finite and at least 0, or there is no camera; [`Error::Interrupted`] if `go_on` says
-/// so; as [`cpu::render`].
+/// [`Error::Input`] if `bound` is not finite and at least 0, or there is no camera; [`Error::Interrupted`] if `go_on`
+/// returns false; the errors of [`cpu::render`].
 pub fn choose(
     scene: &Scene,
     cameras: &[Camera],
@@ -123,13 +126,13 @@ pub fn choose(
     Ok(Choice { settings: reference, rung: last, measured: 0.0 })
 }
 
-/// A part of a picture, as a camera of its own.
+/// A window (part of a picture) with a camera that draws only this part.
 struct Window {
     camera: Camera,
     size: [u32; 2],
 }
 
-/// Windows where the volume is, of cameras evenly picked.
+/// Returns windows on the volume, from evenly spaced cameras of `cameras`.
 fn windows(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Vec<Window>> {
     let mut windows = Vec::new();
     let picked = cameras.len().min(CAMERAS);
@@ -145,7 +148,8 @@ fn windows(scene: &Scene, cameras: &[Camera], settings: &Settings) -> Result<Vec
     Ok(windows)
 }
 
-/// First and last column and row that show something of the volume; of the whole picture if nothing does.
+/// Returns the first and last column and the first and last row that show the volume; of the whole picture if none
+/// does.
 fn shown(scene: &Scene, view: &View, settings: &Settings) -> Result<[[f64; 2]; 2]> {
     let [columns, rows] = settings.size.map(f64::from);
     let lane = scene.lanes.lane(adjsplat::volume::Axis::X)?;
@@ -158,11 +162,12 @@ fn shown(scene: &Scene, view: &View, settings: &Settings) -> Result<[[f64; 2]; 2
     Ok([[within(left, columns), within(top, rows)], [within(right, columns), within(bottom, rows)]])
 }
 
-/// The window around a pixel: the same magnification; in perspective turned toward the pixel.
+/// Returns the window around the pixel `centre`, at the picture's magnification; a perspective camera turns to the
+/// pixel.
 fn camera_window(camera: &Camera, picture: [u32; 2], centre: [f64; 2]) -> Result<Window> {
     let [columns, rows] = picture.map(f64::from);
     let size = picture.map(|side| side.min(WINDOW));
-    // Whole pixels, so that a window's pixels are the picture's.
+    // Whole pixels, so that the window's pixels coincide with the picture's.
     let from_middle = |at: f64, side: f64, window: u32| {
         let first = (at - f64::from(window) / 2.0).round().clamp(0.0, side - f64::from(window));
         first + f64::from(window) / 2.0 - side / 2.0

@@ -1,7 +1,7 @@
-//! Finds the files of samples that are spread over many: names with a number in them, and lists.
+//! Finds the files of a volume whose samples are in many files: a pattern with a number, or a list of names.
 //!
-//! In: what a header says after `data file:` or `ElementDataFile =`. Out: the files' paths, relative to the header's
-//! folder; at most [`MAX_FILES`], whatever numbers the header gives.
+//! In: the text after `data file:` or `ElementDataFile =` in a header. Out: the paths of the files, relative to the
+//! header's folder; at most [`MAX_FILES`], whatever numbers the header states.
 
 use std::path::{Path, PathBuf};
 
@@ -9,16 +9,16 @@ use super::lines::HeaderLines;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::MAX_DIM;
 
-/// The largest number of files of one volume: one per slice of the longest axis.
+/// The largest number of files that a volume may have: one per slice of the longest axis.
 pub(super) const MAX_FILES: u64 = MAX_DIM as u64;
 
 /// The largest width of a number in a pattern, in characters.
 const MAX_WIDTH: usize = 64;
 
-/// The longest pattern in bytes: no system opens longer paths, and each file's name is a copy.
+/// The longest pattern, in bytes: no system opens longer paths, and each file's name is a copy of the pattern.
 const MAX_PATTERN: usize = 4096;
 
-/// A file name with one number in it, as C's `printf` writes it: `slice%03d.raw`.
+/// A pattern of file names with one number in it, in the form of C's `printf`: `slice%03d.raw`.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct FilePattern {
     before: String,
@@ -28,7 +28,7 @@ pub(super) struct FilePattern {
 }
 
 impl FilePattern {
-    /// Parses `text`; `None` unless it has exactly one `%d`, or if it is longer than any path.
+    /// Parses `text` as a pattern; `None` unless it has exactly one `%d`, or if it is longer than any path.
     pub(super) fn parse(text: &str) -> Option<FilePattern> {
         if text.len() > MAX_PATTERN {
             return None;
@@ -45,17 +45,17 @@ impl FilePattern {
         Some(FilePattern { before: before.replace("%%", "%"), width, zeros, after: after.replace("%%", "%") })
     }
 
-    /// The name of file `number`.
+    /// Returns the file name with the number `number`.
     pub(super) fn name(&self, number: i64) -> String {
         let FilePattern { before, width, zeros, after } = self;
         if *zeros { format!("{before}{number:0width$}{after}") } else { format!("{before}{number:width$}{after}") }
     }
 
-    /// The files numbered `min`, `min + step` and so on up to `max`, which is included.
+    /// Returns the paths of the files numbered `min`, `min + step` and so on up to `max`, inclusive.
     ///
     /// # Errors
-    /// [`Error::Format`] under `rule` if `step` does not lead from `min` to `max`; [`Error::Limit`] if there are more
-    /// than [`MAX_FILES`].
+    /// [`Error::Format`] that names `rule`, if `step` does not lead from `min` to `max`; [`Error::Limit`] if there are
+    /// more than [`MAX_FILES`] files.
     pub(super) fn files(&self, header: &Path, rule: &'static str, range: [i64; 3]) -> Result<Vec<PathBuf>> {
         let [min, max, step] = range.map(i128::from);
         if step == 0 || (max - min) * step < 0 {
@@ -73,7 +73,7 @@ impl FilePattern {
     }
 }
 
-/// Splits at the first `%` that is not part of a `%%`, and drops the `%`.
+/// Splits `text` at the first `%` that is not part of a `%%`, and drops this `%`.
 fn split_conversion(text: &str) -> Option<(&str, &str)> {
     let bytes = text.as_bytes();
     let mut at = 0;
@@ -87,12 +87,12 @@ fn split_conversion(text: &str) -> Option<(&str, &str)> {
     None
 }
 
-/// The folder that names in the header at `path` are relative to.
+/// Returns the folder of the header at `path`; file names in the header are relative to it.
 pub(super) fn folder_of(path: &Path) -> &Path {
     path.parent().unwrap_or(Path::new(""))
 }
 
-/// The files named on the rest of `lines`, one on each.
+/// Returns the paths of the files that the remaining `lines` name, one per line.
 pub(super) fn listed_files(header: &Path, lines: &mut HeaderLines) -> Result<Vec<PathBuf>> {
     let folder = folder_of(header);
     let mut files = Vec::new();
@@ -110,7 +110,7 @@ pub(super) fn listed_files(header: &Path, lines: &mut HeaderLines) -> Result<Vec
     Ok(files)
 }
 
-/// Checks that a header lists as many files as its dimensions ask for.
+/// Checks that a header lists `need` files, as many as its dimensions ask for.
 pub(super) fn check_count(header: &Path, at: u64, rule: &'static str, files: &[PathBuf], need: u64) -> Result<()> {
     if files.len() as u64 == need {
         return Ok(());

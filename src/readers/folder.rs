@@ -1,8 +1,9 @@
-//! Opens a folder as a volume, by the format of the files in it.
+//! Opens a folder as a volume; the files in it decide the format.
 //!
-//! In: a folder. Out: a slab source over a Zarr node, a DICOM series or a stack of TIFF slices, found by content,
-//! whatever other files the folder holds. Files are sorted as people count; hidden ones are skipped. Subfolders are
-//! ignored: the slices of one volume lie in one folder.
+//! In: a folder. Out: a slab source (which reads slice by slice) over a Zarr node, a DICOM series or a stack of TIFF
+//! slices. These are found by their content, whatever other files the folder holds. Files are sorted in natural order
+//! ("s2" before "s10"); hidden files are skipped. Subfolders are ignored: the slices of one volume must be in one
+//! folder.
 
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
@@ -13,7 +14,7 @@ use super::open::{OpenOptions, file_name, with_feature};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::SlabSource;
 
-/// The largest number of entries in a folder.
+/// The largest number of entries that a folder may have.
 const MOST_ENTRIES: u64 = 1 << 20;
 
 /// Opens the volume in the folder at `path`.
@@ -57,13 +58,13 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 
 /// The entries of a folder, sorted by [`natural`]; hidden ones are left out.
 pub(super) struct Listing {
-    /// Regular files.
+    /// The regular files.
     pub(super) files: Vec<PathBuf>,
-    /// Subfolders.
+    /// The subfolders.
     pub(super) folders: Vec<PathBuf>,
 }
 
-/// Lists the folder at `path`.
+/// Returns the files and subfolders of the folder at `path`.
 pub(super) fn list(path: &Path) -> Result<Listing> {
     let mut listing = Listing { files: Vec::new(), folders: Vec::new() };
     for (seen, entry) in (1..).zip(std::fs::read_dir(path).map_err(Error::io("list", path))?) {
@@ -75,7 +76,7 @@ pub(super) fn list(path: &Path) -> Result<Listing> {
         if entry.file_name().is_none_or(|name| name.as_encoded_bytes().starts_with(b".")) {
             continue;
         }
-        // Anything else, such as a link to nothing, is no part of a volume.
+        // Other entries, such as a broken link, are not part of a volume.
         match std::fs::metadata(&entry) {
             Ok(found) if found.is_file() => listing.files.push(entry),
             Ok(found) if found.is_dir() => listing.folders.push(entry),
@@ -88,7 +89,7 @@ pub(super) fn list(path: &Path) -> Result<Listing> {
     Ok(listing)
 }
 
-/// Compares names as people count: runs of digits by their value, all else by letter, whatever its case.
+/// Compares names in natural order: runs of digits by their value, other characters without regard to case.
 ///
 /// Names that differ only in leading zeros or case are compared by their bytes, so that no two are equal.
 fn natural(a: &str, b: &str) -> Ordering {
@@ -129,7 +130,7 @@ mod tests {
                 assert_eq!(natural(a, b) == Ordering::Less, i < j, "{a} {b}");
             }
         }
-        // Numbers may be longer than any machine's.
+        // Numbers in names may be larger than any integer type.
         let long = "9".repeat(50);
         assert_eq!(natural(&format!("z{long}8"), &format!("z{long}10")), Ordering::Less);
     }

@@ -1,4 +1,4 @@
-//! Which format a file is in: found from its first bytes, and from its name only where those say nothing.
+//! Finds the format of a file from its first bytes; uses its name only if the bytes do not decide.
 //!
 //! ```text
 //! "NRRD"                                   NRRD
@@ -21,7 +21,7 @@ use super::{metaimage, nifti, vti};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
-/// A format of single files.
+/// The formats of single files (not of folders).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Format {
     Nrrd,
@@ -33,14 +33,15 @@ pub(super) enum Format {
     Tiff,
 }
 
-/// Bytes from the front of a file that its format is found from.
+/// The number of bytes at the start of a file that are read to find its format.
 const PROBE_BYTES: u64 = 4096;
 
-/// Files that make a folder a Zarr node.
+/// The names of files that show that a folder is a Zarr node.
 const ZARR_MARKS: [&str; 4] = ["zarr.json", ".zarray", ".zgroup", ".zattrs"];
 
 impl Format {
-    /// The format of the file at `path`, which starts with `probe`; `None` if neither bytes nor name tell it.
+    /// Returns the format of the file at `path`, whose first bytes are `probe`; `None` if neither bytes nor name
+    /// decide.
     pub(super) fn find(path: &Path, probe: &[u8]) -> Option<Format> {
         Format::from_content(probe).or_else(|| Format::from_name(path))
     }
@@ -51,7 +52,7 @@ impl Format {
         } else if probe.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {
             Some(Format::Vtk)
         } else if is_dicom(probe) {
-            // Before TIFF: slides may be both, with a TIFF header in the bytes that DICOM leaves free.
+            // DICOM is tested before TIFF: slides may be both, with a TIFF header in the bytes that DICOM leaves free.
             Some(Format::Dicom)
         } else if is_tiff(probe) {
             Some(Format::Tiff)
@@ -63,7 +64,7 @@ impl Format {
             Some(Format::MetaImage)
         } else if probe.starts_with(&[0x1f, 0x8b]) {
             let mut inside = Vec::new();
-            // A cut stream still gives the bytes before the cut, which are enough here.
+            // A stream that is cut off still gives the bytes before the cut, which are enough to find the format.
             let _ = MultiGzDecoder::new(probe).take(PROBE_BYTES).read_to_end(&mut inside);
             nifti::is_header(&inside).then_some(Format::Nifti)
         } else {
@@ -86,17 +87,17 @@ impl Format {
     }
 }
 
-/// Whether a file that starts with `probe` is DICOM.
+/// Returns whether a file that starts with `probe` is DICOM.
 pub(super) fn is_dicom(probe: &[u8]) -> bool {
     probe.get(128..).is_some_and(|behind_preamble| behind_preamble.starts_with(b"DICM"))
 }
 
-/// Whether a file that starts with `probe` is a TIFF or BigTIFF.
+/// Returns whether a file that starts with `probe` is TIFF or BigTIFF.
 pub(super) fn is_tiff(probe: &[u8]) -> bool {
     [&b"II*\0"[..], b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| probe.starts_with(magic))
 }
 
-/// Whether the folder at `path` is a Zarr node.
+/// Returns whether the folder at `path` is a Zarr node (an array or a group).
 pub(super) fn is_zarr(path: &Path) -> bool {
     ZARR_MARKS.iter().any(|mark| path.join(mark).is_file())
 }
@@ -109,7 +110,7 @@ pub(super) fn probe(path: &Path) -> Result<Vec<u8>> {
     Ok(probe)
 }
 
-/// The extension of `path` in lower case.
+/// Returns the extension of `path` in lower case.
 fn extension(path: &Path) -> String {
     path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase()
 }

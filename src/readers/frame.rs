@@ -1,22 +1,22 @@
 //! Converts a file's coordinate frame to the crate's: right-handed, and R, A, S where it is anatomical.
 //!
-//! In: spacing, direction and origin as the file gives them, and the name of its frame. Out: a checked [`Grid`].
-//! Where axes point the other way, those world components of direction and origin are negated. Two negations are half a
-//! turn, and one makes a left-handed frame right-handed, so no picture is mirrored.
+//! In: spacing, direction and origin as the file states them, and the world that they are in. Out: a checked [`Grid`].
+//! If a world axis of the file points the other way, that component of direction and origin is negated. Two negations
+//! are a rotation by 180 degrees; one makes a left-handed frame right-handed. So no picture is mirrored.
 
 use std::path::Path;
 
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Axis, Grid, MAX_DIM};
 
-/// The world that a file's vectors are in.
+/// The world coordinate system that the vectors of a file are in.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum World {
-    /// Right-handed: R, A, S, or a frame that names no anatomy.
+    /// Right-handed: R, A, S, or a frame without anatomical axes.
     RightHanded,
-    /// L, P, S, as DICOM and ITK have it: x and y are negated.
+    /// L, P, S, as in DICOM and ITK: x and y are negated.
     LeftPosterior,
-    /// L, A, S, or a left-handed frame that names no anatomy: x is negated.
+    /// L, A, S, or a left-handed frame without anatomical axes: x is negated.
     LeftHanded,
 }
 
@@ -30,46 +30,46 @@ impl World {
     }
 }
 
-/// Where a grid lies, in the words of its file.
+/// The position and the axes of a grid, in the coordinates of its file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct FileFrame {
-    /// Distance between points along each index axis.
+    /// The distance between neighbouring points along each index axis.
     pub(super) spacing: [f64; 3],
-    /// World vectors of the index axes; made unit length here.
+    /// The world vector of each index axis, of any length; [`FileFrame::grid`] normalises it.
     pub(super) direction: [[f64; 3]; 3],
-    /// World position of the first point.
+    /// The world position of the first point.
     pub(super) origin: [f64; 3],
-    /// The world that direction and origin are in.
+    /// The world coordinate system of direction and origin.
     pub(super) world: World,
-    /// Unit of lengths.
+    /// The unit of lengths; `None` if the file does not state it.
     pub(super) unit: Option<String>,
 }
 
-/// Index axes along world axes.
+/// The directions of index axes that are parallel to the world axes.
 pub(super) const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 impl FileFrame {
-    /// A frame along the world's axes, at its origin.
+    /// Returns a frame whose index axes are parallel to the world axes and whose first point is at the world's origin.
     pub(super) fn upright(spacing: [f64; 3]) -> FileFrame {
         FileFrame { spacing, direction: IDENTITY, origin: [0.0; 3], world: World::RightHanded, unit: None }
     }
 
-    /// A frame from the world vectors between neighbouring points: `steps[a]` for index axis `a`.
+    /// Returns the frame in which `steps[a]` is the world vector between neighbouring points along index axis `a`.
     pub(super) fn from_steps(steps: [[f64; 3]; 3], origin: [f64; 3], world: World) -> FileFrame {
         FileFrame { spacing: steps.map(length), direction: steps, origin, world, unit: None }
     }
 
-    /// The unit world vector of index axis `axis`.
+    /// Returns the unit world vector of index axis `axis`.
     #[cfg(feature = "zarr")]
     pub(super) fn unit_direction(&self, axis: usize) -> [f64; 3] {
         self.direction[axis].map(|c| c / length(self.direction[axis]))
     }
 
-    /// Returns the grid of `dims` points in this frame; `spacing`, if given, replaces the file's.
+    /// Returns the grid of `dims` points in this frame; `spacing`, if it is `Some`, replaces the file's spacing.
     ///
     /// # Errors
-    /// [`Error::Format`] under `rule` if a dimension is 0, a spacing is not finite and above 0, or the axes are not
-    /// independent; [`Error::Limit`] if a dimension is above [`MAX_DIM`].
+    /// [`Error::Format`] that names `rule`, if a dimension is 0, a spacing is not finite and above 0, or the axes are
+    /// not independent; [`Error::Limit`] if a dimension is above [`MAX_DIM`].
     pub(super) fn grid(
         self,
         path: &Path,
@@ -99,7 +99,7 @@ impl FileFrame {
             return Err(Error::format(path, 0, rule, expected, format!("{x}, {y}, {z}")));
         }
         let signs = self.world.signs();
-        // Adding 0.0 turns a negated zero into a plain one.
+        // Adding 0.0 turns -0.0 into 0.0.
         let to_our_world = |v: [f64; 3]| [v[0] * signs[0] + 0.0, v[1] * signs[1] + 0.0, v[2] * signs[2] + 0.0];
         let direction = self.direction.map(|axis| to_our_world(axis.map(|c| c / length(axis))));
         let grid = Grid { dims: grid_dims, spacing, origin: to_our_world(self.origin), direction, unit: self.unit };
@@ -114,13 +114,13 @@ impl FileFrame {
     }
 }
 
-/// The length of `v`.
+/// Returns the length of `v`.
 pub(super) fn length(v: [f64; 3]) -> f64 {
-    // hypot keeps an axis-aligned step exact and does not overflow.
+    // `hypot` keeps the length of an axis-aligned vector exact and does not overflow.
     v[0].hypot(v[1]).hypot(v[2])
 }
 
-/// The cross product, at right angles to both.
+/// Returns the cross product, a vector at right angles to `a` and `b`.
 pub(super) fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }

@@ -17,8 +17,8 @@
 //! # Ok::<(), adjsplat::error::Error>(())
 //! ```
 //!
-//! The features `dicom`, `tiff` and `zarr`, all on by default, bring the readers of these formats and what they depend
-//! on. A file whose reader is left out is refused with an error that names the feature.
+//! The features `dicom`, `tiff` and `zarr`, all on by default, add the readers of these formats and the crates that
+//! they depend on. If a feature is off, opening a file of that format gives an error that names the feature.
 
 #[doc(hidden)]
 pub mod open;

@@ -1,8 +1,9 @@
 //! Reads header text, line by line, in bounded memory.
 //!
-//! In: a file. Out: its lines with their byte offsets, and the offset of the first byte after them, which is where
-//! samples begin in formats that keep both in one file. A header's text is at most [`TEXT_LIMIT`] bytes in all, so a
-//! file without line ends cannot fill the memory. Bytes that are not UTF-8 are replaced, as they occur in comments.
+//! In: a file. Out: its lines with their byte offsets, and the offset of the first byte after them. In formats that
+//! keep header and samples in one file, the samples begin there. A header's text is at most [`TEXT_LIMIT`] bytes in
+//! all, so a file without line ends cannot fill the memory. Bytes that are not UTF-8, which occur in comments, are
+//! replaced.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
@@ -11,19 +12,19 @@ use std::path::{Path, PathBuf};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
-/// The largest header text in bytes: a list of 65,535 file names fits.
+/// The largest size of a header's text, in bytes: a list of 65,535 file names fits.
 pub(super) const TEXT_LIMIT: u64 = 4 << 20;
 
-/// One line of a header.
+/// One line of a header, and its place in the file.
 #[derive(Debug, Clone)]
 pub(super) struct HeaderLine {
-    /// Byte offset of its first character in the file.
+    /// The byte offset of the line's first character in the file.
     pub(super) at: u64,
-    /// Its text without the line end.
+    /// The text of the line without the line end.
     pub(super) text: String,
 }
 
-/// A reader of header lines.
+/// Reads the lines of a header one after the other.
 pub(super) struct HeaderLines {
     path: PathBuf,
     reader: BufReader<File>,
@@ -33,18 +34,18 @@ pub(super) struct HeaderLines {
 }
 
 impl HeaderLines {
-    /// Opens `path` at its first line.
+    /// Opens the file at `path`; the first line is read next.
     pub(super) fn open(path: &Path) -> Result<HeaderLines> {
         let (file, file_len) = open_regular(path, "open")?;
         Ok(HeaderLines { path: path.to_path_buf(), reader: BufReader::new(file), at: 0, file_len, text_bytes: 0 })
     }
 
-    /// Byte offset of the next unread byte.
+    /// Returns the byte offset of the next unread byte.
     pub(super) fn position(&self) -> u64 {
         self.at
     }
 
-    /// The next line, or `None` at the end of the file.
+    /// Returns the next line, or `None` at the end of the file.
     pub(super) fn next(&mut self) -> Result<Option<HeaderLine>> {
         let room = TEXT_LIMIT - self.text_bytes;
         let mut bytes = Vec::new();
@@ -72,7 +73,7 @@ impl HeaderLines {
         if let Some(start) = ahead.get(..word.len()) {
             return Ok(start.eq_ignore_ascii_case(word.as_bytes()));
         }
-        // The buffer ends within the word, or the file does.
+        // The word reaches beyond the buffer's end, or beyond the file's.
         let mut ahead = vec![0; word.len()];
         match self.reader.read_exact(&mut ahead) {
             Ok(()) => {}
@@ -83,7 +84,7 @@ impl HeaderLines {
         Ok(ahead.eq_ignore_ascii_case(word.as_bytes()))
     }
 
-    /// Skips `bytes` bytes that are not header text; an error under `rule` if the file ends before them.
+    /// Skips `bytes` bytes that are not header text; returns an error that names `rule` if the file ends before them.
     pub(super) fn skip_bytes(&mut self, bytes: u64, rule: &'static str) -> Result<()> {
         let left = self.file_len.saturating_sub(self.at);
         if bytes > left {
@@ -93,7 +94,7 @@ impl HeaderLines {
         self.seek(self.at + bytes)
     }
 
-    /// Skips `count` numbers between white space; an error under `rule` if the file ends before them.
+    /// Skips `count` numbers between white space; returns an error that names `rule` if the file ends before them.
     pub(super) fn skip_numbers(&mut self, count: u64, rule: &'static str) -> Result<()> {
         let (mut seen, mut inside) = (0, false);
         loop {
@@ -132,12 +133,12 @@ impl HeaderLines {
     }
 }
 
-/// Returns the start of a text from a file, in quotes, safe to print.
+/// Returns the start of `text`, which comes from a file, in quotes and safe to print.
 pub(super) fn clip(text: &str) -> String {
     format!("\"{}\"", text.chars().take(40).collect::<String>().escape_debug())
 }
 
-/// Returns the text of another crate's error as one line without a full stop.
+/// Returns the message of another crate's error as one line without a full stop.
 pub(super) fn one_line(error: &impl std::fmt::Display) -> String {
     error.to_string().replace(['\n', '\r'], " ").trim_end_matches(['.', ' ']).to_string()
 }

@@ -1,8 +1,8 @@
-//! Reads MetaImage files: `.mha` with the samples behind the header, `.mhd` with the samples in other files.
+//! Reads MetaImage files: `.mha` with the samples after the header, `.mhd` with the samples in other files.
 //!
-//! In: `Key = value` lines up to `ElementDataFile`. Out: a slab source. World vectors are L, P, S as in ITK and are
-//! turned to R, A, S; `AnatomicalOrientation` gives the directions only where there is no matrix.
-//! `CompressedDataSize` is ignored: some writers store wrong values, and a compressed stream marks its own end.
+//! In: `Key = value` lines up to `ElementDataFile`. Out: a slab source (which reads slice by slice). World vectors are
+//! L, P, S as in ITK and are converted to R, A, S. `AnatomicalOrientation` gives the directions only if there is no
+//! matrix. `CompressedDataSize` is ignored: some writers store wrong values, and a compressed stream marks its own end.
 //!
 //! Source: the MetaIO documentation (itk.org/Wiki/ITK/MetaIO/Documentation).
 
@@ -20,20 +20,20 @@ use adjsplat::volume::{SampleType, SlabSource};
 
 const RULE_SIZE: &str = "MetaImage DimSize";
 
-/// The largest number of dimensions that MetaIO knows.
+/// The largest number of dimensions that MetaIO supports.
 const MAX_NDIMS: usize = 10;
 
 /// The largest number of lines in a header; real headers have fewer than 50.
 const MAX_LINES: usize = 1024;
 
-/// Whether `probe`, the start of a file, is a MetaImage header.
+/// Returns whether `probe`, the first bytes of a file, is the start of a MetaImage header.
 pub(super) fn is_header(probe: &[u8]) -> bool {
     let mut lines = probe.split(|byte| *byte == b'\n').filter(|line| !line.trim_ascii().is_empty()).take(20);
     let keys = lines.try_fold(false, |found, line| {
         let key = line.split(|byte| *byte == b'=').next().filter(|key| key.len() < line.len())?.trim_ascii();
         Some(found || [&b"ObjectType"[..], b"NDims", b"ElementDataFile"].contains(&key))
     });
-    // The samples may begin within these lines; then the first line alone decides.
+    // If the samples begin within the first lines, only the first line can be checked.
     keys.unwrap_or_else(|| {
         probe.starts_with(b"ObjectType") || probe.starts_with(b"NDims") || probe.starts_with(b"Comment")
     })
@@ -68,9 +68,9 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     })
 }
 
-/// The header's keys and values.
+/// The keys and values of a header.
 struct MetaImageFields {
-    /// Key, value and offset of each line; the last is `ElementDataFile`.
+    /// The key, the value and the byte offset of each line; the last is `ElementDataFile`.
     entries: Vec<(String, String, u64)>,
     ndims: usize,
 }
@@ -105,7 +105,7 @@ impl MetaImageFields {
         Ok(fields)
     }
 
-    /// Value and offset of the first of `keys` that is there.
+    /// Returns the value and the byte offset of the first of `keys` that the header has.
     fn get(&self, keys: &[&str]) -> Option<(&str, u64)> {
         keys.iter().find_map(|key| {
             self.entries.iter().find(|(have, ..)| have.eq_ignore_ascii_case(key)).map(|(_, v, at)| (v.as_str(), *at))
@@ -120,7 +120,7 @@ impl MetaImageFields {
         self.get(keys).is_some_and(|(value, _)| value.starts_with(['T', 't', '1']))
     }
 
-    /// `count` numbers under the first of `keys` that is there.
+    /// Returns the `count` numbers that the first of `keys` in the header has as its value.
     fn numbers<T: std::str::FromStr>(&self, path: &Path, keys: &[&str], count: usize) -> Result<Option<Vec<T>>> {
         let Some((value, at)) = self.get(keys) else { return Ok(None) };
         let parsed: Option<Vec<T>> = value.split_whitespace().map(|word| word.parse().ok()).collect();
@@ -130,13 +130,13 @@ impl MetaImageFields {
         }
     }
 
-    /// Sizes of all dimensions.
+    /// Returns the number of points along each dimension.
     fn sizes(&self, path: &Path) -> Result<Vec<u64>> {
         let sizes = self.numbers(path, &["DimSize"], self.ndims)?;
         sizes.ok_or_else(|| Error::format(path, 0, RULE_SIZE, "such a line", "none"))
     }
 
-    /// Points along x, y, z, and how many volumes.
+    /// Returns the number of points along x, y, z, and the number of volumes.
     fn dims(&self, path: &Path) -> Result<([u64; 3], u64)> {
         let sizes = self.sizes(path)?;
         let volumes = sizes.iter().skip(3).try_fold(1u64, |count, size| count.checked_mul(*size));
@@ -173,7 +173,8 @@ impl MetaImageFields {
         }
     }
 
-    /// Returns where samples start: at byte `HeaderSize`, at `header_end` if that is 0, or such that they end the file.
+    /// Returns where samples start: at byte `HeaderSize`; at `header_end` if that is 0; if it is -1, they end with the
+    /// file.
     fn start(&self, path: &Path, header_end: u64) -> Result<SampleStart> {
         let Some((value, at)) = self.get(&["HeaderSize"]) else { return Ok(SampleStart::At(header_end)) };
         let fault = |expected: &str| Error::format(path, at, "MetaImage HeaderSize", expected, clip(value));
@@ -213,7 +214,7 @@ impl MetaImageFields {
         })
     }
 
-    /// Returns the files that hold the samples, and whether this is the file with the header.
+    /// Returns the files that hold the samples, and whether the samples are in the header's own file.
     fn files(&self, path: &Path, lines: &mut HeaderLines) -> Result<(Vec<PathBuf>, bool)> {
         const RULE: &str = "MetaImage ElementDataFile";
         let (value, at) = self.require(path, "ElementDataFile")?;
@@ -238,7 +239,7 @@ impl MetaImageFields {
             check_count(path, at, RULE, &files, per_file(file_dims)?)?;
             return Ok((files, false));
         }
-        // A pattern: `name%03d.raw`, then up to three numbers: first, last, step.
+        // The value is a pattern, `name%03d.raw`, then up to three numbers: first, last, step.
         let numbers: Vec<i64> = words.iter().rev().map_while(|word| word.parse().ok()).take(3).collect();
         let name = words[..words.len() - numbers.len()].join(" ");
         if let Some(pattern) = FilePattern::parse(&name) {
@@ -260,7 +261,8 @@ impl MetaImageFields {
     }
 }
 
-/// Returns directions in L, P, S from three letters that say where each axis starts: "RAI" is the identity.
+/// Returns the axis directions in L, P, S for three letters that say at which side each axis starts: "RAI" is the
+/// identity.
 fn directions(letters: &str) -> Option<[[f64; 3]; 3]> {
     let axes: Option<Vec<[f64; 3]>> = letters
         .chars()

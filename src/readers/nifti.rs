@@ -1,8 +1,8 @@
 //! Reads NIfTI-1 and NIfTI-2: `.nii`, `.nii.gz`, and pairs of `.hdr` and `.img`.
 //!
-//! In: a 348- or 540-byte binary header of either byte order, plain or in gzip. Out: a slab source over one volume of
-//! the file. World axes are R, A, S, as the crate's. The affine transform is the `sform` if its code is set and it
-//! can be inverted, else the `qform` if its code is set, else spacing alone.
+//! In: a 348- or 540-byte binary header of either byte order, plain or in gzip. Out: a slab source (which reads slice
+//! by slice) over one volume of the file. World axes are R, A, S, like the crate's. The affine transform is the `sform`
+//! if its code is set and it can be inverted, else the `qform` if its code is set, else the spacing alone.
 //!
 //! Source: nifti1.h and nifti2.h of the NIfTI Data Format Working Group (nifti.nimh.nih.gov).
 
@@ -25,7 +25,7 @@ const RULE_DIM: &str = "NIfTI dim";
 const HEADER_1: usize = 348;
 const HEADER_2: usize = 540;
 
-/// Whether `bytes` start with a NIfTI header.
+/// Returns whether `bytes` start with a NIfTI header.
 pub(super) fn is_header(bytes: &[u8]) -> bool {
     version_of(bytes).is_some_and(|(version, _)| match version {
         1 => matches!(bytes.get(344..348), Some(b"n+1\0" | b"ni1\0")),
@@ -33,7 +33,7 @@ pub(super) fn is_header(bytes: &[u8]) -> bool {
     })
 }
 
-/// Version and byte order by the header's first field, its own length.
+/// Returns the version and the byte order, found from the first field, which holds the header's own length.
 fn version_of(bytes: &[u8]) -> Option<(u8, Endian)> {
     match bytes.get(..4)? {
         [0x5c, 0x01, 0, 0] => Some((1, Endian::Little)),
@@ -44,7 +44,7 @@ fn version_of(bytes: &[u8]) -> Option<(u8, Endian)> {
     }
 }
 
-/// The fields of a header that the reader uses, from either version.
+/// The fields that the reader uses, from a header of either version.
 struct NiftiFields {
     endian: Endian,
     dim: [i64; 8],
@@ -59,13 +59,13 @@ struct NiftiFields {
     quatern: [f64; 3],
     qoffset: [f64; 3],
     srow: [[f64; 4]; 3],
-    /// Whether the samples are in the header's file.
+    /// Whether the samples are in the same file as the header.
     single: bool,
-    /// Bytes of the header.
+    /// The length of the header in bytes.
     len: usize,
 }
 
-/// Opens the NIfTI volume at `path`, which may be either file of a pair.
+/// Opens the NIfTI volume at `path`; of a pair (`.hdr` and `.img`), `path` may be either file.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     let header_path = header_path_of(path)?;
     let (bytes, header_packed) = read_header(&header_path)?;
@@ -105,7 +105,8 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     })
 }
 
-/// Returns where a header places its volume, the slope and the intercept; errors name `path`.
+/// Returns the position and axes of the volume that a header describes, the slope and the intercept; errors name
+/// `path`.
 #[cfg(feature = "zarr")]
 pub(super) fn place_of(path: &Path, bytes: &[u8]) -> Result<(FileFrame, f64, f64)> {
     let fields = NiftiFields::parse(path, bytes)?;
@@ -130,7 +131,7 @@ impl NiftiFields {
             return Err(Error::format(path, magic_at as u64, "NIfTI magic", expected, shown(magic, 4)));
         }
         let f = HeaderBytes { bytes, endian };
-        // Each field has an offset in version 1 and one in version 2, in which its type is wider.
+        // Each field has an offset in version 1 and another one in version 2, where its type is wider.
         let whole = |at_1, at_2| if version == 1 { f.i16(at_1).into() } else { f.i32(at_2) };
         let float = |at_1, at_2| if version == 1 { f.f32(at_1) } else { f.f64(at_2) };
         #[expect(clippy::cast_precision_loss, reason = "offsets above 2^53 are refused")]
@@ -154,7 +155,7 @@ impl NiftiFields {
         })
     }
 
-    /// Points along x, y, z, and how many volumes.
+    /// Returns the number of points along x, y, z, and the number of volumes.
     fn dims(&self, path: &Path) -> Result<([u64; 3], u64)> {
         let fault = |got: String| {
             let at = if self.len == HEADER_1 { 40 } else { 16 };
@@ -215,15 +216,16 @@ impl NiftiFields {
 
     /// Returns the byte offset of the first sample in the decoded file.
     ///
-    /// In a single file 0 means right behind the header: some writers leave the field out.
+    /// If header and samples share a file, 0 means that the samples follow the header: some writers leave the field
+    /// out.
     fn offset(&self, path: &Path) -> Result<u64> {
         let least = if self.single { self.len as u64 } else { 0 };
         if self.single && self.vox_offset == 0.0 {
-            // Four bytes follow the header: they say whether there are extensions.
+            // Four bytes follow the header: they state whether there are extensions.
             return Ok(least + 4);
         }
         let offset = self.vox_offset;
-        // 2^53: whole numbers up to there are exact.
+        // 2^53: `f64` holds whole numbers up to this one exactly.
         if !(0.0..=9_007_199_254_740_992.0).contains(&offset) || offset.fract() != 0.0 {
             let at = if self.len == HEADER_1 { 108 } else { 168 };
             return Err(Error::format(path, at, "NIfTI vox_offset", "a whole number of bytes", offset.to_string()));
@@ -251,7 +253,7 @@ impl NiftiFields {
         };
         let used = usize::try_from(self.dim[0]).unwrap_or(3);
         for axis in used..3 {
-            // An axis that the file lacks may have any direction, but needs a length.
+            // An axis that the file lacks may have any direction, but needs a spacing above 0.
             if !(frame.spacing[axis].is_finite() && frame.spacing[axis] > 0.0) {
                 frame.spacing[axis] = 1.0;
             }
@@ -265,12 +267,12 @@ impl NiftiFields {
         frame
     }
 
-    /// Returns the directions of the index axes by the quaternion; `pixdim[0] < 0` reverses the third.
+    /// Returns the directions of the index axes from the quaternion; `pixdim[0] < 0` reverses the third axis.
     fn rotation(&self) -> [[f64; 3]; 3] {
         let [mut b, mut c, mut d] = self.quatern;
         let squares = b * b + c * c + d * d;
         let a = if squares > 1.0 {
-            // Rounded to single precision in the file: half a turn.
+            // Rounding to single precision in the file made the sum exceed 1: the rotation is by 180 degrees, so a = 0.
             let length = squares.sqrt();
             (b, c, d) = (b / length, c / length, d / length);
             0.0
@@ -291,7 +293,8 @@ fn is_invertible([x, y, z]: [[f64; 3]; 3]) -> bool {
     determinant.is_finite() && determinant != 0.0
 }
 
-/// Reads numbers of either byte order from a header; offsets are constants below its checked length.
+/// Reads numbers of either byte order from a header. All offsets are constants below the length that was checked
+/// before.
 struct HeaderBytes<'a> {
     bytes: &'a [u8],
     endian: Endian,
@@ -361,7 +364,7 @@ fn starts_as_gzip(path: &Path) -> Result<bool> {
     Ok(magic == [0x1f, 0x8b])
 }
 
-/// The name of the file at `path`, its length without `.gz`, and its extension before that, in lower case.
+/// Returns the file name in `path`, its length without `.gz`, and the extension before `.gz` in lower case.
 fn parts_of(path: &Path) -> (String, usize, String) {
     let name = file_name(path);
     let lower = name.to_ascii_lowercase();
@@ -370,7 +373,7 @@ fn parts_of(path: &Path) -> (String, usize, String) {
     (name, bare.len(), extension.to_string())
 }
 
-/// Returns the header's path; `path` may be either file of a pair.
+/// Returns the path of the header; of a pair (`.hdr` and `.img`), `path` may be either file.
 fn header_path_of(path: &Path) -> Result<PathBuf> {
     match parts_of(path) {
         (name, bare_len, extension) if extension == "img" => sibling(path, &name, bare_len, "hdr"),
@@ -378,7 +381,7 @@ fn header_path_of(path: &Path) -> Result<PathBuf> {
     }
 }
 
-/// Returns the image's path; `path` may be either file of a pair.
+/// Returns the path of the image; of a pair (`.hdr` and `.img`), `path` may be either file.
 fn image_path_of(path: &Path) -> Result<PathBuf> {
     let (name, bare_len, extension) = parts_of(path);
     match extension.as_str() {
@@ -391,7 +394,7 @@ fn image_path_of(path: &Path) -> Result<PathBuf> {
     }
 }
 
-/// The file beside `path` whose extension is `other`, plain or with `.gz`.
+/// Returns the path of the file beside `path` whose extension is `other`, with or without `.gz`.
 fn sibling(path: &Path, name: &str, bare_len: usize, other: &str) -> Result<PathBuf> {
     let stem = name.get(..bare_len.saturating_sub(4)).unwrap_or(name);
     let upper = other.to_ascii_uppercase();

@@ -1,9 +1,9 @@
-//! Reads NRRD files: attached (`.nrrd`), or a header (`.nhdr`) and the files it names.
+//! Reads NRRD files: header and samples in one file (`.nrrd`), or a header (`.nhdr`) and the data files that it names.
 //!
-//! In: `field: value` lines up to a blank one, versions 1 to 5. Out: a slab source. Encodings: raw, gzip, text.
-//! The world is made right-handed (R, A, S where it is anatomical), so that pictures are not mirrored: x is negated in
-//! `3D-left-handed` and `left-anterior-superior` worlds, x and y in `left-posterior-superior` ones.
-//! Unknown fields are refused: one may be a misspelled field that matters.
+//! In: `field: value` lines up to a blank line, versions 1 to 5. Out: a slab source (which reads slice by slice).
+//! Encodings: raw, gzip, text. The world is converted to a right-handed one (R, A, S if it is anatomical), so that
+//! pictures are not mirrored: x is negated in `3D-left-handed` and `left-anterior-superior` worlds, x and y in
+//! `left-posterior-superior` ones. Unknown fields are refused: one may be a misspelled field that matters.
 //!
 //! Source: "Definition of NRRD File Format" (teem.sourceforge.net/nrrd/format.html).
 
@@ -23,18 +23,18 @@ use adjsplat::volume::{SampleType, SlabSource};
 const RULE_SIZES: &str = "NRRD sizes";
 const RULE_FILES: &str = "NRRD data file";
 
-/// The largest number of dimensions that the format allows.
+/// The largest number of dimensions that the NRRD format allows.
 const MAX_DIMENSION: usize = 16;
 
-/// Names of the fields that are read, between spaces.
+/// The names of the fields that are read, separated by spaces.
 const USED: &str = "dimension sizes type encoding endian spacings space spacedirections spaceorigin spaceunits kinds \
     lineskip byteskip datafile";
 
-/// Names of the fields that change neither samples nor grid.
+/// The names of the fields that are ignored: they change neither samples nor grid.
 const IGNORED: &str = "content number sampleunits blocksize min max oldmin oldmax axismins axismaxs centers centerings \
     labels units thicknesses measurementframe spacedimension";
 
-/// Opens the NRRD at `path`.
+/// Opens the NRRD file or header at `path`.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     let mut lines = HeaderLines::open(path)?;
     let fields = NrrdFields::read(path, &mut lines)?;
@@ -50,10 +50,10 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let grid = fields.frame(sizes.len())?.grid(path, "NRRD grid", dims, options.spacing)?;
     let (files, header_end) = fields.files(&sizes, &mut lines)?;
     let byte_skip = fields.byte_skip(codec)?;
-    // Where a negative skip counts from the end, lines before the samples do not matter.
+    // A negative byte skip counts from the file's end, so lines before the samples do not matter.
     let (start, line_skip, byte_skip) = match u64::try_from(byte_skip) {
         Ok(bytes) => (SampleStart::At(header_end), fields.whole("lineskip")?, bytes),
-        // -1 puts the samples at the end of the file; each less leaves one more byte behind them.
+        // -1 puts the samples at the end of the file; -2 leaves one byte after them, -3 two, and so on.
         Err(_) => (SampleStart::FromEnd { after: byte_skip.unsigned_abs() - 1, least: header_end }, 0, 0),
     };
     SlabReader::open(SampleFiles {
@@ -71,11 +71,11 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     })
 }
 
-/// The header's fields: names in lower case without spaces, values, offsets.
+/// The fields of a header: names in lower case without spaces, values, byte offsets.
 struct NrrdFields {
     path: PathBuf,
     entries: Vec<(String, String, u64)>,
-    /// Whether a blank line ended the header, so that samples may follow in this file.
+    /// Whether a blank line ended the header, so that samples may follow in the same file.
     ended: bool,
 }
 
@@ -96,7 +96,7 @@ impl NrrdFields {
             if text.starts_with('#') {
                 continue;
             }
-            // A key of the user's own is `key:=value`; its key may hold a colon that is not before a space.
+            // A line with a user's own key is `key:=value`; the key may contain a colon without a space after it.
             let (field, pair) = (text.find(": "), text.find(":="));
             if pair.is_some_and(|pair| field.is_none_or(|field| pair < field)) {
                 continue;
@@ -116,7 +116,7 @@ impl NrrdFields {
                 return fault(line.at, "NRRD field", "a field of the format (check its spelling)", text);
             }
             if listed {
-                // The names of the files follow to the end.
+                // The names of the data files follow, up to the end of the header.
                 break;
             }
         }
@@ -132,7 +132,7 @@ impl NrrdFields {
         self.get(name).ok_or_else(missing)
     }
 
-    /// Returns an error that points at the field `name`.
+    /// Returns an error that shows the value and the byte offset of the field `name`.
     fn fault(&self, name: &str, rule: &'static str, expected: String) -> Error {
         let entry = self.entries.iter().find(|(have, ..)| have == name);
         let (value, at) = entry.map_or(("", 0), |(_, value, at)| (value.as_str(), *at));
@@ -147,7 +147,7 @@ impl NrrdFields {
         }
     }
 
-    /// Returns the sizes of all axes, at least two; refuses axes of components.
+    /// Returns the sizes of all axes, at least two; refuses axes that hold components (such as colours) of a sample.
     fn sizes(&self) -> Result<Vec<u64>> {
         let dimension = self.require("dimension")?.parse().ok().filter(|d| (2..=MAX_DIMENSION).contains(d));
         let dimension = dimension.ok_or_else(|| self.fault("dimension", "NRRD dimension", "2 to 16".into()))?;
@@ -207,7 +207,8 @@ impl NrrdFields {
         }
     }
 
-    /// The byte skip, which may be below 0 only where samples are uncompressed.
+    /// Returns the byte skip: how many bytes lie before the samples. It may be below 0 only if samples are
+    /// uncompressed.
     fn byte_skip(&self, codec: Codec) -> Result<i64> {
         let skip = self.get("byteskip").map_or(Some(0), |value| value.parse().ok());
         let expected = || "a number, 0 or more unless the encoding is raw".into();
@@ -215,7 +216,7 @@ impl NrrdFields {
             .ok_or_else(|| self.fault("byteskip", "NRRD byte skip", expected()))
     }
 
-    /// Returns where the first three of `dimension` axes lie in the world.
+    /// Returns the position and directions of the first three of `dimension` axes in the world.
     fn frame(&self, dimension: usize) -> Result<FileFrame> {
         const RULE: &str = "NRRD space";
         let world = match self.get("space") {
@@ -252,7 +253,7 @@ impl NrrdFields {
         Ok(frame)
     }
 
-    /// The files that hold the samples, and where in each they start.
+    /// Returns the files that hold the samples, and the byte offset at which samples start in each of them.
     fn files(&self, sizes: &[u64], lines: &mut HeaderLines) -> Result<(Vec<PathBuf>, u64)> {
         let Some(value) = self.get("datafile") else {
             if !self.ended {
@@ -269,7 +270,8 @@ impl NrrdFields {
             self.check_files(sizes, file_dims, &files)?;
             return Ok((files, 0));
         }
-        // A pattern: `name%03d.raw`, then three or four numbers: first, last, step, dimensions of each file.
+        // The value is a pattern, `name%03d.raw`, then three or four numbers: first, last, step, dimensions of each
+        // file.
         let numbers: Vec<i64> = words.iter().rev().map_while(|word| word.parse().ok()).take(4).collect();
         if numbers.len() >= 3
             && let Some(pattern) = FilePattern::parse(&words[..words.len() - numbers.len()].join(" "))
@@ -288,7 +290,7 @@ impl NrrdFields {
         Ok((vec![folder_of(&self.path).join(value)], 0))
     }
 
-    /// Returns the dimensions of each data file; one less than the volume's if the header does not say.
+    /// Returns how many dimensions each data file has; one less than the volume if the header does not state it.
     fn file_dims(&self, text: &str, sizes: &[u64]) -> Result<usize> {
         if text.is_empty() {
             return Ok(sizes.len() - 1);
@@ -297,7 +299,7 @@ impl NrrdFields {
         parsed.ok_or_else(|| self.fault("datafile", RULE_FILES, format!("files of 1 to {} dimensions", sizes.len())))
     }
 
-    /// Checks the number of files. Files with as many dimensions as the volume divide its last axis.
+    /// Checks the number of files. Files with as many dimensions as the volume each hold a part of its last axis.
     fn check_files(&self, sizes: &[u64], file_dims: usize, files: &[PathBuf]) -> Result<()> {
         let at = self.entries.iter().find(|(name, ..)| name == "datafile").map_or(0, |entry| entry.2);
         let need = if file_dims == sizes.len() {

@@ -1,6 +1,6 @@
-//! The parts of a NRRD header that say where axes lie: spaces, vectors, units.
+//! Parses the fields of a NRRD header that describe the axes: spaces, vectors, units.
 //!
-//! In: values of fields. Out: worlds, vectors, or `None` where the text is not of the format.
+//! In: the values of fields. Out: worlds or vectors; `None` if the text does not follow the format.
 
 use super::frame::{IDENTITY, World, cross, length};
 
@@ -42,7 +42,7 @@ pub(super) fn vectors(text: &str) -> Option<Vec<Option<[f64; 3]>>> {
     Some(vectors)
 }
 
-/// Returns whether an axis of this kind can be one of the grid's; the third may also be a list or a time.
+/// Returns whether axis `axis`, of this kind, can be an axis of the grid; the third axis may also be a list or a time.
 pub(super) fn is_spatial(axis: usize, kind: &str) -> bool {
     match kind.to_ascii_lowercase().as_str() {
         "domain" | "space" | "???" | "none" => true,
@@ -51,7 +51,7 @@ pub(super) fn is_spatial(axis: usize, kind: &str) -> bool {
     }
 }
 
-/// Returns the steps along the first three axes; a flat volume gets a third one at right angles to its own two.
+/// Returns the vectors between points along the first three axes; with only two, adds a third at right angles to them.
 pub(super) fn steps(vectors: &[Option<[f64; 3]>]) -> Option<[[f64; 3]; 3]> {
     let x = (*vectors.first()?)?;
     let y = (*vectors.get(1)?)?;
@@ -65,7 +65,7 @@ pub(super) fn steps(vectors: &[Option<[f64; 3]>]) -> Option<[[f64; 3]; 3]> {
     Some([x, y, z])
 }
 
-/// The first text in quotes, if there is any.
+/// Returns the first text in quotes, if there is any.
 pub(super) fn first_quoted(text: &str) -> Option<String> {
     let unit = text.split('"').nth(1)?;
     (!unit.is_empty()).then(|| unit.to_string())

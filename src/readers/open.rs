@@ -1,6 +1,6 @@
-//! Opening a volume of any supported format.
+//! Opens a volume of any supported format.
 //!
-//! In: a path, and what the file cannot say itself. Out: a slab source of the format that `Format` finds.
+//! In: a path, and options for what the file does not state. Out: a slab source of the format that `Format` finds.
 
 use std::path::Path;
 
@@ -12,7 +12,7 @@ use adjsplat::internals::open_regular;
 use adjsplat::limits::Limits;
 use adjsplat::volume::{Grid, Header, SampleType, SlabSource};
 
-/// Evaluates the call of a reader; where its feature is off, an error that names the feature.
+/// Evaluates a call of a reader; if the reader's cargo feature is off, gives an error that names the feature instead.
 macro_rules! with_feature {
     ($feature:literal, $path:expr, $call:expr) => {{
         #[cfg(feature = $feature)]
@@ -27,7 +27,7 @@ macro_rules! with_feature {
 }
 pub(super) use with_feature;
 
-/// Says what a file cannot say itself, which of its volumes to read, and what to replace.
+/// Options that say what a file does not state, which of its volumes to read, and which of its values to replace.
 ///
 /// The default reads the first volume at the finest resolution, as the file describes it.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -45,12 +45,12 @@ impl OpenOptions {
         OpenOptions::default()
     }
 
-    /// Reads the file as raw samples, which `raw` describes.
+    /// Reads the file as raw samples (without a header), which `raw` describes.
     pub fn raw(self, raw: RawOptions) -> OpenOptions {
         OpenOptions { raw: Some(raw), ..self }
     }
 
-    /// Reads this volume of a file that holds several (times, channels), counted from 0.
+    /// Chooses one volume of a file that holds several (times, channels), counted from 0.
     pub fn volume_index(self, volume_index: u32) -> OpenOptions {
         OpenOptions { volume_index, ..self }
     }
@@ -60,17 +60,17 @@ impl OpenOptions {
         OpenOptions { spacing: Some(spacing), ..self }
     }
 
-    /// Reads this resolution of an OME-Zarr image, counted from 0, the finest.
+    /// Chooses one resolution of an OME-Zarr image, counted from 0, which is the finest.
     pub fn level(self, level: u32) -> OpenOptions {
         OpenOptions { level, ..self }
     }
 
-    /// Reads this one of several DICOM series: its number in the error that lists them, or the end of its UID.
+    /// Chooses one of several DICOM series: by its number in the error that lists them, or by the end of its UID.
     pub fn series(self, series: impl Into<String>) -> OpenOptions {
         OpenOptions { series: Some(series.into()), ..self }
     }
 
-    /// Refuses a level above 0, for formats of one resolution.
+    /// Returns an error if a level above 0 is chosen, for formats that have only one resolution.
     pub(super) fn expect_one_level(&self) -> Result<()> {
         match self.level {
             0 => Ok(()),
@@ -78,7 +78,7 @@ impl OpenOptions {
         }
     }
 
-    /// Refuses a choice of series, for formats without them.
+    /// Returns an error if a series is chosen, for formats that have no series.
     pub(super) fn expect_one_series(&self) -> Result<()> {
         match self.series {
             None => Ok(()),
@@ -89,8 +89,8 @@ impl OpenOptions {
 
 /// Opens the volume at `path`, a file or a folder; its samples are read slice by slice, on demand.
 ///
-/// Files that a header names are looked for relative to the header. Reading needs little memory beside the slice
-/// that you hand in: [`SlabSource::buffer_bytes`] says how much.
+/// File names in a header are relative to the header's folder. Reading needs little memory besides the slice that you
+/// pass in: [`SlabSource::buffer_bytes`] returns how much.
 ///
 /// # Errors
 /// * [`Error::Io`] if a file is missing or unreadable.
@@ -103,10 +103,10 @@ pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Box<dyn Sla
 
 /// Opens an untrusted file: like [`open`], but refuses volumes larger than `limits` allow.
 ///
-/// No reader allocates by a size that a file states, but a caller that allocates a slice does.
+/// No reader allocates memory by a size that a file states, but a caller that allocates a slice does.
 ///
 /// # Errors
-/// Those of [`open`]; and [`Error::Limit`] that names the file and what is too large.
+/// The errors of [`open`]; and [`Error::Limit`], which names the file and the size that is too large.
 pub fn open_with(path: impl AsRef<Path>, options: &OpenOptions, limits: &Limits) -> Result<Box<dyn SlabSource>> {
     let path = path.as_ref();
     let source = open_path(path, options)?;
@@ -154,12 +154,12 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> 
     }
 }
 
-/// Returns the header of a volume whose samples are values as they are.
+/// Returns the header of a volume whose samples are its values, with slope 1 and intercept 0.
 pub(super) fn plain_header(grid: Grid, sample_type: SampleType, path: &Path, format: &'static str) -> Header {
     Header { grid, sample_type, slope: 1.0, intercept: 0.0, name: file_name(path), format }
 }
 
-/// The last part of `path`, for messages.
+/// Returns the last part of `path`, for messages.
 pub(super) fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }

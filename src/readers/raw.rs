@@ -1,8 +1,8 @@
-//! Reads raw volumes: samples and nothing else. Everything but the bytes comes from the caller.
+//! Reads raw volumes: files of samples without a header. The caller describes the volume.
 //!
-//! In: a file of `dims[0] * dims[1] * dims[2]` samples, x fastest, behind `skip` bytes that are not samples; or the
-//! same in gzip, if the name ends in `.gz`. Out: a slab source. The file must be exactly that long: a wrong size is
-//! the only sign there is of wrong dimensions.
+//! In: a file of `dims[0] * dims[1] * dims[2]` samples, x fastest, after `skip` bytes that are not samples; or the same
+//! in gzip, if the name ends in `.gz`. Out: a slab source (which reads slice by slice). The file must have exactly this
+//! length: only a wrong length can show that the dimensions are wrong.
 
 use std::io::Read;
 use std::path::Path;
@@ -27,9 +27,9 @@ pub struct RawOptions {
 }
 
 impl RawOptions {
-    /// Describes `dims` points along x, y, z whose samples are little endian and start at the first byte.
+    /// Describes a file of `dims` points along x, y, z, whose samples are little endian and start at the first byte.
     ///
-    /// Points are 1 apart; [`OpenOptions::spacing`] changes that.
+    /// The points are 1 apart; [`OpenOptions::spacing`] changes that.
     pub fn new(dims: [u64; 3], sample_type: SampleType) -> RawOptions {
         RawOptions { dims, sample_type, endian: Endian::Little, skip: 0 }
     }
@@ -78,12 +78,13 @@ pub fn parse_type(text: &str) -> Result<(SampleType, Endian)> {
     }
 }
 
-/// Returns the sample type that a format calls `name`; `names` are the format's, in the order of [`SampleType::ALL`].
+/// Returns the sample type that a format calls `name`; `names` are the format's names of [`SampleType::ALL`], in that
+/// order.
 pub(super) fn type_by_name(name: &str, names: [&str; 8]) -> Option<SampleType> {
     names.iter().position(|known| *known == name).map(|index| SampleType::ALL[index])
 }
 
-/// Lists the supported sample types: "u8, i8, u16, ...".
+/// Returns the list of supported sample types: "u8, i8, u16, ...".
 pub(super) fn type_names() -> String {
     SampleType::ALL.map(SampleType::name).join(", ")
 }
@@ -107,7 +108,7 @@ pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Resu
     if codec == Codec::Raw {
         check_size(path, raw, &header, len)?;
     }
-    // In a compressed file the skipped bytes are compressed too.
+    // In a compressed file, the bytes to skip are inside the compressed stream.
     let (start, byte_skip) = if codec == Codec::Raw { (raw.skip, 0) } else { (0, raw.skip) };
     SlabReader::open(SampleFiles {
         header,
@@ -124,7 +125,7 @@ pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Resu
     })
 }
 
-/// Checks the file's length against the dimensions, and says what would fit.
+/// Checks the file's length against the dimensions; the error lists options that would fit the length.
 fn check_size(path: &Path, raw: &RawOptions, header: &Header, len: u64) -> Result<()> {
     let need = header.grid.len() * raw.sample_type.bytes() as u64;
     if raw.skip.checked_add(need) == Some(len) {
@@ -139,7 +140,7 @@ fn check_size(path: &Path, raw: &RawOptions, header: &Header, len: u64) -> Resul
     Err(Error::format(path, len, RULE, expected, format!("{have} bytes{hint}")))
 }
 
-/// Returns options that a file of `len` bytes would satisfy, the likeliest first; at most four.
+/// Returns options that fit a file of `len` bytes, the most likely first; at most four.
 fn what_fits(raw: &RawOptions, len: u64) -> Vec<String> {
     let mut fits = Vec::new();
     let [x, y, z] = raw.dims;
@@ -147,7 +148,7 @@ fn what_fits(raw: &RawOptions, len: u64) -> Vec<String> {
     let Some(bytes) = len.checked_sub(raw.skip).filter(|bytes| *bytes > 0) else {
         return fits;
     };
-    // Below 2^48 by the grid's limits.
+    // The product is below 2^48 by the grid's limits.
     let points = x * y * z;
     if bytes % points == 0 {
         let same = SampleType::ALL.into_iter().filter(|ty| ty.bytes() as u64 == bytes / points);

@@ -1,8 +1,8 @@
-//! The slab source of all formats that store samples in a row.
+//! The slab source (a reader of a volume, slice by slice) of all formats that store samples one after the other.
 //!
-//! In: a [`SampleFiles`] from a format's header: which files hold the samples, where in them, how packed. Out: z-slices
-//! in order. Sizes are checked against the files before anything is read, so that a wrong header is refused early;
-//! nothing here allocates by a number that a file states.
+//! In: a [`SampleFiles`] from a format's header: which files hold the samples, at which offset, in which encoding. Out:
+//! z-slices in order. Sizes are checked against the files before anything is read, so that a wrong header is refused
+//! early. No memory is allocated by a number that a file states.
 //!
 //! ```text
 //! open:  for each file: it exists, and can hold its share of the samples
@@ -18,77 +18,77 @@ use adjsplat::volume::{Header, Samples, SlabSource};
 /// The order of the bytes of one sample in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Endian {
-    /// Lowest byte first.
+    /// The least significant byte comes first.
     Little,
-    /// Highest byte first.
+    /// The most significant byte comes first.
     Big,
 }
 
 impl Endian {
-    /// This machine's order.
+    /// The byte order of this machine.
     pub const NATIVE: Endian = if cfg!(target_endian = "big") { Endian::Big } else { Endian::Little };
 }
 
 /// What may follow the last sample in a file.
 ///
-/// Compressed streams and text mark their own end, so more samples than the header says mean a wrong header. Behind
-/// uncompressed samples some writers leave padding, and VTK other arrays.
+/// Compressed streams and text mark their own end: if they hold more samples than the header states, the header is
+/// wrong. After uncompressed samples some writers leave padding, and VTK files hold other arrays.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Tail {
-    /// Nothing.
+    /// Nothing may follow; anything else is an error.
     Nothing,
-    /// Anything: other arrays, padding.
+    /// Anything may follow: other arrays, padding.
     Anything,
 }
 
-/// Where a volume's samples are.
+/// The files that hold a volume's samples, and how they hold them.
 #[derive(Debug, Clone)]
 pub(super) struct SampleFiles {
-    /// Grid, type and name of the volume.
+    /// The grid, the sample type and the name of the volume.
     pub(super) header: Header,
-    /// How samples are packed.
+    /// The encoding of the samples.
     pub(super) codec: Codec,
-    /// Byte order of samples; meaningless for text and single bytes.
+    /// The byte order of the samples; meaningless for text and for samples of one byte.
     pub(super) endian: Endian,
-    /// The files, in order; each holds the same number of samples. At least one.
+    /// The files in order, at least one; each holds the same number of samples.
     pub(super) files: Vec<PathBuf>,
-    /// Where samples start in each.
+    /// The place in each file where samples start.
     pub(super) start: SampleStart,
-    /// Lines to skip after the start, before decoding.
+    /// The number of lines to skip after the start, before decoding.
     pub(super) line_skip: u64,
-    /// Bytes to skip after the start, after decoding.
+    /// The number of bytes to skip after the start, after decoding.
     pub(super) byte_skip: u64,
-    /// Volumes that the files hold, one after the other.
+    /// The number of volumes that the files hold, one after the other.
     pub(super) volume_count: u64,
-    /// The volume to read, counted from 0.
+    /// The index of the volume to read, counted from 0.
     pub(super) volume_index: u64,
     /// What may follow the last sample of a file.
     pub(super) tail: Tail,
-    /// The rule that sizes break, for messages: "NRRD sizes".
+    /// The name of the rule that a wrong size breaks, for messages: "NRRD sizes".
     pub(super) rule: &'static str,
 }
 
 /// Reads the slices of a volume from its files.
 pub(super) struct SlabReader {
     plan: SampleFiles,
-    /// Samples that each file holds.
+    /// The number of samples that each file holds.
     file_samples: u64,
-    /// Slices read since the start.
+    /// The number of slices that were read since the start.
     slices_read: u32,
-    /// The open file, its samples that are not read yet, and its index.
+    /// The open file, how many of its samples are not read yet, and its index.
     stream: Option<SampleStream>,
     left: u64,
     file_index: usize,
-    /// Whether a read failed, so that the position is unknown.
+    /// Whether a read failed, so that the position in the file is unknown.
     lost: bool,
 }
 
 impl SlabReader {
-    /// Checks `plan` against the files and opens the first.
+    /// Checks `plan` against the files and opens the first file.
     ///
     /// # Errors
-    /// [`Error::Io`] if a file is missing; [`Error::Format`] if one cannot hold its samples; [`Error::Limit`] if
-    /// sizes overflow; [`Error::Input`] if there is no such volume.
+    /// [`Error::Io`] if a file is missing; [`Error::Format`] if a file is too short for its samples; [`Error::Limit`]
+    /// if sizes overflow; [`Error::Input`] if the chosen volume does not exist.
     pub(super) fn open(plan: SampleFiles) -> Result<Box<dyn SlabSource>> {
         plan.header.grid.check()?;
         let volume_samples = plan.header.grid.len();
@@ -116,7 +116,7 @@ impl SlabReader {
         Ok(Box::new(reader))
     }
 
-    /// Opens file `index` and skips `skip` of its samples.
+    /// Opens file `index` and skips the first `skip` of its samples.
     fn open_file(&mut self, index: usize, skip: u64) -> Result<()> {
         let plan = &self.plan;
         let width = plan.header.sample_type.bytes() as u64;
@@ -192,9 +192,9 @@ impl SlabSource for SlabReader {
     }
 }
 
-/// Checks that `slice` fits a volume, and that there is a next slice to read into it.
+/// Checks that `slice` has the volume's size and type, and that there is a next slice to read into it.
 ///
-/// `slices_read` counts the slices before it; `lost` says that one of them failed, so that the position is unknown.
+/// `slices_read` counts the slices before it; `lost` says that a read failed, so that the position is unknown.
 pub(super) fn check_turn(header: &Header, slice: &Samples, slices_read: u32, lost: bool) -> Result<()> {
     if slice.sample_type() != header.sample_type || slice.len() as u64 != header.grid.slice_len() {
         let why = format!(
@@ -224,7 +224,7 @@ pub(super) fn check_volume(index: u64, count: u64) -> Result<()> {
     Err(Error::input("volume", format!("is {index}, but the file holds {count} volume{s}, counted from 0")))
 }
 
-/// Checks that the file at `path` is there and long enough for `samples` samples of `width` bytes.
+/// Checks that the file at `path` exists and is long enough for `samples` samples of `width` bytes.
 fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Result<()> {
     let kind = std::fs::metadata(path).map_err(Error::io("open data file", path))?;
     if !kind.is_file() {
@@ -262,7 +262,7 @@ fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Resu
             }
         }
         Codec::Text | Codec::TextToTag => {
-            // A digit and a space each, no space behind the last.
+            // Each sample needs at least a digit and a space, the last one no space.
             let need = samples.saturating_mul(2).saturating_add(plan.byte_skip) - 1;
             if room < need {
                 let expected = format!("{samples} numbers ({})", described(plan));
@@ -274,7 +274,7 @@ fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Resu
     Ok(())
 }
 
-/// Describes the volume: "64 x 64 x 93 of i16", with the numbers of volumes and files if there are several.
+/// Describes the volume: "64 x 64 x 93 of i16", with the numbers of volumes and of files if there are several.
 fn described(plan: &SampleFiles) -> String {
     let [x, y, z] = plan.header.grid.dims;
     let mut text = format!("{x} x {y} x {z} of {}", plan.header.sample_type.name());

@@ -1,8 +1,8 @@
-//! Reads one file's samples as a stream of decoded bytes or numbers.
+//! Reads the samples of one file as a stream of decoded bytes or numbers.
 //!
-//! In: a file, where in it the samples start, and how they are packed. Out: bytes, or numbers where the samples are
-//! text. Memory holds only a small buffer. Uncompressed bytes go straight from the file into the caller's slice, which
-//! is as fast as a memory map that is read once from front to back, and needs no `unsafe`.
+//! In: a file, the offset where samples start, and their encoding. Out: bytes, or numbers if the samples are text.
+//! Memory holds only a small buffer. Uncompressed bytes go straight from the file into the caller's slice. This is as
+//! fast as a memory map that is read once from front to back, and needs no `unsafe`.
 //!
 //! The first two bytes of compressed samples tell gzip (RFC 1952) from zlib (RFC 1950). Both are accepted wherever a
 //! format says "compressed", because writers of every format here mix them up.
@@ -21,43 +21,43 @@ use adjsplat::internals::open_regular;
 use adjsplat::volume::Samples;
 use adjsplat::with_samples;
 
-/// How samples are packed.
+/// The encoding of samples in a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Codec {
-    /// Bytes as they are.
+    /// Uncompressed bytes.
     Raw,
     /// Bytes in a gzip or zlib stream.
     Deflate,
-    /// Numbers as text, between white space or commas.
+    /// Numbers as text, separated by white space or commas.
     Text,
-    /// Numbers as text, up to the next XML tag.
+    /// Numbers as text, which ends at the next XML tag.
     TextToTag,
-    /// An array of a VTK XML file.
+    /// A data array of a VTK XML file.
     Array(ArrayCoding),
 }
 
 impl Codec {
-    /// Whether samples are numbers as text.
+    /// Returns whether samples are numbers written as text.
     pub(super) fn is_text(self) -> bool {
         matches!(self, Codec::Text | Codec::TextToTag)
     }
 }
 
-/// Where a file's samples start, before decoding.
+/// The place where a file's samples start, before decoding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SampleStart {
-    /// At this byte offset.
+    /// The samples start at this byte offset.
     At(u64),
-    /// Such that the last sample is followed by exactly `after` bytes; uncompressed samples only.
+    /// The samples start so that exactly `after` bytes follow the last one; for uncompressed samples only.
     FromEnd {
-        /// Bytes behind the last sample.
+        /// The number of bytes after the last sample.
         after: u64,
-        /// Byte offset that samples cannot start before.
+        /// The smallest byte offset at which samples may start.
         least: u64,
     },
 }
 
-/// The largest number of bytes that one byte of a deflate stream can become: 258 bytes from 2 bits.
+/// The largest number of bytes that one byte of a deflate stream can expand to: 258 bytes from 2 bits.
 pub(super) const DEFLATE_RATIO: u64 = 1032;
 
 const BUFFER_BYTES: usize = 64 << 10;
@@ -91,7 +91,8 @@ impl Read for Packed {
 }
 
 impl SampleStream {
-    /// Opens `path` with `codec`; samples start at byte `at`, after `line_skip` more lines.
+    /// Opens the file at `path`; samples, encoded by `codec`, start `line_skip` lines after byte `at`. Errors name
+    /// `rule`.
     pub(super) fn open(path: &Path, codec: Codec, at: u64, line_skip: u64, rule: &'static str) -> Result<SampleStream> {
         let (file, _) = open_regular(path, "open data file")?;
         let read_failed = || Error::io("read", path);
@@ -109,7 +110,7 @@ impl SampleStream {
             }
             Codec::Deflate => match *reader.fill_buf().map_err(read_failed())? {
                 [0x1f, 0x8b, ..] => Packed::Gzip(Box::new(MultiGzDecoder::new(reader))),
-                // RFC 1950: method 8, and the two bytes, big endian, are a multiple of 31.
+                // RFC 1950: the method is 8, and the two bytes, as a big-endian number, are a multiple of 31.
                 [method, flags, ..] if method & 15 == 8 && u16::from_be_bytes([method, flags]) % 31 == 0 => {
                     Packed::Zlib(Box::new(ZlibDecoder::new(reader)))
                 }
@@ -122,7 +123,7 @@ impl SampleStream {
         Ok(SampleStream { path: path.to_path_buf(), rule, bytes_read: 0, packed })
     }
 
-    /// Fills samples `range` of `slice`, in the file's byte order.
+    /// Reads the samples with indices `range` of `slice`, without changing the file's byte order.
     pub(super) fn read(&mut self, slice: &mut Samples, range: std::ops::Range<usize>) -> Result<()> {
         let width = slice.sample_type().bytes();
         if let Packed::Text(reader) = &mut self.packed {
@@ -132,7 +133,7 @@ impl SampleStream {
         self.read_bytes(&mut slice.bytes_mut()[range.start * width..range.end * width])
     }
 
-    /// Skips `count` samples of `width` bytes.
+    /// Skips `count` samples of `width` bytes each.
     pub(super) fn skip_samples(&mut self, count: u64, width: u64) -> Result<()> {
         match &mut self.packed {
             Packed::Text(reader) => {
@@ -146,7 +147,7 @@ impl SampleStream {
         }
     }
 
-    /// Skips `count` decoded bytes.
+    /// Skips `count` bytes of the decoded stream.
     pub(super) fn skip_bytes(&mut self, count: u64) -> Result<()> {
         let failed = || Error::io("read", &self.path);
         match &mut self.packed {
@@ -171,7 +172,7 @@ impl SampleStream {
         }
     }
 
-    /// Checks that nothing follows the last sample: no decoded byte, no number.
+    /// Checks that nothing follows the last sample: no decoded byte and no number.
     ///
     /// This also verifies the checksum of a compressed stream.
     pub(super) fn expect_end(&mut self) -> Result<()> {
@@ -207,7 +208,7 @@ impl SampleStream {
         Ok(())
     }
 
-    /// Returns the error that a failed read means for the user.
+    /// Returns the error that tells the user why a read failed.
     fn fault(&mut self, source: io::Error, wanted: usize) -> Error {
         let packed = matches!(self.packed, Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_));
         let (kind, read) = (source.kind(), self.bytes_read);
@@ -229,7 +230,7 @@ impl SampleStream {
         }
     }
 
-    /// Returns the bytes of memory that decoding holds, if they can exceed a megabyte.
+    /// Returns how many bytes of memory decoding takes; 0 if that cannot exceed a megabyte.
     pub(super) fn buffer_bytes(&self) -> u64 {
         match &self.packed {
             Packed::Array(reader) => reader.buffer_bytes(),
@@ -237,7 +238,7 @@ impl SampleStream {
         }
     }
 
-    /// Byte offset in the file, for messages.
+    /// Returns the byte offset of the next unread byte in the file, for messages.
     fn position(&mut self) -> u64 {
         match &mut self.packed {
             Packed::Raw(file) => file.stream_position(),
@@ -250,7 +251,7 @@ impl SampleStream {
     }
 }
 
-/// Reads once; repeats if a signal interrupted it.
+/// Calls `read` once; repeats the call if a signal interrupted it.
 fn read_some(reader: &mut impl Read, into: &mut [u8]) -> io::Result<usize> {
     loop {
         match reader.read(into) {

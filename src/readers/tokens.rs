@@ -1,7 +1,7 @@
-//! Reads samples written as text: numbers between white space or commas.
+//! Reads samples that are written as text: numbers separated by white space or commas.
 //!
-//! In: a file's text. Out: typed numbers. A number is at most [`TOKEN_LIMIT`] characters, so the memory is
-//! bounded. A value that its type cannot hold is refused, never wrapped or clamped.
+//! In: the text of a file. Out: numbers of one sample type. A number has at most [`TOKEN_LIMIT`] characters, so the
+//! memory is bounded. A value that the sample type cannot hold is refused, never wrapped or clamped.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
@@ -10,33 +10,33 @@ use std::path::Path;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Sample;
 
-/// Most characters of one number: an `f64` written out in full has up to 1,077.
+/// The largest number of characters of one number: an `f64` written out in full has up to 1,077.
 const TOKEN_LIMIT: usize = 1100;
 
-/// The file and the rule that an error names.
+/// The file and the rule that an error message names.
 #[derive(Clone, Copy)]
 pub(super) struct ErrorSite<'a> {
-    /// The file.
+    /// The path of the file.
     pub(super) path: &'a Path,
-    /// The rule that asks for these numbers.
+    /// The name of the rule that requires these numbers.
     pub(super) rule: &'static str,
 }
 
-/// The text of a file, up to the file's end or the next XML tag.
+/// Reads the text of a file, up to the file's end or the next XML tag.
 pub(super) struct TextReader {
     reader: BufReader<File>,
     to_tag: bool,
-    /// Bytes ahead in the buffer that are known to hold no tag.
+    /// The number of bytes at the front of the buffer that are known to contain no tag.
     clear: usize,
 }
 
 impl TextReader {
-    /// The text of `reader`; with `to_tag`, it ends before the first `<`.
+    /// Creates a reader of the text that starts where `reader` is; with `to_tag`, the text ends before the first `<`.
     pub(super) fn new(reader: BufReader<File>, to_tag: bool) -> TextReader {
         TextReader { reader, to_tag, clear: 0 }
     }
 
-    /// Returns the byte offset of the next unread byte; 0 if the system does not say.
+    /// Returns the byte offset of the next unread byte; 0 if the system cannot tell it.
     pub(super) fn position(&mut self) -> u64 {
         self.reader.stream_position().unwrap_or(0)
     }
@@ -64,7 +64,7 @@ impl BufRead for TextReader {
             return Ok(ahead);
         }
         if self.clear == 0 {
-            // Searched once for each buffer: numbers are short, so a search for each would repeat the work.
+            // The buffer is searched for a tag only once: a search for each number would repeat this work.
             self.clear = ahead.iter().position(|byte| *byte == b'<').unwrap_or(ahead.len());
         }
         Ok(&ahead[..self.clear.min(ahead.len())])
@@ -78,7 +78,7 @@ impl BufRead for TextReader {
 
 /// A sample type that can be written as text.
 pub(super) trait FromText: Sample {
-    /// Its value, or `None` if the type cannot hold it.
+    /// Parses `text`; `None` if it is not a number or the type cannot hold it.
     fn from_text(text: &str) -> Option<Self>;
 }
 
@@ -87,7 +87,7 @@ macro_rules! whole {
         $(impl FromText for $type {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked to be exact")]
             fn from_text(text: &str) -> Option<$type> {
-                // Some writers put a point behind whole numbers: "17.0".
+                // Some writers write whole numbers with a decimal point: "17.0".
                 text.parse().ok().or_else(|| {
                     let value: f64 = text.parse().ok()?;
                     let whole = value as $type;
@@ -112,10 +112,10 @@ impl FromText for f64 {
     }
 }
 
-/// Fills `samples` with the next numbers.
+/// Fills `samples` with the next numbers of the text.
 ///
 /// # Errors
-/// [`Error::Format`] if the text ends before them or one is not a number of the type.
+/// [`Error::Format`] if the text ends too early or has something that is not a number of the sample type.
 pub(super) fn read_numbers<S: FromText>(
     reader: &mut TextReader,
     samples: &mut [S],
@@ -137,17 +137,17 @@ pub(super) fn read_numbers<S: FromText>(
     Ok(())
 }
 
-/// Skips the next number; an error if there is none.
+/// Skips the next number; returns an error if there is none.
 pub(super) fn skip_number(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<()> {
     next_token(reader, &mut [0; TOKEN_LIMIT], place).map(|_| ())
 }
 
-/// Returns whether only white space and commas are left.
+/// Returns whether the text has nothing left but white space and commas.
 pub(super) fn at_end(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<bool> {
     skip_separators(reader, place)
 }
 
-/// Skips white space and commas, and returns whether the text ends there.
+/// Skips white space and commas; returns whether the text ends after them.
 fn skip_separators(reader: &mut TextReader, place: ErrorSite<'_>) -> Result<bool> {
     loop {
         let ahead = reader.fill_buf().map_err(Error::io("read", place.path))?;
@@ -189,6 +189,6 @@ fn next_token<'t>(reader: &mut TextReader, token: &'t mut [u8; TOKEN_LIMIT], pla
             break;
         }
     }
-    // Bytes that are not UTF-8 are no number either; the caller reports this character.
+    // Bytes that are not UTF-8 are no number either; the caller's error shows this replacement character.
     Ok(std::str::from_utf8(&token[..len]).unwrap_or("\u{fffd}"))
 }

@@ -1,11 +1,12 @@
 //! Reads VTK XML image files (.vti): one regular grid with arrays as text, base64 or raw bytes, compressed or not.
 //!
-//! In: an `ImageData` file of one piece. Out: a slab source over one array of one component: the one that `PointData`
-//! names as its `Scalars`, else its first. Files without point arrays give an array of cells by the same rule. Cells
-//! make a grid of their own, one less along each axis, whose first point is the middle of the first cell.
+//! In: an `ImageData` file of one piece. Out: a slab source (which reads slice by slice) over one array of one
+//! component: the array that `PointData` names as its `Scalars`, else its first array. If a file has no point arrays,
+//! an array of `CellData` is chosen by the same rule. The cells form a grid with one point less along each axis, whose
+//! first point is the middle of the first cell.
 //!
-//! An XML parser reads the tags before the array and skips the values in between. It stops at the tag of appended
-//! values, because what follows need not be XML.
+//! An XML parser reads the tags before the array and skips the values between them. It stops at the tag of appended
+//! values, because the bytes after it need not be XML.
 //!
 //! Source: "VTK XML Formats" (docs.vtk.org).
 
@@ -22,7 +23,7 @@ use super::vti_tags::{XmlTag, XmlTags};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::SlabSource;
 
-/// Whether `probe`, the first bytes of a file, are those of a VTK XML file of any kind.
+/// Returns whether `probe`, the first bytes of a file, is the start of a VTK XML file of any kind.
 pub(super) fn is_header(probe: &[u8]) -> bool {
     let text = String::from_utf8_lossy(probe);
     let text = text.trim_start_matches('\u{feff}').trim_start();
@@ -57,24 +58,24 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     })
 }
 
-/// Whether an array has a value for each point or for each cell.
+/// Whether an array has one value per point or one per cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum ArraySection {
     Points,
     Cells,
 }
 
-/// One array, as its tag describes it.
+/// A data array, as its tag describes it.
 #[derive(Debug)]
 struct DataArray {
     section: ArraySection,
-    /// Byte offset behind its tag, where inline values start.
+    /// The byte offset after the array's tag, where inline values start.
     at: u64,
     name: String,
     type_name: String,
     components: String,
     format: String,
-    /// The offset of its values among the appended ones, as text.
+    /// The offset of the array's values in the appended data, in bytes, as text.
     offset: Option<String>,
 }
 
@@ -85,18 +86,18 @@ struct VtiImage<'a> {
     endian: Endian,
     wide: bool,
     compressor: Option<String>,
-    /// First and last index of the points along x, y, z.
+    /// The first and the last index of the points along x, y, z.
     extent: [[i64; 2]; 3],
     origin: [f64; 3],
     spacing: [f64; 3],
-    /// World vectors of the axes, of any length.
+    /// The world vector of each axis, of any length.
     direction: [[f64; 3]; 3],
-    /// The extent of the piece, as its tag says.
+    /// The extent that the tag of the piece states; `None` before this tag.
     piece: Option<[[i64; 2]; 3]>,
     arrays: Vec<DataArray>,
-    /// The arrays that `PointData` and `CellData` name as their scalars.
+    /// The names of the arrays that `PointData` and `CellData` declare as their scalars.
     active: [Option<String>; 2],
-    /// Byte offset of the first appended value, and whether those are base64.
+    /// The byte offset of the first appended value, and whether appended values are base64.
     appended: Option<(u64, bool)>,
 }
 
@@ -208,7 +209,7 @@ impl<'a> VtiImage<'a> {
         };
         let origin = numbers("Origin", "VTK Origin", 3)?.map(|v| [v[0], v[1], v[2]]);
         let spacing = numbers("Spacing", "VTK Spacing", 3)?.map(|v| [v[0], v[1], v[2]]);
-        // Written row by row; its columns are the axes.
+        // The file stores the matrix row by row; its columns are the axes.
         let columns = |m: Vec<f64>| std::array::from_fn(|axis| [m[axis], m[3 + axis], m[6 + axis]]);
         let direction = numbers("Direction", "VTK Direction", 9)?.map(columns);
         self.extent = extent;
@@ -269,7 +270,7 @@ impl<'a> VtiImage<'a> {
                 return Ok((array, section == ArraySection::Cells));
             }
         }
-        // A few names are enough to understand what the file holds.
+        // The names of a few arrays are enough to understand what the file holds.
         let passed = self.arrays.iter().take(4).map(|array| {
             let section = if array.section == ArraySection::Points { "point" } else { "cell" };
             format!("{section} array {} of {} components", clip(&array.name), array.components.escape_debug())
@@ -279,20 +280,20 @@ impl<'a> VtiImage<'a> {
         Err(self.fault(0, "VTK DataArray", "an array of one component in PointData or CellData", got))
     }
 
-    /// Returns the number of points or cells along each axis, and where the first is, in indices of points.
+    /// Returns the number of points or cells along each axis, and the position of the first one, in indices of points.
     fn points(&self, in_cells: bool) -> ([u64; 3], [f64; 3]) {
         let count = |[low, high]: [i64; 2]| (high - low).unsigned_abs();
         if !in_cells {
             #[expect(clippy::cast_precision_loss, reason = "32-bit indices")]
             return (self.extent.map(|e| count(e) + 1), self.extent.map(|[low, _]| low as f64));
         }
-        // An axis with one point has one layer of cells, which are flat there.
+        // An axis with only one point gets one layer of cells, which have no thickness along it.
         #[expect(clippy::cast_precision_loss, reason = "32-bit indices")]
         let middle = |[low, high]: [i64; 2]| low as f64 + if low == high { 0.0 } else { 0.5 };
         (self.extent.map(|e| count(e).max(1)), self.extent.map(middle))
     }
 
-    /// Returns where the grid lies; its first point is at index `first`.
+    /// Returns the position and axes of the grid whose first point is at index `first`.
     fn frame(&self, first: [f64; 3]) -> FileFrame {
         let mut origin = self.origin;
         for (axis, index) in first.into_iter().enumerate() {
@@ -303,7 +304,7 @@ impl<'a> VtiImage<'a> {
         FileFrame { direction: self.direction, origin, ..FileFrame::upright(self.spacing) }
     }
 
-    /// Returns how `array` of `bytes` bytes is packed, and its first byte in the file.
+    /// Returns the encoding of `array`, which has `bytes` bytes unpacked, and the byte offset of its start in the file.
     fn packing(&self, array: &DataArray, bytes: u64) -> Result<(Codec, u64)> {
         let (at, base64) = match array.format.as_str() {
             "ascii" => return Ok((Codec::TextToTag, array.at)),
@@ -342,7 +343,7 @@ impl<'a> VtiImage<'a> {
     }
 }
 
-/// Parses the numbers in `text`; `None` if a word is no number.
+/// Parses the numbers in `text`; `None` if a word is not a number.
 fn numbers<T: std::str::FromStr>(text: &str) -> Option<Vec<T>> {
     text.split_whitespace().map(|word| word.parse().ok()).collect()
 }

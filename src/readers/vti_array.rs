@@ -1,6 +1,6 @@
 //! Reads one data array of a VTK XML file as a stream of decoded bytes.
 //!
-//! In: a file at the array's first byte, and how it is packed. Out: its bytes. There are up to three layers:
+//! In: a file at the array's first byte, and the encoding of the array. Out: its bytes. There are up to three layers:
 //!
 //! ```text
 //! base64      characters to bytes; padding may stand within, as header and values are encoded one by one
@@ -23,32 +23,32 @@ use super::slab::Endian;
 use super::stream::DEFLATE_RATIO;
 use adjsplat::error::{Error, Result};
 
-/// How blocks are compressed.
+/// How the blocks of an array are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Compressor {
-    /// zlib (RFC 1950).
+    /// Blocks are zlib streams (RFC 1950).
     Zlib,
-    /// An LZ4 block without a frame.
+    /// Blocks are LZ4 blocks without a frame.
     Lz4,
 }
 
-/// How an array is packed.
+/// The encoding of an array.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct ArrayCoding {
-    /// Whether bytes are written as base64 characters.
+    /// Whether the bytes are written as base64 characters.
     pub(super) base64: bool,
-    /// Compressor of its blocks, if it is compressed.
+    /// The compressor of the array's blocks; `None` if they are not compressed.
     pub(super) compressor: Option<Compressor>,
-    /// Whether the numbers of its header have 64 bits, not 32.
+    /// Whether the numbers of the array's header have 64 bits, not 32.
     pub(super) wide: bool,
-    /// Byte order of its header.
+    /// The byte order of the numbers in the array's header.
     pub(super) endian: Endian,
-    /// Bytes that it must have when unpacked.
+    /// The number of bytes that the array must have when it is unpacked.
     pub(super) bytes: u64,
 }
 
 impl ArrayCoding {
-    /// Returns the largest array, in bytes, that `room` bytes of a file can hold.
+    /// Returns the size in bytes of the largest array that `room` bytes of a file can hold.
     pub(super) fn most_bytes(self, room: u64) -> u64 {
         let packed = if self.base64 { room / 4 * 3 } else { room };
         packed.saturating_mul(self.compressor.map_or(1, Compressor::ratio))
@@ -56,36 +56,36 @@ impl ArrayCoding {
 }
 
 impl Compressor {
-    /// Returns the largest number of bytes that one packed byte can become.
+    /// Returns the largest number of bytes that one packed byte can expand to.
     fn ratio(self) -> u64 {
         match self {
             Compressor::Zlib => DEFLATE_RATIO,
-            // Each further byte lengthens a match by up to 255.
+            // LZ4: each further byte adds up to 255 bytes to the length of a match.
             Compressor::Lz4 => 255,
         }
     }
 }
 
-/// A stream of the bytes of one array.
+/// A stream of the unpacked bytes of one array.
 pub(super) struct ArrayReader {
     source: ArraySource,
     compressor: Option<Compressor>,
-    /// Packed bytes of each block, and which block is next.
+    /// The packed size of each block in bytes; then the index of the next block.
     packed_sizes: Vec<u64>,
     next_block: usize,
-    /// Bytes of a block and of the array not yet unpacked.
+    /// The size of a block, then the part of the array that is not unpacked yet; both in bytes.
     block_bytes: u64,
     left: u64,
     packed: Vec<u8>,
     block: Vec<u8>,
-    /// Bytes of `block` that the caller has read.
+    /// The number of bytes of `block` that the caller has read.
     used: usize,
 }
 
 impl ArrayReader {
-    /// Reads the array's header from `reader`, which stands at it.
+    /// Creates the stream. Reads the array's header from `reader`, whose position must be at the header's start.
     ///
-    /// It must describe `coding.bytes` bytes, and no more packed ones than the file at `path` has.
+    /// The header must describe `coding.bytes` bytes, and no more packed bytes than the file at `path` has.
     pub(super) fn open(
         path: &Path,
         reader: BufReader<File>,
@@ -131,7 +131,7 @@ impl ArrayReader {
                 };
                 packed_sizes.push(packed);
             }
-            // The header of a single block may state a larger size than the array has.
+            // If there is only one block, its header may state a larger size than the array has.
             block_bytes = full.min(bytes);
         } else {
             let stated_bytes = number()?;
@@ -144,19 +144,19 @@ impl ArrayReader {
         Ok(ArrayReader { source, compressor, packed_sizes, next_block: 0, block_bytes, left, packed, block, used: 0 })
     }
 
-    /// Byte offset in the file, for messages.
+    /// Returns the byte offset of the next unread byte in the file, for messages.
     pub(super) fn position(&mut self) -> io::Result<u64> {
         self.source.position()
     }
 
-    /// Returns the bytes that a block, its packed bytes and the list of blocks take.
+    /// Returns how many bytes of memory a block, its packed bytes and the list of blocks take.
     pub(super) fn buffer_bytes(&self) -> u64 {
         let packed = self.packed_sizes.iter().copied().max().unwrap_or(0);
         let block = if self.packed_sizes.is_empty() { 0 } else { self.block_bytes };
         block.saturating_add(packed).saturating_add(8 * self.packed_sizes.len() as u64)
     }
 
-    /// Unpacks the next block.
+    /// Unpacks the next block into `block`.
     fn unpack(&mut self, compressor: Compressor) -> io::Result<()> {
         let packed = self.packed_sizes[self.next_block];
         resize(&mut self.packed, packed)?;
@@ -166,7 +166,7 @@ impl ArrayReader {
             Compressor::Zlib => {
                 let mut decoder = ZlibDecoder::new(self.packed.as_slice());
                 decoder.read_exact(&mut self.block)?;
-                // At the stream's end its checksum is checked.
+                // A read at the end of the stream makes the decoder verify the checksum.
                 decoder.read(&mut [0])? == 0
             }
             Compressor::Lz4 => lz4_flex::block::decompress_into(&self.packed, &mut self.block)
@@ -200,7 +200,7 @@ impl Read for ArrayReader {
     }
 }
 
-/// Makes `buffer` `len` bytes long; fails if there is no memory for it.
+/// Makes `buffer` `len` bytes long; fails if the memory cannot be had.
 fn resize(buffer: &mut Vec<u8>, len: u64) -> io::Result<()> {
     let len = usize::try_from(len).map_err(|_| io::ErrorKind::OutOfMemory)?;
     buffer.try_reserve_exact(len.saturating_sub(buffer.len())).map_err(|_| io::ErrorKind::OutOfMemory)?;
@@ -215,14 +215,14 @@ fn shown(error: &io::Error) -> String {
     }
 }
 
-/// The packed bytes of an array.
+/// The source of an array's packed bytes.
 enum ArraySource {
     Plain(BufReader<File>),
     Base64(Base64<BufReader<File>>),
 }
 
 impl ArraySource {
-    /// The next number of the header.
+    /// Reads the next number of the array's header.
     fn number(&mut self, coding: ArrayCoding) -> io::Result<u64> {
         let mut bytes = [0; 8];
         let width = if coding.wide { 8 } else { 4 };
@@ -250,13 +250,13 @@ impl Read for ArraySource {
     }
 }
 
-/// Bytes from base64 characters (RFC 4648, section 4), up to the next XML tag.
+/// Decodes base64 characters (RFC 4648, section 4) to bytes, up to the next XML tag.
 struct Base64<R> {
     inner: R,
     group: Base64Group,
 }
 
-/// The characters of an unfinished group of four, and the bytes of the last finished one that were not read yet.
+/// The characters of an unfinished group of four, and those bytes of the last finished group that were not read yet.
 #[derive(Default)]
 struct Base64Group {
     bits: u32,
@@ -297,7 +297,7 @@ impl<R: BufRead> Read for Base64<R> {
 }
 
 impl Base64Group {
-    /// Adds one character; after the fourth the group's bytes are ready.
+    /// Adds one character to the group; after the fourth one, the group's bytes are ready.
     fn take(&mut self, character: u8) -> io::Result<()> {
         let value = match character {
             b'A'..=b'Z' => character - b'A',
@@ -316,7 +316,7 @@ impl Base64Group {
         Ok(())
     }
 
-    /// Ends the group at a padding sign; a second sign changes nothing.
+    /// Ends the group at a padding sign (`=`); a second sign changes nothing.
     fn pad(&mut self) -> io::Result<()> {
         match self.characters {
             0 => {}
@@ -335,7 +335,7 @@ impl Base64Group {
         (self.bits, self.characters) = (0, 0);
     }
 
-    /// Moves ready bytes to the front of `into`, and returns how many.
+    /// Moves bytes that are ready to the front of `into`, and returns their number.
     fn hand_out(&mut self, into: &mut [u8]) -> usize {
         let part = self.ready_count.min(into.len());
         into[..part].copy_from_slice(&self.ready[..part]);
@@ -367,7 +367,7 @@ mod tests {
     #[test]
     fn base64_is_read_across_padding_and_line_ends_in_parts_of_any_size() {
         for part in 1..9 {
-            // RFC 4648, section 10, one after the other.
+            // The test vectors of RFC 4648, section 10.
             for (text, bytes) in [
                 ("Zm9vYmFy", "foobar"),
                 ("Zg==\n Zm8=Zm9v\r\nZm9vYg==</DataArray>Zg==", "ffofoofoob"),

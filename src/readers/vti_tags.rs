@@ -1,7 +1,7 @@
-//! Reads the tags of an XML file, one after the other, in bounded memory.
+//! Reads the tags of an XML file one after the other, in bounded memory.
 //!
 //! In: a file. Out: its opening and closing tags with their attributes and byte offsets. Text between tags can be
-//! skipped without being read into memory, however long it is; all else is at most [`TEXT_LIMIT`] bytes.
+//! skipped without reading it into memory, however long it is. Everything else is limited to [`TEXT_LIMIT`] bytes.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
@@ -16,37 +16,37 @@ use adjsplat::internals::open_regular;
 
 const RULE: &str = "XML";
 
-/// One tag. A tag that closes itself is returned as two.
+/// One tag. A tag that closes itself (`<a/>`) is returned as an opening and a closing tag.
 #[derive(Debug)]
 pub(super) struct XmlTag {
     pub(super) name: String,
-    /// Whether it opens an element; otherwise it closes one.
+    /// Whether the tag opens an element; otherwise it closes one.
     pub(super) opens: bool,
-    /// Byte offset of its `<`, or a little before.
+    /// The byte offset of the tag's `<`, or a slightly smaller one.
     pub(super) at: u64,
-    /// Byte offset behind its `>`.
+    /// The byte offset after the tag's `>`.
     pub(super) end: u64,
     attributes: Vec<(String, String)>,
 }
 
 impl XmlTag {
-    /// The value of attribute `name`.
+    /// Returns the value of attribute `name`, if the tag has it.
     pub(super) fn value(&self, name: &str) -> Option<String> {
         self.attributes.iter().find(|(key, _)| key == name).map(|(_, value)| value.clone())
     }
 }
 
-/// Reads the tags of a file.
+/// Reads the tags of a file one after the other.
 pub(super) struct XmlTags {
     path: PathBuf,
     reader: Reader<LimitedReader>,
     buffer: Vec<u8>,
-    /// The closing tag to return next, after a tag that closes itself.
+    /// The closing tag that is returned next, after a tag that closes itself.
     closing: Option<XmlTag>,
 }
 
 impl XmlTags {
-    /// Opens `path` at its first tag.
+    /// Opens the file at `path`; the first tag is read next.
     pub(super) fn open(path: &Path) -> Result<XmlTags> {
         let (file, _) = open_regular(path, "open")?;
         let budget = LimitedReader { inner: BufReader::new(file), at: 0, left: TEXT_LIMIT };
@@ -54,12 +54,12 @@ impl XmlTags {
         Ok(XmlTags { path: path.to_path_buf(), reader, buffer: Vec::new(), closing: None })
     }
 
-    /// Byte offset of the next unread byte.
+    /// Returns the byte offset of the next unread byte.
     pub(super) fn position(&self) -> u64 {
         self.reader.get_ref().at
     }
 
-    /// The next tag, or `None` at the end of the file.
+    /// Returns the next tag, or `None` at the end of the file.
     ///
     /// # Errors
     /// [`Error::Format`] if the file is not XML; [`Error::Limit`] if its tags are too long.
@@ -124,7 +124,7 @@ impl XmlTags {
         self.reader.get_mut().skip_to_tag().map_err(Error::io("read", &self.path))
     }
 
-    /// Skips the underscore before appended values, and returns the byte offset of the first value.
+    /// Skips the underscore that stands before appended values, and returns the byte offset of the first value.
     pub(super) fn find_underscore(&mut self) -> Result<u64> {
         let mut next = [b' '];
         while next[0].is_ascii_whitespace() {
@@ -149,7 +149,7 @@ impl XmlTags {
     }
 }
 
-/// A file that refuses to be read beyond a limit.
+/// A file that returns an error if more bytes are read than a limit allows.
 struct LimitedReader {
     inner: BufReader<File>,
     at: u64,
@@ -157,7 +157,7 @@ struct LimitedReader {
 }
 
 impl LimitedReader {
-    /// Skips bytes up to a `<`; they do not count against the limit.
+    /// Skips bytes up to a `<`; skipped bytes do not count towards the limit.
     fn skip_to_tag(&mut self) -> io::Result<()> {
         loop {
             let ahead = self.inner.fill_buf()?;

@@ -1,8 +1,9 @@
 //! Reads VTK legacy files of structured points: numbers as text, or binary, which is always big endian.
 //!
-//! In: a `.vtk` file of any version. Out: a slab source over the first one-component `SCALARS` array of its points.
-//! Whatever stands before that array (fields, vectors, normals, lookup tables, metadata) is skipped by its size.
-//! Keywords may be in upper or lower case, in any order that leaves sizes known, with blank lines between.
+//! In: a `.vtk` file of any version. Out: a slab source (which reads slice by slice) over the first `SCALARS` array of
+//! points that has one component. Everything before that array (fields, vectors, normals, lookup tables, metadata) is
+//! skipped by its size. Keywords may be in upper or lower case, with blank lines between them. Any order is accepted in
+//! which the sizes are known in time.
 //!
 //! Source: "VTK File Formats", the chapter on simple legacy formats (docs.vtk.org).
 
@@ -45,9 +46,9 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     })
 }
 
-/// The array that is the volume.
+/// The array that is read as the volume.
 struct LegacyArray {
-    /// Byte offset of its first sample.
+    /// The byte offset of the array's first sample.
     at: u64,
     sample_type: SampleType,
 }
@@ -59,16 +60,17 @@ struct VtkParser {
     dims: Option<[u64; 3]>,
     spacing: [f64; 3],
     origin: [f64; 3],
-    /// Tuples of each array in the section that is being read; `None` before the first section.
+    /// The number of tuples (one per point or cell) of each array in the current section; `None` before the first
+    /// section.
     tuples: Option<u64>,
-    /// Tuples of each array in the section of points.
+    /// The number of tuples of each array in the section of points.
     points: Option<u64>,
-    /// Skipped arrays that the user may have meant, for the message when none fits.
+    /// Descriptions of skipped arrays that the user may have meant, for the error message if no array fits.
     passed: Vec<String>,
 }
 
 impl VtkParser {
-    /// Reads the lines before the first keyword: version, title, ASCII or BINARY, DATASET.
+    /// Reads the lines before the first keyword of the data: version, title, and ASCII or BINARY.
     fn start(path: &Path) -> Result<VtkParser> {
         let mut lines = HeaderLines::open(path)?;
         let fault = |at, rule, expected: &str, got: &str| Error::format(path, at, rule, expected, got);
@@ -96,7 +98,7 @@ impl VtkParser {
         })
     }
 
-    /// Reads keywords up to the first array that can be a volume.
+    /// Reads keywords up to the first array that can be read as a volume.
     fn find_scalars(&mut self) -> Result<LegacyArray> {
         let mut in_points = false;
         while let Some(line) = next_full(&mut self.lines)? {
@@ -137,7 +139,7 @@ impl VtkParser {
         Err(self.fault(at, "VTK SCALARS", expected, got))
     }
 
-    /// Returns the array that `line` (SCALARS) starts, or skips it if it cannot be a volume.
+    /// Returns the array that starts at `line` (a SCALARS line); if it cannot be a volume, skips it and returns `None`.
     fn scalars(
         &mut self,
         line: &HeaderLine,
@@ -146,7 +148,8 @@ impl VtkParser {
         in_points: bool,
     ) -> Result<Option<LegacyArray>> {
         let type_name = arguments.get(1).copied().unwrap_or("nothing");
-        // The line of the lookup table is optional. In a binary file a line end here may be the first sample.
+        // The line LOOKUP_TABLE is optional. In a binary file, a line end at this place may be part of the first
+        // sample.
         while !self.binary && (self.lines.next_is("\n")? || self.lines.next_is("\r\n")?) {
             self.lines.next()?;
         }
@@ -161,7 +164,7 @@ impl VtkParser {
             return Ok(Some(LegacyArray { at: self.lines.position(), sample_type }));
         }
         let section = if in_points { "point" } else { "cell" };
-        // One name is enough to understand what the file holds.
+        // The names of a few arrays are enough to understand what the file holds.
         if self.passed.len() < 4 {
             let name = clip(arguments.first().copied().unwrap_or(""));
             self.passed.push(format!("{section} array {name} of {components} components"));
@@ -170,7 +173,7 @@ impl VtkParser {
         Ok(None)
     }
 
-    /// Skips the values that follow `keyword`.
+    /// Skips the values that belong to `keyword`.
     fn skip(&mut self, line: &HeaderLine, keyword: &str, arguments: &[&str]) -> Result<()> {
         let type_at = |index: usize| arguments.get(index).copied().unwrap_or("nothing");
         match keyword {
@@ -202,12 +205,12 @@ impl VtkParser {
         }
     }
 
-    /// Skips one array of a FIELD: `name components tuples type`, then its values.
+    /// Skips one array of a FIELD: a line `name components tuples type`, then its values.
     fn skip_field_array(&mut self) -> Result<()> {
         while let Some(line) = next_full(&mut self.lines)? {
             let words: Vec<&str> = line.text.split_whitespace().collect();
             if words.first().is_some_and(|word| word.eq_ignore_ascii_case("METADATA")) {
-                // It belongs to the array before.
+                // The metadata belong to the previous array.
                 self.skip_metadata()?;
             } else {
                 return self.skip_field_values(&line, &words);
@@ -224,7 +227,7 @@ impl VtkParser {
         self.skip_values(line, type_name, components.saturating_mul(tuples))
     }
 
-    /// Skips metadata, which end at a blank line.
+    /// Skips metadata, which end with a blank line.
     fn skip_metadata(&mut self) -> Result<()> {
         while let Some(line) = self.lines.next()? {
             if line.text.trim().is_empty() {
@@ -268,7 +271,7 @@ impl VtkParser {
     }
 }
 
-/// The next line that is not blank.
+/// Returns the next line that is not blank.
 fn next_full(lines: &mut HeaderLines) -> Result<Option<HeaderLine>> {
     while let Some(line) = lines.next()? {
         if !line.text.trim().is_empty() {
@@ -284,11 +287,11 @@ fn sample_type(name: &str) -> Option<SampleType> {
     type_by_name(name, ["unsigned_char", "char", "unsigned_short", "short", "unsigned_int", "int", "float", "double"])
 }
 
-/// Bits of one value in a binary file.
+/// Returns the number of bits of one value in a binary file; `None` for an unknown type.
 fn value_bits(name: &str) -> Option<u64> {
     Some(match name.to_ascii_lowercase().as_str() {
         "bit" => 1,
-        // Ids are written as int whatever their size in memory.
+        // Ids are written as 32-bit integers, whatever their size in memory.
         "vtkidtype" => 32,
         "long" | "unsigned_long" | "vtktypeint64" | "vtktypeuint64" => 64,
         other => 8 * sample_type(other)?.bytes() as u64,

@@ -1,4 +1,4 @@
-//! Certified hidden voxels: those that a bound on all lines from outside proves hidden.
+//! Finds certified hidden voxels: a bound on all lines of sight from outside proves that they are hidden.
 //!
 //! ```text
 //! for each kernel, each axis, each of its two directions: march over the layers across the axis, from the front
@@ -11,12 +11,13 @@
 //! ```
 //!
 //! A line moves by at most one cell on either other axis from layer to layer, if the march follows the line's steepest
-//! axis. So its cells are one of the paths that F minimises over, and F bounds the optical depth in front. The walk
-//! composites layers in the march's order wherever its slow axis is the line's steepest one. That holds in every
-//! parallel view, and in perspective for the rays whose steepest axis is the view's. A voxel's own layer does not
-//! count. Outside the volume nothing hides: lines come from anywhere.
+//! axis. So its cells are one of the paths that F minimises over, and F bounds the optical depth in front. The
+//! renderer's walk (its order of voxels) composites layers in the march's order if its outermost axis is the line's
+//! steepest one. That holds in every parallel view, and in perspective for the rays whose steepest axis is the view's.
+//! A voxel's own layer does not count. Nothing outside the volume hides a voxel: lines may come from anywhere.
 //!
-//! The proof covers the kernels of draft, standard and high, for views from outside as [`super`] defines them.
+//! The proof covers the kernels of the draft, standard and high qualities, for views from outside as [`super`] defines
+//! them.
 
 use super::weight::layer_weights;
 use super::{Culling, CullingObserver, CullingStage, report_step};
@@ -31,12 +32,13 @@ use adjsplat::splat::{KernelShape, Quality, Scene, Settings};
 use adjsplat::traverse::{AxisOrder, Batch, Order, walk};
 use adjsplat::volume::Axis;
 
-/// Share of the weight that remains after affine footprints in perspective and single precision have taken theirs.
+/// The fraction of a kernel's weight that is left after the losses by affine footprints in perspective and by single
+/// precision.
 const MARGIN: f64 = 0.98;
-/// Optical depths above this are treated as equal.
+/// The largest optical depth that the march tells apart; larger ones are treated as equal.
 const ENOUGH: f32 = 64.0;
 
-/// Adds the voxels that are not proven hidden to `seen`, a set of records of the lane along x.
+/// Adds the voxels that are not proven hidden to `seen`, a set of records (stored voxels) of the lane along x.
 ///
 /// # Errors
 /// [`Error::Limit`] if the memory does not suffice; [`Error::Input`] if the grid's axes are not at right angles;
@@ -67,7 +69,7 @@ pub(super) fn possibly_visible(
         let lane = scene.lanes.lane(fast)?;
         let open = RecordSet::new(lane.steps.len())?;
         for kernel in kernels {
-            // Equal distances are common, and have equal weights.
+            // Axes often have equal distances between voxels, and then equal weights.
             let [u, v] = slow.others();
             let spacings = [slow, u, v].map(|axis| lengths[axis.index()]);
             let found = known.iter().find(|(other, shape, _)| *other == spacings && *shape == kernel);
@@ -90,7 +92,7 @@ pub(super) fn possibly_visible(
     Ok(())
 }
 
-/// Returns the largest weight of a kernel for a line that is one voxel long inside a voxel.
+/// Returns the largest weight of a kernel for a line that runs one voxel's length inside a voxel.
 fn peak(kernel: KernelShape) -> f64 {
     f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2)
 }
@@ -107,8 +109,8 @@ struct March<'a> {
 }
 
 impl March<'_> {
-    /// Adds the records that are not hidden from the side where the march starts to `open`. `most` is the largest optical
-    /// depth of a mean voxel that no view limits.
+    /// Adds to `open` the records (stored voxels) that are not hidden from the side where the march starts. `most` is
+    /// the largest optical depth of a mean voxel that the renderer does not clamp in any view.
     #[expect(clippy::cast_possible_truncation, reason = "single precision suffices within the margin")]
     fn run(&self, along: AxisOrder, most: f64, open: &RecordSet, memory: u64) -> Result<()> {
         let medium = Axis::ALL.into_iter().find(|&axis| axis != self.slow && axis != self.lane.axis);
@@ -154,17 +156,18 @@ impl March<'_> {
     }
 }
 
-/// Number of planes in [`MarchLayers`].
+/// The number of planes of `f32` that [`MarchLayers`] holds.
 const PLANES: usize = 5;
 
-/// The layer at the march's front, and the optical depth before it.
+/// The layer of voxels that the march has reached, and the optical depth in front of it.
 struct MarchLayers {
     width: usize,
-    /// Optical depth per mean voxel of the layer's voxels; 0 where there is none.
+    /// Optical depth per mean voxel of each voxel of the layer; 0 where there is no voxel.
     tau: Vec<f32>,
-    /// Least optical depth up to and including the layer before.
+    /// For each cell, the least optical depth of a line up to and including the layer before.
     gained: Vec<f32>,
-    /// Minimum of `gained` over the cells where a line that meets a footprint of this layer may have crossed.
+    /// For each cell, the minimum of `gained` over the cells where a line that meets a footprint of this layer may have
+    /// crossed.
     before: Vec<f32>,
     scratch: Vec<f32>,
     across: Vec<f32>,
@@ -176,14 +179,15 @@ impl MarchLayers {
         MarchLayers { width, tau: plane(), gained: plane(), before: plane(), scratch: plane(), across: plane() }
     }
 
-    /// Adds this layer's cost to `gained`, passes `gap` empty layers, and starts the next layer.
+    /// Adds the cost of this layer to `gained`, passes `gap` empty layers, and starts the next layer.
     fn advance(&mut self, one: f32, two: f32, gap: usize, reach: usize) {
         let MarchLayers { width, tau, gained, before, scratch, across } = self;
         box_minimum(gained, scratch, across, *width, 1);
         gained.copy_from_slice(scratch);
         for (weight, cells) in [(one, 1), (two, 2)] {
             box_minimum(tau, scratch, across, *width, cells);
-            // The cost is the larger of the two; the first round leaves its value in `before`.
+            // The cost is the larger of the 3 x 3 and the 5 x 5 value; the first round of this loop leaves its value in
+            // `before`.
             for ((cost, least), sum) in before.iter_mut().zip(&*scratch).zip(gained.iter_mut()) {
                 if cells == 1 {
                     *cost = weight * least;
@@ -201,7 +205,8 @@ impl MarchLayers {
     }
 }
 
-/// Computes the minimum over each square of `2 reach + 1` cells; cells outside count as 0.
+/// Computes, for each cell, the minimum over the square of `2 reach + 1` cells around it; cells outside the plane count
+/// as 0.
 fn box_minimum(plane: &[f32], out: &mut [f32], across: &mut [f32], width: usize, reach: usize) {
     let height = plane.len() / width;
     if 2 * reach >= width || 2 * reach >= height {

@@ -1,7 +1,8 @@
-//! Erosion: keeps the voxels of a set whose neighbours are all in the set.
+//! Erodes a set of voxels: keeps only the voxels whose neighbours are all in the set.
 //!
-//! In: a set of records of the lane along x. Out: its records that have no grid point outside the set within a box
-//! around them. Points outside the grid are outside the set. Slices pass through a ring of tables with a byte a point.
+//! In: a set of records (stored voxels) of the lane along x. Out: its records that have no grid point outside the set
+//! within a box around them. Points outside the grid are outside the set. A ring of tables holds a few slices, one byte
+//! per grid point.
 
 use adjsplat::arena::layout::TILE_EDGE;
 use adjsplat::arena::{Lane, LineSpan};
@@ -9,7 +10,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::RecordSet;
 use adjsplat::volume::Axis;
 
-/// Slices that a row of tiles covers.
+/// The number of slices that a row of tiles covers.
 const EDGE: usize = TILE_EDGE as usize;
 
 /// Returns the bytes that [`erode`] needs for its tables.
@@ -42,7 +43,7 @@ pub(super) fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<Record
             .take_while(move |tile| tile.0 == row)
             .flat_map(|tile| lane.tile_lines(&lane.tiles[tile.1], u64::MAX))
     };
-    // A table first holds whether a point is in the set, then whether its neighbours within the slice are too.
+    // A table first says for each point whether it is in the set, then whether its neighbours within the slice are too.
     let ring = EDGE + 2 * reach;
     let mut scratch = vec![0u8; slice];
     for row in 0..=(depth + reach).div_ceil(EDGE) {
@@ -62,7 +63,7 @@ pub(super) fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<Record
         for z in row * EDGE..((row + 1) * EDGE).min(depth) {
             shrink(&mut tables[z % ring * slice..][..slice], &mut scratch, width, reach);
         }
-        // Slices whose neighbours are complete: `reach` behind the newest.
+        // Slices whose neighbours have all been read are at least `reach` slices behind the newest.
         let newest = (row + 1) * EDGE;
         let ready = newest.saturating_sub(EDGE + reach)..newest.saturating_sub(reach).min(depth);
         for row in ready.start / EDGE..=ready.end.saturating_sub(1) / EDGE {
@@ -84,12 +85,12 @@ pub(super) fn erode(lane: &Lane, set: &RecordSet, reach: usize) -> Result<Record
     Ok(inner)
 }
 
-/// Returns where a line starts in a slice's table; `None` outside the grid.
+/// Returns the index at which a line of voxels starts in a slice's table; `None` if the line is outside the grid.
 fn line_start(line: &LineSpan, width: usize, height: usize, depth: usize) -> Option<usize> {
     ((line.u as usize) < height && (line.v as usize) < depth).then(|| line.u as usize * width)
 }
 
-/// Keeps the points of a slice whose neighbours within `reach` steps are all set; along x, then along y.
+/// Clears each point of a slice that has an unset neighbour within `reach` steps; first along x, then along y.
 fn shrink(points: &mut [u8], scratch: &mut [u8], width: usize, reach: usize) {
     for (row, out) in points.chunks_exact(width).zip(scratch.chunks_exact_mut(width)) {
         out.fill(0);

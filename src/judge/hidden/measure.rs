@@ -1,4 +1,4 @@
-//! Measures how much pictures change when voxels are left out.
+//! Measures how much pictures change when hidden voxels are left out.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -12,21 +12,21 @@ use adjsplat::splat::cpu::render_without;
 use adjsplat::splat::{Frame, Lighting, Scene, Settings};
 use adjsplat::volume::Axis;
 
-/// Rays end at a transmittance this many times smaller than the allowed difference.
+/// The allowed difference over the transmittance at which rays end.
 const TERMINATION: f64 = 64.0;
 
-/// Returns the most bytes that one thread's pictures take.
+/// Returns the largest number of bytes that the pictures of one thread take.
 pub(super) fn bytes_a_thread() -> u64 {
-    // Two frames and the renderer's band: 16 bytes a pixel each, plus guard pixels.
+    // Two frames and the renderer's band, 16 bytes per pixel each, plus guard pixels.
     3 * 16 * u64::from(JUDGING_SIDE + 64).pow(2)
 }
 
-/// Returns the largest change of a pixel in each view without `hidden`, which are records of the lane along x.
+/// Returns, for each view, the largest change of a pixel if the `hidden` records of the lane along x are left out.
 ///
-/// Pictures are lit, and compared over nothing and over white.
+/// Pictures are drawn with lighting, and compared both without a background and over white.
 ///
 /// # Errors
-/// Those of the renderer; [`adjsplat::Error::Interrupted`] if the observer cancels.
+/// The errors of the renderer; [`adjsplat::Error::Interrupted`] if the observer cancels.
 pub(super) fn differences(
     scene: &Scene,
     views: &[CullingView],
@@ -59,7 +59,7 @@ pub(super) fn differences(
     Ok(differences.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Returns the largest difference of two frames of one size, premultiplied or over white.
+/// Returns the largest difference of two frames of one size: of premultiplied samples, or of colours over white.
 fn difference(before: &Frame, after: &Frame) -> f64 {
     let (before, after) = (before.pixels().as_chunks::<4>().0, after.pixels().as_chunks::<4>().0);
     let mut worst = 0.0f32;

@@ -1,21 +1,23 @@
-//! Hidden voxels: voxels that no view from outside shows.
+//! Finds hidden voxels: voxels that no view from outside shows.
 //!
-//! In: a scene, and how much pictures may change. Out: the set of hidden voxels, as records of the lane along x, and how
-//! it was found. There are two algorithms. [`Sampled`](Algorithm::Sampled) renders many views, and measures on other
-//! views how the picture changes without the voxels. [`Certified`](Algorithm::Certified) proves it for every parallel
-//! view, and in perspective for rays whose order is the walk's. It finds fewer voxels.
+//! In: a scene, and how much pictures may change. Out: the set of hidden voxels, as records (stored voxels) of the lane
+//! along x, and how it was found. (A lane holds all visible voxels as scan lines along one axis.) There are two
+//! algorithms. [`Sampled`](Algorithm::Sampled) renders many views, and measures on other views how the picture changes
+//! without the hidden voxels. [`Certified`](Algorithm::Certified) proves a bound on this change for every parallel
+//! view, and in perspective for rays whose order of voxels is the renderer's. It finds fewer voxels.
 //!
 //! Why leaving them out is safe: assume that each missing voxel has a transmittance of at most e in front of it, at
-//! every pixel of its footprint. Then a pixel's frontmost missing splat and all that lies behind it weigh e together. So
-//! the picture changes by at most e, however many voxels are missing.
+//! every pixel of its footprint. Then the frontmost missing splat of a pixel and everything behind it contribute at
+//! most e in total. So the picture changes by at most e, however many voxels are missing.
 //!
 //! Views from outside are parallel ones, and perspective ones whose eye is at least [`CLEARANCE`] voxels away from the
-//! box of the visible voxels. Nearer eyes see footprints that no affine map fits, which reach beyond what should hide
-//! them. (Measured on the engine, eight voxels away: 10 of 34 such views changed, one by 0.16.) Voxels are at least 1.2
-//! pixels apart, as smaller pictures widen footprints.
+//! box of the visible voxels. For nearer eyes the true footprints differ from affine ones, and reach beyond the voxels
+//! that should hide them. (Measured on the engine data set, eight voxels away: 10 of 34 such views changed, one by
+//! 0.16.) Voxels must be at least 1.2 pixels apart, because smaller pictures widen footprints.
 //!
-//! The bound holds for compositing from outside with colours from 0 to 1. Missing voxels show if the eye is inside the
-//! volume, if a crop cuts in, with another transfer function, and in modes that do not hide (maximum, x-ray).
+//! The bound holds for compositing from outside with colours from 0 to 1. The removed voxels would be missing if the
+//! eye is inside the volume, if a crop cuts into it, with another transfer function, and in modes that do not hide
+//! (maximum, x-ray).
 
 mod certified;
 mod erode;
@@ -34,47 +36,48 @@ use adjsplat::internals::in_order;
 use adjsplat::splat::Scene;
 use adjsplat::volume::Axis;
 
-/// The change of a picture that is allowed by default: half a step of eight bits.
+/// The default of [`Culling::eps`]: half the step between two 8-bit levels, on a scale of 0 to 1.
 pub const DEFAULT_EPS: f64 = 1.0 / 512.0;
 /// The least distance of an eye from the box of the visible voxels, in units of the coarsest voxel spacing.
 ///
 /// At this distance the standard kernel's affine footprint is within 2 % of its peak of the true one.
 pub const CLEARANCE: f64 = 32.0;
-/// The default of [`Culling::views`].
+/// The default of [`Culling::views`], the number of deciding views.
 pub const DEFAULT_VIEWS: u32 = 240;
 
-/// How hidden voxels are found. Both results are then measured on other views.
+/// Selects how hidden voxels are found. The result of either algorithm is then measured on other views.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Algorithm {
-    /// By rendering many views.
+    /// Renders many views, and takes the voxels that none of them shows.
     Sampled,
-    /// By a lower bound on the optical depth in front of a voxel along every line.
+    /// Computes a lower bound on the optical depth in front of a voxel along every line.
     Certified,
 }
 
-/// Settings of the search for hidden voxels.
+/// The settings of the search for hidden voxels.
 #[derive(Debug, Clone, Copy)]
 pub struct Culling {
-    /// Largest change of a pixel's premultiplied colour or alpha; above 0, below 1.
+    /// The largest allowed change of a pixel's premultiplied colour or alpha; above 0, below 1.
     pub eps: f64,
-    /// The algorithm that finds them.
+    /// The algorithm that finds the hidden voxels.
     pub algorithm: Algorithm,
-    /// Views from all around that decide, besides those along axes and diagonals and near the faces; at least 1.
+    /// The number of views from all around that decide which voxels are hidden, besides those along axes and diagonals
+    /// and near the faces; at least 1.
     pub views: u32,
-    /// Random views that measure the change, besides 26 along axes and diagonals.
+    /// The number of random views that measure how pictures change, besides 26 along axes and diagonals.
     pub judging_views: u32,
-    /// Number of threads, at least 1.
+    /// The number of threads, at least 1.
     pub threads: usize,
-    /// Bytes of memory that may be used besides the scene.
+    /// The bytes of memory that the search may use besides the scene.
     pub memory: u64,
 }
 
-/// The step that a search is at.
+/// The stage that a search for hidden voxels has reached.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum CullingStage {
-    /// Views are rendered to see which voxels they show.
+    /// Rendering views to see which voxels they show.
     Look,
-    /// Pictures with and without the hidden voxels are compared.
+    /// Comparing pictures with and without the hidden voxels.
     Compare,
 }
 
@@ -84,25 +87,28 @@ pub type CullingObserver<'a> = &'a mut dyn FnMut(CullingStage, u64, u64) -> Cont
 /// The hidden voxels of a scene, and how they were found.
 #[derive(Debug)]
 pub struct HiddenVoxels {
-    /// Their records in the lane along x, without stepping records.
+    /// The records of the hidden voxels in the lane along x. Stepping records, which only bridge long gaps, are not in
+    /// it.
     pub records: RecordSet,
-    /// Number of hidden voxels.
+    /// The number of hidden voxels.
     pub count: u64,
-    /// Number of views that decided.
+    /// The number of views that decided which voxels are hidden.
     pub views: u64,
-    /// Number of other views that measured the change.
+    /// The number of other views that measured how pictures change without the hidden voxels.
     pub judging_views: u64,
-    /// Largest change of a pixel's premultiplied colour or alpha, or of its colour over white, in those views.
+    /// The largest change in the measuring views: of a pixel's premultiplied colour or alpha, or of its colour over
+    /// white.
     pub worst_difference: f64,
-    /// Passes over the views of a lane: one each, more if memory is scarce.
+    /// The number of times that views were rendered, summed over the lanes: one per lane, more if memory is scarce.
     pub passes: u64,
-    /// Sets of measuring views that were needed; 1 unless voxels had to be restored.
+    /// The number of sets of measuring views that were needed; 1 unless hidden voxels had to be restored.
     pub rounds: u32,
 }
 
-/// Most sets of measuring views that are tried.
+/// The largest number of sets of measuring views that are tried.
 const ROUNDS: u32 = 8;
-/// Returns how many cells around a hidden voxel must be hidden too. It grows after the third round that failed.
+/// Returns how many cells around a hidden voxel must be hidden too, in this round. It grows after the third failed
+/// round.
 fn skin(round: u32) -> usize {
     1 + round.saturating_sub(2) as usize
 }
@@ -117,10 +123,12 @@ fn skin(round: u32) -> usize {
 ///     seen += voxels that these views show, at half the threshold; take new measuring views
 /// ```
 ///
-/// The neighbours matter: views between the deciding ones look through a narrow gap at a voxel next to those seen.
-/// Measured on the engine (docs/studies/hidden.md): without them a quarter of the views changed, some by 0.3.
+/// The neighbours matter: a view between the deciding ones can look through a narrow gap at a voxel beside a seen one.
+/// Measured on the engine data set (docs/studies/hidden.md): without this rule a quarter of the views changed, some by
+/// 0.3.
 ///
-/// Takes some bits a record, eleven bytes a grid point of a slice, and pictures; checked before anything is allocated.
+/// Takes some bits per record, eleven bytes per grid point of a slice, and pictures; this is checked before anything is
+/// allocated.
 ///
 /// # Errors
 /// [`Error::Input`] if a setting is out of its range, there are no voxels, or pictures still change after all rounds;
@@ -179,13 +187,13 @@ pub fn find(scene: &Scene, culling: &Culling, observer: CullingObserver) -> Resu
     Err(Error::input("hidden voxels", why))
 }
 
-/// Returns the memory that remains for a lane's marks, or for the layers of a proof.
+/// Returns how many bytes of memory remain for the marks on a lane's records, or for the layers of a proof.
 fn spare_memory(records: usize, dims: [u32; 3], culling: &Culling) -> Result<u64> {
-    // Voxels seen, voxels unseen, the eroded set, and one of them along another lane.
+    // Sets of records: voxels seen, voxels unseen, the eroded set, and one of them copied to another lane.
     let sets = 4 * RecordSet::bytes_for(records);
     let pictures = measure::bytes_a_thread() * culling.threads as u64;
     let fixed = sets.saturating_add(erode_bytes(dims, skin(ROUNDS))).saturating_add(pictures);
-    // With less than an eighth of the marks, views would be rendered more than eight times.
+    // With memory for less than an eighth of the marks, each view would be rendered more than eight times.
     let need = fixed.saturating_add(RecordSet::bytes_for(records).div_ceil(8));
     if need > culling.memory {
         let what = "memory for finding hidden voxels in bytes (fewer threads need less)";
@@ -194,7 +202,7 @@ fn spare_memory(records: usize, dims: [u32; 3], culling: &Culling) -> Result<u64
     Ok(culling.memory - fixed)
 }
 
-/// Calls `job` with 0 to `count`, on several threads.
+/// Calls `job` with each number from 0 to `count - 1`, on several threads.
 fn in_parallel(
     count: usize,
     threads: usize,

@@ -1,8 +1,8 @@
-//! Hidden voxels by sampling: those that none of many views shows.
+//! Finds hidden voxels by sampling: voxels that none of many views shows.
 //!
-//! In: views. Out: the records of the lane along x that any view shows with at least a threshold of transmittance in
-//! front. The renderer itself marks them (`cpu/visible.rs`), in its own order and with its own footprints. Views walk along
-//! any of the three lanes; their marks are carried over to the lane along x.
+//! In: views. Out: the voxels that any view shows with at least a threshold of transmittance in front of them, as
+//! records (stored voxels) of the lane along x. The renderer itself marks them (`cpu/visible.rs`), in its own order and
+//! with its own footprints. A view uses one of the three lanes; its marks are carried over to the lane along x.
 
 use super::views::CullingView;
 use super::{CullingObserver, CullingStage, in_parallel};
@@ -15,13 +15,14 @@ use adjsplat::splat::{Quality, Scene, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};
 use adjsplat::volume::Axis;
 
-/// Adds what the views show to `seen`, a set of records of the lane along x; returns the passes over lanes.
+/// Adds the voxels that the views show to `seen`, a set of records of the lane along x. Returns the number of passes:
+/// how often views were rendered, summed over the lanes.
 ///
-/// A lane's marks take a bit a record. If that is more than `memory` bytes, the views are rendered several times, each
-/// time for other records.
+/// The marks on a lane's records take one bit per record. If that is more than `memory` bytes, the views are rendered
+/// several times, each time for another range of records.
 ///
 /// # Errors
-/// Those of the renderer; [`adjsplat::Error::Interrupted`] if the observer cancels.
+/// The errors of the renderer; [`adjsplat::Error::Interrupted`] if the observer cancels.
 pub(super) fn look(
     scene: &Scene,
     views: &[CullingView],
@@ -61,7 +62,7 @@ pub(super) fn look(
     Ok(passes)
 }
 
-/// Returns for each axis the views, with their indices, that walk along it: it is the innermost axis of their order.
+/// Returns, for each axis, the views whose innermost loop runs along that axis, with their indices in `views`.
 pub(super) fn by_axis<'a>(scene: &Scene, views: &'a [CullingView]) -> Result<[Vec<(usize, &'a CullingView)>; 3]> {
     let mut views_of = [const { Vec::new() }; 3];
     let grid = &scene.facts.grid;
@@ -73,7 +74,7 @@ pub(super) fn by_axis<'a>(scene: &Scene, views: &'a [CullingView]) -> Result<[Ve
     Ok(views_of)
 }
 
-/// Returns the settings that draw a view.
+/// Returns the settings that draw a view; rays end below the transmittance `termination`.
 #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
 pub(super) fn settings(view: &CullingView, termination: f64) -> Settings {
     Settings {
@@ -85,7 +86,7 @@ pub(super) fn settings(view: &CullingView, termination: f64) -> Settings {
     }
 }
 
-/// Returns the voxels of the lane along x that are not in `seen`.
+/// Returns the records of the lane along x that are voxels and are not in `seen`.
 pub(super) fn unseen(lane: &Lane, seen: &RecordSet) -> Result<RecordSet> {
     let unseen = RecordSet::new(lane.steps.len())?;
     let voxels = (0..lane.steps.len()).filter(|&record| lane.steps[record] != 0);

@@ -1,7 +1,7 @@
-//! Views that decide which voxels are hidden, and views that measure the change without them.
+//! Chooses the views that decide which voxels are hidden, and the views that measure how pictures change without them.
 //!
-//! In: the box of the visible voxels. Out: cameras outside it, each with a picture size and a kernel. No deciding view is
-//! a measuring view.
+//! In: the box of the visible voxels. Out: cameras outside it, each with a picture size and a kernel. No deciding view
+//! is also a measuring view.
 
 use std::f64::consts::PI;
 
@@ -14,14 +14,14 @@ use adjsplat::splat::camera::WorldFrame;
 use adjsplat::splat::view::MAX_SIZE;
 use adjsplat::splat::{Camera, KernelShape, Projection, Quality, Surround};
 
-/// Pixels between the closest voxels. Footprints of every kernel are then above the low-pass, which would show more
-/// voxels, yet small enough to be drawn fast.
+/// The distance between the closest voxels, in pixels. Footprints of every kernel are then larger than the low-pass
+/// filter, which would make more voxels show, yet small enough to be drawn fast.
 const PIXELS_PER_VOXEL: f64 = 1.5;
 
-/// The same at the far end of a perspective view: the least that is above the low-pass.
+/// The same distance at the far end of a perspective view: the least at which footprints exceed the low-pass filter.
 const PIXELS_PER_FARTHEST: f64 = 1.2;
 
-/// A view of the visible voxels.
+/// A view of the visible voxels: a camera, a picture size and a kernel.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct CullingView {
     pub(super) camera: Camera,
@@ -29,13 +29,13 @@ pub(super) struct CullingView {
     pub(super) kernel: KernelShape,
 }
 
-/// The visible voxels, which views look at.
+/// The box of the visible voxels, which the views look at.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ViewTarget {
     centre: DVec3,
     radius: f64,
     frame: WorldFrame,
-    /// Smallest and largest distance between voxels, in world length.
+    /// The smallest and the largest distance between neighbouring voxels, in world length.
     finest: f64,
     coarsest: f64,
     low: [u16; 3],
@@ -43,7 +43,7 @@ pub(super) struct ViewTarget {
 }
 
 impl ViewTarget {
-    /// Makes the target of the voxels from `low` to `high`, inclusive.
+    /// Creates the target from the box of voxels with indices `low` to `high`, inclusive.
     pub(super) fn new(facts: &Facts, (low, high): ([u16; 3], [u16; 3])) -> ViewTarget {
         let Surround { centre, radius } = Surround::of_voxels(&facts.grid, low, high);
         let spacing = facts.grid.spacing;
@@ -59,7 +59,7 @@ impl ViewTarget {
         }
     }
 
-    /// Returns a parallel view of everything, along `direction`.
+    /// Returns a parallel view of the whole target, along `direction`; no side of the picture exceeds `most` pixels.
     fn parallel(&self, direction: DVec3, kernel: KernelShape, most: u32) -> Result<CullingView> {
         let side = pixels(2.0 * self.radius / self.finest * PIXELS_PER_VOXEL, most);
         let eye = self.centre - direction * (2.0 * self.radius);
@@ -68,9 +68,10 @@ impl ViewTarget {
         Ok(CullingView { camera, size: [side; 2], kernel })
     }
 
-    /// Returns a perspective view from `eye` to `target` with a vertical angle of `fov` degrees.
+    /// Returns a perspective view from `eye` to `target` with a vertical angle of `fov` degrees; no side exceeds `most`
+    /// pixels.
     fn perspective(&self, eye: DVec3, target: DVec3, fov: f64, kernel: KernelShape, most: u32) -> Result<CullingView> {
-        // Fine enough at the far end; nearer voxels are larger.
+        // Pixels are small enough for the far end of the target; nearer voxels are larger.
         let width = 2.0 * (fov.to_radians() / 2.0).tan() * (eye.distance(self.centre) + self.radius);
         let side = pixels(width / self.finest * PIXELS_PER_FARTHEST, most);
         let projection = Projection::Perspective { fov };
@@ -78,13 +79,14 @@ impl ViewTarget {
         Ok(CullingView { camera, size: [side; 2], kernel })
     }
 
-    /// Returns a perspective view of everything along `direction`, `away` radii from the centre.
+    /// Returns a perspective view of the whole target along `direction`; the eye is `away` radii from the centre.
     fn whole_volume(&self, direction: DVec3, away: f64, kernel: KernelShape, most: u32) -> Result<CullingView> {
         let fov = 2.0 * (1.0 / away).asin().to_degrees();
         self.perspective(self.centre - direction * (away * self.radius), self.centre, fov, kernel, most)
     }
 
-    /// Returns a view to the centre from near a face of the box; `place` has three numbers from 0 to 1.
+    /// Returns a view to the centre from near a face of the box; `place` holds three fractions from 0 to 1 that place
+    /// the eye.
     fn beside_face(&self, face: usize, place: [f64; 3], kernel: KernelShape, most: u32) -> Result<CullingView> {
         let axis = face / 2;
         let clear = CLEARANCE * self.coarsest / self.frame.steps[axis].length();
@@ -106,7 +108,7 @@ fn pixels(needed: f64, most: u32) -> u32 {
     side
 }
 
-/// Returns a direction across the view; always the same for the same view.
+/// Returns a vector at right angles to `direction`, as the camera's up; always the same for the same direction.
 fn any_up(direction: DVec3) -> [f64; 3] {
     direction.any_orthogonal_vector().to_array()
 }
@@ -133,7 +135,8 @@ fn axes_and_diagonals(frame: &WorldFrame) -> impl Iterator<Item = DVec3> + '_ {
 
 const KERNELS: [Quality; 3] = [Quality::Standard, Quality::High, Quality::Draft];
 
-/// Returns the deciding views: all axes and diagonals with every kernel, then `count` around, then some near faces.
+/// Returns the deciding views: along all axes and diagonals with every kernel, then `count` all around, then some near
+/// faces.
 pub(super) fn deciding(target: &ViewTarget, count: u32) -> Result<Vec<CullingView>> {
     let mut views = Vec::new();
     for direction in axes_and_diagonals(&target.frame) {
@@ -144,7 +147,7 @@ pub(super) fn deciding(target: &ViewTarget, count: u32) -> Result<Vec<CullingVie
     let mut random = RandomNumbers(1);
     for index in 0..count {
         let direction = sphere_direction(index, count);
-        // Neighbours on the sphere are a Fibonacci number of steps apart: kinds alternate among them too.
+        // Neighbours on the sphere are a Fibonacci number of indices apart: kernels alternate among them too.
         let kernel = KERNELS[(index % 4).saturating_sub(1) as usize].kernel();
         views.push(match index % 5 {
             3 => target.whole_volume(direction, 1.0 + random.number() * 3.0 + 0.15, kernel, MAX_SIZE)?,
@@ -160,10 +163,10 @@ pub(super) fn deciding(target: &ViewTarget, count: u32) -> Result<Vec<CullingVie
     Ok(views)
 }
 
-/// Longest side of a measuring view's picture in pixels: two are in memory at once.
+/// The longest side of a measuring view's picture, in pixels: two pictures are in memory at once.
 pub(super) const JUDGING_SIDE: u32 = 1_536;
 
-/// Returns the measuring views of a round: perspective along all axes and diagonals, and `count` random ones.
+/// Returns the measuring views of a round: perspective views along all axes and diagonals, and `count` random ones.
 pub(super) fn judging(target: &ViewTarget, count: u32, round: u32) -> Result<Vec<CullingView>> {
     let mut random = RandomNumbers(0x9e37_79b9 + u64::from(round));
     let mut views = Vec::new();
@@ -189,7 +192,7 @@ pub(super) fn judging(target: &ViewTarget, count: u32, round: u32) -> Result<Vec
     Ok(views)
 }
 
-/// Random numbers from 0 to 1, the same on every machine.
+/// Generates random numbers from 0 to 1, the same on every machine.
 ///
 /// Source: Steele, Lea and Flood, "Fast splittable pseudorandom number generators", 2014 (SplitMix64).
 struct RandomNumbers(u64);

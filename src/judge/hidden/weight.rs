@@ -1,8 +1,9 @@
-//! The least weight that a line gains in a layer of voxels.
+//! Computes the least weight that a line of sight gains in a layer of voxels.
 //!
-//! In: a kernel and the distances between voxels. Out: the least sum of weights of the voxels in a square of cells around
-//! the cell in which a line crosses their layer. The minimum is over all places in that cell and all slopes up to one
-//! cell a layer on either axis. It is proven: boxes of places and slopes are split until their lower bound suffices.
+//! In: a kernel and the distances between voxels. Out: the least sum of kernel weights of the voxels in a square of
+//! cells around the cell in which a line crosses their layer. The minimum is over all crossing points in that cell and
+//! all slopes up to one cell per layer on either axis. It is proven: ranges of points and slopes are split until their
+//! lower bound suffices.
 //!
 //! In index space the kernel is a ball. A voxel's weight depends only on its distance from the line:
 //! `G(distance) * (length of the line per step of index space)`. The distance changes by at most the shift of the
@@ -11,14 +12,15 @@
 use adjsplat::splat::KernelShape;
 use adjsplat::volume::Axis;
 
-/// Proven bounds are this share below the minimum over a grid of lines. Closer ones cost millions of boxes and gain
-/// little, as sums of weights hardly change from line to line.
+/// How far a proven bound is below the least weight over a grid of lines, as a fraction of it. Closer bounds would need
+/// millions of ranges and gain little, because sums of weights hardly change from line to line.
 const CLOSE: f64 = 0.05;
-/// How often a box of lines is split at most.
+/// The largest number of times that a range of lines is split.
 const SPLITS: u32 = 16;
 
-/// Returns the least weights of layers across `axis`, for optical depth per mean voxel: over the 3 x 3 cells around the
-/// crossed one, and over 5 x 5. `lengths` are distances between voxels on each axis, in mean voxels.
+/// Returns the least weights of layers across `axis`: the sum over the 3 x 3 cells around the crossed one, and over 5 x
+/// 5. Multiplied by an optical depth per mean voxel they give that of the line. `lengths` are the distances between
+/// voxels on each axis, in mean voxels.
 pub(super) fn layer_weights(kernel: KernelShape, axis: Axis, lengths: [f64; 3]) -> [f64; 2] {
     let [u, v] = axis.others();
     let squares = [axis, u, v].map(|axis| lengths[axis.index()].powi(2));
@@ -28,11 +30,11 @@ pub(super) fn layer_weights(kernel: KernelShape, axis: Axis, lengths: [f64; 3]) 
 
 struct VoxelLayer {
     kernel: KernelShape,
-    /// Squared distances between voxels: across the layer, and on its two axes.
+    /// The squared distances between voxels: across the layer, then along its two axes.
     squares: [f64; 3],
 }
 
-/// A box of places and slopes: the centre and half the width of each.
+/// A range of lines: the centre and half the width of the range of crossing points, in cells, and of slopes.
 #[derive(Debug, Clone, Copy)]
 struct LineRange {
     place: [f64; 2],
@@ -44,7 +46,8 @@ struct LineRange {
 impl VoxelLayer {
     fn least(&self, cells: i32) -> f64 {
         let one = |n: i32| {
-            // Places in a quarter of the cell, which suffices by symmetry, and slopes.
+            // The crossing points are in a quarter of the cell, which suffices by symmetry; the last two numbers are
+            // slopes.
             let fraction =
                 |power: u32, low: f64, high: f64| low + (high - low) * f64::from(n / 9i32.pow(power) % 9) / 8.0;
             let (place, slope) =
@@ -53,19 +56,19 @@ impl VoxelLayer {
         };
         let mut floor = (0..9i32.pow(4)).map(one).fold(f64::INFINITY, f64::min) * (1.0 - CLOSE);
         let all = LineRange { place: [0.25; 2], slope: [0.0; 2], place_radius: 0.25, slope_radius: 1.0 };
-        // If the floor cannot be proven, the minimum lies between the lines that were tried.
+        // If the floor cannot be proven, the minimum lies at a line between those that were tried.
         while !self.stays_above(floor, &all, cells, SPLITS) {
             floor *= 1.0 - CLOSE;
         }
         floor
     }
 
-    /// Whether every line of `lines` gains at least `floor`; undecided boxes are split at most `splits` times.
+    /// Returns whether every line of `lines` gains at least `floor`; undecided ranges are split at most `splits` times.
     fn stays_above(&self, floor: f64, lines: &LineRange, cells: i32, splits: u32) -> bool {
         if self.bound(lines, cells) >= floor {
             return true;
         }
-        // Slopes change a distance by up to the offset, about one and a half cells.
+        // A slope changes a line's distance from a voxel by up to the voxel's offset, about one and a half cells.
         let by_slope = 1.5 * lines.slope_radius > lines.place_radius;
         splits > 0
             && (0..4).all(|quarter| {
@@ -87,7 +90,7 @@ impl VoxelLayer {
             })
     }
 
-    /// Returns a lower bound for all `lines`; the exact sum of weights if they are a single line.
+    /// Returns a lower bound of the weight of all `lines`; the exact sum of weights if the range is a single line.
     fn bound(&self, lines: &LineRange, cells: i32) -> f64 {
         let moved = lines.place_radius * std::f64::consts::SQRT_2;
         let turned = lines.slope_radius * std::f64::consts::SQRT_2;
@@ -106,7 +109,7 @@ impl VoxelLayer {
         sum * self.length(lines)
     }
 
-    /// Returns the kernel's integral along a line at this distance.
+    /// Returns the integral of the kernel along a line at this distance from its centre.
     fn weight(&self, distance: f64) -> f64 {
         if distance > f64::from(self.kernel.radius) {
             return 0.0;
@@ -115,7 +118,8 @@ impl VoxelLayer {
         f64::from(self.kernel.normalisation()) / (sigma * sigma) * (-0.5 * (distance / sigma).powi(2)).exp()
     }
 
-    /// Returns the least length of a line per step of index space, in mean voxels: monotonic in each squared slope.
+    /// Returns the least length of any of the lines per step of index space, in mean voxels. It grows with each squared
+    /// slope.
     fn length(&self, lines: &LineRange) -> f64 {
         let ends = lines.slope.map(|slope| {
             let (low, high) = (slope - lines.slope_radius, slope + lines.slope_radius);
@@ -163,12 +167,12 @@ mod tests {
                         least = least.min(layer.bound(&line, cells));
                     }
                     assert!(bound <= least, "{quality:?} {axis:?} {cells}: {bound} is above {least}");
-                    // The grid of lines has the corners, where the least usually is.
+                    // The grid of lines includes the corners, where the least weight usually is.
                     assert!(bound >= 0.94 * least, "{quality:?} {axis:?} {cells}: {bound} is far below {least}");
                 }
             }
         }
-        // The paper's constants, measured on a coarse grid, for sigma 0.6 and a cut-off of 2.
+        // The constants of the paper, measured on a coarse grid, for sigma 0.6 and a cut-off of 2.
         let weights = layer_weights(KernelShape { sigma: 0.6, radius: 2.0 }, Axis::Z, [1.0; 3]);
         assert!((weights[0] / 0.9416 - 0.95).abs() < 0.02 && (weights[1] / 0.9967 - 0.95).abs() < 0.01, "{weights:?}");
     }

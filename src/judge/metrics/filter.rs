@@ -1,20 +1,20 @@
-//! Separable filters of planes of numbers. Beyond the border, the value at the border continues.
+//! Separable filters of planes of numbers. Outside a plane, the value at its border is used.
 
-/// An odd number of weights around a centre.
+/// A one-dimensional filter: an odd number of weights around a centre.
 pub(super) struct FilterKernel(Vec<f64>);
 
 impl FilterKernel {
-    /// Makes a kernel of the weights at `-radius` to `radius`.
+    /// Creates a kernel whose weights are `weight(-radius)` to `weight(radius)`.
     pub(super) fn new(radius: usize, weight: impl Fn(f64) -> f64) -> FilterKernel {
         FilterKernel((0..=2 * radius).map(|at| weight(at as f64 - radius as f64)).collect())
     }
 
-    /// Returns the sum of the weights for which `wanted` is true.
+    /// Returns the sum of the weights for which `wanted` returns true.
     pub(super) fn sum(&self, wanted: impl Fn(f64) -> bool) -> f64 {
         self.0.iter().filter(|weight| wanted(**weight)).sum()
     }
 
-    /// Returns the kernel with every weight changed.
+    /// Returns the kernel with `change` applied to every weight.
     pub(super) fn map(self, change: impl Fn(f64) -> f64) -> FilterKernel {
         FilterKernel(self.0.into_iter().map(change).collect())
     }

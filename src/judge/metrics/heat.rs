@@ -1,25 +1,25 @@
-//! A heat map of where two pictures differ.
+//! Draws a heat map: where, and how much, two pictures differ.
 //!
-//! In: two frames. Out: a frame that shows each pixel's largest absolute difference of linear premultiplied samples as a
-//! colour, from black for none to pale yellow for the largest. Lightness rises evenly with the difference along a curve
-//! in Oklab, so that equal steps look equal, also in grey print.
+//! In: two frames. Out: a frame that shows each pixel's largest absolute difference of linear premultiplied samples as
+//! a colour, from black for none to pale yellow for the largest. The colours follow a curve in Oklab on which lightness
+//! rises evenly with the difference. So equal steps look equal, also when printed in grey.
 //!
 //! Source of the colour space: B. Ottosson, "A perceptual color space for image processing", 2020.
 
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
 
-/// A picture of the differences of two pictures.
+/// A heat map: the differences of two pictures, shown as colours.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HeatMap {
-    /// The differences as colours.
+    /// The frame that shows the differences as colours.
     pub frame: Frame,
-    /// The largest difference, which has the brightest colour.
+    /// The largest difference, which is shown in the brightest colour.
     pub brightest: f64,
 }
 
 impl HeatMap {
-    /// Shows the absolute differences of two pictures.
+    /// Creates the heat map of the absolute differences of two pictures.
     ///
     /// # Errors
     /// [`Error::Input`] if the sizes differ; [`Error::Limit`] if the memory cannot be had.
@@ -44,12 +44,13 @@ impl HeatMap {
     }
 }
 
-/// Returns the linear colour of a fraction from 0 to 1: violet, red and orange lie between black and yellow.
+/// Returns the linear colour for a fraction of the largest difference: violet, red and orange lie between black and
+/// yellow.
 fn colour(fraction: f64) -> [f32; 3] {
     let lightness = 0.97 * fraction;
     let hue = (300.0 + 165.0 * fraction).to_radians();
     let wanted = 0.23 * (std::f64::consts::PI * fraction).sin();
-    // As colourful as a display can show at that lightness and hue.
+    // The most colourful value that a display can show at that lightness and hue.
     let chroma = (0..=64)
         .rev()
         .map(|step| wanted * f64::from(step) / 64.0)

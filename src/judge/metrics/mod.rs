@@ -1,9 +1,9 @@
-//! Metrics: how much two pictures differ.
+//! Metrics: numbers that say how much two pictures differ.
 //!
 //! In: two frames of one size, and a background. Out: [`Metrics`]. Errors of light (largest error, RMSE, PSNR, energy)
-//! are of linear premultiplied samples, over the pixels that are not empty in both pictures: empty pixels would make any
-//! picture look right. Visible errors (SSIM, FLIP, errors of display values) are of the pictures over the background, as
-//! sRGB.
+//! compare linear premultiplied samples of the pixels that are not empty in both pictures: pixels that are empty in
+//! both would hide the errors. Visible errors (SSIM, FLIP, errors of display values) compare the pictures over the
+//! background, in sRGB.
 
 mod display;
 mod filter;
@@ -17,41 +17,41 @@ use display::DisplayPicture;
 
 pub use heat::HeatMap;
 
-/// How much a picture differs from the reference.
+/// The differences between a picture and the reference picture.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Metrics {
-    /// `10 log10(1 / mean squared error)` in decibels; infinite for equal pictures.
+    /// `10 log10(1 / mean squared error)` of linear samples, in decibels; infinite for equal pictures.
     pub psnr: f64,
-    /// Mean structural similarity of display luma; 1 for equal pictures.
+    /// The mean structural similarity of display luma, -1 to 1; 1 for equal pictures.
     pub ssim: f64,
-    /// Mean FLIP, 0 to 1; 0 for equal pictures.
+    /// The mean FLIP, 0 to 1; 0 for equal pictures.
     pub flip: f64,
-    /// Largest difference of two samples.
+    /// The largest difference between a linear sample of the picture and that of the reference.
     pub max_abs: f64,
-    /// Column and row of the first pixel that has the largest difference.
+    /// The column and row of the first pixel that has the largest difference.
     pub max_at: [u32; 2],
-    /// Root of the mean squared error.
+    /// The root of the mean squared error of linear samples.
     pub rmse: f64,
-    /// Sum of the picture's light and alpha over that of the reference, less 1; 0 if both are empty.
+    /// The sum of the picture's light and alpha divided by that of the reference, minus 1; 0 if both are empty.
     pub energy: f64,
-    /// Errors of the red, green and blue that a display shows, each 0 to 1.
+    /// The errors of the red, green and blue that a display shows, each 0 to 1.
     pub display: SampleErrors,
 }
 
-/// Errors of one kind of samples.
+/// The errors of one kind of samples, such as display values.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SampleErrors {
-    /// Peak signal-to-noise ratio in decibels; infinite for equal pictures.
+    /// The peak signal-to-noise ratio in decibels; infinite for equal pictures.
     pub psnr: f64,
-    /// Root of the mean squared error.
+    /// The root of the mean squared error.
     pub rmse: f64,
-    /// Largest difference of two samples.
+    /// The largest difference between a sample of the picture and that of the reference.
     pub max_abs: f64,
 }
 
-/// Compares picture `other` with the reference picture `right`.
+/// Compares the picture `other` with the reference picture `right`.
 ///
-/// `background` is the linear colour behind both, for errors of display values.
+/// `background` is the linear colour behind both pictures when display values are compared.
 ///
 /// # Errors
 /// [`Error::Input`] if the sizes differ, or if a sample is not a finite number.
@@ -87,7 +87,7 @@ pub fn compare(right: &Frame, other: &Frame, background: [f32; 3]) -> Result<Met
     })
 }
 
-/// Sums of errors over samples.
+/// The sums of errors over samples, from which the metrics are computed.
 struct ErrorSums {
     squares: f64,
     samples: usize,

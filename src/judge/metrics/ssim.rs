@@ -1,8 +1,8 @@
-//! Structural similarity of display luma, at full resolution.
+//! Computes SSIM: the structural similarity of the display luma of two pictures, at full resolution.
 //!
 //! In: two pictures as a display shows them. Out: the mean over all positions of an 11 x 11 Gaussian window (sigma 1.5)
-//! inside the picture; K1 = 0.01, K2 = 0.03, population covariances. Luma is 0.2126 R' + 0.7152 G' + 0.0722 B'. Pictures
-//! with a side below 11 use all pixels, with the border repeated.
+//! inside the picture; K1 = 0.01, K2 = 0.03, population covariances. Luma is 0.2126 R' + 0.7152 G' + 0.0722 B'. If a
+//! side is below 11 pixels, windows are centred on every pixel, and border pixels are repeated outside.
 //!
 //! Source: Wang, Bovik, Sheikh and Simoncelli, "Image Quality Assessment: From Error Visibility to Structural
 //! Similarity", IEEE Trans. Image Processing 13(4), 2004.

@@ -1,11 +1,11 @@
-//! Closed forms of the emission-absorption integral, which judge the reference renderers. All are exact up to rounding.
+//! Closed forms of the emission-absorption integral, to test the reference renderers. All are exact up to rounding.
 
-/// Returns the transmittance of an optical depth (the Beer-Lambert law).
+/// Returns the transmittance of a medium of optical depth `depth` (the Beer-Lambert law).
 pub fn transmittance(depth: f64) -> f64 {
     (-depth).exp()
 }
 
-/// Returns the premultiplied colour of a medium of one colour and this optical depth.
+/// Returns the premultiplied colour of a medium of optical depth `depth` that has one colour.
 pub fn constant(depth: f64, colour: f64) -> f64 {
     colour * absorbed(depth)
 }
@@ -17,26 +17,28 @@ pub fn linear_ramp(depth: f64, near: f64, far: f64) -> f64 {
     near * absorbed(depth) + (far - near) * (absorbed(depth) / depth - transmittance(depth))
 }
 
-/// Returns the premultiplied colour of one layer in front of another; each is its optical depth and its colour.
+/// Returns the premultiplied colour of one layer in front of another; each is a pair of optical depth and colour.
 pub fn layers(near: (f64, f64), far: (f64, f64)) -> f64 {
     constant(near.0, near.1) + transmittance(near.0) * constant(far.0, far.1)
 }
 
-/// Returns the premultiplied colour of two evenly mixed media: their colours are averaged by optical depth.
+/// Returns the premultiplied colour of two evenly mixed media, each a pair of optical depth and colour. The colours are
+/// averaged by optical depth.
 pub fn mixed(one: (f64, f64), other: (f64, f64)) -> f64 {
     let depth = one.0 + other.0;
     constant(depth, (one.0 * one.1 + other.0 * other.1) / depth)
 }
 
-/// Returns the optical depth of a ray that passes one voxel's Gaussian kernel; the voxel's cell is a cube.
+/// Returns the optical depth of a ray that passes the Gaussian kernel of one voxel, whose cell is a cube.
 ///
-/// `depth` is the voxel's optical depth along its edge. `sigma` and the ray's `distance` are in voxel spacings.
+/// `depth` is the optical depth along an edge of the voxel. `sigma` and the ray's `distance` from it are in voxel
+/// spacings.
 pub fn voxel_depth(depth: f64, sigma: f64, distance: f64) -> f64 {
     let square = sigma * sigma;
     depth / (std::f64::consts::TAU * square) * (-0.5 * distance * distance / square).exp()
 }
 
-/// Returns `1 - e^-depth`, exact for small depths too.
+/// Returns the opacity `1 - e^-depth`, exact for small depths too.
 fn absorbed(depth: f64) -> f64 {
     -(-depth).exp_m1()
 }

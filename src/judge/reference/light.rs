@@ -1,20 +1,20 @@
-//! Lighting in double precision: two-sided Blinn-Phong, as the renderers have it.
+//! Lighting in double precision: two-sided Blinn-Phong, like the renderers' lighting.
 
 use glam::DVec3;
 
 use super::voxels::ReferenceVoxel;
 use adjsplat::splat::{Lighting, View};
 
-/// The lighting of a view, in the grid's axes.
+/// The lighting of a view; directions are along the grid's axes.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct ReferenceLights {
     lighting: Lighting,
     toward_light: DVec3,
-    /// Used for parallel views.
+    /// The direction toward the eye, for parallel views.
     toward_eye: DVec3,
-    /// The eye in mean voxels; `None` for a parallel view.
+    /// The position of the eye in mean voxels; `None` for a parallel view.
     eye: Option<DVec3>,
-    /// Distance between voxels on each axis, in mean voxels.
+    /// The distance between neighbouring voxels on each axis, in mean voxels.
     steps: DVec3,
 }
 
@@ -31,7 +31,7 @@ impl ReferenceLights {
         }
     }
 
-    /// Returns the lit colour of a voxel in linear light; a highlight may exceed 1.
+    /// Returns the lit colour of a voxel in linear light; with a highlight it may exceed 1.
     pub(super) fn lit(&self, voxel: &ReferenceVoxel) -> [f64; 3] {
         let colour = voxel.colour.map(f64::from);
         let normal = DVec3::from_array(voxel.normal);

@@ -1,7 +1,7 @@
-//! Reference renderers: the pictures that the renderers should give, slowly and in double precision.
+//! Reference renderers: they draw the pictures that the fast renderers should draw, slowly and in double precision.
 //!
 //! In: a volume and a transfer function, or a list of voxels; a camera. Out: a [`ReferencePicture`]. Nothing here uses
-//! the packed structure: samples are classified as they are read, and voxels are ordered by sorting.
+//! the packed structure of the files: samples are classified as they are read, and voxels are sorted.
 //!
 //! ```text
 //! volume -> VisibleVoxels -> Judge      splatting without shortcuts: judges the renderer's arithmetic and order
@@ -9,8 +9,9 @@
 //! closed                                closed forms of simple scenes: judge the judges
 //! ```
 //!
-//! So the error of a picture has three parts. Rays against splats sorted by distance: the error of the model. Sorted
-//! splats against nested order: that of the order. Nested splats against the renderer's picture: that of the arithmetic.
+//! So the error of a picture has three parts. The error of the model is the difference of rays and splats sorted by
+//! distance. The error of the order is that of sorted splats and splats in nested order. The error of the arithmetic is
+//! that of nested splats and the renderer's picture.
 
 pub mod closed;
 mod integrate;

@@ -1,6 +1,6 @@
-//! Orders of compositing, found by sorting.
+//! Finds orders of compositing by sorting.
 //!
-//! In: voxels and a view. Out: their indices, near first.
+//! In: voxels and a view. Out: the indices of the voxels, nearest first.
 
 use super::voxels::ReferenceVoxel;
 use adjsplat::splat::View;
@@ -9,15 +9,15 @@ use adjsplat::splat::view::PixelMap;
 /// The order in which splats are composited.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
 pub enum SplatOrder {
-    /// Three nested loops over the axes, as a walk does: the axis most aligned with the view outermost, each axis by the
-    /// distance from the eye's plane.
+    /// In three nested loops over the axes, as the renderers visit voxels. The axis most aligned with the view is
+    /// outermost; along each axis voxels are sorted by their distance from the eye's plane.
     #[default]
     Nested,
-    /// By distance from the eye; for a parallel view by depth along the view axis.
+    /// Sorted by distance from the eye; in a parallel view by depth along the view axis.
     Sorted,
 }
 
-/// Returns the indices of `voxels`, near first; their grid has `dims` points.
+/// Returns the indices of `voxels`, nearest first; `dims` is the number of points of their grid along x, y, z.
 pub(super) fn front_to_back(voxels: &[ReferenceVoxel], dims: [u32; 3], view: &View, order: SplatOrder) -> Vec<u32> {
     let index = |at: usize| u32::try_from(at).expect("voxels are fewer than 2^32");
     match order {
@@ -42,7 +42,7 @@ pub(super) fn front_to_back(voxels: &[ReferenceVoxel], dims: [u32; 3], view: &Vi
     }
 }
 
-/// Returns the rank of each coordinate of an axis, near first.
+/// Returns the rank of each coordinate of an axis with `points` points; the nearest has rank 0.
 fn ranks(points: u32, direction: f64, eye: Option<f64>) -> Vec<u16> {
     let last = points - 1;
     let mut coordinates: Vec<u32> = (0..points).collect();
@@ -51,7 +51,7 @@ fn ranks(points: u32, direction: f64, eye: Option<f64>) -> Vec<u16> {
         None => {}
         Some(eye) if eye <= 0.0 => {}
         Some(eye) if eye >= f64::from(last) => coordinates.reverse(),
-        // Of two equally distant coordinates the lower one comes last from the front, hence first from the back.
+        // Of two equally distant coordinates, the higher one comes first in front-to-back order.
         Some(eye) => coordinates.sort_by(|&a, &b| {
             let [near, far] = [a, b].map(|at| (f64::from(at) - eye).abs());
             near.total_cmp(&far).then(b.cmp(&a))
@@ -64,7 +64,7 @@ fn ranks(points: u32, direction: f64, eye: Option<f64>) -> Vec<u16> {
     ranks
 }
 
-/// Returns the squared distance from the eye, or the depth in a parallel view; in mean voxels.
+/// Returns the squared distance of a voxel from the eye, or its depth in a parallel view; in mean voxels.
 fn distance(voxel: &ReferenceVoxel, view: &View) -> f64 {
     let [x, y, z] = voxel.position.map(f64::from);
     match &view.map {

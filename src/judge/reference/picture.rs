@@ -1,4 +1,4 @@
-//! Pictures of the reference renderers.
+//! The pictures that the reference renderers return.
 
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
@@ -25,12 +25,12 @@ impl ReferencePicture {
         Ok(ReferencePicture { size, pixels })
     }
 
-    /// Returns columns and rows.
+    /// Returns the numbers of columns and rows.
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
 
-    /// Returns all pixels.
+    /// Returns all pixels, row by row from the top.
     pub fn pixels(&self) -> &[[f64; 4]] {
         &self.pixels
     }
@@ -42,7 +42,7 @@ impl ReferencePicture {
     /// Returns the pixel at `column` and `row`.
     ///
     /// # Panics
-    /// If it lies outside the picture.
+    /// If the pixel lies outside the picture.
     pub fn pixel(&self, column: u32, row: u32) -> [f64; 4] {
         assert!(column < self.size[0] && row < self.size[1], "pixel ({column}, {row}) lies outside {:?}", self.size);
         self.pixels[row as usize * self.size[0] as usize + column as usize]

@@ -17,17 +17,17 @@ use super::light::ReferenceLights;
 use super::splat::JudgeSettings;
 use super::voxels::ReferenceVoxel;
 
-/// A pixel with less transmittance no longer changes in double precision.
+/// The transmittance below which a pixel no longer changes in double precision.
 const GONE: f64 = 1e-18;
 
-/// Rows of a picture that one thread draws.
+/// A band of rows of a picture, which one thread draws.
 pub(super) struct PixelRows<'a> {
     pub(super) first_row: usize,
     pub(super) columns: usize,
     pub(super) pixels: &'a mut [[f64; 4]],
 }
 
-/// The covariance of a footprint, in square pixels.
+/// The covariance matrix of a footprint, in square pixels.
 #[derive(Debug, Clone, Copy)]
 struct SplatCovariance {
     xx: f64,
@@ -37,13 +37,14 @@ struct SplatCovariance {
 }
 
 impl SplatCovariance {
-    /// Projects a kernel by a Jacobian in pixels per voxel, and adds the low-pass.
+    /// Creates the covariance of a kernel projected by a Jacobian (in pixels per voxel), and adds the low-pass filter.
     fn new([x, y]: [[f64; 3]; 2], sigma: f64) -> SplatCovariance {
         let square = sigma * sigma;
         let [x, y] = [x, y].map(glam::DVec3::from_array);
         let (xx, xy, yy) = (square * x.dot(x), square * x.dot(y), square * y.dot(y));
         let determinant = square * square * x.cross(y).length_squared();
-        // The larger eigenvalue has no difference in it that could cancel; the smaller follows from the product.
+        // The larger eigenvalue is a sum, so it loses no digits to cancellation; the smaller follows from the
+        // determinant.
         let widest = (xx + yy) / 2.0 + ((xx - yy) / 2.0).hypot(xy);
         let narrowest = if widest > 0.0 { determinant / widest } else { 0.0 };
         let added = (f64::from(LOW_PASS).powi(2) - narrowest).max(0.0);
@@ -51,15 +52,15 @@ impl SplatCovariance {
     }
 }
 
-/// Draws voxels of one view.
+/// Draws the voxels of one view as splats.
 pub(super) struct SplatProjector<'a> {
     map: PixelMap,
     settings: &'a JudgeSettings,
     lights: Option<ReferenceLights>,
-    /// Makes up for the cut-off and holds the factor 1 / (2 pi).
+    /// Scales weights up by what the cut-off loses, times the factor 1 / (2 pi).
     strength: f64,
     exposure: f64,
-    /// The covariance that all voxels of a parallel view share.
+    /// The covariance of every footprint in a parallel view; `None` in perspective.
     footprint: Option<SplatCovariance>,
 }
 
@@ -82,7 +83,8 @@ impl<'a> SplatProjector<'a> {
         }
     }
 
-    /// Returns the centre, the covariance, and the pixels per mean area across the ray. `None`: too near.
+    /// Returns a footprint's centre and covariance, and the pixels per mean area across the ray; `None` if the voxel is
+    /// too near.
     fn project(&self, voxel: &ReferenceVoxel) -> Option<([f64; 2], SplatCovariance, f64)> {
         let [x, y, z] = voxel.position.map(f64::from);
         let at = |m: &Affine| m[0] * x + m[1] * y + m[2] * z + m[3];
@@ -102,7 +104,7 @@ impl<'a> SplatProjector<'a> {
                     std::array::from_fn(|a| scale * (right[a] - across * along[a])),
                     std::array::from_fn(|a| scale * (above * along[a] - up[a])),
                 ];
-                // A pixel's solid angle is cos^3 / focal^2, and it is t2 / cos away.
+                // A pixel's solid angle is cos^3 / focal^2; the voxel is at the distance t2 / cos.
                 let slant = (1.0 + across * across + above * above).sqrt();
                 let centre = [centre[0] + focal * across, centre[1] - focal * above];
                 Some((centre, SplatCovariance::new(jacobian, self.settings.sigma), scale * scale * slant))
@@ -125,7 +127,7 @@ impl<'a> SplatProjector<'a> {
         if whole(x - reach_x, x + reach_x, 0, band.columns).is_none() {
             return;
         }
-        // The weight at the centre of a footprint; weights of a layer of voxels add up to 1.
+        // The weight at the centre of a footprint, scaled so that the weights of a layer of voxels add up to 1.
         let weight = self.strength * density / determinant.sqrt();
         let peak = match self.settings.blending {
             Blending::Linear => -(-voxel.depth * self.exposure).exp_m1() * weight,
@@ -142,7 +144,8 @@ impl<'a> SplatProjector<'a> {
             if room < 0.0 {
                 continue;
             }
-            // On a row the exponent is that of a Gaussian around the ridge.
+            // Along a row of pixels, the exponent is that of a Gaussian around the point where the footprint is
+            // strongest.
             let (middle, half_width) = (x + xy / yy * dy, (room * determinant / yy).sqrt());
             let Some((first, last)) = whole(middle - half_width, middle + half_width, 0, band.columns) else {
                 continue;
@@ -156,7 +159,7 @@ impl<'a> SplatProjector<'a> {
         }
     }
 
-    /// Composites an optical depth (an opacity with linear blending) of `colour` behind what the pixel shows.
+    /// Composites `colour` behind what the pixel shows. `amount` is an optical depth (an opacity with linear blending).
     fn blend(&self, pixel: &mut [f64; 4], amount: f64, colour: [f64; 3]) {
         if self.settings.mode == Mode::Additive {
             (0..3).for_each(|c| pixel[c] += amount * colour[c]);
@@ -182,11 +185,11 @@ impl PixelRows<'_> {
     }
 }
 
-/// Returns the whole numbers from `low` to `high`, inclusive, that are among the `count` from `first` on.
+/// Returns the first and last whole number from `low` to `high`, inclusive, among the `count` numbers from `first` on.
 fn whole(low: f64, high: f64, first: usize, count: usize) -> Option<(usize, usize)> {
     let last = first + count - 1;
     let (from, to) = (low.ceil().max(first as f64), high.floor().min(last as f64));
-    // NaN compares false.
+    // With NaN the comparison is false.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "between `first` and `last`")]
     (from <= to).then_some((from as usize, to as usize))
 }

@@ -1,7 +1,7 @@
-//! The ray casting reference: the emission-absorption integral itself.
+//! The ray casting reference: it computes the emission-absorption integral itself.
 //!
-//! In: visible voxels, a camera, [`RaySettings`]. Out: a [`ReferencePicture`]. Splats stand for a field that is a sum of
-//! Gaussians. In index space, with `g` a Gaussian of `sigma` spacings whose integral is 1:
+//! In: visible voxels, a camera, [`RaySettings`]. Out: a [`ReferencePicture`]. The integral is over the field that
+//! splats approximate, a sum of Gaussians. In index space, with `g` a Gaussian of `sigma` spacings whose integral is 1:
 //!
 //! ```text
 //! extinction(x) = sum of depth_i g(x - i)
@@ -9,8 +9,9 @@
 //! d colour / dt = emission exp(-d),   d depth / dt = extinction      along each pixel's ray, from the eye
 //! ```
 //!
-//! Each voxel is a Gaussian of t along a ray. A ray gathers these from the cells of voxels that it passes and
-//! integrates them ([`super::integrate`]). Nothing is projected, sorted or filtered: pixels are points.
+//! Along a ray, each voxel's kernel is a Gaussian of t. A ray gathers these Gaussians from the cells of voxels that it
+//! passes, and integrates them ([`super::integrate`]). Nothing is projected, sorted by depth or filtered: pixels are
+//! points.
 
 use glam::DVec3;
 
@@ -23,25 +24,26 @@ use adjsplat::splat::camera::WorldFrame;
 use adjsplat::splat::view::PixelMap;
 use adjsplat::splat::{Camera, Lighting, Quality, View};
 
-/// Voxels along an edge of a cell.
+/// The number of voxels along an edge of a cell (a cube of voxels).
 const CELL: u16 = 4;
-/// Radius of a kernel, in standard deviations: `e^-18` is 1.5e-8.
+/// The radius of a kernel, in standard deviations: there its value is `e^-18` = 1.5e-8 of the maximum.
 pub(super) const REACH: f64 = 6.0;
 
-/// Settings of a picture by [`RayJudge`].
+/// The settings of a picture that [`RayJudge`] draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RaySettings {
-    /// Columns and rows of the picture, each 1 to 16,384.
+    /// The numbers of columns and rows of the picture, each 1 to 16,384.
     pub size: [u32; 2],
-    /// Standard deviation of the Gaussian kernel, in voxel spacings; above 0.
+    /// The standard deviation of the Gaussian kernel, in voxel spacings; above 0.
     pub sigma: f64,
-    /// Largest error of a sample, on a full scale of 1; 1e-12 to 1e-2.
+    /// The largest error of a sample whose full scale is 1; from 1e-12 to 1e-2.
     pub tolerance: f64,
-    /// Lighting of voxels that have a normal; `None` draws plain colours.
+    /// The lighting of voxels that have a normal; `None` draws plain colours.
     pub lighting: Option<Lighting>,
-    /// World distance of the near plane along the view axis; `None` as in [`JudgeSettings`](super::JudgeSettings).
+    /// The distance of the near plane along the view axis, in world length; `None` as in
+    /// [`JudgeSettings`](super::JudgeSettings).
     pub near: Option<f64>,
-    /// Number of threads, at least 1. The picture does not depend on it.
+    /// The number of threads, at least 1. The picture does not depend on it.
     pub threads: usize,
 }
 
@@ -66,19 +68,19 @@ impl RaySettings {
     }
 }
 
-/// A ray casting renderer of some voxels, for small scenes: a ray costs about a microsecond a voxel near it.
+/// A ray casting renderer for small scenes: a ray takes about a microsecond per voxel near it.
 #[derive(Debug)]
 pub struct RayJudge<'a> {
     visible: &'a VisibleVoxels,
     cells: Vec<VoxelCell>,
-    /// Indices of voxels, sorted by cell.
+    /// The indices of the voxels, sorted by cell.
     members: Vec<u32>,
 }
 
-/// Voxels that lie together.
+/// A cell: a small cube of neighbouring voxels.
 #[derive(Debug)]
 struct VoxelCell {
-    /// Its centre, in index space.
+    /// The centre of the cell, in index space.
     centre: DVec3,
     members: std::ops::Range<usize>,
 }
@@ -133,7 +135,7 @@ impl<'a> RayJudge<'a> {
         Ok(picture)
     }
 
-    /// Returns each voxel's optical depth, 0 if it is too near, and its colour in this view.
+    /// Returns each voxel's optical depth (0 if the voxel is too near) and its colour in this view.
     fn colours(&self, view: &View, settings: &RaySettings) -> Vec<(f64, [f64; 3])> {
         let lights = settings.lighting.map(|lighting| ReferenceLights::new(lighting, view));
         let seen = |position: [u16; 3]| match &view.map {
@@ -152,14 +154,14 @@ impl<'a> RayJudge<'a> {
             .collect()
     }
 
-    /// Lists the Gaussians along a ray, sorted by their centres.
+    /// Fills `gaussians` with the kernels along a ray, sorted by their centres.
     fn gather(&self, ray: &Ray, colours: &[(f64, [f64; 3])], sigma: f64, gaussians: &mut Vec<RayGaussian>) {
         gaussians.clear();
         let voxels = self.visible.voxels();
         let unit = ray.direction / ray.speed;
         let reach = REACH * sigma;
         let half_diagonal = f64::from(CELL - 1) / 2.0 * 3.0f64.sqrt();
-        // Integral of a kernel along a line through its centre, per mean voxel.
+        // The integral of a kernel along a line through its centre, per mean voxel.
         let through = 1.0 / (std::f64::consts::TAU * sigma * sigma) / ray.speed;
         for cell in &self.cells {
             if (cell.centre - ray.origin).cross(unit).length() > reach + half_diagonal {
@@ -185,19 +187,19 @@ impl<'a> RayJudge<'a> {
 struct Ray {
     origin: DVec3,
     direction: DVec3,
-    /// Length of `direction`.
+    /// The length of `direction`, in voxel spacings per mean voxel.
     speed: f64,
-    /// Parameter t at which the integral starts.
+    /// The parameter t at which the integral starts, in mean voxels.
     start: f64,
 }
 
-/// The rays of a picture's pixels.
+/// The rays of the pixels of a picture.
 struct Rays {
     world: WorldFrame,
     map: PixelMap,
-    /// Right, up and forward; each as long as a mean voxel.
+    /// The directions right, up and forward; each as long as a mean voxel.
     axes: [DVec3; 3],
-    /// The eye in world space, from the grid's origin.
+    /// The position of the eye in world space, relative to the grid's origin.
     eye: DVec3,
     centre: [f64; 2],
 }

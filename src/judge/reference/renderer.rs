@@ -1,4 +1,4 @@
-//! The judge behind the settings of the other renderers: it honours each, or refuses it.
+//! Lets the judge draw with the settings of the other renderers: it applies each setting, or refuses it.
 
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::supersampled;
@@ -8,13 +8,14 @@ use adjsplat::traverse::{SplitForm, VoxelBox};
 use super::splat::{Judge, JudgeSettings};
 
 impl Judge {
-    /// Draws the picture that a renderer with these settings should draw, but with nothing cut short.
+    /// Draws the picture that a renderer with these settings should draw, without any of its approximations.
     ///
-    /// The kernel keeps its sigma and goes on to where it ends for the judge, whatever the quality. `sense`, `code` and
+    /// The kernel keeps its sigma but reaches out to the judge's cut-off, whatever the quality. `sense`, `code` and
     /// `threads` do not change the picture.
     ///
     /// # Errors
-    /// [`Error::Input`] for what the judge does not have: a termination, an order of the caller's, split sides, sheets.
+    /// [`Error::Input`] for settings that the judge does not support: a termination, a custom order, split sides,
+    /// sheets.
     pub fn render(&self, camera: &Camera, settings: &Settings) -> Result<Frame> {
         let refused = |what: &str, why: &str| Err(Error::input(what, format!("{why}; leave it out")));
         if settings.termination.is_some() {

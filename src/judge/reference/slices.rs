@@ -1,8 +1,8 @@
-//! Slices of a volume, each with what its gradients need.
+//! Reads the slices of a volume, each with the neighbouring slices that its gradients need.
 //!
-//! In: a slab source. Out: one slice after the other as values in double precision, with gradients by central
-//! differences in world units. At borders and beside missing samples differences are one-sided. Label maps have
-//! gradients of their smoothed visibility.
+//! In: a slab source (which reads slice by slice along z). Out: one slice after the other as values in double
+//! precision, with gradients by central differences in world units. At borders and beside missing samples differences
+//! are one-sided. In label maps the gradients are those of the smoothed visibility.
 
 use std::collections::VecDeque;
 
@@ -11,7 +11,7 @@ use adjsplat::error::Result;
 use adjsplat::volume::{Header, Sample as _, Samples, SlabSource};
 use adjsplat::with_samples;
 
-/// The field whose gradients are taken.
+/// Selects the field whose gradients are computed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum GradientField {
     Nothing,
@@ -19,7 +19,7 @@ pub(super) enum GradientField {
     SmoothedVisibility,
 }
 
-/// Calls `work` with each slice's index, values and neighbourhood.
+/// Calls `work` with each slice's index, its values, and the slices of the gradient field around it.
 pub(super) fn for_each_slice(
     source: &mut dyn SlabSource,
     header: &Header,
@@ -30,7 +30,7 @@ pub(super) fn for_each_slice(
     let [width, height, depth] = header.grid.dims.map(|points| points as usize);
     let mut samples = header.new_slice()?;
     let mut smoother = Smoother::new([width, height]);
-    // `values` starts at slice z, `fields` at slice z - 1.
+    // `values` starts at slice z; `fields` starts one slice earlier, at z - 1.
     let (mut values, mut fields) = (VecDeque::new(), VecDeque::new());
     let (mut values_end, mut fields_end) = (0, 0);
     for z in 0..depth {
@@ -80,13 +80,14 @@ fn decoded(samples: &Samples, header: &Header) -> Vec<f64> {
     with_samples!(samples, samples => samples.iter().map(|raw| raw.to_f64() * slope + intercept).collect())
 }
 
-/// Returns a smoothed slice if `fill` produces one. Sums of 4,096ths are exact in single precision.
+/// Returns the smoothed slice that `fill` writes; `None` if it writes none. Sums of 4,096ths are exact in single
+/// precision.
 fn smoothed(fill: impl FnOnce(&mut [f32]) -> bool, len: usize) -> Option<Vec<f64>> {
     let mut slice = vec![0.0; len];
     fill(&mut slice).then(|| slice.into_iter().map(f64::from).collect())
 }
 
-/// A slice of the gradient field between the two beside it.
+/// A slice of the gradient field with the slices before and after it.
 pub(super) struct Neighbours<'a> {
     slices: [Option<&'a [f64]>; 3],
     dims: [usize; 2],
@@ -94,7 +95,8 @@ pub(super) struct Neighbours<'a> {
 }
 
 impl Neighbours<'_> {
-    /// Returns the gradient at (`x`, `y`) along the grid's axes, per world length; 0 where no sample is known.
+    /// Returns the gradient at (`x`, `y`) along the grid's axes, per world length; 0 where no neighbouring sample is
+    /// known.
     pub(super) fn gradient(&self, x: usize, y: usize) -> [f64; 3] {
         let [width, height] = self.dims;
         let at = |slice: Option<&[f64]>, x: Option<usize>, y: Option<usize>| match (slice, x, y) {

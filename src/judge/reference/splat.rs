@@ -1,12 +1,12 @@
-//! The splatting reference: what splatting gives when nothing is cut short.
+//! The splatting reference: draws what splatting gives without approximations for speed.
 //!
 //! In: visible voxels, a camera, [`JudgeSettings`]. Out: a [`ReferencePicture`]. Splats are composited one after the
-//! other, near first, in double precision. Kernels reach out to six standard deviations and exponentials are exact. A
-//! ray ends only where its transmittance no longer matters in double precision.
+//! other, nearest first, in double precision. Kernels reach out to six standard deviations and exponentials are exact.
+//! A ray ends only where its transmittance no longer matters in double precision.
 //!
-//! Each thread owns a band of rows and draws all splats into it, so the picture does not depend on their number. The
-//! reference shares its model with the renderers: the affine footprint of EWA, the low-pass, the largest optical depth
-//! of a splat, the lighting. [`RayJudge`](super::RayJudge) shares only the lighting.
+//! Each thread draws all splats into its own band of rows, so the picture does not depend on the number of threads. The
+//! reference shares its model with the renderers: the affine footprint of EWA, the low-pass filter, the largest optical
+//! depth of a splat, the lighting. [`RayJudge`](super::RayJudge) shares only the lighting.
 
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
@@ -18,38 +18,38 @@ use super::picture::ReferencePicture;
 use super::project::{PixelRows, SplatProjector};
 use super::voxels::VisibleVoxels;
 
-/// Settings of a picture by [`Judge`].
+/// The settings of a picture that [`Judge`] draws.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JudgeSettings {
-    /// Columns and rows of the picture, each 1 to 16,384.
+    /// The numbers of columns and rows of the picture, each 1 to 16,384.
     pub size: [u32; 2],
-    /// Standard deviation of the Gaussian kernel, in voxel spacings; above 0.
+    /// The standard deviation of the Gaussian kernel, in voxel spacings; above 0.
     pub sigma: f64,
-    /// Radius of the kernel in standard deviations. Its weight is scaled up by what the cut-off loses.
+    /// The radius of the kernel in standard deviations. Weights are scaled up by what the cut-off loses.
     pub cut_off: f64,
-    /// Order in which splats are composited.
+    /// The order in which splats are composited.
     pub order: SplatOrder,
     /// How a splat covers a pixel: [`Blending::Exponential`] or [`Blending::Linear`].
     pub blending: Blending,
-    /// [`Mode::Composite`] or [`Mode::Additive`].
+    /// The mode of drawing: [`Mode::Composite`] or [`Mode::Additive`].
     pub mode: Mode,
-    /// Lighting of voxels that have a normal; `None` draws plain colours.
+    /// The lighting of voxels that have a normal; `None` draws plain colours.
     pub lighting: Option<Lighting>,
-    /// Factor on the optical depths of [`Mode::Additive`]. With `None` a typical ray gets three quarters of full
-    /// brightness, as with the renderers.
+    /// The factor on optical depths in [`Mode::Additive`]. With `None` it is chosen as in the renderers: a typical ray
+    /// gets three quarters of full brightness.
     pub exposure: Option<f64>,
-    /// World distance of the near plane along the view axis. With `None` it is the radius of the kernel of
-    /// [`Quality::Reference`].
+    /// The distance of the near plane along the view axis, in world length. With `None` it is the radius of the kernel
+    /// of [`Quality::Reference`].
     pub near: Option<f64>,
-    /// Lowest and highest index, inclusive, of the box of voxels to draw; `None` draws all.
+    /// The lowest and the highest index, inclusive, of the box of voxels to draw; `None` draws all.
     pub crop: Option<([u16; 3], [u16; 3])>,
-    /// Number of threads, at least 1. The picture does not depend on it.
+    /// The number of threads, at least 1. The picture does not depend on it.
     pub threads: usize,
 }
 
 impl JudgeSettings {
-    /// Returns the settings that judge the renderers: the kernel of [`Quality::Reference`] out to six standard
-    /// deviations, composited in nested order with lighting.
+    /// Returns the settings for judging the renderers: the kernel of [`Quality::Reference`] out to six standard
+    /// deviations, nested order, and lighting.
     pub fn new(size: [u32; 2]) -> JudgeSettings {
         JudgeSettings {
             size,
@@ -86,32 +86,32 @@ impl JudgeSettings {
     }
 }
 
-/// A slow, exact splatting renderer of one volume.
+/// The splatting reference: a slow renderer of one volume, without approximations for speed.
 #[derive(Debug, Clone)]
 pub struct Judge {
     visible: VisibleVoxels,
 }
 
 impl Judge {
-    /// Reads the visible voxels of `source`, which must be at its first slice, under `transfer`.
+    /// Reads the visible voxels of `source`, which must be at its first slice, and classifies them by `transfer`.
     ///
     /// # Errors
-    /// As [`VisibleVoxels::of_volume`].
+    /// The errors of [`VisibleVoxels::of_volume`].
     pub fn new(source: &mut dyn SlabSource, transfer: &TransferFunction) -> Result<Judge> {
         Ok(Judge { visible: VisibleVoxels::of_volume(source, transfer)? })
     }
 
-    /// Makes the renderer of these voxels.
+    /// Creates the renderer of these voxels.
     pub fn of_voxels(visible: VisibleVoxels) -> Judge {
         Judge { visible }
     }
 
-    /// Returns the voxels that are drawn.
+    /// Returns the voxels that this renderer draws.
     pub fn visible(&self) -> &VisibleVoxels {
         &self.visible
     }
 
-    /// Draws what `camera` sees. Takes about a microsecond a visible voxel and 25 ns a pixel of each footprint.
+    /// Draws what `camera` sees. Takes about a microsecond per visible voxel and 25 ns per pixel of each footprint.
     ///
     /// # Errors
     /// [`Error::Input`] if a setting is out of its range; [`Error::Limit`] if the memory cannot be had.
@@ -146,7 +146,7 @@ impl Judge {
         Ok(picture)
     }
 
-    /// Returns the factor on optical depths.
+    /// Returns the factor on optical depths: the exposure in additive mode, otherwise 1.
     fn exposure(&self, settings: &JudgeSettings) -> f64 {
         if settings.mode != Mode::Additive {
             return 1.0;

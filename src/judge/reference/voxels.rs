@@ -1,8 +1,9 @@
-//! The visible voxels of a volume, classified in double precision and not quantised.
+//! Reads the visible voxels of a volume, classified in double precision and not quantised.
 //!
-//! In: a slab source and a transfer function. Out: every visible voxel with its optical depth, colour and normal. The
-//! definitions are those of `adjsplat::classify`: slope and intercept give values; region boundaries are relative to
-//! the largest gradient of the volume; [`super::slices`] says what gradients are.
+//! In: a slab source (which reads slice by slice) and a transfer function. Out: every visible voxel with its optical
+//! depth, colour and normal. The definitions are those of `adjsplat::classify`: slope and intercept turn samples into
+//! values; the boundaries of regions are relative to the largest gradient of the volume; [`super::slices`] defines
+//! gradients.
 
 use adjsplat::classify::{TransferFunction, gradient};
 use adjsplat::error::{Error, Result};
@@ -11,18 +12,18 @@ use adjsplat::volume::{Grid, Header, SlabSource};
 
 use super::slices::{GradientField, for_each_slice};
 
-/// A visible voxel, not quantised.
+/// A visible voxel, in the precision of the computation (not quantised).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ReferenceVoxel {
-    /// Its index along x, y and z; below the grid's dimensions.
+    /// The voxel's index along x, y and z; each below the grid's dimensions.
     pub position: [u16; 3],
-    /// Optical depth along the length of one mean voxel (the cube root of a cell's volume); finite, 0 or above.
+    /// The optical depth along the length of one mean voxel (the cube root of a cell's volume); finite, 0 or above.
     pub depth: f64,
-    /// Red, green and blue in linear light, 0 to 1.
+    /// The colour of the voxel: red, green and blue in linear light, 0 to 1.
     pub colour: [f32; 3],
-    /// Unit vector in the grid's axes; zero for a voxel that is not lit.
+    /// The normal as a unit vector along the grid's axes; zero for a voxel that is not lit.
     pub normal: [f64; 3],
-    /// The sample, in its own unit.
+    /// The voxel's value, in the unit of the volume.
     pub value: f64,
 }
 
@@ -37,11 +38,12 @@ pub struct VisibleVoxels {
 impl VisibleVoxels {
     /// Reads and classifies `source`, which must be at its first slice.
     ///
-    /// Values that `transfer` leaves open (a contour's voxel length, a range's ends, a region's largest magnitude) come
-    /// from the volume. Takes 64 bytes a visible voxel and a few slices of memory; drawing takes 20 more a voxel.
+    /// Values that `transfer` leaves open are computed from the volume: a contour's voxel length, a range's ends, a
+    /// region's largest magnitude. Takes 64 bytes per visible voxel and a few slices of memory; drawing takes 20 bytes
+    /// more per voxel.
     ///
     /// # Errors
-    /// [`Error::Limit`] if the memory cannot be had or there are 2^32 visible voxels; errors of reading.
+    /// [`Error::Limit`] if the memory cannot be had or there are 2^32 visible voxels; errors of reading `source`.
     pub fn of_volume(source: &mut dyn SlabSource, transfer: &TransferFunction) -> Result<VisibleVoxels> {
         let header = source.header().clone();
         header.grid.check()?;
@@ -57,7 +59,7 @@ impl VisibleVoxels {
         let (mut voxels, range) = VoxelSweep::new(&header, &transfer).visible(source)?;
         if transfer.value_range().is_none() {
             let [lowest, highest] = match header.sample_type.integer_range() {
-                // Samples of 8 bits show the colours of all that their type holds.
+                // With 8-bit samples, the colours cover the whole range of the type.
                 Some((low, high)) if header.sample_type.bytes() == 1 => {
                     let ends = [low, high].map(|raw| raw * header.slope + header.intercept);
                     [ends[0].min(ends[1]), ends[0].max(ends[1])]
@@ -74,10 +76,11 @@ impl VisibleVoxels {
         Ok(VisibleVoxels { grid: header.grid, voxels, transfer: Some(transfer) })
     }
 
-    /// Makes a scene of the given voxels.
+    /// Creates a scene of the given voxels.
     ///
     /// # Errors
-    /// Those of [`Grid::check`]; [`Error::Input`] if a voxel is outside the grid or its depth is not finite or below 0.
+    /// The errors of [`Grid::check`]; [`Error::Input`] if a voxel is outside the grid or its depth is below 0 or not
+    /// finite.
     pub fn new(grid: Grid, voxels: Vec<ReferenceVoxel>) -> Result<VisibleVoxels> {
         grid.check()?;
         for voxel in &voxels {
@@ -97,12 +100,12 @@ impl VisibleVoxels {
         &self.grid
     }
 
-    /// Returns the voxels, x fastest if they come from a volume, else in the given order.
+    /// Returns the voxels: x fastest if they come from a volume, else in the order given to [`VisibleVoxels::new`].
     pub fn voxels(&self) -> &[ReferenceVoxel] {
         &self.voxels
     }
 
-    /// Returns the transfer function, completed from the volume; `None` if the voxels do not come from a volume.
+    /// Returns the transfer function, with open values filled in; `None` if the voxels do not come from a volume.
     pub fn transfer(&self) -> Option<&TransferFunction> {
         self.transfer.as_ref()
     }
@@ -124,12 +127,12 @@ fn mean_voxel(grid: &Grid) -> f64 {
     grid.mean_spacing() * x.dot(y.cross(z)).abs().cbrt()
 }
 
-/// A pass over a volume, slice by slice.
+/// The state of one pass over a volume, slice by slice.
 struct VoxelSweep<'a> {
     header: &'a Header,
     transfer: &'a TransferFunction,
     field: GradientField,
-    /// Optical depth of a mean voxel per unit of -ln(1 - opacity).
+    /// The optical depth of a mean voxel, per unit of -ln(1 - opacity).
     per_depth: f64,
 }
 
@@ -145,7 +148,7 @@ impl<'a> VoxelSweep<'a> {
         VoxelSweep { header, transfer, field, per_depth }
     }
 
-    /// Returns the visible voxels, and the lowest and highest finite value.
+    /// Returns the visible voxels, and the lowest and the highest finite value of the volume.
     fn visible(&self, source: &mut dyn SlabSource) -> Result<(Vec<ReferenceVoxel>, [f64; 2])> {
         let (mut voxels, mut range) = (Vec::new(), [f64::INFINITY, f64::NEG_INFINITY]);
         let (low, high) = self.transfer.domain(f64::INFINITY);
@@ -183,30 +186,30 @@ impl<'a> VoxelSweep<'a> {
     }
 }
 
-/// Makes room for half as many voxels again.
+/// Reserves memory for half as many voxels again.
 fn make_room(voxels: &mut Vec<ReferenceVoxel>) -> Result<()> {
     let more = (voxels.len() / 2).max(1 << 12);
     let need = (voxels.len() + more) as u64;
     let bytes = need * size_of::<ReferenceVoxel>() as u64;
     let refused = |have| Error::Limit { what: "memory for visible voxels in bytes".into(), need: bytes, have };
-    // Orders hold their indices in 32 bits.
+    // Orders of voxels store indices in 32 bits.
     if need > u64::from(u32::MAX) {
         return Err(refused(u64::from(u32::MAX) * size_of::<ReferenceVoxel>() as u64));
     }
     voxels.try_reserve_exact(more).map_err(|_| refused(0))
 }
 
-/// Returns the unit vector against a gradient; zero if the gradient is zero or not finite.
+/// Returns the unit vector opposite to the gradient `slope`; zero if the gradient is zero or not finite.
 fn against(slope: [f64; 3]) -> [f64; 3] {
     let length = gradient::magnitude(slope);
     if length > 0.0 && length.is_finite() { slope.map(|c| -c / length) } else { [0.0; 3] }
 }
 
-/// Returns the largest gradient magnitude of all samples.
+/// Returns the largest gradient magnitude of all samples of the volume.
 fn largest_magnitude(source: &mut dyn SlabSource, header: &Header) -> Result<f64> {
     let mut largest = 0.0f64;
     let width = header.grid.dims[0] as usize;
-    // Opacity is not asked for, so any function will do.
+    // Only the gradient is used, not the opacity, so any function will do.
     let transfer = TransferFunction::range(0.0, 0.0)?;
     for_each_slice(source, header, &transfer, GradientField::Values, |_, values, neighbours| {
         for index in 0..values.len() {

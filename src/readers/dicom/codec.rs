@@ -1,6 +1,6 @@
-//! Decodes compressed frames: finds the codec, and undoes run lengths, which need no library.
+//! Decodes compressed frames: selects the codec, and decodes run lengths, which need no library.
 //!
-//! In: a frame's fragments in one piece, and its size. Out: one number per pixel, x fastest.
+//! In: the bytes of a frame, its fragments joined, and its size. Out: one number per pixel, x fastest.
 //!
 //! Source: DICOM PS3.5, annex G (RLE) and table A-1 (transfer syntaxes).
 
@@ -11,24 +11,24 @@ use super::image::PixelLayout;
 use super::jpeg;
 use adjsplat::error::{Error, Result};
 
-/// What is wrong with a frame: what was expected, and what it has.
+/// An error in a frame: a text that says what was expected, and one that says what was found.
 pub(super) type FrameFault = [String; 2];
 
-/// How a file's frames are packed.
+/// How the frames of a file are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum FrameCodec {
-    /// Uncompressed.
+    /// Pixels are uncompressed.
     Native,
-    /// Run lengths of each byte of the pixels.
+    /// Pixels are run lengths of bytes: one stream for each byte of a pixel.
     Rle,
-    /// JPEG, baseline or lossless.
+    /// Pixels are JPEG, baseline or lossless.
     Jpeg,
-    /// JPEG 2000.
+    /// Pixels are JPEG 2000.
     Jpeg2000,
 }
 
 impl FrameCodec {
-    /// Returns the codec of transfer syntax `syntax`.
+    /// Returns the codec of the transfer syntax `syntax` (DICOM's identifier of an encoding).
     pub(super) fn of(path: &Path, syntax: &str, pixels: &Pixels) -> Result<FrameCodec> {
         if matches!(pixels, Pixels::Native { .. }) {
             return Ok(FrameCodec::Native);
@@ -47,10 +47,10 @@ impl FrameCodec {
         Err(Error::format(path, 0, "DICOM transfer syntax", expected, format!("{name} ({})", syntax.escape_debug())))
     }
 
-    /// Bytes of memory that decoding a frame of `pixels` pixels takes, at most.
+    /// Returns the largest number of bytes of memory that decoding a frame of `pixels` pixels takes.
     pub(super) fn working_bytes(self, pixels: u64) -> u64 {
-        // Lossless JPEG: differences of 4 bytes, results of 2 twice, and our numbers. JPEG 2000: two planes of
-        // coefficients of 4 and their states, the wavelet's plane, and our numbers.
+        // Per pixel, lossless JPEG needs differences of 4 bytes, results of 2 bytes twice, and our numbers. JPEG 2000
+        // needs two planes of coefficients of 4 bytes with their states, the wavelet's plane, and our numbers.
         match self {
             FrameCodec::Native => 0,
             FrameCodec::Rle => 4 * pixels,
@@ -62,16 +62,16 @@ impl FrameCodec {
 
 /// The pixels of one frame, before their layout (stored bits, sign) is applied.
 pub(super) struct Unpacked {
-    /// The bits of one number per pixel.
+    /// The bits of each pixel, as one number per pixel.
     pub(super) bits: Vec<u32>,
-    /// Whether the numbers are at the low end of their cells, whatever the header's high bit.
+    /// Whether the value is in the low bits of each number, whatever high bit the header states.
     pub(super) low: bool,
 }
 
-/// Decodes the frame in `bytes`, of `size` pixels along x and y.
+/// Decodes the frame in `bytes`, whose `size` is in pixels along x and y.
 ///
 /// # Errors
-/// The fault, if the frame is damaged or uses something that is not supported.
+/// Returns a fault if the frame is damaged or uses a feature that is not supported.
 pub(super) fn decode(
     codec: FrameCodec,
     bytes: &[u8],
@@ -90,7 +90,7 @@ pub(super) fn pixel_count([x, y]: [u32; 2]) -> usize {
     x as usize * y as usize
 }
 
-/// Decodes run lengths: one segment for each byte of the pixels, highest byte first.
+/// Decodes run lengths: one segment for each byte of the pixels, the most significant byte first.
 fn rle(bytes: &[u8], size: [u32; 2], layout: PixelLayout) -> Result<Vec<u32>, FrameFault> {
     let fault = |got: &str| [format!("intact RLE segments of {} x {} pixels", size[0], size[1]), got.to_string()];
     let word = |index: usize| {
@@ -115,13 +115,15 @@ fn rle(bytes: &[u8], size: [u32; 2], layout: PixelLayout) -> Result<Vec<u32>, Fr
     Ok(bits)
 }
 
-/// Shifts each pixel's bits up and adds the next byte from the runs below; returns how many pixels got one.
+/// Shifts each pixel's bits up and puts the next unpacked byte below them; returns the number of pixels that got a
+/// byte.
 fn unpack_runs(packed: &[u8], bits: &mut [u32]) -> usize {
     let (mut at, mut done) = (0, 0);
     while done < bits.len() && at + 1 < packed.len() {
         let code = packed[at];
         at += 1;
-        // 0..=127: so many bytes and one as they are; 129..=255: the next byte, 257 less so many times; 128: nothing.
+        // Codes: 0..=127: copy the next code + 1 bytes; 129..=255: repeat the next byte 257 - code times; 128: do
+        // nothing.
         let (run, step) = match code {
             0..=127 => (usize::from(code) + 1, 1),
             128 => continue,

@@ -1,8 +1,8 @@
-//! Reads the tags of a DICOM file that matter here, and finds its pixels.
+//! Reads those tags of a DICOM file that the other readers need, and finds its pixels.
 //!
-//! In: a file with the `DICM` prefix. Out: [`DicomElements`]: values at the root and in functional groups, and where
-//! the pixel data lie. No pixel is read. Each length that a file states is checked against the bytes left in the file
-//! and in the sequence around it.
+//! In: a file with the `DICM` prefix. Out: [`DicomElements`]: the values at the root and in functional groups, and the
+//! place of the pixel data. Pixels are not read. Each length that a file states is checked against the bytes left in
+//! the file and in the sequence around it.
 //!
 //! ```text
 //! at each step: close every level that ends here; inside a sequence read an item, else an element
@@ -29,69 +29,70 @@ use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
-/// The deepest nesting of sequences and items; enhanced objects use four levels.
+/// The deepest supported nesting of sequences and items; enhanced objects use four levels.
 const DEEPEST: usize = 64;
 
-/// The longest value in bytes: the longest wanted one has six decimal numbers.
+/// The largest supported length of a value, in bytes: the longest value that is needed has six decimal numbers.
 const LONGEST_VALUE: u64 = 4096;
 
-/// The largest number of fragments in a file: eight for each of the most frames.
+/// The largest supported number of fragments in a file: eight for each frame of the largest number of frames.
 const MOST_FRAGMENTS: usize = 1 << 19;
 
-/// Values by tag.
+/// The values of elements, by tag.
 pub(super) type TagValues = BTreeMap<Tag, Vec<u8>>;
 
-/// How the elements behind the file's meta group are written.
+/// How the elements after the file's meta group are encoded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 struct ElementCoding {
     explicit: bool,
     endian: Endian,
 }
 
-/// Where pixels lie in their file.
+/// The place of the pixels in their file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) enum Pixels {
-    /// Uncompressed, in one run of bytes.
+    /// The pixels are uncompressed, in one run of bytes.
     Native {
-        /// Byte offset of the first pixel in the file.
+        /// The byte offset of the first pixel in the file.
         at: u64,
-        /// Bytes of all pixels.
+        /// The number of bytes of all pixels.
         len: u64,
-        /// The element's tag: integer, float or double pixels.
+        /// The tag of the pixel element: integer, float or double pixels.
         tag: Tag,
-        /// Their byte order.
+        /// The byte order of the pixels.
         endian: Endian,
     },
-    /// Compressed, in fragments.
+    /// The pixels are compressed, in fragments (pieces of the compressed stream).
     Encapsulated {
-        /// Offsets of the frames' first fragments from the first fragment's item; may be empty.
+        /// The offset of each frame's first fragment, in bytes from the first fragment's item; may be empty.
         offsets: Vec<u32>,
-        /// Byte offset of each fragment's item in the file, and its bytes after the header of eight.
+        /// For each fragment: the byte offset of its item in the file, and its length in bytes without the 8-byte
+        /// header.
         fragments: Vec<(u64, u32)>,
     },
 }
 
-/// The values of one file, and where its pixels are.
+/// The values of one file, and the place of its pixels.
 #[derive(Debug, Clone)]
 pub(super) struct DicomElements {
-    /// The file.
+    /// The path of the file.
     pub(super) path: PathBuf,
-    /// Its transfer syntax.
+    /// The transfer syntax of the file (DICOM's identifier of its encoding).
     pub(super) syntax: String,
-    /// Values at the root.
+    /// The values at the root of the data set.
     pub(super) root: TagValues,
-    /// Values in the shared functional groups.
+    /// The values in the functional groups that all frames share.
     pub(super) shared: TagValues,
-    /// Values in the functional groups of each frame.
+    /// For each frame, the values in its own functional groups.
     pub(super) per_frame: Vec<TagValues>,
-    /// Where the pixels are; `None` if the file has none.
+    /// The place of the pixels; `None` if the file has none.
     pub(super) pixels: Option<Pixels>,
 }
 
 /// Reads the file at `path` up to its pixels.
 ///
 /// # Errors
-/// [`Error::Io`] if it cannot be read; [`Error::Format`] if it is not DICOM, breaks off or contradicts itself.
+/// [`Error::Io`] if the file cannot be read; [`Error::Format`] if it is not DICOM, breaks off or contradicts itself.
 pub(super) fn read(path: &Path) -> Result<DicomElements> {
     let (file, len) = open_regular(path, "open")?;
     let mut walk = ElementReader::new(path, file, len);
@@ -99,16 +100,16 @@ pub(super) fn read(path: &Path) -> Result<DicomElements> {
     walk.read_data_set(syntax)
 }
 
-/// A sequence or an item that the reader is inside of.
+/// A sequence or an item that is open: the reader is between its start and its end.
 struct OpenSequence {
     is_item: bool,
-    /// The sequence's tag.
+    /// The tag of the sequence.
     tag: Tag,
-    /// Which item of its sequence.
+    /// The index of the open item in its sequence.
     index: usize,
-    /// Byte offset of its end; `None` if a delimiter ends it.
+    /// The byte offset of the end; `None` if a delimiter marks it.
     end: Option<u64>,
-    /// The coding around it, which applies again at its end.
+    /// The coding of the elements outside, which applies again after the end.
     outside: ElementCoding,
 }
 
@@ -124,7 +125,7 @@ struct ElementReader<'a> {
 struct ElementHeader {
     tag: Tag,
     vr: Option<[u8; 2]>,
-    /// `None`: undefined, so a delimiter follows.
+    /// The length in bytes; `None` if it is undefined, so that a delimiter follows.
     len: Option<u32>,
 }
 
@@ -138,7 +139,7 @@ impl<'a> ElementReader<'a> {
         Error::format(self.path, at, rule, expected, got)
     }
 
-    /// Reads the file's meta group, and returns the transfer syntax in it.
+    /// Reads the file's meta group, and returns the transfer syntax that it states.
     fn read_meta(&mut self) -> Result<String> {
         let mut prefix = [0; 132];
         if self.len < prefix.len() as u64 {
@@ -150,7 +151,7 @@ impl<'a> ElementReader<'a> {
             return Err(self.fault(128, "DICOM prefix", "\"DICM\"", "other bytes; it is no DICOM file"));
         }
         let mut syntax = None;
-        // The group ends where another begins, whatever its length element says.
+        // The group ends where another group begins, whatever length the group states.
         while self.left() >= 8 {
             let start = self.at;
             let mut group = [0; 2];
@@ -208,7 +209,7 @@ impl<'a> ElementReader<'a> {
         Ok(elements)
     }
 
-    /// Closes every level that ends at this byte, and returns whether more of the data set follows.
+    /// Closes every sequence and item that ends at this byte; returns whether more of the data set follows.
     fn close_levels(&mut self) -> Result<bool> {
         while let Some(end) = self.levels.last().and_then(|level| level.end) {
             if self.at < end {
@@ -216,7 +217,7 @@ impl<'a> ElementReader<'a> {
             }
             self.close();
         }
-        // Up to seven bytes of padding are no element.
+        // Up to seven bytes at the end are padding, too short for an element.
         let more = self.left() >= 8;
         match self.levels.last() {
             Some(level) if !more => {
@@ -243,7 +244,7 @@ impl<'a> ElementReader<'a> {
         }
     }
 
-    /// Reads an item's header, or the end of the sequence.
+    /// Reads the header of an item, or the delimiter that ends the sequence.
     fn open_item(&mut self) -> Result<()> {
         let start = self.at;
         let header = self.element_header()?;
@@ -266,7 +267,7 @@ impl<'a> ElementReader<'a> {
         }
     }
 
-    /// Opens a level of `len` bytes, which must end inside the one around it.
+    /// Opens a sequence or an item of `len` bytes, which must end inside the one around it.
     fn open(&mut self, start: u64, level: OpenSequence, len: Option<u32>) -> Result<()> {
         if self.levels.len() == DEEPEST {
             return Err(self.fault(start, "DICOM sequence", format!("at most {DEEPEST} levels"), "more"));
@@ -276,12 +277,12 @@ impl<'a> ElementReader<'a> {
         Ok(())
     }
 
-    /// Keeps or skips one element that is not pixel data.
+    /// Keeps the value of one element that is not pixel data, or skips it.
     fn element(&mut self, start: u64, header: &ElementHeader, elements: &mut DicomElements) -> Result<()> {
         let tag = header.tag;
-        // Without a value representation, sequences are known by their tags.
+        // If the file states no value representation (the kind of an element), sequences are recognised by their tags.
         if header.len.is_none() && (tag.is_pixels() || matches!(&header.vr, Some([b'O', _]))) {
-            // An icon's or private pixels: fragments hold no elements.
+            // These are the pixels of an icon or private pixels: their fragments hold no elements.
             return self.pixels(start, header).map(drop);
         }
         let sequence = header.vr == Some(*b"SQ") || (header.vr.is_none() && tags::SEQUENCES.contains(&tag));
@@ -289,7 +290,7 @@ impl<'a> ElementReader<'a> {
             let level = OpenSequence { is_item: false, tag, index: 0, end: None, outside: self.coding };
             self.open(start, level, header.len)?;
             if header.vr == Some(*b"UN") {
-                // PS3.5, 6.2.2 note 2: the inside of an unknown sequence is implicit, little endian.
+                // PS3.5, 6.2.2 note 2: inside a sequence of unknown kind, elements are implicit and little endian.
                 self.coding = ElementCoding { explicit: false, endian: Endian::Little };
             }
             if self.levels.len() == 1 && tag == tags::MODALITY_LUT {
@@ -350,7 +351,7 @@ impl<'a> ElementReader<'a> {
             self.skip(start, len)?;
             fragments.push((start, len));
             if self.left() < 8 {
-                // Some writers leave out the end; all fragments are there.
+                // Some writers leave out the delimiter at the end; all fragments have been read.
                 break;
             }
         }
@@ -403,7 +404,7 @@ impl<'a> ElementReader<'a> {
         Ok(ElementHeader { tag, vr: Some(vr), len })
     }
 
-    /// The value of `len` bytes that begins here; `start` is its element.
+    /// Reads the value of `len` bytes that begins here; the element begins at byte `start`, which errors name.
     fn value(&mut self, start: u64, len: u32) -> Result<Vec<u8>> {
         if u64::from(len) > LONGEST_VALUE {
             let got = format!("{len} bytes");
@@ -420,7 +421,7 @@ impl<'a> ElementReader<'a> {
         self.seek(end)
     }
 
-    /// Returns where a value of `len` bytes that begins here ends; that must be inside the file and its level.
+    /// Returns the end of a value of `len` bytes that begins here; it must be inside the file and the open sequence.
     fn end_of(&self, start: u64, len: u32) -> Result<u64> {
         let end = self.at + u64::from(len);
         if end > self.len {

@@ -1,4 +1,4 @@
-//! Finds size, sample type, position and scaling of the frames in one DICOM file.
+//! Finds the size, sample type, position and scaling of the frames in one DICOM file.
 //!
 //! In: the file's elements. Out: an [`ImageFile`] and its [`DicomFrame`]s. Values are looked up in the frame's
 //! functional groups, then in the shared ones, then at the root, so that enhanced and plain objects are read alike.
@@ -16,27 +16,27 @@ use crate::frame::{cross, length};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{MAX_DIM, SampleType};
 
-/// Which bits of a pixel's cell hold its value.
+/// The bits that hold the value in a pixel's cell (the bytes in which a pixel is stored).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct PixelLayout {
-    /// The type of its cell.
+    /// The integer or floating-point type of the cell.
     pub(super) sample_type: SampleType,
-    /// Number of bits that hold the value: 1 to all of them.
+    /// The number of bits that hold the value: from 1 to all bits of the cell.
     pub(super) stored: u32,
-    /// Number of unused bits below them.
+    /// The number of unused bits below the value.
     pub(super) shift: u32,
 }
 
-/// What identifies and describes a series, as each of its files repeats it.
+/// The values that identify and describe a series; each of its files repeats them.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct SeriesIdentity {
-    /// Its unique identifier; empty if the file has none.
+    /// The unique identifier (UID) of the series; empty if the file has none.
     pub(super) uid: String,
-    /// Its name in the words of the scanner or its user.
+    /// The name of the series, as the scanner or its user wrote it.
     pub(super) description: String,
-    /// The kind of device: "CT", "MR".
+    /// The kind of the scanner: "CT", "MR".
     pub(super) modality: String,
-    /// The photometric interpretation: "MONOCHROME2".
+    /// The photometric interpretation (how numbers map to brightness): "MONOCHROME2".
     pub(super) photometric: String,
 }
 
@@ -45,58 +45,59 @@ pub(super) struct SeriesIdentity {
 pub(super) struct ImageFile {
     pub(super) path: PathBuf,
     pub(super) series: SeriesIdentity,
-    /// Pixels along x, y.
+    /// The numbers of pixels along x and y.
     pub(super) size: [u32; 2],
     pub(super) layout: PixelLayout,
     pub(super) codec: FrameCodec,
     pub(super) pixels: Pixels,
-    /// For compressed pixels: the first fragment of each frame.
+    /// For compressed pixels: the index of the first fragment of each frame.
     pub(super) first_fragments: Vec<u32>,
-    /// Whether it has a table of values, which is not applied.
+    /// Whether the file has a look-up table of values, which is not applied.
     pub(super) has_lut: bool,
 }
 
-/// Position and orientation of a frame, in mm and L, P, S (DICOM's image plane).
+/// The position and orientation of a frame, in mm, with world axes L, P, S (DICOM's image plane).
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct ImagePlane {
-    /// Position of the first pixel's centre.
+    /// The position of the centre of the first pixel.
     pub(super) position: [f64; 3],
-    /// Unit vectors along a row (towards higher columns) and along a column.
+    /// The unit vectors along a row (towards higher columns) and along a column (towards higher rows).
     pub(super) orientation: [[f64; 3]; 2],
 }
 
 /// One frame of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct DicomFrame {
-    /// Index of its file.
+    /// The index of the file in the list of files.
     pub(super) file: usize,
-    /// Its index among the file's frames, from 0.
+    /// The index of the frame among the frames of its file, from 0.
     pub(super) index: u32,
     pub(super) place: Option<ImagePlane>,
-    /// Distance between neighbouring columns (along x) and rows (along y), in mm.
+    /// The distances between neighbouring columns (along x) and between neighbouring rows (along y), in mm.
     pub(super) spacing: Option<[f64; 2]>,
-    /// Distance to the next slice in mm, as the file says.
+    /// The distance to the next slice in mm, as the file states it.
     pub(super) depth: Option<f64>,
     pub(super) slope: f64,
     pub(super) intercept: f64,
-    /// The instance number.
+    /// The instance number, which counts the images of a series.
     pub(super) number: Option<i64>,
 }
 
-/// What a file holds.
+/// The kind of content of a DICOM file.
 pub(super) enum FileContent {
-    /// Grey frames.
+    /// The file has grey frames.
     Image(ImageFile, Vec<DicomFrame>),
-    /// Coloured frames, such as a screenshot; the error says so.
+    /// The file has coloured frames, such as a screenshot; the error says so.
     Colour(Error),
-    /// No pixels, as in a report.
+    /// The file has no pixels, for example a report.
     Nothing,
 }
 
-/// Reads what `elements` say of a file and its frames; `file` is the file's index.
+/// Converts the `elements` of a file to a description of the file and its frames; `file` is the file's index.
 ///
 /// # Errors
-/// [`Error::Format`] for values that contradict each other or are not supported; [`Error::Limit`] for sizes.
+/// [`Error::Format`] for values that contradict each other or are not supported; [`Error::Limit`] if a size is too
+/// large.
 pub(super) fn read(elements: DicomElements, file: usize) -> Result<FileContent> {
     let Some(pixels) = elements.pixels.clone() else { return Ok(FileContent::Nothing) };
     let root = Attributes { path: &elements.path, sources: vec![&elements.root] };
@@ -157,7 +158,7 @@ fn check_pixels(
     let described = format!("{x} x {y} x {frame_count} of {}", layout.sample_type.name());
     match pixels {
         Pixels::Native { at, len, .. } => {
-            // Below 2^16 each, and at most 8 bytes: no overflow.
+            // Both sizes are below 2^16, and a sample has at most 8 bytes: the product does not overflow.
             let need = u64::from(x) * u64::from(y) * u64::from(frame_count) * layout.sample_type.bytes() as u64;
             if *len < need {
                 let got = format!("{len} bytes");
@@ -195,7 +196,7 @@ fn check_pixels(
     }
 }
 
-/// Values of one frame or file, most specific source first.
+/// The values that apply to one frame or file; the most specific source is searched first.
 struct Attributes<'a> {
     path: &'a Path,
     sources: Vec<&'a TagValues>,
@@ -206,7 +207,7 @@ impl Attributes<'_> {
         Error::format(self.path, 0, rule, expected, got)
     }
 
-    /// The value of `tag`, if it is there and not empty.
+    /// Returns the value of `tag`; `None` if it is missing, or has only zero bytes and spaces.
     fn value(&self, tag: Tag) -> Option<&[u8]> {
         let values = self.sources.iter().filter_map(|source| source.get(&tag));
         values.map(Vec::as_slice).find(|value| value.iter().any(|b| !matches!(b, 0 | b' ')))
@@ -216,9 +217,9 @@ impl Attributes<'_> {
         self.value(tag).map(text).unwrap_or_default()
     }
 
-    /// A binary number of 16 bits.
+    /// Returns the 16-bit binary number of `tag`, if it is there.
     fn number(&self, tag: Tag, rule: &'static str) -> Result<Option<u16>> {
-        // `value` would take 0 for a missing value.
+        // `value` would treat the number 0 as a missing value.
         let Some(value) = self.sources.iter().find_map(|source| source.get(&tag)) else { return Ok(None) };
         match value.as_slice() {
             [] => Ok(None),
@@ -227,7 +228,7 @@ impl Attributes<'_> {
         }
     }
 
-    /// A whole number that is written as text.
+    /// Returns the whole number of `tag`, which is written as text.
     fn whole(&self, tag: Tag, rule: &'static str) -> Result<Option<i64>> {
         let Some(value) = self.value(tag) else { return Ok(None) };
         let text = text(value);
@@ -237,7 +238,7 @@ impl Attributes<'_> {
         }
     }
 
-    /// `N` numbers that are written as text.
+    /// Returns the `N` numbers of `tag`, which are written as text.
     fn decimals<const N: usize>(&self, tag: Tag, rule: &'static str) -> Result<Option<[f64; N]>> {
         let Some(value) = self.value(tag) else { return Ok(None) };
         let text = text(value);
@@ -249,7 +250,7 @@ impl Attributes<'_> {
         }
     }
 
-    /// A length in mm; 0 and below mean that it is unknown.
+    /// Returns the length of `tag` in mm; `None` also for 0 and below, which mean that it is unknown.
     fn length(&self, tag: Tag, rule: &'static str) -> Result<Option<f64>> {
         Ok(self.decimals::<1>(tag, rule)?.map(|[length]| length).filter(|length| *length > 0.0))
     }
@@ -297,7 +298,8 @@ impl Attributes<'_> {
             (Some(position), Some([a, b, c, d, e, f])) => {
                 let orientation = [unit([a, b, c]), unit([d, e, f])];
                 let normal = cross(orientation[0], orientation[1]);
-                // Rounded text keeps right angles within a thousandth, so a larger error is damage.
+                // Text rounded by the writer keeps right angles within a thousandth, so a larger error means a damaged
+                // file.
                 if length(normal).is_nan() || length(normal) < 0.99 {
                     let rule = "DICOM Image Orientation (Patient)";
                     return Err(self.fault(rule, "two directions at right angles", format!("{orientation:?}")));
@@ -306,7 +308,7 @@ impl Attributes<'_> {
             }
             _ => None,
         };
-        // Between rows first, then between columns.
+        // The file gives the distance between rows first, then that between columns.
         let spacing = match self.decimals::<2>(tags::PIXEL_SPACING, "DICOM Pixel Spacing")? {
             Some(spacing) => Some(spacing),
             None => self.decimals::<2>(tags::IMAGER_SPACING, "DICOM Imager Pixel Spacing")?,
@@ -332,7 +334,7 @@ impl Attributes<'_> {
     }
 }
 
-/// Returns names and values of what can differ between two frames at one position, the likeliest first.
+/// Returns the names and values that can differ between two frames at one position, the most likely first.
 pub(super) fn circumstances(elements: &DicomElements, frame: u32) -> Vec<(&'static str, Vec<u8>)> {
     let none = TagValues::new();
     let frame_values = elements.per_frame.get(frame as usize).unwrap_or(&none);

@@ -1,7 +1,7 @@
 //! Decodes JPEG and JPEG 2000 frames with two libraries.
 //!
-//! The size in a frame is compared with the DICOM header before a decoder sees it, so a decoder allocates no more than
-//! the header asks for. Features that the decoders silently get wrong are refused.
+//! The size that a frame states is compared with the DICOM header before the decoder runs, so a decoder allocates no
+//! more than the header asks for. Features that the decoders get wrong without an error are refused.
 //!
 //! Source: ITU-T T.81, annexes B and H (JPEG); ITU-T T.800, annex A.5 (JPEG 2000).
 
@@ -12,7 +12,7 @@ use jpeg_decoder::{Decoder, PixelFormat};
 
 use super::codec::{FrameFault, pixel_count};
 
-/// Decodes a frame of one component: JPEG of 8 bits, or lossless of up to 16.
+/// Decodes a JPEG frame of one component: 8-bit, or lossless with up to 16 bits.
 pub(super) fn decode(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, FrameFault> {
     check(bytes, size)?;
     let mut decoder = Decoder::new(bytes);
@@ -56,9 +56,9 @@ fn check(bytes: &[u8], size: [u32; 2]) -> Result<(), FrameFault> {
             }
             (0xdd, [high, low, ..]) => restarts = *high != 0 || *low != 0,
             (0xda, _) => {
-                // The scan's last byte: its low half is the point transform.
+                // The low four bits of the scan's last byte are the point transform.
                 let transform = segment.last().map_or(0, |last| last & 15);
-                // jpeg-decoder 0.3 silently gives wrong pixels for these two (its issue 286).
+                // jpeg-decoder 0.3 gives wrong pixels without an error for these two features (its issue 286).
                 if lossless && (restarts || transform != 0) {
                     let got = "one with restart markers or a point transform";
                     return Err(["a lossless JPEG scan in one piece (gdcmconv --raw)".into(), got.into()]);
@@ -81,7 +81,7 @@ pub(super) fn decode_2000(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, Fram
         let decoded = image.decode(&mut context).map_err(|error| error.to_string())?;
         Ok(decoded.components().first().map(|component| component.samples().to_vec()).unwrap_or_default())
     })?;
-    // The decoder shifts signed samples up as if they were not (its comment on Ssiz says so).
+    // The decoder shifts signed samples up as if they were unsigned (its comment on Ssiz says so).
     let half_range = 2f32.powi(i32::from(precision) - 1);
     let (shift, low, high) =
         if signed { (half_range, -half_range, half_range - 1.0) } else { (0.0, 0.0, 2.0 * half_range - 1.0) };
@@ -90,7 +90,7 @@ pub(super) fn decode_2000(bytes: &[u8], size: [u32; 2]) -> Result<Vec<u32>, Fram
     full(numbers.into_iter().map(bits).collect(), size)
 }
 
-/// Reads the size segment, which must come first: bits a sample, and whether they are signed.
+/// Checks the size segment, which must come first; returns the bits per sample and whether samples are signed.
 fn check_2000(bytes: &[u8], size: [u32; 2]) -> Result<(u8, bool), FrameFault> {
     let broken = || ["a JPEG 2000 codestream".to_string(), "other bytes".to_string()];
     if !bytes.starts_with(&[0xff, 0x4f, 0xff, 0x51]) || bytes.len() < 45 {
@@ -123,7 +123,7 @@ fn full(bits: Vec<u32>, size: [u32; 2]) -> Result<Vec<u32>, FrameFault> {
     Err([format!("{} pixels in a frame", pixel_count(size)), bits.len().to_string()])
 }
 
-/// Runs a decoder, and turns its errors and panics into a fault.
+/// Calls a decoder, and turns its errors and panics into a fault.
 ///
 /// The libraries have no `unsafe`, but a damaged frame can make them index beyond an array.
 fn guarded<T>(decode: impl FnOnce() -> Result<T, String>) -> Result<T, FrameFault> {

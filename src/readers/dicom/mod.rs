@@ -1,13 +1,13 @@
 //! Reads DICOM: a folder that holds a series of slices, or one file of one or more frames.
 //!
-//! In: a folder's files, or one file. Out: a slab source; each slice is one frame, read on demand. All headers are read
-//! first: the frames are grouped into series, sorted by their positions and measured. Files of the folder that are not
-//! DICOM, or have no grey pixels, are skipped and counted in a note.
+//! In: a folder's files, or one file. Out: a slab source (which reads slice by slice); each slice is one frame, read on
+//! demand. All headers are read first: the frames are grouped into series, sorted by their positions and measured.
+//! Files of the folder that are not DICOM, or have no grey pixels, are skipped and counted in a note.
 //!
-//! Samples are the stored values: bits beyond `Bits Stored` are masked out, negative ones extended. Where all slices
-//! share one rescale slope and intercept, these become the header's; where they differ, as in PET, samples are f32 of
-//! `stored * slope + intercept`. Values of MONOCHROME1, where low is white, are kept. Look-up tables and windows are
-//! not applied.
+//! Samples are the stored values: bits beyond `Bits Stored` are masked out, and negative values are sign-extended. If
+//! all slices share one rescale slope and intercept, these go to the volume's header. If they differ, as in PET,
+//! samples are f32 values of `stored * slope + intercept`. Values of MONOCHROME1, where low is white, are not inverted.
+//! Look-up tables and windows are not applied.
 
 mod codec;
 mod elements;
@@ -30,7 +30,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, SampleType, Samples, SlabSource};
 use adjsplat::with_samples;
 
-/// Opens one file, or `files`, those of the folder at `path`.
+/// Opens the file at `path`; if `files` is given, `path` is a folder and `files` are the files in it.
 pub(super) fn open(path: &Path, files: Option<Vec<PathBuf>>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     let what = path.display().to_string();
     let mut notes = Vec::new();
@@ -111,7 +111,7 @@ fn read_folder(what: &str, paths: Vec<PathBuf>, notes: &mut Vec<String>) -> Resu
     Ok((files, frames))
 }
 
-/// Adds a note: "skipped 2 files that are no DICOM (LICENSE, ...)".
+/// Adds a note on skipped files: "skipped 2 files that are no DICOM (LICENSE, ...)".
 fn tell_skipped(paths: &[PathBuf], is: &str, are: &str, notes: &mut Vec<String>) {
     let Some(first) = paths.first() else { return };
     let name = file_name(first);
@@ -121,16 +121,16 @@ fn tell_skipped(paths: &[PathBuf], is: &str, are: &str, notes: &mut Vec<String>)
     });
 }
 
-/// Reads a stack's slices, each from its own frame.
+/// Reads the slices of a volume, each from its own frame.
 struct DicomReader {
     header: Header,
     files: Vec<ImageFile>,
     frames: Vec<DicomFrame>,
-    /// A slice of stored samples, used if slopes differ and samples become f32.
+    /// A slice of stored samples, used if the frames' slopes differ, so that samples become f32.
     stored: Option<Samples>,
     scaled: bool,
     pixels: PixelReader,
-    /// Slices read since the start.
+    /// The number of slices that were read since the start.
     slices_read: u32,
     notes: Vec<String>,
 }
@@ -182,7 +182,7 @@ impl SlabSource for DicomReader {
     }
 }
 
-/// Writes stored samples, scaled to their unit, to `numbers`.
+/// Scales stored samples to values by the frame's slope and intercept, and writes them to `numbers`.
 #[expect(clippy::cast_possible_truncation, reason = "rounding to single precision is documented")]
 fn scale<T: adjsplat::volume::Sample>(stored: &[T], frame: &DicomFrame, numbers: &mut [f32]) {
     for (number, stored) in numbers.iter_mut().zip(stored) {

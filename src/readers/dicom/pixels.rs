@@ -1,7 +1,8 @@
 //! Reads the pixels of one frame as samples.
 //!
-//! In: a file, a frame's index. Out: a slice of samples, native endian, with only the stored bits. Uncompressed pixels
-//! go straight from the file into the slice; of compressed ones only this frame's fragments are read.
+//! In: a file and the index of a frame. Out: a slice of samples in this machine's byte order, with only the stored
+//! bits. Uncompressed pixels go straight from the file into the slice. For compressed pixels, only the fragments of
+//! this frame are read.
 
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
@@ -14,14 +15,14 @@ use crate::slab::Endian;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::Samples;
 
-/// Reads frames; keeps the last file open, because the next frame is often in it.
+/// Reads frames; it keeps the last file open, because the next frame is often in the same file.
 #[derive(Default)]
 pub(super) struct PixelReader {
     open: Option<(PathBuf, File)>,
 }
 
 impl PixelReader {
-    /// Reads frame `index` of `file` into `slice`, which has the type of the file's cells.
+    /// Reads frame `index` of `file` into `slice`, whose sample type is that of the file's pixel cells.
     pub(super) fn read(&mut self, file: &ImageFile, index: u32, slice: &mut Samples) -> Result<()> {
         match &file.pixels {
             Pixels::Native { at, endian, .. } => {
@@ -49,7 +50,7 @@ impl PixelReader {
     }
 
     fn read_fragments(&mut self, file: &ImageFile, fragments: &[(u64, u32)]) -> Result<Vec<u8>> {
-        // Every fragment lies in the file, so this is at most the file's length.
+        // Every fragment lies inside the file, so the sum is at most the file's length.
         let need: u64 = fragments.iter().map(|(_, len)| u64::from(*len)).sum();
         let refused = || Error::out_of_memory(format!("a frame of {}", file.path.display()), need);
         let len = usize::try_from(need).map_err(|_| refused())?;
@@ -84,14 +85,14 @@ impl PixelReader {
 }
 
 impl ImageFile {
-    /// The fragments of frame `index`.
+    /// Returns the indices of the fragments of frame `index`.
     fn fragments(&self, index: u32) -> std::ops::Range<usize> {
         let Pixels::Encapsulated { fragments, .. } = &self.pixels else { return 0..0 };
         let start = |index: usize| self.first_fragments.get(index).map_or(fragments.len(), |first| *first as usize);
         start(index as usize)..start(index as usize + 1)
     }
 
-    /// Bytes of its largest compressed frame.
+    /// Returns the size of the file's largest compressed frame, in bytes.
     pub(super) fn largest_frame(&self) -> u64 {
         let Pixels::Encapsulated { fragments, .. } = &self.pixels else { return 0 };
         let frames = (0..u32::try_from(self.first_fragments.len()).unwrap_or(0))
@@ -99,7 +100,7 @@ impl ImageFile {
         frames.max().unwrap_or(0)
     }
 
-    /// Bytes that this and its tables take.
+    /// Returns how many bytes of memory this value and its tables take.
     pub(super) fn table_bytes(&self) -> u64 {
         let fragments = match &self.pixels {
             Pixels::Native { .. } => 0,
@@ -109,7 +110,7 @@ impl ImageFile {
     }
 }
 
-/// Writes the low bits of `bits` into the cells of `slice`.
+/// Writes the low bits of each number in `bits` into the cells of `slice`.
 #[expect(clippy::cast_possible_truncation, reason = "the low bits are what a cell holds")]
 fn put(bits: &[u32], slice: &mut Samples) {
     macro_rules! cells {
@@ -129,7 +130,7 @@ fn put(bits: &[u32], slice: &mut Samples) {
     cells!(U8 u8, I8 u8, U16 u16, I16 u16, U32 u32, I32 u32);
 }
 
-/// Moves the stored bits to the low end of their cells; those above become the sign, or 0.
+/// Moves the stored bits to the low end of each cell; the bits above them become copies of the sign, or 0.
 fn keep_stored_bits(slice: &mut Samples, layout: PixelLayout) {
     let spare = layout.sample_type.bits() - layout.stored;
     macro_rules! cells {

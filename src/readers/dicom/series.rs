@@ -1,8 +1,8 @@
-//! Sorts frames into one stack: which belong together, in which order, how far apart.
+//! Sorts frames into one stack: finds which frames belong together, their order, and their distances.
 //!
-//! In: the frames of all files. Out: the frames of one series, sorted along their normal, with the grid that they make
+//! In: the frames of all files. Out: the frames of one series, sorted along their normal, with the grid that they form
 //! and notes on gaps and guesses. Frames belong together if they share series, size, sample type, orientation and pixel
-//! spacing; if there are several such groups, the caller chooses one.
+//! spacing. If there are several such groups, the caller chooses one.
 //!
 //! ```text
 //! t = position . (row x column), for each frame; sort by t
@@ -19,27 +19,27 @@ use crate::frame::{FileFrame, IDENTITY, World, cross, dot, length};
 use crate::open::file_name;
 use adjsplat::error::{Error, Result};
 
-/// The error for several series lists at most this many.
+/// The largest number of series that an error message lists.
 const MOST_LISTED: usize = 12;
 
-/// Directions that differ by less per component count as equal, because text in files is rounded.
+/// Directions whose components differ by less than this count as equal, because text in files is rounded.
 const SAME_DIRECTION: f64 = 1e-3;
 
-/// A step that differs from the median by more than this fraction is noted.
+/// A step between slices gets a note if it differs from the median step by more than this fraction.
 const UNEVEN: f64 = 0.01;
 
-/// Frames in order, and where they lie.
+/// The sorted frames of a volume, and the grid that they form.
 pub(super) struct FrameStack {
-    /// First slice first.
+    /// The frames, in the order of slices.
     pub(super) frames: Vec<DicomFrame>,
-    /// Where their grid lies.
+    /// The position and the axes of the grid.
     pub(super) grid: FileFrame,
 }
 
-/// Returns the frames of the series that `choice` names, or of the only one if it is `None`.
+/// Returns the frames of the series that `choice` names; `None` chooses the only series.
 ///
 /// # Errors
-/// [`Error::Input`] as `what`, which lists the series, if there are several without a choice, or none matches it.
+/// [`Error::Input`] about `what`, which lists the series, if there are several without a choice, or if none matches it.
 pub(super) fn choose(
     what: &str,
     files: &[ImageFile],
@@ -55,7 +55,7 @@ pub(super) fn choose(
     }
     let picked: Vec<usize> = match choice.map(str::trim) {
         None => (0..groups.len()).collect(),
-        // Numbers of the list are short; identifiers are long and have dots.
+        // A short number is an index of the list of series; identifiers are long and have dots.
         Some(choice) if choice.len() <= 4 && choice.parse::<usize>().is_ok() => {
             choice.parse().into_iter().filter(|number| *number < groups.len()).collect()
         }
@@ -104,7 +104,7 @@ fn belong_together(files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -> bool 
     same_series && x.size == y.size && x.layout.sample_type == y.layout.sample_type && same_spacing && same_facing
 }
 
-/// Describes a series: "MR "t1", 192 slices of 256 x 256 (...0285270.0.0.0)".
+/// Describes the series of `frames`: "MR "t1", 192 slices of 256 x 256 (...0285270.0.0.0)".
 fn described(files: &[ImageFile], frames: &[DicomFrame]) -> String {
     let file = &files[frames[0].file];
     let [x, y] = file.size;
@@ -116,7 +116,7 @@ fn described(files: &[ImageFile], frames: &[DicomFrame]) -> String {
     format!("{name}, {} {slices} of {x} x {y} (...{tail})", frames.len())
 }
 
-/// Orders `frames`, which belong together, and finds their grid.
+/// Sorts `frames`, which belong together, and finds the grid that they form.
 pub(super) fn stack(
     what: &str,
     files: &[ImageFile],
@@ -189,7 +189,7 @@ fn stack_by_position(
         sorted.sort_by(f64::total_cmp);
         let (median, largest) = (sorted[sorted.len() / 2], sorted[sorted.len() - 1]);
         let least = UNEVEN * if median > 0.0 { median } else { largest };
-        // `<=` also catches steps that are all 0.
+        // The comparison is `<=` so that it also finds steps that are all 0.
         if let Some(at) = steps.iter().position(|step| *step <= least) {
             return Err(same_place(what, files, &frames[at], &frames[at + 1]));
         }
@@ -208,7 +208,8 @@ fn stack_by_position(
     Ok(FrameStack { frames, grid })
 }
 
-/// Returns the z axis and its step: along the normal, unless the slices drift to the side.
+/// Returns the distance between slices along the z axis, and this axis: the normal, unless the slices drift to the
+/// side.
 fn slant(whole: [f64; 3], normal: [f64; 3], step: f64, notes: &mut Vec<String>) -> (f64, [f64; 3]) {
     let axis = whole.map(|c| c / length(whole));
     let cosine = dot(axis, normal);
@@ -221,7 +222,7 @@ fn slant(whole: [f64; 3], normal: [f64; 3], step: f64, notes: &mut Vec<String>) 
     (step / cosine, axis)
 }
 
-/// Returns the error for two frames at one position, which says how they differ if that is known.
+/// Returns the error for two frames at one position; it says how they differ if that is known.
 fn same_place(what: &str, files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -> Error {
     let shown = |frame: &DicomFrame| {
         let path = file_name(&files[frame.file].path);
@@ -244,7 +245,7 @@ fn same_place(what: &str, files: &[ImageFile], a: &DicomFrame, b: &DicomFrame) -
     Error::input(what, why)
 }
 
-/// Adds notes on steps that differ from the median: missing slices, and others.
+/// Adds notes on steps that differ from the median step: missing slices, and uneven steps.
 fn tell_uneven(files: &[ImageFile], frames: &[DicomFrame], steps: &[f64], median: f64, notes: &mut Vec<String>) {
     let (mut missing, mut gaps, mut uneven) = (0.0, 0, 0);
     let (mut first_gap, mut first_uneven) = (None, None);

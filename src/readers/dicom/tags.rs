@@ -1,8 +1,8 @@
-//! The tags that are read, by their names in DICOM PS3.6.
+//! The DICOM tags that are read, with their names in DICOM PS3.6.
 
 use std::fmt;
 
-/// A tag: group and element.
+/// A tag, which identifies an element: 16 bits of group and 16 bits of element number.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Tag(u32);
 
@@ -11,12 +11,12 @@ impl Tag {
         Tag((group as u32) << 16 | element as u32)
     }
 
-    /// Returns whether it starts or ends an item or ends a sequence; these have no value representation.
+    /// Returns whether the tag starts or ends an item or ends a sequence; such elements have no value representation.
     pub(super) const fn is_delimiter(self) -> bool {
         self.0 >> 16 == 0xfffe
     }
 
-    /// Returns whether it is one of the three elements that hold pixels.
+    /// Returns whether the tag is that of one of the three elements that hold pixels.
     pub(super) fn is_pixels(self) -> bool {
         [PIXELS, FLOAT_PIXELS, DOUBLE_PIXELS].contains(&self)
     }
@@ -28,13 +28,13 @@ impl fmt::Display for Tag {
     }
 }
 
-/// Defines a constant for each tag, and `WANTED`, the list of the first ones.
+/// Defines a constant for each tag, and `WANTED`, the list of the tags in the first part of the macro's input.
 macro_rules! tags {
     (wanted { $($wanted:ident $wanted_group:literal $wanted_element:literal)* }
      known { $($name:ident $group:literal $element:literal)* }) => {
         $(pub(super) const $wanted: Tag = Tag::new($wanted_group, $wanted_element);)*
         $(pub(super) const $name: Tag = Tag::new($group, $element);)*
-        /// Tags whose values are kept.
+        /// The tags whose values are kept.
         pub(super) const WANTED: &[Tag] = &[$($wanted),*];
     };
 }
@@ -93,15 +93,15 @@ tags! {
     }
 }
 
-/// Tags whose values are 16-bit numbers; all others are text.
+/// The tags whose values are 16-bit numbers; all other kept values are text.
 pub(super) const NUMBERS: &[Tag] =
     &[SAMPLES_PER_PIXEL, ROWS, COLUMNS, BITS_ALLOCATED, BITS_STORED, HIGH_BIT, PIXEL_REPRESENTATION];
 
-/// Functional groups whose values are kept.
+/// The functional groups whose values are kept.
 pub(super) const GROUPS: &[Tag] =
     &[FRAME_CONTENT, PLANE_POSITION, PLANE_ORIENTATION, PIXEL_MEASURES, PIXEL_TRANSFORMATION];
 
-/// Sequences, for files that do not state the kind of their elements.
+/// The tags of sequences, for files that do not state the kinds of their elements.
 pub(super) const SEQUENCES: &[Tag] = &[
     SHARED_GROUPS,
     FRAME_GROUPS,
@@ -113,7 +113,7 @@ pub(super) const SEQUENCES: &[Tag] = &[
     MODALITY_LUT,
 ];
 
-/// Value representations with two reserved bytes and a length of four bytes (PS3.5, table 7.1-1).
+/// The value representations with two reserved bytes and a 4-byte length (PS3.5, table 7.1-1).
 pub(super) const LONG_FORMS: &[&[u8; 2]] =
     &[b"OB", b"OD", b"OF", b"OL", b"OV", b"OW", b"SQ", b"SV", b"UC", b"UN", b"UR", b"UT", b"UV"];
 

@@ -1,6 +1,6 @@
-//! Reads ImageJ's notes in the description of a TIFF file: lines of `key=value`.
+//! Reads the description that ImageJ writes into a TIFF file: lines of `key=value`.
 //!
-//! In: the description. Out: which pages are which slices, channels and frames, how far apart points are, and slope and
+//! In: the description. Out: the slice, channel and frame of each page, the distances between points, and the slope and
 //! intercept of the values. Missing keys have ImageJ's defaults.
 //!
 //! Source: ImageJ's own reading and writing of these lines (ij.io, public domain).
@@ -14,21 +14,21 @@ use adjsplat::error::{Error, Result};
 /// The contents of a description that ImageJ wrote.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ImageJ {
-    /// Pages in all.
+    /// The total number of pages.
     pub(super) images: u64,
     channels: u64,
     frames: u64,
-    /// Number of slices; 0 if the text does not say, which means as many as there are pages for.
+    /// The number of slices; 0 if the text does not state it, which means as many slices as the pages allow.
     slices: u64,
     unit: Option<String>,
-    /// Distance between slices.
+    /// The distance between slices.
     spacing: f64,
-    /// Slope and intercept.
+    /// The slope and the intercept that turn samples into values.
     scaling: (f64, f64),
 }
 
 impl ImageJ {
-    /// Parses `text`; `None` if ImageJ did not write it.
+    /// Parses the description `text`; `None` if ImageJ did not write it.
     pub(super) fn parse(text: &str) -> Option<ImageJ> {
         if !text.starts_with("ImageJ=") {
             return None;
@@ -37,10 +37,10 @@ impl ImageJ {
             let values = text.lines().filter_map(|line| line.split_once('='));
             values.filter(|(found, _)| *found == key).map(|(_, value)| value.trim()).next_back()
         };
-        // Some writers store counts as decimals.
+        // Some writers store whole numbers as decimals ("3.0").
         let count = |key| value(key).and_then(|text| text.strip_suffix(".0").unwrap_or(text).parse::<u64>().ok());
         let number = |key| value(key).and_then(|text| text.parse::<f64>().ok()).filter(|number| number.is_finite());
-        // Function 0 is a straight line: c0 + c1 * sample.
+        // Calibration function 0 is a straight line: value = c0 + c1 * sample.
         let scaling = match (count("cf"), number("c0"), number("c1"), value("c2")) {
             (Some(0), Some(intercept), Some(slope), None) if slope != 0.0 => (slope, intercept),
             _ => (1.0, 0.0),
@@ -64,7 +64,7 @@ impl ImageJ {
     /// Returns the pages of volume `volume`, slice by slice; the file at `path` has `count` pages.
     ///
     /// # Errors
-    /// [`Error::Format`] if the number of pages is not that of slices, channels and frames.
+    /// [`Error::Format`] if the number of pages is not the product of the numbers of slices, channels and frames.
     pub(super) fn pages(&self, path: &Path, count: u64, volume: u64) -> Result<Vec<u64>> {
         let volumes = self.volumes();
         let slices = if self.slices == 0 { count / volumes } else { self.slices };
@@ -81,23 +81,23 @@ impl ImageJ {
         Ok((0..slices).map(|slice| (frame * slices + slice) * self.channels + channel).collect())
     }
 
-    /// Where the grid lies.
+    /// Returns the position and the spacing of the grid.
     pub(super) fn frame(&self, resolution: &Resolution) -> FileFrame {
         let mut pixel = resolution.pixel();
         if resolution.unit == 3 && self.unit.as_deref() == Some("um") {
-            // Some programs write resolutions per centimetre and a description in micrometres.
+            // Some programs write the resolution tags per centimetre, but a description in micrometres.
             pixel = pixel.map(|size| size * 1e4);
         }
         FileFrame { unit: self.unit.clone(), ..FileFrame::upright([pixel[0], pixel[1], self.spacing]) }
     }
 
-    /// Slope and intercept.
+    /// Returns the slope and the intercept that turn samples into values.
     pub(super) fn scaling(&self) -> (f64, f64) {
         self.scaling
     }
 }
 
-/// The unit that `text` names; `None` if it names none.
+/// Returns the unit of length that `text` names; `None` if it names none.
 fn unit_name(text: &str) -> Option<String> {
     let name = match text {
         "" | "pixel" | "pixels" => return None,

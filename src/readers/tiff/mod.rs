@@ -1,8 +1,8 @@
-//! Reads TIFF and BigTIFF: the pages of one file, or a folder of files of one page, are the slices of a volume.
+//! Reads TIFF and BigTIFF: the pages of one file are the slices of a volume, or so are the one-page files of a folder.
 //!
-//! In: grey pages of one size and type, in strips or tiles, plain or packed by LZW, deflate, PackBits or zstd. Out: a
-//! slab source. Pages are slices in the file's order; thumbnails and masks (NewSubfileType 1 and 4) are skipped.
-//! Two kinds of writers add a description, which is used:
+//! In: grey pages of one size and type, in strips or tiles, uncompressed or packed by LZW, deflate, PackBits or zstd.
+//! Out: a slab source (which reads slice by slice). Pages are slices in the file's order; thumbnails and masks
+//! (NewSubfileType 1 and 4) are skipped. The descriptions of two kinds of writers are used:
 //!
 //! ```text
 //! ImageJ     channels, slices and frames; spacing and unit; a line that turns samples into values; stacks above 4 GB
@@ -11,9 +11,9 @@
 //! ```
 //!
 //! Each channel at each time is a volume of its own, counted channels first. Without a description, resolution tags
-//! give the spacing along x and y, in millimetres where they have a unit. The format has no spacing along z; that of x
-//! is used. 72 to the inch counts as no resolution, because writers that know none store it. Samples are kept as
-//! stored, also where 0 is to be shown white (MinIsWhite), as ImageJ does. Only signed and floating-point samples with
+//! give the spacing along x and y, in millimetres if they have a unit. The format has no spacing along z; the spacing
+//! along x is used for it. 72 pixels per inch counts as no resolution, because writers that know none store it. Samples
+//! are kept as stored, also if 0 means white (MinIsWhite), as in ImageJ. Only signed and floating-point samples with
 //! this flag are refused, because the `tiff` crate would round them.
 //!
 //! Source: TIFF 6.0 (Adobe 1992); OME-TIFF specification (docs.openmicroscopy.org).
@@ -36,7 +36,7 @@ use ome::Ome;
 use page::{PageShape, Resolution, TiffPages};
 use reader::{SliceLocation, TiffReader};
 
-/// The description that a writer adds to the tags.
+/// The description that a writer added to the tags of a file.
 enum Description {
     Plain,
     ImageJ(ImageJ),
@@ -71,7 +71,7 @@ impl Description {
         }
     }
 
-    /// Slope and intercept.
+    /// Returns the slope and the intercept that turn samples into values.
     fn scaling(&self) -> (f64, f64) {
         match self {
             Description::ImageJ(imagej) => imagej.scaling(),
@@ -127,7 +127,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     finish(path, vec![path.to_path_buf()], places, shape, options, &(description, resolution))
 }
 
-/// Opens `files`, each of which has one page, as the slices of one volume; `folder` is where they are.
+/// Opens `files`, each of which has one page, as the slices of one volume; `folder` is the folder that holds them.
 pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     check_volume(options.volume_index.into(), 1)?;
     check_slices(folder, files.len())?;
@@ -165,7 +165,7 @@ pub(super) fn open_stack(folder: &Path, files: Vec<PathBuf>, options: &OpenOptio
     }
 }
 
-/// Returns the source over `places`; `told` is the description and the resolution in the first file.
+/// Returns the slab source over the slices at `places`; `told` is the description and the resolution in the first file.
 fn finish(
     path: &Path,
     files: Vec<PathBuf>,
@@ -189,7 +189,7 @@ fn finish(
     Ok(Box::new(TiffReader::new(header, files, places, shape)?))
 }
 
-/// Refuses more slices than an axis may have.
+/// Returns an error if there are more slices than an axis may have.
 fn check_slices(path: &Path, count: usize) -> Result<()> {
     let (need, have) = (count as u64, u64::from(MAX_DIM));
     if need > have {
@@ -198,7 +198,7 @@ fn check_slices(path: &Path, count: usize) -> Result<()> {
     Ok(())
 }
 
-/// Returns the frame of a file without a description.
+/// Returns the position and spacing of the grid of a file without a description.
 fn plain_frame(resolution: &Resolution) -> FileFrame {
     let millimetres = match resolution.unit {
         2 => Some(25.4),

@@ -1,7 +1,8 @@
 //! Reads the first image of the OME-XML in a TIFF file's description.
 //!
-//! In: the XML. Out: which page is which slice of which channel at which time, and how far apart points are. Planes are
-//! numbered in the image's order of dimensions; each `TiffData` names the page at which a run of planes starts.
+//! In: the XML. Out: the slice, channel and time of each page, and the distances between points. Planes (2-D images of
+//! one slice, channel and time) are numbered in the image's order of dimensions. Each `TiffData` names the page at
+//! which a run of planes starts.
 //!
 //! Source: OME-TIFF specification and OME schema, `Pixels` and `TiffData` (docs.openmicroscopy.org).
 
@@ -16,31 +17,31 @@ use adjsplat::error::{Error, Result};
 
 const RULE: &str = "OME-XML";
 
-/// Planes that follow each other in a file.
+/// A run of planes that follow each other in a file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct PlaneRun {
-    /// Number of the first plane.
+    /// The number of the first plane.
     plane: u64,
-    /// The page of the first plane.
+    /// The number of the page that holds the first plane.
     page: u64,
-    /// Number of planes; `None` for all that follow.
+    /// The number of planes; `None` means all planes that follow.
     count: Option<u64>,
 }
 
-/// Pages and spacing of one image.
+/// The pages and the spacing of one image.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Ome {
-    /// Number of slices, channels, times.
+    /// The numbers of slices, channels and times.
     sizes: [u64; 3],
-    /// Number of planes from a slice, channel or time to the next one.
+    /// The difference of plane numbers between neighbouring slices, channels and times.
     strides: [u64; 3],
-    /// Sorted by first plane.
+    /// The runs, sorted by their first planes.
     runs: Vec<PlaneRun>,
     spacing: [f64; 3],
     unit: Option<String>,
 }
 
-/// Whether `text` is OME-XML.
+/// Returns whether `text` is OME-XML.
 pub(super) fn is_ome(text: &str) -> bool {
     let text = text.trim_start_matches('\u{feff}').trim_start();
     text.starts_with('<') && (text.contains("<OME") || text.contains(":OME"))
@@ -76,7 +77,7 @@ impl Ome {
                     }
                     _ => {}
                 },
-                // Further images have pages of their own.
+                // Further images have their own pages, which are not read.
                 Event::End(tag) if tag.local_name().as_ref() == b"Pixels" => break,
                 Event::Eof => break,
                 _ => {}
@@ -119,7 +120,7 @@ impl Ome {
         Ok(Ome { sizes, strides, runs: Vec::new(), spacing, unit })
     }
 
-    /// Reads the attributes of a `TiffData`.
+    /// Reads the attributes of a `TiffData` element.
     fn run(&self, path: &Path, tag: &BytesStart<'_>) -> Result<PlaneRun> {
         let number = |name: &str| match attribute(tag, name) {
             None => Ok(None),
@@ -180,7 +181,7 @@ impl Ome {
         Ok(pages)
     }
 
-    /// Where the grid lies.
+    /// Returns the position and the spacing of the grid.
     pub(super) fn frame(&self) -> FileFrame {
         FileFrame { unit: self.unit.clone(), ..FileFrame::upright(self.spacing) }
     }
@@ -191,7 +192,8 @@ fn attribute(tag: &BytesStart<'_>, name: &str) -> Option<String> {
     Some(String::from_utf8_lossy(&found.value).into_owned())
 }
 
-/// Returns the distances along x, y, z, in the unit of the first one given. Missing ones equal the first.
+/// Returns the distances between points along x, y, z, and their unit, which is that of the first one in the XML.
+/// Missing distances equal the first.
 fn spacing(tag: &BytesStart<'_>) -> ([f64; 3], Option<String>) {
     let lengths = ["PhysicalSizeX", "PhysicalSizeY", "PhysicalSizeZ"].map(|name| length(tag, name));
     let Some((first, unit)) = lengths.iter().flatten().next() else { return ([1.0; 3], None) };
@@ -211,14 +213,14 @@ fn spacing(tag: &BytesStart<'_>) -> ([f64; 3], Option<String>) {
     (spacing, unit)
 }
 
-/// Returns a length and its unit; `None` if it is missing or not above 0.
+/// Returns the length in attribute `name` and its unit; `None` if it is missing or not above 0.
 fn length(tag: &BytesStart<'_>, name: &str) -> Option<(f64, String)> {
     let size = attribute(tag, name)?.trim().parse::<f64>().ok()?;
     let unit = attribute(tag, &format!("{name}Unit")).unwrap_or_else(|| "um".into());
     (size.is_finite() && size > 0.0).then_some((size, unit))
 }
 
-/// Returns the metres in `unit`; `None` if it is not a unit of length.
+/// Returns how many metres one `unit` is; `None` if it is not a unit of length.
 fn metres(unit: &str) -> Option<f64> {
     Some(match unit {
         "m" => 1.0,

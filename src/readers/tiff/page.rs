@@ -1,8 +1,9 @@
 //! Finds the pages of one TIFF file, checks them, and reads their samples.
 //!
-//! In: a file. Out: the pages' numbers in the chain of directories, their shapes, and one page's samples, chunk by
-//! chunk. The `tiff` crate reads directories and unpacks most chunks. This file adds checks before any allocation: that
-//! the file has the bytes which its directories list, and that the page is of a kind that can be read.
+//! In: a file. Out: the pages' numbers in the chain of directories, their shapes, and the samples of one page, chunk by
+//! chunk. (A directory holds the tags of a page; a chunk is a strip or a tile.) The `tiff` crate reads directories and
+//! unpacks most chunks. This module adds checks before any allocation: that the file has the bytes which its
+//! directories list, and that the kind of page is supported.
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -22,27 +23,27 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::volume::{SampleType, Samples};
 
-/// The largest tile in bytes: the `tiff` crate's own limit.
+/// The largest size of a tile in bytes: the `tiff` crate's own limit.
 const LARGEST_TILE: u64 = 256 << 20;
 
-/// Bytes of memory per chunk while the lists of offsets and lengths are read.
+/// The bytes of memory per chunk while the lists of the chunks' offsets and lengths are read.
 const CHUNK_LISTED: u64 = 80;
 
-/// The value of the tag Compression for zstd.
+/// The value of the tag Compression that means zstd.
 const ZSTD: u64 = 50_000;
 
-/// The longest description in bytes: that of an OME-TIFF lists every plane.
+/// The longest description in bytes: the description of an OME-TIFF lists every plane.
 const LONGEST_DESCRIPTION: u64 = 64 << 20;
 
-/// The numbers that pages have in the chain of directories, from 0.
+/// The pages of a file, numbered by their positions in the chain of directories, from 0.
 pub(super) struct PageList {
-    /// Number of all pages.
+    /// The number of all pages.
     pub(super) count: usize,
-    /// The pages at full resolution; at least one.
+    /// The numbers of the pages at full resolution; at least one.
     pub(super) full: Vec<usize>,
 }
 
-/// Size and sample type, which all pages of a volume share.
+/// The size and the sample type, which all pages of a volume share.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct PageShape {
     pub(super) width: u32,
@@ -51,9 +52,9 @@ pub(super) struct PageShape {
 }
 
 impl PageShape {
-    /// Bytes of its samples.
+    /// Returns the number of bytes of the page's samples.
     pub(super) fn bytes(&self) -> u64 {
-        // Both are of 32 bits, and are checked only with the grid.
+        // Both sizes are 32-bit numbers; only the check of the grid limits them.
         (u64::from(self.width) * u64::from(self.height)).saturating_mul(self.sample_type.bytes() as u64)
     }
 
@@ -62,34 +63,34 @@ impl PageShape {
     }
 }
 
-/// The contents of the resolution tags.
+/// The contents of a page's resolution tags: how many pixels there are per unit of length.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Resolution {
-    /// Pixels per unit along x and y, where they are numbers above 0.
+    /// The number of pixels per unit along x and along y; `None` unless it is above 0.
     pub(super) per_unit: [Option<f64>; 2],
-    /// 1 none, 2 inch, 3 centimetre.
+    /// The unit: 1 none, 2 inch, 3 centimetre.
     pub(super) unit: u16,
 }
 
 impl Resolution {
-    /// Returns the units per pixel along x and y; 1 without the tags.
+    /// Returns the size of a pixel along x and y, in units; 1 without the tags.
     pub(super) fn pixel(&self) -> [f64; 2] {
         let [x, y] = self.per_unit;
         [x.or(y), y.or(x)].map(|pixels| 1.0 / pixels.unwrap_or(1.0))
     }
 
-    /// Returns whether the page has the tags.
+    /// Returns whether the page has resolution tags.
     pub(super) fn is_given(&self) -> bool {
         self.per_unit != [None, None]
     }
 }
 
-/// The pages of a file.
+/// Reads the pages of one file.
 pub(super) struct TiffPages {
     path: PathBuf,
     decoder: Decoder<BufReader<File>>,
     file_len: u64,
-    /// The page that the decoder stands at.
+    /// The number of the current page, whose directory the decoder has read.
     number: usize,
 }
 
@@ -99,16 +100,17 @@ impl TiffPages {
         let (file, file_len) = open_regular(path, "open")?;
         let decoder = Decoder::new(BufReader::new(file)).map_err(|error| fault(path, 0, "the first page", error))?;
         let mut limits = Limits::default();
-        // Chunks are unpacked as a stream into memory that is asked for here.
+        // Chunks are unpacked as a stream into memory that this module allocates and checks itself.
         limits.intermediate_buffer_size = usize::MAX;
         Ok(TiffPages { path: path.to_path_buf(), decoder: decoder.with_limits(limits), file_len, number: 0 })
     }
 
-    /// Walks the chain of directories to its end.
+    /// Reads the chain of directories to its end, and returns the pages.
     pub(super) fn list(&mut self) -> Result<PageList> {
         let (mut count, mut full) = (0, Vec::new());
         loop {
-            // Bit 0: a smaller copy of another page; bit 2: a mask. In the older SubfileType 2 is a smaller copy.
+            // Bit 0 means a smaller copy of another page, bit 2 a mask. In the older tag SubfileType, 2 means a smaller
+            // copy.
             let new = self.number_tag(Tag::NewSubfileType)?.unwrap_or(0);
             let old = self.number_tag(Tag::SubfileType)?.unwrap_or(1);
             if new & 0b101 == 0 && old != 2 {
@@ -129,7 +131,7 @@ impl TiffPages {
         Ok(PageList { count, full })
     }
 
-    /// Goes to page `number`.
+    /// Makes page `number` the current one.
     pub(super) fn go_to(&mut self, number: usize) -> Result<()> {
         if number != self.number {
             let at = self.at();
@@ -140,7 +142,7 @@ impl TiffPages {
         Ok(())
     }
 
-    /// Returns the shape of the page; an error if such pages cannot be read.
+    /// Returns the shape of the current page; returns an error if pages of this kind are not supported.
     pub(super) fn shape(&mut self) -> Result<PageShape> {
         let (width, height) = self.decoder.dimensions().map_err(|error| self.page_fault(error))?;
         let samples = self.number_tag(Tag::SamplesPerPixel)?.unwrap_or(1);
@@ -188,7 +190,7 @@ impl TiffPages {
         Ok(PageShape { width, height, sample_type })
     }
 
-    /// Checks that the page has `shape`, like `whose`, and that the file has the bytes of its samples.
+    /// Checks that the page has the shape `shape` of the page `whose`, and that the file has the bytes of its samples.
     pub(super) fn check(&mut self, shape: &PageShape, whose: &str) -> Result<()> {
         let page_shape = self.shape()?;
         if page_shape != *shape {
@@ -207,7 +209,7 @@ impl TiffPages {
         for (index, (offset, count)) in (0..).zip(offsets.iter().zip(&counts)) {
             let (width, height) = match self.decoder.get_chunk_type() {
                 ChunkType::Strip => self.decoder.chunk_data_dimensions(index),
-                // Tiles are whole, also where they reach beyond the page.
+                // Tiles are stored whole, even if they reach beyond the page.
                 ChunkType::Tile => (chunk_width, chunk_height),
             };
             let samples = u64::from(width) * u64::from(height);
@@ -226,7 +228,7 @@ impl TiffPages {
         Ok(())
     }
 
-    /// Returns the first byte of `images` pages that follow each other without directories of their own.
+    /// Returns the byte offset of `images` pages that are stored one after the other without directories of their own.
     pub(super) fn contiguous(&mut self, shape: &PageShape, images: u64) -> Result<u64> {
         let plain = self.ratio()? == Some(1) && self.decoder.get_chunk_type() == ChunkType::Strip;
         let (offsets, counts) = self.chunks()?;
@@ -245,7 +247,7 @@ impl TiffPages {
         Ok(start)
     }
 
-    /// The page's description; `None` if it has none.
+    /// Returns the page's description; `None` if it has none.
     pub(super) fn description(&mut self) -> Result<Option<String>> {
         let mut tags = self.decoder.image_ifd();
         let Some(entry) = tags.find_entry(Tag::ImageDescription) else { return Ok(None) };
@@ -260,13 +262,13 @@ impl TiffPages {
         bytes.truncate(read.unwrap_or(0));
         let end = bytes.iter().position(|byte| *byte == 0).unwrap_or(bytes.len());
         bytes.truncate(end);
-        // Text that is not UTF-8 is Latin-1: old writers store a micro sign in it.
+        // Text that is not UTF-8 is read as Latin-1: old writers store a micro sign in it.
         Ok(Some(
             String::from_utf8(bytes).unwrap_or_else(|error| error.as_bytes().iter().copied().map(char::from).collect()),
         ))
     }
 
-    /// The page's resolution.
+    /// Returns the contents of the page's resolution tags.
     pub(super) fn resolution(&mut self) -> Result<Resolution> {
         let mut pixels = |tag| match self.decoder.find_tag(tag) {
             Ok(Some(Value::Rational(above, below))) if above > 0 && below > 0 => {
@@ -277,12 +279,12 @@ impl TiffPages {
         };
         let found = pixels(Tag::XResolution).and_then(|x| Ok([x, pixels(Tag::YResolution)?]));
         let per_unit = found.map_err(|error| self.page_fault(error))?;
-        // Inches are the default of the format.
+        // If the tag is missing, the format's default is inches.
         let unit = self.number_tag(Tag::ResolutionUnit)?.and_then(|unit| u16::try_from(unit).ok()).unwrap_or(2);
         Ok(Resolution { per_unit, unit })
     }
 
-    /// Reads the page's samples; `shape` is the page's and that of `slice`.
+    /// Reads the samples of the current page, which has the shape `shape`, into `slice`.
     pub(super) fn read(&mut self, shape: &PageShape, slice: &mut Samples) -> Result<()> {
         let width = shape.sample_type.bytes();
         let row = shape.width as usize * width;
@@ -305,8 +307,8 @@ impl TiffPages {
                 let read = file.seek(SeekFrom::Start(offset)).and_then(|_| coding.unpack(file.take(count), line, rows));
                 read.map_err(|error| self.page_fault(TiffError::IoError(error)))?;
             } else if tiled {
-                // Asked for at its full width, a tile is unpacked in one read. In tiff 0.11.3 tiles in LZW that reach
-                // beyond the page cannot be read row by row: it misses the end of the codes.
+                // If a tile is read at its full width, it is unpacked in one read. In tiff 0.11.3, tiles packed by LZW
+                // that reach beyond the page cannot be read row by row: the crate misses the end of the codes.
                 let unpacked = self.decoder.read_chunk_to_buffer(&mut tile, index, line);
                 unpacked.map_err(|error| self.page_fault(error))?;
                 for (into, from) in rows.chunks_exact_mut(row).zip(tile.as_buffer(0).as_bytes().chunks_exact(line)) {
@@ -317,13 +319,13 @@ impl TiffPages {
             }
         }
         if zstd.is_none() && self.is_white_zero()? {
-            // The crate's unpacking turned 0 to black; samples are taken as they are stored.
+            // The crate inverted the samples so that 0 is black; this restores the stored samples.
             slice.bytes_mut().iter_mut().for_each(|byte| *byte = !*byte);
         }
         Ok(())
     }
 
-    /// Reads the samples at byte `at`.
+    /// Reads samples that start at byte `at` of the file into `slice`.
     pub(super) fn read_bytes(&mut self, at: u64, slice: &mut Samples) -> Result<()> {
         let file = self.decoder.inner();
         let read = file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(slice.bytes_mut()));
@@ -334,7 +336,7 @@ impl TiffPages {
         Ok(())
     }
 
-    /// How the rows of the page's zstd chunks are written.
+    /// Returns how the rows in the page's zstd chunks are written.
     fn row_coding(&mut self, shape: &PageShape) -> Result<RowCoding> {
         let predictor = self.number_tag(Tag::Predictor)?.unwrap_or(1);
         if predictor == 3 && !matches!(shape.sample_type, SampleType::F32 | SampleType::F64) {
@@ -352,7 +354,7 @@ impl TiffPages {
         Ok(self.number_tag(Tag::Compression)?.unwrap_or(1))
     }
 
-    /// Returns the bytes that reading a page holds: a tile, and the list of chunks.
+    /// Returns how many bytes of memory reading a page takes: for a tile, and for the list of chunks.
     pub(super) fn buffer_bytes(&self, shape: &PageShape) -> u64 {
         let (width, height) = self.decoder.chunk_dimensions();
         let down = u64::from(shape.height.div_ceil(height.max(1)));
@@ -360,7 +362,8 @@ impl TiffPages {
         self.tile_bytes(shape).saturating_add(chunks.saturating_mul(CHUNK_LISTED))
     }
 
-    /// Returns the bytes of one tile without its rows below the page; 0 for strips, which are unpacked in place.
+    /// Returns the size in bytes of one tile without its rows below the page; 0 for strips, which are unpacked in
+    /// place.
     fn tile_bytes(&self, shape: &PageShape) -> u64 {
         if self.decoder.get_chunk_type() == ChunkType::Strip {
             return 0;
@@ -370,7 +373,7 @@ impl TiffPages {
         samples.saturating_mul(shape.sample_type.bytes() as u64)
     }
 
-    /// Byte offsets and packed bytes of the page's chunks.
+    /// Returns the byte offsets of the page's chunks, and their packed lengths in bytes.
     fn chunks(&mut self) -> Result<(Vec<u64>, Vec<u64>)> {
         let tags = match self.decoder.get_chunk_type() {
             ChunkType::Strip => [Tag::StripOffsets, Tag::StripByteCounts],
@@ -381,14 +384,14 @@ impl TiffPages {
         found.map_err(|error| self.page_fault(error))
     }
 
-    /// Returns the largest number of bytes that one packed byte can become; `None` if there is no bound.
+    /// Returns the largest number of bytes that one packed byte can expand to; `None` if there is no bound.
     fn ratio(&mut self) -> Result<Option<u64>> {
         let method = match self.compression()? {
             1 => return Ok(Some(1)),
-            // A code has at least 9 bits, and a string at most 4,096 bytes.
+            // LZW: a code has at least 9 bits, and the string that it stands for has at most 4,096 bytes.
             5 => return Ok(Some(4096)),
             8 | 32_946 => return Ok(Some(DEFLATE_RATIO)),
-            // Two bytes can become 128.
+            // PackBits: two bytes can expand to 128.
             32_773 => return Ok(Some(64)),
             ZSTD => return Ok(None),
             2 => "CCITT, method 2".into(),
@@ -406,13 +409,13 @@ impl TiffPages {
         Ok(self.number_tag(Tag::PhotometricInterpretation)? == Some(0))
     }
 
-    /// The first number of `tag`, if the page has it.
+    /// Returns the first number of `tag`, if the page has this tag.
     fn number_tag(&mut self, tag: Tag) -> Result<Option<u64>> {
         let found = self.decoder.find_tag_unsigned_vec::<u64>(tag);
         found.map(|numbers| numbers?.first().copied()).map_err(|error| self.page_fault(error))
     }
 
-    /// Byte offset of the page's directory.
+    /// Returns the byte offset of the current page's directory.
     fn at(&mut self) -> u64 {
         self.decoder.ifd_pointer().map_or(0, |pointer| pointer.0)
     }
@@ -428,7 +431,7 @@ impl TiffPages {
     }
 }
 
-/// Returns our error for one of the `tiff` crate; `at` is the byte offset of the page's directory.
+/// Converts an error of the `tiff` crate to ours; `at` is the byte offset of the page's directory.
 fn fault(path: &Path, at: u64, what: &str, error: TiffError) -> Error {
     let again = "(copy or download the file again)";
     match error {

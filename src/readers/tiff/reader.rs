@@ -1,4 +1,4 @@
-//! The slab source over pages of one TIFF file or of many.
+//! The slab source (a reader of a volume, slice by slice) over the pages of one TIFF file or of many.
 
 use std::path::PathBuf;
 
@@ -7,27 +7,27 @@ use crate::slab::check_turn;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, Samples, SlabSource};
 
-/// Where the samples of a slice are.
+/// The place of the samples of one slice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum SliceLocation {
-    /// In a page of one of the files.
+    /// The samples are in a page of one of the files.
     Page {
-        /// Index of the file.
+        /// The index of the file.
         file: usize,
-        /// The page's number in its chain of directories.
+        /// The number of the page in its file's chain of directories.
         page: usize,
     },
-    /// Uncompressed, from this byte of the first file on.
+    /// The samples are uncompressed and start at this byte of the first file.
     Bytes(u64),
 }
 
-/// Reads slices from pages or bytes of files.
+/// Reads slices from pages or from byte ranges of files.
 pub(super) struct TiffReader {
     header: Header,
     files: Vec<PathBuf>,
     places: Vec<SliceLocation>,
     shape: PageShape,
-    /// The open file and its index.
+    /// The file that is open, and its index.
     open: Option<(usize, TiffPages)>,
     buffer_bytes: u64,
     slices_read: u32,
@@ -35,7 +35,7 @@ pub(super) struct TiffReader {
 }
 
 impl TiffReader {
-    /// Takes files whose pages were checked against `shape`.
+    /// Creates a reader of files whose pages were checked against `shape`.
     pub(super) fn new(
         header: Header,
         files: Vec<PathBuf>,
@@ -53,7 +53,7 @@ impl TiffReader {
         Ok(reader)
     }
 
-    /// Returns file `file`, opened if another one was open.
+    /// Returns the pages of file `file`; opens the file unless it is open already.
     fn pages(&mut self, file: usize) -> Result<&mut TiffPages> {
         if self.open.as_ref().is_none_or(|(open, _)| *open != file) {
             self.open = Some((file, TiffPages::open(&self.files[file])?));
@@ -67,7 +67,7 @@ impl TiffReader {
             SliceLocation::Page { file, page } => {
                 let pages = self.pages(file)?;
                 pages.go_to(page)?;
-                // The file may have changed since it was opened.
+                // The file may have changed since its pages were first checked.
                 pages.check(&shape, "the first slice")?;
                 pages.read(&shape, slice)
             }

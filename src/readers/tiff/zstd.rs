@@ -1,6 +1,6 @@
-//! Strips and tiles that are packed by zstd, which the `tiff` crate unpacks only with a C library.
+//! Unpacks strips and tiles that are packed by zstd; the `tiff` crate would need a C library for them.
 //!
-//! In: a packed chunk as a stream, and how its rows are written. Out: rows of samples in this machine's byte order.
+//! In: a packed chunk as a stream, and how its rows are encoded. Out: rows of samples in this machine's byte order.
 //!
 //! Source: TIFF 6.0, section 14 (differences of whole numbers); Adobe Photoshop TIFF Technical Note 3 (differences of
 //! the bytes of floating-point numbers); RFC 8878 (zstd).
@@ -11,22 +11,23 @@ use ruzstd::decoding::StreamingDecoder;
 
 use crate::slab::Endian;
 
-/// How a page writes the samples of a row before it is packed.
+/// How the samples of a row are encoded before the chunk is packed.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RowCoding {
-    /// Bytes of a sample.
+    /// The number of bytes of a sample.
     pub(super) width: usize,
-    /// Order of the bytes of a sample.
+    /// The order of the bytes of a sample.
     pub(super) endian: Endian,
-    /// Tag 317: 1 as they are, 2 differences of samples, 3 differences of bytes, highest bytes first.
+    /// Tag 317: 1 samples as they are, 2 differences of samples, 3 differences of bytes, the most significant bytes
+    /// first.
     pub(super) predictor: u64,
 }
 
 impl RowCoding {
-    /// Unpacks the chunk in `packed`, whose rows have `line` bytes, into `rows`; each takes the first bytes of its row.
+    /// Unpacks the chunk in `packed`, whose rows have `line` bytes. Each of `rows` receives the first bytes of its row.
     ///
     /// # Errors
-    /// If the zstd frame is damaged, or has fewer rows.
+    /// If the zstd frame is damaged, or has fewer rows than `rows`.
     pub(super) fn unpack<'r>(
         self,
         packed: impl Read,

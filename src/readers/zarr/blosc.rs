@@ -1,9 +1,9 @@
-//! Unpacks Blosc frames, Zarr's default compression of chunks.
+//! Unpacks Blosc frames, the default compression of Zarr chunks.
 //!
-//! In: a frame of version 1 or 2. Out: its bytes. A frame is cut into blocks. The writer may have shuffled a block
-//! (gathered the first bytes or bits of all elements, then the second ones, and so on) and split it into one stream for
-//! each byte of an element. Each stream is packed by one of five codecs. The unpacked length is known beforehand: a
-//! frame that states another length is refused, so nothing is allocated by it.
+//! In: a frame of version 1 or 2. Out: its unpacked bytes. A frame consists of blocks. The writer may have shuffled a
+//! block (gathered the first bytes or bits of all elements, then the second ones, and so on) and split it into one
+//! stream for each byte of an element. Each stream is packed by one of five codecs. The unpacked length is known
+//! beforehand: a frame that states another length is refused, so no memory is allocated by the stated length.
 //!
 //! Source: c-blosc's `README_HEADER.rst` and `README_CHUNK_FORMAT.rst`; the layout of bits is that of bitshuffle
 //! (Masui et al., "A compression scheme for radio data in high performance computing", 2015, section 3.2).
@@ -11,7 +11,8 @@
 use super::packing::{ChunkFault, inflate, lz4, zstd};
 
 const HEADER_BYTES: usize = 16;
-/// A block is split if it has at least so many elements, of at most so many bytes each.
+/// A block is split into streams if it has at least the first number of elements, each of at most the second number of
+/// bytes.
 const SPLIT: (usize, usize) = (128, 16);
 
 const BYTE_SHUFFLE: u8 = 1;
@@ -19,10 +20,10 @@ const PLAIN: u8 = 2;
 const BIT_SHUFFLE: u8 = 4;
 const UNSPLIT: u8 = 16;
 
-/// Unpacks a frame of `len` bytes.
+/// Unpacks a frame, which must give `len` bytes.
 ///
 /// # Errors
-/// The fault, in words, if the frame is damaged.
+/// Returns a text that says what is wrong if the frame is damaged.
 pub(super) fn unpack(frame: &[u8], len: usize) -> Result<Vec<u8>, ChunkFault> {
     let [version, _, flags, element, ..] = *frame else { return Err("a Blosc frame without a header".into()) };
     let stated_len = word(frame, 4)?;
@@ -69,7 +70,7 @@ fn word(frame: &[u8], at: usize) -> Result<usize, ChunkFault> {
     Ok(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]) as usize)
 }
 
-/// Unpacks the streams of the block that starts at byte `start`.
+/// Unpacks the streams of the block that starts at byte `start` of the frame.
 fn unpack_block(frame: &[u8], start: usize, block: &mut [u8], streams: usize, codec: u8) -> Result<(), ChunkFault> {
     let mut at = start;
     let part_len = block.len() / streams;
@@ -113,7 +114,7 @@ fn unpack_blosclz(packed: &[u8], out: &mut [u8]) -> Result<(), ChunkFault> {
     let mut at = 0;
     let mut first = true;
     while let Some(control) = bytes.next() {
-        // The first one is a run, whatever its upper bits, which give the stream's version.
+        // The first code is a run, whatever its upper bits: they hold the version of the stream.
         let control = if std::mem::take(&mut first) { control & 31 } else { control };
         if control < 32 {
             let run = usize::from(control) + 1;
@@ -151,7 +152,8 @@ fn unpack_blosclz(packed: &[u8], out: &mut [u8]) -> Result<(), ChunkFault> {
     if at == out.len() { Ok(()) } else { Err(fault()) }
 }
 
-/// Undoes the shuffle of bytes; `from` holds the first bytes of all elements, then the second ones, then the tail.
+/// Undoes the shuffle of bytes; `from` holds the first bytes of all elements, then the second ones, and so on, then the
+/// bytes of an incomplete element.
 fn unshuffle_bytes(from: &[u8], to: &mut [u8], element: usize) {
     let count = from.len() / element;
     for (index, cell) in to.chunks_exact_mut(element).enumerate() {
@@ -163,9 +165,10 @@ fn unshuffle_bytes(from: &[u8], to: &mut [u8], element: usize) {
     to[whole..].copy_from_slice(&from[whole..]);
 }
 
-/// Undoes the shuffle of bits; `from` holds the lowest bits of the first bytes of all elements, then the next bits.
+/// Undoes the shuffle of bits; `from` holds the lowest bits of the first bytes of all elements, then the second bits,
+/// and so on.
 ///
-/// Blocks whose number of elements is no multiple of 8 are not shuffled.
+/// Blocks whose number of elements is not a multiple of 8 are not shuffled.
 fn unshuffle_bits(from: &[u8], to: &mut [u8], element: usize) {
     let count = from.len() / element;
     if !count.is_multiple_of(8) {
@@ -212,7 +215,8 @@ mod tests {
     #[test]
     fn copies_may_overlap_what_they_write() {
         let mut out = vec![0; 12];
-        // "ab", then ten bytes from two back: a length of 7 + 1 and two of the copy's own.
+        // The codes mean: "ab", then copy ten bytes from two bytes back; 7 + 1 plus the 2 of every copy make the length
+        // 10.
         unpack_blosclz(&[1, b'a', b'b', 7 << 5, 1, 1], &mut out).expect("it is whole");
         assert_eq!(out, b"abababababab");
         for broken in [&[1, b'a'][..], &[0, b'a', 1 << 5, 1], &[7 << 5, 255], &[]] {

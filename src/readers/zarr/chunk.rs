@@ -1,8 +1,8 @@
 //! Reads the chunks of a Zarr array, one at a time.
 //!
-//! In: an array, and which chunk. Out: its bytes, in the array's byte order and storage order, or that it was never
-//! written. If chunks are shards, the index is read, and then one chunk inside the shard; below, "chunk" means that
-//! inner one.
+//! In: an array, and the index of a chunk. Out: the chunk's bytes, in the array's byte order and storage order, or the
+//! fact that it was never written. If chunks are shards (files of many chunks), the shard's index is read first, then
+//! one chunk inside the shard. Below, "chunk" means this inner chunk.
 
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
@@ -13,20 +13,21 @@ use super::packing::{crc32c, unpack};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
-/// The largest number of bytes that packing may add to a chunk; no packing in use adds more.
+/// The largest number of bytes by which packing may lengthen a chunk; no packing in use adds more.
 const PACKED_SLACK: u64 = 1 << 16;
 
 /// Reads chunks of one array.
 pub(super) struct ChunkReader {
     array: ZarrArray,
-    /// The path of the shard that was read last, and the shard unless it was never written.
+    /// The path of the shard that was read last, and its file; `None` instead of the file if it was never written.
     shard: Option<(PathBuf, Option<ShardFile>)>,
 }
 
 struct ShardFile {
     file: File,
     len: u64,
-    /// Offset and length of each chunk in it; both are all ones for a chunk that was never written.
+    /// The offset and the length of each chunk in the shard, in bytes; both have all bits set for a chunk that was
+    /// never written.
     entries: Vec<[u64; 2]>,
 }
 
@@ -39,25 +40,25 @@ impl ChunkReader {
         &self.array
     }
 
-    /// Points of a chunk along each dimension.
+    /// Returns the number of points of a chunk along each dimension.
     pub(super) fn shape(&self) -> &[u64] {
         self.array.shard.as_ref().map_or(&self.array.chunk, |shard| &shard.inner)
     }
 
-    /// Bytes of a chunk.
+    /// Returns the size of an unpacked chunk in bytes.
     pub(super) fn chunk_bytes(&self) -> u64 {
         self.shape().iter().product::<u64>() * self.array.sample_type.bytes() as u64
     }
 
-    /// Bytes of a shard's index; 0 without shards.
+    /// Returns the size of a shard's index in bytes; 0 if there are no shards.
     pub(super) fn index_bytes(&self) -> u64 {
         self.array.shard.as_ref().map_or(0, |shard| inner_count(&self.array, shard).saturating_mul(16))
     }
 
-    /// Reads the chunk at `index`; `None` if it was never written.
+    /// Reads the chunk at `index`, its position among the chunks; `None` if it was never written.
     ///
     /// # Errors
-    /// [`Error::Io`] if it cannot be read; [`Error::Format`] if it is damaged.
+    /// [`Error::Io`] if the chunk cannot be read; [`Error::Format`] if it is damaged.
     pub(super) fn read(&mut self, index: &[u64]) -> Result<Option<Vec<u8>>> {
         let Some(shard) = self.array.shard.clone() else {
             let path = chunk_path(&self.array, index);
@@ -92,7 +93,7 @@ impl ChunkReader {
         self.take(&path, file, at, bytes).map(Some)
     }
 
-    /// Reads and unpacks `packed` bytes of `file` from byte `at`.
+    /// Reads `packed` bytes of `file` from byte `at` on, and unpacks them.
     fn take(&self, path: &Path, mut file: File, at: u64, packed: u64) -> Result<Vec<u8>> {
         let bytes = self.chunk_bytes();
         let most = bytes + bytes / 8 + PACKED_SLACK;
@@ -144,7 +145,7 @@ fn inner_count(array: &ZarrArray, shard: &Shard) -> u64 {
     counts.fold(1, u64::saturating_mul)
 }
 
-/// Returns the file of chunk `index`: `0.0.0`, `0/0/0`, `c/0/0/0`.
+/// Returns the path of the file that holds chunk `index`: `0.0.0`, `0/0/0`, `c/0/0/0`.
 fn chunk_path(array: &ZarrArray, index: &[u64]) -> PathBuf {
     let (before, separator) = array.key;
     let mut name = before.to_string();

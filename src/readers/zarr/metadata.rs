@@ -1,7 +1,8 @@
 //! Reads the metadata of a Zarr array, version 2 (`.zarray`) or 3 (`zarr.json`).
 //!
-//! In: a node's folder. Out: its attributes, and for an array the shape, the chunks and how they are packed. Errors
-//! name what is not supported. Numbers are checked before anything is allocated by them.
+//! In: the folder of a node (a group or an array). Out: its attributes, and for an array the shape, the chunks and
+//! their packing. Errors name the features that are not supported. Numbers are checked before memory is allocated by
+//! them.
 //!
 //! Source: Zarr storage specification version 2; Zarr core specification version 3.1 and its codecs
 //! (zarr-specs.readthedocs.io).
@@ -17,49 +18,49 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::read_text;
 use adjsplat::volume::SampleType;
 
-/// The largest number of dimensions of an array.
+/// The largest supported number of dimensions of an array.
 const MOST_DIMENSIONS: usize = 16;
 
-/// The largest unpacked chunk in bytes: as much as Blosc can pack.
+/// The largest supported size of an unpacked chunk in bytes: as much as Blosc can pack.
 const MOST_CHUNK_BYTES: u64 = 1 << 31;
 
-/// A group or an array.
+/// A node: a group or an array.
 #[derive(Debug)]
 pub(super) struct ZarrNode {
     pub(super) attributes: Map<String, Value>,
     pub(super) array: Option<ZarrArray>,
 }
 
-/// An array's layout.
+/// The layout of an array in its files.
 #[derive(Debug, Clone)]
 pub(super) struct ZarrArray {
     pub(super) path: PathBuf,
-    /// Points along each dimension.
+    /// The number of points along each dimension.
     pub(super) shape: Vec<u64>,
-    /// Points of a chunk along each dimension; each at least 1.
+    /// The number of points of a chunk along each dimension; each at least 1.
     pub(super) chunk: Vec<u64>,
-    /// The layout of the chunks inside a chunk, if chunks are shards.
+    /// The layout of the inner chunks, if chunks are shards (files of many chunks).
     pub(super) shard: Option<Shard>,
     pub(super) sample_type: SampleType,
     pub(super) endian: Endian,
-    /// The sample that stands for those never written, in the array's byte order.
+    /// The bytes of the sample that stands for samples which were never written, in the array's byte order.
     pub(super) fill: Vec<u8>,
-    /// Dimensions in the order in which a chunk stores them, the slowest first.
+    /// The dimensions in the order in which a chunk stores them, the slowest first.
     pub(super) order: Vec<usize>,
-    /// How the bytes of a chunk, or of one inside a shard, are packed, the first step first.
+    /// The steps by which the bytes of a chunk (of an inner one, with shards) are packed, in the order of packing.
     pub(super) packings: Vec<Packing>,
-    /// How chunks' files are named: the text before the numbers, and the separator between them.
+    /// How the files of chunks are named: the text before the numbers, and the separator between the numbers.
     pub(super) key: (&'static str, char),
-    /// Names of the dimensions, where the array gives them.
+    /// The names of the dimensions; `None` for a dimension without a name.
     pub(super) names: Vec<Option<String>>,
 }
 
-/// Chunks inside a chunk.
+/// The layout of a shard: a chunk that contains inner chunks.
 #[derive(Debug, Clone)]
 pub(super) struct Shard {
-    /// Points of an inner chunk along each dimension; divides the chunk.
+    /// The number of points of an inner chunk along each dimension; it divides the chunk's.
     pub(super) inner: Vec<u64>,
-    /// Whether the index is at the shard's end, not its start.
+    /// Whether the index of the inner chunks is at the shard's end, not at its start.
     pub(super) index_at_end: bool,
     /// Whether a checksum follows the index.
     pub(super) index_summed: bool,
@@ -68,8 +69,8 @@ pub(super) struct Shard {
 /// Reads the node in the folder at `path`.
 ///
 /// # Errors
-/// [`Error::Io`] if a file cannot be read; [`Error::Format`] if it breaks its version's rules or needs something that
-/// is not supported; [`Error::Limit`] for sizes.
+/// [`Error::Io`] if a file cannot be read; [`Error::Format`] if it breaks the rules of its version or needs a feature
+/// that is not supported; [`Error::Limit`] if a size is too large.
 pub(super) fn read(path: &Path) -> Result<ZarrNode> {
     let newer = path.join("zarr.json");
     if newer.is_file() {
@@ -88,7 +89,7 @@ pub(super) fn read(path: &Path) -> Result<ZarrNode> {
     Ok(ZarrNode { attributes, array })
 }
 
-/// One JSON object of a node, and its file.
+/// One JSON object of a node, and the file that it comes from.
 struct JsonFields {
     path: PathBuf,
     fields: Map<String, Value>,
@@ -126,7 +127,7 @@ impl JsonFields {
         }
     }
 
-    /// Refuses a `field` that lists anything.
+    /// Returns an error if the list in `field` is not empty: its entries are not supported.
     fn expect_none(&self, field: &str) -> Result<()> {
         match self.value(field) {
             Value::Null => Ok(()),
@@ -135,7 +136,7 @@ impl JsonFields {
         }
     }
 
-    /// Returns the whole numbers of a list; each must be at least `least`.
+    /// Returns the whole numbers in the list `value` of `field`; each must be at least `least`.
     fn numbers(&self, field: &str, value: &Value, least: u64) -> Result<Vec<u64>> {
         let numbers = value.as_array().map(|list| list.iter().map(Value::as_u64).collect::<Option<Vec<u64>>>());
         match numbers.flatten() {
@@ -189,7 +190,7 @@ impl JsonFields {
         })
     }
 
-    /// Parses the type: "<u2" is byte order, kind and bytes.
+    /// Parses the sample type of version 2: in "<u2", byte order, kind and number of bytes.
     fn type_2(&self) -> Result<(SampleType, Endian)> {
         let value = self.value("dtype");
         let text = value.as_str().unwrap_or_default();
@@ -274,7 +275,7 @@ impl JsonFields {
         Ok((Some(Shard { inner, index_at_end, index_summed }), inside))
     }
 
-    /// Reads a list of codecs: array codecs, then the one that makes bytes, then byte codecs.
+    /// Reads a list of codecs: codecs of arrays, then the one that turns an array into bytes, then codecs of bytes.
     fn codecs(&self, field: &str, list: &Value, dimensions: usize) -> Result<Codecs> {
         let list = list.as_array().ok_or_else(|| self.fault(field, "a list of codecs", clip(list)))?;
         let mut order: Vec<usize> = (0..dimensions).collect();
@@ -326,11 +327,11 @@ impl JsonFields {
         }
     }
 
-    /// Returns the bytes of the fill value, in the array's byte order.
+    /// Returns the fill value as the bytes of a sample, in the array's byte order.
     fn fill(&self, sample_type: SampleType, endian: Endian) -> Result<Vec<u8>> {
         let value = self.value("fill_value");
         let fault = || self.fault("fill_value", format!("a value of {}", sample_type.name()), clip(value));
-        // In version 3 a text may give the bits of a floating-point number.
+        // In version 3, a text may state the bits of a floating-point number in hexadecimal digits.
         let hex = |digits: &str| u64::from_str_radix(digits, 16).ok().map(u64::to_le_bytes);
         let number = match value {
             Value::Null | Value::Bool(false) => 0.0,
@@ -368,7 +369,7 @@ impl JsonFields {
         Ok(bytes)
     }
 
-    /// Checks that the parts of `array` fit together.
+    /// Checks that the fields of `array` are consistent, and returns it.
     fn checked(&self, array: ZarrArray) -> Result<ZarrArray> {
         let dimensions = array.shape.len();
         let inner = array.shard.as_ref().map_or(&array.chunk, |shard| &shard.inner);
@@ -389,32 +390,32 @@ impl JsonFields {
     }
 }
 
-/// The combined effect of a list of codecs.
+/// The combined effect of a list of codecs on a chunk.
 #[derive(Clone)]
 struct Codecs {
     order: Vec<usize>,
     endian: Endian,
-    /// The configuration of a sharding codec.
+    /// The configuration of a sharding codec, if the list has one.
     shard: Option<Value>,
     packings: Vec<Packing>,
 }
 
-/// Returns the texts of a list; `None` for each item that is no text.
+/// Returns the texts in a JSON list; `None` for each item that is not a text.
 fn texts(list: &Value) -> Vec<Option<String>> {
     list.as_array().into_iter().flatten().map(|item| item.as_str().map(str::to_owned)).collect()
 }
 
-/// The name of a version 3 extension: `{"name": ...}` or the name alone.
+/// Returns the name of a version 3 extension, which is `{"name": ...}` or the name alone.
 fn name_of(extension: &Value) -> Option<&str> {
     extension["name"].as_str().or(extension.as_str())
 }
 
-/// Returns a text without control characters, which would break a line.
+/// Returns `text` without control characters, which would break the line of a message.
 pub(super) fn printable(text: &str) -> String {
     text.replace(char::is_control, " ")
 }
 
-/// Returns a value as text, shortened if it is long.
+/// Returns a JSON value as text, shortened if it is long.
 pub(super) fn clip(value: &Value) -> String {
     let text = value.to_string();
     match text.char_indices().nth(60) {

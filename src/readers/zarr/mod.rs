@@ -1,16 +1,17 @@
 //! Reads Zarr arrays of versions 2 and 3, OME-Zarr images of versions 0.1 to 0.5, and nifti-zarr.
 //!
-//! In: a folder that is a Zarr node. Out: a slab source over one array's z, y and x. Axes are found by their names. All
-//! other axes, such as time and channel, number the volumes, the last axis fastest. An image of several resolutions is
-//! read at one level. A nifti-zarr header gives the place in the world and the scaling.
+//! In: a folder that is a Zarr node. Out: a slab source (which reads slice by slice) over the z, y and x axes of one
+//! array. Axes are found by their names. All other axes, such as time and channel, number the volumes, the last axis
+//! fastest. If an image has several resolutions (levels), one of them is read. A nifti-zarr header gives the position
+//! in the world and the scaling of values.
 //!
 //! ```text
 //! layer: the slices that one row of chunks along z holds; all its chunks are unpacked into one buffer, one at a time
 //! slice: a part of the layer
 //! ```
 //!
-//! Chunks are read by our own code because the library at hand needs a C compiler and 130 packages, and unpacks
-//! Zstandard and gzip chunks to any length that they state, so that a small damaged file takes all memory.
+//! Our own code reads the chunks. The available library needs a C compiler and 130 packages. It also unpacks Zstandard
+//! and gzip chunks to any length that they state, so a small damaged file could take all memory.
 
 mod blosc;
 mod chunk;
@@ -32,16 +33,16 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::obtainable;
 use adjsplat::volume::{Header, Samples, SlabSource};
 
-/// The deepest nesting of groups in which an image is looked for.
+/// The deepest nesting of groups in which an image or an array is searched for.
 const DEEPEST: usize = 4;
 
 /// The largest number of folders or levels that a message lists.
 const MOST_LISTED: usize = 8;
 
-/// Bytes of a NIfTI header and its extensions in a nifti-zarr.
+/// The largest size in bytes of a NIfTI header and its extensions in a nifti-zarr.
 const MOST_NIFTI_BYTES: u64 = 1 << 20;
 
-/// Opens the array, or the image at one of its levels, in the folder at `path`.
+/// Opens the volume in the folder at `path`: an array, or one level of an image.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     let found = find(path, DEEPEST)?;
     let level = options.level as usize;
@@ -74,14 +75,14 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     Ok(Box::new(ZarrReader::new(header, array, axes.space, index, notes)?))
 }
 
-/// What a folder holds: an array, or an image of several levels.
+/// The content of a folder: an array, or an image of several levels.
 struct ZarrContent {
     path: PathBuf,
     array: Option<ZarrArray>,
     image: Option<Multiscales>,
 }
 
-/// Finds the array or image at `path`, or the only one in the groups below it.
+/// Finds the array or the image at `path`; if `path` is a group without either, the only one in the groups below it.
 fn find(path: &Path, depth: usize) -> Result<ZarrContent> {
     let node = metadata::read(path)?;
     let image = if node.array.is_none() { multiscales::read(path, &node.attributes)? } else { None };
@@ -113,7 +114,7 @@ fn read_array(path: &Path) -> Result<ZarrArray> {
     node.array.ok_or_else(|| Error::input(path.display().to_string(), "is a Zarr group where an array is to be"))
 }
 
-/// Lists the levels with their sizes, slowest axis first: "0: 3 x 128 x 256, 1: 3 x 64 x 128".
+/// Lists the levels with their sizes, the slowest axis first: "0: 3 x 128 x 256, 1: 3 x 64 x 128".
 fn listed_levels(image: &Multiscales) -> String {
     let shape = |level: &ImageLevel| match metadata::read(&level.path).ok().and_then(|node| node.array) {
         Some(array) => array.shape.iter().map(u64::to_string).collect::<Vec<_>>().join(" x "),
@@ -124,18 +125,18 @@ fn listed_levels(image: &Multiscales) -> String {
     listed.join(", ") + if image.levels.len() > MOST_LISTED { ", ..." } else { "" }
 }
 
-/// Which dimensions of an array are x, y, z, and which number its volumes.
+/// Which dimensions of an array are x, y and z, and which ones number its volumes.
 struct ArrayAxes {
-    /// The dimensions along x, y, z; an image may have no z.
+    /// The indices of the dimensions along x, y, z; an image may have no z.
     space: [Option<usize>; 3],
-    /// All others, with their names.
+    /// The indices of all other dimensions, with their names.
     volume_dimensions: Vec<(usize, String)>,
-    /// Unit of lengths, if x, y and z share one.
+    /// The unit of lengths, if x, y and z share one.
     unit: Option<String>,
 }
 
 impl ArrayAxes {
-    /// Finds the axes by their names; without names the last three are z, y, x.
+    /// Finds the axes by their names; without names, the last three dimensions are z, y, x.
     fn find(array: &ZarrArray, image: Option<&Multiscales>) -> Result<ArrayAxes> {
         let dimensions = array.shape.len();
         let fault = |expected: &str, got: String| Error::format(&array.path, 0, "Zarr axes", expected, got);
@@ -169,7 +170,7 @@ impl ArrayAxes {
         Ok(ArrayAxes { space, volume_dimensions, unit })
     }
 
-    /// Returns the index of volume `number` along each dimension; 0 along x, y, z.
+    /// Returns the index along each dimension at which volume `number` lies; 0 along x, y, z.
     fn volume(&self, array: &ZarrArray, number: u64) -> Result<Vec<u64>> {
         let counts = self.volume_dimensions.iter().map(|(dimension, _)| array.shape[*dimension]);
         let count = counts.fold(1, u64::saturating_mul);
@@ -197,7 +198,7 @@ impl ArrayAxes {
     }
 }
 
-/// Returns where the array lies in the world, and its slope and intercept.
+/// Returns the position and axes of the array in the world, and the slope and intercept of its values.
 fn place(
     path: &Path,
     array: &ZarrArray,
@@ -220,7 +221,7 @@ fn place(
         return Ok((frame, 1.0, 0.0));
     }
     let (mut frame, slope, intercept) = nifti::place_of(&header, &nifti_header(&header)?)?;
-    // The header places level 0; other levels are coarser, and begin between its points.
+    // The header describes level 0; other levels are coarser, and their first points lie between its points.
     let (finest, first) = (of(&image.levels[0].scale, 1.0), of(&image.levels[0].translation, 0.0));
     for axis in 0..3 {
         let step = frame.spacing[axis] * (translation[axis] - first[axis]) / finest[axis];
@@ -233,7 +234,7 @@ fn place(
     Ok((frame, slope, intercept))
 }
 
-/// Reads the NIfTI header, which is stored as an array of bytes.
+/// Reads the bytes of the NIfTI header, which is stored as a Zarr array of bytes.
 fn nifti_header(path: &Path) -> Result<Vec<u8>> {
     let array = read_array(path)?;
     let mut reader = ChunkReader::new(array);
@@ -245,17 +246,17 @@ fn nifti_header(path: &Path) -> Result<Vec<u8>> {
     reader.read(&[0])?.ok_or_else(|| fault("none"))
 }
 
-/// Reads an array's slices, a layer of chunks at a time.
+/// Reads the slices of an array; it unpacks one layer (a row of chunks along z) at a time.
 struct ZarrReader {
     header: Header,
     chunks: ChunkReader,
-    /// The dimensions along x, y, z.
+    /// The indices of the dimensions along x, y, z.
     space: [Option<usize>; 3],
-    /// Index along the other dimensions.
+    /// The index of the volume along the other dimensions.
     index: Vec<u64>,
-    /// The layer's samples, x fastest, in the array's byte order.
+    /// The samples of the layer, x fastest, in the array's byte order.
     layer: Vec<u8>,
-    /// The number of that layer.
+    /// The number of the layer that is in memory, counted along z.
     loaded: Option<u64>,
     slices_read: u32,
     notes: Vec<String>,
@@ -281,12 +282,12 @@ impl ZarrReader {
         Ok(reader)
     }
 
-    /// Points of a chunk along x, y or z.
+    /// Returns the number of points of a chunk along `axis` (x, y or z).
     fn chunk_points(&self, axis: usize) -> u64 {
         self.space[axis].map_or(1, |dimension| self.chunks.shape()[dimension])
     }
 
-    /// Slices of a full layer.
+    /// Returns the number of slices of a full layer.
     fn layer_slices(&self) -> u64 {
         self.chunk_points(2).min(self.header.grid.dims[2].into())
     }
@@ -295,7 +296,7 @@ impl ZarrReader {
         self.header.grid.slice_len() * self.header.sample_type.bytes() as u64
     }
 
-    /// Fills the layer with chunks `number` along z.
+    /// Reads the chunks with number `number` along z into the layer.
     fn load(&mut self, number: u64) -> Result<()> {
         self.loaded = None;
         let dims = self.header.grid.dims.map(u64::from);
@@ -323,7 +324,7 @@ impl ZarrReader {
         Ok(())
     }
 
-    /// Copies the chunk at `at`, or the fill value if there is none, into the layer.
+    /// Copies the chunk at `at`, or the fill value if the chunk was never written, into the layer.
     fn place(&mut self, at: [u64; 3], chunk: Option<&[u8]>) {
         let points = [0, 1, 2].map(|axis| self.chunk_points(axis));
         let dims = self.header.grid.dims.map(u64::from);
@@ -331,7 +332,7 @@ impl ZarrReader {
         let [run, rows, slices] = [0, 1, 2].map(|axis| index(points[axis].min(dims[axis] - start[axis])));
         let width = self.header.sample_type.bytes();
         let strides = self.strides();
-        // The first sample of this volume in the chunk.
+        // The index, in the chunk, of the first sample of this volume.
         let volume_dimensions = (0..self.index.len()).filter(|dimension| !self.space.contains(&Some(*dimension)));
         let first: usize =
             volume_dimensions.map(|other| index(self.index[other] % self.chunks.shape()[other]) * strides[other]).sum();
@@ -356,7 +357,7 @@ impl ZarrReader {
         }
     }
 
-    /// Returns the distances in samples between neighbours of a stored chunk, along each dimension.
+    /// Returns, for each dimension, the distance between neighbouring samples in a stored chunk, in samples.
     fn strides(&self) -> Vec<usize> {
         let mut strides = vec![0; self.index.len()];
         let mut step = 1;
@@ -368,7 +369,7 @@ impl ZarrReader {
     }
 }
 
-/// Converts a size that was checked against memory before.
+/// Converts a number of points, whose memory was checked before, to `usize`.
 fn index(points: u64) -> usize {
     usize::try_from(points).unwrap_or(usize::MAX)
 }
@@ -401,7 +402,7 @@ impl SlabSource for ZarrReader {
     }
 
     fn buffer_bytes(&self) -> u64 {
-        // A packed chunk, the unpacked one, and for Blosc one more with its bytes shuffled.
+        // Memory for a packed chunk, the unpacked one, and with Blosc one more whose bytes are shuffled.
         let chunk = self.chunks.chunk_bytes().saturating_mul(3);
         let layer = self.slice_bytes().saturating_mul(self.layer_slices());
         layer.saturating_add(chunk).saturating_add(self.chunks.index_bytes().saturating_mul(2))

@@ -1,14 +1,14 @@
-//! Reads OME-Zarr metadata: one image at several resolutions.
+//! Reads OME-Zarr metadata, which describe one image at several resolutions.
 //!
-//! In: a group's attributes. Out: the axes, and for each level its array and its place in the world. Levels are in the
-//! order of the metadata; names of arrays mean nothing.
+//! In: the attributes of a group. Out: the axes, and for each level its array and its position in the world. Levels are
+//! in the order of the metadata; the names of their arrays have no meaning.
 //!
 //! ```text
 //! point = scale of all levels * (scale of this level * index + translation of this level) + translation of all levels
 //! ```
 //!
-//! Source: OME-NGFF specification 0.4 and 0.5, sections "axes" and "multiscales" (ngff.openmicroscopy.org); 0.1 to 0.3,
-//! which name their axes or have five.
+//! Source: OME-NGFF specification 0.4 and 0.5, sections "axes" and "multiscales" (ngff.openmicroscopy.org); versions
+//! 0.1 to 0.3, which only name their axes or always have five.
 
 use std::path::{Component, Path, PathBuf};
 
@@ -17,45 +17,45 @@ use serde_json::{Map, Value};
 use super::metadata::{clip, printable};
 use adjsplat::error::{Error, Result};
 
-/// The largest number of levels: each is half as large as the one before.
+/// The largest supported number of levels: each level is half as large as the one before.
 const MOST_LEVELS: usize = 64;
 
-/// A dimension of the image.
+/// The name and the unit of one dimension of the image.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct AxisName {
     pub(super) name: String,
     pub(super) unit: Option<String>,
 }
 
-/// One resolution.
+/// One level: the image at one resolution.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct ImageLevel {
-    /// The array's folder.
+    /// The folder of the level's array.
     pub(super) path: PathBuf,
-    /// Distance between points along each axis.
+    /// The distance between points along each axis.
     pub(super) scale: Vec<f64>,
-    /// World coordinate of the first point along each axis.
+    /// The world coordinate of the first point along each axis.
     pub(super) translation: Vec<f64>,
 }
 
-/// An image's resolutions, the first the finest.
+/// The levels of an image, the finest first.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Multiscales {
-    /// In the order of the arrays' dimensions.
+    /// The axes, in the order of the arrays' dimensions.
     pub(super) axes: Vec<AxisName>,
     pub(super) levels: Vec<ImageLevel>,
 }
 
-/// Returns the image in the group at `path`; `None` if there is none.
+/// Returns the image in the group at `path`; `None` if the group holds none.
 ///
 /// # Errors
-/// [`Error::Format`] for incomplete metadata, and transformations that are neither scale nor translation.
+/// [`Error::Format`] for incomplete metadata, and for transformations other than scale and translation.
 pub(super) fn read(path: &Path, attributes: &Map<String, Value>) -> Result<Option<Multiscales>> {
     let found = attributes.get("ome").and_then(|ome| ome.get("multiscales")).or(attributes.get("multiscales"));
     let Some(image) = found.and_then(|list| list.get(0)) else { return Ok(None) };
     let fault = |expected: &str, got: &Value| Error::format(path, 0, "OME-Zarr multiscales", expected, clip(got));
     let axes: Vec<AxisName> = match image.get("axes") {
-        // Version 0.2 and before.
+        // Metadata of version 0.2 or earlier do not name the axes.
         None => ["t", "c", "z", "y", "x"].map(|name| AxisName { name: name.into(), unit: None }).into(),
         Some(Value::Array(axes)) => {
             let axes: Option<Vec<AxisName>> = axes.iter().map(axis).collect();
@@ -93,13 +93,13 @@ fn axis(value: &Value) -> Option<AxisName> {
     Some(AxisName { name: printable(&name.to_lowercase()), unit: unit.map(printable) })
 }
 
-/// Returns the path `value` below `path`; `None` if it leads outside.
+/// Returns the path `value` relative to `path`; `None` if it leads out of the folder.
 fn inside(path: &Path, value: &Value) -> Option<PathBuf> {
     let relative = Path::new(value.as_str()?.trim_start_matches('/'));
     relative.components().all(|part| matches!(part, Component::Normal(_))).then(|| path.join(relative))
 }
 
-/// Combines a list of transformations into one scale and translation.
+/// Combines a list of transformations into one scale and one translation per axis.
 fn transform(list: &Value, axes: usize) -> Result<(Vec<f64>, Vec<f64>), String> {
     let (mut scale, mut translation) = (vec![1.0; axes], vec![0.0; axes]);
     for step in list.as_array().map(Vec::as_slice).unwrap_or_default() {

@@ -1,7 +1,7 @@
 //! Unpacks the bytes of a chunk.
 //!
-//! In: packed bytes, and how many there may be unpacked. Out: the unpacked bytes. Every decoder here writes into a
-//! bounded buffer, so a chunk that states a wrong length costs no more memory than a good one.
+//! In: packed bytes, and the unpacked length that is allowed. Out: the unpacked bytes. Every decoder in this module
+//! writes into a bounded buffer, so a chunk that states a wrong length takes no more memory than an intact one.
 //!
 //! Source: the Zarr codecs' specifications (zarr-specs.readthedocs.io, codecs) and numcodecs for what version 2 calls
 //! compressors.
@@ -12,31 +12,31 @@ use flate2::read::{MultiGzDecoder, ZlibDecoder};
 
 use super::blosc;
 
-/// What was found instead of an intact chunk.
+/// A text that says what was found instead of an intact chunk.
 pub(super) type ChunkFault = String;
 
-/// One step of how a chunk's bytes are packed.
+/// One step by which the bytes of a chunk are packed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Packing {
-    /// gzip or zlib.
+    /// A gzip or zlib stream.
     Deflate,
-    /// Blosc.
+    /// A Blosc frame.
     Blosc,
-    /// Zstandard.
+    /// A Zstandard stream.
     Zstd,
-    /// A block of LZ4 behind its length, as numcodecs writes it.
+    /// An LZ4 block that follows its length, as numcodecs writes it.
     Lz4,
-    /// Unpacked bytes, followed by a checksum of four bytes.
+    /// Plain bytes, followed by a checksum of four bytes.
     Crc32c,
 }
 
-/// How many bytes a packing may add to its content if another packing follows.
+/// The largest number of bytes by which one packing step may lengthen its input if another step follows.
 const SLACK: usize = 1 << 16;
 
-/// Undoes `packings`, the last first; the result must have `len` bytes.
+/// Undoes the steps `packings`, the last step first; the result must have `len` bytes.
 ///
 /// # Errors
-/// What is wrong with the chunk, in words.
+/// Returns a text that says what is wrong with the chunk.
 pub(super) fn unpack(packings: &[Packing], packed: Vec<u8>, len: usize) -> Result<Vec<u8>, ChunkFault> {
     let mut bytes = packed;
     for (step, packing) in packings.iter().enumerate().rev() {
@@ -101,7 +101,7 @@ fn strip_checksum(mut bytes: Vec<u8>) -> Result<Vec<u8>, ChunkFault> {
     }
 }
 
-/// The cyclic redundancy check of Castagnoli (RFC 3720, appendix B.4).
+/// Returns the cyclic redundancy check of `bytes` with Castagnoli's polynomial (RFC 3720, appendix B.4).
 pub(super) fn crc32c(bytes: &[u8]) -> u32 {
     const TABLE: [u32; 256] = {
         let mut table = [0; 256];
