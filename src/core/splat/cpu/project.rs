@@ -117,8 +117,7 @@ impl VoxelBlock {
 pub const GROUP: usize = 16;
 
 impl<'a> Projector<'a> {
-    /// Creates the projector of a frame. For `alpha_ink` and `stop` see the documentation of the module and of
-    /// [`Blend`](super::blend::Blend).
+    /// Creates the projector of a frame. For `alpha_ink` and `stop`, see the fields.
     pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, alpha_ink: f32, stop: f32) -> Projector<'a> {
         let FrameSetup { view, order, lane, lights, kernel, crop, maximum } = setup;
         let (sigma, cut_off, normalisation) = (kernel.sigma, kernel.cut_off(), kernel.normalisation());
