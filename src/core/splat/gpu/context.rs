@@ -17,7 +17,7 @@ use crate::error::{Error, Result};
 
 pub(crate) const MAX_BINDING: u64 = 128 << 20; // Largest binding that is used, in bytes: every device allows it.
 
-const HANG_TIMEOUT: Duration = Duration::from_secs(600); // Time to wait for work: a device in software takes minutes for a large frame.
+const HANG_TIMEOUT: Duration = Duration::from_secs(600); // Software takes minutes for a large frame.
 
 /// A device, its queue, and how many bytes of copies to the device are not known to be finished.
 #[derive(Debug)]

@@ -21,7 +21,7 @@ pub const LINES: u32 = 64; // Most lines of a block, and invocations of a workgr
 pub const BATCH: u32 = 256; // Splats of a batch, and invocations of a workgroup of the other stages.
 pub const TILE: u32 = 16; // Side of a tile of the picture, in pixels.
 pub const NO_RECORD: u32 = u32::MAX; // The value of `record` in a slot without a voxel.
-pub const NOTHING: u32 = 1; // `columns` and `rows` of a splat without pixels: its last pixel, 0, lies before its first, 1.
+pub const NOTHING: u32 = 1; // `columns` and `rows` of a splat without pixels: first pixel 1, last pixel 0.
 
 /// A row of an affine map: from voxel coordinates to one screen coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]

@@ -13,7 +13,7 @@ use crate::traverse::{AxisOrder, Order, OrderedLine, VoxelBox, ordered_lines};
 
 const BLOCK_RECORDS: u32 = 1 << 14; // Most records in a block, unless the block has only one line.
 
-pub(crate) const LINE_BYTES: u64 = 8; // Bytes per line in the lists on the device: the line's word, and its share of a block.
+pub(crate) const LINE_BYTES: u64 = 8; // Bytes per line on the device: its word in the list, its share of a block.
 
 /// Returns the part of `order` that a list depends on: orders with equal keys have equal lists. Voxel coordinates are
 /// integers, so the key replaces the eye by one point for all eyes in the same half of a voxel.

@@ -13,7 +13,7 @@ use super::{Compositor, GpuRenderer, GpuStats, QuadFormat};
 use crate::error::Result;
 use crate::splat::composite::Finish;
 
-pub(super) const COUNTERS: u64 = 4_096; // Number of counters of drawn splats; a later chunk shares the counter of an earlier one.
+pub(super) const COUNTERS: u64 = 4_096; // Number of counters of drawn splats; later chunks use them again.
 
 /// Copies the pixels of a window of `size` (columns and rows) from the device into `out`, the window's part of a frame.
 pub(super) fn window(renderer: &mut GpuRenderer, size: [u32; 2], out: &mut [f32], stats: &mut GpuStats) -> Result<()> {

@@ -38,8 +38,8 @@ struct FrameUniform {
     fast_axis: u32, // Axis of the lane: 0, 1 or 2.
     longest_line: u32, // Most records that a line may have.
     line_end_bytes: u32, // How many bytes store the end offset of a scan line: 2 or 4.
-    value_bits: u32, // 8 or 16.
-    normal_bits: u32, // 0, 8 or 16.
+    value_bits: u32, // Bits of a value code: 8 or 16.
+    normal_bits: u32, // Bits of each half of a normal code: 8 or 16; 0 for no normals.
     uses_magnitude: u32, // 1 if the optical depth also depends on the gradient magnitude, else 0.
     is_maximum: u32, // 1 if a splat's peak is a normalised value, 0 if it is an optical depth.
     is_perspective: u32, // 1 in a perspective view, 0 in a parallel view.
@@ -90,7 +90,7 @@ struct Splat {
 
 const BATCH: u32 = 256u; // Number of splats of a batch, and of invocations of a workgroup.
 const TILE: i32 = 16; // Side of a tile of the picture, in pixels.
-const NOTHING: u32 = 1u; // `columns` and `rows` of a splat without pixels: its last pixel, 0, lies before its first, 1.
+const NOTHING: u32 = 1u; // `columns` and `rows` of a splat without pixels: first pixel 1, last pixel 0.
 
 const LN_2: f32 = 0.6931471805599453;
 const LOG2_E: f32 = 1.4426950408889634;

@@ -16,7 +16,7 @@
 @group(0) @binding(6) var<storage, read> looks: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read> depths: array<f32>; // Optical depth by value code and magnitude code.
 @group(0) @binding(8) var<storage, read_write> splats: array<Splat>;
-@group(0) @binding(9) var<storage, read_write> drawn: array<atomic<u32>>; // Number of drawn splats, by the chunk's index.
+@group(0) @binding(9) var<storage, read_write> drawn: array<atomic<u32>>; // Number of drawn splats, by counter.
 
 const LOW_PASS: f32 = 0.6; // Smallest sigma of a footprint in pixels.
 const REACH: f32 = 2097152.0; // Largest half-width of a footprint in pixels.
