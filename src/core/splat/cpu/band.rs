@@ -47,8 +47,7 @@ struct BandPainter<'a, B> {
 /// How many voxels have their visibility tested together first, before groups of [`GROUP`] voxels are tested. Behind
 /// opaque voxels, this one test rejects them all.
 const TESTED_TOGETHER: usize = 64;
-/// How many voxels along the fast axis have their visibility tested together. With so few, their bounding box on the
-/// screen stays small.
+/// How many voxels along the fast axis are tested together: few, so that their bounding box on the screen is small.
 const SEGMENT: u16 = 32;
 
 impl<B: Blend> BandPainter<'_, B> {
@@ -145,7 +144,7 @@ impl<B: Blend> Visitor for BandPainter<'_, B> {
                 self.voxels.add(batch, group.start, GROUP);
             }
         }
-        // While visible records are marked, this batch may hide the next one. A pager (which maps parts of the file)
+        // While visible records are marked, this batch may hide the next one. A pager (which loads parts of the file)
         // may drop this batch's records before the next batch.
         if self.task.visible.is_some() || self.task.setup.lane.pager.is_some() {
             self.flush();

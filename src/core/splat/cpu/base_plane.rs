@@ -1,16 +1,16 @@
 //! The base plane: a plane on which every slice of a parallel view is a lattice of pixels.
 //!
 //! In: a parallel view and the order of its walk. Out: the same view onto a plane whose columns and rows are those of a
-//! slice's voxels, where each slice is shifted according to the slant of the view; and the picture, interpolated from
-//! that plane by cubic B-splines.
+//! slice's voxels, each slice shifted with the slant of the view; and the picture, interpolated from the plane by cubic
+//! B-splines.
 //!
 //! ```text
 //! column = fast   + slope_f * slow + a          pixel = A (column, row) + b
 //! row    = medium + slope_m * slow + c
 //! ```
 //!
-//! All voxels of a slice share one footprint, pixel for pixel ([`stamp`](super::stamp)); so the drawing time hardly
-//! depends on the size of the picture.
+//! All voxels of a slice share one footprint, pixel for pixel ([`stamp`](super::stamp)); a large picture costs little
+//! more.
 //!
 //! Source: Lacroute and Levoy, "Fast volume rendering using a shear-warp factorization", 1994.
 
@@ -27,8 +27,7 @@ use crate::splat::view::{Affine, MAX_SIZE, PixelMap, View, single};
 use crate::splat::{Blending, Frame, Sampling, Settings};
 use crate::traverse::{Order, Sense, VoxelBox};
 
-/// Width of the margin of the plane around the voxels, in pixels of the plane, so that the voxels' edge is interpolated
-/// like their inside.
+/// Width of the plane's margin around the voxels, in its pixels, so that the voxels' edge is interpolated correctly.
 const MARGIN: f64 = 6.0;
 /// Largest ratio of the plane's pixel count to the picture's (over the same area) at which a plane is worthwhile.
 const MAX_PIXELS: f64 = 6.0;
@@ -36,8 +35,7 @@ const MAX_PIXELS: f64 = 6.0;
 /// plane is more exact than splats in the picture, which the low-pass filter widens. Up to 0.49 the plane was nearer to
 /// supersampled pictures in all of 36 views, by 5 to 19 dB; at 0.56 in 15 of 18 (docs/studies/sampling.md).
 const ENOUGH: f64 = WIDE_ENOUGH;
-/// Like [`ENOUGH`], for pictures that need only 32 dB: the worst view, nearly along an axis, has 34 dB at any
-/// magnification.
+/// Like [`ENOUGH`], where 32 dB suffice: the worst view, nearly along an axis, has 34 dB at any magnification.
 const FEWEST: f64 = 2.1;
 /// Smallest width of a plane's pixel, in pixels of the picture. If it is smaller along both directions, the four points
 /// that are sampled per pixel of the picture miss parts of the pixel.
@@ -52,8 +50,7 @@ pub(super) struct BasePlane {
     size: [u32; 2],
     /// The affine maps from a voxel to a column and a row of the plane.
     plane_from_voxel: [Affine; 2],
-    /// The maps from a pixel of the picture to a column and a row of the plane: a factor for x, a factor for y, and a
-    /// constant.
+    /// The maps from a pixel of the picture to a column and a row of the plane: factors of x and of y, and a constant.
     plane_from_pixel: [[f64; 3]; 2],
     /// Scale of the plane, in pixels per mean voxel spacing.
     scale: f64,
@@ -64,9 +61,8 @@ pub(super) struct BasePlane {
 impl BasePlane {
     /// Returns the base plane of a parallel view of the voxels in `bounds`.
     ///
-    /// `None` if the view is not parallel, `order` is not the view's own, stamps cannot do the blending (they composite
-    /// front to back, with exponential blending), or the plane would be too coarse for `settings`, too fine or too
-    /// large.
+    /// `None` if the view is not parallel, `order` is not the view's own, stamps cannot do the blending (only front to
+    /// back, exponential), or the plane would be too coarse for `settings`, too fine or too large.
     pub(super) fn new(view: &View, order: &Order, bounds: &VoxelBox, settings: &Settings) -> Option<BasePlane> {
         let is_stamped = settings.sense == Sense::FrontToBack && settings.blending == Blending::Exponential;
         if settings.keeps_pixels() || !is_stamped {
@@ -81,8 +77,8 @@ impl BasePlane {
         let PixelMap::Parallel { pixel_from_voxel: [x, y], scale } = &view.map else { return None };
         let [slow, medium, fast] = [order.slow.index(), order.medium.index(), order.fast.index()];
         let area = x[fast] * y[medium] - x[medium] * y[fast];
-        // This inverts the matrix A of the module head. Its columns are the steps, in pixels, from a voxel to the next
-        // along the fast and the medium axis.
+        // The inverse of the matrix A. The columns of A are a voxel's steps, in pixels, along the fast and the medium
+        // axis.
         let inverse = [[y[medium] / area, -x[medium] / area], [-y[fast] / area, x[fast] / area]];
         let transform = |[a, b]: [f64; 2], [p, q]: [f64; 2]| a * p + b * q;
         let slope = inverse.map(|row| transform(row, [x[slow], y[slow]]));
@@ -169,8 +165,7 @@ impl BasePlane {
         columns_to_coefficients(plane.pixels_mut(), 4 * columns);
         let mut picture = Frame::transparent(self.picture)?;
         let width = 4 * self.picture[0] as usize;
-        // The mean of four points, each one standard deviation away from the pixel in x and in y, blurs with that
-        // variance.
+        // The mean of four points, each one standard deviation from the pixel in x and in y, blurs with that variance.
         let distance = self.blur.sqrt();
         let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
         let points: Vec<[f64; 2]> = if distance < MIN_BLUR {
@@ -188,16 +183,14 @@ impl BasePlane {
     }
 }
 
-/// Returns the most bytes that a plane of `pixels` pixels takes: rows of bands, the plane's frame, the mask of covered
-/// pixels.
+/// Returns the most bytes for a plane of `pixels` pixels: rows of bands, the plane's frame, the mask of covered pixels.
 pub(super) fn memory_need(pixels: u64) -> u64 {
     const PIXEL: u64 = 2 * 16 + 2;
     const SPARE_COLUMNS: u64 = 16 * row_buffer::WIDE as u64 * MAX_SIZE as u64;
     if pixels == 0 { 0 } else { PIXEL.saturating_mul(pixels).saturating_add(SPARE_COLUMNS) }
 }
 
-/// Smallest standard deviation of a blur that is applied, in pixels. A smaller blur changes no value by more than
-/// 0.001.
+/// Smallest standard deviation of a blur that is done, in pixels. A smaller one changes no value by more than 0.001.
 const MIN_BLUR: f64 = 0.03;
 
 /// The coefficients of the B-spline through the pixels of a plane.

@@ -74,8 +74,8 @@ impl Blend for LinearFrontToBack {
     }
 }
 
-/// Returns the light that a pixel loses to a sheet (the sum of a slice's splats) behind it: in total, and per unit of
-/// the sheet's optical depth.
+/// Returns the light that a pixel loses to a sheet (a slice's summed splats): in all, and per unit of its optical
+/// depth.
 ///
 /// `depth` is the sheet's optical depth in units of ln 2.
 #[inline(always)]
@@ -147,8 +147,7 @@ impl Blend for Additive {
 /// kernel's weight at the corner of a cell is above 1/e, that is, for a sigma of at least 1/2 voxel.
 pub const WHOLE_CELL: f32 = std::f32::consts::E;
 
-/// Keeps the largest normalised value, where each voxel has full weight over its cell. The ink's red is the voxel's
-/// value.
+/// Keeps the largest normalised value; a voxel has full weight over its cell. The ink's red is the voxel's value.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Maximum;
 

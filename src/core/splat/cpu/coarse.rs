@@ -34,8 +34,7 @@ const ENOUGH: f64 = 0.97;
 const FEWEST: f64 = 0.62;
 /// Largest number of samples per pixel, along a side, at which a coarse view is worth its interpolation.
 const MAX_FACTOR: f64 = 0.8;
-/// Width of the margin around a coarse picture, in samples, that its edge is interpolated from. Samples beyond it would
-/// have weights below 0.268^5.
+/// Width of the margin that a coarse picture's edge is interpolated from, in samples; the next weigh below 0.268^5.
 const MARGIN: u32 = 6;
 /// Shortest side of a picture, in pixels, that may have a coarse view.
 const MIN_SIDE: u32 = 64;
@@ -192,8 +191,7 @@ const POLE: f32 = -0.267_949_2;
 /// A factor of -6 times [`POLE`]. The two passes of the filter leave it out, and [`spline_weights`] include it instead.
 const GAIN: f32 = 6.0 * 0.267_949_2;
 
-/// Returns the weights of four neighbouring coefficients for the point at a distance of `t` (0 to 1) past the second
-/// one. The weights include [`GAIN`].
+/// Returns the weights, times [`GAIN`], of four neighbouring coefficients at a point `t` (0 to 1) past the second one.
 #[inline(always)]
 pub(super) fn spline_weights(t: f32) -> [f32; 4] {
     let s = 1.0 - t;

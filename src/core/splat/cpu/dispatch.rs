@@ -1,7 +1,6 @@
 //! The inner loops, compiled for several instruction sets and chosen at run time.
 //!
-//! All versions give the same bits: they do the same arithmetic and differ only in how many values they compute at
-//! once.
+//! All versions give the same bits: they do the same arithmetic, and differ in how many values they compute at once.
 
 use multiversion::multiversion;
 
@@ -22,14 +21,13 @@ pub struct SplatBuffers {
     pub tiles: TileBuffer,
     /// One block of splats.
     pub splats: Box<Splats>,
-    /// With [`Blending::Sheets`](crate::splat::Blending::Sheets): the sum of a slice's splats, until the slice is
-    /// composited.
+    /// For `Blending::Sheets`: the sum of a slice's splats, until the slice is composited.
     pub(super) sheet: Option<TileBuffer>,
 }
 
 impl SplatBuffers {
-    /// Creates buffers for the pixels of `rect`. `has_sheet`: whether the splats of a slice are added up before the
-    /// slice is composited.
+    /// Creates buffers for the pixels of `rect`. `has_sheet`: whether the splats of a slice are summed, then
+    /// composited.
     pub fn new<B: Blend>(rect: Rect, has_sheet: bool) -> Result<SplatBuffers> {
         Ok(SplatBuffers {
             tiles: TileBuffer::new(rect, B::INITIAL_ALPHA)?,
@@ -39,8 +37,7 @@ impl SplatBuffers {
     }
 }
 
-/// Defines a function whose first argument is `code`, and which runs the version of the body that was compiled for that
-/// instruction set.
+/// Defines a function that runs the version of its body for the instruction set `code`, its first argument.
 macro_rules! for_each_instruction_set {
     ($(#[$doc:meta])* $vis:vis fn $name:ident$(<$blend:ident>)?($($arg:ident: $kind:ty),*) -> u64 $body:block) => {
         $(#[$doc])*

@@ -50,8 +50,7 @@ pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings:
     };
     let strongest = match setup.view.map {
         PixelMap::Parallel { .. } => Projector::new(setup, table, FaintFrontToBack::ALPHA_INK, 0.0).strength.into(),
-        // This is the strongest that a splat can be: the view runs along the longest spacing, and footprints are not
-        // widened.
+        // This assumes the strongest splats: the view runs along the longest spacing, and footprints are not widened.
         PixelMap::Perspective { .. } => {
             setup.view.steps.into_iter().fold(0.0, f64::max) * f64::from(setup.kernel.normalisation())
                 / f64::from(setup.kernel.sigma).powi(2)

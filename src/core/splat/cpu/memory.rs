@@ -15,8 +15,7 @@ const TABLE: u64 = 2 << 20;
 const THREAD: u64 = 2 << 20;
 /// Bytes per tile in the walk's lists of tiles: four copies of the tile's index, because one list grows by doubling.
 const TILE: u64 = 16;
-/// Bytes per grid point of an axis in the walk: lines of a slice, gathered and reordered, and a batch of a line's
-/// voxels.
+/// Bytes of a walk per grid point of an axis: lines of a slice, gathered and reordered, and a batch of voxels.
 const POINT: u64 = 64;
 /// Bytes per pixel, in a frame and in bands.
 const PIXEL: u64 = 4 * size_of::<f32>() as u64;
@@ -39,8 +38,7 @@ pub enum Canvas {
 pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settings) -> Result<Canvas> {
     let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
     let order = walk_order(&view, grid, settings)?;
-    // The optical depth (here 0) matters only for a coarse view, which needs no more memory than the picture's own
-    // pixels.
+    // The depth (here 0) matters only for a coarse view, which needs no more memory than the picture's own pixels.
     Ok(match Resampling::choose(&view, &order, bounds, || 0.0, settings) {
         Some(Resampling::BasePlane(plane)) => Canvas::BasePlane(plane.pixels()),
         Some(Resampling::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
@@ -50,8 +48,7 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
 
 /// Returns an upper bound of the bytes that [`render`](super::render) allocates in addition to the lanes.
 ///
-/// `dims`: points of the grid along each axis; `tiles`: largest number of tiles of a lane; `canvas`: the result of
-/// [`canvas`].
+/// `dims`: grid points along each axis; `tiles`: largest number of tiles of a lane; `canvas`: from [`canvas`].
 pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settings) -> u64 {
     let size = settings.size.map(u64::from);
     let threads = settings.threads as u64;
@@ -77,8 +74,7 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
     [drawing, TABLE, threads.saturating_mul(walk)].into_iter().fold(frame(size), u64::saturating_add)
 }
 
-/// Returns the bytes of a picture's bands, the larger of bands of rows and bands of columns. Each band is padded by
-/// itself.
+/// Returns the bytes of a picture's bands (the larger: of rows or of columns). Each band is padded by itself.
 fn band_bytes([columns, rows]: [u64; 2], threads: u64) -> u64 {
     let by_rows = (columns + PADDING[0]) * (rows + threads * PADDING[1]);
     let by_columns = (columns + threads * PADDING[0]) * (rows + PADDING[1]);

@@ -195,8 +195,7 @@ fn blended<B: Blend>(
 /// Marks the records that a view shows. A record is shown if, at any pixel of its footprint, the transmittance in front
 /// of it is at least the termination threshold of `settings`.
 ///
-/// Always composites front to back, on one thread. Takes 16 bytes of memory per pixel, for at most 2^22 pixels (or one
-/// row) at a time.
+/// Composites front to back, on one thread. Takes 16 bytes per pixel, for at most 2^22 pixels (or one row) at a time.
 ///
 /// # Errors
 /// As [`render`].

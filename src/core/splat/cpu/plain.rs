@@ -103,8 +103,7 @@ fn splat(task: &DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredKern
     Some((SplatKernel { centre, ellipse, cut: projector.cut, peak }, colour))
 }
 
-/// Returns a voxel's centre and footprint, and the peak of a splat of optical depth 1; `None` if it is too near the
-/// eye.
+/// Returns a voxel's centre, footprint, and peak for an optical depth of 1; `None` if it is too near the eye.
 fn project_voxel(projector: &Projector, voxel: [u16; 3]) -> Option<(Centre, Ellipse, f32)> {
     let [s, m, f] = projector.nesting;
     let [slow, medium, fast] = [s, m, f].map(|a| f64::from(voxel[a]));

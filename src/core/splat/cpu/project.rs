@@ -1,8 +1,7 @@
 //! Stage 1: from voxels to splats.
 //!
-//! In: at most one block of voxels, with the indices of their records. Out: the voxels' footprints, colours and peaks
-//! (optical depths at the centres). Every loop over a block treats each voxel by itself, so that vector instructions
-//! can compute any number of voxels at once:
+//! In: up to a block of voxels and their records. Out: their footprints, colours and peaks (optical depths at the
+//! centres). Every loop over a block treats each voxel by itself, so that vector instructions can treat many at once:
 //!
 //! ```text
 //! place     centre, ellipse, bounding box             all voxels of the block
@@ -48,8 +47,7 @@ pub struct Projector<'a> {
     pub(super) map: PixelMap,
     /// The footprint that all voxels of a parallel view share; all fields are 0 in perspective.
     pub(super) ellipse: Ellipse,
-    /// The peak of a splat of optical depth 1. In perspective: the kernel's normalisation times the squared focal
-    /// length.
+    /// The peak of a splat of optical depth 1; in perspective, kernel normalisation times squared focal length.
     pub(super) strength: f32,
     /// The position of the eye along the x, y and z axis, in mean voxel spacings.
     pub(super) eye: [f32; 3],
@@ -95,8 +93,7 @@ impl VoxelBlock {
         self.count + more <= BLOCK
     }
 
-    /// Adds voxels of `batch`, starting with voxel `from`: at most `most`, and at most as many as there is room for.
-    /// Returns how many were added.
+    /// Adds up to `most` voxels of `batch`, starting with voxel `from`, while there is room; returns how many.
     #[inline(always)]
     pub fn add(&mut self, batch: &Batch, from: usize, most: usize) -> usize {
         let count = (batch.len() - from).min(most).min(BLOCK - self.count);
@@ -148,8 +145,7 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Returns a projector that draws cubes of `edge` voxels per side, each as one splat of a kernel that is `edge`
-    /// times as wide.
+    /// Returns a projector for cubes of `edge` voxels per side, each one splat of a kernel `edge` times as wide.
     pub fn of_cubes(&self, edge: u32) -> Projector<'a> {
         let width = edge as f32;
         let sigma = self.sigma * width;
@@ -164,8 +160,7 @@ impl<'a> Projector<'a> {
         Projector { sigma, ellipse, strength: strength * width.powi(3), ..*self }
     }
 
-    /// Returns half the width and half the height of a footprint's bounding box in a parallel view, in pixels; 0 in
-    /// perspective.
+    /// Returns half the width and height of a footprint's box in a parallel view, in pixels; 0 in perspective.
     pub(super) fn half_widths(&self) -> [f64; 2] {
         [self.ellipse.half_x.into(), self.ellipse.half_y.into()]
     }
@@ -434,13 +429,11 @@ impl<'a> Projector<'a> {
     }
 }
 
-/// How many voxels are computed at once. They are computed in small local arrays, which the compiler knows not to
-/// overlap with other arrays.
+/// How many voxels are computed at once, in local arrays, which the compiler knows not to overlap with other arrays.
 const LANES: usize = 16;
 
 impl Extents<LANES> {
-    /// Sets the centre and the bounding box of voxel `j`, along one side of the picture. The box reaches `half_width`
-    /// pixels to both sides of the centre.
+    /// Sets the centre and box of voxel `j` in x or y. The box reaches `half_width` pixels to both sides of the centre.
     #[inline(always)]
     fn set(&mut self, j: usize, centre: (i32, f32), half_width: f32) {
         (self.nearest[j], self.offset[j]) = centre;
@@ -457,15 +450,13 @@ impl Extents<LANES> {
     }
 }
 
-/// Applies an affine map to a voxel's coordinates. The map's factors and the coordinates are in the order slow, medium,
-/// fast.
+/// Applies an affine map to a voxel. Its factors and the coordinates are in the order slow, medium, fast.
 #[inline(always)]
 pub(super) fn affine_at(map: &Affine, [slow, medium, fast]: [f64; 3]) -> f64 {
     (map[3] + map[0] * slow) + map[1] * medium + map[2] * fast
 }
 
-/// Turns each kept splat's `peak` from an optical depth per mean voxel spacing into the optical depth at the splat's
-/// centre.
+/// Turns each kept splat's `peak` from an optical depth per mean voxel spacing into that at the splat's centre.
 #[inline(always)]
 pub fn apply_strengths(out: &mut Splats) {
     let most = MAX_DEPTH as f32 * LOG2_E;
@@ -478,8 +469,8 @@ pub fn apply_strengths(out: &mut Splats) {
 /// Returns by how many columns (first row of the result) and rows (second row) a voxel's footprint moves per voxel
 /// along each axis, at the ray with tangents `tan_x` and `tan_y`.
 ///
-/// `steps`: how far the next voxel along each axis lies to the right, up and forward; `scale`: pixels per mean voxel
-/// spacing at the voxel's depth.
+/// `steps`: how far the next voxel on each axis lies to the right, up and forward; `scale`: pixels per mean voxel
+/// spacing.
 #[inline(always)]
 pub(super) fn jacobian(steps: &[[f32; 3]; 3], tan_x: f32, tan_y: f32, scale: f32) -> [[f32; 3]; 2] {
     let [right, up, forward] = steps;
@@ -498,8 +489,7 @@ pub(super) fn slant(tan_x: f32, tan_y: f32) -> f32 {
     (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt()
 }
 
-/// Returns the pixel nearest to a coordinate, and the coordinate minus that pixel. Coordinates are limited to +-1e9
-/// pixels.
+/// Returns the pixel nearest to a coordinate, limited to +-1e9 pixels, and the coordinate minus that pixel.
 #[inline(always)]
 pub(super) fn nearest_pixel(at: f64) -> (i32, f32) {
     // Adding `ROUND` leaves the nearest integer in the low bits of the sum.
@@ -511,8 +501,7 @@ pub(super) fn nearest_pixel(at: f64) -> (i32, f32) {
     (rounded.to_bits() as u32 as i32, (at - (rounded - ROUND)) as f32)
 }
 
-/// Returns the first and the last pixel within `half_width` pixels of a centre; may include a pixel slightly farther
-/// away.
+/// Returns the first and last pixel within `half_width` pixels of a centre; may include one slightly farther away.
 #[inline(always)]
 pub(super) fn pixel_span((nearest, offset): (i32, f32), half_width: f32) -> (i32, i32) {
     const ROUND: f32 = 12_582_912.0;

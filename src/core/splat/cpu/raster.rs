@@ -43,8 +43,7 @@ impl<const N: usize> Extents<N> {
     }
 }
 
-/// A block of splats. Centres, boxes and strengths are indexed by a voxel's index in the block; ink and peaks by a kept
-/// splat's index in `kept`.
+/// A block of splats. Centres, boxes and strengths are indexed by voxel of the block; ink and peaks like `kept`.
 pub struct Splats {
     /// Number of splats to draw; `kept`, `ink` and `peak` are meaningless from this index on.
     pub count: usize,
@@ -97,8 +96,7 @@ impl Splats {
     }
 }
 
-/// Draws the kept splats of a block; `ellipse` returns the ellipse of a voxel's splat. Returns how many touched the
-/// band.
+/// Draws a block's kept splats; `ellipse` returns the ellipse of a voxel's splat. Returns how many touched the band.
 ///
 /// `cut` is the exponent at the kernel's cut-off, `stop` the transmittance below which a pixel no longer changes.
 #[inline(always)]
@@ -113,8 +111,7 @@ pub(super) fn draw<B: Blend>(
         let j = usize::from(splats.kept[k]) % BLOCK;
         let peak = splats.peak[k];
         let ([low_x, high_x], [low_y, high_y]) = splats.clipped(j, tiles.rect);
-        // Stage 1 lists only splats that reach the band; if it lists others by mistake, this test keeps them from
-        // writing outside the tiles.
+        // Stage 1 lists only splats that reach the band; this test keeps other splats from writing outside the tiles.
         if peak <= 0.0 || low_x > high_x || low_y > high_y {
             continue;
         }
@@ -131,7 +128,7 @@ pub(super) fn draw<B: Blend>(
     drawn
 }
 
-/// Draws a splat on the tiles in columns `left..=right` and rows `top..=bottom`. `IS_SMALL`: the peak is at most
+/// Draws a splat on tile columns `left..=right`, tile rows `top..=bottom`. `IS_SMALL`: its peak is up to
 /// [`SMALL_DEPTH`].
 #[inline(always)]
 fn draw_splat<B: Blend, const IS_SMALL: bool>(
@@ -270,8 +267,7 @@ impl SplatKernel {
         depths
     }
 
-    /// Returns the columns of the first and last tile in a row of tiles that the ellipse may meet, with a margin for
-    /// rounding.
+    /// Returns the columns of the first and last tile of a row that the ellipse may meet, with a margin for rounding.
     #[inline(always)]
     fn chord(&self, row: i32) -> [i32; 2] {
         let low = ((row << TILE) - self.centre.y) as f32 - self.centre.offset_y;

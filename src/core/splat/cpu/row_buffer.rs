@@ -13,8 +13,7 @@ use crate::splat::arith::keep_if;
 
 /// How many pixels of a row are read and written at once.
 pub(super) const EIGHT: usize = 8;
-/// How many columns are tested at once at most. A test may start in any column of the band, so that each row has this
-/// many spare columns at its end.
+/// Most columns tested at once. A test may start in any column of the band, so each row ends with so many spare ones.
 pub(super) const WIDE: usize = 16;
 
 /// Side of a cell in pixels, as a power of 2.
@@ -172,8 +171,7 @@ fn first_eight(values: &mut [f32]) -> &mut [f32; EIGHT] {
     values.first_chunk_mut().expect("rows have spare columns")
 }
 
-// Each of these functions does one step for all eight pixels: the compiler does not vectorise one loop around all
-// steps.
+// Each function does one step for all eight pixels: the compiler does not vectorise one loop around all steps.
 
 /// Returns the light that each pixel loses to a splat.
 #[inline(always)]

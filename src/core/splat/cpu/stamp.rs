@@ -48,8 +48,7 @@ struct Stamp {
 }
 
 impl Stamp {
-    /// Returns the stamp of the slice `slow`. The view must be that of a base plane, where a step of a voxel is a step
-    /// of one pixel.
+    /// Returns the stamp of the slice `slow`. The view must be that of a base plane, where voxels are one pixel apart.
     fn new(projector: &Projector, slow: u16) -> Stamp {
         let PixelMap::Parallel { pixel_from_voxel, .. } = &projector.map else {
             unreachable!("a base plane is a parallel view's")
@@ -203,8 +202,7 @@ pub(super) struct StampBuffers {
     amounts: Box<[Amounts; CODES]>,
 }
 
-/// Smallest number of neighbouring voxels whose visibility is tested together. Fewer are tested one by one when they
-/// are drawn.
+/// Fewest neighbouring voxels that are tested together. Fewer than this are tested one by one when they are drawn.
 const TESTED_TOGETHER: usize = 5;
 
 impl StampBuffers {
@@ -224,8 +222,7 @@ impl StampBuffers {
         drawn + self.add(code, projector, batch, from..to)
     }
 
-    /// Returns whether any pixel may still change under the stamps of `count` neighbouring voxels that start with voxel
-    /// `first`.
+    /// Returns whether any pixel may still change under the stamps of `count` neighbouring voxels, from `first` on.
     #[inline(always)]
     fn is_open(&self, batch: &Batch, first: usize, count: usize, stop: f32) -> bool {
         let StampBuffers { pixels, stamp, .. } = self;
@@ -236,8 +233,8 @@ impl StampBuffers {
         !is_beside && (x < pixels.rect.x0 || pixels.are_open::<WIDE>(x, y, stamp.rows, stop))
     }
 
-    /// Adds a range of a batch's voxels to the voxels that wait, and draws whenever a block is full. Returns how many
-    /// splats were drawn.
+    /// Adds a range of a batch's voxels to those that wait; draws whenever a block is full. Returns how many were
+    /// drawn.
     #[inline(always)]
     fn add(&mut self, code: Code, projector: &Projector, batch: &Batch, mut range: Range<usize>) -> u64 {
         let mut drawn = 0;

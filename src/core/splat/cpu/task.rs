@@ -111,8 +111,7 @@ impl<'a> DrawTask<'a> {
         start.elapsed()
     }
 
-    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none, or if `bounds`
-    /// lies outside the crop.
+    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if none, or outside the crop.
     #[inline(always)]
     pub(super) fn pixels(&self, rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
         let is_cropped = self.projector.crop.is_some_and(|crop| !bounds.meets(&crop));
@@ -144,8 +143,7 @@ impl<'a> DrawTask<'a> {
         })
     }
 
-    /// Returns whether the lane's lines are nearer to horizontal than vertical on screen; bands of rows then cut fewest
-    /// tiles.
+    /// Returns whether the lane's lines are rather horizontal in the picture: bands of rows then cut the fewest tiles.
     fn lines_follow_rows(&self) -> bool {
         let fast = self.setup.order.fast.index();
         let [x, y] = match &self.setup.view.map {
@@ -155,8 +153,7 @@ impl<'a> DrawTask<'a> {
         x[fast].abs() >= y[fast].abs()
     }
 
-    /// Returns the `count + 1` borders, in rows (or columns) from 0 to the picture's side, of bands of about equal
-    /// work.
+    /// Returns the `count + 1` borders, in rows (or columns), from 0 to the picture's side, of bands of like work.
     fn borders(&self, by_rows: bool, count: usize) -> Vec<i32> {
         let (lane, view) = (&self.setup.lane, &self.setup.view);
         let side = usize::try_from(view.size[usize::from(by_rows)]).unwrap_or(1);

@@ -93,8 +93,7 @@ pub(super) struct OpenCounts {
 }
 
 impl OpenCounts {
-    /// Counts, for each square of `1 << shift` pixels per side, its cells of `1 << cell` pixels per side that meet
-    /// `rect`.
+    /// Counts, per square of `1 << shift` pixels a side, the cells of `1 << cell` pixels a side that meet `rect`.
     pub(super) fn new(rect: Rect, shift: i32, cell: i32) -> OpenCounts {
         let cells = |low: i32, high: i32| {
             let (first, last) = (low >> cell, (high - 1) >> cell);
@@ -144,8 +143,7 @@ impl TileBuffer {
         Ok(TileBuffer { rect, initial_alpha, pitch, tiles, states, open_tiles, open_squares, touched: None })
     }
 
-    /// Creates a sheet: pixels that hold the sum of colour times optical depth of a slice's splats, and of optical
-    /// depth.
+    /// Creates a sheet: pixels for the sums of colour times optical depth, and of optical depth, of a slice.
     pub(super) fn sheet(rect: Rect) -> Result<TileBuffer> {
         let sheet = TileBuffer::new(rect, Additive::INITIAL_ALPHA)?;
         let mut touched = Vec::new();
@@ -209,8 +207,7 @@ impl TileBuffer {
         Some((index, &mut self.tiles[index]))
     }
 
-    /// Sets the initial alpha of a fresh tile's pixels. Outside the rectangle alpha stays 0, so that the tile can
-    /// freeze.
+    /// Sets the initial alpha of a fresh tile's pixels. Outside the rectangle it stays 0, so that the tile can freeze.
     #[inline(never)]
     fn open(&mut self, index: usize, column: i32, row: i32) {
         let (x0, y0) = (column << TILE, row << TILE);
@@ -248,8 +245,7 @@ impl TileBuffer {
         true
     }
 
-    /// Returns the same as [`TileBuffer::is_frozen`], but tests whole blocks and squares, which is faster for large
-    /// ones.
+    /// Does the same as [`TileBuffer::is_frozen`], but tests whole blocks and squares: faster if `rect` is large.
     pub(super) fn is_region_frozen(&self, rect: Rect) -> bool {
         rect.split(BLOCK).filter(|part| !self.open_squares.is_zero(part.x0, part.y0)).all(|part| {
             part.split(SQUARE).all(|part| self.open_tiles.is_zero(part.x0, part.y0) || self.is_frozen(part))

@@ -1,9 +1,8 @@
 //! Adapters: the one place that asks the system for graphics devices.
 //!
-//! In: a part of an adapter's name, or none; wgpu's environment variables (`WGPU_BACKEND`, `WGPU_ADAPTER_NAME`,
-//! `WGPU_POWER_PREF`). Out: the adapters of the system, and a device with its queue for a
-//! [`GpuRenderer`](super::GpuRenderer), which never asks for one itself. A program that has a device does not need this
-//! module.
+//! In: part of a name, or none; wgpu's environment variables (`WGPU_BACKEND`, `WGPU_ADAPTER_NAME`, `WGPU_POWER_PREF`).
+//! Out: the adapters of the system, and a device with its queue for a [`GpuRenderer`](super::GpuRenderer), which never
+//! asks for one itself. A program that has a device does not need this module.
 
 use wgpu::{
     Adapter, Backends, Device, DeviceDescriptor, DeviceType, Features, Instance, InstanceDescriptor, Limits,
@@ -88,8 +87,7 @@ pub fn adapters() -> Vec<AdapterFacts> {
     ranked().iter().map(AdapterFacts::new).collect()
 }
 
-/// Returns all adapters that can run the stages, best first; integrated ones lead if `WGPU_POWER_PREF` asks for low
-/// power.
+/// Returns adapters that can run the stages, best first; integrated ones lead if `WGPU_POWER_PREF` is low power.
 fn ranked() -> Vec<Adapter> {
     let instance = Instance::new(InstanceDescriptor::new_without_display_handle_from_env());
     let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::all()));

@@ -1,8 +1,8 @@
 //! The memory budget: how much of the video memory each part of a frame gets.
 //!
-//! In: the ceiling (most bytes of video memory), the picture's size, the size of the tables. Out: how many records a
-//! chunk has, how many rows of pixels are drawn at a time, how much of a lane may be on the device. The picture depends
-//! on none of them.
+//! In: the ceiling (most bytes of video memory), the sizes of picture and tables. Out: how many records a chunk has,
+//! how many rows of pixels are drawn at a time, how much of a lane may be on the device. The picture depends on none of
+//! them.
 //!
 //! ```text
 //! ceiling = tables + copies in flight + chunk (voxels, splats, masks) + pixels (accumulated, read back) + lanes

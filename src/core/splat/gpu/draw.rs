@@ -287,8 +287,7 @@ impl FrameDraw<'_, '_, '_> {
         }
     }
 
-    /// Returns the buffers of slab `index`. Reuses those on the device if the slab is a whole lane, else makes new
-    /// ones.
+    /// Returns the buffers of slab `index`: those on the device if it is the whole lane, else newly made ones.
     fn upload_slab(&mut self, index: usize) -> Result<&SlabBuffers> {
         let (context, lane, renderer) = (&self.context, &self.shot.lane, &mut *self.renderer);
         let is_whole = self.list.slabs.len() == 1;
@@ -296,8 +295,7 @@ impl FrameDraw<'_, '_, '_> {
             return Ok(renderer.residents.last().expect("it is there"));
         }
         if !is_whole {
-            // The previous slab is freed, and the wait lets the device finish with it, so that there is never more than
-            // one.
+            // The previous slab is freed, and waiting lets the device finish with it, so that only one exists.
             renderer.streamed = None;
             context.wait()?;
         }

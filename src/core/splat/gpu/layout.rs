@@ -120,8 +120,7 @@ pub struct Splat {
 }
 
 impl AffineRow {
-    /// Returns `map`, for voxels of a grid of `dims` points, as a row; and the row's shift (the number of fraction
-    /// bits).
+    /// Returns `map`, for voxels of a grid of `dims` points, as a row; and its shift (the number of fraction bits).
     ///
     /// Whole factors are in units of 2^-shift, as fine as their sum at any voxel fits 31 bits. The remainders of the
     /// factors are then small enough for single precision.
@@ -142,8 +141,7 @@ impl AffineRow {
 }
 
 impl FrameUniform {
-    /// Returns the uniform of `shot` for the pixels of `window` (first column and row, one past the last column and
-    /// row).
+    /// Returns the uniform of `shot` for `window` (first column and row, one past the last column and row).
     ///
     /// The caller fills in `termination`, `initial_alpha`, `uses_magnitude` and `mask_words`.
     pub(crate) fn new(shot: &Shot, window: [i32; 4]) -> FrameUniform {
@@ -208,8 +206,7 @@ impl FrameUniform {
     /// Sets the order along the fast axis; without this call it is 0 (ascending).
     ///
     /// Voxel coordinates are integers, so integers can replace the eye's coordinate: voxels at `eye_ceil` or above lie
-    /// on the eye's high side. Of two voxels on either side of the eye, the low one is nearer if their sum is above
-    /// `eye_twice`.
+    /// on the eye's high side. Of two voxels, the low one is nearer if their sum is above `eye_twice`.
     fn set_fast_order(&mut self, order: AxisOrder) {
         match order {
             AxisOrder::Ascending => {}

@@ -91,8 +91,8 @@ impl LaneSize {
         }
     }
 
-    /// Returns the error for a single slice of this size that does not fit `room`. It names the first amount that is
-    /// too large.
+    /// Returns the error for a slice of this size that does not fit `room`. It names the first amount that is too
+    /// large.
     fn refusal(self, room: LaneSize) -> Error {
         let amounts = [
             ("video memory in bytes for the tiles of one slice (give more video memory)", self.bytes, room.bytes),

@@ -59,8 +59,7 @@ use crate::volume::Axis;
 /// How splats become pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Compositor {
-    /// In a compute shader: a workgroup for each tile of the picture accumulates its pixels in 32-bit registers, and
-    /// can end early.
+    /// In a compute shader: a workgroup per tile of the picture accumulates in 32-bit registers, and can end early.
     Tiles,
     /// As quads, which the device's blending adds to a target of this format.
     Quads(QuadFormat),
@@ -69,8 +68,7 @@ pub enum Compositor {
 /// The format of the target in which quads accumulate.
 ///
 /// With 16 or 8 bits, composite back to front: each splat then shrinks the rounding errors behind it. Measured on
-/// lavapipe, which rounds toward 0, with opacities of 0.1 and above in 16 bits: 42 dB back to front, but 35 dB front to
-/// back (tests/gpu).
+/// lavapipe, which rounds toward 0, in 16 bits, opacities from 0.1: 42 dB, but 35 dB front to back (tests/gpu).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum QuadFormat {
     /// 32-bit float, if the device can blend it.
@@ -84,8 +82,7 @@ pub enum QuadFormat {
 /// Options of a renderer on a graphics device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// The most bytes of video memory to use, including copies that are on their way to the device. The picture does
-    /// not depend on it.
+    /// Most bytes of video memory, including copies on their way to the device. The picture does not depend on it.
     pub vram: u64,
     /// How splats become pixels; `None` for the way that is faster on the device.
     pub compositor: Option<Compositor>,
@@ -102,8 +99,7 @@ impl Default for GpuOptions {
 pub struct GpuStats {
     /// Splats that reached a window of the picture.
     pub splats_drawn: u64,
-    /// Records that were visited but not drawn: stepping records (which hold no voxel), transparent or outside the
-    /// picture.
+    /// Records visited but not drawn: stepping records (which hold no voxel), transparent or outside the picture.
     pub splats_skipped: u64,
     /// Line lists that were made: 1, or 0 if the order is that of the last frame, so that its list was used again.
     pub line_lists: u64,
@@ -214,8 +210,7 @@ impl<'a> GpuRenderer<'a> {
     pub fn set_compositor(&mut self, compositor: Option<Compositor>) -> Result<()> {
         check_blends(&self.context.device, compositor)?;
         self.options.compositor = compositor;
-        // All buffers are freed, the list's lines included, so that the old compositor's buffers do not count towards
-        // the budget.
+        // All buffers are freed, the list's included, so that the old compositor's do not count towards the budget.
         self.buffers = FrameBuffers::default();
         self.resolve = None;
         if let Some(cached) = &mut self.list {
@@ -233,8 +228,7 @@ impl<'a> GpuRenderer<'a> {
     /// As [`cpu::render`](super::cpu::render); [`Error::Input`] for a [`Blending`] other than exponential;
     /// [`Error::Device`] if the device fails; [`Error::Limit`] if [`GpuOptions::vram`] is too little.
     pub fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, GpuStats)> {
-        // Computing the bounds takes a pass over all tiles. Pictures with one sample for each pixel do not need the
-        // bounds.
+        // Computing the bounds takes a pass over all tiles; pictures with one sample per pixel do not need them.
         let bounds = if settings.keeps_pixels() { None } else { self.scene.lanes.lane(Axis::X)?.bounds() };
         let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
         let grid = &self.scene.facts.grid;

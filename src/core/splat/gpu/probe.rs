@@ -27,8 +27,7 @@ pub struct Probe<'p> {
     pub voxels: &'p Buffer,
     /// The chunk's [`Splat`](super::layout::Splat)s.
     pub splats: &'p Buffer,
-    /// For each tile of the picture, a mask of the batches with splats on it; only with
-    /// [`Compositor::Tiles`](super::Compositor).
+    /// For each tile of the picture, a mask of the batches with splats on it; with `Compositor::Tiles` only.
     pub masks: Option<&'p Buffer>,
     /// Four values for each pixel; only with [`Compositor::Tiles`](super::Compositor).
     pub pixels: Option<&'p Buffer>,

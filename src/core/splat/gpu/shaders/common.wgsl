@@ -1,5 +1,4 @@
-// Shared by all stages: the structs in the buffers and the arithmetic of a pixel. This text precedes each stage's own
-// text.
+// Shared by all stages: the structs in the buffers and the arithmetic of a pixel. It precedes each stage's own text.
 // Rust's side: layout.rs; tests/gpu/layout.rs compares the two.
 
 // One row of an affine map from voxel coordinates to a screen coordinate. The integer sum is exact even where terms

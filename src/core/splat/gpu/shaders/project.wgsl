@@ -1,5 +1,5 @@
-// Stage: project. In: voxels in visit order, channels of their slab. Out: a splat for each voxel; it has no pixels if
-// it is not drawn.
+// Stage: project. In: voxels in visit order, channels of their slab. Out: a splat for each, without pixels if it is not
+// drawn.
 // Twin: tests/gpu/twin/project.rs
 //
 // One invocation computes the position, footprint, colour and light of one voxel, by the formulas of kernel.rs,

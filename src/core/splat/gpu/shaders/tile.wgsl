@@ -107,8 +107,7 @@ fn tile(
             is_done = workgroupUniformLoad(&any_open) == 0u;
             for (var h = 0u; h < 8u && !is_done; h++) {
                 var hit = atomicLoad(&hits[h]);
-                // Four splats per turn: each turn of a loop takes time, and one driver ends loops after 65,535 turns
-                // (budget.rs).
+                // Four splats per turn: each turn takes time, and one driver ends loops after 65,535 turns (budget.rs).
                 while hit != 0u {
                     pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner);
                     hit &= hit - 1u;

@@ -1,12 +1,10 @@
-// Stage: walk. In: a slab (a part of a lane) as it is in the file, its lines in visit order. Out: voxels in visit
-// order.
+// Stage: walk. In: a slab (part of a lane) as it is in the file, lines in visit order. Out: voxels in visit order.
 // Twin: tests/gpu/twin/walk.rs
 //
-// An invocation follows the steps of one scan line; a workgroup treats the lines of one block. Each record has a slot,
-// so the slots of a line follow from the line ends alone; a stepping record (one without a voxel) leaves its slot
-// empty. A line is read from its low end, or from the eye's coordinate toward both ends; back to front is the reverse
-// of front to back. Nothing read from the lane is trusted: a line out of bounds has no records, and line lengths are
-// bounded.
+// An invocation follows the steps of one scan line; a workgroup, the lines of one block. Each record has a slot, so the
+// slots of a line follow from the line ends alone; a stepping record (one without a voxel) leaves its slot empty. A
+// line is read from its low end, or from the eye's coordinate toward both ends; back to front is the reverse of front
+// to back. Nothing read from the lane is trusted: a line out of bounds has no records, and line lengths are bounded.
 
 // A tile of 8 x 8 lines of the lane, word by word: arena/layout.rs, TileRecord.
 struct Tile {
@@ -132,8 +130,8 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     }
     var low = high;
     for (var k = 0u; k < count; k++) {
-        // Interleaved: the nearer voxel comes first; at equal distance, the one on the high side. Split: all voxels of
-        // the high side come first.
+        // Interleaved: the nearer voxel first; at equal distance, the high one. Split: all voxels of the high side
+        // first.
         let low_is_nearer = frame.fast_order == INTERLEAVED && low_at + high_at > frame.eye_twice;
         let slot = select(first_slot + k, last_slot - k, frame.is_back_to_front == 1u);
         if low > 0u && (high >= count || low_is_nearer) {
