@@ -1,4 +1,5 @@
-//! Faint scenes: each splat is so faint that rounding loses most of its effect on a transmittance near 1.
+//! Faint scenes: pixels get so many and so faint splats that rounding loses part of their effect on a transmittance
+//! near 1.
 //!
 //! In: a frame whose splats each take less than [`FAINT`] of a pixel's light. Out: its pixels. Single precision holds a
 //! transmittance near 1 to 2^-25; a million splats of 1e-7 would lose a fifth of their effect. An opacity near 0 is

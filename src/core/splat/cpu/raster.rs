@@ -3,7 +3,7 @@
 //! In: a block of projected splats in visit order, the tiles of a band. Out: the band's pixels.
 //!
 //! ```text
-//! q     = u_factor * u^2 + y_factor * y^2, u = x - shear * y     from the centre, in units of ln 2; cut off beyond `cut`
+//! q     = u_factor * u^2 + y_factor * y^2, u = x - shear * y     from the centre, in units of ln 2; cut off at `cut`
 //! depth = peak * 2^-q
 //! ```
 //!

@@ -85,7 +85,8 @@ impl RowBuffer {
         from..to.min(count)
     }
 
-    /// Composites a splat behind the pixels of eight columns that start at `x` and `count` rows that start at `y`.
+    /// Composites a splat behind the pixels of eight columns that start at `x` and `count` rows that start at `y`. It
+    /// takes the part `amounts` of each pixel's light; pixels below `stop` keep their values.
     #[inline(always)]
     pub(super) fn composite(
         &mut self,

@@ -181,7 +181,7 @@ impl Visitor for StampPainter<'_> {
         }
         let code = settings.code;
         self.stats.drawn += dispatch::add_visible(code, code, projector, &mut self.buffers, batch);
-        // A pager (which maps parts of the file) may drop this batch's records before the next batch.
+        // A pager (which loads parts of the file) may drop this batch's records before the next batch.
         if projector.lane.pager.is_some() {
             self.flush();
         }

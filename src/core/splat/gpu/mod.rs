@@ -1,10 +1,10 @@
 //! The renderer on graphics devices (Vulkan, Metal, DX12).
 //!
-//! In: a device and its queue, a scene, a camera, settings. Out: a [`Frame`], or a picture in a texture of the caller's.
+//! In: a device and its queue, a scene, a camera, settings. Out: a [`Frame`], or a picture in the caller's texture.
 //!
 //! ```text
 //! lane (bytes of the file) ------------------.
-//! order -> line list (kept while it lasts) ---+-> walk -> voxels -> project -> splats -> bin -> masks -> tile -> pixels
+//! order -> line list (kept while it lasts) --+-> walk -> voxels -> project -> splats -> bin -> masks -> tile -> pixels
 //! camera -> blocks in view -> chunks --------'                                     '----> splat (quads) ----> target
 //! ```
 //!
@@ -61,14 +61,15 @@ use crate::volume::Axis;
 pub enum Compositor {
     /// In a compute shader: a workgroup per tile of the picture accumulates in 32-bit registers, and can end early.
     Tiles,
-    /// As quads, which the device's blending adds to a target of this format.
+    /// As quads, one for each splat, which the device blends into a target of this format.
     Quads(QuadFormat),
 }
 
 /// The format of the target in which quads accumulate.
 ///
 /// With 16 or 8 bits, composite back to front: each splat then shrinks the rounding errors behind it. Measured on
-/// lavapipe, which rounds toward 0, in 16 bits, opacities from 0.1: 42 dB, but 35 dB front to back (tests/gpu).
+/// lavapipe, which rounds toward 0, with opacities of 0.1 and above in 16 bits: 42 dB back to front, but 35 dB front to
+/// back (tests/gpu).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum QuadFormat {
     /// 32-bit float, if the device can blend it.

@@ -62,7 +62,7 @@ impl BlendMode {
         }
     }
 
-    /// Returns the initial value of a pixel's fourth value.
+    /// Returns the initial alpha (fourth value) of a pixel.
     pub(crate) fn initial_alpha(self) -> f32 {
         if matches!(self, BlendMode::FrontToBack | BlendMode::BackToFront) { 1.0 } else { 0.0 }
     }

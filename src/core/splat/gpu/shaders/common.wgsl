@@ -5,7 +5,7 @@
 // wrap; the remainder is small enough for single precision.
 struct AffineRow {
     whole: vec4<i32>, // Factors of x, y, z and 1, in units of 2^-shift.
-    remainder: vec4<f32>, // Factors minus the whole factors, times x, y, z and 1.
+    remainder: vec4<f32>, // What the exact factors of x, y, z and 1 have beyond the whole ones.
 }
 
 // The uniform of a window of a frame's picture. Lengths without a unit are in mean voxel spacings.
