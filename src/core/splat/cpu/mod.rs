@@ -65,7 +65,7 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
 /// The picture is bit for bit that of a scene from which these voxels were removed. [`Code::Plain`] ignores `omitted`.
 ///
 /// # Errors
-/// As [`render`].
+/// Returns the errors of [`render`].
 pub fn render_without(
     scene: &Scene,
     camera: &Camera,
@@ -198,7 +198,7 @@ fn blended<B: Blend>(
 /// Composites front to back, on one thread. Takes 16 bytes per pixel, for at most 2^22 pixels (or one row) at a time.
 ///
 /// # Errors
-/// As [`render`].
+/// Returns the errors of [`render`].
 pub fn mark_visible(scene: &Scene, camera: &Camera, settings: &Settings, visible: VisibleRecords) -> Result<()> {
     const STRIP_PIXELS: i32 = 1 << 22;
     let settings = Settings {

@@ -226,8 +226,8 @@ impl<'a> GpuRenderer<'a> {
     /// early termination, which quads do not have.
     ///
     /// # Errors
-    /// As [`cpu::render`](super::cpu::render); [`Error::Input`] for a [`Blending`] other than exponential;
-    /// [`Error::Device`] if the device fails; [`Error::Limit`] if [`GpuOptions::vram`] is too little.
+    /// Returns the errors of [`cpu::render`](super::cpu::render); [`Error::Input`] for a [`Blending`] other than
+    /// exponential; [`Error::Device`] if the device fails; [`Error::Limit`] if [`GpuOptions::vram`] is too little.
     pub fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, GpuStats)> {
         // Computing the bounds takes a pass over all tiles; pictures with one sample per pixel do not need them.
         let bounds = if settings.keeps_pixels() { None } else { self.scene.lanes.lane(Axis::X)?.bounds() };
@@ -239,7 +239,7 @@ impl<'a> GpuRenderer<'a> {
     /// Draws a frame with one sample a pixel, and calls `probe` after each chunk.
     ///
     /// # Errors
-    /// As [`GpuRenderer::render`].
+    /// Returns the errors of [`GpuRenderer::render`].
     #[doc(hidden)]
     pub fn render_probed(
         &mut self,
@@ -259,7 +259,7 @@ impl<'a> GpuRenderer<'a> {
     /// `settings.size` is the texture's. Splats are not counted and stages not timed.
     ///
     /// # Errors
-    /// As [`GpuRenderer::render`]; [`Error::Input`] for a sampling other than [`Sampling::EveryPixel`].
+    /// Returns the errors of [`GpuRenderer::render`]; [`Error::Input`] for a sampling other than [`Sampling::EveryPixel`].
     pub fn render_to(&mut self, camera: &Camera, settings: &Settings, target: &RenderTarget) -> Result<GpuStats> {
         if settings.sampling.is_some_and(|sampling| sampling != Sampling::EveryPixel) {
             return Err(Error::input("sampling", "of a texture is of every pixel; supersample by a larger texture"));

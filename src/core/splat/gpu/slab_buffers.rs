@@ -139,7 +139,7 @@ impl SlabBuffers {
 }
 
 /// Returns the bytes of the part of a lane that has index `part` in [`NAMES`]: those of the file, and those of the
-/// lane's patch (later changes).
+/// lane's patch (tiles that an overlay changed).
 fn section<'a>(lane: &Lane<'a>, part: usize) -> [&'a [u8]; 2] {
     let part_of = |lane: &Lane<'a>| match part {
         1 => match lane.line_ends {

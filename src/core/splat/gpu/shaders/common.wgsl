@@ -10,7 +10,7 @@ struct AffineRow {
 
 // The uniform of a window of a frame's picture. Lengths without a unit are in mean voxel spacings.
 struct FrameUniform {
-    rows: array<AffineRow, 3>, // Parallel views: column, row, unused. Perspective: right, up, depth along the view axis.
+    rows: array<AffineRow, 3>, // Parallel: column, row, unused. Perspective: right, up, depth along the view axis.
     shifts: vec4<i32>, // For each row: the number of fraction bits of its whole factors.
     steps: array<vec4<f32>, 3>, // For a step of one voxel along x, y, z: change of right, up and depth; its length.
     eye: vec4<f32>, // Perspective: the eye. Parallel: the unit vector toward it.
