@@ -1,8 +1,8 @@
 //! Wraps a device and its queue, and turns their faults into errors.
 //!
 //! In: a device that the caller made. Out: buffers within its limits, copies to and from them, and its faults as
-//! [`Error::Device`], which all of the renderer may return. Faults are caught in error scopes, so handlers that the caller
-//! set on the device stay in force.
+//! [`Error::Device`], which all functions of the renderer may return. Faults are caught in error scopes, so handlers
+//! that the caller set on the device stay in force.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};

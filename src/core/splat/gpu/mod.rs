@@ -259,7 +259,7 @@ impl<'a> GpuRenderer<'a> {
     /// `settings.size` is the texture's. Splats are not counted and stages not timed.
     ///
     /// # Errors
-    /// Returns the errors of [`GpuRenderer::render`]; [`Error::Input`] for a sampling other than [`Sampling::EveryPixel`].
+    /// Returns the errors of [`GpuRenderer::render`]; [`Error::Input`] unless the sampling is [`Sampling::EveryPixel`].
     pub fn render_to(&mut self, camera: &Camera, settings: &Settings, target: &RenderTarget) -> Result<GpuStats> {
         if settings.sampling.is_some_and(|sampling| sampling != Sampling::EveryPixel) {
             return Err(Error::input("sampling", "of a texture is of every pixel; supersample by a larger texture"));
