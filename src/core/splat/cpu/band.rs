@@ -1,7 +1,7 @@
 //! Drawing a band of the picture by splats, on one thread.
 //!
-//! In: a drawing task and the band's rectangle. Out: the band's pixels. The walk skips tiles and rows of tiles that do
-//! not project into the band, lie outside the crop, or are hidden behind opaque voxels.
+//! In: a drawing task and the band's rectangle. Out: the band's pixels. The walk skips tiles and rows of tiles (8 x 8
+//! scan lines each) that do not project into the band, lie outside the crop, or are hidden behind opaque voxels.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -32,7 +32,7 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<T
     Ok(BandResult { pixels: painter.buffers.tiles, stats: painter.stats })
 }
 
-/// A visitor that draws the voxels of a walk.
+/// Receives the voxels of a walk and draws them on a band as splats.
 struct BandPainter<'a, B> {
     task: &'a DrawTask<'a>,
     /// Voxels that are not drawn yet.
@@ -44,24 +44,25 @@ struct BandPainter<'a, B> {
     blend: PhantomData<B>,
 }
 
-/// Voxels whose visibility is tested together before groups of [`GROUP`]: behind opaque voxels one test is enough.
+/// How many voxels have their visibility tested together first, before groups of [`GROUP`] voxels are tested. Behind
+/// opaque voxels, this one test rejects them all.
 const TESTED_TOGETHER: usize = 64;
-/// Voxels along the fast axis whose visibility is tested together: their boxes on the screen stay small.
+/// How many voxels along the fast axis are tested together: few, so that their bounding box on the screen is small.
 const SEGMENT: u16 = 32;
 
 impl<B: Blend> BandPainter<'_, B> {
-    /// Whether rays end early, so that voxels can be hidden.
+    /// Returns whether rays end early, so that voxels can be hidden.
     fn stops(&self) -> bool {
         B::STOPS && self.task.projector.stop > 0.0
     }
 
-    /// Whether voxels in `bounds` may change a pixel of the band; false outside the crop.
+    /// Returns whether voxels in `bounds` may change a pixel of the band; false if `bounds` lies outside the crop.
     fn may_show(&self, bounds: &VoxelBox) -> bool {
         let tiles = &self.buffers.tiles;
         self.task.pixels(tiles.rect, bounds).is_some_and(|rect| !tiles.is_region_frozen(rect))
     }
 
-    /// Whether a range of a batch lies outside the band or behind opaque voxels.
+    /// Returns whether a range of a batch's voxels lies outside the band or behind opaque voxels.
     #[inline(always)]
     fn is_hidden(&self, batch: &Batch, range: Range<usize>) -> bool {
         let ends = |coordinates: &[u16]| {
@@ -75,7 +76,7 @@ impl<B: Blend> BandPainter<'_, B> {
         !self.may_show(&bounds)
     }
 
-    /// Draws the waiting voxels.
+    /// Draws the voxels that wait.
     fn flush(&mut self) {
         let DrawTask { projector, settings, visible, .. } = self.task;
         let (voxels, buffers) = (&self.voxels, &mut self.buffers);
@@ -86,7 +87,7 @@ impl<B: Blend> BandPainter<'_, B> {
         self.voxels.count = 0;
     }
 
-    /// Draws the waiting voxels, the last of their slice.
+    /// Draws the voxels that wait, which are the last of their slice, and composites the slice's sheet if there is one.
     fn finish_slice(&mut self) {
         let start = Instant::now();
         self.flush();
@@ -143,7 +144,8 @@ impl<B: Blend> Visitor for BandPainter<'_, B> {
                 self.voxels.add(batch, group.start, GROUP);
             }
         }
-        // While marking, a batch can hide the next one. A pager may drop this batch's records before the next.
+        // While visible records are marked, this batch may hide the next one. A pager (which loads parts of the file)
+        // may drop this batch's records before the next batch.
         if self.task.visible.is_some() || self.task.setup.lane.pager.is_some() {
             self.flush();
         }

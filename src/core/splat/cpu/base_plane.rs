@@ -1,14 +1,16 @@
 //! The base plane: a plane on which every slice of a parallel view is a lattice of pixels.
 //!
-//! In: a parallel view and the order of its walk. Out: the same view onto a plane whose columns and rows are those of
-//! a slice's voxels, each slice shifted with the slant of the view; and the picture from that plane, by cubic B-splines.
+//! In: a parallel view and the order of its walk. Out: the same view onto a plane whose columns and rows are those of a
+//! slice's voxels, each slice shifted with the slant of the view; and the picture, interpolated from the plane by cubic
+//! B-splines.
 //!
 //! ```text
 //! column = fast   + slope_f * slow + a          pixel = A (column, row) + b
 //! row    = medium + slope_m * slow + c
 //! ```
 //!
-//! All voxels of a slice share one footprint, pixel for pixel ([`stamp`](super::stamp)); the picture's size costs little.
+//! All voxels of a slice share one footprint, pixel for pixel ([`stamp`](super::stamp)); a large picture costs little
+//! more.
 //!
 //! Source: Lacroute and Levoy, "Fast volume rendering using a shear-warp factorization", 1994.
 
@@ -25,41 +27,42 @@ use crate::splat::view::{Affine, MAX_SIZE, PixelMap, View, single};
 use crate::splat::{Blending, Frame, Sampling, Settings};
 use crate::traverse::{Order, Sense, VoxelBox};
 
-/// Pixels around the voxels on the plane, so that their edge is interpolated like the rest.
+/// Width of the plane's margin around the voxels, in its pixels, so that the voxels' edge is interpolated correctly.
 const MARGIN: f64 = 6.0;
-/// Pixels of the plane per pixel of the picture above which a plane is not worth while.
+/// Largest ratio of the plane's pixel count to the picture's (over the same area) at which a plane is worthwhile.
 const MAX_PIXELS: f64 = 6.0;
-/// Standard deviation of a kernel in pixels of the picture, along either direction of the plane, up to which the plane
-/// is more exact than splats, which the low-pass widens. Up to 0.49 it was nearer to supersampled pictures in all of 36
-/// views, by 5 to 19 dB; at 0.56 in 15 of 18 (docs/studies/sampling.md).
+/// Largest standard deviation of a kernel, in pixels of the picture along either direction of the plane, at which the
+/// plane is more exact than splats in the picture, which the low-pass filter widens. Up to 0.49 the plane was nearer to
+/// supersampled pictures in all of 36 views, by 5 to 19 dB; at 0.56 in 15 of 18 (docs/studies/sampling.md).
 const ENOUGH: f64 = WIDE_ENOUGH;
-/// The same where 32 dB are enough: in the worst view, nearly along an axis, it is 34 dB at any magnification.
+/// Like [`ENOUGH`], where 32 dB suffice: the worst view, nearly along an axis, has 34 dB at any magnification.
 const FEWEST: f64 = 2.1;
-/// Pixels of the picture per pixel of the plane, along both directions, below which four points a pixel miss parts of it.
+/// Smallest width of a plane's pixel, in pixels of the picture. If it is smaller along both directions, the four points
+/// that are sampled per pixel of the picture miss parts of the pixel.
 const FINEST: f64 = 0.4;
 
-/// A view's base plane.
+/// The base plane of a view, and how voxels, the plane and the picture map to each other.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct BasePlane {
     /// Columns and rows of the picture.
     picture: [u32; 2],
     /// Columns and rows of the plane.
     size: [u32; 2],
-    /// Column and row of the plane from a voxel.
+    /// The affine maps from a voxel to a column and a row of the plane.
     plane_from_voxel: [Affine; 2],
-    /// Column and row of the plane from a pixel of the picture: two factors and a constant.
+    /// The maps from a pixel of the picture to a column and a row of the plane: factors of x and of y, and a constant.
     plane_from_pixel: [[f64; 3]; 2],
-    /// Pixels of the plane per mean voxel, as a length.
+    /// Scale of the plane, in pixels per mean voxel spacing.
     scale: f64,
-    /// Variance of the low-pass in square pixels of the picture, each way.
+    /// Variance of the low-pass filter along x and along y, in square pixels of the picture.
     blur: f64,
 }
 
 impl BasePlane {
     /// Returns the base plane of a parallel view of the voxels in `bounds`.
     ///
-    /// `None` if the view is not parallel, `order` is not the view's own, the blending is not the stamps', or the plane
-    /// would be too coarse for `settings`, too fine or too large.
+    /// `None` if the view is not parallel, `order` is not the view's own, stamps cannot do the blending (only front to
+    /// back, exponential), or the plane would be too coarse for `settings`, too fine or too large.
     pub(super) fn new(view: &View, order: &Order, bounds: &VoxelBox, settings: &Settings) -> Option<BasePlane> {
         let is_stamped = settings.sense == Sense::FrontToBack && settings.blending == Blending::Exponential;
         if settings.keeps_pixels() || !is_stamped {
@@ -74,13 +77,14 @@ impl BasePlane {
         let PixelMap::Parallel { pixel_from_voxel: [x, y], scale } = &view.map else { return None };
         let [slow, medium, fast] = [order.slow.index(), order.medium.index(), order.fast.index()];
         let area = x[fast] * y[medium] - x[medium] * y[fast];
-        // The inverse of A. The columns of A are a voxel's steps along the fast and the medium axis.
+        // The inverse of the matrix A. The columns of A are a voxel's steps, in pixels, along the fast and the medium
+        // axis.
         let inverse = [[y[medium] / area, -x[medium] / area], [-y[fast] / area, x[fast] / area]];
         let transform = |[a, b]: [f64; 2], [p, q]: [f64; 2]| a * p + b * q;
         let slope = inverse.map(|row| transform(row, [x[slow], y[slow]]));
         let sigma = f64::from(kernel.sigma);
         let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
-        // A slope above 1 means that the slow axis is not the one that the view runs along.
+        // A slope above 1 means that the view runs along another axis than the slow one.
         if !slope.iter().all(|slope| slope.abs() < 1.001)
             || steps.iter().any(|step| sigma * step > coarsest)
             || steps.iter().all(|step| *step < FINEST)
@@ -94,7 +98,7 @@ impl BasePlane {
             map
         };
         let mut plane_from_voxel = [base(fast, slope[0]), base(medium, slope[1])];
-        // The plane is limited to what the picture shows and to the voxels.
+        // The plane covers only what both the picture shows and the voxels occupy.
         let [columns, rows] = view.size.map(f64::from);
         let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
             .map(|[across, down]: [f64; 2]| [across - 0.5 - x[3], down - 0.5 - y[3]]);
@@ -143,13 +147,13 @@ impl BasePlane {
         u64::from(self.size[0]) * u64::from(self.size[1])
     }
 
-    /// Returns `view` onto the plane.
+    /// Returns `view` with the plane's pixels in place of the picture's.
     pub(super) fn view(&self, view: &View) -> View {
         let map = PixelMap::Parallel { pixel_from_voxel: self.plane_from_voxel, scale: self.scale };
         View { map, size: self.size, ..view.clone() }
     }
 
-    /// Returns the picture, from the frame of the plane. The result does not depend on `threads`.
+    /// Computes the picture from `plane`, the frame drawn on the plane. The result does not depend on `threads`.
     pub(super) fn warp(&self, mut plane: Frame, threads: usize) -> Result<Frame> {
         let columns = plane.size()[0] as usize;
         let covered = covered(&plane);
@@ -161,7 +165,7 @@ impl BasePlane {
         columns_to_coefficients(plane.pixels_mut(), 4 * columns);
         let mut picture = Frame::transparent(self.picture)?;
         let width = 4 * self.picture[0] as usize;
-        // Four points, each a standard deviation from the pixel both ways, blur by that variance.
+        // The mean of four points, each one standard deviation from the pixel in x and in y, blurs with that variance.
         let distance = self.blur.sqrt();
         let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
         let points: Vec<[f64; 2]> = if distance < MIN_BLUR {
@@ -179,25 +183,25 @@ impl BasePlane {
     }
 }
 
-/// Returns the most bytes that a plane of `pixels` takes: a band's rows, the plane's frame, the mask of covered pixels.
+/// Returns the most bytes for a plane of `pixels` pixels: rows of bands, the plane's frame, the mask of covered pixels.
 pub(super) fn memory_need(pixels: u64) -> u64 {
     const PIXEL: u64 = 2 * 16 + 2;
     const SPARE_COLUMNS: u64 = 16 * row_buffer::WIDE as u64 * MAX_SIZE as u64;
     if pixels == 0 { 0 } else { PIXEL.saturating_mul(pixels).saturating_add(SPARE_COLUMNS) }
 }
 
-/// Smallest blur in pixels; a smaller one changes nothing by more than a thousandth.
+/// Smallest standard deviation of a blur that is done, in pixels. A smaller one changes no value by more than 0.001.
 const MIN_BLUR: f64 = 0.03;
 
-/// The coefficients of a plane's spline.
+/// The coefficients of the B-spline through the pixels of a plane.
 struct Coefficients<'a> {
     values: &'a [[f32; 4]],
-    /// Whether something was drawn at or beside each pixel.
+    /// For each pixel: whether something was drawn on it or on one of its eight neighbours.
     covered: &'a [bool],
     columns: usize,
 }
 
-/// Pixels of a row whose coordinates are computed at once.
+/// How many pixels of a row are computed together.
 const TOGETHER: usize = 16;
 
 /// Computes a row of the picture: the mean of the plane's spline at `points` around each pixel.
@@ -220,7 +224,7 @@ fn resample(from: &Coefficients, map: &[[f64; 3]; 2], points: &[[f64; 2]], y: f6
 }
 
 impl Coefficients<'_> {
-    /// Adds the spline at the coordinates `u`, `v` to `sums`.
+    /// Adds the values of the spline at the coordinates (`u`, `v`) of some pixels to those pixels' `sums`.
     #[inline(always)]
     fn add(&self, [u, v]: &[PlaneCoordinates; 2], sums: &mut [Vec4]) {
         let ends = [self.columns, self.values.len() / self.columns].map(|side| side as i32 - 2);
@@ -239,7 +243,7 @@ impl Coefficients<'_> {
         }
     }
 
-    /// Returns the spline between 4 x 4 pixels, the first in column `left` and row `top`.
+    /// Returns the value of the spline from 4 x 4 coefficients, of which the first is in column `left` and row `top`.
     #[inline(always)]
     fn spline(&self, left: usize, top: usize, column_weights: [f32; 4], row_weights: [f32; 4]) -> Vec4 {
         let row = |k: usize| {
@@ -252,19 +256,19 @@ impl Coefficients<'_> {
     }
 }
 
-/// The coordinates of some pixels of the picture along one side of the plane.
+/// The coordinates on the plane (its columns, or its rows) of [`TOGETHER`] pixels of the picture.
 #[derive(Default)]
 struct PlaneCoordinates {
-    /// The plane's pixel at or before each.
+    /// For each pixel: the plane's column (or row) at or before it.
     pixel: [i32; TOGETHER],
-    /// The distance past it, 0 to 1.
+    /// For each pixel: its distance past that column (or row), 0 to 1.
     fraction: [f32; TOGETHER],
-    /// The spline's weights there.
+    /// For each pixel: the weights of the spline's four coefficients.
     weights: [[f32; TOGETHER]; 4],
 }
 
 impl PlaneCoordinates {
-    /// Sets the coordinates of pixels that are `step` apart, the first at `first`.
+    /// Sets the coordinates to `first`, `first + step`, `first + 2 step` and so on, with their weights.
     #[inline(always)]
     fn set(&mut self, step: f64, first: f64) {
         for i in 0..TOGETHER {

@@ -1,22 +1,22 @@
 //! Blend modes: how a splat changes a pixel.
 //!
 //! In: a splat's optical depth at a pixel, in units of ln 2 (0 outside its footprint), and the pixel's values. Out: the
-//! pixel's new values. Red, green, blue and alpha go through one formula, each with its own number of the splat's
-//! *ink*. Alpha is a transmittance, an opacity or a sum of optical depths, depending on the mode. A depth of 0 leaves
-//! the pixel's bits unchanged, so a kernel may run over pixels outside its footprint.
+//! pixel's new values. Red, green, blue and alpha go through one formula, each with its own component of the splat's
+//! *ink* (four factors). Alpha is a transmittance, an opacity or a sum of optical depths, depending on the mode. A
+//! depth of 0 leaves the pixel's bits unchanged, so a kernel may run over pixels outside its footprint.
 
 use crate::splat::arith::{absorbed, absorbed_small, at_least, at_most, keep_if};
 
-/// A blend mode.
+/// A blend mode: a formula for a pixel's values after a splat, and its constants.
 pub trait Blend: Copy + Send + Sync {
     /// The alpha of an empty pixel.
     const INITIAL_ALPHA: f32 = 0.0;
     /// Whether a pixel stops changing once its transmittance is low.
     const STOPS: bool = false;
-    /// The ink of every splat for alpha.
+    /// The alpha component of every splat's ink.
     const ALPHA_INK: f32 = 1.0;
 
-    /// Returns the factor that an optical depth puts on the ink; 0 for 0.
+    /// Returns the factor by which the ink is multiplied, from a splat's optical depth; 0 for depth 0.
     #[inline(always)]
     fn amount(depth: f32) -> f32 {
         absorbed(depth)
@@ -28,7 +28,7 @@ pub trait Blend: Copy + Send + Sync {
         absorbed_small(depth)
     }
 
-    /// Returns one of a pixel's four values after a splat.
+    /// Returns a pixel's red, green, blue or alpha after a splat, from its `value` and the pixel's `alpha` before.
     ///
     /// `stop` is the transmittance below which the pixel no longer changes; 0 for never.
     fn blend(value: f32, alpha: f32, amount: f32, ink: f32, stop: f32) -> f32;
@@ -74,12 +74,13 @@ impl Blend for LinearFrontToBack {
     }
 }
 
-/// Returns the light that a pixel loses to a sheet behind it, in all and per unit of the sheet's optical depth.
+/// Returns the light that a pixel loses to a sheet (a slice's summed splats): in all, and per unit of its optical
+/// depth.
 ///
 /// `depth` is the sheet's optical depth in units of ln 2.
 #[inline(always)]
 pub(crate) fn sheet_loss(transmittance: f32, depth: f32, stop: f32) -> [f32; 2] {
-    /// The largest argument of the exponential; a few of the strongest splats exceed it.
+    /// The largest argument that `absorbed` allows; the sum of a few of the strongest splats exceeds it.
     const MAX_SUM: f32 = 125.0;
     let loss = keep_if(transmittance >= stop, transmittance * absorbed(at_most(depth, MAX_SUM)));
     [loss, loss / at_least(depth, f32::MIN_POSITIVE)]
@@ -142,11 +143,11 @@ impl Blend for Additive {
     }
 }
 
-/// Factor on a voxel's weight before it is capped at 1. It leaves no gaps between voxels if the kernel weighs more than
-/// 1/e at a cell's corner, that is for a sigma of at least 1/2.
+/// Factor on a voxel's weight before the weight is limited to 1. With it, voxels have no gaps between them if the
+/// kernel's weight at the corner of a cell is above 1/e, that is, for a sigma of at least 1/2 voxel.
 pub const WHOLE_CELL: f32 = std::f32::consts::E;
 
-/// The largest normalised value, each voxel at full weight over its cell. The ink's red is the voxel's value.
+/// Keeps the largest normalised value; a voxel has full weight over its cell. The ink's red is the voxel's value.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Maximum;
 

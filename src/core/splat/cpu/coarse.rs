@@ -1,10 +1,11 @@
 //! Coarse views: where footprints are wide, fewer samples than pixels are enough.
 //!
-//! In: a view whose narrowest footprint is wide. Out: the same view with fewer, larger pixels; from its frame the
-//! picture, by cubic B-spline interpolation. A picture of Gaussian footprints has hardly any detail finer than a
-//! footprint: at a standard deviation of [`ENOUGH`] pixels, a footprint's frequencies fall to 1 % of its mean at half
-//! the sampling rate. The edges of opaque voxels are finer: where a splat's depth at its centre is p > 1,
-//! `1 - exp(-p exp(-r^2 / 2 sigma^2))` rises within sigma / sqrt(2 ln p), and that width counts (docs/studies/sampling.md).
+//! In: a view whose narrowest footprint is wide. Out: the same view with fewer, larger pixels; and the picture,
+//! interpolated from that view's frame by cubic B-splines. A picture of Gaussian footprints has hardly any detail finer
+//! than a footprint: at a standard deviation of [`ENOUGH`] pixels, a footprint's frequencies fall to 1 % of its mean at
+//! half the sampling rate. The edges of opaque voxels are sharper than their footprints: where a splat's depth at its
+//! centre is p > 1, `1 - exp(-p exp(-r^2 / 2 sigma^2))` rises within sigma / sqrt(2 ln p), and that width decides how
+//! many samples are needed (docs/studies/sampling.md).
 //!
 //! ```text
 //! view -> fewer pixels, with a margin -> draw -> coefficients (a recursive filter) -> columns -> rows -> picture
@@ -26,16 +27,16 @@ use crate::splat::view::{PixelMap, View, apply, single};
 use crate::splat::{Blending, Frame, Sampling, Settings};
 use crate::traverse::VoxelBox;
 
-/// Standard deviation, in samples, of the narrowest footprint of a coarse view: at 0.97 footprints of the standard
-/// kernel are 6.5 samples wide, and what is lost is 45 dB below the picture or more.
+/// Standard deviation of the narrowest footprint of a coarse view, in samples. At 0.97, footprints of the standard
+/// kernel are 6.5 samples wide, and the error is at least 45 dB below the picture.
 const ENOUGH: f64 = 0.97;
-/// The same where 32 dB below the picture are enough: measured at 37 dB and more; with 0.5, at 30.
+/// Like [`ENOUGH`], for an error 32 dB below the picture. Measured: 37 dB and more; with 0.5, 30 dB.
 const FEWEST: f64 = 0.62;
 /// Largest number of samples per pixel, along a side, at which a coarse view is worth its interpolation.
 const MAX_FACTOR: f64 = 0.8;
-/// Samples around a coarse picture that its edge is interpolated from; those beyond weigh less than 0.268^5.
+/// Width of the margin that a coarse picture's edge is interpolated from, in samples; the next weigh below 0.268^5.
 const MARGIN: u32 = 6;
-/// Pictures with a shorter side have no coarse view.
+/// Shortest side of a picture, in pixels, that may have a coarse view.
 const MIN_SIDE: u32 = 64;
 
 /// A view with fewer samples than the picture has pixels.
@@ -48,9 +49,10 @@ pub(super) struct CoarseView {
 }
 
 impl CoarseView {
-    /// Returns the coarse view of the voxels in `bounds`; `deepest` is their largest optical depth per mean voxel.
+    /// Returns the coarse view of the voxels in `bounds`; `deepest` is the largest optical depth of any of them, along
+    /// a ray as long as the mean voxel spacing.
     ///
-    /// `None` if every pixel is needed, or for blending other than exponential, whose edges differ.
+    /// `None` if every pixel needs a sample, or if the blending is not exponential: other blendings have other edges.
     pub(super) fn new(view: &View, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<CoarseView> {
         if settings.keeps_pixels() || settings.blending != Blending::Exponential {
             return None;
@@ -81,7 +83,8 @@ impl CoarseView {
                 corners.fold(f32::INFINITY, f32::min)
             }
         };
-        // In drafts the farthest voxels get half of the samples that those in the middle need.
+        // With [`Sampling::Fewest`], the farthest voxels may be sampled half as finely as they need, but no coarser
+        // than what voxels in the middle need.
         let sigma = match (settings.sampling(), &view.map) {
             (Sampling::Fewest, PixelMap::Perspective { .. }) => {
                 sigma_at_centre(view, bounds, settings).min(2.0 * narrowest).max(narrowest)
@@ -91,7 +94,7 @@ impl CoarseView {
         let peak = deepest / (TAU * f64::from(kernel.sigma).powi(2));
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
         let factor = enough * sharpness / f64::from(sigma);
-        // Not so coarse that a picture is all margin; NaN takes this limit too.
+        // The limit keeps a coarse picture from being mostly margin; it also replaces NaN.
         let factor = factor.max(1.0 / 16.0);
         (factor <= MAX_FACTOR).then_some(CoarseView { factor, size: view.size })
     }
@@ -102,7 +105,7 @@ impl CoarseView {
         view.with_pixels(self.factor, self.size.map(side), f64::from(MARGIN))
     }
 
-    /// Returns the picture, from the frame of the coarse view. The result does not depend on `threads`.
+    /// Computes the picture from `coarse`, the frame of the coarse view. The result does not depend on `threads`.
     pub(super) fn enlarge(&self, mut coarse: Frame, threads: usize) -> Result<Frame> {
         let [columns, rows] = coarse.size().map(|side| side as usize);
         let covered = covered(&coarse);
@@ -141,7 +144,8 @@ impl CoarseView {
         Ok(picture)
     }
 
-    /// Returns the samples that each of `count` columns (or rows) is interpolated from; there are `samples` of them.
+    /// Returns, for each of the picture's `count` columns (or rows), the samples that it is interpolated from. The
+    /// coarse frame has `samples` columns (or rows).
     fn taps(&self, count: u32, samples: usize) -> Vec<SplineTaps> {
         let taps = |index: u32| {
             let at = (f64::from(index) + 0.5) * self.factor - 0.5 + f64::from(MARGIN);
@@ -153,9 +157,9 @@ impl CoarseView {
     }
 }
 
-/// The samples that a pixel is interpolated from, along a side.
+/// The four samples of a row (or column) that a pixel is interpolated from.
 struct SplineTaps {
-    /// First of the four.
+    /// Index of the first of the four samples.
     first: usize,
     nearest: usize,
     weights: [f32; 4],
@@ -184,10 +188,10 @@ pub(super) fn covered(frame: &Frame) -> Vec<bool> {
 
 /// The pole of the cubic B-spline's recursive filter: sqrt(3) - 2.
 const POLE: f32 = -0.267_949_2;
-/// Factor that the filter's two directions leave out, -6 times the pole; it is in the weights.
+/// A factor of -6 times [`POLE`]. The two passes of the filter leave it out, and [`spline_weights`] include it instead.
 const GAIN: f32 = 6.0 * 0.267_949_2;
 
-/// Returns the weights of four coefficients at `t` (0 to 1) past the second; with [`GAIN`].
+/// Returns the weights, times [`GAIN`], of four neighbouring coefficients at a point `t` (0 to 1) past the second one.
 #[inline(always)]
 pub(super) fn spline_weights(t: f32) -> [f32; 4] {
     let s = 1.0 - t;
@@ -199,13 +203,14 @@ pub(super) fn spline_weights(t: f32) -> [f32; 4] {
     ]
 }
 
-/// Turns the samples of a line into coefficients whose B-spline goes through them, except for [`GAIN`]; its ends continue.
+/// Turns the samples of a line into the coefficients of the B-spline through them, divided by [`GAIN`]. The first and
+/// the last sample count as repeated beyond the ends.
 pub(super) fn to_coefficients(line: &mut [[f32; 4]]) {
     filter(line.iter_mut());
     filter(line.iter_mut().rev());
 }
 
-/// Applies one direction of the filter.
+/// Applies the recursive filter in one direction.
 fn filter<'a>(mut line: impl Iterator<Item = &'a mut [f32; 4]>) {
     let Some(first) = line.next() else { return };
     *first = first.map(|value| value / (1.0 - POLE));
@@ -216,7 +221,7 @@ fn filter<'a>(mut line: impl Iterator<Item = &'a mut [f32; 4]>) {
     }
 }
 
-/// Does what [`to_coefficients`] does for every column; rows have `len` numbers.
+/// Does what [`to_coefficients`] does for every column; a row has `len` numbers.
 pub(super) fn columns_to_coefficients(rows: &mut [f32], len: usize) {
     let count = rows.len() / len;
     let edge = |row: &mut [f32]| row.iter_mut().for_each(|value| *value /= 1.0 - POLE);

@@ -1,6 +1,6 @@
 //! The inner loops, compiled for several instruction sets and chosen at run time.
 //!
-//! All versions give the same bits: they are plain arithmetic on arrays and differ only in how much is computed at once.
+//! All versions give the same bits: they do the same arithmetic, and differ in how many values they compute at once.
 
 use multiversion::multiversion;
 
@@ -21,12 +21,13 @@ pub struct SplatBuffers {
     pub tiles: TileBuffer,
     /// One block of splats.
     pub splats: Box<Splats>,
-    /// The sum of a slice's splats until it is composited, for sheets.
+    /// For `Blending::Sheets`: the sum of a slice's splats, until the slice is composited.
     pub(super) sheet: Option<TileBuffer>,
 }
 
 impl SplatBuffers {
-    /// Returns buffers for the pixels of `rect`; with a sheet if the splats of a slice are added up first.
+    /// Creates buffers for the pixels of `rect`. `has_sheet`: whether the splats of a slice are summed, then
+    /// composited.
     pub fn new<B: Blend>(rect: Rect, has_sheet: bool) -> Result<SplatBuffers> {
         Ok(SplatBuffers {
             tiles: TileBuffer::new(rect, B::INITIAL_ALPHA)?,
@@ -36,7 +37,7 @@ impl SplatBuffers {
     }
 }
 
-/// Defines a function with `code` as its first argument, which runs the version of the body for that instruction set.
+/// Defines a function that runs the version of its body for the instruction set `code`, its first argument.
 macro_rules! for_each_instruction_set {
     ($(#[$doc:meta])* $vis:vis fn $name:ident$(<$blend:ident>)?($($arg:ident: $kind:ty),*) -> u64 $body:block) => {
         $(#[$doc])*
@@ -81,7 +82,7 @@ for_each_instruction_set! {
 }
 
 for_each_instruction_set! {
-    /// Runs [`StampBuffers::add_visible`]; `flush_code` is the code that it draws with.
+    /// Runs [`StampBuffers::add_visible`]; `flush_code` selects the instruction set with which full blocks are drawn.
     pub(super) fn add_visible(
         flush_code: Code,
         projector: &Projector,
@@ -106,7 +107,7 @@ pub(super) fn mark_and_draw(
     draw_splats::<FrontToBack>(projector, tiles, splats)
 }
 
-/// Composites the sheet behind the band's pixels, if there is one.
+/// Composites the sheet (the sum of a slice's splats) behind the band's pixels, if there is a sheet.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 pub(super) fn composite_sheet(buffers: &mut SplatBuffers, stop: f32) {
     if let SplatBuffers { tiles, sheet: Some(sheet), .. } = buffers {

@@ -1,4 +1,5 @@
-//! Faint scenes: pixels of so many and so faint splats that a transmittance near 1 loses them to rounding.
+//! Faint scenes: pixels get so many and so faint splats that rounding loses part of their effect on a transmittance
+//! near 1.
 //!
 //! In: a frame whose splats each take less than [`FAINT`] of a pixel's light. Out: its pixels. Single precision holds a
 //! transmittance near 1 to 2^-25; a million splats of 1e-7 would lose a fifth of their effect. An opacity near 0 is
@@ -9,7 +10,7 @@
 //! picture    A += (1 - A) * a            STACKS at most: error below STACKS * 2^-25
 //! ```
 //!
-//! Ordinary scenes have a splat that is not faint and pay nothing. Measured: docs/NUMERICS.md.
+//! Ordinary scenes have a splat that is not faint, and are drawn without stacks. Measured: docs/NUMERICS.md.
 
 use super::blend::{Blend, FaintBackToFront, FaintFrontToBack};
 use super::project::Projector;
@@ -26,14 +27,14 @@ use crate::traverse::{AxisOrder, Sense, VoxelBox};
 
 /// Largest optical depth of a faint splat. About 2^12 splats of this depth make a pixel opaque and lose 2^-13.
 const FAINT: f64 = 1.0 / 4096.0;
-/// Number of voxels up to which nothing is lost: 2^12 splats lose 2^-13.
+/// Scenes of at most this many voxels are drawn without stacks: 2^12 splats lose 2^-13.
 const FEW_VOXELS: u64 = 1 << 12;
-/// Voxels of a stack, unless there would be too many stacks.
+/// Mean number of voxels of a stack, unless there would be more than [`MAX_STACKS`] stacks.
 const STACK_VOXELS: u64 = 1 << 14;
-/// Most stacks: each costs about as much as clearing the picture.
+/// Largest number of stacks. Each stack costs about as much as clearing the picture.
 const MAX_STACKS: u64 = 256;
 
-/// Returns the stacks of a faint scene in the order of the walk.
+/// Cuts a faint scene into stacks (boxes of consecutive slices); returns them in the order of the walk.
 ///
 /// `None` for any other scene, and where the eye lies between slices of the slow axis.
 pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings: &Settings) -> Option<Vec<VoxelBox>> {
@@ -50,7 +51,7 @@ pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings:
     };
     let strongest = match setup.view.map {
         PixelMap::Parallel { .. } => Projector::new(setup, table, FaintFrontToBack::ALPHA_INK, 0.0).strength.into(),
-        // The strongest splats: the view runs along the longest spacing, and footprints are not widened.
+        // This assumes the strongest splats: the view runs along the longest spacing, and footprints are not widened.
         PixelMap::Perspective { .. } => {
             setup.view.steps.into_iter().fold(0.0, f64::max) * f64::from(setup.kernel.normalisation())
                 / f64::from(setup.kernel.sigma).powi(2)
@@ -66,7 +67,7 @@ pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings:
             return None;
         }
     }
-    // A stack is a number of tiles thick; a tile has eight slices.
+    // The thickness of a stack is a multiple of eight slices, the thickness of a tile.
     let (first_slice, last_slice) = (u64::from(low[slow]), u64::from(high[slow]));
     let tile_start = first_slice / 8 * 8;
     let count = (voxels / STACK_VOXELS).clamp(1, MAX_STACKS);
@@ -86,7 +87,7 @@ pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings:
     Some(stacks)
 }
 
-/// Draws a frame stack by stack; no ray ends early. It takes as much memory as without stacks.
+/// Draws a frame stack by stack; no ray ends early. Takes as much memory as drawing without stacks.
 pub(super) fn draw(
     setup: &mut FrameSetup,
     table: &Table,

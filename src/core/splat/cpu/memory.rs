@@ -1,4 +1,4 @@
-//! The memory that drawing a frame takes, estimated before it is drawn.
+//! Estimates the memory that drawing a frame takes, before the frame is drawn.
 
 use super::{Resampling, base_plane};
 use crate::error::Result;
@@ -7,17 +7,17 @@ use crate::splat::{Blending, Camera, Settings, View};
 use crate::traverse::VoxelBox;
 use crate::volume::Grid;
 
-/// Most columns and rows that tiles and their row pitch add to a band (`tile_buffer.rs`).
+/// The most columns and rows of pixels by which tiles and their row pitch enlarge a band (`tile_buffer.rs`).
 const PADDING: [u64; 2] = [32 + 1 + 128, 32];
-/// Bytes of the look of all codes, with what growing them wastes.
+/// Bytes of the looks (colour and optical depth) of all codes, with what is wasted when their list grows.
 const TABLE: u64 = 2 << 20;
-/// Bytes of a thread's stack and block of splats, with what its allocator wastes.
+/// Bytes of the stack and the block of splats of a thread, with what its allocator wastes.
 const THREAD: u64 = 2 << 20;
-/// Bytes of a tile in the walk's lists of tiles: four copies of its number, as one list grows by doubling.
+/// Bytes per tile in the walk's lists of tiles: four copies of the tile's index, because one list grows by doubling.
 const TILE: u64 = 16;
-/// Bytes of a grid point along an axis: lines of a slice, gathered and reordered, and a batch of one line's voxels.
+/// Bytes of a walk per grid point of an axis: lines of a slice, gathered and reordered, and a batch of voxels.
 const POINT: u64 = 64;
-/// Bytes of a pixel in a frame and in bands.
+/// Bytes per pixel, in a frame and in bands.
 const PIXEL: u64 = 4 * size_of::<f32>() as u64;
 
 /// The pixels that a picture is drawn on before it is resampled.
@@ -27,18 +27,18 @@ pub enum Canvas {
     Picture,
     /// A base plane with this number of pixels.
     BasePlane(u64),
-    /// Samples finer than pixels, in strips of at most these columns and rows.
+    /// Samples finer than pixels, drawn in strips of at most this number of columns and of rows.
     Finer([u32; 2]),
 }
 
-/// Returns the canvas of the picture by `camera`; `bounds` holds all voxels.
+/// Returns the canvas on which the picture by `camera` is drawn; `bounds` is a box around all voxels.
 ///
 /// # Errors
-/// As [`render`](super::render), but for memory.
+/// Returns the errors of [`render`](super::render), except those about memory or lanes.
 pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settings) -> Result<Canvas> {
     let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
     let order = walk_order(&view, grid, settings)?;
-    // The opacity matters only for coarser pixels, which need no more memory than the picture's.
+    // The depth (here 0) matters only for a coarse view, which needs no more memory than the picture's own pixels.
     Ok(match Resampling::choose(&view, &order, bounds, || 0.0, settings) {
         Some(Resampling::BasePlane(plane)) => Canvas::BasePlane(plane.pixels()),
         Some(Resampling::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
@@ -46,9 +46,9 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
     })
 }
 
-/// Returns an upper bound of the bytes that [`render`](super::render) takes beside the lanes.
+/// Returns an upper bound of the bytes that [`render`](super::render) allocates in addition to the lanes.
 ///
-/// `dims` are the grid's, `tiles` is the number of tiles of the lane with the most, `canvas` the result of [`canvas`].
+/// `dims`: grid points along each axis; `tiles`: largest number of tiles of a lane; `canvas`: from [`canvas`].
 pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settings) -> u64 {
     let size = settings.size.map(u64::from);
     let threads = settings.threads as u64;
@@ -56,7 +56,7 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
     let bands = |size: [u64; 2]| {
         let bands = band_bytes(size, threads);
         match settings.blending {
-            // A sheet for each band, and four bytes for each of its tiles of 256.
+            // Each band has a sheet as well, and four bytes for each of the sheet's tiles, which have 256 bytes each.
             Blending::Sheets => bands.saturating_mul(2).saturating_add(bands / 64),
             Blending::Exponential | Blending::Linear => bands,
         }
@@ -74,7 +74,7 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
     [drawing, TABLE, threads.saturating_mul(walk)].into_iter().fold(frame(size), u64::saturating_add)
 }
 
-/// Returns the bytes of a picture's bands, whether they are bands of rows or of columns: each is padded by itself.
+/// Returns the bytes of a picture's bands (the larger: of rows or of columns). Each band is padded by itself.
 fn band_bytes([columns, rows]: [u64; 2], threads: u64) -> u64 {
     let by_rows = (columns + PADDING[0]) * (rows + threads * PADDING[1]);
     let by_columns = (columns + threads * PADDING[0]) * (rows + PADDING[1]);

@@ -1,7 +1,8 @@
 //! The renderer on the processor.
 //!
-//! In: a scene, a camera, settings. Out: a frame and what it took. Each thread draws a band of the picture and walks
-//! the lane for itself. The picture has the same bits for any number of threads and any instruction set.
+//! In: a scene, a camera, settings. Out: a frame and statistics of the work. Each thread draws a band (a range of rows
+//! or columns) of the picture and walks the whole lane (all scan lines along one axis) by itself. The picture has the
+//! same bits for any number of threads and any instruction set.
 
 #![expect(
     clippy::cast_possible_truncation,
@@ -59,12 +60,12 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
     render_without(scene, camera, settings, None)
 }
 
-/// Draws a frame without the records `omitted` of the lane that the view walks along.
+/// Draws a frame without the records (stored voxels) in `omitted`, a set of indices into the lane that the view walks.
 ///
-/// The picture has the bits of a scene from which these voxels were removed. [`Code::Plain`] ignores `omitted`.
+/// The picture is bit for bit that of a scene from which these voxels were removed. [`Code::Plain`] ignores `omitted`.
 ///
 /// # Errors
-/// As [`render`].
+/// Returns the errors of [`render`].
 pub fn render_without(
     scene: &Scene,
     camera: &Camera,
@@ -74,7 +75,7 @@ pub fn render_without(
     let start = Instant::now();
     let setup = FrameSetup::new(scene, camera, settings)?;
     let table = Table::new(scene, &setup.lane, settings, setup.view.mean_voxel)?;
-    // Bounds and the largest depth cost a pass over tiles and looks.
+    // Computing the bounds takes a pass over all tiles; the largest optical depth, one over all looks.
     let bounds = if settings.keeps_pixels() { None } else { setup.lane.bounds() };
     let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
     let resampling =
@@ -127,7 +128,7 @@ pub fn render_without(
     Ok((frame, stats))
 }
 
-/// A way to draw other samples than the picture's pixels.
+/// A way to draw samples that are not the picture's pixels; the picture is then computed from them.
 enum Resampling {
     Coarse(CoarseView),
     BasePlane(BasePlane),
@@ -135,9 +136,9 @@ enum Resampling {
 }
 
 impl Resampling {
-    /// Returns the best way for a view of the voxels in `bounds`; `None` if every pixel is to be drawn.
+    /// Returns the best way to sample a view of the voxels in `bounds`; `None` to draw one sample for each pixel.
     ///
-    /// `deepest` returns the voxels' largest optical depth per mean voxel.
+    /// `deepest` returns the largest optical depth of any voxel, along a ray as long as the mean voxel spacing.
     fn choose(
         view: &View,
         order: &Order,
@@ -152,7 +153,7 @@ impl Resampling {
     }
 }
 
-/// Draws all voxels by the blend mode that the settings ask for; by stamps if the view is that of a base plane.
+/// Draws all voxels in the blend mode of `settings`. Draws by stamps (`stamp.rs`) if the view is that of a base plane.
 fn draw_in_mode(
     setup: &FrameSetup,
     table: &Table,
@@ -176,7 +177,7 @@ fn draw_in_mode(
     draw(setup, table, settings, omitted)
 }
 
-/// Draws all voxels by the blend mode `B`.
+/// Draws all voxels in the blend mode `B`.
 fn blended<B: Blend>(
     setup: &FrameSetup,
     table: &Table,
@@ -191,13 +192,13 @@ fn blended<B: Blend>(
     Ok((assemble(&bands, settings, Finish::new(table))?, BandStats::of(&bands)))
 }
 
-/// Marks the records that a view shows: those with a transmittance of at least the settings' termination in front of
-/// them at any pixel of their footprint.
+/// Marks the records that a view shows. A record is shown if, at any pixel of its footprint, the transmittance in front
+/// of it is at least the termination threshold of `settings`.
 ///
-/// Always composites front to back, on one thread. Memory: 16 bytes a pixel, of 2^22 pixels (or one row) at most.
+/// Composites front to back, on one thread. Takes 16 bytes per pixel, for at most 2^22 pixels (or one row) at a time.
 ///
 /// # Errors
-/// As [`render`].
+/// Returns the errors of [`render`].
 pub fn mark_visible(scene: &Scene, camera: &Camera, settings: &Settings, visible: VisibleRecords) -> Result<()> {
     const STRIP_PIXELS: i32 = 1 << 22;
     let settings = Settings {

@@ -1,12 +1,12 @@
 //! A walk that leaves out some voxels.
 //!
-//! In: a walk's batches and a set of records. Out: the same batches without those records, for another visitor: what it
-//! would receive from a structure without those voxels.
+//! In: a walk's batches and a set of records. Out: the same batches without those records. Another visitor receives
+//! them, as if the scene did not have those voxels.
 
 use crate::arena::RecordSet;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
-/// Passes on the records that are not in a set.
+/// Passes to `inner` the records that are not in `omitted`.
 #[derive(Debug)]
 pub(super) struct OmittingVisitor<'a, V> {
     inner: &'a mut V,

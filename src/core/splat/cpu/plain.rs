@@ -1,7 +1,8 @@
 //! The plain renderer: one voxel after the other, one pixel after the other.
 //!
-//! In and out as for a band. It shares the arithmetic of a single voxel and a single pixel with the fast code and
-//! nothing else: no blocks, tiles, chords, frozen pixels or bands. Tests hold the two to equal bits.
+//! In: a drawing task and the picture's rectangle. Out: the picture's pixels. It shares the arithmetic of a single
+//! voxel and a single pixel with the fast code and nothing else: no blocks, tiles, chords, frozen pixels or bands.
+//! Tests check that both give equal bits.
 
 use std::time::Instant;
 
@@ -26,7 +27,7 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<T
     Ok(BandResult { pixels: tiles, stats })
 }
 
-/// Draws the whole picture front to back, slice by slice: composites the sum of a slice's splats.
+/// Draws the whole picture front to back, slice by slice: sums a slice's splats, then composites the sum.
 pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult<TileBuffer>> {
     let mut tiles = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
     let mut sheet = TileBuffer::new(rect, Additive::INITIAL_ALPHA)?;
@@ -53,7 +54,7 @@ pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult<Tile
 /// A voxel's kernel and colour.
 type ColouredKernel = (SplatKernel, [f32; 3]);
 
-/// Blends a splat with its pixels; returns whether there are any.
+/// Blends a splat with the pixels of its box that lie in the picture; returns whether there are any.
 fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (kernel, [red, green, blue]): ColouredKernel, stop: f32) -> bool {
     let (rect, ink) = (tiles.rect, [red, green, blue, B::ALPHA_INK]);
     let Centre { x, y, offset_x, offset_y } = kernel.centre;
@@ -102,7 +103,7 @@ fn splat(task: &DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredKern
     Some((SplatKernel { centre, ellipse, cut: projector.cut, peak }, colour))
 }
 
-/// Returns a voxel's centre and footprint, and the peak of a unit of optical depth; `None` if it is too near.
+/// Returns a voxel's centre, footprint, and peak for an optical depth of 1; `None` if it is too near the eye.
 fn project_voxel(projector: &Projector, voxel: [u16; 3]) -> Option<(Centre, Ellipse, f32)> {
     let [s, m, f] = projector.nesting;
     let [slow, medium, fast] = [s, m, f].map(|a| f64::from(voxel[a]));

@@ -1,7 +1,7 @@
 //! Stage 1: from voxels to splats.
 //!
-//! In: up to a block of voxels, with their records. Out: their footprints, colours and peaks. Every loop over a block
-//! treats each voxel alone, so that any number of voxels may be computed at once:
+//! In: up to a block of voxels and their records. Out: their footprints, colours and peaks (optical depths at the
+//! centres). Every loop over a block treats each voxel by itself, so that vector instructions can treat many at once:
 //!
 //! ```text
 //! place     centre, ellipse, bounding box             all voxels of the block
@@ -23,45 +23,45 @@ use crate::splat::shade::Lights;
 use crate::splat::view::{Affine, PixelMap, single};
 use crate::traverse::{Batch, VoxelBox};
 
-/// Everything that turns a voxel of a frame into a splat.
+/// Holds all parameters of a frame that turn a voxel into a splat.
 #[derive(Debug)]
 pub struct Projector<'a> {
     pub(super) lane: Lane<'a>,
     pub(super) table: &'a Table<'a>,
-    /// The lighting; `None` for none.
+    /// The lighting; `None` if voxels are not lit.
     pub lights: Option<Lights>,
     pub(super) crop: Option<VoxelBox>,
-    /// Whether peaks are normalised values.
+    /// Whether a peak is a normalised value (for maximum modes) and not an optical depth.
     pub(super) maximum: bool,
-    /// The blend mode's ink for alpha.
+    /// What each splat's ink (`blend.rs`) has for alpha, in the blend mode of the frame.
     pub alpha_ink: f32,
     pub(super) sigma: f32,
-    /// The kernel's cut-off in standard deviations.
+    /// The radius at which the kernel is cut off, in standard deviations.
     pub(super) cut_off: f32,
-    /// The kernel's exponent at the cut-off, in units of ln 2.
+    /// The exponent of the kernel at the cut-off radius, in units of ln 2.
     pub(super) cut: f32,
     /// Transmittance below which a pixel no longer changes; 0 for never.
     pub(super) stop: f32,
     /// Indices of the slow, medium and fast axis.
     pub nesting: [usize; 3],
     pub(super) map: PixelMap,
-    /// The footprint of all voxels of a parallel view; 0 in perspective.
+    /// The footprint that all voxels of a parallel view share; all fields are 0 in perspective.
     pub(super) ellipse: Ellipse,
-    /// Peak of a unit of optical depth; in perspective, kernel normalisation times squared focal length.
+    /// The peak of a splat of optical depth 1; in perspective, kernel normalisation times squared focal length.
     pub(super) strength: f32,
-    /// The eye by index axis, in mean voxels.
+    /// The position of the eye along the x, y and z axis, in mean voxel spacings.
     pub(super) eye: [f32; 3],
-    /// The distance between voxels on each axis, in mean voxels.
+    /// The distance between neighbouring voxels on each axis, in mean voxel spacings.
     pub(super) steps: [f32; 3],
 }
 
-/// Coordinates of the voxels of a block along the slow, medium and fast axis, for every index below [`BLOCK`].
+/// Yields the coordinates of a block's voxels along the slow, medium and fast axis, for every index below [`BLOCK`].
 pub trait Coordinates {
     /// Returns the coordinates of voxel `j`.
     fn at(&self, j: usize) -> [f64; 3];
 }
 
-/// Coordinates along the slow, medium and fast axis.
+/// The coordinates of a block's voxels along the slow, medium and fast axis.
 #[derive(Clone, Copy)]
 struct Positions([[u16; BLOCK]; 3]);
 
@@ -77,7 +77,7 @@ pub struct VoxelBlock {
     /// Number of voxels.
     pub count: usize,
     positions: Positions,
-    /// Their records in the lane's channels.
+    /// For each voxel: the index of its record in the lane's channels.
     pub(super) records: [usize; BLOCK],
 }
 
@@ -93,7 +93,7 @@ impl VoxelBlock {
         self.count + more <= BLOCK
     }
 
-    /// Adds the voxels of `batch` from `from` on, at most `most` and as many as there is room for; returns how many.
+    /// Adds up to `most` voxels of `batch`, starting with voxel `from`, while there is room; returns how many.
     #[inline(always)]
     pub fn add(&mut self, batch: &Batch, from: usize, most: usize) -> usize {
         let count = (batch.len() - from).min(most).min(BLOCK - self.count);
@@ -110,11 +110,11 @@ impl VoxelBlock {
     }
 }
 
-/// Voxels that are tested for visibility and added to a block together.
+/// How many voxels are tested for visibility together, and then added to a block together.
 pub const GROUP: usize = 16;
 
 impl<'a> Projector<'a> {
-    /// Returns the projector of a frame; `alpha_ink` and `stop`: see the fields.
+    /// Creates the projector of a frame. For `alpha_ink` and `stop`, see the fields.
     pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, alpha_ink: f32, stop: f32) -> Projector<'a> {
         let FrameSetup { view, order, lane, lights, kernel, crop, maximum } = setup;
         let (sigma, cut_off, normalisation) = (kernel.sigma, kernel.cut_off(), kernel.normalisation());
@@ -145,7 +145,7 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Returns a projector for cubes of `edge` voxels a side, each a splat of a kernel `edge` times as wide.
+    /// Returns a projector for cubes of `edge` voxels per side, each one splat of a kernel `edge` times as wide.
     pub fn of_cubes(&self, edge: u32) -> Projector<'a> {
         let width = edge as f32;
         let sigma = self.sigma * width;
@@ -160,12 +160,12 @@ impl<'a> Projector<'a> {
         Projector { sigma, ellipse, strength: strength * width.powi(3), ..*self }
     }
 
-    /// Returns half the size of every footprint's box in a parallel view, in pixels; 0 in perspective.
+    /// Returns half the width and height of a footprint's box in a parallel view, in pixels; 0 in perspective.
     pub(super) fn half_widths(&self) -> [f64; 2] {
         [self.ellipse.half_x.into(), self.ellipse.half_y.into()]
     }
 
-    /// Runs all of stage 1 for a block.
+    /// Runs all of stage 1 for a block: `place`, `cull` and `colour`.
     #[inline(always)]
     pub fn project_block(&self, voxels: &VoxelBlock, out: &mut Splats, tiles: &TileBuffer) {
         // The copy tells the compiler that positions and results do not overlap.
@@ -175,7 +175,7 @@ impl<'a> Projector<'a> {
         self.colour(voxels, out);
     }
 
-    /// Returns which voxels of a block lie in the crop.
+    /// Returns, for each voxel of a block, whether it lies in the crop box.
     #[inline(always)]
     pub(super) fn in_crop(&self, voxels: &VoxelBlock) -> [bool; BLOCK] {
         let crop = self.crop.unwrap_or(VoxelBox { low: [0; 3], high: [u16::MAX; 3] });
@@ -193,7 +193,8 @@ impl<'a> Projector<'a> {
         in_crop
     }
 
-    /// Computes the first pixels of the stamps of a slice's voxels; a voxel at 0 has column `left` and row `top`.
+    /// Computes the first column and row of each voxel's stamp. The voxels lie in one slice, and the stamp of a voxel
+    /// with fast and medium coordinates 0 begins at column `left` and row `top`.
     #[inline(always)]
     pub(super) fn place_stamps(voxels: &VoxelBlock, [left, top]: [i32; 2], out: &mut Splats) {
         let Positions([_, medium, fast]) = &voxels.positions;
@@ -203,7 +204,7 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Computes the centres, ellipses and bounding boxes of a whole block.
+    /// Computes the centre, ellipse and bounding box of each voxel of a block.
     #[inline(always)]
     pub fn place<C: Coordinates>(&self, positions: &C, out: &mut Splats) {
         match self.map {
@@ -214,6 +215,7 @@ impl<'a> Projector<'a> {
         }
     }
 
+    /// Does the work of [`Projector::place`] in a parallel view.
     #[inline(always)]
     fn place_parallel<C: Coordinates>(&self, pixel_from_voxel: [Affine; 2], positions: &C, out: &mut Splats) {
         let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
@@ -231,13 +233,14 @@ impl<'a> Projector<'a> {
         out.strength = [self.strength; BLOCK];
     }
 
-    /// Returns an affine map with its factors in the order slow, medium, fast.
+    /// Returns `map` with its factors for the axes in the order slow, medium, fast.
     #[inline(always)]
     pub(super) fn nested(&self, map: &Affine) -> Affine {
         let [s, m, f] = self.nesting;
         [map[s], map[m], map[f], map[3]]
     }
 
+    /// Does the work of [`Projector::place`] in a perspective view.
     #[inline(always)]
     fn place_perspective<C: Coordinates>(
         &self,
@@ -280,7 +283,7 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Lists those of the first `count` splats that are `wanted` and can change a pixel of the band.
+    /// Lists, in `out.kept`, those of the first `count` splats that are `wanted` and can change a pixel of the band.
     #[inline(always)]
     pub fn cull(&self, count: usize, wanted: [bool; BLOCK], out: &mut Splats, tiles: &TileBuffer) {
         let rect = tiles.rect;
@@ -306,7 +309,7 @@ impl<'a> Projector<'a> {
                 let j = usize::from(out.kept[k]) % BLOCK;
                 let ([x0, x1], [y0, y1]) = out.clipped(j, rect);
                 out.kept[open] = out.kept[k];
-                // For most splats the tile at their centre settles it.
+                // For most splats, testing the tile at their centre is enough.
                 let (x, y) = (out.x.nearest[j].max(x0).min(x1), out.y.nearest[j].max(y0).min(y1));
                 let is_open = !tiles.is_frozen(Rect { x0: x, y0: y, x1: x + 1, y1: y + 1 })
                     || !tiles.is_frozen(Rect { x0, y0, x1: x1 + 1, y1: y1 + 1 });
@@ -320,7 +323,7 @@ impl<'a> Projector<'a> {
     /// Computes the colours and peaks of the kept splats.
     #[inline(always)]
     pub(super) fn colour(&self, voxels: &VoxelBlock, out: &mut Splats) {
-        // The commonest kind of look is tested once, not for every voxel.
+        // The most common kind of look table is recognised once here, not for every voxel.
         let looks = self.table.of_bytes().filter(|_| self.lane.channels.value_bits == 8);
         for k in 0..out.count {
             let record = voxels.records[usize::from(out.kept[k]) % BLOCK];
@@ -345,14 +348,14 @@ impl<'a> Projector<'a> {
         }
     }
 
-    /// Returns the look of a record.
+    /// Returns the look (colour and optical depth) of a record's voxel.
     #[inline(always)]
     pub(super) fn look(&self, record: usize) -> Look {
         let magnitude = if self.table.needs_magnitude() { self.lane.magnitude_code(record) } else { 0 };
         self.table.look(self.lane.value_code(record), magnitude)
     }
 
-    /// Returns the normals of the kept splats.
+    /// Returns the x, y and z components of the kept splats' unit normals.
     #[inline(always)]
     fn normals(&self, voxels: &VoxelBlock, out: &Splats) -> [[f32; BLOCK]; 3] {
         let mut codes = [0u32; BLOCK];
@@ -386,7 +389,7 @@ impl<'a> Projector<'a> {
         normals
     }
 
-    /// Lights the kept splats by their normals.
+    /// Applies the light to the colours of the kept splats, by their normals.
     #[inline(always)]
     pub fn light<C: Coordinates>(&self, lights: &Lights, normals: &[[f32; BLOCK]; 3], positions: &C, out: &mut Splats) {
         let mut shades = [[0.0f32; BLOCK]; 2];
@@ -426,18 +429,18 @@ impl<'a> Projector<'a> {
     }
 }
 
-/// Voxels that are computed at once, in arrays of their own, which the compiler knows not to overlap with others.
+/// How many voxels are computed at once, in local arrays, which the compiler knows not to overlap with other arrays.
 const LANES: usize = 16;
 
 impl Extents<LANES> {
-    /// Sets the centre and box of voxel `j`; `half_width` is half of the box.
+    /// Sets the centre and box of voxel `j` in x or y. The box reaches `half_width` pixels to both sides of the centre.
     #[inline(always)]
     fn set(&mut self, j: usize, centre: (i32, f32), half_width: f32) {
         (self.nearest[j], self.offset[j]) = centre;
         (self.low[j], self.high[j]) = pixel_span(centre, half_width);
     }
 
-    /// Copies all to those of a block from index `from` on.
+    /// Copies all values into a block's arrays, starting at index `from`.
     #[inline(always)]
     fn copy_to(&self, from: usize, out: &mut Extents<BLOCK>) {
         out.nearest[from..from + LANES].copy_from_slice(&self.nearest);
@@ -447,13 +450,13 @@ impl Extents<LANES> {
     }
 }
 
-/// Applies an affine map; its factors and the coordinates are in the order slow, medium, fast.
+/// Applies an affine map to a voxel. Its factors and the coordinates are in the order slow, medium, fast.
 #[inline(always)]
 pub(super) fn affine_at(map: &Affine, [slow, medium, fast]: [f64; 3]) -> f64 {
     (map[3] + map[0] * slow) + map[1] * medium + map[2] * fast
 }
 
-/// Turns the optical depths per mean voxel of the kept splats into their peaks.
+/// Turns each kept splat's `peak` from an optical depth per mean voxel spacing into that at the splat's centre.
 #[inline(always)]
 pub fn apply_strengths(out: &mut Splats) {
     let most = MAX_DEPTH as f32 * LOG2_E;
@@ -463,9 +466,11 @@ pub fn apply_strengths(out: &mut Splats) {
     }
 }
 
-/// Returns the pixels per voxel along each axis, by column and row, at the ray with tangents `tan_x` and `tan_y`.
+/// Returns by how many columns (first row of the result) and rows (second row) a voxel's footprint moves per voxel
+/// along each axis, at the ray with tangents `tan_x` and `tan_y`.
 ///
-/// `steps`: a voxel's steps to the right, up and forward; `scale`: pixels per mean voxel at its depth.
+/// `steps`: how far the next voxel on each axis lies to the right, up and forward; `scale`: pixels per mean voxel
+/// spacing.
 #[inline(always)]
 pub(super) fn jacobian(steps: &[[f32; 3]; 3], tan_x: f32, tan_y: f32, scale: f32) -> [[f32; 3]; 2] {
     let [right, up, forward] = steps;
@@ -477,17 +482,17 @@ pub(super) fn jacobian(steps: &[[f32; 3]; 3], tan_x: f32, tan_y: f32, scale: f32
     rows
 }
 
-/// Returns the length of a ray per length along the view axis. A pixel's world area across its ray is
-/// `depth^2 / (slant * focal^2)`.
+/// Returns the length of a ray divided by its length along the view axis. In the world, the area of a pixel
+/// perpendicular to its ray is `depth^2 / (slant * focal^2)`.
 #[inline(always)]
 pub(super) fn slant(tan_x: f32, tan_y: f32) -> f32 {
     (1.0 + tan_x * tan_x + tan_y * tan_y).sqrt()
 }
 
-/// Returns the pixel nearest to a coordinate and the coordinate minus that pixel. It is limited to 1e9 pixels.
+/// Returns the pixel nearest to a coordinate, limited to +-1e9 pixels, and the coordinate minus that pixel.
 #[inline(always)]
 pub(super) fn nearest_pixel(at: f64) -> (i32, f32) {
-    // Adding it leaves the nearest integer in the low bits of the sum.
+    // Adding `ROUND` leaves the nearest integer in the low bits of the sum.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     const FAR: f64 = 1e9;
     let at = if at < FAR { at } else { FAR };
@@ -496,7 +501,7 @@ pub(super) fn nearest_pixel(at: f64) -> (i32, f32) {
     (rounded.to_bits() as u32 as i32, (at - (rounded - ROUND)) as f32)
 }
 
-/// Returns the first and last pixel within `half_width` of a centre; may include a pixel slightly outside.
+/// Returns the first and last pixel within `half_width` pixels of a centre; may include one slightly farther away.
 #[inline(always)]
 pub(super) fn pixel_span((nearest, offset): (i32, f32), half_width: f32) -> (i32, i32) {
     const ROUND: f32 = 12_582_912.0;

@@ -3,27 +3,27 @@
 //! In: a block of projected splats in visit order, the tiles of a band. Out: the band's pixels.
 //!
 //! ```text
-//! q     = u_factor * u^2 + y_factor * y^2, u = x - shear * y     from the centre, in units of ln 2; cut off beyond `cut`
+//! q     = u_factor * u^2 + y_factor * y^2, u = x - shear * y     from the centre, in units of ln 2; cut off at `cut`
 //! depth = peak * 2^-q
 //! ```
 //!
-//! A splat is drawn on every tile of 4 x 4 pixels that its box meets, sixteen pixels at once; a wide splat only on tiles
-//! that its ellipse meets. Frozen tiles are skipped. Pixels of a tile outside the ellipse get depth 0; pixels outside the
-//! band are never read. A pixel's bits depend on absolute coordinates only.
+//! A splat is drawn on every tile of 4 x 4 pixels that its box meets, sixteen pixels at once; a wide splat is drawn
+//! only on tiles that its ellipse meets. Frozen tiles are skipped. Pixels of a tile outside the ellipse get depth 0;
+//! pixels outside the band are never read. A pixel's bits depend on absolute coordinates only.
 
 use super::blend::Blend;
 use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
 use crate::splat::arith::{SMALL_DEPTH, at_least, at_most, exp2_neg, keep_if};
 use crate::splat::kernel::Ellipse;
 
-/// Splats in a block: all its arrays stay in the first-level cache.
+/// Number of splats in a block, so small that all arrays of a block stay in the first-level cache.
 pub const BLOCK: usize = 128;
 
-/// Centres and boxes of splats along one side of the picture.
+/// The centres and bounding boxes of splats in one direction, x or y, in pixels.
 pub(super) struct Extents<const N: usize> {
     /// The pixel nearest to the centre.
     pub(super) nearest: [i32; N],
-    /// The centre minus that pixel, -1/2 to 1/2.
+    /// The centre minus the nearest pixel, -1/2 to 1/2.
     pub(super) offset: [f32; N],
     /// First pixel of the box.
     pub(super) low: [i32; N],
@@ -36,28 +36,28 @@ impl<const N: usize> Extents<N> {
         Extents { nearest: [0; N], offset: [0.0; N], low: [0; N], high: [0; N] }
     }
 
-    /// Returns the first and last pixel of box `j` within `low..high`.
+    /// Returns the first and last pixel of the box of splat `j`, clipped to `low..high`.
     #[inline(always)]
     fn clipped(&self, j: usize, low: i32, high: i32) -> [i32; 2] {
         [self.low[j].max(low), self.high[j].min(high - 1)]
     }
 }
 
-/// A block of splats. Centres, boxes and strengths are indexed by voxel of the block; ink and peaks by drawn splat.
+/// A block of splats. Centres, boxes and strengths are indexed by voxel of the block; ink and peaks like `kept`.
 pub struct Splats {
-    /// Number of splats to draw; ink and peaks from there on are meaningless.
+    /// Number of splats to draw; `kept`, `ink` and `peak` are meaningless from this index on.
     pub count: usize,
-    /// Voxel of the block that each splat to draw belongs to, in visit order.
+    /// For each splat to draw, in visit order: the index of its voxel in the block.
     pub kept: [u8; BLOCK],
-    /// Peak of a unit of optical depth.
+    /// The peak of a splat of optical depth 1.
     pub(super) strength: [f32; BLOCK],
     pub(super) x: Extents<BLOCK>,
     pub(super) y: Extents<BLOCK>,
-    /// Factors and shear of the ellipses of a perspective view.
+    /// The `u_factor`, `y_factor` and `shear` of each ellipse in a perspective view.
     pub(super) ellipses: [[f32; BLOCK]; 3],
-    /// Factors on what the splat adds to a pixel's red, green, blue and alpha.
+    /// The splat's ink: factors on what it adds to a pixel's red, green, blue and alpha (`blend.rs`).
     pub ink: [[f32; 4]; BLOCK],
-    /// Optical depth at the centre, in units of ln 2, or normalised value; 0 for a splat that is not drawn.
+    /// Optical depth at the centre, in units of ln 2, or normalised value (maximum modes); 0 if the splat is not drawn.
     pub peak: [f32; BLOCK],
 }
 
@@ -76,7 +76,7 @@ impl Splats {
         })
     }
 
-    /// Returns the first and last column, and the first and last row, of box `j` within `rect`.
+    /// Returns the first and last column, and the first and last row, of the box of splat `j`, clipped to `rect`.
     #[inline(always)]
     pub(super) fn clipped(&self, j: usize, rect: Rect) -> ([i32; 2], [i32; 2]) {
         (self.x.clipped(j, rect.x0, rect.x1), self.y.clipped(j, rect.y0, rect.y1))
@@ -96,7 +96,7 @@ impl Splats {
     }
 }
 
-/// Draws a block with the ellipse of each splat; returns how many splats touched the band.
+/// Draws a block's kept splats; `ellipse` returns the ellipse of a voxel's splat. Returns how many touched the band.
 ///
 /// `cut` is the exponent at the kernel's cut-off, `stop` the transmittance below which a pixel no longer changes.
 #[inline(always)]
@@ -111,7 +111,7 @@ pub(super) fn draw<B: Blend>(
         let j = usize::from(splats.kept[k]) % BLOCK;
         let peak = splats.peak[k];
         let ([low_x, high_x], [low_y, high_y]) = splats.clipped(j, tiles.rect);
-        // Stage 1 lists only splats that reach the band; the test keeps a mistake there from leaving the tiles.
+        // Stage 1 lists only splats that reach the band; this test keeps other splats from writing outside the tiles.
         if peak <= 0.0 || low_x > high_x || low_y > high_y {
             continue;
         }
@@ -128,7 +128,8 @@ pub(super) fn draw<B: Blend>(
     drawn
 }
 
-/// Draws a splat on the tiles from the first to the last of `columns` and `rows`. `IS_SMALL`: see [`SMALL_DEPTH`].
+/// Draws a splat on tile columns `left..=right`, tile rows `top..=bottom`. `IS_SMALL`: its peak is up to
+/// [`SMALL_DEPTH`].
 #[inline(always)]
 fn draw_splat<B: Blend, const IS_SMALL: bool>(
     tiles: &mut TileBuffer,
@@ -171,7 +172,7 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
     }
 }
 
-/// Blends one of the four values of a tile's pixels. In a loop over the four values the compiler would gather them.
+/// Blends one colour or alpha of all pixels of a tile. In a loop over the four values the compiler would gather them.
 #[inline(always)]
 fn blend_values<B: Blend>(
     values: &mut [f32; TILE_PIXELS],
@@ -187,7 +188,8 @@ fn blend_values<B: Blend>(
     *values = new;
 }
 
-/// Tiles from the first to the last of a row from which on it is worth finding those that the ellipse meets.
+/// A splat is wide if its last tile in a row is at least this many tiles after the first one. Only then does finding
+/// the tiles that its ellipse meets save time.
 const WIDE: i32 = 3;
 
 /// A splat's centre: the nearest pixel, and the centre minus that pixel.
@@ -204,16 +206,17 @@ pub(super) struct Centre {
 pub(super) struct SplatKernel {
     pub(super) centre: Centre,
     pub(super) ellipse: Ellipse,
-    /// Exponent at the cut-off, in units of ln 2.
+    /// The exponent at the cut-off radius, in units of ln 2.
     pub(super) cut: f32,
     pub(super) peak: f32,
 }
 
-/// The part of the exponent that is the same for all tiles of a row, for each pixel.
+/// For each pixel of a tile: the parts of the exponent that are the same for all tiles of a row.
 struct TileRow {
-    /// Distance to the ellipse's ridge if the tile's first column is the centre's, times the root of `u_factor`.
+    /// The distance along x to the ellipse's ridge, if the tile's first column were that of the centre; times the
+    /// square root of `u_factor`.
     distance: [f32; TILE_PIXELS],
-    /// The exponent on the ridge.
+    /// The exponent on the ridge, in units of ln 2.
     exponent: [f32; TILE_PIXELS],
 }
 
@@ -226,7 +229,8 @@ impl SplatKernel {
         self.depth_at(((x & !3) - self.centre.x) as f32 * root, distance, exponent)
     }
 
-    /// Returns the terms of [`TileRow`] for a pixel of a tile whose first row is `first_row` rows below the centre's.
+    /// Returns the two values of [`TileRow`] for the pixel at `column` and `row` of a tile whose first row is
+    /// `first_row` rows below the centre's. `root`: the square root of `u_factor`.
     #[inline(always)]
     fn terms(&self, root: f32, first_row: f32, column: f32, row: f32) -> (f32, f32) {
         let dy = (first_row + row) - self.centre.offset_y;
@@ -238,7 +242,7 @@ impl SplatKernel {
     fn depth_at(&self, first_column: f32, distance: f32, exponent: f32) -> f32 {
         let u = first_column + distance;
         let q = u * u + exponent;
-        // Far outside the ellipse the exponential is meaningless; its bits are dropped.
+        // Far outside the ellipse the exponential is meaningless, and `keep_if` replaces it by 0.
         keep_if(q <= self.cut, self.peak * exp2_neg(q))
     }
 
@@ -263,7 +267,7 @@ impl SplatKernel {
         depths
     }
 
-    /// Returns the first and last tile of a row that the ellipse may meet, with half a pixel to spare for rounding.
+    /// Returns the columns of the first and last tile of a row that the ellipse may meet, with a margin for rounding.
     #[inline(always)]
     fn chord(&self, row: i32) -> [i32; 2] {
         let low = ((row << TILE) - self.centre.y) as f32 - self.centre.offset_y;
@@ -278,7 +282,7 @@ impl SplatKernel {
     }
 }
 
-/// Column in its tile of each pixel.
+/// For each pixel of a tile: its column in the tile.
 const COLUMN: [f32; TILE_PIXELS] = [0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3.];
-/// Row in its tile of each pixel.
+/// For each pixel of a tile: its row in the tile.
 const ROW: [f32; TILE_PIXELS] = [0., 0., 0., 0., 1., 1., 1., 1., 2., 2., 2., 2., 3., 3., 3., 3.];

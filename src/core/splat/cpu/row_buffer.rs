@@ -1,8 +1,8 @@
-//! The pixels of a band of the base plane, in rows, and which of them can no longer change.
+//! The pixels of a band of the base plane, in rows. Also tracks the pixels that may still change (*open* pixels).
 //!
 //! In: a rectangle of the plane. Out: rows of reds, greens, blues and transmittances, each with spare columns so that
-//! eight pixels can always be read and written at once. Cells of 8 x 8 pixels count their open pixels, and blocks of
-//! 8 x 8 cells their open cells.
+//! eight pixels can always be read and written at once. Each cell of 8 x 8 pixels has a count of its open pixels, and
+//! each block of 8 x 8 cells a count of its open cells.
 
 use std::ops::Range;
 
@@ -11,30 +11,30 @@ use super::tile_buffer::{OpenCounts, Rect};
 use crate::error::{Error, Result};
 use crate::splat::arith::keep_if;
 
-/// Pixels that are read and written at once.
+/// How many pixels of a row are read and written at once.
 pub(super) const EIGHT: usize = 8;
-/// Most columns that are tested at once, from any column of the band: so many columns are spare.
+/// Most columns tested at once. A test may start in any column of the band, so each row ends with so many spare ones.
 pub(super) const WIDE: usize = 16;
 
-/// Side of a cell in pixels, as a shift.
+/// Side of a cell in pixels, as a power of 2.
 const CELL: i32 = 3;
-/// Side of a block of cells in pixels, as a shift.
+/// Side of a block of cells in pixels, as a power of 2.
 const BLOCK: i32 = 6;
 
 /// The pixels of a band of the plane.
 pub(super) struct RowBuffer {
     pub(super) rect: Rect,
-    /// Length of each colour's row: the band's columns and [`WIDE`] more.
+    /// Length of a row of one colour, in values: the band's columns and [`WIDE`] more.
     pitch: usize,
     values: Box<[f32]>,
-    /// Pixels of each cell that may still change.
+    /// For each cell: how many of its pixels may still change.
     open_pixels: OpenCounts,
-    /// Cells of each block that have such pixels.
+    /// For each block: how many of its cells have pixels that may still change.
     open_cells: OpenCounts,
 }
 
 impl RowBuffer {
-    /// Returns pixels for `rect`, which is not empty: colours 0, transmittances 1.
+    /// Creates the pixels of `rect`, which is not empty, with colours 0 and transmittances 1.
     pub(super) fn new(rect: Rect) -> Result<RowBuffer> {
         let columns = (rect.x1 - rect.x0) as usize;
         let pitch = columns + WIDE;
@@ -50,14 +50,14 @@ impl RowBuffer {
         Ok(RowBuffer { rect, pitch, values: values.into_boxed_slice(), open_pixels, open_cells })
     }
 
-    /// Returns the index of the red of pixel (`x`, `y`).
+    /// Returns the index in `values` of the red of pixel (`x`, `y`).
     #[inline(always)]
     fn index(&self, x: i32, y: i32) -> usize {
         4 * self.pitch * (y - self.rect.y0) as usize + (x - self.rect.x0) as usize
     }
 
-    /// Returns whether a pixel may still change in `COLUMNS` columns (at most [`WIDE`]) from `x` on and `count` rows
-    /// from `y` on. Column `x` lies in the band; the rows need not.
+    /// Returns whether any pixel may still change in the `COLUMNS` columns (at most [`WIDE`]) that start at `x` and the
+    /// `count` rows that start at `y`. Column `x` must lie in the band; the rows need not.
     #[inline(always)]
     pub(super) fn are_open<const COLUMNS: usize>(&self, x: i32, y: i32, count: usize, stop: f32) -> bool {
         let mut most = [-1.0f32; COLUMNS];
@@ -77,7 +77,7 @@ impl RowBuffer {
         are_open
     }
 
-    /// Returns which of `count` rows from `y` on lie in the band.
+    /// Returns which of the `count` rows that start at `y` lie in the band, counted from `y`.
     #[inline(always)]
     fn clipped_rows(&self, y: i32, count: usize) -> Range<usize> {
         let from = (self.rect.y0 - y).max(0) as usize;
@@ -85,7 +85,8 @@ impl RowBuffer {
         from..to.min(count)
     }
 
-    /// Composites a splat behind the pixels: eight columns from `x` on, `count` rows from `y` on.
+    /// Composites a splat behind the pixels of eight columns that start at `x` and `count` rows that start at `y`. It
+    /// takes the part `amounts` of each pixel's light; pixels below `stop` keep their values.
     #[inline(always)]
     pub(super) fn composite(
         &mut self,
@@ -117,7 +118,7 @@ impl RowBuffer {
             add_scaled(first_eight(greens), &losses, green);
             add_scaled(first_eight(blues), &losses, blue);
             closed_rows |= u8::from(any_closed(&old, &new, stop)) << row;
-            // The last row has no other behind it.
+            // There is no row after the last one.
             remaining = clear.get_mut(pitch..).unwrap_or_default();
         }
         if closed_rows != 0 {
@@ -125,14 +126,15 @@ impl RowBuffer {
         }
     }
 
-    /// Returns whether no pixel of `rect`, a part of the band, changes any more.
+    /// Returns whether no pixel of `rect`, which lies in the band, can change any more.
     pub(super) fn is_closed(&self, rect: Rect) -> bool {
         let cells = |low: i32, high: i32| (low >> CELL..=(high - 1) >> CELL).map(|cell| cell << CELL);
         cells(rect.y0, rect.y1)
             .all(|y| cells(rect.x0, rect.x1).all(|x| self.open_cells.is_zero(x, y) || self.open_pixels.is_zero(x, y)))
     }
 
-    /// Counts a splat's pixels that changed for the last time, in the rows whose bit in `closed_rows` is set.
+    /// Updates the counts of open pixels for those pixels of a splat that fell below `stop`, in the rows whose bit in
+    /// `closed_rows` is set. `before` has the transmittances before the splat.
     #[cold]
     #[inline(never)]
     fn count_closed(&mut self, [x, y]: [i32; 2], before: &[[f32; EIGHT]; EIGHT], closed_rows: u8, stop: f32) {
@@ -164,12 +166,13 @@ impl BandPixels for RowBuffer {
     }
 }
 
+/// Returns the first eight values of a row.
 #[inline(always)]
 fn first_eight(values: &mut [f32]) -> &mut [f32; EIGHT] {
     values.first_chunk_mut().expect("rows have spare columns")
 }
 
-// Each step is a function of its own on all eight pixels: the compiler does not vectorise one loop around all steps.
+// Each function does one step for all eight pixels: the compiler does not vectorise one loop around all steps.
 
 /// Returns the light that each pixel loses to a splat.
 #[inline(always)]
@@ -181,6 +184,7 @@ fn losses(before: &[f32; EIGHT], amounts: &[f32; EIGHT], stop: f32) -> [f32; EIG
     losses
 }
 
+/// Returns the transmittances after the losses.
 #[inline(always)]
 fn difference(before: &[f32; EIGHT], losses: &[f32; EIGHT]) -> [f32; EIGHT] {
     let mut after = [0.0; EIGHT];
@@ -190,6 +194,7 @@ fn difference(before: &[f32; EIGHT], losses: &[f32; EIGHT]) -> [f32; EIGHT] {
     after
 }
 
+/// Adds each loss times `ink`, the splat's amount of one colour, to the value of its pixel.
 #[inline(always)]
 fn add_scaled(values: &mut [f32; EIGHT], losses: &[f32; EIGHT], ink: f32) {
     let mut new = [0.0; EIGHT];
@@ -199,7 +204,7 @@ fn add_scaled(values: &mut [f32; EIGHT], losses: &[f32; EIGHT], ink: f32) {
     *values = new;
 }
 
-/// Returns whether one of the pixels changed for the last time.
+/// Returns whether the transmittance of any pixel fell below `stop`, so that the pixel no longer changes.
 #[inline(always)]
 fn any_closed(before: &[f32; EIGHT], after: &[f32; EIGHT], stop: f32) -> bool {
     let mut any = false;

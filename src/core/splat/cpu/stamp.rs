@@ -1,9 +1,9 @@
 //! Drawing a band of the base plane by stamps, on one thread.
 //!
 //! In: a drawing task whose view is that of a [`base plane`](super::base_plane), the band's rectangle. Out: the band's
-//! pixels, composited front to back. All voxels of a slice lie alike between the plane's pixels. So a footprint's
-//! weights, the *stamp*, are computed once for a slice; a voxel's amounts at all its pixels are computed together, and
-//! composited row by row, eight pixels at once:
+//! pixels, composited front to back. All voxels of a slice have the same offset from the plane's pixels. So the weights
+//! of a footprint, the *stamp*, are computed once for a slice. A voxel's amounts (the part of the light that it takes
+//! from each pixel) are computed together, and composited row by row, eight pixels at once:
 //!
 //! ```text
 //! slice -> stamp (weights) -> voxels that are not hidden -> 128 at a time: colours -> rows
@@ -26,17 +26,17 @@ use crate::splat::arith::absorbed;
 use crate::splat::view::PixelMap;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
-/// Most columns and most rows of a stamp.
+/// Largest number of columns, and of rows, of a stamp.
 const SIDE: usize = EIGHT;
-/// Half-width below which a footprint fits a stamp: twice this is at most [`SIDE`] pixels.
+/// Footprints with a half-width below this, in pixels, fit a stamp: twice this is at most [`SIDE`] pixels.
 pub(super) const MAX_HALF_WIDTH: f32 = 4.0;
-/// Weights or amounts at the pixels of a stamp.
+/// The weights or the amounts at the pixels of a stamp, by row and column.
 type StampRows = [[f32; SIDE]; SIDE];
 
-/// The weights of the footprints of a slice.
+/// The weights that all footprints of a slice share, and the pixels that they cover.
 #[derive(Default)]
 struct Stamp {
-    /// First column and row for a voxel whose fast and medium coordinates are 0.
+    /// First column and first row of the footprint of a voxel whose fast and medium coordinates are 0.
     left: i32,
     top: i32,
     /// Number of columns and rows.
@@ -48,7 +48,7 @@ struct Stamp {
 }
 
 impl Stamp {
-    /// Returns the stamp of the slice `slow`, in a view in which a voxel's steps are the plane's pixels.
+    /// Returns the stamp of the slice `slow`. The view must be that of a base plane, where voxels are one pixel apart.
     fn new(projector: &Projector, slow: u16) -> Stamp {
         let PixelMap::Parallel { pixel_from_voxel, .. } = &projector.map else {
             unreachable!("a base plane is a parallel view's")
@@ -71,7 +71,8 @@ impl Stamp {
         Stamp { left, top, columns, rows, slow, weights }
     }
 
-    /// Returns how many voxels of a batch from `first` on lie on one line with all their pixels among [`WIDE`].
+    /// Returns how many voxels of a batch, starting with voxel `first`, lie on one scan line and so near to each other
+    /// that all their stamps together span at most [`WIDE`] columns.
     #[inline(always)]
     fn neighbours(&self, batch: &Batch, first: usize) -> usize {
         let (medium, fast) = (batch.medium[first], batch.fast[first]);
@@ -93,20 +94,21 @@ impl Stamp {
     }
 }
 
-/// Value codes whose amounts on a slice's stamps are kept.
+/// How many value codes (stored numbers of values) have their amounts kept, for the stamp of one slice.
 const CODES: usize = 256;
 
 /// The part of the light that a voxel takes from each pixel of its stamp.
 #[derive(Debug, Clone, Copy)]
 struct Amounts {
-    /// The slice that they are for.
+    /// The slice for whose stamp they were computed.
     slow: u16,
-    /// The peak of optical depth that they are for; NaN for none yet.
+    /// The peak of optical depth for which they were computed; NaN if they were not computed yet.
     peak: f32,
     rows: StampRows,
 }
 
 impl Amounts {
+    /// Computes the amounts for `stamp` and a peak of optical depth in units of ln 2.
     #[inline(always)]
     fn fill(&mut self, stamp: &Stamp, peak: f32) {
         (self.slow, self.peak) = (stamp.slow, peak);
@@ -119,7 +121,7 @@ impl Amounts {
     }
 }
 
-/// Draws the rows `rect` of the plane.
+/// Draws the band `rect` of the plane.
 pub(super) fn draw(task: &DrawTask, rect: Rect) -> Result<BandResult<RowBuffer>> {
     let unfilled = Amounts { slow: 0, peak: f32::NAN, rows: StampRows::default() };
     let mut painter = StampPainter {
@@ -140,17 +142,17 @@ pub(super) fn draw(task: &DrawTask, rect: Rect) -> Result<BandResult<RowBuffer>>
     Ok(BandResult { pixels: painter.buffers.pixels, stats: painter.stats })
 }
 
-/// A visitor that draws the voxels of a walk.
+/// Receives the voxels of a walk and draws them by stamps.
 struct StampPainter<'a> {
     task: &'a DrawTask<'a>,
-    /// The slice of the waiting voxels.
+    /// The slice of the voxels that wait to be drawn.
     slow: Option<u16>,
     buffers: StampBuffers,
     stats: BandStats,
 }
 
 impl StampPainter<'_> {
-    /// Draws the waiting voxels.
+    /// Draws the voxels that wait in the buffers.
     fn flush(&mut self) {
         let DrawTask { projector, settings, .. } = self.task;
         if self.buffers.voxels.count > 0 {
@@ -179,7 +181,7 @@ impl Visitor for StampPainter<'_> {
         }
         let code = settings.code;
         self.stats.drawn += dispatch::add_visible(code, code, projector, &mut self.buffers, batch);
-        // A pager may drop this batch's records before the next one.
+        // A pager (which loads parts of the file) may drop this batch's records before the next batch.
         if projector.lane.pager.is_some() {
             self.flush();
         }
@@ -191,20 +193,21 @@ impl Visitor for StampPainter<'_> {
 /// The pixels of a band, and the voxels that one thread is drawing on them.
 pub(super) struct StampBuffers {
     pixels: RowBuffer,
-    /// The stamp of the waiting voxels' slice.
+    /// The stamp of the slice of the voxels that are not drawn yet.
     stamp: Stamp,
     /// Voxels that are not drawn yet.
     voxels: Box<VoxelBlock>,
     splats: Box<Splats>,
-    /// Amounts by value code.
+    /// The amounts of each value code, for the current stamp.
     amounts: Box<[Amounts; CODES]>,
 }
 
-/// Number of neighbours from which on they are tested together; fewer are tested one by one when they are drawn.
+/// Fewest neighbouring voxels that are tested together. Fewer than this are tested one by one when they are drawn.
 const TESTED_TOGETHER: usize = 5;
 
 impl StampBuffers {
-    /// Adds the voxels of a batch that are not hidden to the waiting ones, and draws full blocks; returns how many splats.
+    /// Adds those voxels of a batch that are not hidden to the voxels that wait, and draws them whenever a block is
+    /// full. Returns how many splats were drawn.
     #[inline(always)]
     pub(super) fn add_visible(&mut self, code: Code, projector: &Projector, batch: &Batch) -> u64 {
         let (mut drawn, mut from, mut to) = (0, 0, 0);
@@ -219,18 +222,19 @@ impl StampBuffers {
         drawn + self.add(code, projector, batch, from..to)
     }
 
-    /// Returns whether some pixel of the stamps of `count` neighbours from `first` on may still change.
+    /// Returns whether any pixel may still change under the stamps of `count` neighbouring voxels, from `first` on.
     #[inline(always)]
     fn is_open(&self, batch: &Batch, first: usize, count: usize, stop: f32) -> bool {
         let StampBuffers { pixels, stamp, .. } = self;
         let ends = [batch.fast[first], batch.fast[first + count - 1]].map(|fast| stamp.left + i32::from(fast));
         let (x, y) = (ends[0].min(ends[1]), stamp.top + i32::from(batch.medium[first]));
-        // Left of the band nothing can be read: voxels that reach in from there are drawn.
+        // Pixels left of the band cannot be read, so voxels whose stamps reach in from there are drawn untested.
         let is_beside = ends[0].max(ends[1]) < pixels.rect.x0 || x >= pixels.rect.x1;
         !is_beside && (x < pixels.rect.x0 || pixels.are_open::<WIDE>(x, y, stamp.rows, stop))
     }
 
-    /// Adds a range of a batch's voxels to the waiting ones, and draws full blocks.
+    /// Adds a range of a batch's voxels to those that wait; draws whenever a block is full. Returns how many were
+    /// drawn.
     #[inline(always)]
     fn add(&mut self, code: Code, projector: &Projector, batch: &Batch, mut range: Range<usize>) -> u64 {
         let mut drawn = 0;
@@ -243,7 +247,7 @@ impl StampBuffers {
         drawn
     }
 
-    /// Draws the waiting voxels; returns how many splats were drawn.
+    /// Draws the voxels that wait; returns how many splats were drawn.
     #[inline(always)]
     pub(super) fn flush(&mut self, projector: &Projector) -> u64 {
         let StampBuffers { pixels, stamp, voxels, splats, amounts } = self;
@@ -254,7 +258,7 @@ impl StampBuffers {
         for j in 0..voxels.count.min(BLOCK) {
             splats.kept[kept] = j as u8;
             let (x, y) = (splats.x.nearest[j], splats.y.nearest[j]);
-            // All columns of a stamp that begins in the band are in the band or spare.
+            // If a stamp begins in the band, each of its columns is a column of the band or a spare one.
             let is_inside = (x >= pixels.rect.x0) & (x < pixels.rect.x1);
             let is_open = || pixels.are_open::<SIDE>(x, y, stamp.rows, projector.stop);
             kept += usize::from(in_crop[j] && is_inside && is_open());

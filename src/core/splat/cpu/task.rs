@@ -1,7 +1,7 @@
-//! A drawing task: what all threads of a frame share, how its picture is cut into bands, and how bands become a frame.
+//! A drawing task: what all threads of a frame share. It cuts the picture into bands; drawn bands become a frame.
 //!
-//! In: a frame's setup, projector and settings. Out: a frame. Each band walks the lane for itself, so no memory is spent
-//! on sorting splats into bands, and a pixel meets the same splats in the same order whatever the bands are.
+//! In: a frame's setup, projector and settings. Out: a frame. Each band walks the lane for itself, so no memory is
+//! spent on sorting splats into bands, and a pixel meets the same splats in the same order however the picture is cut.
 
 use std::time::{Duration, Instant};
 
@@ -19,16 +19,16 @@ use crate::splat::view::{PixelMap, View};
 use crate::splat::{Code, Frame, Settings};
 use crate::traverse::{Visitor, VoxelBox, walk};
 
-/// What the threads that draw a frame share.
+/// Holds what the threads that draw a frame share.
 pub(super) struct DrawTask<'a> {
     pub(super) projector: &'a Projector<'a>,
     pub(super) setup: &'a FrameSetup<'a>,
     pub(super) settings: &'a Settings,
-    /// Half the size of every footprint's box in a parallel view, in pixels; 0 in perspective.
+    /// Half the width and height of a footprint's box in a parallel view, in pixels; 0 in perspective.
     pub(super) half_widths: [f64; 2],
     /// Records of the lane that are not drawn.
     pub(super) omitted: Option<&'a RecordSet>,
-    /// Where visible records are marked; for front-to-back compositing on one thread.
+    /// Where visible records are marked, if they are. Needs front-to-back compositing on one thread.
     pub(super) visible: Option<VisibleRecords<'a>>,
 }
 
@@ -36,7 +36,7 @@ pub(super) struct DrawTask<'a> {
 pub trait BandPixels {
     /// Returns the band's rectangle.
     fn rect(&self) -> Rect;
-    /// Visits the pixels of row `y` with their column and values; may leave out empty pixels.
+    /// Calls `visit` with the column and the values of each pixel of row `y`; may leave out empty pixels.
     fn visit_row(&self, y: i32, visit: impl FnMut(i32, [f32; 4]));
 }
 
@@ -51,20 +51,20 @@ pub struct BandResult<P> {
 /// The work of drawing one or more bands.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct BandStats {
-    /// Voxels visited.
+    /// Number of voxels visited.
     pub visited: u64,
-    /// Splats drawn.
+    /// Number of splats drawn.
     pub drawn: u64,
     /// Time spent walking, summed over threads.
     pub walking: Duration,
     /// Time spent projecting and drawing, summed over threads.
     pub drawing: Duration,
-    /// Bands drawn at a time.
+    /// Number of bands that were drawn at the same time.
     pub bands: usize,
 }
 
 impl BandStats {
-    /// Returns the sums over bands that were drawn at the same time.
+    /// Returns the total work of bands that were drawn at the same time.
     pub(super) fn of<P>(results: &[BandResult<P>]) -> BandStats {
         let mut stats = BandStats::default();
         results.iter().for_each(|band| stats.add(&band.stats));
@@ -100,7 +100,7 @@ impl<'a> DrawTask<'a> {
         Ok(vec![drawn])
     }
 
-    /// Walks the lane with `painter`, which draws; returns the time that this took.
+    /// Walks the lane and passes its voxels to `painter`, which draws them; returns the elapsed time.
     pub(super) fn walk(&self, painter: &mut impl Visitor) -> Duration {
         let start = Instant::now();
         let FrameSetup { lane, order, .. } = self.setup;
@@ -111,14 +111,14 @@ impl<'a> DrawTask<'a> {
         start.elapsed()
     }
 
-    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none, or outside the crop.
+    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if none, or outside the crop.
     #[inline(always)]
     pub(super) fn pixels(&self, rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
         let is_cropped = self.projector.crop.is_some_and(|crop| !bounds.meets(&crop));
         if is_cropped { None } else { pixels(&self.setup.view, self.half_widths, rect, bounds) }
     }
 
-    /// Cuts the picture into bands of rows, or of columns, and draws each on a thread of its own.
+    /// Cuts the picture into bands of rows (`by_rows`) or of columns, and draws each on a thread of its own.
     pub(super) fn in_bands<P: Send>(
         &self,
         by_rows: bool,
@@ -143,7 +143,7 @@ impl<'a> DrawTask<'a> {
         })
     }
 
-    /// Returns whether the lane's lines rather follow the picture's rows: bands of rows then cut the fewest tiles.
+    /// Returns whether the lane's lines are rather horizontal in the picture: bands of rows then cut the fewest tiles.
     fn lines_follow_rows(&self) -> bool {
         let fast = self.setup.order.fast.index();
         let [x, y] = match &self.setup.view.map {
@@ -153,13 +153,13 @@ impl<'a> DrawTask<'a> {
         x[fast].abs() >= y[fast].abs()
     }
 
-    /// Returns the `count + 1` borders of bands of about equal work, in rows (or columns), from 0 to the picture's side.
+    /// Returns the `count + 1` borders, in rows (or columns), from 0 to the picture's side, of bands of like work.
     fn borders(&self, by_rows: bool, count: usize) -> Vec<i32> {
         let (lane, view) = (&self.setup.lane, &self.setup.view);
         let side = usize::try_from(view.size[usize::from(by_rows)]).unwrap_or(1);
         let [u_axis, v_axis] = lane.axis.others().map(|axis| axis.index());
         let mut work = vec![0.0f64; side + 1];
-        // Enough tiles for an estimate; a frame should not wait for millions.
+        // About 100,000 tiles are enough for an estimate; looking at millions would delay the frame.
         let stride = (lane.tiles.len() / 100_000).max(1);
         for index in (0..lane.tiles.len()).step_by(stride) {
             let Some(tile) = lane.tile(index) else { break };
@@ -180,7 +180,7 @@ impl<'a> DrawTask<'a> {
                 work[to as usize + 1] -= density;
             }
         }
-        // From differences to densities to sums.
+        // This turns differences between rows into the work per row, then into the sum of work up to each row.
         let (mut density, mut total) = (0.0, 0.0);
         for row in &mut work[..side] {
             density += *row;
@@ -210,10 +210,10 @@ pub(super) fn full_rect(size: [u32; 2]) -> Rect {
 
 /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if there are none.
 ///
-/// `half_widths`: see [`Projector::half_widths`].
+/// `half_widths`: the result of [`Projector::half_widths`].
 pub(super) fn pixels(view: &View, half_widths: [f64; 2], rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
     let [left, right, top, bottom] = view.pixel_bounds(bounds, half_widths)?;
-    // Clipped values are not negative, so that a cast is the floor.
+    // Clipped values are not negative, so a cast to an integer rounds down.
     let floor = |at: f64, low: i32, high: i32| at.clamp(f64::from(low), f64::from(high)) as i32;
     let ceil = |at: f64, low: i32, high: i32| {
         let floor = floor(at, low, high);
@@ -231,7 +231,7 @@ pub(super) fn pixels(view: &View, half_widths: [f64; 2], rect: Rect, bounds: &Vo
     })
 }
 
-/// Makes a frame of drawn bands.
+/// Makes a frame from drawn bands; `finish` turns a band's values into a pixel's colour and opacity.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
@@ -241,7 +241,7 @@ pub fn assemble<P: BandPixels + Sync>(bands: &[BandResult<P>], settings: &Settin
     Ok(frame)
 }
 
-/// Combines the pixels of all bands with those of a frame by `put`.
+/// Calls `put` with each pixel of `frame` and the values that a band has for it.
 pub(super) fn combine<P: BandPixels + Sync>(
     bands: &[BandResult<P>],
     settings: &Settings,

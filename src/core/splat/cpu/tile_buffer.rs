@@ -1,9 +1,9 @@
-//! The pixels of a band, in tiles, and which of them can no longer change.
+//! The pixels of a band, in tiles. Also tracks the tiles whose pixels can no longer change.
 //!
-//! In: a rectangle of the picture, in absolute pixel coordinates. Out: tiles of 4 x 4 pixels on the picture's fixed
-//! grid, each with sixteen reds, greens, blues and alphas. A footprint covers a few whole tiles, and every vector step
-//! is full. Tiles are read and written whole: a processor forwards a store to a load only if the load asks for no more
-//! than was stored.
+//! In: a rectangle of the picture, in absolute pixel coordinates. Out: tiles of 4 x 4 pixels, aligned to multiples of 4
+//! in the picture, each with sixteen reds, greens, blues and alphas. A footprint covers a few whole tiles, and every
+//! vector instruction treats a full vector. Tiles are read and written whole: a processor forwards a store to a load
+//! only if the load asks for no more than was stored.
 //!
 //! A tile is *fresh* until something is drawn on it; an empty part of the picture then costs no memory. It is *frozen*
 //! when all its pixels are below the stopping threshold. Squares of 4 x 4 tiles count their open tiles, and blocks of
@@ -15,13 +15,13 @@ use super::blend::{Additive, Blend as _, sheet_loss};
 use super::task::BandPixels;
 use crate::error::{Error, Result};
 
-/// Side of a tile in pixels, as a shift.
+/// Side of a tile in pixels, as a power of 2.
 pub(super) const TILE: i32 = 2;
-/// Pixels of a tile.
+/// Number of pixels of a tile.
 pub(super) const TILE_PIXELS: usize = 1 << (2 * TILE);
-/// Side of a square of tiles in pixels, as a shift.
+/// Side of a square of tiles in pixels, as a power of 2.
 const SQUARE: i32 = 4;
-/// Side of a block of squares in pixels, as a shift.
+/// Side of a block of squares in pixels, as a power of 2.
 const BLOCK: i32 = 7;
 
 /// A half-open rectangle of pixels, in absolute picture coordinates.
@@ -38,7 +38,7 @@ pub struct Rect {
 }
 
 impl Rect {
-    /// Returns the parts of the rectangle that lie in each square of `1 << shift` pixels.
+    /// Splits the rectangle along a grid of squares of `1 << shift` pixels per side; iterates over the parts.
     #[inline(always)]
     fn split(self, shift: i32) -> impl Iterator<Item = Rect> {
         let clip = move |low: i32, high: i32, square: i32| (low.max(square << shift), high.min((square + 1) << shift));
@@ -70,20 +70,20 @@ pub struct TileBuffer {
     pub(super) rect: Rect,
     /// Alpha of a fresh pixel.
     initial_alpha: f32,
-    /// Tiles from row to row.
+    /// Number of tiles from the start of one row of tiles to the next in `tiles`.
     pitch: usize,
     tiles: Box<[PixelTile]>,
     /// The state of each tile.
     states: Vec<u8>,
-    /// Tiles of each square that are not frozen.
+    /// For each square: how many of its tiles are not frozen.
     open_tiles: OpenCounts,
-    /// Squares of each block that have such tiles.
+    /// For each block: how many of its squares have tiles that are not frozen.
     open_squares: OpenCounts,
     /// Indices of the tiles that are not fresh; for a sheet only.
     touched: Option<Vec<u32>>,
 }
 
-/// A count for each square of a grid over the picture.
+/// A count of open cells for each square of a grid over the picture.
 pub(super) struct OpenCounts {
     left: i32,
     top: i32,
@@ -93,7 +93,7 @@ pub(super) struct OpenCounts {
 }
 
 impl OpenCounts {
-    /// Counts the cells of `1 << cell` pixels of the rectangle, for each square of `1 << shift` pixels.
+    /// Counts, per square of `1 << shift` pixels a side, the cells of `1 << cell` pixels a side that meet `rect`.
     pub(super) fn new(rect: Rect, shift: i32, cell: i32) -> OpenCounts {
         let cells = |low: i32, high: i32| {
             let (first, last) = (low >> cell, (high - 1) >> cell);
@@ -108,14 +108,14 @@ impl OpenCounts {
         OpenCounts { left: rect.x0 >> shift, top: rect.y0 >> shift, columns: columns.len(), shift, counts }
     }
 
-    /// Index of the square that holds pixel (`x`, `y`).
+    /// Returns the index of the square that holds pixel (`x`, `y`).
     #[inline(always)]
     fn index(&self, x: i32, y: i32) -> usize {
         let (column, row) = ((x >> self.shift) - self.left, (y >> self.shift) - self.top);
         row as usize * self.columns + column as usize
     }
 
-    /// Takes one from the count of the square that holds pixel (`x`, `y`); returns whether it is 0 now.
+    /// Subtracts 1 from the count of the square that holds pixel (`x`, `y`); returns whether the count is 0 now.
     #[inline(always)]
     pub(super) fn close_one(&mut self, x: i32, y: i32) -> bool {
         let index = self.index(x, y);
@@ -131,7 +131,7 @@ impl OpenCounts {
 }
 
 impl TileBuffer {
-    /// Returns pixels for `rect`, which is not empty: colours 0, alphas `initial_alpha`.
+    /// Creates the pixels of `rect`, which is not empty, with colours 0 and alphas `initial_alpha`.
     pub(super) fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
         let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
         let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
@@ -143,7 +143,7 @@ impl TileBuffer {
         Ok(TileBuffer { rect, initial_alpha, pitch, tiles, states, open_tiles, open_squares, touched: None })
     }
 
-    /// Returns the pixels of a sheet: sums of colour times optical depth, and of optical depth.
+    /// Creates a sheet: pixels for the sums of colour times optical depth, and of optical depth, of a slice.
     pub(super) fn sheet(rect: Rect) -> Result<TileBuffer> {
         let sheet = TileBuffer::new(rect, Additive::INITIAL_ALPHA)?;
         let mut touched = Vec::new();
@@ -154,7 +154,7 @@ impl TileBuffer {
         Ok(TileBuffer { touched: Some(touched), ..sheet })
     }
 
-    /// Composites a sheet of the same rectangle behind the pixels, front to back, and empties the sheet.
+    /// Composites a sheet of the same rectangle behind the pixels, front to back, then empties the sheet.
     #[inline(always)]
     pub(super) fn composite(&mut self, sheet: &mut TileBuffer, stop: f32) {
         let mut touched = sheet.touched.take().unwrap_or_default();
@@ -207,7 +207,7 @@ impl TileBuffer {
         Some((index, &mut self.tiles[index]))
     }
 
-    /// Gives the pixels of a fresh tile their alpha; outside the rectangle it stays 0, so that the tile can freeze.
+    /// Sets the initial alpha of a fresh tile's pixels. Outside the rectangle it stays 0, so that the tile can freeze.
     #[inline(never)]
     fn open(&mut self, index: usize, column: i32, row: i32) {
         let (x0, y0) = (column << TILE, row << TILE);
@@ -222,7 +222,7 @@ impl TileBuffer {
         }
     }
 
-    /// Notes that no pixel of an open tile changes any more.
+    /// Marks an open tile as frozen: none of its pixels changes any more.
     #[inline(never)]
     pub(super) fn freeze(&mut self, index: usize, column: i32, row: i32) {
         self.states[index] = FROZEN;
@@ -245,14 +245,14 @@ impl TileBuffer {
         true
     }
 
-    /// Returns the same as [`TileBuffer::is_frozen`], faster for large rectangles: tests whole blocks and squares.
+    /// Does the same as [`TileBuffer::is_frozen`], but tests whole blocks and squares: faster if `rect` is large.
     pub(super) fn is_region_frozen(&self, rect: Rect) -> bool {
         rect.split(BLOCK).filter(|part| !self.open_squares.is_zero(part.x0, part.y0)).all(|part| {
             part.split(SQUARE).all(|part| self.open_tiles.is_zero(part.x0, part.y0) || self.is_frozen(part))
         })
     }
 
-    /// Returns pixel (`x`, `y`) of the rectangle.
+    /// Returns the values of pixel (`x`, `y`), which lies in the rectangle.
     pub(super) fn pixel(&self, x: i32, y: i32) -> [f32; 4] {
         let index = self.index(x >> TILE, y >> TILE);
         match self.states[index] {
@@ -261,7 +261,7 @@ impl TileBuffer {
         }
     }
 
-    /// Sets pixel (`x`, `y`) of the rectangle.
+    /// Sets the values of pixel (`x`, `y`), which lies in the rectangle.
     pub(super) fn set_pixel(&mut self, x: i32, y: i32, values: [f32; 4]) {
         let index = self.index(x >> TILE, y >> TILE);
         if self.states[index] == FRESH {
@@ -298,8 +298,9 @@ fn index_in_tile(x: i32, y: i32) -> usize {
     ((y & 3) << TILE | (x & 3)) as usize
 }
 
-/// Returns a row pitch of at least `tiles`, at which up to three rows do not share places in a page: at a pitch of 4,096
-/// bytes all rows of a splat fall into one cache set, and stores block the loads of the next row.
+/// Returns a row pitch, in tiles, of at least `tiles`. It avoids that tiles of up to three neighbouring rows have the
+/// same offset in a page: at a pitch of 4,096 bytes all rows of a splat would fall into one cache set, and stores would
+/// block the loads of the next row.
 fn pitch_for(tiles: usize) -> usize {
     const PAGE_TILES: usize = 4096 / size_of::<PixelTile>();
     let shares_places = |pitch: usize| !(1..=3).all(|rows| (3..=PAGE_TILES - 3).contains(&(rows * pitch % PAGE_TILES)));

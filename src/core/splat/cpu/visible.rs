@@ -1,8 +1,9 @@
 //! Marking the voxels that a view shows.
 //!
 //! In: a block of projected splats and the pixels drawn so far. Out: marks on the records of splats that meet, at any
-//! pixel of their footprint, a transmittance of at least the stopping threshold. Without all unmarked voxels the view
-//! changes by less than that threshold. Splats of one block do not hide each other: the error is on the safe side.
+//! pixel of their footprint, a transmittance of at least the stopping threshold. If all unmarked voxels are removed,
+//! the view changes by less than that threshold. Splats of one block do not hide each other: the error is to mark too
+//! many voxels.
 
 use super::project::{Projector, VoxelBlock};
 use super::raster::{BLOCK, SplatKernel, Splats};
@@ -10,17 +11,17 @@ use super::tile_buffer::TileBuffer;
 use crate::arena::RecordSet;
 use crate::splat::view::PixelMap;
 
-/// Where a view marks the records that it shows.
+/// The marks of the records that a view shows.
 #[derive(Debug, Clone, Copy)]
 pub struct VisibleRecords<'a> {
-    /// The marks.
+    /// A set that receives the marks; its indices count from `first`.
     pub records: &'a RecordSet,
-    /// Record of the lane that the first mark stands for.
+    /// Index of the record of the lane to which mark 0 belongs.
     pub first: usize,
 }
 
 impl VisibleRecords<'_> {
-    /// Marks the visible splats of a block.
+    /// Marks the records of a block's visible splats.
     #[inline(always)]
     pub(super) fn mark(&self, projector: &Projector, voxels: &VoxelBlock, splats: &Splats, tiles: &TileBuffer) {
         for k in 0..splats.count.min(BLOCK) {

@@ -1,8 +1,8 @@
 //! Adapters: the one place that asks the system for graphics devices.
 //!
-//! In: a name, or none; wgpu's environment variables (`WGPU_BACKEND`, `WGPU_ADAPTER_NAME`, `WGPU_POWER_PREF`). Out: the
-//! adapters of the system, and a device with its queue for a [`GpuRenderer`](super::GpuRenderer), which never asks for one
-//! itself. A program that has a device does not need this module.
+//! In: part of a name, or none; wgpu's environment variables (`WGPU_BACKEND`, `WGPU_ADAPTER_NAME`, `WGPU_POWER_PREF`).
+//! Out: the adapters of the system, and a device with its queue for a [`GpuRenderer`](super::GpuRenderer), which never
+//! asks for one itself. A program that has a device does not need this module.
 
 use wgpu::{
     Adapter, Backends, Device, DeviceDescriptor, DeviceType, Features, Instance, InstanceDescriptor, Limits,
@@ -21,7 +21,7 @@ const KINDS: [(DeviceType, &str); 5] = [
     (DeviceType::Cpu, "software"),
 ];
 
-/// What the system says of an adapter.
+/// What the system says about an adapter (a graphics device that can be opened).
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct AdapterFacts {
     /// Name of the adapter: "NVIDIA H200", "llvmpipe (LLVM 15.0.6, 256 bits)".
@@ -32,11 +32,11 @@ pub struct AdapterFacts {
     pub kind: &'static str,
     /// Driver and its version.
     pub driver: String,
-    /// Bytes of the adapter's largest binding, before our own limit.
+    /// Size of the adapter's largest storage binding, in bytes. This library uses at most 128 MiB of it.
     pub most_binding: u64,
-    /// Bytes of the adapter's largest buffer.
+    /// Size of the adapter's largest buffer, in bytes.
     pub most_buffer: u64,
-    /// Whether quads can accumulate in 32 bits.
+    /// Whether quads can accumulate in 32-bit floats.
     pub blends_float32: bool,
     /// Whether stages can be timed by the device's own clock.
     pub has_clock: bool,
@@ -87,6 +87,7 @@ pub fn adapters() -> Vec<AdapterFacts> {
     ranked().iter().map(AdapterFacts::new).collect()
 }
 
+/// Returns adapters that can run the stages, best first; integrated ones lead if `WGPU_POWER_PREF` is low power.
 fn ranked() -> Vec<Adapter> {
     let instance = Instance::new(InstanceDescriptor::new_without_display_handle_from_env());
     let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::all()));
@@ -100,7 +101,7 @@ fn ranked() -> Vec<Adapter> {
     adapters
 }
 
-/// Returns the limits that the stages need; `None` if the adapter has less.
+/// Returns the limits that a device needs for the stages; `None` if the adapter has lower limits.
 fn required_limits(adapter: &Adapter) -> Option<Limits> {
     let have = adapter.limits();
     let need = Limits {
@@ -114,11 +115,11 @@ fn required_limits(adapter: &Adapter) -> Option<Limits> {
     need.check_limits(&have).then_some(need)
 }
 
-/// Opens the best adapter whose name or driver contains `name` in any case; `None` stands for `WGPU_ADAPTER_NAME` if
-/// that is set, else for any adapter.
+/// Opens the best adapter whose name or driver contains `name`, ignoring upper and lower case; `None` stands for
+/// `WGPU_ADAPTER_NAME` if that is set, else for any adapter.
 ///
 /// # Errors
-/// [`Error::Device`] if there is no such adapter, or it refuses.
+/// [`Error::Device`] if there is no such adapter, or it refuses to open a device.
 pub fn open(name: Option<&str>) -> Result<OpenedDevice> {
     let wanted = name.map(str::to_owned).or_else(|| std::env::var("WGPU_ADAPTER_NAME").ok());
     let adapters = ranked();
@@ -140,7 +141,7 @@ pub fn open(name: Option<&str>) -> Result<OpenedDevice> {
         label: Some("adjsplat"),
         required_features: adapter.features() & (Features::TIMESTAMP_QUERY | Features::FLOAT32_BLENDABLE),
         required_limits: required_limits(adapter).expect("adapters that have less were left out"),
-        // Memory is allocated in blocks no larger than needed, so that the ceiling holds.
+        // This makes wgpu allocate memory in blocks no larger than needed, so that the budget of video memory is kept.
         memory_hints: MemoryHints::MemoryUsage,
         ..Default::default()
     };

@@ -1,7 +1,8 @@
-//! The memory budget: what each part of a frame gets of the video memory.
+//! The memory budget: how much of the video memory each part of a frame gets.
 //!
-//! In: a ceiling, the picture's size, what the tables take. Out: records of a chunk, rows of pixels that are drawn at a
-//! time, how much of a lane may be on the device. The picture depends on none of them.
+//! In: the ceiling (most bytes of video memory), the sizes of picture and tables. Out: how many records a chunk has,
+//! how many rows of pixels are drawn at a time, how much of a lane may be on the device. The picture depends on none of
+//! them.
 //!
 //! ```text
 //! ceiling = tables + copies in flight + chunk (voxels, splats, masks) + pixels (accumulated, read back) + lanes
@@ -13,17 +14,17 @@ use crate::arena::TileRecord;
 use crate::error::{Error, Result};
 
 const MAX_SLOTS: u64 = 1 << 20; // Most records of a chunk: enough to keep a large device busy.
-/// The same on software devices. Mesa's llvmpipe, before version 25, silently ends the loops of an invocation after
-/// 65,535 turns in all; a tile that all of these splats meet takes 38,000.
+/// Like `MAX_SLOTS`, on devices in software. Mesa's llvmpipe, before version 25, silently ends the loops of an
+/// invocation after 65,535 turns in all; a tile that all of these splats meet takes 38,000.
 const MAX_SLOTS_IN_SOFTWARE: u64 = 1 << 17;
 const MIN_SLOTS: u64 = 1 << 16; // Fewest records of a chunk: the longest line.
-const PIXEL_BYTES: u64 = 16; // Bytes of a pixel, accumulated and again read back.
-const ROW_ALIGNMENT: u64 = 256; // Rows that are read back are a multiple of so many bytes.
-const FIXED_BYTES: u64 = 1 << 20; // Bytes of uniforms, counters, times, and of what a driver rounds up.
-const MAX_LINE_BYTES: u64 = 4; // Most bytes of a line end, and of a line's word in the list.
-const MIN_LANE_BYTES: u64 = 1 << 20; // Least bytes that are left for a lane.
+const PIXEL_BYTES: u64 = 16; // Bytes per pixel, in the accumulated pixels and again in the read-back buffer.
+const ROW_ALIGNMENT: u64 = 256; // The rows of a read-back buffer are a multiple of this many bytes.
+const FIXED_BYTES: u64 = 1 << 20; // Bytes of uniforms, counters, times, and of the driver's rounding.
+const MAX_LINE_BYTES: u64 = 4; // Most bytes that store the end offset of a scan line, and a line's word in the list.
+const MIN_LANE_BYTES: u64 = 1 << 20; // The fewest bytes that must be left for a lane.
 
-/// What a frame asks of the video memory.
+/// The needs of a frame and the limits of a device, from which a [`MemoryPlan`] is made.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct MemoryDemand {
     pub(crate) ceiling: u64,        // Most bytes of video memory.
@@ -34,7 +35,7 @@ pub(crate) struct MemoryDemand {
     pub(crate) is_software: bool,
 }
 
-/// How the video memory is divided.
+/// How the video memory is divided among the parts of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct MemoryPlan {
     pub(crate) slots: u32,       // Records of a chunk.
@@ -43,13 +44,13 @@ pub(crate) struct MemoryPlan {
 }
 
 impl MemoryPlan {
-    /// Divides the video memory; [`Error::Limit`] if there is too little for the smallest shares.
+    /// Divides the video memory; returns [`Error::Limit`] if there is too little for the smallest possible parts.
     pub(crate) fn new(demand: MemoryDemand) -> Result<MemoryPlan> {
         let MemoryDemand { ceiling, max_binding, size, table_bytes, widest_channel, is_software } = demand;
         let max_slots = if is_software { MAX_SLOTS_IN_SOFTWARE } else { MAX_SLOTS };
         let [columns, rows] = size.map(u64::from);
         let base = FIXED_BYTES + table_bytes + in_flight(ceiling);
-        // Bytes of a window's pixels and of its masks.
+        // This returns the bytes of a window's pixels, and of its masks.
         let window = |tile_rows: u64, slots: u64| {
             let tiles = columns.div_ceil(TILE.into()) * tile_rows;
             let pixel_rows = (tile_rows * u64::from(TILE)).min(rows);
@@ -64,7 +65,7 @@ impl MemoryPlan {
             let what = "video memory in bytes (give more video memory, or draw a smaller picture)".into();
             return Err(Error::Limit { what, need: least, have: ceiling });
         }
-        // A third each for chunks and pixels where that is enough; the lanes get what is left.
+        // Chunks and pixels get a third each, if that is enough; the lanes get what is left.
         let free = ceiling - base;
         let slots = std::iter::successors(Some(max_slots), |slots| Some(slots / 2))
             .take_while(|&slots| slots > MIN_SLOTS)
@@ -86,19 +87,19 @@ impl MemoryPlan {
         Ok(MemoryPlan { slots: u32::try_from(slots).expect("below 2^32"), window_rows, room })
     }
 
-    /// Returns the plan with chunks no larger than `records` need.
+    /// Returns the plan with chunks no larger than a lane of `records` records needs.
     pub(crate) fn for_records(self, records: u64) -> MemoryPlan {
         let enough = u32::try_from(records.max(MIN_SLOTS)).unwrap_or(u32::MAX);
         MemoryPlan { slots: self.slots.min(enough), ..self }
     }
 }
 
-/// Returns how many bytes of copies to the device may be in flight under a ceiling: they take memory there too.
+/// Returns how many bytes of copies to the device may be unfinished at a time: they take video memory too.
 pub(crate) fn in_flight(ceiling: u64) -> u64 {
     (ceiling / 8).min(8 << 20)
 }
 
-/// Returns the words of a tile's mask, for chunks of `slots` records.
+/// Returns how many 32-bit words the mask of a tile has, for chunks of `slots` records.
 pub(crate) fn mask_words(slots: u64) -> u64 {
     slots.div_ceil(BATCH.into()).div_ceil(32)
 }

@@ -1,6 +1,6 @@
-//! Buffers and the target of the stages, kept from frame to frame.
+//! The buffers of the stages and the target of quads, kept from frame to frame.
 //!
-//! In: sizes. Out: buffers that are at least as large, and not much larger, so that a budget holds.
+//! In: sizes in bytes. Out: buffers that are at least as large, and not much larger, so that the memory budget holds.
 
 use wgpu::{
     Buffer, BufferUsages, Extent3d, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
@@ -9,7 +9,7 @@ use wgpu::{
 use super::context::Context;
 use crate::error::{Error, Result};
 
-const SLACK: u64 = 1 << 16; // A kept buffer may be larger than needed by so many bytes.
+const SLACK: u64 = 1 << 16; // By how many bytes a kept buffer may be larger than needed.
 
 /// The buffers of the stages, by [`BufferName`], and the texture that quads are drawn into.
 #[derive(Debug, Default)]
@@ -18,7 +18,7 @@ pub(super) struct FrameBuffers {
     target: Option<Texture>,
 }
 
-/// Names of the buffers.
+/// Names of the stages' buffers.
 #[derive(Debug, Clone, Copy)]
 pub(super) enum BufferName {
     Uniform,
@@ -51,7 +51,7 @@ impl FrameBuffers {
         Ok(slot.insert(buffer).clone())
     }
 
-    /// Makes the target, unless the kept one has this size (columns and rows) and format.
+    /// Makes the target of quads, unless the kept target has this size (columns and rows) and format.
     pub(super) fn make_target(&mut self, context: &Context, size: [u32; 2], format: TextureFormat) -> Result<()> {
         let [width, height] = size;
         let have = context.limits.max_texture_dimension_2d;
@@ -87,6 +87,7 @@ impl FrameBuffers {
         self.target.as_ref().expect("a target is made before it is drawn into")
     }
 
+    /// Returns the bytes of all buffers and the target.
     pub(super) fn bytes(&self) -> u64 {
         let target = self.target.as_ref().map_or(0, |target| {
             let pixel = u64::from(target.format().block_copy_size(None).unwrap_or(16));

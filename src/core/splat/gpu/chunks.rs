@@ -1,7 +1,7 @@
-//! Chunks: which blocks of a slab a frame draws, and the slots of their voxels.
+//! Chunks: selects the blocks (groups of lines) of a slab that a frame draws, and gives each of their voxels a slot.
 //!
-//! In: a slab's blocks, a view and a window of its picture. Out: the blocks that may have a voxel there, in visit order,
-//! cut into runs that fit the buffers. O(blocks) for each frame; lines are not looked at.
+//! In: a slab's blocks, a view and a window of its picture. Out: the blocks that may have a voxel in the window, in
+//! visit order, cut into runs (chunks) that fit the buffers. O(blocks) for each frame; lines are not looked at.
 
 use super::layout::{Chunk, LineBlock};
 use super::lines::{LineList, ListBlock, Slab};
@@ -13,7 +13,7 @@ use crate::traverse::VoxelBox;
 pub(crate) struct WindowView<'a> {
     pub(crate) view: &'a View,
     pub(crate) half_width: [f64; 2], // Half-widths of a parallel view's footprints, in pixels.
-    pub(crate) window: [i32; 4],     // First column and row, one past the last.
+    pub(crate) window: [i32; 4],     // First column and row, one past the last column and row.
     pub(crate) crop: Option<VoxelBox>,
 }
 
@@ -33,11 +33,11 @@ impl WindowView<'_> {
 #[derive(Debug, Default)]
 pub(crate) struct Chunks {
     pub(crate) blocks: Vec<LineBlock>,
-    pub(crate) chunks: Vec<(Chunk, u32)>, // Each with the number of its blocks.
+    pub(crate) chunks: Vec<(Chunk, u32)>, // The chunks, each with the number of its blocks.
 }
 
 impl Chunks {
-    /// Cuts what shows of `slab` in `window` into chunks of at most `slots` records.
+    /// Cuts the blocks of `slab` that may show in `window` into chunks of at most `slots` records.
     pub(crate) fn new(list: &LineList, slab: &Slab, window: &WindowView, slots: u32) -> Chunks {
         let (meets, all_inside) = window.meets(&list.bounds);
         let mut chunks = Chunks::default();

@@ -1,8 +1,8 @@
-//! A device and its queue, whose faults become errors.
+//! Wraps a device and its queue, and turns their faults into errors.
 //!
 //! In: a device that the caller made. Out: buffers within its limits, copies to and from them, and its faults as
-//! [`Error::Device`], which all of the renderer may return. Faults are caught in error scopes, so handlers that the caller
-//! set on the device stay in force.
+//! [`Error::Device`], which all functions of the renderer may return. Faults are caught in error scopes, so handlers
+//! that the caller set on the device stay in force.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -15,11 +15,11 @@ use wgpu::{
 
 use crate::error::{Error, Result};
 
-pub(crate) const MAX_BINDING: u64 = 128 << 20; // Largest binding in use, in bytes: what every device allows.
+pub(crate) const MAX_BINDING: u64 = 128 << 20; // Largest binding that is used, in bytes: every device allows it.
 
-const HANG_TIMEOUT: Duration = Duration::from_secs(600); // Software draws large frames for minutes.
+const HANG_TIMEOUT: Duration = Duration::from_secs(600); // Software takes minutes for a large frame.
 
-/// A device, its queue, and how many bytes are on their way to it.
+/// A device, its queue, and how many bytes of copies to the device are not known to be finished.
 #[derive(Debug)]
 pub(crate) struct Context {
     pub(crate) device: Device,
@@ -30,18 +30,18 @@ pub(crate) struct Context {
 }
 
 impl Context {
-    /// Wraps a device; at most `max_in_flight` bytes of copies to it are on their way at a time.
+    /// Wraps a device; at most `max_in_flight` bytes of copies to the device are unfinished at a time.
     pub(crate) fn new(device: Device, queue: Queue, max_in_flight: u64) -> Context {
         let limits = device.limits();
         Context { device, queue, limits, max_in_flight, in_flight: AtomicU64::new(0) }
     }
 
-    /// Returns the bytes of the largest storage binding.
+    /// Returns the size of the largest storage binding that may be used, in bytes.
     pub(crate) fn max_binding(&self) -> u64 {
         MAX_BINDING.min(self.limits.max_storage_buffer_binding_size).min(self.limits.max_buffer_size)
     }
 
-    /// Runs `work` and turns the device's complaints meanwhile into [`Error::Device`].
+    /// Runs `work`; turns any fault that the device reports meanwhile into [`Error::Device`].
     pub(crate) fn watch<T>(&self, work: impl FnOnce() -> Result<T>) -> Result<T> {
         let filters = [ErrorFilter::Validation, ErrorFilter::Internal, ErrorFilter::OutOfMemory];
         let scopes = filters.map(|filter| self.device.push_error_scope(filter));
@@ -59,7 +59,7 @@ impl Context {
         }
     }
 
-    /// Creates a buffer of at least `bytes` bytes, a multiple of 16 (the largest element) and never empty.
+    /// Creates a buffer of at least `bytes` bytes. Its size is a multiple of 16 (the largest element) and not 0.
     pub(crate) fn buffer(&self, label: &str, bytes: u64, usage: BufferUsages) -> Result<Buffer> {
         let size = bytes.max(16).next_multiple_of(16);
         let is_storage = usage.contains(BufferUsages::STORAGE);
@@ -71,24 +71,24 @@ impl Context {
         Ok(self.device.create_buffer(&BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false }))
     }
 
-    /// Copies `bytes`, a whole number of words, to `buffer`.
+    /// Copies `bytes`, a whole number of 4-byte words, to `buffer` at `offset` bytes; waits if too much is unfinished.
     pub(crate) fn write(&self, buffer: &Buffer, offset: u64, bytes: &[u8]) -> Result<()> {
         self.queue.write_buffer(buffer, offset, bytes);
         let in_flight = self.in_flight.fetch_add(bytes.len() as u64, Ordering::Relaxed) + bytes.len() as u64;
         if in_flight > self.max_in_flight { self.submit([]).and_then(|()| self.wait()) } else { Ok(()) }
     }
 
-    /// Fills `buffer` from its start with `bytes`, a whole number of words, by copies of at most 1 MiB.
+    /// Copies `bytes`, a whole number of 4-byte words, to the start of `buffer`, at most 1 MiB at a time.
     pub(crate) fn fill(&self, buffer: &Buffer, bytes: &[u8]) -> Result<()> {
         (0u64..).zip(bytes.chunks(1 << 20)).try_for_each(|(part, bytes)| self.write(buffer, part << 20, bytes))
     }
 
-    /// Creates an encoder of commands.
+    /// Creates an encoder for commands to the device.
     pub(crate) fn encoder(&self, label: &str) -> CommandEncoder {
         self.device.create_command_encoder(&CommandEncoderDescriptor { label: Some(label) })
     }
 
-    /// Hands work to the device and frees what finished work held.
+    /// Submits work to the device and frees what finished work held.
     pub(crate) fn submit(&self, work: impl IntoIterator<Item = CommandBuffer>) -> Result<()> {
         self.queue.submit(work);
         self.poll(PollType::Poll)
@@ -101,7 +101,7 @@ impl Context {
         Ok(())
     }
 
-    /// Polls; wgpu panics where a driver says that its device is lost, which is an error here.
+    /// Polls the device. If a driver says that the device is lost, wgpu panics; this function returns an error instead.
     fn poll(&self, how: PollType) -> Result<()> {
         match catch_unwind(AssertUnwindSafe(|| self.device.poll(how))) {
             Ok(Ok(_)) => Ok(()),
@@ -115,12 +115,12 @@ impl Context {
         let slice = buffer.slice(0..bytes);
         let (sender, receiver) = std::sync::mpsc::channel();
         slice.map_async(MapMode::Read, move |result| {
-            // Nobody listens only where waiting failed before.
+            // Sending fails only if waiting for the device failed before, so that nobody receives.
             let _ = sender.send(result);
         });
         self.wait()?;
         let failed = || Error::device("did not give its results back; it was lost, or it is out of memory");
-        // Another thread that waits for the device may run the callback, a moment later.
+        // If another thread waits for the device too, it may be the one that runs the callback, a moment later.
         receiver.recv_timeout(HANG_TIMEOUT).map_err(|_| failed())?.map_err(|_| failed())?;
         let view = slice.get_mapped_range().map_err(|_| failed())?;
         let result = read(&view);
@@ -130,7 +130,7 @@ impl Context {
     }
 }
 
-/// Returns a message without its line ends.
+/// Returns a message in one line: each run of white space becomes one space.
 pub(crate) fn one_line(message: &str) -> String {
     message.split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -1,6 +1,6 @@
-//! Drawing a frame: windows, slabs, chunks, and the stages of each.
+//! Draws a frame: all its windows, the slabs of each window, the chunks of each slab, and the stages of each chunk.
 //!
-//! In: a renderer that has its tables and its line list. Out: a picture. Buffers are kept for the next frame.
+//! In: a renderer whose tables and line list are ready. Out: a picture. Buffers are kept for the next frame.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -107,7 +107,7 @@ fn extent([x0, y0, x1, y1]: [i32; 4]) -> [u32; 2] {
     [x1 - x0, y1 - y0].map(i32::cast_unsigned)
 }
 
-/// What the chunks of a slab bind.
+/// The bind groups for the stages that all chunks of a slab use.
 struct ChunkBindings {
     walk: BindGroup,
     project: BindGroup,
@@ -173,7 +173,7 @@ impl FrameDraw<'_, '_, '_> {
         Ok(records)
     }
 
-    /// Clears the pixels of a window that no voxel meets.
+    /// Clears the pixels of a window into which no voxel projects.
     fn clear(&mut self, [width, height]: [u32; 2]) -> Result<()> {
         if self.renderer.current == Compositor::Tiles {
             let row = vec![[0.0, 0.0, 0.0, self.blend.initial_alpha()]; width as usize];
@@ -186,7 +186,7 @@ impl FrameDraw<'_, '_, '_> {
         self.context.submit([encoder.finish()])
     }
 
-    /// Begins a pass of quads, which clears the target if it is the first of a window.
+    /// Begins a render pass for quads. It clears the target if the pass is the first of a window (`is_first`).
     fn begin_quads<'e>(&mut self, encoder: &'e mut CommandEncoder, is_first: bool) -> RenderPass<'e> {
         let start = Color { r: 0.0, g: 0.0, b: 0.0, a: self.blend.initial_alpha().into() };
         let load = if is_first { LoadOp::Clear(start) } else { LoadOp::Load };
@@ -195,7 +195,7 @@ impl FrameDraw<'_, '_, '_> {
         render_pass(encoder, &view, load, timer.and_then(|timer| timer.render(Pass::Composite)))
     }
 
-    /// Copies a slab and its blocks to the device, and binds them.
+    /// Copies slab `index` and the blocks of `chunks` to the device, and binds them for all stages.
     fn bind(&mut self, index: usize, chunks: &Chunks) -> Result<ChunkBindings> {
         let start = Instant::now();
         let [tiles, line_ends, steps, values, normals, magnitudes] = self.upload_slab(index)?.buffers.clone();
@@ -242,7 +242,7 @@ impl FrameDraw<'_, '_, '_> {
         Ok(ChunkBindings { walk, project, compositor })
     }
 
-    /// Shows the probe what is on the device after chunk `index` of a slab.
+    /// Calls the probe, if there is one, with the buffers on the device after chunk `index` of a slab.
     fn call_probe(&mut self, uniform: &FrameUniform, slab: &Slab, chunks: &Chunks, index: usize) {
         let (Some(probe), renderer) = (&mut self.probe, &*self.renderer) else { return };
         let (chunk, count) = chunks.chunks[index];
@@ -267,7 +267,7 @@ impl FrameDraw<'_, '_, '_> {
         });
     }
 
-    /// Drops lanes from the device that leave no room for the frame's own.
+    /// Frees lanes of other axes on the device if they leave no room for the lane of this frame.
     fn make_room(&mut self) {
         let (axis, room) = (self.shot.lane.axis, self.plan.room.bytes);
         let slab = self.renderer.list().sizes.first().map_or(0, |sizes| sizes.iter().sum());
@@ -277,7 +277,7 @@ impl FrameDraw<'_, '_, '_> {
         if self.list.slabs.len() > 1 {
             residents.clear();
         }
-        // The frame's own lane is the last to go.
+        // The lane of this frame comes last, so it is not removed.
         residents.sort_by_key(|lane| lane.axis == axis);
         let other_lanes = |residents: &[SlabBuffers]| -> u64 {
             residents.iter().filter(|lane| lane.axis != axis).map(SlabBuffers::bytes).sum()
@@ -287,7 +287,7 @@ impl FrameDraw<'_, '_, '_> {
         }
     }
 
-    /// Returns the buffers of slab `index`: those on the device if it is the whole lane, else new ones.
+    /// Returns the buffers of slab `index`: those on the device if it is the whole lane, else newly made ones.
     fn upload_slab(&mut self, index: usize) -> Result<&SlabBuffers> {
         let (context, lane, renderer) = (&self.context, &self.shot.lane, &mut *self.renderer);
         let is_whole = self.list.slabs.len() == 1;
@@ -295,7 +295,7 @@ impl FrameDraw<'_, '_, '_> {
             return Ok(renderer.residents.last().expect("it is there"));
         }
         if !is_whole {
-            // The previous slab goes once the device is done with it, so that there is never more than one.
+            // The previous slab is freed, and waiting lets the device finish with it, so that only one exists.
             renderer.streamed = None;
             context.wait()?;
         }
@@ -308,7 +308,7 @@ impl FrameDraw<'_, '_, '_> {
         Ok(renderer.residents.last().expect("it was just put there"))
     }
 
-    /// Returns the bytes from one chunk to the next in their buffer.
+    /// Returns how many bytes the chunks in the chunk buffer are apart.
     fn chunk_stride(&self) -> usize {
         let alignment = self.context.limits.min_uniform_buffer_offset_alignment as usize;
         size_of::<Chunk>().next_multiple_of(alignment.max(1))

@@ -1,8 +1,8 @@
-//! The records of the stages' buffers: the only place in Rust that knows their layout.
+//! The structs in the stages' buffers. No other place in Rust knows the layout of those buffers.
 //!
-//! In: what a frame is made of, and a window of its picture. Out: the same in the device's words. Each struct equals the
-//! struct of the same name in `shaders/common.wgsl` or, for [`LineBlock`], `shaders/walk.wgsl`, which documents the fields;
-//! tests/gpu/layout.rs compares the two by reflection.
+//! In: the setup of a frame, and a window of its picture. Out: the same values in the form that the shaders read. Each
+//! struct equals the struct of the same name in `shaders/common.wgsl` or, for [`LineBlock`], `shaders/walk.wgsl`, which
+//! documents the fields; tests/gpu/layout.rs compares the two by reflection.
 
 #![expect(missing_docs, reason = "documented once, where the shaders read them")]
 #![expect(clippy::cast_possible_truncation, reason = "the device computes in single precision")]
@@ -20,8 +20,8 @@ use crate::traverse::{AxisOrder, Sense, SplitForm, VoxelBox};
 pub const LINES: u32 = 64; // Most lines of a block, and invocations of a workgroup of the walk.
 pub const BATCH: u32 = 256; // Splats of a batch, and invocations of a workgroup of the other stages.
 pub const TILE: u32 = 16; // Side of a tile of the picture, in pixels.
-pub const NO_RECORD: u32 = u32::MAX; // The record of a slot without a voxel.
-pub const NOTHING: u32 = 1; // Columns and rows of a splat of no pixels: the last lies before the first.
+pub const NO_RECORD: u32 = u32::MAX; // The value of `record` in a slot without a voxel.
+pub const NOTHING: u32 = 1; // `columns` and `rows` of a splat without pixels: first pixel 1, last pixel 0.
 
 /// A row of an affine map: from voxel coordinates to one screen coordinate.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
@@ -31,7 +31,7 @@ pub struct AffineRow {
     pub remainder: [f32; 4],
 }
 
-/// The uniform of a frame's window.
+/// The uniform that the stages read for a window of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct FrameUniform {
@@ -73,7 +73,7 @@ pub struct FrameUniform {
     pub picture_rows: u32,
 }
 
-/// A run of records that fits the buffers.
+/// A run of consecutive records that fits into the buffers of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Chunk {
@@ -83,7 +83,7 @@ pub struct Chunk {
     pub is_first: u32,
 }
 
-/// Up to [`LINES`] lines of the list, and the slots of their records.
+/// Up to [`LINES`] consecutive lines of the line list, and the slots of their records.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct LineBlock {
@@ -120,17 +120,17 @@ pub struct Splat {
 }
 
 impl AffineRow {
-    /// Returns `map` over a grid of `dims` points as a row, and the row's shift.
+    /// Returns `map`, for voxels of a grid of `dims` points, as a row; and its shift (the number of fraction bits).
     ///
-    /// Units of 2^-shift are as fine as 31 bits allow for the sum's magnitude over the grid. What the whole factors leave
-    /// over is then small enough for single precision.
+    /// Whole factors are in units of 2^-shift, as fine as their sum at any voxel fits 31 bits. The remainders of the
+    /// factors are then small enough for single precision.
     fn new(map: &Affine, dims: [u32; 3]) -> (AffineRow, i32) {
         let reach: f64 = (0..3).map(|a| map[a].abs() * f64::from(dims[a] - 1)).sum::<f64>() + map[3].abs();
         if reach > f64::from(1 << 29) {
-            // A voxel is large then too: single precision errs by less than a hundredth of it.
+            // Then a voxel is large too, in pixels: the error of single precision is below 0.01 voxels.
             return (AffineRow { whole: [0; 4], remainder: map.map(|factor| factor as f32) }, 0);
         }
-        // A sum of 0 needs no bits.
+        // The limit 1e-6 avoids the logarithm of 0.
         let shift = (29.0 - reach.max(1e-6).log2().ceil()).clamp(0.0, 30.0);
         let unit = (-shift).exp2();
         let whole = map.map(|factor| (factor / unit).round());
@@ -141,7 +141,7 @@ impl AffineRow {
 }
 
 impl FrameUniform {
-    /// Returns the uniform of `shot` for the pixels of `window` (first column and row, one past the last).
+    /// Returns the uniform of `shot` for `window` (first column and row, one past the last column and row).
     ///
     /// The caller fills in `termination`, `initial_alpha`, `uses_magnitude` and `mask_words`.
     pub(crate) fn new(shot: &Shot, window: [i32; 4]) -> FrameUniform {
@@ -203,10 +203,10 @@ impl FrameUniform {
         uniform
     }
 
-    /// Sets the order along the fast axis, which is 0, ascending, before.
+    /// Sets the order along the fast axis; without this call it is 0 (ascending).
     ///
-    /// Voxel coordinates are whole, so whole numbers say the same as the eye's coordinate: the eye's far side begins at
-    /// `eye_ceil`, and of two coordinates the low one is nearer where their sum is above `eye_twice`.
+    /// Voxel coordinates are integers, so integers can replace the eye's coordinate: voxels at `eye_ceil` or above lie
+    /// on the eye's high side. Of two voxels, the low one is nearer if their sum is above `eye_twice`.
     fn set_fast_order(&mut self, order: AxisOrder) {
         match order {
             AxisOrder::Ascending => {}

@@ -1,9 +1,9 @@
 //! The line list: what the processor prepares for a walk on the device.
 //!
-//! In: a lane and an order; how much of a lane the device holds at a time. Out: slabs, each some of the lane's tiles and
-//! a run of lines in visit order, cut into blocks. A list depends only on the nesting and on the directions of the slow
-//! and the medium axis (with the eye inside the grid: on which half of which voxel it is in). So it lasts while a camera
-//! turns within one order.
+//! In: a lane and an order; how much of a lane the device can hold at a time. Out: slabs, each some of the lane's tiles
+//! and a run of lines in visit order, cut into blocks. A list depends only on the nesting of the axes and on the
+//! directions of the slow and the medium axis (with the eye inside the grid: on which half of which voxel the eye is
+//! in). So a list stays valid while a turning camera keeps its order.
 
 use super::layout::LINES;
 use crate::arena::layout::line_end_bytes;
@@ -11,12 +11,12 @@ use crate::arena::{Lane, TileRecord};
 use crate::error::{Error, Result};
 use crate::traverse::{AxisOrder, Order, OrderedLine, VoxelBox, ordered_lines};
 
-const BLOCK_RECORDS: u32 = 1 << 14; // Largest number of records of a block of more than one line.
+const BLOCK_RECORDS: u32 = 1 << 14; // Most records in a block, unless the block has only one line.
 
-pub(crate) const LINE_BYTES: u64 = 8; // Bytes of a line in the lists on the device: its word, and its share of a block.
+pub(crate) const LINE_BYTES: u64 = 8; // Bytes per line on the device: its word in the list, its share of a block.
 
-/// Returns what a list depends on: orders of equal keys list all lines alike. Coordinates are whole, so an eye stands for
-/// all eyes between the same halves of voxels.
+/// Returns the part of `order` that a list depends on: orders with equal keys have equal lists. Voxel coordinates are
+/// integers, so the key replaces the eye by one point for all eyes in the same half of a voxel.
 pub(crate) fn list_key(order: &Order) -> Order {
     let mut key = *order;
     key.along[order.fast.index()] = AxisOrder::Ascending;
@@ -32,7 +32,7 @@ pub(crate) fn list_key(order: &Order) -> Order {
 /// All lines of a lane in visit order.
 #[derive(Debug)]
 pub(crate) struct LineList {
-    pub(crate) key: Order, // See [`list_key`].
+    pub(crate) key: Order, // What the list depends on: see [`list_key`].
     pub(crate) slabs: Vec<Slab>,
     pub(crate) bounds: VoxelBox, // A box around all voxels.
     pub(crate) records: u64,     // Number of records of all lines.
@@ -42,7 +42,7 @@ pub(crate) struct LineList {
 #[derive(Debug, Default)]
 pub(crate) struct Slab {
     pub(crate) tiles: Vec<u32>, // Indices of the tiles, ascending.
-    /// Lines in visit order: index of the tile in `tiles` in the high 26 bits, line of the tile in the low 6.
+    /// Lines in visit order. The high 26 bits are an index in `tiles`, the low 6 bits a line of that tile.
     pub(crate) lines: Vec<u32>,
     pub(crate) blocks: Vec<ListBlock>,
 }
@@ -66,7 +66,7 @@ pub(crate) struct LaneSize {
 }
 
 impl LaneSize {
-    /// Returns the size of a tile with its line ends and records.
+    /// Returns how much tile `index` takes, with its line ends and records.
     fn of_tile(lane: &Lane, index: u32) -> LaneSize {
         let Some(tile) = lane.tile(index as usize) else { return LaneSize::default() };
         let lines = u64::from(tile.occupancy.get().count_ones());
@@ -91,7 +91,8 @@ impl LaneSize {
         }
     }
 
-    /// Returns the error for a single slice that does not fit `room`: it names the first amount that is too large.
+    /// Returns the error for a slice of this size that does not fit `room`. It names the first amount that is too
+    /// large.
     fn refusal(self, room: LaneSize) -> Error {
         let amounts = [
             ("video memory in bytes for the tiles of one slice (give more video memory)", self.bytes, room.bytes),
@@ -106,8 +107,8 @@ impl LaneSize {
 }
 
 impl LineList {
-    /// Lists the lines of `lane` in `order`: one slab if all of it fits `room`, else slabs of as many slices as fit;
-    /// [`Error::Limit`] if the tiles of a single slice do not.
+    /// Lists the lines of `lane` in `order`, as one slab if the whole lane fits `room`, else as slabs of as many slices
+    /// as fit. [`Error::Limit`] if the tiles of a single slice do not fit.
     pub(crate) fn new(lane: &Lane, order: &Order, room: LaneSize) -> Result<LineList> {
         let mut builder = ListBuilder::new(lane, order, room);
         let mut slice: Vec<OrderedLine> = Vec::new();
@@ -156,7 +157,7 @@ impl<'a> ListBuilder<'a> {
         ListBuilder { lane, nesting, room, is_whole, has_tile, size, open, closed: Vec::new() }
     }
 
-    /// Adds the lines of a slice to the open slab, or to a new one where there is no room.
+    /// Adds the lines of a slice to the open slab, or to a new slab if the open one has no room.
     fn add_slice(&mut self, slice: &[OrderedLine]) -> Result<()> {
         if !self.try_add(slice) {
             self.close_slab();
@@ -169,7 +170,7 @@ impl<'a> ListBuilder<'a> {
 
     /// Returns the size of those tiles of `slice` that the open slab does not have.
     fn added_size(&self, slice: &[OrderedLine]) -> LaneSize {
-        // Lines of a tile need not come one after the other: with the eye inside the grid, two tiles take turns.
+        // The lines of a tile need not be consecutive: with the eye inside the grid, the lines of two tiles alternate.
         let mut tiles: Vec<u32> = slice.iter().map(|line| line.tile).collect();
         tiles.sort_unstable();
         tiles.dedup();

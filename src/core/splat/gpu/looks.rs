@@ -1,8 +1,8 @@
-//! Tables on the device of what each code looks like.
+//! Tables on the device with the look (colour and optical depth) of each code (the stored number of a value).
 //!
-//! In: the host's table, the codes that a lane shows. Out: colour and optical depth by value code; where the depth
-//! depends on the gradient, also depth by value and magnitude code. For 16-bit values that is a table of up to 64 MiB,
-//! which the host avoids by computing it for each voxel.
+//! In: the processor's table, and the codes that a lane shows. Out: colour and optical depth by value code. If the
+//! depth depends on the gradient, also the depth by value code and magnitude code: with 16-bit values, a table of up to
+//! 64 MiB. The processor's renderer has no such table; it computes the depth for each voxel.
 
 use wgpu::{Buffer, BufferUsages};
 
@@ -18,7 +18,7 @@ use crate::splat::{Mode, Scene, Settings};
 pub(crate) struct LookTables<'a> {
     pub(crate) mode: Mode,
     pub(crate) exposure: Option<f32>,
-    pub(crate) table: Table<'a>, // The host's table.
+    pub(crate) table: Table<'a>, // The processor's table.
     pub(crate) by_value: Buffer, // By value code: colour and optical depth.
     pub(crate) by_pair: Buffer,  // By value code and magnitude code: optical depth.
     pub(crate) uses_magnitude: bool,

@@ -1,16 +1,17 @@
 //! The renderer on graphics devices (Vulkan, Metal, DX12).
 //!
-//! In: a device and its queue, a scene, a camera, settings. Out: a [`Frame`], or a picture in a texture of the caller's.
+//! In: a device and its queue, a scene, a camera, settings. Out: a [`Frame`], or a picture in the caller's texture.
 //!
 //! ```text
 //! lane (bytes of the file) ------------------.
-//! order -> line list (kept while it lasts) ---+-> walk -> voxels -> project -> splats -> bin -> masks -> tile -> pixels
+//! order -> line list (kept while it lasts) --+-> walk -> voxels -> project -> splats -> bin -> masks -> tile -> pixels
 //! camera -> blocks in view -> chunks --------'                                     '----> splat (quads) ----> target
 //! ```
 //!
-//! The device walks scan lines in exact visibility order, so nothing is sorted. A frame is drawn in *chunks* of as many
-//! records as the buffers hold. A lane stays on the device while there is room; a larger one passes through in *slabs*
-//! along the slow axis; a larger picture is drawn in *windows*. The pixels do not depend on any of this, bit for bit.
+//! The device walks the lane (all scan lines along one axis) in exact visibility order, so nothing is sorted. A frame
+//! is drawn in *chunks* of as many records as the buffers hold. A lane stays on the device while there is room; a
+//! larger one passes through in *slabs* along the slow axis; a larger picture is drawn in *windows*. The pixels do not
+//! depend on any of this, bit for bit.
 
 pub mod adapter;
 mod budget;
@@ -58,19 +59,20 @@ use crate::volume::Axis;
 /// How splats become pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Compositor {
-    /// In compute: a workgroup for each tile of the picture accumulates in registers of 32 bits, and can end early.
+    /// In a compute shader: a workgroup per tile of the picture accumulates in 32-bit registers, and can end early.
     Tiles,
-    /// As quads, which the device blends into a target of this format.
+    /// As quads, one for each splat, which the device blends into a target of this format.
     Quads(QuadFormat),
 }
 
-/// The format that quads accumulate in.
+/// The format of the target in which quads accumulate.
 ///
-/// Few bits need back to front order: each splat then shrinks the rounding errors behind it. Measured on lavapipe, which
-/// rounds toward 0, with opacities of 0.1 and above in 16 bits: 42 dB, but 35 dB front to back (tests/gpu).
+/// With 16 or 8 bits, composite back to front: each splat then shrinks the rounding errors behind it. Measured on
+/// lavapipe, which rounds toward 0, with opacities of 0.1 and above in 16 bits: 42 dB back to front, but 35 dB front to
+/// back (tests/gpu).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum QuadFormat {
-    /// 32-bit float, where the device blends it.
+    /// 32-bit float, if the device can blend it.
     Float32,
     /// 16-bit float; small opacities are lost.
     Float16,
@@ -78,12 +80,12 @@ pub enum QuadFormat {
     Unorm8,
 }
 
-/// GpuOptions of a renderer on a graphics device.
+/// Options of a renderer on a graphics device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// Most bytes of video memory, copies in flight included. The picture does not depend on it.
+    /// Most bytes of video memory, including copies on their way to the device. The picture does not depend on it.
     pub vram: u64,
-    /// How splats become pixels; `None` for the faster way on the device.
+    /// How splats become pixels; `None` for the way that is faster on the device.
     pub compositor: Option<Compositor>,
 }
 
@@ -93,14 +95,14 @@ impl Default for GpuOptions {
     }
 }
 
-/// Counts and times of a frame. Times of stages are 0 where the device has no clock.
+/// The work and the times of drawing a frame. Times of stages are 0 if the device has no clock.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct GpuStats {
     /// Splats that reached a window of the picture.
     pub splats_drawn: u64,
-    /// Records that were visited but not drawn: stepping records, transparent or off the picture.
+    /// Records visited but not drawn: stepping records (which hold no voxel), transparent or outside the picture.
     pub splats_skipped: u64,
-    /// Line lists that were made: 0 while the order lasts.
+    /// Line lists that were made: 1, or 0 if the order is that of the last frame, so that its list was used again.
     pub line_lists: u64,
     /// Slabs that the lane was cut into; 1 if all of it is on the device.
     pub slabs: usize,
@@ -116,17 +118,17 @@ pub struct GpuStats {
     pub vram_bytes: u64,
     /// Milliseconds of the whole frame.
     pub frame_ms: f64,
-    /// Milliseconds of the processor for making the line list.
+    /// Milliseconds that the processor took for making the line list.
     pub line_list_ms: f64,
-    /// Milliseconds of the processor for handing lanes, tables and lists to the device.
+    /// Milliseconds that the processor took for handing lanes, tables and lists to the device.
     pub upload_ms: f64,
-    /// Milliseconds of the device for the stage walk.
+    /// Milliseconds that the device took for the stage `walk`.
     pub walk_ms: f64,
-    /// Milliseconds of the device for the stage project.
+    /// Milliseconds that the device took for the stage `project`.
     pub project_ms: f64,
-    /// Milliseconds of the device for the stage bin.
+    /// Milliseconds that the device took for the stage `bin`.
     pub bin_ms: f64,
-    /// Milliseconds of the device for tiles or quads.
+    /// Milliseconds that the device took for compositing tiles or drawing quads.
     pub composite_ms: f64,
     /// Milliseconds from the last submission until the pixels are back.
     pub read_back_ms: f64,
@@ -150,7 +152,7 @@ pub struct GpuRenderer<'a> {
     resolve: Option<ResolvePipeline>,
 }
 
-/// A line list and what it was made for.
+/// A line list, and the limits on slabs for which it was made.
 #[derive(Debug)]
 struct CachedList {
     room: LaneSize,
@@ -187,14 +189,14 @@ impl<'a> GpuRenderer<'a> {
         })
     }
 
-    /// Shows the scene with another transfer function from the next frame on; lanes stay on the device.
+    /// Changes the transfer function from the next frame on; lanes stay on the device.
     pub fn set_transfer(&mut self, transfer: &'a TransferFunction) {
         self.scene.transfer = transfer;
         self.looks = None;
     }
 
-    /// Returns the compositor in use: that of the options; else tiles, or quads where the device is a processor, which
-    /// spends as long on one barrier of a tile as on a hundred pixels (docs/studies/gpu.md).
+    /// Returns the compositor in use: that of the options, if there is one. Else it is tiles, or quads if the device is
+    /// a processor, where one barrier of a tile takes as long as a hundred pixels (docs/studies/gpu.md).
     pub fn compositor(&self) -> Compositor {
         let can_blend = self.context.device.features().contains(Features::FLOAT32_BLENDABLE);
         let prefers_quads = self.is_software && can_blend;
@@ -202,14 +204,14 @@ impl<'a> GpuRenderer<'a> {
         self.options.compositor.unwrap_or(default)
     }
 
-    /// Changes the compositor from the next frame on; `None` for the faster one.
+    /// Changes the compositor from the next frame on; `None` for the one that is faster on the device.
     ///
     /// # Errors
     /// [`Error::Device`] if the device cannot blend its format.
     pub fn set_compositor(&mut self, compositor: Option<Compositor>) -> Result<()> {
         check_blends(&self.context.device, compositor)?;
         self.options.compositor = compositor;
-        // All buffers go, so that the other compositor's do not count towards the budget; the list's lines with them.
+        // All buffers are freed, the list's included, so that the old compositor's do not count towards the budget.
         self.buffers = FrameBuffers::default();
         self.resolve = None;
         if let Some(cached) = &mut self.list {
@@ -218,16 +220,16 @@ impl<'a> GpuRenderer<'a> {
         Ok(())
     }
 
-    /// Draws a frame and waits for it; `settings.threads` and `settings.code` do not matter.
+    /// Draws a frame and waits for it; ignores `settings.threads` and `settings.code`.
     ///
-    /// The frame is that of [`cpu::render`](super::cpu::render), up to rounding, early termination (which quads do not
-    /// have) and the rounding of the target.
+    /// The frame is that of [`cpu::render`](super::cpu::render), except for rounding, also that of the target, and for
+    /// early termination, which quads do not have.
     ///
     /// # Errors
-    /// As [`cpu::render`](super::cpu::render); [`Error::Input`] for a [`Blending`] other than exponential;
-    /// [`Error::Device`] if the device fails; [`Error::Limit`] if [`GpuOptions::vram`] is too little.
+    /// Returns the errors of [`cpu::render`](super::cpu::render); [`Error::Input`] for a [`Blending`] other than
+    /// exponential; [`Error::Device`] if the device fails; [`Error::Limit`] if [`GpuOptions::vram`] is too little.
     pub fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, GpuStats)> {
-        // Bounds cost a pass over all tiles, which pictures that keep their pixels do not need.
+        // Computing the bounds takes a pass over all tiles; pictures with one sample per pixel do not need them.
         let bounds = if settings.keeps_pixels() { None } else { self.scene.lanes.lane(Axis::X)?.bounds() };
         let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
         let grid = &self.scene.facts.grid;
@@ -237,7 +239,7 @@ impl<'a> GpuRenderer<'a> {
     /// Draws a frame with one sample a pixel, and calls `probe` after each chunk.
     ///
     /// # Errors
-    /// As [`GpuRenderer::render`].
+    /// Returns the errors of [`GpuRenderer::render`].
     #[doc(hidden)]
     pub fn render_probed(
         &mut self,
@@ -251,13 +253,13 @@ impl<'a> GpuRenderer<'a> {
         Ok((frame, stats))
     }
 
-    /// Draws a frame into a texture without waiting for it; the work is submitted to the renderer's queue. Only copies to
-    /// the device may have to wait for earlier ones.
+    /// Draws a frame into a texture without waiting for it; the work is submitted to the renderer's queue. Only copies
+    /// to the device may have to wait for earlier copies.
     ///
     /// `settings.size` is the texture's. Splats are not counted and stages not timed.
     ///
     /// # Errors
-    /// As [`GpuRenderer::render`]; [`Error::Input`] for a sampling other than [`Sampling::EveryPixel`].
+    /// Returns the errors of [`GpuRenderer::render`]; [`Error::Input`] unless the sampling is [`Sampling::EveryPixel`].
     pub fn render_to(&mut self, camera: &Camera, settings: &Settings, target: &RenderTarget) -> Result<GpuStats> {
         if settings.sampling.is_some_and(|sampling| sampling != Sampling::EveryPixel) {
             return Err(Error::input("sampling", "of a texture is of every pixel; supersample by a larger texture"));
@@ -292,7 +294,7 @@ impl<'a> GpuRenderer<'a> {
         Ok(stats)
     }
 
-    /// Forgets all that is on the device, some of which may be wrong after an error.
+    /// Forgets everything on the device, since some of it may be wrong after an error.
     fn forget_device(&mut self) {
         (self.looks, self.list, self.streamed, self.resolve) = (None, None, None, None);
         self.residents.clear();
@@ -302,7 +304,7 @@ impl<'a> GpuRenderer<'a> {
         }
     }
 
-    /// Returns the compositor for a picture of this size: tiles where the default cannot draw it.
+    /// Returns the compositor for a picture of `size`: tiles if the default cannot draw that size.
     fn compositor_for(&self, size: [u32; 2]) -> Compositor {
         let fits = size.into_iter().all(|side| side <= self.context.limits.max_texture_dimension_2d);
         if fits || self.options.compositor.is_some() { self.compositor() } else { Compositor::Tiles }
@@ -335,7 +337,7 @@ impl<'a> GpuRenderer<'a> {
         let start = Instant::now();
         let wanted = (settings.mode, settings.exposure);
         if self.looks.as_ref().is_none_or(|looks| (looks.mode, looks.exposure) != wanted) {
-            // The old tables go first: the budget counts one set.
+            // The old tables are freed first: the budget counts one set of tables.
             self.looks = None;
             self.looks = Some(LookTables::new(&self.context, &self.scene, shot, settings)?);
         }

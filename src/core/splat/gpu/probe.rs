@@ -1,10 +1,10 @@
-//! Access to the stages' buffers between chunks, for tests that judge each stage and for benches.
+//! Access to the stages' buffers between chunks, for tests that check each stage and for benches.
 
 use wgpu::{Buffer, Device, Queue};
 
 use super::layout::{Chunk, FrameUniform, LineBlock};
 
-/// What is on the device once the commands of a chunk were submitted. Reading a buffer waits for them.
+/// The buffers on the device once the commands of a chunk were submitted. Reading a buffer waits for these commands.
 #[derive(Debug)]
 pub struct Probe<'p> {
     /// The renderer's device.
@@ -17,19 +17,19 @@ pub struct Probe<'p> {
     pub chunk: Chunk,
     /// The blocks of lines that the chunk walks.
     pub blocks: &'p [LineBlock],
-    /// All lines of the slab: index of the tile in the high 26 bits, line of the tile in the low 6.
+    /// All lines of the slab. The high 26 bits are the index of a tile, the low 6 bits a line of that tile.
     pub lines: &'p [u32],
     /// Tiles, line ends, steps, values, normals and magnitudes of the slab.
     pub slab: &'p [Buffer; 6],
-    /// Colours and depths by value code; depths by value and magnitude code.
+    /// Two tables: colour and optical depth by value code; optical depth by value code and magnitude code.
     pub looks: [&'p Buffer; 2],
     /// The chunk's [`VisitedVoxel`](super::layout::VisitedVoxel)s.
     pub voxels: &'p Buffer,
     /// The chunk's [`Splat`](super::layout::Splat)s.
     pub splats: &'p Buffer,
-    /// A mask of batches for each tile of the picture; with tiles only.
+    /// For each tile of the picture, a mask of the batches with splats on it; with `Compositor::Tiles` only.
     pub masks: Option<&'p Buffer>,
-    /// Four values for each pixel; with tiles only.
+    /// Four values for each pixel; only with [`Compositor::Tiles`](super::Compositor).
     pub pixels: Option<&'p Buffer>,
 }
 

@@ -13,16 +13,16 @@ use super::{Compositor, GpuRenderer, GpuStats, QuadFormat};
 use crate::error::Result;
 use crate::splat::composite::Finish;
 
-pub(super) const COUNTERS: u64 = 4_096; // Counters of drawn splats; chunks beyond them share one.
+pub(super) const COUNTERS: u64 = 4_096; // Number of counters of drawn splats; later chunks use them again.
 
-/// Copies the pixels of a window of `size` into `out`, its part of a frame.
+/// Copies the pixels of a window of `size` (columns and rows) from the device into `out`, the window's part of a frame.
 pub(super) fn window(renderer: &mut GpuRenderer, size: [u32; 2], out: &mut [f32], stats: &mut GpuStats) -> Result<()> {
     let start = Instant::now();
     let (context, compositor) = (renderer.context.clone(), renderer.current);
     let [width, height] = size;
     let (target, pitch) = match compositor {
         Compositor::Tiles => (QuadFormat::Float32, 16 * width),
-        // Rows of copies from textures start at multiples of 256 bytes.
+        // In a copy of a texture, each row starts at a multiple of 256 bytes.
         Compositor::Quads(target) => (target, (target.pixel_bytes() * width).next_multiple_of(256)),
     };
     let bytes = u64::from(pitch) * u64::from(height);
@@ -76,7 +76,7 @@ pub(super) fn drawn(buffers: &mut FrameBuffers, context: &Context) -> Result<u64
 }
 
 impl QuadFormat {
-    /// Returns the values of a pixel from its bytes.
+    /// Returns the four values of a pixel that is stored as `bytes`.
     fn decode(self, bytes: &[u8]) -> [f32; 4] {
         let float = |at: usize| bytes[4 * at..].first_chunk().map_or(0.0, |bytes| f32::from_le_bytes(*bytes));
         let half = |at: usize| bytes[2 * at..].first_chunk().map_or(0.0, |bytes| f16::from_le_bytes(*bytes).to_f32());

@@ -1,8 +1,8 @@
-//! Resolving: from accumulated pixels to a texture of the caller's, without leaving the device.
+//! Resolves accumulated pixels into a texture of the caller's, without leaving the device.
 //!
 //! In: a window's accumulated pixels. Out: linear premultiplied colours in the texture, over a background if there is
-//! one. The values are those of [`Finish`](crate::splat::composite::Finish), but that the colours of a maximum are
-//! interpolated between [`RAMP`] entries.
+//! one. The values are those of [`Finish`](crate::splat::composite::Finish), except that the colours of
+//! [`Mode::Maximum`] are interpolated in a table of [`RAMP`] entries.
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::{BufferInitDescriptor, DeviceExt as _};
@@ -17,9 +17,9 @@ use super::{Compositor, GpuRenderer};
 use crate::error::Result;
 use crate::splat::Mode;
 
-const RAMP: u16 = 1_024; // Entries of the table of a maximum's colours.
+const RAMP: u16 = 1_024; // Entries of the table of colours for `Mode::Maximum`.
 
-/// A texture of the caller's that a picture is drawn into.
+/// A texture of the caller's, into which a picture is drawn.
 #[derive(Debug, Clone, Copy)]
 pub struct RenderTarget<'t> {
     /// View of the texture, which has the picture's size and the usage `RENDER_ATTACHMENT`.
@@ -30,7 +30,7 @@ pub struct RenderTarget<'t> {
     pub background: Option<[f32; 3]>,
 }
 
-/// The uniform of resolve.wgsl, which documents the fields.
+/// The uniform of `resolve.wgsl`, where the fields are documented.
 #[derive(Debug, Clone, Copy, Pod, Zeroable)]
 #[repr(C)]
 struct ResolveUniform {
@@ -41,14 +41,15 @@ struct ResolveUniform {
     unused: [u32; 2],
 }
 
-/// The pipeline for textures of a format, and whether it reads a buffer (tiles) or a target (quads).
+/// The pipeline that resolves. Its key: the format of the texture, and whether pixels come from a buffer (tiles) or
+/// from a target (quads).
 #[derive(Debug)]
 pub(super) struct ResolvePipeline {
     key: (TextureFormat, bool),
     pipeline: RenderPipeline,
 }
 
-/// Draws the pixels of `window` into `target`.
+/// Draws the pixels of `window` (first column and row, one past the last column and row) into `target`.
 pub(super) fn window(renderer: &mut GpuRenderer, window: [i32; 4], target: &RenderTarget) -> Result<()> {
     let context = renderer.context.clone();
     let device = &context.device;

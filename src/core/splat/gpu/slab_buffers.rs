@@ -1,8 +1,8 @@
-//! A slab of a lane on the device, its channels as the file has them.
+//! The buffers of a slab (a part of a lane) on the device, with its channels as they are in the file.
 //!
-//! In: a lane and the tiles of a slab. Out: six buffers: tiles, line ends, steps, values, normals, magnitudes. Tiles that
-//! lie one after the other in the lane are copied as one run, a whole lane in one run for each channel; nothing is
-//! repacked. Only each tile's first line and first record are counted from the slab's beginning.
+//! In: a lane and the tiles of a slab. Out: six buffers: tiles, line ends, steps, values, normals, magnitudes.
+//! Neighbouring tiles of the lane are copied as one run, a whole lane in one run for each channel; nothing is repacked.
+//! Only the first line and the first record of each tile are changed, to count from the start of the slab.
 
 #![expect(clippy::cast_possible_truncation, reason = "offsets into slices that are there")]
 
@@ -19,9 +19,9 @@ use crate::error::{Error, Result};
 use crate::volume::Axis;
 
 const NAMES: [&str; 6] = ["tiles", "line ends", "steps", "values", "normals", "magnitudes"];
-const STEPS: usize = 2; // Index among [`NAMES`] of the first channel of records.
-const STAGING_BYTES: usize = 1 << 20; // Bytes that are gathered before they are copied.
-const PAGER_RECORDS: u64 = 1 << 14; // Records that a pager is told of at once.
+const STEPS: usize = 2; // Index in [`NAMES`] of the first buffer with an element per record.
+const STAGING_BYTES: usize = 1 << 20; // How many bytes are gathered before they are copied to the device.
+const PAGER_RECORDS: u64 = 1 << 14; // How many records a pager is told at once that it must load.
 
 /// The buffers of a slab.
 #[derive(Debug)]
@@ -30,11 +30,11 @@ pub(crate) struct SlabBuffers {
     pub(crate) buffers: [Buffer; 6], // In the order of [`NAMES`].
 }
 
-/// Bytes of each buffer of a slab.
+/// The bytes of each buffer of a slab, in the order of [`NAMES`].
 pub(crate) type SlabSizes = [u64; 6];
 
-/// Returns the sizes of a slab with these tiles of `lane`; [`Error::Input`] if they have more records than the lane, which
-/// only a damaged file says.
+/// Returns the sizes of the buffers for a slab of `tiles` of `lane`. [`Error::Input`] if these tiles have more records
+/// than the lane, as only in a damaged file.
 pub(crate) fn slab_sizes(lane: &Lane, tiles: &[u32]) -> Result<SlabSizes> {
     let (mut lines, mut records) = (0u64, 0u64);
     for run in runs(lane, tiles) {
@@ -50,20 +50,20 @@ pub(crate) fn slab_sizes(lane: &Lane, tiles: &[u32]) -> Result<SlabSizes> {
     Ok([tiles, lines * ends, steps, values, normals, magnitudes])
 }
 
-/// Returns the bytes of an element: line end, step, value, normal, magnitude.
+/// Returns the bytes per line end, step, value, normal and gradient magnitude of `lane`.
 fn widths(lane: &Lane) -> [u64; 5] {
     let (ends, channels) = (line_end_bytes(lane.dims[lane.axis.index()]), lane.channels);
     [ends, 1, channels.value_bits / 8, channels.normal_bits / 4, channels.magnitude_bits / 8].map(u64::from)
 }
 
-/// Lines and records that lie one after the other in a lane.
+/// A range of consecutive lines of a lane, and the range of their records.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct LaneRun {
     lines: Range<u64>,
     records: Range<u64>,
 }
 
-/// Returns the lines and records of a tile; empty if they are not in the lane.
+/// Returns the lines and records of a tile; empty ranges if they reach beyond the lane.
 fn tile_run(lane: &Lane, tile: &TileRecord) -> LaneRun {
     let lines = tile.lines();
     let first = tile.first_record.get();
@@ -74,7 +74,7 @@ fn tile_run(lane: &Lane, tile: &TileRecord) -> LaneRun {
     LaneRun { lines: lines.start as u64..lines.end as u64, records: first..end }
 }
 
-/// Returns the lines and records of `tiles` as runs, as few as there can be.
+/// Iterates over the lines and records of `tiles`, joined into as few runs as possible.
 fn runs<'a>(lane: &'a Lane, tiles: &'a [u32]) -> impl Iterator<Item = LaneRun> + 'a {
     let tiles = tiles.iter().filter_map(|&index| lane.tile(index as usize));
     let mut tile_runs = tiles.map(|tile| tile_run(lane, tile)).peekable();
@@ -90,7 +90,7 @@ fn runs<'a>(lane: &'a Lane, tiles: &'a [u32]) -> impl Iterator<Item = LaneRun> +
 }
 
 impl SlabBuffers {
-    /// Creates empty buffers.
+    /// Creates buffers of these sizes; their content is not set yet.
     pub(crate) fn new(context: &Context, axis: Axis, sizes: SlabSizes) -> Result<SlabBuffers> {
         let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         let named = NAMES.into_iter().zip(sizes);
@@ -138,7 +138,8 @@ impl SlabBuffers {
     }
 }
 
-/// Returns the bytes of part `part` of a lane, an index of [`NAMES`]: those of the file, and those of its patch.
+/// Returns the bytes of the part of a lane that has index `part` in [`NAMES`]: those of the file, and those of the
+/// lane's patch (tiles that an overlay changed).
 fn section<'a>(lane: &Lane<'a>, part: usize) -> [&'a [u8]; 2] {
     let part_of = |lane: &Lane<'a>| match part {
         1 => match lane.line_ends {
@@ -153,7 +154,7 @@ fn section<'a>(lane: &Lane<'a>, part: usize) -> [&'a [u8]; 2] {
     [part_of(lane), lane.patch.map_or(&[][..], |patch| part_of(&patch.view()))]
 }
 
-/// Writes bytes to a buffer, gathered into copies of whole words.
+/// Writes bytes to a buffer on the device, gathered into copies of whole words.
 struct BufferWriter<'a> {
     context: &'a Context,
     buffer: &'a Buffer,
@@ -181,7 +182,7 @@ impl BufferWriter<'_> {
         Ok(())
     }
 
-    /// Writes what is left; returns the number of bytes that were pushed.
+    /// Writes the bytes that are still gathered; returns the number of all bytes that were pushed.
     fn finish(mut self) -> Result<u64> {
         let pushed = self.written + self.gathered.len() as u64;
         self.gathered.resize(self.gathered.len().next_multiple_of(4), 0);

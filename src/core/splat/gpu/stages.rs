@@ -1,8 +1,8 @@
-//! The pipelines of the stages and what they bind.
+//! The pipelines of the stages, and the binding of their buffers.
 //!
-//! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat, the last two for each
-//! [`BlendMode`]. A shader is `shaders/common.wgsl` followed by its own file; its twin has the same name in
-//! tests/gpu/twin.
+//! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat, the last two for
+//! each [`BlendMode`]. A shader is `shaders/common.wgsl` followed by its own file; its twin (the same stage in Rust,
+//! for tests) has the same name in tests/gpu/twin.
 
 use std::num::NonZeroU64;
 use std::sync::OnceLock;
@@ -46,7 +46,7 @@ pub enum BlendMode {
     FrontToBack,
     /// Composites far splats first.
     BackToFront,
-    /// Sums.
+    /// Sums splats, in any order.
     Additive,
     /// Keeps the largest values.
     Maximum,
@@ -62,12 +62,12 @@ impl BlendMode {
         }
     }
 
-    /// Returns the initial value of a pixel's fourth channel.
+    /// Returns the initial alpha (fourth value) of a pixel.
     pub(crate) fn initial_alpha(self) -> f32 {
         if matches!(self, BlendMode::FrontToBack | BlendMode::BackToFront) { 1.0 } else { 0.0 }
     }
 
-    /// Returns how a device blends quads.
+    /// Returns the blend state of the device for quads in this mode.
     fn state(self) -> BlendState {
         use BlendFactor::{DstAlpha, One, OneMinusSrcAlpha, Zero};
         let add = |src_factor, dst_factor| BlendComponent { src_factor, dst_factor, operation: BlendOperation::Add };
@@ -98,8 +98,8 @@ impl QuadFormat {
 
 /// The pipeline of a compute stage.
 ///
-/// Binding 0 is the uniform of the window, 1 a chunk, at an offset that is given with each dispatch. Then come buffers
-/// that are read, then buffers that are written.
+/// Binding 0 is the uniform of the window. Binding 1 is a chunk, at an offset that each dispatch states. Then come the
+/// buffers that the stage reads, then those that it writes.
 #[derive(Debug)]
 pub(crate) struct ComputeStage {
     pub(crate) pipeline: ComputePipeline,
@@ -107,7 +107,8 @@ pub(crate) struct ComputeStage {
 }
 
 impl ComputeStage {
-    /// Compiles the stage `name`, which reads and writes so many buffers, for a way of blending.
+    /// Compiles the stage `name`, which reads `reads` buffers and writes `writes`. `blend`: the number of a
+    /// [`BlendMode`], or empty.
     fn new(device: &Device, name: &str, module: &ShaderModule, [reads, writes]: [usize; 2], blend: &[f64]) -> Self {
         let uniform = |moves| (BufferBindingType::Uniform, moves);
         let storage = |read_only, count| std::iter::repeat_n((BufferBindingType::Storage { read_only }, false), count);
@@ -148,7 +149,7 @@ impl ComputeStage {
     }
 }
 
-/// Binds resources in the order of their numbers, from 0.
+/// Binds the resources to the bindings 0, 1, 2 and so on.
 fn bind(device: &Device, layout: &BindGroupLayout, resources: Vec<BindingResource>) -> BindGroup {
     let entry = |(binding, resource)| BindGroupEntry { binding, resource };
     let entries: Vec<_> = (0..).zip(resources).map(entry).collect();
@@ -182,13 +183,13 @@ impl Pipelines {
         }
     }
 
-    /// Returns the stage that composites tiles.
+    /// Returns the stage that composites tiles; compiles it on first use.
     pub(crate) fn tile(&self, device: &Device, blend: BlendMode) -> &ComputeStage {
         let compile = || ComputeStage::new(device, "tile", &self.tile_module, [2, 1], &[f64::from(blend as u8)]);
         self.tiles[blend as usize].get_or_init(compile)
     }
 
-    /// Returns the stage that draws quads into a target.
+    /// Returns the stage that draws quads into a target; compiles it on first use.
     pub(crate) fn splat(&self, device: &Device, blend: BlendMode, target: QuadFormat) -> &RenderPipeline {
         self.splats[blend as usize][target as usize].get_or_init(|| {
             let (format, entries) = (target.format(), ["corner", "pixel"]);
@@ -199,7 +200,7 @@ impl Pipelines {
         })
     }
 
-    /// Binds the uniform and the splats for quads.
+    /// Binds the uniform and the splats for drawing quads.
     pub(crate) fn bind_splat(device: &Device, pipeline: &RenderPipeline, buffers: [&Buffer; 2]) -> BindGroup {
         bind(device, &pipeline.get_bind_group_layout(0), buffers.map(Buffer::as_entire_binding).into())
     }
@@ -210,7 +211,7 @@ pub(crate) fn shader_module(device: &Device, label: &str, text: &'static str) ->
     device.create_shader_module(ShaderModuleDescriptor { label: Some(label), source: ShaderSource::Wgsl(text.into()) })
 }
 
-/// Compiles the pipeline of a drawing stage; `entries`: names of the vertex and the fragment function.
+/// Compiles the pipeline of a drawing stage; `entries`: names of the vertex and the fragment function in the shader.
 pub(crate) fn render_pipeline(
     device: &Device,
     label: &str,

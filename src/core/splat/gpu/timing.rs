@@ -1,6 +1,6 @@
-//! Times of the stages by the device's own clock, where it has one.
+//! Times the stages by the device's own clock, if it has one.
 //!
-//! In: the stage of each pass. Out: milliseconds by stage, once a window is done.
+//! In: the stage of each pass. Out: milliseconds per stage, once a window is done.
 
 use wgpu::{
     Buffer, BufferUsages, CommandEncoder, ComputePassTimestampWrites, Features, QuerySet, QuerySetDescriptor,
@@ -13,7 +13,7 @@ use crate::error::Result;
 const QUERIES: u32 = 4_096; // Two for each pass of a window: passes of chunks after the 512th are not timed.
 const QUERY_BYTES: u64 = 8;
 
-/// The stages that are timed.
+/// The stages that are timed; `Composite` stands for tiles and for quads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Pass {
     Walk,
@@ -47,7 +47,7 @@ impl Timer {
         }))
     }
 
-    /// Returns the timestamps of the next pass: begin and end.
+    /// Reserves two timestamps for the next pass; returns their indices for its begin and its end, if any are left.
     fn next(&mut self, pass: Pass) -> Option<[Option<u32>; 2]> {
         let begin = 2 * u32::try_from(self.passes.len()).unwrap_or(QUERIES);
         (begin < QUERIES).then(|| {
@@ -56,7 +56,7 @@ impl Timer {
         })
     }
 
-    /// Returns the timestamps of a compute pass; `None` if there are none left.
+    /// Returns where a compute pass writes its timestamps; `None` if no timestamps are left.
     pub(crate) fn compute(&mut self, pass: Pass) -> Option<ComputePassTimestampWrites<'_>> {
         let [beginning_of_pass_write_index, end_of_pass_write_index] = self.next(pass)?;
         Some(ComputePassTimestampWrites {
@@ -66,13 +66,13 @@ impl Timer {
         })
     }
 
-    /// Returns the timestamps of a render pass; `None` if there are none left.
+    /// Returns where a render pass writes its timestamps; `None` if no timestamps are left.
     pub(crate) fn render(&mut self, pass: Pass) -> Option<RenderPassTimestampWrites<'_>> {
         let [beginning_of_pass_write_index, end_of_pass_write_index] = self.next(pass)?;
         Some(RenderPassTimestampWrites { query_set: &self.set, beginning_of_pass_write_index, end_of_pass_write_index })
     }
 
-    /// Copies the timestamps to where [`Timer::read`] finds them; part of a window's last commands.
+    /// Adds to a window's last commands a copy of the timestamps to the buffer that [`Timer::read`] reads.
     pub(crate) fn resolve(&self, encoder: &mut CommandEncoder) {
         let count = 2 * u32::try_from(self.passes.len()).unwrap_or(0);
         if count > 0 {
@@ -92,7 +92,7 @@ impl Timer {
         context.read(&self.mappable, 2 * passes.len() as u64 * QUERY_BYTES, |bytes| {
             let ticks = |at: usize| bytes[8 * at..].first_chunk().map_or(0, |bytes| u64::from_le_bytes(*bytes));
             for (index, pass) in passes.into_iter().enumerate() {
-                // A clock that was reset meanwhile counts as 0.
+                // If the clock was reset during a pass, the pass counts as 0.
                 let ticks = ticks(2 * index + 1).saturating_sub(ticks(2 * index));
                 times[pass as usize] += ticks as f64 * period * 1e-6;
             }

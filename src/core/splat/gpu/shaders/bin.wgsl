@@ -1,8 +1,9 @@
-// Stage: bin. In: splats in visit order. Out: for each tile of the window a mask of the batches with splats on it.
+// Stage: bin. In: splats in visit order. Out: for each tile of the window, a mask with a bit for each batch (256
+// consecutive splats), set if one of its splats lies on the tile.
 // Twin: tests/gpu/twin/bin.rs
 //
-// Bits are in visit order, so a tile finds its batches in order and nothing is sorted. A mask has a fixed size, so it
-// cannot overflow, however large splats are.
+// Bits are in visit order, so a tile finds its batches in order and nothing is sorted. A mask has a fixed size, so
+// large splats cannot make it overflow.
 
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<uniform> chunk: Chunk;
@@ -27,7 +28,7 @@ fn bin(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index)
         for (var column = first.x; column <= last.x; column++) {
             let tile = u32(row) * frame.tile_columns + u32(column);
             let word = tile * frame.mask_words + (batch >> 5u);
-            // Most bits are set already by a neighbour, and a load is cheaper than an atomic change.
+            // Most bits are already set by a neighbouring splat, and a load is cheaper than an atomic change.
             if (atomicLoad(&masks[word]) & bit) == 0u {
                 atomicOr(&masks[word], bit);
             }

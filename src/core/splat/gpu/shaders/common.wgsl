@@ -1,50 +1,50 @@
-// Shared by all stages: records of the buffers and the arithmetic of a pixel. It stands before each stage's own text.
+// Shared by all stages: the structs in the buffers and the arithmetic of a pixel. It precedes each stage's own text.
 // Rust's side: layout.rs; tests/gpu/layout.rs compares the two.
 
-// One row of an affine map from voxel coordinates to a screen coordinate. The integer sum is exact even where it wraps;
-// the remainder is small enough for single precision.
+// One row of an affine map from voxel coordinates to a screen coordinate. The integer sum is exact even where terms
+// wrap; the remainder is small enough for single precision.
 struct AffineRow {
     whole: vec4<i32>, // Factors of x, y, z and 1, in units of 2^-shift.
-    remainder: vec4<f32>, // What the whole factors leave over.
+    remainder: vec4<f32>, // What the exact factors of x, y, z and 1 have beyond the whole ones.
 }
 
-// The uniform of a window of a frame's picture. Lengths are in mean voxels, unless in pixels.
+// The uniform of a window of a frame's picture. Lengths without a unit are in mean voxel spacings.
 struct FrameUniform {
-    rows: array<AffineRow, 3>, // Parallel views: column, row, unused. Perspective: right, up, depth along the view axis.
-    shifts: vec4<i32>, // Fraction bits of each row's whole factors.
-    steps: array<vec4<f32>, 3>, // From voxel to voxel along x, y, z: change of right, up and depth; distance.
+    rows: array<AffineRow, 3>, // Parallel: column, row, unused. Perspective: right, up, depth along the view axis.
+    shifts: vec4<i32>, // For each row: the number of fraction bits of its whole factors.
+    steps: array<vec4<f32>, 3>, // For a step of one voxel along x, y, z: change of right, up and depth; its length.
     eye: vec4<f32>, // Perspective: the eye. Parallel: the unit vector toward it.
     light: vec4<f32>, // Unit vector toward the light.
     light_weights: vec4<f32>, // Ambient, diffuse and specular light.
-    ellipse: vec4<f32>, // Parallel: falloff_x, falloff_y, shear of all splats. The fourth: peak per optical depth.
+    ellipse: vec4<f32>, // Parallel: falloff_x, falloff_y, shear of all splats. w: peak of a splat of optical depth 1.
     half_width: vec2<f32>, // Parallel: half the width and height of a footprint's box, in pixels.
     centre: vec2<f32>, // Pixel where the view axis meets the picture.
     focal: f32, // Focal length, in pixels.
-    near: f32, // Least depth that is drawn.
+    near: f32, // Voxels with a smaller depth along the view axis are not drawn.
     sigma: f32, // Standard deviation of the kernel, in voxels.
-    cut_off: f32, // Radius of the kernel, in sigmas.
-    cut_exponent: f32, // Exponent at that radius, in units of ln 2.
+    cut_off: f32, // Radius at which the kernel is cut off, in sigmas.
+    cut_exponent: f32, // Exponent of the kernel at the cut-off radius, in units of ln 2.
     termination: f32, // Transmittance below which a pixel no longer changes; 0 for never.
     max_depth: f32, // Largest optical depth of a splat, in units of ln 2.
-    initial_alpha: f32, // Initial value of a pixel's fourth channel.
+    initial_alpha: f32, // Initial value of a pixel's fourth component.
     window: vec4<i32>, // First column and row, one past the last column and row.
     crop_low: vec4<u32>, // Voxels outside this box are not drawn; both ends are inside.
     crop_high: vec4<u32>,
     eye_ceil: i32, // The eye's coordinate on the fast axis, rounded up.
     eye_twice: i32, // Twice that coordinate, rounded down.
     fast_order: u32, // ASCENDING, DESCENDING, SPLIT or INTERLEAVED.
-    is_back_to_front: u32, // 1 where the far end of a line comes first.
+    is_back_to_front: u32, // 1 if voxels far from the eye come first, else 0.
     fast_axis: u32, // Axis of the lane: 0, 1 or 2.
     longest_line: u32, // Most records that a line may have.
-    line_end_bytes: u32, // 2 or 4.
-    value_bits: u32, // 8 or 16.
-    normal_bits: u32, // 0, 8 or 16.
-    uses_magnitude: u32, // 1 where the optical depth depends on the gradient magnitude too.
-    is_maximum: u32, // 1 where a peak is a normalised value.
-    is_perspective: u32, // 1 or 0.
+    line_end_bytes: u32, // How many bytes store the end offset of a scan line: 2 or 4.
+    value_bits: u32, // Bits of a value code: 8 or 16.
+    normal_bits: u32, // Bits of each half of a normal code: 8 or 16; 0 for no normals.
+    uses_magnitude: u32, // 1 if the optical depth also depends on the gradient magnitude, else 0.
+    is_maximum: u32, // 1 if a splat's peak is a normalised value, 0 if it is an optical depth.
+    is_perspective: u32, // 1 in a perspective view, 0 in a parallel view.
     shininess: u32, // Exponent of the highlight; 0 for no lighting.
     tile_columns: u32, // Tiles in a row of the window.
-    mask_words: u32, // Words of a tile's mask.
+    mask_words: u32, // Number of 32-bit words of a tile's mask.
     picture_rows: u32, // Rows of the whole picture.
 }
 
@@ -53,11 +53,11 @@ const DESCENDING: u32 = 1u;
 const SPLIT: u32 = 2u;
 const INTERLEAVED: u32 = 3u;
 
-// A run of records that fits the buffers.
+// A run of consecutive records that fits into the buffers of a frame.
 struct Chunk {
-    first_block: u32, // Index of its first block of lines.
-    slot_count: u32, // Number of its records: each has a slot among the voxels and the splats.
-    index: u32, // Index of its counter of drawn splats.
+    first_block: u32, // Index of the chunk's first block of lines in `blocks`.
+    slot_count: u32, // Number of the chunk's records; each has a slot in `voxels` and `splats`.
+    index: u32, // Index of the chunk's counter of drawn splats.
     is_first: u32, // 1 for the first chunk of a window, which clears the pixels.
 }
 
@@ -65,31 +65,31 @@ struct Chunk {
 struct VisitedVoxel {
     xy: u32, // x in the low half, y in the high half.
     z: u32,
-    record: u32, // Index of its record in the slab; NO_RECORD for a slot without a voxel.
+    record: u32, // Index of the voxel's record in the slab; NO_RECORD for a slot without a voxel.
 }
 
 const NO_RECORD: u32 = 0xffffffffu;
 
 // A splat: the footprint of a voxel in the picture.
 struct Splat {
-    // First column in the low half, last column in the high half; NOTHING for a splat of no pixels. Coordinates of the
-    // whole picture, so that a splat is the same in every window that it meets.
+    // First column in the low half, last column in the high half; NOTHING for a splat without pixels. Columns count
+    // from the left of the whole picture, so that a splat is the same in every window.
     columns: u32,
-    rows: u32, // First row and last row, in the same way.
+    rows: u32, // First row in the low half, last row in the high half.
     corner_x: f32, // From the centre to the first column, in pixels.
     corner_y: f32, // From the centre to the first row, in pixels.
-    falloff_x: f32, // Exponent per squared pixel along a row, in units of ln 2.
+    falloff_x: f32, // Exponent per squared pixel of distance from the ridge along a row, in units of ln 2.
     falloff_y: f32, // Exponent per squared pixel from row to row, in units of ln 2.
-    shear: f32, // Columns that the ridge moves per row.
+    shear: f32, // By how many columns the ellipse's ridge moves per row.
     peak: f32, // Optical depth at the centre in units of ln 2, or normalised value.
     red: f32, // Linear colour, lit.
     green: f32,
     blue: f32,
 }
 
-const BATCH: u32 = 256u; // Splats of a batch, and invocations of a workgroup.
+const BATCH: u32 = 256u; // Number of splats of a batch, and of invocations of a workgroup.
 const TILE: i32 = 16; // Side of a tile of the picture, in pixels.
-const NOTHING: u32 = 1u; // Columns and rows of a splat of no pixels: the last lies before the first.
+const NOTHING: u32 = 1u; // `columns` and `rows` of a splat without pixels: first pixel 1, last pixel 0.
 
 const LN_2: f32 = 0.6931471805599453;
 const LOG2_E: f32 = 1.4426950408889634;

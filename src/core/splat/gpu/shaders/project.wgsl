@@ -1,9 +1,10 @@
-// Stage: project. In: voxels in visit order, channels of their slab. Out: a splat for each, of no pixels if not drawn.
+// Stage: project. In: voxels in visit order, channels of their slab. Out: a splat for each, without pixels if it is not
+// drawn.
 // Twin: tests/gpu/twin/project.rs
 //
-// Position, footprint, colour and light of a voxel, one invocation each: the formulas of kernel.rs, shade.rs and
-// cpu/project.rs. A centre is a whole pixel and a fraction, so a picture of 16,384 pixels is as exact as a small one:
-// integers, which may wrap, sum the whole part exactly, and single precision holds the remainder.
+// One invocation computes the position, footprint, colour and light of one voxel, by the formulas of kernel.rs,
+// shade.rs and cpu/project.rs. A centre is a whole pixel and a fraction, so a picture of 16,384 pixels is as exact as a
+// small one: integers, which may wrap, sum the whole part exactly, and single precision holds the remainder.
 
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<uniform> chunk: Chunk;
@@ -11,25 +12,25 @@
 @group(0) @binding(3) var<storage, read> values: array<u32>;
 @group(0) @binding(4) var<storage, read> normals: array<u32>;
 @group(0) @binding(5) var<storage, read> magnitudes: array<u32>;
-// By value code: colour, and optical depth per mean voxel in units of ln 2 (or normalised value).
+// By value code: colour, and optical depth per mean voxel spacing in units of ln 2 (or normalised value).
 @group(0) @binding(6) var<storage, read> looks: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read> depths: array<f32>; // Optical depth by value code and magnitude code.
 @group(0) @binding(8) var<storage, read_write> splats: array<Splat>;
-@group(0) @binding(9) var<storage, read_write> drawn: array<atomic<u32>>; // Number of drawn splats, by chunk.
+@group(0) @binding(9) var<storage, read_write> drawn: array<atomic<u32>>; // Number of drawn splats, by counter.
 
 const LOW_PASS: f32 = 0.6; // Smallest sigma of a footprint in pixels.
 const REACH: f32 = 2097152.0; // Largest half-width of a footprint in pixels.
 const TINY: f32 = 1.17549435e-38; // Smallest normal number of single precision.
-const FAR: f32 = 5.0e8; // Coordinates beyond this are too large for exact pixels.
+const FAR: f32 = 5.0e8; // Pixel coordinates beyond this cannot be exact.
 const NEARLY_HALF: f32 = 0.4999; // How far a pixel may lie outside a footprint's box, in pixels.
 
 var<workgroup> drawn_here: atomic<u32>;
 
-// A screen coordinate: the nearest pixel and the distance from it, -0.5 to 0.5.
+// A screen coordinate: the nearest pixel, and the coordinate minus that pixel, -0.5 to 0.5.
 struct PixelPosition {
     nearest: i32,
     fraction: f32,
-    is_near: bool, // Whether it is so close to the picture that pixels are told apart.
+    is_near: bool, // Whether the coordinate is small enough to be exact.
 }
 
 struct Footprint {
@@ -37,7 +38,7 @@ struct Footprint {
     falloff_y: f32,
     shear: f32,
     half_width: vec2<f32>,
-    density: f32, // pi over the area of the one-sigma ellipse, per square pixel.
+    density: f32, // pi divided by the area of the one-sigma ellipse, in 1 / square pixels.
 }
 
 fn remainder_sum(row: AffineRow, at: vec3<f32>) -> f32 {
@@ -73,7 +74,7 @@ fn nearest_pixel(at: f32) -> PixelPosition {
     return PixelPosition(i32(nearest), bounded - nearest, true);
 }
 
-// The footprint of a kernel from the screen directions of its Jacobian, pixels per voxel: kernel.rs, footprint.
+// Returns a kernel's footprint; `x` and `y`: pixels that it moves per voxel along each axis. kernel.rs, footprint.
 fn footprint(x: vec3<f32>, y: vec3<f32>) -> Footprint {
     let variance = frame.sigma * frame.sigma;
     let crossed = cross(x, y);
@@ -99,7 +100,7 @@ fn signed(word: u32, bits: u32) -> f32 {
     return max(f32(bitcast<i32>(word << shift) >> shift), -largest);
 }
 
-// Returns the unit normal of a record, or zero for none: classify/normal.rs, decode8 and decode16.
+// Returns the unit normal of a record, or zero if it has none: classify/normal.rs, decode8 and decode16.
 fn normal_of(record: u32) -> vec3<f32> {
     let bits = frame.normal_bits;
     var code = normals[record >> u32(bits == 8u)];
@@ -118,7 +119,7 @@ fn normal_of(record: u32) -> vec3<f32> {
     return vec3<f32>(x, y, z) * factor;
 }
 
-// Returns the factor on the colour and the highlight: shade.rs, shade.
+// Returns the factor on the colour, and the highlight that is added to it: shade.rs, shade.
 fn shade(normal: vec3<f32>, eye: vec3<f32>) -> vec2<f32> {
     if dot(normal, normal) <= 0.5 {
         return vec2<f32>(1.0, 0.0);
@@ -144,7 +145,7 @@ fn value_of(record: u32) -> u32 {
     return (values[record >> 1u] >> (16u * (record & 1u))) & 0xffffu;
 }
 
-// Returns colour and optical depth (or normalised value) of a record.
+// Returns the colour and the optical depth (or normalised value) of a record's voxel.
 fn look_of(record: u32) -> vec4<f32> {
     let value = value_of(record);
     var look = looks[value];
@@ -155,7 +156,7 @@ fn look_of(record: u32) -> vec4<f32> {
     return look;
 }
 
-// Returns the first and the last pixel within `half_width` of `centre`, within `low ..= high`.
+// Returns the first and the last pixel at most `half_width` pixels from `centre`, clipped to `low ..= high`.
 fn span(centre: PixelPosition, half_width: f32, low: i32, high: i32) -> vec2<i32> {
     let first = centre.nearest + i32(round(centre.fraction - half_width + NEARLY_HALF));
     let last = centre.nearest + i32(round(centre.fraction + half_width - NEARLY_HALF));

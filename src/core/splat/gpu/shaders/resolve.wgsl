@@ -1,10 +1,10 @@
 // Stage: resolve. In: the window's accumulated pixels. Out: linear premultiplied colours in a texture.
-// Rust's side: resolve.rs; the formulas are those of Finish in composite.rs. Judged by tests/gpu/embed.rs.
+// Rust's side: resolve.rs; the formulas are those of Finish in composite.rs. Tested by tests/gpu/embed.rs.
 
 struct ResolveUniform {
     window: vec4<i32>, // First column and row, one past the last column and row.
-    background: vec4<f32>, // Linear colour of the background; the fourth is 1 if there is one, else 0.
-    mode: u32, // TRANSMITTANCE, SUM or MAXIMUM; 3 for a maximum in grey.
+    background: vec4<f32>, // Linear colour of the background; w is 1 if there is a background, else 0.
+    mode: u32, // TRANSMITTANCE, SUM or MAXIMUM (what pixels hold); 3 for a maximum in grey.
     last: u32, // Index of the ramp's last entry.
     unused: vec2<u32>,
 }
@@ -14,12 +14,12 @@ const SUM: u32 = 1u;
 const MAXIMUM: u32 = 2u;
 
 @group(0) @binding(0) var<uniform> uniforms: ResolveUniform;
-// Colours of normalised values from 0 to 1.
+// The colours of normalised values, at equal steps from 0 to 1.
 @group(0) @binding(1) var<storage, read> ramp: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read> pixels: array<vec4<f32>>;
 @group(0) @binding(3) var target_pixels: texture_2d<f32>;
 
-// A triangle over the whole window.
+// Returns a corner of a triangle that covers the whole window.
 @vertex
 fn corner(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
     return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, 0.0, 1.0);

@@ -1,12 +1,12 @@
 // Stage: splat. In: splats in visit order. Out: the window's pixels, blended by the device in the order of instances.
 // Twin: tests/gpu/twin/splat.rs
 //
-// Each instance is one splat: a quad over its box. Blend states: stages.rs.
+// Each instance is one splat: a quad over its bounding box. The blend states are in stages.rs.
 
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
 
-// One of stages.rs, BlendMode; WHOLE_CELL: cpu/blend.rs.
+// BLEND is the number of a BlendMode of stages.rs; cpu/blend.rs explains WHOLE_CELL.
 override BLEND: u32 = 0u;
 const ADDITIVE: u32 = 2u;
 const MAXIMUM: u32 = 3u;

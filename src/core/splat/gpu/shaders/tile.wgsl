@@ -1,9 +1,9 @@
 // Stage: tile. In: splats in visit order, each tile's mask of batches. Out: the window's pixels.
 // Twin: tests/gpu/twin/tile.rs
 //
-// A workgroup owns a tile and an invocation a pixel, which stays in registers from the first splat to the last. A batch
-// is read once: each invocation fetches one splat and notes whether it meets the tile; then all pixels composite those
-// that do. A tile ends early where all of its pixels are below the termination threshold.
+// A workgroup draws a tile and an invocation one pixel, which stays in registers from the first splat to the last. A
+// batch is read once: each invocation fetches one splat and notes whether it meets the tile; then all pixels composite
+// those splats that do. A tile ends early where all of its pixels are below the termination threshold.
 
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<uniform> chunk: Chunk;
@@ -11,7 +11,7 @@
 @group(0) @binding(3) var<storage, read> masks: array<u32>;
 @group(0) @binding(4) var<storage, read_write> pixels: array<vec4<f32>>;
 
-// One of stages.rs, BlendMode; WHOLE_CELL: cpu/blend.rs.
+// BLEND is the number of a BlendMode of stages.rs; cpu/blend.rs explains WHOLE_CELL.
 override BLEND: u32 = 0u;
 const FRONT_TO_BACK: u32 = 0u;
 const BACK_TO_FRONT: u32 = 1u;
@@ -19,7 +19,7 @@ const ADDITIVE: u32 = 2u;
 const WHOLE_CELL: f32 = 2.718281828459045;
 
 struct TileSplat {
-    dx: f32, // From the splat's centre to the tile's first pixel.
+    dx: f32, // From the splat's centre to the tile's first pixel, in pixels.
     dy: f32,
     falloff_x: f32,
     falloff_y: f32,
@@ -107,7 +107,7 @@ fn tile(
             is_done = workgroupUniformLoad(&any_open) == 0u;
             for (var h = 0u; h < 8u && !is_done; h++) {
                 var hit = atomicLoad(&hits[h]);
-                // Four at a time: each turn of a loop costs, and one driver ends loops after 65,535 turns (budget.rs).
+                // Four splats per turn: each turn takes time, and one driver ends loops after 65,535 turns (budget.rs).
                 while hit != 0u {
                     pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner);
                     hit &= hit - 1u;

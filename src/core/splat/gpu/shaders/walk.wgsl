@@ -1,12 +1,12 @@
-// Stage: walk. In: a slab of a lane as the file has it, its lines in visit order. Out: voxels in visit order.
+// Stage: walk. In: a slab (part of a lane) as it is in the file, lines in visit order. Out: voxels in visit order.
 // Twin: tests/gpu/twin/walk.rs
 //
-// An invocation follows the steps of one scan line; a workgroup has the lines of one block. Each record has a slot, so
-// the slots of a line follow from the line ends alone; a stepping record leaves its slot empty. A line is read from its
-// low end, or from the eye's coordinate toward both ends; back to front is the reverse of front to back.
-// Nothing read from the lane is trusted: a line out of bounds has no records, and line lengths are bounded.
+// An invocation follows the steps of one scan line; a workgroup, the lines of one block. Each record has a slot, so the
+// slots of a line follow from the line ends alone; a stepping record (one without a voxel) leaves its slot empty. A
+// line is read from its low end, or from the eye's coordinate toward both ends; back to front is the reverse of front
+// to back. Nothing read from the lane is trusted: a line out of bounds has no records, and line lengths are bounded.
 
-// A tile of the face, word by word: arena/layout.rs, TileRecord.
+// A tile of 8 x 8 lines of the lane, word by word: arena/layout.rs, TileRecord.
 struct Tile {
     tile_uv: u32, // tile_u in the low half, tile_v in the high half.
     first_line: u32,
@@ -14,12 +14,12 @@ struct Tile {
     first_record_high: u32,
     occupancy: u32,
     occupancy_high: u32,
-    low_high: u32, // low in the low half, high in the high half.
+    low_high: u32, // TileRecord's low in the low half, its high in the high half.
 }
 
-// Up to 64 lines of the list, and the slots of their records.
+// Up to 64 consecutive lines of the line list, and the slots of their records.
 struct LineBlock {
-    first_line: u32, // Index in the list.
+    first_line: u32, // Index of the first line in `lines`.
     line_count: u32, // 1 to LINES.
     first_slot: u32, // Slot of the first record in the chunk.
     end_slot: u32, // One past the slot of the last record.
@@ -30,13 +30,13 @@ struct LineBlock {
 @group(0) @binding(2) var<storage, read> tiles: array<Tile>;
 @group(0) @binding(3) var<storage, read> line_ends: array<u32>;
 @group(0) @binding(4) var<storage, read> steps: array<u32>;
-// Index of the tile in the high 26 bits, line of the tile in the low 6.
+// The high 26 bits are the index of a tile, the low 6 bits a line of that tile.
 @group(0) @binding(5) var<storage, read> lines: array<u32>;
 @group(0) @binding(6) var<storage, read> blocks: array<LineBlock>;
 @group(0) @binding(7) var<storage, read_write> voxels: array<VisitedVoxel>;
 
 const LINES: u32 = 64u; // Most lines of a block.
-const STEPPING: i32 = 255; // Voxels that a stepping record advances; its step byte is 0.
+const STEPPING: i32 = 255; // By how many voxels a stepping record advances; its step byte is 0.
 
 var<workgroup> ends: array<u32, LINES>;
 
@@ -116,7 +116,7 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
         return;
     }
 
-    // From the eye's plane toward both ends of the line.
+    // This visits the line from the eye's coordinate toward both ends.
     var high = 0u;
     var low_at = -1;
     var high_at = -1;
@@ -130,7 +130,8 @@ fn walk(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index
     }
     var low = high;
     for (var k = 0u; k < count; k++) {
-        // Interleaved: the nearer side, the high one at equal distance. Split: all of the high side first.
+        // Interleaved: the nearer voxel first; at equal distance, the high one. Split: all voxels of the high side
+        // first.
         let low_is_nearer = frame.fast_order == INTERLEAVED && low_at + high_at > frame.eye_twice;
         let slot = select(first_slot + k, last_slot - k, frame.is_back_to_front == 1u);
         if low > 0u && (high >= count || low_is_nearer) {
