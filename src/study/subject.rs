@@ -90,7 +90,7 @@ impl<'a> Subject<'a> {
         self.lanes.lane(axis).expect("lanes of a study fit its memory")
     }
 
-    /// Returns linear red, green, blue and optical depth per mean voxel in units of ln 2, for each value code.
+    /// Returns linear red, green, blue and optical depth per mean spacing in units of ln 2, for each value code.
     ///
     /// # Errors
     /// [`Error`] if the file's scales are out of range.

@@ -131,7 +131,7 @@ impl CacheTables {
         self.curves.push((subject.name.clone(), name, reuse.miss_ratios()));
     }
 
-    /// Returns the means and worst cases of the figures over the orders.
+    /// Returns a table of the mean and the worst number of cache misses over all orders of the walk.
     pub(super) fn summary(&self) -> Report {
         let mut report = table_of(
             "set layout channels level compulsory_per_visible misses_mean misses_worst worst_order \

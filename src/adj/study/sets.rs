@@ -105,7 +105,7 @@ impl Set {
         Ok(LaneSet::new(self.file.arena()?, None))
     }
 
-    /// Returns a scene of its `lanes`, for a renderer.
+    /// Returns the scene that a renderer draws of this set; `lanes` is what [`lanes`](Self::lanes) returned.
     pub(super) fn scene<'a>(&'a self, lanes: &'a LaneSet<'a>) -> Scene<'a> {
         Scene { facts: lanes.arena().facts(), lanes, transfer: &self.transfer }
     }

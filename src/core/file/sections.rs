@@ -13,7 +13,7 @@ use crate::arena::layout::{Facts, SectionEntry, SectionKind, aligned};
 use crate::build::budget::WRITE_BYTES;
 use crate::error::{Error, Result};
 
-/// A file in which sections are laid out one after the other.
+/// Writes a file section by section, and keeps where each section starts.
 pub(super) struct SectionFile<'a> {
     pub(super) file: &'a File,
     pub(super) path: &'a Path,

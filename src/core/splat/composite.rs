@@ -67,9 +67,11 @@ impl Blending {
 /// Largest optical depth, both per reference length and of a splat at a pixel: `e^-16` is below 2^-23.
 pub const MAX_DEPTH: f64 = 16.0;
 
-/// The look of a voxel: linear red, green and blue; optical depth per mean voxel, in units of ln 2.
+/// The look of a voxel: linear red, green and blue, and the optical depth of a path as long as the mean spacing.
 ///
-/// For linear blending the last number is an opacity. For the maximum modes all four are the normalised value.
+/// The depth is in units of ln 2: a voxel of depth d lets 2^-d of the light through.
+///
+/// For linear blending the last number is an opacity. For maximum intensity all four are the value, scaled to 0 to 1.
 pub type Look = [f32; 4];
 
 /// A table of looks (colour and optical depth) by the codes of a scene's records (the stored numbers of its voxels).
@@ -79,7 +81,7 @@ pub struct Table<'a> {
     magnitudes: Option<MagnitudeCodec>,
     key: LookKey,
     looks: Vec<Look>,
-    /// Factor from -ln(1 - opacity) to optical depth per mean voxel, in units of ln 2.
+    /// Factor from -ln(1 - opacity) to optical depth per mean spacing, in units of ln 2.
     depth_scale: f64,
     /// The value code that a maximum shows at full brightness.
     brightest: u16,
@@ -98,7 +100,7 @@ enum LookKey {
 }
 
 impl<'a> Table<'a> {
-    /// Creates the table of a scene; `lane` is any of its lanes, `mean_voxel` the world length of a mean voxel.
+    /// Creates the table of a scene; `lane` is any of its lanes, `mean_voxel` the mean spacing in world units.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if the scale of the magnitudes is out of range.
@@ -200,7 +202,7 @@ impl<'a> Table<'a> {
         if self.key == LookKey::Value { self.looks.first_chunk() } else { None }
     }
 
-    /// Returns the largest optical depth per mean voxel that any code has.
+    /// Returns the largest optical depth per mean spacing that any code has.
     pub(crate) fn deepest(&self) -> f64 {
         match self.key {
             LookKey::Computed => MAX_DEPTH * self.depth_scale / f64::from(LOG2_E),

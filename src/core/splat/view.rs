@@ -40,19 +40,19 @@ pub enum PixelMap {
     Parallel {
         /// The maps from voxel coordinates to column and row.
         pixel_from_voxel: [Affine; 2],
-        /// Pixels per mean voxel.
+        /// Pixels per mean spacing.
         scale: f64,
     },
     /// Perspective projection: column `centre.x + focal * t0 / t2`, row `centre.y - focal * t1 / t2`, where t is the
     /// result of `camera_from_voxel`.
     Perspective {
-        /// The maps from voxel coordinates to distances from the eye to the right, up and forward, in mean voxels.
+        /// The maps from voxel coordinates to distances from the eye to the right, up and forward, in mean spacings.
         camera_from_voxel: [Affine; 3],
         /// The focal length: pixels per unit of the tangent of the angle to the view axis.
         focal: f64,
         /// The column and row of the point that the view axis meets.
         centre: [f64; 2],
-        /// Distance along the view axis below which voxels are not drawn, in mean voxels; above 0.
+        /// Distance along the view axis below which voxels are not drawn, in mean spacings; above 0.
         near: f64,
     },
 }
@@ -66,15 +66,15 @@ pub struct View {
     pub viewpoint: Viewpoint,
     /// The transform from voxel coordinates to pixels.
     pub map: PixelMap,
-    /// World length of a mean voxel, the cube root of a cell's volume.
+    /// World length of a path as long as the mean spacing, the cube root of a cell's volume.
     pub mean_voxel: f64,
     /// Unit vectors to the picture's right, to its top, and forward; their components are along the grid's axes.
     pub axes: [[f64; 3]; 3],
-    /// Position of the eye along the grid's axes, in mean voxels; meaningless for a parallel view.
+    /// Position of the eye along the grid's axes, in mean spacings; meaningless for a parallel view.
     pub eye_scaled: [f64; 3],
-    /// Upper bound of the kernel's half extent along the view axis, in mean voxels.
+    /// Upper bound of the kernel's half extent along the view axis, in mean spacings.
     pub(super) reach: f64,
-    /// The distance between voxels on each axis, in mean voxels.
+    /// The distance between voxels on each axis, in mean spacings.
     pub steps: [f64; 3],
 }
 
@@ -225,7 +225,7 @@ impl View {
         }
     }
 
-    /// Returns an upper bound of the kernel's longest half-axis, in mean voxels; `forward` is the map to the depth.
+    /// Returns an upper bound of the kernel's longest half-axis, in mean spacings; `forward` is the map to the depth.
     fn longest_half_axis(&self, [a, b, c, _]: &Affine) -> f64 {
         let [x, y, z] = self.steps;
         // `reach` is the kernel's radius times the length of `forward`.

@@ -110,7 +110,7 @@ struct March<'a> {
 
 impl March<'_> {
     /// Adds to `open` the records (stored voxels) that are not hidden from the side where the march starts. `most` is
-    /// the largest optical depth of a mean voxel that the renderer does not clamp in any view.
+    /// the largest optical depth of a path as long as the mean spacing that the renderer does not clamp in any view.
     #[expect(clippy::cast_possible_truncation, reason = "single precision suffices within the margin")]
     fn run(&self, along: AxisOrder, most: f64, open: &RecordSet, memory: u64) -> Result<()> {
         let medium = Axis::ALL.into_iter().find(|&axis| axis != self.slow && axis != self.lane.axis);
@@ -162,7 +162,7 @@ const PLANES: usize = 5;
 /// The layer of voxels that the march has reached, and the optical depth in front of it.
 struct MarchLayers {
     width: usize,
-    /// Optical depth per mean voxel of each voxel of the layer; 0 where there is no voxel.
+    /// Optical depth per mean spacing of each voxel of the layer; 0 where there is no voxel.
     tau: Vec<f32>,
     /// For each cell, the least optical depth of a line up to and including the layer before.
     gained: Vec<f32>,

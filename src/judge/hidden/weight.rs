@@ -19,8 +19,8 @@ const CLOSE: f64 = 0.05;
 const SPLITS: u32 = 16;
 
 /// Returns the least weights of layers across `axis`: the sum over the 3 x 3 cells around the crossed one, and over 5 x
-/// 5. Multiplied by an optical depth per mean voxel they give that of the line. `lengths` are the distances between
-/// voxels on each axis, in mean voxels.
+/// 5. Multiplied by an optical depth per mean spacing they give that of the line. `lengths` are the distances between
+/// voxels on each axis, in mean spacings.
 pub(super) fn layer_weights(kernel: KernelShape, axis: Axis, lengths: [f64; 3]) -> [f64; 2] {
     let [u, v] = axis.others();
     let squares = [axis, u, v].map(|axis| lengths[axis.index()].powi(2));
@@ -118,8 +118,8 @@ impl VoxelLayer {
         f64::from(self.kernel.normalisation()) / (sigma * sigma) * (-0.5 * (distance / sigma).powi(2)).exp()
     }
 
-    /// Returns the least length of any of the lines per step of index space, in mean voxels. It grows with each squared
-    /// slope.
+    /// Returns how far the shortest of the lines runs from one layer of voxels to the next, in mean spacings. The length
+    /// grows with the square of each slope, so the smallest slopes give it.
     fn length(&self, lines: &LineRange) -> f64 {
         let ends = lines.slope.map(|slope| {
             let (low, high) = (slope - lines.slope_radius, slope + lines.slope_radius);

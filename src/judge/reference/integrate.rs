@@ -11,7 +11,7 @@ use super::ray::REACH;
 /// The kernel of one voxel along a ray: a Gaussian of the parameter t.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct RayGaussian {
-    /// The parameter t of the kernel's maximum, in mean voxels along the ray.
+    /// The parameter t of the kernel's maximum, in mean spacings along the ray.
     pub(super) centre: f64,
     /// The kernel's total optical depth along the ray.
     pub(super) amount: f64,

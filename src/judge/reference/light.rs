@@ -12,9 +12,9 @@ pub(super) struct ReferenceLights {
     toward_light: DVec3,
     /// The direction toward the eye, for parallel views.
     toward_eye: DVec3,
-    /// The position of the eye in mean voxels; `None` for a parallel view.
+    /// The position of the eye in mean spacings; `None` for a parallel view.
     eye: Option<DVec3>,
-    /// The distance between neighbouring voxels on each axis, in mean voxels.
+    /// The distance between neighbouring voxels on each axis, in mean spacings.
     steps: DVec3,
 }
 

@@ -64,7 +64,7 @@ fn ranks(points: u32, direction: f64, eye: Option<f64>) -> Vec<u16> {
     ranks
 }
 
-/// Returns the squared distance of a voxel from the eye, or its depth in a parallel view; in mean voxels.
+/// Returns the squared distance of a voxel from the eye, or its depth in a parallel view; in mean spacings.
 fn distance(voxel: &ReferenceVoxel, view: &View) -> f64 {
     let [x, y, z] = voxel.position.map(f64::from);
     match &view.map {

@@ -86,7 +86,8 @@ struct VoxelCell {
 }
 
 impl<'a> RayJudge<'a> {
-    /// Sorts the voxels of `visible` into cells.
+    /// Creates a judge that casts rays through `visible`. It sorts the voxels into the cells of a coarse grid, so that a
+    /// ray looks only at voxels near it.
     pub fn new(visible: &'a VisibleVoxels) -> RayJudge<'a> {
         let voxels = visible.voxels();
         let cell_of = |at: u32| voxels[at as usize].position.map(|c| c / CELL);
@@ -161,7 +162,7 @@ impl<'a> RayJudge<'a> {
         let unit = ray.direction / ray.speed;
         let reach = REACH * sigma;
         let half_diagonal = f64::from(CELL - 1) / 2.0 * 3.0f64.sqrt();
-        // The integral of a kernel along a line through its centre, per mean voxel.
+        // The integral of a kernel along a line through its centre, per mean spacing.
         let through = 1.0 / (std::f64::consts::TAU * sigma * sigma) / ray.speed;
         for cell in &self.cells {
             if (cell.centre - ray.origin).cross(unit).length() > reach + half_diagonal {
@@ -183,13 +184,13 @@ impl<'a> RayJudge<'a> {
     }
 }
 
-/// A ray in index space: `origin + t * direction`, t in mean voxels.
+/// A ray in index space: `origin + t * direction`, t in mean spacings.
 struct Ray {
     origin: DVec3,
     direction: DVec3,
-    /// The length of `direction`, in voxel spacings per mean voxel.
+    /// The length of `direction`, in voxel spacings per mean spacing.
     speed: f64,
-    /// The parameter t at which the integral starts, in mean voxels.
+    /// The parameter t at which the integral starts, in mean spacings.
     start: f64,
 }
 
@@ -197,7 +198,7 @@ struct Ray {
 struct Rays {
     world: WorldFrame,
     map: PixelMap,
-    /// The directions right, up and forward; each as long as a mean voxel.
+    /// The directions right, up and forward; each as long as the mean spacing.
     axes: [DVec3; 3],
     /// The position of the eye in world space, relative to the grid's origin.
     eye: DVec3,

@@ -10,12 +10,12 @@ use super::splat::{Judge, JudgeSettings};
 impl Judge {
     /// Draws the picture that a renderer with these settings should draw, without any of its approximations.
     ///
-    /// The kernel keeps its sigma but reaches out to the judge's cut-off, whatever the quality. `sense`, `code` and
+    /// The kernel keeps its sigma, but its radius is [`JudgeSettings`]' own, which leaves nothing out. `sense`, `code` and
     /// `threads` do not change the picture.
     ///
     /// # Errors
-    /// [`Error::Input`] for settings that the judge does not support: a termination, a custom order, split sides,
-    /// sheets.
+    /// [`Error::Input`] if `settings` has a `termination`, an `order`, a `form` other than the default, or the blending
+    /// by sheets: the judge has none of these.
     pub fn render(&self, camera: &Camera, settings: &Settings) -> Result<Frame> {
         let refused = |what: &str, why: &str| Err(Error::input(what, format!("{why}; leave it out")));
         if settings.termination.is_some() {

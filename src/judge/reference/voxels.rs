@@ -17,7 +17,7 @@ use super::slices::{GradientField, for_each_slice};
 pub struct ReferenceVoxel {
     /// The voxel's index along x, y and z; each below the grid's dimensions.
     pub position: [u16; 3],
-    /// The optical depth along the length of one mean voxel (the cube root of a cell's volume); finite, 0 or above.
+    /// The optical depth along the mean spacing (the cube root of a cell's volume); finite, 0 or above.
     pub depth: f64,
     /// The colour of the voxel: red, green and blue in linear light, 0 to 1.
     pub colour: [f32; 3],
@@ -121,7 +121,7 @@ impl VisibleVoxels {
     }
 }
 
-/// Returns the world length of a mean voxel: the cube root of a cell's volume.
+/// Returns the mean spacing in world units: the cube root of a cell's volume.
 fn mean_voxel(grid: &Grid) -> f64 {
     let [x, y, z] = grid.direction.map(glam::DVec3::from_array);
     grid.mean_spacing() * x.dot(y.cross(z)).abs().cbrt()
@@ -132,7 +132,7 @@ struct VoxelSweep<'a> {
     header: &'a Header,
     transfer: &'a TransferFunction,
     field: GradientField,
-    /// The optical depth of a mean voxel, per unit of -ln(1 - opacity).
+    /// The optical depth of a path as long as the mean spacing, per unit of -ln(1 - opacity).
     per_depth: f64,
 }
 

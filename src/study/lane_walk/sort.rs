@@ -7,6 +7,9 @@ use crate::trace::Trace;
 
 /// Returns the tiles sorted by row of the slow axis, and in each row by column, and the index where each row starts.
 /// O(tiles).
+///
+/// `slow_is_v`: whether rows run along the face's second axis. `first_array`: the number by which `trace` knows the first
+/// array that is made here.
 pub(super) fn sorted_tiles<S: LaneStore, T: Trace>(
     store: &S,
     slow_is_v: bool,
