@@ -20,7 +20,7 @@ const POINT: u64 = 64;
 /// Bytes per pixel, in a frame and in bands.
 const PIXEL: u64 = 4 * size_of::<f32>() as u64;
 
-/// The pixels that a picture is drawn on before it is resampled.
+/// Where a picture is drawn before it is resampled, and on how many pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Canvas {
     /// The picture's own pixels, or fewer.
@@ -31,7 +31,8 @@ pub enum Canvas {
     Finer([u32; 2]),
 }
 
-/// Returns the canvas on which the picture by `camera` is drawn; `bounds` is a box around all voxels.
+/// Returns how many pixels are drawn for the picture by `camera`, and where; `bounds` is a box around all voxels. It
+/// allocates nothing.
 ///
 /// # Errors
 /// Returns the errors of [`render`](super::render), except those about memory or lanes.

@@ -11,7 +11,8 @@ use crate::trace::{Trace, WalkerArray};
 
 const RECORDS: usize = 0;
 
-/// The records, the receiver and the trace of a walk.
+/// A walk over the records of implementation B. It hands each visible voxel to the receiver, and each access to memory
+/// to the trace.
 struct WalkB<'a, R, T> {
     records: &'a [RecordB],
     receiver: &'a mut R,
