@@ -7,8 +7,7 @@ use std::path::PathBuf;
 use std::sync::LazyLock;
 
 use adjsplat::volume::SampleType;
-use adjsplat_readers::open::{OpenOptions, open};
-use adjsplat_readers::raw::RawOptions;
+use adjsplat_readers::{OpenOptions, RawOptions, open};
 use libfuzzer_sys::fuzz_target;
 
 /// One name for each way into a reader.
@@ -27,9 +26,9 @@ fuzz_target!(|input: &[u8]| {
     std::fs::write(&path, bytes).expect("the folder can be written");
     let mut options = OpenOptions::default();
     if path.extension().is_some_and(|extension| extension == "raw") {
-        options.raw = Some(RawOptions::new([u64::from(*choice), 3, 2], SampleType::U16));
+        options = options.raw(RawOptions::new([u64::from(*choice), 3, 2], SampleType::U16));
     }
-    options.volume_index = u32::from(*choice >> 6);
+    options = options.volume_index(u32::from(*choice >> 6));
     if let Ok(mut source) = open(&path, &options) {
         let grid = &source.header().grid;
         grid.check().expect("what opens has a sound grid");
