@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Bytes of real sets by part, beside the paper's formulas, as a Markdown table: docs/studies/memory.md.
 
-    cargo build --release && python3 benches/memory_table.py ../shared/data
+    cargo build --release -p adj && python3 benches/memory_table.py ../shared/data
 
 For each set: one and three lanes, with hidden voxels and, where finding them does not take minutes, without (under an
 opaque transfer function, which is what hides most). The paper's (Orchard and Möller 2001, section 4.2): traditional 17 whd, A 5 (w+2)(h+2)(d+2) + 28 s,

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """What leaving out pixels costs and saves, as a Markdown table: docs/studies/sampling.md.
 
-    cargo build --release && python3 benches/sampling.py ../shared/data
+    cargo build --release -p adj && python3 benches/sampling.py ../shared/data
 
 Draws each set with every pixel and with enough (`--sampling`), at 512 x 512, standard quality, two threads, and compares
 them over the pixels that are not empty: decibels and the largest difference of the linear pictures. Times are the best

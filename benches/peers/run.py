@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """The same sets drawn and held by adj, VTK, VolPack and OpenVDB, timed: docs/studies/0004-peers.md.
 
-    cargo build --release && benches/peers/run.py --out FOLDER [--study]
+    cargo build --release -p adj && benches/peers/run.py --out FOLDER [--study]
 
 Writes FOLDER/peers.json, FOLDER/peers.md (the tables) and FOLDER/pictures; --study also puts the tables into the study
 and contact sheets into docs/pictures. What is missing is named in one line and left out. --sets and --programs measure
@@ -46,7 +46,7 @@ def arguments():
     given.sets = among(given.sets, ORDER, "--sets")
     given.programs = among(given.programs, PROGRAMS, "--programs")
     if not given.adj.exists():
-        sys.exit(f"peers: {given.adj} is missing: cargo build --release")
+        sys.exit(f"peers: {given.adj} is missing: cargo build --release -p adj")
     return given
 
 
