@@ -13,7 +13,7 @@ pub use crate::text::{open_regular, read_text};
 pub mod scatter {
     pub use crate::splat::composite::{Finish, Look, Table};
     pub use crate::splat::cpu::blend::{Blend, FrontToBack};
-    pub use crate::splat::cpu::dispatch::{SplatBuffers, draw_splats, project_and_draw};
+    pub use crate::splat::cpu::dispatch::{SplatBuffers, draw_block, project_block};
     pub use crate::splat::cpu::project::{Coordinates, GROUP, Projector, VoxelBlock, apply_strengths};
     pub use crate::splat::cpu::raster::BLOCK;
     pub use crate::splat::cpu::task::{BandResult, BandStats, assemble};

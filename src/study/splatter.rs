@@ -12,7 +12,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::FrameSetup;
 use adjsplat::internals::scatter::{
     BLOCK, BandResult, BandStats, Blend as _, Coordinates, Finish, FrontToBack, GROUP, Look, Projector, Rect,
-    SplatBuffers, Table, VoxelBlock, apply_strengths, assemble, draw_splats, project_and_draw,
+    SplatBuffers, Table, VoxelBlock, apply_strengths, assemble, draw_block, project_block,
 };
 use adjsplat::splat::{Camera, Code, Frame, Mode, Scene, Settings};
 use adjsplat::traverse::{Batch, Sense};
@@ -115,11 +115,8 @@ impl Splatter<'_> {
 
     fn flush_voxels(&mut self) {
         let (projector, buffers) = (&self.projectors[0], &mut self.buffers);
-        self.drawn += if self.drawing {
-            project_and_draw::<FrontToBack>(Code::Best, projector, &self.voxels, buffers)
-        } else {
-            project(projector, &self.voxels, buffers)
-        };
+        let projected = project_block(Code::Best, projector, &self.voxels, buffers);
+        self.drawn += if self.drawing { draw(projector, buffers) } else { projected };
         self.voxels.count = 0;
     }
 
@@ -129,13 +126,20 @@ impl Splatter<'_> {
             self.projectors.push(self.projectors[0].of_cubes(edge));
         }
         let projector = &self.projectors[self.level];
-        self.drawn += handed(projector, &mut self.block, &mut self.buffers, self.drawing);
+        let projected = place_and_shade(projector, &mut self.block, &mut self.buffers);
+        self.drawn += if self.drawing { draw(projector, &mut self.buffers) } else { projected };
     }
 }
 
-/// Places and shades the voxels of a block (stage 1 of the renderer); the block is empty afterwards.
-#[inline(always)]
-fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers) {
+/// Draws a projected block; returns how many splats were drawn.
+fn draw(projector: &Projector, buffers: &mut SplatBuffers) -> u64 {
+    draw_block::<FrontToBack>(Code::Best, projector, buffers)
+}
+
+/// Places and shades the voxels of a block (stage 1 of the renderer); the block is empty afterwards. Returns how many
+/// splats are to be drawn.
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers) -> u64 {
     let SplatBuffers { tiles, splats, .. } = buffers;
     projector.place(block, splats);
     projector.cull(block.count, [true; BLOCK], splats, tiles);
@@ -163,26 +167,7 @@ fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut Splat
         projector.light(lights, &normals, block, splats);
     }
     block.count = 0;
-}
-
-/// Does all that [`project_and_draw`] does except the drawing; returns how many splats it would draw.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn project(projector: &Projector, voxels: &VoxelBlock, buffers: &mut SplatBuffers) -> u64 {
-    let SplatBuffers { tiles, splats, .. } = buffers;
-    projector.project_block(voxels, splats, tiles);
-    std::hint::black_box(&buffers.splats).count as u64
-}
-
-/// Projects a block and, if `drawing`, draws it; returns how many splats were drawn, or would be.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn handed(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers, drawing: bool) -> u64 {
-    place_and_shade(projector, block, buffers);
-    if drawing {
-        let SplatBuffers { tiles, splats, .. } = buffers;
-        draw_splats::<FrontToBack>(projector, tiles, splats)
-    } else {
-        std::hint::black_box(&buffers.splats).count as u64
-    }
+    splats.count as u64
 }
 
 /// Returns the picture of the voxels that `feed` gives to the splatter, in the order of the view.

@@ -7,7 +7,7 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
-use super::blend::Blend;
+use super::blend::{Additive, Blend};
 use super::dispatch::{self, SplatBuffers};
 use super::project::{GROUP, VoxelBlock};
 use super::task::{BandResult, BandStats, DrawTask};
@@ -79,10 +79,14 @@ impl<B: Blend> BandPainter<'_, B> {
     /// Draws the voxels that wait.
     fn flush(&mut self) {
         let DrawTask { projector, settings, visible, .. } = self.task;
-        let (voxels, buffers) = (&self.voxels, &mut self.buffers);
-        self.stats.drawn += match visible {
-            None => dispatch::project_and_draw::<B>(settings.code, projector, voxels, buffers),
-            Some(visible) => dispatch::mark_and_draw(projector, voxels, buffers, *visible),
+        let (code, buffers) = (settings.code, &mut self.buffers);
+        dispatch::project_block(code, projector, &self.voxels, buffers);
+        if let Some(visible) = visible {
+            visible.mark(projector, &self.voxels, &buffers.splats, &buffers.tiles);
+        }
+        self.stats.drawn += match buffers.sheet {
+            Some(_) => dispatch::draw_block::<Additive>(code, projector, buffers),
+            None => dispatch::draw_block::<B>(code, projector, buffers),
         };
         self.voxels.count = 0;
     }

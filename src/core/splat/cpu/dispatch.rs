@@ -3,13 +3,13 @@
 //! All versions give the same bits: they do the same arithmetic, and differ in how many values they compute at once.
 
 use multiversion::multiversion;
+use multiversion::target::match_target;
 
-use super::blend::{Additive, Blend, FrontToBack};
+use super::blend::Blend;
 use super::project::{Projector, VoxelBlock};
 use super::raster::{self, Splats};
 use super::stamp::StampBuffers;
 use super::tile_buffer::{Rect, TileBuffer};
-use super::visible::VisibleRecords;
 use crate::error::Result;
 use crate::splat::Code;
 use crate::splat::view::PixelMap;
@@ -37,19 +37,27 @@ impl SplatBuffers {
     }
 }
 
-/// Defines a function that runs the version of its body for the instruction set `code`, its first argument.
+/// Defines a function whose body is compiled for three instruction sets. Its first argument selects one; without the
+/// processor's support for it, the next simpler one runs.
 macro_rules! for_each_instruction_set {
-    ($(#[$doc:meta])* $vis:vis fn $name:ident$(<$blend:ident>)?($($arg:ident: $kind:ty),*) -> u64 $body:block) => {
+    ($(#[$doc:meta])* $vis:vis fn $name:ident$(<$blend:ident>)?($($arg:ident: $kind:ty),* $(,)?) -> u64 $body:block) => {
         $(#[$doc])*
         $vis fn $name$(<$blend: Blend>)?(code: Code, $($arg: $kind),*) -> u64 {
-            #[multiversion(
-                targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"),
-                dispatcher = "direct"
-            )]
-            fn best$(<$blend: Blend>)?($($arg: $kind),*) -> u64 $body
+            #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq"), dispatcher = "direct")]
+            fn best$(<$blend: Blend>)?($($arg: $kind),*) -> u64 {
+                match_target! {
+                    "x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq" => $body,
+                    _ => avx2$(::<$blend>)?($($arg),*),
+                }
+            }
 
             #[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
-            fn avx2$(<$blend: Blend>)?($($arg: $kind),*) -> u64 $body
+            fn avx2$(<$blend: Blend>)?($($arg: $kind),*) -> u64 {
+                match_target! {
+                    "x86_64+avx+avx2" => $body,
+                    _ => portable$(::<$blend>)?($($arg),*),
+                }
+            }
 
             fn portable$(<$blend: Blend>)?($($arg: $kind),*) -> u64 $body
 
@@ -63,13 +71,22 @@ macro_rules! for_each_instruction_set {
 }
 
 for_each_instruction_set! {
-    /// Projects and draws a block of voxels; returns how many splats were drawn.
-    pub fn project_and_draw<B>(projector: &Projector, voxels: &VoxelBlock, buffers: &mut SplatBuffers) -> u64 {
+    /// Runs [`Projector::project_block`]; returns how many splats are to be drawn.
+    pub fn project_block(projector: &Projector, voxels: &VoxelBlock, buffers: &mut SplatBuffers) -> u64 {
+        projector.project_block(voxels, &mut buffers.splats, &buffers.tiles);
+        buffers.splats.count as u64
+    }
+}
+
+for_each_instruction_set! {
+    /// Draws a projected block, on the sheet if there is one; returns how many splats were drawn.
+    pub fn draw_block<B>(projector: &Projector, buffers: &mut SplatBuffers) -> u64 {
         let SplatBuffers { tiles, splats, sheet } = buffers;
-        projector.project_block(voxels, splats, tiles);
-        match sheet {
-            None => draw_splats::<B>(projector, tiles, splats),
-            Some(sheet) => draw_splats::<Additive>(projector, sheet, splats),
+        let tiles = sheet.as_mut().unwrap_or(tiles);
+        let thresholds = [projector.cut, projector.stop];
+        match &projector.map {
+            PixelMap::Parallel { .. } => raster::draw::<B>(tiles, splats, |_| projector.ellipse, thresholds),
+            PixelMap::Perspective { .. } => raster::draw::<B>(tiles, splats, |j| splats.ellipse(j), thresholds),
         }
     }
 }
@@ -93,34 +110,10 @@ for_each_instruction_set! {
     }
 }
 
-/// Projects a block of voxels, marks the visible ones, then draws the block front to back.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-pub(super) fn mark_and_draw(
-    projector: &Projector,
-    voxels: &VoxelBlock,
-    buffers: &mut SplatBuffers,
-    visible: VisibleRecords,
-) -> u64 {
-    let SplatBuffers { tiles, splats, .. } = buffers;
-    projector.project_block(voxels, splats, tiles);
-    visible.mark(projector, voxels, splats, tiles);
-    draw_splats::<FrontToBack>(projector, tiles, splats)
-}
-
 /// Composites the sheet (the sum of a slice's splats) behind the band's pixels, if there is a sheet.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 pub(super) fn composite_sheet(buffers: &mut SplatBuffers, stop: f32) {
     if let SplatBuffers { tiles, sheet: Some(sheet), .. } = buffers {
         tiles.composite(sheet, stop);
-    }
-}
-
-/// Draws a projected block on `tiles`; returns how many splats were drawn.
-#[inline(always)]
-pub fn draw_splats<B: Blend>(projector: &Projector, tiles: &mut TileBuffer, splats: &Splats) -> u64 {
-    let thresholds = [projector.cut, projector.stop];
-    match &projector.map {
-        PixelMap::Parallel { .. } => raster::draw::<B>(tiles, splats, |_| projector.ellipse, thresholds),
-        PixelMap::Perspective { .. } => raster::draw::<B>(tiles, splats, |j| splats.ellipse(j), thresholds),
     }
 }

@@ -62,7 +62,7 @@ pub fn render(scene: &Scene, camera: &Camera, settings: &Settings) -> Result<(Fr
 
 /// Draws a frame without the records (stored voxels) in `omitted`, a set of indices into the lane that the view walks.
 ///
-/// The picture is bit for bit that of a scene from which these voxels were removed. [`Code::Plain`] ignores `omitted`.
+/// The picture is bit for bit that of a scene from which these voxels were removed.
 ///
 /// # Errors
 /// Returns the errors of [`render`].
@@ -164,7 +164,7 @@ fn draw_in_mode(
     if is_base_plane && settings.code != Code::Plain {
         let projector = Projector::new(setup, table, FrontToBack::ALPHA_INK, settings.termination());
         let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings) };
-        let bands = task.in_bands(true, |rect| stamp::draw(&task, rect))?;
+        let bands = task.in_bands(true, &|rect| stamp::draw(&task, rect))?;
         return Ok((assemble(&bands, settings, Finish::new(table))?, BandStats::of(&bands)));
     }
     let draw = match (settings.mode, settings.sense) {

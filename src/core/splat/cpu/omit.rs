@@ -7,22 +7,21 @@ use crate::arena::RecordSet;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Passes to `inner` the records that are not in `omitted`.
-#[derive(Debug)]
-pub(super) struct OmittingVisitor<'a, V> {
-    inner: &'a mut V,
+pub(super) struct OmittingVisitor<'a> {
+    inner: &'a mut dyn Visitor,
     omitted: &'a RecordSet,
     medium: Vec<u16>,
     fast: Vec<u16>,
     record: Vec<u32>,
 }
 
-impl<'a, V> OmittingVisitor<'a, V> {
-    pub(super) fn new(inner: &'a mut V, omitted: &'a RecordSet) -> OmittingVisitor<'a, V> {
+impl<'a> OmittingVisitor<'a> {
+    pub(super) fn new(inner: &'a mut dyn Visitor, omitted: &'a RecordSet) -> OmittingVisitor<'a> {
         OmittingVisitor { inner, omitted, medium: Vec::new(), fast: Vec::new(), record: Vec::new() }
     }
 }
 
-impl<V: Visitor> Visitor for OmittingVisitor<'_, V> {
+impl Visitor for OmittingVisitor<'_> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
         self.inner.wants_tile(bounds)
     }

@@ -4,8 +4,6 @@
 //! voxel and a single pixel with the fast code and nothing else: no blocks, tiles, chords, frozen pixels or bands.
 //! Tests check that both give equal bits.
 
-use std::time::Instant;
-
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
 use super::project::{Projector, jacobian, nearest_pixel, pixel_span, slant};
 use super::raster::{Centre, SplatKernel};
@@ -17,7 +15,7 @@ use crate::splat::arith::{LOG2_E, at_least, at_most};
 use crate::splat::composite::MAX_DEPTH;
 use crate::splat::kernel::{Ellipse, footprint};
 use crate::splat::view::{PixelMap, single};
-use crate::traverse::{Batch, walk};
+use crate::traverse::Batch;
 
 /// Draws the whole picture.
 pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<TileBuffer>> {
@@ -73,9 +71,8 @@ fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (kernel, [red, green, blue]): Co
 
 /// Calls `draw` for each voxel with its splat (`None` if the voxel has none) and slice; `draw` returns whether it drew.
 fn each_splat(task: &DrawTask, mut draw: impl FnMut(Option<ColouredKernel>, u16) -> bool) -> BandStats {
-    let start = Instant::now();
     let mut stats = BandStats { bands: 1, ..BandStats::default() };
-    walk(&task.setup.lane, &task.setup.order, &mut |batch: &Batch| {
+    let walking = task.walk(&mut |batch: &Batch| {
         for j in 0..batch.len() {
             let mut voxel = [0u16; 3];
             let [s, m, f] = task.projector.nesting;
@@ -84,7 +81,7 @@ fn each_splat(task: &DrawTask, mut draw: impl FnMut(Option<ColouredKernel>, u16)
             stats.drawn += u64::from(draw(splat(task, voxel, batch.record_index(j)), batch.slow));
         }
     });
-    BandStats { walking: start.elapsed(), ..stats }
+    BandStats { walking, ..stats }
 }
 
 /// Returns a voxel's kernel and colour; `None` if it is not drawn.

@@ -90,7 +90,7 @@ impl<'a> DrawTask<'a> {
     /// Draws all splats, band by band.
     pub(super) fn splat<B: Blend>(&self) -> Result<Vec<BandResult<TileBuffer>>> {
         if self.settings.code != Code::Plain {
-            return self.in_bands(self.lines_follow_rows(), |rect| band::draw::<B>(self, rect));
+            return self.in_bands(self.lines_follow_rows(), &|rect| band::draw::<B>(self, rect));
         }
         let rect = full_rect(self.settings.size);
         let drawn = match self.settings.blending {
@@ -101,12 +101,12 @@ impl<'a> DrawTask<'a> {
     }
 
     /// Walks the lane and passes its voxels to `painter`, which draws them; returns the elapsed time.
-    pub(super) fn walk(&self, painter: &mut impl Visitor) -> Duration {
+    pub(super) fn walk(&self, painter: &mut dyn Visitor) -> Duration {
         let start = Instant::now();
         let FrameSetup { lane, order, .. } = self.setup;
         match self.omitted {
             None => walk(lane, order, painter),
-            Some(omitted) => walk(lane, order, &mut OmittingVisitor::new(painter, omitted)),
+            Some(omitted) => walk::<dyn Visitor>(lane, order, &mut OmittingVisitor::new(painter, omitted)),
         }
         start.elapsed()
     }
@@ -122,7 +122,7 @@ impl<'a> DrawTask<'a> {
     pub(super) fn in_bands<P: Send>(
         &self,
         by_rows: bool,
-        draw: impl Fn(Rect) -> Result<BandResult<P>> + Sync,
+        draw: &(dyn Fn(Rect) -> Result<BandResult<P>> + Sync),
     ) -> Result<Vec<BandResult<P>>> {
         let full = full_rect(self.settings.size);
         let side = usize::try_from(if by_rows { full.y1 } else { full.x1 }).unwrap_or(1);

@@ -22,7 +22,6 @@ pub struct VisibleRecords<'a> {
 
 impl VisibleRecords<'_> {
     /// Marks the records of a block's visible splats.
-    #[inline(always)]
     pub(super) fn mark(&self, projector: &Projector, voxels: &VoxelBlock, splats: &Splats, tiles: &TileBuffer) {
         for k in 0..splats.count.min(BLOCK) {
             let j = usize::from(splats.kept[k]) % BLOCK;
