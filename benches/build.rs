@@ -8,7 +8,7 @@
 
 use std::time::Duration;
 
-use adjsplat::arena::{OwnedLane, TileOrder};
+use adjsplat::arena::OwnedLane;
 use adjsplat::build::{BuildOptions, Classified, Resources, Unobserved, classify};
 use adjsplat::classify::{Neighbourhood, TransferFunction, normal};
 use adjsplat::volume::phantom::Phantom;
@@ -49,13 +49,7 @@ fn bench(criterion: &mut Criterion, phantom: &Phantom, sample_type: SampleType, 
     let volume =
         Volume::read(&mut *phantom.open([edge; 3], sample_type, [1.0; 3]).expect("a sound phantom")).expect("fits");
     let (low, high) = phantom.visible_range();
-    let options = BuildOptions {
-        transfer: TransferFunction::range(low, high).expect("a sound range"),
-        lane_count: 3,
-        tile_order: TileOrder::Morton,
-        value_bits: 8,
-        normal_bits: 8,
-    };
+    let options = BuildOptions::new(TransferFunction::range(low, high).expect("a sound range")).with_normal_bits(8);
     let want = plainly(&volume, &options.transfer);
     let keep = |volume: &Volume, threads: usize| -> Classified {
         let resources = Resources { threads, ..Resources::default() };

@@ -54,7 +54,7 @@ impl Subject {
         let visible = samples.filter(|sample| (low..=high).contains(sample)).count() as u64;
         let transfer = TransferFunction::range(low, high).expect("a sound range");
         let tile_order = TileOrder::Morton;
-        let options = BuildOptions { transfer, lane_count: 3, tile_order, value_bits: 8, normal_bits: 8 };
+        let options = BuildOptions::new(transfer).with_tile_order(tile_order).with_normal_bits(8);
         Subject { volume, options, visible }
     }
 
@@ -122,7 +122,7 @@ fn run(stage: &str) {
             let orbit = Orbit { azimuth: 25.0, elevation: 20.0, ..Orbit::default() };
             let camera = Camera::orbiting(orbit, Surround::of_grid(&facts.grid), size).expect("a camera");
             // Without termination every voxel is drawn.
-            let settings = Settings { termination: Some(0.0), ..Settings::every_pixel(size) };
+            let settings = Settings::every_pixel(size).with_termination(0.0);
             let (_, stats) = count(|| cpu::render(&scene, &camera, &settings).expect("a frame"));
             assert_eq!(stats.splats_drawn, subject.visible);
         }

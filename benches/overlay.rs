@@ -8,7 +8,7 @@
 use std::time::Instant;
 
 use adjsplat::arena::Record;
-use adjsplat::arena::{Arena, Lane, LaneSet, Overlay, TileOrder};
+use adjsplat::arena::{Arena, Lane, LaneSet, Overlay};
 use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
@@ -25,13 +25,7 @@ fn main() {
     let phantom = Phantom::from_name("gyroid").expect("it is built in");
     let (low, high) = phantom.visible_range();
     let transfer = TransferFunction::range(low, high).expect("a sound range");
-    let options = BuildOptions {
-        transfer: transfer.clone(),
-        lane_count: 1,
-        tile_order: TileOrder::Morton,
-        value_bits: 8,
-        normal_bits: 8,
-    };
+    let options = BuildOptions::new(transfer.clone()).with_lane_count(1).with_normal_bits(8);
     let mut source = phantom.open([side.into(); 3], SampleType::U8, [1.0; 3]).expect("a sound size");
     let built = build(&mut *source, &options, &mut Unobserved).expect("builds");
     let bytes = arena_bytes(&built.facts, &built.lanes, "{}");

@@ -62,7 +62,7 @@ fn splats(criterion: &mut Criterion) {
             let orbit = Orbit { azimuth: 25.0, elevation: 20.0, zoom: fit * zoom, fov, ..Orbit::default() };
             let camera = Camera::orbiting(orbit, around, size).expect("a camera");
             let kind = if fov.is_some() { "perspective" } else { "parallel" };
-            let want = cpu::render(&scene, &camera, &Settings { code: Code::Plain, ..Settings::every_pixel(size) });
+            let want = cpu::render(&scene, &camera, &Settings::every_pixel(size).with_code(Code::Plain));
             let (want, stats) = want.expect("a frame");
             assert_eq!(stats.splats_drawn, facts.visible_voxels);
             let codes = [
@@ -73,7 +73,7 @@ fn splats(criterion: &mut Criterion) {
                 ("plain twin", Code::Plain, 1),
             ];
             for (name, code, threads) in codes {
-                let settings = Settings { code, threads, ..Settings::every_pixel(size) };
+                let settings = Settings::every_pixel(size).with_code(code).with_threads(threads);
                 let id = BenchmarkId::new(format!("{kind}/{name}"), format!("{across} px"));
                 if code != Code::Plain {
                     let (frame, _) = cpu::render(&scene, &camera, &settings).expect("a frame");

@@ -8,7 +8,6 @@
 
 use std::time::Duration;
 
-use adjsplat::arena::TileOrder;
 use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat, adapter};
@@ -23,13 +22,7 @@ const SIZE: [u32; 2] = [512, 512];
 fn gyroid() -> Built {
     let phantom = Phantom::Gyroid;
     let (low, high) = phantom.visible_range();
-    let options = BuildOptions {
-        transfer: TransferFunction::range(low, high).expect("a sound range"),
-        lane_count: 3,
-        tile_order: TileOrder::Morton,
-        value_bits: 8,
-        normal_bits: 8,
-    };
+    let options = BuildOptions::new(TransferFunction::range(low, high).expect("a sound range")).with_normal_bits(8);
     let mut source = phantom.open([SIDE; 3], SampleType::U8, [1.0; 3]).expect("a sound size");
     build(&mut *source, &options, &mut Unobserved).expect("builds")
 }
@@ -59,7 +52,7 @@ fn splats(criterion: &mut Criterion) {
         let camera = Camera::orbiting(orbit, around, SIZE).expect("a camera");
         let kind = if fov.is_some() { "perspective" } else { "parallel" };
         // Without termination the renderers draw the same splats.
-        let settings = Settings { termination: Some(0.0), ..Settings::every_pixel(SIZE) };
+        let settings = Settings::every_pixel(SIZE).with_termination(0.0);
         let (want, stats) = cpu::render(&scene, &camera, &settings).expect("a frame");
         let drawn = stats.splats_drawn;
         group.throughput(Throughput::Elements(drawn));
@@ -73,7 +66,7 @@ fn splats(criterion: &mut Criterion) {
             ways.push(("quads, 32 bits", Compositor::Quads(QuadFormat::Float32), 60.0));
         }
         for (name, compositor, least) in ways {
-            let options = GpuOptions { compositor: Some(compositor), ..GpuOptions::default() };
+            let options = GpuOptions::default().with_compositor(compositor);
             let (device, queue) = (opened.device.clone(), opened.queue.clone());
             let mut renderer = GpuRenderer::new(device, queue, scene, options).expect("a renderer");
             let (frame, _) = renderer.render(&camera, &settings).expect("a frame");

@@ -43,7 +43,7 @@ pub(crate) struct Capture {
 
 /// Draws a frame, in one window and one slab, and keeps at most `most` of its splats.
 pub(crate) fn capture(gpu: &Gpu, subject: &BenchScene, camera: &Camera, settings: &Settings, most: usize) -> Capture {
-    let options = GpuOptions { vram: VRAM, compositor: Some(Compositor::Tiles) };
+    let options = GpuOptions::default().with_vram(VRAM).with_compositor(Compositor::Tiles);
     let renderer = GpuRenderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
     let mut renderer = renderer.expect("a renderer");
     let facts = subject.scene.facts;

@@ -53,7 +53,7 @@ pub(crate) fn compositors(gpu: &Gpu) -> Vec<(&'static str, Compositor)> {
 /// Measures a turn of `frames` frames by each compositor.
 pub(crate) fn measure(gpu: &Gpu, subject: &BenchScene, settings: &Settings, frames: usize) -> Vec<PathRow> {
     let measure = |(name, compositor)| {
-        let options = GpuOptions { vram: VRAM, compositor: Some(compositor) };
+        let options = GpuOptions::default().with_vram(VRAM).with_compositor(compositor);
         let renderer = GpuRenderer::new(gpu.device.clone(), gpu.queue.clone(), subject.scene, options);
         let mut renderer = renderer.expect("a renderer");
         let mut draw = |index| {

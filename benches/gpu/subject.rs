@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
+use adjsplat::arena::LaneSet;
 use adjsplat::arena::layout::Facts;
-use adjsplat::arena::{LaneSet, TileOrder};
 use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::AdjFile;
@@ -33,13 +33,8 @@ pub(crate) fn with_scene(name: &str, with: &mut dyn FnMut(&BenchScene)) -> Resul
         let phantom = Phantom::from_name(phantom).map_err(|fault| fault.to_string())?;
         let side: u64 = side.parse().map_err(|_| format!("\"{name}\" has no side, as gyroid:512 has"))?;
         let (low, high) = phantom.visible_range();
-        let options = BuildOptions {
-            transfer: TransferFunction::range(low, high).map_err(|fault| fault.to_string())?,
-            lane_count: 3,
-            tile_order: TileOrder::Morton,
-            value_bits: 8,
-            normal_bits: 8,
-        };
+        let options = BuildOptions::new(TransferFunction::range(low, high).map_err(|fault| fault.to_string())?)
+            .with_normal_bits(8);
         let built = phantom
             .open([side; 3], SampleType::U8, [1.0; 3])
             .and_then(|mut source| build(&mut *source, &options, &mut Unobserved))

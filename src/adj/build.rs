@@ -97,13 +97,12 @@ impl PackingArguments {
 
     /// Returns the builder's options that these flags and `transfer` give.
     pub(super) fn options(&self, transfer: TransferFunction) -> BuildOptions {
-        BuildOptions {
-            normal_bits: if transfer.shaded() { self.normals } else { 0 },
-            transfer,
-            lane_count: self.lanes,
-            tile_order: self.order,
-            value_bits: self.value_bits,
-        }
+        let normal_bits = if transfer.shaded() { self.normals } else { 0 };
+        BuildOptions::new(transfer)
+            .with_normal_bits(normal_bits)
+            .with_lane_count(self.lanes)
+            .with_tile_order(self.order)
+            .with_value_bits(self.value_bits)
     }
 }
 

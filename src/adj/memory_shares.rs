@@ -61,7 +61,7 @@ impl MemoryShares {
         let mut canvases = vec![Canvas::Picture];
         if let Some((low, high)) = arena.lanes().next().and_then(|lane| lane.bounds()) {
             for &sampling in samplings {
-                let settings = Settings { sampling: Some(sampling), ..settings.clone() };
+                let settings = settings.clone().with_sampling(sampling);
                 for camera in cameras {
                     canvases.push(cpu::canvas(grid, &VoxelBox { low, high }, camera, &settings)?);
                 }
@@ -71,7 +71,7 @@ impl MemoryShares {
         let pixels = u64::from(settings.size[0]) * u64::from(settings.size[1]);
         let base = BASE.max(resident_bytes().unwrap_or(0) + GROWTH);
         let need = |threads: usize| {
-            let settings = Settings { threads, ..settings.clone() };
+            let settings = settings.clone().with_threads(threads);
             let drawing = canvases.iter().map(|&canvas| cpu::memory_need(dims, tiles, canvas, &settings)).max();
             let drawing = drawing.unwrap_or(0);
             // The frame is freed before its picture is encoded.

@@ -68,7 +68,7 @@ impl RendererArguments {
             None if target == QuadFormat::Float32 => None,
             Some(CompositorName::Quads) | None => Some(Compositor::Quads(target)),
         };
-        Ok(GpuOptions { vram: self.vram.unwrap_or(GpuOptions::default().vram), compositor })
+        Ok(GpuOptions::default().with_vram(self.vram.unwrap_or(GpuOptions::default().vram)).with_compositor(compositor))
     }
 }
 
@@ -89,13 +89,13 @@ impl OnDevice<'_> {
         // The compositor of quads cannot stop at opaque pixels; and back to front, each splat shrinks the rounding
         // errors behind it.
         let sense = if has_few_bits { Sense::BackToFront } else { settings.sense };
-        let settings = &Settings { sense, ..settings.clone() };
+        let settings = &settings.clone().with_sense(sense);
         let start = Instant::now();
         let (frame, stats) = self.renderer.render(camera, settings)?;
         let frame_ms = start.elapsed().as_secs_f64() * 1e3;
         if has_few_bits && self.accumulation_error.is_none() {
             self.renderer.set_compositor(Some(Compositor::Tiles))?;
-            let (exact, _) = self.renderer.render(camera, &Settings { termination: Some(0.0), ..settings.clone() })?;
+            let (exact, _) = self.renderer.render(camera, &settings.clone().with_termination(0.0))?;
             self.renderer.set_compositor(Some(compositor))?;
             let [largest, rms] = difference(&frame, &exact);
             print_note(&format!(

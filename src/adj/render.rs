@@ -142,7 +142,7 @@ impl RenderJob<'_> {
     fn open(&self, path: &Path) -> Result<AdjFile> {
         // As parsed JSON, a text takes more than ten times its bytes.
         let description_bytes = self.memory.map_or(u64::MAX, |memory| memory / 64);
-        AdjFile::open_with(path, &Limits { description_bytes, ..Limits::default() })
+        AdjFile::open_with(path, &Limits::default().with_description_bytes(description_bytes))
     }
 
     fn draw_file(

@@ -139,15 +139,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 impl Arguments {
     fn options(&self, crop: Option<VoxelBox>, transfer: Option<TransferFunction>) -> TrimOptions {
         let range = |crop: &VoxelBox, a: usize| u32::from(crop.low[a])..u32::from(crop.high[a]) + 1;
-        TrimOptions {
-            crop: crop.map(|crop| Region { xs: range(&crop, 0), ys: range(&crop, 1), zs: range(&crop, 2) }),
-            keep_grid: self.keep_grid,
-            transfer,
-            narrow_values: self.packing.value_bits.is_some(),
-            narrow_normals: self.packing.normals.is_some(),
-            drop_normals: self.packing.drop.contains(&Channel::Normals),
-            drop_magnitudes: self.packing.drop.contains(&Channel::Magnitudes),
-        }
+        TrimOptions::default()
+            .with_crop(crop.map(|crop| Region { xs: range(&crop, 0), ys: range(&crop, 1), zs: range(&crop, 2) }))
+            .with_keep_grid(self.keep_grid)
+            .with_transfer(transfer)
+            .with_narrow_values(self.packing.value_bits.is_some())
+            .with_narrow_normals(self.packing.normals.is_some())
+            .with_drop_normals(self.packing.drop.contains(&Channel::Normals))
+            .with_drop_magnitudes(self.packing.drop.contains(&Channel::Magnitudes))
     }
 }
 

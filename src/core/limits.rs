@@ -5,7 +5,7 @@
 //!
 //! ```no_run
 //! use adjsplat::{file::AdjFile, limits::Limits};
-//! let limits = Limits { points_per_axis: 1024, file_bytes: 1 << 30, ..Limits::default() };
+//! let limits = Limits::default().with_points_per_axis(1024).with_file_bytes(1 << 30);
 //! let file = AdjFile::open_with("upload.adj".as_ref(), &limits)?;
 //! # Ok::<(), adjsplat::Error>(())
 //! ```
@@ -19,6 +19,7 @@ use crate::error::{Error, Result};
 
 /// The largest accepted sizes, inclusive: a larger size is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Limits {
     /// Most grid points along one axis.
     pub points_per_axis: u64,
@@ -55,6 +56,46 @@ impl Default for Limits {
 }
 
 impl Limits {
+    /// Sets the most grid points along one axis.
+    pub fn with_points_per_axis(self, points_per_axis: u64) -> Limits {
+        Limits { points_per_axis, ..self }
+    }
+
+    /// Sets the most grid points in the whole volume.
+    pub fn with_points(self, points: u64) -> Limits {
+        Limits { points, ..self }
+    }
+
+    /// Sets the most bytes of an `.adj` file.
+    pub fn with_file_bytes(self, file_bytes: u64) -> Limits {
+        Limits { file_bytes, ..self }
+    }
+
+    /// Sets the most sections in an `.adj` file.
+    pub fn with_sections(self, sections: u32) -> Limits {
+        Limits { sections, ..self }
+    }
+
+    /// Sets the most bytes of one section.
+    pub fn with_section_bytes(self, section_bytes: u64) -> Limits {
+        Limits { section_bytes, ..self }
+    }
+
+    /// Sets the most bytes of a description.
+    pub fn with_description_bytes(self, description_bytes: u64) -> Limits {
+        Limits { description_bytes, ..self }
+    }
+
+    /// Sets the most bytes of all derived lanes together.
+    pub fn with_derived_bytes(self, derived_bytes: u64) -> Limits {
+        Limits { derived_bytes, ..self }
+    }
+
+    /// Sets the most bytes of one z-slice of a volume.
+    pub fn with_slice_bytes(self, slice_bytes: u64) -> Limits {
+        Limits { slice_bytes, ..self }
+    }
+
     /// Checks that a size of the file at `path` is within its limit: `need`, the size, is at most `have`.
     ///
     /// `what` names the size in the error message.

@@ -67,13 +67,12 @@ pub struct Choice {
 impl Rung {
     /// Returns `settings` with this rung's kernel, termination and sampling.
     pub fn applied(&self, settings: &Settings) -> Settings {
-        Settings {
-            quality: Quality::Reference,
-            kernel: Some(self.kernel),
-            termination: Some(self.termination),
-            sampling: Some(self.sampling),
-            ..settings.clone()
-        }
+        settings
+            .clone()
+            .with_quality(Quality::Reference)
+            .with_kernel(self.kernel)
+            .with_termination(self.termination)
+            .with_sampling(self.sampling)
     }
 }
 
@@ -107,7 +106,7 @@ pub fn choose(
         if !go_on() {
             return Err(Error::Interrupted);
         }
-        Ok(cpu::render(scene, &window.camera, &Settings { size: window.size, ..settings.clone() })?.0)
+        Ok(cpu::render(scene, &window.camera, &settings.clone().with_size(window.size))?.0)
     };
     let right = windows.iter().map(|window| draw(&reference, window)).collect::<Result<Vec<_>>>()?;
     for rung in 0..last {

@@ -184,7 +184,7 @@ pub(crate) fn splat(
     drawing: bool,
     feed: impl FnOnce(&mut Splatter) -> Result<()>,
 ) -> Result<(Frame, u64)> {
-    let settings = Settings { sense: Sense::FrontToBack, mode: Mode::Composite, crop: None, ..settings.clone() };
+    let settings = settings.clone().with_sense(Sense::FrontToBack).with_mode(Mode::Composite).with_crop(None);
     let setup = FrameSetup::new(scene, camera, &settings)?;
     let table = Table::new(scene, &setup.lane, &settings, setup.view.mean_voxel)?;
     let looks =

@@ -40,10 +40,10 @@ fn the_librarys_picture_is_the_programs() {
     for (flags, orbit, settings) in [
         ("", orbit, Settings::new(size)),
         ("--perspective 40 --zoom 1.5", orbit.with_perspective(40.0).with_zoom(1.5), Settings::new(size)),
-        ("--quality draft", orbit, Settings { quality: Quality::Draft, ..Settings::new(size) }),
-        ("--quality high", orbit, Settings { quality: Quality::High, ..Settings::new(size) }),
-        ("--mode xray", orbit, Settings { mode: Mode::Additive, ..Settings::new(size) }),
-        ("--mode maximum", orbit, Settings { mode: Mode::Maximum, ..Settings::new(size) }),
+        ("--quality draft", orbit, Settings::new(size).with_quality(Quality::Draft)),
+        ("--quality high", orbit, Settings::new(size).with_quality(Quality::High)),
+        ("--mode xray", orbit, Settings::new(size).with_mode(Mode::Additive)),
+        ("--mode maximum", orbit, Settings::new(size).with_mode(Mode::Maximum)),
     ] {
         let line = format!("render a.adj -o a.png --size 90x60 --azimuth 30 --elevation 20 --renderer cpu {flags}");
         folder.adj(&format!("{line} --background transparent")).done();
@@ -62,7 +62,7 @@ fn another_program_maps_a_file_and_draws_it_on_two_threads_at_once() {
     let folder = Folder::new();
     folder.adj(&format!("build {PHANTOM} --lanes x -o a.adj")).done();
     let model = Model::open(folder.file("a.adj")).expect("a sound file");
-    let settings = Settings { threads: 1, ..Settings::new([80, 60]) };
+    let settings = Settings::new([80, 60]).with_threads(1);
     let draw =
         |model: &Model, azimuth: f64| model.render(&Camera::orbit(azimuth, 20.0), &settings).expect("a sound view");
     let alone = [10.0, 100.0].map(|azimuth| draw(&Model::open(folder.file("a.adj")).expect("a sound file"), azimuth));

@@ -7,7 +7,7 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use adjsplat::Error;
-use adjsplat::arena::{Arena, TileOrder};
+use adjsplat::arena::Arena;
 use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::{AdjFile, arena_bytes, check_writable, write_arena, write_atomically, write_atomically_unless};
@@ -169,8 +169,7 @@ fn no_write_loses_its_file_to_another_one_that_tidies_up() {
 fn shells(side: u64) -> Built {
     let mut source = Phantom::from_name("shells").unwrap().open([side; 3], SampleType::U8, [1.0; 3]).unwrap();
     let transfer = TransferFunction::range(100.0, 255.0).unwrap();
-    let options =
-        BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits: 8 };
+    let options = BuildOptions::new(transfer).with_normal_bits(8);
     build(&mut *source, &options, &mut Unobserved).unwrap()
 }
 

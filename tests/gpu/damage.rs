@@ -81,13 +81,13 @@ fn drawing_a_damaged_lane_ends() {
         let mut built: Built = sound.clone();
         built.lanes.iter_mut().for_each(|lane| damage(lane, &mut random));
         let compositor = if random.index(2) == 0 { Compositor::Tiles } else { Compositor::Quads(QuadFormat::Float16) };
-        let options = GpuOptions { vram: [8 << 20, 128 << 20][random.index(2)], compositor: Some(compositor) };
+        let options =
+            GpuOptions::default().with_vram([8 << 20, 128 << 20][random.index(2)]).with_compositor(compositor);
         let mut renderer =
             GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
         let camera = built.orbit(31.0, 24.0, None, size);
         for _ in 0..3 {
-            let settings =
-                Settings { order: Some(order(&mut random)), quality: Quality::Draft, ..Settings::every_pixel(size) };
+            let settings = Settings::every_pixel(size).with_order(order(&mut random)).with_quality(Quality::Draft);
             match renderer.render(&camera, &settings) {
                 Ok(_) => drew += 1,
                 Err(_) => refused += 1,
@@ -98,7 +98,7 @@ fn drawing_a_damaged_lane_ends() {
     assert!(drew > 20, "{drew} drawn: the walk was hardly reached");
     // The device is as good as before.
     let camera = sound.orbit(31.0, 24.0, None, size);
-    let options = GpuOptions { vram: 128 << 20, compositor: Some(Compositor::Tiles) };
+    let options = GpuOptions::default().with_vram(128 << 20).with_compositor(Compositor::Tiles);
     let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), sound.scene(), options).unwrap();
     let (got, _) = renderer.render(&camera, &Settings::every_pixel(size)).unwrap();
     let (want, _) = cpu::render(&sound.scene(), &camera, &Settings::every_pixel(size)).unwrap();

@@ -60,11 +60,11 @@ fn a_texture_shows_what_a_frame_shows() {
     let camera: Camera = built.orbit(35.0, 20.0, Some(40.0), SIZE);
     let quads = Compositor::Quads(if opened.facts.blends_float32 { QuadFormat::Float32 } else { QuadFormat::Float16 });
     for compositor in [Compositor::Tiles, quads] {
-        let options = GpuOptions { compositor: Some(compositor), ..GpuOptions::default() };
+        let options = GpuOptions::default().with_compositor(compositor);
         let (device, queue) = (&opened.device, &opened.queue);
         let mut renderer = GpuRenderer::new(device.clone(), queue.clone(), built.scene(), options).unwrap();
         for mode in [Mode::Composite, Mode::Additive, Mode::Maximum, Mode::MaximumGrey] {
-            let settings = Settings { mode, ..Settings::every_pixel(SIZE) };
+            let settings = Settings::every_pixel(SIZE).with_mode(mode);
             let (frame, _) = renderer.render(&camera, &settings).unwrap();
             for background in [None, Some([0.2, 0.5, 0.9])] {
                 let want = over(&frame, background);

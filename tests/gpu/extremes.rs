@@ -1,7 +1,7 @@
 //! The extremes of tests/pictures/extremes on graphics devices: finite, the same every time, and the processor's picture; or,
 //! where the targets of quads are narrow, off by what is known of them.
 
-use adjsplat::build::{BuildOptions, Built};
+use adjsplat::build::Built;
 use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat};
 use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Settings, cpu};
 use adjsplat::traverse::{Sense, VoxelBox};
@@ -26,7 +26,7 @@ fn compositors() -> Vec<Compositor> {
 
 fn renderer(built: &Built, compositor: Compositor) -> Option<GpuRenderer<'_>> {
     let opened = device()?;
-    let options = GpuOptions { vram: 512 << 20, compositor: Some(compositor) };
+    let options = GpuOptions::default().with_vram(512 << 20).with_compositor(compositor);
     Some(GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap())
 }
 
@@ -67,7 +67,7 @@ fn parallel(target: [f64; 3], along: [f64; 3], up: [f64; 3], height: f64) -> Cam
 }
 
 fn reference(size: [u32; 2]) -> Settings {
-    Settings { quality: Quality::Reference, ..Settings::every_pixel(size) }
+    Settings::every_pixel(size).with_quality(Quality::Reference)
 }
 
 fn voxels(dims: [u64; 3], spacing: [f64; 3], places: Vec<[u32; 3]>, opacity: f64) -> Built {
@@ -77,7 +77,7 @@ fn voxels(dims: [u64; 3], spacing: [f64; 3], places: Vec<[u32; 3]>, opacity: f64
             {{ "value": 255, "colour": "#ffffff", "opacity": {opacity:e} }}] }}"##
     );
     let mut source = Phantom::Voxels(places).open(dims, SampleType::U8, spacing).unwrap();
-    built(&mut *source, &BuildOptions { normal_bits: 0, ..options(transfer(&text)) })
+    built(&mut *source, &options(transfer(&text)).with_normal_bits(0))
 }
 
 /// Roundings of a device's division, root and exponential: some 2^-22 of a depth, which counts with at most 1/e.
@@ -97,7 +97,7 @@ fn opacities_from_denormal_to_one() {
     for opacity in [5e-324, 1e-310, 1e-40, 1e-20, 1e-9] {
         let built = voxels([1; 3], [1.0; 3], vec![[0; 3]], opacity);
         let views = [Mode::Composite, Mode::Additive]
-            .map(|mode| (parallel([0.0; 3], ALONG, UP, 1.1), Settings { mode, ..reference([9, 9]) }));
+            .map(|mode| (parallel([0.0; 3], ALONG, UP, 1.1), reference([9, 9]).with_mode(mode)));
         check(&format!("opacity {opacity:e}"), &built, &views, 1e-9);
     }
 }
@@ -110,7 +110,7 @@ fn splats_from_a_billionth_of_a_pixel_to_a_billion() {
         for mode in [Mode::Composite, Mode::Additive, Mode::Maximum] {
             for (x, y) in [(0.0, 0.0), (0.5, 0.5), (7.3, -11.1)] {
                 let target = [x / pixels, y / pixels, 0.0];
-                views.push((parallel(target, ALONG, UP, 33.0 / pixels), Settings { mode, ..reference([41, 33]) }));
+                views.push((parallel(target, ALONG, UP, 33.0 / pixels), reference([41, 33]).with_mode(mode)));
             }
         }
         // A pixel on a footprint's edge is 1e-4 of a peak of 0.25.
@@ -193,7 +193,7 @@ fn ties_and_eyes_on_voxels() {
         [-8.0, 12.0, 12.0],
     ] {
         for near in [None, Some(0.5)] {
-            views.push((inside(&built, eye, [1.0, 0.4, -0.3]), Settings { near, ..reference([48, 40]) }));
+            views.push((inside(&built, eye, [1.0, 0.4, -0.3]), reference([48, 40]).with_near(near)));
         }
     }
     // Near the eye footprints are the size of the picture, and depths single precision's.
@@ -271,7 +271,7 @@ fn columns(part: f64, layers: u64) -> (Built, Camera, Settings, f64) {
     );
     let built = phantom("constant", [4, 4, layers], [1.0; 3], transfer(&text), 8);
     let camera = parallel([1.5, 1.5, 0.0], ALONG, UP, 3.0 / scale);
-    let settings = Settings { lighting: None, ..reference([3, 3]) };
+    let settings = reference([3, 3]).with_lighting(None);
     (built, camera, settings, (16.0 * layers as f64 * (-part).ln_1p()).exp())
 }
 
@@ -290,7 +290,7 @@ fn a_million_faint_layers_on_a_device_are_off_by_what_is_known() {
         for compositor in compositors() {
             for &sense in &senses[at_full(0, senses.len() - 1)..] {
                 let Some(mut renderer) = renderer(&built, compositor) else { return };
-                let (frame, _) = renderer.render(&camera, &Settings { sense, ..settings.clone() }).unwrap();
+                let (frame, _) = renderer.render(&camera, &settings.clone().with_sense(sense)).unwrap();
                 let got = 1.0 - f64::from(frame.pixel(1, 1)[3]);
                 let error = (got - exact).abs();
                 say(&format!("{part:e} a million times, {compositor:?}, {sense:?}: {got:.4}, exactly {exact:.4}"));
@@ -302,7 +302,7 @@ fn a_million_faint_layers_on_a_device_are_off_by_what_is_known() {
             }
         }
         for target in [QuadFormat::Float16, QuadFormat::Unorm8] {
-            let settings = Settings { sense: Sense::BackToFront, ..settings.clone() };
+            let settings = settings.clone().with_sense(Sense::BackToFront);
             let Some(mut renderer) = renderer(&built, Compositor::Quads(target)) else { return };
             let (frame, _) = renderer.render(&camera, &settings).unwrap();
             let got = 1.0 - f64::from(frame.pixel(1, 1)[3]);
@@ -319,9 +319,8 @@ fn a_million_faint_layers_on_a_device_are_off_by_what_is_known() {
 fn a_hundred_thousand_half_opaque_splats_on_a_device_end_cleanly() {
     let (built, camera, settings, _) = columns(0.5, 6_250);
     let crop = Some(VoxelBox { low: [0; 3], high: [3, 3, 999] });
-    let views =
-        [settings.clone(), Settings { termination: Some(1e-5), ..settings.clone() }, Settings { crop, ..settings }]
-            .map(|settings| (camera, settings));
+    let views = [settings.clone(), settings.clone().with_termination(1e-5), settings.with_crop(crop)]
+        .map(|settings| (camera, settings));
     // Rays that end early lack 1e-5.
     check("half opaque", &built, &views, 2e-5);
 }

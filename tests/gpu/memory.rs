@@ -24,7 +24,7 @@ const TIGHT: u64 = 7 << 20;
 const PLENTY: u64 = 512 << 20;
 
 fn renderer<'a>(opened: &OpenedDevice, built: &'a Built, vram: u64) -> GpuRenderer<'a> {
-    let options = GpuOptions { vram, compositor: Some(Compositor::Tiles) };
+    let options = GpuOptions::default().with_vram(vram).with_compositor(Compositor::Tiles);
     GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap()
 }
 
@@ -67,8 +67,8 @@ fn dust_beside_a_solid_stays_within() {
     let camera = Camera::orbiting(Orbit { azimuth: 20.0, elevation: 40.0, ..Orbit::default() }, around, size).unwrap();
     // Slow z, medium y, fast x.
     let order = Some(Order::parallel(5, 0));
-    let settings = Settings { quality: Quality::Draft, order, ..Settings::every_pixel(size) };
-    let options = |vram| GpuOptions { vram, compositor: Some(Compositor::Quads(QuadFormat::Float16)) };
+    let settings = Settings::every_pixel(size).with_quality(Quality::Draft).with_order(order);
+    let options = |vram| GpuOptions::default().with_vram(vram).with_compositor(Compositor::Quads(QuadFormat::Float16));
     let draw = |vram| {
         let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), scene, options(vram)).unwrap();
         drawn(&opened, &mut renderer, &camera, &settings, vram)
@@ -88,7 +88,7 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
     let built = phantom("constant", [110, 100, 100], [1.0; 3], transfer(text), 8);
     let lane_bytes = built.lanes[0].view().bytes();
     let size = at_full([64, 56], [32, 28]);
-    let settings = Settings { quality: Quality::Draft, ..Settings::every_pixel(size) };
+    let settings = Settings::every_pixel(size).with_quality(Quality::Draft);
     let views = [
         ("parallel", built.orbit(31.0, 24.0, None, size), SplitForm::default()),
         ("inside, in turn", inside(&built, [50.3, 44.5, 61.0], [1.0, 0.4, 0.2]), SplitForm::Interleaved),
@@ -98,7 +98,7 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
     let whole: Vec<Frame> = {
         let mut renderer = renderer(&opened, &built, PLENTY);
         let frame = |(what, camera, form): &(&str, Camera, SplitForm)| {
-            let settings = Settings { form: *form, ..settings.clone() };
+            let settings = settings.clone().with_form(*form);
             let (frame, stats, _) = drawn(&opened, &mut renderer, camera, &settings, PLENTY);
             assert_eq!((stats.slabs, stats.windows), (1, 1), "{what}");
             assert!(shows(&frame));
@@ -109,7 +109,7 @@ fn a_structure_that_is_too_large_gives_the_same_picture() {
     let before = allocated(&opened);
     let mut renderer = renderer(&opened, &built, TIGHT);
     for ((what, camera, form), whole) in views.iter().zip(&whole) {
-        let settings = Settings { form: *form, ..settings.clone() };
+        let settings = settings.clone().with_form(*form);
         let (frame, stats, most) = drawn(&opened, &mut renderer, camera, &settings, TIGHT + before);
         say(&format!(
             "{what}: {} slabs, {} windows, {} chunks, {} bytes of {TIGHT} by its own count, {} by the device's",
@@ -135,7 +135,7 @@ fn windows_give_the_same_picture() {
     let Some(opened) = own_device() else { return };
     let built = phantom("gyroid", [40, 44, 36], [1.0; 3], transfer(LIT_LAYERS), 8);
     let size = [300, 280];
-    let settings = Settings { quality: Quality::High, ..Settings::every_pixel(size) };
+    let settings = Settings::every_pixel(size).with_quality(Quality::High);
     for fov in [None, Some(50.0)] {
         let camera = built.orbit(31.0, 24.0, fov, size);
         let (whole, one, _) = drawn(&opened, &mut renderer(&opened, &built, PLENTY), &camera, &settings, PLENTY);
@@ -154,7 +154,7 @@ fn pictures_of_other_sizes_one_after_the_other_stay_within() {
     let vram = 12 << 20;
     let mut renderer = renderer(&opened, &built, vram);
     for (index, size) in [[32, 32], [300, 260], [200, 180], [16, 300], [100, 100]].into_iter().enumerate() {
-        let settings = Settings { quality: Quality::Draft, ..Settings::every_pixel(size) };
+        let settings = Settings::every_pixel(size).with_quality(Quality::Draft);
         let views = [(10.0, 5.0), (80.0, 5.0), (10.0, 80.0)].into_iter().skip(at_full(0, index % 3));
         for (azimuth, elevation) in views.step_by(at_full(1, 3)) {
             let camera = built.orbit(azimuth, elevation, None, size);
@@ -182,7 +182,7 @@ fn a_lane_is_uploaded_once_as_it_is() {
         }
         let mut fresh = self::renderer(opened, &built, PLENTY);
         for (nesting, axis) in [(0, Axis::Z), (1, Axis::Y), (3, Axis::X)] {
-            let settings = Settings { order: Some(Order::parallel(nesting, 0)), ..settings.clone() };
+            let settings = settings.clone().with_order(Order::parallel(nesting, 0));
             let camera = built.orbit(10.0, 5.0, None, size);
             let bytes = built.lanes.lane(axis).unwrap().bytes();
             assert_eq!(fresh.render(&camera, &settings).unwrap().1.upload_bytes, bytes, "{bits} bits, {axis:?}");
@@ -205,7 +205,7 @@ fn a_line_list_lasts_as_long_as_its_order() {
     assert_eq!(lists(&settings, 30.0), (1, true));
     assert_eq!(lists(&settings, 33.0), (0, false), "the same order");
     assert_eq!(lists(&settings, 36.0), (0, false), "the same order");
-    let ordered = |down| Settings { order: Some(Order::parallel(0, down)), ..settings.clone() };
+    let ordered = |down| settings.clone().with_order(Order::parallel(0, down));
     assert_eq!(lists(&ordered(0), 20.0).0, 1);
     assert_eq!(lists(&ordered(0b100), 20.0), (0, false), "the fast axis the other way");
     assert_eq!(lists(&ordered(0b010), 20.0), (1, true), "the medium axis the other way");
@@ -233,7 +233,7 @@ fn a_picture_of_16384_columns() {
     let Some(opened) = device() else { return };
     let built = phantom("gyroid", [256, 8, 8], [1.0; 3], transfer(LIT_LAYERS), 8);
     let size = [16_384, 64];
-    let settings = Settings { quality: Quality::Draft, ..Settings::every_pixel(size) };
+    let settings = Settings::every_pixel(size).with_quality(Quality::Draft);
     let camera = zoomed(&built, 4.0, 3.0, None, 250.0, size);
     let (want, _) = cpu::render(&built.scene(), &camera, &settings).unwrap();
     for vram in [24 << 20, PLENTY] {

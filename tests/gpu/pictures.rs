@@ -36,7 +36,7 @@ fn compositors() -> Vec<Compositor> {
 fn check(what: &str, scene: Scene, views: &[(Camera, Settings)]) {
     let Some(opened) = device() else { return };
     for compositor in compositors() {
-        let options = GpuOptions { vram: 512 << 20, compositor: Some(compositor) };
+        let options = GpuOptions::default().with_vram(512 << 20).with_compositor(compositor);
         let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), scene, options).unwrap();
         let mut least = f64::INFINITY;
         for (camera, settings) in views {
@@ -56,7 +56,7 @@ fn check_one(what: &str, built: &Built, camera: Camera, settings: Settings) {
 }
 
 fn high(size: [u32; 2]) -> Settings {
-    Settings { quality: Quality::High, ..Settings::every_pixel(size) }
+    Settings::every_pixel(size).with_quality(Quality::High)
 }
 
 fn gyroid(dims: [u64; 3], spacing: [f64; 3]) -> Built {
@@ -68,7 +68,7 @@ fn all_48_orders() {
     let built = gyroid([20, 24, 22], [1.0, 1.2, 0.9]);
     let size = [64, 64];
     let camera = built.orbit(31.0, 24.0, None, size);
-    let settings = parallel_orders().step_by(at_full(1, 5)).map(|order| Settings { order: Some(order), ..high(size) });
+    let settings = parallel_orders().step_by(at_full(1, 5)).map(|order| high(size).with_order(order));
     check("orders", built.scene(), &settings.map(|settings| (camera, settings)).collect::<Vec<_>>());
 }
 
@@ -82,16 +82,16 @@ fn modes_shading_and_crops() {
     let glossy = Lighting { ambient: 0.1, diffuse: 0.5, specular: 1.0, shininess: 90, toward_light: [1.0, 1.0, 0.2] };
     let settings = [
         base.clone(),
-        Settings { sense: Sense::BackToFront, ..base.clone() },
-        Settings { mode: Mode::Additive, ..base.clone() },
-        Settings { mode: Mode::Additive, exposure: None, ..base.clone() },
-        Settings { mode: Mode::Maximum, ..base.clone() },
-        Settings { mode: Mode::MaximumGrey, ..base.clone() },
-        Settings { lighting: None, ..base.clone() },
-        Settings { lighting: Some(glossy), ..base.clone() },
-        Settings { crop, ..base.clone() },
-        Settings { quality: Quality::Draft, termination: Some(0.0), ..base.clone() },
-        Settings { quality: Quality::Reference, ..base },
+        base.clone().with_sense(Sense::BackToFront),
+        base.clone().with_mode(Mode::Additive),
+        base.clone().with_mode(Mode::Additive).with_exposure(None),
+        base.clone().with_mode(Mode::Maximum),
+        base.clone().with_mode(Mode::MaximumGrey),
+        base.clone().with_lighting(None),
+        base.clone().with_lighting(glossy),
+        base.clone().with_crop(crop),
+        base.clone().with_quality(Quality::Draft).with_termination(0.0),
+        base.with_quality(Quality::Reference),
     ];
     let views = cameras.iter().flat_map(|camera| settings.iter().map(|settings| (*camera, settings.clone())));
     // An odd number of settings: each has one of the two cameras.
@@ -112,7 +112,7 @@ fn eyes_outside_inside_and_on_a_voxel() {
     ] {
         for form in [SplitForm::Split, SplitForm::Interleaved] {
             for sense in [Sense::FrontToBack, Sense::BackToFront] {
-                views.push((inside(&built, eye, toward), Settings { form, sense, ..high(size) }));
+                views.push((inside(&built, eye, toward), high(size).with_form(form).with_sense(sense)));
             }
         }
     }
@@ -158,7 +158,7 @@ fn another_transfer_function() {
     let (camera, settings) = (built.orbit(31.0, 24.0, None, size), high(size));
     let sheet = TransferFunction::range(110.0, 140.0).unwrap().with_shaded(false);
     let edges = transfer(&EDGES.replace("#20c040", "#f0c040").replace("0.6", "0.3"));
-    let options = GpuOptions { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
+    let options = GpuOptions::default().with_vram(512 << 20).with_compositor(Compositor::Tiles);
     let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
     let (_, first) = renderer.render(&camera, &settings).unwrap();
     assert!(first.upload_bytes > 0);
@@ -224,14 +224,13 @@ fn early_termination() {
     let size = [96, 96];
     let camera = built.orbit(31.0, 24.0, None, size);
     let Some(opened) = device() else { return };
-    let options = GpuOptions { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
+    let options = GpuOptions::default().with_vram(512 << 20).with_compositor(Compositor::Tiles);
     let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
     for termination in [1.0 / 32.0, 1.0 / 1024.0, 1e-5] {
-        let settings = Settings { termination: Some(termination), ..high(size) };
+        let settings = high(size).with_termination(termination);
         let (got, _) = renderer.render(&camera, &settings).unwrap();
         let (want, _) = cpu::render(&built.scene(), &camera, &settings).unwrap();
-        let (whole, _) =
-            cpu::render(&built.scene(), &camera, &Settings { termination: Some(0.0), ..settings }).unwrap();
+        let (whole, _) = cpu::render(&built.scene(), &camera, &settings.with_termination(0.0)).unwrap();
         assert!(decibels(&got, &want, 0.0) >= LEAST_DB, "{termination}: {}", decibels(&got, &want, 0.0));
         let (most, at) = worst(&got, &whole);
         // 2e-5: some hundred roundings.
@@ -249,12 +248,12 @@ fn an_empty_scene() {
     facts.visible_voxels = 0;
     lanes.iter_mut().for_each(|lane| *lane = OwnedLane::new(lane.axis, lane.dims, lane.channels));
     for compositor in compositors() {
-        let options = GpuOptions { vram: 64 << 20, compositor: Some(compositor) };
+        let options = GpuOptions::default().with_vram(64 << 20).with_compositor(compositor);
         let mut renderer =
             GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap();
         for mode in [Mode::Composite, Mode::Additive, Mode::Maximum] {
             for fov in [None, Some(50.0)] {
-                let settings = Settings { mode, ..high([40, 30]) };
+                let settings = high([40, 30]).with_mode(mode);
                 let (frame, stats) = renderer.render(&built.orbit(0.0, 0.0, fov, [40, 30]), &settings).unwrap();
                 assert!(!shows(&frame));
                 assert_eq!((stats.splats_drawn, stats.splats_skipped), (0, 0));

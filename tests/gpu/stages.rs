@@ -274,7 +274,7 @@ fn judged(
 }
 
 fn high(size: [u32; 2]) -> Settings {
-    Settings { quality: Quality::High, ..Settings::every_pixel(size) }
+    Settings::every_pixel(size).with_quality(Quality::High)
 }
 
 /// What the processor's walk visits.
@@ -290,7 +290,7 @@ fn walks_visit_what_the_processor_visits_in_all_orders() {
     let wide = noise([1_100, 9, 10]);
     let long = noise([12, 700, 20]);
     let full = phantom("gyroid", [70, 33, 41], [1.0; 3], plain(), 8);
-    let options = GpuOptions { vram: 64 << 20, compositor: Some(Compositor::Tiles) };
+    let options = GpuOptions::default().with_vram(64 << 20).with_compositor(Compositor::Tiles);
     for (name, built) in [("wide", &wide), ("long", &long), ("gyroid", &full)] {
         let camera = built.orbit(20.0, 30.0, None, [40, 40]);
         let mut orders: Vec<Order> = parallel_orders().collect();
@@ -308,7 +308,7 @@ fn walks_visit_what_the_processor_visits_in_all_orders() {
         // Steps that have no divisor with the numbers of nestings, directions, forms and senses.
         let step = if name == "long" { at_full(1, 5) } else { at_full(1, 11) };
         for order in orders.into_iter().step_by(step) {
-            let settings = Settings { order: Some(order), ..high([40, 40]) };
+            let settings = high([40, 40]).with_order(order);
             let Some((judged, ..)) = judged(built, &camera, &settings, options, false) else { return };
             assert!(judged.visits == visits(built, &order), "{name}: {order:?}");
             assert_eq!(judged.stats.slabs, 1);
@@ -321,20 +321,20 @@ fn walks_of_many_slabs_and_chunks_visit_what_the_processor_visits() {
     // 4 bytes a record: 2.6 MB of them.
     let transfer = transfer(r#"{ "kind": "range", "low": 1, "opacity": 0.02 }"#);
     let built = phantom("constant", [96, 90, 76], [1.0; 3], transfer, 8);
-    let tight = |compositor| GpuOptions { vram: TIGHT, compositor: Some(compositor) };
+    let tight = |compositor| GpuOptions::default().with_vram(TIGHT).with_compositor(compositor);
     let eye = [40.25, 44.5, 38.0];
     for (form, toward) in [(SplitForm::Split, [0.1, 0.3, -1.0]), (SplitForm::Interleaved, [1.0, 0.4, 0.2])] {
         let viewpoint = Viewpoint::Perspective { eye, toward };
         let order = Order::new(viewpoint, built.facts.grid.dims, Sense::FrontToBack, form).unwrap();
         // A parallel camera sees all of it, whatever the order.
-        let settings = Settings { order: Some(order), ..high([16, 16]) };
+        let settings = high([16, 16]).with_order(order);
         let outside = built.orbit(20.0, 30.0, None, [16, 16]);
         let quads = tight(Compositor::Quads(QuadFormat::Float16));
         let Some((all, ..)) = judged(&built, &outside, &settings, quads, false) else { return };
         assert!(all.stats.slabs > 1 && all.stats.chunks as usize > all.stats.slabs, "{:?}", all.stats);
         assert!(all.visits == visits(&built, &order), "{form:?}");
         // What the eye inside sees is in the same order; blocks behind it are left out.
-        let settings = Settings { form, ..high([16, 16]) };
+        let settings = high([16, 16]).with_form(form);
         let camera = inside(&built, eye, toward);
         let Some((part, ..)) = judged(&built, &camera, &settings, tight(Compositor::Tiles), false) else { return };
         let mut rest = all.visits.iter();
@@ -364,14 +364,14 @@ fn cases() -> Vec<Case> {
     add("inside", coloured(cube, [1.0; 3]), &within, high(size));
     add("anisotropic", coloured([36, 40, 8], [1.0, 1.0, 20.0]), &around, high(size));
     add("anisotropic, perspective", coloured([36, 40, 8], [1.0, 1.0, 20.0]), &ahead, high(size));
-    add("back to front", coloured(cube, [1.0; 3]), &around, Settings { sense: Sense::BackToFront, ..high(size) });
-    let unlit = Settings { lighting: None, ..high(size) };
-    add("additive", coloured(cube, [1.0; 3]), &around, Settings { mode: Mode::Additive, ..unlit.clone() });
-    add("maximum", coloured(cube, [1.0; 3]), &around, Settings { mode: Mode::Maximum, ..unlit });
+    add("back to front", coloured(cube, [1.0; 3]), &around, high(size).with_sense(Sense::BackToFront));
+    let unlit = high(size).with_lighting(None);
+    add("additive", coloured(cube, [1.0; 3]), &around, unlit.clone().with_mode(Mode::Additive));
+    add("maximum", coloured(cube, [1.0; 3]), &around, unlit.with_mode(Mode::Maximum));
     let crop = Some(VoxelBox { low: [5, 0, 7], high: [30, 22, 40] });
-    add("crop", coloured(cube, [1.0; 3]), &around, Settings { crop, ..high(size) });
+    add("crop", coloured(cube, [1.0; 3]), &around, high(size).with_crop(crop));
     let glossy = Lighting { shininess: 255, specular: 0.9, ..Lighting::default() };
-    add("glossy", coloured(cube, [1.0; 3]), &ahead, Settings { lighting: Some(glossy), ..high(size) });
+    add("glossy", coloured(cube, [1.0; 3]), &ahead, high(size).with_lighting(glossy));
     let wide = |text| phantom("gyroid", cube, [1.0; 3], transfer(text), 16);
     add("16 bits", wide(LIT_LAYERS), &around, high(size));
     add("16 bits by gradient", wide(EDGES), &around, high(size));
@@ -384,7 +384,7 @@ fn cases() -> Vec<Case> {
 #[test]
 fn each_stage_of_tiles_does_what_its_twin_does() {
     for (name, built, camera, settings) in cases() {
-        let options = GpuOptions { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
+        let options = GpuOptions::default().with_vram(512 << 20).with_compositor(Compositor::Tiles);
         let Some((judged, ..)) = judged(&built, &camera, &settings, options, true) else { return };
         let parallel = matches!(camera.projection(), adjsplat::splat::Projection::Parallel { .. });
         judged.apart.check(name, if parallel { &PARALLEL } else { &PERSPECTIVE });
@@ -397,7 +397,7 @@ fn each_stage_of_quads_does_what_its_twin_does() {
         let targets =
             [QuadFormat::Float32, QuadFormat::Float16, QuadFormat::Unorm8].into_iter().skip(at_full(0, index % 3));
         for target in targets.step_by(at_full(1, 3)) {
-            let options = GpuOptions { vram: 512 << 20, compositor: Some(Compositor::Quads(target)) };
+            let options = GpuOptions::default().with_vram(512 << 20).with_compositor(Compositor::Quads(target));
             if device().is_some_and(|opened| target == QuadFormat::Float32 && !opened.facts.blends_float32) {
                 continue;
             }
@@ -441,8 +441,8 @@ fn pixels_of_many_chunks_are_what_the_twins_make_of_them() {
     let size = [24, 20];
     for fov in [None, Some(60.0)] {
         let camera = built.orbit(31.0, 24.0, fov, size);
-        for settings in [high(size), Settings { sense: Sense::BackToFront, ..high(size) }] {
-            let options = GpuOptions { vram: TIGHT, compositor: Some(Compositor::Tiles) };
+        for settings in [high(size), high(size).with_sense(Sense::BackToFront)] {
+            let options = GpuOptions::default().with_vram(TIGHT).with_compositor(Compositor::Tiles);
             let Some((judged, frame, _)) = judged(&built, &camera, &settings, options, true) else { return };
             assert!(judged.stats.chunks > 2, "{:?}", judged.stats);
             judged.apart.check(&format!("chunks, {fov:?}"), if fov.is_none() { &PARALLEL } else { &PERSPECTIVE });
@@ -462,10 +462,10 @@ fn a_real_set_stage_by_stage() {
     }
     let built = built(&mut *volume(&path), &fitting(transfer, 8));
     let camera = built.orbit(20.0, 15.0, None, [48, 48]);
-    let options = GpuOptions { vram: 512 << 20, compositor: Some(Compositor::Tiles) };
+    let options = GpuOptions::default().with_vram(512 << 20).with_compositor(Compositor::Tiles);
     for &nesting in at_full(&[0, 3, 4][..], &[3]) {
         let order = Order::parallel(nesting, 0b010);
-        let settings = Settings { order: Some(order), ..high([48, 48]) };
+        let settings = high([48, 48]).with_order(order);
         let Some((judged, ..)) = judged(&built, &camera, &settings, options, false) else { return };
         assert!(judged.visits == visits(&built, &order), "{order:?}");
         judged.apart.check("real", &PARALLEL);

@@ -16,7 +16,7 @@ const SIZE: [u32; 2] = [9, 9];
 
 fn renderer(built: &Built, compositor: Compositor) -> Option<GpuRenderer<'_>> {
     let opened = device()?;
-    let options = GpuOptions { vram: 256 << 20, compositor: Some(compositor) };
+    let options = GpuOptions::default().with_vram(256 << 20).with_compositor(compositor);
     Some(GpuRenderer::new(opened.device.clone(), opened.queue.clone(), built.scene(), options).unwrap())
 }
 
@@ -41,7 +41,7 @@ fn half_floats_are_good_enough_for_large_opacities() {
     let size = [112, 96];
     for (azimuth, elevation, fov) in [(31.0, 24.0, None), (-100.0, 60.0, Some(45.0))] {
         for sense in [Sense::BackToFront, Sense::FrontToBack] {
-            let settings = Settings { quality: Quality::High, sense, ..Settings::every_pixel(size) };
+            let settings = Settings::every_pixel(size).with_quality(Quality::High).with_sense(sense);
             let camera = built.orbit(azimuth, elevation, fov, size);
             let (got, _) = renderer.render(&camera, &settings).unwrap();
             let (want, _) = cpu::render(&built.scene(), &camera, &settings).unwrap();
@@ -57,12 +57,8 @@ fn half_floats_are_good_enough_for_large_opacities() {
 fn along() -> (Camera, Settings) {
     let projection = Projection::Parallel { height: f64::from(SIZE[1]) };
     let camera = Camera::new([0.0, 0.0, 5_000.0], [0.0; 3], [0.0, 1.0, 0.0], projection).unwrap();
-    let settings = Settings {
-        quality: Quality::Reference,
-        sense: Sense::BackToFront,
-        lighting: None,
-        ..Settings::every_pixel(SIZE)
-    };
+    let settings =
+        Settings::every_pixel(SIZE).with_quality(Quality::Reference).with_sense(Sense::BackToFront).with_lighting(None);
     (camera, settings)
 }
 

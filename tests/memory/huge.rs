@@ -231,7 +231,7 @@ fn records_beyond_2_to_the_32_are_walked_derived_and_drawn() {
         // Almost across x: among voxels so much farther apart along y and z, even so it is the fast axis.
         let orbit = Orbit { azimuth: 0.05, elevation: 70.0, fov, ..Orbit::default() };
         let camera = Camera::orbiting(orbit, Surround::of_grid(&facts.grid), [96, 64]).unwrap();
-        let settings = Settings { threads: 2, ..Settings::every_pixel([96, 64]) };
+        let settings = Settings::every_pixel([96, 64]).with_threads(2);
         let draw = |lanes: &dyn Lanes| -> Frame {
             let (frame, stats) = cpu::render(&Scene { facts, lanes, transfer: &transfer }, &camera, &settings).unwrap();
             assert!(stats.splats_drawn >= voxels.len() as u64 / 2, "{stats:?}");

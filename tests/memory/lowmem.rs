@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use adjsplat::Error;
 use adjsplat::arena::LaneSet;
-use adjsplat::build::{BuildOptions, Resources, Unobserved, classify};
+use adjsplat::build::{Resources, Unobserved, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::{AdjFile, RowsOutput, write_rows};
 use adjsplat::internals::IN_FLIGHT;
@@ -32,7 +32,7 @@ fn thin() -> TransferFunction {
 fn build(folder: &Path, side: u64, lane_count: u8) -> PathBuf {
     let path = folder.join(format!("{side}-{lane_count}.adj"));
     let mut source = phantom("gyroid", [side; 3], SampleType::U8, [1.0; 3]);
-    let options = BuildOptions { lane_count, ..options(thin()) };
+    let options = options(thin()).with_lane_count(lane_count);
     let resources = Resources { memory: None, threads: 2, folder: None };
     let visible = classify(&mut *source, &options, &resources, &mut Unobserved).unwrap();
     let output =
@@ -164,23 +164,21 @@ fn each_limit_of_an_arena_is_kept() {
         let bytes = arena.sections().iter().map(|section| section.bytes).max().unwrap();
         (u32::try_from(arena.sections().len()).unwrap(), bytes)
     };
-    let exact = Limits {
-        points_per_axis: 40,
-        points: 64_000,
-        file_bytes: size,
-        sections,
-        section_bytes,
-        description_bytes: DESCRIPTION.len() as u64,
-        ..Limits::default()
-    };
+    let exact = Limits::default()
+        .with_points_per_axis(40)
+        .with_points(64_000)
+        .with_file_bytes(size)
+        .with_sections(sections)
+        .with_section_bytes(section_bytes)
+        .with_description_bytes(DESCRIPTION.len() as u64);
     AdjFile::open_with(&path, &exact).expect("limits are inclusive");
     for (limits, what) in [
-        (Limits { points_per_axis: 39, ..exact }, "grid points along an axis"),
-        (Limits { points: 63_999, ..exact }, "grid points"),
-        (Limits { file_bytes: size - 1, ..exact }, "file bytes"),
-        (Limits { sections: sections - 1, ..exact }, "sections"),
-        (Limits { section_bytes: section_bytes - 1, ..exact }, "bytes in a section"),
-        (Limits { description_bytes: exact.description_bytes - 1, ..exact }, "bytes of description"),
+        (exact.with_points_per_axis(39), "grid points along an axis"),
+        (exact.with_points(63_999), "grid points"),
+        (exact.with_file_bytes(size - 1), "file bytes"),
+        (exact.with_sections(sections - 1), "sections"),
+        (exact.with_section_bytes(section_bytes - 1), "bytes in a section"),
+        (exact.with_description_bytes(exact.description_bytes - 1), "bytes of description"),
     ] {
         let error = AdjFile::open_with(&path, &limits).expect_err(what);
         let Error::Limit { what: told, need, have } = &error else { panic!("{error}") };
@@ -193,7 +191,8 @@ fn derived_lanes_stay_within_their_limit() {
     let folder = tempfile::tempdir().unwrap();
     let file = AdjFile::open(&build(folder.path(), 40, 1)).unwrap();
     let need = 2 * file.arena().unwrap().lane(Axis::X).unwrap().bytes();
-    let set = |derived_bytes| LaneSet::within(file.arena().unwrap(), &Limits { derived_bytes, ..Limits::default() });
+    let set =
+        |derived_bytes| LaneSet::within(file.arena().unwrap(), &Limits::default().with_derived_bytes(derived_bytes));
     set(need).lane(Axis::Y).expect("limits are inclusive");
     set(0).lane(Axis::X).expect("it is stored");
     let error = set(need - 1).lane(Axis::Y).expect_err("a byte too few").to_string();
@@ -206,12 +205,12 @@ fn each_limit_of_a_volume_is_kept() {
     let path = folder.path().join("v.raw");
     std::fs::write(&path, vec![0; 6 * 5 * 4 * 2]).unwrap();
     let options = OpenOptions::new().raw(RawOptions::new([6, 5, 4], SampleType::U16));
-    let exact = Limits { points_per_axis: 6, points: 120, slice_bytes: 60, ..Limits::default() };
+    let exact = Limits::default().with_points_per_axis(6).with_points(120).with_slice_bytes(60);
     open_with(&path, &options, &exact).expect("limits are inclusive");
     for (limits, what) in [
-        (Limits { points_per_axis: 5, ..exact }, "grid points along an axis"),
-        (Limits { points: 119, ..exact }, "grid points"),
-        (Limits { slice_bytes: 59, ..exact }, "bytes of a slice"),
+        (exact.with_points_per_axis(5), "grid points along an axis"),
+        (exact.with_points(119), "grid points"),
+        (exact.with_slice_bytes(59), "bytes of a slice"),
     ] {
         let error = open_with(&path, &options, &limits).err().expect(what).to_string();
         assert!(error.contains("v.raw") && error.contains(what), "{error}");

@@ -1,6 +1,6 @@
 //! Pictures drawn on the base plane of a parallel view, beside those whose every pixel is drawn.
 
-use adjsplat::build::{BuildOptions, Built};
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Code, KernelShape, Projection, Sampling, Settings};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::SampleType;
@@ -10,7 +10,7 @@ use adjsplat_tests::scenes::{Draw as _, built, options, phantom, red_to_blue};
 use super::low_pass::seen_through;
 
 fn build(name: &str, dims: [u64; 3], spacing: [f64; 3], value_bits: u8) -> Built {
-    let options = BuildOptions { value_bits, ..options(red_to_blue(name, [0.3, 0.7])) };
+    let options = options(red_to_blue(name, [0.3, 0.7])).with_value_bits(value_bits);
     built(&mut *phantom(name, dims, SampleType::U8, spacing), &options)
 }
 
@@ -26,7 +26,7 @@ fn camera(built: &Built, [azimuth, elevation]: [f64; 2], pixels: f64, size: [u32
 }
 
 fn enough(size: [u32; 2]) -> Settings {
-    Settings { sampling: Some(Sampling::Enough), ..Settings::every_pixel(size) }
+    Settings::every_pixel(size).with_sampling(Sampling::Enough)
 }
 
 /// Pixels with no sample above this are empty.
@@ -46,14 +46,14 @@ fn stamps_give_what_the_plain_twin_gives_on_the_same_plane() {
         for view in VIEWS {
             let camera = camera(&built, view, 0.8, size);
             // No pixel ends: one at the threshold may end for one and not for the other.
-            let settings = Settings { termination: Some(0.0), kernel, ..enough(size) };
+            let settings = enough(size).with_termination(0.0).with_kernel(kernel);
             let fast = built.frame(&camera, &settings);
-            let plain = built.frame(&camera, &Settings { code: Code::Plain, ..settings.clone() });
+            let plain = built.frame(&camera, &settings.clone().with_code(Code::Plain));
             let most = apart(&fast, &plain);
             // A stamp rounds a slice's place, its twin each voxel's: they differ by units in the last place.
             assert!(most < 2e-5, "{name} {view:?}: {most:e}");
             assert!(
-                fast != built.frame(&camera, &Settings { sampling: Some(Sampling::EveryPixel), ..settings }),
+                fast != built.frame(&camera, &settings.with_sampling(Sampling::EveryPixel)),
                 "{name} {view:?} was drawn pixel by pixel"
             );
         }
@@ -68,10 +68,10 @@ fn threads_and_instructions_leave_the_bits_alone() {
         let camera = camera(&built, view, 0.7, size);
         let one = built.frame(&camera, &enough(size));
         for threads in [2, 5] {
-            assert!(one == built.frame(&camera, &Settings { threads, ..enough(size) }), "{view:?}, {threads} threads");
+            assert!(one == built.frame(&camera, &enough(size).with_threads(threads)), "{view:?}, {threads} threads");
         }
         for code in [Code::Avx2, Code::Portable] {
-            assert!(one == built.frame(&camera, &Settings { code, ..enough(size) }), "{view:?}, {code:?}");
+            assert!(one == built.frame(&camera, &enough(size).with_code(code)), "{view:?}, {code:?}");
         }
     }
 }
@@ -88,7 +88,7 @@ fn the_fewest_pixels_give_a_draft_at_any_magnification() {
         let mut worst = f64::INFINITY;
         for view in VIEWS {
             let camera = camera(&built, view, pixels, size);
-            let fewest = Settings { sampling: Some(Sampling::Fewest), ..Settings::every_pixel(size) };
+            let fewest = Settings::every_pixel(size).with_sampling(Sampling::Fewest);
             let every = built.frame(&camera, &Settings::every_pixel(size));
             worst = worst.min(decibels(&built.frame(&camera, &fewest), &every, EMPTY));
         }
@@ -126,8 +126,8 @@ fn a_crop_and_a_picture_that_cuts_the_volume_are_cut_alike() {
     let size = [40, 36];
     let camera = camera(&built, [30.0, 20.0], 1.0, size);
     for crop in [None, Some(crop)] {
-        let all = Settings { crop, ..Settings::every_pixel(size) };
-        let some = Settings { sampling: Some(Sampling::Fewest), ..all.clone() };
+        let all = Settings::every_pixel(size).with_crop(crop);
+        let some = all.clone().with_sampling(Sampling::Fewest);
         let (some, all) = (built.frame(&camera, &some), built.frame(&camera, &all));
         let near = decibels(&some, &all, EMPTY);
         assert!(near > 38.0, "{crop:?}: {near:.1} dB, largest {}", apart(&some, &all));
@@ -146,7 +146,7 @@ fn a_volume_that_is_small_in_its_picture_is_drawn_by_finer_pixels() {
     let size = [200, 200];
     for pixels in [0.3, 0.1, 0.01] {
         let camera = camera(&built, [30.0, 20.0], pixels, size);
-        let finer = Settings { sampling: Some(Sampling::Finer), ..Settings::every_pixel(size) };
+        let finer = Settings::every_pixel(size).with_sampling(Sampling::Finer);
         assert!(built.frame(&camera, &enough(size)) == built.frame(&camera, &finer), "{pixels}");
     }
 }

@@ -22,7 +22,7 @@ fn a_bound_is_kept_by_whole_pictures() {
         [("gyroid", 64, 0.4, None), ("shells", 48, 0.9, Some(35.0)), ("noise", 32, 0.6, None)]
     {
         let built = built_phantom(name, [edge; 3], [opacity; 2]);
-        let exact = Settings { quality: Quality::Reference, ..Settings::every_pixel(size) };
+        let exact = Settings::every_pixel(size).with_quality(Quality::Reference);
         for turn in (0..5).step_by(at_full(1, 3)) {
             let view = camera(&built, f64::from(turn) * 79.7 + 3.0, f64::from(turn) * 33.0 - 70.0, fov, size);
             let right = built.frame(&view, &exact);

@@ -19,7 +19,7 @@ fn camera(built: &Built, fov: Option<f64>, size: [u32; 2]) -> Camera {
 const EMPTY: f64 = 1e-3;
 
 fn settings(size: [u32; 2], sampling: Sampling) -> Settings {
-    Settings { sampling: Some(sampling), ..Settings::every_pixel(size) }
+    Settings::every_pixel(size).with_sampling(sampling)
 }
 
 /// Standard deviation of a voxel in the middle of the grid in pixels of a picture.
@@ -64,10 +64,10 @@ fn finer_pixels_have_the_same_bits_for_any_threads_and_instructions() {
     let camera = camera(&built, Some(30.0), size);
     let one = built.frame(&camera, &settings(size, Sampling::Finer));
     for threads in [2, 5] {
-        assert!(one == built.frame(&camera, &Settings { threads, ..settings(size, Sampling::Finer) }), "{threads}");
+        assert!(one == built.frame(&camera, &settings(size, Sampling::Finer).with_threads(threads)), "{threads}");
     }
     for code in [Code::Avx2, Code::Portable, Code::Plain] {
-        assert!(one == built.frame(&camera, &Settings { code, ..settings(size, Sampling::Finer) }), "{code:?}");
+        assert!(one == built.frame(&camera, &settings(size, Sampling::Finer).with_code(code)), "{code:?}");
     }
 }
 
@@ -115,11 +115,11 @@ fn sums_and_maxima_and_voxels_as_wide_as_pixels_take_every_pixel() {
     let built = build("gyroid");
     let alike = |settings: Settings| {
         let camera = camera(&built, Some(40.0), settings.size);
-        let finer = Settings { sampling: Some(Sampling::Finer), ..settings.clone() };
+        let finer = settings.clone().with_sampling(Sampling::Finer);
         built.frame(&camera, &settings) == built.frame(&camera, &finer)
     };
     for mode in [Mode::Maximum, Mode::MaximumGrey, Mode::Additive] {
-        assert!(alike(Settings { mode, ..settings([40, 40], Sampling::EveryPixel) }), "{mode:?}");
+        assert!(alike(settings([40, 40], Sampling::EveryPixel).with_mode(mode)), "{mode:?}");
     }
     assert!(alike(settings([200, 200], Sampling::EveryPixel)));
     assert!(!alike(settings([40, 40], Sampling::EveryPixel)));

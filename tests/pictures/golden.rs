@@ -2,7 +2,6 @@
 //! splats may break, and by each other on real volumes.
 
 use adjsplat::arena::{Arena, LaneSet};
-use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::{Camera, Lanes, Projection, Quality, Scene, Settings, cpu};
@@ -126,7 +125,7 @@ fn a_picture_is_what_summing_kernels_in_double_precision_gives() {
             let (size, height) = (48, 40.0);
             let position = std::array::from_fn(|a| centre[a] + 100.0 * outward[a]);
             let camera = Camera::new(position, centre, up, Projection::Parallel { height }).unwrap();
-            let settings = Settings { quality, ..Settings::every_pixel([size, size]) };
+            let settings = Settings::every_pixel([size, size]).with_quality(quality);
             let frame = built.frame(&camera, &settings);
             let scale = f64::from(size) / height;
             let view = Looking { axes: [right, up, forward], centre, scale, size };
@@ -156,7 +155,7 @@ fn the_alpha_picture_is_equal_in_all_48_orders() {
         for fov in [None, Some(40.0)] {
             let camera = built.orbit(31.0, 24.0, fov, [96, 96]);
             let of = |order| {
-                let settings = Settings { quality: Quality::Reference, order, ..Settings::every_pixel([96, 96]) };
+                let settings = Settings::every_pixel([96, 96]).with_quality(Quality::Reference).with_order(order);
                 built.frame(&camera, &settings)
             };
             let own = of(None);
@@ -175,13 +174,13 @@ fn pictures_have_the_same_bits_for_any_threads_and_from_lanes_stored_or_derived(
         let (mut source, options) = (volume(&path), fitting(transfer, 8));
         let three = built(&mut *source, &options);
         source.rewind().unwrap();
-        let one = built(&mut *source, &BuildOptions { lane_count: 1, ..options });
+        let one = built(&mut *source, &options.with_lane_count(1));
         let bytes = arena_bytes(&one.facts, &one.lanes, "{}");
         let derived = LaneSet::new(Arena::new(&bytes).unwrap(), None);
         for (azimuth, elevation, fov) in [(0.0, 0.0, None), (75.0, 10.0, None), (10.0, 80.0, Some(50.0))] {
             let camera = three.orbit(azimuth, elevation, fov, [160, 120]);
             let of = |lanes: &dyn Lanes, threads| {
-                let settings = Settings { threads, ..Settings::every_pixel([160, 120]) };
+                let settings = Settings::every_pixel([160, 120]).with_threads(threads);
                 cpu::render(&Scene { lanes, ..three.scene() }, &camera, &settings).unwrap().0
             };
             let first = of(&three.lanes, 1);

@@ -14,7 +14,7 @@ fn camera(built: &Built, zoom: f64, fov: Option<f64>, size: [u32; 2]) -> Camera 
 }
 
 fn enough(settings: &Settings) -> Settings {
-    Settings { sampling: Some(Sampling::Enough), ..settings.clone() }
+    settings.clone().with_sampling(Sampling::Enough)
 }
 
 #[test]
@@ -47,7 +47,7 @@ fn enough_pixels_have_the_same_bits_for_any_threads() {
     let one = built.frame(&camera, &enough(&Settings::every_pixel(size)));
     for threads in [2, 3, 7] {
         assert!(
-            one == built.frame(&camera, &enough(&Settings { threads, ..Settings::every_pixel(size) })),
+            one == built.frame(&camera, &enough(&Settings::every_pixel(size).with_threads(threads))),
             "{threads} threads"
         );
     }
@@ -76,7 +76,7 @@ fn narrow_splats_and_other_modes_take_every_pixel() {
     assert!(fine.frame(&view, &settings) == fine.frame(&view, &enough(&settings)));
     let coarse = build("gyroid", [16, 16, 16], 0.5);
     for mode in [Mode::Maximum, Mode::MaximumGrey, Mode::Additive] {
-        let settings = Settings { mode, ..Settings::every_pixel([128, 128]) };
+        let settings = Settings::every_pixel([128, 128]).with_mode(mode);
         let view = camera(&coarse, 1.0, None, settings.size);
         assert!(coarse.frame(&view, &settings) == coarse.frame(&view, &enough(&settings)), "{mode:?}");
     }

@@ -152,8 +152,13 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
                 if mode != Mode::Composite && blending != Blending::Exponential {
                     continue;
                 }
-                let settings = Settings { quality, sense, blending, crop, mode, ..Settings::every_pixel(size) };
-                let (want, plain) = model.render(&camera, &Settings { code: Code::Plain, ..settings.clone() });
+                let settings = Settings::every_pixel(size)
+                    .with_quality(quality)
+                    .with_sense(sense)
+                    .with_blending(blending)
+                    .with_crop(crop)
+                    .with_mode(mode);
+                let (want, plain) = model.render(&camera, &settings.clone().with_code(Code::Plain));
                 assert!(plain.splats_drawn > 100, "{plain:?}");
                 for (code, threads) in [
                     (Code::Best, 1),
@@ -163,7 +168,7 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
                     (Code::Best, 3),
                     (Code::Portable, 7),
                 ] {
-                    let (got, stats) = model.render(&camera, &Settings { code, threads, ..settings.clone() });
+                    let (got, stats) = model.render(&camera, &settings.clone().with_code(code).with_threads(threads));
                     let same = bits(&got) == bits(&want);
                     assert!(same, "{code:?} {threads} {mode:?} {quality:?} {sense:?} {blending:?}: {}", {
                         apart(&got, &want)
@@ -179,12 +184,12 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
 fn both_senses_and_any_termination_give_one_picture() {
     let model = shell();
     let camera = model.orbit(20.0, 15.0, None, [160, 120]);
-    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([160, 120]) };
+    let settings = Settings::every_pixel([160, 120]).with_quality(Quality::Reference);
     let (front, all) = model.render(&camera, &settings);
-    let (back, _) = model.render(&camera, &Settings { sense: Sense::BackToFront, ..settings.clone() });
+    let (back, _) = model.render(&camera, &settings.clone().with_sense(Sense::BackToFront));
     assert!(apart(&front, &back) < 2e-5, "{}", apart(&front, &back));
     for termination in [0.5f32, 0.1, 0.01, 1e-3] {
-        let (early, stats) = model.render(&camera, &Settings { termination: Some(termination), ..settings.clone() });
+        let (early, stats) = model.render(&camera, &settings.clone().with_termination(termination));
         let difference = apart(&front, &early);
         // Highlights go a little above 1.
         println!("rays that end at {termination}: off by {difference:.1e}");
@@ -197,10 +202,10 @@ fn both_senses_and_any_termination_give_one_picture() {
 #[test]
 fn sheets_are_as_opaque_as_their_splats() {
     let model = shell();
-    let settings = Settings { termination: Some(0.0), ..Settings::every_pixel([160, 120]) };
+    let settings = Settings::every_pixel([160, 120]).with_termination(0.0);
     for camera in [model.orbit(20.0, 15.0, None, [160, 120]), model.orbit(140.0, -50.0, Some(50.0), [160, 120])] {
         let (splats, _) = model.render(&camera, &settings);
-        let (sheets, _) = model.render(&camera, &Settings { blending: Blending::Sheets, ..settings.clone() });
+        let (sheets, _) = model.render(&camera, &settings.clone().with_blending(Blending::Sheets));
         let pairs = splats.pixels().chunks_exact(4).zip(sheets.pixels().chunks_exact(4));
         // Some hundred roundings of a transmittance.
         assert!(pairs.clone().all(|(a, b)| (a[3] - b[3]).abs() < 1e-5));
@@ -218,7 +223,7 @@ fn one_colour_stays_one_colour() {
     });
     let [red, green, blue] = model.transfer.colour(0.0);
     let camera = model.orbit(31.0, 17.0, None, [80, 80]);
-    let draw = |blending: Blending| model.render(&camera, &Settings { blending, ..Settings::every_pixel([80, 80]) }).0;
+    let draw = |blending: Blending| model.render(&camera, &Settings::every_pixel([80, 80]).with_blending(blending)).0;
     let frame = draw(Blending::Exponential);
     for frame in [&frame, &draw(Blending::Linear), &draw(Blending::Sheets)] {
         for pixel in frame.pixels().chunks_exact(4) {
@@ -242,8 +247,7 @@ fn an_opaque_voxel_is_finite_and_hides_what_is_behind() {
     let model =
         packed(Grid::new([3, 9, 3], [1.0; 3]).unwrap(), PLAIN, constant(1.0, "#ffffff"), |_| Some(Record::default()));
     let camera = model.orbit(0.0, 0.0, None, [33, 33]);
-    let (frame, _) =
-        model.render(&camera, &Settings { quality: Quality::Reference, ..Settings::every_pixel([33, 33]) });
+    let (frame, _) = model.render(&camera, &Settings::every_pixel([33, 33]).with_quality(Quality::Reference));
     let centre = frame.pixel(16, 16);
     assert!(centre[3] > 0.999_999 && centre.iter().all(|c| c.is_finite()), "{centre:?}");
 }
@@ -285,7 +289,7 @@ fn far_away_perspective_is_parallel() {
     let height = 60.0;
     let fov = 2.0 * (height / 2.0 / far).atan().to_degrees();
     let up = [0.0, 0.0, 1.0];
-    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([90, 90]) };
+    let settings = Settings::every_pixel([90, 90]).with_quality(Quality::Reference);
     let camera = Camera::new(position, target, up, Projection::Perspective { fov }).unwrap();
     let (far, _) = model.render(&camera, &settings);
     let camera = Camera::new(position, target, up, Projection::Parallel { height }).unwrap();
@@ -328,11 +332,11 @@ fn extremes_end_in_finite_pictures_or_errors() {
     let refused = |settings: Settings| cpu::render(&model.scene(), &camera, &settings).unwrap_err().to_string();
     assert!(refused(Settings::every_pixel([0, 5])).contains("picture size"));
     assert!(refused(Settings::every_pixel([16_385, 5])).contains("limit is 16384"));
-    assert!(refused(Settings { threads: 0, ..Settings::every_pixel([5, 5]) }).contains("threads"));
-    assert!(refused(Settings { termination: Some(f32::NAN), ..Settings::every_pixel([5, 5]) }).contains("termination"));
-    assert!(refused(Settings { near: Some(0.0), ..Settings::every_pixel([5, 5]) }).contains("near"));
+    assert!(refused(Settings::every_pixel([5, 5]).with_threads(0)).contains("threads"));
+    assert!(refused(Settings::every_pixel([5, 5]).with_termination(f32::NAN)).contains("termination"));
+    assert!(refused(Settings::every_pixel([5, 5]).with_near(0.0)).contains("near"));
     let kernel = Some(KernelShape { sigma: f32::NAN, radius: 2.0 });
-    assert!(refused(Settings { kernel, ..Settings::every_pixel([5, 5]) }).contains("kernel"));
+    assert!(refused(Settings::every_pixel([5, 5]).with_kernel(kernel)).contains("kernel"));
 }
 
 #[test]
@@ -381,7 +385,7 @@ fn a_crop_shows_what_a_smaller_volume_would() {
     });
     let camera = model.orbit(-40.0, 25.0, Some(50.0), [120, 90]);
     let settings = Settings::every_pixel([120, 90]);
-    let (cropped, _) = model.render(&camera, &Settings { crop: Some(crop), ..settings.clone() });
+    let (cropped, _) = model.render(&camera, &settings.clone().with_crop(crop));
     let (want, _) = small.render(&camera, &settings);
     assert!(bits(&cropped) == bits(&want), "{}", apart(&cropped, &want));
 }
@@ -392,7 +396,7 @@ fn pictures_of_one_row_and_one_column_work() {
     for size in [[1, 1], [1, 65], [65, 1], [2048, 2], [3, 999]] {
         let camera = model.orbit(10.0, 10.0, None, size);
         for threads in [1, 4] {
-            let (frame, stats) = model.render(&camera, &Settings { threads, ..Settings::every_pixel(size) });
+            let (frame, stats) = model.render(&camera, &Settings::every_pixel(size).with_threads(threads));
             assert_eq!(frame.size(), size);
             assert!(stats.splats_drawn > 0 && frame.pixels().iter().all(|value| value.is_finite()));
         }

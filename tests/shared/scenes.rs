@@ -83,13 +83,13 @@ pub fn real_volumes() -> Vec<(PathBuf, TransferFunction)> {
 
 /// Returns options for three lanes with values and normals in 8 bits.
 pub fn options(transfer: TransferFunction) -> BuildOptions {
-    BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits: 8 }
+    BuildOptions::new(transfer).with_normal_bits(8)
 }
 
 /// Returns options for three lanes with values in `bits`, and normals too where the transfer function is shaded.
 pub fn fitting(transfer: TransferFunction, bits: u8) -> BuildOptions {
     let normal_bits = if transfer.shaded() { bits } else { 0 };
-    BuildOptions { value_bits: bits, normal_bits, ..options(transfer) }
+    options(transfer).with_value_bits(bits).with_normal_bits(normal_bits)
 }
 
 /// Builds the lanes of a volume.

@@ -5,7 +5,6 @@
 
 use adjsplat::Error;
 use adjsplat::arena::{Arena, LaneSet};
-use adjsplat::build::BuildOptions;
 use adjsplat::classify::normal;
 use adjsplat::file::arena_bytes;
 use adjsplat::traverse::{Order, Sense, SplitForm, Viewpoint};
@@ -556,7 +555,7 @@ fn methods_have_names() {
 #[test]
 fn the_frog_has_as_many_virtual_voxels_as_its_lines_ask_for() {
     let Some(path) = real_volume("frogtissue/frogtissue.mhd") else { return };
-    let options = BuildOptions { lane_count: 1, ..options(at_least(1.0)) };
+    let options = options(at_least(1.0)).with_lane_count(1);
     let built = built(&mut *volume(&path), &options);
     let bytes = arena_bytes(&built.facts, &built.lanes, "{}");
     let lanes = LaneSet::new(Arena::new(&bytes).unwrap(), None);

@@ -96,7 +96,7 @@ fn any_order_lets_the_same_light_through() {
     // Transmittance is a product; only its rounding knows an order, and rays that end early differ by the threshold.
     let dense = VoxelVolume::random([25, 18, 22], 200, 5);
     dense.with_subject(8, |subject| {
-        let settings = Settings { termination: Some(0.0), ..Settings::every_pixel(SIZE) };
+        let settings = Settings::every_pixel(SIZE).with_termination(0.0);
         for camera in &cameras(subject) {
             let ours = rendered(subject, camera, &settings);
             for method in Method::ALL {
@@ -114,7 +114,7 @@ fn any_order_lets_the_same_light_through() {
 fn without_drawing_nothing_is_drawn() {
     let dense = VoxelVolume::random([9, 9, 9], 500, 6);
     dense.with_subject(8, |subject| {
-        let settings = Settings { sampling: Some(Sampling::EveryPixel), ..Settings::every_pixel(SIZE) };
+        let settings = Settings::every_pixel(SIZE).with_sampling(Sampling::EveryPixel);
         let camera = &cameras(subject)[0];
         for method in Method::ALL {
             let mut built = method.build(subject).unwrap();

@@ -12,7 +12,7 @@ use super::super::resources::processors;
 use super::super::stored::stored_transfer;
 use super::super::values::number;
 use super::super::{print_note, starts_as_adj};
-use adjsplat::arena::{LaneSet, TileOrder};
+use adjsplat::arena::LaneSet;
 use adjsplat::build::{BuildOptions, Resources};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
@@ -157,7 +157,7 @@ impl SetVolume {
     pub(super) fn build(&mut self, value_bits: u8, normal_bits: u8) -> Result<Set> {
         let (name, transfer) = (self.name.clone(), self.transfer.clone());
         let normal_bits = if transfer.shaded() { normal_bits } else { 0 };
-        let options = BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits, normal_bits };
+        let options = BuildOptions::new(transfer).with_value_bits(value_bits).with_normal_bits(normal_bits);
         let (memory, threads, folder) = (None, processors(), std::env::temp_dir());
         let resources = Resources { memory, threads, folder: Some(folder.clone()) };
         let source = self.restarted()?;

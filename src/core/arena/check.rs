@@ -28,6 +28,7 @@ use crate::volume::Axis;
 
 /// The size and counts of an arena that passed the check.
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct Checked {
     /// Length of the file in bytes.
     pub bytes: u64,
@@ -39,6 +40,7 @@ pub struct Checked {
 
 /// The size of one lane of an arena that passed the check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct CheckedLane {
     /// The axis along which the lane's lines run.
     pub axis: Axis,

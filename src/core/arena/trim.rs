@@ -21,6 +21,7 @@ const NOTICEABLE_OPACITY: f64 = 0.02;
 
 /// Selects the voxels and channels of an arena to keep; the default keeps everything.
 #[derive(Debug, Clone, Default)]
+#[non_exhaustive]
 pub struct TrimOptions {
     /// Keeps only voxels in this box of grid points.
     pub crop: Option<Region>,
@@ -38,8 +39,46 @@ pub struct TrimOptions {
     pub drop_magnitudes: bool,
 }
 
+impl TrimOptions {
+    /// Keeps only voxels in this box of grid points.
+    pub fn with_crop(self, crop: impl Into<Option<Region>>) -> TrimOptions {
+        TrimOptions { crop: crop.into(), ..self }
+    }
+
+    /// Sets whether cropping keeps the size and origin of the grid.
+    pub fn with_keep_grid(self, keep_grid: bool) -> TrimOptions {
+        TrimOptions { keep_grid, ..self }
+    }
+
+    /// Keeps only voxels whose codes are visible with this transfer function.
+    pub fn with_transfer(self, transfer: impl Into<Option<TransferFunction>>) -> TrimOptions {
+        TrimOptions { transfer: transfer.into(), ..self }
+    }
+
+    /// Sets whether 16-bit values are narrowed to 8 bits.
+    pub fn with_narrow_values(self, narrow_values: bool) -> TrimOptions {
+        TrimOptions { narrow_values, ..self }
+    }
+
+    /// Sets whether normals are narrowed from 16 to 8 bits per component.
+    pub fn with_narrow_normals(self, narrow_normals: bool) -> TrimOptions {
+        TrimOptions { narrow_normals, ..self }
+    }
+
+    /// Sets whether normals are dropped.
+    pub fn with_drop_normals(self, drop_normals: bool) -> TrimOptions {
+        TrimOptions { drop_normals, ..self }
+    }
+
+    /// Sets whether gradient magnitudes are dropped.
+    pub fn with_drop_magnitudes(self, drop_magnitudes: bool) -> TrimOptions {
+        TrimOptions { drop_magnitudes, ..self }
+    }
+}
+
 /// The result of [`trim`].
 #[derive(Debug)]
+#[non_exhaustive]
 pub struct Trim<R> {
     /// The voxels that are kept.
     pub rows: R,

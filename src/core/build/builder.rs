@@ -42,6 +42,7 @@ pub struct Built {
 }
 
 /// The visible voxels of a volume with their codes, before lanes are built from them.
+#[non_exhaustive]
 pub struct Classified {
     /// Grid, channel widths and scales: the contents of a file's header.
     pub facts: Facts,

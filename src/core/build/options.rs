@@ -10,6 +10,7 @@ use crate::volume::SampleType;
 
 /// Options that determine the content of the arena that is built from a volume.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct BuildOptions {
     /// Decides which samples are visible; only these are stored.
     pub transfer: TransferFunction,
@@ -46,6 +47,33 @@ pub(super) enum GradientSource {
 }
 
 impl BuildOptions {
+    /// Returns options for the voxels that `transfer` shows: three lanes in Morton order, 8-bit values, and normals of
+    /// 2 x 8 bits if the function is shaded.
+    pub fn new(transfer: TransferFunction) -> BuildOptions {
+        let normal_bits = if transfer.shaded() { 8 } else { 0 };
+        BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits }
+    }
+
+    /// Stores 1, 2 or 3 lanes: along x, y, z.
+    pub fn with_lane_count(self, lane_count: u8) -> BuildOptions {
+        BuildOptions { lane_count, ..self }
+    }
+
+    /// Sets the order of tiles in memory.
+    pub fn with_tile_order(self, tile_order: TileOrder) -> BuildOptions {
+        BuildOptions { tile_order, ..self }
+    }
+
+    /// Stores values in 8 or 16 bits.
+    pub fn with_value_bits(self, value_bits: u8) -> BuildOptions {
+        BuildOptions { value_bits, ..self }
+    }
+
+    /// Stores each of a normal's two components in 8 or 16 bits; 0 stores no normals.
+    pub fn with_normal_bits(self, normal_bits: u8) -> BuildOptions {
+        BuildOptions { normal_bits, ..self }
+    }
+
     pub(super) fn check(&self) -> Result<()> {
         if !(1..=3).contains(&self.lane_count) {
             return Err(Error::input("lanes", "must be x, xy or xyz"));

@@ -4,6 +4,7 @@ use crate::volume::{Header, Sample};
 
 /// Statistics of the samples that a build has read.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
 pub struct SampleSummary {
     /// Lowest finite value, in the samples' own unit; +infinity if there is none.
     pub lowest: f64,

@@ -33,11 +33,8 @@ impl Build {
     /// Creates options for the voxels that `transfer` shows: three lanes (a lane: all scan lines along one axis), 8-bit
     /// values, normals of 2 x 8 bits if the function is shaded, all processors.
     pub fn new(transfer: TransferFunction) -> Build {
-        let normal_bits = if transfer.shaded() { 8 } else { 0 };
-        let options =
-            BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits };
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        Build { options, memory: None, threads }
+        Build { options: BuildOptions::new(transfer), memory: None, threads }
     }
 
     /// Stores 1, 2 or 3 lanes: along x, y, z. One makes the smallest file; with three, no view must derive a lane.

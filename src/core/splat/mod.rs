@@ -99,6 +99,7 @@ pub enum Code {
 
 /// The settings of a frame: size, quality, compositing mode, light, crop and sampling.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Settings {
     /// Columns and rows of the picture, each 1 to 16,384.
     pub size: [u32; 2],
@@ -202,6 +203,86 @@ impl Settings {
         Settings { threads: 1, exposure: Some(1.0), sampling, ..Settings::new(size) }
     }
 
+    /// Sets the columns and rows of the picture, each 1 to 16,384.
+    pub fn with_size(self, size: [u32; 2]) -> Settings {
+        Settings { size, ..self }
+    }
+
+    /// Sets how exact the picture is.
+    pub fn with_quality(self, quality: Quality) -> Settings {
+        Settings { quality, ..self }
+    }
+
+    /// Sets how the splats on a ray are combined.
+    pub fn with_mode(self, mode: Mode) -> Settings {
+        Settings { mode, ..self }
+    }
+
+    /// Sets how much light a composited splat absorbs.
+    pub fn with_blending(self, blending: Blending) -> Settings {
+        Settings { blending, ..self }
+    }
+
+    /// Sets the light; `None` turns it off.
+    pub fn with_lighting(self, lighting: impl Into<Option<Lighting>>) -> Settings {
+        Settings { lighting: lighting.into(), ..self }
+    }
+
+    /// Draws only the voxels in this box.
+    pub fn with_crop(self, crop: impl Into<Option<VoxelBox>>) -> Settings {
+        Settings { crop: crop.into(), ..self }
+    }
+
+    /// Sets the number of threads, at least 1.
+    pub fn with_threads(self, threads: usize) -> Settings {
+        Settings { threads, ..self }
+    }
+
+    /// Sets the direction of compositing.
+    pub fn with_sense(self, sense: Sense) -> Settings {
+        Settings { sense, ..self }
+    }
+
+    /// Sets how a walk alternates between the two sides of the eye.
+    pub fn with_form(self, form: SplitForm) -> Settings {
+        Settings { form, ..self }
+    }
+
+    /// Sets the order of the walk, for studies.
+    pub fn with_order(self, order: impl Into<Option<Order>>) -> Settings {
+        Settings { order: order.into(), ..self }
+    }
+
+    /// Sets the transmittance below which a ray ends, 0 to 1.
+    pub fn with_termination(self, termination: impl Into<Option<f32>>) -> Settings {
+        Settings { termination: termination.into(), ..self }
+    }
+
+    /// Sets the reconstruction kernel.
+    pub fn with_kernel(self, kernel: impl Into<Option<KernelShape>>) -> Settings {
+        Settings { kernel: kernel.into(), ..self }
+    }
+
+    /// Sets the distance from the eye below which voxels are not drawn.
+    pub fn with_near(self, near: impl Into<Option<f64>>) -> Settings {
+        Settings { near: near.into(), ..self }
+    }
+
+    /// Sets the brightness of [`Mode::Additive`]: a factor above 0.
+    pub fn with_exposure(self, exposure: impl Into<Option<f32>>) -> Settings {
+        Settings { exposure: exposure.into(), ..self }
+    }
+
+    /// Sets how many samples are drawn.
+    pub fn with_sampling(self, sampling: impl Into<Option<Sampling>>) -> Settings {
+        Settings { sampling: sampling.into(), ..self }
+    }
+
+    /// Selects the machine code that draws, for tests and studies.
+    pub fn with_code(self, code: Code) -> Settings {
+        Settings { code, ..self }
+    }
+
     /// Returns the sampling to use: the one that is set, or else that of the quality.
     pub fn sampling(&self) -> Sampling {
         self.sampling.unwrap_or_else(|| self.quality.sampling())
@@ -265,6 +346,7 @@ fn require_pixels(size: [u32; 2]) -> Result<()> {
 
 /// Counts and times of drawing a frame.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub struct Stats {
     /// Number of splats that reached the picture. A splat on the border between two threads' parts counts twice.
     pub splats_drawn: u64,

@@ -11,6 +11,7 @@ const BINS: usize = 65_536;
 
 /// Value statistics of a volume, in the samples' own unit.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Histogram {
     /// Lowest finite sample; +infinity if there is none.
     pub lowest: f64,

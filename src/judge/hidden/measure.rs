@@ -9,7 +9,7 @@ use adjsplat::error::Result;
 use adjsplat::internals::RecordSet;
 use adjsplat::internals::carry;
 use adjsplat::splat::cpu::render_without;
-use adjsplat::splat::{Frame, Lighting, Scene, Settings};
+use adjsplat::splat::{Frame, Lighting, Scene};
 use adjsplat::volume::Axis;
 
 /// The allowed difference over the transmittance at which rays end.
@@ -48,8 +48,7 @@ pub(super) fn differences(
         let left_out = carried.as_ref().unwrap_or(hidden);
         in_parallel(own.len(), culling.threads, CullingStage::Compare, observer, |job| {
             let (index, view) = own[job];
-            let settings =
-                Settings { lighting: Some(Lighting::default()), ..settings(view, culling.eps / TERMINATION) };
+            let settings = settings(view, culling.eps / TERMINATION).with_lighting(Lighting::default());
             let (before, _) = render_without(scene, &view.camera, &settings, None)?;
             let (after, _) = render_without(scene, &view.camera, &settings, Some(left_out))?;
             differences.lock().unwrap_or_else(PoisonError::into_inner)[index] = difference(&before, &after);

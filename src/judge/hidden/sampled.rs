@@ -77,13 +77,11 @@ pub(super) fn by_axis<'a>(scene: &Scene, views: &'a [CullingView]) -> Result<[Ve
 /// Returns the settings that draw a view; rays end below the transmittance `termination`.
 #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
 pub(super) fn settings(view: &CullingView, termination: f64) -> Settings {
-    Settings {
-        quality: Quality::Reference,
-        kernel: Some(view.kernel),
-        termination: Some(termination as f32),
-        lighting: None,
-        ..Settings::every_pixel(view.size)
-    }
+    Settings::every_pixel(view.size)
+        .with_quality(Quality::Reference)
+        .with_kernel(view.kernel)
+        .with_termination(termination as f32)
+        .with_lighting(None)
 }
 
 /// Returns the records of the lane along x that are voxels and are not in `seen`.

@@ -123,16 +123,14 @@ impl Candidate {
                 })
             }
         };
-        Ok(Settings {
-            quality: self.quality.unwrap_or_default(),
-            kernel: Some(self.kernel),
-            termination: Some(self.termination),
-            sampling: Some(self.sampling),
-            sense: self.sense,
-            blending: self.blending,
-            order,
-            ..Settings::every_pixel(view.size)
-        })
+        Ok(Settings::every_pixel(view.size)
+            .with_quality(self.quality.unwrap_or_default())
+            .with_kernel(self.kernel)
+            .with_termination(self.termination)
+            .with_sampling(self.sampling)
+            .with_sense(self.sense)
+            .with_blending(self.blending)
+            .with_order(order))
     }
 }
 

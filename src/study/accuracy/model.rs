@@ -12,7 +12,7 @@ use std::ops::ControlFlow;
 use super::view::JudgedView;
 use super::{Candidate, JudgedSet};
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::{Frame, Quality, Settings, View, cpu};
+use adjsplat::splat::{Frame, Quality, View, cpu};
 use adjsplat_judge::metrics::{Metrics, compare};
 use adjsplat_judge::reference::{JudgeSettings, RayJudge, RaySettings, SplatOrder};
 
@@ -89,7 +89,7 @@ pub fn measure(
         push(ErrorPart::Order, None, &sorted, &nested)?;
         let looked = View::new(&view.camera, visible.grid(), view.size, Quality::Reference.kernel(), None)?;
         for (number, candidate) in candidates.iter().enumerate() {
-            let settings = Settings { threads, ..candidate.settings(&looked, visible.grid().dims)? };
+            let settings = candidate.settings(&looked, visible.grid().dims)?.with_threads(threads);
             let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
             let drawn = cpu::render(&scene, &view.camera, &settings)?.0;
             push(ErrorPart::Arithmetic, Some(number), &nested, &drawn)?;

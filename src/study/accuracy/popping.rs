@@ -91,7 +91,7 @@ pub fn measure(
                 let scene = set.file(candidate.value_bits, candidate.normal_bits)?;
                 let found = change(&cameras, |camera| {
                     let settings = candidate.settings(&turn.view(camera)?, grid.dims)?;
-                    Ok(cpu::render(&scene, camera, &adjsplat::splat::Settings { threads, ..settings })?.0)
+                    Ok(cpu::render(&scene, camera, &settings.with_threads(threads))?.0)
                 })?;
                 push(format!("{}, {} bits", candidate.quality_name(), candidate.value_bits), found);
             }

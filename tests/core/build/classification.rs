@@ -1,6 +1,5 @@
 //! Every kind of transfer function, and what needs a first reading.
 
-use adjsplat::build::BuildOptions;
 use adjsplat::classify::{Colour, Contour, FactorPoint, Label, Point, TransferFunction, UnlistedLabels};
 use adjsplat::volume::SampleType;
 use adjsplat_tests::scenes::options;
@@ -33,7 +32,7 @@ fn each(transfer: &TransferFunction, surveyed: bool) -> Vec<u64> {
     for sample_type in types {
         let volume = volume(sample_type);
         for (value_bits, normal_bits) in [(8, 8), (16, 0), (16, 16)] {
-            let options = BuildOptions { value_bits, normal_bits, ..options(transfer.clone()) };
+            let options = options(transfer.clone()).with_value_bits(value_bits).with_normal_bits(normal_bits);
             let built = build_and_compare(&volume, &options);
             assert_eq!(built.samples.surveyed, surveyed, "{}", sample_type.name());
             assert_eq!(options.needs_survey(), surveyed);
@@ -133,7 +132,7 @@ fn labels_shade_by_their_smoothed_visibility() {
                     continue; // may hold none of the three
                 }
                 for normal_bits in [0, 8, 16] {
-                    build_and_compare(&volume, &BuildOptions { normal_bits, ..options(transfer.clone()) });
+                    build_and_compare(&volume, &options(transfer.clone()).with_normal_bits(normal_bits));
                 }
             }
         }

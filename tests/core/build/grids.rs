@@ -1,7 +1,6 @@
 //! Grids of every shape, samples of every type, every option.
 
 use adjsplat::arena::TileOrder;
-use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::volume::SampleType;
@@ -34,7 +33,7 @@ fn phantoms_of_every_kind_and_type_come_out_voxel_by_voxel() {
             let (low, high) =
                 if values.into_iter().any(|v| low <= v && v <= high) { (low, high) } else { (1.0, 255.0) };
             for (value_bits, normal_bits) in [(8, 8), (16, 16), (8, 0), (16, 8)] {
-                let options = BuildOptions { value_bits, normal_bits, ..options(range(low, high)) };
+                let options = options(range(low, high)).with_value_bits(value_bits).with_normal_bits(normal_bits);
                 let built = build_and_compare(&volume, &options);
                 assert!(!built.samples.surveyed, "a closed range needs no second reading");
             }
@@ -49,8 +48,10 @@ fn tile_orders_and_lane_counts_change_the_place_and_nothing_else() {
     let mut sizes = Vec::new();
     for tile_order in [TileOrder::Morton, TileOrder::Hilbert, TileOrder::Rows] {
         for lane_count in 1..=3 {
-            let built =
-                build_and_compare(&volume, &BuildOptions { tile_order, lane_count, ..options(range(low, high)) });
+            let built = build_and_compare(
+                &volume,
+                &options(range(low, high)).with_tile_order(tile_order).with_lane_count(lane_count),
+            );
             sizes.push(built.lanes.iter().map(|lane| lane.view().bytes()).sum::<u64>());
         }
     }
@@ -66,7 +67,7 @@ fn the_smallest_and_thinnest_grids() {
             let wrapped = |place| ramp(place) % 127.0;
             let volume = SampleVolume::new(dims, sample_type, [1.0, 2.0, 0.5], wrapped);
             for normal_bits in [0, 8, 16] {
-                build_and_compare(&volume, &BuildOptions { normal_bits, ..options(range(0.0, 126.0)) });
+                build_and_compare(&volume, &options(range(0.0, 126.0)).with_normal_bits(normal_bits));
             }
         }
     }
@@ -100,13 +101,13 @@ fn constant_volumes_have_no_normals_and_every_voxel() {
     for sample_type in SampleType::ALL {
         let volume = SampleVolume::new([9, 10, 11], sample_type, [1.0; 3], |_| 100.0);
         for value_bits in [8, 16] {
-            let built = build_and_compare(&volume, &BuildOptions { value_bits, ..options(range(50.0, 120.0)) });
+            let built = build_and_compare(&volume, &options(range(50.0, 120.0)).with_value_bits(value_bits));
             assert_eq!(built.facts.visible_voxels, 990);
             let lane = built.lanes[0].view();
             assert!((0..990).all(|record| lane.normal_code(record) == u32::from(adjsplat::classify::normal::NONE8)));
-            let built = build_and_compare(&volume, &BuildOptions { value_bits, ..options(range(100.0, 100.0)) });
+            let built = build_and_compare(&volume, &options(range(100.0, 100.0)).with_value_bits(value_bits));
             assert_eq!((built.facts.scales.value_low, built.facts.scales.value_step), (100.0, 0.0));
-            build_and_compare(&volume, &BuildOptions { value_bits, ..options(range(f64::NEG_INFINITY, 100.0)) });
+            build_and_compare(&volume, &options(range(f64::NEG_INFINITY, 100.0)).with_value_bits(value_bits));
         }
     }
 }
@@ -125,7 +126,7 @@ fn samples_that_are_no_numbers_are_transparent_and_counted() {
             [(40.0, 90.0), (40.0, f64::INFINITY), (f64::NEG_INFINITY, 0.0), (f64::NEG_INFINITY, f64::INFINITY)]
         {
             for value_bits in [8, 16] {
-                let options = BuildOptions { value_bits, ..options(range(low, high)) };
+                let options = options(range(low, high)).with_value_bits(value_bits);
                 let built = build_and_compare(&volume, &options);
                 assert_eq!(built.samples.not_finite, wrong);
                 assert!(wrong > 200, "{wrong}");
@@ -144,7 +145,7 @@ fn slope_and_intercept_give_values_in_their_own_unit() {
             let middle = 60.0 * slope + intercept;
             for (low, high) in [(middle, f64::INFINITY), (f64::NEG_INFINITY, middle)] {
                 for value_bits in [8, 16] {
-                    let built = build_and_compare(&volume, &BuildOptions { value_bits, ..options(range(low, high)) });
+                    let built = build_and_compare(&volume, &options(range(low, high)).with_value_bits(value_bits));
                     let share = built.facts.visible_voxels as f64 / volume.header.grid.len() as f64;
                     assert!((0.4..0.6).contains(&share), "{share}");
                 }
@@ -164,7 +165,7 @@ fn wide_samples_share_codes_within_half_a_code() {
             // Gradients of samples up to 1e300 leave single precision, in which they are taken; values do not.
             let normal_bits = if sample_type == SampleType::F64 { 0 } else { 8 };
             let shown = range(low / 2.0, f64::INFINITY);
-            build_and_compare(&volume, &BuildOptions { value_bits, normal_bits, ..options(shown) });
+            build_and_compare(&volume, &options(shown).with_value_bits(value_bits).with_normal_bits(normal_bits));
         }
     }
 }

@@ -43,7 +43,7 @@ fn any_budget_and_any_number_of_threads_give_the_bytes_of_a_build_in_memory() {
         (&labels, palette, TileOrder::Rows),
         (&sparse, range, TileOrder::Morton),
     ] {
-        let options = BuildOptions { tile_order, normal_bits: 16, ..options(transfer) };
+        let options = options(transfer).with_tile_order(tile_order).with_normal_bits(16);
         let built = build(&mut volume.clone(), &options, &mut Unobserved).expect("builds");
         let expected = arena_bytes(&built.facts, &built.lanes, "{}");
         for threads in [1, 2, 5] {

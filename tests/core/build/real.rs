@@ -1,7 +1,6 @@
 //! Real volumes: the counts and gaps that independent readers found (shared/data/MANIFEST.md).
 
 use adjsplat::arena::Lane;
-use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::volume::SlabSource;
 use adjsplat::volume::UnscaledSource;
@@ -21,7 +20,7 @@ pub(crate) fn real(file: &str) -> Option<Box<dyn SlabSource>> {
 fn check_counts(file: &str, counts: &[(f64, u64)]) {
     for &(iso, visible) in counts {
         let Some(mut source) = real(file) else { return };
-        let options = BuildOptions { lane_count: 1, normal_bits: 0, ..options(at_least(iso)) };
+        let options = options(at_least(iso)).with_lane_count(1).with_normal_bits(0);
         let built = built(&mut *source, &options);
         assert_eq!(built.facts.visible_voxels, visible, "{file} >= {iso}");
     }
@@ -85,7 +84,7 @@ fn four_dimensional_head() {
 fn atlas_of_138_labels() {
     let Some(mut source) = real("allen-human-atlas/AllenAtlas.nii.gz") else { return };
     let all = TransferFunction::preset("labels").expect("a preset");
-    let options = BuildOptions { lane_count: 1, normal_bits: 0, ..options(all) };
+    let options = options(all).with_lane_count(1).with_normal_bits(0);
     let built = built(&mut *source, &options);
     assert_eq!(built.facts.visible_voxels, 13_963_402);
     // Labels keep codes of their own.
@@ -111,7 +110,7 @@ fn gaps(lane: &Lane) -> (u32, usize, u64) {
 #[test]
 fn frog_has_gaps_that_need_stepping_voxels() {
     let Some(mut source) = real("frogtissue/frogtissue.mhd") else { return };
-    let options = BuildOptions { normal_bits: 0, ..options(at_least(1.0)) };
+    let options = options(at_least(1.0)).with_normal_bits(0);
     let built = built(&mut *source, &options);
     assert_eq!(built.facts.visible_voxels, 1_156_957);
     let lanes: Vec<Lane> = built.lanes.iter().map(|lane| lane.view()).collect();

@@ -80,11 +80,11 @@ fn a_volume_of_no_numbers_says_so() {
 fn options_out_of_range_are_refused_before_a_sample_is_read() {
     let good = options(range(0.0, 255.0));
     let wrong = [
-        BuildOptions { lane_count: 0, ..good.clone() },
-        BuildOptions { lane_count: 4, ..good.clone() },
-        BuildOptions { value_bits: 0, ..good.clone() },
-        BuildOptions { value_bits: 12, ..good.clone() },
-        BuildOptions { normal_bits: 7, ..good.clone() },
+        good.clone().with_lane_count(0),
+        good.clone().with_lane_count(4),
+        good.clone().with_value_bits(0),
+        good.clone().with_value_bits(12),
+        good.clone().with_normal_bits(7),
     ];
     for options in wrong {
         let mut volume = rough(SampleType::U8);
@@ -100,7 +100,7 @@ fn label_maps_that_codes_cannot_hold_are_refused_with_the_way_out() {
     let many = SampleVolume::new([20, 20, 2], SampleType::U16, [1.0; 3], |[x, y, _]| f64::from(1 + x + 20 * y));
     let line = refused(&many, &options(labels()));
     assert!(line.contains("16-bit values"), "{line}");
-    assert!(build(&mut many.clone(), &BuildOptions { value_bits: 16, ..options(labels()) }, &mut Unobserved).is_ok());
+    assert!(build(&mut many.clone(), &options(labels()).with_value_bits(16), &mut Unobserved).is_ok());
     let line = refused(&rough(SampleType::F32), &options(labels()));
     assert!(line.contains("whole numbers"), "{line}");
 }

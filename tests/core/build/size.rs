@@ -1,6 +1,6 @@
 //! Bytes a visible voxel: whole files, all tables counted, with a value of one byte and a normal of two.
 
-use adjsplat::build::{BuildOptions, Unobserved, build};
+use adjsplat::build::{Unobserved, build};
 use adjsplat::file::arena_bytes;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};
@@ -45,7 +45,7 @@ fn one_percent_noise() {
 fn a_lane_alone_is_the_same_as_with_others() {
     let gyroid = || Phantom::Gyroid.open([70, 60, 50], SampleType::U8, [1.0; 3]).expect("sound");
     let all = built(&mut *gyroid(), &options(at_least(150.0)));
-    let one = BuildOptions { lane_count: 1, ..options(at_least(150.0)) };
+    let one = options(at_least(150.0)).with_lane_count(1);
     let one = build(&mut *gyroid(), &one, &mut Unobserved).expect("builds");
     assert!(one.lanes[0] == all.lanes[0] && one.facts == all.facts);
 }

@@ -323,7 +323,11 @@ fn pictures_are_those_of_a_rebuilt_arena_bit_for_bit() {
                 (Mode::Maximum, 2, Code::Best),
                 (Mode::Additive, 1, Code::Portable),
             ] {
-                let settings = Settings { mode, threads, code, exposure: None, ..Settings::every_pixel([90, 70]) };
+                let settings = Settings::every_pixel([90, 70])
+                    .with_mode(mode)
+                    .with_threads(threads)
+                    .with_code(code)
+                    .with_exposure(None);
                 let over = draw(&facts, &overlay, &camera, &settings);
                 let anew = draw(&left.facts(), &rebuilt, &camera, &settings);
                 assert!(over == anew, "{azimuth} {elevation} {mode:?} {threads} {code:?} {threshold:?}");

@@ -3,7 +3,7 @@
 use adjsplat::Error;
 use adjsplat::arena::Record;
 use adjsplat::arena::{Arena, LaneSet, Region, Rows, TileOrder, TrimOptions, trim};
-use adjsplat::build::{BuildOptions, Unobserved};
+use adjsplat::build::Unobserved;
 use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
 use adjsplat::splat::{Camera, Scene, Settings, Surround, cpu};
@@ -68,7 +68,7 @@ fn a_crop_is_a_build_of_the_box() {
         let model = some_model(&mut random);
         let bytes = model.bytes(3);
         let crop = some_crop(&mut random, model.dims());
-        let options = TrimOptions { crop: Some(crop.clone()), ..TrimOptions::default() };
+        let options = TrimOptions::default().with_crop(crop.clone());
         let mut expected = model.cropped(&crop);
         if expected.voxels.is_empty() {
             let arena = Arena::new(&bytes).expect("sound");
@@ -88,7 +88,7 @@ fn a_crop_is_a_build_of_the_box() {
             .expect("three");
         assert!(trimmed(&bytes, None, &options, 3) == expected.bytes(3), "{:?} {crop:?}", model.dims());
         let kept = model.filtered(|[x, y, z], _| crop.xs.contains(&x) && crop.ys.contains(&y) && crop.zs.contains(&z));
-        assert!(trimmed(&bytes, None, &TrimOptions { keep_grid: true, ..options }, 2) == kept.bytes(2));
+        assert!(trimmed(&bytes, None, &options.with_keep_grid(true), 2) == kept.bytes(2));
     }
     assert!((1..100).contains(&empty), "{empty} crops were empty");
 }
@@ -104,7 +104,7 @@ fn a_crop_outside_the_grid_is_refused() {
         Region { xs: 0..5, ys: 3..3, zs: 0..7 },
         Region { xs: 0..5, ys: 0..6, zs: u32::MAX - 1..u32::MAX },
     ] {
-        let refused = trim(&arena, None, &TrimOptions { crop: Some(crop), ..TrimOptions::default() }).map(drop);
+        let refused = trim(&arena, None, &TrimOptions::default().with_crop(crop)).map(drop);
         let told = refused.expect_err("outside").to_string();
         assert!(told.contains("5 x 6 x 7 grid"), "{told}");
     }
@@ -119,10 +119,7 @@ fn a_threshold_is_a_build_of_what_it_shows() {
         let value = |record: Record| scales.value_low + f64::from(record.value) * scales.value_step;
         let first = model.voxels.values().next().copied().expect("there is one");
         let low = value(first);
-        let options = TrimOptions {
-            transfer: Some(TransferFunction::range(low, f64::INFINITY).expect("sound")),
-            ..Default::default()
-        };
+        let options = TrimOptions::default().with_transfer(TransferFunction::range(low, f64::INFINITY).expect("sound"));
         let expected = model.filtered(|_, record| value(record) >= low);
         assert!(trimmed(&model.bytes(2), None, &options, 2) == expected.bytes(2));
     }
@@ -134,7 +131,7 @@ fn channels_that_go_leave_the_others_as_they_were() {
     for _ in 0..20 {
         let mut model = some_model(&mut random);
         let bytes = model.bytes(3);
-        let options = TrimOptions { drop_normals: true, drop_magnitudes: true, ..Default::default() };
+        let options = TrimOptions::default().with_drop_normals(true).with_drop_magnitudes(true);
         model.facts.channels.normal_bits = 0;
         model.facts.channels.magnitude_bits = 0;
         model.facts.scales.magnitude_scale = 0.0;
@@ -149,16 +146,16 @@ fn magnitudes_that_a_function_needs_stay() {
     let bytes = model.bytes(1);
     let arena = Arena::new(&bytes).expect("sound");
     let contour = TransferFunction::contour(60.0).expect("sound");
-    let drop_magnitudes = TrimOptions { drop_magnitudes: true, ..Default::default() };
+    let drop_magnitudes = TrimOptions::default().with_drop_magnitudes(true);
     let told = trim(&arena, Some(&contour), &drop_magnitudes).map(drop).expect_err("needed").to_string();
     assert!(told.contains("magnitudes") && told.contains("cannot be dropped"), "{told}");
     // Another function makes them superfluous.
     let range = TransferFunction::range(0.0, 100.0).expect("sound");
-    let both = TrimOptions { transfer: Some(range), ..drop_magnitudes };
+    let both = drop_magnitudes.with_transfer(range);
     assert_eq!(trim(&arena, Some(&contour), &both).expect("fine").facts.channels.magnitude_bits, 0);
     // And a file without any cannot be thresholded by them.
-    let bytes = trimmed(&bytes, None, &TrimOptions { drop_magnitudes: true, ..Default::default() }, 1);
-    let options = TrimOptions { transfer: Some(contour), ..Default::default() };
+    let bytes = trimmed(&bytes, None, &TrimOptions::default().with_drop_magnitudes(true), 1);
+    let options = TrimOptions::default().with_transfer(contour);
     let told = trim(&Arena::new(&bytes).expect("sound"), None, &options).map(drop).expect_err("none").to_string();
     assert!(told.contains("needs gradient magnitudes"), "{told}");
 }
@@ -190,7 +187,7 @@ fn narrowed_values_are_exact_where_eight_bits_do() {
         }
         model.put([0; 3], Some(Record { value: 3_000, normal: 0x8000_8000, magnitude: 3 }));
         model.put([1, 0, 0], Some(Record { value: (2_999 + codes) as u16, normal: 5, magnitude: 3 }));
-        let options = TrimOptions { narrow_values: true, narrow_normals: true, ..Default::default() };
+        let options = TrimOptions::default().with_narrow_values(true).with_narrow_normals(true);
         let bytes = trimmed(&model.bytes(3), None, &options, 3);
         let new = Arena::new(&bytes).expect("sound").facts().clone();
         assert_eq!((new.channels.value_bits, new.channels.normal_bits), (8, 8));
@@ -230,11 +227,11 @@ fn labels_keep_their_codes_or_are_refused() {
     }
     let bytes = model.bytes(1);
     let arena = Arena::new(&bytes).expect("sound");
-    let options = TrimOptions { narrow_values: true, ..Default::default() };
+    let options = TrimOptions::default().with_narrow_values(true);
     let told = trim(&arena, Some(&labels), &options).map(drop).expect_err("too many").to_string();
     assert!(told.contains("label") && told.contains("8 bits"), "{told}");
     let crop = Some(Region { xs: 0..8, ys: 0..20, zs: 0..10 });
-    let left = trim(&arena, Some(&labels), &TrimOptions { crop, ..options }).expect("few enough");
+    let left = trim(&arena, Some(&labels), &options.with_crop(crop)).expect("few enough");
     assert_eq!((left.facts.scales.value_low, left.facts.scales.value_step), (11.0, 1.0));
 }
 
@@ -264,7 +261,7 @@ fn values_that_turn_transparent_are_counted() {
     let transfer = TransferFunction::from_json(&points).expect("sound");
     let bytes = model.bytes(1);
     let arena = Arena::new(&bytes).expect("sound");
-    let options = TrimOptions { narrow_values: true, ..Default::default() };
+    let options = TrimOptions::default().with_narrow_values(true);
     assert_eq!(trim(&arena, Some(&transfer), &options).expect("left").blurred_away, 2);
     assert_eq!(trim(&arena, Some(&transfer), &TrimOptions::default()).expect("left").blurred_away, 0);
 }
@@ -281,7 +278,7 @@ fn a_cropped_arena_lies_where_it_lay() {
         model.put(at, Some(record));
     }
     let crop = Region { xs: 9..31, ys: 4..35, zs: 12..29 };
-    let options = TrimOptions { crop: Some(crop), ..Default::default() };
+    let options = TrimOptions::default().with_crop(crop);
     let bytes = [model.bytes(3), trimmed(&model.bytes(3), None, &options, 3)];
     let transfer = TransferFunction::range(0.0, 600.0).and_then(|t| t.with_value_range(0.0, 600.0)).expect("sound");
     let around = Surround::of_grid(&model.facts.grid);
@@ -295,7 +292,7 @@ fn a_cropped_arena_lies_where_it_lay() {
     let [whole, part] = [(&bytes[0], Some(boxed)), (&bytes[1], None)].map(|(bytes, crop)| {
         let lanes = LaneSet::new(Arena::new(bytes).expect("sound"), None);
         let facts = lanes.arena().facts().clone();
-        let settings = Settings { crop, termination: Some(0.0), ..Settings::every_pixel([120, 100]) };
+        let settings = Settings::every_pixel([120, 100]).with_crop(crop).with_termination(0.0);
         cpu::render(&Scene { facts: &facts, lanes: &lanes, transfer: &transfer }, &camera, &settings).expect("draws").0
     });
     let differences = whole.pixels().iter().zip(part.pixels()).map(|(a, b)| (a - b).abs());
@@ -313,13 +310,13 @@ fn real_volumes_trimmed_hold_what_a_build_holds() {
     ] {
         let Some(path) = real_volume(path) else { return };
         let [from, to] = [low, high].map(|low| {
-            let options = BuildOptions { value_bits, ..options(at_least(low)) };
+            let options = options(at_least(low)).with_value_bits(value_bits);
             built(&mut *volume(&path), &options)
         });
         assert_eq!(to.facts.visible_voxels, left);
         let bytes = arena_bytes(&from.facts, &from.lanes, "{}");
         let transfer = TransferFunction::range(high, f64::INFINITY).expect("sound");
-        let options = TrimOptions { transfer: Some(transfer), ..Default::default() };
+        let options = TrimOptions::default().with_transfer(transfer);
         let arena = Arena::new(&bytes).expect("sound");
         let rows = trim(&arena, Some(&from.transfer), &options).expect("some is left");
         assert_eq!(rows.transfer.as_ref(), Some(&to.transfer), "the function is the build's");

@@ -31,7 +31,7 @@ fn camera(is_million: bool) -> Camera {
 
 fn settings(is_million: bool) -> Settings {
     let crop = is_million.then_some(VoxelBox { low: [0; 3], high: [3, 3, u16::MAX] });
-    Settings { quality: Quality::Reference, crop, ..Settings::every_pixel(SIZE) }
+    Settings::every_pixel(SIZE).with_quality(Quality::Reference).with_crop(crop)
 }
 
 /// Optical depth of a voxel per optical depth at the middle pixel: the low-pass's own, 0.6 px wide, cut off at 3/0.7.
@@ -51,7 +51,7 @@ fn draw(part: f64, is_million: bool, settings: &Settings) -> (Frame, Stats) {
 
 /// What is let through by the middle pixel, and exactly: each of the columns weighs as its distance says.
 fn transmittance(part: f64, is_million: bool, sense: Sense) -> (f64, f64) {
-    let (frame, stats) = draw(part, is_million, &Settings { sense, ..settings(is_million) });
+    let (frame, stats) = draw(part, is_million, &settings(is_million).with_sense(sense));
     let side = if is_million { [4, 4] } else { [13, 12] };
     assert_eq!(stats.splats_drawn, side[0] * side[1] * LONGEST);
     let mut weight = 0.0;
@@ -96,7 +96,7 @@ fn a_million_half_opaque_layers_end_cleanly() {
     let (frame, all) = draw(0.5, true, &settings(true));
     let [red, green, blue, alpha] = frame.pixel(1, 1);
     assert!(alpha == 1.0 && [red, green, blue].iter().all(|c| (c - 1.0).abs() <= 1e-6), "{:?}", frame.pixel(1, 1));
-    let (early, few) = draw(0.5, true, &Settings { termination: Some(1e-5), ..settings(true) });
+    let (early, few) = draw(0.5, true, &settings(true).with_termination(1e-5));
     assert!((early.pixel(1, 1)[3] - 1.0).abs() <= 1e-5, "{:?}", early.pixel(1, 1));
     // Rays end after 17 of them; but pixels at the corner of the picture, where weights are less, go on.
     assert!(few.splats_drawn < all.splats_drawn / 100, "{few:?}");
@@ -120,7 +120,7 @@ fn colours_of_a_million_layers_mix_as_their_depths_say() {
     let half = -part * 16.0 * (LONGEST as f64) / 2.0;
     let (red, blue) = (-half.exp_m1(), half.exp() * -half.exp_m1());
     for sense in [Sense::FrontToBack, Sense::BackToFront] {
-        let settings = Settings { sense, ..settings(true) };
+        let settings = settings(true).with_sense(sense);
         let (frame, _) = model.render(&camera(true), &settings);
         let got = frame.pixel(1, 1).map(f64::from);
         println!("{sense:?}: {got:?}, exactly {red} and {blue}");

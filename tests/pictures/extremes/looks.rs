@@ -19,7 +19,7 @@ fn row(transfer: TransferFunction, low: f64, step: f64, codes: &[u16]) -> Vec<f6
     let settings = Settings::every_pixel([columns, 17]);
     let camera = parallel(target, [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], 17.0 / 8.0);
     for mode in [Mode::Additive, Mode::Maximum, Mode::MaximumGrey] {
-        model.draw(&camera, &Settings { mode, exposure: None, ..settings.clone() });
+        model.draw(&camera, &settings.clone().with_mode(mode).with_exposure(None));
     }
     let (frame, _) = model.draw(&camera, &settings);
     // The camera looks along z with -y up: x runs to the right.

@@ -37,7 +37,7 @@ impl Judge for Built {
         let (frame, stats) = self.render(camera, settings);
         assert!(frame.pixels().iter().all(|value| value.is_finite()), "not finite: {camera:?} {settings:?}");
         for (code, threads) in [(Code::Plain, 1), (Code::Best, 3)] {
-            let again = self.frame(camera, &Settings { code, threads, ..settings.clone() });
+            let again = self.frame(camera, &settings.clone().with_code(code).with_threads(threads));
             assert!(bits(&again) == bits(&frame), "{code:?} with {threads} threads: {camera:?} {settings:?}");
         }
         (frame, stats)

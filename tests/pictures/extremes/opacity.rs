@@ -31,7 +31,7 @@ fn no_voxels_and_no_opacity_leave_the_background_as_it_is() {
             if mode.is_maximum() && model.facts.visible_voxels > 0 {
                 continue;
             }
-            let settings = Settings { mode, ..Settings::every_pixel([20, 10]) };
+            let settings = Settings::every_pixel([20, 10]).with_mode(mode);
             let (mut frame, stats) = model.draw(&parallel(middle(&grid()), [1.0, 2.0, 3.0], UP, 8.0), &settings);
             assert!(stats.splats_drawn == 0 && frame.pixels().iter().all(|value| value.to_bits() == 0), "{mode:?}");
             frame.over(background);
@@ -92,7 +92,8 @@ fn reference_lengths_from_tiny_to_huge_are_finite() {
         for mode in MODES {
             for exposure in [Some(1.0), None] {
                 // No ray ends before it is dark.
-                let settings = Settings { mode, exposure, termination: Some(0.0), ..Settings::every_pixel([21, 21]) };
+                let settings =
+                    Settings::every_pixel([21, 21]).with_mode(mode).with_exposure(exposure).with_termination(0.0);
                 let (frame, stats) = model.draw(&parallel([2.0, 1.5, 1.5], [0.0, 0.0, 1.0], UP, 6.0), &settings);
                 // Transparent voxels are not drawn, nor depths that underflow; maxima show values.
                 let drawn = if reference < 1e100 || mode.is_maximum() { 64 } else { 0 };
@@ -112,7 +113,7 @@ fn slab(depth: f64, direction: [f64; 3], quality: Quality) -> (Vec<f64>, f64) {
     let reference = 1e-6;
     let model = solid([64, 64, 12], [1.0; 3], constant(-(-depth / 12.0 * reference).exp_m1(), reference));
     let length = direction.iter().map(|c| c * c).sum::<f64>().sqrt();
-    let settings = Settings { quality, termination: Some(0.0), ..Settings::every_pixel([50, 50]) };
+    let settings = Settings::every_pixel([50, 50]).with_quality(quality).with_termination(0.0);
     let camera = parallel([31.5, 31.5, 5.5], direction, UP, 2.0);
     let (frame, _) = model.draw(&camera, &settings);
     (alphas(&frame).collect(), depth * length / direction[2])
@@ -151,7 +152,7 @@ fn half_the_spacing_lets_the_same_light_through() {
         let side = (48.0 / spacing) as u64;
         let model = solid([side, side, layers], [spacing; 3], constant(0.1, 1.0));
         let camera = parallel(middle(&model.facts.grid), [0.2, 0.1, 1.0], UP, 2.0);
-        let (frame, _) = model.draw(&camera, &Settings { termination: Some(0.0), ..Settings::every_pixel([50, 50]) });
+        let (frame, _) = model.draw(&camera, &Settings::every_pixel([50, 50]).with_termination(0.0));
         alphas(&frame).map(|alpha| -(-alpha).ln_1p()).sum::<f64>() / 2500.0
     };
     let want = -(0.9f64).ln() * 8.0 * (0.05f64 + 1.0).sqrt();
@@ -172,7 +173,7 @@ fn alternating_layers_and_checkers_stay_between_nothing_and_all() {
             let target = middle(&grid);
             let model = coded(grid, constant(opacity, 1.0), |at| shows(at).then_some(1));
             for along in [[0.0, 0.0, 1.0], [1.0, 1.0, 0.0], [0.3, 0.5, 0.8]] {
-                let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([40, 40]) };
+                let settings = Settings::every_pixel([40, 40]).with_quality(Quality::Reference);
                 let camera = parallel(target, along, [0.1, 1.0, 0.2], 24.0);
                 let (frame, _) = model.draw(&camera, &settings);
                 let (depths, splats) = model.depths(&camera, &settings, |_| (-(-opacity).ln_1p()).min(16.0));
@@ -204,10 +205,10 @@ fn one_colour_is_the_same_in_all_48_orders() {
     let [red, green, blue] = transfer.colour(0.0);
     let model = coded(Grid::new([12; 3], [1.0; 3]).unwrap(), transfer, |[x, y, z]| ((x * y + z) % 3 != 0).then_some(1));
     let camera = parallel([5.5; 3], [0.3, -0.5, 0.8], UP, 16.0);
-    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([32, 32]) };
+    let settings = Settings::every_pixel([32, 32]).with_quality(Quality::Reference);
     let (first, _) = model.draw(&camera, &settings);
     for order in (0..48).map(|n| Order::parallel(n / 8, (n % 8) as u8)) {
-        let (frame, _) = model.draw(&camera, &Settings { order: Some(order), ..settings.clone() });
+        let (frame, _) = model.draw(&camera, &settings.clone().with_order(order));
         // Some hundred splats at a pixel, 2^-24 each.
         assert!(apart(&frame, &first) <= 1e-5, "{order:?}: {:e}", apart(&frame, &first));
         for pixel in frame.pixels().as_chunks::<4>().0 {

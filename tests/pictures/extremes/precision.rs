@@ -1,6 +1,6 @@
 //! What every approximation costs, beside the bound that docs/NUMERICS.md derives for it.
 
-use adjsplat::build::{BuildOptions, Built};
+use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Frame, Lighting, Projection, Quality, Sampling, Settings};
 use adjsplat::traverse::Sense;
 use adjsplat::volume::{Grid, SampleType};
@@ -59,7 +59,7 @@ fn rounding_stays_within_its_bound_over_half_a_million_layers() {
             }
         }
         for sense in [Sense::FrontToBack, Sense::BackToFront] {
-            let settings = Settings { quality: Quality::Reference, sense, ..Settings::every_pixel([3, 3]) };
+            let settings = Settings::every_pixel([3, 3]).with_quality(Quality::Reference).with_sense(sense);
             let (frame, stats) = model.render(&camera, &settings);
             assert_eq!(stats.splats_drawn, 480_000);
             let got = frame.pixel(1, 1).map(f64::from);
@@ -84,7 +84,7 @@ fn ripple_is_what_each_quality_promises() {
         let model = solid([24, 24, 1], [1.0; 3], constant(0.5, 1.0));
         // 160 pixels to a voxel, two voxels across.
         let camera = parallel([11.5, 11.5, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], 2.0);
-        let (frame, _) = model.draw(&camera, &Settings { quality, ..Settings::every_pixel([320, 320]) });
+        let (frame, _) = model.draw(&camera, &Settings::every_pixel([320, 320]).with_quality(quality));
         let depths: Vec<f64> = alphas(&frame).map(|alpha| -(-alpha).ln_1p() / -(0.5f64).ln()).collect();
         let mean = depths.iter().sum::<f64>() / depths.len() as f64;
         let (low, high) =
@@ -113,7 +113,7 @@ fn an_affine_footprint_is_as_far_off_as_its_fit_says() {
             let model = coded(grid, constant(0.1, 1.0), |_| Some(1));
             let camera =
                 Camera::new([0.0; 3], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0], Projection::Perspective { fov }).unwrap();
-            let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel(size) };
+            let settings = Settings::every_pixel(size).with_quality(Quality::Reference);
             let (frame, _) = model.render(&camera, &settings);
             let peak = -(0.9f64).ln() / (std::f64::consts::TAU * sigma * sigma * kept);
             let mut most = 0.0f64;
@@ -140,7 +140,7 @@ fn an_affine_footprint_is_as_far_off_as_its_fit_says() {
 
 fn gyroid(text: &str, value_bits: u8, normal_bits: u8) -> Built {
     let mut source = phantom("gyroid", [40, 44, 36], SampleType::U16, [1.0; 3]);
-    built(&mut *source, &BuildOptions { value_bits, normal_bits, ..options(transfer(text)) })
+    built(&mut *source, &options(transfer(text)).with_value_bits(value_bits).with_normal_bits(normal_bits))
 }
 
 /// Parallel views, lit from the eye.
@@ -148,7 +148,7 @@ fn pictures(built: &Built) -> Vec<Frame> {
     [(0.0, 0.0), (31.0, 24.0), (-100.0, 60.0)]
         .map(|(azimuth, elevation)| {
             let lighting = Some(Lighting { toward_light: [0.0, 0.0, 1.0], ..Lighting::default() });
-            let settings = Settings { quality: Quality::Reference, lighting, ..Settings::every_pixel([120, 120]) };
+            let settings = Settings::every_pixel([120, 120]).with_quality(Quality::Reference).with_lighting(lighting);
             built.frame(&built.orbit(azimuth, elevation, None, [120, 120]), &settings)
         })
         .into()
@@ -201,8 +201,7 @@ fn small_pictures_of_things_with_holes_are_too_opaque_but_for_finer_pixels() {
     let model = coded(grid, constant(0.9, 1.0), |[x, y, _]| ((x / 2 + y / 2) % 2 == 0).then_some(1));
     let mean = |pixels: f64, size: u32, sampling: Sampling| {
         let camera = parallel([31.5, 31.5, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0], f64::from(size) / pixels);
-        let settings =
-            Settings { quality: Quality::Reference, sampling: Some(sampling), ..Settings::every_pixel([size; 2]) };
+        let settings = Settings::every_pixel([size; 2]).with_quality(Quality::Reference).with_sampling(sampling);
         let (frame, _) = model.draw(&camera, &settings);
         alphas(&frame).sum::<f64>() / f64::from(size * size)
     };

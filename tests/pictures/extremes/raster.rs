@@ -24,14 +24,14 @@ fn at(pixels: f64, shift: [f64; 2], size: [u32; 2]) -> Camera {
 
 /// Sum of the depths of an x-ray's pixels.
 fn light(model: &Built, camera: &Camera, settings: &Settings) -> f64 {
-    let (frame, _) = model.draw(camera, &Settings { mode: Mode::Additive, ..settings.clone() });
+    let (frame, _) = model.draw(camera, &settings.clone().with_mode(Mode::Additive));
     alphas(&frame).map(|alpha| -(-alpha).ln_1p()).sum()
 }
 
 /// Widened to 0.6 pixels: sampling such a Gaussian ripples by 0.33 %, and its cut-off (3/0.7) by less.
 #[test]
 fn splats_far_below_a_pixel_keep_their_light() {
-    let settings = Settings { quality: Quality::High, ..Settings::every_pixel([41, 41]) };
+    let settings = Settings::every_pixel([41, 41]).with_quality(Quality::High);
     for pixels in [0.1, 1e-3, 1e-6, 1e-9] {
         for shift in [[0.0, 0.0], [0.5, 0.0], [0.5, 0.5], [0.31, -0.17]] {
             let got = light(&voxel(0.5), &at(pixels, shift, [41, 41]), &settings);
@@ -73,10 +73,10 @@ fn splats_far_beyond_the_picture_are_flat() {
 
 #[test]
 fn voxels_far_off_the_picture_leave_it_as_it_is() {
-    let settings = Settings { quality: Quality::High, ..Settings::every_pixel([40, 30]) };
+    let settings = Settings::every_pixel([40, 30]).with_quality(Quality::High);
     let empty = |camera: &Camera, what: &str| {
         for mode in [Mode::Composite, Mode::Additive] {
-            let (frame, stats) = voxel(0.9).draw(camera, &Settings { mode, ..settings.clone() });
+            let (frame, stats) = voxel(0.9).draw(camera, &settings.clone().with_mode(mode));
             assert!(stats.splats_drawn == 0 && frame.pixels().iter().all(|value| value.to_bits() == 0), "{what}");
         }
     };
@@ -97,7 +97,7 @@ fn a_splat_on_a_pixels_middle_edge_or_corner_is_symmetric() {
         for (shift, size) in
             [([0.0, 0.0], [31, 31]), ([0.0, 0.0], [30, 31]), ([0.0, 0.0], [31, 30]), ([0.0, 0.0], [30, 30])]
         {
-            let settings = Settings { mode: Mode::Additive, ..Settings::every_pixel(size) };
+            let settings = Settings::every_pixel(size).with_mode(Mode::Additive);
             let (frame, _) = voxel(0.9).draw(&at(pixels, shift, size), &settings);
             let peak = alphas(&frame).fold(0.0, f64::max);
             assert!(peak > 0.0);
@@ -145,7 +145,7 @@ fn pictures_at_the_largest_side_are_as_exact_at_their_ends_as_small_ones() {
             let (right, up) = axes(along);
             let target = [0, 1, 2].map(|a| 1.5 - right[a] * shift[0] / 4.0 + up[a] * shift[1] / 4.0);
             let camera = parallel(target, along, UP, f64::from(size[1]) / 4.0);
-            let settings = Settings { quality: Quality::High, ..Settings::every_pixel(size) };
+            let settings = Settings::every_pixel(size).with_quality(Quality::High);
             model.frame(&camera, &settings)
         };
         let large = draw(size, shift);
@@ -210,7 +210,7 @@ fn needles_are_finite_and_no_deeper_than_they_should_be() {
             let target = [0, 1, 2].map(|a| spacing[a] * [1.0, 1.5, 2.0][a]);
             for height in [1e-4, 1.0, 6.0, 30.0, 1e6] {
                 let camera = parallel(target, along, [0.3, 0.8, 0.2], height);
-                let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([32, 32]) };
+                let settings = Settings::every_pixel([32, 32]).with_quality(Quality::Reference);
                 let (frame, _) = model.draw(&camera, &settings);
                 // Splats that are longer than 2,097,152 pixels to either side end there.
                 if 3.0 * spacing.iter().copied().fold(0.0, f64::max) * 32.0 / height > 2e6 {
@@ -237,7 +237,7 @@ fn a_camera_a_pixel_aside_gives_the_picture_a_pixel_aside() {
     let model = coded(Grid::new([7, 6, 5], [1.0; 3]).unwrap(), constant(0.4, 1.0), |[x, y, z]| {
         ((x * 3 + y * 5 + z) % 4 != 0).then_some(1)
     });
-    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([60, 50]) };
+    let settings = Settings::every_pixel([60, 50]).with_quality(Quality::Reference);
     let (right, up) = axes([0.2, 0.3, 1.0]);
     let draw = |x: f64, y: f64| {
         let target = [0, 1, 2].map(|a| [3.0, 2.5, 2.0][a] + (right[a] * x - up[a] * y) / 5.0);

@@ -36,7 +36,7 @@ fn cameras(unit: f64) -> [Camera; 3] {
 }
 
 fn high() -> Settings {
-    Settings { quality: Quality::High, ..Settings::every_pixel([48, 40]) }
+    Settings::every_pixel([48, 40]).with_quality(Quality::High)
 }
 
 /// By powers of two (of three in the exponent, for the cube root) bit for bit; by powers of ten up to what moves a pixel
@@ -136,7 +136,7 @@ fn slabs_of_1_to_1000_in_every_turn_let_through_what_they_should() {
                 for place in 0..4 {
                     let mut target = middle(&model.facts.grid);
                     target[coarse] += f64::from(place) * 250.0;
-                    let settings = Settings { termination: Some(0.0), ..Settings::every_pixel([150, 150]) };
+                    let settings = Settings::every_pixel([150, 150]).with_termination(0.0);
                     let camera = parallel(target, world.map(|c| c / length), up, 6.0);
                     let (frame, _) = model.render(&camera, &settings);
                     let depths = alphas(&frame).map(|alpha| -(-alpha).ln_1p());
@@ -193,7 +193,7 @@ fn anisotropic_mirrored_and_sheared_grids_are_drawn_as_they_lie() {
         let extent = spacing.iter().copied().fold(0.0, f64::max) * 24.0;
         for (along, height) in [([0.3, 0.4, 1.0], extent), ([1.0, -0.2, 0.1], 24.0), ([0.0, 1.0, 0.0], extent)] {
             let camera = parallel(target, along, [0.1, 0.2, 0.9], height);
-            let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([32, 32]) };
+            let settings = Settings::every_pixel([32, 32]).with_quality(Quality::Reference);
             let (frame, stats) = model.draw(&camera, &settings);
             let (want, splats) = model.depths(&camera, &settings, |code| depths[usize::from(code)]);
             let bound = splats as f64 * 2f64.powi(-24) + 1.1e-4 * 0.33 + 1e-5;

@@ -33,7 +33,7 @@ fn views_along_an_axis_are_right_either_way() {
             along[axis] = sign;
             let up = [0, 1, 2].map(|a| f64::from(u8::from(a == (axis + 1) % 3)));
             let camera = parallel([4.5; 3], along, up, 14.0);
-            let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([40, 40]) };
+            let settings = Settings::every_pixel([40, 40]).with_quality(Quality::Reference);
             let (own, _) = model.draw(&camera, &settings);
             let (depths, splats) = model.depths(&camera, &settings, depth);
             // As in `opacity`: roundings, and a pixel on a footprint's edge.
@@ -43,7 +43,7 @@ fn views_along_an_axis_are_right_either_way() {
             let valid = (0..48).map(|n| Order::parallel(n / 8, (n % 8) as u8));
             let mut seen = 0;
             for order in valid {
-                let (frame, _) = model.draw(&camera, &Settings { order: Some(order), ..settings.clone() });
+                let (frame, _) = model.draw(&camera, &settings.clone().with_order(order));
                 let alpha = alphas(&frame).zip(alphas(&own)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
                 assert!(alpha <= splats as f64 * 2f64.powi(-24), "{along:?} {order:?}: {alpha:e}");
                 seen += 1;
@@ -61,7 +61,7 @@ fn tied_axes_are_drawn_alike_on_both_sides_of_the_tie() {
     for (n, opacity) in [0.05, 0.6].into_iter().enumerate() {
         let model = checkers(12, opacity);
         for along in [[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [1.0, -1.0, 1.0], [-1.0, 0.0, 1.0], [0.0, -1.0, -1.0]] {
-            let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([48, 48]) };
+            let settings = Settings::every_pixel([48, 48]).with_quality(Quality::Reference);
             let draw = |along: [f64; 3]| model.draw(&parallel([5.5; 3], along, [0.3, 0.2, 0.9], 22.0), &settings).0;
             let tied = draw(along);
             for axis in 0..3 {
@@ -87,7 +87,7 @@ fn tied_axes_are_drawn_alike_on_both_sides_of_the_tie() {
 #[test]
 fn a_tie_does_not_show_in_one_colour() {
     let model = solid([12; 3], [1.0; 3], constant(0.4, 1.0));
-    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([48, 48]) };
+    let settings = Settings::every_pixel([48, 48]).with_quality(Quality::Reference);
     let draw = |along: [f64; 3]| model.draw(&parallel([5.5; 3], along, [0.3, 0.2, 0.9], 22.0), &settings).0;
     let tied = draw([1.0, 1.0, 1.0]);
     for beside in [[1.0, 1.0 + 1e-15, 1.0], [1.0 - 1e-15, 1.0, 1.0], [1.0, 1.0, 1.0 + 1e-15]] {
@@ -104,7 +104,7 @@ fn an_eye_on_a_voxel_does_not_see_that_voxel() {
     for near in [None, Some(1e-9), Some(0.5)] {
         for toward in [[1.0, 0.0, 0.0], [0.3, -0.8, 0.5], [1.0, 1.0, 1.0]] {
             let target = [0, 1, 2].map(|a| 4.0 + toward[a]);
-            let settings = Settings { near, ..Settings::every_pixel([40, 30]) };
+            let settings = Settings::every_pixel([40, 30]).with_near(near);
             let (all, stats) = whole.draw(&perspective([4.0; 3], target, 70.0), &settings);
             let (rest, _) = without.draw(&perspective([4.0; 3], target, 70.0), &settings);
             assert!(bits(&all) == bits(&rest) && stats.splats_drawn > 0, "{near:?} {toward:?}");
@@ -130,7 +130,7 @@ fn eyes_anywhere_give_the_same_light_in_every_order() {
         [-1e-12, 5.0, 11.0 + 1e-12],
     ] {
         let camera = perspective(position, target, 60.0);
-        let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([40, 36]) };
+        let settings = Settings::every_pixel([40, 36]).with_quality(Quality::Reference);
         let (first, stats) = model.draw(&camera, &settings);
         assert!(stats.splats_drawn > 0, "{position:?}");
         for (form, sense) in [
@@ -138,7 +138,7 @@ fn eyes_anywhere_give_the_same_light_in_every_order() {
             (SplitForm::Split, Sense::BackToFront),
             (SplitForm::Interleaved, Sense::BackToFront),
         ] {
-            let (frame, _) = model.draw(&camera, &Settings { form, sense, ..settings.clone() });
+            let (frame, _) = model.draw(&camera, &settings.clone().with_form(form).with_sense(sense));
             let alpha = alphas(&frame).zip(alphas(&first)).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
             // Within some voxels every one of the 1,728 may be at a pixel.
             assert!(alpha <= 1_728.0 * 2f64.powi(-24), "{position:?} {form:?} {sense:?}: {alpha:e}");
@@ -153,7 +153,7 @@ fn an_eye_a_thousand_million_voxels_away_sees_what_a_parallel_view_shows() {
     let model = checkers(12, 0.3);
     let along = [0.4, 0.7, -0.59];
     let length = along.iter().map(|c: &f64| c * c).sum::<f64>().sqrt();
-    let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel([60, 60]) };
+    let settings = Settings::every_pixel([60, 60]).with_quality(Quality::Reference);
     let up = [0.1, 0.2, 1.0];
     let (flat, _) = model.draw(&parallel([5.5; 3], along, up, 24.0), &settings);
     for distance in [1e6, 1e9] {
@@ -179,7 +179,7 @@ fn nothing_is_mirrored_at_the_near_plane() {
     };
     for fov in [1e-6, 60.0, 170.0, 179.9] {
         for near in [None, Some(1e-12), Some(0.3)] {
-            let settings = Settings { near, ..Settings::every_pixel([41, 41]) };
+            let settings = Settings::every_pixel([41, 41]).with_near(near);
             let light = |at: [f64; 3]| -> [f64; 2] {
                 let (frame, stats) = voxel(at).draw(&camera(fov), &settings);
                 assert!(alphas(&frame).all(|alpha| (0.0..=1.0).contains(&alpha)));
@@ -235,7 +235,7 @@ fn orbits_that_cannot_be_are_refused() {
 fn a_turn_in_36_steps_comes_back_bit_equal() {
     let model = checkers(8, 0.4);
     let around = Surround::of_grid(&model.facts.grid);
-    let settings = Settings { mode: Mode::Composite, ..Settings::every_pixel([30, 30]) };
+    let settings = Settings::every_pixel([30, 30]).with_mode(Mode::Composite);
     let at = |step: u32| {
         let orbit = Orbit { azimuth: 10.0 * f64::from(step), elevation: 20.0, ..Orbit::default() };
         bits(&model.draw(&Camera::orbiting(orbit, around, [30, 30]).unwrap(), &settings).0)

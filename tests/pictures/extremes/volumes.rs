@@ -3,7 +3,6 @@
 use std::collections::HashSet;
 
 use adjsplat::Error;
-use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Settings};
 use adjsplat::volume::phantom::Phantom;
@@ -28,7 +27,7 @@ fn centroid(frame: &Frame, columns: std::ops::Range<u32>) -> ([f64; 2], f64) {
 }
 
 fn additive(size: [u32; 2]) -> Settings {
-    Settings { mode: Mode::Additive, ..Settings::every_pixel(size) }
+    Settings::every_pixel(size).with_mode(Mode::Additive)
 }
 
 /// Through the builder: 8 corners, 12 edges, 6 faces.
@@ -40,7 +39,7 @@ fn a_voxel_anywhere_on_the_border_is_drawn_where_it_is() {
         let mut source =
             Phantom::Voxels(vec![place]).open(dims.map(u64::from), SampleType::U8, [1.0, 1.5, 0.5]).unwrap();
         let transfer = TransferFunction::range(1.0, 255.0).unwrap().with_shaded(false);
-        let built = built(&mut *source, &BuildOptions { normal_bits: 0, ..options(transfer) });
+        let built = built(&mut *source, &options(transfer).with_normal_bits(0));
         let world = [f64::from(place[0]), 1.5 * f64::from(place[1]), 0.5 * f64::from(place[2])];
         // Right, up and along of three views.
         for (right, up, along) in [
@@ -50,7 +49,7 @@ fn a_voxel_anywhere_on_the_border_is_drawn_where_it_is() {
         ] {
             // 5 pixels to a world length.
             let camera = parallel([2.0, 3.0, 2.0], along, up, 24.2);
-            let settings = Settings { quality: Quality::High, ..additive([121, 121]) };
+            let settings = additive([121, 121]).with_quality(Quality::High);
             let (frame, stats) = built.render(&camera, &settings);
             let dot = |axis: [f64; 3]| (0..3).map(|a| axis[a] * (world[a] - [2.0, 3.0, 2.0][a])).sum::<f64>();
             let want = [60.0 + 5.0 * dot(right), 60.0 - 5.0 * dot(up)];
@@ -142,7 +141,7 @@ fn the_longest_line_is_drawn_whole() {
             let mut target = [0.0; 3];
             target[axis.index()] = 32_767.0;
             let camera = parallel(target, view, up, height);
-            let settings = Settings { quality: Quality::Reference, ..Settings::every_pixel(size) };
+            let settings = Settings::every_pixel(size).with_quality(Quality::Reference);
             let (frame, stats) = model.draw(&camera, &settings);
             let (depths, splats) = model.depths(&camera, &settings, depth);
             assert!(stats.splats_drawn > 0);
@@ -209,7 +208,7 @@ fn the_longest_line_is_seen_from_its_ends() {
         |(position, target)| {
             let projection = Projection::Perspective { fov: 40.0 };
             let camera = Camera::new(position, target, [0.0, 1.0, 0.0], projection).unwrap();
-            let settings = Settings { quality: Quality::High, ..Settings::every_pixel([61, 50]) };
+            let settings = Settings::every_pixel([61, 50]).with_quality(Quality::High);
             let (frame, stats) = model.draw(&camera, &settings);
             assert!(stats.splats_drawn > 60_000, "{stats:?}");
             frame

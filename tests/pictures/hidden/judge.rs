@@ -72,7 +72,7 @@ fn clearest(dense: &ShadeVolume, hidden: &[bool], quality: Quality, lines: usize
 pub(crate) fn worst_change(before: &ShadeVolume, after: &ShadeVolume, quality: Quality) -> f64 {
     let (before, after) = (structure(before), structure(after));
     let side = 112;
-    let settings = Settings { quality, termination: Some(0.0), lighting: None, ..Settings::every_pixel([side; 2]) };
+    let settings = Settings::every_pixel([side; 2]).with_quality(quality).with_termination(0.0).with_lighting(None);
     let mut random = Random(11);
     let angles = [-90.0, -45.0, 0.0, 45.0, 90.0];
     let straight = (0..8).flat_map(|turn| [1, 2, 3].map(|e| (45.0 * f64::from(turn), angles[e])));

@@ -32,7 +32,7 @@ impl Pair {
     /// Largest difference of `reference` quality from the judge.
     fn apart(&self, camera: &Camera, mode: Mode) -> f64 {
         let Pair { built, judge } = self;
-        let settings = Settings { quality: Quality::Reference, mode, exposure: None, ..Settings::every_pixel(SIZE) };
+        let settings = Settings::every_pixel(SIZE).with_quality(Quality::Reference).with_mode(mode).with_exposure(None);
         let frame = built.frame(camera, &settings);
         let settings = JudgeSettings { threads: THREADS, mode, exposure: None, ..JudgeSettings::new(SIZE) };
         apart(&frame, &judge.draw(camera, &settings).unwrap())

@@ -23,6 +23,7 @@ const KINDS: [(DeviceType, &str); 5] = [
 
 /// What the system says about an adapter (a graphics device that can be opened).
 #[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct AdapterFacts {
     /// Name of the adapter: "NVIDIA H200", "llvmpipe (LLVM 15.0.6, 256 bits)".
     pub name: String,

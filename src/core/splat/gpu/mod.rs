@@ -82,6 +82,7 @@ pub enum QuadFormat {
 
 /// Options of a renderer on a graphics device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[non_exhaustive]
 pub struct GpuOptions {
     /// Most bytes of video memory, including copies on their way to the device. The picture does not depend on it.
     pub vram: u64,
@@ -95,8 +96,21 @@ impl Default for GpuOptions {
     }
 }
 
+impl GpuOptions {
+    /// Sets the most bytes of video memory.
+    pub fn with_vram(self, vram: u64) -> GpuOptions {
+        GpuOptions { vram, ..self }
+    }
+
+    /// Sets how splats become pixels.
+    pub fn with_compositor(self, compositor: impl Into<Option<Compositor>>) -> GpuOptions {
+        GpuOptions { compositor: compositor.into(), ..self }
+    }
+}
+
 /// The work and the times of drawing a frame. Times of stages are 0 if the device has no clock.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[non_exhaustive]
 pub struct GpuStats {
     /// Splats that reached a window of the picture.
     pub splats_drawn: u64,
