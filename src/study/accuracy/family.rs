@@ -1,7 +1,5 @@
 //! Families of candidates: groups that vary the same setting of the renderer.
 
-use adjsplat::error::{Error, Result};
-
 /// Candidates that vary the same setting: a series of a plot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Family {
@@ -41,16 +39,6 @@ impl Family {
         Family::Octree,
         Family::Combined,
     ];
-
-    /// Returns the family of this name.
-    ///
-    /// # Errors
-    /// [`Error::Input`], which lists all names, if there is none.
-    pub fn named(name: &str) -> Result<Family> {
-        let why = || format!("has {name}, but must be of {}", NAMES.join(", "));
-        let index = NAMES.iter().position(|known| *known == name);
-        index.map(|index| Family::ALL[index]).ok_or_else(|| Error::input("families", why()))
-    }
 
     /// Returns the family's name in tables and legends.
     pub fn name(self) -> &'static str {

@@ -33,8 +33,6 @@ pub use repacked::repacked;
 pub(super) use scratch_sizes::ScratchSizes;
 pub(super) use walk::{VisitedBlock, traced_walk};
 
-use adjsplat::error::{Error, Result};
-
 /// Which codes (stored numbers) of a voxel a walk reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum CodesRead {
@@ -57,14 +55,5 @@ impl CodesRead {
             CodesRead::Values => "value",
             CodesRead::ValuesAndNormals => "value+normal",
         }
-    }
-
-    /// Returns the variant of this name.
-    ///
-    /// # Errors
-    /// [`Error::Input`] for any other name.
-    pub fn named(name: &str) -> Result<CodesRead> {
-        let why = || Error::input("channels", format!("has {name}, but must be steps, value or value+normal"));
-        CodesRead::ALL.into_iter().find(|codes| codes.name() == name).ok_or_else(why)
     }
 }

@@ -88,11 +88,13 @@ fn two_voxels_overlap_as_layers_or_mix_where_they_are_one() {
     let camera = down_z([4.5, 4.0], 8.0);
     // A row of pixels a quarter of a voxel apart; the middle of the picture is between both voxels.
     let place = |column: u32| 4.5 + (f64::from(column) - 15.5) / 4.0;
-    let amounts = |column: u32, row: u32| {
+    let depths = |column: u32, row: u32| {
         let off = (f64::from(row) - 15.5) / 4.0;
         // x of the picture runs against the volume's: the camera looks along +z with +y up.
-        [4.0, 5.0].map(|x: f64| (-(place(column) - 4.5) + 4.5 - x).hypot(off))
+        let away = |x: f64| (-(place(column) - 4.5) + 4.5 - x).hypot(off);
+        (closed::voxel_depth(near.0, sigma, away(4.0)), closed::voxel_depth(far.0, sigma, away(5.0)))
     };
+    let pixels = || (0..32).flat_map(|row| (0..32).map(move |column| (column, row)));
     // Beside each other: splats put one before the other, which is what they get wrong; rays mix them.
     let beside = made([10, 9, 9], [1.0; 3], |at| match at {
         [4, 4, 4] => Some(near),
@@ -101,21 +103,17 @@ fn two_voxels_overlap_as_layers_or_mix_where_they_are_one() {
     });
     let ray = integrated(&beside, &camera, RaySettings { tolerance: 1e-9, ..RaySettings::new([32, 32]) });
     let splat = splatted(&beside, &camera, JudgeSettings::new([32, 32]));
-    for row in 0..32 {
-        for column in 0..32 {
-            let [to_near, to_far] = amounts(column, row);
-            let a = closed::voxel_depth(near.0, sigma, to_near);
-            let b = closed::voxel_depth(far.0, sigma, to_far);
-            for c in 0..3 {
-                let colours = (f64::from(near.1[c]), f64::from(far.1[c]));
-                let mixed = closed::mixed((a, colours.0), (b, colours.1));
-                let got = ray.pixel(column, row)[c];
-                assert!((got - mixed).abs() < 4e-8, "rays at ({column}, {row}): {got}, {mixed}");
-                // x descends from the near side: a component of 0 counts as above 0, so x = 4 comes first.
-                let layers = closed::layers((a, colours.0), (b, colours.1));
-                let got = splat.pixel(column, row)[c];
-                assert!((got - layers).abs() < 8e-8, "splats at ({column}, {row}): {got}, {layers}");
-            }
+    for (column, row) in pixels() {
+        let (a, b) = depths(column, row);
+        for c in 0..3 {
+            let colours = (f64::from(near.1[c]), f64::from(far.1[c]));
+            let mixed = closed::mixed((a, colours.0), (b, colours.1));
+            let got = ray.pixel(column, row)[c];
+            assert!((got - mixed).abs() < 4e-8, "rays at ({column}, {row}): {got}, {mixed}");
+            // x descends from the near side: a component of 0 counts as above 0, so x = 4 comes first.
+            let layers = closed::layers((a, colours.0), (b, colours.1));
+            let got = splat.pixel(column, row)[c];
+            assert!((got - layers).abs() < 8e-8, "splats at ({column}, {row}): {got}, {layers}");
         }
     }
     // Behind each other and well apart: both are layers.
@@ -126,16 +124,12 @@ fn two_voxels_overlap_as_layers_or_mix_where_they_are_one() {
     });
     let ray = integrated(&behind, &camera, RaySettings { tolerance: 1e-9, ..RaySettings::new([32, 32]) });
     let splat = splatted(&behind, &camera, JudgeSettings::new([32, 32]));
-    for row in 0..32 {
-        for column in 0..32 {
-            let [to_near, to_far] = amounts(column, row);
-            let a = closed::voxel_depth(near.0, sigma, to_near);
-            let b = closed::voxel_depth(far.0, sigma, to_far);
-            for c in 0..3 {
-                let layers = closed::layers((a, near.1[c].into()), (b, far.1[c].into()));
-                for (got, name) in [(ray.pixel(column, row)[c], "rays"), (splat.pixel(column, row)[c], "splats")] {
-                    assert!((got - layers).abs() < 8e-8, "{name} at ({column}, {row}): {got}, {layers}");
-                }
+    for (column, row) in pixels() {
+        let (a, b) = depths(column, row);
+        for c in 0..3 {
+            let layers = closed::layers((a, near.1[c].into()), (b, far.1[c].into()));
+            for (got, name) in [(ray.pixel(column, row)[c], "rays"), (splat.pixel(column, row)[c], "splats")] {
+                assert!((got - layers).abs() < 8e-8, "{name} at ({column}, {row}): {got}, {layers}");
             }
         }
     }
