@@ -18,7 +18,7 @@ use crate::volume::{Header, SlabSource};
 const BLOCK_SAMPLES: u32 = 1 << 16;
 
 /// The number of slices that are in memory, and of threads that process them.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct SweepSchedule {
     pub(super) batch: u32,
     /// Whether another thread reads the next batch while one is processed.

@@ -87,16 +87,8 @@ impl<'a> SliceReader<'a> {
         gradients: GradientSource,
         transfer: &'a TransferFunction,
     ) -> SliceReader<'a> {
-        let smoother = None;
-        SliceReader {
-            source,
-            header,
-            gradients,
-            transfer,
-            smoother,
-            spare_samples: Vec::new(),
-            spare_fields: Vec::new(),
-        }
+        let (spare_samples, spare_fields) = (Vec::new(), Vec::new());
+        SliceReader { source, header, gradients, transfer, smoother: None, spare_samples, spare_fields }
     }
 
     /// Reads the next slices: those with z below `end`, and those with z below `reach` that gradients need.
