@@ -5,7 +5,6 @@
 
 mod grid;
 pub(crate) mod memory;
-pub mod phantom;
 mod samples;
 pub(crate) mod source;
 

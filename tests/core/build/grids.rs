@@ -5,7 +5,7 @@ use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::volume::SampleType;
-use adjsplat::volume::phantom::Phantom;
+use adjsplat_readers::phantom::Phantom;
 use adjsplat_tests::scenes::options;
 
 use super::dense::{SampleVolume, random_at};
