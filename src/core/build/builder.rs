@@ -126,10 +126,7 @@ pub fn classify(
     let transfer = encoder.transfer.clone();
     let rows = ClassifiedRows { spill, encoder };
     if rows.encoder.is_lossy() {
-        let count = |(): &mut (), z: usize| {
-            let z = u32::try_from(z).expect("a grid has at most 65,535 slices");
-            rows.blurred_away(z..z + 1)
-        };
+        let count = |(): &mut (), z: usize| rows.blurred_away(z);
         in_order(
             facts.grid.dims[2] as usize,
             budget.schedule.threads,
