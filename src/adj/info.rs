@@ -5,13 +5,13 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::histogram::Histogram;
 use super::input::InputArguments;
 use super::{Answer, print_result, starts_as_adj};
 use adjsplat::arena::layout::Facts;
 use adjsplat::error::Result;
 use adjsplat::file::AdjFile;
 use adjsplat::volume::Axis;
-use adjsplat::volume::Histogram;
 use adjsplat_study::memory::virtual_voxels;
 
 /// Show what an .adj file or a volume holds: sizes and counts; for a volume also its range of values

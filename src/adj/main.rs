@@ -13,6 +13,7 @@ mod demo;
 #[cfg(feature = "gpu")]
 mod devices;
 mod flags;
+mod histogram;
 mod info;
 mod input;
 mod memory_shares;

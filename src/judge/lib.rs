@@ -5,16 +5,16 @@
 //! * [`dial`] finds the fastest settings within an error.
 //! * [`hidden`] finds the voxels that no view from outside shows.
 //!
-//! This draws a phantom at a sharp and at a soft kernel, and compares both pictures:
+//! This draws a volume at a sharp and at a soft kernel, and compares both pictures:
 //!
 //! ```
 //! use adjsplat::classify::TransferFunction;
 //! use adjsplat::splat::{Camera, Orbit, Surround};
-//! use adjsplat::volume::{SampleType, phantom::Phantom};
+//! use adjsplat::volume::Volume;
 //! use adjsplat_judge::{metrics, reference::{Judge, JudgeSettings}};
 //!
-//! let mut volume = Phantom::from_name("shells")?.open([24; 3], SampleType::U8, [1.0; 3])?;
-//! let judge = Judge::new(&mut *volume, &TransferFunction::range(100.0, f64::INFINITY)?)?;
+//! let volume = Volume::new([24; 3], (0..13_824u32).map(|at| if at % 7 < 3 { 200 } else { 0u8 }).collect())?;
+//! let judge = Judge::new(&mut volume.slices(), &TransferFunction::range(100.0, f64::INFINITY)?)?;
 //! let camera = Camera::orbiting(Orbit::default(), Surround::of_grid(judge.visible().grid()), [64, 48])?;
 //! let settings = JudgeSettings::new([64, 48]);
 //! let right = judge.draw(&camera, &settings)?.to_frame()?;

@@ -530,7 +530,7 @@ fn whole_number_samples_come_back_bit_for_bit() {
         (SampleType::U32, 1e-3, 1e6, 4_000_000.0, 4_000_000.25, 8),
         (SampleType::I32, 1e6, 0.1, -2e15, -1.99996e15, 16),
     ] {
-        let q = Quantiser::new(low, high, bits, ty, slope, intercept).unwrap();
+        let q = Quantiser::new([low, high], bits, ty, slope, intercept).unwrap();
         assert!(q.is_lossless(), "{ty:?} {slope}");
         let (first, last) = ty.integer_range().unwrap();
         let mut expected = 0u32;
@@ -552,8 +552,6 @@ fn whole_number_samples_come_back_bit_for_bit() {
         }
         assert_eq!(u32::from(q.largest_code()) + 1, expected);
         assert_eq!((q.decode(0), q.decode(q.largest_code())), (q.low(), q.high()));
-        let text = serde_json::to_string(&q).unwrap();
-        assert_eq!(serde_json::from_str::<Quantiser>(&text).unwrap(), q, "{text}");
     }
 }
 
@@ -569,7 +567,7 @@ fn other_values_are_within_half_a_step_and_attain_both_ends() {
         (SampleType::U16, 100.0, 4000.0, 8),
         (SampleType::I16, 0.1, 3926.7, 8),
     ] {
-        let q = Quantiser::new(low, high, bits, ty, 1.0, 0.0).unwrap();
+        let q = Quantiser::new([low, high], bits, ty, 1.0, 0.0).unwrap();
         assert!(!q.is_lossless());
         assert_eq!((q.encode(q.low()), q.encode(q.high())), (0, q.largest_code()));
         assert_eq!((q.decode(0), q.decode(q.largest_code())), (q.low(), q.high()));
@@ -585,19 +583,16 @@ fn other_values_are_within_half_a_step_and_attain_both_ends() {
                 q.largest_error()
             );
         }
-        let text = serde_json::to_string(&q).unwrap();
-        assert_eq!(serde_json::from_str::<Quantiser>(&text).unwrap(), q, "{text}");
     }
-    let whole = Quantiser::new(0.1, 3926.7, 8, SampleType::I16, 1.0, 0.0).unwrap();
+    let whole = Quantiser::new([0.1, 3926.7], 8, SampleType::I16, 1.0, 0.0).unwrap();
     assert_eq!((whole.low(), whole.high()), (1.0, 3926.0), "shrunk to samples");
 }
 
 #[test]
 fn degenerate_and_wrong_ranges_of_values() {
     for (ty, low, high) in [(SampleType::F32, 3.5, 3.5), (SampleType::U8, 3.0, 3.0), (SampleType::U8, 3.2, 3.8)] {
-        let q = Quantiser::new(low, high, 8, ty, 1.0, 0.0).unwrap();
+        let q = Quantiser::new([low, high], 8, ty, 1.0, 0.0).unwrap();
         assert_eq!((q.largest_code(), q.decode(0), q.decode(9), q.encode(3.1)), (0, low, low, 0), "{ty:?} {low}");
-        assert_eq!(serde_json::from_str::<Quantiser>(&serde_json::to_string(&q).unwrap()).unwrap(), q);
     }
     let inf = f64::INFINITY;
     for (low, high, bits, ty, slope, part) in [
@@ -608,26 +603,14 @@ fn degenerate_and_wrong_ranges_of_values() {
         (0.0, 1.0, 8, SampleType::U8, f64::NAN, "slope"),
         (0.0, inf, 8, SampleType::F32, 1.0, "finite ends"),
     ] {
-        let error = Quantiser::new(low, high, bits, ty, slope, 0.0).unwrap_err().to_string();
+        let error = Quantiser::new([low, high], bits, ty, slope, 0.0).unwrap_err().to_string();
         assert!(error.contains(part), "{error}");
-    }
-    for text in [
-        r#"{"bits":8,"low":0,"high":1,"largest_code":256}"#,
-        r#"{"bits":9,"low":0,"high":1,"largest_code":255}"#,
-        r#"{"bits":8,"low":2,"high":1,"largest_code":255}"#,
-        r#"{"bits":8,"low":0,"high":1,"largest_code":0}"#,
-        r#"{"bits":8,"low":1,"high":1,"largest_code":7}"#,
-        r#"{"bits":8,"low":0,"high":9,"largest_code":7,"exact":{"raw":0,"slope":1,"intercept":0}}"#,
-        r#"{"bits":8,"low":0,"high":0,"largest_code":7,"exact":{"raw":0,"slope":0,"intercept":0}}"#,
-        r#"{"bits":8,"low":0,"high":0,"largest_code":7,"exact":{"raw":-9223372036854775808,"slope":1,"intercept":0}}"#,
-    ] {
-        assert!(serde_json::from_str::<Quantiser>(text).is_err(), "{text}");
     }
 }
 
 #[test]
 fn labels_keep_their_codes_or_say_which_bits_would_do() {
-    let labels = |high: f64, bits, ty| Quantiser::for_labels(1.0, high, bits, ty, 1.0, 0.0);
+    let labels = |high: f64, bits, ty| Quantiser::for_labels([1.0, high], bits, ty, 1.0, 0.0);
     assert_eq!(labels(141.0, 8, SampleType::U8).unwrap().encode(141.0), 140);
     assert_eq!(labels(256.0, 8, SampleType::U16).unwrap().largest_code(), 255);
     let error = labels(257.0, 8, SampleType::U16).unwrap_err().to_string();

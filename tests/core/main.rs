@@ -11,5 +11,4 @@ mod layers;
 mod layout;
 mod model;
 mod parallel;
-mod phantom;
 mod traversal;

@@ -20,9 +20,9 @@
 //! use adjsplat::arena::{Arena, LaneSet, Overlay, Record, TileOrder};
 //! use adjsplat::build::{BuildOptions, Unobserved, build};
 //! use adjsplat::classify::TransferFunction;
-//! use adjsplat::volume::{SampleType, phantom::Phantom};
+//! use adjsplat::volume::Volume;
 //!
-//! let mut shells = Phantom::from_name("shells")?.open([32; 3], SampleType::U8, [1.0; 3])?;
+//! let volume = Volume::new([32; 3], (0..32_768u32).map(|at| (at % 200) as u8).collect())?;
 //! let options = BuildOptions {
 //!     transfer: TransferFunction::range(100.0, f64::INFINITY)?,
 //!     lane_count: 1,
@@ -30,7 +30,7 @@
 //!     value_bits: 8,
 //!     normal_bits: 0,
 //! };
-//! let built = build(&mut *shells, &options, &mut Unobserved)?;
+//! let built = build(&mut volume.slices(), &options, &mut Unobserved)?;
 //! let bytes = adjsplat::file::arena_bytes(&built.facts, &built.lanes, "{}");
 //! let lanes = LaneSet::new(Arena::new(&bytes).expect("it was just built"), None);
 //!

@@ -238,10 +238,10 @@ fn quantiser(old: &Scales, counts: CodeRange, transfer: Option<&TransferFunction
     // A single code has a step of 0, which samples cannot have.
     let step = if old.value_step > 0.0 { old.value_step } else { 1.0 };
     let value = |code: u16| f64::from(code) * step + old.value_low;
-    let (low, high) = (value(counts.lowest_code), value(counts.highest_code));
+    let range = [counts.lowest_code, counts.highest_code].map(value);
     let of_labels = transfer.is_some_and(TransferFunction::is_labels);
     let make = if of_labels { Quantiser::for_labels } else { Quantiser::new };
-    make(low, high, 8, SampleType::U16, step, old.value_low)
+    make(range, 8, SampleType::U16, step, old.value_low)
 }
 
 /// Maps old value codes to new 8-bit ones.

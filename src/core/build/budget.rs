@@ -36,9 +36,7 @@ pub struct Budget {
     pub spill_bytes_per_voxel: u64,
     /// Bytes of visible voxels that are kept in memory before they move to a temporary file.
     pub(super) spill_memory: u64,
-    pub(super) batch: u32,
-    pub(super) read_ahead: bool,
-    pub(super) threads: usize,
+    pub(super) schedule: SweepSchedule,
 }
 
 impl Budget {
@@ -51,17 +49,15 @@ impl Budget {
         let threads = resources.threads.max(1);
         let workers = threads as u64;
         let widths = VoxelWidths::new(header.sample_type, options.channels());
-        let gradients = options.gradient_source();
         let slice = header.grid.slice_len() * header.sample_type.bytes() as u64;
-        let reach = match gradients {
-            GradientSource::None => 0,
-            GradientSource::Values => 2 * slice,
+        let field = 4 * header.grid.slice_len();
+        let (reach, per_slice) = match options.gradient_source() {
+            GradientSource::None => (0, slice),
+            GradientSource::Values => (2 * slice, slice),
             // Samples wait two slices for their smoothed field. Fields: six in the smoother, one to fill it, two that
             // gradients need, one for the next slice.
-            GradientSource::Visibility => 2 * slice + 10 * 4 * header.grid.slice_len(),
+            GradientSource::Visibility => (2 * slice + 10 * field, slice + field),
         };
-        let per_slice =
-            if gradients == GradientSource::Visibility { slice + 4 * header.grid.slice_len() } else { slice };
         let block_samples = width * u64::from(block_rows(header.grid.dims[0])).min(height);
         // A growing block may reserve twice its bytes. Each worker has up to two, in progress or waiting; two to spare.
         let blocks = (2 * workers + 2) * 2 * block_samples * widths.voxel() as u64;
@@ -69,12 +65,12 @@ impl Budget {
 
         let face =
             |axis: Axis| axis.others().map(|a| u64::from(header.grid.dims[a.index()].div_ceil(TILE_EDGE.into())));
-        let lanes = [Axis::X, Axis::Y, Axis::Z].into_iter().take(options.lane_count.into());
+        let lanes = Axis::ALL.into_iter().take(options.lane_count.into());
         let faces = lanes.map(|axis| face(axis).iter().product::<u64>()).max().unwrap_or(0);
         let lines =
             |axis: Axis| axis.others().map(|a| u64::from(header.grid.dims[a.index()]).min(8)).iter().product::<u64>();
         let tile = |axis: Axis| lines(axis) * u64::from(header.grid.dims[axis.index()]);
-        let fullest = [Axis::X, Axis::Y, Axis::Z].into_iter().map(tile).max().unwrap_or(0);
+        let fullest = Axis::ALL.into_iter().map(tile).max().unwrap_or(0);
         let fullest = large_tile_bytes(fullest, options.channels());
         let assemble = BASE + TILE_BYTES * faces + SECTIONS * WRITE_BYTES + fullest;
 
@@ -105,19 +101,13 @@ impl Budget {
             need: sweeps.max(assembles.min(memory)).saturating_add(spilled),
             spill_bytes_per_voxel: widths.voxel() as u64,
             spill_memory,
-            batch: u32::try_from(batch).expect("at most the depth"),
-            read_ahead,
-            threads,
+            schedule: SweepSchedule { batch: u32::try_from(batch).expect("at most the depth"), read_ahead, threads },
         })
     }
 
     /// Returns whether a build with `voxels` visible voxels might need the temporary file.
     pub fn may_spill(&self, voxels: u64) -> bool {
         voxels.saturating_mul(self.spill_bytes_per_voxel) > self.spill_memory
-    }
-
-    pub(super) fn schedule(&self) -> SweepSchedule {
-        SweepSchedule { batch: self.batch, read_ahead: self.read_ahead, threads: self.threads }
     }
 }
 

@@ -81,7 +81,7 @@ impl Classified {
             })?;
             Ok(lane)
         };
-        [Axis::X, Axis::Y, Axis::Z].into_iter().take(lane_count.into()).map(assembled).collect()
+        Axis::ALL.into_iter().take(lane_count.into()).map(assembled).collect()
     }
 }
 
@@ -103,13 +103,11 @@ pub fn classify(
     header.grid.check()?;
     let budget = Budget::new(&header, options, resources, source.buffer_bytes())?;
     let surveyed = options.needs_survey();
-    let largest_magnitude = if surveyed {
-        let largest = survey(source, &header, options, &budget, observer)?;
+    let mut largest_magnitude = None;
+    if surveyed {
+        largest_magnitude = Some(survey(source, &header, options, &budget, observer)?);
         source.rewind()?;
-        Some(largest)
-    } else {
-        None
-    };
+    }
     let test = VisibilityTest::new(&header, options, largest_magnitude)?;
     let store = SpillStore::new(resources.folder.as_deref(), budget.spill_memory);
     let mut spill = SpilledVoxels::new(&header, options.channels(), store);
@@ -129,13 +127,10 @@ pub fn classify(
     let transfer = encoder.transfer.clone();
     let rows = ClassifiedRows { spill, encoder };
     if rows.encoder.is_lossy() {
-        let count = |(): &mut (), z: usize| {
-            let z = u32::try_from(z).expect("a grid has at most 65,535 slices");
-            rows.blurred_away(z..z + 1)
-        };
+        let count = |(): &mut (), z: usize| rows.blurred_away(z);
         in_order(
             facts.grid.dims[2] as usize,
-            budget.threads,
+            budget.schedule.threads,
             || (),
             count,
             |_, count| {
@@ -169,7 +164,7 @@ fn survey(
         header,
         GradientSource::Values,
         &options.transfer,
-        budget.schedule(),
+        budget.schedule,
         || (),
         work,
         |block, magnitude| {
@@ -215,7 +210,7 @@ fn keep_visible(
         header,
         gradients,
         &options.transfer,
-        budget.schedule(),
+        budget.schedule,
         RowArrays::default,
         work,
         |block, visible| {

@@ -17,11 +17,12 @@ pub struct ClassifiedRows {
 }
 
 impl ClassifiedRows {
-    /// Returns how many noticeable voxels (opacity from 0.02) with z in `zs` have a code whose value is transparent.
-    pub(super) fn blurred_away(&self, zs: Range<u32>) -> Result<u64> {
+    /// Returns how many noticeable voxels (opacity from 0.02) of slice `z` have a code whose value is transparent.
+    pub(super) fn blurred_away(&self, z: usize) -> Result<u64> {
         let [width, height, _] = self.spill.dims;
+        let z = u32::try_from(z).expect("a grid has at most 65,535 slices");
         let mut blurred = 0u64;
-        self.spill.read(&Region { xs: 0..width, ys: 0..height, zs }, |_, _, row| {
+        self.spill.read(&Region { xs: 0..width, ys: 0..height, zs: z..z + 1 }, |_, _, row| {
             with_sample_type!(self.spill.sample_type, T => {
                 let is_blurred = |&i: &usize| self.encoder.blurs_away(row.sample::<T>(i), self.magnitude(&row, i));
                 blurred += (0..row.len()).filter(is_blurred).count() as u64;

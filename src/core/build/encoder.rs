@@ -5,7 +5,7 @@
 
 use super::options::BuildOptions;
 use super::summary::SampleSummary;
-use super::visibility::small_samples;
+use super::visibility::tabulated;
 use crate::arena::layout::{Channels, Scales};
 use crate::classify::{MagnitudeCodec, Quantiser, TransferFunction};
 use crate::error::{Error, Result};
@@ -56,18 +56,11 @@ impl VoxelEncoder {
             transfer = transfer.with_value_range(lowest, highest)?;
         }
         let domain = transfer.domain(largest);
-        let (low, high) = (domain.0.max(lowest), domain.1.min(highest));
-        let quantiser = if transfer.is_labels() { Quantiser::for_labels } else { Quantiser::new };
-        let quantiser = quantiser(low, high, options.value_bits, header.sample_type, header.slope, header.intercept)?;
+        let range = [domain.0.max(lowest), domain.1.min(highest)];
         let (slope, intercept) = (header.slope, header.intercept);
-        let mut table = Vec::new();
-        if header.sample_type.bytes() <= 2 {
-            let numbers = small_samples(header.sample_type);
-            table.resize(numbers.len(), 0);
-            numbers.for_each(|(bits, number)| {
-                table[usize::from(bits)] = quantiser.encode(number * slope + intercept);
-            });
-        }
+        let quantiser = if transfer.is_labels() { Quantiser::for_labels } else { Quantiser::new };
+        let quantiser = quantiser(range, options.value_bits, header.sample_type, slope, intercept)?;
+        let table = tabulated(header.sample_type, |sample| quantiser.encode(sample * slope + intercept));
         let magnitudes = MagnitudeCodec::new(if uses_gradient { largest } else { 0.0 })?;
         Ok(VoxelEncoder { transfer, channels: options.channels(), quantiser, magnitudes, table, slope, intercept })
     }

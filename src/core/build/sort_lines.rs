@@ -1,5 +1,6 @@
 //! Sorting voxels by line, and packing them into tiles: the inner part of assembly.
 
+use zerocopy::FromZeros as _;
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
 use super::assemble::{LaneFace, TileSlot};
@@ -14,9 +15,7 @@ struct LineVoxel {
     /// The tile's index in the run (the tiles packed together) times 64, plus the line's bit in the tile's mask.
     line: u32,
     t: u16,
-    value: u16,
-    normal: u32,
-    magnitude: u8,
+    record: Record,
 }
 
 /// Sorts voxels by line; keeps its buffers from run to run.
@@ -92,8 +91,7 @@ impl LineSorter {
                 let tile = [usize::from(u / TILE_EDGE) - first_u, usize::from(v / TILE_EDGE) - first_v];
                 let Some(number) = self.numbers[tile[1] * columns + tile[0]].checked_sub(1) else { continue };
                 let line = number * 64 + u32::from(v % TILE_EDGE * TILE_EDGE + u % TILE_EDGE);
-                let Record { value, normal, magnitude } = voxel.record;
-                self.voxels.push(LineVoxel { line, t, value, normal, magnitude });
+                self.voxels.push(LineVoxel { line, t, record: voxel.record });
                 self.starts[line as usize + 2] += 1;
             }
         })?;
@@ -122,10 +120,8 @@ impl LineSorter {
                     tile.first_record = U64::new(arrays.steps.len() as u64);
                 }
                 let line = &self.order[range[0] as usize..range[1] as usize];
-                let voxels = line.iter().map(|&index| self.voxels[index as usize]);
-                let voxels = voxels
-                    .map(|LineVoxel { t, value, normal, magnitude, .. }| (t, Record { value, normal, magnitude }));
-                let (low, high) = arrays.push_line(channels, voxels);
+                let voxels = line.iter().map(|&index| &self.voxels[index as usize]);
+                let (low, high) = arrays.push_line(channels, voxels.map(|voxel| (voxel.t, voxel.record)));
                 tile.low = U16::new(tile.low.get().min(low));
                 tile.high = U16::new(tile.high.get().max(high));
                 tile.occupancy = U64::new(tile.occupancy.get() | 1 << bit);
@@ -142,11 +138,8 @@ impl TileSlot {
         TileRecord {
             tile_u: U16::new(self.u),
             tile_v: U16::new(self.v),
-            first_line: U32::ZERO,
-            first_record: U64::ZERO,
-            occupancy: U64::ZERO,
             low: U16::new(u16::MAX),
-            high: U16::ZERO,
+            ..TileRecord::new_zeroed()
         }
     }
 }

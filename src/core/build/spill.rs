@@ -15,6 +15,9 @@
 
 use std::ops::Range;
 
+use zerocopy::FromBytes as _;
+use zerocopy::byteorder::little_endian::U16;
+
 use super::store::SpillStore;
 use crate::arena::Region;
 use crate::arena::layout::Channels;
@@ -170,6 +173,7 @@ impl SpilledVoxels {
                     let y = u16::from_le_bytes([head[0], head[1]]);
                     let count = usize::from(u16::from_le_bytes([head[2], head[3]])) + 1;
                     let (xs, after) = after.split_at(2 * count);
+                    let xs = <[U16]>::ref_from_bytes(xs).expect("two bytes a voxel, at any address");
                     let (samples, after) = after.split_at(self.widths.sample * count);
                     let (normals, after) = after.split_at(self.widths.normal * count);
                     let (magnitudes, after) = after.split_at(self.widths.magnitude * count);
@@ -186,7 +190,7 @@ impl SpilledVoxels {
 }
 
 pub(super) struct RowParts<'a> {
-    xs: &'a [u8],
+    xs: &'a [U16],
     samples: &'a [u8],
     normals: &'a [u8],
     magnitudes: &'a [u8],
@@ -194,21 +198,16 @@ pub(super) struct RowParts<'a> {
 
 impl RowParts<'_> {
     pub(super) fn len(&self) -> usize {
-        self.xs.len() / 2
+        self.xs.len()
     }
 
     pub(super) fn x(&self, index: usize) -> u16 {
-        u16::from_le_bytes([self.xs[2 * index], self.xs[2 * index + 1]])
+        self.xs[index].get()
     }
 
     /// Returns the index of the first voxel whose coordinate is at least `x`.
     pub(super) fn at_or_after(&self, x: u32) -> usize {
-        let (mut low, mut high) = (0, self.len());
-        while low < high {
-            let middle = usize::midpoint(low, high);
-            if u32::from(self.x(middle)) < x { low = middle + 1 } else { high = middle }
-        }
-        low
+        self.xs.partition_point(|here| u32::from(here.get()) < x)
     }
 
     pub(super) fn normal(&self, index: usize, width: usize) -> u32 {

@@ -18,7 +18,7 @@ use crate::volume::{Header, SlabSource};
 const BLOCK_SAMPLES: u32 = 1 << 16;
 
 /// The number of slices that are in memory, and of threads that process them.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct SweepSchedule {
     pub(super) batch: u32,
     /// Whether another thread reads the next batch while one is processed.
@@ -69,16 +69,15 @@ pub(super) fn sweep<S, T: Send>(
     while from < depth {
         let end_of = |from: u32| (from + schedule.batch).min(depth);
         let to = end_of(from);
-        let slices = reader.read(&window, to, (to + reach).min(depth))?;
-        slices.join(&mut window);
+        reader.read(to, (to + reach).min(depth))?.join(&mut window);
         let blocks: Vec<RowBlock> = (from..to)
             .flat_map(|z| (0..height).step_by(step as usize).map(move |y| (z, y)))
             .map(|(z, y)| RowBlock { z, rows: y..(y + step).min(height) })
             .collect();
         let result = std::thread::scope(|scope| {
             let next = (schedule.read_ahead && to < depth).then(|| {
-                let (reader, window, end) = (&mut reader, &window, end_of(to));
-                scope.spawn(move || reader.read(window, end, (end + reach).min(depth)))
+                let (reader, end) = (&mut reader, end_of(to));
+                scope.spawn(move || reader.read(end, (end + reach).min(depth)))
             });
             let groups: Vec<&[RowBlock]> = blocks.chunks(together as usize).collect();
             let worked = in_order(

@@ -16,8 +16,8 @@ pub(super) struct VisibilityTest {
     intercept: f64,
     /// Whether a sample may be visible, indexed by the sample's bits; empty for samples of more than 16 bits.
     table: Vec<bool>,
-    /// Bits of the lowest and highest accepted sample; `None` if there is none or the table is empty.
-    ends: Option<[u16; 2]>,
+    /// The lowest and highest accepted sample; `None` if there is none or the table is empty.
+    ends: Option<[f64; 2]>,
 }
 
 impl VisibilityTest {
@@ -40,16 +40,15 @@ impl VisibilityTest {
             table: Vec::new(),
             ends: None,
         };
-        if header.sample_type.bytes() <= 2 {
-            let numbers = small_samples(header.sample_type);
-            test.table = vec![false; numbers.len()];
-            for (bits, number) in numbers {
-                if test.may_be_visible(number * test.slope + test.intercept) {
-                    test.table[usize::from(bits)] = true;
-                    test.ends = Some([test.ends.map_or(bits, |[low, _]| low), bits]);
-                }
+        let mut ends: Option<[f64; 2]> = None;
+        test.table = tabulated(header.sample_type, |sample| {
+            let accepted = test.may_be_visible(sample * test.slope + test.intercept);
+            if accepted {
+                ends = Some([ends.map_or(sample, |[low, _]| low), sample]);
             }
-        }
+            accepted
+        });
+        test.ends = ends;
         Ok(test)
     }
 
@@ -80,7 +79,7 @@ impl VisibilityTest {
     /// Returns an inclusive range of samples that contains all accepted ones; `None` if no sample is accepted.
     pub(super) fn ends<T: Sample>(&self) -> Option<[T; 2]> {
         if !self.table.is_empty() {
-            return Some(self.ends?.map(T::from_small_bits));
+            return Some(self.ends?.map(T::below));
         }
         // With slope and intercept, rounding would have to be bounded: then the range is that of the type.
         let raw = self.slope == 1.0 && self.intercept == 0.0;
@@ -90,14 +89,21 @@ impl VisibilityTest {
     }
 }
 
-/// Iterates over all samples of an 8-bit or 16-bit type, as (bits, number), ascending by number.
-pub(super) fn small_samples(sample_type: SampleType) -> impl ExactSizeIterator<Item = (u16, f64)> {
-    let signed = matches!(sample_type, SampleType::I8 | SampleType::I16);
-    let count = 1i32 << (8 * sample_type.bytes());
-    let first = if signed { -count / 2 } else { 0 };
-    (0..usize::try_from(count).expect("256 or 65,536")).map(move |index| {
-        let number = first + i32::try_from(index).expect("at most 65,535");
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the low bits are meant")]
-        ((number & (count - 1)) as u16, f64::from(number))
-    })
+/// Returns `entry(sample)` for each sample of an 8-bit or 16-bit type, indexed by the sample's bits; empty for others.
+///
+/// The calls of `entry` come in ascending order of the samples.
+pub(super) fn tabulated<E: Clone + Default>(sample_type: SampleType, mut entry: impl FnMut(f64) -> E) -> Vec<E> {
+    let Some((lowest, highest)) = sample_type.integer_range().filter(|_| sample_type.bytes() <= 2) else {
+        return Vec::new();
+    };
+    #[expect(clippy::cast_possible_truncation, reason = "whole numbers of at most 16 bits")]
+    let (lowest, highest) = (lowest as i32, highest as i32);
+    // All bits of the type are set: it keeps the low bits of a number.
+    let largest = highest - lowest;
+    let index = |number: i32| usize::try_from(number & largest).expect("0 to 65,535");
+    let mut table = vec![E::default(); index(largest) + 1];
+    for number in lowest..=highest {
+        table[index(number)] = entry(number.into());
+    }
+    table
 }

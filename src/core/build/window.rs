@@ -45,14 +45,6 @@ impl<'a> SliceWindow<'a> {
         let (below, above) = (z.checked_sub(1).map(&slice), Some(z + 1).filter(|&z| z < depth).map(&slice));
         Neighbourhood::new(below, slice(z), above, [width as usize, height as usize], self.header.grid.spacing)
     }
-
-    fn samples_end(&self) -> u32 {
-        self.first + u32::try_from(self.samples.len()).expect("a grid has at most 65,535 slices")
-    }
-
-    fn fields_end(&self) -> u32 {
-        self.first_field + u32::try_from(self.fields.len()).expect("a grid has at most 65,535 slices")
-    }
 }
 
 /// Slices that were read but not yet added to the window.
@@ -76,6 +68,9 @@ pub(super) struct SliceReader<'a> {
     gradients: GradientSource,
     transfer: &'a TransferFunction,
     smoother: Option<Smoother>,
+    /// Number of slices that were read, and of fields that were computed.
+    samples_end: u32,
+    fields_end: u32,
     spare_samples: Vec<Samples>,
     spare_fields: Vec<Vec<f32>>,
 }
@@ -87,33 +82,33 @@ impl<'a> SliceReader<'a> {
         gradients: GradientSource,
         transfer: &'a TransferFunction,
     ) -> SliceReader<'a> {
-        let smoother = None;
         SliceReader {
             source,
             header,
             gradients,
             transfer,
-            smoother,
+            smoother: None,
+            samples_end: 0,
+            fields_end: 0,
             spare_samples: Vec::new(),
             spare_fields: Vec::new(),
         }
     }
 
     /// Reads the next slices: those with z below `end`, and those with z below `reach` that gradients need.
-    pub(super) fn read(&mut self, window: &SliceWindow, end: u32, reach: u32) -> Result<NewSlices> {
+    pub(super) fn read(&mut self, end: u32, reach: u32) -> Result<NewSlices> {
         let mut slices = NewSlices::default();
         let depth = self.header.grid.dims[2];
-        let (mut read, mut fields) = (window.samples_end(), window.fields_end());
         let (samples_end, fields_end) = match self.gradients {
             GradientSource::None | GradientSource::Values => (reach, 0),
             GradientSource::Visibility => (end, reach),
         };
-        while read < samples_end || fields < fields_end {
-            if read < depth {
+        while self.samples_end < samples_end || self.fields_end < fields_end {
+            if self.samples_end < depth {
                 let samples = self.next_slice()?;
-                read += 1;
+                self.samples_end += 1;
                 if self.gradients == GradientSource::Visibility {
-                    fields += self.smooth(&samples, &mut slices.fields)?;
+                    self.smooth(&samples, &mut slices.fields)?;
                 }
                 slices.samples.push(samples);
             } else {
@@ -121,7 +116,7 @@ impl<'a> SliceReader<'a> {
                 let given = self.smoother.as_mut().is_some_and(|smoother| smoother.finish(&mut smoothed));
                 assert!(given, "a smoother gives as many slices as it takes");
                 slices.fields.push(smoothed);
-                fields += 1;
+                self.fields_end += 1;
             }
         }
         Ok(slices)
@@ -133,8 +128,8 @@ impl<'a> SliceReader<'a> {
         Ok(samples)
     }
 
-    /// Smooths the visibility of a slice, and returns how many smoothed slices were appended to `fields`: 0 or 1.
-    fn smooth(&mut self, samples: &Samples, fields: &mut Vec<Vec<f32>>) -> Result<u32> {
+    /// Smooths the visibility of a slice; appends the smoothed slice to `fields` if one is complete.
+    fn smooth(&mut self, samples: &Samples, fields: &mut Vec<Vec<f32>>) -> Result<()> {
         let mut indicator = self.new_field()?;
         let mut smoothed = self.new_field()?;
         let (slope, intercept) = (self.header.slope, self.header.intercept);
@@ -144,12 +139,9 @@ impl<'a> SliceReader<'a> {
         let smoother = self.smoother.get_or_insert_with(|| Smoother::new([width, height]));
         let given = smoother.push(&indicator, &mut smoothed);
         self.spare_fields.push(indicator);
-        if given {
-            fields.push(smoothed)
-        } else {
-            self.spare_fields.push(smoothed)
-        }
-        Ok(given.into())
+        self.fields_end += u32::from(given);
+        if given { fields } else { &mut self.spare_fields }.push(smoothed);
+        Ok(())
     }
 
     fn new_field(&mut self) -> Result<Vec<f32>> {

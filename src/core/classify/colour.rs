@@ -76,8 +76,7 @@ impl Colour {
             let rgb = linear_from_oklab([lightness, chroma * hue.cos(), chroma * hue.sin()]);
             if chroma < 0.01 || rgb.iter().all(|c| (0.0..=1.0).contains(c)) {
                 // Rounded to bytes, so that the colour stays the same when it is written to a file and read back.
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to a byte")]
-                return Colour::from_bytes(rgb.map(|c| (srgb_from_linear(c.clamp(0.0, 1.0)) * 255.0).round() as u8));
+                return Colour::from_bytes(rgb.map(|c| nearest_byte(srgb_from_linear(c.clamp(0.0, 1.0)))));
             }
             chroma -= 0.01;
         }

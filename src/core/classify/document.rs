@@ -3,7 +3,7 @@
 //! serde refuses wrong syntax, wrong types and unknown fields; its message names line and column. This file refuses
 //! fields that belong to another kind of function. [`TransferFunction::checked`] refuses numbers out of range.
 
-use serde::{Deserialize, Deserializer, Serialize, Serializer, de};
+use serde::{Deserialize, Serialize};
 
 use super::colour::Colour;
 use super::kind::{Contour, FactorPoint, Point, RANGE_OPACITY, TransferKind, range_colours};
@@ -51,22 +51,9 @@ impl TransferFunction {
     }
 }
 
-impl Serialize for TransferFunction {
-    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        TransferDocument::from(self.clone()).serialize(serializer)
-    }
-}
-
-impl<'de> Deserialize<'de> for TransferFunction {
-    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<TransferFunction, D::Error> {
-        TransferDocument::deserialize(deserializer)?.try_into().map_err(de::Error::custom)
-    }
-}
-
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum KindName {
-    #[default]
     Points,
     Contour,
     Range,
@@ -74,47 +61,29 @@ enum KindName {
     Labels,
 }
 
-#[derive(Debug, Default, Serialize, Deserialize)]
+/// The fields of all kinds, as they are read.
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct TransferDocument {
+pub(super) struct TransferDocument {
     kind: KindName,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     points: Option<Vec<Point>>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     gradient: Option<Vec<FactorPoint>>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     contours: Option<Vec<Contour>>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     voxel_length: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     low: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     high: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     opacity: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     colours: Option<Vec<Colour>>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     value_range: Option<[f64; 2]>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     knots: Option<Vec<Point>>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     largest_magnitude: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     labels: Option<Vec<Label>>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     others: Option<UnlistedLabels>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     shaded: Option<bool>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     reference_length: Option<f64>,
 }
 
 impl TransferDocument {
-    fn new(kind: KindName) -> TransferDocument {
-        TransferDocument { kind, ..TransferDocument::default() }
-    }
-
     fn refuse_foreign_fields(&self) -> Result<()> {
         use KindName::{Contour, Labels, Points, Range, Region};
         let fields = [
@@ -135,22 +104,16 @@ impl TransferDocument {
         match fields.iter().find(|(_, present, owner)| *present && *owner != self.kind) {
             None => Ok(()),
             Some((name, _, owner)) => {
-                let why =
-                    format!("belongs to the kind {}, not {}; take it out", quoted_name(*owner), quoted_name(self.kind));
-                Err(field_error(name, why))
+                let [owner, kind] = [*owner, self.kind].map(quoted_name);
+                Err(field_error(name, format!("belongs to the kind {owner}, not {kind}; take it out")))
             }
         }
     }
 }
 
-fn quoted_name(kind: KindName) -> &'static str {
-    match kind {
-        KindName::Points => "\"points\"",
-        KindName::Contour => "\"contour\"",
-        KindName::Range => "\"range\"",
-        KindName::Region => "\"region\"",
-        KindName::Labels => "\"labels\"",
-    }
+/// Returns the kind's name in JSON, with quotes.
+fn quoted_name(kind: KindName) -> String {
+    serde_json::to_string(&kind).expect("a name is plain JSON")
 }
 
 impl TryFrom<TransferDocument> for TransferFunction {
@@ -190,39 +153,5 @@ impl TryFrom<TransferDocument> for TransferFunction {
         };
         let shaded = document.shaded.unwrap_or(true);
         TransferFunction { kind, shaded, reference_length: document.reference_length }.checked()
-    }
-}
-
-impl From<TransferFunction> for TransferDocument {
-    fn from(function: TransferFunction) -> TransferDocument {
-        let mut document = match function.kind {
-            TransferKind::Points { points, gradient } => TransferDocument {
-                points: Some(points),
-                gradient: (!gradient.is_empty()).then_some(gradient),
-                ..TransferDocument::new(KindName::Points)
-            },
-            TransferKind::Contour { contours, voxel_length } => {
-                TransferDocument { contours: Some(contours), voxel_length, ..TransferDocument::new(KindName::Contour) }
-            }
-            TransferKind::Range { low, high, opacity, colours, value_range } => TransferDocument {
-                low: low.is_finite().then_some(low),
-                high: high.is_finite().then_some(high),
-                opacity: Some(opacity),
-                colours: Some(colours),
-                value_range,
-                ..TransferDocument::new(KindName::Range)
-            },
-            TransferKind::Region { knots, largest_magnitude } => {
-                TransferDocument { knots: Some(knots), largest_magnitude, ..TransferDocument::new(KindName::Region) }
-            }
-            TransferKind::Labels { labels, others } => TransferDocument {
-                labels: Some(labels),
-                others: Some(others),
-                ..TransferDocument::new(KindName::Labels)
-            },
-        };
-        document.shaded = Some(function.shaded);
-        document.reference_length = function.reference_length;
-        document
     }
 }

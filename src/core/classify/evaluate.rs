@@ -23,12 +23,7 @@ impl TransferFunction {
         let magnitude = magnitude.max(0.0);
         match &self.kind {
             TransferKind::Points { points, gradient } => {
-                let opacity = match locate(points, value, |point| point.value) {
-                    KnotPosition::At { first, last } => points[first].opacity.max(points[last].opacity),
-                    KnotPosition::Between { below, above, fraction } => {
-                        lerp(points[below].opacity, points[above].opacity, fraction)
-                    }
-                };
+                let opacity = interpolated(points, value, |point| (point.value, point.opacity));
                 if gradient.is_empty() || opacity == 0.0 { opacity } else { opacity * factor(gradient, magnitude) }
             }
             TransferKind::Contour { contours, voxel_length } => {
@@ -48,12 +43,7 @@ impl TransferFunction {
                     return 0.0;
                 }
                 let scale = (magnitude / largest_magnitude.unwrap_or(1.0)).min(1.0);
-                match locate(knots, value, |knot| knot.value) {
-                    KnotPosition::At { last, .. } => scale * knots[last].opacity,
-                    KnotPosition::Between { below, above, fraction } => {
-                        scale * lerp(knots[below].opacity, knots[above].opacity, fraction)
-                    }
-                }
+                scale * interpolated(knots, value, |knot| (knot.value, knot.opacity))
             }
             TransferKind::Labels { labels, others } => palette::opacity(labels, *others, value),
         }
@@ -69,22 +59,12 @@ impl TransferFunction {
         }
         match &self.kind {
             TransferKind::Points { points: knots, .. } | TransferKind::Region { knots, .. } => {
-                match locate(knots, value, |knot| knot.value) {
-                    KnotPosition::At { first, last } => {
-                        let more_opaque = if knots[first].opacity > knots[last].opacity { first } else { last };
-                        knots[more_opaque].colour.linear()
-                    }
-                    KnotPosition::Between { below, above, fraction } => {
-                        mix(knots[below].colour, knots[above].colour, fraction)
-                    }
-                }
+                interpolated_colour(knots, value, |knot| *knot)
             }
-            TransferKind::Contour { contours, .. } => match locate(contours, value, |contour| contour.value) {
-                KnotPosition::At { last, .. } => contours[last].colour.linear(),
-                KnotPosition::Between { below, above, fraction } => {
-                    mix(contours[below].colour, contours[above].colour, fraction)
-                }
-            },
+            TransferKind::Contour { contours, .. } => interpolated_colour(contours, value, |contour| {
+                let Contour { value, opacity, colour, .. } = *contour;
+                Point { value, colour, opacity }
+            }),
             TransferKind::Range { low, high, colours, value_range, .. } => {
                 let [lowest, highest] = value_range.unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
                 let from = if low.is_finite() { *low } else { lowest };
@@ -107,11 +87,7 @@ impl TransferFunction {
                 if largest_factor(gradient, largest_magnitude) == 0.0 {
                     return nothing;
                 }
-                let visible = |point: &Point| point.opacity > 0.0;
-                let (Some(first), Some(last)) = (points.iter().position(visible), points.iter().rposition(visible))
-                else {
-                    return nothing;
-                };
+                let Some((first, last)) = visible_ends(points) else { return nothing };
                 let low = first.checked_sub(1).map_or(f64::NEG_INFINITY, |below| points[below].value);
                 let high = points.get(last + 1).map_or(f64::INFINITY, |above| above.value);
                 (low, high)
@@ -132,16 +108,18 @@ impl TransferFunction {
                 }
             }
             TransferKind::Region { knots, .. } => {
-                let visible = |knot: &Point| knot.opacity > 0.0;
-                let (Some(first), Some(last)) = (knots.iter().position(visible), knots.iter().rposition(visible))
-                else {
-                    return nothing;
-                };
+                let Some((first, last)) = visible_ends(knots) else { return nothing };
                 (knots[first.saturating_sub(1)].value, knots[(last + 1).min(knots.len() - 1)].value)
             }
             TransferKind::Labels { labels, others } => palette::domain(labels, *others),
         }
     }
+}
+
+/// Returns the indices of the first and the last point that is not transparent.
+fn visible_ends(points: &[Point]) -> Option<(usize, usize)> {
+    let visible = |point: &Point| point.opacity > 0.0;
+    Some((points.iter().position(visible)?, points.iter().rposition(visible)?))
 }
 
 /// The position of a value among sorted knots, of which at most two share a position.
@@ -191,11 +169,33 @@ fn mix(from: Colour, to: Colour, fraction: f64) -> [f32; 3] {
     std::array::from_fn(|c| lerp(from[c].into(), to[c].into(), fraction) as f32)
 }
 
-fn factor(ramp: &[FactorPoint], magnitude: f64) -> f64 {
-    match locate(ramp, magnitude, |point| point.magnitude) {
-        KnotPosition::At { first, last } => ramp[first].factor.max(ramp[last].factor),
-        KnotPosition::Between { below, above, fraction } => lerp(ramp[below].factor, ramp[above].factor, fraction),
+/// Returns the number at position `at` of a piecewise-linear function; the higher one where two knots share a position.
+///
+/// `knot` returns a knot's position and number.
+fn interpolated<T>(knots: &[T], at: f64, knot: impl Fn(&T) -> (f64, f64)) -> f64 {
+    let number = |index: usize| knot(&knots[index]).1;
+    match locate(knots, at, |each| knot(each).0) {
+        KnotPosition::At { first, last } => number(first).max(number(last)),
+        KnotPosition::Between { below, above, fraction } => lerp(number(below), number(above), fraction),
     }
+}
+
+/// Returns the colour at `value`; the more opaque point's where two share a value.
+fn interpolated_colour<T>(knots: &[T], value: f64, point: impl Fn(&T) -> Point) -> [f32; 3] {
+    match locate(knots, value, |knot| point(knot).value) {
+        KnotPosition::At { first, last } => {
+            let [first, last] = [first, last].map(|index| point(&knots[index]));
+            if first.opacity > last.opacity { first.colour.linear() } else { last.colour.linear() }
+        }
+        KnotPosition::Between { below, above, fraction } => {
+            let [below, above] = [below, above].map(|index| point(&knots[index]).colour);
+            mix(below, above, fraction)
+        }
+    }
+}
+
+fn factor(ramp: &[FactorPoint], magnitude: f64) -> f64 {
+    interpolated(ramp, magnitude, |point| (point.magnitude, point.factor))
 }
 
 /// Returns the highest factor for magnitudes from 0 to `largest_magnitude`; 1 without a ramp.

@@ -10,10 +10,13 @@ use super::palette::{Label, UnlistedLabels};
 
 /// Default opacity of a range, per reference length: it looks solid within a few voxels and has soft edges.
 pub(super) const RANGE_OPACITY: f64 = 0.8;
-/// Default transition width of a contour, in voxels (Levoy's figures use 2).
-pub(super) const CONTOUR_WIDTH: f64 = 2.0;
 /// Default colours of a range: from brown marrow to ivory bone.
 const RANGE_COLOURS: [[u8; 3]; 4] = [[0xb8, 0x80, 0x5c], [0xdd, 0xb8, 0x90], [0xf1, 0xe2, 0xc8], [0xff, 0xf9, 0xee]];
+
+/// Returns the default transition width of a contour, in voxels (Levoy's figures use 2).
+pub(super) fn contour_width() -> f64 {
+    2.0
+}
 
 pub(super) fn contour_colour() -> Colour {
     Colour::from_bytes([0xef, 0xe2, 0xcc])
@@ -54,43 +57,48 @@ pub struct Contour {
     /// Opacity on the surface per reference length, from 0 to 1.
     pub opacity: f64,
     /// Half the thickness of the transition, in voxels; finite, 0 or above.
-    #[serde(default = "default_width")]
+    #[serde(default = "contour_width")]
     pub width: f64,
     /// Colour of the surface.
     #[serde(default = "contour_colour")]
     pub colour: Colour,
 }
 
-fn default_width() -> f64 {
-    CONTOUR_WIDTH
+/// Returns whether an end of a range is left out in JSON.
+fn is_open(end: &f64) -> bool {
+    end.is_infinite()
 }
 
-/// The parameters of a transfer function, by kind; `validate.rs` checks them.
-#[derive(Debug, Clone, PartialEq)]
+/// The parameters of a transfer function, by kind; `document.rs` reads them, `validate.rs` checks them.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(tag = "kind", rename_all = "lowercase")]
 pub(super) enum TransferKind {
     Points {
         points: Vec<Point>,
+        #[serde(skip_serializing_if = "Vec::is_empty")]
         gradient: Vec<FactorPoint>,
     },
     Contour {
         contours: Vec<Contour>,
+        #[serde(skip_serializing_if = "Option::is_none")]
         voxel_length: Option<f64>,
     },
     /// Values from `low` to `high` are visible; an open end is infinite.
     Range {
+        #[serde(skip_serializing_if = "is_open")]
         low: f64,
+        #[serde(skip_serializing_if = "is_open")]
         high: f64,
         opacity: f64,
         colours: Vec<Colour>,
+        #[serde(skip_serializing_if = "Option::is_none")]
         value_range: Option<[f64; 2]>,
     },
     Region {
         knots: Vec<Point>,
+        #[serde(skip_serializing_if = "Option::is_none")]
         largest_magnitude: Option<f64>,
     },
     /// A palette; its `labels` are sorted by label.
-    Labels {
-        labels: Vec<Label>,
-        others: UnlistedLabels,
-    },
+    Labels { labels: Vec<Label>, others: UnlistedLabels },
 }

@@ -3,16 +3,12 @@
 //! If the samples are whole numbers and the range holds few enough of them, each sample has its own code and is
 //! restored bit for bit. Otherwise codes are spread evenly: `low + code * step`.
 
-use serde::{Deserialize, Serialize};
-
 use crate::error::{Error, Result};
 use crate::volume::SampleType;
 
-/// Maps values to codes of 8 or 16 bits and back. Always valid; read from and written as JSON.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(try_from = "QuantiserJson", into = "QuantiserJson")]
+/// Maps values to codes of 8 or 16 bits and back. Always valid.
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quantiser {
-    bits: u8,
     low: f64,
     high: f64,
     largest_code: u16,
@@ -22,8 +18,7 @@ pub struct Quantiser {
 }
 
 /// The codes of whole-number samples: one code for each raw sample, whose value is `raw * slope + intercept`.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 struct ExactCodes {
     /// The raw sample that code 0 stands for. Higher codes count upward, or downward if the slope is negative.
     raw: i64,
@@ -31,37 +26,20 @@ struct ExactCodes {
     intercept: f64,
 }
 
-#[derive(Debug, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-struct QuantiserJson {
-    bits: u8,
-    low: f64,
-    high: f64,
-    largest_code: u16,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    exact: Option<ExactCodes>,
-}
-
 impl Quantiser {
-    /// Creates a quantiser for values from `low` to `high`, inclusive, with codes of 8 or 16 `bits`.
+    /// Creates a quantiser for the values of `range`, both ends inclusive, with codes of 8 or 16 `bits`.
     ///
     /// `slope` and `intercept` are those of the volume's header. For whole-number samples the range may be infinite: it
-    /// is then narrowed to the sample values inside it, or to `low` if there are none.
+    /// is then narrowed to the sample values inside it, or to its low end if there are none.
     ///
     /// # Errors
-    /// [`Error::Input`] if `bits` is neither 8 nor 16, if slope or intercept is not finite or the slope is 0, if
-    /// `low > high` or one is NaN, or if the range is infinite for floating-point samples.
-    pub fn new(
-        low: f64,
-        high: f64,
-        bits: u8,
-        sample_type: SampleType,
-        slope: f64,
-        intercept: f64,
-    ) -> Result<Quantiser> {
-        let codes = match bits {
-            8 => 256,
-            16 => 65_536,
+    /// [`Error::Input`] if `bits` is neither 8 nor 16, if slope or intercept is not finite or the slope is 0, if the
+    /// range's low end is above its high end or one is NaN, or if the range is infinite for floating-point samples.
+    pub fn new(range: [f64; 2], bits: u8, sample_type: SampleType, slope: f64, intercept: f64) -> Result<Quantiser> {
+        let [low, high] = range;
+        let largest_code = match bits {
+            8 => 255,
+            16 => u16::MAX,
             _ => return Err(Error::input("value bits", format!("are {bits}, but must be 8 or 16"))),
         };
         if low.is_nan() || high.is_nan() || low > high {
@@ -71,20 +49,17 @@ impl Quantiser {
             let why = format!("are {slope} and {intercept}, but must be finite and the slope not 0");
             return Err(Error::input("slope and intercept", why));
         }
-        let largest_code = u16::try_from(codes - 1).expect("at most 65,535");
-        let Some(range) = sample_type.integer_range() else {
-            return Quantiser::even(bits, low, high, largest_code);
+        let Some(type_range) = sample_type.integer_range() else {
+            return Quantiser::even(low, high, largest_code);
         };
-        let Some((first, last)) = samples_inside(low, high, range, slope, intercept) else {
+        let Some((first, last)) = samples_inside(low, high, type_range, slope, intercept) else {
             let alone = if low.is_finite() { low } else { high };
-            return Quantiser::even(bits, alone, alone, largest_code);
+            return Quantiser::even(alone, alone, largest_code);
         };
         let exact = ExactCodes { raw: first, slope, intercept };
-        match first.abs_diff(last) {
-            steps if steps < codes => {
-                Ok(Quantiser::exact(bits, exact, u16::try_from(steps).expect("below the count of codes")))
-            }
-            _ => Quantiser::even(bits, exact.value(0), exact.value_of(last), largest_code),
+        match u16::try_from(first.abs_diff(last)) {
+            Ok(steps) if steps <= largest_code => Ok(Quantiser::exact(exact, steps)),
+            _ => Quantiser::even(exact.value(0), exact.value_of(last), largest_code),
         }
     }
 
@@ -93,8 +68,7 @@ impl Quantiser {
     /// # Errors
     /// The errors of [`Quantiser::new`]; [`Error::Input`] if the labels are not whole numbers or need more than `bits`.
     pub fn for_labels(
-        low: f64,
-        high: f64,
+        range: [f64; 2],
         bits: u8,
         sample_type: SampleType,
         slope: f64,
@@ -104,13 +78,13 @@ impl Quantiser {
         if sample_type.integer_range().is_none() {
             return refused(format!("has {} samples; convert it to whole numbers", sample_type.name()));
         }
-        let quantiser = Quantiser::new(low, high, bits, sample_type, slope, intercept)?;
+        let quantiser = Quantiser::new(range, bits, sample_type, slope, intercept)?;
         if quantiser.exact.is_some() || quantiser.low == quantiser.high {
             return Ok(quantiser);
         }
         let (low, high) = (quantiser.low, quantiser.high);
         let wide_enough = bits == 8
-            && Quantiser::new(low, high, 16, sample_type, slope, intercept).is_ok_and(|wide| wide.exact.is_some());
+            && Quantiser::new([low, high], 16, sample_type, slope, intercept).is_ok_and(|wide| wide.exact.is_some());
         refused(if wide_enough {
             format!("has labels from {low} to {high}, more than 8 bits tell apart; use 16-bit values")
         } else {
@@ -118,20 +92,20 @@ impl Quantiser {
         })
     }
 
-    fn even(bits: u8, low: f64, high: f64, largest_code: u16) -> Result<Quantiser> {
+    fn even(low: f64, high: f64, largest_code: u16) -> Result<Quantiser> {
         if !(low.is_finite() && high.is_finite()) {
             let why = format!("is {low}..{high}; give finite ends, such as the data's lowest and highest value");
             return Err(Error::input("visible range", why));
         }
         let largest_code = if low == high { 0 } else { largest_code };
         let step = if low == high { 0.0 } else { ratio(low, high, largest_code.into()) };
-        Ok(Quantiser { bits, low, high, largest_code, step, exact: None })
+        Ok(Quantiser { low, high, largest_code, step, exact: None })
     }
 
-    fn exact(bits: u8, exact: ExactCodes, largest_code: u16) -> Quantiser {
+    fn exact(exact: ExactCodes, largest_code: u16) -> Quantiser {
         let (low, high) = (exact.value(0), exact.value(largest_code));
         let step = if largest_code == 0 { 0.0 } else { exact.slope.abs() };
-        Quantiser { bits, low, high, largest_code, step, exact: Some(exact) }
+        Quantiser { low, high, largest_code, step, exact: Some(exact) }
     }
 
     /// Returns the code nearest to `value`, clamped to the range; 0 for NaN.
@@ -183,11 +157,6 @@ impl Quantiser {
         self.step
     }
 
-    /// Returns the width of a code in bits: 8 or 16.
-    pub fn bits(&self) -> u8 {
-        self.bits
-    }
-
     /// Returns the largest code in use; below 2^bits.
     pub fn largest_code(&self) -> u16 {
         self.largest_code
@@ -235,48 +204,4 @@ fn samples_inside(low: f64, high: f64, range: (f64, f64), slope: f64, intercept:
     };
     #[expect(clippy::cast_possible_truncation, reason = "whole numbers of at most 32 bits")]
     Some((end(low, slope.signum())? as i64, end(high, -slope.signum())? as i64))
-}
-
-impl From<Quantiser> for QuantiserJson {
-    fn from(quantiser: Quantiser) -> QuantiserJson {
-        let Quantiser { bits, low, high, largest_code, exact, .. } = quantiser;
-        QuantiserJson { bits, low, high, largest_code, exact }
-    }
-}
-
-impl TryFrom<QuantiserJson> for Quantiser {
-    type Error = Error;
-
-    fn try_from(fields: QuantiserJson) -> Result<Quantiser> {
-        let refused = |why: &str| Error::input("value codes", why);
-        let most = match fields.bits {
-            8 => 255,
-            16 => u16::MAX,
-            _ => return Err(refused("have bits other than 8 or 16")),
-        };
-        if fields.largest_code > most {
-            return Err(refused("have a largest code that their bits cannot hold"));
-        }
-        let quantiser = match fields.exact {
-            None if fields.low > fields.high => return Err(refused("have a low end above the high end")),
-            None if fields.low < fields.high && fields.largest_code == 0 => {
-                return Err(refused("have one code for two ends"));
-            }
-            None => Quantiser::even(fields.bits, fields.low, fields.high, fields.largest_code)?,
-            Some(exact) => {
-                // Samples have at most 32 bits. Raw numbers below 2^40 are exact both as i64 and as f64.
-                let sound = exact.slope.is_finite() && exact.slope != 0.0 && exact.raw.unsigned_abs() < 1 << 40;
-                if !sound {
-                    return Err(refused("have a slope or first sample that no volume has"));
-                }
-                Quantiser::exact(fields.bits, exact, fields.largest_code)
-            }
-        };
-        let agrees = quantiser.low == fields.low
-            && quantiser.high == fields.high
-            && quantiser.largest_code == fields.largest_code
-            && quantiser.low.is_finite()
-            && quantiser.high.is_finite();
-        if agrees { Ok(quantiser) } else { Err(refused("have ends that do not follow from their other fields")) }
-    }
 }

@@ -1,10 +1,13 @@
 //! Transfer functions: the mapping from sample value and gradient magnitude to opacity and colour.
 //!
-//! This file holds the type and its constructors; `evaluate.rs` computes opacity and colour, `document.rs` reads and
-//! writes JSON. The five kinds are described in [`crate::classify`].
+//! This file holds the type and its constructors; `evaluate.rs` computes opacity and colour, `document.rs` reads
+//! JSON. The five kinds are described in [`crate::classify`].
 
+use serde::{Deserialize, Serialize};
+
+use super::document::TransferDocument;
 use super::kind::{
-    CONTOUR_WIDTH, Contour, FactorPoint, Point, RANGE_OPACITY, TransferKind, contour_colour, range_colours,
+    Contour, FactorPoint, Point, RANGE_OPACITY, TransferKind, contour_colour, contour_width, range_colours,
 };
 use super::palette::{self, Label, UnlistedLabels};
 use super::validate::check_length;
@@ -15,10 +18,13 @@ const CONTOUR_OPACITY: f64 = 0.9;
 /// A transfer function: maps a sample's value and gradient magnitude to opacity and colour.
 ///
 /// Every value of this type is valid, because constructors check all numbers. It is read from and written as JSON.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "TransferDocument")]
 pub struct TransferFunction {
+    #[serde(flatten)]
     pub(super) kind: TransferKind,
     pub(super) shaded: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub(super) reference_length: Option<f64>,
 }
 
@@ -51,7 +57,8 @@ impl TransferFunction {
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if `iso` is not finite.
     pub fn contour(iso: f64) -> Result<TransferFunction> {
-        let contour = Contour { value: iso, opacity: CONTOUR_OPACITY, width: CONTOUR_WIDTH, colour: contour_colour() };
+        let contour =
+            Contour { value: iso, opacity: CONTOUR_OPACITY, width: contour_width(), colour: contour_colour() };
         TransferFunction::contours(vec![contour])
     }
 

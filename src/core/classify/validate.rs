@@ -26,20 +26,15 @@ impl TransferKind {
                 voxel_length.map_or(Ok(()), |length| check_length("voxel_length", length, false))?;
             }
             TransferKind::Range { low, high, opacity, colours, value_range } => {
-                if low.is_nan() || high.is_nan() || low > high || *low == f64::INFINITY || *high == f64::NEG_INFINITY {
-                    return Err(field_error(
-                        "range",
-                        format!("is {low}..{high}, but must go from a lower to a higher number"),
-                    ));
-                }
+                let sound = low <= high && *low < f64::INFINITY && *high > f64::NEG_INFINITY;
+                require(sound, "range", || format!("is {low}..{high}, but must go from a lower to a higher number"))?;
                 check_share("opacity", *opacity)?;
                 check_count("colours", colours.len(), 1)?;
                 if let Some([lowest, highest]) = value_range {
                     check_finite("value_range[0]", *lowest)?;
                     check_finite("value_range[1]", *highest)?;
-                    if lowest > highest {
-                        return Err(field_error("value_range", "has its lowest value above its highest; swap them"));
-                    }
+                    let why = || "has its lowest value above its highest; swap them".into();
+                    require(lowest <= highest, "value_range", why)?;
                 }
             }
             TransferKind::Region { knots, largest_magnitude } => {
@@ -73,35 +68,28 @@ fn check_points(field: &str, points: &[Point], least: usize, shared: usize) -> R
     check_rising(field, "value", points.iter().map(|point| point.value), shared)
 }
 
+/// Returns an error that names `field` and says why, unless the field is `sound`.
+fn require(sound: bool, field: &str, why: impl FnOnce() -> String) -> Result<()> {
+    if sound { Ok(()) } else { Err(field_error(field, why())) }
+}
+
 fn check_count(field: &str, count: usize, least: usize) -> Result<()> {
-    if count < least {
-        return Err(field_error(field, format!("has {count}, but needs at least {least}")));
-    }
-    Ok(())
+    require(count >= least, field, || format!("has {count}, but needs at least {least}"))
 }
 
 fn check_finite(field: &str, number: f64) -> Result<()> {
-    if !number.is_finite() {
-        return Err(field_error(field, format!("is {number}, but must be finite")));
-    }
-    Ok(())
+    require(number.is_finite(), field, || format!("is {number}, but must be finite"))
 }
 
 fn check_share(field: &str, number: f64) -> Result<()> {
-    if !(0.0..=1.0).contains(&number) {
-        return Err(field_error(field, format!("is {number}, but must be from 0 to 1")));
-    }
-    Ok(())
+    require((0.0..=1.0).contains(&number), field, || format!("is {number}, but must be from 0 to 1"))
 }
 
 /// Checks that `number` is finite and above 0, or 0 if `zero_allowed`.
 pub(super) fn check_length(field: &str, number: f64, zero_allowed: bool) -> Result<()> {
-    let ok = number.is_finite() && (number > 0.0 || (zero_allowed && number == 0.0));
-    if !ok {
-        let least = if zero_allowed { "0 or above" } else { "above 0" };
-        return Err(field_error(field, format!("is {number}, but must be finite and {least}")));
-    }
-    Ok(())
+    let least = if zero_allowed { "0 or above" } else { "above 0" };
+    let sound = number.is_finite() && (number > 0.0 || (zero_allowed && number == 0.0));
+    require(sound, field, || format!("is {number}, but must be finite and {least}"))
 }
 
 /// Checks that `positions` ascend and that at most `shared` consecutive ones are equal.
@@ -109,17 +97,10 @@ fn check_rising(field: &str, position: &str, positions: impl Iterator<Item = f64
     let (mut last, mut same) = (f64::NEG_INFINITY, 0);
     for (index, here) in positions.enumerate() {
         same = if here == last { same + 1 } else { 1 };
-        if here < last {
-            return Err(field_error(
-                &format!("{field}[{index}].{position}"),
-                format!("is {here}, below {last}; sort them"),
-            ));
-        }
-        if same > shared {
-            let why =
-                format!("is {here}, as {} before it; move or remove it", if shared == 1 { "the one" } else { "two" });
-            return Err(field_error(&format!("{field}[{index}].{position}"), why));
-        }
+        let field = format!("{field}[{index}].{position}");
+        require(here >= last, &field, || format!("is {here}, below {last}; sort them"))?;
+        let before = if shared == 1 { "the one" } else { "two" };
+        require(same <= shared, &field, || format!("is {here}, as {before} before it; move or remove it"))?;
         last = here;
     }
     Ok(())

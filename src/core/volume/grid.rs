@@ -69,17 +69,12 @@ impl Grid {
     /// # Errors
     /// The errors of [`Grid::check`].
     pub fn new(dims: [u64; 3], spacing: [f64; 3]) -> Result<Grid> {
-        let mut narrow = [0u32; 3];
         for axis in Axis::ALL {
-            let points = dims[axis.index()];
-            if points > u64::from(MAX_DIM) {
-                let what = format!("dimension {}", axis.name());
-                return Err(Error::Limit { what, need: points, have: u64::from(MAX_DIM) });
-            }
-            narrow[axis.index()] = u32::try_from(points).expect("bounded above");
+            check_limit(axis, dims[axis.index()])?;
         }
+        let dims = dims.map(|points| u32::try_from(points).expect("bounded above"));
         let direction = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-        let grid = Grid { dims: narrow, spacing, origin: [0.0; 3], direction, unit: None };
+        let grid = Grid { dims, spacing, origin: [0.0; 3], direction, unit: None };
         grid.check()?;
         Ok(grid)
     }
@@ -95,10 +90,7 @@ impl Grid {
             if self.dims[a] == 0 {
                 return Err(Error::input(format!("dimension {}", axis.name()), "is 0, but must be at least 1"));
             }
-            if self.dims[a] > MAX_DIM {
-                let what = format!("dimension {}", axis.name());
-                return Err(Error::Limit { what, need: self.dims[a].into(), have: MAX_DIM.into() });
-            }
+            check_limit(axis, self.dims[a].into())?;
             let step = self.spacing[a];
             if !(step.is_finite() && step > 0.0) {
                 let why = format!("is {step}, but must be a finite number above 0");
@@ -142,4 +134,12 @@ impl Grid {
     pub fn is_empty(&self) -> bool {
         false
     }
+}
+
+fn check_limit(axis: Axis, points: u64) -> Result<()> {
+    if points > u64::from(MAX_DIM) {
+        let what = format!("dimension {}", axis.name());
+        return Err(Error::Limit { what, need: points, have: MAX_DIM.into() });
+    }
+    Ok(())
 }

@@ -43,14 +43,7 @@ impl Volume {
     /// [`Error::OutOfMemory`]; any error of reading the source.
     pub fn read(source: &mut dyn SlabSource) -> Result<Volume> {
         let header = source.header().clone();
-        let bytes = header.grid.len() * header.sample_type.bytes() as u64;
-        let refused = || Error::OutOfMemory { what: "the volume".into(), bytes };
-        let len = usize::try_from(header.grid.len()).map_err(|_| refused())?;
-        usize::try_from(bytes)
-            .ok()
-            .filter(|&bytes| Vec::<u8>::new().try_reserve_exact(bytes).is_ok())
-            .ok_or_else(refused)?;
-        let mut samples = Samples::zeros(header.sample_type, len);
+        let mut samples = header.samples(header.grid.len(), || "the volume".into())?;
         let mut slice = header.new_slice()?;
         let slice_bytes = slice.bytes().len();
         for part in samples.bytes_mut().chunks_exact_mut(slice_bytes) {

@@ -4,14 +4,11 @@
 //! needs memory for a few slices, whatever the volume's size.
 
 mod grid;
-mod histogram;
 pub(crate) mod memory;
-pub mod phantom;
 mod samples;
 pub(crate) mod source;
 
 pub use grid::{Axis, Grid, MAX_DIM};
-pub use histogram::Histogram;
 pub use memory::{IntoSlices, Volume, VolumeSlices};
 pub use samples::{Sample, SampleType, Samples};
 pub use source::{Header, SlabSource, UnscaledSource};

@@ -19,18 +19,6 @@ pub enum SampleType {
 }
 
 impl SampleType {
-    /// All types, in declaration order.
-    pub const ALL: [SampleType; 8] = [
-        SampleType::U8,
-        SampleType::I8,
-        SampleType::U16,
-        SampleType::I16,
-        SampleType::U32,
-        SampleType::I32,
-        SampleType::F32,
-        SampleType::F64,
-    ];
-
     /// Returns the size of one sample in bytes.
     pub const fn bytes(self) -> usize {
         self.bits() as usize / 8
@@ -43,20 +31,6 @@ impl SampleType {
             SampleType::U16 | SampleType::I16 => 16,
             SampleType::U32 | SampleType::I32 | SampleType::F32 => 32,
             SampleType::F64 => 64,
-        }
-    }
-
-    /// Returns the type's name: "u8", "i16", "f32" and so on.
-    pub const fn name(self) -> &'static str {
-        match self {
-            SampleType::U8 => "u8",
-            SampleType::I8 => "i8",
-            SampleType::U16 => "u16",
-            SampleType::I16 => "i16",
-            SampleType::U32 => "u32",
-            SampleType::I32 => "i32",
-            SampleType::F32 => "f32",
-            SampleType::F64 => "f64",
         }
     }
 
@@ -84,11 +58,6 @@ pub trait Sample: Pod + PartialOrd + Send + Sync {
     fn to_f32(self) -> f32;
     /// Returns the sample's bits as a table index, if the type has 8 or 16 bits.
     fn small_bits(self) -> Option<usize>;
-    /// Returns the sample with these bits. An 8-bit type takes the lower eight of `bits`.
-    ///
-    /// # Panics
-    /// If the type has more than 16 bits.
-    fn from_small_bits(bits: u16) -> Self;
     /// Wraps the samples in a [`Samples`] buffer.
     fn into_samples(samples: Vec<Self>) -> Samples;
     /// Returns the buffer as a slice of this type; `None` if the buffer holds another type.
@@ -122,14 +91,6 @@ macro_rules! samples {
                     _ => None,
                 }
             }
-            #[inline(always)]
-            fn from_small_bits(bits: u16) -> $type {
-                let [low, high] = bits.to_le_bytes();
-                match size_of::<$type>() {
-                    1 => bytemuck::pod_read_unaligned(&[low][..size_of::<$type>().min(1)]),
-                    _ => bytemuck::pod_read_unaligned(&u16::from_le_bytes([low, high]).to_ne_bytes()[..]),
-                }
-            }
             fn into_samples(samples: Vec<$type>) -> Samples {
                 Samples::$variant(samples)
             }
@@ -152,6 +113,18 @@ macro_rules! samples {
                 if f64::from(near) < value { (value + value.abs() * 1e-6 + 1.0) as $type } else { near }
             }
         })*
+
+        impl SampleType {
+            /// All types, in declaration order.
+            pub const ALL: [SampleType; 8] = [$(SampleType::$variant),*];
+
+            /// Returns the type's name: "u8", "i16", "f32" and so on.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(SampleType::$variant => stringify!($type)),*
+                }
+            }
+        }
 
         /// A native-endian buffer of samples of one type.
         #[derive(Debug, Clone, PartialEq)]

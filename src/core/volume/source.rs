@@ -28,10 +28,15 @@ impl Header {
     /// # Errors
     /// [`Error::OutOfMemory`]: a header can ask for slices of 34 GB.
     pub fn new_slice(&self) -> Result<Samples> {
-        let need = self.grid.slice_len() * self.sample_type.bytes() as u64;
-        match usize::try_from(self.grid.slice_len()) {
+        self.samples(self.grid.slice_len(), || format!("one slice of {}", self.name))
+    }
+
+    /// Allocates a buffer of `len` zeros, or returns an error that says `what` it was for.
+    pub(super) fn samples(&self, len: u64, what: impl FnOnce() -> String) -> Result<Samples> {
+        let need = len * self.sample_type.bytes() as u64;
+        match usize::try_from(len) {
             Ok(len) if obtainable(need) == need => Ok(Samples::zeros(self.sample_type, len)),
-            _ => Err(Error::out_of_memory(format!("one slice of {}", self.name), need)),
+            _ => Err(Error::out_of_memory(what(), need)),
         }
     }
 }

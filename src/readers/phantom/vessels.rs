@@ -5,7 +5,9 @@
 //! parent's (C. D. Murray, 1926). The tree is drawn in the unit cube from fixed random numbers, then stretched to the
 //! grid: every size shows the same tree.
 
-use super::fields::{PhantomField, hash};
+use std::ops::Range;
+
+use super::fields::{Field, hash};
 
 pub(super) const EDGE: f64 = 92.0;
 
@@ -23,20 +25,18 @@ struct VesselSegment {
     reach: f64,
 }
 
-/// The tree and the values of the current slice.
-pub(super) struct Vessels {
-    dims: [u32; 3],
-    segments: Vec<VesselSegment>,
-    slice: Vec<f32>,
-    filled: Option<u32>,
-}
-
-impl Vessels {
-    pub(super) fn new(dims: [u32; 3]) -> Vessels {
-        let mut tree = VesselTree { dims, segments: Vec::new(), rolled: 0 };
-        tree.grow([0.5, 0.5, 0.02], [0.0, 0.0, 1.0], 0.3, ROOT_RADIUS, GENERATIONS);
-        Vessels { dims, segments: tree.segments, slice: Vec::new(), filled: None }
-    }
+/// Creates the tree on a grid of `dims` points.
+pub(super) fn vessels(dims: [u32; 3]) -> Field {
+    let mut tree = VesselTree { dims, segments: Vec::new(), rolled: 0 };
+    tree.grow([0.5, 0.5, 0.02], [0.0, 0.0, 1.0], 0.3, ROOT_RADIUS, GENERATIONS);
+    let (mut slice, mut filled) = (Vec::new(), None);
+    Box::new(move |y, z, row| {
+        if filled != Some(z) {
+            tree.fill(z, &mut slice);
+            filled = Some(z);
+        }
+        row.copy_from_slice(&slice[y as usize * row.len()..][..row.len()]);
+    })
 }
 
 struct VesselTree {
@@ -100,6 +100,28 @@ impl VesselTree {
         let reach = (radius * size).max(0.6) * SOFT_EDGE;
         self.segments.push(VesselSegment { from, along, inverse, reach });
     }
+
+    /// Fills `slice` with the values at `z`, from 0 to 255.
+    fn fill(&self, z: u32, slice: &mut Vec<f32>) {
+        let [width, height, _] = self.dims;
+        slice.clear();
+        slice.resize(width as usize * height as usize, 0.0);
+        let z = f64::from(z);
+        for segment in &self.segments {
+            let Some(in_slice) = segment.clip(2, z, z, (0.0, 1.0)) else { continue };
+            for y in segment.extent(1, in_slice, height) {
+                let row = &mut slice[y * width as usize..][..width as usize];
+                let y = y as f64;
+                let Some(in_row) = segment.clip(1, y, y, in_slice) else { continue };
+                for x in segment.extent(0, in_row, width) {
+                    let squared = segment.squared_distance([x as f64, y, z]);
+                    #[expect(clippy::cast_possible_truncation, reason = "at most 255")]
+                    let value = (255.0 * (1.0 - squared / (segment.reach * segment.reach))) as f32;
+                    row[x] = row[x].max(value);
+                }
+            }
+        }
+    }
 }
 
 impl VesselSegment {
@@ -125,50 +147,14 @@ impl VesselSegment {
     }
 
     /// Returns the grid indices along `axis` that are within reach of `part` of the segment (fractions of its length).
-    fn extent(&self, axis: usize, part: (f64, f64), points: u32) -> std::ops::RangeInclusive<usize> {
+    fn extent(&self, axis: usize, part: (f64, f64), points: u32) -> Range<usize> {
         let [a, b] = [part.0, part.1].map(|at| self.from[axis] + at * self.along[axis]);
         let low = (a.min(b) - self.reach).ceil().max(0.0);
         let high = (a.max(b) + self.reach).floor().min(f64::from(points - 1));
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65,535")]
-        if low <= high { low as usize..=high as usize } else { empty() }
-    }
-}
-
-#[expect(clippy::reversed_empty_ranges, reason = "nothing is in reach")]
-fn empty() -> std::ops::RangeInclusive<usize> {
-    1..=0
-}
-
-impl Vessels {
-    fn fill(&mut self, z: u32) {
-        let [width, height, _] = self.dims;
-        self.slice.clear();
-        self.slice.resize(width as usize * height as usize, 0.0);
-        let z = f64::from(z);
-        for segment in &self.segments {
-            let Some(in_slice) = segment.clip(2, z, z, (0.0, 1.0)) else { continue };
-            for y in segment.extent(1, in_slice, height) {
-                let row = &mut self.slice[y * width as usize..][..width as usize];
-                let y = y as f64;
-                let Some(in_row) = segment.clip(1, y, y, in_slice) else { continue };
-                for x in segment.extent(0, in_row, width) {
-                    let squared = segment.squared_distance([x as f64, y, z]);
-                    #[expect(clippy::cast_possible_truncation, reason = "at most 255")]
-                    let value = (255.0 * (1.0 - squared / (segment.reach * segment.reach))) as f32;
-                    row[x] = row[x].max(value);
-                }
-            }
-        }
-    }
-}
-
-impl PhantomField for Vessels {
-    fn row(&mut self, y: u32, z: u32, row: &mut [f32]) {
-        if self.filled != Some(z) {
-            self.fill(z);
-            self.filled = Some(z);
-        }
-        row.copy_from_slice(&self.slice[y as usize * row.len()..][..row.len()]);
+        // Empty if nothing is in reach: `high` may be below `low`, and below 0.
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 65,536")]
+        let indices = low as usize..(high + 1.0) as usize;
+        indices
     }
 }
 

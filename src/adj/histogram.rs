@@ -2,34 +2,30 @@
 //!
 //! In: a [`SlabSource`]. Out: [`Histogram`]. The volume is read twice: for its range, then to count its samples.
 
-use super::{Sample, SlabSource};
-use crate::error::Result;
-use crate::with_samples;
+use adjsplat::error::Result;
+use adjsplat::volume::{Sample as _, SlabSource};
+use adjsplat::with_samples;
 
 /// Number of bins between the lowest and the highest value; 8-bit and 16-bit samples have one bin per value.
 const BINS: usize = 65_536;
 
 /// Value statistics of a volume, in the samples' own unit.
 #[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct Histogram {
+pub(super) struct Histogram {
     /// Lowest finite sample; +infinity if there is none.
-    pub lowest: f64,
+    pub(super) lowest: f64,
     /// Highest finite sample; -infinity if there is none.
-    pub highest: f64,
+    pub(super) highest: f64,
     /// Mean of the finite samples; NaN if there is none.
-    pub mean: f64,
+    pub(super) mean: f64,
     /// Number of samples that are NaN or infinite.
-    pub not_finite: u64,
+    pub(super) not_finite: u64,
     counts: Vec<u64>,
 }
 
 impl Histogram {
     /// Computes the histogram of a volume, which is read twice. `source` must be at its first slice.
-    ///
-    /// # Errors
-    /// Any error of reading the source.
-    pub fn of(source: &mut dyn SlabSource) -> Result<Histogram> {
+    pub(super) fn of(source: &mut dyn SlabSource) -> Result<Histogram> {
         let header = source.header().clone();
         let mut histogram = Histogram {
             lowest: f64::INFINITY,
@@ -72,7 +68,7 @@ impl Histogram {
     }
 
     /// Returns the value that a `share` (0 to 1) of the finite samples does not exceed, exact to half a bin width.
-    pub fn quantile(&self, share: f64) -> f64 {
+    pub(super) fn quantile(&self, share: f64) -> f64 {
         let total: u64 = self.counts.iter().sum();
         let wanted = share * total as f64;
         let mut below = 0;

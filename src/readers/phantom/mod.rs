@@ -10,9 +10,9 @@
 mod fields;
 mod vessels;
 
-use super::{Grid, Header, SampleType, Samples, SlabSource};
-use crate::error::{Error, Result};
-use fields::PhantomField;
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::{Grid, Header, SampleType, Samples, SlabSource};
+use fields::Field;
 
 /// A synthetic volume.
 #[derive(Debug, Clone, PartialEq)]
@@ -103,7 +103,7 @@ impl Phantom {
                 return Err(Error::input("sample type", why));
             }
         };
-        let field = fields::field(self, &grid)?;
+        let field = fields::field(self, grid.dims)?;
         let name = self.name().to_owned();
         let header = Header { grid, sample_type, slope, intercept: 0.0, name, format: "phantom" };
         Ok(Box::new(PhantomSource { header, field, next: 0, row: Vec::new() }))
@@ -112,7 +112,7 @@ impl Phantom {
 
 struct PhantomSource {
     header: Header,
-    field: Box<dyn PhantomField>,
+    field: Field,
     next: u32,
     /// Values of one row, from 0 to 255.
     row: Vec<f32>,
@@ -135,7 +135,7 @@ impl SlabSource for PhantomSource {
         }
         self.row.resize(width as usize, 0.0);
         for y in 0..height {
-            self.field.row(y, self.next, &mut self.row);
+            (self.field)(y, self.next, &mut self.row);
             let from = y as usize * width as usize;
             write_row(&self.row, slice, from);
         }
@@ -152,23 +152,14 @@ impl SlabSource for PhantomSource {
 /// Rounds a row of values from 0 to 255 to the slice's type.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255, and the casts saturate")]
 fn write_row(row: &[f32], slice: &mut Samples, from: usize) {
+    fn convert<T>(row: &[f32], out: &mut [T], rounded: impl Fn(f32) -> T) {
+        out.iter_mut().zip(row).for_each(|(out, &value)| *out = rounded(value));
+    }
     match slice {
         // By way of i32: the compiler has no vector code for casts to bytes.
-        Samples::U8(out) => {
-            for (out, value) in out[from..][..row.len()].iter_mut().zip(row) {
-                *out = (value + 0.5) as i32 as u8;
-            }
-        }
-        Samples::U16(out) => {
-            for (out, value) in out[from..][..row.len()].iter_mut().zip(row) {
-                *out = (value * 257.0 + 0.5) as i32 as u16;
-            }
-        }
-        Samples::F32(out) => {
-            for (out, value) in out[from..][..row.len()].iter_mut().zip(row) {
-                *out = (value * 65_536.0).round() / 65_536.0;
-            }
-        }
+        Samples::U8(out) => convert(row, &mut out[from..], |value| (value + 0.5) as i32 as u8),
+        Samples::U16(out) => convert(row, &mut out[from..], |value| (value * 257.0 + 0.5) as i32 as u16),
+        Samples::F32(out) => convert(row, &mut out[from..], |value| (value * 65_536.0).round() / 65_536.0),
         _ => unreachable!("open() makes no other"),
     }
 }
