@@ -11,8 +11,8 @@ use std::time::Duration;
 use adjsplat::arena::OwnedLane;
 use adjsplat::build::{BuildOptions, Classified, Resources, Unobserved, classify};
 use adjsplat::classify::{Neighbourhood, TransferFunction, normal};
+use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource, Volume};
-use adjsplat_readers::phantom::Phantom;
 use criterion::{Criterion, Throughput};
 
 /// Visible voxels and the sum of their normals' codes, one sample after the other.

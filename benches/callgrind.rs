@@ -13,8 +13,8 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::{Camera, Orbit, Scene, Settings, Surround, cpu};
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
+use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, Volume};
-use adjsplat_readers::phantom::Phantom;
 
 /// Points along each axis of the volume: seconds a stage under callgrind.
 const EDGE: u64 = 96;

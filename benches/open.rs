@@ -15,8 +15,8 @@ use adjsplat::arena::{Arena, Channels, TileOrder};
 use adjsplat::file::{AdjFile, arena_bytes};
 use adjsplat::internals::LanePacker;
 use adjsplat::internals::transpose;
+use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType, Samples};
-use adjsplat_readers::phantom::Phantom;
 use criterion::{Criterion, Throughput};
 use xxhash_rust::xxh3::xxh3_64;
 

@@ -13,8 +13,8 @@ use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::traverse::{Batch, Order, walk};
+use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType};
-use adjsplat_readers::phantom::Phantom;
 
 /// Edits of the brush, and of the scattered voxels.
 const EDITS: usize = 4_169;

@@ -13,7 +13,7 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat, adapter};
 use adjsplat::splat::{Camera, Frame, Orbit, Scene, Settings, Surround, cpu};
 use adjsplat::volume::SampleType;
-use adjsplat_readers::phantom::Phantom;
+use adjsplat::volume::phantom::Phantom;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 
 const SIDE: u64 = 128;

@@ -14,8 +14,8 @@ use adjsplat::arena::{Channels, Lane, OwnedLane, TileOrder};
 use adjsplat::internals::LanePacker;
 use adjsplat::internals::transpose;
 use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, walk};
+use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType, Samples, SlabSource};
-use adjsplat_readers::phantom::Phantom;
 use criterion::{BenchmarkId, Criterion, Throughput};
 
 /// One byte a voxel: what a walk reads does not depend on it.

@@ -8,8 +8,8 @@ use adjsplat::build::{BuildOptions, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::AdjFile;
 use adjsplat::splat::{Camera, Orbit, Scene, Surround};
+use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType};
-use adjsplat_readers::phantom::Phantom;
 
 /// A scene with its name, and what a turn around it needs.
 pub(crate) struct BenchScene<'a> {

@@ -1,5 +1,4 @@
-//! Readers of volume files: DICOM, Zarr, TIFF, NRRD, MetaImage, NIfTI, VTK and raw samples. Also computed volumes:
-//! [`phantom`].
+//! Readers of volume files: DICOM, Zarr, TIFF, NRRD, MetaImage, NIfTI, VTK and raw samples.
 //!
 //! In: a file or folder. Out: a [`SlabSource`](adjsplat::volume::SlabSource), which reads the volume's samples slice by
 //! slice along z (x fastest, then y), in this machine's byte order. Memory holds little more than one slice.
@@ -37,7 +36,6 @@ mod metaimage;
 mod nifti;
 mod nrrd;
 mod nrrd_axes;
-pub mod phantom;
 mod slab;
 mod stream;
 #[cfg(feature = "tiff")]

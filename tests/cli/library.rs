@@ -2,8 +2,8 @@
 
 use adjsplat::classify::TransferFunction;
 use adjsplat::splat::{Mode, Quality};
+use adjsplat::volume::phantom::Phantom;
 use adjsplat::{Build, Camera, Model, Settings};
-use adjsplat_readers::phantom::Phantom;
 
 use super::harness::{Folder, Runs as _};
 

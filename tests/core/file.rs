@@ -12,7 +12,7 @@ use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::{AdjFile, arena_bytes, check_writable, write_arena, write_atomically, write_atomically_unless};
 use adjsplat::volume::SampleType;
-use adjsplat_readers::phantom::Phantom;
+use adjsplat::volume::phantom::Phantom;
 
 fn names(folder: &Path) -> Vec<String> {
     let entries = std::fs::read_dir(folder).expect("it is there");

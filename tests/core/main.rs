@@ -11,4 +11,5 @@ mod layers;
 mod layout;
 mod model;
 mod parallel;
+mod phantom;
 mod traversal;

@@ -6,7 +6,7 @@ use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat};
 use adjsplat::splat::{Camera, Frame, Mode, Projection, Quality, Settings, cpu};
 use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat::volume::SampleType;
-use adjsplat_readers::phantom::Phantom;
+use adjsplat::volume::phantom::Phantom;
 use adjsplat_tests::pictures::bits;
 use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, built, options, transfer};
 use adjsplat_tests::{at_full, say};

@@ -1,5 +1,5 @@
 //! Every reader against right answers that it did not make itself: digests of real volumes taken with other readers,
-//! a known volume written here in every variant of every format, and files that must be refused. Also the computed volumes.
+//! a known volume written here in every variant of every format, and files that must be refused.
 //!
 //! What this cannot catch: a misreading of a specification that the writers below share.
 
@@ -7,7 +7,6 @@ mod damage;
 mod dicom;
 mod malformed;
 mod nifti;
-mod phantom;
 mod real;
 mod sample;
 mod tiff;

@@ -11,9 +11,9 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::internals::LanePacker;
 use adjsplat::internals::transpose;
 use adjsplat::splat::{Camera, Frame, Orbit, Scene, Settings, Stats, Surround, cpu};
+use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, Grid, SampleType, SlabSource};
 use adjsplat_readers::open::{OpenOptions, open};
-use adjsplat_readers::phantom::Phantom;
 
 use crate::files::real_volume;
 

@@ -5,7 +5,7 @@ use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::traverse::Order;
 use adjsplat::volume::SampleType;
-use adjsplat_readers::phantom::Phantom;
+use adjsplat::volume::phantom::Phantom;
 use adjsplat_study::baselines::{Normal, Viewing, VoxelCube};
 use adjsplat_study::cache::{Geometry, TraceWriter, measure, replay};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};

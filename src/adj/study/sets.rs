@@ -19,10 +19,10 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, open_rows};
 use adjsplat::internals::description;
 use adjsplat::splat::Scene;
+use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};
 use adjsplat_judge::reference::Judge;
 use adjsplat_readers::open;
-use adjsplat_readers::phantom::Phantom;
 use adjsplat_study::Subject;
 
 /// The flags for which sets to study.

@@ -5,6 +5,7 @@
 
 mod grid;
 pub(crate) mod memory;
+pub mod phantom;
 mod samples;
 pub(crate) mod source;
 

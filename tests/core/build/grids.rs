@@ -4,7 +4,7 @@ use adjsplat::arena::TileOrder;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::volume::SampleType;
-use adjsplat_readers::phantom::Phantom;
+use adjsplat::volume::phantom::Phantom;
 use adjsplat_tests::scenes::options;
 
 use super::dense::{SampleVolume, random_at};

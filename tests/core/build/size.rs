@@ -2,8 +2,8 @@
 
 use adjsplat::build::{Unobserved, build};
 use adjsplat::file::arena_bytes;
+use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};
-use adjsplat_readers::phantom::Phantom;
 use adjsplat_tests::scenes::{at_least, built, options};
 
 use super::real::real;

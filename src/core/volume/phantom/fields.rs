@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use super::Phantom;
 use super::vessels::vessels;
-use adjsplat::error::{Error, Result};
+use crate::error::{Error, Result};
 
 /// Lowest visible value of the shells: one voxel from a shell's middle.
 pub(super) const SHELL_EDGE: f64 = 191.0;

@@ -1,8 +1,8 @@
 //! Phantoms: as much visible as they promise, the same on every run and machine, slices that do not depend on how
 //! they are asked for.
 
+use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, Samples, SlabSource};
-use adjsplat_readers::phantom::Phantom;
 
 fn slices(source: &mut dyn SlabSource) -> Vec<Samples> {
     let grid = source.header().grid.clone();

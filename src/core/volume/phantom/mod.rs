@@ -10,8 +10,8 @@
 mod fields;
 mod vessels;
 
-use adjsplat::error::{Error, Result};
-use adjsplat::volume::{Grid, Header, SampleType, Samples, SlabSource};
+use crate::error::{Error, Result};
+use crate::volume::{Grid, Header, SampleType, Samples, SlabSource};
 use fields::Field;
 
 /// A synthetic volume.
