@@ -20,7 +20,7 @@ use std::mem::{offset_of, size_of};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::lane::{Lane, STEPPING};
-use super::layout::{Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord};
+use super::layout::{Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord, line_end_bytes};
 use super::open::{Arena, Section, fault, zeros_from};
 use super::pager::tell;
 use crate::error::FormatFault;
@@ -266,7 +266,7 @@ impl<'a> LaneCheck<'a> {
         if place[0] >= tiles[0] || place[1] >= tiles[1] {
             return Err(fault(at, "R13", format!("a tile of the {} x {}", tiles[0], tiles[1]), format!("{place:?}")));
         }
-        let key = self.facts.tile_order.key(tile.tile_u.get(), tile.tile_v.get());
+        let key = tile.key(self.facts.tile_order);
         if last_key.is_some_and(|last| last >= key) {
             let expected = format!("a tile later in {} order", self.facts.tile_order.name());
             return Err(fault(at, "R13", expected, format!("{place:?}")));
@@ -364,12 +364,12 @@ impl<'a> LaneCheck<'a> {
     /// Returns the fault for the first stepping voxel of a line with a code that is not 0. R18.
     fn stray_fault(&self, records: std::ops::Range<usize>) -> FormatFault {
         let lane = &self.lane;
-        let widths = [lane.channels.value_bits / 8, lane.channels.normal_bits / 4, lane.channels.magnitude_bits / 8];
+        let channels = [lane.values, lane.normals, lane.magnitudes].into_iter();
+        let [_, widths @ ..] = lane.channels.widths();
         for record in records.clone().filter(|&record| lane.steps[record] == 0) {
-            let channels = [lane.values, lane.normals, lane.magnitudes].into_iter().zip(widths).zip(&self.offsets[3..]);
-            for ((channel, width), offset) in channels {
-                let from = record * usize::from(width);
-                let bytes = channel.get(from..from + usize::from(width)).unwrap_or_default();
+            for ((channel, width), offset) in channels.clone().zip(widths).zip(&self.offsets[3..]) {
+                let from = record * width;
+                let bytes = channel.get(from..from + width).unwrap_or_default();
                 if let Err(fault) = zeros_from(offset + from as u64, "R18", bytes) {
                     return fault;
                 }
@@ -379,8 +379,8 @@ impl<'a> LaneCheck<'a> {
     }
 
     fn line_end_offset(&self, line: usize) -> u64 {
-        let width = if matches!(self.lane.line_ends, super::LineEnds::Narrow(_)) { 2 } else { 4 };
-        self.offsets[1] + line as u64 * width
+        let width = line_end_bytes(self.lane.dims[self.lane.axis.index()]);
+        self.offsets[1] + line as u64 * u64::from(width)
     }
 }
 

@@ -4,10 +4,10 @@
 
 use std::ops::Range;
 
-use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32};
+use zerocopy::{FromBytes, IntoBytes};
 
-use super::layout::{Channels, TILE_EDGE, TileRecord};
+use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
 use super::owned_lane::OwnedLane;
 use super::pack::Record;
 use super::pager::{Pager, tell};
@@ -27,6 +27,23 @@ pub enum LineEnds<'a> {
 }
 
 impl<'a> LineEnds<'a> {
+    /// Returns the ends that `bytes` store for lines of `line_points` grid points; ignores an incomplete last one.
+    pub fn new(bytes: &'a [u8], line_points: u32) -> LineEnds<'a> {
+        let whole = "any number of bytes starts with whole numbers, of alignment 1";
+        match line_end_bytes(line_points) {
+            2 => LineEnds::Narrow(<[U16]>::ref_from_prefix(bytes).expect(whole).0),
+            _ => LineEnds::Wide(<[U32]>::ref_from_prefix(bytes).expect(whole).0),
+        }
+    }
+
+    /// Returns the bytes that store all ends.
+    pub fn as_bytes(&self) -> &'a [u8] {
+        match self {
+            LineEnds::Narrow(ends) => ends.as_bytes(),
+            LineEnds::Wide(ends) => ends.as_bytes(),
+        }
+    }
+
     /// Returns the bytes that store the ends of the lines in `range`, as far as these lines exist.
     pub(crate) fn bytes_of(&self, range: Range<usize>) -> &'a [u8] {
         let within = |len: usize| range.start.min(len)..range.end.min(len).max(range.start.min(len));
@@ -35,6 +52,7 @@ impl<'a> LineEnds<'a> {
             LineEnds::Wide(ends) => ends[within(ends.len())].as_bytes(),
         }
     }
+
     /// Returns the number of lines.
     pub fn len(&self) -> usize {
         match self {
@@ -42,10 +60,12 @@ impl<'a> LineEnds<'a> {
             LineEnds::Wide(ends) => ends.len(),
         }
     }
+
     /// Returns whether there are no lines.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
     /// Returns the end of line `index`; `None` past the last line.
     #[inline(always)]
     pub fn get(&self, index: usize) -> Option<u32> {
@@ -53,6 +73,18 @@ impl<'a> LineEnds<'a> {
             LineEnds::Narrow(ends) => ends.get(index).map(|e| u32::from(e.get())),
             LineEnds::Wide(ends) => ends.get(index).map(|e| e.get()),
         }
+    }
+}
+
+/// Returns the bytes that store the ends of lines of `line_points` grid points.
+///
+/// # Panics
+/// If a two-byte end overflows, which [`super::layout::NARROW_LINE`] excludes.
+pub(crate) fn stored_line_ends(ends: &[u32], line_points: u32) -> Vec<u8> {
+    let narrow = |end: u32| u16::try_from(end).expect("64 narrow lines stay below 2^16 records");
+    match line_end_bytes(line_points) {
+        2 => ends.iter().flat_map(|&end| narrow(end).to_le_bytes()).collect(),
+        _ => ends.iter().flat_map(|end| end.to_le_bytes()).collect(),
     }
 }
 
@@ -94,11 +126,10 @@ impl<'a> Lane<'a> {
     #[inline]
     pub fn about_to_read(&self, records: Range<usize>) {
         if self.pager.is_some() {
-            let widths =
-                [1, self.channels.value_bits / 8, self.channels.normal_bits / 4, self.channels.magnitude_bits / 8];
-            for (channel, width) in [self.steps, self.values, self.normals, self.magnitudes].into_iter().zip(widths) {
-                let end = records.end.saturating_mul(width.into()).min(channel.len());
-                let start = records.start.saturating_mul(width.into()).min(end);
+            let channels = [self.steps, self.values, self.normals, self.magnitudes];
+            for (channel, width) in channels.into_iter().zip(self.channels.widths()) {
+                let end = records.end.saturating_mul(width).min(channel.len());
+                let start = records.start.saturating_mul(width).min(end);
                 tell(self.pager, || &channel[start..end]);
             }
         }
@@ -130,6 +161,7 @@ impl<'a> Lane<'a> {
             records
         })
     }
+
     /// Returns the number of records, including stepping voxels and the patch's records.
     pub fn record_count(&self) -> u64 {
         (self.steps.len() + self.patch.map_or(0, |patch| patch.steps.len())) as u64
@@ -137,11 +169,7 @@ impl<'a> Lane<'a> {
 
     /// Returns the size of all sections of the lane in bytes, without padding.
     pub fn bytes(&self) -> u64 {
-        let width = match self.line_ends {
-            LineEnds::Narrow(_) => 2,
-            LineEnds::Wide(_) => 4,
-        };
-        let directory = size_of_val(self.tiles) + self.line_ends.len() * width;
+        let directory = size_of_val(self.tiles) + self.line_ends.as_bytes().len();
         let own = directory + self.steps.len() + self.values.len() + self.normals.len() + self.magnitudes.len();
         own as u64 + self.patch.map_or(0, |patch| patch.view().bytes())
     }

@@ -158,6 +158,11 @@ impl TileRecord {
         first..first.saturating_add(self.occupancy.get().count_ones() as usize)
     }
 
+    /// Returns the tile's position in `order`; unique for each tile of a lane.
+    pub(crate) fn key(&self, order: TileOrder) -> u32 {
+        order.key(self.tile_u.get(), self.tile_v.get())
+    }
+
     /// Returns the tile with its first line increased by `lines`, and its first record by `records`.
     pub(crate) fn moved(mut self, lines: u32, records: u64) -> TileRecord {
         self.first_line = U32::new(self.first_line.get() + lines);
@@ -258,9 +263,15 @@ pub struct Channels {
 }
 
 impl Channels {
+    /// Returns how many bytes a step, a value, a normal and a magnitude take.
+    pub const fn widths(self) -> [usize; 4] {
+        [1, self.value_bits as usize / 8, self.normal_bits as usize / 4, self.magnitude_bits as usize / 8]
+    }
+
     /// Returns how many bytes one record takes in all channels together, including its step.
     pub const fn record_bytes(self) -> u64 {
-        1 + self.value_bits as u64 / 8 + self.normal_bits as u64 / 4 + self.magnitude_bits as u64 / 8
+        let [step, value, normal, magnitude] = self.widths();
+        (step + value + normal + magnitude) as u64
     }
 }
 

@@ -30,7 +30,7 @@ pub use lanes::LaneSet;
 pub use layout::{Channels, TileRecord};
 pub use open::{Arena, Section};
 pub use overlay::Overlay;
-pub use owned_lane::{OwnedLane, OwnedLineEnds};
+pub use owned_lane::OwnedLane;
 pub use pack::Record;
 pub use pager::Pager;
 pub(crate) use record_set::RecordSet;

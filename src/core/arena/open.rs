@@ -10,13 +10,13 @@ use std::mem::{offset_of, size_of};
 use std::path::Path;
 
 use zerocopy::FromBytes;
-use zerocopy::byteorder::little_endian::{F64, U16, U32};
+use zerocopy::byteorder::little_endian::F64;
 
 use super::curve::TileOrder;
 use super::lane::{Lane, LineEnds};
 use super::layout::{
     Channels, Facts, FileHeader, MAGIC, MAJOR, MAX_SECTIONS, OPTIONAL_KINDS, Scales, SectionEntry, SectionKind,
-    TILE_EDGE, TileRecord, aligned, header_checksum, line_end_bytes,
+    TILE_EDGE, TileRecord, aligned, header_checksum,
 };
 use super::pager::{Pager, tell};
 use crate::error::{Error, FormatFault};
@@ -222,11 +222,7 @@ impl<'a> Arena<'a> {
         }
         let [tiles, line_ends, steps, values, normals, magnitudes] = parts;
         let tiles = <[TileRecord]>::ref_from_bytes(tiles).expect("R11 holds: a multiple of a tile's 28 bytes");
-        let line_ends = if line_end_bytes(dims[axis.index()]) == 2 {
-            LineEnds::Narrow(<[U16]>::ref_from_bytes(line_ends).expect("R11 holds: a multiple of 2 bytes"))
-        } else {
-            LineEnds::Wide(<[U32]>::ref_from_bytes(line_ends).expect("R11 holds: a multiple of 4 bytes"))
-        };
+        let line_ends = LineEnds::new(line_ends, dims[axis.index()]);
         let [u, v] = axis.others().map(|other| u64::from(dims[other.index()]));
         let edge = u64::from(TILE_EDGE);
         let (tile_count, line_count, records) = (tiles.len() as u64, line_ends.len() as u64, steps.len() as u64);

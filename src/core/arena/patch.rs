@@ -17,9 +17,8 @@ pub(super) type Edits = BTreeMap<[u16; 3], Option<Record>>;
 
 /// Returns the tile in column `u` and row `v` of a lane whose tiles lie in `order`; `None` if the lane stores none.
 pub(super) fn find_tile<'l>(lane: &Lane<'l>, order: TileOrder, u: u16, v: u16) -> Option<&'l TileRecord> {
-    let key = order.key(u, v);
-    let place = |tile: &TileRecord| order.key(tile.tile_u.get(), tile.tile_v.get());
-    lane.tiles.binary_search_by_key(&key, place).ok().map(|index| &lane.tiles[index])
+    let found = lane.tiles.binary_search_by_key(&order.key(u, v), |tile| tile.key(order));
+    found.ok().map(|index| &lane.tiles[index])
 }
 
 #[derive(Debug)]
@@ -85,13 +84,12 @@ impl Patch {
         }
         let records = packer.finish();
         let mut tiles: Vec<TileRecord> = Vec::with_capacity(lane.tiles.len() + records.tiles.len());
-        let key = |tile: &TileRecord| order.key(tile.tile_u.get(), tile.tile_v.get());
         changed.sort_unstable();
-        tiles.extend(lane.tiles.iter().filter(|tile| changed.binary_search(&key(tile)).is_err()));
+        tiles.extend(lane.tiles.iter().filter(|tile| changed.binary_search(&tile.key(order)).is_err()));
         let lines = u32::try_from(lane.line_ends.len()).expect("checked with the patch's lines");
         tiles.extend(records.tiles.iter().map(|tile| tile.moved(lines, lane.steps.len() as u64)));
         // Unchanged and changed tiles are each sorted: this is a merge.
-        tiles.sort_by_key(key);
+        tiles.sort_by_key(|tile| tile.key(order));
         Patch { tiles, records }
     }
 }

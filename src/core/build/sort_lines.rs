@@ -1,9 +1,7 @@
 //! Sorting voxels by line, and packing them into tiles: the inner part of assembly.
 
-use zerocopy::byteorder::little_endian::{U16, U32, U64};
-
 use super::assemble::{LaneFace, TileSlot};
-use crate::arena::layout::{Channels, TILE_EDGE, TileRecord};
+use crate::arena::layout::{Channels, TILE_EDGE};
 use crate::arena::pack::{ChannelArrays, Record, TileRun};
 use crate::arena::{Region, Rows};
 use crate::error::Result;
@@ -54,11 +52,8 @@ impl LineSorter {
             self.numbers[v as usize * columns + u as usize] = number;
         }
         let records = slots.iter().map(|slot| slot.records as usize).sum();
-        let mut run = TileRun {
-            tiles: slots.iter().map(TileSlot::empty_record).collect(),
-            line_ends: Vec::new(),
-            arrays: ChannelArrays::with_capacity(rows.channels(), records),
-        };
+        let arrays = ChannelArrays::with_capacity(rows.channels(), records);
+        let mut run = TileRun { arrays, ..TileRun::default() };
         self.voxels.clear();
         self.voxels.reserve_exact(records.min(usize::try_from(limit).unwrap_or(usize::MAX)));
         let lines = vs.start * edge..vs.end * edge;
@@ -67,7 +62,7 @@ impl LineSorter {
             let strip = first..(first + u32::try_from(step).expect("at most 65,536 lines")).min(lines.end);
             let region = face.region(us.start * edge..us.end * edge, strip);
             self.sort(rows, face, region, [us.start as usize, vs.start as usize, columns], slots.len())?;
-            self.pack(&mut run, rows.channels());
+            self.pack(&mut run, rows.channels(), slots);
         }
         Ok(run)
     }
@@ -111,42 +106,16 @@ impl LineSorter {
         Ok(())
     }
 
-    /// Appends the sorted lines to the run; later lines of a tile follow its earlier ones.
-    fn pack(&self, run: &mut TileRun, channels: Channels) {
-        let TileRun { tiles, line_ends, arrays } = run;
-        for (tile, starts) in tiles.iter_mut().zip(self.starts.windows(65).step_by(64)) {
-            for (bit, range) in starts.windows(2).enumerate().filter(|(_, range)| range[0] < range[1]) {
-                if tile.occupancy.get() == 0 {
-                    tile.first_line =
-                        U32::new(u32::try_from(line_ends.len()).expect("a face has fewer than 2^32 lines"));
-                    tile.first_record = U64::new(arrays.steps.len() as u64);
-                }
+    /// Appends the sorted lines of the tiles of `slots` to the run; later lines of a tile follow its earlier ones.
+    fn pack(&self, run: &mut TileRun, channels: Channels, slots: &[TileSlot]) {
+        for (slot, starts) in slots.iter().zip(self.starts.windows(65).step_by(64)) {
+            for (bit, range) in (0..).zip(starts.windows(2)).filter(|(_, range)| range[0] < range[1]) {
                 let line = &self.order[range[0] as usize..range[1] as usize];
                 let voxels = line.iter().map(|&index| self.voxels[index as usize]);
                 let voxels = voxels
                     .map(|LineVoxel { t, value, normal, magnitude, .. }| (t, Record { value, normal, magnitude }));
-                let (low, high) = arrays.push_line(channels, voxels);
-                tile.low = U16::new(tile.low.get().min(low));
-                tile.high = U16::new(tile.high.get().max(high));
-                tile.occupancy = U64::new(tile.occupancy.get() | 1 << bit);
-                let end = arrays.steps.len() as u64 - tile.first_record.get();
-                line_ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
+                run.push_line(channels, (slot.u, slot.v), bit, voxels);
             }
-        }
-    }
-}
-
-impl TileSlot {
-    /// Returns the tile's record before any lines are packed.
-    fn empty_record(&self) -> TileRecord {
-        TileRecord {
-            tile_u: U16::new(self.u),
-            tile_v: U16::new(self.v),
-            first_line: U32::ZERO,
-            first_record: U64::ZERO,
-            occupancy: U64::ZERO,
-            low: U16::new(u16::MAX),
-            high: U16::ZERO,
         }
     }
 }

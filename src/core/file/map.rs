@@ -24,7 +24,7 @@ use crate::limits::Limits;
 /// An open `.adj` file, mapped into memory.
 ///
 /// Nobody may change or shorten the file in place while it is open. Replacing it by renaming another file over it, as
-/// [`write_arena`](super::write_arena) does, is safe: the open file keeps its content.
+/// [`write_rows`](super::write_rows) does, is safe: the open file keeps its content.
 #[derive(Debug)]
 pub struct AdjFile {
     path: PathBuf,

@@ -9,15 +9,16 @@ use std::path::Path;
 
 use xxhash_rust::xxh3::xxh3_64;
 use zerocopy::IntoBytes;
-use zerocopy::byteorder::little_endian::{U16, U32, U64};
+use zerocopy::byteorder::little_endian::{U32, U64};
 
-use super::atomic::{write_atomically, write_file_atomically};
+use super::atomic::write_file_atomically;
 use super::atomic_temporary::unnamed;
 use super::map::AdjFile;
 use super::sections::SectionFile;
+use crate::arena::lane::stored_line_ends;
 use crate::arena::layout::{self, Facts, FileHeader, SectionEntry, SectionKind, TileRecord, aligned};
 use crate::arena::pack::TileRun;
-use crate::arena::{LineEnds, OwnedLane, Rows};
+use crate::arena::{OwnedLane, Rows};
 use crate::build::assemble::{Assembler, LaneTotals};
 use crate::build::progress::{Observer, Phase, report};
 use crate::error::{Error, Result};
@@ -31,10 +32,7 @@ pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec
     let mut sections = vec![(SectionEntry::empty(SectionKind::Description, 255, 1), description.as_bytes())];
     for lane in lanes {
         let view = lane.view();
-        let line_ends = match view.line_ends {
-            LineEnds::Narrow(ends) => ends.as_bytes(),
-            LineEnds::Wide(ends) => ends.as_bytes(),
-        };
+        let line_ends = view.line_ends.as_bytes();
         let parts = [view.tiles.as_bytes(), line_ends, view.steps, view.values, view.normals, view.magnitudes];
         for (kind, bytes) in SectionKind::OF_LANES.into_iter().zip(parts) {
             let element = kind.element_bytes(facts.channels, facts.grid.dims, view.axis);
@@ -65,16 +63,6 @@ pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec
     file
 }
 
-/// Writes the bytes that [`arena_bytes`] returns to the file at `path`; returns the file's length in bytes.
-///
-/// # Errors
-/// The same as [`write_atomically`].
-pub fn write_arena(path: &Path, facts: &Facts, lanes: &[OwnedLane], description: &str) -> Result<u64> {
-    let bytes = arena_bytes(facts, lanes, description);
-    write_atomically(path, |out| out.write_all(&bytes))?;
-    Ok(bytes.len() as u64)
-}
-
 /// Tells [`write_rows`] what to write beside the voxels, and which resources it may use.
 pub struct RowsOutput<'a> {
     /// Contents of the file's header; the number of visible voxels is replaced by a new count.
@@ -94,7 +82,7 @@ pub struct RowsOutput<'a> {
 /// The bytes of the file do not depend on memory or threads.
 ///
 /// # Errors
-/// The same as [`write_atomically`]; [`Error::Input`] if there are no voxels; [`Error::Interrupted`] if the observer
+/// The same as [`write_atomically`](super::write_atomically); [`Error::Input`] if there are no voxels; [`Error::Interrupted`] if the observer
 /// cancels; any error of reading the rows.
 pub fn write_rows(
     path: &Path,
@@ -174,12 +162,8 @@ fn write_rows_to(
             for (kind, section) in sections.borrow_mut().iter_mut() {
                 match kind {
                     SectionKind::Tiles => section.write(tiles.as_bytes())?,
-                    SectionKind::LineEnds if section.element_bytes() == 2 => {
-                        let narrow = |&end: &u32| U16::new(u16::try_from(end).expect("R14: narrow lines fit"));
-                        section.write(run.line_ends.iter().map(narrow).collect::<Vec<_>>().as_bytes())?;
-                    }
                     SectionKind::LineEnds => {
-                        section.write(run.line_ends.iter().map(|&end| U32::new(end)).collect::<Vec<_>>().as_bytes())?;
+                        section.write(&stored_line_ends(&run.line_ends, facts.grid.dims[axis.index()]))?;
                     }
                     SectionKind::Steps => section.write(&run.arrays.steps)?,
                     SectionKind::Values => section.write(&run.arrays.values)?,
