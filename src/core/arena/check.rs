@@ -21,7 +21,7 @@ use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::lane::{Lane, STEPPING};
 use super::layout::{Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord, line_end_bytes};
-use super::open::{Arena, Section, fault, zeros_from};
+use super::open::{Arena, fault, zeros_from};
 use super::pager::tell;
 use crate::error::FormatFault;
 use crate::volume::Axis;
@@ -97,19 +97,20 @@ fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
         tell(arena.pager(), || between);
         zeros_from(from, "R21", between)
     };
-    let mut end = (size_of::<FileHeader>() + arena.sections().len() * size_of::<SectionEntry>()) as u64;
+    let mut end = (size_of::<FileHeader>() + size_of_val(arena.sections())) as u64;
     for section in arena.sections() {
-        zeros(end, section.offset)?;
+        let offset = section.offset.get();
+        zeros(end, offset)?;
         let content = arena.section_bytes(section);
         let sum = checksum(arena, content);
-        if sum != section.xxh3 {
+        if sum != section.xxh3.get() {
             let got = format!("{sum:#018x} in {}: the file is damaged; rebuild or copy it again", name_of(section));
-            return Err(fault(section.offset, "R12", format!("checksum {:#018x}", section.xxh3), got));
+            return Err(fault(offset, "R12", format!("checksum {:#018x}", section.xxh3), got));
         }
-        if section.kind == Some(SectionKind::Description) {
-            check_description(section.offset, arena.description())?;
+        if section.known_kind() == Some(SectionKind::Description) {
+            check_description(offset, arena.description())?;
         }
-        end = section.offset + section.bytes;
+        end = offset + section.bytes.get();
     }
     zeros(end, bytes.len() as u64)
 }
@@ -125,8 +126,8 @@ fn checksum(arena: &Arena, content: &[u8]) -> u64 {
     sum.digest()
 }
 
-fn name_of(section: &Section) -> String {
-    match (section.kind, section.axis) {
+fn name_of(section: &SectionEntry) -> String {
+    match (section.known_kind(), section.lane_axis()) {
         (Some(kind), Some(axis)) => format!("{} of lane {}", kind.name(), axis.name()),
         (Some(kind), None) => kind.name().to_owned(),
         (None, _) => "a section of an optional kind".to_owned(),
@@ -151,7 +152,7 @@ fn check_description(at: u64, content: &[u8]) -> Result<(), FormatFault> {
 }
 
 fn section_offset(arena: &Arena, kind: SectionKind, axis: Axis) -> u64 {
-    arena.section(kind, Some(axis)).map_or(0, |section| section.offset)
+    arena.section(kind, Some(axis)).map_or(0, |section| section.offset.get())
 }
 
 struct LaneCheck<'a> {
@@ -321,9 +322,12 @@ impl<'a> LaneCheck<'a> {
         }
         let outcome = follow_line::<V, N, M>(lane, records.clone(), self.place(tile, bit), self.hash);
         if outcome.end as usize > points {
-            let (position, at) = self.first_outside(records);
+            let (coordinate, record) = lane
+                .line_voxels(records)
+                .find(|&(coordinate, _)| coordinate as usize >= points)
+                .expect("the line's last record is a voxel, and outside");
             let expected = format!("coordinates below {points}");
-            return Err(fault(steps + at as u64, "R17", expected, format!("coordinate {position}")));
+            return Err(fault(steps + record as u64, "R17", expected, format!("coordinate {coordinate}")));
         }
         if outcome.stray != 0 {
             return Err(self.stray_fault(records));
@@ -354,13 +358,6 @@ impl<'a> LaneCheck<'a> {
         end
     }
 
-    /// Returns the first coordinate of a line that is outside the grid, with the index of its record.
-    fn first_outside(&self, records: std::ops::Range<usize>) -> (u32, usize) {
-        let points = self.lane.dims[self.lane.axis.index()];
-        let outside = self.lane.line_voxels(records.clone()).find(|&(coordinate, _)| coordinate >= points);
-        outside.unwrap_or((points, records.start))
-    }
-
     /// Returns the fault for the first stepping voxel of a line with a code that is not 0. R18.
     fn stray_fault(&self, records: std::ops::Range<usize>) -> FormatFault {
         let lane = &self.lane;
@@ -386,11 +383,7 @@ impl<'a> LaneCheck<'a> {
 
 /// Returns the bit at which a coordinate on `axis` starts in a position packed for the voxel hash.
 const fn shift(axis: Axis) -> u32 {
-    match axis {
-        Axis::X => 0,
-        Axis::Y => 16,
-        Axis::Z => 32,
-    }
+    16 * axis as u32
 }
 
 /// A keyed hash of voxels: two folded multiplications.

@@ -115,8 +115,20 @@ pub struct SectionEntry {
 }
 
 impl SectionEntry {
+    /// Returns what the section holds; `None` for an optional kind that this version does not know.
+    pub fn known_kind(&self) -> Option<SectionKind> {
+        let mut kinds = [SectionKind::Description].into_iter().chain(SectionKind::OF_LANES);
+        kinds.find(|&kind| kind as u16 == self.kind.get())
+    }
+
+    /// Returns the axis of the lane that the section belongs to; `None` for the description.
+    pub fn lane_axis(&self) -> Option<Axis> {
+        Axis::from_index(self.axis.into())
+    }
+
     /// Returns the entry of a section without a position yet: offset, length and checksum are 0.
-    pub(crate) fn empty(kind: SectionKind, axis: u8, element_bytes: u8) -> SectionEntry {
+    pub(crate) fn empty(kind: SectionKind, axis: Option<Axis>, element_bytes: u8) -> SectionEntry {
+        let axis = axis.map_or(255, |axis| axis as u8);
         SectionEntry { kind: U16::new(kind as u16), axis, element_bytes, ..SectionEntry::new_zeroed() }
     }
 }
@@ -210,10 +222,6 @@ impl SectionKind {
         SectionKind::Normals,
         SectionKind::Magnitudes,
     ];
-
-    pub(super) fn from_number(number: u16) -> Option<SectionKind> {
-        [SectionKind::Description].into_iter().chain(SectionKind::OF_LANES).find(|&kind| kind as u16 == number)
-    }
 
     /// Returns the size in bytes of one element of this kind in the lane along `axis`; 0 if there is no such section.
     pub fn element_bytes(self, channels: Channels, dims: [u32; 3], axis: Axis) -> u8 {

@@ -28,7 +28,7 @@ pub use lane::{Lane, LineEnds, LineSpan};
 pub use lane_rows::LaneRows;
 pub use lanes::LaneSet;
 pub use layout::{Channels, TileRecord};
-pub use open::{Arena, Section};
+pub use open::Arena;
 pub use overlay::Overlay;
 pub use owned_lane::OwnedLane;
 pub use pack::Record;

@@ -9,7 +9,7 @@ use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::U64;
 
 use super::write::header_with_checksum;
-use crate::arena::layout::{Facts, SectionEntry, SectionKind, aligned};
+use crate::arena::layout::{Facts, SectionEntry, aligned};
 use crate::build::budget::WRITE_BYTES;
 use crate::error::{Error, Result};
 
@@ -22,14 +22,12 @@ pub(super) struct SectionFile<'a> {
 
 impl<'a> SectionFile<'a> {
     /// Adds a section of `bytes` bytes and returns its writer.
-    pub(super) fn section(&mut self, kind: SectionKind, axis: u8, element_bytes: u8, bytes: u64) -> SectionWriter<'a> {
+    ///
+    /// `empty` is the section's entry in the section table, still without position and checksum.
+    pub(super) fn section(&mut self, empty: SectionEntry, bytes: u64) -> SectionWriter<'a> {
         let offset = aligned(self.end);
         self.end = offset + bytes;
-        let entry = SectionEntry {
-            offset: U64::new(offset),
-            bytes: U64::new(bytes),
-            ..SectionEntry::empty(kind, axis, element_bytes)
-        };
+        let entry = SectionEntry { offset: U64::new(offset), bytes: U64::new(bytes), ..empty };
         let (file, path) = (self.file, self.path);
         let buffer_bytes = usize::try_from(WRITE_BYTES).expect("256 KiB");
         let out = BufWriter::with_capacity(buffer_bytes, FilePart { file, at: offset });
