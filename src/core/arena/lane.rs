@@ -152,14 +152,14 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// Iterates over ranges that together cover the lane's own records, and tells the pager before each range is read.
-    pub fn sweep_records(&self) -> impl Iterator<Item = Range<usize>> + use<'a> {
+    /// Iterates over ranges that together cover the records in use, and tells the pager before each range is read.
+    fn sweep_records(&self) -> impl Iterator<Item = Range<usize>> + use<'a> {
         let lane = *self;
-        (0..lane.steps.len()).step_by(SWEEP_RECORDS).map(move |start| {
-            let records = start..(start + SWEEP_RECORDS).min(lane.steps.len());
-            lane.about_to_read(records.clone());
-            records
-        })
+        let whole = if lane.patch.is_none() { lane.steps.len() } else { 0 };
+        let swept = (0..whole).step_by(SWEEP_RECORDS).map(move |start| start..(start + SWEEP_RECORDS).min(whole));
+        // Changed tiles leave unused records behind: only the lines tell which records are in use.
+        let by_line = lane.patch.into_iter().flat_map(move |_| lane.lines()).map(|line| line.records);
+        swept.chain(by_line).inspect(move |records| lane.about_to_read(records.clone()))
     }
 
     /// Returns the number of records, including stepping voxels and the patch's records.
@@ -203,14 +203,10 @@ impl<'a> Lane<'a> {
 
     /// Calls `see` with the record index of each voxel that is shown, tile by tile. O(records).
     pub fn each_record(&self, mut see: impl FnMut(usize)) {
-        if self.patch.is_none() {
-            let voxels = self.sweep_records().flatten().filter(|&record| self.steps[record] != 0);
-            voxels.filter(|&record| self.shows(record)).for_each(see);
-        } else {
-            // Changed tiles leave unused records behind: only the lines tell which records are in use.
-            for line in self.lines() {
-                self.line_voxels(line.records).filter(|&(_, record)| self.shows(record)).for_each(|(_, r)| see(r));
-            }
+        for records in self.sweep_records() {
+            let steps = self.steps_of(records.clone());
+            let voxels = records.zip(steps).filter(|&(record, &step)| step != 0 && self.shows(record));
+            voxels.for_each(|(record, _)| see(record));
         }
     }
 
@@ -230,10 +226,7 @@ impl<'a> Lane<'a> {
     /// Returns the number of stepping voxels: records that only bridge a distance.
     pub fn stepping_voxels(&self) -> u64 {
         let count = |steps: &[u8]| steps.iter().filter(|&&step| step == 0).count() as u64;
-        match self.patch {
-            None => self.sweep_records().map(|records| count(&self.steps[records])).sum(),
-            Some(_) => self.lines().map(|line| count(self.steps_of(line.records))).sum(),
-        }
+        self.sweep_records().map(|records| count(self.steps_of(records))).sum()
     }
 }
 
@@ -277,10 +270,8 @@ impl<'a> Lane<'a> {
 
     /// Returns the number of records in `tile`; 0 where a damaged file is inconsistent.
     pub fn tile_records(&self, tile: &TileRecord) -> u64 {
-        let lines = u64::from(tile.occupancy.get().count_ones());
-        let last =
-            (u64::from(tile.first_line.get()) + lines).checked_sub(1).and_then(|last| usize::try_from(last).ok());
-        tell(self.pager, || last.map_or(&[], |last| self.line_ends.bytes_of(last..last.saturating_add(1))));
+        let last = tile.lines().end.checked_sub(1);
+        tell(self.pager, || last.map_or(&[], |last| self.line_ends.bytes_of(last..last + 1)));
         last.and_then(|last| self.line_end(last)).map_or(0, u64::from)
     }
 

@@ -17,26 +17,16 @@
 //! docs/studies/overlay.md.
 //!
 //! ```
-//! use adjsplat::arena::{Arena, LaneSet, Overlay, Record, TileOrder};
-//! use adjsplat::build::{BuildOptions, Unobserved, build};
-//! use adjsplat::classify::TransferFunction;
-//! use adjsplat::volume::{SampleType, phantom::Phantom};
+//! use adjsplat::arena::{LaneSet, Overlay, Record};
+//! use adjsplat::{Build, TransferFunction, Volume};
 //!
-//! let mut shells = Phantom::from_name("shells")?.open([32; 3], SampleType::U8, [1.0; 3])?;
-//! let options = BuildOptions {
-//!     transfer: TransferFunction::range(100.0, f64::INFINITY)?,
-//!     lane_count: 1,
-//!     tile_order: TileOrder::Morton,
-//!     value_bits: 8,
-//!     normal_bits: 0,
-//! };
-//! let built = build(&mut *shells, &options, &mut Unobserved)?;
-//! let bytes = adjsplat::file::arena_bytes(&built.facts, &built.lanes, "{}");
-//! let lanes = LaneSet::new(Arena::new(&bytes).expect("it was just built"), None);
+//! let volume = Volume::new([32; 3], (0..32 * 32 * 32).map(|i| (i % 251) as u8).collect::<Vec<_>>())?;
+//! let model = Build::new(TransferFunction::range(100.0, f64::INFINITY)?).run(&volume)?;
+//! let lanes = LaneSet::new(model.arena()?, None);
 //!
 //! let mut overlay = Overlay::new(&lanes);
 //! overlay.insert([0, 0, 0], Record { value: 7, ..Record::default() })?;
-//! assert_eq!(overlay.facts()?.visible_voxels, built.facts.visible_voxels + 1);
+//! assert_eq!(overlay.facts()?.visible_voxels, model.visible_voxels() + 1);
 //! assert_eq!(overlay.remove([0, 0, 0])?.map(|record| record.value), Some(7));
 //! # Ok::<(), adjsplat::Error>(())
 //! ```

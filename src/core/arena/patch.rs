@@ -3,7 +3,7 @@
 //! In: a lane and edits. Out: new lines and records for the tiles with edits, and a tile table of the whole lane, which
 //! refers to the new lines. Time: O(tiles + records of the tiles with edits). Memory: all records of these tiles.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::curve::TileOrder;
 use super::lane::Lane;
@@ -53,13 +53,11 @@ impl Patch {
         sorted.sort_unstable_by_key(|edit| (edit.v, edit.u, edit.at));
 
         let mut packer = LanePacker::new(lane.axis, lane.dims, lane.channels, order);
-        let mut changed = Vec::new();
+        let mut changed = BTreeSet::new();
         let mut line = Vec::new();
         for strip in sorted.chunk_by(|a, b| a.v / TILE_EDGE == b.v / TILE_EDGE) {
             let tile_v = strip[0].v / TILE_EDGE;
-            let mut tile_us: Vec<u16> = strip.iter().map(|edit| edit.u / TILE_EDGE).collect();
-            tile_us.sort_unstable();
-            tile_us.dedup();
+            let tile_us: BTreeSet<u16> = strip.iter().map(|edit| edit.u / TILE_EDGE).collect();
             let tiles: Vec<Option<&TileRecord>> = tile_us.iter().map(|&u| find_tile(lane, order, u, tile_v)).collect();
             changed.extend(tile_us.iter().map(|&u| order.key(u, tile_v)));
             let mut remaining = strip;
@@ -71,8 +69,7 @@ impl Patch {
                             continue;
                         }
                         let count = remaining.partition_point(|edit| (edit.v, edit.u) <= (v, u));
-                        let (here, later) = remaining.split_at(count);
-                        remaining = later;
+                        let here = remaining.split_off(..count).expect("a part of what remains");
                         let bit = 1 << (within_v * TILE_EDGE + within_u);
                         let stored = tile.and_then(|tile| lane.tile_lines(tile, bit).next());
                         line.clear();
@@ -84,8 +81,7 @@ impl Patch {
         }
         let records = packer.finish();
         let mut tiles: Vec<TileRecord> = Vec::with_capacity(lane.tiles.len() + records.tiles.len());
-        changed.sort_unstable();
-        tiles.extend(lane.tiles.iter().filter(|tile| changed.binary_search(&tile.key(order)).is_err()));
+        tiles.extend(lane.tiles.iter().filter(|tile| !changed.contains(&tile.key(order))));
         let lines = u32::try_from(lane.line_ends.len()).expect("checked with the patch's lines");
         tiles.extend(records.tiles.iter().map(|tile| tile.moved(lines, lane.steps.len() as u64)));
         // Unchanged and changed tiles are each sorted: this is a merge.

@@ -12,9 +12,7 @@ struct LineVoxel {
     /// The tile's index in the run (the tiles packed together) times 64, plus the line's bit in the tile's mask.
     line: u32,
     t: u16,
-    value: u16,
-    normal: u32,
-    magnitude: u8,
+    record: Record,
 }
 
 /// Sorts voxels by line; keeps its buffers from run to run.
@@ -87,8 +85,7 @@ impl LineSorter {
                 let tile = [usize::from(u / TILE_EDGE) - first_u, usize::from(v / TILE_EDGE) - first_v];
                 let Some(number) = self.numbers[tile[1] * columns + tile[0]].checked_sub(1) else { continue };
                 let line = number * 64 + u32::from(v % TILE_EDGE * TILE_EDGE + u % TILE_EDGE);
-                let Record { value, normal, magnitude } = voxel.record;
-                self.voxels.push(LineVoxel { line, t, value, normal, magnitude });
+                self.voxels.push(LineVoxel { line, t, record: voxel.record });
                 self.starts[line as usize + 2] += 1;
             }
         })?;
@@ -112,9 +109,7 @@ impl LineSorter {
             for (bit, range) in (0..).zip(starts.windows(2)).filter(|(_, range)| range[0] < range[1]) {
                 let line = &self.order[range[0] as usize..range[1] as usize];
                 let voxels = line.iter().map(|&index| self.voxels[index as usize]);
-                let voxels = voxels
-                    .map(|LineVoxel { t, value, normal, magnitude, .. }| (t, Record { value, normal, magnitude }));
-                run.push_line(channels, (slot.u, slot.v), bit, voxels);
+                run.push_line(channels, (slot.u, slot.v), bit, voxels.map(|voxel| (voxel.t, voxel.record)));
             }
         }
     }
