@@ -348,14 +348,9 @@ impl<'a> LaneCheck<'a> {
     /// Returns the coordinate of the first voxel of a line that passed R17.
     #[inline(always)]
     fn first_coordinate(&self, first: usize) -> u32 {
-        let mut end = 0;
-        for &step in &self.lane.steps[first..] {
-            if step != 0 {
-                return end + u32::from(step) - 1;
-            }
-            end += STEPPING;
-        }
-        end
+        let mut steps = (0u32..).zip(&self.lane.steps[first..]);
+        let voxel = steps.find(|&(_, &step)| step != 0);
+        voxel.map_or(0, |(stepping_voxels, &step)| stepping_voxels * STEPPING + u32::from(step) - 1)
     }
 
     /// Returns the fault for the first stepping voxel of a line with a code that is not 0. R18.

@@ -166,9 +166,7 @@ impl<'a> Overlay<'a> {
     /// The same as [`Overlay::lane`].
     pub fn rows(&self) -> Result<impl Rows> {
         let lane = self.lane(Axis::X)?;
-        let shown = lane.shown;
-        let is_shown = move |record: Record| shown.is_none_or(|shown| shown.has(record.value, record.magnitude));
-        Ok(LaneRows::new(lane, move |_, _, record| is_shown(record).then_some(record)))
+        Ok(LaneRows::new(lane, move |_, index, record| lane.shows(index).then_some(record)))
     }
 
     /// Converts `at` (x, y, z) to 16-bit coordinates, after checking that it is inside the grid.

@@ -24,6 +24,16 @@ pub struct Record {
     pub magnitude: u8,
 }
 
+/// A voxel that is being sorted into its line.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct LineVoxel {
+    /// Number of the line, among those that are sorted together.
+    pub(crate) line: u32,
+    /// Coordinate along the line.
+    pub(crate) t: u16,
+    pub(crate) record: Record,
+}
+
 /// Records of consecutive lines, as one array per channel.
 #[derive(Debug, Default)]
 pub(crate) struct ChannelArrays {

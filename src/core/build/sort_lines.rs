@@ -2,18 +2,9 @@
 
 use super::assemble::{LaneFace, TileSlot};
 use crate::arena::layout::{Channels, TILE_EDGE};
-use crate::arena::pack::{ChannelArrays, Record, TileRun};
+use crate::arena::pack::{ChannelArrays, LineVoxel, TileRun};
 use crate::arena::{Region, Rows};
 use crate::error::Result;
-
-/// A voxel that is being sorted into its line.
-#[derive(Debug, Clone, Copy)]
-struct LineVoxel {
-    /// The tile's index in the run (the tiles packed together) times 64, plus the line's bit in the tile's mask.
-    line: u32,
-    t: u16,
-    record: Record,
-}
 
 /// Sorts voxels by line; keeps its buffers from run to run.
 #[derive(Default)]
@@ -84,6 +75,7 @@ impl LineSorter {
                 let (u, v, t) = face.locate(voxel.x, y, z);
                 let tile = [usize::from(u / TILE_EDGE) - first_u, usize::from(v / TILE_EDGE) - first_v];
                 let Some(number) = self.numbers[tile[1] * columns + tile[0]].checked_sub(1) else { continue };
+                // Lines are numbered by the tile's index in the run (the tiles packed together) and the bit in its mask.
                 let line = number * 64 + u32::from(v % TILE_EDGE * TILE_EDGE + u % TILE_EDGE);
                 self.voxels.push(LineVoxel { line, t, record: voxel.record });
                 self.starts[line as usize + 2] += 1;
