@@ -19,7 +19,7 @@ use adjsplat::arena::layout::Facts;
 use adjsplat::build::{BuildOptions, Classified, Resources, SampleSummary, classify};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::file::{RowsOutput, ScratchFile, check_writable, scratch_folder, write_rows};
+use adjsplat::file::{RowsOutput, check_writable, open_rows, scratch_folder, write_rows};
 use adjsplat::internals::Budget;
 use adjsplat::internals::description;
 use adjsplat::volume::{Header, SlabSource};
@@ -130,20 +130,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         memory: Some(memory),
         threads,
     };
-    let mut scratch = culling.map(|_| ScratchFile::beside(&arguments.output)).transpose()?;
-    let path = scratch.as_ref().map_or(arguments.output.as_path(), ScratchFile::path);
-    let mut progress = Progress::new(arguments.quiet);
-    let mut written = write_rows(path, &visible.rows, &output, &mut progress)?;
-    drop(progress);
-    let findings = visible.samples;
-    drop(visible.rows);
-    let mut culled = None;
-    if let (Some(culling), Some(scratch)) = (culling, &mut scratch) {
-        scratch.hold()?;
-        let found = culled.insert(cull(scratch.path(), &arguments.output, &culling, arguments.quiet)?);
-        written = (found.facts.clone(), found.bytes);
-    }
-    report(arguments, &header, &findings, written, culled.as_ref(), start.elapsed().as_secs_f64());
+    let progress = || Progress::new(arguments.quiet);
+    let (written, culled) = match culling {
+        None => (write_rows(&arguments.output, &visible.rows, &output, &mut progress())?, None),
+        Some(culling) => {
+            let folder = scratch_folder(&arguments.output)?;
+            let whole = open_rows(&folder, &visible.rows, &output, &mut progress())?;
+            // Their memory is needed for finding hidden voxels.
+            drop(visible.rows);
+            let culled = cull(&whole, &arguments.output, &culling, arguments.quiet)?;
+            ((culled.facts.clone(), culled.bytes), Some(culled))
+        }
+    };
+    report(arguments, &header, &visible.samples, written, culled.as_ref(), start.elapsed().as_secs_f64());
     Ok(Answer::Yes)
 }
 

@@ -94,14 +94,13 @@ impl Culled {
     }
 }
 
-/// Writes the file `input` without its hidden voxels to `output`, with as many lanes.
-pub(super) fn cull(input: &Path, output: &Path, culling: &Culling, quiet: bool) -> Result<Culled> {
-    let file = AdjFile::open(input)?;
+/// Writes the voxels of `file` without the hidden ones to `output`, with as many lanes.
+pub(super) fn cull(file: &AdjFile, output: &Path, culling: &Culling, quiet: bool) -> Result<Culled> {
     let arena = file.arena()?;
     let facts = arena.facts().clone();
     let bytes_before = arena.bytes().len() as u64;
     let lane_count = u8::try_from(arena.lanes().count()).expect("there are three axes");
-    let transfer = stored_transfer(&arena, input)?;
+    let transfer = stored_transfer(&arena, file.path())?;
     let mut description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
     // Lanes that the file does not store are derived, and their memory counts too.
     let lanes = LaneSet::new(arena, Some(culling.memory));

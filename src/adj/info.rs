@@ -74,10 +74,10 @@ fn of_arena(path: &Path) -> Result<Value> {
         .iter()
         .map(|section| {
             json!({
-                "kind": section.kind.map_or("unknown", |kind| kind.name()),
-                "axis": section.axis.map(Axis::name),
-                "offset": section.offset,
-                "bytes": section.bytes,
+                "kind": section.known_kind().map_or("unknown", |kind| kind.name()),
+                "axis": section.lane_axis().map(Axis::name),
+                "offset": section.offset.get(),
+                "bytes": section.bytes.get(),
             })
         })
         .collect();

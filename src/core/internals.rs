@@ -24,7 +24,7 @@ pub mod scatter {
 pub use crate::arena::lane::STEPPING;
 pub use crate::arena::pack::LanePacker;
 pub use crate::arena::pager::IN_FLIGHT;
-pub use crate::arena::record_set::{RecordSet, carry};
+pub use crate::arena::record_set::RecordSet;
 pub use crate::arena::transpose::transpose;
 pub use crate::build::budget::Budget;
 pub use crate::build::description;

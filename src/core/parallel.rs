@@ -4,19 +4,11 @@
 //! Workers are at most two items per thread ahead of the caller's thread, which bounds memory.
 
 use std::collections::VecDeque;
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::error::Result;
-
-struct WorkQueue<T> {
-    next: usize,
-    /// Number of items whose results the caller's thread has consumed.
-    taken: usize,
-    /// Results of the items from index `taken` on; `None` while a worker still computes the result.
-    results: VecDeque<Option<Result<T>>>,
-    /// Whether workers must stop; set by the first error, by a panic and at the end.
-    stop: bool,
-}
 
 /// Calls `work` for each item of `0..count` on `threads` threads, and passes the results in item order to `take`.
 ///
@@ -39,73 +31,40 @@ pub fn in_order<S, T: Send>(
         let mut scratch = scratch();
         return (0..count).try_for_each(|item| take(item, work(&mut scratch, item)?));
     }
-    let progress = Mutex::new(WorkQueue { next: 0, taken: 0, results: VecDeque::new(), stop: false });
-    let changed = Condvar::new();
-    let lock = || progress.lock().unwrap_or_else(PoisonError::into_inner);
-    let wait = |guard| changed.wait(guard).unwrap_or_else(PoisonError::into_inner);
-    let worker = || {
-        let _stop_on_panic = StopOnPanic { progress: &progress, changed: &changed };
-        let mut scratch = scratch();
-        loop {
-            let mut now = lock();
-            while !now.stop && now.next < count && now.next >= now.taken + 2 * threads {
-                now = wait(now);
-            }
-            if now.stop || now.next >= count {
-                return;
-            }
-            let item = now.next;
-            now.next += 1;
-            now.results.push_back(None);
-            drop(now);
-            let result = work(&mut scratch, item);
-            let mut now = lock();
-            let place = item - now.taken;
-            now.results[place] = Some(result);
-            drop(now);
-            changed.notify_all();
-        }
-    };
+    let (scratch, work, stopped) = (&scratch, &work, &AtomicBool::new(false));
     std::thread::scope(|scope| {
-        // If the caller's thread panics, the workers must not wait for it for ever.
-        let _stop_on_panic = StopOnPanic { progress: &progress, changed: &changed };
-        for _ in 0..threads.min(count) {
-            scope.spawn(worker);
+        let (queue, items) = channel::<(usize, SyncSender<Result<T>>)>();
+        let items = Arc::new(Mutex::new(items));
+        for items in std::iter::repeat_n(items, threads.min(count)) {
+            scope.spawn(move || {
+                let mut scratch = scratch();
+                let next = || items.lock().unwrap_or_else(PoisonError::into_inner).recv();
+                while let Ok((item, result)) = next() {
+                    if stopped.load(Ordering::Relaxed) {
+                        break;
+                    }
+                    // Fails if the caller's thread has stopped and receives nothing more.
+                    let _ = result.send(work(&mut scratch, item));
+                }
+            });
         }
-        let result = (0..count).try_for_each(|item| {
-            let mut now = lock();
-            let result = loop {
-                if let Some(result) = now.results.front_mut().and_then(Option::take) {
-                    break result;
+        let mut unsent = 0..count;
+        let mut results: VecDeque<Receiver<Result<T>>> = VecDeque::new();
+        // Ends early with the first error, or if a worker has panicked: the scope passes the panic on.
+        let mut take_all = || {
+            for item in 0..count {
+                for ahead in unsent.by_ref().take(2 * threads + 1 - results.len()) {
+                    let (sender, receiver) = sync_channel(1);
+                    let _ = queue.send((ahead, sender));
+                    results.push_back(receiver);
                 }
-                if now.stop {
-                    // A worker panicked: the scope passes its panic on.
-                    return Ok(());
-                }
-                now = wait(now);
-            };
-            now.results.pop_front();
-            now.taken += 1;
-            drop(now);
-            changed.notify_all();
-            take(item, result?)
-        });
-        lock().stop = true;
-        changed.notify_all();
+                let Some(Ok(result)) = results.pop_front().map(|result| result.recv()) else { break };
+                take(item, result?)?;
+            }
+            Ok(())
+        };
+        let result = take_all();
+        stopped.store(true, Ordering::Relaxed);
         result
     })
-}
-
-struct StopOnPanic<'a, T> {
-    progress: &'a Mutex<WorkQueue<T>>,
-    changed: &'a Condvar,
-}
-
-impl<T> Drop for StopOnPanic<'_, T> {
-    fn drop(&mut self) {
-        if std::thread::panicking() {
-            self.progress.lock().unwrap_or_else(PoisonError::into_inner).stop = true;
-            self.changed.notify_all();
-        }
-    }
 }

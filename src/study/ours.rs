@@ -3,7 +3,7 @@
 use super::baselines::{Normal, Receiver, Viewing, Walker, placed};
 use super::subject::Subject;
 use super::trace::{Trace, WalkerArray};
-use adjsplat::arena::{Lane, LineEnds};
+use adjsplat::arena::Lane;
 use adjsplat::error::Result;
 use adjsplat::traverse::{Batch, walk};
 use adjsplat::volume::Axis;
@@ -36,10 +36,7 @@ const NAMES: [[&str; 5]; 3] = [
 
 /// Returns the bytes of a lane's arrays, in the order of [`NAMES`].
 fn bytes(lane: &Lane) -> [u64; 5] {
-    let line_ends = match lane.line_ends {
-        LineEnds::Narrow(ends) => size_of_val(ends),
-        LineEnds::Wide(ends) => size_of_val(ends),
-    };
+    let line_ends = lane.line_ends.as_bytes().len();
     [size_of_val(lane.tiles), line_ends, lane.steps.len(), lane.values.len(), lane.normals.len()]
         .map(|bytes| bytes as u64)
 }

@@ -24,9 +24,11 @@ fn bytes(folder: &Folder, name: &str) -> Vec<u8> {
 /// The sections of the lanes.
 fn lanes(bytes: &[u8]) -> Vec<(String, Vec<u8>)> {
     let arena = Arena::new(bytes).expect("opens");
-    let lanes = arena.sections().iter().filter(|section| section.axis.is_some());
+    let lanes = arena.sections().iter().filter(|section| section.lane_axis().is_some());
     lanes
-        .map(|section| (format!("{:?}", (section.kind, section.axis)), arena.section_bytes(section).to_vec()))
+        .map(|section| {
+            (format!("{:?}", (section.known_kind(), section.lane_axis())), arena.section_bytes(section).to_vec())
+        })
         .collect()
 }
 

@@ -10,7 +10,7 @@ use adjsplat::Error;
 use adjsplat::arena::Arena;
 use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
-use adjsplat::file::{AdjFile, arena_bytes, check_writable, write_arena, write_atomically, write_atomically_unless};
+use adjsplat::file::{AdjFile, arena_bytes, check_writable, write_atomically, write_atomically_unless};
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
 
@@ -179,13 +179,14 @@ fn an_open_file_keeps_its_content_when_another_takes_its_place() {
     let path = folder.path().join("a.adj");
     let (old, new) = (shells(24), shells(40));
     let bytes_of = |built: &Built| arena_bytes(&built.facts, &built.lanes, "{}");
-    write_arena(&path, &old.facts, &old.lanes, "{}").expect("writes");
+    let write = |built: &Built| write_atomically(&path, |out| out.write_all(&bytes_of(built))).expect("writes");
+    write(&old);
     let opened = AdjFile::open(&path).expect("opens");
     let (before, after) = (bytes_of(&old), bytes_of(&new));
     let content = |file: &AdjFile| file.arena().map(|arena: Arena| arena.bytes().to_vec()).expect("it is sound");
     // Replaced before a page of its content was touched, and again after all were.
     for built in [&new, &old, &new] {
-        write_arena(&path, &built.facts, &built.lanes, "{}").expect("writes");
+        write(built);
         assert!(content(&opened) == before, "an open file does not change");
         opened.arena().expect("opens").check().expect("it is sound");
     }
@@ -207,7 +208,8 @@ fn a_file_that_grows_is_as_it_was_and_one_that_is_cut_is_not() {
     let folder = tempfile::tempdir().expect("there is a temporary folder");
     let path = folder.path().join("a.adj");
     let built = shells(40);
-    write_arena(&path, &built.facts, &built.lanes, "{}").expect("writes");
+    let bytes = arena_bytes(&built.facts, &built.lanes, "{}");
+    write_atomically(&path, |out| out.write_all(&bytes)).expect("writes");
     let whole = std::fs::metadata(&path).expect("it is there").len();
     if let Ok(part) = std::env::var(LENGTH) {
         let opened = AdjFile::open(&path).expect("opens");

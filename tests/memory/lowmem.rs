@@ -161,7 +161,7 @@ fn each_limit_of_an_arena_is_kept() {
     let (sections, section_bytes) = {
         let file = AdjFile::open(&path).unwrap();
         let arena = file.arena().unwrap();
-        let bytes = arena.sections().iter().map(|section| section.bytes).max().unwrap();
+        let bytes = arena.sections().iter().map(|section| section.bytes.get()).max().unwrap();
         (u32::try_from(arena.sections().len()).unwrap(), bytes)
     };
     let exact = Limits::default()
@@ -191,8 +191,7 @@ fn derived_lanes_stay_within_their_limit() {
     let folder = tempfile::tempdir().unwrap();
     let file = AdjFile::open(&build(folder.path(), 40, 1)).unwrap();
     let need = 2 * file.arena().unwrap().lane(Axis::X).unwrap().bytes();
-    let set =
-        |derived_bytes| LaneSet::within(file.arena().unwrap(), &Limits::default().with_derived_bytes(derived_bytes));
+    let set = |derived_bytes| LaneSet::new(file.arena().unwrap(), Some(derived_bytes));
     set(need).lane(Axis::Y).expect("limits are inclusive");
     set(0).lane(Axis::X).expect("it is stored");
     let error = set(need - 1).lane(Axis::Y).expect_err("a byte too few").to_string();

@@ -7,7 +7,8 @@
 use std::sync::Mutex;
 
 use adjsplat::arena::Record;
-use adjsplat::arena::{Lane, LineEnds, OwnedLane, Pager, TileOrder};
+use adjsplat::arena::layout::line_end_bytes;
+use adjsplat::arena::{Lane, OwnedLane, Pager, TileOrder};
 use adjsplat::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::Axis;
 use adjsplat_study::Trace;
@@ -78,13 +79,10 @@ impl Pager for Listener {
 
 /// What the walk itself tells.
 fn told(lane: &Lane, order: &Order) -> Vec<Event> {
-    let (ends, end_bytes) = match lane.line_ends {
-        LineEnds::Narrow(ends) => (ends.as_bytes(), 2),
-        LineEnds::Wide(ends) => (ends.as_bytes(), 4),
-    };
+    let end_bytes = usize::from(line_end_bytes(lane.dims[lane.axis.index()]));
     let listener = Listener {
         tiles: addresses(lane.tiles.as_bytes()),
-        ends: addresses(ends),
+        ends: addresses(lane.line_ends.as_bytes()),
         steps: addresses(lane.steps),
         end_bytes,
         events: Mutex::default(),

@@ -20,8 +20,8 @@ use std::mem::{offset_of, size_of};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::lane::{Lane, STEPPING};
-use super::layout::{Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord};
-use super::open::{Arena, Section, fault, zeros_from};
+use super::layout::{Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord, line_end_bytes};
+use super::open::{Arena, fault, zeros_from};
 use super::pager::tell;
 use crate::error::FormatFault;
 use crate::volume::Axis;
@@ -99,19 +99,20 @@ fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
         tell(arena.pager(), || between);
         zeros_from(from, "R21", between)
     };
-    let mut end = (size_of::<FileHeader>() + arena.sections().len() * size_of::<SectionEntry>()) as u64;
+    let mut end = (size_of::<FileHeader>() + size_of_val(arena.sections())) as u64;
     for section in arena.sections() {
-        zeros(end, section.offset)?;
+        let offset = section.offset.get();
+        zeros(end, offset)?;
         let content = arena.section_bytes(section);
         let sum = checksum(arena, content);
-        if sum != section.xxh3 {
+        if sum != section.xxh3.get() {
             let got = format!("{sum:#018x} in {}: the file is damaged; rebuild or copy it again", name_of(section));
-            return Err(fault(section.offset, "R12", format!("checksum {:#018x}", section.xxh3), got));
+            return Err(fault(offset, "R12", format!("checksum {:#018x}", section.xxh3), got));
         }
-        if section.kind == Some(SectionKind::Description) {
-            check_description(section.offset, arena.description())?;
+        if section.known_kind() == Some(SectionKind::Description) {
+            check_description(offset, arena.description())?;
         }
-        end = section.offset + section.bytes;
+        end = offset + section.bytes.get();
     }
     zeros(end, bytes.len() as u64)
 }
@@ -127,8 +128,8 @@ fn checksum(arena: &Arena, content: &[u8]) -> u64 {
     sum.digest()
 }
 
-fn name_of(section: &Section) -> String {
-    match (section.kind, section.axis) {
+fn name_of(section: &SectionEntry) -> String {
+    match (section.known_kind(), section.lane_axis()) {
         (Some(kind), Some(axis)) => format!("{} of lane {}", kind.name(), axis.name()),
         (Some(kind), None) => kind.name().to_owned(),
         (None, _) => "a section of an optional kind".to_owned(),
@@ -153,7 +154,7 @@ fn check_description(at: u64, content: &[u8]) -> Result<(), FormatFault> {
 }
 
 fn section_offset(arena: &Arena, kind: SectionKind, axis: Axis) -> u64 {
-    arena.section(kind, Some(axis)).map_or(0, |section| section.offset)
+    arena.section(kind, Some(axis)).map_or(0, |section| section.offset.get())
 }
 
 struct LaneCheck<'a> {
@@ -268,7 +269,7 @@ impl<'a> LaneCheck<'a> {
         if place[0] >= tiles[0] || place[1] >= tiles[1] {
             return Err(fault(at, "R13", format!("a tile of the {} x {}", tiles[0], tiles[1]), format!("{place:?}")));
         }
-        let key = self.facts.tile_order.key(tile.tile_u.get(), tile.tile_v.get());
+        let key = tile.key(self.facts.tile_order);
         if last_key.is_some_and(|last| last >= key) {
             let expected = format!("a tile later in {} order", self.facts.tile_order.name());
             return Err(fault(at, "R13", expected, format!("{place:?}")));
@@ -323,9 +324,12 @@ impl<'a> LaneCheck<'a> {
         }
         let outcome = follow_line::<V, N, M>(lane, records.clone(), self.place(tile, bit), self.hash);
         if outcome.end as usize > points {
-            let (position, at) = self.first_outside(records);
+            let (coordinate, record) = lane
+                .line_voxels(records)
+                .find(|&(coordinate, _)| coordinate as usize >= points)
+                .expect("the line's last record is a voxel, and outside");
             let expected = format!("coordinates below {points}");
-            return Err(fault(steps + at as u64, "R17", expected, format!("coordinate {position}")));
+            return Err(fault(steps + record as u64, "R17", expected, format!("coordinate {coordinate}")));
         }
         if outcome.stray != 0 {
             return Err(self.stray_fault(records));
@@ -346,32 +350,20 @@ impl<'a> LaneCheck<'a> {
     /// Returns the coordinate of the first voxel of a line that passed R17.
     #[inline(always)]
     fn first_coordinate(&self, first: usize) -> u32 {
-        let mut end = 0;
-        for &step in &self.lane.steps[first..] {
-            if step != 0 {
-                return end + u32::from(step) - 1;
-            }
-            end += STEPPING;
-        }
-        end
-    }
-
-    /// Returns the first coordinate of a line that is outside the grid, with the index of its record.
-    fn first_outside(&self, records: std::ops::Range<usize>) -> (u32, usize) {
-        let points = self.lane.dims[self.lane.axis.index()];
-        let outside = self.lane.line_voxels(records.clone()).find(|&(coordinate, _)| coordinate >= points);
-        outside.unwrap_or((points, records.start))
+        let mut steps = (0u32..).zip(&self.lane.steps[first..]);
+        let voxel = steps.find(|&(_, &step)| step != 0);
+        voxel.map_or(0, |(stepping_voxels, &step)| stepping_voxels * STEPPING + u32::from(step) - 1)
     }
 
     /// Returns the fault for the first stepping voxel of a line with a code that is not 0. R18.
     fn stray_fault(&self, records: std::ops::Range<usize>) -> FormatFault {
         let lane = &self.lane;
-        let widths = [lane.channels.value_bits / 8, lane.channels.normal_bits / 4, lane.channels.magnitude_bits / 8];
+        let channels = [lane.values, lane.normals, lane.magnitudes].into_iter();
+        let [_, widths @ ..] = lane.channels.widths();
         for record in records.clone().filter(|&record| lane.steps[record] == 0) {
-            let channels = [lane.values, lane.normals, lane.magnitudes].into_iter().zip(widths).zip(&self.offsets[3..]);
-            for ((channel, width), offset) in channels {
-                let from = record * usize::from(width);
-                let bytes = channel.get(from..from + usize::from(width)).unwrap_or_default();
+            for ((channel, width), offset) in channels.clone().zip(widths).zip(&self.offsets[3..]) {
+                let from = record * width;
+                let bytes = channel.get(from..from + width).unwrap_or_default();
                 if let Err(fault) = zeros_from(offset + from as u64, "R18", bytes) {
                     return fault;
                 }
@@ -381,18 +373,14 @@ impl<'a> LaneCheck<'a> {
     }
 
     fn line_end_offset(&self, line: usize) -> u64 {
-        let width = if matches!(self.lane.line_ends, super::LineEnds::Narrow(_)) { 2 } else { 4 };
-        self.offsets[1] + line as u64 * width
+        let width = line_end_bytes(self.lane.dims[self.lane.axis.index()]);
+        self.offsets[1] + line as u64 * u64::from(width)
     }
 }
 
 /// Returns the bit at which a coordinate on `axis` starts in a position packed for the voxel hash.
 const fn shift(axis: Axis) -> u32 {
-    match axis {
-        Axis::X => 0,
-        Axis::Y => 16,
-        Axis::Z => 32,
-    }
+    16 * axis as u32
 }
 
 /// A keyed hash of voxels: two folded multiplications.

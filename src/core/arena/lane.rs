@@ -4,10 +4,10 @@
 
 use std::ops::Range;
 
-use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::{U16, U32};
+use zerocopy::{FromBytes, IntoBytes};
 
-use super::layout::{Channels, TILE_EDGE, TileRecord};
+use super::layout::{Channels, TILE_EDGE, TileRecord, line_end_bytes};
 use super::owned_lane::OwnedLane;
 use super::pack::Record;
 use super::pager::{Pager, tell};
@@ -27,6 +27,23 @@ pub enum LineEnds<'a> {
 }
 
 impl<'a> LineEnds<'a> {
+    /// Returns the ends that `bytes` store for lines of `line_points` grid points; ignores an incomplete last one.
+    pub fn new(bytes: &'a [u8], line_points: u32) -> LineEnds<'a> {
+        let whole = "any number of bytes starts with whole numbers, of alignment 1";
+        match line_end_bytes(line_points) {
+            2 => LineEnds::Narrow(<[U16]>::ref_from_prefix(bytes).expect(whole).0),
+            _ => LineEnds::Wide(<[U32]>::ref_from_prefix(bytes).expect(whole).0),
+        }
+    }
+
+    /// Returns the bytes that store all ends.
+    pub fn as_bytes(&self) -> &'a [u8] {
+        match self {
+            LineEnds::Narrow(ends) => ends.as_bytes(),
+            LineEnds::Wide(ends) => ends.as_bytes(),
+        }
+    }
+
     /// Returns the bytes that store the ends of the lines in `range`, as far as these lines exist.
     pub(crate) fn bytes_of(&self, range: Range<usize>) -> &'a [u8] {
         let within = |len: usize| range.start.min(len)..range.end.min(len).max(range.start.min(len));
@@ -35,6 +52,7 @@ impl<'a> LineEnds<'a> {
             LineEnds::Wide(ends) => ends[within(ends.len())].as_bytes(),
         }
     }
+
     /// Returns the number of lines.
     pub fn len(&self) -> usize {
         match self {
@@ -42,10 +60,12 @@ impl<'a> LineEnds<'a> {
             LineEnds::Wide(ends) => ends.len(),
         }
     }
+
     /// Returns whether there are no lines.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
+
     /// Returns the end of line `index`; `None` past the last line.
     #[inline(always)]
     pub fn get(&self, index: usize) -> Option<u32> {
@@ -53,6 +73,18 @@ impl<'a> LineEnds<'a> {
             LineEnds::Narrow(ends) => ends.get(index).map(|e| u32::from(e.get())),
             LineEnds::Wide(ends) => ends.get(index).map(|e| e.get()),
         }
+    }
+}
+
+/// Returns the bytes that store the ends of lines of `line_points` grid points.
+///
+/// # Panics
+/// If a two-byte end overflows, which [`super::layout::NARROW_LINE`] excludes.
+pub(crate) fn stored_line_ends(ends: &[u32], line_points: u32) -> Vec<u8> {
+    let narrow = |end: u32| u16::try_from(end).expect("64 narrow lines stay below 2^16 records");
+    match line_end_bytes(line_points) {
+        2 => ends.iter().flat_map(|&end| narrow(end).to_le_bytes()).collect(),
+        _ => ends.iter().flat_map(|end| end.to_le_bytes()).collect(),
     }
 }
 
@@ -94,11 +126,10 @@ impl<'a> Lane<'a> {
     #[inline]
     pub fn about_to_read(&self, records: Range<usize>) {
         if self.pager.is_some() {
-            let widths =
-                [1, self.channels.value_bits / 8, self.channels.normal_bits / 4, self.channels.magnitude_bits / 8];
-            for (channel, width) in [self.steps, self.values, self.normals, self.magnitudes].into_iter().zip(widths) {
-                let end = records.end.saturating_mul(width.into()).min(channel.len());
-                let start = records.start.saturating_mul(width.into()).min(end);
+            let channels = [self.steps, self.values, self.normals, self.magnitudes];
+            for (channel, width) in channels.into_iter().zip(self.channels.widths()) {
+                let end = records.end.saturating_mul(width).min(channel.len());
+                let start = records.start.saturating_mul(width).min(end);
                 tell(self.pager, || &channel[start..end]);
             }
         }
@@ -121,15 +152,16 @@ impl<'a> Lane<'a> {
         })
     }
 
-    /// Iterates over ranges that together cover the lane's own records, and tells the pager before each range is read.
-    pub fn sweep_records(&self) -> impl Iterator<Item = Range<usize>> + use<'a> {
+    /// Iterates over ranges that together cover the records in use, and tells the pager before each range is read.
+    fn sweep_records(&self) -> impl Iterator<Item = Range<usize>> + use<'a> {
         let lane = *self;
-        (0..lane.steps.len()).step_by(SWEEP_RECORDS).map(move |start| {
-            let records = start..(start + SWEEP_RECORDS).min(lane.steps.len());
-            lane.about_to_read(records.clone());
-            records
-        })
+        let whole = if lane.patch.is_none() { lane.steps.len() } else { 0 };
+        let swept = (0..whole).step_by(SWEEP_RECORDS).map(move |start| start..(start + SWEEP_RECORDS).min(whole));
+        // Changed tiles leave unused records behind: only the lines tell which records are in use.
+        let by_line = lane.patch.into_iter().flat_map(move |_| lane.lines()).map(|line| line.records);
+        swept.chain(by_line).inspect(move |records| lane.about_to_read(records.clone()))
     }
+
     /// Returns the number of records, including stepping voxels and the patch's records.
     pub fn record_count(&self) -> u64 {
         (self.steps.len() + self.patch.map_or(0, |patch| patch.steps.len())) as u64
@@ -137,11 +169,7 @@ impl<'a> Lane<'a> {
 
     /// Returns the size of all sections of the lane in bytes, without padding.
     pub fn bytes(&self) -> u64 {
-        let width = match self.line_ends {
-            LineEnds::Narrow(_) => 2,
-            LineEnds::Wide(_) => 4,
-        };
-        let directory = size_of_val(self.tiles) + self.line_ends.len() * width;
+        let directory = size_of_val(self.tiles) + self.line_ends.as_bytes().len();
         let own = directory + self.steps.len() + self.values.len() + self.normals.len() + self.magnitudes.len();
         own as u64 + self.patch.map_or(0, |patch| patch.view().bytes())
     }
@@ -175,14 +203,10 @@ impl<'a> Lane<'a> {
 
     /// Calls `see` with the record index of each voxel that is shown, tile by tile. O(records).
     pub fn each_record(&self, mut see: impl FnMut(usize)) {
-        if self.patch.is_none() {
-            let voxels = self.sweep_records().flatten().filter(|&record| self.steps[record] != 0);
-            voxels.filter(|&record| self.shows(record)).for_each(see);
-        } else {
-            // Changed tiles leave unused records behind: only the lines tell which records are in use.
-            for line in self.lines() {
-                self.line_voxels(line.records).filter(|&(_, record)| self.shows(record)).for_each(|(_, r)| see(r));
-            }
+        for records in self.sweep_records() {
+            let steps = self.steps_of(records.clone());
+            let voxels = records.zip(steps).filter(|&(record, &step)| step != 0 && self.shows(record));
+            voxels.for_each(|(record, _)| see(record));
         }
     }
 
@@ -202,10 +226,7 @@ impl<'a> Lane<'a> {
     /// Returns the number of stepping voxels: records that only bridge a distance.
     pub fn stepping_voxels(&self) -> u64 {
         let count = |steps: &[u8]| steps.iter().filter(|&&step| step == 0).count() as u64;
-        match self.patch {
-            None => self.sweep_records().map(|records| count(&self.steps[records])).sum(),
-            Some(_) => self.lines().map(|line| count(self.steps_of(line.records))).sum(),
-        }
+        self.sweep_records().map(|records| count(self.steps_of(records))).sum()
     }
 }
 
@@ -249,10 +270,8 @@ impl<'a> Lane<'a> {
 
     /// Returns the number of records in `tile`; 0 where a damaged file is inconsistent.
     pub fn tile_records(&self, tile: &TileRecord) -> u64 {
-        let lines = u64::from(tile.occupancy.get().count_ones());
-        let last =
-            (u64::from(tile.first_line.get()) + lines).checked_sub(1).and_then(|last| usize::try_from(last).ok());
-        tell(self.pager, || last.map_or(&[], |last| self.line_ends.bytes_of(last..last.saturating_add(1))));
+        let last = tile.lines().end.checked_sub(1);
+        tell(self.pager, || last.map_or(&[], |last| self.line_ends.bytes_of(last..last + 1)));
         last.and_then(|last| self.line_end(last)).map_or(0, u64::from)
     }
 

@@ -165,10 +165,7 @@ fn tiles_by_row(lane: &Lane) -> Vec<u32> {
     // lane has. A damaged lane must not cost more.
     let mut is_sound = |tile: &TileRecord| {
         let inside = u32::from(tile.tile_u.get()) < across && u32::from(tile.tile_v.get()) < up;
-        let first = u64::from(tile.first_line.get());
-        let lines = first..first + u64::from(tile.occupancy.get().count_ones());
-        let end = |line: u64| usize::try_from(line).ok().and_then(|line| lane.line_end(line)).unwrap_or(0);
-        let ascending = lines.map(end).is_sorted();
+        let ascending = tile.lines().map(|line| lane.line_end(line).unwrap_or(0)).is_sorted();
         let left = budget.checked_sub(lane.tile_records(tile)).filter(|_| inside && ascending);
         budget = left.unwrap_or(budget);
         left.is_some()

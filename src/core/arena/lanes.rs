@@ -7,7 +7,6 @@ use super::open::Arena;
 use super::owned_lane::OwnedLane;
 use super::transpose::transpose;
 use crate::error::{Error, Result};
-use crate::limits::Limits;
 use crate::volume::Axis;
 
 /// Lanes that an arena does not store, derived from the lane along x when first needed.
@@ -59,11 +58,6 @@ impl<'a> LaneSet<'a> {
     /// Wraps `arena`. Derived lanes may take `memory` bytes in all; `None` for no limit.
     pub fn new(arena: Arena<'a>, memory: Option<u64>) -> LaneSet<'a> {
         LaneSet { arena, derived: DerivedLanes::new(memory.unwrap_or(u64::MAX)) }
-    }
-
-    /// Wraps `arena`. Derived lanes may take as many bytes as `limits` allow.
-    pub fn within(arena: Arena<'a>, limits: &Limits) -> LaneSet<'a> {
-        LaneSet::new(arena, Some(limits.derived_bytes))
     }
 
     /// Returns the arena.

@@ -115,8 +115,20 @@ pub struct SectionEntry {
 }
 
 impl SectionEntry {
+    /// Returns what the section holds; `None` for an optional kind that this version does not know.
+    pub fn known_kind(&self) -> Option<SectionKind> {
+        let mut kinds = [SectionKind::Description].into_iter().chain(SectionKind::OF_LANES);
+        kinds.find(|&kind| kind as u16 == self.kind.get())
+    }
+
+    /// Returns the axis of the lane that the section belongs to; `None` for the description.
+    pub fn lane_axis(&self) -> Option<Axis> {
+        Axis::from_index(self.axis.into())
+    }
+
     /// Returns the entry of a section without a position yet: offset, length and checksum are 0.
-    pub(crate) fn empty(kind: SectionKind, axis: u8, element_bytes: u8) -> SectionEntry {
+    pub(crate) fn empty(kind: SectionKind, axis: Option<Axis>, element_bytes: u8) -> SectionEntry {
+        let axis = axis.map_or(255, |axis| axis as u8);
         SectionEntry { kind: U16::new(kind as u16), axis, element_bytes, ..SectionEntry::new_zeroed() }
     }
 }
@@ -156,6 +168,11 @@ impl TileRecord {
     pub(crate) fn lines(&self) -> std::ops::Range<usize> {
         let first = self.first_line.get() as usize;
         first..first.saturating_add(self.occupancy.get().count_ones() as usize)
+    }
+
+    /// Returns the tile's position in `order`; unique for each tile of a lane.
+    pub(crate) fn key(&self, order: TileOrder) -> u32 {
+        order.key(self.tile_u.get(), self.tile_v.get())
     }
 
     /// Returns the tile with its first line increased by `lines`, and its first record by `records`.
@@ -206,10 +223,6 @@ impl SectionKind {
         SectionKind::Magnitudes,
     ];
 
-    pub(super) fn from_number(number: u16) -> Option<SectionKind> {
-        [SectionKind::Description].into_iter().chain(SectionKind::OF_LANES).find(|&kind| kind as u16 == number)
-    }
-
     /// Returns the size in bytes of one element of this kind in the lane along `axis`; 0 if there is no such section.
     pub fn element_bytes(self, channels: Channels, dims: [u32; 3], axis: Axis) -> u8 {
         match self {
@@ -258,9 +271,15 @@ pub struct Channels {
 }
 
 impl Channels {
+    /// Returns how many bytes a step, a value, a normal and a magnitude take.
+    pub const fn widths(self) -> [usize; 4] {
+        [1, self.value_bits as usize / 8, self.normal_bits as usize / 4, self.magnitude_bits as usize / 8]
+    }
+
     /// Returns how many bytes one record takes in all channels together, including its step.
     pub const fn record_bytes(self) -> u64 {
-        1 + self.value_bits as u64 / 8 + self.normal_bits as u64 / 4 + self.magnitude_bits as u64 / 8
+        let [step, value, normal, magnitude] = self.widths();
+        (step + value + normal + magnitude) as u64
     }
 }
 

@@ -1,7 +1,7 @@
 //! Opening an arena: typed views of the bytes of an `.adj` file.
 //!
-//! In: any bytes. Out: lanes that borrow them, after checking rules R1 to R11 of `formats/adj-1.md`. Nothing is copied;
-//! only the list of sections is allocated, at most [`MAX_SECTIONS`].
+//! In: any bytes. Out: lanes that borrow them, after checking rules R1 to R11 of `formats/adj-1.md`. Nothing is copied
+//! or allocated.
 //!
 //! Walks rely on these checks: all channels have the same number of records, and counts bound each other. The content
 //! of sections is not read. Any arena that opens is safe to walk; [`Arena::check`] tells whether its content is valid.
@@ -10,13 +10,13 @@ use std::mem::{offset_of, size_of};
 use std::path::Path;
 
 use zerocopy::FromBytes;
-use zerocopy::byteorder::little_endian::{F64, U16, U32};
+use zerocopy::byteorder::little_endian::F64;
 
 use super::curve::TileOrder;
 use super::lane::{Lane, LineEnds};
 use super::layout::{
     Channels, Facts, FileHeader, MAGIC, MAJOR, MAX_SECTIONS, OPTIONAL_KINDS, Scales, SectionEntry, SectionKind,
-    TILE_EDGE, TileRecord, aligned, header_checksum, line_end_bytes,
+    TILE_EDGE, TileRecord, aligned, header_checksum,
 };
 use super::pager::{Pager, tell};
 use crate::error::{Error, FormatFault};
@@ -29,26 +29,9 @@ pub struct Arena<'a> {
     bytes: &'a [u8],
     facts: Facts,
     fingerprint: u64,
-    sections: Vec<Section>,
+    sections: &'a [SectionEntry],
     lanes: [Option<Lane<'a>>; 3],
     pager: Option<&'a dyn Pager>,
-}
-
-/// The position of a section in the file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Section {
-    /// What the section holds; `None` for an optional kind that this version does not know.
-    pub kind: Option<SectionKind>,
-    /// The lane that the section belongs to; `None` for the description.
-    pub axis: Option<Axis>,
-    /// Size of one element in bytes.
-    pub element_bytes: u8,
-    /// Start in the file, in bytes.
-    pub offset: u64,
-    /// Length in bytes, without padding.
-    pub bytes: u64,
-    /// XXH3-64 checksum of the section's bytes, as stated in the section table.
-    pub xxh3: u64,
 }
 
 /// Creates the [`FormatFault`] for a file that breaks `rule` at byte `at`.
@@ -110,8 +93,8 @@ impl<'a> Arena<'a> {
             return Err(fault(at!(header.header_xxh3), "R3", format!("checksum {sum:#018x}"), got));
         }
         let facts = facts_of(&header)?;
-        let sections = sections_of(table, bytes.len() as u64, &facts)?;
-        let mut arena = Arena { bytes, facts, fingerprint: sum, sections, lanes: [None; 3], pager: None };
+        check_table(table, bytes.len() as u64, &facts)?;
+        let mut arena = Arena { bytes, facts, fingerprint: sum, sections: table, lanes: [None; 3], pager: None };
         for axis in Axis::ALL {
             arena.lanes[axis.index()] = arena.lane_of(axis)?;
         }
@@ -132,10 +115,10 @@ impl<'a> Arena<'a> {
         limits.check(path, "file bytes", self.bytes.len() as u64, limits.file_bytes)?;
         limits.check_grid(path, &self.facts.grid.dims.map(u64::from))?;
         limits.check(path, "sections", self.sections.len() as u64, limits.sections.into())?;
-        for section in &self.sections {
-            limits.check(path, "bytes in a section", section.bytes, limits.section_bytes)?;
+        for section in self.sections {
+            limits.check(path, "bytes in a section", section.bytes.get(), limits.section_bytes)?;
         }
-        let description = self.section(SectionKind::Description, None).map_or(0, |section| section.bytes);
+        let description = self.section(SectionKind::Description, None).map_or(0, |section| section.bytes.get());
         limits.check(path, "bytes of description", description, limits.description_bytes)
     }
 
@@ -173,20 +156,26 @@ impl<'a> Arena<'a> {
     }
 
     /// Returns all sections, in file order.
-    pub fn sections(&self) -> &[Section] {
-        &self.sections
+    pub fn sections(&self) -> &'a [SectionEntry] {
+        self.sections
     }
 
     /// Returns the section of `kind` that belongs to the lane along `axis`, or to no lane; `None` if it is missing.
-    pub fn section(&self, kind: SectionKind, axis: Option<Axis>) -> Option<&Section> {
-        self.sections.iter().find(|s| s.kind == Some(kind) && s.axis == axis)
+    pub fn section(&self, kind: SectionKind, axis: Option<Axis>) -> Option<&'a SectionEntry> {
+        self.place(kind, axis).map(|index| &self.sections[index])
+    }
+
+    /// Returns the index of a section in the section table.
+    fn place(&self, kind: SectionKind, axis: Option<Axis>) -> Option<usize> {
+        self.sections.iter().position(|entry| entry.kind.get() == kind as u16 && entry.lane_axis() == axis)
     }
 
     /// Returns the bytes of one of this arena's sections.
-    pub fn section_bytes(&self, section: &Section) -> &'a [u8] {
-        // Bounds were checked by `sections_of`; a section of another arena may yield nothing.
-        let to = section.offset.checked_add(section.bytes);
-        let range = usize::try_from(section.offset).ok().zip(to.and_then(|to| usize::try_from(to).ok()));
+    pub fn section_bytes(&self, section: &SectionEntry) -> &'a [u8] {
+        // Bounds were checked by `check_table`; a section of another arena may yield nothing.
+        let offset = section.offset.get();
+        let to = offset.checked_add(section.bytes.get());
+        let range = usize::try_from(offset).ok().zip(to.and_then(|to| usize::try_from(to).ok()));
         range.and_then(|(from, to)| self.bytes.get(from..to)).unwrap_or_default()
     }
 
@@ -205,45 +194,36 @@ impl<'a> Arena<'a> {
     /// Returns the lane along `axis` as views of its sections, or `None` if it is not stored. Checks R10 and R11.
     fn lane_of(&self, axis: Axis) -> Result<Option<Lane<'a>>, FormatFault> {
         let (channels, dims) = (self.facts.channels, self.facts.grid.dims);
-        let place = |kind: SectionKind| self.sections.iter().position(|s| s.kind == Some(kind) && s.axis == Some(axis));
-        if SectionKind::OF_LANES.into_iter().all(|kind| place(kind).is_none()) {
+        let places = SectionKind::OF_LANES.map(|kind| (kind, self.place(kind, Some(axis))));
+        if places.iter().all(|(_, place)| place.is_none()) {
             return Ok(None);
         }
-        let mut parts: [&'a [u8]; 6] = [&[]; 6];
-        for (part, kind) in parts.iter_mut().zip(SectionKind::OF_LANES) {
-            match place(kind) {
-                Some(index) => *part = self.section_bytes(&self.sections[index]),
-                None if kind.element_bytes(channels, dims, axis) == 0 => {}
-                None => {
-                    let expected = format!("{} in lane {}", kind.name(), axis.name());
-                    return Err(fault(size_of::<FileHeader>() as u64, "R10", expected, "no such section"));
-                }
-            }
+        let is_needed = |kind: SectionKind| kind.element_bytes(channels, dims, axis) > 0;
+        if let Some((kind, _)) = places.iter().find(|(kind, place)| place.is_none() && is_needed(*kind)) {
+            let expected = format!("{} in lane {}", kind.name(), axis.name());
+            return Err(fault(size_of::<FileHeader>() as u64, "R10", expected, "no such section"));
         }
-        let [tiles, line_ends, steps, values, normals, magnitudes] = parts;
+        let [tiles, line_ends, steps, values, normals, magnitudes] =
+            places.map(|(_, place)| place.map_or(&[][..], |index| self.section_bytes(&self.sections[index])));
         let tiles = <[TileRecord]>::ref_from_bytes(tiles).expect("R11 holds: a multiple of a tile's 28 bytes");
-        let line_ends = if line_end_bytes(dims[axis.index()]) == 2 {
-            LineEnds::Narrow(<[U16]>::ref_from_bytes(line_ends).expect("R11 holds: a multiple of 2 bytes"))
-        } else {
-            LineEnds::Wide(<[U32]>::ref_from_bytes(line_ends).expect("R11 holds: a multiple of 4 bytes"))
-        };
+        let line_ends = LineEnds::new(line_ends, dims[axis.index()]);
         let [u, v] = axis.others().map(|other| u64::from(dims[other.index()]));
         let edge = u64::from(TILE_EDGE);
         let (tile_count, line_count, records) = (tiles.len() as u64, line_ends.len() as u64, steps.len() as u64);
         let most_lines = (u * v).min(tile_count.saturating_mul(edge * edge));
         let most_records = line_count.saturating_mul(dims[axis.index()].into());
         let counts = [
-            (SectionKind::Tiles, 0, u.div_ceil(edge) * v.div_ceil(edge)),
-            (SectionKind::LineEnds, tile_count, most_lines),
-            (SectionKind::Steps, line_count.max(self.facts.visible_voxels), most_records),
-            (SectionKind::Values, records, records),
-            (SectionKind::Normals, records, records),
-            (SectionKind::Magnitudes, records, records),
+            (0, u.div_ceil(edge) * v.div_ceil(edge)),
+            (tile_count, most_lines),
+            (line_count.max(self.facts.visible_voxels), most_records),
+            (records, records),
+            (records, records),
+            (records, records),
         ];
-        for (kind, least, most) in counts {
-            let Some(index) = place(kind) else { continue };
-            let Section { bytes, element_bytes, .. } = self.sections[index];
-            let count = bytes / u64::from(element_bytes);
+        for ((kind, place), (least, most)) in places.into_iter().zip(counts) {
+            let Some(index) = place else { continue };
+            let SectionEntry { bytes, element_bytes, .. } = self.sections[index];
+            let count = bytes.get() / u64::from(element_bytes);
             if count < least || count > most {
                 let expected = format!("{least} to {most} {} in lane {}", kind.name(), axis.name());
                 return Err(fault(at!(entry[index].bytes), "R11", expected, count));
@@ -314,17 +294,14 @@ fn facts_of(header: &FileHeader) -> Result<Facts, FormatFault> {
     Ok(Facts { grid, channels, tile_order, scales, visible_voxels: header.visible_voxels.get() })
 }
 
-/// Reads and checks the section table. R5, R8, R10, R11.
-fn sections_of(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result<Vec<Section>, FormatFault> {
-    let mut sections: Vec<Section> = Vec::with_capacity(table.len());
+/// Checks the section table. R5, R8, R10, R11.
+fn check_table(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result<(), FormatFault> {
     let mut next = aligned((size_of::<FileHeader>() + size_of_val(table)) as u64);
     for (index, entry) in table.iter().enumerate() {
-        let number = entry.kind.get();
-        let kind = SectionKind::from_number(number);
-        if kind.is_none() && number < OPTIONAL_KINDS {
-            return Err(fault(at!(entry[index].kind), "R10", "a known section kind: update adjsplat", number));
+        let (kind, axis) = (entry.known_kind(), entry.lane_axis());
+        if kind.is_none() && entry.kind.get() < OPTIONAL_KINDS {
+            return Err(fault(at!(entry[index].kind), "R10", "a known section kind: update adjsplat", entry.kind));
         }
-        let axis = Axis::from_index(entry.axis.into());
         let fits = match kind {
             Some(SectionKind::Description) => entry.axis == 255,
             Some(_) => axis.is_some(),
@@ -334,7 +311,8 @@ fn sections_of(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
             let expected = "axis 0, 1 or 2 for a lane's section, 255 for another";
             return Err(fault(at!(entry[index].axis), "R10", expected, entry.axis));
         }
-        if kind.is_some() && sections.iter().any(|s| s.kind == kind && s.axis == axis) {
+        let is_same = |earlier: &SectionEntry| earlier.kind == entry.kind && earlier.axis == entry.axis;
+        if kind.is_some() && table[..index].iter().any(is_same) {
             return Err(fault(at!(entry[index].kind), "R10", "each kind once a lane", "it again"));
         }
         zeros_from(at!(entry[index].reserved), "R8", &entry.reserved.get().to_le_bytes())?;
@@ -365,14 +343,12 @@ fn sections_of(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
             let expected = format!("a multiple of {element} bytes");
             return Err(fault(at!(entry[index].bytes), "R11", expected, bytes));
         }
-        let element_bytes = entry.element_bytes;
-        sections.push(Section { kind, axis, element_bytes, offset, bytes, xxh3: entry.xxh3.get() });
     }
     if next != file_bytes {
         let expected = format!("the last section filled up to byte {next}, and the file's end there");
         return Err(fault(at!(header.file_bytes), "R5", expected, file_bytes));
     }
-    Ok(sections)
+    Ok(())
 }
 
 /// Checks that `bytes`, which start at byte `from` of the file, are all 0; the fault names the first byte that is not.

@@ -17,26 +17,16 @@
 //! docs/studies/overlay.md.
 //!
 //! ```
-//! use adjsplat::arena::{Arena, LaneSet, Overlay, Record, TileOrder};
-//! use adjsplat::build::{BuildOptions, Unobserved, build};
-//! use adjsplat::classify::TransferFunction;
-//! use adjsplat::volume::Volume;
+//! use adjsplat::arena::{LaneSet, Overlay, Record};
+//! use adjsplat::{Build, TransferFunction, Volume};
 //!
-//! let volume = Volume::new([32; 3], (0..32_768u32).map(|at| (at % 200) as u8).collect())?;
-//! let options = BuildOptions {
-//!     transfer: TransferFunction::range(100.0, f64::INFINITY)?,
-//!     lane_count: 1,
-//!     tile_order: TileOrder::Morton,
-//!     value_bits: 8,
-//!     normal_bits: 0,
-//! };
-//! let built = build(&mut volume.slices(), &options, &mut Unobserved)?;
-//! let bytes = adjsplat::file::arena_bytes(&built.facts, &built.lanes, "{}");
-//! let lanes = LaneSet::new(Arena::new(&bytes).expect("it was just built"), None);
+//! let volume = Volume::new([32; 3], (0..32 * 32 * 32).map(|i| (i % 251) as u8).collect::<Vec<_>>())?;
+//! let model = Build::new(TransferFunction::range(100.0, f64::INFINITY)?).run(&volume)?;
+//! let lanes = LaneSet::new(model.arena()?, None);
 //!
 //! let mut overlay = Overlay::new(&lanes);
 //! overlay.insert([0, 0, 0], Record { value: 7, ..Record::default() })?;
-//! assert_eq!(overlay.facts()?.visible_voxels, built.facts.visible_voxels + 1);
+//! assert_eq!(overlay.facts()?.visible_voxels, model.visible_voxels() + 1);
 //! assert_eq!(overlay.remove([0, 0, 0])?.map(|record| record.value), Some(7));
 //! # Ok::<(), adjsplat::Error>(())
 //! ```
@@ -176,9 +166,7 @@ impl<'a> Overlay<'a> {
     /// The same as [`Overlay::lane`].
     pub fn rows(&self) -> Result<impl Rows> {
         let lane = self.lane(Axis::X)?;
-        let shown = lane.shown;
-        let is_shown = move |record: Record| shown.is_none_or(|shown| shown.has(record.value, record.magnitude));
-        Ok(LaneRows::new(lane, move |_, _, record| is_shown(record).then_some(record)))
+        Ok(LaneRows::new(lane, move |_, index, record| lane.shows(index).then_some(record)))
     }
 
     /// Converts `at` (x, y, z) to 16-bit coordinates, after checking that it is inside the grid.

@@ -1,9 +1,7 @@
 //! A lane that owns its data, built or derived in memory.
 
-use zerocopy::byteorder::little_endian::{U16, U32};
-
-use super::lane::{Lane, LineEnds};
-use super::layout::{Channels, TileRecord, line_end_bytes};
+use super::lane::{Lane, LineEnds, stored_line_ends};
+use super::layout::{Channels, TileRecord};
 use super::pack::TileRun;
 use crate::volume::Axis;
 
@@ -18,8 +16,8 @@ pub struct OwnedLane {
     pub channels: Channels,
     /// Tiles that are not empty: see [`Lane::tiles`].
     pub tiles: Vec<TileRecord>,
-    /// Ends of the lines that are not empty: see [`Lane::line_ends`].
-    pub line_ends: OwnedLineEnds,
+    /// Bytes of the ends of the lines that are not empty: see [`LineEnds::new`] and [`Lane::line_ends`].
+    pub line_ends: Vec<u8>,
     /// Distances between records: see [`Lane::steps`].
     pub steps: Vec<u8>,
     /// Value codes: see [`Lane::values`].
@@ -30,46 +28,6 @@ pub struct OwnedLane {
     pub magnitudes: Vec<u8>,
 }
 
-/// Line ends that own their memory: see [`LineEnds`].
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum OwnedLineEnds {
-    /// Ends of two bytes each.
-    Narrow(Vec<U16>),
-    /// Ends of four bytes each.
-    Wide(Vec<U32>),
-}
-
-impl OwnedLineEnds {
-    /// Creates an empty list with the width (2 or 4 bytes) that lines of `line_points` grid points need.
-    pub fn for_line(line_points: u32) -> OwnedLineEnds {
-        if line_end_bytes(line_points) == 2 {
-            OwnedLineEnds::Narrow(Vec::new())
-        } else {
-            OwnedLineEnds::Wide(Vec::new())
-        }
-    }
-
-    fn len(&self) -> usize {
-        match self {
-            OwnedLineEnds::Narrow(ends) => ends.len(),
-            OwnedLineEnds::Wide(ends) => ends.len(),
-        }
-    }
-
-    /// Appends the end of the next line.
-    ///
-    /// # Panics
-    /// If a two-byte end overflows, which [`super::layout::NARROW_LINE`] excludes.
-    pub fn push(&mut self, end: u32) {
-        match self {
-            OwnedLineEnds::Narrow(ends) => {
-                ends.push(U16::new(u16::try_from(end).expect("64 narrow lines stay below 2^16 records")));
-            }
-            OwnedLineEnds::Wide(ends) => ends.push(U32::new(end)),
-        }
-    }
-}
-
 impl OwnedLane {
     /// Creates a lane without voxels.
     pub fn new(axis: Axis, dims: [u32; 3], channels: Channels) -> OwnedLane {
@@ -78,7 +36,7 @@ impl OwnedLane {
             dims,
             channels,
             tiles: Vec::new(),
-            line_ends: OwnedLineEnds::for_line(dims[axis.index()]),
+            line_ends: Vec::new(),
             steps: Vec::new(),
             values: Vec::new(),
             normals: Vec::new(),
@@ -88,10 +46,10 @@ impl OwnedLane {
 
     /// Appends the tiles of `run`, with their lines and records, after the lane's own.
     pub fn append(&mut self, run: TileRun) {
-        let (first_line, first_record) = (self.line_ends.len(), self.steps.len() as u64);
+        let (first_line, first_record) = (self.view().line_ends.len(), self.steps.len() as u64);
         let first_line = u32::try_from(first_line).expect("a face has fewer than 2^32 lines");
         self.tiles.extend(run.tiles.iter().map(|tile| tile.moved(first_line, first_record)));
-        run.line_ends.iter().for_each(|&end| self.line_ends.push(end));
+        self.line_ends.extend(stored_line_ends(&run.line_ends, self.dims[self.axis.index()]));
         self.steps.extend(run.arrays.steps);
         self.values.extend(run.arrays.values);
         self.normals.extend(run.arrays.normals);
@@ -105,10 +63,7 @@ impl OwnedLane {
             dims: self.dims,
             channels: self.channels,
             tiles: &self.tiles,
-            line_ends: match &self.line_ends {
-                OwnedLineEnds::Narrow(ends) => LineEnds::Narrow(ends),
-                OwnedLineEnds::Wide(ends) => LineEnds::Wide(ends),
-            },
+            line_ends: LineEnds::new(&self.line_ends, self.dims[self.axis.index()]),
             steps: &self.steps,
             values: &self.values,
             normals: &self.normals,

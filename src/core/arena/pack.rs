@@ -3,12 +3,14 @@
 //! In: lines by ascending v, then u, with voxels by ascending coordinate. Out: an [`OwnedLane`] with its tiles in tile
 //! order. Lines are collected for eight values of v at a time (a strip); then their tiles are complete.
 
+use std::ops::Range;
+
 use zerocopy::byteorder::little_endian::{U16, U32, U64};
 
 use super::curve::TileOrder;
-use super::lane::STEPPING;
+use super::lane::{STEPPING, stored_line_ends};
 use super::layout::{Channels, TILE_EDGE, TileRecord};
-use super::owned_lane::{OwnedLane, OwnedLineEnds};
+use super::owned_lane::OwnedLane;
 use crate::volume::Axis;
 
 /// The stored codes of one voxel (a code is the number that stands for a value).
@@ -20,6 +22,16 @@ pub struct Record {
     pub normal: u32,
     /// Code of the gradient magnitude; ignored if the arena stores no magnitudes.
     pub magnitude: u8,
+}
+
+/// A voxel that is being sorted into its line.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct LineVoxel {
+    /// Number of the line, among those that are sorted together.
+    pub(crate) line: u32,
+    /// Coordinate along the line.
+    pub(crate) t: u16,
+    pub(crate) record: Record,
 }
 
 /// Records of consecutive lines, as one array per channel.
@@ -63,7 +75,7 @@ impl ChannelArrays {
     /// # Panics
     /// If the voxels are not in ascending order, or there are none.
     #[inline]
-    pub(crate) fn push_line(&mut self, channels: Channels, voxels: impl Iterator<Item = (u16, Record)>) -> (u16, u16) {
+    fn push_line(&mut self, channels: Channels, voxels: impl Iterator<Item = (u16, Record)>) -> (u16, u16) {
         let mut next = 0u32; // one past the last coordinate, because the first step counts from -1
         let mut low = None;
         let mut high = 0;
@@ -82,48 +94,63 @@ impl ChannelArrays {
         (low.expect("a line that is packed has a voxel"), high)
     }
 
-    /// Appends the records `from..to` of `other`.
-    fn append(&mut self, channels: Channels, other: &ChannelArrays, from: usize, to: usize) {
-        let value = usize::from(channels.value_bits / 8);
-        let normal = usize::from(channels.normal_bits / 4);
-        let magnitude = usize::from(channels.magnitude_bits / 8);
-        self.steps.extend_from_slice(&other.steps[from..to]);
-        self.values.extend_from_slice(&other.values[value * from..value * to]);
-        self.normals.extend_from_slice(&other.normals[normal * from..normal * to]);
-        self.magnitudes.extend_from_slice(&other.magnitudes[magnitude * from..magnitude * to]);
+    /// Appends the given records of `other`.
+    fn append(&mut self, channels: Channels, other: &ChannelArrays, records: Range<usize>) {
+        let ChannelArrays { steps, values, normals, magnitudes } = self;
+        let from = [&other.steps, &other.values, &other.normals, &other.magnitudes];
+        for ((to, from), width) in [steps, values, normals, magnitudes].into_iter().zip(from).zip(channels.widths()) {
+            to.extend_from_slice(&from[width * records.start..width * records.end]);
+        }
     }
 
     pub(crate) fn with_capacity(channels: Channels, records: usize) -> ChannelArrays {
-        ChannelArrays {
-            steps: Vec::with_capacity(records),
-            values: Vec::with_capacity(records * usize::from(channels.value_bits / 8)),
-            normals: Vec::with_capacity(records * usize::from(channels.normal_bits / 4)),
-            magnitudes: Vec::with_capacity(records * usize::from(channels.magnitude_bits / 8)),
-        }
+        let [steps, values, normals, magnitudes] = channels.widths().map(|width| Vec::with_capacity(width * records));
+        ChannelArrays { steps, values, normals, magnitudes }
     }
 }
 
-/// A packed tile, with the positions of its line ends and of its records in the [`LanePacker`].
-struct PackedTile {
-    u: u16,
-    v: u16,
-    occupancy: u64,
-    low: u16,
-    high: u16,
-    strip: usize,
-    first_record: usize,
-    record_count: usize,
-    first_line: usize,
+impl TileRun {
+    /// Appends a line to tile (u, v). The lines of a tile come one after the other, in the order of their bits.
+    ///
+    /// # Panics
+    /// If the voxels are not in ascending order, or there are none.
+    #[inline]
+    pub(crate) fn push_line(
+        &mut self,
+        channels: Channels,
+        (u, v): (u16, u16),
+        bit: u32,
+        voxels: impl Iterator<Item = (u16, Record)>,
+    ) {
+        let TileRun { tiles, line_ends, arrays } = self;
+        if tiles.last().is_none_or(|tile| (tile.tile_u.get(), tile.tile_v.get()) != (u, v)) {
+            let first_line = u32::try_from(line_ends.len()).expect("a face has fewer than 2^32 lines");
+            tiles.push(TileRecord {
+                tile_u: U16::new(u),
+                tile_v: U16::new(v),
+                first_line: U32::new(first_line),
+                first_record: U64::new(arrays.steps.len() as u64),
+                occupancy: U64::ZERO,
+                low: U16::MAX_VALUE,
+                high: U16::ZERO,
+            });
+        }
+        let (low, high) = arrays.push_line(channels, voxels);
+        let tile = tiles.last_mut().expect("pushed above, if not before");
+        tile.low = U16::new(tile.low.get().min(low));
+        tile.high = U16::new(tile.high.get().max(high));
+        tile.occupancy = U64::new(tile.occupancy.get() | 1 << bit);
+        let end = arrays.steps.len() as u64 - tile.first_record.get();
+        line_ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
+    }
 }
 
-/// One line of the current strip, with its range of records.
+/// One line of the current strip.
 struct PendingLine {
     u: u16,
     v: u16,
-    from: usize,
-    to: usize,
-    low: u16,
-    high: u16,
+    /// Indices of the line's voxels among those of the strip.
+    voxels: Range<usize>,
 }
 
 /// Packs lines of voxels into one lane.
@@ -132,32 +159,19 @@ pub struct LanePacker {
     dims: [u32; 3],
     channels: Channels,
     tile_order: TileOrder,
-    /// Records of the current strip (eight values of v), in order of arrival.
-    pending: ChannelArrays,
+    /// Coordinates and codes of the current strip's voxels (eight values of v), in order of arrival.
+    pending: Vec<(u16, Record)>,
     pending_lines: Vec<PendingLine>,
-    /// Records of the finished strips; within a strip, tile by tile.
-    strips: Vec<ChannelArrays>,
-    tiles: Vec<PackedTile>,
-    /// Line ends of all tiles, in the order of `tiles`.
-    ends: Vec<u32>,
+    /// The finished strips, packed tile by tile.
+    strips: Vec<TileRun>,
     visible: u64,
 }
 
 impl LanePacker {
     /// Creates a packer for the lane along `axis` of a grid with `dims` points.
     pub fn new(axis: Axis, dims: [u32; 3], channels: Channels, tile_order: TileOrder) -> LanePacker {
-        LanePacker {
-            axis,
-            dims,
-            channels,
-            tile_order,
-            pending: ChannelArrays::default(),
-            pending_lines: Vec::new(),
-            strips: Vec::new(),
-            tiles: Vec::new(),
-            ends: Vec::new(),
-            visible: 0,
-        }
+        let (pending, pending_lines, strips) = (Vec::new(), Vec::new(), Vec::new());
+        LanePacker { axis, dims, channels, tile_order, pending, pending_lines, strips, visible: 0 }
     }
 
     /// Appends the line at (u, v); lines must come by ascending v, then u.
@@ -165,7 +179,7 @@ impl LanePacker {
     /// `voxels` yields voxels by ascending coordinate along the axis. Lines without voxels take no space.
     ///
     /// # Panics
-    /// If lines or voxels are out of order.
+    /// If lines or voxels are out of order; of voxels, possibly only in a later call.
     #[inline]
     pub fn line(&mut self, u: u16, v: u16, voxels: impl Iterator<Item = (u16, Record)>) {
         if let Some(last) = self.pending_lines.last() {
@@ -174,11 +188,12 @@ impl LanePacker {
                 self.close_strip();
             }
         }
-        let mut voxels = voxels.inspect(|_| self.visible += 1).peekable();
-        if voxels.peek().is_some() {
-            let from = self.pending.steps.len();
-            let (low, high) = self.pending.push_line(self.channels, voxels);
-            self.pending_lines.push(PendingLine { u, v, from, to: self.pending.steps.len(), low, high });
+        let first = self.pending.len();
+        self.pending.extend(voxels);
+        let voxels = first..self.pending.len();
+        if !voxels.is_empty() {
+            self.visible += voxels.len() as u64;
+            self.pending_lines.push(PendingLine { u, v, voxels });
         }
     }
 
@@ -187,76 +202,42 @@ impl LanePacker {
         self.visible
     }
 
-    /// Ends the current strip: groups its lines and records by tile.
+    /// Ends the current strip: packs its lines tile by tile.
     fn close_strip(&mut self) {
-        let mut lines = std::mem::take(&mut self.pending_lines);
-        let place = |line: &PendingLine| (line.u / TILE_EDGE, line.v, line.u);
-        lines.sort_unstable_by_key(place);
-        let mut strip = ChannelArrays::with_capacity(self.channels, self.pending.steps.len());
-        for tile_lines in lines.chunk_by(|a, b| a.u / TILE_EDGE == b.u / TILE_EDGE) {
-            let first_record = strip.steps.len();
-            let first_line = self.ends.len();
-            let mut occupancy = 0u64;
-            for line in tile_lines {
-                strip.append(self.channels, &self.pending, line.from, line.to);
-                occupancy |= 1 << ((line.v % TILE_EDGE) * TILE_EDGE + line.u % TILE_EDGE);
-                let end = strip.steps.len() - first_record;
-                self.ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
-            }
-            self.tiles.push(PackedTile {
-                u: tile_lines[0].u / TILE_EDGE,
-                v: tile_lines[0].v / TILE_EDGE,
-                occupancy,
-                low: tile_lines.iter().map(|l| l.low).min().expect("a chunk is not empty"),
-                high: tile_lines.iter().map(|l| l.high).max().expect("a chunk is not empty"),
-                strip: self.strips.len(),
-                first_record,
-                record_count: strip.steps.len() - first_record,
-                first_line,
-            });
+        self.pending_lines.sort_unstable_by_key(|line| (line.u / TILE_EDGE, line.v, line.u));
+        let arrays = ChannelArrays::with_capacity(self.channels, self.pending.len());
+        let mut strip = TileRun { arrays, ..TileRun::default() };
+        for PendingLine { u, v, voxels } in self.pending_lines.drain(..) {
+            let bit = v % TILE_EDGE * TILE_EDGE + u % TILE_EDGE;
+            let voxels = self.pending[voxels].iter().copied();
+            strip.push_line(self.channels, (u / TILE_EDGE, v / TILE_EDGE), bit.into(), voxels);
         }
+        self.pending.clear();
         self.strips.push(strip);
-        self.pending = ChannelArrays::default();
-        lines.clear();
-        self.pending_lines = lines;
     }
 
     /// Returns the lane, with its tiles in tile order.
     pub fn finish(mut self) -> OwnedLane {
         self.close_strip();
-        let (tiles, channels) = (&mut self.tiles, self.channels);
-        tiles.sort_unstable_by_key(|tile| self.tile_order.key(tile.u, tile.v));
-        let records = self.strips.iter().map(|strip| strip.steps.len()).sum();
+        let LanePacker { axis, dims, channels, tile_order, strips, .. } = self;
+        let tiles = strips.iter().flat_map(|strip| strip.tiles.iter().map(move |tile| (strip, tile)));
+        let mut sorted: Vec<(&TileRun, &TileRecord)> = tiles.collect();
+        sorted.sort_unstable_by_key(|(_, tile)| tile.key(tile_order));
+        let records = strips.iter().map(|strip| strip.arrays.steps.len()).sum();
         let mut arrays = ChannelArrays::with_capacity(channels, records);
-        let mut line_ends = OwnedLineEnds::for_line(self.dims[self.axis.index()]);
-        let mut table = Vec::with_capacity(tiles.len());
-        let mut line_count = 0u32;
-        for tile in tiles.iter() {
-            table.push(TileRecord {
-                tile_u: U16::new(tile.u),
-                tile_v: U16::new(tile.v),
-                first_line: U32::new(line_count),
-                first_record: U64::new(arrays.steps.len() as u64),
-                occupancy: U64::new(tile.occupancy),
-                low: U16::new(tile.low),
-                high: U16::new(tile.high),
-            });
-            let (from, to) = (tile.first_record, tile.first_record + tile.record_count);
-            arrays.append(channels, &self.strips[tile.strip], from, to);
-            let lines = tile.occupancy.count_ones();
-            self.ends[tile.first_line..][..lines as usize].iter().for_each(|&end| line_ends.push(end));
-            line_count += lines;
+        let (mut tiles, mut line_ends) = (Vec::with_capacity(sorted.len()), Vec::new());
+        for (strip, tile) in sorted {
+            let first_line = u32::try_from(line_ends.len()).expect("a face has fewer than 2^32 lines");
+            let first_record = U64::new(arrays.steps.len() as u64);
+            tiles.push(TileRecord { first_line: U32::new(first_line), first_record, ..*tile });
+            let ends = &strip.line_ends[tile.lines()];
+            let start = usize::try_from(tile.first_record.get()).expect("the strip is in memory");
+            let count = ends.last().map_or(0, |&end| end as usize);
+            arrays.append(channels, &strip.arrays, start..start + count);
+            line_ends.extend_from_slice(ends);
         }
-        OwnedLane {
-            axis: self.axis,
-            dims: self.dims,
-            channels,
-            tiles: table,
-            line_ends,
-            steps: arrays.steps,
-            values: arrays.values,
-            normals: arrays.normals,
-            magnitudes: arrays.magnitudes,
-        }
+        let line_ends = stored_line_ends(&line_ends, dims[axis.index()]);
+        let ChannelArrays { steps, values, normals, magnitudes } = arrays;
+        OwnedLane { axis, dims, channels, tiles, line_ends, steps, values, normals, magnitudes }
     }
 }

@@ -3,7 +3,7 @@
 //! In: a lane and edits. Out: new lines and records for the tiles with edits, and a tile table of the whole lane, which
 //! refers to the new lines. Time: O(tiles + records of the tiles with edits). Memory: all records of these tiles.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::curve::TileOrder;
 use super::lane::Lane;
@@ -17,9 +17,8 @@ pub(super) type Edits = BTreeMap<[u16; 3], Option<Record>>;
 
 /// Returns the tile in column `u` and row `v` of a lane whose tiles lie in `order`; `None` if the lane stores none.
 pub(super) fn find_tile<'l>(lane: &Lane<'l>, order: TileOrder, u: u16, v: u16) -> Option<&'l TileRecord> {
-    let key = order.key(u, v);
-    let place = |tile: &TileRecord| order.key(tile.tile_u.get(), tile.tile_v.get());
-    lane.tiles.binary_search_by_key(&key, place).ok().map(|index| &lane.tiles[index])
+    let found = lane.tiles.binary_search_by_key(&order.key(u, v), |tile| tile.key(order));
+    found.ok().map(|index| &lane.tiles[index])
 }
 
 #[derive(Debug)]
@@ -54,13 +53,11 @@ impl Patch {
         sorted.sort_unstable_by_key(|edit| (edit.v, edit.u, edit.at));
 
         let mut packer = LanePacker::new(lane.axis, lane.dims, lane.channels, order);
-        let mut changed = Vec::new();
+        let mut changed = BTreeSet::new();
         let mut line = Vec::new();
         for strip in sorted.chunk_by(|a, b| a.v / TILE_EDGE == b.v / TILE_EDGE) {
             let tile_v = strip[0].v / TILE_EDGE;
-            let mut tile_us: Vec<u16> = strip.iter().map(|edit| edit.u / TILE_EDGE).collect();
-            tile_us.sort_unstable();
-            tile_us.dedup();
+            let tile_us: BTreeSet<u16> = strip.iter().map(|edit| edit.u / TILE_EDGE).collect();
             let tiles: Vec<Option<&TileRecord>> = tile_us.iter().map(|&u| find_tile(lane, order, u, tile_v)).collect();
             changed.extend(tile_us.iter().map(|&u| order.key(u, tile_v)));
             let mut remaining = strip;
@@ -72,8 +69,7 @@ impl Patch {
                             continue;
                         }
                         let count = remaining.partition_point(|edit| (edit.v, edit.u) <= (v, u));
-                        let (here, later) = remaining.split_at(count);
-                        remaining = later;
+                        let here = remaining.split_off(..count).expect("a part of what remains");
                         let bit = 1 << (within_v * TILE_EDGE + within_u);
                         let stored = tile.and_then(|tile| lane.tile_lines(tile, bit).next());
                         line.clear();
@@ -85,13 +81,11 @@ impl Patch {
         }
         let records = packer.finish();
         let mut tiles: Vec<TileRecord> = Vec::with_capacity(lane.tiles.len() + records.tiles.len());
-        let key = |tile: &TileRecord| order.key(tile.tile_u.get(), tile.tile_v.get());
-        changed.sort_unstable();
-        tiles.extend(lane.tiles.iter().filter(|tile| changed.binary_search(&key(tile)).is_err()));
+        tiles.extend(lane.tiles.iter().filter(|tile| !changed.contains(&tile.key(order))));
         let lines = u32::try_from(lane.line_ends.len()).expect("checked with the patch's lines");
         tiles.extend(records.tiles.iter().map(|tile| tile.moved(lines, lane.steps.len() as u64)));
         // Unchanged and changed tiles are each sorted: this is a merge.
-        tiles.sort_by_key(key);
+        tiles.sort_by_key(|tile| tile.key(order));
         Patch { tiles, records }
     }
 }

@@ -4,7 +4,6 @@
 
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
-use super::lane::Lane;
 use crate::error::{Error, Result};
 
 /// A set of records of one lane. A record is identified by its index in the lane's channels.
@@ -71,87 +70,4 @@ impl RecordSet {
             word.fetch_or(more.load(Relaxed), Relaxed);
         }
     }
-}
-
-/// Largest size of the table that [`carry`] allocates, in bytes.
-const TABLE_BYTES: usize = 64 << 20;
-
-/// Converts a set of voxels from record indices of lane `from` to those of lane `to`.
-///
-/// `set` tells whether a record of `from` is in the set; the records of `to` that hold the same voxels are added to
-/// `into`. A *slab* is eight coordinates on the axis along which neither lane runs. In both lanes it consists of whole
-/// tiles, so a table with one bit per voxel of a slab converts between them. Time: O(records + lines of the face),
-/// several times that only if a slab's table would exceed 64 MiB.
-///
-/// # Panics
-/// If both lanes run along the same axis.
-///
-/// # Errors
-/// [`Error::OutOfMemory`].
-pub fn carry(from: &Lane, set: &dyn Fn(usize) -> bool, to: &Lane, into: &RecordSet) -> Result<()> {
-    assert!(from.axis != to.axis, "the lanes run along different axes");
-    let wide = from.dims[to.axis.index()] as usize;
-    let long = from.dims[from.axis.index()] as usize;
-    let part = (TABLE_BYTES / wide.max(1)).clamp(1, long.max(1));
-    let mut table: Vec<u8> = Vec::new();
-    let bytes = wide * part;
-    table.try_reserve_exact(bytes).map_err(|_| Error::out_of_memory("a slab's voxels", bytes as u64))?;
-    let (from_slabs, to_slabs) = (slabs(from, to), slabs(to, from));
-    for first in (0..long).step_by(part) {
-        let mut remaining = to_slabs.as_slice();
-        for tiles in from_slabs.chunk_by(|a, b| a.0 == b.0) {
-            table.clear();
-            table.resize(bytes, 0);
-            let slab = tiles[0].0;
-            let before = remaining.partition_point(|tile| tile.0 < slab);
-            let (own, later) = remaining[before..].split_at(remaining[before..].partition_point(|tile| tile.0 == slab));
-            remaining = later;
-            // Index and bit in the table of the voxel at `a` along the lane `from` and `b` along `to`.
-            let place = |a: u32, b: u32| {
-                let (a, b) = ((a as usize).checked_sub(first)?, b as usize);
-                (a < part && b < wide).then(|| a * wide + b)
-            };
-            for &(_, tile) in tiles {
-                for line in from.tile_lines(&from.tiles[tile], u64::MAX) {
-                    let (across, bit) = (line_at(from, &line, to), line_bit(from, &line, to));
-                    for (along, _) in from.line_voxels(line.records).filter(|&(_, record)| set(record)) {
-                        if let Some(at) = place(along, across) {
-                            table[at] |= bit;
-                        }
-                    }
-                }
-            }
-            for &(_, tile) in own {
-                for line in to.tile_lines(&to.tiles[tile], u64::MAX) {
-                    let (across, bit) = (line_at(to, &line, from), line_bit(to, &line, from));
-                    for (along, record) in to.line_voxels(line.records) {
-                        if place(across, along).is_some_and(|at| table[at] & bit != 0) {
-                            into.insert(record);
-                        }
-                    }
-                }
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Returns the slab and the index of each tile of `lane`, sorted by slab. Slabs divide the axis along which neither
-/// lane runs.
-fn slabs(lane: &Lane, other: &Lane) -> Vec<(u16, usize)> {
-    let along_u = lane.axis.others()[0] != other.axis;
-    let slab = |tile: &super::TileRecord| if along_u { tile.tile_u.get() } else { tile.tile_v.get() };
-    let mut slabs: Vec<(u16, usize)> = lane.tiles.iter().map(slab).zip(0..).collect();
-    slabs.sort_unstable();
-    slabs
-}
-
-/// Returns the coordinate of a line of `lane` on the axis of `other`.
-fn line_at(lane: &Lane, line: &super::lane::LineSpan, other: &Lane) -> u32 {
-    if lane.axis.others()[0] == other.axis { line.u } else { line.v }
-}
-
-/// Returns the bit that stands for a line's coordinate inside its slab.
-fn line_bit(lane: &Lane, line: &super::lane::LineSpan, other: &Lane) -> u8 {
-    1 << ((if lane.axis.others()[0] == other.axis { line.v } else { line.u }) % 8)
 }

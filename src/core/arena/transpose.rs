@@ -8,17 +8,8 @@ use super::curve::TileOrder;
 use super::lane::{Lane, LineSpan};
 use super::layout::TILE_EDGE;
 use super::owned_lane::OwnedLane;
-use super::pack::{LanePacker, Record};
+use super::pack::{LanePacker, LineVoxel};
 use crate::volume::Axis;
-
-/// A voxel that is being sorted into its new line.
-#[derive(Clone, Copy, Default)]
-struct TransposedVoxel {
-    /// Index of the voxel's new line in the strip: `(o % 8) * dim x + x`.
-    line: u32,
-    t: u16,
-    record: Record,
-}
 
 /// Returns the voxels of a lane along x as a lane along `axis`.
 ///
@@ -46,8 +37,8 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
     let mut budget = usize::try_from(lane.record_count()).unwrap_or(usize::MAX);
 
     let mut packer = LanePacker::new(axis, lane.dims, lane.channels, tile_order);
-    let mut strip: Vec<TransposedVoxel> = Vec::new();
-    let mut sorted: Vec<TransposedVoxel> = Vec::new();
+    let mut strip: Vec<LineVoxel> = Vec::new();
+    let mut sorted: Vec<LineVoxel> = Vec::new();
     let mut starts: Vec<usize> = Vec::new();
     let mut lines: Vec<LineSpan> = Vec::with_capacity(64);
     for tiles in order.chunk_by(|a, b| a.0 == b.0) {
@@ -61,13 +52,10 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
                 let Some(t) = u16::try_from(t).ok().filter(|_| t < dim_t && o < dim_o) else { continue };
                 let Some(left) = budget.checked_sub(line.records.len()) else { continue };
                 budget = left;
+                // The strip's lines are numbered `(o % 8) * dim_x + x`.
                 let first = o % u32::from(TILE_EDGE) * dim_x;
                 let voxels = lane.line_voxels(line.records.clone()).filter(|&(x, _)| x < dim_x);
-                strip.extend(voxels.map(|(x, index)| TransposedVoxel {
-                    line: first + x,
-                    t,
-                    record: lane.record(index),
-                }));
+                strip.extend(voxels.map(|(x, index)| LineVoxel { line: first + x, t, record: lane.record(index) }));
             }
         }
         let first_o = tiles[0].0 * u32::from(TILE_EDGE);
@@ -86,7 +74,7 @@ pub fn transpose(lane: &Lane, axis: Axis, tile_order: TileOrder) -> OwnedLane {
 }
 
 /// Sorts a strip's voxels by line, stably; line i becomes the range `starts[i]..starts[i + 1]` of `sorted`.
-fn sort_by_line(strip: &[TransposedVoxel], sorted: &mut Vec<TransposedVoxel>, starts: &mut Vec<usize>, lines: usize) {
+fn sort_by_line(strip: &[LineVoxel], sorted: &mut Vec<LineVoxel>, starts: &mut Vec<usize>, lines: usize) {
     starts.clear();
     starts.resize(lines + 2, 0);
     for voxel in strip {
@@ -97,7 +85,7 @@ fn sort_by_line(strip: &[TransposedVoxel], sorted: &mut Vec<TransposedVoxel>, st
     }
     // `starts[line + 1]` is the start of the line and becomes its end.
     sorted.clear();
-    sorted.resize(strip.len(), TransposedVoxel::default());
+    sorted.resize(strip.len(), LineVoxel::default());
     for &voxel in strip {
         let next = &mut starts[voxel.line as usize + 1];
         sorted[*next] = voxel;

@@ -5,6 +5,8 @@
 //! exception: the new codes are spread over the kept values, without loss if their range has at most 256 codes. Normals
 //! are not computed again.
 
+use std::ops::RangeInclusive;
+
 use super::lane::Lane;
 use super::lane_rows::LaneRows;
 use super::layout::{Channels, Facts, Scales};
@@ -110,17 +112,20 @@ pub fn trim<'a>(
         let why = "cannot be dropped: the opacity of the transfer function depends on them; give another function too";
         return Err(Error::input("gradient magnitudes", why));
     }
-    let visible = match &transfer {
-        Some(transfer) => Some(VisibleCodes::new(transfer, old.channels, &old.scales, 0.0)?),
-        None => None,
-    };
+    let codes_of = |transfer| VisibleCodes::new(transfer, old.channels, &old.scales, 0.0);
+    let visible = transfer.as_ref().map(codes_of).transpose()?;
     let stays = move |record: Record| visible.as_ref().is_none_or(|codes| codes.has(record.value, record.magnitude));
     let keep = move |record: Record| stays(record).then_some(record);
     let crop = crop_of(options, &old.grid)?;
 
     let left = LaneRows::new(lane, |_, _, record| keep(record)).within(&crop);
-    let counts = CodeRange::of(&left)?;
-    if counts.voxels == 0 {
+    let (mut visible_voxels, mut lowest_code, mut highest_code) = (0, u16::MAX, 0);
+    each_record(&left, |record| {
+        visible_voxels += 1;
+        lowest_code = record.value.min(lowest_code);
+        highest_code = record.value.max(highest_code);
+    })?;
+    if visible_voxels == 0 {
         let why = format!("none of the {} visible voxels is to stay; keep more of them", old.visible_voxels);
         return Err(Error::input("nothing is left", why));
     }
@@ -140,21 +145,25 @@ pub fn trim<'a>(
     let mut narrowing = None;
     let mut blurred_away = 0;
     if channels.value_bits < old.channels.value_bits {
-        let quantiser = quantiser(&old.scales, counts, in_force)?;
+        let quantiser = quantiser(&old.scales, lowest_code..=highest_code, in_force)?;
         scales.value_low = quantiser.low();
         scales.value_step = quantiser.step();
         blurred_away = match in_force {
             Some(transfer) if !quantiser.is_lossless() => blurred(&left, transfer, old, &quantiser)?,
             _ => 0,
         };
-        narrowing = Some(ValueNarrowing { quantiser, scales: old.scales });
+        narrowing = Some((quantiser, old.scales));
     }
     drop(left);
     let narrow_normals = channels.normal_bits < old.channels.normal_bits && channels.normal_bits > 0;
     let change = move |record: Record| {
         let record = keep(record)?;
-        let value = narrowing.as_ref().map_or(record.value, |narrowing| narrowing.value(record.value));
-        Some(Record { value, normal: if narrow_normals { narrowed(record.normal) } else { record.normal }, ..record })
+        let value = narrowing.map_or(record.value, |(quantiser, old)| narrowed_value(&quantiser, &old, record.value));
+        Some(Record {
+            value,
+            normal: if narrow_normals { narrowed_normal(record.normal) } else { record.normal },
+            ..record
+        })
     };
     let rows = LaneRows::new(lane, move |_, _, record| change(record)).with_channels(channels);
     let (rows, grid) = if options.keep_grid {
@@ -162,7 +171,7 @@ pub fn trim<'a>(
     } else {
         (rows.cropped(&crop), cropped(&old.grid, &crop))
     };
-    let facts = Facts { grid, channels, scales, visible_voxels: counts.voxels, ..*old };
+    let facts = Facts { grid, channels, scales, visible_voxels, ..*old };
     Ok(Trim { rows, facts, transfer, blurred_away })
 }
 
@@ -206,26 +215,6 @@ fn cropped(grid: &Grid, crop: &Region) -> Grid {
     cropped
 }
 
-/// The number of voxels in a source of rows, and the range of their value codes.
-#[derive(Debug, Clone, Copy)]
-struct CodeRange {
-    voxels: u64,
-    lowest_code: u16,
-    highest_code: u16,
-}
-
-impl CodeRange {
-    fn of(rows: &dyn Rows) -> Result<CodeRange> {
-        let mut counts = CodeRange { voxels: 0, lowest_code: u16::MAX, highest_code: 0 };
-        each_record(rows, |record| {
-            counts.voxels += 1;
-            counts.lowest_code = counts.lowest_code.min(record.value);
-            counts.highest_code = counts.highest_code.max(record.value);
-        })?;
-        Ok(counts)
-    }
-}
-
 fn each_record(rows: &dyn Rows, mut see: impl FnMut(Record)) -> Result<()> {
     let [nx, ny, nz] = rows.dims();
     rows.read(Region { xs: 0..nx, ys: 0..ny, zs: 0..nz }, &mut |_, _, voxels| {
@@ -234,32 +223,23 @@ fn each_record(rows: &dyn Rows, mut see: impl FnMut(Record)) -> Result<()> {
 }
 
 /// Returns a quantiser that maps the remaining values to 8-bit codes. It treats the old codes as samples.
-fn quantiser(old: &Scales, counts: CodeRange, transfer: Option<&TransferFunction>) -> Result<Quantiser> {
+fn quantiser(old: &Scales, codes: RangeInclusive<u16>, transfer: Option<&TransferFunction>) -> Result<Quantiser> {
     // A single code has a step of 0, which samples cannot have.
     let step = if old.value_step > 0.0 { old.value_step } else { 1.0 };
     let value = |code: u16| f64::from(code) * step + old.value_low;
-    let range = [counts.lowest_code, counts.highest_code].map(value);
+    let range = [*codes.start(), *codes.end()].map(value);
     let of_labels = transfer.is_some_and(TransferFunction::is_labels);
     let make = if of_labels { Quantiser::for_labels } else { Quantiser::new };
     make(range, 8, SampleType::U16, step, old.value_low)
 }
 
-/// Maps old value codes to new 8-bit ones.
-#[derive(Debug, Clone)]
-struct ValueNarrowing {
-    quantiser: Quantiser,
-    scales: Scales,
-}
-
-impl ValueNarrowing {
-    #[inline(always)]
-    fn value(&self, code: u16) -> u16 {
-        self.quantiser.encode(self.scales.value(code.into()))
-    }
+/// Converts an old value code to a new 8-bit one.
+#[inline(always)]
+fn narrowed_value(quantiser: &Quantiser, old: &Scales, code: u16) -> u16 {
+    quantiser.encode(old.value(code.into()))
 }
 
 fn blurred(rows: &dyn Rows, transfer: &TransferFunction, old: &Facts, quantiser: &Quantiser) -> Result<u64> {
-    let narrow = ValueNarrowing { quantiser: *quantiser, scales: old.scales };
     let scales = Scales { value_low: quantiser.low(), value_step: quantiser.step(), ..old.scales };
     let channels = Channels { value_bits: 8, ..old.channels };
     let before = VisibleCodes::new(transfer, old.channels, &old.scales, NOTICEABLE_OPACITY)?;
@@ -267,13 +247,14 @@ fn blurred(rows: &dyn Rows, transfer: &TransferFunction, old: &Facts, quantiser:
     let mut count = 0;
     each_record(rows, |record| {
         let seen = before.has(record.value, record.magnitude);
-        count += u64::from(seen && !after.has(narrow.value(record.value), record.magnitude));
+        let value = narrowed_value(quantiser, &old.scales, record.value);
+        count += u64::from(seen && !after.has(value, record.magnitude));
     })?;
     Ok(count)
 }
 
 /// Converts a normal code of 2x16 bits to 2x8 bits.
-fn narrowed(code: u32) -> u32 {
+fn narrowed_normal(code: u32) -> u32 {
     // A normal's code stands for the direction opposite to the gradient.
     let gradient = normal::decode16(code).map(|component| -f64::from(component));
     normal::encode8(gradient).into()

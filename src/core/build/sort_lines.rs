@@ -1,22 +1,10 @@
 //! Sorting voxels by line, and packing them into tiles: the inner part of assembly.
 
-use zerocopy::FromZeros as _;
-use zerocopy::byteorder::little_endian::{U16, U32, U64};
-
 use super::assemble::{LaneFace, TileSlot};
-use crate::arena::layout::{Channels, TILE_EDGE, TileRecord};
-use crate::arena::pack::{ChannelArrays, Record, TileRun};
+use crate::arena::layout::{Channels, TILE_EDGE};
+use crate::arena::pack::{ChannelArrays, LineVoxel, TileRun};
 use crate::arena::{Region, Rows};
 use crate::error::Result;
-
-/// A voxel that is being sorted into its line.
-#[derive(Debug, Clone, Copy)]
-struct LineVoxel {
-    /// The tile's index in the run (the tiles packed together) times 64, plus the line's bit in the tile's mask.
-    line: u32,
-    t: u16,
-    record: Record,
-}
 
 /// Sorts voxels by line; keeps its buffers from run to run.
 #[derive(Default)]
@@ -53,11 +41,8 @@ impl LineSorter {
             self.numbers[v as usize * columns + u as usize] = number;
         }
         let records = slots.iter().map(|slot| slot.records as usize).sum();
-        let mut run = TileRun {
-            tiles: slots.iter().map(TileSlot::empty_record).collect(),
-            line_ends: Vec::new(),
-            arrays: ChannelArrays::with_capacity(rows.channels(), records),
-        };
+        let arrays = ChannelArrays::with_capacity(rows.channels(), records);
+        let mut run = TileRun { arrays, ..TileRun::default() };
         self.voxels.clear();
         self.voxels.reserve_exact(records.min(usize::try_from(limit).unwrap_or(usize::MAX)));
         let lines = vs.start * edge..vs.end * edge;
@@ -66,7 +51,7 @@ impl LineSorter {
             let strip = first..(first + u32::try_from(step).expect("at most 65,536 lines")).min(lines.end);
             let region = face.region(us.start * edge..us.end * edge, strip);
             self.sort(rows, face, region, [us.start as usize, vs.start as usize, columns], slots.len())?;
-            self.pack(&mut run, rows.channels());
+            self.pack(&mut run, rows.channels(), slots);
         }
         Ok(run)
     }
@@ -90,6 +75,7 @@ impl LineSorter {
                 let (u, v, t) = face.locate(voxel.x, y, z);
                 let tile = [usize::from(u / TILE_EDGE) - first_u, usize::from(v / TILE_EDGE) - first_v];
                 let Some(number) = self.numbers[tile[1] * columns + tile[0]].checked_sub(1) else { continue };
+                // Lines are numbered by the tile's index in the run (the tiles packed together) and the bit in its mask.
                 let line = number * 64 + u32::from(v % TILE_EDGE * TILE_EDGE + u % TILE_EDGE);
                 self.voxels.push(LineVoxel { line, t, record: voxel.record });
                 self.starts[line as usize + 2] += 1;
@@ -109,37 +95,14 @@ impl LineSorter {
         Ok(())
     }
 
-    /// Appends the sorted lines to the run; later lines of a tile follow its earlier ones.
-    fn pack(&self, run: &mut TileRun, channels: Channels) {
-        let TileRun { tiles, line_ends, arrays } = run;
-        for (tile, starts) in tiles.iter_mut().zip(self.starts.windows(65).step_by(64)) {
-            for (bit, range) in starts.windows(2).enumerate().filter(|(_, range)| range[0] < range[1]) {
-                if tile.occupancy.get() == 0 {
-                    tile.first_line =
-                        U32::new(u32::try_from(line_ends.len()).expect("a face has fewer than 2^32 lines"));
-                    tile.first_record = U64::new(arrays.steps.len() as u64);
-                }
+    /// Appends the sorted lines of the tiles of `slots` to the run; later lines of a tile follow its earlier ones.
+    fn pack(&self, run: &mut TileRun, channels: Channels, slots: &[TileSlot]) {
+        for (slot, starts) in slots.iter().zip(self.starts.windows(65).step_by(64)) {
+            for (bit, range) in (0..).zip(starts.windows(2)).filter(|(_, range)| range[0] < range[1]) {
                 let line = &self.order[range[0] as usize..range[1] as usize];
-                let voxels = line.iter().map(|&index| &self.voxels[index as usize]);
-                let (low, high) = arrays.push_line(channels, voxels.map(|voxel| (voxel.t, voxel.record)));
-                tile.low = U16::new(tile.low.get().min(low));
-                tile.high = U16::new(tile.high.get().max(high));
-                tile.occupancy = U64::new(tile.occupancy.get() | 1 << bit);
-                let end = arrays.steps.len() as u64 - tile.first_record.get();
-                line_ends.push(u32::try_from(end).expect("64 lines of 65,535 records stay below 2^32"));
+                let voxels = line.iter().map(|&index| self.voxels[index as usize]);
+                run.push_line(channels, (slot.u, slot.v), bit, voxels.map(|voxel| (voxel.t, voxel.record)));
             }
-        }
-    }
-}
-
-impl TileSlot {
-    /// Returns the tile's record before any lines are packed.
-    fn empty_record(&self) -> TileRecord {
-        TileRecord {
-            tile_u: U16::new(self.u),
-            tile_v: U16::new(self.v),
-            low: U16::new(u16::MAX),
-            ..TileRecord::new_zeroed()
         }
     }
 }

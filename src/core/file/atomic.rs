@@ -23,15 +23,11 @@ const MOST_LINKS: usize = 40;
 /// # Errors
 /// [`Error::Input`] if `path` is a folder or its folder does not exist; [`Error::Io`] if no file can be created there.
 pub fn check_writable(path: &Path) -> Result<()> {
-    match WriteTarget::of(path)? {
-        // Opening a pipe would wait for its reader.
-        WriteTarget::Device => Ok(()),
-        WriteTarget::File { folder, .. } => {
-            remove_dead(&folder);
-            // Only creating a file shows whether that is possible.
-            unnamed(&folder).map(drop)
-        }
-    }
+    // Opening a pipe would wait for its reader.
+    let Some(WriteTarget { folder, .. }) = WriteTarget::of(path)? else { return Ok(()) };
+    remove_dead(&folder);
+    // Only creating a file shows whether that is possible.
+    unnamed(&folder).map(drop)
 }
 
 /// Returns the folder for temporary files while `path` is written: the folder of `path`, or the system's temporary
@@ -40,10 +36,7 @@ pub fn check_writable(path: &Path) -> Result<()> {
 /// # Errors
 /// The same as [`check_writable`], except those of creating a file: none is created.
 pub fn scratch_folder(path: &Path) -> Result<PathBuf> {
-    Ok(match WriteTarget::of(path)? {
-        WriteTarget::Device => std::env::temp_dir(),
-        WriteTarget::File { folder, .. } => folder,
-    })
+    Ok(WriteTarget::of(path)?.map_or_else(std::env::temp_dir, |target| target.folder))
 }
 
 /// Creates or replaces the file at `path` with the output of `write`, as a whole or not at all.
@@ -68,11 +61,10 @@ pub fn write_atomically_unless<T>(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
 ) -> Result<T> {
-    let target = WriteTarget::of(path)?;
-    if matches!(target, WriteTarget::Device) {
+    let Some(target) = WriteTarget::of(path)? else {
         let file = File::options().write(true).open(path).map_err(Error::io("open", path))?;
         return write_through(path, &file, stop, write);
-    }
+    };
     target.replace(path, |file| {
         let result = write_through(path, file, stop, write)?;
         // Flushing takes long enough for the user to change their mind.
@@ -88,42 +80,41 @@ pub fn write_atomically_unless<T>(
 /// # Errors
 /// The same as [`write_atomically`], and any error of `write`.
 pub(super) fn write_file_atomically<T>(path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
-    let target = WriteTarget::of(path)?;
-    if matches!(target, WriteTarget::Device) {
+    let Some(target) = WriteTarget::of(path)? else {
         let mut file = unnamed(&std::env::temp_dir())?;
         let result = write(&file)?;
         let mut device = File::options().write(true).open(path).map_err(Error::io("open", path))?;
         let copied = file.seek(SeekFrom::Start(0)).and_then(|_| io::copy(&mut file, &mut device));
         return copied.map(|_| result).map_err(Error::io("write", path));
-    }
+    };
     target.replace(path, write)
 }
 
-enum WriteTarget {
-    /// Something that exists and is neither a file nor a folder.
-    Device,
-    /// A file that exists or can be created, after following links.
-    File { folder: PathBuf, name: OsString },
+/// A file that exists or can be created, after following links.
+struct WriteTarget {
+    folder: PathBuf,
+    name: OsString,
 }
 
 impl WriteTarget {
     /// Replaces the target with a new file that `write` fills; `path` is used in messages.
     fn replace<T>(self, path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
-        let WriteTarget::File { folder, name } = self else { unreachable!("devices are written to as they are") };
+        let WriteTarget { folder, name } = self;
         let temporary = TemporaryFile::new(&folder)?;
-        let result = write(temporary.file())?;
-        temporary.file().sync_all().map_err(Error::io("write", path))?;
+        let result = write(temporary.file.as_file())?;
+        temporary.file.as_file().sync_all().map_err(Error::io("write", path))?;
         temporary.rename(&folder.join(name)).map_err(Error::io("replace", path))?;
         // The name must be on disk too. Where folders cannot be flushed, the file is still complete.
         let _ = File::open(&folder).and_then(|folder| folder.sync_all());
         Ok(result)
     }
 
-    fn of(path: &Path) -> Result<WriteTarget> {
+    /// Returns the target at `path`; `None` if something is there that is neither a file nor a folder, a device.
+    fn of(path: &Path) -> Result<Option<WriteTarget>> {
         let is_folder = || Error::input(path.display().to_string(), "is a folder; give a file name");
         match std::fs::metadata(path) {
             Ok(found) if found.is_dir() => return Err(is_folder()),
-            Ok(found) if !found.is_file() => return Ok(WriteTarget::Device),
+            Ok(found) if !found.is_file() => return Ok(None),
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(Error::io("create", path)(error)),
             _ => {}
         }
@@ -138,42 +129,7 @@ impl WriteTarget {
         if !folder.is_dir() {
             return Err(Error::input(folder.display().to_string(), "is no folder; create it first"));
         }
-        Ok(WriteTarget::File { folder: folder.to_path_buf(), name })
-    }
-}
-
-/// A file for intermediate results, in the folder of the final file; removed when this value is dropped.
-#[derive(Debug)]
-pub struct ScratchFile {
-    file: TemporaryFile,
-    /// The file at [`ScratchFile::path`], open and locked, so that other runs do not remove it.
-    held: Option<File>,
-}
-
-impl ScratchFile {
-    /// Creates an empty file in the [`scratch_folder`] of `path`.
-    ///
-    /// # Errors
-    /// [`Error::Io`] if no file can be created there.
-    pub fn beside(path: &Path) -> Result<ScratchFile> {
-        Ok(ScratchFile { file: TemporaryFile::new(&scratch_folder(path)?)?, held: None })
-    }
-
-    /// Returns the file's path. Write there, then call [`ScratchFile::hold`].
-    pub fn path(&self) -> &Path {
-        self.file.path()
-    }
-
-    /// Locks the file that was written at [`ScratchFile::path`], so that other runs do not remove it.
-    ///
-    /// # Errors
-    /// [`Error::Io`] if the file no longer exists.
-    pub fn hold(&mut self) -> Result<()> {
-        let file = File::options().read(true).write(true).open(self.path()).map_err(Error::io("open", self.path()))?;
-        // On a disk without locks, other runs remove nothing.
-        let _ = file.try_lock();
-        self.held = Some(file);
-        Ok(())
+        Ok(Some(WriteTarget { folder: folder.to_path_buf(), name }))
     }
 }
 
@@ -188,7 +144,7 @@ fn write_through<T>(
     // After a failure the buffer must not be written on drop.
     drop(out.into_parts());
     written.map_err(|error| match error.get_ref() {
-        Some(reason) if reason.is::<WriteStopped>() => Error::Interrupted,
+        Some(reason) if matches!(reason.downcast_ref(), Some(Error::Interrupted)) => Error::Interrupted,
         _ => Error::io("write", path)(error),
     })
 }
@@ -199,14 +155,10 @@ struct StoppableFile<'a> {
     stop: &'a dyn Fn() -> bool,
 }
 
-#[derive(Debug, thiserror::Error)]
-#[error("stopped")]
-struct WriteStopped;
-
 impl Write for StoppableFile<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if (self.stop)() {
-            return Err(io::Error::other(WriteStopped));
+            return Err(io::Error::other(Error::Interrupted));
         }
         self.file.write(&bytes[..bytes.len().min(CHUNK_BYTES)])
     }

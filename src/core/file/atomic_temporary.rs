@@ -59,7 +59,7 @@ pub fn abandon_writes() {
 /// A temporary file owned by this process: locked, and listed as unfinished.
 #[derive(Debug)]
 pub(super) struct TemporaryFile {
-    file: tempfile::NamedTempFile,
+    pub(super) file: tempfile::NamedTempFile,
 }
 
 impl TemporaryFile {
@@ -95,14 +95,6 @@ impl TemporaryFile {
         }
         let why = "other runs keep removing the temporary files; try again";
         Err(Error::io("create a file in", folder)(io::Error::other(why)))
-    }
-
-    pub(super) fn file(&self) -> &File {
-        self.file.as_file()
-    }
-
-    pub(super) fn path(&self) -> &Path {
-        self.file.path()
     }
 
     /// Renames the file to `target`; removes it on failure.

@@ -24,12 +24,11 @@ use crate::limits::Limits;
 /// An open `.adj` file, mapped into memory.
 ///
 /// Nobody may change or shorten the file in place while it is open. Replacing it by renaming another file over it, as
-/// [`write_arena`](super::write_arena) does, is safe: the open file keeps its content.
+/// [`write_rows`](super::write_rows) does, is safe: the open file keeps its content.
 #[derive(Debug)]
 pub struct AdjFile {
     path: PathBuf,
-    /// `None` for an empty file, which cannot be mapped.
-    map: Option<FileMap>,
+    map: FileMap,
     limits: Limits,
 }
 
@@ -71,16 +70,12 @@ impl AdjFile {
     pub(super) fn of(file: &File, path: &Path, limits: &Limits) -> Result<AdjFile> {
         let len = file.metadata().map_err(Error::io("open", path))?.len();
         limits.check(path, "file bytes", len, limits.file_bytes)?;
-        let map = if len == 0 {
-            None
-        } else {
-            // SAFETY: the map is read-only and lives as long as this value; its bytes are only read as `&[u8]`. That
-            // is sound as long as no other process changes them meanwhile, which the system cannot promise: it is
-            // the documented condition of this type, and `adj` itself only ever replaces files by renaming. A file
-            // cut short under the map raises SIGBUS, as with every mapped file.
-            let map = unsafe { Mmap::map(file) }.map_err(Error::io("map", path))?;
-            Some(FileMap { map, resident: None, releasing: Mutex::new(()) })
-        };
+        // SAFETY: the map is read-only and lives as long as this value; its bytes are only read as `&[u8]`. That is
+        // sound as long as no other process changes them meanwhile, which the system cannot promise: it is the
+        // documented condition of this type, and `adj` itself only ever replaces files by renaming. A file cut short
+        // under the map raises SIGBUS, as with every mapped file.
+        let map = unsafe { Mmap::map(file) }.map_err(Error::io("map", path))?;
+        let map = FileMap { map, resident: None, releasing: Mutex::new(()) };
         let opened = AdjFile { path: path.to_path_buf(), map, limits: *limits };
         opened.arena()?;
         Ok(opened)
@@ -95,11 +90,9 @@ impl AdjFile {
     /// # Errors
     /// [`Error::Io`] if the system cannot release pages: not on Unix, or the process has locked its memory.
     pub fn keep_resident_below(mut self, bytes: u64) -> Result<AdjFile> {
-        if let Some(mapped) = &mut self.map {
-            mapped.forgo_huge_pages();
-            mapped.release().map_err(Error::io("release the pages of", &self.path))?;
-            mapped.resident = Some(ResidentPages::new(&mapped.map, bytes));
-        }
+        self.map.forgo_huge_pages();
+        self.map.release().map_err(Error::io("release the pages of", &self.path))?;
+        self.map.resident = Some(ResidentPages::new(&self.map.map, bytes));
         Ok(self)
     }
 
@@ -108,13 +101,9 @@ impl AdjFile {
     /// # Errors
     /// [`Error::Format`] or [`Error::Limit`], but only if the file was changed in place after it was opened.
     pub fn arena(&self) -> Result<Arena<'_>> {
-        let bytes = self.map.as_ref().map_or(&[][..], |mapped| &mapped.map);
-        let arena = Arena::new(bytes).map_err(|fault| Error::Format { path: self.path.clone(), fault })?;
+        let arena = Arena::new(&self.map.map).map_err(|fault| Error::Format { path: self.path.clone(), fault })?;
         arena.within(&self.path, &self.limits)?;
-        Ok(match &self.map {
-            Some(mapped) if mapped.resident.is_some() => arena.with_pager(mapped),
-            _ => arena,
-        })
+        Ok(if self.map.resident.is_some() { arena.with_pager(&self.map) } else { arena })
     }
 
     /// Returns the file's path.

@@ -7,7 +7,7 @@ mod resident;
 mod sections;
 mod write;
 
-pub use atomic::{ScratchFile, check_writable, scratch_folder, write_atomically, write_atomically_unless};
+pub use atomic::{check_writable, scratch_folder, write_atomically, write_atomically_unless};
 pub use atomic_temporary::abandon_writes;
 pub use map::AdjFile;
-pub use write::{RowsOutput, arena_bytes, open_rows, write_arena, write_rows};
+pub use write::{RowsOutput, arena_bytes, open_rows, write_rows};

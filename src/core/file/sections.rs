@@ -1,7 +1,7 @@
 //! Writes the sections of an `.adj` file side by side: their sizes are known, their bytes arrive alternately.
 
 use std::fs::File;
-use std::io::{Seek as _, SeekFrom, Write as _};
+use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
 use std::path::Path;
 
 use xxhash_rust::xxh3::Xxh3;
@@ -9,7 +9,7 @@ use zerocopy::IntoBytes;
 use zerocopy::byteorder::little_endian::U64;
 
 use super::write::header_with_checksum;
-use crate::arena::layout::{Facts, SectionEntry, SectionKind, aligned};
+use crate::arena::layout::{Facts, SectionEntry, aligned};
 use crate::build::budget::WRITE_BYTES;
 use crate::error::{Error, Result};
 
@@ -22,16 +22,16 @@ pub(super) struct SectionFile<'a> {
 
 impl<'a> SectionFile<'a> {
     /// Adds a section of `bytes` bytes and returns its writer.
-    pub(super) fn section(&mut self, kind: SectionKind, axis: u8, element_bytes: u8, bytes: u64) -> SectionWriter<'a> {
+    ///
+    /// `empty` is the section's entry in the section table, still without position and checksum.
+    pub(super) fn section(&mut self, empty: SectionEntry, bytes: u64) -> SectionWriter<'a> {
         let offset = aligned(self.end);
         self.end = offset + bytes;
-        let entry = SectionEntry {
-            offset: U64::new(offset),
-            bytes: U64::new(bytes),
-            ..SectionEntry::empty(kind, axis, element_bytes)
-        };
+        let entry = SectionEntry { offset: U64::new(offset), bytes: U64::new(bytes), ..empty };
         let (file, path) = (self.file, self.path);
-        SectionWriter { file, path, entry, at: offset, buffer: Vec::new(), checksum: Xxh3::new() }
+        let buffer_bytes = usize::try_from(WRITE_BYTES).expect("256 KiB");
+        let out = BufWriter::with_capacity(buffer_bytes, FilePart { file, at: offset });
+        SectionWriter { path, entry, out, checksum: Xxh3::new() }
     }
 
     /// Writes the header and the section table, fills gaps with zeros, and returns the file's length in bytes.
@@ -51,56 +51,43 @@ impl<'a> SectionFile<'a> {
 
 /// Writes one section while others are written too.
 pub(super) struct SectionWriter<'a> {
-    file: &'a File,
     path: &'a Path,
     entry: SectionEntry,
-    /// Byte offset in the file to which the buffered bytes will be written.
-    at: u64,
-    buffer: Vec<u8>,
+    out: BufWriter<FilePart<'a>>,
     checksum: Xxh3,
 }
 
 impl SectionWriter<'_> {
-    pub(super) fn element_bytes(&self) -> u8 {
-        self.entry.element_bytes
-    }
-
     pub(super) fn write(&mut self, bytes: &[u8]) -> Result<()> {
         self.checksum.update(bytes);
-        if (self.buffer.len() + bytes.len()) as u64 <= WRITE_BYTES {
-            self.buffer.extend_from_slice(bytes);
-            return Ok(());
-        }
-        self.flush()?;
-        if bytes.len() as u64 > WRITE_BYTES {
-            self.put(bytes)
-        } else {
-            self.buffer.extend_from_slice(bytes);
-            Ok(())
-        }
-    }
-
-    fn flush(&mut self) -> Result<()> {
-        let buffer = std::mem::take(&mut self.buffer);
-        self.put(&buffer)?;
-        self.buffer = buffer;
-        self.buffer.clear();
-        Ok(())
-    }
-
-    fn put(&mut self, bytes: &[u8]) -> Result<()> {
-        let mut file = self.file;
-        let written = file.seek(SeekFrom::Start(self.at)).and_then(|_| file.write_all(bytes));
-        written.map_err(Error::io("write", self.path))?;
-        self.at += bytes.len() as u64;
-        Ok(())
+        self.out.write_all(bytes).map_err(Error::io("write", self.path))
     }
 
     /// Writes the remaining bytes, and returns the section's entry in the section table, with its checksum.
     pub(super) fn finish(mut self) -> Result<SectionEntry> {
-        self.flush()?;
-        assert_eq!(self.at, self.entry.offset.get() + self.entry.bytes.get(), "a section has the length announced");
+        self.out.flush().map_err(Error::io("write", self.path))?;
+        let end = self.entry.offset.get() + self.entry.bytes.get();
+        assert_eq!(self.out.get_ref().at, end, "a section has the length announced");
         self.entry.xxh3 = U64::new(self.checksum.digest());
         Ok(self.entry)
+    }
+}
+
+/// Writes to a file from byte offset `at` on, whatever the file's own position is.
+struct FilePart<'a> {
+    file: &'a File,
+    at: u64,
+}
+
+impl Write for FilePart<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.file.seek(SeekFrom::Start(self.at))?;
+        let written = self.file.write(bytes)?;
+        self.at += written as u64;
+        Ok(written)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
     }
 }

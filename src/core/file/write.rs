@@ -9,15 +9,16 @@ use std::path::Path;
 
 use xxhash_rust::xxh3::xxh3_64;
 use zerocopy::IntoBytes;
-use zerocopy::byteorder::little_endian::{U16, U32, U64};
+use zerocopy::byteorder::little_endian::{U32, U64};
 
-use super::atomic::{write_atomically, write_file_atomically};
+use super::atomic::write_file_atomically;
 use super::atomic_temporary::unnamed;
 use super::map::AdjFile;
 use super::sections::SectionFile;
+use crate::arena::lane::stored_line_ends;
 use crate::arena::layout::{self, Facts, FileHeader, SectionEntry, SectionKind, TileRecord, aligned};
-use crate::arena::pack::TileRun;
-use crate::arena::{LineEnds, OwnedLane, Rows};
+use crate::arena::pack::{ChannelArrays, TileRun};
+use crate::arena::{OwnedLane, Rows};
 use crate::build::assemble::{Assembler, LaneTotals};
 use crate::build::progress::{Observer, Phase, report};
 use crate::error::{Error, Result};
@@ -28,19 +29,15 @@ use crate::volume::Axis;
 ///
 /// `description` is a JSON text. `lanes` are the lanes to store: along x, or x and y, or x, y and z.
 pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec<u8> {
-    let mut sections = vec![(SectionEntry::empty(SectionKind::Description, 255, 1), description.as_bytes())];
+    let mut sections = vec![(SectionEntry::empty(SectionKind::Description, None, 1), description.as_bytes())];
     for lane in lanes {
         let view = lane.view();
-        let line_ends = match view.line_ends {
-            LineEnds::Narrow(ends) => ends.as_bytes(),
-            LineEnds::Wide(ends) => ends.as_bytes(),
-        };
+        let line_ends = view.line_ends.as_bytes();
         let parts = [view.tiles.as_bytes(), line_ends, view.steps, view.values, view.normals, view.magnitudes];
         for (kind, bytes) in SectionKind::OF_LANES.into_iter().zip(parts) {
             let element = kind.element_bytes(facts.channels, facts.grid.dims, view.axis);
             if element > 0 {
-                let axis = u8::try_from(view.axis.index()).expect("0, 1 or 2");
-                sections.push((SectionEntry::empty(kind, axis, element), bytes));
+                sections.push((SectionEntry::empty(kind, Some(view.axis), element), bytes));
             }
         }
     }
@@ -65,16 +62,6 @@ pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec
     file
 }
 
-/// Writes the bytes that [`arena_bytes`] returns to the file at `path`; returns the file's length in bytes.
-///
-/// # Errors
-/// The same as [`write_atomically`].
-pub fn write_arena(path: &Path, facts: &Facts, lanes: &[OwnedLane], description: &str) -> Result<u64> {
-    let bytes = arena_bytes(facts, lanes, description);
-    write_atomically(path, |out| out.write_all(&bytes))?;
-    Ok(bytes.len() as u64)
-}
-
 /// Tells [`write_rows`] what to write beside the voxels, and which resources it may use.
 pub struct RowsOutput<'a> {
     /// Contents of the file's header; the number of visible voxels is replaced by a new count.
@@ -94,7 +81,7 @@ pub struct RowsOutput<'a> {
 /// The bytes of the file do not depend on memory or threads.
 ///
 /// # Errors
-/// The same as [`write_atomically`]; [`Error::Input`] if there are no voxels; [`Error::Interrupted`] if the observer
+/// The same as [`write_atomically`](super::write_atomically); [`Error::Input`] if there are no voxels; [`Error::Interrupted`] if the observer
 /// cancels; any error of reading the rows.
 pub fn write_rows(
     path: &Path,
@@ -135,17 +122,20 @@ fn write_rows_to(
     let lane_count = usize::from(output.lane_count);
     let lanes = [Axis::X, Axis::Y, Axis::Z].into_iter().take(lane_count);
     let facts = &output.facts;
-    let kinds = |axis| {
-        SectionKind::OF_LANES.into_iter().filter_map(move |kind| {
-            let element = kind.element_bytes(facts.channels, facts.grid.dims, axis);
-            (element > 0).then_some((kind, element))
+    let dims = facts.grid.dims;
+    // The entries of a lane's sections; `None` for a channel that is not stored.
+    let entries = |axis| {
+        SectionKind::OF_LANES.map(|kind| {
+            let element = kind.element_bytes(facts.channels, dims, axis);
+            (element > 0).then(|| SectionEntry::empty(kind, Some(axis), element))
         })
     };
-    let section_count = 1 + lanes.clone().map(|axis| kinds(axis).count()).sum::<usize>();
+    let section_count = 1 + lanes.clone().flat_map(entries).flatten().count();
     out.end = (size_of::<FileHeader>() + section_count * size_of::<SectionEntry>()) as u64;
 
-    let mut description = out.section(SectionKind::Description, 255, 1, output.description.len() as u64);
-    description.write(output.description.as_bytes())?;
+    let text = output.description.as_bytes();
+    let mut description = out.section(SectionEntry::empty(SectionKind::Description, None, 1), text.len() as u64);
+    description.write(text)?;
     let mut table = vec![description.finish()?];
     let assembler = Assembler::new(rows, facts.tile_order, output.memory, output.threads);
     let mut visible_voxels = 0;
@@ -156,44 +146,28 @@ fn write_rows_to(
                 return Err(Error::input("nothing is visible", "no voxel is left to write"));
             }
             visible_voxels = totals.voxels;
-            let number = u8::try_from(axis.index()).expect("0, 1 or 2");
-            for (kind, element) in kinds(axis) {
-                let elements = match kind {
-                    SectionKind::Tiles => totals.tiles,
-                    SectionKind::LineEnds => totals.lines,
-                    _ => totals.records,
-                };
-                let bytes = elements * u64::from(element);
-                sections.borrow_mut().push((kind, out.section(kind, number, element, bytes)));
+            let LaneTotals { tiles, lines, records, .. } = *totals;
+            for (entry, count) in entries(axis).into_iter().zip([tiles, lines, records, records, records, records]) {
+                let section = entry.map(|entry| out.section(entry, count * u64::from(entry.element_bytes)));
+                sections.borrow_mut().push(section);
             }
             Ok(())
         };
         let (mut lines, mut records) = (0u32, 0u64);
         let mut take = |run: TileRun| {
             let tiles: Vec<TileRecord> = run.tiles.iter().map(|tile| tile.moved(lines, records)).collect();
-            for (kind, section) in sections.borrow_mut().iter_mut() {
-                match kind {
-                    SectionKind::Tiles => section.write(tiles.as_bytes())?,
-                    SectionKind::LineEnds if section.element_bytes() == 2 => {
-                        let narrow = |&end: &u32| U16::new(u16::try_from(end).expect("R14: narrow lines fit"));
-                        section.write(run.line_ends.iter().map(narrow).collect::<Vec<_>>().as_bytes())?;
-                    }
-                    SectionKind::LineEnds => {
-                        section.write(run.line_ends.iter().map(|&end| U32::new(end)).collect::<Vec<_>>().as_bytes())?;
-                    }
-                    SectionKind::Steps => section.write(&run.arrays.steps)?,
-                    SectionKind::Values => section.write(&run.arrays.values)?,
-                    SectionKind::Normals => section.write(&run.arrays.normals)?,
-                    SectionKind::Magnitudes => section.write(&run.arrays.magnitudes)?,
-                    SectionKind::Description => {}
-                }
+            let line_ends = stored_line_ends(&run.line_ends, dims[axis.index()]);
+            let ChannelArrays { steps, values, normals, magnitudes } = &run.arrays;
+            let parts = [tiles.as_bytes(), &line_ends, steps, values, normals, magnitudes];
+            for (section, bytes) in sections.borrow_mut().iter_mut().zip(parts) {
+                section.as_mut().map_or(Ok(()), |section| section.write(bytes))?;
             }
             lines += u32::try_from(run.line_ends.len()).expect("a face has fewer than 2^32 lines");
-            records += run.arrays.steps.len() as u64;
+            records += steps.len() as u64;
             Ok(())
         };
         assembler.lane(axis, observer, &mut begin, &mut take)?;
-        for (_, section) in sections.into_inner() {
+        for section in sections.into_inner().into_iter().flatten() {
             table.push(section.finish()?);
         }
     }

@@ -18,7 +18,7 @@ use crate::arena::lanes::DerivedLanes;
 use crate::arena::layout::Facts;
 use crate::arena::{Arena, Lane};
 use crate::classify::TransferFunction;
-use crate::error::{Error, FormatFault, Result};
+use crate::error::{Error, Result};
 use crate::file::{AdjFile, write_atomically};
 use crate::limits::Limits;
 use crate::splat::camera::ToCamera;
@@ -50,17 +50,13 @@ enum Bytes {
     InMemory(Vec<u8>),
 }
 
-impl Stored {
+impl Bytes {
     fn arena(&self) -> Result<Arena<'_>> {
-        match &self.bytes {
+        match self {
             Bytes::Mapped(file) => file.arena(),
-            Bytes::InMemory(bytes) => Arena::new(bytes).map_err(in_memory),
+            Bytes::InMemory(bytes) => Arena::new(bytes).map_err(|fault| Error::Format { path: "memory".into(), fault }),
         }
     }
-}
-
-fn in_memory(fault: FormatFault) -> Error {
-    Error::Format { path: "memory".into(), fault }
 }
 
 impl Model {
@@ -91,10 +87,7 @@ impl Model {
     }
 
     fn new(bytes: Bytes, derived: DerivedLanes, path: &Path) -> Result<Model> {
-        let arena = match &bytes {
-            Bytes::Mapped(file) => file.arena()?,
-            Bytes::InMemory(bytes) => Arena::new(bytes).map_err(in_memory)?,
-        };
+        let arena = bytes.arena()?;
         let transfer = stored_transfer(&arena).ok_or_else(|| {
             Error::input(path.display().to_string(), "stores no transfer function that this library reads")
         })?;
@@ -199,7 +192,7 @@ impl Model {
     /// # Errors
     /// [`Error::Format`] if the file was changed in place since it was opened.
     pub fn arena(&self) -> Result<Arena<'_>> {
-        self.stored.arena()
+        self.stored.bytes.arena()
     }
 
     /// Writes the model as an `.adj` file and returns its bytes.

@@ -19,13 +19,13 @@
 //! The proof covers the kernels of the draft, standard and high qualities, for views from outside as [`super`] defines
 //! them.
 
+use super::carry::carry;
 use super::weight::layer_weights;
 use super::{Culling, CullingObserver, CullingStage, report_step};
 use adjsplat::arena::Lane;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::LOG2_E;
 use adjsplat::internals::RecordSet;
-use adjsplat::internals::carry;
 use adjsplat::splat::camera::WorldFrame;
 use adjsplat::splat::composite::{MAX_DEPTH, Table};
 use adjsplat::splat::{KernelShape, Quality, Scene, Settings};

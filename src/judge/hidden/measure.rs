@@ -2,12 +2,12 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use super::carry::carry;
 use super::sampled::{by_axis, settings};
 use super::views::{CullingView, JUDGING_SIDE};
 use super::{Culling, CullingObserver, CullingStage, in_parallel};
 use adjsplat::error::Result;
 use adjsplat::internals::RecordSet;
-use adjsplat::internals::carry;
 use adjsplat::splat::cpu::render_without;
 use adjsplat::splat::{Frame, Lighting, Scene};
 use adjsplat::volume::Axis;

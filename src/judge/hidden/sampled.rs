@@ -4,12 +4,12 @@
 //! records (stored voxels) of the lane along x. The renderer itself marks them (`cpu/visible.rs`), in its own order and
 //! with its own footprints. A view uses one of the three lanes; its marks are carried over to the lane along x.
 
+use super::carry::carry;
 use super::views::CullingView;
 use super::{CullingObserver, CullingStage, in_parallel};
 use adjsplat::arena::Lane;
 use adjsplat::error::Result;
 use adjsplat::internals::RecordSet;
-use adjsplat::internals::carry;
 use adjsplat::splat::cpu::{VisibleRecords, mark_visible};
 use adjsplat::splat::{Quality, Scene, Settings, View};
 use adjsplat::traverse::{Order, Sense, SplitForm};

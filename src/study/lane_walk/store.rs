@@ -1,9 +1,10 @@
 //! Where the bytes of a lane lie: answers what a walk asks of a lane, and traces the bytes that each answer reads.
 
 use crate::trace::{Trace, WalkerArray};
+use adjsplat::arena::Lane;
 use adjsplat::arena::TileRecord;
 use adjsplat::arena::layout::TILE_EDGE;
-use adjsplat::arena::{Lane, LineEnds};
+use adjsplat::arena::layout::line_end_bytes;
 use adjsplat::volume::Axis;
 
 /// Number of steps (distances from a voxel to the next on its line) that are read at once.
@@ -101,7 +102,7 @@ impl OwnStore<'_> {
         let lane = &self.lane;
         let sizes = [
             size_of_val(lane.tiles),
-            lane.line_ends.len() * self.end_bytes(),
+            lane.line_ends.as_bytes().len(),
             lane.steps.len(),
             lane.values.len(),
             lane.normals.len(),
@@ -111,10 +112,7 @@ impl OwnStore<'_> {
     }
 
     fn end_bytes(&self) -> usize {
-        match self.lane.line_ends {
-            LineEnds::Narrow(_) => 2,
-            LineEnds::Wide(_) => 4,
-        }
+        line_end_bytes(self.lane.dims[self.lane.axis.index()]).into()
     }
 
     /// Returns tile number `index`, and traces a read of `bytes` at `offset` in its record.

@@ -157,7 +157,7 @@ impl RandomVoxels for Random {
 
 /// Changes one thing of the lane to something random or extreme, but no length.
 fn damage(lane: &mut OwnedLane, random: &mut Random) {
-    use adjsplat::arena::OwnedLineEnds;
+    use adjsplat::arena::layout::line_end_bytes;
     use zerocopy::byteorder::little_endian::{U16, U32, U64};
     let wild = match random.below(4) {
         0 => u64::MAX,
@@ -175,16 +175,11 @@ fn damage(lane: &mut OwnedLane, random: &mut Random) {
             let place = random.below(lane.steps.len() as u64) as usize;
             lane.steps[place..].iter_mut().take(40).for_each(|step| *step = wild as u8);
         }
-        1 | 2 => match &mut lane.line_ends {
-            OwnedLineEnds::Narrow(ends) => {
-                let place = random.below(ends.len() as u64) as usize;
-                ends[place] = U16::new(wild as u16);
-            }
-            OwnedLineEnds::Wide(ends) => {
-                let place = random.below(ends.len() as u64) as usize;
-                ends[place] = U32::new(wild as u32);
-            }
-        },
+        1 | 2 => {
+            let place = random.below(lane.view().line_ends.len() as u64) as usize;
+            let width = usize::from(line_end_bytes(lane.dims[lane.axis.index()]));
+            lane.line_ends[width * place..][..width].copy_from_slice(&wild.to_le_bytes()[..width]);
+        }
         3 => lane.tiles[tile] = lane.tiles[random.below(count) as usize],
         4 => lane.tiles[tile].first_record = U64::new(wild),
         5 => lane.tiles[tile].first_line = U32::new(wild as u32),

@@ -97,13 +97,9 @@ pub(crate) fn repair_header(file: &mut [u8]) {
 }
 
 fn lane_parts(lane: &Lane) -> Vec<Part> {
-    let line_ends: Vec<u8> = match lane.line_ends {
-        adjsplat::arena::LineEnds::Narrow(ends) => ends.as_bytes().to_vec(),
-        adjsplat::arena::LineEnds::Wide(ends) => ends.as_bytes().to_vec(),
-    };
     let bytes = [
         lane.tiles.as_bytes().to_vec(),
-        line_ends,
+        lane.line_ends.as_bytes().to_vec(),
         lane.steps.to_vec(),
         lane.values.to_vec(),
         lane.normals.to_vec(),

@@ -158,10 +158,10 @@ fn is_whole(file: &[u8], arena: &Arena) -> bool {
     let mut filling = vec![true; file.len()];
     filling[..256 + 32 * arena.sections().len()].fill(false);
     let sums_are_right = arena.sections().iter().all(|section| {
-        let from = usize::try_from(section.offset).unwrap();
-        let range = from..from + usize::try_from(section.bytes).unwrap();
+        let from = usize::try_from(section.offset.get()).unwrap();
+        let range = from..from + usize::try_from(section.bytes.get()).unwrap();
         filling[range.clone()].fill(false);
-        xxh3_64(&file[range]) == section.xxh3
+        xxh3_64(&file[range]) == section.xxh3.get()
     });
     sums_are_right && file.iter().zip(filling).all(|(&byte, fills)| !fills || byte == 0)
 }

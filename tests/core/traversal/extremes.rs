@@ -1,6 +1,6 @@
 //! Long lines, culling, transposition, damaged lanes, and viewpoints at the edge of sense.
 
-use adjsplat::arena::OwnedLineEnds;
+use adjsplat::arena::layout::line_end_bytes;
 use adjsplat::arena::{Channels, OwnedLane, TileOrder};
 use adjsplat::internals::transpose;
 use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, VoxelBox, walk};
@@ -204,17 +204,12 @@ fn damage(lane: &mut OwnedLane, random: &mut Random) {
             lane.steps[place..].iter_mut().take(40).for_each(|step| *step = wild as u8);
         }
         1 => lane.steps.truncate(random.below(lane.steps.len() as u64 + 1) as usize),
-        2 | 3 => match &mut lane.line_ends {
-            OwnedLineEnds::Narrow(ends) if !ends.is_empty() => {
-                let place = random.below(ends.len() as u64) as usize;
-                ends[place] = U16::new(wild as u16);
-            }
-            OwnedLineEnds::Wide(ends) if !ends.is_empty() => {
-                let place = random.below(ends.len() as u64) as usize;
-                ends[place] = U32::new(wild as u32);
-            }
-            _ => {}
-        },
+        2 | 3 if !lane.line_ends.is_empty() => {
+            let place = random.below(lane.view().line_ends.len() as u64) as usize;
+            let width = usize::from(line_end_bytes(lane.dims[lane.axis.index()]));
+            lane.line_ends[width * place..][..width].copy_from_slice(&wild.to_le_bytes()[..width]);
+        }
+        2 | 3 => {}
         _ if count == 0 => {}
         4 => {
             let copy = lane.tiles[random.below(count) as usize];
@@ -336,7 +331,7 @@ fn a_tile_beyond_any_channel_does_not_carry_others_past_the_end() {
 fn a_line_that_starts_near_the_end_of_32_bits_is_no_line() {
     // In 32 bits the second line, from 2^32 - 1 to 12, has 13 records: in truth it has none.
     let mut lane = long(Axis::X, |x| u8::from(x < 20)).pack(Axis::X, PLAIN, TileOrder::Morton);
-    lane.line_ends = OwnedLineEnds::Wide(vec![U32::new(u32::MAX), U32::new(12)]);
+    lane.line_ends = [u32::MAX, 12].map(u32::to_le_bytes).concat();
     lane.tiles[0].occupancy = U64::new(0b11);
     lane.dims = [LONGEST, 2, 1];
     for order in parallel_orders().filter(|order| order.fast == Axis::X) {

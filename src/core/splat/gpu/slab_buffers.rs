@@ -13,8 +13,8 @@ use zerocopy::IntoBytes;
 
 use super::context::Context;
 use super::lines::line_count;
+use crate::arena::Lane;
 use crate::arena::layout::{TileRecord, line_end_bytes};
-use crate::arena::{Lane, LineEnds};
 use crate::error::{Error, Result};
 use crate::volume::Axis;
 
@@ -52,8 +52,8 @@ pub(crate) fn slab_sizes(lane: &Lane, tiles: &[u32]) -> Result<SlabSizes> {
 
 /// Returns the bytes per line end, step, value, normal and gradient magnitude of `lane`.
 fn widths(lane: &Lane) -> [u64; 5] {
-    let (ends, channels) = (line_end_bytes(lane.dims[lane.axis.index()]), lane.channels);
-    [ends, 1, channels.value_bits / 8, channels.normal_bits / 4, channels.magnitude_bits / 8].map(u64::from)
+    let [steps, values, normals, magnitudes] = lane.channels.widths().map(|width| width as u64);
+    [line_end_bytes(lane.dims[lane.axis.index()]).into(), steps, values, normals, magnitudes]
 }
 
 /// A range of consecutive lines of a lane, and the range of their records.
@@ -142,10 +142,7 @@ impl SlabBuffers {
 /// lane's patch (tiles that an overlay changed).
 fn section<'a>(lane: &Lane<'a>, part: usize) -> [&'a [u8]; 2] {
     let part_of = |lane: &Lane<'a>| match part {
-        1 => match lane.line_ends {
-            LineEnds::Narrow(ends) => ends.as_bytes(),
-            LineEnds::Wide(ends) => ends.as_bytes(),
-        },
+        1 => lane.line_ends.as_bytes(),
         STEPS => lane.steps,
         3 => lane.values,
         4 => lane.normals,
