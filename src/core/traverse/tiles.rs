@@ -16,7 +16,8 @@ pub(super) struct TileRows<'a> {
     sorted: Vec<u32>,
     /// Index in `sorted` at which each row starts; the last element is the end of the last row.
     starts: Vec<u32>,
-    slow_is_v: bool,
+    /// Whether the slow axis is the second axis of the lane's face.
+    pub(super) slow_is_v: bool,
 }
 
 impl<'a> TileRows<'a> {
@@ -47,7 +48,7 @@ impl<'a> TileRows<'a> {
     pub(super) fn slices(&self) -> Vec<u16> {
         let mut slices = Vec::new();
         for row in 0..self.starts.len() - 1 {
-            let union = self.row(row).fold(0, |union, tile| union | tile.occupancy.get());
+            let union = self.row(row).fold(0, |union, (_, tile)| union | tile.occupancy.get());
             for within in 0..TILE_EDGE {
                 let lines =
                     if self.slow_is_v { union >> (8 * within) & 0xff } else { union >> within & 0x0101_0101_0101_0101 };
@@ -59,13 +60,9 @@ impl<'a> TileRows<'a> {
         slices
     }
 
-    /// Iterates over the tiles of the eight slices from `8 * row` on, by ascending medium coordinate.
-    pub(super) fn row(&self, row: usize) -> impl ExactSizeIterator<Item = &'a TileRecord> {
-        self.numbered_row(row).map(|(_, tile)| tile)
-    }
-
-    /// Iterates like [`TileRows::row`], and also yields each tile's index in the lane.
-    pub(super) fn numbered_row(&self, row: usize) -> impl ExactSizeIterator<Item = (u32, &'a TileRecord)> {
+    /// Iterates over the tiles of the eight slices from `8 * row` on, each after its index in the lane, by ascending
+    /// medium coordinate.
+    pub(super) fn row(&self, row: usize) -> impl ExactSizeIterator<Item = (u32, &'a TileRecord)> {
         let range = self.starts[row] as usize..self.starts[row + 1] as usize;
         let lane = self.lane;
         self.sorted[range].iter().map(move |&index| (index, tile_of(&lane, index)))
@@ -80,15 +77,13 @@ fn tile_of<'a>(lane: &Lane<'a>, index: u32) -> &'a TileRecord {
 
 fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
     let [u, v] = lane.axis.others();
-    let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };
-    for (axis, line) in [(u, tile.tile_u.get()), (v, tile.tile_v.get())] {
+    let side = |axis: Axis, tile: u16| {
         let last = u16::try_from(lane.dims[axis.index()] - 1).unwrap_or(u16::MAX);
-        bounds.low[axis.index()] = line.saturating_mul(TILE_EDGE);
-        bounds.high[axis.index()] = line.saturating_mul(TILE_EDGE).saturating_add(TILE_EDGE - 1).min(last);
-    }
-    bounds.low[lane.axis.index()] = tile.low.get();
-    bounds.high[lane.axis.index()] = tile.high.get();
-    bounds
+        let low = tile.saturating_mul(TILE_EDGE);
+        (axis, [low, low.saturating_add(TILE_EDGE - 1).min(last)])
+    };
+    let along_lines = (lane.axis, [tile.low.get(), tile.high.get()]);
+    VoxelBox::from_sides([side(u, tile.tile_u.get()), side(v, tile.tile_v.get()), along_lines])
 }
 
 /// Sorts `items` stably by `key`, a number below `keys`; also returns the index at which each key's items start.
