@@ -72,28 +72,6 @@ impl Default for Orbit {
     }
 }
 
-impl Orbit {
-    /// Returns a parallel view from `azimuth` and `elevation`, in degrees, with everything in the picture.
-    pub fn new(azimuth: f64, elevation: f64) -> Orbit {
-        Orbit { azimuth, elevation, ..Orbit::default() }
-    }
-
-    /// Sets the magnification at the centre; finite and above 0.
-    pub fn with_zoom(self, zoom: f64) -> Orbit {
-        Orbit { zoom, ..self }
-    }
-
-    /// Sets a perspective projection with this vertical angle of view in degrees, above 0 and below 180.
-    pub fn with_perspective(self, fov: f64) -> Orbit {
-        Orbit { fov: Some(fov), ..self }
-    }
-
-    /// Sets the world axis that is upright in the picture.
-    pub fn with_up(self, up: Up) -> Orbit {
-        Orbit { up, ..self }
-    }
-}
-
 /// A [`Camera`], or an [`Orbit`], which becomes a camera once the box of visible voxels is known.
 pub trait ToCamera {
     /// Returns the camera for a picture of `size` (columns, rows); an orbit turns around the sphere `around`.
@@ -233,9 +211,9 @@ pub(crate) const SOUND_LENGTHS: std::ops::RangeInclusive<f64> = 1e-150..=1e150;
 const MARGIN: f64 = 1.04;
 
 impl Camera {
-    /// Returns an [`Orbit`]: a parallel view of all voxels from `azimuth` and `elevation`, in degrees.
+    /// Returns an [`Orbit`]: a parallel view from `azimuth` and `elevation`, in degrees, with everything in the picture.
     pub fn orbit(azimuth: f64, elevation: f64) -> Orbit {
-        Orbit::new(azimuth, elevation)
+        Orbit { azimuth, elevation, ..Orbit::default() }
     }
 
     /// Returns a camera at `position` that looks at `target`, in world coordinates.

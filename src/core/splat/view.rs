@@ -195,9 +195,11 @@ impl View {
                 };
                 let ((left, right), (bottom, top)) = (tangents(right), tangents(up));
                 // A footprint is at most as large as the kernel's longest half-axis times the Jacobian's norm, at most
-                // focal * |t| / t2^2, plus the low-pass.
+                // focal * |t| / t2^2, plus the low-pass. `reach` is the kernel's radius times the length of `forward`.
                 let tangent = left.abs().max(right.abs()).hypot(bottom.abs().max(top.abs()));
-                let longest = self.longest_half_axis(forward);
+                let [x, y, z] = self.steps;
+                let length = (forward[0] * forward[0] + forward[1] * forward[1] + forward[2] * forward[2]).sqrt();
+                let longest = self.reach / length * (x * x + y * y + z * z).sqrt();
                 let half_width = focal * longest / nearest * (1.0 + tangent * tangent).sqrt() + LOW_PASS_REACH;
                 Some([
                     centre[0] + focal * left - half_width,
@@ -207,29 +209,6 @@ impl View {
                 ])
             }
         }
-    }
-
-    /// Returns the direction of view through the picture's centre, as a unit vector in voxel coordinates.
-    pub fn direction(&self) -> [f64; 3] {
-        match self.viewpoint {
-            Viewpoint::Parallel { direction } => direction,
-            Viewpoint::Perspective { toward, .. } => toward,
-        }
-    }
-
-    /// Returns the position of the eye in voxel coordinates; `None` for a parallel view.
-    pub fn eye(&self) -> Option<[f64; 3]> {
-        match self.viewpoint {
-            Viewpoint::Parallel { .. } => None,
-            Viewpoint::Perspective { eye, .. } => Some(eye),
-        }
-    }
-
-    /// Returns an upper bound of the kernel's longest half-axis, in mean spacings; `forward` is the map to the depth.
-    fn longest_half_axis(&self, [a, b, c, _]: &Affine) -> f64 {
-        let [x, y, z] = self.steps;
-        // `reach` is the kernel's radius times the length of `forward`.
-        self.reach / (a * a + b * b + c * c).sqrt() * (x * x + y * y + z * z).sqrt()
     }
 }
 

@@ -20,7 +20,7 @@ pub(crate) fn ordered_lines<T: Copy + Default, V: Visitor + ?Sized>(
     lane: &Lane,
     order: &Order,
     visitor: &mut V,
-    tile_of: impl Fn(u32, &TileRecord) -> T + Copy,
+    tile_of: impl Fn(u32, &TileRecord) -> T,
     visit: impl FnMut(&mut V, u16, &[GatheredLine<T>]),
 ) {
     assert_eq!(lane.axis, order.fast, "a walk needs the lane along its fast axis");
@@ -41,17 +41,17 @@ fn slices<T: Copy + Default, V: Visitor + ?Sized>(
     lane: &Lane,
     order: &Order,
     rows: &TileRows,
-    line_end: impl Fn(usize) -> Option<u32> + Copy,
+    line_end: impl Fn(usize) -> Option<u32>,
     visitor: &mut V,
-    tile_of: impl Fn(u32, &TileRecord) -> T + Copy,
+    tile_of: impl Fn(u32, &TileRecord) -> T,
     mut visit: impl FnMut(&mut V, u16, &[GatheredLine<T>]),
 ) {
-    let mut gather = LineGatherer::new(lane, order);
+    let mut gatherer = LineGatherer { lane, order, rows, line_end, tile_of, lines: Vec::new() };
     let (mut mediums, mut two_sided) = (Vec::new(), Vec::new());
     let slices = rows.slices();
     order.along[order.slow.index()].for_each_index(&slices, |index| {
         let slow = slices[index];
-        let gathered = gather.lines_of(rows, slow, line_end, tile_of, visitor);
+        let gathered = gatherer.lines_of(slow, visitor);
         let lines = match order.along[order.medium.index()] {
             AxisOrder::Ascending => &*gathered,
             AxisOrder::Descending => {

@@ -10,11 +10,12 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::arena::layout::line_end_bytes;
+use crate::splat::Lighting;
 use crate::splat::arith::LOG2_E;
 use crate::splat::composite::MAX_DEPTH;
 use crate::splat::kernel::footprint;
 use crate::splat::setup::FrameSetup as Shot;
-use crate::splat::view::{Affine, PixelMap};
+use crate::splat::view::{Affine, PixelMap, single};
 use crate::traverse::{AxisOrder, Sense, SplitForm, VoxelBox};
 
 pub const LINES: u32 = 64; // Most lines of a block, and invocations of a workgroup of the walk.
@@ -150,23 +151,17 @@ impl FrameUniform {
         let [sigma, cut_off] = [kernel.sigma, kernel.cut_off()];
         let mut uniform = FrameUniform::zeroed();
         let padded = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
-        match &view.map {
+        let maps: &[Affine] = match &view.map {
             PixelMap::Parallel { pixel_from_voxel, scale } => {
-                let single = pixel_from_voxel.map(|m| [m[0] as f32, m[1] as f32, m[2] as f32]);
-                let footprint = footprint(single, sigma, cut_off);
-                for (r, map) in pixel_from_voxel.iter().enumerate() {
-                    (uniform.rows[r], uniform.shifts[r]) = AffineRow::new(map, dims);
-                }
+                let footprint = footprint(pixel_from_voxel.each_ref().map(single), sigma, cut_off);
                 let strength = kernel.normalisation() * footprint.density * (scale * scale) as f32;
                 let ellipse = footprint.ellipse;
                 uniform.ellipse = [ellipse.u_factor, ellipse.y_factor, ellipse.shear, strength];
                 uniform.half_width = [ellipse.half_x, ellipse.half_y];
                 uniform.eye = padded(shot.lights.map_or([0.0; 3], |lights| lights.eye));
+                pixel_from_voxel
             }
             PixelMap::Perspective { camera_from_voxel, focal, centre, near } => {
-                for (r, map) in camera_from_voxel.iter().enumerate() {
-                    (uniform.rows[r], uniform.shifts[r]) = AffineRow::new(map, dims);
-                }
                 for a in 0..3 {
                     let [right, up, depth] = camera_from_voxel.map(|map| map[a] as f32);
                     uniform.steps[a] = [right, up, depth, view.steps[a] as f32];
@@ -177,12 +172,17 @@ impl FrameUniform {
                 uniform.focal = *focal as f32;
                 uniform.near = *near as f32;
                 uniform.is_perspective = 1;
+                camera_from_voxel
             }
+        };
+        for (r, map) in maps.iter().enumerate() {
+            (uniform.rows[r], uniform.shifts[r]) = AffineRow::new(map, dims);
         }
         if let Some(lights) = &shot.lights {
             uniform.light = padded(lights.light);
-            uniform.light_weights = [lights.ambient, lights.diffuse, lights.specular, 0.0];
-            uniform.shininess = lights.shininess.into();
+            let Lighting { ambient, diffuse, specular, shininess, .. } = lights.lighting;
+            uniform.light_weights = [ambient, diffuse, specular, 0.0];
+            uniform.shininess = shininess.into();
         }
         (uniform.sigma, uniform.cut_off, uniform.cut_exponent) = (sigma, cut_off, kernel.cut());
         uniform.max_depth = MAX_DEPTH as f32 * LOG2_E;

@@ -6,6 +6,7 @@
 //! in). So a list stays valid while a turning camera keeps its order.
 
 use super::layout::LINES;
+use super::slab_buffers::{SlabSizes, slab_sizes};
 use crate::arena::layout::{TILE_EDGE, line_end_bytes};
 use crate::arena::{Lane, TileRecord};
 use crate::error::{Error, Result};
@@ -32,7 +33,8 @@ pub(crate) fn list_key(order: &Order) -> Order {
 /// All lines of a lane in visit order.
 #[derive(Debug)]
 pub(crate) struct LineList {
-    pub(crate) key: Order, // What the list depends on: see [`list_key`].
+    pub(crate) key: Order,     // What the list depends on: see [`list_key`].
+    pub(crate) room: LaneSize, // How much of a lane the device can hold, of which the slabs depend.
     pub(crate) slabs: Vec<Slab>,
     pub(crate) bounds: VoxelBox, // A box around all voxels.
     pub(crate) records: u64,     // Number of records of all lines.
@@ -42,6 +44,7 @@ pub(crate) struct LineList {
 #[derive(Debug, Default)]
 pub(crate) struct Slab {
     pub(crate) tiles: Vec<u32>, // Indices of the tiles, ascending.
+    pub(crate) sizes: SlabSizes,
     /// Lines in visit order. The high 26 bits are an index in `tiles`, the low 6 bits a line of that tile.
     pub(crate) lines: Vec<u32>,
     pub(crate) blocks: Vec<ListBlock>,
@@ -117,12 +120,15 @@ impl LineList {
         });
         outcome?;
         builder.close_slab();
-        let slabs = builder.closed;
+        let mut slabs = builder.closed;
+        for slab in &mut slabs {
+            slab.sizes = slab_sizes(lane, &slab.tiles)?;
+        }
         let blocks = || slabs.iter().flat_map(|slab| &slab.blocks);
         let bounds = blocks().map(|block| block.bounds).reduce(union);
         let bounds = bounds.unwrap_or(VoxelBox { low: [0; 3], high: [0; 3] });
         let records = blocks().map(|block| u64::from(block.records)).sum();
-        Ok(LineList { key: list_key(order), bounds, records, slabs })
+        Ok(LineList { key: list_key(order), room, bounds, records, slabs })
     }
 }
 

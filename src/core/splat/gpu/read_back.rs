@@ -11,7 +11,6 @@ use super::buffers::{BufferName, FrameBuffers};
 use super::context::Context;
 use super::{Compositor, GpuRenderer, GpuStats, QuadFormat};
 use crate::error::Result;
-use crate::splat::composite::Finish;
 
 pub(super) const COUNTERS: u64 = 4_096; // Number of counters of drawn splats; later chunks use them again.
 
@@ -44,13 +43,13 @@ pub(super) fn window(renderer: &mut GpuRenderer, size: [u32; 2], out: &mut [f32]
         timer.resolve(&mut encoder);
     }
     context.submit([encoder.finish()])?;
-    let finish = Finish::new(&renderer.looks().table);
+    let table = &renderer.looks().table;
     let pixels = out.as_chunks_mut::<4>().0;
     context.read(&back, bytes, |bytes| {
         let pixel_bytes = target.pixel_bytes() as usize;
         for (row, read) in pixels.chunks_exact_mut(width as usize).zip(bytes.chunks_exact(pitch as usize)) {
             for (pixel, read) in row.iter_mut().zip(read.chunks_exact(pixel_bytes)) {
-                *pixel = finish.pixel(target.decode(read));
+                *pixel = table.finish(target.decode(read));
             }
         }
     })?;
