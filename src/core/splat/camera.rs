@@ -283,26 +283,26 @@ impl Camera {
         self.projection
     }
 
-    /// Returns this camera moved by two world lengths, to the picture's right and to its top, with a new `projection`.
+    /// Returns this camera with another middle of the picture, and a new `projection` of the same kind.
+    ///
+    /// A parallel camera moves to the right and up by two world lengths. A perspective one turns to a ray, given by its
+    /// tangents to the right and up.
     ///
     /// # Errors
     /// The errors of [`Camera::new`].
     pub fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
-        let [right_axis, up_axis, _] = self.axes();
-        let shift = right_axis * right + up_axis * up;
-        let (position, target) = (self.position + shift, self.target + shift);
-        Camera::new(position.to_array(), target.to_array(), self.up.to_array(), projection)
-    }
-
-    /// Returns this camera turned to a ray, given by its tangents to the right and to the top, with `projection`.
-    ///
-    /// # Errors
-    /// The errors of [`Camera::new`].
-    pub fn turned(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
         let [right_axis, up_axis, forward] = self.axes();
-        let distance = (self.target - self.position).length();
-        let target = self.position + (forward + right_axis * right + up_axis * up) * distance;
-        Camera::new(self.position.to_array(), target.to_array(), self.up.to_array(), projection)
+        let (position, target) = match self.projection {
+            Projection::Parallel { .. } => {
+                let shift = right_axis * right + up_axis * up;
+                (self.position + shift, self.target + shift)
+            }
+            Projection::Perspective { .. } => {
+                let distance = (self.target - self.position).length();
+                (self.position, self.position + (forward + right_axis * right + up_axis * up) * distance)
+            }
+        };
+        Camera::new(position.to_array(), target.to_array(), self.up.to_array(), projection)
     }
 
     /// Returns unit world vectors to the picture's right, to its top, and forward along the view.

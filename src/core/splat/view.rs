@@ -215,13 +215,8 @@ impl View {
 /// Checks that both sides of `size` are 1 to [`MAX_SIZE`] pixels.
 pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
     require_pixels(size)?;
-    match size.into_iter().find(|side| *side > MAX_SIZE) {
-        None => Ok(()),
-        Some(side) => {
-            let what = "picture size in pixels".to_string();
-            Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() })
-        }
-    }
+    let Some(side) = size.into_iter().find(|side| *side > MAX_SIZE) else { return Ok(()) };
+    Err(Error::Limit { what: "picture size in pixels".into(), need: side.into(), have: MAX_SIZE.into() })
 }
 
 /// Upper bound of what the low-pass adds to half of a footprint's width, in pixels, at any cut-off in use.
@@ -238,6 +233,5 @@ fn mean_voxel(world: &WorldFrame) -> f64 {
 /// Returns `vector` scaled to length 1; divides by its largest component first, so that no square overflows.
 fn unit(vector: [f64; 3]) -> [f64; 3] {
     let largest = vector.iter().fold(0.0f64, |most, c| most.max(c.abs()));
-    let scaled = DVec3::from_array(vector) / largest;
-    scaled.normalize().to_array()
+    (DVec3::from_array(vector) / largest).normalize().to_array()
 }

@@ -101,16 +101,10 @@ struct BatchSlices<'a> {
     record: &'a mut [u32],
 }
 
-/// The steps of a lane: its `own`, then those of the patch (the changed lines) of `lane`.
-#[derive(Clone, Copy)]
-struct LaneSteps<'a> {
-    own: &'a [u8],
-    lane: &'a Lane<'a>,
-}
-
 pub(super) struct Decoder<'a> {
     lane: &'a Lane<'a>,
-    capacity: usize,
+    /// Largest number of records in a batch.
+    pub(super) capacity: usize,
     fast: AxisOrder,
     batch: DecodeBuffer,
     /// The voxels of one line in ascending order, before they are put in the order of a two-sided fast axis.
@@ -127,19 +121,15 @@ impl<'a> Decoder<'a> {
         Decoder { lane, capacity, fast, batch, line }
     }
 
-    pub(super) fn capacity(&self) -> usize {
-        self.capacity
-    }
-
     #[inline(always)]
     pub(super) fn decode(&mut self, lines: &[GatheredLine], base: u64, slow: u16) -> Batch<'_> {
-        let steps = LaneSteps { own: self.lane.steps, lane: self.lane };
+        let lane = self.lane;
         let range = match self.fast {
             AxisOrder::Ascending => {
                 let mut places = self.batch.places();
                 let mut end = CHUNK;
                 for line in lines {
-                    end = decode_line::<false>(steps, line, base, &mut places, end);
+                    end = decode_line::<false>(lane, line, base, &mut places, end);
                 }
                 CHUNK..end
             }
@@ -148,7 +138,7 @@ impl<'a> Decoder<'a> {
                 let top = CHUNK + self.capacity;
                 let mut start = top;
                 for line in lines.iter().rev() {
-                    start = decode_line::<true>(steps, line, base, &mut places, start);
+                    start = decode_line::<true>(lane, line, base, &mut places, start);
                 }
                 start..top
             }
@@ -156,7 +146,7 @@ impl<'a> Decoder<'a> {
                 let places = self.batch.places();
                 let mut end = CHUNK;
                 for line in lines {
-                    let line_end = decode_line::<false>(steps, line, base, &mut self.line.places(), CHUNK);
+                    let line_end = decode_line::<false>(lane, line, base, &mut self.line.places(), CHUNK);
                     let (coordinates, records) = (&self.line.fast[CHUNK..line_end], &self.line.record[CHUNK..line_end]);
                     self.fast.for_each_index(coordinates, |index| {
                         places.medium[end] = line.medium;
@@ -182,7 +172,7 @@ impl<'a> Decoder<'a> {
 /// Returns the index at which the next line continues.
 #[inline(always)]
 fn decode_line<const DOWN: bool>(
-    steps: LaneSteps,
+    lane: &Lane,
     line: &GatheredLine,
     base: u64,
     out: &mut BatchSlices,
@@ -195,15 +185,15 @@ fn decode_line<const DOWN: bool>(
     let mut previous = u16::MAX;
     while done < count {
         let valid = (count - done).min(CHUNK);
-        let chunk = load(steps, from + done);
+        let chunk = load(lane, from + done);
         let first = offset.wrapping_add(u32_of(done));
         if has_stepping(chunk, valid) {
-            for (lane, &step) in chunk.iter().enumerate().take(valid) {
+            for (index, &step) in chunk.iter().enumerate().take(valid) {
                 previous = previous.wrapping_add(if step == 0 { 255 } else { u16::from(step) });
                 let slot = if DOWN { at - 1 } else { at };
                 out.medium[slot] = line.medium;
                 out.fast[slot] = previous;
-                out.record[slot] = first.wrapping_add(u32_of(lane));
+                out.record[slot] = first.wrapping_add(u32_of(index));
                 let visible = usize::from(step != 0);
                 at = if DOWN { at - visible } else { at + visible };
             }
@@ -213,8 +203,8 @@ fn decode_line<const DOWN: bool>(
             let low = if DOWN { at - CHUNK } else { at };
             *chunk_of(out.medium, low) = [line.medium; CHUNK];
             *chunk_of(out.fast, low) = if DOWN { reversed(coordinates) } else { coordinates };
-            let lane_of = |slot| if DOWN { CHUNK - 1 - slot } else { slot };
-            *chunk_of(out.record, low) = std::array::from_fn(|slot| first.wrapping_add(u32_of(lane_of(slot))));
+            let index_of = |slot| if DOWN { CHUNK - 1 - slot } else { slot };
+            *chunk_of(out.record, low) = std::array::from_fn(|slot| first.wrapping_add(u32_of(index_of(slot))));
             at = if DOWN { at - valid } else { at + valid };
         }
         done += CHUNK;
@@ -244,11 +234,11 @@ fn chunk_of<T>(array: &mut [T], from: usize) -> &mut [T; CHUNK] {
 
 /// Returns sixteen steps from `from` on, padded with 1 at the end of the channel.
 #[inline(always)]
-fn load(steps: LaneSteps, from: usize) -> [u8; CHUNK] {
-    let remaining = steps.own.get(from..).unwrap_or_default();
+fn load(lane: &Lane, from: usize) -> [u8; CHUNK] {
+    let remaining = lane.steps.get(from..).unwrap_or_default();
     match remaining.first_chunk() {
         Some(chunk) => *chunk,
-        None => load_last(steps.lane, from),
+        None => load_last(lane, from),
     }
 }
 

@@ -35,7 +35,12 @@ pub(super) struct LineGatherer<'a, T, E, F> {
     pub(super) lines: Vec<GatheredLine<T>>,
 }
 
-impl<T: Copy + Default, E: Fn(usize) -> Option<u32>, F: Fn(u32, &TileRecord) -> T> LineGatherer<'_, T, E, F> {
+impl<T, E, F> LineGatherer<'_, T, E, F>
+where
+    T: Copy + Default,
+    E: Fn(usize) -> Option<u32> + Copy,
+    F: Fn(u32, &TileRecord) -> T + Copy,
+{
     /// Returns the lines of slice `slow` by ascending medium coordinate.
     #[inline(always)]
     pub(super) fn lines_of<V: Visitor + ?Sized>(&mut self, slow: u16, visitor: &mut V) -> &mut [GatheredLine<T>] {
@@ -48,7 +53,7 @@ impl<T: Copy + Default, E: Fn(usize) -> Option<u32>, F: Fn(u32, &TileRecord) -> 
         // Copied, so that they stay in registers while `lines` is written.
         let (slow_is_v, longest, record_count) =
             (rows.slow_is_v, u64::from(lane.dims[lane.axis.index()]), lane.record_count());
-        let (lane, lines) = (**lane, &mut lines[..]);
+        let (lane, line_end, tile_of, lines) = (**lane, *line_end, *tile_of, &mut lines[..]);
         let within = slow % TILE_EDGE;
         let mut count = 0;
         for (index, tile) in tiles {

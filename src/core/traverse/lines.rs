@@ -20,7 +20,7 @@ pub(crate) fn ordered_lines<T: Copy + Default, V: Visitor + ?Sized>(
     lane: &Lane,
     order: &Order,
     visitor: &mut V,
-    tile_of: impl Fn(u32, &TileRecord) -> T,
+    tile_of: impl Fn(u32, &TileRecord) -> T + Copy,
     visit: impl FnMut(&mut V, u16, &[GatheredLine<T>]),
 ) {
     assert_eq!(lane.axis, order.fast, "a walk needs the lane along its fast axis");
@@ -41,9 +41,9 @@ fn slices<T: Copy + Default, V: Visitor + ?Sized>(
     lane: &Lane,
     order: &Order,
     rows: &TileRows,
-    line_end: impl Fn(usize) -> Option<u32>,
+    line_end: impl Fn(usize) -> Option<u32> + Copy,
     visitor: &mut V,
-    tile_of: impl Fn(u32, &TileRecord) -> T,
+    tile_of: impl Fn(u32, &TileRecord) -> T + Copy,
     mut visit: impl FnMut(&mut V, u16, &[GatheredLine<T>]),
 ) {
     let mut gatherer = LineGatherer { lane, order, rows, line_end, tile_of, lines: Vec::new() };

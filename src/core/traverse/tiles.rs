@@ -77,13 +77,15 @@ fn tile_of<'a>(lane: &Lane<'a>, index: u32) -> &'a TileRecord {
 
 fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
     let [u, v] = lane.axis.others();
-    let side = |axis: Axis, tile: u16| {
+    let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };
+    for (axis, line) in [(u, tile.tile_u.get()), (v, tile.tile_v.get())] {
         let last = u16::try_from(lane.dims[axis.index()] - 1).unwrap_or(u16::MAX);
-        let low = tile.saturating_mul(TILE_EDGE);
-        (axis, [low, low.saturating_add(TILE_EDGE - 1).min(last)])
-    };
-    let along_lines = (lane.axis, [tile.low.get(), tile.high.get()]);
-    VoxelBox::from_sides([side(u, tile.tile_u.get()), side(v, tile.tile_v.get()), along_lines])
+        bounds.low[axis.index()] = line.saturating_mul(TILE_EDGE);
+        bounds.high[axis.index()] = line.saturating_mul(TILE_EDGE).saturating_add(TILE_EDGE - 1).min(last);
+    }
+    bounds.low[lane.axis.index()] = tile.low.get();
+    bounds.high[lane.axis.index()] = tile.high.get();
+    bounds
 }
 
 /// Sorts `items` stably by `key`, a number below `keys`; also returns the index at which each key's items start.

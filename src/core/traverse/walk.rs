@@ -6,7 +6,7 @@
 //! ```text
 //! for each slice that is not empty, in the slow order
 //!     gather its lines, tile by tile, from the occupancy masks (ascending)     gather.rs
-//!     put them in the medium order
+//!     put them in the medium order                                             lines.rs
 //!     in groups that fill a batch
 //!         for each line, decode its steps to coordinates, in the fast order    decode.rs
 //! ```
@@ -131,7 +131,7 @@ pub fn walk<V: Visitor + ?Sized>(lane: &Lane, order: &Order, visitor: &mut V) {
     let no_facts_of_tiles = |_, _: &_| ();
     ordered_lines(lane, order, visitor, no_facts_of_tiles, |visitor, slow, mut lines| {
         while !lines.is_empty() {
-            let mut group = group(lines, decoder.capacity());
+            let mut group = group(lines, decoder.capacity);
             if lane.pager.is_some() {
                 group.stay_near(lines);
                 for line in &lines[..group.line_count] {

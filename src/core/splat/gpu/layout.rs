@@ -191,7 +191,18 @@ impl FrameUniform {
         let padded = |v: [u16; 3]| [v[0].into(), v[1].into(), v[2].into(), 0];
         (uniform.crop_low, uniform.crop_high) = (padded(crop.low), padded(crop.high));
         let fast = shot.order.fast;
-        uniform.set_fast_order(shot.order.along[fast.index()]);
+        // Voxel coordinates are integers, so integers can replace the eye's coordinate: voxels at `eye_ceil` or above lie
+        // on the eye's high side. Of two voxels, the low one is nearer if their sum is above `eye_twice`.
+        match shot.order.along[fast.index()] {
+            AxisOrder::Ascending => {}
+            AxisOrder::Descending => uniform.fast_order = 1,
+            AxisOrder::TwoSided { eye, form, sense } => {
+                uniform.eye_ceil = eye.ceil() as i32;
+                uniform.eye_twice = (2.0 * eye).floor() as i32;
+                uniform.fast_order = if form == SplitForm::Split { 2 } else { 3 };
+                uniform.is_back_to_front = (sense == Sense::BackToFront).into();
+            }
+        }
         uniform.fast_axis = fast.index() as u32;
         uniform.longest_line = dims[fast.index()];
         uniform.line_end_bytes = line_end_bytes(uniform.longest_line).into();
@@ -201,22 +212,5 @@ impl FrameUniform {
         uniform.picture_rows = view.size[1];
         uniform.tile_columns = ((window[2] - window[0]).cast_unsigned()).div_ceil(TILE);
         uniform
-    }
-
-    /// Sets the order along the fast axis; without this call it is 0 (ascending).
-    ///
-    /// Voxel coordinates are integers, so integers can replace the eye's coordinate: voxels at `eye_ceil` or above lie
-    /// on the eye's high side. Of two voxels, the low one is nearer if their sum is above `eye_twice`.
-    fn set_fast_order(&mut self, order: AxisOrder) {
-        match order {
-            AxisOrder::Ascending => {}
-            AxisOrder::Descending => self.fast_order = 1,
-            AxisOrder::TwoSided { eye, form, sense } => {
-                self.eye_ceil = eye.ceil() as i32;
-                self.eye_twice = (2.0 * eye).floor() as i32;
-                self.fast_order = if form == SplitForm::Split { 2 } else { 3 };
-                self.is_back_to_front = (sense == Sense::BackToFront).into();
-            }
-        }
     }
 }

@@ -98,10 +98,8 @@ impl LaneSize {
             ("lines of one slice in a device's largest binding (draw on the processor)", self.lines, room.lines),
             ("tiles of one slice in a device's largest binding (draw on the processor)", self.tiles, room.tiles),
         ];
-        match amounts.into_iter().find(|(_, need, have)| need > have) {
-            None => Ok(()),
-            Some((what, need, have)) => Err(Error::Limit { what: what.into(), need, have }),
-        }
+        let excess = amounts.into_iter().find(|(_, need, have)| need > have);
+        excess.map_or(Ok(()), |(what, need, have)| Err(Error::Limit { what: what.into(), need, have }))
     }
 }
 

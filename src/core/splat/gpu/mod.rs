@@ -35,7 +35,7 @@ use std::time::Instant;
 pub use wgpu;
 use wgpu::{Device, DeviceType, Features, Queue};
 
-use self::budget::{MemoryDemand, MemoryPlan, in_flight};
+use self::budget::{MemoryPlan, in_flight};
 use self::buffers::FrameBuffers;
 use self::context::Context;
 use self::draw::FrameOutput;
@@ -281,7 +281,8 @@ impl<'a> GpuRenderer<'a> {
             self.forget_device();
             return Err(fault);
         }
-        stats.vram_bytes = self.vram_bytes();
+        let slab_bytes: u64 = self.slabs.iter().map(SlabBuffers::bytes).sum();
+        stats.vram_bytes = self.looks().bytes() + slab_bytes + self.buffers.bytes();
         stats.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(stats)
     }
@@ -302,16 +303,10 @@ impl<'a> GpuRenderer<'a> {
     }
 
     fn plan(&self, shot: &Shot, settings: &Settings) -> Result<MemoryPlan> {
-        let channels = shot.lane.channels;
         let uses_gradient = self.scene.transfer.uses_gradient() || shot.lane.shown.is_some();
-        MemoryPlan::new(MemoryDemand {
-            ceiling: self.options.vram,
-            max_binding: self.context.max_binding(),
-            size: settings.size,
-            table_bytes: LookTables::max_bytes(&shot.lane, uses_gradient),
-            widest_channel: (channels.value_bits / 8).max(channels.normal_bits / 4).max(1).into(),
-            is_software: self.is_software,
-        })
+        let table_bytes = LookTables::max_bytes(&shot.lane, uses_gradient);
+        let (ceiling, max_binding) = (self.options.vram, self.context.max_binding());
+        MemoryPlan::new(ceiling, max_binding, settings.size, table_bytes, shot.lane.channels, self.is_software)
     }
 
     fn prepare_looks(&mut self, shot: &Shot, settings: &Settings, stats: &mut GpuStats) -> Result<()> {
@@ -337,11 +332,6 @@ impl<'a> GpuRenderer<'a> {
         stats.line_lists = 1;
         stats.line_list_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(list)
-    }
-
-    fn vram_bytes(&self) -> u64 {
-        let slabs = self.slabs.iter().map(SlabBuffers::bytes).sum::<u64>();
-        self.looks.as_ref().map_or(0, LookTables::bytes) + slabs + self.buffers.bytes()
     }
 }
 

@@ -77,11 +77,11 @@ pub(super) fn drawn(buffers: &mut FrameBuffers, context: &Context) -> Result<u64
 impl QuadFormat {
     /// Returns the four values of a pixel that is stored as `bytes`.
     fn decode(self, bytes: &[u8]) -> [f32; 4] {
-        let float = |at: usize| bytes[4 * at..].first_chunk().map_or(0.0, |bytes| f32::from_le_bytes(*bytes));
-        let half = |at: usize| bytes[2 * at..].first_chunk().map_or(0.0, |bytes| f16::from_le_bytes(*bytes).to_f32());
         match self {
-            QuadFormat::Float32 => std::array::from_fn(float),
-            QuadFormat::Float16 => std::array::from_fn(half),
+            QuadFormat::Float32 => bytemuck::pod_read_unaligned(bytes),
+            QuadFormat::Float16 => {
+                bytemuck::pod_read_unaligned::<[u16; 4]>(bytes).map(|bits| f16::from_bits(bits).to_f32())
+            }
             QuadFormat::Unorm8 => std::array::from_fn(|at| f32::from(bytes[at]) / 255.0),
         }
     }

@@ -41,13 +41,9 @@ struct ResolveUniform {
     unused: [u32; 2],
 }
 
-/// The pipeline that resolves. Its key: the format of the texture, and whether pixels come from a buffer (tiles) or
-/// from a target (quads).
-#[derive(Debug)]
-pub(super) struct ResolvePipeline {
-    key: (TextureFormat, bool),
-    pipeline: RenderPipeline,
-}
+/// The pipeline that resolves, after its key: the format of the texture, and whether pixels come from a buffer (tiles)
+/// or from a target (quads).
+pub(super) type ResolvePipeline = ((TextureFormat, bool), RenderPipeline);
 
 /// Draws the pixels of `window` (first column and row, one past the last column and row) into `target`.
 pub(super) fn window(renderer: &mut GpuRenderer, window: [i32; 4], target: &RenderTarget) -> Result<()> {
@@ -55,15 +51,15 @@ pub(super) fn window(renderer: &mut GpuRenderer, window: [i32; 4], target: &Rend
     let device = &context.device;
     let is_buffer = renderer.current == Compositor::Tiles;
     let key = (target.format, is_buffer);
-    if renderer.resolve.as_ref().is_none_or(|resolve| resolve.key != key) {
+    if renderer.resolve.as_ref().is_none_or(|(made_for, _)| *made_for != key) {
         let module = shader_module(device, "resolve", RESOLVE);
         let entries = ["corner", if is_buffer { "from_buffer" } else { "from_target" }];
         let colour = ColorTargetState { format: target.format, blend: None, write_mask: ColorWrites::ALL };
         let pipeline =
             render_pipeline(device, "resolve", &module, entries, PrimitiveTopology::TriangleList, colour, &[]);
-        renderer.resolve = Some(ResolvePipeline { key, pipeline });
+        renderer.resolve = Some((key, pipeline));
     }
-    let pipeline = &renderer.resolve.as_ref().expect("it was just made").pipeline;
+    let (_, pipeline) = renderer.resolve.as_ref().expect("it was just made");
     let table = &renderer.looks().table;
     let mode = renderer.looks().mode;
     let [red, green, blue] = target.background.unwrap_or_default();
