@@ -101,6 +101,13 @@ struct BatchSlices<'a> {
     record: &'a mut [u32],
 }
 
+/// The steps of a lane: its `own`, then those of the patch (the changed lines) of `lane`.
+#[derive(Clone, Copy)]
+struct LaneSteps<'a> {
+    own: &'a [u8],
+    lane: &'a Lane<'a>,
+}
+
 pub(super) struct Decoder<'a> {
     lane: &'a Lane<'a>,
     /// Largest number of records in a batch.
@@ -123,13 +130,13 @@ impl<'a> Decoder<'a> {
 
     #[inline(always)]
     pub(super) fn decode(&mut self, lines: &[GatheredLine], base: u64, slow: u16) -> Batch<'_> {
-        let lane = self.lane;
+        let steps = LaneSteps { own: self.lane.steps, lane: self.lane };
         let range = match self.fast {
             AxisOrder::Ascending => {
                 let mut places = self.batch.places();
                 let mut end = CHUNK;
                 for line in lines {
-                    end = decode_line::<false>(lane, line, base, &mut places, end);
+                    end = decode_line::<false>(steps, line, base, &mut places, end);
                 }
                 CHUNK..end
             }
@@ -138,7 +145,7 @@ impl<'a> Decoder<'a> {
                 let top = CHUNK + self.capacity;
                 let mut start = top;
                 for line in lines.iter().rev() {
-                    start = decode_line::<true>(lane, line, base, &mut places, start);
+                    start = decode_line::<true>(steps, line, base, &mut places, start);
                 }
                 start..top
             }
@@ -146,7 +153,7 @@ impl<'a> Decoder<'a> {
                 let places = self.batch.places();
                 let mut end = CHUNK;
                 for line in lines {
-                    let line_end = decode_line::<false>(lane, line, base, &mut self.line.places(), CHUNK);
+                    let line_end = decode_line::<false>(steps, line, base, &mut self.line.places(), CHUNK);
                     let (coordinates, records) = (&self.line.fast[CHUNK..line_end], &self.line.record[CHUNK..line_end]);
                     self.fast.for_each_index(coordinates, |index| {
                         places.medium[end] = line.medium;
@@ -172,7 +179,7 @@ impl<'a> Decoder<'a> {
 /// Returns the index at which the next line continues.
 #[inline(always)]
 fn decode_line<const DOWN: bool>(
-    lane: &Lane,
+    steps: LaneSteps,
     line: &GatheredLine,
     base: u64,
     out: &mut BatchSlices,
@@ -185,15 +192,15 @@ fn decode_line<const DOWN: bool>(
     let mut previous = u16::MAX;
     while done < count {
         let valid = (count - done).min(CHUNK);
-        let chunk = load(lane, from + done);
+        let chunk = load(steps, from + done);
         let first = offset.wrapping_add(u32_of(done));
         if has_stepping(chunk, valid) {
-            for (index, &step) in chunk.iter().enumerate().take(valid) {
+            for (lane, &step) in chunk.iter().enumerate().take(valid) {
                 previous = previous.wrapping_add(if step == 0 { 255 } else { u16::from(step) });
                 let slot = if DOWN { at - 1 } else { at };
                 out.medium[slot] = line.medium;
                 out.fast[slot] = previous;
-                out.record[slot] = first.wrapping_add(u32_of(index));
+                out.record[slot] = first.wrapping_add(u32_of(lane));
                 let visible = usize::from(step != 0);
                 at = if DOWN { at - visible } else { at + visible };
             }
@@ -203,8 +210,8 @@ fn decode_line<const DOWN: bool>(
             let low = if DOWN { at - CHUNK } else { at };
             *chunk_of(out.medium, low) = [line.medium; CHUNK];
             *chunk_of(out.fast, low) = if DOWN { reversed(coordinates) } else { coordinates };
-            let index_of = |slot| if DOWN { CHUNK - 1 - slot } else { slot };
-            *chunk_of(out.record, low) = std::array::from_fn(|slot| first.wrapping_add(u32_of(index_of(slot))));
+            let lane_of = |slot| if DOWN { CHUNK - 1 - slot } else { slot };
+            *chunk_of(out.record, low) = std::array::from_fn(|slot| first.wrapping_add(u32_of(lane_of(slot))));
             at = if DOWN { at - valid } else { at + valid };
         }
         done += CHUNK;
@@ -234,11 +241,11 @@ fn chunk_of<T>(array: &mut [T], from: usize) -> &mut [T; CHUNK] {
 
 /// Returns sixteen steps from `from` on, padded with 1 at the end of the channel.
 #[inline(always)]
-fn load(lane: &Lane, from: usize) -> [u8; CHUNK] {
-    let remaining = lane.steps.get(from..).unwrap_or_default();
+fn load(steps: LaneSteps, from: usize) -> [u8; CHUNK] {
+    let remaining = steps.own.get(from..).unwrap_or_default();
     match remaining.first_chunk() {
         Some(chunk) => *chunk,
-        None => load_last(lane, from),
+        None => load_last(steps.lane, from),
     }
 }
 

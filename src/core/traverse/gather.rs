@@ -23,43 +23,52 @@ pub(crate) struct GatheredLine<T = ()> {
 }
 
 /// Finds the scan lines of slices, one slice after another.
-pub(super) struct LineGatherer<'a, T, E, F> {
-    pub(super) lane: &'a Lane<'a>,
-    pub(super) order: &'a Order,
-    pub(super) rows: &'a TileRows<'a>,
-    /// Returns where a line of the lane ends; `None` past the last line.
-    pub(super) line_end: E,
-    /// Returns what to note about a tile, by its index in the lane.
-    pub(super) tile_of: F,
+pub(super) struct LineGatherer<'a, T> {
+    lane: Lane<'a>,
+    order: Order,
+    record_count: u64,
+    longest: u64,
     /// The lines of the current slice; the memory is reused.
-    pub(super) lines: Vec<GatheredLine<T>>,
+    lines: Vec<GatheredLine<T>>,
 }
 
-impl<T, E, F> LineGatherer<'_, T, E, F>
-where
-    T: Copy + Default,
-    E: Fn(usize) -> Option<u32> + Copy,
-    F: Fn(u32, &TileRecord) -> T + Copy,
-{
-    /// Returns the lines of slice `slow` by ascending medium coordinate.
+impl<'a, T: Copy + Default> LineGatherer<'a, T> {
+    /// Creates a gatherer of the lines of `lane` in slices across the slow axis of `order`.
+    pub(super) fn new(lane: &Lane<'a>, order: &Order) -> LineGatherer<'a, T> {
+        LineGatherer {
+            lane: *lane,
+            order: *order,
+            record_count: lane.record_count(),
+            longest: lane.dims[lane.axis.index()].into(),
+            lines: Vec::new(),
+        }
+    }
+
+    /// Returns the lines of slice `slow` by ascending medium coordinate; `tile_of` is told a tile's index and the tile.
     #[inline(always)]
-    pub(super) fn lines_of<V: Visitor + ?Sized>(&mut self, slow: u16, visitor: &mut V) -> &mut [GatheredLine<T>] {
-        let LineGatherer { lane, order, rows, line_end, tile_of, lines } = self;
+    pub(super) fn lines_of<V: Visitor + ?Sized>(
+        &mut self,
+        rows: &TileRows,
+        slow: u16,
+        line_end: impl Fn(usize) -> Option<u32>,
+        tile_of: impl Fn(u32, &TileRecord) -> T,
+        visitor: &mut V,
+    ) -> &mut [GatheredLine<T>] {
         let tiles = rows.row(usize::from(slow / TILE_EDGE));
         let room = tiles.len() * usize::from(TILE_EDGE);
-        if lines.len() < room {
-            lines.resize(room, GatheredLine::default());
+        if self.lines.len() < room {
+            self.lines.resize(room, GatheredLine::default());
         }
-        // Copied, so that they stay in registers while `lines` is written.
-        let (slow_is_v, longest, record_count) =
-            (rows.slow_is_v, u64::from(lane.dims[lane.axis.index()]), lane.record_count());
-        let (lane, line_end, tile_of, lines) = (**lane, *line_end, *tile_of, &mut lines[..]);
+        // Copied out of `self`, so that they stay in registers while `lines` is written.
+        let (slow_is_v, longest, record_count) = (rows.slow_is_v, self.longest, self.record_count);
+        let (order, lane) = (self.order, self.lane);
+        let lines = &mut self.lines[..];
         let within = slow % TILE_EDGE;
         let mut count = 0;
         for (index, tile) in tiles {
             let row = if slow_is_v { TileRow::of_v(tile, within) } else { TileRow::of_u(tile, within) };
             let medium_tile = if slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() };
-            if row.occupied == 0 || !visitor.wants_row(&row_bounds(order, medium_tile, tile, slow)) {
+            if row.occupied == 0 || !visitor.wants_row(&row_bounds(&order, medium_tile, tile, slow)) {
                 continue;
             }
             tell(lane.pager, || lane.line_ends.bytes_of(tile.lines()));

@@ -46,12 +46,12 @@ fn slices<T: Copy + Default, V: Visitor + ?Sized>(
     tile_of: impl Fn(u32, &TileRecord) -> T + Copy,
     mut visit: impl FnMut(&mut V, u16, &[GatheredLine<T>]),
 ) {
-    let mut gatherer = LineGatherer { lane, order, rows, line_end, tile_of, lines: Vec::new() };
+    let mut gather = LineGatherer::new(lane, order);
     let (mut mediums, mut two_sided) = (Vec::new(), Vec::new());
     let slices = rows.slices();
     order.along[order.slow.index()].for_each_index(&slices, |index| {
         let slow = slices[index];
-        let gathered = gatherer.lines_of(slow, visitor);
+        let gathered = gather.lines_of(rows, slow, line_end, tile_of, visitor);
         let lines = match order.along[order.medium.index()] {
             AxisOrder::Ascending => &*gathered,
             AxisOrder::Descending => {
