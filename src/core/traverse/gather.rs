@@ -19,6 +19,7 @@ pub(crate) struct GatheredLine<T = ()> {
     /// Number of the line's records: 1 to the length of the fast axis.
     pub(crate) count: u16,
     pub(crate) medium: u16,
+    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only lists for graphics devices note tiles"))]
     pub(crate) tile: T,
 }
 
