@@ -34,7 +34,7 @@ impl RendererArguments {
         // A device that the user names is used even if it is software (runs on the processor).
         let is_named = self.adapter.is_some() || std::env::var_os("WGPU_ADAPTER_NAME").is_some();
         let is_free = is_auto && !is_named;
-        if is_free && !adapter::has_hardware() {
+        if is_free && !has_hardware() {
             return Ok(Renderer::Cpu(scene));
         }
         let opened = match adapter::open(self.adapter.as_deref()) {
@@ -132,6 +132,13 @@ impl OnDevice<'_> {
         let (splats_drawn, splats_skipped) = (stats.splats_drawn, stats.splats_skipped);
         Ok((frame, FrameStats { splats_drawn, splats_skipped, frame_ms, others }))
     }
+}
+
+/// Returns whether the system shows any sign of graphics hardware. Where it does not, the program can avoid asking for
+/// adapters, which loads every driver that is installed.
+fn has_hardware() -> bool {
+    const SIGNS: [&str; 5] = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
+    !cfg!(target_os = "linux") || SIGNS.iter().any(|sign| std::path::Path::new(sign).exists())
 }
 
 /// Returns the largest and the root mean square difference over all samples of two frames of the same size.

@@ -11,7 +11,7 @@ pub use crate::text::{open_regular, read_text};
 
 /// The two stages of the processor's renderer, for studies that feed them with voxels from other data structures.
 pub mod scatter {
-    pub use crate::splat::composite::{Finish, Look, Table};
+    pub use crate::splat::composite::{Look, Table};
     pub use crate::splat::cpu::blend::{Blend, FrontToBack};
     pub use crate::splat::cpu::dispatch::{SplatBuffers, draw_block, project_block};
     pub use crate::splat::cpu::project::{Coordinates, GROUP, Projector, VoxelBlock, apply_strengths};

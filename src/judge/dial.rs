@@ -183,7 +183,7 @@ fn camera_window(camera: &Camera, picture: [u32; 2], centre: [f64; 2]) -> Result
             let tangent = (fov.to_radians() / 2.0).tan();
             let pixel = 2.0 * tangent / rows;
             let fov = 2.0 * (tangent * part).atan().to_degrees();
-            camera.turned([across * pixel, up * pixel], Projection::Perspective { fov })
+            camera.moved([across * pixel, up * pixel], Projection::Perspective { fov })
         }
     }?;
     Ok(Window { camera, size })

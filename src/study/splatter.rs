@@ -11,8 +11,8 @@ use adjsplat::classify::normal;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::FrameSetup;
 use adjsplat::internals::scatter::{
-    BLOCK, BandResult, BandStats, Blend as _, Coordinates, Finish, FrontToBack, GROUP, Look, Projector, Rect,
-    SplatBuffers, Table, VoxelBlock, apply_strengths, assemble, draw_block, project_block,
+    BLOCK, BandResult, BandStats, Blend as _, Coordinates, FrontToBack, GROUP, Look, Projector, Rect, SplatBuffers,
+    Table, VoxelBlock, apply_strengths, assemble, draw_block, project_block,
 };
 use adjsplat::splat::{Camera, Code, Frame, Mode, Scene, Settings};
 use adjsplat::traverse::{Batch, Sense};
@@ -214,5 +214,5 @@ pub(crate) fn splat(
     splatter.flush();
     let Splatter { buffers, drawn, .. } = splatter;
     let band = BandResult { pixels: buffers.tiles, stats: BandStats { visited: drawn, drawn, ..BandStats::default() } };
-    Ok((assemble(&[band], &settings, Finish::new(&table))?, drawn))
+    Ok((assemble(&[band], &settings, &table)?, drawn))
 }

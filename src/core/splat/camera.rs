@@ -72,28 +72,6 @@ impl Default for Orbit {
     }
 }
 
-impl Orbit {
-    /// Returns a parallel view from `azimuth` and `elevation`, in degrees, with everything in the picture.
-    pub fn new(azimuth: f64, elevation: f64) -> Orbit {
-        Orbit { azimuth, elevation, ..Orbit::default() }
-    }
-
-    /// Sets the magnification at the centre; finite and above 0.
-    pub fn with_zoom(self, zoom: f64) -> Orbit {
-        Orbit { zoom, ..self }
-    }
-
-    /// Sets a perspective projection with this vertical angle of view in degrees, above 0 and below 180.
-    pub fn with_perspective(self, fov: f64) -> Orbit {
-        Orbit { fov: Some(fov), ..self }
-    }
-
-    /// Sets the world axis that is upright in the picture.
-    pub fn with_up(self, up: Up) -> Orbit {
-        Orbit { up, ..self }
-    }
-}
-
 /// A [`Camera`], or an [`Orbit`], which becomes a camera once the box of visible voxels is known.
 pub trait ToCamera {
     /// Returns the camera for a picture of `size` (columns, rows); an orbit turns around the sphere `around`.
@@ -233,9 +211,9 @@ pub(crate) const SOUND_LENGTHS: std::ops::RangeInclusive<f64> = 1e-150..=1e150;
 const MARGIN: f64 = 1.04;
 
 impl Camera {
-    /// Returns an [`Orbit`]: a parallel view of all voxels from `azimuth` and `elevation`, in degrees.
+    /// Returns an [`Orbit`]: a parallel view from `azimuth` and `elevation`, in degrees, with everything in the picture.
     pub fn orbit(azimuth: f64, elevation: f64) -> Orbit {
-        Orbit::new(azimuth, elevation)
+        Orbit { azimuth, elevation, ..Orbit::default() }
     }
 
     /// Returns a camera at `position` that looks at `target`, in world coordinates.
@@ -305,26 +283,26 @@ impl Camera {
         self.projection
     }
 
-    /// Returns this camera moved by two world lengths, to the picture's right and to its top, with a new `projection`.
+    /// Returns this camera with another middle of the picture, and a new `projection` of the same kind.
+    ///
+    /// A parallel camera moves to the right and up by two world lengths. A perspective one turns to a ray, given by its
+    /// tangents to the right and up.
     ///
     /// # Errors
     /// The errors of [`Camera::new`].
     pub fn moved(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
-        let [right_axis, up_axis, _] = self.axes();
-        let shift = right_axis * right + up_axis * up;
-        let (position, target) = (self.position + shift, self.target + shift);
-        Camera::new(position.to_array(), target.to_array(), self.up.to_array(), projection)
-    }
-
-    /// Returns this camera turned to a ray, given by its tangents to the right and to the top, with `projection`.
-    ///
-    /// # Errors
-    /// The errors of [`Camera::new`].
-    pub fn turned(&self, [right, up]: [f64; 2], projection: Projection) -> Result<Camera> {
         let [right_axis, up_axis, forward] = self.axes();
-        let distance = (self.target - self.position).length();
-        let target = self.position + (forward + right_axis * right + up_axis * up) * distance;
-        Camera::new(self.position.to_array(), target.to_array(), self.up.to_array(), projection)
+        let (position, target) = match self.projection {
+            Projection::Parallel { .. } => {
+                let shift = right_axis * right + up_axis * up;
+                (self.position + shift, self.target + shift)
+            }
+            Projection::Perspective { .. } => {
+                let distance = (self.target - self.position).length();
+                (self.position, self.position + (forward + right_axis * right + up_axis * up) * distance)
+            }
+        };
+        Camera::new(position.to_array(), target.to_array(), self.up.to_array(), projection)
     }
 
     /// Returns unit world vectors to the picture's right, to its top, and forward along the view.

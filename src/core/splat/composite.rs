@@ -126,8 +126,7 @@ impl<'a> Table<'a> {
         let (looks, blending) = (Vec::new(), settings.blending);
         let mut table = Table { scene: *scene, magnitudes, key, looks, depth_scale, brightest, mode, blending };
         for code in 0..=last {
-            let value = table.value(code);
-            let [red, green, blue] = scene.transfer.colour(value);
+            let [red, green, blue] = scene.transfer.colour(scene.facts.scales.value(code.into()));
             match key {
                 LookKey::Value if mode.is_maximum() => {
                     let normalised = (f32::from(code) / f32::from(brightest)).min(1.0);
@@ -162,10 +161,6 @@ impl<'a> Table<'a> {
         #[expect(clippy::cast_possible_truncation, reason = "single precision is the renderer's")]
         let exposure = if typical > 0.0 { (1.4 / typical) as f32 } else { 1.0 };
         exposure
-    }
-
-    fn value(&self, code: u16) -> f64 {
-        self.scene.facts.scales.value(code.into())
     }
 
     fn magnitude(&self, code: u8) -> f64 {
@@ -222,53 +217,22 @@ impl<'a> Table<'a> {
         self.scene.transfer.colour(self.scene.facts.scales.value(code))
     }
 
-    /// Returns the mode that the looks are for.
-    #[cfg(feature = "gpu")]
-    pub(crate) fn mode(&self) -> Mode {
-        self.mode
-    }
-
     /// Returns whether looks depend on gradient magnitudes.
     pub(crate) fn needs_magnitude(&self) -> bool {
         self.key != LookKey::Value
     }
-}
 
-/// The conversion of a pixel's accumulated values to colour and alpha.
-#[derive(Clone, Copy)]
-pub enum Finish<'a> {
-    /// Converts colours and a transmittance.
-    Transmittance,
-    /// Converts sums of optical depth, in units of ln 2.
-    Sum,
-    /// Converts a normalised value to its colour.
-    Maximum(&'a Table<'a>),
-    /// Converts a normalised value to grey.
-    Grey,
-}
-
-impl<'a> Finish<'a> {
-    /// Returns the conversion for a table's mode.
-    pub fn new(table: &'a Table<'a>) -> Finish<'a> {
-        match table.mode {
-            Mode::Composite => Finish::Transmittance,
-            Mode::Additive => Finish::Sum,
-            Mode::Maximum => Finish::Maximum(table),
-            Mode::MaximumGrey => Finish::Grey,
-        }
-    }
-
-    /// Converts accumulated values to a pixel of a frame.
+    /// Converts the accumulated values of a pixel to its colour and alpha.
     #[inline(always)]
-    pub(crate) fn pixel(self, [r, g, b, alpha]: [f32; 4]) -> [f32; 4] {
-        // Sums of optical depth may exceed the exponential's range.
+    pub(crate) fn finish(&self, [r, g, b, alpha]: [f32; 4]) -> [f32; 4] {
+        // Sums of optical depth, in units of ln 2, may exceed the exponential's range.
         let shown = |sum: f32| absorbed(sum.clamp(0.0, 125.0));
-        match self {
-            Finish::Transmittance => [r, g, b, 1.0 - alpha],
-            Finish::Sum => [shown(r), shown(g), shown(b), shown(alpha)],
-            Finish::Grey => [r; 4],
-            Finish::Maximum(table) => {
-                let colour = table.colour_of(r);
+        match self.mode {
+            Mode::Composite => [r, g, b, 1.0 - alpha],
+            Mode::Additive => [shown(r), shown(g), shown(b), shown(alpha)],
+            Mode::MaximumGrey => [r; 4],
+            Mode::Maximum => {
+                let colour = self.colour_of(r);
                 [r * colour[0], r * colour[1], r * colour[2], r]
             }
         }

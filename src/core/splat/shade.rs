@@ -56,10 +56,7 @@ impl Lighting {
 /// The lighting of a view; components of vectors are along the grid's axes.
 #[derive(Debug, Clone, Copy)]
 pub struct Lights {
-    pub(crate) ambient: f32,
-    pub(crate) diffuse: f32,
-    pub(crate) specular: f32,
-    pub(crate) shininess: u8,
+    pub(crate) lighting: Lighting,
     /// Unit vector toward the light.
     pub(crate) light: [f32; 3],
     /// Unit vector toward the eye of a parallel view.
@@ -75,19 +72,13 @@ impl Lights {
         let light = (right * x + up * y - forward * z).normalize_or_zero();
         let eye = (-forward).normalize_or_zero();
         let single = |vector: glam::DVec3| vector.to_array().map(|c| c as f32);
-        Lights {
-            ambient: lighting.ambient,
-            diffuse: lighting.diffuse,
-            specular: lighting.specular,
-            shininess: lighting.shininess,
-            light: single(light),
-            eye: single(eye),
-        }
+        Lights { lighting: *lighting, light: single(light), eye: single(eye) }
     }
 
     /// Returns a factor on the colour and a highlight, for a unit normal (0 for none) and a unit vector to the eye.
     #[inline(always)]
     pub(crate) fn shade(&self, normal: [f32; 3], eye: [f32; 3]) -> [f32; 2] {
+        let Lighting { ambient, diffuse, specular, shininess, .. } = self.lighting;
         let dot = |a: [f32; 3], b: [f32; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
         let halfway = [self.light[0] + eye[0], self.light[1] + eye[1], self.light[2] + eye[2]];
         let length = at_least(dot(halfway, halfway), 1e-12).sqrt();
@@ -96,13 +87,13 @@ impl Lights {
         // The power by repeated squaring: the exponent is the same for all voxels, so several are computed at once.
         let (mut power, mut square) = (1.0, halfway_cosine);
         for bit in 0..8 {
-            if self.shininess >> bit & 1 == 1 {
+            if shininess >> bit & 1 == 1 {
                 power *= square;
             }
             square *= square;
         }
         let has_normal = dot(normal, normal) > 0.5;
-        let factor = self.ambient + self.diffuse * light_cosine;
-        [1.0 + keep_if(has_normal, factor - 1.0), keep_if(has_normal, self.specular * power)]
+        let factor = ambient + diffuse * light_cosine;
+        [1.0 + keep_if(has_normal, factor - 1.0), keep_if(has_normal, specular * power)]
     }
 }

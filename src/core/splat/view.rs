@@ -195,9 +195,11 @@ impl View {
                 };
                 let ((left, right), (bottom, top)) = (tangents(right), tangents(up));
                 // A footprint is at most as large as the kernel's longest half-axis times the Jacobian's norm, at most
-                // focal * |t| / t2^2, plus the low-pass.
+                // focal * |t| / t2^2, plus the low-pass. `reach` is the kernel's radius times the length of `forward`.
                 let tangent = left.abs().max(right.abs()).hypot(bottom.abs().max(top.abs()));
-                let longest = self.longest_half_axis(forward);
+                let [x, y, z] = self.steps;
+                let length = (forward[0] * forward[0] + forward[1] * forward[1] + forward[2] * forward[2]).sqrt();
+                let longest = self.reach / length * (x * x + y * y + z * z).sqrt();
                 let half_width = focal * longest / nearest * (1.0 + tangent * tangent).sqrt() + LOW_PASS_REACH;
                 Some([
                     centre[0] + focal * left - half_width,
@@ -208,41 +210,13 @@ impl View {
             }
         }
     }
-
-    /// Returns the direction of view through the picture's centre, as a unit vector in voxel coordinates.
-    pub fn direction(&self) -> [f64; 3] {
-        match self.viewpoint {
-            Viewpoint::Parallel { direction } => direction,
-            Viewpoint::Perspective { toward, .. } => toward,
-        }
-    }
-
-    /// Returns the position of the eye in voxel coordinates; `None` for a parallel view.
-    pub fn eye(&self) -> Option<[f64; 3]> {
-        match self.viewpoint {
-            Viewpoint::Parallel { .. } => None,
-            Viewpoint::Perspective { eye, .. } => Some(eye),
-        }
-    }
-
-    /// Returns an upper bound of the kernel's longest half-axis, in mean spacings; `forward` is the map to the depth.
-    fn longest_half_axis(&self, [a, b, c, _]: &Affine) -> f64 {
-        let [x, y, z] = self.steps;
-        // `reach` is the kernel's radius times the length of `forward`.
-        self.reach / (a * a + b * b + c * c).sqrt() * (x * x + y * y + z * z).sqrt()
-    }
 }
 
 /// Checks that both sides of `size` are 1 to [`MAX_SIZE`] pixels.
 pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
     require_pixels(size)?;
-    match size.into_iter().find(|side| *side > MAX_SIZE) {
-        None => Ok(()),
-        Some(side) => {
-            let what = "picture size in pixels".to_string();
-            Err(Error::Limit { what, need: side.into(), have: MAX_SIZE.into() })
-        }
-    }
+    let Some(side) = size.into_iter().find(|side| *side > MAX_SIZE) else { return Ok(()) };
+    Err(Error::Limit { what: "picture size in pixels".into(), need: side.into(), have: MAX_SIZE.into() })
 }
 
 /// Upper bound of what the low-pass adds to half of a footprint's width, in pixels, at any cut-off in use.
@@ -259,6 +233,5 @@ fn mean_voxel(world: &WorldFrame) -> f64 {
 /// Returns `vector` scaled to length 1; divides by its largest component first, so that no square overflows.
 fn unit(vector: [f64; 3]) -> [f64; 3] {
     let largest = vector.iter().fold(0.0f64, |most, c| most.max(c.abs()));
-    let scaled = DVec3::from_array(vector) / largest;
-    scaled.normalize().to_array()
+    (DVec3::from_array(vector) / largest).normalize().to_array()
 }

@@ -110,7 +110,8 @@ struct LaneSteps<'a> {
 
 pub(super) struct Decoder<'a> {
     lane: &'a Lane<'a>,
-    capacity: usize,
+    /// Largest number of records in a batch.
+    pub(super) capacity: usize,
     fast: AxisOrder,
     batch: DecodeBuffer,
     /// The voxels of one line in ascending order, before they are put in the order of a two-sided fast axis.
@@ -125,10 +126,6 @@ impl<'a> Decoder<'a> {
         let line = if matches!(fast, AxisOrder::TwoSided { .. }) { longest } else { 0 };
         let (batch, line) = (DecodeBuffer::new(capacity), DecodeBuffer::new(line));
         Decoder { lane, capacity, fast, batch, line }
-    }
-
-    pub(super) fn capacity(&self) -> usize {
-        self.capacity
     }
 
     #[inline(always)]

@@ -10,71 +10,72 @@ use super::walk::{Visitor, VoxelBox};
 use crate::arena::Lane;
 use crate::arena::layout::{TILE_EDGE, TileRecord};
 use crate::arena::pager::tell;
-use crate::volume::Axis;
 
+/// A scan line of a slice, and what its user wants to know about its tile.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct GatheredLine {
+pub(crate) struct GatheredLine<T = ()> {
     /// Index of the line's first record; all records of the line are inside the channels.
-    pub(super) first_record: u64,
+    pub(crate) first_record: u64,
     /// Number of the line's records: 1 to the length of the fast axis.
-    pub(super) count: u16,
-    pub(super) medium: u16,
+    pub(crate) count: u16,
+    pub(crate) medium: u16,
+    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only lists for graphics devices note tiles"))]
+    pub(crate) tile: T,
 }
 
 /// Finds the scan lines of slices, one slice after another.
-pub(super) struct LineGatherer<'a> {
+pub(super) struct LineGatherer<'a, T> {
     lane: Lane<'a>,
     order: Order,
-    slow_is_v: bool,
     record_count: u64,
     longest: u64,
     /// The lines of the current slice; the memory is reused.
-    lines: Vec<GatheredLine>,
+    lines: Vec<GatheredLine<T>>,
 }
 
-impl<'a> LineGatherer<'a> {
+impl<'a, T: Copy + Default> LineGatherer<'a, T> {
     /// Creates a gatherer of the lines of `lane` in slices across the slow axis of `order`.
-    pub(super) fn new(lane: &Lane<'a>, order: &Order) -> LineGatherer<'a> {
+    pub(super) fn new(lane: &Lane<'a>, order: &Order) -> LineGatherer<'a, T> {
         LineGatherer {
             lane: *lane,
             order: *order,
-            slow_is_v: order.slow == lane.axis.others()[1],
             record_count: lane.record_count(),
             longest: lane.dims[lane.axis.index()].into(),
             lines: Vec::new(),
         }
     }
 
-    /// Returns the lines of slice `slow` by ascending medium coordinate.
+    /// Returns the lines of slice `slow` by ascending medium coordinate; `tile_of` is told a tile's index and the tile.
     #[inline(always)]
     pub(super) fn lines_of<V: Visitor + ?Sized>(
         &mut self,
         rows: &TileRows,
         slow: u16,
         line_end: impl Fn(usize) -> Option<u32>,
+        tile_of: impl Fn(u32, &TileRecord) -> T,
         visitor: &mut V,
-    ) -> &mut [GatheredLine] {
+    ) -> &mut [GatheredLine<T>] {
         let tiles = rows.row(usize::from(slow / TILE_EDGE));
         let room = tiles.len() * usize::from(TILE_EDGE);
         if self.lines.len() < room {
             self.lines.resize(room, GatheredLine::default());
         }
         // Copied out of `self`, so that they stay in registers while `lines` is written.
-        let (slow_is_v, longest, record_count) = (self.slow_is_v, self.longest, self.record_count);
+        let (slow_is_v, longest, record_count) = (rows.slow_is_v, self.longest, self.record_count);
         let (order, lane) = (self.order, self.lane);
         let lines = &mut self.lines[..];
         let within = slow % TILE_EDGE;
         let mut count = 0;
-        for tile in tiles {
+        for (index, tile) in tiles {
             let row = if slow_is_v { TileRow::of_v(tile, within) } else { TileRow::of_u(tile, within) };
-            if row.occupied == 0 || !visitor.wants_row(&row_bounds(&order, slow_is_v, tile, slow)) {
+            let medium_tile = if slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() };
+            if row.occupied == 0 || !visitor.wants_row(&row_bounds(&order, medium_tile, tile, slow)) {
                 continue;
             }
             tell(lane.pager, || lane.line_ends.bytes_of(tile.lines()));
             let first_record = tile.first_record.get();
             let Some(records) = record_count.checked_sub(first_record) else { continue };
             let first_line = tile.first_line.get() as usize;
-            let medium_tile = if slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() };
             let first_medium = TILE_EDGE.wrapping_mul(medium_tile);
             let mut occupied = row.occupied;
             while occupied != 0 {
@@ -95,6 +96,7 @@ impl<'a> LineGatherer<'a> {
                     first_record: first_record + start,
                     count: line_records as u16,
                     medium: first_medium.wrapping_add(bit),
+                    tile: tile_of(index, tile),
                 };
                 lines[count] = line;
                 let is_sound = line_records.wrapping_sub(1) < longest && end <= records;
@@ -107,20 +109,13 @@ impl<'a> LineGatherer<'a> {
 
 /// Returns a box that contains all voxels of `tile` in slice `slow`.
 #[inline(always)]
-fn row_bounds(order: &Order, slow_is_v: bool, tile: &TileRecord, slow: u16) -> VoxelBox {
-    let medium_tile = if slow_is_v { tile.tile_u.get() } else { tile.tile_v.get() };
+fn row_bounds(order: &Order, medium_tile: u16, tile: &TileRecord, slow: u16) -> VoxelBox {
     let first = medium_tile.wrapping_mul(TILE_EDGE);
-    let bounds = |axis: Axis| {
-        if axis == order.slow {
-            (slow, slow)
-        } else if axis == order.fast {
-            (tile.low.get(), tile.high.get())
-        } else {
-            (first, first.saturating_add(TILE_EDGE - 1))
-        }
-    };
-    let [x, y, z] = Axis::ALL.map(bounds);
-    VoxelBox { low: [x.0, y.0, z.0], high: [x.1, y.1, z.1] }
+    VoxelBox::from_sides([
+        (order.slow, [slow, slow]),
+        (order.medium, [first, first.saturating_add(TILE_EDGE - 1)]),
+        (order.fast, [tile.low.get(), tile.high.get()]),
+    ])
 }
 
 /// The lines, at most eight, that a tile has in one slice.

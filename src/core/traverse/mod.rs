@@ -5,14 +5,13 @@
 
 mod decode;
 mod gather;
-#[cfg(feature = "gpu")]
 mod lines;
 mod order;
 mod prefix;
 mod tiles;
 mod walk;
 
-#[cfg(feature = "gpu")]
-pub(crate) use lines::{OrderedLine, ordered_lines};
 pub use order::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 pub use walk::{Batch, Visitor, VoxelBox, walk};
+#[cfg(feature = "gpu")]
+pub(crate) use {gather::GatheredLine, lines::ordered_lines};

@@ -149,24 +149,6 @@ impl AxisOrder {
             }
         }
     }
-
-    fn reversed(self) -> AxisOrder {
-        match self {
-            AxisOrder::Ascending => AxisOrder::Descending,
-            AxisOrder::Descending => AxisOrder::Ascending,
-            AxisOrder::TwoSided { eye, form, sense } => AxisOrder::TwoSided { eye, form, sense: sense.reversed() },
-        }
-    }
-}
-
-impl Sense {
-    /// Returns the opposite sense.
-    pub fn reversed(self) -> Sense {
-        match self {
-            Sense::BackToFront => Sense::FrontToBack,
-            Sense::FrontToBack => Sense::BackToFront,
-        }
-    }
 }
 
 /// The nesting of a walk's axes and the direction along each.
@@ -206,18 +188,15 @@ impl Order {
         let along = Axis::ALL.map(|axis| {
             let a = axis.index();
             let last = f64::from(dims[a]) - 1.0;
-            // Back to front: from the far side toward the eye.
-            let back_to_front = match eye {
-                None if nesting[a] >= 0.0 => AxisOrder::Descending,
-                None => AxisOrder::Ascending,
-                Some(eye) if eye[a] <= 0.0 => AxisOrder::Descending,
-                Some(eye) if eye[a] >= last => AxisOrder::Ascending,
-                Some(eye) => AxisOrder::TwoSided { eye: eye[a], form, sense: Sense::BackToFront },
+            // Back to front runs from the far side toward the eye.
+            let is_far_side_high = match eye {
+                None => nesting[a] >= 0.0,
+                Some(eye) if eye[a] <= 0.0 => true,
+                Some(eye) if eye[a] >= last => false,
+                Some(eye) => return AxisOrder::TwoSided { eye: eye[a], form, sense },
             };
-            match sense {
-                Sense::BackToFront => back_to_front,
-                Sense::FrontToBack => back_to_front.reversed(),
-            }
+            let is_descending = is_far_side_high == (sense == Sense::BackToFront);
+            if is_descending { AxisOrder::Descending } else { AxisOrder::Ascending }
         });
         Ok(Order { slow, medium, fast, along })
     }
@@ -229,24 +208,13 @@ impl Order {
     /// # Panics
     /// If `nesting` is not below 6.
     pub fn parallel(nesting: usize, descending: u8) -> Order {
-        const NESTINGS: [[Axis; 3]; 6] = [
-            [Axis::X, Axis::Y, Axis::Z],
-            [Axis::X, Axis::Z, Axis::Y],
-            [Axis::Y, Axis::X, Axis::Z],
-            [Axis::Y, Axis::Z, Axis::X],
-            [Axis::Z, Axis::X, Axis::Y],
-            [Axis::Z, Axis::Y, Axis::X],
-        ];
-        let [slow, medium, fast] = NESTINGS[nesting];
+        let slow = Axis::ALL[nesting / 2];
+        let [first, second] = slow.others();
+        let [medium, fast] = if nesting.is_multiple_of(2) { [first, second] } else { [second, first] };
         let along = [0, 1, 2].map(|a| match descending >> a & 1 {
             0 => AxisOrder::Ascending,
             _ => AxisOrder::Descending,
         });
         Order { slow, medium, fast, along }
-    }
-
-    /// Returns the order that visits the same voxels in reverse.
-    pub fn reversed(self) -> Order {
-        Order { along: self.along.map(AxisOrder::reversed), ..self }
     }
 }

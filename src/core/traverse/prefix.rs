@@ -5,41 +5,15 @@
 //! SSE2, which every x86-64 processor has.
 #![cfg_attr(
     target_arch = "x86_64",
-    allow(unsafe_code, reason = "calls of functions that need SSE2, which x86-64 always has")
+    allow(unsafe_code, reason = "functions of the standard library that need SSE2, which x86-64 always has")
 )]
 
+#[cfg(not(target_arch = "x86_64"))]
+pub(super) use plain::{prefix_sum, reversed, zero_steps};
+#[cfg(target_arch = "x86_64")]
+pub(super) use sse2::{prefix_sum, reversed, zero_steps};
+
 pub(super) const CHUNK: usize = 16;
-
-/// Returns the coordinate after each of sixteen steps from `previous`, modulo 2^16.
-#[inline(always)]
-pub(super) fn prefix_sum(steps: [u8; CHUNK], previous: u16) -> [u16; CHUNK] {
-    // SAFETY: `sse2::prefix_sum` needs SSE2 and nothing else. The x86-64 instruction set includes SSE2, so there is no
-    // machine that runs this code without it.
-    #[cfg(target_arch = "x86_64")]
-    return unsafe { sse2::prefix_sum(steps, previous) };
-    #[cfg(not(target_arch = "x86_64"))]
-    plain::prefix_sum(steps, previous)
-}
-
-/// Returns a mask in which bit i is set if step i is 0.
-#[inline(always)]
-pub(super) fn zero_steps(steps: [u8; CHUNK]) -> u32 {
-    // SAFETY: as in `prefix_sum`: `sse2::zero_steps` needs SSE2 and nothing else, and x86-64 always has it.
-    #[cfg(target_arch = "x86_64")]
-    return unsafe { sse2::zero_steps(steps) };
-    #[cfg(not(target_arch = "x86_64"))]
-    plain::zero_steps(steps)
-}
-
-/// Returns the coordinates in reverse order.
-#[inline(always)]
-pub(super) fn reversed(coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
-    // SAFETY: as in `prefix_sum`: `sse2::reversed` needs SSE2 and nothing else, and x86-64 always has it.
-    #[cfg(target_arch = "x86_64")]
-    return unsafe { sse2::reversed(coordinates) };
-    #[cfg(not(target_arch = "x86_64"))]
-    plain::reversed(coordinates)
-}
 
 #[cfg(target_arch = "x86_64")]
 mod sse2 {
@@ -51,36 +25,43 @@ mod sse2 {
 
     use super::CHUNK;
 
-    #[inline]
-    #[target_feature(enable = "sse2")]
-    pub(super) fn prefix_sum(steps: [u8; CHUNK], previous: u16) -> [u16; CHUNK] {
+    /// Returns the coordinate after each of sixteen steps from `previous`, modulo 2^16.
+    #[inline(always)]
+    pub(in super::super) fn prefix_sum(steps: [u8; CHUNK], previous: u16) -> [u16; CHUNK] {
         let bytes: __m128i = bytemuck::must_cast(steps);
-        let zero = _mm_setzero_si128();
-        let sums_of_eight = |mut sums: __m128i| {
-            sums = _mm_add_epi16(sums, _mm_slli_si128::<2>(sums));
-            sums = _mm_add_epi16(sums, _mm_slli_si128::<4>(sums));
-            _mm_add_epi16(sums, _mm_slli_si128::<8>(sums))
-        };
-        let before = _mm_set1_epi16(previous.cast_signed());
-        let low = _mm_add_epi16(sums_of_eight(_mm_unpacklo_epi8(bytes, zero)), before);
-        let last_of_low = _mm_shuffle_epi32::<0xff>(_mm_shufflehi_epi16::<0xff>(low));
-        let high = _mm_add_epi16(sums_of_eight(_mm_unpackhi_epi8(bytes, zero)), last_of_low);
-        bytemuck::must_cast([low, high])
+        // SAFETY: these functions need SSE2 and nothing else. The x86-64 instruction set includes SSE2, so there is no
+        // machine that runs this code without it.
+        unsafe {
+            let zero = _mm_setzero_si128();
+            let sums_of_eight = |mut sums: __m128i| {
+                sums = _mm_add_epi16(sums, _mm_slli_si128::<2>(sums));
+                sums = _mm_add_epi16(sums, _mm_slli_si128::<4>(sums));
+                _mm_add_epi16(sums, _mm_slli_si128::<8>(sums))
+            };
+            let before = _mm_set1_epi16(previous.cast_signed());
+            let low = _mm_add_epi16(sums_of_eight(_mm_unpacklo_epi8(bytes, zero)), before);
+            let last_of_low = _mm_shuffle_epi32::<0xff>(_mm_shufflehi_epi16::<0xff>(low));
+            let high = _mm_add_epi16(sums_of_eight(_mm_unpackhi_epi8(bytes, zero)), last_of_low);
+            bytemuck::must_cast([low, high])
+        }
     }
 
-    #[inline]
-    #[target_feature(enable = "sse2")]
-    pub(super) fn zero_steps(steps: [u8; CHUNK]) -> u32 {
-        _mm_movemask_epi8(_mm_cmpeq_epi8(bytemuck::must_cast(steps), _mm_setzero_si128())).cast_unsigned()
+    /// Returns a mask in which bit i is set if step i is 0.
+    #[inline(always)]
+    pub(in super::super) fn zero_steps(steps: [u8; CHUNK]) -> u32 {
+        // SAFETY: as in `prefix_sum`.
+        unsafe { _mm_movemask_epi8(_mm_cmpeq_epi8(bytemuck::must_cast(steps), _mm_setzero_si128())).cast_unsigned() }
     }
 
-    #[inline]
-    #[target_feature(enable = "sse2")]
-    pub(super) fn reversed(coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
+    /// Returns the coordinates in reverse order.
+    #[inline(always)]
+    pub(in super::super) fn reversed(coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
         let [low, high]: [__m128i; 2] = bytemuck::must_cast(coordinates);
         // Reverses the four coordinates of each half, then swaps the halves.
-        let reverse =
-            |eight| _mm_shuffle_epi32::<0x4e>(_mm_shufflehi_epi16::<0x1b>(_mm_shufflelo_epi16::<0x1b>(eight)));
+        // SAFETY: as in `prefix_sum`.
+        let reverse = |eight| unsafe {
+            _mm_shuffle_epi32::<0x4e>(_mm_shufflehi_epi16::<0x1b>(_mm_shufflelo_epi16::<0x1b>(eight)))
+        };
         bytemuck::must_cast([reverse(high), reverse(low)])
     }
 }
@@ -90,18 +71,18 @@ mod sse2 {
 mod plain {
     use super::CHUNK;
 
-    pub(super) fn prefix_sum(steps: [u8; CHUNK], mut sum: u16) -> [u16; CHUNK] {
+    pub(in super::super) fn prefix_sum(steps: [u8; CHUNK], mut sum: u16) -> [u16; CHUNK] {
         steps.map(|step| {
             sum = sum.wrapping_add(step.into());
             sum
         })
     }
 
-    pub(super) fn zero_steps(steps: [u8; CHUNK]) -> u32 {
+    pub(in super::super) fn zero_steps(steps: [u8; CHUNK]) -> u32 {
         (0..).zip(steps).map(|(bit, step)| u32::from(step == 0) << bit).sum()
     }
 
-    pub(super) fn reversed(mut coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
+    pub(in super::super) fn reversed(mut coordinates: [u16; CHUNK]) -> [u16; CHUNK] {
         coordinates.reverse();
         coordinates
     }

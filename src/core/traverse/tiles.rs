@@ -16,7 +16,8 @@ pub(super) struct TileRows<'a> {
     sorted: Vec<u32>,
     /// Index in `sorted` at which each row starts; the last element is the end of the last row.
     starts: Vec<u32>,
-    slow_is_v: bool,
+    /// Whether the slow axis is the second axis of the lane's face.
+    pub(super) slow_is_v: bool,
 }
 
 impl<'a> TileRows<'a> {
@@ -47,7 +48,7 @@ impl<'a> TileRows<'a> {
     pub(super) fn slices(&self) -> Vec<u16> {
         let mut slices = Vec::new();
         for row in 0..self.starts.len() - 1 {
-            let union = self.row(row).fold(0, |union, tile| union | tile.occupancy.get());
+            let union = self.row(row).fold(0, |union, (_, tile)| union | tile.occupancy.get());
             for within in 0..TILE_EDGE {
                 let lines =
                     if self.slow_is_v { union >> (8 * within) & 0xff } else { union >> within & 0x0101_0101_0101_0101 };
@@ -59,13 +60,9 @@ impl<'a> TileRows<'a> {
         slices
     }
 
-    /// Iterates over the tiles of the eight slices from `8 * row` on, by ascending medium coordinate.
-    pub(super) fn row(&self, row: usize) -> impl ExactSizeIterator<Item = &'a TileRecord> {
-        self.numbered_row(row).map(|(_, tile)| tile)
-    }
-
-    /// Iterates like [`TileRows::row`], and also yields each tile's index in the lane.
-    pub(super) fn numbered_row(&self, row: usize) -> impl ExactSizeIterator<Item = (u32, &'a TileRecord)> {
+    /// Iterates over the tiles of the eight slices from `8 * row` on, each after its index in the lane, by ascending
+    /// medium coordinate.
+    pub(super) fn row(&self, row: usize) -> impl ExactSizeIterator<Item = (u32, &'a TileRecord)> {
         let range = self.starts[row] as usize..self.starts[row + 1] as usize;
         let lane = self.lane;
         self.sorted[range].iter().map(move |&index| (index, tile_of(&lane, index)))

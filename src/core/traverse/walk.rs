@@ -6,7 +6,7 @@
 //! ```text
 //! for each slice that is not empty, in the slow order
 //!     gather its lines, tile by tile, from the occupancy masks (ascending)     gather.rs
-//!     put them in the medium order
+//!     put them in the medium order                                             lines.rs
 //!     in groups that fill a batch
 //!         for each line, decode its steps to coordinates, in the fast order    decode.rs
 //! ```
@@ -26,10 +26,10 @@
 //! than the lane has.
 
 use super::decode::{Decoder, group};
-use super::gather::LineGatherer;
-use super::order::{AxisOrder, Order};
-use super::tiles::TileRows;
-use crate::arena::{Lane, LineEnds};
+use super::lines::ordered_lines;
+use super::order::Order;
+use crate::arena::Lane;
+use crate::volume::Axis;
 
 /// A box of voxels, by grid coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,6 +41,16 @@ pub struct VoxelBox {
 }
 
 impl VoxelBox {
+    /// Returns the box with these lowest and highest coordinates; the axes may come in any order.
+    #[inline(always)]
+    pub(crate) fn from_sides(sides: [(Axis, [u16; 2]); 3]) -> VoxelBox {
+        let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };
+        for (axis, [low, high]) in sides {
+            (bounds.low[axis.index()], bounds.high[axis.index()]) = (low, high);
+        }
+        bounds
+    }
+
     #[inline(always)]
     pub(crate) fn meets(&self, other: &VoxelBox) -> bool {
         (0..3).all(|a| self.low[a] <= other.high[a] && self.high[a] >= other.low[a])
@@ -115,53 +125,13 @@ impl<F: FnMut(&Batch)> Visitor for F {
 /// # Panics
 /// If the lane does not run along the order's fast axis.
 pub fn walk<V: Visitor + ?Sized>(lane: &Lane, order: &Order, visitor: &mut V) {
-    assert_eq!(lane.axis, order.fast, "a walk needs the lane along its fast axis");
-    let rows = TileRows::new(lane, order.slow, |bounds| visitor.wants_tile(bounds));
-    match lane.line_ends {
-        LineEnds::Narrow(ends) => {
-            let line_end = |i: usize| ends.get(i).map(|e| u32::from(e.get())).or_else(|| lane.patched_line_end(i));
-            walk_slices(lane, order, &rows, line_end, visitor);
-        }
-        LineEnds::Wide(ends) => {
-            let line_end = |i: usize| ends.get(i).map(|e| e.get()).or_else(|| lane.patched_line_end(i));
-            walk_slices(lane, order, &rows, line_end, visitor);
-        }
-    }
-}
-
-fn walk_slices<V: Visitor + ?Sized>(
-    lane: &Lane,
-    order: &Order,
-    rows: &TileRows,
-    line_end: impl Fn(usize) -> Option<u32> + Copy,
-    visitor: &mut V,
-) {
-    let along = |axis: crate::volume::Axis| order.along[axis.index()];
-    let mut gather = LineGatherer::new(lane, order);
-    let (mut mediums, mut two_sided) = (Vec::new(), Vec::new());
-    let mut decoder = Decoder::new(lane, along(order.fast));
+    let mut decoder = Decoder::new(lane, order.along[order.fast.index()]);
     // Number of records that may still be visited: limits the work that a damaged file can cause.
     let mut budget = lane.record_count();
-    let slices = rows.slices();
-    along(order.slow).for_each_index(&slices, |index| {
-        let slow = slices[index];
-        let gathered = gather.lines_of(rows, slow, line_end, visitor);
-        let mut lines = match along(order.medium) {
-            AxisOrder::Ascending => &*gathered,
-            AxisOrder::Descending => {
-                gathered.reverse();
-                &*gathered
-            }
-            sides @ AxisOrder::TwoSided { .. } => {
-                mediums.clear();
-                mediums.extend(gathered.iter().map(|line| line.medium));
-                two_sided.clear();
-                sides.for_each_index(&mediums, |index| two_sided.push(gathered[index]));
-                &*two_sided
-            }
-        };
+    let no_facts_of_tiles = |_, _: &_| ();
+    ordered_lines(lane, order, visitor, no_facts_of_tiles, |visitor, slow, mut lines| {
         while !lines.is_empty() {
-            let mut group = group(lines, decoder.capacity());
+            let mut group = group(lines, decoder.capacity);
             if lane.pager.is_some() {
                 group.stay_near(lines);
                 for line in &lines[..group.line_count] {

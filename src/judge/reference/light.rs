@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use super::voxels::ReferenceVoxel;
 use adjsplat::splat::{Lighting, View};
+use adjsplat::traverse::Viewpoint;
 
 /// The lighting of a view; directions are along the grid's axes.
 #[derive(Debug, Clone, Copy)]
@@ -22,11 +23,12 @@ impl ReferenceLights {
     pub(super) fn new(lighting: Lighting, view: &View) -> ReferenceLights {
         let [right, up, forward] = view.axes.map(DVec3::from_array);
         let [x, y, z] = lighting.toward_light;
+        let is_perspective = matches!(view.viewpoint, Viewpoint::Perspective { .. });
         ReferenceLights {
             lighting,
             toward_light: (right * x + up * y - forward * z).normalize_or_zero(),
             toward_eye: -forward.normalize_or_zero(),
-            eye: view.eye().map(|_| DVec3::from_array(view.eye_scaled)),
+            eye: is_perspective.then(|| DVec3::from_array(view.eye_scaled)),
             steps: DVec3::from_array(view.steps),
         }
     }

@@ -5,6 +5,7 @@
 use super::voxels::ReferenceVoxel;
 use adjsplat::splat::View;
 use adjsplat::splat::view::PixelMap;
+use adjsplat::traverse::Viewpoint;
 
 /// The order in which splats are composited.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Hash)]
@@ -23,9 +24,12 @@ pub(super) fn front_to_back(voxels: &[ReferenceVoxel], dims: [u32; 3], view: &Vi
     match order {
         SplatOrder::Nested => {
             let mut axes = [0, 1, 2];
-            let direction = view.direction();
+            let (direction, eye) = match view.viewpoint {
+                Viewpoint::Parallel { direction } => (direction, None),
+                Viewpoint::Perspective { eye, toward } => (toward, Some(eye)),
+            };
             axes.sort_by(|&a, &b| direction[b].abs().total_cmp(&direction[a].abs()));
-            let ranks = [0, 1, 2].map(|a| ranks(dims[a], direction[a], view.eye().map(|eye| eye[a])));
+            let ranks = [0, 1, 2].map(|a| ranks(dims[a], direction[a], eye.map(|eye| eye[a])));
             let key = |voxel: &ReferenceVoxel| {
                 axes.iter().fold(0u64, |key, &a| key << 16 | u64::from(ranks[a][usize::from(voxel.position[a])]))
             };

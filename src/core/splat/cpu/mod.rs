@@ -38,7 +38,7 @@ use self::coarse::CoarseView;
 use self::project::Projector;
 use self::task::{BandStats, DrawTask, assemble, full_rect, pixels};
 use self::tile_buffer::Rect;
-use super::composite::{Blending, Finish, Mode, Table};
+use super::composite::{Blending, Mode, Table};
 use super::frame::Frame;
 use super::setup::FrameSetup;
 use super::supersample::Supersampling;
@@ -165,7 +165,7 @@ fn draw_in_mode(
         let projector = Projector::new(setup, table, FrontToBack::ALPHA_INK, settings.termination());
         let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings) };
         let bands = task.in_bands(true, &|rect| stamp::draw(&task, rect))?;
-        return Ok((assemble(&bands, settings, Finish::new(table))?, BandStats::of(&bands)));
+        return Ok((assemble(&bands, settings, table)?, BandStats::of(&bands)));
     }
     let draw = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) if settings.blending == Blending::Linear => blended::<LinearFrontToBack>,
@@ -189,7 +189,7 @@ fn blended<B: Blend>(
     let projector = Projector::new(setup, table, ink, if B::STOPS { settings.termination() } else { 0.0 });
     let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings) };
     let bands = task.splat::<B>()?;
-    Ok((assemble(&bands, settings, Finish::new(table))?, BandStats::of(&bands)))
+    Ok((assemble(&bands, settings, table)?, BandStats::of(&bands)))
 }
 
 /// Marks the records that a view shows. A record is shown if, at any pixel of its footprint, the transmittance in front

@@ -13,7 +13,7 @@ use super::visible::VisibleRecords;
 use super::{band, plain};
 use crate::arena::RecordSet;
 use crate::error::Result;
-use crate::splat::composite::{Blending, Finish};
+use crate::splat::composite::{Blending, Table};
 use crate::splat::setup::FrameSetup;
 use crate::splat::view::{PixelMap, View};
 use crate::splat::{Code, Frame, Settings};
@@ -231,13 +231,13 @@ pub(super) fn pixels(view: &View, half_widths: [f64; 2], rect: Rect, bounds: &Vo
     })
 }
 
-/// Makes a frame from drawn bands; `finish` turns a band's values into a pixel's colour and opacity.
+/// Makes a frame from drawn bands; `table` turns a band's values into a pixel's colour and opacity.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
-pub fn assemble<P: BandPixels + Sync>(bands: &[BandResult<P>], settings: &Settings, finish: Finish) -> Result<Frame> {
+pub fn assemble<P: BandPixels + Sync>(bands: &[BandResult<P>], settings: &Settings, table: &Table) -> Result<Frame> {
     let mut frame = Frame::transparent(settings.size)?;
-    combine(bands, settings, &mut frame, |pixel, values| *pixel = finish.pixel(values));
+    combine(bands, settings, &mut frame, |pixel, values| *pixel = table.finish(values));
     Ok(frame)
 }
 

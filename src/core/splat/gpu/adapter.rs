@@ -76,20 +76,13 @@ pub struct OpenedDevice {
     pub queue: Queue,
 }
 
-/// Returns whether the system shows any sign of graphics hardware. Where it does not, a program can avoid asking for
-/// adapters, which loads every driver that is installed.
-pub fn has_hardware() -> bool {
-    const SIGNS: [&str; 5] = ["/dev/dri", "/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
-    !cfg!(target_os = "linux") || SIGNS.iter().any(|sign| std::path::Path::new(sign).exists())
-}
-
 /// Returns all adapters that can run the stages, best first: discrete, integrated, virtual, other, software.
 pub fn adapters() -> Vec<AdapterFacts> {
-    ranked().iter().map(AdapterFacts::new).collect()
+    ranked().into_iter().map(|(facts, _)| facts).collect()
 }
 
 /// Returns adapters that can run the stages, best first; integrated ones lead if `WGPU_POWER_PREF` is low power.
-fn ranked() -> Vec<Adapter> {
+fn ranked() -> Vec<(AdapterFacts, Adapter)> {
     let instance = Instance::new(InstanceDescriptor::new_without_display_handle_from_env());
     let mut adapters = pollster::block_on(instance.enumerate_adapters(Backends::all()));
     adapters.retain(|adapter| required_limits(adapter).is_some());
@@ -99,7 +92,7 @@ fn ranked() -> Vec<Adapter> {
         let is_first = saves_power && kind == DeviceType::IntegratedGpu;
         if is_first { None } else { KINDS.iter().position(|(ranked, _)| *ranked == kind) }
     });
-    adapters
+    adapters.into_iter().map(|adapter| (AdapterFacts::new(&adapter), adapter)).collect()
 }
 
 /// Returns the limits that a device needs for the stages; `None` if the adapter has lower limits.
@@ -127,17 +120,15 @@ pub fn open(name: Option<&str>) -> Result<OpenedDevice> {
     if adapters.is_empty() {
         return Err(Error::device("there is none; install a driver (Vulkan, Metal or DX12), or draw on the processor"));
     }
-    let facts: Vec<AdapterFacts> = adapters.iter().map(AdapterFacts::new).collect();
-    let is_wanted = |facts: &AdapterFacts| {
+    let is_wanted = |(facts, _): &&(AdapterFacts, Adapter)| {
         let title = format!("{} {}", facts.name, facts.driver).to_lowercase();
         wanted.as_ref().is_none_or(|wanted| title.contains(&wanted.to_lowercase()))
     };
-    let Some(index) = facts.iter().position(is_wanted) else {
-        let names: Vec<&str> = facts.iter().map(|facts| facts.name.as_str()).collect();
+    let Some((facts, adapter)) = adapters.iter().find(is_wanted) else {
+        let names: Vec<&str> = adapters.iter().map(|(facts, _)| facts.name.as_str()).collect();
         let wanted = wanted.unwrap_or_default();
         return Err(Error::device(format!("none is called \"{wanted}\"; there are: {}", names.join(", "))));
     };
-    let adapter = &adapters[index];
     let descriptor = DeviceDescriptor {
         label: Some("adjsplat"),
         required_features: adapter.features() & (Features::TIMESTAMP_QUERY | Features::FLOAT32_BLENDABLE),
@@ -148,5 +139,5 @@ pub fn open(name: Option<&str>) -> Result<OpenedDevice> {
     };
     let refused = |fault: wgpu::RequestDeviceError| Error::device(format!("refuses: {}", one_line(&fault.to_string())));
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(refused)?;
-    Ok(OpenedDevice { facts: AdapterFacts::new(adapter), device, queue })
+    Ok(OpenedDevice { facts: facts.clone(), device, queue })
 }

@@ -11,6 +11,7 @@
 use super::layout::{BATCH, Splat, TILE, VisitedVoxel};
 use super::lines::LaneSize;
 use crate::arena::TileRecord;
+use crate::arena::layout::Channels;
 use crate::error::{Error, Result};
 
 const MAX_SLOTS: u64 = 1 << 20; // Most records of a chunk: enough to keep a large device busy.
@@ -24,17 +25,6 @@ const FIXED_BYTES: u64 = 1 << 20; // Bytes of uniforms, counters, times, and of 
 const MAX_LINE_BYTES: u64 = 4; // Most bytes that store the end offset of a scan line, and a line's word in the list.
 const MIN_LANE_BYTES: u64 = 1 << 20; // The fewest bytes that must be left for a lane.
 
-/// The needs of a frame and the limits of a device, from which a [`MemoryPlan`] is made.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct MemoryDemand {
-    pub(crate) ceiling: u64,        // Most bytes of video memory.
-    pub(crate) max_binding: u64,    // Bytes of the device's largest binding.
-    pub(crate) size: [u32; 2],      // Columns and rows of the picture.
-    pub(crate) table_bytes: u64,    // Bytes of the tables.
-    pub(crate) widest_channel: u64, // Bytes per record of a lane's widest channel.
-    pub(crate) is_software: bool,
-}
-
 /// How the video memory is divided among the parts of a frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct MemoryPlan {
@@ -44,9 +34,16 @@ pub(crate) struct MemoryPlan {
 }
 
 impl MemoryPlan {
-    /// Divides the video memory; returns [`Error::Limit`] if there is too little for the smallest possible parts.
-    pub(crate) fn new(demand: MemoryDemand) -> Result<MemoryPlan> {
-        let MemoryDemand { ceiling, max_binding, size, table_bytes, widest_channel, is_software } = demand;
+    /// Divides `ceiling` bytes of video memory for a picture of `size` (columns, rows) of a scene with these channels,
+    /// whose tables take `table_bytes`. [`Error::Limit`] if there is too little for the smallest possible parts.
+    pub(crate) fn new(
+        ceiling: u64,
+        max_binding: u64,
+        size: [u32; 2],
+        table_bytes: u64,
+        channels: Channels,
+        is_software: bool,
+    ) -> Result<MemoryPlan> {
         let max_slots = if is_software { MAX_SLOTS_IN_SOFTWARE } else { MAX_SLOTS };
         let [columns, rows] = size.map(u64::from);
         let base = FIXED_BYTES + table_bytes + in_flight(ceiling);
@@ -77,9 +74,10 @@ impl MemoryPlan {
             pixels + masks <= max_window && pixels / 2 <= max_binding && masks <= max_binding
         };
         let tile_rows = (1..=rows.div_ceil(TILE.into())).rev().find(fits).unwrap_or(1);
+        let widest_channel = u64::from((channels.value_bits / 8).max(channels.normal_bits / 4).max(1));
         let room = LaneSize {
             bytes: free.saturating_sub(chunk(slots) + window_bytes(tile_rows, slots)).max(MIN_LANE_BYTES),
-            records: max_binding / widest_channel.max(1),
+            records: max_binding / widest_channel,
             lines: max_binding / MAX_LINE_BYTES,
             tiles: max_binding / size_of::<TileRecord>() as u64,
         };

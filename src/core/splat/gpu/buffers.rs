@@ -6,7 +6,7 @@ use wgpu::{
     Buffer, BufferUsages, Extent3d, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureUsages,
 };
 
-use super::context::Context;
+use super::context::{Context, STORAGE};
 use crate::error::{Error, Result};
 
 const SLACK: u64 = 1 << 16; // By how many bytes a kept buffer may be larger than needed.
@@ -22,7 +22,7 @@ pub(super) struct FrameBuffers {
 #[derive(Debug, Clone, Copy)]
 pub(super) enum BufferName {
     Uniform,
-    Chunks,
+    Chunk,
     Lines,
     Blocks,
     Voxels,
@@ -42,9 +42,9 @@ impl FrameBuffers {
             return Ok(buffer.clone());
         }
         let usage = match name {
-            BufferName::Uniform | BufferName::Chunks => BufferUsages::UNIFORM | BufferUsages::COPY_DST,
+            BufferName::Uniform | BufferName::Chunk => BufferUsages::UNIFORM | BufferUsages::COPY_DST,
             BufferName::ReadBack | BufferName::DrawnBack => BufferUsages::MAP_READ | BufferUsages::COPY_DST,
-            _ => BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC,
+            _ => STORAGE,
         };
         *slot = None;
         let buffer = context.buffer(&format!("{name:?}"), bytes, usage)?;

@@ -17,6 +17,10 @@ use crate::error::{Error, Result};
 
 pub(crate) const MAX_BINDING: u64 = 128 << 20; // Largest binding that is used, in bytes: every device allows it.
 
+/// Usages of a buffer that stages read or write: tests may also read it.
+pub(crate) const STORAGE: BufferUsages =
+    BufferUsages::STORAGE.union(BufferUsages::COPY_DST).union(BufferUsages::COPY_SRC);
+
 const HANG_TIMEOUT: Duration = Duration::from_secs(600); // Software takes minutes for a large frame.
 
 /// A device, its queue, and how many bytes of copies to the device are not known to be finished.

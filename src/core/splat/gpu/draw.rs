@@ -5,7 +5,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use wgpu::{BindGroup, Buffer, Color, CommandEncoder, ComputePassDescriptor, LoadOp, RenderPass};
+use wgpu::{Buffer, Color, CommandEncoder, ComputePassDescriptor, LoadOp, RenderPass};
 
 use super::budget::{MemoryPlan, mask_words};
 use super::buffers::BufferName;
@@ -17,9 +17,9 @@ use super::probe::{Probe, ProbeCallback};
 use super::read_back::{self, COUNTERS};
 use super::resolve::{self, RenderTarget};
 use super::slab_buffers::SlabBuffers;
-use super::stages::{BlendMode, ComputeStage, Pipelines, render_pass};
+use super::stages::{BlendMode, Pipelines, bind, render_pass};
 use super::timing::Pass;
-use super::{Compositor, GpuRenderer, GpuStats, QuadFormat};
+use super::{Compositor, GpuRenderer, GpuStats};
 use crate::error::Result;
 use crate::splat::setup::FrameSetup as Shot;
 use crate::splat::{Frame, Settings};
@@ -52,15 +52,16 @@ pub(super) fn frame<'a>(
     renderer: &mut GpuRenderer<'a>,
     shot: &Shot<'a>,
     settings: &Settings,
+    list: Arc<LineList>,
     plan: MemoryPlan,
-    output: FrameOutput,
+    mut output: FrameOutput,
     stats: &mut GpuStats,
 ) -> Result<()> {
     let context = renderer.context.clone();
     let mut draw = FrameDraw {
         context: context.clone(),
         pipelines: renderer.pipelines.clone(),
-        list: renderer.list().list.clone(),
+        list,
         renderer,
         shot,
         plan,
@@ -68,7 +69,7 @@ pub(super) fn frame<'a>(
         blend: BlendMode::new(settings.mode, settings.sense),
         is_timed: matches!(output, FrameOutput::Frame(..)),
         stats,
-        probe: None,
+        probe: if let FrameOutput::Frame(_, probe) = &mut output { probe.take() } else { None },
     };
     draw.stats.slabs = draw.list.slabs.len();
     draw.make_room();
@@ -81,23 +82,21 @@ pub(super) fn frame<'a>(
     let (step, height) = (plan.window_rows as usize, plan.window_rows.cast_signed());
     let windows = (0..rows).step_by(step).map(|y0| [0, y0, columns, rows.min(y0.saturating_add(height))]);
     let mut records = 0;
-    match output {
-        FrameOutput::Frame(frame, probe) => {
-            draw.probe = probe;
-            let parts = frame.pixels_mut().chunks_mut(step * 4 * settings.size[0] as usize);
-            for (window, out) in windows.zip(parts) {
-                records += draw.window(window)?;
+    for window in windows {
+        records += draw.window(window)?;
+        match &mut output {
+            FrameOutput::Frame(frame, _) => {
+                let row = 4 * settings.size[0] as usize;
+                let [from, to] = [window[1], window[3]].map(|y| row * y.unsigned_abs() as usize);
+                let out = &mut frame.pixels_mut()[from..to];
                 read_back::window(draw.renderer, extent(window), out, draw.stats)?;
             }
-            let drawn = read_back::drawn(&mut draw.renderer.buffers, &context)?;
-            (draw.stats.splats_drawn, draw.stats.splats_skipped) = (drawn, records - drawn.min(records));
+            FrameOutput::Texture(target) => resolve::window(draw.renderer, window, target)?,
         }
-        FrameOutput::Texture(target) => {
-            for window in windows {
-                draw.window(window)?;
-                resolve::window(draw.renderer, window, target)?;
-            }
-        }
+    }
+    if draw.is_timed {
+        let drawn = read_back::drawn(&mut draw.renderer.buffers, &context)?;
+        (draw.stats.splats_drawn, draw.stats.splats_skipped) = (drawn, records - drawn.min(records));
     }
     Ok(())
 }
@@ -105,18 +104,6 @@ pub(super) fn frame<'a>(
 /// Returns the columns and rows of a window.
 fn extent([x0, y0, x1, y1]: [i32; 4]) -> [u32; 2] {
     [x1 - x0, y1 - y0].map(i32::cast_unsigned)
-}
-
-/// The bind groups for the stages that all chunks of a slab use.
-struct ChunkBindings {
-    walk: BindGroup,
-    project: BindGroup,
-    compositor: CompositorBindings,
-}
-
-enum CompositorBindings {
-    Tiles { bin: BindGroup, tile: BindGroup },
-    Quads { target: QuadFormat, group: BindGroup },
 }
 
 impl FrameDraw<'_, '_, '_> {
@@ -133,6 +120,7 @@ impl FrameDraw<'_, '_, '_> {
         let (context, buffers) = (&self.context, &mut self.renderer.buffers);
         let uniform_buffer = buffers.make(context, BufferName::Uniform, size_of::<FrameUniform>() as u64)?;
         context.write(&uniform_buffer, 0, bytemuck::bytes_of(&uniform))?;
+        buffers.make(context, BufferName::Chunk, size_of::<Chunk>() as u64)?;
         let slots = u64::from(self.plan.slots.next_multiple_of(BATCH));
         buffers.make(context, BufferName::Voxels, slots * size_of::<VisitedVoxel>() as u64)?;
         buffers.make(context, BufferName::Splats, slots * size_of::<Splat>() as u64)?;
@@ -160,30 +148,20 @@ impl FrameDraw<'_, '_, '_> {
                 self.stats.chunks += 1;
                 records += u64::from(chunk.slot_count);
             }
-            let bindings = self.bind(index, &chunks)?;
-            for index in 0..chunks.chunks.len() {
-                self.chunk(&bindings, &chunks, index, tiles)?;
-                self.call_probe(&uniform, slab, &chunks, index);
+            self.upload(index, &chunks)?;
+            for &(chunk, block_count) in &chunks.chunks {
+                self.chunk(chunk, block_count, tiles)?;
+                let first = chunk.first_block as usize;
+                let blocks = &chunks.blocks[first..first + block_count as usize];
+                self.call_probe(&uniform, slab, chunk, blocks);
             }
         }
         if is_first {
-            self.clear([width, height])?;
+            // No voxel projects into the window: a chunk without records clears its pixels.
+            self.chunk(Chunk { first_block: 0, slot_count: 0, index: 0, is_first: 1 }, 0, tiles)?;
         }
         self.stats.windows += 1;
         Ok(records)
-    }
-
-    /// Clears the pixels of a window into which no voxel projects.
-    fn clear(&mut self, [width, height]: [u32; 2]) -> Result<()> {
-        if self.renderer.current == Compositor::Tiles {
-            let row = vec![[0.0, 0.0, 0.0, self.blend.initial_alpha()]; width as usize];
-            let bytes: &[u8] = bytemuck::cast_slice(&row);
-            let pixels = self.renderer.buffers.get(BufferName::Pixels);
-            return (0..height.into()).try_for_each(|y: u64| self.context.write(pixels, y * bytes.len() as u64, bytes));
-        }
-        let mut encoder = self.context.encoder("clear");
-        drop(self.begin_quads(&mut encoder, true));
-        self.context.submit([encoder.finish()])
     }
 
     /// Begins a render pass for quads. It clears the target if the pass is the first of a window (`is_first`).
@@ -195,60 +173,30 @@ impl FrameDraw<'_, '_, '_> {
         render_pass(encoder, &view, load, timer.and_then(|timer| timer.render(Pass::Composite)))
     }
 
-    /// Copies slab `index` and the blocks of `chunks` to the device, and binds them for all stages.
-    fn bind(&mut self, index: usize, chunks: &Chunks) -> Result<ChunkBindings> {
+    /// Copies slab `index`, its lines and the blocks of `chunks` to the device.
+    fn upload(&mut self, index: usize, chunks: &Chunks) -> Result<()> {
         let start = Instant::now();
-        let [tiles, line_ends, steps, values, normals, magnitudes] = self.upload_slab(index)?.buffers.clone();
+        self.upload_slab(index)?;
         let slab = &self.list.slabs[index];
-        let (context, buffers) = (&self.context, &mut self.renderer.buffers);
-        let lines = buffers.make(context, BufferName::Lines, 4 * slab.lines.len() as u64)?;
-        let cached = self.renderer.list.as_mut().expect("prepared before");
-        if cached.on_device != Some(index) {
+        let (context, renderer) = (&self.context, &mut *self.renderer);
+        let line_bytes = 4 * slab.lines.len() as u64;
+        let lines = renderer.buffers.make(context, BufferName::Lines, line_bytes)?;
+        if renderer.listed_slab != Some(index) {
             context.fill(&lines, bytemuck::cast_slice(&slab.lines))?;
-            self.stats.list_bytes += 4 * slab.lines.len() as u64;
-            cached.on_device = Some(index);
+            self.stats.list_bytes += line_bytes;
+            renderer.listed_slab = Some(index);
         }
-        let blocks = buffers.make(context, BufferName::Blocks, (size_of::<LineBlock>() * slab.blocks.len()) as u64)?;
+        let block_bytes = size_of::<LineBlock>() * slab.blocks.len();
+        let blocks = renderer.buffers.make(context, BufferName::Blocks, block_bytes as u64)?;
         context.write(&blocks, 0, bytemuck::cast_slice(&chunks.blocks))?;
-        let stride = self.chunk_stride();
-        let mut bytes = vec![0u8; stride * chunks.chunks.len()];
-        for ((chunk, _), bytes) in chunks.chunks.iter().zip(bytes.chunks_exact_mut(stride)) {
-            bytes[..size_of::<Chunk>()].copy_from_slice(bytemuck::bytes_of(chunk));
-        }
-        let chunk_buffer = self.renderer.buffers.make(context, BufferName::Chunks, bytes.len() as u64)?;
-        context.write(&chunk_buffer, 0, &bytes)?;
         self.stats.upload_ms += start.elapsed().as_secs_f64() * 1e3;
-
-        let (device, looks, pipelines) = (&context.device, self.renderer.looks(), &self.pipelines);
-        let buffer = |name: BufferName| self.renderer.buffers.get(name);
-        let [uniform, voxels, splats] = [BufferName::Uniform, BufferName::Voxels, BufferName::Splats].map(buffer);
-        let bind = |stage: &ComputeStage, buffers: &[&Buffer]| stage.bind(device, uniform, &chunk_buffer, buffers);
-        let (by_value, by_pair, drawn) = (&looks.by_value, &looks.by_pair, buffer(BufferName::Drawn));
-        let walk = bind(&pipelines.walk, &[&tiles, &line_ends, &steps, &lines, &blocks, voxels]);
-        let project = [voxels, &values, &normals, &magnitudes, by_value, by_pair, splats, drawn];
-        let project = bind(&pipelines.project, &project);
-        let compositor = match self.renderer.current {
-            Compositor::Tiles => {
-                let [masks, pixels] = [BufferName::Masks, BufferName::Pixels].map(buffer);
-                let bin = bind(&pipelines.bin, &[splats, masks]);
-                let tile = bind(pipelines.tile(device, self.blend), &[splats, masks, pixels]);
-                CompositorBindings::Tiles { bin, tile }
-            }
-            Compositor::Quads(target) => {
-                let pipeline = pipelines.splat(device, self.blend, target);
-                CompositorBindings::Quads { target, group: Pipelines::bind_splat(device, pipeline, [uniform, splats]) }
-            }
-        };
-        Ok(ChunkBindings { walk, project, compositor })
+        Ok(())
     }
 
-    /// Calls the probe, if there is one, with the buffers on the device after chunk `index` of a slab.
-    fn call_probe(&mut self, uniform: &FrameUniform, slab: &Slab, chunks: &Chunks, index: usize) {
+    /// Calls the probe, if there is one, with the buffers on the device after a chunk, which consists of `blocks`.
+    fn call_probe(&mut self, uniform: &FrameUniform, slab: &Slab, chunk: Chunk, blocks: &[LineBlock]) {
         let (Some(probe), renderer) = (&mut self.probe, &*self.renderer) else { return };
-        let (chunk, count) = chunks.chunks[index];
-        let first = chunk.first_block as usize;
         let looks = renderer.looks();
-        let slab_buffers = renderer.residents.last().or(renderer.streamed.as_ref());
         let buffer = |name: BufferName| renderer.buffers.get(name);
         let has_tiles = renderer.current == Compositor::Tiles;
         probe(&Probe {
@@ -256,9 +204,9 @@ impl FrameDraw<'_, '_, '_> {
             queue: &self.context.queue,
             uniform,
             chunk,
-            blocks: &chunks.blocks[first..first + count as usize],
+            blocks,
             lines: &slab.lines,
-            slab: &slab_buffers.expect("a slab is on the device").buffers,
+            slab: &renderer.slabs.last().expect("a slab is on the device").buffers,
             looks: [&looks.by_value, &looks.by_pair],
             voxels: buffer(BufferName::Voxels),
             splats: buffer(BufferName::Splats),
@@ -267,83 +215,93 @@ impl FrameDraw<'_, '_, '_> {
         });
     }
 
-    /// Frees lanes of other axes on the device if they leave no room for the lane of this frame.
+    /// Frees slabs on the device that this frame does not use: parts of lanes, and lanes of other axes for which there
+    /// is no room beside the lane of this frame.
     fn make_room(&mut self) {
         let (axis, room) = (self.shot.lane.axis, self.plan.room.bytes);
-        let slab = self.renderer.list().sizes.first().map_or(0, |sizes| sizes.iter().sum());
+        let slab = self.list.slabs.first().map_or(0, |slab| slab.sizes.iter().sum());
         let need: u64 = slab + LINE_BYTES * line_count(&self.shot.lane);
-        let residents = &mut self.renderer.residents;
-        self.renderer.streamed = None;
-        if self.list.slabs.len() > 1 {
-            residents.clear();
-        }
+        let is_streamed = self.list.slabs.len() > 1;
+        let slabs = &mut self.renderer.slabs;
+        slabs.retain(|slab| slab.is_whole && !is_streamed);
         // The lane of this frame comes last, so it is not removed.
-        residents.sort_by_key(|lane| lane.axis == axis);
-        let other_lanes = |residents: &[SlabBuffers]| -> u64 {
-            residents.iter().filter(|lane| lane.axis != axis).map(SlabBuffers::bytes).sum()
-        };
-        while other_lanes(residents) > 0 && other_lanes(residents) + need > room {
-            residents.remove(0);
+        slabs.sort_by_key(|slab| slab.axis == axis);
+        let other_lanes =
+            |slabs: &[SlabBuffers]| slabs.iter().filter(|slab| slab.axis != axis).map(SlabBuffers::bytes).sum::<u64>();
+        while other_lanes(slabs) > 0 && other_lanes(slabs) + need > room {
+            slabs.remove(0);
         }
     }
 
-    /// Returns the buffers of slab `index`: those on the device if it is the whole lane, else newly made ones.
-    fn upload_slab(&mut self, index: usize) -> Result<&SlabBuffers> {
-        let (context, lane, renderer) = (&self.context, &self.shot.lane, &mut *self.renderer);
+    /// Copies slab `index` to the device, unless it is the whole lane, and there already.
+    fn upload_slab(&mut self, index: usize) -> Result<()> {
+        let (context, lane, slabs) = (&self.context, &self.shot.lane, &mut self.renderer.slabs);
         let is_whole = self.list.slabs.len() == 1;
-        if is_whole && renderer.residents.last().is_some_and(|last| last.axis == lane.axis) {
-            return Ok(renderer.residents.last().expect("it is there"));
+        if is_whole && slabs.last().is_some_and(|last| last.axis == lane.axis) {
+            return Ok(());
         }
         if !is_whole {
             // The previous slab is freed, and waiting lets the device finish with it, so that only one exists.
-            renderer.streamed = None;
+            slabs.clear();
             context.wait()?;
         }
-        let buffers = SlabBuffers::new(context, lane.axis, renderer.list().sizes[index])?;
-        self.stats.upload_bytes += buffers.upload(context, lane, &self.list.slabs[index].tiles)?;
-        if !is_whole {
-            return Ok(renderer.streamed.insert(buffers));
-        }
-        renderer.residents.push(buffers);
-        Ok(renderer.residents.last().expect("it was just put there"))
+        let slab = &self.list.slabs[index];
+        let buffers = SlabBuffers::new(context, lane.axis, is_whole, slab.sizes)?;
+        self.stats.upload_bytes += buffers.upload(context, lane, &slab.tiles)?;
+        slabs.push(buffers);
+        Ok(())
     }
 
-    /// Returns how many bytes the chunks in the chunk buffer are apart.
-    fn chunk_stride(&self) -> usize {
-        let alignment = self.context.limits.min_uniform_buffer_offset_alignment as usize;
-        size_of::<Chunk>().next_multiple_of(alignment.max(1))
-    }
-
-    /// Runs all stages for chunk `index` of a slab; `tiles`: columns and rows of the window's tiles.
-    fn chunk(&mut self, bindings: &ChunkBindings, chunks: &Chunks, index: usize, tiles: [u32; 2]) -> Result<()> {
+    /// Runs all stages for a chunk of the slab on the device; `window_tiles`: columns and rows of tiles.
+    fn chunk(&mut self, chunk: Chunk, block_count: u32, window_tiles: [u32; 2]) -> Result<()> {
         let (context, pipelines, blend) = (self.context.clone(), self.pipelines.clone(), self.blend);
-        let (chunk, blocks) = chunks.chunks[index];
-        let offset = u32::try_from(index * self.chunk_stride()).expect("within a binding");
+        let device = &context.device;
+        let GpuRenderer { buffers, looks, slabs, timer, current, .. } = &mut *self.renderer;
+        let looks = looks.as_ref().expect("a frame begins with its tables");
+        let buffer = |name: BufferName| buffers.get(name);
+        let [uniform, chunk_buffer] = [BufferName::Uniform, BufferName::Chunk].map(buffer);
+        let [voxels, splats] = [BufferName::Voxels, BufferName::Splats].map(buffer);
+        context.write(chunk_buffer, 0, bytemuck::bytes_of(&chunk))?;
+
+        // Each stage with its buffers, in the order of its shader, and its number of workgroups.
+        let mut stages = Vec::new();
         let batches = chunk.slot_count.div_ceil(BATCH);
+        if batches > 0 {
+            let slab = slabs.last().expect("a slab is on the device");
+            let [tiles, line_ends, steps, values, normals, magnitudes] = &slab.buffers;
+            let [lines, blocks, drawn] = [BufferName::Lines, BufferName::Blocks, BufferName::Drawn].map(buffer);
+            let walk = vec![uniform, chunk_buffer, tiles, line_ends, steps, lines, blocks, voxels];
+            let [by_value, by_pair] = [&looks.by_value, &looks.by_pair];
+            let project =
+                vec![uniform, chunk_buffer, voxels, values, normals, magnitudes, by_value, by_pair, splats, drawn];
+            stages.push((Pass::Walk, &pipelines.walk, walk, [block_count, 1]));
+            stages.push((Pass::Project, &pipelines.project, project, [batches, 1]));
+        }
         let mut encoder = context.encoder("chunk");
-        let mut run =
-            |encoder: &mut CommandEncoder, pass, stage: &ComputeStage, group: &BindGroup, [x, y]: [u32; 2]| {
-                let timer = self.renderer.timer.as_mut().filter(|_| self.is_timed);
-                let timestamp_writes = timer.and_then(|timer| timer.compute(pass));
-                let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
-                pass.set_pipeline(&stage.pipeline);
-                pass.set_bind_group(0, group, &[offset]);
-                pass.dispatch_workgroups(x, y, 1);
-            };
-        run(&mut encoder, Pass::Walk, &pipelines.walk, &bindings.walk, [blocks, 1]);
-        run(&mut encoder, Pass::Project, &pipelines.project, &bindings.project, [batches, 1]);
-        match &bindings.compositor {
-            CompositorBindings::Tiles { bin, tile } => {
-                encoder.clear_buffer(self.renderer.buffers.get(BufferName::Masks), 0, None);
-                run(&mut encoder, Pass::Bin, &pipelines.bin, bin, [batches, 1]);
-                run(&mut encoder, Pass::Composite, pipelines.tile(&context.device, blend), tile, tiles);
-            }
-            CompositorBindings::Quads { target, group } => {
-                let mut pass = self.begin_quads(&mut encoder, chunk.is_first == 1);
-                pass.set_pipeline(pipelines.splat(&context.device, blend, *target));
-                pass.set_bind_group(0, group, &[]);
-                pass.draw(0..4, 0..chunk.slot_count);
-            }
+        if *current == Compositor::Tiles {
+            let [masks, pixels] = [BufferName::Masks, BufferName::Pixels].map(buffer);
+            encoder.clear_buffer(masks, 0, None);
+            let tile = vec![uniform, chunk_buffer, splats, masks, pixels];
+            stages.push((Pass::Bin, &pipelines.bin, vec![uniform, splats, masks], [batches, 1]));
+            stages.push((Pass::Composite, pipelines.tile(device, blend), tile, window_tiles));
+        }
+        for (pass, pipeline, buffers, [x, y]) in stages {
+            let resources = buffers.into_iter().map(Buffer::as_entire_binding);
+            let group = bind(device, &pipeline.get_bind_group_layout(0), resources);
+            let timestamp_writes = timer.as_mut().filter(|_| self.is_timed).and_then(|timer| timer.compute(pass));
+            let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor { label: None, timestamp_writes });
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            pass.dispatch_workgroups(x, y, 1);
+        }
+        if let Compositor::Quads(target) = *current {
+            let pipeline = pipelines.splat(device, blend, target);
+            let resources = [uniform, splats].map(Buffer::as_entire_binding);
+            let group = bind(device, &pipeline.get_bind_group_layout(0), resources);
+            let mut pass = self.begin_quads(&mut encoder, chunk.is_first == 1);
+            pass.set_pipeline(pipeline);
+            pass.set_bind_group(0, &group, &[]);
+            pass.draw(0..4, 0..chunk.slot_count);
         }
         context.submit([encoder.finish()])
     }

@@ -10,11 +10,12 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::arena::layout::line_end_bytes;
+use crate::splat::Lighting;
 use crate::splat::arith::LOG2_E;
 use crate::splat::composite::MAX_DEPTH;
 use crate::splat::kernel::footprint;
 use crate::splat::setup::FrameSetup as Shot;
-use crate::splat::view::{Affine, PixelMap};
+use crate::splat::view::{Affine, PixelMap, single};
 use crate::traverse::{AxisOrder, Sense, SplitForm, VoxelBox};
 
 pub const LINES: u32 = 64; // Most lines of a block, and invocations of a workgroup of the walk.
@@ -150,23 +151,17 @@ impl FrameUniform {
         let [sigma, cut_off] = [kernel.sigma, kernel.cut_off()];
         let mut uniform = FrameUniform::zeroed();
         let padded = |v: [f32; 3]| [v[0], v[1], v[2], 0.0];
-        match &view.map {
+        let maps: &[Affine] = match &view.map {
             PixelMap::Parallel { pixel_from_voxel, scale } => {
-                let single = pixel_from_voxel.map(|m| [m[0] as f32, m[1] as f32, m[2] as f32]);
-                let footprint = footprint(single, sigma, cut_off);
-                for (r, map) in pixel_from_voxel.iter().enumerate() {
-                    (uniform.rows[r], uniform.shifts[r]) = AffineRow::new(map, dims);
-                }
+                let footprint = footprint(pixel_from_voxel.each_ref().map(single), sigma, cut_off);
                 let strength = kernel.normalisation() * footprint.density * (scale * scale) as f32;
                 let ellipse = footprint.ellipse;
                 uniform.ellipse = [ellipse.u_factor, ellipse.y_factor, ellipse.shear, strength];
                 uniform.half_width = [ellipse.half_x, ellipse.half_y];
                 uniform.eye = padded(shot.lights.map_or([0.0; 3], |lights| lights.eye));
+                pixel_from_voxel
             }
             PixelMap::Perspective { camera_from_voxel, focal, centre, near } => {
-                for (r, map) in camera_from_voxel.iter().enumerate() {
-                    (uniform.rows[r], uniform.shifts[r]) = AffineRow::new(map, dims);
-                }
                 for a in 0..3 {
                     let [right, up, depth] = camera_from_voxel.map(|map| map[a] as f32);
                     uniform.steps[a] = [right, up, depth, view.steps[a] as f32];
@@ -177,12 +172,17 @@ impl FrameUniform {
                 uniform.focal = *focal as f32;
                 uniform.near = *near as f32;
                 uniform.is_perspective = 1;
+                camera_from_voxel
             }
+        };
+        for (r, map) in maps.iter().enumerate() {
+            (uniform.rows[r], uniform.shifts[r]) = AffineRow::new(map, dims);
         }
         if let Some(lights) = &shot.lights {
             uniform.light = padded(lights.light);
-            uniform.light_weights = [lights.ambient, lights.diffuse, lights.specular, 0.0];
-            uniform.shininess = lights.shininess.into();
+            let Lighting { ambient, diffuse, specular, shininess, .. } = lights.lighting;
+            uniform.light_weights = [ambient, diffuse, specular, 0.0];
+            uniform.shininess = shininess.into();
         }
         (uniform.sigma, uniform.cut_off, uniform.cut_exponent) = (sigma, cut_off, kernel.cut());
         uniform.max_depth = MAX_DEPTH as f32 * LOG2_E;
@@ -191,7 +191,18 @@ impl FrameUniform {
         let padded = |v: [u16; 3]| [v[0].into(), v[1].into(), v[2].into(), 0];
         (uniform.crop_low, uniform.crop_high) = (padded(crop.low), padded(crop.high));
         let fast = shot.order.fast;
-        uniform.set_fast_order(shot.order.along[fast.index()]);
+        // Voxel coordinates are integers, so integers can replace the eye's coordinate: voxels at `eye_ceil` or above lie
+        // on the eye's high side. Of two voxels, the low one is nearer if their sum is above `eye_twice`.
+        match shot.order.along[fast.index()] {
+            AxisOrder::Ascending => {}
+            AxisOrder::Descending => uniform.fast_order = 1,
+            AxisOrder::TwoSided { eye, form, sense } => {
+                uniform.eye_ceil = eye.ceil() as i32;
+                uniform.eye_twice = (2.0 * eye).floor() as i32;
+                uniform.fast_order = if form == SplitForm::Split { 2 } else { 3 };
+                uniform.is_back_to_front = (sense == Sense::BackToFront).into();
+            }
+        }
         uniform.fast_axis = fast.index() as u32;
         uniform.longest_line = dims[fast.index()];
         uniform.line_end_bytes = line_end_bytes(uniform.longest_line).into();
@@ -201,22 +212,5 @@ impl FrameUniform {
         uniform.picture_rows = view.size[1];
         uniform.tile_columns = ((window[2] - window[0]).cast_unsigned()).div_ceil(TILE);
         uniform
-    }
-
-    /// Sets the order along the fast axis; without this call it is 0 (ascending).
-    ///
-    /// Voxel coordinates are integers, so integers can replace the eye's coordinate: voxels at `eye_ceil` or above lie
-    /// on the eye's high side. Of two voxels, the low one is nearer if their sum is above `eye_twice`.
-    fn set_fast_order(&mut self, order: AxisOrder) {
-        match order {
-            AxisOrder::Ascending => {}
-            AxisOrder::Descending => self.fast_order = 1,
-            AxisOrder::TwoSided { eye, form, sense } => {
-                self.eye_ceil = eye.ceil() as i32;
-                self.eye_twice = (2.0 * eye).floor() as i32;
-                self.fast_order = if form == SplitForm::Split { 2 } else { 3 };
-                self.is_back_to_front = (sense == Sense::BackToFront).into();
-            }
-        }
     }
 }

@@ -6,10 +6,11 @@
 //! in). So a list stays valid while a turning camera keeps its order.
 
 use super::layout::LINES;
-use crate::arena::layout::line_end_bytes;
+use super::slab_buffers::{SlabSizes, slab_sizes};
+use crate::arena::layout::{TILE_EDGE, line_end_bytes};
 use crate::arena::{Lane, TileRecord};
 use crate::error::{Error, Result};
-use crate::traverse::{AxisOrder, Order, OrderedLine, VoxelBox, ordered_lines};
+use crate::traverse::{AxisOrder, Batch, GatheredLine, Order, VoxelBox, ordered_lines};
 
 const BLOCK_RECORDS: u32 = 1 << 14; // Most records in a block, unless the block has only one line.
 
@@ -32,7 +33,8 @@ pub(crate) fn list_key(order: &Order) -> Order {
 /// All lines of a lane in visit order.
 #[derive(Debug)]
 pub(crate) struct LineList {
-    pub(crate) key: Order, // What the list depends on: see [`list_key`].
+    pub(crate) key: Order,     // What the list depends on: see [`list_key`].
+    pub(crate) room: LaneSize, // How much of a lane the device can hold, of which the slabs depend.
     pub(crate) slabs: Vec<Slab>,
     pub(crate) bounds: VoxelBox, // A box around all voxels.
     pub(crate) records: u64,     // Number of records of all lines.
@@ -42,6 +44,7 @@ pub(crate) struct LineList {
 #[derive(Debug, Default)]
 pub(crate) struct Slab {
     pub(crate) tiles: Vec<u32>, // Indices of the tiles, ascending.
+    pub(crate) sizes: SlabSizes,
     /// Lines in visit order. The high 26 bits are an index in `tiles`, the low 6 bits a line of that tile.
     pub(crate) lines: Vec<u32>,
     pub(crate) blocks: Vec<ListBlock>,
@@ -78,10 +81,6 @@ impl LaneSize {
         LaneSize { bytes, records, lines, tiles: 1 }
     }
 
-    fn fits(self, room: LaneSize) -> bool {
-        self.bytes <= room.bytes && self.records <= room.records && self.lines <= room.lines && self.tiles <= room.tiles
-    }
-
     fn add(self, other: LaneSize) -> LaneSize {
         LaneSize {
             bytes: self.bytes.saturating_add(other.bytes),
@@ -91,18 +90,16 @@ impl LaneSize {
         }
     }
 
-    /// Returns the error for a slice of this size that does not fit `room`. It names the first amount that is too
-    /// large.
-    fn refusal(self, room: LaneSize) -> Error {
+    /// Returns an error that names the first amount of a slice of this size that is too large for `room`.
+    fn check(self, room: LaneSize) -> Result<()> {
         let amounts = [
             ("video memory in bytes for the tiles of one slice (give more video memory)", self.bytes, room.bytes),
             ("records of one slice in a device's largest binding (draw on the processor)", self.records, room.records),
             ("lines of one slice in a device's largest binding (draw on the processor)", self.lines, room.lines),
             ("tiles of one slice in a device's largest binding (draw on the processor)", self.tiles, room.tiles),
         ];
-        let (what, need, have) =
-            amounts.into_iter().find(|(_, need, have)| need > have).expect("what does not fit exceeds an amount");
-        Error::Limit { what: what.into(), need, have }
+        let excess = amounts.into_iter().find(|(_, need, have)| need > have);
+        excess.map_or(Ok(()), |(what, need, have)| Err(Error::Limit { what: what.into(), need, have }))
     }
 }
 
@@ -111,33 +108,42 @@ impl LineList {
     /// as fit. [`Error::Limit`] if the tiles of a single slice do not fit.
     pub(crate) fn new(lane: &Lane, order: &Order, room: LaneSize) -> Result<LineList> {
         let mut builder = ListBuilder::new(lane, order, room);
-        let mut slice: Vec<OrderedLine> = Vec::new();
         let mut outcome = Ok(());
-        ordered_lines(lane, order, |line| {
-            if slice.last().is_some_and(|last| last.slow != line.slow) {
-                if outcome.is_ok() {
-                    outcome = builder.add_slice(&slice);
-                }
-                slice.clear();
+        let listed = |index, record: &TileRecord| ListedTile { index, extent: [record.low.get(), record.high.get()] };
+        let no_voxels = &mut |_: &Batch| {};
+        ordered_lines(lane, order, no_voxels, listed, |_, slow, lines| {
+            if outcome.is_ok() && !lines.is_empty() {
+                outcome = builder.add_slice(slow, lines);
             }
-            slice.push(line);
         });
         outcome?;
-        builder.add_slice(&slice)?;
         builder.close_slab();
-        let slabs = builder.closed;
+        let mut slabs = builder.closed;
+        for slab in &mut slabs {
+            slab.sizes = slab_sizes(lane, &slab.tiles)?;
+        }
         let blocks = || slabs.iter().flat_map(|slab| &slab.blocks);
         let bounds = blocks().map(|block| block.bounds).reduce(union);
         let bounds = bounds.unwrap_or(VoxelBox { low: [0; 3], high: [0; 3] });
         let records = blocks().map(|block| u64::from(block.records)).sum();
-        Ok(LineList { key: list_key(order), bounds, records, slabs })
+        Ok(LineList { key: list_key(order), room, bounds, records, slabs })
     }
+}
+
+/// A line of a slice, and its tile.
+type OrderedLine = GatheredLine<ListedTile>;
+
+/// The tile of a line.
+#[derive(Debug, Clone, Copy, Default)]
+struct ListedTile {
+    index: u32,       // Its index in the lane.
+    extent: [u16; 2], // Lowest and highest coordinate on the fast axis of the voxels of all its lines.
 }
 
 /// Cuts the lines of a lane, slice by slice, into slabs.
 struct ListBuilder<'a> {
     lane: &'a Lane<'a>,
-    nesting: [usize; 3], // Indices of the slow, the medium and the fast axis.
+    order: Order,
     room: LaneSize,
     is_whole: bool,      // Whether the open slab takes the whole lane, so that nothing has to be counted.
     has_tile: Vec<bool>, // Whether each of the lane's tiles is in the open slab.
@@ -148,22 +154,33 @@ struct ListBuilder<'a> {
 
 impl<'a> ListBuilder<'a> {
     fn new(lane: &'a Lane<'a>, order: &Order, room: LaneSize) -> ListBuilder<'a> {
-        let nesting = [order.slow.index(), order.medium.index(), order.fast.index()];
         let (lines, tiles) = (line_count(lane), lane.tiles.len());
         let bytes = lane.bytes() + LINE_BYTES * lines;
-        let is_whole = LaneSize { bytes, records: lane.record_count(), lines, tiles: tiles as u64 }.fits(room);
+        let whole = LaneSize { bytes, records: lane.record_count(), lines, tiles: tiles as u64 };
+        let is_whole = whole.check(room).is_ok();
         let has_tile = vec![false; if is_whole { 0 } else { tiles }];
         let (size, open) = (LaneSize::default(), Slab::default());
-        ListBuilder { lane, nesting, room, is_whole, has_tile, size, open, closed: Vec::new() }
+        ListBuilder { lane, order: *order, room, is_whole, has_tile, size, open, closed: Vec::new() }
     }
 
-    /// Adds the lines of a slice to the open slab, or to a new slab if the open one has no room.
-    fn add_slice(&mut self, slice: &[OrderedLine]) -> Result<()> {
-        if !self.try_add(slice) {
-            self.close_slab();
-            if !self.try_add(slice) {
-                return Err(self.added_size(slice).refusal(self.room));
+    /// Adds the lines of a slice to the open slab, or to a new slab if the open one has no room for their tiles.
+    fn add_slice(&mut self, slow: u16, slice: &[OrderedLine]) -> Result<()> {
+        if !self.is_whole {
+            let mut size = self.size.add(self.added_size(slice));
+            if size.check(self.room).is_err() {
+                self.close_slab();
+                size = self.added_size(slice);
+                size.check(self.room)?;
             }
+            self.size = size;
+            for OrderedLine { tile: ListedTile { index, .. }, .. } in slice {
+                if !std::mem::replace(&mut self.has_tile[*index as usize], true) {
+                    self.open.tiles.push(*index);
+                }
+            }
+        }
+        for line in slice {
+            self.open.add(slow, line, &self.order);
         }
         Ok(())
     }
@@ -171,31 +188,11 @@ impl<'a> ListBuilder<'a> {
     /// Returns the size of those tiles of `slice` that the open slab does not have.
     fn added_size(&self, slice: &[OrderedLine]) -> LaneSize {
         // The lines of a tile need not be consecutive: with the eye inside the grid, the lines of two tiles alternate.
-        let mut tiles: Vec<u32> = slice.iter().map(|line| line.tile).collect();
+        let mut tiles: Vec<u32> = slice.iter().map(|line| line.tile.index).collect();
         tiles.sort_unstable();
         tiles.dedup();
         let added = tiles.into_iter().filter(|&tile| !self.has_tile[tile as usize]);
         added.map(|tile| LaneSize::of_tile(self.lane, tile)).fold(LaneSize::default(), LaneSize::add)
-    }
-
-    /// Adds the lines of a slice to the open slab if there is room for their tiles; returns whether there was.
-    fn try_add(&mut self, slice: &[OrderedLine]) -> bool {
-        if !self.is_whole {
-            let size = self.size.add(self.added_size(slice));
-            if !size.fits(self.room) {
-                return false;
-            }
-            self.size = size;
-            for line in slice {
-                if !std::mem::replace(&mut self.has_tile[line.tile as usize], true) {
-                    self.open.tiles.push(line.tile);
-                }
-            }
-        }
-        for line in slice {
-            self.open.add(line, self.nesting);
-        }
-        true
     }
 
     /// Closes the open slab, which is dropped if it has no lines, and opens an empty one.
@@ -219,20 +216,20 @@ impl<'a> ListBuilder<'a> {
 }
 
 impl Slab {
-    fn add(&mut self, line: &OrderedLine, [slow, medium, fast]: [usize; 3]) {
-        let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };
-        for (axis, [low, high]) in [(slow, [line.slow; 2]), (medium, [line.medium; 2]), (fast, line.extent)] {
-            (bounds.low[axis], bounds.high[axis]) = (low, high);
-        }
+    fn add(&mut self, slow: u16, line: &OrderedLine, order: &Order) {
+        let sides = [(order.slow, [slow; 2]), (order.medium, [line.medium; 2]), (order.fast, line.tile.extent)];
+        let bounds = VoxelBox::from_sides(sides);
         let first_line = u32::try_from(self.lines.len()).expect("a face has fewer than 2^32 lines");
-        self.lines.push(line.tile << 6 | u32::from(line.bit));
+        let records = line.count.into();
+        let [u, v] = order.fast.others().map(|axis| u32::from(bounds.low[axis.index()] % TILE_EDGE));
+        self.lines.push(line.tile.index << 6 | v << 3 | u);
         match self.blocks.last_mut() {
-            Some(block) if block.line_count < LINES && block.records + line.records <= BLOCK_RECORDS => {
+            Some(block) if block.line_count < LINES && block.records + records <= BLOCK_RECORDS => {
                 block.line_count += 1;
-                block.records += line.records;
+                block.records += records;
                 block.bounds = union(block.bounds, bounds);
             }
-            _ => self.blocks.push(ListBlock { first_line, line_count: 1, records: line.records, bounds }),
+            _ => self.blocks.push(ListBlock { first_line, line_count: 1, records, bounds }),
         }
     }
 }

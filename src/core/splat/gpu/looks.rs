@@ -4,9 +4,9 @@
 //! depth depends on the gradient, also the depth by value code and magnitude code: with 16-bit values, a table of up to
 //! 64 MiB. The processor's renderer has no such table; it computes the depth for each voxel.
 
-use wgpu::{Buffer, BufferUsages};
+use wgpu::Buffer;
 
-use super::context::Context;
+use super::context::{Context, STORAGE};
 use crate::arena::Lane;
 use crate::error::Result;
 use crate::splat::composite::Table;
@@ -49,9 +49,8 @@ impl<'a> LookTables<'a> {
         if uses_magnitude {
             pairs.extend((0..=last).flat_map(|value| (0..=u8::MAX).map(move |code| look(value, code)[3])));
         }
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
         let store = |label: &str, bytes: &[u8]| -> Result<Buffer> {
-            let buffer = context.buffer(label, bytes.len() as u64, usage)?;
+            let buffer = context.buffer(label, bytes.len() as u64, STORAGE)?;
             context.fill(&buffer, bytes)?;
             Ok(buffer)
         };

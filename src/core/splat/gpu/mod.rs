@@ -35,7 +35,7 @@ use std::time::Instant;
 pub use wgpu;
 use wgpu::{Device, DeviceType, Features, Queue};
 
-use self::budget::{MemoryDemand, MemoryPlan, in_flight};
+use self::budget::{MemoryPlan, in_flight};
 use self::buffers::FrameBuffers;
 use self::context::Context;
 use self::draw::FrameOutput;
@@ -44,7 +44,7 @@ use self::looks::LookTables;
 use self::probe::ProbeCallback;
 pub use self::resolve::RenderTarget;
 use self::resolve::ResolvePipeline;
-use self::slab_buffers::{SlabBuffers, SlabSizes, slab_sizes};
+use self::slab_buffers::SlabBuffers;
 use self::stages::Pipelines;
 use self::timing::Timer;
 use super::setup::FrameSetup as Shot;
@@ -158,21 +158,12 @@ pub struct GpuRenderer<'a> {
     options: GpuOptions,
     is_software: bool, // Whether the device runs on the processor.
     looks: Option<LookTables<'a>>,
-    list: Option<CachedList>,
-    residents: Vec<SlabBuffers>,   // Whole lanes on the device, the last used last.
-    streamed: Option<SlabBuffers>, // The slab on the device of a lane that is too large to stay there.
+    list: Option<Arc<LineList>>,
+    listed_slab: Option<usize>, // Index of the slab whose lines are on the device.
+    slabs: Vec<SlabBuffers>, // On the device: whole lanes, the last used last; or a slab of a lane that is too large.
     buffers: FrameBuffers,
     current: Compositor, // The compositor of the frame that is being drawn.
     resolve: Option<ResolvePipeline>,
-}
-
-/// A line list, and the limits on slabs for which it was made.
-#[derive(Debug)]
-struct CachedList {
-    room: LaneSize,
-    list: Arc<LineList>,
-    sizes: Vec<SlabSizes>,
-    on_device: Option<usize>, // Index of the slab whose lines are on the device.
 }
 
 impl<'a> GpuRenderer<'a> {
@@ -195,8 +186,8 @@ impl<'a> GpuRenderer<'a> {
             is_software,
             looks: None,
             list: None,
-            residents: Vec::new(),
-            streamed: None,
+            listed_slab: None,
+            slabs: Vec::new(),
             buffers: FrameBuffers::default(),
             current: Compositor::Tiles,
             resolve: None,
@@ -228,9 +219,7 @@ impl<'a> GpuRenderer<'a> {
         // All buffers are freed, the list's included, so that the old compositor's do not count towards the budget.
         self.buffers = FrameBuffers::default();
         self.resolve = None;
-        if let Some(cached) = &mut self.list {
-            cached.on_device = None;
-        }
+        self.listed_slab = None;
         Ok(())
     }
 
@@ -291,37 +280,35 @@ impl<'a> GpuRenderer<'a> {
         }
         let context = self.context.clone();
         let mut stats = GpuStats::default();
-        self.current = self.compositor_for(settings.size);
+        // Tiles also draw pictures that are too large for the default's target.
+        let fits = settings.size.into_iter().all(|side| side <= context.limits.max_texture_dimension_2d);
+        let has_choice = self.options.compositor.is_none();
+        self.current = if has_choice && !fits { Compositor::Tiles } else { self.compositor() };
         let drawn = context.watch(|| {
             let plan = self.plan(&shot, settings)?;
             self.prepare_looks(&shot, settings, &mut stats)?;
-            self.prepare_list(&shot, plan.room, &mut stats)?;
-            let plan = plan.for_records(self.list().list.records);
-            draw::frame(self, &shot, settings, plan, output, &mut stats)
+            let list = self.prepare_list(&shot, plan.room, &mut stats)?;
+            let plan = plan.for_records(list.records);
+            draw::frame(self, &shot, settings, list, plan, output, &mut stats)
         });
         if let Err(fault) = drawn {
             self.forget_device();
             return Err(fault);
         }
-        stats.vram_bytes = self.vram_bytes();
+        let slab_bytes: u64 = self.slabs.iter().map(SlabBuffers::bytes).sum();
+        stats.vram_bytes = self.looks().bytes() + slab_bytes + self.buffers.bytes();
         stats.frame_ms = start.elapsed().as_secs_f64() * 1e3;
         Ok(stats)
     }
 
     /// Forgets everything on the device, since some of it may be wrong after an error.
     fn forget_device(&mut self) {
-        (self.looks, self.list, self.streamed, self.resolve) = (None, None, None, None);
-        self.residents.clear();
+        (self.looks, self.list, self.resolve) = (None, None, None);
+        self.slabs.clear();
         self.buffers = FrameBuffers::default();
         if let Some(timer) = &mut self.timer {
             timer.passes.clear();
         }
-    }
-
-    /// Returns the compositor for a picture of `size`: tiles if the default cannot draw that size.
-    fn compositor_for(&self, size: [u32; 2]) -> Compositor {
-        let fits = size.into_iter().all(|side| side <= self.context.limits.max_texture_dimension_2d);
-        if fits || self.options.compositor.is_some() { self.compositor() } else { Compositor::Tiles }
     }
 
     /// Returns the tables of the frame that is being drawn.
@@ -329,22 +316,11 @@ impl<'a> GpuRenderer<'a> {
         self.looks.as_ref().expect("a frame begins with its tables")
     }
 
-    /// Returns the line list of the frame that is being drawn.
-    fn list(&self) -> &CachedList {
-        self.list.as_ref().expect("a frame begins with its line list")
-    }
-
     fn plan(&self, shot: &Shot, settings: &Settings) -> Result<MemoryPlan> {
-        let channels = shot.lane.channels;
         let uses_gradient = self.scene.transfer.uses_gradient() || shot.lane.shown.is_some();
-        MemoryPlan::new(MemoryDemand {
-            ceiling: self.options.vram,
-            max_binding: self.context.max_binding(),
-            size: settings.size,
-            table_bytes: LookTables::max_bytes(&shot.lane, uses_gradient),
-            widest_channel: (channels.value_bits / 8).max(channels.normal_bits / 4).max(1).into(),
-            is_software: self.is_software,
-        })
+        let table_bytes = LookTables::max_bytes(&shot.lane, uses_gradient);
+        let (ceiling, max_binding) = (self.options.vram, self.context.max_binding());
+        MemoryPlan::new(ceiling, max_binding, settings.size, table_bytes, shot.lane.channels, self.is_software)
     }
 
     fn prepare_looks(&mut self, shot: &Shot, settings: &Settings, stats: &mut GpuStats) -> Result<()> {
@@ -359,22 +335,17 @@ impl<'a> GpuRenderer<'a> {
         Ok(())
     }
 
-    fn prepare_list(&mut self, shot: &Shot, room: LaneSize, stats: &mut GpuStats) -> Result<()> {
+    fn prepare_list(&mut self, shot: &Shot, room: LaneSize, stats: &mut GpuStats) -> Result<Arc<LineList>> {
         let start = Instant::now();
         let key = list_key(&shot.order);
-        if self.list.as_ref().is_none_or(|cached| cached.room != room || cached.list.key != key) {
-            let list = Arc::new(LineList::new(&shot.lane, &shot.order, room)?);
-            let sizes = list.slabs.iter().map(|slab| slab_sizes(&shot.lane, &slab.tiles)).collect::<Result<_>>()?;
-            self.list = Some(CachedList { room, list, sizes, on_device: None });
-            stats.line_lists = 1;
-            stats.line_list_ms = start.elapsed().as_secs_f64() * 1e3;
+        if let Some(list) = self.list.as_ref().filter(|list| (list.room, list.key) == (room, key)) {
+            return Ok(list.clone());
         }
-        Ok(())
-    }
-
-    fn vram_bytes(&self) -> u64 {
-        let slabs = self.residents.iter().chain(&self.streamed).map(SlabBuffers::bytes).sum::<u64>();
-        self.looks.as_ref().map_or(0, LookTables::bytes) + slabs + self.buffers.bytes()
+        let list = Arc::new(LineList::new(&shot.lane, &shot.order, room)?);
+        (self.list, self.listed_slab) = (Some(list.clone()), None);
+        stats.line_lists = 1;
+        stats.line_list_ms = start.elapsed().as_secs_f64() * 1e3;
+        Ok(list)
     }
 }
 

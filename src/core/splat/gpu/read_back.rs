@@ -11,7 +11,6 @@ use super::buffers::{BufferName, FrameBuffers};
 use super::context::Context;
 use super::{Compositor, GpuRenderer, GpuStats, QuadFormat};
 use crate::error::Result;
-use crate::splat::composite::Finish;
 
 pub(super) const COUNTERS: u64 = 4_096; // Number of counters of drawn splats; later chunks use them again.
 
@@ -44,13 +43,13 @@ pub(super) fn window(renderer: &mut GpuRenderer, size: [u32; 2], out: &mut [f32]
         timer.resolve(&mut encoder);
     }
     context.submit([encoder.finish()])?;
-    let finish = Finish::new(&renderer.looks().table);
+    let table = &renderer.looks().table;
     let pixels = out.as_chunks_mut::<4>().0;
     context.read(&back, bytes, |bytes| {
         let pixel_bytes = target.pixel_bytes() as usize;
         for (row, read) in pixels.chunks_exact_mut(width as usize).zip(bytes.chunks_exact(pitch as usize)) {
             for (pixel, read) in row.iter_mut().zip(read.chunks_exact(pixel_bytes)) {
-                *pixel = finish.pixel(target.decode(read));
+                *pixel = table.finish(target.decode(read));
             }
         }
     })?;
@@ -78,11 +77,11 @@ pub(super) fn drawn(buffers: &mut FrameBuffers, context: &Context) -> Result<u64
 impl QuadFormat {
     /// Returns the four values of a pixel that is stored as `bytes`.
     fn decode(self, bytes: &[u8]) -> [f32; 4] {
-        let float = |at: usize| bytes[4 * at..].first_chunk().map_or(0.0, |bytes| f32::from_le_bytes(*bytes));
-        let half = |at: usize| bytes[2 * at..].first_chunk().map_or(0.0, |bytes| f16::from_le_bytes(*bytes).to_f32());
         match self {
-            QuadFormat::Float32 => std::array::from_fn(float),
-            QuadFormat::Float16 => std::array::from_fn(half),
+            QuadFormat::Float32 => bytemuck::pod_read_unaligned(bytes),
+            QuadFormat::Float16 => {
+                bytemuck::pod_read_unaligned::<[u16; 4]>(bytes).map(|bits| f16::from_bits(bits).to_f32())
+            }
             QuadFormat::Unorm8 => std::array::from_fn(|at| f32::from(bytes[at]) / 255.0),
         }
     }

@@ -1,18 +1,18 @@
 //! Resolves accumulated pixels into a texture of the caller's, without leaving the device.
 //!
 //! In: a window's accumulated pixels. Out: linear premultiplied colours in the texture, over a background if there is
-//! one. The values are those of [`Finish`](crate::splat::composite::Finish), except that the colours of
+//! one. The values are those of [`Table::finish`](crate::splat::composite::Table::finish), except that the colours of
 //! [`Mode::Maximum`] are interpolated in a table of [`RAMP`] entries.
 
 use bytemuck::{Pod, Zeroable};
 use wgpu::util::{BufferInitDescriptor, DeviceExt as _};
 use wgpu::{
-    BindGroupDescriptor, BindGroupEntry, BufferUsages, Color, ColorTargetState, ColorWrites, LoadOp, PrimitiveTopology,
-    RenderPipeline, TextureFormat, TextureView,
+    BindingResource, BufferUsages, Color, ColorTargetState, ColorWrites, LoadOp, PrimitiveTopology, RenderPipeline,
+    TextureFormat, TextureView,
 };
 
 use super::buffers::BufferName;
-use super::stages::{RESOLVE, render_pass, render_pipeline, shader_module};
+use super::stages::{RESOLVE, bind, render_pass, render_pipeline, shader_module};
 use super::{Compositor, GpuRenderer};
 use crate::error::Result;
 use crate::splat::Mode;
@@ -41,13 +41,9 @@ struct ResolveUniform {
     unused: [u32; 2],
 }
 
-/// The pipeline that resolves. Its key: the format of the texture, and whether pixels come from a buffer (tiles) or
-/// from a target (quads).
-#[derive(Debug)]
-pub(super) struct ResolvePipeline {
-    key: (TextureFormat, bool),
-    pipeline: RenderPipeline,
-}
+/// The pipeline that resolves, after its key: the format of the texture, and whether pixels come from a buffer (tiles)
+/// or from a target (quads).
+pub(super) type ResolvePipeline = ((TextureFormat, bool), RenderPipeline);
 
 /// Draws the pixels of `window` (first column and row, one past the last column and row) into `target`.
 pub(super) fn window(renderer: &mut GpuRenderer, window: [i32; 4], target: &RenderTarget) -> Result<()> {
@@ -55,26 +51,21 @@ pub(super) fn window(renderer: &mut GpuRenderer, window: [i32; 4], target: &Rend
     let device = &context.device;
     let is_buffer = renderer.current == Compositor::Tiles;
     let key = (target.format, is_buffer);
-    if renderer.resolve.as_ref().is_none_or(|resolve| resolve.key != key) {
+    if renderer.resolve.as_ref().is_none_or(|(made_for, _)| *made_for != key) {
         let module = shader_module(device, "resolve", RESOLVE);
         let entries = ["corner", if is_buffer { "from_buffer" } else { "from_target" }];
         let colour = ColorTargetState { format: target.format, blend: None, write_mask: ColorWrites::ALL };
         let pipeline =
             render_pipeline(device, "resolve", &module, entries, PrimitiveTopology::TriangleList, colour, &[]);
-        renderer.resolve = Some(ResolvePipeline { key, pipeline });
+        renderer.resolve = Some((key, pipeline));
     }
-    let pipeline = &renderer.resolve.as_ref().expect("it was just made").pipeline;
+    let (_, pipeline) = renderer.resolve.as_ref().expect("it was just made");
     let table = &renderer.looks().table;
-    let mode = match table.mode() {
-        Mode::Composite => 0,
-        Mode::Additive => 1,
-        Mode::Maximum => 2,
-        Mode::MaximumGrey => 3,
-    };
+    let mode = renderer.looks().mode;
     let [red, green, blue] = target.background.unwrap_or_default();
     let background = [red, green, blue, if target.background.is_some() { 1.0 } else { 0.0 }];
-    let uniform = ResolveUniform { window, background, mode, last: (RAMP - 1).into(), unused: [0; 2] };
-    let ramp: Vec<[f32; 4]> = (0..if mode == 2 { RAMP } else { 2 })
+    let uniform = ResolveUniform { window, background, mode: mode as u32, last: (RAMP - 1).into(), unused: [0; 2] };
+    let ramp: Vec<[f32; 4]> = (0..if mode == Mode::Maximum { RAMP } else { 2 })
         .map(|entry| table.colour_of(f32::from(entry) / f32::from(RAMP - 1)))
         .map(|[red, green, blue]| [red, green, blue, 1.0])
         .collect();
@@ -84,19 +75,12 @@ pub(super) fn window(renderer: &mut GpuRenderer, window: [i32; 4], target: &Rend
     let uniform = buffer("resolve", bytemuck::bytes_of(&uniform), BufferUsages::UNIFORM);
     let ramp = buffer("ramp", bytemuck::cast_slice(&ramp), BufferUsages::STORAGE);
     let quads = (!is_buffer).then(|| renderer.buffers.target().create_view(&Default::default()));
-    let (binding, resource) = match &quads {
-        Some(quads) => (3, wgpu::BindingResource::TextureView(quads)),
-        None => (2, renderer.buffers.get(BufferName::Pixels).as_entire_binding()),
+    let pixels = match &quads {
+        Some(quads) => BindingResource::TextureView(quads),
+        None => renderer.buffers.get(BufferName::Pixels).as_entire_binding(),
     };
-    let group = device.create_bind_group(&BindGroupDescriptor {
-        label: Some("resolve"),
-        layout: &pipeline.get_bind_group_layout(0),
-        entries: &[
-            BindGroupEntry { binding: 0, resource: uniform.as_entire_binding() },
-            BindGroupEntry { binding: 1, resource: ramp.as_entire_binding() },
-            BindGroupEntry { binding, resource },
-        ],
-    });
+    let resources = [uniform.as_entire_binding(), ramp.as_entire_binding(), pixels];
+    let group = bind(device, &pipeline.get_bind_group_layout(0), resources);
     let mut encoder = context.encoder("resolve");
     let load = if window[1] == 0 { LoadOp::Clear(Color::TRANSPARENT) } else { LoadOp::Load };
     let mut pass = render_pass(&mut encoder, target.view, load, None);

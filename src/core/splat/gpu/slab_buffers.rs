@@ -8,10 +8,10 @@
 
 use std::ops::Range;
 
-use wgpu::{Buffer, BufferUsages};
+use wgpu::Buffer;
 use zerocopy::IntoBytes;
 
-use super::context::Context;
+use super::context::{Context, STORAGE};
 use super::lines::line_count;
 use crate::arena::Lane;
 use crate::arena::layout::{TileRecord, line_end_bytes};
@@ -27,6 +27,7 @@ const PAGER_RECORDS: u64 = 1 << 14; // How many records a pager is told at once 
 #[derive(Debug)]
 pub(crate) struct SlabBuffers {
     pub(crate) axis: Axis,
+    pub(crate) is_whole: bool,       // Whether the slab is the whole lane.
     pub(crate) buffers: [Buffer; 6], // In the order of [`NAMES`].
 }
 
@@ -90,12 +91,11 @@ fn runs<'a>(lane: &'a Lane, tiles: &'a [u32]) -> impl Iterator<Item = LaneRun> +
 }
 
 impl SlabBuffers {
-    /// Creates buffers of these sizes; their content is not set yet.
-    pub(crate) fn new(context: &Context, axis: Axis, sizes: SlabSizes) -> Result<SlabBuffers> {
-        let usage = BufferUsages::STORAGE | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
+    /// Creates the buffers of a slab of the lane along `axis`; their content is not set yet.
+    pub(crate) fn new(context: &Context, axis: Axis, is_whole: bool, sizes: SlabSizes) -> Result<SlabBuffers> {
         let named = NAMES.into_iter().zip(sizes);
-        let buffers: Vec<_> = named.map(|(name, bytes)| context.buffer(name, bytes, usage)).collect::<Result<_>>()?;
-        Ok(SlabBuffers { axis, buffers: buffers.try_into().expect("as many as there are names") })
+        let buffers: Vec<_> = named.map(|(name, bytes)| context.buffer(name, bytes, STORAGE)).collect::<Result<_>>()?;
+        Ok(SlabBuffers { axis, is_whole, buffers: buffers.try_into().expect("as many as there are names") })
     }
 
     pub(crate) fn bytes(&self) -> u64 {
@@ -115,10 +115,12 @@ impl SlabBuffers {
             first_line += u32::try_from(lines.end - lines.start).expect("a tile has at most 64 lines");
             first_record += records.end - records.start;
         }
+        let (stored, widths) = (sections(lane), widths(lane));
+        // The lines and records of the patch (tiles that an overlay changed) follow the lane's own.
+        let patch = lane.patch.map_or([&[][..]; 5], |patch| sections(&patch.view()));
         for run in runs(lane, tiles) {
             let mut copy = |part: usize, elements: &Range<u64>| -> Result<()> {
-                let width = widths(lane)[part - 1];
-                let [stored, patch] = section(lane, part);
+                let (stored, patch, width) = (stored[part - 1], patch[part - 1], widths[part - 1]);
                 let (from, to) = (elements.start * width, elements.end * width);
                 let border = stored.len() as u64;
                 let within = |source: &[u8], from: u64, to: u64| from as usize..(to as usize).min(source.len());
@@ -138,17 +140,9 @@ impl SlabBuffers {
     }
 }
 
-/// Returns the bytes of the part of a lane that has index `part` in [`NAMES`]: those of the file, and those of the
-/// lane's patch (tiles that an overlay changed).
-fn section<'a>(lane: &Lane<'a>, part: usize) -> [&'a [u8]; 2] {
-    let part_of = |lane: &Lane<'a>| match part {
-        1 => lane.line_ends.as_bytes(),
-        STEPS => lane.steps,
-        3 => lane.values,
-        4 => lane.normals,
-        _ => lane.magnitudes,
-    };
-    [part_of(lane), lane.patch.map_or(&[][..], |patch| part_of(&patch.view()))]
+/// Returns the line ends, steps, values, normals and gradient magnitudes of a lane as bytes, without those of its patch.
+fn sections<'a>(lane: &Lane<'a>) -> [&'a [u8]; 5] {
+    [lane.line_ends.as_bytes(), lane.steps, lane.values, lane.normals, lane.magnitudes]
 }
 
 /// Writes bytes to a buffer on the device, gathered into copies of whole words.

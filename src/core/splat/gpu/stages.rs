@@ -4,21 +4,18 @@
 //! each [`BlendMode`]. A shader is `shaders/common.wgsl` followed by its own file; its twin (the same stage in Rust,
 //! for tests) has the same name in tests/gpu/twin.
 
-use std::num::NonZeroU64;
 use std::sync::OnceLock;
 
 use wgpu::{
-    BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindGroupLayoutDescriptor, BindGroupLayoutEntry,
-    BindingResource, BindingType, BlendComponent, BlendFactor, BlendOperation, BlendState, Buffer, BufferBinding,
-    BufferBindingType, ColorTargetState, ColorWrites, CommandEncoder, ComputePipeline, ComputePipelineDescriptor,
-    Device, FragmentState, LoadOp, MultisampleState, Operations, PipelineCompilationOptions, PipelineLayoutDescriptor,
+    BindGroup, BindGroupDescriptor, BindGroupEntry, BindGroupLayout, BindingResource, BlendComponent, BlendFactor,
+    BlendOperation, BlendState, ColorTargetState, ColorWrites, CommandEncoder, ComputePipeline,
+    ComputePipelineDescriptor, Device, FragmentState, LoadOp, MultisampleState, Operations, PipelineCompilationOptions,
     PrimitiveState, PrimitiveTopology, RenderPass, RenderPassColorAttachment, RenderPassDescriptor,
     RenderPassTimestampWrites, RenderPipeline, RenderPipelineDescriptor, ShaderModule, ShaderModuleDescriptor,
-    ShaderSource, ShaderStages, StoreOp, TextureFormat, TextureView, VertexState,
+    ShaderSource, StoreOp, TextureFormat, TextureView, VertexState,
 };
 
 use super::QuadFormat;
-use super::layout::Chunk;
 use crate::splat::Mode;
 use crate::traverse::Sense;
 
@@ -96,61 +93,12 @@ impl QuadFormat {
     }
 }
 
-/// The pipeline of a compute stage.
-///
-/// Binding 0 is the uniform of the window. Binding 1 is a chunk, at an offset that each dispatch states. Then come the
-/// buffers that the stage reads, then those that it writes.
-#[derive(Debug)]
-pub(crate) struct ComputeStage {
-    pub(crate) pipeline: ComputePipeline,
-    layout: BindGroupLayout,
-}
-
-impl ComputeStage {
-    /// Compiles the stage `name`, which reads `reads` buffers and writes `writes`. `blend`: the number of a
-    /// [`BlendMode`], or empty.
-    fn new(device: &Device, name: &str, module: &ShaderModule, [reads, writes]: [usize; 2], blend: &[f64]) -> Self {
-        let uniform = |moves| (BufferBindingType::Uniform, moves);
-        let storage = |read_only, count| std::iter::repeat_n((BufferBindingType::Storage { read_only }, false), count);
-        let kinds =
-            [uniform(false), uniform(true)].into_iter().chain(storage(true, reads)).chain(storage(false, writes));
-        let entries: Vec<_> = (0..)
-            .zip(kinds)
-            .map(|(binding, (ty, has_dynamic_offset))| BindGroupLayoutEntry {
-                binding,
-                visibility: ShaderStages::COMPUTE,
-                ty: BindingType::Buffer { ty, has_dynamic_offset, min_binding_size: None },
-                count: None,
-            })
-            .collect();
-        let label = Some(name);
-        let layout = device.create_bind_group_layout(&BindGroupLayoutDescriptor { label, entries: &entries });
-        let bind_group_layouts = &[Some(&layout)];
-        let descriptor = PipelineLayoutDescriptor { label, bind_group_layouts, immediate_size: 0 };
-        let constants: Vec<_> = blend.iter().map(|&blend| ("BLEND", blend)).collect();
-        let pipeline = device.create_compute_pipeline(&ComputePipelineDescriptor {
-            label,
-            layout: Some(&device.create_pipeline_layout(&descriptor)),
-            module,
-            entry_point: label,
-            compilation_options: PipelineCompilationOptions { constants: &constants, ..Default::default() },
-            cache: None,
-        });
-        ComputeStage { pipeline, layout }
-    }
-
-    /// Binds the uniform, the buffer of all chunks, and the stage's own buffers in the order of its shader.
-    pub(crate) fn bind(&self, device: &Device, uniform: &Buffer, chunks: &Buffer, buffers: &[&Buffer]) -> BindGroup {
-        let size = NonZeroU64::new(size_of::<Chunk>() as u64);
-        let chunk = BindingResource::Buffer(BufferBinding { buffer: chunks, offset: 0, size });
-        let mut resources = vec![uniform.as_entire_binding(), chunk];
-        resources.extend(buffers.iter().map(|buffer| buffer.as_entire_binding()));
-        bind(device, &self.layout, resources)
-    }
-}
-
 /// Binds the resources to the bindings 0, 1, 2 and so on.
-fn bind(device: &Device, layout: &BindGroupLayout, resources: Vec<BindingResource>) -> BindGroup {
+pub(crate) fn bind<'r>(
+    device: &Device,
+    layout: &BindGroupLayout,
+    resources: impl IntoIterator<Item = BindingResource<'r>>,
+) -> BindGroup {
     let entry = |(binding, resource)| BindGroupEntry { binding, resource };
     let entries: Vec<_> = (0..).zip(resources).map(entry).collect();
     device.create_bind_group(&BindGroupDescriptor { label: Some("stage"), layout, entries: &entries })
@@ -159,11 +107,11 @@ fn bind(device: &Device, layout: &BindGroupLayout, resources: Vec<BindingResourc
 /// The pipelines of all stages; those of a blend mode are compiled on first use.
 #[derive(Debug)]
 pub(crate) struct Pipelines {
-    pub(crate) walk: ComputeStage,
-    pub(crate) project: ComputeStage,
-    pub(crate) bin: ComputeStage,
+    pub(crate) walk: ComputePipeline,
+    pub(crate) project: ComputePipeline,
+    pub(crate) bin: ComputePipeline,
     tile_module: ShaderModule,
-    tiles: [OnceLock<ComputeStage>; 4],
+    tiles: [OnceLock<ComputePipeline>; 4],
     splat_module: ShaderModule,
     splats: [[OnceLock<RenderPipeline>; 3]; 4],
 }
@@ -173,9 +121,9 @@ impl Pipelines {
         let [walk, project, bin, tile_module, splat_module] =
             SHADERS.map(|(label, text)| shader_module(device, label, text));
         Pipelines {
-            walk: ComputeStage::new(device, "walk", &walk, [5, 1], &[]),
-            project: ComputeStage::new(device, "project", &project, [6, 2], &[]),
-            bin: ComputeStage::new(device, "bin", &bin, [1, 1], &[]),
+            walk: compute_pipeline(device, "walk", &walk, &[]),
+            project: compute_pipeline(device, "project", &project, &[]),
+            bin: compute_pipeline(device, "bin", &bin, &[]),
             tile_module,
             tiles: Default::default(),
             splat_module,
@@ -184,9 +132,9 @@ impl Pipelines {
     }
 
     /// Returns the stage that composites tiles; compiles it on first use.
-    pub(crate) fn tile(&self, device: &Device, blend: BlendMode) -> &ComputeStage {
-        let compile = || ComputeStage::new(device, "tile", &self.tile_module, [2, 1], &[f64::from(blend as u8)]);
-        self.tiles[blend as usize].get_or_init(compile)
+    pub(crate) fn tile(&self, device: &Device, blend: BlendMode) -> &ComputePipeline {
+        let constants = [("BLEND", f64::from(blend as u8))];
+        self.tiles[blend as usize].get_or_init(|| compute_pipeline(device, "tile", &self.tile_module, &constants))
     }
 
     /// Returns the stage that draws quads into a target; compiles it on first use.
@@ -199,16 +147,23 @@ impl Pipelines {
             render_pipeline(device, "splat", &self.splat_module, entries, topology, target, &constants)
         })
     }
-
-    /// Binds the uniform and the splats for drawing quads.
-    pub(crate) fn bind_splat(device: &Device, pipeline: &RenderPipeline, buffers: [&Buffer; 2]) -> BindGroup {
-        bind(device, &pipeline.get_bind_group_layout(0), buffers.map(Buffer::as_entire_binding).into())
-    }
 }
 
 /// Compiles a shader.
 pub(crate) fn shader_module(device: &Device, label: &str, text: &'static str) -> ShaderModule {
     device.create_shader_module(ShaderModuleDescriptor { label: Some(label), source: ShaderSource::Wgsl(text.into()) })
+}
+
+/// Compiles the pipeline of the compute stage `name`, which is also the name of its function in the shader.
+fn compute_pipeline(device: &Device, name: &str, module: &ShaderModule, constants: &[(&str, f64)]) -> ComputePipeline {
+    device.create_compute_pipeline(&ComputePipelineDescriptor {
+        label: Some(name),
+        layout: None,
+        module,
+        entry_point: Some(name),
+        compilation_options: PipelineCompilationOptions { constants, ..Default::default() },
+        cache: None,
+    })
 }
 
 /// Compiles the pipeline of a drawing stage; `entries`: names of the vertex and the fragment function in the shader.

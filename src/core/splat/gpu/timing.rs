@@ -47,29 +47,24 @@ impl Timer {
         }))
     }
 
-    /// Reserves two timestamps for the next pass; returns their indices for its begin and its end, if any are left.
-    fn next(&mut self, pass: Pass) -> Option<[Option<u32>; 2]> {
+    /// Reserves where a compute pass writes its timestamps; `None` if no timestamps are left.
+    pub(crate) fn compute(&mut self, pass: Pass) -> Option<ComputePassTimestampWrites<'_>> {
+        let RenderPassTimestampWrites { query_set, beginning_of_pass_write_index, end_of_pass_write_index } =
+            self.render(pass)?;
+        Some(ComputePassTimestampWrites { query_set, beginning_of_pass_write_index, end_of_pass_write_index })
+    }
+
+    /// Reserves where a render pass writes its timestamps; `None` if no timestamps are left.
+    pub(crate) fn render(&mut self, pass: Pass) -> Option<RenderPassTimestampWrites<'_>> {
         let begin = 2 * u32::try_from(self.passes.len()).unwrap_or(QUERIES);
         (begin < QUERIES).then(|| {
             self.passes.push(pass);
-            [Some(begin), Some(begin + 1)]
+            RenderPassTimestampWrites {
+                query_set: &self.set,
+                beginning_of_pass_write_index: Some(begin),
+                end_of_pass_write_index: Some(begin + 1),
+            }
         })
-    }
-
-    /// Returns where a compute pass writes its timestamps; `None` if no timestamps are left.
-    pub(crate) fn compute(&mut self, pass: Pass) -> Option<ComputePassTimestampWrites<'_>> {
-        let [beginning_of_pass_write_index, end_of_pass_write_index] = self.next(pass)?;
-        Some(ComputePassTimestampWrites {
-            query_set: &self.set,
-            beginning_of_pass_write_index,
-            end_of_pass_write_index,
-        })
-    }
-
-    /// Returns where a render pass writes its timestamps; `None` if no timestamps are left.
-    pub(crate) fn render(&mut self, pass: Pass) -> Option<RenderPassTimestampWrites<'_>> {
-        let [beginning_of_pass_write_index, end_of_pass_write_index] = self.next(pass)?;
-        Some(RenderPassTimestampWrites { query_set: &self.set, beginning_of_pass_write_index, end_of_pass_write_index })
     }
 
     /// Adds to a window's last commands a copy of the timestamps to the buffer that [`Timer::read`] reads.

@@ -6,9 +6,8 @@
 // large splats cannot make it overflow.
 
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
-@group(0) @binding(1) var<uniform> chunk: Chunk;
-@group(0) @binding(2) var<storage, read> splats: array<Splat>;
-@group(0) @binding(3) var<storage, read_write> masks: array<atomic<u32>>;
+@group(0) @binding(1) var<storage, read> splats: array<Splat>;
+@group(0) @binding(2) var<storage, read_write> masks: array<atomic<u32>>;
 
 @compute @workgroup_size(256)
 fn bin(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local: u32) {

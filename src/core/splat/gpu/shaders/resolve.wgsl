@@ -1,23 +1,24 @@
 // Stage: resolve. In: the window's accumulated pixels. Out: linear premultiplied colours in a texture.
-// Rust's side: resolve.rs; the formulas are those of Finish in composite.rs. Tested by tests/gpu/embed.rs.
+// Rust's side: resolve.rs; the formulas are those of Table::finish in composite.rs. Tested by tests/gpu/embed.rs.
 
 struct ResolveUniform {
     window: vec4<i32>, // First column and row, one past the last column and row.
     background: vec4<f32>, // Linear colour of the background; w is 1 if there is a background, else 0.
-    mode: u32, // TRANSMITTANCE, SUM or MAXIMUM (what pixels hold); 3 for a maximum in grey.
+    mode: u32, // The number of a Mode of composite.rs, which says what pixels hold.
     last: u32, // Index of the ramp's last entry.
     unused: vec2<u32>,
 }
 
-const TRANSMITTANCE: u32 = 0u;
-const SUM: u32 = 1u;
-const MAXIMUM: u32 = 2u;
+const COMPOSITE: u32 = 0u;
+const MAXIMUM: u32 = 1u;
+const ADDITIVE: u32 = 3u;
 
 @group(0) @binding(0) var<uniform> uniforms: ResolveUniform;
 // The colours of normalised values, at equal steps from 0 to 1.
 @group(0) @binding(1) var<storage, read> ramp: array<vec4<f32>>;
+// Each fragment function has one of these two.
 @group(0) @binding(2) var<storage, read> pixels: array<vec4<f32>>;
-@group(0) @binding(3) var target_pixels: texture_2d<f32>;
+@group(0) @binding(2) var target_pixels: texture_2d<f32>;
 
 // Returns a corner of a triangle that covers the whole window.
 @vertex
@@ -27,9 +28,9 @@ fn corner(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
 
 fn colour(value: vec4<f32>) -> vec4<f32> {
     var shown = vec4<f32>(value.x);
-    if uniforms.mode == TRANSMITTANCE {
+    if uniforms.mode == COMPOSITE {
         shown = vec4<f32>(value.xyz, 1.0 - value.w);
-    } else if uniforms.mode == SUM {
+    } else if uniforms.mode == ADDITIVE {
         let sum = clamp(value, vec4<f32>(0.0), vec4<f32>(125.0));
         shown = vec4<f32>(absorbed(sum.x), absorbed(sum.y), absorbed(sum.z), absorbed(sum.w));
     } else if uniforms.mode == MAXIMUM {
