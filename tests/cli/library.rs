@@ -1,7 +1,7 @@
 //! The library by its short way, beside the program: the same files and the same pictures.
 
 use adjsplat::classify::TransferFunction;
-use adjsplat::splat::{Mode, Orbit, Quality};
+use adjsplat::splat::{Mode, Quality};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::{Build, Camera, Model, Settings};
 
@@ -36,11 +36,10 @@ fn the_librarys_picture_is_the_programs() {
     folder.adj(&format!("build {PHANTOM} -o a.adj")).done();
     let model = Model::open(folder.file("a.adj")).expect("a sound file");
     let orbit = Camera::orbit(30.0, 20.0);
-    let near = Orbit { fov: Some(40.0), zoom: 1.5, ..orbit };
     let size = [90, 60];
     for (flags, orbit, settings) in [
         ("", orbit, Settings::new(size)),
-        ("--perspective 40 --zoom 1.5", near, Settings::new(size)),
+        ("--perspective 40 --zoom 1.5", orbit.with_perspective(40.0).with_zoom(1.5), Settings::new(size)),
         ("--quality draft", orbit, Settings::new(size).with_quality(Quality::Draft)),
         ("--quality high", orbit, Settings::new(size).with_quality(Quality::High)),
         ("--mode xray", orbit, Settings::new(size).with_mode(Mode::Additive)),

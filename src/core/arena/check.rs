@@ -20,7 +20,7 @@ use std::mem::{offset_of, size_of};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::lane::{Lane, STEPPING};
-use super::layout::{Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord, line_end_bytes};
+use super::layout::{Channels, Facts, FileHeader, SectionEntry, SectionKind, TILE_EDGE, TileRecord, line_end_bytes};
 use super::open::{Arena, fault, zeros_from};
 use super::pager::tell;
 use crate::error::FormatFault;
@@ -72,7 +72,7 @@ impl Arena<'_> {
         };
         let mut sum_of_x = None;
         for lane in self.lanes() {
-            let (counts, sum) = LaneCheck::new(self, lane).run_by_width()?;
+            let (counts, sum) = LaneCheck::new(self, lane).run()?;
             let visible = counts.records - counts.stepping_voxels;
             if visible != checked.visible_voxels {
                 let expected = format!("{visible} visible voxels, as lane {} has", lane.axis.name());
@@ -163,9 +163,13 @@ struct LaneCheck<'a> {
     hash: VoxelHash,
     /// Byte offsets of the lane's sections in the file, in the order of [`SectionKind::OF_LANES`].
     offsets: [u64; 6],
+    follow_line: FollowLine,
     stepping_voxels: u64,
     sum: u64,
 }
+
+/// A version of [`follow_line`].
+type FollowLine = fn(&Lane, std::ops::Range<usize>, u64, VoxelHash) -> LineOutcome;
 
 struct LineOutcome {
     /// Highest coordinate of the line's voxels, plus 1.
@@ -183,34 +187,14 @@ impl<'a> LaneCheck<'a> {
             facts: arena.facts(),
             hash: VoxelHash::new(arena.fingerprint()),
             offsets: SectionKind::OF_LANES.map(|kind| section_offset(arena, kind, lane.axis)),
+            follow_line: follow_line_by_width(lane.channels),
             stepping_voxels: 0,
             sum: 0,
         }
     }
 
-    /// Runs the variant of [`LaneCheck::run`] that is compiled for the widths of the lane's channels.
-    fn run_by_width(self) -> Result<(CheckedLane, u64), FormatFault> {
-        let channels = self.lane.channels;
-        match (channels.value_bits, channels.normal_bits, channels.magnitude_bits) {
-            (8, 0, 0) => self.run::<1, 0, 0>(),
-            (8, 0, _) => self.run::<1, 0, 1>(),
-            (8, 8, 0) => self.run::<1, 2, 0>(),
-            (8, 8, _) => self.run::<1, 2, 1>(),
-            (8, _, 0) => self.run::<1, 4, 0>(),
-            (8, _, _) => self.run::<1, 4, 1>(),
-            (_, 0, 0) => self.run::<2, 0, 0>(),
-            (_, 0, _) => self.run::<2, 0, 1>(),
-            (_, 8, 0) => self.run::<2, 2, 0>(),
-            (_, 8, _) => self.run::<2, 2, 1>(),
-            (_, _, 0) => self.run::<2, 4, 0>(),
-            (_, _, _) => self.run::<2, 4, 1>(),
-        }
-    }
-
     /// Checks R13 to R18. Returns the lane's counts and the sum of its voxels' hashes.
-    ///
-    /// `V`, `N` and `M` are the bytes of a value, a normal and a magnitude.
-    fn run<const V: usize, const N: usize, const M: usize>(mut self) -> Result<(CheckedLane, u64), FormatFault> {
+    fn run(mut self) -> Result<(CheckedLane, u64), FormatFault> {
         let (lane, mut next_line, mut next_record, mut last_key) = (self.lane, 0usize, 0usize, None);
         for (index, tile) in lane.sweep_tiles().enumerate() {
             tell(lane.pager, || lane.line_ends.bytes_of(tile.lines()));
@@ -230,7 +214,7 @@ impl<'a> LaneCheck<'a> {
                 let bit = occupancy.trailing_zeros();
                 occupancy &= occupancy - 1;
                 let end = self.check_line_end(next_line, first_record, next_record)?;
-                let outcome = self.check_line::<V, N, M>(tile, bit, next_record..end)?;
+                let outcome = self.check_line(tile, bit, next_record..end)?;
                 low = low.min(self.first_coordinate(next_record));
                 high = high.max(outcome.end - 1);
                 (next_line, next_record) = (next_line + 1, end);
@@ -305,7 +289,7 @@ impl<'a> LaneCheck<'a> {
 
     /// Checks the records of the line at `bit` of the tile's mask. R17, R18.
     #[inline(always)]
-    fn check_line<const V: usize, const N: usize, const M: usize>(
+    fn check_line(
         &mut self,
         tile: &TileRecord,
         bit: u32,
@@ -322,7 +306,7 @@ impl<'a> LaneCheck<'a> {
         if lane.steps[records.end - 1] == 0 {
             return Err(fault(steps + records.end as u64 - 1, "R17", "a voxel at the line's end", "a stepping voxel"));
         }
-        let outcome = follow_line::<V, N, M>(lane, records.clone(), self.place(tile, bit), self.hash);
+        let outcome = (self.follow_line)(lane, records.clone(), self.place(tile, bit), self.hash);
         if outcome.end as usize > points {
             let (coordinate, record) = lane
                 .line_voxels(records)
@@ -415,6 +399,8 @@ fn fold(a: u64, b: u64) -> u64 {
 ///
 /// `records` must lie inside the channels and number at most 65,535. `place` holds the line's two coordinates.
 #[inline(always)]
+///
+/// `V`, `N` and `M` are the bytes of a value, a normal and a magnitude.
 fn follow_line<const V: usize, const N: usize, const M: usize>(
     lane: &Lane,
     records: std::ops::Range<usize>,
@@ -442,6 +428,24 @@ fn follow_line<const V: usize, const N: usize, const M: usize>(
         }
     }
     outcome
+}
+
+/// Returns the version of [`follow_line`] that is compiled for these widths.
+fn follow_line_by_width(channels: Channels) -> FollowLine {
+    match (channels.value_bits, channels.normal_bits, channels.magnitude_bits) {
+        (8, 0, 0) => follow_line::<1, 0, 0>,
+        (8, 0, _) => follow_line::<1, 0, 1>,
+        (8, 8, 0) => follow_line::<1, 2, 0>,
+        (8, 8, _) => follow_line::<1, 2, 1>,
+        (8, _, 0) => follow_line::<1, 4, 0>,
+        (8, _, _) => follow_line::<1, 4, 1>,
+        (_, 0, 0) => follow_line::<2, 0, 0>,
+        (_, 0, _) => follow_line::<2, 0, 1>,
+        (_, 8, 0) => follow_line::<2, 2, 0>,
+        (_, 8, _) => follow_line::<2, 2, 1>,
+        (_, _, 0) => follow_line::<2, 4, 0>,
+        (_, _, _) => follow_line::<2, 4, 1>,
+    }
 }
 
 /// Returns element `index` of a little-endian channel with `W` bytes (0 to 4) per element.

@@ -193,14 +193,14 @@ fn keep_visible(
         Ok(with_sample_type!(header.sample_type, T => {
             let scan = VisibleScan { samples: window.typed::<T>(block.z), header, test, channels };
             match gradients {
-                GradientSource::None => scan.rows(block, row, |_, _| [0.0; 3]),
+                GradientSource::None => scan.rows(block, row, &|_, _| [0.0; 3]),
                 GradientSource::Values => {
                     let hood = window.values::<T>(block.z);
-                    scan.rows(block, row, |x, y| hood.gradient(x, y))
+                    scan.rows(block, row, &|x, y| hood.gradient(x, y))
                 }
                 GradientSource::Visibility => {
                     let hood = window.visibility(block.z);
-                    scan.rows(block, row, |x, y| hood.gradient(x, y))
+                    scan.rows(block, row, &|x, y| hood.gradient(x, y))
                 }
             }
         }))

@@ -34,7 +34,7 @@ impl<T: Sample> VisibleScan<'_, T> {
         &self,
         block: &RowBlock,
         row: &mut RowArrays,
-        gradient: impl Fn(usize, usize) -> [f64; 3],
+        gradient: &dyn Fn(usize, usize) -> [f64; 3],
     ) -> VisibleRows {
         let VisibleScan { samples: slice, header, test, channels } = *self;
         let width = header.grid.dims[0] as usize;

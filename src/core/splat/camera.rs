@@ -72,6 +72,23 @@ impl Default for Orbit {
     }
 }
 
+impl Orbit {
+    /// Sets the magnification at the centre; finite and above 0.
+    pub fn with_zoom(self, zoom: f64) -> Orbit {
+        Orbit { zoom, ..self }
+    }
+
+    /// Sets a perspective projection with this vertical angle of view in degrees, above 0 and below 180.
+    pub fn with_perspective(self, fov: f64) -> Orbit {
+        Orbit { fov: Some(fov), ..self }
+    }
+
+    /// Sets the world axis that is upright in the picture.
+    pub fn with_up(self, up: Up) -> Orbit {
+        Orbit { up, ..self }
+    }
+}
+
 /// A [`Camera`], or an [`Orbit`], which becomes a camera once the box of visible voxels is known.
 pub trait ToCamera {
     /// Returns the camera for a picture of `size` (columns, rows); an orbit turns around the sphere `around`.
