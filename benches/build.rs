@@ -13,6 +13,7 @@ use adjsplat::build::{BuildOptions, Classified, Resources, Unobserved, classify}
 use adjsplat::classify::{Neighbourhood, TransferFunction, normal};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource, Volume};
+use adjsplat_tests::runs_once;
 use criterion::{Criterion, Throughput};
 
 /// Visible voxels and the sum of their normals' codes, one sample after the other.
@@ -89,8 +90,7 @@ fn bench(criterion: &mut Criterion, phantom: &Phantom, sample_type: SampleType, 
 
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
-    // As criterion decides it: cargo passes --bench when it measures.
-    let is_test = !std::env::args().any(|a| a == "--bench") || std::env::args().any(|a| a == "--test");
+    let is_test = runs_once();
     let edge = if is_test { 32 } else { 256 };
     for (phantom, sample_type) in [
         (Phantom::Gyroid, SampleType::U8),

@@ -17,6 +17,7 @@ use adjsplat::internals::LanePacker;
 use adjsplat::internals::transpose;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType, Samples};
+use adjsplat_tests::runs_once;
 use criterion::{Criterion, Throughput};
 use xxhash_rust::xxh3::xxh3_64;
 
@@ -138,8 +139,7 @@ fn bench(criterion: &mut Criterion, phantom: &Phantom, edge: u64) {
 
 fn main() {
     let mut criterion = Criterion::default().configure_from_args();
-    // As criterion decides it: cargo passes --bench when it measures.
-    let is_test = !std::env::args().any(|a| a == "--bench") || std::env::args().any(|a| a == "--test");
+    let is_test = runs_once();
     let full = |edge: u64| if is_test { 32 } else { edge };
     for (phantom, edge) in [(Phantom::Gyroid, 512), (Phantom::Vessels, 512), (Phantom::Noise { visible: 0.01 }, 256)] {
         bench(&mut criterion, &phantom, full(edge));

@@ -15,12 +15,13 @@ use adjsplat::file::arena_bytes;
 use adjsplat::traverse::{Batch, Order, walk};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType};
+use adjsplat_tests::runs_once;
 
 /// Edits of the brush, and of the scattered voxels.
 const EDITS: usize = 4_169;
 
 fn main() {
-    let once = std::env::args().any(|word| word == "--test");
+    let once = runs_once();
     let side = if once { 48 } else { 256 };
     let phantom = Phantom::from_name("gyroid").expect("it is built in");
     let (low, high) = phantom.visible_range();

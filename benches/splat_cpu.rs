@@ -15,22 +15,21 @@ use adjsplat::internals::LanePacker;
 use adjsplat::internals::transpose;
 use adjsplat::splat::{Camera, Code, Orbit, Scene, Settings, Surround, cpu};
 use adjsplat::volume::{Axis, Grid};
+use adjsplat_tests::runs_once;
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 
-const SIDE: u16 = 96;
-
 fn block() -> (Facts, Vec<OwnedLane>, TransferFunction) {
-    let side = u64::from(SIDE);
-    let grid = Grid::new([side, side, side], [1.0; 3]).expect("a grid");
+    let side = if runs_once() { 24 } else { 96 };
+    let grid = Grid::new([u64::from(side); 3], [1.0; 3]).expect("a grid");
     let channels = Channels { value_bits: 8, normal_bits: 8, magnitude_bits: 0 };
     let mut packer = LanePacker::new(Axis::X, grid.dims, channels, TileOrder::Morton);
-    for z in 0..SIDE {
-        for y in 0..SIDE {
+    for z in 0..side {
+        for y in 0..side {
             let record = |x: u16| {
                 let gradient = [f64::from(x) - 47.3, f64::from(y) - 40.1, f64::from(z) - 51.7];
                 Record { value: (x * 3 + y * 5 + z) % 256, normal: normal::encode8(gradient).into(), magnitude: 0 }
             };
-            packer.line(y, z, (0..SIDE).map(|x| (x, record(x))));
+            packer.line(y, z, (0..side).map(|x| (x, record(x))));
         }
     }
     let visible_voxels = packer.visible();

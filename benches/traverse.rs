@@ -16,6 +16,7 @@ use adjsplat::internals::transpose;
 use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm, Viewpoint, walk};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, SampleType, Samples, SlabSource};
+use adjsplat_tests::runs_once;
 use criterion::{BenchmarkId, Criterion, Throughput};
 
 /// One byte a voxel: what a walk reads does not depend on it.
@@ -224,8 +225,7 @@ fn bench(criterion: &mut Criterion, scene: &Scene) {
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
-    // As criterion decides it: cargo passes --bench when it measures.
-    let is_test = !arguments.iter().any(|a| a == "--bench") || arguments.iter().any(|a| a == "--test");
+    let is_test = runs_once();
     let is_wanted = |name: &str| {
         let words: Vec<&String> = arguments.iter().filter(|a| !a.starts_with('-')).collect();
         words.is_empty() || words.iter().any(|word| name.contains(word.as_str()))

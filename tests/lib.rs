@@ -11,7 +11,7 @@ pub mod scenes;
 #[path = "shared/walks.rs"]
 pub mod walks;
 
-pub use files::{at_full, is_full, real_volume, repository, required, say, skipped};
+pub use files::{at_full, is_full, real_volume, repository, required, runs_once, say, skipped};
 
 /// The example of docs/EMBEDDING.md, which must compile.
 #[doc = include_str!("../docs/EMBEDDING.md")]

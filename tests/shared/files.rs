@@ -94,3 +94,10 @@ impl Folder {
         names
     }
 }
+
+/// Returns whether a bench runs everything once, as a test, as criterion decides it: cargo passes `--bench` when it
+/// measures.
+pub fn runs_once() -> bool {
+    let has = |flag: &str| std::env::args().any(|argument| argument == flag);
+    has("--test") || !has("--bench")
+}
