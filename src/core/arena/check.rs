@@ -399,8 +399,6 @@ fn fold(a: u64, b: u64) -> u64 {
 ///
 /// `records` must lie inside the channels and number at most 65,535. `place` holds the line's two coordinates.
 #[inline(always)]
-///
-/// `V`, `N` and `M` are the bytes of a value, a normal and a magnitude.
 fn follow_line<const V: usize, const N: usize, const M: usize>(
     lane: &Lane,
     records: std::ops::Range<usize>,

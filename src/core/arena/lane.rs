@@ -38,10 +38,7 @@ impl<'a> LineEnds<'a> {
 
     /// Returns the bytes that store all ends.
     pub fn as_bytes(&self) -> &'a [u8] {
-        match self {
-            LineEnds::Narrow(ends) => ends.as_bytes(),
-            LineEnds::Wide(ends) => ends.as_bytes(),
-        }
+        self.bytes_of(0..self.len())
     }
 
     /// Returns the bytes that store the ends of the lines in `range`, as far as these lines exist.

@@ -7,12 +7,10 @@ use super::options::BuildOptions;
 use super::summary::SampleSummary;
 use super::visibility::tabulated;
 use crate::arena::layout::{Channels, Scales};
+use crate::arena::visible::NOTICEABLE_OPACITY;
 use crate::classify::{MagnitudeCodec, Quantiser, TransferFunction};
 use crate::error::{Error, Result};
 use crate::volume::{Header, Sample};
-
-/// Lowest opacity (0 to 1) at which the loss of a voxel is noticeable.
-const NOTICEABLE_OPACITY: f64 = 0.02;
 
 /// Maps samples and gradient magnitudes to stored codes.
 pub(super) struct VoxelEncoder {

@@ -57,7 +57,7 @@ pub(super) const FROG: [(i64, &str, [u8; 3]); 15] = [
     (15, "stomach", [0xd9, 0x7f, 0x74]),
 ];
 
-pub(super) fn find(labels: &[Label], label: i64) -> Option<&Label> {
+fn find(labels: &[Label], label: i64) -> Option<&Label> {
     labels.binary_search_by_key(&label, |entry| entry.label).ok().map(|index| &labels[index])
 }
 

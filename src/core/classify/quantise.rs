@@ -166,11 +166,6 @@ impl Quantiser {
     pub fn is_lossless(&self) -> bool {
         self.exact.is_some() || self.largest_code == 0
     }
-
-    /// Returns the largest difference between a value inside the range and its decoded code.
-    pub fn largest_error(&self) -> f64 {
-        if self.is_lossless() { 0.0 } else { self.step / 2.0 }
-    }
 }
 
 impl ExactCodes {

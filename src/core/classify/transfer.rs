@@ -9,7 +9,7 @@ use super::document::TransferDocument;
 use super::kind::{
     Contour, FactorPoint, Point, RANGE_OPACITY, TransferKind, contour_colour, contour_width, range_colours,
 };
-use super::palette::{self, Label, UnlistedLabels};
+use super::palette::{Label, UnlistedLabels};
 use super::validate::check_length;
 use crate::error::Result;
 
@@ -191,14 +191,6 @@ impl TransferFunction {
     /// Returns whether this is the palette of a label map.
     pub fn is_labels(&self) -> bool {
         matches!(self.kind, TransferKind::Labels { .. })
-    }
-
-    /// Returns the name of `label`; `None` if the palette does not list it or this is no palette.
-    pub fn label_name(&self, label: i64) -> Option<&str> {
-        match &self.kind {
-            TransferKind::Labels { labels, .. } => palette::find(labels, label).map(|entry| entry.name.as_str()),
-            _ => None,
-        }
     }
 
     /// Returns whether surfaces are lit; every visible voxel then needs a normal.
