@@ -113,7 +113,7 @@ pub fn classify(
     let mut spill = SpilledVoxels::new(&header, options.channels(), store);
     let found = keep_visible(source, &header, options, &test, &budget, &mut spill, observer)?;
     let mut samples = SampleSummary { surveyed, ..found };
-    if spill.voxels() == 0 {
+    if spill.voxels == 0 {
         return Err(nothing_visible(&samples));
     }
     let encoder = VoxelEncoder::new(&header, options, &samples, largest_magnitude)?;
@@ -122,11 +122,11 @@ pub fn classify(
         channels: encoder.channels,
         tile_order: options.tile_order,
         scales: encoder.scales(),
-        visible_voxels: spill.voxels(),
+        visible_voxels: spill.voxels,
     };
     let transfer = encoder.transfer.clone();
     let rows = ClassifiedRows { spill, encoder };
-    if rows.encoder.is_lossy() {
+    if !rows.encoder.quantiser.is_lossless() {
         let count = |(): &mut (), z: usize| rows.blurred_away(z);
         let add = |_, count: u64| {
             samples.blurred_away += count;

@@ -16,7 +16,7 @@ use crate::volume::{Header, Sample};
 pub(super) struct VoxelEncoder {
     pub(super) transfer: TransferFunction,
     pub(super) channels: Channels,
-    quantiser: Quantiser,
+    pub(super) quantiser: Quantiser,
     pub(super) magnitudes: MagnitudeCodec,
     /// The code of each sample, indexed by the sample's bits; empty for samples of more than 16 bits.
     table: Vec<u16>,
@@ -83,10 +83,6 @@ impl VoxelEncoder {
             Some(bits) => self.table[bits],
             None => self.quantiser.encode(self.value(sample)),
         }
-    }
-
-    pub(super) fn is_lossy(&self) -> bool {
-        !self.quantiser.is_lossless()
     }
 
     /// Returns whether a noticeable voxel would be stored under a code whose value is transparent.
