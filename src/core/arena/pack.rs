@@ -153,14 +153,13 @@ pub struct LanePacker {
     pending_lines: Vec<PendingLine>,
     /// The finished strips, packed tile by tile.
     strips: Vec<TileRun>,
-    visible: u64,
 }
 
 impl LanePacker {
     /// Creates a packer for the lane along `axis` of a grid with `dims` points.
     pub fn new(axis: Axis, dims: [u32; 3], channels: Channels, tile_order: TileOrder) -> LanePacker {
         let (pending, pending_lines, strips) = (Vec::new(), Vec::new(), Vec::new());
-        LanePacker { axis, dims, channels, tile_order, pending, pending_lines, strips, visible: 0 }
+        LanePacker { axis, dims, channels, tile_order, pending, pending_lines, strips }
     }
 
     /// Appends the line at (u, v); lines must come by ascending v, then u.
@@ -181,14 +180,8 @@ impl LanePacker {
         self.pending.extend(voxels);
         let voxels = first..self.pending.len();
         if !voxels.is_empty() {
-            self.visible += voxels.len() as u64;
             self.pending_lines.push(PendingLine { u, v, voxels });
         }
-    }
-
-    /// Returns the number of voxels that were appended so far.
-    pub fn visible(&self) -> u64 {
-        self.visible
     }
 
     /// Ends the current strip: packs its lines tile by tile.
