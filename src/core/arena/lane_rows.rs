@@ -109,8 +109,7 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
             let from = self.tiles.partition_point(|&index| row_position(&self.lane, index) < (tile_v, ys.start / edge));
             let in_row = |&&index: &&u32| row_position(&self.lane, index) <= (tile_v, (ys.end - 1) / edge);
             for tile in self.tiles[from..].iter().take_while(in_row).map(|&index| &self.lane.tiles[index as usize]) {
-                let wanted = wanted_lines(tile, &ys, &zs);
-                for line in self.lane.tile_lines(tile, wanted) {
+                for line in self.lane.tile_lines(tile, wanted_lines(tile, &ys, &zs)) {
                     if line.records.len() > self.lane.dims[0] as usize {
                         continue;
                     }
