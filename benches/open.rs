@@ -57,8 +57,8 @@ fn file_of(phantom: &Phantom, edge: u64) -> Content {
             );
         }
     }
-    let visible_voxels = packer.visible();
     let x_lane = packer.finish();
+    let visible_voxels = x_lane.view().record_count() - x_lane.view().stepping_voxels();
     let [y_lane, z_lane] = [Axis::Y, Axis::Z].map(|axis| transpose(&x_lane.view(), axis, TileOrder::Morton));
     let scales = Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 0.0 };
     let facts = Facts { grid, channels: CHANNELS, tile_order: TileOrder::Morton, scales, visible_voxels };

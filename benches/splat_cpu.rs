@@ -32,8 +32,8 @@ fn block() -> (Facts, Vec<OwnedLane>, TransferFunction) {
             packer.line(y, z, (0..side).map(|x| (x, record(x))));
         }
     }
-    let visible_voxels = packer.visible();
     let x = packer.finish();
+    let visible_voxels = x.view().record_count() - x.view().stepping_voxels();
     let others = [Axis::Y, Axis::Z].map(|axis| transpose(&x.view(), axis, TileOrder::Morton));
     let scales = Scales { value_low: 0.0, value_step: 1.0, magnitude_scale: 1.0 };
     let facts = Facts { grid, channels, tile_order: TileOrder::Morton, scales, visible_voxels };

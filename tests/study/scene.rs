@@ -99,10 +99,11 @@ pub(crate) fn with_subject<T>(
         line.push(voxel);
     }
     pack(&mut line);
-    let visible_voxels = packer.visible();
+    let lane = packer.finish();
+    let visible_voxels = lane.view().record_count() - lane.view().stepping_voxels();
     let grid = Grid::new(dims.map(u64::from), [1.0; 3]).unwrap();
     let facts = Facts { grid, channels, tile_order: TileOrder::Morton, scales: CODES, visible_voxels };
-    let bytes = arena_bytes(&facts, &[packer.finish()], "{}");
+    let bytes = arena_bytes(&facts, &[lane], "{}");
     let lanes = LaneSet::new(Arena::new(&bytes).unwrap(), None);
     see(&Subject::new("random", &lanes, transfer()).unwrap())
 }

@@ -16,6 +16,7 @@
 //! fit it. Lanes that differ have equal sums with a probability of about 2^-64.
 
 use std::mem::{offset_of, size_of};
+use std::ops::Range;
 
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
@@ -96,7 +97,7 @@ fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
     let index = |offset: u64| usize::try_from(offset).unwrap_or(usize::MAX);
     let zeros = |from: u64, to: u64| {
         let between = bytes.get(index(from)..index(to)).unwrap_or_default();
-        tell(arena.pager(), || between);
+        tell(arena.pager, || between);
         zeros_from(from, "R21", between)
     };
     let mut end = (size_of::<FileHeader>() + size_of_val(arena.sections())) as u64;
@@ -119,7 +120,7 @@ fn check_sections(arena: &Arena) -> Result<(), FormatFault> {
 
 /// Returns the XXH3-64 of a section. Reads it in parts if a pager limits resident pages.
 fn checksum(arena: &Arena, content: &[u8]) -> u64 {
-    let Some(pager) = arena.pager() else { return xxh3_64(content) };
+    let Some(pager) = arena.pager else { return xxh3_64(content) };
     let mut sum = Xxh3::new();
     for piece in content.chunks(1 << 20) {
         pager.about_to_read(piece);
@@ -139,13 +140,9 @@ fn name_of(section: &SectionEntry) -> String {
 /// Checks that the description is a JSON object. R22.
 fn check_description(at: u64, content: &[u8]) -> Result<(), FormatFault> {
     let expected = "a JSON object in UTF-8";
-    let text = match std::str::from_utf8(content) {
-        Ok(text) => text,
-        Err(error) => return Err(fault(at + error.valid_up_to() as u64, "R22", expected, error)),
-    };
-    if let Err(error) = serde_json::from_str::<serde::de::IgnoredAny>(text) {
-        return Err(fault(at, "R22", expected, error));
-    }
+    let text =
+        std::str::from_utf8(content).map_err(|error| fault(at + error.valid_up_to() as u64, "R22", expected, error))?;
+    serde_json::from_str::<serde::de::IgnoredAny>(text).map_err(|error| fault(at, "R22", expected, error))?;
     // White space that JSON allows, then the object.
     match text.trim_start_matches([' ', '\t', '\n', '\r']).starts_with('{') {
         true => Ok(()),
@@ -169,7 +166,7 @@ struct LaneCheck<'a> {
 }
 
 /// A version of [`follow_line`].
-type FollowLine = fn(&Lane, std::ops::Range<usize>, u64, VoxelHash) -> LineOutcome;
+type FollowLine = fn(&Lane, Range<usize>, u64, VoxelHash) -> LineOutcome;
 
 struct LineOutcome {
     /// Highest coordinate of the line's voxels, plus 1.
@@ -289,12 +286,7 @@ impl<'a> LaneCheck<'a> {
 
     /// Checks the records of the line at `bit` of the tile's mask. R17, R18.
     #[inline(always)]
-    fn check_line(
-        &mut self,
-        tile: &TileRecord,
-        bit: u32,
-        records: std::ops::Range<usize>,
-    ) -> Result<LineOutcome, FormatFault> {
+    fn check_line(&mut self, tile: &TileRecord, bit: u32, records: Range<usize>) -> Result<LineOutcome, FormatFault> {
         let lane = &self.lane;
         let steps = self.offsets[2];
         let points = lane.dims[lane.axis.index()] as usize;
@@ -340,7 +332,7 @@ impl<'a> LaneCheck<'a> {
     }
 
     /// Returns the fault for the first stepping voxel of a line with a code that is not 0. R18.
-    fn stray_fault(&self, records: std::ops::Range<usize>) -> FormatFault {
+    fn stray_fault(&self, records: Range<usize>) -> FormatFault {
         let lane = &self.lane;
         let channels = [lane.values, lane.normals, lane.magnitudes].into_iter();
         let [_, widths @ ..] = lane.channels.widths();
@@ -399,11 +391,9 @@ fn fold(a: u64, b: u64) -> u64 {
 ///
 /// `records` must lie inside the channels and number at most 65,535. `place` holds the line's two coordinates.
 #[inline(always)]
-///
-/// `V`, `N` and `M` are the bytes of a value, a normal and a magnitude.
 fn follow_line<const V: usize, const N: usize, const M: usize>(
     lane: &Lane,
-    records: std::ops::Range<usize>,
+    records: Range<usize>,
     place: u64,
     hash: VoxelHash,
 ) -> LineOutcome {

@@ -38,10 +38,7 @@ impl<'a> LineEnds<'a> {
 
     /// Returns the bytes that store all ends.
     pub fn as_bytes(&self) -> &'a [u8] {
-        match self {
-            LineEnds::Narrow(ends) => ends.as_bytes(),
-            LineEnds::Wide(ends) => ends.as_bytes(),
-        }
+        self.bytes_of(0..self.len())
     }
 
     /// Returns the bytes that store the ends of the lines in `range`, as far as these lines exist.
@@ -183,15 +180,13 @@ impl<'a> Lane<'a> {
         for tile in self.sweep_tiles() {
             let mask = tile.occupancy.get();
             let columns = mask.to_le_bytes().into_iter().fold(0u8, |columns, row| columns | row);
-            let lines = |first: U16, occupied: u64| {
-                let line =
-                    |bit: u32| first.get().saturating_mul(TILE_EDGE).saturating_add(u16::try_from(bit).unwrap_or(0));
-                (line(occupied.trailing_zeros()), line(63 - occupied.leading_zeros().min(63)))
+            let first_and_last = |mask: u64| [mask.trailing_zeros(), 63 - mask.leading_zeros().min(63)];
+            let line = |tile: U16, within: u32| {
+                tile.get().saturating_mul(TILE_EDGE).saturating_add(u16::try_from(within).unwrap_or(0))
             };
-            let rows = (mask.trailing_zeros() / 8, (63 - mask.leading_zeros().min(63)) / 8);
-            let along_u = lines(tile.tile_u, columns.into());
-            let along_v = lines(tile.tile_v, 1 << rows.0.min(7) | 1 << rows.1);
-            for (axis, (from, to)) in [(u, along_u), (v, along_v), (self.axis, (tile.low.get(), tile.high.get()))] {
+            let along_u = first_and_last(columns.into()).map(|column| line(tile.tile_u, column));
+            let along_v = first_and_last(mask).map(|bit| line(tile.tile_v, (bit / 8).min(7)));
+            for (axis, [from, to]) in [(u, along_u), (v, along_v), (self.axis, [tile.low.get(), tile.high.get()])] {
                 low[axis.index()] = low[axis.index()].min(from);
                 high[axis.index()] = high[axis.index()].max(to);
             }

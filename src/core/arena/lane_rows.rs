@@ -50,8 +50,7 @@ impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K
 
     /// Limits the rows to the voxels in `window`; the grid keeps its size.
     pub fn within(mut self, window: &Region) -> LaneRows<'a, K> {
-        let parts = [&window.xs, &window.ys, &window.zs];
-        for (a, part) in parts.into_iter().enumerate() {
+        for (a, part) in window.sides().into_iter().enumerate() {
             let high = part.end.min(self.lane.dims[a]);
             self.window[a] = part.start.min(high)..high;
         }
@@ -78,11 +77,10 @@ impl<'a, K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> LaneRows<'a, K
 
     /// Returns the part of the window that is inside `region`, in the lane's coordinates.
     fn inside(&self, region: &Region) -> [Range<u32>; 3] {
-        let parts = [&region.xs, &region.ys, &region.zs];
         std::array::from_fn(|a| {
             let shift = |end: u32| end.saturating_add(self.origin[a].into());
-            let window = &self.window[a];
-            shift(parts[a].start).max(window.start)..shift(parts[a].end).min(window.end)
+            let (part, window) = (region.sides()[a], &self.window[a]);
+            shift(part.start).max(window.start)..shift(part.end).min(window.end)
         })
     }
 }
@@ -111,8 +109,7 @@ impl<K: Fn([u16; 3], usize, Record) -> Option<Record> + Sync> Rows for LaneRows<
             let from = self.tiles.partition_point(|&index| row_position(&self.lane, index) < (tile_v, ys.start / edge));
             let in_row = |&&index: &&u32| row_position(&self.lane, index) <= (tile_v, (ys.end - 1) / edge);
             for tile in self.tiles[from..].iter().take_while(in_row).map(|&index| &self.lane.tiles[index as usize]) {
-                let wanted = wanted_lines(tile, &ys, &zs);
-                for line in self.lane.tile_lines(tile, wanted) {
+                for line in self.lane.tile_lines(tile, wanted_lines(tile, &ys, &zs)) {
                     if line.records.len() > self.lane.dims[0] as usize {
                         continue;
                     }

@@ -237,15 +237,8 @@ impl SectionKind {
 
     /// Returns the kind's name, for use in messages.
     pub const fn name(self) -> &'static str {
-        match self {
-            SectionKind::Description => "description",
-            SectionKind::Tiles => "tiles",
-            SectionKind::LineEnds => "line ends",
-            SectionKind::Steps => "steps",
-            SectionKind::Values => "values",
-            SectionKind::Normals => "normals",
-            SectionKind::Magnitudes => "magnitudes",
-        }
+        let names = ["description", "tiles", "line ends", "steps", "values", "normals", "magnitudes"];
+        names[self as usize - SectionKind::Description as usize]
     }
 }
 
@@ -333,15 +326,11 @@ pub fn header_of(facts: &Facts) -> FileHeader {
         magic: MAGIC,
         major: U16::new(MAJOR),
         minor: U16::new(MINOR),
-        section_count: U32::ZERO,
-        file_bytes: U64::ZERO,
-        header_xxh3: U64::ZERO,
         dims: facts.grid.dims.map(|d| U16::new(u16::try_from(d).expect("a grid's dimensions are at most 65,535"))),
         value_bits: facts.channels.value_bits,
         normal_bits: facts.channels.normal_bits,
         magnitude_bits: facts.channels.magnitude_bits,
         tile_order: facts.tile_order.code(),
-        reserved_0: [0; 6],
         visible_voxels: U64::new(facts.visible_voxels),
         spacing: triple(facts.grid.spacing),
         origin: triple(facts.grid.origin),
@@ -349,6 +338,6 @@ pub fn header_of(facts: &Facts) -> FileHeader {
         value_low: F64::new(facts.scales.value_low),
         value_step: F64::new(facts.scales.value_step),
         magnitude_scale: F64::new(facts.scales.magnitude_scale),
-        reserved_1: [0; 56],
+        ..FileHeader::new_zeroed()
     }
 }

@@ -20,7 +20,7 @@ pub(crate) mod record_set;
 mod rows;
 pub(crate) mod transpose;
 mod trim;
-mod visible;
+pub(crate) mod visible;
 
 pub use check::{Checked, CheckedLane};
 pub use curve::TileOrder;

@@ -31,7 +31,7 @@ pub struct Arena<'a> {
     fingerprint: u64,
     sections: &'a [SectionEntry],
     lanes: [Option<Lane<'a>>; 3],
-    pager: Option<&'a dyn Pager>,
+    pub(super) pager: Option<&'a dyn Pager>,
 }
 
 /// Creates the [`FormatFault`] for a file that breaks `rule` at byte `at`.
@@ -127,10 +127,6 @@ impl<'a> Arena<'a> {
         self.pager = Some(pager);
         self.lanes.iter_mut().flatten().for_each(|lane| lane.pager = Some(pager));
         self
-    }
-
-    pub(super) fn pager(&self) -> Option<&'a dyn Pager> {
-        self.pager
     }
 
     /// Returns the contents of the header: grid, channels, tile order, scales and voxel count.
@@ -251,9 +247,7 @@ fn facts_of(header: &FileHeader) -> Result<Facts, FormatFault> {
         direction: header.direction.map(triple),
         unit: None,
     };
-    if let Err(error) = grid.check() {
-        return Err(fault(at!(header.dims), "R6", "a sound grid", error));
-    }
+    grid.check().map_err(|error| fault(at!(header.dims), "R6", "a sound grid", error))?;
     let channels = Channels {
         value_bits: header.value_bits,
         normal_bits: header.normal_bits,
@@ -272,10 +266,8 @@ fn facts_of(header: &FileHeader) -> Result<Facts, FormatFault> {
     let Some(tile_order) = TileOrder::from_code(header.tile_order) else {
         return Err(fault(at!(header.tile_order), "R7", "tile order 0, 1 or 2", header.tile_order));
     };
-    for (zeros, at) in [(&header.reserved_0[..], at!(header.reserved_0)), (&header.reserved_1, at!(header.reserved_1))]
-    {
-        zeros_from(at, "R8", zeros)?;
-    }
+    zeros_from(at!(header.reserved_0), "R8", &header.reserved_0)?;
+    zeros_from(at!(header.reserved_1), "R8", &header.reserved_1)?;
     let scales = Scales {
         value_low: header.value_low.get(),
         value_step: header.value_step.get(),

@@ -31,17 +31,8 @@ pub struct OwnedLane {
 impl OwnedLane {
     /// Creates a lane without voxels.
     pub fn new(axis: Axis, dims: [u32; 3], channels: Channels) -> OwnedLane {
-        OwnedLane {
-            axis,
-            dims,
-            channels,
-            tiles: Vec::new(),
-            line_ends: Vec::new(),
-            steps: Vec::new(),
-            values: Vec::new(),
-            normals: Vec::new(),
-            magnitudes: Vec::new(),
-        }
+        let [line_ends, steps, values, normals, magnitudes] = [const { Vec::new() }; 5];
+        OwnedLane { axis, dims, channels, tiles: Vec::new(), line_ends, steps, values, normals, magnitudes }
     }
 
     /// Appends the tiles of `run`, with their lines and records, after the lane's own.

@@ -70,30 +70,6 @@ impl ChannelArrays {
         }
     }
 
-    /// Appends the records of a line, including stepping voxels; returns the line's lowest and highest coordinate.
-    ///
-    /// # Panics
-    /// If the voxels are not in ascending order, or there are none.
-    #[inline]
-    fn push_line(&mut self, channels: Channels, voxels: impl Iterator<Item = (u16, Record)>) -> (u16, u16) {
-        let mut next = 0u32; // one past the last coordinate, because the first step counts from -1
-        let mut low = None;
-        let mut high = 0;
-        for (coordinate, record) in voxels {
-            assert!(u32::from(coordinate) >= next, "voxels come by ascending coordinate");
-            let mut gap = u32::from(coordinate) + 1 - next;
-            while gap > STEPPING {
-                self.push(channels, 0, Record::default());
-                gap -= STEPPING;
-            }
-            self.push(channels, u8::try_from(gap).expect("at most 255 is left"), record);
-            next = u32::from(coordinate) + 1;
-            low = low.or(Some(coordinate));
-            high = coordinate;
-        }
-        (low.expect("a line that is packed has a voxel"), high)
-    }
-
     /// Appends the given records of `other`.
     fn append(&mut self, channels: Channels, other: &ChannelArrays, records: Range<usize>) {
         let ChannelArrays { steps, values, normals, magnitudes } = self;
@@ -110,7 +86,8 @@ impl ChannelArrays {
 }
 
 impl TileRun {
-    /// Appends a line to tile (u, v). The lines of a tile come one after the other, in the order of their bits.
+    /// Appends a line to tile (u, v), including stepping voxels. The lines of a tile come one after the other, in the
+    /// order of their bits.
     ///
     /// # Panics
     /// If the voxels are not in ascending order, or there are none.
@@ -135,9 +112,21 @@ impl TileRun {
                 high: U16::ZERO,
             });
         }
-        let (low, high) = arrays.push_line(channels, voxels);
+        let mut next = 0u32; // one past the last coordinate, because the first step counts from -1
+        let (mut low, mut high) = (None, 0);
+        for (coordinate, record) in voxels {
+            assert!(u32::from(coordinate) >= next, "voxels come by ascending coordinate");
+            let mut gap = u32::from(coordinate) + 1 - next;
+            while gap > STEPPING {
+                arrays.push(channels, 0, Record::default());
+                gap -= STEPPING;
+            }
+            arrays.push(channels, u8::try_from(gap).expect("at most 255 is left"), record);
+            next = u32::from(coordinate) + 1;
+            (low, high) = (low.or(Some(coordinate)), coordinate);
+        }
         let tile = tiles.last_mut().expect("pushed above, if not before");
-        tile.low = U16::new(tile.low.get().min(low));
+        tile.low = U16::new(tile.low.get().min(low.expect("a line that is packed has a voxel")));
         tile.high = U16::new(tile.high.get().max(high));
         tile.occupancy = U64::new(tile.occupancy.get() | 1 << bit);
         let end = arrays.steps.len() as u64 - tile.first_record.get();
@@ -164,14 +153,13 @@ pub struct LanePacker {
     pending_lines: Vec<PendingLine>,
     /// The finished strips, packed tile by tile.
     strips: Vec<TileRun>,
-    visible: u64,
 }
 
 impl LanePacker {
     /// Creates a packer for the lane along `axis` of a grid with `dims` points.
     pub fn new(axis: Axis, dims: [u32; 3], channels: Channels, tile_order: TileOrder) -> LanePacker {
         let (pending, pending_lines, strips) = (Vec::new(), Vec::new(), Vec::new());
-        LanePacker { axis, dims, channels, tile_order, pending, pending_lines, strips, visible: 0 }
+        LanePacker { axis, dims, channels, tile_order, pending, pending_lines, strips }
     }
 
     /// Appends the line at (u, v); lines must come by ascending v, then u.
@@ -192,14 +180,8 @@ impl LanePacker {
         self.pending.extend(voxels);
         let voxels = first..self.pending.len();
         if !voxels.is_empty() {
-            self.visible += voxels.len() as u64;
             self.pending_lines.push(PendingLine { u, v, voxels });
         }
-    }
-
-    /// Returns the number of voxels that were appended so far.
-    pub fn visible(&self) -> u64 {
-        self.visible
     }
 
     /// Ends the current strip: packs its lines tile by tile.

@@ -10,7 +10,6 @@ use super::lane::Lane;
 use super::layout::{TILE_EDGE, TileRecord};
 use super::owned_lane::OwnedLane;
 use super::pack::{LanePacker, Record};
-use crate::volume::Axis;
 
 /// The edits, by position (z, y, x): the voxel's new record, or `None` if it is removed. All differ from the arena.
 pub(super) type Edits = BTreeMap<[u16; 3], Option<Record>>;
@@ -42,14 +41,11 @@ impl Patch {
     /// Packs the tiles of `lane` that hold edits. `order` is the order of the lane's tiles in memory.
     pub(super) fn new(lane: &Lane, order: TileOrder, edits: &Edits) -> Patch {
         let [u_axis, v_axis] = lane.axis.others();
-        let along = |[z, y, x]: [u16; 3], axis: Axis| [x, y, z][axis.index()];
-        let mut sorted: Vec<LaneEdit> = edits
-            .iter()
-            .map(|(&place, &record)| {
-                let [v, u, at] = [v_axis, u_axis, lane.axis].map(|axis| along(place, axis));
-                LaneEdit { v, u, at, record }
-            })
-            .collect();
+        let in_lane = |(&[z, y, x], &record): (&[u16; 3], &Option<Record>)| {
+            let [v, u, at] = [v_axis, u_axis, lane.axis].map(|axis| [x, y, z][axis.index()]);
+            LaneEdit { v, u, at, record }
+        };
+        let mut sorted: Vec<LaneEdit> = edits.iter().map(in_lane).collect();
         sorted.sort_unstable_by_key(|edit| (edit.v, edit.u, edit.at));
 
         let mut packer = LanePacker::new(lane.axis, lane.dims, lane.channels, order);

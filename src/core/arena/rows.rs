@@ -28,6 +28,18 @@ pub struct Region {
     pub zs: Range<u32>,
 }
 
+impl Region {
+    /// Returns the box of all points of a grid with `dims` points along x, y, z.
+    pub(crate) fn of_grid([nx, ny, nz]: [u32; 3]) -> Region {
+        Region { xs: 0..nx, ys: 0..ny, zs: 0..nz }
+    }
+
+    /// Returns the ranges along x, y, z.
+    pub(crate) fn sides(&self) -> [&Range<u32>; 3] {
+        [&self.xs, &self.ys, &self.zs]
+    }
+}
+
 /// A source of visible voxels that can be read row by row along x; each time it yields the same voxels.
 pub trait Rows: Sync {
     /// Returns the number of grid points along x, y, z.

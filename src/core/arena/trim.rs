@@ -5,7 +5,7 @@
 //! exception: the new codes are spread over the kept values, without loss if their range has at most 256 codes. Normals
 //! are not computed again.
 
-use std::ops::RangeInclusive;
+use std::ops::{Range, RangeInclusive};
 
 use super::lane::Lane;
 use super::lane_rows::LaneRows;
@@ -13,13 +13,10 @@ use super::layout::{Channels, Facts, Scales};
 use super::open::Arena;
 use super::pack::Record;
 use super::rows::{Region, Rows};
-use super::visible::VisibleCodes;
+use super::visible::{NOTICEABLE_OPACITY, VisibleCodes};
 use crate::classify::{Quantiser, TransferFunction, normal};
 use crate::error::{Error, Result};
 use crate::volume::{Axis, Grid, SampleType};
-
-/// Lowest opacity (0 to 1) at which the loss of a voxel is noticeable; a build uses the same.
-const NOTICEABLE_OPACITY: f64 = 0.02;
 
 /// Selects the voxels and channels of an arena to keep; the default keeps everything.
 #[derive(Debug, Clone, Default)]
@@ -158,7 +155,7 @@ pub fn trim<'a>(
     let narrow_normals = channels.normal_bits < old.channels.normal_bits && channels.normal_bits > 0;
     let change = move |record: Record| {
         let record = keep(record)?;
-        let value = narrowing.map_or(record.value, |(quantiser, old)| narrowed_value(&quantiser, &old, record.value));
+        let value = narrowing.map_or(record.value, |(quantiser, old)| quantiser.encode(old.value(record.value.into())));
         Some(Record {
             value,
             normal: if narrow_normals { narrowed_normal(record.normal) } else { record.normal },
@@ -193,10 +190,11 @@ fn filled_in(
 /// Returns the box to keep, inside the grid.
 fn crop_of(options: &TrimOptions, grid: &Grid) -> Result<Region> {
     let [nx, ny, nz] = grid.dims;
-    let Some(crop) = &options.crop else { return Ok(Region { xs: 0..nx, ys: 0..ny, zs: 0..nz }) };
-    let inside = |part: &std::ops::Range<u32>, points: u32| part.start..part.end.min(points);
-    let crop = Region { xs: inside(&crop.xs, nx), ys: inside(&crop.ys, ny), zs: inside(&crop.zs, nz) };
-    if [&crop.xs, &crop.ys, &crop.zs].into_iter().any(std::ops::Range::is_empty) {
+    let Some(mut crop) = options.crop.clone() else { return Ok(Region::of_grid(grid.dims)) };
+    for (part, points) in [&mut crop.xs, &mut crop.ys, &mut crop.zs].into_iter().zip(grid.dims) {
+        part.end = part.end.min(points);
+    }
+    if crop.sides().into_iter().any(Range::is_empty) {
         return Err(Error::input("crop", format!("has no point of the {nx} x {ny} x {nz} grid")));
     }
     Ok(crop)
@@ -204,9 +202,8 @@ fn crop_of(options: &TrimOptions, grid: &Grid) -> Result<Region> {
 
 /// Returns the grid of the points in `crop`, at their positions in the world.
 fn cropped(grid: &Grid, crop: &Region) -> Grid {
-    let parts = [&crop.xs, &crop.ys, &crop.zs];
     let mut cropped = grid.clone();
-    for (a, part) in parts.into_iter().enumerate() {
+    for (a, part) in crop.sides().into_iter().enumerate() {
         cropped.dims[a] = part.end - part.start;
         for w in 0..3 {
             cropped.origin[w] += grid.direction[a][w] * (grid.spacing[a] * f64::from(part.start));
@@ -216,10 +213,7 @@ fn cropped(grid: &Grid, crop: &Region) -> Grid {
 }
 
 fn each_record(rows: &dyn Rows, mut see: impl FnMut(Record)) -> Result<()> {
-    let [nx, ny, nz] = rows.dims();
-    rows.read(Region { xs: 0..nx, ys: 0..ny, zs: 0..nz }, &mut |_, _, voxels| {
-        voxels.iter().for_each(|voxel| see(voxel.record));
-    })
+    rows.read(Region::of_grid(rows.dims()), &mut |_, _, voxels| voxels.iter().for_each(|voxel| see(voxel.record)))
 }
 
 /// Returns a quantiser that maps the remaining values to 8-bit codes. It treats the old codes as samples.
@@ -233,12 +227,6 @@ fn quantiser(old: &Scales, codes: RangeInclusive<u16>, transfer: Option<&Transfe
     make(range, 8, SampleType::U16, step, old.value_low)
 }
 
-/// Converts an old value code to a new 8-bit one.
-#[inline(always)]
-fn narrowed_value(quantiser: &Quantiser, old: &Scales, code: u16) -> u16 {
-    quantiser.encode(old.value(code.into()))
-}
-
 fn blurred(rows: &dyn Rows, transfer: &TransferFunction, old: &Facts, quantiser: &Quantiser) -> Result<u64> {
     let scales = Scales { value_low: quantiser.low(), value_step: quantiser.step(), ..old.scales };
     let channels = Channels { value_bits: 8, ..old.channels };
@@ -246,9 +234,9 @@ fn blurred(rows: &dyn Rows, transfer: &TransferFunction, old: &Facts, quantiser:
     let after = VisibleCodes::new(transfer, channels, &scales, 0.0)?;
     let mut count = 0;
     each_record(rows, |record| {
-        let seen = before.has(record.value, record.magnitude);
-        let value = narrowed_value(quantiser, &old.scales, record.value);
-        count += u64::from(seen && !after.has(value, record.magnitude));
+        let value = quantiser.encode(old.scales.value(record.value.into()));
+        let is_seen = before.has(record.value, record.magnitude);
+        count += u64::from(is_seen && !after.has(value, record.magnitude));
     })?;
     Ok(count)
 }

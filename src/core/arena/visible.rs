@@ -8,6 +8,9 @@ use super::layout::{Channels, Scales};
 use crate::classify::{MagnitudeCodec, TransferFunction};
 use crate::error::{Error, Result};
 
+/// Lowest opacity (0 to 1) at which the loss of a voxel is noticeable.
+pub(crate) const NOTICEABLE_OPACITY: f64 = 0.02;
+
 /// Returns the opacity of a stored voxel with value code `value`, from 0 to 1, per reference length.
 ///
 /// `magnitude` is the voxel's gradient magnitude. A code at an end of the visible value range may decode to a value
@@ -57,8 +60,8 @@ impl VisibleCodes {
             vec![0.0]
         };
         let last = if channels.value_bits == 8 { 255 } else { u16::MAX };
-        let mut codes =
-            VisibleCodes { bits: vec![0; ((usize::from(last) + 1) * magnitudes.len()).div_ceil(64)], by_magnitude };
+        let bits = vec![0; ((usize::from(last) + 1) * magnitudes.len()).div_ceil(64)];
+        let mut codes = VisibleCodes { bits, by_magnitude };
         for value in 0..=last {
             for (magnitude_code, &magnitude) in (0u8..=255).zip(&magnitudes) {
                 let opacity = stored_opacity(transfer, scales, value, magnitude);

@@ -95,17 +95,12 @@ impl<'a> Assembler<'a> {
             sorters().push(sorter);
             packed
         };
-        in_order(
-            runs.len(),
-            threads,
-            || (),
-            work,
-            |_, run| {
-                done += run.arrays.steps.len() as u64;
-                take(run)?;
-                report(observer, phase, done, totals.records)
-            },
-        )
+        let write = |_, run: TileRun| {
+            done += run.arrays.steps.len() as u64;
+            take(run)?;
+            report(observer, phase, done, totals.records)
+        };
+        in_order(runs.len(), threads, || (), work, write)
     }
 }
 
@@ -133,12 +128,12 @@ pub(super) struct LaneFace {
 }
 
 impl LaneFace {
-    fn new(dims: [u32; 3], axis: Axis) -> LaneFace {
+    pub(super) fn new(dims: [u32; 3], axis: Axis) -> LaneFace {
         let tiles = axis.others().map(|a| dims[a.index()].div_ceil(TILE_EDGE.into()));
         LaneFace { axis, dims, tiles }
     }
 
-    fn tiles(&self) -> u64 {
+    pub(super) fn tiles(&self) -> u64 {
         self.tiles.iter().map(|&tiles| u64::from(tiles)).product()
     }
 

@@ -4,10 +4,11 @@
 //! The sums are upper bounds of the bytes that each stage holds at once; tests/core/build/memory.rs compares them with
 //! the process's peak.
 
+use super::assemble::LaneFace;
 use super::options::{BuildOptions, GradientSource, Resources};
 use super::spill::VoxelWidths;
 use super::sweep::{SweepSchedule, block_rows};
-use crate::arena::layout::{Channels, TILE_EDGE};
+use crate::arena::layout::Channels;
 use crate::error::{Error, Result};
 use crate::volume::{Axis, Header};
 
@@ -63,14 +64,11 @@ impl Budget {
         let blocks = (2 * workers + 2) * 2 * block_samples * widths.voxel() as u64;
         let sweep = |slices: u64| BASE + buffer_bytes + reach + slices * per_slice + blocks;
 
-        let face =
-            |axis: Axis| axis.others().map(|a| u64::from(header.grid.dims[a.index()].div_ceil(TILE_EDGE.into())));
         let lanes = Axis::ALL.into_iter().take(options.lane_count.into());
-        let faces = lanes.map(|axis| face(axis).iter().product::<u64>()).max().unwrap_or(0);
-        let lines =
-            |axis: Axis| axis.others().map(|a| u64::from(header.grid.dims[a.index()]).min(8)).iter().product::<u64>();
-        let tile = |axis: Axis| lines(axis) * u64::from(header.grid.dims[axis.index()]);
-        let fullest = Axis::ALL.into_iter().map(tile).max().unwrap_or(0);
+        let faces = lanes.map(|axis| LaneFace::new(header.grid.dims, axis).tiles()).max().unwrap_or(0);
+        let points = |axis: Axis| u64::from(header.grid.dims[axis.index()]);
+        let lines = |axis: Axis| axis.others().map(|across| points(across).min(8)).iter().product::<u64>();
+        let fullest = Axis::ALL.map(|axis| lines(axis) * points(axis)).into_iter().max().unwrap_or(0);
         let fullest = large_tile_bytes(fullest, options.channels());
         let assemble = BASE + TILE_BYTES * faces + SECTIONS * WRITE_BYTES + fullest;
 
@@ -120,6 +118,5 @@ pub(super) fn free_for_runs(memory: Option<u64>, held: u64, tiles: u64) -> u64 {
 /// Returns how many bytes it takes to pack a tile of `records` records that is too large for one run: all its packed
 /// records, and an eighth of them unpacked.
 pub(super) fn large_tile_bytes(records: u64, channels: Channels) -> u64 {
-    let packed = 1 + u64::from(channels.value_bits / 8 + channels.normal_bits / 4 + channels.magnitude_bits / 8);
-    records * packed + records.div_ceil(8) * 20
+    records * channels.record_bytes() + records.div_ceil(8) * 20
 }

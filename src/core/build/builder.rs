@@ -14,7 +14,7 @@ use super::encoder::{VoxelEncoder, nothing_visible};
 use super::options::{BuildOptions, GradientSource, Resources};
 use super::progress::{Observer, Phase, report};
 use super::scan::VisibleScan;
-use super::spill::{RowArrays, SpilledVoxels};
+use super::spill::{RowArrays, SpilledRows, SpilledVoxels};
 use super::store::SpillStore;
 use super::summary::SampleSummary;
 use super::sweep::{RowBlock, sweep};
@@ -113,7 +113,7 @@ pub fn classify(
     let mut spill = SpilledVoxels::new(&header, options.channels(), store);
     let found = keep_visible(source, &header, options, &test, &budget, &mut spill, observer)?;
     let mut samples = SampleSummary { surveyed, ..found };
-    if spill.voxels() == 0 {
+    if spill.voxels == 0 {
         return Err(nothing_visible(&samples));
     }
     let encoder = VoxelEncoder::new(&header, options, &samples, largest_magnitude)?;
@@ -122,22 +122,17 @@ pub fn classify(
         channels: encoder.channels,
         tile_order: options.tile_order,
         scales: encoder.scales(),
-        visible_voxels: spill.voxels(),
+        visible_voxels: spill.voxels,
     };
     let transfer = encoder.transfer.clone();
     let rows = ClassifiedRows { spill, encoder };
-    if rows.encoder.is_lossy() {
+    if !rows.encoder.quantiser.is_lossless() {
         let count = |(): &mut (), z: usize| rows.blurred_away(z);
-        in_order(
-            facts.grid.dims[2] as usize,
-            budget.schedule.threads,
-            || (),
-            count,
-            |_, count| {
-                samples.blurred_away += count;
-                Ok(())
-            },
-        )?;
+        let add = |_, count: u64| {
+            samples.blurred_away += count;
+            Ok(())
+        };
+        in_order(facts.grid.dims[2] as usize, budget.schedule.threads, || (), count, add)?;
     }
     Ok(Classified { facts, rows, transfer, samples })
 }
@@ -159,19 +154,11 @@ fn survey(
             places.map(|(x, y)| gradient::magnitude(hood.gradient(x, y))).fold(0.0, f64::max)
         }))
     };
-    sweep(
-        source,
-        header,
-        GradientSource::Values,
-        &options.transfer,
-        budget.schedule,
-        || (),
-        work,
-        |block, magnitude| {
-            largest = largest.max(magnitude);
-            report(observer, Phase::Survey, block.z.into(), depth.into())
-        },
-    )?;
+    let take = |block: &RowBlock, magnitude: f64| {
+        largest = largest.max(magnitude);
+        report(observer, Phase::Survey, block.z.into(), depth.into())
+    };
+    sweep(source, header, GradientSource::Values, &options.transfer, budget.schedule, || (), work, take)?;
     Ok(largest)
 }
 
@@ -205,24 +192,16 @@ fn keep_visible(
             }
         }))
     };
-    sweep(
-        source,
-        header,
-        gradients,
-        &options.transfer,
-        budget.schedule,
-        RowArrays::default,
-        work,
-        |block, visible| {
-            summary.join(&visible.summary);
-            spill.append(&visible.rows)?;
-            let ended = block.rows.end == height;
-            if ended {
-                spill.end_slice()?;
-            }
-            // Progress is reported per block of rows: a single slice can take long.
-            report(observer, Phase::Pack, u64::from(block.z) + u64::from(ended), depth.into())
-        },
-    )?;
+    let take = |block: &RowBlock, (rows, samples): (SpilledRows, SampleSummary)| {
+        summary.join(&samples);
+        spill.append(&rows)?;
+        let ended = block.rows.end == height;
+        if ended {
+            spill.end_slice()?;
+        }
+        // Progress is reported per block of rows: a single slice can take long.
+        report(observer, Phase::Pack, u64::from(block.z) + u64::from(ended), depth.into())
+    };
+    sweep(source, header, gradients, &options.transfer, budget.schedule, RowArrays::default, work, take)?;
     Ok(summary)
 }

@@ -25,7 +25,7 @@ impl ClassifiedRows {
         self.spill.read(&Region { xs: 0..width, ys: 0..height, zs: z..z + 1 }, |_, _, row| {
             with_sample_type!(self.spill.sample_type, T => {
                 let is_blurred = |&i: &usize| self.encoder.blurs_away(row.sample::<T>(i), self.magnitude(&row, i));
-                blurred += (0..row.len()).filter(is_blurred).count() as u64;
+                blurred += (0..row.xs.len()).filter(is_blurred).count() as u64;
             });
         })?;
         Ok(blurred)
@@ -39,7 +39,7 @@ impl ClassifiedRows {
         let normal = self.spill.widths.normal;
         voxels.clear();
         voxels.extend(range.map(|index| Voxel {
-            x: row.x(index),
+            x: row.xs[index].get(),
             record: Record {
                 value: self.encoder.code(row.sample::<T>(index)),
                 normal: row.normal(index, normal),
@@ -59,7 +59,7 @@ impl Rows for ClassifiedRows {
     }
 
     fn memory(&self) -> u64 {
-        self.spill.memory()
+        self.spill.store.memory()
     }
 
     fn read(&self, region: Region, row: &mut dyn FnMut(u16, u16, &[Voxel])) -> Result<()> {

@@ -7,18 +7,16 @@ use super::options::BuildOptions;
 use super::summary::SampleSummary;
 use super::visibility::tabulated;
 use crate::arena::layout::{Channels, Scales};
+use crate::arena::visible::NOTICEABLE_OPACITY;
 use crate::classify::{MagnitudeCodec, Quantiser, TransferFunction};
 use crate::error::{Error, Result};
 use crate::volume::{Header, Sample};
-
-/// Lowest opacity (0 to 1) at which the loss of a voxel is noticeable.
-const NOTICEABLE_OPACITY: f64 = 0.02;
 
 /// Maps samples and gradient magnitudes to stored codes.
 pub(super) struct VoxelEncoder {
     pub(super) transfer: TransferFunction,
     pub(super) channels: Channels,
-    quantiser: Quantiser,
+    pub(super) quantiser: Quantiser,
     pub(super) magnitudes: MagnitudeCodec,
     /// The code of each sample, indexed by the sample's bits; empty for samples of more than 16 bits.
     table: Vec<u16>,
@@ -85,10 +83,6 @@ impl VoxelEncoder {
             Some(bits) => self.table[bits],
             None => self.quantiser.encode(self.value(sample)),
         }
-    }
-
-    pub(super) fn is_lossy(&self) -> bool {
-        !self.quantiser.is_lossless()
     }
 
     /// Returns whether a noticeable voxel would be stored under a code whose value is transparent.

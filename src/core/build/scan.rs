@@ -14,12 +14,6 @@ use crate::volume::{Header, Sample};
 /// Number of samples whose range is compared with the visible range at once; most such blocks hold nothing visible.
 const BLOCK: usize = 64;
 
-/// The visible voxels of a block of rows, with statistics of its samples.
-pub(super) struct VisibleRows {
-    pub(super) rows: SpilledRows,
-    pub(super) summary: SampleSummary,
-}
-
 /// Everything that decides which voxels of a slice are visible.
 pub(super) struct VisibleScan<'a, T> {
     pub(super) samples: &'a [T],
@@ -29,16 +23,17 @@ pub(super) struct VisibleScan<'a, T> {
 }
 
 impl<T: Sample> VisibleScan<'_, T> {
-    /// Returns the visible voxels of a block. `gradient` returns the gradient at (x, y); `row` is a reused buffer.
+    /// Returns the visible voxels of a block, with statistics of its samples. `gradient` returns the gradient at (x, y);
+    /// `row` is a reused buffer.
     pub(super) fn rows(
         &self,
         block: &RowBlock,
         row: &mut RowArrays,
         gradient: &dyn Fn(usize, usize) -> [f64; 3],
-    ) -> VisibleRows {
+    ) -> (SpilledRows, SampleSummary) {
         let VisibleScan { samples: slice, header, test, channels } = *self;
         let width = header.grid.dims[0] as usize;
-        let mut visible = VisibleRows { rows: SpilledRows::default(), summary: SampleSummary::default() };
+        let mut visible = SpilledRows::default();
         let ends = test.ends::<T>();
         let mut range = RawRange::default();
         for y in block.rows.clone() {
@@ -72,12 +67,11 @@ impl<T: Sample> VisibleScan<'_, T> {
                     row.samples.extend_from_slice(bytemuck::bytes_of(&sample));
                 }
             }
-            visible.rows.push(u16::try_from(y).expect("a slice has at most 65,535 rows"), row);
+            visible.push(u16::try_from(y).expect("a slice has at most 65,535 rows"), row);
             if (y + 1) % GROUP_ROWS == 0 || y + 1 == block.rows.end {
-                visible.rows.end_group();
+                visible.end_group();
             }
         }
-        visible.summary = range.summary(header);
-        visible
+        (visible, range.summary(header))
     }
 }

@@ -96,13 +96,13 @@ pub(super) struct SpilledVoxels {
     pub(super) dims: [u32; 3],
     pub(super) sample_type: SampleType,
     pub(super) widths: VoxelWidths,
-    store: SpillStore,
+    pub(super) store: SpillStore,
     /// Range of bytes in the store of each slice's rows; empty, without a directory, if the slice has no visible voxel.
     slices: Vec<Range<u64>>,
     /// Directory of the current slice, which starts at byte `start` of the store.
     directory: Vec<u64>,
     start: u64,
-    voxels: u64,
+    pub(super) voxels: u64,
 }
 
 impl SpilledVoxels {
@@ -119,31 +119,22 @@ impl SpilledVoxels {
         }
     }
 
-    pub(super) fn voxels(&self) -> u64 {
-        self.voxels
-    }
-
-    /// Returns how many bytes of memory are in use.
-    pub(super) fn memory(&self) -> u64 {
-        self.store.memory()
-    }
-
     /// Appends the next rows of the current slice.
     pub(super) fn append(&mut self, rows: &SpilledRows) -> Result<()> {
-        let before = self.store.len() - self.start;
+        let before = self.store.len - self.start;
         self.directory.extend(rows.group_ends.iter().map(|&end| before + end as u64));
         self.voxels += rows.voxels;
         self.store.append(&rows.bytes)
     }
 
     pub(super) fn end_slice(&mut self) -> Result<()> {
-        let end = self.store.len();
+        let end = self.store.len;
         self.slices.push(self.start..end);
         if end > self.start {
             self.store.append(bytemuck::cast_slice(&self.directory))?;
         }
         self.directory.clear();
-        self.start = self.store.len();
+        self.start = self.store.len;
         Ok(())
     }
 
@@ -161,8 +152,7 @@ impl SpilledVoxels {
             // Read the directory from the end of the group before `first`, where `first` starts; group 0 starts at 0.
             let from = slice.end + 8 * u64::from(first.saturating_sub(1));
             let ends = self.store.read(from, slice.end + 8 * u64::from(last), &mut directory)?;
-            let ends = ends.chunks_exact(8).map(|end| u64::from_ne_bytes(end.try_into().expect("eight bytes")));
-            let mut ends = ends.peekable();
+            let mut ends = ends.as_chunks().0.iter().map(|&end| u64::from_ne_bytes(end)).peekable();
             let mut start = if first == 0 { 0 } else { ends.next().expect("the group before the first") };
             while let Some(mut end) = ends.next() {
                 while let Some(next) = ends.next_if(|next| next - start <= READ_BYTES) {
@@ -170,8 +160,8 @@ impl SpilledVoxels {
                 }
                 let mut remaining = self.store.read(slice.start + start, slice.start + end, &mut bytes)?;
                 while let Some((head, after)) = remaining.split_first_chunk::<4>() {
-                    let y = u16::from_le_bytes([head[0], head[1]]);
-                    let count = usize::from(u16::from_le_bytes([head[2], head[3]])) + 1;
+                    let [y, last] = <[U16; 2]>::read_from_bytes(head).expect("four bytes").map(U16::get);
+                    let count = usize::from(last) + 1;
                     let (xs, after) = after.split_at(2 * count);
                     let xs = <[U16]>::ref_from_bytes(xs).expect("two bytes a voxel, at any address");
                     let (samples, after) = after.split_at(self.widths.sample * count);
@@ -190,21 +180,13 @@ impl SpilledVoxels {
 }
 
 pub(super) struct RowParts<'a> {
-    xs: &'a [U16],
+    pub(super) xs: &'a [U16],
     samples: &'a [u8],
     normals: &'a [u8],
     magnitudes: &'a [u8],
 }
 
 impl RowParts<'_> {
-    pub(super) fn len(&self) -> usize {
-        self.xs.len()
-    }
-
-    pub(super) fn x(&self, index: usize) -> u16 {
-        self.xs[index].get()
-    }
-
     /// Returns the index of the first voxel whose coordinate is at least `x`.
     pub(super) fn at_or_after(&self, x: u32) -> usize {
         self.xs.partition_point(|here| u32::from(here.get()) < x)
@@ -213,14 +195,13 @@ impl RowParts<'_> {
     pub(super) fn normal(&self, index: usize, width: usize) -> u32 {
         match width {
             0 => 0,
-            2 => u16::from_le_bytes([self.normals[2 * index], self.normals[2 * index + 1]]).into(),
-            _ => u32::from_le_bytes(self.normals[4 * index..][..4].try_into().expect("four bytes")),
+            2 => u16::from_le_bytes(self.normals.as_chunks().0[index]).into(),
+            _ => u32::from_le_bytes(self.normals.as_chunks().0[index]),
         }
     }
 
     pub(super) fn magnitude(&self, index: usize) -> Option<f64> {
-        let bytes = self.magnitudes.get(8 * index..8 * index + 8)?;
-        Some(f64::from_ne_bytes(bytes.try_into().expect("eight bytes")))
+        self.magnitudes.as_chunks().0.get(index).map(|&bytes| f64::from_ne_bytes(bytes))
     }
 
     #[inline(always)]

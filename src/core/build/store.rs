@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 pub(super) struct SpillStore {
     bytes: Vec<u8>,
     file: Option<File>,
-    len: u64,
+    pub(super) len: u64,
     /// Folder for the temporary file; `None` to keep all in memory.
     folder: Option<PathBuf>,
     memory: u64,
@@ -24,10 +24,6 @@ impl SpillStore {
     /// Creates a store that moves to an unnamed file in `folder` when it exceeds `memory` bytes.
     pub(super) fn new(folder: Option<&Path>, memory: u64) -> SpillStore {
         SpillStore { bytes: Vec::new(), file: None, len: 0, folder: folder.map(Path::to_path_buf), memory }
-    }
-
-    pub(super) fn len(&self) -> u64 {
-        self.len
     }
 
     /// Returns how many bytes of memory are in use.

@@ -80,13 +80,12 @@ pub(super) fn sweep<S, T: Send>(
                 scope.spawn(move || reader.read(end, (end + reach).min(depth)))
             });
             let groups: Vec<&[RowBlock]> = blocks.chunks(together as usize).collect();
-            let worked = in_order(
-                groups.len(),
-                schedule.threads,
-                &scratch,
-                |scratch, index| groups[index].iter().map(|block| work(scratch, &window, block)).collect(),
-                |index, results: Vec<T>| groups[index].iter().zip(results).try_for_each(|(block, r)| take(block, r)),
-            );
+            let work = |scratch: &mut S, index: usize| -> Result<Vec<T>> {
+                groups[index].iter().map(|block| work(scratch, &window, block)).collect()
+            };
+            let worked = in_order(groups.len(), schedule.threads, &scratch, work, |index, results| {
+                groups[index].iter().zip(results).try_for_each(|(block, result)| take(block, result))
+            });
             let next = next.map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)));
             worked.and(next.transpose())
         });

@@ -105,7 +105,8 @@ impl<'a> SliceReader<'a> {
         };
         while self.samples_end < samples_end || self.fields_end < fields_end {
             if self.samples_end < depth {
-                let samples = self.next_slice()?;
+                let mut samples = self.spare_samples.pop().map_or_else(|| self.header.new_slice(), Ok)?;
+                self.source.read_slice(&mut samples)?;
                 self.samples_end += 1;
                 if self.gradients == GradientSource::Visibility {
                     self.smooth(&samples, &mut slices.fields)?;
@@ -120,12 +121,6 @@ impl<'a> SliceReader<'a> {
             }
         }
         Ok(slices)
-    }
-
-    fn next_slice(&mut self) -> Result<Samples> {
-        let mut samples = self.spare_samples.pop().map_or_else(|| self.header.new_slice(), Ok)?;
-        self.source.read_slice(&mut samples)?;
-        Ok(samples)
     }
 
     /// Smooths the visibility of a slice; appends the smoothed slice to `fields` if one is complete.

@@ -31,13 +31,8 @@ impl TransferFunction {
                 let clear: f64 = contours.iter().map(|contour| 1.0 - contour_opacity(contour, value, unit)).product();
                 if let [contour] = &contours[..] { contour_opacity(contour, value, unit) } else { 1.0 - clear }
             }
-            TransferKind::Range { low, high, opacity, .. } => {
-                if *low <= value && value <= *high {
-                    *opacity
-                } else {
-                    0.0
-                }
-            }
+            TransferKind::Range { low, high, opacity, .. } if (*low..=*high).contains(&value) => *opacity,
+            TransferKind::Range { .. } => 0.0,
             TransferKind::Region { knots, largest_magnitude } => {
                 if value < knots[0].value || value > knots[knots.len() - 1].value {
                     return 0.0;
@@ -100,13 +95,8 @@ impl TransferFunction {
                     (contour.value - reach, contour.value + reach)
                 })
                 .fold(nothing, hull),
-            TransferKind::Range { low, high, opacity, .. } => {
-                if *opacity > 0.0 {
-                    (*low, *high)
-                } else {
-                    nothing
-                }
-            }
+            TransferKind::Range { low, high, opacity, .. } if *opacity > 0.0 => (*low, *high),
+            TransferKind::Range { .. } => nothing,
             TransferKind::Region { knots, .. } => {
                 let Some((first, last)) = visible_ends(knots) else { return nothing };
                 (knots[first.saturating_sub(1)].value, knots[(last + 1).min(knots.len() - 1)].value)
@@ -122,34 +112,19 @@ fn visible_ends(points: &[Point]) -> Option<(usize, usize)> {
     Some((points.iter().position(visible)?, points.iter().rposition(visible)?))
 }
 
-/// The position of a value among sorted knots, of which at most two share a position.
-enum KnotPosition {
-    /// On a knot, or beyond the first or last knot; `first != last` where two knots share the position.
-    At {
-        first: usize,
-        last: usize,
-    },
-    Between {
-        below: usize,
-        above: usize,
-        fraction: f64,
-    },
-}
-
-fn locate<T>(knots: &[T], at: f64, position: impl Fn(&T) -> f64) -> KnotPosition {
+/// Returns the two of the sorted `knots` that `at` lies between, and its position between them, from 0 to 1.
+///
+/// On a knot, or beyond the first or last knot, there is no position, and both are that knot; or the two knots that
+/// share this position, which are at most two.
+fn locate<T>(knots: &[T], at: f64, position: impl Fn(&T) -> f64) -> (&T, &T, Option<f64>) {
     let above = knots.partition_point(|knot| position(knot) < at);
-    if above == knots.len() {
-        return KnotPosition::At { first: above - 1, last: above - 1 };
+    let below = &knots[above.saturating_sub(1)];
+    let Some(high) = knots.get(above) else { return (below, below, None) };
+    if position(high) == at {
+        let step = knots.get(above + 1).filter(|next| position(next) == at);
+        return (high, step.unwrap_or(high), None);
     }
-    let high = position(&knots[above]);
-    if high == at {
-        let is_step = knots.get(above + 1).is_some_and(|next| position(next) == at);
-        return KnotPosition::At { first: above, last: above + usize::from(is_step) };
-    }
-    match above.checked_sub(1) {
-        None => KnotPosition::At { first: 0, last: 0 },
-        Some(below) => KnotPosition::Between { below, above, fraction: fraction(position(&knots[below]), high, at) },
-    }
+    (below, high, (above > 0).then(|| fraction(position(below), position(high), at)))
 }
 
 /// Returns the position of `at` as a fraction, 0 at `low` and 1 at `high`. The ends differ; no step overflows.
@@ -173,24 +148,19 @@ fn mix(from: Colour, to: Colour, fraction: f64) -> [f32; 3] {
 ///
 /// `knot` returns a knot's position and number.
 fn interpolated<T>(knots: &[T], at: f64, knot: impl Fn(&T) -> (f64, f64)) -> f64 {
-    let number = |index: usize| knot(&knots[index]).1;
-    match locate(knots, at, |each| knot(each).0) {
-        KnotPosition::At { first, last } => number(first).max(number(last)),
-        KnotPosition::Between { below, above, fraction } => lerp(number(below), number(above), fraction),
-    }
+    let (below, above, fraction) = locate(knots, at, |each| knot(each).0);
+    let (below, above) = (knot(below).1, knot(above).1);
+    fraction.map_or(below.max(above), |fraction| lerp(below, above, fraction))
 }
 
 /// Returns the colour at `value`; the more opaque point's where two share a value.
 fn interpolated_colour<T>(knots: &[T], value: f64, point: impl Fn(&T) -> Point) -> [f32; 3] {
-    match locate(knots, value, |knot| point(knot).value) {
-        KnotPosition::At { first, last } => {
-            let [first, last] = [first, last].map(|index| point(&knots[index]));
-            if first.opacity > last.opacity { first.colour.linear() } else { last.colour.linear() }
-        }
-        KnotPosition::Between { below, above, fraction } => {
-            let [below, above] = [below, above].map(|index| point(&knots[index]).colour);
-            mix(below, above, fraction)
-        }
+    let (below, above, fraction) = locate(knots, value, |knot| point(knot).value);
+    let (below, above) = (point(below), point(above));
+    match fraction {
+        Some(fraction) => mix(below.colour, above.colour, fraction),
+        None if below.opacity > above.opacity => below.colour.linear(),
+        None => above.colour.linear(),
     }
 }
 

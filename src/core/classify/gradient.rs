@@ -71,14 +71,11 @@ impl<'a, T: Sample> Neighbourhood<'a, T> {
         let here = self.value(self.here[at]);
         let neighbour = |inside: bool, index: usize| if inside { self.value(self.here[index]) } else { f64::NAN };
         let slice = |slice: Option<&[T]>| slice.map_or(f64::NAN, |samples| self.value(samples[at]));
+        let (left, right) = (neighbour(x > 0, at.wrapping_sub(1)), neighbour(x + 1 < width, at + 1));
+        let (front, back) = (neighbour(y > 0, at.wrapping_sub(width)), neighbour(y + 1 < height, at + width));
         [
-            slope(neighbour(x > 0, at.wrapping_sub(1)), here, neighbour(x + 1 < width, at + 1), self.inverse[0]),
-            slope(
-                neighbour(y > 0, at.wrapping_sub(width)),
-                here,
-                neighbour(y + 1 < height, at + width),
-                self.inverse[1],
-            ),
+            slope(left, here, right, self.inverse[0]),
+            slope(front, here, back, self.inverse[1]),
             slope(slice(self.below), here, slice(self.above), self.inverse[2]),
         ]
     }

@@ -1,7 +1,4 @@
 //! The five kinds of transfer function and the knots that define them.
-//!
-//! Source of the kinds contour and region: M. Levoy, "Display of Surfaces from Volume Data", IEEE CG&A 8(3), 1988,
-//! equations 3 to 5.
 
 use serde::{Deserialize, Serialize};
 

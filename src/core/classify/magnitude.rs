@@ -28,11 +28,9 @@ impl MagnitudeCodec {
             return Err(Error::input("largest gradient magnitude", why));
         }
         let octave = if largest > 0.0 { largest.log2() } else { f64::INFINITY };
-        let mut decoded = Box::new([0.0; 256]);
-        for (code, magnitude) in decoded.iter_mut().enumerate().skip(1) {
-            *magnitude = largest * ((code as f64 - 255.0) / CODES_PER_OCTAVE).exp2();
-        }
-        Ok(MagnitudeCodec { largest, octave, decoded })
+        let magnitude = |code: usize| largest * ((code as f64 - 255.0) / CODES_PER_OCTAVE).exp2();
+        let decoded = std::array::from_fn(|code| if code == 0 { 0.0 } else { magnitude(code) });
+        Ok(MagnitudeCodec { largest, octave, decoded: Box::new(decoded) })
     }
 
     /// Returns the magnitude that code 255 stands for, in units per world length.

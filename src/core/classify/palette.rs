@@ -57,7 +57,7 @@ pub(super) const FROG: [(i64, &str, [u8; 3]); 15] = [
     (15, "stomach", [0xd9, 0x7f, 0x74]),
 ];
 
-pub(super) fn find(labels: &[Label], label: i64) -> Option<&Label> {
+fn find(labels: &[Label], label: i64) -> Option<&Label> {
     labels.binary_search_by_key(&label, |entry| entry.label).ok().map(|index| &labels[index])
 }
 
@@ -108,21 +108,19 @@ pub(super) fn parse_ctbl(text: &str) -> Result<Vec<Label>> {
         }
         let refused = |why: &str| Error::input(format!("colour table: line {}", index + 1), why);
         let words: Vec<&str> = line.split_whitespace().collect();
-        if words.len() < 6 {
-            return Err(refused("has fewer than the six columns \"index name r g b a\""));
-        }
-        let label = words[0].parse().map_err(|_| refused("does not start with a whole number, the label"))?;
-        let (name, numbers) = words[1..].split_at(words.len() - 5);
-        let mut rgba = [0u8; 4];
-        for (component, word) in rgba.iter_mut().zip(numbers) {
-            *component = word.parse().map_err(|_| refused("must end in r g b a, whole numbers from 0 to 255"))?;
-        }
-        let [r, g, b, a] = rgba;
+        let (label, name, [r, g, b, a]) = match words[..] {
+            [label, ref name @ .., r, g, b, a] if !name.is_empty() => (label, name, [r, g, b, a]),
+            _ => return Err(refused("has fewer than the six columns \"index name r g b a\"")),
+        };
+        let label = label.parse().map_err(|_| refused("does not start with a whole number, the label"))?;
+        let component =
+            |word: &str| word.parse().map_err(|_| refused("must end in r g b a, whole numbers from 0 to 255"));
+        let colour = Colour::from_bytes([component(r)?, component(g)?, component(b)?]);
+        let opacity = f64::from(component(a)?) / 255.0;
         if labels.iter().any(|entry: &Label| entry.label == label) {
             return Err(refused("repeats a label; keep one"));
         }
-        let name = name.join(" ").replace('_', " ");
-        labels.push(Label { label, name, colour: Colour::from_bytes([r, g, b]), opacity: f64::from(a) / 255.0 });
+        labels.push(Label { label, name: name.join(" ").replace('_', " "), colour, opacity });
     }
     if labels.is_empty() {
         return Err(Error::input("colour table", "has no labels; each line is \"index name r g b a\""));

@@ -97,13 +97,13 @@ fn unshifted(name: &str) -> Option<Result<TransferFunction>> {
         "mr" => linear(MR, &MR_GRADIENT),
         "labels" => TransferFunction::labels(Vec::new(), UnlistedLabels::Distinct),
         "frog" => {
-            let entry = |&(label, name, rgb): &(i64, &str, [u8; 3])| Label {
+            let labels = FROG.map(|(label, name, rgb)| Label {
                 label,
                 name: name.to_owned(),
                 colour: Colour::from_bytes(rgb),
                 opacity: 1.0,
-            };
-            TransferFunction::labels(FROG.iter().map(entry).collect(), UnlistedLabels::Transparent)
+            });
+            TransferFunction::labels(labels.into(), UnlistedLabels::Transparent)
         }
         "gyroid" => {
             let side = |value, rgb| Contour { value, opacity: 0.95, width: 1.5, colour: Colour::from_bytes(rgb) };

@@ -58,7 +58,11 @@ impl Quantiser {
         };
         let exact = ExactCodes { raw: first, slope, intercept };
         match u16::try_from(first.abs_diff(last)) {
-            Ok(steps) if steps <= largest_code => Ok(Quantiser::exact(exact, steps)),
+            Ok(steps) if steps <= largest_code => {
+                let step = if steps == 0 { 0.0 } else { slope.abs() };
+                let (low, high) = (exact.value(0), exact.value(steps));
+                Ok(Quantiser { low, high, largest_code: steps, step, exact: Some(exact) })
+            }
             _ => Quantiser::even(exact.value(0), exact.value_of(last), largest_code),
         }
     }
@@ -100,12 +104,6 @@ impl Quantiser {
         let largest_code = if low == high { 0 } else { largest_code };
         let step = if low == high { 0.0 } else { ratio(low, high, largest_code.into()) };
         Ok(Quantiser { low, high, largest_code, step, exact: None })
-    }
-
-    fn exact(exact: ExactCodes, largest_code: u16) -> Quantiser {
-        let (low, high) = (exact.value(0), exact.value(largest_code));
-        let step = if largest_code == 0 { 0.0 } else { exact.slope.abs() };
-        Quantiser { low, high, largest_code, step, exact: Some(exact) }
     }
 
     /// Returns the code nearest to `value`, clamped to the range; 0 for NaN.
@@ -165,11 +163,6 @@ impl Quantiser {
     /// Returns whether every sample inside the range is restored bit for bit.
     pub fn is_lossless(&self) -> bool {
         self.exact.is_some() || self.largest_code == 0
-    }
-
-    /// Returns the largest difference between a value inside the range and its decoded code.
-    pub fn largest_error(&self) -> f64 {
-        if self.is_lossless() { 0.0 } else { self.step / 2.0 }
     }
 }
 

@@ -9,7 +9,7 @@ use super::document::TransferDocument;
 use super::kind::{
     Contour, FactorPoint, Point, RANGE_OPACITY, TransferKind, contour_colour, contour_width, range_colours,
 };
-use super::palette::{self, Label, UnlistedLabels};
+use super::palette::{Label, UnlistedLabels};
 use super::validate::check_length;
 use crate::error::Result;
 
@@ -29,8 +29,8 @@ pub struct TransferFunction {
 }
 
 impl TransferFunction {
-    pub(super) fn of(kind: TransferKind) -> TransferFunction {
-        TransferFunction { kind, shaded: true, reference_length: None }
+    fn of(kind: TransferKind) -> Result<TransferFunction> {
+        TransferFunction { kind, shaded: true, reference_length: None }.checked()
     }
 
     pub(super) fn checked(self) -> Result<TransferFunction> {
@@ -49,7 +49,6 @@ impl TransferFunction {
     pub fn range(low: f64, high: f64) -> Result<TransferFunction> {
         let colours = range_colours();
         TransferFunction::of(TransferKind::Range { low, high, opacity: RANGE_OPACITY, colours, value_range: None })
-            .checked()
     }
 
     /// Creates a function that shows an ivory surface of value `iso`, with opacity 0.9 and a transition of two voxels.
@@ -67,7 +66,7 @@ impl TransferFunction {
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if a number is out of range or the values do not ascend.
     pub fn contours(contours: Vec<Contour>) -> Result<TransferFunction> {
-        TransferFunction::of(TransferKind::Contour { contours, voxel_length: None }).checked()
+        TransferFunction::of(TransferKind::Contour { contours, voxel_length: None })
     }
 
     /// Creates a piecewise-linear function. Unless `gradient` is empty, the opacity is multiplied by that ramp.
@@ -75,7 +74,7 @@ impl TransferFunction {
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if a number is out of range or the points do not ascend.
     pub fn points(points: Vec<Point>, gradient: Vec<FactorPoint>) -> Result<TransferFunction> {
-        TransferFunction::of(TransferKind::Points { points, gradient }).checked()
+        TransferFunction::of(TransferKind::Points { points, gradient })
     }
 
     /// Creates a function that shows the boundaries of regions of similar value; `knots` must be sorted by value.
@@ -85,7 +84,7 @@ impl TransferFunction {
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if a number is out of range or the knots do not ascend.
     pub fn region(knots: Vec<Point>, largest_magnitude: f64) -> Result<TransferFunction> {
-        TransferFunction::of(TransferKind::Region { knots, largest_magnitude: Some(largest_magnitude) }).checked()
+        TransferFunction::of(TransferKind::Region { knots, largest_magnitude: Some(largest_magnitude) })
     }
 
     /// Creates the palette of a label map. `labels` may come in any order.
@@ -94,7 +93,7 @@ impl TransferFunction {
     /// [`Error::Input`](crate::Error::Input) if a label occurs twice or an opacity is not from 0 to 1.
     pub fn labels(mut labels: Vec<Label>, others: UnlistedLabels) -> Result<TransferFunction> {
         labels.sort_by_key(|label| label.label);
-        TransferFunction::of(TransferKind::Labels { labels, others }).checked()
+        TransferFunction::of(TransferKind::Labels { labels, others })
     }
 
     /// Returns the function with lighting switched on or off.
@@ -191,14 +190,6 @@ impl TransferFunction {
     /// Returns whether this is the palette of a label map.
     pub fn is_labels(&self) -> bool {
         matches!(self.kind, TransferKind::Labels { .. })
-    }
-
-    /// Returns the name of `label`; `None` if the palette does not list it or this is no palette.
-    pub fn label_name(&self, label: i64) -> Option<&str> {
-        match &self.kind {
-            TransferKind::Labels { labels, .. } => palette::find(labels, label).map(|entry| entry.name.as_str()),
-            _ => None,
-        }
     }
 
     /// Returns whether surfaces are lit; every visible voxel then needs a normal.

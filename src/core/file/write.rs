@@ -31,23 +31,17 @@ use crate::volume::Axis;
 pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec<u8> {
     let mut sections = vec![(SectionEntry::empty(SectionKind::Description, None, 1), description.as_bytes())];
     for lane in lanes {
-        let view = lane.view();
-        let line_ends = view.line_ends.as_bytes();
-        let parts = [view.tiles.as_bytes(), line_ends, view.steps, view.values, view.normals, view.magnitudes];
-        for (kind, bytes) in SectionKind::OF_LANES.into_iter().zip(parts) {
-            let element = kind.element_bytes(facts.channels, facts.grid.dims, view.axis);
-            if element > 0 {
-                sections.push((SectionEntry::empty(kind, Some(view.axis), element), bytes));
-            }
-        }
+        let OwnedLane { tiles, line_ends, steps, values, normals, magnitudes, .. } = lane;
+        let parts = [tiles.as_bytes(), line_ends, steps, values, normals, magnitudes];
+        let stored = lane_entries(facts, lane.axis).into_iter().zip(parts);
+        sections.extend(stored.filter_map(|(entry, bytes)| Some((entry?, bytes))));
     }
     let mut end = (size_of::<FileHeader>() + sections.len() * size_of::<SectionEntry>()) as u64;
     for (entry, bytes) in &mut sections {
-        let offset = aligned(end);
-        end = offset + bytes.len() as u64;
-        entry.offset = U64::new(offset);
+        entry.offset = U64::new(aligned(end));
         entry.bytes = U64::new(bytes.len() as u64);
         entry.xxh3 = U64::new(xxh3_64(bytes));
+        end = aligned(end) + bytes.len() as u64;
     }
     let table: Vec<SectionEntry> = sections.iter().map(|(entry, _)| *entry).collect();
     let mut file = header_with_checksum(facts, &table, end).as_bytes().to_vec();
@@ -60,6 +54,14 @@ pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec
     }
     file.resize(whole, 0);
     file
+}
+
+/// Returns the entries of a lane's sections, without positions; `None` for a channel that is not stored.
+fn lane_entries(facts: &Facts, axis: Axis) -> [Option<SectionEntry>; 6] {
+    SectionKind::OF_LANES.map(|kind| {
+        let element = kind.element_bytes(facts.channels, facts.grid.dims, axis);
+        (element > 0).then(|| SectionEntry::empty(kind, Some(axis), element))
+    })
 }
 
 /// Tells [`write_rows`] what to write beside the voxels, and which resources it may use.
@@ -119,17 +121,9 @@ fn write_rows_to(
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
     let mut out = SectionFile { file, path, end: 0 };
-    let lane_count = usize::from(output.lane_count);
-    let lanes = [Axis::X, Axis::Y, Axis::Z].into_iter().take(lane_count);
+    let lanes = Axis::ALL.into_iter().take(output.lane_count.into());
     let facts = &output.facts;
-    let dims = facts.grid.dims;
-    // The entries of a lane's sections; `None` for a channel that is not stored.
-    let entries = |axis| {
-        SectionKind::OF_LANES.map(|kind| {
-            let element = kind.element_bytes(facts.channels, dims, axis);
-            (element > 0).then(|| SectionEntry::empty(kind, Some(axis), element))
-        })
-    };
+    let entries = |axis| lane_entries(facts, axis);
     let section_count = 1 + lanes.clone().flat_map(entries).flatten().count();
     out.end = (size_of::<FileHeader>() + section_count * size_of::<SectionEntry>()) as u64;
 
@@ -156,7 +150,7 @@ fn write_rows_to(
         let (mut lines, mut records) = (0u32, 0u64);
         let mut take = |run: TileRun| {
             let tiles: Vec<TileRecord> = run.tiles.iter().map(|tile| tile.moved(lines, records)).collect();
-            let line_ends = stored_line_ends(&run.line_ends, dims[axis.index()]);
+            let line_ends = stored_line_ends(&run.line_ends, facts.grid.dims[axis.index()]);
             let ChannelArrays { steps, values, normals, magnitudes } = &run.arrays;
             let parts = [tiles.as_bytes(), &line_ends, steps, values, normals, magnitudes];
             for (section, bytes) in sections.borrow_mut().iter_mut().zip(parts) {

@@ -27,8 +27,6 @@ pub(crate) struct GatheredLine<T = ()> {
 pub(super) struct LineGatherer<'a, T> {
     lane: Lane<'a>,
     order: Order,
-    record_count: u64,
-    longest: u64,
     /// The lines of the current slice; the memory is reused.
     lines: Vec<GatheredLine<T>>,
 }
@@ -36,13 +34,7 @@ pub(super) struct LineGatherer<'a, T> {
 impl<'a, T: Copy + Default> LineGatherer<'a, T> {
     /// Creates a gatherer of the lines of `lane` in slices across the slow axis of `order`.
     pub(super) fn new(lane: &Lane<'a>, order: &Order) -> LineGatherer<'a, T> {
-        LineGatherer {
-            lane: *lane,
-            order: *order,
-            record_count: lane.record_count(),
-            longest: lane.dims[lane.axis.index()].into(),
-            lines: Vec::new(),
-        }
+        LineGatherer { lane: *lane, order: *order, lines: Vec::new() }
     }
 
     /// Returns the lines of slice `slow` by ascending medium coordinate; `tile_of` is told a tile's index and the tile.
@@ -61,8 +53,8 @@ impl<'a, T: Copy + Default> LineGatherer<'a, T> {
             self.lines.resize(room, GatheredLine::default());
         }
         // Copied out of `self`, so that they stay in registers while `lines` is written.
-        let (slow_is_v, longest, record_count) = (rows.slow_is_v, self.longest, self.record_count);
-        let (order, lane) = (self.order, self.lane);
+        let (slow_is_v, order, lane) = (rows.slow_is_v, self.order, self.lane);
+        let (longest, record_count) = (u64::from(lane.dims[lane.axis.index()]), lane.record_count());
         let lines = &mut self.lines[..];
         let within = slow % TILE_EDGE;
         let mut count = 0;

@@ -76,16 +76,14 @@ fn tile_of<'a>(lane: &Lane<'a>, index: u32) -> &'a TileRecord {
 }
 
 fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
-    let [u, v] = lane.axis.others();
-    let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };
-    for (axis, line) in [(u, tile.tile_u.get()), (v, tile.tile_v.get())] {
+    let across = |axis: Axis, tile: u16| {
         let last = u16::try_from(lane.dims[axis.index()] - 1).unwrap_or(u16::MAX);
-        bounds.low[axis.index()] = line.saturating_mul(TILE_EDGE);
-        bounds.high[axis.index()] = line.saturating_mul(TILE_EDGE).saturating_add(TILE_EDGE - 1).min(last);
-    }
-    bounds.low[lane.axis.index()] = tile.low.get();
-    bounds.high[lane.axis.index()] = tile.high.get();
-    bounds
+        let first = tile.saturating_mul(TILE_EDGE);
+        (axis, [first, first.saturating_add(TILE_EDGE - 1).min(last)])
+    };
+    let [u, v] = lane.axis.others();
+    let along = (lane.axis, [tile.low.get(), tile.high.get()]);
+    VoxelBox::from_sides([across(u, tile.tile_u.get()), across(v, tile.tile_v.get()), along])
 }
 
 /// Sorts `items` stably by `key`, a number below `keys`; also returns the index at which each key's items start.

@@ -136,8 +136,7 @@ impl SlabSource for PhantomSource {
         self.row.resize(width as usize, 0.0);
         for y in 0..height {
             (self.field)(y, self.next, &mut self.row);
-            let from = y as usize * width as usize;
-            write_row(&self.row, slice, from);
+            write_row(&self.row, slice, y as usize * width as usize);
         }
         self.next += 1;
         Ok(())

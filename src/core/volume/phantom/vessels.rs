@@ -7,6 +7,8 @@
 
 use std::ops::Range;
 
+use glam::DVec3;
+
 use super::fields::{Field, hash};
 
 pub(super) const EDGE: f64 = 92.0;
@@ -19,8 +21,8 @@ const ROOT_RADIUS: f64 = 0.04;
 const SOFT_EDGE: f64 = 1.25;
 
 struct VesselSegment {
-    from: [f64; 3],
-    along: [f64; 3],
+    from: DVec3,
+    along: DVec3,
     inverse: f64,
     reach: f64,
 }
@@ -28,7 +30,7 @@ struct VesselSegment {
 /// Creates the tree on a grid of `dims` points.
 pub(super) fn vessels(dims: [u32; 3]) -> Field {
     let mut tree = VesselTree { dims, segments: Vec::new(), rolled: 0 };
-    tree.grow([0.5, 0.5, 0.02], [0.0, 0.0, 1.0], 0.3, ROOT_RADIUS, GENERATIONS);
+    tree.grow(DVec3::new(0.5, 0.5, 0.02), DVec3::Z, 0.3, ROOT_RADIUS, GENERATIONS);
     let (mut slice, mut filled) = (Vec::new(), None);
     Box::new(move |y, z, row| {
         if filled != Some(z) {
@@ -55,46 +57,37 @@ impl VesselTree {
     }
 
     /// Adds a vessel that starts at `from` in the direction `heading` (a unit vector), and its branches.
-    fn grow(&mut self, from: [f64; 3], heading: [f64; 3], length: f64, radius: f64, generations: u32) {
+    fn grow(&mut self, from: DVec3, heading: DVec3, length: f64, radius: f64, generations: u32) {
         // Reflected at the cube's walls, so that the tree stays inside.
-        let mut to = [0.0; 3];
-        for axis in 0..3 {
-            let ahead = from[axis] + heading[axis] * length;
-            let inside = if ahead < 0.04 {
-                0.08 - ahead
-            } else if ahead > 0.96 {
-                1.92 - ahead
-            } else {
-                ahead
-            };
-            to[axis] = inside.clamp(0.04, 0.96);
-        }
+        let reflected = |ahead: f64| match ahead {
+            ..0.04 => 0.08 - ahead,
+            ..=0.96 => ahead,
+            _ => 1.92 - ahead,
+        };
+        let to = (from + heading * length).map(|ahead| reflected(ahead).clamp(0.04, 0.96));
         self.add(from, to, radius);
         if generations == 0 {
             return;
         }
-        let heading = unit([0, 1, 2].map(|axis| to[axis] - from[axis]));
-        let aside = {
-            let random = [self.roll(), self.roll(), self.roll()];
-            let along = dot(random, heading);
-            unit([0, 1, 2].map(|axis| random[axis] - along * heading[axis]))
-        };
+        let heading = unit(to - from);
+        let random = DVec3::new(self.roll(), self.roll(), self.roll());
+        let aside = unit(random - random.dot(heading) * heading);
         // Murray: r^3 = r1^3 + r2^3.
         let share = 0.5 + 0.2 * self.roll();
         for (sign, share) in [(1.0, share), (-1.0, 1.0 - share)] {
             let bend = sign * (0.75 + 0.25 * self.roll());
-            let branch = unit([0, 1, 2].map(|axis| heading[axis] + bend * aside[axis]));
+            let branch = unit(heading + bend * aside);
             let stretch = 0.80 + 0.08 * self.roll();
             self.grow(to, branch, length * stretch, radius * cube_root(share), generations - 1);
         }
     }
 
-    fn add(&mut self, from: [f64; 3], to: [f64; 3], radius: f64) {
-        let span = self.dims.map(|points| f64::from(points - 1));
+    fn add(&mut self, from: DVec3, to: DVec3, radius: f64) {
+        let span = DVec3::from(self.dims.map(|points| f64::from(points - 1)));
         let size = cube_root(self.dims.map(f64::from).iter().product());
-        let from = [0, 1, 2].map(|axis| from[axis] * span[axis]);
-        let along = [0, 1, 2].map(|axis| to[axis] * span[axis] - from[axis]);
-        let squared = dot(along, along);
+        let from = from * span;
+        let along = to * span - from;
+        let squared = along.length_squared();
         let inverse = if squared > 0.0 { 1.0 / squared } else { 0.0 };
         // At least half a voxel wide on either side: thinner vessels would break into dots.
         let reach = (radius * size).max(0.6) * SOFT_EDGE;
@@ -114,7 +107,7 @@ impl VesselTree {
                 let y = y as f64;
                 let Some(in_row) = segment.clip(1, y, y, in_slice) else { continue };
                 for x in segment.extent(0, in_row, width) {
-                    let squared = segment.squared_distance([x as f64, y, z]);
+                    let squared = segment.squared_distance(DVec3::new(x as f64, y, z));
                     #[expect(clippy::cast_possible_truncation, reason = "at most 255")]
                     let value = (255.0 * (1.0 - squared / (segment.reach * segment.reach))) as f32;
                     row[x] = row[x].max(value);
@@ -127,11 +120,10 @@ impl VesselTree {
 impl VesselSegment {
     /// Returns the squared distance of `place` from the segment, in voxels.
     #[inline(always)]
-    fn squared_distance(&self, place: [f64; 3]) -> f64 {
-        let off = [0, 1, 2].map(|axis| place[axis] - self.from[axis]);
-        let along = (dot(off, self.along) * self.inverse).clamp(0.0, 1.0);
-        let off = [0, 1, 2].map(|axis| off[axis] - along * self.along[axis]);
-        dot(off, off)
+    fn squared_distance(&self, place: DVec3) -> f64 {
+        let off = place - self.from;
+        let along = (off.dot(self.along) * self.inverse).clamp(0.0, 1.0);
+        (off - along * self.along).length_squared()
     }
 
     /// Returns which part of `part` (fractions of the segment) is within reach of the slab `low..=high` across `axis`.
@@ -158,10 +150,6 @@ impl VesselSegment {
     }
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
 /// Returns the cube root rounded to about 40 bits, which hides the last digit of a platform's root.
 fn cube_root(number: f64) -> f64 {
     let root = number.cbrt();
@@ -170,7 +158,7 @@ fn cube_root(number: f64) -> f64 {
 }
 
 /// Returns the vector scaled to length 1; the z axis for a zero vector.
-fn unit(vector: [f64; 3]) -> [f64; 3] {
-    let length = dot(vector, vector).sqrt();
-    if length > 0.0 { vector.map(|component| component / length) } else { [0.0, 0.0, 1.0] }
+fn unit(vector: DVec3) -> DVec3 {
+    let length = vector.length();
+    if length > 0.0 { vector / length } else { DVec3::Z }
 }
