@@ -75,7 +75,8 @@ fn tile_of<'a>(lane: &Lane<'a>, index: u32) -> &'a TileRecord {
     lane.tile(index as usize).expect("an index of a tile that was looked at before")
 }
 
-fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
+/// Returns a box around the voxels of a tile.
+pub(crate) fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
     let [u, v] = lane.axis.others();
     let mut bounds = VoxelBox { low: [0; 3], high: [0; 3] };
     for (axis, line) in [(u, tile.tile_u.get()), (v, tile.tile_v.get())] {

@@ -17,15 +17,11 @@ pub trait Blend: Copy + Send + Sync {
     const ALPHA_INK: f32 = 1.0;
 
     /// Returns the factor by which the ink is multiplied, from a splat's optical depth; 0 for depth 0.
+    ///
+    /// `IS_SMALL`: the depth is at most `arith::SMALL_DEPTH`; takes less time and gives the same bits.
     #[inline(always)]
-    fn amount(depth: f32) -> f32 {
-        absorbed(depth)
-    }
-
-    /// Returns the same bits as [`Blend::amount`] in less time, for depths up to `arith::SMALL_DEPTH`.
-    #[inline(always)]
-    fn small_amount(depth: f32) -> f32 {
-        absorbed_small(depth)
+    fn amount<const IS_SMALL: bool>(depth: f32) -> f32 {
+        if IS_SMALL { absorbed_small(depth) } else { absorbed(depth) }
     }
 
     /// Returns a pixel's red, green, blue or alpha after a splat, from its `value` and the pixel's `alpha` before.
@@ -59,13 +55,8 @@ impl Blend for LinearFrontToBack {
     const ALPHA_INK: f32 = FrontToBack::ALPHA_INK;
 
     #[inline(always)]
-    fn amount(opacity: f32) -> f32 {
-        at_most(opacity, 1.0)
-    }
-
-    #[inline(always)]
-    fn small_amount(opacity: f32) -> f32 {
-        opacity
+    fn amount<const IS_SMALL: bool>(opacity: f32) -> f32 {
+        if IS_SMALL { opacity } else { at_most(opacity, 1.0) }
     }
 
     #[inline(always)]
@@ -128,12 +119,7 @@ pub(crate) struct Additive;
 
 impl Blend for Additive {
     #[inline(always)]
-    fn amount(depth: f32) -> f32 {
-        depth
-    }
-
-    #[inline(always)]
-    fn small_amount(depth: f32) -> f32 {
+    fn amount<const IS_SMALL: bool>(depth: f32) -> f32 {
         depth
     }
 
@@ -153,12 +139,7 @@ pub(crate) struct Maximum;
 
 impl Blend for Maximum {
     #[inline(always)]
-    fn amount(depth: f32) -> f32 {
-        depth * WHOLE_CELL
-    }
-
-    #[inline(always)]
-    fn small_amount(depth: f32) -> f32 {
+    fn amount<const IS_SMALL: bool>(depth: f32) -> f32 {
         depth * WHOLE_CELL
     }
 

@@ -14,8 +14,7 @@
 
 use super::blend::{Blend, FaintBackToFront, FaintFrontToBack};
 use super::project::Projector;
-use super::task::{BandResult, BandStats, DrawTask, combine};
-use super::tile_buffer::TileBuffer;
+use super::task::{BandStats, DrawTask, combine};
 use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::splat::composite::{Blending, Mode, Table};
@@ -99,22 +98,18 @@ pub(super) fn draw(
     let mut stats = BandStats::default();
     for stack in stacks {
         setup.crop = Some(*stack);
-        let projector = Projector::new(setup, table, FaintFrontToBack::ALPHA_INK, 0.0);
-        let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings) };
-        let bands: Vec<BandResult<TileBuffer>> = match settings.sense {
+        let task = DrawTask::new::<FaintFrontToBack>(setup, table, settings, omitted);
+        let bands = match settings.sense {
             Sense::FrontToBack => task.splat::<FaintFrontToBack>()?,
             Sense::BackToFront => task.splat::<FaintBackToFront>()?,
         };
-        match settings.sense {
-            Sense::FrontToBack => combine(&bands, settings, &mut frame, |pixel, behind| {
-                let clear = 1.0 - pixel[3];
-                (0..4).for_each(|c| pixel[c] += clear * behind[c]);
-            }),
-            Sense::BackToFront => combine(&bands, settings, &mut frame, |pixel, front| {
-                let clear = 1.0 - front[3];
-                (0..4).for_each(|c| pixel[c] = front[c] + clear * pixel[c]);
-            }),
-        }
+        combine(&bands, settings, &mut frame, |pixel, stack| {
+            let (front, behind) = match settings.sense {
+                Sense::FrontToBack => (*pixel, stack),
+                Sense::BackToFront => (stack, *pixel),
+            };
+            *pixel = std::array::from_fn(|c| front[c] + (1.0 - front[3]) * behind[c]);
+        });
         stats.add(&BandStats::of(&bands));
     }
     Ok((frame, stats))

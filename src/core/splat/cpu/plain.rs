@@ -61,7 +61,7 @@ fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (kernel, [red, green, blue]): Co
     let mut is_drawn = false;
     for row in low_y.max(rect.y0)..=high_y.min(rect.y1 - 1) {
         for column in low_x.max(rect.x0)..=high_x.min(rect.x1 - 1) {
-            let (amount, old) = (B::amount(kernel.depth(column, row)), tiles.pixel(column, row));
+            let (amount, old) = (B::amount::<false>(kernel.depth(column, row)), tiles.pixel(column, row));
             tiles.set_pixel(column, row, [0, 1, 2, 3].map(|c| B::blend(old[c], old[3], amount, ink[c], stop)));
             is_drawn = true;
         }
@@ -86,7 +86,7 @@ fn each_splat(task: &DrawTask, mut draw: impl FnMut(Option<ColouredKernel>, u16)
 
 /// Returns a voxel's kernel and colour; `None` if it is not drawn.
 fn splat(task: &DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredKernel> {
-    let projector = task.projector;
+    let projector = &task.projector;
     if projector.crop.is_some_and(|crop| (0..3).any(|a| voxel[a] < crop.low[a] || voxel[a] > crop.high[a])) {
         return None;
     }

@@ -14,6 +14,7 @@ use bytemuck::Zeroable;
 use super::blend::{Additive, Blend as _, sheet_loss};
 use super::task::BandPixels;
 use crate::error::{Error, Result};
+use crate::splat::frame::zeroed;
 
 /// Side of a tile in pixels, as a power of 2.
 pub(super) const TILE: i32 = 2;
@@ -136,8 +137,7 @@ impl TileBuffer {
         let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
         let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
         let len = pitch * tiles_along(rect.y0, rect.y1);
-        let tiles = bytemuck::allocation::try_zeroed_slice_box(len)
-            .map_err(|()| Error::out_of_memory("the picture", (size_of::<PixelTile>() * len) as u64))?;
+        let tiles = zeroed(len as u64)?;
         let (open_tiles, open_squares) = (OpenCounts::new(rect, SQUARE, TILE), OpenCounts::new(rect, BLOCK, SQUARE));
         let states = vec![FRESH; len];
         Ok(TileBuffer { rect, initial_alpha, pitch, tiles, states, open_tiles, open_squares, touched: None })
