@@ -125,11 +125,6 @@ impl BasePlane {
         Some(BasePlane { view: view_of_plane, picture: view.size, plane_from_pixel, blur })
     }
 
-    /// Returns the number of pixels of the plane.
-    pub(super) fn pixels(&self) -> u64 {
-        self.view.size.map(u64::from).into_iter().product()
-    }
-
     /// Computes the picture from `plane`, the frame drawn on the plane. The result does not depend on `threads`.
     pub(super) fn warp(&self, mut plane: Frame, threads: usize) -> Result<Frame> {
         let columns = plane.size()[0] as usize;

@@ -8,7 +8,7 @@
 use crate::splat::arith::{absorbed, absorbed_small, at_least, at_most, keep_if};
 
 /// A blend mode: a formula for a pixel's values after a splat, and its constants.
-pub trait Blend: Copy + Send + Sync {
+pub trait Blend {
     /// The alpha of an empty pixel.
     const INITIAL_ALPHA: f32 = 0.0;
     /// Whether a pixel stops changing once its transmittance is low.
@@ -31,7 +31,6 @@ pub trait Blend: Copy + Send + Sync {
 }
 
 /// Compositing front to back; alpha is the transmittance. A pixel below `stop` keeps its values.
-#[derive(Debug, Clone, Copy)]
 pub struct FrontToBack;
 
 impl Blend for FrontToBack {
@@ -46,7 +45,6 @@ impl Blend for FrontToBack {
 }
 
 /// Compositing front to back by opacity times weight; alpha is the transmittance.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct LinearFrontToBack;
 
 impl Blend for LinearFrontToBack {
@@ -78,7 +76,6 @@ pub(crate) fn sheet_loss(transmittance: f32, depth: f32, stop: f32) -> [f32; 2] 
 }
 
 /// Compositing back to front; alpha is the transmittance.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct BackToFront;
 
 impl Blend for BackToFront {
@@ -92,7 +89,6 @@ impl Blend for BackToFront {
 }
 
 /// Compositing front to back of faint splats (`faint.rs`); alpha is the opacity.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct FaintFrontToBack;
 
 impl Blend for FaintFrontToBack {
@@ -103,7 +99,6 @@ impl Blend for FaintFrontToBack {
 }
 
 /// Compositing back to front of faint splats; alpha is the opacity.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct FaintBackToFront;
 
 impl Blend for FaintBackToFront {
@@ -114,7 +109,6 @@ impl Blend for FaintBackToFront {
 }
 
 /// Sums of colour times optical depth; alpha is the sum of optical depths, in units of ln 2.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct Additive;
 
 impl Blend for Additive {
@@ -134,7 +128,6 @@ impl Blend for Additive {
 pub const WHOLE_CELL: f32 = std::f32::consts::E;
 
 /// Keeps the largest normalised value; a voxel has full weight over its cell. The ink's red is the voxel's value.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct Maximum;
 
 impl Blend for Maximum {

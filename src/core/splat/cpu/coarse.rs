@@ -159,23 +159,18 @@ struct SplineTaps {
 
 /// Returns for each pixel whether it or one of its eight neighbours is not empty.
 pub(super) fn covered(frame: &Frame) -> Vec<bool> {
-    let [columns, rows] = frame.size().map(|side| side as usize);
+    let columns = frame.size()[0] as usize;
     let drawn: Vec<bool> = frame.pixels().chunks_exact(4).map(|pixel| pixel[3] > 0.0).collect();
-    let mut in_row = vec![false; drawn.len()];
-    for (row, out) in drawn.chunks_exact(columns).zip(in_row.chunks_exact_mut(columns)) {
-        for column in 0..columns {
-            out[column] = row[column.saturating_sub(1)..columns.min(column + 2)].contains(&true);
-        }
-    }
-    let mut covered = vec![false; drawn.len()];
-    for row in 0..rows {
-        for near in row.saturating_sub(1)..rows.min(row + 2) {
-            let near = &in_row[columns * near..][..columns];
-            let out = &mut covered[columns * row..][..columns];
-            out.iter_mut().zip(near).for_each(|(out, near)| *out |= near);
-        }
-    }
-    covered
+    let in_row: Vec<bool> = drawn.chunks_exact(columns).flat_map(|row| with_neighbours(row, 1)).collect();
+    with_neighbours(&in_row, columns)
+}
+
+/// Returns for each flag whether it, or the one `distance` before or after it, is set.
+fn with_neighbours(flags: &[bool], distance: usize) -> Vec<bool> {
+    let mut set = flags.to_vec();
+    set.iter_mut().skip(distance).zip(flags).for_each(|(set, before)| *set |= before);
+    set.iter_mut().zip(flags.iter().skip(distance)).for_each(|(set, after)| *set |= after);
+    set
 }
 
 /// The pole of the cubic B-spline's recursive filter: sqrt(3) - 2.

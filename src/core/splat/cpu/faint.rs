@@ -71,15 +71,14 @@ pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings:
     let tile_start = first_slice / 8 * 8;
     let count = (voxels / STACK_VOXELS).clamp(1, MAX_STACKS);
     let thickness = (last_slice - first_slice + 1).div_ceil(count).next_multiple_of(8);
-    let stack = |index: u64| {
-        let first = tile_start + index * thickness;
+    let stack = |first: u64| {
         let last = (first + thickness - 1).min(last_slice);
         let mut stack = VoxelBox { low, high };
         stack.low[slow] = low[slow].max(u16::try_from(first).unwrap_or(u16::MAX));
         stack.high[slow] = u16::try_from(last).unwrap_or(u16::MAX);
         stack
     };
-    let mut stacks: Vec<VoxelBox> = (0..(last_slice - tile_start) / thickness + 1).map(stack).collect();
+    let mut stacks: Vec<VoxelBox> = (tile_start..=last_slice).step_by(thickness as usize).map(stack).collect();
     if !ascends {
         stacks.reverse();
     }

@@ -131,7 +131,7 @@ pub fn render_without(
 /// A way to draw samples that are not the picture's pixels; the picture is then computed from them.
 enum Resampling {
     Coarse(CoarseView),
-    BasePlane(BasePlane),
+    BasePlane(Box<BasePlane>),
     Supersampling(Supersampling),
 }
 
@@ -146,7 +146,7 @@ impl Resampling {
         deepest: impl FnOnce() -> f64,
         settings: &Settings,
     ) -> Option<Resampling> {
-        let plane = BasePlane::new(view, order, bounds, settings).map(Resampling::BasePlane);
+        let plane = BasePlane::new(view, order, bounds, settings).map(|plane| Resampling::BasePlane(Box::new(plane)));
         let supersampling = || Supersampling::new(view, bounds, settings).map(Resampling::Supersampling);
         let coarse = || CoarseView::new(view, bounds, deepest(), settings).map(Resampling::Coarse);
         plane.or_else(supersampling).or_else(coarse)

@@ -455,8 +455,7 @@ pub fn apply_strengths(out: &mut Splats) {
 /// Returns by how many columns (first row of the result) and rows (second row) a voxel's footprint moves per voxel
 /// along each axis, at the ray with tangents `tan_x` and `tan_y`.
 ///
-/// `steps`: how far the next voxel on each axis lies to the right, up and forward; `scale`: pixels per mean spacing
-/// spacing.
+/// `steps`: how far the next voxel on each axis lies to the right, up and forward; `scale`: pixels per mean spacing.
 #[inline(always)]
 pub(super) fn jacobian(steps: &[[f32; 3]; 3], tan_x: f32, tan_y: f32, scale: f32) -> [[f32; 3]; 2] {
     let [right, up, forward] = steps;
