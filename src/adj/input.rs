@@ -7,10 +7,9 @@ use clap::Args;
 use super::values::{choice, library};
 use super::{print_note, starts_as_adj};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::UnscaledSource;
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{SampleType, SlabSource};
-use adjsplat_readers::{Endian, OpenOptions, RawOptions, open, parse_dims, parse_type};
+use adjsplat_readers::{Endian, OpenOptions, RawOptions, UnscaledSource, open, parse_dims, parse_type};
 
 /// The flags for what a volume's file does not say itself.
 #[derive(Debug, Args)]

@@ -21,13 +21,10 @@ pub mod scatter {
 }
 
 // Parts of the arena, of a build and of the volume's sources.
-pub use crate::arena::lane::STEPPING;
-pub use crate::arena::pack::LanePacker;
-pub use crate::arena::pager::IN_FLIGHT;
-pub use crate::arena::record_set::RecordSet;
-pub use crate::arena::transpose::transpose;
-pub use crate::build::budget::Budget;
-pub use crate::build::description;
+pub use crate::arena::{
+    lane::STEPPING, pack::LanePacker, pager::IN_FLIGHT, record_set::RecordSet, transpose::transpose,
+};
+pub use crate::build::{budget::Budget, description};
 pub use crate::volume::source::obtainable;
 
 /// The stages of the renderer on graphics devices: their record types, their shaders, and access to their buffers.

@@ -41,6 +41,7 @@ mod stream;
 #[cfg(feature = "tiff")]
 mod tiff;
 mod tokens;
+mod unscaled;
 mod vti;
 mod vti_array;
 mod vti_tags;
@@ -51,3 +52,4 @@ mod zarr;
 pub use open::{OpenOptions, open, open_with};
 pub use raw::{RawOptions, parse_dims, parse_type};
 pub use slab::Endian;
+pub use unscaled::UnscaledSource;

@@ -214,5 +214,5 @@ pub(crate) fn splat(
     splatter.flush();
     let Splatter { buffers, drawn, .. } = splatter;
     let band = BandResult { pixels: buffers.tiles, stats: BandStats { visited: drawn, drawn, ..BandStats::default() } };
-    Ok((assemble(&[band], &settings, &table)?, drawn))
+    Ok((assemble(&[band], &settings, &table)?.0, drawn))
 }

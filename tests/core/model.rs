@@ -1,5 +1,6 @@
 //! Models: what a library's user builds, walks and draws, judged by plain loops over the samples.
 
+use adjsplat::build::BuildOptions;
 use adjsplat::classify::TransferFunction;
 use adjsplat::{Build, Error, Model, Viewpoint, Volume};
 
@@ -21,7 +22,9 @@ fn volume() -> Volume {
 }
 
 fn model() -> Model {
-    Build::new(TransferFunction::range(50.0, f64::INFINITY).unwrap()).with_value_bits(16).run(&volume()).unwrap()
+    Build::new(BuildOptions::new(TransferFunction::range(50.0, f64::INFINITY).unwrap()).with_value_bits(16))
+        .run(&volume())
+        .unwrap()
 }
 
 #[test]

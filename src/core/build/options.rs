@@ -46,6 +46,12 @@ pub(super) enum GradientSource {
     Visibility,
 }
 
+impl From<TransferFunction> for BuildOptions {
+    fn from(transfer: TransferFunction) -> BuildOptions {
+        BuildOptions::new(transfer)
+    }
+}
+
 impl BuildOptions {
     /// Returns options for the voxels that `transfer` shows: three lanes in Morton order, 8-bit values, and normals of
     /// 2 x 8 bits if the function is shaded.

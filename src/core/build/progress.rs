@@ -41,8 +41,5 @@ impl Observer for Unobserved {
 /// # Errors
 /// [`Error::Interrupted`] if the observer cancels.
 pub(crate) fn report(observer: &mut dyn Observer, phase: Phase, done: u64, total: u64) -> Result<()> {
-    match observer.progress(phase, done, total) {
-        ControlFlow::Continue(()) => Ok(()),
-        ControlFlow::Break(()) => Err(Error::Interrupted),
-    }
+    if observer.progress(phase, done, total).is_break() { Err(Error::Interrupted) } else { Ok(()) }
 }

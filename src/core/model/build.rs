@@ -3,16 +3,14 @@
 use std::path::Path;
 
 use super::Model;
-use crate::arena::TileOrder;
 use crate::build::description;
 use crate::build::{BuildOptions, Observer, Resources, Unobserved, classify};
-use crate::classify::TransferFunction;
 use crate::error::Result;
 use crate::file::{RowsOutput, arena_bytes, scratch_folder, write_rows};
 use crate::volume::SlabSource;
 use crate::volume::memory::IntoSlices;
 
-/// The options of a build: which samples are visible, and how they are stored.
+/// A build: which samples are visible, how they are stored, and which resources it may use.
 ///
 /// ```
 /// use adjsplat::classify::TransferFunction;
@@ -30,35 +28,11 @@ pub struct Build {
 }
 
 impl Build {
-    /// Creates options for the voxels that `transfer` shows: three lanes (a lane: all scan lines along one axis), 8-bit
-    /// values, normals of 2 x 8 bits if the function is shaded, all processors.
-    pub fn new(transfer: TransferFunction) -> Build {
+    /// Creates a build with all processors; `options` may be a [`TransferFunction`](crate::TransferFunction) alone, for
+    /// the default [`BuildOptions`].
+    pub fn new(options: impl Into<BuildOptions>) -> Build {
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        Build { options: BuildOptions::new(transfer), memory: None, threads }
-    }
-
-    /// Stores 1, 2 or 3 lanes: along x, y, z. One makes the smallest file; with three, no view must derive a lane.
-    pub fn with_lanes(mut self, lane_count: u8) -> Build {
-        self.options.lane_count = lane_count;
-        self
-    }
-
-    /// Stores values in 8 or 16 bits.
-    pub fn with_value_bits(mut self, bits: u8) -> Build {
-        self.options.value_bits = bits;
-        self
-    }
-
-    /// Stores each of a normal's two components in 8 or 16 bits; 0 stores no normals.
-    pub fn with_normal_bits(mut self, bits: u8) -> Build {
-        self.options.normal_bits = bits;
-        self
-    }
-
-    /// Stores tiles (blocks of 8 x 8 scan lines) in another order than Morton's.
-    pub fn with_tile_order(mut self, order: TileOrder) -> Build {
-        self.options.tile_order = order;
-        self
+        Build { options: options.into(), memory: None, threads }
     }
 
     /// Bounds the memory of the process, in bytes, while [`Build::write`] runs; at least 64 MiB is sensible.

@@ -4,6 +4,7 @@
 
 use std::ops::Range;
 
+use bytemuck::Zeroable;
 use glam::Vec4;
 
 use super::require_pixels;
@@ -13,7 +14,7 @@ use crate::error::{Error, Result};
 #[derive(Debug, Clone, PartialEq)]
 pub struct Frame {
     size: [u32; 2],
-    pixels: Vec<f32>,
+    pixels: Box<[f32]>,
 }
 
 impl Frame {
@@ -24,12 +25,7 @@ impl Frame {
     pub fn transparent(size: [u32; 2]) -> Result<Frame> {
         require_pixels(size)?;
         let floats = u64::from(size[0]) * u64::from(size[1]) * 4;
-        let refused = || Error::out_of_memory("the picture", 4 * floats);
-        let len = usize::try_from(floats).map_err(|_| refused())?;
-        let mut pixels = Vec::new();
-        pixels.try_reserve_exact(len).map_err(|_| refused())?;
-        pixels.resize(len, 0.0);
-        Ok(Frame { size, pixels })
+        Ok(Frame { size, pixels: zeroed(floats)? })
     }
 
     /// Returns the number of columns and rows.
@@ -47,23 +43,30 @@ impl Frame {
         &mut self.pixels
     }
 
-    /// Fills all rows on several threads. Each thread passes `fill` the index of its first row, and its rows.
-    pub(crate) fn fill_rows(&mut self, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
+    /// Fills all rows on several threads: passes `fill` the index and the pixels of each row.
+    pub(crate) fn fill_rows(&mut self, threads: usize, fill: impl Fn(usize, &mut [[f32; 4]]) + Sync) {
         self.fill_some_rows(0..self.size[1], threads, fill);
     }
 
     /// Fills the given `rows` on several threads; see [`Frame::fill_rows`].
-    pub(crate) fn fill_some_rows(&mut self, rows: Range<u32>, threads: usize, fill: impl Fn(usize, &mut [f32]) + Sync) {
-        let len = 4 * self.size[0] as usize;
+    pub(crate) fn fill_some_rows(
+        &mut self,
+        rows: Range<u32>,
+        threads: usize,
+        fill: impl Fn(usize, &mut [[f32; 4]]) + Sync,
+    ) {
+        let len = self.size[0] as usize;
         let [from, to] = [rows.start, rows.end].map(|row| row as usize);
-        let pixels = &mut self.pixels[len * from..len * to];
+        let pixels = &mut self.pixels.as_chunks_mut().0[len * from..len * to];
         let rows_each = (to - from).div_ceil(threads.max(1)).max(1);
+        let fill = &|first: usize, rows: &mut [[f32; 4]]| {
+            (first..).zip(rows.chunks_exact_mut(len)).for_each(|(row, pixels)| fill(row, pixels));
+        };
         if threads <= 1 {
             return fill(from, pixels);
         }
         std::thread::scope(|scope| {
             for (index, rows) in pixels.chunks_mut(rows_each * len).enumerate() {
-                let fill = &fill;
                 scope.spawn(move || fill(from + index * rows_each, rows));
             }
         });
@@ -110,6 +113,13 @@ impl Frame {
             [sample(pixel[0]), sample(pixel[1]), sample(pixel[2]), integer(alpha)]
         })
     }
+}
+
+/// Allocates `count` zeroes for a picture.
+pub(crate) fn zeroed<T: Zeroable>(count: u64) -> Result<Box<[T]>> {
+    let refused = || Error::out_of_memory("the picture", size_of::<T>() as u64 * count);
+    let count = usize::try_from(count).map_err(|_| refused())?;
+    bytemuck::allocation::try_zeroed_slice_box(count).map_err(|()| refused())
 }
 
 /// Clamps a pixel that interpolation or rounding moved out of range: colours to 0 and above, alpha to 0 to 1.

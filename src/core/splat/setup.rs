@@ -49,8 +49,5 @@ impl<'a> FrameSetup<'a> {
 
 /// Returns the order in which a view visits the voxels of a grid.
 pub(crate) fn walk_order(view: &View, grid: &Grid, settings: &Settings) -> Result<Order> {
-    match settings.order {
-        Some(order) => Ok(order),
-        None => Order::new(view.viewpoint, grid.dims, settings.sense, settings.form),
-    }
+    settings.order.map_or_else(|| Order::new(view.viewpoint, grid.dims, settings.sense, settings.form), Ok)
 }

@@ -146,23 +146,18 @@ impl Supersampling {
         let all_columns = 0..samples.size()[0];
         let columns: Vec<ClippedFilter> =
             (0..self.size[0]).map(|column| filter.clipped(column * self.factor, &all_columns)).collect();
-        let (width, len) = (4 * self.size[0] as usize, 4 * samples.size()[0] as usize);
-        picture.fill_some_rows(strip.rows.clone(), threads, |first, out| {
+        let len = 4 * samples.size()[0] as usize;
+        picture.fill_some_rows(strip.rows.clone(), threads, |row, out| {
             let mut sums = vec![0.0f32; len];
-            for (row, out) in (first as u32..).zip(out.chunks_exact_mut(width)) {
-                sums.fill(0.0);
-                let part = filter.clipped(row * self.factor, &strip.sample_rows);
-                for (line, weight) in samples.pixels()[len * part.first..].chunks_exact(len).zip(part.weights) {
-                    let weight = part.scale * weight;
-                    sums.iter_mut().zip(line).for_each(|(sum, value)| *sum += weight * value);
-                }
-                let sums = sums.as_chunks::<4>().0;
-                for (pixel, part) in out.as_chunks_mut::<4>().0.iter_mut().zip(&columns) {
-                    let weighted = sums[part.first..].iter().zip(part.weights);
-                    let sum =
-                        weighted.fold(Vec4::ZERO, |sum, (values, weight)| sum + *weight * Vec4::from_array(*values));
-                    *pixel = in_range(part.scale * sum);
-                }
+            let part = filter.clipped(row as u32 * self.factor, &strip.sample_rows);
+            for (line, weight) in samples.pixels()[len * part.first..].chunks_exact(len).zip(part.weights) {
+                let weight = part.scale * weight;
+                sums.iter_mut().zip(line).for_each(|(sum, value)| *sum += weight * value);
+            }
+            for (pixel, part) in out.iter_mut().zip(&columns) {
+                let weighted = sums.as_chunks().0[part.first..].iter().zip(part.weights);
+                let sum = weighted.fold(Vec4::ZERO, |sum, (values, weight)| sum + *weight * Vec4::from_array(*values));
+                *pixel = in_range(part.scale * sum);
             }
         });
     }

@@ -11,6 +11,8 @@ mod prefix;
 mod tiles;
 mod walk;
 
+pub(crate) use tiles::tile_bounds;
+
 pub use order::{AxisOrder, Order, Sense, SplitForm, Viewpoint};
 pub use walk::{Batch, Visitor, VoxelBox, walk};
 #[cfg(feature = "gpu")]

@@ -75,7 +75,8 @@ fn tile_of<'a>(lane: &Lane<'a>, index: u32) -> &'a TileRecord {
     lane.tile(index as usize).expect("an index of a tile that was looked at before")
 }
 
-fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
+/// Returns a box around the voxels of a tile.
+pub(crate) fn tile_bounds(lane: &Lane, tile: &TileRecord) -> VoxelBox {
     let across = |axis: Axis, tile: u16| {
         let last = u16::try_from(lane.dims[axis.index()] - 1).unwrap_or(u16::MAX);
         let first = tile.saturating_mul(TILE_EDGE);

@@ -3,7 +3,7 @@
 use adjsplat::arena::Lane;
 use adjsplat::classify::TransferFunction;
 use adjsplat::volume::SlabSource;
-use adjsplat::volume::UnscaledSource;
+use adjsplat_readers::UnscaledSource;
 use adjsplat_tests::real_volume;
 use adjsplat_tests::scenes::{at_least, built, options, volume};
 

@@ -10,7 +10,7 @@ use std::time::Instant;
 use super::blend::{Additive, Blend};
 use super::dispatch::{self, SplatBuffers};
 use super::project::{GROUP, VoxelBlock};
-use super::task::{BandResult, BandStats, DrawTask};
+use super::task::{BandResult, DrawTask};
 use super::tile_buffer::{Rect, TileBuffer};
 use crate::error::Result;
 use crate::splat::Blending;
@@ -23,13 +23,14 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<T
         voxels: VoxelBlock::new(),
         slow: None,
         buffers: SplatBuffers::new::<B>(rect, task.settings.blending == Blending::Sheets)?,
-        stats: BandStats { bands: 1, ..BandStats::default() },
+        drawn: 0,
         blend: PhantomData,
     };
-    let elapsed = task.walk(&mut painter);
-    painter.stats.walking = elapsed.saturating_sub(painter.stats.drawing);
+    let mut stats = task.walk(&mut painter);
+    let start = Instant::now();
     painter.finish_slice();
-    Ok(BandResult { pixels: painter.buffers.tiles, stats: painter.stats })
+    (stats.drawn, stats.drawing) = (painter.drawn, stats.drawing + start.elapsed());
+    Ok(BandResult { pixels: painter.buffers.tiles, stats })
 }
 
 /// Receives the voxels of a walk and draws them on a band as splats.
@@ -40,7 +41,8 @@ struct BandPainter<'a, B> {
     /// The slice of the last batch.
     slow: Option<u16>,
     buffers: SplatBuffers,
-    stats: BandStats,
+    /// Number of splats drawn.
+    drawn: u64,
     blend: PhantomData<B>,
 }
 
@@ -84,7 +86,7 @@ impl<B: Blend> BandPainter<'_, B> {
         if let Some(visible) = visible {
             visible.mark(projector, &self.voxels, &buffers.splats, &buffers.tiles);
         }
-        self.stats.drawn += match buffers.sheet {
+        self.drawn += match buffers.sheet {
             Some(_) => dispatch::draw_block::<Additive>(code, projector, buffers),
             None => dispatch::draw_block::<B>(code, projector, buffers),
         };
@@ -93,10 +95,8 @@ impl<B: Blend> BandPainter<'_, B> {
 
     /// Draws the voxels that wait, which are the last of their slice, and composites the slice's sheet if there is one.
     fn finish_slice(&mut self) {
-        let start = Instant::now();
         self.flush();
         dispatch::composite_sheet(&mut self.buffers, self.task.projector.stop);
-        self.stats.drawing += start.elapsed();
     }
 }
 
@@ -110,26 +110,18 @@ impl<B: Blend> Visitor for BandPainter<'_, B> {
             return self.wants_tile(bounds);
         }
         let fast = self.task.setup.order.fast.index();
-        let (mut from, high) = (bounds.low[fast], bounds.high[fast]);
-        loop {
-            let to = high.min(from.saturating_add(SEGMENT - 1));
+        let (low, high) = (bounds.low[fast], bounds.high[fast]);
+        (low..=high).step_by(SEGMENT.into()).any(|from| {
             let mut segment = *bounds;
-            (segment.low[fast], segment.high[fast]) = (from, to);
-            if self.may_show(&segment) {
-                return true;
-            }
-            if to == high {
-                return false;
-            }
-            from = to + 1;
-        }
+            (segment.low[fast], segment.high[fast]) = (from, high.min(from.saturating_add(SEGMENT - 1)));
+            self.may_show(&segment)
+        })
     }
 
     fn visit(&mut self, batch: &Batch) {
         if self.buffers.sheet.is_some() && self.slow.replace(batch.slow) != Some(batch.slow) {
             self.finish_slice();
         }
-        let start = Instant::now();
         let stops = self.stops();
         let parts = |range: Range<usize>, len: usize| {
             range.clone().step_by(len).map(move |from| from..range.end.min(from + len))
@@ -153,7 +145,5 @@ impl<B: Blend> Visitor for BandPainter<'_, B> {
         if self.task.visible.is_some() || self.task.setup.lane.pager.is_some() {
             self.flush();
         }
-        self.stats.visited += batch.len() as u64;
-        self.stats.drawing += start.elapsed();
     }
 }

@@ -17,14 +17,14 @@
 use glam::Vec4;
 use multiversion::multiversion;
 
-use super::coarse::{columns_to_coefficients, covered, spline_weights, to_coefficients};
+use super::coarse::{columns_to_coefficients, covered, limit, spline_weights, to_coefficients};
 use super::{row_buffer, stamp};
 use crate::error::Result;
 use crate::splat::frame::in_range;
 use crate::splat::kernel::{LOW_PASS, footprint, narrowest_sigma};
 use crate::splat::supersample::WIDE_ENOUGH;
-use crate::splat::view::{Affine, MAX_SIZE, PixelMap, View, single};
-use crate::splat::{Blending, Frame, Sampling, Settings};
+use crate::splat::view::{MAX_SIZE, PixelMap, View, single};
+use crate::splat::{Frame, Settings};
 use crate::traverse::{Order, Sense, VoxelBox};
 
 /// Width of the plane's margin around the voxels, in its pixels, so that the voxels' edge is interpolated correctly.
@@ -42,18 +42,14 @@ const FEWEST: f64 = 2.1;
 const FINEST: f64 = 0.4;
 
 /// The base plane of a view, and how voxels, the plane and the picture map to each other.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub(super) struct BasePlane {
+    /// The view with the plane's pixels in place of the picture's.
+    pub(super) view: View,
     /// Columns and rows of the picture.
     picture: [u32; 2],
-    /// Columns and rows of the plane.
-    size: [u32; 2],
-    /// The affine maps from a voxel to a column and a row of the plane.
-    plane_from_voxel: [Affine; 2],
     /// The maps from a pixel of the picture to a column and a row of the plane: factors of x and of y, and a constant.
     plane_from_pixel: [[f64; 3]; 2],
-    /// Scale of the plane, in pixels per mean voxel spacing.
-    scale: f64,
     /// Variance of the low-pass filter along x and along y, in square pixels of the picture.
     blur: f64,
 }
@@ -64,16 +60,8 @@ impl BasePlane {
     /// `None` if the view is not parallel, `order` is not the view's own, stamps cannot do the blending (only front to
     /// back, exponential), or the plane would be too coarse for `settings`, too fine or too large.
     pub(super) fn new(view: &View, order: &Order, bounds: &VoxelBox, settings: &Settings) -> Option<BasePlane> {
-        let is_stamped = settings.sense == Sense::FrontToBack && settings.blending == Blending::Exponential;
-        if settings.keeps_pixels() || !is_stamped {
-            return None;
-        }
+        let coarsest = limit(settings, ENOUGH, FEWEST).filter(|_| settings.sense == Sense::FrontToBack)?;
         let kernel = settings.kernel();
-        let coarsest = match settings.sampling() {
-            Sampling::EveryPixel | Sampling::Finer => return None,
-            Sampling::Enough => ENOUGH,
-            Sampling::Fewest => FEWEST,
-        };
         let PixelMap::Parallel { pixel_from_voxel: [x, y], scale } = &view.map else { return None };
         let [slow, medium, fast] = [order.slow.index(), order.medium.index(), order.fast.index()];
         let area = x[fast] * y[medium] - x[medium] * y[fast];
@@ -132,52 +120,25 @@ impl BasePlane {
         }
         let sigma = narrowest_sigma([single(x), single(y)], kernel.sigma);
         let blur = (f64::from(LOW_PASS * LOW_PASS) - f64::from(sigma * sigma)).max(0.0);
-        Some(BasePlane {
-            picture: view.size,
-            size,
-            plane_from_voxel,
-            plane_from_pixel,
-            scale: scale / area.abs().sqrt(),
-            blur,
-        })
-    }
-
-    /// Returns the number of pixels of the plane.
-    pub(super) fn pixels(&self) -> u64 {
-        u64::from(self.size[0]) * u64::from(self.size[1])
-    }
-
-    /// Returns `view` with the plane's pixels in place of the picture's.
-    pub(super) fn view(&self, view: &View) -> View {
-        let map = PixelMap::Parallel { pixel_from_voxel: self.plane_from_voxel, scale: self.scale };
-        View { map, size: self.size, ..view.clone() }
+        let map = PixelMap::Parallel { pixel_from_voxel: plane_from_voxel, scale: scale / area.abs().sqrt() };
+        let view_of_plane = View { map, size, ..view.clone() };
+        Some(BasePlane { view: view_of_plane, picture: view.size, plane_from_pixel, blur })
     }
 
     /// Computes the picture from `plane`, the frame drawn on the plane. The result does not depend on `threads`.
     pub(super) fn warp(&self, mut plane: Frame, threads: usize) -> Result<Frame> {
         let columns = plane.size()[0] as usize;
         let covered = covered(&plane);
-        plane.fill_rows(threads, |_, rows| {
-            for row in rows.chunks_exact_mut(4 * columns) {
-                to_coefficients(row.as_chunks_mut().0);
-            }
-        });
+        plane.fill_rows(threads, |_, row| to_coefficients(row));
         columns_to_coefficients(plane.pixels_mut(), 4 * columns);
         let mut picture = Frame::transparent(self.picture)?;
-        let width = 4 * self.picture[0] as usize;
         // The mean of four points, each one standard deviation from the pixel in x and in y, blurs with that variance.
         let distance = self.blur.sqrt();
-        let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]];
-        let points: Vec<[f64; 2]> = if distance < MIN_BLUR {
-            vec![[0.0; 2]]
-        } else {
-            corners.map(|point| point.map(|c| c * distance)).to_vec()
-        };
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]].map(|point| point.map(|c| c * distance));
+        let points = if distance < MIN_BLUR { &[[0.0; 2]][..] } else { &corners };
         let coefficients = Coefficients { values: plane.pixels().as_chunks().0, covered: &covered, columns };
-        picture.fill_rows(threads, |first, out| {
-            for (y, row) in (first..).zip(out.chunks_exact_mut(width)) {
-                resample(&coefficients, &self.plane_from_pixel, &points, y as f64, row.as_chunks_mut().0);
-            }
+        picture.fill_rows(threads, |y, row| {
+            resample(&coefficients, &self.plane_from_pixel, points, y as f64, row);
         });
         Ok(picture)
     }
@@ -187,7 +148,7 @@ impl BasePlane {
 pub(super) fn memory_need(pixels: u64) -> u64 {
     const PIXEL: u64 = 2 * 16 + 2;
     const SPARE_COLUMNS: u64 = 16 * row_buffer::WIDE as u64 * MAX_SIZE as u64;
-    if pixels == 0 { 0 } else { PIXEL.saturating_mul(pixels).saturating_add(SPARE_COLUMNS) }
+    PIXEL.saturating_mul(pixels).saturating_add(SPARE_COLUMNS)
 }
 
 /// Smallest standard deviation of a blur that is done, in pixels. A smaller one changes no value by more than 0.001.

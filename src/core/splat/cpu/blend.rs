@@ -8,7 +8,7 @@
 use crate::splat::arith::{absorbed, absorbed_small, at_least, at_most, keep_if};
 
 /// A blend mode: a formula for a pixel's values after a splat, and its constants.
-pub trait Blend: Copy + Send + Sync {
+pub trait Blend {
     /// The alpha of an empty pixel.
     const INITIAL_ALPHA: f32 = 0.0;
     /// Whether a pixel stops changing once its transmittance is low.
@@ -17,15 +17,11 @@ pub trait Blend: Copy + Send + Sync {
     const ALPHA_INK: f32 = 1.0;
 
     /// Returns the factor by which the ink is multiplied, from a splat's optical depth; 0 for depth 0.
+    ///
+    /// `IS_SMALL`: the depth is at most `arith::SMALL_DEPTH`; takes less time and gives the same bits.
     #[inline(always)]
-    fn amount(depth: f32) -> f32 {
-        absorbed(depth)
-    }
-
-    /// Returns the same bits as [`Blend::amount`] in less time, for depths up to `arith::SMALL_DEPTH`.
-    #[inline(always)]
-    fn small_amount(depth: f32) -> f32 {
-        absorbed_small(depth)
+    fn amount<const IS_SMALL: bool>(depth: f32) -> f32 {
+        if IS_SMALL { absorbed_small(depth) } else { absorbed(depth) }
     }
 
     /// Returns a pixel's red, green, blue or alpha after a splat, from its `value` and the pixel's `alpha` before.
@@ -35,7 +31,6 @@ pub trait Blend: Copy + Send + Sync {
 }
 
 /// Compositing front to back; alpha is the transmittance. A pixel below `stop` keeps its values.
-#[derive(Debug, Clone, Copy)]
 pub struct FrontToBack;
 
 impl Blend for FrontToBack {
@@ -50,7 +45,6 @@ impl Blend for FrontToBack {
 }
 
 /// Compositing front to back by opacity times weight; alpha is the transmittance.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct LinearFrontToBack;
 
 impl Blend for LinearFrontToBack {
@@ -59,13 +53,8 @@ impl Blend for LinearFrontToBack {
     const ALPHA_INK: f32 = FrontToBack::ALPHA_INK;
 
     #[inline(always)]
-    fn amount(opacity: f32) -> f32 {
-        at_most(opacity, 1.0)
-    }
-
-    #[inline(always)]
-    fn small_amount(opacity: f32) -> f32 {
-        opacity
+    fn amount<const IS_SMALL: bool>(opacity: f32) -> f32 {
+        if IS_SMALL { opacity } else { at_most(opacity, 1.0) }
     }
 
     #[inline(always)]
@@ -87,7 +76,6 @@ pub(crate) fn sheet_loss(transmittance: f32, depth: f32, stop: f32) -> [f32; 2] 
 }
 
 /// Compositing back to front; alpha is the transmittance.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct BackToFront;
 
 impl Blend for BackToFront {
@@ -101,7 +89,6 @@ impl Blend for BackToFront {
 }
 
 /// Compositing front to back of faint splats (`faint.rs`); alpha is the opacity.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct FaintFrontToBack;
 
 impl Blend for FaintFrontToBack {
@@ -112,7 +99,6 @@ impl Blend for FaintFrontToBack {
 }
 
 /// Compositing back to front of faint splats; alpha is the opacity.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct FaintBackToFront;
 
 impl Blend for FaintBackToFront {
@@ -123,17 +109,11 @@ impl Blend for FaintBackToFront {
 }
 
 /// Sums of colour times optical depth; alpha is the sum of optical depths, in units of ln 2.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct Additive;
 
 impl Blend for Additive {
     #[inline(always)]
-    fn amount(depth: f32) -> f32 {
-        depth
-    }
-
-    #[inline(always)]
-    fn small_amount(depth: f32) -> f32 {
+    fn amount<const IS_SMALL: bool>(depth: f32) -> f32 {
         depth
     }
 
@@ -148,17 +128,11 @@ impl Blend for Additive {
 pub const WHOLE_CELL: f32 = std::f32::consts::E;
 
 /// Keeps the largest normalised value; a voxel has full weight over its cell. The ink's red is the voxel's value.
-#[derive(Debug, Clone, Copy)]
 pub(crate) struct Maximum;
 
 impl Blend for Maximum {
     #[inline(always)]
-    fn amount(depth: f32) -> f32 {
-        depth * WHOLE_CELL
-    }
-
-    #[inline(always)]
-    fn small_amount(depth: f32) -> f32 {
+    fn amount<const IS_SMALL: bool>(depth: f32) -> f32 {
         depth * WHOLE_CELL
     }
 

@@ -24,7 +24,7 @@ use crate::splat::frame::in_range;
 use crate::splat::kernel::narrowest_sigma;
 use crate::splat::supersample::sigma_at_centre;
 use crate::splat::view::{PixelMap, View, apply, single};
-use crate::splat::{Blending, Frame, Sampling, Settings};
+use crate::splat::{Blending, Frame, Mode, Sampling, Settings};
 use crate::traverse::VoxelBox;
 
 /// Standard deviation of the narrowest footprint of a coarse view, in samples. At 0.97, footprints of the standard
@@ -39,6 +39,17 @@ const MARGIN: u32 = 6;
 /// Shortest side of a picture, in pixels, that may have a coarse view.
 const MIN_SIDE: u32 = 64;
 
+/// Returns `enough` or `fewest`, by the sampling of `settings`. `None` if they ask for every pixel or more samples, or
+/// for another mode or blending, which has other edges.
+pub(super) fn limit(settings: &Settings, enough: f64, fewest: f64) -> Option<f64> {
+    let limit = match settings.sampling() {
+        Sampling::EveryPixel | Sampling::Finer => return None,
+        Sampling::Enough => enough,
+        Sampling::Fewest => fewest,
+    };
+    (settings.mode == Mode::Composite && settings.blending == Blending::Exponential).then_some(limit)
+}
+
 /// A view with fewer samples than the picture has pixels.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct CoarseView {
@@ -52,24 +63,16 @@ impl CoarseView {
     /// Returns the coarse view of the voxels in `bounds`; `deepest` is the largest optical depth of any of them, along
     /// a ray as long as the mean voxel spacing.
     ///
-    /// `None` if every pixel needs a sample, or if the blending is not exponential: other blendings have other edges.
+    /// `None` if every pixel needs a sample.
     pub(super) fn new(view: &View, bounds: &VoxelBox, deepest: f64, settings: &Settings) -> Option<CoarseView> {
-        if settings.keeps_pixels() || settings.blending != Blending::Exponential {
-            return None;
-        }
+        let enough = limit(settings, ENOUGH, FEWEST)?;
         let kernel = settings.kernel();
-        let enough = match settings.sampling() {
-            Sampling::EveryPixel | Sampling::Finer => return None,
-            Sampling::Enough => ENOUGH,
-            Sampling::Fewest => FEWEST,
-        };
         if view.size.into_iter().any(|side| side < MIN_SIDE) {
             return None;
         }
-        let narrowest = match &view.map {
-            PixelMap::Parallel { pixel_from_voxel, .. } => {
-                narrowest_sigma(pixel_from_voxel.each_ref().map(single), kernel.sigma)
-            }
+        let at_centre = sigma_at_centre(view, bounds, settings);
+        let sigma = match &view.map {
+            PixelMap::Parallel { .. } => at_centre,
             PixelMap::Perspective { camera_from_voxel, focal, near, .. } => {
                 let steps = camera_from_voxel.each_ref().map(single);
                 // The farthest voxels have the narrowest footprints, and the farthest one is a corner.
@@ -80,16 +83,12 @@ impl CoarseView {
                     let rows = jacobian(&steps, (t0 / t2) as f32, (t1 / t2) as f32, (focal / t2) as f32);
                     narrowest_sigma(rows, kernel.sigma)
                 });
-                corners.fold(f32::INFINITY, f32::min)
+                let narrowest = corners.fold(f32::INFINITY, f32::min);
+                // With [`Sampling::Fewest`], the farthest voxels may be sampled half as finely as they need, but no
+                // coarser than what voxels in the middle need.
+                let is_fewest = settings.sampling() == Sampling::Fewest;
+                if is_fewest { at_centre.min(2.0 * narrowest).max(narrowest) } else { narrowest }
             }
-        };
-        // With [`Sampling::Fewest`], the farthest voxels may be sampled half as finely as they need, but no coarser
-        // than what voxels in the middle need.
-        let sigma = match (settings.sampling(), &view.map) {
-            (Sampling::Fewest, PixelMap::Perspective { .. }) => {
-                sigma_at_centre(view, bounds, settings).min(2.0 * narrowest).max(narrowest)
-            }
-            _ => narrowest,
         };
         let peak = deepest / (TAU * f64::from(kernel.sigma).powi(2));
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
@@ -110,35 +109,28 @@ impl CoarseView {
         let [columns, rows] = coarse.size().map(|side| side as usize);
         let covered = covered(&coarse);
         columns_to_coefficients(coarse.pixels_mut(), 4 * columns);
+        coarse.fill_rows(threads, |_, row| to_coefficients(row));
         let column_taps = self.taps(self.size[0], columns);
-        let width = self.size[0] as usize;
         let mut wide = Frame::transparent([self.size[0], coarse.size()[1]])?;
-        wide.fill_rows(threads, |first, wide| {
-            for (row, out) in (first..).zip(wide.chunks_exact_mut(4 * width)) {
-                let mut line: Vec<[f32; 4]> =
-                    coarse.pixels()[4 * columns * row..][..4 * columns].as_chunks().0.to_vec();
-                to_coefficients(&mut line);
-                for (pixel, tap) in out.as_chunks_mut::<4>().0.iter_mut().zip(&column_taps) {
-                    let samples: &[[f32; 4]; 4] =
-                        line[tap.first..].first_chunk().expect("four samples inside the margin");
-                    *pixel = std::array::from_fn(|c| (0..4).map(|k| tap.weights[k] * samples[k][c]).sum());
-                }
+        wide.fill_rows(threads, |row, out| {
+            let line = &coarse.pixels().as_chunks().0[columns * row..][..columns];
+            for (pixel, tap) in out.iter_mut().zip(&column_taps) {
+                let samples: &[[f32; 4]; 4] = line[tap.first..].first_chunk().expect("four samples inside the margin");
+                *pixel = std::array::from_fn(|c| (0..4).map(|k| tap.weights[k] * samples[k][c]).sum());
             }
         });
         drop(coarse);
         let mut picture = Frame::transparent(self.size)?;
         let row_taps = self.taps(self.size[1], rows);
-        let wide = wide.pixels();
-        picture.fill_rows(threads, |first, out| {
-            for (row, tap) in out.chunks_exact_mut(4 * width).zip(&row_taps[first..]) {
-                let sample = |k: usize| &wide[4 * width * (tap.first + k)..][..4 * width];
-                weighted_sum([sample(0), sample(1), sample(2), sample(3)], tap.weights, row);
-                let covered = &covered[columns * tap.nearest..][..columns];
-                for (pixel, column) in row.as_chunks_mut::<4>().0.iter_mut().zip(&column_taps) {
-                    // Pixels without a covered neighbour stay empty.
-                    let factor = if covered[column.nearest] { 1.0 } else { 0.0 };
-                    *pixel = in_range(factor * Vec4::from_array(*pixel));
-                }
+        picture.fill_rows(threads, |row, out| {
+            let (tap, len) = (&row_taps[row], 4 * out.len());
+            let samples = [0, 1, 2, 3].map(|k| &wide.pixels()[len * (tap.first + k)..][..len]);
+            weighted_sum(samples, tap.weights, out.as_flattened_mut());
+            let covered = &covered[columns * tap.nearest..][..columns];
+            for (pixel, column) in out.iter_mut().zip(&column_taps) {
+                // Pixels without a covered neighbour stay empty.
+                let factor = if covered[column.nearest] { 1.0 } else { 0.0 };
+                *pixel = in_range(factor * Vec4::from_array(*pixel));
             }
         });
         Ok(picture)
@@ -167,23 +159,18 @@ struct SplineTaps {
 
 /// Returns for each pixel whether it or one of its eight neighbours is not empty.
 pub(super) fn covered(frame: &Frame) -> Vec<bool> {
-    let [columns, rows] = frame.size().map(|side| side as usize);
+    let columns = frame.size()[0] as usize;
     let drawn: Vec<bool> = frame.pixels().chunks_exact(4).map(|pixel| pixel[3] > 0.0).collect();
-    let mut in_row = vec![false; drawn.len()];
-    for (row, out) in drawn.chunks_exact(columns).zip(in_row.chunks_exact_mut(columns)) {
-        for column in 0..columns {
-            out[column] = row[column.saturating_sub(1)..columns.min(column + 2)].contains(&true);
-        }
-    }
-    let mut covered = vec![false; drawn.len()];
-    for row in 0..rows {
-        for near in row.saturating_sub(1)..rows.min(row + 2) {
-            let near = &in_row[columns * near..][..columns];
-            let out = &mut covered[columns * row..][..columns];
-            out.iter_mut().zip(near).for_each(|(out, near)| *out |= near);
-        }
-    }
-    covered
+    let in_row: Vec<bool> = drawn.chunks_exact(columns).flat_map(|row| with_neighbours(row, 1)).collect();
+    with_neighbours(&in_row, columns)
+}
+
+/// Returns for each flag whether it, or the one `distance` before or after it, is set.
+fn with_neighbours(flags: &[bool], distance: usize) -> Vec<bool> {
+    let mut set = flags.to_vec();
+    set.iter_mut().skip(distance).zip(flags).for_each(|(set, before)| *set |= before);
+    set.iter_mut().zip(flags.iter().skip(distance)).for_each(|(set, after)| *set |= after);
+    set
 }
 
 /// The pole of the cubic B-spline's recursive filter: sqrt(3) - 2.
@@ -223,18 +210,17 @@ fn filter<'a>(mut line: impl Iterator<Item = &'a mut [f32; 4]>) {
 
 /// Does what [`to_coefficients`] does for every column; a row has `len` numbers.
 pub(super) fn columns_to_coefficients(rows: &mut [f32], len: usize) {
-    let count = rows.len() / len;
-    let edge = |row: &mut [f32]| row.iter_mut().for_each(|value| *value /= 1.0 - POLE);
-    let step = |row: &mut [f32], before: &[f32]| row.iter_mut().zip(before).for_each(|(v, b)| *v += POLE * b);
-    edge(&mut rows[..len]);
-    for row in 1..count {
-        let (before, from_row) = rows.split_at_mut(len * row);
-        step(&mut from_row[..len], &before[len * (row - 1)..]);
-    }
-    edge(&mut rows[len * (count - 1)..]);
-    for row in (0..count - 1).rev() {
-        let (to_row, before) = rows.split_at_mut(len * (row + 1));
-        step(&mut to_row[len * row..], &before[..len]);
+    filter_columns(rows.chunks_exact_mut(len));
+    filter_columns(rows.chunks_exact_mut(len).rev());
+}
+
+/// Applies the recursive filter to all columns, downward or upward.
+fn filter_columns<'a>(mut rows: impl Iterator<Item = &'a mut [f32]>) {
+    let Some(mut before) = rows.next() else { return };
+    before.iter_mut().for_each(|value| *value /= 1.0 - POLE);
+    for row in rows {
+        row.iter_mut().zip(&*before).for_each(|(value, before)| *value += POLE * before);
+        before = row;
     }
 }
 

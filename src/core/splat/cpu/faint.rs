@@ -14,8 +14,7 @@
 
 use super::blend::{Blend, FaintBackToFront, FaintFrontToBack};
 use super::project::Projector;
-use super::task::{BandResult, BandStats, DrawTask, combine};
-use super::tile_buffer::TileBuffer;
+use super::task::{BandStats, DrawTask, combine};
 use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::splat::composite::{Blending, Mode, Table};
@@ -72,15 +71,14 @@ pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings:
     let tile_start = first_slice / 8 * 8;
     let count = (voxels / STACK_VOXELS).clamp(1, MAX_STACKS);
     let thickness = (last_slice - first_slice + 1).div_ceil(count).next_multiple_of(8);
-    let stack = |index: u64| {
-        let first = tile_start + index * thickness;
+    let stack = |first: u64| {
         let last = (first + thickness - 1).min(last_slice);
         let mut stack = VoxelBox { low, high };
         stack.low[slow] = low[slow].max(u16::try_from(first).unwrap_or(u16::MAX));
         stack.high[slow] = u16::try_from(last).unwrap_or(u16::MAX);
         stack
     };
-    let mut stacks: Vec<VoxelBox> = (0..(last_slice - tile_start) / thickness + 1).map(stack).collect();
+    let mut stacks: Vec<VoxelBox> = (tile_start..=last_slice).step_by(thickness as usize).map(stack).collect();
     if !ascends {
         stacks.reverse();
     }
@@ -99,22 +97,18 @@ pub(super) fn draw(
     let mut stats = BandStats::default();
     for stack in stacks {
         setup.crop = Some(*stack);
-        let projector = Projector::new(setup, table, FaintFrontToBack::ALPHA_INK, 0.0);
-        let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings) };
-        let bands: Vec<BandResult<TileBuffer>> = match settings.sense {
+        let task = DrawTask::new::<FaintFrontToBack>(setup, table, settings, omitted);
+        let bands = match settings.sense {
             Sense::FrontToBack => task.splat::<FaintFrontToBack>()?,
             Sense::BackToFront => task.splat::<FaintBackToFront>()?,
         };
-        match settings.sense {
-            Sense::FrontToBack => combine(&bands, settings, &mut frame, |pixel, behind| {
-                let clear = 1.0 - pixel[3];
-                (0..4).for_each(|c| pixel[c] += clear * behind[c]);
-            }),
-            Sense::BackToFront => combine(&bands, settings, &mut frame, |pixel, front| {
-                let clear = 1.0 - front[3];
-                (0..4).for_each(|c| pixel[c] = front[c] + clear * pixel[c]);
-            }),
-        }
+        combine(&bands, settings, &mut frame, |pixel, stack| {
+            let (front, behind) = match settings.sense {
+                Sense::FrontToBack => (*pixel, stack),
+                Sense::BackToFront => (stack, *pixel),
+            };
+            *pixel = std::array::from_fn(|c| front[c] + (1.0 - front[3]) * behind[c]);
+        });
         stats.add(&BandStats::of(&bands));
     }
     Ok((frame, stats))

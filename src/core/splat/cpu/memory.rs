@@ -32,7 +32,7 @@ pub enum Canvas {
 }
 
 /// Returns how many pixels are drawn for the picture by `camera`, and where; `bounds` is a box around all voxels. It
-/// allocates nothing.
+/// allocates no pixels.
 ///
 /// # Errors
 /// Returns the errors of [`render`](super::render), except those about memory or lanes.
@@ -41,7 +41,7 @@ pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settin
     let order = walk_order(&view, grid, settings)?;
     // The depth (here 0) matters only for a coarse view, which needs no more memory than the picture's own pixels.
     Ok(match Resampling::choose(&view, &order, bounds, || 0.0, settings) {
-        Some(Resampling::BasePlane(plane)) => Canvas::BasePlane(plane.pixels()),
+        Some(Resampling::BasePlane(plane)) => Canvas::BasePlane(plane.view.size.map(u64::from).into_iter().product()),
         Some(Resampling::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
         Some(Resampling::Coarse(_)) | None => Canvas::Picture,
     })

@@ -97,7 +97,7 @@ pub fn render_without(
             (coarse.enlarge(drawn, threads)?, work)
         }
         Some(Resampling::BasePlane(plane)) => {
-            let (drawn, work) = draw(plane.view(&setup.view))?;
+            let (drawn, work) = draw(plane.view.clone())?;
             (plane.warp(drawn, threads)?, work)
         }
         Some(Resampling::Supersampling(supersampling)) => {
@@ -131,7 +131,7 @@ pub fn render_without(
 /// A way to draw samples that are not the picture's pixels; the picture is then computed from them.
 enum Resampling {
     Coarse(CoarseView),
-    BasePlane(BasePlane),
+    BasePlane(Box<BasePlane>),
     Supersampling(Supersampling),
 }
 
@@ -146,7 +146,7 @@ impl Resampling {
         deepest: impl FnOnce() -> f64,
         settings: &Settings,
     ) -> Option<Resampling> {
-        let plane = BasePlane::new(view, order, bounds, settings).map(Resampling::BasePlane);
+        let plane = BasePlane::new(view, order, bounds, settings).map(|plane| Resampling::BasePlane(Box::new(plane)));
         let supersampling = || Supersampling::new(view, bounds, settings).map(Resampling::Supersampling);
         let coarse = || CoarseView::new(view, bounds, deepest(), settings).map(Resampling::Coarse);
         plane.or_else(supersampling).or_else(coarse)
@@ -162,10 +162,8 @@ fn draw_in_mode(
     is_base_plane: bool,
 ) -> Result<(Frame, BandStats)> {
     if is_base_plane && settings.code != Code::Plain {
-        let projector = Projector::new(setup, table, FrontToBack::ALPHA_INK, settings.termination());
-        let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings) };
-        let bands = task.in_bands(true, &|rect| stamp::draw(&task, rect))?;
-        return Ok((assemble(&bands, settings, table)?, BandStats::of(&bands)));
+        let task = DrawTask::new::<FrontToBack>(setup, table, settings, omitted);
+        return assemble(&task.in_bands(true, &|rect| stamp::draw(&task, rect))?, settings, table);
     }
     let draw = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) if settings.blending == Blending::Linear => blended::<LinearFrontToBack>,
@@ -184,12 +182,8 @@ fn blended<B: Blend>(
     settings: &Settings,
     omitted: Option<&RecordSet>,
 ) -> Result<(Frame, BandStats)> {
-    let is_summed_first = settings.blending == Blending::Sheets;
-    let ink = if is_summed_first { Additive::ALPHA_INK } else { B::ALPHA_INK };
-    let projector = Projector::new(setup, table, ink, if B::STOPS { settings.termination() } else { 0.0 });
-    let task = DrawTask { omitted, ..DrawTask::new(setup, &projector, settings) };
-    let bands = task.splat::<B>()?;
-    Ok((assemble(&bands, settings, table)?, BandStats::of(&bands)))
+    let bands = DrawTask::new::<B>(setup, table, settings, omitted).splat::<B>()?;
+    assemble(&bands, settings, table)
 }
 
 /// Marks the records that a view shows. A record is shown if, at any pixel of its footprint, the transmittance in front
@@ -211,8 +205,7 @@ pub fn mark_visible(scene: &Scene, camera: &Camera, settings: &Settings, visible
     };
     let setup = FrameSetup::new(scene, camera, &settings)?;
     let table = Table::new(scene, &setup.lane, &settings, setup.view.mean_voxel)?;
-    let projector = Projector::new(&setup, &table, FrontToBack::ALPHA_INK, settings.termination());
-    let task = DrawTask { visible: Some(visible), ..DrawTask::new(&setup, &projector, &settings) };
+    let task = DrawTask { visible: Some(visible), ..DrawTask::new::<FrontToBack>(&setup, &table, &settings, None) };
     let full = full_rect(settings.size);
     let strip = (STRIP_PIXELS / full.x1.max(1)).max(1);
     for y0 in (0..full.y1).step_by(strip.unsigned_abs() as usize) {

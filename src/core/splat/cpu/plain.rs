@@ -5,7 +5,7 @@
 //! Tests check that both give equal bits.
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
-use super::project::{Projector, jacobian, nearest_pixel, pixel_span, slant};
+use super::project::{Projector, affine_at, jacobian, nearest_pixel, pixel_span, slant};
 use super::raster::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::{Rect, TileBuffer};
@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::splat::arith::{LOG2_E, at_least, at_most};
 use crate::splat::composite::MAX_DEPTH;
 use crate::splat::kernel::{Ellipse, footprint};
-use crate::splat::view::{PixelMap, single};
+use crate::splat::view::{Affine, PixelMap, single};
 use crate::traverse::Batch;
 
 /// Draws the whole picture.
@@ -61,7 +61,7 @@ fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (kernel, [red, green, blue]): Co
     let mut is_drawn = false;
     for row in low_y.max(rect.y0)..=high_y.min(rect.y1 - 1) {
         for column in low_x.max(rect.x0)..=high_x.min(rect.x1 - 1) {
-            let (amount, old) = (B::amount(kernel.depth(column, row)), tiles.pixel(column, row));
+            let (amount, old) = (B::amount::<false>(kernel.depth(column, row)), tiles.pixel(column, row));
             tiles.set_pixel(column, row, [0, 1, 2, 3].map(|c| B::blend(old[c], old[3], amount, ink[c], stop)));
             is_drawn = true;
         }
@@ -71,22 +71,21 @@ fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (kernel, [red, green, blue]): Co
 
 /// Calls `draw` for each voxel with its splat (`None` if the voxel has none) and slice; `draw` returns whether it drew.
 fn each_splat(task: &DrawTask, mut draw: impl FnMut(Option<ColouredKernel>, u16) -> bool) -> BandStats {
-    let mut stats = BandStats { bands: 1, ..BandStats::default() };
-    let walking = task.walk(&mut |batch: &Batch| {
+    let mut drawn = 0;
+    let stats = task.walk(&mut |batch: &Batch| {
         for j in 0..batch.len() {
             let mut voxel = [0u16; 3];
             let [s, m, f] = task.projector.nesting;
             (voxel[s], voxel[m], voxel[f]) = (batch.slow, batch.medium[j], batch.fast[j]);
-            stats.visited += 1;
-            stats.drawn += u64::from(draw(splat(task, voxel, batch.record_index(j)), batch.slow));
+            drawn += u64::from(draw(splat(task, voxel, batch.record_index(j)), batch.slow));
         }
     });
-    BandStats { walking, ..stats }
+    BandStats { drawn, ..stats }
 }
 
 /// Returns a voxel's kernel and colour; `None` if it is not drawn.
 fn splat(task: &DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredKernel> {
-    let projector = task.projector;
+    let projector = &task.projector;
     if projector.crop.is_some_and(|crop| (0..3).any(|a| voxel[a] < crop.low[a] || voxel[a] > crop.high[a])) {
         return None;
     }
@@ -102,9 +101,8 @@ fn splat(task: &DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredKern
 
 /// Returns a voxel's centre, footprint, and peak for an optical depth of 1; `None` if it is too near the eye.
 fn project_voxel(projector: &Projector, voxel: [u16; 3]) -> Option<(Centre, Ellipse, f32)> {
-    let [s, m, f] = projector.nesting;
-    let [slow, medium, fast] = [s, m, f].map(|a| f64::from(voxel[a]));
-    let affine = |map: &[f64; 4]| (map[3] + map[s] * slow) + map[m] * medium + map[f] * fast;
+    let position = projector.nesting.map(|axis| f64::from(voxel[axis]));
+    let affine = |map: &Affine| affine_at(&projector.nested(map), position);
     let centre = |column: f64, row: f64| {
         let ((x, offset_x), (y, offset_y)) = (nearest_pixel(column), nearest_pixel(row));
         Centre { x, y, offset_x, offset_y }

@@ -61,14 +61,10 @@ pub trait Coordinates {
     fn at(&self, j: usize) -> [f64; 3];
 }
 
-/// The coordinates of a block's voxels along the slow, medium and fast axis.
-#[derive(Clone, Copy)]
-struct Positions([[u16; BLOCK]; 3]);
-
-impl Coordinates for Positions {
+impl Coordinates for [[u16; BLOCK]; 3] {
     #[inline(always)]
     fn at(&self, j: usize) -> [f64; 3] {
-        [self.0[0][j].into(), self.0[1][j].into(), self.0[2][j].into()]
+        [self[0][j].into(), self[1][j].into(), self[2][j].into()]
     }
 }
 
@@ -76,7 +72,8 @@ impl Coordinates for Positions {
 pub struct VoxelBlock {
     /// Number of voxels.
     pub count: usize,
-    positions: Positions,
+    /// The coordinates of the voxels along the slow, medium and fast axis.
+    positions: [[u16; BLOCK]; 3],
     /// For each voxel: the index of its record in the lane's channels.
     pub(super) records: [usize; BLOCK],
 }
@@ -84,7 +81,7 @@ pub struct VoxelBlock {
 impl VoxelBlock {
     /// Returns an empty block.
     pub fn new() -> Box<VoxelBlock> {
-        Box::new(VoxelBlock { count: 0, positions: Positions([[0; BLOCK]; 3]), records: [0; BLOCK] })
+        Box::new(VoxelBlock { count: 0, positions: [[0; BLOCK]; 3], records: [0; BLOCK] })
     }
 
     /// Returns whether there is room for `more` voxels.
@@ -98,7 +95,7 @@ impl VoxelBlock {
     pub fn add(&mut self, batch: &Batch, from: usize, most: usize) -> usize {
         let count = (batch.len() - from).min(most).min(BLOCK - self.count);
         let (source, target) = (from..from + count, self.count..self.count + count);
-        let Positions([slow, medium, fast]) = &mut self.positions;
+        let [slow, medium, fast] = &mut self.positions;
         slow[target.clone()].fill(batch.slow);
         medium[target.clone()].copy_from_slice(&batch.medium[source.clone()]);
         fast[target.clone()].copy_from_slice(&batch.fast[source.clone()]);
@@ -180,7 +177,7 @@ impl<'a> Projector<'a> {
     pub(super) fn in_crop(&self, voxels: &VoxelBlock) -> [bool; BLOCK] {
         let crop = self.crop.unwrap_or(VoxelBox { low: [0; 3], high: [u16::MAX; 3] });
         let (low, high) = (self.nesting.map(|axis| crop.low[axis]), self.nesting.map(|axis| crop.high[axis]));
-        let Positions([slow, medium, fast]) = &voxels.positions;
+        let [slow, medium, fast] = &voxels.positions;
         let mut in_crop = [false; BLOCK];
         for j in 0..BLOCK {
             in_crop[j] = (slow[j] >= low[0])
@@ -197,7 +194,7 @@ impl<'a> Projector<'a> {
     /// with fast and medium coordinates 0 begins at column `left` and row `top`.
     #[inline(always)]
     pub(super) fn place_stamps(voxels: &VoxelBlock, [left, top]: [i32; 2], out: &mut Splats) {
-        let Positions([_, medium, fast]) = &voxels.positions;
+        let [_, medium, fast] = &voxels.positions;
         for j in 0..BLOCK {
             out.x.nearest[j] = left + i32::from(fast[j]);
             out.y.nearest[j] = top + i32::from(medium[j]);
@@ -207,50 +204,14 @@ impl<'a> Projector<'a> {
     /// Computes the centre, ellipse and bounding box of each voxel of a block.
     #[inline(always)]
     pub fn place<C: Coordinates>(&self, positions: &C, out: &mut Splats) {
-        match self.map {
-            PixelMap::Parallel { pixel_from_voxel, .. } => self.place_parallel(pixel_from_voxel, positions, out),
+        let (camera_from_voxel, focal, [centre_x, centre_y], near) = match self.map {
+            PixelMap::Parallel { pixel_from_voxel, .. } => {
+                return self.place_parallel(pixel_from_voxel, positions, out);
+            }
             PixelMap::Perspective { camera_from_voxel, focal, centre, near } => {
-                self.place_perspective(camera_from_voxel, focal, centre, near, positions, out);
+                (camera_from_voxel, focal, centre, near)
             }
-        }
-    }
-
-    /// Does the work of [`Projector::place`] in a parallel view.
-    #[inline(always)]
-    fn place_parallel<C: Coordinates>(&self, pixel_from_voxel: [Affine; 2], positions: &C, out: &mut Splats) {
-        let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
-        let Ellipse { half_x, half_y, .. } = self.ellipse;
-        for from in (0..BLOCK).step_by(LANES) {
-            let (mut x, mut y) = (Extents::new(), Extents::new());
-            for j in 0..LANES {
-                let position = positions.at(from + j);
-                x.set(j, nearest_pixel(affine_at(&column, position)), half_x);
-                y.set(j, nearest_pixel(affine_at(&row, position)), half_y);
-            }
-            x.copy_to(from, &mut out.x);
-            y.copy_to(from, &mut out.y);
-        }
-        out.strength = [self.strength; BLOCK];
-    }
-
-    /// Returns `map` with its factors for the axes in the order slow, medium, fast.
-    #[inline(always)]
-    pub(super) fn nested(&self, map: &Affine) -> Affine {
-        let [s, m, f] = self.nesting;
-        [map[s], map[m], map[f], map[3]]
-    }
-
-    /// Does the work of [`Projector::place`] in a perspective view.
-    #[inline(always)]
-    fn place_perspective<C: Coordinates>(
-        &self,
-        camera_from_voxel: [Affine; 3],
-        focal: f64,
-        [centre_x, centre_y]: [f64; 2],
-        near: f64,
-        positions: &C,
-        out: &mut Splats,
-    ) {
+        };
         let steps = camera_from_voxel.each_ref().map(single);
         let [right, up, forward] = camera_from_voxel.map(|map| self.nested(&map));
         let (focal_single, sigma, cut_off, strength) = (focal as f32, self.sigma, self.cut_off, self.strength);
@@ -281,6 +242,31 @@ impl<'a> Projector<'a> {
                 out[from..from + LANES].copy_from_slice(factors);
             }
         }
+    }
+
+    /// Does the work of [`Projector::place`] in a parallel view.
+    #[inline(always)]
+    fn place_parallel<C: Coordinates>(&self, pixel_from_voxel: [Affine; 2], positions: &C, out: &mut Splats) {
+        let [column, row] = pixel_from_voxel.map(|map| self.nested(&map));
+        let Ellipse { half_x, half_y, .. } = self.ellipse;
+        for from in (0..BLOCK).step_by(LANES) {
+            let (mut x, mut y) = (Extents::new(), Extents::new());
+            for j in 0..LANES {
+                let position = positions.at(from + j);
+                x.set(j, nearest_pixel(affine_at(&column, position)), half_x);
+                y.set(j, nearest_pixel(affine_at(&row, position)), half_y);
+            }
+            x.copy_to(from, &mut out.x);
+            y.copy_to(from, &mut out.y);
+        }
+        out.strength = [self.strength; BLOCK];
+    }
+
+    /// Returns `map` with its factors for the axes in the order slow, medium, fast.
+    #[inline(always)]
+    pub(super) fn nested(&self, map: &Affine) -> Affine {
+        let [s, m, f] = self.nesting;
+        [map[s], map[m], map[f], map[3]]
     }
 
     /// Lists, in `out.kept`, those of the first `count` splats that are `wanted` and can change a pixel of the band.
@@ -469,8 +455,7 @@ pub fn apply_strengths(out: &mut Splats) {
 /// Returns by how many columns (first row of the result) and rows (second row) a voxel's footprint moves per voxel
 /// along each axis, at the ray with tangents `tan_x` and `tan_y`.
 ///
-/// `steps`: how far the next voxel on each axis lies to the right, up and forward; `scale`: pixels per mean spacing
-/// spacing.
+/// `steps`: how far the next voxel on each axis lies to the right, up and forward; `scale`: pixels per mean spacing.
 #[inline(always)]
 pub(super) fn jacobian(steps: &[[f32; 3]; 3], tan_x: f32, tan_y: f32, scale: f32) -> [[f32; 3]; 2] {
     let [right, up, forward] = steps;

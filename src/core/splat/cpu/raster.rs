@@ -151,7 +151,7 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
             let Some((index, PixelTile(values))) = tiles.tile(column, row) else { continue };
             let mut amounts = kernel.depths(root, &tile_row, column);
             for i in 0..TILE_PIXELS {
-                amounts[i] = if IS_SMALL { B::small_amount(amounts[i]) } else { B::amount(amounts[i]) };
+                amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
             }
             let [red, green, blue, alpha] = values;
             let before = *alpha;

@@ -8,8 +8,9 @@ use std::ops::Range;
 
 use super::task::BandPixels;
 use super::tile_buffer::{OpenCounts, Rect};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::splat::arith::keep_if;
+use crate::splat::frame::zeroed;
 
 /// How many pixels of a row are read and written at once.
 pub(super) const EIGHT: usize = 8;
@@ -39,15 +40,12 @@ impl RowBuffer {
         let columns = (rect.x1 - rect.x0) as usize;
         let pitch = columns + WIDE;
         let rows = (rect.y1 - rect.y0) as usize;
-        let len = 4 * pitch * rows;
-        let mut values = Vec::new();
-        values.try_reserve_exact(len).map_err(|_| Error::out_of_memory("the picture", 4 * len as u64))?;
-        values.resize(len, 0.0);
+        let mut values: Box<[f32]> = zeroed((4 * pitch * rows) as u64)?;
         for row in values.chunks_exact_mut(4 * pitch) {
             row[3 * pitch..][..columns].fill(1.0);
         }
         let (open_pixels, open_cells) = (OpenCounts::new(rect, CELL, 0), OpenCounts::new(rect, BLOCK, CELL));
-        Ok(RowBuffer { rect, pitch, values: values.into_boxed_slice(), open_pixels, open_cells })
+        Ok(RowBuffer { rect, pitch, values, open_pixels, open_cells })
     }
 
     /// Returns the index in `values` of the red of pixel (`x`, `y`).

@@ -12,7 +12,6 @@
 //! The plain renderer draws the same view pixel by pixel; tests compare the two.
 
 use std::ops::Range;
-use std::time::Instant;
 
 use super::dispatch;
 use super::project::{Projector, VoxelBlock, affine_at, nearest_pixel, pixel_span};
@@ -134,12 +133,11 @@ pub(super) fn draw(task: &DrawTask, rect: Rect) -> Result<BandResult<RowBuffer>>
             splats: Splats::new(),
             amounts: Box::new([unfilled; CODES]),
         },
-        stats: BandStats { bands: 1, ..BandStats::default() },
+        drawn: 0,
     };
-    let elapsed = task.walk(&mut painter);
-    painter.stats.walking = elapsed.saturating_sub(painter.stats.drawing);
+    let stats = task.walk(&mut painter);
     painter.flush();
-    Ok(BandResult { pixels: painter.buffers.pixels, stats: painter.stats })
+    Ok(BandResult { pixels: painter.buffers.pixels, stats: BandStats { drawn: painter.drawn, ..stats } })
 }
 
 /// Receives the voxels of a walk and draws them by stamps.
@@ -148,7 +146,8 @@ struct StampPainter<'a> {
     /// The slice of the voxels that wait to be drawn.
     slow: Option<u16>,
     buffers: StampBuffers,
-    stats: BandStats,
+    /// Number of splats drawn.
+    drawn: u64,
 }
 
 impl StampPainter<'_> {
@@ -156,7 +155,7 @@ impl StampPainter<'_> {
     fn flush(&mut self) {
         let DrawTask { projector, settings, .. } = self.task;
         if self.buffers.voxels.count > 0 {
-            self.stats.drawn += dispatch::flush_stamps(settings.code, projector, &mut self.buffers);
+            self.drawn += dispatch::flush_stamps(settings.code, projector, &mut self.buffers);
         }
     }
 }
@@ -172,7 +171,6 @@ impl Visitor for StampPainter<'_> {
     }
 
     fn visit(&mut self, batch: &Batch) {
-        let start = Instant::now();
         let DrawTask { projector, settings, .. } = self.task;
         if self.slow != Some(batch.slow) {
             self.flush();
@@ -180,13 +178,11 @@ impl Visitor for StampPainter<'_> {
             self.buffers.stamp = Stamp::new(projector, batch.slow);
         }
         let code = settings.code;
-        self.stats.drawn += dispatch::add_visible(code, code, projector, &mut self.buffers, batch);
+        self.drawn += dispatch::add_visible(code, code, projector, &mut self.buffers, batch);
         // A pager (which loads parts of the file) may drop this batch's records before the next batch.
         if projector.lane.pager.is_some() {
             self.flush();
         }
-        self.stats.visited += batch.len() as u64;
-        self.stats.drawing += start.elapsed();
     }
 }
 

@@ -5,27 +5,26 @@
 
 use std::time::{Duration, Instant};
 
-use super::blend::Blend;
-use super::omit::OmittingVisitor;
+use super::blend::{Additive, Blend};
+use super::omit::TaskVisitor;
 use super::project::Projector;
 use super::tile_buffer::{Rect, TileBuffer};
 use super::visible::VisibleRecords;
 use super::{band, plain};
 use crate::arena::RecordSet;
 use crate::error::Result;
+use crate::parallel::in_order;
 use crate::splat::composite::{Blending, Table};
 use crate::splat::setup::FrameSetup;
 use crate::splat::view::{PixelMap, View};
 use crate::splat::{Code, Frame, Settings};
-use crate::traverse::{Visitor, VoxelBox, walk};
+use crate::traverse::{Visitor, VoxelBox, tile_bounds, walk};
 
 /// Holds what the threads that draw a frame share.
 pub(super) struct DrawTask<'a> {
-    pub(super) projector: &'a Projector<'a>,
+    pub(super) projector: Projector<'a>,
     pub(super) setup: &'a FrameSetup<'a>,
     pub(super) settings: &'a Settings,
-    /// Half the width and height of a footprint's box in a parallel view, in pixels; 0 in perspective.
-    pub(super) half_widths: [f64; 2],
     /// Records of the lane that are not drawn.
     pub(super) omitted: Option<&'a RecordSet>,
     /// Where visible records are marked, if they are. Needs front-to-back compositing on one thread.
@@ -82,9 +81,16 @@ impl BandStats {
 }
 
 impl<'a> DrawTask<'a> {
-    pub(super) fn new(setup: &'a FrameSetup, projector: &'a Projector, settings: &'a Settings) -> DrawTask<'a> {
-        let half_widths = projector.half_widths();
-        DrawTask { projector, setup, settings, half_widths, omitted: None, visible: None }
+    /// Returns the task of drawing all voxels, except those that are `omitted`, in the blend mode `B`.
+    pub(super) fn new<B: Blend>(
+        setup: &'a FrameSetup,
+        table: &'a Table,
+        settings: &'a Settings,
+        omitted: Option<&'a RecordSet>,
+    ) -> DrawTask<'a> {
+        let alpha_ink = if settings.blending == Blending::Sheets { Additive::ALPHA_INK } else { B::ALPHA_INK };
+        let projector = Projector::new(setup, table, alpha_ink, if B::STOPS { settings.termination() } else { 0.0 });
+        DrawTask { projector, setup, settings, omitted, visible: None }
     }
 
     /// Draws all splats, band by band.
@@ -100,22 +106,20 @@ impl<'a> DrawTask<'a> {
         Ok(vec![drawn])
     }
 
-    /// Walks the lane and passes its voxels to `painter`, which draws them; returns the elapsed time.
-    pub(super) fn walk(&self, painter: &mut dyn Visitor) -> Duration {
+    /// Walks the lane and passes its voxels to `painter`, which draws and counts them; returns the other numbers.
+    pub(super) fn walk(&self, painter: &mut dyn Visitor) -> BandStats {
         let start = Instant::now();
-        let FrameSetup { lane, order, .. } = self.setup;
-        match self.omitted {
-            None => walk(lane, order, painter),
-            Some(omitted) => walk::<dyn Visitor>(lane, order, &mut OmittingVisitor::new(painter, omitted)),
-        }
-        start.elapsed()
+        let mut visitor = TaskVisitor::new(painter, self.omitted);
+        walk(&self.setup.lane, &self.setup.order, &mut visitor);
+        let TaskVisitor { visited, drawing, .. } = visitor;
+        BandStats { visited, drawing, walking: start.elapsed().saturating_sub(drawing), bands: 1, drawn: 0 }
     }
 
     /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if none, or outside the crop.
     #[inline(always)]
     pub(super) fn pixels(&self, rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
         let is_cropped = self.projector.crop.is_some_and(|crop| !bounds.meets(&crop));
-        if is_cropped { None } else { pixels(&self.setup.view, self.half_widths, rect, bounds) }
+        if is_cropped { None } else { pixels(&self.setup.view, self.projector.half_widths(), rect, bounds) }
     }
 
     /// Cuts the picture into bands of rows (`by_rows`) or of columns, and draws each on a thread of its own.
@@ -127,20 +131,17 @@ impl<'a> DrawTask<'a> {
         let full = full_rect(self.settings.size);
         let side = usize::try_from(if by_rows { full.y1 } else { full.x1 }).unwrap_or(1);
         let borders = self.borders(by_rows, self.settings.threads.clamp(1, side));
-        let draw = |low: i32, high: i32| {
+        let draw_band = |(): &mut (), band: usize| {
+            let (low, high) = (borders[band], borders[band + 1]);
             draw(if by_rows { Rect { y0: low, y1: high, ..full } } else { Rect { x0: low, x1: high, ..full } })
         };
-        if let [low, high] = borders[..] {
-            return Ok(vec![draw(low, high)?]);
-        }
-        std::thread::scope(|scope| {
-            let draw = &draw;
-            let threads: Vec<_> = borders.windows(2).map(|pair| scope.spawn(move || draw(pair[0], pair[1]))).collect();
-            threads
-                .into_iter()
-                .map(|thread| thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-                .collect()
-        })
+        let (count, mut bands) = (borders.len() - 1, Vec::new());
+        let mut take = |_, band| {
+            bands.push(band);
+            Ok(())
+        };
+        in_order(count, count, || (), draw_band, &mut take)?;
+        Ok(bands)
     }
 
     /// Returns whether the lane's lines are rather horizontal in the picture: bands of rows then cut the fewest tiles.
@@ -155,23 +156,16 @@ impl<'a> DrawTask<'a> {
 
     /// Returns the `count + 1` borders, in rows (or columns), from 0 to the picture's side, of bands of like work.
     fn borders(&self, by_rows: bool, count: usize) -> Vec<i32> {
-        let (lane, view) = (&self.setup.lane, &self.setup.view);
+        let (lane, view, half_widths) = (&self.setup.lane, &self.setup.view, self.projector.half_widths());
         let side = usize::try_from(view.size[usize::from(by_rows)]).unwrap_or(1);
-        let [u_axis, v_axis] = lane.axis.others().map(|axis| axis.index());
         let mut work = vec![0.0f64; side + 1];
         // About 100,000 tiles are enough for an estimate; looking at millions would delay the frame.
         let stride = (lane.tiles.len() / 100_000).max(1);
         for index in (0..lane.tiles.len()).step_by(stride) {
             let Some(tile) = lane.tile(index) else { break };
             let records = lane.tile_records(tile) as f64;
-            let mut bounds = VoxelBox { low: [tile.low.get(); 3], high: [tile.high.get(); 3] };
-            for (axis, tile_line) in [(u_axis, tile.tile_u.get()), (v_axis, tile.tile_v.get())] {
-                let first = u32::from(tile_line) * 8;
-                let last = (first + 7).min(lane.dims[axis].saturating_sub(1));
-                bounds.low[axis] = u16::try_from(first).unwrap_or(u16::MAX);
-                bounds.high[axis] = u16::try_from(last).unwrap_or(u16::MAX);
-            }
-            let Some([left, right, top, bottom]) = view.pixel_bounds(&bounds, self.half_widths) else { continue };
+            let bounds = view.pixel_bounds(&tile_bounds(lane, tile), half_widths);
+            let Some([left, right, top, bottom]) = bounds else { continue };
             let (low, high) = if by_rows { (top, bottom) } else { (left, right) };
             let (from, to) = (low.max(0.0), high.min(side as f64 - 1.0));
             if from <= to {
@@ -231,14 +225,19 @@ pub(super) fn pixels(view: &View, half_widths: [f64; 2], rect: Rect, bounds: &Vo
     })
 }
 
-/// Makes a frame from drawn bands; `table` turns a band's values into a pixel's colour and opacity.
+/// Makes a frame from drawn bands; `table` turns a band's values into a pixel's colour and opacity. Also returns the
+/// bands' total work.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
-pub fn assemble<P: BandPixels + Sync>(bands: &[BandResult<P>], settings: &Settings, table: &Table) -> Result<Frame> {
+pub fn assemble<P: BandPixels + Sync>(
+    bands: &[BandResult<P>],
+    settings: &Settings,
+    table: &Table,
+) -> Result<(Frame, BandStats)> {
     let mut frame = Frame::transparent(settings.size)?;
     combine(bands, settings, &mut frame, |pixel, values| *pixel = table.finish(values));
-    Ok(frame)
+    Ok((frame, BandStats::of(bands)))
 }
 
 /// Calls `put` with each pixel of `frame` and the values that a band has for it.
@@ -248,16 +247,12 @@ pub(super) fn combine<P: BandPixels + Sync>(
     frame: &mut Frame,
     put: impl Fn(&mut [f32; 4], [f32; 4]) + Sync,
 ) {
-    let row_len = 4 * settings.size[0] as usize;
-    frame.fill_rows(settings.threads, |first, rows| {
-        for (y, row) in (first..).zip(rows.chunks_exact_mut(row_len)) {
-            let y = i32::try_from(y).unwrap_or(i32::MAX);
-            let row = row.as_chunks_mut().0;
-            for band in bands {
-                let rect = band.pixels.rect();
-                if (rect.y0..rect.y1).contains(&y) {
-                    band.pixels.visit_row(y, |x, values| put(&mut row[x.unsigned_abs() as usize], values));
-                }
+    frame.fill_rows(settings.threads, |y, row| {
+        let y = i32::try_from(y).unwrap_or(i32::MAX);
+        for band in bands {
+            let rect = band.pixels.rect();
+            if (rect.y0..rect.y1).contains(&y) {
+                band.pixels.visit_row(y, |x, values| put(&mut row[x.unsigned_abs() as usize], values));
             }
         }
     });

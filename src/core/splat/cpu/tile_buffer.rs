@@ -14,6 +14,7 @@ use bytemuck::Zeroable;
 use super::blend::{Additive, Blend as _, sheet_loss};
 use super::task::BandPixels;
 use crate::error::{Error, Result};
+use crate::splat::frame::zeroed;
 
 /// Side of a tile in pixels, as a power of 2.
 pub(super) const TILE: i32 = 2;
@@ -96,12 +97,11 @@ impl OpenCounts {
     /// Counts, per square of `1 << shift` pixels a side, the cells of `1 << cell` pixels a side that meet `rect`.
     pub(super) fn new(rect: Rect, shift: i32, cell: i32) -> OpenCounts {
         let cells = |low: i32, high: i32| {
-            let (first, last) = (low >> cell, (high - 1) >> cell);
-            let more = shift - cell;
-            (first >> more..=last >> more)
-                .map(|square| last.min(((square + 1) << more) - 1) - first.max(square << more) + 1)
-                .map(|cells| u8::try_from(cells).expect("eight cells along a square at most"))
-                .collect::<Vec<u8>>()
+            let mut counts = vec![0u8; (((high - 1) >> shift) - (low >> shift) + 1) as usize];
+            for at in low >> cell..=(high - 1) >> cell {
+                counts[((at >> (shift - cell)) - (low >> shift)) as usize] += 1;
+            }
+            counts
         };
         let (columns, rows) = (cells(rect.x0, rect.x1), cells(rect.y0, rect.y1));
         let counts = rows.iter().flat_map(|rows| columns.iter().map(move |columns| rows * columns)).collect();
@@ -136,8 +136,7 @@ impl TileBuffer {
         let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
         let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
         let len = pitch * tiles_along(rect.y0, rect.y1);
-        let tiles = bytemuck::allocation::try_zeroed_slice_box(len)
-            .map_err(|()| Error::out_of_memory("the picture", (size_of::<PixelTile>() * len) as u64))?;
+        let tiles = zeroed(len as u64)?;
         let (open_tiles, open_squares) = (OpenCounts::new(rect, SQUARE, TILE), OpenCounts::new(rect, BLOCK, SQUARE));
         let states = vec![FRESH; len];
         Ok(TileBuffer { rect, initial_alpha, pitch, tiles, states, open_tiles, open_squares, touched: None })
@@ -303,10 +302,6 @@ fn index_in_tile(x: i32, y: i32) -> usize {
 /// block the loads of the next row.
 fn pitch_for(tiles: usize) -> usize {
     const PAGE_TILES: usize = 4096 / size_of::<PixelTile>();
-    let shares_places = |pitch: usize| !(1..=3).all(|rows| (3..=PAGE_TILES - 3).contains(&(rows * pitch % PAGE_TILES)));
-    let mut pitch = tiles;
-    while tiles > PAGE_TILES / 2 && shares_places(pitch) {
-        pitch += 1;
-    }
-    pitch
+    let are_apart = |pitch: usize| (1..=3).all(|rows| (3..=PAGE_TILES - 3).contains(&(rows * pitch % PAGE_TILES)));
+    (tiles..).find(|&pitch| tiles <= PAGE_TILES / 2 || are_apart(pitch)).expect("some pitch of a page is apart")
 }
