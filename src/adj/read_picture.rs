@@ -13,7 +13,7 @@ use exr::prelude::{ReadChannels as _, ReadLayers as _};
 use super::picture::PictureKind;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
-use adjsplat::splat::view::MAX_SIZE;
+use adjsplat::splat::MAX_SIZE;
 
 /// Reads the picture at `path`; the ending of its name says the format.
 ///

@@ -2,11 +2,12 @@
 
 pub use crate::model::{drawable, missing_values, stored_transfer};
 pub use crate::parallel::in_order;
-pub use crate::splat::arith::LOG2_E;
+pub use crate::splat::composite::MAX_DEPTH;
 pub use crate::splat::cpu::blend::WHOLE_CELL;
-pub use crate::splat::kernel::{LOW_PASS, REACH};
+pub use crate::splat::kernel::{LOW_PASS, REACH, narrowest_sigma};
 pub use crate::splat::setup::FrameSetup;
 pub use crate::splat::supersample::supersampled;
+pub use crate::splat::view::{Affine, PixelMap};
 pub use crate::text::{open_regular, read_text};
 
 /// The two stages of the processor's renderer, for studies that feed them with voxels from other data structures.

@@ -7,7 +7,7 @@ use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Lane, LaneSet};
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::composite::Table;
+use adjsplat::internals::scatter::Table;
 use adjsplat::splat::{Scene, Settings};
 use adjsplat::traverse::{Batch, Order, walk};
 use adjsplat::volume::Axis;

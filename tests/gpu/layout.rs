@@ -4,11 +4,11 @@ use std::mem::{offset_of, size_of};
 
 use super::twin;
 use adjsplat::arena::TileRecord;
+use adjsplat::internals::LOW_PASS;
 use adjsplat::internals::gpu_stages::SHADERS;
 use adjsplat::internals::gpu_stages::{
     AffineRow, BATCH, Chunk, FrameUniform, LINES, LineBlock, NO_RECORD, NOTHING, Splat, TILE, VisitedVoxel,
 };
-use adjsplat::splat::kernel::LOW_PASS;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, Expression, Literal, Module, TypeInner};
 

@@ -10,7 +10,7 @@
 const ROUND: f32 = 12_582_912.0;
 
 /// An optical depth times this factor is in units of ln 2: log2(e).
-pub const LOG2_E: f32 = std::f32::consts::LOG2_E;
+pub(crate) const LOG2_E: f32 = std::f32::consts::LOG2_E;
 
 /// Returns `2^-x` for `x` in -125..=125; relative error at most 2e-7.
 #[inline(always)]

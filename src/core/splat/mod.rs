@@ -8,17 +8,17 @@
 //! ```
 
 pub(crate) mod arith;
-pub mod camera;
-pub mod composite;
+pub(crate) mod camera;
+pub(crate) mod composite;
 pub mod cpu;
 pub(crate) mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
-pub mod kernel;
+pub(crate) mod kernel;
 pub(crate) mod setup;
 pub(crate) mod shade;
 pub(crate) mod supersample;
-pub mod view;
+pub(crate) mod view;
 
 use std::fmt::Display;
 
@@ -31,12 +31,12 @@ use crate::error::{Error, Result};
 use crate::traverse::{Order, Sense, SplitForm, VoxelBox};
 use crate::volume::Axis;
 
-pub use camera::{Camera, Orbit, Projection, Surround, Up};
+pub use camera::{Camera, Orbit, Projection, Surround, ToCamera, Up, WorldFrame};
 pub use composite::{Blending, Mode};
 pub use frame::Frame;
 pub use kernel::{KernelShape, Quality};
 pub use shade::Lighting;
-pub use view::View;
+pub use view::{MAX_SIZE, View};
 
 /// A source of the voxels of a scene, as lanes (a lane is all scan lines along one axis).
 pub trait Lanes: Sync {

@@ -24,10 +24,10 @@ use super::weight::layer_weights;
 use super::{Culling, CullingObserver, CullingStage, report_step};
 use adjsplat::arena::Lane;
 use adjsplat::error::{Error, Result};
-use adjsplat::internals::LOG2_E;
+use adjsplat::internals::MAX_DEPTH;
 use adjsplat::internals::RecordSet;
-use adjsplat::splat::camera::WorldFrame;
-use adjsplat::splat::composite::{MAX_DEPTH, Table};
+use adjsplat::internals::scatter::Table;
+use adjsplat::splat::WorldFrame;
 use adjsplat::splat::{KernelShape, Quality, Scene, Settings};
 use adjsplat::traverse::{AxisOrder, Batch, Order, walk};
 use adjsplat::volume::Axis;
@@ -149,7 +149,7 @@ impl March<'_> {
                     open.insert(record);
                 }
                 let look = self.table.look(self.lane.value_code(record), self.lane.magnitude_code(record));
-                layers.tau[cell] = (f64::from(look[3]) / f64::from(LOG2_E)).min(most) as f32;
+                layers.tau[cell] = (f64::from(look[3]) / f64::from(std::f32::consts::LOG2_E)).min(most) as f32;
             }
         });
         Ok(())

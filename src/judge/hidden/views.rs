@@ -10,9 +10,8 @@ use glam::DVec3;
 use super::CLEARANCE;
 use adjsplat::arena::layout::Facts;
 use adjsplat::error::Result;
-use adjsplat::splat::camera::WorldFrame;
-use adjsplat::splat::view::MAX_SIZE;
 use adjsplat::splat::{Camera, KernelShape, Projection, Quality, Surround};
+use adjsplat::splat::{MAX_SIZE, WorldFrame};
 
 /// The distance between the closest voxels, in pixels. Footprints of every kernel are then larger than the low-pass
 /// filter, which would make more voxels show, yet small enough to be drawn fast.

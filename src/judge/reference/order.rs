@@ -3,8 +3,8 @@
 //! In: voxels and a view. Out: the indices of the voxels, nearest first.
 
 use super::voxels::ReferenceVoxel;
+use adjsplat::internals::PixelMap;
 use adjsplat::splat::View;
-use adjsplat::splat::view::PixelMap;
 use adjsplat::traverse::Viewpoint;
 
 /// The order in which splats are composited.

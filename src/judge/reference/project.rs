@@ -8,9 +8,7 @@
 //!
 //! Source: Zwicker et al., "EWA Volume Splatting", 2001.
 
-use adjsplat::splat::composite::MAX_DEPTH;
-use adjsplat::splat::kernel::LOW_PASS;
-use adjsplat::splat::view::{Affine, PixelMap};
+use adjsplat::internals::{Affine, LOW_PASS, MAX_DEPTH, PixelMap};
 use adjsplat::splat::{Blending, Mode, View};
 
 use super::light::ReferenceLights;

@@ -20,8 +20,8 @@ use super::light::ReferenceLights;
 use super::picture::ReferencePicture;
 use super::voxels::VisibleVoxels;
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::camera::WorldFrame;
-use adjsplat::splat::view::PixelMap;
+use adjsplat::internals::PixelMap;
+use adjsplat::splat::WorldFrame;
 use adjsplat::splat::{Camera, Lighting, Quality, View};
 
 /// The number of voxels along an edge of a cell (a cube of voxels).

@@ -7,7 +7,7 @@
 
 use adjsplat::classify::{TransferFunction, gradient};
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::composite::MAX_DEPTH;
+use adjsplat::internals::MAX_DEPTH;
 use adjsplat::volume::{Grid, Header, SlabSource};
 
 use super::slices::{GradientField, for_each_slice};

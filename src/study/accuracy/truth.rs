@@ -5,8 +5,7 @@
 
 use super::view::JudgedView;
 use adjsplat::error::Result;
-use adjsplat::splat::kernel::{LOW_PASS, narrowest_sigma};
-use adjsplat::splat::view::PixelMap;
+use adjsplat::internals::{LOW_PASS, PixelMap, narrowest_sigma};
 use adjsplat::splat::{Frame, Quality, View};
 use adjsplat_judge::reference::{Judge, JudgeSettings, ReferencePicture};
 

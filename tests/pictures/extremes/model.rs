@@ -3,7 +3,7 @@
 use adjsplat::arena::Record;
 use adjsplat::build::Built;
 use adjsplat::classify::TransferFunction;
-use adjsplat::splat::view::PixelMap;
+use adjsplat::internals::PixelMap;
 use adjsplat::splat::{Camera, Code, Frame, Projection, Settings, Stats, View, cpu};
 use adjsplat::volume::Grid;
 use adjsplat_tests::pictures::{alphas, bits};
