@@ -64,7 +64,7 @@ fn bench(criterion: &mut Criterion, phantom: &Phantom, sample_type: SampleType, 
     }
 
     let mut group = criterion.benchmark_group(format!("build {} {edge}^3 {}", phantom.name(), sample_type.name()));
-    group.throughput(Throughput::Elements(volume.grid().len()));
+    group.throughput(Throughput::Elements(volume.grid().points()));
     group.sample_size(10).warm_up_time(Duration::from_millis(500)).measurement_time(Duration::from_secs(2));
     let mut slice = volume.slices().header().new_slice().expect("memory for a slice");
     group.bench_function("copy", |bencher| {

@@ -31,15 +31,15 @@ use adjsplat::volume::{Header, SlabSource};
 /// vessels, noise or corners.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  adj build engine.nii.gz --range 60.. -o engine.adj\n  adj build ct.raw --dims 512x512x300 --type i16le --spacing 0.7x0.7x1 --tf ct-bone -o ct.adj\n  adj build frog.mhd --labels frog -o frog.adj\n  adj build dicom-folder --tf ct-bone -o ct.adj\n  adj build brain.ome.zarr --level 2 --volume 1 --range 300.. -o brain.adj\n  adj build phantom:gyroid --dims 512x512x512 -o gyroid.adj"
+    after_help = "Examples:\n  adj build engine.nii.gz --range 60.. -o engine.adj\n  adj build ct.raw --dims 512x512x300 --type i16le --spacing 0.7x0.7x1 --tf ct-bone -o ct.adj\n  adj build frog.mhd --labels frog                   (writes frog.adj)\n  adj build dicom-folder --tf ct-bone -o ct.adj\n  adj build brain.ome.zarr --level 2 --volume 1 --range 300.. -o brain.adj\n  adj build phantom:gyroid --dims 512x512x512 -o gyroid.adj"
 )]
 pub(super) struct Arguments {
     /// The volume: a file, a folder of slices, or phantom:NAME
     #[arg(value_name = "IN")]
     input: PathBuf,
-    /// The .adj file to write
+    /// The .adj file to write; by default it lies beside the volume and has its name
     #[arg(short, long, value_name = "OUT.adj")]
-    output: PathBuf,
+    output: Option<PathBuf>,
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
@@ -113,12 +113,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let transfer = arguments.classification.required(&arguments.input)?;
     let options = arguments.packing.options(transfer);
     let culling = arguments.culling.culling(memory, threads)?;
-    check_output(&arguments.output, &arguments.input)?;
+    let path = &arguments.output()?;
+    check_output(path, &arguments.input)?;
     let header = source.header().clone();
-    let folder = Some(scratch_folder(&arguments.output)?);
+    let folder = Some(scratch_folder(path)?);
     let resources = Resources { memory: Some(memory), threads, folder };
     let budget = Budget::new(&header, &options, &resources, source.buffer_bytes())?;
-    if !arguments.quiet && (arguments.resources.memory_given() || budget.may_spill(header.grid.len())) {
+    if !arguments.quiet && (arguments.resources.memory_given() || budget.may_spill(header.grid.points())) {
         say_need(&budget, &header);
     }
     let visible = classify_with_warnings(&mut *source, &options, &resources, arguments.quiet)?;
@@ -132,24 +133,48 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     };
     let progress = || Progress::new(arguments.quiet);
     let (written, culled) = match culling {
-        None => (write_rows(&arguments.output, &visible.rows, &output, &mut progress())?, None),
+        None => (write_rows(path, &visible.rows, &output, &mut progress())?, None),
         Some(culling) => {
-            let folder = scratch_folder(&arguments.output)?;
+            let folder = scratch_folder(path)?;
             let whole = open_rows(&folder, &visible.rows, &output, &mut progress())?;
             // Their memory is needed for finding hidden voxels.
             drop(visible.rows);
-            let culled = cull(&whole, &arguments.output, &culling, arguments.quiet)?;
+            let culled = cull(&whole, path, &culling, arguments.quiet)?;
             ((culled.facts.clone(), culled.bytes), Some(culled))
         }
     };
-    report(arguments, &header, &visible.samples, written, culled.as_ref(), start.elapsed().as_secs_f64());
+    report(arguments, path, &header, &visible.samples, written, culled.as_ref(), start.elapsed().as_secs_f64());
     Ok(Answer::Yes)
+}
+
+impl Arguments {
+    /// Returns the file to write: `brain.adj` for `brain.nii.gz`, `brain.ome.zarr` or a folder `brain`.
+    fn output(&self) -> Result<PathBuf> {
+        if let Some(output) = &self.output {
+            return Ok(output.clone());
+        }
+        let text = self.input.to_str().unwrap_or_default();
+        let mut input = text.strip_prefix("phantom:").map_or(self.input.clone(), PathBuf::from);
+        let ends_in = |path: &Path, endings: &[&str]| {
+            path.extension().is_some_and(|found| endings.iter().any(|ending| found.eq_ignore_ascii_case(ending)))
+        };
+        if !input.is_dir() || ends_in(&input, &["zarr"]) {
+            input.set_extension("");
+            if ends_in(&input, &["nii", "ome"]) {
+                input.set_extension("");
+            }
+        }
+        let mut name =
+            input.file_name().ok_or_else(|| Error::input("--output", "must be given for this input"))?.to_owned();
+        name.push(".adj");
+        Ok(input.with_file_name(name))
+    }
 }
 
 /// Prints what memory and disk the build will take, before it starts.
 fn say_need(budget: &Budget, header: &Header) {
     let memory = HumanBytes(budget.need);
-    let voxels = header.grid.len();
+    let voxels = header.grid.points();
     let most = HumanBytes(voxels.saturating_mul(budget.spill_bytes_per_voxel));
     let disk = if budget.may_spill(voxels) {
         let per_voxel = budget.spill_bytes_per_voxel;
@@ -209,14 +234,15 @@ pub(super) fn check_replaceable(output: &Path) -> Result<()> {
 
 fn report(
     arguments: &Arguments,
+    path: &Path,
     header: &Header,
     findings: &SampleSummary,
     (facts, bytes): (Facts, u64),
     culled: Option<&Culled>,
     seconds: f64,
 ) {
-    let (path, visible) = (&arguments.output, facts.visible_voxels);
-    let samples = header.grid.len();
+    let visible = facts.visible_voxels;
+    let samples = header.grid.points();
     let per_voxel = bytes as f64 / visible as f64;
     if arguments.json {
         let mut result = json!({

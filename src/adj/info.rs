@@ -90,7 +90,7 @@ fn of_arena(path: &Path) -> Result<Value> {
         "origin": facts.grid.origin,
         "direction": facts.grid.direction,
         "visible_voxels": visible,
-        "visible_share": visible as f64 / facts.grid.len() as f64,
+        "visible_share": visible as f64 / facts.grid.points() as f64,
         "stepping_voxels": arena.lanes().map(|lane| lane.stepping_voxels()).sum::<u64>(),
         "lanes": lanes,
         "sections": sections,

@@ -4,12 +4,12 @@ use std::path::Path;
 
 use clap::Args;
 
-use super::values::{choice, library};
+use super::values::{Choice, choice, library};
 use super::{print_note, starts_as_adj};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::phantom::Phantom;
-use adjsplat::volume::{SampleType, SlabSource};
-use adjsplat_readers::{Endian, OpenOptions, RawOptions, UnscaledSource, open, parse_dims, parse_type};
+use adjsplat::volume::{Axis, Grid, SampleType, SlabSource};
+use adjsplat_readers::{AdjustedSource, Endian, OpenOptions, RawOptions, open, parse_dims, parse_type};
 
 /// The flags for what a volume's file does not say itself.
 #[derive(Debug, Args)]
@@ -43,6 +43,9 @@ pub(super) struct InputArguments {
     /// Keep voxels as stored: do not apply the file's slope and intercept
     #[arg(long)]
     unscaled: bool,
+    /// Axes that run the other way than the file says, with commas between: z mirrors the volume from top to bottom
+    #[arg(long, value_name = "AXES", value_delimiter = ',', value_parser = choice(AXES))]
+    flip: Vec<Axis>,
 }
 
 impl InputArguments {
@@ -58,12 +61,27 @@ impl InputArguments {
             ("--level", self.level != 0),
             ("--series", self.series.is_some()),
             ("--unscaled", self.unscaled),
+            ("--flip", !self.flip.is_empty()),
         ];
         flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
     }
 
     /// Opens `input`, a path or `phantom:NAME`. Prints the notes of the file's reader to stderr.
     pub(super) fn open(&self, input: &Path) -> Result<Box<dyn SlabSource>> {
+        let source = self.as_it_says(input)?;
+        if !self.unscaled && self.flip.is_empty() {
+            return Ok(source);
+        }
+        Ok(Box::new(AdjustedSource::new(source, |header| {
+            if self.unscaled {
+                (header.slope, header.intercept) = (1.0, 0.0);
+            }
+            self.flip.iter().for_each(|&axis| flip(&mut header.grid, axis));
+        })))
+    }
+
+    /// Opens `input` as its file describes it.
+    fn as_it_says(&self, input: &Path) -> Result<Box<dyn SlabSource>> {
         if let Some(phantom) = phantom(input)? {
             if self.level != 0 || self.series.is_some() {
                 return Err(Error::input("--level, --series", "are for OME-Zarr and DICOM; leave them out"));
@@ -89,7 +107,7 @@ impl InputArguments {
         for note in source.notes() {
             print_note(note);
         }
-        Ok(if self.unscaled { Box::new(UnscaledSource::new(source)) } else { source })
+        Ok(source)
     }
 
     /// Returns how to read a raw file; `None` if the flags for raw files are not given.
@@ -106,6 +124,19 @@ impl InputArguments {
             (Some(_), None) => Err(Error::input("--dims", "is for raw files; give --type too, such as u8")),
             (None, Some(_)) => Err(Error::input("--type", "is for raw files; give --dims too: 256x256x128")),
         }
+    }
+}
+
+/// Values of `--flip`.
+const AXES: [Choice<Axis>; 3] = [("x", Axis::X, ""), ("y", Axis::Y, ""), ("z", Axis::Z, "")];
+
+/// Turns an axis of the grid around in the world; the points as a whole stay in their place.
+fn flip(grid: &mut Grid, axis: Axis) {
+    let a = axis.index();
+    let length = grid.spacing[a] * f64::from(grid.dims[a] - 1);
+    for (origin, part) in grid.origin.iter_mut().zip(&mut grid.direction[a]) {
+        *origin += *part * length;
+        *part = -*part;
     }
 }
 

@@ -25,6 +25,7 @@ pub mod open;
 #[doc(hidden)]
 pub mod raw;
 
+mod adjusted;
 #[cfg(feature = "dicom")]
 mod dicom;
 mod file_list;
@@ -41,7 +42,6 @@ mod stream;
 #[cfg(feature = "tiff")]
 mod tiff;
 mod tokens;
-mod unscaled;
 mod vti;
 mod vti_array;
 mod vti_tags;
@@ -49,7 +49,7 @@ mod vtk;
 #[cfg(feature = "zarr")]
 mod zarr;
 
+pub use adjusted::AdjustedSource;
 pub use open::{OpenOptions, open, open_with};
 pub use raw::{RawOptions, parse_dims, parse_type};
 pub use slab::Endian;
-pub use unscaled::UnscaledSource;

@@ -127,7 +127,7 @@ pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Resu
 
 /// Checks the file's length against the dimensions; the error lists options that would fit the length.
 fn check_size(path: &Path, raw: &RawOptions, header: &Header, len: u64) -> Result<()> {
-    let need = header.grid.len() * raw.sample_type.bytes() as u64;
+    let need = header.grid.points() * raw.sample_type.bytes() as u64;
     if raw.skip.checked_add(need) == Some(len) {
         return Ok(());
     }

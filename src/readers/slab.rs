@@ -81,6 +81,8 @@ pub(super) struct SlabReader {
     file_index: usize,
     /// Whether a read failed, so that the position in the file is unknown.
     lost: bool,
+    /// What the user should know about the files.
+    notes: Vec<String>,
 }
 
 impl SlabReader {
@@ -91,7 +93,7 @@ impl SlabReader {
     /// if sizes overflow; [`Error::Input`] if the chosen volume does not exist.
     pub(super) fn open(plan: SampleFiles) -> Result<Box<dyn SlabSource>> {
         plan.header.grid.check()?;
-        let volume_samples = plan.header.grid.len();
+        let volume_samples = plan.header.grid.points();
         check_volume(plan.volume_index, plan.volume_count)?;
         let width = plan.header.sample_type.bytes() as u64;
         let first = plan.files.first().ok_or_else(|| Error::input("data files", "are none"))?;
@@ -107,11 +109,21 @@ impl SlabReader {
             return Err(Error::format(first, 0, plan.rule, expected, format!("{file_count} files")));
         }
         let file_samples = whole / file_count;
+        let mut notes = Vec::new();
         for path in &plan.files {
-            check_file(&plan, path, file_samples, width)?;
+            let surplus = check_file(&plan, path, file_samples, width)?;
+            // Many headers end the samples with a line break.
+            if surplus > 1 {
+                let (path, described) = (path.display(), described(&plan));
+                let check = "if the picture looks wrong, check dimensions and type";
+                notes.push(format!(
+                    "warning: {path}: {surplus} bytes after the samples ({described}) are not read; {check}"
+                ));
+            }
         }
+        let (stream, left) = (None, 0);
         let mut reader =
-            SlabReader { plan, file_samples, slices_read: 0, stream: None, left: 0, file_index: 0, lost: false };
+            SlabReader { plan, file_samples, slices_read: 0, stream, left, file_index: 0, lost: false, notes };
         reader.rewind()?;
         Ok(Box::new(reader))
     }
@@ -178,7 +190,7 @@ impl SlabSource for SlabReader {
     }
 
     fn rewind(&mut self) -> Result<()> {
-        let first = self.plan.volume_index * self.plan.header.grid.len();
+        let first = self.plan.volume_index * self.plan.header.grid.points();
         let file = usize::try_from(first / self.file_samples).unwrap_or(usize::MAX);
         self.lost = true;
         self.open_file(file, first % self.file_samples)?;
@@ -189,6 +201,10 @@ impl SlabSource for SlabReader {
 
     fn buffer_bytes(&self) -> u64 {
         self.stream.as_ref().map_or(0, SampleStream::buffer_bytes)
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
     }
 }
 
@@ -224,8 +240,9 @@ pub(super) fn check_volume(index: u64, count: u64) -> Result<()> {
     Err(Error::input("volume", format!("is {index}, but the file holds {count} volume{s}, counted from 0")))
 }
 
-/// Checks that the file at `path` exists and is long enough for `samples` samples of `width` bytes.
-fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Result<()> {
+/// Checks that the file at `path` exists and is long enough for `samples` samples of `width` bytes. Returns how many
+/// bytes follow them; 0 where that is unknown, as in compressed files.
+fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Result<u64> {
     let kind = std::fs::metadata(path).map_err(Error::io("open data file", path))?;
     if !kind.is_file() {
         return Err(Error::input(path.display().to_string(), "is not a regular file, but the header says it is data"));
@@ -247,6 +264,9 @@ fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Resu
                 let expected = format!("{need} bytes ({})", described(plan));
                 let got = format!("{len} bytes; check the dimensions and the type");
                 return Err(Error::format(path, need, plan.rule, expected, got));
+            }
+            if matches!(plan.start, SampleStart::At(_)) && plan.line_skip == 0 {
+                return Ok(len - need);
             }
         }
         Codec::Deflate | Codec::Array(_) => {
@@ -271,7 +291,7 @@ fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Resu
             }
         }
     }
-    Ok(())
+    Ok(0)
 }
 
 /// Describes the volume: "64 x 64 x 93 of i16", with the numbers of volumes and of files if there are several.

@@ -41,7 +41,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     })?;
     let (dims, first) = image.points(in_cells);
     let grid = image.frame(first).grid(path, "VTK grid", dims, options.spacing)?;
-    let bytes = grid.len() * sample_type.bytes() as u64;
+    let bytes = grid.points() * sample_type.bytes() as u64;
     let (codec, at) = image.packing(array, bytes)?;
     SlabReader::open(SampleFiles {
         header: plain_header(grid, sample_type, path, "VTK XML image"),

@@ -26,9 +26,9 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let frame = FileFrame { origin: parser.origin, ..FileFrame::upright(parser.spacing) };
     let grid = frame.grid(path, "VTK grid", dims, options.spacing)?;
     let points = parser.points.unwrap_or(0);
-    if points != grid.len() {
+    if points != grid.points() {
         let [x, y, z] = dims;
-        let expected = format!("{} points ({x} x {y} x {z})", grid.len());
+        let expected = format!("{} points ({x} x {y} x {z})", grid.points());
         return Err(parser.fault(array.at, "VTK POINT_DATA", expected, format!("{points}")));
     }
     SlabReader::open(SampleFiles {

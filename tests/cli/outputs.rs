@@ -109,6 +109,7 @@ fn permissions_are_those_of_any_new_file() {
             .expect("there is a shell");
         assert!(ran.status.success());
         let found = std::fs::metadata(folder.file("out.adj")).expect("it was built").permissions().mode();
+        std::fs::remove_file(folder.file("out.adj")).expect("it is ours");
         assert_eq!(found & 0o777, mode, "umask {mask}");
     }
 }
@@ -149,6 +150,55 @@ fn devices_take_the_bytes_and_stay_what_they_are() {
         .expect("there is a shell");
     assert!(ran.status.success() && ran.stderr.is_empty());
     folder.adj("verify out.adj").done();
+}
+
+#[test]
+fn without_an_output_the_file_lies_beside_the_volume_and_has_its_name() {
+    let folder = Folder::new();
+    std::fs::create_dir_all(folder.file("scans/v1.2")).expect("new");
+    folder.write("scans/brain.raw", &super::harness::RAW);
+    let flags = "--dims 4x3x2 --type u8 --range 5..";
+    let told = folder.adj(&format!("build scans/brain.raw {flags}")).done();
+    assert!(told.starts_with("scans/brain.adj: "), "{told}");
+    folder.adj("verify scans/brain.adj").done();
+    folder.adj("build phantom:shells --dims 16x16x16").done();
+    assert_eq!(folder.names(), ["scans", "shells.adj"]);
+    // Endings of two parts; the header tells whether it can be read.
+    let image = super::harness::nrrd("raw", &super::harness::RAW);
+    folder.write("a.b.nrrd", &image);
+    folder.adj("build a.b.nrrd --range 5..").done();
+    assert_eq!(folder.names(), ["a.b.adj", "a.b.nrrd", "scans", "shells.adj"]);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_named_pipe_is_refused_rather_than_waited_for() {
+    let folder = Folder::new();
+    let made = std::process::Command::new("mkfifo").arg(folder.file("pipe")).status();
+    assert!(made.expect("there is a mkfifo").success());
+    folder.adj(&format!("build {BUILD} pipe")).refused(&["pipe", "is a named pipe", "/dev/stdout"]);
+    folder.adj(&format!("build {BUILD} a.adj")).done();
+    folder.adj("render a.adj -o pipe.png --stats pipe --size 8x8").refused(&["is a named pipe"]);
+    assert_eq!(folder.names(), ["a.adj", "pipe"]);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_file_that_is_replaced_keeps_its_permissions() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = Folder::new();
+    let mode = |name: &str| std::fs::metadata(folder.file(name)).expect("it is there").permissions().mode() & 0o777;
+    folder.adj(&format!("build {BUILD} a.adj")).done();
+    let new = mode("a.adj");
+    for old in [0o640, 0o600, 0o444] {
+        std::fs::set_permissions(folder.file("a.adj"), PermissionsExt::from_mode(old)).expect("it is ours");
+        folder.adj(&format!("build {BUILD} a.adj")).done();
+        assert_eq!(mode("a.adj"), old);
+        folder.adj("trim a.adj -o a.adj --order rows").done();
+        assert_eq!(mode("a.adj"), old);
+    }
+    folder.adj(&format!("build {BUILD} b.adj")).done();
+    assert_eq!(mode("b.adj"), new, "a new file has the usual permissions");
 }
 
 /// The disk is full at the header (nothing is written in less than a page), in the middle, and at the last page. A

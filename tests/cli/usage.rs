@@ -62,8 +62,8 @@ fn no_arguments_print_the_help_and_fail() {
 #[test]
 fn wrong_flags_are_one_line_that_names_the_help() {
     let refused = |line: &str, parts: &[&str]| Folder::new().adj(line).refused(parts);
-    refused("build", &["--output <OUT.adj>", "<IN>", "see adj build --help"]);
-    refused("build x.nii", &["--output", "see adj build --help"]);
+    refused("build", &["<IN>", "see adj build --help"]);
+    refused("render x.nii", &["--output", "see adj render --help"]);
     refused("build x.nii --lane x -o a.adj", &["--lane", "'--lanes'", "see adj build --help"]);
     refused("build x.nii --lanes y -o a.adj", &["'y'", "x, xy, xyz", "see adj build --help"]);
     refused("build x.nii --order random -o a.adj", &["morton, hilbert, rows"]);

@@ -246,3 +246,51 @@ fn a_zarr_array_is_built_by_its_folder() {
     folder.write("a.zarr/0.0.0", &RAW[..9]);
     folder.build_refused("a.zarr --range 1.. -o new.adj", &["0.0.0", "intact chunk of 24 bytes", "9 bytes"]);
 }
+
+#[test]
+fn bytes_after_the_samples_are_warned_about() {
+    let folder = Folder::new();
+    let surplus = [&RAW[..], &[0; 40]].concat();
+    folder.write("a.nrrd", &nrrd("raw", &surplus));
+    let header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\ndata file: a.raw\n";
+    folder.write("b.nhdr", header.as_bytes());
+    folder.write("a.raw", &surplus);
+    let header = "NDims = 3\nDimSize = 4 3 2\nElementType = MET_UCHAR\nElementDataFile = ";
+    folder.write("c.mhd", format!("{header}a.raw\n").as_bytes());
+    folder.write("d.mha", &[format!("{header}LOCAL\n").as_bytes(), &surplus].concat());
+    let header = "# vtk DataFile Version 3.0\n\nBINARY\nDATASET STRUCTURED_POINTS\nDIMENSIONS 4 3 2\nORIGIN 0 0 0\n\
+                  SPACING 1 1 1\nPOINT_DATA 24\nSCALARS v unsigned_char 1\nLOOKUP_TABLE default\n";
+    folder.write("e.vtk", &[header.as_bytes(), &surplus].concat());
+    for name in ["a.nrrd", "b.nhdr", "c.mhd", "d.mha", "e.vtk"] {
+        let ran = folder.adj(&format!("info {name}"));
+        let told = "40 bytes after the samples (4 x 3 x 2 of u8) are not read; if the picture looks wrong, check";
+        assert!(ran.stderr.starts_with("adj: warning: ") && ran.stderr.contains(told), "{name}: {}", ran.stderr);
+        ran.done();
+    }
+    // A line break at the end is usual.
+    folder.write("e.vtk", &[header.as_bytes(), &RAW, b"\n"].concat());
+    assert_eq!(folder.adj("info e.vtk").stderr, "");
+}
+
+#[test]
+fn slices_that_run_the_other_way_can_be_flipped() {
+    let folder = Folder::new();
+    let flags = "--dims 4x3x2 --type u8 --spacing 1x1.5x2 --range 5..";
+    let mut reversed = RAW;
+    reversed.reverse();
+    folder.write("a.raw", &RAW);
+    folder.write("b.raw", &reversed);
+    folder.adj(&format!("build a.raw {flags} -o a.adj")).done();
+    folder.adj(&format!("build b.raw {flags} --flip x,y,z -o b.adj")).done();
+    let info = folder.adj("info b.adj --json").json();
+    assert_eq!(info["origin"], serde_json::json!([3.0, 3.0, 2.0]));
+    for view in ["--azimuth 20 --elevation 30", "--azimuth 200 --elevation -40 --perspective 30"] {
+        for name in ["a", "b"] {
+            folder.adj(&format!("render {name}.adj -o {name}.exr --size 60x60 --renderer cpu {view}")).done();
+        }
+        // Voxels at the same distance may come in another order.
+        folder.adj("compare a.exr b.exr --metric psnr --max-error 45").done();
+    }
+    folder.adj("render a.adj -o a.png --flip z").refused(&["--flip", "is for volumes"]);
+    folder.adj(&format!("build a.raw {flags} --flip w -o c.adj")).refused(&["'w'", "x, y, z"]);
+}

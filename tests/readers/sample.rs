@@ -93,7 +93,7 @@ pub(crate) struct Read {
 pub(crate) fn read_with(path: &Path, options: &OpenOptions) -> Result<Read> {
     let mut source = open(path, options)?;
     let header = source.header().clone();
-    let len = usize::try_from(header.grid.len()).expect("test volumes are small");
+    let len = usize::try_from(header.grid.points()).expect("test volumes are small");
     let mut samples = Samples::zeros(header.sample_type, len);
     let mut slice = header.new_slice()?;
     let slice_bytes = slice.bytes().len();

@@ -61,8 +61,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     each_set(&arguments.sets, noise, arguments.output.quiet, |subject, _| {
         let found = memory::crossing(subject)?;
         let lanes = memory::measure(subject, &[Method::Adjsplat])?;
-        ours.push([found.share, lanes[0].bytes as f64 / subject.facts.grid.len() as f64]);
-        crossings.push((found, subject.facts.grid.len() as f64));
+        ours.push([found.share, lanes[0].bytes as f64 / subject.facts.grid.points() as f64]);
+        crossings.push((found, subject.facts.grid.points() as f64));
         Ok(())
     })?;
     arguments.output.write(&report, &plot(&crossings, ours))?;

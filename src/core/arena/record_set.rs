@@ -27,13 +27,8 @@ impl RecordSet {
     }
 
     /// Returns the number of records of the lane, in the set or not.
-    pub fn len(&self) -> usize {
+    pub fn lane_records(&self) -> usize {
         self.len
-    }
-
-    /// Returns whether the lane has no records.
-    pub fn is_empty(&self) -> bool {
-        self.len == 0
     }
 
     /// Returns how many bytes a set for a lane of `len` records takes.

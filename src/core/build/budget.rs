@@ -93,7 +93,7 @@ impl Budget {
         let remaining = memory.saturating_sub(sweeps.max(assembles));
         // A growing store may briefly hold twice its bytes.
         let spill_memory = if resources.memory.is_none() { u64::MAX } else { remaining / 2 };
-        let voxels = header.grid.len();
+        let voxels = header.grid.points();
         let spilled = spill_memory.min(voxels.saturating_mul(widths.voxel() as u64)).saturating_mul(2);
         Ok(Budget {
             need: sweeps.max(assembles.min(memory)).saturating_add(spilled),

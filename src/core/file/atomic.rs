@@ -2,7 +2,8 @@
 //!
 //! A regular file is written under a temporary name in the same folder, flushed to disk and renamed. Stopping at any
 //! instant leaves the old file or the new one; `atomic_temporary.rs` removes the temporary file. A link is followed: the
-//! file that it names is replaced. A device or a pipe cannot be replaced and receives the bytes directly.
+//! file that it names is replaced, and passes its permissions on. A device or a pipe without a name (such as
+//! `/dev/stdout`) cannot be replaced and receives the bytes directly.
 
 use std::ffi::OsString;
 use std::fs::File;
@@ -21,9 +22,10 @@ const MOST_LINKS: usize = 40;
 /// the temporary files that killed runs left in the folder.
 ///
 /// # Errors
-/// [`Error::Input`] if `path` is a folder or its folder does not exist; [`Error::Io`] if no file can be created there.
+/// [`Error::Input`] if `path` is a folder or a named pipe, or its folder does not exist; [`Error::Io`] if no file can be
+/// created there.
 pub fn check_writable(path: &Path) -> Result<()> {
-    // Opening a pipe would wait for its reader.
+    // Devices are not opened: some act when they are.
     let Some(WriteTarget { folder, .. }) = WriteTarget::of(path)? else { return Ok(()) };
     remove_dead(&folder);
     // Only creating a file shows whether that is possible.
@@ -44,8 +46,8 @@ pub fn scratch_folder(path: &Path) -> Result<PathBuf> {
 /// Returns the result of `write`.
 ///
 /// # Errors
-/// [`Error::Input`] if `path` is a folder or its folder does not exist; [`Error::Io`] if the file cannot be written.
-/// After an error the temporary file is removed and an old file at `path` is unchanged.
+/// [`Error::Input`] if `path` is a folder or a named pipe, or its folder does not exist; [`Error::Io`] if the file cannot
+/// be written. After an error the temporary file is removed and an old file at `path` is unchanged.
 pub fn write_atomically<T>(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<T>) -> Result<T> {
     write_atomically_unless(&|| false, path, write)
 }
@@ -101,6 +103,10 @@ impl WriteTarget {
     fn replace<T>(self, path: &Path, write: impl FnOnce(&File) -> Result<T>) -> Result<T> {
         let WriteTarget { folder, name } = self;
         let temporary = TemporaryFile::new(&folder)?;
+        if let Ok(old) = std::fs::metadata(folder.join(&name)) {
+            let file = temporary.file.as_file();
+            file.set_permissions(old.permissions()).map_err(Error::io("set the permissions of", path))?;
+        }
         let result = write(temporary.file.as_file())?;
         temporary.file.as_file().sync_all().map_err(Error::io("write", path))?;
         temporary.rename(&folder.join(name)).map_err(Error::io("replace", path))?;
@@ -114,7 +120,15 @@ impl WriteTarget {
         let is_folder = || Error::input(path.display().to_string(), "is a folder; give a file name");
         match std::fs::metadata(path) {
             Ok(found) if found.is_dir() => return Err(is_folder()),
-            Ok(found) if !found.is_file() => return Ok(None),
+            Ok(found) if !found.is_file() => {
+                #[cfg(unix)]
+                if std::os::unix::fs::FileTypeExt::is_fifo(&found.file_type()) && path.canonicalize().is_ok() {
+                    // Opening it would wait for its reader. A shell's pipes, such as `/dev/stdout`, have no name.
+                    let why = "is a named pipe; give a file, or /dev/stdout and a pipe after the command";
+                    return Err(Error::input(path.display().to_string(), why));
+                }
+                return Ok(None);
+            }
             Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(Error::io("create", path)(error)),
             _ => {}
         }

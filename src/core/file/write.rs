@@ -123,6 +123,7 @@ fn write_rows_to(
     let mut out = SectionFile { file, path, end: 0 };
     let lanes = Axis::ALL.into_iter().take(output.lane_count.into());
     let facts = &output.facts;
+    facts.grid.check()?;
     let entries = |axis| lane_entries(facts, axis);
     let section_count = 1 + lanes.clone().flat_map(entries).flatten().count();
     out.end = (size_of::<FileHeader>() + section_count * size_of::<SectionEntry>()) as u64;

@@ -126,13 +126,8 @@ impl Grid {
     }
 
     /// Returns the number of samples in the volume; below 2^48, so it never overflows.
-    pub fn len(&self) -> u64 {
+    pub fn points(&self) -> u64 {
         self.slice_len() * u64::from(self.dims[2])
-    }
-
-    /// Returns `false`: every dimension is at least 1.
-    pub fn is_empty(&self) -> bool {
-        false
     }
 }
 

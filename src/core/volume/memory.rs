@@ -27,9 +27,9 @@ impl Volume {
     /// dimension is above 65,535.
     pub fn new<T: Sample>(dims: [u64; 3], samples: Vec<T>) -> Result<Volume> {
         let grid = Grid::new(dims, [1.0; 3])?;
-        if samples.len() as u64 != grid.len() {
+        if samples.len() as u64 != grid.points() {
             let [x, y, z] = dims;
-            let why = format!("are {}, but {x} x {y} x {z} points need {}", samples.len(), grid.len());
+            let why = format!("are {}, but {x} x {y} x {z} points need {}", samples.len(), grid.points());
             return Err(Error::input("samples", why));
         }
         let header =
@@ -43,7 +43,7 @@ impl Volume {
     /// [`Error::OutOfMemory`]; any error of reading the source.
     pub fn read(source: &mut dyn SlabSource) -> Result<Volume> {
         let header = source.header().clone();
-        let mut samples = header.samples(header.grid.len(), || "the volume".into())?;
+        let mut samples = header.samples(header.grid.points(), || "the volume".into())?;
         let mut slice = header.new_slice()?;
         let slice_bytes = slice.bytes().len();
         for part in samples.bytes_mut().chunks_exact_mut(slice_bytes) {

@@ -59,7 +59,7 @@ pub(super) fn open(path: &Path, files: Option<Vec<PathBuf>>, options: &OpenOptio
         notes.push("MONOCHROME1: low values are meant to be white; they are kept as they are stored".into());
     }
     if frames.iter().any(|frame| files[frame.file].has_lut) {
-        notes.push("the modality look-up table is not applied; samples are as stored".into());
+        notes.push("warning: the modality look-up table is not applied; samples are as stored".into());
     }
     let header = Header { grid, sample_type, slope, intercept, name: file_name(path), format: "DICOM" };
     let pixels = PixelReader::default();

@@ -124,7 +124,7 @@ pub(super) fn stack(
     notes: &mut Vec<String>,
 ) -> Result<FrameStack> {
     let [x, y] = frames[0].spacing.unwrap_or_else(|| {
-        notes.push("the files give no pixel spacing; 1 is taken (`OpenOptions::spacing` replaces it)".into());
+        notes.push("warning: the files give no pixel spacing; 1 is taken (`OpenOptions::spacing` replaces it)".into());
         [1.0, 1.0]
     });
     match frames[0].place {
@@ -149,7 +149,9 @@ fn stack_by_number(
         } else {
             "of file names"
         };
-        notes.push(format!("{first_name}: no position and orientation of slices; they are stacked in the order {how}"));
+        notes.push(format!(
+            "warning: {first_name}: no position and orientation of slices; they are stacked in the order {how}"
+        ));
     }
     let z = frames[0].depth.unwrap_or_else(|| guessed_depth(notes));
     let grid = FileFrame {
@@ -163,7 +165,9 @@ fn stack_by_number(
 }
 
 fn guessed_depth(notes: &mut Vec<String>) -> f64 {
-    notes.push("the file gives no distance between slices; 1 is taken (`OpenOptions::spacing` replaces it)".into());
+    notes.push(
+        "warning: the file gives no distance between slices; 1 is taken (`OpenOptions::spacing` replaces it)".into(),
+    );
     1.0
 }
 
@@ -277,7 +281,7 @@ fn tell_uneven(files: &[ImageFile], frames: &[DicomFrame], steps: &[f64], median
         let are = if missing == 1.0 { "slice is" } else { "slices are" };
         let places = if gaps == 1 { "between" } else { "in several places, first between" };
         notes.push(format!(
-            "{missing} {are} missing {places} {}; the rest is stacked {median} mm apart as if it were not",
+            "warning: {missing} {are} missing {places} {}; the rest is stacked {median} mm apart as if it were not",
             between(at)
         ));
     }
@@ -288,7 +292,7 @@ fn tell_uneven(files: &[ImageFile], frames: &[DicomFrame], steps: &[f64], median
             format!("{uneven} steps between slices are")
         };
         notes.push(format!(
-            "{steps_are} not the usual {median} mm, first {} mm between {}; they are stacked evenly",
+            "warning: {steps_are} not the usual {median} mm, first {} mm between {}; they are stacked evenly",
             steps[at],
             between(at)
         ));

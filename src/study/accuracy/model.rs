@@ -66,7 +66,7 @@ pub fn measure(
     mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
 ) -> Result<Vec<ErrorShare>> {
     let visible = set.judge.visible();
-    let points = visible.grid().len();
+    let points = visible.grid().points();
     if points > MOST_POINTS {
         let what = format!("grid points of {} for the ray casting reference (take a smaller edge)", set.name);
         return Err(Error::Limit { what, need: points, have: MOST_POINTS });

@@ -23,7 +23,7 @@ impl SampleVolume {
         sample: impl Fn([u32; 3]) -> f64,
     ) -> SampleVolume {
         let grid = Grid::new(dims.map(u64::from), spacing).expect("test grids are sound");
-        let mut samples = Samples::zeros(sample_type, usize::try_from(grid.len()).expect("small"));
+        let mut samples = Samples::zeros(sample_type, usize::try_from(grid.points()).expect("small"));
         let places =
             (0..dims[2]).flat_map(|z| (0..dims[1]).flat_map(move |y| (0..dims[0]).map(move |x| [x, y, z]))).map(sample);
         macro_rules! fill {
@@ -47,7 +47,7 @@ impl SampleVolume {
     /// All of `source`, which must be at its first slice.
     pub(crate) fn read(source: &mut dyn SlabSource) -> SampleVolume {
         let header = source.header().clone();
-        let mut samples = Samples::zeros(header.sample_type, usize::try_from(header.grid.len()).expect("fits"));
+        let mut samples = Samples::zeros(header.sample_type, usize::try_from(header.grid.points()).expect("fits"));
         let mut slice = header.new_slice().expect("fits");
         for z in 0..header.grid.dims[2] as usize {
             source.read_slice(&mut slice).expect("every slice is there");

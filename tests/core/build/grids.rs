@@ -146,7 +146,7 @@ fn slope_and_intercept_give_values_in_their_own_unit() {
             for (low, high) in [(middle, f64::INFINITY), (f64::NEG_INFINITY, middle)] {
                 for value_bits in [8, 16] {
                     let built = build_and_compare(&volume, &options(range(low, high)).with_value_bits(value_bits));
-                    let share = built.facts.visible_voxels as f64 / volume.header.grid.len() as f64;
+                    let share = built.facts.visible_voxels as f64 / volume.header.grid.points() as f64;
                     assert!((0.4..0.6).contains(&share), "{share}");
                 }
             }

@@ -2,8 +2,8 @@
 
 use adjsplat::arena::Lane;
 use adjsplat::classify::TransferFunction;
-use adjsplat::volume::SlabSource;
-use adjsplat_readers::UnscaledSource;
+use adjsplat::volume::{Header, SlabSource};
+use adjsplat_readers::AdjustedSource;
 use adjsplat_tests::real_volume;
 use adjsplat_tests::scenes::{at_least, built, options, volume};
 
@@ -13,7 +13,8 @@ use super::twin::compare;
 /// A real volume's samples as they are stored; `None` where they are not on this machine.
 pub(crate) fn real(file: &str) -> Option<Box<dyn SlabSource>> {
     // MANIFEST.md counts stored numbers; the MR head has a slope.
-    Some(Box::new(UnscaledSource::new(volume(&real_volume(file)?))))
+    let unscaled = |header: &mut Header| (header.slope, header.intercept) = (1.0, 0.0);
+    Some(Box::new(AdjustedSource::new(volume(&real_volume(file)?), unscaled)))
 }
 
 /// Builds one bare lane of `file` for each threshold and checks how many voxels it has.

@@ -170,10 +170,10 @@ fn grids_beyond_the_limits_are_refused() {
         }
     }
     // The largest grid has fewer than 2^48 points: what is counted of it is below 2^64.
-    assert_eq!(Grid::new([65_535; 3], [1.0; 3]).unwrap().len(), 65_535u64.pow(3));
+    assert_eq!(Grid::new([65_535; 3], [1.0; 3]).unwrap().points(), 65_535u64.pow(3));
     // More points than 32 bits count, and a voxel at each end.
     let grid = Grid::new([2_049, 2_049, 1_100], [1.0; 3]).unwrap();
-    assert!(grid.len() > u64::from(u32::MAX));
+    assert!(grid.points() > u64::from(u32::MAX));
 }
 
 /// Lines of a face in 16 bits and one more.

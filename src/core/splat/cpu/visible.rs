@@ -26,7 +26,7 @@ impl VisibleRecords<'_> {
         for k in 0..splats.count.min(BLOCK) {
             let j = usize::from(splats.kept[k]) % BLOCK;
             let Some(record) = voxels.records[j].checked_sub(self.first) else { continue };
-            if record >= self.records.len() || self.records.contains(record) {
+            if record >= self.records.lane_records() || self.records.contains(record) {
                 continue;
             }
             let ellipse = match &projector.map {

@@ -1,0 +1,41 @@
+//! Volumes whose header is corrected: another slope, another place in the world.
+
+use adjsplat::error::Result;
+use adjsplat::volume::{Header, Samples, SlabSource};
+
+/// A volume with the samples of another, and a header that differs from its header.
+pub struct AdjustedSource {
+    inner: Box<dyn SlabSource>,
+    header: Header,
+}
+
+impl AdjustedSource {
+    /// Wraps `inner`; `adjust` changes its header. Dimensions and type of samples must stay.
+    pub fn new(inner: Box<dyn SlabSource>, adjust: impl FnOnce(&mut Header)) -> AdjustedSource {
+        let mut header = inner.header().clone();
+        adjust(&mut header);
+        AdjustedSource { inner, header }
+    }
+}
+
+impl SlabSource for AdjustedSource {
+    fn header(&self) -> &Header {
+        &self.header
+    }
+
+    fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+        self.inner.read_slice(slice)
+    }
+
+    fn rewind(&mut self) -> Result<()> {
+        self.inner.rewind()
+    }
+
+    fn buffer_bytes(&self) -> u64 {
+        self.inner.buffer_bytes()
+    }
+
+    fn notes(&self) -> &[String] {
+        self.inner.notes()
+    }
+}
