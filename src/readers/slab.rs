@@ -109,18 +109,21 @@ impl SlabReader {
             return Err(Error::format(first, 0, plan.rule, expected, format!("{file_count} files")));
         }
         let file_samples = whole / file_count;
-        let mut notes = Vec::new();
+        let mut longer = Vec::new();
         for path in &plan.files {
             let surplus = check_file(&plan, path, file_samples, width)?;
             // Many headers end the samples with a line break.
             if surplus > 1 {
-                let (path, described) = (path.display(), described(&plan));
-                let check = "if the picture looks wrong, check dimensions and type";
-                notes.push(format!(
-                    "warning: {path}: {surplus} bytes after the samples ({described}) are not read; {check}"
-                ));
+                longer.push((path, surplus));
             }
         }
+        let note = longer.first().map(|(path, surplus)| {
+            let (path, described) = (path.display(), described(&plan));
+            let others = if longer.len() > 1 { format!(", alike in {} files", longer.len()) } else { String::new() };
+            let check = "if the picture looks wrong, check dimensions and type";
+            format!("warning: {path}: {surplus} bytes after the samples ({described}) are not read{others}; {check}")
+        });
+        let notes = Vec::from_iter(note);
         let (stream, left) = (None, 0);
         let mut reader =
             SlabReader { plan, file_samples, slices_read: 0, stream, left, file_index: 0, lost: false, notes };
