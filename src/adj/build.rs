@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::classification::ClassificationArguments;
 use super::cull::{CullArguments, Culled, cull};
-use super::input::InputArguments;
+use super::input::{InputArguments, phantom};
 use super::progress::Progress;
 use super::resources::{ResourceArguments, peak_rss_bytes};
 use super::values::{Choice, choice};
@@ -116,8 +116,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let path = &arguments.output()?;
     check_output(path, &arguments.input)?;
     let header = source.header().clone();
-    let folder = Some(scratch_folder(path)?);
-    let resources = Resources { memory: Some(memory), threads, folder };
+    let folder = scratch_folder(path)?;
+    let resources = Resources { memory: Some(memory), threads, folder: Some(folder.clone()) };
     let budget = Budget::new(&header, &options, &resources, source.buffer_bytes())?;
     if !arguments.quiet && (arguments.resources.memory_given() || budget.may_spill(header.grid.points())) {
         say_need(&budget, &header);
@@ -135,7 +135,6 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let (written, culled) = match culling {
         None => (write_rows(path, &visible.rows, &output, &mut progress())?, None),
         Some(culling) => {
-            let folder = scratch_folder(path)?;
             let whole = open_rows(&folder, &visible.rows, &output, &mut progress())?;
             // Their memory is needed for finding hidden voxels.
             drop(visible.rows);
@@ -153,8 +152,7 @@ impl Arguments {
         if let Some(output) = &self.output {
             return Ok(output.clone());
         }
-        let text = self.input.to_str().unwrap_or_default();
-        let mut input = text.strip_prefix("phantom:").map_or(self.input.clone(), PathBuf::from);
+        let mut input = phantom(&self.input)?.map_or(self.input.clone(), |phantom| phantom.name().into());
         let ends_in = |path: &Path, endings: &[&str]| {
             path.extension().is_some_and(|found| endings.iter().any(|ending| found.eq_ignore_ascii_case(ending)))
         };

@@ -68,7 +68,8 @@ impl RendererArguments {
             None if target == QuadFormat::Float32 => None,
             Some(CompositorName::Quads) | None => Some(Compositor::Quads(target)),
         };
-        Ok(GpuOptions::default().with_vram(self.vram.unwrap_or(GpuOptions::default().vram)).with_compositor(compositor))
+        let options = GpuOptions::default().with_compositor(compositor);
+        Ok(options.with_vram(self.vram.unwrap_or(options.vram)))
     }
 }
 
