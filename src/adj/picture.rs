@@ -6,7 +6,7 @@
 use std::io::{self, Cursor, Write};
 use std::path::Path;
 
-use exr::prelude::{Encoding, Image, Layer, LayerAttributes, SpecificChannels, WritableImage as _};
+use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage as _};
 
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
@@ -101,16 +101,14 @@ impl Picture {
     }
 
     fn write_exr(&self, out: &mut dyn Write) -> io::Result<()> {
-        let [columns, rows] = self.size.map(|side| side as usize);
-        let sample = |position: exr::prelude::Vec2<usize>, channel: usize| {
-            let at = 4 * (4 * (position.y() * columns + position.x()) + channel);
-            f32::from_le_bytes(self.bytes[at..at + 4].try_into().expect("four bytes"))
+        let channel = |(name, from): (&str, usize)| {
+            let sample = |pixel: &[u8; 16]| f32::from_le_bytes(pixel[from..from + 4].try_into().expect("four bytes"));
+            AnyChannel::new(name, FlatSamples::F32(self.bytes.as_chunks().0.iter().map(sample).collect()))
         };
-        let channels = SpecificChannels::rgba(|position: exr::prelude::Vec2<usize>| {
-            (sample(position, 0), sample(position, 1), sample(position, 2), sample(position, 3))
-        });
-        let attributes = LayerAttributes::named("adjsplat");
-        let layer = Layer::new((columns, rows), attributes, Encoding::SMALL_LOSSLESS, channels);
+        let channels = AnyChannels::sort([("R", 0), ("G", 4), ("B", 8), ("A", 12)].map(channel).into_iter().collect());
+        let size = self.size.map(|side| side as usize);
+        let layer =
+            Layer::new((size[0], size[1]), LayerAttributes::named("adjsplat"), Encoding::SMALL_LOSSLESS, channels);
         // The encoder seeks back to fill in its tables, so it writes to memory first.
         let mut file = Cursor::new(Vec::new());
         let written = Image::from_layer(layer).write().to_buffered(&mut file);

@@ -131,7 +131,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         memory: Some(memory),
         threads,
     };
-    let (facts, bytes) = write_rows(&arguments.output, &left.rows, &output, &mut Progress::new(arguments.quiet))?;
+    let (facts, bytes) = write_rows(&arguments.output, &*left.rows, &output, &mut Progress::new(arguments.quiet))?;
     report(arguments, &arena, &facts, bytes, start.elapsed().as_secs_f64());
     Ok(Answer::Yes)
 }
@@ -151,7 +151,7 @@ impl Arguments {
 }
 
 /// Warns, before the file is written, of voxels that become transparent and of gaps that a crop may show.
-fn warn<R>(arena: &Arena, options: &TrimOptions, left: &Trim<R>) {
+fn warn(arena: &Arena, options: &TrimOptions, left: &Trim) {
     if left.blurred_away > 0 {
         print_note(&format!(
             "warning: {} visible voxels turn transparent, as their values share codes with transparent ones; leave out \

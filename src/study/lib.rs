@@ -12,6 +12,7 @@
 pub const CAN_PLOT: bool = cfg!(feature = "plot");
 
 pub mod accuracy;
+pub mod any_walk;
 pub mod baselines;
 pub mod cache;
 pub mod lane_walk;

@@ -19,6 +19,16 @@ impl Trace for Untraced {
     fn write(&mut self, _: usize, _: usize, _: usize) {}
 }
 
+impl Trace for &mut dyn Trace {
+    fn read(&mut self, array: usize, offset: usize, bytes: usize) {
+        (**self).read(array, offset, bytes);
+    }
+
+    fn write(&mut self, array: usize, offset: usize, bytes: usize) {
+        (**self).write(array, offset, bytes);
+    }
+}
+
 /// An array that a walker allocates, whose number a trace uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct WalkerArray {

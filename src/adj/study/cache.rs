@@ -20,13 +20,12 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 use adjsplat::traverse::Order;
 use adjsplat_study::Subject;
-use adjsplat_study::baselines::{BuiltMethod, Method, Receiver, Viewing, Walker};
+use adjsplat_study::any_walk::AnyWalk;
+use adjsplat_study::baselines::{Method, Viewing};
 use adjsplat_study::cache::counters;
 use adjsplat_study::cache::{CacheFigures, Geometry, TraceWriter, measure};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
-use adjsplat_study::receive::VoxelSum;
 use adjsplat_study::speed::summed;
-use adjsplat_study::trace::{Trace, WalkerArray};
 
 /// Count the cache misses of every method, in a model that is the same on every machine
 #[derive(Debug, Args)]
@@ -92,35 +91,7 @@ const COUNTED_WALKS: u32 = 16;
 pub(super) struct Measured<'a> {
     pub(super) layout: String,
     pub(super) codes: Option<CodesRead>,
-    pub(super) walker: Structure<'a>,
-}
-
-pub(super) enum Structure<'a> {
-    Own(OwnWalk<'a>),
-    Other(BuiltMethod<'a>),
-}
-
-impl Walker for Structure<'_> {
-    fn method(&self) -> &'static str {
-        match self {
-            Structure::Own(walker) => walker.method(),
-            Structure::Other(walker) => walker.method(),
-        }
-    }
-
-    fn arrays(&self) -> Vec<WalkerArray> {
-        match self {
-            Structure::Own(walker) => walker.arrays(),
-            Structure::Other(walker) => walker.arrays(),
-        }
-    }
-
-    fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
-        match self {
-            Structure::Own(walker) => walker.walk(viewing, receiver, trace),
-            Structure::Other(walker) => walker.walk(viewing, receiver, trace),
-        }
-    }
+    pub(super) walk: AnyWalk<'a>,
 }
 
 impl Arguments {
@@ -179,11 +150,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
                         TileOrder::Hilbert | TileOrder::Rows => format!("{}-{}", method.name(), tile_order.name()),
                     };
                     let walk = OwnWalk::new(lanes.each_ref().map(OwnedLane::view), codes);
-                    Measured { layout, codes: Some(codes), walker: Structure::Own(walk) }
+                    Measured { layout, codes: Some(codes), walk: AnyWalk::Own(walk) }
                 }
                 None => {
-                    let walker = Structure::Other(method.build(subject)?);
-                    Measured { layout: method.name().to_owned(), codes: None, walker }
+                    let walk = AnyWalk::Method(method.build(subject)?);
+                    Measured { layout: method.name().to_owned(), codes: None, walk }
                 }
             };
             study(subject, &arguments.orders.0, &geometry, &mut measured, &mut tables, &mut |done, total| {
@@ -193,8 +164,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
                 let viewing = Viewing::along(arguments.orders.0[0]);
                 write_atomically_unless(&interrupted, path, |out| {
                     let mut out = BufWriter::new(out);
-                    let mut writer = TraceWriter::new(&mut out, &measured.walker.arrays())?;
-                    measured.walker.walk(&viewing, &mut VoxelSum::default(), &mut writer);
+                    let mut writer = TraceWriter::new(&mut out, &measured.walk.arrays())?;
+                    measured.walk.traced(&viewing, &mut writer);
                     writer.finish()?;
                     std::io::Write::flush(&mut out)
                 })?;
@@ -221,7 +192,7 @@ fn study(
     let total = orders.len() as u64 + 1;
     let mut of_orders = Vec::new();
     for (index, order) in orders.iter().enumerate() {
-        let (figures, visited) = measure(&mut measured.walker, &Viewing::along(*order), geometry, false);
+        let (figures, visited) = measure(&mut measured.walk, &Viewing::along(*order), geometry, false);
         debug_assert_eq!(visited, subject.voxels.len() as u64, "{} visits each voxel once", measured.layout);
         of_orders.push((order_name(order), figures));
         if go_on(index as u64 + 1, total).is_break() {
@@ -230,7 +201,7 @@ fn study(
     }
     let first_misses = |figures: &CacheFigures| figures.levels.first().map_or(figures.touches, |level| level.all);
     let worst = (0..of_orders.len()).max_by_key(|&index| first_misses(&of_orders[index].1)).unwrap_or(0);
-    let (with_reuse, _) = measure(&mut measured.walker, &Viewing::along(orders[worst]), geometry, true);
+    let (with_reuse, _) = measure(&mut measured.walk, &Viewing::along(orders[worst]), geometry, true);
     of_orders[worst].1 = with_reuse;
     tables.add(subject, measured, &of_orders, worst);
     Ok(())

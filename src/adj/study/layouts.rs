@@ -14,14 +14,13 @@ use super::{CODES, GoOn, each_set, orders, table_of};
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::Order;
 use adjsplat_study::Subject;
-use adjsplat_study::baselines::{Viewing, Walker};
+use adjsplat_study::any_walk::AnyWalk;
+use adjsplat_study::baselines::Viewing;
 use adjsplat_study::cache::{Geometry, measure};
 use adjsplat_study::lane_walk::CodesRead;
 use adjsplat_study::layouts::{LaneLayout, LayoutWalk};
-use adjsplat_study::receive::VoxelSum;
 use adjsplat_study::report::ReportCell;
 use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
-use adjsplat_study::trace::Untraced;
 
 /// Compare other layouts of the file with ours: bytes, cache misses, time of a walk
 #[derive(Debug, Args)]
@@ -129,9 +128,9 @@ fn measure_all(
     go_on: GoOn,
 ) -> Result<Vec<LayoutFigures>> {
     let geometry = Geometry::default();
-    let mut walks: Vec<LayoutWalk> = Vec::new();
+    let mut walks: Vec<AnyWalk> = Vec::new();
     for &layout in layouts {
-        walks.push(LayoutWalk::new(subject, layout, codes)?);
+        walks.push(AnyWalk::Layout(LayoutWalk::new(subject, layout, codes)?));
     }
     let mut found: Vec<LayoutFigures> =
         walks.iter().map(|walk| LayoutFigures { bytes: walk.bytes(), ..LayoutFigures::default() }).collect();
@@ -146,9 +145,7 @@ fn measure_all(
         for _ in 0..repetitions {
             for (walk, fastest) in walks.iter_mut().zip(&mut fastest) {
                 let start = Instant::now();
-                let mut sum = VoxelSum::default();
-                walk.walk(&viewing, &mut sum, &mut Untraced);
-                black_box(sum);
+                black_box(walk.summed(&viewing));
                 *fastest = fastest.min(start.elapsed().as_secs_f64() * 1e9);
             }
         }

@@ -76,11 +76,10 @@ impl TrimOptions {
 }
 
 /// The result of [`trim`].
-#[derive(Debug)]
 #[non_exhaustive]
-pub struct Trim<R> {
+pub struct Trim<'a> {
     /// The voxels that are kept.
-    pub rows: R,
+    pub rows: Box<dyn Rows + 'a>,
     /// Contents of the new file's header.
     pub facts: Facts,
     /// The new transfer function, if one was given, completed with everything that depends on the arena.
@@ -96,11 +95,7 @@ pub struct Trim<R> {
 /// # Errors
 /// [`Error::Input`] if the crop lies outside the grid, if the transfer function needs magnitudes that are missing or
 /// dropped, if narrowing would leave labels without a code of their own, or if no voxel remains.
-pub fn trim<'a>(
-    arena: &Arena<'a>,
-    stored: Option<&TransferFunction>,
-    options: &TrimOptions,
-) -> Result<Trim<impl Rows + use<'a>>> {
+pub fn trim<'a>(arena: &Arena<'a>, stored: Option<&TransferFunction>, options: &TrimOptions) -> Result<Trim<'a>> {
     let lane = arena.lane(Axis::X).expect("by R10 every arena that opens has the lane along x");
     let old = arena.facts();
     let transfer = options.transfer.clone().map(|new| filled_in(new, stored, &lane, old)).transpose()?;
@@ -169,7 +164,7 @@ pub fn trim<'a>(
         (rows.cropped(&crop), cropped(&old.grid, &crop))
     };
     let facts = Facts { grid, channels, scales, visible_voxels, ..*old };
-    Ok(Trim { rows, facts, transfer, blurred_away })
+    Ok(Trim { rows: Box::new(rows), facts, transfer, blurred_away })
 }
 
 /// Completes a transfer function as a build does: sets its value range, voxel length and largest magnitude.

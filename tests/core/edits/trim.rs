@@ -2,7 +2,7 @@
 
 use adjsplat::Error;
 use adjsplat::arena::Record;
-use adjsplat::arena::{Arena, LaneSet, Region, Rows, TileOrder, TrimOptions, trim};
+use adjsplat::arena::{Arena, LaneSet, Region, TileOrder, TrimOptions, trim};
 use adjsplat::build::Unobserved;
 use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::file::{RowsOutput, arena_bytes, write_rows};
@@ -22,7 +22,7 @@ fn trimmed(bytes: &[u8], stored: Option<&TransferFunction>, options: &TrimOption
     let path = folder.path().join("out.adj");
     let output =
         RowsOutput { facts: left.facts.clone(), description: "{}", lane_count: lanes, memory: None, threads: 1 };
-    let (facts, _) = write_rows(&path, &left.rows, &output, &mut Unobserved).expect("writes");
+    let (facts, _) = write_rows(&path, &*left.rows, &output, &mut Unobserved).expect("writes");
     assert_eq!(facts, left.facts, "the voxels were counted right");
     let bytes = std::fs::read(&path).expect("it was written");
     Arena::new(&bytes).expect("opens").check().expect("is sound");
