@@ -11,6 +11,11 @@
 /// Whether this build can draw plots; that needs the feature `plot`.
 pub const CAN_PLOT: bool = cfg!(feature = "plot");
 
+use std::ops::ControlFlow;
+
+/// Receives the steps that a study has done and their total; can cancel it.
+pub type GoOn<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
+
 pub mod accuracy;
 pub mod any_walk;
 pub mod baselines;

@@ -7,7 +7,6 @@
 //! skips hidden rows.
 
 use std::hint::black_box;
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use xxhash_rust::xxh3::Xxh3;
@@ -17,6 +16,7 @@ use super::picture;
 use super::receive::{CoordinateSum, VoxelSum};
 use super::subject::Subject;
 use super::trace::Untraced;
+use crate::GoOn;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Camera, Frame, Orbit, Settings, cpu};
 use adjsplat::traverse::{Batch, walk};
@@ -61,11 +61,7 @@ pub struct Speed {
 ///
 /// # Errors
 /// Any error of building the methods and of drawing; [`Error::Interrupted`] if `go_on` cancels.
-pub fn measure(
-    subject: &Subject,
-    options: &SpeedOptions,
-    mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
-) -> Result<Vec<Speed>> {
+pub fn measure(subject: &Subject, options: &SpeedOptions, go_on: GoOn) -> Result<Vec<Speed>> {
     let mut found = Vec::new();
     let total = options.methods.len() as u64 * 2 * u64::from(options.frames);
     let mut done = 0;

@@ -5,12 +5,12 @@
 //! each order the methods take turns, so that changes of the machine's speed affect all of them.
 
 use std::hint::black_box;
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::baselines::{Method, Viewing};
 use super::speed::{summed, summed_coordinates};
 use super::subject::Subject;
+use crate::GoOn;
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::Order;
 
@@ -74,7 +74,7 @@ pub fn measure(
     stride: usize,
     repetitions: u32,
     reading: Reading,
-    mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
+    go_on: GoOn,
 ) -> Result<Vec<Walks>> {
     let mut built = methods.iter().map(|method| method.build(subject)).collect::<Result<Vec<_>>>()?;
     let mut found: Vec<Walks> = methods.iter().map(|&method| Walks { method, ns: Vec::new() }).collect();

@@ -222,7 +222,7 @@ fn cutting_open_a_file_without_hidden_voxels_is_told() {
         memory: None,
         threads: 1,
     };
-    write_rows(&folder.file("h.adj"), &left.rows, &output, &mut Unobserved).expect("writes");
+    write_rows(&folder.file("h.adj"), &*left.rows, &output, &mut Unobserved).expect("writes");
     let ran = folder.adj("trim h.adj -o b.adj --crop ..,1..,..");
     assert!(ran.code == Some(0) && ran.stderr.contains("hidden voxels"), "{}", ran.stderr);
     let ran = folder.adj("trim h.adj -o b.adj --lanes x");

@@ -14,18 +14,18 @@ use super::cache_tables::CacheTables;
 use super::orders::{Orders, name as order_name, parse as parse_orders};
 use super::output::{OutputArguments, check_plots, write_plots};
 use super::sets::SetArguments;
-use super::{CODES, GoOn, MethodArguments, each_set};
+use super::{CODES, MethodArguments, each_set};
 use adjsplat::arena::{OwnedLane, TileOrder};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 use adjsplat::traverse::Order;
-use adjsplat_study::Subject;
 use adjsplat_study::any_walk::AnyWalk;
 use adjsplat_study::baselines::{Method, Viewing};
 use adjsplat_study::cache::counters;
 use adjsplat_study::cache::{CacheFigures, Geometry, TraceWriter, measure};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};
 use adjsplat_study::speed::summed;
+use adjsplat_study::{GoOn, Subject};
 
 /// Count the cache misses of every method, in a model that is the same on every machine
 #[derive(Debug, Args)]

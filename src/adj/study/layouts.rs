@@ -10,10 +10,9 @@ use super::super::values::{choice, library, number};
 use super::orders::Orders;
 use super::output::OutputArguments;
 use super::sets::SetArguments;
-use super::{CODES, GoOn, each_set, orders, table_of};
+use super::{CODES, each_set, orders, table_of};
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::Order;
-use adjsplat_study::Subject;
 use adjsplat_study::any_walk::AnyWalk;
 use adjsplat_study::baselines::Viewing;
 use adjsplat_study::cache::{Geometry, measure};
@@ -21,6 +20,7 @@ use adjsplat_study::lane_walk::CodesRead;
 use adjsplat_study::layouts::{LaneLayout, LayoutWalk};
 use adjsplat_study::report::ReportCell;
 use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
+use adjsplat_study::{GoOn, Subject};
 
 /// Compare other layouts of the file with ours: bytes, cache misses, time of a walk
 #[derive(Debug, Args)]

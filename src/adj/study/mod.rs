@@ -11,7 +11,6 @@ mod sets;
 mod speed;
 mod walk;
 
-use std::ops::ControlFlow;
 
 use clap::{Args, Subcommand};
 
@@ -20,10 +19,10 @@ use super::Answer;
 use super::progress::{Progress, interrupted};
 use super::values::{Choice, choice};
 use adjsplat::error::{Error, Result};
-use adjsplat_study::Subject;
 use adjsplat_study::baselines::Method;
 use adjsplat_study::lane_walk::CodesRead;
 use adjsplat_study::report::Report;
+use adjsplat_study::{GoOn, Subject};
 
 /// Measure this file format against the paper's and others: speed, memory, cache misses and accuracy
 #[derive(Debug, Args)]
@@ -81,9 +80,6 @@ const CODES: [Choice<CodesRead>; 3] = [
     ("value", CodesRead::Values, "Also the value"),
     ("value+normal", CodesRead::ValuesAndNormals, "Also value and normal"),
 ];
-
-/// Receives the number of steps done and the total number; can stop the work.
-type GoOn<'a> = &'a mut dyn FnMut(u64, u64) -> ControlFlow<()>;
 
 /// Loads one set of `list` after another, calls `study` with it, and drops it; shows a progress bar.
 fn each_set(

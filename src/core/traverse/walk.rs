@@ -124,7 +124,7 @@ impl<F: FnMut(&Batch)> Visitor for F {
 ///
 /// # Panics
 /// If the lane does not run along the order's fast axis.
-pub fn walk<V: Visitor + ?Sized>(lane: &Lane, order: &Order, visitor: &mut V) {
+pub fn walk(lane: &Lane, order: &Order, visitor: &mut dyn Visitor) {
     let mut decoder = Decoder::new(lane, order.along[order.fast.index()]);
     // Number of records that may still be visited: limits the work that a damaged file can cause.
     let mut budget = lane.record_count();

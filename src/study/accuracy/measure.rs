@@ -1,7 +1,6 @@
 //! Measures the error and the time of every candidate in every view.
 
 use std::hint::black_box;
-use std::ops::ControlFlow;
 use std::sync::Mutex;
 use std::time::Instant;
 
@@ -10,6 +9,7 @@ use super::candidate::{Candidate, Drawer};
 use super::front::front;
 use super::truth::truth;
 use super::view::JudgedView;
+use crate::GoOn;
 use crate::baselines::{BuiltMethod, Octree};
 use crate::picture;
 use adjsplat::error::{Error, Result};
@@ -78,7 +78,7 @@ pub fn measure(
     views: &[JudgedView],
     candidates: &[Candidate],
     effort: Effort,
-    mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
+    go_on: GoOn,
 ) -> Result<Vec<Outcome>> {
     let octree = match set.subject {
         Some(subject) if candidates.iter().any(|candidate| matches!(candidate.drawer, Drawer::Octree(_))) => {

@@ -7,10 +7,9 @@
 //! 3. Splats in nested order and the renderer's picture: the error of its codes, cut-off, termination, sampling,
 //!    precision.
 
-use std::ops::ControlFlow;
-
 use super::view::JudgedView;
 use super::{Candidate, JudgedSet};
+use crate::GoOn;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Frame, Quality, View, cpu};
 use adjsplat_judge::metrics::{Metrics, compare};
@@ -63,7 +62,7 @@ pub fn measure(
     views: &[JudgedView],
     candidates: &[Candidate],
     threads: usize,
-    mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
+    go_on: GoOn,
 ) -> Result<Vec<ErrorShare>> {
     let visible = set.judge.visible();
     let points = visible.grid().points();

@@ -7,10 +7,9 @@
 //!
 //! Source: Radl et al., "StopThePop", 2024. Departs from it in the sorted reference, which replaces optical flow.
 
-use std::ops::ControlFlow;
-
 use super::JudgedSet;
 use super::candidate::Candidate;
+use crate::GoOn;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Camera, Frame, Orbit, Projection, Quality, Surround, View, cpu};
 use adjsplat::traverse;
@@ -61,12 +60,7 @@ pub struct Popping {
 ///
 /// # Errors
 /// Any error of drawing; [`Error::Interrupted`] if `go_on` cancels.
-pub fn measure(
-    set: &JudgedSet,
-    presets: &[Candidate],
-    threads: usize,
-    mut go_on: impl FnMut(u64, u64) -> ControlFlow<()>,
-) -> Result<Vec<Popping>> {
+pub fn measure(set: &JudgedSet, presets: &[Candidate], threads: usize, go_on: GoOn) -> Result<Vec<Popping>> {
     let visible = set.judge.visible();
     let (grid, Some((low, high))) = (visible.grid(), visible.bounds()) else { return Ok(Vec::new()) };
     let turn = Turn::new(grid, Surround::of_voxels(grid, low, high))?;

@@ -35,7 +35,7 @@ impl<'a> OwnWalk<'a> {
     }
 
     /// Walks in `order` and calls `visit` with each batch of voxels.
-    pub fn walk_batches<T: Trace>(&self, order: &Order, trace: &mut T, visit: &mut impl FnMut(&Batch)) {
+    pub fn walk_batches<T: Trace>(&self, order: &Order, trace: &mut T, visit: &mut dyn FnMut(&Batch)) {
         let mut whole = |visited: &VisitedBlock| {
             if visited.block.start == 0 {
                 visit(visited.batch);

@@ -51,7 +51,7 @@ pub(crate) fn traced_walk<S: LaneStore, T: Trace>(
     codes: CodesRead,
     sizes: ScratchSizes,
     trace: &mut T,
-    visit: &mut impl FnMut(&VisitedBlock),
+    visit: &mut dyn FnMut(&VisitedBlock),
 ) {
     assert_eq!(store.axis(), order.fast, "a walk needs the lane along its fast axis");
     TracedWalk::new(store, *order, codes, sizes, trace).slices(visit);
@@ -145,7 +145,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
     }
 
     /// Visits every slice that has lines, in the order of the slow axis.
-    fn slices(&mut self, visit: &mut impl FnMut(&VisitedBlock)) {
+    fn slices(&mut self, visit: &mut dyn FnMut(&VisitedBlock)) {
         let count = self.find_slices();
         let numbers = self.slices.items()[..count].to_vec();
         let along = |axis: Axis| self.order.along[axis.index()];
@@ -236,7 +236,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         is_two_sided: bool,
         base: u64,
         slow: u16,
-        visit: &mut impl FnMut(&VisitedBlock),
+        visit: &mut dyn FnMut(&VisitedBlock),
     ) {
         let list = if is_two_sided { &self.two_sided } else { &self.lines };
         let (store, trace) = (self.store, &mut *self.trace);
@@ -278,7 +278,7 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
     }
 
     /// Reads the batch's voxels in `range` as the renderer's first stage does, and calls `visit` block by block.
-    fn hand_over(&mut self, range: Range<usize>, base: u64, slow: u16, visit: &mut impl FnMut(&VisitedBlock)) {
+    fn hand_over(&mut self, range: Range<usize>, base: u64, slow: u16, visit: &mut dyn FnMut(&VisitedBlock)) {
         let TracedBatch { medium, fast, record } = &self.batch;
         let items = (&medium.items()[range.clone()], &fast.items()[range.clone()], &record.items()[range.clone()]);
         let batch = Batch { slow, medium: items.0, fast: items.1, record: items.2, base };

@@ -10,12 +10,12 @@ use super::super::classification::ClassificationArguments;
 use super::super::progress::{Progress, interrupted};
 use super::super::values::{Choice, choice, number};
 use super::super::{Answer, starts_as_adj};
-use super::GoOn;
 use super::output::OutputArguments;
 use super::sets::{Set, SetArguments, SetChoice, SetInput, SetVolume};
 use adjsplat::arena::LaneSet;
 use adjsplat::error::{Error, Result};
 use adjsplat_judge::reference::Judge;
+use adjsplat_study::GoOn;
 use adjsplat_study::accuracy::{Family, JudgedSet, StoredFile};
 
 /// Measure what each setting of the renderer saves in time and costs in error, against a reference in double precision
