@@ -169,7 +169,8 @@ fn tiles_by_row(lane: &Lane) -> Vec<u32> {
     };
     let sound = (0u32..).zip(lane.tiles).filter(|(_, tile)| is_sound(tile));
     let mut tiles: Vec<u32> = sound.map(|(index, _)| index).collect();
-    tiles.sort_by_key(|&index| row_position(lane, index));
+    // Of two tiles at one place the first stays.
+    tiles.sort_unstable_by_key(|&index| (row_position(lane, index), index));
     tiles.dedup_by_key(|&mut index| row_position(lane, index));
     tiles
 }

@@ -147,7 +147,7 @@ impl TryFrom<TransferDocument> for TransferFunction {
             },
             KindName::Labels => {
                 let mut labels = document.labels.ok_or_else(|| missing("labels"))?;
-                labels.sort_by_key(|label| label.label);
+                labels.sort_unstable_by_key(|label| label.label);
                 TransferKind::Labels { labels, others: document.others.unwrap_or_default() }
             }
         };

@@ -92,7 +92,7 @@ impl TransferFunction {
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if a label occurs twice or an opacity is not from 0 to 1.
     pub fn labels(mut labels: Vec<Label>, others: UnlistedLabels) -> Result<TransferFunction> {
-        labels.sort_by_key(|label| label.label);
+        labels.sort_unstable_by_key(|label| label.label);
         TransferFunction::of(TransferKind::Labels { labels, others })
     }
 

@@ -172,7 +172,7 @@ fn single_voxels(dims: [u32; 3], mut places: Vec<[u32; 3]>) -> Result<Field> {
         let why = format!("is outside the grid of {} x {} x {} points", dims[0], dims[1], dims[2]);
         return Err(Error::input(format!("voxel {outside:?}"), why));
     }
-    places.sort_by_key(|[x, y, z]| [*z, *y, *x]);
+    places.sort_unstable_by_key(|[x, y, z]| [*z, *y, *x]);
     Ok(Box::new(move |y, z, row| {
         row.fill(0.0);
         let start = places.partition_point(|place| [place[2], place[1]] < [z, y]);
