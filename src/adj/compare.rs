@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use serde_json::{Value, json};
 
-use super::picture::{Picture, PictureKind, SampleDepth};
 use super::progress::interrupted;
-use super::read_picture::read_picture;
 use super::values::{Background, background};
 use super::{Answer, is_same_file, print_result};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 use adjsplat_judge::metrics::{HeatMap, Metrics, compare};
+use adjsplat_pictures::read_picture;
+use adjsplat_pictures::{Picture, PictureKind, SampleDepth};
 
 /// Measure how much two pictures differ: PSNR, SSIM, FLIP, largest and root mean square error
 ///

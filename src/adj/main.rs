@@ -19,10 +19,8 @@ mod input;
 mod memory_shares;
 #[cfg(feature = "gpu")]
 mod on_device;
-mod picture;
 mod progress;
 mod raw;
-mod read_picture;
 mod render;
 mod renderer;
 mod resources;

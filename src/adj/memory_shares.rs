@@ -9,7 +9,6 @@
 
 use indicatif::HumanBytes;
 
-use super::picture::{PictureKind, SampleDepth};
 use super::resources::resident_bytes;
 use adjsplat::arena::{Arena, Lane, LaneSet};
 use adjsplat::error::{Error, Result};
@@ -19,6 +18,7 @@ use adjsplat::splat::cpu::Canvas;
 use adjsplat::splat::{Blending, Camera, Lanes, Sampling, Settings};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::Axis;
+use adjsplat_pictures::{PictureKind, SampleDepth};
 
 /// Memory that the program takes before it draws: code, stacks, the allocator's slack. Measured: 7 to 10 MiB.
 const BASE: u64 = 14 << 20;

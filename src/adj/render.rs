@@ -19,7 +19,6 @@ use super::classification::ClassificationArguments;
 use super::info::is_adj;
 use super::input::InputArguments;
 use super::memory_shares::{BoundedLanes, MemoryShares};
-use super::picture::PictureKind;
 use super::progress::{Progress, interrupted};
 use super::renderer::{RendererArguments, needs_volume};
 use super::resources::processors;
@@ -37,6 +36,7 @@ use adjsplat::limits::Limits;
 use adjsplat::splat::{Camera, Scene, Settings};
 use adjsplat_judge::dial;
 use adjsplat_judge::reference::Judge;
+use adjsplat_pictures::PictureKind;
 
 /// Draw an .adj file or a volume: one picture, or the frames of a full turn
 #[derive(Debug, Args)]

@@ -6,7 +6,6 @@ use std::time::Instant;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
-use super::super::picture::{Picture, PictureKind, write_png};
 use super::super::progress::{Progress, interrupted};
 use super::super::renderer::{FrameStats, Renderer};
 use super::super::resources::peak_rss_bytes;
@@ -15,6 +14,7 @@ use super::RenderJob;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::write_atomically_unless;
 use adjsplat::splat::{Camera, Settings};
+use adjsplat_pictures::{Picture, PictureKind, write_png};
 
 /// Draws every frame and writes it. `measured` is the largest error that was measured, if `--max-error` is given.
 pub(super) fn draw_frames(

@@ -2,11 +2,11 @@
 
 use clap::Args;
 
-use super::super::picture::SampleDepth;
 use super::super::values::{Background, Choice, background, choice, kernel, number};
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Blending, KernelShape, Mode, Quality, Sampling, Settings};
 use adjsplat::traverse::SplitForm;
+use adjsplat_pictures::SampleDepth;
 
 /// The flags for how the picture is made.
 #[derive(Debug, Args)]

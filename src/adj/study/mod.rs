@@ -11,7 +11,6 @@ mod sets;
 mod speed;
 mod walk;
 
-
 use clap::{Args, Subcommand};
 
 use self::sets::{SetArguments, SetChoice};

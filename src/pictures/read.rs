@@ -10,7 +10,7 @@ use std::path::Path;
 
 use exr::prelude::{ReadChannels as _, ReadLayers as _};
 
-use super::picture::PictureKind;
+use crate::PictureKind;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::Frame;
 use adjsplat::splat::MAX_SIZE;
@@ -20,7 +20,7 @@ use adjsplat::splat::MAX_SIZE;
 /// # Errors
 /// [`Error::Io`] if it cannot be opened; [`Error::Input`] if it is no picture of that format; [`Error::Limit`] if a
 /// side is above [`MAX_SIZE`] or the memory cannot be had.
-pub(super) fn read_picture(path: &Path) -> Result<Frame> {
+pub fn read_picture(path: &Path) -> Result<Frame> {
     match PictureKind::of(path)? {
         PictureKind::Png | PictureKind::Apng => read_png(path),
         PictureKind::Exr => read_exr(path),

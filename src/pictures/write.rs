@@ -13,15 +13,21 @@ use adjsplat::splat::Frame;
 
 /// Format of a picture file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum PictureKind {
+pub enum PictureKind {
+    /// PNG: sRGB, not premultiplied.
     Png,
+    /// Animated PNG, which repeats for ever.
     Apng,
+    /// OpenEXR: linear, premultiplied, 32-bit float.
     Exr,
 }
 
 impl PictureKind {
     /// Returns the format that the ending of the file's name stands for.
-    pub(super) fn of(path: &Path) -> Result<PictureKind> {
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the name ends in none of .png, .apng and .exr.
+    pub fn of(path: &Path) -> Result<PictureKind> {
         match path.extension().and_then(|extension| extension.to_str()).map(str::to_ascii_lowercase).as_deref() {
             Some("png") => Ok(PictureKind::Png),
             Some("apng") => Ok(PictureKind::Apng),
@@ -34,7 +40,7 @@ impl PictureKind {
     /// buffers.
     ///
     /// An animation is encoded at its end, one frame at a time.
-    pub(super) fn memory(self, depth: SampleDepth, pixels: u64) -> u64 {
+    pub fn memory(self, depth: SampleDepth, pixels: u64) -> u64 {
         let picture = pixels.saturating_mul(self.pixel_bytes(depth));
         // While a picture with 16-bit samples is made from a frame, memory holds the frame and the samples twice.
         let converting = pixels.saturating_mul(16).saturating_add(picture.saturating_mul(2));
@@ -42,7 +48,7 @@ impl PictureKind {
     }
 
     /// Returns the bytes of finished pictures that are kept until all are drawn, as an animation needs.
-    pub(super) fn kept(self, depth: SampleDepth, pixels: u64, frames: u32) -> u64 {
+    pub fn kept(self, depth: SampleDepth, pixels: u64, frames: u32) -> u64 {
         match self {
             PictureKind::Apng => pixels.saturating_mul(self.pixel_bytes(depth)).saturating_mul(frames.into()),
             _ => 0,
@@ -60,8 +66,10 @@ impl PictureKind {
 
 /// Bits of each sample of a PNG.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum SampleDepth {
+pub enum SampleDepth {
+    /// 8 bits.
     Eight,
+    /// 16 bits.
     Sixteen,
 }
 
@@ -69,7 +77,7 @@ pub(super) enum SampleDepth {
 const RATE: u16 = 12;
 
 /// One picture, as samples in the file's order.
-pub(super) struct Picture {
+pub struct Picture {
     size: [u32; 2],
     kind: PictureKind,
     depth: SampleDepth,
@@ -78,7 +86,8 @@ pub(super) struct Picture {
 }
 
 impl Picture {
-    pub(super) fn new(frame: &Frame, kind: PictureKind, depth: SampleDepth) -> Picture {
+    /// Converts a frame to the samples of a file; `depth` counts for PNG alone.
+    pub fn new(frame: &Frame, kind: PictureKind, depth: SampleDepth) -> Picture {
         let bytes = match (kind, depth) {
             (PictureKind::Exr, _) => frame.pixels().iter().flat_map(|sample| sample.to_le_bytes()).collect(),
             (_, SampleDepth::Eight) => frame.to_srgb8(),
@@ -88,12 +97,15 @@ impl Picture {
     }
 
     /// Returns red, green, blue and alpha of each pixel, for a checksum.
-    pub(super) fn bytes(&self) -> &[u8] {
+    pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
     /// Writes the picture as a file of its format.
-    pub(super) fn write(&self, out: &mut dyn Write) -> io::Result<()> {
+    ///
+    /// # Errors
+    /// If `out` fails.
+    pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
         match self.kind {
             PictureKind::Exr => self.write_exr(out),
             _ => write_png(out, std::slice::from_ref(self)),
@@ -118,7 +130,10 @@ impl Picture {
 }
 
 /// Writes a PNG; several pictures make an animation that repeats for ever.
-pub(super) fn write_png(out: &mut dyn Write, pictures: &[Picture]) -> io::Result<()> {
+///
+/// # Errors
+/// If `out` fails, or the pictures differ in size.
+pub fn write_png(out: &mut dyn Write, pictures: &[Picture]) -> io::Result<()> {
     let Some(first) = pictures.first() else { return Ok(()) };
     let mut encoder = png::Encoder::new(out, first.size[0], first.size[1]);
     encoder.set_color(png::ColorType::Rgba);

@@ -1,0 +1,9 @@
+//! Picture files: frames of linear premultiplied light to PNG, animated PNG and OpenEXR, and back.
+//!
+//! [`Picture`] is a frame as a file stores it; [`read_picture`] returns the frame that a file holds.
+
+mod read;
+mod write;
+
+pub use read::read_picture;
+pub use write::{Picture, PictureKind, SampleDepth, write_png};
