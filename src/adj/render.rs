@@ -13,7 +13,7 @@ use clap::Args;
 use self::frames::{draw_frames, numbered};
 use self::look::{LookArguments, chosen};
 use self::missing::shows_missing_voxels;
-use self::view::{ViewArguments, cameras, surround};
+use self::view::{ViewArguments, cameras};
 use super::build::{PackingArguments, classify_with_warnings};
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
@@ -33,7 +33,9 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{AdjFile, RowsOutput, arena_bytes, check_writable, open_rows, scratch_folder};
 use adjsplat::internals::{description, drawable};
 use adjsplat::limits::Limits;
-use adjsplat::splat::{Camera, Scene, Settings};
+use adjsplat::splat::{Camera, Outline, Scene, Settings};
+use adjsplat::traverse::VoxelBox;
+use adjsplat::volume::Axis;
 use adjsplat_judge::dial;
 use adjsplat_judge::reference::Judge;
 use adjsplat_pictures::PictureKind;
@@ -192,8 +194,14 @@ impl RenderJob<'_> {
         let judge = Judge::new(&mut *arguments.reading.open(&arguments.input)?, &transfer)?;
         let grid = judge.visible().grid().clone();
         settings.crop = arguments.view.crop.map(|crop| crop.in_grid(grid.dims)).transpose()?;
-        let around = surround(&grid, settings.crop, judge.visible().bounds());
-        let cameras = cameras(&arguments.view, around, settings.size)?;
+        let cell = |position| VoxelBox { low: position, high: position };
+        let drawn = judge
+            .visible()
+            .voxels()
+            .iter()
+            .map(|voxel| cell(voxel.position))
+            .filter(|cell| settings.crop.is_none_or(|crop| crop.meets(cell)));
+        let cameras = cameras(&arguments.view, &Outline::of_boxes(&grid, drawn), settings.size)?;
         draw_frames(self, &settings, &cameras, arguments.renderer.reference(judge)?, None, start)
     }
 }
@@ -241,6 +249,6 @@ fn draw(
 fn pictured(arguments: &Arguments, arena: &Arena, settings: &mut Settings) -> Result<Vec<Camera>> {
     let grid = &arena.facts().grid;
     settings.crop = arguments.view.crop.map(|crop| crop.in_grid(grid.dims)).transpose()?;
-    let around = surround(grid, settings.crop, arena.lanes().next().and_then(|lane| lane.bounds()));
-    cameras(&arguments.view, around, settings.size)
+    let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+    cameras(&arguments.view, &Outline::of_lane(grid, lane, settings.crop), settings.size)
 }

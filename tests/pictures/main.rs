@@ -4,6 +4,7 @@ mod base_plane;
 mod dial;
 mod extremes;
 mod finer;
+mod framing;
 mod golden;
 mod hidden;
 mod low_pass;

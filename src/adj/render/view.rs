@@ -7,9 +7,7 @@ use clap::Args;
 use super::super::values::{Crop, crop, library, number, picture_size};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::read_text;
-use adjsplat::splat::{Camera, Orbit, Surround, Up};
-use adjsplat::traverse::VoxelBox;
-use adjsplat::volume::Grid;
+use adjsplat::splat::{Camera, Orbit, Outline, Up};
 
 /// The flags for where the camera is.
 #[derive(Debug, Args)]
@@ -27,7 +25,7 @@ pub(super) struct ViewArguments {
     /// World axis that points up, and that --azimuth turns around: x, -x, y, -y, z or -z
     #[arg(long, value_name = "AXIS", default_value = "z", allow_hyphen_values = true, value_parser = library(Up::from_name))]
     up: Up,
-    /// Magnification, above 0; at 1 the whole volume fits
+    /// Magnification, above 0; at 1 what is visible fills 90 % of the picture's width or height
     #[arg(long, value_name = "FACTOR", default_value_t = 1.0, allow_hyphen_values = true)]
     zoom: f64,
     /// Draw in perspective, with this vertical angle of view (above 0, below 180); parallel by default
@@ -44,36 +42,23 @@ pub(super) struct ViewArguments {
     pub(super) crop: Option<Crop>,
 }
 
-/// Returns the box that the camera fits into the picture: the crop, or else the box of all visible voxels.
-pub(super) fn surround(grid: &Grid, crop: Option<VoxelBox>, visible: Option<([u16; 3], [u16; 3])>) -> Surround {
-    match (crop, visible) {
-        (Some(crop), _) => Surround::of_voxels(grid, crop.low, crop.high),
-        (None, Some((low, high))) => Surround::of_voxels(grid, low, high),
-        (None, None) => Surround::of_grid(grid),
-    }
-}
-
-/// Returns the camera of every frame.
-pub(super) fn cameras(view: &ViewArguments, around: Surround, size: [u32; 2]) -> Result<Vec<Camera>> {
-    (0..view.frames).map(|frame_index| camera(view, around, size, frame_index)).collect()
-}
-
-fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u32) -> Result<Camera> {
+/// Returns the camera of every frame: all frame `outline` at one scale, or are the one of `--camera`.
+pub(super) fn cameras(view: &ViewArguments, outline: &Outline, size: [u32; 2]) -> Result<Vec<Camera>> {
     if let Some(path) = &view.camera {
         if view.frames > 1 {
             return Err(Error::input("--camera", "is one view; leave out --frames, or use --azimuth and --elevation"));
         }
         let text = read_text(path)?;
-        return serde_json::from_str(&text)
-            .map_err(|fault| Error::input(path.display().to_string(), fault.to_string()));
+        let camera =
+            serde_json::from_str(&text).map_err(|fault| Error::input(path.display().to_string(), fault.to_string()))?;
+        return Ok(vec![camera]);
     }
-    let turned = 360.0 * f64::from(frame_index) / f64::from(view.frames);
-    let orbit = Orbit {
-        azimuth: view.azimuth + turned,
+    let orbit = |frame_index| Orbit {
+        azimuth: view.azimuth + 360.0 * f64::from(frame_index) / f64::from(view.frames),
         elevation: view.elevation,
         zoom: view.zoom,
         fov: view.perspective,
         up: view.up,
     };
-    Camera::orbiting(orbit, around, size)
+    Camera::framing(&(0..view.frames).map(orbit).collect::<Vec<_>>(), outline, size)
 }

@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::file::{AdjFile, write_atomically};
 use crate::limits::Limits;
 use crate::splat::camera::ToCamera;
-use crate::splat::{Camera, Frame, Lanes, Scene, Settings, Stats, Surround, cpu};
+use crate::splat::{Camera, Frame, Lanes, Outline, Scene, Settings, Stats, cpu};
 use crate::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, VoxelBox, walk};
 use crate::volume::{Axis, Grid};
 
@@ -174,12 +174,8 @@ impl Model {
     /// # Errors
     /// [`Error::Input`] if a number of the orbit is out of its range.
     pub fn camera(&self, camera: &impl ToCamera, settings: &Settings) -> Result<Camera> {
-        let bounds = settings.crop.map_or_else(|| self.bounds(), |crop| Ok(Some(crop)))?;
-        let around = match bounds {
-            Some(VoxelBox { low, high }) => Surround::of_voxels(self.grid(), low, high),
-            None => Surround::of_grid(self.grid()),
-        };
-        camera.to_camera(around, settings.size)
+        let lane = Lanes::lane(self, Axis::X)?;
+        camera.to_camera(&Outline::of_lane(self.grid(), lane, settings.crop), settings.size)
     }
 
     /// Returns the scene for renderers that you call directly, such as [`GpuRenderer`](crate::splat::gpu::GpuRenderer).

@@ -7,6 +7,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
+use super::outline::Outline;
 use super::{require, require_pixels, require_positive};
 use crate::error::{Error, Result};
 use crate::volume::{Axis, Grid};
@@ -87,26 +88,45 @@ impl Orbit {
     pub fn with_up(self, up: Up) -> Orbit {
         Orbit { up, ..self }
     }
+
+    /// Returns unit world vectors to the picture's right, to its top, and toward the camera.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a number of the orbit is out of its range.
+    pub(super) fn axes(&self) -> Result<[DVec3; 3]> {
+        let Orbit { azimuth, elevation, zoom, fov, up } = *self;
+        for (name, angle) in [("azimuth", azimuth), ("elevation", elevation)] {
+            require(angle.is_finite(), name, format_args!("is {angle}, but must be finite"))?;
+        }
+        require_positive(zoom, "zoom")?;
+        fov.map_or(Ok(()), |fov| require_angle(fov, "angle of view"))?;
+        let (sin_a, cos_a) = sin_cos_degrees(azimuth);
+        let (sin_e, cos_e) = sin_cos_degrees(elevation);
+        let [side, front, upright] = up.frame();
+        let outward = side * (-sin_a * cos_e) + front * (cos_a * cos_e) + upright * sin_e;
+        let up = side * (sin_a * sin_e) - front * (cos_a * sin_e) + upright * cos_e;
+        Ok([up.cross(outward), up, outward])
+    }
 }
 
-/// A [`Camera`], or an [`Orbit`], which becomes a camera once the box of visible voxels is known.
+/// A [`Camera`], or an [`Orbit`], which becomes a camera once it is known where the visible voxels are.
 pub trait ToCamera {
-    /// Returns the camera for a picture of `size` (columns, rows); an orbit turns around the sphere `around`.
+    /// Returns the camera for a picture of `size` (columns, rows); an orbit frames `outline`.
     ///
     /// # Errors
     /// [`Error::Input`] if a number is out of its range.
-    fn to_camera(&self, around: Surround, size: [u32; 2]) -> Result<Camera>;
+    fn to_camera(&self, outline: &Outline, size: [u32; 2]) -> Result<Camera>;
 }
 
 impl ToCamera for Camera {
-    fn to_camera(&self, _: Surround, _: [u32; 2]) -> Result<Camera> {
+    fn to_camera(&self, _: &Outline, _: [u32; 2]) -> Result<Camera> {
         Ok(*self)
     }
 }
 
 impl ToCamera for Orbit {
-    fn to_camera(&self, around: Surround, size: [u32; 2]) -> Result<Camera> {
-        Camera::orbiting(*self, around, size)
+    fn to_camera(&self, outline: &Outline, size: [u32; 2]) -> Result<Camera> {
+        Ok(Camera::framing(&[*self], outline, size)?[0])
     }
 }
 
@@ -262,17 +282,9 @@ impl Camera {
     /// # Errors
     /// [`Error::Input`] if a number of the orbit is out of its range or `size` is 0.
     pub fn orbiting(orbit: Orbit, around: Surround, size: [u32; 2]) -> Result<Camera> {
-        let Orbit { azimuth, elevation, zoom, fov, up } = orbit;
-        for (name, angle) in [("azimuth", azimuth), ("elevation", elevation)] {
-            require(angle.is_finite(), name, format_args!("is {angle}, but must be finite"))?;
-        }
-        require_positive(zoom, "zoom")?;
         require_pixels(size)?;
-        let (sin_a, cos_a) = sin_cos_degrees(azimuth);
-        let (sin_e, cos_e) = sin_cos_degrees(elevation);
-        let [side, front, upright] = up.frame();
-        let outward = side * (-sin_a * cos_e) + front * (cos_a * cos_e) + upright * sin_e;
-        let up = side * (sin_a * sin_e) - front * (cos_a * sin_e) + upright * cos_e;
+        let [_, up, outward] = orbit.axes()?;
+        let Orbit { zoom, fov, .. } = orbit;
         let centre = DVec3::from_array(around.centre);
         let radius = around.radius * MARGIN;
         // The sphere fits the picture's smaller side.
@@ -280,7 +292,6 @@ impl Camera {
         let (distance, projection) = match fov {
             None => (2.0 * radius, Projection::Parallel { height: 2.0 * radius * tall / zoom }),
             Some(fov) => {
-                require_angle(fov, "angle of view")?;
                 let tangent = (fov.to_radians() / 2.0).tan();
                 let distance = radius / (tangent / tall).atan().sin();
                 let zoomed = 2.0 * (tangent / zoom).atan().to_degrees();

@@ -15,6 +15,7 @@ pub(crate) mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub(crate) mod kernel;
+mod outline;
 pub(crate) mod setup;
 pub(crate) mod shade;
 pub(crate) mod supersample;
@@ -35,6 +36,7 @@ pub use camera::{Camera, Orbit, Projection, Surround, ToCamera, Up, WorldFrame};
 pub use composite::{Blending, Mode};
 pub use frame::Frame;
 pub use kernel::{KernelShape, Quality};
+pub use outline::{FILL, Outline};
 pub use shade::Lighting;
 pub use view::{MAX_SIZE, View};
 

@@ -51,8 +51,9 @@ impl VoxelBox {
         bounds
     }
 
+    /// Returns whether the boxes share a voxel.
     #[inline(always)]
-    pub(crate) fn meets(&self, other: &VoxelBox) -> bool {
+    pub fn meets(&self, other: &VoxelBox) -> bool {
         (0..3).all(|a| self.low[a] <= other.high[a] && self.high[a] >= other.low[a])
     }
 }

@@ -1,0 +1,172 @@
+//! Outlines: how far visible voxels reach in any direction, and cameras that fit them into a picture.
+//!
+//! In: the lane along x (or boxes of voxels), and orbits. Out: cameras in which what is visible fills [`FILL`] of the
+//! picture's width or height.
+
+use glam::DVec3;
+
+use super::camera::{Camera, Orbit, Projection, WorldFrame};
+use super::require_pixels;
+use crate::arena::Lane;
+use crate::arena::layout::TileRecord;
+use crate::error::Result;
+use crate::traverse::{VoxelBox, tile_bounds};
+use crate::volume::Grid;
+
+/// The share of the picture's width or height that a framed view fills at zoom 1; of the other it fills less.
+pub const FILL: f64 = 0.9;
+
+/// Most frames of a turn that are measured; the others lie between two of them, less than a degree apart.
+const MEASURED: usize = 360;
+
+/// What a camera is to fit into its picture: voxels, each with its whole cell.
+#[derive(Debug, Clone)]
+pub struct Outline<'a> {
+    frame: WorldFrame,
+    voxels: Voxels<'a>,
+    /// Only voxels in this box count.
+    within: VoxelBox,
+    /// World position of the middle of the box around all voxels.
+    centre: DVec3,
+}
+
+#[derive(Debug, Clone)]
+enum Voxels<'a> {
+    /// All voxels of these boxes.
+    Boxes(Vec<VoxelBox>),
+    /// The visible voxels of the lane along x.
+    Lane(Lane<'a>),
+}
+
+impl<'a> Outline<'a> {
+    /// Returns the outline of all voxels in `boxes`, which lie in `grid`; of the whole grid if there are none.
+    pub fn of_boxes(grid: &Grid, boxes: impl IntoIterator<Item = VoxelBox>) -> Outline<'a> {
+        let mut boxes: Vec<VoxelBox> = boxes.into_iter().collect();
+        if boxes.is_empty() {
+            boxes.push(whole(grid));
+        }
+        let around = boxes[1..].iter().fold(boxes[0], |around, part| VoxelBox {
+            low: std::array::from_fn(|a| around.low[a].min(part.low[a])),
+            high: std::array::from_fn(|a| around.high[a].max(part.high[a])),
+        });
+        Outline::new(grid, Voxels::Boxes(boxes), around)
+    }
+
+    /// Returns the outline of the visible voxels of `lane`, which runs along x; with a `crop`, of those in that box.
+    ///
+    /// If there are none, all voxels of the grid or of the crop count.
+    pub fn of_lane(grid: &Grid, lane: Lane<'a>, crop: Option<VoxelBox>) -> Outline<'a> {
+        let visible = lane.bounds().map(|(low, high)| VoxelBox { low, high });
+        let within = crop.or(visible).unwrap_or_else(|| whole(grid));
+        if visible.is_some_and(|visible| visible.meets(&within)) {
+            Outline::new(grid, Voxels::Lane(lane), within)
+        } else {
+            Outline::of_boxes(grid, [within])
+        }
+    }
+
+    fn new(grid: &Grid, voxels: Voxels<'a>, within: VoxelBox) -> Outline<'a> {
+        let frame = WorldFrame::of(grid);
+        let middle = std::array::from_fn(|a| f64::midpoint(within.low[a].into(), within.high[a].into()));
+        Outline { frame, voxels, within, centre: frame.world_from_voxel(middle) }
+    }
+
+    /// Returns how far the voxels reach from the centre along `direction`, in units of its length.
+    fn reach(&self, direction: DVec3) -> f64 {
+        let slope = self.frame.steps.map(|step| step.dot(direction));
+        let farthest = |part: &VoxelBox| {
+            (0..3).map(|a| (slope[a] * f64::from(part.low[a])).max(slope[a] * f64::from(part.high[a]))).sum::<f64>()
+        };
+        let reached = match &self.voxels {
+            Voxels::Boxes(boxes) => boxes.iter().map(farthest).fold(f64::NEG_INFINITY, f64::max),
+            Voxels::Lane(lane) => self.farthest_voxel(lane, &farthest),
+        };
+        let reached = if reached.is_finite() { reached } else { farthest(&self.within) };
+        let cell = slope.iter().map(|part| part.abs() / 2.0).sum::<f64>();
+        reached + cell + (self.frame.origin - self.centre).dot(direction)
+    }
+
+    /// Returns the largest `farthest` of a voxel. Lines are read of those tiles only whose boxes reach farther than
+    /// the voxels found so far, first of the one that reaches farthest: O(tiles).
+    fn farthest_voxel(&self, lane: &Lane, farthest: &dyn Fn(&VoxelBox) -> f64) -> f64 {
+        let bound = |tile: &TileRecord| self.inside(&tile_bounds(lane, tile)).map(|part| farthest(&part));
+        let in_tile = |tile: &TileRecord| {
+            let lines = lane.tile_lines(tile, u64::MAX);
+            let ends = lines.filter(|line| line.records.len() <= lane.dims[0] as usize).filter_map(|line| {
+                let at = |x: u32| [x, line.u, line.v].map(|c| u16::try_from(c).unwrap_or(u16::MAX));
+                let in_box = |&(x, record): &(u32, usize)| {
+                    lane.shows(record) && self.inside(&VoxelBox { low: at(x), high: at(x) }).is_some()
+                };
+                let mut voxels = lane.line_voxels(line.records.clone()).filter(in_box).map(|(x, _)| x);
+                let first = voxels.next()?;
+                Some(farthest(&VoxelBox { low: at(first), high: at(voxels.last().unwrap_or(first)) }))
+            });
+            ends.fold(f64::NEG_INFINITY, f64::max)
+        };
+        let bounded = lane.sweep_tiles().filter_map(|tile| Some((bound(tile)?, tile)));
+        let Some((_, first)) = bounded.max_by(|(a, _), (b, _)| a.total_cmp(b)) else { return f64::NEG_INFINITY };
+        lane.sweep_tiles().fold(in_tile(first), |reached, tile| {
+            if bound(tile).is_some_and(|bound| bound > reached) { reached.max(in_tile(tile)) } else { reached }
+        })
+    }
+
+    /// Returns the part of a box that counts; `None` if there is none.
+    fn inside(&self, part: &VoxelBox) -> Option<VoxelBox> {
+        part.meets(&self.within).then(|| VoxelBox {
+            low: std::array::from_fn(|a| part.low[a].max(self.within.low[a])),
+            high: std::array::from_fn(|a| part.high[a].min(self.within.high[a])),
+        })
+    }
+}
+
+fn whole(grid: &Grid) -> VoxelBox {
+    VoxelBox { low: [0; 3], high: grid.dims.map(|points| u16::try_from(points.saturating_sub(1)).unwrap_or(u16::MAX)) }
+}
+
+impl Camera {
+    /// Returns the cameras of `orbits`, for pictures of `size` (columns, rows) of what `outline` encloses.
+    ///
+    /// At zoom 1 it fills [`FILL`] of the picture's width or height. One orbit has it in the middle of the picture.
+    /// Several, such as the frames of a turn, look at one point and have one scale, at which all of them fit.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if a number of an orbit is out of its range or `size` is 0.
+    pub fn framing(orbits: &[Orbit], outline: &Outline, size: [u32; 2]) -> Result<Vec<Camera>> {
+        require_pixels(size)?;
+        let Some(first) = orbits.first() else { return Ok(Vec::new()) };
+        let axes = orbits.iter().map(Orbit::axes).collect::<Result<Vec<_>>>()?;
+        let wide = f64::from(size[0]) / f64::from(size[1]);
+        // Half the picture's width and height, in units of its distance; of a parallel one, of its height.
+        let tangent = first.fov.map_or(0.5, |fov| (fov.to_radians() / 2.0).tan());
+        let [across, upright] = [tangent * wide * FILL, tangent * FILL];
+        // A point on the edge of a picture in perspective may lie the farther out, the farther away it is.
+        let bounds = |&[right, up, outward]: &[DVec3; 3]| {
+            let toward = if first.fov.is_some() { outward } else { DVec3::ZERO };
+            [[right, -right].map(|side| side / across + toward), [up, -up].map(|side| side / upright + toward)]
+        };
+        let mut offset = DVec3::ZERO;
+        if let [only] = &axes[..] {
+            let uneven = |[plus, minus]: [DVec3; 2]| (outline.reach(plus) - outline.reach(minus)) / 2.0;
+            let [x, y] = bounds(only).map(uneven);
+            offset = only[0] * (x * across) + only[1] * (y * upright);
+        }
+        let target = outline.centre + offset;
+        let reach = |direction: DVec3| outline.reach(direction) - offset.dot(direction);
+        let measured = axes.iter().step_by(orbits.len().div_ceil(MEASURED));
+        let scale = measured.flat_map(bounds).flatten().map(reach).fold(0.0, f64::max);
+        let radius = DVec3::AXES.map(|axis| reach(axis).max(reach(-axis))).iter().sum::<f64>();
+        orbits
+            .iter()
+            .zip(&axes)
+            .map(|(orbit, &[_, up, outward])| {
+                let (distance, projection) = match orbit.fov {
+                    None => (2.0 * radius, Projection::Parallel { height: scale / orbit.zoom }),
+                    Some(_) => {
+                        (scale, Projection::Perspective { fov: 2.0 * (tangent / orbit.zoom).atan().to_degrees() })
+                    }
+                };
+                Camera::new((target + outward * distance).to_array(), target.to_array(), up.to_array(), projection)
+            })
+            .collect()
+    }
+}
