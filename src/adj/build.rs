@@ -110,7 +110,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
     let (memory, threads) = (arguments.resources.memory(), arguments.resources.threads());
     let mut source = arguments.reading.open(&arguments.input)?;
-    let transfer = arguments.classification.required(&arguments.input)?;
+    let transfer = arguments.classification.chosen(&arguments.input, &mut *source, arguments.quiet)?;
     let options = arguments.packing.options(transfer);
     let culling = arguments.culling.culling(memory, threads)?;
     let path = &arguments.output()?;

@@ -5,10 +5,14 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::input::phantom;
+use super::print_note;
+use super::progress::Progress;
 use super::values::library;
+use adjsplat::build::{Histogram, Suggestion};
 use adjsplat::classify::TransferFunction;
 use adjsplat::classify::colour::srgb_from_linear;
 use adjsplat::error::{Error, Result};
+use adjsplat::volume::SlabSource;
 
 /// The flags that say which values are visible, and what they look like; the user gives one of them.
 #[derive(Debug, Args)]
@@ -55,12 +59,30 @@ impl ClassificationArguments {
         TransferFunction::range(low, high).map(Some)
     }
 
-    /// Returns what [`Self::transfer`] returns, or an error if that is nothing.
-    pub(super) fn required(&self, input: &Path) -> Result<TransferFunction> {
-        self.transfer(input)?.ok_or_else(|| {
-            let why = "say it with --range, --iso, --tf, --levoy or --labels; adj info shows the values of a volume";
-            Error::input("what is visible", why)
-        })
+    /// Returns what [`Self::transfer`] returns, or else a choice from the histogram of `source`; says which.
+    ///
+    /// `source` must be at its first slice, and is there again afterwards.
+    pub(super) fn chosen(&self, input: &Path, source: &mut dyn SlabSource, quiet: bool) -> Result<TransferFunction> {
+        if let Some(transfer) = self.transfer(input)? {
+            return Ok(transfer);
+        }
+        let histogram = Histogram::of(source, &mut Progress::new(quiet))?;
+        let chosen = Suggestion::of(&histogram)?;
+        print_note(&format!(
+            "note: what is visible was chosen from the values: {}; adj info shows them, and --range, --iso, --tf, --levoy \
+             or --labels choose otherwise",
+            flag_of(&chosen)
+        ));
+        chosen.transfer()
+    }
+}
+
+/// Returns the flag that makes the same choice.
+pub(super) fn flag_of(suggestion: &Suggestion) -> String {
+    match suggestion {
+        Suggestion::Preset(name) => format!("--tf {name}"),
+        Suggestion::From(low) => format!("--range {low}.."),
+        _ => "--labels distinct".to_owned(),
     }
 }
 

@@ -1,90 +1,77 @@
-//! Range, mean and quantiles of a volume's values.
-//!
-//! In: a [`SlabSource`]. Out: [`Histogram`]. The volume is read twice: for its range, then to count its samples.
+//! Histograms in a terminal and as a plot.
 
-use adjsplat::error::Result;
-use adjsplat::volume::{Sample as _, SlabSource};
-use adjsplat::with_samples;
+use adjsplat::build::Histogram;
+use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};
 
-/// Number of bins between the lowest and the highest value; 8-bit and 16-bit samples have one bin per value.
-const BINS: usize = 65_536;
+/// Columns and rows of the histogram in a terminal.
+const COLUMNS: usize = 64;
+const ROWS: usize = 6;
 
-/// Value statistics of a volume, in the samples' own unit.
-#[derive(Debug, Clone)]
-pub(super) struct Histogram {
-    /// Lowest finite sample; +infinity if there is none.
-    pub(super) lowest: f64,
-    /// Highest finite sample; -infinity if there is none.
-    pub(super) highest: f64,
-    /// Mean of the finite samples; NaN if there is none.
-    pub(super) mean: f64,
-    /// Number of samples that are NaN or infinite.
-    pub(super) not_finite: u64,
-    counts: Vec<u64>,
+/// Points along a plot's axis of values.
+pub(super) const POINTS: usize = 256;
+
+/// Returns a histogram of lines of blocks: from the lowest to the highest value, voxels on a logarithmic scale.
+pub(super) fn chart(histogram: &Histogram) -> String {
+    let columns = COLUMNS.min(histogram.counts.len());
+    let counts = histogram.rebinned(columns);
+    let height = |count: u64| (count as f64 + 1.0).ln();
+    let tallest = counts.iter().copied().map(height).fold(f64::MIN_POSITIVE, f64::max);
+    let mut text = String::new();
+    for row in (0..ROWS).rev() {
+        let line: String = counts
+            .iter()
+            .map(|&count| {
+                // Eighths of this row that are filled; a count above 0 always shows.
+                let eighths = (height(count) / tallest * (8 * ROWS) as f64).ceil() as usize;
+                [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'][eighths.saturating_sub(8 * row).min(8)]
+            })
+            .collect();
+        text.push_str(&format!("  {}\n", line.trim_end()));
+    }
+    let [low, high] = [histogram.lowest, histogram.highest].map(|value| number(value, histogram));
+    let room = columns.saturating_sub(low.chars().count());
+    text + &format!("  {low}{high:>room$}")
 }
 
-impl Histogram {
-    /// Computes the histogram of a volume, which is read twice. `source` must be at its first slice.
-    pub(super) fn of(source: &mut dyn SlabSource) -> Result<Histogram> {
-        let header = source.header().clone();
-        let mut histogram = Histogram {
-            lowest: f64::INFINITY,
-            highest: f64::NEG_INFINITY,
-            mean: 0.0,
-            not_finite: 0,
-            counts: vec![0; BINS],
-        };
-        let scaled = |raw: f64| raw * header.slope + header.intercept;
-        let (mut sum, mut count) = (0.0, 0u64);
-        each_sample(source, |raw| {
-            let value = scaled(raw);
-            if value.is_finite() {
-                histogram.lowest = histogram.lowest.min(value);
-                histogram.highest = histogram.highest.max(value);
-                sum += value;
-                count += 1;
-            } else {
-                histogram.not_finite += 1;
-            }
-        })?;
-        histogram.mean = sum / count as f64;
-        source.rewind()?;
-        let (lowest, bin_width) = (histogram.lowest, histogram.bin_width());
-        each_sample(source, |raw| {
-            let value = scaled(raw);
-            if value.is_finite() {
-                // Saturates; the lowest value is in bin 0 and the highest in the last.
-                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating is meant")]
-                let bin = ((value - lowest) / bin_width).round() as usize;
-                histogram.counts[bin.min(BINS - 1)] += 1;
-            }
-        })?;
-        Ok(histogram)
-    }
-
-    fn bin_width(&self) -> f64 {
-        let width = (self.highest / 2.0 - self.lowest / 2.0) / (BINS - 1) as f64 * 2.0;
-        if width > 0.0 { width } else { 1.0 }
-    }
-
-    /// Returns the value that a `share` (0 to 1) of the finite samples does not exceed, exact to half a bin width.
-    pub(super) fn quantile(&self, share: f64) -> f64 {
-        let total: u64 = self.counts.iter().sum();
-        let wanted = share * total as f64;
-        let mut below = 0;
-        let bin = self.counts.iter().position(|&count| {
-            below += count;
-            count > 0 && below as f64 >= wanted
-        });
-        bin.map_or(self.highest, |bin| (self.lowest + bin as f64 * self.bin_width()).min(self.highest))
-    }
+/// Returns lines that say how much a few thresholds would show.
+pub(super) fn thresholds(histogram: &Histogram) -> Vec<(f64, f64)> {
+    let high = histogram.quantile(0.9999);
+    let parts = [1.0, 2.0, 3.0, 4.0, 5.0].map(|part| histogram.lowest + (high - histogram.lowest) * part / 6.0);
+    let nearest = |value: f64| number(value, histogram).parse::<f64>().unwrap_or(value);
+    parts.map(nearest).map(|value| (value, histogram.share([value, f64::INFINITY]))).to_vec()
 }
 
-fn each_sample(source: &mut dyn SlabSource, mut take: impl FnMut(f64)) -> Result<()> {
-    let mut slice = source.header().new_slice()?;
-    for _ in 0..source.header().grid.dims[2] {
-        source.read_slice(&mut slice)?;
-        with_samples!(&slice, samples => samples.iter().for_each(|&sample| take(sample.to_f64())));
+/// Formats a value of the volume: a whole number as one, others with as many digits as the range of values calls for.
+pub(super) fn number(value: f64, histogram: &Histogram) -> String {
+    if histogram.is_exact && histogram.bin_width.fract() == 0.0 && histogram.lowest.fract() == 0.0 {
+        return format!("{}", value.round());
     }
-    Ok(())
+    let spread = (histogram.highest - histogram.lowest).max(f64::MIN_POSITIVE);
+    if !(1e-4..1e9).contains(&spread) {
+        return format!("{value:.4e}");
+    }
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 8")]
+    let digits = (4.0 - spread.log10().ceil()).max(0.0) as usize;
+    let text = format!("{value:.digits$}");
+    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+/// Plots the number of voxels and their mean gradient magnitude by value, each as a share of its largest.
+pub(super) fn plot(name: &str, histogram: &Histogram, gradients: &[f64]) -> Plot {
+    let counts: Vec<f64> = histogram.rebinned(POINTS).into_iter().map(|count| (count as f64 + 1.0).ln()).collect();
+    let points = |heights: &[f64]| {
+        let tallest = heights.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let width = (histogram.highest - histogram.lowest) / heights.len() as f64;
+        let at = |index: usize| histogram.lowest + (index as f64 + 0.5) * width;
+        heights.iter().enumerate().map(|(index, height)| [at(index), height / tallest]).collect()
+    };
+    Plot {
+        title: format!("{name}: voxels by value, and where boundaries are"),
+        x: PlotAxis::linear("value"),
+        y: PlotAxis::linear("share of the largest"),
+        series: vec![
+            PlotSeries::solid("voxels (logarithmic)", points(&counts)),
+            PlotSeries::dashed("mean gradient magnitude", points(gradients)),
+        ],
+    }
 }

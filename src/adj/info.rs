@@ -5,11 +5,15 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use serde_json::{Value, json};
 
-use super::histogram::Histogram;
+use super::classification::flag_of;
+use super::histogram::{POINTS, chart, number, plot, thresholds};
 use super::input::InputArguments;
+use super::progress::Progress;
+use super::study::output::{check_plots, write_plots};
 use super::{Answer, print_result, starts_as_adj};
 use adjsplat::arena::layout::Facts;
-use adjsplat::error::Result;
+use adjsplat::build::{Histogram, Suggestion};
+use adjsplat::error::{Error, Result};
 use adjsplat::file::AdjFile;
 use adjsplat::volume::Axis;
 use adjsplat_study::memory::virtual_voxels;
@@ -26,6 +30,9 @@ pub(super) struct Arguments {
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
+    /// Draw the histogram of a volume's values, and the mean gradient by value, which is large at boundaries
+    #[arg(long, value_name = "FILE.svg|FILE.png")]
+    plot: Vec<PathBuf>,
     #[command(flatten)]
     reading: InputArguments,
 }
@@ -34,8 +41,24 @@ pub(super) struct Arguments {
 const QUANTILES: [f64; 8] = [0.01, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    let answer = if is_adj(&arguments.input)? { of_arena(&arguments.input)? } else { of_volume(arguments)? };
-    print_result(&if arguments.json { answer.to_string() } else { as_text(&answer) });
+    check_plots(&arguments.plot)?;
+    if is_adj(&arguments.input)? {
+        if !arguments.plot.is_empty() {
+            return Err(Error::input("--plot", "is for volumes, but the input is an .adj file; leave it out"));
+        }
+        let answer = of_arena(&arguments.input)?;
+        print_result(&if arguments.json { answer.to_string() } else { as_text(&answer) });
+        return Ok(Answer::Yes);
+    }
+    let (mut answer, histogram) = of_volume(arguments)?;
+    print_result(&if arguments.json {
+        answer.to_string()
+    } else {
+        let guide = guide(&answer, &histogram);
+        let members = answer.as_object_mut().expect("of members");
+        members.retain(|name, _| name != "histogram" && name != "suggestion");
+        as_text(&answer) + &guide
+    });
     Ok(Answer::Yes)
 }
 
@@ -117,13 +140,35 @@ fn channels(facts: &Facts) -> Value {
     })
 }
 
-fn of_volume(arguments: &Arguments) -> Result<Value> {
+/// Returns what helps to choose what to show: the histogram, and how much some thresholds would show.
+fn guide(answer: &Value, histogram: &Histogram) -> String {
+    if histogram.counts.is_empty() {
+        return String::new();
+    }
+    let mut text = format!("\nhistogram (voxels on a logarithmic scale):\n{}\n", chart(histogram));
+    for (value, share) in thresholds(histogram) {
+        text.push_str(&format!("--range {}.. shows {:.2} % of the voxels\n", number(value, histogram), 100.0 * share));
+    }
+    if let Some(flag) = answer["suggestion"].as_str() {
+        text.push_str(&format!("a first picture: {flag}"));
+    }
+    text.trim_end().to_owned()
+}
+
+fn of_volume(arguments: &Arguments) -> Result<(Value, Histogram)> {
     let mut source = arguments.reading.open(&arguments.input)?;
     let header = source.header().clone();
-    let histogram = Histogram::of(&mut *source)?;
+    let mut progress = Progress::new(arguments.json);
+    let histogram = Histogram::of(&mut *source, &mut progress)?;
+    if !arguments.plot.is_empty() && !histogram.counts.is_empty() {
+        let gradients = histogram.gradients(&mut *source, POINTS, &mut progress)?;
+        let name = arguments.input.file_name().unwrap_or_default().to_string_lossy();
+        write_plots(&arguments.plot, &plot(&name, &histogram, &gradients))?;
+    }
+    drop(progress);
     let quantiles: Vec<Value> =
         QUANTILES.iter().map(|&share| json!({ "share": share, "value": histogram.quantile(share) })).collect();
-    Ok(json!({
+    let answer = json!({
         "file": arguments.input.display().to_string(),
         "format": header.format,
         "dims": header.grid.dims,
@@ -139,7 +184,10 @@ fn of_volume(arguments: &Arguments) -> Result<Value> {
         "mean": histogram.mean,
         "not_finite": histogram.not_finite,
         "quantiles": quantiles,
-    }))
+        "histogram": histogram.rebinned(histogram.counts.len().min(POINTS)),
+        "suggestion": Suggestion::of(&histogram).ok().map(|found| flag_of(&found)),
+    });
+    Ok((answer, histogram))
 }
 
 /// Formats JSON with one member per line; a list of objects gets one line per object.

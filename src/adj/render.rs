@@ -107,9 +107,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         let transfer = arguments.classification.transfer(&arguments.input)?;
         return job.draw_file(file, settings, transfer, start);
     }
-    let transfer = arguments.classification.required(&arguments.input)?;
-    let options = arguments.packing.options(transfer);
     let mut source = arguments.reading.open(&arguments.input)?;
+    let transfer = arguments.classification.chosen(&arguments.input, &mut *source, arguments.quiet)?;
+    let options = arguments.packing.options(transfer);
     let header = source.header().clone();
     let folder = memory.is_some().then(|| scratch_folder(&arguments.output)).transpose()?;
     let resources = Resources { memory, threads: settings.threads, folder: folder.clone() };
@@ -190,8 +190,9 @@ impl RenderJob<'_> {
                 return Err(Error::input(flag, "is not for the reference, which approximates nothing; leave it out"));
             }
         }
-        let transfer = arguments.classification.required(&arguments.input)?;
-        let judge = Judge::new(&mut *arguments.reading.open(&arguments.input)?, &transfer)?;
+        let mut source = arguments.reading.open(&arguments.input)?;
+        let transfer = arguments.classification.chosen(&arguments.input, &mut *source, arguments.quiet)?;
+        let judge = Judge::new(&mut *source, &transfer)?;
         let grid = judge.visible().grid().clone();
         settings.crop = arguments.view.crop.map(|crop| crop.in_grid(grid.dims)).transpose()?;
         let cell = |position| VoxelBox { low: position, high: position };

@@ -20,9 +20,24 @@ fn points(points: &[String]) -> String {
 }
 
 #[test]
-fn one_of_the_flags_is_needed_and_only_one() {
+fn without_a_flag_the_values_say_what_is_visible_and_which_flag_repeats_it() {
     let folder = folder();
-    folder.build_refused(BUILD, &["what is visible", "--range", "--iso", "--tf", "adj info"]);
+    let first = folder.adj(&format!("build {BUILD}"));
+    let said = first.stderr.clone();
+    assert!(said.contains("what is visible was chosen from the values: --") && said.contains("adj info"), "{said}");
+    first.done();
+    let flag = said.split("values: ").nth(1).and_then(|rest| rest.split(';').next()).expect("a flag");
+    folder.adj(&format!("build v.raw --dims 4x3x2 --type u8 -o again.adj {flag}")).done();
+    let bytes = |name: &str| std::fs::read(folder.file(name)).unwrap();
+    assert!(bytes("out.adj") == bytes("again.adj"));
+    let info = folder.adj("info v.raw --dims 4x3x2 --type u8");
+    assert!(info.stdout.contains(&format!("a first picture: {flag}")), "{}", info.stdout);
+    assert!(info.stdout.contains('█') && info.stdout.contains("% of the voxels"), "{}", info.stdout);
+}
+
+#[test]
+fn of_the_flags_only_one_can_be_given() {
+    let folder = folder();
     folder.build_refused(&format!("{BUILD} --range 1.. --iso 5"), &["--range", "--iso", "adj build --help"]);
     folder.adj(&format!("build {BUILD} --range 1..")).done();
     // A phantom says itself what is to be seen of it.

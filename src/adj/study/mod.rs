@@ -6,7 +6,7 @@ mod cache_tables;
 mod layouts;
 mod memory;
 mod orders;
-mod output;
+pub(super) mod output;
 mod sets;
 mod speed;
 mod walk;

@@ -56,7 +56,7 @@ impl OutputArguments {
 }
 
 /// Checks that plots can be drawn and written.
-pub(super) fn check_plots(paths: &[PathBuf]) -> Result<()> {
+pub(in super::super) fn check_plots(paths: &[PathBuf]) -> Result<()> {
     for path in paths {
         if !adjsplat_study::CAN_PLOT {
             let why = "cannot be drawn: this program was built without plots; build it with --features plot";
@@ -71,7 +71,7 @@ pub(super) fn check_plots(paths: &[PathBuf]) -> Result<()> {
 }
 
 /// Draws `plot` into each of `paths`.
-pub(super) fn write_plots(paths: &[PathBuf], plot: &Plot) -> Result<()> {
+pub(in super::super) fn write_plots(paths: &[PathBuf], plot: &Plot) -> Result<()> {
     for path in paths {
         let bytes = if ends_in(path, "svg") { plot.to_svg()? } else { plot.to_png()? };
         write_atomically_unless(&interrupted, path, |out| out.write_all(&bytes))?;

@@ -12,4 +12,5 @@ mod memory;
 mod real;
 mod refusals;
 mod size;
+mod suggest;
 mod twin;

@@ -118,7 +118,9 @@ fn volume(sets: &SetArguments, wanted: &SetChoice, visible: &ClassificationArgum
                     "is an .adj file, which has no samples to judge pictures by; give the volume it was built from";
                 return Err(Error::input(path.display().to_string(), why));
             }
-            SetVolume::of_file(&path, visible.required(&path)?)
+            let unsaid = "say it with --range, --iso, --tf, --levoy or --labels; adj info shows the values of a volume";
+            let transfer = visible.transfer(&path)?.ok_or_else(|| Error::input("what is visible", unsaid))?;
+            SetVolume::of_file(&path, transfer)
         }
     }
 }
