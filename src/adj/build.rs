@@ -68,9 +68,10 @@ pub(super) struct PackingArguments {
     /// Order of blocks of voxels in the file; matters for speed only
     #[arg(long, value_name = "ORDER", default_value = "morton", value_parser = choice(TILE_ORDERS))]
     order: TileOrder,
-    /// Bits of a value. Values are exact if at most 256 (or 65536) different ones are visible
-    #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice([("8", 8u8, ""), ("16", 16u8, "")]))]
-    value_bits: u8,
+    /// Bits of a value; by default 8, or 16 where 8 would turn visible voxels transparent or mix up labels. Whole numbers
+    /// are stored exactly if all are among 256 (or 65536) multiples of one step; else the build says how far it rounds
+    #[arg(long, value_name = "BITS", value_parser = choice([("8", 8u8, ""), ("16", 16u8, "")]))]
+    value_bits: Option<u8>,
     /// Bits of each component of a surface normal; none makes a smaller file without lighting
     #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice([("none", 0u8, ""), ("8", 8u8, ""), ("16", 16u8, "")]))]
     normals: u8,
@@ -89,7 +90,7 @@ impl PackingArguments {
         let flags = [
             ("--lanes", self.lanes != 3),
             ("--order", self.order != TileOrder::Morton),
-            ("--value-bits", self.value_bits != 8),
+            ("--value-bits", self.value_bits.is_some()),
             ("--normals", self.normals != 8),
         ];
         flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
@@ -197,7 +198,7 @@ pub(super) fn classify_with_warnings(
     if built.samples.blurred_away > 0 {
         let count = built.samples.blurred_away;
         let better =
-            if options.value_bits == 8 { "use --value-bits 16" } else { "narrow the range of what is visible" };
+            if options.value_bits == Some(8) { "use --value-bits 16" } else { "narrow the range of what is visible" };
         print_note(&format!(
             "warning: {count} visible voxels turn transparent, as their values share codes with transparent ones; {better}"
         ));
@@ -252,6 +253,8 @@ fn report(
             "lowest": findings.lowest,
             "highest": findings.highest,
             "not_finite": findings.not_finite,
+            "value_bits": facts.channels.value_bits,
+            "rounding": findings.rounding,
             "peak_rss_bytes": peak_rss_bytes(),
             "seconds": seconds,
         });
@@ -268,6 +271,10 @@ fn report(
         path.display(),
         HumanBytes(bytes),
     ));
+    if findings.rounding > 0.0 {
+        let bits = facts.channels.value_bits;
+        print_result(&format!("values are stored in {bits} bits, rounded by at most {:.3}", findings.rounding));
+    }
     if let Some(culled) = culled {
         print_result(&culled.line());
     }

@@ -118,6 +118,7 @@ fn of_arena(path: &Path) -> Result<Value> {
         "lanes": lanes,
         "sections": sections,
         "channels": channels(facts),
+        "value_rounding": description["values"]["rounding"],
         "tile_order": facts.tile_order.name(),
         "bytes_total": bytes_total,
         "bytes_per_visible_voxel": bytes_total as f64 / visible as f64,

@@ -24,7 +24,6 @@ use crate::arena::OwnedLane;
 use crate::arena::layout::Facts;
 use crate::classify::{TransferFunction, gradient};
 use crate::error::Result;
-use crate::parallel::in_order;
 use crate::volume::{Axis, Header, SlabSource};
 use crate::with_sample_type;
 
@@ -112,28 +111,21 @@ pub fn classify(
     let store = SpillStore::new(resources.folder.as_deref(), budget.spill_memory);
     let mut spill = SpilledVoxels::new(&header, options.channels(), store);
     let found = keep_visible(source, &header, options, &test, &budget, &mut spill, observer)?;
-    let mut samples = SampleSummary { surveyed, ..found };
+    let samples = SampleSummary { surveyed, ..found };
     if spill.voxels == 0 {
         return Err(nothing_visible(&samples));
     }
-    let encoder = VoxelEncoder::new(&header, options, &samples, largest_magnitude)?;
+    let encoder = |bits| VoxelEncoder::new(&header, options, bits, &samples, largest_magnitude);
+    let (rows, loss) = ClassifiedRows::new(spill, &encoder, options.value_bits, budget.schedule.threads)?;
+    let samples = SampleSummary { blurred_away: loss.blurred_away, rounding: loss.rounding, ..samples };
     let facts = Facts {
         grid: header.grid,
-        channels: encoder.channels,
+        channels: rows.encoder.channels,
         tile_order: options.tile_order,
-        scales: encoder.scales(),
-        visible_voxels: spill.voxels,
+        scales: rows.encoder.scales(),
+        visible_voxels: rows.spill.voxels,
     };
-    let transfer = encoder.transfer.clone();
-    let rows = ClassifiedRows { spill, encoder };
-    if !rows.encoder.quantiser.is_lossless() {
-        let count = |(): &mut (), z: usize| rows.blurred_away(z);
-        let add = |_, count: u64| {
-            samples.blurred_away += count;
-            Ok(())
-        };
-        in_order(facts.grid.dims[2] as usize, budget.schedule.threads, || (), count, add)?;
-    }
+    let transfer = rows.encoder.transfer.clone();
     Ok(Classified { facts, rows, transfer, samples })
 }
 

@@ -20,7 +20,7 @@ pub fn description(header: &Header, built: &Classified) -> String {
     });
     let (lowest, highest) = (built.samples.lowest, built.samples.highest);
     if lowest <= highest {
-        description["values"] = json!({ "lowest": lowest, "highest": highest });
+        description["values"] = json!({ "lowest": lowest, "highest": highest, "rounding": built.samples.rounding });
     }
     if let Some(unit) = &header.grid.unit {
         description["unit"] = json!(unit);

@@ -10,7 +10,7 @@ use crate::arena::layout::{Channels, Scales};
 use crate::arena::visible::NOTICEABLE_OPACITY;
 use crate::classify::{MagnitudeCodec, Quantiser, TransferFunction};
 use crate::error::{Error, Result};
-use crate::volume::{Header, Sample};
+use crate::volume::{Header, Sample, SampleType};
 
 /// Maps samples and gradient magnitudes to stored codes.
 pub(super) struct VoxelEncoder {
@@ -20,15 +20,17 @@ pub(super) struct VoxelEncoder {
     pub(super) magnitudes: MagnitudeCodec,
     /// The code of each sample, indexed by the sample's bits; empty for samples of more than 16 bits.
     table: Vec<u16>,
-    slope: f64,
-    intercept: f64,
+    pub(super) slope: f64,
+    pub(super) intercept: f64,
 }
 
 impl VoxelEncoder {
-    /// Creates the encoder. `samples` describes all samples; `largest_magnitude` is set if a first reading found it.
+    /// Creates the encoder for values of `bits`. `samples` describes all samples; `largest_magnitude` is set if a first
+    /// reading found it.
     pub(super) fn new(
         header: &Header,
         options: &BuildOptions,
+        bits: u8,
         samples: &SampleSummary,
         largest_magnitude: Option<f64>,
     ) -> Result<VoxelEncoder> {
@@ -57,10 +59,17 @@ impl VoxelEncoder {
         let range = [domain.0.max(lowest), domain.1.min(highest)];
         let (slope, intercept) = (header.slope, header.intercept);
         let quantiser = if transfer.is_labels() { Quantiser::for_labels } else { Quantiser::new };
-        let quantiser = quantiser(range, options.value_bits, header.sample_type, slope, intercept)?;
-        let table = tabulated(header.sample_type, |sample| quantiser.encode(sample * slope + intercept));
+        let quantiser = quantiser(range, bits, header.sample_type, slope, intercept)?;
         let magnitudes = MagnitudeCodec::new(if uses_gradient { largest } else { 0.0 })?;
-        Ok(VoxelEncoder { transfer, channels: options.channels(), quantiser, magnitudes, table, slope, intercept })
+        let channels = Channels { value_bits: bits, ..options.channels() };
+        let encoder = VoxelEncoder { transfer, channels, quantiser, magnitudes, table: Vec::new(), slope, intercept };
+        Ok(encoder.with_quantiser(header.sample_type, quantiser))
+    }
+
+    /// Replaces the mapping of values to codes.
+    pub(super) fn with_quantiser(self, sample_type: SampleType, quantiser: Quantiser) -> VoxelEncoder {
+        let table = tabulated(sample_type, |sample| quantiser.encode(sample * self.slope + self.intercept));
+        VoxelEncoder { quantiser, table, ..self }
     }
 
     /// Returns the scales for the file's header, which give codes their meaning.
@@ -83,6 +92,11 @@ impl VoxelEncoder {
             Some(bits) => self.table[bits],
             None => self.quantiser.encode(self.value(sample)),
         }
+    }
+
+    /// Returns by how much a visible sample's value is rounded.
+    pub(super) fn rounding<T: Sample>(&self, sample: T) -> f64 {
+        (self.value(sample) - self.quantiser.decode(self.code(sample))).abs()
     }
 
     /// Returns whether a noticeable voxel would be stored under a code whose value is transparent.

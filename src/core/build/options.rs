@@ -19,8 +19,9 @@ pub struct BuildOptions {
     pub lane_count: u8,
     /// Order of each lane's tiles in memory.
     pub tile_order: TileOrder,
-    /// Bits per stored value: 8 or 16.
-    pub value_bits: u8,
+    /// Bits per stored value: 8 or 16. `None` takes 16 if 8 would turn visible voxels transparent or cannot tell all
+    /// labels apart, else 8.
+    pub value_bits: Option<u8>,
     /// Bits of each of a normal's two components: 8 or 16, or 0 for no normals.
     pub normal_bits: u8,
 }
@@ -53,11 +54,11 @@ impl From<TransferFunction> for BuildOptions {
 }
 
 impl BuildOptions {
-    /// Returns options for the voxels that `transfer` shows: three lanes in Morton order, 8-bit values, and normals of
-    /// 2 x 8 bits if the function is shaded.
+    /// Returns options for the voxels that `transfer` shows: three lanes in Morton order, values of 8 bits or of 16 where
+    /// they are needed, and normals of 2 x 8 bits if the function is shaded.
     pub fn new(transfer: TransferFunction) -> BuildOptions {
         let normal_bits = if transfer.shaded() { 8 } else { 0 };
-        BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: 8, normal_bits }
+        BuildOptions { transfer, lane_count: 3, tile_order: TileOrder::Morton, value_bits: None, normal_bits }
     }
 
     /// Stores 1, 2 or 3 lanes: along x, y, z.
@@ -71,8 +72,8 @@ impl BuildOptions {
     }
 
     /// Stores values in 8 or 16 bits.
-    pub fn with_value_bits(self, value_bits: u8) -> BuildOptions {
-        BuildOptions { value_bits, ..self }
+    pub fn with_value_bits(self, value_bits: impl Into<Option<u8>>) -> BuildOptions {
+        BuildOptions { value_bits: value_bits.into(), ..self }
     }
 
     /// Stores each of a normal's two components in 8 or 16 bits; 0 stores no normals.
@@ -85,7 +86,7 @@ impl BuildOptions {
             return Err(Error::input("lanes", "must be x, xy or xyz"));
         }
         for (what, bits, choices) in
-            [("value bits", self.value_bits, &[8, 16][..]), ("normal bits", self.normal_bits, &[0, 8, 16])]
+            [("value bits", self.value_bits.unwrap_or(8), &[8, 16][..]), ("normal bits", self.normal_bits, &[0, 8, 16])]
         {
             if !choices.contains(&bits) {
                 return Err(Error::input(what, format!("are {bits}, but must be one of {choices:?}")));
@@ -94,10 +95,11 @@ impl BuildOptions {
         Ok(())
     }
 
-    /// Returns the channels that are stored per voxel, with their widths.
+    /// Returns the channels that are stored per voxel, with their largest widths: values may take 8 bits instead of 16 if
+    /// the options leave that open.
     pub fn channels(&self) -> Channels {
         Channels {
-            value_bits: self.value_bits,
+            value_bits: self.value_bits.unwrap_or(16),
             normal_bits: self.normal_bits,
             magnitude_bits: if self.transfer.uses_gradient() { 8 } else { 0 },
         }

@@ -17,6 +17,8 @@ pub struct SampleSummary {
     /// Number of visible voxels that became transparent, because codes are too coarse for a narrow feature of the
     /// transfer function.
     pub blurred_away: u64,
+    /// The most by which the stored value of a visible voxel differs from its own; 0 if all are stored exactly.
+    pub rounding: f64,
 }
 
 impl Default for SampleSummary {
@@ -27,6 +29,7 @@ impl Default for SampleSummary {
             not_finite: 0,
             surveyed: false,
             blurred_away: 0,
+            rounding: 0.0,
         }
     }
 }

@@ -65,6 +65,6 @@ pub use kind::{Contour, FactorPoint, Point};
 pub use magnitude::MagnitudeCodec;
 pub use palette::{Label, UnlistedLabels};
 pub use preset::PRESETS;
-pub use quantise::Quantiser;
+pub use quantise::{Quantiser, WholeNumbers};
 pub use smooth::Smoother;
 pub use transfer::TransferFunction;

@@ -1,7 +1,7 @@
 //! Quantisation: stores values as codes of 8 or 16 bits, spread over the visible range only.
 //!
-//! If the samples are whole numbers and the range holds few enough of them, each sample has its own code and is
-//! restored bit for bit. Otherwise codes are spread evenly: `low + code * step`.
+//! If the samples are whole numbers, and the range holds few enough of them or of multiples of their common step, each
+//! sample has its own code and is restored bit for bit. Otherwise codes are spread evenly: `low + code * step`.
 
 use crate::error::{Error, Result};
 use crate::volume::SampleType;
@@ -17,11 +17,55 @@ pub struct Quantiser {
     exact: Option<ExactCodes>,
 }
 
-/// The codes of whole-number samples: one code for each raw sample, whose value is `raw * slope + intercept`.
+/// Whole numbers that occur in a volume, before slope and intercept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct WholeNumbers {
+    /// The lowest one.
+    pub lowest: i64,
+    /// The highest one.
+    pub highest: i64,
+    /// The largest number of which all differences are multiples; 0 if there is one number only.
+    pub step: u64,
+}
+
+impl WholeNumbers {
+    /// Returns what one sample makes known; `None` if it is not whole, or too large for all its digits to be stored.
+    #[inline]
+    pub fn of(sample: f64) -> Option<WholeNumbers> {
+        let is_whole = sample.fract() == 0.0 && sample.abs() <= 9_007_199_254_740_992.0;
+        #[expect(clippy::cast_possible_truncation, reason = "whole, and below 2^53")]
+        is_whole.then(|| WholeNumbers { lowest: sample as i64, highest: sample as i64, step: 0 })
+    }
+
+    /// Returns what both make known.
+    #[inline]
+    pub fn and(self, other: WholeNumbers) -> WholeNumbers {
+        let apart = self.lowest.abs_diff(other.lowest);
+        let mut step = self.step;
+        for part in [other.step, apart] {
+            if step != 1 && part != 0 && (step == 0 || part % step != 0) {
+                step = greatest_common_divisor(step, part);
+            }
+        }
+        WholeNumbers { lowest: self.lowest.min(other.lowest), highest: self.highest.max(other.highest), step }
+    }
+}
+
+fn greatest_common_divisor(mut a: u64, mut b: u64) -> u64 {
+    while b > 0 {
+        (a, b) = (b, a % b);
+    }
+    a
+}
+
+/// The codes of whole-number samples: one code for each multiple of a step. A sample's value is `raw * slope +
+/// intercept`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct ExactCodes {
     /// The raw sample that code 0 stands for. Higher codes count upward, or downward if the slope is negative.
     raw: i64,
+    /// Distance between the raw samples of neighbouring codes; above 0.
+    raw_step: i64,
     slope: f64,
     intercept: f64,
 }
@@ -56,15 +100,25 @@ impl Quantiser {
             let alone = if low.is_finite() { low } else { high };
             return Quantiser::even(alone, alone, largest_code);
         };
-        let exact = ExactCodes { raw: first, slope, intercept };
-        match u16::try_from(first.abs_diff(last)) {
-            Ok(steps) if steps <= largest_code => {
-                let step = if steps == 0 { 0.0 } else { slope.abs() };
-                let (low, high) = (exact.value(0), exact.value(steps));
-                Ok(Quantiser { low, high, largest_code: steps, step, exact: Some(exact) })
-            }
-            _ => Quantiser::even(exact.value(0), exact.value_of(last), largest_code),
-        }
+        let exact = ExactCodes { raw: first, raw_step: 1, slope, intercept };
+        let all = WholeNumbers { lowest: first.min(last), highest: first.max(last), step: 1 };
+        Quantiser::exact(all, bits, slope, intercept)
+            .map_or_else(|| Quantiser::even(exact.value(0), exact.value_of(last), largest_code), Ok)
+    }
+
+    /// Creates a quantiser that restores `samples` bit for bit; `None` if they need more than `bits`, 8 or 16.
+    ///
+    /// `slope` and `intercept` are those of the volume's header; the slope is not 0.
+    pub fn exact(samples: WholeNumbers, bits: u8, slope: f64, intercept: f64) -> Option<Quantiser> {
+        let WholeNumbers { lowest, highest, step } = samples;
+        let raw_step = i64::try_from(step.max(1)).ok()?;
+        let codes = highest.abs_diff(lowest) / step.max(1);
+        let largest_code = u16::try_from(codes).ok().filter(|&code| bits == 16 || code <= 255)?;
+        let raw = if slope > 0.0 { lowest } else { highest };
+        let exact = ExactCodes { raw, raw_step, slope, intercept };
+        let step = if largest_code == 0 { 0.0 } else { slope.abs() * raw_step as f64 };
+        let (low, high) = (exact.value(0), exact.value(largest_code));
+        Some(Quantiser { low, high, largest_code, step, exact: Some(exact) })
     }
 
     /// Creates a quantiser for a label map, in which every label keeps its own code.
@@ -111,7 +165,7 @@ impl Quantiser {
     pub fn encode(&self, value: f64) -> u16 {
         let code = match &self.exact {
             Some(exact) => {
-                let from_first = (value - exact.intercept) / exact.slope - exact.raw as f64;
+                let from_first = ((value - exact.intercept) / exact.slope - exact.raw as f64) / exact.raw_step as f64;
                 if exact.slope > 0.0 { from_first } else { -from_first }
             }
             None if self.largest_code == 0 => 0.0,
@@ -169,7 +223,7 @@ impl Quantiser {
 impl ExactCodes {
     #[inline(always)]
     fn value(&self, code: u16) -> f64 {
-        let steps = i64::from(code);
+        let steps = i64::from(code) * self.raw_step;
         self.value_of(if self.slope > 0.0 { self.raw + steps } else { self.raw - steps })
     }
 

@@ -130,7 +130,7 @@ impl Camera {
     /// Several, such as the frames of a turn, look at one point and have one scale, at which all of them fit.
     ///
     /// # Errors
-    /// [`Error::Input`] if a number of an orbit is out of its range or `size` is 0.
+    /// [`Error::Input`](crate::Error::Input) if a number of an orbit is out of its range or `size` is 0.
     pub fn framing(orbits: &[Orbit], outline: &Outline, size: [u32; 2]) -> Result<Vec<Camera>> {
         require_pixels(size)?;
         let Some(first) = orbits.first() else { return Ok(Vec::new()) };

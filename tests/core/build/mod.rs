@@ -14,3 +14,4 @@ mod refusals;
 mod size;
 mod suggest;
 mod twin;
+mod values;

@@ -98,7 +98,7 @@ fn options_out_of_range_are_refused_before_a_sample_is_read() {
 fn label_maps_that_codes_cannot_hold_are_refused_with_the_way_out() {
     let labels = || TransferFunction::preset("labels").expect("a preset");
     let many = SampleVolume::new([20, 20, 2], SampleType::U16, [1.0; 3], |[x, y, _]| f64::from(1 + x + 20 * y));
-    let line = refused(&many, &options(labels()));
+    let line = refused(&many, &options(labels()).with_value_bits(8));
     assert!(line.contains("16-bit values"), "{line}");
     assert!(build(&mut many.clone(), &options(labels()).with_value_bits(16), &mut Unobserved).is_ok());
     let line = refused(&rough(SampleType::F32), &options(labels()));

@@ -17,13 +17,13 @@ mod coarse;
 pub(crate) mod dispatch;
 mod faint;
 mod memory;
-mod omit;
 mod plain;
 pub(crate) mod project;
 pub(crate) mod raster;
 mod row_buffer;
 mod stamp;
 pub(crate) mod task;
+mod task_visitor;
 pub(crate) mod tile_buffer;
 mod visible;
 

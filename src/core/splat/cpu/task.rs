@@ -6,8 +6,8 @@
 use std::time::{Duration, Instant};
 
 use super::blend::{Additive, Blend};
-use super::omit::TaskVisitor;
 use super::project::Projector;
+use super::task_visitor::TaskVisitor;
 use super::tile_buffer::{Rect, TileBuffer};
 use super::visible::VisibleRecords;
 use super::{band, plain};
