@@ -203,7 +203,8 @@ impl RenderJob<'_> {
             .map(|voxel| cell(voxel.position))
             .filter(|cell| settings.crop.is_none_or(|crop| crop.meets(cell)));
         let cameras = cameras(&arguments.view, &Outline::of_boxes(&grid, drawn), settings.size)?;
-        draw_frames(self, &settings, &cameras, arguments.renderer.reference(judge)?, None, start)
+        let background = arguments.look.background(&transfer);
+        draw_frames(self, &settings, &cameras, arguments.renderer.reference(judge)?, background, None, start)
     }
 }
 
@@ -243,7 +244,8 @@ fn draw(
         measured = Some(choice.measured);
         print_note(&format!("note: {}", chosen(&settings, choice.measured)));
     }
-    draw_frames(job, &settings, &cameras, renderer, measured, start)
+    let background = arguments.look.background(&transfer);
+    draw_frames(job, &settings, &cameras, renderer, background, measured, start)
 }
 
 /// Returns the camera of every frame of a file, and sets the crop.

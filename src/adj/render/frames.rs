@@ -16,17 +16,17 @@ use adjsplat::file::write_atomically_unless;
 use adjsplat::splat::{Camera, Settings};
 use adjsplat_pictures::{Picture, PictureKind, write_png};
 
-/// Draws every frame and writes it. `measured` is the largest error that was measured, if `--max-error` is given.
+/// Draws every frame over `background` (linear; `None` for transparent) and writes it. `measured` is the largest error that was measured, if `--max-error` is given.
 pub(super) fn draw_frames(
     job: &RenderJob,
     settings: &Settings,
     cameras: &[Camera],
     mut renderer: Renderer,
+    background: Option<[f32; 3]>,
     measured: Option<f64>,
     start: Instant,
 ) -> Result<Answer> {
     let RenderJob { arguments, kind, outputs, .. } = *job;
-    let background = arguments.look.background();
     let mut progress = Progress::new(arguments.quiet || arguments.view.frames == 1);
     let mut pictures = Vec::new();
     let mut all_stats = Vec::new();

@@ -3,6 +3,7 @@
 use clap::Args;
 
 use super::super::values::{Background, Choice, background, choice, kernel, number};
+use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Blending, KernelShape, Mode, Quality, Sampling, Settings};
 use adjsplat::traverse::SplitForm;
@@ -41,8 +42,8 @@ pub(super) struct LookArguments {
     /// Brightness of xray mode, a factor above 0; by default it suits what is visible
     #[arg(long, value_name = "FACTOR", allow_hyphen_values = true)]
     exposure: Option<f32>,
-    /// Colour behind the volume: #rrggbb, black, white or transparent;
-    /// by default white in composite mode, black in the others
+    /// Colour behind the volume: #rrggbb, black, white or transparent; by default white, dark behind what is translucent,
+    /// and black in the modes maximum and xray
     #[arg(long, value_name = "COLOUR", value_parser = background)]
     background: Option<Background>,
     /// Draw without lighting
@@ -115,16 +116,21 @@ impl LookArguments {
         Ok(settings)
     }
 
-    /// Returns the colour behind the volume, linear; `None` for transparent.
-    pub(super) fn background(&self) -> Option<[f32; 3]> {
-        let usual = if self.mode == Mode::Composite { [1.0; 3] } else { [0.0; 3] };
+    /// Returns the colour behind what `transfer` shows, linear; `None` for transparent.
+    pub(super) fn background(&self, transfer: &TransferFunction) -> Option<[f32; 3]> {
         match self.background {
             Some(Background::Transparent) => None,
             Some(Background::Colour(colour)) => Some(colour),
-            None => Some(usual),
+            None if self.mode != Mode::Composite => Some([0.0; 3]),
+            // White would shine through, and wash the colours out.
+            None if transfer.is_translucent() => Some(DARK),
+            None => Some([1.0; 3]),
         }
     }
 }
+
+/// The background behind what is translucent, linear: #14181d.
+const DARK: [f32; 3] = [0.007, 0.009, 0.012];
 
 /// Formats the settings that `--max-error` chose as flags.
 pub(super) fn chosen(settings: &Settings, measured: f64) -> String {

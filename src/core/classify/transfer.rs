@@ -192,6 +192,20 @@ impl TransferFunction {
         matches!(self.kind, TransferKind::Labels { .. })
     }
 
+    /// Returns whether some of what is visible lets most light through: an opacity above 0 and below 0.5 is given for a
+    /// value, a material or a label.
+    pub fn is_translucent(&self) -> bool {
+        let faint = |opacity: f64| opacity > 0.0 && opacity < 0.5;
+        match &self.kind {
+            TransferKind::Points { points, .. } | TransferKind::Region { knots: points, .. } => {
+                points.iter().any(|point| faint(point.opacity))
+            }
+            TransferKind::Range { opacity, .. } => faint(*opacity),
+            TransferKind::Labels { labels, .. } => labels.iter().any(|label| faint(label.opacity)),
+            TransferKind::Contour { .. } => false,
+        }
+    }
+
     /// Returns whether surfaces are lit; every visible voxel then needs a normal.
     pub fn shaded(&self) -> bool {
         self.shaded
