@@ -15,13 +15,14 @@ As a program:
     read_adj.py --csv OUT FILE          the voxels of the x lane as text; --npz OUT as numpy arrays
     --lane x|y|z                        that lane only
 
-It checks what rules R1, R2, R4, R5, R7, R10 and R11 ask of header and section table, that tiles lie in their order
-(R13) and line ends in the channels (R16). It reads no checksum and judges nothing else: a damaged file gives a message
-or wrong voxels. Exit code 2 if a file is refused.
+It checks what rules R1, R2, R4 to R7, R10 and R11 ask of header and section table, that tiles lie in their order (R13)
+and line ends in the channels (R16), and the description (R22). It reads no checksum and judges nothing else: a damaged
+file gives a message or wrong voxels. Exit code 2 if a file is refused.
 """
 
 import argparse
 import json
+import re
 import struct
 import sys
 from collections import namedtuple
@@ -73,7 +74,17 @@ class Arena:
         require(self.magnitude_bits in (0, 8), "R7", f"magnitudes of {self.magnitude_bits} bits")
         require(order < 3, "R7", f"tile order {order}")
         self.tile_order = ORDERS[order]
+        self._check_grid()
         self._read_table(count)
+
+    def _check_grid(self):
+        require(min(self.dims) > 0, "R6", f"dimensions {self.dims}")
+        require(np.isfinite(self.spacing).all() and (self.spacing > 0).all(), "R6", f"spacing {self.spacing}")
+        require(np.isfinite(self.origin).all(), "R6", f"origin {self.origin}")
+        x, y, z = self.direction.T
+        with np.errstate(over="ignore", invalid="ignore"):
+            require((np.abs(x * x + y * y + z * z - 1) <= 0.002).all(), "R6", "directions that are not unit vectors")
+        require(abs(np.linalg.det(self.direction)) > 1e-6, "R6", "directions in one plane")
 
     def _read_table(self, count):
         require(count <= 1024 and 256 + 32 * count <= len(self.content), "R5", f"a table of {count} sections")
@@ -94,7 +105,7 @@ class Arena:
             self._parts[kind, axis] = self.content[offset:offset + length]
         require(-(-end // 256) * 256 == len(self.content), "R5", "the file does not end after its last section")
         text = self._parts.get((DESCRIPTION, 255))
-        self.description = None if text is None else json.loads(text.decode("utf-8"))
+        self.description = None if text is None else description_of(text)
         self.lanes = "".join(name for axis, name in enumerate("xyz") if (TILES, axis) in self._parts)
         require(self.lanes in ("x", "xy", "xyz"), "R10", f"lanes '{self.lanes}'")
         for axis in range(len(self.lanes)):
@@ -187,6 +198,33 @@ class Arena:
         none = codes == (1 << (bits - 1)) * (1 + (1 << bits))
         normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
         return np.where(none[..., None], 0.0, normal)
+
+
+def description_of(section):
+    """The JSON object in the bytes of a description."""
+    try:
+        text = section.decode("utf-8")
+        outside_strings = re.sub(r'"(\\.|[^"\\])*"', "", text, flags=re.DOTALL)
+        levels = np.cumsum([(c in "[{") - (c in "]}") for c in outside_strings])
+        require(levels.max(initial=0) <= 127, "R22", "a description more than 127 levels deep")
+        # The last of members with one name counts. Python reads numbers beyond a double as infinite.
+        found = json.loads(text, parse_constant=not_json, parse_float=finite, parse_int=finite)
+        json.dumps(found, ensure_ascii=False).encode("utf-8")  # fails for half of a surrogate pair
+    except ValueError as problem:
+        raise Refused(f"R22: a description that is not JSON: {problem}") from None
+    require(isinstance(found, dict), "R22", "a description that is not a JSON object")
+    return found
+
+
+def not_json(word):
+    raise ValueError(f"{word} is no number of JSON")
+
+
+def finite(digits):
+    number = float(digits)
+    if np.isinf(number):
+        raise ValueError("a number beyond the range of a double")
+    return int(digits) if digits.lstrip("-").isdigit() and len(digits) < 20 else number
 
 
 def tile_keys(order, u, v):

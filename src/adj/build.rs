@@ -68,13 +68,15 @@ pub(super) struct PackingArguments {
     /// Order of blocks of voxels in the file; matters for speed only
     #[arg(long, value_name = "ORDER", default_value = "morton", value_parser = choice(TILE_ORDERS))]
     order: TileOrder,
-    /// Bits of a value; by default 8, or 16 where 8 would turn visible voxels transparent or mix up labels. Whole numbers
-    /// are stored exactly if all are among 256 (or 65536) multiples of one step; else the build says how far it rounds
+    /// Bits of a value; by default 8, or 16 for --max-error and where 8 would turn visible voxels transparent or mix up
+    /// labels. Whole numbers are stored exactly if all are among 256 (or 65536) multiples of one step; else the build
+    /// says how far it rounds
     #[arg(long, value_name = "BITS", value_parser = choice([("8", 8u8, ""), ("16", 16u8, "")]))]
     value_bits: Option<u8>,
-    /// Bits of each component of a surface normal; none makes a smaller file without lighting
-    #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice([("none", 0u8, ""), ("8", 8u8, ""), ("16", 16u8, "")]))]
-    normals: u8,
+    /// Bits of each component of a surface normal; by default 8, and 16 for --max-error. none makes a smaller file
+    /// without lighting
+    #[arg(long, value_name = "BITS", value_parser = choice([("none", 0u8, ""), ("8", 8u8, ""), ("16", 16u8, "")]))]
+    normals: Option<u8>,
 }
 
 /// Values of `--lanes`: each word names the axes, and the number is how many there are.
@@ -91,19 +93,26 @@ impl PackingArguments {
             ("--lanes", self.lanes != 3),
             ("--order", self.order != TileOrder::Morton),
             ("--value-bits", self.value_bits.is_some()),
-            ("--normals", self.normals != 8),
+            ("--normals", self.normals.is_some()),
         ];
         flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
     }
 
-    /// Returns the builder's options that these flags and `transfer` give.
-    pub(super) fn options(&self, transfer: TransferFunction) -> BuildOptions {
-        let normal_bits = if transfer.shaded() { self.normals } else { 0 };
+    /// Returns the first flag of this group that asks for rounding to 8 bits; `None` if there is none.
+    pub(super) fn rounding(&self) -> Option<&'static str> {
+        let flags = [("--value-bits 8", self.value_bits), ("--normals 8", self.normals)];
+        flags.iter().find(|(_, bits)| *bits == Some(8)).map(|(flag, _)| *flag)
+    }
+
+    /// Returns the builder's options that these flags and `transfer` give. `bits` are those of values and normals of which
+    /// no flag says them; without, they are the builder's own.
+    pub(super) fn options(&self, transfer: TransferFunction, bits: Option<u8>) -> BuildOptions {
+        let normal_bits = if transfer.shaded() { self.normals.or(bits).unwrap_or(8) } else { 0 };
         BuildOptions::new(transfer)
             .with_normal_bits(normal_bits)
             .with_lane_count(self.lanes)
             .with_tile_order(self.order)
-            .with_value_bits(self.value_bits)
+            .with_value_bits(self.value_bits.or(bits))
     }
 }
 
@@ -112,7 +121,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let (memory, threads) = (arguments.resources.memory(), arguments.resources.threads());
     let mut source = arguments.reading.open(&arguments.input)?;
     let transfer = arguments.classification.chosen(&arguments.input, &mut *source, arguments.quiet)?;
-    let options = arguments.packing.options(transfer);
+    let options = arguments.packing.options(transfer, None);
     let culling = arguments.culling.culling(memory, threads)?;
     let path = &arguments.output()?;
     check_output(path, &arguments.input)?;

@@ -18,9 +18,10 @@ use adjsplat_pictures::{Picture, PictureKind, SampleDepth};
 ///
 /// Exit code 0: done, or within --max-error; 1: they differ more than that; 2: they cannot be compared.
 ///
-/// The column "linear" compares linear, premultiplied red, green, blue and alpha of the pixels that one of the pictures
-/// covers. The column "display" compares sRGB values over the background, as do ssim and flip (at 67 pixels per
-/// degree).
+/// The column "linear" compares linear, premultiplied red, green, blue and alpha of the pixels that are not empty: those
+/// where one of these samples is not 0 in one of the pictures. Over an opaque background no pixel is empty: draw with
+/// --background transparent. The column "display" compares sRGB values of the same pixels over the background. So do
+/// ssim (of luma, 0.2126 R + 0.7152 G + 0.0722 B of the sRGB values) and flip (at 67 pixels per degree), of all pixels.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj compare right.exr draft.exr\n  adj compare right.png other.png --max-error 0.01 --diff where.png\n  adj compare right.png other.png --metric psnr --max-error 42 --json -"

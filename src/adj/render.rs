@@ -94,12 +94,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     };
     let settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
     let memory = arguments.memory;
-    let job = RenderJob { arguments, kind, outputs: &outputs, memory };
+    let is_volume = !is_adj(&arguments.input)?;
+    let job = RenderJob { arguments, kind, outputs: &outputs, memory, is_volume };
     let start = Instant::now();
     if arguments.renderer.is_reference() {
         return job.draw_reference(settings, start);
     }
-    if is_adj(&arguments.input)? {
+    if !is_volume {
         if let Some(flag) = arguments.reading.given().or(arguments.packing.given()) {
             return Err(Error::input(flag, "is for volumes, but the input is an .adj file; leave it out"));
         }
@@ -107,9 +108,16 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         let transfer = arguments.classification.transfer(&arguments.input)?;
         return job.draw_file(file, settings, transfer, start);
     }
+    // A bound on the error counts what rounding changes; with 16 bits that is next to nothing.
+    let bits = arguments.look.max_error.map(|_| 16);
+    if let Some(flag) = arguments.packing.rounding().filter(|_| bits.is_some()) {
+        print_note(&format!(
+            "note: --max-error does not count what {flag} rounds; leave it out, and 16 bits are stored"
+        ));
+    }
     let mut source = arguments.reading.open(&arguments.input)?;
     let transfer = arguments.classification.chosen(&arguments.input, &mut *source, arguments.quiet)?;
-    let options = arguments.packing.options(transfer);
+    let options = arguments.packing.options(transfer, bits);
     let header = source.header().clone();
     let folder = memory.is_some().then(|| scratch_folder(&arguments.output)).transpose()?;
     let resources = Resources { memory, threads: settings.threads, folder: folder.clone() };
@@ -138,6 +146,8 @@ struct RenderJob<'a> {
     outputs: &'a [PathBuf],
     /// Most memory to take, in bytes.
     memory: Option<u64>,
+    /// Whether the input is a volume, whose voxels are rounded to codes on the way.
+    is_volume: bool,
 }
 
 impl RenderJob<'_> {
@@ -173,7 +183,7 @@ impl RenderJob<'_> {
     /// Draws with the reference renderer, which reads the volume itself.
     fn draw_reference(&self, mut settings: Settings, start: Instant) -> Result<Answer> {
         let arguments = self.arguments;
-        if is_adj(&arguments.input)? {
+        if !self.is_volume {
             return Err(needs_volume());
         }
         if let Some(flag) = arguments.packing.given() {
@@ -215,7 +225,7 @@ fn draw(
     transfer: Option<TransferFunction>,
     start: Instant,
 ) -> Result<Answer> {
-    let RenderJob { arguments, memory, .. } = *job;
+    let RenderJob { arguments, memory, is_volume, .. } = *job;
     let arena = lanes.arena();
     let facts = arena.facts().clone();
     let transfer_given = transfer.is_some();
@@ -239,10 +249,19 @@ fn draw(
     let renderer = arguments.renderer.renderer(scene, memory.is_some(), settings.blending)?;
     let mut measured = None;
     if let Some(bound) = arguments.look.max_error {
-        let choice = dial::choose(&scene, &cameras, &settings, bound, || !interrupted())?;
+        let go_on = || !interrupted();
+        let rounding = if is_volume { dial::rounding(&scene, &cameras, &settings, go_on)? } else { 0.0 };
+        // A bound below 0 stays one, which the dial refuses.
+        let left = if rounding > bound && bound >= 0.0 { 0.0 } else { bound - rounding };
+        let choice = dial::choose(&scene, &cameras, &settings, left, go_on)?;
         settings = choice.settings;
-        measured = Some(choice.measured);
-        print_note(&format!("note: {}", chosen(&settings, choice.measured)));
+        measured = Some(choice.measured + rounding);
+        print_note(&format!("note: {}", chosen(&settings, choice.measured + rounding)));
+        if rounding > bound {
+            print_note(&format!(
+                "warning: rounding gradient magnitudes to 8 bits alone may change the picture by {rounding:.2e}, more than --max-error; --renderer reference rounds nothing"
+            ));
+        }
     }
     let background = arguments.look.background(&transfer);
     draw_frames(job, &settings, &cameras, renderer, background, measured, start)

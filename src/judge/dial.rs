@@ -9,8 +9,12 @@
 //! cameras -> windows -> reference, then rung after rung: largest difference * CAUTION <= bound? -> settings
 //! ```
 //!
+//! "Fastest" means first in a fixed list, [`RUNGS`]. Its order is that of times over nine sets. The dial takes no times,
+//! so that the same input always gives the same picture; for some scenes a later candidate may be faster.
+//!
 //! The error is the largest difference of a sample of a linear premultiplied picture, 0 to 1. Errors from building the
-//! file (fewer bits of values and normals, hidden voxels left out) are not part of it.
+//! file (fewer bits of values and normals, hidden voxels left out) are not part of it. [`rounding`] measures what the 8
+//! bits of gradient magnitudes cost, which have no wider codes.
 
 use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Camera, Frame, KernelShape, Projection, Quality, Sampling, Scene, Settings, View, cpu};
@@ -79,8 +83,8 @@ impl Rung {
 /// Chooses the fastest of [`RUNGS`] whose error is within `bound`. The error is measured in windows of the pictures of
 /// some of the `cameras`, then multiplied by [`CAUTION`].
 ///
-/// Takes about as long as two pictures with [`Quality::Reference`], however many cameras there are. If `go_on` returns
-/// false, the search stops.
+/// Takes about as long as two pictures with [`Quality::Reference`], however many cameras there are: several times as
+/// long as a picture with the settings that are chosen. If `go_on` returns false, the search stops.
 ///
 /// # Errors
 /// [`Error::Input`] if `bound` is not finite and at least 0, or there is no camera; [`Error::Interrupted`] if `go_on`
@@ -102,12 +106,7 @@ pub fn choose(
     let last = RUNGS.len() - 1;
     let reference = settings_of(last);
     let windows = windows(scene, cameras, &reference)?;
-    let draw = |settings: &Settings, window: &Window| {
-        if !go_on() {
-            return Err(Error::Interrupted);
-        }
-        Ok(cpu::render(scene, &window.camera, &settings.clone().with_size(window.size))?.0)
-    };
+    let draw = |settings: &Settings, window: &Window| window.draw(scene, settings, &go_on);
     let right = windows.iter().map(|window| draw(&reference, window)).collect::<Result<Vec<_>>>()?;
     for rung in 0..last {
         let settings = settings_of(rung);
@@ -125,10 +124,50 @@ pub fn choose(
     Ok(Choice { settings: reference, rung: last, measured: 0.0 })
 }
 
+/// Returns the largest change of the pictures if every gradient magnitude is half a code higher or lower: what rounding
+/// magnitudes to codes can do. 0 if the scene's opacities do not depend on magnitudes.
+///
+/// Measured in windows, like the error of [`choose`], and not multiplied by [`CAUTION`]: roundings go both ways, and these
+/// all go one way. Takes about as long as [`choose`]. If `go_on` returns false, it stops.
+///
+/// # Errors
+/// [`Error::Interrupted`] if `go_on` returns false; the errors of [`cpu::render`].
+pub fn rounding(scene: &Scene, cameras: &[Camera], settings: &Settings, go_on: impl Fn() -> bool) -> Result<f64> {
+    let has_codes = scene.facts.channels.magnitude_bits > 0 && scene.transfer.uses_gradient();
+    if !has_codes || settings.mode.is_maximum() {
+        return Ok(0.0);
+    }
+    let settings = RUNGS[RUNGS.len() - 1].applied(settings);
+    let windows = windows(scene, cameras, &settings)?;
+    let right = windows.iter().map(|window| window.draw(scene, &settings, &go_on)).collect::<Result<Vec<_>>>()?;
+    let mut most = 0.0;
+    for half_code in [-HALF_CODE, HALF_CODE] {
+        let mut facts = scene.facts.clone();
+        facts.scales.magnitude_scale = (facts.scales.magnitude_scale * half_code.exp2()).min(f64::MAX);
+        let moved = Scene { facts: &facts, ..*scene };
+        for (window, right) in windows.iter().zip(&right) {
+            most = largest_difference(right, &window.draw(&moved, &settings, &go_on)?).max(most);
+        }
+    }
+    Ok(most)
+}
+
+/// Half the distance of two codes of gradient magnitudes, in octaves.
+const HALF_CODE: f64 = 1.0 / 32.0;
+
 /// A window (part of a picture) with a camera that draws only this part.
 struct Window {
     camera: Camera,
     size: [u32; 2],
+}
+
+impl Window {
+    fn draw(&self, scene: &Scene, settings: &Settings, go_on: impl Fn() -> bool) -> Result<Frame> {
+        if !go_on() {
+            return Err(Error::Interrupted);
+        }
+        Ok(cpu::render(scene, &self.camera, &settings.clone().with_size(self.size))?.0)
+    }
 }
 
 /// Returns windows on the volume, from evenly spaced cameras of `cameras`.

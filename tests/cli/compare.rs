@@ -111,3 +111,42 @@ fn reference_quality_is_the_judges_picture() {
     refused(&format!("{SCENE} --mode maximum -o x.png"), &["mode", "no reference"]);
     refused(&format!("{SCENE} --blending sheets -o x.png"), &["--blending", "no reference"]);
 }
+
+/// A bound on a volume is one beside the volume: what rounding to codes changes counts too.
+#[test]
+fn an_error_bound_of_a_volume_counts_the_bits_that_it_is_stored_with() {
+    let folder = Folder::new();
+    let wave = |at: usize| (at as f32 * 0.31).sin();
+    let value = |at: usize| 128.0 + 60.0 * (wave(at % 40) + wave(at / 40 % 40 + 3) * wave(at / 1600 + 7));
+    let samples: Vec<u8> = (0..40 * 40 * 40).flat_map(|at| value(at).to_le_bytes()).collect();
+    folder.write("v.raw", &samples);
+    let points = |more: &str| {
+        format!(
+            r##"{{"kind":"points","points":[{{"value":100,"colour":"#2040ff","opacity":0}},
+            {{"value":128,"colour":"#ff8040","opacity":0.6}},{{"value":156,"colour":"#ffffff","opacity":0.05}}]{more}}}"##
+        )
+    };
+    folder.write("values.json", points("").as_bytes());
+    let ramp = r#","gradient":[{"magnitude":5,"factor":0},{"magnitude":40,"factor":1}]"#;
+    folder.write("both.json", points(ramp).as_bytes());
+    let draw = |transfer: &str, more: &str| {
+        folder.adj(&format!(
+            "render v.raw --dims 40x40x40 --type f32le --tf {transfer} --azimuth 31 --elevation 24 --size 160x160 --background transparent {more}"
+        ))
+    };
+    for (transfer, bound) in [("values.json", "0.003"), ("both.json", "0.02")] {
+        draw(transfer, "--renderer reference -o judge.exr").done();
+        let ran = draw(transfer, &format!("--max-error {bound} -o ours.exr"));
+        assert!(!ran.stderr.contains("warning"), "{}", ran.stderr);
+        ran.done();
+        folder.adj(&format!("compare judge.exr ours.exr --max-error {bound}")).done();
+    }
+    // Magnitudes have 8 bits only: a bound below what they change is said to be out of reach.
+    let ran = draw("both.json", "--max-error 0.0001 -o ours.exr");
+    assert!(ran.stderr.contains("rounding gradient magnitudes") && ran.stderr.contains("--renderer reference"));
+    let ran = draw("values.json", "--max-error 0.01 --value-bits 8 -o ours.exr");
+    assert!(ran.stderr.contains("does not count what --value-bits 8 rounds"), "{}", ran.stderr);
+    for bound in ["-0.1", "NaN"] {
+        draw("both.json", &format!("--max-error {bound} -o x.exr")).refused(&["--max-error"]);
+    }
+}

@@ -9,6 +9,7 @@ mod golden;
 mod hidden;
 mod low_pass;
 mod metrics;
+mod optics;
 mod reference;
 mod sampling;
 mod splat;

@@ -44,7 +44,7 @@ fn shell() -> Built {
 #[test]
 fn a_slab_lets_through_what_beer_and_lambert_say() {
     // Quality, largest deviation of optical depth, deviation of its mean.
-    for (quality, peak, mean) in [(Quality::Standard, 4e-3, 1e-4), (Quality::High, 3e-4, 1e-4)] {
+    for (quality, peak, mean) in [(Quality::Standard, 2.7e-3, 1.4e-4), (Quality::High, 2.3e-4, 2e-5)] {
         let mut found = [0.0f64; 2];
         for spacing in [[1.0, 1.0, 1.0], [1.0, 1.0, 8.0], [1.0, 1.0, 1000.0]] {
             for direction in [
@@ -55,19 +55,23 @@ fn a_slab_lets_through_what_beer_and_lambert_say() {
                 [1.0, 0.0, 1.0],
                 [1.0, 1.0, 1.0],
             ] {
-                let apart = slab(quality, spacing, direction);
-                let is_within = apart[0] <= peak && apart[1] <= mean;
-                assert!(is_within, "{quality:?} {spacing:?} {direction:?}: {apart:?}");
-                (0..2).for_each(|n| found[n] = found[n].max(apart[n]));
+                // Face on, whole numbers of pixels a voxel meet the lattice in the same few places all over: 64 meet the
+                // spikes where cut-off edges cross, and of 7 or 10 the mean is of few places.
+                for pixels in [64, 25, 10, 7] {
+                    let apart = slab(quality, spacing, direction, pixels);
+                    let is_within = apart[0] <= peak && apart[1] <= mean;
+                    assert!(is_within, "{quality:?} {spacing:?} {direction:?} {pixels}: {apart:?}");
+                    (0..2).for_each(|n| found[n] = found[n].max(apart[n]));
+                }
             }
         }
         println!("{quality:?}: depths within {:.1e}, their means within {:.1e}", found[0], found[1]);
     }
 }
 
-/// A slab of 12 layers across z, seen through its middle along `direction` (index space): largest deviation of its
-/// optical depth, and that of the mean, relative.
-fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3]) -> [f64; 2] {
+/// A slab of 12 layers across z, seen through its middle along `direction` (index space) with `pixels` a voxel: largest
+/// deviation of its optical depth, and that of the mean, relative.
+fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3], pixels: u32) -> [f64; 2] {
     let layers = 12;
     // Wide enough that no border comes near the central ray.
     let side = 64;
@@ -79,10 +83,10 @@ fn slab(quality: Quality, spacing: [f64; 3], direction: [f64; 3]) -> [f64; 2] {
     let length = world.iter().map(|c| c * c).sum::<f64>().sqrt();
     let target = model.surround().centre;
     let position = std::array::from_fn(|a| target[a] - world[a] / length * 50_000.0);
-    // 150 pixels across 6 voxels of the finer axes. The lattice is commensurate with the pixels, so a coarser picture
+    // 6 voxels of the finer axes. The lattice is commensurate with the pixels, so a coarser picture
     // would sample each kernel's cut-off edge in the same few places.
     let camera = Camera::new(position, target, [0.0, 1.0, 0.0], Projection::Parallel { height: 6.0 }).unwrap();
-    let mut settings = Settings::every_pixel([150, 150]);
+    let mut settings = Settings::every_pixel([6 * pixels; 2]);
     settings.quality = quality;
     settings.termination = Some(0.0);
     let (frame, _) = model.render(&camera, &settings);

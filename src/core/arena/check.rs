@@ -1,8 +1,8 @@
 //! The check: tells whether the content of an open arena follows all rules of the format, in O(bytes).
 //!
 //! In: an [`Arena`]. Out: counts, or the first broken rule of `formats/adj-1.md` among R12 to R22 with its byte. The check
-//! allocates nothing that grows with the file and ends on any bytes: every tile, line and record is read once, because
-//! it must start where the previous one ends.
+//! allocates nothing that grows with the file, but for one string of the description, and ends on any bytes: every tile,
+//! line and record is read once, because it must start where the previous one ends.
 //!
 //! ```text
 //! for each section in file order: its checksum, the zeros after it, the description's text
@@ -15,9 +15,11 @@
 //! magnitude) does not depend on order. The hash is keyed by the file's fingerprint, so that no file can be crafted to
 //! fit it. Lanes that differ have equal sums with a probability of about 2^-64.
 
+use std::fmt;
 use std::mem::{offset_of, size_of};
 use std::ops::Range;
 
+use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::lane::{Lane, STEPPING};
@@ -137,16 +139,68 @@ fn name_of(section: &SectionEntry) -> String {
     }
 }
 
-/// Checks that the description is a JSON object. R22.
+/// Checks that the description is a JSON object whose numbers and strings can be read. R22.
 fn check_description(at: u64, content: &[u8]) -> Result<(), FormatFault> {
-    let expected = "a JSON object in UTF-8";
+    let expected = "a JSON object in UTF-8, at most 127 levels deep";
     let text =
         std::str::from_utf8(content).map_err(|error| fault(at + error.valid_up_to() as u64, "R22", expected, error))?;
-    serde_json::from_str::<serde::de::IgnoredAny>(text).map_err(|error| fault(at, "R22", expected, error))?;
+    serde_json::from_str::<SoundJson>(text).map_err(|error| fault(at, "R22", expected, error))?;
     // White space that JSON allows, then the object.
     match text.trim_start_matches([' ', '\t', '\n', '\r']).starts_with('{') {
         true => Ok(()),
         false => Err(fault(at, "R22", expected, "another JSON value")),
+    }
+}
+
+/// Any JSON value, which is parsed and dropped. Unlike `IgnoredAny` it makes serde_json refuse numbers beyond a double,
+/// halves of surrogate pairs, and values more than 127 levels deep.
+struct SoundJson;
+
+impl<'de> Deserialize<'de> for SoundJson {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<SoundJson, D::Error> {
+        deserializer.deserialize_any(SoundJson)
+    }
+}
+
+impl<'de> Visitor<'de> for SoundJson {
+    type Value = SoundJson;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a JSON value")
+    }
+
+    fn visit_unit<E>(self) -> Result<SoundJson, E> {
+        Ok(self)
+    }
+
+    fn visit_bool<E>(self, _: bool) -> Result<SoundJson, E> {
+        Ok(self)
+    }
+
+    fn visit_u64<E>(self, _: u64) -> Result<SoundJson, E> {
+        Ok(self)
+    }
+
+    fn visit_i64<E>(self, _: i64) -> Result<SoundJson, E> {
+        Ok(self)
+    }
+
+    fn visit_f64<E>(self, _: f64) -> Result<SoundJson, E> {
+        Ok(self)
+    }
+
+    fn visit_str<E>(self, _: &str) -> Result<SoundJson, E> {
+        Ok(self)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut items: A) -> Result<SoundJson, A::Error> {
+        while let Some(SoundJson) = items.next_element()? {}
+        Ok(self)
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, mut members: A) -> Result<SoundJson, A::Error> {
+        while let Some((SoundJson, SoundJson)) = members.next_entry()? {}
+        Ok(self)
     }
 }
 

@@ -304,8 +304,10 @@ fn check_table(table: &[SectionEntry], file_bytes: u64, facts: &Facts) -> Result
             return Err(fault(at!(entry[index].axis), "R10", expected, entry.axis));
         }
         let is_same = |earlier: &SectionEntry| earlier.kind == entry.kind && earlier.axis == entry.axis;
-        if kind.is_some() && table[..index].iter().any(is_same) {
-            return Err(fault(at!(entry[index].kind), "R10", "each kind once a lane", "it again"));
+        if let Some(kind) = kind.filter(|_| table[..index].iter().any(is_same)) {
+            let owner = axis.map_or("the file".to_owned(), |axis| format!("lane {}", axis.name()));
+            let expected = format!("one section of {} in {owner}", kind.name());
+            return Err(fault(at!(entry[index].kind), "R10", expected, "a second one"));
         }
         zeros_from(at!(entry[index].reserved), "R8", &entry.reserved.get().to_le_bytes())?;
         let (offset, bytes) = (entry.offset.get(), entry.bytes.get());

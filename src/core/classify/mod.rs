@@ -38,7 +38,8 @@
 //! | `region` | `knots`: at least two of `value`, `colour`, `opacity`, strictly ascending: the region boundary surfaces of Levoy 1988. `largest_magnitude` (optional, 1): the gradient magnitude at which opacity is reached in full. |
 //! | `labels` | `labels`: `label`, `name`, `colour`, `opacity` (optional, 1). `others` (optional): how labels above 0 that are not listed look: `"transparent"` (default) or `"distinct"`. |
 //!
-//! Every kind may have `shaded` (default true) and `reference_length` (default: the geometric mean of the spacings).
+//! Every kind may have `shaded` (default true) and `reference_length` (default: the mean spacing, which is the cube root
+//! of a cell's volume). docs/OPTICS.md defines how opacity and colour follow.
 //!
 //! Labels can also be read from a colour table of 3D Slicer: [`TransferFunction::from_ctbl`].
 //!

@@ -155,7 +155,8 @@ pub enum Sampling {
     /// number falls with the square of the magnification. Where voxels are smaller than pixels, it supersamples as
     /// [`Sampling::Finer`] does. The error is in docs/studies/sampling.md.
     Enough,
-    /// Fewer samples than [`Sampling::Enough`], for a moving camera: enough for 32 dB.
+    /// Fewer samples than [`Sampling::Enough`], for a moving camera: about 32 dB, and 26 dB in the worst
+    /// scenes (docs/NUMERICS.md).
     Fewest,
 }
 

@@ -5,6 +5,9 @@ use crate::error::{Error, Result};
 /// Largest number of grid points along an axis.
 pub const MAX_DIM: u32 = 65_535;
 
+/// Largest difference of a direction's squared length from 1: it admits unit vectors written with three digits.
+const UNIT_TOLERANCE: f64 = 2e-3;
+
 /// One of the grid's three index axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Axis {
@@ -57,7 +60,8 @@ pub struct Grid {
     pub spacing: [f64; 3],
     /// World position of point (0, 0, 0), in `unit`.
     pub origin: [f64; 3],
-    /// World directions of the index axes, as unit vectors: axis `a` points along `direction[a]`.
+    /// World directions of the index axes, as unit vectors: axis `a` points along `direction[a]`. Their squared lengths
+    /// are within 0.002 of 1.
     pub direction: [[f64; 3]; 3],
     /// Unit of spacing and origin, such as "mm", if the file names one.
     pub unit: Option<String>,
@@ -101,6 +105,15 @@ impl Grid {
             return Err(Error::input("origin", "is not finite"));
         }
         let [x, y, z] = self.direction;
+        for (axis, [a, b, c]) in Axis::ALL.into_iter().zip(self.direction) {
+            let square = a * a + b * b + c * c;
+            // NaN is left to the determinant.
+            if (square - 1.0).abs() > UNIT_TOLERANCE {
+                let why =
+                    format!("has the length {}; divide it by this, and multiply the spacing by it", square.sqrt());
+                return Err(Error::input(format!("direction {}", axis.name()), why));
+            }
+        }
         let determinant = x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0])
             + x[2] * (y[0] * z[1] - y[1] * z[0]);
         if !(determinant.is_finite() && determinant.abs() > 1e-6) {

@@ -111,7 +111,7 @@ fn lying_tables_are_refused_without_allocating() {
 }
 
 #[test]
-fn a_description_nested_without_end_is_judged_without_recursion() {
+fn a_description_nested_without_end_is_refused() {
     let mut parts = Parts::of_scene(&scenes()[0]);
     parts.sections[0].bytes = b"{\"a\":".iter().copied().cycle().take(5 * 200_000).collect();
     let file = parts.file();

@@ -71,6 +71,7 @@ const HEAD: &str = "\
 #   NAME ok DIMS visible=VOXELS stepping=LANE:STEPPING_VOXELS,... content=HASH
 #   NAME open RULE BYTE     must be refused when it is opened, by that rule, at that byte
 #   NAME check RULE BYTE    opens, and must be refused by the check
+# RULE is the first broken rule and BYTE the place of the fault, both by section 7.1 of adj-1.md.
 # HASH: first 16 digits of SHA-256 over a text of one line a voxel, by z, then y, then x: the decimal numbers
 # x, y, z, value code, normal code, magnitude code with a space between and a line feed after; 0 for a channel
 # that the file does not have.

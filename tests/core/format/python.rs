@@ -9,6 +9,7 @@ use adjsplat_tests::skipped;
 
 use crate::format::assemble::{Parts, listing, voxels_of};
 use crate::format::examples::folder;
+use crate::format::refused::described;
 use crate::format::scenes::scenes;
 
 /// Runs the reader; `None`, said aloud, where there is no Python with numpy.
@@ -88,11 +89,22 @@ fn the_python_reader_refuses_what_it_cannot_read() {
         ("R2", "x-future-major.adj"),
         ("R4", "x-truncated.adj"),
         ("R5", "x-overlap.adj"),
+        ("R6", "x-no-grid-points.adj"),
+        ("R6", "x-spacing.adj"),
+        ("R6", "x-direction.adj"),
+        ("R6", "x-direction-length.adj"),
         ("R7", "x-value-bits.adj"),
         ("R10", "x-unknown-kind.adj"),
         ("R11", "x-channel-lengths.adj"),
         ("R13", "x-tile-order-differs.adj"),
         ("R16", "x-mask-without-line-end.adj"),
+        ("R22", "x-description-utf8.adj"),
+        ("R22", "x-description-json.adj"),
+        ("R22", "x-description-array.adj"),
+        ("R22", "x-description-deep.adj"),
+        ("R22", "x-description-number.adj"),
+        ("R22", "x-description-surrogate.adj"),
+        ("R22", "x-description-bom.adj"),
     ];
     let Some(output) = read_adj(&refused.map(|(_, name)| name)) else { return };
     let messages = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -100,4 +112,15 @@ fn the_python_reader_refuses_what_it_cannot_read() {
     for ((rule, name), message) in refused.iter().zip(messages.lines()) {
         assert!(message.starts_with(&format!("read_adj: {name}: {rule}: ")), "{message}");
     }
+}
+
+#[test]
+fn the_python_reader_says_in_one_line_that_a_description_is_nested_too_deep() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("deep.adj");
+    std::fs::write(&path, described(&format!("{{\"a\":{}", "[".repeat(100_000)))).unwrap();
+    let Some(output) = read_adj(&[path.to_str().unwrap()]) else { return };
+    let message = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!((output.status.code(), message.lines().count()), (Some(2), 1), "{message}");
+    assert!(message.contains("R22: a description more than 127 levels deep"), "{message}");
 }

@@ -31,6 +31,11 @@ fn patched(base: &str, change: impl FnOnce(&mut Vec<u8>)) -> Vec<u8> {
     file
 }
 
+/// The worked example with another description.
+pub(crate) fn described(text: &str) -> Vec<u8> {
+    rebuilt("worked.adj", |p| p.sections[0].bytes = text.as_bytes().to_vec())
+}
+
 /// Every file that must be refused.
 pub(crate) fn refused() -> Vec<(&'static str, Vec<u8>)> {
     use SectionKind::{LineEnds, Steps, Tiles, Values};
@@ -88,6 +93,8 @@ pub(crate) fn refused() -> Vec<(&'static str, Vec<u8>)> {
         ("x-no-grid-points.adj", rebuilt(worked, |p| p.header.dims[1].set(0))),
         ("x-spacing.adj", rebuilt(worked, |p| p.header.spacing[2].set(f64::NAN))),
         ("x-direction.adj", rebuilt(worked, |p| p.header.direction[2] = p.header.direction[1])),
+        ("x-direction-length.adj", rebuilt(worked, |p| p.header.direction[0][0].set(1e30))),
+        ("x-direction-not-unit.adj", rebuilt(worked, |p| p.header.direction[0][0].set(1.002))),
         ("x-value-bits.adj", rebuilt(worked, |p| p.header.value_bits = 32)),
         ("x-tile-order.adj", rebuilt(worked, |p| p.header.tile_order = 3)),
         ("x-reserved.adj", rebuilt(worked, |p| p.header.reserved_1[55] = 1)),
@@ -162,5 +169,9 @@ pub(crate) fn refused() -> Vec<(&'static str, Vec<u8>)> {
         ("x-description-utf8.adj", rebuilt(worked, |p| p.sections[0].bytes[2] = 0xff)),
         ("x-description-json.adj", rebuilt(worked, |p| p.sections[0].bytes.truncate(9))),
         ("x-description-array.adj", rebuilt(worked, |p| p.sections[0].bytes = b"[]".to_vec())),
+        ("x-description-deep.adj", described(&format!("{{\"a\":{}{}}}", "[".repeat(127), "]".repeat(127)))),
+        ("x-description-number.adj", described("{\"a\":1e999}")),
+        ("x-description-surrogate.adj", described("{\"a\":\"\\ud800\"}")),
+        ("x-description-bom.adj", described("\u{feff}{}")),
     ]
 }

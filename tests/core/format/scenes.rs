@@ -102,6 +102,15 @@ pub(crate) fn scenes() -> Vec<Scene> {
         scene("worked.adj", [300, 2, 1], bytes, 1, numbered(&[[1, 0, 0], [2, 0, 0], [299, 1, 0]])),
         // Nothing but one record, and no description.
         Scene { description: None, ..scene("one-voxel.adj", [1, 1, 1], bytes, 1, numbered(&[[0, 0, 0]])) },
+        // As deep as a description may be; a member twice, of which the last counts; the largest number; a pair.
+        Scene {
+            description: Some(format!(
+                r#"{{"deep":{}{},"generator":1,"generator":"\ud83d\ude00","large":1.7976931348623157e308}}"#,
+                "[".repeat(126),
+                "]".repeat(126)
+            )),
+            ..scene("odd-description.adj", [1, 1, 1], bytes, 1, numbered(&[[0, 0, 0]]))
+        },
         // A volume in which nothing is visible: sections of no bytes, one after the other.
         scene("nothing-visible.adj", [5, 4, 3], narrow, 3, Vec::new()),
         scene("gaps.adj", [1600, 1023, 512], bytes, 3, numbered(&gaps)),

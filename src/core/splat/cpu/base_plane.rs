@@ -35,7 +35,8 @@ const MAX_PIXELS: f64 = 6.0;
 /// plane is more exact than splats in the picture, which the low-pass filter widens. Up to 0.49 the plane was nearer to
 /// supersampled pictures in all of 36 views, by 5 to 19 dB; at 0.56 in 15 of 18 (docs/studies/sampling.md).
 const ENOUGH: f64 = WIDE_ENOUGH;
-/// Like [`ENOUGH`], where 32 dB suffice: the worst view, nearly along an axis, has 34 dB at any magnification.
+/// Like [`ENOUGH`], where 32 dB suffice: the worst views, along or nearly along an axis, have 34 dB at any magnification,
+/// but opaque waves near the Nyquist frequency 29 dB.
 const FEWEST: f64 = 2.1;
 /// Smallest width of a plane's pixel, in pixels of the picture. If it is smaller along both directions, the four points
 /// that are sampled per pixel of the picture miss parts of the pixel.
