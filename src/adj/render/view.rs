@@ -11,6 +11,9 @@ use adjsplat::splat::{Camera, Orbit, Surround, Up};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::Grid;
 
+/// Most bytes of a camera's file.
+const CAMERA_BYTES: u64 = 1 << 20;
+
 /// The flags for where the camera is.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "View")]
@@ -63,7 +66,7 @@ fn camera(view: &ViewArguments, around: Surround, size: [u32; 2], frame_index: u
         if view.frames > 1 {
             return Err(Error::input("--camera", "is one view; leave out --frames, or use --azimuth and --elevation"));
         }
-        let text = read_text(path)?;
+        let text = read_text(path, CAMERA_BYTES)?;
         return serde_json::from_str(&text)
             .map_err(|fault| Error::input(path.display().to_string(), fault.to_string()));
     }

@@ -40,6 +40,9 @@
 //!
 //! Every kind may have `shaded` (default true) and `reference_length` (default: the geometric mean of the spacings).
 //!
+//! A function has at most 65,536 points, knots, colours or labels, at most 64 contours or points of a ramp, and a file of
+//! at most 16 MiB: [`crate::limits`].
+//!
 //! Labels can also be read from a colour table of 3D Slicer: [`TransferFunction::from_ctbl`].
 //!
 //! Source: M. Levoy, "Display of Surfaces from Volume Data", IEEE CG&A 8(3), 1988, sections 3 and 4.
