@@ -9,6 +9,8 @@ mod classification;
 mod compare;
 mod completions;
 mod cull;
+#[cfg(unix)]
+mod cut_file;
 mod demo;
 #[cfg(feature = "gpu")]
 mod devices;
@@ -84,6 +86,8 @@ fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     progress::catch_interrupts();
+    #[cfg(unix)]
+    cut_file::catch_cut_files();
     match run(&cli.command) {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
