@@ -128,9 +128,9 @@ impl View {
             PixelMap::Parallel { pixel_from_voxel, .. } => pixel_from_voxel.as_flattened(),
             PixelMap::Perspective { camera_from_voxel, .. } => camera_from_voxel.as_flattened(),
         };
-        let is_sound = world.steps.iter().all(|step| SOUND_LENGTHS.contains(&step.length()));
         let is_finite = numbers.iter().chain(&toward).all(|c| c.is_finite());
-        let why = "is too near or far for the grid's spacing (1e-150 to 1e150): the transform is not finite";
+        let is_sound = world.steps.iter().all(|step| SOUND_LENGTHS.contains(&step.length()));
+        let why = "is too near or too far for the grid's spacing: the transform is not finite";
         require(is_sound && is_finite, "camera", why)?;
         let by_axis = |vector: DVec3| grid.direction.map(|axis| DVec3::from_array(axis).dot(vector));
         let eye_scaled = std::array::from_fn(|a| eye_voxel[a] * steps[a]);

@@ -1,9 +1,14 @@
 //! The regular grid of a volume: point counts, spacing, and position in world space.
 
+use std::ops::RangeInclusive;
+
 use crate::error::{Error, Result};
 
 /// Largest number of grid points along an axis.
 pub const MAX_DIM: u32 = 65_535;
+
+/// Spacings that can be drawn. Squares of a picture's lengths, also from far and through a strong zoom, are numbers then.
+pub const SPACINGS: RangeInclusive<f64> = 1e-100..=1e100;
 
 /// One of the grid's three index axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -53,7 +58,7 @@ impl Axis {
 pub struct Grid {
     /// Number of points along x, y, z; each 1 to [`MAX_DIM`].
     pub dims: [u32; 3],
-    /// Distance between neighbouring points along x, y, z, in `unit`; finite and above 0.
+    /// Distance between neighbouring points along x, y, z, in `unit`; in [`SPACINGS`].
     pub spacing: [f64; 3],
     /// World position of point (0, 0, 0), in `unit`.
     pub origin: [f64; 3],
@@ -82,8 +87,8 @@ impl Grid {
     /// Checks that dimensions, spacing, origin and direction are usable.
     ///
     /// # Errors
-    /// [`Error::Input`] if a dimension is 0, a spacing is not finite and above 0, or origin or direction is not
-    /// finite or the direction is singular; [`Error::Limit`] if a dimension is above [`MAX_DIM`].
+    /// [`Error::Input`] if a dimension is 0, a spacing is not in [`SPACINGS`], or origin or direction is not finite or
+    /// the direction is singular; [`Error::Limit`] if a dimension is above [`MAX_DIM`].
     pub fn check(&self) -> Result<()> {
         for axis in Axis::ALL {
             let a = axis.index();
@@ -94,6 +99,10 @@ impl Grid {
             let step = self.spacing[a];
             if !(step.is_finite() && step > 0.0) {
                 let why = format!("is {step}, but must be a finite number above 0");
+                return Err(Error::input(format!("spacing {}", axis.name()), why));
+            }
+            if !SPACINGS.contains(&step) {
+                let why = format!("is {step:e}, but only 1e-100 to 1e100 can be drawn; give it in another unit");
                 return Err(Error::input(format!("spacing {}", axis.name()), why));
             }
         }
