@@ -222,7 +222,7 @@ pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
 /// Upper bound of what the low-pass adds to half of a footprint's width, in pixels, at any cut-off in use.
 const LOW_PASS_REACH: f64 = 6.0;
 
-/// Returns the cube root of a cell's volume, in world length.
+/// Returns the cube root of a cell's volume, in world length: `Grid::mean_spacing`, but for rounding.
 fn mean_voxel(world: &WorldFrame) -> f64 {
     let [x, y, z] = world.steps;
     let [ux, uy, uz] = [x.normalize(), y.normalize(), z.normalize()];

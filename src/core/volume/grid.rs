@@ -109,9 +109,7 @@ impl Grid {
         if !self.origin.iter().all(|c| c.is_finite()) {
             return Err(Error::input("origin", "is not finite"));
         }
-        let [x, y, z] = self.direction;
-        let determinant = x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0])
-            + x[2] * (y[0] * z[1] - y[1] * z[0]);
+        let determinant = self.determinant();
         if !(determinant.is_finite() && determinant.abs() > 1e-6) {
             return Err(Error::input("direction", "has axes that are not finite or lie in one plane"));
         }
@@ -123,10 +121,23 @@ impl Grid {
         self.spacing.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns the geometric mean of the spacings: the edge of a cube with the volume of one cell.
+    /// Returns the edge of a cube with the volume of one cell: for axes at right angles, the geometric mean of the
+    /// spacings; less in a sheared grid, whose cells are flatter.
+    ///
+    /// It is the default of a transfer function's reference length, so that opacities refer to one voxel.
     pub fn mean_spacing(&self) -> f64 {
         // Logarithms: the product of three tiny or huge spacings would underflow or overflow.
-        (self.spacing.iter().map(|h| h.ln()).sum::<f64>() / 3.0).exp()
+        let mean = (self.spacing.iter().map(|h| h.ln()).sum::<f64>() / 3.0).exp();
+        let volume = self.determinant().abs();
+        // Directions of files are rounded: so small a difference is no shear.
+        if (volume - 1.0).abs() < 1e-6 { mean } else { mean * volume.cbrt() }
+    }
+
+    /// Returns the volume of the cell that the directions span, negative if they are left-handed; 1 or -1 unless the
+    /// grid is sheared.
+    fn determinant(&self) -> f64 {
+        let [x, y, z] = self.direction;
+        x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0]) + x[2] * (y[0] * z[1] - y[1] * z[0])
     }
 
     /// Returns the number of samples in one z-slice.

@@ -121,12 +121,6 @@ impl VisibleVoxels {
     }
 }
 
-/// Returns the mean spacing in world units: the cube root of a cell's volume.
-fn mean_voxel(grid: &Grid) -> f64 {
-    let [x, y, z] = grid.direction.map(glam::DVec3::from_array);
-    grid.mean_spacing() * x.dot(y.cross(z)).abs().cbrt()
-}
-
 /// The state of one pass over a volume, slice by slice.
 struct VoxelSweep<'a> {
     header: &'a Header,
@@ -143,7 +137,7 @@ impl<'a> VoxelSweep<'a> {
             (true, false) => GradientField::Values,
             (true, true) => GradientField::SmoothedVisibility,
         };
-        let mean_voxel = mean_voxel(&header.grid);
+        let mean_voxel = header.grid.mean_spacing();
         let per_depth = mean_voxel / transfer.reference_length().unwrap_or(mean_voxel);
         VoxelSweep { header, transfer, field, per_depth }
     }

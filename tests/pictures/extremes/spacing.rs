@@ -198,3 +198,23 @@ fn anisotropic_mirrored_and_sheared_grids_are_drawn_as_they_lie() {
         }
     }
 }
+
+/// The default reference length is what the documents name: the edge of a cube with the volume of one cell.
+#[test]
+fn opacities_of_a_sheared_grid_refer_to_the_cube_root_of_a_cells_volume() {
+    for (direction, volume) in [
+        ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 1.0),
+        ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.8, 0.6]], 0.6),
+        ([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.96, 0.0, 0.28]], 0.28),
+    ] {
+        let mut model = ball([1.0, 1.2, 0.8]);
+        model.facts.grid.direction = direction;
+        let edge = (1.0f64 * 1.2 * 0.8 * volume).cbrt();
+        assert!((model.facts.grid.mean_spacing() / edge - 1.0).abs() < 1e-14, "{direction:?}");
+        let camera = parallel(middle(&model.facts.grid), [0.3, 0.4, 1.0], [0.1, 0.9, 0.2], 30.0);
+        let (by_default, _) = model.draw(&camera, &high());
+        model.transfer = model.transfer.clone().with_reference_length(edge).unwrap();
+        let (named, _) = model.draw(&camera, &high());
+        assert!(apart(&by_default, &named) < 1e-6, "{direction:?}: {:e}", apart(&by_default, &named));
+    }
+}
