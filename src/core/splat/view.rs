@@ -93,7 +93,7 @@ impl View {
         let world = WorldFrame::of(grid);
         let mean_voxel = mean_voxel(&world);
         let [right, up, forward] = camera.axes();
-        let eye = DVec3::from_array(camera.position());
+        let eye = DVec3::from_array(camera.anchor());
         let from_eye = |axis: DVec3| -> Affine {
             let [x, y, z] = world.steps.map(|step| axis.dot(step) / mean_voxel);
             [x, y, z, axis.dot(world.origin - eye) / mean_voxel]

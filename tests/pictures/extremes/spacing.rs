@@ -218,3 +218,22 @@ fn opacities_of_a_sheared_grid_refer_to_the_cube_root_of_a_cells_volume() {
         assert!(apart(&by_default, &named) < 1e-6, "{direction:?}: {:e}", apart(&by_default, &named));
     }
 }
+
+/// A parallel picture depends on the direction of the eye, not on its distance.
+#[test]
+fn a_parallel_eye_at_any_distance_gives_the_picture_of_a_near_one() {
+    let model = ball([1.0, 1.2, 0.8]);
+    let target = middle(&model.facts.grid);
+    let draw = |distance: f64| {
+        // Powers of two: the direction stays the same to the last bit but for the target's own digits.
+        let position = std::array::from_fn(|a| target[a] + distance * [0.25, 0.5, 1.0][a]);
+        let projection = Projection::Parallel { height: 20.0 };
+        let camera = Camera::new(position, target, [0.0, 1.0, 0.0], projection).unwrap();
+        model.draw(&camera, &high()).0
+    };
+    let near = draw(64.0);
+    for distance in [2f64.powi(20), 2f64.powi(50), 1e15, 1e30, 1e140] {
+        // A pixel on a footprint's edge counts or does not: 1e-4 of its peak.
+        assert!(apart(&draw(distance), &near) <= 3e-5, "{distance:e}: {:e}", apart(&draw(distance), &near));
+    }
+}
