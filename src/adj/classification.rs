@@ -20,7 +20,7 @@ use adjsplat::volume::SlabSource;
 #[group(multiple = false)]
 pub(super) struct ClassificationArguments {
     /// Transfer function: a JSON file, or a preset: ct-bone, ct-skin, ct-angio, mr.
-    /// ct-bone+1024 shifts the preset's values by 1024
+    /// ct-bone+1024 shifts the preset's values by 1024. A file has at most 65536 points and 16 MiB
     #[arg(long, value_name = "FILE|PRESET")]
     pub(super) tf: Option<String>,
     /// Surface where the volume has this value, two voxels thick (Levoy's isovalue contour)
@@ -32,7 +32,7 @@ pub(super) struct ClassificationArguments {
     /// Boundaries between materials (Levoy): each material's value and opacity (0 to 1): 0:0,1150:0.2,2000:0.8
     #[arg(long, value_name = "V:O,V:O", allow_hyphen_values = true, value_parser = library(region))]
     levoy: Option<TransferFunction>,
-    /// Labels of a segmentation, with this palette: a JSON or .ctbl file, distinct, or frog
+    /// Labels of a segmentation, with this palette: a JSON or .ctbl file (at most 65536 labels), distinct, or frog
     #[arg(long, value_name = "FILE|PALETTE")]
     labels: Option<String>,
 }

@@ -9,6 +9,8 @@ mod classification;
 mod compare;
 mod completions;
 mod cull;
+#[cfg(unix)]
+mod cut_file;
 mod demo;
 #[cfg(feature = "gpu")]
 mod devices;
@@ -48,6 +50,8 @@ enum Answer {
     Yes,
     /// The answer to the command's question is no: a file is damaged, or pictures differ.
     No,
+    /// It failed, and has said why and what is done.
+    Failed,
 }
 
 /// Draw volumes by splatting their visible voxels: build .adj files from volumes, inspect them, render them
@@ -84,9 +88,12 @@ fn main() -> ExitCode {
         Err(error) => return usage(&error),
     };
     progress::catch_interrupts();
+    #[cfg(unix)]
+    cut_file::catch_cut_files();
     match run(&cli.command) {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
+        Ok(Answer::Failed) => ExitCode::from(2),
         Err(error) => {
             print_note(&flags::one_line(&error));
             ExitCode::from(2)
@@ -142,6 +149,7 @@ fn usage(error: &clap::Error) -> ExitCode {
 /// Prints a result. Ends the program if stdout fails, but not if the reader closed it.
 fn print_result(text: &str) {
     let mut stdout = std::io::stdout().lock();
+    let text = printable(text);
     let written =
         stdout.write_all(text.as_bytes()).and_then(|()| stdout.write_all(b"\n")).and_then(|()| stdout.flush());
     finish_stdout(written);
@@ -159,7 +167,14 @@ fn finish_stdout(written: std::io::Result<()>) {
 
 /// Prints an error or a warning in one line to stderr; a failure to print is ignored.
 fn print_note(text: &str) {
-    let _ = writeln!(std::io::stderr(), "adj: {}", flags::with_flags(text).replace(['\n', '\r'], " "));
+    let text = flags::with_flags(text).replace(['\n', '\r'], " ");
+    let _ = writeln!(std::io::stderr(), "adj: {}", printable(&text));
+}
+
+/// Returns `text` with escapes in place of control characters, which names of files may have and terminals obey.
+fn printable(text: &str) -> String {
+    let is_kept = |c: char| !c.is_control() || c == '\n' || c == '\t';
+    text.chars().map(|c| if is_kept(c) { c.to_string() } else { c.escape_default().to_string() }).collect()
 }
 
 /// Returns whether both paths lead to the same existing file.

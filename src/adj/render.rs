@@ -124,7 +124,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let visible = classify_with_warnings(&mut *source, &options, &resources, arguments.quiet)?;
     if let Some(folder) = folder {
         // The visible voxels may need more than the memory, so they go through a temporary file without a name.
-        let description = description(&header, &visible);
+        let description = description(&header, &visible)?;
         let lane_count = options.lane_count;
         let facts = visible.facts.clone();
         let output = RowsOutput { facts, description: &description, lane_count, memory, threads: settings.threads };
@@ -133,7 +133,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         return job.draw_file(file, settings, None, start);
     }
     let lanes = visible.lanes(options.lane_count, settings.threads, &mut Progress::new(arguments.quiet))?;
-    let bytes = arena_bytes(&visible.facts, &lanes, &description(&header, &visible));
+    let bytes = arena_bytes(&visible.facts, &lanes, &description(&header, &visible)?);
     drop((visible, lanes));
     let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
     draw(&job, settings, LaneSet::new(arena, None), None, start)

@@ -17,6 +17,15 @@ use std::path::Path;
 
 use crate::error::{Error, Result};
 
+/// Most points, knots, colours or labels of a transfer function: one for each 16-bit code.
+pub const MAX_TRANSFER_ENTRIES: usize = 1 << 16;
+
+/// Most contours of a transfer function, and most points of its ramp: functions are compared at every pair of them.
+pub const MAX_CONTOURS: usize = 64;
+
+/// Most bytes of a transfer function as text, and of an `.adj` file's description (rule R22), which holds one: 16 MiB.
+pub const MAX_DESCRIPTION_BYTES: u64 = 16 << 20;
+
 /// The largest accepted sizes, inclusive: a larger size is refused.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[non_exhaustive]
@@ -31,7 +40,7 @@ pub struct Limits {
     pub sections: u32,
     /// Most bytes of one section of an `.adj` file.
     pub section_bytes: u64,
-    /// Most bytes of an `.adj` file's description, which is parsed into JSON values.
+    /// Most bytes of an `.adj` file's description, which is parsed into JSON values; the format allows 16 MiB.
     pub description_bytes: u64,
     /// Most bytes of all lanes together that are derived in memory because the file does not store them.
     pub derived_bytes: u64,
@@ -48,7 +57,7 @@ impl Default for Limits {
             file_bytes: u64::MAX,
             sections: u32::MAX,
             section_bytes: u64::MAX,
-            description_bytes: u64::MAX,
+            description_bytes: MAX_DESCRIPTION_BYTES,
             derived_bytes: u64::MAX,
             slice_bytes: u64::MAX,
         }
@@ -107,6 +116,19 @@ impl Limits {
             return Ok(());
         }
         Err(Error::Limit { what: format!("{}: {what}", path.display()), need, have })
+    }
+
+    /// Checks that the description of a file to write is no longer than the format allows.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] if it is longer than [`MAX_DESCRIPTION_BYTES`].
+    pub(crate) fn check_description(description: &str) -> Result<()> {
+        let need = description.len() as u64;
+        if need <= MAX_DESCRIPTION_BYTES {
+            return Ok(());
+        }
+        let what = "bytes of the file's description (take a transfer function with fewer points or shorter names)";
+        Err(Error::Limit { what: what.into(), need, have: MAX_DESCRIPTION_BYTES })
     }
 
     /// Checks the grid of the file at `path`: its points along each axis (`dims`), and the total number of points.

@@ -24,20 +24,17 @@ pub fn open_regular(path: &Path, action: &'static str) -> Result<(File, u64)> {
     Ok((file, len))
 }
 
-/// Size of the longest text file that is read, in bytes. A palette of 65,536 labels needs a tenth of it.
-const LONGEST_TEXT: u64 = 64 << 20;
-
-/// Reads a text file, such as a transfer function.
+/// Reads a text file of at most `most` bytes, such as a transfer function.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read or is not UTF-8; [`Error::Input`] if it is not a regular file;
-/// [`Error::Limit`] if it is longer than 64 MiB.
-pub fn read_text(path: &Path) -> Result<String> {
+/// [`Error::Limit`] if it is longer.
+pub fn read_text(path: &Path, most: u64) -> Result<String> {
     let (file, need) = open_regular(path, "read")?;
-    if need > LONGEST_TEXT {
-        return Err(Error::Limit { what: format!("bytes of {}", path.display()), need, have: LONGEST_TEXT });
+    if need > most {
+        return Err(Error::Limit { what: format!("bytes of {}", path.display()), need, have: most });
     }
     let mut text = String::new();
-    file.take(LONGEST_TEXT).read_to_string(&mut text).map_err(Error::io("read", path))?;
+    file.take(most).read_to_string(&mut text).map_err(Error::io("read", path))?;
     Ok(text)
 }

@@ -105,6 +105,10 @@ impl FileFrame {
         let grid = Grid { dims: grid_dims, spacing, origin: to_our_world(self.origin), direction, unit: self.unit };
         match grid.check() {
             Ok(()) => Ok(grid),
+            Err(Error::Input { what, why }) if what.starts_with("spacing") => {
+                let why = format!("{why} (others can be given with `OpenOptions::spacing`)");
+                Err(Error::input(format!("{}: {what}", path.display()), why))
+            }
             Err(Error::Input { what, why }) => {
                 let expected = "a finite origin and three independent directions";
                 Err(Error::format(path, 0, rule, expected, format!("a grid whose {what} {why}")))

@@ -123,3 +123,32 @@ fn asked_twice_it_ends_even_where_it_waits() {
     assert_eq!(ended(&mut child, Duration::from_secs(5)), Some(130));
     assert!(folder.names().is_empty());
 }
+
+#[test]
+fn a_turntable_that_is_stopped_says_which_frames_are_written() {
+    let folder = Folder::new();
+    folder.adj("build phantom:gyroid --dims 96x96x96 -o g.adj --quiet").done();
+    for kind in ["png", "exr"] {
+        let mut child = program()
+            .current_dir(folder.path())
+            .args(format!("render g.adj -o {kind}.{kind} --frames 2000 --size 300x300 --quiet").split_whitespace())
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program was built");
+        let start = Instant::now();
+        while !folder.file(format!("{kind}-0002.{kind}")).exists() {
+            assert!(start.elapsed() < Duration::from_secs(60));
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        signal(&child, "-INT");
+        assert_eq!(ended(&mut child, Duration::from_secs(10)), Some(2));
+        let mut said = String::new();
+        std::io::Read::read_to_string(&mut child.stderr.take().expect("piped"), &mut said).expect("text");
+        let frames = folder.names().iter().filter(|name| name.starts_with(kind)).count();
+        let last = format!("{kind}-{:04}.{kind}", frames - 1);
+        let want = format!("adj: stopped; {frames} of 2000 frames are written: {kind}-0000.{kind} to {last}\n");
+        assert_eq!(said, want);
+        assert!(folder.names().iter().all(|name| !name.starts_with(".adj-")));
+    }
+}

@@ -4,6 +4,8 @@ mod arenas;
 mod budgets;
 mod cache;
 mod compare;
+#[cfg(target_os = "linux")]
+mod cut;
 mod devices;
 mod harness;
 mod hidden;

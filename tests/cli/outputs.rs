@@ -273,3 +273,37 @@ fn a_disk_that_is_read_only_is_told_before_the_work() {
     assert!(ran.stderr.contains("cannot create a file in disk: Read-only file system"), "{}", ran.stderr);
     assert_eq!(std::fs::read_dir(Path::new(&folder.file("disk"))).expect("it is there").count(), 0);
 }
+
+#[test]
+fn a_disk_that_fills_up_among_frames_leaves_those_that_it_names() {
+    let folder = Folder::new();
+    folder.adj("build phantom:shells --dims 24x24x24 -o f.adj").done();
+    let script = "mount -t tmpfs -o size=64k tmpfs \"$1\" && \
+        \"$0\" render \"$2\" -o \"$1\"/t.png --frames 60 --size 64x64 --quiet; code=$?; ls \"$1\" >&2; exit $code";
+    let full = folder.file("full");
+    std::fs::create_dir(&full).expect("new");
+    let script = script.replace("$2", folder.file("f.adj").to_str().expect("UTF-8"));
+    let Some(ran) = in_private_mounts(&script, &full) else { return };
+    let (line, listed) = ran.stderr.split_once('\n').expect("a line, then the list");
+    let names: Vec<&str> = listed.lines().collect();
+    assert_eq!(ran.code, Some(2), "{}", ran.stderr);
+    assert!(line.contains("No space left") && names.len() > 1, "{}", ran.stderr);
+    assert!(line.contains(&format!("{} of 60 frames are written", names.len())), "{}", ran.stderr);
+    assert!(line.ends_with(names[names.len() - 1]) && names.iter().all(|name| name.starts_with("t-0")), "{line}");
+}
+
+#[cfg(unix)]
+#[test]
+fn control_characters_in_names_do_not_reach_the_terminal() {
+    let folder = Folder::new();
+    let name = "a\u{1b}[31m\u{9b}b\u{7}\r.adj";
+    let refused = adj(["render", name, "-o", "out.png"]).refused(&["a\\u{1b}[31m\\u{9b}b\\u{7}"]);
+    assert!(!refused.chars().any(char::is_control), "{refused:?}");
+    let path = folder.file(name);
+    folder.small_arena("f.adj");
+    std::fs::copy(folder.file("f.adj"), &path).expect("a copy");
+    for command in ["verify", "info"] {
+        let said = adj([command.as_ref(), path.as_os_str()]).done();
+        assert!(!said.chars().any(|c| c.is_control() && c != '\n'), "{said:?}");
+    }
+}

@@ -192,3 +192,30 @@ fn a_function_that_shows_what_was_not_stored_is_told_of() {
     folder.adj(&format!("build {BUILD} --labels distinct")).done();
     assert_eq!(render("--labels distinct"), "");
 }
+
+#[test]
+fn functions_of_more_entries_than_there_are_codes_are_refused_before_they_take_memory() {
+    let folder = folder();
+    let build = |flag: &str| format!("{BUILD} {flag}");
+    let many = |count: usize| points(&(0..count).map(|at| point(&at.to_string(), "1")).collect::<Vec<_>>());
+    folder.write("t.json", many(65_537).as_bytes());
+    folder.build_refused(&build("--tf t.json"), &["t.json", "more than 65536 items", "leave some out"]);
+    folder.write("t.json", many(400_000).as_bytes());
+    folder.build_refused(&build("--tf t.json"), &["bytes of t.json", "the limit is 16777216"]);
+    let table = |count: usize| (0..count).map(|at| format!("{at} name{at} 200 100 50 255\n")).collect::<String>();
+    folder.write("t.ctbl", table(65_537).as_bytes());
+    folder.build_refused(&build("--labels t.ctbl"), &["t.ctbl", "line 65537", "at most 65536"]);
+    // As many as there may be, within the least memory.
+    folder.write("t.json", many(65_536).as_bytes());
+    folder.write("t.ctbl", table(65_536).as_bytes());
+    for flags in ["--tf t.json", "--labels t.ctbl"] {
+        let line = format!("build {BUILD} {flags} --memory 64MiB --json");
+        let peak = folder.adj(&line).json()["peak_rss_bytes"].as_u64();
+        assert!(peak.is_none_or(|peak| peak <= 64 << 20), "{flags}: {peak:?}");
+        folder.adj("render out.adj -o out.png --size 50x50 --stats stats.json").done();
+        let stats = std::fs::read(folder.file("stats.json")).expect("it was written");
+        let stats: serde_json::Value = serde_json::from_slice(&stats).expect("JSON");
+        let peak = stats["peak_rss_bytes"].as_u64();
+        assert!(peak.is_none_or(|peak| peak <= 64 << 20), "{flags}: {peak:?}");
+    }
+}

@@ -131,6 +131,12 @@ fn spacings_that_are_no_lengths() {
             assert_eq!(folder.names(), ["v.raw"]);
         }
     }
+    // Lengths that no picture can be computed of, in either direction.
+    for bad in ["1e300x1x1", "1x1e-200x1"] {
+        folder.build_refused(&format!("phantom:noise --spacing {bad} -o out.adj"), &["spacing", "1e-100 to 1e100"]);
+        let raw = format!("v.raw --dims 4x3x2 --type u8 --range 1.. --spacing {bad} -o out.adj");
+        folder.build_refused(&raw, &["v.raw", "spacing", "1e-100 to 1e100"]);
+    }
     // A header's own.
     let bad = String::from_utf8(nrrd("raw", b"")).expect("text").replace("encoding", "spacings: 1 0 1\nencoding");
     folder.write("v.nrrd", &[bad.trim_end().as_bytes(), b"\n\n", &RAW].concat());

@@ -6,6 +6,7 @@ use std::time::Instant;
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
 
+use super::super::flags::one_line;
 use super::super::progress::{Progress, interrupted};
 use super::super::renderer::{FrameStats, Renderer};
 use super::super::resources::peak_rss_bytes;
@@ -16,8 +17,35 @@ use adjsplat::file::write_atomically_unless;
 use adjsplat::splat::{Camera, Settings};
 use adjsplat_pictures::{Picture, PictureKind, write_png};
 
-/// Draws every frame over `background` (linear; `None` for transparent) and writes it. `measured` is the largest error that was measured, if `--max-error` is given.
+/// Draws every frame over `background` (linear; `None` for transparent) and writes it. `measured` is the largest error
+/// that was measured, if `--max-error` is given.
+///
+/// If it fails after some numbered frames are written, it says which.
 pub(super) fn draw_frames(
+    job: &RenderJob,
+    settings: &Settings,
+    cameras: &[Camera],
+    renderer: Renderer,
+    background: Option<[f32; 3]>,
+    measured: Option<f64>,
+    start: Instant,
+) -> Result<Answer> {
+    let mut written = 0;
+    let drawn = try_draw_frames(job, settings, cameras, renderer, background, measured, start, &mut written);
+    match drawn {
+        Err(error) if written > 0 && job.outputs.len() > 1 => {
+            let cause = if matches!(error, Error::Interrupted) { "stopped".to_owned() } else { one_line(&error) };
+            let (first, last) = (job.outputs[0].display(), job.outputs[written - 1].display());
+            let names = if written == 1 { format!("{first}") } else { format!("{first} to {last}") };
+            print_note(&format!("{cause}; {written} of {} frames are written: {names}", job.outputs.len()));
+            Ok(Answer::Failed)
+        }
+        drawn => drawn,
+    }
+}
+
+/// Draws frames like [`draw_frames`] and counts in `written` the numbered ones whose files are complete.
+fn try_draw_frames(
     job: &RenderJob,
     settings: &Settings,
     cameras: &[Camera],
@@ -25,6 +53,7 @@ pub(super) fn draw_frames(
     background: Option<[f32; 3]>,
     measured: Option<f64>,
     start: Instant,
+    written: &mut usize,
 ) -> Result<Answer> {
     let RenderJob { arguments, kind, outputs, .. } = *job;
     let mut progress = Progress::new(arguments.quiet || arguments.view.frames == 1);
@@ -45,7 +74,10 @@ pub(super) fn draw_frames(
         digest.update(picture.bytes());
         match kind {
             PictureKind::Apng => pictures.push(picture),
-            _ => write_atomically_unless(&interrupted, &outputs[number], |out| picture.write(out))?,
+            _ => {
+                write_atomically_unless(&interrupted, &outputs[number], |out| picture.write(out))?;
+                *written += 1;
+            }
         }
     }
     if kind == PictureKind::Apng {

@@ -1,12 +1,20 @@
 //! Warns if a picture shows places where hidden voxels were removed from the file.
 
-use serde_json::Value;
+use serde::Deserialize;
+use serde_json::{Map, Value};
 
 use adjsplat::arena::Arena;
 use adjsplat::error::Result;
 use adjsplat::splat::{Camera, Mode, Settings, View};
 use adjsplat::traverse::Viewpoint;
 use adjsplat_judge::hidden::CLEARANCE;
+
+/// What the description of a file without its hidden voxels has.
+#[derive(Deserialize)]
+struct Hidden {
+    #[serde(rename = "hidden_voxels")]
+    _record: Map<String, Value>,
+}
 
 /// Returns why the picture may show places where hidden voxels were removed from the file, as part of a warning.
 /// Returns `None` if the picture shows no such place.
@@ -16,8 +24,7 @@ pub(super) fn shows_missing_voxels(
     transfer_given: bool,
     camera: &Camera,
 ) -> Result<Option<&'static str>> {
-    let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
-    if !description["hidden_voxels"].is_object() {
+    if serde_json::from_slice::<Hidden>(arena.description()).is_err() {
         return Ok(None);
     }
     if settings.mode != Mode::Composite {

@@ -9,6 +9,9 @@ use adjsplat::error::{Error, Result};
 use adjsplat::internals::read_text;
 use adjsplat::splat::{Camera, Orbit, Outline, Up};
 
+/// Most bytes of a camera's file.
+const CAMERA_BYTES: u64 = 1 << 20;
+
 /// The flags for where the camera is.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "View")]
@@ -48,7 +51,7 @@ pub(super) fn cameras(view: &ViewArguments, outline: &Outline, size: [u32; 2]) -
         if view.frames > 1 {
             return Err(Error::input("--camera", "is one view; leave out --frames, or use --azimuth and --elevation"));
         }
-        let text = read_text(path)?;
+        let text = read_text(path, CAMERA_BYTES)?;
         let camera =
             serde_json::from_str(&text).map_err(|fault| Error::input(path.display().to_string(), fault.to_string()))?;
         return Ok(vec![camera]);

@@ -163,7 +163,7 @@ impl SetVolume {
         let source = self.restarted()?;
         let header = source.header().clone();
         let visible = classify_with_warnings(source, &options, &resources, true)?;
-        let (facts, description) = (visible.facts.clone(), &description(&header, &visible));
+        let (facts, description) = (visible.facts.clone(), &description(&header, &visible)?);
         let output = RowsOutput { facts, description, lane_count: options.lane_count, memory, threads };
         let file = open_rows(&folder, &visible.rows, &output, &mut Progress::new(true))?;
         Ok(Set { name, file, transfer: visible.transfer.clone() })

@@ -27,6 +27,7 @@ use super::layout::{Channels, Facts, FileHeader, SectionEntry, SectionKind, TILE
 use super::open::{Arena, fault, zeros_from};
 use super::pager::tell;
 use crate::error::FormatFault;
+use crate::limits::MAX_DESCRIPTION_BYTES;
 use crate::volume::Axis;
 
 /// The size and counts of an arena that passed the check.
@@ -139,9 +140,12 @@ fn name_of(section: &SectionEntry) -> String {
     }
 }
 
-/// Checks that the description is a JSON object whose numbers and strings can be read. R22.
+/// Checks that the description is a JSON object, not too long, whose numbers and strings can be read. R22.
 fn check_description(at: u64, content: &[u8]) -> Result<(), FormatFault> {
     let expected = "a JSON object in UTF-8, at most 127 levels deep";
+    if content.len() as u64 > MAX_DESCRIPTION_BYTES {
+        return Err(fault(at, "R22", format!("at most {MAX_DESCRIPTION_BYTES} bytes"), content.len()));
+    }
     let text =
         std::str::from_utf8(content).map_err(|error| fault(at + error.valid_up_to() as u64, "R22", expected, error))?;
     serde_json::from_str::<SoundJson>(text).map_err(|error| fault(at, "R22", expected, error))?;

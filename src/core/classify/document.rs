@@ -3,7 +3,11 @@
 //! serde refuses wrong syntax, wrong types and unknown fields; its message names line and column. This file refuses
 //! fields that belong to another kind of function. [`TransferFunction::checked`] refuses numbers out of range.
 
-use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::marker::PhantomData;
+
+use serde::de::{self, SeqAccess, Visitor};
+use serde::{Deserialize, Deserializer, Serialize};
 
 use super::colour::Colour;
 use super::kind::{Contour, FactorPoint, Point, RANGE_OPACITY, TransferKind, range_colours};
@@ -11,12 +15,14 @@ use super::palette::{self, Label, UnlistedLabels};
 use super::transfer::TransferFunction;
 use super::validate::field_error;
 use crate::error::{Error, Result};
+use crate::limits::{MAX_CONTOURS, MAX_DESCRIPTION_BYTES, MAX_TRANSFER_ENTRIES};
 
 impl TransferFunction {
     /// Reads JSON in the format described in [`crate::classify`].
     ///
     /// # Errors
-    /// [`Error::Input`] that names line and column, or the field and the numbers that it may hold.
+    /// [`Error::Input`] that names line and column, or the field and the numbers that it may hold, or the number of
+    /// entries that is too large.
     pub fn from_json(text: &str) -> Result<TransferFunction> {
         let document: TransferDocument =
             serde_json::from_str(text).map_err(|why| Error::input("transfer function", why.to_string()))?;
@@ -34,9 +40,10 @@ impl TransferFunction {
     /// Reads a file: a colour table if its name ends in `.ctbl`, otherwise JSON.
     ///
     /// # Errors
-    /// [`Error::Io`] if the file cannot be read; [`Error::Input`] that names the file if its content is wrong.
+    /// [`Error::Io`] if the file cannot be read; [`Error::Limit`] if it is longer than 16 MiB; [`Error::Input`] that
+    /// names the file if its content is wrong.
     pub fn read(path: &std::path::Path) -> Result<TransferFunction> {
-        let text = crate::text::read_text(path)?;
+        let text = crate::text::read_text(path, MAX_DESCRIPTION_BYTES)?;
         let is_table = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("ctbl"));
         let parsed = if is_table { TransferFunction::from_ctbl(&text) } else { TransferFunction::from_json(&text) };
         parsed.map_err(|error| match error {
@@ -66,21 +73,69 @@ enum KindName {
 #[serde(deny_unknown_fields)]
 pub(super) struct TransferDocument {
     kind: KindName,
+    #[serde(default, deserialize_with = "entries")]
     points: Option<Vec<Point>>,
+    #[serde(default, deserialize_with = "few")]
     gradient: Option<Vec<FactorPoint>>,
+    #[serde(default, deserialize_with = "few")]
     contours: Option<Vec<Contour>>,
     voxel_length: Option<f64>,
     low: Option<f64>,
     high: Option<f64>,
     opacity: Option<f64>,
+    #[serde(default, deserialize_with = "entries")]
     colours: Option<Vec<Colour>>,
     value_range: Option<[f64; 2]>,
+    #[serde(default, deserialize_with = "entries")]
     knots: Option<Vec<Point>>,
     largest_magnitude: Option<f64>,
+    #[serde(default, deserialize_with = "entries")]
     labels: Option<Vec<Label>>,
     others: Option<UnlistedLabels>,
     shaded: Option<bool>,
     reference_length: Option<f64>,
+}
+
+fn entries<'de, D: Deserializer<'de>, T: Deserialize<'de>>(source: D) -> Result<Option<Vec<T>>, D::Error> {
+    source.deserialize_option(UpTo(MAX_TRANSFER_ENTRIES, PhantomData))
+}
+
+fn few<'de, D: Deserializer<'de>, T: Deserialize<'de>>(source: D) -> Result<Option<Vec<T>>, D::Error> {
+    source.deserialize_option(UpTo(MAX_CONTOURS, PhantomData))
+}
+
+/// Reads null or a list of at most so many items; a longer one is refused before it takes more memory.
+struct UpTo<T>(usize, PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for UpTo<T> {
+    type Value = Option<Vec<T>>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "a list of at most {}", self.0)
+    }
+
+    fn visit_unit<E: de::Error>(self) -> Result<Self::Value, E> {
+        Ok(None)
+    }
+
+    fn visit_none<E: de::Error>(self) -> Result<Self::Value, E> {
+        Ok(None)
+    }
+
+    fn visit_some<D: Deserializer<'de>>(self, source: D) -> Result<Self::Value, D::Error> {
+        source.deserialize_seq(self)
+    }
+
+    fn visit_seq<A: SeqAccess<'de>>(self, mut source: A) -> Result<Self::Value, A::Error> {
+        let mut items = Vec::new();
+        while let Some(item) = source.next_element()? {
+            if items.len() == self.0 {
+                return Err(de::Error::custom(format_args!("the list has more than {} items; leave some out", self.0)));
+            }
+            items.push(item);
+        }
+        Ok(Some(items))
+    }
 }
 
 impl TransferDocument {

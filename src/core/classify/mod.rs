@@ -33,13 +33,17 @@
 //! | kind | its fields |
 //! | --- | --- |
 //! | `points` | `points`: one or more of `value`, `colour`, `opacity`, ascending; linear in between, constant beyond the ends. Two points of the same value make a step; at that value the more opaque point counts. `gradient` (optional): `magnitude`, `factor`, ascending: a ramp that multiplies the opacity. |
-//! | `contour` | `contours`: `value`, `opacity`, `colour` (optional), `width` (optional, 2 voxels), ascending: iso-value surfaces of Levoy 1988. `voxel_length` (optional): the world length of one voxel of width; the geometric mean of the spacings by default. |
+//! | `contour` | `contours`: `value`, `opacity`, `colour` (optional), `width` (optional, 2 voxels), ascending: iso-value surfaces of Levoy 1988. `voxel_length` (optional): the world length of one voxel of width; by default the edge of a cube with the volume of one cell. |
 //! | `range` | `low`, `high` (inclusive; absent or null for an open end), `opacity` (optional, 0.8), `colours` (optional, at least one): spread evenly from low to high; `value_range` (optional): the value at which the colours of an open end stop. |
 //! | `region` | `knots`: at least two of `value`, `colour`, `opacity`, strictly ascending: the region boundary surfaces of Levoy 1988. `largest_magnitude` (optional, 1): the gradient magnitude at which opacity is reached in full. |
 //! | `labels` | `labels`: `label`, `name`, `colour`, `opacity` (optional, 1). `others` (optional): how labels above 0 that are not listed look: `"transparent"` (default) or `"distinct"`. |
 //!
-//! Every kind may have `shaded` (default true) and `reference_length` (default: the mean spacing, which is the cube root
-//! of a cell's volume). docs/OPTICS.md defines how opacity and colour follow.
+//! Every kind may have `shaded` (default true) and `reference_length` (default: the edge of a cube with the
+//! volume of one cell, [`Grid::mean_spacing`](crate::volume::Grid::mean_spacing): the geometric mean of the spacings, unless
+//! the grid is sheared). docs/OPTICS.md defines how opacity and colour follow.
+//!
+//! A function has at most 65,536 points, knots, colours or labels, at most 64 contours or points of a ramp, and a file of
+//! at most 16 MiB: [`crate::limits`].
 //!
 //! Labels can also be read from a colour table of 3D Slicer: [`TransferFunction::from_ctbl`].
 //!

@@ -2,10 +2,13 @@
 //!
 //! A value that is not a whole number is no label and therefore transparent.
 
+use std::collections::HashSet;
+
 use serde::{Deserialize, Serialize};
 
 use super::colour::Colour;
 use crate::error::{Error, Result};
+use crate::limits::MAX_TRANSFER_ENTRIES;
 
 /// The appearance of one label of a segmentation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -100,7 +103,7 @@ pub(super) fn domain(labels: &[Label], others: UnlistedLabels) -> (f64, f64) {
 
 /// Parses a colour table of 3D Slicer: lines of `index name r g b a`, components from 0 to 255; `#` starts a comment.
 pub(super) fn parse_ctbl(text: &str) -> Result<Vec<Label>> {
-    let mut labels = Vec::new();
+    let (mut labels, mut known) = (Vec::new(), HashSet::new());
     for (index, line) in text.lines().enumerate() {
         let line = line.trim();
         if line.is_empty() || line.starts_with('#') {
@@ -117,8 +120,11 @@ pub(super) fn parse_ctbl(text: &str) -> Result<Vec<Label>> {
             |word: &str| word.parse().map_err(|_| refused("must end in r g b a, whole numbers from 0 to 255"));
         let colour = Colour::from_bytes([component(r)?, component(g)?, component(b)?]);
         let opacity = f64::from(component(a)?) / 255.0;
-        if labels.iter().any(|entry: &Label| entry.label == label) {
+        if !known.insert(label) {
             return Err(refused("repeats a label; keep one"));
+        }
+        if labels.len() == MAX_TRANSFER_ENTRIES {
+            return Err(refused(&format!("is one label too many; a palette has at most {MAX_TRANSFER_ENTRIES}")));
         }
         labels.push(Label { label, name: name.join(" ").replace('_', " "), colour, opacity });
     }

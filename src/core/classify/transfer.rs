@@ -126,7 +126,7 @@ impl TransferFunction {
 
     /// Sets the world length that counts as one voxel in the widths of a contour function, unless it is set already.
     ///
-    /// A build passes the geometric mean of the spacings. The default is 1. Other kinds stay as they are.
+    /// A build passes [`Grid::mean_spacing`](crate::volume::Grid::mean_spacing). The default is 1. Other kinds stay as they are.
     ///
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if `length` is not finite and above 0.
@@ -211,7 +211,8 @@ impl TransferFunction {
         self.shaded
     }
 
-    /// Returns the world length that opacities refer to; `None` stands for the geometric mean of the spacings.
+    /// Returns the world length that opacities refer to; `None` stands for
+    /// [`Grid::mean_spacing`](crate::volume::Grid::mean_spacing).
     pub fn reference_length(&self) -> Option<f64> {
         self.reference_length
     }

@@ -2,6 +2,7 @@
 
 use super::kind::{Point, TransferKind};
 use crate::error::{Error, Result};
+use crate::limits::{MAX_CONTOURS, MAX_TRANSFER_ENTRIES};
 
 impl TransferKind {
     /// Checks that every number is finite and in range, and that knots are sorted.
@@ -9,6 +10,7 @@ impl TransferKind {
         match self {
             TransferKind::Points { points, gradient } => {
                 check_points("points", points, 1, 2)?;
+                check_count("gradient", gradient.len(), 0, MAX_CONTOURS)?;
                 for (index, point) in gradient.iter().enumerate() {
                     check_length(&format!("gradient[{index}].magnitude"), point.magnitude, true)?;
                     check_share(&format!("gradient[{index}].factor"), point.factor)?;
@@ -16,7 +18,7 @@ impl TransferKind {
                 check_rising("gradient", "magnitude", gradient.iter().map(|point| point.magnitude), 2)?;
             }
             TransferKind::Contour { contours, voxel_length } => {
-                check_count("contours", contours.len(), 1)?;
+                check_count("contours", contours.len(), 1, MAX_CONTOURS)?;
                 for (index, contour) in contours.iter().enumerate() {
                     check_finite(&format!("contours[{index}].value"), contour.value)?;
                     check_share(&format!("contours[{index}].opacity"), contour.opacity)?;
@@ -29,7 +31,7 @@ impl TransferKind {
                 let sound = low <= high && *low < f64::INFINITY && *high > f64::NEG_INFINITY;
                 require(sound, "range", || format!("is {low}..{high}, but must go from a lower to a higher number"))?;
                 check_share("opacity", *opacity)?;
-                check_count("colours", colours.len(), 1)?;
+                check_count("colours", colours.len(), 1, MAX_TRANSFER_ENTRIES)?;
                 if let Some([lowest, highest]) = value_range {
                     check_finite("value_range[0]", *lowest)?;
                     check_finite("value_range[1]", *highest)?;
@@ -42,6 +44,7 @@ impl TransferKind {
                 largest_magnitude.map_or(Ok(()), |most| check_length("largest_magnitude", most, false))?;
             }
             TransferKind::Labels { labels, .. } => {
+                check_count("labels", labels.len(), 0, MAX_TRANSFER_ENTRIES)?;
                 for label in labels {
                     check_share(&format!("opacity of label {}", label.label), label.opacity)?;
                 }
@@ -60,7 +63,7 @@ pub(super) fn field_error(field: &str, why: impl Into<String>) -> Error {
 }
 
 fn check_points(field: &str, points: &[Point], least: usize, shared: usize) -> Result<()> {
-    check_count(field, points.len(), least)?;
+    check_count(field, points.len(), least, MAX_TRANSFER_ENTRIES)?;
     for (index, point) in points.iter().enumerate() {
         check_finite(&format!("{field}[{index}].value"), point.value)?;
         check_share(&format!("{field}[{index}].opacity"), point.opacity)?;
@@ -73,8 +76,9 @@ fn require(sound: bool, field: &str, why: impl FnOnce() -> String) -> Result<()>
     if sound { Ok(()) } else { Err(field_error(field, why())) }
 }
 
-fn check_count(field: &str, count: usize, least: usize) -> Result<()> {
-    require(count >= least, field, || format!("has {count}, but needs at least {least}"))
+fn check_count(field: &str, count: usize, least: usize, most: usize) -> Result<()> {
+    require(count >= least, field, || format!("has {count}, but needs at least {least}"))?;
+    require(count <= most, field, || format!("has {count}, but may have at most {most}"))
 }
 
 fn check_finite(field: &str, number: f64) -> Result<()> {

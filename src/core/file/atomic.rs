@@ -54,7 +54,7 @@ pub fn write_atomically<T>(path: &Path, write: impl FnOnce(&mut dyn Write) -> io
 
 /// Creates or replaces the file at `path` like [`write_atomically`], unless `stop` returns true.
 ///
-/// `stop` is called every few megabytes, and once more before the file is replaced.
+/// `stop` is called every few megabytes, and once more before the file is replaced. Once true it must stay true.
 ///
 /// # Errors
 /// The same as [`write_atomically`]; [`Error::Interrupted`] if `stop` returns true.
@@ -157,10 +157,8 @@ fn write_through<T>(
     let written = write(&mut out).and_then(|result| out.flush().map(|()| result));
     // After a failure the buffer must not be written on drop.
     drop(out.into_parts());
-    written.map_err(|error| match error.get_ref() {
-        Some(reason) if matches!(reason.downcast_ref(), Some(Error::Interrupted)) => Error::Interrupted,
-        _ => Error::io("write", path)(error),
-    })
+    // Encoders wrap the error of a write that was stopped, so it says nothing.
+    written.map_err(|error| if stop() { Error::Interrupted } else { Error::io("write", path)(error) })
 }
 
 /// A file whose writes fail once `stop` returns true.
@@ -172,7 +170,7 @@ struct StoppableFile<'a> {
 impl Write for StoppableFile<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if (self.stop)() {
-            return Err(io::Error::other(Error::Interrupted));
+            return Err(io::Error::other("stopped"));
         }
         self.file.write(&bytes[..bytes.len().min(CHUNK_BYTES)])
     }

@@ -72,7 +72,7 @@ impl AdjFile {
         // SAFETY: the map is read-only and lives as long as this value; its bytes are only read as `&[u8]`. That is
         // sound as long as no other process changes them meanwhile, which the system cannot promise: it is the
         // documented condition of this type, and `adj` itself only ever replaces files by renaming. A file cut short
-        // under the map raises SIGBUS, as with every mapped file.
+        // under the map raises SIGBUS, as with every mapped file; `adj` handles it.
         let map = unsafe { Mmap::map(file) }.map_err(Error::io("map", path))?;
         let map = FileMap { map, resident: None, releasing: Mutex::new(()) };
         let opened = AdjFile { path: path.to_path_buf(), map, limits: *limits };

@@ -27,7 +27,7 @@ use crate::volume::Axis;
 
 /// Returns the bytes of an `.adj` file.
 ///
-/// `description` is a JSON text. `lanes` are the lanes to store: along x, or x and y, or x, y and z.
+/// `description` is a JSON text of at most [`MAX_DESCRIPTION_BYTES`](crate::limits::MAX_DESCRIPTION_BYTES). `lanes` are the lanes to store: along x, or x and y, or x, y and z.
 pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec<u8> {
     let mut sections = vec![(SectionEntry::empty(SectionKind::Description, None, 1), description.as_bytes())];
     for lane in lanes {
@@ -83,8 +83,8 @@ pub struct RowsOutput<'a> {
 /// The bytes of the file do not depend on memory or threads.
 ///
 /// # Errors
-/// The same as [`write_atomically`](super::write_atomically); [`Error::Input`] if there are no voxels; [`Error::Interrupted`] if the observer
-/// cancels; any error of reading the rows.
+/// The same as [`write_atomically`](super::write_atomically); [`Error::Input`] if there are no voxels; [`Error::Limit`] if
+/// the description is longer than the format allows; [`Error::Interrupted`] if the observer cancels; any error of reading the rows.
 pub fn write_rows(
     path: &Path,
     rows: &dyn Rows,
@@ -120,6 +120,7 @@ fn write_rows_to(
     output: &RowsOutput,
     observer: &mut dyn Observer,
 ) -> Result<(Facts, u64)> {
+    Limits::check_description(output.description)?;
     let mut out = SectionFile { file, path, end: 0 };
     let lanes = Axis::ALL.into_iter().take(output.lane_count.into());
     let facts = &output.facts;

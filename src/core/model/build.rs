@@ -64,7 +64,7 @@ impl Build {
         let resources = Resources { memory: self.memory, threads: self.threads, folder: None };
         let built = classify(&mut source, &self.options, &resources, observer)?;
         let lanes = built.lanes(self.options.lane_count, self.threads, observer)?;
-        Model::from_bytes(arena_bytes(&built.facts, &lanes, &description(source.header(), &built)))
+        Model::from_bytes(arena_bytes(&built.facts, &lanes, &description(source.header(), &built)?))
     }
 
     /// Builds an `.adj` file at `path`, in bounded memory, and memory-maps it. The file appears complete or not at all.
@@ -91,7 +91,7 @@ impl Build {
         let built = classify(&mut source, &self.options, &resources, observer)?;
         let output = RowsOutput {
             facts: built.facts.clone(),
-            description: &description(source.header(), &built),
+            description: &description(source.header(), &built)?,
             lane_count: self.options.lane_count,
             memory,
             threads,

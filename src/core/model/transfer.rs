@@ -1,19 +1,32 @@
 //! Transfer functions of files: the one that a file was built with, and others that it is drawn with.
 
-use serde_json::Value;
+use serde::Deserialize;
 
 use crate::arena::Arena;
 use crate::arena::layout::Scales;
 use crate::classify::{MagnitudeCodec, TransferFunction};
 use crate::error::{Error, Result};
 
-fn description(arena: &Arena) -> Value {
-    serde_json::from_slice(arena.description()).unwrap_or(Value::Null)
+/// The members of a description that drawing needs. The others are skipped: as JSON values a long text takes much memory.
+#[derive(Deserialize)]
+struct Function {
+    transfer_function: TransferFunction,
+}
+
+#[derive(Deserialize)]
+struct Values {
+    values: Extremes,
+}
+
+#[derive(Deserialize)]
+struct Extremes {
+    lowest: Option<f64>,
+    highest: Option<f64>,
 }
 
 /// Returns the transfer function that the file was built with; `None` if the file stores none that can be read.
 pub fn stored_transfer(arena: &Arena) -> Option<TransferFunction> {
-    serde_json::from_value(description(arena)["transfer_function"].take()).ok()
+    serde_json::from_slice(arena.description()).ok().map(|Function { transfer_function }| transfer_function)
 }
 
 /// Returns `transfer` with the numbers filled in that follow from the file: voxel length and value range.
@@ -40,9 +53,9 @@ pub fn drawable(arena: &Arena, transfer: TransferFunction) -> Result<TransferFun
 pub fn missing_values(arena: &Arena, transfer: &TransferFunction) -> Result<Option<Vec<[f64; 2]>>> {
     let Some(stored) = stored_transfer(arena) else { return Ok(None) };
     let transfer = transfer.clone().with_voxel_length(arena.facts().grid.mean_spacing())?;
-    let values = &description(arena)["values"];
-    let values =
-        [values["lowest"].as_f64().unwrap_or(f64::NEG_INFINITY), values["highest"].as_f64().unwrap_or(f64::INFINITY)];
+    let values = serde_json::from_slice(arena.description()).ok().map(|Values { values }| values);
+    let (lowest, highest) = values.map_or((None, None), |values| (values.lowest, values.highest));
+    let values = [lowest.unwrap_or(f64::NEG_INFINITY), highest.unwrap_or(f64::INFINITY)];
     let largest_magnitude = match arena.facts().channels.magnitude_bits {
         0 => f64::INFINITY,
         _ => MagnitudeCodec::new(arena.facts().scales.magnitude_scale)?.largest(),

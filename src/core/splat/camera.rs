@@ -306,6 +306,15 @@ impl Camera {
         self.position.to_array()
     }
 
+    /// Returns a point of the axis of view from which places on the picture are measured: the eye, or the target of a
+    /// parallel camera, whose eye may be so far away that differences from it have no digits.
+    pub fn anchor(&self) -> [f64; 3] {
+        match self.projection {
+            Projection::Parallel { .. } => self.target.to_array(),
+            Projection::Perspective { .. } => self.position.to_array(),
+        }
+    }
+
     /// Returns the projection.
     pub fn projection(&self) -> Projection {
         self.projection

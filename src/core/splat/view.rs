@@ -93,7 +93,7 @@ impl View {
         let world = WorldFrame::of(grid);
         let mean_voxel = mean_voxel(&world);
         let [right, up, forward] = camera.axes();
-        let eye = DVec3::from_array(camera.position());
+        let eye = DVec3::from_array(camera.anchor());
         let from_eye = |axis: DVec3| -> Affine {
             let [x, y, z] = world.steps.map(|step| axis.dot(step) / mean_voxel);
             [x, y, z, axis.dot(world.origin - eye) / mean_voxel]
@@ -128,9 +128,9 @@ impl View {
             PixelMap::Parallel { pixel_from_voxel, .. } => pixel_from_voxel.as_flattened(),
             PixelMap::Perspective { camera_from_voxel, .. } => camera_from_voxel.as_flattened(),
         };
-        let is_sound = world.steps.iter().all(|step| SOUND_LENGTHS.contains(&step.length()));
         let is_finite = numbers.iter().chain(&toward).all(|c| c.is_finite());
-        let why = "is too near or far for the grid's spacing (1e-150 to 1e150): the transform is not finite";
+        let is_sound = world.steps.iter().all(|step| SOUND_LENGTHS.contains(&step.length()));
+        let why = "is too near or too far for the grid's spacing: the transform is not finite";
         require(is_sound && is_finite, "camera", why)?;
         let by_axis = |vector: DVec3| grid.direction.map(|axis| DVec3::from_array(axis).dot(vector));
         let eye_scaled = std::array::from_fn(|a| eye_voxel[a] * steps[a]);
@@ -222,7 +222,7 @@ pub(crate) fn check_size(size: [u32; 2]) -> Result<()> {
 /// Upper bound of what the low-pass adds to half of a footprint's width, in pixels, at any cut-off in use.
 const LOW_PASS_REACH: f64 = 6.0;
 
-/// Returns the cube root of a cell's volume, in world length.
+/// Returns the cube root of a cell's volume, in world length: `Grid::mean_spacing`, but for rounding.
 fn mean_voxel(world: &WorldFrame) -> f64 {
     let [x, y, z] = world.steps;
     let [ux, uy, uz] = [x.normalize(), y.normalize(), z.normalize()];

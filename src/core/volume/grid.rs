@@ -1,5 +1,7 @@
 //! The regular grid of a volume: point counts, spacing, and position in world space.
 
+use std::ops::RangeInclusive;
+
 use crate::error::{Error, Result};
 
 /// Largest number of grid points along an axis.
@@ -7,6 +9,8 @@ pub const MAX_DIM: u32 = 65_535;
 
 /// Largest difference of a direction's squared length from 1: it admits unit vectors written with three digits.
 const UNIT_TOLERANCE: f64 = 2e-3;
+/// Spacings that can be drawn. Squares of a picture's lengths, also from far and through a strong zoom, are numbers then.
+pub const SPACINGS: RangeInclusive<f64> = 1e-100..=1e100;
 
 /// One of the grid's three index axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -56,7 +60,7 @@ impl Axis {
 pub struct Grid {
     /// Number of points along x, y, z; each 1 to [`MAX_DIM`].
     pub dims: [u32; 3],
-    /// Distance between neighbouring points along x, y, z, in `unit`; finite and above 0.
+    /// Distance between neighbouring points along x, y, z, in `unit`; in [`SPACINGS`].
     pub spacing: [f64; 3],
     /// World position of point (0, 0, 0), in `unit`.
     pub origin: [f64; 3],
@@ -86,8 +90,8 @@ impl Grid {
     /// Checks that dimensions, spacing, origin and direction are usable.
     ///
     /// # Errors
-    /// [`Error::Input`] if a dimension is 0, a spacing is not finite and above 0, or origin or direction is not
-    /// finite or the direction is singular; [`Error::Limit`] if a dimension is above [`MAX_DIM`].
+    /// [`Error::Input`] if a dimension is 0, a spacing is not in [`SPACINGS`], or origin or direction is not finite or
+    /// the direction is singular; [`Error::Limit`] if a dimension is above [`MAX_DIM`].
     pub fn check(&self) -> Result<()> {
         for axis in Axis::ALL {
             let a = axis.index();
@@ -100,11 +104,14 @@ impl Grid {
                 let why = format!("is {step}, but must be a finite number above 0");
                 return Err(Error::input(format!("spacing {}", axis.name()), why));
             }
+            if !SPACINGS.contains(&step) {
+                let why = format!("is {step:e}, but only 1e-100 to 1e100 can be drawn; give it in another unit");
+                return Err(Error::input(format!("spacing {}", axis.name()), why));
+            }
         }
         if !self.origin.iter().all(|c| c.is_finite()) {
             return Err(Error::input("origin", "is not finite"));
         }
-        let [x, y, z] = self.direction;
         for (axis, [a, b, c]) in Axis::ALL.into_iter().zip(self.direction) {
             let square = a * a + b * b + c * c;
             // NaN is left to the determinant.
@@ -114,8 +121,7 @@ impl Grid {
                 return Err(Error::input(format!("direction {}", axis.name()), why));
             }
         }
-        let determinant = x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0])
-            + x[2] * (y[0] * z[1] - y[1] * z[0]);
+        let determinant = self.determinant();
         if !(determinant.is_finite() && determinant.abs() > 1e-6) {
             return Err(Error::input("direction", "has axes that are not finite or lie in one plane"));
         }
@@ -127,10 +133,23 @@ impl Grid {
         self.spacing.into_iter().fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns the geometric mean of the spacings: the edge of a cube with the volume of one cell.
+    /// Returns the edge of a cube with the volume of one cell: for axes at right angles, the geometric mean of the
+    /// spacings; less in a sheared grid, whose cells are flatter.
+    ///
+    /// It is the default of a transfer function's reference length, so that opacities refer to one voxel.
     pub fn mean_spacing(&self) -> f64 {
         // Logarithms: the product of three tiny or huge spacings would underflow or overflow.
-        (self.spacing.iter().map(|h| h.ln()).sum::<f64>() / 3.0).exp()
+        let mean = (self.spacing.iter().map(|h| h.ln()).sum::<f64>() / 3.0).exp();
+        let volume = self.determinant().abs();
+        // Directions of files are rounded: so small a difference is no shear.
+        if (volume - 1.0).abs() < 1e-6 { mean } else { mean * volume.cbrt() }
+    }
+
+    /// Returns the volume of the cell that the directions span, negative if they are left-handed; 1 or -1 unless the
+    /// grid is sheared.
+    fn determinant(&self) -> f64 {
+        let [x, y, z] = self.direction;
+        x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0]) + x[2] * (y[0] * z[1] - y[1] * z[0])
     }
 
     /// Returns the number of samples in one z-slice.

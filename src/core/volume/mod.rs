@@ -9,7 +9,7 @@ pub mod phantom;
 mod samples;
 pub(crate) mod source;
 
-pub use grid::{Axis, Grid, MAX_DIM};
+pub use grid::{Axis, Grid, MAX_DIM, SPACINGS};
 pub use memory::{IntoSlices, Volume, VolumeSlices};
 pub use samples::{Sample, SampleType, Samples};
 pub use source::{Header, SlabSource};

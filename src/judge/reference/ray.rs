@@ -200,7 +200,7 @@ struct Rays {
     map: PixelMap,
     /// The directions right, up and forward; each as long as the mean spacing.
     axes: [DVec3; 3],
-    /// The position of the eye in world space, relative to the grid's origin.
+    /// The position of the eye (of the target, in a parallel view) in world space, relative to the grid's origin.
     eye: DVec3,
     centre: [f64; 2],
 }
@@ -208,7 +208,7 @@ struct Rays {
 impl Rays {
     fn new(camera: &Camera, view: &View, world: WorldFrame) -> Rays {
         let axes = camera.axes().map(|axis| axis * view.mean_voxel);
-        let eye = DVec3::from_array(camera.position()) - world.origin;
+        let eye = DVec3::from_array(camera.anchor()) - world.origin;
         let centre = view.size.map(|side| (f64::from(side) - 1.0) / 2.0);
         Rays { world, map: view.map, axes, eye, centre }
     }

@@ -121,12 +121,6 @@ impl VisibleVoxels {
     }
 }
 
-/// Returns the mean spacing in world units: the cube root of a cell's volume.
-fn mean_voxel(grid: &Grid) -> f64 {
-    let [x, y, z] = grid.direction.map(glam::DVec3::from_array);
-    grid.mean_spacing() * x.dot(y.cross(z)).abs().cbrt()
-}
-
 /// The state of one pass over a volume, slice by slice.
 struct VoxelSweep<'a> {
     header: &'a Header,
@@ -143,7 +137,7 @@ impl<'a> VoxelSweep<'a> {
             (true, false) => GradientField::Values,
             (true, true) => GradientField::SmoothedVisibility,
         };
-        let mean_voxel = mean_voxel(&header.grid);
+        let mean_voxel = header.grid.mean_spacing();
         let per_depth = mean_voxel / transfer.reference_length().unwrap_or(mean_voxel);
         VoxelSweep { header, transfer, field, per_depth }
     }
@@ -191,12 +185,11 @@ fn make_room(voxels: &mut Vec<ReferenceVoxel>) -> Result<()> {
     let more = (voxels.len() / 2).max(1 << 12);
     let need = (voxels.len() + more) as u64;
     let bytes = need * size_of::<ReferenceVoxel>() as u64;
-    let refused = |have| Error::Limit { what: "memory for visible voxels in bytes".into(), need: bytes, have };
     // Orders of voxels store indices in 32 bits.
     if need > u64::from(u32::MAX) {
-        return Err(refused(u64::from(u32::MAX) * size_of::<ReferenceVoxel>() as u64));
+        return Err(Error::Limit { what: "visible voxels".into(), need, have: u32::MAX.into() });
     }
-    voxels.try_reserve_exact(more).map_err(|_| refused(0))
+    voxels.try_reserve_exact(more).map_err(|_| Error::out_of_memory("the list of visible voxels", bytes))
 }
 
 /// Returns the unit vector opposite to the gradient `slope`; zero if the gradient is zero or not finite.

@@ -23,6 +23,8 @@ const MOST_DIMENSIONS: usize = 16;
 
 /// The largest supported size of an unpacked chunk in bytes: as much as Blosc can pack.
 const MOST_CHUNK_BYTES: u64 = 1 << 31;
+/// Most bytes of a metadata file; ours and others' have thousands.
+const METADATA_BYTES: u64 = 64 << 20;
 
 /// A node: a group or an array.
 #[derive(Debug)]
@@ -97,7 +99,7 @@ struct JsonFields {
 
 impl JsonFields {
     fn read(path: &Path) -> Result<JsonFields> {
-        let text = read_text(path)?;
+        let text = read_text(path, METADATA_BYTES)?;
         match serde_json::from_str(&text) {
             Ok(Value::Object(fields)) => Ok(JsonFields { path: path.to_path_buf(), fields }),
             Ok(other) => Err(Error::format(path, 0, "Zarr metadata", "a JSON object", clip(&other))),

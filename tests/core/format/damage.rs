@@ -117,3 +117,19 @@ fn a_description_nested_without_end_is_refused() {
     let file = parts.file();
     assert_eq!(Arena::new(&file).unwrap().check().unwrap_err().rule, "R22");
 }
+
+#[test]
+fn a_description_longer_than_the_format_allows_is_refused_when_the_file_is_opened_and_checked() {
+    use adjsplat::limits::{Limits, MAX_DESCRIPTION_BYTES};
+    let mut parts = Parts::of_scene(&scenes()[0]);
+    let spaces = usize::try_from(MAX_DESCRIPTION_BYTES).unwrap() - 2;
+    parts.sections[0].bytes = format!("{{{}}}", " ".repeat(spaces)).into_bytes();
+    let file = parts.file();
+    assert!(Arena::new(&file).unwrap().check().is_ok());
+    parts.sections[0].bytes.push(b' ');
+    let file = parts.file();
+    let arena = Arena::new(&file).unwrap();
+    assert_eq!(arena.check().unwrap_err().rule, "R22");
+    let told = arena.within("long.adj".as_ref(), &Limits::default()).unwrap_err().to_string();
+    assert_eq!(told, "long.adj: bytes of description: needs 16777217, but the limit is 16777216");
+}
