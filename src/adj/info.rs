@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::histogram::Histogram;
-use super::input::InputArguments;
+use super::input::{Input, InputArguments};
 use super::{Answer, print_result, starts_as_adj};
 use adjsplat::arena::layout::Facts;
 use adjsplat::error::Result;
@@ -20,9 +20,9 @@ use adjsplat_study::memory::virtual_voxels;
     after_help = "Examples:\n  adj info head.adj --json\n  adj info head.nii.gz        (which values would be worth showing?)"
 )]
 pub(super) struct Arguments {
-    /// An .adj file or a volume
-    #[arg(value_name = "FILE")]
-    input: PathBuf,
+    /// An .adj file or a volume: a file, a folder of slices, or several files of slices ('slices/*.tif')
+    #[arg(value_name = "FILE", required = true)]
+    input: Vec<PathBuf>,
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
@@ -34,7 +34,8 @@ pub(super) struct Arguments {
 const QUANTILES: [f64; 8] = [0.01, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    let answer = if is_adj(&arguments.input)? { of_arena(&arguments.input)? } else { of_volume(arguments)? };
+    let input = Input::find(&arguments.input)?;
+    let answer = if is_adj(input.path())? { of_arena(input.path())? } else { of_volume(arguments, &input)? };
     print_result(&if arguments.json { answer.to_string() } else { as_text(&answer) });
     Ok(Answer::Yes)
 }
@@ -117,14 +118,14 @@ fn channels(facts: &Facts) -> Value {
     })
 }
 
-fn of_volume(arguments: &Arguments) -> Result<Value> {
-    let mut source = arguments.reading.open(&arguments.input)?;
+fn of_volume(arguments: &Arguments, input: &Input) -> Result<Value> {
+    let mut source = arguments.reading.open(input)?;
     let header = source.header().clone();
     let histogram = Histogram::of(&mut *source)?;
     let quantiles: Vec<Value> =
         QUANTILES.iter().map(|&share| json!({ "share": share, "value": histogram.quantile(share) })).collect();
     Ok(json!({
-        "file": arguments.input.display().to_string(),
+        "file": input.path().display().to_string(),
         "format": header.format,
         "dims": header.grid.dims,
         "spacing": header.grid.spacing,
