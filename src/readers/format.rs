@@ -5,6 +5,7 @@
 //! "# vtk DataFile"                         VTK legacy
 //! "DICM" at byte 128                       DICOM
 //! "II" or "MM", and 42 or 43               TIFF, BigTIFF
+//! "11111 " and a number                    SLC
 //! "<VTKFile", also behind "<?xml"          VTK XML image
 //! 348 or 540, either order, and a magic    NIfTI, also inside gzip
 //! "ObjectType =", "NDims =" ...            MetaImage
@@ -17,7 +18,7 @@ use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 
-use super::{metaimage, nifti, vti};
+use super::{metaimage, nifti, slc, vti};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
@@ -31,6 +32,7 @@ pub(super) enum Format {
     Dicom,
     Vti,
     Tiff,
+    Slc,
 }
 
 /// The number of bytes at the start of a file that are read to find its format.
@@ -46,7 +48,8 @@ impl Format {
         Format::from_content(probe).or_else(|| Format::from_name(path))
     }
 
-    fn from_content(probe: &[u8]) -> Option<Format> {
+    /// Returns the format of a file that starts with `probe`; `None` if these bytes do not decide.
+    pub(super) fn from_content(probe: &[u8]) -> Option<Format> {
         if probe.starts_with(b"NRRD") {
             Some(Format::Nrrd)
         } else if probe.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {
@@ -56,6 +59,8 @@ impl Format {
             Some(Format::Dicom)
         } else if is_tiff(probe) {
             Some(Format::Tiff)
+        } else if slc::is_header(probe) {
+            Some(Format::Slc)
         } else if vti::is_header(probe) {
             Some(Format::Vti)
         } else if nifti::is_header(probe) {
@@ -81,6 +86,7 @@ impl Format {
             "vtk" => Some(Format::Vtk),
             "dcm" | "dicom" => Some(Format::Dicom),
             "vti" => Some(Format::Vti),
+            "slc" => Some(Format::Slc),
             "tif" | "tiff" => Some(Format::Tiff),
             _ => None,
         }

@@ -1,4 +1,4 @@
-//! Readers of volume files: DICOM, Zarr, TIFF, NRRD, MetaImage, NIfTI, VTK and raw samples.
+//! Readers of volume files: DICOM, Zarr, TIFF, NRRD, MetaImage, NIfTI, VTK, SLC and raw samples.
 //!
 //! In: a file or folder. Out: a [`SlabSource`](adjsplat::volume::SlabSource), which reads the volume's samples slice by
 //! slice along z (x fastest, then y), in this machine's byte order. Memory holds little more than one slice.
@@ -32,12 +32,16 @@ mod file_list;
 mod folder;
 mod format;
 mod frame;
+#[cfg(any(feature = "dicom", feature = "tiff"))]
+mod jpeg;
 mod lines;
 mod metaimage;
 mod nifti;
 mod nrrd;
 mod nrrd_axes;
 mod slab;
+mod slc;
+mod slices;
 mod stream;
 #[cfg(feature = "tiff")]
 mod tiff;
@@ -53,3 +57,4 @@ pub use adjusted::AdjustedSource;
 pub use open::{OpenOptions, open, open_with};
 pub use raw::{RawOptions, parse_dims, parse_type};
 pub use slab::Endian;
+pub use slices::{open_slices, slices_path};

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::format::{Format, probe};
 use super::raw::RawOptions;
-use super::{folder, metaimage, nifti, nrrd, raw, vti, vtk};
+use super::{folder, metaimage, nifti, nrrd, raw, slc, vti, vtk};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::limits::Limits;
@@ -37,6 +37,7 @@ pub struct OpenOptions {
     pub(super) spacing: Option<[f64; 3]>,
     pub(super) level: u32,
     pub(super) series: Option<String>,
+    pub(super) outside_files: bool,
 }
 
 impl OpenOptions {
@@ -70,6 +71,14 @@ impl OpenOptions {
         OpenOptions { series: Some(series.into()), ..self }
     }
 
+    /// Chooses whether samples are read from files outside the header's folder, if a NRRD or MetaImage header names
+    /// such files; `false` by default, which gives an error.
+    ///
+    /// A header with the name of another file, such as `../../etc/passwd`, makes that file's bytes part of the volume.
+    pub fn outside_files(self, outside_files: bool) -> OpenOptions {
+        OpenOptions { outside_files, ..self }
+    }
+
     /// Returns an error if a level above 0 is chosen, for formats that have only one resolution.
     pub(super) fn expect_one_level(&self) -> Result<()> {
         match self.level {
@@ -89,14 +98,16 @@ impl OpenOptions {
 
 /// Opens the volume at `path`, a file or a folder; its samples are read slice by slice, on demand.
 ///
-/// File names in a header are relative to the header's folder. Reading needs little memory besides the slice that you
+/// File names in a header are relative to the header's folder, and may not lead out of it unless
+/// [`OpenOptions::outside_files`] allows that. Reading needs little memory besides the slice that you
 /// pass in: [`SlabSource::buffer_bytes`] returns how much.
 ///
 /// # Errors
 /// * [`Error::Io`] if a file is missing or unreadable.
 /// * [`Error::Format`] if a file breaks its format, is cut short or does not hold what its header says.
 /// * [`Error::Limit`] for dimensions above [`MAX_DIM`](adjsplat::volume::MAX_DIM).
-/// * [`Error::Input`] if the format is unknown, its cargo feature is off, or the options do not fit the file.
+/// * [`Error::Input`] if the format is unknown, its cargo feature is off, the options do not fit the file, or
+///   a header names a file outside its folder.
 pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     open_path(path.as_ref(), options)
 }
@@ -143,11 +154,12 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> 
         (Some(Format::Nifti), _) => nifti::open(path, options),
         (Some(Format::Vtk), _) => vtk::open(path, options),
         (Some(Format::Vti), _) => vti::open(path, options),
+        (Some(Format::Slc), _) => slc::open(path, options),
         (Some(Format::Dicom), _) => with_feature!("dicom", path, super::dicom::open(path, None, options)),
         (Some(Format::Tiff), _) => with_feature!("tiff", path, super::tiff::open(path, options)),
         (None, None) => {
             let why = "is in no format known here (NRRD .nrrd .nhdr, MetaImage .mhd .mha, NIfTI .nii .nii.gz .hdr \
-                .img, VTK .vtk .vti, TIFF .tif, DICOM .dcm, or a folder of slices or Zarr chunks); if it holds raw \
+                .img, VTK .vtk .vti, SLC .slc, TIFF .tif, DICOM .dcm, or a folder of slices or Zarr chunks); if it holds raw \
                 samples, describe them with `OpenOptions::raw`";
             Err(Error::input(path.display().to_string(), why))
         }
