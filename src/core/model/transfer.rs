@@ -13,7 +13,9 @@ fn description(arena: &Arena) -> Value {
 
 /// Returns the transfer function that the file was built with; `None` if the file stores none that can be read.
 pub fn stored_transfer(arena: &Arena) -> Option<TransferFunction> {
-    serde_json::from_value(description(arena)["transfer_function"].take()).ok()
+    let stored: TransferFunction = serde_json::from_value(description(arena)["transfer_function"].take()).ok()?;
+    // Another writer may have left out the length that is the grid's by default.
+    stored.with_voxel_length(arena.facts().grid.mean_spacing()).ok()
 }
 
 /// Returns `transfer` with the numbers filled in that follow from the file: voxel length and value range.
