@@ -26,7 +26,9 @@ struct Extremes {
 
 /// Returns the transfer function that the file was built with; `None` if the file stores none that can be read.
 pub fn stored_transfer(arena: &Arena) -> Option<TransferFunction> {
-    serde_json::from_slice(arena.description()).ok().map(|Function { transfer_function }| transfer_function)
+    let Function { transfer_function } = serde_json::from_slice(arena.description()).ok()?;
+    // Another writer may have left out the length that is the grid's by default.
+    transfer_function.with_voxel_length(arena.facts().grid.mean_spacing()).ok()
 }
 
 /// Returns `transfer` with the numbers filled in that follow from the file: voxel length and value range.

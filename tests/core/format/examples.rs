@@ -6,7 +6,7 @@ use std::sync::Once;
 
 use adjsplat::arena::Arena;
 use adjsplat::file::arena_bytes;
-use adjsplat::internals::transpose;
+use adjsplat::internals::{stored_transfer, transpose};
 use adjsplat::volume::Axis;
 use sha2::{Digest, Sha256};
 
@@ -163,4 +163,17 @@ fn a_file_reads_the_same_at_any_address() {
             assert_eq!(Arena::new(&shifted[by..by + file.len()]).unwrap().check(), here);
         }
     }
+}
+
+/// Writers must name the length; where one did not, readers take that of the grid (section 8.1).
+#[test]
+fn a_stored_contour_without_a_voxel_length_is_as_wide_as_the_grids_voxels() {
+    let mut parts = Parts::of_scene(&scenes()[0]);
+    parts.header.spacing = [2.0.into(), 4.0.into(), 8.0.into()];
+    let function = r#"{"kind":"contour","contours":[{"value":100,"opacity":0.8,"width":2}]}"#;
+    parts.sections[0].bytes = format!(r#"{{"transfer_function":{function}}}"#).into_bytes();
+    let file = parts.file();
+    let stored = stored_transfer(&Arena::new(&file).unwrap()).unwrap();
+    // Four is the mean spacing: the width of two voxels is 8, times a gradient of 1.
+    assert!((stored.opacity(104.0, 1.0) - 0.4).abs() < 1e-12, "{}", stored.opacity(104.0, 1.0));
 }
