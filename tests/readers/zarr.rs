@@ -178,8 +178,61 @@ fn chunks_are_put_together_over_edges_and_missing_ones_are_filled() {
     }
     assert_eq!(samples(&opened(&path)), want);
     let source = open(&path, &OpenOptions::default()).unwrap_or_else(|error| panic!("{error}"));
-    // Two slices of 15 and a few chunks of 8.
-    assert_eq!(source.buffer_bytes(), 30 + 3 * 8);
+    // Two slices of 15, a few chunks of 8, and the list of the 11 chunks that are there.
+    assert_eq!(source.buffer_bytes(), 30 + 3 * 8 + 11 * 8);
+    let note = "warning: 1 of 12 chunks is absent and reads as the fill value 7: x 2..4, y 0..2, z 2..3; if";
+    assert!(source.notes()[0].starts_with(note), "{:?}", source.notes());
+}
+
+#[test]
+fn absent_chunks_are_counted_and_placed() {
+    let folder = Folder::new();
+    // Chunks of one point; a wedge of three of the 24 is absent. The channel beside it has all.
+    let array = json!({ "zarr_format": 2, "shape": [2, 2, 3, 4], "chunks": [1, 1, 1, 1], "dtype": ">i2",
+                        "order": "C", "compressor": null, "filters": null, "fill_value": -5 });
+    let path = store_2(&folder, "wedge", &array, &[]);
+    for (z, y, x) in (0..24).map(|i| (i / 12, i / 4 % 3, i % 4)) {
+        write(&path.join(format!("1.{z}.{y}.{x}")), [0, 1]);
+        if ![(1, 0, 1), (1, 0, 2), (1, 1, 1)].contains(&(z, y, x)) {
+            write(&path.join(format!("0.{z}.{y}.{x}")), [0, 1]);
+        }
+    }
+    // Names that are no chunks of the array count for nothing.
+    for other in ["0.0.0", "0.1.00.1", "0.1.0.1.0", "0.9.0.1", ".hidden", "0.-1.0.1"] {
+        write(&path.join(other), [0, 1]);
+    }
+    let notes = |volume| {
+        let source = open(&path, &OpenOptions::new().volume_index(volume)).unwrap_or_else(|error| panic!("{error}"));
+        source.notes().to_vec()
+    };
+    assert_eq!(
+        notes(0),
+        ["warning: 3 of 24 chunks are absent and read as the fill value -5: within x 1..3, y 0..2, z 1..2; if the \
+          picture has a gap there, copy or download the folder again"]
+    );
+    assert_eq!(notes(1), Vec::<String>::new());
+    assert_eq!(samples(&opened(&path)).iter().filter(|sample| **sample == -5.0).count(), 3);
+}
+
+#[test]
+fn chunks_that_were_never_written_take_no_time() {
+    let folder = Folder::new();
+    let array = json!({ "zarr_format": 2, "shape": [2000, 2000, 2000], "chunks": [1, 1, 1], "dtype": "|u1",
+                        "order": "C", "compressor": null, "filters": null, "fill_value": 0 });
+    let path = store_2(&folder, "a", &array, &[]);
+    refused(&path, &["at least one of the volume's 8000000000 chunks", "none"]);
+    write(&path.join("0.3.2"), [9]);
+    let mut source = open(&path, &OpenOptions::new()).unwrap_or_else(|error| panic!("{error}"));
+    assert!(source.notes()[0].contains("7999999999 of 8000000000 chunks"), "{:?}", source.notes());
+    let mut slice = source.header().new_slice().expect("4 MB");
+    // A look at each of the 4 million chunks of a slice would take minutes for these.
+    for _ in 0..20 {
+        source.read_slice(&mut slice).unwrap_or_else(|error| panic!("{error}"));
+        if slice.get(3 * 2000 + 2) == 9.0 {
+            slice.bytes_mut()[3 * 2000 + 2] = 0;
+        }
+        assert!(slice.bytes().iter().all(|sample| *sample == 0));
+    }
 }
 
 #[test]
@@ -247,7 +300,7 @@ fn shards_are_read_by_their_index() {
     let array = with(array_3("uint8", &codecs), "fill_value", json!(9));
     let half = opened(&store_3(&folder, "half", &array, &[("c/0/0/0", &bytes)]));
     assert_eq!(samples(&half)[12..], [9.0; 12]);
-    assert_eq!(samples(&opened(&store_3(&folder, "none", &array, &[]))), [9.0; 24]);
+    refused(&store_3(&folder, "none", &array, &[]), &["Zarr chunks", "at least one of the volume's 1 shard", "none"]);
     let mut wrong = bytes.clone();
     let len = wrong.len();
     wrong[len - 5] ^= 1;

@@ -18,12 +18,14 @@ mod chunk;
 mod metadata;
 mod multiscales;
 mod packing;
+mod presence;
 
 use std::path::{Path, PathBuf};
 
 use self::chunk::ChunkReader;
 use self::metadata::ZarrArray;
 use self::multiscales::{AxisName, ImageLevel, Multiscales};
+use self::presence::ChunkFiles;
 use super::format::is_zarr;
 use super::frame::{FileFrame, IDENTITY, World};
 use super::nifti;
@@ -246,10 +248,60 @@ fn nifti_header(path: &Path) -> Result<Vec<u8>> {
     reader.read(&[0])?.ok_or_else(|| fault("none"))
 }
 
+/// Returns a note on the volume's chunks that are absent, if some are.
+///
+/// Writers leave out chunks of nothing but the fill value, but an incomplete copy lacks chunks too.
+///
+/// # Errors
+/// [`Error::Format`] if all are absent: such a volume has one value, and reading it could take hours.
+fn absence(array: &ZarrArray, space: [Option<usize>; 3], files: &ChunkFiles) -> Result<Option<String>> {
+    let (absent, all) = files.absent();
+    let kind = match (&array.shard, all) {
+        (None, 1) => "chunk",
+        (None, _) => "chunks",
+        (Some(_), 1) => "shard",
+        (Some(_), _) => "shards",
+    };
+    if absent == all {
+        let expected = format!("at least one of the volume's {all} {kind} (copy or download the folder again)");
+        return Err(Error::format(&array.path, 0, "Zarr chunks", expected, "none"));
+    }
+    if absent == 0 {
+        return Ok(None);
+    }
+    let place = files.absent_box();
+    let filled = place.map(|[start, end]| end - start).iter().product::<u64>() == absent;
+    let points = [("x", 0), ("y", 1), ("z", 2)].map(|(name, axis)| {
+        let (points, chunk) = space[axis].map_or((1, 1), |at| (array.shape[at], array.chunk[at]));
+        let [start, end] = place[axis].map(|at| (at * chunk).min(points));
+        format!("{name} {start}..{end}")
+    });
+    let (are, read) = if absent == 1 { ("is", "reads") } else { ("are", "read") };
+    Ok(Some(format!(
+        "warning: {absent} of {all} {kind} {are} absent and {read} as the fill value {}: {}{}; if the picture has a \
+            gap there, copy or download the folder again",
+        fill_value(array),
+        if filled { "" } else { "within " },
+        points.join(", ")
+    )))
+}
+
+/// Returns the fill value as a number.
+fn fill_value(array: &ZarrArray) -> f64 {
+    let mut sample = Samples::zeros(array.sample_type, 1);
+    sample.bytes_mut().copy_from_slice(&array.fill);
+    if array.endian != Endian::NATIVE {
+        sample.swap_bytes();
+    }
+    sample.get(0)
+}
+
 /// Reads the slices of an array; it unpacks one layer (a row of chunks along z) at a time.
 struct ZarrReader {
     header: Header,
     chunks: ChunkReader,
+    /// The files of the volume's chunks that are there.
+    files: ChunkFiles,
     /// The indices of the dimensions along x, y, z.
     space: [Option<usize>; 3],
     /// The index of the volume along the other dimensions.
@@ -268,11 +320,13 @@ impl ZarrReader {
         array: ZarrArray,
         space: [Option<usize>; 3],
         index: Vec<u64>,
-        notes: Vec<String>,
+        mut notes: Vec<String>,
     ) -> Result<ZarrReader> {
+        let files = ChunkFiles::list(&array, space, &index)?;
+        notes.extend(absence(&array, space, &files)?);
         let chunks = ChunkReader::new(array);
         let reader =
-            ZarrReader { header, chunks, space, index, layer: Vec::new(), loaded: None, slices_read: 0, notes };
+            ZarrReader { header, chunks, files, space, index, layer: Vec::new(), loaded: None, slices_read: 0, notes };
         let need = reader.buffer_bytes();
         let have = obtainable(need);
         if have < need {
@@ -285,6 +339,11 @@ impl ZarrReader {
     /// Returns the number of points of a chunk along `axis` (x, y or z).
     fn chunk_points(&self, axis: usize) -> u64 {
         self.space[axis].map_or(1, |dimension| self.chunks.shape()[dimension])
+    }
+
+    /// Returns the number of points of a file of chunks along `axis` (x, y or z).
+    fn file_points(&self, axis: usize) -> u64 {
+        self.space[axis].map_or(1, |dimension| self.chunks.array().chunk[dimension])
     }
 
     /// Returns the number of slices of a full layer.
@@ -305,27 +364,38 @@ impl ZarrReader {
         self.layer.clear();
         self.layer.try_reserve_exact(usize::try_from(layer_len).map_err(|_| refused())?).map_err(|_| refused())?;
         self.layer.resize(usize::try_from(layer_len).map_err(|_| refused())?, 0);
+        // Only chunks that are there are looked at: an array may have very many that are not.
+        let fill = &self.chunks.array().fill;
+        if fill.iter().any(|byte| *byte != 0) {
+            self.layer.chunks_exact_mut(fill.len()).for_each(|sample| sample.copy_from_slice(fill));
+        }
+        let per_file = [0, 1, 2].map(|axis| self.file_points(axis) / self.chunk_points(axis));
         let counts = [0, 1].map(|axis| dims[axis].div_ceil(self.chunk_points(axis)));
-        for y in 0..counts[1] {
-            for x in 0..counts[0] {
-                let at = [x, y, number];
-                let shape = self.chunks.shape();
-                let mut index: Vec<u64> = self.index.iter().zip(shape).map(|(index, points)| index / points).collect();
-                for (axis, at) in at.into_iter().enumerate() {
-                    if let Some(dimension) = self.space[axis] {
-                        index[dimension] = at;
+        let files: Vec<[u64; 3]> = self.files.layer(number / per_file[2]).collect();
+        for [file_x, file_y, _] in files {
+            for y in file_y * per_file[1]..((file_y + 1) * per_file[1]).min(counts[1]) {
+                for x in file_x * per_file[0]..((file_x + 1) * per_file[0]).min(counts[0]) {
+                    let at = [x, y, number];
+                    let shape = self.chunks.shape();
+                    let mut index: Vec<u64> =
+                        self.index.iter().zip(shape).map(|(index, points)| index / points).collect();
+                    for (axis, at) in at.into_iter().enumerate() {
+                        if let Some(dimension) = self.space[axis] {
+                            index[dimension] = at;
+                        }
+                    }
+                    if let Some(chunk) = self.chunks.read(&index)? {
+                        self.place(at, &chunk);
                     }
                 }
-                let chunk = self.chunks.read(&index)?;
-                self.place(at, chunk.as_deref());
             }
         }
         self.loaded = Some(number);
         Ok(())
     }
 
-    /// Copies the chunk at `at`, or the fill value if the chunk was never written, into the layer.
-    fn place(&mut self, at: [u64; 3], chunk: Option<&[u8]>) {
+    /// Copies the chunk at `at` into the layer.
+    fn place(&mut self, at: [u64; 3], chunk: &[u8]) {
         let points = [0, 1, 2].map(|axis| self.chunk_points(axis));
         let dims = self.header.grid.dims.map(u64::from);
         let start = [0, 1, 2].map(|axis| at[axis] * points[axis]);
@@ -337,21 +407,18 @@ impl ZarrReader {
         let first: usize =
             volume_dimensions.map(|other| index(self.index[other] % self.chunks.shape()[other]) * strides[other]).sum();
         let [dx, dy, dz] = self.space.map(|dimension| dimension.map_or(0, |dimension| strides[dimension]));
-        let fill = &self.chunks.array().fill;
         for z in 0..slices {
             for y in 0..rows {
                 let to = (z * index(dims[1]) + index(start[1]) + y) * index(dims[0]) + index(start[0]);
                 let row = &mut self.layer[to * width..(to + run) * width];
                 let from = first + z * dz + y * dy;
-                match chunk {
-                    Some(chunk) if dx == 1 => row.copy_from_slice(&chunk[from * width..(from + run) * width]),
-                    Some(chunk) => {
-                        for (x, sample) in row.chunks_exact_mut(width).enumerate() {
-                            let at = (from + x * dx) * width;
-                            sample.copy_from_slice(&chunk[at..at + width]);
-                        }
-                    }
-                    None => row.chunks_exact_mut(width).for_each(|sample| sample.copy_from_slice(fill)),
+                if dx == 1 {
+                    row.copy_from_slice(&chunk[from * width..(from + run) * width]);
+                    continue;
+                }
+                for (x, sample) in row.chunks_exact_mut(width).enumerate() {
+                    let at = (from + x * dx) * width;
+                    sample.copy_from_slice(&chunk[at..at + width]);
                 }
             }
         }
@@ -405,7 +472,8 @@ impl SlabSource for ZarrReader {
         // Memory for a packed chunk, the unpacked one, and with Blosc one more whose bytes are shuffled.
         let chunk = self.chunks.chunk_bytes().saturating_mul(3);
         let layer = self.slice_bytes().saturating_mul(self.layer_slices());
-        layer.saturating_add(chunk).saturating_add(self.chunks.index_bytes().saturating_mul(2))
+        let lists = self.chunks.index_bytes().saturating_mul(2).saturating_add(self.files.bytes());
+        layer.saturating_add(chunk).saturating_add(lists)
     }
 
     fn notes(&self) -> &[String] {
