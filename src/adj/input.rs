@@ -40,6 +40,9 @@ pub(super) struct InputArguments {
     /// DICOM series to read if the folder holds several: its number in the list that adj prints, or the end of its UID
     #[arg(long, value_name = "NUMBER|UID")]
     series: Option<String>,
+    /// Follow names of data files that lead out of the folder of their NRRD or MetaImage header; for files you trust
+    #[arg(long)]
+    outside_files: bool,
     /// Keep voxels as stored: do not apply the file's slope and intercept
     #[arg(long)]
     unscaled: bool,
@@ -60,6 +63,7 @@ impl InputArguments {
             ("--volume", self.volume != 0),
             ("--level", self.level != 0),
             ("--series", self.series.is_some()),
+            ("--outside-files", self.outside_files),
             ("--unscaled", self.unscaled),
             ("--flip", !self.flip.is_empty()),
         ];
@@ -93,7 +97,8 @@ impl InputArguments {
             let why = "is an .adj file, which holds no volume; give the volume that it was built from";
             return Err(Error::input(input.display().to_string(), why));
         }
-        let mut options = OpenOptions::new().volume_index(self.volume).level(self.level);
+        let mut options =
+            OpenOptions::new().volume_index(self.volume).level(self.level).outside_files(self.outside_files);
         if let Some(raw) = self.raw()? {
             options = options.raw(raw);
         }

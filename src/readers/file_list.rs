@@ -1,11 +1,13 @@
 //! Finds the files of a volume whose samples are in many files: a pattern with a number, or a list of names.
 //!
 //! In: the text after `data file:` or `ElementDataFile =` in a header. Out: the paths of the files, relative to the
-//! header's folder; at most [`MAX_FILES`], whatever numbers the header states.
+//! header's folder; at most [`MAX_FILES`], whatever numbers the header states. Names that lead out of the folder are
+//! refused unless the caller allows them: a header from elsewhere could make any file of this machine part of a picture.
 
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 
-use super::lines::HeaderLines;
+use super::lines::{HeaderLines, clip};
+use super::open::OpenOptions;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::MAX_DIM;
 
@@ -55,8 +57,14 @@ impl FilePattern {
     ///
     /// # Errors
     /// [`Error::Format`] that names `rule`, if `step` does not lead from `min` to `max`; [`Error::Limit`] if there are
-    /// more than [`MAX_FILES`] files.
-    pub(super) fn files(&self, header: &Path, rule: &'static str, range: [i64; 3]) -> Result<Vec<PathBuf>> {
+    /// more than [`MAX_FILES`] files; the errors of [`data_file`].
+    pub(super) fn files(
+        &self,
+        header: &Path,
+        rule: &'static str,
+        range: [i64; 3],
+        options: &OpenOptions,
+    ) -> Result<Vec<PathBuf>> {
         let [min, max, step] = range.map(i128::from);
         if step == 0 || (max - min) * step < 0 {
             let got = format!("from {min} to {max} by {step}");
@@ -67,9 +75,8 @@ impl FilePattern {
         if need > MAX_FILES {
             return Err(Error::Limit { what: format!("{}: data files", header.display()), need, have: MAX_FILES });
         }
-        let folder = folder_of(header);
         let number = |k: i128| i64::try_from(min + k * step).unwrap_or(i64::MAX);
-        Ok((0..count).map(|k| folder.join(self.name(number(k)))).collect())
+        (0..count).map(|k| data_file(header, &self.name(number(k)), options)).collect()
     }
 }
 
@@ -87,21 +94,46 @@ fn split_conversion(text: &str) -> Option<(&str, &str)> {
     None
 }
 
-/// Returns the folder of the header at `path`; file names in the header are relative to it.
-pub(super) fn folder_of(path: &Path) -> &Path {
-    path.parent().unwrap_or(Path::new(""))
+/// Returns the path of the file `name` that the header at `path` names; names are relative to the header's folder.
+///
+/// Links in the folder are followed, wherever they lead: whoever made them could read their targets.
+///
+/// # Errors
+/// [`Error::Input`] if the name leads out of the folder and `options` do not allow that.
+pub(super) fn data_file(path: &Path, name: &str, options: &OpenOptions) -> Result<PathBuf> {
+    let mut depth = 0u32;
+    let stays = Path::new(name).components().all(|part| match part {
+        Component::Normal(_) => {
+            depth += 1;
+            true
+        }
+        Component::CurDir => true,
+        Component::ParentDir if depth > 0 => {
+            depth -= 1;
+            true
+        }
+        _ => false,
+    });
+    if !stays && !options.outside_files {
+        let why = format!(
+            "has its samples outside its folder, in \"{}\"; if you trust the file, allow this with \
+                `OpenOptions::outside_files`",
+            clip(name)
+        );
+        return Err(Error::input(path.display().to_string(), why));
+    }
+    Ok(path.parent().unwrap_or(Path::new("")).join(name))
 }
 
 /// Returns the paths of the files that the remaining `lines` name, one per line.
-pub(super) fn listed_files(header: &Path, lines: &mut HeaderLines) -> Result<Vec<PathBuf>> {
-    let folder = folder_of(header);
+pub(super) fn listed_files(header: &Path, lines: &mut HeaderLines, options: &OpenOptions) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     while let Some(line) = lines.next()? {
         let name = line.text.trim();
         if name.is_empty() {
             continue;
         }
-        files.push(folder.join(name));
+        files.push(data_file(header, name, options)?);
         let need = files.len() as u64;
         if need > MAX_FILES {
             return Err(Error::Limit { what: format!("{}: data files", header.display()), need, have: MAX_FILES });
@@ -124,6 +156,22 @@ mod tests {
     use super::*;
 
     #[test]
+    fn names_that_leave_the_folder_of_their_header_need_leave() {
+        let header = Path::new("a/b.nhdr");
+        let file = |name, options| data_file(header, name, &options);
+        let within = ["x.raw", "./x.raw", "sub/x.raw", "sub/../x.raw", "..x"];
+        let outside = ["../x.raw", "/etc/passwd", "sub/../../x.raw", "..", "./../a/x.raw"];
+        for name in within {
+            assert_eq!(file(name, OpenOptions::new()).expect(name), Path::new("a").join(name));
+        }
+        for name in outside {
+            let error = file(name, OpenOptions::new()).expect_err(name).to_string();
+            assert!(error.contains(&format!("outside its folder, in \"{name}\"")), "{error}");
+            assert_eq!(file(name, OpenOptions::new().outside_files(true)).expect(name), Path::new("a").join(name));
+        }
+    }
+
+    #[test]
     fn patterns_write_numbers_as_printf_does() {
         for (pattern, number, name) in [
             ("quarter.%d", 93, "quarter.93"),
@@ -141,7 +189,7 @@ mod tests {
     #[test]
     fn ranges_are_counted_before_names_are_made() {
         let pattern = FilePattern::parse("f%d").expect("has a number");
-        let files = |range| pattern.files(Path::new("d/h.nhdr"), "rule", range);
+        let files = |range| pattern.files(Path::new("d/h.nhdr"), "rule", range, &OpenOptions::new());
         assert_eq!(files([3, 1, -1]).expect("counts down").len(), 3);
         assert_eq!(files([1, 6, 2]).expect("5 is the last").last(), Some(&PathBuf::from("d/f5")));
         assert!(matches!(files([0, 5, 0]), Err(Error::Format { .. })));

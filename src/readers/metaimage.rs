@@ -8,7 +8,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::file_list::{FilePattern, check_count, folder_of, listed_files};
+use super::file_list::{FilePattern, check_count, data_file, listed_files};
 use super::frame::{FileFrame, IDENTITY, World};
 use super::lines::{HeaderLine, HeaderLines, clip};
 use super::open::{OpenOptions, plain_header};
@@ -47,7 +47,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     let sample_type = fields.sample_type(path)?;
     let codec = fields.codec(path)?;
     let grid = fields.frame(path)?.grid(path, "MetaImage grid", dims, options.spacing)?;
-    let (files, local) = fields.files(path, &mut lines)?;
+    let (files, local) = fields.files(path, &mut lines, options)?;
     let start = fields.start(path, if local { lines.position() } else { 0 })?;
     SlabReader::open(SampleFiles {
         header: plain_header(grid, sample_type, path, "MetaImage"),
@@ -215,7 +215,7 @@ impl MetaImageFields {
     }
 
     /// Returns the files that hold the samples, and whether the samples are in the header's own file.
-    fn files(&self, path: &Path, lines: &mut HeaderLines) -> Result<(Vec<PathBuf>, bool)> {
+    fn files(&self, path: &Path, lines: &mut HeaderLines, options: &OpenOptions) -> Result<(Vec<PathBuf>, bool)> {
         const RULE: &str = "MetaImage ElementDataFile";
         let (value, at) = self.require(path, "ElementDataFile")?;
         if value.eq_ignore_ascii_case("LOCAL") {
@@ -235,7 +235,7 @@ impl MetaImageFields {
                 }
             };
             let file_dims = file_dims.ok_or_else(|| Error::format(path, at, RULE, "LIST, or LIST 2D", clip(value)))?;
-            let files = listed_files(path, lines)?;
+            let files = listed_files(path, lines, options)?;
             check_count(path, at, RULE, &files, per_file(file_dims)?)?;
             return Ok((files, false));
         }
@@ -250,14 +250,14 @@ impl MetaImageFields {
                 count => numbers[count - 2],
             };
             let step = if numbers.len() == 3 { numbers[0] } else { 1 };
-            let files = pattern.files(path, RULE, [first, last, step])?;
+            let files = pattern.files(path, RULE, [first, last, step], options)?;
             check_count(path, at, RULE, &files, need)?;
             return Ok((files, false));
         }
         if value.is_empty() {
             return Err(Error::format(path, at, RULE, "LOCAL, LIST or a file name", "nothing"));
         }
-        Ok((vec![folder_of(path).join(value)], false))
+        Ok((vec![data_file(path, value, options)?], false))
     }
 }
 

@@ -9,7 +9,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::file_list::{FilePattern, check_count, folder_of, listed_files};
+use super::file_list::{FilePattern, check_count, data_file, listed_files};
 use super::frame::{FileFrame, World};
 use super::lines::{HeaderLines, clip};
 use super::nrrd_axes as axes;
@@ -48,7 +48,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         .filter(|count| *count > 0)
         .ok_or_else(|| fields.fault("sizes", RULE_SIZES, "a number of volumes above 0 that can be counted".into()))?;
     let grid = fields.frame(sizes.len())?.grid(path, "NRRD grid", dims, options.spacing)?;
-    let (files, header_end) = fields.files(&sizes, &mut lines)?;
+    let (files, header_end) = fields.files(&sizes, &mut lines, options)?;
     let byte_skip = fields.byte_skip(codec)?;
     // A negative byte skip counts from the file's end, so lines before the samples do not matter.
     let (start, line_skip, byte_skip) = match u64::try_from(byte_skip) {
@@ -254,7 +254,7 @@ impl NrrdFields {
     }
 
     /// Returns the files that hold the samples, and the byte offset at which samples start in each of them.
-    fn files(&self, sizes: &[u64], lines: &mut HeaderLines) -> Result<(Vec<PathBuf>, u64)> {
+    fn files(&self, sizes: &[u64], lines: &mut HeaderLines, options: &OpenOptions) -> Result<(Vec<PathBuf>, u64)> {
         let Some(value) = self.get("datafile") else {
             if !self.ended {
                 let got = "the end of the file";
@@ -266,7 +266,7 @@ impl NrrdFields {
         let words: Vec<&str> = value.split_whitespace().collect();
         if let Some(dimensions_text) = value.strip_prefix("LIST") {
             let file_dims = self.file_dims(dimensions_text.trim(), sizes)?;
-            let files = listed_files(&self.path, lines)?;
+            let files = listed_files(&self.path, lines, options)?;
             self.check_files(sizes, file_dims, &files)?;
             return Ok((files, 0));
         }
@@ -280,14 +280,14 @@ impl NrrdFields {
             numbers.reverse();
             let subdim = numbers.get(3).map(i64::to_string).unwrap_or_default();
             let file_dims = self.file_dims(&subdim, sizes)?;
-            let files = pattern.files(&self.path, RULE_FILES, [numbers[0], numbers[1], numbers[2]])?;
+            let files = pattern.files(&self.path, RULE_FILES, [numbers[0], numbers[1], numbers[2]], options)?;
             self.check_files(sizes, file_dims, &files)?;
             return Ok((files, 0));
         }
         if value.is_empty() {
             return Err(self.fault("datafile", RULE_FILES, "a file name, a pattern or LIST".into()));
         }
-        Ok((vec![folder_of(&self.path).join(value)], 0))
+        Ok((vec![data_file(&self.path, value, options)?], 0))
     }
 
     /// Returns how many dimensions each data file has; one less than the volume if the header does not state it.

@@ -37,6 +37,7 @@ pub struct OpenOptions {
     pub(super) spacing: Option<[f64; 3]>,
     pub(super) level: u32,
     pub(super) series: Option<String>,
+    pub(super) outside_files: bool,
 }
 
 impl OpenOptions {
@@ -70,6 +71,14 @@ impl OpenOptions {
         OpenOptions { series: Some(series.into()), ..self }
     }
 
+    /// Chooses whether samples are read from files outside the header's folder, if a NRRD or MetaImage header names
+    /// such files; `false` by default, which gives an error.
+    ///
+    /// A header with the name of another file, such as `../../etc/passwd`, makes that file's bytes part of the volume.
+    pub fn outside_files(self, outside_files: bool) -> OpenOptions {
+        OpenOptions { outside_files, ..self }
+    }
+
     /// Returns an error if a level above 0 is chosen, for formats that have only one resolution.
     pub(super) fn expect_one_level(&self) -> Result<()> {
         match self.level {
@@ -89,14 +98,16 @@ impl OpenOptions {
 
 /// Opens the volume at `path`, a file or a folder; its samples are read slice by slice, on demand.
 ///
-/// File names in a header are relative to the header's folder. Reading needs little memory besides the slice that you
+/// File names in a header are relative to the header's folder, and may not lead out of it unless
+/// [`OpenOptions::outside_files`] allows that. Reading needs little memory besides the slice that you
 /// pass in: [`SlabSource::buffer_bytes`] returns how much.
 ///
 /// # Errors
 /// * [`Error::Io`] if a file is missing or unreadable.
 /// * [`Error::Format`] if a file breaks its format, is cut short or does not hold what its header says.
 /// * [`Error::Limit`] for dimensions above [`MAX_DIM`](adjsplat::volume::MAX_DIM).
-/// * [`Error::Input`] if the format is unknown, its cargo feature is off, or the options do not fit the file.
+/// * [`Error::Input`] if the format is unknown, its cargo feature is off, the options do not fit the file, or
+///   a header names a file outside its folder.
 pub fn open(path: impl AsRef<Path>, options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     open_path(path.as_ref(), options)
 }

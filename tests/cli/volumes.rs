@@ -49,6 +49,18 @@ fn a_folder_of_tiff_files_is_built_like_one_file_of_pages() {
 }
 
 #[test]
+fn samples_outside_a_folder_are_refused_with_the_flag_that_allows_them() {
+    let folder = Folder::new();
+    folder.write("v.raw", &RAW);
+    std::fs::create_dir(folder.file("sub")).expect("new");
+    let header = b"NRRD0001\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\ndata file: ../v.raw\n";
+    folder.write("sub/v.nhdr", header);
+    folder
+        .build_refused("sub/v.nhdr --range 5.. -o out.adj", &["outside its folder", "allow this with --outside-files"]);
+    folder.adj("build sub/v.nhdr --range 5.. -o out.adj --outside-files").done();
+}
+
+#[test]
 fn no_volume_at_all() {
     let folder = Folder::new();
     std::fs::create_dir(folder.file("folder")).expect("new");

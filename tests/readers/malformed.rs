@@ -298,6 +298,36 @@ fn members_of_file_lists_must_all_be_there() {
 }
 
 #[test]
+fn samples_outside_the_folder_of_their_header_are_read_only_if_allowed() {
+    let folder = Folder::new();
+    let secret = folder.write("secret.raw", &[known(SampleType::U8).bytes()]);
+    std::fs::create_dir(folder.path().join("volume")).expect("new");
+    let absolute = secret.to_str().expect("a text").to_owned();
+    for name in ["../secret.raw", &absolute] {
+        for (file, text) in [
+            ("one.nhdr", format!("{NRRD}data file: {name}\n")),
+            ("list.nhdr", format!("{NRRD}data file: LIST 3\n{name}\n")),
+            ("numbered.nhdr", format!("{NRRD}data file: {} 1 1 1 3\n", name.replace(".raw", ".raw%d"))),
+            ("one.mhd", format!("{MHA}ElementDataFile = {name}\n")),
+            ("list.mhd", format!("{MHA}ElementDataFile = LIST 3D\n{name}\n")),
+        ] {
+            let path = folder.write(&format!("volume/{file}"), &[text.as_bytes()]);
+            refused(&path, &[file, "outside its folder", name, "`OpenOptions::outside_files`"]);
+            if file != "numbered.nhdr" {
+                let read = read_with(&path, &OpenOptions::new().outside_files(true));
+                assert_eq!(read.unwrap_or_else(|error| panic!("{error}")).samples, known(SampleType::U8), "{file}");
+            }
+        }
+    }
+    #[cfg(unix)]
+    {
+        std::os::unix::fs::symlink(&secret, folder.path().join("volume/link.raw")).expect("new");
+        let text = format!("{NRRD}data file: link.raw\n");
+        expect_known(&folder.write("volume/link.nhdr", &[text.as_bytes()]), SampleType::U8);
+    }
+}
+
+#[test]
 fn header_lines_that_break_their_format_are_shown() {
     let folder = Folder::new();
     for (from, to, part) in [
