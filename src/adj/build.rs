@@ -9,11 +9,11 @@ use serde_json::json;
 
 use super::classification::ClassificationArguments;
 use super::cull::{CullArguments, Culled, cull};
-use super::input::{InputArguments, phantom};
+use super::input::{Input, InputArguments, phantom};
 use super::progress::Progress;
 use super::resources::{ResourceArguments, peak_rss_bytes};
 use super::values::{Choice, choice};
-use super::{Answer, is_same_file, print_note, print_result, starts_as_adj};
+use super::{Answer, print_note, print_result, starts_as_adj};
 use adjsplat::arena::TileOrder;
 use adjsplat::arena::layout::Facts;
 use adjsplat::build::{BuildOptions, Classified, Resources, SampleSummary, classify};
@@ -26,17 +26,18 @@ use adjsplat::volume::{Header, SlabSource};
 
 /// Build an .adj file, which holds only the visible voxels, from a volume
 ///
-/// Reads raw, NRRD, MetaImage, NIfTI, TIFF, VTK (.vtk, .vti) and DICOM files, folders of TIFF or DICOM slices, and
-/// Zarr and OME-Zarr folders. phantom:NAME is a computed volume: constant, shells, gyroid, marschner-lobb, hydrogen,
+/// Reads raw, NRRD, MetaImage, NIfTI, TIFF, VTK (.vtk, .vti) and DICOM files, slices in TIFF, DICOM or raw files
+/// (a folder, or several files), and Zarr and OME-Zarr folders. phantom:NAME is a computed volume: constant, shells, gyroid, marschner-lobb, hydrogen,
 /// vessels, noise or corners.
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Examples:\n  adj build engine.nii.gz --range 60.. -o engine.adj\n  adj build ct.raw --dims 512x512x300 --type i16le --spacing 0.7x0.7x1 --tf ct-bone -o ct.adj\n  adj build frog.mhd --labels frog                   (writes frog.adj)\n  adj build dicom-folder --tf ct-bone -o ct.adj\n  adj build brain.ome.zarr --level 2 --volume 1 --range 300.. -o brain.adj\n  adj build phantom:gyroid --dims 512x512x512 -o gyroid.adj"
+    after_help = "Examples:\n  adj build engine.nii.gz --range 60.. -o engine.adj\n  adj build ct.raw --dims 512x512x300 --type i16le --spacing 0.7x0.7x1 --tf ct-bone -o ct.adj\n  adj build frog.mhd --labels frog                   (writes frog.adj)\n  adj build dicom-folder --tf ct-bone -o ct.adj\n  adj build slices/*.tif --range 60.. -o stack.adj\n  adj build CThead.* --dims 256x256x113 --type u16be --range 1200.. -o head.adj\n  adj build brain.ome.zarr --level 2 --volume 1 --range 300.. -o brain.adj\n  adj build phantom:gyroid --dims 512x512x512 -o gyroid.adj"
 )]
 pub(super) struct Arguments {
-    /// The volume: a file, a folder of slices, or phantom:NAME
-    #[arg(value_name = "IN")]
-    input: PathBuf,
+    /// The volume: a file, a folder of slices, several files of slices ('slices/*.tif', in the order of the numbers in
+    /// their names), or phantom:NAME
+    #[arg(value_name = "IN", required = true)]
+    input: Vec<PathBuf>,
     /// The .adj file to write; by default it lies beside the volume and has its name
     #[arg(short, long, value_name = "OUT.adj")]
     output: Option<PathBuf>,
@@ -119,12 +120,13 @@ impl PackingArguments {
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let start = Instant::now();
     let (memory, threads) = (arguments.resources.memory(), arguments.resources.threads());
-    let mut source = arguments.reading.open(&arguments.input)?;
-    let transfer = arguments.classification.chosen(&arguments.input, &mut *source, arguments.quiet)?;
+    let input = Input::find(&arguments.input)?;
+    let mut source = arguments.reading.open(&input)?;
+    let transfer = arguments.classification.chosen(input.path(), &mut *source, arguments.quiet)?;
     let options = arguments.packing.options(transfer, None);
     let culling = arguments.culling.culling(memory, threads)?;
-    let path = &arguments.output()?;
-    check_output(path, &arguments.input)?;
+    let path = &arguments.output(input.path())?;
+    check_output(path, &input)?;
     let header = source.header().clone();
     let folder = scratch_folder(path)?;
     let resources = Resources { memory: Some(memory), threads, folder: Some(folder.clone()) };
@@ -157,16 +159,17 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
 }
 
 impl Arguments {
-    /// Returns the file to write: `brain.adj` for `brain.nii.gz`, `brain.ome.zarr` or a folder `brain`.
-    fn output(&self) -> Result<PathBuf> {
+    /// Returns the file to write: `brain.adj` for `brain.nii.gz`, `brain.ome.zarr`, a folder `brain` or slices `brain1`,
+    /// `brain2`.
+    fn output(&self, input: &Path) -> Result<PathBuf> {
         if let Some(output) = &self.output {
             return Ok(output.clone());
         }
-        let mut input = phantom(&self.input)?.map_or(self.input.clone(), |phantom| phantom.name().into());
+        let mut input = phantom(input)?.map_or(input.to_path_buf(), |phantom| phantom.name().into());
         let ends_in = |path: &Path, endings: &[&str]| {
             path.extension().is_some_and(|found| endings.iter().any(|ending| found.eq_ignore_ascii_case(ending)))
         };
-        if !input.is_dir() || ends_in(&input, &["zarr"]) {
+        if input.is_file() || ends_in(&input, &["zarr"]) {
             input.set_extension("");
             if ends_in(&input, &["nii", "ome"]) {
                 input.set_extension("");
@@ -221,8 +224,8 @@ pub(super) fn classify_with_warnings(
 }
 
 /// Checks, before a long build, that the output can be written and would not overwrite a volume.
-fn check_output(output: &Path, input: &Path) -> Result<()> {
-    if is_same_file(output, input) {
+fn check_output(output: &Path, input: &Input) -> Result<()> {
+    if input.has(output) {
         return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
     }
     check_replaceable(output)

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::classification::flag_of;
 use super::histogram::{POINTS, chart, number, plot, thresholds};
-use super::input::InputArguments;
+use super::input::{Input, InputArguments};
 use super::progress::Progress;
 use super::study::output::{check_plots, write_plots};
 use super::{Answer, print_result, starts_as_adj};
@@ -24,9 +24,9 @@ use adjsplat_study::memory::virtual_voxels;
     after_help = "Examples:\n  adj info head.adj --json\n  adj info head.nii.gz        (which values would be worth showing?)"
 )]
 pub(super) struct Arguments {
-    /// An .adj file or a volume
-    #[arg(value_name = "FILE")]
-    input: PathBuf,
+    /// An .adj file or a volume: a file, a folder of slices, or several files of slices ('slices/*.tif')
+    #[arg(value_name = "FILE", required = true)]
+    input: Vec<PathBuf>,
     /// Print the result as JSON
     #[arg(long)]
     json: bool,
@@ -42,15 +42,16 @@ const QUANTILES: [f64; 8] = [0.01, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99, 0.999];
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     check_plots(&arguments.plot)?;
-    if is_adj(&arguments.input)? {
+    let input = Input::find(&arguments.input)?;
+    if is_adj(input.path())? {
         if !arguments.plot.is_empty() {
             return Err(Error::input("--plot", "is for volumes, but the input is an .adj file; leave it out"));
         }
-        let answer = of_arena(&arguments.input)?;
+        let answer = of_arena(input.path())?;
         print_result(&if arguments.json { answer.to_string() } else { as_text(&answer) });
         return Ok(Answer::Yes);
     }
-    let (mut answer, histogram) = of_volume(arguments)?;
+    let (mut answer, histogram) = of_volume(arguments, &input)?;
     print_result(&if arguments.json {
         answer.to_string()
     } else {
@@ -156,21 +157,21 @@ fn guide(answer: &Value, histogram: &Histogram) -> String {
     text.trim_end().to_owned()
 }
 
-fn of_volume(arguments: &Arguments) -> Result<(Value, Histogram)> {
-    let mut source = arguments.reading.open(&arguments.input)?;
+fn of_volume(arguments: &Arguments, input: &Input) -> Result<(Value, Histogram)> {
+    let mut source = arguments.reading.open(input)?;
     let header = source.header().clone();
     let mut progress = Progress::new(arguments.json);
     let histogram = Histogram::of(&mut *source, &mut progress)?;
     if !arguments.plot.is_empty() && !histogram.counts.is_empty() {
         let gradients = histogram.gradients(&mut *source, POINTS, &mut progress)?;
-        let name = arguments.input.file_name().unwrap_or_default().to_string_lossy();
+        let name = input.path().file_name().unwrap_or_default().to_string_lossy();
         write_plots(&arguments.plot, &plot(&name, &histogram, &gradients))?;
     }
     drop(progress);
     let quantiles: Vec<Value> =
         QUANTILES.iter().map(|&share| json!({ "share": share, "value": histogram.quantile(share) })).collect();
     let answer = json!({
-        "file": arguments.input.display().to_string(),
+        "file": input.path().display().to_string(),
         "format": header.format,
         "dims": header.grid.dims,
         "spacing": header.grid.spacing,

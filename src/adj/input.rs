@@ -1,21 +1,80 @@
-//! Opens the volume that a command reads: a file of any format, or a phantom (a computed volume).
+//! Opens the volume that a command reads: a file of any format, slices in several files, or a phantom (a computed
+//! volume).
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
+use super::info::is_adj;
 use super::values::{Choice, choice, library};
-use super::{print_note, starts_as_adj};
+use super::{is_same_file, print_note, starts_as_adj};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::phantom::Phantom;
 use adjsplat::volume::{Axis, Grid, SampleType, SlabSource};
-use adjsplat_readers::{AdjustedSource, Endian, OpenOptions, RawOptions, open, parse_dims, parse_type};
+use adjsplat_readers::{
+    AdjustedSource, Endian, OpenOptions, RawOptions, open_slices, parse_dims, parse_type, slices_path,
+};
+
+/// What a command reads: a path, `phantom:NAME`, or several files that are the slices of one volume.
+#[derive(Debug)]
+pub(super) struct Input {
+    files: Vec<PathBuf>,
+    path: PathBuf,
+}
+
+impl Input {
+    /// Finds what `arguments`, at least one, name. An argument with `*`, `?` or `[` that is no path itself is a pattern.
+    pub(super) fn find(arguments: &[PathBuf]) -> Result<Input> {
+        let mut files = Vec::new();
+        for argument in arguments {
+            match argument.to_str() {
+                Some(text) if text.contains(['*', '?', '[']) && !argument.exists() => files.extend(matching(text)?),
+                _ => files.push(argument.clone()),
+            }
+        }
+        let path = match files.as_slice() {
+            [one] => one.clone(),
+            several => slices_path(several),
+        };
+        if files.len() > 1 {
+            for file in &files {
+                if std::fs::metadata(file).map_err(Error::io("open", file))?.is_dir() || is_adj(file)? {
+                    let why = "is one of several inputs, which must be files of slices; give one input";
+                    return Err(Error::input(file.display().to_string(), why));
+                }
+            }
+        }
+        Ok(Input { files, path })
+    }
+
+    /// Returns the path of the input; for several files, one that stands for them: `head` for `head/1.tif`.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Returns whether `path` leads to one of the files.
+    pub(super) fn has(&self, path: &Path) -> bool {
+        self.files.iter().any(|file| is_same_file(path, file))
+    }
+}
+
+/// Returns the files whose paths match `pattern`: `*` is any text in a name, `?` any character.
+fn matching(pattern: &str) -> Result<Vec<PathBuf>> {
+    let paths = glob::glob(pattern).map_err(|error| Error::input(pattern, format!("is no pattern: {error}")))?;
+    let found: Vec<PathBuf> = paths.flatten().filter(|path| path.is_file()).collect();
+    if found.is_empty() {
+        let none = std::io::Error::new(std::io::ErrorKind::NotFound, "no file matches this pattern");
+        return Err(Error::io("open", Path::new(pattern))(none));
+    }
+    Ok(found)
+}
 
 /// The flags for what a volume's file does not say itself.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Reading")]
 pub(super) struct InputArguments {
-    /// Voxels along x, y and z: 256x256x128. Needed for a raw file; 256x256x256 by default for a phantom
+    /// Voxels along x, y and z: 256x256x128. Needed for a raw file and for raw slices, one a file; 256x256x256 by
+    /// default for a phantom
     #[arg(long, value_name = "XxYxZ", value_parser = library(parse_dims))]
     dims: Option<[u64; 3]>,
     /// Type of a voxel: u8, i8, u16, i16, u32, i32, f32 or f64; add be for big endian (u16be).
@@ -70,8 +129,8 @@ impl InputArguments {
         flags.iter().find(|(_, given)| *given).map(|(flag, _)| *flag)
     }
 
-    /// Opens `input`, a path or `phantom:NAME`. Prints the notes of the file's reader to stderr.
-    pub(super) fn open(&self, input: &Path) -> Result<Box<dyn SlabSource>> {
+    /// Opens `input`. Prints the notes of the file's reader to stderr.
+    pub(super) fn open(&self, input: &Input) -> Result<Box<dyn SlabSource>> {
         let source = self.as_it_says(input)?;
         if !self.unscaled && self.flip.is_empty() {
             return Ok(source);
@@ -85,7 +144,7 @@ impl InputArguments {
     }
 
     /// Opens `input` as its file describes it.
-    fn as_it_says(&self, input: &Path) -> Result<Box<dyn SlabSource>> {
+    fn as_it_says(&self, Input { files, path: input }: &Input) -> Result<Box<dyn SlabSource>> {
         if let Some(phantom) = phantom(input)? {
             if self.level != 0 || self.series.is_some() {
                 return Err(Error::input("--level, --series", "are for OME-Zarr and DICOM; leave them out"));
@@ -108,7 +167,7 @@ impl InputArguments {
         if let Some(series) = &self.series {
             options = options.series(series);
         }
-        let source = open(input, &options)?;
+        let source = open_slices(files, &options)?;
         for note in source.notes() {
             print_note(note);
         }

@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use clap::Args;
 use serde_json::json;
 
-use super::input::InputArguments;
+use super::input::{Input, InputArguments};
 use super::progress::{Progress, interrupted};
-use super::{Answer, is_same_file, print_result};
+use super::{Answer, print_result};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 
@@ -19,9 +19,10 @@ use adjsplat::file::{check_writable, write_atomically_unless};
     after_help = "Examples:\n  adj raw head.nii.gz -o head.raw\n  adj raw phantom:gyroid --dims 2048x2048x1024 -o gyroid.raw"
 )]
 pub(super) struct Arguments {
-    /// The volume: a file, a folder of slices, or phantom:NAME
-    #[arg(value_name = "IN")]
-    input: PathBuf,
+    /// The volume: a file, a folder of slices, several files of slices ('slices/*.tif', in the order of the numbers in
+    /// their names), or phantom:NAME
+    #[arg(value_name = "IN", required = true)]
+    input: Vec<PathBuf>,
     /// The raw file to write
     #[arg(short, long, value_name = "OUT.raw")]
     output: PathBuf,
@@ -36,8 +37,9 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
-    let mut source = arguments.reading.open(&arguments.input)?;
-    if is_same_file(&arguments.output, &arguments.input) {
+    let input = Input::find(&arguments.input)?;
+    let mut source = arguments.reading.open(&input)?;
+    if input.has(&arguments.output) {
         return Err(Error::input("--output", "is the volume itself, which it would replace; give another name"));
     }
     check_writable(&arguments.output)?;

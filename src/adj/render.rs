@@ -17,7 +17,7 @@ use self::view::{ViewArguments, cameras};
 use super::build::{PackingArguments, classify_with_warnings};
 use super::classification::ClassificationArguments;
 use super::info::is_adj;
-use super::input::InputArguments;
+use super::input::{Input, InputArguments};
 use super::memory_shares::{BoundedLanes, MemoryShares};
 use super::progress::{Progress, interrupted};
 use super::renderer::{RendererArguments, needs_volume};
@@ -25,7 +25,7 @@ use super::resources::processors;
 use super::size::memory;
 use super::stored::{missing_values, stored_transfer};
 use super::values::number;
-use super::{Answer, is_same_file, print_note};
+use super::{Answer, print_note};
 use adjsplat::arena::{Arena, LaneSet};
 use adjsplat::build::Resources;
 use adjsplat::classify::TransferFunction;
@@ -46,9 +46,10 @@ use adjsplat_pictures::PictureKind;
     after_help = "Examples:\n  adj render head.adj -o head.png --azimuth 30 --elevation 10\n  adj render head.adj -o turn.apng --frames 36 --size 400x400\n  adj render ct.nhdr --tf ct-bone+1024 -o bone.png --perspective 30\n  adj render head.adj -o inside.png --camera eye.json\n      with eye.json: {\"position\": [0, 90, 0], \"target\": [0, 0, 0], \"up\": [0, 0, 1], \"fov\": 60}"
 )]
 pub(super) struct Arguments {
-    /// An .adj file, or a volume with a flag that says what is visible
-    #[arg(value_name = "IN")]
-    input: PathBuf,
+    /// An .adj file; or a volume (a file, a folder of slices, or several files of slices: 'slices/*.tif') with a flag
+    /// that says what is visible
+    #[arg(value_name = "IN", required = true)]
+    input: Vec<PathBuf>,
     /// The picture: .png, .apng (all frames in one file) or .exr (linear, 32-bit float)
     #[arg(short, long, value_name = "OUT")]
     output: PathBuf,
@@ -81,8 +82,9 @@ pub(super) struct Arguments {
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let kind = PictureKind::of(&arguments.output)?;
     check_writable(&arguments.output)?;
+    let input = Input::find(&arguments.input)?;
     if let Some(stats) = &arguments.stats {
-        if is_same_file(stats, &arguments.input) {
+        if input.has(stats) {
             return Err(Error::input("--stats", "is the input itself, which it would replace; give another name"));
         }
         check_writable(stats)?;
@@ -94,8 +96,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     };
     let settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
     let memory = arguments.memory;
-    let is_volume = !is_adj(&arguments.input)?;
-    let job = RenderJob { arguments, kind, outputs: &outputs, memory, is_volume };
+    let is_volume = !is_adj(input.path())?;
+    let job = RenderJob { arguments, input: &input, kind, outputs: &outputs, memory, is_volume };
     let start = Instant::now();
     if arguments.renderer.is_reference() {
         return job.draw_reference(settings, start);
@@ -104,8 +106,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         if let Some(flag) = arguments.reading.given().or(arguments.packing.given()) {
             return Err(Error::input(flag, "is for volumes, but the input is an .adj file; leave it out"));
         }
-        let file = job.open(&arguments.input)?;
-        let transfer = arguments.classification.transfer(&arguments.input)?;
+        let file = job.open(input.path())?;
+        let transfer = arguments.classification.transfer(input.path())?;
         return job.draw_file(file, settings, transfer, start);
     }
     // A bound on the error counts what rounding changes; with 16 bits that is next to nothing.
@@ -115,8 +117,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
             "note: --max-error does not count what {flag} rounds; leave it out, and 16 bits are stored"
         ));
     }
-    let mut source = arguments.reading.open(&arguments.input)?;
-    let transfer = arguments.classification.chosen(&arguments.input, &mut *source, arguments.quiet)?;
+    let mut source = arguments.reading.open(&input)?;
+    let transfer = arguments.classification.chosen(input.path(), &mut *source, arguments.quiet)?;
     let options = arguments.packing.options(transfer, bits);
     let header = source.header().clone();
     let folder = memory.is_some().then(|| scratch_folder(&arguments.output)).transpose()?;
@@ -135,13 +137,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let lanes = visible.lanes(options.lane_count, settings.threads, &mut Progress::new(arguments.quiet))?;
     let bytes = arena_bytes(&visible.facts, &lanes, &description(&header, &visible));
     drop((visible, lanes));
-    let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: arguments.input.clone(), fault })?;
+    let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: input.path().to_path_buf(), fault })?;
     draw(&job, settings, LaneSet::new(arena, None), None, start)
 }
 
 /// What a command draws, and where the pictures go.
 struct RenderJob<'a> {
     arguments: &'a Arguments,
+    input: &'a Input,
     kind: PictureKind,
     outputs: &'a [PathBuf],
     /// Most memory to take, in bytes.
@@ -200,8 +203,8 @@ impl RenderJob<'_> {
                 return Err(Error::input(flag, "is not for the reference, which approximates nothing; leave it out"));
             }
         }
-        let mut source = arguments.reading.open(&arguments.input)?;
-        let transfer = arguments.classification.chosen(&arguments.input, &mut *source, arguments.quiet)?;
+        let mut source = arguments.reading.open(self.input)?;
+        let transfer = arguments.classification.chosen(self.input.path(), &mut *source, arguments.quiet)?;
         let judge = Judge::new(&mut *source, &transfer)?;
         let grid = judge.visible().grid().clone();
         settings.crop = arguments.view.crop.map(|crop| crop.in_grid(grid.dims)).transpose()?;
@@ -238,7 +241,7 @@ fn draw(
             }
             drawable(arena, transfer)?
         }
-        None => stored_transfer(arena, &arguments.input)?,
+        None => stored_transfer(arena, job.input.path())?,
     };
     let cameras = pictured(arguments, arena, &mut settings)?;
     if let Some(cause) = shows_missing_voxels(arena, &settings, transfer_given, &cameras[0])? {

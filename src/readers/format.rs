@@ -46,7 +46,8 @@ impl Format {
         Format::from_content(probe).or_else(|| Format::from_name(path))
     }
 
-    fn from_content(probe: &[u8]) -> Option<Format> {
+    /// Returns the format of a file that starts with `probe`; `None` if these bytes do not decide.
+    pub(super) fn from_content(probe: &[u8]) -> Option<Format> {
         if probe.starts_with(b"NRRD") {
             Some(Format::Nrrd)
         } else if probe.get(..14).is_some_and(|start| start.eq_ignore_ascii_case(b"# vtk DataFile")) {

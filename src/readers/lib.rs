@@ -38,6 +38,7 @@ mod nifti;
 mod nrrd;
 mod nrrd_axes;
 mod slab;
+mod slices;
 mod stream;
 #[cfg(feature = "tiff")]
 mod tiff;
@@ -53,3 +54,4 @@ pub use adjusted::AdjustedSource;
 pub use open::{OpenOptions, open, open_with};
 pub use raw::{RawOptions, parse_dims, parse_type};
 pub use slab::Endian;
+pub use slices::{open_slices, slices_path};

@@ -1,15 +1,16 @@
 //! Reads raw volumes: files of samples without a header. The caller describes the volume.
 //!
 //! In: a file of `dims[0] * dims[1] * dims[2]` samples, x fastest, after `skip` bytes that are not samples; or the same
-//! in gzip, if the name ends in `.gz`. Out: a slab source (which reads slice by slice). The file must have exactly this
-//! length: only a wrong length can show that the dimensions are wrong.
+//! in gzip, if the name ends in `.gz`; or one such file a slice. Out: a slab source (which reads slice by slice). The
+//! files must have exactly this length: only a wrong length can show that the dimensions are wrong.
 
 use std::io::Read;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::frame::FileFrame;
-use super::open::{OpenOptions, file_name};
+use super::open::{OpenOptions, file_name, plain_header};
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
+use super::slices::raw_hint;
 use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
@@ -17,7 +18,7 @@ use adjsplat::volume::{Header, MAX_DIM, SampleType, SlabSource};
 
 const RULE: &str = "raw size";
 
-/// Describes a raw file, which holds samples and no header.
+/// Describes a raw file, which holds samples and no header; or raw slices, which are files of one slice each.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RawOptions {
     dims: [u64; 3],
@@ -29,7 +30,8 @@ pub struct RawOptions {
 impl RawOptions {
     /// Describes a file of `dims` points along x, y, z, whose samples are little endian and start at the first byte.
     ///
-    /// The points are 1 apart; [`OpenOptions::spacing`] changes that.
+    /// For raw slices, `dims` are those of the whole volume. The points are 1 apart; [`OpenOptions::spacing`] changes
+    /// that.
     pub fn new(dims: [u64; 3], sample_type: SampleType) -> RawOptions {
         RawOptions { dims, sample_type, endian: Endian::Little, skip: 0 }
     }
@@ -39,7 +41,7 @@ impl RawOptions {
         RawOptions { endian, ..self }
     }
 
-    /// Skips this many bytes before the first sample.
+    /// Skips this many bytes before the first sample of each file.
     pub fn skip(self, skip: u64) -> RawOptions {
         RawOptions { skip, ..self }
     }
@@ -118,6 +120,53 @@ pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Resu
         start: SampleStart::At(start),
         line_skip: 0,
         byte_skip,
+        volume_count: 1,
+        volume_index: options.volume_index.into(),
+        tail: Tail::Nothing,
+        rule: RULE,
+    })
+}
+
+/// Opens the raw slices among `files`, one a file, which are sorted along z: those with the length of a slice.
+///
+/// `path` stands for all files in messages.
+///
+/// # Errors
+/// [`Error::Input`] if there are not as many of them as the volume has slices.
+pub(super) fn open_slices(
+    path: &Path,
+    mut files: Vec<PathBuf>,
+    raw: &RawOptions,
+    options: &OpenOptions,
+) -> Result<Box<dyn SlabSource>> {
+    let [x, y, z] = raw.dims;
+    let grid = FileFrame::upright([1.0; 3]).grid(path, "raw dims", raw.dims, options.spacing)?;
+    let bytes = raw.skip.saturating_add(grid.slice_len() * raw.sample_type.bytes() as u64);
+    let hint = raw_hint(&files);
+    let all = files.len();
+    files.retain(|file| std::fs::metadata(file).is_ok_and(|found| found.is_file() && found.len() == bytes));
+    let count = files.len() as u64;
+    if count != z {
+        let hint = match (count, hint) {
+            (0, Some(hint)) => hint,
+            (0, None) => "to read one file of the whole volume, name it".into(),
+            _ => format!("`dims` {x}x{y}x{count} would fit"),
+        };
+        let ty = raw.sample_type.name();
+        let why = format!(
+            "has {count} files of {bytes} bytes, a slice each ({x}x{y} of {ty}), among {all}, but `dims` need {z}; {hint}"
+        );
+        return Err(Error::input(path.display().to_string(), why));
+    }
+    let header = plain_header(grid, raw.sample_type, path, "raw slices");
+    SlabReader::open(SampleFiles {
+        header,
+        codec: Codec::Raw,
+        endian: raw.endian,
+        files,
+        start: SampleStart::At(raw.skip),
+        line_skip: 0,
+        byte_skip: 0,
         volume_count: 1,
         volume_index: options.volume_index.into(),
         tail: Tail::Nothing,

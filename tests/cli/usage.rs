@@ -70,7 +70,7 @@ fn wrong_flags_are_one_line_that_names_the_help() {
     refused("build x.nii --value-bits 12 -o a.adj", &["'12'", "8, 16"]);
     refused("build x.nii --skip -1 -o a.adj", &["-1"]);
     refused("build x.nii --iso abc -o a.adj", &["--iso", "abc"]);
-    refused("build x.nii y.nii -o a.adj", &["y.nii", "see adj build --help"]);
+    refused("trim x.adj y.adj -o z.adj", &["y.adj", "see adj trim --help"]);
     refused("biuld x.nii", &["biuld", "build", "see adj --help"]);
     refused("--frobnicate", &["--frobnicate", "see adj --help"]);
     refused("verify", &["<FILE>", "see adj verify --help"]);

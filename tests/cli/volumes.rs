@@ -49,6 +49,56 @@ fn a_folder_of_tiff_files_is_built_like_one_file_of_pages() {
 }
 
 #[test]
+fn raw_slices_are_read_from_a_folder_a_list_and_a_pattern() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.file("head")).expect("new");
+    // Twelve slices of 2 x 2; 10 is behind 9, as people count. A text lies beside them.
+    for z in 1..=12u8 {
+        folder.write(format!("head/CThead.{z}"), &[0, 100 + z].repeat(4));
+    }
+    folder.write("head/README", b"raw");
+    folder.build_refused(
+        "head --range 1..",
+        &["its 12 files of 8 bytes each seem to be raw slices", "--dims 2x2x12 and --type u16 or i16"],
+    );
+    folder.build_refused(
+        "head --range 1.. --dims 2x2x11 --type u16be",
+        &["12 files of 8 bytes", "--dims need 11; --dims 2x2x12 would fit"],
+    );
+    let flags = "--dims 2x2x12 --type u16be";
+    let list: Vec<String> = (1..=12).rev().map(|z| format!("head/CThead.{z}")).collect();
+    let mut built = Vec::new();
+    for (input, output) in
+        [("head", "head.adj"), (&list.join(" "), "head/CThead.adj"), ("head/CThead.*", "head/CThead.adj")]
+    {
+        folder.adj(&format!("build {input} {flags} --range 1..")).done();
+        built.push(std::fs::read(folder.file(output)).expect("it was built"));
+        std::fs::remove_file(folder.file(output)).expect("it is there");
+        folder.adj(&format!("raw {input} {flags} -o out.raw")).done();
+        let want: Vec<u8> = (1..=12).flat_map(|z| [100 + z, 0].repeat(4)).collect();
+        assert_eq!(std::fs::read(folder.file("out.raw")).expect("it was written"), want);
+        assert_eq!(folder.adj(&format!("info {input} {flags} --json")).json()["highest"], 112.0);
+        folder.adj(&format!("render {input} {flags} --range 1.. -o out.png --size 16x16")).done();
+    }
+    let len = built[0].len();
+    assert!(built.iter().all(|file| file.len().abs_diff(len) < 16), "only the name differs");
+}
+
+#[test]
+fn several_inputs_that_are_no_slices_are_refused() {
+    let folder = Folder::new();
+    folder.write("a.nrrd", &nrrd("raw", &RAW));
+    folder.write("b.nrrd", &nrrd("raw", &RAW));
+    std::fs::create_dir(folder.file("sub")).expect("new");
+    folder.adj("build a.nrrd --range 1.. -o a.adj").done();
+    folder.build_refused("a.nrrd b.nrrd --range 1.. -o out.adj", &["a.nrrd and 1 more: are no slices of one volume"]);
+    folder.build_refused("a.nrrd sub --range 1.. -o out.adj", &["sub: is one of several inputs", "give one input"]);
+    folder.build_refused("a.nrrd a.adj --range 1.. -o out.adj", &["a.adj: is one of several inputs"]);
+    folder.build_refused("*.tif --range 1.. -o out.adj", &["cannot open *.tif: no file matches"]);
+    folder.build_refused("[*.tif --range 1.. -o out.adj", &["is no pattern"]);
+}
+
+#[test]
 fn samples_outside_a_folder_are_refused_with_the_flag_that_allows_them() {
     let folder = Folder::new();
     folder.write("v.raw", &RAW);

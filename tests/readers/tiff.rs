@@ -637,7 +637,7 @@ fn folders_that_are_no_stack_are_refused_by_the_file_at_fault() {
     folder.write("a.txt", &[b"hello"]);
     refused(folder.path(), &["is a folder without TIFF or DICOM files", "name a file in it"]);
     let raw = adjsplat_readers::RawOptions::new(DIMS, SampleType::U8);
-    expect_refused(folder.path(), &OpenOptions::new().raw(raw), &["is a folder", "name it"]);
+    expect_refused(folder.path(), &OpenOptions::new().raw(raw), &["has 0 files of 12 bytes", "name it"]);
     let folder = stack(&names, &tiff, &pages);
     folder.write("s2.tif", &[&Tiff::new(SampleType::I16).file(&pages[..1])]);
     refused(folder.path(), &["s2.tif", "4 x 3 of u16 as in s1.tif", "4 x 3 of i16 in page 0"]);
