@@ -364,6 +364,51 @@ fn samples_are_taken_as_stored_also_where_zero_is_white() {
     refused(&path, &["0 shown as white", "f32", "invert"]);
 }
 
+/// Numbers of the tag ColorMap for indices of 8 bits.
+fn palette(colour: impl Fn(u64) -> [u64; 3]) -> Vec<(u16, Value)> {
+    let part = |part: usize| (0..256).map(|index| colour(index)[part]).collect::<Vec<u64>>();
+    vec![(262, Value::Short(vec![3])), (320, Value::Short([part(0), part(1), part(2)].concat()))]
+}
+
+#[test]
+fn palettes_of_greys_are_read_through_and_indices_into_colours_are_kept_with_a_note() {
+    let folder = Folder::new();
+    let indices = known(SampleType::U8);
+    let notes = |path: &std::path::Path| open(path, &OpenOptions::new()).expect("read before").notes().to_vec();
+    for endian in ENDIANS {
+        for (big, cut, packing) in [
+            (false, Cut::Strips(3), Packing::Plain),
+            (true, Cut::Strips(2), Packing::Deflate),
+            (false, Cut::Tiles(16, 16), Packing::Lzw),
+            (false, Cut::Strips(1), Packing::Zstd),
+        ] {
+            let tiff = Tiff { endian, big, cut, packing, ..Tiff::new(SampleType::U8) };
+            let mut inverted = indices.clone();
+            inverted.bytes_mut().iter_mut().for_each(|sample| *sample = 255 - *sample);
+            type Colour = fn(u64) -> [u64; 3];
+            for (colour, want) in [
+                ((|i| [257 * i; 3]) as Colour, &indices),
+                (|i| [256 * i; 3], &indices),
+                (|i| [i; 3], &indices),
+                (|i| [65_535 - 257 * i; 3], &inverted),
+            ] {
+                let path = folder.write("grey.tif", &[&Tiff { tags: palette(colour), ..tiff.clone() }.known_file()]);
+                assert_eq!(&read(&path).unwrap_or_else(|error| panic!("{error}")).samples, want);
+                assert_eq!(notes(&path), Vec::<String>::new());
+            }
+            let coloured = Tiff { tags: palette(|i| [257 * i, 0, 300]), ..tiff };
+            let path = folder.write("coloured.tif", &[&coloured.known_file()]);
+            expect_known(&path, SampleType::U8);
+            assert!(notes(&path)[0].starts_with("warning: samples of coloured.tif are indices"), "{:?}", notes(&path));
+        }
+    }
+    let mut differ = Tiff { tags: palette(|i| [i; 3]), ..Tiff::new(SampleType::U8) };
+    differ.first_tags = palette(|i| [i, i, 0]);
+    refused(&folder.write("a.tif", &[&differ.known_file()]), &["the palette of page 0", "another one in page 1"]);
+    differ.first_tags = vec![(320, Value::Short(vec![0; 30]))];
+    refused(&folder.write("a.tif", &[&differ.known_file()]), &["768 numbers in its ColorMap", "30 in page 0"]);
+}
+
 /// The header of the known volume with these resolution tags and description.
 fn header_of(folder: &Folder, description: &str, resolution: Option<([u64; 2], [u64; 2], u64)>) -> Header {
     let mut tiff = Tiff::new(SampleType::U16);
@@ -668,7 +713,7 @@ fn pages_that_cannot_be_read_are_named_with_what_would_do() {
         |tag: u16, value: u64| Tiff { tags: vec![(tag, Value::Short(vec![value]))], ..Tiff::new(SampleType::U16) };
     for (tag, value, parts) in [
         (262, 2, ["grey values", "RGB colours in page 0"]),
-        (262, 3, ["grey values", "colours of a palette"]),
+        (262, 3, ["TIFF palette", "196608 numbers in its ColorMap"]),
         (262, 6, ["grey values", "YCbCr"]),
         (277, 3, ["one sample a pixel", "3 samples a pixel"]),
         (258, 12, ["one of u8", "unsigned whole numbers of 12 bits"]),
@@ -788,6 +833,8 @@ fn damage_is_refused_and_never_panics() {
         let path = folder.write("a.tif", &[&Tiff::described(SampleType::I16, text).known_file()]);
         expect_no_panic(&path, 500);
     }
+    let indexed = Tiff { tags: palette(|i| [i; 3]), ..Tiff::new(SampleType::U8) };
+    expect_no_panic(&folder.write("a.tif", &[&indexed.known_file()]), 300);
     let tiff = Tiff::described(SampleType::I16, "ImageJ=1.54f\nimages=2\n");
     let path = folder.write("a.tif", &[&contiguous(&tiff, &tiff.slices())]);
     expect_known(&path, SampleType::I16);

@@ -5,8 +5,7 @@
 //! unpacks most chunks. This module adds checks before any allocation: that the file has the bytes which its
 //! directories list, and that the kind of page is supported.
 
-use std::fs::File;
-use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::io::{self, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use ::tiff::TiffError;
@@ -14,6 +13,7 @@ use ::tiff::decoder::ifd::Value;
 use ::tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use ::tiff::tags::{ByteOrder, Tag};
 
+use super::palette::{PageFile, Palette};
 use super::zstd::RowCoding;
 use crate::lines::one_line;
 use crate::raw::type_names;
@@ -49,6 +49,8 @@ pub(super) struct PageShape {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) sample_type: SampleType,
+    /// The colours that the samples are indices of, if they are.
+    pub(super) palette: Option<Palette>,
 }
 
 impl PageShape {
@@ -88,7 +90,7 @@ impl Resolution {
 /// Reads the pages of one file.
 pub(super) struct TiffPages {
     path: PathBuf,
-    decoder: Decoder<BufReader<File>>,
+    decoder: Decoder<PageFile>,
     file_len: u64,
     /// The number of the current page, whose directory the decoder has read.
     number: usize,
@@ -98,7 +100,7 @@ impl TiffPages {
     /// Opens the file at `path` at its first page.
     pub(super) fn open(path: &Path) -> Result<TiffPages> {
         let (file, file_len) = open_regular(path, "open")?;
-        let decoder = Decoder::new(BufReader::new(file)).map_err(|error| fault(path, 0, "the first page", error))?;
+        let decoder = Decoder::new(PageFile::new(file)).map_err(|error| fault(path, 0, "the first page", error))?;
         let mut limits = Limits::default();
         // Chunks are unpacked as a stream into memory that this module allocates and checks itself.
         limits.intermediate_buffer_size = usize::MAX;
@@ -146,11 +148,11 @@ impl TiffPages {
     pub(super) fn shape(&mut self) -> Result<PageShape> {
         let (width, height) = self.decoder.dimensions().map_err(|error| self.page_fault(error))?;
         let samples = self.number_tag(Tag::SamplesPerPixel)?.unwrap_or(1);
-        let colours = match self.number_tag(Tag::PhotometricInterpretation)? {
-            Some(0 | 1) if samples == 1 => None,
-            Some(0 | 1) => Some(format!("{samples} samples a pixel")),
+        let meaning = self.number_tag(Tag::PhotometricInterpretation)?;
+        let colours = match meaning {
+            Some(0 | 1 | 3) if samples == 1 => None,
+            Some(0 | 1 | 3) => Some(format!("{samples} samples a pixel")),
             Some(2) => Some("RGB colours".into()),
-            Some(3) => Some("colours of a palette".into()),
             Some(5) => Some("CMYK colours".into()),
             Some(6) => Some("YCbCr colours".into()),
             Some(other) => Some(format!("photometric interpretation {other}")),
@@ -187,12 +189,36 @@ impl TiffPages {
             let got = format!("0 shown as white and samples of {} in page {}", sample_type.name(), self.number);
             return Err(self.format_fault("TIFF MinIsWhite", expected, got));
         }
-        Ok(PageShape { width, height, sample_type })
+        let palette = if meaning == Some(3) { Some(self.palette(sample_type)?) } else { None };
+        Ok(PageShape { width, height, sample_type, palette })
+    }
+
+    /// Returns the page's palette.
+    fn palette(&mut self, sample_type: SampleType) -> Result<Palette> {
+        let need: usize = match sample_type {
+            SampleType::U8 => 3 << 8,
+            SampleType::U16 => 3 << 16,
+            _ => {
+                let got = format!("{} in page {}", sample_type.name(), self.number);
+                return Err(self.format_fault("TIFF palette", "indices of u8 or u16", got));
+            }
+        };
+        let found = self.decoder.find_tag_unsigned_vec::<u16>(Tag::ColorMap);
+        let colours = found.map_err(|error| self.page_fault(error))?.unwrap_or_default();
+        if colours.len() != need {
+            let got = format!("{} in page {}", colours.len(), self.number);
+            return Err(self.format_fault("TIFF palette", format!("{need} numbers in its ColorMap"), got));
+        }
+        Ok(Palette::new(colours))
     }
 
     /// Checks that the page has the shape `shape` of the page `whose`, and that the file has the bytes of its samples.
     pub(super) fn check(&mut self, shape: &PageShape, whose: &str) -> Result<()> {
         let page_shape = self.shape()?;
+        if page_shape.described() == shape.described() && page_shape.palette != shape.palette {
+            let expected = format!("the palette of {whose}; all slices must be alike");
+            return Err(self.format_fault("TIFF page", expected, format!("another one in page {}", self.number)));
+        }
         if page_shape != *shape {
             let expected = format!("{} as in {whose}; all slices must be alike", shape.described());
             let got = format!("{} in page {}", page_shape.described(), self.number);
@@ -284,8 +310,25 @@ impl TiffPages {
         Ok(Resolution { per_unit, unit })
     }
 
-    /// Reads the samples of the current page, which has the shape `shape`, into `slice`.
+    /// Reads the samples of the current page, which has the shape `shape`, into `slice`; indices as they are.
     pub(super) fn read(&mut self, shape: &PageShape, slice: &mut Samples) -> Result<()> {
+        if shape.palette.is_none() {
+            return self.read_chunks(shape, slice);
+        }
+        let directory = self.at();
+        self.show_grey(Some(directory))?;
+        self.read_chunks(shape, slice)?;
+        self.show_grey(None)
+    }
+
+    /// Reads the current page's tags again, from a file in which the page with this directory seems to be grey.
+    fn show_grey(&mut self, directory: Option<u64>) -> Result<()> {
+        let endian = self.endian();
+        let shown = self.decoder.inner().show_grey(directory, endian).map_err(TiffError::IoError);
+        shown.and_then(|()| self.decoder.seek_to_image(self.number)).map_err(|error| self.page_fault(error))
+    }
+
+    fn read_chunks(&mut self, shape: &PageShape, slice: &mut Samples) -> Result<()> {
         let width = shape.sample_type.bytes();
         let row = shape.width as usize * width;
         let (across, down) = self.decoder.chunk_dimensions();

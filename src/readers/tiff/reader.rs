@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use super::page::{PageShape, TiffPages};
+use super::palette::{Palette, look_up};
 use crate::slab::check_turn;
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, Samples, SlabSource};
@@ -27,6 +28,9 @@ pub(super) struct TiffReader {
     files: Vec<PathBuf>,
     places: Vec<SliceLocation>,
     shape: PageShape,
+    /// The grey value of each index, if samples are indices into a palette of greys.
+    greys: Option<Vec<u16>>,
+    notes: Vec<String>,
     /// The file that is open, and its index.
     open: Option<(usize, TiffPages)>,
     buffer_bytes: u64,
@@ -42,8 +46,27 @@ impl TiffReader {
         places: Vec<SliceLocation>,
         shape: PageShape,
     ) -> Result<TiffReader> {
-        let mut reader =
-            TiffReader { header, files, places, shape, open: None, buffer_bytes: 0, slices_read: 0, lost: false };
+        let greys = shape.palette.as_ref().and_then(Palette::greys);
+        let mut notes = Vec::new();
+        if shape.palette.is_some() && greys.is_none() {
+            notes.push(format!(
+                "warning: samples of {} are indices into a palette of colours; the indices are read as values, without \
+                    the colours (if they are labels, use a transfer function for labels)",
+                header.name
+            ));
+        }
+        let mut reader = TiffReader {
+            header,
+            files,
+            places,
+            shape,
+            greys,
+            notes,
+            open: None,
+            buffer_bytes: 0,
+            slices_read: 0,
+            lost: false,
+        };
         if let Some(SliceLocation::Page { file, page }) = reader.places.first().copied() {
             let shape = reader.shape.clone();
             let pages = reader.pages(file)?;
@@ -69,10 +92,14 @@ impl TiffReader {
                 pages.go_to(page)?;
                 // The file may have changed since its pages were first checked.
                 pages.check(&shape, "the first slice")?;
-                pages.read(&shape, slice)
+                pages.read(&shape, slice)?;
             }
-            SliceLocation::Bytes(at) => self.pages(0)?.read_bytes(at, slice),
+            SliceLocation::Bytes(at) => self.pages(0)?.read_bytes(at, slice)?,
         }
+        if let Some(greys) = &self.greys {
+            look_up(greys, slice);
+        }
+        Ok(())
     }
 }
 
@@ -101,5 +128,9 @@ impl SlabSource for TiffReader {
 
     fn buffer_bytes(&self) -> u64 {
         self.buffer_bytes
+    }
+
+    fn notes(&self) -> &[String] {
+        &self.notes
     }
 }
