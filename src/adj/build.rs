@@ -26,9 +26,9 @@ use adjsplat::volume::{Header, SlabSource};
 
 /// Build an .adj file, which holds only the visible voxels, from a volume
 ///
-/// Reads raw, NRRD, MetaImage, NIfTI, TIFF, VTK (.vtk, .vti) and DICOM files, slices in TIFF, DICOM or raw files
-/// (a folder, or several files), and Zarr and OME-Zarr folders. phantom:NAME is a computed volume: constant, shells, gyroid, marschner-lobb, hydrogen,
-/// vessels, noise or corners.
+/// Reads raw, NRRD, MetaImage, NIfTI, TIFF, VTK (.vtk, .vti), SLC and DICOM files, slices in TIFF, DICOM or raw files
+/// (a folder, or several files), and Zarr and OME-Zarr folders. phantom:NAME is a computed volume: constant, shells,
+/// gyroid, marschner-lobb, hydrogen, vessels, noise or corners.
 #[derive(Debug, Args)]
 #[command(
     after_help = "Examples:\n  adj build engine.nii.gz --range 60.. -o engine.adj\n  adj build ct.raw --dims 512x512x300 --type i16le --spacing 0.7x0.7x1 --tf ct-bone -o ct.adj\n  adj build frog.mhd --labels frog                   (writes frog.adj)\n  adj build dicom-folder --tf ct-bone -o ct.adj\n  adj build slices/*.tif --range 60.. -o stack.adj\n  adj build CThead.* --dims 256x256x113 --type u16be --range 1200.. -o head.adj\n  adj build brain.ome.zarr --level 2 --volume 1 --range 300.. -o brain.adj\n  adj build phantom:gyroid --dims 512x512x512 -o gyroid.adj"

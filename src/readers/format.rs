@@ -5,6 +5,7 @@
 //! "# vtk DataFile"                         VTK legacy
 //! "DICM" at byte 128                       DICOM
 //! "II" or "MM", and 42 or 43               TIFF, BigTIFF
+//! "11111 " and a number                    SLC
 //! "<VTKFile", also behind "<?xml"          VTK XML image
 //! 348 or 540, either order, and a magic    NIfTI, also inside gzip
 //! "ObjectType =", "NDims =" ...            MetaImage
@@ -17,7 +18,7 @@ use std::path::Path;
 
 use flate2::read::MultiGzDecoder;
 
-use super::{metaimage, nifti, vti};
+use super::{metaimage, nifti, slc, vti};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 
@@ -31,6 +32,7 @@ pub(super) enum Format {
     Dicom,
     Vti,
     Tiff,
+    Slc,
 }
 
 /// The number of bytes at the start of a file that are read to find its format.
@@ -57,6 +59,8 @@ impl Format {
             Some(Format::Dicom)
         } else if is_tiff(probe) {
             Some(Format::Tiff)
+        } else if slc::is_header(probe) {
+            Some(Format::Slc)
         } else if vti::is_header(probe) {
             Some(Format::Vti)
         } else if nifti::is_header(probe) {
@@ -82,6 +86,7 @@ impl Format {
             "vtk" => Some(Format::Vtk),
             "dcm" | "dicom" => Some(Format::Dicom),
             "vti" => Some(Format::Vti),
+            "slc" => Some(Format::Slc),
             "tif" | "tiff" => Some(Format::Tiff),
             _ => None,
         }

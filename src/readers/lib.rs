@@ -1,4 +1,4 @@
-//! Readers of volume files: DICOM, Zarr, TIFF, NRRD, MetaImage, NIfTI, VTK and raw samples.
+//! Readers of volume files: DICOM, Zarr, TIFF, NRRD, MetaImage, NIfTI, VTK, SLC and raw samples.
 //!
 //! In: a file or folder. Out: a [`SlabSource`](adjsplat::volume::SlabSource), which reads the volume's samples slice by
 //! slice along z (x fastest, then y), in this machine's byte order. Memory holds little more than one slice.
@@ -38,6 +38,7 @@ mod nifti;
 mod nrrd;
 mod nrrd_axes;
 mod slab;
+mod slc;
 mod slices;
 mod stream;
 #[cfg(feature = "tiff")]

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::format::{Format, probe};
 use super::raw::RawOptions;
-use super::{folder, metaimage, nifti, nrrd, raw, vti, vtk};
+use super::{folder, metaimage, nifti, nrrd, raw, slc, vti, vtk};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::open_regular;
 use adjsplat::limits::Limits;
@@ -154,11 +154,12 @@ fn open_path(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSource>> 
         (Some(Format::Nifti), _) => nifti::open(path, options),
         (Some(Format::Vtk), _) => vtk::open(path, options),
         (Some(Format::Vti), _) => vti::open(path, options),
+        (Some(Format::Slc), _) => slc::open(path, options),
         (Some(Format::Dicom), _) => with_feature!("dicom", path, super::dicom::open(path, None, options)),
         (Some(Format::Tiff), _) => with_feature!("tiff", path, super::tiff::open(path, options)),
         (None, None) => {
             let why = "is in no format known here (NRRD .nrrd .nhdr, MetaImage .mhd .mha, NIfTI .nii .nii.gz .hdr \
-                .img, VTK .vtk .vti, TIFF .tif, DICOM .dcm, or a folder of slices or Zarr chunks); if it holds raw \
+                .img, VTK .vtk .vti, SLC .slc, TIFF .tif, DICOM .dcm, or a folder of slices or Zarr chunks); if it holds raw \
                 samples, describe them with `OpenOptions::raw`";
             Err(Error::input(path.display().to_string(), why))
         }

@@ -11,6 +11,7 @@
 
 use std::path::{Path, PathBuf};
 
+use super::slc::most_samples;
 use super::stream::{Codec, DEFLATE_RATIO, SampleStart, SampleStream};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, Samples, SlabSource};
@@ -272,9 +273,10 @@ fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Resu
                 return Ok(len - need);
             }
         }
-        Codec::Deflate | Codec::Array(_) => {
+        Codec::Deflate | Codec::Array(_) | Codec::SliceRuns(_) => {
             let most = match plan.codec {
                 Codec::Array(coding) => coding.most_bytes(room),
+                Codec::SliceRuns(_) => most_samples(room),
                 _ => room.saturating_mul(DEFLATE_RATIO),
             };
             let need = bytes.saturating_add(plan.byte_skip);

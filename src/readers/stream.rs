@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 
+use super::slc::SliceRuns;
 use super::tokens;
 use super::tokens::TextReader;
 use super::vti_array::{ArrayCoding, ArrayReader};
@@ -34,6 +35,8 @@ pub(super) enum Codec {
     TextToTag,
     /// A data array of a VTK XML file.
     Array(ArrayCoding),
+    /// Bytes in the run lengths of an SLC file, whose slices have this many samples.
+    SliceRuns(u64),
 }
 
 impl Codec {
@@ -76,6 +79,7 @@ enum Packed {
     Zlib(Box<ZlibDecoder<BufReader<File>>>),
     Text(TextReader),
     Array(Box<ArrayReader>),
+    SliceRuns(SliceRuns<BufReader<File>>),
 }
 
 impl Read for Packed {
@@ -86,6 +90,7 @@ impl Read for Packed {
             Packed::Zlib(reader) => reader.read(into),
             Packed::Text(reader) => reader.read(into),
             Packed::Array(reader) => reader.read(into),
+            Packed::SliceRuns(reader) => reader.read(into),
         }
     }
 }
@@ -101,6 +106,7 @@ impl SampleStream {
         skip_lines(&mut reader, line_skip).map_err(read_failed())?;
         let packed = match codec {
             Codec::Text | Codec::TextToTag => Packed::Text(TextReader::new(reader, codec == Codec::TextToTag)),
+            Codec::SliceRuns(slice) => Packed::SliceRuns(SliceRuns::new(reader, slice)),
             Codec::Array(coding) => Packed::Array(Box::new(ArrayReader::open(path, reader, coding, rule)?)),
             Codec::Raw => {
                 let at = reader.stream_position().map_err(read_failed())?;
@@ -159,7 +165,7 @@ impl SampleStream {
                 at.map(|_| ()).map_err(failed())
             }
             Packed::Text(reader) => reader.skip(count).map_err(failed()),
-            Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_) => {
+            Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_) | Packed::SliceRuns(_) => {
                 let mut skipped = [0; 16 << 10];
                 let mut left = count;
                 while left > 0 {
@@ -210,7 +216,7 @@ impl SampleStream {
 
     /// Returns the error that tells the user why a read failed.
     fn fault(&mut self, source: io::Error, wanted: usize) -> Error {
-        let packed = matches!(self.packed, Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_));
+        let packed = !matches!(self.packed, Packed::Raw(_) | Packed::Text(_));
         let (kind, read) = (source.kind(), self.bytes_read);
         let at = self.position();
         let intact = "an intact compressed stream (copy or download the file again)";
@@ -244,6 +250,7 @@ impl SampleStream {
             Packed::Raw(file) => file.stream_position(),
             Packed::Gzip(reader) => reader.get_mut().stream_position(),
             Packed::Zlib(reader) => reader.get_mut().stream_position(),
+            Packed::SliceRuns(reader) => reader.get_mut().stream_position(),
             Packed::Text(reader) => Ok(reader.position()),
             Packed::Array(reader) => reader.position(),
         }

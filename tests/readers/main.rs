@@ -9,6 +9,7 @@ mod malformed;
 mod nifti;
 mod real;
 mod sample;
+mod slc;
 mod tiff;
 mod variants;
 mod vti;
