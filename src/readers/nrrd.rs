@@ -1,7 +1,7 @@
 //! Reads NRRD files: header and samples in one file (`.nrrd`), or a header (`.nhdr`) and the data files that it names.
 //!
 //! In: `field: value` lines up to a blank line, versions 1 to 5. Out: a slab source (which reads slice by slice).
-//! Encodings: raw, gzip, text. The world is converted to a right-handed one (R, A, S if it is anatomical), so that
+//! Encodings: raw, gzip, bzip2, text. The world is converted to a right-handed one (R, A, S if it is anatomical), so that
 //! pictures are not mirrored: x is negated in `3D-left-handed` and `left-anterior-superior` worlds, x and y in
 //! `left-posterior-superior` ones. Unknown fields are refused: one may be a misspelled field that matters.
 //!
@@ -193,8 +193,15 @@ impl NrrdFields {
         Ok(match self.require("encoding")?.to_ascii_lowercase().as_str() {
             "raw" => Codec::Raw,
             "gzip" | "gz" => Codec::Deflate,
+            "bzip2" | "bz2" => Codec::Bzip2,
             "ascii" | "text" | "txt" => Codec::Text,
-            _ => return Err(self.fault("encoding", "NRRD encoding", "raw, gzip or text".into())),
+            _ => {
+                return Err(self.fault(
+                    "encoding",
+                    "NRRD encoding",
+                    "raw, gzip, bzip2 or text (convert it with unu save -e gzip)".into(),
+                ));
+            }
         })
     }
 

@@ -12,7 +12,7 @@
 use std::path::{Path, PathBuf};
 
 use super::slc::most_samples;
-use super::stream::{Codec, DEFLATE_RATIO, SampleStart, SampleStream};
+use super::stream::{BZIP2_RATIO, Codec, DEFLATE_RATIO, SampleStart, SampleStream};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::{Header, Samples, SlabSource};
 
@@ -273,9 +273,10 @@ fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Resu
                 return Ok(len - need);
             }
         }
-        Codec::Deflate | Codec::Array(_) | Codec::SliceRuns(_) => {
+        Codec::Deflate | Codec::Bzip2 | Codec::Array(_) | Codec::SliceRuns(_) => {
             let most = match plan.codec {
                 Codec::Array(coding) => coding.most_bytes(room),
+                Codec::Bzip2 => room.saturating_mul(BZIP2_RATIO),
                 Codec::SliceRuns(_) => most_samples(room),
                 _ => room.saturating_mul(DEFLATE_RATIO),
             };

@@ -11,6 +11,7 @@ use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+use bzip2::bufread::MultiBzDecoder;
 use flate2::bufread::{MultiGzDecoder, ZlibDecoder};
 
 use super::slc::SliceRuns;
@@ -29,6 +30,8 @@ pub(super) enum Codec {
     Raw,
     /// Bytes in a gzip or zlib stream.
     Deflate,
+    /// Bytes in a bzip2 stream.
+    Bzip2,
     /// Numbers as text, separated by white space or commas.
     Text,
     /// Numbers as text, which ends at the next XML tag.
@@ -63,6 +66,13 @@ pub(super) enum SampleStart {
 /// The largest number of bytes that one byte of a deflate stream can expand to: 258 bytes from 2 bits.
 pub(super) const DEFLATE_RATIO: u64 = 1032;
 
+/// The largest number of bytes that one byte of a bzip2 stream can expand to: a block of 900,000 run lengths, of 259
+/// bytes in 5, is at least 32 bytes long.
+pub(super) const BZIP2_RATIO: u64 = 1 << 21;
+
+/// The memory in bytes that unpacking bzip2 takes: 4 a byte of a block, and tables.
+const BZIP2_BYTES: u64 = 4 << 20;
+
 const BUFFER_BYTES: usize = 64 << 10;
 
 /// A stream of the samples of one file.
@@ -77,6 +87,7 @@ enum Packed {
     Raw(File),
     Gzip(Box<MultiGzDecoder<BufReader<File>>>),
     Zlib(Box<ZlibDecoder<BufReader<File>>>),
+    Bzip2(MultiBzDecoder<BufReader<File>>),
     Text(TextReader),
     Array(Box<ArrayReader>),
     SliceRuns(SliceRuns<BufReader<File>>),
@@ -88,6 +99,7 @@ impl Read for Packed {
             Packed::Raw(file) => file.read(into),
             Packed::Gzip(reader) => reader.read(into),
             Packed::Zlib(reader) => reader.read(into),
+            Packed::Bzip2(reader) => reader.read(into),
             Packed::Text(reader) => reader.read(into),
             Packed::Array(reader) => reader.read(into),
             Packed::SliceRuns(reader) => reader.read(into),
@@ -106,6 +118,7 @@ impl SampleStream {
         skip_lines(&mut reader, line_skip).map_err(read_failed())?;
         let packed = match codec {
             Codec::Text | Codec::TextToTag => Packed::Text(TextReader::new(reader, codec == Codec::TextToTag)),
+            Codec::Bzip2 => Packed::Bzip2(MultiBzDecoder::new(reader)),
             Codec::SliceRuns(slice) => Packed::SliceRuns(SliceRuns::new(reader, slice)),
             Codec::Array(coding) => Packed::Array(Box::new(ArrayReader::open(path, reader, coding, rule)?)),
             Codec::Raw => {
@@ -165,7 +178,7 @@ impl SampleStream {
                 at.map(|_| ()).map_err(failed())
             }
             Packed::Text(reader) => reader.skip(count).map_err(failed()),
-            Packed::Gzip(_) | Packed::Zlib(_) | Packed::Array(_) | Packed::SliceRuns(_) => {
+            Packed::Gzip(_) | Packed::Zlib(_) | Packed::Bzip2(_) | Packed::Array(_) | Packed::SliceRuns(_) => {
                 let mut skipped = [0; 16 << 10];
                 let mut left = count;
                 while left > 0 {
@@ -240,6 +253,7 @@ impl SampleStream {
     pub(super) fn buffer_bytes(&self) -> u64 {
         match &self.packed {
             Packed::Array(reader) => reader.buffer_bytes(),
+            Packed::Bzip2(_) => BZIP2_BYTES,
             _ => 0,
         }
     }
@@ -250,6 +264,7 @@ impl SampleStream {
             Packed::Raw(file) => file.stream_position(),
             Packed::Gzip(reader) => reader.get_mut().stream_position(),
             Packed::Zlib(reader) => reader.get_mut().stream_position(),
+            Packed::Bzip2(reader) => reader.get_mut().stream_position(),
             Packed::SliceRuns(reader) => reader.get_mut().stream_position(),
             Packed::Text(reader) => Ok(reader.position()),
             Packed::Array(reader) => reader.position(),

@@ -337,7 +337,7 @@ fn header_lines_that_break_their_format_are_shown() {
         ("dimension: 3", "dimension: 99", "2 to 16"),
         ("sizes: 4 3 2", "sizes: 4 3", "3 whole numbers"),
         ("sizes: 4 3 2", "sizes: 4 -3 2", "3 whole numbers"),
-        ("encoding: raw", "encoding: bzip2", "raw, gzip or text"),
+        ("encoding: raw", "encoding: hex", "raw, gzip, bzip2 or text"),
         ("type: uchar", "type: short", "little or big"),
         ("encoding: raw", "encoding: raw\nspace: flat", "a space of three dimensions"),
         ("encoding: raw", "encoding: raw\nspacings: 1 1", "3 numbers"),

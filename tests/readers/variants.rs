@@ -5,7 +5,10 @@ use std::io::{Seek, SeekFrom, Write};
 use adjsplat::volume::SampleType;
 use adjsplat_readers::{Endian, OpenOptions, RawOptions};
 
-use super::sample::{DIMS, ENDIANS, Folder, bytes, expect_known, gzip, known, read, read_with, text, zlib};
+use super::damage::{expect_no_panic, expect_truncations_refused};
+use super::sample::{
+    DIMS, ENDIANS, Folder, bytes, expect_known, expect_refused, gzip, known, read, read_with, text, zlib,
+};
 
 fn endian_name(endian: Endian) -> &'static str {
     if endian == Endian::Big { "big" } else { "little" }
@@ -88,6 +91,24 @@ fn nrrd_skips_lines_and_bytes_before_and_behind() {
     // Attached, with a line end of two bytes and one more volume behind the first.
     let path = folder.write("attached.nrrd", &[head.as_bytes(), b"encoding: raw\r\n\r\n", &packed, &packed]);
     expect_known(&path, SampleType::I16);
+}
+
+#[test]
+fn nrrd_that_bzip2_packed_is_read() {
+    // Two streams, as parallel packers write them; packed by libbzip2.
+    let file = adjsplat_tests::repository().join("tests/readers/compressed/u16-bzip2.nrrd");
+    expect_known(&file, SampleType::U16);
+    let folder = Folder::new();
+    let content = std::fs::read(&file).expect("it is there");
+    let path = folder.write("a.nrrd", &[&content]);
+    expect_truncations_refused(&path, content.len(), SampleType::U16);
+    expect_no_panic(&path, 500);
+    let end = content.windows(2).position(|pair| pair == b"\n\n").expect("a blank line");
+    let other = folder.write("b.nrrd", &[&content[..end + 2], b"no bzip2 at all, but some longer text"]);
+    expect_refused(&other, &OpenOptions::new(), &["an intact compressed stream"]);
+    let huge = String::from_utf8_lossy(&content[..end + 2]).replace("4 3 2", "60000 60000 60000");
+    let huge = folder.write("c.nrrd", &[huge.as_bytes(), &content[end + 2..]]);
+    expect_refused(&huge, &OpenOptions::new(), &["decompressed bytes", "can hold at most"]);
 }
 
 #[test]
