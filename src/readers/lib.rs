@@ -32,6 +32,8 @@ mod file_list;
 mod folder;
 mod format;
 mod frame;
+#[cfg(any(feature = "dicom", feature = "tiff"))]
+mod jpeg;
 mod lines;
 mod metaimage;
 mod nifti;

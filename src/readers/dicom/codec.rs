@@ -8,11 +8,9 @@ use std::path::Path;
 
 use super::elements::Pixels;
 use super::image::PixelLayout;
-use super::jpeg;
+use super::jpeg2000;
+use crate::jpeg::{self, PixelFault, pixel_count};
 use adjsplat::error::{Error, Result};
-
-/// An error in a frame: a text that says what was expected, and one that says what was found.
-pub(super) type FrameFault = [String; 2];
 
 /// How the frames of a file are compressed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,12 +47,12 @@ impl FrameCodec {
 
     /// Returns the largest number of bytes of memory that decoding a frame of `pixels` pixels takes.
     pub(super) fn working_bytes(self, pixels: u64) -> u64 {
-        // Per pixel, lossless JPEG needs differences of 4 bytes, results of 2 bytes twice, and our numbers. JPEG 2000
-        // needs two planes of coefficients of 4 bytes with their states, the wavelet's plane, and our numbers.
+        // Per pixel, JPEG 2000 needs two planes of coefficients of 4 bytes with their states, the wavelet's plane, and
+        // our numbers.
         match self {
             FrameCodec::Native => 0,
             FrameCodec::Rle => 4 * pixels,
-            FrameCodec::Jpeg => 16 * pixels,
+            FrameCodec::Jpeg => jpeg::BYTES_PER_PIXEL * pixels,
             FrameCodec::Jpeg2000 => 32 * pixels,
         }
     }
@@ -77,21 +75,24 @@ pub(super) fn decode(
     bytes: &[u8],
     size: [u32; 2],
     layout: PixelLayout,
-) -> Result<Unpacked, FrameFault> {
+) -> Result<Unpacked, PixelFault> {
     match codec {
         FrameCodec::Native => Err(["compressed pixels".into(), "plain ones".into()]),
         FrameCodec::Rle => rle(bytes, size, layout).map(|bits| Unpacked { bits, low: false }),
-        FrameCodec::Jpeg => jpeg::decode(bytes, size).map(|bits| Unpacked { bits, low: true }),
-        FrameCodec::Jpeg2000 => jpeg::decode_2000(bytes, size).map(|bits| Unpacked { bits, low: true }),
+        FrameCodec::Jpeg => jpeg::decode(bytes, size).map(|bits| Unpacked { bits, low: true }).map_err(with_advice),
+        FrameCodec::Jpeg2000 => {
+            jpeg2000::decode(bytes, size).map(|bits| Unpacked { bits, low: true }).map_err(with_advice)
+        }
     }
 }
 
-pub(super) fn pixel_count([x, y]: [u32; 2]) -> usize {
-    x as usize * y as usize
+/// Adds to a fault how to convert the file.
+fn with_advice([expected, got]: PixelFault) -> PixelFault {
+    [format!("{expected} (copy the file again, or convert it with gdcmconv --raw)"), got]
 }
 
 /// Decodes run lengths: one segment for each byte of the pixels, the most significant byte first.
-fn rle(bytes: &[u8], size: [u32; 2], layout: PixelLayout) -> Result<Vec<u32>, FrameFault> {
+fn rle(bytes: &[u8], size: [u32; 2], layout: PixelLayout) -> Result<Vec<u32>, PixelFault> {
     let fault = |got: &str| [format!("intact RLE segments of {} x {} pixels", size[0], size[1]), got.to_string()];
     let word = |index: usize| {
         let at = bytes.get(4 * index..4 * index + 4)?;

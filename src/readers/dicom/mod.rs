@@ -12,7 +12,7 @@
 mod codec;
 mod elements;
 mod image;
-mod jpeg;
+mod jpeg2000;
 mod pixels;
 mod series;
 mod tags;

@@ -1,7 +1,7 @@
 //! Reads TIFF and BigTIFF: the pages of one file are the slices of a volume, or so are the one-page files of a folder.
 //!
-//! In: grey or indexed pages of one size and type, in strips or tiles, uncompressed or packed by LZW, deflate, PackBits
-//! or zstd. Indices into a palette of greys become grey values; other indices are kept.
+//! In: grey or indexed pages of one size and type, in strips or tiles, uncompressed or packed by LZW, deflate, PackBits,
+//! zstd or JPEG. Indices into a palette of greys become grey values; other indices are kept.
 //! Out: a slab source (which reads slice by slice). Pages are slices in the file's order; thumbnails and masks
 //! (NewSubfileType 1 and 4) are skipped. The descriptions of two kinds of writers are used:
 //!
@@ -20,6 +20,7 @@
 //! Source: TIFF 6.0 (Adobe 1992); OME-TIFF specification (docs.openmicroscopy.org).
 
 mod imagej;
+mod jpeg;
 mod ome;
 mod page;
 mod palette;

@@ -13,8 +13,10 @@ use ::tiff::decoder::ifd::Value;
 use ::tiff::decoder::{ChunkType, Decoder, DecodingResult, Limits};
 use ::tiff::tags::{ByteOrder, Tag};
 
+use super::jpeg;
 use super::palette::{PageFile, Palette};
 use super::zstd::RowCoding;
+use crate::jpeg::BYTES_PER_PIXEL;
 use crate::lines::one_line;
 use crate::raw::type_names;
 use crate::slab::Endian;
@@ -31,6 +33,12 @@ const CHUNK_LISTED: u64 = 80;
 
 /// The value of the tag Compression that means zstd.
 const ZSTD: u64 = 50_000;
+
+/// The largest number of samples that one byte of JPEG can expand to: a block of 64 needs a bit or more.
+const JPEG_RATIO: u64 = 512;
+
+/// The largest size of the tables that all JPEG chunks of a page share, in bytes; tables of real files have 600.
+const LONGEST_TABLES: usize = 1 << 16;
 
 /// The longest description in bytes: the description of an OME-TIFF lists every plane.
 const LONGEST_DESCRIPTION: u64 = 64 << 20;
@@ -337,11 +345,28 @@ impl TiffPages {
         let tiled = self.decoder.get_chunk_type() == ChunkType::Tile;
         let chunks = columns.saturating_mul(shape.height.div_ceil(down.max(1)));
         let zstd = if self.compression()? == ZSTD { Some((self.row_coding(shape)?, self.chunks()?)) } else { None };
+        let tables =
+            if self.compression()? == jpeg::METHOD { Some((self.jpeg_tables()?, self.chunks()?)) } else { None };
         let mut tile = DecodingResult::U8(Vec::new());
         for index in 0..chunks {
             let (chunk_width, chunk_height) = self.decoder.chunk_data_dimensions(index);
             let (left, used) = ((index % columns) as usize * line, chunk_width as usize * width);
             let top = (index / columns) as usize * down as usize * row;
+            if let Some((tables, (offsets, counts))) = &tables {
+                let [offset, count] = [offsets, counts].map(|list| list.get(index as usize).copied().unwrap_or(0));
+                let mut packed = Vec::new();
+                let file = self.decoder.inner();
+                let read = file.seek(SeekFrom::Start(offset)).and_then(|_| file.take(count).read_to_end(&mut packed));
+                // Tiles are stored whole, even if they reach beyond the page.
+                let size = if tiled { [across, down] } else { [chunk_width, chunk_height] };
+                let samples = read.and_then(|_| jpeg::unpack(tables, &packed, size, slice));
+                let samples = samples.map_err(|error| self.page_fault(TiffError::IoError(error)))?;
+                let rows = slice.bytes_mut()[top..][..chunk_height as usize * row].chunks_exact_mut(row);
+                for (into, from) in rows.zip(samples.bytes().chunks_exact(size[0] as usize * width)) {
+                    into[left..left + used].copy_from_slice(&from[..used]);
+                }
+                continue;
+            }
             let rows = &mut slice.bytes_mut()[top..][..chunk_height as usize * row];
             if let Some((coding, (offsets, counts))) = &zstd {
                 let [offset, count] = [offsets, counts].map(|list| list.get(index as usize).copied().unwrap_or(0));
@@ -361,7 +386,7 @@ impl TiffPages {
                 self.decoder.read_chunk_bytes(index, rows).map_err(|error| self.page_fault(error))?;
             }
         }
-        if zstd.is_none() && self.is_white_zero()? {
+        if zstd.is_none() && tables.is_none() && self.is_white_zero()? {
             // The crate inverted the samples so that 0 is black; this restores the stored samples.
             slice.bytes_mut().iter_mut().for_each(|byte| *byte = !*byte);
         }
@@ -377,6 +402,21 @@ impl TiffPages {
             slice.swap_bytes();
         }
         Ok(())
+    }
+
+    /// Returns the tables that the page's JPEG chunks share; nothing if each has its own.
+    fn jpeg_tables(&mut self) -> Result<Vec<u8>> {
+        let mut tags = self.decoder.image_ifd();
+        let Some(entry) = tags.find_entry(Tag::JPEGTables) else { return Ok(Vec::new()) };
+        let need = entry.count();
+        let mut tables = vec![0; usize::try_from(need).unwrap_or(usize::MAX).min(LONGEST_TABLES)];
+        if need > tables.len() as u64 {
+            let what = format!("{}: bytes of its JPEG tables", self.path.display());
+            return Err(Error::Limit { what, need, have: LONGEST_TABLES as u64 });
+        }
+        let read = tags.find_tag_bytes(Tag::JPEGTables, &mut tables, 0).map_err(|error| self.page_fault(error))?;
+        tables.truncate(read.unwrap_or(0));
+        Ok(tables)
     }
 
     /// Returns how the rows in the page's zstd chunks are written.
@@ -398,11 +438,13 @@ impl TiffPages {
     }
 
     /// Returns how many bytes of memory reading a page takes: for a tile, and for the list of chunks.
-    pub(super) fn buffer_bytes(&self, shape: &PageShape) -> u64 {
+    pub(super) fn buffer_bytes(&mut self, shape: &PageShape) -> Result<u64> {
         let (width, height) = self.decoder.chunk_dimensions();
+        let pixels = u64::from(width) * u64::from(height.min(shape.height));
+        let jpeg = if self.compression()? == jpeg::METHOD { pixels.saturating_mul(BYTES_PER_PIXEL) } else { 0 };
         let down = u64::from(shape.height.div_ceil(height.max(1)));
         let chunks = u64::from(shape.width.div_ceil(width.max(1))).saturating_mul(down);
-        self.tile_bytes(shape).saturating_add(chunks.saturating_mul(CHUNK_LISTED))
+        Ok(self.tile_bytes(shape).saturating_add(chunks.saturating_mul(CHUNK_LISTED)).saturating_add(jpeg))
     }
 
     /// Returns the size in bytes of one tile without its rows below the page; 0 for strips, which are unpacked in
@@ -439,12 +481,14 @@ impl TiffPages {
             ZSTD => return Ok(None),
             2 => "CCITT, method 2".into(),
             3 | 4 => "fax".into(),
-            6 | 7 => "JPEG".into(),
+            // Samples have 1 or 2 bytes.
+            jpeg::METHOD => return Ok(Some(2 * JPEG_RATIO)),
+            6 => "JPEG as in TIFF 6.0, which Technical Note 2 replaced".into(),
             33_003 | 33_005 | 34_712 => "JPEG 2000".into(),
             34_887 => "LERC".into(),
             other => format!("method {other}"),
         };
-        let expected = "none, LZW, deflate, PackBits or zstd (save it again with one of these)";
+        let expected = "none, LZW, deflate, PackBits, zstd or JPEG (save it again with one of these)";
         Err(self.format_fault("TIFF compression", expected, method))
     }
 

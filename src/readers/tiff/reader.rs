@@ -6,6 +6,7 @@ use super::page::{PageShape, TiffPages};
 use super::palette::{Palette, look_up};
 use crate::slab::check_turn;
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::obtainable;
 use adjsplat::volume::{Header, Samples, SlabSource};
 
 /// The place of the samples of one slice.
@@ -71,7 +72,13 @@ impl TiffReader {
             let shape = reader.shape.clone();
             let pages = reader.pages(file)?;
             pages.go_to(page)?;
-            reader.buffer_bytes = pages.buffer_bytes(&shape);
+            let need = pages.buffer_bytes(&shape)?;
+            let have = obtainable(need);
+            if have < need {
+                let what = format!("{}: memory in bytes for one chunk of a page", reader.header.name);
+                return Err(Error::Limit { what, need, have });
+            }
+            reader.buffer_bytes = need;
         }
         Ok(reader)
     }
