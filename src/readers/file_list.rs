@@ -116,7 +116,7 @@ pub(super) fn data_file(path: &Path, name: &str, options: &OpenOptions) -> Resul
     });
     if !stays && !options.outside_files {
         let why = format!(
-            "has its samples outside its folder, in \"{}\"; if you trust the file, allow this with \
+            "has its samples outside its folder, in {}; if you trust the file, allow this with \
                 `OpenOptions::outside_files`",
             clip(name)
         );
@@ -156,7 +156,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn names_that_leave_the_folder_of_their_header_need_leave() {
+    fn names_that_lead_out_of_the_folder_of_their_header_are_refused() {
         let header = Path::new("a/b.nhdr");
         let file = |name, options| data_file(header, name, &options);
         let within = ["x.raw", "./x.raw", "sub/x.raw", "sub/../x.raw", "..x"];

@@ -23,12 +23,11 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
     }
     options.expect_one_level()?;
     let Listing { files, folders } = list(path)?;
-    let hint = if options.raw.is_none() { raw_hint(&files) } else { None };
-    if let Some(source) = open_files(path, files, options)? {
+    if let Some(source) = open_files(path, &files, options)? {
         return Ok(source);
     }
     let mut why = "is a folder without TIFF or DICOM files, and no Zarr array; ".to_string();
-    match (hint, folders.first()) {
+    match (raw_hint(&files), folders.first()) {
         (Some(hint), _) => why += &format!("its {hint}"),
         (None, None) => why += "name a file in it",
         (None, Some(first)) => {

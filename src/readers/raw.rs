@@ -135,19 +135,18 @@ pub(super) fn open(path: &Path, raw: &RawOptions, options: &OpenOptions) -> Resu
 /// [`Error::Input`] if there are not as many of them as the volume has slices.
 pub(super) fn open_slices(
     path: &Path,
-    mut files: Vec<PathBuf>,
+    files: &[PathBuf],
     raw: &RawOptions,
     options: &OpenOptions,
 ) -> Result<Box<dyn SlabSource>> {
     let [x, y, z] = raw.dims;
     let grid = FileFrame::upright([1.0; 3]).grid(path, "raw dims", raw.dims, options.spacing)?;
     let bytes = raw.skip.saturating_add(grid.slice_len() * raw.sample_type.bytes() as u64);
-    let hint = raw_hint(&files);
-    let all = files.len();
-    files.retain(|file| std::fs::metadata(file).is_ok_and(|found| found.is_file() && found.len() == bytes));
-    let count = files.len() as u64;
+    let fits = |file: &Path| std::fs::metadata(file).is_ok_and(|found| found.is_file() && found.len() == bytes);
+    let slices: Vec<PathBuf> = files.iter().filter(|file| fits(file)).cloned().collect();
+    let (count, all) = (slices.len() as u64, files.len());
     if count != z {
-        let hint = match (count, hint) {
+        let hint = match (count, raw_hint(files)) {
             (0, Some(hint)) => hint,
             (0, None) => "to read one file of the whole volume, name it".into(),
             _ => format!("`dims` {x}x{y}x{count} would fit"),
@@ -163,7 +162,7 @@ pub(super) fn open_slices(
         header,
         codec: Codec::Raw,
         endian: raw.endian,
-        files,
+        files: slices,
         start: SampleStart::At(raw.skip),
         line_skip: 0,
         byte_skip: 0,

@@ -25,21 +25,19 @@ use adjsplat::volume::{MAX_DIM, SampleType, SlabSource};
 /// The errors of [`open`]; and [`Error::Input`] if the files are no slices of one volume.
 pub fn open_slices(files: &[impl AsRef<Path>], options: &OpenOptions) -> Result<Box<dyn SlabSource>> {
     let mut files: Vec<PathBuf> = files.iter().map(|file| file.as_ref().to_path_buf()).collect();
-    let (count, path) = (files.len(), slices_path(&files));
+    let path = slices_path(&files);
     match files.as_slice() {
         [] => return Err(Error::input("files", "are none; name at least one")),
         [one] => return open(one, options),
         _ => options.expect_one_level()?,
     }
     sort(&mut files);
-    let first = files[0].clone();
-    let hint = raw_hint(&files);
-    open_files(&path, files, options)?.ok_or_else(|| {
-        let why = match hint {
+    open_files(&path, &files, options)?.ok_or_else(|| {
+        let why = match raw_hint(&files) {
             Some(hint) => format!("are no slices in TIFF or DICOM files; {hint}"),
             None => "are no slices of one volume (TIFF or DICOM files, or raw samples); name one file".into(),
         };
-        Error::input(format!("{} and {} more", first.display(), count - 1), why)
+        Error::input(format!("{} and {} more", files[0].display(), files.len() - 1), why)
     })
 }
 
@@ -63,20 +61,16 @@ pub fn slices_path(files: &[impl AsRef<Path>]) -> PathBuf {
 
 /// Opens the volume whose slices are among `files`, which are sorted; `None` if no file is one. `path` stands for all
 /// files in messages.
-pub(super) fn open_files(
-    path: &Path,
-    files: Vec<PathBuf>,
-    options: &OpenOptions,
-) -> Result<Option<Box<dyn SlabSource>>> {
+pub(super) fn open_files(path: &Path, files: &[PathBuf], options: &OpenOptions) -> Result<Option<Box<dyn SlabSource>>> {
     if let Some(raw) = &options.raw {
         options.expect_one_series()?;
         return raw::open_slices(path, files, raw, options).map(Some);
     }
     let mut slices = Vec::new();
-    for file in &files {
+    for file in files {
         let probe = probe(file)?;
         if is_dicom(&probe) {
-            return with_feature!("dicom", path, super::dicom::open(path, Some(files), options)).map(Some);
+            return with_feature!("dicom", path, super::dicom::open(path, Some(files.to_vec()), options)).map(Some);
         }
         if is_tiff(&probe) {
             slices.push(file.clone());
@@ -106,7 +100,7 @@ pub(super) fn raw_hint(files: &[PathBuf]) -> Option<String> {
     if count < 2 || bytes == 0 || Format::from_content(&probe(first).ok()?).is_some() {
         return None;
     }
-    let widths = [1, 2, 4, 8].into_iter();
+    let widths = [1, 2, 4].into_iter();
     let squares = widths.filter_map(|width| {
         let edge = (bytes / width).isqrt();
         let fits = edge * edge * width == bytes && edge <= u64::from(MAX_DIM);
