@@ -72,16 +72,6 @@ fn a_threshold_leaves_what_is_above_and_says_so() {
 }
 
 #[test]
-fn a_crop_whose_origin_is_infinite_is_refused() {
-    let folder = Folder::new();
-    folder.write("v.raw", &RAW);
-    folder.adj("build v.raw --dims 4x3x2 --type u8 --spacing 1e308x1e308x1e308 --range 5.. -o a.adj").done();
-    refused(&folder, "a.adj -o b.adj --crop 3..,2..,1..", &["origin", "is not finite"]);
-    refused(&folder, "a.adj -o a.adj --crop 3..,2..,1..", &["origin", "is not finite"]);
-    folder.adj("verify a.adj").done();
-}
-
-#[test]
 fn a_crop_moves_nothing_in_the_world() {
     let folder = Folder::new();
     ramp(&folder, "a.adj");
