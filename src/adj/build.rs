@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use indicatif::HumanBytes;
+use indicatif::{HumanBytes, HumanCount};
 use serde_json::json;
 
 use super::classification::ClassificationArguments;
@@ -68,7 +68,8 @@ pub(super) struct PackingArguments {
     /// Order of blocks of voxels in the file; matters for speed only
     #[arg(long, value_name = "ORDER", default_value = "morton", value_parser = choice(TILE_ORDERS))]
     order: TileOrder,
-    /// Bits of a value. Values are exact if at most 256 (or 65536) different ones are visible
+    /// Bits of a value. Values are exact if at most 256 (or 65536) different ones are visible;
+    /// labels take 16 by themselves if 8 are too few
     #[arg(long, value_name = "BITS", default_value = "8", value_parser = choice([("8", 8u8, ""), ("16", 16u8, "")]))]
     value_bits: u8,
     /// Bits of each component of a surface normal; none makes a smaller file without lighting
@@ -201,6 +202,27 @@ pub(super) fn classify_with_warnings(
         print_note(&format!(
             "warning: {count} visible voxels turn transparent, as their values share codes with transparent ones; {better}"
         ));
+    }
+    if built.samples.unnamed.voxels > 0 {
+        let unnamed = built.samples.unnamed;
+        let mut labels: Vec<String> = unnamed.lowest.iter().flatten().map(i64::to_string).collect();
+        if labels.len() == unnamed.lowest.len() {
+            *labels.last_mut().expect("one at least") = "...".into();
+        }
+        print_note(&format!(
+            "warning: {} voxels have labels that the palette does not name ({}) and are not drawn; add these labels, or take --labels distinct",
+            HumanCount(unnamed.voxels),
+            labels.join(", "),
+        ));
+    }
+    if let Some(count) = built.samples.rounded_labels {
+        let exact = if options.value_bits == 8 { ", or store all exactly with --value-bits 16" } else { "" };
+        print_note(&format!(
+            "warning: the visible samples have only {count} different values, which are stored rounded; if they are labels, take --labels{exact}"
+        ));
+    }
+    if built.facts.channels.value_bits != options.value_bits {
+        print_note("note: values are stored in 16 bits, as 8 bits do not hold all labels");
     }
     match built.samples.not_finite {
         0 => {}

@@ -16,7 +16,7 @@ use super::progress::{Observer, Phase, report};
 use super::scan::VisibleScan;
 use super::spill::{RowArrays, SpilledRows, SpilledVoxels};
 use super::store::SpillStore;
-use super::summary::SampleSummary;
+use super::summary::{FewValues, SampleSummary};
 use super::sweep::{RowBlock, sweep};
 use super::visibility::VisibilityTest;
 use super::window::SliceWindow;
@@ -117,6 +117,7 @@ pub fn classify(
         return Err(nothing_visible(&samples));
     }
     let encoder = VoxelEncoder::new(&header, options, &samples, largest_magnitude)?;
+    let header_type = header.sample_type;
     let facts = Facts {
         grid: header.grid,
         channels: encoder.channels,
@@ -127,12 +128,17 @@ pub fn classify(
     let transfer = encoder.transfer.clone();
     let rows = ClassifiedRows { spill, encoder };
     if !rows.encoder.quantiser.is_lossless() {
-        let count = |(): &mut (), z: usize| rows.blurred_away(z);
-        let add = |_, count: u64| {
-            samples.blurred_away += count;
+        let mut values = FewValues::default();
+        let count = |(): &mut (), z: usize| rows.rounded(z);
+        let add = |_, (blurred, few): (u64, FewValues)| {
+            samples.blurred_away += blurred;
+            values.join(few);
             Ok(())
         };
         in_order(facts.grid.dims[2] as usize, budget.schedule.threads, || (), count, add)?;
+        if header_type.integer_range().is_some() {
+            samples.rounded_labels = rows.encoder.rounded_labels(&values, rows.spill.voxels);
+        }
     }
     Ok(Classified { facts, rows, transfer, samples })
 }

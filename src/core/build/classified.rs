@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::encoder::VoxelEncoder;
 use super::spill::{RowParts, SpilledVoxels};
+use super::summary::FewValues;
 use crate::arena::layout::Channels;
 use crate::arena::{Record, Region, Rows, Voxel};
 use crate::error::Result;
@@ -17,18 +18,20 @@ pub struct ClassifiedRows {
 }
 
 impl ClassifiedRows {
-    /// Returns how many noticeable voxels (opacity from 0.02) of slice `z` have a code whose value is transparent.
-    pub(super) fn blurred_away(&self, z: usize) -> Result<u64> {
+    /// Returns how many noticeable voxels (opacity from 0.02) of slice `z` have a code whose value is transparent, and
+    /// the values of its voxels, if they are few.
+    pub(super) fn rounded(&self, z: usize) -> Result<(u64, FewValues)> {
         let [width, height, _] = self.spill.dims;
         let z = u32::try_from(z).expect("a grid has at most 65,535 slices");
-        let mut blurred = 0u64;
+        let (mut blurred, mut values) = (0u64, FewValues::default());
         self.spill.read(&Region { xs: 0..width, ys: 0..height, zs: z..z + 1 }, |_, _, row| {
             with_sample_type!(self.spill.sample_type, T => {
                 let is_blurred = |&i: &usize| self.encoder.blurs_away(row.sample::<T>(i), self.magnitude(&row, i));
                 blurred += (0..row.xs.len()).filter(is_blurred).count() as u64;
+                (0..row.xs.len()).for_each(|i| values.add(row.sample::<T>(i).to_f64()));
             });
         })?;
-        Ok(blurred)
+        Ok((blurred, values))
     }
 
     fn magnitude(&self, row: &RowParts, index: usize) -> u8 {

@@ -23,4 +23,4 @@ pub use classified::ClassifiedRows;
 pub use description::description;
 pub use options::{BuildOptions, Resources};
 pub use progress::{Observer, Phase, Unobserved};
-pub use summary::SampleSummary;
+pub use summary::{SampleSummary, UnnamedLabels};

@@ -19,7 +19,7 @@ pub struct BuildOptions {
     pub lane_count: u8,
     /// Order of each lane's tiles in memory.
     pub tile_order: TileOrder,
-    /// Bits per stored value: 8 or 16.
+    /// Bits per stored value: 8 or 16. A label map takes 16 by itself if 8 do not hold all labels.
     pub value_bits: u8,
     /// Bits of each of a normal's two components: 8 or 16, or 0 for no normals.
     pub normal_bits: u8,
@@ -70,7 +70,7 @@ impl BuildOptions {
         BuildOptions { tile_order, ..self }
     }
 
-    /// Stores values in 8 or 16 bits.
+    /// Stores values in 8 or 16 bits; a label map in 16 in any case if 8 do not hold all labels.
     pub fn with_value_bits(self, value_bits: u8) -> BuildOptions {
         BuildOptions { value_bits, ..self }
     }

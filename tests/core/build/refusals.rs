@@ -95,12 +95,16 @@ fn options_out_of_range_are_refused_before_a_sample_is_read() {
 }
 
 #[test]
-fn label_maps_that_codes_cannot_hold_are_refused_with_the_way_out() {
+fn label_maps_take_16_bits_where_needed_and_are_refused_where_those_do_not_do() {
     let labels = || TransferFunction::preset("labels").expect("a preset");
-    let many = SampleVolume::new([20, 20, 2], SampleType::U16, [1.0; 3], |[x, y, _]| f64::from(1 + x + 20 * y));
-    let line = refused(&many, &options(labels()));
-    assert!(line.contains("16-bit values"), "{line}");
-    assert!(build(&mut many.clone(), &options(labels()).with_value_bits(16), &mut Unobserved).is_ok());
+    let map = |step: u32| {
+        let label = move |[x, y, _]: [u32; 3]| f64::from(1 + step * (x + 20 * y));
+        SampleVolume::new([20, 20, 2], SampleType::U32, [1.0; 3], label)
+    };
+    let built = build(&mut map(1), &options(labels()), &mut Unobserved).expect("it fits");
+    assert_eq!(built.facts.channels.value_bits, 16);
+    let line = refused(&map(1000), &options(labels()));
+    assert!(line.contains("more than 16 bits") && line.contains("renumber"), "{line}");
     let line = refused(&rough(SampleType::F32), &options(labels()));
     assert!(line.contains("whole numbers"), "{line}");
 }
