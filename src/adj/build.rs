@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::Args;
-use indicatif::HumanBytes;
+use indicatif::{HumanBytes, HumanCount};
 use serde_json::json;
 
 use super::classification::ClassificationArguments;
@@ -214,6 +214,29 @@ pub(super) fn classify_with_warnings(
         print_note(&format!(
             "warning: {count} visible voxels turn transparent, as their values share codes with transparent ones; {better}"
         ));
+    }
+    if built.samples.unnamed.voxels > 0 {
+        let unnamed = built.samples.unnamed;
+        let mut labels: Vec<String> = unnamed.lowest.iter().flatten().map(i64::to_string).collect();
+        if labels.len() == unnamed.lowest.len() {
+            *labels.last_mut().expect("one at least") = "...".into();
+        }
+        print_note(&format!(
+            "warning: {} voxels have labels that the palette does not name ({}) and are not drawn; add these labels, or take --labels distinct",
+            HumanCount(unnamed.voxels),
+            labels.join(", "),
+        ));
+    }
+    if let Some(count) = built.samples.rounded_labels {
+        let exact =
+            if built.facts.channels.value_bits == 8 { ", or store all exactly with --value-bits 16" } else { "" };
+        print_note(&format!(
+            "warning: the visible samples have only {count} different values, which are stored rounded; if they are labels, take --labels{exact}"
+        ));
+    }
+    if options.value_bits.is_none() && built.facts.channels.value_bits == 16 {
+        let cause = if built.transfer.is_labels() { "do not hold all labels" } else { "would hide visible voxels" };
+        print_note(&format!("note: values are stored in 16 bits, as 8 bits {cause}"));
     }
     match built.samples.not_finite {
         0 => {}

@@ -16,6 +16,8 @@ use adjsplat::file::abandon_writes;
 const PAGE: u64 = if cfg!(target_arch = "x86_64") { 1 << 12 } else { 1 << 16 };
 
 /// Makes a file that is cut while it is read an error: one line, exit code 2, no temporary file.
+///
+/// To be called before any thread is started: one that starts while Rust's own handler runs waits for ever.
 pub(super) fn catch_cut_files() {
     forgo_default_handler();
     // Without a handler the signal ends the process; that is no reason to fail.

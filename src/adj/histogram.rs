@@ -21,7 +21,8 @@ pub(super) fn chart(histogram: &Histogram) -> String {
         let line: String = counts
             .iter()
             .map(|&count| {
-                // Eighths of this row that are filled; a count above 0 always shows.
+                // Eighths of all rows that are filled; a count above 0 always shows.
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 48")]
                 let eighths = (height(count) / tallest * (8 * ROWS) as f64).ceil() as usize;
                 [' ', '▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'][eighths.saturating_sub(8 * row).min(8)]
             })

@@ -87,9 +87,9 @@ fn main() -> ExitCode {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
-    progress::catch_interrupts();
     #[cfg(unix)]
     cut_file::catch_cut_files();
+    progress::catch_interrupts();
     match run(&cli.command) {
         Ok(Answer::Yes) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),

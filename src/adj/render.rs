@@ -97,10 +97,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
     let memory = arguments.memory;
     let is_volume = !is_adj(input.path())?;
-    let job = RenderJob { arguments, input: &input, kind, outputs: &outputs, memory, is_volume };
     let start = Instant::now();
+    let job = RenderJob { arguments, input: &input, kind, outputs: &outputs, memory, is_volume, start };
     if arguments.renderer.is_reference() {
-        return job.draw_reference(settings, start);
+        return job.draw_reference(settings);
     }
     if !is_volume {
         if let Some(flag) = arguments.reading.given().or(arguments.packing.given()) {
@@ -108,7 +108,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         }
         let file = job.open(input.path())?;
         let transfer = arguments.classification.transfer(input.path())?;
-        return job.draw_file(file, settings, transfer, start);
+        return job.draw_file(file, settings, transfer);
     }
     // A bound on the error counts what rounding changes; with 16 bits that is next to nothing.
     let bits = arguments.look.max_error.map(|_| 16);
@@ -132,17 +132,19 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         let output = RowsOutput { facts, description: &description, lane_count, memory, threads: settings.threads };
         let file = open_rows(&folder, &visible.rows, &output, &mut Progress::new(arguments.quiet))?;
         drop((visible, source));
-        return job.draw_file(file, settings, None, start);
+        return job.draw_file(file, settings, None);
     }
     let lanes = visible.lanes(options.lane_count, settings.threads, &mut Progress::new(arguments.quiet))?;
     let bytes = arena_bytes(&visible.facts, &lanes, &description(&header, &visible)?);
     drop((visible, lanes));
     let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: input.path().to_path_buf(), fault })?;
-    draw(&job, settings, LaneSet::new(arena, None), None, start)
+    draw(&job, settings, LaneSet::new(arena, None), None)
 }
 
 /// What a command draws, and where the pictures go.
 struct RenderJob<'a> {
+    /// When the command began.
+    start: Instant,
     arguments: &'a Arguments,
     input: &'a Input,
     kind: PictureKind,
@@ -160,15 +162,9 @@ impl RenderJob<'_> {
         AdjFile::open_with(path, &Limits::default().with_description_bytes(description_bytes))
     }
 
-    fn draw_file(
-        &self,
-        file: AdjFile,
-        mut settings: Settings,
-        transfer: Option<TransferFunction>,
-        start: Instant,
-    ) -> Result<Answer> {
+    fn draw_file(&self, file: AdjFile, mut settings: Settings, transfer: Option<TransferFunction>) -> Result<Answer> {
         let Some(memory) = self.memory else {
-            return draw(self, settings, LaneSet::new(file.arena()?, None), transfer, start);
+            return draw(self, settings, LaneSet::new(file.arena()?, None), transfer);
         };
         let cameras = pictured(self.arguments, &file.arena()?, &mut settings)?;
         let mut samplings = match self.arguments.look.max_error {
@@ -180,11 +176,11 @@ impl RenderJob<'_> {
         let shares = MemoryShares::divide(memory, &file.arena()?, &settings, &samplings, self.kind, depth, &cameras)?;
         settings.threads = shares.threads;
         let file = file.keep_resident_below(shares.resident)?;
-        draw(self, settings, LaneSet::new(file.arena()?, Some(shares.derived)), transfer, start)
+        draw(self, settings, LaneSet::new(file.arena()?, Some(shares.derived)), transfer)
     }
 
     /// Draws with the reference renderer, which reads the volume itself.
-    fn draw_reference(&self, mut settings: Settings, start: Instant) -> Result<Answer> {
+    fn draw_reference(&self, mut settings: Settings) -> Result<Answer> {
         let arguments = self.arguments;
         if !self.is_volume {
             return Err(needs_volume());
@@ -217,17 +213,11 @@ impl RenderJob<'_> {
             .filter(|cell| settings.crop.is_none_or(|crop| crop.meets(cell)));
         let cameras = cameras(&arguments.view, &Outline::of_boxes(&grid, drawn), settings.size)?;
         let background = arguments.look.background(&transfer);
-        draw_frames(self, &settings, &cameras, arguments.renderer.reference(judge)?, background, None, start)
+        draw_frames(self, &settings, &cameras, arguments.renderer.reference(judge)?, background, None)
     }
 }
 
-fn draw(
-    job: &RenderJob,
-    mut settings: Settings,
-    lanes: LaneSet,
-    transfer: Option<TransferFunction>,
-    start: Instant,
-) -> Result<Answer> {
+fn draw(job: &RenderJob, mut settings: Settings, lanes: LaneSet, transfer: Option<TransferFunction>) -> Result<Answer> {
     let RenderJob { arguments, memory, is_volume, .. } = *job;
     let arena = lanes.arena();
     let facts = arena.facts().clone();
@@ -267,7 +257,7 @@ fn draw(
         }
     }
     let background = arguments.look.background(&transfer);
-    draw_frames(job, &settings, &cameras, renderer, background, measured, start)
+    draw_frames(job, &settings, &cameras, renderer, background, measured)
 }
 
 /// Returns the camera of every frame of a file, and sets the crop.

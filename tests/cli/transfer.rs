@@ -219,3 +219,53 @@ fn functions_of_more_entries_than_there_are_codes_are_refused_before_they_take_m
         assert!(peak.is_none_or(|peak| peak <= 64 << 20), "{flags}: {peak:?}");
     }
 }
+
+/// A raw volume of 16-bit labels, eight voxels a label.
+fn label_map(folder: &Folder, labels: &[u16]) -> String {
+    let samples: Vec<u8> = labels.iter().flat_map(|label| [label.to_le_bytes(); 8].concat()).collect();
+    folder.write("labels.raw", &samples);
+    format!("labels.raw --dims 8x{}x1 --type u16 -o out.adj", labels.len())
+}
+
+#[test]
+fn labels_that_the_palette_does_not_name_are_told_of_with_their_number() {
+    let folder = Folder::new();
+    let build = label_map(&folder, &[0, 1, 3, 9, 1, 7, 11, 300]);
+    folder.write("p.ctbl", b"0 Black 0 0 0 0\n1 organ 200 100 50 255\n9 hidden 1 2 3 0\n");
+    let told = folder.adj(&format!("build {build} --labels p.ctbl"));
+    let want = "adj: warning: 32 voxels have labels that the palette does not name (3, 7, 11, ...) and are not drawn; add these labels, or take --labels distinct\n";
+    assert_eq!(told.stderr, want);
+    assert!(told.done().contains("16 voxels are visible"));
+    assert_eq!(folder.adj(&format!("render {build} --labels p.ctbl").replace(".adj", ".png")).stderr, want);
+    folder.write("p.ctbl", b"2 organ 200 100 50 255\n");
+    folder.build_refused(&format!("{build} --labels p.ctbl"), &["nothing is visible", "names none of the labels"]);
+    folder
+        .write("p.ctbl", b"1 a 1 1 1 255\n3 b 1 1 1 255\n7 c 1 1 1 255\n9 d 1 1 1 0\n11 e 1 1 1 255\n300 f 1 1 1 0\n");
+    assert_eq!(folder.adj(&format!("build {build} --labels p.ctbl")).stderr, "");
+}
+
+#[test]
+fn labels_that_8_bits_do_not_hold_take_16_bits_by_themselves() {
+    let folder = Folder::new();
+    let told = folder.adj(&format!("build {} --labels distinct", label_map(&folder, &[1, 2, 700, 701])));
+    assert_eq!(told.stderr, "adj: note: values are stored in 16 bits, as 8 bits do not hold all labels\n");
+    told.done();
+    assert_eq!(folder.adj("info out.adj --json").json()["channels"]["value_bits"], 16);
+    folder.adj("verify out.adj").done();
+    folder.adj("render out.adj -o out.png --size 40x40").done();
+    let told = folder.adj(&format!("build {} --labels distinct", label_map(&folder, &[1, 2, 250])));
+    assert_eq!((told.stderr.as_str(), told.code), ("", Some(0)));
+    assert_eq!(folder.adj("info out.adj --json").json()["channels"]["value_bits"], 8);
+}
+
+#[test]
+fn labels_that_a_range_would_round_are_told_of() {
+    let folder = Folder::new();
+    let build = label_map(&folder, &[0, 1, 3, 700, 1005]);
+    let told = folder.adj(&format!("build {build} --range 1.."));
+    let want = "only 4 different values, which are stored rounded; if they are labels, take --labels, or store all exactly with --value-bits 16";
+    assert!(told.stderr.contains(want), "{}", told.stderr);
+    for flags in ["--range 1.. --value-bits 16", "--range ..200", "--labels distinct --value-bits 16"] {
+        assert_eq!(folder.adj(&format!("build {build} {flags}")).stderr, "", "{flags}");
+    }
+}

@@ -1,7 +1,6 @@
 //! Draws the frames of `adj render` and writes pictures and statistics.
 
 use std::path::{Path, PathBuf};
-use std::time::Instant;
 
 use serde_json::{Value, json};
 use sha2::{Digest as _, Sha256};
@@ -28,10 +27,9 @@ pub(super) fn draw_frames(
     renderer: Renderer,
     background: Option<[f32; 3]>,
     measured: Option<f64>,
-    start: Instant,
 ) -> Result<Answer> {
     let mut written = 0;
-    let drawn = try_draw_frames(job, settings, cameras, renderer, background, measured, start, &mut written);
+    let drawn = try_draw_frames(job, settings, cameras, renderer, background, measured, &mut written);
     match drawn {
         Err(error) if written > 0 && job.outputs.len() > 1 => {
             let cause = if matches!(error, Error::Interrupted) { "stopped".to_owned() } else { one_line(&error) };
@@ -52,10 +50,9 @@ fn try_draw_frames(
     mut renderer: Renderer,
     background: Option<[f32; 3]>,
     measured: Option<f64>,
-    start: Instant,
     written: &mut usize,
 ) -> Result<Answer> {
-    let RenderJob { arguments, kind, outputs, .. } = *job;
+    let RenderJob { arguments, kind, outputs, start, .. } = *job;
     let mut progress = Progress::new(arguments.quiet || arguments.view.frames == 1);
     let mut pictures = Vec::new();
     let mut all_stats = Vec::new();

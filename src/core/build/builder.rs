@@ -117,7 +117,12 @@ pub fn classify(
     }
     let encoder = |bits| VoxelEncoder::new(&header, options, bits, &samples, largest_magnitude);
     let (rows, loss) = ClassifiedRows::new(spill, &encoder, options.value_bits, budget.schedule.threads)?;
-    let samples = SampleSummary { blurred_away: loss.blurred_away, rounding: loss.rounding, ..samples };
+    let samples = SampleSummary {
+        blurred_away: loss.blurred_away,
+        rounding: loss.rounding,
+        rounded_labels: loss.rounded_labels,
+        ..samples
+    };
     let facts = Facts {
         grid: header.grid,
         channels: rows.encoder.channels,

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::encoder::VoxelEncoder;
 use super::spill::{RowParts, SpilledVoxels};
+use super::summary::FewValues;
 use crate::arena::layout::Channels;
 use crate::arena::{Record, Region, Rows, Voxel};
 use crate::classify::{Quantiser, WholeNumbers};
@@ -25,6 +26,8 @@ pub(super) struct CodeLoss {
     pub(super) blurred_away: u64,
     /// The most by which a voxel's value is rounded.
     pub(super) rounding: f64,
+    /// Number of different values, if they are rounded whole numbers and so few that they may be labels.
+    pub(super) rounded_labels: Option<u32>,
 }
 
 impl ClassifiedRows {
@@ -65,24 +68,29 @@ impl ClassifiedRows {
 
     /// Returns what the codes lose.
     fn loss(&self, threads: usize) -> Result<CodeLoss> {
-        let mut all = CodeLoss::default();
+        let (mut all, mut all_values) = (CodeLoss::default(), FewValues::default());
         let of_slice = |(): &mut (), z: usize| {
-            let mut loss = CodeLoss::default();
+            let (mut loss, mut values) = (CodeLoss::default(), FewValues::default());
             self.each_sample(z, |row, index| {
                 with_sample_type!(self.spill.sample_type, T => {
                     let sample = row.sample::<T>(index);
                     loss.blurred_away += u64::from(self.encoder.blurs_away(sample, self.magnitude(row, index)));
                     loss.rounding = loss.rounding.max(self.encoder.rounding(sample));
+                    values.add(sample.to_f64());
                 });
             })?;
-            Ok(loss)
+            Ok((loss, values))
         };
-        let add = |_, loss: CodeLoss| {
+        let add = |_, (loss, values): (CodeLoss, FewValues)| {
+            all_values.join(values);
             all.blurred_away += loss.blurred_away;
             all.rounding = all.rounding.max(loss.rounding);
             Ok(())
         };
         in_order(self.spill.dims[2] as usize, threads, || (), of_slice, add)?;
+        if self.spill.sample_type.integer_range().is_some() {
+            all.rounded_labels = self.encoder.rounded_labels(&all_values, self.spill.voxels);
+        }
         Ok(all)
     }
 

@@ -4,7 +4,7 @@
 //! function and the mapping of values and gradient magnitudes to codes.
 
 use super::options::BuildOptions;
-use super::summary::SampleSummary;
+use super::summary::{FewValues, SampleSummary};
 use super::visibility::tabulated;
 use crate::arena::layout::{Channels, Scales};
 use crate::arena::visible::NOTICEABLE_OPACITY;
@@ -105,10 +105,28 @@ impl VoxelEncoder {
         let opacity = |value| self.transfer.opacity(value, magnitude);
         opacity(self.value(sample)) >= NOTICEABLE_OPACITY && opacity(self.quantiser.decode(self.code(sample))) == 0.0
     }
+
+    /// Returns how many whole-number `values` the `voxels` visible voxels have, if they may be labels and are rounded.
+    pub(super) fn rounded_labels(&self, values: &FewValues, voxels: u64) -> Option<u32> {
+        /// Fewest voxels of a label, on average.
+        const VOXELS: u64 = 8;
+        // Even codes may meet values, but for rounding.
+        let is_rounded = |&value: &f64| {
+            (self.quantiser.decode(self.quantiser.encode(value)) - value).abs() > self.slope.abs() / 128.0
+        };
+        let values = values.all()?.iter().map(|sample| sample * self.slope + self.intercept);
+        let count = values.len() as u64;
+        let found = voxels >= VOXELS * count && values.into_iter().any(|value| is_rounded(&value));
+        found.then(|| u32::try_from(count).expect("they are few"))
+    }
 }
 
 pub(super) fn nothing_visible(samples: &SampleSummary) -> Error {
-    let SampleSummary { lowest, highest, not_finite, .. } = *samples;
+    let SampleSummary { lowest, highest, not_finite, unnamed, .. } = *samples;
+    if unnamed.voxels > 0 {
+        let why = format!("the palette names none of the labels, which run from {lowest} to {highest}; add them to it");
+        return Error::input("nothing is visible", why);
+    }
     if lowest > highest {
         return Error::input("nothing is visible", format!("none of the samples is a number ({not_finite} are not)"));
     }

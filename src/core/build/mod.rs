@@ -27,4 +27,4 @@ pub use histogram::Histogram;
 pub use options::{BuildOptions, Resources};
 pub use progress::{Observer, Phase, Unobserved};
 pub use suggest::Suggestion;
-pub use summary::SampleSummary;
+pub use summary::{SampleSummary, UnnamedLabels};

@@ -4,7 +4,7 @@
 //! (`spill.rs`), and statistics of all samples.
 
 use super::spill::{GROUP_ROWS, RowArrays, SpilledRows};
-use super::summary::{RawRange, SampleSummary};
+use super::summary::{RawRange, SampleSummary, UnnamedLabels};
 use super::sweep::RowBlock;
 use super::visibility::VisibilityTest;
 use crate::arena::layout::Channels;
@@ -36,10 +36,12 @@ impl<T: Sample> VisibleScan<'_, T> {
         let mut visible = SpilledRows::default();
         let ends = test.ends::<T>();
         let mut range = RawRange::default();
+        let mut unnamed = UnnamedLabels::default();
         for y in block.rows.clone() {
             let line = &slice[y as usize * width..][..width];
             for (samples, first) in line.chunks(BLOCK).zip((0..).step_by(BLOCK)) {
                 let ends_here = range.add(samples);
+                test.add_unnamed(samples, &mut unnamed);
                 let (Some([low, high]), Some([lowest, highest])) = (ends, ends_here) else { continue };
                 if highest < low || lowest > high {
                     continue;
@@ -72,6 +74,6 @@ impl<T: Sample> VisibleScan<'_, T> {
                 visible.end_group();
             }
         }
-        (visible, range.summary(header))
+        (visible, SampleSummary { unnamed, ..range.summary(header) })
     }
 }

@@ -19,6 +19,75 @@ pub struct SampleSummary {
     pub blurred_away: u64,
     /// The most by which the stored value of a visible voxel differs from its own; 0 if all are stored exactly.
     pub rounding: f64,
+    /// Labels that the palette does not name, and which are therefore not drawn.
+    pub unnamed: UnnamedLabels,
+    /// Number of different visible values, if samples are whole numbers that are not stored exactly and have so few
+    /// values (at most 256) that they may be labels.
+    pub rounded_labels: Option<u32>,
+}
+
+/// Labels of a label map that the palette does not name. The label 0, the background, is none of them.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct UnnamedLabels {
+    /// Number of voxels with such a label.
+    pub voxels: u64,
+    /// The lowest of the labels, ascending; `None` fills up the end.
+    pub lowest: [Option<i64>; 4],
+}
+
+impl UnnamedLabels {
+    /// Adds `voxels` voxels with `label`.
+    pub(super) fn add(&mut self, label: i64, voxels: u64) {
+        self.voxels += voxels;
+        let [.., last] = self.lowest;
+        if self.lowest.contains(&Some(label)) || last.is_some_and(|last| last < label) {
+            return;
+        }
+        let after = self.lowest.iter().position(|known| known.is_none_or(|known| known > label));
+        if let Some(place) = after {
+            self.lowest[place..].rotate_right(1);
+            self.lowest[place] = Some(label);
+        }
+    }
+
+    fn join(&mut self, other: &UnnamedLabels) {
+        other.lowest.iter().flatten().for_each(|&label| self.add(label, 0));
+        self.voxels += other.voxels;
+    }
+}
+
+/// Most different values that are taken for labels.
+const MOST_LABELS: usize = 256;
+
+/// The different values of samples, as long as they are few.
+#[derive(Debug, Default)]
+pub(super) struct FewValues {
+    /// In ascending order.
+    values: Vec<f64>,
+    /// Whether there are more values than counted.
+    are_many: bool,
+}
+
+impl FewValues {
+    pub(super) fn add(&mut self, value: f64) {
+        if self.are_many {
+            return;
+        }
+        if let Err(place) = self.values.binary_search_by(|known| known.total_cmp(&value)) {
+            self.values.insert(place, value);
+            self.are_many = self.values.len() > MOST_LABELS;
+        }
+    }
+
+    pub(super) fn join(&mut self, other: FewValues) {
+        other.values.into_iter().for_each(|value| self.add(value));
+    }
+
+    /// Returns all values in ascending order; `None` if they are many.
+    pub(super) fn all(&self) -> Option<&[f64]> {
+        (!self.are_many).then_some(&self.values)
+    }
 }
 
 impl Default for SampleSummary {
@@ -30,6 +99,8 @@ impl Default for SampleSummary {
             surveyed: false,
             blurred_away: 0,
             rounding: 0.0,
+            unnamed: UnnamedLabels::default(),
+            rounded_labels: None,
         }
     }
 }
@@ -39,6 +110,7 @@ impl SampleSummary {
         self.lowest = self.lowest.min(other.lowest);
         self.highest = self.highest.max(other.highest);
         self.not_finite += other.not_finite;
+        self.unnamed.join(&other.unnamed);
     }
 }
 
@@ -92,5 +164,28 @@ impl<T: Sample> RawRange<T> {
             summary.highest = summary.highest.max(value);
         }
         summary
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_lowest_unnamed_labels_are_kept_in_order_however_they_come() {
+        let [mut a, mut b] = [UnnamedLabels::default(); 2];
+        [9, 3, 9, 70].into_iter().for_each(|label| a.add(label, 2));
+        [5, -4, 3, 1000].into_iter().for_each(|label| b.add(label, 1));
+        a.join(&b);
+        assert_eq!(a, UnnamedLabels { voxels: 12, lowest: [-4, 3, 5, 9].map(Some) });
+    }
+
+    #[test]
+    fn values_count_as_few_up_to_their_most() {
+        let mut values = FewValues::default();
+        (0..512u32).for_each(|i| values.add(f64::from(i % 256)));
+        assert_eq!(values.all().map(<[f64]>::len), Some(256));
+        values.add(0.5);
+        assert_eq!(values.all(), None);
     }
 }

@@ -4,6 +4,7 @@
 //! depends on the gradient, accepted samples are tested again with their gradient magnitude.
 
 use super::options::BuildOptions;
+use super::summary::UnnamedLabels;
 use crate::classify::TransferFunction;
 use crate::error::Result;
 use crate::volume::{Header, Sample, SampleType};
@@ -14,6 +15,9 @@ pub(super) struct VisibilityTest {
     domain: (f64, f64),
     slope: f64,
     intercept: f64,
+    /// Whether a sample is a label that the palette does not name, indexed by the sample's bits; empty for samples of more
+    /// than 16 bits, and for functions that are no palette.
+    unnamed: Vec<bool>,
     /// Whether a sample may be visible, indexed by the sample's bits; empty for samples of more than 16 bits.
     table: Vec<bool>,
     /// The lowest and highest accepted sample; `None` if there is none or the table is empty.
@@ -37,9 +41,13 @@ impl VisibilityTest {
             transfer,
             slope: header.slope,
             intercept: header.intercept,
+            unnamed: Vec::new(),
             table: Vec::new(),
             ends: None,
         };
+        if test.transfer.is_labels() {
+            test.unnamed = tabulated(header.sample_type, |sample| test.unnamed_label(sample).is_some());
+        }
         let mut ends: Option<[f64; 2]> = None;
         test.table = tabulated(header.sample_type, |sample| {
             let accepted = test.may_be_visible(sample * test.slope + test.intercept);
@@ -55,6 +63,24 @@ impl VisibilityTest {
     fn may_be_visible(&self, value: f64) -> bool {
         let inside = value.is_finite() && value >= self.domain.0 && value <= self.domain.1;
         inside && (self.uses_gradient || self.transfer.opacity(value, 0.0) > 0.0)
+    }
+
+    fn unnamed_label(&self, sample: f64) -> Option<i64> {
+        self.transfer.unnamed_label(sample * self.slope + self.intercept)
+    }
+
+    /// Adds those of `samples` that are labels without a name in the palette. Does nothing for other functions.
+    pub(super) fn add_unnamed<T: Sample>(&self, samples: &[T], unnamed: &mut UnnamedLabels) {
+        if !self.transfer.is_labels() {
+            return;
+        }
+        for run in samples.chunk_by(|a, b| a == b) {
+            if run[0].small_bits().is_none_or(|bits| self.unnamed[bits])
+                && let Some(label) = self.unnamed_label(run[0].to_f64())
+            {
+                unnamed.add(label, run.len() as u64);
+            }
+        }
     }
 
     #[inline(always)]

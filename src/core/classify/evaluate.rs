@@ -44,6 +44,15 @@ impl TransferFunction {
         }
     }
 
+    /// Returns the label that `value` is if this function is a palette that neither names nor draws it; `None` for the
+    /// label 0, the background.
+    pub(crate) fn unnamed_label(&self, value: f64) -> Option<i64> {
+        match &self.kind {
+            TransferKind::Labels { labels, others } => palette::unnamed(labels, *others, value),
+            _ => None,
+        }
+    }
+
     /// Returns a sample's colour in linear light, from 0 to 1; black for NaN and for unknown labels.
     ///
     /// Colours are interpolated in linear light and constant beyond the ends. Where two points share a value, the more

@@ -78,6 +78,12 @@ pub(super) fn opacity(labels: &[Label], others: UnlistedLabels, value: f64) -> f
     }
 }
 
+/// Returns `value` as a label that the palette does not name, and that is not 0, the background.
+pub(super) fn unnamed(labels: &[Label], others: UnlistedLabels, value: f64) -> Option<i64> {
+    let is_unnamed = |label: &i64| *label != 0 && find(labels, *label).is_none();
+    label_of(value).filter(|label| is_unnamed(label) && opacity(labels, others, *label as f64) == 0.0)
+}
+
 pub(super) fn colour(labels: &[Label], others: UnlistedLabels, value: f64) -> [f32; 3] {
     let Some(label) = label_of(value) else { return [0.0; 3] };
     match (find(labels, label), others, u64::try_from(label)) {

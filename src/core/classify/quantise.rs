@@ -33,8 +33,9 @@ impl WholeNumbers {
     #[inline]
     pub fn of(sample: f64) -> Option<WholeNumbers> {
         let is_whole = sample.fract() == 0.0 && sample.abs() <= 9_007_199_254_740_992.0;
-        #[expect(clippy::cast_possible_truncation, reason = "whole, and below 2^53")]
-        is_whole.then(|| WholeNumbers { lowest: sample as i64, highest: sample as i64, step: 0 })
+        #[expect(clippy::cast_possible_truncation, reason = "saturates, and counts only if it is whole and below 2^53")]
+        let number = sample as i64;
+        is_whole.then_some(WholeNumbers { lowest: number, highest: number, step: 0 })
     }
 
     /// Returns what both make known.

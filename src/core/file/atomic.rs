@@ -5,6 +5,7 @@
 //! file that it names is replaced, and passes its permissions on. A device or a pipe without a name (such as
 //! `/dev/stdout`) cannot be replaced and receives the bytes directly.
 
+use std::cell::Cell;
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, BufWriter, Seek as _, SeekFrom, Write};
@@ -54,7 +55,7 @@ pub fn write_atomically<T>(path: &Path, write: impl FnOnce(&mut dyn Write) -> io
 
 /// Creates or replaces the file at `path` like [`write_atomically`], unless `stop` returns true.
 ///
-/// `stop` is called every few megabytes, and once more before the file is replaced. Once true it must stay true.
+/// `stop` is called every few megabytes, and once more before the file is replaced.
 ///
 /// # Errors
 /// The same as [`write_atomically`]; [`Error::Interrupted`] if `stop` returns true.
@@ -153,23 +154,26 @@ fn write_through<T>(
     stop: &dyn Fn() -> bool,
     write: impl FnOnce(&mut dyn Write) -> io::Result<T>,
 ) -> Result<T> {
-    let mut out = BufWriter::with_capacity(1 << 20, StoppableFile { file, stop });
+    let stopped = Cell::new(false);
+    let mut out = BufWriter::with_capacity(1 << 20, StoppableFile { file, stop, stopped: &stopped });
     let written = write(&mut out).and_then(|result| out.flush().map(|()| result));
     // After a failure the buffer must not be written on drop.
     drop(out.into_parts());
     // Encoders wrap the error of a write that was stopped, so it says nothing.
-    written.map_err(|error| if stop() { Error::Interrupted } else { Error::io("write", path)(error) })
+    written.map_err(|error| if stopped.get() { Error::Interrupted } else { Error::io("write", path)(error) })
 }
 
 /// A file whose writes fail once `stop` returns true.
 struct StoppableFile<'a> {
     file: &'a File,
     stop: &'a dyn Fn() -> bool,
+    stopped: &'a Cell<bool>,
 }
 
 impl Write for StoppableFile<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         if (self.stop)() {
+            self.stopped.set(true);
             return Err(io::Error::other("stopped"));
         }
         self.file.write(&bytes[..bytes.len().min(CHUNK_BYTES)])

@@ -95,7 +95,7 @@ fn options_out_of_range_are_refused_before_a_sample_is_read() {
 }
 
 #[test]
-fn label_maps_that_codes_cannot_hold_are_refused_with_the_way_out() {
+fn label_maps_take_16_bits_where_needed_and_are_refused_where_those_do_not_do() {
     let labels = || TransferFunction::preset("labels").expect("a preset");
     let many = SampleVolume::new([20, 20, 2], SampleType::U16, [1.0; 3], |[x, y, _]| f64::from(1 + x + 20 * y));
     let line = refused(&many, &options(labels()).with_value_bits(8));
