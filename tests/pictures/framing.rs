@@ -46,7 +46,7 @@ fn filled(model: &Model, crop: Option<VoxelBox>, camera: &Camera, size: [u32; 2]
     let lane = arena.lane(Axis::X).unwrap();
     for line in lane.lines() {
         for (x, _) in lane.line_voxels(line.records) {
-            let position = [x, line.u, line.v].map(|c| c as u16);
+            let position = [x, line.u, line.v].map(|c| u16::try_from(c).expect("inside the grid"));
             if crop.is_none_or(|crop| (0..3).all(|a| (crop.low[a]..=crop.high[a]).contains(&position[a]))) {
                 see(position);
             }
