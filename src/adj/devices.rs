@@ -20,6 +20,9 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
+    #[cfg(unix)]
+    let adapters = super::complaints::each_once(adapters);
+    #[cfg(not(unix))]
     let adapters = adapters();
     if arguments.json {
         let rows: Vec<_> = adapters.iter().map(row).collect();

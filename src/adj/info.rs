@@ -15,7 +15,7 @@ use adjsplat::arena::layout::Facts;
 use adjsplat::build::{Histogram, Suggestion};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::AdjFile;
-use adjsplat::volume::Axis;
+use adjsplat::volume::{Axis, Grid};
 use adjsplat_study::memory::virtual_voxels;
 
 /// Show what an .adj file or a volume holds: sizes and counts; for a volume also its range of values
@@ -113,6 +113,7 @@ fn of_arena(path: &Path) -> Result<Value> {
         "spacing": facts.grid.spacing,
         "origin": facts.grid.origin,
         "direction": facts.grid.direction,
+        "axes_toward": description["source"]["format"].as_str().and_then(|format| toward(&facts.grid, format)),
         "visible_voxels": visible,
         "visible_share": visible as f64 / facts.grid.points() as f64,
         "stepping_voxels": arena.lanes().map(|lane| lane.stepping_voxels()).sum::<u64>(),
@@ -168,8 +169,12 @@ fn of_volume(arguments: &Arguments, input: &Input) -> Result<(Value, Histogram)>
         write_plots(&arguments.plot, &plot(&name, &histogram, &gradients))?;
     }
     drop(progress);
+    let are_whole =
+        header.sample_type.integer_range().is_some() && header.slope.fract() == 0.0 && header.intercept.fract() == 0.0;
+    // Bins may lie between values.
+    let whole = |value: f64| if are_whole { value.round() } else { value };
     let quantiles: Vec<Value> =
-        QUANTILES.iter().map(|&share| json!({ "share": share, "value": histogram.quantile(share) })).collect();
+        QUANTILES.iter().map(|&share| json!({ "share": share, "value": whole(histogram.quantile(share)) })).collect();
     let answer = json!({
         "file": input.path().display().to_string(),
         "format": header.format,
@@ -177,6 +182,7 @@ fn of_volume(arguments: &Arguments, input: &Input) -> Result<(Value, Histogram)>
         "spacing": header.grid.spacing,
         "origin": header.grid.origin,
         "direction": header.grid.direction,
+        "axes_toward": toward(&header.grid, header.format),
         "unit": header.grid.unit,
         "sample_type": header.sample_type.name(),
         "slope": header.slope,
@@ -190,6 +196,25 @@ fn of_volume(arguments: &Arguments, input: &Input) -> Result<(Value, Histogram)>
         "suggestion": Suggestion::of(&histogram).ok().map(|found| flag_of(&found)),
     });
     Ok((answer, histogram))
+}
+
+/// Formats a number with at most seven digits, as many as single precision has.
+fn short(number: f64) -> String {
+    let rounded: f64 = format!("{number:.6e}").parse().unwrap_or(number);
+    if rounded == 0.0 || (1e-4..1e15).contains(&rounded.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
+}
+
+/// Returns where each axis of the grid points, nearly: R or L (right, left), A or P (front, back), S or I (head, feet).
+///
+/// `None` for formats that do not always say where the patient is.
+fn toward(grid: &Grid, format: &str) -> Option<[&'static str; 3]> {
+    ["NIfTI", "DICOM"].iter().any(|name| format.contains(name)).then(|| {
+        grid.direction.map(|along| {
+            let steepest = (0..3).max_by(|&a, &b| along[a].abs().total_cmp(&along[b].abs())).unwrap_or(0);
+            let letters = [["L", "R"], ["P", "A"], ["I", "S"]][steepest];
+            letters[usize::from(along[steepest] > 0.0)]
+        })
+    })
 }
 
 /// Formats JSON with one member per line; a list of objects gets one line per object.
@@ -215,6 +240,7 @@ fn as_text(answer: &Value) -> String {
 
 fn plain(value: &Value) -> String {
     match value {
+        Value::Number(number) if number.is_f64() => number.as_f64().map_or_else(String::new, short),
         Value::String(text) => text.clone(),
         Value::Array(entries) => entries.iter().map(plain).collect::<Vec<_>>().join(" "),
         Value::Null => "-".into(),

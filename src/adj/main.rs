@@ -7,6 +7,8 @@
 mod build;
 mod classification;
 mod compare;
+#[cfg(all(unix, feature = "gpu"))]
+mod complaints;
 mod completions;
 mod cull;
 #[cfg(unix)]

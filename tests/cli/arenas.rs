@@ -193,3 +193,35 @@ fn render_leaves_its_input_alone() {
     folder.adj(&format!("{render} --stats a.json")).done();
     assert_eq!(folder.names(), ["a.adj", "a.json", "a.png"]);
 }
+
+/// A NIfTI file of 4 x 3 x 2 16-bit samples whose axes point to the left, to the head and to the back.
+fn nifti(samples: &[i16; 24]) -> Vec<u8> {
+    let mut file = vec![0; 352];
+    let mut put = |at: usize, bytes: &[u8]| file[at..at + bytes.len()].copy_from_slice(bytes);
+    put(0, &348i32.to_le_bytes());
+    [3i16, 4, 3, 2, 1, 1, 1, 1].iter().enumerate().for_each(|(i, n)| put(40 + 2 * i, &n.to_le_bytes()));
+    put(70, &[4, 0, 16, 0]);
+    [1f32, 0.3, 0.7, 1.1].iter().enumerate().for_each(|(i, n)| put(76 + 4 * i, &n.to_le_bytes()));
+    put(108, &352f32.to_le_bytes());
+    put(254, &[1, 0]);
+    let rows = [[-0.3f32, 0.0, 0.0, 9.0], [0.0, 0.0, -1.1, 8.0], [0.0, 0.7, 0.0, 7.0]];
+    rows.as_flattened().iter().enumerate().for_each(|(i, n)| put(280 + 4 * i, &n.to_le_bytes()));
+    put(344, b"n+1\0");
+    file.extend(samples.iter().flat_map(|sample| sample.to_le_bytes()));
+    file
+}
+
+#[test]
+fn info_writes_whole_numbers_and_names_the_patients_sides() {
+    let folder = Folder::new();
+    let samples = std::array::from_fn(|i| [-1024i16, -1004, 3071, 17][i % 4]);
+    folder.write("v.nii", &nifti(&samples));
+    let text = folder.adj("info v.nii").done();
+    for part in ["axes_toward: L S P\n", "share 0.5, value -1004\n", "spacing: 0.3 0.7 1.1\n", "mean: 265\n"] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    folder.adj("build v.nii --range 0.. -o v.adj").done();
+    assert!(folder.adj("info v.adj").done().contains("axes_toward: L S P\n"));
+    // Where nobody says where the patient is.
+    assert!(folder.adj("info phantom:shells --dims 8x8x8").done().contains("axes_toward: -\n"));
+}

@@ -139,3 +139,17 @@ fn flags_out_of_place() {
     }
     assert_eq!(folder.names(), ["g.adj"]);
 }
+
+#[cfg(unix)]
+#[test]
+fn complaints_of_drivers_are_shown_once() {
+    let folder = Folder::new();
+    let ran = Ran::new(&program().arg("devices").env_remove("XDG_RUNTIME_DIR").output().expect("it was built"));
+    let mut lines: Vec<&str> = ran.stderr.lines().collect();
+    let all = lines.len();
+    lines.sort_unstable();
+    lines.dedup();
+    assert_eq!(lines.len(), all, "{}", ran.stderr);
+    assert!(lines.iter().all(|line| line.starts_with("adj: note: the graphics driver says: ")), "{}", ran.stderr);
+    assert!(!ran.stdout.is_empty() && folder.names().is_empty());
+}
