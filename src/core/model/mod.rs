@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::file::{AdjFile, write_atomically};
 use crate::limits::Limits;
 use crate::splat::camera::ToCamera;
-use crate::splat::{Camera, Frame, Lanes, Outline, Scene, Settings, Stats, cpu};
+use crate::splat::{Camera, Frame, Lanes, Orbit, Outline, Scene, Settings, Stats, cpu};
 use crate::traverse::{Batch, Order, Sense, SplitForm, Viewpoint, VoxelBox, walk};
 use crate::volume::{Axis, Grid};
 
@@ -176,6 +176,15 @@ impl Model {
     pub fn camera(&self, camera: &impl ToCamera, settings: &Settings) -> Result<Camera> {
         let lane = Lanes::lane(self, Axis::X)?;
         camera.to_camera(&Outline::of_lane(self.grid(), lane, settings.crop), settings.size)
+    }
+
+    /// Returns the cameras of several orbits, such as the frames of a turn: they look at one point and have one scale.
+    ///
+    /// # Errors
+    /// The errors of [`Camera::framing`].
+    pub fn cameras(&self, orbits: &[Orbit], settings: &Settings) -> Result<Vec<Camera>> {
+        let lane = Lanes::lane(self, Axis::X)?;
+        Camera::framing(orbits, &Outline::of_lane(self.grid(), lane, settings.crop), settings.size)
     }
 
     /// Returns the scene for renderers that you call directly, such as [`GpuRenderer`](crate::splat::gpu::GpuRenderer).
