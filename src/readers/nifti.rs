@@ -100,7 +100,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         byte_skip: if packed { offset } else { 0 },
         volume_count,
         volume_index: options.volume_index.into(),
-        tail: if packed { Tail::Nothing } else { Tail::Anything },
+        tail: if packed { Tail::Nothing } else { Tail::Padding },
         rule: RULE_DIM,
     })
 }

@@ -66,7 +66,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         byte_skip,
         volume_count,
         volume_index: options.volume_index.into(),
-        tail: if codec == Codec::Raw { Tail::Anything } else { Tail::Nothing },
+        tail: if codec == Codec::Raw { Tail::Padding } else { Tail::Nothing },
         rule: RULE_SIZES,
     })
 }

@@ -9,6 +9,8 @@
 //! read:  fill the slice from the current file; at its share's end check that it ends, go to the next
 //! ```
 
+use std::fs::File;
+use std::io::{Read as _, Seek as _, SeekFrom};
 use std::path::{Path, PathBuf};
 
 use super::slc::most_samples;
@@ -33,13 +35,17 @@ impl Endian {
 /// What may follow the last sample in a file.
 ///
 /// Compressed streams and text mark their own end: if they hold more samples than the header states, the header is
-/// wrong. After uncompressed samples some writers leave padding, and VTK files hold other arrays.
+/// wrong. After uncompressed samples some writers leave padding, which may also be samples that the header does not state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Tail {
     /// Nothing may follow; anything else is an error.
     Nothing,
-    /// Anything may follow: other arrays, padding.
-    Anything,
+    /// Anything may follow, but is warned about.
+    Padding,
+    /// As `Padding`, but nothing is said of other arrays, each of which begins with a word in capitals.
+    Arrays,
+    /// The rest of a document follows.
+    Document,
 }
 
 /// The files that hold a volume's samples, and how they hold them.
@@ -244,6 +250,16 @@ pub(super) fn check_volume(index: u64, count: u64) -> Result<()> {
     Err(Error::input("volume", format!("is {index}, but the file holds {count} volume{s}, counted from 0")))
 }
 
+/// Returns whether a word in capitals, such as `VECTORS`, is what follows byte `at` and white space.
+fn keyword_follows(path: &Path, at: u64) -> Result<bool> {
+    let mut file = File::open(path).map_err(Error::io("open data file", path))?;
+    let mut start = Vec::new();
+    let read = file.seek(SeekFrom::Start(at)).and_then(|_| file.take(64).read_to_end(&mut start));
+    read.map_err(Error::io("read data file", path))?;
+    let word = start.trim_ascii_start().split(|byte| byte.is_ascii_whitespace()).next().unwrap_or_default();
+    Ok(word.len() > 2 && word.iter().all(|byte| byte.is_ascii_uppercase() || *byte == b'_'))
+}
+
 /// Checks that the file at `path` exists and is long enough for `samples` samples of `width` bytes. Returns how many
 /// bytes follow them; 0 where that is unknown, as in compressed files.
 fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Result<u64> {
@@ -270,7 +286,12 @@ fn check_file(plan: &SampleFiles, path: &Path, samples: u64, width: u64) -> Resu
                 return Err(Error::format(path, need, plan.rule, expected, got));
             }
             if matches!(plan.start, SampleStart::At(_)) && plan.line_skip == 0 {
-                return Ok(len - need);
+                let is_meant = match plan.tail {
+                    Tail::Document => true,
+                    Tail::Arrays => keyword_follows(path, need)?,
+                    Tail::Nothing | Tail::Padding => false,
+                };
+                return Ok(if is_meant { 0 } else { len - need });
             }
         }
         Codec::Deflate | Codec::Bzip2 | Codec::Array(_) | Codec::SliceRuns(_) => {

@@ -41,7 +41,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         byte_skip: 0,
         volume_count: 1,
         volume_index: options.volume_index.into(),
-        tail: Tail::Anything,
+        tail: Tail::Arrays,
         rule: "VTK SCALARS",
     })
 }

@@ -335,6 +335,20 @@ fn bytes_after_the_samples_are_warned_about() {
         assert!(ran.stderr.starts_with("adj: warning: ") && ran.stderr.contains(told), "{name}: {}", ran.stderr);
         ran.done();
     }
+    // Other arrays of a VTK file are no surprise.
+    let vectors = [&b"\nVECTORS w float\n"[..], &[0; 288]].concat();
+    folder.write("e.vtk", &[header.as_bytes(), &RAW, &vectors].concat());
+    assert_eq!(folder.adj("info e.vtk").stderr, "");
+    let appended = format!(
+        "<VTKFile type=\"ImageData\" byte_order=\"LittleEndian\" header_type=\"UInt32\"><ImageData \
+         WholeExtent=\"0 3 0 2 0 1\"><Piece Extent=\"0 3 0 2 0 1\"><PointData><DataArray type=\"UInt8\" Name=\"v\" \
+         format=\"appended\" offset=\"0\"/></PointData></Piece></ImageData><AppendedData encoding=\"raw\">_{}",
+        "\u{18}\0\0\0"
+    );
+    folder.write("f.vti", &[appended.as_bytes(), &RAW, b"</AppendedData></VTKFile>"].concat());
+    let ran = folder.adj("info f.vti");
+    assert_eq!(ran.stderr, "");
+    ran.done();
     // A line break at the end is usual.
     folder.write("e.vtk", &[header.as_bytes(), &RAW, b"\n"].concat());
     assert_eq!(folder.adj("info e.vtk").stderr, "");
