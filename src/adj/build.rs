@@ -135,6 +135,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         say_need(&budget, &header);
     }
     let visible = classify_with_warnings(&mut *source, &options, &resources, arguments.quiet)?;
+    arguments.classification.warn_of_units(&visible.samples);
     let description = description(&header, &visible)?;
     let output = RowsOutput {
         facts: visible.facts.clone(),

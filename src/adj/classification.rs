@@ -8,7 +8,7 @@ use super::input::phantom;
 use super::print_note;
 use super::progress::Progress;
 use super::values::library;
-use adjsplat::build::{Histogram, Suggestion};
+use adjsplat::build::{Histogram, SampleSummary, Suggestion};
 use adjsplat::classify::TransferFunction;
 use adjsplat::classify::colour::srgb_from_linear;
 use adjsplat::error::{Error, Result};
@@ -74,6 +74,23 @@ impl ClassificationArguments {
             flag_of(&chosen)
         ));
         chosen.transfer()
+    }
+}
+
+impl ClassificationArguments {
+    /// Warns if the preset is in Hounsfield units and `samples` cannot be.
+    pub(super) fn warn_of_units(&self, samples: &SampleSummary) {
+        let Some(name) = self.tf.as_deref().filter(|name| name.starts_with("ct-")) else { return };
+        let shift: f64 = name.split_once('+').and_then(|(_, shift)| shift.parse().ok()).unwrap_or(0.0);
+        let (lowest, highest) = (samples.lowest, samples.highest);
+        // Every scan holds air or at least fat, and muscle or water.
+        if lowest > shift - 50.0 || highest < shift {
+            print_note(&format!(
+                "warning: {name} is for Hounsfield units{}, but the values run from {lowest} to {highest}; adj info shows \
+                 them, and NAME+N shifts a preset by N",
+                if shift == 0.0 { String::new() } else { format!(" plus {shift}") }
+            ));
+        }
     }
 }
 

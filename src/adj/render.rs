@@ -124,6 +124,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let folder = memory.is_some().then(|| scratch_folder(&arguments.output)).transpose()?;
     let resources = Resources { memory, threads: settings.threads, folder: folder.clone() };
     let visible = classify_with_warnings(&mut *source, &options, &resources, arguments.quiet)?;
+    arguments.classification.warn_of_units(&visible.samples);
     if let Some(folder) = folder {
         // The visible voxels may need more than the memory, so they go through a temporary file without a name.
         let description = description(&header, &visible)?;

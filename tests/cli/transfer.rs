@@ -36,6 +36,26 @@ fn without_a_flag_the_values_say_what_is_visible_and_which_flag_repeats_it() {
 }
 
 #[test]
+fn a_preset_in_hounsfield_units_warns_of_values_that_cannot_be() {
+    let folder = Folder::new();
+    let bytes = |values: [i16; 8]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
+    folder.write("mr.raw", &bytes([0, 20, 90, 150, 240, 300, 400, 700]));
+    folder.write("ct.raw", &bytes([-1000, -90, 40, 60, 300, 900, 1200, 30]));
+    folder.write("shifted.raw", &bytes([24, 934, 1064, 1084, 1324, 1924, 2224, 1054]));
+    let warned = |name: &str, preset: &str| {
+        let ran = folder.adj(&format!("build {name} --dims 2x2x2 --type i16 --tf {preset} -o out.adj"));
+        let warned = ran.stderr.contains("Hounsfield");
+        assert!(!warned || ran.stderr.contains("the values run from"), "{}", ran.stderr);
+        ran.done();
+        warned
+    };
+    assert!(warned("mr.raw", "ct-bone"));
+    assert!(!warned("ct.raw", "ct-bone"));
+    assert!(warned("shifted.raw", "ct-bone"));
+    assert!(!warned("shifted.raw", "ct-bone+1024"));
+}
+
+#[test]
 fn of_the_flags_only_one_can_be_given() {
     let folder = folder();
     folder.build_refused(&format!("{BUILD} --range 1.. --iso 5"), &["--range", "--iso", "adj build --help"]);
