@@ -87,7 +87,7 @@ impl ClassificationArguments {
         if lowest > shift - 50.0 || highest < shift {
             print_note(&format!(
                 "warning: {name} is for Hounsfield units{}, but the values run from {lowest} to {highest}; adj info shows \
-                 them, and NAME+N shifts a preset by N",
+                 them, and ct-bone+1024 is ct-bone for values that are 1024 higher",
                 if shift == 0.0 { String::new() } else { format!(" plus {shift}") }
             ));
         }

@@ -1,6 +1,6 @@
 //! Any structure that can be walked, behind functions that are not generic: they are compiled once, here.
 
-use crate::baselines::{BuiltMethod, Viewing, Walker as _};
+use crate::baselines::{BuiltMethod, Receiver, Viewing, Walker};
 use crate::lane_walk::OwnWalk;
 use crate::layouts::LayoutWalk;
 use crate::receive::VoxelSum;
@@ -18,8 +18,23 @@ pub enum AnyWalk<'a> {
 }
 
 impl AnyWalk<'_> {
-    /// Returns the method's name in tables and files.
-    pub fn method(&self) -> &'static str {
+    /// Walks the structure and adds up all that voxels have.
+    pub fn summed(&mut self, viewing: &Viewing) -> VoxelSum {
+        let mut sum = VoxelSum::default();
+        self.walk(viewing, &mut sum, &mut Untraced);
+        sum
+    }
+
+    /// Walks the structure, adds up all that voxels have, and gives each memory access to `trace`.
+    pub fn traced(&mut self, viewing: &Viewing, mut trace: &mut dyn Trace) -> VoxelSum {
+        let mut sum = VoxelSum::default();
+        self.walk(viewing, &mut sum, &mut trace);
+        sum
+    }
+}
+
+impl Walker for AnyWalk<'_> {
+    fn method(&self) -> &'static str {
         match self {
             AnyWalk::Own(walker) => walker.method(),
             AnyWalk::Layout(walker) => walker.method(),
@@ -27,8 +42,7 @@ impl AnyWalk<'_> {
         }
     }
 
-    /// Returns the structure's allocations; a trace numbers them in this order.
-    pub fn arrays(&self) -> Vec<WalkerArray> {
+    fn arrays(&self) -> Vec<WalkerArray> {
         match self {
             AnyWalk::Own(walker) => walker.arrays(),
             AnyWalk::Layout(walker) => walker.arrays(),
@@ -36,28 +50,11 @@ impl AnyWalk<'_> {
         }
     }
 
-    /// Returns the bytes that the structure takes between frames.
-    pub fn bytes(&self) -> u64 {
-        self.arrays().iter().filter(|array| !array.scratch).map(|array| array.bytes).sum()
-    }
-
-    /// Walks the structure and adds up all that voxels have.
-    pub fn summed(&mut self, viewing: &Viewing) -> VoxelSum {
-        self.walk(viewing, &mut Untraced)
-    }
-
-    /// Walks the structure, adds up all that voxels have, and gives each memory access to `trace`.
-    pub fn traced(&mut self, viewing: &Viewing, mut trace: &mut dyn Trace) -> VoxelSum {
-        self.walk(viewing, &mut trace)
-    }
-
-    fn walk<T: Trace>(&mut self, viewing: &Viewing, trace: &mut T) -> VoxelSum {
-        let mut sum = VoxelSum::default();
+    fn walk<R: Receiver, T: Trace>(&mut self, viewing: &Viewing, receiver: &mut R, trace: &mut T) {
         match self {
-            AnyWalk::Own(walker) => walker.walk(viewing, &mut sum, trace),
-            AnyWalk::Layout(walker) => walker.walk(viewing, &mut sum, trace),
-            AnyWalk::Method(walker) => walker.walk(viewing, &mut sum, trace),
+            AnyWalk::Own(walker) => walker.walk(viewing, receiver, trace),
+            AnyWalk::Layout(walker) => walker.walk(viewing, receiver, trace),
+            AnyWalk::Method(walker) => walker.walk(viewing, receiver, trace),
         }
-        sum
     }
 }

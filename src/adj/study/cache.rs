@@ -20,7 +20,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::file::{check_writable, write_atomically_unless};
 use adjsplat::traverse::Order;
 use adjsplat_study::any_walk::AnyWalk;
-use adjsplat_study::baselines::{Method, Viewing};
+use adjsplat_study::baselines::{Method, Viewing, Walker as _};
 use adjsplat_study::cache::counters;
 use adjsplat_study::cache::{CacheFigures, Geometry, TraceWriter, measure};
 use adjsplat_study::lane_walk::{CodesRead, OwnWalk, repacked};

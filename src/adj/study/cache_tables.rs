@@ -3,6 +3,7 @@
 use super::cache::Measured;
 use super::table_of;
 use adjsplat_study::Subject;
+use adjsplat_study::baselines::Walker as _;
 use adjsplat_study::cache::{CacheFigures, Geometry};
 use adjsplat_study::lane_walk::CodesRead;
 use adjsplat_study::report::plot::{Plot, PlotAxis, PlotSeries};

@@ -14,7 +14,7 @@ use super::{CODES, each_set, orders, table_of};
 use adjsplat::error::{Error, Result};
 use adjsplat::traverse::Order;
 use adjsplat_study::any_walk::AnyWalk;
-use adjsplat_study::baselines::Viewing;
+use adjsplat_study::baselines::{Viewing, Walker as _};
 use adjsplat_study::cache::{Geometry, measure};
 use adjsplat_study::lane_walk::CodesRead;
 use adjsplat_study::layouts::{LaneLayout, LayoutWalk};

@@ -92,7 +92,8 @@ impl Histogram {
 
     /// Returns the value in the middle of bin `index`.
     pub fn value(&self, index: usize) -> f64 {
-        (self.lowest + index as f64 * self.bin_width).min(self.highest)
+        // Halves, so that no product overflows.
+        ((self.lowest / 2.0 + index as f64 * (self.bin_width / 2.0)) * 2.0).min(self.highest)
     }
 
     /// Returns the value that a `share` (0 to 1) of the finite samples does not exceed, to half a bin's width.

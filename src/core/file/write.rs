@@ -27,7 +27,8 @@ use crate::volume::Axis;
 
 /// Returns the bytes of an `.adj` file.
 ///
-/// `description` is a JSON text of at most [`MAX_DESCRIPTION_BYTES`](crate::limits::MAX_DESCRIPTION_BYTES). `lanes` are the lanes to store: along x, or x and y, or x, y and z.
+/// `description` is a JSON text of at most [`MAX_DESCRIPTION_BYTES`](crate::limits::MAX_DESCRIPTION_BYTES). `lanes` are
+/// the lanes to store: along x, or x and y, or x, y and z.
 pub fn arena_bytes(facts: &Facts, lanes: &[OwnedLane], description: &str) -> Vec<u8> {
     let mut sections = vec![(SectionEntry::empty(SectionKind::Description, None, 1), description.as_bytes())];
     for lane in lanes {
@@ -84,7 +85,8 @@ pub struct RowsOutput<'a> {
 ///
 /// # Errors
 /// The same as [`write_atomically`](super::write_atomically); [`Error::Input`] if there are no voxels; [`Error::Limit`] if
-/// the description is longer than the format allows; [`Error::Interrupted`] if the observer cancels; any error of reading the rows.
+/// the description is longer than the format allows; [`Error::Interrupted`] if the observer cancels; any error of reading
+/// the rows.
 pub fn write_rows(
     path: &Path,
     rows: &dyn Rows,

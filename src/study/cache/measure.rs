@@ -3,7 +3,7 @@
 use super::geometry::Geometry;
 use super::model::{CacheFigures, CacheModel};
 use crate::any_walk::AnyWalk;
-use crate::baselines::Viewing;
+use crate::baselines::{Viewing, Walker as _};
 
 /// Returns the hierarchy's figures for one walk, and the number of voxels and cubes; if `reuse`, also reuse distances.
 ///

@@ -33,6 +33,8 @@ fn whole_numbers_have_a_bin_each_and_others_as_many_as_there_are() {
     // The difference of the ends overflows; halves do not.
     let extreme = histogram(vec![-f64::MAX, 0.0, f64::MAX]);
     assert_eq!((extreme.counts[0], extreme.total(), *extreme.counts.last().unwrap()), (1, 3, 1));
+    let middle = extreme.value(extreme.counts.len() / 2);
+    assert!(middle.abs() < extreme.bin_width && extreme.share([0.5 * f64::MAX, f64::MAX]) == 1.0 / 3.0, "{middle}");
     let none = histogram(vec![f32::NAN]);
     assert!(none.counts.is_empty() && none.quantile(0.5) == f64::NEG_INFINITY);
 }
