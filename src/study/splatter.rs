@@ -140,7 +140,7 @@ fn draw(projector: &Projector, buffers: &mut SplatBuffers) -> u64 {
 /// splats are to be drawn.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers) -> u64 {
-    let SplatBuffers { tiles, splats, .. } = buffers;
+    let SplatBuffers { tiles, splats } = buffers;
     projector.place(block, splats);
     projector.cull(block.count, [true; BLOCK], splats, tiles);
     for k in 0..splats.count {
@@ -197,7 +197,7 @@ pub(crate) fn splat(
         nesting: projector.nesting,
         projectors: vec![projector],
         drawing,
-        buffers: SplatBuffers::new::<FrontToBack>(rect, false)?,
+        buffers: SplatBuffers::new::<FrontToBack>(rect)?,
         level: 0,
         voxels: VoxelBlock::new(),
         block: Block {

@@ -1,12 +1,12 @@
 //! Pictures: the renderer on the processor, its judges, extremes.
 
-mod base_plane;
 mod dial;
 mod extremes;
 mod finer;
 mod framing;
 mod golden;
 mod hidden;
+mod lattice;
 mod low_pass;
 mod metrics;
 mod optics;

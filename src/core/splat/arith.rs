@@ -31,6 +31,26 @@ pub(crate) fn absorbed(x: f32) -> f32 {
     (1.0 - scale) + scale * (f * loss_ratio(f))
 }
 
+/// Returns `2^-x` for `x` in 0..=125; relative error at most 8e-5. Takes about half as long as [`exp2_neg`].
+#[inline(always)]
+pub(crate) fn near_exp2_neg(x: f32) -> f32 {
+    let rounded = x + ROUND;
+    let f = x - (rounded - ROUND);
+    let square = f * f;
+    let power = (0.999_928_1 + -0.693_261 * f) + square * (0.242_61 + -0.055_171_1 * f);
+    f32::from_bits(power.to_bits().wrapping_sub(rounded.to_bits() << 23))
+}
+
+/// Returns `1 - 2^-x` for `x` in 0..=125; relative error at most 2e-5 however small `x` is.
+#[inline(always)]
+pub(crate) fn near_absorbed(x: f32) -> f32 {
+    let rounded = x + ROUND;
+    let f = x - (rounded - ROUND);
+    let scale = power_of_half(rounded);
+    let ratio = (0.693_136_9 + -0.240_232_5 * f) + (f * f) * (0.055_837_1 + -0.009_618_1 * f);
+    (1.0 - scale) + scale * (f * ratio)
+}
+
 /// Largest argument of [`absorbed_small`]; slightly below 1/2 because of rounding.
 pub(crate) const SMALL_DEPTH: f32 = 0.499;
 
@@ -94,6 +114,17 @@ mod tests {
         }
         assert!(worst_power <= 2e-7, "{worst_power:e}");
         assert!(worst_absorbed <= 3e-7, "{worst_absorbed:e}");
+        let (mut worst_power, mut worst_absorbed) = (0.0f64, 0.0f64);
+        for step in 1..200_000u32 {
+            let x = step as f32 * 1.5e-4;
+            let exact = (-f64::from(x)).exp2();
+            let lost = -(-f64::from(x) * std::f64::consts::LN_2).exp_m1();
+            worst_power = worst_power.max((f64::from(near_exp2_neg(x)) / exact - 1.0).abs());
+            worst_absorbed = worst_absorbed.max((f64::from(near_absorbed(x)) / lost - 1.0).abs());
+        }
+        assert!(worst_power <= 8e-5, "{worst_power:e}");
+        assert!(worst_absorbed <= 2e-5, "{worst_absorbed:e}");
+        assert_eq!(near_absorbed(0.0), 0.0);
         assert_eq!(absorbed(0.0), 0.0);
         assert!((f64::from(absorbed(1e-20)) / (1e-20 * std::f64::consts::LN_2) - 1.0).abs() < 1e-6);
         assert!(absorbed(125.0) <= 1.0 && exp2_neg(125.0) > 0.0);

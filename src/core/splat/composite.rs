@@ -205,6 +205,13 @@ impl<'a> Table<'a> {
         }
     }
 
+    /// Returns the depth of all looks that are not transparent, if it is one.
+    pub(crate) fn only_depth(&self) -> Option<f32> {
+        let mut depths = self.looks.iter().map(|look| look[3]).filter(|depth| *depth > 0.0);
+        let first = depths.next()?;
+        (self.key != LookKey::Computed && depths.all(|depth| depth == first)).then_some(first)
+    }
+
     /// Returns whether any code has an optical depth per mean voxel of at least `depth`; stops at the first such code.
     pub(crate) fn reaches(&self, depth: f64) -> bool {
         let in_table = |look: &Look| f64::from(look[3] / LOG2_E) >= depth;

@@ -150,9 +150,9 @@ pub enum Sampling {
     /// Supersamples where voxels are smaller than pixels, then filters with a Gaussian. At most 2^24 samples, so that
     /// pictures above 2,048 x 2,048 pixels have one sample per pixel. Composited pictures only.
     Finer,
-    /// As many samples as the footprints need, with interpolation between them. A parallel view of small voxels has one
-    /// sample per scan line, on the plane of the slices (shear-warp; Lacroute and Levoy 1994). In other views their
-    /// number falls with the square of the magnification. Where voxels are smaller than pixels, it supersamples as
+    /// As many samples as the footprints need, on a plane parallel to the slices, which is then warped to the picture
+    /// (shear-warp; Lacroute and Levoy 1994). Where the plane cannot be used, one for every pixel: if the eye is among
+    /// or within eight voxels of the slices, and where voxels are closer than 0.4 pixels, where it supersamples as
     /// [`Sampling::Finer`] does. The error is in docs/studies/sampling.md.
     Enough,
     /// Fewer samples than [`Sampling::Enough`], for a moving camera: about 32 dB, and 26 dB in the worst

@@ -7,13 +7,12 @@ use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
-use super::blend::{Additive, Blend};
+use super::blend::Blend;
 use super::dispatch::{self, SplatBuffers};
 use super::project::{GROUP, VoxelBlock};
 use super::task::{BandResult, DrawTask};
 use super::tile_buffer::{Rect, TileBuffer};
 use crate::error::Result;
-use crate::splat::Blending;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Draws the band `rect`.
@@ -21,14 +20,13 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<T
     let mut painter = BandPainter::<B> {
         task,
         voxels: VoxelBlock::new(),
-        slow: None,
-        buffers: SplatBuffers::new::<B>(rect, task.settings.blending == Blending::Sheets)?,
+        buffers: SplatBuffers::new::<B>(rect)?,
         drawn: 0,
         blend: PhantomData,
     };
     let mut stats = task.walk(&mut painter);
     let start = Instant::now();
-    painter.finish_slice();
+    painter.flush();
     (stats.drawn, stats.drawing) = (painter.drawn, stats.drawing + start.elapsed());
     Ok(BandResult { pixels: painter.buffers.tiles, stats })
 }
@@ -38,8 +36,6 @@ struct BandPainter<'a, B> {
     task: &'a DrawTask<'a>,
     /// Voxels that are not drawn yet.
     voxels: Box<VoxelBlock>,
-    /// The slice of the last batch.
-    slow: Option<u16>,
     buffers: SplatBuffers,
     /// Number of splats drawn.
     drawn: u64,
@@ -86,17 +82,8 @@ impl<B: Blend> BandPainter<'_, B> {
         if let Some(visible) = visible {
             visible.mark(projector, &self.voxels, &buffers.splats, &buffers.tiles);
         }
-        self.drawn += match buffers.sheet {
-            Some(_) => dispatch::draw_block::<Additive>(code, projector, buffers),
-            None => dispatch::draw_block::<B>(code, projector, buffers),
-        };
+        self.drawn += dispatch::draw_block::<B>(code, projector, buffers);
         self.voxels.count = 0;
-    }
-
-    /// Draws the voxels that wait, which are the last of their slice, and composites the slice's sheet if there is one.
-    fn finish_slice(&mut self) {
-        self.flush();
-        dispatch::composite_sheet(&mut self.buffers, self.task.projector.stop);
     }
 }
 
@@ -119,9 +106,6 @@ impl<B: Blend> Visitor for BandPainter<'_, B> {
     }
 
     fn visit(&mut self, batch: &Batch) {
-        if self.buffers.sheet.is_some() && self.slow.replace(batch.slow) != Some(batch.slow) {
-            self.finish_slice();
-        }
         let stops = self.stops();
         let parts = |range: Range<usize>, len: usize| {
             range.clone().step_by(len).map(move |from| from..range.end.min(from + len))

@@ -6,9 +6,9 @@ use multiversion::multiversion;
 use multiversion::target::match_target;
 
 use super::blend::Blend;
+use super::gather::Band;
 use super::project::{Projector, VoxelBlock};
 use super::raster::{self, Splats};
-use super::stamp::StampBuffers;
 use super::tile_buffer::{Rect, TileBuffer};
 use crate::error::Result;
 use crate::splat::Code;
@@ -21,19 +21,12 @@ pub struct SplatBuffers {
     pub tiles: TileBuffer,
     /// One block of splats.
     pub splats: Box<Splats>,
-    /// For `Blending::Sheets`: the sum of a slice's splats, until the slice is composited.
-    pub(super) sheet: Option<TileBuffer>,
 }
 
 impl SplatBuffers {
-    /// Creates buffers for the pixels of `rect`. `has_sheet`: whether the splats of a slice are summed, then
-    /// composited.
-    pub fn new<B: Blend>(rect: Rect, has_sheet: bool) -> Result<SplatBuffers> {
-        Ok(SplatBuffers {
-            tiles: TileBuffer::new(rect, B::INITIAL_ALPHA)?,
-            splats: Splats::new(),
-            sheet: has_sheet.then(|| TileBuffer::sheet(rect)).transpose()?,
-        })
+    /// Creates buffers for the pixels of `rect`.
+    pub fn new<B: Blend>(rect: Rect) -> Result<SplatBuffers> {
+        Ok(SplatBuffers { tiles: TileBuffer::new(rect, B::INITIAL_ALPHA)?, splats: Splats::new() })
     }
 }
 
@@ -79,10 +72,9 @@ for_each_instruction_set! {
 }
 
 for_each_instruction_set! {
-    /// Draws a projected block, on the sheet if there is one; returns how many splats were drawn.
+    /// Draws a projected block; returns how many splats were drawn.
     pub fn draw_block<B>(projector: &Projector, buffers: &mut SplatBuffers) -> u64 {
-        let SplatBuffers { tiles, splats, sheet } = buffers;
-        let tiles = sheet.as_mut().unwrap_or(tiles);
+        let SplatBuffers { tiles, splats } = buffers;
         let thresholds = [projector.cut, projector.stop];
         match &projector.map {
             PixelMap::Parallel { .. } => raster::draw::<B>(tiles, splats, |_| projector.ellipse, thresholds),
@@ -92,28 +84,41 @@ for_each_instruction_set! {
 }
 
 for_each_instruction_set! {
-    /// Runs [`StampBuffers::flush`].
-    pub(super) fn flush_stamps(projector: &Projector, buffers: &mut StampBuffers) -> u64 {
-        buffers.flush(projector)
+    /// Runs [`Band::visit`]; returns 0, as do the functions below.
+    pub(super) fn visit_lattice(projector: &Projector, band: &mut Band, batch: &Batch) -> u64 {
+        band.visit(projector, batch);
+        0
     }
 }
 
 for_each_instruction_set! {
-    /// Runs [`StampBuffers::add_visible`]; `flush_code` selects the instruction set with which full blocks are drawn.
-    pub(super) fn add_visible(
-        flush_code: Code,
-        projector: &Projector,
-        buffers: &mut StampBuffers,
-        batch: &Batch
-    ) -> u64 {
-        buffers.add_visible(flush_code, projector, batch)
+    /// Runs [`Band::flush`].
+    pub(super) fn flush_lattice(projector: &Projector, band: &mut Band) -> u64 {
+        band.flush(projector);
+        0
     }
 }
 
-/// Composites the sheet (the sum of a slice's splats) behind the band's pixels, if there is a sheet.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-pub(super) fn composite_sheet(buffers: &mut SplatBuffers, stop: f32) {
-    if let SplatBuffers { tiles, sheet: Some(sheet), .. } = buffers {
-        tiles.composite(sheet, stop);
+for_each_instruction_set! {
+    /// Runs [`Projector::colour`].
+    pub(super) fn colour(projector: &Projector, voxels: &VoxelBlock, splats: &mut Splats) -> u64 {
+        projector.colour(voxels, splats);
+        0
+    }
+}
+
+for_each_instruction_set! {
+    /// Runs [`Band::take`].
+    pub(super) fn take(projector: &Projector, band: &mut Band, tile: usize) -> u64 {
+        band.take(projector, tile);
+        0
+    }
+}
+
+for_each_instruction_set! {
+    /// Runs [`Band::take_all`].
+    pub(super) fn take_all(projector: &Projector, band: &mut Band) -> u64 {
+        band.take_all(projector);
+        0
     }
 }

@@ -1,7 +1,8 @@
 //! Estimates the memory that drawing a frame takes, before the frame is drawn.
 
-use super::{Resampling, base_plane};
+use super::Plane;
 use crate::error::Result;
+use crate::splat::composite::MAX_DEPTH;
 use crate::splat::setup::walk_order;
 use crate::splat::{Blending, Camera, Settings, View};
 use crate::traverse::VoxelBox;
@@ -20,13 +21,22 @@ const POINT: u64 = 64;
 /// Bytes per pixel, in a frame and in bands.
 const PIXEL: u64 = 4 * size_of::<f32>() as u64;
 
+/// Bytes per pixel of a lattice: in the frame that is warped, and marks of what is drawn.
+const LATTICE_PIXEL: u64 = PIXEL + 5;
+/// Bytes per column of pixels of a band of a lattice: its pixels, with what pads their rows.
+const BAND_COLUMN: u64 = 4 * 32 * PIXEL;
+/// Bytes per column of pixels of a thread's lists of tiles, with those around its band.
+const LISTS_COLUMN: u64 = (32 + 32) * 260 / 4;
+/// Bytes of a thread's splats that wait on lists, with stamps.
+const BAND: u64 = 1 << 20;
+
 /// Where a picture is drawn before it is resampled, and on how many pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Canvas {
     /// The picture's own pixels, or fewer.
     Picture,
-    /// A base plane with this number of pixels.
-    BasePlane(u64),
+    /// A plane of the slices' own lattice with this number of columns and rows.
+    Lattice([u32; 2]),
     /// Samples finer than pixels, drawn in strips of at most this number of columns and of rows.
     Finer([u32; 2]),
 }
@@ -39,11 +49,11 @@ pub enum Canvas {
 pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settings) -> Result<Canvas> {
     let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
     let order = walk_order(&view, grid, settings)?;
-    // The depth (here 0) matters only for a coarse view, which needs no more memory than the picture's own pixels.
-    Ok(match Resampling::choose(&view, &order, bounds, || 0.0, settings) {
-        Some(Resampling::BasePlane(plane)) => Canvas::BasePlane(plane.view.size.map(u64::from).into_iter().product()),
-        Some(Resampling::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
-        Some(Resampling::Coarse(_)) | None => Canvas::Picture,
+    // A lattice is finest where the depth is largest.
+    Ok(match Plane::choose(&view, &order, bounds, || MAX_DEPTH, settings) {
+        Some(Plane::Lattice(lattice)) => Canvas::Lattice(lattice.size),
+        Some(Plane::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
+        None => Canvas::Picture,
     })
 }
 
@@ -54,17 +64,19 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
     let size = settings.size.map(u64::from);
     let threads = settings.threads as u64;
     let frame = |[columns, rows]: [u64; 2]| PIXEL.saturating_mul(columns * rows);
-    let bands = |size: [u64; 2]| {
-        let bands = band_bytes(size, threads);
-        match settings.blending {
-            // Each band has a sheet as well, and four bytes for each of the sheet's tiles, which have 256 bytes each.
-            Blending::Sheets => bands.saturating_mul(2).saturating_add(bands / 64),
-            Blending::Exponential | Blending::Linear => bands,
-        }
+    let bands = |size: [u64; 2]| match settings.blending {
+        // One thread, with a sheet as well as the picture.
+        Blending::Sheets => band_bytes(size, 1).saturating_mul(2),
+        Blending::Exponential | Blending::Linear => band_bytes(size, threads),
     };
     let drawing = match canvas {
         Canvas::Picture => bands(size),
-        Canvas::BasePlane(pixels) => bands(size).max(base_plane::memory_need(pixels)),
+        Canvas::Lattice(plane) => {
+            let [columns, rows] = plane.map(u64::from);
+            // At most two bands a thread wait to be put into the frame.
+            let bands = (2 * threads + 1) * BAND_COLUMN + threads * LISTS_COLUMN;
+            LATTICE_PIXEL * (columns * rows) + bands * (columns + PADDING[0]) + threads * BAND
+        }
         Canvas::Finer(size) => {
             let size = size.map(u64::from);
             bands(size).saturating_add(frame(size)).saturating_add(threads * PIXEL * size[0])

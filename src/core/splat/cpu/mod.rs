@@ -11,30 +11,28 @@
 )]
 
 mod band;
-mod base_plane;
 pub(crate) mod blend;
-mod coarse;
 pub(crate) mod dispatch;
 mod faint;
+mod gather;
+mod lattice;
 mod memory;
 mod plain;
 pub(crate) mod project;
 pub(crate) mod raster;
-mod row_buffer;
-mod stamp;
 pub(crate) mod task;
 mod task_visitor;
 pub(crate) mod tile_buffer;
 mod visible;
+mod warp;
 
 use std::time::{Duration, Instant};
 
 pub use self::memory::{Canvas, canvas, memory_need};
 pub use self::visible::VisibleRecords;
 
-use self::base_plane::BasePlane;
 use self::blend::{Additive, BackToFront, Blend, FrontToBack, LinearFrontToBack, Maximum};
-use self::coarse::CoarseView;
+use self::lattice::Lattice;
 use self::project::Projector;
 use self::task::{BandStats, DrawTask, assemble, full_rect, pixels};
 use self::tile_buffer::Rect;
@@ -43,7 +41,7 @@ use super::frame::Frame;
 use super::setup::FrameSetup;
 use super::supersample::Supersampling;
 use super::view::View;
-use super::{Camera, Code, Scene, Settings, Stats};
+use super::{Camera, Scene, Settings, Stats};
 use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::traverse::{Order, Sense, VoxelBox};
@@ -78,29 +76,28 @@ pub fn render_without(
     // Computing the bounds takes a pass over all tiles; the largest optical depth, one over all looks.
     let bounds = if settings.keeps_pixels() { None } else { setup.lane.bounds() };
     let bounds = bounds.map(|(low, high)| VoxelBox { low, high });
-    let resampling =
-        bounds.and_then(|bounds| Resampling::choose(&setup.view, &setup.order, &bounds, || table.deepest(), settings));
-    let is_base_plane = matches!(resampling, Some(Resampling::BasePlane(_)));
+    let sampling =
+        bounds.and_then(|bounds| Plane::choose(&setup.view, &setup.order, &bounds, || table.deepest(), settings));
+    let stacks =
+        |view: &View| faint::stacks(scene, &FrameSetup { view: view.clone(), ..setup.clone() }, &table, settings);
+    let sampling = sampling.filter(|plane| !matches!(plane, Plane::Lattice(_)) || stacks(&setup.view).is_none());
     let draw = |view: View| {
         let settings = &Settings { size: view.size, ..settings.clone() };
         let mut setup = FrameSetup { view, ..setup.clone() };
         match faint::stacks(scene, &setup, &table, settings) {
             Some(stacks) => faint::draw(&mut setup, &table, settings, omitted, &stacks),
-            None => draw_in_mode(&setup, &table, settings, omitted, is_base_plane),
+            None => draw_in_mode(&setup, &table, settings, omitted),
         }
     };
     let threads = settings.threads;
-    let (frame, work) = match resampling {
+    let (frame, work) = match sampling {
         None => draw(setup.view.clone())?,
-        Some(Resampling::Coarse(coarse)) => {
-            let (drawn, work) = draw(coarse.view(&setup.view))?;
-            (coarse.enlarge(drawn, threads)?, work)
+        Some(Plane::Lattice(lattice)) => {
+            let task = DrawTask::new::<FrontToBack>(&setup, &table, settings, omitted);
+            let (drawn, work) = task.on_lattice(&lattice)?;
+            (warp::warp(&lattice, drawn, threads)?, work)
         }
-        Some(Resampling::BasePlane(plane)) => {
-            let (drawn, work) = draw(plane.view.clone())?;
-            (plane.warp(drawn, threads)?, work)
-        }
-        Some(Resampling::Supersampling(supersampling)) => {
+        Some(Plane::Supersampling(supersampling)) => {
             let (mut picture, mut work) = (Frame::transparent(settings.size)?, BandStats::default());
             for strip in supersampling.strips() {
                 let setup = FrameSetup { view: supersampling.view(&setup.view, &strip), ..setup.clone() };
@@ -128,14 +125,13 @@ pub fn render_without(
     Ok((frame, stats))
 }
 
-/// A way to draw samples that are not the picture's pixels; the picture is then computed from them.
-enum Resampling {
-    Coarse(CoarseView),
-    BasePlane(Box<BasePlane>),
+/// Where samples are drawn that are not the picture's pixels; the picture is then computed from them.
+enum Plane {
+    Lattice(Box<Lattice>),
     Supersampling(Supersampling),
 }
 
-impl Resampling {
+impl Plane {
     /// Returns the best way to sample a view of the voxels in `bounds`; `None` to draw one sample for each pixel.
     ///
     /// `deepest` returns the largest optical depth of any voxel, along a ray as long as the mean voxel spacing.
@@ -145,26 +141,19 @@ impl Resampling {
         bounds: &VoxelBox,
         deepest: impl FnOnce() -> f64,
         settings: &Settings,
-    ) -> Option<Resampling> {
-        let plane = BasePlane::new(view, order, bounds, settings).map(|plane| Resampling::BasePlane(Box::new(plane)));
-        let supersampling = || Supersampling::new(view, bounds, settings).map(Resampling::Supersampling);
-        let coarse = || CoarseView::new(view, bounds, deepest(), settings).map(Resampling::Coarse);
-        plane.or_else(supersampling).or_else(coarse)
+    ) -> Option<Plane> {
+        let lattice = Lattice::new(view, order, bounds, deepest, settings).map(|plane| Plane::Lattice(Box::new(plane)));
+        lattice.or_else(|| Supersampling::new(view, bounds, settings).map(Plane::Supersampling))
     }
 }
 
-/// Draws all voxels in the blend mode of `settings`. Draws by stamps (`stamp.rs`) if the view is that of a base plane.
+/// Draws all voxels in the blend mode of `settings`.
 fn draw_in_mode(
     setup: &FrameSetup,
     table: &Table,
     settings: &Settings,
     omitted: Option<&RecordSet>,
-    is_base_plane: bool,
 ) -> Result<(Frame, BandStats)> {
-    if is_base_plane && settings.code != Code::Plain {
-        let task = DrawTask::new::<FrontToBack>(setup, table, settings, omitted);
-        return assemble(&task.in_bands(true, &|rect| stamp::draw(&task, rect))?, settings, table);
-    }
     let draw = match (settings.mode, settings.sense) {
         (Mode::Composite, Sense::FrontToBack) if settings.blending == Blending::Linear => blended::<LinearFrontToBack>,
         (Mode::Composite, Sense::FrontToBack) => blended::<FrontToBack>,

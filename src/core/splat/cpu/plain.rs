@@ -5,13 +5,14 @@
 //! Tests check that both give equal bits.
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
+use super::lattice::Lattice;
 use super::project::{Projector, affine_at, jacobian, nearest_pixel, pixel_span, slant};
 use super::raster::{Centre, SplatKernel};
-use super::task::{BandResult, BandStats, DrawTask};
-use super::tile_buffer::{Rect, TileBuffer};
+use super::task::{BandResult, BandStats, DrawTask, full_rect};
+use super::tile_buffer::{Rect, TILE, TileBuffer};
 use crate::classify::normal;
 use crate::error::Result;
-use crate::splat::arith::{LOG2_E, at_least, at_most};
+use crate::splat::arith::{LOG2_E, at_least, at_most, near_absorbed};
 use crate::splat::composite::MAX_DEPTH;
 use crate::splat::kernel::{Ellipse, footprint};
 use crate::splat::view::{Affine, PixelMap, single};
@@ -49,6 +50,55 @@ pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult<Tile
     Ok(BandResult { pixels: tiles, stats })
 }
 
+/// Draws all voxels on the pixels of a lattice, front to back; `shown` tells which of its tiles are drawn at all.
+pub(super) fn draw_on_lattice(task: &DrawTask, lattice: &Lattice, shown: &[bool]) -> Result<BandResult<TileBuffer>> {
+    let rect = full_rect(lattice.size);
+    let mut tiles = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
+    let projector = &task.projector;
+    let columns = lattice.size[0] as usize >> TILE;
+    let most = MAX_DEPTH as f32 * LOG2_E;
+    let stats = each_voxel(task, |voxel, record| {
+        if is_cropped(projector, voxel) {
+            return false;
+        }
+        let [slow, medium, fast] = projector.nesting.map(|axis| voxel[axis]);
+        let slice = lattice.slice(slow);
+        let place = lattice.place(&slice, [fast.into(), medium.into()]);
+        let [red, green, blue, depth] = projector.look(record);
+        let [red, green, blue] = lit_colour(projector, voxel, record, [red, green, blue]);
+        let ink = [red, green, blue, FrontToBack::ALPHA_INK];
+        let spans = [0, 1].map(|side| {
+            let at = f64::from(place.pixel[side]);
+            let reach = lattice.reach(side, [at - 8.0, at + 8.0]) / slice.step + 1.0;
+            [((at - reach) as i32).max(0), ((at + reach) as i32).min(lattice.size[side] as i32 - 1)]
+        });
+        let mut is_drawn = false;
+        for y in spans[1][0]..=spans[1][1] {
+            for x in spans[0][0]..=spans[0][1] {
+                let tile = [x >> TILE, y >> TILE];
+                if !shown[tile[1] as usize * columns + tile[0] as usize] {
+                    continue;
+                }
+                let rays = lattice.tile(tile);
+                let weight = rays.weights(&place, projector.cut)[((y & 3) << TILE | (x & 3)) as usize];
+                let peak = match lattice.voxels_per_tile() {
+                    Some(_) => at_most(depth * rays.strength, most),
+                    None => at_most(at_most(depth, most) * rays.strength, most),
+                };
+                if peak <= 0.0 {
+                    continue;
+                }
+                let (amount, old) = (near_absorbed(peak * weight), tiles.pixel(x, y));
+                let blend = |c: usize| FrontToBack::blend(old[c], old[3], amount, ink[c], projector.stop);
+                tiles.set_pixel(x, y, [blend(0), blend(1), blend(2), blend(3)]);
+                is_drawn = true;
+            }
+        }
+        is_drawn
+    });
+    Ok(BandResult { pixels: tiles, stats })
+}
+
 /// A voxel's kernel and colour.
 type ColouredKernel = (SplatKernel, [f32; 3]);
 
@@ -71,22 +121,31 @@ fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (kernel, [red, green, blue]): Co
 
 /// Calls `draw` for each voxel with its splat (`None` if the voxel has none) and slice; `draw` returns whether it drew.
 fn each_splat(task: &DrawTask, mut draw: impl FnMut(Option<ColouredKernel>, u16) -> bool) -> BandStats {
+    each_voxel(task, |voxel, record| draw(splat(task, voxel, record), voxel[task.projector.nesting[0]]))
+}
+
+/// Calls `draw` for each voxel with its coordinates and the index of its record; `draw` returns whether it drew.
+fn each_voxel(task: &DrawTask, mut draw: impl FnMut([u16; 3], usize) -> bool) -> BandStats {
     let mut drawn = 0;
     let stats = task.walk(&mut |batch: &Batch| {
         for j in 0..batch.len() {
             let mut voxel = [0u16; 3];
             let [s, m, f] = task.projector.nesting;
             (voxel[s], voxel[m], voxel[f]) = (batch.slow, batch.medium[j], batch.fast[j]);
-            drawn += u64::from(draw(splat(task, voxel, batch.record_index(j)), batch.slow));
+            drawn += u64::from(draw(voxel, batch.record_index(j)));
         }
     });
     BandStats { drawn, ..stats }
 }
 
+fn is_cropped(projector: &Projector, voxel: [u16; 3]) -> bool {
+    projector.crop.is_some_and(|crop| (0..3).any(|a| voxel[a] < crop.low[a] || voxel[a] > crop.high[a]))
+}
+
 /// Returns a voxel's kernel and colour; `None` if it is not drawn.
 fn splat(task: &DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredKernel> {
     let projector = &task.projector;
-    if projector.crop.is_some_and(|crop| (0..3).any(|a| voxel[a] < crop.low[a] || voxel[a] > crop.high[a])) {
+    if is_cropped(projector, voxel) {
         return None;
     }
     let (centre, ellipse, strength) = project_voxel(projector, voxel)?;

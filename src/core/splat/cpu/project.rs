@@ -11,6 +11,8 @@
 //!
 //! Centres are computed in double precision, so that a picture of 16,384 pixels is as exact as a small one.
 
+use std::ops::Range;
+
 use super::raster::{BLOCK, Extents, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
 use crate::arena::Lane;
@@ -88,6 +90,27 @@ impl VoxelBlock {
     #[inline(always)]
     pub fn have_room(&self, more: usize) -> bool {
         self.count + more <= BLOCK
+    }
+
+    /// Adds those voxels of a part of `batch` for whose fast coordinate `marks` is 1, not 0. There must be room for all.
+    #[inline(always)]
+    pub(super) fn add_marked(&mut self, batch: &Batch, range: Range<usize>, marks: &[u8; 1 << 16]) {
+        let [slow, medium, fast] = &mut self.positions;
+        let mut count = self.count;
+        for index in range {
+            let at = count % BLOCK;
+            let place = batch.fast[index];
+            (slow[at], medium[at], fast[at]) = (batch.slow, batch.medium[index], place);
+            self.records[at] = batch.record_index(index);
+            count += usize::from(marks[usize::from(place)]);
+        }
+        self.count = count;
+    }
+
+    /// Returns the coordinates of the voxels along the slow, medium and fast axis.
+    #[inline(always)]
+    pub(super) fn positions(&self) -> &[[u16; BLOCK]; 3] {
+        &self.positions
     }
 
     /// Adds up to `most` voxels of `batch`, starting with voxel `from`, while there is room; returns how many.
@@ -188,17 +211,6 @@ impl<'a> Projector<'a> {
                 & (fast[j] <= high[2]);
         }
         in_crop
-    }
-
-    /// Computes the first column and row of each voxel's stamp. The voxels lie in one slice, and the stamp of a voxel
-    /// with fast and medium coordinates 0 begins at column `left` and row `top`.
-    #[inline(always)]
-    pub(super) fn place_stamps(voxels: &VoxelBlock, [left, top]: [i32; 2], out: &mut Splats) {
-        let [_, medium, fast] = &voxels.positions;
-        for j in 0..BLOCK {
-            out.x.nearest[j] = left + i32::from(fast[j]);
-            out.y.nearest[j] = top + i32::from(medium[j]);
-        }
     }
 
     /// Computes the centre, ellipse and bounding box of each voxel of a block.

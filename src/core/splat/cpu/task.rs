@@ -6,11 +6,13 @@
 use std::time::{Duration, Instant};
 
 use super::blend::{Additive, Blend};
+use super::gather::{Band, LookTables};
+use super::lattice::Lattice;
 use super::project::Projector;
 use super::task_visitor::TaskVisitor;
-use super::tile_buffer::{Rect, TileBuffer};
+use super::tile_buffer::{Rect, TILE, TileBuffer};
 use super::visible::VisibleRecords;
-use super::{band, plain};
+use super::{band, gather, plain};
 use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::parallel::in_order;
@@ -95,15 +97,49 @@ impl<'a> DrawTask<'a> {
 
     /// Draws all splats, band by band.
     pub(super) fn splat<B: Blend>(&self) -> Result<Vec<BandResult<TileBuffer>>> {
-        if self.settings.code != Code::Plain {
-            return self.in_bands(self.lines_follow_rows(), &|rect| band::draw::<B>(self, rect));
-        }
         let rect = full_rect(self.settings.size);
-        let drawn = match self.settings.blending {
-            Blending::Sheets => plain::draw_sheets(self, rect)?,
-            Blending::Exponential | Blending::Linear => plain::draw::<B>(self, rect)?,
+        match (self.settings.blending, self.settings.code) {
+            (Blending::Sheets, _) => Ok(vec![plain::draw_sheets(self, rect)?]),
+            (_, Code::Plain) => Ok(vec![plain::draw::<B>(self, rect)?]),
+            _ => self.in_bands(self.lines_follow_rows(), &|rect| band::draw::<B>(self, rect)),
+        }
+    }
+
+    /// Draws all voxels on a lattice, band by band, composited front to back.
+    pub(super) fn on_lattice(&self, lattice: &Lattice) -> Result<(Frame, BandStats)> {
+        let settings = &Settings { size: lattice.size, ..self.settings.clone() };
+        let shown = lattice.shown();
+        if self.settings.code == Code::Plain {
+            let band = plain::draw_on_lattice(self, lattice, &shown)?;
+            return assemble(&[band], settings, self.projector.table);
+        }
+        let rows = lattice.size[1] as usize >> TILE;
+        // So few rows of tiles that all of a band stays near in the cache, and that threads end at about the same time;
+        // but what lies at a band's borders is drawn twice, and each band computes stamps.
+        let each = if settings.threads == 1 { 32 } else { (rows / (3 * settings.threads)).clamp(8, 32) };
+        let looks = LookTables::new(&self.projector, lattice.tile([0, 0]).strength);
+        let (mut frame, mut stats) = (Frame::transparent(lattice.size)?, BandStats::default());
+        let draw = |band: &mut _, index: usize| {
+            let rows = [each * index, rows.min(each * (index + 1))].map(|row| row as i32);
+            gather::draw(self, Band::of(band, self, lattice, looks.as_ref(), each)?, &shown, rows)
         };
-        Ok(vec![drawn])
+        in_order(
+            rows.div_ceil(each),
+            settings.threads,
+            || None,
+            draw,
+            |_, band| {
+                let Rect { y0, y1, .. } = band.pixels.rect;
+                frame.fill_some_rows(y0.unsigned_abs()..y1.unsigned_abs(), 1, |y, row| {
+                    let put = |x: i32, values| row[x.unsigned_abs() as usize] = self.projector.table.finish(values);
+                    band.pixels.visit_row(y as i32, put);
+                });
+                stats.add(&band.stats);
+                Ok(())
+            },
+        )?;
+        stats.bands = settings.threads.min(rows.div_ceil(each));
+        Ok((frame, stats))
     }
 
     /// Walks the lane and passes its voxels to `painter`, which draws and counts them; returns the other numbers.

@@ -11,9 +11,8 @@
 
 use bytemuck::Zeroable;
 
-use super::blend::{Additive, Blend as _, sheet_loss};
 use super::task::BandPixels;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::splat::frame::zeroed;
 
 /// Side of a tile in pixels, as a power of 2.
@@ -80,8 +79,6 @@ pub struct TileBuffer {
     open_tiles: OpenCounts,
     /// For each block: how many of its squares have tiles that are not frozen.
     open_squares: OpenCounts,
-    /// Indices of the tiles that are not fresh; for a sheet only.
-    touched: Option<Vec<u32>>,
 }
 
 /// A count of open cells for each square of a grid over the picture.
@@ -139,53 +136,7 @@ impl TileBuffer {
         let tiles = zeroed(len as u64)?;
         let (open_tiles, open_squares) = (OpenCounts::new(rect, SQUARE, TILE), OpenCounts::new(rect, BLOCK, SQUARE));
         let states = vec![FRESH; len];
-        Ok(TileBuffer { rect, initial_alpha, pitch, tiles, states, open_tiles, open_squares, touched: None })
-    }
-
-    /// Creates a sheet: pixels for the sums of colour times optical depth, and of optical depth, of a slice.
-    pub(super) fn sheet(rect: Rect) -> Result<TileBuffer> {
-        let sheet = TileBuffer::new(rect, Additive::INITIAL_ALPHA)?;
-        let mut touched = Vec::new();
-        let len = sheet.tiles.len();
-        touched
-            .try_reserve_exact(len)
-            .map_err(|_| Error::out_of_memory("the picture", (size_of::<u32>() * len) as u64))?;
-        Ok(TileBuffer { touched: Some(touched), ..sheet })
-    }
-
-    /// Composites a sheet of the same rectangle behind the pixels, front to back, then empties the sheet.
-    #[inline(always)]
-    pub(super) fn composite(&mut self, sheet: &mut TileBuffer, stop: f32) {
-        let mut touched = sheet.touched.take().unwrap_or_default();
-        for from in touched.drain(..) {
-            let from = from as usize;
-            // The sheet's tiles have the same indices.
-            let column = (self.rect.x0 >> TILE) + (from % self.pitch) as i32;
-            let row = (self.rect.y0 >> TILE) + (from / self.pitch) as i32;
-            let PixelTile(added) = &mut sheet.tiles[from];
-            if let Some((index, PixelTile([red, green, blue, clear]))) = self.tile(column, row) {
-                let (mut losses, mut factors) = ([0.0; TILE_PIXELS], [0.0; TILE_PIXELS]);
-                for i in 0..TILE_PIXELS {
-                    [losses[i], factors[i]] = sheet_loss(clear[i], added[3][i], stop);
-                }
-                for (values, added) in [red, green, blue].into_iter().zip(&*added) {
-                    for i in 0..TILE_PIXELS {
-                        values[i] += factors[i] * added[i];
-                    }
-                }
-                let mut is_open = false;
-                for i in 0..TILE_PIXELS {
-                    clear[i] -= losses[i];
-                    is_open |= clear[i] >= stop;
-                }
-                if !is_open {
-                    self.freeze(index, column, row);
-                }
-            }
-            *added = [[0.0; TILE_PIXELS]; 4];
-            sheet.states[from] = FRESH;
-        }
-        sheet.touched = Some(touched);
+        Ok(TileBuffer { rect, initial_alpha, pitch, tiles, states, open_tiles, open_squares })
     }
 
     /// Returns the index of the tile in `column` and `row` of the picture's grid, which meets the rectangle.
@@ -216,9 +167,6 @@ impl TileBuffer {
             *alpha = if inside { self.initial_alpha } else { 0.0 };
         }
         self.states[index] = OPEN;
-        if let Some(touched) = &mut self.touched {
-            touched.push(index as u32);
-        }
     }
 
     /// Marks an open tile as frozen: none of its pixels changes any more.

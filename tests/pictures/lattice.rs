@@ -1,4 +1,4 @@
-//! Pictures drawn on the base plane of a parallel view, beside those whose every pixel is drawn.
+//! Pictures drawn on the lattice of a parallel view, beside those whose every pixel is drawn.
 
 use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Code, KernelShape, Projection, Quality, Sampling, Settings};

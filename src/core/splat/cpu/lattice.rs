@@ -1,0 +1,586 @@
+//! The lattice: a plane parallel to the slices, on whose pixels a view is drawn before it is warped to the picture.
+//!
+//! In: a view of voxels that lie on one side of the eye along the slow axis, and the order of its walk. Out: how the
+//! voxels of each slice and the pixels of the picture map to the plane. In every slice the pixels are a lattice of
+//! points, only shifted and scaled from slice to slice:
+//!
+//! ```text
+//! parallel       point = origin(slice) + pixel * K / 4                K voxels to a tile of 4 x 4 pixels
+//! perspective    point = eye + distance(slice) * slope                slope = first + pixel * step
+//! ```
+//!
+//! A ray of slope t = (t_f, t_m), in voxels along the fast and the medium axis per slice, meets a voxel's kernel at the
+//! distance d, in voxels of the slice. The kernel's integral along the ray, for a Gaussian of covariance sigma^2 I, is
+//!
+//! ```text
+//! depth(d) = extinction |S (1, t)| / |(1, t)| / (2 pi sigma^2) * exp(-d^T (I + t t^T)^-1 d / (2 sigma^2))
+//! ```
+//!
+//! where S has the voxels' steps as columns. Slopes are those of a tile's centre for all of its pixels: an error of
+//! 61 dB at an angle of 75 degrees.
+//!
+//! Source: Lacroute and Levoy, "Fast volume rendering using a shear-warp factorization", 1994, for the plane.
+
+use bytemuck::Zeroable;
+use glam::{DMat3, DVec3};
+
+use super::project::nearest_pixel;
+use super::raster::BLOCK;
+use super::tile_buffer::{TILE, TILE_PIXELS};
+use crate::splat::arith::{LOG2_E, at_least, at_most, keep_if, near_exp2_neg};
+use crate::splat::kernel::{KernelShape, LOW_PASS};
+use crate::splat::supersample::sigma_at_centre;
+use crate::splat::view::{MAX_SIZE, PixelMap, View};
+use crate::splat::{Blending, Mode, Sampling, Settings};
+use crate::traverse::{Order, Sense, Viewpoint, VoxelBox};
+
+/// Width of the plane's margin around the voxels, in its pixels, so that the voxels' edge is interpolated correctly.
+const MARGIN: f64 = 6.0;
+/// Largest ratio of the plane's pixel count to the picture's (over the same area) at which a plane is worthwhile.
+const MAX_PIXELS: f64 = 6.5;
+/// Smallest distance between voxels, in pixels of the picture. If they are nearer along both directions, the four points
+/// that are sampled per pixel of the picture miss parts of the pixel.
+const FINEST: f64 = 0.4;
+/// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
+const NEAREST: f64 = 8.0;
+
+/// Pixels of the plane per standard deviation of the kernel. Measured: docs/studies/sampling.md.
+struct Density {
+    /// Where the picture shows all detail of matter that is not opaque.
+    wide: f64,
+    /// Where voxels are small.
+    small: f64,
+}
+
+const ENOUGH: Density = Density { wide: 0.93, small: 0.7 };
+const FEWEST: Density = Density { wide: 0.62, small: 0.7 };
+/// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
+const PER_PIXEL: f64 = 1.35;
+
+/// The plane of a view, and how voxels, plane and picture map to each other.
+#[derive(Debug, Clone)]
+pub(super) struct Lattice {
+    /// Columns and rows of the plane's pixels: whole tiles.
+    pub(super) size: [u32; 2],
+    /// Columns and rows of the picture.
+    pub(super) picture: [u32; 2],
+    /// The homography from the picture's pixels to the plane's: three rows of factors of x, of y, and constants. The
+    /// third row is the divisor, positive where a ray meets the plane.
+    pub(super) plane_from_pixel: [[f64; 3]; 3],
+    /// Variance of the low-pass filter along x and along y, in square pixels of the picture.
+    pub(super) blur: f64,
+    rays: Rays,
+    kernel: KernelShape,
+}
+
+/// How the plane's pixels are rays through the slices. Pairs are along the fast and the medium axis, in voxels.
+#[derive(Debug, Clone)]
+enum Rays {
+    Parallel {
+        /// Number of voxels to a tile.
+        voxels: i32,
+        /// How far a ray moves per slice.
+        slope: [f64; 2],
+        /// The point of pixel 0 in slice 0.
+        origin: [f64; 2],
+        strength: f32,
+    },
+    Perspective {
+        /// The eye, along the slow, fast and medium axis.
+        eye: [f64; 3],
+        /// Slope of pixel 0: voxels per slice of distance from the eye.
+        first: [f64; 2],
+        /// How much the slope grows per pixel.
+        step: f64,
+        /// The voxels' steps along the slow (away from the eye), fast and medium axis, in mean spacings.
+        steps: [DVec3; 3],
+        /// The optical depth of a voxel of depth 1 on a ray whose voxels are as long as the mean spacing.
+        strength: f64,
+    },
+}
+
+/// The lattice of a slice. Pairs are along the fast and the medium axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Slice {
+    /// The point of pixel 0, in voxels.
+    pub(super) origin: [f64; 2],
+    /// The distance between pixels, in voxels.
+    pub(super) step: f64,
+}
+
+/// A voxel on the plane: the nearest pixel and the distance from it, along columns and rows.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Place {
+    pub(super) pixel: [i32; 2],
+    pub(super) offset: [f32; 2],
+    /// Square of the distance between pixels, in voxels.
+    pub(super) scale: f32,
+}
+
+/// The rays of a tile.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct TileRays {
+    /// The tile's first pixel.
+    first: [i32; 2],
+    /// Factors of a pixel's distance from a voxel, in pixels along columns and rows: the exponent, in units of ln 2, is
+    /// the sum of the squares of (column * x + shear * y) and (row * y), times the scale of the place.
+    column: f32,
+    shear: f32,
+    row: f32,
+    /// The optical depth of a voxel of depth 1 at its centre.
+    pub(super) strength: f32,
+    /// For each pixel of the tile: the first and the second sum, counted from the first pixel.
+    u: [f32; TILE_PIXELS],
+    v: [f32; TILE_PIXELS],
+}
+
+/// For each pixel of a tile: its column in the tile.
+const COLUMN: [f32; TILE_PIXELS] = [0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3., 0., 1., 2., 3.];
+/// For each pixel of a tile: its row in the tile.
+const ROW: [f32; TILE_PIXELS] = [0., 0., 0., 0., 1., 1., 1., 1., 2., 2., 2., 2., 3., 3., 3., 3.];
+
+impl TileRays {
+    /// Returns the weight of a voxel's kernel at the pixels of the tile, 0 to 1; 0 where the exponent is above `cut`.
+    #[inline(always)]
+    pub(super) fn weights(&self, place: &Place, cut: f32) -> [f32; TILE_PIXELS] {
+        let TileRays { first, column, shear, row, u, v, .. } = self;
+        let x = (first[0] - place.pixel[0]) as f32 - place.offset[0];
+        let y = (first[1] - place.pixel[1]) as f32 - place.offset[1];
+        let (across, down) = (column * x + shear * y, row * y);
+        let mut weights = [0.0; TILE_PIXELS];
+        for i in 0..TILE_PIXELS {
+            let (across, down) = (across + u[i], down + v[i]);
+            let exponent = (across * across + down * down) * place.scale;
+            // Beyond the cut-off the exponential may be meaningless, and `keep_if` replaces it by 0.
+            weights[i] = keep_if(exponent <= cut, near_exp2_neg(exponent));
+        }
+        weights
+    }
+}
+
+impl Lattice {
+    /// Returns the lattice of a view of the voxels in `bounds`; `deepest` is the largest optical depth of any of them,
+    /// along a ray as long as the mean voxel spacing.
+    ///
+    /// `None` if `settings` ask for other samples, another mode or another direction, if `order` is not the view's own,
+    /// if the eye is among or near the slices, or if the plane would have to be too large.
+    pub(super) fn new(
+        view: &View,
+        order: &Order,
+        bounds: &VoxelBox,
+        deepest: impl FnOnce() -> f64,
+        settings: &Settings,
+    ) -> Option<Lattice> {
+        let density = match settings.sampling() {
+            Sampling::EveryPixel | Sampling::Finer => return None,
+            Sampling::Enough => ENOUGH,
+            Sampling::Fewest => FEWEST,
+        };
+        let is_composite = settings.mode == Mode::Composite && settings.blending == Blending::Exponential;
+        if !is_composite || settings.sense != Sense::FrontToBack {
+            return None;
+        }
+        let kernel = settings.kernel();
+        let sigma = f64::from(kernel.sigma);
+        // The edge of what is opaque rises faster than its footprint.
+        let peak = deepest() / (std::f64::consts::TAU * sigma * sigma);
+        let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
+        // The edge of what is opaque rises faster than its footprint. A picture of small voxels shows no such edges.
+        let samples = move |step: f64, least: f64| (density.wide * sharpness).min(least.max(PER_PIXEL * step * sigma));
+        let choose = |step: f64| samples(step, density.small) / sigma;
+        let choose_far = |step: f64| samples(step, 0.0) / sigma;
+        let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
+        let extent = BoxExtent::new(bounds, nested, kernel);
+        let plane = match &view.map {
+            PixelMap::Parallel { pixel_from_voxel: [x, y], scale } => {
+                parallel(view, [x, y], *scale, nested, &extent, choose, kernel)?
+            }
+            PixelMap::Perspective { .. } => {
+                let step = f64::from(sigma_at_centre(view, bounds, settings)) / sigma;
+                perspective(view, step, nested, &extent, [&choose, &choose_far], kernel)?
+            }
+        };
+        let narrowest = f64::from(sigma_at_centre(view, bounds, settings));
+        let blur = (f64::from(LOW_PASS * LOW_PASS) - narrowest * narrowest).max(0.0);
+        Some(Lattice { blur, ..plane })
+    }
+
+    /// Returns the lattice of the slice at `slow` on the slow axis.
+    #[inline(always)]
+    pub(super) fn slice(&self, slow: u16) -> Slice {
+        let slow = f64::from(slow);
+        match &self.rays {
+            Rays::Parallel { voxels, slope, origin, .. } => {
+                Slice { origin: [0, 1].map(|side| origin[side] + slope[side] * slow), step: f64::from(*voxels) / 4.0 }
+            }
+            Rays::Perspective { eye, first, step, .. } => {
+                let distance = (slow - eye[0]).abs();
+                let origin = [0, 1].map(|side| eye[1 + side] + distance * first[side]);
+                Slice { origin, step: distance * step }
+            }
+        }
+    }
+
+    /// Returns where the voxel with these coordinates on the fast and the medium axis of `slice` lies on the plane.
+    #[inline(always)]
+    pub(super) fn place(&self, slice: &Slice, voxel: [i32; 2]) -> Place {
+        let mut place = Place { scale: (slice.step * slice.step) as f32, ..Place::default() };
+        let per_pixel = 1.0 / slice.step;
+        for side in 0..2 {
+            (place.pixel[side], place.offset[side]) = match self.voxels_per_tile() {
+                // Voxels that are a tile apart have the same offset, bit for bit.
+                Some(voxels) => {
+                    let (tiles, rest) = (voxel[side].div_euclid(voxels), voxel[side].rem_euclid(voxels));
+                    let (pixel, offset) = nearest_pixel((f64::from(rest) - slice.origin[side]) * per_pixel);
+                    (pixel.wrapping_add(tiles << TILE), offset)
+                }
+                None => nearest_pixel((f64::from(voxel[side]) - slice.origin[side]) * per_pixel),
+            };
+        }
+        place
+    }
+
+    /// Returns how many voxels of a slice's row lie in a tile, in a parallel view; `None` in perspective.
+    #[inline(always)]
+    pub(super) fn voxels_per_tile(&self) -> Option<i32> {
+        match self.rays {
+            Rays::Parallel { voxels, .. } => Some(voxels),
+            Rays::Perspective { .. } => None,
+        }
+    }
+
+    /// Returns how far a kernel reaches along the fast (`side` 0) or medium axis (1) from its centre, in voxels, on rays
+    /// that meet the plane between the pixels `low` and `high`.
+    #[inline(always)]
+    pub(super) fn reach(&self, side: usize, [low, high]: [f64; 2]) -> f64 {
+        let steepest = match &self.rays {
+            Rays::Parallel { slope, .. } => slope[side].abs(),
+            Rays::Perspective { first, step, .. } => {
+                (first[side] + step * low).abs().max((first[side] + step * high).abs())
+            }
+        };
+        f64::from(self.kernel.radius) * (1.0 + steepest * steepest).sqrt()
+    }
+
+    /// Returns the rays of the tile in `column` and `row`.
+    #[inline(always)]
+    pub(super) fn tile(&self, [column, row]: [i32; 2]) -> TileRays {
+        let first = [column << TILE, row << TILE];
+        let [fast, medium] = match &self.rays {
+            Rays::Parallel { slope, .. } => *slope,
+            Rays::Perspective { first: slope, step, .. } => {
+                [0, 1].map(|side| slope[side] + step * (f64::from(first[side]) + 1.5))
+            }
+        };
+        let strength = match &self.rays {
+            Rays::Parallel { strength, .. } => *strength,
+            Rays::Perspective { steps, strength, .. } => {
+                let length = (steps[0] + steps[1] * fast + steps[2] * medium).length();
+                (strength * (length / (1.0 + fast * fast + medium * medium).sqrt())) as f32
+            }
+        };
+        let (fast, medium) = (fast as f32, medium as f32);
+        let scale = 0.5 * LOG2_E / (self.kernel.sigma * self.kernel.sigma);
+        let beside = 1.0 + medium * medium;
+        let column_factor = (scale * beside / (beside + fast * fast)).sqrt();
+        let shear = 0.0 - column_factor * (fast * medium / beside);
+        let row_factor = (scale / beside).sqrt();
+        let (mut u, mut v) = ([0.0; TILE_PIXELS], [0.0; TILE_PIXELS]);
+        for i in 0..TILE_PIXELS {
+            u[i] = column_factor * COLUMN[i] + shear * ROW[i];
+            v[i] = row_factor * ROW[i];
+        }
+        TileRays { first, column: column_factor, shear, row: row_factor, strength, u, v }
+    }
+
+    /// Returns, for each tile, row by row, whether the picture may show it.
+    pub(super) fn shown(&self) -> Vec<bool> {
+        /// How far beyond the picture's edge tiles are drawn, in pixels of the plane: those farther away weigh below
+        /// 0.268^6 in the interpolation.
+        const AROUND: f64 = 6.0;
+        let [columns, rows] = self.size.map(|side| side >> TILE);
+        let matrix = DMat3::from_cols_array_2d(&self.plane_from_pixel).transpose();
+        let to_picture = matrix.inverse();
+        let ends = self.picture.map(|side| f64::from(side) - 0.5 + self.blur.sqrt());
+        let is_shown = |column: u32, row: u32| {
+            let mut outside = [true; 4];
+            for corner in 0..4u32 {
+                let at =
+                    |tile: u32, high: u32| f64::from(tile << TILE) + if high == 0 { -AROUND } else { 3.0 + AROUND };
+                let [x, y, w] = (to_picture * DVec3::new(at(column, corner & 1), at(row, corner >> 1), 1.0)).to_array();
+                // Where the divisor is not positive, the corner is behind the eye: the tile is large, and shown.
+                if w <= 0.0 || w.is_nan() {
+                    return true;
+                }
+                let (x, y) = (x / w, y / w);
+                let first = -0.5 - self.blur.sqrt();
+                let beyond = [x < first, x > ends[0], y < first, y > ends[1]];
+                outside = std::array::from_fn(|i| outside[i] && beyond[i]);
+            }
+            !outside.contains(&true)
+        };
+        (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))).map(|(c, r)| is_shown(c, r)).collect()
+    }
+}
+
+/// The places of a block's voxels of one slice in a perspective view, and the pixels that their kernels reach: a little
+/// more than an ellipse each.
+#[derive(Clone, Copy, Zeroable)]
+#[repr(C)]
+pub(super) struct Footprints {
+    pixel: [[i32; BLOCK]; 2],
+    offset: [[f32; BLOCK]; 2],
+    /// Half of the height.
+    high: [f32; BLOCK],
+    /// By how many columns the middle of a row moves per row.
+    ridge: [f32; BLOCK],
+    /// Factor on half of a row's width.
+    wide: [f32; BLOCK],
+    /// Factor on the square of the distance from the middle row.
+    flat: [f32; BLOCK],
+    slack: [f32; BLOCK],
+    /// Square of the distance between pixels, in voxels.
+    scale: f32,
+    /// A kernel's radius in pixels, if the ray were perpendicular to the slices.
+    radius: f32,
+}
+
+impl Footprints {
+    /// Computes the footprints of voxels with these coordinates on the fast and the medium axis.
+    #[inline(always)]
+    pub(super) fn set(&mut self, lattice: &Lattice, slice: &Slice, voxels: [&[u16; BLOCK]; 2]) {
+        let Rays::Perspective { first, step, .. } = &lattice.rays else { return };
+        let radius = lattice.kernel.radius / slice.step as f32;
+        (self.scale, self.radius) = ((slice.step * slice.step) as f32, radius);
+        let per_pixel = 1.0 / slice.step;
+        for side in 0..2 {
+            let (pixel, offset, origin) = (&mut self.pixel[side], &mut self.offset[side], slice.origin[side]);
+            for j in 0..BLOCK {
+                (pixel[j], offset[j]) = nearest_pixel((f64::from(voxels[side][j]) - origin) * per_pixel);
+            }
+        }
+        // The slopes of the tiles that a kernel reaches are at most this much steeper: it reaches at most three radii far
+        // on rays that are not steeper than 2.8.
+        let step_single = *step as f32;
+        let more = step_single * (3.0 * radius + 6.0);
+        let [first_fast, first_medium] = first.map(|first| first as f32);
+        for j in 0..BLOCK {
+            let fast = first_fast + step_single * self.pixel[0][j] as f32;
+            let medium = first_medium + step_single * self.pixel[1][j] as f32;
+            self.ridge[j] = fast * medium / (1.0 + medium * medium);
+            let (fast, medium) = (fast.abs() + more, medium.abs() + more);
+            let beside = 1.0 + medium * medium;
+            self.flat[j] = 1.0 / beside;
+            self.wide[j] = ((beside + fast * fast) / beside).sqrt();
+            self.high[j] = radius * beside.sqrt() + 0.01;
+            self.slack[j] = self.high[j] * more * (fast + medium) + 0.01;
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn place(&self, j: usize) -> Place {
+        let Footprints { pixel, offset, scale, .. } = self;
+        Place { pixel: [pixel[0][j], pixel[1][j]], offset: [offset[0][j], offset[1][j]], scale: *scale }
+    }
+
+    /// Returns the footprint of voxel `j`.
+    #[inline(always)]
+    pub(super) fn of(&self, j: usize) -> Footprint {
+        Footprint {
+            centre: [0, 1].map(|side: usize| self.pixel[side][j] as f32 + self.offset[side][j]),
+            radius: self.radius,
+            high: self.high[j],
+            ridge: self.ridge[j],
+            wide: self.wide[j],
+            flat: self.flat[j],
+            slack: self.slack[j],
+        }
+    }
+}
+
+/// The pixels that a kernel reaches.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Footprint {
+    centre: [f32; 2],
+    radius: f32,
+    high: f32,
+    ridge: f32,
+    wide: f32,
+    flat: f32,
+    slack: f32,
+}
+
+impl Footprint {
+    /// Returns the first and last row of tiles.
+    #[inline(always)]
+    pub(super) fn rows(&self) -> [i32; 2] {
+        [((self.centre[1] - self.high).ceil() as i32) >> TILE, ((self.centre[1] + self.high).floor() as i32) >> TILE]
+    }
+
+    /// Returns the first and last tile of a row of tiles.
+    #[inline(always)]
+    pub(super) fn columns(&self, row: i32) -> [i32; 2] {
+        let low = (row << TILE) as f32 - self.centre[1];
+        let high = low + 3.0;
+        let nearest = at_least(at_least(low, 0.0 - high), 0.0);
+        let half =
+            self.wide * at_least(self.radius * self.radius - self.flat * nearest * nearest, 0.0).sqrt() + self.slack;
+        let (low, high) = (self.ridge * low, self.ridge * high);
+        let left = self.centre[0] + at_most(low, high) - half;
+        let right = self.centre[0] + at_least(low, high) + half;
+        [(left.ceil() as i32) >> TILE, (right.floor() as i32) >> TILE]
+    }
+}
+
+/// The box of the voxels, along the slow, fast and medium axis, and how far kernels reach out of it.
+struct BoxExtent {
+    low: [f64; 3],
+    high: [f64; 3],
+    reach: f64,
+}
+
+impl BoxExtent {
+    fn new(bounds: &VoxelBox, nested: [usize; 3], kernel: KernelShape) -> BoxExtent {
+        BoxExtent {
+            low: nested.map(|axis| f64::from(bounds.low[axis])),
+            high: nested.map(|axis| f64::from(bounds.high[axis])),
+            reach: f64::from(kernel.radius) * 1.5 + 1.0,
+        }
+    }
+}
+
+/// Returns the first pixel of a plane that covers what lies between `low` and `high` pixels, and how many there are.
+fn pixels_between(low: f64, high: f64) -> Option<(f64, u32)> {
+    let first = low.floor() - MARGIN;
+    let pixels = (high.ceil() - first + MARGIN + 1.0).max(2.0 * MARGIN);
+    (pixels <= f64::from(MAX_SIZE) - 4.0).then_some((first, (pixels as u32).next_multiple_of(4)))
+}
+
+fn parallel(
+    view: &View,
+    [x, y]: [&[f64; 4]; 2],
+    scale: f64,
+    [slow, fast, medium]: [usize; 3],
+    extent: &BoxExtent,
+    choose: impl Fn(f64) -> f64,
+    kernel: KernelShape,
+) -> Option<Lattice> {
+    let area = x[fast] * y[medium] - x[medium] * y[fast];
+    // From pixels of the picture to voxels along the fast and the medium axis.
+    let inverse = [[y[medium] / area, -x[medium] / area], [-y[fast] / area, x[fast] / area]];
+    let transform = |[a, b]: [f64; 2], [p, q]: [f64; 2]| a * p + b * q;
+    // A voxel's point on the plane moves by this per slice, and a ray by the opposite.
+    let shift = inverse.map(|row| transform(row, [x[slow], y[slow]]));
+    let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
+    let voxels = (4.0 / choose(steps[0].max(steps[1])) + 0.1).floor().clamp(1.0, 32.0);
+    let per_voxel = 4.0 / voxels;
+    // A shift above 1 means that the view runs along another axis than the slow one.
+    if !shift.iter().all(|shift| shift.abs() < 1.001)
+        || steps.iter().all(|step| *step < FINEST)
+        || per_voxel * per_voxel / area.abs() > MAX_PIXELS
+    {
+        return None;
+    }
+    let [columns, rows] = view.size.map(f64::from);
+    let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
+        .map(|[across, down]: [f64; 2]| [across - 0.5 - x[3], down - 0.5 - y[3]]);
+    let (mut size, mut first) = ([0; 2], [0.0; 2]);
+    for side in 0..2 {
+        // The plane covers only what both the picture shows and the voxels occupy.
+        let shown = corners.map(|corner| transform(inverse[side], corner));
+        let shown_low = shown.into_iter().fold(f64::INFINITY, f64::min);
+        let shown_high = shown.into_iter().fold(-f64::INFINITY, f64::max);
+        let ends = [extent.low[0], extent.high[0]].map(|at| shift[side] * at);
+        let low = extent.low[1 + side] + ends[0].min(ends[1]) - extent.reach;
+        let high = extent.high[1 + side] + ends[0].max(ends[1]) + extent.reach;
+        let (low, high) = (low.max(shown_low - 2.0), high.min(shown_high + 2.0));
+        (first[side], size[side]) = pixels_between(low * per_voxel, high * per_voxel)?;
+        // Along an axis all slices are alike. Pixels on both sides of a voxel's centre then show its edges better than
+        // one on the centre; where there is only one, it lies on it.
+        first[side] += if voxels < 3.0 { 0.5 } else { 0.0 };
+    }
+    let mut plane_from_pixel = [[0.0, 0.0, 1.0]; 3];
+    for side in 0..2 {
+        let [a, b]: [f64; 2] = inverse[side].map(|factor| factor * per_voxel);
+        plane_from_pixel[side] = [a, b, -first[side] - a * x[3] - b * y[3]];
+    }
+    let cross =
+        DVec3::new(x[0], x[1], x[2]).cross(DVec3::new(y[0], y[1], y[2])).length() * f64::from(kernel.sigma).powi(2);
+    let rays = Rays::Parallel {
+        voxels: voxels as i32,
+        slope: shift.map(|shift| -shift),
+        origin: first.map(|first| first / per_voxel),
+        strength: (f64::from(kernel.normalisation()) * scale * scale / cross) as f32,
+    };
+    Some(Lattice { size, picture: view.size, plane_from_pixel, blur: 0.0, rays, kernel })
+}
+
+fn perspective(
+    view: &View,
+    voxel_step: f64,
+    nested: [usize; 3],
+    extent: &BoxExtent,
+    [choose, choose_far]: [&dyn Fn(f64) -> f64; 2],
+    kernel: KernelShape,
+) -> Option<Lattice> {
+    let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
+        (&view.map, view.viewpoint)
+    else {
+        return None;
+    };
+    let eye = nested.map(|axis| eye[axis]);
+    // Away from the eye, slices come in this direction.
+    let away = if extent.low[0] > eye[0] { 1.0 } else { -1.0 };
+    let distances = [extent.low[0], extent.high[0]].map(|slow| away * (slow - eye[0]));
+    let (nearest, farthest) = (distances[0].min(distances[1]), distances[0].max(distances[1]));
+    let is_apart = nearest >= NEAREST;
+    if !is_apart || voxel_step < FINEST {
+        return None;
+    }
+    // The lattice is finer in near slices and coarser in far ones. Where these show all detail, it is fine enough there.
+    // Toward the edges of a wide angle, the picture is stretched.
+    let middle = 0.5 * (nearest + farthest);
+    let tangent = 0.5 * f64::from(view.size[0].max(view.size[1])) / focal;
+    let largest_step = voxel_step * (1.0 + tangent * tangent);
+    let finest = (choose(largest_step) * middle).max(choose_far(largest_step * middle / farthest) * farthest);
+    let step = 1.0 / finest;
+    // From a pixel's ray, in camera coordinates, to voxels along the slow (away from the eye), fast and medium axis.
+    let column = |axis: usize| DVec3::from_array([0, 1, 2].map(|row: usize| camera_from_voxel[row][axis]));
+    let steps = [column(nested[0]) * away, column(nested[1]), column(nested[2])];
+    let voxel_from_camera = DMat3::from_cols(steps[0], steps[1], steps[2]).inverse();
+    let camera_from_pixel = DMat3::from_cols(
+        DVec3::new(1.0 / focal, 0.0, 0.0),
+        DVec3::new(0.0, -1.0 / focal, 0.0),
+        DVec3::new(-centre[0] / focal, centre[1] / focal, 1.0),
+    );
+    let voxel_from_pixel = voxel_from_camera * camera_from_pixel;
+    let [columns, rows] = view.size.map(f64::from);
+    let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
+        .map(|[across, down]: [f64; 2]| (voxel_from_pixel * DVec3::new(across - 0.5, down - 0.5, 1.0)).to_array());
+    let all_meet = corners.iter().all(|[slow, fast, medium]| *slow > 0.05 * fast.hypot(*medium));
+    let (mut size, mut first) = ([0; 2], [0.0; 2]);
+    for side in 0..2 {
+        let slope = |at: f64, distance: f64| (at - eye[1 + side]) / distance;
+        let (box_low, box_high) =
+            (extent.low[1 + side] - 2.0 * extent.reach, extent.high[1 + side] + 2.0 * extent.reach);
+        let mut low = slope(box_low, nearest).min(slope(box_low, farthest));
+        let mut high = slope(box_high, nearest).max(slope(box_high, farthest));
+        if all_meet {
+            let shown = corners.map(|corner| corner[1 + side] / corner[0]);
+            low = low.max(shown.into_iter().fold(f64::INFINITY, f64::min) - 2.0 * step);
+            high = high.min(shown.into_iter().fold(-f64::INFINITY, f64::max) + 2.0 * step);
+        }
+        let (pixel, count) = pixels_between(low / step, high / step)?;
+        (first[side], size[side]) = (pixel * step, count);
+    }
+    let pixels = f64::from(size[0]) * f64::from(size[1]);
+    if pixels > MAX_PIXELS * columns * rows + 65_536.0 {
+        return None;
+    }
+    let row = |index: usize| voxel_from_pixel.row(index);
+    let plane = [row(1) - row(0) * first[0], row(2) - row(0) * first[1]].map(|row| (row / step).to_array());
+    let plane_from_pixel = [plane[0], plane[1], row(0).to_array()];
+    let strength = f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2);
+    let rays = Rays::Perspective { eye, first, step, steps, strength };
+    Some(Lattice { size, picture: view.size, plane_from_pixel, blur: 0.0, rays, kernel })
+}

@@ -1,0 +1,344 @@
+//! The warp: from the lattice's pixels to the picture, by cubic B-splines.
+//!
+//! In: the frame drawn on a [`Lattice`]. Out: the picture.
+//!
+//! ```text
+//! plane -> coefficients of the spline (a recursive filter along rows, then columns) -> homography -> picture
+//! ```
+//!
+//! Where voxels are smaller than pixels, the mean of four points around each pixel of the picture is its low-pass.
+//!
+//! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993: a recursive filter, then weights.
+
+use std::ops::Range;
+
+use multiversion::multiversion;
+
+use super::lattice::Lattice;
+use crate::error::Result;
+use crate::splat::Frame;
+use crate::splat::arith::{at_least, at_most};
+
+/// Smallest standard deviation of a blur that is done, in pixels. A smaller one changes no value by more than 0.001.
+const MIN_BLUR: f64 = 0.03;
+/// How many pixels of a row are computed together.
+const TOGETHER: usize = 16;
+/// The pole of the cubic B-spline's recursive filter: sqrt(3) - 2.
+const POLE: f32 = -0.267_949_2;
+/// A factor of -6 times [`POLE`]. The two passes of the filter leave it out, and [`spline_weights`] include it instead.
+const GAIN: f32 = 6.0 * 0.267_949_2;
+
+/// Computes the picture from `plane`, the frame drawn on `lattice`. The result does not depend on `threads`.
+pub(super) fn warp(lattice: &Lattice, mut plane: Frame, threads: usize) -> Result<Frame> {
+    let columns = plane.size()[0] as usize;
+    let mut picture = Frame::transparent(lattice.picture)?;
+    let Some(Covered { rows, columns: across, near }) = Covered::of(&plane) else { return Ok(picture) };
+    // The spline needs two pixels on each side.
+    let inner = |range: &Range<usize>, end: usize| [range.start.max(1) as f64, range.end.min(end - 2) as f64 - 0.001];
+    let within = [inner(&across, columns), inner(&rows, plane.size()[1] as usize)];
+    let len = 4 * columns;
+    let drawn = &mut plane.pixels_mut()[len * rows.start..len * rows.end];
+    filter_rows(drawn, len, across.clone(), threads);
+    filter_columns(drawn, len, across, threads);
+    // The mean of four points, each one standard deviation from the pixel in x and in y, blurs with that variance.
+    let distance = lattice.blur.sqrt();
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]].map(|point| point.map(|c| c * distance));
+    let points = if distance < MIN_BLUR { &[[0.0; 2]][..] } else { &corners };
+    let coefficients = Coefficients { values: plane.pixels().as_chunks().0, covered: &near, columns, within };
+    picture.fill_rows(threads, |y, row| {
+        resample(&coefficients, &lattice.plane_from_pixel, points, y as f64, row);
+    });
+    Ok(picture)
+}
+
+/// Which pixels of a plane something was drawn on.
+struct Covered {
+    /// The rows and columns of these pixels, and of those around them that the filter changes.
+    rows: Range<usize>,
+    columns: Range<usize>,
+    /// For each pixel of the plane: whether something was drawn on it or on one of its eight neighbours.
+    near: Vec<bool>,
+}
+
+impl Covered {
+    /// `None` if nothing was drawn.
+    fn of(plane: &Frame) -> Option<Covered> {
+        /// How far the filter carries values, in pixels: 0.268^16 is 7e-10.
+        const CARRIED: usize = 16;
+        let [columns, rows] = plane.size().map(|side| side as usize);
+        let drawn: Vec<bool> = plane.pixels().chunks_exact(4).map(|pixel| pixel[3] > 0.0).collect();
+        let with_carried =
+            |from: usize, to: usize, end: usize| from.saturating_sub(CARRIED)..(to + CARRIED + 1).min(end);
+        let in_rows = || drawn.chunks_exact(columns).enumerate().filter(|(_, row)| row.contains(&true)).map(|(y, _)| y);
+        let (top, bottom) = (in_rows().next()?, in_rows().next_back()?);
+        let (mut left, mut right) = (columns, 0);
+        for row in drawn.chunks_exact(columns) {
+            left = row.iter().position(|drawn| *drawn).map_or(left, |first| left.min(first));
+            right = row.iter().rposition(|drawn| *drawn).map_or(right, |last| right.max(last));
+        }
+        let in_row: Vec<bool> = drawn.chunks_exact(columns).flat_map(|row| with_neighbours(row, 1)).collect();
+        let near = with_neighbours(&in_row, columns);
+        Some(Covered { rows: with_carried(top, bottom, rows), columns: with_carried(left, right, columns), near })
+    }
+}
+
+/// Returns for each flag whether it, or the one `distance` before or after it, is set.
+fn with_neighbours(flags: &[bool], distance: usize) -> Vec<bool> {
+    let mut set = flags.to_vec();
+    set.iter_mut().skip(distance).zip(flags).for_each(|(set, before)| *set |= before);
+    set.iter_mut().zip(flags.iter().skip(distance)).for_each(|(set, after)| *set |= after);
+    set
+}
+
+/// Returns the weights, times [`GAIN`], of four neighbouring coefficients at a point `t` (0 to 1) past the second one.
+#[inline(always)]
+fn spline_weights(t: f32) -> [f32; 4] {
+    let s = 1.0 - t;
+    [
+        GAIN / 6.0 * (s * s * s),
+        GAIN * (2.0 / 3.0 - t * t * (2.0 - t) / 2.0),
+        GAIN * (2.0 / 3.0 - s * s * (2.0 - s) / 2.0),
+        GAIN / 6.0 * (t * t * t),
+    ]
+}
+
+/// How many rows the filter takes at once: a full vector, which hides that each pixel waits for the one before.
+const ROWS: usize = 4;
+
+/// Applies the recursive filter to rows of `len` numbers, to the right and back, within a range of columns. With
+/// [`filter_columns`] it turns samples into the coefficients of the B-spline through them, divided by the square of
+/// [`GAIN`]. Beyond the range, samples are 0.
+fn filter_rows(rows: &mut [f32], len: usize, columns: Range<usize>, threads: usize) {
+    let group = ROWS * len;
+    let each = rows.len().div_ceil(group).div_ceil(threads) * group;
+    std::thread::scope(|scope| {
+        let mut parts = rows.chunks_mut(each);
+        let first = parts.next();
+        for part in parts {
+            let columns = columns.clone();
+            scope.spawn(move || part.chunks_mut(group).for_each(|rows| filter_row_group(rows, len, columns.clone())));
+        }
+        first.into_iter().flat_map(|part| part.chunks_mut(group)).for_each(|rows| {
+            filter_row_group(rows, len, columns.clone());
+        });
+    });
+}
+
+/// Filters up to [`ROWS`] rows.
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+fn filter_row_group(rows: &mut [f32], len: usize, columns: Range<usize>) {
+    let mut lines: [&mut [[f32; 4]]; ROWS] = std::array::from_fn(|_| &mut [][..]);
+    let count = rows.len() / len;
+    for (line, row) in lines.iter_mut().zip(rows.chunks_exact_mut(len)) {
+        *line = &mut row.as_chunks_mut().0[columns.clone()];
+    }
+    if count == ROWS {
+        let [a, b, c, d] = lines;
+        let pixels = a.len().min(b.len()).min(c.len()).min(d.len());
+        let mut before = [[0.0f32; 4]; ROWS];
+        for i in 0..pixels {
+            before = next([a[i], b[i], c[i], d[i]], before);
+            [a[i], b[i], c[i], d[i]] = before;
+        }
+        before = [[0.0; 4]; ROWS];
+        for i in (0..pixels).rev() {
+            before = next([a[i], b[i], c[i], d[i]], before);
+            [a[i], b[i], c[i], d[i]] = before;
+        }
+    } else {
+        for line in lines {
+            let mut before = [[0.0f32; 4]];
+            for pixel in line.iter_mut() {
+                before = next([*pixel], before);
+                *pixel = before[0];
+            }
+            before = [[0.0; 4]];
+            for pixel in line.iter_mut().rev() {
+                before = next([*pixel], before);
+                *pixel = before[0];
+            }
+        }
+    }
+}
+
+/// Returns the filter's values at some pixels, from the pixels and the values before.
+#[inline(always)]
+fn next<const N: usize>(pixels: [[f32; 4]; N], before: [[f32; 4]; N]) -> [[f32; 4]; N] {
+    let mut values = [[0.0; 4]; N];
+    for i in 0..N {
+        for c in 0..4 {
+            values[i][c] = normal(pixels[i][c] + POLE * before[i][c]);
+        }
+    }
+    values
+}
+
+/// Returns 0 for what has decayed: over empty pixels the filter would go on with denormal numbers, which are slow.
+#[inline(always)]
+fn normal(value: f32) -> f32 {
+    if value.abs() < 1e-20 { 0.0 } else { value }
+}
+
+/// Applies the recursive filter to columns, downward and back; see [`filter_rows`].
+fn filter_columns(rows: &mut [f32], len: usize, columns: Range<usize>, threads: usize) {
+    /// Numbers of a strip's row: strips of many rows stay in the second-level cache.
+    const STRIP: usize = 128;
+    let mut strips: Vec<Vec<&mut [f32]>> = Vec::new();
+    for row in rows.chunks_exact_mut(len) {
+        for (index, part) in row[4 * columns.start..4 * columns.end].chunks_mut(STRIP).enumerate() {
+            if strips.len() == index {
+                strips.push(Vec::new());
+            }
+            strips[index].push(part);
+        }
+    }
+    let each = strips.len().div_ceil(threads).max(1);
+    std::thread::scope(|scope| {
+        let mut parts = strips.chunks_mut(each);
+        let first = parts.next();
+        for part in parts {
+            scope.spawn(move || part.iter_mut().for_each(|strip| filter_strip(strip)));
+        }
+        first.into_iter().flatten().for_each(|strip| filter_strip(strip));
+    });
+}
+
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+fn filter_strip(strip: &mut [&mut [f32]]) {
+    for row in 1..strip.len() {
+        let (above, below) = strip.split_at_mut(row);
+        follow(below[0], above[row - 1]);
+    }
+    for row in (1..strip.len()).rev() {
+        let (above, below) = strip.split_at_mut(row);
+        follow(above[row - 1], below[0]);
+    }
+}
+
+#[inline(always)]
+fn follow(row: &mut [f32], before: &[f32]) {
+    for (value, before) in row.iter_mut().zip(before) {
+        *value = normal(*value + POLE * before);
+    }
+}
+
+/// The coefficients of the B-spline through the pixels of a plane.
+struct Coefficients<'a> {
+    values: &'a [[f32; 4]],
+    /// For each pixel: whether something was drawn on it or on one of its eight neighbours.
+    covered: &'a [bool],
+    /// Number of columns of the plane.
+    columns: usize,
+    /// First and last column, and first and last row, between which there are such pixels.
+    within: [[f64; 2]; 2],
+}
+
+/// Computes a row of the picture: the mean of the plane's spline at `points` around each pixel. The row is empty before.
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+fn resample(from: &Coefficients, map: &[[f64; 3]; 3], points: &[[f64; 2]], y: f64, row: &mut [[f32; 4]]) {
+    let weight = 1.0 / points.len() as f32;
+    let mut at = PlanePoints::default();
+    for (first, pixels) in (0u32..).step_by(TOGETHER).zip(row.chunks_mut(TOGETHER)) {
+        for [dx, dy] in points {
+            let lines = map.map(|[a, b, c]| [a, (f64::from(first) + dx) * a + (b * (y + dy) + c)]);
+            if at.set(lines, &from.within) {
+                from.add(&at, pixels);
+            }
+        }
+        for pixel in pixels {
+            *pixel = in_range(*pixel, weight);
+        }
+    }
+}
+
+/// Returns a pixel's sums times `weight`, limited to what interpolation may not leave: alpha to 0 to 1, and colours to 0
+/// and above, 0 where alpha is 0.
+#[inline(always)]
+fn in_range([red, green, blue, alpha]: [f32; 4], weight: f32) -> [f32; 4] {
+    let alpha = at_most(at_least(alpha * weight, 0.0), 1.0);
+    let colour = |sum: f32| at_most(at_least(sum * weight, 0.0), BRIGHTEST * alpha);
+    [colour(red), colour(green), colour(blue), alpha]
+}
+
+/// The brightest colour of a voxel: white in full light with the strongest highlight.
+const BRIGHTEST: f32 = 2.0;
+
+impl Coefficients<'_> {
+    /// Adds the values of the spline at some points to the pixels.
+    #[inline(always)]
+    fn add(&self, at: &PlanePoints, pixels: &mut [[f32; 4]]) {
+        for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| at.inside[*i]) {
+            let [left, top] = [at.pixel[0][i] as usize, at.pixel[1][i] as usize];
+            let [right, below] = [0, 1].map(|side: usize| usize::from(at.fraction[side][i] >= 0.5));
+            if !self.covered[self.columns * (top + below) + left + right] {
+                continue;
+            }
+            // Sums down the columns first: all four columns and colours together fill a vector.
+            let mut sums = [0.0f32; 16];
+            for k in 0..4 {
+                let first = self.columns * (top + k - 1) + left - 1;
+                let values: &[[f32; 4]; 4] = self.values[first..].first_chunk().expect("four pixels are around");
+                let weight = at.weights[1][k][i];
+                for (sum, value) in sums.iter_mut().zip(values.as_flattened()) {
+                    *sum += weight * value;
+                }
+            }
+            let across = [0, 1, 2, 3].map(|k: usize| at.weights[0][k][i]);
+            for c in 0..4 {
+                let (a, b) =
+                    (sums[c] * across[0] + sums[4 + c] * across[1], sums[8 + c] * across[2] + sums[12 + c] * across[3]);
+                pixel[c] += a + b;
+            }
+        }
+    }
+}
+
+/// Points on the plane, [`TOGETHER`] of them; first their columns, then their rows.
+#[derive(Default)]
+struct PlanePoints {
+    /// The plane's column (or row) at or before each point.
+    pixel: [[i32; TOGETHER]; 2],
+    /// The distance past that column (or row), 0 to 1.
+    fraction: [[f32; TOGETHER]; 2],
+    /// The weights of the spline's four coefficients.
+    weights: [[[f32; TOGETHER]; 4]; 2],
+    /// Whether something may be drawn there.
+    inside: [bool; TOGETHER],
+}
+
+impl PlanePoints {
+    /// Sets the points to columns and rows that are quotients: each of the three `lines` is a step and a first number,
+    /// and the third is the divisor. Returns whether any point is `within` these columns and rows.
+    #[inline(always)]
+    fn set(&mut self, lines: [[f64; 2]; 3], within: &[[f64; 2]; 2]) -> bool {
+        let mut any = false;
+        let mut at = [[0.0f64; TOGETHER]; 2];
+        for i in 0..TOGETHER {
+            let [u, v, divisor] = lines.map(|[step, first]| first + i as f64 * step);
+            let factor = 1.0 / divisor;
+            (at[0][i], at[1][i]) = (u * factor, v * factor);
+            let is_inside = (at[0][i] >= within[0][0])
+                & (at[0][i] <= within[0][1])
+                & (at[1][i] >= within[1][0])
+                & (at[1][i] <= within[1][1])
+                & (divisor > 0.0);
+            self.inside[i] = is_inside;
+            any |= is_inside;
+        }
+        if !any {
+            return false;
+        }
+        for side in 0..2 {
+            let (pixel, fraction) = (&mut self.pixel[side], &mut self.fraction[side]);
+            for i in 0..TOGETHER {
+                let floor = at[side][i].floor();
+                (pixel[i], fraction[i]) = (floor as i32, (at[side][i] - floor) as f32);
+            }
+            let [a, b, c, d] = &mut self.weights[side];
+            for i in 0..TOGETHER {
+                [a[i], b[i], c[i], d[i]] = spline_weights(fraction[i]);
+            }
+        }
+        true
+    }
+}
