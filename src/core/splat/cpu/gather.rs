@@ -15,22 +15,20 @@
 use std::ops::Range;
 use std::time::Instant;
 
-use multiversion::multiversion;
-
 use super::blend::{Blend, FrontToBack};
 use super::dispatch;
 use super::lattice::{Footprints, Lattice, Place, Slice};
+use super::look_tables::LookTables;
+use super::open_tiles::OpenTiles;
 use super::project::{Projector, VoxelBlock};
 use super::raster::{BLOCK, Splats};
+use super::stamps::Stamps;
 use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
-use crate::classify::normal;
 use crate::error::{Error, Result};
 use crate::splat::Code;
 use crate::splat::arith::{LOG2_E, at_most, near_absorbed};
-use crate::splat::composite::{Look, MAX_DEPTH};
-use crate::splat::shade::Lights;
-use crate::splat::view::PixelMap;
+use crate::splat::composite::MAX_DEPTH;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Longest list of a tile.
@@ -41,11 +39,9 @@ const FULL: usize = 96;
 const CLOSED: u8 = u8::MAX;
 /// Number of splats on lists at which all tiles take theirs: what lists refer to stays in the second-level cache.
 const WAITING: usize = 8192;
-/// Number of slices whose stamps are kept. All tiles take their splats before stamps are replaced.
-const SLICES: usize = 8;
 /// How many voxels are tested together before there must be room for all of them in a block.
 const GROUP: usize = 32;
-/// Slack of rounded bounds, in voxels or pixels.
+/// Slack of rounded bounds, in voxels or pixels of the plane.
 const SLACK: f64 = 1e-3;
 
 /// Draws the rows of tiles from `first` to before `end`; `shown` tells which tiles of the plane the picture may show.
@@ -114,58 +110,6 @@ impl Visitor for LatticePainter<'_, '_> {
     }
 }
 
-/// Which tiles of a band may still change: a bit a tile.
-struct OpenTiles {
-    words: usize,
-    bits: Vec<u64>,
-}
-
-impl OpenTiles {
-    fn new(columns: usize, rows: usize) -> OpenTiles {
-        let words = columns.div_ceil(64);
-        OpenTiles { words, bits: vec![0; words * rows] }
-    }
-
-    fn set(&mut self, row: usize, column: usize) {
-        self.bits[self.words * row + column / 64] |= 1 << (column % 64);
-    }
-
-    #[inline(always)]
-    fn clear(&mut self, row: usize, column: usize) {
-        self.bits[self.words * row + column / 64] &= !(1 << (column % 64));
-    }
-
-    /// Returns whether any tile of `row` between two columns is open.
-    fn any(&self, row: usize, [left, right]: [i32; 2]) -> bool {
-        let bits = &self.bits[self.words * row..][..self.words];
-        let (left, right) = (left.max(0) as usize, right.min(64 * self.words as i32 - 1));
-        if right < left as i32 {
-            return false;
-        }
-        let right = right as usize;
-        (left / 64..=right / 64).any(|word| {
-            let first = if word == left / 64 { u64::MAX << (left % 64) } else { u64::MAX };
-            let last = if word == right / 64 { u64::MAX >> (63 - right % 64) } else { u64::MAX };
-            bits[word] & first & last != 0
-        })
-    }
-
-    /// Calls `visit` with the first and last column of each run of open tiles of `row`.
-    #[inline(always)]
-    fn each_run(&self, row: usize, mut visit: impl FnMut(usize, usize)) {
-        let bits = &self.bits[self.words * row..][..self.words];
-        for (word, &bits) in bits.iter().enumerate() {
-            let mut left = bits;
-            while left != 0 {
-                let from = left.trailing_zeros() as usize;
-                let len = (!(left >> from)).trailing_zeros() as usize;
-                visit(64 * word + from, 64 * word + from + len - 1);
-                left = if from + len >= 64 { 0 } else { left & (u64::MAX << (from + len)) };
-            }
-        }
-    }
-}
-
 /// A splat that waits on the lists of tiles.
 #[derive(Debug, Clone, Copy)]
 struct WaitingSplat {
@@ -174,87 +118,6 @@ struct WaitingSplat {
     /// Optical depth in units of ln 2, for a tile of strength 1.
     depth: f32,
     colour: [f32; 3],
-}
-
-/// What the kernels that reach a tile weigh at its pixels, for several slices of a parallel view.
-struct Stamps {
-    voxels: Divisor,
-    /// Number of columns and rows of voxels that may reach a tile.
-    size: [i32; 2],
-    /// For each slice: a row of stamps after the other. If all voxels have one depth, a stamp has amounts of light; else
-    /// weights.
-    stamps: Vec<[f32; TILE_PIXELS]>,
-    depth: Option<f32>,
-    /// Number of slices in use.
-    used: usize,
-    /// The first voxel along the fast and the medium axis that reaches the first tile of the plane.
-    first: [i32; 2],
-    /// Which tiles a voxel of the slice at hand reaches, by its row and column among the voxels of a tile: how much lower
-    /// their indices are than that of the last tile that it may reach.
-    reached: Vec<u32>,
-    /// Where in `reached` the tiles of each row and column begin, and the end of the last ones.
-    starts: Vec<u32>,
-}
-
-impl Stamps {
-    fn new(lattice: &Lattice, voxels: i32, depth: Option<f32>) -> Stamps {
-        let slice = lattice.slice(0);
-        let size = [0, 1].map(|side| (2.0 * lattice.reach(side, [0.0; 2]) + 3.0 * slice.step) as i32 + 2);
-        let stamps = vec![[0.0; TILE_PIXELS]; SLICES * (size[0] * size[1]) as usize];
-        let starts = vec![0; (voxels * voxels + 1) as usize];
-        Stamps {
-            voxels: Divisor::new(voxels),
-            size,
-            stamps,
-            depth,
-            used: 0,
-            first: [0; 2],
-            reached: Vec::new(),
-            starts,
-        }
-    }
-
-    /// Returns the index of the first stamp of the slice at hand.
-    #[inline(always)]
-    fn base(&self) -> i32 {
-        (self.used as i32 - 1) * self.size[0] * self.size[1]
-    }
-
-    /// Computes the stamps of a slice. Rows of tiles are `pitch` tiles long.
-    #[inline(always)]
-    fn add(&mut self, lattice: &Lattice, slice: &Slice, pitch: usize, cut: f32) {
-        let rays = lattice.tile([0, 0]);
-        self.first = [0, 1].map(|side| {
-            let low = slice.origin[side] - lattice.reach(side, [0.0; 2]);
-            (low - SLACK).ceil() as i32
-        });
-        self.used += 1;
-        let from = self.base() as usize;
-        let [columns, rows] = self.size;
-        let voxels = self.voxels.voxels;
-        let stamps = &mut self.stamps[from..from + (columns * rows) as usize];
-        for (index, stamp) in (0..).zip(&mut *stamps) {
-            let voxel = [self.first[0] + index % columns, self.first[1] + index / columns];
-            *stamp = rays.weights(&lattice.place(slice, voxel), cut);
-        }
-        self.reached.clear();
-        for (start, place) in self.starts.iter_mut().zip(0..) {
-            *start = self.reached.len() as u32;
-            let (row, column) = (place / voxels, place % voxels);
-            for row in (row..rows).step_by(voxels as usize).take_while(|_| place < voxels * voxels) {
-                for column in (column..columns).step_by(voxels as usize) {
-                    if stamps[(row * columns + column) as usize].iter().any(|weight| *weight > 0.0) {
-                        self.reached.push((row / voxels * pitch as i32 + column / voxels) as u32);
-                    }
-                }
-            }
-        }
-        if let Some(depth) = self.depth {
-            for amount in stamps.as_flattened_mut() {
-                *amount = near_absorbed(depth * *amount);
-            }
-        }
-    }
 }
 
 /// A band of the lattice's tiles, and the voxels that one thread is drawing on it.
@@ -324,8 +187,7 @@ impl<'a> Band<'a> {
             let depth = task.projector.table.only_depth().map(|depth| limited(depth, lattice.tile([0, 0]).strength));
             Stamps::new(lattice, voxels, depth)
         });
-        let reached = |stamps: &Stamps| (stamps.size[0].max(stamps.size[1]) / stamps.voxels.voxels + 2) as usize;
-        let around = stamps.as_ref().map_or(0, reached);
+        let around = stamps.as_ref().map_or(0, Stamps::reach);
         let tiles = (columns + 2 * around) * (rows + 2 * around);
         let refused = |_| Error::out_of_memory("the picture", (tiles * size_of::<[u16; LIST]>()) as u64);
         let mut lists = Vec::new();
@@ -370,7 +232,7 @@ impl<'a> Band<'a> {
         (self.first_row, self.rows) = (first, (end - first) as usize);
         let rect = Rect { x0: 0, y0: first << TILE, x1: (columns << TILE) as i32, y1: end << TILE };
         self.pixels = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
-        self.open.bits.fill(0);
+        self.open.clear_all();
         self.counts.fill(CLOSED);
         for (tile, _) in shown[columns * first as usize..columns * end as usize].iter().enumerate().filter(|(_, s)| **s)
         {
@@ -389,8 +251,9 @@ impl<'a> Band<'a> {
     fn tiles_near(&self, side: usize, slice: &Slice, [low, high]: [u16; 2]) -> [i32; 2] {
         let pixel = |voxel: u16| (f64::from(voxel) - slice.origin[side]) / slice.step;
         let (low, high) = (pixel(low), pixel(high));
-        // A kernel reaches pixels whose rays are a little steeper or flatter than the voxel's own.
-        let reach = self.lattice.reach(side, [low - 8.0, high + 8.0]) / slice.step + SLACK;
+        // A kernel reaches pixels whose rays are steeper or flatter than the voxel's own.
+        let around = self.lattice.farthest(slice);
+        let reach = self.lattice.reach(side, [low - around, high + around]) / slice.step + SLACK;
         [((low - reach).ceil() as i32) >> TILE, ((high + reach).floor() as i32) >> TILE]
     }
 
@@ -408,7 +271,7 @@ impl<'a> Band<'a> {
             self.slow = Some(batch.slow);
             self.slice = self.lattice.slice(batch.slow);
             self.together = None;
-            if self.stamps.as_ref().is_some_and(|stamps| stamps.used == SLICES) {
+            if self.stamps.as_ref().is_some_and(Stamps::is_full) {
                 dispatch::take_all(self.code, projector, self);
             }
             if let Some(stamps) = &mut self.stamps {
@@ -420,13 +283,10 @@ impl<'a> Band<'a> {
             let medium = batch.medium[from];
             let to = from + batch.medium[from..].iter().take_while(|other| **other == medium).count();
             let [low, high] = self.rows_near(&self.slice, [medium; 2]);
-            let [_, at_medium, _] = projector.nesting;
-            if projector.crop.is_some_and(|crop| medium < crop.low[at_medium] || medium > crop.high[at_medium]) {
-                from = to;
-                continue;
-            }
             let (low, high) = (low.max(0), high.min(self.rows as i32 - 1));
-            if low <= high {
+            let axis = projector.nesting[1];
+            let is_cropped = projector.crop.is_some_and(|crop| medium < crop.low[axis] || medium > crop.high[axis]);
+            if low <= high && !is_cropped {
                 self.show(batch.slow, [low as usize, high as usize], projector);
                 let ends = |ends: (u16, u16), &fast: &u16| (ends.0.min(fast), ends.1.max(fast));
                 let (first, last) = batch.fast[from..to].iter().fold((u16::MAX, 0), ends);
@@ -587,12 +447,7 @@ impl<'a> Band<'a> {
         self.splats.clear();
         self.places.clear();
         if let Some(stamps) = &mut self.stamps {
-            // The stamps of the slice at hand are kept.
-            if stamps.used > 1 {
-                let len = (stamps.size[0] * stamps.size[1]) as usize;
-                stamps.stamps.copy_within(len * (stamps.used - 1)..len * stamps.used, 0);
-                stamps.used = 1;
-            }
+            stamps.keep_last();
         }
     }
 
@@ -649,81 +504,6 @@ impl<'a> Band<'a> {
 #[inline(always)]
 pub(super) fn limited(depth: f32, strength: f32) -> f32 {
     at_most(depth * strength, MAX_DEPTH as f32 * LOG2_E)
-}
-
-/// Looks by value code and light by normal code, for parallel views: all voxels see the same light.
-pub(super) struct LookTables {
-    /// For each value code: colour and optical depth.
-    looks: Box<[Look; 256]>,
-    /// For each normal code: a factor on the colour, and a highlight; `None` if voxels are not lit.
-    light: Option<Box<[[f32; 2]]>>,
-}
-
-impl LookTables {
-    /// Creates the tables of a frame. `None` if the view is not parallel, codes are longer, or there are few voxels.
-    pub(super) fn new(projector: &Projector, strength: f32) -> Option<LookTables> {
-        /// Computing the light of each code takes as long as that of this number of voxels.
-        const MANY: usize = 1 << 16;
-        let channels = projector.lane.channels;
-        let is_short = channels.value_bits == 8 && channels.normal_bits <= 8;
-        let is_parallel = matches!(projector.map, PixelMap::Parallel { .. });
-        if !is_parallel || !is_short || projector.lane.values.len() < 2 * MANY {
-            return None;
-        }
-        let mut looks = Box::new(*projector.table.of_bytes()?);
-        looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
-        let light = projector.lights.as_ref().map(|lights| {
-            let mut light = vec![[0.0; 2]; MANY].into_boxed_slice();
-            light_of_codes(lights, &mut light);
-            light
-        });
-        Some(LookTables { looks, light })
-    }
-
-    /// Returns the depth and the colour of a record's voxel.
-    #[inline(always)]
-    fn of(&self, projector: &Projector, record: usize) -> (f32, [f32; 3]) {
-        let lane = &projector.lane;
-        let value = match lane.values.get(record) {
-            Some(&code) => code,
-            None => lane.value_code(record) as u8,
-        };
-        let [red, green, blue, depth] = self.looks[usize::from(value)];
-        let Some(light) = &self.light else { return (depth, [red, green, blue]) };
-        let normal = match lane.normals.as_chunks::<2>().0.get(record) {
-            Some(&code) => u16::from_le_bytes(code),
-            None => lane.normal_code(record) as u16,
-        };
-        let [factor, highlight] = light[usize::from(normal)];
-        (depth, [red * factor + highlight, green * factor + highlight, blue * factor + highlight])
-    }
-}
-
-/// Computes the light of each normal code.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn light_of_codes(lights: &Lights, light: &mut [[f32; 2]]) {
-    for (code, light) in (0..=u16::MAX).zip(light) {
-        *light = lights.shade(normal::decode8(code), lights.eye);
-    }
-}
-
-/// Divides by a number of voxels, 1 to 32, without a division.
-#[derive(Clone, Copy)]
-struct Divisor {
-    voxels: i32,
-    factor: i64,
-}
-
-impl Divisor {
-    fn new(voxels: i32) -> Divisor {
-        Divisor { voxels, factor: (1 << 32) / i64::from(voxels) + 1 }
-    }
-
-    /// Returns `number / voxels`, rounded down, for numbers within +-2^20.
-    #[inline(always)]
-    fn divide(self, number: i32) -> i32 {
-        ((i64::from(number) * self.factor) >> 32) as i32
-    }
 }
 
 /// Returns the part of the light that a splat of optical depth `peak` takes, for its weights.

@@ -262,6 +262,13 @@ impl Lattice {
         f64::from(self.kernel.radius) * (1.0 + steepest * steepest).sqrt()
     }
 
+    /// Returns how many pixels away from its centre a kernel of `slice` reaches at most: three radii on rays that are not
+    /// steeper than 2.8.
+    #[inline(always)]
+    pub(super) fn farthest(&self, slice: &Slice) -> f64 {
+        3.0 * f64::from(self.kernel.radius) / slice.step + 6.0
+    }
+
     /// Returns the rays of the tile in `column` and `row`.
     #[inline(always)]
     pub(super) fn tile(&self, [column, row]: [i32; 2]) -> TileRays {
@@ -359,10 +366,9 @@ impl Footprints {
                 (pixel[j], offset[j]) = nearest_pixel((f64::from(voxels[side][j]) - origin) * per_pixel);
             }
         }
-        // The slopes of the tiles that a kernel reaches are at most this much steeper: it reaches at most three radii far
-        // on rays that are not steeper than 2.8.
+        // The slopes of the tiles that a kernel reaches are at most this much steeper.
         let step_single = *step as f32;
-        let more = step_single * (3.0 * radius + 6.0);
+        let more = (step * lattice.farthest(slice)) as f32;
         let [first_fast, first_medium] = first.map(|first| first as f32);
         for j in 0..BLOCK {
             let fast = first_fast + step_single * self.pixel[0][j] as f32;

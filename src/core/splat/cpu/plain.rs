@@ -69,7 +69,8 @@ pub(super) fn draw_on_lattice(task: &DrawTask, lattice: &Lattice, shown: &[bool]
         let ink = [red, green, blue, FrontToBack::ALPHA_INK];
         let spans = [0, 1].map(|side| {
             let at = f64::from(place.pixel[side]);
-            let reach = lattice.reach(side, [at - 8.0, at + 8.0]) / slice.step + 1.0;
+            let around = lattice.farthest(&slice);
+            let reach = lattice.reach(side, [at - around, at + around]) / slice.step + 1.0;
             [((at - reach) as i32).max(0), ((at + reach) as i32).min(lattice.size[side] as i32 - 1)]
         });
         let mut is_drawn = false;

@@ -6,8 +6,9 @@
 use std::time::{Duration, Instant};
 
 use super::blend::{Additive, Blend};
-use super::gather::{Band, LookTables};
+use super::gather::Band;
 use super::lattice::Lattice;
+use super::look_tables::LookTables;
 use super::project::Projector;
 use super::task_visitor::TaskVisitor;
 use super::tile_buffer::{Rect, TILE, TileBuffer};
