@@ -177,7 +177,8 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
                     assert!(same, "{code:?} {threads} {mode:?} {quality:?} {sense:?} {blending:?}: {}", {
                         apart(&got, &want)
                     });
-                    assert_eq!(stats.bands, threads);
+                    // Sheets are for studies: the plain twin draws them.
+                    assert_eq!(stats.bands, if blending == Blending::Sheets { 1 } else { threads });
                 }
             }
         }
