@@ -56,6 +56,12 @@ const ENOUGH: Density = Density { wide: 0.93, small: 0.7 };
 const FEWEST: Density = Density { wide: 0.62, small: 0.7 };
 /// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
 const PER_PIXEL: f64 = 1.35;
+/// Sharpness of what is opaque. Its edges need all of the picture's pixels, unless voxels are small or magnified.
+const SHARP: f64 = 1.3;
+/// Distance between voxels, in pixels of the picture, up to which the picture shows no such edges.
+const SMALL_STEP: f64 = 0.76;
+/// Largest number of pixels of the plane per pixel of the picture, along a side, for magnified views of what is opaque.
+const MAGNIFIED: f64 = 0.8;
 
 /// The plane of a view, and how voxels, plane and picture map to each other.
 #[derive(Debug, Clone)]
@@ -185,6 +191,7 @@ impl Lattice {
         // The edge of what is opaque rises faster than its footprint.
         let peak = deepest() / (std::f64::consts::TAU * sigma * sigma);
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
+        let is_sharp = sharpness > SHARP && settings.sampling() == Sampling::Enough;
         // The edge of what is opaque rises faster than its footprint. A picture of small voxels shows no such edges.
         let samples = move |step: f64, least: f64| (density.wide * sharpness).min(least.max(PER_PIXEL * step * sigma));
         let choose = |step: f64| samples(step, density.small) / sigma;
@@ -193,10 +200,18 @@ impl Lattice {
         let extent = BoxExtent::new(bounds, nested, kernel);
         let plane = match &view.map {
             PixelMap::Parallel { pixel_from_voxel: [x, y], scale } => {
+                let steps = [nested[1], nested[2]].map(|axis| x[axis].hypot(y[axis]));
+                let step = steps[0].max(steps[1]);
+                if is_sharp && step > SMALL_STEP && choose(step) > MAGNIFIED * step {
+                    return None;
+                }
                 parallel(view, [x, y], *scale, nested, &extent, choose, kernel)?
             }
             PixelMap::Perspective { .. } => {
                 let step = f64::from(sigma_at_centre(view, bounds, settings)) / sigma;
+                if is_sharp && choose(step) > MAGNIFIED * step {
+                    return None;
+                }
                 perspective(view, step, nested, &extent, [&choose, &choose_far], kernel)?
             }
         };
@@ -302,31 +317,33 @@ impl Lattice {
 
     /// Returns, for each tile, row by row, whether the picture may show it.
     pub(super) fn shown(&self) -> Vec<bool> {
-        /// How far beyond the picture's edge tiles are drawn, in pixels of the plane: those farther away weigh below
-        /// 0.268^6 in the interpolation.
-        const AROUND: f64 = 6.0;
-        let [columns, rows] = self.size.map(|side| side >> TILE);
-        let matrix = DMat3::from_cols_array_2d(&self.plane_from_pixel).transpose();
-        let to_picture = matrix.inverse();
-        let ends = self.picture.map(|side| f64::from(side) - 0.5 + self.blur.sqrt());
-        let is_shown = |column: u32, row: u32| {
-            let mut outside = [true; 4];
-            for corner in 0..4u32 {
-                let at =
-                    |tile: u32, high: u32| f64::from(tile << TILE) + if high == 0 { -AROUND } else { 3.0 + AROUND };
-                let [x, y, w] = (to_picture * DVec3::new(at(column, corner & 1), at(row, corner >> 1), 1.0)).to_array();
+        /// How far beyond the picture's edge tiles are drawn, in tiles: those farther away weigh below 0.268^8 in the
+        /// interpolation.
+        const AROUND: usize = 2;
+        let [columns, rows] = self.size.map(|side| side as usize >> TILE);
+        let to_picture = DMat3::from_cols_array_2d(&self.plane_from_pixel).transpose().inverse();
+        let (first, ends) =
+            (-0.5 - self.blur.sqrt(), self.picture.map(|side| f64::from(side) - 0.5 + self.blur.sqrt()));
+        // For each corner of a tile, with those around the plane: a bit for each edge of the picture that it is beyond.
+        let corners = columns + 2 * AROUND + 1;
+        let corner = |tile: usize| 4.0 * (tile as f64 - AROUND as f64) - 0.5;
+        let beyond = |row: usize| {
+            let start = to_picture * DVec3::new(0.0, corner(row), 1.0);
+            (0..corners).map(move |column| {
+                let [x, y, w] = (start + to_picture.x_axis * corner(column)).to_array();
                 // Where the divisor is not positive, the corner is behind the eye: the tile is large, and shown.
-                if w <= 0.0 || w.is_nan() {
-                    return true;
-                }
-                let (x, y) = (x / w, y / w);
-                let first = -0.5 - self.blur.sqrt();
-                let beyond = [x < first, x > ends[0], y < first, y > ends[1]];
-                outside = std::array::from_fn(|i| outside[i] && beyond[i]);
-            }
-            !outside.contains(&true)
+                let is_beyond = [x < first * w, x > ends[0] * w, y < first * w, y > ends[1] * w];
+                if w > 0.0 { (0..4).map(|edge| u8::from(is_beyond[edge]) << edge).sum() } else { 0u8 }
+            })
         };
-        (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))).map(|(c, r)| is_shown(c, r)).collect()
+        let beyond: Vec<u8> = (0..rows + 2 * AROUND + 1).flat_map(beyond).collect();
+        let is_shown = |row: usize, column: usize| {
+            let (across, down) = (2 * AROUND + 1, (2 * AROUND + 1) * corners);
+            let first = row * corners + column;
+            [first, first + across, first + down, first + down + across].iter().fold(0xff, |all, at| all & beyond[*at])
+                == 0
+        };
+        (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))).map(|(r, c)| is_shown(r, c)).collect()
     }
 }
 

@@ -32,7 +32,7 @@ const GAIN: f32 = 6.0 * 0.267_949_2;
 pub(super) fn warp(lattice: &Lattice, mut plane: Frame, threads: usize) -> Result<Frame> {
     let columns = plane.size()[0] as usize;
     let mut picture = Frame::transparent(lattice.picture)?;
-    let Some(Covered { rows, columns: across, near }) = Covered::of(&plane) else { return Ok(picture) };
+    let Some(Covered { rows, columns: across, near }) = Covered::of(&plane, threads) else { return Ok(picture) };
     // The spline needs two pixels on each side.
     let inner = |range: &Range<usize>, end: usize| [range.start.max(1) as f64, range.end.min(end - 2) as f64 - 0.001];
     let within = [inner(&across, columns), inner(&rows, plane.size()[1] as usize)];
@@ -62,32 +62,51 @@ struct Covered {
 
 impl Covered {
     /// `None` if nothing was drawn.
-    fn of(plane: &Frame) -> Option<Covered> {
+    fn of(plane: &Frame, threads: usize) -> Option<Covered> {
         /// How far the filter carries values, in pixels: 0.268^16 is 7e-10.
         const CARRIED: usize = 16;
         let [columns, rows] = plane.size().map(|side| side as usize);
-        let drawn: Vec<bool> = plane.pixels().chunks_exact(4).map(|pixel| pixel[3] > 0.0).collect();
-        let with_carried =
-            |from: usize, to: usize, end: usize| from.saturating_sub(CARRIED)..(to + CARRIED + 1).min(end);
-        let in_rows = || drawn.chunks_exact(columns).enumerate().filter(|(_, row)| row.contains(&true)).map(|(y, _)| y);
-        let (top, bottom) = (in_rows().next()?, in_rows().next_back()?);
+        let mut drawn = vec![false; columns * rows];
+        in_parts(&mut drawn, columns, threads, |from, drawn| {
+            for (drawn, pixel) in drawn.iter_mut().zip(&plane.pixels().as_chunks::<4>().0[columns * from..]) {
+                *drawn = pixel[3] > 0.0;
+            }
+        });
+        let lines: Vec<&[bool]> = drawn.chunks_exact(columns).collect();
+        let top = lines.iter().position(|line| line.contains(&true))?;
+        let bottom = lines.iter().rposition(|line| line.contains(&true))?;
         let (mut left, mut right) = (columns, 0);
-        for row in drawn.chunks_exact(columns) {
-            left = row.iter().position(|drawn| *drawn).map_or(left, |first| left.min(first));
-            right = row.iter().rposition(|drawn| *drawn).map_or(right, |last| right.max(last));
+        for line in &lines[top..=bottom] {
+            left = line[..left].iter().position(|drawn| *drawn).unwrap_or(left);
+            right = line[right..].iter().rposition(|drawn| *drawn).map_or(right, |last| right + last);
         }
-        let in_row: Vec<bool> = drawn.chunks_exact(columns).flat_map(|row| with_neighbours(row, 1)).collect();
-        let near = with_neighbours(&in_row, columns);
-        Some(Covered { rows: with_carried(top, bottom, rows), columns: with_carried(left, right, columns), near })
+        let mut near = vec![false; columns * rows];
+        in_parts(&mut near, columns, threads, |from, near| {
+            for (row, near) in (from..).zip(near.chunks_exact_mut(columns)) {
+                for line in &lines[row.saturating_sub(1)..rows.min(row + 2)] {
+                    near.iter_mut().zip(*line).for_each(|(near, drawn)| *near |= drawn);
+                    near[1..].iter_mut().zip(*line).for_each(|(near, drawn)| *near |= drawn);
+                    near.iter_mut().zip(&line[1..]).for_each(|(near, drawn)| *near |= drawn);
+                }
+            }
+        });
+        let carried = |from: usize, to: usize, end: usize| from.saturating_sub(CARRIED)..(to + CARRIED + 1).min(end);
+        Some(Covered { rows: carried(top, bottom, rows), columns: carried(left, right, columns), near })
     }
 }
 
-/// Returns for each flag whether it, or the one `distance` before or after it, is set.
-fn with_neighbours(flags: &[bool], distance: usize) -> Vec<bool> {
-    let mut set = flags.to_vec();
-    set.iter_mut().skip(distance).zip(flags).for_each(|(set, before)| *set |= before);
-    set.iter_mut().zip(flags.iter().skip(distance)).for_each(|(set, after)| *set |= after);
-    set
+/// Passes parts of `rows`, whole rows of `len` items, to `fill` on several threads, after the index of their first row.
+fn in_parts<T: Send>(rows: &mut [T], len: usize, threads: usize, fill: impl Fn(usize, &mut [T]) + Sync) {
+    let each = (rows.len() / len).div_ceil(threads).max(1);
+    let fill = &fill;
+    std::thread::scope(|scope| {
+        let mut parts = (0..).step_by(each).zip(rows.chunks_mut(each * len));
+        let first = parts.next();
+        for (from, part) in parts {
+            scope.spawn(move || fill(from, part));
+        }
+        first.into_iter().for_each(|(from, part)| fill(from, part));
+    });
 }
 
 /// Returns the weights, times [`GAIN`], of four neighbouring coefficients at a point `t` (0 to 1) past the second one.
@@ -109,18 +128,8 @@ const ROWS: usize = 4;
 /// [`filter_columns`] it turns samples into the coefficients of the B-spline through them, divided by the square of
 /// [`GAIN`]. Beyond the range, samples are 0.
 fn filter_rows(rows: &mut [f32], len: usize, columns: Range<usize>, threads: usize) {
-    let group = ROWS * len;
-    let each = rows.len().div_ceil(group).div_ceil(threads) * group;
-    std::thread::scope(|scope| {
-        let mut parts = rows.chunks_mut(each);
-        let first = parts.next();
-        for part in parts {
-            let columns = columns.clone();
-            scope.spawn(move || part.chunks_mut(group).for_each(|rows| filter_row_group(rows, len, columns.clone())));
-        }
-        first.into_iter().flat_map(|part| part.chunks_mut(group)).for_each(|rows| {
-            filter_row_group(rows, len, columns.clone());
-        });
+    in_parts(rows, len, threads, |_, rows| {
+        rows.chunks_mut(ROWS * len).for_each(|rows| filter_row_group(rows, len, columns.clone()));
     });
 }
 
@@ -192,15 +201,7 @@ fn filter_columns(rows: &mut [f32], len: usize, columns: Range<usize>, threads: 
             strips[index].push(part);
         }
     }
-    let each = strips.len().div_ceil(threads).max(1);
-    std::thread::scope(|scope| {
-        let mut parts = strips.chunks_mut(each);
-        let first = parts.next();
-        for part in parts {
-            scope.spawn(move || part.iter_mut().for_each(|strip| filter_strip(strip)));
-        }
-        first.into_iter().flatten().for_each(|strip| filter_strip(strip));
-    });
+    in_parts(&mut strips, 1, threads, |_, strips| strips.iter_mut().for_each(|strip| filter_strip(strip)));
 }
 
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
@@ -254,10 +255,14 @@ fn resample(from: &Coefficients, map: &[[f64; 3]; 3], points: &[[f64; 2]], y: f6
 /// Returns a pixel's sums times `weight`, limited to what interpolation may not leave: alpha to 0 to 1, and colours to 0
 /// and above, 0 where alpha is 0.
 #[inline(always)]
-fn in_range([red, green, blue, alpha]: [f32; 4], weight: f32) -> [f32; 4] {
-    let alpha = at_most(at_least(alpha * weight, 0.0), 1.0);
-    let colour = |sum: f32| at_most(at_least(sum * weight, 0.0), BRIGHTEST * alpha);
-    [colour(red), colour(green), colour(blue), alpha]
+fn in_range(sums: [f32; 4], weight: f32) -> [f32; 4] {
+    let most = BRIGHTEST * at_most(at_least(sums[3] * weight, 0.0), 1.0);
+    let most = [most, most, most, 1.0];
+    let mut pixel = [0.0; 4];
+    for c in 0..4 {
+        pixel[c] = at_most(at_least(sums[c] * weight, 0.0), most[c]);
+    }
+    pixel
 }
 
 /// The brightest colour of a voxel: white in full light with the strongest highlight.
@@ -267,27 +272,25 @@ impl Coefficients<'_> {
     /// Adds the values of the spline at some points to the pixels.
     #[inline(always)]
     fn add(&self, at: &PlanePoints, pixels: &mut [[f32; 4]]) {
-        for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| at.inside[*i]) {
+        for (i, pixel) in pixels.iter_mut().enumerate() {
             let [left, top] = [at.pixel[0][i] as usize, at.pixel[1][i] as usize];
             let [right, below] = [0, 1].map(|side: usize| usize::from(at.fraction[side][i] >= 0.5));
-            if !self.covered[self.columns * (top + below) + left + right] {
+            if !at.inside[i] || !self.covered[self.columns * (top + below) + left + right] {
                 continue;
             }
             // Sums down the columns first: all four columns and colours together fill a vector.
+            let rows = &self.values[self.columns * (top - 1) + left - 1..][..3 * self.columns + 4];
             let mut sums = [0.0f32; 16];
             for k in 0..4 {
-                let first = self.columns * (top + k - 1) + left - 1;
-                let values: &[[f32; 4]; 4] = self.values[first..].first_chunk().expect("four pixels are around");
+                let values: &[[f32; 4]; 4] = rows[self.columns * k..].first_chunk().expect("four pixels are around");
                 let weight = at.weights[1][k][i];
                 for (sum, value) in sums.iter_mut().zip(values.as_flattened()) {
                     *sum += weight * value;
                 }
             }
-            let across = [0, 1, 2, 3].map(|k: usize| at.weights[0][k][i]);
-            for c in 0..4 {
-                let (a, b) =
-                    (sums[c] * across[0] + sums[4 + c] * across[1], sums[8 + c] * across[2] + sums[12 + c] * across[3]);
-                pixel[c] += a + b;
+            let [a, b, c, d] = [0, 1, 2, 3].map(|k: usize| at.weights[0][k][i]);
+            for i in 0..4 {
+                pixel[i] += (sums[i] * a + sums[4 + i] * b) + (sums[8 + i] * c + sums[12 + i] * d);
             }
         }
     }
