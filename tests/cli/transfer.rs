@@ -136,6 +136,68 @@ fn a_palette_and_a_colour_table() {
     folder.build_refused(&format!("{BUILD} --labels t.ctbl"), &["t.ctbl", "line 1"]);
 }
 
+/// An uncompressed TIFF page of 4 x 2 indices, 0 to 7, into a palette of 16 colours: red of 40 times the index, or grey.
+fn indexed_tiff(bits: u16, colour: impl Fn(u16) -> [u16; 3]) -> Vec<u8> {
+    let samples: &[u8] = if bits == 4 { &[0x01, 0x23, 0x45, 0x67] } else { &[0, 1, 2, 3, 4, 5, 6, 7] };
+    let count = 1u16 << bits;
+    let map: Vec<u8> = (0..3)
+        .flat_map(|part| (0..count).map(move |i| (part, i)))
+        .flat_map(|(part, i)| colour(i)[part].to_le_bytes())
+        .collect();
+    let tags: [[u32; 4]; 9] = [
+        [256, 3, 1, 4],
+        [257, 3, 1, 2],
+        [258, 3, 1, bits.into()],
+        [259, 3, 1, 1],
+        [262, 3, 1, 3],
+        [273, 4, 1, 8],
+        [278, 3, 1, 2],
+        [279, 4, 1, samples.len().try_into().unwrap()],
+        [320, 3, 3 * u32::from(count), 16],
+    ];
+    let mut file = [&b"II*\0"[..], &u32::try_from(16 + map.len()).unwrap().to_le_bytes(), samples].concat();
+    file.resize(16, 0);
+    file.extend(map);
+    file.extend(9u16.to_le_bytes());
+    for [tag, kind, count, value] in tags {
+        let [tag, kind] = [tag, kind].map(|number| u16::try_from(number).unwrap().to_le_bytes());
+        file.extend([&tag[..], &kind, &count.to_le_bytes(), &value.to_le_bytes()].concat());
+    }
+    file.extend([0; 4]);
+    file
+}
+
+#[test]
+fn a_tiff_file_with_a_palette_is_drawn_in_its_colours() {
+    let folder = Folder::new();
+    for bits in [4, 8] {
+        folder.write("x.tif", &indexed_tiff(bits, |i| [0x9700u16.wrapping_mul(i), 0x3100u16.wrapping_mul(i), 0x0500]));
+        let first = folder.adj("build x.tif --flip y -o x.adj");
+        assert!(first.stderr.contains("the file says that its values are labels: --labels file;"), "{}", first.stderr);
+        first.done();
+        folder.adj("build x.tif --flip y --labels file -o again.adj").done();
+        assert!(std::fs::read(folder.file("x.adj")).unwrap() == std::fs::read(folder.file("again.adj")).unwrap());
+        let told = folder.adj("info x.adj --json").json();
+        assert_eq!(told["visible_voxels"], 7, "the index 0 is the background");
+        let labels = &told["description"]["transfer_function"]["labels"];
+        assert_eq!((&labels[1]["label"], &labels[1]["colour"]), (&2.into(), &"#2e6205".into()), "{labels}");
+        assert!(folder.adj("info x.tif").stdout.contains("a first picture: --labels file"));
+        folder.adj("render x.tif -o x.png --size 8x8").done();
+        // Other flags still choose, and the indices are the values.
+        assert_eq!(folder.adj("build x.tif --json --range 3.. -o x.adj").json()["visible_voxels"], 5);
+    }
+    folder.adj("render x.adj -o x.png --labels file").refused(&["--labels file", "is for volumes"]);
+    folder.write("v.raw", &RAW);
+    folder.build_refused(&format!("{BUILD} --labels file"), &["--labels file", "--labels distinct"]);
+    folder.write("scale.tif", &indexed_tiff(8, |i| [257 * i, 0, 0]));
+    let scale = folder.adj("build scale.tif -o scale.adj");
+    assert!(
+        scale.stderr.contains("indices into a colour scale") && scale.stderr.contains("--range"),
+        "{}",
+        scale.stderr
+    );
+}
+
 #[test]
 fn a_pipe_as_a_transfer_function_is_refused_and_not_waited_for() {
     let folder = Folder::new();
