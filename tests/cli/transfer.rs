@@ -199,6 +199,33 @@ fn a_tiff_file_with_a_palette_is_drawn_in_its_colours() {
 }
 
 #[test]
+fn a_file_that_says_that_its_values_are_labels_is_drawn_as_labels() {
+    let folder = Folder::new();
+    // By its values alone this is no label map: 0 is not the commonest.
+    let segment = "Segment0_LabelValue:=3\nSegment0_Name:=rib\nSegment0_Color:=1 0 0\n";
+    for (keys, flag) in [(segment, "file"), ("Segment0_LabelValue:=3\n", "distinct"), ("", "")] {
+        let header = format!("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\n{keys}\n");
+        folder.write("a.seg.nrrd", &[header.as_bytes(), &RAW].concat());
+        let built = folder.adj("build a.seg.nrrd -o a.adj");
+        assert_eq!(
+            built.stderr.contains(&format!("are labels: --labels {flag};")),
+            !flag.is_empty(),
+            "{}",
+            built.stderr
+        );
+        built.done();
+        let told = folder.adj("info a.adj --json").json();
+        assert_eq!(
+            told["visible_voxels"] == 24,
+            !flag.is_empty(),
+            "labels without a colour of their own are drawn too"
+        );
+        let suggested = folder.adj("info a.seg.nrrd --json").json()["suggestion"].to_string();
+        assert_eq!(suggested == format!("\"--labels {flag}\""), !flag.is_empty(), "{suggested}");
+    }
+}
+
+#[test]
 fn a_pipe_as_a_transfer_function_is_refused_and_not_waited_for() {
     let folder = Folder::new();
     let made = std::process::Command::new("mkfifo").arg(folder.file("pipe.json")).status();
