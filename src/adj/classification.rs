@@ -19,7 +19,8 @@ use adjsplat::volume::SlabSource;
 #[command(next_help_heading = "What is visible (one of)")]
 #[group(multiple = false)]
 pub(super) struct ClassificationArguments {
-    /// Transfer function: a JSON file, or a preset: ct-bone, ct-skin, ct-angio, mr.
+    /// Transfer function: a JSON file, or a preset: ct-bone, ct-skin, mr (T1 heads), or ct-angio (vessels that hold a
+    /// contrast agent; without one, edges of bones look like vessels).
     /// ct-bone+1024 shifts the preset's values by 1024. A file has at most 65536 points and 16 MiB
     #[arg(long, value_name = "FILE|PRESET")]
     pub(super) tf: Option<String>,
