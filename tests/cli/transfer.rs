@@ -36,6 +36,27 @@ fn without_a_flag_the_values_say_what_is_visible_and_which_flag_repeats_it() {
 }
 
 #[test]
+fn info_shows_whole_numbers_in_full_and_others_with_few_digits() {
+    let folder = Folder::new();
+    let info = |name: &str, bytes: Vec<u8>| {
+        folder.write(name, &bytes);
+        folder.adj(&format!("info {name} --dims 2x2x2 --type {}", &name[..3])).done()
+    };
+    let whole = [20_000_123i32, 20_000_123, 20_000_124, 20_000_129, 20_000_140, 20_000_150, 20_000_200, 20_000_223];
+    let told = info("i32.raw", whole.iter().flat_map(|value| value.to_le_bytes()).collect());
+    for line in
+        ["lowest: 20000123\n", "highest: 20000223\n", "share 0.25, value 20000123\n", "--range 20000140.. shows"]
+    {
+        assert!(told.contains(line), "{line}: {told}");
+    }
+    let real = [0.1f32, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
+    let told = info("f32.raw", real.iter().flat_map(|value| value.to_le_bytes()).collect());
+    for line in ["lowest: 0.1\n", "highest: 0.8\n", "mean: 0.45\n", "--range 0.2167.. shows 75.00 %"] {
+        assert!(told.contains(line), "{line}: {told}");
+    }
+}
+
+#[test]
 fn a_preset_in_hounsfield_units_warns_of_values_that_cannot_be() {
     let folder = Folder::new();
     let bytes = |values: [i16; 8]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
