@@ -946,6 +946,10 @@ fn damage_is_refused_and_never_panics() {
     }
     let indexed = Tiff { tags: palette(|i| [i; 3]), ..Tiff::new(SampleType::U8) };
     expect_no_panic(&folder.write("a.tif", &[&indexed.known_file()]), 300);
+    let mut small =
+        Tiff { cut: Cut::Tiles(2, 2), tags: palette_of(16, |i| [5 * i, 9 * i, 0]), ..Tiff::new(SampleType::U8) };
+    small.tags.extend([(256, 8), (258, 4), (322, 4)].map(|(tag, value)| (tag, Value::Short(vec![value]))));
+    expect_no_panic(&folder.write("a.tif", &[&small.known_file()]), 500);
     let tiff = Tiff::described(SampleType::I16, "ImageJ=1.54f\nimages=2\n");
     let path = folder.write("a.tif", &[&contiguous(&tiff, &tiff.slices())]);
     expect_known(&path, SampleType::I16);
