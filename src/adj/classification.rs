@@ -19,7 +19,8 @@ use adjsplat::volume::SlabSource;
 #[command(next_help_heading = "What is visible (one of)")]
 #[group(multiple = false)]
 pub(super) struct ClassificationArguments {
-    /// Transfer function: a JSON file, or a preset: ct-bone, ct-skin, ct-angio, mr.
+    /// Transfer function: a JSON file, or a preset: ct-bone, ct-skin, mr (T1 heads), or ct-angio (vessels that hold a
+    /// contrast agent; without one, edges of bones look like vessels).
     /// ct-bone+1024 shifts the preset's values by 1024. A file has at most 65536 points and 16 MiB
     #[arg(long, value_name = "FILE|PRESET")]
     pub(super) tf: Option<String>,
@@ -32,10 +33,14 @@ pub(super) struct ClassificationArguments {
     /// Boundaries between materials (Levoy): each material's value and opacity (0 to 1): 0:0,1150:0.2,2000:0.8
     #[arg(long, value_name = "V:O,V:O", allow_hyphen_values = true, value_parser = library(region))]
     levoy: Option<TransferFunction>,
-    /// Labels of a segmentation, with this palette: a JSON or .ctbl file (at most 65536 labels), distinct, or frog
+    /// Labels of a segmentation, with this palette: a JSON or .ctbl file (at most 65536 labels), distinct, frog, or file:
+    /// the colours in the volume's own file (TIFF with a palette, .seg.nrrd)
     #[arg(long, value_name = "FILE|PALETTE")]
     labels: Option<String>,
 }
+
+/// The value of `--labels` for the palette in the volume's own file.
+const OWN_PALETTE: &str = "file";
 
 impl ClassificationArguments {
     /// Returns the transfer function of the flag that was given, or else that of the phantom `input`.
@@ -47,6 +52,10 @@ impl ClassificationArguments {
             return Ok(Some(transfer.clone()));
         }
         if let Some(name) = &self.labels {
+            if name == OWN_PALETTE {
+                let why = "is for volumes; an .adj file shows its own colours without a flag";
+                return Err(Error::input("--labels file", why));
+            }
             let name = if name == "distinct" { "labels" } else { name };
             let transfer = named(name)?;
             if !transfer.is_labels() {
@@ -59,17 +68,31 @@ impl ClassificationArguments {
         TransferFunction::range(low, high).map(Some)
     }
 
-    /// Returns what [`Self::transfer`] returns, or else a choice from the histogram of `source`; says which.
+    /// Returns what [`Self::transfer`] returns, or else what the file of `source` or its histogram suggests; says which.
     ///
     /// `source` must be at its first slice, and is there again afterwards.
     pub(super) fn chosen(&self, input: &Path, source: &mut dyn SlabSource, quiet: bool) -> Result<TransferFunction> {
+        let stated = Suggestion::stated(source)?;
+        if self.labels.as_deref() == Some(OWN_PALETTE) {
+            return match stated {
+                Some(Suggestion::StatedLabels(palette)) => Ok(palette),
+                _ => {
+                    Err(Error::input("--labels file", "needs a file with a palette for labels; try --labels distinct"))
+                }
+            };
+        }
         if let Some(transfer) = self.transfer(input)? {
             return Ok(transfer);
         }
-        let histogram = Histogram::of(source, &mut Progress::new(quiet))?;
-        let chosen = Suggestion::of(&histogram)?;
+        let (chosen, cause) = match stated {
+            Some(stated) => (stated, "the file says that its values are labels"),
+            None => (
+                Suggestion::of(&Histogram::of(source, &mut Progress::new(quiet))?)?,
+                "what is visible was chosen from the values",
+            ),
+        };
         print_note(&format!(
-            "note: what is visible was chosen from the values: {}; adj info shows them, and --range, --iso, --tf, --levoy \
+            "note: {cause}: {}; adj info shows them, and --range, --iso, --tf, --levoy \
              or --labels choose otherwise",
             flag_of(&chosen)
         ));
@@ -99,6 +122,7 @@ pub(super) fn flag_of(suggestion: &Suggestion) -> String {
     match suggestion {
         Suggestion::Preset(name) => format!("--tf {name}"),
         Suggestion::From(low) => format!("--range {low}.."),
+        Suggestion::StatedLabels(_) => format!("--labels {OWN_PALETTE}"),
         _ => "--labels distinct".to_owned(),
     }
 }

@@ -198,6 +198,17 @@ fn presets_are_valid_and_come_back_from_json_bit_for_bit() {
 }
 
 #[test]
+fn thin_bones_do_not_look_like_vessels_in_a_ct_angiogram() {
+    let angio = TransferFunction::preset("ct-angio").unwrap();
+    // Vessels with contrast agent have 200 to 400, ribs 600 and more; the edges of both pass through 200.
+    let [vessel, rib] = [300.0, 600.0].map(|value| angio.colour(value));
+    assert!(vessel[0] > 4.0 * vessel[1], "red: {vessel:?}");
+    assert!(rib[0] < 1.5 * rib[1], "ivory: {rib:?}");
+    let [edge, inside] = [200.0, 600.0].map(|value| angio.opacity(value, 0.0));
+    assert!(edge < 0.3 && inside > 0.8, "the inside shows through the edge: {edge}, {inside}");
+}
+
+#[test]
 fn wrong_json_is_refused_with_the_place_and_the_remedy() {
     let point = |value: &str, opacity: &str| format!(r##"{{"value":{value},"colour":"#ffffff","opacity":{opacity}}}"##);
     let points = |list: &[String]| format!(r#"{{"kind":"points","points":[{}]}}"#, list.join(","));
