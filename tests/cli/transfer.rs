@@ -86,6 +86,46 @@ fn of_the_flags_only_one_can_be_given() {
 }
 
 #[test]
+fn a_body_that_the_volume_cuts_is_open_with_iso_and_closed_with_cap() {
+    let folder = Folder::new();
+    // A bar along z, which both faces across z cut.
+    let bar = |x: usize, y: usize| if (3..9).contains(&x) && (3..9).contains(&y) { 200 } else { 0 };
+    let bytes: Vec<u8> = (0..12 * 12 * 8).map(|at| bar(at % 12, at / 12 % 12)).collect();
+    folder.write("bar.raw", &bytes);
+    let voxels = |flags: &str| -> u64 {
+        folder.adj(&format!("build bar.raw --dims 12x12x8 --type u8 -o out.adj {flags}")).done();
+        let info = folder.adj("info out.adj --json").stdout;
+        let info: serde_json::Value = serde_json::from_str(&info).expect("JSON");
+        info["visible_voxels"].as_u64().expect("a count")
+    };
+    let open = voxels("--iso 100");
+    assert_eq!(voxels("--iso 100 --no-cap"), open);
+    assert_eq!(voxels("--iso 100 --cap --no-cap"), open);
+    // The middle of the bar, which is no surface, on two faces.
+    assert_eq!(voxels("--iso 100 --cap"), open + 2 * 16);
+    assert_eq!(voxels("--iso 100 --cap=above"), open + 2 * 16);
+    assert!(voxels("--iso 100 --cap=below") > open + 2 * 16);
+    // A file draws the cap that it was built with; a cap that it lacks is warned about.
+    folder.adj("build bar.raw --dims 12x12x8 --type u8 -o capped.adj --iso 100 --cap").done();
+    let warned = |input: &str, flags: &str| {
+        let ran = folder.adj(&format!("render {input} -o out.png --size 40x40 {flags}"));
+        let warned = ran.stderr.contains("does not store");
+        ran.done();
+        warned
+    };
+    assert!(
+        !warned("capped.adj", "") && !warned("capped.adj", "--iso 100 --cap") && !warned("capped.adj", "--iso 100")
+    );
+    folder.adj("build bar.raw --dims 12x12x8 --type u8 -o open.adj --iso 100").done();
+    assert!(warned("open.adj", "--iso 100 --cap") && !warned("open.adj", "--iso 100"));
+    // Other functions show cuts by themselves.
+    let build = "bar.raw --dims 12x12x8 --type u8 -o out.adj";
+    folder.build_refused(&format!("{build} --range 1.. --cap"), &["--cap", "iso-value"]);
+    folder.build_refused(&format!("{build} --cap"), &["--cap", "--iso VALUE"]);
+    folder.build_refused(&format!("{build} --iso 100 --cap=both"), &["above", "below"]);
+}
+
+#[test]
 fn files_with_numbers_that_are_none() {
     let folder = folder();
     for bad in ["NaN", "null", "1e999", "\"5\"", "-Infinity"] {
