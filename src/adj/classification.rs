@@ -2,44 +2,66 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::Args;
+use clap::{ArgGroup, Args};
 
 use super::input::phantom;
 use super::print_note;
 use super::progress::Progress;
-use super::values::library;
+use super::values::{choice, library};
 use adjsplat::build::{Histogram, SampleSummary, Suggestion};
-use adjsplat::classify::TransferFunction;
 use adjsplat::classify::colour::srgb_from_linear;
+use adjsplat::classify::{Cap, TransferFunction};
 use adjsplat::error::{Error, Result};
 use adjsplat::volume::SlabSource;
 
 /// The flags that say which values are visible, and what they look like; the user gives one of them.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "What is visible (one of)")]
-#[group(multiple = false)]
+#[command(group(ArgGroup::new("visible")))]
+#[group(skip)]
 pub(super) struct ClassificationArguments {
-    /// Transfer function: a JSON file, or a preset: ct-bone, ct-skin, ct-angio, mr.
+    /// Transfer function: a JSON file, or a preset: ct-bone, ct-skin, mr (T1 heads), or ct-angio (vessels that hold a
+    /// contrast agent; without one, edges of bones look like vessels).
     /// ct-bone+1024 shifts the preset's values by 1024. A file has at most 65536 points and 16 MiB
-    #[arg(long, value_name = "FILE|PRESET")]
+    #[arg(long, group = "visible", value_name = "FILE|PRESET")]
     pub(super) tf: Option<String>,
     /// Surface where the volume has this value, two voxels thick (Levoy's isovalue contour)
-    #[arg(long, value_name = "VALUE", allow_hyphen_values = true, value_parser = library(contour))]
+    #[arg(long, group = "visible", value_name = "VALUE", allow_hyphen_values = true, value_parser = library(contour))]
     iso: Option<TransferFunction>,
+    /// Close the surface of --iso where the volume's faces cut the body of higher values (below: of lower values).
+    /// A build decides this: a file keeps its cap
+    #[arg(long, value_name = "SIDE", num_args = 0..=1, require_equals = true, default_missing_value = "above")]
+    #[arg(value_parser = choice([("above", Cap::Above, ""), ("below", Cap::Below, "")]))]
+    cap: Option<Cap>,
+    /// Leave the surface of --iso open at the volume's faces (the default)
+    #[arg(long, overrides_with = "cap")]
+    no_cap: bool,
     /// Voxels with values from A to B, ends included: 60..200, 60.. or ..200
-    #[arg(long, value_name = "A..B", allow_hyphen_values = true, value_parser = library(range))]
+    #[arg(long, group = "visible", value_name = "A..B", allow_hyphen_values = true, value_parser = library(range))]
     range: Option<TransferFunction>,
     /// Boundaries between materials (Levoy): each material's value and opacity (0 to 1): 0:0,1150:0.2,2000:0.8
-    #[arg(long, value_name = "V:O,V:O", allow_hyphen_values = true, value_parser = library(region))]
+    #[arg(long, group = "visible", value_name = "V:O,V:O", allow_hyphen_values = true, value_parser = library(region))]
     levoy: Option<TransferFunction>,
-    /// Labels of a segmentation, with this palette: a JSON or .ctbl file (at most 65536 labels), distinct, or frog
-    #[arg(long, value_name = "FILE|PALETTE")]
+    /// Labels of a segmentation, with this palette: a JSON or .ctbl file (at most 65536 labels), distinct, frog, or file:
+    /// the colours in the volume's own file (TIFF with a palette, .seg.nrrd)
+    #[arg(long, group = "visible", value_name = "FILE|PALETTE")]
     labels: Option<String>,
 }
 
+/// The value of `--labels` for the palette in the volume's own file.
+const OWN_PALETTE: &str = "file";
+
 impl ClassificationArguments {
-    /// Returns the transfer function of the flag that was given, or else that of the phantom `input`.
+    /// Returns the transfer function of the flag that was given, or else that of the phantom `input`; with its cap.
     pub(super) fn transfer(&self, input: &Path) -> Result<Option<TransferFunction>> {
+        match (self.uncapped(input)?, self.cap) {
+            (Some(transfer), Some(cap)) => transfer.with_cap(cap).map(Some),
+            (None, Some(_)) => Err(Error::input("--cap", "closes the surface of --iso VALUE; give that too")),
+            (transfer, None) => Ok(transfer),
+        }
+    }
+
+    fn uncapped(&self, input: &Path) -> Result<Option<TransferFunction>> {
         if let Some(name) = &self.tf {
             return named(name).map(Some);
         }
@@ -47,6 +69,10 @@ impl ClassificationArguments {
             return Ok(Some(transfer.clone()));
         }
         if let Some(name) = &self.labels {
+            if name == OWN_PALETTE {
+                let why = "is for volumes; an .adj file shows its own colours without a flag";
+                return Err(Error::input("--labels file", why));
+            }
             let name = if name == "distinct" { "labels" } else { name };
             let transfer = named(name)?;
             if !transfer.is_labels() {
@@ -59,17 +85,31 @@ impl ClassificationArguments {
         TransferFunction::range(low, high).map(Some)
     }
 
-    /// Returns what [`Self::transfer`] returns, or else a choice from the histogram of `source`; says which.
+    /// Returns what [`Self::transfer`] returns, or else what the file of `source` or its histogram suggests; says which.
     ///
     /// `source` must be at its first slice, and is there again afterwards.
     pub(super) fn chosen(&self, input: &Path, source: &mut dyn SlabSource, quiet: bool) -> Result<TransferFunction> {
+        let stated = Suggestion::stated(source)?;
+        if self.labels.as_deref() == Some(OWN_PALETTE) {
+            return match stated {
+                Some(Suggestion::StatedLabels(palette)) => Ok(palette),
+                _ => {
+                    Err(Error::input("--labels file", "needs a file with a palette for labels; try --labels distinct"))
+                }
+            };
+        }
         if let Some(transfer) = self.transfer(input)? {
             return Ok(transfer);
         }
-        let histogram = Histogram::of(source, &mut Progress::new(quiet))?;
-        let chosen = Suggestion::of(&histogram)?;
+        let (chosen, cause) = match stated {
+            Some(stated) => (stated, "the file says that its values are labels"),
+            None => (
+                Suggestion::of(&Histogram::of(source, &mut Progress::new(quiet))?)?,
+                "what is visible was chosen from the values",
+            ),
+        };
         print_note(&format!(
-            "note: what is visible was chosen from the values: {}; adj info shows them, and --range, --iso, --tf, --levoy \
+            "note: {cause}: {}; adj info shows them, and --range, --iso, --tf, --levoy \
              or --labels choose otherwise",
             flag_of(&chosen)
         ));
@@ -99,6 +139,7 @@ pub(super) fn flag_of(suggestion: &Suggestion) -> String {
     match suggestion {
         Suggestion::Preset(name) => format!("--tf {name}"),
         Suggestion::From(low) => format!("--range {low}.."),
+        Suggestion::StatedLabels(_) => format!("--labels {OWN_PALETTE}"),
         _ => "--labels distinct".to_owned(),
     }
 }

@@ -11,9 +11,10 @@ const SAME_NAME: &str = "azimuth blending crop elevation exposure kernel lanes l
                          threads volume zoom";
 
 /// Names of values in library errors, each with its flag, which is called something else.
-const FLAGS: [(&str, &str); 6] = [
+const FLAGS: [(&str, &str); 7] = [
     ("angle of view", "--perspective"),
     ("largest error", "--max-error"),
+    ("cap", "--cap"),
     ("normal bits", "--normals"),
     ("picture size", "--size"),
     ("sample type", "--type"),

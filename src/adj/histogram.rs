@@ -29,32 +29,35 @@ pub(super) fn chart(histogram: &Histogram) -> String {
             .collect();
         text.push_str(&format!("  {}\n", line.trim_end()));
     }
-    let [low, high] = [histogram.lowest, histogram.highest].map(|value| number(value, histogram));
+    let [low, high] = [histogram.lowest, histogram.highest].map(short);
     let room = columns.saturating_sub(low.chars().count());
     text + &format!("  {low}{high:>room$}")
 }
 
-/// Returns lines that say how much a few thresholds would show.
-pub(super) fn thresholds(histogram: &Histogram) -> Vec<(f64, f64)> {
-    let high = histogram.quantile(0.9999);
-    let parts = [1.0, 2.0, 3.0, 4.0, 5.0].map(|part| histogram.lowest + (high - histogram.lowest) * part / 6.0);
-    let nearest = |value: f64| number(value, histogram).parse::<f64>().unwrap_or(value);
-    parts.map(nearest).map(|value| (value, histogram.share([value, f64::INFINITY]))).to_vec()
+/// Returns a few thresholds, as texts of a few digits, and the share (0 to 1) of the voxels that each would show.
+pub(super) fn thresholds(histogram: &Histogram) -> Vec<(String, f64)> {
+    let spread = (histogram.quantile(0.9999) - histogram.lowest).min(f64::MAX);
+    let digits = 10f64.powf(spread.log10().floor() - 3.0);
+    let are_whole = histogram.is_exact && histogram.bin_width.fract() == 0.0 && histogram.lowest.fract() == 0.0;
+    let step = if are_whole { digits.max(1.0) } else { digits };
+    let threshold = |part: f64| {
+        let value = histogram.lowest + spread * (part / 6.0);
+        let text = short((value / step).round() * step);
+        let share = histogram.share([text.parse().unwrap_or(value), f64::INFINITY]);
+        (text, share)
+    };
+    // Without a spread there is nothing to choose.
+    if spread > 0.0 { [1.0, 2.0, 3.0, 4.0, 5.0].map(threshold).to_vec() } else { Vec::new() }
 }
 
-/// Formats a value of the volume: a whole number as one, others with as many digits as the range of values calls for.
-pub(super) fn number(value: f64, histogram: &Histogram) -> String {
-    if histogram.is_exact && histogram.bin_width.fract() == 0.0 && histogram.lowest.fract() == 0.0 {
-        return format!("{}", value.round());
-    }
-    let spread = (histogram.highest - histogram.lowest).max(f64::MIN_POSITIVE);
-    if !(1e-4..1e9).contains(&spread) {
-        return format!("{value:.4e}");
-    }
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 8")]
-    let digits = (4.0 - spread.log10().ceil()).max(0.0) as usize;
-    let text = format!("{value:.digits$}");
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+/// Formats a number: a whole one in full, others with at most seven digits, as many as single precision has.
+pub(super) fn short(number: f64) -> String {
+    let rounded: f64 = if number.fract() == 0.0 && number.abs() < 1e15 {
+        number
+    } else {
+        format!("{number:.6e}").parse().unwrap_or(number)
+    };
+    if rounded == 0.0 || (1e-4..1e15).contains(&rounded.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
 }
 
 /// Plots the number of voxels and their mean gradient magnitude by value, each as a share of its largest.

@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::classification::flag_of;
-use super::histogram::{POINTS, chart, number, plot, thresholds};
+use super::histogram::{POINTS, chart, plot, short, thresholds};
 use super::input::{Input, InputArguments};
 use super::progress::Progress;
 use super::study::output::{check_plots, write_plots};
@@ -150,7 +150,7 @@ fn guide(answer: &Value, histogram: &Histogram) -> String {
     }
     let mut text = format!("\nhistogram (voxels on a logarithmic scale):\n{}\n", chart(histogram));
     for (value, share) in thresholds(histogram) {
-        text.push_str(&format!("--range {}.. shows {:.2} % of the voxels\n", number(value, histogram), 100.0 * share));
+        text.push_str(&format!("--range {value}.. shows {:.2} % of the voxels\n", 100.0 * share));
     }
     if let Some(flag) = answer["suggestion"].as_str() {
         text.push_str(&format!("a first picture: {flag}"));
@@ -169,12 +169,8 @@ fn of_volume(arguments: &Arguments, input: &Input) -> Result<(Value, Histogram)>
         write_plots(&arguments.plot, &plot(&name, &histogram, &gradients))?;
     }
     drop(progress);
-    let are_whole =
-        header.sample_type.integer_range().is_some() && header.slope.fract() == 0.0 && header.intercept.fract() == 0.0;
-    // Bins may lie between values.
-    let whole = |value: f64| if are_whole { value.round() } else { value };
     let quantiles: Vec<Value> =
-        QUANTILES.iter().map(|&share| json!({ "share": share, "value": whole(histogram.quantile(share)) })).collect();
+        QUANTILES.iter().map(|&share| json!({ "share": share, "value": histogram.quantile(share) })).collect();
     let answer = json!({
         "file": input.path().display().to_string(),
         "format": header.format,
@@ -193,15 +189,9 @@ fn of_volume(arguments: &Arguments, input: &Input) -> Result<(Value, Histogram)>
         "not_finite": histogram.not_finite,
         "quantiles": quantiles,
         "histogram": histogram.rebinned(histogram.counts.len().min(POINTS)),
-        "suggestion": Suggestion::of(&histogram).ok().map(|found| flag_of(&found)),
+        "suggestion": Suggestion::stated(&*source)?.or_else(|| Suggestion::of(&histogram).ok()).map(|found| flag_of(&found)),
     });
     Ok((answer, histogram))
-}
-
-/// Formats a number with at most seven digits, as many as single precision has.
-fn short(number: f64) -> String {
-    let rounded: f64 = format!("{number:.6e}").parse().unwrap_or(number);
-    if rounded == 0.0 || (1e-4..1e15).contains(&rounded.abs()) { format!("{rounded}") } else { format!("{rounded:e}") }
 }
 
 /// Returns where each axis of the grid points, nearly: R or L (right, left), A or P (front, back), S or I (head, feet).

@@ -94,7 +94,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     } else {
         vec![arguments.output.clone()]
     };
-    let settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
+    let mut settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
     let memory = arguments.memory;
     let is_volume = !is_adj(input.path())?;
     let start = Instant::now();
@@ -139,7 +139,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
     let bytes = arena_bytes(&visible.facts, &lanes, &description(&header, &visible)?);
     drop((visible, lanes));
     let arena = Arena::new(&bytes).map_err(|fault| Error::Format { path: input.path().to_path_buf(), fault })?;
-    draw(&job, settings, LaneSet::new(arena, None), None)
+    let cameras = pictured(arguments, &arena, &mut settings)?;
+    draw(&job, settings, &cameras, LaneSet::new(arena, None), None)
 }
 
 /// What a command draws, and where the pictures go.
@@ -164,10 +165,10 @@ impl RenderJob<'_> {
     }
 
     fn draw_file(&self, file: AdjFile, mut settings: Settings, transfer: Option<TransferFunction>) -> Result<Answer> {
-        let Some(memory) = self.memory else {
-            return draw(self, settings, LaneSet::new(file.arena()?, None), transfer);
-        };
         let cameras = pictured(self.arguments, &file.arena()?, &mut settings)?;
+        let Some(memory) = self.memory else {
+            return draw(self, settings, &cameras, LaneSet::new(file.arena()?, None), transfer);
+        };
         let mut samplings = match self.arguments.look.max_error {
             Some(_) => dial::RUNGS.map(|rung| rung.sampling).to_vec(),
             None => vec![settings.sampling()],
@@ -177,7 +178,7 @@ impl RenderJob<'_> {
         let shares = MemoryShares::divide(memory, &file.arena()?, &settings, &samplings, self.kind, depth, &cameras)?;
         settings.threads = shares.threads;
         let file = file.keep_resident_below(shares.resident)?;
-        draw(self, settings, LaneSet::new(file.arena()?, Some(shares.derived)), transfer)
+        draw(self, settings, &cameras, LaneSet::new(file.arena()?, Some(shares.derived)), transfer)
     }
 
     /// Draws with the reference renderer, which reads the volume itself.
@@ -218,7 +219,13 @@ impl RenderJob<'_> {
     }
 }
 
-fn draw(job: &RenderJob, mut settings: Settings, lanes: LaneSet, transfer: Option<TransferFunction>) -> Result<Answer> {
+fn draw(
+    job: &RenderJob,
+    mut settings: Settings,
+    cameras: &[Camera],
+    lanes: LaneSet,
+    transfer: Option<TransferFunction>,
+) -> Result<Answer> {
     let RenderJob { arguments, memory, is_volume, .. } = *job;
     let arena = lanes.arena();
     let facts = arena.facts().clone();
@@ -234,7 +241,6 @@ fn draw(job: &RenderJob, mut settings: Settings, lanes: LaneSet, transfer: Optio
         }
         None => stored_transfer(arena, job.input.path())?,
     };
-    let cameras = pictured(arguments, arena, &mut settings)?;
     if let Some(cause) = shows_missing_voxels(arena, &settings, transfer_given, &cameras[0])? {
         print_note(&format!("note: this file was built with --cull-hidden; {cause} that voxels are missing"));
     }
@@ -244,10 +250,10 @@ fn draw(job: &RenderJob, mut settings: Settings, lanes: LaneSet, transfer: Optio
     let mut measured = None;
     if let Some(bound) = arguments.look.max_error {
         let go_on = || !interrupted();
-        let rounding = if is_volume { dial::rounding(&scene, &cameras, &settings, go_on)? } else { 0.0 };
+        let rounding = if is_volume { dial::rounding(&scene, cameras, &settings, go_on)? } else { 0.0 };
         // A bound below 0 stays one, which the dial refuses.
         let left = if rounding > bound && bound >= 0.0 { 0.0 } else { bound - rounding };
-        let choice = dial::choose(&scene, &cameras, &settings, left, go_on)?;
+        let choice = dial::choose(&scene, cameras, &settings, left, go_on)?;
         settings = choice.settings;
         measured = Some(choice.measured + rounding);
         print_note(&format!("note: {}", chosen(&settings, choice.measured + rounding)));
@@ -258,7 +264,7 @@ fn draw(job: &RenderJob, mut settings: Settings, lanes: LaneSet, transfer: Optio
         }
     }
     let background = arguments.look.background(&transfer);
-    draw_frames(job, &settings, &cameras, renderer, background, measured)
+    draw_frames(job, &settings, cameras, renderer, background, measured)
 }
 
 /// Returns the camera of every frame of a file, and sets the crop.

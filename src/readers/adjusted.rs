@@ -1,12 +1,13 @@
-//! Volumes whose header is corrected: another slope, another place in the world.
+//! Volumes whose header is corrected (another slope, another place in the world), or whose values are labels.
 
 use adjsplat::error::Result;
-use adjsplat::volume::{Header, Samples, SlabSource};
+use adjsplat::volume::{Header, Samples, SlabSource, StatedLabel};
 
 /// A volume with the samples of another, and a header that differs from its header.
 pub struct AdjustedSource {
     inner: Box<dyn SlabSource>,
     header: Header,
+    labels: Option<Vec<StatedLabel>>,
 }
 
 impl AdjustedSource {
@@ -14,7 +15,12 @@ impl AdjustedSource {
     pub fn new(inner: Box<dyn SlabSource>, adjust: impl FnOnce(&mut Header)) -> AdjustedSource {
         let mut header = inner.header().clone();
         adjust(&mut header);
-        AdjustedSource { inner, header }
+        AdjustedSource { inner, header, labels: None }
+    }
+
+    /// Says that the values are labels, and names `labels`, each with a value of its own; 0 is none of them.
+    pub fn with_labels(self, labels: Vec<StatedLabel>) -> AdjustedSource {
+        AdjustedSource { labels: Some(labels), ..self }
     }
 }
 
@@ -37,5 +43,9 @@ impl SlabSource for AdjustedSource {
 
     fn notes(&self) -> &[String] {
         self.inner.notes()
+    }
+
+    fn labels(&self) -> Option<&[StatedLabel]> {
+        self.labels.as_deref().or_else(|| self.inner.labels())
     }
 }

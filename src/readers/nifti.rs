@@ -2,7 +2,8 @@
 //!
 //! In: a 348- or 540-byte binary header of either byte order, plain or in gzip. Out: a slab source (which reads slice
 //! by slice) over one volume of the file. World axes are R, A, S, like the crate's. The affine transform is the `sform`
-//! if its code is set and it can be inverted, else the `qform` if its code is set, else the spacing alone.
+//! if its code is set and it can be inverted, else the `qform` if its code is set, else the spacing alone. The intent code
+//! says whether values are labels.
 //!
 //! Source: nifti1.h and nifti2.h of the NIfTI Data Format Working Group (nifti.nimh.nih.gov).
 
@@ -12,6 +13,7 @@ use std::path::{Path, PathBuf};
 
 use flate2::read::MultiGzDecoder;
 
+use super::adjusted::AdjustedSource;
 use super::frame::{FileFrame, World, cross, dot};
 use super::open::{OpenOptions, file_name};
 use super::raw::type_names;
@@ -22,6 +24,8 @@ use adjsplat::internals::open_regular;
 use adjsplat::volume::{Header, SampleType, SlabSource};
 
 const RULE_DIM: &str = "NIfTI dim";
+/// The intent code NIFTI_INTENT_LABEL: values are labels.
+const INTENT_LABEL: i32 = 1002;
 const HEADER_1: usize = 348;
 const HEADER_2: usize = 540;
 
@@ -49,6 +53,7 @@ struct NiftiFields {
     endian: Endian,
     dim: [i64; 8],
     datatype: i16,
+    intent_code: i32,
     pixdim: [f64; 8],
     vox_offset: f64,
     slope: f64,
@@ -90,7 +95,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         name: file_name(path),
         format: if fields.len == HEADER_1 { "NIfTI-1" } else { "NIfTI-2" },
     };
-    SlabReader::open(SampleFiles {
+    let source = SlabReader::open(SampleFiles {
         header,
         codec: if packed { Codec::Deflate } else { Codec::Raw },
         endian: fields.endian,
@@ -102,6 +107,10 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         volume_index: options.volume_index.into(),
         tail: if packed { Tail::Nothing } else { Tail::Padding },
         rule: RULE_DIM,
+    })?;
+    Ok(match fields.intent_code {
+        INTENT_LABEL => Box::new(AdjustedSource::new(source, |_| {}).with_labels(Vec::new())),
+        _ => source,
     })
 }
 
@@ -140,6 +149,7 @@ impl NiftiFields {
             endian,
             dim: std::array::from_fn(|i| if version == 1 { f.i16(40 + 2 * i).into() } else { f.i64(16 + 8 * i) }),
             datatype: f.i16(if version == 1 { 70 } else { 12 }),
+            intent_code: whole(68, 504),
             pixdim: std::array::from_fn(|i| float(76 + 4 * i, 104 + 8 * i)),
             vox_offset,
             slope: float(112, 176),

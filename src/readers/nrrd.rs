@@ -3,12 +3,16 @@
 //! In: `field: value` lines up to a blank line, versions 1 to 5. Out: a slab source (which reads slice by slice).
 //! Encodings: raw, gzip, bzip2, text. The world is converted to a right-handed one (R, A, S if it is anatomical), so that
 //! pictures are not mirrored: x is negated in `3D-left-handed` and `left-anterior-superior` worlds, x and y in
-//! `left-posterior-superior` ones. Unknown fields are refused: one may be a misspelled field that matters.
+//! `left-posterior-superior` ones. Unknown fields are refused: one may be a misspelled field that matters. Values are
+//! labels, with names and colours, if the header has keys of a segmentation of 3D Slicer (`.seg.nrrd`).
 //!
-//! Source: "Definition of NRRD File Format" (teem.sourceforge.net/nrrd/format.html).
+//! Source: "Definition of NRRD File Format" (teem.sourceforge.net/nrrd/format.html); "Segmentation labelmap file format"
+//! (slicer.readthedocs.io, developer guide, segmentations).
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::adjusted::AdjustedSource;
 use super::file_list::{FilePattern, check_count, data_file, listed_files};
 use super::frame::{FileFrame, World};
 use super::lines::{HeaderLines, clip};
@@ -18,7 +22,7 @@ use super::raw::type_names;
 use super::slab::{Endian, SampleFiles, SlabReader, Tail};
 use super::stream::{Codec, SampleStart};
 use adjsplat::error::{Error, Result};
-use adjsplat::volume::{SampleType, SlabSource};
+use adjsplat::volume::{SampleType, SlabSource, StatedLabel};
 
 const RULE_SIZES: &str = "NRRD sizes";
 const RULE_FILES: &str = "NRRD data file";
@@ -56,7 +60,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         // -1 puts the samples at the end of the file; -2 leaves one byte after them, -3 two, and so on.
         Err(_) => (SampleStart::FromEnd { after: byte_skip.unsigned_abs() - 1, least: header_end }, 0, 0),
     };
-    SlabReader::open(SampleFiles {
+    let source = SlabReader::open(SampleFiles {
         header: plain_header(grid, sample_type, path, "NRRD"),
         codec,
         endian,
@@ -68,6 +72,11 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
         volume_index: options.volume_index.into(),
         tail: if codec == Codec::Raw { Tail::Padding } else { Tail::Nothing },
         rule: RULE_SIZES,
+    })?;
+    // With more axes, each volume is a layer with labels of its own.
+    Ok(match fields.labels().filter(|_| sizes.len() == 3) {
+        Some(labels) => Box::new(AdjustedSource::new(source, |_| {}).with_labels(labels)),
+        None => source,
     })
 }
 
@@ -75,6 +84,8 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Box<dyn SlabSou
 struct NrrdFields {
     path: PathBuf,
     entries: Vec<(String, String, u64)>,
+    /// The keys that begin with "Segment", and their values.
+    segment_keys: BTreeMap<String, String>,
     /// Whether a blank line ended the header, so that samples may follow in the same file.
     ended: bool,
 }
@@ -86,7 +97,8 @@ impl NrrdFields {
         if !matches!(magic.trim_end().strip_prefix("NRRD000"), Some("1" | "2" | "3" | "4" | "5")) {
             return fault(0, "NRRD magic", "NRRD0001 to NRRD0005", &magic);
         }
-        let mut fields = NrrdFields { path: path.to_path_buf(), entries: Vec::new(), ended: false };
+        let (entries, segment_keys) = (Vec::new(), BTreeMap::new());
+        let mut fields = NrrdFields { path: path.to_path_buf(), entries, segment_keys, ended: false };
         while let Some(line) = lines.next()? {
             let text = line.text.trim_end();
             if text.is_empty() {
@@ -98,7 +110,10 @@ impl NrrdFields {
             }
             // A line with a user's own key is `key:=value`; the key may contain a colon without a space after it.
             let (field, pair) = (text.find(": "), text.find(":="));
-            if pair.is_some_and(|pair| field.is_none_or(|field| pair < field)) {
+            if let Some(pair) = pair.filter(|pair| field.is_none_or(|field| *pair < field)) {
+                if text.starts_with("Segment") {
+                    fields.segment_keys.insert(text[..pair].into(), text[pair + 2..].trim().into());
+                }
                 continue;
             }
             let Some((name, value)) = text.split_once(": ").or_else(|| text.strip_suffix(':').map(|n| (n, ""))) else {
@@ -121,6 +136,26 @@ impl NrrdFields {
             }
         }
         Ok(fields)
+    }
+
+    /// Returns the labels that have a colour, if the header has keys of a segmentation: `Segment0_LabelValue:=1`,
+    /// `Segment0_Name:=rib`, `Segment0_Color:=0.9 0.8 0.6`.
+    fn labels(&self) -> Option<Vec<StatedLabel>> {
+        let mut labels = BTreeMap::new();
+        let mut segments = self.segment_keys.keys().filter_map(|key| key.strip_suffix("_LabelValue")).peekable();
+        segments.peek()?;
+        for segment in segments {
+            let get = |key| self.segment_keys.get(&format!("{segment}_{key}")).map_or("", String::as_str);
+            let colour: Vec<f64> = get("Color").split_whitespace().map_while(|part| part.parse().ok()).collect();
+            if let (Ok(value), Ok(colour)) = (get("LabelValue").parse(), <[f64; 3]>::try_from(colour))
+                && value != 0
+            {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "from 0 to 255")]
+                let colour = colour.map(|part| (part.clamp(0.0, 1.0) * 255.0).round() as u8);
+                labels.entry(value).or_insert(StatedLabel { value, name: get("Name").into(), colour });
+            }
+        }
+        Some(labels.into_values().collect())
     }
 
     fn get(&self, name: &str) -> Option<&str> {

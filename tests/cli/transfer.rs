@@ -36,6 +36,27 @@ fn without_a_flag_the_values_say_what_is_visible_and_which_flag_repeats_it() {
 }
 
 #[test]
+fn info_shows_whole_numbers_in_full_and_others_with_few_digits() {
+    let folder = Folder::new();
+    let info = |name: &str, bytes: Vec<u8>| {
+        folder.write(name, &bytes);
+        folder.adj(&format!("info {name} --dims 2x2x2 --type {}", &name[..3])).done()
+    };
+    let whole = [20_000_123i32, 20_000_123, 20_000_124, 20_000_129, 20_000_140, 20_000_150, 20_000_200, 20_000_223];
+    let told = info("i32.raw", whole.iter().flat_map(|value| value.to_le_bytes()).collect());
+    for line in
+        ["lowest: 20000123\n", "highest: 20000223\n", "share 0.25, value 20000123\n", "--range 20000140.. shows"]
+    {
+        assert!(told.contains(line), "{line}: {told}");
+    }
+    let real = [0.1f32, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8];
+    let told = info("f32.raw", real.iter().flat_map(|value| value.to_le_bytes()).collect());
+    for line in ["lowest: 0.1\n", "highest: 0.8\n", "mean: 0.45\n", "--range 0.2167.. shows 75.00 %"] {
+        assert!(told.contains(line), "{line}: {told}");
+    }
+}
+
+#[test]
 fn a_preset_in_hounsfield_units_warns_of_values_that_cannot_be() {
     let folder = Folder::new();
     let bytes = |values: [i16; 8]| values.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<u8>>();
@@ -62,6 +83,46 @@ fn of_the_flags_only_one_can_be_given() {
     folder.adj(&format!("build {BUILD} --range 1..")).done();
     // A phantom says itself what is to be seen of it.
     folder.adj("build phantom:shells --dims 20x20x20 -o out.adj").done();
+}
+
+#[test]
+fn a_body_that_the_volume_cuts_is_open_with_iso_and_closed_with_cap() {
+    let folder = Folder::new();
+    // A bar along z, which both faces across z cut.
+    let bar = |x: usize, y: usize| if (3..9).contains(&x) && (3..9).contains(&y) { 200 } else { 0 };
+    let bytes: Vec<u8> = (0..12 * 12 * 8).map(|at| bar(at % 12, at / 12 % 12)).collect();
+    folder.write("bar.raw", &bytes);
+    let voxels = |flags: &str| -> u64 {
+        folder.adj(&format!("build bar.raw --dims 12x12x8 --type u8 -o out.adj {flags}")).done();
+        let info = folder.adj("info out.adj --json").stdout;
+        let info: serde_json::Value = serde_json::from_str(&info).expect("JSON");
+        info["visible_voxels"].as_u64().expect("a count")
+    };
+    let open = voxels("--iso 100");
+    assert_eq!(voxels("--iso 100 --no-cap"), open);
+    assert_eq!(voxels("--iso 100 --cap --no-cap"), open);
+    // The middle of the bar, which is no surface, on two faces.
+    assert_eq!(voxels("--iso 100 --cap"), open + 2 * 16);
+    assert_eq!(voxels("--iso 100 --cap=above"), open + 2 * 16);
+    assert!(voxels("--iso 100 --cap=below") > open + 2 * 16);
+    // A file draws the cap that it was built with; a cap that it lacks is warned about.
+    folder.adj("build bar.raw --dims 12x12x8 --type u8 -o capped.adj --iso 100 --cap").done();
+    let warned = |input: &str, flags: &str| {
+        let ran = folder.adj(&format!("render {input} -o out.png --size 40x40 {flags}"));
+        let warned = ran.stderr.contains("does not store");
+        ran.done();
+        warned
+    };
+    assert!(
+        !warned("capped.adj", "") && !warned("capped.adj", "--iso 100 --cap") && !warned("capped.adj", "--iso 100")
+    );
+    folder.adj("build bar.raw --dims 12x12x8 --type u8 -o open.adj --iso 100").done();
+    assert!(warned("open.adj", "--iso 100 --cap") && !warned("open.adj", "--iso 100"));
+    // Other functions show cuts by themselves.
+    let build = "bar.raw --dims 12x12x8 --type u8 -o out.adj";
+    folder.build_refused(&format!("{build} --range 1.. --cap"), &["--cap", "iso-value"]);
+    folder.build_refused(&format!("{build} --cap"), &["--cap", "--iso VALUE"]);
+    folder.build_refused(&format!("{build} --iso 100 --cap=both"), &["above", "below"]);
 }
 
 #[test]
@@ -134,6 +195,95 @@ fn a_palette_and_a_colour_table() {
     assert_eq!(told["visible_voxels"], 24);
     folder.write("t.ctbl", b"3 organ 200 100\n");
     folder.build_refused(&format!("{BUILD} --labels t.ctbl"), &["t.ctbl", "line 1"]);
+}
+
+/// An uncompressed TIFF page of 4 x 2 indices, 0 to 7, into a palette of 16 colours: red of 40 times the index, or grey.
+fn indexed_tiff(bits: u16, colour: impl Fn(u16) -> [u16; 3]) -> Vec<u8> {
+    let samples: &[u8] = if bits == 4 { &[0x01, 0x23, 0x45, 0x67] } else { &[0, 1, 2, 3, 4, 5, 6, 7] };
+    let count = 1u16 << bits;
+    let map: Vec<u8> = (0..3)
+        .flat_map(|part| (0..count).map(move |i| (part, i)))
+        .flat_map(|(part, i)| colour(i)[part].to_le_bytes())
+        .collect();
+    let tags: [[u32; 4]; 9] = [
+        [256, 3, 1, 4],
+        [257, 3, 1, 2],
+        [258, 3, 1, bits.into()],
+        [259, 3, 1, 1],
+        [262, 3, 1, 3],
+        [273, 4, 1, 8],
+        [278, 3, 1, 2],
+        [279, 4, 1, samples.len().try_into().unwrap()],
+        [320, 3, 3 * u32::from(count), 16],
+    ];
+    let mut file = [&b"II*\0"[..], &u32::try_from(16 + map.len()).unwrap().to_le_bytes(), samples].concat();
+    file.resize(16, 0);
+    file.extend(map);
+    file.extend(9u16.to_le_bytes());
+    for [tag, kind, count, value] in tags {
+        let [tag, kind] = [tag, kind].map(|number| u16::try_from(number).unwrap().to_le_bytes());
+        file.extend([&tag[..], &kind, &count.to_le_bytes(), &value.to_le_bytes()].concat());
+    }
+    file.extend([0; 4]);
+    file
+}
+
+#[test]
+fn a_tiff_file_with_a_palette_is_drawn_in_its_colours() {
+    let folder = Folder::new();
+    for bits in [4, 8] {
+        folder.write("x.tif", &indexed_tiff(bits, |i| [0x9700u16.wrapping_mul(i), 0x3100u16.wrapping_mul(i), 0x0500]));
+        let first = folder.adj("build x.tif --flip y -o x.adj");
+        assert!(first.stderr.contains("the file says that its values are labels: --labels file;"), "{}", first.stderr);
+        first.done();
+        folder.adj("build x.tif --flip y --labels file -o again.adj").done();
+        assert!(std::fs::read(folder.file("x.adj")).unwrap() == std::fs::read(folder.file("again.adj")).unwrap());
+        let told = folder.adj("info x.adj --json").json();
+        assert_eq!(told["visible_voxels"], 7, "the index 0 is the background");
+        let labels = &told["description"]["transfer_function"]["labels"];
+        assert_eq!((&labels[1]["label"], &labels[1]["colour"]), (&2.into(), &"#2e6205".into()), "{labels}");
+        assert!(folder.adj("info x.tif").stdout.contains("a first picture: --labels file"));
+        folder.adj("render x.tif -o x.png --size 8x8").done();
+        // Other flags still choose, and the indices are the values.
+        assert_eq!(folder.adj("build x.tif --json --range 3.. -o x.adj").json()["visible_voxels"], 5);
+    }
+    folder.adj("render x.adj -o x.png --labels file").refused(&["--labels file", "is for volumes"]);
+    folder.write("v.raw", &RAW);
+    folder.build_refused(&format!("{BUILD} --labels file"), &["--labels file", "--labels distinct"]);
+    folder.write("scale.tif", &indexed_tiff(8, |i| [257 * i, 0, 0]));
+    let scale = folder.adj("build scale.tif -o scale.adj");
+    assert!(
+        scale.stderr.contains("indices into a colour scale") && scale.stderr.contains("--range"),
+        "{}",
+        scale.stderr
+    );
+}
+
+#[test]
+fn a_file_that_says_that_its_values_are_labels_is_drawn_as_labels() {
+    let folder = Folder::new();
+    // By its values alone this is no label map: 0 is not the commonest.
+    let segment = "Segment0_LabelValue:=3\nSegment0_Name:=rib\nSegment0_Color:=1 0 0\n";
+    for (keys, flag) in [(segment, "file"), ("Segment0_LabelValue:=3\n", "distinct"), ("", "")] {
+        let header = format!("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\n{keys}\n");
+        folder.write("a.seg.nrrd", &[header.as_bytes(), &RAW].concat());
+        let built = folder.adj("build a.seg.nrrd -o a.adj");
+        assert_eq!(
+            built.stderr.contains(&format!("are labels: --labels {flag};")),
+            !flag.is_empty(),
+            "{}",
+            built.stderr
+        );
+        built.done();
+        let told = folder.adj("info a.adj --json").json();
+        assert_eq!(
+            told["visible_voxels"] == 24,
+            !flag.is_empty(),
+            "labels without a colour of their own are drawn too"
+        );
+        let suggested = folder.adj("info a.seg.nrrd --json").json()["suggestion"].to_string();
+        assert_eq!(suggested == format!("\"--labels {flag}\""), !flag.is_empty(), "{suggested}");
+    }
 }
 
 #[test]

@@ -6,7 +6,9 @@
 use adjsplat::classify::colour::linear_from_srgb;
 use adjsplat::classify::gradient::magnitude;
 use adjsplat::classify::normal::{NONE8, NONE16, decode8, decode16, encode8, encode16};
-use adjsplat::classify::{Colour, Contour, Neighbourhood, PRESETS, Point, Quantiser, TransferFunction, UnlistedLabels};
+use adjsplat::classify::{
+    Cap, Colour, Contour, Neighbourhood, PRESETS, Point, Quantiser, TransferFunction, UnlistedLabels,
+};
 use adjsplat::volume::SampleType;
 use adjsplat_tests::random::Random;
 
@@ -198,6 +200,17 @@ fn presets_are_valid_and_come_back_from_json_bit_for_bit() {
 }
 
 #[test]
+fn thin_bones_do_not_look_like_vessels_in_a_ct_angiogram() {
+    let angio = TransferFunction::preset("ct-angio").unwrap();
+    // Vessels with contrast agent have 200 to 400, ribs 600 and more; the edges of both pass through 200.
+    let [vessel, rib] = [300.0, 600.0].map(|value| angio.colour(value));
+    assert!(vessel[0] > 4.0 * vessel[1], "red: {vessel:?}");
+    assert!(rib[0] < 1.5 * rib[1], "ivory: {rib:?}");
+    let [edge, inside] = [200.0, 600.0].map(|value| angio.opacity(value, 0.0));
+    assert!(edge < 0.3 && inside > 0.8, "the inside shows through the edge: {edge}, {inside}");
+}
+
+#[test]
 fn wrong_json_is_refused_with_the_place_and_the_remedy() {
     let point = |value: &str, opacity: &str| format!(r##"{{"value":{value},"colour":"#ffffff","opacity":{opacity}}}"##);
     let points = |list: &[String]| format!(r#"{{"kind":"points","points":[{}]}}"#, list.join(","));
@@ -248,6 +261,14 @@ fn wrong_json_is_refused_with_the_place_and_the_remedy() {
         (contour(r#""value":1,"opacity":1,"radius":2"#), "unknown field `radius`"),
         (r#"{"kind":"contour","contours":[],"voxel_length":1}"#.into(), "contours: has 0"),
         (r#"{"kind":"contour","contours":[{"value":1,"opacity":1}],"voxel_length":0}"#.into(), "voxel_length: is 0"),
+        (r#"{"kind":"contour","contours":[{"value":1,"opacity":1}],"cap":true}"#.into(), "line 1"),
+        (r#"{"kind":"contour","contours":[{"value":1,"opacity":1}],"cap":"both"}"#.into(), "`above` or `below`"),
+        (r#"{"kind":"contour","contours":[{"value":1,"opacity":1,"width":0}],"cap":"above"}"#.into(), "cap: needs exactly"),
+        (
+            r#"{"kind":"contour","contours":[{"value":1,"opacity":1},{"value":2,"opacity":1}],"cap":"above"}"#.into(),
+            "cap: needs exactly one contour",
+        ),
+        (r#"{"kind":"range","low":1,"cap":"above"}"#.into(), "cap: belongs to the kind \"contour\""),
         (r##"{"kind":"labels","labels":[{"label":1.5,"name":"a","colour":"#000000"}]}"##.into(), "1.5"),
         (
             r##"{"kind":"labels","labels":[{"label":1,"name":"a","colour":"#000000"},{"label":1,"name":"b","colour":"#000000"}]}"##
@@ -645,6 +666,34 @@ fn what_was_not_stored_is_found_exactly() {
     assert_eq!(missing(&json(ramp), &range(20.0, 60.0)), [[60.0, high]]);
     // Knots that rounding put apart are the same.
     assert_eq!(missing(&range(0.3, 1.0), &range(0.1 + 0.2, 1.0)), [[0.3, 0.3]; 0]);
+}
+
+#[test]
+fn a_cap_that_was_not_built_is_missing_and_json_keeps_it() {
+    let open = TransferFunction::contour(50.0).unwrap();
+    let [above, below] = [Cap::Above, Cap::Below].map(|side| open.clone().with_cap(side).unwrap());
+    assert_eq!((open.cap(), above.cap()), (None, Some(Cap::Above)));
+    assert!(above.to_json().contains(r#""cap": "above""#) && !open.to_json().contains("cap"));
+    for function in [&open, &above, &below] {
+        assert_eq!(&json(&function.to_json()), function);
+    }
+    assert_eq!(above.missing_from(&open, EVERYWHERE, 0.0), [[50.0, f64::INFINITY]]);
+    assert_eq!(below.missing_from(&open, [0.0, 100.0], 0.0), [[0.0, 50.0]]);
+    assert_eq!(above.missing_from(&above, EVERYWHERE, 9.0), [[0.0; 2]; 0]);
+    assert_eq!(open.missing_from(&above, EVERYWHERE, 9.0), [[0.0; 2]; 0]);
+    let error = range(1.0, 2.0).with_cap(Cap::Above).unwrap_err().to_string();
+    assert!(error.contains("cap: closes the surface of an iso-value"), "{error}");
+    // Only what is visible without a gradient has an inside.
+    let ramp = |least: f64| {
+        json(&format!(
+            r##"{{"kind":"points","points":[{{"value":1,"colour":"#ffffff","opacity":1}}],
+                "gradient":[{{"magnitude":1,"factor":{least}}},{{"magnitude":2,"factor":1}}]}}"##
+        ))
+    };
+    let shown = [&range(1.0, 9.0), &ramp(0.1), &ramp(0.0), &open].map(|function| function.shows_cut(5.0));
+    assert_eq!(shown, [true, true, false, false]);
+    let shown = [49.0, 50.0, 51.0].map(|value| [above.shows_cut(value), below.shows_cut(value)]);
+    assert_eq!(shown, [[false, true], [false, false], [true, false]]);
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The known volume as NIfTI-1 and -2, written field by field from the standard's offsets.
 
 use adjsplat::volume::SampleType;
-use adjsplat_readers::{Endian, OpenOptions};
+use adjsplat_readers::{Endian, OpenOptions, open};
 
 use super::sample::{ENDIANS, Folder, bytes, expect_known, expect_refused, gzip, known, read, read_with};
 
@@ -115,6 +115,10 @@ impl Nifti {
         }
     }
 
+    fn intent(&mut self, code: i32) {
+        self.code(68, 504, code);
+    }
+
     fn units(&mut self, code: u8) {
         match self.version {
             1 => self.bytes[123] = code,
@@ -215,6 +219,24 @@ fn scaling_units_and_transforms_are_taken() {
         let grid = read(&nifti).grid;
         assert_eq!((grid.spacing, grid.origin), ([5.0, 4.0, 6.0], [10.0, 20.0, 30.0]));
         assert_eq!(grid.direction, [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]);
+    }
+}
+
+#[test]
+fn the_intent_code_says_that_values_are_labels() {
+    let folder = Folder::new();
+    let known = known(SampleType::I16);
+    for version in [1, 2] {
+        for endian in ENDIANS {
+            for (code, want) in [(1002, Some(0)), (0, None), (1001, None)] {
+                let mut nifti = Nifti::new(version, endian, SampleType::I16);
+                nifti.intent(code);
+                let path = folder.write("labels.nii", &[nifti.bytes(), &bytes(&known, endian)]);
+                expect_known(&path, SampleType::I16);
+                let source = open(&path, &OpenOptions::new()).unwrap();
+                assert_eq!(source.labels().map(<[_]>::len), want, "{version} {endian:?} {code}");
+            }
+        }
     }
 }
 

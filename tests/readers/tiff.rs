@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use adjsplat::error::Error;
-use adjsplat::volume::{Header, Sample, SampleType, SlabSource};
+use adjsplat::volume::{Header, Sample, SampleType, SlabSource, StatedLabel};
 use adjsplat_readers::{Endian, OpenOptions, open};
 
 use super::damage::{expect_no_panic, expect_truncations_refused};
@@ -388,7 +388,11 @@ fn files_that_libjpeg_packed_are_read() {
 
 /// Numbers of the tag ColorMap for indices of 8 bits.
 fn palette(colour: impl Fn(u64) -> [u64; 3]) -> Vec<(u16, Value)> {
-    let part = |part: usize| (0..256).map(|index| colour(index)[part]).collect::<Vec<u64>>();
+    palette_of(256, colour)
+}
+
+fn palette_of(count: u64, colour: impl Fn(u64) -> [u64; 3]) -> Vec<(u16, Value)> {
+    let part = |part: usize| (0..count).map(|index| colour(index)[part]).collect::<Vec<u64>>();
     vec![(262, Value::Short(vec![3])), (320, Value::Short([part(0), part(1), part(2)].concat()))]
 }
 
@@ -429,6 +433,90 @@ fn palettes_of_greys_are_read_through_and_indices_into_colours_are_kept_with_a_n
     refused(&folder.write("a.tif", &[&differ.known_file()]), &["the palette of page 0", "another one in page 1"]);
     differ.first_tags = vec![(320, Value::Short(vec![0; 30]))];
     refused(&folder.write("a.tif", &[&differ.known_file()]), &["768 numbers in its ColorMap", "30 in page 0"]);
+}
+
+#[test]
+fn colours_of_a_palette_are_those_of_its_labels() {
+    let folder = Folder::new();
+    let labels = |name: &str, tiff: &Tiff| {
+        let source = open(folder.write(name, &[&tiff.known_file()]), &OpenOptions::new()).expect("a TIFF file");
+        assert_eq!(source.notes().is_empty(), source.labels().is_some(), "{:?}", source.notes());
+        source.labels().map(<[StatedLabel]>::to_vec)
+    };
+    // Bytes in the high byte of a number, in both, and in the low one.
+    for scale in [256, 257, 1] {
+        let tiff =
+            Tiff { tags: palette(|i| [97 * i % 256, 31 * i % 256, i].map(|c| c * scale)), ..Tiff::new(SampleType::U8) };
+        let found = labels("labels.tif", &tiff).expect("labels");
+        assert_eq!(found.len(), 255, "index 0 is the background");
+        assert_eq!(found[4], StatedLabel { value: 5, name: "5".into(), colour: [229, 155, 5] });
+    }
+    // Most palettes of few labels are black behind them.
+    let few = palette(|i| {
+        [[0; 3], [65_535, 0, 0], [0, 65_535, 0]].get(usize::try_from(i).unwrap()).copied().unwrap_or_default()
+    });
+    assert_eq!(
+        labels("few.tif", &Tiff { tags: few, ..Tiff::new(SampleType::U8) }).expect("labels")[1].colour,
+        [0, 255, 0]
+    );
+    // A colour scale shows measured values, as of a microscope's channel or a line from samples to values.
+    for scale in [|i| [0, 257 * i, 0], |i| [257 * i, 257 * (255 - i), 128], |i| [514 * (i % 128), 0, 257 * i]] {
+        assert_eq!(labels("scale.tif", &Tiff { tags: palette(scale), ..Tiff::new(SampleType::U8) }), None);
+    }
+    let mut calibrated = Tiff::described(SampleType::U8, "ImageJ=1.53\nimages=2\nslices=2\ncf=0\nc0=5\nc1=0.5\n");
+    calibrated.tags = palette(|i| [97 * i % 256, 31 * i % 256, i]);
+    assert_eq!(labels("calibrated.tif", &calibrated), None);
+}
+
+#[test]
+fn samples_smaller_than_a_byte_are_unpacked() {
+    let folder = Folder::new();
+    let short = |value: u64| Value::Short(vec![value]);
+    for bits in [1, 2, 4u64] {
+        let per_byte = 8 / bits;
+        for endian in ENDIANS {
+            for cut in CUTS {
+                for packing in [Packing::Plain, Packing::Deflate, Packing::PackBits, Packing::Lzw, Packing::Zstd] {
+                    for (meaning, missing) in [(1, 0), (0, 0), (3, 1)] {
+                        // A row of the known volume has four bytes; the last sample may be left out.
+                        let width = 4 * per_byte - missing;
+                        let mut tiff = Tiff { endian, cut, packing, ..Tiff::new(SampleType::U8) };
+                        tiff.tags = vec![(256, short(width)), (258, short(bits)), (262, short(meaning))];
+                        if let Cut::Tiles(across, _) = cut {
+                            tiff.tags.push((322, short(across as u64 * per_byte)));
+                        }
+                        if meaning == 3 {
+                            tiff.tags.extend(palette_of(1 << bits, |i| [65_535 * (i % 2), 9_000 * (i % 3), 0]));
+                        }
+                        let path = folder.write("a.tif", &[&tiff.known_file()]);
+                        let read = read(&path).unwrap_or_else(|error| panic!("{error}"));
+                        assert_eq!(read.header.grid.dims, [u32::try_from(width).unwrap(), 3, 2]);
+                        let unpacked = |byte: &u8| {
+                            let byte = *byte;
+                            (0..per_byte).map(move |i| byte >> (8 - bits * (i + 1)) & ((1 << bits) - 1))
+                        };
+                        let rows = tiff.slices().concat();
+                        let rows = rows.chunks(4).flat_map(|row| {
+                            row.iter().flat_map(unpacked).take(usize::try_from(width).unwrap()).collect::<Vec<u8>>()
+                        });
+                        assert_eq!(read.samples.bytes(), rows.collect::<Vec<u8>>(), "{bits} {cut:?} {packing:?}");
+                    }
+                }
+            }
+        }
+    }
+    let four =
+        |more: (u16, Value)| Tiff { tags: vec![(258, short(4)), more], ..Tiff::new(SampleType::U8) }.known_file();
+    refused(
+        &folder.write("a.tif", &[&four((317, short(2)))]),
+        &["at least 8 bits under a predictor", "4 bits in page 0"],
+    );
+    refused(&folder.write("a.tif", &[&four((259, short(7)))]), &["at least 8 bits under a predictor or JPEG"]);
+    let tiled = Tiff { cut: Cut::Tiles(3, 2), tags: vec![(258, short(4))], ..Tiff::new(SampleType::U8) };
+    refused(
+        &folder.write("a.tif", &[&tiled.known_file()]),
+        &["tiles that fill whole bytes", "tiles of 3 samples of 4 bits"],
+    );
 }
 
 /// The header of the known volume with these resolution tags and description.
@@ -858,6 +946,10 @@ fn damage_is_refused_and_never_panics() {
     }
     let indexed = Tiff { tags: palette(|i| [i; 3]), ..Tiff::new(SampleType::U8) };
     expect_no_panic(&folder.write("a.tif", &[&indexed.known_file()]), 300);
+    let mut small =
+        Tiff { cut: Cut::Tiles(2, 2), tags: palette_of(16, |i| [5 * i, 9 * i, 0]), ..Tiff::new(SampleType::U8) };
+    small.tags.extend([(256, 8), (258, 4), (322, 4)].map(|(tag, value)| (tag, Value::Short(vec![value]))));
+    expect_no_panic(&folder.write("a.tif", &[&small.known_file()]), 500);
     let tiff = Tiff::described(SampleType::I16, "ImageJ=1.54f\nimages=2\n");
     let path = folder.write("a.tif", &[&contiguous(&tiff, &tiff.slices())]);
     expect_known(&path, SampleType::I16);

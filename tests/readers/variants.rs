@@ -2,8 +2,8 @@
 
 use std::io::{Seek, SeekFrom, Write};
 
-use adjsplat::volume::SampleType;
-use adjsplat_readers::{Endian, OpenOptions, RawOptions};
+use adjsplat::volume::{SampleType, StatedLabel};
+use adjsplat_readers::{Endian, OpenOptions, RawOptions, open};
 
 use super::damage::{expect_no_panic, expect_truncations_refused};
 use super::sample::{
@@ -91,6 +91,31 @@ fn nrrd_skips_lines_and_bytes_before_and_behind() {
     // Attached, with a line end of two bytes and one more volume behind the first.
     let path = folder.write("attached.nrrd", &[head.as_bytes(), b"encoding: raw\r\n\r\n", &packed, &packed]);
     expect_known(&path, SampleType::I16);
+}
+
+#[test]
+fn segments_of_a_nrrd_file_are_its_labels() {
+    let folder = Folder::new();
+    let labels = |dimensions: &str, keys: &str| {
+        let header = format!("NRRD0004\ntype: uint8\n{dimensions}\nencoding: raw\n{keys}\n");
+        let path = folder.write("a.seg.nrrd", &[header.as_bytes(), known(SampleType::U8).bytes()]);
+        open(&path, &OpenOptions::new()).unwrap().labels().map(<[StatedLabel]>::to_vec)
+    };
+    const FLAT: &str = "dimension: 3\nsizes: 4 3 2";
+    let label = |value, name: &str, colour| StatedLabel { value, name: name.into(), colour };
+    let keys = "Segment0_ID:=Segment_1\nSegment0_Name:=left rib: first\nSegment0_LabelValue:=7\n\
+        Segment0_Color:=0.2 1 0\nSegment0_Tags:=Segmentation.Status:inprogress|\nSegment0_Layer:=0\n\
+        Segment10_LabelValue:=2\nSegment10_Color:=0 0.5 7\nSegment10_Name:=lung\n";
+    let both = vec![label(2, "lung", [0, 128, 255]), label(7, "left rib: first", [51, 255, 0])];
+    assert_eq!(labels(FLAT, keys), Some(both.clone()));
+    // The background, a label without a colour and a repeated one are left out.
+    let more = "Segment1_LabelValue:=0\nSegment1_Color:=1 1 1\nSegment2_LabelValue:=3\nSegment3_LabelValue:=7\n\
+        Segment3_Color:=0 0 0\nSegment4_LabelValue:=x\nSegment4_Color:=0 0 0\n";
+    assert_eq!(labels(FLAT, &[keys, more].concat()), Some(both));
+    assert_eq!(labels(FLAT, "Segment0_LabelValue:=1\n"), Some(Vec::new()));
+    assert_eq!(labels(FLAT, "Segmentation_ContainedRepresentationNames:=Binary labelmap|\n"), None);
+    assert_eq!(labels(FLAT, ""), None);
+    assert_eq!(labels("dimension: 4\nsizes: 4 3 2 1", keys), None);
 }
 
 #[test]

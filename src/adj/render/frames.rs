@@ -24,40 +24,16 @@ pub(super) fn draw_frames(
     job: &RenderJob,
     settings: &Settings,
     cameras: &[Camera],
-    renderer: Renderer,
-    background: Option<[f32; 3]>,
-    measured: Option<f64>,
-) -> Result<Answer> {
-    let mut written = 0;
-    let drawn = try_draw_frames(job, settings, cameras, renderer, background, measured, &mut written);
-    match drawn {
-        Err(error) if written > 0 && job.outputs.len() > 1 => {
-            let cause = if matches!(error, Error::Interrupted) { "stopped".to_owned() } else { one_line(&error) };
-            let (first, last) = (job.outputs[0].display(), job.outputs[written - 1].display());
-            let names = if written == 1 { format!("{first}") } else { format!("{first} to {last}") };
-            print_note(&format!("{cause}; {written} of {} frames are written: {names}", job.outputs.len()));
-            Ok(Answer::Failed)
-        }
-        drawn => drawn,
-    }
-}
-
-/// Draws frames like [`draw_frames`] and counts in `written` the numbered ones whose files are complete.
-fn try_draw_frames(
-    job: &RenderJob,
-    settings: &Settings,
-    cameras: &[Camera],
     mut renderer: Renderer,
     background: Option<[f32; 3]>,
     measured: Option<f64>,
-    written: &mut usize,
 ) -> Result<Answer> {
     let RenderJob { arguments, kind, outputs, start, .. } = *job;
     let mut progress = Progress::new(arguments.quiet || arguments.view.frames == 1);
     let mut pictures = Vec::new();
     let mut all_stats = Vec::new();
     let mut digest = Sha256::new();
-    for (number, camera) in cameras.iter().enumerate() {
+    let mut draw = |number: usize, camera: &Camera| {
         if progress.show("render", number as u64, arguments.view.frames.into()).is_break() {
             return Err(Error::Interrupted);
         }
@@ -71,10 +47,13 @@ fn try_draw_frames(
         digest.update(picture.bytes());
         match kind {
             PictureKind::Apng => pictures.push(picture),
-            _ => {
-                write_atomically_unless(&interrupted, &outputs[number], |out| picture.write(out))?;
-                *written += 1;
-            }
+            _ => write_atomically_unless(&interrupted, &outputs[number], |out| picture.write(out))?,
+        }
+        Ok(())
+    };
+    for (number, camera) in cameras.iter().enumerate() {
+        if let Err(error) = draw(number, camera) {
+            return stopped_after(&outputs[..number.min(outputs.len() - 1)], error, outputs.len());
         }
     }
     if kind == PictureKind::Apng {
@@ -103,6 +82,18 @@ fn try_draw_frames(
         renderer.adapter().map(|adapter| format!(", by {adapter}")).unwrap_or_default(),
     ));
     Ok(Answer::Yes)
+}
+
+/// Says which of `count` numbered frames are written when `error` ends the drawing; returns the error if none is.
+fn stopped_after(written: &[PathBuf], error: Error, count: usize) -> Result<Answer> {
+    let names = match written {
+        [] => return Err(error),
+        [only] => only.display().to_string(),
+        [first, .., last] => format!("{} to {}", first.display(), last.display()),
+    };
+    let cause = if matches!(error, Error::Interrupted) { "stopped".to_owned() } else { one_line(&error) };
+    print_note(&format!("{cause}; {} of {count} frames are written: {names}", written.len()));
+    Ok(Answer::Failed)
 }
 
 /// Returns numbered paths, one per frame: `out-000.png`, `out-001.png` ... for `out.png`.

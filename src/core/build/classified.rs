@@ -126,7 +126,7 @@ impl ClassifiedRows {
     }
 
     fn magnitude(&self, row: &RowParts, index: usize) -> u8 {
-        row.magnitude(index).map_or(0, |magnitude| self.encoder.magnitudes.encode(magnitude))
+        row.magnitude(index).map_or(0, |magnitude| self.encoder.magnitude_code(magnitude))
     }
 
     fn voxels<T: Sample>(&self, row: &RowParts, range: Range<usize>, voxels: &mut Vec<Voxel>) {

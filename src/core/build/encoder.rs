@@ -18,6 +18,8 @@ pub(super) struct VoxelEncoder {
     pub(super) channels: Channels,
     pub(super) quantiser: Quantiser,
     pub(super) magnitudes: MagnitudeCodec,
+    /// The code of the magnitude on a cap.
+    cap_code: u8,
     /// The code of each sample, indexed by the sample's bits; empty for samples of more than 16 bits.
     table: Vec<u16>,
     pub(super) slope: f64,
@@ -46,9 +48,9 @@ impl VoxelEncoder {
         // A difference of two samples is at most their range: this bounds the gradient on all axes.
         let steepest = grid.spacing.iter().map(|h| 1.0 / (h * h)).sum::<f64>().sqrt();
         let bound = if uses_gradient { ((highest - lowest) * steepest).min(f64::MAX) } else { 0.0 };
-        let largest = largest_magnitude.unwrap_or(bound);
-
         let mut transfer = options.transfer.clone().with_voxel_length(grid.mean_spacing())?;
+        let cap_magnitude = transfer.cap_magnitude(lowest, highest);
+        let largest = largest_magnitude.unwrap_or(bound).max(cap_magnitude.unwrap_or(0.0));
         if largest > 0.0 {
             transfer = transfer.with_largest_magnitude(largest)?;
         }
@@ -62,7 +64,9 @@ impl VoxelEncoder {
         let quantiser = quantiser(range, bits, header.sample_type, slope, intercept)?;
         let magnitudes = MagnitudeCodec::new(if uses_gradient { largest } else { 0.0 })?;
         let channels = Channels { value_bits: bits, ..options.channels() };
-        let encoder = VoxelEncoder { transfer, channels, quantiser, magnitudes, table: Vec::new(), slope, intercept };
+        let cap_code = magnitudes.encode(cap_magnitude.unwrap_or(f64::INFINITY));
+        let table = Vec::new();
+        let encoder = VoxelEncoder { transfer, channels, quantiser, magnitudes, cap_code, table, slope, intercept };
         Ok(encoder.with_quantiser(header.sample_type, quantiser))
     }
 
@@ -84,6 +88,12 @@ impl VoxelEncoder {
     #[inline(always)]
     fn value<T: Sample>(&self, sample: T) -> f64 {
         sample.to_f64() * self.slope + self.intercept
+    }
+
+    /// Returns the code of a gradient magnitude, which is infinite on a cap.
+    #[inline(always)]
+    pub(super) fn magnitude_code(&self, magnitude: f64) -> u8 {
+        if magnitude == f64::INFINITY { self.cap_code } else { self.magnitudes.encode(magnitude) }
     }
 
     #[inline(always)]

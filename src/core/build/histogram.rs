@@ -35,25 +35,29 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Counts the samples of a volume, which is read twice. `source` must be at its first slice, and is there again
-    /// afterwards.
+    /// Counts the samples of a volume, which is read twice, or once if samples have at most 16 bits. `source` must be at
+    /// its first slice, and is there again afterwards.
     ///
     /// # Errors
     /// Any error of reading the source; [`Error::Interrupted`](crate::Error::Interrupted) if the observer cancels.
     pub fn of(source: &mut dyn SlabSource, observer: &mut dyn Observer) -> Result<Histogram> {
         let header = source.header().clone();
         let value = |raw: f64| raw * header.slope + header.intercept;
+        let small = match header.sample_type.integer_range().filter(|_| header.sample_type.bytes() <= 2) {
+            Some(range) => Some(count_small(source, range, observer)?),
+            None => None,
+        };
         let (mut lowest, mut highest) = (f64::INFINITY, f64::NEG_INFINITY);
         let (mut sum, mut count, mut not_finite) = (0.0, 0u64, 0);
-        each_sample(source, observer, |raw| {
+        each_value(small.as_deref(), source, observer, |raw, times| {
             let value = value(raw);
             if value.is_finite() {
                 lowest = lowest.min(value);
                 highest = highest.max(value);
-                sum += value;
-                count += 1;
+                sum += value * times as f64;
+                count += times;
             } else {
-                not_finite += 1;
+                not_finite += times;
             }
         })?;
         let mean = sum / count as f64;
@@ -75,11 +79,11 @@ impl Histogram {
             found.bin_width = half_spread / (BINS - 1) as f64 * 2.0;
         }
         found.counts = vec![0; bins];
-        each_sample(source, observer, |raw| {
+        each_value(small.as_deref(), source, observer, |raw, times| {
             let value = value(raw);
             if value.is_finite() {
                 let bin = found.bin(value);
-                found.counts[bin] += 1;
+                found.counts[bin] += times;
             }
         })?;
         Ok(found)
@@ -174,6 +178,37 @@ impl Histogram {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "saturating is meant")]
         let bin = ((value / 2.0 - self.lowest / 2.0) / self.bin_width * 2.0).round() as usize;
         bin.min(self.counts.len().saturating_sub(1))
+    }
+}
+
+/// Returns the samples that occur, which are whole numbers in `low..=high`, each with how often it does.
+fn count_small(
+    source: &mut dyn SlabSource,
+    (low, high): (f64, f64),
+    observer: &mut dyn Observer,
+) -> Result<Vec<(f64, u64)>> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "whole, from 0 to 65,535")]
+    let index = |raw: f64| (raw - low) as usize;
+    let mut counts = vec![0; index(high) + 1];
+    each_sample(source, observer, |raw| counts[index(raw)] += 1)?;
+    let raws = std::iter::successors(Some(low), |raw| Some(raw + 1.0));
+    Ok(raws.zip(counts).filter(|(_, count)| *count > 0).collect())
+}
+
+/// Calls `take` with every sample and how many there are of it: those in `small`, if they were counted, or each sample
+/// of the source by itself.
+fn each_value(
+    small: Option<&[(f64, u64)]>,
+    source: &mut dyn SlabSource,
+    observer: &mut dyn Observer,
+    mut take: impl FnMut(f64, u64),
+) -> Result<()> {
+    match small {
+        Some(small) => {
+            small.iter().for_each(|&(raw, count)| take(raw, count));
+            Ok(())
+        }
+        None => each_sample(source, observer, |raw| take(raw, 1)),
     }
 }
 

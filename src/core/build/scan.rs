@@ -32,7 +32,8 @@ impl<T: Sample> VisibleScan<'_, T> {
         gradient: &dyn Fn(usize, usize) -> [f64; 3],
     ) -> (SpilledRows, SampleSummary) {
         let VisibleScan { samples: slice, header, test, channels } = *self;
-        let width = header.grid.dims[0] as usize;
+        let dims = header.grid.dims.map(|points| points as usize);
+        let width = dims[0];
         let mut visible = SpilledRows::default();
         let ends = test.ends::<T>();
         let mut range = RawRange::default();
@@ -51,13 +52,21 @@ impl<T: Sample> VisibleScan<'_, T> {
                         continue;
                     }
                     if channels.magnitude_bits > 0 || channels.normal_bits > 0 {
-                        let gradient = gradient(x, y as usize);
+                        let mut gradient = gradient(x, y as usize);
+                        let outward = gradient::outward(dims, [x, y as usize, block.z as usize]);
+                        let is_cut = outward.is_some() && test.shows_cut(test.value(sample));
                         if channels.magnitude_bits > 0 {
-                            let magnitude = gradient::magnitude(gradient);
+                            // Infinite on a cap: its magnitude follows when the range of the values is known (encoder.rs).
+                            let magnitude =
+                                if is_cut && test.is_capped() { f64::INFINITY } else { gradient::magnitude(gradient) };
                             if !test.is_visible(test.value(sample), magnitude) {
                                 continue;
                             }
                             row.magnitudes.push(magnitude);
+                        }
+                        // Around a cap, the outer half of the surface's transition is lit like the cap.
+                        if let Some(outward) = outward.filter(|_| is_cut || test.is_capped()) {
+                            gradient = outward.map(|component| -component);
                         }
                         match channels.normal_bits {
                             0 => {}

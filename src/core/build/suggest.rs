@@ -1,11 +1,13 @@
-//! Suggestions: what to show of a volume of which nothing is known but its histogram.
+//! Suggestions: what to show of a volume, by what its file says of its values, or else by its histogram.
 //!
 //! A map of labels gets a palette, CT in Hounsfield units a preset, and all else what lies above the threshold that
 //! parts the values into two groups best (Otsu, "A threshold selection method from gray-level histograms", 1979).
 
 use super::histogram::Histogram;
-use crate::classify::TransferFunction;
+use crate::classify::colour::Colour;
+use crate::classify::{Label, TransferFunction, UnlistedLabels};
 use crate::error::{Error, Result};
+use crate::volume::{SlabSource, StatedLabel};
 
 /// What to show of a volume.
 #[derive(Debug, Clone, PartialEq)]
@@ -13,6 +15,8 @@ use crate::error::{Error, Result};
 pub enum Suggestion {
     /// The palette for any map of labels.
     Labels,
+    /// The labels that the file names, in the file's colours; other labels above 0 in distinct colours.
+    StatedLabels(TransferFunction),
     /// The preset of this name: see [`TransferFunction::preset`].
     Preset(String),
     /// The values from this one up.
@@ -28,6 +32,25 @@ const TISSUE: [f64; 2] = [-150.0, 150.0];
 const BONE: [f64; 2] = [250.0, 3100.0];
 
 impl Suggestion {
+    /// Returns what to show of a volume whose file says that its values are labels; `None` for any other.
+    ///
+    /// # Errors
+    /// [`Error::Input`] if the source names a label twice, or more than 65,536 labels.
+    pub fn stated(source: &dyn SlabSource) -> Result<Option<Suggestion>> {
+        let Some(stated) = source.labels() else { return Ok(None) };
+        if stated.is_empty() {
+            return Ok(Some(Suggestion::Labels));
+        }
+        let label = |stated: &StatedLabel| Label {
+            label: stated.value,
+            name: stated.name.clone(),
+            colour: Colour::from_bytes(stated.colour),
+            opacity: 1.0,
+        };
+        let palette = TransferFunction::labels(stated.iter().map(label).collect(), UnlistedLabels::Distinct)?;
+        Ok(Some(Suggestion::StatedLabels(palette)))
+    }
+
     /// Returns what to show of the volume with this histogram.
     ///
     /// # Errors
@@ -66,6 +89,7 @@ impl Suggestion {
     pub fn transfer(&self) -> Result<TransferFunction> {
         match self {
             Suggestion::Labels => TransferFunction::preset("labels"),
+            Suggestion::StatedLabels(palette) => Ok(palette.clone()),
             Suggestion::Preset(name) => TransferFunction::preset(name),
             Suggestion::From(low) => TransferFunction::range(*low, f64::INFINITY),
         }

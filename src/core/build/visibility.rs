@@ -102,6 +102,17 @@ impl VisibilityTest {
         self.transfer.opacity(value, magnitude) > 0.0
     }
 
+    /// Returns whether the volume's faces show the cut of a body of this value.
+    #[inline]
+    pub(super) fn shows_cut(&self, value: f64) -> bool {
+        self.transfer.shows_cut(value)
+    }
+
+    /// Returns whether cuts are capped surfaces, which are as opaque as the surface.
+    pub(super) fn is_capped(&self) -> bool {
+        self.transfer.cap().is_some()
+    }
+
     /// Returns an inclusive range of samples that contains all accepted ones; `None` if no sample is accepted.
     pub(super) fn ends<T: Sample>(&self) -> Option<[T; 2]> {
         if !self.table.is_empty() {

@@ -10,7 +10,7 @@ use serde::de::{self, SeqAccess, Visitor};
 use serde::{Deserialize, Deserializer, Serialize};
 
 use super::colour::Colour;
-use super::kind::{Contour, FactorPoint, Point, RANGE_OPACITY, TransferKind, range_colours};
+use super::kind::{Cap, Contour, FactorPoint, Point, RANGE_OPACITY, TransferKind, range_colours};
 use super::palette::{self, Label, UnlistedLabels};
 use super::transfer::TransferFunction;
 use super::validate::field_error;
@@ -80,6 +80,7 @@ pub(super) struct TransferDocument {
     #[serde(default, deserialize_with = "few")]
     contours: Option<Vec<Contour>>,
     voxel_length: Option<f64>,
+    cap: Option<Cap>,
     low: Option<f64>,
     high: Option<f64>,
     opacity: Option<f64>,
@@ -146,6 +147,7 @@ impl TransferDocument {
             ("gradient", self.gradient.is_some(), Points),
             ("contours", self.contours.is_some(), Contour),
             ("voxel_length", self.voxel_length.is_some(), Contour),
+            ("cap", self.cap.is_some(), Contour),
             ("low", self.low.is_some(), Range),
             ("high", self.high.is_some(), Range),
             ("opacity", self.opacity.is_some(), Range),
@@ -188,6 +190,7 @@ impl TryFrom<TransferDocument> for TransferFunction {
             KindName::Contour => TransferKind::Contour {
                 contours: document.contours.ok_or_else(|| missing("contours"))?,
                 voxel_length: document.voxel_length,
+                cap: document.cap,
             },
             KindName::Range => TransferKind::Range {
                 low: document.low.unwrap_or(f64::NEG_INFINITY),

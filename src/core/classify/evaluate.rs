@@ -7,7 +7,7 @@
 //! equations 3 to 5.
 
 use super::colour::Colour;
-use super::kind::{Contour, FactorPoint, Point, TransferKind};
+use super::kind::{Cap, Contour, FactorPoint, Point, TransferKind};
 use super::palette;
 use super::transfer::TransferFunction;
 
@@ -26,7 +26,7 @@ impl TransferFunction {
                 let opacity = interpolated(points, value, |point| (point.value, point.opacity));
                 if gradient.is_empty() || opacity == 0.0 { opacity } else { opacity * factor(gradient, magnitude) }
             }
-            TransferKind::Contour { contours, voxel_length } => {
+            TransferKind::Contour { contours, voxel_length, .. } => {
                 let unit = magnitude * voxel_length.unwrap_or(1.0);
                 let clear: f64 = contours.iter().map(|contour| 1.0 - contour_opacity(contour, value, unit)).product();
                 if let [contour] = &contours[..] { contour_opacity(contour, value, unit) } else { 1.0 - clear }
@@ -42,6 +42,35 @@ impl TransferFunction {
             }
             TransferKind::Labels { labels, others } => palette::opacity(labels, *others, value),
         }
+    }
+
+    /// Returns whether the inside of a body of this `value` is visible, so that a face of the volume shows the body's cut.
+    ///
+    /// This is so where opacity is above 0 without any gradient, and on the capped side of a contour. Other surfaces have
+    /// no inside: they end open at the volume's faces.
+    pub fn shows_cut(&self, value: f64) -> bool {
+        match &self.kind {
+            TransferKind::Contour { contours, cap, .. } => match cap {
+                Some(Cap::Above) => value > contours[0].value,
+                Some(Cap::Below) => value < contours[0].value,
+                None => false,
+            },
+            _ => self.opacity(value, 0.0) > 0.0,
+        }
+    }
+
+    /// Returns the gradient magnitude of the voxels on a cap, for a volume with values from `lowest` to `highest`; `None`
+    /// without a cap.
+    ///
+    /// It gives each of them at least 15/16 of the contour's opacity.
+    pub fn cap_magnitude(&self, lowest: f64, highest: f64) -> Option<f64> {
+        let TransferKind::Contour { contours, voxel_length, cap } = &self.kind else { return None };
+        let Contour { value, width, .. } = contours[0];
+        let depth = match (*cap)? {
+            Cap::Above => highest - value,
+            Cap::Below => value - lowest,
+        };
+        Some((16.0 * depth.max(0.0) / (width * voxel_length.unwrap_or(1.0))).min(f64::MAX))
     }
 
     /// Returns the label that `value` is if this function is a palette that neither names nor draws it; `None` for the
@@ -96,7 +125,7 @@ impl TransferFunction {
                 let high = points.get(last + 1).map_or(f64::INFINITY, |above| above.value);
                 (low, high)
             }
-            TransferKind::Contour { contours, voxel_length } => contours
+            TransferKind::Contour { contours, voxel_length, .. } => contours
                 .iter()
                 .filter(|contour| contour.opacity > 0.0)
                 .map(|contour| {

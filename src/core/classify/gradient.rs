@@ -1,7 +1,8 @@
 //! Gradients in world units from three neighbouring slices.
 //!
 //! Central differences `(f+ - f-) / 2h`; one-sided at borders and next to samples that are not finite; 0 without any
-//! neighbour. Exact for linear fields, also at the volume's faces. Samples are rounded to single precision. Their
+//! neighbour. Exact for linear fields, also at the volume's faces. Where a face cuts a body, `outward` lights it instead.
+//! Samples are rounded to single precision. Their
 //! differences are computed in double precision, so that no field and no spacing overflows or loses its direction.
 
 use crate::volume::Sample;
@@ -79,6 +80,20 @@ impl<'a, T: Sample> Neighbourhood<'a, T> {
             slope(slice(self.below), here, slice(self.above), self.inverse[2]),
         ]
     }
+}
+
+/// Returns the direction out of the grid at a voxel on its faces: the sum of the faces' outward axes; `None` inside.
+///
+/// On an axis of one point, both faces meet; the lower one counts.
+#[inline]
+pub(crate) fn outward(dims: [usize; 3], place: [usize; 3]) -> Option<[f64; 3]> {
+    let axis = |a: usize| match place[a] {
+        0 => -1.0,
+        at if at + 1 == dims[a] => 1.0,
+        _ => 0.0,
+    };
+    let direction = [axis(0), axis(1), axis(2)];
+    (direction != [0.0; 3]).then_some(direction)
 }
 
 /// Returns the length of a gradient, without overflow or underflow on the way.

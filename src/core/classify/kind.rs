@@ -61,6 +61,16 @@ pub struct Contour {
     pub colour: Colour,
 }
 
+/// The body, of higher or of lower values, whose cut at the volume's faces closes an iso-value surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Cap {
+    /// The body has values above the iso-value.
+    Above,
+    /// The body has values below the iso-value, as lungs and airways in CT.
+    Below,
+}
+
 /// Returns whether an end of a range is left out in JSON.
 fn is_open(end: &f64) -> bool {
     end.is_infinite()
@@ -79,6 +89,8 @@ pub(super) enum TransferKind {
         contours: Vec<Contour>,
         #[serde(skip_serializing_if = "Option::is_none")]
         voxel_length: Option<f64>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        cap: Option<Cap>,
     },
     /// Values from `low` to `high` are visible; an open end is infinite.
     Range {

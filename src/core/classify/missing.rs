@@ -46,7 +46,11 @@ impl TransferFunction {
             cuts.chunk_by(|a, b| b - a <= SLIVER * a.abs().max(b.abs())).map(|same| same.to_vec()).collect();
         cuts = knots.iter().map(|same| same[0]).collect();
 
-        let is_missing = |value: f64| self.shows_beyond(stored, value, most);
+        let is_missing = |value: f64| {
+            // A build decides on the cap: without it, voxels inside the body are not stored.
+            let is_cap_missing = self.cap().is_some() && self.shows_cut(value) && !stored.shows_cut(value);
+            is_cap_missing || self.shows_beyond(stored, value, most)
+        };
         let mut missing: Vec<[f64; 2]> = Vec::new();
         // Whether the last range can still grow: if the next value is missing too, the range extends to it.
         let mut open = false;
@@ -126,7 +130,7 @@ impl TransferFunction {
     /// Returns (centre, slope) of the lines `|value - centre| = slope * magnitude` inside which contours are visible.
     fn contour_lines(&self) -> Vec<(f64, f64)> {
         match &self.kind {
-            TransferKind::Contour { contours, voxel_length } => {
+            TransferKind::Contour { contours, voxel_length, .. } => {
                 contours.iter().map(|contour| (contour.value, contour.width * voxel_length.unwrap_or(1.0))).collect()
             }
             _ => Vec::new(),

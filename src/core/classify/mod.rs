@@ -33,7 +33,7 @@
 //! | kind | its fields |
 //! | --- | --- |
 //! | `points` | `points`: one or more of `value`, `colour`, `opacity`, ascending; linear in between, constant beyond the ends. Two points of the same value make a step; at that value the more opaque point counts. `gradient` (optional): `magnitude`, `factor`, ascending: a ramp that multiplies the opacity. |
-//! | `contour` | `contours`: `value`, `opacity`, `colour` (optional), `width` (optional, 2 voxels), ascending: iso-value surfaces of Levoy 1988. `voxel_length` (optional): the world length of one voxel of width; by default the edge of a cube with the volume of one cell. |
+//! | `contour` | `contours`: `value`, `opacity`, `colour` (optional), `width` (optional, 2 voxels), ascending: iso-value surfaces of Levoy 1988. `voxel_length` (optional): the world length of one voxel of width; by default the edge of a cube with the volume of one cell. `cap` (optional, for one contour): `"above"` or `"below"`, the side of the body whose cut at the volume's faces is drawn; by default the surface ends open there. |
 //! | `range` | `low`, `high` (inclusive; absent or null for an open end), `opacity` (optional, 0.8), `colours` (optional, at least one): spread evenly from low to high; `value_range` (optional): the value at which the colours of an open end stop. |
 //! | `region` | `knots`: at least two of `value`, `colour`, `opacity`, strictly ascending: the region boundary surfaces of Levoy 1988. `largest_magnitude` (optional, 1): the gradient magnitude at which opacity is reached in full. |
 //! | `labels` | `labels`: `label`, `name`, `colour`, `opacity` (optional, 1). `others` (optional): how labels above 0 that are not listed look: `"transparent"` (default) or `"distinct"`. |
@@ -66,7 +66,7 @@ mod validate;
 
 pub use colour::Colour;
 pub use gradient::Neighbourhood;
-pub use kind::{Contour, FactorPoint, Point};
+pub use kind::{Cap, Contour, FactorPoint, Point};
 pub use magnitude::MagnitudeCodec;
 pub use palette::{Label, UnlistedLabels};
 pub use preset::PRESETS;

@@ -2,7 +2,8 @@
 //!
 //! CT presets are in Hounsfield units (air -1000, water 0). Many files store values about 1024 higher, with skin from
 //! about 500 and bone from about 1150: use `ct-bone+1024`. `mr` fits T1 images of heads in which tissue has the values
-//! 100 to 250. We chose the values and colours.
+//! 100 to 250. `ct-angio` is for scans with a contrast agent in the vessels; without one, it shows the edges of bones as
+//! vessels, because there values pass through those of vessels. We chose the values and colours.
 
 use super::colour::Colour;
 use super::kind::{Contour, FactorPoint, Point};
@@ -14,7 +15,7 @@ use crate::error::{Error, Result};
 pub const PRESETS: [(&str, &str); 7] = [
     ("ct-bone", "bone, in Hounsfield units"),
     ("ct-skin", "skin over bone, in Hounsfield units"),
-    ("ct-angio", "vessels with contrast agent and bone, in Hounsfield units"),
+    ("ct-angio", "vessels that hold a contrast agent, red, and bone, ivory, in Hounsfield units"),
     ("mr", "T1 heads with tissue at 100 to 250"),
     ("labels", "any label map, a distinct colour for each label above 0"),
     ("frog", "the tissues of the whole frog's segmentation"),
@@ -42,12 +43,13 @@ const CT_SKIN: Knots = &[
     (1200.0, [0xff, 0xf8, 0xea], 0.95),
 ];
 
+/// Vessels are almost opaque only from 320 up, so that the inside of thin bones shows through their edges.
 const CT_ANGIO: Knots = &[
     (120.0, [0x7a, 0x10, 0x18], 0.0),
-    (180.0, [0xb8, 0x1f, 0x26], 0.35),
-    (320.0, [0xe0, 0x4a, 0x38], 0.75),
-    (500.0, [0xee, 0xb0, 0x84], 0.7),
-    (800.0, [0xf4, 0xe4, 0xc8], 0.8),
+    (180.0, [0xb8, 0x1f, 0x26], 0.12),
+    (320.0, [0xd8, 0x40, 0x2f], 0.7),
+    (440.0, [0xee, 0xb8, 0x90], 0.75),
+    (620.0, [0xf4, 0xe4, 0xc8], 0.9),
     (2000.0, [0xff, 0xfb, 0xf2], 0.95),
 ];
 

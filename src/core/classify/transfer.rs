@@ -7,11 +7,11 @@ use serde::{Deserialize, Serialize};
 
 use super::document::TransferDocument;
 use super::kind::{
-    Contour, FactorPoint, Point, RANGE_OPACITY, TransferKind, contour_colour, contour_width, range_colours,
+    Cap, Contour, FactorPoint, Point, RANGE_OPACITY, TransferKind, contour_colour, contour_width, range_colours,
 };
 use super::palette::{Label, UnlistedLabels};
 use super::validate::check_length;
-use crate::error::Result;
+use crate::error::{Error, Result};
 
 const CONTOUR_OPACITY: f64 = 0.9;
 
@@ -66,7 +66,7 @@ impl TransferFunction {
     /// # Errors
     /// [`Error::Input`](crate::Error::Input) if a number is out of range or the values do not ascend.
     pub fn contours(contours: Vec<Contour>) -> Result<TransferFunction> {
-        TransferFunction::of(TransferKind::Contour { contours, voxel_length: None })
+        TransferFunction::of(TransferKind::Contour { contours, voxel_length: None, cap: None })
     }
 
     /// Creates a piecewise-linear function. Unless `gradient` is empty, the opacity is multiplied by that ramp.
@@ -135,6 +135,31 @@ impl TransferFunction {
             voxel_length.get_or_insert(length);
         }
         self.checked()
+    }
+
+    /// Closes a contour function's surface at the volume's faces: a build then stores the cut of the body on this side.
+    ///
+    /// Files that are built already keep the faces that they have: drawing them with another function does not close or
+    /// open them.
+    ///
+    /// # Errors
+    /// [`Error::Input`](crate::Error::Input) if this is no function of one contour with a width above 0.
+    pub fn with_cap(mut self, side: Cap) -> Result<TransferFunction> {
+        let TransferKind::Contour { cap, .. } = &mut self.kind else {
+            let why = "closes the surface of an iso-value, which this function does not show; other functions show the cut \
+                       of bodies by themselves";
+            return Err(Error::input("cap", why));
+        };
+        *cap = Some(side);
+        self.checked()
+    }
+
+    /// Returns the side set by [`TransferFunction::with_cap`].
+    pub fn cap(&self) -> Option<Cap> {
+        match self.kind {
+            TransferKind::Contour { cap, .. } => cap,
+            _ => None,
+        }
     }
 
     /// Sets the gradient magnitude at which a region function reaches full opacity, unless it is set already.

@@ -17,7 +17,7 @@ impl TransferKind {
                 }
                 check_rising("gradient", "magnitude", gradient.iter().map(|point| point.magnitude), 2)?;
             }
-            TransferKind::Contour { contours, voxel_length } => {
+            TransferKind::Contour { contours, voxel_length, cap } => {
                 check_count("contours", contours.len(), 1, MAX_CONTOURS)?;
                 for (index, contour) in contours.iter().enumerate() {
                     check_finite(&format!("contours[{index}].value"), contour.value)?;
@@ -26,6 +26,9 @@ impl TransferKind {
                 }
                 check_rising("contours", "value", contours.iter().map(|contour| contour.value), 1)?;
                 voxel_length.map_or(Ok(()), |length| check_length("voxel_length", length, false))?;
+                let can_be_capped = contours.len() == 1 && contours[0].width > 0.0;
+                let why = || "needs exactly one contour, of a width above 0; take it out".into();
+                require(cap.is_none() || can_be_capped, "cap", why)?;
             }
             TransferKind::Range { low, high, opacity, colours, value_range } => {
                 let sound = low <= high && *low < f64::INFINITY && *high > f64::NEG_INFINITY;

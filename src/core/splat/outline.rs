@@ -71,6 +71,13 @@ impl<'a> Outline<'a> {
         Outline { frame, voxels, within, centre: frame.world_from_voxel(middle) }
     }
 
+    /// Returns a distance from the centre within which all voxels lie.
+    fn radius(&self) -> f64 {
+        let VoxelBox { low, high } = self.within;
+        let voxels = |a: usize| (f64::from(high[a]) - f64::from(low[a])).abs() + 1.0;
+        (0..3).map(|a| self.frame.steps[a].length() * voxels(a) / 2.0).sum()
+    }
+
     /// Returns how far the voxels reach from the centre along `direction`, in units of its length.
     fn reach(&self, direction: DVec3) -> f64 {
         let slope = self.frame.steps.map(|step| step.dot(direction));
@@ -154,13 +161,14 @@ impl Camera {
         let reach = |direction: DVec3| outline.reach(direction) - offset.dot(direction);
         let measured = axes.iter().step_by(orbits.len().div_ceil(MEASURED));
         let scale = measured.flat_map(bounds).flatten().map(reach).fold(0.0, f64::max);
-        let radius = DVec3::AXES.map(|axis| reach(axis).max(reach(-axis))).iter().sum::<f64>();
+        // Of a parallel view the eye may be anywhere outside.
+        let outside = 2.0 * (outline.radius() + offset.length());
         orbits
             .iter()
             .zip(&axes)
             .map(|(orbit, &[_, up, outward])| {
                 let (distance, projection) = match orbit.fov {
-                    None => (2.0 * radius, Projection::Parallel { height: scale / orbit.zoom }),
+                    None => (outside, Projection::Parallel { height: scale / orbit.zoom }),
                     Some(_) => {
                         (scale, Projection::Perspective { fov: 2.0 * (tangent / orbit.zoom).atan().to_degrees() })
                     }

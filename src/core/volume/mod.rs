@@ -12,4 +12,4 @@ pub(crate) mod source;
 pub use grid::{Axis, Grid, MAX_DIM, SPACINGS};
 pub use memory::{IntoSlices, Volume, VolumeSlices};
 pub use samples::{Sample, SampleType, Samples};
-pub use source::{Header, SlabSource};
+pub use source::{Header, SlabSource, StatedLabel};

@@ -51,6 +51,17 @@ pub fn obtainable(bytes: u64) -> u64 {
     bytes
 }
 
+/// A label of a label map, as the volume's file states it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct StatedLabel {
+    /// The label's value, after slope and intercept.
+    pub value: i64,
+    /// The name of the structure.
+    pub name: String,
+    /// The structure's colour in sRGB: red, green, blue.
+    pub colour: [u8; 3],
+}
+
 /// A volume that delivers its z-slices in order, using the memory of a few slices.
 pub trait SlabSource: Send {
     /// Returns the volume's description.
@@ -82,6 +93,13 @@ pub trait SlabSource: Send {
     fn notes(&self) -> &[String] {
         &[]
     }
+
+    /// Returns the labels that the file names, if it says that its values are labels; they are none if it names none.
+    ///
+    /// Each has a value of its own. The value 0 is the background, and not among them.
+    fn labels(&self) -> Option<&[StatedLabel]> {
+        None
+    }
 }
 
 impl<S: SlabSource + ?Sized> SlabSource for Box<S> {
@@ -103,5 +121,9 @@ impl<S: SlabSource + ?Sized> SlabSource for Box<S> {
 
     fn notes(&self) -> &[String] {
         (**self).notes()
+    }
+
+    fn labels(&self) -> Option<&[StatedLabel]> {
+        (**self).labels()
     }
 }

@@ -116,4 +116,13 @@ impl Neighbours<'_> {
             slopes.into_iter().find(|slope| slope.is_finite()).unwrap_or(0.0) / self.spacing[a]
         })
     }
+
+    /// Returns the sum of the outward axes of the volume's faces that (`x`, `y`) is on; zero inside of the volume. On an
+    /// axis of one point only the lower face counts.
+    pub(super) fn out_of_volume(&self, x: usize, y: usize) -> [f64; 3] {
+        let [width, height] = self.dims;
+        let [below, _, above] = self.slices;
+        let ends = [(x == 0, x + 1 == width), (y == 0, y + 1 == height), (below.is_none(), above.is_none())];
+        ends.map(|(lower, upper)| if lower { -1.0 } else { f64::from(u8::from(upper)) })
+    }
 }

@@ -3,7 +3,7 @@
 //! In: a slab source (which reads slice by slice) and a transfer function. Out: every visible voxel with its optical
 //! depth, colour and normal. The definitions are those of `adjsplat::classify`: slope and intercept turn samples into
 //! values; the boundaries of regions are relative to the largest gradient of the volume; [`super::slices`] defines
-//! gradients.
+//! gradients and the directions of the volume's faces, which light the cuts of bodies.
 
 use adjsplat::classify::{TransferFunction, gradient};
 use adjsplat::error::{Error, Result};
@@ -68,6 +68,15 @@ impl VisibleVoxels {
             };
             if lowest <= highest {
                 transfer = transfer.with_value_range(lowest, highest)?;
+            }
+            if let Some(magnitude) = transfer.cap_magnitude(lowest, highest) {
+                let ends = header.grid.dims.map(|points| points - 1);
+                let is_on_face = |at: [u16; 3]| (0..3).any(|a| at[a] == 0 || u32::from(at[a]) == ends[a]);
+                for voxel in &mut voxels {
+                    if is_on_face(voxel.position) && transfer.shows_cut(voxel.value) {
+                        voxel.depth = depth(transfer.opacity(voxel.value, magnitude)) * per_depth(&header, &transfer);
+                    }
+                }
             }
         }
         for voxel in &mut voxels {
@@ -137,9 +146,7 @@ impl<'a> VoxelSweep<'a> {
             (true, false) => GradientField::Values,
             (true, true) => GradientField::SmoothedVisibility,
         };
-        let mean_voxel = header.grid.mean_spacing();
-        let per_depth = mean_voxel / transfer.reference_length().unwrap_or(mean_voxel);
-        VoxelSweep { header, transfer, field, per_depth }
+        VoxelSweep { header, transfer, field, per_depth: per_depth(header, transfer) }
     }
 
     /// Returns the visible voxels, and the lowest and the highest finite value of the volume.
@@ -147,6 +154,7 @@ impl<'a> VoxelSweep<'a> {
         let (mut voxels, mut range) = (Vec::new(), [f64::INFINITY, f64::NEG_INFINITY]);
         let (low, high) = self.transfer.domain(f64::INFINITY);
         let width = self.header.grid.dims[0] as usize;
+        let is_capped = self.transfer.cap().is_some();
         for_each_slice(source, self.header, self.transfer, self.field, |z, values, neighbours| {
             for (index, &value) in values.iter().enumerate() {
                 if !value.is_finite() {
@@ -161,14 +169,25 @@ impl<'a> VoxelSweep<'a> {
                     GradientField::Nothing => [0.0; 3],
                     _ => neighbours.gradient(x, y),
                 };
-                let opacity = self.transfer.opacity(value, gradient::magnitude(slope)).clamp(0.0, 1.0);
+                let outward = match self.field {
+                    GradientField::Nothing => [0.0; 3],
+                    _ => neighbours.out_of_volume(x, y),
+                };
+                // How opaque a cap is follows when the range of the values is known.
+                let is_cut = outward != [0.0; 3] && self.transfer.shows_cut(value);
+                let magnitude = if is_cut && is_capped { f64::INFINITY } else { gradient::magnitude(slope) };
+                let opacity = self.transfer.opacity(value, magnitude).clamp(0.0, 1.0);
                 if opacity <= 0.0 {
                     continue;
                 }
                 let narrow = |at: usize| u16::try_from(at).expect("a grid has at most 65,535 points an axis");
                 let position = [narrow(x), narrow(y), narrow(z)];
-                let depth = (-(-opacity).ln_1p()).min(MAX_DEPTH) * self.per_depth;
-                let normal = if self.transfer.shaded() { against(slope) } else { [0.0; 3] };
+                let depth = depth(opacity) * self.per_depth;
+                let normal = match self.transfer.shaded() {
+                    true if is_cut || (is_capped && outward != [0.0; 3]) => against(outward.map(|c| -c)),
+                    true => against(slope),
+                    false => [0.0; 3],
+                };
                 if voxels.len() == voxels.capacity() {
                     make_room(&mut voxels)?;
                 }
@@ -178,6 +197,15 @@ impl<'a> VoxelSweep<'a> {
         })?;
         Ok((voxels, range))
     }
+}
+
+fn depth(opacity: f64) -> f64 {
+    (-(-opacity).ln_1p()).min(MAX_DEPTH)
+}
+
+fn per_depth(header: &Header, transfer: &TransferFunction) -> f64 {
+    let mean_voxel = header.grid.mean_spacing();
+    mean_voxel / transfer.reference_length().unwrap_or(mean_voxel)
 }
 
 /// Reserves memory for half as many voxels again.

@@ -1,7 +1,8 @@
 //! Reads TIFF and BigTIFF: the pages of one file are the slices of a volume, or so are the one-page files of a folder.
 //!
 //! In: grey or indexed pages of one size and type, in strips or tiles, uncompressed or packed by LZW, deflate, PackBits,
-//! zstd or JPEG. Indices into a palette of greys become grey values; other indices are kept.
+//! zstd or JPEG. Samples of 1, 2 or 4 bits become bytes. Indices into a palette of greys become grey values; other
+//! indices are kept, and are labels in the palette's colours unless the palette is a colour scale.
 //! Out: a slab source (which reads slice by slice). Pages are slices in the file's order; thumbnails and masks
 //! (NewSubfileType 1 and 4) are skipped. The descriptions of two kinds of writers are used:
 //!

@@ -57,19 +57,27 @@ pub(super) struct PageShape {
     pub(super) width: u32,
     pub(super) height: u32,
     pub(super) sample_type: SampleType,
+    /// The number of bits of a stored sample: those of the type, or 1, 2 or 4, which are unpacked to bytes.
+    bits: u32,
     /// The colours that the samples are indices of, if they are.
     pub(super) palette: Option<Palette>,
 }
 
 impl PageShape {
-    /// Returns the number of bytes of the page's samples.
+    /// Returns the number of bytes of the page's samples as they are stored.
     pub(super) fn bytes(&self) -> u64 {
         // Both sizes are 32-bit numbers; only the check of the grid limits them.
-        (u64::from(self.width) * u64::from(self.height)).saturating_mul(self.sample_type.bytes() as u64)
+        self.stored_bytes(self.width, self.height)
+    }
+
+    /// Returns the number of bytes of `height` rows of `width` stored samples; each row begins with a new byte.
+    fn stored_bytes(&self, width: u32, height: u32) -> u64 {
+        (u64::from(width) * u64::from(self.bits)).div_ceil(8).saturating_mul(height.into())
     }
 
     fn described(&self) -> String {
-        format!("{} x {} of {}", self.width, self.height, self.sample_type.name())
+        let name = if self.bits < 8 { format!("{} bits", self.bits) } else { self.sample_type.name().into() };
+        format!("{} x {} of {name}", self.width, self.height)
     }
 }
 
@@ -173,7 +181,7 @@ impl TiffPages {
         let bits = self.number_tag(Tag::BitsPerSample)?.unwrap_or(1);
         let kind = self.number_tag(Tag::SampleFormat)?.unwrap_or(1);
         let sample_type = match (kind, bits) {
-            (1, 8) => SampleType::U8,
+            (1, 1 | 2 | 4 | 8) => SampleType::U8,
             (2, 8) => SampleType::I8,
             (1, 16) => SampleType::U16,
             (2, 16) => SampleType::I16,
@@ -189,28 +197,40 @@ impl TiffPages {
                     _ => "samples of an unknown kind",
                 };
                 let got = format!("{name} of {bits} bits in page {}", self.number);
-                return Err(self.format_fault("TIFF sample type", format!("one of {}", type_names()), got));
+                let expected = format!("one of {}, or unsigned whole numbers of 1, 2 or 4 bits", type_names());
+                return Err(self.format_fault("TIFF sample type", expected, got));
             }
         };
+        let bits = u32::try_from(bits).expect("one of those above");
+        if bits < 8 && (self.number_tag(Tag::Predictor)?.unwrap_or(1) != 1 || self.compression()? == jpeg::METHOD) {
+            let expected = "samples of at least 8 bits under a predictor or JPEG";
+            return Err(self.format_fault(
+                "TIFF sample type",
+                expected,
+                format!("{bits} bits in page {}", self.number),
+            ));
+        }
+        let across = self.decoder.chunk_dimensions().0;
+        if across < width && !(u64::from(across) * u64::from(bits)).is_multiple_of(8) {
+            let got = format!("tiles of {across} samples of {bits} bits in page {}", self.number);
+            return Err(self.format_fault("TIFF TileWidth", "rows of tiles that fill whole bytes", got));
+        }
         if self.is_white_zero()? && !matches!(sample_type, SampleType::U8 | SampleType::U16 | SampleType::U32) {
             let expected = "0 shown as black, or unsigned samples (invert the lookup table, and save again)";
             let got = format!("0 shown as white and samples of {} in page {}", sample_type.name(), self.number);
             return Err(self.format_fault("TIFF MinIsWhite", expected, got));
         }
-        let palette = if meaning == Some(3) { Some(self.palette(sample_type)?) } else { None };
-        Ok(PageShape { width, height, sample_type, palette })
+        let palette = if meaning == Some(3) { Some(self.palette(sample_type, bits)?) } else { None };
+        Ok(PageShape { width, height, sample_type, bits, palette })
     }
 
     /// Returns the page's palette.
-    fn palette(&mut self, sample_type: SampleType) -> Result<Palette> {
-        let need: usize = match sample_type {
-            SampleType::U8 => 3 << 8,
-            SampleType::U16 => 3 << 16,
-            _ => {
-                let got = format!("{} in page {}", sample_type.name(), self.number);
-                return Err(self.format_fault("TIFF palette", "indices of u8 or u16", got));
-            }
-        };
+    fn palette(&mut self, sample_type: SampleType, bits: u32) -> Result<Palette> {
+        if !matches!(sample_type, SampleType::U8 | SampleType::U16) {
+            let got = format!("{} in page {}", sample_type.name(), self.number);
+            return Err(self.format_fault("TIFF palette", "indices of u8 or u16", got));
+        }
+        let need = 3usize << bits;
         let found = self.decoder.find_tag_unsigned_vec::<u16>(Tag::ColorMap);
         let colours = found.map_err(|error| self.page_fault(error))?.unwrap_or_default();
         if colours.len() != need {
@@ -246,8 +266,7 @@ impl TiffPages {
                 // Tiles are stored whole, even if they reach beyond the page.
                 ChunkType::Tile => (chunk_width, chunk_height),
             };
-            let samples = u64::from(width) * u64::from(height);
-            let bytes = samples.saturating_mul(shape.sample_type.bytes() as u64);
+            let bytes = shape.stored_bytes(width, height);
             let packed = if ratio == Some(1) { bytes } else { *count };
             if offset.checked_add(packed).is_none_or(|end| end > self.file_len) {
                 let expected = format!("{packed} bytes at byte {offset}, for a chunk of page {}", self.number);
@@ -264,7 +283,7 @@ impl TiffPages {
 
     /// Returns the byte offset of `images` pages that are stored one after the other without directories of their own.
     pub(super) fn contiguous(&mut self, shape: &PageShape, images: u64) -> Result<u64> {
-        let plain = self.ratio()? == Some(1) && self.decoder.get_chunk_type() == ChunkType::Strip;
+        let plain = self.ratio()? == Some(1) && self.decoder.get_chunk_type() == ChunkType::Strip && shape.bits >= 8;
         let (offsets, counts) = self.chunks()?;
         let follow = offsets.windows(2).zip(&counts).all(|(pair, count)| pair[0].checked_add(*count) == Some(pair[1]));
         if !plain || !follow {
@@ -337,10 +356,11 @@ impl TiffPages {
     }
 
     fn read_chunks(&mut self, shape: &PageShape, slice: &mut Samples) -> Result<()> {
-        let width = shape.sample_type.bytes();
-        let row = shape.width as usize * width;
+        // Samples smaller than a byte are read as they are stored, and unpacked in place when the slice is whole.
+        let stored = |samples: u32| usize::try_from(shape.stored_bytes(samples, 1)).unwrap_or(usize::MAX);
+        let row = stored(shape.width);
         let (across, down) = self.decoder.chunk_dimensions();
-        let line = across as usize * width;
+        let line = stored(across);
         let columns = shape.width.div_ceil(across.max(1));
         let tiled = self.decoder.get_chunk_type() == ChunkType::Tile;
         let chunks = columns.saturating_mul(shape.height.div_ceil(down.max(1)));
@@ -350,7 +370,7 @@ impl TiffPages {
         let mut tile = DecodingResult::U8(Vec::new());
         for index in 0..chunks {
             let (chunk_width, chunk_height) = self.decoder.chunk_data_dimensions(index);
-            let (left, used) = ((index % columns) as usize * line, chunk_width as usize * width);
+            let (left, used) = ((index % columns) as usize * line, stored(chunk_width));
             let top = (index / columns) as usize * down as usize * row;
             if let Some((tables, (offsets, counts))) = &tables {
                 let [offset, count] = [offsets, counts].map(|list| list.get(index as usize).copied().unwrap_or(0));
@@ -362,7 +382,7 @@ impl TiffPages {
                 let samples = read.and_then(|_| jpeg::unpack(tables, &packed, size, slice));
                 let samples = samples.map_err(|error| self.page_fault(TiffError::IoError(error)))?;
                 let rows = slice.bytes_mut()[top..][..chunk_height as usize * row].chunks_exact_mut(row);
-                for (into, from) in rows.zip(samples.bytes().chunks_exact(size[0] as usize * width)) {
+                for (into, from) in rows.zip(samples.bytes().chunks_exact(stored(size[0]))) {
                     into[left..left + used].copy_from_slice(&from[..used]);
                 }
                 continue;
@@ -389,6 +409,9 @@ impl TiffPages {
         if zstd.is_none() && tables.is_none() && self.is_white_zero()? {
             // The crate inverted the samples so that 0 is black; this restores the stored samples.
             slice.bytes_mut().iter_mut().for_each(|byte| *byte = !*byte);
+        }
+        if shape.bits < 8 {
+            unpack_bits(slice.bytes_mut(), shape.width as usize, shape.bits as usize);
         }
         Ok(())
     }
@@ -454,8 +477,7 @@ impl TiffPages {
             return 0;
         }
         let (width, height) = self.decoder.chunk_dimensions();
-        let samples = u64::from(width) * u64::from(height.min(shape.height));
-        samples.saturating_mul(shape.sample_type.bytes() as u64)
+        shape.stored_bytes(width, height.min(shape.height))
     }
 
     /// Returns the byte offsets of the page's chunks, and their packed lengths in bytes.
@@ -515,6 +537,18 @@ impl TiffPages {
     fn format_fault(&mut self, rule: &'static str, expected: impl Into<String>, got: impl Into<String>) -> Error {
         let at = self.at();
         Error::format(&self.path, at, rule, expected, got)
+    }
+}
+
+/// Unpacks a page in place: from samples of `bits` bits (1, 2 or 4) at the start of `bytes` to a sample a byte.
+///
+/// Each row of `width` samples begins with a new byte, whose highest bits are the first sample.
+fn unpack_bits(bytes: &mut [u8], width: usize, bits: usize) {
+    let row = (width * bits).div_ceil(8);
+    // From the end, as no sample moves to a byte before its own.
+    for index in (0..bytes.len()).rev() {
+        let (y, bit) = (index / width, index % width * bits);
+        bytes[index] = bytes[y * row + bit / 8] >> (8 - bits - bit % 8) & ((1 << bits) - 1);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Reads pages whose samples are indices into a palette: a table of colours.
 //!
-//! In: the tag ColorMap, and samples. Out: grey values if all colours of the palette are grey, else the indices, which
-//! may be labels, or values that a program shows in colours.
+//! In: the tag ColorMap, and samples. Out: grey values if all colours of the palette are grey; else the indices. They are
+//! labels, in the palette's colours, unless the palette is a colour scale, in which programs show measured values.
 //!
 //! The `tiff` crate refuses such pages, although their samples are stored as those of grey pages. [`PageFile`] shows it
 //! the file as if a page were grey.
@@ -14,12 +14,15 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::slab::Endian;
-use adjsplat::volume::Samples;
+use adjsplat::volume::{Samples, StatedLabel};
 
 /// The tag PhotometricInterpretation, and its values for indices into a palette and for grey.
 const PHOTOMETRIC: u64 = 262;
 const INDEXED: u8 = 3;
 const GREY: u8 = 1;
+
+/// The largest difference of neighbouring colours along a colour scale, in red, green or blue from 0 to 255.
+const SCALE_STEP: u8 = 32;
 
 /// The colours that a page's samples are indices of.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -33,15 +36,34 @@ impl Palette {
 
     /// Returns the grey value of each index; `None` if a colour is not grey, or if all are the same.
     ///
-    /// Values for indices of 8 bits are at most 255. Most writers store them in the high byte of a colour.
+    /// Values for indices of at most 8 bits are at most 255. Most writers store them in the high byte of a colour.
     pub(super) fn greys(&self) -> Option<Vec<u16>> {
         let (red, others) = self.0.split_at(self.0.len() / 3);
         let grey = others.chunks_exact(red.len().max(1)).all(|part| part == red);
         if !grey || red.windows(2).all(|pair| pair[0] == pair[1]) {
             return None;
         }
-        let shift = if red.len() == 256 && red.iter().any(|value| *value > 255) { 8 } else { 0 };
+        let shift = if red.len() <= 256 && red.iter().any(|value| *value > 255) { 8 } else { 0 };
         Some(red.iter().map(|value| value >> shift).collect())
+    }
+
+    /// Returns the label and the colour of each index above 0; `None` if the palette is a colour scale.
+    pub(super) fn labels(&self) -> Option<Vec<StatedLabel>> {
+        let (red, others) = self.0.split_at(self.0.len() / 3);
+        let (green, blue) = others.split_at(red.len());
+        // Most writers store a byte in the high byte of a colour, some in the low one.
+        let shift = if self.0.iter().any(|part| *part > 255) { 8 } else { 0 };
+        #[expect(clippy::cast_possible_truncation, reason = "at most 255 after the shift")]
+        let colours = (0..red.len()).map(|index| [red, green, blue].map(|part| (part[index] >> shift) as u8));
+        let colours: Vec<[u8; 3]> = colours.collect();
+        // Along a scale, colours change by small steps; colours of labels are chosen to differ.
+        let step = |pair: &[[u8; 3]]| (0..3).map(|part| pair[0][part].abs_diff(pair[1][part])).max().unwrap_or(0);
+        let steps = || colours.windows(2).map(step).filter(|step| *step > 0);
+        if 2 * steps().filter(|step| *step <= SCALE_STEP).count() > steps().count() {
+            return None;
+        }
+        let label = |(value, colour): (i64, [u8; 3])| StatedLabel { value, name: value.to_string(), colour };
+        Some((0..).zip(colours).skip(1).map(label).collect())
     }
 }
 

@@ -7,7 +7,7 @@ use super::palette::{Palette, look_up};
 use crate::slab::check_turn;
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::obtainable;
-use adjsplat::volume::{Header, Samples, SlabSource};
+use adjsplat::volume::{Header, Samples, SlabSource, StatedLabel};
 
 /// The place of the samples of one slice.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -31,6 +31,8 @@ pub(super) struct TiffReader {
     shape: PageShape,
     /// The grey value of each index, if samples are indices into a palette of greys.
     greys: Option<Vec<u16>>,
+    /// The labels that samples are, if they are indices into a palette of other colours.
+    labels: Option<Vec<StatedLabel>>,
     notes: Vec<String>,
     /// The file that is open, and its index.
     open: Option<(usize, TiffPages)>,
@@ -48,11 +50,14 @@ impl TiffReader {
         shape: PageShape,
     ) -> Result<TiffReader> {
         let greys = shape.palette.as_ref().and_then(Palette::greys);
+        // Samples with a slope are measured values.
+        let may_be_labels = greys.is_none() && (header.slope, header.intercept) == (1.0, 0.0);
+        let labels = shape.palette.as_ref().filter(|_| may_be_labels).and_then(Palette::labels);
         let mut notes = Vec::new();
-        if shape.palette.is_some() && greys.is_none() {
+        if shape.palette.is_some() && greys.is_none() && labels.is_none() {
             notes.push(format!(
-                "warning: samples of {} are indices into a palette of colours; the indices are read as values, without \
-                    the colours (if they are labels, use a transfer function for labels)",
+                "warning: samples of {} are indices into a colour scale; the indices are read as values, without the \
+                    colours (if they are labels, use a transfer function for labels)",
                 header.name
             ));
         }
@@ -62,6 +67,7 @@ impl TiffReader {
             places,
             shape,
             greys,
+            labels,
             notes,
             open: None,
             buffer_bytes: 0,
@@ -139,5 +145,9 @@ impl SlabSource for TiffReader {
 
     fn notes(&self) -> &[String] {
         &self.notes
+    }
+
+    fn labels(&self) -> Option<&[StatedLabel]> {
+        self.labels.as_deref()
     }
 }

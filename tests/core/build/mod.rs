@@ -6,6 +6,7 @@
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "samples are made to fit their types")]
 
 mod classification;
+mod cuts;
 mod dense;
 mod grids;
 mod memory;

@@ -1,7 +1,7 @@
 //! Histograms, and what they suggest to show, on volumes of which the answer is known.
 
 use adjsplat::build::{Histogram, Suggestion, Unobserved};
-use adjsplat::volume::Sample;
+use adjsplat::volume::{Header, Sample, Samples, SlabSource, VolumeSlices};
 use adjsplat::{Error, Volume};
 
 /// Returns the histogram of `samples` in one row.
@@ -37,6 +37,42 @@ fn whole_numbers_have_a_bin_each_and_others_as_many_as_there_are() {
     assert!(middle.abs() < extreme.bin_width && extreme.share([0.5 * f64::MAX, f64::MAX]) == 1.0 / 3.0, "{middle}");
     let none = histogram(vec![f32::NAN]);
     assert!(none.counts.is_empty() && none.quantile(0.5) == f64::NEG_INFINITY);
+}
+
+/// Counts how many slices are read.
+struct CountedSlices<'v>(VolumeSlices<'v>, u32);
+
+impl SlabSource for CountedSlices<'_> {
+    fn header(&self) -> &Header {
+        self.0.header()
+    }
+
+    fn read_slice(&mut self, slice: &mut Samples) -> Result<(), Error> {
+        self.1 += 1;
+        self.0.read_slice(slice)
+    }
+
+    fn rewind(&mut self) -> Result<(), Error> {
+        self.0.rewind()
+    }
+}
+
+#[test]
+fn samples_of_at_most_16_bits_are_read_once_for_a_histogram() {
+    fn read<T: Sample>(samples: Vec<T>) -> (u32, Histogram) {
+        let volume = Volume::new([2, 1, 5], samples).unwrap();
+        let mut source = CountedSlices(volume.slices(), 0);
+        let histogram = Histogram::of(&mut source, &mut Unobserved).unwrap();
+        source.read_slice(&mut source.header().new_slice().unwrap()).unwrap();
+        (source.1 - 1, histogram)
+    }
+    const VALUES: [i16; 10] = [i16::MIN, -7, -7, 0, 3, 3, 3, 900, 900, i16::MAX];
+    let (passes, small) = read(VALUES.to_vec());
+    let (wide_passes, wide) = read(VALUES.map(i32::from).to_vec());
+    assert_eq!((passes, wide_passes), (5, 10));
+    assert_eq!((small.lowest, small.highest, small.mean), (wide.lowest, wide.highest, wide.mean));
+    assert!(small.is_exact && small.counts == wide.counts && small.counts.len() == 65_536);
+    assert_eq!((read(vec![5u8; 10]).0, read(vec![0.5f32; 10]).0), (5, 10));
 }
 
 #[test]

@@ -84,6 +84,13 @@ fn twin(volume: &SampleVolume, options: &BuildOptions, built: &Built) -> Vec<Opt
     assert_eq!((value_bits, normal_bits), (options.value_bits.unwrap_or(value_bits), options.normal_bits));
     assert_eq!(magnitude_bits, if uses_gradient { 8 } else { 0 });
     let magnitudes = MagnitudeCodec::new(built.facts.scales.magnitude_scale).expect("a sound scale");
+    // 8-bit samples have the range of their type.
+    let samples = (built.samples.lowest, built.samples.highest);
+    let (lowest, highest) = match volume.header.sample_type.integer_range() {
+        Some(ends) if volume.header.sample_type.bytes() == 1 => ends,
+        _ => samples,
+    };
+    let cap_magnitude = transfer.cap_magnitude(lowest, highest);
     let field = Field::of(volume, transfer);
     let dims = volume.header.grid.dims.map(i64::from);
     let mut expected = Vec::new();
@@ -92,8 +99,17 @@ fn twin(volume: &SampleVolume, options: &BuildOptions, built: &Built) -> Vec<Opt
             for x in 0..dims[0] {
                 let value = volume.value([x, y, z]).expect("inside");
                 let needed = uses_gradient || normal_bits > 0;
-                let gradient = if needed { field.gradient([x, y, z]) } else { [0.0; 3] };
-                let magnitude = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+                let mut gradient = if needed { field.gradient([x, y, z]) } else { [0.0; 3] };
+                let mut magnitude = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+                if let Some(inward) = inward(dims, [x, y, z]) {
+                    let is_cut = transfer.shows_cut(value);
+                    if let (true, Some(capped)) = (is_cut, cap_magnitude) {
+                        magnitude = capped;
+                    }
+                    if is_cut || cap_magnitude.is_some() {
+                        gradient = inward;
+                    }
+                }
                 let visible = transfer.opacity(value, magnitude) > 0.0;
                 expected.push(visible.then(|| Expected {
                     value,
@@ -108,6 +124,14 @@ fn twin(volume: &SampleVolume, options: &BuildOptions, built: &Built) -> Vec<Opt
         }
     }
     expected
+}
+
+/// The gradient that lights a body's cut: from the volume's faces inward. On an axis of one point, from the lower one.
+fn inward(dims: [i64; 3], place: [i64; 3]) -> Option<[f64; 3]> {
+    let along = |axis: usize| [(0, 1.0), (dims[axis] - 1, -1.0)].into_iter().find(|(end, _)| place[axis] == *end);
+    let faces: [Option<(i64, f64)>; 3] = std::array::from_fn(along);
+    // No component has the sign that zeros have of their own: it shows in the code of a normal.
+    faces.iter().any(Option::is_some).then(|| faces.map(|face| face.map_or(-0.0, |(_, step)| step)))
 }
 
 /// What gradients are taken of, in single precision: the values, or the smoothed visibility of labels.
