@@ -54,7 +54,12 @@ const OWN_PALETTE: &str = "file";
 impl ClassificationArguments {
     /// Returns the transfer function of the flag that was given, or else that of the phantom `input`; with its cap.
     pub(super) fn transfer(&self, input: &Path) -> Result<Option<TransferFunction>> {
-        match (self.uncapped(input)?, self.cap) {
+        self.capped(self.uncapped(input)?)
+    }
+
+    /// Applies `--cap` to the transfer function of the other flags.
+    fn capped(&self, transfer: Option<TransferFunction>) -> Result<Option<TransferFunction>> {
+        match (transfer, self.cap) {
             (Some(transfer), Some(cap)) => transfer.with_cap(cap).map(Some),
             (None, Some(_)) => Err(Error::input("--cap", "closes the surface of --iso VALUE; give that too")),
             (transfer, None) => Ok(transfer),
@@ -89,19 +94,22 @@ impl ClassificationArguments {
     ///
     /// `source` must be at its first slice, and is there again afterwards.
     pub(super) fn chosen(&self, input: &Path, source: &mut dyn SlabSource, quiet: bool) -> Result<TransferFunction> {
-        let stated = Suggestion::stated(source)?;
+        let stated = |source: &dyn SlabSource| {
+            let hint =
+                |error| Error::input(input.display().to_string(), format!("{error}; try --range or --labels FILE"));
+            Suggestion::stated(source).map_err(hint)
+        };
         if self.labels.as_deref() == Some(OWN_PALETTE) {
-            return match stated {
-                Some(Suggestion::StatedLabels(palette)) => Ok(palette),
-                _ => {
-                    Err(Error::input("--labels file", "needs a file with a palette for labels; try --labels distinct"))
-                }
+            let Some(Suggestion::StatedLabels(palette)) = stated(source)? else {
+                let why = "needs a file with a palette for labels; try --labels distinct";
+                return Err(Error::input("--labels file", why));
             };
+            return Ok(self.capped(Some(palette.clone()))?.unwrap_or(palette));
         }
         if let Some(transfer) = self.transfer(input)? {
             return Ok(transfer);
         }
-        let (chosen, cause) = match stated {
+        let (chosen, cause) = match stated(source)? {
             Some(stated) => (stated, "the file says that its values are labels"),
             None => (
                 Suggestion::of(&Histogram::of(source, &mut Progress::new(quiet))?)?,

@@ -47,7 +47,10 @@ pub(super) fn thresholds(histogram: &Histogram) -> Vec<(String, f64)> {
         (text, share)
     };
     // Without a spread there is nothing to choose.
-    if spread > 0.0 { [1.0, 2.0, 3.0, 4.0, 5.0].map(threshold).to_vec() } else { Vec::new() }
+    let mut thresholds = if spread > 0.0 { [1.0, 2.0, 3.0, 4.0, 5.0].map(threshold).to_vec() } else { Vec::new() };
+    // Between a few whole numbers, several are rounded to one.
+    thresholds.dedup_by(|one, other| one.0 == other.0);
+    thresholds
 }
 
 /// Formats a number: a whole one in full, others with at most seven digits, as many as single precision has.

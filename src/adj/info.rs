@@ -189,7 +189,7 @@ fn of_volume(arguments: &Arguments, input: &Input) -> Result<(Value, Histogram)>
         "not_finite": histogram.not_finite,
         "quantiles": quantiles,
         "histogram": histogram.rebinned(histogram.counts.len().min(POINTS)),
-        "suggestion": Suggestion::stated(&*source)?.or_else(|| Suggestion::of(&histogram).ok()).map(|found| flag_of(&found)),
+        "suggestion": Suggestion::stated(&*source).ok().flatten().or_else(|| Suggestion::of(&histogram).ok()).map(|found| flag_of(&found)),
     });
     Ok((answer, histogram))
 }

@@ -283,7 +283,33 @@ fn a_file_that_says_that_its_values_are_labels_is_drawn_as_labels() {
         );
         let suggested = folder.adj("info a.seg.nrrd --json").json()["suggestion"].to_string();
         assert_eq!(suggested == format!("\"--labels {flag}\""), !flag.is_empty(), "{suggested}");
+        if flag == "file" {
+            folder.build_refused("a.seg.nrrd -o b.adj --labels file --cap", &["--cap", "iso-value"]);
+        }
     }
+}
+
+#[test]
+fn more_segments_than_a_palette_holds_are_no_obstacle_to_other_functions() {
+    let folder = Folder::new();
+    let key = |index: usize| format!("Segment{index}_LabelValue:={}\nSegment{index}_Color:=1 0 0\n", index + 1);
+    let keys: String = (0..65_540).map(key).collect();
+    let header = format!("NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 3 2\nencoding: raw\n{keys}\n");
+    folder.write("a.seg.nrrd", &[header.as_bytes(), &RAW].concat());
+    folder.build_refused("a.seg.nrrd -o b.adj", &["a.seg.nrrd", "65540", "--range"]);
+    folder.adj("build a.seg.nrrd -o a.adj --range 1..").done();
+    folder.adj("info a.seg.nrrd").done();
+}
+
+#[test]
+fn info_names_a_threshold_once() {
+    let folder = Folder::new();
+    folder.write("mask.raw", &[0, 1, 1, 0, 1, 0, 0, 0]);
+    let told = folder.adj("info mask.raw --dims 2x2x2 --type u8").done();
+    let mut thresholds: Vec<&str> = told.lines().filter(|line| line.starts_with("--range")).collect();
+    let all = thresholds.len();
+    thresholds.dedup();
+    assert!((1..=2).contains(&all) && thresholds.len() == all, "{told}");
 }
 
 #[test]

@@ -59,7 +59,8 @@ impl Palette {
         // Along a scale, colours change by small steps; colours of labels are chosen to differ.
         let step = |pair: &[[u8; 3]]| (0..3).map(|part| pair[0][part].abs_diff(pair[1][part])).max().unwrap_or(0);
         let steps = || colours.windows(2).map(step).filter(|step| *step > 0);
-        if 2 * steps().filter(|step| *step <= SCALE_STEP).count() > steps().count() {
+        // A palette of one colour shows nothing.
+        if steps().next().is_none() || 2 * steps().filter(|step| *step <= SCALE_STEP).count() > steps().count() {
             return None;
         }
         let label = |(value, colour): (i64, [u8; 3])| StatedLabel { value, name: value.to_string(), colour };

@@ -216,7 +216,7 @@ impl<'a> Band<'a> {
             shown_by_row: vec![0; line * rows],
             line,
             shown_at: vec![None; rows],
-            shown_together: bytemuck::zeroed_box(),
+            shown_together: vec![0; 1 << 16].into_boxed_slice().try_into().expect("as many as were asked for"),
             together: None,
             voxels: VoxelBlock::new(),
             looks,

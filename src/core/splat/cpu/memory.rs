@@ -49,12 +49,15 @@ pub enum Canvas {
 pub fn canvas(grid: &Grid, bounds: &VoxelBox, camera: &Camera, settings: &Settings) -> Result<Canvas> {
     let view = View::new(camera, grid, settings.size, settings.kernel(), settings.near)?;
     let order = walk_order(&view, grid, settings)?;
-    // A lattice is finest where the depth is largest.
-    Ok(match Plane::choose(&view, &order, bounds, || MAX_DEPTH, settings) {
+    // The depths are not known: opaque voxels may have a finer lattice than others, or none.
+    let canvases = [0.0, MAX_DEPTH].map(|deepest| match Plane::choose(&view, &order, bounds, || deepest, settings) {
         Some(Plane::Lattice(lattice)) => Canvas::Lattice(lattice.size),
         Some(Plane::Supersampling(supersampling)) => Canvas::Finer(supersampling.strip_size()),
         None => Canvas::Picture,
-    })
+    });
+    let [faint, opaque] = canvases;
+    let need = |canvas: Canvas| memory_need(grid.dims, 0, canvas, settings);
+    Ok(if need(faint) > need(opaque) { faint } else { opaque })
 }
 
 /// Returns an upper bound of the bytes that [`render`](super::render) allocates in addition to the lanes.
@@ -74,8 +77,9 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
         Canvas::Lattice(plane) => {
             let [columns, rows] = plane.map(u64::from);
             // At most two bands a thread wait to be put into the frame.
-            let bands = (2 * threads + 1) * BAND_COLUMN + threads * LISTS_COLUMN;
-            LATTICE_PIXEL * (columns * rows) + bands * (columns + PADDING[0]) + threads * BAND
+            let band_columns = (2 * threads + 1) * BAND_COLUMN + threads * LISTS_COLUMN;
+            // Very faint voxels are drawn on the picture.
+            (LATTICE_PIXEL * (columns * rows) + band_columns * (columns + PADDING[0]) + threads * BAND).max(bands(size))
         }
         Canvas::Finer(size) => {
             let size = size.map(u64::from);
