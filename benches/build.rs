@@ -32,7 +32,14 @@ fn plainly(volume: &Volume, transfer: &TransferFunction) -> (u64, u64) {
             let sample = volume.samples().get((z * height + y) * width + x);
             if transfer.opacity(sample * slope + intercept, 0.0) > 0.0 {
                 count += 1;
-                sum += u64::from(normal::encode8(hood.gradient(x, y)));
+                let outward: [f64; 3] = [(x, width), (y, height), (z, depth)].map(|(at, points)| match at {
+                    0 => -1.0,
+                    at if at + 1 == points => 1.0,
+                    _ => 0.0,
+                });
+                // A cut by a face looks out of it, which is down the gradient.
+                let gradient = if outward == [0.0; 3] { hood.gradient(x, y) } else { outward.map(|c| -c) };
+                sum += u64::from(normal::encode8(gradient));
             }
         }
     }
