@@ -54,15 +54,20 @@ const OWN_PALETTE: &str = "file";
 impl ClassificationArguments {
     /// Returns the transfer function of the flag that was given, or else that of the phantom `input`; with its cap.
     pub(super) fn transfer(&self, input: &Path) -> Result<Option<TransferFunction>> {
-        self.capped(self.uncapped(input)?)
+        match self.uncapped(input)? {
+            Some(transfer) => self.capped(transfer).map(Some),
+            None if self.cap.is_some() => {
+                Err(Error::input("--cap", "closes the surface of --iso VALUE; give that too"))
+            }
+            None => Ok(None),
+        }
     }
 
     /// Applies `--cap` to the transfer function of the other flags.
-    fn capped(&self, transfer: Option<TransferFunction>) -> Result<Option<TransferFunction>> {
-        match (transfer, self.cap) {
-            (Some(transfer), Some(cap)) => transfer.with_cap(cap).map(Some),
-            (None, Some(_)) => Err(Error::input("--cap", "closes the surface of --iso VALUE; give that too")),
-            (transfer, None) => Ok(transfer),
+    fn capped(&self, transfer: TransferFunction) -> Result<TransferFunction> {
+        match self.cap {
+            Some(cap) => transfer.with_cap(cap),
+            None => Ok(transfer),
         }
     }
 
@@ -104,7 +109,7 @@ impl ClassificationArguments {
                 let why = "needs a file with a palette for labels; try --labels distinct";
                 return Err(Error::input("--labels file", why));
             };
-            return Ok(self.capped(Some(palette.clone()))?.unwrap_or(palette));
+            return self.capped(palette);
         }
         if let Some(transfer) = self.transfer(input)? {
             return Ok(transfer);
@@ -123,9 +128,7 @@ impl ClassificationArguments {
         ));
         chosen.transfer()
     }
-}
 
-impl ClassificationArguments {
     /// Warns if the preset is in Hounsfield units and `samples` cannot be.
     pub(super) fn warn_of_units(&self, samples: &SampleSummary) {
         let Some(name) = self.tf.as_deref().filter(|name| name.starts_with("ct-")) else { return };

@@ -68,3 +68,18 @@ pub fn in_order<S, T: Send>(
         result
     })
 }
+
+/// Passes parts of `rows`, whole rows of `len` items, to `fill` on up to `threads` threads, after the index of their first
+/// row. The caller's thread takes the first part.
+pub(crate) fn in_parts<T: Send>(rows: &mut [T], len: usize, threads: usize, fill: impl Fn(usize, &mut [T]) + Sync) {
+    let each = (rows.len() / len).div_ceil(threads.max(1)).max(1);
+    let fill = &fill;
+    std::thread::scope(|scope| {
+        let mut parts = (0..).step_by(each).zip(rows.chunks_mut(each * len));
+        let first = parts.next();
+        for (from, part) in parts {
+            scope.spawn(move || fill(from, part));
+        }
+        first.into_iter().for_each(|(from, part)| fill(from, part));
+    });
+}

@@ -9,6 +9,7 @@ use glam::Vec4;
 
 use super::require_pixels;
 use crate::error::{Error, Result};
+use crate::parallel::in_parts;
 
 /// A picture: red, green, blue, alpha for each pixel, row after row from the top; linear light, premultiplied by alpha.
 #[derive(Debug, Clone, PartialEq)]
@@ -58,17 +59,8 @@ impl Frame {
         let len = self.size[0] as usize;
         let [from, to] = [rows.start, rows.end].map(|row| row as usize);
         let pixels = &mut self.pixels.as_chunks_mut().0[len * from..len * to];
-        let rows_each = (to - from).div_ceil(threads.max(1)).max(1);
-        let fill = &|first: usize, rows: &mut [[f32; 4]]| {
-            (first..).zip(rows.chunks_exact_mut(len)).for_each(|(row, pixels)| fill(row, pixels));
-        };
-        if threads <= 1 {
-            return fill(from, pixels);
-        }
-        std::thread::scope(|scope| {
-            for (index, rows) in pixels.chunks_mut(rows_each * len).enumerate() {
-                scope.spawn(move || fill(from + index * rows_each, rows));
-            }
+        in_parts(pixels, len, threads, |first, rows| {
+            (from + first..).zip(rows.chunks_exact_mut(len)).for_each(|(row, pixels)| fill(row, pixels));
         });
     }
 

@@ -11,12 +11,12 @@ use super::blend::Blend;
 use super::dispatch::{self, SplatBuffers};
 use super::project::{GROUP, VoxelBlock};
 use super::task::{BandResult, DrawTask};
-use super::tile_buffer::{Rect, TileBuffer};
+use super::tile_buffer::Rect;
 use crate::error::Result;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Draws the band `rect`.
-pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<TileBuffer>> {
+pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     let mut painter = BandPainter::<B> {
         task,
         voxels: VoxelBlock::new(),

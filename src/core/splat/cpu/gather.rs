@@ -20,15 +20,14 @@ use super::dispatch;
 use super::lattice::{Footprints, Lattice, Place, Slice};
 use super::look_tables::LookTables;
 use super::open_tiles::OpenTiles;
-use super::project::{Projector, VoxelBlock};
+use super::project::{Projector, VoxelBlock, limited};
 use super::raster::{BLOCK, Splats};
 use super::stamps::Stamps;
 use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
 use crate::error::{Error, Result};
 use crate::splat::Code;
-use crate::splat::arith::{LOG2_E, at_most, near_absorbed};
-use crate::splat::composite::MAX_DEPTH;
+use crate::splat::arith::near_absorbed;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Longest list of a tile.
@@ -45,12 +44,7 @@ const GROUP: usize = 32;
 const SLACK: f64 = 1e-3;
 
 /// Draws the rows of tiles from `first` to before `end`; `shown` tells which tiles of the plane the picture may show.
-pub(super) fn draw(
-    task: &DrawTask,
-    band: &mut Band,
-    shown: &[bool],
-    [first, end]: [i32; 2],
-) -> Result<BandResult<TileBuffer>> {
+pub(super) fn draw(task: &DrawTask, band: &mut Band, shown: &[bool], [first, end]: [i32; 2]) -> Result<BandResult> {
     band.begin(shown, [first, end])?;
     let mut painter = LatticePainter { task, band };
     let mut stats = task.walk(&mut painter);
@@ -498,12 +492,6 @@ impl<'a> Band<'a> {
             self.counts[tile] = CLOSED;
         }
     }
-}
-
-/// Returns the optical depth at a splat's centre, for a voxel of this depth and a tile of this strength.
-#[inline(always)]
-pub(super) fn limited(depth: f32, strength: f32) -> f32 {
-    at_most(depth * strength, MAX_DEPTH as f32 * LOG2_E)
 }
 
 /// Returns the part of the light that a splat of optical depth `peak` takes, for its weights.

@@ -5,8 +5,7 @@
 
 use multiversion::multiversion;
 
-use super::gather::limited;
-use super::project::Projector;
+use super::project::{Projector, limited};
 use crate::classify::normal;
 use crate::splat::composite::Look;
 use crate::splat::shade::Lights;
@@ -44,17 +43,9 @@ impl LookTables {
     /// Returns the depth and the colour of a record's voxel.
     #[inline(always)]
     pub(super) fn of(&self, projector: &Projector, record: usize) -> (f32, [f32; 3]) {
-        let lane = &projector.lane;
-        let value = match lane.values.get(record) {
-            Some(&code) => code,
-            None => lane.value_code(record) as u8,
-        };
-        let [red, green, blue, depth] = self.looks[usize::from(value)];
+        let [red, green, blue, depth] = self.looks[usize::from(projector.short_value(record))];
         let Some(light) = &self.light else { return (depth, [red, green, blue]) };
-        let normal = match lane.normals.as_chunks::<2>().0.get(record) {
-            Some(&code) => u16::from_le_bytes(code),
-            None => lane.normal_code(record) as u16,
-        };
+        let normal = projector.short_normal(record);
         let [factor, highlight] = light[usize::from(normal)];
         (depth, [red * factor + highlight, green * factor + highlight, blue * factor + highlight])
     }

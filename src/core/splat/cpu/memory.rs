@@ -33,7 +33,7 @@ const BAND: u64 = 1 << 20;
 /// Where a picture is drawn before it is resampled, and on how many pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Canvas {
-    /// The picture's own pixels, or fewer.
+    /// The picture's own pixels.
     Picture,
     /// A plane of the slices' own lattice with this number of columns and rows.
     Lattice([u32; 2]),

@@ -6,20 +6,19 @@
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
 use super::lattice::Lattice;
-use super::project::{Projector, affine_at, jacobian, nearest_pixel, pixel_span, slant};
+use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant};
 use super::raster::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, full_rect};
 use super::tile_buffer::{Rect, TILE, TileBuffer};
 use crate::classify::normal;
 use crate::error::Result;
-use crate::splat::arith::{LOG2_E, at_least, at_most, near_absorbed};
-use crate::splat::composite::MAX_DEPTH;
+use crate::splat::arith::{at_least, near_absorbed};
 use crate::splat::kernel::{Ellipse, footprint};
 use crate::splat::view::{Affine, PixelMap, single};
 use crate::traverse::Batch;
 
 /// Draws the whole picture.
-pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<TileBuffer>> {
+pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     let mut tiles = TileBuffer::new(rect, B::INITIAL_ALPHA)?;
     let stop = task.projector.stop;
     let stats = each_splat(task, |splat, _| splat.is_some_and(|splat| draw_splat::<B>(&mut tiles, splat, stop)));
@@ -27,7 +26,7 @@ pub(super) fn draw<B: Blend>(task: &DrawTask, rect: Rect) -> Result<BandResult<T
 }
 
 /// Draws the whole picture front to back, slice by slice: sums a slice's splats, then composites the sum.
-pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult<TileBuffer>> {
+pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     let mut tiles = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
     let mut sheet = TileBuffer::new(rect, Additive::INITIAL_ALPHA)?;
     let composite = |tiles: &mut TileBuffer, sheet: &mut TileBuffer| {
@@ -51,12 +50,11 @@ pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult<Tile
 }
 
 /// Draws all voxels on the pixels of a lattice, front to back; `shown` tells which of its tiles are drawn at all.
-pub(super) fn draw_on_lattice(task: &DrawTask, lattice: &Lattice, shown: &[bool]) -> Result<BandResult<TileBuffer>> {
+pub(super) fn draw_on_lattice(task: &DrawTask, lattice: &Lattice, shown: &[bool]) -> Result<BandResult> {
     let rect = full_rect(lattice.size);
     let mut tiles = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
     let projector = &task.projector;
     let columns = lattice.size[0] as usize >> TILE;
-    let most = MAX_DEPTH as f32 * LOG2_E;
     let stats = each_voxel(task, |voxel, record| {
         if is_cropped(projector, voxel) {
             return false;
@@ -83,8 +81,8 @@ pub(super) fn draw_on_lattice(task: &DrawTask, lattice: &Lattice, shown: &[bool]
                 let rays = lattice.tile(tile);
                 let weight = rays.weights(&place, projector.cut)[((y & 3) << TILE | (x & 3)) as usize];
                 let peak = match lattice.voxels_per_tile() {
-                    Some(_) => at_most(depth * rays.strength, most),
-                    None => at_most(at_most(depth, most) * rays.strength, most),
+                    Some(_) => limited(depth, rays.strength),
+                    None => limited(limited(depth, 1.0), rays.strength),
                 };
                 if peak <= 0.0 {
                     continue;
@@ -151,7 +149,7 @@ fn splat(task: &DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredKern
     }
     let (centre, ellipse, strength) = project_voxel(projector, voxel)?;
     let [red, green, blue, depth] = projector.look(record);
-    let peak = if projector.maximum { depth } else { at_most(depth * strength, MAX_DEPTH as f32 * LOG2_E) };
+    let peak = if projector.maximum { depth } else { limited(depth, strength) };
     if !(strength > 0.0 && peak > 0.0) {
         return None;
     }

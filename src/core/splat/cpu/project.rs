@@ -326,13 +326,7 @@ impl<'a> Projector<'a> {
         for k in 0..out.count {
             let record = voxels.records[usize::from(out.kept[k]) % BLOCK];
             let [red, green, blue, peak] = match looks {
-                Some(looks) => {
-                    let code = match self.lane.values.get(record) {
-                        Some(&code) => code,
-                        None => self.lane.value_code(record) as u8,
-                    };
-                    looks[usize::from(code)]
-                }
+                Some(looks) => looks[usize::from(self.short_value(record))],
                 None => self.look(record),
             };
             (out.ink[k], out.peak[k]) = ([red, green, blue, self.alpha_ink], peak);
@@ -343,6 +337,24 @@ impl<'a> Projector<'a> {
         if let Some(lights) = &self.lights {
             let normals = self.normals(voxels, out);
             self.light(lights, &normals, &voxels.positions, out);
+        }
+    }
+
+    /// Returns the value code of a record, in a lane whose values have 8 bits.
+    #[inline(always)]
+    pub(super) fn short_value(&self, record: usize) -> u8 {
+        match self.lane.values.get(record) {
+            Some(&code) => code,
+            None => self.lane.value_code(record) as u8,
+        }
+    }
+
+    /// Returns the normal code of a record, in a lane whose normals have 8 bits a component.
+    #[inline(always)]
+    pub(super) fn short_normal(&self, record: usize) -> u16 {
+        match self.lane.normals.as_chunks::<2>().0.get(record) {
+            Some(&code) => u16::from_le_bytes(code),
+            None => self.lane.normal_code(record) as u16,
         }
     }
 
@@ -359,13 +371,8 @@ impl<'a> Projector<'a> {
         let mut codes = [0u32; BLOCK];
         let mut normals = [[0.0f32; BLOCK]; 3];
         if self.lane.channels.normal_bits == 8 {
-            let (pairs, _) = self.lane.normals.as_chunks::<2>();
             for k in 0..out.count {
-                let record = voxels.records[usize::from(out.kept[k]) % BLOCK];
-                codes[k] = match pairs.get(record) {
-                    Some(&code) => u16::from_le_bytes(code).into(),
-                    None => self.lane.normal_code(record),
-                };
+                codes[k] = self.short_normal(voxels.records[usize::from(out.kept[k]) % BLOCK]).into();
             }
             for from in (0..out.count.min(BLOCK)).step_by(LANES) {
                 let mut parts = [[0.0; LANES]; 3];
@@ -457,11 +464,15 @@ pub(super) fn affine_at(map: &Affine, [slow, medium, fast]: [f64; 3]) -> f64 {
 /// Turns each kept splat's `peak` from an optical depth per mean voxel spacing into that at the splat's centre.
 #[inline(always)]
 pub fn apply_strengths(out: &mut Splats) {
-    let most = MAX_DEPTH as f32 * LOG2_E;
     for k in 0..out.count {
-        let strength = out.strength[usize::from(out.kept[k]) % BLOCK];
-        out.peak[k] = at_most(out.peak[k] * strength, most);
+        out.peak[k] = limited(out.peak[k], out.strength[usize::from(out.kept[k]) % BLOCK]);
     }
+}
+
+/// Returns the optical depth at a splat's centre, for a voxel of this depth and a splat of this strength.
+#[inline(always)]
+pub(super) fn limited(depth: f32, strength: f32) -> f32 {
+    at_most(depth * strength, MAX_DEPTH as f32 * LOG2_E)
 }
 
 /// Returns by how many columns (first row of the result) and rows (second row) a voxel's footprint moves per voxel

@@ -34,18 +34,10 @@ pub(super) struct DrawTask<'a> {
     pub(super) visible: Option<VisibleRecords<'a>>,
 }
 
-/// The pixels of one band.
-pub trait BandPixels {
-    /// Returns the band's rectangle.
-    fn rect(&self) -> Rect;
-    /// Calls `visit` with the column and the values of each pixel of row `y`; may leave out empty pixels.
-    fn visit_row(&self, y: i32, visit: impl FnMut(i32, [f32; 4]));
-}
-
 /// A drawn band.
-pub struct BandResult<P> {
+pub struct BandResult {
     /// The band's pixels.
-    pub pixels: P,
+    pub pixels: TileBuffer,
     /// The work that it took.
     pub stats: BandStats,
 }
@@ -67,7 +59,7 @@ pub struct BandStats {
 
 impl BandStats {
     /// Returns the total work of bands that were drawn at the same time.
-    pub(super) fn of<P>(results: &[BandResult<P>]) -> BandStats {
+    pub(super) fn of(results: &[BandResult]) -> BandStats {
         let mut stats = BandStats::default();
         results.iter().for_each(|band| stats.add(&band.stats));
         BandStats { bands: results.len(), ..stats }
@@ -97,7 +89,7 @@ impl<'a> DrawTask<'a> {
     }
 
     /// Draws all splats, band by band.
-    pub(super) fn splat<B: Blend>(&self) -> Result<Vec<BandResult<TileBuffer>>> {
+    pub(super) fn splat<B: Blend>(&self) -> Result<Vec<BandResult>> {
         let rect = full_rect(self.settings.size);
         match (self.settings.blending, self.settings.code) {
             (Blending::Sheets, _) => Ok(vec![plain::draw_sheets(self, rect)?]),
@@ -115,8 +107,8 @@ impl<'a> DrawTask<'a> {
             return assemble(&[band], settings, self.projector.table);
         }
         let rows = lattice.size[1] as usize >> TILE;
-        // So few rows of tiles that all of a band stays near in the cache, and that threads end at about the same time;
-        // but what lies at a band's borders is drawn twice, and each band computes stamps.
+        // Bands of few rows of tiles stay near in the cache, and let threads end at about the same time. But what lies at
+        // a band's border is read twice, and each band computes stamps.
         let each = if settings.threads == 1 { 32 } else { (rows / (3 * settings.threads)).clamp(8, 32) };
         let looks = LookTables::new(&self.projector, lattice.tile([0, 0]).strength);
         let (mut frame, mut stats) = (Frame::transparent(lattice.size)?, BandStats::default());
@@ -160,11 +152,11 @@ impl<'a> DrawTask<'a> {
     }
 
     /// Cuts the picture into bands of rows (`by_rows`) or of columns, and draws each on a thread of its own.
-    pub(super) fn in_bands<P: Send>(
+    pub(super) fn in_bands(
         &self,
         by_rows: bool,
-        draw: &(dyn Fn(Rect) -> Result<BandResult<P>> + Sync),
-    ) -> Result<Vec<BandResult<P>>> {
+        draw: &(dyn Fn(Rect) -> Result<BandResult> + Sync),
+    ) -> Result<Vec<BandResult>> {
         let full = full_rect(self.settings.size);
         let side = usize::try_from(if by_rows { full.y1 } else { full.x1 }).unwrap_or(1);
         let borders = self.borders(by_rows, self.settings.threads.clamp(1, side));
@@ -267,19 +259,15 @@ pub(super) fn pixels(view: &View, half_widths: [f64; 2], rect: Rect, bounds: &Vo
 ///
 /// # Errors
 /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
-pub fn assemble<P: BandPixels + Sync>(
-    bands: &[BandResult<P>],
-    settings: &Settings,
-    table: &Table,
-) -> Result<(Frame, BandStats)> {
+pub fn assemble(bands: &[BandResult], settings: &Settings, table: &Table) -> Result<(Frame, BandStats)> {
     let mut frame = Frame::transparent(settings.size)?;
     combine(bands, settings, &mut frame, |pixel, values| *pixel = table.finish(values));
     Ok((frame, BandStats::of(bands)))
 }
 
 /// Calls `put` with each pixel of `frame` and the values that a band has for it.
-pub(super) fn combine<P: BandPixels + Sync>(
-    bands: &[BandResult<P>],
+pub(super) fn combine(
+    bands: &[BandResult],
     settings: &Settings,
     frame: &mut Frame,
     put: impl Fn(&mut [f32; 4], [f32; 4]) + Sync,
@@ -287,7 +275,7 @@ pub(super) fn combine<P: BandPixels + Sync>(
     frame.fill_rows(settings.threads, |y, row| {
         let y = i32::try_from(y).unwrap_or(i32::MAX);
         for band in bands {
-            let rect = band.pixels.rect();
+            let rect = band.pixels.rect;
             if (rect.y0..rect.y1).contains(&y) {
                 band.pixels.visit_row(y, |x, values| put(&mut row[x.unsigned_abs() as usize], values));
             }

@@ -11,7 +11,6 @@
 
 use bytemuck::Zeroable;
 
-use super::task::BandPixels;
 use crate::error::Result;
 use crate::splat::frame::zeroed;
 
@@ -218,14 +217,9 @@ impl TileBuffer {
             plane[index_in_tile(x, y)] = value;
         }
     }
-}
 
-impl BandPixels for TileBuffer {
-    fn rect(&self) -> Rect {
-        self.rect
-    }
-
-    fn visit_row(&self, y: i32, mut visit: impl FnMut(i32, [f32; 4])) {
+    /// Calls `visit` with the column and the values of each pixel of row `y`; leaves out tiles on which nothing was drawn.
+    pub(super) fn visit_row(&self, y: i32, mut visit: impl FnMut(i32, [f32; 4])) {
         let Rect { x0, x1, .. } = self.rect;
         for column in x0 >> TILE..=(x1 - 1) >> TILE {
             let index = self.index(column, y >> TILE);

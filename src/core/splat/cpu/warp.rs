@@ -16,6 +16,7 @@ use multiversion::multiversion;
 
 use super::lattice::Lattice;
 use crate::error::Result;
+use crate::parallel::in_parts;
 use crate::splat::Frame;
 use crate::splat::arith::{at_least, at_most};
 
@@ -95,20 +96,6 @@ impl Covered {
     }
 }
 
-/// Passes parts of `rows`, whole rows of `len` items, to `fill` on several threads, after the index of their first row.
-fn in_parts<T: Send>(rows: &mut [T], len: usize, threads: usize, fill: impl Fn(usize, &mut [T]) + Sync) {
-    let each = (rows.len() / len).div_ceil(threads).max(1);
-    let fill = &fill;
-    std::thread::scope(|scope| {
-        let mut parts = (0..).step_by(each).zip(rows.chunks_mut(each * len));
-        let first = parts.next();
-        for (from, part) in parts {
-            scope.spawn(move || fill(from, part));
-        }
-        first.into_iter().for_each(|(from, part)| fill(from, part));
-    });
-}
-
 /// Returns the weights, times [`GAIN`], of four neighbouring coefficients at a point `t` (0 to 1) past the second one.
 #[inline(always)]
 fn spline_weights(t: f32) -> [f32; 4] {
@@ -136,37 +123,27 @@ fn filter_rows(rows: &mut [f32], len: usize, columns: Range<usize>, threads: usi
 /// Filters up to [`ROWS`] rows.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 fn filter_row_group(rows: &mut [f32], len: usize, columns: Range<usize>) {
-    let mut lines: [&mut [[f32; 4]]; ROWS] = std::array::from_fn(|_| &mut [][..]);
-    let count = rows.len() / len;
-    for (line, row) in lines.iter_mut().zip(rows.chunks_exact_mut(len)) {
-        *line = &mut row.as_chunks_mut().0[columns.clone()];
+    let mut lines = rows.chunks_exact_mut(len).map(|row| &mut row.as_chunks_mut().0[columns.clone()]);
+    match [lines.next(), lines.next(), lines.next(), lines.next()] {
+        [Some(a), Some(b), Some(c), Some(d)] => filter_lines([a, b, c, d]),
+        fewer => fewer.into_iter().flatten().for_each(|line| filter_lines([line])),
     }
-    if count == ROWS {
-        let [a, b, c, d] = lines;
-        let pixels = a.len().min(b.len()).min(c.len()).min(d.len());
-        let mut before = [[0.0f32; 4]; ROWS];
-        for i in 0..pixels {
-            before = next([a[i], b[i], c[i], d[i]], before);
-            [a[i], b[i], c[i], d[i]] = before;
-        }
-        before = [[0.0; 4]; ROWS];
-        for i in (0..pixels).rev() {
-            before = next([a[i], b[i], c[i], d[i]], before);
-            [a[i], b[i], c[i], d[i]] = before;
-        }
-    } else {
-        for line in lines {
-            let mut before = [[0.0f32; 4]];
-            for pixel in line.iter_mut() {
-                before = next([*pixel], before);
-                *pixel = before[0];
-            }
-            before = [[0.0; 4]];
-            for pixel in line.iter_mut().rev() {
-                before = next([*pixel], before);
-                *pixel = before[0];
-            }
-        }
+}
+
+/// Filters lines of one length, to the right and back.
+#[inline(always)]
+fn filter_lines<const N: usize>(mut lines: [&mut [[f32; 4]]; N]) {
+    let pixels = lines.iter().map(|line| line.len()).min().unwrap_or(0);
+    filter_along(&mut lines, 0..pixels);
+    filter_along(&mut lines, (0..pixels).rev());
+}
+
+#[inline(always)]
+fn filter_along<const N: usize>(lines: &mut [&mut [[f32; 4]]; N], pixels: impl Iterator<Item = usize>) {
+    let mut before = [[0.0; 4]; N];
+    for i in pixels {
+        before = next(lines.each_ref().map(|line| line[i]), before);
+        lines.iter_mut().zip(before).for_each(|(line, value)| line[i] = value);
     }
 }
 
