@@ -1,7 +1,7 @@
 //! Drawing a band of the lattice: tiles take the voxels in front of them, on one thread.
 //!
-//! In: a drawing task, a [`Lattice`], and rows of its tiles. Out: the band's pixels, composited front to back. A voxel
-//! that an open tile may still show is shaded and put on the list of every open tile that its kernel reaches. A tile
+//! In: a drawing task, a [`Lattice`], and rows of its tiles. Out: the band's pixels, composited front to back. Only
+//! voxels that an open tile may still show are shaded and put on the list of every tile that their kernels reach. A tile
 //! with a full list takes all splats on it at once, while its pixels are in registers:
 //!
 //! ```text
@@ -15,31 +15,34 @@
 use std::ops::Range;
 use std::time::Instant;
 
+use bytemuck::Zeroable;
+
+use super::bit_rows::BitRows;
 use super::blend::{Blend, FrontToBack};
 use super::dispatch;
 use super::lattice::{Footprints, Lattice, Place, Slice};
 use super::look_tables::LookTables;
-use super::open_tiles::OpenTiles;
 use super::project::{Projector, VoxelBlock, limited};
 use super::raster::{BLOCK, Splats};
-use super::stamps::Stamps;
+use super::stamps::{RUN, Reached, Stamps};
 use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::splat::Code;
 use crate::splat::arith::near_absorbed;
+use crate::splat::frame::zeroed;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Longest list of a tile.
 const LIST: usize = 128;
 /// Number of splats on a tile's list at which the tile takes them.
-const FULL: usize = 96;
-/// The count of a tile that does not change any more.
-const CLOSED: u8 = u8::MAX;
+const FULL: u8 = 96;
+/// How many splats are put on lists before tiles with full lists take theirs.
+const TOGETHER: usize = LIST - FULL as usize;
+/// How many voxels of a line are tested together first.
+const GROUP: usize = 16;
 /// Number of splats on lists at which all tiles take theirs: what lists refer to stays in the second-level cache.
 const WAITING: usize = 8192;
-/// How many voxels are tested together before there must be room for all of them in a block.
-const GROUP: usize = 32;
 /// Slack of rounded bounds, in voxels or pixels of the plane.
 const SLACK: f64 = 1e-3;
 
@@ -104,14 +107,24 @@ impl Visitor for LatticePainter<'_, '_> {
     }
 }
 
-/// A splat that waits on the lists of tiles.
-#[derive(Debug, Clone, Copy)]
-struct WaitingSplat {
-    /// Index of its stamp for the first tile of the plane, in a parallel view; that of another tile is lower.
-    stamp: i32,
-    /// Optical depth in units of ln 2, for a tile of strength 1.
-    depth: f32,
-    colour: [f32; 3],
+/// Splats that wait on lists. All arrays have one element a splat.
+struct WaitingSplats {
+    count: usize,
+    /// Red, green, blue, and the optical depth in units of ln 2, for a tile of strength 1.
+    looks: Box<[[f32; 4]; WAITING]>,
+    /// In a parallel view: the index of the splat's stamp for the first tile of the plane; that of another tile is lower.
+    stamps: Box<[i32; WAITING]>,
+    /// In a perspective view: the splat's place.
+    places: Box<[Place; WAITING]>,
+}
+
+/// The length of a tile's list.
+#[derive(Debug, Clone, Copy, Default, Zeroable)]
+#[repr(C)]
+struct Count {
+    count: u8,
+    /// 255 if the tile is open, 0 if it is closed.
+    open: u8,
 }
 
 /// A band of the lattice's tiles, and the voxels that one thread is drawing on it.
@@ -124,35 +137,34 @@ pub(super) struct Band<'a> {
     columns: usize,
     rows: usize,
     pixels: TileBuffer,
-    open: OpenTiles,
+    /// For each tile: whether it may still change.
+    open: BitRows,
     /// How many closed tiles are around the band on each side, so that lists need not be clipped to it.
     around: usize,
-    /// For each tile, with those around the band: indices into `splats`, in visit order, and how many there are.
-    lists: Vec<[u16; LIST]>,
-    counts: Vec<u8>,
-    /// The tiles with full lists.
-    full: Vec<u32>,
-    splats: Vec<WaitingSplat>,
-    /// The places of `splats`, in a perspective view.
-    places: Vec<Place>,
+    /// For each tile, with those around the band: the splats that wait for it, in visit order; and how many they are.
+    lists: Box<[[u16; LIST]]>,
+    counts: Box<[Count]>,
+    splats: WaitingSplats,
     slow: Option<u16>,
     slice: Slice,
+    /// Rows of pixels, from the band's first on, per voxel along the medium axis; the first and the last row that the
+    /// kernel of voxel 0 may reach.
+    rows_at: [f64; 3],
     /// The stamps of a parallel view.
     stamps: Option<Stamps>,
-    /// For each row of tiles and each place on the fast axis: 1 if a voxel there may be seen by an open tile of the row.
-    shown_by_row: Vec<u8>,
-    /// Length of the fast axis.
-    line: usize,
-    /// The slice for which a row of `shown_by_row` holds.
+    /// For each row of tiles: which voxels of a line may be seen by an open tile of the row, and in which slice.
+    shown: BitRows,
     shown_at: Vec<Option<u16>>,
-    /// The same for several rows of tiles together, and which rows and slice these are.
-    shown_together: Box<[u8; 1 << 16]>,
-    together: Option<(u16, [usize; 2])>,
+    /// The same for several rows of tiles together; and which slice and rows.
+    together: BitRows,
+    together_of: Option<(u16, [usize; 2])>,
+    voxels: Box<VoxelBlock>,
     /// Tables of looks and of light, in a parallel view with many voxels.
     looks: Option<&'a LookTables>,
-    voxels: Box<VoxelBlock>,
+    /// The colours of the block's voxels.
     block: Box<Splats>,
-    /// The footprints of the block's voxels, in a perspective view.
+    /// The tiles that the block's voxels reach: in a parallel view, and in perspective.
+    reached: Box<Reached>,
     footprints: Box<Footprints>,
     /// Number of splats drawn.
     drawn: u64,
@@ -181,12 +193,8 @@ impl<'a> Band<'a> {
             let depth = task.projector.table.only_depth().map(|depth| limited(depth, lattice.tile([0, 0]).strength));
             Stamps::new(lattice, voxels, depth)
         });
-        let around = stamps.as_ref().map_or(0, Stamps::reach);
-        let tiles = (columns + 2 * around) * (rows + 2 * around);
-        let refused = |_| Error::out_of_memory("the picture", (tiles * size_of::<[u16; LIST]>()) as u64);
-        let mut lists = Vec::new();
-        lists.try_reserve_exact(tiles).map_err(refused)?;
-        lists.resize(tiles, [0; LIST]);
+        let around = stamps.as_ref().map_or(RUN, Stamps::reach);
+        let tiles = ((columns + 2 * around) * (rows + 2 * around) + RUN) as u64;
         let line = task.setup.lane.dims[task.projector.nesting[2]] as usize;
         let mut block = Splats::new();
         (0..BLOCK).for_each(|j| block.kept[j] = j as u8);
@@ -197,24 +205,28 @@ impl<'a> Band<'a> {
             columns,
             rows,
             pixels: TileBuffer::new(NO_PIXELS, 0.0)?,
-            open: OpenTiles::new(columns, rows),
-            lists,
-            counts: vec![CLOSED; tiles],
+            open: BitRows::new(columns, rows),
             around,
-            full: Vec::new(),
-            splats: Vec::with_capacity(WAITING),
-            places: Vec::new(),
+            lists: zeroed(tiles)?,
+            counts: zeroed(tiles)?,
+            splats: WaitingSplats {
+                count: 0,
+                looks: bytemuck::zeroed_box(),
+                stamps: bytemuck::zeroed_box(),
+                places: bytemuck::zeroed_box(),
+            },
             slow: None,
             slice: Slice { origin: [0.0; 2], step: 1.0 },
+            rows_at: [0.0; 3],
             stamps,
-            shown_by_row: vec![0; line * rows],
-            line,
+            shown: BitRows::new(line, rows),
             shown_at: vec![None; rows],
-            shown_together: vec![0; 1 << 16].into_boxed_slice().try_into().expect("as many as were asked for"),
-            together: None,
+            together: BitRows::new(line, 1),
+            together_of: None,
             voxels: VoxelBlock::new(),
             looks,
             block,
+            reached: bytemuck::zeroed_box(),
             footprints: bytemuck::zeroed_box(),
             drawn: 0,
         })
@@ -227,14 +239,14 @@ impl<'a> Band<'a> {
         let rect = Rect { x0: 0, y0: first << TILE, x1: (columns << TILE) as i32, y1: end << TILE };
         self.pixels = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
         self.open.clear_all();
-        self.counts.fill(CLOSED);
+        self.counts.fill(Count::default());
         for (tile, _) in shown[columns * first as usize..columns * end as usize].iter().enumerate().filter(|(_, s)| **s)
         {
             let (row, column) = (tile / columns, tile % columns);
-            self.open.set(row, column);
-            self.counts[(row + around) * (columns + 2 * around) + around + column] = 0;
+            self.open.set(row, [column; 2]);
+            self.counts[(row + around) * (columns + 2 * around) + around + column].open = u8::MAX;
         }
-        (self.slow, self.together, self.drawn) = (None, None, 0);
+        (self.slow, self.together_of, self.drawn) = (None, None, 0);
         self.shown_at.fill(None);
         Ok(())
     }
@@ -257,6 +269,26 @@ impl<'a> Band<'a> {
         self.tiles_near(1, slice, medium).map(|row| row - self.first_row)
     }
 
+    /// Finds the map from the medium axis to rows of tiles of the slice at hand.
+    fn set_rows(&mut self) {
+        let (slice, first) = (&self.slice, f64::from(self.first_row << TILE));
+        let around = self.lattice.farthest(slice);
+        let band = [first - around, first + f64::from((self.rows as i32) << TILE) + around];
+        let reach = self.lattice.reach(1, band) / slice.step + SLACK;
+        let zero = -slice.origin[1] / slice.step - first;
+        self.rows_at = [1.0 / slice.step, zero - reach, zero + reach];
+    }
+
+    /// Returns the first and last row of tiles of the band, counted from its first, that kernels of a line may reach.
+    #[inline(always)]
+    fn rows_of(&self, medium: u16) -> [i32; 2] {
+        let [per_voxel, low, high] = self.rows_at;
+        let at = f64::from(medium) * per_voxel;
+        // Positive numbers round down when they become integers; what is before the band does not matter.
+        let (low, high) = ((at + low + 1.0).max(0.0) as i32, (at + high).max(-1.0).floor() as i32);
+        [low >> TILE, (high >> TILE).min(self.rows as i32 - 1)]
+    }
+
     /// Adds those of a batch's voxels that open tiles may show; draws whenever a block is full.
     #[inline(always)]
     pub(super) fn visit(&mut self, projector: &Projector, batch: &Batch) {
@@ -264,7 +296,8 @@ impl<'a> Band<'a> {
             dispatch::flush_lattice(self.code, projector, self);
             self.slow = Some(batch.slow);
             self.slice = self.lattice.slice(batch.slow);
-            self.together = None;
+            self.set_rows();
+            self.together_of = None;
             if self.stamps.as_ref().is_some_and(Stamps::is_full) {
                 dispatch::take_all(self.code, projector, self);
             }
@@ -275,75 +308,67 @@ impl<'a> Band<'a> {
         let mut from = 0;
         while from < batch.len() {
             let medium = batch.medium[from];
-            let to = from + batch.medium[from..].iter().take_while(|other| **other == medium).count();
-            let [low, high] = self.rows_near(&self.slice, [medium; 2]);
-            let (low, high) = (low.max(0), high.min(self.rows as i32 - 1));
+            let to = from + same(&batch.medium[from..]);
+            let [low, high] = self.rows_of(medium);
             let axis = projector.nesting[1];
             let is_cropped = projector.crop.is_some_and(|crop| medium < crop.low[axis] || medium > crop.high[axis]);
             if low <= high && !is_cropped {
                 self.show(batch.slow, [low as usize, high as usize], projector);
-                let ends = |ends: (u16, u16), &fast: &u16| (ends.0.min(fast), ends.1.max(fast));
-                let (first, last) = batch.fast[from..to].iter().fold((u16::MAX, 0), ends);
-                if self.shown_together[first.into()..=last.into()].iter().fold(0, |any, shown| any | shown) != 0 {
-                    self.add(projector, batch, from..to);
-                }
+                self.add(projector, batch, from..to);
             }
             from = to;
         }
     }
 
-    /// Makes `shown_together` hold for these rows of tiles.
+    /// Makes `together` hold for these rows of tiles.
     #[inline(always)]
     fn show(&mut self, slow: u16, [low, high]: [usize; 2], projector: &Projector) {
-        if self.together == Some((slow, [low, high])) {
+        if self.together_of == Some((slow, [low, high])) {
             return;
         }
-        self.together = Some((slow, [low, high]));
+        self.together_of = Some((slow, [low, high]));
         for row in low..=high {
             if self.shown_at[row] != Some(slow) {
                 self.shown_at[row] = Some(slow);
                 self.show_row(row, projector);
             }
         }
-        let together = &mut self.shown_together[..self.line];
-        together.copy_from_slice(&self.shown_by_row[self.line * low..][..self.line]);
-        for row in low + 1..=high {
-            for (shown, other) in together.iter_mut().zip(&self.shown_by_row[self.line * row..][..self.line]) {
-                *shown |= other;
-            }
-        }
+        self.together.set_to_any(&self.shown, [low, high]);
     }
 
-    /// Computes `shown_by_row` of a row of tiles.
+    /// Computes `shown` of a row of tiles.
     #[inline(always)]
     fn show_row(&mut self, row: usize, projector: &Projector) {
-        let Band { lattice, slice, open, shown_by_row, line, .. } = self;
-        let shown = &mut shown_by_row[*line * row..][..*line];
-        shown.fill(0);
+        let Band { lattice, slice, open, shown, .. } = self;
+        shown.clear_row(row);
         let fast = projector.nesting[2];
         let [low, high] = projector.crop.map_or([0, u16::MAX], |crop| [crop.low[fast], crop.high[fast]]);
-        let last = shown.len() as i32 - 1;
-        open.each_run(row, |left, right| {
+        let last = projector.lane.dims[fast] as i32 - 1;
+        open.each_run(row, |[left, right]| {
             let pixels = [4.0 * left as f64, 4.0 * right as f64 + 3.0];
             let reach = lattice.reach(0, pixels) + SLACK;
             let from = (slice.origin[0] + slice.step * pixels[0] - reach).ceil() as i32;
             let to = (slice.origin[0] + slice.step * pixels[1] + reach).floor() as i32;
             let (from, to) = (from.max(low.into()), to.min(high.into()).min(last));
             if from <= to {
-                shown[from as usize..=to as usize].fill(1);
+                shown.set(row, [from as usize, to as usize]);
             }
         });
     }
 
-    /// Adds those voxels of a part of a batch that `shown_together` shows to the block.
+    /// Adds those voxels of a line that `together` shows to the block.
     #[inline(always)]
     fn add(&mut self, projector: &Projector, batch: &Batch, range: Range<usize>) {
         for from in range.clone().step_by(GROUP) {
-            if !self.voxels.have_room(GROUP) {
-                dispatch::flush_lattice(self.code, projector, self);
-            }
             let group = from..range.end.min(from + GROUP);
-            self.voxels.add_marked(batch, group, &self.shown_together);
+            let ends = |ends: [u16; 2], &fast: &u16| [ends[0].min(fast), ends[1].max(fast)];
+            let ends = || batch.fast[group.clone()].iter().fold([u16::MAX, 0], ends).map(i32::from);
+            if group.len() < GROUP || self.together.any(0, ends()) {
+                if !self.voxels.have_room(GROUP) {
+                    dispatch::flush_lattice(self.code, projector, self);
+                }
+                self.voxels.add_marked(batch, group, |fast| self.together.get(0, fast));
+            }
         }
     }
 
@@ -354,92 +379,117 @@ impl<'a> Band<'a> {
         if count == 0 {
             return;
         }
-        if self.splats.len() + BLOCK > WAITING {
+        if self.splats.count + BLOCK > WAITING {
             dispatch::take_all(self.code, projector, self);
         }
-        if self.looks.is_none() {
-            let block = &mut *self.block;
-            block.count = count;
-            block.strength = [if self.stamps.is_some() { self.lattice.tile([0, 0]).strength } else { 1.0 }; BLOCK];
-            dispatch::colour(self.code, projector, &self.voxels, block);
-        }
-        if self.stamps.is_none() {
-            let [_, mediums, fasts] = self.voxels.positions();
-            self.footprints.set(self.lattice, &self.slice, [fasts, mediums]);
-        }
-        for from in (0..count).step_by(LIST - FULL) {
-            self.list(from..count.min(from + LIST - FULL), projector);
-            while let Some(tile) = self.full.pop() {
-                dispatch::take(self.code, projector, self, tile as usize);
+        let block = &mut *self.block;
+        block.count = count;
+        match self.looks {
+            Some(looks) => looks.colour(projector, &self.voxels, block),
+            None => {
+                block.strength = [if self.stamps.is_some() { self.lattice.tile([0, 0]).strength } else { 1.0 }; BLOCK];
+                dispatch::colour(self.code, projector, &self.voxels, block);
             }
         }
+        self.wait();
+        for from in (0..count).step_by(TOGETHER) {
+            let range = from..count.min(from + TOGETHER);
+            let filled = match &self.stamps {
+                Some(stamps) if stamps.widest <= 3 => self.list_stamps::<3>(range),
+                Some(_) => self.list_stamps::<RUN>(range),
+                None => self.list_footprints(range),
+            };
+            for tile in filled {
+                if self.counts[tile].count >= FULL {
+                    dispatch::take(self.code, projector, self, tile);
+                }
+            }
+        }
+        self.splats.count += count;
         self.voxels.count = 0;
     }
 
-    /// Puts some of the shaded splats on the lists of the tiles that they reach.
+    /// Lets the splats of the block wait.
     #[inline(always)]
-    fn list(&mut self, range: Range<usize>, projector: &Projector) {
-        let Band { first_row, columns, rows, around, lists, counts, full, footprints, .. } = self;
-        let Band { splats, places, stamps, looks, voxels, block, drawn, .. } = self;
+    fn wait(&mut self) {
+        let Band { voxels, block, splats, lattice, slice, footprints, reached, .. } = self;
         let [_, mediums, fasts] = voxels.positions();
-        let pitch = *columns + 2 * *around;
-        let mut put = |tile: usize, splat: u16| {
-            let count = counts[tile];
-            // A closed tile stays closed, and what is on its list does not matter.
-            lists[tile][usize::from(count) % LIST] = splat;
-            counts[tile] = count.saturating_add(1);
-            if usize::from(count) + 1 == FULL {
-                full.push(tile as u32);
+        let first = splats.count.min(WAITING - BLOCK);
+        for ((look, ink), peak) in splats.looks[first..first + BLOCK].iter_mut().zip(&block.ink).zip(&block.peak) {
+            *look = [ink[0], ink[1], ink[2], *peak];
+        }
+        match &self.stamps {
+            Some(stamps) => {
+                let waiting: &mut [i32; BLOCK] = splats.stamps[first..].first_chunk_mut().expect("there is room");
+                stamps.place([fasts, mediums], waiting, reached);
             }
-        };
-        for j in range {
-            let (depth, colour) = match looks {
-                Some(looks) => looks.of(projector, voxels.records[j]),
-                None => (block.peak[j], [block.ink[j][0], block.ink[j][1], block.ink[j][2]]),
-            };
-            if depth <= 0.0 {
-                continue;
-            }
-            *drawn += 1;
-            let index = splats.len() as u16;
-            let (fast, medium) = (i32::from(fasts[j]), i32::from(mediums[j]));
-            if let Some(stamps) = stamps {
-                let (by, at) = (stamps.voxels, [fast - stamps.first[0], medium - stamps.first[1]]);
-                splats.push(WaitingSplat { stamp: stamps.base() + at[1] * stamps.size[0] + at[0], depth, colour });
-                let [column, row] = at.map(|at| by.divide(at));
-                let rest = (at[1] - row * by.voxels) * by.voxels + (at[0] - column * by.voxels);
-                let last = (row - *first_row + *around as i32) as usize * pitch + (column + *around as i32) as usize;
-                let tiles = stamps.starts[rest as usize] as usize..stamps.starts[rest as usize + 1] as usize;
-                for &lower in &stamps.reached[tiles] {
-                    put(last - lower as usize, index);
-                }
-            } else {
-                let place = footprints.place(j);
-                splats.push(WaitingSplat { stamp: 0, depth, colour });
-                places.push(place);
-                let footprint = footprints.of(j);
-                let [top, bottom] = footprint.rows();
-                for row in top.max(*first_row)..=bottom.min(*first_row + *rows as i32 - 1) {
-                    let [left, right] = footprint.columns(row);
-                    let first = (row - *first_row) as usize * pitch;
-                    for column in left.max(0)..=right.min(*columns as i32 - 1) {
-                        put(first + column as usize, index);
-                    }
+            None => {
+                footprints.set(lattice, slice, [fasts, mediums]);
+                for (j, place) in splats.places[first..first + BLOCK].iter_mut().enumerate() {
+                    *place = footprints.place(j);
                 }
             }
         }
+    }
+
+    /// Puts splats of the block on the lists of tiles, in a parallel view; returns a range of all tiles with full lists.
+    #[inline(always)]
+    fn list_stamps<const N: usize>(&mut self, range: Range<usize>) -> Range<usize> {
+        let Band { block, splats, stamps: Some(stamps), reached, lists, counts, drawn, .. } = self else { return 0..0 };
+        let pitch = self.columns + 2 * self.around;
+        let [left, top] = [0, self.first_row].map(|first| first - self.around as i32);
+        let mut filled = [usize::MAX, 0];
+        for j in range {
+            let j = j % BLOCK;
+            if block.peak[j] <= 0.0 {
+                continue;
+            }
+            *drawn += 1;
+            let splat = (splats.count + j) as u16;
+            let last = (reached.last[1][j] - top) as usize * pitch + (reached.last[0][j] - left) as usize;
+            for run in stamps.runs(reached.place[j]) {
+                put::<N>(lists, counts, last - run.lower as usize, run.masks, splat, &mut filled);
+            }
+        }
+        filled[0]..filled[1]
+    }
+
+    /// Does the same in a perspective view.
+    #[inline(always)]
+    fn list_footprints(&mut self, range: Range<usize>) -> Range<usize> {
+        let Band { block, splats, footprints, lists, counts, drawn, columns, rows, first_row, around, .. } = self;
+        let pitch = *columns + 2 * *around;
+        let mut filled = [usize::MAX, 0];
+        for j in range {
+            let j = j % BLOCK;
+            if block.peak[j] <= 0.0 {
+                continue;
+            }
+            *drawn += 1;
+            let splat = (splats.count + j) as u16;
+            let [[left, right], [top, bottom]] = footprints.tiles(j);
+            let (left, right) = (left.max(0), right.min(*columns as i32 - 1));
+            for row in top.max(*first_row)..=bottom.min(*first_row + *rows as i32 - 1) {
+                let start = (row - *first_row) as usize + *around;
+                let start = start * pitch + *around;
+                for column in (left..=right).step_by(RUN) {
+                    let masks = if right - column >= 3 { u32::MAX } else { (1 << (8 * (right - column + 1))) - 1 };
+                    put::<RUN>(lists, counts, start + column as usize, masks.to_le_bytes(), splat, &mut filled);
+                }
+            }
+        }
+        filled[0]..filled[1]
     }
 
     /// Lets all tiles take the splats on their lists.
     #[inline(always)]
     pub(super) fn take_all(&mut self, projector: &Projector) {
         for tile in 0..self.counts.len() {
-            if self.counts[tile] != 0 && self.counts[tile] != CLOSED {
+            if self.counts[tile].count != 0 {
                 self.take(projector, tile);
             }
         }
-        self.splats.clear();
-        self.places.clear();
+        self.splats.count = 0;
         if let Some(stamps) = &mut self.stamps {
             stamps.keep_last();
         }
@@ -450,23 +500,23 @@ impl<'a> Band<'a> {
     pub(super) fn take(&mut self, projector: &Projector, tile: usize) {
         let pitch = self.columns + 2 * self.around;
         let (column, row) = (tile % pitch - self.around, tile / pitch - self.around);
-        let count = usize::from(std::mem::take(&mut self.counts[tile])).min(LIST);
         let place = [column as i32, self.first_row + row as i32];
         let Some((_, PixelTile(values))) = self.pixels.tile(place[0], place[1]) else { return };
+        let count = usize::from(std::mem::take(&mut self.counts[tile].count)).min(LIST);
         let list = &self.lists[tile][..count];
-        let (splats, places) = (&self.splats[..], &self.places[..]);
+        let splats = &self.splats;
         let stop = projector.stop;
         let mut pixels = Pixels { values: *values, is_open: true };
         match &self.stamps {
             Some(stamps) => {
                 let lower = stamps.voxels.voxels * (place[1] * stamps.size[0] + place[0]);
                 for &index in list {
-                    let splat = &splats[usize::from(index)];
-                    let stamp = &stamps.stamps[(splat.stamp - lower) as usize];
+                    let [red, green, blue, depth] = splats.looks[usize::from(index) % WAITING];
+                    let stamp = &stamps.stamps[(splats.stamps[usize::from(index) % WAITING] - lower) as usize];
                     if stamps.depth.is_some() {
-                        pixels.composite(stamp, splat.colour, stop);
+                        pixels.composite(stamp, [red, green, blue], stop);
                     } else {
-                        pixels.composite(&amounts(stamp, splat.depth), splat.colour, stop);
+                        pixels.composite(&amounts(stamp, depth), [red, green, blue], stop);
                     }
                     if !pixels.is_open {
                         break;
@@ -476,9 +526,9 @@ impl<'a> Band<'a> {
             None => {
                 let rays = self.lattice.tile(place);
                 for &index in list {
-                    let splat = &splats[usize::from(index)];
-                    let weights = rays.weights(&places[usize::from(index)], projector.cut);
-                    pixels.composite(&amounts(&weights, limited(splat.depth, rays.strength)), splat.colour, stop);
+                    let [red, green, blue, depth] = splats.looks[usize::from(index) % WAITING];
+                    let weights = rays.weights(&splats.places[usize::from(index) % WAITING], projector.cut);
+                    pixels.composite(&amounts(&weights, limited(depth, rays.strength)), [red, green, blue], stop);
                     if !pixels.is_open {
                         break;
                     }
@@ -489,9 +539,46 @@ impl<'a> Band<'a> {
         let is_open = pixels.is_open;
         if !is_open {
             self.open.clear(row, column);
-            self.counts[tile] = CLOSED;
+            self.counts[tile].open = 0;
         }
     }
+}
+
+/// Puts a splat on the lists of `N` tiles of a row, from `first` on; it stays only on those of open tiles whose mask is 255.
+/// Extends `filled` by these tiles if a list is full.
+#[inline(always)]
+fn put<const N: usize>(
+    lists: &mut [[u16; LIST]],
+    counts: &mut [Count],
+    first: usize,
+    masks: [u8; RUN],
+    splat: u16,
+    filled: &mut [usize; 2],
+) {
+    let lists: Option<&mut [_; N]> = lists.get_mut(first..).and_then(|lists| lists.first_chunk_mut());
+    let counts: Option<&mut [_; N]> = counts.get_mut(first..).and_then(|counts| counts.first_chunk_mut());
+    let (Some(lists), Some(counts)) = (lists, counts) else { return };
+    let mut fullest = 0;
+    for tile in 0..N {
+        let Count { count, open } = counts[tile];
+        lists[tile][usize::from(count) % LIST] = splat;
+        counts[tile].count = count + (open & masks[tile] & 1);
+        fullest = counts[tile].count.max(fullest);
+    }
+    if fullest >= FULL {
+        *filled = [filled[0].min(first), filled[1].max(first + N)];
+    }
+}
+
+/// Returns how many of the first coordinates are equal.
+#[inline(always)]
+fn same(coordinates: &[u16]) -> usize {
+    const TOGETHER: usize = 32;
+    let Some(&first) = coordinates.first() else { return 0 };
+    let differs = |part: &[u16]| part.iter().fold(0, |all, other| all | (other ^ first)) != 0;
+    let whole = coordinates.chunks(TOGETHER).take_while(|part| !differs(part)).count() * TOGETHER;
+    let rest = coordinates.get(whole..).unwrap_or_default();
+    coordinates.len().min(whole + rest.iter().take_while(|other| **other == first).count())
 }
 
 /// Returns the part of the light that a splat of optical depth `peak` takes, for its weights.

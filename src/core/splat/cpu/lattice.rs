@@ -26,7 +26,7 @@ use glam::{DMat3, DVec3};
 use super::project::nearest_pixel;
 use super::raster::{BLOCK, COLUMN, ROW};
 use super::tile_buffer::{TILE, TILE_PIXELS};
-use crate::splat::arith::{LOG2_E, at_least, at_most, keep_if, near_exp2_neg};
+use crate::splat::arith::{LOG2_E, keep_if, near_exp2_neg};
 use crate::splat::kernel::{KernelShape, LOW_PASS};
 use crate::splat::supersample::sigma_at_centre;
 use crate::splat::view::{MAX_SIZE, PixelMap, View};
@@ -114,7 +114,8 @@ pub(super) struct Slice {
 }
 
 /// A voxel on the plane: the nearest pixel and the distance from it, along columns and rows.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Zeroable)]
+#[repr(C)]
 pub(super) struct Place {
     pub(super) pixel: [i32; 2],
     pub(super) offset: [f32; 2],
@@ -340,26 +341,17 @@ impl Lattice {
     }
 }
 
-/// The places of a block's voxels of one slice in a perspective view, and the pixels that their kernels reach: a little
-/// more than an ellipse each.
+/// The places of a block's voxels of one slice in a perspective view, and the tiles that their kernels may reach: a box
+/// around an ellipse each.
 #[derive(Clone, Copy, Zeroable)]
 #[repr(C)]
 pub(super) struct Footprints {
     pixel: [[i32; BLOCK]; 2],
     offset: [[f32; BLOCK]; 2],
-    /// Half of the height.
-    high: [f32; BLOCK],
-    /// By how many columns the middle of a row moves per row.
-    ridge: [f32; BLOCK],
-    /// Factor on half of a row's width.
-    wide: [f32; BLOCK],
-    /// Factor on the square of the distance from the middle row.
-    flat: [f32; BLOCK],
-    slack: [f32; BLOCK],
+    /// The first and last column, and the first and last row, of the tiles that the kernel may reach.
+    tiles: [[[i32; BLOCK]; 2]; 2],
     /// Square of the distance between pixels, in voxels.
     scale: f32,
-    /// A kernel's radius in pixels, if the ray were perpendicular to the slices.
-    radius: f32,
 }
 
 impl Footprints {
@@ -368,7 +360,7 @@ impl Footprints {
     pub(super) fn set(&mut self, lattice: &Lattice, slice: &Slice, voxels: [&[u16; BLOCK]; 2]) {
         let Rays::Perspective { first, step, .. } = &lattice.rays else { return };
         let radius = lattice.kernel.radius / slice.step as f32;
-        (self.scale, self.radius) = ((slice.step * slice.step) as f32, radius);
+        self.scale = (slice.step * slice.step) as f32;
         let per_pixel = 1.0 / slice.step;
         for side in 0..2 {
             let (pixel, offset, origin) = (&mut self.pixel[side], &mut self.offset[side], slice.origin[side]);
@@ -379,17 +371,15 @@ impl Footprints {
         // The slopes of the tiles that a kernel reaches are at most this much steeper.
         let step_single = *step as f32;
         let more = (step * lattice.farthest(slice)) as f32;
-        let [first_fast, first_medium] = first.map(|first| first as f32);
-        for j in 0..BLOCK {
-            let fast = first_fast + step_single * self.pixel[0][j] as f32;
-            let medium = first_medium + step_single * self.pixel[1][j] as f32;
-            self.ridge[j] = fast * medium / (1.0 + medium * medium);
-            let (fast, medium) = (fast.abs() + more, medium.abs() + more);
-            let beside = 1.0 + medium * medium;
-            self.flat[j] = 1.0 / beside;
-            self.wide[j] = ((beside + fast * fast) / beside).sqrt();
-            self.high[j] = radius * beside.sqrt() + 0.01;
-            self.slack[j] = self.high[j] * more * (fast + medium) + 0.01;
+        for side in 0..2 {
+            let (pixel, offset, first) = (&self.pixel[side], &self.offset[side], first[side] as f32);
+            let [low, high] = &mut self.tiles[side];
+            for j in 0..BLOCK {
+                let slope = (first + step_single * pixel[j] as f32).abs() + more;
+                let reach = radius * (1.0 + slope * slope).sqrt() + 0.01;
+                low[j] = (pixel[j] + (offset[j] - reach).ceil() as i32) >> TILE;
+                high[j] = (pixel[j] + (offset[j] + reach).floor() as i32) >> TILE;
+            }
         }
     }
 
@@ -399,52 +389,10 @@ impl Footprints {
         Place { pixel: [pixel[0][j], pixel[1][j]], offset: [offset[0][j], offset[1][j]], scale: *scale }
     }
 
-    /// Returns the footprint of voxel `j`.
+    /// Returns the first and last column, and the first and last row, of the tiles that voxel `j` may reach.
     #[inline(always)]
-    pub(super) fn of(&self, j: usize) -> Footprint {
-        Footprint {
-            centre: [0, 1].map(|side: usize| self.pixel[side][j] as f32 + self.offset[side][j]),
-            radius: self.radius,
-            high: self.high[j],
-            ridge: self.ridge[j],
-            wide: self.wide[j],
-            flat: self.flat[j],
-            slack: self.slack[j],
-        }
-    }
-}
-
-/// The pixels that a kernel reaches.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Footprint {
-    centre: [f32; 2],
-    radius: f32,
-    high: f32,
-    ridge: f32,
-    wide: f32,
-    flat: f32,
-    slack: f32,
-}
-
-impl Footprint {
-    /// Returns the first and last row of tiles.
-    #[inline(always)]
-    pub(super) fn rows(&self) -> [i32; 2] {
-        [((self.centre[1] - self.high).ceil() as i32) >> TILE, ((self.centre[1] + self.high).floor() as i32) >> TILE]
-    }
-
-    /// Returns the first and last tile of a row of tiles.
-    #[inline(always)]
-    pub(super) fn columns(&self, row: i32) -> [i32; 2] {
-        let low = (row << TILE) as f32 - self.centre[1];
-        let high = low + 3.0;
-        let nearest = at_least(at_least(low, 0.0 - high), 0.0);
-        let half =
-            self.wide * at_least(self.radius * self.radius - self.flat * nearest * nearest, 0.0).sqrt() + self.slack;
-        let (low, high) = (self.ridge * low, self.ridge * high);
-        let left = self.centre[0] + at_most(low, high) - half;
-        let right = self.centre[0] + at_least(low, high) + half;
-        [(left.ceil() as i32) >> TILE, (right.floor() as i32) >> TILE]
+    pub(super) fn tiles(&self, j: usize) -> [[i32; 2]; 2] {
+        self.tiles.each_ref().map(|[low, high]| [low[j], high[j]])
     }
 }
 

@@ -5,7 +5,8 @@
 
 use multiversion::multiversion;
 
-use super::project::{Projector, limited};
+use super::project::{Projector, VoxelBlock, limited};
+use super::raster::{BLOCK, Splats};
 use crate::classify::normal;
 use crate::splat::composite::Look;
 use crate::splat::shade::Lights;
@@ -16,7 +17,7 @@ pub(super) struct LookTables {
     /// For each value code: colour and optical depth.
     looks: Box<[Look; 256]>,
     /// For each normal code: a factor on the colour, and a highlight; `None` if voxels are not lit.
-    light: Option<Box<[[f32; 2]]>>,
+    light: Option<Box<[[f32; 2]; 1 << 16]>>,
 }
 
 impl LookTables {
@@ -33,28 +34,45 @@ impl LookTables {
         let mut looks = Box::new(*projector.table.of_bytes()?);
         looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
         let light = projector.lights.as_ref().map(|lights| {
-            let mut light = vec![[0.0; 2]; MANY].into_boxed_slice();
+            let mut light: Box<[[f32; 2]; 1 << 16]> = bytemuck::zeroed_box();
             light_of_codes(lights, &mut light);
             light
         });
         Some(LookTables { looks, light })
     }
 
-    /// Returns the depth and the colour of a record's voxel.
+    /// Sets the colours and depths of a block's voxels.
     #[inline(always)]
-    pub(super) fn of(&self, projector: &Projector, record: usize) -> (f32, [f32; 3]) {
-        let [red, green, blue, depth] = self.looks[usize::from(projector.short_value(record))];
-        let Some(light) = &self.light else { return (depth, [red, green, blue]) };
-        let normal = projector.short_normal(record);
-        let [factor, highlight] = light[usize::from(normal)];
-        (depth, [red * factor + highlight, green * factor + highlight, blue * factor + highlight])
+    pub(super) fn colour(&self, projector: &Projector, voxels: &VoxelBlock, block: &mut Splats) {
+        let count = block.count.min(BLOCK);
+        let splats = voxels.records[..count].iter().zip(block.ink.iter_mut().zip(&mut block.peak));
+        for (&record, (ink, peak)) in splats {
+            let [red, green, blue, depth] = self.looks[usize::from(projector.short_value(record))];
+            (*ink, *peak) = ([red, green, blue, projector.alpha_ink], depth);
+        }
+        if let Some(light) = &self.light {
+            for (&record, ink) in voxels.records[..count].iter().zip(&mut block.ink) {
+                let [factor, highlight] = light[usize::from(projector.short_normal(record))];
+                *ink = [ink[0] * factor + highlight, ink[1] * factor + highlight, ink[2] * factor + highlight, ink[3]];
+            }
+        }
     }
 }
 
 /// Computes the light of each normal code.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn light_of_codes(lights: &Lights, light: &mut [[f32; 2]]) {
-    for (code, light) in (0..=u16::MAX).zip(light) {
-        *light = lights.shade(normal::decode8(code), lights.eye);
+fn light_of_codes(lights: &Lights, light: &mut [[f32; 2]; 1 << 16]) {
+    // Local arrays, which the compiler knows not to overlap with others, are computed with vector instructions.
+    const LANES: usize = 16;
+    let lights = *lights;
+    for (first, light) in (0u32..).step_by(LANES).zip(light.as_chunks_mut::<LANES>().0) {
+        let (mut factors, mut highlights) = ([0.0; LANES], [0.0; LANES]);
+        for k in 0..LANES {
+            let code = first + k as u32;
+            [factors[k], highlights[k]] = lights.shade(normal::decode8(code as u16), lights.eye);
+        }
+        for k in 0..LANES {
+            light[k] = [factors[k], highlights[k]];
+        }
     }
 }

@@ -11,6 +11,7 @@
 )]
 
 mod band;
+mod bit_rows;
 pub(crate) mod blend;
 pub(crate) mod dispatch;
 mod faint;
@@ -18,7 +19,6 @@ mod gather;
 mod lattice;
 mod look_tables;
 mod memory;
-mod open_tiles;
 mod plain;
 pub(crate) mod project;
 pub(crate) mod raster;

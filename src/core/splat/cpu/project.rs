@@ -92,9 +92,9 @@ impl VoxelBlock {
         self.count + more <= BLOCK
     }
 
-    /// Adds those voxels of a part of `batch` for whose fast coordinate `marks` is 1, not 0. There must be room for all.
+    /// Adds those voxels of a part of `batch` whose fast coordinate is `marked`. There must be room for all.
     #[inline(always)]
-    pub(super) fn add_marked(&mut self, batch: &Batch, range: Range<usize>, marks: &[u8; 1 << 16]) {
+    pub(super) fn add_marked(&mut self, batch: &Batch, range: Range<usize>, marked: impl Fn(usize) -> bool) {
         let [slow, medium, fast] = &mut self.positions;
         let mut count = self.count;
         for index in range {
@@ -102,7 +102,7 @@ impl VoxelBlock {
             let place = batch.fast[index];
             (slow[at], medium[at], fast[at]) = (batch.slow, batch.medium[index], place);
             self.records[at] = batch.record_index(index);
-            count += usize::from(marks[usize::from(place)]);
+            count += usize::from(marked(place.into()));
         }
         self.count = count;
     }

@@ -3,7 +3,10 @@
 //! In: a lattice and a slice. Out: for each place that a voxel may have beside a tile, the weights at the tile's sixteen
 //! pixels. All tiles of a slice see the same lattice of voxels, so the weights are computed once for a slice.
 
+use bytemuck::Zeroable;
+
 use super::lattice::{Lattice, Slice};
+use super::raster::BLOCK;
 use super::tile_buffer::TILE_PIXELS;
 use crate::splat::arith::near_absorbed;
 
@@ -11,6 +14,27 @@ use crate::splat::arith::near_absorbed;
 const SLICES: usize = 8;
 /// Slack of rounded bounds, in voxels.
 const SLACK: f64 = 1e-3;
+
+/// Longest run of tiles.
+pub(super) const RUN: usize = 4;
+
+/// Neighbouring tiles of a row that a voxel reaches.
+pub(super) struct Run {
+    /// How much lower the index of the first is than that of the last tile that the voxel may reach.
+    pub(super) lower: u32,
+    /// 255 for each tile that it reaches, then 0.
+    pub(super) masks: [u8; RUN],
+}
+
+/// Where a block's voxels lie among the tiles.
+#[derive(Clone, Copy, Zeroable)]
+#[repr(C)]
+pub(super) struct Reached {
+    /// The column and the row of the last tile that a voxel may reach.
+    pub(super) last: [[i32; BLOCK]; 2],
+    /// The voxel's row and column among those of a tile: row times number of columns, plus column.
+    pub(super) place: [u16; BLOCK],
+}
 
 /// What the kernels that reach a tile weigh at its pixels, for several slices of a parallel view.
 pub(super) struct Stamps {
@@ -24,12 +48,13 @@ pub(super) struct Stamps {
     /// Number of slices in use.
     pub(super) used: usize,
     /// The first voxel along the fast and the medium axis that reaches the first tile of the plane.
-    pub(super) first: [i32; 2],
-    /// Which tiles a voxel of the slice at hand reaches, by its row and column among the voxels of a tile: how much lower
-    /// their indices are than that of the last tile that it may reach.
-    pub(super) reached: Vec<u32>,
-    /// Where in `reached` the tiles of each row and column begin, and the end of the last ones.
-    pub(super) starts: Vec<u32>,
+    first: [i32; 2],
+    /// Largest number of tiles of a row that a voxel reaches.
+    pub(super) widest: i32,
+    /// Which tiles a voxel of the slice at hand reaches, by its place: its row and column among the voxels of a tile.
+    runs: Vec<Run>,
+    /// Where in `runs` those of each place begin, and the end of the last ones.
+    starts: Vec<u32>,
 }
 
 impl Stamps {
@@ -45,14 +70,15 @@ impl Stamps {
             depth,
             used: 0,
             first: [0; 2],
-            reached: Vec::new(),
+            widest: 0,
+            runs: Vec::new(),
             starts,
         }
     }
 
     /// Returns how many tiles around a voxel's last tile its kernel may reach, at most.
     pub(super) fn reach(&self) -> usize {
-        (self.size[0].max(self.size[1]) / self.voxels.voxels + 2) as usize
+        (self.size[0].max(self.size[1]) / self.voxels.voxels + 2) as usize + RUN
     }
 
     /// Returns whether there is no room for the stamps of another slice.
@@ -71,8 +97,31 @@ impl Stamps {
 
     /// Returns the index of the first stamp of the slice at hand.
     #[inline(always)]
-    pub(super) fn base(&self) -> i32 {
+    fn base(&self) -> i32 {
         (self.used as i32 - 1) * self.size[0] * self.size[1]
+    }
+
+    /// Computes the indices of the stamps of a block's voxels for the first tile of the plane; `stamps` has only those of
+    /// tiles that a voxel reaches. That for the next tile of a row or column is lower by the number of voxels of a tile.
+    #[inline(always)]
+    pub(super) fn place(&self, voxels: [&[u16; BLOCK]; 2], stamps: &mut [i32; BLOCK], reached: &mut Reached) {
+        let (by, base, [first_fast, first_medium], columns) = (self.voxels, self.base(), self.first, self.size[0]);
+        let [fasts, mediums] = voxels;
+        let [last_columns, last_rows] = &mut reached.last;
+        for j in 0..BLOCK {
+            let (fast, medium) = (i32::from(fasts[j]) - first_fast, i32::from(mediums[j]) - first_medium);
+            let (column, row) = (by.divide(fast), by.divide(medium));
+            (last_columns[j], last_rows[j]) = (column, row);
+            reached.place[j] = ((medium - row * by.voxels) * by.voxels + (fast - column * by.voxels)) as u16;
+            stamps[j] = base + medium * columns + fast;
+        }
+    }
+
+    /// Returns the runs of tiles that a voxel at this place reaches.
+    #[inline(always)]
+    pub(super) fn runs(&self, place: u16) -> &[Run] {
+        let place = usize::from(place);
+        &self.runs[self.starts[place] as usize..self.starts[place + 1] as usize]
     }
 
     /// Computes the stamps of a slice. Rows of tiles are `pitch` tiles long.
@@ -92,14 +141,23 @@ impl Stamps {
             let voxel = [self.first[0] + index % columns, self.first[1] + index / columns];
             *stamp = rays.weights(&lattice.place(slice, voxel), cut);
         }
-        self.reached.clear();
+        self.runs.clear();
         for (start, place) in self.starts.iter_mut().zip(0..) {
-            *start = self.reached.len() as u32;
+            *start = self.runs.len() as u32;
             let (row, column) = (place / voxels, place % voxels);
             for row in (row..rows).step_by(voxels as usize).take_while(|_| place < voxels * voxels) {
-                for column in (column..columns).step_by(voxels as usize) {
-                    if stamps[(row * columns + column) as usize].iter().any(|weight| *weight > 0.0) {
-                        self.reached.push((row / voxels * pitch as i32 + column / voxels) as u32);
+                let reaches =
+                    |column: &i32| stamps[(row * columns + column) as usize].iter().any(|weight| *weight > 0.0);
+                // The voxel reaches all tiles between the first and the last that it reaches.
+                let mut columns = (column..columns).step_by(voxels as usize).filter(reaches);
+                if let Some(nearest) = columns.next() {
+                    let (nearest, farthest) = (nearest / voxels, columns.next_back().unwrap_or(nearest) / voxels);
+                    let lower = row / voxels * pitch as i32 + farthest;
+                    let width = farthest - nearest + 1;
+                    self.widest = self.widest.max(width);
+                    for from in (0..width).step_by(RUN) {
+                        let masks = [0, 1, 2, 3].map(|tile| if from + tile < width { u8::MAX } else { 0 });
+                        self.runs.push(Run { lower: (lower - from) as u32, masks });
                     }
                 }
             }
@@ -120,13 +178,13 @@ pub(super) struct Divisor {
 }
 
 impl Divisor {
-    pub(super) fn new(voxels: i32) -> Divisor {
+    fn new(voxels: i32) -> Divisor {
         Divisor { voxels, factor: (1 << 32) / i64::from(voxels) + 1 }
     }
 
     /// Returns `number / voxels`, rounded down, for numbers within +-2^20.
     #[inline(always)]
-    pub(super) fn divide(self, number: i32) -> i32 {
+    fn divide(self, number: i32) -> i32 {
         ((i64::from(number) * self.factor) >> 32) as i32
     }
 }

@@ -1,0 +1,87 @@
+//! Rows of bits: which tiles may still change, and which voxels of a line may be seen.
+
+/// A table of bits, row by row.
+pub(super) struct BitRows {
+    /// Number of words for a row.
+    words: usize,
+    bits: Vec<u64>,
+}
+
+impl BitRows {
+    /// Creates a table of zeros.
+    pub(super) fn new(columns: usize, rows: usize) -> BitRows {
+        let words = columns.div_ceil(64);
+        BitRows { words, bits: vec![0; words * rows] }
+    }
+
+    pub(super) fn clear_all(&mut self) {
+        self.bits.fill(0);
+    }
+
+    #[inline(always)]
+    pub(super) fn clear_row(&mut self, row: usize) {
+        self.bits[self.words * row..][..self.words].fill(0);
+    }
+
+    #[inline(always)]
+    pub(super) fn clear(&mut self, row: usize, column: usize) {
+        self.bits[self.words * row + column / 64] &= !(1 << (column % 64));
+    }
+
+    /// Sets the bits of `row` from column `left` to `right`.
+    #[inline(always)]
+    pub(super) fn set(&mut self, row: usize, [left, right]: [usize; 2]) {
+        for word in left / 64..=right / 64 {
+            self.bits[self.words * row + word] |= part(word, [left, right]);
+        }
+    }
+
+    /// Returns whether any bit of `row` between two columns, which may lie outside the table, is set.
+    pub(super) fn any(&self, row: usize, [left, right]: [i32; 2]) -> bool {
+        let bits = &self.bits[self.words * row..][..self.words];
+        let (left, right) = (left.max(0) as usize, right.min(64 * self.words as i32 - 1));
+        let Some(right) = usize::try_from(right).ok().filter(|right| *right >= left) else { return false };
+        (left / 64..=right / 64).any(|word| bits[word] & part(word, [left, right]) != 0)
+    }
+
+    /// Returns whether the bit of `row` and `column` is set; columns outside the table are not.
+    #[inline(always)]
+    pub(super) fn get(&self, row: usize, column: usize) -> bool {
+        let words = &self.bits[self.words * row..][..self.words];
+        words.get(column / 64).is_some_and(|word| word >> (column % 64) & 1 == 1)
+    }
+
+    /// Sets the first row to what is set in any of the rows of `other` from `first` to `last`.
+    #[inline(always)]
+    pub(super) fn set_to_any(&mut self, other: &BitRows, [first, last]: [usize; 2]) {
+        self.clear_row(0);
+        for row in first..=last {
+            for (word, other) in self.bits.iter_mut().zip(&other.bits[other.words * row..][..other.words]) {
+                *word |= other;
+            }
+        }
+    }
+
+    /// Calls `visit` with the first and last column of each run of bits that are set in a row; a run that crosses from one
+    /// word to the next comes in parts.
+    #[inline(always)]
+    pub(super) fn each_run(&self, row: usize, mut visit: impl FnMut([usize; 2])) {
+        for (word, &bits) in self.bits[self.words * row..][..self.words].iter().enumerate() {
+            let mut left = bits;
+            while left != 0 {
+                let from = left.trailing_zeros() as usize;
+                let len = (!(left >> from)).trailing_zeros() as usize;
+                visit([64 * word + from, 64 * word + from + len - 1]);
+                left = if from + len >= 64 { 0 } else { left & (u64::MAX << (from + len)) };
+            }
+        }
+    }
+}
+
+/// Returns the bits of a word between two columns of its row.
+#[inline(always)]
+fn part(word: usize, [left, right]: [usize; 2]) -> u64 {
+    let first = if word == left / 64 { u64::MAX << (left % 64) } else { u64::MAX };
+    let last = if word == right / 64 { u64::MAX >> (63 - right % 64) } else { u64::MAX };
+    first & last
+}
