@@ -30,6 +30,9 @@ use crate::volume::Grid;
 pub(super) const WIDE_ENOUGH: f64 = 0.53;
 /// Width that samples' footprints must reach where 32 dB are enough, as a fraction of the low-pass's width.
 const FEWEST: f64 = 0.5;
+/// Largest number of samples along a side of a pixel. Without it voxels of 1 x 1 x 1000 took as many samples as fit into
+/// memory, for errors below 60 dB.
+const MAX_FACTOR: u32 = 16;
 /// Largest number of samples of a picture: 256 MiB if all are in memory at once.
 const MAX_SAMPLES: u64 = 1 << 24;
 /// Number of samples of a strip, unless rows are too long for it: 16 MiB for its frame and bands.
@@ -87,7 +90,8 @@ impl Supersampling {
         let wanted = if settings.sampling() == Sampling::Fewest { FEWEST * low_pass } else { low_pass };
         let pixels = u64::from(view.size[0]) * u64::from(view.size[1]);
         let fits = |factor: u32| {
-            view.size.iter().all(|side| side.saturating_mul(factor) <= MAX_SIZE)
+            factor <= MAX_FACTOR
+                && view.size.iter().all(|side| side.saturating_mul(factor) <= MAX_SIZE)
                 && pixels * u64::from(factor).pow(2) <= MAX_SAMPLES
         };
         let mut factor = 1;
