@@ -229,12 +229,13 @@ fn nothing_is_mirrored_at_the_eyes_plane() {
                 let [left, right] = light([behind, 0.7, 0.0]);
                 let is_drawn = near.is_none() && -behind < radius;
                 assert_eq!(left + right > 0.0, is_drawn, "{fov} {near:?}: {behind}");
-                assert!(left >= right, "{fov} {near:?}: {behind}: {left} {right}");
+                // Rays of the narrowest view are equal up to rounding.
+                assert!(left >= right * (1.0 - 1e-5), "{fov} {near:?}: {behind}: {left} {right}");
             }
             // To the left, from in the plane to far in front of it.
             for before in [0.0, 1e-9, 0.1, 0.31, 1.0, 1.5, 2.5, 7.9, 8.1, 10.0] {
                 let [left, right] = light([before, 0.7, 0.0]);
-                assert!(left >= right, "{fov} {near:?}: {before}: {left} {right}");
+                assert!(left >= right * (1.0 - 1e-5), "{fov} {near:?}: {before}: {left} {right}");
                 let is_clipped = near.is_some_and(|near| before < near);
                 assert_eq!(left + right > 0.0, !is_clipped, "{fov} {near:?}: {before}: {left} {right}");
             }
