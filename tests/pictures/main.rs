@@ -6,6 +6,7 @@ mod finer;
 mod framing;
 mod golden;
 mod hidden;
+mod inside;
 mod lattice;
 mod low_pass;
 mod metrics;

@@ -15,6 +15,7 @@ pub(crate) mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
 pub(crate) mod kernel;
+pub(crate) mod near;
 mod outline;
 pub(crate) mod setup;
 pub(crate) mod shade;
@@ -128,7 +129,8 @@ pub struct Settings {
     pub termination: Option<f32>,
     /// The reconstruction kernel; `None` uses that of `quality`.
     pub kernel: Option<KernelShape>,
-    /// World distance along the view axis below which voxels are not drawn; `None` uses the extent of the kernel.
+    /// World distance along the view axis below which voxels are not drawn, above 0; `None` draws what lies in front of
+    /// the eye, of voxels that the eye is in the part in front.
     pub near: Option<f64>,
     /// Factor on the optical depths of [`Mode::Additive`], above 0. With `None`, a typical ray has three quarters of
     /// full brightness; the factor is the same for every view of a scene.
@@ -266,7 +268,7 @@ impl Settings {
         Settings { kernel: kernel.into(), ..self }
     }
 
-    /// Sets the distance from the eye below which voxels are not drawn.
+    /// Sets the distance from the eye, along the view axis, below which voxels are not drawn.
     pub fn with_near(self, near: impl Into<Option<f64>>) -> Settings {
         Settings { near: near.into(), ..self }
     }

@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use super::camera::{Camera, Projection, SOUND_LENGTHS, WorldFrame};
 use super::kernel::KernelShape;
+use super::near::NEAR;
 use super::{require, require_pixels, require_positive};
 use crate::error::{Error, Result};
 use crate::traverse::{Viewpoint, VoxelBox};
@@ -52,7 +53,8 @@ pub enum PixelMap {
         focal: f64,
         /// The column and row of the point that the view axis meets.
         centre: [f64; 2],
-        /// Distance along the view axis below which voxels are not drawn, in mean spacings; above 0.
+        /// Distance along the view axis from which voxels are drawn as affine footprints, in mean spacings; above 0.
+        /// Nearer ones are integrated along each ray (`near.rs`), unless they are clipped ([`View::clip`]).
         near: f64,
     },
 }
@@ -72,6 +74,8 @@ pub struct View {
     pub axes: [[f64; 3]; 3],
     /// Position of the eye along the grid's axes, in mean spacings; meaningless for a parallel view.
     pub eye_scaled: [f64; 3],
+    /// Distance along the view axis below which voxels are not drawn, in mean spacings; minus infinity if none is set.
+    pub clip: f64,
     /// Upper bound of the kernel's half extent along the view axis, in mean spacings.
     pub(super) reach: f64,
     /// The distance between voxels on each axis, in mean spacings.
@@ -81,8 +85,8 @@ pub struct View {
 impl View {
     /// Returns the view of `camera` over `grid` for a picture of `size` columns and rows.
     ///
-    /// `near` is the world distance along the view axis below which voxels are not drawn. `None` stands for the
-    /// kernel's extent: a nearer footprint would wrap around the eye.
+    /// `near` is the world distance along the view axis below which voxels are not drawn. `None` clips none: rays start
+    /// at the eye.
     ///
     /// # Errors
     /// [`Error::Input`] if a side of `size` or `near` is not above 0; [`Error::Limit`] if a side is above [`MAX_SIZE`].
@@ -104,6 +108,7 @@ impl View {
         let steps = world.steps.map(|step| step.length() / mean_voxel);
         let step_forward: f64 = camera_from_voxel[2][..3].iter().map(|c| c * c).sum();
         let reach = f64::from(kernel.radius) * step_forward.sqrt();
+        let clip = near.map_or(f64::NEG_INFINITY, |near| near / mean_voxel);
         let toward = world.voxel_from_world_vector(forward);
         let eye_voxel = world.voxel_from_world_vector(eye - world.origin);
         let (map, viewpoint) = match camera.projection() {
@@ -119,7 +124,7 @@ impl View {
             }
             Projection::Perspective { fov } => {
                 let focal = rows / 2.0 / (fov.to_radians() / 2.0).tan();
-                let near = near.map_or(reach, |near| near / mean_voxel);
+                let near = clip.max(NEAR * step_forward.sqrt());
                 let map = PixelMap::Perspective { camera_from_voxel, focal, centre, near };
                 (map, Viewpoint::Perspective { eye: eye_voxel, toward: unit(toward) })
             }
@@ -135,7 +140,7 @@ impl View {
         let by_axis = |vector: DVec3| grid.direction.map(|axis| DVec3::from_array(axis).dot(vector));
         let eye_scaled = std::array::from_fn(|a| eye_voxel[a] * steps[a]);
         let axes = [by_axis(right), by_axis(up), by_axis(forward)];
-        Ok(View { size, viewpoint, map, mean_voxel, axes, eye_scaled, reach, steps })
+        Ok(View { size, viewpoint, map, mean_voxel, axes, eye_scaled, clip, reach, steps })
     }
 
     /// Returns the view with `factor` pixels along each side of a pixel, in a picture of `size` that has `margin` more
@@ -169,7 +174,8 @@ impl View {
     /// Returns a box on the screen that holds all footprints of the voxels in `bounds`: first and last column, then
     /// first and last row.
     ///
-    /// `None` if all voxels are too near to draw. `half_widths`: half a footprint's size in a parallel view, in pixels.
+    /// `None` if all voxels are clipped or behind the eye. Where the eye is among the voxels, ends may be infinite.
+    /// `half_widths`: half a footprint's size in a parallel view, in pixels.
     pub fn pixel_bounds(&self, bounds: &VoxelBox, half_widths: [f64; 2]) -> Option<[f64; 4]> {
         let middle: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.low[a]) + f64::from(bounds.high[a])) / 2.0);
         let extent: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.high[a]) - f64::from(bounds.low[a])) / 2.0);
@@ -182,31 +188,47 @@ impl View {
                 Some([x - dx, x + dx, y - dy, y + dy])
             }
             PixelMap::Perspective { camera_from_voxel: [right, up, forward], focal, centre, near } => {
-                let (depth, depth_spread) = (at(forward), spread(forward));
-                if depth + depth_spread < *near {
+                let (lowest, farthest) = (at(forward) - spread(forward), at(forward) + spread(forward));
+                if farthest < self.clip.max(-self.reach) {
                     return None;
                 }
-                let nearest = (depth - depth_spread).max(*near);
-                let farthest = depth + depth_spread;
-                let tangents = |map: &Affine| {
-                    let (low, high) = (at(map) - spread(map), at(map) + spread(map));
-                    let low_tangent = low / if low < 0.0 { nearest } else { farthest };
-                    (low_tangent, high / if high < 0.0 { farthest } else { nearest })
+                let length = |[x, y, z, _]: &Affine| (x * x + y * y + z * z).sqrt();
+                let radius = self.reach / length(forward);
+                // The tangents of points up to `aside` away from the box, between two depths.
+                let tangents = |map: &Affine, aside: f64, [nearest, farthest]: [f64; 2]| {
+                    let (low, high) = (at(map) - spread(map) - aside, at(map) + spread(map) + aside);
+                    [
+                        low / if low < 0.0 { nearest } else { farthest },
+                        high / if high < 0.0 { farthest } else { nearest },
+                    ]
                 };
-                let ((left, right), (bottom, top)) = (tangents(right), tangents(up));
-                // A footprint is at most as large as the kernel's longest half-axis times the Jacobian's norm, at most
-                // focal * |t| / t2^2, plus the low-pass. `reach` is the kernel's radius times the length of `forward`.
-                let tangent = left.abs().max(right.abs()).hypot(bottom.abs().max(top.abs()));
-                let [x, y, z] = self.steps;
-                let length = (forward[0] * forward[0] + forward[1] * forward[1] + forward[2] * forward[2]).sqrt();
-                let longest = self.reach / length * (x * x + y * y + z * z).sqrt();
-                let half_width = focal * longest / nearest * (1.0 + tangent * tangent).sqrt() + LOW_PASS_REACH;
-                Some([
-                    centre[0] + focal * left - half_width,
-                    centre[0] + focal * right + half_width,
-                    centre[1] - focal * top - half_width,
-                    centre[1] - focal * bottom + half_width,
-                ])
+                let (mut columns, mut rows) = ([f64::INFINITY, f64::NEG_INFINITY], [f64::INFINITY, f64::NEG_INFINITY]);
+                let mut add = |[left, right]: [f64; 2], [bottom, top]: [f64; 2], half_width: f64| {
+                    columns[0] = columns[0].min(centre[0] + focal * left - half_width);
+                    columns[1] = columns[1].max(centre[0] + focal * right + half_width);
+                    rows[0] = rows[0].min(centre[1] - focal * top - half_width);
+                    rows[1] = rows[1].max(centre[1] - focal * bottom + half_width);
+                };
+                if lowest < *near && self.clip < *near {
+                    // Rays that pass a kernel pass the ball of its radius. One pixel more is for rounding.
+                    let nearest = (lowest.max(self.clip) - self.reach).max(f64::MIN_POSITIVE);
+                    let depths = [nearest, farthest.min(*near) + self.reach];
+                    let seen = |map: &Affine| tangents(map, radius * length(map), depths);
+                    add(seen(right), seen(up), 1.0);
+                }
+                if farthest >= *near {
+                    let depths = [lowest.max(*near), farthest];
+                    let (across, above) = (tangents(right, 0.0, depths), tangents(up, 0.0, depths));
+                    // A footprint is at most as large as the kernel's longest half-axis times the Jacobian's norm, at most
+                    // focal * |t| / t2^2, plus the low-pass.
+                    let most = |[low, high]: [f64; 2]| low.abs().max(high.abs());
+                    let tangent = most(across).hypot(most(above));
+                    let [x, y, z] = self.steps;
+                    let longest = radius * (x * x + y * y + z * z).sqrt();
+                    let half_width = focal * longest / depths[0] * (1.0 + tangent * tangent).sqrt() + LOW_PASS_REACH;
+                    add(across, above, half_width);
+                }
+                Some([columns[0], columns[1], rows[0], rows[1]])
             }
         }
     }

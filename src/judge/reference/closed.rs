@@ -38,6 +38,20 @@ pub fn voxel_depth(depth: f64, sigma: f64, distance: f64) -> f64 {
     depth / (std::f64::consts::TAU * square) * (-0.5 * distance * distance / square).exp()
 }
 
+/// Returns the normal distribution function: the part of a Gaussian of standard deviation 1 that is below `z`.
+pub fn normal_distribution(z: f64) -> f64 {
+    let z = z.clamp(-9.0, 9.0);
+    // The terms of z + z^3 / 3 + z^5 / 15 + ... have one sign, so that no digits cancel.
+    let (mut sum, mut term) = (z, z);
+    let mut odd = 1.0;
+    while term.abs() > f64::EPSILON * sum.abs() {
+        odd += 2.0;
+        term *= z * z / odd;
+        sum += term;
+    }
+    0.5 + sum * (-0.5 * z * z).exp() / std::f64::consts::TAU.sqrt()
+}
+
 /// Returns the opacity `1 - e^-depth`, exact for small depths too.
 fn absorbed(depth: f64) -> f64 {
     -(-depth).exp_m1()

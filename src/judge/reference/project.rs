@@ -6,11 +6,17 @@
 //! pixel   += transmittance * (1 - exp(-depth)) * colour
 //! ```
 //!
+//! Kernels near the eye are not projected ([`NearRays`]).
+//!
 //! Source: Zwicker et al., "EWA Volume Splatting", 2001.
 
 use adjsplat::internals::{Affine, LOW_PASS, MAX_DEPTH, PixelMap};
 use adjsplat::splat::{Blending, Mode, View};
+use adjsplat::traverse::Viewpoint;
 
+use glam::{DMat3, DVec3};
+
+use super::closed::normal_distribution;
 use super::light::ReferenceLights;
 use super::splat::JudgeSettings;
 use super::voxels::ReferenceVoxel;
@@ -60,6 +66,8 @@ pub(super) struct SplatProjector<'a> {
     exposure: f64,
     /// The covariance of every footprint in a parallel view; `None` in perspective.
     footprint: Option<SplatCovariance>,
+    /// The rays of a perspective view; `None` in a parallel one.
+    rays: Option<NearRays>,
 }
 
 impl<'a> SplatProjector<'a> {
@@ -78,11 +86,12 @@ impl<'a> SplatProjector<'a> {
             strength: 1.0 / (std::f64::consts::TAU * (1.0 - lost)),
             exposure,
             footprint,
+            rays: NearRays::new(view),
         }
     }
 
     /// Returns a footprint's centre and covariance, and the pixels per mean area across the ray; `None` if the voxel is
-    /// too near.
+    /// too near the eye for a footprint.
     fn project(&self, voxel: &ReferenceVoxel) -> Option<([f64; 2], SplatCovariance, f64)> {
         let [x, y, z] = voxel.position.map(f64::from);
         let at = |m: &Affine| m[0] * x + m[1] * y + m[2] * z + m[3];
@@ -117,7 +126,7 @@ impl<'a> SplatProjector<'a> {
         {
             return;
         }
-        let Some(([x, y], footprint, density)) = self.project(voxel) else { return };
+        let Some(([x, y], footprint, density)) = self.project(voxel) else { return self.splat_near(voxel, band) };
         let SplatCovariance { xx, xy, yy, determinant } = footprint;
         let reach = self.settings.cut_off * yy.sqrt();
         let Some((first_row, last_row)) = whole(y - reach, y + reach, band.first_row, band.rows()) else { return };
@@ -127,14 +136,11 @@ impl<'a> SplatProjector<'a> {
         }
         // The weight at the centre of a footprint, scaled so that the weights of a layer of voxels add up to 1.
         let weight = self.strength * density / determinant.sqrt();
-        let peak = match self.settings.blending {
-            Blending::Linear => -(-voxel.depth * self.exposure).exp_m1() * weight,
-            _ => (voxel.depth * self.exposure * weight).min(MAX_DEPTH),
-        };
+        let peak = self.peak(voxel, weight);
         if peak <= 0.0 || peak.is_nan() {
             return;
         }
-        let colour = self.lights.map_or_else(|| voxel.colour.map(f64::from), |lights| lights.lit(voxel));
+        let colour = self.colour(voxel);
         let cut = self.settings.cut_off * self.settings.cut_off;
         for row in first_row..=last_row {
             let dy = row as f64 - y;
@@ -157,6 +163,59 @@ impl<'a> SplatProjector<'a> {
         }
     }
 
+    /// Draws a voxel near the eye: integrates its kernel along each ray that passes it, from the eye on.
+    fn splat_near(&self, voxel: &ReferenceVoxel, band: &mut PixelRows) {
+        let Some(rays) = &self.rays else { return };
+        let sigma = self.settings.sigma;
+        let radius = self.settings.cut_off * sigma;
+        let offset = DVec3::from_array(voxel.position.map(f64::from)) - rays.eye;
+        if rays.gradients[2].dot(offset) < rays.clip {
+            return;
+        }
+        let is_inside = offset.length() <= radius;
+        // Rays of one row lie in a plane, and so do those of one column.
+        let meets = |normal: DVec3| normal.dot(offset).abs() <= radius * normal.length();
+        let [right, up, forward] = rays.gradients;
+        let columns: Vec<(usize, f64)> = (0..band.columns)
+            .map(|column| (column, (column as f64 - rays.centre[0]) / rays.focal))
+            .filter(|(_, tangent)| meets(right - forward * *tangent))
+            .collect();
+        let colour = self.colour(voxel);
+        for row in 0..band.rows() {
+            let above = (rays.centre[1] - (band.first_row + row) as f64) / rays.focal;
+            if !meets(up - forward * above) {
+                continue;
+            }
+            for &(column, across) in &columns {
+                let direction = rays.voxel_from_camera * DVec3::new(across, above, 1.0);
+                let length = direction.length();
+                let (along, aside) = (offset.dot(direction) / length, offset.cross(direction).length() / length);
+                if aside > radius || (!is_inside && along <= 0.0) {
+                    continue;
+                }
+                let stretch = (1.0 + across * across + above * above).sqrt() / length;
+                let peak = self.peak(voxel, self.strength / (sigma * sigma) * stretch);
+                let part = if is_inside { normal_distribution(along / sigma) } else { 1.0 };
+                let amount = peak * (-0.5 * (aside / sigma).powi(2)).exp() * part;
+                self.blend(&mut band.pixels[row * band.columns + column], amount, colour);
+            }
+        }
+    }
+
+    /// Returns the largest amount that a voxel adds to a pixel: an optical depth, or an opacity with linear blending.
+    ///
+    /// `weight` is the integral of its kernel along a line through its centre.
+    fn peak(&self, voxel: &ReferenceVoxel, weight: f64) -> f64 {
+        match self.settings.blending {
+            Blending::Linear => -(-voxel.depth * self.exposure).exp_m1() * weight,
+            _ => (voxel.depth * self.exposure * weight).min(MAX_DEPTH),
+        }
+    }
+
+    fn colour(&self, voxel: &ReferenceVoxel) -> [f64; 3] {
+        self.lights.map_or_else(|| voxel.colour.map(f64::from), |lights| lights.lit(voxel))
+    }
+
     /// Composites `colour` behind what the pixel shows. `amount` is an optical depth (an opacity with linear blending).
     fn blend(&self, pixel: &mut [f64; 4], amount: f64, colour: [f64; 3]) {
         if self.settings.mode == Mode::Additive {
@@ -174,6 +233,35 @@ impl<'a> SplatProjector<'a> {
         let taken = pixel[3] * opacity;
         (0..3).for_each(|c| pixel[c] += taken * colour[c]);
         pixel[3] -= taken;
+    }
+}
+
+/// The rays of a perspective view in voxel coordinates, where a kernel is a round Gaussian.
+#[derive(Debug, Clone, Copy)]
+struct NearRays {
+    eye: DVec3,
+    /// The direction of a ray from its tangents to the right and upward, and 1.
+    voxel_from_camera: DMat3,
+    /// The changes of the distances to the right, up and forward, in mean spacings per voxel.
+    gradients: [DVec3; 3],
+    focal: f64,
+    centre: [f64; 2],
+    /// The depth below which voxels are not drawn, in mean spacings.
+    clip: f64,
+}
+
+impl NearRays {
+    fn new(view: &View) -> Option<NearRays> {
+        let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
+            (&view.map, view.viewpoint)
+        else {
+            return None;
+        };
+        let gradients = camera_from_voxel.map(|[x, y, z, _]| DVec3::new(x, y, z));
+        let [right, up, forward] = gradients;
+        let voxel_from_camera = DMat3::from_cols(right, up, forward).transpose().inverse();
+        let eye = DVec3::from_array(eye);
+        Some(NearRays { eye, voxel_from_camera, gradients, focal: *focal, centre: *centre, clip: view.clip })
     }
 }
 

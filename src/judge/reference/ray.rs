@@ -40,8 +40,8 @@ pub struct RaySettings {
     pub tolerance: f64,
     /// The lighting of voxels that have a normal; `None` draws plain colours.
     pub lighting: Option<Lighting>,
-    /// The distance of the near plane along the view axis, in world length; `None` as in
-    /// [`JudgeSettings`](super::JudgeSettings).
+    /// The distance along the view axis below which voxels are not drawn, in world length; `None` draws all. In
+    /// perspective the integral starts at the eye.
     pub near: Option<f64>,
     /// The number of threads, at least 1. The picture does not depend on it.
     pub threads: usize,
@@ -136,14 +136,14 @@ impl<'a> RayJudge<'a> {
         Ok(picture)
     }
 
-    /// Returns each voxel's optical depth (0 if the voxel is too near) and its colour in this view.
+    /// Returns each voxel's optical depth (0 if the voxel is clipped) and its colour in this view.
     fn colours(&self, view: &View, settings: &RaySettings) -> Vec<(f64, [f64; 3])> {
         let lights = settings.lighting.map(|lighting| ReferenceLights::new(lighting, view));
         let seen = |position: [u16; 3]| match &view.map {
             PixelMap::Parallel { .. } => true,
-            PixelMap::Perspective { camera_from_voxel: [_, _, along], near, .. } => {
+            PixelMap::Perspective { camera_from_voxel: [_, _, along], .. } => {
                 let [x, y, z] = position.map(f64::from);
-                along[0] * x + along[1] * y + along[2] * z + along[3] >= *near
+                along[0] * x + along[1] * y + along[2] * z + along[3] >= view.clip
             }
         };
         let voxels = self.visible.voxels().iter();

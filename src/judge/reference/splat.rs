@@ -5,8 +5,8 @@
 //! A ray ends only where its transmittance no longer matters in double precision.
 //!
 //! Each thread draws all splats into its own band of rows, so the picture does not depend on the number of threads. The
-//! reference shares its model with the renderers: the affine footprint of EWA, the low-pass filter, the largest optical
-//! depth of a splat, the lighting. [`RayJudge`](super::RayJudge) shares only the lighting.
+//! reference shares its model with the renderers: the affine footprint of EWA, exact kernels near the eye, the low-pass
+//! filter, the largest optical depth of a splat, the lighting. [`RayJudge`](super::RayJudge) shares only the lighting.
 
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
@@ -38,8 +38,8 @@ pub struct JudgeSettings {
     /// The factor on optical depths in [`Mode::Additive`]. With `None` it is chosen as in the renderers: a typical ray
     /// gets three quarters of full brightness.
     pub exposure: Option<f64>,
-    /// The distance of the near plane along the view axis, in world length. With `None` it is the radius of the kernel
-    /// of [`Quality::Reference`].
+    /// The distance along the view axis below which voxels are not drawn, in world length. With `None` kernels are drawn
+    /// from the eye on.
     pub near: Option<f64>,
     /// The lowest and the highest index, inclusive, of the box of voxels to draw; `None` draws all.
     pub crop: Option<([u16; 3], [u16; 3])>,

@@ -1,4 +1,4 @@
-//! Views along axes and diagonals, eyes on voxels, within, and far away, and what is at the near plane.
+//! Views along axes and diagonals, eyes on voxels, within, and far away, and what is at the eye's plane.
 
 use adjsplat::build::Built;
 use adjsplat::splat::{Camera, Mode, Orbit, Projection, Quality, Settings, Surround};
@@ -7,7 +7,7 @@ use adjsplat::volume::Grid;
 use adjsplat_tests::pictures::{alphas, apart, bits};
 use adjsplat_tests::scenes::transfer;
 
-use crate::extremes::model::{Judge as _, coded, constant, parallel, solid, worst};
+use crate::extremes::model::{Judge as _, coded, constant, parallel, peak_weight, solid, worst};
 
 /// Red and blue by turns: every wrong order of two neighbours shows.
 fn checkers(side: u64, opacity: f64) -> Built {
@@ -114,19 +114,33 @@ fn a_tie_does_not_show_in_one_colour() {
     }
 }
 
-/// An eye on a voxel sees all but the voxels that are nearer than the kernel reaches.
+/// An eye on a voxel sees half of it; a voxel behind the eye adds the part of its kernel that is in front.
 #[test]
-fn an_eye_on_a_voxel_does_not_see_that_voxel() {
-    let whole = solid([9; 3], [1.0; 3], constant(0.1, 1.0));
-    let without = coded(whole.facts.grid.clone(), constant(0.1, 1.0), |at| (at != [4; 3]).then_some(1));
-    for near in [None, Some(1e-9), Some(0.5)] {
-        for toward in [[1.0, 0.0, 0.0], [0.3, -0.8, 0.5], [1.0, 1.0, 1.0]] {
-            let target = [0, 1, 2].map(|a| 4.0 + toward[a]);
-            let settings = Settings::every_pixel([40, 30]).with_near(near);
-            let (all, stats) = whole.draw(&perspective([4.0; 3], target, 70.0), &settings);
-            let (rest, _) = without.draw(&perspective([4.0; 3], target, 70.0), &settings);
-            assert!(bits(&all) == bits(&rest) && stats.splats_drawn > 0, "{near:?} {toward:?}");
+fn an_eye_on_a_voxel_sees_half_of_it() {
+    let voxel = coded(Grid::new([9; 3], [1.0; 3]).unwrap(), constant(0.3, 1.0), |at| (at == [4; 3]).then_some(1));
+    let settings = Settings::every_pixel([40, 30]).with_quality(Quality::Reference);
+    // Phi at 0, 1 and -1 standard deviations.
+    for (distance, part) in [(0.0, 0.5), (0.7, 0.841_345), (-0.7, 0.158_655)] {
+        for toward in [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.6, 0.0, 0.8]] {
+            let eye = [0, 1, 2].map(|a| 4.0 - distance * toward[a]);
+            let target = [0, 1, 2].map(|a| eye[a] + toward[a]);
+            let (frame, _) = voxel.draw(&perspective(eye, target, 1e-3), &settings);
+            let depth = -(0.7f64).ln() * peak_weight(&settings) * part;
+            for alpha in alphas(&frame) {
+                assert!(
+                    (alpha + (-depth).exp_m1()).abs() < 2e-5,
+                    "{distance} {toward:?}: {alpha}, {}",
+                    -(-depth).exp_m1()
+                );
+            }
         }
+    }
+    // A clip takes whole voxels away, by their centres.
+    let target = [5.0, 4.0, 4.0];
+    for (near, is_drawn) in [(0.5, true), (0.8, false)] {
+        let settings = settings.clone().with_near(near);
+        let (_, stats) = voxel.draw(&perspective([3.3, 4.0, 4.0], target, 60.0), &settings);
+        assert_eq!(stats.splats_drawn > 0, is_drawn, "{near}");
     }
 }
 
@@ -184,9 +198,9 @@ fn an_eye_a_thousand_million_voxels_away_sees_what_a_parallel_view_shows() {
     }
 }
 
-/// Voxels behind the eye are not drawn, mirrored or otherwise; those across the near plane are whole or not there.
+/// Voxels behind the eye are not drawn, mirrored or otherwise, but for the part of a kernel that reaches in front of it.
 #[test]
-fn nothing_is_mirrored_at_the_near_plane() {
+fn nothing_is_mirrored_at_the_eyes_plane() {
     // The eye is at 0 and looks along x; right is -y, up is z.
     let camera =
         |fov| Camera::new([0.0; 3], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], Projection::Perspective { fov }).unwrap();
@@ -201,7 +215,7 @@ fn nothing_is_mirrored_at_the_near_plane() {
             let light = |at: [f64; 3]| -> [f64; 2] {
                 let (frame, stats) = voxel(at).draw(&camera(fov), &settings);
                 assert!(alphas(&frame).all(|alpha| (0.0..=1.0).contains(&alpha)));
-                assert_eq!(stats.splats_drawn == 0, alphas(&frame).all(|alpha| alpha == 0.0), "{at:?}");
+                assert!(stats.splats_drawn > 0 || alphas(&frame).all(|alpha| alpha == 0.0), "{at:?}");
                 let side = |columns: std::ops::Range<u32>| -> f64 {
                     columns
                         .flat_map(|column| (0..41).map(move |row| (column, row)))
@@ -210,15 +224,20 @@ fn nothing_is_mirrored_at_the_near_plane() {
                 };
                 [side(0..20), side(21..41)]
             };
-            for behind in [-1e-9, -0.2, -1.0, -1e3] {
-                assert_eq!(light([behind, 0.7, 0.0]), [0.0; 2], "{fov} {near:?}: {behind}");
+            let radius = f64::from(settings.kernel().radius);
+            for behind in [-1e-9, -0.2, -1.0, -2.3, -2.6, -1e3] {
+                let [left, right] = light([behind, 0.7, 0.0]);
+                let is_drawn = near.is_none() && -behind < radius;
+                assert_eq!(left + right > 0.0, is_drawn, "{fov} {near:?}: {behind}");
+                // Rays of the narrowest view are equal up to rounding.
+                assert!(left >= right * (1.0 - 1e-5), "{fov} {near:?}: {behind}: {left} {right}");
             }
             // To the left, from in the plane to far in front of it.
-            for before in [0.0, 1e-9, 0.1, 0.31, 1.0, 1.5, 2.5, 10.0] {
+            for before in [0.0, 1e-9, 0.1, 0.31, 1.0, 1.5, 2.5, 7.9, 8.1, 10.0] {
                 let [left, right] = light([before, 0.7, 0.0]);
-                assert!(left >= right, "{fov} {near:?}: {before}: {left} {right}");
-                let nearest = near.unwrap_or(f64::from(settings.kernel().radius));
-                assert!(before >= nearest || left + right == 0.0, "{fov} {near:?}: {before}");
+                assert!(left >= right * (1.0 - 1e-5), "{fov} {near:?}: {before}: {left} {right}");
+                let is_clipped = near.is_some_and(|near| before < near);
+                assert_eq!(left + right > 0.0, !is_clipped, "{fov} {near:?}: {before}: {left} {right}");
             }
         }
     }

@@ -14,6 +14,7 @@ use crate::classify::normal;
 use crate::error::Result;
 use crate::splat::arith::{at_least, near_absorbed};
 use crate::splat::kernel::{Ellipse, footprint};
+use crate::splat::near::{NearKernel, NearView};
 use crate::splat::view::{Affine, PixelMap, single};
 use crate::traverse::Batch;
 
@@ -98,19 +99,47 @@ pub(super) fn draw_on_lattice(task: &DrawTask, lattice: &Lattice, shown: &[bool]
     Ok(BandResult { pixels: tiles, stats })
 }
 
-/// A voxel's kernel and colour.
-type ColouredKernel = (SplatKernel, [f32; 3]);
+/// What a voxel adds to pixels: the kernel's footprint, or if it is near the eye, its depth along each ray.
+enum Splat<'a> {
+    Footprint(SplatKernel),
+    Near { view: &'a NearView, kernel: NearKernel, depth: f32 },
+}
+
+impl Splat<'_> {
+    /// Returns the first and last column, then the first and last row, of a box of all pixels that the splat reaches.
+    fn pixels(&self) -> [(i32, i32); 2] {
+        match self {
+            Splat::Footprint(SplatKernel { centre, ellipse, .. }) => {
+                let Centre { x, y, offset_x, offset_y } = *centre;
+                [pixel_span((x, offset_x), ellipse.half_x), pixel_span((y, offset_y), ellipse.half_y)]
+            }
+            Splat::Near { kernel, .. } => [kernel.columns, kernel.rows].map(|[first, last]| (first, last)),
+        }
+    }
+
+    /// Returns the optical depth at a pixel, in units of ln 2.
+    fn depth(&self, column: i32, row: i32) -> f32 {
+        match self {
+            Splat::Footprint(kernel) => kernel.depth(column, row),
+            Splat::Near { view, kernel, depth } => {
+                let [depth] = view.depths(kernel, &view.rays([column], [row]), *depth);
+                depth
+            }
+        }
+    }
+}
+
+/// A voxel's splat and colour.
+type ColouredSplat<'a> = (Splat<'a>, [f32; 3]);
 
 /// Blends a splat with the pixels of its box that lie in the picture; returns whether there are any.
-fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (kernel, [red, green, blue]): ColouredKernel, stop: f32) -> bool {
+fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (splat, [red, green, blue]): ColouredSplat, stop: f32) -> bool {
     let (rect, ink) = (tiles.rect, [red, green, blue, B::ALPHA_INK]);
-    let Centre { x, y, offset_x, offset_y } = kernel.centre;
-    let (low_x, high_x) = pixel_span((x, offset_x), kernel.ellipse.half_x);
-    let (low_y, high_y) = pixel_span((y, offset_y), kernel.ellipse.half_y);
+    let [(low_x, high_x), (low_y, high_y)] = splat.pixels();
     let mut is_drawn = false;
     for row in low_y.max(rect.y0)..=high_y.min(rect.y1 - 1) {
         for column in low_x.max(rect.x0)..=high_x.min(rect.x1 - 1) {
-            let (amount, old) = (B::amount::<false>(kernel.depth(column, row)), tiles.pixel(column, row));
+            let (amount, old) = (B::amount::<false>(splat.depth(column, row)), tiles.pixel(column, row));
             tiles.set_pixel(column, row, [0, 1, 2, 3].map(|c| B::blend(old[c], old[3], amount, ink[c], stop)));
             is_drawn = true;
         }
@@ -119,8 +148,9 @@ fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (kernel, [red, green, blue]): Co
 }
 
 /// Calls `draw` for each voxel with its splat (`None` if the voxel has none) and slice; `draw` returns whether it drew.
-fn each_splat(task: &DrawTask, mut draw: impl FnMut(Option<ColouredKernel>, u16) -> bool) -> BandStats {
-    each_voxel(task, |voxel, record| draw(splat(task, voxel, record), voxel[task.projector.nesting[0]]))
+fn each_splat(task: &DrawTask, mut draw: impl FnMut(Option<ColouredSplat>, u16) -> bool) -> BandStats {
+    let near = NearView::new(&task.setup.view, task.setup.kernel, task.projector.maximum);
+    each_voxel(task, |voxel, record| draw(splat(task, near.as_ref(), voxel, record), voxel[task.projector.nesting[0]]))
 }
 
 /// Calls `draw` for each voxel with its coordinates and the index of its record; `draw` returns whether it drew.
@@ -141,38 +171,48 @@ fn is_cropped(projector: &Projector, voxel: [u16; 3]) -> bool {
     projector.crop.is_some_and(|crop| (0..3).any(|a| voxel[a] < crop.low[a] || voxel[a] > crop.high[a]))
 }
 
-/// Returns a voxel's kernel and colour; `None` if it is not drawn.
-fn splat(task: &DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredKernel> {
+/// Returns a voxel's splat and colour; `None` if it is not drawn.
+fn splat<'a>(task: &DrawTask, near: Option<&'a NearView>, voxel: [u16; 3], record: usize) -> Option<ColouredSplat<'a>> {
     let projector = &task.projector;
     if is_cropped(projector, voxel) {
         return None;
     }
-    let (centre, ellipse, strength) = project_voxel(projector, voxel)?;
     let [red, green, blue, depth] = projector.look(record);
-    let peak = if projector.maximum { depth } else { limited(depth, strength) };
-    if !(strength > 0.0 && peak > 0.0) {
-        return None;
-    }
-    let colour = lit_colour(projector, voxel, record, [red, green, blue]);
-    Some((SplatKernel { centre, ellipse, cut: projector.cut, peak }, colour))
+    let splat = project_voxel(projector, near, voxel, depth)?;
+    Some((splat, lit_colour(projector, voxel, record, [red, green, blue])))
 }
 
-/// Returns a voxel's centre, footprint, and peak for an optical depth of 1; `None` if it is too near the eye.
-fn project_voxel(projector: &Projector, voxel: [u16; 3]) -> Option<(Centre, Ellipse, f32)> {
+/// Returns the splat of a voxel of this depth, or value in maximum modes; `None` if it is behind the eye or clipped, or
+/// shows nothing.
+fn project_voxel<'a>(
+    projector: &Projector,
+    near: Option<&'a NearView>,
+    voxel: [u16; 3],
+    depth: f32,
+) -> Option<Splat<'a>> {
     let position = projector.nesting.map(|axis| f64::from(voxel[axis]));
     let affine = |map: &Affine| affine_at(&projector.nested(map), position);
     let centre = |column: f64, row: f64| {
         let ((x, offset_x), (y, offset_y)) = (nearest_pixel(column), nearest_pixel(row));
         Centre { x, y, offset_x, offset_y }
     };
+    let footprint_at = |centre: Centre, ellipse: Ellipse, strength: f32| {
+        let peak = if projector.maximum { depth } else { limited(depth, strength) };
+        let splat = Splat::Footprint(SplatKernel { centre, ellipse, cut: projector.cut, peak });
+        (strength > 0.0 && peak > 0.0).then_some(splat)
+    };
     match &projector.map {
         PixelMap::Parallel { pixel_from_voxel: [column, row], .. } => {
-            Some((centre(affine(column), affine(row)), projector.ellipse, projector.strength))
+            footprint_at(centre(affine(column), affine(row)), projector.ellipse, projector.strength)
         }
-        PixelMap::Perspective { camera_from_voxel, focal, centre: [middle_x, middle_y], near } => {
+        PixelMap::Perspective { camera_from_voxel, focal, centre: [middle_x, middle_y], near: far } => {
             let [t0, t1, t2] = camera_from_voxel.map(|map| affine(&map));
-            if t2 < *near {
-                return None;
+            // The comparison is false for NaN.
+            let is_far = t2 >= *far;
+            if !is_far {
+                let view = near?;
+                let kernel = view.kernel(voxel.map(f64::from), t2)?;
+                return (depth > 0.0).then_some(Splat::Near { view, kernel, depth });
             }
             let inverse_depth = 1.0 / t2;
             let (right, up) = (t0 * inverse_depth, t1 * inverse_depth);
@@ -180,7 +220,7 @@ fn project_voxel(projector: &Projector, voxel: [u16; 3]) -> Option<(Centre, Elli
             let rows = jacobian(&camera_from_voxel.each_ref().map(single), tan_x, tan_y, *focal as f32 * nearness);
             let footprint = footprint(rows, projector.sigma, projector.cut_off);
             let strength = projector.strength * footprint.density * slant(tan_x, tan_y) * (nearness * nearness);
-            Some((centre(middle_x + focal * right, middle_y - focal * up), footprint.ellipse, strength))
+            footprint_at(centre(middle_x + focal * right, middle_y - focal * up), footprint.ellipse, strength)
         }
     }
 }

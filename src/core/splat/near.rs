@@ -1,0 +1,343 @@
+//! Voxels near the eye: their kernels are integrated along each pixel's ray, from the eye on.
+//!
+//! In: a perspective view, a kernel, a voxel. Out: the voxel's optical depth at each pixel. An affine footprint is the
+//! same seen from all of a pixel's neighbours, and whole even where it reaches behind the eye: near the eye both are
+//! wrong. So voxels whose distance to the eye's plane is below [`NEAR`] are drawn exactly. In voxel coordinates, where
+//! the kernel is a round Gaussian:
+//!
+//! ```text
+//! r = voxel - eye, u = unit direction of the ray     distance^2 = |r x u|^2     t = r . u
+//! depth = voxel's depth * strength(ray) * exp(-distance^2 / 2 sigma^2) * Phi(t / sigma)       for distance <= radius
+//! ```
+//!
+//! Phi, the normal distribution, is the part of the kernel in front of the eye; where the eye is outside the kernel's
+//! radius, it is 0 or 1. With `Q(z) = exp(z^2 / 2) Phi(-z)`, which a polynomial gives, one exponential a pixel is
+//! enough: `exp(-distance^2 / 2 sigma^2) Phi(-|t| / sigma) = exp(-|r|^2 / 2 sigma^2) Q(|t| / sigma)`.
+//!
+//! All is single precision without fused multiply-adds or calls, so that every processor gives the same bits. Loops are
+//! over arrays of pixels, which a compiler may compute sixteen at once.
+
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::needless_range_loop,
+    reason = "rays are single precision, pixels are clipped to the picture, and index loops over arrays run side by side"
+)]
+
+use glam::{DMat3, DVec3};
+
+use super::arith::{LOG2_E, at_least, at_most, exp2_neg, keep_if};
+use super::composite::MAX_DEPTH;
+use super::kernel::KernelShape;
+use super::view::{PixelMap, View};
+use crate::traverse::Viewpoint;
+
+/// Distance from the eye's plane, in voxel coordinates, below which voxels are drawn exactly. Measured: OPTICS.md.
+pub(crate) const NEAR: f64 = 8.0;
+
+/// What the voxels near the eye of a perspective view need to be drawn.
+#[derive(Debug, Clone)]
+pub(crate) struct NearView {
+    /// The eye in voxel coordinates.
+    eye: DVec3,
+    /// Movement in voxel coordinates along a ray, by tangent to the right, by tangent upward, and forward; scaled.
+    right: [f32; 3],
+    up: [f32; 3],
+    forward: [f32; 3],
+    /// Tangent of the angle from the view axis to a pixel one column or row away from the centre.
+    per_pixel: f32,
+    /// Column and row that the view axis meets.
+    centre: [f64; 2],
+    focal: f64,
+    size: [u32; 2],
+    /// Gradients of the distances to the right, up and forward of the eye, per voxel step on each axis.
+    gradients: [DVec3; 3],
+    /// Depths of centres below this are not drawn: they are clipped, or kernels end behind the eye. In mean spacings.
+    least_depth: f64,
+    radius: f64,
+    /// Exponent in units of ln 2 at a distance of one voxel.
+    factor: f32,
+    cut: f32,
+    per_sigma: f32,
+    /// The peak of a kernel of optical depth 1 per unit of the ray's stretch; `None` in maximum modes.
+    strength: Option<f32>,
+}
+
+/// The rays of N pixels.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Rays<const N: usize> {
+    /// Unit directions in voxel coordinates: all x components, then y, then z.
+    direction: [[f32; N]; 3],
+    /// The peak of a kernel of optical depth 1; 1 in maximum modes.
+    strength: [f32; N],
+}
+
+/// A voxel near the eye.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct NearKernel {
+    /// The voxel's centre minus the eye, in voxel coordinates.
+    offset: [f32; 3],
+    /// `exp(-|offset|^2 / 2 sigma^2)`; 0 if the eye is outside the kernel's radius.
+    at_eye: f32,
+    /// First and last column of a box of all pixels that the kernel reaches; inside the picture.
+    pub(crate) columns: [i32; 2],
+    /// First and last row of that box.
+    pub(crate) rows: [i32; 2],
+}
+
+impl NearView {
+    /// Returns what near voxels of `view` need; `None` for a parallel view. `maximum`: in a maximum mode peaks are
+    /// values, not optical depths.
+    pub(crate) fn new(view: &View, kernel: KernelShape, maximum: bool) -> Option<NearView> {
+        let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
+            (&view.map, view.viewpoint)
+        else {
+            return None;
+        };
+        let gradients = camera_from_voxel.map(|[x, y, z, _]| DVec3::new(x, y, z));
+        let [right, up, forward] = gradients;
+        let rays = DMat3::from_cols(right, up, forward).transpose().inverse();
+        // Only directions matter, and lengths times strength. Spacings may differ by more than single precision holds.
+        let scale = rays.to_cols_array().into_iter().fold(f64::MIN_POSITIVE, |most, c| most.max(c.abs()));
+        let single = |axis: DVec3| (axis / scale).to_array().map(|c| c as f32);
+        let sigma = f64::from(kernel.sigma);
+        let strength = f64::from(kernel.normalisation()) / (sigma * sigma) / scale;
+        Some(NearView {
+            eye: DVec3::from_array(eye),
+            right: single(rays.x_axis),
+            up: single(rays.y_axis),
+            forward: single(rays.z_axis),
+            per_pixel: (1.0 / focal) as f32,
+            centre: *centre,
+            focal: *focal,
+            size: view.size,
+            gradients,
+            least_depth: view.clip.max(-view.reach),
+            radius: kernel.radius.into(),
+            factor: (0.5 / (sigma * sigma)) as f32 * LOG2_E,
+            cut: kernel.cut(),
+            per_sigma: 1.0 / kernel.sigma,
+            strength: (!maximum).then_some(strength as f32),
+        })
+    }
+
+    /// Returns the kernel of a voxel, whose centre is `depth` mean spacings in front of the eye's plane.
+    ///
+    /// `None` if it reaches no pixel of the picture.
+    pub(crate) fn kernel(&self, voxel: [f64; 3], depth: f64) -> Option<NearKernel> {
+        // The comparison is false for NaN.
+        let is_in_front = depth >= self.least_depth;
+        if !is_in_front {
+            return None;
+        }
+        let offset = DVec3::from_array(voxel) - self.eye;
+        let [mut columns, mut rows] = self.size.map(|side| [0, side.cast_signed() - 1]);
+        let mut at_eye = 0.0;
+        if offset.length() <= self.radius {
+            at_eye = exp2_neg(self.factor * offset.length_squared() as f32);
+        } else {
+            let [right, up, forward] = self.gradients;
+            let [left, right] = tangents(right, forward, offset, self.radius)?;
+            let [bottom, top] = tangents(up, forward, offset, self.radius)?;
+            let [x, y] = self.centre;
+            columns = meeting(columns, [x + self.focal * left, x + self.focal * right])?;
+            rows = meeting(rows, [y - self.focal * top, y - self.focal * bottom])?;
+        }
+        Some(NearKernel { offset: offset.to_array().map(|c| c as f32), at_eye, columns, rows })
+    }
+
+    /// Returns the rays of the pixels in these columns and rows.
+    #[inline(always)]
+    pub(crate) fn rays<const N: usize>(&self, columns: [i32; N], rows: [i32; N]) -> Rays<N> {
+        let mut rays = Rays { direction: [[0.0; N]; 3], strength: [1.0; N] };
+        // Half a pixel at the most: exact in single precision.
+        let [middle_x, middle_y] = self.centre.map(|at| at as f32);
+        for i in 0..N {
+            let tan_x = (columns[i] as f32 - middle_x) * self.per_pixel;
+            let tan_y = (middle_y - rows[i] as f32) * self.per_pixel;
+            let along = |a: usize| (self.forward[a] + self.right[a] * tan_x) + self.up[a] * tan_y;
+            let [x, y, z] = [along(0), along(1), along(2)];
+            let per_length = 1.0 / at_least((x * x + y * y) + z * z, f32::MIN_POSITIVE).sqrt();
+            rays.direction[0][i] = x * per_length;
+            rays.direction[1][i] = y * per_length;
+            rays.direction[2][i] = z * per_length;
+            if let Some(strength) = self.strength {
+                // The ray's length in mean spacings for each voxel step that it passes.
+                let stretch = ((1.0 + tan_x * tan_x) + tan_y * tan_y).sqrt() * per_length;
+                rays.strength[i] = strength * stretch;
+            }
+        }
+        rays
+    }
+
+    /// Returns the optical depth of a kernel on each ray, in units of ln 2 like `peak`, the depth of its voxel. In
+    /// maximum modes these are normalised values.
+    #[inline(always)]
+    pub(crate) fn depths<const N: usize>(&self, kernel: &NearKernel, rays: &Rays<N>, peak: f32) -> [f32; N] {
+        let [x, y, z] = kernel.offset;
+        let mut depths = [0.0; N];
+        for i in 0..N {
+            let [u, v, w] = [rays.direction[0][i], rays.direction[1][i], rays.direction[2][i]];
+            let cross = [y * w - z * v, z * u - x * w, x * v - y * u];
+            let exponent = self.factor * ((cross[0] * cross[0] + cross[1] * cross[1]) + cross[2] * cross[2]);
+            let t = (x * u + y * v) + z * w;
+            let is_in_front = t > 0.0;
+            // Beyond the cut-off the exponential may be meaningless, and `keep_if` replaces it by 0.
+            let whole = keep_if(is_in_front & (exponent <= self.cut), exp2_neg(exponent));
+            let tail = kernel.at_eye * tail_ratio(t.abs() * self.per_sigma);
+            let weight = at_least(whole + if is_in_front { -tail } else { tail }, 0.0);
+            depths[i] = at_most(peak * rays.strength[i], MAX_DEPTH as f32 * LOG2_E) * weight;
+        }
+        depths
+    }
+}
+
+/// Returns `exp(z^2 / 2) Phi(-z)` for `z` in 0..=6, Phi the normal distribution; relative error at most 5e-7.
+///
+/// Source: a Remez polynomial in `1 / (1 + 0.28 z)`, computed for this file.
+#[inline(always)]
+fn tail_ratio(z: f32) -> f32 {
+    let q = 1.0 / (1.0 + 0.28 * z);
+    let square = q * q;
+    let low = -0.001_111_21 + 0.125_905_96 * q;
+    let middle = 0.035_174_4 + 0.327_135_5 * q;
+    let high = (-0.294_952_74 + 0.420_143_79 * q) + -0.112_295_58 * square;
+    low + square * (middle + square * high)
+}
+
+/// Returns the smallest and largest tangent, `along . p / (forward . p)`, of points p in front of the eye's plane that
+/// lie in the ball of `radius` around `centre`; `None` if no point lies in front.
+///
+/// All are in voxel coordinates with the eye at 0; the eye is outside the ball. An end is infinite where the ball reaches
+/// the eye's plane.
+fn tangents(along: DVec3, forward: DVec3, centre: DVec3, radius: f64) -> Option<[f64; 2]> {
+    let (aside, depth) = (along.dot(centre), forward.dot(centre));
+    let square = radius * radius;
+    // The plane of all rays of tangent x touches the ball where a x^2 - 2 b x + c = 0; it cuts the ball where that is
+    // below 0.
+    let a = depth * depth - square * forward.length_squared();
+    let b = aside * depth - square * along.dot(forward);
+    let c = aside * aside - square * along.length_squared();
+    let root = (b * b - a * c).max(0.0).sqrt();
+    if a > 1e-9 * depth * depth {
+        return (depth > 0.0).then(|| [(b - root) / a, (b + root) / a]);
+    }
+    if c <= 0.0 {
+        return Some([f64::NEG_INFINITY, f64::INFINITY]);
+    }
+    // All of the ball is on one side, from the tangent of the plane that touches its front to infinity.
+    let b = b.copysign(b * aside);
+    let least = if b > 0.0 { c / (b + root) } else { (b - root) / a.min(-f64::MIN_POSITIVE) };
+    Some(if aside > 0.0 { [least, f64::INFINITY] } else { [f64::NEG_INFINITY, -least] })
+}
+
+/// Returns the pixels from `first` to `last` in the range from `low` to `high`, and one more on either side for rounding;
+/// `None` if there are none.
+fn meeting([first, last]: [i32; 2], [low, high]: [f64; 2]) -> Option<[i32; 2]> {
+    // A cast of infinity gives the integer nearest to it.
+    let pixels = [first.max((low - 1.0).floor() as i32), last.min((high + 1.0).ceil() as i32)];
+    (pixels[0] <= pixels[1]).then_some(pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::splat::{Camera, Projection, Quality};
+    use crate::volume::Grid;
+
+    /// A view with the eye among voxels of unequal spacings.
+    fn view(fov: f64, quality: Quality) -> View {
+        let grid = Grid::new([40, 40, 40], [1.0, 1.5, 0.7]).unwrap();
+        let camera =
+            Camera::new([20.3, 30.0, 14.1], [26.0, 22.0, 19.0], [0.1, 0.2, 1.0], Projection::Perspective { fov });
+        View::new(&camera.unwrap(), &grid, [48, 31], quality.kernel(), None).unwrap()
+    }
+
+    fn kernels(view: &View, near: &NearView) -> Vec<NearKernel> {
+        let PixelMap::Perspective { camera_from_voxel: [_, _, forward], near: far, .. } = view.map else { panic!() };
+        let mut kernels = Vec::new();
+        for index in 0..40 * 40 * 40 {
+            let voxel = [index % 40, index / 40 % 40, index / 1600].map(f64::from);
+            let depth = crate::splat::view::apply(&forward, voxel);
+            kernels.extend((depth < far).then(|| near.kernel(voxel, depth)).flatten());
+        }
+        kernels
+    }
+
+    #[test]
+    fn a_near_voxel_has_the_integral_of_its_kernel_from_the_eye_on() {
+        for quality in [Quality::Standard, Quality::Reference] {
+            let (view, KernelShape { sigma, radius }) = (view(100.0, quality), quality.kernel());
+            let near = NearView::new(&view, quality.kernel(), false).unwrap();
+            let [sigma, radius] = [sigma, radius].map(f64::from);
+            let most = f64::from(quality.kernel().normalisation()) / (sigma * sigma) * f64::from(LOG2_E);
+            let mut worst = 0.0f64;
+            for kernel in kernels(&view, &near) {
+                let offset = DVec3::from_array(kernel.offset.map(f64::from));
+                for pixel in (0..48 * 31).step_by(37) {
+                    let [column, row] = [pixel % 48, pixel / 48];
+                    let rays = near.rays([column], [row]);
+                    let [depth] = near.depths(&kernel, &rays, LOG2_E);
+                    let is_in_box = (kernel.columns[0]..=kernel.columns[1]).contains(&column)
+                        && (kernel.rows[0]..=kernel.rows[1]).contains(&row);
+                    assert!(is_in_box || depth == 0.0, "{offset} at {column}, {row}");
+                    let tangents = [f64::from(column) - 23.5, 15.0 - f64::from(row)].map(|at| at / near.focal);
+                    let [right, up, forward] =
+                        [near.right, near.up, near.forward].map(|axis| DVec3::from_array(axis.map(f64::from)));
+                    let direction = (right * tangents[0] + up * tangents[1] + forward).normalize();
+                    let stretch = DVec3::from_array(near.gradients.map(|axis| axis.dot(direction))).length();
+                    let (t, aside) = (offset.dot(direction), offset.cross(direction).length());
+                    if (aside - radius).abs() < 1e-4 || (offset.length() - radius).abs() < 1e-4 {
+                        continue;
+                    }
+                    // The midpoint rule; the eye is at most six standard deviations from a kernel that it cuts.
+                    let integral = |step: f64| -> f64 {
+                        let at = |index: u32| (f64::from(index) + 0.5) * step - t;
+                        let steps = (14.0 * sigma / step) as u32;
+                        let sum: f64 = (0..steps).map(|index| (-0.5 * (at(index) / sigma).powi(2)).exp()).sum();
+                        sum * step / (sigma * std::f64::consts::TAU.sqrt())
+                    };
+                    let part = match offset.length() > radius {
+                        true => f64::from(u8::from(t > 0.0)),
+                        false => integral(sigma / 500.0),
+                    };
+                    let line = (-0.5 * (aside / sigma).powi(2)).exp();
+                    let exact = if aside <= radius { most * stretch * line * part } else { 0.0 };
+                    worst = worst.max((f64::from(depth) - exact).abs() / most);
+                }
+            }
+            assert!(worst < 2e-6, "{quality:?}: {worst:e}");
+        }
+    }
+
+    #[test]
+    fn boxes_of_near_voxels_hold_all_their_pixels_in_wide_views() {
+        for fov in [3.0, 60.0, 120.0, 170.0] {
+            let view = view(fov, Quality::Standard);
+            let near = NearView::new(&view, Quality::Standard.kernel(), false).unwrap();
+            let kernels = kernels(&view, &near);
+            assert!(kernels.len() > 20, "{fov}");
+            for kernel in kernels {
+                let ([left, right], [top, bottom]) = (kernel.columns, kernel.rows);
+                let drawn = |row: i32| {
+                    let columns: [i32; 48] = std::array::from_fn(|column| column as i32);
+                    near.depths(&kernel, &near.rays(columns, [row; 48]), 1.0).map(|depth| depth > 0.0)
+                };
+                for row in 0..31 {
+                    for (column, is_drawn) in (0..).zip(drawn(row)) {
+                        let is_in_box = (left..=right).contains(&column) && (top..=bottom).contains(&row);
+                        assert!(is_in_box || !is_drawn, "{fov}: {:?} at {column}, {row}", kernel.offset);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn an_eye_on_a_voxel_sees_half_of_it() {
+        let view = view(60.0, Quality::High);
+        let near = NearView::new(&view, Quality::High.kernel(), true).unwrap();
+        let kernel = near.kernel(near.eye.to_array(), 0.0).unwrap();
+        let [depth] = near.depths(&kernel, &near.rays([3], [5]), 1.0);
+        assert!((depth - 0.5).abs() < 1e-6, "{depth}");
+    }
+}
