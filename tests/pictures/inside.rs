@@ -11,7 +11,7 @@ use adjsplat_tests::pictures::{alphas, decibels};
 use adjsplat_tests::scenes::{Draw as _, PLAIN, built, fitting, packed, phantom, transfer, volume};
 
 /// The machine code that these tests judge.
-const CODE: Code = Code::Plain;
+const CODE: Code = Code::Best;
 const SIZE: [u32; 2] = [48, 36];
 /// Pixels with no sample above this are empty.
 const EMPTY: f64 = 1e-6;

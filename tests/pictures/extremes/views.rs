@@ -237,7 +237,9 @@ fn nothing_is_mirrored_at_the_eyes_plane() {
                 let [left, right] = light([before, 0.7, 0.0]);
                 assert!(left >= right * (1.0 - 1e-5), "{fov} {near:?}: {before}: {left} {right}");
                 let is_clipped = near.is_some_and(|near| before < near);
-                assert_eq!(left + right > 0.0, !is_clipped, "{fov} {near:?}: {before}: {left} {right}");
+                // A footprint that is wider than 128 of the largest pictures is cut off there.
+                let is_cut = fov < 1e-3 && before > 8.0;
+                assert_eq!(left + right > 0.0, !is_clipped && !is_cut, "{fov} {near:?}: {before}: {left} {right}");
             }
         }
     }

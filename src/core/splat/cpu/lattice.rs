@@ -499,7 +499,11 @@ fn perspective(
     let distances = [extent.low[0], extent.high[0]].map(|slow| away * (slow - eye[0]));
     let (nearest, farthest) = (distances[0].min(distances[1]), distances[0].max(distances[1]));
     let is_apart = nearest >= NEAREST;
-    if !is_apart || voxel_step < FINEST {
+    let forward = &camera_from_voxel[2];
+    let along = |n: usize| (forward[nested[n]] * extent.low[n]).min(forward[nested[n]] * extent.high[n]);
+    let nearest_depth = forward[3] + along(0) + along(1) + along(2);
+    // A clip cuts slices where the view does not run along the slow axis.
+    if !is_apart || voxel_step < FINEST || view.clip > nearest_depth {
         return None;
     }
     // The lattice is finer in near slices and coarser in far ones. Where these show all detail, it is fine enough there.

@@ -149,8 +149,7 @@ fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (splat, [red, green, blue]): Col
 
 /// Calls `draw` for each voxel with its splat (`None` if the voxel has none) and slice; `draw` returns whether it drew.
 fn each_splat(task: &DrawTask, mut draw: impl FnMut(Option<ColouredSplat>, u16) -> bool) -> BandStats {
-    let near = NearView::new(&task.setup.view, task.setup.kernel, task.projector.maximum);
-    each_voxel(task, |voxel, record| draw(splat(task, near.as_ref(), voxel, record), voxel[task.projector.nesting[0]]))
+    each_voxel(task, |voxel, record| draw(splat(task, voxel, record), voxel[task.projector.nesting[0]]))
 }
 
 /// Calls `draw` for each voxel with its coordinates and the index of its record; `draw` returns whether it drew.
@@ -172,24 +171,19 @@ fn is_cropped(projector: &Projector, voxel: [u16; 3]) -> bool {
 }
 
 /// Returns a voxel's splat and colour; `None` if it is not drawn.
-fn splat<'a>(task: &DrawTask, near: Option<&'a NearView>, voxel: [u16; 3], record: usize) -> Option<ColouredSplat<'a>> {
+fn splat<'a>(task: &'a DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredSplat<'a>> {
     let projector = &task.projector;
     if is_cropped(projector, voxel) {
         return None;
     }
     let [red, green, blue, depth] = projector.look(record);
-    let splat = project_voxel(projector, near, voxel, depth)?;
+    let splat = project_voxel(projector, voxel, depth)?;
     Some((splat, lit_colour(projector, voxel, record, [red, green, blue])))
 }
 
 /// Returns the splat of a voxel of this depth, or value in maximum modes; `None` if it is behind the eye or clipped, or
 /// shows nothing.
-fn project_voxel<'a>(
-    projector: &Projector,
-    near: Option<&'a NearView>,
-    voxel: [u16; 3],
-    depth: f32,
-) -> Option<Splat<'a>> {
+fn project_voxel<'a>(projector: &'a Projector, voxel: [u16; 3], depth: f32) -> Option<Splat<'a>> {
     let position = projector.nesting.map(|axis| f64::from(voxel[axis]));
     let affine = |map: &Affine| affine_at(&projector.nested(map), position);
     let centre = |column: f64, row: f64| {
@@ -210,7 +204,7 @@ fn project_voxel<'a>(
             // The comparison is false for NaN.
             let is_far = t2 >= *far;
             if !is_far {
-                let view = near?;
+                let view = projector.near.as_ref()?;
                 let kernel = view.kernel(voxel.map(f64::from), t2)?;
                 return (depth > 0.0).then_some(Splat::Near { view, kernel, depth });
             }

@@ -20,6 +20,7 @@ use crate::classify::normal;
 use crate::splat::arith::{LOG2_E, at_least, at_most, keep_if};
 use crate::splat::composite::{Look, MAX_DEPTH, Table};
 use crate::splat::kernel::{Ellipse, footprint};
+use crate::splat::near::NearView;
 use crate::splat::setup::FrameSetup;
 use crate::splat::shade::Lights;
 use crate::splat::view::{Affine, PixelMap, single};
@@ -47,6 +48,8 @@ pub struct Projector<'a> {
     /// Indices of the slow, medium and fast axis.
     pub nesting: [usize; 3],
     pub(super) map: PixelMap,
+    /// What voxels near the eye need; `None` in parallel views.
+    pub(super) near: Option<NearView>,
     /// The footprint that all voxels of a parallel view share; all fields are 0 in perspective.
     pub(super) ellipse: Ellipse,
     /// The peak of a splat of optical depth 1; in perspective, kernel normalisation times squared focal length.
@@ -158,6 +161,7 @@ impl<'a> Projector<'a> {
             stop,
             nesting: [order.slow.index(), order.medium.index(), order.fast.index()],
             map: view.map,
+            near: NearView::new(view, *kernel, *maximum),
             ellipse,
             strength,
             eye: view.eye_scaled.map(|c| c as f32),
@@ -177,7 +181,7 @@ impl<'a> Projector<'a> {
             }
             PixelMap::Perspective { .. } => (self.ellipse, self.strength),
         };
-        Projector { sigma, ellipse, strength: strength * width.powi(3), ..*self }
+        Projector { sigma, ellipse, strength: strength * width.powi(3), near: self.near.clone(), ..*self }
     }
 
     /// Returns half the width and height of a footprint's box in a parallel view, in pixels; 0 in perspective.
@@ -191,6 +195,7 @@ impl<'a> Projector<'a> {
         // The copy tells the compiler that positions and results do not overlap.
         let positions = voxels.positions;
         self.place(&positions, out);
+        self.place_near(voxels.count, &positions, out);
         self.cull(voxels.count, self.in_crop(voxels), out, tiles);
         self.colour(voxels, out);
     }
@@ -252,6 +257,41 @@ impl<'a> Projector<'a> {
             out.strength[from..from + LANES].copy_from_slice(&strengths);
             for (out, factors) in out.ellipses.iter_mut().zip(&factors) {
                 out[from..from + LANES].copy_from_slice(factors);
+            }
+        }
+    }
+
+    /// Finds the boxes of those of the first `count` voxels that are near the eye.
+    #[inline(always)]
+    fn place_near(&self, count: usize, positions: &[[u16; BLOCK]; 3], out: &mut Splats) {
+        out.near.clear();
+        let (Some(view), PixelMap::Perspective { camera_from_voxel: [_, _, forward], near: far, .. }) =
+            (&self.near, &self.map)
+        else {
+            return;
+        };
+        // `place` has left out what is nearer than `far`.
+        let count = count.min(BLOCK);
+        if out.strength[..count].iter().fold(true, |all, strength| all & (*strength > 0.0)) {
+            return;
+        }
+        let forward = self.nested(forward);
+        for j in 0..count {
+            let position = positions.at(j);
+            let depth = affine_at(&forward, position);
+            // The comparison is false for NaN.
+            let is_far = depth >= *far;
+            if is_far {
+                continue;
+            }
+            let mut voxel = [0.0; 3];
+            self.nesting.iter().zip(position).for_each(|(axis, at)| voxel[*axis] = at);
+            if let Some(kernel) = view.kernel(voxel, depth) {
+                for (extents, [low, high]) in [(&mut out.x, kernel.columns), (&mut out.y, kernel.rows)] {
+                    (extents.nearest[j], extents.low[j], extents.high[j]) = (low, low, high);
+                }
+                out.strength[j] = 1.0;
+                out.near.push((j as u8, kernel));
             }
         }
     }

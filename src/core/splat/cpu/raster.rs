@@ -15,6 +15,7 @@ use super::blend::Blend;
 use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
 use crate::splat::arith::{SMALL_DEPTH, at_least, at_most, exp2_neg, keep_if};
 use crate::splat::kernel::Ellipse;
+use crate::splat::near::{NearKernel, NearView};
 
 /// Number of splats in a block, so small that all arrays of a block stay in the first-level cache.
 pub const BLOCK: usize = 128;
@@ -55,6 +56,8 @@ pub struct Splats {
     pub(super) y: Extents<BLOCK>,
     /// The `u_factor`, `y_factor` and `shear` of each ellipse in a perspective view.
     pub(super) ellipses: [[f32; BLOCK]; 3],
+    /// The voxels of the block that are near the eye, by their indices, which ascend.
+    pub(super) near: Vec<(u8, NearKernel)>,
     /// The splat's ink: factors on what it adds to a pixel's red, green, blue and alpha (`blend.rs`).
     pub ink: [[f32; 4]; BLOCK],
     /// Optical depth at the centre, in units of ln 2, or normalised value (maximum modes); 0 if the splat is not drawn.
@@ -71,6 +74,7 @@ impl Splats {
             x: Extents::new(),
             y: Extents::new(),
             ellipses: [[0.0; BLOCK]; 3],
+            near: Vec::new(),
             ink: [[0.0; 4]; BLOCK],
             peak: [0.0; BLOCK],
         })
@@ -89,6 +93,13 @@ impl Splats {
         Ellipse { u_factor, y_factor, shear, ..Ellipse::default() }
     }
 
+    /// Returns the kernel of voxel `j` if it is near the eye.
+    #[inline(always)]
+    pub(super) fn near(&self, j: usize) -> Option<&NearKernel> {
+        let index = self.near.binary_search_by_key(&j, |(j, _)| usize::from(*j)).ok()?;
+        self.near.get(index).map(|(_, kernel)| kernel)
+    }
+
     #[inline(always)]
     pub(super) fn centre(&self, j: usize) -> Centre {
         let Splats { x, y, .. } = self;
@@ -96,7 +107,8 @@ impl Splats {
     }
 }
 
-/// Draws a block's kept splats; `ellipse` returns the ellipse of a voxel's splat. Returns how many touched the band.
+/// Draws a block's kept splats; `ellipse` returns the ellipse of a voxel's splat, `near` is the view of voxels near the
+/// eye. Returns how many touched the band.
 ///
 /// `cut` is the exponent at the kernel's cut-off, `stop` the transmittance below which a pixel no longer changes.
 #[inline(always)]
@@ -104,6 +116,7 @@ pub(super) fn draw<B: Blend>(
     tiles: &mut TileBuffer,
     splats: &Splats,
     ellipse: impl Fn(usize) -> Ellipse,
+    near: Option<&NearView>,
     [cut, stop]: [f32; 2],
 ) -> u64 {
     let mut drawn = 0;
@@ -116,9 +129,13 @@ pub(super) fn draw<B: Blend>(
             continue;
         }
         drawn += 1;
-        let kernel = SplatKernel { centre: splats.centre(j), ellipse: ellipse(j), cut, peak };
         let columns = [low_x >> TILE, high_x >> TILE];
         let rows = [low_y >> TILE, high_y >> TILE];
+        if let (Some(view), Some(kernel)) = (near, splats.near(j)) {
+            draw_near::<B>(tiles, view, kernel, peak, columns, rows, &splats.ink[k], stop);
+            continue;
+        }
+        let kernel = SplatKernel { centre: splats.centre(j), ellipse: ellipse(j), cut, peak };
         if peak <= SMALL_DEPTH {
             draw_splat::<B, true>(tiles, &kernel, columns, rows, &splats.ink[k], stop);
         } else {
@@ -153,23 +170,65 @@ fn draw_splat<B: Blend, const IS_SMALL: bool>(
             for i in 0..TILE_PIXELS {
                 amounts[i] = B::amount::<IS_SMALL>(amounts[i]);
             }
-            let [red, green, blue, alpha] = values;
-            let before = *alpha;
-            blend_values::<B>(red, &before, &amounts, ink[0], stop);
-            blend_values::<B>(green, &before, &amounts, ink[1], stop);
-            blend_values::<B>(blue, &before, &amounts, ink[2], stop);
-            blend_values::<B>(alpha, &before, &amounts, ink[3], stop);
-            if B::STOPS {
-                let mut is_open = false;
-                for i in 0..TILE_PIXELS {
-                    is_open |= alpha[i] >= stop;
-                }
-                if !is_open {
-                    tiles.freeze(index, column, row);
-                }
+            if blend_tile::<B>(values, &amounts, ink, stop) {
+                tiles.freeze(index, column, row);
             }
         }
     }
+}
+
+/// Draws a voxel near the eye on tile columns `left..=right`, tile rows `top..=bottom`.
+#[inline(always)]
+#[expect(clippy::too_many_arguments, reason = "a voxel, where it is drawn, and how")]
+fn draw_near<B: Blend>(
+    tiles: &mut TileBuffer,
+    view: &NearView,
+    kernel: &NearKernel,
+    peak: f32,
+    [left, right]: [i32; 2],
+    [top, bottom]: [i32; 2],
+    ink: &[f32; 4],
+    stop: f32,
+) {
+    for row in top..bottom + 1 {
+        for column in left..right + 1 {
+            let Some((index, PixelTile(values))) = tiles.tile(column, row) else { continue };
+            let (mut columns, mut rows) = ([0; TILE_PIXELS], [0; TILE_PIXELS]);
+            for i in 0..TILE_PIXELS {
+                (columns[i], rows[i]) = ((column << TILE) + COLUMN[i] as i32, (row << TILE) + ROW[i] as i32);
+            }
+            let mut amounts = view.depths(kernel, &view.rays(columns, rows), peak);
+            for i in 0..TILE_PIXELS {
+                amounts[i] = B::amount::<false>(amounts[i]);
+            }
+            if blend_tile::<B>(values, &amounts, ink, stop) {
+                tiles.freeze(index, column, row);
+            }
+        }
+    }
+}
+
+/// Blends a splat with the pixels of a tile. Returns whether none of them changes any more.
+#[inline(always)]
+fn blend_tile<B: Blend>(
+    values: &mut [[f32; TILE_PIXELS]; 4],
+    amounts: &[f32; TILE_PIXELS],
+    ink: &[f32; 4],
+    stop: f32,
+) -> bool {
+    let [red, green, blue, alpha] = values;
+    let before = *alpha;
+    blend_values::<B>(red, &before, amounts, ink[0], stop);
+    blend_values::<B>(green, &before, amounts, ink[1], stop);
+    blend_values::<B>(blue, &before, amounts, ink[2], stop);
+    blend_values::<B>(alpha, &before, amounts, ink[3], stop);
+    let mut is_open = !B::STOPS;
+    if B::STOPS {
+        for i in 0..TILE_PIXELS {
+            is_open |= alpha[i] >= stop;
+        }
+    }
+    !is_open
 }
 
 /// Blends one colour or alpha of all pixels of a tile. In a loop over the four values the compiler would gather them.

@@ -34,9 +34,13 @@ impl VisibleRecords<'_> {
                 PixelMap::Perspective { .. } => splats.ellipse(j),
             };
             let kernel = SplatKernel { centre: splats.centre(j), ellipse, cut: projector.cut, peak: 1.0 };
+            let depth = |x, y| match (&projector.near, splats.near(j)) {
+                (Some(view), Some(kernel)) => view.depths(kernel, &view.rays([x], [y]), 1.0)[0],
+                _ => kernel.depth(x, y),
+            };
             let ([low_x, high_x], [low_y, high_y]) = splats.clipped(j, tiles.rect);
             let mut pixels = (low_y..=high_y).flat_map(|y| (low_x..=high_x).map(move |x| (x, y)));
-            if pixels.any(|(x, y)| tiles.pixel(x, y)[3] >= projector.stop && kernel.depth(x, y) > 0.0) {
+            if pixels.any(|(x, y)| tiles.pixel(x, y)[3] >= projector.stop && depth(x, y) > 0.0) {
                 self.records.insert(record);
             }
         }
