@@ -57,7 +57,7 @@ impl<B: Blend> BandPainter<'_, B> {
     /// Returns whether voxels in `bounds` may change a pixel of the band; false if `bounds` lies outside the crop.
     fn may_show(&self, bounds: &VoxelBox) -> bool {
         let tiles = &self.buffers.tiles;
-        self.task.pixels(tiles.rect, bounds).is_some_and(|rect| !tiles.is_region_frozen(rect))
+        self.task.pixels(tiles.rect, bounds).is_some_and(|rect| !tiles.is_frozen(rect))
     }
 
     /// Returns whether a range of a batch's voxels lies outside the band or behind opaque voxels.

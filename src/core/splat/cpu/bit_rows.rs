@@ -37,11 +37,23 @@ impl BitRows {
     }
 
     /// Returns whether any bit of `row` between two columns, which may lie outside the table, is set.
+    #[inline(always)]
     pub(super) fn any(&self, row: usize, [left, right]: [i32; 2]) -> bool {
-        let bits = &self.bits[self.words * row..][..self.words];
-        let (left, right) = (left.max(0) as usize, right.min(64 * self.words as i32 - 1));
-        let Some(right) = usize::try_from(right).ok().filter(|right| *right >= left) else { return false };
-        (left / 64..=right / 64).any(|word| bits[word] & part(word, [left, right]) != 0)
+        let (left, right) = (left.max(0), right.min(64 * self.words as i32 - 1));
+        left <= right && self.any_in([row, row], [left as usize, right as usize])
+    }
+
+    /// Returns whether any bit of the rows from `top` to `bottom` and the columns from `left` to `right` is set.
+    #[inline(always)]
+    pub(super) fn any_in(&self, [top, bottom]: [usize; 2], [left, right]: [usize; 2]) -> bool {
+        let rows = &self.bits[self.words * top..self.words * (bottom + 1)];
+        let mut rows = rows.chunks_exact(self.words);
+        let (first, last) = (left / 64, right / 64);
+        if first == last {
+            let mask = part(first, [left, right]);
+            return rows.any(|row| row[first] & mask != 0);
+        }
+        rows.any(|row| (first..=last).any(|word| row[word] & part(word, [left, right]) != 0))
     }
 
     /// Returns whether the bit of `row` and `column` is set; columns outside the table are not.

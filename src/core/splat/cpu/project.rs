@@ -347,11 +347,7 @@ impl<'a> Projector<'a> {
                 let j = usize::from(out.kept[k]) % BLOCK;
                 let ([x0, x1], [y0, y1]) = out.clipped(j, rect);
                 out.kept[open] = out.kept[k];
-                // For most splats, testing the tile at their centre is enough.
-                let (x, y) = (out.x.nearest[j].max(x0).min(x1), out.y.nearest[j].max(y0).min(y1));
-                let is_open = !tiles.is_frozen(Rect { x0: x, y0: y, x1: x + 1, y1: y + 1 })
-                    || !tiles.is_frozen(Rect { x0, y0, x1: x1 + 1, y1: y1 + 1 });
-                open += usize::from(is_open);
+                open += usize::from(!tiles.is_frozen(Rect { x0, y0, x1: x1 + 1, y1: y1 + 1 }));
             }
             kept = open;
         }

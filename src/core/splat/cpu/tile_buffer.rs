@@ -6,11 +6,11 @@
 //! only if the load asks for no more than was stored.
 //!
 //! A tile is *fresh* until something is drawn on it; an empty part of the picture then costs no memory. It is *frozen*
-//! when all its pixels are below the stopping threshold. Squares of 4 x 4 tiles count their open tiles, and blocks of
-//! 8 x 8 squares their open squares, so that large rectangles are tested quickly.
+//! when all its pixels are below the stopping threshold; a bit a tile tells that, so that rectangles are tested quickly.
 
 use bytemuck::Zeroable;
 
+use super::bit_rows::BitRows;
 use crate::error::Result;
 use crate::splat::frame::zeroed;
 
@@ -18,10 +18,6 @@ use crate::splat::frame::zeroed;
 pub(super) const TILE: i32 = 2;
 /// Number of pixels of a tile.
 pub(super) const TILE_PIXELS: usize = 1 << (2 * TILE);
-/// Side of a square of tiles in pixels, as a power of 2.
-const SQUARE: i32 = 4;
-/// Side of a block of squares in pixels, as a power of 2.
-const BLOCK: i32 = 7;
 
 /// A half-open rectangle of pixels, in absolute picture coordinates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,21 +30,6 @@ pub struct Rect {
     pub x1: i32,
     /// One past the last row.
     pub y1: i32,
-}
-
-impl Rect {
-    /// Splits the rectangle along a grid of squares of `1 << shift` pixels per side; iterates over the parts.
-    #[inline(always)]
-    fn split(self, shift: i32) -> impl Iterator<Item = Rect> {
-        let clip = move |low: i32, high: i32, square: i32| (low.max(square << shift), high.min((square + 1) << shift));
-        (self.y0 >> shift..=(self.y1 - 1) >> shift).flat_map(move |row| {
-            let (y0, y1) = clip(self.y0, self.y1, row);
-            (self.x0 >> shift..=(self.x1 - 1) >> shift).map(move |column| {
-                let (x0, x1) = clip(self.x0, self.x1, column);
-                Rect { x0, y0, x1, y1 }
-            })
-        })
-    }
 }
 
 /// The values of 4 x 4 pixels, row by row: reds, greens, blues, alphas.
@@ -74,68 +55,20 @@ pub struct TileBuffer {
     tiles: Box<[PixelTile]>,
     /// The state of each tile.
     states: Vec<u8>,
-    /// For each square: how many of its tiles are not frozen.
-    open_tiles: OpenCounts,
-    /// For each block: how many of its squares have tiles that are not frozen.
-    open_squares: OpenCounts,
-}
-
-/// A count of open cells for each square of a grid over the picture.
-pub(super) struct OpenCounts {
-    left: i32,
-    top: i32,
-    columns: usize,
-    shift: i32,
-    counts: Vec<u8>,
-}
-
-impl OpenCounts {
-    /// Counts, per square of `1 << shift` pixels a side, the cells of `1 << cell` pixels a side that meet `rect`.
-    pub(super) fn new(rect: Rect, shift: i32, cell: i32) -> OpenCounts {
-        let cells = |low: i32, high: i32| {
-            let mut counts = vec![0u8; (((high - 1) >> shift) - (low >> shift) + 1) as usize];
-            for at in low >> cell..=(high - 1) >> cell {
-                counts[((at >> (shift - cell)) - (low >> shift)) as usize] += 1;
-            }
-            counts
-        };
-        let (columns, rows) = (cells(rect.x0, rect.x1), cells(rect.y0, rect.y1));
-        let counts = rows.iter().flat_map(|rows| columns.iter().map(move |columns| rows * columns)).collect();
-        OpenCounts { left: rect.x0 >> shift, top: rect.y0 >> shift, columns: columns.len(), shift, counts }
-    }
-
-    /// Returns the index of the square that holds pixel (`x`, `y`).
-    #[inline(always)]
-    fn index(&self, x: i32, y: i32) -> usize {
-        let (column, row) = ((x >> self.shift) - self.left, (y >> self.shift) - self.top);
-        row as usize * self.columns + column as usize
-    }
-
-    /// Subtracts 1 from the count of the square that holds pixel (`x`, `y`); returns whether the count is 0 now.
-    #[inline(always)]
-    pub(super) fn close_one(&mut self, x: i32, y: i32) -> bool {
-        let index = self.index(x, y);
-        self.counts[index] -= 1;
-        self.counts[index] == 0
-    }
-
-    /// Returns whether the count of the square that holds pixel (`x`, `y`) is 0.
-    #[inline(always)]
-    pub(super) fn is_zero(&self, x: i32, y: i32) -> bool {
-        self.counts[self.index(x, y)] == 0
-    }
+    /// For each tile: whether it is not frozen.
+    open: BitRows,
 }
 
 impl TileBuffer {
     /// Creates the pixels of `rect`, which is not empty, with colours 0 and alphas `initial_alpha`.
     pub(super) fn new(rect: Rect, initial_alpha: f32) -> Result<TileBuffer> {
         let tiles_along = |low: i32, high: i32| usize::try_from(((high - 1) >> TILE) - (low >> TILE) + 1).unwrap_or(0);
-        let pitch = pitch_for(tiles_along(rect.x0, rect.x1));
-        let len = pitch * tiles_along(rect.y0, rect.y1);
-        let tiles = zeroed(len as u64)?;
-        let (open_tiles, open_squares) = (OpenCounts::new(rect, SQUARE, TILE), OpenCounts::new(rect, BLOCK, SQUARE));
-        let states = vec![FRESH; len];
-        Ok(TileBuffer { rect, initial_alpha, pitch, tiles, states, open_tiles, open_squares })
+        let (columns, rows) = (tiles_along(rect.x0, rect.x1), tiles_along(rect.y0, rect.y1));
+        let pitch = pitch_for(columns);
+        let tiles = zeroed((pitch * rows) as u64)?;
+        let mut open = BitRows::new(columns, rows);
+        (0..rows).for_each(|row| open.set(row, [0, columns - 1]));
+        Ok(TileBuffer { rect, initial_alpha, pitch, states: vec![FRESH; tiles.len()], tiles, open })
     }
 
     /// Returns the index of the tile in `column` and `row` of the picture's grid, which meets the rectangle.
@@ -172,30 +105,16 @@ impl TileBuffer {
     #[inline(never)]
     pub(super) fn freeze(&mut self, index: usize, column: i32, row: i32) {
         self.states[index] = FROZEN;
-        let (x, y) = (column << TILE, row << TILE);
-        if self.open_tiles.close_one(x, y) {
-            self.open_squares.close_one(x, y);
-        }
+        self.open.clear((row - (self.rect.y0 >> TILE)) as usize, (column - (self.rect.x0 >> TILE)) as usize);
     }
 
     /// Returns whether all tiles that meet `rect`, a part of the band, are frozen.
     #[inline(always)]
     pub(super) fn is_frozen(&self, rect: Rect) -> bool {
-        for row in rect.y0 >> TILE..=(rect.y1 - 1) >> TILE {
-            for column in rect.x0 >> TILE..=(rect.x1 - 1) >> TILE {
-                if self.states[self.index(column, row)] != FROZEN {
-                    return false;
-                }
-            }
-        }
-        true
-    }
-
-    /// Does the same as [`TileBuffer::is_frozen`], but tests whole blocks and squares: faster if `rect` is large.
-    pub(super) fn is_region_frozen(&self, rect: Rect) -> bool {
-        rect.split(BLOCK).filter(|part| !self.open_squares.is_zero(part.x0, part.y0)).all(|part| {
-            part.split(SQUARE).all(|part| self.open_tiles.is_zero(part.x0, part.y0) || self.is_frozen(part))
-        })
+        let tile = |at: i32, first: i32| ((at >> TILE) - (first >> TILE)) as usize;
+        let columns = [rect.x0, rect.x1 - 1].map(|x| tile(x, self.rect.x0));
+        let rows = [rect.y0, rect.y1 - 1].map(|y| tile(y, self.rect.y0));
+        !self.open.any_in(rows, columns)
     }
 
     /// Returns the values of pixel (`x`, `y`), which lies in the rectangle.
