@@ -15,8 +15,6 @@
 use std::ops::Range;
 use std::time::Instant;
 
-use bytemuck::Zeroable;
-
 use super::bit_rows::BitRows;
 use super::blend::{Blend, FrontToBack};
 use super::dispatch;
@@ -24,7 +22,7 @@ use super::lattice::{Footprints, Lattice, Place, Slice};
 use super::look_tables::LookTables;
 use super::project::{Projector, VoxelBlock, limited};
 use super::raster::{BLOCK, Splats};
-use super::stamps::{RUN, Reached, Stamps};
+use super::stamps::{EACH, RUN, Reached, Stamps, mask};
 use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
 use crate::error::Result;
@@ -35,8 +33,8 @@ use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Longest list of a tile.
 const LIST: usize = 128;
-/// Number of splats on a tile's list at which the tile takes them.
-const FULL: u8 = 96;
+/// Number of splats on a tile's list at which the tile takes them: a bit of all greater numbers up to `LIST`.
+const FULL: u8 = 64;
 /// How many splats are put on lists before tiles with full lists take theirs.
 const TOGETHER: usize = LIST - FULL as usize;
 /// How many voxels of a line are tested together first.
@@ -118,15 +116,6 @@ struct WaitingSplats {
     places: Box<[Place; WAITING]>,
 }
 
-/// The length of a tile's list.
-#[derive(Debug, Clone, Copy, Default, Zeroable)]
-#[repr(C)]
-struct Count {
-    count: u8,
-    /// 255 if the tile is open, 0 if it is closed.
-    open: u8,
-}
-
 /// A band of the lattice's tiles, and the voxels that one thread is drawing on it.
 pub(super) struct Band<'a> {
     /// Selects the instruction set.
@@ -141,9 +130,10 @@ pub(super) struct Band<'a> {
     open: BitRows,
     /// How many closed tiles are around the band on each side, so that lists need not be clipped to it.
     around: usize,
-    /// For each tile, with those around the band: the splats that wait for it, in visit order; and how many they are.
+    /// For each tile, with those around the band: the splats that wait for it, in visit order; how many they are; and 1
+    /// if the tile is open, else 0.
     lists: Box<[[u16; LIST]]>,
-    counts: Box<[Count]>,
+    counts: Box<[[u8; 2]]>,
     splats: WaitingSplats,
     slow: Option<u16>,
     slice: Slice,
@@ -239,12 +229,12 @@ impl<'a> Band<'a> {
         let rect = Rect { x0: 0, y0: first << TILE, x1: (columns << TILE) as i32, y1: end << TILE };
         self.pixels = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
         self.open.clear_all();
-        self.counts.fill(Count::default());
+        self.counts.fill([0, 0]);
         for (tile, _) in shown[columns * first as usize..columns * end as usize].iter().enumerate().filter(|(_, s)| **s)
         {
             let (row, column) = (tile / columns, tile % columns);
             self.open.set(row, [column; 2]);
-            self.counts[(row + around) * (columns + 2 * around) + around + column].open = u8::MAX;
+            self.counts[(row + around) * (columns + 2 * around) + around + column] = [0, 1];
         }
         (self.slow, self.together_of, self.drawn) = (None, None, 0);
         self.shown_at.fill(None);
@@ -395,12 +385,11 @@ impl<'a> Band<'a> {
         for from in (0..count).step_by(TOGETHER) {
             let range = from..count.min(from + TOGETHER);
             let filled = match &self.stamps {
-                Some(stamps) if stamps.widest <= 3 => self.list_stamps::<3>(range),
-                Some(_) => self.list_stamps::<RUN>(range),
+                Some(_) => self.list_stamps(range),
                 None => self.list_footprints(range),
             };
             for tile in filled {
-                if self.counts[tile].count >= FULL {
+                if self.counts[tile][0] >= FULL {
                     dispatch::take(self.code, projector, self, tile);
                 }
             }
@@ -434,7 +423,7 @@ impl<'a> Band<'a> {
 
     /// Puts splats of the block on the lists of tiles, in a parallel view; returns a range of all tiles with full lists.
     #[inline(always)]
-    fn list_stamps<const N: usize>(&mut self, range: Range<usize>) -> Range<usize> {
+    fn list_stamps(&mut self, range: Range<usize>) -> Range<usize> {
         let Band { block, splats, stamps: Some(stamps), reached, lists, counts, drawn, .. } = self else { return 0..0 };
         let pitch = self.columns + 2 * self.around;
         let [left, top] = [0, self.first_row].map(|first| first - self.around as i32);
@@ -448,7 +437,7 @@ impl<'a> Band<'a> {
             let splat = (splats.count + j) as u16;
             let last = (reached.last[1][j] - top) as usize * pitch + (reached.last[0][j] - left) as usize;
             for run in stamps.runs(reached.place[j]) {
-                put::<N>(lists, counts, last - run.lower as usize, run.masks, splat, &mut filled);
+                put(lists, counts, last - run.lower as usize, run.mask, splat, &mut filled);
             }
         }
         filled[0]..filled[1]
@@ -473,8 +462,7 @@ impl<'a> Band<'a> {
                 let start = (row - *first_row) as usize + *around;
                 let start = start * pitch + *around;
                 for column in (left..=right).step_by(RUN) {
-                    let masks = if right - column >= 3 { u32::MAX } else { (1 << (8 * (right - column + 1))) - 1 };
-                    put::<RUN>(lists, counts, start + column as usize, masks.to_le_bytes(), splat, &mut filled);
+                    put(lists, counts, start + column as usize, mask(right - column + 1), splat, &mut filled);
                 }
             }
         }
@@ -485,7 +473,7 @@ impl<'a> Band<'a> {
     #[inline(always)]
     pub(super) fn take_all(&mut self, projector: &Projector) {
         for tile in 0..self.counts.len() {
-            if self.counts[tile].count != 0 {
+            if self.counts[tile][0] != 0 {
                 self.take(projector, tile);
             }
         }
@@ -502,7 +490,7 @@ impl<'a> Band<'a> {
         let (column, row) = (tile % pitch - self.around, tile / pitch - self.around);
         let place = [column as i32, self.first_row + row as i32];
         let Some((_, PixelTile(values))) = self.pixels.tile(place[0], place[1]) else { return };
-        let count = usize::from(std::mem::take(&mut self.counts[tile].count)).min(LIST);
+        let count = usize::from(std::mem::take(&mut self.counts[tile][0])).min(LIST);
         let list = &self.lists[tile][..count];
         let splats = &self.splats;
         let stop = projector.stop;
@@ -539,34 +527,35 @@ impl<'a> Band<'a> {
         let is_open = pixels.is_open;
         if !is_open {
             self.open.clear(row, column);
-            self.counts[tile].open = 0;
+            self.counts[tile][1] = 0;
         }
     }
 }
 
-/// Puts a splat on the lists of `N` tiles of a row, from `first` on; it stays only on those of open tiles whose mask is 255.
-/// Extends `filled` by these tiles if a list is full.
+/// Puts a splat on the lists of the tiles of a run, from `first` on, that are open and in `mask`. Extends `filled` by the
+/// run if a list is full.
 #[inline(always)]
-fn put<const N: usize>(
+fn put(
     lists: &mut [[u16; LIST]],
-    counts: &mut [Count],
+    counts: &mut [[u8; 2]],
     first: usize,
-    masks: [u8; RUN],
+    mask: u64,
     splat: u16,
     filled: &mut [usize; 2],
 ) {
-    let lists: Option<&mut [_; N]> = lists.get_mut(first..).and_then(|lists| lists.first_chunk_mut());
-    let counts: Option<&mut [_; N]> = counts.get_mut(first..).and_then(|counts| counts.first_chunk_mut());
+    let lists: Option<&mut [_; RUN]> = lists.get_mut(first..).and_then(|lists| lists.first_chunk_mut());
+    let counts: Option<&mut [_; RUN]> = counts.get_mut(first..).and_then(|counts| counts.first_chunk_mut());
     let (Some(lists), Some(counts)) = (lists, counts) else { return };
-    let mut fullest = 0;
-    for tile in 0..N {
-        let Count { count, open } = counts[tile];
-        lists[tile][usize::from(count) % LIST] = splat;
-        counts[tile].count = count + (open & masks[tile] & 1);
-        fullest = counts[tile].count.max(fullest);
+    // All counts grow at once, in one word.
+    let old = u64::from_le_bytes(bytemuck::cast(*counts));
+    let new = old + (old >> 8 & mask);
+    *counts = bytemuck::cast(new.to_le_bytes());
+    for (tile, list) in lists.iter_mut().enumerate() {
+        // On a list that does not grow, what is beyond its end does not matter.
+        list[(old >> (16 * tile)) as usize % LIST] = splat;
     }
-    if fullest >= FULL {
-        *filled = [filled[0].min(first), filled[1].max(first + N)];
+    if new & (EACH * u64::from(FULL)) != 0 {
+        *filled = [filled[0].min(first), filled[1].max(first + RUN)];
     }
 }
 

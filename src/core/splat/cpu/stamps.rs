@@ -18,12 +18,21 @@ const SLACK: f64 = 1e-3;
 /// Longest run of tiles.
 pub(super) const RUN: usize = 4;
 
+/// 1 in each of the [`RUN`] parts of a word.
+pub(super) const EACH: u64 = 0x0001_0001_0001_0001;
+
+/// Returns 1 in each of the first `tiles` parts of a word, 0 in the others.
+#[inline(always)]
+pub(super) fn mask(tiles: i32) -> u64 {
+    if tiles >= RUN as i32 { EACH } else { EACH & ((1 << (16 * tiles)) - 1) }
+}
+
 /// Neighbouring tiles of a row that a voxel reaches.
 pub(super) struct Run {
     /// How much lower the index of the first is than that of the last tile that the voxel may reach.
     pub(super) lower: u32,
-    /// 255 for each tile that it reaches, then 0.
-    pub(super) masks: [u8; RUN],
+    /// Which of its tiles the voxel reaches: see [`mask`].
+    pub(super) mask: u64,
 }
 
 /// Where a block's voxels lie among the tiles.
@@ -49,8 +58,6 @@ pub(super) struct Stamps {
     pub(super) used: usize,
     /// The first voxel along the fast and the medium axis that reaches the first tile of the plane.
     first: [i32; 2],
-    /// Largest number of tiles of a row that a voxel reaches.
-    pub(super) widest: i32,
     /// Which tiles a voxel of the slice at hand reaches, by its place: its row and column among the voxels of a tile.
     runs: Vec<Run>,
     /// Where in `runs` those of each place begin, and the end of the last ones.
@@ -63,17 +70,7 @@ impl Stamps {
         let size = [0, 1].map(|side| (2.0 * lattice.reach(side, [0.0; 2]) + 3.0 * slice.step) as i32 + 2);
         let stamps = vec![[0.0; TILE_PIXELS]; SLICES * (size[0] * size[1]) as usize];
         let starts = vec![0; (voxels * voxels + 1) as usize];
-        Stamps {
-            voxels: Divisor::new(voxels),
-            size,
-            stamps,
-            depth,
-            used: 0,
-            first: [0; 2],
-            widest: 0,
-            runs: Vec::new(),
-            starts,
-        }
+        Stamps { voxels: Divisor::new(voxels), size, stamps, depth, used: 0, first: [0; 2], runs: Vec::new(), starts }
     }
 
     /// Returns how many tiles around a voxel's last tile its kernel may reach, at most.
@@ -154,10 +151,8 @@ impl Stamps {
                     let (nearest, farthest) = (nearest / voxels, columns.next_back().unwrap_or(nearest) / voxels);
                     let lower = row / voxels * pitch as i32 + farthest;
                     let width = farthest - nearest + 1;
-                    self.widest = self.widest.max(width);
                     for from in (0..width).step_by(RUN) {
-                        let masks = [0, 1, 2, 3].map(|tile| if from + tile < width { u8::MAX } else { 0 });
-                        self.runs.push(Run { lower: (lower - from) as u32, masks });
+                        self.runs.push(Run { lower: (lower - from) as u32, mask: mask(width - from) });
                     }
                 }
             }
