@@ -38,11 +38,11 @@ pub(crate) const NEAR: f64 = 8.0;
 #[derive(Debug, Clone)]
 pub(crate) struct NearView {
     /// The eye in voxel coordinates.
-    eye: DVec3,
+    pub(crate) eye: DVec3,
     /// Movement in voxel coordinates along a ray, by tangent to the right, by tangent upward, and forward; scaled.
-    right: [f32; 3],
-    up: [f32; 3],
-    forward: [f32; 3],
+    pub(crate) right: [f32; 3],
+    pub(crate) up: [f32; 3],
+    pub(crate) forward: [f32; 3],
     /// Tangent of the angle from the view axis to a pixel one column or row away from the centre.
     per_pixel: f32,
     /// Column and row that the view axis meets.
@@ -52,14 +52,14 @@ pub(crate) struct NearView {
     /// Gradients of the distances to the right, up and forward of the eye, per voxel step on each axis.
     gradients: [DVec3; 3],
     /// Depths of centres below this are not drawn: they are clipped, or kernels end behind the eye. In mean spacings.
-    least_depth: f64,
+    pub(crate) least_depth: f64,
     radius: f64,
     /// Exponent in units of ln 2 at a distance of one voxel.
     factor: f32,
     cut: f32,
     per_sigma: f32,
     /// The peak of a kernel of optical depth 1 per unit of the ray's stretch; `None` in maximum modes.
-    strength: Option<f32>,
+    pub(crate) strength: Option<f32>,
 }
 
 /// The rays of N pixels.
