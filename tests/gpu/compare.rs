@@ -1,6 +1,14 @@
 //! Where pictures differ.
 
-use adjsplat::splat::Frame;
+use adjsplat::splat::{Camera, Code, Frame, Scene, Settings, cpu};
+
+/// The machine code that draws the processor's pictures.
+const CODE: Code = Code::Best;
+
+/// Draws a picture on the processor.
+pub(crate) fn drawn(scene: &Scene, camera: &Camera, settings: &Settings) -> Frame {
+    cpu::render(scene, camera, &settings.clone().with_code(CODE)).unwrap().0
+}
 
 /// Largest difference of a sample, and where: column and row.
 pub(crate) fn worst(got: &Frame, want: &Frame) -> (f32, [u32; 2]) {

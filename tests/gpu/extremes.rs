@@ -11,7 +11,7 @@ use adjsplat_tests::pictures::bits;
 use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, built, options, transfer};
 use adjsplat_tests::{at_full, say};
 
-use crate::compare::worst;
+use crate::compare::{drawn, worst};
 use crate::device::device;
 use crate::scenes::{block, inside, phantom};
 
@@ -48,7 +48,7 @@ fn check(what: &str, built: &Built, views: &[(Camera, Settings)], bound: f32) {
         let Some(mut renderer) = renderer(built, compositor) else { return };
         let mut most = 0.0f32;
         for (camera, settings) in views {
-            let (want, _) = cpu::render(&built.scene(), camera, settings).unwrap();
+            let want = drawn(&built.scene(), camera, settings);
             let got = draw(&mut renderer, camera, settings);
             let (apart, at) = worst(&got, &want);
             most = most.max(apart);

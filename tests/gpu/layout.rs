@@ -53,7 +53,7 @@ fn shaders_and_rust_lay_records_out_alike() {
         (
             "FrameUniform",
             fields!(FrameUniform: rows shifts steps eye light light_weights ellipse half_width centre focal near sigma cut_off cut_exponent
-                termination max_depth initial_alpha window crop_low crop_high eye_ceil eye_twice fast_order is_back_to_front fast_axis longest_line
+                termination max_depth initial_alpha window crop_low crop_high rays eye_voxel eye_rest eye_ceil eye_twice fast_order is_back_to_front fast_axis longest_line
                 line_end_bytes value_bits normal_bits uses_magnitude is_maximum is_perspective shininess tile_columns
                 mask_words picture_rows),
         ),
@@ -175,6 +175,18 @@ fn the_device_computes_exponentials_with_the_processors_polynomial() {
     assert_eq!(processor.len(), 5, "{processor:?}");
     for (stage, text) in SHADERS {
         assert_eq!(numbers(text, "fn absorbed("), processor, "{stage}");
+    }
+}
+
+/// The polynomial of a kernel's tail behind the eye.
+#[test]
+fn the_device_cuts_kernels_at_the_eye_with_the_processors_polynomial() {
+    let path = adjsplat_tests::repository().join("src/core/splat/near.rs");
+    let processor = numbers(&std::fs::read_to_string(path).unwrap(), "fn tail_ratio(");
+    assert_eq!(processor.len(), 8, "{processor:?}");
+    for stage in ["tile", "splat"] {
+        let (_, text) = SHADERS.iter().find(|(name, _)| *name == stage).unwrap();
+        assert_eq!(numbers(text, "fn tail_ratio("), processor, "{stage}");
     }
 }
 

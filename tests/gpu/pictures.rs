@@ -16,7 +16,7 @@ use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, built, fitting, real_volumes
 use adjsplat_tests::walks::parallel_orders;
 use adjsplat_tests::{at_full, say};
 
-use crate::compare::worst;
+use crate::compare::{drawn, worst};
 use crate::device::device;
 use crate::scenes::{EDGES, block, inside, phantom, zoomed};
 
@@ -40,7 +40,7 @@ fn check(what: &str, scene: Scene, views: &[(Camera, Settings)]) {
         let mut renderer = GpuRenderer::new(opened.device.clone(), opened.queue.clone(), scene, options).unwrap();
         let mut least = f64::INFINITY;
         for (camera, settings) in views {
-            let (want, _) = cpu::render(&scene, camera, settings).unwrap();
+            let want = drawn(&scene, camera, settings);
             let (got, _) = renderer.render(camera, settings).unwrap();
             assert!(shows(&want), "{what}: shows nothing");
             let (found, (most, at)) = (decibels(&got, &want, 0.0), worst(&got, &want));

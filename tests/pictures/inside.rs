@@ -3,12 +3,14 @@
 use adjsplat::arena::Record;
 use adjsplat::build::Built;
 use adjsplat::classify::TransferFunction;
-use adjsplat::splat::{Camera, Code, Frame, Orbit, Projection, Quality, Settings};
+use adjsplat::splat::{Blending, Camera, Code, Frame, Mode, Orbit, Projection, Quality, Settings};
 use adjsplat::volume::{Grid, SampleType, SlabSource};
-use adjsplat_judge::reference::{RayJudge, RaySettings, ReferencePicture, ReferenceVoxel, VisibleVoxels};
+use adjsplat_judge::reference::{
+    Judge, JudgeSettings, RayJudge, RaySettings, ReferencePicture, ReferenceVoxel, VisibleVoxels,
+};
 use adjsplat_tests::files::real_volume;
-use adjsplat_tests::pictures::{alphas, decibels};
-use adjsplat_tests::scenes::{Draw as _, PLAIN, built, fitting, packed, phantom, transfer, volume};
+use adjsplat_tests::pictures::{alphas, apart, decibels};
+use adjsplat_tests::scenes::{Draw as _, LAYERS, PLAIN, built, fitting, packed, phantom, transfer, volume};
 
 /// The machine code that these tests judge.
 const CODE: Code = Code::Best;
@@ -154,4 +156,53 @@ fn a_skull_from_inside_is_nearly_the_ray_integral() {
     let Some(path) = real_volume("headsq-quarter/quarter.nhdr") else { return };
     let skull = Subject::new(&mut *volume(&path), &TransferFunction::preset("ct-bone+1024").unwrap());
     compare("skull", &skull, [31.0, 28.0, 53.0], 29.0);
+}
+
+/// Rounding in single precision, codes of 16 bits: 3.0e-5 was measured.
+#[test]
+fn each_mode_and_blending_from_inside_is_the_judges_picture() {
+    let layers = transfer(LAYERS);
+    let subject = Subject::new(&mut *phantom("gyroid", [30; 3], SampleType::F32, [1.0, 1.2, 2.0]), &layers);
+    let judge = Judge::of_voxels(subject.visible.clone());
+    for (mode, blending) in [
+        (Mode::Composite, Blending::Exponential),
+        (Mode::Composite, Blending::Linear),
+        (Mode::Additive, Blending::Exponential),
+    ] {
+        for (eye, near) in [([14.0, 18.0, 30.0], None), ([14.3, 17.9, 31.1], None), ([14.3, 17.9, 31.1], Some(3.0))] {
+            let camera = inside(eye, [0.5, -0.3, 0.9], 80.0);
+            let settings = Settings::every_pixel(SIZE).with_quality(Quality::Reference).with_mode(mode);
+            let settings = settings.with_blending(blending).with_near(near).with_code(CODE);
+            let frame = subject.built.frame(&camera, &settings);
+            let own = JudgeSettings { mode, blending, near, threads: 2, ..JudgeSettings::new(SIZE) };
+            let worst = apart(&frame, &judge.draw(&camera, &own).unwrap());
+            println!("{mode:?}, {blending:?}, {near:?}: {worst:.1e}");
+            assert!(worst < 1e-4, "{mode:?}, {blending:?}, {eye:?}, {near:?}: {worst:e}");
+        }
+    }
+}
+
+/// A maximum has no judge: the largest value over whole cells, also of the cell that the eye is in.
+#[test]
+fn a_maximum_from_inside_shows_the_largest_value_around_the_eye() {
+    let transfer = transfer(
+        r##"{"kind": "points", "shaded": false, "points": [
+            {"value": 0, "colour": "#ffffff", "opacity": 1}, {"value": 200, "colour": "#ffffff", "opacity": 1}]}"##,
+    );
+    let bright = [[8, 8, 8], [8, 8, 20]];
+    let scene = packed(Grid::new([24; 3], [1.0; 3]).unwrap(), PLAIN, transfer, |at| {
+        let value = if bright.contains(&at) { 200 } else { 50 };
+        Some(Record { value, ..Record::default() })
+    });
+    let settings = Settings::every_pixel([9, 9]).with_mode(Mode::MaximumGrey).with_code(CODE);
+    // In the cell of the first, before the second; then away from both.
+    for (eye, toward, want) in [
+        ([8.0, 8.0, 8.2], [0.0, 0.0, 1.0], 1.0),
+        ([8.0, 8.0, 14.0], [0.0, 0.0, 1.0], 1.0),
+        ([8.0, 8.0, 14.0], [1.0, 0.0, 0.0], 0.25),
+    ] {
+        let frame = scene.frame(&inside(eye, toward, 10.0), &settings);
+        let found = f64::from(frame.pixel(4, 4)[3]);
+        assert!((found - want).abs() < 1e-6, "{eye:?} {toward:?}: {found}");
+    }
 }

@@ -38,11 +38,11 @@ pub(crate) const NEAR: f64 = 8.0;
 #[derive(Debug, Clone)]
 pub(crate) struct NearView {
     /// The eye in voxel coordinates.
-    eye: DVec3,
+    pub(crate) eye: DVec3,
     /// Movement in voxel coordinates along a ray, by tangent to the right, by tangent upward, and forward; scaled.
-    right: [f32; 3],
-    up: [f32; 3],
-    forward: [f32; 3],
+    pub(crate) right: [f32; 3],
+    pub(crate) up: [f32; 3],
+    pub(crate) forward: [f32; 3],
     /// Tangent of the angle from the view axis to a pixel one column or row away from the centre.
     per_pixel: f32,
     /// Column and row that the view axis meets.
@@ -52,14 +52,14 @@ pub(crate) struct NearView {
     /// Gradients of the distances to the right, up and forward of the eye, per voxel step on each axis.
     gradients: [DVec3; 3],
     /// Depths of centres below this are not drawn: they are clipped, or kernels end behind the eye. In mean spacings.
-    least_depth: f64,
+    pub(crate) least_depth: f64,
     radius: f64,
     /// Exponent in units of ln 2 at a distance of one voxel.
     factor: f32,
     cut: f32,
     per_sigma: f32,
     /// The peak of a kernel of optical depth 1 per unit of the ray's stretch; `None` in maximum modes.
-    strength: Option<f32>,
+    pub(crate) strength: Option<f32>,
 }
 
 /// The rays of N pixels.
@@ -148,25 +148,28 @@ impl NearView {
     /// Returns the rays of the pixels in these columns and rows.
     #[inline(always)]
     pub(crate) fn rays<const N: usize>(&self, columns: [i32; N], rows: [i32; N]) -> Rays<N> {
-        let mut rays = Rays { direction: [[0.0; N]; 3], strength: [1.0; N] };
         // Half a pixel at the most: exact in single precision.
         let [middle_x, middle_y] = self.centre.map(|at| at as f32);
+        let (mut direction, mut strength) = ([[0.0; N]; 3], [1.0; N]);
+        let mut per_length = [0.0; N];
         for i in 0..N {
             let tan_x = (columns[i] as f32 - middle_x) * self.per_pixel;
             let tan_y = (middle_y - rows[i] as f32) * self.per_pixel;
-            let along = |a: usize| (self.forward[a] + self.right[a] * tan_x) + self.up[a] * tan_y;
-            let [x, y, z] = [along(0), along(1), along(2)];
-            let per_length = 1.0 / at_least((x * x + y * y) + z * z, f32::MIN_POSITIVE).sqrt();
-            rays.direction[0][i] = x * per_length;
-            rays.direction[1][i] = y * per_length;
-            rays.direction[2][i] = z * per_length;
-            if let Some(strength) = self.strength {
-                // The ray's length in mean spacings for each voxel step that it passes.
-                let stretch = ((1.0 + tan_x * tan_x) + tan_y * tan_y).sqrt() * per_length;
-                rays.strength[i] = strength * stretch;
+            for a in 0..3 {
+                direction[a][i] = (self.forward[a] + self.right[a] * tan_x) + self.up[a] * tan_y;
             }
+            let [x, y, z] = [direction[0][i], direction[1][i], direction[2][i]];
+            per_length[i] = 1.0 / at_least((x * x + y * y) + z * z, f32::MIN_POSITIVE).sqrt();
+            // The ray's length in mean spacings, for the length of the direction.
+            strength[i] = ((1.0 + tan_x * tan_x) + tan_y * tan_y).sqrt();
         }
-        rays
+        for i in 0..N {
+            for a in 0..3 {
+                direction[a][i] *= per_length[i];
+            }
+            strength[i] = self.strength.map_or(1.0, |of_one| of_one * (strength[i] * per_length[i]));
+        }
+        Rays { direction, strength }
     }
 
     /// Returns the optical depth of a kernel on each ray, in units of ln 2 like `peak`, the depth of its voxel. In

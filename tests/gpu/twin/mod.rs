@@ -6,6 +6,7 @@
 //! off in exponentials and roots.
 
 pub(crate) mod bin;
+mod near;
 pub(crate) mod project;
 pub(crate) mod splat;
 pub(crate) mod tile;

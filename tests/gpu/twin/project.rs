@@ -12,6 +12,8 @@ use adjsplat::internals::gpu_stages::{AffineRow, FrameUniform, NO_RECORD, NOTHIN
 
 /// Coordinates beyond this are too large for exact pixels.
 const FAR: f32 = 5.0e8;
+/// `falloff_y` of a voxel near the eye.
+const NEAR_SPLAT: f32 = -1.0;
 /// How far a pixel may lie outside a footprint's box, in pixels.
 const NEARLY_HALF: f32 = 0.4999;
 
@@ -182,6 +184,105 @@ fn span(centre: PixelPosition, half_width: f32, low: i32, high: i32) -> [i32; 2]
     [first.max(low), last.min(high)]
 }
 
+fn colour_of(
+    frame: &FrameUniform,
+    voxel: &VisitedVoxel,
+    xyz: [u32; 3],
+    channels: &Channels,
+    colour: [f32; 3],
+) -> [f32; 3] {
+    if frame.shininess == 0 {
+        return colour;
+    }
+    let mut toward = [frame.eye[0], frame.eye[1], frame.eye[2]];
+    if frame.is_perspective == 1 {
+        let sight: [f32; 3] = std::array::from_fn(|a| frame.eye[a] - xyz[a] as f32 * frame.steps[a][3]);
+        let length = dot(sight, sight).max(f32::MIN_POSITIVE).sqrt();
+        toward = sight.map(|c| c / length);
+    }
+    let [factor, highlight] = shade(frame, normal_of(frame, channels, voxel.record), toward);
+    colour.map(|c| c * factor + highlight)
+}
+
+fn gradient(frame: &FrameUniform, side: usize) -> [f32; 3] {
+    frame.steps.map(|step| step[side])
+}
+
+/// Returns the smallest and the largest tangent of a ball's points in front of the eye; the first is larger if there are
+/// none.
+fn tangents(frame: &FrameUniform, along: [f32; 3], centre: [f32; 3], radius: f32) -> [f32; 2] {
+    let forward = gradient(frame, 2);
+    let (aside, depth) = (dot(along, centre), dot(forward, centre));
+    let square = radius * radius;
+    let a = depth * depth - square * dot(forward, forward);
+    let mut b = aside * depth - square * dot(along, forward);
+    let c = aside * aside - square * dot(along, along);
+    let root = (b * b - a * c).max(0.0).sqrt();
+    if a > 1.0e-3 * depth * depth {
+        return if depth > 0.0 { [(b - root) / a, (b + root) / a] } else { [1.0, -1.0] };
+    }
+    if c <= 1.0e-3 * aside * aside {
+        return [-FAR, FAR];
+    }
+    b *= aside.signum();
+    let least = match b > 0.0 {
+        true => c / (b + root),
+        false if a < 0.0 => (b - root) / a,
+        false => 0.0,
+    };
+    if aside > 0.0 { [least, FAR] } else { [-FAR, -least] }
+}
+
+/// Returns the first and the last pixel between two tangents, and some more, within `low ..= high`.
+fn pixels_between(focal: f32, centre: f32, [first, last]: [f32; 2], low: i32, high: i32) -> [i32; 2] {
+    let ends = [first, last].map(|tangent| focal * tangent);
+    let more = ends.map(|end| 1.0 + 1.0e-3 * end.abs());
+    let pixels = [centre + ends[0] - more[0], centre + ends[1] + more[1]].map(|at| at.clamp(-FAR, FAR));
+    [(pixels[0].floor() as i32).max(low), (pixels[1].ceil() as i32).min(high)]
+}
+
+fn near_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], depth: f32, channels: &Channels) -> Splat {
+    if depth < frame.eye_rest[3] || depth.is_nan() {
+        return EMPTY;
+    }
+    let offset = [0, 1, 2].map(|a| (xyz[a] as f32 - frame.eye_voxel[a]) - frame.eye_rest[a]);
+    let radius = frame.eye_voxel[3];
+    let square = dot(offset, offset);
+    let [x0, y0, x1, y1] = frame.window;
+    let (mut columns, mut rows) = ([x0, x1 - 1], [0, frame.picture_rows.cast_signed() - 1]);
+    let mut at_eye = 0.0;
+    if square <= radius * radius {
+        at_eye = (-0.5 * std::f32::consts::LOG2_E / (frame.sigma * frame.sigma) * square).exp2();
+    } else {
+        let x = tangents(frame, gradient(frame, 0), offset, radius);
+        let y = tangents(frame, gradient(frame, 1), offset, radius);
+        if x[0] > x[1] || y[0] > y[1] {
+            return EMPTY;
+        }
+        columns = pixels_between(frame.focal, frame.centre[0], x, columns[0], columns[1]);
+        rows = pixels_between(frame.focal, frame.centre[1], [-y[1], -y[0]], rows[0], rows[1]);
+    }
+    let is_in_window = rows[0] < y1 && rows[1] >= y0;
+    let [red, green, blue, peak] = look_of(frame, channels, voxel.record);
+    if columns[0] > columns[1] || rows[0] > rows[1] || !is_in_window || peak <= 0.0 || peak.is_nan() {
+        return EMPTY;
+    }
+    let [red, green, blue] = colour_of(frame, voxel, xyz, channels, [red, green, blue]);
+    Splat {
+        columns: columns[0] as u32 | (columns[1] as u32) << 16,
+        rows: rows[0] as u32 | (rows[1] as u32) << 16,
+        corner_x: offset[0],
+        corner_y: offset[1],
+        falloff_x: offset[2],
+        falloff_y: NEAR_SPLAT,
+        shear: at_eye,
+        peak,
+        red,
+        green,
+        blue,
+    }
+}
+
 fn splat_of(frame: &FrameUniform, voxel: &VisitedVoxel, channels: &Channels) -> Splat {
     let xyz = [voxel.xy & 0xffff, voxel.xy >> 16, voxel.z];
     if (0..3).any(|a| xyz[a] < frame.crop_low[a] || xyz[a] > frame.crop_high[a]) {
@@ -197,7 +298,7 @@ fn splat_of(frame: &FrameUniform, voxel: &VisitedVoxel, channels: &Channels) -> 
     } else {
         let distance = coordinate(&frame.rows[2], frame.shifts[2], xyz);
         if distance < frame.near || distance.is_nan() {
-            return EMPTY;
+            return near_splat(frame, voxel, xyz, distance, channels);
         }
         let closeness = 1.0 / distance;
         let tx = coordinate(&frame.rows[0], frame.shifts[0], xyz) * closeness;
@@ -223,17 +324,7 @@ fn splat_of(frame: &FrameUniform, voxel: &VisitedVoxel, channels: &Channels) -> 
     if peak <= 0.0 || peak.is_nan() {
         return EMPTY;
     }
-    let mut colour = [red, green, blue];
-    if frame.shininess > 0 {
-        let mut toward = [frame.eye[0], frame.eye[1], frame.eye[2]];
-        if frame.is_perspective == 1 {
-            let sight: [f32; 3] = std::array::from_fn(|a| frame.eye[a] - xyz[a] as f32 * frame.steps[a][3]);
-            let length = dot(sight, sight).max(f32::MIN_POSITIVE).sqrt();
-            toward = sight.map(|c| c / length);
-        }
-        let [factor, highlight] = shade(frame, normal_of(frame, channels, voxel.record), toward);
-        colour = colour.map(|c| c * factor + highlight);
-    }
+    let colour = colour_of(frame, voxel, xyz, channels, [red, green, blue]);
     Splat {
         columns: columns[0] as u32 | (columns[1] as u32) << 16,
         rows: rows[0] as u32 | (rows[1] as u32) << 16,

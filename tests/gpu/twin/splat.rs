@@ -2,7 +2,8 @@
 
 use half::f16;
 
-use super::{WHOLE_CELL, absorbed, depth_at, high_half, low_half};
+use super::near::splat_depth;
+use super::{WHOLE_CELL, absorbed, high_half, low_half};
 use adjsplat::internals::gpu_stages::BlendMode;
 use adjsplat::internals::gpu_stages::{FrameUniform, NOTHING, Splat};
 use adjsplat::splat::gpu::QuadFormat;
@@ -33,9 +34,7 @@ pub(crate) fn splat(
         let (left, top) = (low_half(splat.columns), low_half(splat.rows));
         for y in top.max(y0)..=high_half(splat.rows).min(y1 - 1) {
             for x in left.max(x0)..=high_half(splat.columns).min(x1 - 1) {
-                let dx = splat.corner_x + (x - left) as f32;
-                let dy = splat.corner_y + (y - top) as f32;
-                let source = fragment(blend, splat, depth_at(dx, dy, splat, frame.cut_exponent));
+                let source = fragment(blend, splat, splat_depth(frame, splat, [x, y]));
                 let place = (y - y0).cast_unsigned() * (x1 - x0).cast_unsigned() + (x - x0).cast_unsigned();
                 let pixel = &mut pixels[place as usize];
                 *pixel = blended(blend, target, source, *pixel).map(|value| rounded(target, rounding, value));

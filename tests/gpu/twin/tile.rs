@@ -1,6 +1,7 @@
 //! Twin of `shaders/tile.wgsl`: from splats and the tiles' masks to pixels.
 
-use super::{WHOLE_CELL, absorbed, depth_at, high_half, low_half};
+use super::near::splat_depth;
+use super::{WHOLE_CELL, absorbed, high_half, low_half};
 use adjsplat::internals::gpu_stages::BlendMode;
 use adjsplat::internals::gpu_stages::{BATCH, FrameUniform, Splat, TILE};
 
@@ -42,9 +43,7 @@ fn pixel(
             }
             // The device draws whole tiles; their pixels outside a splat's box are outside its ellipse too.
             if columns.contains(&x) && rows.contains(&y) {
-                let dx = splat.corner_x + (x - columns.start()) as f32;
-                let dy = splat.corner_y + (y - rows.start()) as f32;
-                let depth = depth_at(dx, dy, splat, frame.cut_exponent);
+                let depth = splat_depth(frame, splat, [x, y]);
                 if depth > 0.0 {
                     pixel = blended(blend, pixel, splat, depth);
                 }

@@ -33,8 +33,7 @@ fn the_picture_has_the_same_bits_for_any_threads_and_alpha_in_any_order() {
     }
 }
 
-/// The eye of this view is on planes of all three axes, and beyond the near distance of 4.2: nothing may be drawn before
-/// what hides it.
+/// The eye of this view is on planes of all three axes: nothing may be drawn before what hides it.
 #[test]
 fn an_eye_inside_sees_the_near_voxel_before_the_far_one() {
     let scene = made([21, 21, 21], [1.0; 3], |at| match at {

@@ -13,9 +13,10 @@ use crate::arena::layout::line_end_bytes;
 use crate::splat::Lighting;
 use crate::splat::arith::LOG2_E;
 use crate::splat::composite::MAX_DEPTH;
-use crate::splat::kernel::footprint;
+use crate::splat::kernel::{KernelShape, footprint};
+use crate::splat::near::NearView;
 use crate::splat::setup::FrameSetup as Shot;
-use crate::splat::view::{Affine, PixelMap, single};
+use crate::splat::view::{Affine, PixelMap, View, single};
 use crate::traverse::{AxisOrder, Sense, SplitForm, VoxelBox};
 
 pub const LINES: u32 = 64; // Most lines of a block, and invocations of a workgroup of the walk.
@@ -56,6 +57,9 @@ pub struct FrameUniform {
     pub window: [i32; 4],
     pub crop_low: [u32; 4],
     pub crop_high: [u32; 4],
+    pub rays: [[f32; 4]; 3],
+    pub eye_voxel: [f32; 4],
+    pub eye_rest: [f32; 4],
     pub eye_ceil: i32,
     pub eye_twice: i32,
     pub fast_order: u32,
@@ -171,6 +175,7 @@ impl FrameUniform {
                 uniform.centre = centre.map(|c| c as f32);
                 uniform.focal = *focal as f32;
                 uniform.near = *near as f32;
+                uniform.set_near(view, *kernel);
                 uniform.is_perspective = 1;
                 camera_from_voxel
             }
@@ -212,5 +217,18 @@ impl FrameUniform {
         uniform.picture_rows = view.size[1];
         uniform.tile_columns = ((window[2] - window[0]).cast_unsigned()).div_ceil(TILE);
         uniform
+    }
+
+    /// Sets what the voxels near the eye of a perspective view need.
+    fn set_near(&mut self, view: &View, kernel: KernelShape) {
+        // Farther eyes have no voxels near them; the limit keeps squares finite.
+        const FAR: f64 = 1e9;
+        let Some(near) = NearView::new(view, kernel, false) else { return };
+        let eye = near.eye.to_array().map(|c| c.clamp(-FAR, FAR));
+        let [right, up, forward] = [near.right, near.up, near.forward];
+        let extended = |[x, y, z]: [f32; 3], w: f32| [x, y, z, w];
+        self.rays = [extended(right, 0.0), extended(up, 0.0), extended(forward, near.strength.unwrap_or_default())];
+        self.eye_voxel = extended(eye.map(|c| c.round() as f32), kernel.radius);
+        self.eye_rest = extended(eye.map(|c| (c - c.round()) as f32), near.least_depth as f32);
     }
 }

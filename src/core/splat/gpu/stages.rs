@@ -1,7 +1,8 @@
 //! The pipelines of the stages, and the binding of their buffers.
 //!
 //! In: a device. Out: the compute stages walk, project, bin and tile, and the drawing stage splat, the last two for
-//! each [`BlendMode`]. A shader is `shaders/common.wgsl` followed by its own file; its twin (the same stage in Rust,
+//! each [`BlendMode`]. A shader is `shaders/common.wgsl` followed by its own file, of those two stages also by
+//! `shaders/near.wgsl`; its twin (the same stage in Rust,
 //! for tests) has the same name in tests/gpu/twin.
 
 use std::sync::OnceLock;
@@ -20,8 +21,8 @@ use crate::splat::Mode;
 use crate::traverse::Sense;
 
 macro_rules! shader {
-    ($file:literal) => {
-        concat!(include_str!("shaders/common.wgsl"), include_str!(concat!("shaders/", $file)))
+    ($($file:literal),+) => {
+        concat!(include_str!("shaders/common.wgsl"), $(include_str!(concat!("shaders/", $file))),+)
     };
 }
 
@@ -30,8 +31,8 @@ pub const SHADERS: [(&str, &str); 5] = [
     ("walk", shader!("walk.wgsl")),
     ("project", shader!("project.wgsl")),
     ("bin", shader!("bin.wgsl")),
-    ("tile", shader!("tile.wgsl")),
-    ("splat", shader!("splat.wgsl")),
+    ("tile", shader!("near.wgsl", "tile.wgsl")),
+    ("splat", shader!("near.wgsl", "splat.wgsl")),
 ];
 
 pub(crate) const RESOLVE: &str = shader!("resolve.wgsl"); // The text of the shader that writes pixels to a texture.

@@ -20,7 +20,7 @@ struct FrameUniform {
     half_width: vec2<f32>, // Parallel: half the width and height of a footprint's box, in pixels.
     centre: vec2<f32>, // Pixel where the view axis meets the picture.
     focal: f32, // Focal length, in pixels.
-    near: f32, // Voxels with a smaller depth along the view axis are not drawn.
+    near: f32, // Voxels with a smaller depth along the view axis have no footprint: see near.wgsl.
     sigma: f32, // Standard deviation of the kernel, in voxels.
     cut_off: f32, // Radius at which the kernel is cut off, in sigmas.
     cut_exponent: f32, // Exponent of the kernel at the cut-off radius, in units of ln 2.
@@ -30,6 +30,11 @@ struct FrameUniform {
     window: vec4<i32>, // First column and row, one past the last column and row.
     crop_low: vec4<u32>, // Voxels outside this box are not drawn; both ends are inside.
     crop_high: vec4<u32>,
+    // Perspective: change of a ray's direction in voxel coordinates by tangent to the right, by tangent upward, and its
+    // direction forward. w of the last: peak of a near voxel of optical depth 1 for each unit of the ray's stretch.
+    rays: array<vec4<f32>, 3>,
+    eye_voxel: vec4<f32>, // The eye in voxel coordinates, rounded. w: radius of the kernel, in voxels.
+    eye_rest: vec4<f32>, // What the eye has beyond that. w: near voxels with a smaller depth are not drawn.
     eye_ceil: i32, // The eye's coordinate on the fast axis, rounded up.
     eye_twice: i32, // Twice that coordinate, rounded down.
     fast_order: u32, // ASCENDING, DESCENDING, SPLIT or INTERLEAVED.
@@ -76,12 +81,15 @@ struct Splat {
     // from the left of the whole picture, so that a splat is the same in every window.
     columns: u32,
     rows: u32, // First row in the low half, last row in the high half.
+    // The footprint. A voxel near the eye has none: then `falloff_y` is NEAR_SPLAT, `corner_x`, `corner_y` and
+    // `falloff_x` are the voxel minus the eye in voxel coordinates, and `shear` is the kernel at the eye over its peak.
     corner_x: f32, // From the centre to the first column, in pixels.
     corner_y: f32, // From the centre to the first row, in pixels.
     falloff_x: f32, // Exponent per squared pixel of distance from the ridge along a row, in units of ln 2.
     falloff_y: f32, // Exponent per squared pixel from row to row, in units of ln 2.
     shear: f32, // By how many columns the ellipse's ridge moves per row.
-    peak: f32, // Optical depth at the centre in units of ln 2, or normalised value.
+    // Optical depth at the centre in units of ln 2, or normalised value. Of a voxel near the eye: that of the voxel.
+    peak: f32,
     red: f32, // Linear colour, lit.
     green: f32,
     blue: f32,
@@ -89,6 +97,7 @@ struct Splat {
 
 const BATCH: u32 = 256u; // Number of splats of a batch, and of invocations of a workgroup.
 const TILE: i32 = 16; // Side of a tile of the picture, in pixels.
+const NEAR_SPLAT: f32 = -1.0; // `falloff_y` of a voxel near the eye.
 const NOTHING: u32 = 1u; // `columns` and `rows` of a splat without pixels: first pixel 1, last pixel 0.
 
 const LN_2: f32 = 0.6931471805599453;

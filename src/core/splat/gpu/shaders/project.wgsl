@@ -167,6 +167,96 @@ fn nothing() -> Splat {
     return Splat(NOTHING, NOTHING, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0);
 }
 
+// Returns the lit colour of a voxel.
+fn colour_of(voxel: VisitedVoxel, xyz: vec3<u32>, colour: vec3<f32>) -> vec3<f32> {
+    if frame.shininess == 0u {
+        return colour;
+    }
+    var toward = frame.eye.xyz;
+    if frame.is_perspective == 1u {
+        let at = vec3<f32>(xyz) * vec3<f32>(frame.steps[0].w, frame.steps[1].w, frame.steps[2].w);
+        let sight = frame.eye.xyz - at;
+        toward = sight / sqrt(max(dot(sight, sight), TINY));
+    }
+    let light = shade(normal_of(voxel.record), toward);
+    return colour * light.x + light.y;
+}
+
+// Returns how the distance to the right (0), up (1) or forward (2) changes with a step of one voxel along each axis.
+fn gradient(side: u32) -> vec3<f32> {
+    return vec3<f32>(frame.steps[0][side], frame.steps[1][side], frame.steps[2][side]);
+}
+
+// Returns the smallest and the largest tangent of points in front of the eye that lie in a ball, in voxel coordinates:
+// near.rs, tangents. The first is larger if there are none.
+fn tangents(along: vec3<f32>, centre: vec3<f32>, radius: f32) -> vec2<f32> {
+    let forward = gradient(2u);
+    let aside = dot(along, centre);
+    let depth = dot(forward, centre);
+    let square = radius * radius;
+    let a = depth * depth - square * dot(forward, forward);
+    var b = aside * depth - square * dot(along, forward);
+    let c = aside * aside - square * dot(along, along);
+    let root = sqrt(max(b * b - a * c, 0.0));
+    // Single precision has lost a where it is smaller than this.
+    if a > 1.0e-3 * depth * depth {
+        return select(vec2<f32>(1.0, -1.0), vec2<f32>(b - root, b + root) / a, depth > 0.0);
+    }
+    if c <= 1.0e-3 * aside * aside {
+        return vec2<f32>(-FAR, FAR);
+    }
+    b *= sign(aside);
+    var least = 0.0;
+    if b > 0.0 {
+        least = c / (b + root);
+    } else if a < 0.0 {
+        least = (b - root) / a;
+    }
+    return select(vec2<f32>(-FAR, -least), vec2<f32>(least, FAR), aside > 0.0);
+}
+
+// Returns the first and the last pixel between two tangents, and some more for rounding, clipped to `low ..= high`.
+fn pixels_between(centre: f32, first: f32, last: f32, low: i32, high: i32) -> vec2<i32> {
+    let ends = frame.focal * vec2<f32>(first, last);
+    let more = 1.0 + 1.0e-3 * abs(ends);
+    let pixels = clamp(centre + ends + vec2<f32>(-more.x, more.y), vec2<f32>(-FAR), vec2<f32>(FAR));
+    return vec2<i32>(max(i32(floor(pixels.x)), low), min(i32(ceil(pixels.y)), high));
+}
+
+// Returns the splat of a voxel near the eye.
+fn near_splat(voxel: VisitedVoxel, xyz: vec3<u32>, depth: f32) -> Splat {
+    if !(depth >= frame.eye_rest.w) {
+        return nothing();
+    }
+    let offset = (vec3<f32>(xyz) - frame.eye_voxel.xyz) - frame.eye_rest.xyz;
+    let radius = frame.eye_voxel.w;
+    let square = dot(offset, offset);
+    var columns = vec2<i32>(frame.window.x, frame.window.z - 1);
+    var rows = vec2<i32>(0, i32(frame.picture_rows) - 1);
+    var at_eye = 0.0;
+    if square <= radius * radius {
+        at_eye = exp2(-0.5 * LOG2_E / (frame.sigma * frame.sigma) * square);
+    } else {
+        let x = tangents(gradient(0u), offset, radius);
+        let y = tangents(gradient(1u), offset, radius);
+        if x.x > x.y || y.x > y.y {
+            return nothing();
+        }
+        columns = pixels_between(frame.centre.x, x.x, x.y, columns.x, columns.y);
+        rows = pixels_between(frame.centre.y, -y.y, -y.x, rows.x, rows.y);
+    }
+    let is_in_window = rows.x < frame.window.w && rows.y >= frame.window.y;
+    let look = look_of(voxel.record);
+    if columns.x > columns.y || rows.x > rows.y || !is_in_window || !(look.w > 0.0) {
+        return nothing();
+    }
+    let colour = colour_of(voxel, xyz, look.xyz);
+    return Splat(
+        u32(columns.x) | (u32(columns.y) << 16u), u32(rows.x) | (u32(rows.y) << 16u),
+        offset.x, offset.y, offset.z, NEAR_SPLAT, at_eye, look.w, colour.x, colour.y, colour.z,
+    );
+}
+
 fn splat_of(voxel: VisitedVoxel) -> Splat {
     let xyz = vec3<u32>(voxel.xy & 0xffffu, voxel.xy >> 16u, voxel.z);
     if any(xyz < frame.crop_low.xyz) || any(xyz > frame.crop_high.xyz) {
@@ -183,7 +273,7 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
     } else {
         let depth = coordinate(frame.rows[2], frame.shifts.z, xyz);
         if !(depth >= frame.near) {
-            return nothing();
+            return near_splat(voxel, xyz, depth);
         }
         let closeness = 1.0 / depth;
         let tx = coordinate(frame.rows[0], frame.shifts.x, xyz) * closeness;
@@ -191,10 +281,8 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
         x = nearest_pixel(frame.centre.x + frame.focal * tx);
         y = nearest_pixel(frame.centre.y - frame.focal * ty);
         let scale = frame.focal * closeness;
-        let right = vec3<f32>(frame.steps[0].x, frame.steps[1].x, frame.steps[2].x);
-        let up = vec3<f32>(frame.steps[0].y, frame.steps[1].y, frame.steps[2].y);
-        let forward = vec3<f32>(frame.steps[0].z, frame.steps[1].z, frame.steps[2].z);
-        ellipse = footprint(scale * (right - tx * forward), scale * (ty * forward - up));
+        let forward = gradient(2u);
+        ellipse = footprint(scale * (gradient(0u) - tx * forward), scale * (ty * forward - gradient(1u)));
         strength *= ellipse.density * sqrt(1.0 + tx * tx + ty * ty) * (closeness * closeness);
     }
     let columns = span(x, ellipse.half_width.x, frame.window.x, frame.window.z - 1);
@@ -208,17 +296,7 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
     if !(peak > 0.0) {
         return nothing();
     }
-    var colour = look.xyz;
-    if frame.shininess > 0u {
-        var toward = frame.eye.xyz;
-        if frame.is_perspective == 1u {
-            let at = vec3<f32>(xyz) * vec3<f32>(frame.steps[0].w, frame.steps[1].w, frame.steps[2].w);
-            let sight = frame.eye.xyz - at;
-            toward = sight / sqrt(max(dot(sight, sight), TINY));
-        }
-        let light = shade(normal_of(voxel.record), toward);
-        colour = colour * light.x + light.y;
-    }
+    let colour = colour_of(voxel, xyz, look.xyz);
     return Splat(
         u32(columns.x) | (u32(columns.y) << 16u), u32(rows.x) | (u32(rows.y) << 16u),
         f32(columns.x - x.nearest) - x.fraction, f32(rows.x - y.nearest) - y.fraction,

@@ -35,9 +35,11 @@ fn corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) slot: u32
 fn pixel(in: Corner) -> @location(0) vec4<f32> {
     let splat = splats[in.slot];
     let at = vec2<i32>(floor(in.position.xy)) + frame.window.xy;
-    let dx = splat.corner_x + f32(at.x - low_half(splat.columns));
-    let dy = splat.corner_y + f32(at.y - low_half(splat.rows));
-    let depth = depth_at(dx, dy, splat.falloff_x, splat.falloff_y, splat.shear, splat.peak, frame.cut_exponent);
+    let from_low = vec2<f32>(at - vec2<i32>(low_half(splat.columns), low_half(splat.rows)));
+    let away = select(from_low, vec2<f32>(0.0), splat.falloff_y < 0.0);
+    let dx = splat.corner_x + away.x;
+    let dy = splat.corner_y + away.y;
+    let depth = splat_depth(dx, dy, splat.falloff_x, splat.falloff_y, splat.shear, splat.peak, at);
     let colour = vec4<f32>(splat.red, splat.green, splat.blue, 1.0);
     if BLEND == MAXIMUM {
         return min(vec4<f32>(depth * WHOLE_CELL), colour);

@@ -19,7 +19,7 @@ const ADDITIVE: u32 = 2u;
 const WHOLE_CELL: f32 = 2.718281828459045;
 
 struct TileSplat {
-    dx: f32, // From the splat's centre to the tile's first pixel, in pixels.
+    dx: f32, // From the splat's centre to the tile's first pixel, in pixels; of a voxel near the eye as in Splat.
     dy: f32,
     falloff_x: f32,
     falloff_y: f32,
@@ -49,10 +49,11 @@ fn is_open(pixel: vec4<f32>) -> bool {
     return BLEND != FRONT_TO_BACK || pixel.w >= frame.termination;
 }
 
-// Returns the pixel after splat `j` of the batch; `place` is the pixel's position in its tile.
-fn composite(pixel: vec4<f32>, j: u32, place: vec2<f32>) -> vec4<f32> {
+// Returns the pixel after splat `j` of the batch; `place` is the pixel's position in its tile, `at` in the picture.
+fn composite(pixel: vec4<f32>, j: u32, place: vec2<f32>, at: vec2<i32>) -> vec4<f32> {
     let s = batch_splats[j];
-    let depth = depth_at(s.dx + place.x, s.dy + place.y, s.falloff_x, s.falloff_y, s.shear, s.peak, frame.cut_exponent);
+    let away = select(place, vec2<f32>(0.0), s.falloff_y < 0.0);
+    let depth = splat_depth(s.dx + away.x, s.dy + away.y, s.falloff_x, s.falloff_y, s.shear, s.peak, at);
     if depth > 0.0 && is_open(pixel) {
         return blend(pixel, colours[j], depth);
     }
@@ -98,8 +99,9 @@ fn tile(
             let low = vec2<i32>(low_half(splat.columns), low_half(splat.rows));
             let high = vec2<i32>(high_half(splat.columns), high_half(splat.rows));
             if all(low <= high) && all(high >= corner) && all(low < corner + TILE) {
-                let dx = splat.corner_x + f32(corner.x - low.x);
-                let dy = splat.corner_y + f32(corner.y - low.y);
+                let away = select(vec2<f32>(corner - low), vec2<f32>(0.0), splat.falloff_y < 0.0);
+                let dx = splat.corner_x + away.x;
+                let dy = splat.corner_y + away.y;
                 batch_splats[local] = TileSplat(dx, dy, splat.falloff_x, splat.falloff_y, splat.shear, splat.peak);
                 colours[local] = vec3<f32>(splat.red, splat.green, splat.blue);
                 atomicOr(&hits[local >> 5u], 1u << (local & 31u));
@@ -109,18 +111,18 @@ fn tile(
                 var hit = atomicLoad(&hits[h]);
                 // Four splats per turn: each turn takes time, and one driver ends loops after 65,535 turns (budget.rs).
                 while hit != 0u {
-                    pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner);
+                    pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner, at);
                     hit &= hit - 1u;
                     if hit != 0u {
-                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner);
+                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner, at);
                         hit &= hit - 1u;
                     }
                     if hit != 0u {
-                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner);
+                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner, at);
                         hit &= hit - 1u;
                     }
                     if hit != 0u {
-                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner);
+                        pixel = composite(pixel, 32u * h + firstTrailingBit(hit), from_corner, at);
                         hit &= hit - 1u;
                     }
                 }

@@ -1,0 +1,51 @@
+//! Twin of `shaders/near.wgsl`: the optical depth of a splat at a pixel, also of voxels near the eye.
+
+use super::{depth_at, low_half};
+use adjsplat::internals::gpu_stages::{FrameUniform, Splat};
+
+/// Returns the optical depth of a splat at a pixel, in units of ln 2; 0 outside its kernel.
+pub(crate) fn splat_depth(frame: &FrameUniform, splat: &Splat, [x, y]: [i32; 2]) -> f32 {
+    if splat.falloff_y < 0.0 {
+        let offset = [splat.corner_x, splat.corner_y, splat.falloff_x];
+        return near_depth(frame, offset, splat.shear, splat.peak, ray_at(frame, [x, y]));
+    }
+    let dx = splat.corner_x + (x - low_half(splat.columns)) as f32;
+    let dy = splat.corner_y + (y - low_half(splat.rows)) as f32;
+    depth_at(dx, dy, splat, frame.cut_exponent)
+}
+
+/// Returns the unit direction of a pixel's ray, and the peak of a kernel of optical depth 1 on it.
+fn ray_at(frame: &FrameUniform, [x, y]: [i32; 2]) -> ([f32; 3], f32) {
+    let tangent = [x as f32 - frame.centre[0], y as f32 - frame.centre[1]].map(|at| at / frame.focal);
+    let [right, up, forward] = frame.rays;
+    let along = [0, 1, 2].map(|a| forward[a] + right[a] * tangent[0] - up[a] * tangent[1]);
+    let per_length = 1.0 / dot(along, along).max(f32::MIN_POSITIVE).sqrt();
+    let stretch = (1.0 + (tangent[0] * tangent[0] + tangent[1] * tangent[1])).sqrt() * per_length;
+    let strength = if frame.is_maximum == 1 { 1.0 } else { forward[3] * stretch };
+    (along.map(|c| c * per_length), strength)
+}
+
+fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn tail_ratio(z: f32) -> f32 {
+    let q = 1.0 / (1.0 + 0.28 * z);
+    let square = q * q;
+    let low = -0.001_111_21 + 0.125_905_96 * q;
+    let middle = 0.035_174_4 + 0.327_135_5 * q;
+    let high = (-0.294_952_74 + 0.420_143_79 * q) + -0.112_295_58 * square;
+    low + square * (middle + square * high)
+}
+
+fn near_depth(frame: &FrameUniform, r: [f32; 3], at_eye: f32, peak: f32, (u, strength): ([f32; 3], f32)) -> f32 {
+    let aside = [r[1] * u[2] - r[2] * u[1], r[2] * u[0] - r[0] * u[2], r[0] * u[1] - r[1] * u[0]];
+    let q = 0.5 * std::f32::consts::LOG2_E / (frame.sigma * frame.sigma) * dot(aside, aside);
+    let t = dot(r, u);
+    let mut weight = at_eye * tail_ratio((t.abs() / frame.sigma).min(6.0));
+    if t > 0.0 {
+        let whole = if q <= frame.cut_exponent { (-q).exp2() } else { 0.0 };
+        weight = (whole - weight).max(0.0);
+    }
+    (peak * strength).min(frame.max_depth) * weight
+}
