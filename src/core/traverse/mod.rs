@@ -7,7 +7,8 @@ mod decode;
 mod gather;
 mod lines;
 mod order;
-mod prefix;
+mod sides;
+mod simd;
 mod tiles;
 mod walk;
 

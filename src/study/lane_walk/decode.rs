@@ -2,7 +2,7 @@
 
 use super::store::{CHUNK, LaneStore};
 use super::traced_vec::TracedVec;
-use crate::trace::Trace;
+use crate::trace::{Trace, Untraced};
 
 /// Largest distance between the index of a record in a batch and that of the batch's first line.
 const REACH: u64 = 1 << 31;
@@ -33,15 +33,27 @@ impl TracedBatch {
 
     /// Traces the write of sixteen voxels at index `from` and after it, as one access per array.
     #[inline]
-    fn write_chunk<T: Trace>(&self, from: usize, trace: &mut T) {
+    pub(super) fn write_chunk<T: Trace>(&self, from: usize, trace: &mut T) {
         self.medium.write(from, CHUNK, trace);
         self.fast.write(from, CHUNK, trace);
         self.record.write(from, CHUNK, trace);
     }
 
+    /// Returns the coordinate on the fast axis and the record of the voxel at `place`; the read is not traced.
+    pub(super) fn voxel(&self, place: usize) -> (u16, u32) {
+        (self.fast.items()[place], self.record.items()[place])
+    }
+
     /// Stores one voxel at `place`. It traces the write unless `is_traced`, which says that its chunk was traced.
     #[inline]
-    fn put<T: Trace>(&mut self, place: usize, medium: u16, (fast, record): (u16, u32), is_traced: bool, trace: &mut T) {
+    pub(super) fn put<T: Trace>(
+        &mut self,
+        place: usize,
+        medium: u16,
+        (fast, record): (u16, u32),
+        is_traced: bool,
+        trace: &mut T,
+    ) {
         if is_traced {
             self.medium.items_mut()[place] = medium;
             self.fast.items_mut()[place] = fast;
@@ -157,4 +169,36 @@ pub(super) fn decode_down<S: LaneStore, T: Trace>(
         }
     });
     start
+}
+
+/// Decodes a line whose voxels are on both sides of the eye, ascending, from index `at` of `out` on; returns the index
+/// after the last one, and whether the line has stepping records.
+///
+/// The walk first writes coordinates alone. Where it finds a stepping record it starts again and writes all three arrays.
+pub(super) fn decode_ascending<S: LaneStore, T: Trace>(
+    store: &S,
+    line: SliceLine,
+    base: u64,
+    out: &mut TracedBatch,
+    at: usize,
+    trace: &mut T,
+) -> (usize, bool) {
+    let from = usize::try_from(line.first_record).expect("a sound line lies in memory");
+    let count = usize::from(line.count);
+    let has_stepping = (0..count).step_by(CHUNK).any(|done| {
+        let steps = store.steps(from + done, trace);
+        let has_stepping = steps[..CHUNK.min(count - done)].contains(&0);
+        if !has_stepping {
+            out.fast.write(at + done, CHUNK, trace);
+        }
+        has_stepping
+    });
+    let end = if has_stepping {
+        decode_up(store, line, base, out, at, trace)
+    } else {
+        decode_up(store, line, base, out, at, &mut Untraced)
+    };
+    // The chunk that closes the line.
+    out.fast.write(end, CHUNK, trace);
+    (end, has_stepping)
 }

@@ -19,7 +19,12 @@ pub(super) const SLICES: usize = 7;
 pub(super) const LINES: usize = 8;
 pub(super) const MEDIUMS: usize = 9;
 pub(super) const TWO_SIDED: usize = 10;
-/// First of three arrays of a batch: coordinates on the medium axis, on the fast axis, and records. A line's follow.
+/// Number of lines that are decoded before their voxels are put in the order of an axis with voxels on both sides of
+/// the eye.
+pub(super) const LINES_AT_ONCE: usize = 4;
+
+/// First of three arrays of a batch: coordinates on the medium axis, on the fast axis, and records. Those of a few lines
+/// follow.
 pub(super) const BATCH_ARRAYS: usize = 11;
 pub(super) const LINE_ARRAYS: usize = 14;
 
@@ -53,7 +58,7 @@ impl ScratchSizes {
     /// Returns the scratch arrays, in the order of their numbers.
     pub(crate) fn arrays(self) -> [WalkerArray; 17] {
         let rows = self.lines() / self.edge.max(1) + 1;
-        let (batch, line) = (self.points.max(BATCH) + 2 * CHUNK, self.points + 2 * CHUNK);
+        let (batch, line) = (self.points.max(BATCH) + 2 * CHUNK, LINES_AT_ONCE * (self.points + 3 * CHUNK));
         let sizes = [
             ("wanted tiles", 4 * self.tiles),
             ("tiles by column", 4 * self.tiles),

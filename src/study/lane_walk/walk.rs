@@ -4,14 +4,16 @@
 use std::ops::Range;
 
 use super::CodesRead;
-use super::decode::{SliceLine, TracedBatch, decode_down, decode_up, group};
-use super::scratch_sizes::{BATCH, BATCH_ARRAYS, LINE_ARRAYS, LINES, MEDIUMS, SLICES, ScratchSizes, TWO_SIDED};
+use super::decode::{SliceLine, TracedBatch, decode_ascending, decode_down, decode_up, group};
+use super::scratch_sizes::{
+    BATCH, BATCH_ARRAYS, LINE_ARRAYS, LINES, LINES_AT_ONCE, MEDIUMS, SLICES, ScratchSizes, TWO_SIDED,
+};
 use super::sort::sorted_tiles;
 use super::store::{CHUNK, LaneStore, Mask, has_bit, rank};
 use super::traced_vec::TracedVec;
 use crate::trace::Trace;
 use adjsplat::internals::scatter::BLOCK;
-use adjsplat::traverse::{AxisOrder, Batch, Order};
+use adjsplat::traverse::{AxisOrder, Batch, Order, Sense, SplitForm};
 use adjsplat::volume::Axis;
 
 /// Up to [`BLOCK`] voxels of a batch, as the renderer's first stage takes them, with their codes.
@@ -73,7 +75,9 @@ struct TracedWalk<'s, 't, S, T> {
     mediums: TracedVec<u16>,
     two_sided: TracedVec<SliceLine>,
     batch: TracedBatch,
-    line: TracedBatch,
+    /// A few lines whose voxels are on both sides of the eye, ascending; each has room for `line_room` voxels.
+    ascending: TracedBatch,
+    line_room: usize,
     /// Number of voxels for which a batch has room.
     capacity: usize,
 }
@@ -88,6 +92,12 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         // Each walk allocates a batch that is large enough for its own lane.
         let longest = points(store.axis()) as usize;
         let capacity = longest.max(BATCH);
+        let line_room = longest + 3 * CHUNK;
+        let ascending = TracedBatch::new(sizes.first_array + LINE_ARRAYS, LINES_AT_ONCE * line_room);
+        if matches!(order.along[order.fast.index()], AxisOrder::TwoSided { .. }) {
+            // Zeros come before each line.
+            (0..LINES_AT_ONCE).for_each(|line| ascending.fast.write(line * line_room, CHUNK, trace));
+        }
         TracedWalk {
             store,
             order,
@@ -101,7 +111,8 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
             mediums: TracedVec::new(sizes.first_array + MEDIUMS, sizes.lines()),
             two_sided: TracedVec::new(sizes.first_array + TWO_SIDED, sizes.lines()),
             batch: TracedBatch::new(sizes.first_array + BATCH_ARRAYS, capacity + 2 * CHUNK),
-            line: TracedBatch::new(sizes.first_array + LINE_ARRAYS, longest + 2 * CHUNK),
+            ascending,
+            line_room,
             capacity,
         }
     }
@@ -256,25 +267,94 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
                 }
                 start..top
             }
-            sides @ AxisOrder::TwoSided { .. } => {
-                let mut end = CHUNK;
-                for item in lines {
-                    let line = list.get(item, trace);
-                    let line_end = decode_up(store, line, base, &mut self.line, CHUNK, trace);
-                    let coordinates = self.line.fast.items()[CHUNK..line_end].to_vec();
-                    sides.for_each_index(&coordinates, |index| {
-                        self.batch.medium.set(end, line.medium, trace);
-                        let fast = self.line.fast.get(CHUNK + index, trace);
-                        self.batch.fast.set(end, fast, trace);
-                        let record = self.line.record.get(CHUNK + index, trace);
-                        self.batch.record.set(end, record, trace);
-                        end += 1;
-                    });
-                }
-                CHUNK..end
+            AxisOrder::TwoSided { eye, form, sense } => {
+                self.decode_sides(lines, is_two_sided, base, (eye, form, sense))
             }
         };
         self.hand_over(range, base, slow, visit);
+    }
+
+    /// Decodes the slice's lines in the range `lines` to the batch, each in the order of an axis with voxels on both sides
+    /// of the eye; returns the range of the batch that they fill.
+    fn decode_sides(
+        &mut self,
+        lines: Range<usize>,
+        is_two_sided: bool,
+        base: u64,
+        (eye, form, sense): (f64, SplitForm, Sense),
+    ) -> Range<usize> {
+        let list = if is_two_sided { &self.two_sided } else { &self.lines };
+        let far_to_near = AxisOrder::TwoSided { eye, form, sense: Sense::BackToFront };
+        let is_down = sense == Sense::FrontToBack;
+        let top = CHUNK + self.capacity;
+        let mut at = if is_down { top } else { CHUNK };
+        let all: Vec<usize> = lines.collect();
+        let groups: Vec<&[usize]> =
+            if is_down { all.rchunks(LINES_AT_ONCE).collect() } else { all.chunks(LINES_AT_ONCE).collect() };
+        for group in groups {
+            let mut decoded = Vec::new();
+            for (index, &item) in group.iter().enumerate() {
+                let line = list.get(item, self.trace);
+                let first = index * self.line_room + CHUNK;
+                let (store, ascending) = (self.store, &mut self.ascending);
+                let (end, has_stepping) = decode_ascending(store, line, base, ascending, first, self.trace);
+                decoded.push((line, first..end, has_stepping));
+            }
+            if is_down {
+                decoded.reverse();
+            }
+            for (line, places, has_stepping) in decoded {
+                let coordinates = &self.ascending.fast.items()[places.clone()];
+                let mut sequence = Vec::new();
+                far_to_near.for_each_index(coordinates, |index| sequence.push(index));
+                // How many voxels come from either end before the other end or the next kind of chunk follows.
+                let segments = match form {
+                    SplitForm::Interleaved => vec![coordinates.len()],
+                    SplitForm::Split => {
+                        let meet = coordinates.partition_point(|&c| f64::from(c) < eye);
+                        let on_plane = usize::from(coordinates.get(meet).is_some_and(|&c| f64::from(c) == eye));
+                        vec![meet, coordinates.len() - meet - on_plane, on_plane]
+                    }
+                };
+                let (mut low, mut high) = (0, coordinates.len());
+                let mut sequence = sequence.as_slice();
+                for segment in segments {
+                    let (now, later) = sequence.split_at(segment);
+                    sequence = later;
+                    for chunk in now.chunks(CHUNK) {
+                        let reads_low = form == SplitForm::Interleaved || chunk[0] == low;
+                        if reads_low {
+                            self.ascending.fast.read(places.start + low, CHUNK, self.trace);
+                        }
+                        if form == SplitForm::Interleaved || !reads_low {
+                            self.ascending.fast.read(places.start + high - CHUNK, CHUNK, self.trace);
+                        }
+                        self.batch.write_chunk(if is_down { at - CHUNK } else { at }, self.trace);
+                        for &index in chunk {
+                            let voxel = self.ascending.voxel(places.start + index);
+                            at -= usize::from(is_down);
+                            self.batch.put(at, line.medium, voxel, true, self.trace);
+                            at += usize::from(!is_down);
+                            if index == low {
+                                low += 1;
+                            } else {
+                                high -= 1;
+                            }
+                        }
+                    }
+                }
+                if has_stepping {
+                    // Their records are looked up once more.
+                    let written = if is_down { at..at + coordinates.len() } else { at - coordinates.len()..at };
+                    for place in written {
+                        self.batch.record.read(place, 1, self.trace);
+                        self.ascending.record.read(places.start, 1, self.trace);
+                        self.batch.record.write(place, 1, self.trace);
+                    }
+                }
+            }
+        }
+        if is_down { at..top } else { CHUNK..at }
     }
 
     /// Reads the batch's voxels in `range` as the renderer's first stage does, and calls `visit` block by block.

@@ -69,6 +69,23 @@ fn the_longest_line_with_a_voxel_at_each_end() {
 }
 
 #[test]
+fn an_eye_near_an_end_of_a_long_line() {
+    for length in [16_383, 16_384, 16_385, 40_000, LONGEST] {
+        let volume = CodeVolume::new([length, 1, 1], |[x, ..]| u8::from(x % 7 < 3));
+        let ascending: Vec<u16> = (0..length).filter(|x| x % 7 < 3).map(|x| x as u16).collect();
+        let lane = volume.pack(Axis::X, PLAIN, TileOrder::Morton);
+        for eye in [0.3, 40.0, 700.5, f64::from(length) / 2.0, f64::from(length) - 700.0, f64::from(length) - 1.5] {
+            for (_, order) in eye_orders([eye, 0.0, 0.0], volume.dims).filter(|(_, order)| order.fast == Axis::X) {
+                let mut expected = Vec::new();
+                order.along[0].for_each_index(&ascending, |index| expected.push(u32::from(ascending[index])));
+                let seen: Vec<u32> = visits(&lane.view(), &order).iter().map(|(at, _)| at[0]).collect();
+                assert!(seen == expected, "{length} points: {order:?}");
+            }
+        }
+    }
+}
+
+#[test]
 fn lines_longer_than_a_batch_and_batches_of_many_lines() {
     for dims in [[5_000, 5, 2], [3, 5_000, 2], [2, 3, 5_000], [200, 90, 3], [3, 200, 90], [90, 3, 200]] {
         let volume = CodeVolume::new(dims, |[x, y, z]| 1 + ((x * 7 + y * 5 + z * 3) % 255) as u8);
