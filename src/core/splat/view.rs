@@ -9,7 +9,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::camera::{Camera, Projection, SOUND_LENGTHS, WorldFrame};
-use super::kernel::{KernelShape, LOW_PASS};
+use super::kernel::KernelShape;
 use super::near::NEAR;
 use super::{require, require_pixels, require_positive};
 use crate::error::{Error, Result};
@@ -124,9 +124,7 @@ impl View {
             }
             Projection::Perspective { fov } => {
                 let focal = rows / 2.0 / (fov.to_radians() / 2.0).tan();
-                // Footprints narrower than the low-pass are affine ones, which it widens.
-                let wide = focal * f64::from(kernel.sigma) / f64::from(LOW_PASS);
-                let near = clip.max(wide.min(NEAR * step_forward.sqrt()).max(reach));
+                let near = clip.max(NEAR * step_forward.sqrt());
                 let map = PixelMap::Perspective { camera_from_voxel, focal, centre, near };
                 (map, Viewpoint::Perspective { eye: eye_voxel, toward: unit(toward) })
             }
