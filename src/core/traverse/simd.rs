@@ -229,8 +229,7 @@ mod sse2 {
 mod plain {
     use super::{CHUNK, LineChunk};
 
-    #[cold]
-    #[inline(never)]
+    #[cfg_attr(target_arch = "x86_64", cold, inline(never))]
     pub(in super::super) fn merge_ends(
         lows: &[u16; CHUNK],
         highs: &[u16; CHUNK],
