@@ -112,8 +112,8 @@ pub fn order(index: usize) -> Order {
     Order::parallel(index / 8, u8::try_from(index % 8).expect("below 8"))
 }
 
-/// Measures every `stride`-th of `views`, each `repetitions` times; `go_on` receives the views done and in total, and can
-/// cancel.
+/// Measures every `stride`-th of `views`, each `repetitions` times; `go_on` receives the views done and in total, and
+/// can cancel.
 ///
 /// The structures of all methods are in memory at once.
 ///

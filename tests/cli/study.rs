@@ -65,6 +65,21 @@ fn walks_are_timed_in_all_orders() {
 }
 
 #[test]
+fn walks_are_timed_in_perspective() {
+    let folder = Folder::new();
+    for views in ["outside", "inside"] {
+        let line = format!(
+            "study walk phantom:vessels --quick --edge 24 --repetitions 1 --quiet --methods adjsplat --views {views} --json \
+             w.json"
+        );
+        folder.adj(&line).done();
+        for row in &rows(&folder, "w.json") {
+            assert!(row["ns_median"].as_f64().is_some_and(|ns| ns > 0.0), "{views}: {row}");
+        }
+    }
+}
+
+#[test]
 fn memory_is_what_the_papers_formulas_say() {
     let folder = Folder::new();
     let table = folder.adj("study memory phantom:shells --quick --edge 24 --quiet --json m.json --plot m.svg").done();
@@ -174,6 +189,7 @@ fn studies_refuse_what_they_cannot_do() {
         ("study speed phantom:shells --edge 4", ["--edge", "8"]),
         ("study speed phantom:shells --frames 0", ["--frames", "1"]),
         ("study walk phantom:shells --repetitions 0", ["--repetitions", "1"]),
+        ("study walk phantom:shells --views above", ["--views", "outside"]),
         ("study memory phantom:shells --plot memory.txt", ["memory.txt", ".svg"]),
         ("study memory phantom:shells --json missing/m.json", ["missing", "folder"]),
         ("study accuracy small.adj", ["small.adj", "samples"]),

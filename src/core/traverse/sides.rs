@@ -1,7 +1,8 @@
 //! Lines with voxels on both sides of the eye: from ascending coordinates to the order of a two-sided axis.
 //!
-//! In: the coordinates of a line, and where the eye is. Out: the same voxels from far to near, sixteen at a time. Which of
-//! two voxels is farther cannot be predicted, so no branch depends on it: [`merge_ends`] takes sixteen from both ends.
+//! In: the coordinates of a line, and where the eye is. Out: the same voxels from far to near, sixteen at a time.
+//! Which of two voxels is farther cannot be predicted, so no branch depends on it: [`merge_ends`] takes sixteen from
+//! both ends.
 
 use super::decode::ChunkWriter;
 use super::order::SplitForm;
@@ -35,8 +36,8 @@ impl Sides {
         [u16::try_from(self.doubled_eye + 1).unwrap_or(u16::MAX); CHUNK]
     }
 
-    /// Gives `writer` the voxels of a line from far to near, up to sixteen at a time. If it writes downward, each chunk's
-    /// voxels are reversed.
+    /// Gives `writer` the voxels of a line from far to near, up to sixteen at a time. If it writes downward, each
+    /// chunk's voxels are reversed.
     ///
     /// `coordinates` are one chunk of zeros, the ascending coordinates of the line, and [`beyond`](Self::beyond).
     #[inline(always)]

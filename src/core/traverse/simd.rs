@@ -37,11 +37,11 @@ impl LineChunk {
 /// Returns the farthest sixteen of the voxels from index `low` to before index `high` of a line, and how many of them
 /// lie at the low end. Far voxels come first or, if `DOWN`, last.
 ///
-/// `lows` are the coordinates from `low` on, `highs` those before `high`; both ascend. `doubled_eye` is twice the eye's
-/// coordinate, rounded down, and at most twice the last coordinate of the axis, which has `axis_len` points: two voxels are
-/// equally far if their coordinates add up to it, and then the lower counts as farther. Where fewer than sixteen voxels are
-/// left, the nearest results are arbitrary. `lows` must then go on with coordinates above `doubled_eye` or the largest there
-/// is, `highs` with 0.
+/// `lows` are the coordinates from `low` on, `highs` those before `high`; both ascend. `doubled_eye` is twice the
+/// eye's coordinate, rounded down, and at most twice the last coordinate of the axis, which has `axis_len` points: two
+/// voxels are equally far if their coordinates add up to it, and then the lower counts as farther. Where fewer than
+/// sixteen voxels are left, the nearest results are arbitrary. `lows` must then go on with coordinates above
+/// `doubled_eye` or the largest there is, `highs` with 0.
 ///
 /// Whatever the coordinates, the result at distance `i` from the first has an index from `low` to `low + i`, or from
 /// `high - 1 - i` to `high - 1`.
@@ -116,8 +116,8 @@ mod sse2 {
         bytemuck::must_cast([reverse(high), reverse(low)])
     }
 
-    /// Number of points of the longest axis whose lines [`merge_ends`] can merge: twice a difference of coordinates, and 1,
-    /// fit in 16 bits with a sign.
+    /// Number of points of the longest axis whose lines [`merge_ends`] can merge: twice a difference of coordinates,
+    /// and 1, fit in 16 bits with a sign.
     pub(super) const LONGEST_MERGED: u32 = 1 << 14;
 
     /// Does what [`super::merge_ends`] does, for axes of up to [`LONGEST_MERGED`] points.
@@ -229,8 +229,7 @@ mod sse2 {
 mod plain {
     use super::{CHUNK, LineChunk};
 
-    #[cold]
-    #[inline(never)]
+    #[cfg_attr(target_arch = "x86_64", cold, inline(never))]
     pub(in super::super) fn merge_ends(
         lows: &[u16; CHUNK],
         highs: &[u16; CHUNK],

@@ -16,9 +16,9 @@
 //!    the surplus. Most lines have at most sixteen records; they cost no mispredicted branch.
 //! 2. Where the fast axis runs downward, a group is filled from its end: lines are read in ascending order as stored.
 //! 3. One test tells whether sixteen steps contain stepping voxels; only then are they read one by one.
-//! 4. Where the fast axis has voxels on both sides of the eye, each line is decoded ascending first. Then sixteen voxels at
-//!    a time are merged from its two ends without a branch that depends on them (sides.rs). Processors with AVX2 run a
-//!    version of their own of this part.
+//! 4. Where the fast axis has voxels on both sides of the eye, each line is decoded ascending first. Then sixteen
+//!    voxels at a time are merged from its two ends without a branch that depends on them (sides.rs). Processors with
+//!    AVX2 run a version of their own of this part.
 //! 5. If the medium axis has one direction, the gathered lines are used as they are or reversed in place. Only a
 //!    two-sided order needs another list.
 //!

@@ -174,7 +174,8 @@ pub(super) fn decode_down<S: LaneStore, T: Trace>(
 /// Decodes a line whose voxels are on both sides of the eye, ascending, from index `at` of `out` on; returns the index
 /// after the last one, and whether the line has stepping records.
 ///
-/// The walk first writes coordinates alone. Where it finds a stepping record it starts again and writes all three arrays.
+/// The walk first writes coordinates alone. Where it finds a stepping record it starts again and writes all three
+/// arrays.
 pub(super) fn decode_ascending<S: LaneStore, T: Trace>(
     store: &S,
     line: SliceLine,

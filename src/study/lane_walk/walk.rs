@@ -274,8 +274,8 @@ impl<'s, 't, S: LaneStore, T: Trace> TracedWalk<'s, 't, S, T> {
         self.hand_over(range, base, slow, visit);
     }
 
-    /// Decodes the slice's lines in the range `lines` to the batch, each in the order of an axis with voxels on both sides
-    /// of the eye; returns the range of the batch that they fill.
+    /// Decodes the slice's lines in the range `lines` to the batch, each in the order of an axis with voxels on both
+    /// sides of the eye; returns the range of the batch that they fill.
     fn decode_sides(
         &mut self,
         lines: Range<usize>,
