@@ -108,7 +108,6 @@ fn reference_quality_is_the_judges_picture() {
     refused(&format!("{SCENE} --memory 1GiB -o x.png"), &["--memory", "leave it out"]);
     refused(&format!("{SCENE} --adapter any -o x.png"), &["--adapter", "leave it out"]);
     refused(&format!("{SCENE} --max-error 0.1 -o x.png"), &["--max-error", "leave it out"]);
-    refused(&format!("{SCENE} --mode maximum -o x.png"), &["mode", "no reference"]);
     refused(&format!("{SCENE} --blending sheets -o x.png"), &["--blending", "no reference"]);
 }
 

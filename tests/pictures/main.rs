@@ -8,6 +8,7 @@ mod golden;
 mod hidden;
 mod lattice;
 mod low_pass;
+mod maximum;
 mod metrics;
 mod optics;
 mod reference;

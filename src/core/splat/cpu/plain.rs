@@ -6,6 +6,7 @@
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
 use super::lattice::Lattice;
+use super::maximum::{Rays, advance};
 use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant};
 use super::raster::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, full_rect};
@@ -98,6 +99,52 @@ pub(super) fn draw_on_lattice(task: &DrawTask, lattice: &Lattice, shown: &[bool]
     Ok(BandResult { pixels: tiles, stats })
 }
 
+/// Draws the largest value on the ray of each pixel.
+pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
+    let (mut tiles, rays) = (TileBuffer::new(rect, 0.0)?, Rays::new(task.setup));
+    let place = |x: i32, y: i32| (y * rect.x1 + x).unsigned_abs() as usize;
+    // The slice of the last voxel that was drawn on each pixel.
+    let mut slices = vec![0u16; place(0, rect.y1)];
+    let stats = each_voxel(task, |voxel, record| {
+        let [_, _, _, value] = task.projector.look(record);
+        let nested = task.projector.nesting.map(|axis| voxel[axis]);
+        let position = nested.map(f64::from);
+        let [left, right, top, bottom] = rays.pixels(position);
+        if is_cropped(&task.projector, voxel) || value <= 0.0 {
+            return false;
+        }
+        let mut is_drawn = false;
+        for y in top.max(rect.y0)..=bottom.min(rect.y1 - 1) {
+            for x in left.max(rect.x0)..=right.min(rect.x1 - 1) {
+                let mut values = tiles.pixel(x, y).map(|value| [value]);
+                let last = &mut slices[place(x, y)];
+                if *last != nested[0] {
+                    advance(&mut values, Some(nested[0].wrapping_sub(*last)));
+                    *last = nested[0];
+                }
+                let near = rays.near(position, [x & !3, y & !3]);
+                let (column, row) = ([(x & 3) as f32], [(y & 3) as f32]);
+                let weights = match rays {
+                    Rays::Parallel { .. } => near.weights::<false, 1>(&column, &row),
+                    Rays::Perspective { .. } => near.weights::<true, 1>(&column, &row),
+                };
+                for (sum, weight) in values[1..].iter_mut().zip(weights) {
+                    sum[0] += value * weight[0];
+                }
+                tiles.set_pixel(x, y, values.map(|[value]| value));
+                is_drawn = true;
+            }
+        }
+        is_drawn
+    });
+    for (x, y) in (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| (x, y))) {
+        let mut values = tiles.pixel(x, y).map(|value| [value]);
+        advance(&mut values, None);
+        tiles.set_pixel(x, y, [values[0][0]; 4]);
+    }
+    Ok(BandResult { pixels: tiles, stats })
+}
+
 /// A voxel's kernel and colour.
 type ColouredKernel = (SplatKernel, [f32; 3]);
 
@@ -149,7 +196,7 @@ fn splat(task: &DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredKern
     }
     let (centre, ellipse, strength) = project_voxel(projector, voxel)?;
     let [red, green, blue, depth] = projector.look(record);
-    let peak = if projector.maximum { depth } else { limited(depth, strength) };
+    let peak = limited(depth, strength);
     if !(strength > 0.0 && peak > 0.0) {
         return None;
     }
