@@ -122,7 +122,3 @@ impl Blend for Additive {
         value + amount * ink
     }
 }
-
-/// Factor on a voxel's weight before the weight is limited to 1. With it, voxels have no gaps between them if the
-/// kernel's weight at the corner of a cell is above 1/e, that is, for a sigma of at least 1/2 voxel.
-pub const WHOLE_CELL: f32 = std::f32::consts::E;

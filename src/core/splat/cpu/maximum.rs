@@ -1,6 +1,6 @@
 //! The maximum modes: the largest interpolated value along the ray of each pixel.
 //!
-//! In: a drawing task. Out: pixels whose red, green, blue and alpha are all that value. Values are interpolated linearly;
+//! In: a drawing task. Out: pixels whose largest value is that value. Values are interpolated linearly;
 //! where no voxel is visible they are 0. A ray is sampled at each slice that it meets, and half-way between slices:
 //!
 //! ```text
@@ -32,12 +32,7 @@ pub(super) fn draw(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     let mut stats = task.walk(&mut painter);
     painter.flush();
     stats.drawn = painter.drawn;
-    let mut tiles = painter.sums.tiles;
-    tiles.each_open_tile(|PixelTile(values)| {
-        advance(values, None);
-        *values = [values[0]; 4];
-    });
-    Ok(BandResult { pixels: tiles, stats })
+    Ok(BandResult { pixels: painter.sums.tiles, stats })
 }
 
 /// Receives the voxels of a walk and draws them on a band.
@@ -135,7 +130,7 @@ impl SumTiles {
                     let Some((index, PixelTile(values))) = self.tiles.tile(column, row) else { continue };
                     let last = &mut self.slices[index];
                     if *last != slice {
-                        advance(values, Some(slice.wrapping_sub(*last)));
+                        advance(values, slice.wrapping_sub(*last));
                         *last = slice;
                     }
                     let near = rays.near(position, [column << TILE, row << TILE]);
@@ -154,12 +149,12 @@ impl SumTiles {
     }
 }
 
-/// Finishes the sums that voxels `slices` slices ahead cannot add to, all of them for `None`: compares them with the
-/// largest sample. `values`: of `N` pixels, in the order of [`SumTiles`].
+/// Compares the sums that voxels `slices` slices ahead cannot add to with the largest sample. `values`: of `N` pixels, in
+/// the order of [`SumTiles`].
 #[inline(always)]
-pub(super) fn advance<const N: usize>(values: &mut [[f32; N]; 4], slices: Option<u16>) {
+pub(super) fn advance<const N: usize>(values: &mut [[f32; N]; 4], slices: u16) {
     let [largest, before, at, after] = *values;
-    let is_next = slices == Some(1);
+    let is_next = slices == 1;
     for i in 0..N {
         let finished = at_least(at_least(largest[i], before[i]), at[i]);
         values[0][i] = if is_next { finished } else { at_least(finished, after[i]) };
@@ -169,7 +164,7 @@ pub(super) fn advance<const N: usize>(values: &mut [[f32; N]; 4], slices: Option
 }
 
 /// The rays of a picture's pixels in voxel coordinates, whose axes are in the order slow, medium, fast.
-pub(super) enum Rays {
+pub(crate) enum Rays {
     /// All rays have one direction.
     Parallel {
         /// The coordinates, medium and fast, of a pixel's ray at slice 0, as maps of the pixel's column and row.
@@ -197,7 +192,7 @@ pub(super) enum Rays {
 }
 
 /// An affine map from a column and a row to a number: two factors and a constant.
-type PixelAffine = [f64; 3];
+pub(crate) type PixelAffine = [f64; 3];
 
 /// How far the samples to which a voxel adds lie from it along the slow, medium and fast axis, in voxels; slightly more,
 /// so that rounding leaves no sample out.
@@ -205,7 +200,7 @@ const REACH: [f64; 3] = [0.500_01, 1.000_01, 1.000_01];
 
 impl Rays {
     /// Returns the rays of a frame.
-    pub(super) fn new(setup: &FrameSetup) -> Rays {
+    pub(crate) fn new(setup: &FrameSetup) -> Rays {
         let nesting = [setup.order.slow, setup.order.medium, setup.order.fast].map(|axis| axis.index());
         let nested = |map: &Affine| [map[nesting[0]], map[nesting[1]], map[nesting[2]], map[3]];
         let reach_of = |map: &Affine| (0..3).map(|a| map[a].abs() * REACH[a]).sum();

@@ -18,7 +18,7 @@ mod faint;
 mod gather;
 mod lattice;
 mod look_tables;
-mod maximum;
+pub(crate) mod maximum;
 mod memory;
 mod plain;
 pub(crate) mod project;

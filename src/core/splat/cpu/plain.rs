@@ -119,7 +119,7 @@ pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
                 let mut values = tiles.pixel(x, y).map(|value| [value]);
                 let last = &mut slices[place(x, y)];
                 if *last != nested[0] {
-                    advance(&mut values, Some(nested[0].wrapping_sub(*last)));
+                    advance(&mut values, nested[0].wrapping_sub(*last));
                     *last = nested[0];
                 }
                 let near = rays.near(position, [x & !3, y & !3]);
@@ -137,11 +137,6 @@ pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
         }
         is_drawn
     });
-    for (x, y) in (rect.y0..rect.y1).flat_map(|y| (rect.x0..rect.x1).map(move |x| (x, y))) {
-        let mut values = tiles.pixel(x, y).map(|value| [value]);
-        advance(&mut values, None);
-        tiles.set_pixel(x, y, [values[0][0]; 4]);
-    }
     Ok(BandResult { pixels: tiles, stats })
 }
 

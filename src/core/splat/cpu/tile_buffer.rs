@@ -203,15 +203,6 @@ impl TileBuffer {
         self.tiles.len()
     }
 
-    /// Calls `visit` with each tile on which something was drawn and that is not frozen.
-    pub(super) fn each_open_tile(&mut self, mut visit: impl FnMut(&mut PixelTile)) {
-        for (tile, state) in self.tiles.iter_mut().zip(&self.states) {
-            if *state == OPEN {
-                visit(tile);
-            }
-        }
-    }
-
     /// Returns the values of pixel (`x`, `y`), which lies in the rectangle.
     pub(super) fn pixel(&self, x: i32, y: i32) -> [f32; 4] {
         let index = self.index(x >> TILE, y >> TILE);

@@ -13,6 +13,7 @@ use crate::arena::layout::line_end_bytes;
 use crate::splat::Lighting;
 use crate::splat::arith::LOG2_E;
 use crate::splat::composite::MAX_DEPTH;
+use crate::splat::cpu::maximum::Rays;
 use crate::splat::kernel::footprint;
 use crate::splat::setup::FrameSetup as Shot;
 use crate::splat::view::{Affine, PixelMap, single};
@@ -39,6 +40,7 @@ pub struct FrameUniform {
     pub rows: [AffineRow; 3],
     pub shifts: [i32; 4],
     pub steps: [[f32; 4]; 3],
+    pub rays: [[f32; 4]; 3],
     pub eye: [f32; 4],
     pub light: [f32; 4],
     pub light_weights: [f32; 4],
@@ -56,6 +58,7 @@ pub struct FrameUniform {
     pub window: [i32; 4],
     pub crop_low: [u32; 4],
     pub crop_high: [u32; 4],
+    pub nesting: [u32; 4],
     pub eye_ceil: i32,
     pub eye_twice: i32,
     pub fast_order: u32,
@@ -82,6 +85,8 @@ pub struct Chunk {
     pub slot_count: u32,
     pub index: u32,
     pub is_first: u32,
+    pub from_slice: u32,
+    pub to_slice: u32,
 }
 
 /// Up to [`LINES`] consecutive lines of the line list, and the slots of their records.
@@ -175,6 +180,9 @@ impl FrameUniform {
                 camera_from_voxel
             }
         };
+        if shot.maximum {
+            uniform.set_rays(&Rays::new(shot));
+        }
         for (r, map) in maps.iter().enumerate() {
             (uniform.rows[r], uniform.shifts[r]) = AffineRow::new(map, dims);
         }
@@ -204,6 +212,7 @@ impl FrameUniform {
             }
         }
         uniform.fast_axis = fast.index() as u32;
+        uniform.nesting = [shot.order.slow.index() as u32, shot.order.medium.index() as u32, uniform.fast_axis, 0];
         uniform.longest_line = dims[fast.index()];
         uniform.line_end_bytes = line_end_bytes(uniform.longest_line).into();
         uniform.value_bits = channels.value_bits.into();
@@ -212,5 +221,23 @@ impl FrameUniform {
         uniform.picture_rows = view.size[1];
         uniform.tile_columns = ((window[2] - window[0]).cast_unsigned()).div_ceil(TILE);
         uniform
+    }
+
+    /// Fills in the rays of a maximum, and how far a voxel's samples lie from it.
+    fn set_rays(&mut self, rays: &Rays) {
+        match rays {
+            Rays::Parallel { start, slope, reach, .. } => {
+                for a in 0..2 {
+                    self.rays[a + 1] = [start[a][0] as f32, start[a][1] as f32, (slope[a] / 2.0) as f32, 0.0];
+                }
+                self.half_width = reach.map(|reach| reach as f32 + 0.01);
+            }
+            Rays::Perspective { eye, direction, reach, .. } => {
+                for a in 0..3 {
+                    self.rays[a] = [direction[a][0] as f32, direction[a][1] as f32, eye[a] as f32, 0.0];
+                    self.ellipse[a] = reach[a] as f32;
+                }
+            }
+        }
     }
 }
