@@ -443,7 +443,8 @@ fn pixels_of_many_chunks_are_what_the_twins_make_of_them() {
     let size = [24, 20];
     for fov in [None, Some(60.0)] {
         let camera = built.orbit(31.0, 24.0, fov, size);
-        for settings in [high(size), high(size).with_sense(Sense::BackToFront)] {
+        let maximum = high(size).with_mode(Mode::MaximumGrey);
+        for settings in [high(size), high(size).with_sense(Sense::BackToFront), maximum] {
             let options = GpuOptions::default().with_vram(TIGHT).with_compositor(Compositor::Tiles);
             let Some((judged, frame, _)) = judged(&built, &camera, &settings, options, true) else { return };
             assert!(judged.stats.chunks > 2, "{:?}", judged.stats);
