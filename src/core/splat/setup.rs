@@ -52,7 +52,8 @@ impl<'a> FrameSetup<'a> {
 
 /// Returns the order in which a view visits the voxels of a grid.
 ///
-/// A maximum is taken slice by slice upward on either side of the eye: of two neighbouring slices, one is next.
+/// A maximum adds up what neighbouring slices have between them, so it takes them one after the other, also around the
+/// eye: all axes run upward.
 pub(crate) fn walk_order(view: &View, grid: &Grid, settings: &Settings) -> Result<Order> {
     if settings.mode.is_maximum() {
         let order = Order::new(view.viewpoint, grid.dims, settings.sense, settings.form)?;
