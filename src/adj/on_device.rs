@@ -85,7 +85,9 @@ fn quiet_about_lost_devices() {
 
 impl OnDevice<'_> {
     pub(super) fn render(&mut self, camera: &Camera, settings: &Settings) -> Result<(Frame, FrameStats)> {
-        let compositor = self.renderer.compositor();
+        // A maximum is drawn in tiles, whatever the user asks for.
+        let is_maximum = settings.mode.is_maximum();
+        let compositor = if is_maximum { Compositor::Tiles } else { self.renderer.compositor() };
         let has_few_bits = matches!(compositor, Compositor::Quads(QuadFormat::Float16 | QuadFormat::Unorm8));
         // The compositor of quads cannot stop at opaque pixels; and back to front, each splat shrinks the rounding
         // errors behind it.

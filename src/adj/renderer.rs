@@ -29,7 +29,7 @@ pub(super) struct RendererArguments {
     /// Most video memory to take, from 16MiB: 500MB, 2GiB; 1GiB by default. The picture is the same
     #[arg(long, value_name = "SIZE", value_parser = video_memory)]
     pub(super) vram: Option<u64>,
-    /// How a graphics device draws splats; tiles by default
+    /// How a graphics device draws splats; tiles by default, and always in the modes maximum and maximum-grey
     #[arg(long, value_name = "C")]
     pub(super) compositor: Option<CompositorName>,
     /// Bits of each sample while a graphics device blends quads; 32 by default. 16 and 8 may be faster, but are wrong

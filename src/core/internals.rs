@@ -3,7 +3,6 @@
 pub use crate::model::{drawable, missing_values, stored_transfer};
 pub use crate::parallel::in_order;
 pub use crate::splat::composite::MAX_DEPTH;
-pub use crate::splat::cpu::blend::WHOLE_CELL;
 pub use crate::splat::kernel::{LOW_PASS, REACH, narrowest_sigma};
 pub use crate::splat::setup::FrameSetup;
 pub use crate::splat::supersample::supersampled;

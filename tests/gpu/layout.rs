@@ -52,12 +52,12 @@ fn shaders_and_rust_lay_records_out_alike() {
         ("AffineRow", fields!(AffineRow: whole remainder)),
         (
             "FrameUniform",
-            fields!(FrameUniform: rows shifts steps eye light light_weights ellipse half_width centre focal near sigma cut_off cut_exponent
-                termination max_depth initial_alpha window crop_low crop_high rays eye_voxel eye_rest eye_ceil eye_twice fast_order is_back_to_front fast_axis longest_line
+            fields!(FrameUniform: rows shifts steps sample_rays eye light light_weights ellipse half_width centre focal near sigma cut_off cut_exponent
+                termination max_depth initial_alpha window crop_low crop_high rays eye_voxel eye_rest nesting eye_ceil eye_twice fast_order is_back_to_front fast_axis longest_line
                 line_end_bytes value_bits normal_bits uses_magnitude is_maximum is_perspective shininess tile_columns
                 mask_words picture_rows),
         ),
-        ("Chunk", fields!(Chunk: first_block slot_count index is_first)),
+        ("Chunk", fields!(Chunk: first_block slot_count index is_first from_slice to_slice)),
         ("VisitedVoxel", fields!(VisitedVoxel: xy z record)),
         ("Splat", fields!(Splat: columns rows corner_x corner_y falloff_x falloff_y shear peak red green blue)),
     ];
@@ -147,7 +147,6 @@ fn shaders_and_rust_know_the_same_constants() {
         ("STEPPING", f64::from(twin::walk::STEPPING), 1),
         ("LOW_PASS", f64::from(LOW_PASS), 1),
         ("REACH", f64::from(twin::REACH), 1),
-        ("WHOLE_CELL", f64::from(twin::WHOLE_CELL), 2),
         ("TINY", f64::from(f32::MIN_POSITIVE), 1),
         ("LN_2", f64::from(std::f32::consts::LN_2), 5),
         ("LOG2_E", f64::from(std::f32::consts::LOG2_E), 5),

@@ -150,7 +150,7 @@ impl Frames {
         let mut pixels: Vec<[f32; 4]> = read_all(probe, probe.pixels.expect("tiles have pixels"));
         pixels.truncate(count);
         if self.judges_pixels {
-            twin::tile::tile(uniform, self.blend, splats, &masks, &mut self.before);
+            twin::tile::tile(uniform, &probe.chunk, self.blend, splats, &masks, &mut self.before);
             self.apart.pixels(&pixels, &self.before, uniform);
         }
         self.before = pixels;
@@ -380,7 +380,9 @@ fn cases() -> Vec<Case> {
     add("back to front", coloured(cube, [1.0; 3]), &around, high(size).with_sense(Sense::BackToFront));
     let unlit = high(size).with_lighting(None);
     add("additive", coloured(cube, [1.0; 3]), &around, unlit.clone().with_mode(Mode::Additive));
-    add("maximum", coloured(cube, [1.0; 3]), &around, unlit.with_mode(Mode::Maximum));
+    add("maximum", coloured(cube, [1.0; 3]), &around, unlit.clone().with_mode(Mode::Maximum));
+    add("maximum, perspective", coloured(cube, [1.0; 3]), &ahead, unlit.clone().with_mode(Mode::Maximum));
+    add("maximum, inside", coloured(cube, [1.0; 3]), &within, unlit.with_mode(Mode::Maximum));
     let crop = Some(VoxelBox { low: [5, 0, 7], high: [30, 22, 40] });
     add("crop", coloured(cube, [1.0; 3]), &around, high(size).with_crop(crop));
     let glossy = Lighting { shininess: 255, specular: 0.9, ..Lighting::default() };
@@ -454,7 +456,8 @@ fn pixels_of_many_chunks_are_what_the_twins_make_of_them() {
     let size = [24, 20];
     for fov in [None, Some(60.0)] {
         let camera = built.orbit(31.0, 24.0, fov, size);
-        for settings in [high(size), high(size).with_sense(Sense::BackToFront)] {
+        let maximum = high(size).with_mode(Mode::MaximumGrey);
+        for settings in [high(size), high(size).with_sense(Sense::BackToFront), maximum] {
             let options = GpuOptions::default().with_vram(TIGHT).with_compositor(Compositor::Tiles);
             let Some((judged, frame, _)) = judged(&built, &camera, &settings, options, true) else { return };
             assert!(judged.stats.chunks > 2, "{:?}", judged.stats);

@@ -182,7 +182,7 @@ fn each_mode_and_blending_from_inside_is_the_judges_picture() {
     }
 }
 
-/// A maximum has no judge: the largest value over whole cells, also of the cell that the eye is in.
+/// The rays of a maximum begin at the eye.
 #[test]
 fn a_maximum_from_inside_shows_the_largest_value_around_the_eye() {
     let transfer = transfer(
@@ -195,9 +195,9 @@ fn a_maximum_from_inside_shows_the_largest_value_around_the_eye() {
         Some(Record { value, ..Record::default() })
     });
     let settings = Settings::every_pixel([9, 9]).with_mode(Mode::MaximumGrey).with_code(CODE);
-    // In the cell of the first, before the second; then away from both.
+    // Beside the first and toward it, before the second; then away from both.
     for (eye, toward, want) in [
-        ([8.0, 8.0, 8.2], [0.0, 0.0, 1.0], 1.0),
+        ([8.0, 8.0, 8.2], [0.0, 0.0, -1.0], 1.0),
         ([8.0, 8.0, 14.0], [0.0, 0.0, 1.0], 1.0),
         ([8.0, 8.0, 14.0], [1.0, 0.0, 0.0], 0.25),
     ] {

@@ -9,6 +9,7 @@ mod hidden;
 mod inside;
 mod lattice;
 mod low_pass;
+mod maximum;
 mod metrics;
 mod optics;
 mod reference;

@@ -75,8 +75,8 @@ const SAMPLINGS: [Choice<Sampling>; 4] = [
 
 const MODES: [Choice<Mode>; 4] = [
     ("composite", Mode::Composite, "Splats blended from front to back, with lighting"),
-    ("maximum", Mode::Maximum, "The largest value, in its colour"),
-    ("maximum-grey", Mode::MaximumGrey, "The largest value, in grey"),
+    ("maximum", Mode::Maximum, "The largest value along the ray, interpolated, in its colour"),
+    ("maximum-grey", Mode::MaximumGrey, "The same in grey"),
     ("xray", Mode::Additive, "The sum along the ray"),
 ];
 

@@ -20,8 +20,8 @@ pub enum Mode {
     #[default]
     Composite,
     /// The largest value along each ray, in the transfer function's colour of that value. Values are normalised, 0 to 1
-    /// from the lowest to the highest visible one; alpha is the normalised value. A voxel counts in full over its cell
-    /// and falls off outside it like its kernel.
+    /// from the lowest to the highest visible one; alpha is the normalised value. Values are interpolated linearly, and
+    /// are 0 where no voxel is visible; a ray is sampled at each slice and half-way between slices.
     Maximum,
     /// Shows the same normalised values as `Maximum`, in grey.
     MaximumGrey,
@@ -237,10 +237,12 @@ impl<'a> Table<'a> {
         match self.mode {
             Mode::Composite => [r, g, b, 1.0 - alpha],
             Mode::Additive => [shown(r), shown(g), shown(b), shown(alpha)],
-            Mode::MaximumGrey => [r; 4],
+            // The largest sample so far, and the sums of the last ones: see cpu/maximum.rs.
+            Mode::MaximumGrey => [r.max(g).max(b.max(alpha)); 4],
             Mode::Maximum => {
-                let colour = self.colour_of(r);
-                [r * colour[0], r * colour[1], r * colour[2], r]
+                let largest = r.max(g).max(b.max(alpha));
+                let [red, green, blue] = self.colour_of(largest);
+                [red * largest, green * largest, blue * largest, largest]
             }
         }
     }

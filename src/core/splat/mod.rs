@@ -123,7 +123,8 @@ pub struct Settings {
     pub sense: Sense,
     /// How a walk alternates between the voxels on the two sides of the eye.
     pub form: SplitForm,
-    /// The order of the walk, for studies; `None` derives it from the camera. Compositing still follows `sense`.
+    /// The order of the walk, for studies; `None` derives it from the camera, as the maximum modes always do. Compositing
+    /// still follows `sense`.
     pub order: Option<Order>,
     /// Transmittance below which a ray ends, 0 to 1; `None` uses that of `quality`.
     pub termination: Option<f32>,

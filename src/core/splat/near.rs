@@ -58,8 +58,8 @@ pub(crate) struct NearView {
     factor: f32,
     cut: f32,
     per_sigma: f32,
-    /// The peak of a kernel of optical depth 1 per unit of the ray's stretch; `None` in maximum modes.
-    pub(crate) strength: Option<f32>,
+    /// The peak of a kernel of optical depth 1 per unit of the ray's stretch.
+    pub(crate) strength: f32,
 }
 
 /// The rays of N pixels.
@@ -67,7 +67,7 @@ pub(crate) struct NearView {
 pub(crate) struct Rays<const N: usize> {
     /// Unit directions in voxel coordinates: all x components, then y, then z.
     direction: [[f32; N]; 3],
-    /// The peak of a kernel of optical depth 1; 1 in maximum modes.
+    /// The peak of a kernel of optical depth 1.
     strength: [f32; N],
 }
 
@@ -85,9 +85,8 @@ pub(crate) struct NearKernel {
 }
 
 impl NearView {
-    /// Returns what near voxels of `view` need; `None` for a parallel view. `maximum`: in a maximum mode peaks are
-    /// values, not optical depths.
-    pub(crate) fn new(view: &View, kernel: KernelShape, maximum: bool) -> Option<NearView> {
+    /// Returns what near voxels of `view` need; `None` for a parallel view.
+    pub(crate) fn new(view: &View, kernel: KernelShape) -> Option<NearView> {
         let (PixelMap::Perspective { camera_from_voxel, focal, centre, .. }, Viewpoint::Perspective { eye, .. }) =
             (&view.map, view.viewpoint)
         else {
@@ -116,7 +115,7 @@ impl NearView {
             factor: (0.5 / (sigma * sigma)) as f32 * LOG2_E,
             cut: kernel.cut(),
             per_sigma: 1.0 / kernel.sigma,
-            strength: (!maximum).then_some(strength as f32),
+            strength: strength as f32,
         })
     }
 
@@ -167,13 +166,12 @@ impl NearView {
             for a in 0..3 {
                 direction[a][i] *= per_length[i];
             }
-            strength[i] = self.strength.map_or(1.0, |of_one| of_one * (strength[i] * per_length[i]));
+            strength[i] = self.strength * (strength[i] * per_length[i]);
         }
         Rays { direction, strength }
     }
 
-    /// Returns the optical depth of a kernel on each ray, in units of ln 2 like `peak`, the depth of its voxel. In
-    /// maximum modes these are normalised values.
+    /// Returns the optical depth of a kernel on each ray, in units of ln 2 like `peak`, the depth of its voxel.
     #[inline(always)]
     pub(crate) fn depths<const N: usize>(&self, kernel: &NearKernel, rays: &Rays<N>, peak: f32) -> [f32; N] {
         let [x, y, z] = kernel.offset;
@@ -270,7 +268,7 @@ mod tests {
     fn a_near_voxel_has_the_integral_of_its_kernel_from_the_eye_on() {
         for quality in [Quality::Standard, Quality::Reference] {
             let (view, KernelShape { sigma, radius }) = (view(100.0, quality), quality.kernel());
-            let near = NearView::new(&view, quality.kernel(), false).unwrap();
+            let near = NearView::new(&view, quality.kernel()).unwrap();
             let [sigma, radius] = [sigma, radius].map(f64::from);
             let most = f64::from(quality.kernel().normalisation()) / (sigma * sigma) * f64::from(LOG2_E);
             let mut worst = 0.0f64;
@@ -316,7 +314,7 @@ mod tests {
     fn boxes_of_near_voxels_hold_all_their_pixels_in_wide_views() {
         for fov in [3.0, 60.0, 120.0, 170.0] {
             let view = view(fov, Quality::Standard);
-            let near = NearView::new(&view, Quality::Standard.kernel(), false).unwrap();
+            let near = NearView::new(&view, Quality::Standard.kernel()).unwrap();
             let kernels = kernels(&view, &near);
             assert!(kernels.len() > 20, "{fov}");
             for kernel in kernels {
@@ -338,9 +336,10 @@ mod tests {
     #[test]
     fn an_eye_on_a_voxel_sees_half_of_it() {
         let view = view(60.0, Quality::High);
-        let near = NearView::new(&view, Quality::High.kernel(), true).unwrap();
+        let near = NearView::new(&view, Quality::High.kernel()).unwrap();
         let kernel = near.kernel(near.eye.to_array(), 0.0).unwrap();
-        let [depth] = near.depths(&kernel, &near.rays([3], [5]), 1.0);
-        assert!((depth - 0.5).abs() < 1e-6, "{depth}");
+        let rays = near.rays([3], [5]);
+        let [depth] = near.depths(&kernel, &rays, 1.0);
+        assert!((depth / rays.strength[0] - 0.5).abs() < 1e-6, "{depth}");
     }
 }

@@ -5,7 +5,7 @@ use super::shade::Lights;
 use super::{Camera, Scene, Settings, View};
 use crate::arena::Lane;
 use crate::error::{Error, Result};
-use crate::traverse::{Order, VoxelBox};
+use crate::traverse::{AxisOrder, Order, VoxelBox};
 use crate::volume::Grid;
 
 /// What a renderer needs to draw the voxels of a frame, except the looks (colours and optical depths) of their codes.
@@ -34,13 +34,16 @@ impl<'a> FrameSetup<'a> {
         settings.check()?;
         let grid = &scene.facts.grid;
         let kernel = settings.kernel();
-        let view = View::new(camera, grid, settings.size, kernel, settings.near)?;
+        let maximum = settings.mode.is_maximum();
+        let mut view = View::new(camera, grid, settings.size, kernel, settings.near)?;
+        if maximum {
+            view.margin = 1.0;
+        }
         let order = walk_order(&view, grid, settings)?;
         let lane = scene.lanes.lane(order.fast)?;
         if lane.channels != scene.facts.channels || lane.dims != grid.dims || lane.axis != order.fast {
             return Err(Error::input("lane", "does not belong to the scene's grid or runs along another axis"));
         }
-        let maximum = settings.mode.is_maximum();
         let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !maximum;
         let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
         Ok(FrameSetup { view, order, lane, lights, kernel, crop: settings.crop, maximum })
@@ -48,6 +51,13 @@ impl<'a> FrameSetup<'a> {
 }
 
 /// Returns the order in which a view visits the voxels of a grid.
+///
+/// A maximum adds up what neighbouring slices have between them, so it takes them one after the other, also around the
+/// eye: all axes run upward.
 pub(crate) fn walk_order(view: &View, grid: &Grid, settings: &Settings) -> Result<Order> {
+    if settings.mode.is_maximum() {
+        let order = Order::new(view.viewpoint, grid.dims, settings.sense, settings.form)?;
+        return Ok(Order { along: [AxisOrder::Ascending; 3], ..order });
+    }
     settings.order.map_or_else(|| Order::new(view.viewpoint, grid.dims, settings.sense, settings.form), Ok)
 }

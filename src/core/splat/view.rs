@@ -80,6 +80,8 @@ pub struct View {
     pub(super) reach: f64,
     /// The distance between voxels on each axis, in mean spacings.
     pub steps: [f64; 3],
+    /// By how many voxels a voxel reaches out, in addition to its footprint.
+    pub(super) margin: f64,
 }
 
 impl View {
@@ -140,7 +142,13 @@ impl View {
         let by_axis = |vector: DVec3| grid.direction.map(|axis| DVec3::from_array(axis).dot(vector));
         let eye_scaled = std::array::from_fn(|a| eye_voxel[a] * steps[a]);
         let axes = [by_axis(right), by_axis(up), by_axis(forward)];
-        Ok(View { size, viewpoint, map, mean_voxel, axes, eye_scaled, clip, reach, steps })
+        Ok(View { size, viewpoint, map, mean_voxel, axes, eye_scaled, clip, reach, steps, margin: 0.0 })
+    }
+
+    /// Returns the distance along the view axis at which the rays of a maximum begin, in mean spacings: at the clip, or as
+    /// near to the eye as single precision allows.
+    pub fn ray_start(&self) -> f64 {
+        self.clip.max(1e-3)
     }
 
     /// Returns the view with `factor` pixels along each side of a pixel, in a picture of `size` that has `margin` more
@@ -178,7 +186,8 @@ impl View {
     /// `half_widths`: half a footprint's size in a parallel view, in pixels.
     pub fn pixel_bounds(&self, bounds: &VoxelBox, half_widths: [f64; 2]) -> Option<[f64; 4]> {
         let middle: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.low[a]) + f64::from(bounds.high[a])) / 2.0);
-        let extent: [f64; 3] = std::array::from_fn(|a| (f64::from(bounds.high[a]) - f64::from(bounds.low[a])) / 2.0);
+        let extent: [f64; 3] =
+            std::array::from_fn(|a| (f64::from(bounds.high[a]) - f64::from(bounds.low[a])) / 2.0 + self.margin);
         let at = |map: &Affine| apply(map, middle);
         let spread = |m: &Affine| m[0].abs() * extent[0] + m[1].abs() * extent[1] + m[2].abs() * extent[2];
         match &self.map {

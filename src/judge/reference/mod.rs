@@ -5,6 +5,7 @@
 //!
 //! ```text
 //! volume -> VisibleVoxels -> Judge      splatting without shortcuts: judges the renderer's arithmetic and order
+//!                                      or, in the maximum modes, casting rays: judges interpolation
 //!                         -> RayJudge   the emission-absorption integral: judges splatting itself
 //! closed                                closed forms of simple scenes: judge the judges
 //! ```
@@ -16,6 +17,7 @@
 pub mod closed;
 mod integrate;
 mod light;
+mod maximum;
 mod order;
 mod picture;
 mod project;

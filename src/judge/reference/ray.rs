@@ -185,9 +185,9 @@ impl<'a> RayJudge<'a> {
 }
 
 /// A ray in index space: `origin + t * direction`, t in mean spacings.
-struct Ray {
-    origin: DVec3,
-    direction: DVec3,
+pub(super) struct Ray {
+    pub(super) origin: DVec3,
+    pub(super) direction: DVec3,
     /// The length of `direction`, in voxel spacings per mean spacing.
     speed: f64,
     /// The parameter t at which the integral starts, in mean spacings.
@@ -195,7 +195,7 @@ struct Ray {
 }
 
 /// The rays of the pixels of a picture.
-struct Rays {
+pub(super) struct Rays {
     world: WorldFrame,
     map: PixelMap,
     /// The directions right, up and forward; each as long as the mean spacing.
@@ -206,14 +206,14 @@ struct Rays {
 }
 
 impl Rays {
-    fn new(camera: &Camera, view: &View, world: WorldFrame) -> Rays {
+    pub(super) fn new(camera: &Camera, view: &View, world: WorldFrame) -> Rays {
         let axes = camera.axes().map(|axis| axis * view.mean_voxel);
         let eye = DVec3::from_array(camera.anchor()) - world.origin;
         let centre = view.size.map(|side| (f64::from(side) - 1.0) / 2.0);
         Rays { world, map: view.map, axes, eye, centre }
     }
 
-    fn through(&self, column: usize, row: usize) -> Ray {
+    pub(super) fn through(&self, column: usize, row: usize) -> Ray {
         let [x, y] = [column as f64 - self.centre[0], self.centre[1] - row as f64];
         let [right, up, forward] = self.axes;
         let (origin, direction, start) = match self.map {

@@ -13,6 +13,7 @@ use adjsplat::error::{Error, Result};
 use adjsplat::splat::{Blending, Camera, Lighting, Mode, Quality, View};
 use adjsplat::volume::SlabSource;
 
+use super::maximum;
 use super::order::{SplatOrder, front_to_back};
 use super::picture::ReferencePicture;
 use super::project::{PixelRows, SplatProjector};
@@ -31,7 +32,7 @@ pub struct JudgeSettings {
     pub order: SplatOrder,
     /// How a splat covers a pixel: [`Blending::Exponential`] or [`Blending::Linear`].
     pub blending: Blending,
-    /// The mode of drawing: [`Mode::Composite`] or [`Mode::Additive`].
+    /// The mode of drawing. The maximum modes interpolate values and have neither kernel, light nor order.
     pub mode: Mode,
     /// The lighting of voxels that have a normal; `None` draws plain colours.
     pub lighting: Option<Lighting>,
@@ -73,9 +74,6 @@ impl JudgeSettings {
                 return Err(Error::input(what, format!("is {number}, but must be finite and above 0")));
             }
         }
-        if self.mode.is_maximum() {
-            return Err(Error::input("mode", "is a maximum, which has no reference; take composite or xray"));
-        }
         if self.blending == Blending::Sheets {
             return Err(Error::input("blending", "is sheets, which has no reference; take exponential or linear"));
         }
@@ -111,7 +109,8 @@ impl Judge {
         &self.visible
     }
 
-    /// Draws what `camera` sees. Takes about a microsecond per visible voxel and 25 ns per pixel of each footprint.
+    /// Draws what `camera` sees. Takes about a microsecond per visible voxel and 25 ns per pixel of each footprint; a
+    /// maximum, 100 ns per pixel and slice and 8 bytes per grid point.
     ///
     /// # Errors
     /// [`Error::Input`] if a setting is out of its range; [`Error::Limit`] if the memory cannot be had.
@@ -120,6 +119,9 @@ impl Judge {
         let grid = self.visible.grid();
         let voxels = self.visible.voxels();
         let view = View::new(camera, grid, settings.size, Quality::Reference.kernel(), settings.near)?;
+        if settings.mode.is_maximum() {
+            return maximum::draw(&self.visible, camera, &view, settings);
+        }
         let order = front_to_back(voxels, grid.dims, &view, settings.order);
         let projector = SplatProjector::new(&view, settings, self.exposure(settings));
         let start = if settings.mode == Mode::Additive { [0.0; 4] } else { [0.0, 0.0, 0.0, 1.0] };

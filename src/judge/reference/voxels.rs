@@ -5,7 +5,7 @@
 //! values; the boundaries of regions are relative to the largest gradient of the volume; [`super::slices`] defines
 //! gradients and the directions of the volume's faces, which light the cuts of bodies.
 
-use adjsplat::classify::{TransferFunction, gradient};
+use adjsplat::classify::{Quantiser, TransferFunction, gradient};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::MAX_DEPTH;
 use adjsplat::volume::{Grid, Header, SlabSource};
@@ -33,6 +33,7 @@ pub struct VisibleVoxels {
     grid: Grid,
     voxels: Vec<ReferenceVoxel>,
     transfer: Option<TransferFunction>,
+    lowest_value: f64,
 }
 
 impl VisibleVoxels {
@@ -79,10 +80,25 @@ impl VisibleVoxels {
                 }
             }
         }
+        let (low, high) = transfer.domain(f64::INFINITY);
+        let bounds = match header.sample_type.integer_range() {
+            // A type's range bounds values as well, where a build does not look for theirs.
+            Some(ends) if header.sample_type.bytes() == 1 || (low.is_finite() && high.is_finite()) => {
+                let ends = [ends.0, ends.1].map(|raw| raw * header.slope + header.intercept);
+                [ends[0].min(ends[1]), ends[0].max(ends[1])]
+            }
+            _ => range,
+        };
+        let shown = [low.max(bounds[0]), high.min(bounds[1])];
+        let lowest_value = if shown[0] <= shown[1] {
+            Quantiser::new(shown, 16, header.sample_type, header.slope, header.intercept)?.low()
+        } else {
+            0.0
+        };
         for voxel in &mut voxels {
             voxel.colour = transfer.colour(voxel.value);
         }
-        Ok(VisibleVoxels { grid: header.grid, voxels, transfer: Some(transfer) })
+        Ok(VisibleVoxels { grid: header.grid, voxels, transfer: Some(transfer), lowest_value })
     }
 
     /// Creates a scene of the given voxels.
@@ -101,7 +117,7 @@ impl VisibleVoxels {
                 return Err(Error::input("optical depth of a voxel", why));
             }
         }
-        Ok(VisibleVoxels { grid, voxels, transfer: None })
+        Ok(VisibleVoxels { grid, voxels, transfer: None, lowest_value: 0.0 })
     }
 
     /// Returns the grid of the voxels.
@@ -117,6 +133,12 @@ impl VisibleVoxels {
     /// Returns the transfer function, with open values filled in; `None` if the voxels do not come from a volume.
     pub fn transfer(&self) -> Option<&TransferFunction> {
         self.transfer.as_ref()
+    }
+
+    /// Returns the value that is 0 in the maximum modes: the lowest that the transfer function may show; 0 if the voxels
+    /// do not come from a volume.
+    pub fn lowest_value(&self) -> f64 {
+        self.lowest_value
     }
 
     /// Returns the lowest and highest index on each axis, inclusive; `None` if there are no voxels.

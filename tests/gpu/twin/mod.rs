@@ -12,13 +12,11 @@ pub(crate) mod splat;
 pub(crate) mod tile;
 pub(crate) mod walk;
 
+use adjsplat::internals::REACH as PROCESSORS_REACH;
 use adjsplat::internals::gpu_stages::{NOTHING, Splat};
-use adjsplat::internals::{REACH as PROCESSORS_REACH, WHOLE_CELL as PROCESSORS_WHOLE_CELL};
 
 /// Largest half-width of a footprint, in pixels; that of the processor's renderer.
 pub(crate) const REACH: f32 = PROCESSORS_REACH;
-/// Factor on a voxel's weight in a maximum, before it is capped; that of the processor's renderer.
-pub(crate) const WHOLE_CELL: f32 = PROCESSORS_WHOLE_CELL;
 
 /// A splat of no pixels.
 const EMPTY: Splat = Splat {

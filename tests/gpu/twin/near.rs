@@ -21,7 +21,7 @@ fn ray_at(frame: &FrameUniform, [x, y]: [i32; 2]) -> ([f32; 3], f32) {
     let along = [0, 1, 2].map(|a| forward[a] + right[a] * tangent[0] - up[a] * tangent[1]);
     let per_length = 1.0 / dot(along, along).max(f32::MIN_POSITIVE).sqrt();
     let stretch = (1.0 + (tangent[0] * tangent[0] + tangent[1] * tangent[1])).sqrt() * per_length;
-    let strength = if frame.is_maximum == 1 { 1.0 } else { forward[3] * stretch };
+    let strength = forward[3] * stretch;
     (along.map(|c| c * per_length), strength)
 }
 

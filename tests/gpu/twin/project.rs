@@ -283,10 +283,71 @@ fn near_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], depth: 
     }
 }
 
+/// Returns the first and the last pixel of an interval, clipped to `low ..= high`.
+fn between(first: f32, last: f32, low: i32, high: i32) -> [i32; 2] {
+    [nearest_pixel(first + 0.49).nearest.max(low), nearest_pixel(last - 0.49).nearest.min(high)]
+}
+
+fn value_splat(frame: &FrameUniform, voxel: &VisitedVoxel, xyz: [u32; 3], channels: &Channels) -> Splat {
+    let [_, _, _, value] = look_of(frame, channels, voxel.record);
+    let [x0, y0, x1, y1] = frame.window;
+    let last_row = frame.picture_rows.cast_signed() - 1;
+    let (x, y, columns, rows);
+    let (mut from_eye, mut closeness) = ([0.0; 3], 0.0);
+    let place = [0, 1, 2].map(|a| xyz[frame.nesting[a] as usize] as f32);
+    if frame.is_perspective == 0 {
+        x = pixel_position(&frame.rows[0], frame.shifts[0], xyz);
+        y = pixel_position(&frame.rows[1], frame.shifts[1], xyz);
+        columns = span(x, frame.half_width[0], x0, x1 - 1);
+        rows = span(y, frame.half_width[1], 0, last_row);
+    } else {
+        let [right, up, depth] = [0, 1, 2].map(|r| coordinate(&frame.rows[r], frame.shifts[r], xyz));
+        let reach = frame.ellipse;
+        if !(depth > 0.0 && depth + reach[2] >= frame.near) {
+            return EMPTY;
+        }
+        closeness = 1.0 / depth;
+        x = nearest_pixel(frame.centre[0] + frame.focal * (right * closeness));
+        y = nearest_pixel(frame.centre[1] - frame.focal * (up * closeness));
+        let nearest = (depth - reach[2]).max(frame.near);
+        let farthest = (depth + reach[2]).max(nearest);
+        let ends = |at: f32, reach: f32| {
+            let (low, high) = (at - reach, at + reach);
+            let pick = |is_outward: bool| if is_outward { nearest } else { farthest };
+            [low / pick(low < 0.0), high / pick(high > 0.0)].map(|tangent| frame.focal * tangent)
+        };
+        let ([left, end], [bottom, top]) = (ends(right, reach[0]), ends(up, reach[1]));
+        columns = between(frame.centre[0] + left, frame.centre[0] + end, x0, x1 - 1);
+        rows = between(frame.centre[1] - top, frame.centre[1] - bottom, 0, last_row);
+        from_eye = [0, 1, 2].map(|a| place[a] - frame.sample_rays[a][2]);
+    }
+    let is_off = !x.is_near || !y.is_near || columns[0] > columns[1] || rows[0] > rows[1];
+    let is_in_window = rows[0] < y1 && rows[1] >= y0;
+    if is_off || !is_in_window || value <= 0.0 || value.is_nan() {
+        return EMPTY;
+    }
+    Splat {
+        columns: columns[0] as u32 | (columns[1] as u32) << 16,
+        rows: rows[0] as u32 | (rows[1] as u32) << 16,
+        corner_x: (columns[0] - x.nearest) as f32 - x.fraction,
+        corner_y: (rows[0] - y.nearest) as f32 - y.fraction,
+        falloff_x: from_eye[1],
+        falloff_y: from_eye[2],
+        shear: from_eye[0],
+        peak: value,
+        red: place[0],
+        green: closeness,
+        blue: 0.0,
+    }
+}
+
 fn splat_of(frame: &FrameUniform, voxel: &VisitedVoxel, channels: &Channels) -> Splat {
     let xyz = [voxel.xy & 0xffff, voxel.xy >> 16, voxel.z];
     if (0..3).any(|a| xyz[a] < frame.crop_low[a] || xyz[a] > frame.crop_high[a]) {
         return EMPTY;
+    }
+    if frame.is_maximum == 1 {
+        return value_splat(frame, voxel, xyz, channels);
     }
     let mut strength = frame.ellipse[3];
     let (x, y, ellipse);
@@ -320,7 +381,7 @@ fn splat_of(frame: &FrameUniform, voxel: &VisitedVoxel, channels: &Channels) -> 
         return EMPTY;
     }
     let [red, green, blue, depth] = look_of(frame, channels, voxel.record);
-    let peak = if frame.is_maximum == 1 { depth } else { (depth * strength).min(frame.max_depth) };
+    let peak = (depth * strength).min(frame.max_depth);
     if peak <= 0.0 || peak.is_nan() {
         return EMPTY;
     }

@@ -3,7 +3,7 @@
 use half::f16;
 
 use super::near::splat_depth;
-use super::{WHOLE_CELL, absorbed, high_half, low_half};
+use super::{absorbed, high_half, low_half};
 use adjsplat::internals::gpu_stages::BlendMode;
 use adjsplat::internals::gpu_stages::{FrameUniform, NOTHING, Splat};
 use adjsplat::splat::gpu::QuadFormat;
@@ -47,9 +47,8 @@ pub(crate) fn splat(
 fn fragment(blend: BlendMode, splat: &Splat, depth: f32) -> [f32; 4] {
     let ink = [splat.red, splat.green, splat.blue, 1.0];
     match blend {
-        BlendMode::Maximum => ink.map(|ink| ink.min(depth * WHOLE_CELL)),
         BlendMode::Additive => ink.map(|ink| ink * depth),
-        BlendMode::FrontToBack | BlendMode::BackToFront => ink.map(|ink| ink * absorbed(depth)),
+        _ => ink.map(|ink| ink * absorbed(depth)),
     }
 }
 
@@ -62,7 +61,7 @@ fn blended(blend: BlendMode, target: QuadFormat, source: [f32; 4], pixel: [f32; 
         BlendMode::FrontToBack => [sr * a + r, sg * a + g, sb * a + b, a * (1.0 - sa)],
         BlendMode::BackToFront => [sr + r * (1.0 - sa), sg + g * (1.0 - sa), sb + b * (1.0 - sa), a * (1.0 - sa)],
         BlendMode::Additive => [sr + r, sg + g, sb + b, sa + a],
-        BlendMode::Maximum => [sr.max(r), sg.max(g), sb.max(b), sa.max(a)],
+        BlendMode::Maximum => panic!("a maximum is drawn in tiles"),
     }
 }
 

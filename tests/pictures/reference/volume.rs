@@ -136,8 +136,6 @@ fn what_the_judge_does_not_draw_is_refused() {
     let camera = orbit(judge.visible().grid(), 0.0, 0.0, None, [4, 4]);
     let refused = |settings: JudgeSettings| judge.draw(&camera, &settings).unwrap_err().to_string();
     let usual = || JudgeSettings::new([4, 4]);
-    let told = refused(JudgeSettings { mode: Mode::Maximum, ..usual() });
-    assert_eq!(told, "mode: is a maximum, which has no reference; take composite or xray");
     assert!(refused(JudgeSettings { sigma: f64::NAN, ..usual() }).starts_with("kernel sigma: is NaN"));
     assert!(refused(JudgeSettings { threads: 0, ..usual() }).starts_with("threads"));
     assert!(refused(JudgeSettings { exposure: Some(0.0), mode: Mode::Additive, ..usual() }).starts_with("exposure"));

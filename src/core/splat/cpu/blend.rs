@@ -122,23 +122,3 @@ impl Blend for Additive {
         value + amount * ink
     }
 }
-
-/// Factor on a voxel's weight before the weight is limited to 1. With it, voxels have no gaps between them if the
-/// kernel's weight at the corner of a cell is above 1/e, that is, for a sigma of at least 1/2 voxel.
-pub const WHOLE_CELL: f32 = std::f32::consts::E;
-
-/// Keeps the largest normalised value; a voxel has full weight over its cell. The ink's red is the voxel's value.
-pub(crate) struct Maximum;
-
-impl Blend for Maximum {
-    #[inline(always)]
-    fn amount<const IS_SMALL: bool>(depth: f32) -> f32 {
-        depth * WHOLE_CELL
-    }
-
-    #[inline(always)]
-    fn blend(value: f32, _: f32, amount: f32, ink: f32, _: f32) -> f32 {
-        let offered = at_most(amount, ink);
-        if offered > value { offered } else { value }
-    }
-}

@@ -7,6 +7,7 @@ use multiversion::target::match_target;
 
 use super::blend::Blend;
 use super::gather::Band;
+use super::maximum::{Rays, SumTiles};
 use super::project::{Projector, VoxelBlock};
 use super::raster::{self, Splats};
 use super::tile_buffer::{Rect, TileBuffer};
@@ -82,6 +83,13 @@ for_each_instruction_set! {
                 raster::draw::<B>(tiles, splats, |j| splats.ellipse(j), projector.near.as_ref(), thresholds)
             },
         }
+    }
+}
+
+for_each_instruction_set! {
+    /// Runs [`SumTiles::draw`]; returns how many voxels were drawn.
+    pub(super) fn draw_maxima(projector: &Projector, rays: &Rays, voxels: &VoxelBlock, sums: &mut SumTiles) -> u64 {
+        sums.draw(projector, rays, voxels)
     }
 }
 

@@ -18,6 +18,7 @@ mod faint;
 mod gather;
 mod lattice;
 mod look_tables;
+pub(crate) mod maximum;
 mod memory;
 mod plain;
 pub(crate) mod project;
@@ -34,7 +35,7 @@ use std::time::{Duration, Instant};
 pub use self::memory::{Canvas, canvas, memory_need};
 pub use self::visible::VisibleRecords;
 
-use self::blend::{Additive, BackToFront, Blend, FrontToBack, LinearFrontToBack, Maximum};
+use self::blend::{Additive, BackToFront, Blend, FrontToBack, LinearFrontToBack};
 use self::lattice::Lattice;
 use self::project::Projector;
 use self::task::{BandStats, DrawTask, assemble, full_rect, pixels};
@@ -162,7 +163,7 @@ fn draw_in_mode(
         (Mode::Composite, Sense::FrontToBack) => blended::<FrontToBack>,
         (Mode::Composite, Sense::BackToFront) => blended::<BackToFront>,
         (Mode::Additive, _) => blended::<Additive>,
-        (Mode::Maximum | Mode::MaximumGrey, _) => blended::<Maximum>,
+        (Mode::Maximum | Mode::MaximumGrey, _) => largest,
     };
     draw(setup, table, settings, omitted)
 }
@@ -175,6 +176,17 @@ fn blended<B: Blend>(
     omitted: Option<&RecordSet>,
 ) -> Result<(Frame, BandStats)> {
     let bands = DrawTask::new::<B>(setup, table, settings, omitted).splat::<B>()?;
+    assemble(&bands, settings, table)
+}
+
+/// Draws the largest value on the ray of each pixel.
+fn largest(
+    setup: &FrameSetup,
+    table: &Table,
+    settings: &Settings,
+    omitted: Option<&RecordSet>,
+) -> Result<(Frame, BandStats)> {
+    let bands = DrawTask::new::<Additive>(setup, table, settings, omitted).largest()?;
     assemble(&bands, settings, table)
 }
 

@@ -6,6 +6,7 @@
 
 use super::blend::{Additive, Blend, FrontToBack, sheet_loss};
 use super::lattice::Lattice;
+use super::maximum::{Rays, advance};
 use super::project::{Projector, affine_at, jacobian, limited, nearest_pixel, pixel_span, slant};
 use super::raster::{Centre, SplatKernel};
 use super::task::{BandResult, BandStats, DrawTask, full_rect};
@@ -132,6 +133,47 @@ impl Splat<'_> {
 /// A voxel's splat and colour.
 type ColouredSplat<'a> = (Splat<'a>, [f32; 3]);
 
+/// Draws the largest value on the ray of each pixel.
+pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
+    let (mut tiles, rays) = (TileBuffer::new(rect, 0.0)?, Rays::new(task.setup));
+    let place = |x: i32, y: i32| (y * rect.x1 + x).unsigned_abs() as usize;
+    // The slice of the last voxel that was drawn on each pixel.
+    let mut slices = vec![0u16; place(0, rect.y1)];
+    let stats = each_voxel(task, |voxel, record| {
+        let [_, _, _, value] = task.projector.look(record);
+        let nested = task.projector.nesting.map(|axis| voxel[axis]);
+        let position = nested.map(f64::from);
+        let [left, right, top, bottom] = rays.pixels(position);
+        if is_cropped(&task.projector, voxel) || value <= 0.0 {
+            return false;
+        }
+        let mut is_drawn = false;
+        for y in top.max(rect.y0)..=bottom.min(rect.y1 - 1) {
+            for x in left.max(rect.x0)..=right.min(rect.x1 - 1) {
+                let mut values = tiles.pixel(x, y).map(|value| [value]);
+                let last = &mut slices[place(x, y)];
+                if *last != nested[0] {
+                    advance(&mut values, nested[0].wrapping_sub(*last));
+                    *last = nested[0];
+                }
+                let near = rays.near(position, [x & !3, y & !3]);
+                let (column, row) = ([(x & 3) as f32], [(y & 3) as f32]);
+                let weights = match rays {
+                    Rays::Parallel { .. } => near.weights::<false, 1>(&column, &row),
+                    Rays::Perspective { .. } => near.weights::<true, 1>(&column, &row),
+                };
+                for (sum, weight) in values[1..].iter_mut().zip(weights) {
+                    sum[0] += value * weight[0];
+                }
+                tiles.set_pixel(x, y, values.map(|[value]| value));
+                is_drawn = true;
+            }
+        }
+        is_drawn
+    });
+    Ok(BandResult { pixels: tiles, stats })
+}
+
 /// Blends a splat with the pixels of its box that lie in the picture; returns whether there are any.
 fn draw_splat<B: Blend>(tiles: &mut TileBuffer, (splat, [red, green, blue]): ColouredSplat, stop: f32) -> bool {
     let (rect, ink) = (tiles.rect, [red, green, blue, B::ALPHA_INK]);
@@ -181,8 +223,7 @@ fn splat<'a>(task: &'a DrawTask, voxel: [u16; 3], record: usize) -> Option<Colou
     Some((splat, lit_colour(projector, voxel, record, [red, green, blue])))
 }
 
-/// Returns the splat of a voxel of this depth, or value in maximum modes; `None` if it is behind the eye or clipped, or
-/// shows nothing.
+/// Returns the splat of a voxel of this depth; `None` if it is behind the eye or clipped, or shows nothing.
 fn project_voxel<'a>(projector: &'a Projector, voxel: [u16; 3], depth: f32) -> Option<Splat<'a>> {
     let position = projector.nesting.map(|axis| f64::from(voxel[axis]));
     let affine = |map: &Affine| affine_at(&projector.nested(map), position);
@@ -191,7 +232,7 @@ fn project_voxel<'a>(projector: &'a Projector, voxel: [u16; 3], depth: f32) -> O
         Centre { x, y, offset_x, offset_y }
     };
     let footprint_at = |centre: Centre, ellipse: Ellipse, strength: f32| {
-        let peak = if projector.maximum { depth } else { limited(depth, strength) };
+        let peak = limited(depth, strength);
         let splat = Splat::Footprint(SplatKernel { centre, ellipse, cut: projector.cut, peak });
         (strength > 0.0 && peak > 0.0).then_some(splat)
     };

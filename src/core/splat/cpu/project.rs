@@ -34,8 +34,6 @@ pub struct Projector<'a> {
     /// The lighting; `None` if voxels are not lit.
     pub lights: Option<Lights>,
     pub(super) crop: Option<VoxelBox>,
-    /// Whether a peak is a normalised value (for maximum modes) and not an optical depth.
-    pub(super) maximum: bool,
     /// What each splat's ink (`blend.rs`) has for alpha, in the blend mode of the frame.
     pub alpha_ink: f32,
     pub(super) sigma: f32,
@@ -139,7 +137,7 @@ pub const GROUP: usize = 16;
 impl<'a> Projector<'a> {
     /// Creates the projector of a frame. For `alpha_ink` and `stop`, see the fields.
     pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, alpha_ink: f32, stop: f32) -> Projector<'a> {
-        let FrameSetup { view, order, lane, lights, kernel, crop, maximum } = setup;
+        let FrameSetup { view, order, lane, lights, kernel, crop, .. } = setup;
         let (sigma, cut_off, normalisation) = (kernel.sigma, kernel.cut_off(), kernel.normalisation());
         let (ellipse, strength) = match &view.map {
             PixelMap::Parallel { pixel_from_voxel, scale } => {
@@ -153,7 +151,6 @@ impl<'a> Projector<'a> {
             table,
             lights: *lights,
             crop: *crop,
-            maximum: *maximum,
             alpha_ink,
             sigma,
             cut_off,
@@ -161,7 +158,7 @@ impl<'a> Projector<'a> {
             stop,
             nesting: [order.slow.index(), order.medium.index(), order.fast.index()],
             map: view.map,
-            near: NearView::new(view, *kernel, *maximum),
+            near: NearView::new(view, *kernel),
             ellipse,
             strength,
             eye: view.eye_scaled.map(|c| c as f32),
@@ -367,9 +364,7 @@ impl<'a> Projector<'a> {
             };
             (out.ink[k], out.peak[k]) = ([red, green, blue, self.alpha_ink], peak);
         }
-        if !self.maximum {
-            apply_strengths(out);
-        }
+        apply_strengths(out);
         if let Some(lights) = &self.lights {
             let normals = self.normals(voxels, out);
             self.light(lights, &normals, &voxels.positions, out);

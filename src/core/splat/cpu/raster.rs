@@ -60,7 +60,7 @@ pub struct Splats {
     pub(super) near: Vec<(u8, NearKernel)>,
     /// The splat's ink: factors on what it adds to a pixel's red, green, blue and alpha (`blend.rs`).
     pub ink: [[f32; 4]; BLOCK],
-    /// Optical depth at the centre, in units of ln 2, or normalised value (maximum modes); 0 if the splat is not drawn.
+    /// Optical depth at the centre, in units of ln 2; 0 if the splat is not drawn.
     pub peak: [f32; BLOCK],
 }
 

@@ -13,7 +13,7 @@ use super::project::Projector;
 use super::task_visitor::TaskVisitor;
 use super::tile_buffer::{Rect, TILE, TileBuffer};
 use super::visible::VisibleRecords;
-use super::{band, gather, plain};
+use super::{band, gather, maximum, plain};
 use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::parallel::in_order;
@@ -95,6 +95,14 @@ impl<'a> DrawTask<'a> {
             (Blending::Sheets, _) => Ok(vec![plain::draw_sheets(self, rect)?]),
             (_, Code::Plain) => Ok(vec![plain::draw::<B>(self, rect)?]),
             _ => self.in_bands(self.lines_follow_rows(), &|rect| band::draw::<B>(self, rect)),
+        }
+    }
+
+    /// Draws the largest value on the ray of each pixel, band by band.
+    pub(super) fn largest(&self) -> Result<Vec<BandResult>> {
+        match self.settings.code {
+            Code::Plain => Ok(vec![plain::draw_largest(self, full_rect(self.settings.size))?]),
+            _ => self.in_bands(self.lines_follow_rows(), &|rect| maximum::draw(self, rect)),
         }
     }
 

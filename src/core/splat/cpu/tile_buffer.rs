@@ -117,6 +117,11 @@ impl TileBuffer {
         !self.open.any_in(rows, columns)
     }
 
+    /// Returns the number of tiles for which there is memory.
+    pub(super) fn len(&self) -> usize {
+        self.tiles.len()
+    }
+
     /// Returns the values of pixel (`x`, `y`), which lies in the rectangle.
     pub(super) fn pixel(&self, x: i32, y: i32) -> [f32; 4] {
         let index = self.index(x >> TILE, y >> TILE);

@@ -3,6 +3,8 @@
 //! In: a slab's blocks, a view and a window of its picture. Out: the blocks that may have a voxel in the window, in
 //! visit order, cut into runs (chunks) that fit the buffers. O(blocks) for each frame; lines are not looked at.
 
+use bytemuck::Zeroable;
+
 use super::layout::{Chunk, LineBlock};
 use super::lines::{LineList, ListBlock, Slab};
 use crate::splat::View;
@@ -15,6 +17,7 @@ pub(crate) struct WindowView<'a> {
     pub(crate) half_width: [f64; 2], // Half-widths of a parallel view's footprints, in pixels.
     pub(crate) window: [i32; 4],     // First column and row, one past the last column and row.
     pub(crate) crop: Option<VoxelBox>,
+    pub(crate) slow: usize, // The slow axis.
 }
 
 impl WindowView<'_> {
@@ -43,21 +46,22 @@ impl Chunks {
         let mut chunks = Chunks::default();
         if meets {
             for block in slab.blocks.iter().filter(|block| all_inside || window.meets(&block.bounds).0) {
-                chunks.push(block, slots);
+                chunks.push(block, slots, window.slow);
             }
         }
         chunks
     }
 
-    fn push(&mut self, block: &ListBlock, slots: u32) {
+    fn push(&mut self, block: &ListBlock, slots: u32, slow: usize) {
         let first_block = u32::try_from(self.blocks.len()).expect("fewer blocks than lines, which are below 2^32");
         if self.chunks.last().is_none_or(|(chunk, _)| chunk.slot_count + block.records > slots) {
-            self.chunks.push((Chunk { first_block, slot_count: 0, index: 0, is_first: 0 }, 0));
+            self.chunks.push((Chunk { first_block, ..Chunk::zeroed() }, 0));
         }
         let (chunk, count) = self.chunks.last_mut().expect("one was put there");
         let first_slot = chunk.slot_count;
         chunk.slot_count += block.records;
         *count += 1;
+        chunk.to_slice = block.bounds.high[slow].into();
         let ListBlock { first_line, line_count, .. } = *block;
         self.blocks.push(LineBlock { first_line, line_count, first_slot, end_slot: chunk.slot_count });
     }

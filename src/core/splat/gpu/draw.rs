@@ -5,6 +5,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use bytemuck::Zeroable;
 use wgpu::{Buffer, Color, CommandEncoder, ComputePassDescriptor, LoadOp, RenderPass};
 
 use super::budget::{MemoryPlan, mask_words};
@@ -134,9 +135,10 @@ impl FrameDraw<'_, '_, '_> {
         }
 
         let half_width = uniform.half_width.map(f64::from);
-        let view = WindowView { view: &self.shot.view, half_width, window, crop: self.shot.crop };
+        let slow = self.shot.order.slow.index();
+        let view = WindowView { view: &self.shot.view, half_width, window, crop: self.shot.crop, slow };
         let list = self.list.clone();
-        let (mut records, mut is_first) = (0, true);
+        let (mut records, mut is_first, mut slice) = (0, true, 0);
         for (index, slab) in list.slabs.iter().enumerate() {
             let mut chunks = Chunks::new(&list, slab, &view, self.plan.slots);
             if chunks.chunks.is_empty() {
@@ -145,6 +147,7 @@ impl FrameDraw<'_, '_, '_> {
             for (chunk, _) in &mut chunks.chunks {
                 chunk.index = u32::try_from(self.stats.chunks % COUNTERS).expect("below the number of counters");
                 chunk.is_first = std::mem::take(&mut is_first).into();
+                chunk.from_slice = std::mem::replace(&mut slice, chunk.to_slice);
                 self.stats.chunks += 1;
                 records += u64::from(chunk.slot_count);
             }
@@ -158,7 +161,7 @@ impl FrameDraw<'_, '_, '_> {
         }
         if is_first {
             // No voxel projects into the window: a chunk without records clears its pixels.
-            self.chunk(Chunk { first_block: 0, slot_count: 0, index: 0, is_first: 1 }, 0, tiles)?;
+            self.chunk(Chunk { is_first: 1, ..Chunk::zeroed() }, 0, tiles)?;
         }
         self.stats.windows += 1;
         Ok(records)

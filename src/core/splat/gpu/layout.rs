@@ -13,6 +13,7 @@ use crate::arena::layout::line_end_bytes;
 use crate::splat::Lighting;
 use crate::splat::arith::LOG2_E;
 use crate::splat::composite::MAX_DEPTH;
+use crate::splat::cpu::maximum::Rays;
 use crate::splat::kernel::{KernelShape, footprint};
 use crate::splat::near::NearView;
 use crate::splat::setup::FrameSetup as Shot;
@@ -40,6 +41,7 @@ pub struct FrameUniform {
     pub rows: [AffineRow; 3],
     pub shifts: [i32; 4],
     pub steps: [[f32; 4]; 3],
+    pub sample_rays: [[f32; 4]; 3],
     pub eye: [f32; 4],
     pub light: [f32; 4],
     pub light_weights: [f32; 4],
@@ -60,6 +62,7 @@ pub struct FrameUniform {
     pub rays: [[f32; 4]; 3],
     pub eye_voxel: [f32; 4],
     pub eye_rest: [f32; 4],
+    pub nesting: [u32; 4],
     pub eye_ceil: i32,
     pub eye_twice: i32,
     pub fast_order: u32,
@@ -86,6 +89,8 @@ pub struct Chunk {
     pub slot_count: u32,
     pub index: u32,
     pub is_first: u32,
+    pub from_slice: u32,
+    pub to_slice: u32,
 }
 
 /// Up to [`LINES`] consecutive lines of the line list, and the slots of their records.
@@ -180,6 +185,9 @@ impl FrameUniform {
                 camera_from_voxel
             }
         };
+        if shot.maximum {
+            uniform.set_rays(&Rays::new(shot));
+        }
         for (r, map) in maps.iter().enumerate() {
             (uniform.rows[r], uniform.shifts[r]) = AffineRow::new(map, dims);
         }
@@ -209,6 +217,7 @@ impl FrameUniform {
             }
         }
         uniform.fast_axis = fast.index() as u32;
+        uniform.nesting = [shot.order.slow.index() as u32, shot.order.medium.index() as u32, uniform.fast_axis, 0];
         uniform.longest_line = dims[fast.index()];
         uniform.line_end_bytes = line_end_bytes(uniform.longest_line).into();
         uniform.value_bits = channels.value_bits.into();
@@ -223,12 +232,31 @@ impl FrameUniform {
     fn set_near(&mut self, view: &View, kernel: KernelShape) {
         // Farther eyes have no voxels near them; the limit keeps squares finite.
         const FAR: f64 = 1e9;
-        let Some(near) = NearView::new(view, kernel, false) else { return };
+        let Some(near) = NearView::new(view, kernel) else { return };
         let eye = near.eye.to_array().map(|c| c.clamp(-FAR, FAR));
         let [right, up, forward] = [near.right, near.up, near.forward];
         let extended = |[x, y, z]: [f32; 3], w: f32| [x, y, z, w];
-        self.rays = [extended(right, 0.0), extended(up, 0.0), extended(forward, near.strength.unwrap_or_default())];
+        self.rays = [extended(right, 0.0), extended(up, 0.0), extended(forward, near.strength)];
         self.eye_voxel = extended(eye.map(|c| c.round() as f32), kernel.radius);
         self.eye_rest = extended(eye.map(|c| (c - c.round()) as f32), near.least_depth as f32);
+    }
+
+    /// Fills in the rays of a maximum, and how far a voxel's samples lie from it.
+    fn set_rays(&mut self, rays: &Rays) {
+        match rays {
+            Rays::Parallel { start, slope, reach, .. } => {
+                for a in 0..2 {
+                    self.sample_rays[a + 1] = [start[a][0] as f32, start[a][1] as f32, (slope[a] / 2.0) as f32, 0.0];
+                }
+                self.half_width = reach.map(|reach| reach as f32 + 0.01);
+            }
+            Rays::Perspective { eye, direction, reach, near, .. } => {
+                self.near = *near as f32;
+                for a in 0..3 {
+                    self.sample_rays[a] = [direction[a][0] as f32, direction[a][1] as f32, eye[a] as f32, 0.0];
+                    self.ellipse[a] = reach[a] as f32;
+                }
+            }
+        }
     }
 }

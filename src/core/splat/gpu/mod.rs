@@ -61,7 +61,8 @@ use crate::volume::Axis;
 pub enum Compositor {
     /// In a compute shader: a workgroup per tile of the picture accumulates in 32-bit registers, and can end early.
     Tiles,
-    /// As quads, one for each splat, which the device blends into a target of this format.
+    /// As quads, one for each splat, which the device blends into a target of this format. The maximum modes, which
+    /// interpolate between voxels, are drawn in tiles all the same.
     Quads(QuadFormat),
 }
 
@@ -283,7 +284,7 @@ impl<'a> GpuRenderer<'a> {
         // Tiles also draw pictures that are too large for the default's target.
         let fits = settings.size.into_iter().all(|side| side <= context.limits.max_texture_dimension_2d);
         let has_choice = self.options.compositor.is_none();
-        self.current = if has_choice && !fits { Compositor::Tiles } else { self.compositor() };
+        self.current = if has_choice && !fits || shot.maximum { Compositor::Tiles } else { self.compositor() };
         let drawn = context.watch(|| {
             let plan = self.plan(&shot, settings)?;
             self.prepare_looks(&shot, settings, &mut stats)?;

@@ -46,7 +46,7 @@ pub enum BlendMode {
     BackToFront,
     /// Sums splats, in any order.
     Additive,
-    /// Keeps the largest values.
+    /// Keeps the largest interpolated value; in tiles only.
     Maximum,
 }
 
@@ -69,12 +69,11 @@ impl BlendMode {
     fn state(self) -> BlendState {
         use BlendFactor::{DstAlpha, One, OneMinusSrcAlpha, Zero};
         let add = |src_factor, dst_factor| BlendComponent { src_factor, dst_factor, operation: BlendOperation::Add };
-        let max = BlendComponent { src_factor: One, dst_factor: One, operation: BlendOperation::Max };
         let (color, alpha) = match self {
             BlendMode::FrontToBack => (add(DstAlpha, One), add(Zero, OneMinusSrcAlpha)),
             BlendMode::BackToFront => (add(One, OneMinusSrcAlpha), add(Zero, OneMinusSrcAlpha)),
             BlendMode::Additive => (add(One, One), add(One, One)),
-            BlendMode::Maximum => (max, max),
+            BlendMode::Maximum => unreachable!("a maximum is drawn in tiles"),
         };
         BlendState { color, alpha }
     }

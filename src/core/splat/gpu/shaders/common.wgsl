@@ -13,14 +13,21 @@ struct FrameUniform {
     rows: array<AffineRow, 3>, // Parallel: column, row, unused. Perspective: right, up, depth along the view axis.
     shifts: vec4<i32>, // For each row: the number of fraction bits of its whole factors.
     steps: array<vec4<f32>, 3>, // For a step of one voxel along x, y, z: change of right, up and depth; its length.
+    // For the slow, medium and fast axis, in a maximum. Perspective: by how much the ray's direction grows with the column
+    // and with the row, in voxels per mean spacing along the view axis; the eye, in voxels. Parallel, not for the slow axis:
+    // by how much the ray's point in a slice moves with the column and with the row, and in half a slice, in voxels.
+    sample_rays: array<vec4<f32>, 3>,
     eye: vec4<f32>, // Perspective: the eye. Parallel: the unit vector toward it.
     light: vec4<f32>, // Unit vector toward the light.
     light_weights: vec4<f32>, // Ambient, diffuse and specular light.
-    ellipse: vec4<f32>, // Parallel: falloff_x, falloff_y, shear of all splats. w: peak of a splat of optical depth 1.
+    // Parallel: falloff_x, falloff_y, shear of all splats. w: peak of a splat of optical depth 1. In the perspective view of
+    // a maximum: how far the samples of a voxel lie from it, right, up and forward.
+    ellipse: vec4<f32>,
     half_width: vec2<f32>, // Parallel: half the width and height of a footprint's box, in pixels.
     centre: vec2<f32>, // Pixel where the view axis meets the picture.
     focal: f32, // Focal length, in pixels.
-    near: f32, // Voxels with a smaller depth along the view axis have no footprint: see near.wgsl.
+    // Voxels with a smaller depth along the view axis have no footprint: see near.wgsl. In a maximum: where rays begin.
+    near: f32,
     sigma: f32, // Standard deviation of the kernel, in voxels.
     cut_off: f32, // Radius at which the kernel is cut off, in sigmas.
     cut_exponent: f32, // Exponent of the kernel at the cut-off radius, in units of ln 2.
@@ -35,6 +42,7 @@ struct FrameUniform {
     rays: array<vec4<f32>, 3>,
     eye_voxel: vec4<f32>, // The eye in voxel coordinates, rounded. w: radius of the kernel, in voxels.
     eye_rest: vec4<f32>, // What the eye has beyond that. w: near voxels with a smaller depth are not drawn.
+    nesting: vec4<u32>, // The slow, medium and fast axis: 0, 1 or 2.
     eye_ceil: i32, // The eye's coordinate on the fast axis, rounded up.
     eye_twice: i32, // Twice that coordinate, rounded down.
     fast_order: u32, // ASCENDING, DESCENDING, SPLIT or INTERLEAVED.
@@ -45,7 +53,7 @@ struct FrameUniform {
     value_bits: u32, // Bits of a value code: 8 or 16.
     normal_bits: u32, // Bits of each half of a normal code: 8 or 16; 0 for no normals.
     uses_magnitude: u32, // 1 if the optical depth also depends on the gradient magnitude, else 0.
-    is_maximum: u32, // 1 if a splat's peak is a normalised value, 0 if it is an optical depth.
+    is_maximum: u32, // 1 if splats are values to interpolate, 0 if they are footprints.
     is_perspective: u32, // 1 in a perspective view, 0 in a parallel view.
     shininess: u32, // Exponent of the highlight; 0 for no lighting.
     tile_columns: u32, // Tiles in a row of the window.
@@ -64,6 +72,8 @@ struct Chunk {
     slot_count: u32, // Number of the chunk's records; each has a slot in `voxels` and `splats`.
     index: u32, // Index of the chunk's counter of drawn splats.
     is_first: u32, // 1 for the first chunk of a window, which clears the pixels.
+    from_slice: u32, // The last slice of the chunk before, on the slow axis; 0 for the first chunk.
+    to_slice: u32, // The last slice of the chunk.
 }
 
 // A voxel that the walk visited.
@@ -75,7 +85,9 @@ struct VisitedVoxel {
 
 const NO_RECORD: u32 = 0xffffffffu;
 
-// A splat: the footprint of a voxel in the picture.
+// A splat: the footprint of a voxel in the picture. In a maximum it is the voxel's value and place: `peak` is the normalised
+// value, `red` the slice, `green` one over the depth along the view axis; `falloff_x`, `falloff_y` and `shear` are, in
+// perspective, the voxel minus the eye along the medium, fast and slow axis.
 struct Splat {
     // First column in the low half, last column in the high half; NOTHING for a splat without pixels. Columns count
     // from the left of the whole picture, so that a splat is the same in every window.
@@ -88,7 +100,7 @@ struct Splat {
     falloff_x: f32, // Exponent per squared pixel of distance from the ridge along a row, in units of ln 2.
     falloff_y: f32, // Exponent per squared pixel from row to row, in units of ln 2.
     shear: f32, // By how many columns the ellipse's ridge moves per row.
-    // Optical depth at the centre in units of ln 2, or normalised value. Of a voxel near the eye: that of the voxel.
+    // Optical depth at the centre in units of ln 2. Of a voxel near the eye: that of the voxel.
     peak: f32,
     red: f32, // Linear colour, lit.
     green: f32,

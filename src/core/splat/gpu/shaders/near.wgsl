@@ -5,7 +5,7 @@
 // The ray of a pixel.
 struct Ray {
     direction: vec3<f32>, // Unit vector in voxel coordinates.
-    strength: f32, // Peak of a kernel of optical depth 1; 1 in maximum modes.
+    strength: f32, // Peak of a kernel of optical depth 1.
 }
 
 // Returns the ray of the pixel `at` in a perspective view.
@@ -14,7 +14,7 @@ fn ray_at(at: vec2<i32>) -> Ray {
     let along = frame.rays[2].xyz + frame.rays[0].xyz * tangent.x - frame.rays[1].xyz * tangent.y;
     let per_length = inverseSqrt(max(dot(along, along), 1.17549435e-38));
     let stretch = sqrt(1.0 + dot(tangent, tangent)) * per_length;
-    return Ray(along * per_length, select(frame.rays[2].w * stretch, 1.0, frame.is_maximum == 1u));
+    return Ray(along * per_length, frame.rays[2].w * stretch);
 }
 
 // Returns exp(z^2 / 2) Phi(-z) for z of 0 to 6, Phi the normal distribution. Polynomial: near.rs.

@@ -12,7 +12,7 @@
 @group(0) @binding(3) var<storage, read> values: array<u32>;
 @group(0) @binding(4) var<storage, read> normals: array<u32>;
 @group(0) @binding(5) var<storage, read> magnitudes: array<u32>;
-// By value code: colour, and optical depth per mean voxel spacing in units of ln 2 (or normalised value).
+// By value code: colour, and optical depth per mean voxel spacing in units of ln 2 (in a maximum, normalised value).
 @group(0) @binding(6) var<storage, read> looks: array<vec4<f32>>;
 @group(0) @binding(7) var<storage, read> depths: array<f32>; // Optical depth by value code and magnitude code.
 @group(0) @binding(8) var<storage, read_write> splats: array<Splat>;
@@ -145,7 +145,7 @@ fn value_of(record: u32) -> u32 {
     return (values[record >> 1u] >> (16u * (record & 1u))) & 0xffffu;
 }
 
-// Returns the colour and the optical depth (or normalised value) of a record's voxel.
+// Returns the colour and the optical depth (in a maximum, the normalised value) of a record's voxel.
 fn look_of(record: u32) -> vec4<f32> {
     let value = value_of(record);
     var look = looks[value];
@@ -257,10 +257,69 @@ fn near_splat(voxel: VisitedVoxel, xyz: vec3<u32>, depth: f32) -> Splat {
     );
 }
 
+// Returns the first and the last pixel of an interval, clipped to `low ..= high`; a hundredth of a pixel more on each side.
+fn between(first: f32, last: f32, low: i32, high: i32) -> vec2<i32> {
+    return vec2<i32>(max(nearest_pixel(first + 0.49).nearest, low), min(nearest_pixel(last - 0.49).nearest, high));
+}
+
+// Returns the voxel of a maximum: cpu/maximum.rs, Rays::pixels. Voxels behind the eye are left out.
+fn value_splat(voxel: VisitedVoxel, xyz: vec3<u32>) -> Splat {
+    let value = look_of(voxel.record).w;
+    let last_column = frame.window.z - 1;
+    let last_row = i32(frame.picture_rows) - 1;
+    var x: PixelPosition;
+    var y: PixelPosition;
+    var columns: vec2<i32>;
+    var rows: vec2<i32>;
+    var from_eye = vec3<f32>(0.0);
+    var closeness = 0.0;
+    if frame.is_perspective == 0u {
+        x = pixel_position(frame.rows[0], frame.shifts.x, xyz);
+        y = pixel_position(frame.rows[1], frame.shifts.y, xyz);
+        columns = span(x, frame.half_width.x, frame.window.x, last_column);
+        rows = span(y, frame.half_width.y, 0, last_row);
+    } else {
+        let depth = coordinate(frame.rows[2], frame.shifts.z, xyz);
+        let reach = frame.ellipse.xyz;
+        if !(depth > 0.0 && depth + reach.z >= frame.near) {
+            return nothing();
+        }
+        closeness = 1.0 / depth;
+        let right = coordinate(frame.rows[0], frame.shifts.x, xyz);
+        let up = coordinate(frame.rows[1], frame.shifts.y, xyz);
+        x = nearest_pixel(frame.centre.x + frame.focal * (right * closeness));
+        y = nearest_pixel(frame.centre.y - frame.focal * (up * closeness));
+        let nearest = max(depth - reach.z, frame.near);
+        let farthest = max(depth + reach.z, nearest);
+        let low = vec2<f32>(right, up) - reach.xy;
+        let high = vec2<f32>(right, up) + reach.xy;
+        let first = low / select(vec2<f32>(farthest), vec2<f32>(nearest), low < vec2<f32>(0.0));
+        let last = high / select(vec2<f32>(farthest), vec2<f32>(nearest), high > vec2<f32>(0.0));
+        columns = between(
+            frame.centre.x + frame.focal * first.x, frame.centre.x + frame.focal * last.x, frame.window.x, last_column,
+        );
+        rows = between(frame.centre.y - frame.focal * last.y, frame.centre.y - frame.focal * first.y, 0, last_row);
+        let at = vec3<f32>(vec3<u32>(xyz[frame.nesting.x], xyz[frame.nesting.y], xyz[frame.nesting.z]));
+        from_eye = at - vec3<f32>(frame.sample_rays[0].z, frame.sample_rays[1].z, frame.sample_rays[2].z);
+    }
+    let is_in_window = rows.x < frame.window.w && rows.y >= frame.window.y;
+    if !x.is_near || !y.is_near || columns.x > columns.y || rows.x > rows.y || !is_in_window || !(value > 0.0) {
+        return nothing();
+    }
+    return Splat(
+        u32(columns.x) | (u32(columns.y) << 16u), u32(rows.x) | (u32(rows.y) << 16u),
+        f32(columns.x - x.nearest) - x.fraction, f32(rows.x - y.nearest) - y.fraction,
+        from_eye.y, from_eye.z, from_eye.x, value, f32(xyz[frame.nesting.x]), closeness, 0.0,
+    );
+}
+
 fn splat_of(voxel: VisitedVoxel) -> Splat {
     let xyz = vec3<u32>(voxel.xy & 0xffffu, voxel.xy >> 16u, voxel.z);
     if any(xyz < frame.crop_low.xyz) || any(xyz > frame.crop_high.xyz) {
         return nothing();
+    }
+    if frame.is_maximum == 1u {
+        return value_splat(voxel, xyz);
     }
     var x: PixelPosition;
     var y: PixelPosition;
@@ -292,7 +351,7 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
         return nothing();
     }
     let look = look_of(voxel.record);
-    let peak = select(min(look.w * strength, frame.max_depth), look.w, frame.is_maximum == 1u);
+    let peak = min(look.w * strength, frame.max_depth);
     if !(peak > 0.0) {
         return nothing();
     }

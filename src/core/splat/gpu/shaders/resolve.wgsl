@@ -27,16 +27,18 @@ fn corner(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
 }
 
 fn colour(value: vec4<f32>) -> vec4<f32> {
-    var shown = vec4<f32>(value.x);
+    // A maximum is the largest of its finished sample and its sums.
+    let largest = max(max(value.x, value.y), max(value.z, value.w));
+    var shown = vec4<f32>(largest);
     if uniforms.mode == COMPOSITE {
         shown = vec4<f32>(value.xyz, 1.0 - value.w);
     } else if uniforms.mode == ADDITIVE {
         let sum = clamp(value, vec4<f32>(0.0), vec4<f32>(125.0));
         shown = vec4<f32>(absorbed(sum.x), absorbed(sum.y), absorbed(sum.z), absorbed(sum.w));
     } else if uniforms.mode == MAXIMUM {
-        let at = clamp(value.x, 0.0, 1.0) * f32(uniforms.last);
+        let at = clamp(largest, 0.0, 1.0) * f32(uniforms.last);
         let low = min(u32(at), uniforms.last - 1u);
-        shown = vec4<f32>(value.x * mix(ramp[low].xyz, ramp[low + 1u].xyz, at - f32(low)), value.x);
+        shown = vec4<f32>(largest * mix(ramp[low].xyz, ramp[low + 1u].xyz, at - f32(low)), largest);
     }
     let behind = uniforms.background.w * (1.0 - shown.w);
     return vec4<f32>(shown.xyz + behind * uniforms.background.xyz, shown.w + behind);

@@ -6,11 +6,9 @@
 @group(0) @binding(0) var<uniform> frame: FrameUniform;
 @group(0) @binding(1) var<storage, read> splats: array<Splat>;
 
-// BLEND is the number of a BlendMode of stages.rs; cpu/blend.rs explains WHOLE_CELL.
+// BLEND is the number of a BlendMode of stages.rs; a maximum is drawn in tiles only.
 override BLEND: u32 = 0u;
 const ADDITIVE: u32 = 2u;
-const MAXIMUM: u32 = 3u;
-const WHOLE_CELL: f32 = 2.718281828459045;
 
 struct Corner {
     @builtin(position) position: vec4<f32>,
@@ -41,8 +39,5 @@ fn pixel(in: Corner) -> @location(0) vec4<f32> {
     let dy = splat.corner_y + away.y;
     let depth = splat_depth(dx, dy, splat.falloff_x, splat.falloff_y, splat.shear, splat.peak, at);
     let colour = vec4<f32>(splat.red, splat.green, splat.blue, 1.0);
-    if BLEND == MAXIMUM {
-        return min(vec4<f32>(depth * WHOLE_CELL), colour);
-    }
     return colour * select(absorbed(depth), depth, BLEND == ADDITIVE);
 }

@@ -1,0 +1,262 @@
+//! The maximum modes, judged by closed forms, by the volume itself, by rays with fine steps, and by the reference.
+
+#![expect(clippy::cast_possible_truncation, reason = "coordinates of small grids")]
+
+use adjsplat::arena::Record;
+use adjsplat::build::Built;
+use adjsplat::splat::{Camera, Code, Mode, Orbit, Projection, Quality, Settings, WorldFrame};
+use adjsplat::traverse::{Sense, VoxelBox};
+use adjsplat::volume::{Grid, SampleType};
+use adjsplat_judge::reference::{Judge, JudgeSettings};
+use adjsplat_tests::pictures::{alphas, apart, bits};
+use adjsplat_tests::scenes::{Draw as _, PLAIN, at_least, built, fitting, packed, phantom, volume};
+use adjsplat_tests::{random::Random, real_volume};
+use glam::DVec3;
+
+fn grey(size: [u32; 2]) -> Settings {
+    Settings::new(size).with_mode(Mode::MaximumGrey)
+}
+
+/// A parallel camera along `forward` at the grid point `target`, which sees `height` of world length.
+fn along(forward: [f64; 3], up: [f64; 3], target: [f64; 3], height: f64) -> Camera {
+    let position = std::array::from_fn(|a| target[a] - 100.0 * forward[a]);
+    Camera::new(position, target, up, Projection::Parallel { height }).unwrap()
+}
+
+/// Views along each axis: forward and up.
+const ALONG_AXES: [([f64; 3], [f64; 3]); 3] =
+    [([0.0, 0.0, 1.0], [0.0, 1.0, 0.0]), ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]), ([1.0, 0.0, 0.0], [0.0, 0.0, 1.0])];
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    (0..3).map(|c| a[c] * b[c]).sum()
+}
+
+/// It was shown in full up to 0.99 of a voxel around it.
+#[test]
+fn a_bright_voxel_is_half_as_bright_half_a_voxel_away() {
+    let spacing = [1.0, 1.5, 0.5];
+    let model = packed(Grid::new([5; 3], spacing).unwrap(), PLAIN, at_least(0.0), |at| {
+        (at == [2; 3]).then_some(Record { value: 200, ..Record::default() })
+    });
+    let size = [97, 97];
+    for (forward, up) in ALONG_AXES {
+        let (right, middle) = (cross(forward, up), [2.0, 3.0, 1.0]);
+        // 0.05 of world length a pixel.
+        let frame = model.frame(&along(forward, up, middle, 4.85), &grey(size));
+        for (column, row) in (0..97).flat_map(|row| (0..97).map(move |column| (column, row))) {
+            let tent = |axis: [f64; 3], pixels: f64| (1.0 - (pixels * 0.05 / dot(axis, spacing)).abs()).max(0.0);
+            let want = tent(right, f64::from(column) - 48.0) * tent(up, f64::from(row) - 48.0);
+            let got = f64::from(frame.pixel(column, row)[3]);
+            assert!((got - want).abs() < 1e-5, "{forward:?} {column} {row}: {got} {want}");
+        }
+    }
+}
+
+#[test]
+fn views_along_axes_show_the_largest_voxel_of_each_line() {
+    let dims = [19u16, 23, 17];
+    let mut random = Random(7);
+    let values: Vec<u8> = (0..19 * 23 * 17).map(|_| if random.index(3) == 0 { random.byte() } else { 0 }).collect();
+    let value = |[x, y, z]: [u16; 3]| values[(usize::from(z) * 23 + usize::from(y)) * 19 + usize::from(x)];
+    let model = packed(Grid::new(dims.map(u64::from), [1.0; 3]).unwrap(), PLAIN, at_least(0.0), |at| {
+        (value(at) > 0).then(|| Record { value: value(at).into(), ..Record::default() })
+    });
+    let brightest = f64::from(*values.iter().max().unwrap());
+    for (forward, up) in ALONG_AXES {
+        for sign in [1.0, -1.0] {
+            let forward = forward.map(|c| sign * c);
+            let right = cross(forward, up);
+            // A pixel at the centre of each voxel.
+            let frame = model.frame(&along(forward, up, [12.0; 3], 25.0), &grey([25, 25]).with_threads(2));
+            for (column, row) in (0..25u32).flat_map(|row| (0..25).map(move |column| (column, row))) {
+                let place: [f64; 3] = std::array::from_fn(|a| {
+                    12.0 + right[a] * (f64::from(column) - 12.0) - up[a] * (f64::from(row) - 12.0)
+                });
+                let slow = (0..3).find(|&a| forward[a] != 0.0).unwrap();
+                let is_inside = (0..3).all(|a| a == slow || place[a] < f64::from(dims[a]));
+                let line = (0..if is_inside { dims[slow] } else { 0 }).map(|at| {
+                    let mut voxel = place.map(|c| c as u16);
+                    voxel[slow] = at;
+                    value(voxel)
+                });
+                let want = f64::from(line.max().unwrap_or(0)) / brightest;
+                let got = f64::from(frame.pixel(column, row)[3]);
+                assert!((got - want).abs() < 2e-6, "{forward:?} {column} {row}: {got} {want}");
+            }
+        }
+    }
+}
+
+/// The normalised values of all grid points of a structure, and the largest trilinear interpolation along rays.
+struct Field {
+    grid: Grid,
+    values: Vec<f32>,
+}
+
+impl Field {
+    fn new(model: &Built) -> Field {
+        let grid = model.facts.grid.clone();
+        let dims = grid.dims.map(|points| points as usize);
+        let mut values = vec![0.0; dims.iter().product()];
+        let lane = model.lanes[0].view();
+        let brightest = f32::from(lane.largest_value_code().max(1));
+        for line in lane.lines() {
+            for (x, record) in lane.line_voxels(line.records.clone()) {
+                let at = (line.v as usize * dims[1] + line.u as usize) * dims[0] + x as usize;
+                values[at] = f32::from(lane.value_code(record)) / brightest;
+            }
+        }
+        Field { grid, values }
+    }
+
+    fn at(&self, point: DVec3) -> f32 {
+        let first = point.floor();
+        let fraction = (point - first).as_vec3();
+        let mut sum = 0.0;
+        for corner in 0..8 {
+            let far = [corner & 1, corner >> 1 & 1, corner >> 2];
+            let place: [i64; 3] = std::array::from_fn(|a| first[a] as i64 + far[a]);
+            let is_inside = (0..3).all(|a| (0..i64::from(self.grid.dims[a])).contains(&place[a]));
+            let weight: f32 = (0..3).map(|a| if far[a] == 1 { fraction[a] } else { 1.0 - fraction[a] }).product();
+            if is_inside && weight > 0.0 {
+                let [x, y, z] = place.map(|c| c as usize);
+                let [columns, rows, _] = self.grid.dims.map(|points| points as usize);
+                sum += weight * self.values[(z * rows + y) * columns + x];
+            }
+        }
+        sum
+    }
+
+    /// Returns the largest value on the ray of each pixel, in steps of `step` voxels, from the distance `near` on.
+    fn cast(&self, camera: &Camera, size: [u32; 2], near: f64, step: f64) -> Vec<f32> {
+        let world = WorldFrame::of(&self.grid);
+        let index = |vector: DVec3| DVec3::from_array(world.voxel_from_world_vector(vector));
+        let [right, up, forward] = camera.axes();
+        let eye = DVec3::from_array(camera.anchor()) - world.origin;
+        let [columns, rows] = size.map(f64::from);
+        let pixels = (0..size[1]).flat_map(|row| (0..size[0]).map(move |column| [f64::from(column), f64::from(row)]));
+        pixels
+            .map(|[column, row]| {
+                let (x, y) = (column - (columns - 1.0) / 2.0, (rows - 1.0) / 2.0 - row);
+                let (origin, direction, mut from) = match camera.projection() {
+                    Projection::Parallel { height } => {
+                        (eye + (right * x + up * y) * (height / rows), forward, f64::NEG_INFINITY)
+                    }
+                    Projection::Perspective { fov } => {
+                        let focal = rows / 2.0 / (fov.to_radians() / 2.0).tan();
+                        (eye, right * (x / focal) + up * (y / focal) + forward, near)
+                    }
+                };
+                let (origin, direction) = (index(origin), index(direction));
+                let mut to = f64::INFINITY;
+                for a in 0..3 {
+                    let ends = [-1.0, f64::from(self.grid.dims[a])].map(|end| (end - origin[a]) / direction[a]);
+                    if direction[a] != 0.0 {
+                        (from, to) = (from.max(ends[0].min(ends[1])), to.min(ends[0].max(ends[1])));
+                    }
+                }
+                let steps = ((to - from) * direction.length() / step).max(0.0).ceil() as u32;
+                let points = (0..=steps).map(|at| from + (to - from) * f64::from(at) / f64::from(steps.max(1)));
+                points.filter(|t| from <= to && *t <= to).map(|t| self.at(origin + direction * t)).fold(0.0, f32::max)
+            })
+            .collect()
+    }
+}
+
+#[test]
+fn oblique_views_show_what_rays_with_fine_steps_find() {
+    for (file, low) in [("scivis-engine/engine.nii.gz", 100.0), ("carotid/carotid.vtk", 100.0)] {
+        let Some(path) = real_volume(file) else { continue };
+        let model = built(&mut *volume(&path), &fitting(at_least(low), 8));
+        let field = Field::new(&model);
+        let size = [120, 120];
+        for (azimuth, elevation, fov) in [(35.0, 25.0, None), (35.0, 25.0, Some(30.0)), (200.0, -50.0, Some(45.0))] {
+            let camera = model.orbit(azimuth, elevation, fov, size);
+            let frame = model.frame(&camera, &grey(size).with_threads(2));
+            let want = field.cast(&camera, size, 0.0, 1.0 / 16.0);
+            let apart: Vec<f64> = alphas(&frame).zip(&want).map(|(got, want)| (got - f64::from(*want)).abs()).collect();
+            let mean = apart.iter().sum::<f64>() / apart.len() as f64;
+            // Edges: the eight pixels around differ by more than a quarter of full scale.
+            let is_edge = |at: usize| {
+                let around = [0, 1, 2].map(|row| (at + 120 * row).saturating_sub(121));
+                let around = around.iter().flat_map(|&at| want.iter().skip(at).take(3));
+                let [low, high] = around.fold([1.0f32, 0.0], |[low, high], at| [low.min(*at), high.max(*at)]);
+                high - low > 0.25
+            };
+            let worst = (0..apart.len()).filter(|&at| !is_edge(at)).map(|at| apart[at]).fold(0.0, f64::max);
+            let far = apart.iter().filter(|apart| **apart > 0.02).count() as f64 / apart.len() as f64;
+            println!(
+                "{file} {azimuth} {elevation} {fov:?}: mean {mean:.5}, {far:.4} beyond 0.02, beside edges {worst:.4}"
+            );
+            assert!(
+                mean < 1e-3 && far < 0.015 && worst < 0.06,
+                "{file} {azimuth} {elevation} {fov:?}: {mean} {far} {worst}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_reference_draws_the_same_maximum() {
+    let spacing = [1.0, 1.3, 0.8];
+    for sample_type in [SampleType::U8, SampleType::U16] {
+        let mut source = phantom("gyroid", [30, 28, 26], sample_type, spacing);
+        let judge = Judge::new(&mut *source, &at_least(120.0)).unwrap();
+        source.rewind().unwrap();
+        let model = built(&mut *source, &fitting(at_least(120.0), 16));
+        let size = [90, 70];
+        let inside = |toward: [f64; 3]| {
+            let target = std::array::from_fn(|a| [14.2, 15.1, 10.3][a] + toward[a]);
+            Camera::new([14.2, 15.1, 10.3], target, [0.0, 0.0, 1.0], Projection::Perspective { fov: 80.0 }).unwrap()
+        };
+        let cameras = [
+            model.orbit(20.0, 15.0, None, size),
+            model.orbit(140.0, -50.0, Some(40.0), size),
+            model
+                .camera(Orbit { azimuth: 10.0, elevation: 80.0, zoom: 6.0, fov: Some(40.0), ..Orbit::default() }, size),
+            inside([1.0, 0.0, 0.0]),
+            inside([1.0, 0.9, 0.8]),
+        ];
+        for (index, camera) in cameras.iter().enumerate() {
+            for (mode, crop) in [(Mode::Maximum, None), (Mode::MaximumGrey, Some(([4, 5, 6], [25, 20, 21])))] {
+                for near in [0.05, 3.0] {
+                    let own = JudgeSettings { mode, near: Some(near), crop, threads: 2, ..JudgeSettings::new(size) };
+                    let want = judge.draw(camera, &own).unwrap();
+                    let crop = crop.map(|(low, high)| VoxelBox { low, high });
+                    let settings = Settings::new(size).with_mode(mode).with_near(near).with_crop(crop);
+                    let got = model.frame(camera, &settings);
+                    let worst = apart(&got, &want);
+                    // Colours are interpolated between the points of a transfer function.
+                    assert!(worst < 1e-4, "{sample_type:?}, camera {index}, {mode:?}, near {near}: {worst:e}");
+                    assert!(alphas(&got).any(|alpha| alpha > 0.5), "camera {index}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_maximum_has_the_same_bits_for_any_threads_code_sense_and_quality() {
+    let model =
+        built(&mut *phantom("gyroid", [40, 36, 44], SampleType::U8, [1.0, 1.2, 0.7]), &fitting(at_least(110.0), 8));
+    let size = [131, 97];
+    let eye =
+        Camera::new([20.0, 20.0, 14.0], [30.0, 26.0, 17.0], [0.0, 0.0, 1.0], Projection::Perspective { fov: 90.0 });
+    let cameras = [model.orbit(20.0, 15.0, None, size), model.orbit(75.0, 35.0, Some(40.0), size), eye.unwrap()];
+    for camera in cameras {
+        let settings = grey(size).with_near(0.3);
+        let (want, plain) = model.render(&camera, &settings.clone().with_code(Code::Plain));
+        for (code, threads) in [(Code::Best, 1), (Code::Best, 3), (Code::Avx2, 2), (Code::Portable, 7)] {
+            for (sense, quality) in [(Sense::FrontToBack, Quality::Draft), (Sense::BackToFront, Quality::Reference)] {
+                let settings = settings.clone().with_code(code).with_threads(threads);
+                let (got, stats) = model.render(&camera, &settings.with_sense(sense).with_quality(quality));
+                assert!(bits(&got) == bits(&want), "{code:?} {threads} {sense:?}: {}", apart(&got, &want));
+                assert!(stats.splats_drawn >= plain.splats_drawn && plain.splats_drawn > 1000, "{stats:?} {plain:?}");
+            }
+        }
+    }
+}
