@@ -150,7 +150,8 @@ fn tile(
             let low = vec2<i32>(low_half(splat.columns), low_half(splat.rows));
             let high = vec2<i32>(high_half(splat.columns), high_half(splat.rows));
             if all(low <= high) && all(high >= corner) && all(low < corner + TILE) {
-                let away = select(vec2<f32>(corner - low), vec2<f32>(0.0), splat.falloff_y < 0.0);
+                let is_near = BLEND != MAXIMUM && splat.falloff_y < 0.0;
+                let away = select(vec2<f32>(corner - low), vec2<f32>(0.0), is_near);
                 let dx = splat.corner_x + away.x;
                 let dy = splat.corner_y + away.y;
                 batch_splats[local] = TileSplat(dx, dy, splat.falloff_x, splat.falloff_y, splat.shear, splat.peak);
