@@ -1,7 +1,10 @@
 //! Pictures whose voxels are finer than their pixels, beside much larger ones seen through the Gaussian that a pixel is.
 
 use adjsplat::build::Built;
+use adjsplat::splat::cpu::{Canvas, canvas};
 use adjsplat::splat::{Camera, Code, Mode, Orbit, Projection, Quality, Sampling, Settings, Surround};
+use adjsplat::traverse::VoxelBox;
+use adjsplat::volume::Grid;
 use adjsplat_tests::pictures::decibels;
 use adjsplat_tests::scenes::{Draw as _, built_phantom};
 
@@ -163,5 +166,20 @@ fn a_volume_of_a_pixel_or_less_is_finite() {
         let camera = Camera::new(eye, middle, [0.0, 0.0, 1.0], projection).unwrap();
         let frame = built.frame(&camera, &settings(size, Sampling::Finer));
         assert!(frame.pixels().iter().all(|value| value.is_finite() && (0.0..=1.0).contains(value)), "{away}");
+    }
+}
+
+/// The number of samples grew with the longest side of a voxel over its shortest, until memory was full.
+#[test]
+fn voxels_of_one_by_one_by_a_thousand_take_at_most_16_by_16_samples_a_pixel() {
+    let grid = Grid::new([12; 3], [1.0, 1.0, 1000.0]).unwrap();
+    let bounds = VoxelBox { low: [0; 3], high: [11; 3] };
+    let surround = Surround { centre: [5.5, 5.5, 5500.0], radius: 6000.0 };
+    for fov in [None, Some(30.0)] {
+        let orbit = Orbit { azimuth: 10.0, elevation: 20.0, fov, ..Orbit::default() };
+        let camera = Camera::orbiting(orbit, surround, [48, 48]).unwrap();
+        let settings = Settings::new([48, 48]).with_quality(Quality::High);
+        let Canvas::Finer([columns, rows]) = canvas(&grid, &bounds, &camera, &settings).unwrap() else { panic!() };
+        assert!(columns == 16 * 48 && rows <= 16 * 48, "{columns} x {rows}");
     }
 }
