@@ -114,6 +114,62 @@ fn reference_quality_is_the_judges_picture() {
     refused(&format!("{SCENE} --blending sheets -o x.png"), &["--blending", "no reference"]);
 }
 
+#[test]
+fn each_sharpness_draws_what_its_kernel_draws() {
+    let folder = Folder::new();
+    let drawn = |flags: &str| -> Value {
+        render(&folder, &format!("{flags} --renderer cpu -o a.exr --stats stats.json"));
+        serde_json::from_slice(&std::fs::read(folder.file("stats.json")).expect("there")).expect("JSON")
+    };
+    for quality in ["draft", "standard", "high", "reference"] {
+        let usual = drawn(&format!("--quality {quality}"));
+        let length = |stats: &Value, name: &str| stats["kernel"][name].as_f64().expect("a number");
+        let mut last = None;
+        for sharpness in [0.0, 0.4, 1.0] {
+            let sharp = drawn(&format!("--quality {quality} --sharpness {sharpness}"));
+            let [sigma, radius] = ["sigma", "radius"].map(|name| length(&sharp, name));
+            assert!((sigma - (0.7 - 0.15 * sharpness)).abs() < 1e-6, "{quality}, {sharpness}: sigma {sigma}");
+            let ratio = length(&usual, "radius") / length(&usual, "sigma");
+            assert!((radius / sigma - ratio).abs() < 1e-5, "{quality}, {sharpness}: radius {radius}");
+            let same = drawn(&format!("--quality {quality} --kernel {sigma},{radius}"));
+            assert_eq!(sharp["image_sha256"], same["image_sha256"], "{quality}, {sharpness}");
+            assert_eq!(sharp["image_sha256"] == usual["image_sha256"], sharpness == 0.0, "{quality}, {sharpness}");
+            assert_ne!(last.replace(sharp["image_sha256"].clone()), Some(sharp["image_sha256"].clone()));
+        }
+    }
+}
+
+#[test]
+fn a_better_quality_is_nearer_to_the_judge_at_every_sharpness() {
+    let folder = Folder::new();
+    // Two pixels a voxel.
+    for sharpness in [0.0, 0.5, 1.0] {
+        let sharp = format!("--sharpness {sharpness} --zoom 1.5");
+        render(&folder, &format!("{sharp} --renderer reference -o judge.exr"));
+        let errors = ["draft", "standard", "high", "reference"].map(|quality| {
+            render(&folder, &format!("{sharp} --renderer cpu --quality {quality} --normals 16 -o ours.exr"));
+            folder.adj("compare judge.exr ours.exr --json -").json()["rmse"].as_f64().expect("a number")
+        });
+        println!("sharpness {sharpness}: rms errors {errors:.1e?}");
+        assert!(errors.windows(2).all(|pair| pair[1] < pair[0]), "sharpness {sharpness}: {errors:?}");
+        assert!(errors[3] < 2e-5, "sharpness {sharpness}: {errors:?}");
+    }
+}
+
+#[test]
+fn a_sharpness_that_means_nothing_is_refused() {
+    let folder = Folder::new();
+    let refused = |flags: &str, parts: &[&str]| {
+        folder.adj(&format!("render {SCENE} {flags} -o x.png")).refused(parts);
+    };
+    for wrong in ["1.01", "-0.1", "NaN", "inf", "much"] {
+        refused(&format!("--sharpness={wrong}"), &["--sharpness", "must be 0 to 1"]);
+    }
+    refused("--sharpness 0.5 --kernel 0.6,2", &["--sharpness", "--kernel"]);
+    refused("--sharpness 0.5 --max-error 0.1", &["--sharpness", "--max-error"]);
+    assert!(folder.names().is_empty());
+}
+
 /// A bound on a volume is one beside the volume: what rounding to codes changes counts too.
 #[test]
 fn an_error_bound_of_a_volume_counts_the_bits_that_it_is_stored_with() {
