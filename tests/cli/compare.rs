@@ -150,7 +150,7 @@ fn a_better_quality_is_nearer_to_the_judge_at_every_sharpness() {
             render(&folder, &format!("{sharp} --renderer cpu --quality {quality} --normals 16 -o ours.exr"));
             folder.adj("compare judge.exr ours.exr --json -").json()["rmse"].as_f64().expect("a number")
         });
-        println!("sharpness {sharpness}: rms errors {errors:.1e?}");
+        println!("sharpness {sharpness}: rms errors {errors:?}");
         assert!(errors.windows(2).all(|pair| pair[1] < pair[0]), "sharpness {sharpness}: {errors:?}");
         assert!(errors[3] < 2e-5, "sharpness {sharpness}: {errors:?}");
     }
