@@ -21,6 +21,7 @@ pub struct FrameSetup<'a> {
     pub kernel: KernelShape,
     pub(crate) crop: Option<VoxelBox>,
     /// Whether the mode is [`Mode::Maximum`](super::Mode::Maximum) or its grey form.
+    #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only renderers on graphics devices ask for it"))]
     pub(crate) maximum: bool,
 }
 

@@ -116,6 +116,11 @@ struct WaitingSplats {
     places: Box<[Place; WAITING]>,
 }
 
+/// Returns an array of equal elements.
+pub(super) fn boxed<T: Copy + std::fmt::Debug, const N: usize>(element: T) -> Box<[T; N]> {
+    vec![element; N].into_boxed_slice().try_into().expect("as many as were asked for")
+}
+
 /// A band of the lattice's tiles, and the voxels that one thread is drawing on it.
 pub(super) struct Band<'a> {
     /// Selects the instruction set.
@@ -201,9 +206,9 @@ impl<'a> Band<'a> {
             counts: zeroed(tiles)?,
             splats: WaitingSplats {
                 count: 0,
-                looks: bytemuck::zeroed_box(),
-                stamps: bytemuck::zeroed_box(),
-                places: bytemuck::zeroed_box(),
+                looks: boxed([0.0; 4]),
+                stamps: boxed(0),
+                places: boxed(Place::default()),
             },
             slow: None,
             slice: Slice { origin: [0.0; 2], step: 1.0 },

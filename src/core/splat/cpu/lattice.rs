@@ -114,8 +114,7 @@ pub(super) struct Slice {
 }
 
 /// A voxel on the plane: the nearest pixel and the distance from it, along columns and rows.
-#[derive(Debug, Clone, Copy, Default, Zeroable)]
-#[repr(C)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Place {
     pub(super) pixel: [i32; 2],
     pub(super) offset: [f32; 2],

@@ -5,6 +5,7 @@
 
 use multiversion::multiversion;
 
+use super::gather::boxed;
 use super::project::{Projector, VoxelBlock, limited};
 use super::raster::{BLOCK, Splats};
 use crate::classify::normal;
@@ -34,7 +35,7 @@ impl LookTables {
         let mut looks = Box::new(*projector.table.of_bytes()?);
         looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
         let light = projector.lights.as_ref().map(|lights| {
-            let mut light: Box<[[f32; 2]; 1 << 16]> = bytemuck::zeroed_box();
+            let mut light = boxed([0.0; 2]);
             light_of_codes(lights, &mut light);
             light
         });
