@@ -142,6 +142,7 @@ fn draw(projector: &Projector, buffers: &mut SplatBuffers) -> u64 {
 fn place_and_shade(projector: &Projector, block: &mut Block, buffers: &mut SplatBuffers) -> u64 {
     let SplatBuffers { tiles, splats } = buffers;
     projector.place(block, splats);
+    projector.place_near(block.count, block, splats);
     projector.cull(block.count, [true; BLOCK], splats, tiles);
     for k in 0..splats.count {
         let j = usize::from(splats.kept[k]) % BLOCK;

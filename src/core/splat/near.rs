@@ -119,6 +119,18 @@ impl NearView {
         })
     }
 
+    /// Returns what cubes of `width` voxels a side need, each one kernel that is as much wider.
+    pub(crate) fn wider(&self, width: f32) -> NearView {
+        NearView {
+            least_depth: self.least_depth.min(self.least_depth * f64::from(width)),
+            radius: self.radius * f64::from(width),
+            factor: self.factor / (width * width),
+            per_sigma: self.per_sigma / width,
+            strength: self.strength * width,
+            ..self.clone()
+        }
+    }
+
     /// Returns the kernel of a voxel, whose centre is `depth` mean spacings in front of the eye's plane.
     ///
     /// `None` if it reaches no pixel of the picture.

@@ -178,7 +178,8 @@ impl<'a> Projector<'a> {
             }
             PixelMap::Perspective { .. } => (self.ellipse, self.strength),
         };
-        Projector { sigma, ellipse, strength: strength * width.powi(3), near: self.near.clone(), ..*self }
+        let near = self.near.as_ref().map(|near| near.wider(width));
+        Projector { sigma, ellipse, strength: strength * width.powi(3), near, ..*self }
     }
 
     /// Returns half the width and height of a footprint's box in a parallel view, in pixels; 0 in perspective.
@@ -260,7 +261,7 @@ impl<'a> Projector<'a> {
 
     /// Finds the boxes of those of the first `count` voxels that are near the eye.
     #[inline(always)]
-    fn place_near(&self, count: usize, positions: &[[u16; BLOCK]; 3], out: &mut Splats) {
+    pub fn place_near<C: Coordinates>(&self, count: usize, positions: &C, out: &mut Splats) {
         out.near.clear();
         let (Some(view), PixelMap::Perspective { camera_from_voxel: [_, _, forward], near: far, .. }) =
             (&self.near, &self.map)
