@@ -63,6 +63,16 @@ impl BitRows {
         words.get(column / 64).is_some_and(|word| word >> (column % 64) & 1 == 1)
     }
 
+    /// Returns whether all bits of `row` between two columns, of which there are at most 64, are set.
+    #[inline(always)]
+    pub(super) fn all(&self, row: usize, [left, right]: [u16; 2]) -> bool {
+        let words = &self.bits[self.words * row..][..self.words];
+        let (at, len) = (usize::from(left), right.wrapping_sub(left));
+        let [word, next] = [at / 64, at / 64 + 1].map(|word| words.get(word).copied().unwrap_or(0));
+        let bits = word >> (at % 64) | next << 1 << (63 - at % 64);
+        len < 64 && !bits << (63 - len) == 0
+    }
+
     /// Sets the first row to what is set in any of the rows of `other` from `first` to `last`.
     #[inline(always)]
     pub(super) fn set_to_any(&mut self, other: &BitRows, [first, last]: [usize; 2]) {

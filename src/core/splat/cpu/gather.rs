@@ -1,14 +1,15 @@
 //! Drawing a band of the lattice: tiles take the voxels in front of them, on one thread.
 //!
 //! In: a drawing task, a [`Lattice`], and rows of its tiles. Out: the band's pixels, composited front to back. Only
-//! voxels that an open tile may still show are shaded and put on the list of every tile that their kernels reach. A tile
-//! with a full list takes all splats on it at once, while its pixels are in registers:
+//! voxels that an open tile may still show are shaded. They wait in a [`Slab`]. After a few slices, row by row of tiles,
+//! each voxel is put on the list of every open tile that its kernel reaches. A tile takes all splats on its list at once,
+//! while its pixels are in registers:
 //!
 //! ```text
-//! walk -> voxels before open tiles -> colours -> lists of tiles -> for each tile: load, splat after splat, store
+//! walk -> voxels before open tiles -> colours -> slab -> lists of a row's tiles -> for each tile: load, splat after splat, store
 //! ```
 //!
-//! Each tile takes its splats in visit order, so its bits do not depend on when it takes them. In a parallel view all
+//! Each tile takes its voxels in visit order, so its bits do not depend on when it takes them. In a parallel view all
 //! tiles of a slice see the same lattice of voxels. So the weights of kernels at a tile's pixels, the *stamps*, are
 //! computed once for a slice.
 
@@ -18,11 +19,12 @@ use std::time::Instant;
 use super::bit_rows::BitRows;
 use super::blend::{Blend, FrontToBack};
 use super::dispatch;
-use super::lattice::{Footprints, Lattice, Place, Slice};
+use super::lattice::{Lattice, Slice};
 use super::look_tables::LookTables;
-use super::project::{Projector, VoxelBlock, limited};
+use super::project::{GROUP, Projector, VoxelBlock, limited};
 use super::raster::{BLOCK, Splats};
-use super::stamps::{EACH, RUN, Reached, Stamps, mask};
+use super::slab::Slab;
+use super::stamps::Stamps;
 use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
 use crate::error::Result;
@@ -33,14 +35,9 @@ use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Longest list of a tile.
 const LIST: usize = 128;
-/// Number of splats on a tile's list at which the tile takes them: a bit of all greater numbers up to `LIST`.
-const FULL: u8 = 64;
-/// How many splats are put on lists before tiles with full lists take theirs.
-const TOGETHER: usize = LIST - FULL as usize;
-/// How many voxels of a line are tested together first.
-const GROUP: usize = 16;
-/// Number of splats on lists at which all tiles take theirs: what lists refer to stays in the second-level cache.
-const WAITING: usize = 8192;
+/// Number of splats on a tile's list at which the tile takes them: a bit of all greater numbers up to `LIST`. A line adds
+/// at most 64.
+const FULL: u16 = 64;
 /// Slack of rounded bounds, in voxels or pixels of the plane.
 const SLACK: f64 = 1e-3;
 
@@ -105,17 +102,6 @@ impl Visitor for LatticePainter<'_, '_> {
     }
 }
 
-/// Splats that wait on lists. All arrays have one element a splat.
-struct WaitingSplats {
-    count: usize,
-    /// Red, green, blue, and the optical depth in units of ln 2, for a tile of strength 1.
-    looks: Box<[[f32; 4]; WAITING]>,
-    /// In a parallel view: the index of the splat's stamp for the first tile of the plane; that of another tile is lower.
-    stamps: Box<[i32; WAITING]>,
-    /// In a perspective view: the splat's place.
-    places: Box<[Place; WAITING]>,
-}
-
 /// Returns an array of equal elements.
 pub(super) fn boxed<T: Copy + std::fmt::Debug, const N: usize>(element: T) -> Box<[T; N]> {
     vec![element; N].into_boxed_slice().try_into().expect("as many as were asked for")
@@ -133,20 +119,11 @@ pub(super) struct Band<'a> {
     pixels: TileBuffer,
     /// For each tile: whether it may still change.
     open: BitRows,
-    /// How many closed tiles are around the band on each side, so that lists need not be clipped to it.
-    around: usize,
-    /// For each tile, with those around the band: the splats that wait for it, in visit order; how many they are; and 1
-    /// if the tile is open, else 0.
-    lists: Box<[[u16; LIST]]>,
-    counts: Box<[[u8; 2]]>,
-    splats: WaitingSplats,
     slow: Option<u16>,
     slice: Slice,
     /// Rows of pixels, from the band's first on, per voxel along the medium axis; the first and the last row that the
     /// kernel of voxel 0 may reach.
     rows_at: [f64; 3],
-    /// The stamps of a parallel view.
-    stamps: Option<Stamps>,
     /// For each row of tiles: which voxels of a line may be seen by an open tile of the row, and in which slice.
     shown: BitRows,
     shown_at: Vec<Option<u16>>,
@@ -158,9 +135,19 @@ pub(super) struct Band<'a> {
     looks: Option<&'a LookTables>,
     /// The colours of the block's voxels.
     block: Box<Splats>,
-    /// The tiles that the block's voxels reach: in a parallel view, and in perspective.
-    reached: Box<Reached>,
-    footprints: Box<Footprints>,
+    slab: Slab,
+    /// The stamps of a parallel view.
+    stamps: Option<Stamps>,
+    /// How many closed tiles are before and after a row, so that a voxel's tiles need not be clipped.
+    around: usize,
+    /// For each tile of a row, with those around it: the splats that wait for it, in visit order; how many they are; and 1
+    /// if the tile is open, else 0.
+    lists: Box<[[u32; LIST]]>,
+    counts: Box<[u16]>,
+    grows: Box<[u16]>,
+    /// How many splats tiles took of the slab at hand, and in how many visits.
+    taken: u64,
+    visits: u64,
     /// Number of splats drawn.
     drawn: u64,
 }
@@ -188,9 +175,9 @@ impl<'a> Band<'a> {
             let depth = task.projector.table.only_depth().map(|depth| limited(depth, lattice.tile([0, 0]).strength));
             Stamps::new(lattice, voxels, depth)
         });
-        let around = stamps.as_ref().map_or(RUN, Stamps::reach);
-        let tiles = ((columns + 2 * around) * (rows + 2 * around) + RUN) as u64;
         let line = task.setup.lane.dims[task.projector.nesting[2]] as usize;
+        let around = stamps.as_ref().map_or(0, Stamps::before);
+        let tiles = (around + columns + RUN) as u64;
         let mut block = Splats::new();
         (0..BLOCK).for_each(|j| block.kept[j] = j as u8);
         Ok(Band {
@@ -201,19 +188,9 @@ impl<'a> Band<'a> {
             rows,
             pixels: TileBuffer::new(NO_PIXELS, 0.0)?,
             open: BitRows::new(columns, rows),
-            around,
-            lists: zeroed(tiles)?,
-            counts: zeroed(tiles)?,
-            splats: WaitingSplats {
-                count: 0,
-                looks: boxed([0.0; 4]),
-                stamps: boxed(0),
-                places: boxed(Place::default()),
-            },
             slow: None,
             slice: Slice { origin: [0.0; 2], step: 1.0 },
             rows_at: [0.0; 3],
-            stamps,
             shown: BitRows::new(line, rows),
             shown_at: vec![None; rows],
             together: BitRows::new(line, 1),
@@ -221,25 +198,28 @@ impl<'a> Band<'a> {
             voxels: VoxelBlock::new(),
             looks,
             block,
-            reached: bytemuck::zeroed_box(),
-            footprints: bytemuck::zeroed_box(),
+            slab: Slab::new(rows, line)?,
+            stamps,
+            around,
+            lists: zeroed(tiles)?,
+            counts: zeroed(tiles)?,
+            grows: zeroed(tiles)?,
+            taken: 0,
+            visits: 0,
             drawn: 0,
         })
     }
 
     /// Begins with the rows of tiles from `first` to before `end`.
     fn begin(&mut self, shown: &[bool], [first, end]: [i32; 2]) -> Result<()> {
-        let Band { columns, around, .. } = *self;
+        let columns = self.columns;
         (self.first_row, self.rows) = (first, (end - first) as usize);
         let rect = Rect { x0: 0, y0: first << TILE, x1: (columns << TILE) as i32, y1: end << TILE };
         self.pixels = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
         self.open.clear_all();
-        self.counts.fill([0, 0]);
         for (tile, _) in shown[columns * first as usize..columns * end as usize].iter().enumerate().filter(|(_, s)| **s)
         {
-            let (row, column) = (tile / columns, tile % columns);
-            self.open.set(row, [column; 2]);
-            self.counts[(row + around) * (columns + 2 * around) + around + column] = [0, 1];
+            self.open.set(tile / columns, [tile % columns; 2]);
         }
         (self.slow, self.together_of, self.drawn) = (None, None, 0);
         self.shown_at.fill(None);
@@ -284,21 +264,19 @@ impl<'a> Band<'a> {
         [low >> TILE, (high >> TILE).min(self.rows as i32 - 1)]
     }
 
-    /// Adds those of a batch's voxels that open tiles may show; draws whenever a block is full.
+    /// Adds those of a batch's voxels that open tiles may show.
     #[inline(always)]
     pub(super) fn visit(&mut self, projector: &Projector, batch: &Batch) {
         if self.slow != Some(batch.slow) {
-            dispatch::flush_lattice(self.code, projector, self);
+            self.flush(projector);
+            if self.slab.is_full() {
+                dispatch::take_all(self.code, projector, self);
+            }
             self.slow = Some(batch.slow);
             self.slice = self.lattice.slice(batch.slow);
             self.set_rows();
             self.together_of = None;
-            if self.stamps.as_ref().is_some_and(Stamps::is_full) {
-                dispatch::take_all(self.code, projector, self);
-            }
-            if let Some(stamps) = &mut self.stamps {
-                stamps.add(self.lattice, &self.slice, self.columns + 2 * self.around, projector.cut);
-            }
+            self.begin_slice(projector);
         }
         let mut from = 0;
         while from < batch.len() {
@@ -309,9 +287,18 @@ impl<'a> Band<'a> {
             let is_cropped = projector.crop.is_some_and(|crop| medium < crop.low[axis] || medium > crop.high[axis]);
             if low <= high && !is_cropped {
                 self.show(batch.slow, [low as usize, high as usize], projector);
-                self.add(projector, batch, from..to);
+                self.add(projector, batch, from..to, [low as usize, high as usize]);
             }
             from = to;
+        }
+    }
+
+    /// Adds the slice at hand to the slab.
+    #[inline(always)]
+    fn begin_slice(&mut self, projector: &Projector) {
+        let index = self.slab.begin_slice();
+        if let Some(stamps) = &mut self.stamps {
+            stamps.set(index, self.lattice, &self.slice, projector.cut);
         }
     }
 
@@ -351,216 +338,215 @@ impl<'a> Band<'a> {
         });
     }
 
-    /// Adds those voxels of a line that `together` shows to the block.
+    /// Adds those voxels of a line that `together` shows; the line reaches these rows of tiles.
     #[inline(always)]
-    fn add(&mut self, projector: &Projector, batch: &Batch, range: Range<usize>) {
+    fn add(&mut self, projector: &Projector, batch: &Batch, range: Range<usize>, rows: [usize; 2]) {
+        if !self.slab.has_room(self.voxels.count + range.len()) {
+            self.flush(projector);
+            dispatch::take_all(self.code, projector, self);
+            self.begin_slice(projector);
+        }
+        let first = self.slab.count() + self.voxels.count;
         for from in range.clone().step_by(GROUP) {
             let group = from..range.end.min(from + GROUP);
             let ends = |ends: [u16; 2], &fast: &u16| [ends[0].min(fast), ends[1].max(fast)];
-            let ends = || batch.fast[group.clone()].iter().fold([u16::MAX, 0], ends).map(i32::from);
-            if group.len() < GROUP || self.together.any(0, ends()) {
-                if !self.voxels.have_room(GROUP) {
-                    dispatch::flush_lattice(self.code, projector, self);
-                }
+            let ends = batch.fast[group.clone()].iter().fold([u16::MAX, 0], ends);
+            if !self.together.any(0, ends.map(i32::from)) {
+                continue;
+            }
+            if !self.voxels.have_room(GROUP) {
+                self.flush(projector);
+            }
+            if self.together.all(0, ends) {
+                self.voxels.add(batch, group.start, group.len());
+            } else {
                 self.voxels.add_marked(batch, group, |fast| self.together.get(0, fast));
             }
         }
+        let end = self.slab.count() + self.voxels.count;
+        if first < end {
+            self.slab.add_line(batch.medium[range.start], [first, end], rows);
+        }
     }
 
-    /// Shades the voxels of the block and puts them on lists.
+    /// Shades the voxels of the block and adds them to the slab.
     #[inline(always)]
     pub(super) fn flush(&mut self, projector: &Projector) {
-        let count = self.voxels.count.min(BLOCK);
-        if count == 0 {
+        let Band { voxels, block, looks, slab, lattice, slice, .. } = self;
+        block.count = voxels.count.min(BLOCK);
+        if block.count == 0 {
             return;
         }
-        if self.splats.count + BLOCK > WAITING {
-            dispatch::take_all(self.code, projector, self);
-        }
-        let block = &mut *self.block;
-        block.count = count;
-        match self.looks {
-            Some(looks) => looks.colour(projector, &self.voxels, block),
+        let is_parallel = self.stamps.is_some();
+        match looks {
+            Some(looks) => looks.colour(projector, voxels, block),
             None => {
-                block.strength = [if self.stamps.is_some() { self.lattice.tile([0, 0]).strength } else { 1.0 }; BLOCK];
-                dispatch::colour(self.code, projector, &self.voxels, block);
+                block.strength = [if is_parallel { lattice.tile([0, 0]).strength } else { 1.0 }; BLOCK];
+                dispatch::colour(self.code, projector, voxels, block);
             }
         }
-        self.wait();
-        for from in (0..count).step_by(TOGETHER) {
-            let range = from..count.min(from + TOGETHER);
-            let filled = match &self.stamps {
-                Some(_) => self.list_stamps(range),
-                None => self.list_footprints(range),
-            };
-            for tile in filled {
-                if self.counts[tile][0] >= FULL {
-                    dispatch::take(self.code, projector, self, tile);
-                }
-            }
-        }
-        self.splats.count += count;
-        self.voxels.count = 0;
+        slab.add(block, voxels, lattice, slice, self.stamps.as_ref());
+        self.drawn += block.peak[..block.count].iter().filter(|peak| **peak > 0.0).count() as u64;
+        voxels.count = 0;
     }
 
-    /// Lets the splats of the block wait.
-    #[inline(always)]
-    fn wait(&mut self) {
-        let Band { voxels, block, splats, lattice, slice, footprints, reached, .. } = self;
-        let [_, mediums, fasts] = voxels.positions();
-        let first = splats.count.min(WAITING - BLOCK);
-        for ((look, ink), peak) in splats.looks[first..first + BLOCK].iter_mut().zip(&block.ink).zip(&block.peak) {
-            *look = [ink[0], ink[1], ink[2], *peak];
-        }
-        match &self.stamps {
-            Some(stamps) => {
-                let waiting: &mut [i32; BLOCK] = splats.stamps[first..].first_chunk_mut().expect("there is room");
-                stamps.place([fasts, mediums], waiting, reached);
-            }
-            None => {
-                footprints.set(lattice, slice, [fasts, mediums]);
-                for (j, place) in splats.places[first..first + BLOCK].iter_mut().enumerate() {
-                    *place = footprints.place(j);
-                }
-            }
-        }
-    }
-
-    /// Puts splats of the block on the lists of tiles, in a parallel view; returns a range of all tiles with full lists.
-    #[inline(always)]
-    fn list_stamps(&mut self, range: Range<usize>) -> Range<usize> {
-        let Band { block, splats, stamps: Some(stamps), reached, lists, counts, drawn, .. } = self else { return 0..0 };
-        let pitch = self.columns + 2 * self.around;
-        let [left, top] = [0, self.first_row].map(|first| first - self.around as i32);
-        let mut filled = [usize::MAX, 0];
-        for j in range {
-            let j = j % BLOCK;
-            if block.peak[j] <= 0.0 {
-                continue;
-            }
-            *drawn += 1;
-            let splat = (splats.count + j) as u16;
-            let last = (reached.last[1][j] - top) as usize * pitch + (reached.last[0][j] - left) as usize;
-            for run in stamps.runs(reached.place[j]) {
-                put(lists, counts, last - run.lower as usize, run.mask, splat, &mut filled);
-            }
-        }
-        filled[0]..filled[1]
-    }
-
-    /// Does the same in a perspective view.
-    #[inline(always)]
-    fn list_footprints(&mut self, range: Range<usize>) -> Range<usize> {
-        let Band { block, splats, footprints, lists, counts, drawn, columns, rows, first_row, around, .. } = self;
-        let pitch = *columns + 2 * *around;
-        let mut filled = [usize::MAX, 0];
-        for j in range {
-            let j = j % BLOCK;
-            if block.peak[j] <= 0.0 {
-                continue;
-            }
-            *drawn += 1;
-            let splat = (splats.count + j) as u16;
-            let [[left, right], [top, bottom]] = footprints.tiles(j);
-            let (left, right) = (left.max(0), right.min(*columns as i32 - 1));
-            for row in top.max(*first_row)..=bottom.min(*first_row + *rows as i32 - 1) {
-                let start = (row - *first_row) as usize + *around;
-                let start = start * pitch + *around;
-                for column in (left..=right).step_by(RUN) {
-                    put(lists, counts, start + column as usize, mask(right - column + 1), splat, &mut filled);
-                }
-            }
-        }
-        filled[0]..filled[1]
-    }
-
-    /// Lets all tiles take the splats on their lists.
+    /// Lets all open tiles take the voxels of the slab.
     #[inline(always)]
     pub(super) fn take_all(&mut self, projector: &Projector) {
-        for tile in 0..self.counts.len() {
-            if self.counts[tile][0] != 0 {
-                self.take(projector, tile);
+        for row in 0..self.rows {
+            if self.slab.lines_of(row) == 0 {
+                continue;
+            }
+            match &self.stamps {
+                None => self.take_row::<false, false>(projector, row),
+                Some(stamps) if stamps.depth.is_none() => self.take_row::<true, false>(projector, row),
+                Some(_) => self.take_row::<true, true>(projector, row),
             }
         }
-        self.splats.count = 0;
-        if let Some(stamps) = &mut self.stamps {
-            stamps.keep_last();
-        }
+        self.slab.clear(self.taken, self.visits);
+        (self.taken, self.visits) = (0, 0);
     }
 
-    /// Lets a tile take the splats on its list.
+    /// Lets the open tiles of a row take the voxels of the lines that reach it.
     #[inline(always)]
-    pub(super) fn take(&mut self, projector: &Projector, tile: usize) {
-        let pitch = self.columns + 2 * self.around;
-        let (column, row) = (tile % pitch - self.around, tile / pitch - self.around);
-        let place = [column as i32, self.first_row + row as i32];
-        let Some((_, PixelTile(values))) = self.pixels.tile(place[0], place[1]) else { return };
-        let count = usize::from(std::mem::take(&mut self.counts[tile][0])).min(LIST);
-        let list = &self.lists[tile][..count];
-        let splats = &self.splats;
-        let stop = projector.stop;
-        let mut pixels = Pixels { values: *values, is_open: true };
-        match &self.stamps {
-            Some(stamps) => {
-                let lower = stamps.voxels.voxels * (place[1] * stamps.size[0] + place[0]);
-                for &index in list {
-                    let [red, green, blue, depth] = splats.looks[usize::from(index) % WAITING];
-                    let stamp = &stamps.stamps[(splats.stamps[usize::from(index) % WAITING] - lower) as usize];
-                    if stamps.depth.is_some() {
-                        pixels.composite(stamp, [red, green, blue], stop);
-                    } else {
-                        pixels.composite(&amounts(stamp, depth), [red, green, blue], stop);
-                    }
-                    if !pixels.is_open {
+    fn take_row<const PARALLEL: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize) {
+        let [before, end] = [self.around, self.around + self.columns];
+        for (column, grows) in self.grows[before..end].iter_mut().enumerate() {
+            *grows = u16::from(self.open.get(row, column));
+        }
+        for index in 0..self.slab.lines_of(row) {
+            let Band { slab, stamps, lists, counts, grows, first_row, .. } = self;
+            let line = slab.line(row, index);
+            let reaches = stamps.as_ref().filter(|_| PARALLEL);
+            let reaches = reaches.map(|stamps| stamps.reaches(line.slice, line.medium, *first_row + row as i32));
+            let mut all = 0;
+            for (splat, tiles) in (line.splats[0]..).zip(slab.tiles(line)) {
+                let (mut first, mut width) = (usize::from(tiles.column), i32::from(tiles.place));
+                if let Some(reaches) = reaches {
+                    let Some(reach) = reaches.get(usize::from(tiles.place)) else { continue };
+                    (first, width) = ((first + before).wrapping_sub(reach.before.into()), reach.width.into());
+                }
+                loop {
+                    all |= put(lists, counts, grows, first, mask(width), splat);
+                    if width <= RUN as i32 {
                         break;
                     }
+                    (first, width) = (first + RUN, width - RUN as i32);
                 }
             }
-            None => {
-                let rays = self.lattice.tile(place);
-                for &index in list {
-                    let [red, green, blue, depth] = splats.looks[usize::from(index) % WAITING];
-                    let weights = rays.weights(&splats.places[usize::from(index) % WAITING], projector.cut);
-                    pixels.composite(&amounts(&weights, limited(depth, rays.strength)), [red, green, blue], stop);
-                    if !pixels.is_open {
-                        break;
-                    }
-                }
+            if all & EACH * u64::from(FULL) != 0 {
+                self.take::<PARALLEL, ONE_DEPTH>(projector, row, FULL);
             }
         }
-        *values = pixels.values;
-        let is_open = pixels.is_open;
-        if !is_open {
-            self.open.clear(row, column);
-            self.counts[tile][1] = 0;
+        self.take::<PARALLEL, ONE_DEPTH>(projector, row, 1);
+    }
+
+    /// Lets the tiles of a row with at least this many splats on their lists take them.
+    #[inline(always)]
+    fn take<const PARALLEL: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize, least: u16) {
+        let weights = Weights { stamps: self.stamps.as_ref(), lattice: self.lattice };
+        for column in 0..self.columns {
+            let at = self.around + column;
+            let count = self.counts[at];
+            if count < least {
+                continue;
+            }
+            self.counts[at] = 0;
+            self.taken += u64::from(count);
+            self.visits += 1;
+            let splats = &self.lists[at][..usize::from(count).min(LIST)];
+            let place = [column as i32, self.first_row + row as i32];
+            if !weights.composite::<PARALLEL, ONE_DEPTH>(projector, &self.slab, splats, &mut self.pixels, place) {
+                self.open.clear(row, column);
+                self.grows[at] = 0;
+            }
         }
     }
 }
 
-/// Puts a splat on the lists of the tiles of a run, from `first` on, that are open and in `mask`. Extends `filled` by the
-/// run if a list is full.
+/// Most tiles whose lists grow at once.
+const RUN: usize = 4;
+
+/// 1 in each of the [`RUN`] parts of a word.
+const EACH: u64 = 0x0001_0001_0001_0001;
+
+/// Returns 1 in each of the first `tiles` parts of a word, 0 in the others.
 #[inline(always)]
-fn put(
-    lists: &mut [[u16; LIST]],
-    counts: &mut [[u8; 2]],
-    first: usize,
-    mask: u64,
-    splat: u16,
-    filled: &mut [usize; 2],
-) {
+fn mask(tiles: i32) -> u64 {
+    const MASKS: [u64; RUN + 1] = [0, 1, 0x0001_0001, 0x0001_0001_0001, EACH];
+    MASKS[(tiles as usize).min(RUN)]
+}
+
+/// Puts a splat on the lists of the tiles of a run, from `first` on, that are in `mask` and whose lists grow. Returns the
+/// lists' lengths, in parts of a word.
+#[inline(always)]
+fn put(lists: &mut [[u32; LIST]], counts: &mut [u16], grows: &[u16], first: usize, mask: u64, splat: u32) -> u64 {
     let lists: Option<&mut [_; RUN]> = lists.get_mut(first..).and_then(|lists| lists.first_chunk_mut());
     let counts: Option<&mut [_; RUN]> = counts.get_mut(first..).and_then(|counts| counts.first_chunk_mut());
-    let (Some(lists), Some(counts)) = (lists, counts) else { return };
-    // All counts grow at once, in one word.
-    let old = u64::from_le_bytes(bytemuck::cast(*counts));
-    let new = old + (old >> 8 & mask);
-    *counts = bytemuck::cast(new.to_le_bytes());
+    let grows: Option<&[_; RUN]> = grows.get(first..).and_then(|grows| grows.first_chunk());
+    let (Some(lists), Some(counts), Some(grows)) = (lists, counts, grows) else { return 0 };
+    // All lengths grow at once, in one word.
+    let word = |parts: &[u16; RUN]| u64::from_le_bytes(bytemuck::cast(parts.map(u16::to_le_bytes)));
+    let old = word(counts);
+    let new = old + (word(grows) & mask);
+    *counts = bytemuck::cast::<[u8; 8], [[u8; 2]; RUN]>(new.to_le_bytes()).map(u16::from_le_bytes);
     for (tile, list) in lists.iter_mut().enumerate() {
         // On a list that does not grow, what is beyond its end does not matter.
         list[(old >> (16 * tile)) as usize % LIST] = splat;
     }
-    if new & (EACH * u64::from(FULL)) != 0 {
-        *filled = [filled[0].min(first), filled[1].max(first + RUN)];
+    new
+}
+
+/// Where the weights of splats come from.
+struct Weights<'a> {
+    stamps: Option<&'a Stamps>,
+    lattice: &'a Lattice,
+}
+
+impl Weights<'_> {
+    /// Composites splats on a tile; returns whether any of its pixels may still change.
+    #[inline(always)]
+    fn composite<const PARALLEL: bool, const ONE_DEPTH: bool>(
+        &self,
+        projector: &Projector,
+        slab: &Slab,
+        splats: &[u32],
+        pixels: &mut TileBuffer,
+        place: [i32; 2],
+    ) -> bool {
+        let Some((_, PixelTile(values))) = pixels.tile(place[0], place[1]) else { return false };
+        let stop = projector.stop;
+        let mut tile = Pixels { values: *values, is_open: true };
+        match self.stamps {
+            Some(stamps) if PARALLEL => {
+                let lower = stamps.lower(place);
+                for &splat in splats {
+                    let [red, green, blue, depth] = *slab.look(splat);
+                    let stamp = stamps.stamp(slab.stamp(splat) - lower);
+                    if ONE_DEPTH {
+                        tile.composite(stamp, [red, green, blue], stop);
+                    } else {
+                        tile.composite(&amounts(stamp, depth), [red, green, blue], stop);
+                    }
+                    if !tile.is_open {
+                        break;
+                    }
+                }
+            }
+            _ => {
+                let rays = self.lattice.tile(place);
+                for &splat in splats {
+                    let [red, green, blue, depth] = *slab.look(splat);
+                    let weights = rays.weights(slab.place(splat), projector.cut);
+                    tile.composite(&amounts(&weights, limited(depth, rays.strength)), [red, green, blue], stop);
+                    if !tile.is_open {
+                        break;
+                    }
+                }
+            }
+        }
+        *values = tile.values;
+        tile.is_open
     }
 }
 

@@ -25,6 +25,7 @@ use glam::{DMat3, DVec3};
 
 use super::project::nearest_pixel;
 use super::raster::{BLOCK, COLUMN, ROW};
+use super::slab::Tiles;
 use super::tile_buffer::{TILE, TILE_PIXELS};
 use crate::splat::arith::{LOG2_E, keep_if, near_exp2_neg};
 use crate::splat::kernel::{KernelShape, LOW_PASS};
@@ -114,16 +115,17 @@ pub(super) struct Slice {
 }
 
 /// A voxel on the plane: the nearest pixel and the distance from it, along columns and rows.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy, Default, Zeroable)]
+#[repr(C)]
 pub(super) struct Place {
     pub(super) pixel: [i32; 2],
     pub(super) offset: [f32; 2],
-    /// Square of the distance between pixels, in voxels.
+    /// Square of the distance between pixels, in square voxels.
     pub(super) scale: f32,
 }
 
 /// The rays of a tile.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct TileRays {
     /// The tile's first pixel.
     first: [i32; 2],
@@ -248,6 +250,44 @@ impl Lattice {
         place
     }
 
+    /// Computes, in a perspective view, the places of voxels with these coordinates on the fast and the medium axis, and
+    /// which tiles of a row they reach.
+    #[inline(always)]
+    pub(super) fn set_places(
+        &self,
+        slice: &Slice,
+        voxels: [&[u16; BLOCK]; 2],
+        places: &mut [Place],
+        tiles: &mut [Tiles],
+    ) {
+        let Rays::Perspective { first, step, .. } = &self.rays else { return };
+        let (per_pixel, scale) = (1.0 / slice.step, (slice.step * slice.step) as f32);
+        let (mut pixel, mut offset) = ([[0; BLOCK]; 2], [[0.0; BLOCK]; 2]);
+        for side in 0..2 {
+            let origin = slice.origin[side];
+            for j in 0..BLOCK {
+                (pixel[side][j], offset[side][j]) = nearest_pixel((f64::from(voxels[side][j]) - origin) * per_pixel);
+            }
+        }
+        let radius = self.kernel.radius / slice.step as f32;
+        // The slopes of the tiles that a kernel reaches are at most this much steeper.
+        let (first, step, more) = (first[0] as f32, *step as f32, (step * self.farthest(slice)) as f32);
+        let last = (self.size[0] >> TILE) as i32 - 1;
+        let (mut column, mut width) = ([0; BLOCK], [0; BLOCK]);
+        for j in 0..BLOCK {
+            let (pixel, offset) = (pixel[0][j], offset[0][j]);
+            let slope = (first + step * pixel as f32).abs() + more;
+            let reach = radius * (1.0 + slope * slope).sqrt() + 0.01;
+            let low = ((pixel + (offset - reach).ceil() as i32) >> TILE).max(0);
+            let high = ((pixel + (offset + reach).floor() as i32) >> TILE).min(last);
+            (column[j], width[j]) = (low as u16, (high + 1 - low).max(0) as u16);
+        }
+        for (j, (place, tiles)) in places.iter_mut().zip(tiles).enumerate().take(BLOCK) {
+            *place = Place { pixel: [pixel[0][j], pixel[1][j]], offset: [offset[0][j], offset[1][j]], scale };
+            *tiles = Tiles { column: column[j], place: width[j] };
+        }
+    }
+
     /// Returns how many voxels of a slice's row lie in a tile, in a parallel view; `None` in perspective.
     #[inline(always)]
     pub(super) fn voxels_per_tile(&self) -> Option<i32> {
@@ -337,61 +377,6 @@ impl Lattice {
                 == 0
         };
         (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))).map(|(r, c)| is_shown(r, c)).collect()
-    }
-}
-
-/// The places of a block's voxels of one slice in a perspective view, and the tiles that their kernels may reach: a box
-/// around an ellipse each.
-#[derive(Clone, Copy, Zeroable)]
-#[repr(C)]
-pub(super) struct Footprints {
-    pixel: [[i32; BLOCK]; 2],
-    offset: [[f32; BLOCK]; 2],
-    /// The first and last column, and the first and last row, of the tiles that the kernel may reach.
-    tiles: [[[i32; BLOCK]; 2]; 2],
-    /// Square of the distance between pixels, in voxels.
-    scale: f32,
-}
-
-impl Footprints {
-    /// Computes the footprints of voxels with these coordinates on the fast and the medium axis.
-    #[inline(always)]
-    pub(super) fn set(&mut self, lattice: &Lattice, slice: &Slice, voxels: [&[u16; BLOCK]; 2]) {
-        let Rays::Perspective { first, step, .. } = &lattice.rays else { return };
-        let radius = lattice.kernel.radius / slice.step as f32;
-        self.scale = (slice.step * slice.step) as f32;
-        let per_pixel = 1.0 / slice.step;
-        for side in 0..2 {
-            let (pixel, offset, origin) = (&mut self.pixel[side], &mut self.offset[side], slice.origin[side]);
-            for j in 0..BLOCK {
-                (pixel[j], offset[j]) = nearest_pixel((f64::from(voxels[side][j]) - origin) * per_pixel);
-            }
-        }
-        // The slopes of the tiles that a kernel reaches are at most this much steeper.
-        let step_single = *step as f32;
-        let more = (step * lattice.farthest(slice)) as f32;
-        for side in 0..2 {
-            let (pixel, offset, first) = (&self.pixel[side], &self.offset[side], first[side] as f32);
-            let [low, high] = &mut self.tiles[side];
-            for j in 0..BLOCK {
-                let slope = (first + step_single * pixel[j] as f32).abs() + more;
-                let reach = radius * (1.0 + slope * slope).sqrt() + 0.01;
-                low[j] = (pixel[j] + (offset[j] - reach).ceil() as i32) >> TILE;
-                high[j] = (pixel[j] + (offset[j] + reach).floor() as i32) >> TILE;
-            }
-        }
-    }
-
-    #[inline(always)]
-    pub(super) fn place(&self, j: usize) -> Place {
-        let Footprints { pixel, offset, scale, .. } = self;
-        Place { pixel: [pixel[0][j], pixel[1][j]], offset: [offset[0][j], offset[1][j]], scale: *scale }
-    }
-
-    /// Returns the first and last column, and the first and last row, of the tiles that voxel `j` may reach.
-    #[inline(always)]
-    pub(super) fn tiles(&self, j: usize) -> [[i32; 2]; 2] {
-        self.tiles.each_ref().map(|[low, high]| [low[j], high[j]])
     }
 }
 

@@ -23,6 +23,7 @@ mod memory;
 mod plain;
 pub(crate) mod project;
 pub(crate) mod raster;
+mod slab;
 mod stamps;
 pub(crate) mod task;
 mod task_visitor;
