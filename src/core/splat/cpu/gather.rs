@@ -16,6 +16,8 @@
 use std::ops::Range;
 use std::time::Instant;
 
+use bytemuck::Zeroable;
+
 use super::bit_rows::BitRows;
 use super::blend::{Blend, FrontToBack};
 use super::dispatch;
@@ -34,10 +36,10 @@ use crate::splat::frame::zeroed;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Longest list of a tile.
-const LIST: usize = 128;
-/// Number of splats on a tile's list at which the tile takes them: a bit of all greater numbers up to `LIST`. A line adds
+const LONGEST: usize = 128;
+/// Number of splats on a tile's list at which the tile takes them: a bit of all greater numbers up to `LONGEST`. A line adds
 /// at most 64.
-const FULL: u16 = 64;
+const FULL: u32 = 64;
 /// Slack of rounded bounds, in voxels or pixels of the plane.
 const SLACK: f64 = 1e-3;
 
@@ -107,6 +109,17 @@ pub(super) fn boxed<T: Copy + std::fmt::Debug, const N: usize>(element: T) -> Bo
     vec![element; N].into_boxed_slice().try_into().expect("as many as were asked for")
 }
 
+/// The splats that wait for a tile, in visit order. A list's length lies near its splats and far from other lengths, so
+/// that a processor never loads together what it stored one by one.
+#[derive(Clone, Copy, Zeroable)]
+#[repr(C)]
+struct List {
+    count: u32,
+    /// 1 if the tile is open, else 0.
+    grows: u32,
+    splats: [u32; LONGEST + 6],
+}
+
 /// A band of the lattice's tiles, and the voxels that one thread is drawing on it.
 pub(super) struct Band<'a> {
     /// Selects the instruction set.
@@ -132,7 +145,7 @@ pub(super) struct Band<'a> {
     together_of: Option<(u16, [usize; 2])>,
     voxels: Box<VoxelBlock>,
     /// Tables of looks and of light, in a parallel view with many voxels.
-    looks: Option<&'a LookTables>,
+    tables: Option<&'a LookTables>,
     /// The colours of the block's voxels.
     block: Box<Splats>,
     slab: Slab,
@@ -140,11 +153,8 @@ pub(super) struct Band<'a> {
     stamps: Option<Stamps>,
     /// How many closed tiles are before and after a row, so that a voxel's tiles need not be clipped.
     around: usize,
-    /// For each tile of a row, with those around it: the splats that wait for it, in visit order; how many they are; and 1
-    /// if the tile is open, else 0.
-    lists: Box<[[u32; LIST]]>,
-    counts: Box<[u16]>,
-    grows: Box<[u16]>,
+    /// For each tile of a row, with those around it: the splats that wait for it.
+    lists: Box<[List]>,
     /// How many splats tiles took of the slab at hand, and in how many visits.
     taken: u64,
     visits: u64,
@@ -159,17 +169,17 @@ impl<'a> Band<'a> {
         made: &'b mut Option<Band<'a>>,
         task: &DrawTask,
         lattice: &'a Lattice,
-        looks: Option<&'a LookTables>,
+        tables: Option<&'a LookTables>,
         rows: usize,
     ) -> Result<&'b mut Band<'a>> {
         let band = match made.take() {
             Some(band) => band,
-            None => Band::new(task, lattice, looks, rows)?,
+            None => Band::new(task, lattice, tables, rows)?,
         };
         Ok(made.insert(band))
     }
 
-    fn new(task: &DrawTask, lattice: &'a Lattice, looks: Option<&'a LookTables>, rows: usize) -> Result<Band<'a>> {
+    fn new(task: &DrawTask, lattice: &'a Lattice, tables: Option<&'a LookTables>, rows: usize) -> Result<Band<'a>> {
         let columns = lattice.size[0] as usize >> TILE;
         let stamps = lattice.voxels_per_tile().map(|voxels| {
             let depth = task.projector.table.only_depth().map(|depth| limited(depth, lattice.tile([0, 0]).strength));
@@ -196,14 +206,12 @@ impl<'a> Band<'a> {
             together: BitRows::new(line, 1),
             together_of: None,
             voxels: VoxelBlock::new(),
-            looks,
+            tables,
             block,
             slab: Slab::new(rows, line)?,
             stamps,
             around,
             lists: zeroed(tiles)?,
-            counts: zeroed(tiles)?,
-            grows: zeroed(tiles)?,
             taken: 0,
             visits: 0,
             drawn: 0,
@@ -321,14 +329,15 @@ impl<'a> Band<'a> {
     /// Computes `shown` of a row of tiles.
     #[inline(always)]
     fn show_row(&mut self, row: usize, projector: &Projector) {
-        let Band { lattice, slice, open, shown, .. } = self;
+        let Band { lattice, slice, open, shown, stamps, .. } = self;
         shown.clear_row(row);
+        let parallel_reach = stamps.as_ref().map(|_| lattice.reach(0, [0.0; 2]) + SLACK);
         let fast = projector.nesting[2];
         let [low, high] = projector.crop.map_or([0, u16::MAX], |crop| [crop.low[fast], crop.high[fast]]);
         let last = projector.lane.dims[fast] as i32 - 1;
         open.each_run(row, |[left, right]| {
             let pixels = [4.0 * left as f64, 4.0 * right as f64 + 3.0];
-            let reach = lattice.reach(0, pixels) + SLACK;
+            let reach = parallel_reach.unwrap_or_else(|| lattice.reach(0, pixels) + SLACK);
             let from = (slice.origin[0] + slice.step * pixels[0] - reach).ceil() as i32;
             let to = (slice.origin[0] + slice.step * pixels[1] + reach).floor() as i32;
             let (from, to) = (from.max(low.into()), to.min(high.into()).min(last));
@@ -372,21 +381,23 @@ impl<'a> Band<'a> {
     /// Shades the voxels of the block and adds them to the slab.
     #[inline(always)]
     pub(super) fn flush(&mut self, projector: &Projector) {
-        let Band { voxels, block, looks, slab, lattice, slice, .. } = self;
-        block.count = voxels.count.min(BLOCK);
-        if block.count == 0 {
+        let Band { voxels, block, tables, slab, lattice, slice, stamps, .. } = self;
+        if voxels.count == 0 {
             return;
         }
-        let is_parallel = self.stamps.is_some();
-        match looks {
-            Some(looks) => looks.colour(projector, voxels, block),
+        let looks = slab.add(voxels, lattice, slice, stamps.as_ref());
+        match tables {
+            Some(tables) => tables.colour(projector, voxels, looks),
             None => {
-                block.strength = [if is_parallel { lattice.tile([0, 0]).strength } else { 1.0 }; BLOCK];
+                block.count = voxels.count.min(BLOCK);
+                block.strength = [if stamps.is_some() { lattice.tile([0, 0]).strength } else { 1.0 }; BLOCK];
                 dispatch::colour(self.code, projector, voxels, block);
+                for ((look, ink), peak) in looks.iter_mut().zip(&block.ink).zip(&block.peak) {
+                    *look = [ink[0], ink[1], ink[2], *peak];
+                }
             }
         }
-        slab.add(block, voxels, lattice, slice, self.stamps.as_ref());
-        self.drawn += block.peak[..block.count].iter().filter(|peak| **peak > 0.0).count() as u64;
+        self.drawn += looks.iter().filter(|look| look[3] > 0.0).count() as u64;
         voxels.count = 0;
     }
 
@@ -411,30 +422,30 @@ impl<'a> Band<'a> {
     #[inline(always)]
     fn take_row<const PARALLEL: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize) {
         let [before, end] = [self.around, self.around + self.columns];
-        for (column, grows) in self.grows[before..end].iter_mut().enumerate() {
-            *grows = u16::from(self.open.get(row, column));
+        for (column, list) in self.lists[before..end].iter_mut().enumerate() {
+            list.grows = u32::from(self.open.get(row, column));
         }
         for index in 0..self.slab.lines_of(row) {
-            let Band { slab, stamps, lists, counts, grows, first_row, .. } = self;
+            let Band { slab, stamps, lists, first_row, .. } = self;
             let line = slab.line(row, index);
             let reaches = stamps.as_ref().filter(|_| PARALLEL);
             let reaches = reaches.map(|stamps| stamps.reaches(line.slice, line.medium, *first_row + row as i32));
             let mut all = 0;
             for (splat, tiles) in (line.splats[0]..).zip(slab.tiles(line)) {
-                let (mut first, mut width) = (usize::from(tiles.column), i32::from(tiles.place));
+                let (mut first, mut width) = (usize::from(tiles.column), usize::from(tiles.place));
                 if let Some(reaches) = reaches {
                     let Some(reach) = reaches.get(usize::from(tiles.place)) else { continue };
                     (first, width) = ((first + before).wrapping_sub(reach.before.into()), reach.width.into());
                 }
                 loop {
-                    all |= put(lists, counts, grows, first, mask(width), splat);
-                    if width <= RUN as i32 {
+                    all |= put(lists, first, width, splat);
+                    if width <= RUN {
                         break;
                     }
-                    (first, width) = (first + RUN, width - RUN as i32);
+                    (first, width) = (first + RUN, width - RUN);
                 }
             }
-            if all & EACH * u64::from(FULL) != 0 {
+            if all & FULL != 0 {
                 self.take::<PARALLEL, ONE_DEPTH>(projector, row, FULL);
             }
         }
@@ -443,58 +454,43 @@ impl<'a> Band<'a> {
 
     /// Lets the tiles of a row with at least this many splats on their lists take them.
     #[inline(always)]
-    fn take<const PARALLEL: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize, least: u16) {
+    fn take<const PARALLEL: bool, const ONE_DEPTH: bool>(&mut self, projector: &Projector, row: usize, least: u32) {
         let weights = Weights { stamps: self.stamps.as_ref(), lattice: self.lattice };
         for column in 0..self.columns {
-            let at = self.around + column;
-            let count = self.counts[at];
-            if count < least {
+            let list = &mut self.lists[self.around + column];
+            if list.count < least {
                 continue;
             }
-            self.counts[at] = 0;
+            let count = std::mem::take(&mut list.count);
             self.taken += u64::from(count);
             self.visits += 1;
-            let splats = &self.lists[at][..usize::from(count).min(LIST)];
+            let splats = &list.splats[..(count as usize).min(LONGEST)];
             let place = [column as i32, self.first_row + row as i32];
             if !weights.composite::<PARALLEL, ONE_DEPTH>(projector, &self.slab, splats, &mut self.pixels, place) {
                 self.open.clear(row, column);
-                self.grows[at] = 0;
+                list.grows = 0;
             }
         }
     }
 }
 
-/// Most tiles whose lists grow at once.
-const RUN: usize = 4;
+/// Number of tiles whose lists grow at once.
+const RUN: usize = 3;
 
-/// 1 in each of the [`RUN`] parts of a word.
-const EACH: u64 = 0x0001_0001_0001_0001;
-
-/// Returns 1 in each of the first `tiles` parts of a word, 0 in the others.
+/// Puts a splat on the lists of the first `width` tiles of a run, from `first` on, if they grow. Returns a number with
+/// the bits of all lengths of lists.
 #[inline(always)]
-fn mask(tiles: i32) -> u64 {
-    const MASKS: [u64; RUN + 1] = [0, 1, 0x0001_0001, 0x0001_0001_0001, EACH];
-    MASKS[(tiles as usize).min(RUN)]
-}
-
-/// Puts a splat on the lists of the tiles of a run, from `first` on, that are in `mask` and whose lists grow. Returns the
-/// lists' lengths, in parts of a word.
-#[inline(always)]
-fn put(lists: &mut [[u32; LIST]], counts: &mut [u16], grows: &[u16], first: usize, mask: u64, splat: u32) -> u64 {
+fn put(lists: &mut [List], first: usize, width: usize, splat: u32) -> u32 {
     let lists: Option<&mut [_; RUN]> = lists.get_mut(first..).and_then(|lists| lists.first_chunk_mut());
-    let counts: Option<&mut [_; RUN]> = counts.get_mut(first..).and_then(|counts| counts.first_chunk_mut());
-    let grows: Option<&[_; RUN]> = grows.get(first..).and_then(|grows| grows.first_chunk());
-    let (Some(lists), Some(counts), Some(grows)) = (lists, counts, grows) else { return 0 };
-    // All lengths grow at once, in one word.
-    let word = |parts: &[u16; RUN]| u64::from_le_bytes(bytemuck::cast(parts.map(u16::to_le_bytes)));
-    let old = word(counts);
-    let new = old + (word(grows) & mask);
-    *counts = bytemuck::cast::<[u8; 8], [[u8; 2]; RUN]>(new.to_le_bytes()).map(u16::from_le_bytes);
+    let Some(lists) = lists else { return 0 };
+    let mut all = 0;
     for (tile, list) in lists.iter_mut().enumerate() {
         // On a list that does not grow, what is beyond its end does not matter.
-        list[(old >> (16 * tile)) as usize % LIST] = splat;
+        list.splats[list.count as usize % LONGEST] = splat;
+        list.count += list.grows & u32::from(tile < width);
+        all |= list.count;
     }
-    new
+    all
 }
 
 /// Where the weights of splats come from.

@@ -7,7 +7,7 @@ use multiversion::multiversion;
 
 use super::gather::boxed;
 use super::project::{Projector, VoxelBlock, limited};
-use super::raster::{BLOCK, Splats};
+use super::raster::BLOCK;
 use crate::classify::normal;
 use crate::splat::composite::Look;
 use crate::splat::shade::Lights;
@@ -42,19 +42,24 @@ impl LookTables {
         Some(LookTables { looks, light })
     }
 
-    /// Sets the colours and depths of a block's voxels.
+    /// Computes the colours and depths of a block's voxels.
     #[inline(always)]
-    pub(super) fn colour(&self, projector: &Projector, voxels: &VoxelBlock, block: &mut Splats) {
-        let count = block.count.min(BLOCK);
-        let splats = voxels.records[..count].iter().zip(block.ink.iter_mut().zip(&mut block.peak));
-        for (&record, (ink, peak)) in splats {
-            let [red, green, blue, depth] = self.looks[usize::from(projector.short_value(record))];
-            (*ink, *peak) = ([red, green, blue, projector.alpha_ink], depth);
-        }
-        if let Some(light) = &self.light {
-            for (&record, ink) in voxels.records[..count].iter().zip(&mut block.ink) {
-                let [factor, highlight] = light[usize::from(projector.short_normal(record))];
-                *ink = [ink[0] * factor + highlight, ink[1] * factor + highlight, ink[2] * factor + highlight, ink[3]];
+    pub(super) fn colour(&self, projector: &Projector, voxels: &VoxelBlock, looks: &mut [[f32; 4]]) {
+        let records = &voxels.records[..voxels.count.min(BLOCK)];
+        match &self.light {
+            None => {
+                for (look, &record) in looks.iter_mut().zip(records) {
+                    *look = self.looks[usize::from(projector.short_value(record))];
+                }
+            }
+            Some(light) => {
+                for (look, &record) in looks.iter_mut().zip(records) {
+                    let unlit = self.looks[usize::from(projector.short_value(record))];
+                    let [factor, highlight] = light[usize::from(projector.short_normal(record))];
+                    // The depth goes through the same vector instructions as the colours.
+                    let lit = unlit.map(|part| part * factor + highlight);
+                    *look = [lit[0], lit[1], lit[2], unlit[3]];
+                }
             }
         }
     }

@@ -5,7 +5,7 @@
 
 use super::lattice::{Lattice, Place, Slice};
 use super::project::VoxelBlock;
-use super::raster::{BLOCK, Splats};
+use super::raster::BLOCK;
 use super::stamps::Stamps;
 use crate::error::Result;
 use crate::splat::frame::zeroed;
@@ -107,21 +107,17 @@ impl Slab {
         self.lines.push(Line { slice: self.slices.max(1) - 1, medium: medium.into(), splats });
     }
 
-    /// Adds the splats of a block's voxels, of the last slice.
+    /// Adds the splats of a block's voxels, of the last slice; returns where their looks are to be put.
     #[inline(always)]
     pub(super) fn add(
         &mut self,
-        block: &Splats,
         voxels: &VoxelBlock,
         lattice: &Lattice,
         slice: &Slice,
         stamps: Option<&Stamps>,
-    ) {
-        let range = self.count..self.count + BLOCK;
-        let (looks, tiles) = (&mut self.looks[range.clone()], &mut self.tiles[range.clone()]);
-        for ((look, ink), peak) in looks.iter_mut().zip(&block.ink).zip(&block.peak) {
-            *look = [ink[0], ink[1], ink[2], *peak];
-        }
+    ) -> &mut [[f32; 4]] {
+        let (range, count) = (self.count..self.count + BLOCK, voxels.count.min(BLOCK));
+        let tiles = &mut self.tiles[range.clone()];
         let [_, mediums, fasts] = voxels.positions();
         match stamps {
             Some(stamps) => {
@@ -129,7 +125,8 @@ impl Slab {
             }
             None => lattice.set_places(slice, [fasts, mediums], &mut self.places[range], tiles),
         }
-        self.count += block.count;
+        self.count += count;
+        &mut self.looks[self.count - count..self.count]
     }
 
     /// Returns the number of lines that reach a row of tiles.

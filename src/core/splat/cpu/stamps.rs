@@ -111,7 +111,7 @@ impl Stamps {
             let (mut nearest, mut farthest) = (columns, 0);
             for (column, stamp) in stamps.iter_mut().enumerate() {
                 *stamp = rays.weights(&lattice.place(slice, [first[0] + column as i32, row]), cut);
-                if stamp.iter().fold(0.0, |sum, weight| sum + weight) > 0.0 {
+                if stamp.iter().fold(0, |all, weight| all | weight.to_bits()) != 0 {
                     (nearest, farthest) = (nearest.min(column), column);
                 }
             }
