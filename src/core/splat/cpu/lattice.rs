@@ -34,13 +34,15 @@ use crate::splat::view::{MAX_SIZE, PixelMap, View};
 use crate::splat::{Blending, Mode, Sampling, Settings};
 use crate::traverse::{Order, Sense, Viewpoint, VoxelBox};
 
-/// Width of the plane's margin around the voxels, in its pixels, so that the voxels' edge is interpolated correctly.
+/// Width of the plane's margin around the voxels, in its pixels after halving, so that the voxels' edge is interpolated
+/// correctly.
 const MARGIN: f64 = 6.0;
-/// Largest ratio of the plane's pixel count to the picture's (over the same area) at which a plane is worthwhile.
+/// Largest ratio of the plane's pixel count to the picture's at which a plane is worthwhile, if it has more pixels than
+/// the other number, which take 64 MiB.
 const MAX_PIXELS: f64 = 6.5;
-/// Smallest distance between voxels, in pixels of the picture. If they are nearer along both directions, the four points
-/// that are sampled per pixel of the picture miss parts of the pixel.
-const FINEST: f64 = 0.4;
+const FEW_PIXELS: f64 = 4_194_304.0;
+/// Standard deviation of the low-pass from which on the plane is halved first, in the plane's pixels.
+const WIDE_BLUR: f64 = 1.4;
 /// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
 const NEAREST: f64 = 8.0;
 
@@ -73,7 +75,9 @@ pub(super) struct Lattice {
     /// The homography from the picture's pixels to the plane's: three rows of factors of x, of y, and constants. The
     /// third row is the divisor, positive where a ray meets the plane.
     pub(super) plane_from_pixel: [[f64; 3]; 3],
-    /// Variance of the low-pass filter along x and along y, in square pixels of the picture.
+    /// How often the drawn plane is halved, which turns two by two pixels into one, before it is warped.
+    pub(super) halvings: u32,
+    /// Variance of the low-pass filter along x and along y that halving leaves, in square pixels of the picture.
     pub(super) blur: f64,
     rays: Rays,
     kernel: KernelShape,
@@ -193,6 +197,7 @@ impl Lattice {
         let choose_far = |step: f64| samples(step, 0.0) / sigma;
         let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
         let extent = BoxExtent::new(bounds, nested, kernel);
+        let width = f64::from(sigma_at_centre(view, bounds, settings));
         let plane = match &view.map {
             PixelMap::Parallel { pixel_from_voxel: [x, y], scale } => {
                 let steps = [nested[1], nested[2]].map(|axis| x[axis].hypot(y[axis]));
@@ -200,19 +205,19 @@ impl Lattice {
                 if is_sharp && step > SMALL_STEP && choose(step) > MAGNIFIED * step {
                     return None;
                 }
-                parallel(view, [x, y], *scale, nested, &extent, choose, kernel)?
+                parallel(view, [x, y], *scale, nested, &extent, choose, kernel, width)?
             }
             PixelMap::Perspective { .. } => {
-                let step = f64::from(sigma_at_centre(view, bounds, settings)) / sigma;
+                let step = width / sigma;
                 if is_sharp && choose(step) > MAGNIFIED * step {
                     return None;
                 }
-                perspective(view, step, nested, &extent, [&choose, &choose_far], kernel)?
+                perspective(view, width, nested, &extent, [&choose, &choose_far], kernel)?
             }
         };
-        let narrowest = f64::from(sigma_at_centre(view, bounds, settings));
-        let blur = (f64::from(LOW_PASS * LOW_PASS) - narrowest * narrowest).max(0.0);
-        Some(Lattice { blur, ..plane })
+        let [columns, rows] = plane.size.map(f64::from);
+        let is_large = columns * rows > FEW_PIXELS.max(MAX_PIXELS * f64::from(view.size[0]) * f64::from(view.size[1]));
+        (!is_large).then_some(plane)
     }
 
     /// Returns the lattice of the slice at `slow` on the slow axis.
@@ -352,14 +357,15 @@ impl Lattice {
     pub(super) fn shown(&self) -> Vec<bool> {
         /// How far beyond the picture's edge tiles are drawn, in tiles: those farther away weigh below 0.268^8 in the
         /// interpolation.
-        const AROUND: usize = 2;
+        const NEAR: usize = 2;
+        let around = NEAR << self.halvings;
         let [columns, rows] = self.size.map(|side| side as usize >> TILE);
         let to_picture = DMat3::from_cols_array_2d(&self.plane_from_pixel).transpose().inverse();
         let (first, ends) =
             (-0.5 - self.blur.sqrt(), self.picture.map(|side| f64::from(side) - 0.5 + self.blur.sqrt()));
         // For each corner of a tile, with those around the plane: a bit for each edge of the picture that it is beyond.
-        let corners = columns + 2 * AROUND + 1;
-        let corner = |tile: usize| 4.0 * (tile as f64 - AROUND as f64) - 0.5;
+        let corners = columns + 2 * around + 1;
+        let corner = |tile: usize| 4.0 * (tile as f64 - around as f64) - 0.5;
         let beyond = |row: usize| {
             let start = to_picture * DVec3::new(0.0, corner(row), 1.0);
             (0..corners).map(move |column| {
@@ -369,9 +375,9 @@ impl Lattice {
                 if w > 0.0 { (0..4).map(|edge| u8::from(is_beyond[edge]) << edge).sum() } else { 0u8 }
             })
         };
-        let beyond: Vec<u8> = (0..rows + 2 * AROUND + 1).flat_map(beyond).collect();
+        let beyond: Vec<u8> = (0..rows + 2 * around + 1).flat_map(beyond).collect();
         let is_shown = |row: usize, column: usize| {
-            let (across, down) = (2 * AROUND + 1, (2 * AROUND + 1) * corners);
+            let (across, down) = (2 * around + 1, (2 * around + 1) * corners);
             let first = row * corners + column;
             [first, first + across, first + down, first + down + across].iter().fold(0xff, |all, at| all & beyond[*at])
                 == 0
@@ -397,11 +403,36 @@ impl BoxExtent {
     }
 }
 
-/// Returns the first pixel of a plane that covers what lies between `low` and `high` pixels, and how many there are.
-fn pixels_between(low: f64, high: f64) -> Option<(f64, u32)> {
-    let first = low.floor() - MARGIN;
-    let pixels = (high.ceil() - first + MARGIN + 1.0).max(2.0 * MARGIN);
-    (pixels <= f64::from(MAX_SIZE) - 4.0).then_some((first, (pixels as u32).next_multiple_of(4)))
+/// How a plane is filtered where voxels are small.
+#[derive(Debug, Clone, Copy)]
+struct LowPass {
+    halvings: u32,
+    /// See [`Lattice::blur`].
+    blur: f64,
+}
+
+impl LowPass {
+    /// `pixel`: the distance between the plane's pixels, and `width`: the standard deviation of the narrowest footprint,
+    /// in pixels of the picture.
+    fn new(mut pixel: f64, width: f64) -> LowPass {
+        let mut blur = (f64::from(LOW_PASS * LOW_PASS) - width * width).max(0.0);
+        let mut halvings = 0;
+        while blur > (WIDE_BLUR * pixel).powi(2) && halvings < 12 {
+            // The mean of two pixels has this variance.
+            blur -= 0.25 * pixel * pixel;
+            pixel *= 2.0;
+            halvings += 1;
+        }
+        LowPass { halvings, blur }
+    }
+
+    /// Returns the first pixel of a plane that covers what lies between `low` and `high` pixels, and how many there are.
+    fn pixels_between(self, low: f64, high: f64) -> Option<(f64, u32)> {
+        let margin = MARGIN * f64::from(1u32 << self.halvings);
+        let first = low.floor() - margin;
+        let pixels = (high.ceil() - first + margin + 1.0).max(2.0 * margin);
+        (pixels <= f64::from(MAX_SIZE) - 4.0).then_some((first, (pixels as u32).next_multiple_of(4)))
+    }
 }
 
 fn parallel(
@@ -412,6 +443,7 @@ fn parallel(
     extent: &BoxExtent,
     choose: impl Fn(f64) -> f64,
     kernel: KernelShape,
+    width: f64,
 ) -> Option<Lattice> {
     let area = x[fast] * y[medium] - x[medium] * y[fast];
     // From pixels of the picture to voxels along the fast and the medium axis.
@@ -423,12 +455,10 @@ fn parallel(
     let voxels = (4.0 / choose(steps[0].max(steps[1])) + 0.1).floor().clamp(1.0, 32.0);
     let per_voxel = 4.0 / voxels;
     // A shift above 1 means that the view runs along another axis than the slow one.
-    if !shift.iter().all(|shift| shift.abs() < 1.001)
-        || steps.iter().all(|step| *step < FINEST)
-        || per_voxel * per_voxel / area.abs() > MAX_PIXELS
-    {
+    if !shift.iter().all(|shift| shift.abs() < 1.001) {
         return None;
     }
+    let low_pass = LowPass::new(steps[0].max(steps[1]) / per_voxel, width);
     let [columns, rows] = view.size.map(f64::from);
     let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
         .map(|[across, down]: [f64; 2]| [across - 0.5 - x[3], down - 0.5 - y[3]]);
@@ -442,7 +472,7 @@ fn parallel(
         let low = extent.low[1 + side] + ends[0].min(ends[1]) - extent.reach;
         let high = extent.high[1 + side] + ends[0].max(ends[1]) + extent.reach;
         let (low, high) = (low.max(shown_low - 2.0), high.min(shown_high + 2.0));
-        (first[side], size[side]) = pixels_between(low * per_voxel, high * per_voxel)?;
+        (first[side], size[side]) = low_pass.pixels_between(low * per_voxel, high * per_voxel)?;
         // In a view along an axis, pixels meet all slices at the same places. If there are two or more pixels a voxel, its
         // edges are right when they lie on both sides of its centre; else, when one lies on it. Measured:
         // docs/studies/sampling.md.
@@ -461,12 +491,20 @@ fn parallel(
         origin: first.map(|first| first / per_voxel),
         strength: (f64::from(kernel.normalisation()) * scale * scale / cross) as f32,
     };
-    Some(Lattice { size, picture: view.size, plane_from_pixel, blur: 0.0, rays, kernel })
+    Some(Lattice {
+        size,
+        picture: view.size,
+        plane_from_pixel,
+        halvings: low_pass.halvings,
+        blur: low_pass.blur,
+        rays,
+        kernel,
+    })
 }
 
 fn perspective(
     view: &View,
-    voxel_step: f64,
+    width: f64,
     nested: [usize; 3],
     extent: &BoxExtent,
     [choose, choose_far]: [&dyn Fn(f64) -> f64; 2],
@@ -487,16 +525,17 @@ fn perspective(
     let along = |n: usize| (forward[nested[n]] * extent.low[n]).min(forward[nested[n]] * extent.high[n]);
     let nearest_depth = forward[3] + along(0) + along(1) + along(2);
     // A clip cuts slices where the view does not run along the slow axis.
-    if !is_apart || voxel_step < FINEST || view.clip > nearest_depth {
+    if !is_apart || view.clip > nearest_depth {
         return None;
     }
     // The lattice is finer in near slices and coarser in far ones. Where these show all detail, it is fine enough there.
     // Toward the edges of a wide angle, the picture is stretched.
     let middle = 0.5 * (nearest + farthest);
     let tangent = 0.5 * f64::from(view.size[0].max(view.size[1])) / focal;
-    let largest_step = voxel_step * (1.0 + tangent * tangent);
+    let largest_step = width / f64::from(kernel.sigma) * (1.0 + tangent * tangent);
     let finest = (choose(largest_step) * middle).max(choose_far(largest_step * middle / farthest) * farthest);
     let step = 1.0 / finest;
+    let low_pass = LowPass::new(largest_step * middle * step, width);
     // From a pixel's ray, in camera coordinates, to voxels along the slow (away from the eye), fast and medium axis.
     let column = |axis: usize| DVec3::from_array([0, 1, 2].map(|row: usize| camera_from_voxel[row][axis]));
     let steps = [column(nested[0]) * away, column(nested[1]), column(nested[2])];
@@ -523,17 +562,21 @@ fn perspective(
             low = low.max(shown.into_iter().fold(f64::INFINITY, f64::min) - 2.0 * step);
             high = high.min(shown.into_iter().fold(-f64::INFINITY, f64::max) + 2.0 * step);
         }
-        let (pixel, count) = pixels_between(low / step, high / step)?;
+        let (pixel, count) = low_pass.pixels_between(low / step, high / step)?;
         (first[side], size[side]) = (pixel * step, count);
-    }
-    let pixels = f64::from(size[0]) * f64::from(size[1]);
-    if pixels > MAX_PIXELS * columns * rows + 65_536.0 {
-        return None;
     }
     let row = |index: usize| voxel_from_pixel.row(index);
     let plane = [row(1) - row(0) * first[0], row(2) - row(0) * first[1]].map(|row| (row / step).to_array());
     let plane_from_pixel = [plane[0], plane[1], row(0).to_array()];
     let strength = f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2);
     let rays = Rays::Perspective { eye, first, step, steps, strength };
-    Some(Lattice { size, picture: view.size, plane_from_pixel, blur: 0.0, rays, kernel })
+    Some(Lattice {
+        size,
+        picture: view.size,
+        plane_from_pixel,
+        halvings: low_pass.halvings,
+        blur: low_pass.blur,
+        rays,
+        kernel,
+    })
 }

@@ -6,7 +6,9 @@
 //! plane -> coefficients of the spline (a recursive filter along rows, then columns) -> homography -> picture
 //! ```
 //!
-//! Where voxels are smaller than pixels, the mean of four points around each pixel of the picture is its low-pass.
+//! Where voxels are smaller than pixels, a Gaussian is the low-pass. If it is narrow, four points of the spline around
+//! each pixel of the picture stand for it. If not, it takes the plane's pixels themselves, and no spline is needed; where
+//! voxels are much smaller, the plane is halved first: the mean of two by two pixels becomes one.
 //!
 //! Source: Unser, Aldroubi and Eden, "B-spline signal processing", 1993: a recursive filter, then weights.
 
@@ -18,7 +20,7 @@ use super::lattice::Lattice;
 use crate::error::Result;
 use crate::parallel::in_parts;
 use crate::splat::Frame;
-use crate::splat::arith::{at_least, at_most};
+use crate::splat::arith::{at_least, at_most, near_exp2_neg};
 
 /// Smallest standard deviation of a blur that is done, in pixels. A smaller one changes no value by more than 0.001.
 const MIN_BLUR: f64 = 0.03;
@@ -31,25 +33,61 @@ const GAIN: f32 = 6.0 * 0.267_949_2;
 
 /// Computes the picture from `plane`, the frame drawn on `lattice`. The result does not depend on `threads`.
 pub(super) fn warp(lattice: &Lattice, mut plane: Frame, threads: usize) -> Result<Frame> {
-    let columns = plane.size()[0] as usize;
+    let mut plane_from_pixel = lattice.plane_from_pixel;
+    for _ in 0..lattice.halvings {
+        plane = halved(&plane, threads)?;
+        let [across, down, divisor] = plane_from_pixel;
+        // Pixel 0 of the halved plane lies between pixels 0 and 1.
+        let halve = |line: [f64; 3]| [0, 1, 2].map(|k: usize| 0.5 * (line[k] - 0.5 * divisor[k]));
+        plane_from_pixel = [halve(across), halve(down), divisor];
+    }
     let mut picture = Frame::transparent(lattice.picture)?;
-    let Some(Covered { rows, columns: across, near }) = Covered::of(&plane, threads) else { return Ok(picture) };
-    // The spline needs two pixels on each side.
-    let inner = |range: &Range<usize>, end: usize| [range.start.max(1) as f64, range.end.min(end - 2) as f64 - 0.001];
-    let within = [inner(&across, columns), inner(&rows, plane.size()[1] as usize)];
+    let [columns, rows] = plane.size().map(|side| side as usize);
+    let middle = lattice.picture.map(|side| 0.5 * f64::from(side));
+    let gaussian = Gaussian::new(&plane_from_pixel, middle, lattice.blur);
+    let is_blurred = gaussian.width(lattice.blur) >= NARROW;
+    // How many of the plane's pixels, from a place on, matter for it on each side.
+    let around = if is_blurred { TAPS / 2 } else { 2 };
+    let Some(covered) = Covered::of(&plane, if is_blurred { around } else { 1 }, threads) else { return Ok(picture) };
+    let inner = |range: &Range<usize>, end: usize| {
+        [range.start.max(around - 1) as f64, range.end.min(end - around) as f64 - 0.001]
+    };
+    let within = [inner(&covered.columns, columns), inner(&covered.rows, rows)];
+    if is_blurred {
+        let samples = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
+        picture.fill_rows(threads, |y, row| blur(&samples, &plane_from_pixel, lattice.blur, y as f64, row));
+        return Ok(picture);
+    }
     let len = 4 * columns;
-    let drawn = &mut plane.pixels_mut()[len * rows.start..len * rows.end];
-    filter_rows(drawn, len, across.clone(), threads);
-    filter_columns(drawn, len, across, threads);
+    let drawn = &mut plane.pixels_mut()[len * covered.rows.start..len * covered.rows.end];
+    filter_rows(drawn, len, covered.columns.clone(), threads);
+    filter_columns(drawn, len, covered.columns, threads);
     // The mean of four points, each one standard deviation from the pixel in x and in y, blurs with that variance.
     let distance = lattice.blur.sqrt();
     let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]].map(|point| point.map(|c| c * distance));
     let points = if distance < MIN_BLUR { &[[0.0; 2]][..] } else { &corners };
-    let coefficients = Coefficients { values: plane.pixels().as_chunks().0, covered: &near, columns, within };
-    picture.fill_rows(threads, |y, row| {
-        resample(&coefficients, &lattice.plane_from_pixel, points, y as f64, row);
-    });
+    let coefficients = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
+    picture.fill_rows(threads, |y, row| resample(&coefficients, &plane_from_pixel, points, y as f64, row));
     Ok(picture)
+}
+
+/// Returns the plane whose pixels are the means of two by two pixels; beyond the edges, pixels are 0.
+fn halved(plane: &Frame, threads: usize) -> Result<Frame> {
+    let columns = plane.size()[0] as usize;
+    let mut halved = Frame::transparent(plane.size().map(|side| side.div_ceil(2)))?;
+    let rows: Vec<&[[f32; 4]]> = plane.pixels().as_chunks().0.chunks_exact(columns).collect();
+    halved.fill_rows(threads, |y, row| {
+        for line in rows.iter().skip(2 * y as usize).take(2) {
+            for (pixel, pair) in row.iter_mut().zip(line.chunks(2)) {
+                for part in pair {
+                    for c in 0..4 {
+                        pixel[c] += 0.25 * part[c];
+                    }
+                }
+            }
+        }
+    });
+    Ok(halved)
 }
 
 /// Which pixels of a plane something was drawn on.
@@ -57,13 +95,13 @@ struct Covered {
     /// The rows and columns of these pixels, and of those around them that the filter changes.
     rows: Range<usize>,
     columns: Range<usize>,
-    /// For each pixel of the plane: whether something was drawn on it or on one of its eight neighbours.
+    /// For each pixel of the plane: whether something was drawn on it or on a pixel near it.
     near: Vec<bool>,
 }
 
 impl Covered {
-    /// `None` if nothing was drawn.
-    fn of(plane: &Frame, threads: usize) -> Option<Covered> {
+    /// `None` if nothing was drawn. `reach`: how many columns and rows away pixels are near.
+    fn of(plane: &Frame, reach: usize, threads: usize) -> Option<Covered> {
         /// How far the filter carries values, in pixels: 0.268^16 is 7e-10.
         const CARRIED: usize = 16;
         let [columns, rows] = plane.size().map(|side| side as usize);
@@ -84,10 +122,16 @@ impl Covered {
         let mut near = vec![false; columns * rows];
         in_parts(&mut near, columns, threads, |from, near| {
             for (row, near) in (from..).zip(near.chunks_exact_mut(columns)) {
-                for line in &lines[row.saturating_sub(1)..rows.min(row + 2)] {
+                for line in &lines[row.saturating_sub(reach)..rows.min(row + reach + 1)] {
                     near.iter_mut().zip(*line).for_each(|(near, drawn)| *near |= drawn);
-                    near[1..].iter_mut().zip(*line).for_each(|(near, drawn)| *near |= drawn);
-                    near.iter_mut().zip(&line[1..]).for_each(|(near, drawn)| *near |= drawn);
+                }
+                for _ in 0..reach {
+                    for column in 1..columns {
+                        near[column - 1] |= near[column];
+                    }
+                    for column in (1..columns).rev() {
+                        near[column] |= near[column - 1];
+                    }
                 }
             }
         });
@@ -200,10 +244,10 @@ fn follow(row: &mut [f32], before: &[f32]) {
     }
 }
 
-/// The coefficients of the B-spline through the pixels of a plane.
-struct Coefficients<'a> {
+/// A plane's pixels, or the coefficients of the B-spline through them.
+struct Plane<'a> {
     values: &'a [[f32; 4]],
-    /// For each pixel: whether something was drawn on it or on one of its eight neighbours.
+    /// For each pixel: whether something was drawn near it.
     covered: &'a [bool],
     /// Number of columns of the plane.
     columns: usize,
@@ -213,7 +257,7 @@ struct Coefficients<'a> {
 
 /// Computes a row of the picture: the mean of the plane's spline at `points` around each pixel. The row is empty before.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn resample(from: &Coefficients, map: &[[f64; 3]; 3], points: &[[f64; 2]], y: f64, row: &mut [[f32; 4]]) {
+fn resample(from: &Plane, map: &[[f64; 3]; 3], points: &[[f64; 2]], y: f64, row: &mut [[f32; 4]]) {
     let weight = 1.0 / points.len() as f32;
     let mut at = PlanePoints::default();
     for (first, pixels) in (0u32..).step_by(TOGETHER).zip(row.chunks_mut(TOGETHER)) {
@@ -245,7 +289,7 @@ fn in_range(sums: [f32; 4], weight: f32) -> [f32; 4] {
 /// The brightest colour of a voxel: white in full light with the strongest highlight.
 const BRIGHTEST: f32 = 2.0;
 
-impl Coefficients<'_> {
+impl Plane<'_> {
     /// Adds the values of the spline at some points to the pixels.
     #[inline(always)]
     fn add(&self, at: &PlanePoints, pixels: &mut [[f32; 4]]) {
@@ -270,6 +314,90 @@ impl Coefficients<'_> {
                 pixel[i] += (sums[i] * a + sums[4 + i] * b) + (sums[8 + i] * c + sums[12 + i] * d);
             }
         }
+    }
+}
+
+/// Computes a row of the picture: the plane's pixels under a Gaussian of variance `variance`, in square pixels of the
+/// picture, around each pixel. The row is empty before.
+#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+fn blur(from: &Plane, map: &[[f64; 3]; 3], variance: f64, y: f64, row: &mut [[f32; 4]]) {
+    let mut at = PlanePoints::default();
+    for (first, pixels) in (0u32..).step_by(TOGETHER).zip(row.chunks_mut(TOGETHER)) {
+        let lines = map.map(|[a, b, c]| [a, f64::from(first) * a + (b * y + c)]);
+        if !at.set(lines, &from.within) {
+            continue;
+        }
+        let gaussian = Gaussian::new(map, [f64::from(first) + 0.5 * TOGETHER as f64, y], variance);
+        for (i, pixel) in pixels.iter_mut().enumerate() {
+            let [left, top] = [at.pixel[0][i] as usize, at.pixel[1][i] as usize];
+            if at.inside[i] && from.covered[from.columns * top + left] {
+                let first = from.columns * (top + 1 - TAPS / 2) + left + 1 - TAPS / 2;
+                *pixel = gaussian.mean([at.fraction[0][i], at.fraction[1][i]], &from.values[first..], from.columns);
+            }
+        }
+    }
+}
+
+/// Pixels of the plane along a side that a Gaussian takes.
+const TAPS: usize = 8;
+/// Standard deviation, in the plane's pixels, below which a Gaussian would miss what lies between them.
+const NARROW: f64 = 0.62;
+
+/// A Gaussian of the picture, on the plane around one place.
+struct Gaussian {
+    /// Half the logarithm to base 2 of the weight falls by the first times the square of the distance along columns, by
+    /// the third times that along rows, and by the second times their product.
+    factors: [f32; 3],
+    /// How far a place on the plane moves, along columns and rows, per column and per row of the picture.
+    steps: [[f64; 2]; 2],
+}
+
+impl Gaussian {
+    fn new(map: &[[f64; 3]; 3], [x, y]: [f64; 2], variance: f64) -> Gaussian {
+        let [u, v, w] = map.map(|[a, b, c]| a * x + b * y + c);
+        let step = |line: [f64; 3], at: f64| [0, 1].map(|k: usize| (line[k] - at / w * map[2][k]) / w);
+        let steps = [step(map[0], u), step(map[1], v)];
+        let [[a, b], [c, d]] = steps;
+        let area = a * d - b * c;
+        let scale = 0.5 * std::f64::consts::LOG2_E / (variance * area * area);
+        let factors = [scale * (c * c + d * d), -2.0 * scale * (a * c + b * d), scale * (a * a + b * b)];
+        Gaussian { factors: factors.map(|factor| factor as f32), steps }
+    }
+
+    /// Returns the smaller standard deviation along columns and rows, in the plane's pixels.
+    fn width(&self, variance: f64) -> f64 {
+        let [x, y] = self.steps.map(|[a, b]| variance.sqrt() * a.hypot(b));
+        x.min(y)
+    }
+
+    /// Returns the weighted mean of [`TAPS`] by [`TAPS`] of `values`, rows of which are `pitch` apart. The place is past
+    /// the fourth column and row by `fractions`.
+    #[inline(always)]
+    fn mean(&self, fractions: [f32; 2], values: &[[f32; 4]], pitch: usize) -> [f32; 4] {
+        let [across, both, down] = self.factors;
+        let mut sums = [0.0f32; 16];
+        let mut total = [0.0f32; TAPS];
+        for (row, values) in values.chunks(pitch).take(TAPS).enumerate() {
+            let Some(values): Option<&[[f32; 4]; TAPS]> = values.first_chunk() else { break };
+            let y = row as f32 - (TAPS / 2 - 1) as f32 - fractions[1];
+            let mut weights = [0.0f32; TAPS];
+            for (column, weight) in weights.iter_mut().enumerate() {
+                let x = column as f32 - (TAPS / 2 - 1) as f32 - fractions[0];
+                *weight = near_exp2_neg(at_most(at_least((across * x + both * y) * x + down * (y * y), 0.0), 120.0));
+            }
+            for (total, weight) in total.iter_mut().zip(weights) {
+                *total += weight;
+            }
+            for half in [0, TAPS / 2] {
+                for k in 0..4 {
+                    for c in 0..4 {
+                        sums[4 * k + c] += weights[half + k] * values[half + k][c];
+                    }
+                }
+            }
+        }
+        let total = 1.0 / total.iter().sum::<f32>();
+        [0, 1, 2, 3].map(|c: usize| total * ((sums[c] + sums[4 + c]) + (sums[8 + c] + sums[12 + c])))
     }
 }
 
