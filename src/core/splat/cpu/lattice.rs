@@ -37,12 +37,17 @@ use crate::traverse::{Order, Sense, Viewpoint, VoxelBox};
 /// Width of the plane's margin around the voxels, in its pixels after halving, so that the voxels' edge is interpolated
 /// correctly.
 const MARGIN: f64 = 6.0;
-/// Largest ratio of the plane's pixel count to the picture's at which a plane is worthwhile, if it has more pixels than
-/// the other number, which take 64 MiB.
+/// Largest ratio of the plane's pixel count to the picture's at which a plane is worthwhile, unless it is halved and has at
+/// most the other number of pixels, which take 64 MiB.
 const MAX_PIXELS: f64 = 6.5;
 const FEW_PIXELS: f64 = 4_194_304.0;
-/// Standard deviation of the low-pass from which on the plane is halved first, in the plane's pixels.
-const WIDE_BLUR: f64 = 1.4;
+/// Standard deviation of the low-pass in the picture's middle, along columns and along rows of the plane, above which the
+/// plane is halved first; in the plane's pixels.
+const WIDE: f64 = 1.4;
+/// Smallest one at which the pixels lie so near to each other that none is missed.
+const NARROW: f64 = 0.62;
+/// Largest standard deviation toward the picture's corners, unless it is a draft: the warp takes four pixels on each side.
+const WIDEST: f64 = 3.0;
 /// Least distance from the eye to the nearest slice, in voxels: nearer slices are seen under too many angles.
 const NEAREST: f64 = 8.0;
 
@@ -75,10 +80,7 @@ pub(super) struct Lattice {
     /// The homography from the picture's pixels to the plane's: three rows of factors of x, of y, and constants. The
     /// third row is the divisor, positive where a ray meets the plane.
     pub(super) plane_from_pixel: [[f64; 3]; 3],
-    /// How often the drawn plane is halved, which turns two by two pixels into one, before it is warped.
-    pub(super) halvings: u32,
-    /// Variance of the low-pass filter along x and along y that halving leaves, in square pixels of the picture.
-    pub(super) blur: f64,
+    pub(super) low_pass: LowPass,
     rays: Rays,
     kernel: KernelShape,
 }
@@ -212,12 +214,13 @@ impl Lattice {
                 if is_sharp && choose(step) > MAGNIFIED * step {
                     return None;
                 }
-                perspective(view, width, nested, &extent, [&choose, &choose_far], kernel)?
+                let widest = if settings.sampling() == Sampling::Enough { WIDEST } else { f64::INFINITY };
+                perspective(view, [width, widest], nested, &extent, [&choose, &choose_far], kernel)?
             }
         };
-        let [columns, rows] = plane.size.map(f64::from);
-        let is_large = columns * rows > FEW_PIXELS.max(MAX_PIXELS * f64::from(view.size[0]) * f64::from(view.size[1]));
-        (!is_large).then_some(plane)
+        let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
+        let few = if plane.low_pass.halvings > 0 { FEW_PIXELS } else { 65_536.0 };
+        (pixels(plane.size) <= few.max(MAX_PIXELS * pixels(view.size))).then_some(plane)
     }
 
     /// Returns the lattice of the slice at `slow` on the slow axis.
@@ -358,11 +361,13 @@ impl Lattice {
         /// How far beyond the picture's edge tiles are drawn, in tiles: those farther away weigh below 0.268^8 in the
         /// interpolation.
         const NEAR: usize = 2;
-        let around = NEAR << self.halvings;
+        let around = NEAR << self.low_pass.halvings;
         let [columns, rows] = self.size.map(|side| side as usize >> TILE);
         let to_picture = DMat3::from_cols_array_2d(&self.plane_from_pixel).transpose().inverse();
-        let (first, ends) =
-            (-0.5 - self.blur.sqrt(), self.picture.map(|side| f64::from(side) - 0.5 + self.blur.sqrt()));
+        let (first, ends) = (
+            -0.5 - self.low_pass.variance.sqrt(),
+            self.picture.map(|side| f64::from(side) - 0.5 + self.low_pass.variance.sqrt()),
+        );
         // For each corner of a tile, with those around the plane: a bit for each edge of the picture that it is beyond.
         let corners = columns + 2 * around + 1;
         let corner = |tile: usize| 4.0 * (tile as f64 - around as f64) - 0.5;
@@ -405,25 +410,31 @@ impl BoxExtent {
 
 /// How a plane is filtered where voxels are small.
 #[derive(Debug, Clone, Copy)]
-struct LowPass {
-    halvings: u32,
-    /// See [`Lattice::blur`].
-    blur: f64,
+pub(super) struct LowPass {
+    /// How often the drawn plane is halved, which turns two by two pixels into one, before it is warped.
+    pub(super) halvings: u32,
+    /// Variance along x and along y of the Gaussian that is left to do, in square pixels of the picture.
+    pub(super) variance: f64,
+    /// Whether it is so wide, in the picture's middle, that it may take the plane's pixels as they are.
+    pub(super) is_wide: bool,
 }
 
 impl LowPass {
-    /// `pixel`: the distance between the plane's pixels, and `width`: the standard deviation of the narrowest footprint,
-    /// in pixels of the picture.
-    fn new(mut pixel: f64, width: f64) -> LowPass {
-        let mut blur = (f64::from(LOW_PASS * LOW_PASS) - width * width).max(0.0);
+    /// `per_pixel`: how far a place on the plane moves along columns and along rows, at most, per pixel of the picture;
+    /// `width`: the standard deviation of the narrowest footprint in pixels of the picture.
+    fn new(mut per_pixel: [f64; 2], width: f64) -> LowPass {
+        let mut variance = (f64::from(LOW_PASS * LOW_PASS) - width * width).max(0.0);
         let mut halvings = 0;
-        while blur > (WIDE_BLUR * pixel).powi(2) && halvings < 12 {
-            // The mean of two pixels has this variance.
-            blur -= 0.25 * pixel * pixel;
-            pixel *= 2.0;
+        loop {
+            let least = variance.sqrt() * per_pixel[0].min(per_pixel[1]);
+            if least <= WIDE || halvings == 12 {
+                return LowPass { halvings, variance, is_wide: least >= NARROW };
+            }
+            // The mean of two pixels has a variance of 1/4.
+            variance -= 0.25 / (per_pixel[0] * per_pixel[1]);
+            per_pixel = per_pixel.map(|per_pixel| per_pixel / 2.0);
             halvings += 1;
         }
-        LowPass { halvings, blur }
     }
 
     /// Returns the first pixel of a plane that covers what lies between `low` and `high` pixels, and how many there are.
@@ -458,7 +469,7 @@ fn parallel(
     if !shift.iter().all(|shift| shift.abs() < 1.001) {
         return None;
     }
-    let low_pass = LowPass::new(steps[0].max(steps[1]) / per_voxel, width);
+    let low_pass = LowPass::new(inverse.map(|[a, b]| per_voxel * a.hypot(b)), width);
     let [columns, rows] = view.size.map(f64::from);
     let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
         .map(|[across, down]: [f64; 2]| [across - 0.5 - x[3], down - 0.5 - y[3]]);
@@ -491,20 +502,12 @@ fn parallel(
         origin: first.map(|first| first / per_voxel),
         strength: (f64::from(kernel.normalisation()) * scale * scale / cross) as f32,
     };
-    Some(Lattice {
-        size,
-        picture: view.size,
-        plane_from_pixel,
-        halvings: low_pass.halvings,
-        blur: low_pass.blur,
-        rays,
-        kernel,
-    })
+    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel })
 }
 
 fn perspective(
     view: &View,
-    width: f64,
+    [width, widest]: [f64; 2],
     nested: [usize; 3],
     extent: &BoxExtent,
     [choose, choose_far]: [&dyn Fn(f64) -> f64; 2],
@@ -535,7 +538,6 @@ fn perspective(
     let largest_step = width / f64::from(kernel.sigma) * (1.0 + tangent * tangent);
     let finest = (choose(largest_step) * middle).max(choose_far(largest_step * middle / farthest) * farthest);
     let step = 1.0 / finest;
-    let low_pass = LowPass::new(largest_step * middle * step, width);
     // From a pixel's ray, in camera coordinates, to voxels along the slow (away from the eye), fast and medium axis.
     let column = |axis: usize| DVec3::from_array([0, 1, 2].map(|row: usize| camera_from_voxel[row][axis]));
     let steps = [column(nested[0]) * away, column(nested[1]), column(nested[2])];
@@ -547,6 +549,21 @@ fn perspective(
     );
     let voxel_from_pixel = voxel_from_camera * camera_from_pixel;
     let [columns, rows] = view.size.map(f64::from);
+    // How far a place moves on the plane, along its columns and its rows, per pixel of the picture.
+    let per_pixel = |x: f64, y: f64| {
+        let at = voxel_from_pixel * DVec3::new(x, y, 1.0);
+        [1, 2].map(|side: usize| {
+            let along = [0, 1].map(|k| voxel_from_pixel.col(k)[side] - at[side] / at[0] * voxel_from_pixel.col(k)[0]);
+            along[0].hypot(along[1]) / (at[0] * step).abs()
+        })
+    };
+    let low_pass = LowPass::new(per_pixel(0.5 * columns, 0.5 * rows), width);
+    let widest = widest * f64::from(1u32 << low_pass.halvings) / low_pass.variance.sqrt();
+    let ends = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]];
+    let is_too_wide = ends.into_iter().flat_map(|[x, y]: [f64; 2]| per_pixel(x, y)).any(|moves| moves > widest);
+    if low_pass.is_wide && is_too_wide {
+        return None;
+    }
     let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
         .map(|[across, down]: [f64; 2]| (voxel_from_pixel * DVec3::new(across - 0.5, down - 0.5, 1.0)).to_array());
     let all_meet = corners.iter().all(|[slow, fast, medium]| *slow > 0.05 * fast.hypot(*medium));
@@ -570,13 +587,5 @@ fn perspective(
     let plane_from_pixel = [plane[0], plane[1], row(0).to_array()];
     let strength = f64::from(kernel.normalisation()) / f64::from(kernel.sigma).powi(2);
     let rays = Rays::Perspective { eye, first, step, steps, strength };
-    Some(Lattice {
-        size,
-        picture: view.size,
-        plane_from_pixel,
-        halvings: low_pass.halvings,
-        blur: low_pass.blur,
-        rays,
-        kernel,
-    })
+    Some(Lattice { size, picture: view.size, plane_from_pixel, low_pass, rays, kernel })
 }

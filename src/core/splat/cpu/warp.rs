@@ -16,7 +16,7 @@ use std::ops::Range;
 
 use multiversion::multiversion;
 
-use super::lattice::Lattice;
+use super::lattice::{Lattice, LowPass};
 use crate::error::Result;
 use crate::parallel::in_parts;
 use crate::splat::Frame;
@@ -33,8 +33,9 @@ const GAIN: f32 = 6.0 * 0.267_949_2;
 
 /// Computes the picture from `plane`, the frame drawn on `lattice`. The result does not depend on `threads`.
 pub(super) fn warp(lattice: &Lattice, mut plane: Frame, threads: usize) -> Result<Frame> {
+    let LowPass { halvings, variance, is_wide } = lattice.low_pass;
     let mut plane_from_pixel = lattice.plane_from_pixel;
-    for _ in 0..lattice.halvings {
+    for _ in 0..halvings {
         plane = halved(&plane, threads)?;
         let [across, down, divisor] = plane_from_pixel;
         // Pixel 0 of the halved plane lies between pixels 0 and 1.
@@ -43,19 +44,16 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, threads: usize) -> Resul
     }
     let mut picture = Frame::transparent(lattice.picture)?;
     let [columns, rows] = plane.size().map(|side| side as usize);
-    let middle = lattice.picture.map(|side| 0.5 * f64::from(side));
-    let gaussian = Gaussian::new(&plane_from_pixel, middle, lattice.blur);
-    let is_blurred = gaussian.width(lattice.blur) >= NARROW;
     // How many of the plane's pixels, from a place on, matter for it on each side.
-    let around = if is_blurred { TAPS / 2 } else { 2 };
-    let Some(covered) = Covered::of(&plane, if is_blurred { around } else { 1 }, threads) else { return Ok(picture) };
+    let around = if is_wide { TAPS / 2 } else { 2 };
+    let Some(covered) = Covered::of(&plane, if is_wide { around } else { 1 }, threads) else { return Ok(picture) };
     let inner = |range: &Range<usize>, end: usize| {
         [range.start.max(around - 1) as f64, range.end.min(end - around) as f64 - 0.001]
     };
     let within = [inner(&covered.columns, columns), inner(&covered.rows, rows)];
-    if is_blurred {
+    if is_wide {
         let samples = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
-        picture.fill_rows(threads, |y, row| blur(&samples, &plane_from_pixel, lattice.blur, y as f64, row));
+        picture.fill_rows(threads, |y, row| blur(&samples, &plane_from_pixel, variance, y as f64, row));
         return Ok(picture);
     }
     let len = 4 * columns;
@@ -63,7 +61,7 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, threads: usize) -> Resul
     filter_rows(drawn, len, covered.columns.clone(), threads);
     filter_columns(drawn, len, covered.columns, threads);
     // The mean of four points, each one standard deviation from the pixel in x and in y, blurs with that variance.
-    let distance = lattice.blur.sqrt();
+    let distance = variance.sqrt();
     let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]].map(|point| point.map(|c| c * distance));
     let points = if distance < MIN_BLUR { &[[0.0; 2]][..] } else { &corners };
     let coefficients = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
@@ -322,15 +320,19 @@ impl Plane<'_> {
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
 fn blur(from: &Plane, map: &[[f64; 3]; 3], variance: f64, y: f64, row: &mut [[f32; 4]]) {
     let mut at = PlanePoints::default();
+    let mut gaussian = Gaussian::new(map, [0.0, y], variance);
+    let is_perspective = map[2][0] != 0.0;
     for (first, pixels) in (0u32..).step_by(TOGETHER).zip(row.chunks_mut(TOGETHER)) {
         let lines = map.map(|[a, b, c]| [a, f64::from(first) * a + (b * y + c)]);
         if !at.set(lines, &from.within) {
             continue;
         }
-        let gaussian = Gaussian::new(map, [f64::from(first) + 0.5 * TOGETHER as f64, y], variance);
         for (i, pixel) in pixels.iter_mut().enumerate() {
             let [left, top] = [at.pixel[0][i] as usize, at.pixel[1][i] as usize];
             if at.inside[i] && from.covered[from.columns * top + left] {
+                if is_perspective {
+                    gaussian = Gaussian::new(map, [f64::from(first) + i as f64, y], variance);
+                }
                 let first = from.columns * (top + 1 - TAPS / 2) + left + 1 - TAPS / 2;
                 *pixel = gaussian.mean([at.fraction[0][i], at.fraction[1][i]], &from.values[first..], from.columns);
             }
@@ -340,34 +342,23 @@ fn blur(from: &Plane, map: &[[f64; 3]; 3], variance: f64, y: f64, row: &mut [[f3
 
 /// Pixels of the plane along a side that a Gaussian takes.
 const TAPS: usize = 8;
-/// Standard deviation, in the plane's pixels, below which a Gaussian would miss what lies between them.
-const NARROW: f64 = 0.62;
-
 /// A Gaussian of the picture, on the plane around one place.
 struct Gaussian {
     /// Half the logarithm to base 2 of the weight falls by the first times the square of the distance along columns, by
     /// the third times that along rows, and by the second times their product.
     factors: [f32; 3],
-    /// How far a place on the plane moves, along columns and rows, per column and per row of the picture.
-    steps: [[f64; 2]; 2],
 }
 
 impl Gaussian {
     fn new(map: &[[f64; 3]; 3], [x, y]: [f64; 2], variance: f64) -> Gaussian {
         let [u, v, w] = map.map(|[a, b, c]| a * x + b * y + c);
         let step = |line: [f64; 3], at: f64| [0, 1].map(|k: usize| (line[k] - at / w * map[2][k]) / w);
-        let steps = [step(map[0], u), step(map[1], v)];
-        let [[a, b], [c, d]] = steps;
+        // How far a place on the plane moves, along columns and along rows, per column and per row of the picture.
+        let [[a, b], [c, d]] = [step(map[0], u), step(map[1], v)];
         let area = a * d - b * c;
         let scale = 0.5 * std::f64::consts::LOG2_E / (variance * area * area);
         let factors = [scale * (c * c + d * d), -2.0 * scale * (a * c + b * d), scale * (a * a + b * b)];
-        Gaussian { factors: factors.map(|factor| factor as f32), steps }
-    }
-
-    /// Returns the smaller standard deviation along columns and rows, in the plane's pixels.
-    fn width(&self, variance: f64) -> f64 {
-        let [x, y] = self.steps.map(|[a, b]| variance.sqrt() * a.hypot(b));
-        x.min(y)
+        Gaussian { factors: factors.map(|factor| factor as f32) }
     }
 
     /// Returns the weighted mean of [`TAPS`] by [`TAPS`] of `values`, rows of which are `pitch` apart. The place is past
