@@ -25,7 +25,7 @@ use super::lattice::{Lattice, Slice};
 use super::look_tables::LookTables;
 use super::project::{GROUP, Projector, VoxelBlock, limited};
 use super::raster::{BLOCK, Splats};
-use super::slab::Slab;
+use super::slab::{Line, Slab};
 use super::stamps::Stamps;
 use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
@@ -37,9 +37,10 @@ use crate::traverse::{Batch, Visitor, VoxelBox};
 
 /// Longest list of a tile.
 const LONGEST: usize = 128;
-/// Number of splats on a tile's list at which the tile takes them: a bit of all greater numbers up to `LONGEST`. A line adds
-/// at most 64.
+/// Number of splats on a tile's list at which the tile takes them: a bit of all greater numbers up to `LONGEST`.
 const FULL: u32 = 64;
+/// How many splats are put on lists before tiles with full lists take theirs.
+const TOGETHER: usize = LONGEST - FULL as usize;
 /// Slack of rounded bounds, in voxels or pixels of the plane.
 const SLACK: f64 = 1e-3;
 
@@ -426,30 +427,39 @@ impl<'a> Band<'a> {
             list.grows = u32::from(self.open.get(row, column));
         }
         for index in 0..self.slab.lines_of(row) {
-            let Band { slab, stamps, lists, first_row, .. } = self;
-            let line = slab.line(row, index);
-            let reaches = stamps.as_ref().filter(|_| PARALLEL);
-            let reaches = reaches.map(|stamps| stamps.reaches(line.slice, line.medium, *first_row + row as i32));
-            let mut all = 0;
-            for (splat, tiles) in (line.splats[0]..).zip(slab.tiles(line)) {
-                let (mut first, mut width) = (usize::from(tiles.column), usize::from(tiles.place));
-                if let Some(reaches) = reaches {
-                    let Some(reach) = reaches.get(usize::from(tiles.place)) else { continue };
-                    (first, width) = ((first + before).wrapping_sub(reach.before.into()), reach.width.into());
+            let line = *self.slab.line(row, index);
+            for first in (line.splats[0]..line.splats[1]).step_by(TOGETHER) {
+                let splats = [first, line.splats[1].min(first + TOGETHER as u32)];
+                if self.put_on_lists::<PARALLEL>(row, &Line { splats, ..line }) & FULL != 0 {
+                    self.take::<PARALLEL, ONE_DEPTH>(projector, row, FULL);
                 }
-                loop {
-                    all |= put(lists, first, width, splat);
-                    if width <= RUN {
-                        break;
-                    }
-                    (first, width) = (first + RUN, width - RUN);
-                }
-            }
-            if all & FULL != 0 {
-                self.take::<PARALLEL, ONE_DEPTH>(projector, row, FULL);
             }
         }
         self.take::<PARALLEL, ONE_DEPTH>(projector, row, 1);
+    }
+
+    /// Puts the splats of a line on the lists of a row's tiles. Returns a number with the bits of these lists' lengths.
+    #[inline(always)]
+    fn put_on_lists<const PARALLEL: bool>(&mut self, row: usize, line: &Line) -> u32 {
+        let Band { slab, stamps, lists, first_row, around, .. } = self;
+        let reaches = stamps.as_ref().filter(|_| PARALLEL);
+        let reaches = reaches.map(|stamps| stamps.reaches(line.slice, line.medium, *first_row + row as i32));
+        let mut lengths = 0;
+        for (splat, tiles) in (line.splats[0]..).zip(slab.tiles(line)) {
+            let (mut first, mut width) = (usize::from(tiles.column), usize::from(tiles.place));
+            if let Some(reaches) = reaches {
+                let Some(reach) = reaches.get(usize::from(tiles.place)) else { continue };
+                (first, width) = ((first + *around).wrapping_sub(reach.before.into()), reach.width.into());
+            }
+            loop {
+                lengths |= put(lists, first, width, splat);
+                if width <= RUN {
+                    break;
+                }
+                (first, width) = (first + RUN, width - RUN);
+            }
+        }
+        lengths
     }
 
     /// Lets the tiles of a row with at least this many splats on their lists take them.

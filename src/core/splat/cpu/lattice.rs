@@ -65,6 +65,9 @@ const FEWEST: Density = Density { wide: 0.62, small: 0.7 };
 const PER_PIXEL: f64 = 1.35;
 /// Sharpness of what is opaque. Its edges need all of the picture's pixels, unless voxels are small or magnified.
 const SHARP: f64 = 1.3;
+/// A view runs along an axis if a ray moves by less than this per slice, in voxels. All slices then have pixels at the same
+/// places beside their voxels, and errors add up instead of averaging out.
+const ALONG_AXIS: f64 = 0.05;
 /// Distance between voxels, in pixels of the picture, up to which the picture shows no such edges.
 const SMALL_STEP: f64 = 0.76;
 /// Largest number of pixels of the plane per pixel of the picture, along a side, for magnified views of what is opaque.
@@ -207,7 +210,8 @@ impl Lattice {
                 if is_sharp && step > SMALL_STEP && choose(step) > MAGNIFIED * step {
                     return None;
                 }
-                parallel(view, [x, y], *scale, nested, &extent, choose, kernel, width)?
+                let along_axis = if settings.sampling() == Sampling::Enough { 2.0 } else { 32.0 };
+                parallel(view, [x, y], *scale, nested, &extent, choose, along_axis, kernel, width)?
             }
             PixelMap::Perspective { .. } => {
                 let step = width / sigma;
@@ -453,6 +457,7 @@ fn parallel(
     [slow, fast, medium]: [usize; 3],
     extent: &BoxExtent,
     choose: impl Fn(f64) -> f64,
+    most_voxels_along_axis: f64,
     kernel: KernelShape,
     width: f64,
 ) -> Option<Lattice> {
@@ -463,7 +468,8 @@ fn parallel(
     // A voxel's point on the plane moves by this per slice, and a ray by the opposite.
     let shift = inverse.map(|row| transform(row, [x[slow], y[slow]]));
     let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
-    let voxels = (4.0 / choose(steps[0].max(steps[1])) + 0.1).floor().clamp(1.0, 32.0);
+    let most_voxels = if shift.iter().all(|shift| shift.abs() < ALONG_AXIS) { most_voxels_along_axis } else { 32.0 };
+    let voxels = (4.0 / choose(steps[0].max(steps[1])) + 0.1).floor().clamp(1.0, most_voxels);
     let per_voxel = 4.0 / voxels;
     // A shift above 1 means that the view runs along another axis than the slow one.
     if !shift.iter().all(|shift| shift.abs() < 1.001) {

@@ -21,14 +21,15 @@ const POINT: u64 = 64;
 /// Bytes per pixel, in a frame and in bands.
 const PIXEL: u64 = 4 * size_of::<f32>() as u64;
 
-/// Bytes per pixel of a lattice: in the frame that is warped, and marks of what is drawn.
-const LATTICE_PIXEL: u64 = PIXEL + 5;
+/// Bytes per pixel of a lattice: in the frame that is warped, marks of what is drawn, and the halved frame.
+const LATTICE_PIXEL: u64 = PIXEL + 6;
 /// Bytes per column of pixels of a band of a lattice: its pixels, with what pads their rows.
 const BAND_COLUMN: u64 = 4 * 32 * PIXEL;
-/// Bytes per column of pixels of a thread's lists of tiles, with those around its band.
-const LISTS_COLUMN: u64 = (32 + 32) * 260 / 4;
-/// Bytes of a thread's splats that wait on lists, with stamps.
-const BAND: u64 = 1 << 20;
+/// Bytes per column of pixels of the lists of a row of tiles.
+const LISTS_COLUMN: u64 = 544 / 4;
+/// Bytes of a thread's slab, with stamps; and those that it may need more per grid point of a line.
+const SLAB: u64 = 2 << 20;
+const SLAB_POINT: u64 = 48;
 
 /// Where a picture is drawn before it is resampled, and on how many pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,6 +73,7 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
         Blending::Sheets => band_bytes(size, 1).saturating_mul(2),
         Blending::Exponential | Blending::Linear => band_bytes(size, threads),
     };
+    let longest = dims.into_iter().max().map_or(0, u64::from).max(2_048);
     let drawing = match canvas {
         Canvas::Picture => bands(size),
         Canvas::Lattice(plane) => {
@@ -79,14 +81,14 @@ pub fn memory_need(dims: [u32; 3], tiles: u64, canvas: Canvas, settings: &Settin
             // At most two bands a thread wait to be put into the frame.
             let band_columns = (2 * threads + 1) * BAND_COLUMN + threads * LISTS_COLUMN;
             // Very faint voxels are drawn on the picture.
-            (LATTICE_PIXEL * (columns * rows) + band_columns * (columns + PADDING[0]) + threads * BAND).max(bands(size))
+            let slabs = threads * (SLAB + SLAB_POINT * longest);
+            (LATTICE_PIXEL * (columns * rows) + band_columns * (columns + PADDING[0]) + slabs).max(bands(size))
         }
         Canvas::Finer(size) => {
             let size = size.map(u64::from);
             bands(size).saturating_add(frame(size)).saturating_add(threads * PIXEL * size[0])
         }
     };
-    let longest = dims.into_iter().max().map_or(0, u64::from).max(2_048);
     let walk = THREAD + TILE.saturating_mul(tiles) + POINT * longest;
     [drawing, TABLE, threads.saturating_mul(walk)].into_iter().fold(frame(size), u64::saturating_add)
 }
