@@ -118,7 +118,9 @@ struct List {
     count: u32,
     /// 1 if the tile is open, else 0.
     grows: u32,
-    splats: [u32; LONGEST + 6],
+    splats: [u32; LONGEST],
+    /// Keeps the lengths of neighbouring lists out of one set of the cache.
+    _apart: [u32; 6],
 }
 
 /// A band of the lattice's tiles, and the voxels that one thread is drawing on it.

@@ -204,14 +204,14 @@ impl Lattice {
         let extent = BoxExtent::new(bounds, nested, kernel);
         let width = f64::from(sigma_at_centre(view, bounds, settings));
         let plane = match &view.map {
-            PixelMap::Parallel { pixel_from_voxel: [x, y], scale } => {
+            PixelMap::Parallel { pixel_from_voxel: [x, y], .. } => {
                 let steps = [nested[1], nested[2]].map(|axis| x[axis].hypot(y[axis]));
                 let step = steps[0].max(steps[1]);
                 if is_sharp && step > SMALL_STEP && choose(step) > MAGNIFIED * step {
                     return None;
                 }
                 let along_axis = if settings.sampling() == Sampling::Enough { 2.0 } else { 32.0 };
-                parallel(view, [x, y], *scale, nested, &extent, choose, along_axis, kernel, width)?
+                parallel(view, nested, &extent, choose, along_axis, kernel, width)?
             }
             PixelMap::Perspective { .. } => {
                 let step = width / sigma;
@@ -452,8 +452,6 @@ impl LowPass {
 
 fn parallel(
     view: &View,
-    [x, y]: [&[f64; 4]; 2],
-    scale: f64,
     [slow, fast, medium]: [usize; 3],
     extent: &BoxExtent,
     choose: impl Fn(f64) -> f64,
@@ -461,6 +459,7 @@ fn parallel(
     kernel: KernelShape,
     width: f64,
 ) -> Option<Lattice> {
+    let PixelMap::Parallel { pixel_from_voxel: [x, y], scale } = &view.map else { return None };
     let area = x[fast] * y[medium] - x[medium] * y[fast];
     // From pixels of the picture to voxels along the fast and the medium axis.
     let inverse = [[y[medium] / area, -x[medium] / area], [-y[fast] / area, x[fast] / area]];

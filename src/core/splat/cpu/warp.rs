@@ -75,7 +75,7 @@ fn halved(plane: &Frame, threads: usize) -> Result<Frame> {
     let mut halved = Frame::transparent(plane.size().map(|side| side.div_ceil(2)))?;
     let rows: Vec<&[[f32; 4]]> = plane.pixels().as_chunks().0.chunks_exact(columns).collect();
     halved.fill_rows(threads, |y, row| {
-        for line in rows.iter().skip(2 * y as usize).take(2) {
+        for line in rows.iter().skip(2 * y).take(2) {
             for (pixel, pair) in row.iter_mut().zip(line.chunks(2)) {
                 for part in pair {
                     for c in 0..4 {
