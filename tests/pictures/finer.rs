@@ -60,9 +60,8 @@ fn finer_pixels_show_what_much_finer_ones_show() {
     }
 }
 
-/// At a quarter of a pixel a voxel a draft has samples of half a voxel's width only, or the base plane's.
 #[test]
-fn a_draft_of_voxels_of_a_quarter_of_a_pixel_keeps_25_decibels() {
+fn a_draft_of_voxels_of_a_quarter_of_a_pixel_keeps_30_decibels() {
     let mut worst = f64::INFINITY;
     for name in ["gyroid", "shells", "noise", "marschner-lobb"] {
         let built = build(name);
@@ -82,8 +81,9 @@ fn a_draft_of_voxels_of_a_quarter_of_a_pixel_keeps_25_decibels() {
             }
         }
     }
-    // Measured: 26.0 dB, of shells along an axis. Oblique views have 29 and more.
-    assert!(worst > 25.0, "{worst:.1} dB");
+    // Measured: 30.7 dB in the perspective along the diagonal, where the plane is seen at the lowest angle; parallel views
+    // have 44 and more.
+    assert!(worst > 30.0, "{worst:.1} dB");
 }
 
 #[test]

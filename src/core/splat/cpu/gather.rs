@@ -105,11 +105,6 @@ impl Visitor for LatticePainter<'_, '_> {
     }
 }
 
-/// Returns an array of equal elements.
-pub(super) fn boxed<T: Copy + std::fmt::Debug, const N: usize>(element: T) -> Box<[T; N]> {
-    vec![element; N].into_boxed_slice().try_into().expect("as many as were asked for")
-}
-
 /// The splats that wait for a tile, in visit order. A list's length lies near its splats and far from other lengths, so
 /// that a processor never loads together what it stored one by one.
 #[derive(Clone, Copy, Zeroable)]

@@ -37,10 +37,10 @@ use crate::traverse::{Order, Sense, Viewpoint, VoxelBox};
 /// Width of the plane's margin around the voxels, in its pixels after halving, so that the voxels' edge is interpolated
 /// correctly.
 const MARGIN: f64 = 6.0;
-/// Largest ratio of the plane's pixel count to the picture's at which a plane is worthwhile, unless it is halved and has at
-/// most the other number of pixels, which take 64 MiB.
+/// Largest ratio of the plane's pixel count to the picture's (over the same area) at which a plane is worthwhile, unless it
+/// is halved and has at most the other number of pixels, which take 33 MiB.
 const MAX_PIXELS: f64 = 6.5;
-const FEW_PIXELS: f64 = 4_194_304.0;
+const FEW_PIXELS: f64 = 1_572_864.0;
 /// Standard deviation of the low-pass in the picture's middle, along columns and along rows of the plane, above which the
 /// plane is halved first; in the plane's pixels.
 const WIDE: f64 = 1.4;
@@ -475,6 +475,9 @@ fn parallel(
         return None;
     }
     let low_pass = LowPass::new(inverse.map(|[a, b]| per_voxel * a.hypot(b)), width);
+    if low_pass.halvings == 0 && per_voxel * per_voxel / area.abs() > MAX_PIXELS {
+        return None;
+    }
     let [columns, rows] = view.size.map(f64::from);
     let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
         .map(|[across, down]: [f64; 2]| [across - 0.5 - x[3], down - 0.5 - y[3]]);

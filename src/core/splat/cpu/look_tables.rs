@@ -5,7 +5,6 @@
 
 use multiversion::multiversion;
 
-use super::gather::boxed;
 use super::project::{Projector, VoxelBlock, limited};
 use super::raster::BLOCK;
 use crate::classify::normal;
@@ -35,7 +34,8 @@ impl LookTables {
         let mut looks = Box::new(*projector.table.of_bytes()?);
         looks.iter_mut().for_each(|look| look[3] = limited(look[3], strength));
         let light = projector.lights.as_ref().map(|lights| {
-            let mut light = boxed([0.0; 2]);
+            let light = vec![[0.0; 2]; 1 << 16].into_boxed_slice();
+            let mut light: Box<[_; 1 << 16]> = light.try_into().expect("as many as were asked for");
             light_of_codes(lights, &mut light);
             light
         });
