@@ -66,7 +66,7 @@ const PER_PIXEL: f64 = 1.35;
 /// Sharpness of what is opaque. Its edges need all of the picture's pixels, unless voxels are small or magnified.
 const SHARP: f64 = 1.3;
 /// A view runs along an axis if a ray moves by less than this per slice, in voxels. All slices then have pixels at the same
-/// places beside their voxels, and errors add up instead of averaging out.
+/// places beside their voxels, and errors add up instead of averaging out, unless voxels are small.
 const ALONG_AXIS: f64 = 0.05;
 /// Distance between voxels, in pixels of the picture, up to which the picture shows no such edges.
 const SMALL_STEP: f64 = 0.76;
@@ -467,8 +467,10 @@ fn parallel(
     // A voxel's point on the plane moves by this per slice, and a ray by the opposite.
     let shift = inverse.map(|row| transform(row, [x[slow], y[slow]]));
     let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
-    let most_voxels = if shift.iter().all(|shift| shift.abs() < ALONG_AXIS) { most_voxels_along_axis } else { 32.0 };
-    let voxels = (4.0 / choose(steps[0].max(steps[1])) + 0.1).floor().clamp(1.0, most_voxels);
+    let step = steps[0].max(steps[1]);
+    let is_along_axis = shift.iter().all(|shift| shift.abs() < ALONG_AXIS) && step > SMALL_STEP;
+    let most_voxels = if is_along_axis { most_voxels_along_axis } else { 32.0 };
+    let voxels = (4.0 / choose(step) + 0.1).floor().clamp(1.0, most_voxels);
     let per_voxel = 4.0 / voxels;
     // A shift above 1 means that the view runs along another axis than the slow one.
     if !shift.iter().all(|shift| shift.abs() < 1.001) {
