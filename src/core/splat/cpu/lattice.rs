@@ -37,8 +37,8 @@ use crate::traverse::{Order, Sense, Viewpoint, VoxelBox};
 /// Width of the plane's margin around the voxels, in its pixels after halving, so that the voxels' edge is interpolated
 /// correctly.
 const MARGIN: f64 = 6.0;
-/// Largest ratio of the plane's pixel count to the picture's (over the same area) at which a plane is worthwhile, unless it
-/// is halved and has at most the other number of pixels, which take 33 MiB.
+/// Largest ratio of the plane's pixel count to the picture's (over the same area) at which a plane is worthwhile, unless a
+/// wide low-pass follows and it has at most the other number of pixels, which take 33 MiB.
 const MAX_PIXELS: f64 = 6.5;
 const FEW_PIXELS: f64 = 1_572_864.0;
 /// Standard deviation of the low-pass in the picture's middle, along columns and along rows of the plane, above which the
@@ -223,7 +223,7 @@ impl Lattice {
             }
         };
         let pixels = |size: [u32; 2]| f64::from(size[0]) * f64::from(size[1]);
-        let few = if plane.low_pass.halvings > 0 { FEW_PIXELS } else { 65_536.0 };
+        let few = if plane.low_pass.is_wide { FEW_PIXELS } else { 65_536.0 };
         (pixels(plane.size) <= few.max(MAX_PIXELS * pixels(view.size))).then_some(plane)
     }
 
@@ -477,7 +477,7 @@ fn parallel(
         return None;
     }
     let low_pass = LowPass::new(inverse.map(|[a, b]| per_voxel * a.hypot(b)), width);
-    if low_pass.halvings == 0 && per_voxel * per_voxel / area.abs() > MAX_PIXELS {
+    if !low_pass.is_wide && per_voxel * per_voxel / area.abs() > MAX_PIXELS {
         return None;
     }
     let [columns, rows] = view.size.map(f64::from);
