@@ -86,6 +86,20 @@ fn a_draft_of_voxels_of_a_quarter_of_a_pixel_keeps_30_decibels() {
     assert!(worst > 30.0, "{worst:.1} dB");
 }
 
+/// Without a turn the divisor of the warp is the same along a row, but the low-pass is not.
+#[test]
+fn a_tilted_perspective_shows_fine_voxels_like_one_that_is_also_turned_by_a_hair() {
+    let built = build("gyroid");
+    let size = [48; 2];
+    let picture = |azimuth: f64| {
+        let orbit = Orbit { azimuth, elevation: 30.0, fov: Some(60.0), ..Orbit::default() };
+        let camera = Camera::orbiting(orbit, built.surround(), size).unwrap();
+        built.frame(&camera, &settings(size, Sampling::Fewest))
+    };
+    let near = decibels(&picture(0.0), &picture(0.001), EMPTY);
+    assert!(near > 60.0, "{near:.1} dB");
+}
+
 #[test]
 fn finer_pixels_have_the_same_bits_for_any_threads_and_instructions() {
     let built = build("gyroid");

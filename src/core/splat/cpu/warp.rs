@@ -321,7 +321,7 @@ impl Plane<'_> {
 fn blur(from: &Plane, map: &[[f64; 3]; 3], variance: f64, y: f64, row: &mut [[f32; 4]]) {
     let mut at = PlanePoints::default();
     let mut gaussian = Gaussian::new(map, [0.0, y], variance);
-    let is_perspective = map[2][0] != 0.0;
+    let is_perspective = map[2][0] != 0.0 || map[2][1] != 0.0;
     for (first, pixels) in (0u32..).step_by(TOGETHER).zip(row.chunks_mut(TOGETHER)) {
         let lines = map.map(|[a, b, c]| [a, f64::from(first) * a + (b * y + c)]);
         if !at.set(lines, &from.within) {
@@ -342,10 +342,11 @@ fn blur(from: &Plane, map: &[[f64; 3]; 3], variance: f64, y: f64, row: &mut [[f3
 
 /// Pixels of the plane along a side that a Gaussian takes.
 const TAPS: usize = 8;
+
 /// A Gaussian of the picture, on the plane around one place.
 struct Gaussian {
-    /// Half the logarithm to base 2 of the weight falls by the first times the square of the distance along columns, by
-    /// the third times that along rows, and by the second times their product.
+    /// The logarithm to base 2 of the weight falls by the first times the square of the distance along columns, by the
+    /// third times that along rows, and by the second times the product of the two distances.
     factors: [f32; 3],
 }
 
