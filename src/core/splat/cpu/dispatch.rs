@@ -37,18 +37,18 @@ macro_rules! for_each_instruction_set {
     ($(#[$doc:meta])* $vis:vis fn $name:ident$(<$blend:ident>)?($($arg:ident: $kind:ty),* $(,)?) -> u64 $body:block) => {
         $(#[$doc])*
         $vis fn $name$(<$blend: Blend>)?(code: Code, $($arg: $kind),*) -> u64 {
-            #[multiversion(targets("x86_64+avx+avx2+bmi1+bmi2+lzcnt+popcnt+avx512f+avx512vl+avx512bw+avx512dq"), dispatcher = "direct")]
+            #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq"), dispatcher = "direct")]
             fn best$(<$blend: Blend>)?($($arg: $kind),*) -> u64 {
                 match_target! {
-                    "x86_64+avx+avx2+bmi1+bmi2+lzcnt+popcnt+avx512f+avx512vl+avx512bw+avx512dq" => $body,
+                    "x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq" => $body,
                     _ => avx2$(::<$blend>)?($($arg),*),
                 }
             }
 
-            #[multiversion(targets("x86_64+avx+avx2+bmi1+bmi2+lzcnt+popcnt"), dispatcher = "direct")]
+            #[multiversion(targets("x86_64+avx+avx2"), dispatcher = "direct")]
             fn avx2$(<$blend: Blend>)?($($arg: $kind),*) -> u64 {
                 match_target! {
-                    "x86_64+avx+avx2+bmi1+bmi2+lzcnt+popcnt" => $body,
+                    "x86_64+avx+avx2" => $body,
                     _ => portable$(::<$blend>)?($($arg),*),
                 }
             }

@@ -6,7 +6,8 @@
 //! while its pixels are in registers:
 //!
 //! ```text
-//! walk -> voxels before open tiles -> colours -> slab -> lists of a row's tiles -> for each tile: load, splat after splat, store
+//! walk -> voxels before open tiles -> colours -> slab -> lists of a row's tiles
+//!      -> for each tile: load, splat after splat, store
 //! ```
 //!
 //! Each tile takes its voxels in visit order, so its bits do not depend on when it takes them. In a parallel view all
@@ -327,15 +328,14 @@ impl<'a> Band<'a> {
     /// Computes `shown` of a row of tiles.
     #[inline(always)]
     fn show_row(&mut self, row: usize, projector: &Projector) {
-        let Band { lattice, slice, open, shown, stamps, .. } = self;
+        let Band { lattice, slice, open, shown, .. } = self;
         shown.clear_row(row);
-        let parallel_reach = stamps.as_ref().map(|_| lattice.reach(0, [0.0; 2]) + SLACK);
         let fast = projector.nesting[2];
         let [low, high] = projector.crop.map_or([0, u16::MAX], |crop| [crop.low[fast], crop.high[fast]]);
         let last = projector.lane.dims[fast] as i32 - 1;
         open.each_run(row, |[left, right]| {
             let pixels = [4.0 * left as f64, 4.0 * right as f64 + 3.0];
-            let reach = parallel_reach.unwrap_or_else(|| lattice.reach(0, pixels) + SLACK);
+            let reach = lattice.reach(0, pixels) + SLACK;
             let from = (slice.origin[0] + slice.step * pixels[0] - reach).ceil() as i32;
             let to = (slice.origin[0] + slice.step * pixels[1] + reach).floor() as i32;
             let (from, to) = (from.max(low.into()), to.min(high.into()).min(last));

@@ -134,7 +134,7 @@ pub(super) struct Place {
 }
 
 /// The rays of a tile.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct TileRays {
     /// The tile's first pixel.
     first: [i32; 2],
@@ -574,8 +574,8 @@ fn perspective(
     if low_pass.is_wide && is_too_wide {
         return None;
     }
-    let corners = [[0.0, 0.0], [columns, 0.0], [0.0, rows], [columns, rows]]
-        .map(|[across, down]: [f64; 2]| (voxel_from_pixel * DVec3::new(across - 0.5, down - 0.5, 1.0)).to_array());
+    let corners =
+        ends.map(|[across, down]: [f64; 2]| (voxel_from_pixel * DVec3::new(across - 0.5, down - 0.5, 1.0)).to_array());
     let all_meet = corners.iter().all(|[slow, fast, medium]| *slow > 0.05 * fast.hypot(*medium));
     let (mut size, mut first) = ([0; 2], [0.0; 2]);
     for side in 0..2 {

@@ -80,7 +80,7 @@ impl Slab {
         self.slices - 1
     }
 
-    /// Returns whether no slice must be added.
+    /// Returns whether it must take no more slices.
     #[inline(always)]
     pub(super) fn is_full(&self) -> bool {
         self.slices == SLICES || self.count >= self.enough
