@@ -155,7 +155,7 @@ pub enum Sampling {
     Finer,
     /// As many samples as the footprints need, on a plane parallel to the slices, which is then warped to the picture
     /// (shear-warp; Lacroute and Levoy 1994). Where the plane cannot be used, one for every pixel: if the eye is among
-    /// or within eight voxels of the slices, and where voxels are closer than 0.4 pixels, where it supersamples as
+    /// or within eight voxels of the slices, in x-rays in perspective whose voxels are below 1.5 pixels, and where voxels are closer than 0.4 pixels, where it supersamples as
     /// [`Sampling::Finer`] does. The error is in docs/studies/sampling.md.
     Enough,
     /// Fewer samples than [`Sampling::Enough`], for a moving camera: about 32 dB, and 26 dB in the worst
@@ -306,7 +306,12 @@ impl Settings {
 
     /// Returns whether every pixel gets exactly one sample, whatever the view.
     pub fn keeps_pixels(&self) -> bool {
-        self.mode != Mode::Composite || self.sampling() == Sampling::EveryPixel
+        match (self.mode, self.sampling()) {
+            (Mode::Maximum | Mode::MaximumGrey, _) | (_, Sampling::EveryPixel) | (Mode::Additive, Sampling::Finer) => {
+                true
+            }
+            (Mode::Composite | Mode::Additive, _) => false,
+        }
     }
 
     /// Checks all settings except size and near distance, which [`View::new`] checks.

@@ -20,7 +20,7 @@ use glam::{DVec3, Vec4};
 use super::frame::in_range;
 use super::kernel::{LOW_PASS, narrowest_sigma};
 use super::view::{MAX_SIZE, PixelMap, View, apply, single};
-use super::{Camera, Frame, Sampling, Settings};
+use super::{Camera, Frame, Mode, Sampling, Settings};
 use crate::error::Result;
 use crate::traverse::VoxelBox;
 use crate::volume::Grid;
@@ -77,7 +77,7 @@ impl Supersampling {
     /// `None` if one sample per pixel is enough, if even two along a side are too many, or if `settings` ask for none.
     /// In perspective the footprints at the centre of the visible voxels decide.
     pub(crate) fn new(view: &View, bounds: &VoxelBox, settings: &Settings) -> Option<Supersampling> {
-        if settings.keeps_pixels() {
+        if settings.keeps_pixels() || settings.mode != Mode::Composite {
             return None;
         }
         let width = f64::from(sigma_at_centre(view, bounds, settings));

@@ -95,7 +95,7 @@ for_each_instruction_set! {
 
 for_each_instruction_set! {
     /// Runs [`Band::visit`]; returns 0, as do the functions below.
-    pub(super) fn visit_lattice(projector: &Projector, band: &mut Band, batch: &Batch) -> u64 {
+    pub(super) fn visit_lattice<B>(projector: &Projector, band: &mut Band<B>, batch: &Batch) -> u64 {
         band.visit(projector, batch);
         0
     }
@@ -103,7 +103,7 @@ for_each_instruction_set! {
 
 for_each_instruction_set! {
     /// Runs [`Band::flush`].
-    pub(super) fn flush_lattice(projector: &Projector, band: &mut Band) -> u64 {
+    pub(super) fn flush_lattice<B>(projector: &Projector, band: &mut Band<B>) -> u64 {
         band.flush(projector);
         0
     }
@@ -119,7 +119,7 @@ for_each_instruction_set! {
 
 for_each_instruction_set! {
     /// Runs [`Band::take_all`].
-    pub(super) fn take_all(projector: &Projector, band: &mut Band) -> u64 {
+    pub(super) fn take_all<B>(projector: &Projector, band: &mut Band<B>) -> u64 {
         band.take_all(projector);
         0
     }

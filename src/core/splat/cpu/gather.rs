@@ -14,13 +14,14 @@
 //! tiles of a slice see the same lattice of voxels. So the weights of kernels at a tile's pixels, the *stamps*, are
 //! computed once for a slice.
 
+use std::marker::PhantomData;
 use std::ops::Range;
 use std::time::Instant;
 
 use bytemuck::Zeroable;
 
 use super::bit_rows::BitRows;
-use super::blend::{Blend, FrontToBack};
+use super::blend::Blend;
 use super::dispatch;
 use super::lattice::{Lattice, Slice};
 use super::look_tables::LookTables;
@@ -32,7 +33,6 @@ use super::task::{BandResult, BandStats, DrawTask};
 use super::tile_buffer::{PixelTile, Rect, TILE, TILE_PIXELS, TileBuffer};
 use crate::error::Result;
 use crate::splat::Code;
-use crate::splat::arith::near_absorbed;
 use crate::splat::frame::zeroed;
 use crate::traverse::{Batch, Visitor, VoxelBox};
 
@@ -46,7 +46,12 @@ const TOGETHER: usize = LONGEST - FULL as usize;
 const SLACK: f64 = 1e-3;
 
 /// Draws the rows of tiles from `first` to before `end`; `shown` tells which tiles of the plane the picture may show.
-pub(super) fn draw(task: &DrawTask, band: &mut Band, shown: &[bool], [first, end]: [i32; 2]) -> Result<BandResult> {
+pub(super) fn draw<B: Blend>(
+    task: &DrawTask,
+    band: &mut Band<B>,
+    shown: &[bool],
+    [first, end]: [i32; 2],
+) -> Result<BandResult> {
     band.begin(shown, [first, end])?;
     let mut painter = LatticePainter { task, band };
     let mut stats = task.walk(&mut painter);
@@ -63,18 +68,18 @@ pub(super) fn draw(task: &DrawTask, band: &mut Band, shown: &[bool], [first, end
 const NO_PIXELS: Rect = Rect { x0: 0, y0: 0, x1: 1, y1: 1 };
 
 /// Receives the voxels of a walk and draws them on a band of the lattice.
-struct LatticePainter<'a, 'b> {
+struct LatticePainter<'a, 'b, B> {
     task: &'a DrawTask<'a>,
-    band: &'a mut Band<'b>,
+    band: &'a mut Band<'b, B>,
 }
 
-impl LatticePainter<'_, '_> {
+impl<B> LatticePainter<'_, '_, B> {
     fn is_cropped(&self, bounds: &VoxelBox) -> bool {
         self.task.projector.crop.is_some_and(|crop| !bounds.meets(&crop))
     }
 }
 
-impl Visitor for LatticePainter<'_, '_> {
+impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
         let [slow, medium, _] = self.task.projector.nesting;
         let rows = [bounds.low[slow], bounds.high[slow]]
@@ -120,7 +125,8 @@ struct List {
 }
 
 /// A band of the lattice's tiles, and the voxels that one thread is drawing on it.
-pub(super) struct Band<'a> {
+pub(super) struct Band<'a, B> {
+    blend: PhantomData<B>,
     /// Selects the instruction set.
     code: Code,
     lattice: &'a Lattice,
@@ -161,16 +167,16 @@ pub(super) struct Band<'a> {
     drawn: u64,
 }
 
-impl<'a> Band<'a> {
+impl<'a, B: Blend> Band<'a, B> {
     /// Returns what a thread needs to draw bands of at most `rows` rows of tiles, one after another; creates it first if
     /// there is none.
     pub(super) fn of<'b>(
-        made: &'b mut Option<Band<'a>>,
+        made: &'b mut Option<Band<'a, B>>,
         task: &DrawTask,
         lattice: &'a Lattice,
         tables: Option<&'a LookTables>,
         rows: usize,
-    ) -> Result<&'b mut Band<'a>> {
+    ) -> Result<&'b mut Band<'a, B>> {
         let band = match made.take() {
             Some(band) => band,
             None => Band::new(task, lattice, tables, rows)?,
@@ -178,7 +184,7 @@ impl<'a> Band<'a> {
         Ok(made.insert(band))
     }
 
-    fn new(task: &DrawTask, lattice: &'a Lattice, tables: Option<&'a LookTables>, rows: usize) -> Result<Band<'a>> {
+    fn new(task: &DrawTask, lattice: &'a Lattice, tables: Option<&'a LookTables>, rows: usize) -> Result<Band<'a, B>> {
         let columns = lattice.size[0] as usize >> TILE;
         let stamps = lattice.voxels_per_tile().map(|voxels| {
             let depth = task.projector.table.only_depth().map(|depth| limited(depth, lattice.tile([0, 0]).strength));
@@ -190,6 +196,7 @@ impl<'a> Band<'a> {
         let mut block = Splats::new();
         (0..BLOCK).for_each(|j| block.kept[j] = j as u8);
         Ok(Band {
+            blend: PhantomData,
             code: task.settings.code,
             lattice,
             first_row: 0,
@@ -222,7 +229,7 @@ impl<'a> Band<'a> {
         let columns = self.columns;
         (self.first_row, self.rows) = (first, (end - first) as usize);
         let rect = Rect { x0: 0, y0: first << TILE, x1: (columns << TILE) as i32, y1: end << TILE };
-        self.pixels = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
+        self.pixels = TileBuffer::new(rect, B::INITIAL_ALPHA)?;
         self.open.clear_all();
         for (tile, _) in shown[columns * first as usize..columns * end as usize].iter().enumerate().filter(|(_, s)| **s)
         {
@@ -305,7 +312,7 @@ impl<'a> Band<'a> {
     fn begin_slice(&mut self, projector: &Projector) {
         let index = self.slab.begin_slice();
         if let Some(stamps) = &mut self.stamps {
-            stamps.set(index, self.lattice, &self.slice, projector.cut);
+            stamps.set::<B>(index, self.lattice, &self.slice, projector.cut);
         }
     }
 
@@ -473,7 +480,7 @@ impl<'a> Band<'a> {
             self.visits += 1;
             let splats = &list.splats[..(count as usize).min(LONGEST)];
             let place = [column as i32, self.first_row + row as i32];
-            if !weights.composite::<PARALLEL, ONE_DEPTH>(projector, &self.slab, splats, &mut self.pixels, place) {
+            if !weights.blend::<B, PARALLEL, ONE_DEPTH>(projector, &self.slab, splats, &mut self.pixels, place) {
                 self.open.clear(row, column);
                 list.grows = 0;
             }
@@ -507,9 +514,9 @@ struct Weights<'a> {
 }
 
 impl Weights<'_> {
-    /// Composites splats on a tile; returns whether any of its pixels may still change.
+    /// Blends splats with a tile; returns whether any of its pixels may still change.
     #[inline(always)]
-    fn composite<const PARALLEL: bool, const ONE_DEPTH: bool>(
+    fn blend<B: Blend, const PARALLEL: bool, const ONE_DEPTH: bool>(
         &self,
         projector: &Projector,
         slab: &Slab,
@@ -527,9 +534,9 @@ impl Weights<'_> {
                     let [red, green, blue, depth] = *slab.look(splat);
                     let stamp = stamps.stamp(slab.stamp(splat) - lower);
                     if ONE_DEPTH {
-                        tile.composite(stamp, [red, green, blue], stop);
+                        tile.blend::<B>(stamp, [red, green, blue], stop);
                     } else {
-                        tile.composite(&amounts(stamp, depth), [red, green, blue], stop);
+                        tile.blend::<B>(&amounts::<B>(stamp, depth), [red, green, blue], stop);
                     }
                     if !tile.is_open {
                         break;
@@ -541,7 +548,8 @@ impl Weights<'_> {
                 for &splat in splats {
                     let [red, green, blue, depth] = *slab.look(splat);
                     let weights = rays.weights(slab.place(splat), projector.cut);
-                    tile.composite(&amounts(&weights, limited(depth, rays.strength)), [red, green, blue], stop);
+                    let amounts = amounts::<B>(&weights, limited(depth, rays.strength));
+                    tile.blend::<B>(&amounts, [red, green, blue], stop);
                     if !tile.is_open {
                         break;
                     }
@@ -564,12 +572,12 @@ fn same(coordinates: &[u16]) -> usize {
     coordinates.len().min(whole + rest.iter().take_while(|other| **other == first).count())
 }
 
-/// Returns the part of the light that a splat of optical depth `peak` takes, for its weights.
+/// Returns the factors of a splat's ink at pixels, from its weights there and its optical depth at the centre.
 #[inline(always)]
-fn amounts(weights: &[f32; TILE_PIXELS], peak: f32) -> [f32; TILE_PIXELS] {
+fn amounts<B: Blend>(weights: &[f32; TILE_PIXELS], peak: f32) -> [f32; TILE_PIXELS] {
     let mut amounts = [0.0; TILE_PIXELS];
     for i in 0..TILE_PIXELS {
-        amounts[i] = near_absorbed(peak * weights[i]);
+        amounts[i] = B::near_amount(peak * weights[i]);
     }
     amounts
 }
@@ -581,26 +589,28 @@ struct Pixels {
 }
 
 impl Pixels {
-    /// Composites a splat of which each pixel takes a part, `amounts`.
+    /// Blends a splat with the pixels; `amounts` are the factors of its ink.
     #[inline(always)]
-    fn composite(&mut self, amounts: &[f32; TILE_PIXELS], colour: [f32; 3], stop: f32) {
+    fn blend<B: Blend>(&mut self, amounts: &[f32; TILE_PIXELS], colour: [f32; 3], stop: f32) {
         let [red, green, blue, clear] = &self.values;
         self.values = [
-            blended(red, clear, amounts, colour[0], stop),
-            blended(green, clear, amounts, colour[1], stop),
-            blended(blue, clear, amounts, colour[2], stop),
-            blended(clear, clear, amounts, FrontToBack::ALPHA_INK, stop),
+            blended::<B>(red, clear, amounts, colour[0], stop),
+            blended::<B>(green, clear, amounts, colour[1], stop),
+            blended::<B>(blue, clear, amounts, colour[2], stop),
+            blended::<B>(clear, clear, amounts, B::ALPHA_INK, stop),
         ];
-        self.is_open = false;
-        for i in 0..TILE_PIXELS {
-            self.is_open |= self.values[3][i] >= stop;
+        if B::STOPS {
+            self.is_open = false;
+            for i in 0..TILE_PIXELS {
+                self.is_open |= self.values[3][i] >= stop;
+            }
         }
     }
 }
 
 /// Returns one colour, or the transmittance, of a tile's pixels after a splat.
 #[inline(always)]
-fn blended(
+fn blended<B: Blend>(
     values: &[f32; TILE_PIXELS],
     clear: &[f32; TILE_PIXELS],
     amounts: &[f32; TILE_PIXELS],
@@ -609,7 +619,7 @@ fn blended(
 ) -> [f32; TILE_PIXELS] {
     let mut new = [0.0; TILE_PIXELS];
     for i in 0..TILE_PIXELS {
-        new[i] = FrontToBack::blend(values[i], clear[i], amounts[i], ink, stop);
+        new[i] = B::blend(values[i], clear[i], amounts[i], ink, stop);
     }
     new
 }

@@ -70,6 +70,9 @@ const SHARP: f64 = 1.3;
 const ALONG_AXIS: f64 = 0.05;
 /// Distance between voxels, in pixels of the picture, up to which the picture shows no such edges.
 const SMALL_STEP: f64 = 0.76;
+/// Least distance between voxels, in pixels of the picture, at which a perspective x-ray is drawn on a plane: nothing
+/// hides a voxel there, and smaller footprints are drawn faster on the picture's own pixels.
+const LEAST_SUMMED_STEP: f64 = 1.5;
 /// Largest number of pixels of the plane per pixel of the picture, along a side, for magnified views of what is opaque.
 const MAGNIFIED: f64 = 0.8;
 
@@ -187,8 +190,12 @@ impl Lattice {
             Sampling::Enough => ENOUGH,
             Sampling::Fewest => FEWEST,
         };
-        let is_composite = settings.mode == Mode::Composite && settings.blending == Blending::Exponential;
-        if !is_composite || settings.sense != Sense::FrontToBack {
+        let is_drawn = match settings.mode {
+            Mode::Composite => settings.sense == Sense::FrontToBack && settings.blending == Blending::Exponential,
+            Mode::Additive => settings.blending == Blending::Exponential,
+            Mode::Maximum | Mode::MaximumGrey => false,
+        };
+        if !is_drawn {
             return None;
         }
         let kernel = settings.kernel();
@@ -215,6 +222,9 @@ impl Lattice {
             }
             PixelMap::Perspective { .. } => {
                 let step = width / sigma;
+                if settings.mode == Mode::Additive && step < LEAST_SUMMED_STEP {
+                    return None;
+                }
                 if is_sharp && choose(step) > MAGNIFIED * step {
                     return None;
                 }

@@ -94,13 +94,11 @@ pub fn render_without(
             None => draw_in_mode(&setup, &table, settings, omitted),
         }
     };
-    let threads = settings.threads;
     let (frame, work) = match sampling {
         None => draw(setup.view.clone())?,
         Some(Plane::Lattice(lattice)) => {
-            let task = DrawTask::new::<FrontToBack>(&setup, &table, settings, omitted);
-            let (drawn, work) = task.on_lattice(&lattice)?;
-            (warp::warp(&lattice, drawn, threads)?, work)
+            let draw = if settings.mode == Mode::Additive { warped::<Additive> } else { warped::<FrontToBack> };
+            draw(&setup, &table, settings, omitted, &lattice)?
         }
         Some(Plane::Supersampling(supersampling)) => {
             let (mut picture, mut work) = (Frame::transparent(settings.size)?, BandStats::default());
@@ -112,7 +110,7 @@ pub fn render_without(
                     continue;
                 }
                 let (drawn, strip_work) = draw(setup.view)?;
-                supersampling.reduce(&drawn, &strip, threads, &mut picture);
+                supersampling.reduce(&drawn, &strip, settings.threads, &mut picture);
                 work.add(&strip_work);
             }
             (picture, work)
@@ -150,6 +148,26 @@ impl Plane {
         let lattice = Lattice::new(view, order, bounds, deepest, settings).map(|plane| Plane::Lattice(Box::new(plane)));
         lattice.or_else(|| Supersampling::new(view, bounds, settings).map(Plane::Supersampling))
     }
+}
+
+/// Draws all voxels on a lattice, in the blend mode `B`, and warps it to the picture.
+fn warped<B: Blend>(
+    setup: &FrameSetup,
+    table: &Table,
+    settings: &Settings,
+    omitted: Option<&RecordSet>,
+    lattice: &Lattice,
+) -> Result<(Frame, BandStats)> {
+    let task = DrawTask::new::<B>(setup, table, settings, omitted);
+    if settings.mode == Mode::Composite {
+        let (plane, work) = task.on_lattice::<B>(lattice, |values| table.finish(values))?;
+        return Ok((warp::warp(lattice, plane, 1.0, settings.threads)?, work));
+    }
+    // What a pixel shows of its ray's sum is not in proportion to it: the sums are warped.
+    let (plane, work) = task.on_lattice::<B>(lattice, |values| values)?;
+    let mut picture = warp::warp(lattice, plane, f32::MAX, settings.threads)?;
+    picture.fill_rows(settings.threads, |_, row| row.iter_mut().for_each(|pixel| *pixel = table.finish(*pixel)));
+    Ok((picture, work))
 }
 
 /// Draws all voxels in the blend mode of `settings`.

@@ -13,7 +13,7 @@ use super::task::{BandResult, BandStats, DrawTask, full_rect};
 use super::tile_buffer::{Rect, TILE, TileBuffer};
 use crate::classify::normal;
 use crate::error::Result;
-use crate::splat::arith::{at_least, near_absorbed};
+use crate::splat::arith::at_least;
 use crate::splat::kernel::{Ellipse, footprint};
 use crate::splat::near::{NearKernel, NearView};
 use crate::splat::view::{Affine, PixelMap, single};
@@ -51,10 +51,10 @@ pub(super) fn draw_sheets(task: &DrawTask, rect: Rect) -> Result<BandResult> {
     Ok(BandResult { pixels: tiles, stats })
 }
 
-/// Draws all voxels on the pixels of a lattice, front to back; `shown` tells which of its tiles are drawn at all.
-pub(super) fn draw_on_lattice(task: &DrawTask, lattice: &Lattice, shown: &[bool]) -> Result<BandResult> {
+/// Draws all voxels on the pixels of a lattice; `shown` tells which of its tiles are drawn at all.
+pub(super) fn draw_on_lattice<B: Blend>(task: &DrawTask, lattice: &Lattice, shown: &[bool]) -> Result<BandResult> {
     let rect = full_rect(lattice.size);
-    let mut tiles = TileBuffer::new(rect, FrontToBack::INITIAL_ALPHA)?;
+    let mut tiles = TileBuffer::new(rect, B::INITIAL_ALPHA)?;
     let projector = &task.projector;
     let columns = lattice.size[0] as usize >> TILE;
     let stats = each_voxel(task, |voxel, record| {
@@ -66,7 +66,7 @@ pub(super) fn draw_on_lattice(task: &DrawTask, lattice: &Lattice, shown: &[bool]
         let place = lattice.place(&slice, [fast.into(), medium.into()]);
         let [red, green, blue, depth] = projector.look(record);
         let [red, green, blue] = lit_colour(projector, voxel, record, [red, green, blue]);
-        let ink = [red, green, blue, FrontToBack::ALPHA_INK];
+        let ink = [red, green, blue, B::ALPHA_INK];
         let spans = [0, 1].map(|side| {
             let at = f64::from(place.pixel[side]);
             let around = lattice.farthest(&slice);
@@ -89,8 +89,8 @@ pub(super) fn draw_on_lattice(task: &DrawTask, lattice: &Lattice, shown: &[bool]
                 if peak <= 0.0 {
                     continue;
                 }
-                let (amount, old) = (near_absorbed(peak * weight), tiles.pixel(x, y));
-                let blend = |c: usize| FrontToBack::blend(old[c], old[3], amount, ink[c], projector.stop);
+                let (amount, old) = (B::near_amount(peak * weight), tiles.pixel(x, y));
+                let blend = |c: usize| B::blend(old[c], old[3], amount, ink[c], projector.stop);
                 tiles.set_pixel(x, y, [blend(0), blend(1), blend(2), blend(3)]);
                 is_drawn = true;
             }

@@ -3,11 +3,11 @@
 //! In: a lattice and a slice. Out: for each place that a voxel may have beside a tile, the weights at the tile's sixteen
 //! pixels. All tiles of a slice see the same lattice of voxels, so the weights are computed once for a slice.
 
+use super::blend::Blend;
 use super::lattice::{Lattice, Slice};
 use super::raster::BLOCK;
 use super::slab::{SLICES, Tiles};
 use super::tile_buffer::TILE_PIXELS;
-use crate::splat::arith::near_absorbed;
 
 /// Slack of rounded bounds, in voxels.
 const SLACK: f64 = 1e-3;
@@ -99,7 +99,7 @@ impl Stamps {
 
     /// Computes the stamps of `slice`, which is the slab's slice `index`.
     #[inline(always)]
-    pub(super) fn set(&mut self, index: usize, lattice: &Lattice, slice: &Slice, cut: f32) {
+    pub(super) fn set<B: Blend>(&mut self, index: usize, lattice: &Lattice, slice: &Slice, cut: f32) {
         let rays = lattice.tile([0, 0]);
         let first = [0, 1].map(|side| (slice.origin[side] - lattice.reach(side, [0.0; 2]) - SLACK).ceil() as i32);
         self.first[index] = first;
@@ -125,7 +125,7 @@ impl Stamps {
             }
             if let Some(depth) = self.depth {
                 for amount in stamps.as_flattened_mut() {
-                    *amount = near_absorbed(depth * *amount);
+                    *amount = B::near_amount(depth * *amount);
                 }
             }
         }

@@ -106,13 +106,19 @@ impl<'a> DrawTask<'a> {
         }
     }
 
-    /// Draws all voxels on a lattice, band by band, composited front to back.
-    pub(super) fn on_lattice(&self, lattice: &Lattice) -> Result<(Frame, BandStats)> {
+    /// Draws all voxels on a lattice, band by band. `finish` turns a band's values into what is warped.
+    pub(super) fn on_lattice<B: Blend>(
+        &self,
+        lattice: &Lattice,
+        finish: impl Fn([f32; 4]) -> [f32; 4] + Sync,
+    ) -> Result<(Frame, BandStats)> {
         let settings = &Settings { size: lattice.size, ..self.settings.clone() };
         let shown = lattice.shown();
         if self.settings.code == Code::Plain {
-            let band = plain::draw_on_lattice(self, lattice, &shown)?;
-            return assemble(&[band], settings, self.projector.table);
+            let bands = [plain::draw_on_lattice::<B>(self, lattice, &shown)?];
+            let mut frame = Frame::transparent(lattice.size)?;
+            combine(&bands, settings, &mut frame, |pixel, values| *pixel = finish(values));
+            return Ok((frame, BandStats::of(&bands)));
         }
         let rows = lattice.size[1] as usize >> TILE;
         // Bands of few rows of tiles stay near in the cache, and let threads end at about the same time. But what lies at
@@ -122,7 +128,7 @@ impl<'a> DrawTask<'a> {
         let (mut frame, mut stats) = (Frame::transparent(lattice.size)?, BandStats::default());
         let draw = |band: &mut _, index: usize| {
             let rows = [each * index, rows.min(each * (index + 1))].map(|row| row as i32);
-            gather::draw(self, Band::of(band, self, lattice, looks.as_ref(), each)?, &shown, rows)
+            gather::draw::<B>(self, Band::of(band, self, lattice, looks.as_ref(), each)?, &shown, rows)
         };
         in_order(
             rows.div_ceil(each),
@@ -132,7 +138,7 @@ impl<'a> DrawTask<'a> {
             |_, band| {
                 let Rect { y0, y1, .. } = band.pixels.rect;
                 frame.fill_some_rows(y0.unsigned_abs()..y1.unsigned_abs(), 1, |y, row| {
-                    let put = |x: i32, values| row[x.unsigned_abs() as usize] = self.projector.table.finish(values);
+                    let put = |x: i32, values| row[x.unsigned_abs() as usize] = finish(values);
                     band.pixels.visit_row(y as i32, put);
                 });
                 stats.add(&band.stats);

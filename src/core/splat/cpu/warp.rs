@@ -31,8 +31,9 @@ const POLE: f32 = -0.267_949_2;
 /// A factor of -6 times [`POLE`]. The two passes of the filter leave it out, and [`spline_weights`] include it instead.
 const GAIN: f32 = 6.0 * 0.267_949_2;
 
-/// Computes the picture from `plane`, the frame drawn on `lattice`. The result does not depend on `threads`.
-pub(super) fn warp(lattice: &Lattice, mut plane: Frame, threads: usize) -> Result<Frame> {
+/// Computes the picture from `plane`, the frame drawn on `lattice`, whose alphas are at most `most`. The result does not
+/// depend on `threads`.
+pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, threads: usize) -> Result<Frame> {
     let LowPass { halvings, variance, is_wide } = lattice.low_pass;
     let mut plane_from_pixel = lattice.plane_from_pixel;
     for _ in 0..halvings {
@@ -65,7 +66,7 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, threads: usize) -> Resul
     let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]].map(|point| point.map(|c| c * distance));
     let points = if distance < MIN_BLUR { &[[0.0; 2]][..] } else { &corners };
     let coefficients = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
-    picture.fill_rows(threads, |y, row| resample(&coefficients, &plane_from_pixel, points, y as f64, row));
+    picture.fill_rows(threads, |y, row| resample(&coefficients, &plane_from_pixel, points, most, y as f64, row));
     Ok(picture)
 }
 
@@ -255,7 +256,7 @@ struct Plane<'a> {
 
 /// Computes a row of the picture: the mean of the plane's spline at `points` around each pixel. The row is empty before.
 #[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn resample(from: &Plane, map: &[[f64; 3]; 3], points: &[[f64; 2]], y: f64, row: &mut [[f32; 4]]) {
+fn resample(from: &Plane, map: &[[f64; 3]; 3], points: &[[f64; 2]], most: f32, y: f64, row: &mut [[f32; 4]]) {
     let weight = 1.0 / points.len() as f32;
     let mut at = PlanePoints::default();
     for (first, pixels) in (0u32..).step_by(TOGETHER).zip(row.chunks_mut(TOGETHER)) {
@@ -266,17 +267,17 @@ fn resample(from: &Plane, map: &[[f64; 3]; 3], points: &[[f64; 2]], y: f64, row:
             }
         }
         for pixel in pixels {
-            *pixel = in_range(*pixel, weight);
+            *pixel = in_range(*pixel, weight, most);
         }
     }
 }
 
-/// Returns a pixel's sums times `weight`, limited to what interpolation may not leave: alpha to 0 to 1, and colours to 0
+/// Returns a pixel's sums times `weight`, limited to what interpolation may not leave: alpha to 0 to `largest`, and colours to 0
 /// and above, 0 where alpha is 0.
 #[inline(always)]
-fn in_range(sums: [f32; 4], weight: f32) -> [f32; 4] {
-    let most = BRIGHTEST * at_most(at_least(sums[3] * weight, 0.0), 1.0);
-    let most = [most, most, most, 1.0];
+fn in_range(sums: [f32; 4], weight: f32, largest: f32) -> [f32; 4] {
+    let most = BRIGHTEST * at_most(at_least(sums[3] * weight, 0.0), largest);
+    let most = [most, most, most, largest];
     let mut pixel = [0.0; 4];
     for c in 0..4 {
         pixel[c] = at_most(at_least(sums[c] * weight, 0.0), most[c]);
