@@ -100,7 +100,7 @@ pub fn render_without(
         Some(Plane::Lattice(lattice)) => {
             let task = DrawTask::new::<FrontToBack>(&setup, &table, settings, omitted);
             let (drawn, work) = task.on_lattice(&lattice)?;
-            (warp::warp(&lattice, drawn, threads)?, work)
+            (warp::warp(&lattice, drawn, dispatch::level(settings.code), threads)?, work)
         }
         Some(Plane::Supersampling(supersampling)) => {
             let (mut picture, mut work) = (Frame::transparent(settings.size)?, BandStats::default());
