@@ -9,8 +9,8 @@
 //! when all its pixels are below the stopping threshold; a bit a tile tells that, so that rectangles are tested quickly.
 
 use bytemuck::Zeroable;
-use fearless_simd::prelude::*;
 use fearless_simd::f32x4;
+use fearless_simd::prelude::*;
 
 use super::bit_rows::BitRows;
 use crate::error::Result;

@@ -32,6 +32,9 @@ const POLE: f32 = -0.267_949_2;
 /// A factor of -6 times [`POLE`]. The two passes of the filter leave it out, and [`spline_weights`] include it instead.
 const GAIN: f32 = 6.0 * 0.267_949_2;
 
+/// Pixels of a plane for which it is worthwhile to start a thread.
+const PART: usize = 1 << 16;
+
 /// Computes the picture from `plane`, the frame drawn on `lattice`. The result does not depend on `threads`.
 pub(super) fn warp(lattice: &Lattice, mut plane: Frame, level: Level, threads: usize) -> Result<Frame> {
     let LowPass { halvings, variance, is_wide } = lattice.low_pass;
@@ -45,9 +48,10 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, level: Level, threads: u
     }
     let mut picture = Frame::transparent(lattice.picture)?;
     let [columns, rows] = plane.size().map(|side| side as usize);
+    let few = threads.min(columns * rows / PART).max(1);
     // How many of the plane's pixels, from a place on, matter for it on each side.
     let around = if is_wide { TAPS / 2 } else { 2 };
-    let Some(covered) = Covered::of(&plane, if is_wide { around } else { 1 }, threads) else { return Ok(picture) };
+    let Some(covered) = Covered::of(&plane, if is_wide { around } else { 1 }, few) else { return Ok(picture) };
     let inner = |range: &Range<usize>, end: usize| {
         [range.start.max(around - 1) as f64, range.end.min(end - around) as f64 - 0.001]
     };
@@ -61,8 +65,8 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, level: Level, threads: u
     }
     let len = 4 * columns;
     let drawn = &mut plane.pixels_mut()[len * covered.rows.start..len * covered.rows.end];
-    filter_rows(drawn, len, covered.columns.clone(), level, threads);
-    filter_columns(drawn, len, covered.columns, level, threads);
+    filter_rows(drawn, len, covered.columns.clone(), level, few);
+    filter_columns(drawn, len, covered.columns, level, few);
     // The mean of four points, each one standard deviation from the pixel in x and in y, blurs with that variance.
     let distance = variance.sqrt();
     let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]].map(|point| point.map(|c| c * distance));
@@ -156,35 +160,30 @@ fn spline_weights<S: Simd>(t: f32x16<S>) -> [[f32; TOGETHER]; 4] {
     [a.to_array(), (b * GAIN).to_array(), (c * GAIN).to_array(), d.to_array()]
 }
 
-/// How many rows the filter takes at once: a full vector, which hides that each pixel waits for the one before.
-const ROWS: usize = 4;
+/// How many rows the filter takes at once: two full vectors, which hides that each pixel waits for the one before.
+const ROWS: usize = 8;
 
 /// Applies the recursive filter to rows of `len` numbers, to the right and back, within a range of columns. With
 /// [`filter_columns`] it turns samples into the coefficients of the B-spline through them, divided by the square of
 /// [`GAIN`]. Beyond the range, samples are 0.
 fn filter_rows(rows: &mut [f32], len: usize, columns: Range<usize>, level: Level, threads: usize) {
     in_parts(rows, len, threads, |_, rows| {
-        let filter = |rows: &mut [f32]| dispatch!(level, _ => filter_row_group(rows, len, columns.clone()));
-        rows.chunks_mut(ROWS * len).for_each(filter);
+        let lines = rows.chunks_exact_mut(len).map(|row| &mut row.as_chunks_mut().0[columns.clone()]);
+        let mut lines: Vec<&mut [[f32; 4]]> = lines.collect();
+        dispatch!(level, _ => {
+            let (groups, rest) = lines.as_chunks_mut::<ROWS>();
+            groups.iter_mut().for_each(filter_lines);
+            rest.as_chunks_mut::<1>().0.iter_mut().for_each(filter_lines);
+        });
     });
-}
-
-/// Filters up to [`ROWS`] rows.
-#[inline(always)]
-fn filter_row_group(rows: &mut [f32], len: usize, columns: Range<usize>) {
-    let mut lines = rows.chunks_exact_mut(len).map(|row| &mut row.as_chunks_mut().0[columns.clone()]);
-    match [lines.next(), lines.next(), lines.next(), lines.next()] {
-        [Some(a), Some(b), Some(c), Some(d)] => filter_lines([a, b, c, d]),
-        fewer => fewer.into_iter().flatten().for_each(|line| filter_lines([line])),
-    }
 }
 
 /// Filters lines of one length, to the right and back.
 #[inline(always)]
-fn filter_lines<const N: usize>(mut lines: [&mut [[f32; 4]]; N]) {
+fn filter_lines<const N: usize>(lines: &mut [&mut [[f32; 4]]; N]) {
     let pixels = lines.iter().map(|line| line.len()).min().unwrap_or(0);
-    filter_along(&mut lines, 0..pixels);
-    filter_along(&mut lines, (0..pixels).rev());
+    filter_along(lines, 0..pixels);
+    filter_along(lines, (0..pixels).rev());
 }
 
 #[inline(always)]
@@ -202,7 +201,7 @@ fn next<const N: usize>(pixels: [[f32; 4]; N], before: [[f32; 4]; N]) -> [[f32; 
     let mut values = [[0.0; 4]; N];
     for i in 0..N {
         for c in 0..4 {
-            values[i][c] = normal(pixels[i][c] + POLE * before[i][c]);
+            values[i][c] = pixels[i][c] + POLE * normal(before[i][c]);
         }
     }
     values
@@ -247,7 +246,7 @@ fn filter_strip(strip: &mut [&mut [f32]]) {
 #[inline(always)]
 fn follow(row: &mut [f32], before: &[f32]) {
     for (value, before) in row.iter_mut().zip(before) {
-        *value = normal(*value + POLE * before);
+        *value += POLE * normal(*before);
     }
 }
 
