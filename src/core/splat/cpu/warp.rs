@@ -31,8 +31,7 @@ const TOGETHER: usize = 16;
 const POLE: f32 = -0.267_949_2;
 /// A factor of -6 times [`POLE`]. The two passes of the filter leave it out, and [`spline_weights`] include it instead.
 const GAIN: f32 = 6.0 * 0.267_949_2;
-
-/// Pixels of a plane for which it is worthwhile to start a thread.
+/// Pixels of the plane for which it is worthwhile to start a thread.
 const PART: usize = 1 << 16;
 
 /// Computes the picture from `plane`, the frame drawn on `lattice`. The result does not depend on `threads`.
@@ -48,10 +47,12 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, level: Level, threads: u
     }
     let mut picture = Frame::transparent(lattice.picture)?;
     let [columns, rows] = plane.size().map(|side| side as usize);
-    let few = threads.min(columns * rows / PART).max(1);
+    let plane_threads = threads.min(columns * rows / PART).max(1);
     // How many of the plane's pixels, from a place on, matter for it on each side.
     let around = if is_wide { TAPS / 2 } else { 2 };
-    let Some(covered) = Covered::of(&plane, if is_wide { around } else { 1 }, few) else { return Ok(picture) };
+    let Some(covered) = Covered::of(&plane, if is_wide { around } else { 1 }, plane_threads) else {
+        return Ok(picture);
+    };
     let inner = |range: &Range<usize>, end: usize| {
         [range.start.max(around - 1) as f64, range.end.min(end - around) as f64 - 0.001]
     };
@@ -65,8 +66,8 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, level: Level, threads: u
     }
     let len = 4 * columns;
     let drawn = &mut plane.pixels_mut()[len * covered.rows.start..len * covered.rows.end];
-    filter_rows(drawn, len, covered.columns.clone(), level, few);
-    filter_columns(drawn, len, covered.columns, level, few);
+    filter_rows(drawn, len, covered.columns.clone(), level, plane_threads);
+    filter_columns(drawn, len, covered.columns, level, plane_threads);
     // The mean of four points, each one standard deviation from the pixel in x and in y, blurs with that variance.
     let distance = variance.sqrt();
     let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]].map(|point| point.map(|c| c * distance));
@@ -273,12 +274,12 @@ fn resample<S: Simd, const POINTS: usize>(
 ) {
     let line = |[dx, dy]: [f64; 2], x: f64| map.map(|[a, b, c]| [a, (x + dx) * a + (b * (y + dy) + c)]);
     let seen = points.map(|point| from.columns_seen(line(point, 0.0), row.len()));
-    let all = seen.into_iter().reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or_default();
+    let columns = seen.into_iter().reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or_default();
     // The rows of coefficients from each row of the plane on, all of one length.
     let len = from.values.len() - 3 * from.columns;
     let values = [0, 1, 2, 3].map(|k| &from.values[k * from.columns..][..len]);
-    for first in all.clone().step_by(TOGETHER) {
-        let pixels = &mut row[first..all.end.min(first + TOGETHER)];
+    for first in columns.clone().step_by(TOGETHER) {
+        let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
         let mut at = [PlanePoints::at_zero(simd); POINTS];
         let mut weights = [[[[0.0; TOGETHER]; 4]; 2]; POINTS];
         let mut near = 0;
