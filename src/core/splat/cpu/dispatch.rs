@@ -2,6 +2,7 @@
 //!
 //! All versions give the same bits: they do the same arithmetic, and differ in how many values they compute at once.
 
+use fearless_simd::Level;
 use multiversion::multiversion;
 use multiversion::target::match_target;
 
@@ -122,5 +123,15 @@ for_each_instruction_set! {
     pub(super) fn take_all<B>(projector: &Projector, band: &mut Band<B>) -> u64 {
         band.take_all(projector);
         0
+    }
+}
+
+/// Returns the instruction set that `code` selects, for functions that are written with vectors.
+pub(super) fn level(code: Code) -> Level {
+    match code {
+        Code::Best => Level::new(),
+        #[cfg(any(target_arch = "x86", target_arch = "x86_64"))]
+        Code::Avx2 => Level::new().as_avx2().map_or(Level::baseline(), Level::Avx2),
+        _ => Level::baseline(),
     }
 }

@@ -158,14 +158,13 @@ fn warped<B: Blend>(
     omitted: Option<&RecordSet>,
     lattice: &Lattice,
 ) -> Result<(Frame, BandStats)> {
-    let task = DrawTask::new::<B>(setup, table, settings, omitted);
+    let level = dispatch::level(settings.code);
+    let (plane, work) = DrawTask::new::<B>(setup, table, settings, omitted).on_lattice::<B>(lattice)?;
     if settings.mode == Mode::Composite {
-        let (plane, work) = task.on_lattice::<B>(lattice, |values| table.finish(values))?;
-        return Ok((warp::warp(lattice, plane, 1.0, settings.threads)?, work));
+        return Ok((warp::warp(lattice, plane, 1.0, level, settings.threads)?, work));
     }
     // What a pixel shows of its ray's sum is not in proportion to it: the sums are warped.
-    let (plane, work) = task.on_lattice::<B>(lattice, |values| values)?;
-    let mut picture = warp::warp(lattice, plane, f32::MAX, settings.threads)?;
+    let mut picture = warp::warp(lattice, plane, f32::MAX, level, settings.threads)?;
     picture.fill_rows(settings.threads, |_, row| row.iter_mut().for_each(|pixel| *pixel = table.finish(*pixel)));
     Ok((picture, work))
 }

@@ -13,7 +13,7 @@ use super::project::Projector;
 use super::task_visitor::TaskVisitor;
 use super::tile_buffer::{Rect, TILE, TileBuffer};
 use super::visible::VisibleRecords;
-use super::{band, gather, maximum, plain};
+use super::{band, dispatch, gather, maximum, plain};
 use crate::arena::RecordSet;
 use crate::error::Result;
 use crate::parallel::in_order;
@@ -106,18 +106,17 @@ impl<'a> DrawTask<'a> {
         }
     }
 
-    /// Draws all voxels on a lattice, band by band. `finish` turns a band's values into what is warped.
-    pub(super) fn on_lattice<B: Blend>(
-        &self,
-        lattice: &Lattice,
-        finish: impl Fn([f32; 4]) -> [f32; 4] + Sync,
-    ) -> Result<(Frame, BandStats)> {
+    /// Draws all voxels on a lattice, band by band. Transmittances become opacities.
+    pub(super) fn on_lattice<B: Blend>(&self, lattice: &Lattice) -> Result<(Frame, BandStats)> {
+        let transmits = B::INITIAL_ALPHA > 0.0;
         let settings = &Settings { size: lattice.size, ..self.settings.clone() };
         let shown = lattice.shown();
         if self.settings.code == Code::Plain {
             let bands = [plain::draw_on_lattice::<B>(self, lattice, &shown)?];
             let mut frame = Frame::transparent(lattice.size)?;
-            combine(&bands, settings, &mut frame, |pixel, values| *pixel = finish(values));
+            combine(&bands, settings, &mut frame, |pixel, [red, green, blue, alpha]| {
+                *pixel = [red, green, blue, if transmits { 1.0 - alpha } else { alpha }];
+            });
             return Ok((frame, BandStats::of(&bands)));
         }
         let rows = lattice.size[1] as usize >> TILE;
@@ -126,6 +125,7 @@ impl<'a> DrawTask<'a> {
         let each = if settings.threads == 1 { 32 } else { (rows / (3 * settings.threads)).clamp(8, 32) };
         let looks = LookTables::new(&self.projector, lattice.tile([0, 0]).strength);
         let (mut frame, mut stats) = (Frame::transparent(lattice.size)?, BandStats::default());
+        let level = dispatch::level(settings.code);
         let draw = |band: &mut _, index: usize| {
             let rows = [each * index, rows.min(each * (index + 1))].map(|row| row as i32);
             gather::draw::<B>(self, Band::of(band, self, lattice, looks.as_ref(), each)?, &shown, rows)
@@ -136,11 +136,9 @@ impl<'a> DrawTask<'a> {
             || None,
             draw,
             |_, band| {
-                let Rect { y0, y1, .. } = band.pixels.rect;
-                frame.fill_some_rows(y0.unsigned_abs()..y1.unsigned_abs(), 1, |y, row| {
-                    let put = |x: i32, values| row[x.unsigned_abs() as usize] = finish(values);
-                    band.pixels.visit_row(y as i32, put);
-                });
+                let (columns, rect) = (lattice.size[0] as usize, band.pixels.rect);
+                let rows = &mut frame.pixels_mut().as_chunks_mut().0[columns * rect.y0.unsigned_abs() as usize..];
+                fearless_simd::dispatch!(level, simd => band.pixels.put(simd, transmits, rows, columns));
                 stats.add(&band.stats);
                 Ok(())
             },

@@ -9,6 +9,8 @@
 //! when all its pixels are below the stopping threshold; a bit a tile tells that, so that rectangles are tested quickly.
 
 use bytemuck::Zeroable;
+use fearless_simd::f32x4;
+use fearless_simd::prelude::*;
 
 use super::bit_rows::BitRows;
 use crate::error::Result;
@@ -151,6 +153,23 @@ impl TileBuffer {
                 let PixelTile(values) = &self.tiles[index];
                 for x in x0.max(column << TILE)..x1.min((column + 1) << TILE) {
                     visit(x, values.map(|plane| plane[index_in_tile(x, y)]));
+                }
+            }
+        }
+    }
+
+    /// Writes the colours and alphas of all tiles on which something was drawn to `pixels`, rows of `columns` each. The band
+    /// has these rows and columns, in whole tiles. If alpha `transmits` (is a transmittance), it is turned into an opacity.
+    #[inline(always)]
+    pub(super) fn put<S: Simd>(&self, simd: S, transmits: bool, pixels: &mut [[f32; 4]], columns: usize) {
+        let rows = self.tiles.chunks_exact(self.pitch).zip(self.states.chunks_exact(self.pitch));
+        for (pixels, (tiles, states)) in pixels.chunks_exact_mut(columns << TILE).zip(rows) {
+            for (column, (tile, _)) in tiles.iter().zip(states).enumerate().filter(|(_, (_, state))| **state != FRESH) {
+                for (y, row) in pixels.chunks_exact_mut(columns).enumerate() {
+                    let load = |plane: usize| f32x4::from_slice(simd, &tile.0[plane][y << TILE..(y + 1) << TILE]);
+                    let alpha = if transmits { 1.0 - load(3) } else { load(3) };
+                    let values = [load(0), load(1), load(2), alpha];
+                    f32x4::store_four_interleaved(values, row[column << TILE..(column + 1) << TILE].as_flattened_mut());
                 }
             }
         }

@@ -14,7 +14,8 @@
 
 use std::ops::Range;
 
-use multiversion::multiversion;
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f32x4, f32x16, f64x8, i32x16};
 
 use super::lattice::{Lattice, LowPass};
 use crate::error::Result;
@@ -30,10 +31,12 @@ const TOGETHER: usize = 16;
 const POLE: f32 = -0.267_949_2;
 /// A factor of -6 times [`POLE`]. The two passes of the filter leave it out, and [`spline_weights`] include it instead.
 const GAIN: f32 = 6.0 * 0.267_949_2;
+/// Pixels of the plane for which it is worthwhile to start a thread.
+const PART: usize = 1 << 16;
 
 /// Computes the picture from `plane`, the frame drawn on `lattice`, whose alphas are at most `most`. The result does not
-/// depend on `threads`.
-pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, threads: usize) -> Result<Frame> {
+/// depend on `level` and `threads`.
+pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, level: Level, threads: usize) -> Result<Frame> {
     let LowPass { halvings, variance, is_wide } = lattice.low_pass;
     let mut plane_from_pixel = lattice.plane_from_pixel;
     for _ in 0..halvings {
@@ -45,28 +48,39 @@ pub(super) fn warp(lattice: &Lattice, mut plane: Frame, most: f32, threads: usiz
     }
     let mut picture = Frame::transparent(lattice.picture)?;
     let [columns, rows] = plane.size().map(|side| side as usize);
+    let plane_threads = threads.min(columns * rows / PART).max(1);
     // How many of the plane's pixels, from a place on, matter for it on each side.
     let around = if is_wide { TAPS / 2 } else { 2 };
-    let Some(covered) = Covered::of(&plane, if is_wide { around } else { 1 }, threads) else { return Ok(picture) };
+    let Some(covered) = Covered::of(&plane, if is_wide { around } else { 1 }, plane_threads) else {
+        return Ok(picture);
+    };
     let inner = |range: &Range<usize>, end: usize| {
         [range.start.max(around - 1) as f64, range.end.min(end - around) as f64 - 0.001]
     };
     let within = [inner(&covered.columns, columns), inner(&covered.rows, rows)];
     if is_wide {
         let samples = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
-        picture.fill_rows(threads, |y, row| blur(&samples, &plane_from_pixel, variance, y as f64, row));
+        picture.fill_rows(threads, |y, row| {
+            dispatch!(level, simd => blur(simd, &samples, &plane_from_pixel, variance, y as f64, row));
+        });
         return Ok(picture);
     }
     let len = 4 * columns;
     let drawn = &mut plane.pixels_mut()[len * covered.rows.start..len * covered.rows.end];
-    filter_rows(drawn, len, covered.columns.clone(), threads);
-    filter_columns(drawn, len, covered.columns, threads);
+    filter_rows(drawn, len, covered.columns.clone(), level, plane_threads);
+    filter_columns(drawn, len, covered.columns, level, plane_threads);
     // The mean of four points, each one standard deviation from the pixel in x and in y, blurs with that variance.
     let distance = variance.sqrt();
     let corners = [[-1.0, -1.0], [1.0, -1.0], [-1.0, 1.0], [1.0, 1.0]].map(|point| point.map(|c| c * distance));
-    let points = if distance < MIN_BLUR { &[[0.0; 2]][..] } else { &corners };
     let coefficients = Plane { values: plane.pixels().as_chunks().0, covered: &covered.near, columns, within };
-    picture.fill_rows(threads, |y, row| resample(&coefficients, &plane_from_pixel, points, most, y as f64, row));
+    picture.fill_rows(threads, |y, row| {
+        let (from, map, y) = (&coefficients, &plane_from_pixel, y as f64);
+        if distance < MIN_BLUR {
+            dispatch!(level, simd => resample(simd, from, map, &[[0.0; 2]], most, y, row));
+        } else {
+            dispatch!(level, simd => resample(simd, from, map, &corners, most, y, row));
+        }
+    });
     Ok(picture)
 }
 
@@ -139,46 +153,39 @@ impl Covered {
     }
 }
 
-/// Returns the weights, times [`GAIN`], of four neighbouring coefficients at a point `t` (0 to 1) past the second one.
+/// Returns the weights, times [`GAIN`], of four neighbouring coefficients at points `t` (0 to 1) past the second one.
 #[inline(always)]
-fn spline_weights(t: f32) -> [f32; 4] {
+fn spline_weights<S: Simd>(t: f32x16<S>) -> [[f32; TOGETHER]; 4] {
     let s = 1.0 - t;
-    [
-        GAIN / 6.0 * (s * s * s),
-        GAIN * (2.0 / 3.0 - t * t * (2.0 - t) / 2.0),
-        GAIN * (2.0 / 3.0 - s * s * (2.0 - s) / 2.0),
-        GAIN / 6.0 * (t * t * t),
-    ]
+    let [a, d] = [s * s * s * (GAIN / 6.0), t * t * t * (GAIN / 6.0)];
+    let [b, c] = [2.0 / 3.0 - t * t * (2.0 - t) / 2.0, 2.0 / 3.0 - s * s * (2.0 - s) / 2.0];
+    [a.to_array(), (b * GAIN).to_array(), (c * GAIN).to_array(), d.to_array()]
 }
 
-/// How many rows the filter takes at once: a full vector, which hides that each pixel waits for the one before.
-const ROWS: usize = 4;
+/// How many rows the filter takes at once: two full vectors, which hides that each pixel waits for the one before.
+const ROWS: usize = 8;
 
 /// Applies the recursive filter to rows of `len` numbers, to the right and back, within a range of columns. With
 /// [`filter_columns`] it turns samples into the coefficients of the B-spline through them, divided by the square of
 /// [`GAIN`]. Beyond the range, samples are 0.
-fn filter_rows(rows: &mut [f32], len: usize, columns: Range<usize>, threads: usize) {
+fn filter_rows(rows: &mut [f32], len: usize, columns: Range<usize>, level: Level, threads: usize) {
     in_parts(rows, len, threads, |_, rows| {
-        rows.chunks_mut(ROWS * len).for_each(|rows| filter_row_group(rows, len, columns.clone()));
+        let lines = rows.chunks_exact_mut(len).map(|row| &mut row.as_chunks_mut().0[columns.clone()]);
+        let mut lines: Vec<&mut [[f32; 4]]> = lines.collect();
+        dispatch!(level, _ => {
+            let (groups, rest) = lines.as_chunks_mut::<ROWS>();
+            groups.iter_mut().for_each(filter_lines);
+            rest.as_chunks_mut::<1>().0.iter_mut().for_each(filter_lines);
+        });
     });
-}
-
-/// Filters up to [`ROWS`] rows.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn filter_row_group(rows: &mut [f32], len: usize, columns: Range<usize>) {
-    let mut lines = rows.chunks_exact_mut(len).map(|row| &mut row.as_chunks_mut().0[columns.clone()]);
-    match [lines.next(), lines.next(), lines.next(), lines.next()] {
-        [Some(a), Some(b), Some(c), Some(d)] => filter_lines([a, b, c, d]),
-        fewer => fewer.into_iter().flatten().for_each(|line| filter_lines([line])),
-    }
 }
 
 /// Filters lines of one length, to the right and back.
 #[inline(always)]
-fn filter_lines<const N: usize>(mut lines: [&mut [[f32; 4]]; N]) {
+fn filter_lines<const N: usize>(lines: &mut [&mut [[f32; 4]]; N]) {
     let pixels = lines.iter().map(|line| line.len()).min().unwrap_or(0);
-    filter_along(&mut lines, 0..pixels);
-    filter_along(&mut lines, (0..pixels).rev());
+    filter_along(lines, 0..pixels);
+    filter_along(lines, (0..pixels).rev());
 }
 
 #[inline(always)]
@@ -196,7 +203,7 @@ fn next<const N: usize>(pixels: [[f32; 4]; N], before: [[f32; 4]; N]) -> [[f32; 
     let mut values = [[0.0; 4]; N];
     for i in 0..N {
         for c in 0..4 {
-            values[i][c] = normal(pixels[i][c] + POLE * before[i][c]);
+            values[i][c] = pixels[i][c] + POLE * normal(before[i][c]);
         }
     }
     values
@@ -209,7 +216,7 @@ fn normal(value: f32) -> f32 {
 }
 
 /// Applies the recursive filter to columns, downward and back; see [`filter_rows`].
-fn filter_columns(rows: &mut [f32], len: usize, columns: Range<usize>, threads: usize) {
+fn filter_columns(rows: &mut [f32], len: usize, columns: Range<usize>, level: Level, threads: usize) {
     /// Numbers of a strip's row: strips of many rows stay in the second-level cache.
     const STRIP: usize = 128;
     let mut strips: Vec<Vec<&mut [f32]>> = Vec::new();
@@ -221,10 +228,12 @@ fn filter_columns(rows: &mut [f32], len: usize, columns: Range<usize>, threads: 
             strips[index].push(part);
         }
     }
-    in_parts(&mut strips, 1, threads, |_, strips| strips.iter_mut().for_each(|strip| filter_strip(strip)));
+    in_parts(&mut strips, 1, threads, |_, strips| {
+        strips.iter_mut().for_each(|strip| dispatch!(level, _ => filter_strip(strip)));
+    });
 }
 
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
+#[inline(always)]
 fn filter_strip(strip: &mut [&mut [f32]]) {
     for row in 1..strip.len() {
         let (above, below) = strip.split_at_mut(row);
@@ -239,7 +248,7 @@ fn filter_strip(strip: &mut [&mut [f32]]) {
 #[inline(always)]
 fn follow(row: &mut [f32], before: &[f32]) {
     for (value, before) in row.iter_mut().zip(before) {
-        *value = normal(*value + POLE * before);
+        *value += POLE * normal(*before);
     }
 }
 
@@ -255,88 +264,127 @@ struct Plane<'a> {
 }
 
 /// Computes a row of the picture: the mean of the plane's spline at `points` around each pixel. The row is empty before.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn resample(from: &Plane, map: &[[f64; 3]; 3], points: &[[f64; 2]], most: f32, y: f64, row: &mut [[f32; 4]]) {
-    let weight = 1.0 / points.len() as f32;
-    let mut at = PlanePoints::default();
-    for (first, pixels) in (0u32..).step_by(TOGETHER).zip(row.chunks_mut(TOGETHER)) {
-        for [dx, dy] in points {
-            let lines = map.map(|[a, b, c]| [a, (f64::from(first) + dx) * a + (b * (y + dy) + c)]);
-            if at.set(lines, &from.within) {
-                from.add(&at, pixels);
-            }
+#[inline(always)]
+fn resample<S: Simd, const POINTS: usize>(
+    simd: S,
+    from: &Plane,
+    map: &[[f64; 3]; 3],
+    points: &[[f64; 2]; POINTS],
+    most: f32,
+    y: f64,
+    row: &mut [[f32; 4]],
+) {
+    let line = |[dx, dy]: [f64; 2], x: f64| map.map(|[a, b, c]| [a, (x + dx) * a + (b * (y + dy) + c)]);
+    let seen = points.map(|point| from.columns_seen(line(point, 0.0), row.len()));
+    let columns = seen.into_iter().reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or_default();
+    // The rows of coefficients from each row of the plane on, all of one length.
+    let len = from.values.len() - 3 * from.columns;
+    let values = [0, 1, 2, 3].map(|k| &from.values[k * from.columns..][..len]);
+    for first in columns.clone().step_by(TOGETHER) {
+        let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
+        let mut at = [PlanePoints::at_zero(simd); POINTS];
+        let mut weights = [[[[0.0; TOGETHER]; 4]; 2]; POINTS];
+        let mut near = 0;
+        for (at, point) in at.iter_mut().zip(points) {
+            *at = PlanePoints::of(simd, line(*point, first as f64), from);
+            near |= at.near;
         }
-        for pixel in pixels {
-            *pixel = in_range(*pixel, weight, most);
+        if near == 0 {
+            continue;
+        }
+        for (at, weights) in at.iter().zip(&mut weights) {
+            *weights = [spline_weights(at.fraction[0]), spline_weights(at.fraction[1])];
+        }
+        for (i, pixel) in pixels.iter_mut().enumerate() {
+            if near >> i & 1 == 0 {
+                continue;
+            }
+            let mut sum = f32x4::splat(simd, 0.0);
+            for (at, weights) in at.iter().zip(&weights) {
+                if POINTS == 1 || at.near >> i & 1 == 1 {
+                    let first = (at.pixel[i] as usize).wrapping_sub(from.columns + 1);
+                    sum += spline(simd, &values, first, weights, i);
+                }
+            }
+            *pixel = in_range(sum * (1.0 / POINTS as f32), most);
         }
     }
 }
 
-/// Returns a pixel's sums times `weight`, limited to what interpolation may not leave: alpha to 0 to `largest`, and colours to 0
-/// and above, 0 where alpha is 0.
+/// Returns the sum of four columns and rows of values, from index `first` on, times weights number `i` of each column and
+/// row.
 #[inline(always)]
-fn in_range(sums: [f32; 4], weight: f32, largest: f32) -> [f32; 4] {
-    let most = BRIGHTEST * at_most(at_least(sums[3] * weight, 0.0), largest);
-    let most = [most, most, most, largest];
-    let mut pixel = [0.0; 4];
-    for c in 0..4 {
-        pixel[c] = at_most(at_least(sums[c] * weight, 0.0), most[c]);
+fn spline<S: Simd>(
+    simd: S,
+    rows: &[&[[f32; 4]]; 4],
+    first: usize,
+    [across, down]: &[[[f32; TOGETHER]; 4]; 2],
+    i: usize,
+) -> f32x4<S> {
+    // Sums down the columns first: all four columns and colours together fill a vector.
+    let mut sums = f32x16::splat(simd, 0.0);
+    for k in 0..4 {
+        let Some(values): Option<&[[f32; 4]; 4]> = rows[k].get(first..).and_then(<[_]>::first_chunk) else { break };
+        sums += f32x16::from_slice(simd, values.as_flattened()) * down[k][i];
     }
-    pixel
+    let (left, right) = sums.split();
+    let ((a, b), (c, d)) = (left.split(), right.split());
+    (a * across[0][i] + b * across[1][i]) + (c * across[2][i] + d * across[3][i])
+}
+
+/// Limits a pixel to what interpolation may not leave: alpha to 0 to `largest`, and colours to 0 and above, 0 where alpha is 0.
+#[inline(always)]
+fn in_range<S: Simd>(pixel: f32x4<S>, largest: f32) -> [f32; 4] {
+    let pixel = pixel.max(0.0);
+    let most = BRIGHTEST * at_most(pixel[3], largest);
+    pixel.min(f32x4::simd_from(pixel.simd, [most, most, most, largest])).to_array()
 }
 
 /// The brightest colour of a voxel: white in full light with the strongest highlight.
 const BRIGHTEST: f32 = 2.0;
 
 impl Plane<'_> {
-    /// Adds the values of the spline at some points to the pixels.
-    #[inline(always)]
-    fn add(&self, at: &PlanePoints, pixels: &mut [[f32; 4]]) {
-        for (i, pixel) in pixels.iter_mut().enumerate() {
-            let [left, top] = [at.pixel[0][i] as usize, at.pixel[1][i] as usize];
-            let [right, below] = [0, 1].map(|side: usize| usize::from(at.fraction[side][i] >= 0.5));
-            if !at.inside[i] || !self.covered[self.columns * (top + below) + left + right] {
-                continue;
-            }
-            // Sums down the columns first: all four columns and colours together fill a vector.
-            let rows = &self.values[self.columns * (top - 1) + left - 1..][..3 * self.columns + 4];
-            let mut sums = [0.0f32; 16];
-            for k in 0..4 {
-                let values: &[[f32; 4]; 4] = rows[self.columns * k..].first_chunk().expect("four pixels are around");
-                let weight = at.weights[1][k][i];
-                for (sum, value) in sums.iter_mut().zip(values.as_flattened()) {
-                    *sum += weight * value;
-                }
-            }
-            let [a, b, c, d] = [0, 1, 2, 3].map(|k: usize| at.weights[0][k][i]);
-            for i in 0..4 {
-                pixel[i] += (sums[i] * a + sums[4 + i] * b) + (sums[8 + i] * c + sums[12 + i] * d);
+    /// Returns the columns of a row of the picture that see what was drawn. Each of the three `lines` is a step and a first
+    /// number; the first two, divided by the third, are columns and rows of the plane.
+    fn columns_seen(&self, [u, v, divisor]: [[f64; 2]; 3], columns: usize) -> Range<usize> {
+        let (mut first, mut last) = (0.0f64, columns as f64 - 1.0);
+        // Each is positive in the columns in question.
+        let past = |line: [f64; 2], low: f64| [0, 1].map(|k: usize| line[k] - low * divisor[k]);
+        let before = |line: [f64; 2], high: f64| past(line, high).map(|number| -number);
+        let [[left, right], [top, bottom]] = self.within;
+        for [step, start] in [past(u, left), before(u, right), past(v, top), before(v, bottom), divisor] {
+            let zero = -start / step;
+            if step > 0.0 {
+                first = first.max(zero.ceil());
+            } else if step < 0.0 {
+                last = last.min(zero.floor());
+            } else if start < 0.0 {
+                return 0..0;
             }
         }
+        if first <= last { first as usize..last as usize + 1 } else { 0..0 }
     }
 }
 
 /// Computes a row of the picture: the plane's pixels under a Gaussian of variance `variance`, in square pixels of the
 /// picture, around each pixel. The row is empty before.
-#[multiversion(targets("x86_64+avx+avx2+avx512f+avx512vl+avx512bw+avx512dq", "x86_64+avx+avx2"), dispatcher = "direct")]
-fn blur(from: &Plane, map: &[[f64; 3]; 3], variance: f64, y: f64, row: &mut [[f32; 4]]) {
-    let mut at = PlanePoints::default();
+#[inline(always)]
+fn blur<S: Simd>(simd: S, from: &Plane, map: &[[f64; 3]; 3], variance: f64, y: f64, row: &mut [[f32; 4]]) {
     let mut gaussian = Gaussian::new(map, [0.0, y], variance);
     let is_perspective = map[2][0] != 0.0 || map[2][1] != 0.0;
-    for (first, pixels) in (0u32..).step_by(TOGETHER).zip(row.chunks_mut(TOGETHER)) {
-        let lines = map.map(|[a, b, c]| [a, f64::from(first) * a + (b * y + c)]);
-        if !at.set(lines, &from.within) {
-            continue;
-        }
-        for (i, pixel) in pixels.iter_mut().enumerate() {
-            let [left, top] = [at.pixel[0][i] as usize, at.pixel[1][i] as usize];
-            if at.inside[i] && from.covered[from.columns * top + left] {
-                if is_perspective {
-                    gaussian = Gaussian::new(map, [f64::from(first) + i as f64, y], variance);
-                }
-                let first = from.columns * (top + 1 - TAPS / 2) + left + 1 - TAPS / 2;
-                *pixel = gaussian.mean([at.fraction[0][i], at.fraction[1][i]], &from.values[first..], from.columns);
+    let line = map.map(|[a, b, c]| [a, b * y + c]);
+    let columns = from.columns_seen(line, row.len());
+    for first in columns.clone().step_by(TOGETHER) {
+        let lines = line.map(|[step, start]| [step, first as f64 * step + start]);
+        let at = PlanePoints::of(simd, lines, from);
+        let pixels = &mut row[first..columns.end.min(first + TOGETHER)];
+        for (i, pixel) in pixels.iter_mut().enumerate().filter(|(i, _)| at.near >> i & 1 == 1) {
+            if is_perspective {
+                gaussian = Gaussian::new(map, [first as f64 + i as f64, y], variance);
             }
+            let values = from.values.get((at.pixel[i] as usize).wrapping_sub((TAPS / 2 - 1) * (from.columns + 1))..);
+            let fractions = at.fraction.map(|side| side[i]);
+            *pixel = gaussian.mean(fractions, values.unwrap_or_default(), from.columns);
         }
     }
 }
@@ -394,52 +442,56 @@ impl Gaussian {
     }
 }
 
-/// Points on the plane, [`TOGETHER`] of them; first their columns, then their rows.
-#[derive(Default)]
-struct PlanePoints {
-    /// The plane's column (or row) at or before each point.
-    pixel: [[i32; TOGETHER]; 2],
-    /// The distance past that column (or row), 0 to 1.
-    fraction: [[f32; TOGETHER]; 2],
-    /// The weights of the spline's four coefficients.
-    weights: [[[f32; TOGETHER]; 4]; 2],
-    /// Whether something may be drawn there.
-    inside: [bool; TOGETHER],
+/// Points on the plane, [`TOGETHER`] of them.
+#[derive(Clone, Copy)]
+struct PlanePoints<S: Simd> {
+    /// The index of the plane's pixel at or before each point.
+    pixel: [i32; TOGETHER],
+    /// The distance past that pixel, 0 to 1, along columns and along rows.
+    fraction: [f32x16<S>; 2],
+    /// A bit for each point: whether something was drawn near it.
+    near: u32,
 }
 
-impl PlanePoints {
-    /// Sets the points to columns and rows that are quotients: each of the three `lines` is a step and a first number,
-    /// and the third is the divisor. Returns whether any point is `within` these columns and rows.
+impl<S: Simd> PlanePoints<S> {
     #[inline(always)]
-    fn set(&mut self, lines: [[f64; 2]; 3], within: &[[f64; 2]; 2]) -> bool {
-        let mut any = false;
-        let mut at = [[0.0f64; TOGETHER]; 2];
-        for i in 0..TOGETHER {
-            let [u, v, divisor] = lines.map(|[step, first]| first + i as f64 * step);
-            let factor = 1.0 / divisor;
-            (at[0][i], at[1][i]) = (u * factor, v * factor);
-            let is_inside = (at[0][i] >= within[0][0])
-                & (at[0][i] <= within[0][1])
-                & (at[1][i] >= within[1][0])
-                & (at[1][i] <= within[1][1])
-                & (divisor > 0.0);
-            self.inside[i] = is_inside;
-            any |= is_inside;
-        }
-        if !any {
-            return false;
-        }
-        for side in 0..2 {
-            let (pixel, fraction) = (&mut self.pixel[side], &mut self.fraction[side]);
-            for i in 0..TOGETHER {
-                let floor = at[side][i].floor();
-                (pixel[i], fraction[i]) = (floor as i32, (at[side][i] - floor) as f32);
-            }
-            let [a, b, c, d] = &mut self.weights[side];
-            for i in 0..TOGETHER {
-                [a[i], b[i], c[i], d[i]] = spline_weights(fraction[i]);
-            }
-        }
-        true
+    fn at_zero(simd: S) -> PlanePoints<S> {
+        PlanePoints { pixel: [0; TOGETHER], fraction: [f32x16::splat(simd, 0.0); 2], near: 0 }
     }
+
+    /// Returns the points whose columns and rows are quotients: each of the three `lines` is a step and a first number,
+    /// and the third is the divisor.
+    #[inline(always)]
+    fn of(simd: S, [u, v, divisor]: [[f64; 2]; 3], plane: &Plane) -> PlanePoints<S> {
+        let mut factor = [f64x8::splat(simd, 1.0 / divisor[1]); 2];
+        if divisor[0] != 0.0 {
+            let [low, high] = along(simd, divisor);
+            factor = [1.0 / low, 1.0 / high];
+        }
+        let mut pixel = [i32x16::splat(simd, 0); 2];
+        let mut fraction = [f32x16::splat(simd, 0.0); 2];
+        for (side, line) in [u, v].into_iter().enumerate() {
+            let [low, high] = along(simd, line);
+            let (low, high) = (low * factor[0], high * factor[1]);
+            let (low_floor, high_floor) = (low.floor(), high.floor());
+            pixel[side] = low_floor.narrow(high_floor).to_int();
+            fraction[side] = (low - low_floor).narrow(high - high_floor);
+        }
+        let (pitch, zero) = (i32x16::splat(simd, plane.columns as i32), i32x16::splat(simd, 0));
+        let first = pixel[1] * pitch + pixel[0];
+        let right = fraction[0].simd_ge(0.5).select(zero + 1, zero);
+        let nearest = (first + right + fraction[1].simd_ge(0.5).select(pitch, zero)).to_array();
+        let mut near = 0;
+        for i in 0..TOGETHER {
+            near |= u32::from(plane.covered.get(nearest[i] as usize).is_some_and(|near| *near)) << i;
+        }
+        PlanePoints { pixel: first.to_array(), fraction, near }
+    }
+}
+
+/// Returns the first numbers of a line.
+#[inline(always)]
+fn along<S: Simd>(simd: S, [step, first]: [f64; 2]) -> [f64x8<S>; 2] {
+    let low = f64x8::simd_from(simd, [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+    [low * step + first, (low + 8.0) * step + first]
 }
