@@ -131,6 +131,15 @@ fn x_rays_on_the_lattice_keep_48_decibels_and_are_drawn_alike_by_their_plain_twi
     }
 }
 
+/// At 50 times the opacities, an x-ray on the lattice had 35 decibels.
+#[test]
+fn an_overexposed_x_ray_takes_every_pixel() {
+    let built = build("gyroid", [30, 26, 28], 0.6);
+    let all = Settings::every_pixel([90, 80]).with_mode(Mode::Additive).with_exposure(Some(50.0));
+    let view = camera(&built, 1.0, None, all.size);
+    assert!(built.frame(&view, &all) == built.frame(&view, &enough(&all)));
+}
+
 #[test]
 fn a_picture_that_cuts_the_volume_has_no_seam_at_its_border() {
     let built = build("shells", [40, 40, 40], 0.5);

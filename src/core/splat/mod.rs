@@ -155,8 +155,8 @@ pub enum Sampling {
     Finer,
     /// As many samples as the footprints need, on a plane parallel to the slices, which is then warped to the picture
     /// (shear-warp; Lacroute and Levoy 1994). Where the plane cannot be used, one for every pixel: if the eye is among
-    /// or within eight voxels of the slices, in perspective x-rays of voxels below 1.5 pixels, and where voxels are
-    /// closer than 0.4 pixels, where it supersamples as [`Sampling::Finer`] does. The error is in
+    /// or within eight voxels of the slices, in perspective x-rays of voxels below 1.5 pixels, in overexposed x-rays,
+    /// and where voxels are closer than 0.4 pixels, where it supersamples as [`Sampling::Finer`] does. The error is in
     /// docs/studies/sampling.md.
     Enough,
     /// Fewer samples than [`Sampling::Enough`], for a moving camera: about 32 dB, and 26 dB in the worst

@@ -204,6 +204,10 @@ impl Lattice {
         let peak = deepest() / (std::f64::consts::TAU * sigma * sigma);
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
         let is_sharp = sharpness > SHARP && settings.sampling() == Sampling::Enough;
+        // An overexposed x-ray shows where sums begin, far out on the kernels.
+        if settings.mode == Mode::Additive && sharpness > 1.0 {
+            return None;
+        }
         let samples = move |step: f64, least: f64| (density.wide * sharpness).min(least.max(PER_PIXEL * step * sigma));
         let choose = |step: f64| samples(step, density.small) / sigma;
         let choose_far = |step: f64| samples(step, 0.0) / sigma;
