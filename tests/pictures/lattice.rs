@@ -125,6 +125,21 @@ fn a_draft_of_waves_near_the_nyquist_frequency_keeps_28_decibels() {
     assert!(worst > 28.0, "{worst:.1} dB");
 }
 
+#[test]
+fn no_row_of_a_small_picture_shows_another_row() {
+    // The volume fills a part of the picture, and the low-pass takes four points of the spline around a pixel.
+    let built = build("gyroid", [64, 60, 40], [1.0; 3], 8);
+    let size = [110, 110];
+    for turn in 0..72 {
+        let camera = camera(&built, [5.0 * f64::from(turn), 20.0], 0.74 + 0.001 * f64::from(turn), size);
+        let [plane, finer] = [Sampling::Enough, Sampling::Finer]
+            .map(|sampling| built.frame(&camera, &Settings::every_pixel(size).with_threads(2).with_sampling(sampling)));
+        // A row that shows another one is 20 dB away.
+        let near = decibels(&plane, &finer, EMPTY);
+        assert!(near > 40.0, "turn {turn}: {near:.1} dB");
+    }
+}
+
 const FINER: u32 = 4;
 
 #[test]

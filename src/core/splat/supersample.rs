@@ -25,9 +25,11 @@ use crate::error::Result;
 use crate::traverse::VoxelBox;
 use crate::volume::Grid;
 
-/// One sample per pixel is enough for footprints with at least this standard deviation across their narrowest
-/// direction, in pixels. Up to 0.49 supersampling was better in all of 36 views (docs/studies/sampling.md).
-pub(super) const WIDE_ENOUGH: f64 = 0.53;
+/// Smallest standard deviation of the filter, in samples, for an even number of samples: they lie beside a pixel's middle,
+/// not on it. With three samples, any filter is right.
+const NARROWEST: f64 = 0.5;
+/// Standard deviation, in samples, that stands for all narrower ones, so that no sum of weights is 0.
+const LEAST_SIGMA: f64 = 0.1;
 /// Width that samples' footprints must reach where 32 dB are enough, as a fraction of the low-pass's width.
 const FEWEST: f64 = 0.5;
 /// Largest number of samples along a side of a pixel. Without it voxels of 1 x 1 x 1000 took as many samples as fit into
@@ -81,13 +83,23 @@ impl Supersampling {
             return None;
         }
         let width = f64::from(sigma_at_centre(view, bounds, settings));
+        let low_pass = f64::from(LOW_PASS);
         // The comparison is false for NaN.
-        let is_narrow = width < WIDE_ENOUGH;
+        let is_narrow = width < low_pass;
         if !is_narrow {
             return None;
         }
-        let low_pass = f64::from(LOW_PASS);
-        let wanted = if settings.sampling() == Sampling::Fewest { FEWEST * low_pass } else { low_pass };
+        let is_draft = settings.sampling() == Sampling::Fewest;
+        let wanted = if is_draft { FEWEST * low_pass } else { low_pass };
+        // The low-pass also widens narrow footprints to its own width in samples.
+        let sigma = |factor: u32| {
+            let factor = f64::from(factor);
+            factor * (low_pass * low_pass - width.max(low_pass / factor).powi(2)).max(0.0).sqrt()
+        };
+        let is_enough = |factor: u32| {
+            let is_filtered = is_draft || factor % 2 == 1 || sigma(factor) >= NARROWEST;
+            factor > 1 && f64::from(factor) * width >= wanted && is_filtered
+        };
         let pixels = u64::from(view.size[0]) * u64::from(view.size[1]);
         let fits = |factor: u32| {
             factor <= MAX_FACTOR
@@ -95,16 +107,10 @@ impl Supersampling {
                 && pixels * u64::from(factor).pow(2) <= MAX_SAMPLES
         };
         let mut factor = 1;
-        while fits(factor + 1) && (factor == 1 || f64::from(factor) * width < wanted) {
+        while fits(factor + 1) && !is_enough(factor) {
             factor += 1;
         }
-        if factor == 1 {
-            return None;
-        }
-        // The low-pass also widens narrow footprints to its own width in samples.
-        let width = width.max(low_pass / f64::from(factor));
-        let sigma = f64::from(factor) * (low_pass * low_pass - width * width).sqrt();
-        Some(Supersampling { factor, size: view.size, sigma })
+        (factor > 1).then(|| Supersampling { factor, size: view.size, sigma: sigma(factor).max(LEAST_SIGMA) })
     }
 
     /// Returns the number of columns and rows of samples.
@@ -170,15 +176,15 @@ impl Supersampling {
     fn filter(&self) -> Filter {
         let factor = f64::from(self.factor);
         let middle = (factor - 1.0) / 2.0;
-        // Cut off at five standard deviations, which loses 6e-7.
-        let reach = 5.0 * self.sigma;
+        // Cut off at five standard deviations, which loses 6e-7, but not before the pixel's own samples.
+        let reach = (5.0 * self.sigma).max(middle);
         let first = (middle - reach).ceil();
         let count = (middle + reach).floor() - first;
         let weights: Vec<f64> = (0..=count as i32)
             .map(|index| (-0.5 * ((first + f64::from(index) - middle) / self.sigma).powi(2)).exp())
             .collect();
         let total: f64 = weights.iter().sum();
-        #[expect(clippy::cast_sign_loss, reason = "the Gaussian is wider than half a sample: see `WIDE_ENOUGH`")]
+        #[expect(clippy::cast_sign_loss, reason = "the first weight is that of the pixel's first sample, or before it")]
         let before = -first as u32;
         Filter { before, weights: weights.into_iter().map(|weight| (weight / total) as f32).collect() }
     }

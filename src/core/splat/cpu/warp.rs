@@ -276,7 +276,8 @@ fn resample<S: Simd, const POINTS: usize>(
 ) {
     let line = |[dx, dy]: [f64; 2], x: f64| map.map(|[a, b, c]| [a, (x + dx) * a + (b * (y + dy) + c)]);
     let seen = points.map(|point| from.columns_seen(line(point, 0.0), row.len()));
-    let columns = seen.into_iter().reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or_default();
+    let seen = seen.into_iter().filter(|columns| !columns.is_empty());
+    let columns = seen.reduce(|a, b| a.start.min(b.start)..a.end.max(b.end)).unwrap_or_default();
     // The rows of coefficients from each row of the plane on, all of one length.
     let len = from.values.len() - 3 * from.columns;
     let values = [0, 1, 2, 3].map(|k| &from.values[k * from.columns..][..len]);
