@@ -63,7 +63,8 @@ const ENOUGH: Density = Density { wide: 0.93, small: 0.7 };
 const FEWEST: Density = Density { wide: 0.62, small: 0.7 };
 /// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
 const PER_PIXEL: f64 = 1.35;
-/// Sharpness of what is opaque. Its edges need all of the picture's pixels, unless voxels are small or magnified.
+/// The same where voxels are opaque, as their edges are finer than pixels; and the sharpness from which on they are.
+const PER_SHARP_PIXEL: f64 = 1.6;
 const SHARP: f64 = 1.3;
 /// A view runs along an axis if a ray moves by less than this per slice, in voxels. All slices then have pixels at the same
 /// places beside their voxels, and errors add up instead of averaging out, unless voxels are small.
@@ -73,8 +74,6 @@ const SMALL_STEP: f64 = 0.76;
 /// Least distance between voxels, in pixels of the picture, at which a perspective x-ray is drawn on a plane: nothing
 /// hides a voxel there, and smaller footprints are drawn faster on the picture's own pixels.
 const LEAST_SUMMED_STEP: f64 = 1.5;
-/// Largest number of pixels of the plane per pixel of the picture, along a side, for magnified views of what is opaque.
-const MAGNIFIED: f64 = 0.8;
 
 /// The plane of a view, and how voxels, plane and picture map to each other.
 #[derive(Debug, Clone)]
@@ -204,32 +203,24 @@ impl Lattice {
         let peak = deepest() / (std::f64::consts::TAU * sigma * sigma);
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
         let is_sharp = sharpness > SHARP && settings.sampling() == Sampling::Enough;
+        let per_pixel = if is_sharp { PER_SHARP_PIXEL } else { PER_PIXEL };
         // An overexposed x-ray shows where sums begin, far out on the kernels.
         if settings.mode == Mode::Additive && sharpness > 1.0 {
             return None;
         }
-        let samples = move |step: f64, least: f64| (density.wide * sharpness).min(least.max(PER_PIXEL * step * sigma));
+        let samples = move |step: f64, least: f64| (density.wide * sharpness).min(least.max(per_pixel * step * sigma));
         let choose = |step: f64| samples(step, density.small) / sigma;
         let choose_far = |step: f64| samples(step, 0.0) / sigma;
         let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
         let extent = BoxExtent::new(bounds, nested, kernel);
         let width = f64::from(sigma_at_centre(view, bounds, settings));
         let plane = match &view.map {
-            PixelMap::Parallel { pixel_from_voxel: [x, y], .. } => {
-                let steps = [nested[1], nested[2]].map(|axis| x[axis].hypot(y[axis]));
-                let step = steps[0].max(steps[1]);
-                if is_sharp && step > SMALL_STEP && choose(step) > MAGNIFIED * step {
-                    return None;
-                }
+            PixelMap::Parallel { .. } => {
                 let along_axis = if settings.sampling() == Sampling::Enough { 2.0 } else { 32.0 };
                 parallel(view, nested, &extent, choose, along_axis, kernel, width)?
             }
             PixelMap::Perspective { .. } => {
-                let step = width / sigma;
-                if settings.mode == Mode::Additive && step < LEAST_SUMMED_STEP {
-                    return None;
-                }
-                if is_sharp && choose(step) > MAGNIFIED * step {
+                if settings.mode == Mode::Additive && width < LEAST_SUMMED_STEP * sigma {
                     return None;
                 }
                 let widest = if settings.sampling() == Sampling::Enough { WIDEST } else { f64::INFINITY };
@@ -559,11 +550,14 @@ fn perspective(
     // Toward the edges of a wide angle, the picture is stretched.
     let middle = 0.5 * (nearest + farthest);
     let tangent = 0.5 * f64::from(view.size[0].max(view.size[1])) / focal;
-    let largest_step = width / f64::from(kernel.sigma) * (1.0 + tangent * tangent);
+    let column = |axis: usize| DVec3::from_array([0, 1, 2].map(|row: usize| camera_from_voxel[row][axis]));
+    let to_centre = [0, 1, 2].map(|n: usize| column(nested[n]) * (0.5 * (extent.low[n] + extent.high[n])));
+    let distance = (to_centre[0] + to_centre[1] + to_centre[2] + column(3)).length();
+    let widest_step = column(nested[1]).length().max(column(nested[2]).length());
+    let largest_step = focal / distance * widest_step * (1.0 + tangent * tangent);
     let finest = (choose(largest_step) * middle).max(choose_far(largest_step * middle / farthest) * farthest);
     let step = 1.0 / finest;
     // From a pixel's ray, in camera coordinates, to voxels along the slow (away from the eye), fast and medium axis.
-    let column = |axis: usize| DVec3::from_array([0, 1, 2].map(|row: usize| camera_from_voxel[row][axis]));
     let steps = [column(nested[0]) * away, column(nested[1]), column(nested[2])];
     let voxel_from_camera = DMat3::from_cols(steps[0], steps[1], steps[2]).inverse();
     let camera_from_pixel = DMat3::from_cols(
