@@ -85,7 +85,7 @@ fn voxels_a_little_smaller_than_the_low_pass_are_not_too_opaque() {
 }
 
 #[test]
-fn a_draft_of_voxels_of_a_quarter_of_a_pixel_keeps_30_decibels() {
+fn a_draft_of_voxels_of_a_quarter_of_a_pixel_keeps_32_decibels() {
     let mut worst = f64::INFINITY;
     for name in ["gyroid", "shells", "noise", "marschner-lobb"] {
         let built = build(name);
@@ -105,9 +105,9 @@ fn a_draft_of_voxels_of_a_quarter_of_a_pixel_keeps_30_decibels() {
             }
         }
     }
-    // Measured: 30.7 dB in the perspective along the diagonal, where the plane is seen at the lowest angle; parallel views
+    // Measured: 34.2 dB in the perspective along the diagonal, where the plane is seen at the lowest angle; parallel views
     // have 44 and more.
-    assert!(worst > 30.0, "{worst:.1} dB");
+    assert!(worst > 32.0, "{worst:.1} dB");
 }
 
 /// Without a turn the divisor of the warp is the same along a row, but the low-pass is not.

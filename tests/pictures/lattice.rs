@@ -104,7 +104,7 @@ fn the_fewest_pixels_give_a_draft_at_any_magnification() {
 
 /// The worst scene for drafts: the plane's lattice meets the waves.
 #[test]
-fn a_draft_of_waves_near_the_nyquist_frequency_keeps_28_decibels() {
+fn a_draft_of_waves_near_the_nyquist_frequency_keeps_32_decibels() {
     let mut worst = f64::INFINITY;
     for opacities in [[0.3, 0.7], [1.0, 1.0]] {
         let options = options(red_to_blue("marschner-lobb", opacities));
@@ -121,8 +121,8 @@ fn a_draft_of_waves_near_the_nyquist_frequency_keeps_28_decibels() {
             }
         }
     }
-    // Measured: 29.1 dB opaque, at half a pixel a voxel; 30.1 from one pixel a voxel on; 34.1 where it is not opaque.
-    assert!(worst > 28.0, "{worst:.1} dB");
+    // Measured: 34.7 dB, and 35.1 where it is opaque.
+    assert!(worst > 32.0, "{worst:.1} dB");
 }
 
 #[test]

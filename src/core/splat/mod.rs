@@ -159,8 +159,8 @@ pub enum Sampling {
     /// and where voxels are closer than 0.4 pixels, where it supersamples as [`Sampling::Finer`] does. The error is in
     /// docs/studies/sampling.md.
     Enough,
-    /// Fewer samples than [`Sampling::Enough`], for a moving camera: about 32 dB, and 26 dB in the worst
-    /// scenes (docs/NUMERICS.md).
+    /// Fewer samples than [`Sampling::Enough`], for a moving camera: 32 dB or more in the scenes
+    /// measured (docs/NUMERICS.md).
     Fewest,
 }
 

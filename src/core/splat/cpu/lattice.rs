@@ -63,8 +63,9 @@ const ENOUGH: Density = Density { wide: 0.93, small: 0.7 };
 const FEWEST: Density = Density { wide: 0.62, small: 0.7 };
 /// The most pixels of the plane that are worthwhile per pixel of the picture, along a side, unless voxels are small.
 const PER_PIXEL: f64 = 1.35;
-/// The same where voxels are opaque, as their edges are finer than pixels; and the sharpness from which on they are.
-const PER_SHARP_PIXEL: f64 = 1.6;
+/// The same where a filter follows and voxels are opaque, as their edges are finer than the filter; and the sharpness from
+/// which on they are.
+const PER_FILTERED_PIXEL: f64 = 1.6;
 const SHARP: f64 = 1.3;
 /// A view runs along an axis if a ray moves by less than this per slice, in voxels. All slices then have pixels at the same
 /// places beside their voxels, and errors add up instead of averaging out, unless voxels are small.
@@ -202,8 +203,9 @@ impl Lattice {
         // The edge of what is opaque rises faster than its footprint; a picture of small voxels shows no such edges.
         let peak = deepest() / (std::f64::consts::TAU * sigma * sigma);
         let sharpness = (2.0 * peak.max(1.0).ln()).sqrt().max(1.0);
-        let is_sharp = sharpness > SHARP && settings.sampling() == Sampling::Enough;
-        let per_pixel = if is_sharp { PER_SHARP_PIXEL } else { PER_PIXEL };
+        let width = f64::from(sigma_at_centre(view, bounds, settings));
+        let is_fine = sharpness > SHARP && width < f64::from(LOW_PASS) && settings.sampling() == Sampling::Enough;
+        let per_pixel = if is_fine { PER_FILTERED_PIXEL } else { PER_PIXEL };
         // An overexposed x-ray shows where sums begin, far out on the kernels.
         if settings.mode == Mode::Additive && sharpness > 1.0 {
             return None;
@@ -213,7 +215,6 @@ impl Lattice {
         let choose_far = |step: f64| samples(step, 0.0) / sigma;
         let nested = [order.slow.index(), order.fast.index(), order.medium.index()];
         let extent = BoxExtent::new(bounds, nested, kernel);
-        let width = f64::from(sigma_at_centre(view, bounds, settings));
         let plane = match &view.map {
             PixelMap::Parallel { .. } => {
                 let along_axis = if settings.sampling() == Sampling::Enough { 2.0 } else { 32.0 };
