@@ -5,8 +5,9 @@ use adjsplat::splat::{Camera, Code, KernelShape, Projection, Quality, Sampling, 
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::SampleType;
 use adjsplat_tests::pictures::{apart, decibels};
-use adjsplat_tests::scenes::{Draw as _, built, options, phantom, red_to_blue};
+use adjsplat_tests::scenes::{Draw as _, at_least, built, options, phantom, red_to_blue};
 
+use super::extremes::model::solid;
 use super::low_pass::seen_through;
 
 fn build(name: &str, dims: [u64; 3], spacing: [f64; 3], value_bits: u8) -> Built {
@@ -137,6 +138,22 @@ fn no_row_of_a_small_picture_shows_another_row() {
         // A row that shows another one is 20 dB away.
         let near = decibels(&plane, &finer, EMPTY);
         assert!(near > 40.0, "turn {turn}: {near:.1} dB");
+    }
+}
+
+#[test]
+fn faces_seen_along_a_diagonal_keep_44_decibels() {
+    // Seen so, a ray moves by one voxel per slice: all slices have the same phase on the plane.
+    let built = solid([40, 36, 32], [1.0; 3], at_least(0.5));
+    let size = [150, 150];
+    for pixels in [1.0, 1.3, 1.7, 2.4] {
+        for view in [[45.0, 0.0], [135.0, 0.0], [0.0, 45.0], [90.0, 45.0], [45.0, 35.2644]] {
+            let camera = camera(&built, view, pixels, size);
+            let every = built.frame(&camera, &Settings::every_pixel(size).with_threads(2));
+            let near = decibels(&built.frame(&camera, &enough(size)), &every, EMPTY);
+            println!("{pixels} pixels a voxel, {view:?}: {near:.1} dB");
+            assert!(near > 44.0, "{pixels} pixels a voxel, {view:?}: {near:.1} dB");
+        }
     }
 }
 

@@ -10,7 +10,7 @@
 mod layers;
 mod ledger;
 mod looks;
-mod model;
+pub(crate) mod model;
 mod opacity;
 mod precision;
 mod raster;

@@ -67,9 +67,10 @@ const PER_PIXEL: f64 = 1.35;
 /// which on they are.
 const PER_FILTERED_PIXEL: f64 = 1.6;
 const SHARP: f64 = 1.3;
-/// A view runs along an axis if a ray moves by less than this per slice, in voxels. All slices then have pixels at the same
-/// places beside their voxels, and errors add up instead of averaging out, unless voxels are small.
-const ALONG_AXIS: f64 = 0.05;
+/// Slices are in phase if a ray moves by a whole number of voxels per slice, up to this many voxels: along an axis, and along
+/// diagonals. All slices then have pixels at the same places beside their voxels, and errors add up instead of averaging out,
+/// unless voxels are small.
+const IN_PHASE: f64 = 0.05;
 /// Distance between voxels, in pixels of the picture, up to which the picture shows no such edges.
 const SMALL_STEP: f64 = 0.76;
 /// Least distance between voxels, in pixels of the picture, at which a perspective x-ray is drawn on a plane: nothing
@@ -217,8 +218,8 @@ impl Lattice {
         let extent = BoxExtent::new(bounds, nested, kernel);
         let plane = match &view.map {
             PixelMap::Parallel { .. } => {
-                let along_axis = if settings.sampling() == Sampling::Enough { 2.0 } else { 32.0 };
-                parallel(view, nested, &extent, choose, along_axis, kernel, width)?
+                let in_phase = if settings.sampling() == Sampling::Enough { 2.0 } else { 32.0 };
+                parallel(view, nested, &extent, choose, in_phase, kernel, width)?
             }
             PixelMap::Perspective { .. } => {
                 if settings.mode == Mode::Additive && width < LEAST_SUMMED_STEP * sigma {
@@ -461,7 +462,7 @@ fn parallel(
     [slow, fast, medium]: [usize; 3],
     extent: &BoxExtent,
     choose: impl Fn(f64) -> f64,
-    most_voxels_along_axis: f64,
+    most_voxels_in_phase: f64,
     kernel: KernelShape,
     width: f64,
 ) -> Option<Lattice> {
@@ -474,8 +475,8 @@ fn parallel(
     let shift = inverse.map(|row| transform(row, [x[slow], y[slow]]));
     let steps = [fast, medium].map(|axis| x[axis].hypot(y[axis]));
     let step = steps[0].max(steps[1]);
-    let is_along_axis = shift.iter().all(|shift| shift.abs() < ALONG_AXIS) && step > SMALL_STEP;
-    let most_voxels = if is_along_axis { most_voxels_along_axis } else { 32.0 };
+    let is_in_phase = shift.iter().all(|shift| (shift - shift.round()).abs() < IN_PHASE) && step > SMALL_STEP;
+    let most_voxels = if is_in_phase { most_voxels_in_phase } else { 32.0 };
     let voxels = (4.0 / choose(step) + 0.1).floor().clamp(1.0, most_voxels);
     let per_voxel = 4.0 / voxels;
     // A shift above 1 means that the view runs along another axis than the slow one.
@@ -500,7 +501,7 @@ fn parallel(
         let high = extent.high[1 + side] + ends[0].max(ends[1]) + extent.reach;
         let (low, high) = (low.max(shown_low - 2.0), high.min(shown_high + 2.0));
         (first[side], size[side]) = low_pass.pixels_between(low * per_voxel, high * per_voxel)?;
-        // In a view along an axis, pixels meet all slices at the same places. If there are two or more pixels a voxel, its
+        // If slices are in phase, pixels meet all of them at the same places. If there are two or more pixels a voxel, its
         // edges are right when they lie on both sides of its centre; else, when one lies on it. Measured:
         // docs/studies/sampling.md.
         first[side] += if voxels < 3.0 { 0.5 } else { 0.0 };
