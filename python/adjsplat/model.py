@@ -1,0 +1,457 @@
+"""Models: the visible voxels of a volume, in an .adj file or in memory."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _native, convert
+from .transfer import TransferFunction, as_transfer
+
+if TYPE_CHECKING:
+    from .edit import Edit
+
+#: A tile: 8 x 8 scan lines of a lane, as the file stores it (formats/adj-1.md).
+TILE = np.dtype(
+    [
+        ("tile_u", "<u2"),
+        ("tile_v", "<u2"),
+        ("first_line", "<u4"),
+        ("first_record", "<u8"),
+        ("occupancy", "<u8"),
+        ("low", "<u2"),
+        ("high", "<u2"),
+    ]
+)
+
+
+def open(path: str | os.PathLike[str]) -> Model:  # noqa: A001 - as in zarr and gzip
+    """Opens an .adj file. It is mapped, not read: this takes microseconds, whatever its size.
+
+    Raises `OSError` if there is no such file, and `FormatError` (with `offset` and `rule`) if it is damaged. Nobody may
+    shorten or change the file in place while it is open; replacing it by another of its name is safe.
+
+    >>> with adj.open("engine.adj") as f:
+    ...     print(f.shape, f.count)
+    (64, 64, 64) 17656
+    """
+    path = os.path.abspath(os.fspath(path))
+    return Model(_native.Model.open(path), path)
+
+
+class Lane:
+    """A stored lane: every visible voxel once, on the scan lines along one axis, as arrays that nothing copied.
+
+    All arrays are read-only and stay valid after the model is closed. formats/adj-1.md says what they hold.
+    """
+
+    __slots__ = ("_model", "_wide_lines", "axis", "bits")
+
+    def __init__(self, model: _native.Model, axis: str):
+        #: The axis along which the lines run: "x", "y" or "z".
+        self.axis = axis
+        #: Bits of a value, of each component of a normal, and of a magnitude; 0 for what is not stored.
+        self.bits = tuple(model.bits)
+        self._model = model
+        self._wide_lines = model.dims["xyz".index(axis)] > 1023
+
+    def _section(self, name: str) -> np.ndarray:
+        return _native.lane_section(self._model, self.axis, name)
+
+    @property
+    def tiles(self) -> np.ndarray:
+        """The tiles that hold voxels, as records of the type `adjsplat.model.TILE`."""
+        return self._section("tiles").view(TILE)
+
+    @property
+    def line_ends(self) -> np.ndarray:
+        """For each line that holds voxels the end of its records, counted from its tile's first: uint16 or uint32."""
+        return self._section("line ends").view("<u4" if self._wide_lines else "<u2")
+
+    @property
+    def steps(self) -> np.ndarray:
+        """For each record the distance from the one before it on its line, uint8; 0 only bridges 255 points."""
+        return self._section("steps")
+
+    @property
+    def values(self) -> np.ndarray:
+        """For each record the code of its value: uint8 or uint16."""
+        return self._section("values").view("<u2" if self.bits[0] == 16 else "u1")
+
+    @property
+    def normals(self) -> np.ndarray:
+        """For each record the octahedral code of its normal: uint16 or uint32; empty if there are none."""
+        return self._section("normals").view("<u4" if self.bits[1] == 16 else "<u2")
+
+    @property
+    def magnitudes(self) -> np.ndarray:
+        """For each record the code of its gradient's magnitude, uint8; empty if there are none."""
+        return self._section("magnitudes")
+
+    def __repr__(self) -> str:
+        return f"<adjsplat.Lane along {self.axis}, {self.steps.size} records>"
+
+
+class Model:
+    """The visible voxels of a volume, and the transfer function that they are drawn with.
+
+    `open` and `build` return models. Arrays, `shape`, slices and positions are ordered (z, y, x), as in tifffile, zarr
+    and napari. `spacing`, `origin` and `direction` are ordered (x, y, z), as in SimpleITK; where the volume's file names
+    an anatomical frame, the world's axes are R, A, S, as in NIfTI (SimpleITK's are L, P, S: `to_sitk` converts).
+
+    A model never changes. Threads may share it; another process that unpickles it opens the file by itself. After
+    `close`, everything raises `ValueError`, except that arrays which were handed out stay valid.
+    """
+
+    def __init__(self, native: _native.Model, path: str | None):
+        self._native: _native.Model | None = native
+        self._path = path
+        self._attrs: Mapping[str, Any] | None = None
+
+    @property
+    def _open(self) -> _native.Model:
+        if self._native is None:
+            raise ValueError(f"{self._path or 'the model'} is closed")
+        return self._native
+
+    # --- The file
+
+    @property
+    def path(self) -> str | None:
+        """The file's absolute path; None for a model in memory."""
+        return self._path
+
+    @property
+    def closed(self) -> bool:
+        """Whether `close` was called."""
+        return self._native is None
+
+    def close(self) -> None:
+        """Lets go of the file. The map itself goes with the last array that came from it."""
+        self._native = None
+
+    def __enter__(self) -> Model:
+        self._open
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of the file."""
+        return self._open.nbytes
+
+    @property
+    def attrs(self) -> Mapping[str, Any]:
+        """What the file says about itself, as in zarr, but read-only: source, transfer function, values, unit.
+
+        >>> f.attrs["source"]["sample_type"]
+        'u8'
+        """
+        description = self._open.description
+        if self._attrs is None:
+            found = json.loads(description) if description else {}
+            self._attrs = MappingProxyType(found if isinstance(found, dict) else {})
+        return self._attrs
+
+    def verify(self) -> None:
+        """Checks every rule of the format, checksums included; raises `FormatError` at the first broken one."""
+        self._open.verify(self._path or "memory")
+
+    def save(self, path: str | os.PathLike[str]) -> Model:
+        """Writes the model to a file, whole or not at all, and opens it."""
+        self._open.save(os.fspath(path))
+        return open(path)
+
+    # --- The grid
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Points along (z, y, x).
+
+        >>> f.shape
+        (64, 64, 64)
+        """
+        x, y, z = self._open.dims
+        return z, y, x
+
+    @property
+    def ndim(self) -> int:
+        """Always 3."""
+        return 3
+
+    @property
+    def size(self) -> int:
+        """Points of the whole grid, visible or not."""
+        return math.prod(self.shape)
+
+    @property
+    def count(self) -> int:
+        """Visible voxels."""
+        return self._open.count
+
+    @property
+    def spacing(self) -> tuple[float, float, float]:
+        """Distances between points along (x, y, z), in world units."""
+        return tuple(self._open.spacing)
+
+    @property
+    def origin(self) -> tuple[float, float, float]:
+        """World position (x, y, z) of point (0, 0, 0)."""
+        return tuple(self._open.origin)
+
+    @property
+    def direction(self) -> tuple[float, ...]:
+        """Nine numbers, row after row, of the matrix whose columns are the world directions of the axes x, y, z.
+
+        >>> f.direction
+        (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
+        """
+        return tuple(float(part) for part in np.transpose(self._open.direction).ravel())
+
+    @property
+    def affine(self) -> np.ndarray:
+        """The matrix (4, 4) from indices (x, y, z, 1) to the world, as nibabel's."""
+        affine = np.eye(4)
+        affine[:3, :3] = np.transpose(self._open.direction) * self._open.spacing
+        affine[:3, 3] = self._open.origin
+        return affine
+
+    @property
+    def unit(self) -> str | None:
+        """The unit of spacing and origin, such as "mm", if the volume's file named one."""
+        unit = self.attrs.get("unit")
+        return unit if isinstance(unit, str) else None
+
+    @property
+    def bounds(self) -> tuple[slice, slice, slice]:
+        """The smallest box (z, y, x) of slices that holds all visible voxels: `f[f.bounds]` is the volume, cropped."""
+        low, high = self._open.bounds() or ((0, 0, 0), (-1, -1, -1))
+        return tuple(slice(a, b + 1) for a, b in zip(reversed(low), reversed(high)))
+
+    # --- Values
+
+    @property
+    def dtype(self) -> np.dtype:
+        """The type that values are handed out in: the smallest of whole numbers that holds all, else a float."""
+        low, step = self._open.value_scale
+        high = low + step * (2 ** self._open.bits[0] - 1)
+        highest = self.attrs.get("values", {})
+        highest = highest.get("highest") if isinstance(highest, dict) else None
+        if isinstance(highest, (int, float)) and low <= highest < high:
+            high = float(highest)
+        if float(low).is_integer() and float(step).is_integer():
+            for name in ("uint8", "int16", "uint16", "int32", "uint32"):
+                if np.iinfo(name).min <= min(low, 0) and high <= np.iinfo(name).max:
+                    return np.dtype(name)
+        # Single precision keeps codes apart unless they are far from 0, by their distances.
+        is_fine = step == 0 or max(abs(low), abs(high)) / step < 2**22
+        return np.dtype("float32" if is_fine and max(abs(low), abs(high)) < 1e38 else "float64")
+
+    @property
+    def transfer(self) -> TransferFunction:
+        """The transfer function that pictures are drawn with."""
+        return TransferFunction(self._open.transfer)
+
+    def with_transfer(self, transfer: Any) -> Model:
+        """Returns the same voxels, drawn with another transfer function.
+
+        What the build left out stays invisible: `missing_values` tells which values these are.
+
+        >>> f.with_transfer(adj.TransferFunction.range(150)).transfer.kind
+        'range'
+        """
+        model = Model(self._open.with_transfer(as_transfer(transfer).to_json()), self._path)
+        return model
+
+    def missing_values(self, transfer: Any) -> list[tuple[float, float]]:
+        """Returns the ranges (lowest, highest) of values that `transfer` shows and the build left out.
+
+        >>> f.missing_values(adj.TransferFunction.range(150))
+        []
+        """
+        return [tuple(ends) for ends in self._open.missing_values(as_transfer(transfer).to_json())]
+
+    @property
+    def lanes(self) -> Mapping[str, Lane]:
+        """The stored lanes by axis: arrays of the file's own bytes.
+
+        >>> f.lanes["x"].steps.flags.writeable
+        False
+        """
+        native = self._open
+        return {axis: Lane(native, axis) for axis in native.lanes}
+
+    def coordinates(self) -> np.ndarray:
+        """Returns the positions (z, y, x) of the visible voxels, sorted as by `numpy.nonzero`: uint16, shape (count, 3)."""
+        out = np.empty((self.count, 3), np.uint16)
+        return out[: _native.read_positions(self._open, out)]
+
+    def nonzero(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Returns the positions as `numpy.nonzero` of the dense array would: three arrays z, y, x.
+
+        >>> all((a == b).all() for a, b in zip(f.nonzero(), np.nonzero(f.to_numpy())))
+        True
+        """
+        return tuple(self.coordinates().T.astype(np.intp))
+
+    def values(self) -> np.ndarray:
+        """Returns the value of each visible voxel, in the order of `coordinates`.
+
+        >>> bool((f.values() == f.to_numpy()[f.nonzero()]).all())
+        True
+        """
+        out = np.empty(self.count, self.dtype)
+        return out[: _native.read_values(self._open, out)]
+
+    def normals(self) -> np.ndarray:
+        """Returns the normal of each visible voxel, in the order of `coordinates`: float32, shape (count, 3).
+
+        Components are (x, y, z) in the world. A normal is a unit vector against the gradient, or 0 where there is none.
+        """
+        if not self._open.bits[1]:
+            raise ValueError("the model stores no normals: it was built unshaded, or with normal_bits=0")
+        out = np.empty((self.count, 3), np.float32)
+        return out[: _native.read_normals(self._open, out)]
+
+    def magnitudes(self) -> np.ndarray:
+        """Returns the gradient magnitude of each visible voxel, in the order of `coordinates`, as float64."""
+        if not self._open.bits[2]:
+            raise ValueError("the model stores no magnitudes: its transfer function does not need them")
+        out = np.empty(self.count, np.float64)
+        return out[: _native.read_magnitudes(self._open, out)]
+
+    # --- Dense arrays
+
+    def block(self, low: tuple[int, int, int], shape: tuple[int, int, int], *, dtype: Any = None, fill: float = 0) -> np.ndarray:
+        """Returns the box of `shape` (z, y, x) whose first point is `low`, dense; `fill` stands for what is not visible."""
+        dtype = np.dtype(self.dtype if dtype is None else dtype)
+        if dtype.newbyteorder("=") not in _NATIVE or np.asarray(fill).astype(dtype) != fill and not np.isnan(fill):
+            raise ValueError(f"a block of {dtype} cannot be filled with {fill}: choose dtype among {', '.join(map(str, _NATIVE))}")
+        dtype = dtype.newbyteorder("=")
+        out = np.zeros(shape, dtype) if fill == 0 else np.full(shape, fill, dtype)
+        if out.size:
+            _native.read_block(self._open, out, tuple(reversed(low)))
+        return out
+
+    def __getitem__(self, key: Any) -> np.ndarray:
+        """Returns a dense block: `f[100:164, :, :]`, `f[40]`, `f[..., ::2]`. What is not visible is 0.
+
+        >>> f[10:12, :, 5].shape
+        (2, 64)
+        """
+        self._open
+        ranges, keys = [], _expanded(key)
+        for axis, (part, points) in enumerate(zip(keys, self.shape)):
+            ranges.append(_covered(part, points, axis))
+        low = tuple(first for first, _, _ in ranges)
+        shape = tuple(length for _, length, _ in ranges)
+        return self.block(low, shape)[tuple(within for _, _, within in ranges)]
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __iter__(self) -> Iterator[np.ndarray]:
+        return (self[z] for z in range(self.shape[0]))
+
+    def to_numpy(self, *, dtype: Any = None, fill: float = 0) -> np.ndarray:
+        """Returns the whole volume, dense; `fill` stands for what is not visible."""
+        return self.block((0, 0, 0), self.shape, dtype=dtype, fill=fill)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> np.ndarray:
+        if copy is False:
+            raise ValueError("a model stores no dense array, so one cannot be had without a copy")
+        dense = self.to_numpy()
+        return dense if dtype is None else dense.astype(dtype, copy=False)
+
+    def to_dask(self, chunks: Any = "auto") -> Any:
+        """Returns a dask array (z, y, x) that reads a block when it is computed."""
+        return convert.to_dask(self, chunks)
+
+    def to_xarray(self, *, chunks: Any = None) -> Any:
+        """Returns an xarray DataArray with dimensions z, y, x and world coordinates; lazy if `chunks` are given.
+
+        If the axes point along the world's, coordinates are those of the world. In an oblique volume they are distances
+        from the first point; the attributes `origin` and `direction` place them.
+        """
+        return convert.to_xarray(self, chunks)
+
+    def to_sitk(self) -> Any:
+        """Returns a SimpleITK image; its origin and direction are turned from R, A, S to SimpleITK's L, P, S."""
+        return convert.to_sitk(self)
+
+    def to_pyvista(self) -> Any:
+        """Returns a PyVista ImageData with the point data "values"."""
+        return convert.to_pyvista(self)
+
+    # --- Editing
+
+    def edit(self) -> Edit:
+        """Starts an edit: `f.edit().add(coordinates, values).remove(mask).save(path)`."""
+        from .edit import Edit
+
+        return Edit(self)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        if self._path is not None:
+            return _reopened, (self._path, self._open.transfer)
+        return _loaded, (self._open.to_bytes(), self._open.transfer)
+
+    def __repr__(self) -> str:
+        where = self._path or "in memory"
+        if self.closed:
+            return f"<adjsplat.Model closed, {where}>"
+        z, y, x = self.shape
+        return f"<adjsplat.Model {z} x {y} x {x} (z, y, x), {self.count} visible voxels, {where}>"
+
+
+_NATIVE = tuple(np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8"))
+
+
+def _reopened(path: str, transfer: str) -> Model:
+    return _with_text(open(path), transfer)
+
+
+def _loaded(data: bytes, transfer: str) -> Model:
+    return _with_text(Model(_native.Model.from_bytes(data), None), transfer)
+
+
+def _with_text(model: Model, transfer: str) -> Model:
+    return model if model._open.transfer == transfer else model.with_transfer(TransferFunction(transfer))
+
+
+def _expanded(key: Any) -> tuple[Any, ...]:
+    """Returns the parts of an index for z, y and x."""
+    key = key if isinstance(key, tuple) else (key,)
+    dots = [at for at, part in enumerate(key) if part is Ellipsis]
+    if len(dots) > 1 or len(key) - len(dots) > 3:
+        raise IndexError("a model has three indices: z, y, x")
+    at = dots[0] if dots else len(key)
+    missing = (slice(None),) * (3 - len(key) + len(dots))
+    return key[:at] + missing + key[at + 1 :]
+
+
+def _covered(part: Any, points: int, axis: int) -> tuple[int, int, Any]:
+    """Returns first point and length of the range that an index covers, and the index within it."""
+    if isinstance(part, slice):
+        start, stop, step = part.indices(points)
+        picked = range(start, stop, step)
+        if not picked:
+            return 0, 0, slice(None)
+        low = min(picked[0], picked[-1])
+        return low, max(picked[0], picked[-1]) - low + 1, slice(None, None, step)
+    try:
+        index = part.__index__()
+    except (AttributeError, TypeError):
+        kind = type(part).__name__
+        raise TypeError(f"a model is indexed by whole numbers and slices, not {kind}; take f.to_numpy() first") from None
+    if not -points <= index < points:
+        raise IndexError(f"index {index} is out of bounds for axis {axis} with {points} points")
+    return index % points, 1, 0
