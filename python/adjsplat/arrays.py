@@ -80,4 +80,4 @@ class Slices:
             ends = np.iinfo(self.target)
             if plane.min() < ends.min or plane.max() > ends.max:
                 raise ValueError(f"the array holds {plane.dtype} numbers beyond {self.target}; convert it to float64")
-        return np.ascontiguousarray(plane, dtype=self.target)
+        return np.require(plane, self.target, ["C", "A"])

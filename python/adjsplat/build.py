@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from . import _native
+from .arguments import byte_count, output_path, thread_count
 from .arrays import Slices, is_array
 from .convert import TURNED
 from .model import Model
@@ -31,8 +32,7 @@ class _Place:
         self.spacing = _numbers("spacing", spacing, 3)
         origin = _numbers("origin", origin, 3)
         self.origin = None if origin is None else [float(part) for part in origin * turned]
-        direction = None if direction is None else np.asarray(direction, dtype=np.float64).reshape(-1)
-        matrix = _numbers("direction", direction, 9)
+        matrix = _numbers("direction", None if direction is None else np.ravel(direction), 9)
         # The library takes a vector for each axis, which is a column of the matrix.
         self.direction = None if matrix is None else (matrix.reshape(3, 3) * turned[:, None]).T.tolist()
         self.unit = unit
@@ -59,6 +59,10 @@ class _Packing:
     def __init__(self, lanes: str, value_bits: int | None, normal_bits: int | None, memory: Any, threads: int | None):
         if lanes not in ("x", "xy", "xyz"):
             raise ValueError(f'lanes are "{lanes}", but must be x, xy or xyz')
+        if value_bits not in (None, 8, 16):
+            raise ValueError(f"value_bits are {value_bits}, but must be 8 or 16")
+        if normal_bits not in (None, 0, 8, 16):
+            raise ValueError(f"normal_bits are {normal_bits}, but must be 0, 8 or 16")
         self.lanes, self.value_bits, self.normal_bits = len(lanes), value_bits, normal_bits
         self.memory, self.threads = byte_count(memory), thread_count(threads)
 
@@ -153,7 +157,7 @@ def build(
         source = _native.file_source(files, reading, place)
         for note in source.notes:
             warnings.warn(note, BuildWarning, stacklevel=2)
-    path = None if out is None else _writable(out, files)
+    path = None if out is None else output_path(out, files)
     model, lines = _native.build(source, chosen, path, packing, progress)
     for line in lines:
         warnings.warn(line, BuildWarning, stacklevel=2)
@@ -190,47 +194,6 @@ def _files(volume: Any) -> list[str]:
     if isinstance(volume, Sequence) and volume and all(isinstance(file, (str, os.PathLike)) for file in volume):
         return [os.fspath(file) for file in volume]
     raise TypeError(f"a volume is an array (z, y, x), a path or a list of paths, not {type(volume).__name__}")
-
-
-def _writable(out: str | os.PathLike[str], files: list[str]) -> str:
-    """Returns the absolute path of the output, if it would replace nothing but an .adj file."""
-    path = os.path.abspath(os.fspath(out))
-    if os.path.isfile(path) and os.path.getsize(path):
-        if any(os.path.exists(file) and os.path.samefile(file, path) for file in files):
-            raise ValueError(f"{path} is the volume itself, which the model would replace; give another name")
-        with open(path, "rb") as file:
-            is_adj = file.read(8) == b"\x89ADJ\r\n\x1a\n"
-        if not is_adj and not path.endswith(".adj"):
-            raise ValueError(f"{path} is there already and is no .adj file; give a name that ends in .adj")
-    return path
-
-
-def byte_count(memory: int | str | None) -> int | None:
-    """Returns a number of bytes: 1000000, "500MB", "2GiB".
-
-    >>> byte_count("64MiB")
-    67108864
-    """
-    if memory is None:
-        return None
-    if isinstance(memory, str):
-        units = {"": 1, "b": 1, "kib": 2**10, "mib": 2**20, "gib": 2**30, "kb": 10**3, "mb": 10**6, "gb": 10**9}
-        text = memory.strip().lower()
-        number = text.rstrip("kmgib ")
-        try:
-            memory = int(float(number) * units[text[len(number) :].strip()])
-        except (KeyError, ValueError, OverflowError):
-            raise ValueError(f'memory is "{memory}", but must be a size such as 64MiB, 1.5GiB or 500MB') from None
-    if not 0 < memory < 2**63:
-        raise ValueError(f"memory is {memory}, but must be a number of bytes above 0")
-    return int(memory)
-
-
-def thread_count(threads: int | None) -> int | None:
-    """Returns a number of threads from 1 to 1024, or None for all processors."""
-    if threads is not None and not 1 <= threads <= 1024:
-        raise ValueError(f"threads are {threads}, but must be 1 to 1024")
-    return threads
 
 
 def _numbers(name: str, numbers: Any, count: int) -> np.ndarray | None:

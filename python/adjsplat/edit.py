@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .build import Progress, byte_count, thread_count
+from .arguments import byte_count, output_path, thread_count
+from .build import Progress
 from .model import Model
 
 
@@ -78,7 +79,7 @@ class Edit:
 
         Raises `ValueError` if no voxel is left.
         """
-        path = os.path.abspath(os.fspath(path))
+        path = output_path(path)
         native = self._model._open
         saved = _native.save_edited(native, path, self._steps, byte_count(memory), thread_count(threads), progress)
         return Model(saved, path)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _native, convert
+from .arguments import output_path
 from .transfer import TransferFunction, as_transfer
 
 if TYPE_CHECKING:
@@ -167,7 +168,8 @@ class Model:
 
     def save(self, path: str | os.PathLike[str]) -> Model:
         """Writes the model to a file, whole or not at all, and opens it."""
-        self._open.save(os.fspath(path))
+        path = output_path(path)
+        self._open.save(path)
         return open(path)
 
     # --- The grid
@@ -332,10 +334,11 @@ class Model:
 
     def block(self, low: tuple[int, int, int], shape: tuple[int, int, int], *, dtype: Any = None, fill: float = 0) -> np.ndarray:
         """Returns the box of `shape` (z, y, x) whose first point is `low`, dense; `fill` stands for what is not visible."""
-        dtype = np.dtype(self.dtype if dtype is None else dtype)
-        if dtype.newbyteorder("=") not in _NATIVE or np.asarray(fill).astype(dtype) != fill and not np.isnan(fill):
-            raise ValueError(f"a block of {dtype} cannot be filled with {fill}: choose dtype among {', '.join(map(str, _NATIVE))}")
-        dtype = dtype.newbyteorder("=")
+        dtype = np.dtype(self.dtype if dtype is None else dtype).newbyteorder("=")
+        if dtype not in _NATIVE:
+            raise ValueError(f"dtype is {dtype}, but must be one of {', '.join(map(str, _NATIVE))}")
+        if dtype.kind != "f" and not (float(fill).is_integer() and np.iinfo(dtype).min <= fill <= np.iinfo(dtype).max):
+            raise ValueError(f"{dtype} does not hold {fill}, which is to fill the block: choose another dtype")
         out = np.zeros(shape, dtype) if fill == 0 else np.full(shape, fill, dtype)
         if out.size:
             _native.read_block(self._open, out, tuple(reversed(low)))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .build import thread_count
+from .arguments import thread_count
 from .model import Model, _covered, _expanded, open
 from .pictures import linear_colour, over, to_srgb8
 

@@ -38,7 +38,7 @@ fn os_error(action: &str, path: &Path, source: &std::io::Error) -> PyErr {
     Python::attach(|py| {
         let reason = || py.import("os")?.call_method1("strerror", (number,))?.extract::<String>();
         match reason() {
-            Ok(reason) => PyOSError::new_err((number, format!("cannot {action}: {reason}"), path.to_path_buf())),
+            Ok(reason) => PyOSError::new_err((number, format!("cannot {action}: {reason}"), path.as_os_str().to_owned())),
             Err(failure) => failure,
         }
     })
@@ -48,7 +48,7 @@ fn format_error(message: String, path: &Path, fault: &FormatFault) -> PyResult<P
     Python::attach(|py| {
         let error = FormatError::new_err(message);
         let value = error.value(py);
-        value.setattr("path", path)?;
+        value.setattr("path", path.as_os_str())?;
         value.setattr("offset", fault.at)?;
         value.setattr("rule", fault.rule)?;
         value.setattr("expected", &fault.expected)?;
