@@ -40,7 +40,7 @@ def open(path: str | os.PathLike[str]) -> Model:  # noqa: A001 - as in zarr and 
 
     >>> with adj.open("engine.adj") as f:
     ...     print(f.shape, f.count)
-    (64, 64, 64) 17656
+    (64, 64, 64) 143360
     """
     path = os.path.abspath(os.fspath(path))
     return Model(_native.Model.open(path), path)

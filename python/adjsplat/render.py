@@ -231,7 +231,7 @@ def render(
     >>> picture = adj.render(f, size=(64, 48), azimuth=30, elevation=20)
     >>> picture.shape, picture.dtype
     ((48, 64, 4), dtype('float32'))
-    >>> adj.render(f, size=(8, 8), background="white", dtype=np.uint8)[0, 0].tolist()
+    >>> adj.render(f, size=(64, 48), background="white", dtype=np.uint8)[0, 0].tolist()
     [255, 255, 255, 255]
     """
     options = dict(locals())

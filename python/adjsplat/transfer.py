@@ -56,7 +56,7 @@ class TransferFunction:
         `ct-bone+1024` is `ct-bone` for values that are 1024 above Hounsfield units.
 
         >>> TransferFunction.preset("ct-bone+1024").opacity([1100, 2000]).round(2).tolist()
-        [0.0, 0.72]
+        [0.0, 0.9]
         """
         return cls(_native.transfer_preset(name))
 
