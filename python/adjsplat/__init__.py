@@ -14,6 +14,7 @@ from .edit import Edit
 from .model import Lane, Model, open
 from .pictures import Metrics, compare, save
 from .render import Renderer, devices, render
+from .show import show
 from .transfer import TransferFunction
 
 __all__ = [
@@ -33,4 +34,5 @@ __all__ = [
     "open",
     "render",
     "save",
+    "show",
 ]

@@ -38,7 +38,9 @@ fn os_error(action: &str, path: &Path, source: &std::io::Error) -> PyErr {
     Python::attach(|py| {
         let reason = || py.import("os")?.call_method1("strerror", (number,))?.extract::<String>();
         match reason() {
-            Ok(reason) => PyOSError::new_err((number, format!("cannot {action}: {reason}"), path.as_os_str().to_owned())),
+            Ok(reason) => {
+                PyOSError::new_err((number, format!("cannot {action}: {reason}"), path.as_os_str().to_owned()))
+            }
             Err(failure) => failure,
         }
     })

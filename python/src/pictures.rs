@@ -11,7 +11,7 @@ use adjsplat_pictures::{Picture, PictureKind, SampleDepth, write_png};
 use numpy::{PyArray3, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict};
 
 use crate::errors::exception;
 use crate::render::picture;
@@ -60,6 +60,17 @@ pub(crate) fn compare<'py>(
 pub(crate) fn read_picture(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyArray3<f32>>> {
     let frame = py.detach(|| adjsplat_pictures::read_picture(&path)).map_err(exception)?;
     picture(py, &frame)
+}
+
+/// Returns the bytes of a PNG of a linear premultiplied picture.
+#[pyfunction]
+pub(crate) fn encode_png<'py>(py: Python<'py>, picture: PyReadonlyArray3<'py, f32>) -> PyResult<Bound<'py, PyBytes>> {
+    let frame = frame(&picture)?;
+    let encoded = py.detach(|| {
+        let mut bytes = Vec::new();
+        Picture::new(&frame, PictureKind::Png, SampleDepth::Eight).write(&mut bytes).map(|()| bytes)
+    });
+    Ok(PyBytes::new(py, &encoded?))
 }
 
 /// Writes linear premultiplied pictures to a file whose ending says its format; several make an animated PNG.
