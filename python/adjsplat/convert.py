@@ -38,7 +38,7 @@ def to_sitk(model: Model) -> Any:
     sitk = needed("SimpleITK", "to_sitk")
     image = sitk.GetImageFromArray(model.to_numpy())
     image.SetSpacing(model.spacing)
-    image.SetOrigin((model.origin * TURNED).tolist())
+    image.SetOrigin((np.array(model.origin) * TURNED).tolist())
     image.SetDirection((np.reshape(model.direction, (3, 3)) * TURNED[:, None]).ravel().tolist())
     return image
 

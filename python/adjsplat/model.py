@@ -32,7 +32,7 @@ TILE = np.dtype(
 )
 
 
-def open(path: str | os.PathLike[str]) -> Model:  # noqa: A001 - as in zarr and gzip
+def open(path: str | os.PathLike[str]) -> Model:
     """Opens an .adj file. It is mapped, not read: this takes microseconds, whatever its size.
 
     Raises `OSError` if there is no such file, and `FormatError` (with `offset` and `rule`) if it is damaged. Nobody may
@@ -138,7 +138,7 @@ class Model:
         self._native = None
 
     def __enter__(self) -> Model:
-        self._open
+        _ = self._open
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -202,12 +202,14 @@ class Model:
     @property
     def spacing(self) -> tuple[float, float, float]:
         """Distances between points along (x, y, z), in world units."""
-        return tuple(self._open.spacing)
+        x, y, z = self._open.spacing
+        return x, y, z
 
     @property
     def origin(self) -> tuple[float, float, float]:
         """World position (x, y, z) of point (0, 0, 0)."""
-        return tuple(self._open.origin)
+        x, y, z = self._open.origin
+        return x, y, z
 
     @property
     def direction(self) -> tuple[float, ...]:
@@ -236,7 +238,8 @@ class Model:
     def bounds(self) -> tuple[slice, slice, slice]:
         """The smallest box (z, y, x) of slices that holds all visible voxels: `f[f.bounds]` is the volume, cropped."""
         low, high = self._open.bounds() or ((0, 0, 0), (-1, -1, -1))
-        return tuple(slice(a, b + 1) for a, b in zip(reversed(low), reversed(high)))
+        x, y, z = (slice(a, b + 1) for a, b in zip(low, high))
+        return z, y, x
 
     # --- Values
 
@@ -279,7 +282,7 @@ class Model:
         >>> f.missing_values(adj.TransferFunction.range(150))
         []
         """
-        return [tuple(ends) for ends in self._open.missing_values(as_transfer(transfer).to_json())]
+        return [(low, high) for low, high in self._open.missing_values(as_transfer(transfer).to_json())]
 
     @property
     def lanes(self) -> Mapping[str, Lane]:
@@ -350,13 +353,12 @@ class Model:
         >>> f[10:12, :, 5].shape
         (2, 64)
         """
-        self._open
+        _ = self._open
         ranges, keys = [], _expanded(key)
         for axis, (part, points) in enumerate(zip(keys, self.shape)):
             ranges.append(_covered(part, points, axis))
-        low = tuple(first for first, _, _ in ranges)
-        shape = tuple(length for _, length, _ in ranges)
-        return self.block(low, shape)[tuple(within for _, _, within in ranges)]
+        low, shape, within = zip(*ranges)
+        return self.block(low, shape)[within]
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -373,6 +375,9 @@ class Model:
             raise ValueError("a model stores no dense array, so one cannot be had without a copy")
         dense = self.to_numpy()
         return dense if dtype is None else dense.astype(dtype, copy=False)
+
+    def __dask_tokenize__(self) -> tuple[Any, ...]:
+        return "adjsplat.Model", self._open.fingerprint
 
     def to_dask(self, chunks: Any = "auto") -> Any:
         """Returns a dask array (z, y, x) that reads a block when it is computed."""

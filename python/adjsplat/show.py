@@ -79,7 +79,7 @@ def show(
     renderer = Renderer(f, transfer=transfer, device=device)
     still = options.pop("quality", "standard")
 
-    class View(anywidget.AnyWidget):
+    class View(anywidget.AnyWidget):  # type: ignore[name-defined]
         _esm = SCRIPT
         png = traitlets.Bytes().tag(sync=True)
         #: The last number of the view that was drawn.

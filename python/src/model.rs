@@ -109,6 +109,12 @@ impl Model {
         Ok(self.arena()?.bytes().len())
     }
 
+    /// A checksum of the header and of the sections' checksums: it differs between files of different content.
+    #[getter]
+    fn fingerprint(&self) -> PyResult<u64> {
+        Ok(self.arena()?.fingerprint())
+    }
+
     /// The description, a JSON text; empty if there is none.
     #[getter]
     fn description(&self) -> PyResult<String> {

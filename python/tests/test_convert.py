@@ -22,6 +22,8 @@ def test_dask_reads_blocks(file):
     lazy = f.to_dask((8, 10, 9))
     assert isinstance(lazy, dask.Array) and lazy.chunks == ((8, 8, 4), (10, 10, 4), (9, 9, 9, 1)) and lazy.dtype == np.uint8
     assert (lazy.compute() == f.to_numpy()).all()
+    # Equal files give equal names, so that dask computes them once.
+    assert lazy.name == adj.open(file).to_dask((8, 10, 9)).name
     assert (lazy[3:7, ::2].compute(scheduler="threads") == f[3:7, ::2]).all()
     assert (pickle.loads(pickle.dumps(lazy)).sum().compute(scheduler="sync")) == f.to_numpy().sum()
 

@@ -45,7 +45,7 @@ def test_every_public_name_says_what_it_is():
 
 def test_the_page_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
     """Each block of docs/python.md, in one namespace, in an empty folder."""
-    for package in ("nibabel", "zarr", "dask", "xarray", "SimpleITK", "pyvista", "matplotlib"):
+    for package in ("nibabel", "zarr", "dask", "xarray", "SimpleITK", "pyvista", "matplotlib", "anywidget"):
         pytest.importorskip(package)
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MPLBACKEND", "Agg")
