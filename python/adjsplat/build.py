@@ -190,6 +190,8 @@ def _files(volume: Any) -> list[str]:
             if not found:
                 raise FileNotFoundError(2, "no file matches this pattern", path)
             return found
+        if isinstance(path, str) and path.endswith(".adj") and os.path.isfile(path):
+            raise ValueError(f"{path} is an .adj file, which holds no volume; open it, or give the volume that it was built from")
         return [path]
     if isinstance(volume, Sequence) and volume and all(isinstance(file, (str, os.PathLike)) for file in volume):
         return [os.fspath(file) for file in volume]

@@ -108,10 +108,10 @@ class Renderer:
 
     def render(
         self,
-        *,
         size: Sequence[int] = (800, 800),
         azimuth: float = 0.0,
         elevation: float = 0.0,
+        *,
         zoom: float = 1.0,
         perspective: float | None = None,
         up: str = "z",
@@ -187,10 +187,10 @@ def _opened(model: Model, device: str, vram: int | None) -> _native.Device | Non
 
 def render(
     f: Model | str | os.PathLike[str],
-    *,
     size: Sequence[int] = (800, 800),
     azimuth: float = 0.0,
     elevation: float = 0.0,
+    *,
     zoom: float = 1.0,
     perspective: float | None = None,
     up: str = "z",

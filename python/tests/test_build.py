@@ -199,6 +199,11 @@ def test_the_output_replaces_only_adj_files(volume, tmp_path):
         adj.build(volume, tmp_path / "no" / "folder.adj", visible=(60, None))
 
 
+def test_an_adj_file_is_no_volume(file):
+    with pytest.raises(ValueError, match="holds no volume"):
+        adj.build(file, visible=(60, None))
+
+
 def test_the_transfer_function_is_stored(volume):
     magma = adj.TransferFunction.points([(60, "#000000", 0.1), (200, "#ffffff", 0.9)])
     f = adj.build(volume, transfer=magma)

@@ -12,6 +12,7 @@ from adjsplat.pictures import to_srgb8
 
 def test_shapes_types_and_light(model):
     linear = adj.render(model, size=(80, 60), azimuth=30, elevation=20)
+    assert (adj.render(model, (80, 60), 30, 20) == linear).all()
     assert linear.shape == (60, 80, 4) and linear.dtype == np.float32
     assert 0 <= linear.min() and 0.5 < linear[..., 3].max() <= 1
     # Premultiplied: no colour is brighter than the light allows, and where nothing is, nothing shines.
