@@ -11,7 +11,8 @@ goes from a volume to a turntable step by step.
 from ._native import DeviceError, FormatError, __version__
 from .build import BuildWarning, build
 from .edit import Edit
-from .model import Lane, Model, open
+from .lanes import Lane
+from .model import Model, open
 from .pictures import Metrics, compare, save
 from .render import Renderer, devices, render
 from .show import show

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import builtins
 import json
 import math
 import os
@@ -13,90 +14,31 @@ import numpy as np
 
 from . import _native, convert
 from .arguments import output_path
+from .indices import covered, expanded
+from .lanes import Lane
 from .transfer import TransferFunction, as_transfer
 
 if TYPE_CHECKING:
     from .edit import Edit
 
-#: A tile: 8 x 8 scan lines of a lane, as the file stores it (formats/adj-1.md).
-TILE = np.dtype(
-    [
-        ("tile_u", "<u2"),
-        ("tile_v", "<u2"),
-        ("first_line", "<u4"),
-        ("first_record", "<u8"),
-        ("occupancy", "<u8"),
-        ("low", "<u2"),
-        ("high", "<u2"),
-    ]
-)
-
-
-def open(path: str | os.PathLike[str]) -> Model:
+def open(path: str | os.PathLike[str], *, mapped: bool = True) -> Model:
     """Opens an .adj file. It is mapped, not read: this takes microseconds, whatever its size.
 
     Raises `OSError` if there is no such file, and `FormatError` (with `offset` and `rule`) if it is damaged. Nobody may
-    shorten or change the file in place while it is open; replacing it by another of its name is safe.
+    shorten or change a mapped file in place; replacing it by another of its name is safe. `mapped=False` reads the file
+    into memory instead, for places where that cannot be promised.
 
     >>> with adj.open("engine.adj") as f:
     ...     print(f.shape, f.count)
     (64, 64, 64) 143360
     """
     path = os.path.abspath(os.fspath(path))
-    return Model(_native.Model.open(path), path)
-
-
-class Lane:
-    """A stored lane: every visible voxel once, on the scan lines along one axis, as arrays that nothing copied.
-
-    All arrays are read-only and stay valid after the model is closed. formats/adj-1.md says what they hold.
-    """
-
-    __slots__ = ("_model", "_wide_lines", "axis", "bits")
-
-    def __init__(self, model: _native.Model, axis: str):
-        #: The axis along which the lines run: "x", "y" or "z".
-        self.axis = axis
-        #: Bits of a value, of each component of a normal, and of a magnitude; 0 for what is not stored.
-        self.bits = tuple(model.bits)
-        self._model = model
-        self._wide_lines = model.dims["xyz".index(axis)] > 1023
-
-    def _section(self, name: str) -> np.ndarray:
-        return _native.lane_section(self._model, self.axis, name)
-
-    @property
-    def tiles(self) -> np.ndarray:
-        """The tiles that hold voxels, as records of the type `adjsplat.model.TILE`."""
-        return self._section("tiles").view(TILE)
-
-    @property
-    def line_ends(self) -> np.ndarray:
-        """For each line that holds voxels the end of its records, counted from its tile's first: uint16 or uint32."""
-        return self._section("line ends").view("<u4" if self._wide_lines else "<u2")
-
-    @property
-    def steps(self) -> np.ndarray:
-        """For each record the distance from the one before it on its line, uint8; 0 only bridges 255 points."""
-        return self._section("steps")
-
-    @property
-    def values(self) -> np.ndarray:
-        """For each record the code of its value: uint8 or uint16."""
-        return self._section("values").view("<u2" if self.bits[0] == 16 else "u1")
-
-    @property
-    def normals(self) -> np.ndarray:
-        """For each record the octahedral code of its normal: uint16 or uint32; empty if there are none."""
-        return self._section("normals").view("<u4" if self.bits[1] == 16 else "<u2")
-
-    @property
-    def magnitudes(self) -> np.ndarray:
-        """For each record the code of its gradient's magnitude, uint8; empty if there are none."""
-        return self._section("magnitudes")
-
-    def __repr__(self) -> str:
-        return f"<adjsplat.Lane along {self.axis}, {self.steps.size} records>"
+    if mapped:
+        return Model(_native.Model.open(path), path)
+    # Opened as a map first: it refuses pipes and folders, and names the file in its errors.
+    _native.Model.open(path)
+    with builtins.open(path, "rb") as file:
+        return Model(_native.Model.from_bytes(file.read()), path)
 
 
 class Model:
@@ -354,9 +296,9 @@ class Model:
         (2, 64)
         """
         _ = self._open
-        ranges, keys = [], _expanded(key)
+        ranges, keys = [], expanded(key)
         for axis, (part, points) in enumerate(zip(keys, self.shape)):
-            ranges.append(_covered(part, points, axis))
+            ranges.append(covered(part, points, axis))
         low, shape, within = zip(*ranges)
         return self.block(low, shape)[within]
 
@@ -433,33 +375,3 @@ def _loaded(data: bytes, transfer: str) -> Model:
 
 def _with_text(model: Model, transfer: str) -> Model:
     return model if model._open.transfer == transfer else model.with_transfer(TransferFunction(transfer))
-
-
-def _expanded(key: Any) -> tuple[Any, ...]:
-    """Returns the parts of an index for z, y and x."""
-    key = key if isinstance(key, tuple) else (key,)
-    dots = [at for at, part in enumerate(key) if part is Ellipsis]
-    if len(dots) > 1 or len(key) - len(dots) > 3:
-        raise IndexError("a model has three indices: z, y, x")
-    at = dots[0] if dots else len(key)
-    missing = (slice(None),) * (3 - len(key) + len(dots))
-    return key[:at] + missing + key[at + 1 :]
-
-
-def _covered(part: Any, points: int, axis: int) -> tuple[int, int, Any]:
-    """Returns first point and length of the range that an index covers, and the index within it."""
-    if isinstance(part, slice):
-        start, stop, step = part.indices(points)
-        picked = range(start, stop, step)
-        if not picked:
-            return 0, 0, slice(None)
-        low = min(picked[0], picked[-1])
-        return low, max(picked[0], picked[-1]) - low + 1, slice(None, None, step)
-    try:
-        index = part.__index__()
-    except (AttributeError, TypeError):
-        kind = type(part).__name__
-        raise TypeError(f"a model is indexed by whole numbers and slices, not {kind}; take f.to_numpy() first") from None
-    if not -points <= index < points:
-        raise IndexError(f"index {index} is out of bounds for axis {axis} with {points} points")
-    return index % points, 1, 0

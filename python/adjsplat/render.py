@@ -12,7 +12,8 @@ import numpy as np
 
 from . import _native
 from .arguments import thread_count
-from .model import Model, _covered, _expanded, open
+from .indices import covered, expanded
+from .model import Model, open
 from .pictures import linear_colour, over, to_srgb8
 
 
@@ -43,8 +44,8 @@ class _Look:
 def _crop(model: Model, crop: Any) -> list[list[int]]:
     """Returns the lowest and highest coordinates (x, y, z) of an index with steps of 1."""
     low, high = [], []
-    for axis, (part, points) in enumerate(zip(_expanded(crop), model.shape)):
-        first, length, within = _covered(part, points, axis)
+    for axis, (part, points) in enumerate(zip(expanded(crop), model.shape)):
+        first, length, within = covered(part, points, axis)
         if length == 0 or isinstance(within, slice) and within.step not in (1, None):
             raise ValueError("a crop is a box of at least one voxel: slices with steps of 1")
         low.append(first)

@@ -37,8 +37,8 @@ impl Model {
 
     /// Takes the bytes of an .adj file.
     #[staticmethod]
-    fn from_bytes(py: Python<'_>, bytes: Vec<u8>) -> PyResult<Model> {
-        py.detach(|| adjsplat::Model::from_bytes(bytes)).map(Model).map_err(exception)
+    fn from_bytes(py: Python<'_>, bytes: &[u8]) -> PyResult<Model> {
+        py.detach(|| adjsplat::Model::from_bytes(bytes.to_vec())).map(Model).map_err(exception)
     }
 
     /// Returns a copy of the bytes of the file.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import adjsplat as adj
-from adjsplat.model import TILE
+from adjsplat.lanes import TILE
 from conftest import blob
 
 
@@ -163,6 +163,15 @@ def test_a_replaced_file_stays_what_it_was(file, volume):
     assert f.count == (volume >= 60).sum()
     with adj.open(file) as g:
         assert g.count == (volume >= 150).sum()
+
+
+def test_a_file_in_memory_may_be_cut(file, model):
+    f = adj.open(file, mapped=False)
+    want = model.to_numpy()
+    file.write_bytes(b"")
+    assert f.path == str(file) and (f.to_numpy() == want).all()
+    with pytest.raises(adj.FormatError):
+        adj.open(file, mapped=False)
 
 
 def test_a_closed_model_raises_value_error_from_everything(file):
