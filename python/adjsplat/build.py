@@ -39,7 +39,17 @@ class _Place:
 
 
 class _Reading:
-    def __init__(self, shape: Any, dtype: Any, skip: int, volume: int, level: int, series: Any, outside_files: bool, unscaled: bool):
+    def __init__(
+        self,
+        shape: Any,
+        dtype: Any,
+        skip: int,
+        volume: int,
+        level: int,
+        series: Any,
+        outside_files: bool,
+        unscaled: bool,
+    ):
         if (shape is None) != (dtype is None):
             raise ValueError("shape and dtype describe a file without a header; give both")
         self.raw = None
@@ -145,11 +155,24 @@ def build(
     place = _Place(spacing, origin, direction, frame, unit)
     packing = _Packing(lanes, value_bits, normal_bits, memory, threads)
     if is_array(volume):
-        of_files = (shape, dtype, series, skip or None, volume_index or None, level or None, outside_files or None, unscaled or None)
+        of_files = (
+            shape,
+            dtype,
+            series,
+            skip or None,
+            volume_index or None,
+            level or None,
+            outside_files or None,
+            unscaled or None,
+        )
         if any(option is not None for option in of_files):
-            raise ValueError("shape, dtype, skip, volume_index, level, series, outside_files and unscaled are for files")
+            raise ValueError(
+                "shape, dtype, skip, volume_index, level, series, outside_files and unscaled are for files"
+            )
         slices = Slices(volume, packing.memory)
-        source = _native.array_source(slices.read, slices.dims, slices.sample_type, slices.name, place, slices.buffer_bytes)
+        source = _native.array_source(
+            slices.read, slices.dims, slices.sample_type, slices.name, place, slices.buffer_bytes
+        )
         files: list[str] = []
     else:
         files = _files(volume)
@@ -191,7 +214,9 @@ def _files(volume: Any) -> list[str]:
                 raise FileNotFoundError(2, "no file matches this pattern", path)
             return found
         if isinstance(path, str) and path.endswith(".adj") and os.path.isfile(path):
-            raise ValueError(f"{path} is an .adj file, which holds no volume; open it, or give the volume that it was built from")
+            raise ValueError(
+                f"{path} is an .adj file, which holds no volume; open it, or give the volume that it was built from"
+            )
         return [path]
     if isinstance(volume, Sequence) and volume and all(isinstance(file, (str, os.PathLike)) for file in volume):
         return [os.fspath(file) for file in volume]

@@ -29,7 +29,9 @@ def covered(part: Any, points: int, axis: int) -> tuple[int, int, Any]:
         index = part.__index__()
     except (AttributeError, TypeError):
         kind = type(part).__name__
-        raise TypeError(f"a model is indexed by whole numbers and slices, not {kind}; take f.to_numpy() first") from None
+        raise TypeError(
+            f"a model is indexed by whole numbers and slices, not {kind}; take f.to_numpy() first"
+        ) from None
     if not -points <= index < points:
         raise IndexError(f"index {index} is out of bounds for axis {axis} with {points} points")
     return index % points, 1, 0

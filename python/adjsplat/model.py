@@ -21,6 +21,7 @@ from .transfer import TransferFunction, as_transfer
 if TYPE_CHECKING:
     from .edit import Edit
 
+
 def open(path: str | os.PathLike[str], *, mapped: bool = True) -> Model:
     """Opens an .adj file. It is mapped, not read: this takes microseconds, whatever its size.
 
@@ -277,7 +278,9 @@ class Model:
 
     # --- Dense arrays
 
-    def block(self, low: tuple[int, int, int], shape: tuple[int, int, int], *, dtype: Any = None, fill: float = 0) -> np.ndarray:
+    def block(
+        self, low: tuple[int, int, int], shape: tuple[int, int, int], *, dtype: Any = None, fill: float = 0
+    ) -> np.ndarray:
         """Returns the box of `shape` (z, y, x) whose first point is `low`, dense; `fill` stands for what is not visible."""
         dtype = np.dtype(self.dtype if dtype is None else dtype).newbyteorder("=")
         if dtype not in _NATIVE:

@@ -64,13 +64,17 @@ class Renderer:
     (48, 64, 4)
     """
 
-    def __init__(self, f: Model | str | os.PathLike[str], *, transfer: Any = None, device: str = "auto", vram: int | None = None):
+    def __init__(
+        self, f: Model | str | os.PathLike[str], *, transfer: Any = None, device: str = "auto", vram: int | None = None
+    ):
         model = f if isinstance(f, Model) else open(f)
         #: The model that is drawn.
         self.model = model if transfer is None else model.with_transfer(transfer)
         if transfer is not None and (missing := self.model.missing_values(self.model.transfer)):
             ranges = ", ".join(f"{low:g} to {high:g}" for low, high in missing[:6])
-            warnings.warn(f"values {ranges} are visible, but the model does not store all of them: build it again", stacklevel=2)
+            warnings.warn(
+                f"values {ranges} are visible, but the model does not store all of them: build it again", stacklevel=2
+            )
         self._device = _opened(self.model, device, vram)
 
     @property
@@ -152,7 +156,9 @@ class Renderer:
             picture = over(picture, behind)
         return picture if dtype == np.float32 else to_srgb8(picture)
 
-    def turn(self, frames: int = 36, *, azimuth: float = 0.0, elevation: float = 0.0, **options: Any) -> Iterator[np.ndarray]:
+    def turn(
+        self, frames: int = 36, *, azimuth: float = 0.0, elevation: float = 0.0, **options: Any
+    ) -> Iterator[np.ndarray]:
         """Yields the pictures of a full turn around the vertical; `options` are those of `render`.
 
         >>> pictures = list(adj.Renderer(f, device="cpu").turn(4, size=(32, 32)))

@@ -71,7 +71,9 @@ class TransferFunction:
         return cls({"kind": "range", "opacity": opacity, **ends})
 
     @classmethod
-    def contour(cls, value: float, *, opacity: float = 0.9, colour: Any = None, cap: str | None = None) -> TransferFunction:
+    def contour(
+        cls, value: float, *, opacity: float = 0.9, colour: Any = None, cap: str | None = None
+    ) -> TransferFunction:
         """Shows the surface where the volume has this value, two voxels thick.
 
         `cap` closes it where the volume's faces cut the body of higher values ("above") or lower ones ("below").
@@ -81,7 +83,11 @@ class TransferFunction:
 
     @classmethod
     def points(
-        cls, points: Sequence[tuple[float, Any, float]], *, gradient: Sequence[tuple[float, float]] = (), shaded: bool = True
+        cls,
+        points: Sequence[tuple[float, Any, float]],
+        *,
+        gradient: Sequence[tuple[float, float]] = (),
+        shaded: bool = True,
     ) -> TransferFunction:
         """Interpolates between points (value, colour, opacity) with ascending values; constant beyond the ends.
 
@@ -117,7 +123,9 @@ class TransferFunction:
                 name, colour, opacity = str(label), look, 1.0
             return {"label": int(label), "name": name, "colour": _colour(colour), "opacity": opacity}
 
-        return cls({"kind": "labels", "labels": [entry(label, look) for label, look in labels.items()], "others": others})
+        return cls(
+            {"kind": "labels", "labels": [entry(label, look) for label, look in labels.items()], "others": others}
+        )
 
     @classmethod
     def from_matplotlib(
@@ -171,7 +179,9 @@ class TransferFunction:
     def opacity(self, values: Any, magnitude: float = 0.0) -> np.ndarray:
         """Returns the opacity of each value, at a gradient of this magnitude, as float64 of the same shape."""
         values = np.asarray(values, dtype=np.float64)
-        return _native.transfer_opacities(self._text, np.ascontiguousarray(values).ravel(), magnitude).reshape(values.shape)
+        return _native.transfer_opacities(self._text, np.ascontiguousarray(values).ravel(), magnitude).reshape(
+            values.shape
+        )
 
     def colour(self, values: Any) -> np.ndarray:
         """Returns linear red, green and blue of each value, as float32 with one more dimension.
@@ -207,7 +217,9 @@ def as_transfer(transfer: Any) -> TransferFunction:
     if isinstance(transfer, str):
         is_file = transfer.endswith((".json", ".ctbl")) or os.path.exists(transfer)
         return TransferFunction.read(transfer) if is_file else TransferFunction.preset(transfer)
-    raise TypeError(f"transfer is {type(transfer).__name__}, but must be a TransferFunction, a dict, a preset or a path")
+    raise TypeError(
+        f"transfer is {type(transfer).__name__}, but must be a TransferFunction, a dict, a preset or a path"
+    )
 
 
 def _colour(colour: Any) -> Any:

@@ -4,9 +4,9 @@ import json
 
 import numpy as np
 import pytest
+from conftest import blob
 
 import adjsplat as adj
-from conftest import blob
 
 
 def same(a, b):
@@ -141,12 +141,16 @@ def test_files_of_several_formats(volume, tmp_path):
     raw = adj.build(tmp_path / "v.raw", visible=(60, None), shape=volume.shape, dtype="u1")
     assert (raw.to_numpy() == whole.to_numpy()).all()
     (tmp_path / "v16.raw").write_bytes(b"head" + volume.astype(">u2").tobytes())
-    big = adj.build(str(tmp_path / "v16.raw"), visible=(60, None), shape=volume.shape, dtype=">u2", skip=4, spacing=(1, 2, 3))
+    big = adj.build(
+        str(tmp_path / "v16.raw"), visible=(60, None), shape=volume.shape, dtype=">u2", skip=4, spacing=(1, 2, 3)
+    )
     assert (big.to_numpy() == whole.to_numpy()).all() and big.spacing == (1, 2, 3)
     for z, plane in enumerate(volume):
         (tmp_path / f"slice{z}.bin").write_bytes(plane.tobytes())
     pattern = adj.build(tmp_path / "slice*.bin", visible=(60, None), shape=volume.shape, dtype="u1")
-    listed = adj.build([tmp_path / f"slice{z}.bin" for z in range(20)], visible=(60, None), shape=volume.shape, dtype="u1")
+    listed = adj.build(
+        [tmp_path / f"slice{z}.bin" for z in range(20)], visible=(60, None), shape=volume.shape, dtype="u1"
+    )
     assert (pattern.to_numpy() == whole.to_numpy()).all() and (listed.to_numpy() == whole.to_numpy()).all()
     nibabel = pytest.importorskip("nibabel")
     affine = np.array([[-1.0, 0, 0, 5], [0, 2, 0, 6], [0, 0, 3, 7], [0, 0, 0, 1]])

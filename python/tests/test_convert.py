@@ -20,7 +20,11 @@ def test_dask_reads_blocks(file):
     dask = pytest.importorskip("dask.array")
     f = adj.open(file)
     lazy = f.to_dask((8, 10, 9))
-    assert isinstance(lazy, dask.Array) and lazy.chunks == ((8, 8, 4), (10, 10, 4), (9, 9, 9, 1)) and lazy.dtype == np.uint8
+    assert (
+        isinstance(lazy, dask.Array)
+        and lazy.chunks == ((8, 8, 4), (10, 10, 4), (9, 9, 9, 1))
+        and lazy.dtype == np.uint8
+    )
     assert (lazy.compute() == f.to_numpy()).all()
     # Equal files give equal names, so that dask computes them once.
     assert lazy.name == adj.open(file).to_dask((8, 10, 9)).name

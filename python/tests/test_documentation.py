@@ -7,11 +7,13 @@ import re
 
 import numpy as np
 import pytest
-
-import adjsplat as adj
 from conftest import REPOSITORY
 
-MODULES = [adj.__name__] + [f"adjsplat.{module.name}" for module in pkgutil.iter_modules(adj.__path__) if module.name != "_native"]
+import adjsplat as adj
+
+MODULES = [adj.__name__] + [
+    f"adjsplat.{module.name}" for module in pkgutil.iter_modules(adj.__path__) if module.name != "_native"
+]
 
 
 @pytest.mark.parametrize("name", MODULES)
@@ -58,7 +60,16 @@ def test_the_page_runs_from_top_to_bottom(tmp_path, monkeypatch, capsys):
         # Python counts lines from the top of the page, so that a failure names the line.
         exec(compile("\n" * (first_line - 1) + block[1], str(page), "exec"), known)
     made = {path.name for path in tmp_path.iterdir()}
-    assert {"shell.adj", "shell.png", "half.png", "copper.png", "magma.png", "turn.apng", "bowl.adj", "bowl.png"} <= made
+    assert {
+        "shell.adj",
+        "shell.png",
+        "half.png",
+        "copper.png",
+        "magma.png",
+        "turn.apng",
+        "bowl.adj",
+        "bowl.png",
+    } <= made
     assert "R4" in capsys.readouterr().out
 
 

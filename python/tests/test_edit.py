@@ -29,7 +29,9 @@ def test_steps_follow_each_other(model, tmp_path):
 
 
 def test_an_edit_without_effect_gives_the_same_voxels(model, tmp_path):
-    for number, edit in enumerate([model.edit(), model.edit().remove(np.zeros(model.count, bool)), model.edit().add([], [])]):
+    for number, edit in enumerate(
+        [model.edit(), model.edit().remove(np.zeros(model.count, bool)), model.edit().add([], [])]
+    ):
         same = edit.save(tmp_path / f"{number}.adj")
         assert (same.coordinates() == model.coordinates()).all() and (same.normals() == model.normals()).all()
 
@@ -57,7 +59,9 @@ def test_magnitudes_are_stored(volume, tmp_path):
 
 
 def test_values_above_all_others_keep_their_type(tmp_path):
-    f = adj.build(np.full((4, 4, 4), 100, np.uint16) + np.arange(4, dtype=np.uint16), visible=(100, None), value_bits=16)
+    f = adj.build(
+        np.full((4, 4, 4), 100, np.uint16) + np.arange(4, dtype=np.uint16), visible=(100, None), value_bits=16
+    )
     high = f._native.value_scale[0] + f._native.value_scale[1] * 65535
     if high > 103:
         g = f.edit().add([[0, 0, 0]], high).save(tmp_path / "g.adj")

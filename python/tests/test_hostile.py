@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from conftest import REPOSITORY, blob
 
 import adjsplat as adj
-from conftest import REPOSITORY, blob
 
 ONES = np.ones((4, 5, 6), np.uint8)
 
@@ -182,7 +182,9 @@ def test_a_block_larger_than_memory_raises(tmp_path):
     assert f[2999, 0, :5].tolist() == [1, 0, 0, 0, 0]
 
 
-@pytest.mark.parametrize(("dtype", "fill"), [("u1", -1), ("u1", 300), ("u1", 0.5), ("c8", 0), ("S1", 0), ("i8", 0), ("u1", np.nan)])
+@pytest.mark.parametrize(
+    ("dtype", "fill"), [("u1", -1), ("u1", 300), ("u1", 0.5), ("c8", 0), ("S1", 0), ("i8", 0), ("u1", np.nan)]
+)
 def test_blocks_of_other_types_raise(model, dtype, fill):
     with pytest.raises((ValueError, TypeError, OverflowError)):
         model.to_numpy(dtype=dtype, fill=fill)

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from conftest import blob
 
 import adjsplat as adj
 from adjsplat.lanes import TILE
-from conftest import blob
 
 
 def kept(volume):
@@ -179,7 +179,9 @@ def test_a_closed_model_raises_value_error_from_everything(file):
     with f:
         pass
     assert f.closed and "closed" in repr(f)
-    uses = [name for name in dir(adj.Model) if not name.startswith("_") and name not in ("close", "closed", "path", "ndim")]
+    uses = [
+        name for name in dir(adj.Model) if not name.startswith("_") and name not in ("close", "closed", "path", "ndim")
+    ]
     arguments = {
         "save": ("x.adj",),
         "with_transfer": ("ct-bone",),

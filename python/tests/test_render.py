@@ -112,12 +112,19 @@ def test_compare(model, tmp_path):
     found = adj.compare(a, b)
     assert found.max_abs == pytest.approx(0.25) and found.max_at == (column, row)
     lit = (a != 0).any(axis=-1).sum()
-    assert found.rmse == pytest.approx(0.25 / np.sqrt(4 * lit)) and found.psnr == pytest.approx(-20 * np.log10(found.rmse))
+    assert found.rmse == pytest.approx(0.25 / np.sqrt(4 * lit)) and found.psnr == pytest.approx(
+        -20 * np.log10(found.rmse)
+    )
     adj.save(tmp_path / "a.exr", a)
     assert adj.compare(tmp_path / "a.exr", a).max_abs == 0
     adj.save(tmp_path / "a.png", a)
     assert adj.compare(a, tmp_path / "a.png").display_psnr > 50
-    assert adj.compare(adj.render(model, size=(64, 64), quality="reference", dtype=np.uint8), tmp_path / "a.png").display_max_abs < 1e-6
+    assert (
+        adj.compare(
+            adj.render(model, size=(64, 64), quality="reference", dtype=np.uint8), tmp_path / "a.png"
+        ).display_max_abs
+        < 1e-6
+    )
 
 
 def test_pictures_are_saved_as_they_are_shown(model, tmp_path):
@@ -163,7 +170,10 @@ def test_pictures_are_saved_as_they_are_shown(model, tmp_path):
         ({"camera": {}}, ValueError),
         ({"camera": {"position": [0, 0, 0], "target": [0, 0, 0], "up": [0, 0, 1], "fov": 30}}, ValueError),
         ({"camera": {"position": [0, 0, float("nan")], "target": [0, 0, 0], "up": [0, 0, 1], "fov": 30}}, ValueError),
-        ({"camera": {"position": [0, 9, 0], "target": [0, 0, 0], "up": [0, 0, 1], "fov": 30}, "azimuth": 5}, ValueError),
+        (
+            {"camera": {"position": [0, 9, 0], "target": [0, 0, 0], "up": [0, 0, 1], "fov": 30}, "azimuth": 5},
+            ValueError,
+        ),
     ],
     ids=str,
 )
@@ -174,7 +184,12 @@ def test_wrong_options_raise(model, options, error):
 
 @pytest.mark.parametrize(
     "picture",
-    [np.zeros((4, 4, 3), np.float32), np.zeros((4, 4), np.float32), np.zeros((0, 4, 4), np.float32), np.full((2, 2, 4), np.nan)],
+    [
+        np.zeros((4, 4, 3), np.float32),
+        np.zeros((4, 4), np.float32),
+        np.zeros((0, 4, 4), np.float32),
+        np.full((2, 2, 4), np.nan),
+    ],
     ids=["three channels", "grey", "empty", "nan"],
 )
 def test_what_is_no_picture_raises(picture):

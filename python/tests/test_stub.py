@@ -3,14 +3,19 @@
 import ast
 import inspect
 
-from adjsplat import _native
 from conftest import REPOSITORY
+
+from adjsplat import _native
 
 STUB = ast.parse((REPOSITORY / "python" / "adjsplat" / "_native.pyi").read_text(encoding="utf-8"))
 
 
 def public(thing):
-    return {name: value for name, value in vars(thing).items() if not name.startswith("_") or name in ("__new__", "__version__")}
+    return {
+        name: value
+        for name, value in vars(thing).items()
+        if not name.startswith("_") or name in ("__new__", "__version__")
+    }
 
 
 def stated(function):

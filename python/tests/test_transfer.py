@@ -17,9 +17,15 @@ FUNCTIONS = [
     TransferFunction.labels({1: "#ff0000", 2: ("two", (0, 1, 0), 0.5)}, others="distinct"),
     TransferFunction.labels(),
     TransferFunction.preset("ct-bone+1024"),
-    TransferFunction({"kind": "region", "knots": [
-        {"value": np.float32(v), "colour": np.array([1.0, v / 100, 0.0]), "opacity": np.float64(0.5)} for v in (0, 50, 100)
-    ]}),
+    TransferFunction(
+        {
+            "kind": "region",
+            "knots": [
+                {"value": np.float32(v), "colour": np.array([1.0, v / 100, 0.0]), "opacity": np.float64(0.5)}
+                for v in (0, 50, 100)
+            ],
+        }
+    ),
 ]
 
 
@@ -44,7 +50,9 @@ def test_a_function_differs_from_others():
     assert TransferFunction.range(60) != TransferFunction.range(61) and TransferFunction.range(60) != 60
 
 
-@pytest.mark.parametrize("opacity", ["linear", "linear_r", "geom", "geom_r", "sigmoid", "sigmoid_r", 0.3, [0, 1, 0]], ids=str)
+@pytest.mark.parametrize(
+    "opacity", ["linear", "linear_r", "geom", "geom_r", "sigmoid", "sigmoid_r", 0.3, [0, 1, 0]], ids=str
+)
 def test_colour_maps_of_matplotlib(opacity):
     matplotlib = pytest.importorskip("matplotlib")
     f = TransferFunction.from_matplotlib("magma", (100, 200), opacity=opacity)
