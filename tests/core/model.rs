@@ -1,6 +1,8 @@
 //! Models: what a library's user builds, walks and draws, judged by plain loops over the samples.
 
-use adjsplat::build::BuildOptions;
+use std::ops::ControlFlow;
+
+use adjsplat::build::{BuildOptions, Observer, Phase, SampleSummary};
 use adjsplat::classify::TransferFunction;
 use adjsplat::{Build, Error, Model, Viewpoint, Volume};
 
@@ -69,6 +71,36 @@ fn samples_that_do_not_fill_the_grid_are_refused() {
 fn a_volume_is_what_reading_its_slices_gives() {
     let volume = volume();
     assert_eq!(Volume::read(&mut volume.slices()).unwrap(), volume);
+}
+
+#[test]
+fn an_observer_receives_the_statistics_of_the_samples() {
+    #[derive(Default)]
+    struct Kept(Vec<SampleSummary>);
+
+    impl Observer for Kept {
+        fn progress(&mut self, _: Phase, _: u64, _: u64) -> ControlFlow<()> {
+            ControlFlow::Continue(())
+        }
+
+        fn samples(&mut self, samples: &SampleSummary) {
+            self.0.push(*samples);
+        }
+    }
+
+    let (volume, mut kept) = (volume(), Kept::default());
+    // The source stays the caller's.
+    let mut slices = volume.slices();
+    let build = Build::new(TransferFunction::range(50.0, f64::INFINITY).unwrap());
+    build.run_observed(&mut slices, &mut kept).unwrap();
+    let path = std::env::temp_dir().join(format!("adj-observed-{}.adj", std::process::id()));
+    build.write_observed(&volume, &path, &mut kept).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    let values: Vec<f64> = (0..volume.samples().len()).map(|index| volume.samples().get(index)).collect();
+    let (lowest, highest) =
+        (values.iter().copied().fold(f64::MAX, f64::min), values.iter().copied().fold(f64::MIN, f64::max));
+    assert_eq!(kept.0.len(), 2);
+    assert!(kept.0.iter().all(|samples| (samples.lowest, samples.highest, samples.not_finite) == (lowest, highest, 0)));
 }
 
 #[test]

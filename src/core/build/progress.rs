@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::summary::SampleSummary;
 use crate::error::{Error, Result};
 use crate::volume::Axis;
 
@@ -24,6 +25,10 @@ pub trait Observer {
     ///
     /// Return `Break` to cancel the build, which then ends with [`Error::Interrupted`].
     fn progress(&mut self, phase: Phase, done: u64, total: u64) -> ControlFlow<()>;
+
+    /// Receives the statistics of all samples from a [`Build`](crate::Build), once it has read them; ignores them by
+    /// default. They tell what to warn the user of: samples that are not finite, labels without a name, rounded values.
+    fn samples(&mut self, _samples: &SampleSummary) {}
 }
 
 /// An observer that ignores progress and never cancels.

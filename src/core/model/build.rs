@@ -55,7 +55,7 @@ impl Build {
         self.run_observed(volume, &mut Unobserved)
     }
 
-    /// Builds a model as [`Build::run`] does; `observer` receives progress and can cancel.
+    /// Builds a model as [`Build::run`] does; `observer` receives progress and statistics, and can cancel.
     ///
     /// # Errors
     /// The errors of [`Build::run`]; [`Error::Interrupted`](crate::Error::Interrupted) after a cancel.
@@ -63,6 +63,7 @@ impl Build {
         let mut source = volume.into_slices();
         let resources = Resources { memory: self.memory, threads: self.threads, folder: None };
         let built = classify(&mut source, &self.options, &resources, observer)?;
+        observer.samples(&built.samples);
         let lanes = built.lanes(self.options.lane_count, self.threads, observer)?;
         Model::from_bytes(arena_bytes(&built.facts, &lanes, &description(source.header(), &built)?))
     }
@@ -75,7 +76,7 @@ impl Build {
         self.write_observed(volume, path, &mut Unobserved)
     }
 
-    /// Builds a file as [`Build::write`] does; `observer` receives progress and can cancel.
+    /// Builds a file as [`Build::write`] does; `observer` receives progress and statistics, and can cancel.
     ///
     /// # Errors
     /// The errors of [`Build::write`]; [`Error::Interrupted`](crate::Error::Interrupted) after a cancel.
@@ -89,6 +90,7 @@ impl Build {
         let (memory, threads) = (self.memory, self.threads);
         let resources = Resources { memory, threads, folder: Some(scratch_folder(path)?) };
         let built = classify(&mut source, &self.options, &resources, observer)?;
+        observer.samples(&built.samples);
         let output = RowsOutput {
             facts: built.facts.clone(),
             description: &description(source.header(), &built)?,

@@ -102,28 +102,35 @@ pub trait SlabSource: Send {
     }
 }
 
-impl<S: SlabSource + ?Sized> SlabSource for Box<S> {
-    fn header(&self) -> &Header {
-        (**self).header()
-    }
+/// Implements [`SlabSource`] for a pointer to a source.
+macro_rules! by_pointer {
+    ($($pointer:ty),*) => {
+        $(impl<S: SlabSource + ?Sized> SlabSource for $pointer {
+            fn header(&self) -> &Header {
+                (**self).header()
+            }
 
-    fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
-        (**self).read_slice(slice)
-    }
+            fn read_slice(&mut self, slice: &mut Samples) -> Result<()> {
+                (**self).read_slice(slice)
+            }
 
-    fn rewind(&mut self) -> Result<()> {
-        (**self).rewind()
-    }
+            fn rewind(&mut self) -> Result<()> {
+                (**self).rewind()
+            }
 
-    fn buffer_bytes(&self) -> u64 {
-        (**self).buffer_bytes()
-    }
+            fn buffer_bytes(&self) -> u64 {
+                (**self).buffer_bytes()
+            }
 
-    fn notes(&self) -> &[String] {
-        (**self).notes()
-    }
+            fn notes(&self) -> &[String] {
+                (**self).notes()
+            }
 
-    fn labels(&self) -> Option<&[StatedLabel]> {
-        (**self).labels()
-    }
+            fn labels(&self) -> Option<&[StatedLabel]> {
+                (**self).labels()
+            }
+        })*
+    };
 }
+
+by_pointer!(Box<S>, &mut S);

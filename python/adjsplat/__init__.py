@@ -1,0 +1,39 @@
+"""Volumes of which only the visible voxels are stored: .adj files, read, built, edited and drawn.
+
+>>> import adjsplat as adj
+>>> f = adj.build("phantom:gyroid", shape=(64, 64, 64), dtype="u1")
+>>> picture = adj.render(f, azimuth=30, elevation=20, background="white", dtype="uint8")
+
+Arrays and positions are ordered (z, y, x); `spacing`, `origin` and `direction` (x, y, z), as in SimpleITK. docs/python.md
+goes from a volume to a turntable step by step.
+"""
+
+from ._native import DeviceError, FormatError, __version__
+from .build import BuildWarning, build
+from .edit import Edit
+from .lanes import Lane
+from .model import Model, open
+from .pictures import Metrics, compare, save
+from .render import Renderer, devices, render
+from .show import show
+from .transfer import TransferFunction
+
+__all__ = [
+    "BuildWarning",
+    "DeviceError",
+    "Edit",
+    "FormatError",
+    "Lane",
+    "Metrics",
+    "Model",
+    "Renderer",
+    "TransferFunction",
+    "__version__",
+    "build",
+    "compare",
+    "devices",
+    "open",
+    "render",
+    "save",
+    "show",
+]

@@ -1,0 +1,51 @@
+"""Arguments that several functions take: outputs, memory, threads."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Sequence
+
+
+def output_path(out: str | os.PathLike[str], files: Sequence[str] = ()) -> str:
+    """Returns the absolute path of the output, if it would replace nothing but an .adj file."""
+    path = os.path.abspath(os.fspath(out))
+    folder = os.path.dirname(path)
+    if not os.path.isdir(folder):
+        raise FileNotFoundError(errno.ENOENT, "there is no such folder", folder)
+    if os.path.isfile(path) and os.path.getsize(path):
+        if any(os.path.exists(file) and os.path.samefile(file, path) for file in files):
+            raise ValueError(f"{path} is the volume itself, which the model would replace; give another name")
+        with open(path, "rb") as file:
+            is_adj = file.read(8) == b"\x89ADJ\r\n\x1a\n"
+        if not is_adj and not path.endswith(".adj"):
+            raise ValueError(f"{path} is there already and is no .adj file; give a name that ends in .adj")
+    return path
+
+
+def byte_count(memory: int | str | None) -> int | None:
+    """Returns a number of bytes: 1000000, "500MB", "2GiB".
+
+    >>> byte_count("64MiB")
+    67108864
+    """
+    if memory is None:
+        return None
+    if isinstance(memory, str):
+        units = {"": 1, "b": 1, "kib": 2**10, "mib": 2**20, "gib": 2**30, "kb": 10**3, "mb": 10**6, "gb": 10**9}
+        text = memory.strip().lower()
+        number = text.rstrip("kmgib ")
+        try:
+            memory = int(float(number) * units[text[len(number) :].strip()])
+        except (KeyError, ValueError, OverflowError):
+            raise ValueError(f'memory is "{memory}", but must be a size such as 64MiB, 1.5GiB or 500MB') from None
+    if not 0 < memory < 2**63:
+        raise ValueError(f"memory is {memory}, but must be a number of bytes above 0")
+    return int(memory)
+
+
+def thread_count(threads: int | None) -> int | None:
+    """Returns a number of threads from 1 to 1024, or None for all processors."""
+    if threads is not None and not 1 <= threads <= 1024:
+        raise ValueError(f"threads are {threads}, but must be 1 to 1024")
+    return threads

@@ -1,0 +1,239 @@
+"""Building models: from arrays, from zarr and dask, from files of every format."""
+
+from __future__ import annotations
+
+import glob
+import os
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from . import _native
+from .arguments import byte_count, output_path, thread_count
+from .arrays import Slices, is_array
+from .convert import TURNED
+from .model import Model
+from .transfer import TransferFunction, as_transfer
+
+Progress = Callable[[str, int, int], Any]
+
+
+class BuildWarning(UserWarning):
+    """Something in the volume's values that a user should know: NaN, labels without a name, rounded values."""
+
+
+class _Place:
+    def __init__(self, spacing: Any, origin: Any, direction: Any, frame: str, unit: str | None):
+        if frame not in ("RAS", "LPS"):
+            raise ValueError(f'frame is "{frame}", but must be RAS or LPS')
+        turned = TURNED if frame == "LPS" else np.ones(3)
+        self.spacing = _numbers("spacing", spacing, 3)
+        origin = _numbers("origin", origin, 3)
+        self.origin = None if origin is None else [float(part) for part in origin * turned]
+        matrix = _numbers("direction", None if direction is None else np.ravel(direction), 9)
+        # The library takes a vector for each axis, which is a column of the matrix.
+        self.direction = None if matrix is None else (matrix.reshape(3, 3) * turned[:, None]).T.tolist()
+        self.unit = unit
+
+
+class _Reading:
+    def __init__(
+        self,
+        shape: Any,
+        dtype: Any,
+        skip: int,
+        volume: int,
+        level: int,
+        series: Any,
+        outside_files: bool,
+        unscaled: bool,
+    ):
+        if (shape is None) != (dtype is None):
+            raise ValueError("shape and dtype describe a file without a header; give both")
+        self.raw = None
+        if shape is not None:
+            z, y, x = _whole("shape", shape)
+            dtype = np.dtype(dtype)
+            if dtype.kind not in "uif":
+                raise TypeError(f"dtype is {dtype}, but must be of whole or floating-point numbers")
+            order = "be" if dtype.str[0] == ">" else "le"
+            self.raw = ([x, y, z], f"{dtype.kind}{8 * dtype.itemsize}{order}")
+        self.skip, self.volume, self.level = skip, volume, level
+        self.series = None if series is None else str(series)
+        self.outside_files, self.unscaled = outside_files, unscaled
+
+
+class _Packing:
+    def __init__(self, lanes: str, value_bits: int | None, normal_bits: int | None, memory: Any, threads: int | None):
+        if lanes not in ("x", "xy", "xyz"):
+            raise ValueError(f'lanes are "{lanes}", but must be x, xy or xyz')
+        if value_bits not in (None, 8, 16):
+            raise ValueError(f"value_bits are {value_bits}, but must be 8 or 16")
+        if normal_bits not in (None, 0, 8, 16):
+            raise ValueError(f"normal_bits are {normal_bits}, but must be 0, 8 or 16")
+        self.lanes, self.value_bits, self.normal_bits = len(lanes), value_bits, normal_bits
+        self.memory, self.threads = byte_count(memory), thread_count(threads)
+
+
+def build(
+    volume: Any,
+    out: str | os.PathLike[str] | None = None,
+    *,
+    visible: tuple[float | None, float | None] | None = None,
+    transfer: Any = None,
+    labels: Any = None,
+    spacing: Sequence[float] | None = None,
+    origin: Sequence[float] | None = None,
+    direction: Any = None,
+    frame: str = "RAS",
+    unit: str | None = None,
+    lanes: str = "xyz",
+    value_bits: int | None = None,
+    normal_bits: int | None = None,
+    memory: int | str | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+    shape: Sequence[int] | None = None,
+    dtype: Any = None,
+    skip: int = 0,
+    volume_index: int = 0,
+    level: int = 0,
+    series: str | int | None = None,
+    outside_files: bool = False,
+    unscaled: bool = False,
+) -> Model:
+    """Builds a model of the visible voxels of a volume, in the file `out`, or in memory.
+
+    `volume` is one of
+
+    * a numpy array (z, y, x) of any real number type, byte order and strides; whole slices are read in place;
+    * a zarr or dask array, or anything with `shape`, `dtype` and slices, of which a few slices at a time are in memory;
+    * a SimpleITK image, which brings its own spacing, origin, direction and frame;
+    * a path, or a list or pattern of paths of slices, that `adj build` reads: DICOM, Zarr and OME-Zarr, TIFF, NRRD,
+      MetaImage, NIfTI, VTK, SLC, raw; or `phantom:NAME`.
+
+    What is visible, one of; without, the values decide, and `Model.transfer` tells how:
+
+    * `visible=(low, high)`: the values in this range, ends included; None leaves an end open;
+    * `transfer=`: a `TransferFunction`, its dict, a preset's name, or a path;
+    * `labels=`: for a label map: "distinct", "file" (the palette in the volume's file), "frog", a path, or a dict of label
+      to colour.
+
+    The volume's place, in place of what its file says: `spacing`, `origin` (x, y, z) and `direction` (nine numbers, row
+    after row, whose columns are the axes) as in SimpleITK. `frame` says in which world `origin` and `direction` are: "RAS"
+    (NIfTI) or "LPS" (SimpleITK, DICOM).
+
+    What is stored: `lanes` ("x", "xy", "xyz"), `value_bits` (8 or 16) and `normal_bits` (0, 8 or 16).
+
+    `memory` bounds the bytes of the process (or "256MiB") while a file is written; `threads` defaults to all processors.
+    The result depends on neither. `progress(phase, done, total)` is called about twenty times a second; what it raises
+    stops the build, as Ctrl-C does, and no file is left.
+
+    Of files: `shape` (z, y, x), `dtype` and `skip` describe one without a header; `volume_index`, `level` and `series`
+    choose one of several volumes, resolutions or DICOM series; `outside_files` allows headers to name files in other
+    folders; `unscaled` ignores slope and intercept.
+
+    Raises `ValueError` and `TypeError` for what cannot be used, `OSError` for the system's refusals, `FormatError` for
+    damaged files, `MemoryError`. Warns with `BuildWarning`.
+
+    >>> ramp = np.arange(27, dtype=np.float32).reshape(3, 3, 3)
+    >>> adj.build(ramp, visible=(20, None), spacing=(1, 1, 2.5))
+    <adjsplat.Model 3 x 3 x 3 (z, y, x), 7 visible voxels, in memory>
+    """
+    if sum(choice is not None for choice in (visible, transfer, labels)) > 1:
+        raise ValueError("visible, transfer and labels each say what is visible; give one of them")
+    chosen = _chosen(visible, transfer, labels)
+    if type(volume).__module__.partition(".")[0] == "SimpleITK":
+        if any(part is not None for part in (spacing, origin, direction)):
+            raise ValueError("a SimpleITK image brings its own spacing, origin and direction")
+        spacing, origin, direction, frame = volume.GetSpacing(), volume.GetOrigin(), volume.GetDirection(), "LPS"
+        from SimpleITK import GetArrayViewFromImage
+
+        volume = GetArrayViewFromImage(volume)
+    place = _Place(spacing, origin, direction, frame, unit)
+    packing = _Packing(lanes, value_bits, normal_bits, memory, threads)
+    if is_array(volume):
+        of_files = (
+            shape,
+            dtype,
+            series,
+            skip or None,
+            volume_index or None,
+            level or None,
+            outside_files or None,
+            unscaled or None,
+        )
+        if any(option is not None for option in of_files):
+            raise ValueError(
+                "shape, dtype, skip, volume_index, level, series, outside_files and unscaled are for files"
+            )
+        slices = Slices(volume, packing.memory)
+        source = _native.array_source(
+            slices.read, slices.dims, slices.sample_type, slices.name, place, slices.buffer_bytes
+        )
+        files: list[str] = []
+    else:
+        files = _files(volume)
+        reading = _Reading(shape, dtype, skip, volume_index, level, series, outside_files, unscaled)
+        source = _native.file_source(files, reading, place)
+        for note in source.notes:
+            warnings.warn(note, BuildWarning, stacklevel=2)
+    path = None if out is None else output_path(out, files)
+    model, lines = _native.build(source, chosen, path, packing, progress)
+    for line in lines:
+        warnings.warn(line, BuildWarning, stacklevel=2)
+    return Model(model, path)
+
+
+def _chosen(visible: Any, transfer: Any, labels: Any) -> str | None:
+    """Returns what is visible: a transfer function's JSON, "file" for the file's own palette, or None."""
+    if visible is not None:
+        low, high = visible
+        return TransferFunction.range(low, high).to_json()
+    if transfer is not None:
+        return as_transfer(transfer).to_json()
+    if labels is None or isinstance(labels, str) and labels == "file":
+        return labels
+    if isinstance(labels, Mapping) and "kind" not in labels:
+        return TransferFunction.labels(labels).to_json()
+    palette = TransferFunction.labels() if isinstance(labels, str) and labels == "distinct" else as_transfer(labels)
+    if palette.kind != "labels":
+        raise ValueError(f"labels need a palette, but this is a function of kind {palette.kind}")
+    return palette.to_json()
+
+
+def _files(volume: Any) -> list[str]:
+    """Returns the paths that `volume` names: one, several, or a pattern."""
+    if isinstance(volume, (str, os.PathLike)):
+        path = os.fspath(volume)
+        if isinstance(path, str) and not os.path.exists(path) and any(sign in path for sign in "*?["):
+            found = sorted(file for file in glob.glob(path) if os.path.isfile(file))
+            if not found:
+                raise FileNotFoundError(2, "no file matches this pattern", path)
+            return found
+        if isinstance(path, str) and path.endswith(".adj") and os.path.isfile(path):
+            raise ValueError(
+                f"{path} is an .adj file, which holds no volume; open it, or give the volume that it was built from"
+            )
+        return [path]
+    if isinstance(volume, Sequence) and volume and all(isinstance(file, (str, os.PathLike)) for file in volume):
+        return [os.fspath(file) for file in volume]
+    raise TypeError(f"a volume is an array (z, y, x), a path or a list of paths, not {type(volume).__name__}")
+
+
+def _numbers(name: str, numbers: Any, count: int) -> np.ndarray | None:
+    if numbers is None:
+        return None
+    array = np.asarray(numbers, dtype=np.float64)
+    if array.shape != (count,):
+        raise ValueError(f"{name} must be {count} numbers, not {numbers!r}")
+    return array
+
+
+def _whole(name: str, numbers: Any) -> list[int]:
+    whole = [number.__index__() for number in numbers]
+    if len(whole) != 3 or min(whole) < 0:
+        raise ValueError(f"{name} must be three whole numbers (z, y, x), not {numbers!r}")
+    return whole

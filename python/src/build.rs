@@ -1,0 +1,137 @@
+//! Builds: which samples of a volume a model keeps.
+
+use std::path::PathBuf;
+
+use adjsplat::build::{BuildOptions, Histogram, SampleSummary, Suggestion};
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::SlabSource;
+use adjsplat::{Build, TransferFunction};
+use pyo3::prelude::*;
+
+use crate::errors::exception;
+use crate::model::Model;
+use crate::source::Source;
+use crate::transfer::parsed;
+use crate::watch::Watch;
+
+/// What is stored, and what a build may use.
+#[derive(FromPyObject)]
+pub(crate) struct Packing {
+    /// 1, 2 or 3 lanes: along x, y, z.
+    lanes: u8,
+    value_bits: Option<u8>,
+    normal_bits: Option<u8>,
+    memory: Option<u64>,
+    threads: Option<usize>,
+}
+
+/// Builds a model of `source`: in the file `out`, or in memory. Returns it with warnings, one line each.
+///
+/// `transfer` is JSON; or "file" for the palette in the volume's file; or None for what suits the volume.
+#[pyfunction]
+pub(crate) fn build(
+    py: Python<'_>,
+    source: &Source,
+    transfer: Option<&str>,
+    out: Option<PathBuf>,
+    packing: Packing,
+    progress: Option<Py<PyAny>>,
+) -> PyResult<(Model, Vec<String>)> {
+    let transfer = match transfer {
+        None => Visible::Suggested,
+        Some("file") => Visible::OwnPalette,
+        Some(text) => Visible::By(parsed(text)?),
+    };
+    let raised = source.raised.clone();
+    let mut watch = Watch::new(progress, raised.clone());
+    let built = py.detach(|| {
+        let mut volume = source.volume();
+        // An earlier build, or one that was stopped, may have left it further on.
+        volume.rewind()?;
+        let transfer = match transfer {
+            Visible::By(transfer) => transfer,
+            Visible::OwnPalette => own_palette(&**volume)?,
+            Visible::Suggested => match &source.own_transfer {
+                Some(transfer) => transfer.clone(),
+                None => suggested(&mut **volume, &mut watch)?,
+            },
+        };
+        let mut options =
+            BuildOptions::new(transfer).with_lane_count(packing.lanes).with_value_bits(packing.value_bits);
+        if let Some(bits) = packing.normal_bits {
+            options = options.with_normal_bits(bits);
+        }
+        let mut build = Build::new(options);
+        if let Some(memory) = packing.memory {
+            build = build.with_memory(memory);
+        }
+        if let Some(threads) = packing.threads {
+            build = build.with_threads(threads);
+        }
+        match out {
+            Some(out) => build.write_observed(&mut **volume, out, &mut watch),
+            None => build.run_observed(&mut **volume, &mut watch),
+        }
+    });
+    let model = raised.or(built)?;
+    Ok((Model(model), watch.samples.map(|samples| warnings(&samples)).unwrap_or_default()))
+}
+
+/// What a build is asked to show.
+enum Visible {
+    Suggested,
+    OwnPalette,
+    By(TransferFunction),
+}
+
+fn own_palette(source: &dyn SlabSource) -> Result<TransferFunction> {
+    match Suggestion::stated(source)? {
+        Some(suggestion @ Suggestion::StatedLabels(_)) => suggestion.transfer(),
+        _ => Err(Error::input("labels", "are to be the file's, but it names none; try \"distinct\"")),
+    }
+}
+
+fn suggested(source: &mut dyn SlabSource, watch: &mut Watch) -> Result<TransferFunction> {
+    match Suggestion::stated(source)? {
+        Some(suggestion) => suggestion.transfer(),
+        None => Suggestion::of(&Histogram::of(source, watch)?)?.transfer(),
+    }
+}
+
+fn warnings(samples: &SampleSummary) -> Vec<String> {
+    let mut lines = Vec::new();
+    if samples.blurred_away > 0 {
+        lines.push(format!(
+            "{} visible voxels turn transparent, as their values share codes with transparent ones; take value_bits=16 \
+             or a narrower range",
+            samples.blurred_away
+        ));
+    }
+    if samples.unnamed.voxels > 0 {
+        let labels: Vec<String> = samples.unnamed.lowest.iter().flatten().map(i64::to_string).collect();
+        lines.push(format!(
+            "{} voxels have labels that the palette does not name ({}, ...) and are not drawn",
+            samples.unnamed.voxels,
+            labels.join(", ")
+        ));
+    }
+    if let Some(count) = samples.rounded_labels {
+        lines.push(format!(
+            "the visible samples have only {count} different values, which are stored rounded; if they are labels, give \
+             labels="
+        ));
+    }
+    if samples.not_finite > 0 {
+        lines.push(format!("{} samples are NaN or infinite and therefore transparent", samples.not_finite));
+    }
+    lines
+}
+
+/// Reads `None` as all processors for other work than builds.
+pub(crate) fn threads_or_all(threads: Option<usize>) -> PyResult<usize> {
+    match threads {
+        Some(0) => Err(exception(Error::input("threads", "are 0, but must be at least 1"))),
+        Some(threads) => Ok(threads),
+        None => Ok(std::thread::available_parallelism().map_or(1, usize::from)),
+    }
+}

@@ -1,0 +1,200 @@
+//! Visible voxels as arrays: their positions, values and normals, and dense blocks.
+//!
+//! Python allocates the arrays, and this part fills them. Voxels come by ascending z, then y, then x, as numpy's
+//! `nonzero` gives them. A damaged file yields fewer or other voxels than its header says, never more than fit.
+
+use adjsplat::arena::{LaneRows, Record, Region, Rows, Voxel};
+use adjsplat::classify::normal;
+use adjsplat::volume::Axis;
+use numpy::{Element, PyArray1, PyArray3, PyArrayMethods, PyReadwriteArray1, PyReadwriteArray2};
+use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::prelude::*;
+
+use crate::errors::exception;
+use crate::model::Model;
+
+/// A number type that values are written as.
+trait Value: Element + Copy + Send + Sync {
+    /// Returns the nearest number of this type.
+    fn nearest(value: f64) -> Self;
+}
+
+macro_rules! values {
+    ($($whole:ty)* ; $($float:ty)*) => {
+        $(impl Value for $whole {
+            #[expect(clippy::cast_possible_truncation, clippy::allow_attributes, reason = "saturates")]
+            #[allow(clippy::cast_sign_loss, reason = "saturates")]
+            fn nearest(value: f64) -> $whole {
+                value.round() as $whole
+            }
+        })*
+        $(impl Value for $float {
+            #[allow(clippy::cast_possible_truncation, clippy::unnecessary_cast, reason = "rounding is meant")]
+            fn nearest(value: f64) -> $float {
+                value as $float
+            }
+        })*
+    };
+}
+
+values!(u8 i8 u16 i16 u32 i32 ; f32 f64);
+
+/// Returns the value of `$call`, in which `$it` is the numpy array `$out` with the number type that it has.
+macro_rules! of_dtype {
+    ($out:expr, $array:ident, |$it:ident| $call:expr) => {
+        of_dtype!(@ $out, $array, $it, $call, u8 i8 u16 i16 u32 i32 f32 f64)
+    };
+    (@ $out:expr, $array:ident, $it:ident, $call:expr, $($type:ty)*) => {{
+        $(if let Ok($it) = $out.cast::<$array<$type>>() {
+            return $call;
+        })*
+        Err(PyTypeError::new_err("values are written as whole numbers of 8 to 32 bits, float32 or float64"))
+    }};
+}
+
+impl Model {
+    /// Calls `see` with the voxels of each row inside the box `low..high` (x, y, z), by ascending z, then y.
+    fn each_row(&self, low: [u32; 3], high: [u32; 3], mut see: impl FnMut(u16, u16, &[Voxel])) -> adjsplat::Result<()> {
+        let arena = self.0.arena()?;
+        let lane = arena.lane(Axis::X).expect("every arena that opens has the lane along x");
+        let rows = LaneRows::new(lane, |_, _, record: Record| Some(record));
+        // Rows of one slice come by ascending y.
+        (low[2]..high[2]).try_for_each(|z| {
+            let slice = Region { xs: low[0]..high[0], ys: low[1]..high[1], zs: z..z + 1 };
+            rows.read(slice, &mut see)
+        })
+    }
+
+    fn each_voxel(&self, mut see: impl FnMut([u16; 3], &Record)) -> adjsplat::Result<()> {
+        self.each_row([0; 3], self.0.grid().dims, |y, z, voxels| {
+            voxels.iter().for_each(|voxel| see([voxel.x, y, z], &voxel.record));
+        })
+    }
+
+    /// Returns the value of each code.
+    fn decoded<T: Value>(&self) -> adjsplat::Result<Vec<T>> {
+        let arena = self.0.arena()?;
+        let facts = arena.facts();
+        let last = if facts.channels.value_bits == 8 { 255 } else { u16::MAX };
+        Ok((0..=last).map(|code| T::nearest(facts.scales.value(code.into()))).collect())
+    }
+
+    fn fill_block<T: Value>(&self, out: &Bound<'_, PyArray3<T>>, low: [u32; 3]) -> PyResult<()> {
+        let py = out.py();
+        let mut out = out.try_readwrite()?;
+        let &[depth, height, width] = out.as_array().shape() else { unreachable!("three dimensions") };
+        let block = out.as_slice_mut().map_err(|_| PyValueError::new_err("the block must be contiguous"))?;
+        let size = [width, height, depth];
+        let mut high = [0; 3];
+        for (a, points) in self.0.grid().dims.into_iter().enumerate() {
+            let end = u32::try_from(size[a]).ok().and_then(|size| low[a].checked_add(size));
+            let outside = || PyValueError::new_err("the block reaches beyond the volume");
+            high[a] = end.filter(|&end| end <= points).ok_or_else(outside)?;
+        }
+        let fill = || {
+            let values = self.decoded::<T>()?;
+            self.each_row(low, high, |y, z, voxels| {
+                let [y, z] = [u32::from(y) - low[1], u32::from(z) - low[2]].map(|at| at as usize);
+                let row = &mut block[(z * height + y) * width..][..width];
+                for voxel in voxels {
+                    row[(u32::from(voxel.x) - low[0]) as usize] = values[usize::from(voxel.record.value)];
+                }
+            })
+        };
+        py.detach(fill).map_err(exception)
+    }
+
+    fn fill_values<T: Value>(&self, out: &Bound<'_, PyArray1<T>>) -> PyResult<usize> {
+        let py = out.py();
+        let mut out = out.try_readwrite()?;
+        let out = out.as_slice_mut().map_err(|_| not_contiguous())?;
+        let mut rows = out.iter_mut();
+        let fill = || {
+            let values = self.decoded::<T>()?;
+            self.each_voxel(|_, record| {
+                if let Some(row) = rows.next() {
+                    *row = values[usize::from(record.value)];
+                }
+            })
+        };
+        py.detach(fill).map_err(exception)?;
+        let left = rows.len();
+        Ok(out.len() - left)
+    }
+}
+
+fn not_contiguous() -> PyErr {
+    PyValueError::new_err("the array must be contiguous")
+}
+
+/// Writes the values of the visible voxels of a block, whose first point is `low` (x, y, z), to `out` (z, y, x).
+#[pyfunction]
+pub(crate) fn read_block(model: &Model, out: &Bound<'_, PyAny>, low: [u32; 3]) -> PyResult<()> {
+    of_dtype!(out, PyArray3, |array| model.fill_block(array, low))
+}
+
+/// Writes the value of each visible voxel to `out`; returns how many there were.
+#[pyfunction]
+pub(crate) fn read_values(model: &Model, out: &Bound<'_, PyAny>) -> PyResult<usize> {
+    of_dtype!(out, PyArray1, |array| model.fill_values(array))
+}
+
+/// Writes z, y and x of each visible voxel to a row of `out`; returns how many there were.
+#[pyfunction]
+pub(crate) fn read_positions(model: &Model, py: Python<'_>, mut out: PyReadwriteArray2<'_, u16>) -> PyResult<usize> {
+    let out = out.as_slice_mut().map_err(|_| not_contiguous())?;
+    let out = out.as_chunks_mut::<3>().0;
+    let count = out.len();
+    let mut rows = out.iter_mut();
+    let fill = || {
+        model.each_voxel(|[x, y, z], _| {
+            if let Some(row) = rows.next() {
+                *row = [z, y, x];
+            }
+        })
+    };
+    py.detach(fill).map_err(exception)?;
+    Ok(count - rows.len())
+}
+
+/// Writes the normal of each visible voxel (x, y, z in the world) to a row of `out`; returns how many there were.
+#[pyfunction]
+pub(crate) fn read_normals(model: &Model, py: Python<'_>, mut out: PyReadwriteArray2<'_, f32>) -> PyResult<usize> {
+    let bits = model.arena()?.facts().channels.normal_bits;
+    let out = out.as_slice_mut().map_err(|_| not_contiguous())?;
+    let out = out.as_chunks_mut::<3>().0;
+    let count = out.len();
+    let mut rows = out.iter_mut();
+    let decode = |code: u32| match bits {
+        8 => normal::decode8(u16::try_from(code).unwrap_or(normal::NONE8)),
+        _ => normal::decode16(code),
+    };
+    let fill = || {
+        model.each_voxel(|_, record| {
+            if let Some(row) = rows.next() {
+                *row = decode(record.normal);
+            }
+        })
+    };
+    py.detach(fill).map_err(exception)?;
+    Ok(count - rows.len())
+}
+
+/// Writes the gradient magnitude of each visible voxel to `out`; returns how many there were.
+#[pyfunction]
+pub(crate) fn read_magnitudes(model: &Model, py: Python<'_>, mut out: PyReadwriteArray1<'_, f64>) -> PyResult<usize> {
+    let scale = model.arena()?.facts().scales.magnitude_scale;
+    let codec = adjsplat::classify::MagnitudeCodec::new(scale).map_err(exception)?;
+    let out = out.as_slice_mut().map_err(|_| not_contiguous())?;
+    let count = out.len();
+    let mut rows = out.iter_mut();
+    let fill = || {
+        model.each_voxel(|_, record| {
+            if let Some(row) = rows.next() {
+                *row = codec.decode(record.magnitude);
+            }
+        })
+    };
+    py.detach(fill).map_err(exception)?;
+    Ok(count - rows.len())
+}

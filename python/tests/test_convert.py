@@ -1,0 +1,105 @@
+"""A model as arrays and images of other packages, judged by its dense array and its place in the world."""
+
+import builtins
+import pickle
+
+import numpy as np
+import pytest
+
+import adjsplat as adj
+
+TURN = (0.0, -1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@pytest.fixture
+def turned(volume):
+    return adj.build(volume, visible=(60, None), spacing=(1, 1.5, 2.5), origin=(10, -20, 30), direction=TURN, unit="mm")
+
+
+def test_dask_reads_blocks(file):
+    dask = pytest.importorskip("dask.array")
+    f = adj.open(file)
+    lazy = f.to_dask((8, 10, 9))
+    assert (
+        isinstance(lazy, dask.Array)
+        and lazy.chunks == ((8, 8, 4), (10, 10, 4), (9, 9, 9, 1))
+        and lazy.dtype == np.uint8
+    )
+    assert (lazy.compute() == f.to_numpy()).all()
+    # Equal files give equal names, so that dask computes them once.
+    assert lazy.name == adj.open(file).to_dask((8, 10, 9)).name
+    assert (lazy[3:7, ::2].compute(scheduler="threads") == f[3:7, ::2]).all()
+    assert (pickle.loads(pickle.dumps(lazy)).sum().compute(scheduler="sync")) == f.to_numpy().sum()
+
+
+def test_xarray_has_world_coordinates(model, turned):
+    pytest.importorskip("xarray")
+    a = model.to_xarray()
+    assert a.dims == ("z", "y", "x") and (a.values == model.to_numpy()).all()
+    assert a.x.values[:2].tolist() == [10, 11] and a.y.values[1] == -18.5 and a.z.values[-1] == 30 + 19 * 2.5
+    assert float(a.sel(z=32.5, y=-18.5, x=12)) == model[1, 1, 2]
+    assert a.attrs["origin"] == model.origin
+    mirrored = adj.build(model.to_numpy(), visible=(60, None), direction=(1, 0, 0, 0, -1, 0, 0, 0, 1), origin=(0, 5, 0))
+    assert mirrored.to_xarray().y.values[:3].tolist() == [5, 4, 3]
+    b = turned.to_xarray(chunks=8)
+    assert b.chunks is not None and b.x.values[:2].tolist() == [0, 1] and b.x.attrs["units"] == "mm"
+    assert b.attrs["direction"] == TURN and (b.values == turned.to_numpy()).all()
+
+
+def test_sitk_has_the_same_points_in_its_own_frame(turned):
+    sitk = pytest.importorskip("SimpleITK")
+    image = turned.to_sitk()
+    assert image.GetSize() == (28, 24, 20) and image.GetSpacing() == (1, 1.5, 2.5)
+    assert (sitk.GetArrayFromImage(image) == turned.to_numpy()).all()
+    for index in [(0, 0, 0), (3, 5, 7), (27, 23, 19)]:
+        ras = turned.affine @ [*index, 1]
+        lps = image.TransformIndexToPhysicalPoint(index)
+        assert np.allclose(lps, [-ras[0], -ras[1], ras[2]])
+    back = adj.build(image, visible=(60, None))
+    assert (back.to_numpy() == turned.to_numpy()).all() and np.allclose(back.affine, turned.affine)
+
+
+def test_a_nifti_file_is_where_sitk_finds_it(turned, tmp_path):
+    sitk = pytest.importorskip("SimpleITK")
+    sitk.WriteImage(turned.to_sitk(), str(tmp_path / "a.nii.gz"))
+    read = adj.build(tmp_path / "a.nii.gz", visible=(60, None))
+    assert np.allclose(read.affine, turned.affine, atol=1e-5) and (read.to_numpy() == turned.to_numpy()).all()
+
+
+def test_pyvista_has_the_same_points(turned):
+    pytest.importorskip("pyvista")
+    image = turned.to_pyvista()
+    assert image.dimensions == (28, 24, 20)
+    dense = turned.to_numpy()
+    for z, y, x in [(0, 0, 0), (7, 5, 3), (10, 12, 9), (19, 23, 27)]:
+        at = x + 28 * (y + 24 * z)
+        assert np.allclose(image.points[at], (turned.affine @ [x, y, z, 1])[:3])
+        assert image.point_data["values"][at] == dense[z, y, x]
+
+
+@pytest.mark.parametrize(
+    ("package", "use"),
+    [
+        ("dask", lambda f: f.to_dask()),
+        ("xarray", lambda f: f.to_xarray()),
+        ("SimpleITK", lambda f: f.to_sitk()),
+        ("pyvista", lambda f: f.to_pyvista()),
+        ("matplotlib", lambda f: adj.TransferFunction.from_matplotlib("magma", (0, 1))),
+    ],
+)
+def test_an_absent_package_is_named(model, package, use, monkeypatch):
+    import sys
+
+    for name in [name for name in sys.modules if name.split(".")[0] == package]:
+        monkeypatch.delitem(sys.modules, name)
+    found = builtins.__import__
+
+    def without(name, *rest, **named):
+        if name.split(".")[0] == package:
+            raise ModuleNotFoundError(f"No module named {package!r}")
+        return found(name, *rest, **named)
+
+    monkeypatch.setattr(builtins, "__import__", without)
+    monkeypatch.setattr("importlib.import_module", lambda name: without(name))
+    with pytest.raises(ImportError, match=f"pip install {package}"):
+        use(model)

@@ -1,0 +1,96 @@
+"""Edits, judged by the same edits of a dense array."""
+
+import numpy as np
+import pytest
+
+import adjsplat as adj
+
+
+def test_added_and_removed_voxels(model, volume, tmp_path):
+    dense = model.to_numpy()
+    mask = np.zeros(volume.shape, bool)
+    mask[:, 10:14, :] = True
+    places = np.array([[0, 0, 0], [19, 23, 27], [10, 12, 10], [3, 2, 1]])
+    g = model.edit().remove(mask).add(places, [70, 80, 90, 100]).save(tmp_path / "g.adj")
+    dense[mask] = 0
+    dense[tuple(places.T)] = [70, 80, 90, 100]
+    assert (g.to_numpy() == dense).all() and g.count == (dense > 0).sum()
+    g.verify()
+    assert model.count == (volume >= 60).sum()
+    entry = g.attrs["edited"][0]
+    assert entry["added"] == 4 and entry["removed"] == (model.to_numpy()[mask] > 0).sum()
+    assert g.spacing == model.spacing and g.transfer == model.transfer and list(g.lanes) == ["x", "y", "z"]
+
+
+def test_steps_follow_each_other(model, tmp_path):
+    a = model.edit().add([[0, 0, 0]], 100).remove(np.array([[0, 0, 0]])).save(tmp_path / "a.adj")
+    b = model.edit().remove(np.array([[0, 0, 0]])).add([[0, 0, 0]], 100).save(tmp_path / "b.adj")
+    assert a.count == model.count and b.count == model.count + 1 and b[0, 0, 0] == 100
+
+
+def test_an_edit_without_effect_gives_the_same_voxels(model, tmp_path):
+    for number, edit in enumerate(
+        [model.edit(), model.edit().remove(np.zeros(model.count, bool)), model.edit().add([], [])]
+    ):
+        same = edit.save(tmp_path / f"{number}.adj")
+        assert (same.coordinates() == model.coordinates()).all() and (same.normals() == model.normals()).all()
+
+
+def test_a_mask_of_voxels(model, tmp_path):
+    bright = model.values() >= 120
+    g = model.edit().remove(~bright).save(tmp_path / "g.adj")
+    assert (g.coordinates() == model.coordinates()[bright]).all()
+
+
+def test_normals_are_stored(model, tmp_path):
+    normal = np.array([[3.0, 0, 4.0], [0, -2.0, 0]])
+    g = model.edit().add([[0, 0, 0], [0, 0, 5]], 100, normals=normal).add([[0, 0, 9]], 100).save(tmp_path / "g.adj")
+    got = g.normals()[:3]
+    assert np.abs(got - [[0.6, 0, 0.8], [0, -1, 0], [0, 0, 0]]).max() < 0.02
+
+
+def test_magnitudes_are_stored(volume, tmp_path):
+    f = adj.build(volume, transfer=adj.TransferFunction.contour(100))
+    with pytest.raises(ValueError, match="magnitudes"):
+        f.edit().add([[0, 0, 0]], 100).save(tmp_path / "g.adj")
+    magnitude = float(f.magnitudes().mean())
+    g = f.edit().add([[0, 0, 0]], 100, magnitudes=magnitude).save(tmp_path / "g.adj")
+    assert g.magnitudes()[0] == pytest.approx(magnitude, rel=0.03)
+
+
+def test_values_above_all_others_keep_their_type(tmp_path):
+    f = adj.build(
+        np.full((4, 4, 4), 100, np.uint16) + np.arange(4, dtype=np.uint16), visible=(100, None), value_bits=16
+    )
+    high = f._native.value_scale[0] + f._native.value_scale[1] * 65535
+    if high > 103:
+        g = f.edit().add([[0, 0, 0]], high).save(tmp_path / "g.adj")
+        assert g[0, 0, 0] == high
+
+
+@pytest.mark.parametrize(
+    ("edit", "error"),
+    [
+        (lambda e: e.add([[0, 0, 28]], 100), ValueError),
+        (lambda e: e.add([[-1, 0, 0]], 100), ValueError),
+        (lambda e: e.add([[2**40, 0, 0]], 100), ValueError),
+        (lambda e: e.add([[0, 0]], 100), ValueError),
+        (lambda e: e.add([0, 0, 0], 100), ValueError),
+        (lambda e: e.add([[0.5, 0, 0]], 100), TypeError),
+        (lambda e: e.add([["a", "b", "c"]], 100), TypeError),
+        (lambda e: e.add([[0, 0, 0]], [1, 2]), ValueError),
+        (lambda e: e.add([[0, 0, 0]], "bright"), TypeError),
+        (lambda e: e.add([[0, 0, 0]], np.nan), ValueError),
+        (lambda e: e.add([[0, 0, 0]], 1e9), ValueError),
+        (lambda e: e.add([[0, 0, 0]], -1), ValueError),
+        (lambda e: e.add([[0, 0, 0]], 100, normals=[1, 0]), ValueError),
+        (lambda e: e.add([[0, 0, 0]], 100, magnitudes=1), ValueError),
+        (lambda e: e.remove(np.ones((2, 2, 2), bool)), ValueError),
+        (lambda e: e.remove(np.ones(7, bool)), ValueError),
+        (lambda e: e.remove(np.ones((20, 24, 28), bool)), ValueError),
+    ],
+)
+def test_wrong_edits_raise_and_leave_nothing(model, tmp_path, edit, error):
+    with pytest.raises(error):
+        edit(model.edit()).save(tmp_path / "g.adj")
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,203 @@
+"""Hostile input: whatever Python hands over, an exception of the right kind comes back, and the process lives."""
+
+import numpy as np
+import pytest
+from conftest import REPOSITORY, blob
+
+import adjsplat as adj
+
+ONES = np.ones((4, 5, 6), np.uint8)
+
+
+class Shaped:
+    """Claims a shape and a type, and gives what it is told to."""
+
+    def __init__(self, shape, dtype, slices):
+        self.shape, self.dtype, self.slices = shape, dtype, slices
+
+    def __getitem__(self, key):
+        return self.slices(key)
+
+
+ARRAYS = {
+    "no dimensions": (np.float64(3), ValueError),
+    "one dimension": (np.ones(5), ValueError),
+    "two dimensions": (np.ones((5, 5)), ValueError),
+    "four dimensions": (np.ones((2, 2, 2, 2)), ValueError),
+    "zero size": (np.ones((0, 5, 5)), ValueError),
+    "zero width": (np.ones((5, 5, 0)), ValueError),
+    "too long": (np.lib.stride_tricks.as_strided(np.ones(1, np.uint8), (1, 1, 65_536), (0, 0, 0)), ValueError),
+    "complex": (np.ones((2, 2, 2), complex), TypeError),
+    "text": (np.full((2, 2, 2), "a"), TypeError),
+    "objects": (np.full((2, 2, 2), None), TypeError),
+    "dates": (np.zeros((2, 2, 2), "M8[s]"), TypeError),
+    "records": (np.zeros((2, 2, 2), [("a", "u1")]), TypeError),
+    "long double": (np.ones((2, 2, 2), np.longdouble), TypeError),
+    "masked": (np.ma.masked_less(ONES, 2), TypeError),
+    "whole numbers beyond 32 bits": (np.full((2, 2, 2), 2**40), ValueError),
+    "natural numbers beyond 32 bits": (np.full((2, 2, 2), 2**40, np.uint64), ValueError),
+    "all NaN": (np.full((2, 2, 2), np.nan), ValueError),
+    "nothing visible": (np.zeros((2, 2, 2)), ValueError),
+    "a list": ([[[1, 2], [3, 4]]], TypeError),
+    "None": (None, TypeError),
+    "a number": (5, TypeError),
+    "an empty list": ([], TypeError),
+    "a shape of text": (Shaped(("a", 2, 2), np.uint8, lambda key: ONES), (TypeError, ValueError)),
+    "a negative shape": (Shaped((-2, 2, 2), np.uint8, lambda key: ONES), (TypeError, ValueError, OverflowError)),
+    "a type that is none": (Shaped((2, 2, 2), "no type", lambda key: ONES), TypeError),
+    "slices of another shape": (Shaped((4, 5, 6), np.uint8, lambda key: ONES[:, :2]), ValueError),
+    "slices that are None": (Shaped((4, 5, 6), np.uint8, lambda key: None), (TypeError, ValueError, IndexError)),
+    "slices of text": (Shaped((4, 5, 6), np.uint8, lambda key: np.full((1, 5, 6), "a")), ValueError),
+    "slices that end early": (Shaped((4, 5, 6), np.uint8, lambda key: ONES[:0]), (IndexError, ValueError)),
+    "slices that raise": (Shaped((4, 5, 6), np.uint8, lambda key: 1 // 0), ZeroDivisionError),
+}
+
+
+@pytest.mark.parametrize("name", ARRAYS)
+@pytest.mark.parametrize("where", ["memory", "file"])
+def test_arrays(name, where, tmp_path):
+    array, error = ARRAYS[name]
+    with pytest.raises(error):
+        adj.build(array, tmp_path / "out.adj" if where == "file" else None, visible=(1, None))
+    assert list(tmp_path.iterdir()) == []
+
+
+OPTIONS = {
+    "NaN spacing": ({"spacing": (1, np.nan, 1)}, ValueError),
+    "negative spacing": ({"spacing": (1, -1, 1)}, ValueError),
+    "zero spacing": ({"spacing": (1, 0, 1)}, ValueError),
+    "two spacings": ({"spacing": (1, 1)}, ValueError),
+    "spacing of text": ({"spacing": "abc"}, ValueError),
+    "infinite origin": ({"origin": (0, 0, np.inf)}, ValueError),
+    "flat direction": ({"direction": (1, 0, 0, 1, 0, 0, 0, 0, 1)}, ValueError),
+    "long direction": ({"direction": (2, 0, 0, 0, 1, 0, 0, 0, 1)}, ValueError),
+    "NaN direction": ({"direction": (np.nan,) * 9}, ValueError),
+    "short direction": ({"direction": (1, 0, 0)}, ValueError),
+    "frame": ({"frame": "XYZ"}, ValueError),
+    "two ways": ({"visible": (1, 2), "labels": "distinct"}, ValueError),
+    "visible NaN": ({"visible": (np.nan, None)}, ValueError),
+    "visible backwards": ({"visible": (3, 1)}, ValueError),
+    "visible of three": ({"visible": (1, 2, 3)}, ValueError),
+    "palette that is none": ({"labels": "ct-bone"}, ValueError),
+    "labels of the file": ({"labels": "file"}, ValueError),
+    "unknown preset": ({"transfer": "bones"}, ValueError),
+    "lanes": ({"lanes": "y"}, ValueError),
+    "value bits": ({"value_bits": 12}, ValueError),
+    "value bits of text": ({"value_bits": "8"}, ValueError),
+    "negative value bits": ({"value_bits": -8}, ValueError),
+    "normal bits": ({"normal_bits": 4}, ValueError),
+    "little memory": ({"memory": 1000}, ValueError),
+    "memory": ({"memory": "much"}, ValueError),
+    "negative memory": ({"memory": -1}, ValueError),
+    "no threads": ({"threads": 0}, ValueError),
+    "too many threads": ({"threads": 10**9}, ValueError),
+    "progress": ({"progress": 5}, TypeError),
+    "unit": ({"unit": 5}, TypeError),
+    "options of files": ({"level": 1}, ValueError),
+}
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_options(name, tmp_path):
+    options, error = OPTIONS[name]
+    if not {"visible", "transfer", "labels"} & options.keys():
+        options = {**options, "visible": (1, None)}
+    with pytest.raises(error):
+        adj.build(ONES, tmp_path / "out.adj", **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_every_truncation_of_a_file_raises(file, tmp_path):
+    content = file.read_bytes()
+    cut = tmp_path / "cut.adj"
+    for length in [0, 1, 7, 8, 100, 255, 256, 257, *range(300, len(content), 977), len(content) - 1]:
+        cut.write_bytes(content[:length])
+        with pytest.raises((adj.FormatError, OSError)) as caught:
+            adj.open(cut)
+        if length:
+            assert caught.value.offset <= length and caught.value.rule[0] == "R"
+
+
+def test_damaged_files_raise_or_give_something(file, tmp_path):
+    """A byte is changed, the checksum of the header put right by reading it as damaged data: nothing crashes."""
+    content = file.read_bytes()
+    damaged = tmp_path / "damaged.adj"
+    chance = np.random.default_rng(1)
+    opened = 0
+    for _ in range(300):
+        bytes_ = bytearray(content)
+        for at in chance.integers(0, len(content), 3):
+            bytes_[at] = chance.integers(0, 256)
+        damaged.write_bytes(bytes_)
+        try:
+            f = adj.open(damaged)
+        except (adj.FormatError, ValueError):
+            continue
+        opened += 1
+        assert f.to_numpy().shape == f.shape and len(f.values()) <= f.count
+        assert f.coordinates().max(initial=0) < max(f.shape)
+        f.normals(), f.bounds, f.attrs, f.nonzero()
+        adj.render(f, size=(16, 16))
+    assert opened > 100
+
+
+def test_frozen_files_that_must_be_refused_are():
+    refused = sorted((REPOSITORY / "formats" / "examples").glob("x-*.adj"))
+    assert refused
+    for path in refused:
+        with pytest.raises((adj.FormatError, ValueError)):
+            adj.open(path).verify()
+
+
+def test_paths_that_are_no_files_raise(tmp_path):
+    for path, error in [
+        (tmp_path, ValueError),
+        (tmp_path / "nothing", FileNotFoundError),
+        (tmp_path / "a" / "b", FileNotFoundError),
+        ("", (OSError, ValueError)),
+        ("a\0b", (OSError, ValueError)),
+        (5, TypeError),
+        (None, TypeError),
+    ]:
+        with pytest.raises(error):
+            adj.open(path)
+
+
+def test_a_block_larger_than_memory_raises(tmp_path):
+    class Sparse:
+        shape, dtype, chunks = (3000, 10, 60_000), np.dtype("u1"), (1, 10, 60_000)
+
+        def __getitem__(self, key):
+            plane = np.zeros((len(range(*key.indices(3000))), 10, 60_000), np.uint8)
+            plane[:, 0, 0] = 1
+            return plane
+
+    f = adj.build(Sparse(), visible=(1, None), lanes="x")
+    with pytest.raises(MemoryError):
+        f.block((0, 0, 0), (2**30, 2**20, 2**10))
+    with pytest.raises(ValueError, match="beyond the volume"):
+        f.block((0, 0, 0), (1, 11, 1))
+    with pytest.raises((ValueError, OverflowError)):
+        f.block((-1, 0, 0), (1, 1, 1))
+    assert f[2999, 0, :5].tolist() == [1, 0, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("dtype", "fill"), [("u1", -1), ("u1", 300), ("u1", 0.5), ("c8", 0), ("S1", 0), ("i8", 0), ("u1", np.nan)]
+)
+def test_blocks_of_other_types_raise(model, dtype, fill):
+    with pytest.raises((ValueError, TypeError, OverflowError)):
+        model.to_numpy(dtype=dtype, fill=fill)
+
+
+def test_big_endian_blocks_are_native(model):
+    assert (model.to_numpy(dtype=">u2") == model.to_numpy()).all()
+
+
+def test_an_array_that_changes_meanwhile_gives_some_model():
+    array = blob()
+
+    def grow(phase, done, total):
+        array[:] = 255 - array
+
+    assert adj.build(array, visible=(1, None), progress=grow).count > 0
