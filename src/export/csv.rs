@@ -7,7 +7,7 @@ use std::io::Write;
 
 use super::output::{Progress, Written};
 use super::voxels::StoredVoxels;
-use adjsplat::classify::{MagnitudeCodec, normal};
+use adjsplat::classify::MagnitudeCodec;
 
 pub(crate) fn write(out: &mut dyn Write, voxels: &StoredVoxels, progress: &Progress) -> Written {
     let channels = voxels.facts().channels;
@@ -25,7 +25,8 @@ pub(crate) fn write(out: &mut dyn Write, voxels: &StoredVoxels, progress: &Progr
         let [x, y, z] = voxels.position(index);
         write!(out, "{i},{j},{k},{x},{y},{z},{}", voxels.value(record.value))?;
         if normals {
-            let [nx, ny, nz] = decoded_normal(channels.normal_bits, record.normal);
+            #[expect(clippy::cast_possible_truncation, reason = "codes have at most 16 bits a component")]
+            let [nx, ny, nz] = voxels.normal(record).map(|component| component as f32);
             write!(out, ",{nx},{ny},{nz}")?;
         }
         if let Some(magnitudes) = &magnitudes {
@@ -33,13 +34,4 @@ pub(crate) fn write(out: &mut dyn Write, voxels: &StoredVoxels, progress: &Progr
         }
         out.write_all(b"\n")
     })
-}
-
-/// Returns the unit vector of a normal's code; zero for "no normal".
-pub(crate) fn decoded_normal(bits: u8, code: u32) -> [f32; 3] {
-    match bits {
-        0 => [0.0; 3],
-        8 => normal::decode8(u16::try_from(code).unwrap_or(normal::NONE8)),
-        _ => normal::decode16(code),
-    }
 }

@@ -23,7 +23,6 @@ use adjsplat::splat::{Lighting, Quality, Scene, Settings};
 use adjsplat::volume::Axis;
 use glam::{DMat3, DQuat, DVec3};
 
-use super::csv::decoded_normal;
 use super::eigen::ellipsoid_axes;
 use super::output::{Progress, Written};
 use super::voxels::StoredVoxels;
@@ -109,13 +108,12 @@ impl<'a> Gaussians<'a> {
         let table = self.table()?;
         let sigma = f64::from(Quality::Standard.kernel().sigma);
         let at_centre = std::f64::consts::LN_2 / (std::f64::consts::TAU * sigma * sigma);
-        let normal_bits = self.voxels.facts().channels.normal_bits;
         self.voxels.each(progress, |index, record| {
             let [.., depth] = table.look(record.value, record.magnitude);
             if depth <= 0.0 {
                 return Ok(());
             }
-            let normal = decoded_normal(normal_bits, record.normal).map(f64::from);
+            let normal = self.voxels.normal(record);
             let lines = self.shading[usize::from(record.value)];
             // A voxel without a normal keeps its colour, which is that of full light.
             let is_lit = normal != [0.0; 3];

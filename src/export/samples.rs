@@ -10,13 +10,17 @@ use super::voxels::StoredVoxels;
 const OTHER_TYPES: [SampleType; 5] =
     [SampleType::U8, SampleType::I16, SampleType::U16, SampleType::I32, SampleType::U32];
 
+/// Above it, not every whole number is a double-precision one: 2^53.
+const LARGEST_WHOLE: f64 = 9_007_199_254_740_992.0;
+
 /// Returns the type in which the values are exact: that of the volume that the file was built from, else the first of
 /// the integer types that holds them; else single precision, which rounds them.
 pub(crate) fn sample_type(voxels: &StoredVoxels) -> SampleType {
     let values = voxels.values();
     let holds_all = |sample_type: &SampleType| values.iter().all(|&value| holds(*sample_type, value));
-    // Double precision holds what was rounded, too, but no more of it than single precision is worth its bytes.
-    let own = voxels.source_type.filter(|own| *own != SampleType::F64 || values.iter().all(|v| v.fract() == 0.0));
+    // Double precision holds what was rounded, too, but only whole numbers can be the samples that were built from.
+    let is_whole = |value: &f64| value.fract() == 0.0 && value.abs() <= LARGEST_WHOLE;
+    let own = voxels.source_type.filter(|own| *own != SampleType::F64 || values.iter().all(is_whole));
     own.into_iter().chain(OTHER_TYPES).find(holds_all).unwrap_or(SampleType::F32)
 }
 

@@ -7,6 +7,8 @@
 //! rotations   3 x 8 bits: x, y, z, with w >= 0 harmonics   9 x 8 bits, by harmonic, then by colour
 //! ```
 //!
+//! The format's axes are right, up, back, while those of PLY files are right, down, forward. Readers that know both turn
+//! one into the other, so y and z are negated here: the same voxels as .ply and as .spz then lie in the same place.
 //! Each property is a pass over the arena, so memory does not grow with the number of voxels. Version 2 is what all
 //! readers know. Source: the SPZ file format (github.com/nianticlabs/spz).
 
@@ -74,7 +76,7 @@ impl Packing {
             count,
             fractional_bits,
             scales: scales.map(|scale| byte((scale + 10.0) * 16.0)),
-            rotation: [turn.x, turn.y, turn.z].map(|component| byte(component * 127.5 + 127.5)),
+            rotation: [turn.x, -turn.y, -turn.z].map(|component| byte(component * 127.5 + 127.5)),
             rounding,
         })
     }
@@ -96,7 +98,8 @@ pub(crate) fn write(out: &mut dyn Write, gaussians: &Gaussians, packing: &Packin
     progress.begin(PASSES * u64::from(gaussians.voxels.grid.dims[2]));
     let one = f64::from(1u32 << packing.fractional_bits);
     gaussians.each(progress, |gaussian| {
-        gaussian.position.into_iter().try_for_each(|coordinate| {
+        let [x, y, z] = gaussian.position;
+        [x, -y, -z].into_iter().try_for_each(|coordinate| {
             #[expect(clippy::cast_possible_truncation, reason = "in 24 bits: see Packing::new")]
             let fixed = (coordinate * one).round() as i32;
             out.write_all(&fixed.to_le_bytes()[..3])
@@ -112,7 +115,10 @@ pub(crate) fn write(out: &mut dyn Write, gaussians: &Gaussians, packing: &Packin
         }
     }
     gaussians.each(progress, |Gaussian { linear, .. }| {
-        linear.iter().try_for_each(|harmonic| out.write_all(&harmonic.map(|coefficient| byte(coefficient * 128.0 + 128.0))))
+        // The harmonics of y, z and x.
+        [-1.0, -1.0, 1.0].into_iter().zip(linear).try_for_each(|(sign, harmonic)| {
+            out.write_all(&harmonic.map(|coefficient| byte(sign * coefficient * 128.0 + 128.0)))
+        })
     })?;
     out.finish()?;
     Ok(())

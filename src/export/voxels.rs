@@ -4,10 +4,11 @@ use std::ops::Range;
 
 use adjsplat::arena::layout::Facts;
 use adjsplat::arena::{Arena, LaneRows, Record, Region, Rows, VisibleCodes, Voxel};
-use adjsplat::classify::TransferFunction;
+use adjsplat::classify::{TransferFunction, normal};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::{drawable, stored_transfer};
 use adjsplat::volume::{Axis, Grid, SampleType};
+use glam::DVec3;
 use serde_json::Value;
 
 use super::output::{Progress, Written};
@@ -91,6 +92,19 @@ impl<'a> StoredVoxels<'a> {
     pub(crate) fn values(&self) -> Vec<f64> {
         let codes = (0u16..=u16::MAX).zip(&self.occurring).filter(|(_, occurs)| **occurs);
         codes.map(|(code, _)| self.value(code)).collect()
+    }
+
+    /// Returns the unit normal of a record in the world; zero if it has none.
+    pub(crate) fn normal(&self, record: Record) -> [f64; 3] {
+        // Codes are along the grid's axes.
+        let along = match self.facts().channels.normal_bits {
+            0 => return [0.0; 3],
+            8 => normal::decode8(u16::try_from(record.normal).unwrap_or(normal::NONE8)),
+            _ => normal::decode16(record.normal),
+        };
+        let [x, y, z] = self.grid.direction.map(DVec3::from_array);
+        let [a, b, c] = along.map(f64::from);
+        (x * a + y * b + z * c).normalize_or_zero().to_array()
     }
 
     /// Returns the position of a grid point in the world.
