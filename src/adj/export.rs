@@ -64,7 +64,7 @@ Formats:
   .vdb          OpenVDB, sparse, single precision      normals; whole numbers above 2^24
   .ply          3-D Gaussians with harmonics of        values; shading is a straight line of the
                 degree 1 (light at the eye)            cosine, highlights are left out
-  .spz          the same in 8 bits a number            the same; sizes to 6 %; at most 10 million
+  .spz          the same in 8 bits a number            the same; sizes to 3 %; at most 10 million
 
 In dense formats samples have the source's type where that is exact, also of label maps; else they are rounded to f32.
 World axes are R, A, S, or L, P, S in .mha. Details: docs/export.md

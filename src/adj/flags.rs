@@ -92,7 +92,8 @@ mod tests {
     #[test]
     fn libraries_still_say_what_is_reworded() {
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the folder of all crates");
-        let all = ["core", "readers", "export", "judge", "study"].map(|library| sources(&source.join(library))).concat();
+        let all =
+            ["core", "readers", "export", "judge", "study"].map(|library| sources(&source.join(library))).concat();
         let names = SAME_NAME.split(' ').chain(FLAGS.map(|(name, _)| name)).map(|name| format!("\"{name}\""));
         for words in names.chain(ADVICE.into_iter().chain(MORE_ADVICE).map(|(advice, _)| advice.to_owned())) {
             assert!(all.contains(&words), "no library says {words}");

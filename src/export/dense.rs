@@ -7,6 +7,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use adjsplat::error::{Error, Result};
+use adjsplat::internals::obtainable;
 use adjsplat::volume::{Grid, SampleType};
 
 use super::output::{Progress, Written, write_file};
@@ -59,12 +60,8 @@ impl<'a> DenseVolume<'a> {
     /// [`Error::OutOfMemory`] if the system does not grant it.
     pub(crate) fn buffer(&self, points: u64) -> Result<Vec<u8>> {
         let need = points * self.sample_type.bytes() as u64;
-        let mut buffer = Vec::new();
         match usize::try_from(need) {
-            Ok(bytes) if buffer.try_reserve_exact(bytes).is_ok() => {
-                buffer.resize(bytes, 0);
-                Ok(buffer)
-            }
+            Ok(bytes) if obtainable(need) == need => Ok(vec![0; bytes]),
             _ => Err(Error::out_of_memory("a slice of the volume", need)),
         }
     }

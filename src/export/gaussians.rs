@@ -147,9 +147,8 @@ fn line(component: f64, shaded: bool) -> [f64; 2] {
         let t = f64::from(i) / f64::from(COSINES - 1);
         (t, displayed(f64::from(ambient) + f64::from(diffuse) * t))
     });
-    let [n, st, sv, stt, stv] = samples.fold([0.0; 5], |[n, st, sv, stt, stv], (t, v)| {
-        [n + 1.0, st + t, sv + v, stt + t * t, stv + t * v]
-    });
+    let [n, st, sv, stt, stv] =
+        samples.fold([0.0; 5], |[n, st, sv, stt, stv], (t, v)| [n + 1.0, st + t, sv + v, stt + t * t, stv + t * v]);
     let q = (n * stv - st * sv) / (n * stt - st * st);
     [(sv - q * st) / n, q]
 }

@@ -48,7 +48,12 @@ pub(crate) struct Progress<'a> {
 
 impl<'a> Progress<'a> {
     pub(crate) fn new(observer: &'a mut Observer<'a>) -> Progress<'a> {
-        Progress { observer: RefCell::new(observer), done: Cell::new(0), total: Cell::new(0), cancelled: Cell::new(false) }
+        Progress {
+            observer: RefCell::new(observer),
+            done: Cell::new(0),
+            total: Cell::new(0),
+            cancelled: Cell::new(false),
+        }
     }
 
     /// Sets the number of all steps.

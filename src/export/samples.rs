@@ -91,11 +91,14 @@ pub(crate) fn fill(voxels: &StoredVoxels, sample_type: SampleType, given: Option
     }
     let (lowest, highest) = sample_type.integer_range().unwrap_or((f64::from(f32::MIN), f64::from(f32::MAX)));
     let candidates = [Some(0.0), voxels.source_lowest, Some(lowest), Some(highest)];
-    let mut hidden = candidates.into_iter().flatten().filter(|value| holds(sample_type, *value) && is_hidden(voxels, *value));
+    let mut hidden =
+        candidates.into_iter().flatten().filter(|value| holds(sample_type, *value) && is_hidden(voxels, *value));
     let value = given.or_else(|| hidden.next()).unwrap_or(0.0);
     let is_needed = voxels.count < voxels.grid.points();
     let warning = (is_needed && !is_hidden(voxels, value)).then(|| {
-        format!("warning: the fill value {value} is visible with the transfer function, and so cannot be told from voxels")
+        format!(
+            "warning: the fill value {value} is visible with the transfer function, and so cannot be told from voxels"
+        )
     });
     Ok(Fill { value, warning })
 }

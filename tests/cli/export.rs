@@ -178,7 +178,9 @@ fn a_crop_that_keeps_the_grid_and_a_transfer_function_are_exported_as_they_are()
     assert!(few["voxels"].as_u64() < told["voxels"].as_u64(), "{few} {told}");
     folder.adj("trim a.adj -o few.adj --range 130..138").done();
     folder.adj("export few.adj -o trimmed.nii").done();
-    assert!(std::fs::read(folder.file("few.nii")).expect("it") == std::fs::read(folder.file("trimmed.nii")).expect("it"));
+    assert!(
+        std::fs::read(folder.file("few.nii")).expect("it") == std::fs::read(folder.file("trimmed.nii")).expect("it")
+    );
 }
 
 #[test]
@@ -210,7 +212,8 @@ fn hidden_points_get_a_value_that_is_hidden() {
         let told = folder.adj(&format!("export f.adj -o f.{ending} --fill nan --json")).json();
         assert_eq!(told["fill"], "NaN");
     }
-    let fill: Value = serde_json::from_slice(&std::fs::read(folder.file("f.zarr/0/.zarray")).expect("it")).expect("JSON");
+    let fill: Value =
+        serde_json::from_slice(&std::fs::read(folder.file("f.zarr/0/.zarray")).expect("it")).expect("JSON");
     assert_eq!(fill["fill_value"], "NaN");
 }
 
@@ -367,7 +370,7 @@ fn a_damaged_file_is_found_before_it_is_exported() {
         for ending in ["nii", "zarr", "csv", "ply", "spz", "vdb"] {
             let ran = folder.adj(&format!("export b.adj -o c.{ending} --no-verify"));
             if ran.code == Some(0) {
-                let path = folder.file(&format!("c.{ending}"));
+                let path = folder.file(format!("c.{ending}"));
                 if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) }.expect("there");
             } else {
                 assert_eq!(ran.code, Some(2), "{}", ran.stderr);
@@ -487,7 +490,7 @@ fn a_stopped_export_leaves_nothing() {
         let code = child.wait().expect("it is ours").code();
         if code == Some(0) {
             // It was done before the signal came.
-            let path = folder.file(&format!("out.{ending}"));
+            let path = folder.file(format!("out.{ending}"));
             if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) }.expect("there");
         } else {
             assert!(matches!(code, Some(2 | 130)), "{ending}: {code:?}");
