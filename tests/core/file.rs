@@ -87,12 +87,12 @@ fn asking_whether_a_file_can_be_written_leaves_nothing() {
 fn what_a_killed_run_left_is_removed_by_the_next_and_nothing_else_is() {
     let folder = tempfile::tempdir().expect("there is a temporary folder");
     let at = |name: &str| folder.path().join(name);
-    // Names that only look alike, and things that are no files.
+    // Names that only look alike, and things that are neither files nor folders.
     let mut others = vec![".adj-.tmp", ".adj-12345.tmp", ".adj-1234567.tmp", ".adj-1234\u{e9}.tmp"];
     others.extend([".adj-abcdef.tmp~", "adj-abcdef.tmp", ".adj-abc-ef.tmp"]);
     others.iter().for_each(|name| std::fs::write(at(name), b"mine").expect("writes"));
-    std::fs::create_dir(at(".adj-folder.tmp")).expect("new");
-    others.push(".adj-folder.tmp");
+    std::fs::create_dir(at(".adj-folders.tmp")).expect("new");
+    others.push(".adj-folders.tmp");
     #[cfg(unix)]
     {
         // Opening a pipe would wait for ever.
