@@ -51,7 +51,7 @@ const FORMATS: &str = "\
 Formats:
   ending        what it holds                          what it loses
   .nrrd         dense volume, gzip                     normals, which points are visible
-  .nii .nii.gz  dense volume, NIfTI-1 or -2            the same; places to single precision (NIfTI-1)
+  .nii .nii.gz  dense volume, NIfTI-1 or -2            the same; place in f32 (NIfTI-1)
   .mha          dense volume, not packed               the same as .nrrd
   .vti          dense volume, not packed               the same; the unit of lengths
   .raw          samples only                           the same; size, type and place
