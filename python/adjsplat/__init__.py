@@ -11,6 +11,7 @@ goes from a volume to a turntable step by step.
 from ._native import DeviceError, FormatError, __version__
 from .build import BuildWarning, build
 from .edit import Edit
+from .export import ExportReport, ExportWarning
 from .lanes import Lane
 from .model import Model, open
 from .pictures import Metrics, compare, save
@@ -22,6 +23,8 @@ __all__ = [
     "BuildWarning",
     "DeviceError",
     "Edit",
+    "ExportReport",
+    "ExportWarning",
     "FormatError",
     "Lane",
     "Metrics",

@@ -7,12 +7,18 @@ import os
 from collections.abc import Sequence
 
 
-def output_path(out: str | os.PathLike[str], files: Sequence[str] = ()) -> str:
-    """Returns the absolute path of the output, if it would replace nothing but an .adj file."""
+def path_in_folder(out: str | os.PathLike[str]) -> str:
+    """Returns the absolute path of an output, if its folder is there."""
     path = os.path.abspath(os.fspath(out))
     folder = os.path.dirname(path)
     if not os.path.isdir(folder):
         raise FileNotFoundError(errno.ENOENT, "there is no such folder", folder)
+    return path
+
+
+def output_path(out: str | os.PathLike[str], files: Sequence[str] = ()) -> str:
+    """Returns the absolute path of the output, if it would replace nothing but an .adj file."""
+    path = path_in_folder(out)
     if os.path.isfile(path) and os.path.getsize(path):
         if any(os.path.exists(file) and os.path.samefile(file, path) for file in files):
             raise ValueError(f"{path} is the volume itself, which the model would replace; give another name")

@@ -6,14 +6,15 @@ import builtins
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from . import _native, convert
+from . import _native, convert, export
 from .arguments import output_path
+from .export import ExportReport
 from .indices import covered, expanded
 from .lanes import Lane
 from .transfer import TransferFunction, as_transfer
@@ -343,6 +344,29 @@ class Model:
     def to_pyvista(self) -> Any:
         """Returns a PyVista ImageData with the point data "values"."""
         return convert.to_pyvista(self)
+
+    # --- Files of other formats
+
+    def export(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        fill: float | None = None,
+        progress: Callable[[str, int, int], Any] | None = None,
+    ) -> ExportReport:
+        """Writes the visible voxels for other tools: a file, or a folder for .zarr, whole or not at all.
+
+        The ending of `path` chooses the format: .nrrd, .nii, .nii.gz, .mha, .vti, .raw, .npz, .zarr (dense volumes), .csv,
+        .vdb (sparse), .ply, .spz (3-D Gaussians). `fill` is the sample of points that are not visible, in dense formats; by
+        default a value that the transfer function hides. Memory holds a few slices. docs/export.md says what each format
+        keeps and loses.
+
+        Raises `ValueError` if the ending is unknown or the format cannot hold the voxels, `OSError` if writing fails.
+
+        >>> f.export("engine.nii.gz").dtype
+        dtype('uint8')
+        """
+        return export.write(self, path, fill, progress)
 
     # --- Editing
 

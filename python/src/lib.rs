@@ -6,7 +6,7 @@
 //!
 //! ```text
 //! source -> build -> model -> voxels, lanes          numpy arrays
-//!                      |-> edit -> file
+//!                      |-> edit, export -> file
 //!                      '-> view -> render, device -> pictures -> compare, files
 //! ```
 
@@ -14,6 +14,7 @@ mod build;
 mod device;
 mod edit;
 mod errors;
+mod export;
 mod lanes;
 mod model;
 mod pictures;
@@ -46,6 +47,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(render::cameras, module)?)?;
     module.add_function(wrap_pyfunction!(render::render, module)?)?;
     module.add_function(wrap_pyfunction!(edit::save_edited, module)?)?;
+    module.add_function(wrap_pyfunction!(export::export, module)?)?;
     module.add_function(wrap_pyfunction!(transfer::transfer_json, module)?)?;
     module.add_function(wrap_pyfunction!(transfer::transfer_preset, module)?)?;
     module.add_function(wrap_pyfunction!(transfer::transfer_file, module)?)?;

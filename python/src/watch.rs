@@ -36,7 +36,7 @@ impl Raised {
     }
 }
 
-/// Observes a build for Python.
+/// Observes a build or an export for Python.
 pub(crate) struct Watch {
     /// Called with the phase's name, and how many of how many slices or records are done.
     progress: Option<Py<PyAny>>,
@@ -50,20 +50,13 @@ impl Watch {
     pub(crate) fn new(progress: Option<Py<PyAny>>, raised: Raised) -> Watch {
         Watch { progress, looked: None, raised, samples: None }
     }
-}
 
-impl Observer for Watch {
-    fn progress(&mut self, phase: Phase, done: u64, total: u64) -> ControlFlow<()> {
+    /// Tells Python that `done` of `total` steps of the phase `name` are done, at most every 50 ms; breaks if Python raised.
+    pub(crate) fn tell(&mut self, name: &str, done: u64, total: u64) -> ControlFlow<()> {
         if done < total && self.looked.is_some_and(|looked| looked.elapsed() < PAUSE) {
             return ControlFlow::Continue(());
         }
         self.looked = Some(Instant::now());
-        let name = match phase {
-            Phase::Survey => "survey".to_owned(),
-            Phase::Pack => "pack".to_owned(),
-            Phase::Assemble(axis) => format!("assemble {}", axis.name()),
-            Phase::Flush => "flush".to_owned(),
-        };
         let told = Python::attach(|py| {
             py.check_signals()?;
             match &self.progress {
@@ -77,6 +70,17 @@ impl Observer for Watch {
                 self.raised.keep(failure);
                 ControlFlow::Break(())
             }
+        }
+    }
+}
+
+impl Observer for Watch {
+    fn progress(&mut self, phase: Phase, done: u64, total: u64) -> ControlFlow<()> {
+        match phase {
+            Phase::Survey => self.tell("survey", done, total),
+            Phase::Pack => self.tell("pack", done, total),
+            Phase::Assemble(axis) => self.tell(&format!("assemble {}", axis.name()), done, total),
+            Phase::Flush => self.tell("flush", done, total),
         }
     }
 

@@ -184,6 +184,7 @@ def test_a_closed_model_raises_value_error_from_everything(file):
     ]
     arguments = {
         "save": ("x.adj",),
+        "export": ("x.npz",),
         "with_transfer": ("ct-bone",),
         "missing_values": ("ct-bone",),
         "block": ((0, 0, 0), (1, 1, 1)),

@@ -7,7 +7,7 @@ use std::error::Error as _;
 use adjsplat::error::Error;
 
 /// Names of values in library errors that are also the names of their flags.
-const SAME_NAME: &str = "azimuth blending crop elevation exposure kernel lanes level line series sharpness spacing \
+const SAME_NAME: &str = "azimuth blending crop elevation exposure fill kernel lanes level line series sharpness spacing \
                          termination threads volume zoom";
 
 /// Names of values in library errors, each with its flag, which is called something else.
@@ -92,7 +92,8 @@ mod tests {
     #[test]
     fn libraries_still_say_what_is_reworded() {
         let source = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the folder of all crates");
-        let all = ["core", "readers", "judge", "study"].map(|library| sources(&source.join(library))).concat();
+        let all =
+            ["core", "readers", "export", "judge", "study"].map(|library| sources(&source.join(library))).concat();
         let names = SAME_NAME.split(' ').chain(FLAGS.map(|(name, _)| name)).map(|name| format!("\"{name}\""));
         for words in names.chain(ADVICE.into_iter().chain(MORE_ADVICE).map(|(advice, _)| advice.to_owned())) {
             assert!(all.contains(&words), "no library says {words}");

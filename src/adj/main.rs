@@ -16,6 +16,7 @@ mod cut_file;
 mod demo;
 #[cfg(feature = "gpu")]
 mod devices;
+mod export;
 mod flags;
 mod histogram;
 mod info;
@@ -73,6 +74,7 @@ enum Command {
     Info(info::Arguments),
     Verify(verify::Arguments),
     Trim(Box<trim::Arguments>),
+    Export(Box<export::Arguments>),
     Render(Box<render::Arguments>),
     Compare(compare::Arguments),
     Demo(demo::Arguments),
@@ -109,6 +111,7 @@ fn run(command: &Command) -> Result<Answer> {
         Command::Info(arguments) => info::run(arguments),
         Command::Verify(arguments) => verify::run(arguments),
         Command::Trim(arguments) => trim::run(arguments),
+        Command::Export(arguments) => export::run(arguments),
         Command::Render(arguments) => render::run(arguments),
         Command::Compare(arguments) => compare::run(arguments),
         Command::Demo(arguments) => demo::run(arguments),

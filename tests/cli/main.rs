@@ -7,6 +7,7 @@ mod compare;
 #[cfg(target_os = "linux")]
 mod cut;
 mod devices;
+mod export;
 mod harness;
 mod hidden;
 mod interrupt;

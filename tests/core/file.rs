@@ -10,6 +10,7 @@ use adjsplat::Error;
 use adjsplat::arena::Arena;
 use adjsplat::build::{BuildOptions, Built, Unobserved, build};
 use adjsplat::classify::TransferFunction;
+use adjsplat::file::write_folder_atomically;
 use adjsplat::file::{AdjFile, arena_bytes, check_writable, write_atomically, write_atomically_unless};
 use adjsplat::volume::SampleType;
 use adjsplat::volume::phantom::Phantom;
@@ -86,12 +87,12 @@ fn asking_whether_a_file_can_be_written_leaves_nothing() {
 fn what_a_killed_run_left_is_removed_by_the_next_and_nothing_else_is() {
     let folder = tempfile::tempdir().expect("there is a temporary folder");
     let at = |name: &str| folder.path().join(name);
-    // Names that only look alike, and things that are no files.
+    // Names that only look alike, and things that are neither files nor folders.
     let mut others = vec![".adj-.tmp", ".adj-12345.tmp", ".adj-1234567.tmp", ".adj-1234\u{e9}.tmp"];
     others.extend([".adj-abcdef.tmp~", "adj-abcdef.tmp", ".adj-abc-ef.tmp"]);
     others.iter().for_each(|name| std::fs::write(at(name), b"mine").expect("writes"));
-    std::fs::create_dir(at(".adj-folder.tmp")).expect("new");
-    others.push(".adj-folder.tmp");
+    std::fs::create_dir(at(".adj-folders.tmp")).expect("new");
+    others.push(".adj-folders.tmp");
     #[cfg(unix)]
     {
         // Opening a pipe would wait for ever.
@@ -230,4 +231,59 @@ fn a_file_that_grows_is_as_it_was_and_one_that_is_cut_is_not() {
     // Half of the pages are gone; or, on file systems that give zeros for them, not what they were.
     let cut = outcome("0.5");
     assert!(cut.signal() == Some(7) || cut.code() == Some(3), "{cut:?}");
+}
+
+#[test]
+fn a_folder_appears_whole_or_not_at_all() {
+    let folder = tempfile::tempdir().expect("there is a temporary folder");
+    let path = folder.path().join("out.zarr");
+    let fill = |inside: &Path| {
+        assert_eq!(names(folder.path()).len(), 1, "under a name of its own");
+        std::fs::create_dir(inside.join("0")).and_then(|()| std::fs::write(inside.join("0/0"), b"1")).expect("writes");
+    };
+    let failed = write_folder_atomically(&|| false, &path, |inside| {
+        fill(inside);
+        Err::<(), _>(Error::Interrupted)
+    });
+    assert!(matches!(failed, Err(Error::Interrupted)));
+    let panicked =
+        std::panic::catch_unwind(|| write_folder_atomically::<()>(&|| false, &path, |_| panic!("on purpose")));
+    assert!(panicked.is_err() && names(folder.path()).is_empty());
+    // Asked to stop after 0, 1, 2 ... questions: between files, and before the name.
+    for patience in 0.. {
+        let asked = Cell::new(0);
+        let stop = || asked.replace(asked.get() + 1) == patience;
+        match write_folder_atomically(&stop, &path, |inside| {
+            fill(inside);
+            Ok(7)
+        }) {
+            Ok(given) => {
+                assert!(given == 7 && patience > 1, "{patience}");
+                break;
+            }
+            Err(error) => assert!(matches!(error, Error::Interrupted), "{error}"),
+        }
+        assert!(names(folder.path()).is_empty());
+    }
+    assert_eq!(std::fs::read(path.join("0/0")).expect("it is there"), b"1");
+    let again = write_folder_atomically::<()>(&|| false, &path, |_| unreachable!("it exists"));
+    assert!(again.expect_err("it exists").to_string().contains("exists already"));
+    assert_eq!(names(folder.path()), ["out.zarr"]);
+}
+
+#[test]
+#[cfg(unix)]
+fn a_dead_temporary_folder_goes_and_one_in_use_stays() {
+    let folder = tempfile::tempdir().expect("there is a temporary folder");
+    std::fs::create_dir_all(folder.path().join(".adj-abc123.tmp/0")).expect("new");
+    std::fs::write(folder.path().join(".adj-abc123.tmp/0/0.0.0"), b"left").expect("writes");
+    write_folder_atomically(&|| false, &folder.path().join("out"), |_| {
+        // Another write to this folder removes what is dead; this one lives.
+        assert_eq!(names(folder.path()).len(), 1);
+        write_atomically(&folder.path().join("file"), |out| out.write_all(b"1"))?;
+        assert_eq!(names(folder.path()).len(), 2);
+        Ok(())
+    })
+    .expect("writes");
+    assert_eq!(names(folder.path()), ["file", "out"]);
 }

@@ -1,4 +1,4 @@
-//! Temporary files for atomic writing. They are removed however a run of the program ends:
+//! Temporary files and folders for atomic writing. They are removed however a run of the program ends:
 //!
 //! 1. Success, error or panic: [`TemporaryFile::rename`] moves the file to its final name; dropping it removes it.
 //! 2. A forced exit: [`abandon_writes`] removes all listed files.
@@ -34,23 +34,29 @@ use std::sync::{Mutex, PoisonError};
 
 use crate::error::{Error, Result};
 
-const PREFIX: &str = ".adj-";
-const SUFFIX: &str = ".tmp";
+pub(super) const PREFIX: &str = ".adj-";
+pub(super) const SUFFIX: &str = ".tmp";
 /// Number of letters and digits between prefix and suffix.
-const RANDOM: usize = 6;
+pub(super) const RANDOM: usize = 6;
 /// Largest number of names to try. A remover takes a name only right after its creation: one retry nearly always helps.
-const MOST_NAMES: usize = 64;
+pub(super) const MOST_NAMES: usize = 64;
 
-/// Temporary files that a forced exit would leave behind.
-static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+/// Temporary files and folders that a forced exit would leave behind.
+pub(super) static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
-/// Removes the temporary files of all unfinished writes. Call it only to end the process right after.
+/// Removes the temporary files and folders of all unfinished writes. Call it only to end the process right after.
 ///
 /// Writes that are still running fail or block for ever; none of them replaces its target file any more.
 pub fn abandon_writes() {
     let unfinished = UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner);
     for path in unfinished.iter() {
-        let _ = std::fs::remove_file(path);
+        // A folder into which another thread still writes may take several tries.
+        for _ in 0..16 {
+            let removed = if path.is_dir() { std::fs::remove_dir_all(path) } else { std::fs::remove_file(path) };
+            if removed.is_ok() || !path.exists() {
+                break;
+            }
+        }
     }
     // Locked until the process ends, so that no new file is created.
     std::mem::forget(unfinished);
@@ -139,8 +145,11 @@ pub(super) fn remove_dead(folder: &Path) {
     let Ok(entries) = std::fs::read_dir(folder) else { return };
     for entry in entries.flatten() {
         // Opening a pipe of that name would wait for its writer.
-        if is_name(&entry.file_name()) && entry.file_type().is_ok_and(|kind| kind.is_file()) {
+        let Some(kind) = entry.file_type().ok().filter(|_| is_name(&entry.file_name())) else { continue };
+        if kind.is_file() {
             let _ = remove_if_dead(&entry.path());
+        } else if kind.is_dir() {
+            let _ = super::atomic_folder::remove_if_dead(&entry.path());
         }
     }
 }
@@ -155,7 +164,7 @@ fn remove_if_dead(path: &Path) -> io::Result<()> {
 }
 
 /// Returns whether `path` refers to the same file as `file`.
-fn is_named(path: &Path, file: &File) -> bool {
+pub(super) fn is_named(path: &Path, file: &File) -> bool {
     let there = same_file::Handle::from_path(path);
     let ours = file.try_clone().and_then(same_file::Handle::from_file);
     matches!((there, ours), (Ok(there), Ok(ours)) if there == ours)

@@ -1,6 +1,7 @@
 //! Files: arenas on disk, which are written atomically and read through a memory map.
 
 mod atomic;
+mod atomic_folder;
 mod atomic_temporary;
 mod map;
 mod resident;
@@ -8,6 +9,7 @@ mod sections;
 mod write;
 
 pub use atomic::{check_writable, scratch_folder, write_atomically, write_atomically_unless};
+pub use atomic_folder::write_folder_atomically;
 pub use atomic_temporary::abandon_writes;
 pub use map::AdjFile;
 pub use write::{RowsOutput, arena_bytes, open_rows, write_rows};

@@ -1,0 +1,43 @@
+//! Writes MetaImage (`.mha`): a text header, then the samples as they are.
+//!
+//! World axes are L, P, S, as in ITK: x and y of all vectors are negated. The samples are not compressed, because the
+//! header would have to state their compressed size. Source: the MetaIO documentation.
+
+use std::io::Write;
+
+use super::dense::DenseVolume;
+use super::output::{Progress, Written};
+use adjsplat::volume::SampleType;
+
+pub(crate) fn write(out: &mut dyn Write, volume: &DenseVolume, progress: &Progress) -> Written {
+    out.write_all(header(volume).as_bytes())?;
+    volume.write_slices(out, progress)
+}
+
+fn header(volume: &DenseVolume) -> String {
+    let grid = volume.grid();
+    // Adding 0 turns -0 into 0.
+    let world = |[x, y, z]: [f64; 3]| format!("{} {} {}", -x + 0.0, -y + 0.0, z + 0.0);
+    let [nx, ny, nz] = grid.dims;
+    let [dx, dy, dz] = grid.spacing;
+    let [along_x, along_y, along_z] = grid.direction.map(world);
+    let origin = world(grid.origin);
+    let sample_type = match volume.sample_type {
+        SampleType::U8 => "MET_UCHAR",
+        SampleType::I8 => "MET_CHAR",
+        SampleType::U16 => "MET_USHORT",
+        SampleType::I16 => "MET_SHORT",
+        SampleType::U32 => "MET_UINT",
+        SampleType::I32 => "MET_INT",
+        SampleType::F32 => "MET_FLOAT",
+        SampleType::F64 => "MET_DOUBLE",
+    };
+    let unit = grid.unit.as_deref().filter(|unit| ["um", "mm", "cm"].contains(unit));
+    let unit = unit.map_or(String::new(), |unit| format!("DistanceUnits = {unit}\n"));
+    format!(
+        "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = False\n\
+         TransformMatrix = {along_x} {along_y} {along_z}\nOffset = {origin}\nCenterOfRotation = 0 0 0\n\
+         {unit}ElementSpacing = {dx} {dy} {dz}\nDimSize = {nx} {ny} {nz}\nElementType = {sample_type}\n\
+         ElementDataFile = LOCAL\n"
+    )
+}

@@ -1,0 +1,46 @@
+//! Writes NRRD: a text header, then the samples in gzip.
+//!
+//! World axes are R, A, S, like the crate's. Source: the NRRD format definition (teem.sourceforge.net/nrrd/format.html).
+
+use std::io::Write;
+
+use flate2::Compression;
+use flate2::write::GzEncoder;
+
+use super::dense::DenseVolume;
+use super::output::{Progress, Written};
+use adjsplat::volume::SampleType;
+
+pub(crate) fn write(out: &mut dyn Write, volume: &DenseVolume, progress: &Progress) -> Written {
+    out.write_all(header(volume).as_bytes())?;
+    let mut packed = GzEncoder::new(out, Compression::default());
+    volume.write_slices(&mut packed, progress)?;
+    packed.finish()?;
+    Ok(())
+}
+
+fn header(volume: &DenseVolume) -> String {
+    let grid = volume.grid();
+    let [nx, ny, nz] = grid.dims;
+    let vector = |[x, y, z]: [f64; 3]| format!("({x},{y},{z})");
+    let [along_x, along_y, along_z] = volume.steps().map(vector);
+    let origin = vector(grid.origin);
+    let sample_type = match volume.sample_type {
+        SampleType::U8 => "uint8",
+        SampleType::I8 => "int8",
+        SampleType::U16 => "uint16",
+        SampleType::I16 => "int16",
+        SampleType::U32 => "uint32",
+        SampleType::I32 => "int32",
+        SampleType::F32 => "float",
+        SampleType::F64 => "double",
+    };
+    // A quote or a line break would end the unit or the field.
+    let unit = grid.unit.as_deref().filter(|unit| !unit.contains(['"', '\\']) && !unit.contains(char::is_control));
+    let unit = unit.map_or(String::new(), |unit| format!("space units: \"{unit}\" \"{unit}\" \"{unit}\"\n"));
+    format!(
+        "NRRD0004\ntype: {sample_type}\ndimension: 3\nspace: right-anterior-superior\nsizes: {nx} {ny} {nz}\n\
+         space directions: {along_x} {along_y} {along_z}\nkinds: domain domain domain\nendian: little\n\
+         encoding: gzip\n{unit}space origin: {origin}\n\n"
+    )
+}

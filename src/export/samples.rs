@@ -1,0 +1,110 @@
+//! The sample type of an exported volume, its fill value, and values as bytes.
+
+use adjsplat::classify::TransferFunction;
+use adjsplat::error::{Error, Result};
+use adjsplat::volume::SampleType;
+
+use super::voxels::StoredVoxels;
+
+/// Types to try if the source's own does not hold all values: the most common ones first.
+const OTHER_TYPES: [SampleType; 5] =
+    [SampleType::U8, SampleType::I16, SampleType::U16, SampleType::I32, SampleType::U32];
+
+/// Above it, not every whole number is a double-precision one: 2^53.
+const LARGEST_WHOLE: f64 = 9_007_199_254_740_992.0;
+
+/// Returns the type in which the values are exact: that of the volume that the file was built from, else the first of
+/// the integer types that holds them; else single precision, which rounds them.
+pub(crate) fn sample_type(voxels: &StoredVoxels) -> SampleType {
+    let values = voxels.values();
+    let holds_all = |sample_type: &SampleType| values.iter().all(|&value| holds(*sample_type, value));
+    // Double precision holds what was rounded, too, but only whole numbers can be the samples that were built from.
+    let is_whole = |value: &f64| value.fract() == 0.0 && value.abs() <= LARGEST_WHOLE;
+    let own = voxels.source_type.filter(|own| *own != SampleType::F64 || values.iter().all(is_whole));
+    own.into_iter().chain(OTHER_TYPES).find(holds_all).unwrap_or(SampleType::F32)
+}
+
+/// Returns whether samples of this type hold `value` exactly; NaN counts as a value of floating-point types.
+pub(crate) fn holds(sample_type: SampleType, value: f64) -> bool {
+    match sample_type.integer_range() {
+        Some((lowest, highest)) => value.fract() == 0.0 && (lowest..=highest).contains(&value),
+        None => value.is_nan() || decoded(sample_type, &encoded(sample_type, value)) == value,
+    }
+}
+
+/// Returns the most by which a sample of this type differs from one of `values`.
+pub(crate) fn rounding(values: &[f64], sample_type: SampleType) -> f64 {
+    let error = |&value: &f64| (decoded(sample_type, &encoded(sample_type, value)) - value).abs();
+    values.iter().map(error).fold(0.0, f64::max)
+}
+
+/// Returns `value` as a little-endian sample in the first bytes; integers are clamped to the type's range.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "rounding and saturating are meant")]
+pub(crate) fn encoded(sample_type: SampleType, value: f64) -> [u8; 8] {
+    let mut bytes = [0; 8];
+    let mut put = |sample: &[u8]| bytes[..sample.len()].copy_from_slice(sample);
+    match sample_type {
+        SampleType::U8 => put(&(value as u8).to_le_bytes()),
+        SampleType::I8 => put(&(value as i8).to_le_bytes()),
+        SampleType::U16 => put(&(value as u16).to_le_bytes()),
+        SampleType::I16 => put(&(value as i16).to_le_bytes()),
+        SampleType::U32 => put(&(value as u32).to_le_bytes()),
+        SampleType::I32 => put(&(value as i32).to_le_bytes()),
+        SampleType::F32 => put(&(value as f32).to_le_bytes()),
+        SampleType::F64 => put(&value.to_le_bytes()),
+    }
+    bytes
+}
+
+fn decoded(sample_type: SampleType, bytes: &[u8; 8]) -> f64 {
+    let [a, b, c, d, ..] = *bytes;
+    match sample_type {
+        SampleType::U8 => a.into(),
+        SampleType::I8 => i8::from_le_bytes([a]).into(),
+        SampleType::U16 => u16::from_le_bytes([a, b]).into(),
+        SampleType::I16 => i16::from_le_bytes([a, b]).into(),
+        SampleType::U32 => u32::from_le_bytes([a, b, c, d]).into(),
+        SampleType::I32 => i32::from_le_bytes([a, b, c, d]).into(),
+        SampleType::F32 => f32::from_le_bytes([a, b, c, d]).into(),
+        SampleType::F64 => f64::from_le_bytes(*bytes),
+    }
+}
+
+/// A fill value, and a warning if it may be taken for a visible one.
+pub(crate) struct Fill {
+    pub(crate) value: f64,
+    pub(crate) warning: Option<String>,
+}
+
+/// Returns the sample of points that are not visible: `given`, or a value that the transfer function hides.
+///
+/// # Errors
+/// [`Error::Input`] if samples of this type do not hold `given`.
+pub(crate) fn fill(voxels: &StoredVoxels, sample_type: SampleType, given: Option<f64>) -> Result<Fill> {
+    if let Some(value) = given.filter(|value| !holds(sample_type, *value)) {
+        let range = match sample_type.integer_range() {
+            Some((lowest, highest)) => format!("whole numbers from {lowest} to {highest}"),
+            None => "rounded to single precision".to_owned(),
+        };
+        let why = format!("is {value}, but samples of this export are {}: {range}", sample_type.name());
+        return Err(Error::input("fill", why));
+    }
+    let (lowest, highest) = sample_type.integer_range().unwrap_or((f64::from(f32::MIN), f64::from(f32::MAX)));
+    let candidates = [Some(0.0), voxels.source_lowest, Some(lowest), Some(highest)];
+    let mut hidden =
+        candidates.into_iter().flatten().filter(|value| holds(sample_type, *value) && is_hidden(voxels, *value));
+    let value = given.or_else(|| hidden.next()).unwrap_or(0.0);
+    let is_needed = voxels.count < voxels.grid.points();
+    let warning = (is_needed && !is_hidden(voxels, value)).then(|| {
+        format!(
+            "warning: the fill value {value} is visible with the transfer function, and so cannot be told from voxels"
+        )
+    });
+    Ok(Fill { value, warning })
+}
+
+/// Returns whether a homogeneous region of `value` is hidden, and no exported voxel has this value.
+fn is_hidden(voxels: &StoredVoxels, value: f64) -> bool {
+    let shows = |transfer: &TransferFunction| value.is_finite() && transfer.opacity(value, 0.0) > 0.0;
+    !voxels.transfer.as_ref().is_some_and(shows) && !voxels.values().contains(&value)
+}
