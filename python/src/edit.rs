@@ -7,6 +7,7 @@ use adjsplat::arena::{LaneSet, Overlay, Record};
 use adjsplat::classify::{MagnitudeCodec, normal};
 use adjsplat::error::{Error, Result};
 use adjsplat::file::{RowsOutput, write_rows};
+use adjsplat::volume::Grid;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -125,6 +126,7 @@ fn apply(overlay: &mut Overlay<'_>, facts: &Facts, change: Change, counts: &mut 
 
 /// Turns what is added into codes of the file.
 struct Codes {
+    grid: Grid,
     channels: Channels,
     low: f64,
     step: f64,
@@ -150,12 +152,20 @@ impl Codes {
             0 => None,
             _ => Some(MagnitudeCodec::new(facts.scales.magnitude_scale)?),
         };
-        Ok(Codes { channels, low: facts.scales.value_low, step: facts.scales.value_step, last, magnitude })
+        Ok(Codes {
+            grid: facts.grid.clone(),
+            channels,
+            low: facts.scales.value_low,
+            step: facts.scales.value_step,
+            last,
+            magnitude,
+        })
     }
 
     fn record(&self, added: &Added, index: usize) -> Result<Record> {
         let value = self.value(added.values[index])?;
-        let normal = match added.normals.as_ref().map(|normals| normals[index].map(|part| -part)) {
+        let gradient = |normal: [f64; 3]| self.grid.axes_from_world(normal).map(|part| -part);
+        let normal = match added.normals.as_ref().map(|normals| gradient(normals[index])) {
             None if self.channels.normal_bits == 8 => normal::NONE8.into(),
             None => normal::NONE16,
             // A normal points against the gradient.

@@ -9,6 +9,9 @@ use pyo3::prelude::*;
 use crate::model::Model;
 use crate::watch::{Raised, Watch};
 
+/// Voxels, bytes, type of samples, fill value, rounding, remarks.
+type Written = (u64, u64, Option<&'static str>, Option<f64>, f64, Vec<String>);
+
 /// Writes the voxels of `model` to `out`, whose ending chooses the format. Returns the number of voxels and of bytes, the
 /// samples' type and the fill value if the format has them, the largest rounding of a value, and remarks.
 #[pyfunction]
@@ -18,7 +21,7 @@ pub(crate) fn export(
     out: PathBuf,
     fill: Option<f64>,
     progress: Option<Py<PyAny>>,
-) -> PyResult<(u64, u64, Option<&'static str>, Option<f64>, f64, Vec<String>)> {
+) -> PyResult<Written> {
     let arena = model.arena()?;
     let raised = Raised::default();
     let mut watch = Watch::new(progress, raised.clone());

@@ -160,7 +160,7 @@ pub(crate) fn read_positions(model: &Model, py: Python<'_>, mut out: PyReadwrite
 /// Writes the normal of each visible voxel (x, y, z in the world) to a row of `out`; returns how many there were.
 #[pyfunction]
 pub(crate) fn read_normals(model: &Model, py: Python<'_>, mut out: PyReadwriteArray2<'_, f32>) -> PyResult<usize> {
-    let bits = model.arena()?.facts().channels.normal_bits;
+    let (bits, grid) = (model.arena()?.facts().channels.normal_bits, model.0.grid());
     let out = out.as_slice_mut().map_err(|_| not_contiguous())?;
     let out = out.as_chunks_mut::<3>().0;
     let count = out.len();
@@ -172,7 +172,7 @@ pub(crate) fn read_normals(model: &Model, py: Python<'_>, mut out: PyReadwriteAr
     let fill = || {
         model.each_voxel(|_, record| {
             if let Some(row) = rows.next() {
-                *row = decode(record.normal);
+                *row = grid.world_from_axes(decode(record.normal).map(f64::from)).map(f32::nearest);
             }
         })
     };

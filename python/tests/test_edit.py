@@ -47,6 +47,9 @@ def test_normals_are_stored(model, tmp_path):
     g = model.edit().add([[0, 0, 0], [0, 0, 5]], 100, normals=normal).add([[0, 0, 9]], 100).save(tmp_path / "g.adj")
     got = g.normals()[:3]
     assert np.abs(got - [[0.6, 0, 0.8], [0, -1, 0], [0, 0, 0]]).max() < 0.02
+    turned = adj.build(model.to_numpy(), visible=(60, None), direction=(0, -1, 0, 0, 0, -1, 1, 0, 0))
+    h = turned.edit().add([[0, 0, 0], [0, 0, 5]], 100, normals=normal).save(tmp_path / "h.adj")
+    assert np.abs(h.normals()[:2] - [[0.6, 0, 0.8], [0, -1, 0]]).max() < 0.02
 
 
 def test_magnitudes_are_stored(volume, tmp_path):

@@ -50,6 +50,10 @@ def test_normals_point_against_the_gradient(volume):
     want = -gradient[inner] / np.linalg.norm(gradient[inner], axis=1, keepdims=True)
     assert inner.sum() > 1000
     assert np.abs(model.normals()[inner] - want).max() < 2e-3
+    # Along axes that are turned, the same gradient points elsewhere in the world.
+    turn = (0.0, -1.0, 0.0, 0.0, 0.0, -1.0, 1.0, 0.0, 0.0)
+    turned = adj.build(smooth, visible=(60, None), spacing=(1, 1.5, 2.5), normal_bits=16, direction=turn)
+    assert np.abs(turned.normals()[inner] - want @ np.reshape(turn, (3, 3)).T).max() < 2e-3
     with pytest.raises(ValueError, match="no normals"):
         adj.build(volume, visible=(60, None), normal_bits=0).normals()
     with pytest.raises(ValueError, match="no magnitudes"):

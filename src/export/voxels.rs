@@ -102,9 +102,7 @@ impl<'a> StoredVoxels<'a> {
             8 => normal::decode8(u16::try_from(record.normal).unwrap_or(normal::NONE8)),
             _ => normal::decode16(record.normal),
         };
-        let [x, y, z] = self.grid.direction.map(DVec3::from_array);
-        let [a, b, c] = along.map(f64::from);
-        (x * a + y * b + z * c).normalize_or_zero().to_array()
+        DVec3::from_array(self.grid.world_from_axes(along.map(f64::from))).normalize_or_zero().to_array()
     }
 
     /// Returns the position of a grid point in the world.

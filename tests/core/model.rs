@@ -29,6 +29,30 @@ fn model() -> Model {
         .unwrap()
 }
 
+/// The normals of a shaded model, with the positions of their voxels.
+fn normals(volume: &Volume) -> Vec<([u16; 3], [f32; 3])> {
+    let transfer = TransferFunction::range(50.0, f64::INFINITY).unwrap();
+    let model = Build::new(BuildOptions::new(transfer)).run(volume).unwrap();
+    let mut found = Vec::new();
+    model
+        .walk(&Viewpoint::parallel([0.0, 0.0, -1.0]).unwrap(), |voxels| {
+            found.extend(voxels.iter().map(|voxel| (voxel.position, voxel.normal.expect("a shaded function"))));
+        })
+        .unwrap();
+    found
+}
+
+#[test]
+fn normals_are_in_the_world_whatever_the_grids_axes() {
+    let turned = volume().with_direction([[0.0, 1.0, 0.0], [0.0, 0.0, -1.0], [-1.0, 0.0, 0.0]]).unwrap();
+    let (plain, turned) = (normals(&volume()), normals(&turned));
+    assert!(plain.len() > 50 && plain.len() == turned.len());
+    for ((place, [x, y, z]), (same, world)) in plain.iter().zip(&turned) {
+        assert_eq!(place, same);
+        assert_eq!(*world, [-z, *x, -y], "{place:?}");
+    }
+}
+
 #[test]
 fn a_walk_hands_over_every_visible_voxel_once_near_ones_first() {
     let mut want: Vec<[u16; 3]> = Vec::new();

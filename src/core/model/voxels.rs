@@ -22,7 +22,7 @@ pub struct ModelVoxel {
     pub position: [u16; 3],
     /// Value in the volume's unit, as exact as the stored code of 8 or 16 bits.
     pub value: f64,
-    /// Unit vector opposite to the gradient, in world axes; `None` if the model stores no normals.
+    /// World vector opposite to the gradient, of length 1, unless the grid is sheared; `None` if the model stores no normals.
     pub normal: Option<[f32; 3]>,
 }
 
@@ -57,17 +57,21 @@ impl<'a> Voxels<'a> {
         self.facts.scales.value(self.lane.value_code(self.batch.record_index(index)).into())
     }
 
-    /// Returns the normal of voxel `index`: a unit vector opposite to the gradient; `None` if the model stores none.
+    /// Returns the normal of voxel `index`: a world vector opposite to the gradient, of length 1, unless the grid is sheared;
+    /// `None` if the model stores none.
     ///
     /// # Panics
     /// If `index` is not below [`Voxels::len`].
     pub fn normal(&self, index: usize) -> Option<[f32; 3]> {
         let code = self.lane.normal_code(self.batch.record_index(index));
-        match self.facts.channels.normal_bits {
-            0 => None,
-            8 => Some(normal::decode8(u16::try_from(code).unwrap_or(u16::MAX))),
-            _ => Some(normal::decode16(code)),
-        }
+        let along_axes = match self.facts.channels.normal_bits {
+            0 => return None,
+            8 => normal::decode8(u16::try_from(code).unwrap_or(u16::MAX)),
+            _ => normal::decode16(code),
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "components have single precision")]
+        let single = |component: f64| component as f32;
+        Some(self.facts.grid.world_from_axes(along_axes.map(f64::from)).map(single))
     }
 
     /// Iterates over the voxels in visit order.

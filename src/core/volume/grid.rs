@@ -2,6 +2,8 @@
 
 use std::ops::RangeInclusive;
 
+use glam::{DMat3, DVec3};
+
 use crate::error::{Error, Result};
 
 /// Largest number of grid points along an axis.
@@ -150,6 +152,18 @@ impl Grid {
     fn determinant(&self) -> f64 {
         let [x, y, z] = self.direction;
         x[0] * (y[1] * z[2] - y[2] * z[1]) - x[1] * (y[0] * z[2] - y[2] * z[0]) + x[2] * (y[0] * z[1] - y[1] * z[0])
+    }
+
+    /// Returns the world vector with these components along the grid's axes, in world length. Stored normals have such
+    /// components.
+    pub fn world_from_axes(&self, components: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|w| (0..3).map(|a| self.direction[a][w] * components[a]).sum())
+    }
+
+    /// Returns the components of a world vector along the grid's axes, in world length.
+    pub fn axes_from_world(&self, vector: [f64; 3]) -> [f64; 3] {
+        let axes = DMat3::from_cols_array_2d(&self.direction);
+        (axes.inverse() * DVec3::from_array(vector)).to_array()
     }
 
     /// Returns the number of samples in one z-slice.
