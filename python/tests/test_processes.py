@@ -70,9 +70,12 @@ def test_a_spawned_worker_draws_the_same(file):
 
 
 SLOW = """
-import sys, time
+import signal, sys, time
 import numpy as np
 import adjsplat as adj
+
+# What a shell starts in the background inherits that Ctrl-C is ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 class Endless:
     shape, dtype = (60_000, 64, 64), np.dtype("u1")
