@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import glob
+import operator
 import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -35,7 +36,8 @@ class _Place:
         matrix = _numbers("direction", None if direction is None else np.ravel(direction), 9)
         # The library takes a vector for each axis, which is a column of the matrix.
         self.direction = None if matrix is None else (matrix.reshape(3, 3) * turned[:, None]).T.tolist()
-        self.unit = unit
+        # Files of other formats know micrometres by these letters.
+        self.unit = "um" if unit in ("\u00b5m", "\u03bcm") else unit
 
 
 class _Reading:
@@ -233,7 +235,7 @@ def _numbers(name: str, numbers: Any, count: int) -> np.ndarray | None:
 
 
 def _whole(name: str, numbers: Any) -> list[int]:
-    whole = [number.__index__() for number in numbers]
+    whole = [operator.index(number) for number in numbers]
     if len(whole) != 3 or min(whole) < 0:
         raise ValueError(f"{name} must be three whole numbers (z, y, x), not {numbers!r}")
     return whole

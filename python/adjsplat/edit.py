@@ -64,7 +64,7 @@ class Edit:
         else:
             need = f"{self._model.shape}, or ({self._model.count},) for the visible voxels"
             raise ValueError(f"the mask has the shape {mask.shape}, but must have {need}")
-        self._steps.append(_Step(np.ascontiguousarray(positions, dtype=np.uint32)))
+        self._steps.append(_Step(np.array(positions, dtype=np.uint32, order="C")))
         return self
 
     def save(
@@ -94,7 +94,8 @@ class Edit:
             raise TypeError(f"coordinates are {positions.dtype}, but must be whole numbers")
         if (positions < 0).any() or (positions >= np.array(self._model.shape)).any():
             raise ValueError(f"coordinates lie outside the volume of shape {self._model.shape}")
-        return np.ascontiguousarray(positions, dtype=np.uint32)
+        # A copy: the caller may change the array before the edit is saved.
+        return np.array(positions, dtype=np.uint32, order="C")
 
     def __repr__(self) -> str:
         return f"<adjsplat.Edit of {self._model!r}, {len(self._steps)} steps>"

@@ -111,7 +111,8 @@ class Model:
         self._open.verify(self._path or "memory")
 
     def save(self, path: str | os.PathLike[str]) -> Model:
-        """Writes the model to a file, whole or not at all, and opens it."""
+        """Writes the model to a file, whole or not at all, and opens it. The file keeps the transfer function that it was
+        built with, not that of `with_transfer`."""
         path = output_path(path)
         self._open.save(path)
         return open(path)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -31,7 +32,7 @@ class _Look:
         crop: Any,
         threads: int | None,
     ):
-        columns, rows = (side.__index__() for side in size)
+        columns, rows = (operator.index(side) for side in size)
         if not (1 <= columns <= 16384 and 1 <= rows <= 16384):
             raise ValueError(f"size is {size}, but columns and rows must be 1 to 16384")
         self.size = [columns, rows]

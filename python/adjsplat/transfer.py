@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -67,7 +68,9 @@ class TransferFunction:
         >>> TransferFunction.range(60).opacity([59, 60, 1000]).tolist()
         [0.0, 0.8, 0.8]
         """
-        ends = {name: float(end) for name, end in (("low", low), ("high", high)) if end is not None}
+        # Infinity is an open end, too.
+        given = (("low", low, -math.inf), ("high", high, math.inf))
+        ends = {name: float(end) for name, end, no_end in given if end is not None and end != no_end}
         return cls({"kind": "range", "opacity": opacity, **ends})
 
     @classmethod

@@ -36,6 +36,13 @@ def test_an_edit_without_effect_gives_the_same_voxels(model, tmp_path):
         assert (same.coordinates() == model.coordinates()).all() and (same.normals() == model.normals()).all()
 
 
+def test_the_callers_array_may_change_before_the_edit_is_saved(model, tmp_path):
+    positions = model.coordinates()[:5].astype(np.uint32)
+    edit = model.edit().remove(positions)
+    positions[:] = model.coordinates()[100:105]
+    assert (edit.save(tmp_path / "g.adj").coordinates() == model.coordinates()[5:]).all()
+
+
 def test_a_mask_of_voxels(model, tmp_path):
     bright = model.values() >= 120
     g = model.edit().remove(~bright).save(tmp_path / "g.adj")

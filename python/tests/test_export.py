@@ -28,6 +28,23 @@ def test_dense_formats_hold_the_dense_array(model, tmp_path):
         assert (again.to_numpy() == model.to_numpy()).all() and np.allclose(again.affine, model.affine)
 
 
+def test_double_precision_stays_as_it_is(tmp_path):
+    values = np.array([0, 0.7, 0.9, 1.0]).reshape(1, 1, 4)
+    f = adj.build(values, visible=(0.7, np.inf))
+    report = f.export(tmp_path / "a.nii")
+    assert report.dtype == np.float64 and report.rounding == 0
+    assert adj.build(tmp_path / "a.nii", visible=(0.7, None)).count == f.count == 3
+    tiny = adj.build(np.arange(200.0).reshape(2, 10, 10) * 1e-60, visible=(1e-58, None))
+    assert tiny.export(tmp_path / "b.npz").fill == 0 and (np.load(tmp_path / "b.npz")["values"] > 0).sum() == tiny.count
+
+
+def test_micrometres_have_one_name(tmp_path, volume):
+    nibabel = pytest.importorskip("nibabel")
+    f = adj.build(volume, visible=VISIBLE, unit="\u00b5m")
+    f.export(tmp_path / "a.nii")
+    assert f.unit == "um" and nibabel.load(tmp_path / "a.nii").header.get_xyzt_units()[0] == "micron"
+
+
 def test_a_fill_value_stands_for_what_is_not_visible(model, tmp_path):
     assert model.export(tmp_path / "a.npz", fill=7).fill == 7
     values = np.load(tmp_path / "a.npz")["values"]

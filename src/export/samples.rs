@@ -10,18 +10,12 @@ use super::voxels::StoredVoxels;
 const OTHER_TYPES: [SampleType; 5] =
     [SampleType::U8, SampleType::I16, SampleType::U16, SampleType::I32, SampleType::U32];
 
-/// Above it, not every whole number is a double-precision one: 2^53.
-const LARGEST_WHOLE: f64 = 9_007_199_254_740_992.0;
-
 /// Returns the type in which the values are exact: that of the volume that the file was built from, else the first of
 /// the integer types that holds them; else single precision, which rounds them.
 pub(crate) fn sample_type(voxels: &StoredVoxels) -> SampleType {
     let values = voxels.values();
     let holds_all = |sample_type: &SampleType| values.iter().all(|&value| holds(*sample_type, value));
-    // Double precision holds what was rounded, too, but only whole numbers can be the samples that were built from.
-    let is_whole = |value: &f64| value.fract() == 0.0 && value.abs() <= LARGEST_WHOLE;
-    let own = voxels.source_type.filter(|own| *own != SampleType::F64 || values.iter().all(is_whole));
-    own.into_iter().chain(OTHER_TYPES).find(holds_all).unwrap_or(SampleType::F32)
+    voxels.source_type.into_iter().chain(OTHER_TYPES).find(holds_all).unwrap_or(SampleType::F32)
 }
 
 /// Returns whether samples of this type hold `value` exactly; NaN counts as a value of floating-point types.
@@ -91,11 +85,13 @@ pub(crate) fn fill(voxels: &StoredVoxels, sample_type: SampleType, given: Option
     }
     let (lowest, highest) = sample_type.integer_range().unwrap_or((f64::from(f32::MIN), f64::from(f32::MAX)));
     let candidates = [Some(0.0), voxels.source_lowest, Some(lowest), Some(highest)];
-    let mut hidden =
-        candidates.into_iter().flatten().filter(|value| holds(sample_type, *value) && is_hidden(voxels, *value));
+    let mut hidden = candidates
+        .into_iter()
+        .flatten()
+        .filter(|value| holds(sample_type, *value) && is_hidden(voxels, sample_type, *value));
     let value = given.or_else(|| hidden.next()).unwrap_or(0.0);
     let is_needed = voxels.count < voxels.grid.points();
-    let warning = (is_needed && !is_hidden(voxels, value)).then(|| {
+    let warning = (is_needed && !is_hidden(voxels, sample_type, value)).then(|| {
         format!(
             "warning: the fill value {value} is visible with the transfer function, and so cannot be told from voxels"
         )
@@ -103,8 +99,9 @@ pub(crate) fn fill(voxels: &StoredVoxels, sample_type: SampleType, given: Option
     Ok(Fill { value, warning })
 }
 
-/// Returns whether a homogeneous region of `value` is hidden, and no exported voxel has this value.
-fn is_hidden(voxels: &StoredVoxels, value: f64) -> bool {
+/// Returns whether a homogeneous region of `value` is hidden, and no exported voxel has this sample.
+fn is_hidden(voxels: &StoredVoxels, sample_type: SampleType, value: f64) -> bool {
     let shows = |transfer: &TransferFunction| value.is_finite() && transfer.opacity(value, 0.0) > 0.0;
-    !voxels.transfer.as_ref().is_some_and(shows) && !voxels.values().contains(&value)
+    let sample = |voxel: &f64| decoded(sample_type, &encoded(sample_type, *voxel));
+    !voxels.transfer.as_ref().is_some_and(shows) && !voxels.values().iter().any(|voxel| sample(voxel) == value)
 }

@@ -128,8 +128,8 @@ fn every_sample_type_comes_back_from_every_dense_format() {
         (Samples::I32(levels().map(|v| (i32::from(v) - 50) * 40_000_000).collect()), "--range 1..", "i32"),
         (Samples::F32(levels().map(|v| f32::from(v).sqrt()).collect()), "--range 3.. --value-bits 16", "f32"),
         (Samples::F64(levels().map(|v| low(v) * 1e6).collect()), "--range 1..", "f64"),
-        // Double precision that is rounded anyway.
-        (Samples::F64(levels().map(|v| (low(v) / 8.0).exp()).collect()), "--range 1..", "f32"),
+        // Codes of eight bits round it, and the export does not round again.
+        (Samples::F64(levels().map(|v| (low(v) / 8.0).exp()).collect()), "--range 1..", "f64"),
     ];
     for (samples, flags, exported) in all {
         let folder = Folder::new();
