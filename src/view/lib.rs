@@ -1,0 +1,1 @@
+//! The viewer of adjsplat, on the desktop and in the browser.
