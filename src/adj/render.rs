@@ -95,6 +95,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Answer> {
         vec![arguments.output.clone()]
     };
     let mut settings = arguments.look.settings(arguments.view.size, arguments.threads.unwrap_or_else(processors))?;
+    settings.clip = arguments.view.clip;
     let memory = arguments.memory;
     let is_volume = !is_adj(input.path())?;
     let start = Instant::now();

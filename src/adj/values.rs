@@ -11,7 +11,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 
 use adjsplat::classify::Colour;
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::KernelShape;
+use adjsplat::splat::{ClipPlane, KernelShape};
 use adjsplat::traverse::VoxelBox;
 
 /// A word that a flag accepts, what it stands for, and its line in the help (may be empty).
@@ -109,6 +109,15 @@ pub(super) fn crop(text: &str) -> Result<Crop, String> {
     let ranges: Option<Vec<_>> = text.split(',').map(range).collect();
     let ranges = ranges.and_then(|ranges| ranges.try_into().ok());
     ranges.map(Crop).ok_or_else(|| "must look like 0..127,0..63,10..20".into())
+}
+
+/// Parses a plane: a point and a normal, six numbers with commas between them.
+pub(super) fn clip_plane(text: &str) -> Result<ClipPlane, String> {
+    let numbers: Option<Vec<f64>> = text.split(',').map(|number| number.trim().parse().ok()).collect();
+    let numbers: Option<[f64; 6]> = numbers.and_then(|numbers| numbers.try_into().ok());
+    let [x, y, z, nx, ny, nz] = numbers.ok_or("give six numbers, a point and a direction, such as 0,0,40,0,0,1")?;
+    let plane = ClipPlane { point: [x, y, z], normal: [nx, ny, nz] };
+    plane.check().map(|()| plane).map_err(|fault| fault.to_string())
 }
 
 impl Crop {

@@ -49,7 +49,7 @@ fn rendering_what_may_show_that_voxels_are_missing_says_so() {
         ran.stderr.contains("--cull-hidden")
     };
     assert!(!told("") && !told("--perspective 30") && !told("--crop 0..,0..,0.."));
-    for flags in ["--camera eye.json", "--crop 5..,0..,0..", "--tf opaque.json", "--mode xray"] {
+    for flags in ["--camera eye.json", "--crop 5..,0..,0..", "--clip 5,5,5,1,0,0", "--tf opaque.json", "--mode xray"] {
         assert!(told(flags), "{flags}");
     }
     folder.adj(&format!("{BUILD} -o all.adj")).done();

@@ -9,7 +9,7 @@ use adjsplat::build::Built;
 use adjsplat::classify::TransferFunction;
 use adjsplat::file::arena_bytes;
 use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, QuadFormat};
-use adjsplat::splat::{Camera, Lighting, Mode, Quality, Scene, Settings, cpu};
+use adjsplat::splat::{Camera, ClipPlane, Lighting, Mode, Quality, Scene, Settings, cpu};
 use adjsplat::traverse::{Sense, SplitForm, VoxelBox};
 use adjsplat_tests::pictures::{decibels, shows};
 use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, built, fitting, real_volumes, transfer, volume};
@@ -79,6 +79,7 @@ fn modes_shading_and_crops() {
     let cameras = [built.orbit(31.0, 24.0, None, size), built.orbit(200.0, -35.0, Some(50.0), size)];
     let base = high(size);
     let crop = Some(VoxelBox { low: [8, 0, 13], high: [40, 30, 39] });
+    let clip = ClipPlane { point: [22.0, 20.0, 25.0], normal: [1.0, -0.7, 0.4] };
     let glossy = Lighting { ambient: 0.1, diffuse: 0.5, specular: 1.0, shininess: 90, toward_light: [1.0, 1.0, 0.2] };
     let settings = [
         base.clone(),
@@ -90,6 +91,8 @@ fn modes_shading_and_crops() {
         base.clone().with_lighting(None),
         base.clone().with_lighting(glossy),
         base.clone().with_crop(crop),
+        base.clone().with_clip(clip),
+        base.clone().with_clip(clip).with_crop(crop).with_mode(Mode::Maximum),
         base.clone().with_quality(Quality::Draft).with_termination(0.0),
         base.with_quality(Quality::Reference),
     ];

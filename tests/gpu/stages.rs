@@ -11,7 +11,7 @@ use adjsplat::internals::gpu_stages::BlendMode;
 use adjsplat::internals::gpu_stages::Probe;
 use adjsplat::internals::gpu_stages::{FrameUniform, NO_RECORD, NOTHING, Splat, VisitedVoxel};
 use adjsplat::splat::gpu::{Compositor, GpuOptions, GpuRenderer, GpuStats, QuadFormat};
-use adjsplat::splat::{Camera, Frame, Lanes as _, Lighting, Mode, Quality, Settings, cpu};
+use adjsplat::splat::{Camera, ClipPlane, Frame, Lanes as _, Lighting, Mode, Quality, Settings, cpu};
 use adjsplat::traverse::{AxisOrder, Order, Sense, SplitForm, Viewpoint, VoxelBox};
 use adjsplat_tests::pictures::decibels;
 use adjsplat_tests::scenes::{Draw as _, LIT_LAYERS, built, fitting, real_volumes, transfer, volume};
@@ -385,6 +385,8 @@ fn cases() -> Vec<Case> {
     add("maximum, inside", coloured(cube, [1.0; 3]), &within, unlit.with_mode(Mode::Maximum));
     let crop = Some(VoxelBox { low: [5, 0, 7], high: [30, 22, 40] });
     add("crop", coloured(cube, [1.0; 3]), &around, high(size).with_crop(crop));
+    let clip = ClipPlane { point: [14.0, 20.0, 9.0], normal: [1.0, 2.0, -0.5] };
+    add("clip plane", coloured(cube, [1.0; 3]), &ahead, high(size).with_clip(clip));
     let glossy = Lighting { shininess: 255, specular: 0.9, ..Lighting::default() };
     add("glossy", coloured(cube, [1.0; 3]), &ahead, high(size).with_lighting(glossy));
     let wide = |text| phantom("gyroid", cube, [1.0; 3], transfer(text), 16);

@@ -1,7 +1,7 @@
 //! Pictures drawn on the lattice of a parallel view, beside those whose every pixel is drawn.
 
 use adjsplat::build::Built;
-use adjsplat::splat::{Camera, Code, KernelShape, Projection, Quality, Sampling, Settings};
+use adjsplat::splat::{Camera, ClipPlane, Code, KernelShape, Projection, Quality, Sampling, Settings};
 use adjsplat::traverse::VoxelBox;
 use adjsplat::volume::SampleType;
 use adjsplat_tests::pictures::{apart, decibels};
@@ -185,12 +185,13 @@ fn a_crop_and_a_picture_that_cuts_the_volume_are_cut_alike() {
     let crop = VoxelBox { low: [10, 0, 20], high: [40, 30, 59] };
     let size = [40, 36];
     let camera = camera(&built, [30.0, 20.0], 1.0, size);
-    for crop in [None, Some(crop)] {
-        let all = Settings::every_pixel(size).with_crop(crop);
+    let plane = ClipPlane { point: [30.0; 3], normal: [1.0, 2.0, -1.0] };
+    for (crop, clip) in [(None, None), (Some(crop), None), (None, Some(plane))] {
+        let all = Settings::every_pixel(size).with_crop(crop).with_clip(clip);
         let some = all.clone().with_sampling(Sampling::Fewest);
         let (some, all) = (built.frame(&camera, &some), built.frame(&camera, &all));
         let near = decibels(&some, &all, EMPTY);
-        assert!(near > 38.0, "{crop:?}: {near:.1} dB, largest {}", apart(&some, &all));
+        assert!(near > 38.0, "{crop:?}, {clip:?}: {near:.1} dB, largest {}", apart(&some, &all));
         for at in 0..36 {
             for (a, b) in [(some.pixel(0, at), all.pixel(0, at)), (some.pixel(39, at), all.pixel(39, at))] {
                 // As inside: no seam.

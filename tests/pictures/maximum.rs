@@ -4,7 +4,7 @@
 
 use adjsplat::arena::Record;
 use adjsplat::build::Built;
-use adjsplat::splat::{Camera, Code, Mode, Orbit, Projection, Quality, Settings, WorldFrame};
+use adjsplat::splat::{Camera, ClipPlane, Code, Mode, Orbit, Projection, Quality, Settings, WorldFrame};
 use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat::volume::{Grid, SampleType};
 use adjsplat_judge::reference::{Judge, JudgeSettings};
@@ -222,12 +222,16 @@ fn the_reference_draws_the_same_maximum() {
             inside([1.0, 0.9, 0.8]),
         ];
         for (index, camera) in cameras.iter().enumerate() {
-            for (mode, crop) in [(Mode::Maximum, None), (Mode::MaximumGrey, Some(([4, 5, 6], [25, 20, 21])))] {
+            let plane = ClipPlane { point: [14.0, 11.0, 12.0], normal: [1.0, 1.0, -0.4] };
+            for (mode, crop, clip) in
+                [(Mode::Maximum, None, Some(plane)), (Mode::MaximumGrey, Some(([4, 5, 6], [25, 20, 21])), None)]
+            {
                 for near in [0.05, 3.0] {
-                    let own = JudgeSettings { mode, near: Some(near), crop, threads: 2, ..JudgeSettings::new(size) };
+                    let own =
+                        JudgeSettings { mode, near: Some(near), crop, clip, threads: 2, ..JudgeSettings::new(size) };
                     let want = judge.draw(camera, &own).unwrap();
                     let crop = crop.map(|(low, high)| VoxelBox { low, high });
-                    let settings = Settings::new(size).with_mode(mode).with_near(near).with_crop(crop);
+                    let settings = Settings::new(size).with_mode(mode).with_near(near).with_crop(crop).with_clip(clip);
                     let got = model.frame(camera, &settings);
                     let worst = apart(&got, &want);
                     // Colours are interpolated between the points of a transfer function.

@@ -3,7 +3,9 @@
 use adjsplat::arena::Record;
 use adjsplat::build::Built;
 use adjsplat::classify::{Point, TransferFunction, normal};
-use adjsplat::splat::{Blending, Camera, Code, Frame, KernelShape, Mode, Orbit, Projection, Quality, Settings, cpu};
+use adjsplat::splat::{
+    Blending, Camera, ClipPlane, Code, Frame, KernelShape, Mode, Orbit, Projection, Quality, Settings, cpu,
+};
 use adjsplat::traverse::{Sense, VoxelBox};
 use adjsplat::volume::Grid;
 use adjsplat_tests::pictures::{apart, bits};
@@ -142,16 +144,17 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
         (model.orbit(75.0, 35.0, Some(40.0), [130, 170]), [130, 170]),
         (eye_inside.unwrap(), [90, 90]),
     ];
-    let crop = VoxelBox { low: [5, 9, 3], high: [40, 33, 21] };
+    let crop = Some(VoxelBox { low: [5, 9, 3], high: [40, 33, 21] });
+    let clip = Some(ClipPlane { point: [20.0, 22.0, 17.0], normal: [2.0, -1.0, 3.0] });
     for (camera, size) in views {
         for mode in [Mode::Composite, Mode::Maximum, Mode::Additive] {
-            for (quality, sense, blending, crop) in [
-                (Quality::Standard, Sense::FrontToBack, Blending::Exponential, None),
-                (Quality::Draft, Sense::FrontToBack, Blending::Exponential, Some(crop)),
-                (Quality::High, Sense::BackToFront, Blending::Exponential, None),
-                (Quality::Standard, Sense::FrontToBack, Blending::Linear, None),
-                (Quality::Standard, Sense::FrontToBack, Blending::Sheets, Some(crop)),
-                (Quality::Reference, Sense::FrontToBack, Blending::Sheets, None),
+            for (quality, sense, blending, crop, clip) in [
+                (Quality::Standard, Sense::FrontToBack, Blending::Exponential, None, clip),
+                (Quality::Draft, Sense::FrontToBack, Blending::Exponential, crop, None),
+                (Quality::High, Sense::BackToFront, Blending::Exponential, None, None),
+                (Quality::Standard, Sense::FrontToBack, Blending::Linear, crop, clip),
+                (Quality::Standard, Sense::FrontToBack, Blending::Sheets, crop, None),
+                (Quality::Reference, Sense::FrontToBack, Blending::Sheets, None, None),
             ] {
                 if mode != Mode::Composite && blending != Blending::Exponential {
                     continue;
@@ -161,6 +164,7 @@ fn fast_code_equals_its_plain_twin_bit_for_bit() {
                     .with_sense(sense)
                     .with_blending(blending)
                     .with_crop(crop)
+                    .with_clip(clip)
                     .with_mode(mode);
                 let (want, plain) = model.render(&camera, &settings.clone().with_code(Code::Plain));
                 assert!(plain.splats_drawn > 100, "{plain:?}");
@@ -393,6 +397,55 @@ fn a_crop_shows_what_a_smaller_volume_would() {
     let (cropped, _) = model.render(&camera, &settings.clone().with_crop(crop));
     let (want, _) = small.render(&camera, &settings);
     assert!(bits(&cropped) == bits(&want), "{}", apart(&cropped, &want));
+}
+
+#[test]
+fn a_clip_plane_shows_what_a_volume_without_the_voxels_behind_it_would() {
+    let model = shell();
+    let lane = model.lanes[0].view();
+    let mut records = std::collections::HashMap::new();
+    for line in lane.lines() {
+        for (x, record) in lane.line_voxels(line.records.clone()) {
+            let codes = Record { value: lane.value_code(record), normal: lane.normal_code(record), magnitude: 0 };
+            records.insert([x, line.u, line.v].map(|c| u16::try_from(c).unwrap()), codes);
+        }
+    }
+    // Across an axis, through voxels; the other way; oblique; nothing in front; everything in front.
+    let planes = [
+        ([0.0, 24.0, 0.0], [0.0, 5.0, 0.0]),
+        ([0.0, 24.0, 0.0], [0.0, -1e-9, 0.0]),
+        ([20.0, 22.0, 17.0], [2.0, -1.0, 3.0]),
+        ([1e9, 0.0, 0.0], [1.0, 0.0, 0.0]),
+        ([-1e9, 0.0, 0.0], [1.0, 1.0, 0.0]),
+    ];
+    let mut drawn = Vec::new();
+    for (point, normal) in planes {
+        let in_front = |voxel: [u16; 3]| {
+            let at = [0, 1, 2].map(|a| f64::from(voxel[a]) * [1.0, 1.2, 0.8][a] - point[a]);
+            (0..3).map(|a| at[a] * normal[a]).sum::<f64>() >= -1e-6 * normal.map(f64::abs).iter().sum::<f64>()
+        };
+        let small = packed(Grid::new([48, 40, 44], [1.0, 1.2, 0.8]).unwrap(), LIT, ramp(), |voxel| {
+            records.get(&voxel).copied().filter(|_| in_front(voxel))
+        });
+        for fov in [None, Some(50.0)] {
+            let camera = model.orbit(-40.0, 25.0, fov, [120, 90]);
+            let settings = Settings::every_pixel([120, 90]);
+            let clipped = model.render(&camera, &settings.clone().with_clip(ClipPlane { point, normal }));
+            let want = small.render(&camera, &settings);
+            assert!(bits(&clipped.0) == bits(&want.0), "{point:?} {fov:?}: {}", apart(&clipped.0, &want.0));
+            drawn.push(clipped.1.splats_drawn);
+        }
+    }
+    assert!(drawn[..6].iter().all(|count| *count > 0) && drawn[6] == 0 && drawn[8] > drawn[4], "{drawn:?}");
+}
+
+#[test]
+fn a_clip_plane_without_a_direction_is_refused() {
+    let settings = |normal| Settings::new([8, 8]).with_clip(ClipPlane { point: [0.0; 3], normal });
+    for normal in [[0.0; 3], [f64::NAN, 0.0, 1.0], [f64::INFINITY, 0.0, 0.0]] {
+        let error = settings(normal).check().unwrap_err();
+        assert_eq!(error.to_string(), "clip plane: must have a finite point and a finite normal that is not 0");
+    }
 }
 
 #[test]

@@ -37,6 +37,9 @@ pub(super) fn shows_missing_voxels(
     if settings.crop.is_some_and(|crop| (0..3).any(|a| crop.low[a] > low[a] || crop.high[a] < high[a])) {
         return Ok(Some("a crop may show"));
     }
+    if settings.clip.is_some() {
+        return Ok(Some("a clip plane may show"));
+    }
     let view = View::new(camera, &arena.facts().grid, settings.size, settings.kernel(), None)?;
     let spacing = arena.facts().grid.spacing;
     let coarsest = spacing.into_iter().fold(0.0, f64::max);

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::super::values::{Crop, crop, library, number, picture_size};
+use super::super::values::{Crop, clip_plane, crop, library, number, picture_size};
 use adjsplat::error::{Error, Result};
 use adjsplat::internals::read_text;
-use adjsplat::splat::{Camera, Orbit, Outline, Up};
+use adjsplat::splat::{Camera, ClipPlane, Orbit, Outline, Up};
 
 /// Most bytes of a camera's file.
 const CAMERA_BYTES: u64 = 1 << 20;
@@ -43,6 +43,10 @@ pub(super) struct ViewArguments {
     /// Draw only voxels in this box of indices, ends included: 0..127,..63,10..
     #[arg(long, value_name = "X,Y,Z", value_parser = crop)]
     pub(super) crop: Option<Crop>,
+    /// Draw only voxels in front of a plane: a point of it, and the direction to the side that is drawn, both in world
+    /// coordinates (`adj info` shows the origin and the spacing): 0,0,40,0,0,1
+    #[arg(long, value_name = "X,Y,Z,NX,NY,NZ", value_parser = clip_plane, allow_hyphen_values = true)]
+    pub(super) clip: Option<ClipPlane>,
 }
 
 /// Returns the camera of every frame: all frame `outline` at one scale, or are the one of `--camera`.

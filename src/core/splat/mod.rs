@@ -9,6 +9,7 @@
 
 pub(crate) mod arith;
 pub(crate) mod camera;
+pub(crate) mod clip;
 pub(crate) mod composite;
 pub mod cpu;
 pub(crate) mod frame;
@@ -34,6 +35,7 @@ use crate::traverse::{Order, Sense, SplitForm, VoxelBox};
 use crate::volume::Axis;
 
 pub use camera::{Camera, Orbit, Projection, Surround, ToCamera, Up, WorldFrame};
+pub use clip::ClipPlane;
 pub use composite::{Blending, Mode};
 pub use frame::Frame;
 pub use kernel::{KernelShape, Quality};
@@ -100,7 +102,7 @@ pub enum Code {
     Plain,
 }
 
-/// The settings of a frame: size, quality, compositing mode, light, crop and sampling.
+/// The settings of a frame: size, quality, compositing mode, light, crop, clip plane and sampling.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Settings {
@@ -117,6 +119,8 @@ pub struct Settings {
     pub lighting: Option<Lighting>,
     /// The box of voxels to draw; `None` draws all voxels.
     pub crop: Option<VoxelBox>,
+    /// A plane; voxels whose centres lie behind it are not drawn. `None` draws both sides.
+    pub clip: Option<ClipPlane>,
     /// Number of threads, at least 1.
     pub threads: usize,
     /// The direction of compositing. Only front to back ends rays early; the picture is the same up to rounding.
@@ -191,6 +195,7 @@ impl Settings {
             blending: Blending::default(),
             lighting: Some(Lighting::default()),
             crop: None,
+            clip: None,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
             sense: Sense::FrontToBack,
             form: SplitForm::default(),
@@ -238,6 +243,11 @@ impl Settings {
     /// Draws only the voxels in this box.
     pub fn with_crop(self, crop: impl Into<Option<VoxelBox>>) -> Settings {
         Settings { crop: crop.into(), ..self }
+    }
+
+    /// Draws only the voxels in front of this plane.
+    pub fn with_clip(self, clip: impl Into<Option<ClipPlane>>) -> Settings {
+        Settings { clip: clip.into(), ..self }
     }
 
     /// Sets the number of threads, at least 1.
@@ -336,7 +346,8 @@ impl Settings {
         require(self.threads > 0, "threads", "are 0, but must be at least 1")?;
         self.lighting.map_or(Ok(()), |lighting| lighting.check())?;
         let is_ordered = self.crop.is_none_or(|crop| (0..3).all(|a| crop.low[a] <= crop.high[a]));
-        require(is_ordered, "crop", "has a low end above its high end")
+        require(is_ordered, "crop", "has a low end above its high end")?;
+        self.clip.map_or(Ok(()), |plane| plane.check())
     }
 }
 

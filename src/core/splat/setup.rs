@@ -1,11 +1,12 @@
 //! The setup of a frame: what every renderer derives from a scene, a camera and settings before it draws.
 
+use super::clip::ClipRegion;
 use super::kernel::KernelShape;
 use super::shade::Lights;
 use super::{Camera, Scene, Settings, View};
 use crate::arena::Lane;
 use crate::error::{Error, Result};
-use crate::traverse::{AxisOrder, Order, VoxelBox};
+use crate::traverse::{AxisOrder, Order};
 use crate::volume::Grid;
 
 /// What a renderer needs to draw the voxels of a frame, except the looks (colours and optical depths) of their codes.
@@ -19,7 +20,7 @@ pub struct FrameSetup<'a> {
     pub(crate) lights: Option<Lights>,
     /// The reconstruction kernel to use.
     pub kernel: KernelShape,
-    pub(crate) crop: Option<VoxelBox>,
+    pub(crate) clip: ClipRegion,
     /// Whether the mode is [`Mode::Maximum`](super::Mode::Maximum) or its grey form.
     #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only renderers on graphics devices ask for it"))]
     pub(crate) maximum: bool,
@@ -47,7 +48,8 @@ impl<'a> FrameSetup<'a> {
         }
         let lit = scene.transfer.shaded() && lane.channels.normal_bits > 0 && !maximum;
         let lights = settings.lighting.filter(|_| lit).map(|lighting| Lights::new(&lighting, &view));
-        Ok(FrameSetup { view, order, lane, lights, kernel, crop: settings.crop, maximum })
+        let clip = ClipRegion::new(settings, grid);
+        Ok(FrameSetup { view, order, lane, lights, kernel, clip, maximum })
     }
 }
 

@@ -72,7 +72,7 @@ struct ValueField {
 }
 
 impl ValueField {
-    /// Returns the values of the visible voxels in the crop; `None` if there are none.
+    /// Returns the values of the visible voxels that are not clipped; `None` if there are none.
     fn new(visible: &VisibleVoxels, settings: &JudgeSettings) -> Result<Option<ValueField>> {
         let Some((low, high)) = visible.bounds() else { return Ok(None) };
         let (low, points) = (low.map(i64::from), std::array::from_fn(|a| i64::from(high[a]) - i64::from(low[a]) + 1));
@@ -84,13 +84,11 @@ impl ValueField {
         values.resize(len, 0.0);
         let lowest = visible.lowest_value();
         let largest = visible.voxels().iter().map(|voxel| voxel.value).fold(lowest, f64::max);
+        let world = WorldFrame::of(visible.grid());
         let mut field = ValueField { low, points, values, ends: [lowest, largest] };
         for voxel in visible.voxels() {
-            let is_cropped = settings
-                .crop
-                .is_some_and(|(low, high)| (0..3).any(|a| voxel.position[a] < low[a] || voxel.position[a] > high[a]));
             if let Some(at) = field.index(voxel.position.map(i64::from))
-                && !is_cropped
+                && settings.draws(voxel.position, &world)
                 && largest > lowest
             {
                 field.values[at] = (voxel.value - lowest) / (largest - lowest);

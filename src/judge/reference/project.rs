@@ -121,11 +121,6 @@ impl<'a> SplatProjector<'a> {
     }
 
     pub(super) fn splat(&self, voxel: &ReferenceVoxel, band: &mut PixelRows) {
-        if let Some((low, high)) = self.settings.crop
-            && (0..3).any(|a| voxel.position[a] < low[a] || voxel.position[a] > high[a])
-        {
-            return;
-        }
         let Some(([x, y], footprint, density)) = self.project(voxel) else { return self.splat_near(voxel, band) };
         let SplatCovariance { xx, xy, yy, determinant } = footprint;
         let reach = self.settings.cut_off * yy.sqrt();

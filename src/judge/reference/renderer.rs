@@ -34,6 +34,7 @@ impl Judge {
                 exposure: settings.exposure.map(f64::from),
                 near: settings.near,
                 crop: settings.crop.map(|crop| (crop.low, crop.high)),
+                clip: settings.clip,
                 threads: settings.threads,
                 ..usual
             };

@@ -10,8 +10,9 @@
 
 use adjsplat::classify::TransferFunction;
 use adjsplat::error::{Error, Result};
-use adjsplat::splat::{Blending, Camera, Lighting, Mode, Quality, View};
+use adjsplat::splat::{Blending, Camera, ClipPlane, Lighting, Mode, Quality, View, WorldFrame};
 use adjsplat::volume::SlabSource;
+use glam::DVec3;
 
 use super::maximum;
 use super::order::{SplatOrder, front_to_back};
@@ -44,6 +45,8 @@ pub struct JudgeSettings {
     pub near: Option<f64>,
     /// The lowest and the highest index, inclusive, of the box of voxels to draw; `None` draws all.
     pub crop: Option<([u16; 3], [u16; 3])>,
+    /// A plane; voxels whose centres lie behind it are not drawn. `None` draws both sides.
+    pub clip: Option<ClipPlane>,
     /// The number of threads, at least 1. The picture does not depend on it.
     pub threads: usize,
 }
@@ -63,6 +66,7 @@ impl JudgeSettings {
             exposure: Some(1.0),
             near: None,
             crop: None,
+            clip: None,
             threads: 1,
         }
     }
@@ -81,6 +85,19 @@ impl JudgeSettings {
             return Err(Error::input("threads", "are 0, but must be at least 1"));
         }
         self.lighting.map_or(Ok(()), |lighting| lighting.check())
+    }
+
+    /// Returns whether neither the crop nor the clip plane leaves a voxel out.
+    pub(super) fn draws(&self, position: [u16; 3], world: &WorldFrame) -> bool {
+        let in_crop = self.crop.is_none_or(|(low, high)| (0..3).all(|a| (low[a]..=high[a]).contains(&position[a])));
+        in_crop
+            && self.clip.is_none_or(|ClipPlane { point, normal }| {
+                let normal = DVec3::from_array(normal).normalize();
+                let in_front = |from: DVec3| normal.dot(from - DVec3::from_array(point));
+                // A voxel on the plane is drawn, whichever way its position is rounded.
+                let tolerance = 1e-6 * world.steps.map(|step| normal.dot(step).abs()).into_iter().sum::<f64>();
+                in_front(world.world_from_voxel(position.map(f64::from))) >= -tolerance
+            })
     }
 }
 
@@ -122,7 +139,9 @@ impl Judge {
         if settings.mode.is_maximum() {
             return maximum::draw(&self.visible, camera, &view, settings);
         }
-        let order = front_to_back(voxels, grid.dims, &view, settings.order);
+        let world = WorldFrame::of(grid);
+        let mut order = front_to_back(voxels, grid.dims, &view, settings.order);
+        order.retain(|&at| settings.draws(voxels[at as usize].position, &world));
         let projector = SplatProjector::new(&view, settings, self.exposure(settings));
         let start = if settings.mode == Mode::Additive { [0.0; 4] } else { [0.0, 0.0, 0.0, 1.0] };
         let mut picture = ReferencePicture::filled(settings.size, start)?;

@@ -346,6 +346,10 @@ fn splat_of(frame: &FrameUniform, voxel: &VisitedVoxel, channels: &Channels) -> 
     if (0..3).any(|a| xyz[a] < frame.crop_low[a] || xyz[a] > frame.crop_high[a]) {
         return EMPTY;
     }
+    let products = (0..3).map(|a| (xyz[a] as i32).wrapping_mul(frame.clip[a]));
+    if products.fold(0, i32::wrapping_add) < frame.clip[3] {
+        return EMPTY;
+    }
     if frame.is_maximum == 1 {
         return value_splat(frame, voxel, xyz, channels);
     }

@@ -1,7 +1,7 @@
 //! Drawing a band of the picture by splats, on one thread.
 //!
 //! In: a drawing task and the band's rectangle. Out: the band's pixels. The walk skips tiles and rows of tiles (8 x 8
-//! scan lines each) that do not project into the band, lie outside the crop, or are hidden behind opaque voxels.
+//! scan lines each) that do not project into the band, are clipped, or are hidden behind opaque voxels.
 
 use std::marker::PhantomData;
 use std::ops::Range;
@@ -54,7 +54,7 @@ impl<B: Blend> BandPainter<'_, B> {
         B::STOPS && self.task.projector.stop > 0.0
     }
 
-    /// Returns whether voxels in `bounds` may change a pixel of the band; false if `bounds` lies outside the crop.
+    /// Returns whether voxels in `bounds` may change a pixel of the band; false if all are clipped.
     fn may_show(&self, bounds: &VoxelBox) -> bool {
         let tiles = &self.buffers.tiles;
         self.task.pixels(tiles.rect, bounds).is_some_and(|rect| !tiles.is_frozen(rect))

@@ -60,11 +60,10 @@ pub(super) fn stacks(scene: &Scene, setup: &FrameSetup, table: &Table, settings:
         return None;
     }
     let (mut low, mut high) = setup.lane.bounds()?;
-    if let Some(crop) = setup.crop {
-        (0..3).for_each(|a| (low[a], high[a]) = (low[a].max(crop.low[a]), high[a].min(crop.high[a])));
-        if (0..3).any(|a| low[a] > high[a]) {
-            return None;
-        }
+    let crop = setup.clip.crop;
+    (0..3).for_each(|a| (low[a], high[a]) = (low[a].max(crop.low[a]), high[a].min(crop.high[a])));
+    if (0..3).any(|a| low[a] > high[a]) {
+        return None;
     }
     // The thickness of a stack is a multiple of eight slices, the thickness of a tile.
     let (first_slice, last_slice) = (u64::from(low[slow]), u64::from(high[slow]));
@@ -96,7 +95,7 @@ pub(super) fn draw(
     let mut frame = Frame::transparent(settings.size)?;
     let mut stats = BandStats::default();
     for stack in stacks {
-        setup.crop = Some(*stack);
+        setup.clip.crop = *stack;
         let task = DrawTask::new::<FaintFrontToBack>(setup, table, settings, omitted);
         let bands = match settings.sense {
             Sense::FrontToBack => task.splat::<FaintFrontToBack>()?,

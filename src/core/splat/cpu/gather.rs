@@ -73,19 +73,13 @@ struct LatticePainter<'a, 'b, B> {
     band: &'a mut Band<'b, B>,
 }
 
-impl<B> LatticePainter<'_, '_, B> {
-    fn is_cropped(&self, bounds: &VoxelBox) -> bool {
-        self.task.projector.crop.is_some_and(|crop| !bounds.meets(&crop))
-    }
-}
-
 impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
     fn wants_tile(&mut self, bounds: &VoxelBox) -> bool {
         let [slow, medium, _] = self.task.projector.nesting;
         let rows = [bounds.low[slow], bounds.high[slow]]
             .map(|slow| self.band.rows_near(&self.band.lattice.slice(slow), [bounds.low[medium], bounds.high[medium]]));
         let (low, high) = (rows[0][0].min(rows[1][0]), rows[0][1].max(rows[1][1]));
-        !self.is_cropped(bounds) && high >= 0 && low < self.band.rows as i32
+        self.task.projector.clip.meets(bounds) && high >= 0 && low < self.band.rows as i32
     }
 
     fn wants_row(&mut self, bounds: &VoxelBox) -> bool {
@@ -94,7 +88,7 @@ impl<B: Blend> Visitor for LatticePainter<'_, '_, B> {
         let slice = band.lattice.slice(bounds.low[slow]);
         let [low, high] = band.rows_near(&slice, [bounds.low[medium], bounds.high[medium]]);
         let (low, high) = (low.max(0), high.min(band.rows as i32 - 1));
-        if low > high || self.is_cropped(bounds) {
+        if low > high || !self.task.projector.clip.meets(bounds) {
             return false;
         }
         let [left, right] = band.tiles_near(0, &slice, [bounds.low[fast], bounds.high[fast]]);
@@ -297,11 +291,10 @@ impl<'a, B: Blend> Band<'a, B> {
             let medium = batch.medium[from];
             let to = from + same(&batch.medium[from..]);
             let [low, high] = self.rows_of(medium);
-            let axis = projector.nesting[1];
-            let is_cropped = projector.crop.is_some_and(|crop| medium < crop.low[axis] || medium > crop.high[axis]);
-            if low <= high && !is_cropped {
+            let ends = projector.clip.on_line(projector.nesting[2], projector.unnested([batch.slow, medium, 0]));
+            if low <= high && ends[0] <= ends[1] {
                 self.show(batch.slow, [low as usize, high as usize], projector);
-                self.add(projector, batch, from..to, [low as usize, high as usize]);
+                self.add(projector, batch, from..to, ends, [low as usize, high as usize]);
             }
             from = to;
         }
@@ -338,23 +331,29 @@ impl<'a, B: Blend> Band<'a, B> {
         let Band { lattice, slice, open, shown, .. } = self;
         shown.clear_row(row);
         let fast = projector.nesting[2];
-        let [low, high] = projector.crop.map_or([0, u16::MAX], |crop| [crop.low[fast], crop.high[fast]]);
         let last = projector.lane.dims[fast] as i32 - 1;
         open.each_run(row, |[left, right]| {
             let pixels = [4.0 * left as f64, 4.0 * right as f64 + 3.0];
             let reach = lattice.reach(0, pixels) + SLACK;
             let from = (slice.origin[0] + slice.step * pixels[0] - reach).ceil() as i32;
             let to = (slice.origin[0] + slice.step * pixels[1] + reach).floor() as i32;
-            let (from, to) = (from.max(low.into()), to.min(high.into()).min(last));
+            let (from, to) = (from.max(0), to.min(last));
             if from <= to {
                 shown.set(row, [from as usize, to as usize]);
             }
         });
     }
 
-    /// Adds those voxels of a line that `together` shows; the line reaches these rows of tiles.
+    /// Adds those voxels of a line from index `low` to `high` that `together` shows; the line reaches these rows of tiles.
     #[inline(always)]
-    fn add(&mut self, projector: &Projector, batch: &Batch, range: Range<usize>, rows: [usize; 2]) {
+    fn add(
+        &mut self,
+        projector: &Projector,
+        batch: &Batch,
+        range: Range<usize>,
+        [low, high]: [u16; 2],
+        rows: [usize; 2],
+    ) {
         if !self.slab.has_room(self.voxels.count + range.len()) {
             self.flush(projector);
             dispatch::take_all(self.code, projector, self);
@@ -365,16 +364,18 @@ impl<'a, B: Blend> Band<'a, B> {
             let group = from..range.end.min(from + GROUP);
             let ends = |ends: [u16; 2], &fast: &u16| [ends[0].min(fast), ends[1].max(fast)];
             let ends = batch.fast[group.clone()].iter().fold([u16::MAX, 0], ends);
-            if !self.together.any(0, ends.map(i32::from)) {
+            let [first, last] = ends;
+            if first > high || last < low || !self.together.any(0, ends.map(i32::from)) {
                 continue;
             }
             if !self.voxels.have_room(GROUP) {
                 self.flush(projector);
             }
-            if self.together.all(0, ends) {
+            if first >= low && last <= high && self.together.all(0, ends) {
                 self.voxels.add(batch, group.start, group.len());
             } else {
-                self.voxels.add_marked(batch, group, |fast| self.together.get(0, fast));
+                let in_clip = |fast: usize| fast >= low.into() && fast <= high.into();
+                self.voxels.add_marked(batch, group, |fast| in_clip(fast) && self.together.get(0, fast));
             }
         }
         let end = self.slab.count() + self.voxels.count;

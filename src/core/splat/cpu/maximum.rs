@@ -105,7 +105,7 @@ impl SumTiles {
         voxels: &VoxelBlock,
     ) -> u64 {
         let Rect { x0, y0, x1, y1 } = self.tiles.rect;
-        let in_crop = projector.in_crop(voxels);
+        let in_clip = projector.in_clip(voxels);
         let position = |j: usize| voxels.positions().each_ref().map(|coordinates| f64::from(coordinates[j]));
         let mut boxes = [[0; BLOCK]; 4];
         for j in 0..BLOCK {
@@ -116,7 +116,7 @@ impl SumTiles {
         let mut drawn = 0;
         for j in 0..voxels.count.min(BLOCK) {
             let [left, right, top, bottom] = boxes.each_ref().map(|sides| sides[j]);
-            if left > right || top > bottom || !in_crop[j] {
+            if left > right || top > bottom || !in_clip[j] {
                 continue;
             }
             let [_, _, _, value] = projector.look(voxels.records[j]);

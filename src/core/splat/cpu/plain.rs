@@ -58,7 +58,7 @@ pub(super) fn draw_on_lattice<B: Blend>(task: &DrawTask, lattice: &Lattice, show
     let projector = &task.projector;
     let columns = lattice.size[0] as usize >> TILE;
     let stats = each_voxel(task, |voxel, record| {
-        if is_cropped(projector, voxel) {
+        if !projector.clip.contains(voxel) {
             return false;
         }
         let [slow, medium, fast] = projector.nesting.map(|axis| voxel[axis]);
@@ -144,7 +144,7 @@ pub(super) fn draw_largest(task: &DrawTask, rect: Rect) -> Result<BandResult> {
         let nested = task.projector.nesting.map(|axis| voxel[axis]);
         let position = nested.map(f64::from);
         let [left, right, top, bottom] = rays.pixels(position);
-        if is_cropped(&task.projector, voxel) || value <= 0.0 {
+        if !task.projector.clip.contains(voxel) || value <= 0.0 {
             return false;
         }
         let mut is_drawn = false;
@@ -199,23 +199,17 @@ fn each_voxel(task: &DrawTask, mut draw: impl FnMut([u16; 3], usize) -> bool) ->
     let mut drawn = 0;
     let stats = task.walk(&mut |batch: &Batch| {
         for j in 0..batch.len() {
-            let mut voxel = [0u16; 3];
-            let [s, m, f] = task.projector.nesting;
-            (voxel[s], voxel[m], voxel[f]) = (batch.slow, batch.medium[j], batch.fast[j]);
+            let voxel = task.projector.unnested([batch.slow, batch.medium[j], batch.fast[j]]);
             drawn += u64::from(draw(voxel, batch.record_index(j)));
         }
     });
     BandStats { drawn, ..stats }
 }
 
-fn is_cropped(projector: &Projector, voxel: [u16; 3]) -> bool {
-    projector.crop.is_some_and(|crop| (0..3).any(|a| voxel[a] < crop.low[a] || voxel[a] > crop.high[a]))
-}
-
 /// Returns a voxel's splat and colour; `None` if it is not drawn.
 fn splat<'a>(task: &'a DrawTask, voxel: [u16; 3], record: usize) -> Option<ColouredSplat<'a>> {
     let projector = &task.projector;
-    if is_cropped(projector, voxel) {
+    if !projector.clip.contains(voxel) {
         return None;
     }
     let [red, green, blue, depth] = projector.look(record);

@@ -5,7 +5,7 @@
 //!
 //! ```text
 //! place     centre, ellipse, bounding box             all voxels of the block
-//! cull      keeps those that reach open pixels        voxels in the crop
+//! cull      keeps those that reach open pixels        voxels that are not clipped
 //! colour    code -> look; normal -> light             kept voxels only
 //! ```
 //!
@@ -18,13 +18,14 @@ use super::tile_buffer::{Rect, TileBuffer};
 use crate::arena::Lane;
 use crate::classify::normal;
 use crate::splat::arith::{LOG2_E, at_least, at_most, keep_if};
+use crate::splat::clip::{ClipRegion, IndexPlane};
 use crate::splat::composite::{Look, MAX_DEPTH, Table};
 use crate::splat::kernel::{Ellipse, footprint};
 use crate::splat::near::NearView;
 use crate::splat::setup::FrameSetup;
 use crate::splat::shade::Lights;
 use crate::splat::view::{Affine, PixelMap, single};
-use crate::traverse::{Batch, VoxelBox};
+use crate::traverse::Batch;
 
 /// Holds all parameters of a frame that turn a voxel into a splat.
 #[derive(Debug)]
@@ -33,7 +34,7 @@ pub struct Projector<'a> {
     pub(super) table: &'a Table<'a>,
     /// The lighting; `None` if voxels are not lit.
     pub lights: Option<Lights>,
-    pub(super) crop: Option<VoxelBox>,
+    pub(super) clip: ClipRegion,
     /// What each splat's ink (`blend.rs`) has for alpha, in the blend mode of the frame.
     pub alpha_ink: f32,
     pub(super) sigma: f32,
@@ -137,7 +138,7 @@ pub const GROUP: usize = 16;
 impl<'a> Projector<'a> {
     /// Creates the projector of a frame. For `alpha_ink` and `stop`, see the fields.
     pub fn new(setup: &FrameSetup<'a>, table: &'a Table<'a>, alpha_ink: f32, stop: f32) -> Projector<'a> {
-        let FrameSetup { view, order, lane, lights, kernel, crop, .. } = setup;
+        let FrameSetup { view, order, lane, lights, kernel, clip, .. } = setup;
         let (sigma, cut_off, normalisation) = (kernel.sigma, kernel.cut_off(), kernel.normalisation());
         let (ellipse, strength) = match &view.map {
             PixelMap::Parallel { pixel_from_voxel, scale } => {
@@ -150,7 +151,7 @@ impl<'a> Projector<'a> {
             lane: *lane,
             table,
             lights: *lights,
-            crop: *crop,
+            clip: *clip,
             alpha_ink,
             sigma,
             cut_off,
@@ -194,26 +195,32 @@ impl<'a> Projector<'a> {
         let positions = voxels.positions;
         self.place(&positions, out);
         self.place_near(voxels.count, &positions, out);
-        self.cull(voxels.count, self.in_crop(voxels), out, tiles);
+        self.cull(voxels.count, self.in_clip(voxels), out, tiles);
         self.colour(voxels, out);
     }
 
-    /// Returns, for each voxel of a block, whether it lies in the crop box.
+    /// Returns, for each voxel of a block, whether neither the crop nor the clip plane leaves it out.
     #[inline(always)]
-    pub(super) fn in_crop(&self, voxels: &VoxelBlock) -> [bool; BLOCK] {
-        let crop = self.crop.unwrap_or(VoxelBox { low: [0; 3], high: [u16::MAX; 3] });
+    pub(super) fn in_clip(&self, voxels: &VoxelBlock) -> [bool; BLOCK] {
+        let ClipRegion { crop, plane } = self.clip;
         let (low, high) = (self.nesting.map(|axis| crop.low[axis]), self.nesting.map(|axis| crop.high[axis]));
         let [slow, medium, fast] = &voxels.positions;
-        let mut in_crop = [false; BLOCK];
+        let mut in_clip = [false; BLOCK];
         for j in 0..BLOCK {
-            in_crop[j] = (slow[j] >= low[0])
+            in_clip[j] = (slow[j] >= low[0])
                 & (slow[j] <= high[0])
                 & (medium[j] >= low[1])
                 & (medium[j] <= high[1])
                 & (fast[j] >= low[2])
                 & (fast[j] <= high[2]);
         }
-        in_crop
+        if let Some(plane) = plane {
+            let plane = IndexPlane { normal: self.nesting.map(|axis| plane.normal[axis]), ..plane };
+            for j in 0..BLOCK {
+                in_clip[j] &= plane.shows([slow[j], medium[j], fast[j]]);
+            }
+        }
+        in_clip
     }
 
     /// Computes the centre, ellipse and bounding box of each voxel of a block.
@@ -317,6 +324,16 @@ impl<'a> Projector<'a> {
     pub(super) fn nested(&self, map: &Affine) -> Affine {
         let [s, m, f] = self.nesting;
         [map[s], map[m], map[f], map[3]]
+    }
+
+    /// Returns the coordinates x, y, z of a voxel from those along the slow, medium and fast axis.
+    #[inline(always)]
+    pub(super) fn unnested(&self, nested: [u16; 3]) -> [u16; 3] {
+        let mut voxel = [0; 3];
+        for (axis, coordinate) in self.nesting.into_iter().zip(nested) {
+            voxel[axis] = coordinate;
+        }
+        voxel
     }
 
     /// Lists, in `out.kept`, those of the first `count` splats that are `wanted` and can change a pixel of the band.

@@ -156,11 +156,14 @@ impl<'a> DrawTask<'a> {
         BandStats { visited, drawing, walking: start.elapsed().saturating_sub(drawing), bands: 1, drawn: 0 }
     }
 
-    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if none, or outside the crop.
+    /// Returns the pixels of `rect` that the voxels in `bounds` may touch; `None` if none, or if all voxels
+    /// are clipped.
     #[inline(always)]
     pub(super) fn pixels(&self, rect: Rect, bounds: &VoxelBox) -> Option<Rect> {
-        let is_cropped = self.projector.crop.is_some_and(|crop| !bounds.meets(&crop));
-        if is_cropped { None } else { pixels(&self.setup.view, self.projector.half_widths(), rect, bounds) }
+        if !self.projector.clip.meets(bounds) {
+            return None;
+        }
+        pixels(&self.setup.view, self.projector.half_widths(), rect, bounds)
     }
 
     /// Cuts the picture into bands of rows (`by_rows`) or of columns, and draws each on a thread of its own.

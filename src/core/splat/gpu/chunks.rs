@@ -8,6 +8,7 @@ use bytemuck::Zeroable;
 use super::layout::{Chunk, LineBlock};
 use super::lines::{LineList, ListBlock, Slab};
 use crate::splat::View;
+use crate::splat::clip::ClipRegion;
 use crate::traverse::VoxelBox;
 
 /// A window of a picture and the voxels that may show there.
@@ -16,7 +17,7 @@ pub(crate) struct WindowView<'a> {
     pub(crate) view: &'a View,
     pub(crate) half_width: [f64; 2], // Half-widths of a parallel view's footprints, in pixels.
     pub(crate) window: [i32; 4],     // First column and row, one past the last column and row.
-    pub(crate) crop: Option<VoxelBox>,
+    pub(crate) clip: ClipRegion,
     pub(crate) slow: usize, // The slow axis.
 }
 
@@ -27,8 +28,8 @@ impl WindowView<'_> {
         let Some([left, right, top, bottom]) = pixels else { return (false, false) };
         let [x0, y0, x1, y1] = self.window.map(f64::from);
         let meets = right >= x0 && left <= x1 - 1.0 && bottom >= y0 && top <= y1 - 1.0;
-        let is_inside = left >= x0 && right <= x1 - 1.0 && top >= y0 && bottom <= y1 - 1.0 && self.crop.is_none();
-        (meets && self.crop.is_none_or(|crop| bounds.meets(&crop)), is_inside)
+        let is_inside = left >= x0 && right <= x1 - 1.0 && top >= y0 && bottom <= y1 - 1.0;
+        (meets && self.clip.meets(bounds), is_inside && self.clip.covers(bounds))
     }
 }
 

@@ -136,7 +136,7 @@ impl FrameDraw<'_, '_, '_> {
 
         let half_width = uniform.half_width.map(f64::from);
         let slow = self.shot.order.slow.index();
-        let view = WindowView { view: &self.shot.view, half_width, window, crop: self.shot.crop, slow };
+        let view = WindowView { view: &self.shot.view, half_width, window, clip: self.shot.clip, slow };
         let list = self.list.clone();
         let (mut records, mut is_first, mut slice) = (0, true, 0);
         for (index, slab) in list.slabs.iter().enumerate() {

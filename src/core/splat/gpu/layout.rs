@@ -12,13 +12,14 @@ use bytemuck::{Pod, Zeroable};
 use crate::arena::layout::line_end_bytes;
 use crate::splat::Lighting;
 use crate::splat::arith::LOG2_E;
+use crate::splat::clip::{ClipRegion, IndexPlane};
 use crate::splat::composite::MAX_DEPTH;
 use crate::splat::cpu::maximum::Rays;
 use crate::splat::kernel::{KernelShape, footprint};
 use crate::splat::near::NearView;
 use crate::splat::setup::FrameSetup as Shot;
 use crate::splat::view::{Affine, PixelMap, View, single};
-use crate::traverse::{AxisOrder, Sense, SplitForm, VoxelBox};
+use crate::traverse::{AxisOrder, Sense, SplitForm};
 
 pub const LINES: u32 = 64; // Most lines of a block, and invocations of a workgroup of the walk.
 pub const BATCH: u32 = 256; // Splats of a batch, and invocations of a workgroup of the other stages.
@@ -59,6 +60,7 @@ pub struct FrameUniform {
     pub window: [i32; 4],
     pub crop_low: [u32; 4],
     pub crop_high: [u32; 4],
+    pub clip: [i32; 4],
     pub rays: [[f32; 4]; 3],
     pub eye_voxel: [f32; 4],
     pub eye_rest: [f32; 4],
@@ -200,9 +202,10 @@ impl FrameUniform {
         (uniform.sigma, uniform.cut_off, uniform.cut_exponent) = (sigma, cut_off, kernel.cut());
         uniform.max_depth = MAX_DEPTH as f32 * LOG2_E;
         uniform.window = window;
-        let crop = shot.crop.unwrap_or(VoxelBox { low: [0; 3], high: [u16::MAX; 3] });
+        let ClipRegion { crop, plane } = shot.clip;
         let padded = |v: [u16; 3]| [v[0].into(), v[1].into(), v[2].into(), 0];
         (uniform.crop_low, uniform.crop_high) = (padded(crop.low), padded(crop.high));
+        uniform.clip = plane.map_or([0; 4], |IndexPlane { normal: [x, y, z], least }| [x, y, z, least]);
         let fast = shot.order.fast;
         // Voxel coordinates are integers, so integers can replace the eye's coordinate: voxels at `eye_ceil` or above lie
         // on the eye's high side. Of two voxels, the low one is nearer if their sum is above `eye_twice`.

@@ -37,6 +37,7 @@ struct FrameUniform {
     window: vec4<i32>, // First column and row, one past the last column and row.
     crop_low: vec4<u32>, // Voxels outside this box are not drawn; both ends are inside.
     crop_high: vec4<u32>,
+    clip: vec4<i32>, // Voxels whose product with xyz is below w are not drawn.
     // Perspective: change of a ray's direction in voxel coordinates by tangent to the right, by tangent upward, and its
     // direction forward. w of the last: peak of a near voxel of optical depth 1 for each unit of the ray's stretch.
     rays: array<vec4<f32>, 3>,

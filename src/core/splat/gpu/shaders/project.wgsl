@@ -318,6 +318,10 @@ fn splat_of(voxel: VisitedVoxel) -> Splat {
     if any(xyz < frame.crop_low.xyz) || any(xyz > frame.crop_high.xyz) {
         return nothing();
     }
+    let clipped = vec3<i32>(xyz) * frame.clip.xyz;
+    if clipped.x + clipped.y + clipped.z < frame.clip.w {
+        return nothing();
+    }
     if frame.is_maximum == 1u {
         return value_splat(voxel, xyz);
     }
