@@ -25,6 +25,7 @@ class Look(Protocol):
     exposure: float | None
     sharpness: float | None
     crop: list[list[int]] | None
+    clip: list[list[float]] | None
     threads: int | None
 
 class Place(Protocol):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import errno
+import operator
 import os
 from collections.abc import Sequence
+from typing import Any
 
 
 def path_in_folder(out: str | os.PathLike[str]) -> str:
@@ -29,7 +31,7 @@ def output_path(out: str | os.PathLike[str], files: Sequence[str] = ()) -> str:
     return path
 
 
-def byte_count(memory: int | str | None) -> int | None:
+def byte_count(memory: int | str | None, name: str = "memory") -> int | None:
     """Returns a number of bytes: 1000000, "500MB", "2GiB".
 
     >>> byte_count("64MiB")
@@ -44,14 +46,40 @@ def byte_count(memory: int | str | None) -> int | None:
         try:
             memory = int(float(number) * units[text[len(number) :].strip()])
         except (KeyError, ValueError, OverflowError):
-            raise ValueError(f'memory is "{memory}", but must be a size such as 64MiB, 1.5GiB or 500MB') from None
+            raise ValueError(f'{name} is "{memory}", but must be a size such as 64MiB, 1.5GiB or 500MB') from None
+    memory = whole(name, memory)
     if not 0 < memory < 2**63:
-        raise ValueError(f"memory is {memory}, but must be a number of bytes above 0")
-    return int(memory)
+        raise ValueError(f"{name} is {memory}, but must be a number of bytes above 0")
+    return memory
 
 
 def thread_count(threads: int | None) -> int | None:
     """Returns a number of threads from 1 to 1024, or None for all processors."""
-    if threads is not None and not 1 <= threads <= 1024:
+    if threads is None:
+        return None
+    threads = whole("threads", threads)
+    if not 1 <= threads <= 1024:
         raise ValueError(f"threads are {threads}, but must be 1 to 1024")
     return threads
+
+
+def whole(name: str, number: Any) -> int:
+    """Returns a whole number of any integer type.
+
+    >>> whole("threads", 1.5)
+    Traceback (most recent call last):
+    TypeError: threads must be a whole number, not 1.5
+    """
+    if isinstance(number, bool):
+        raise TypeError(f"{name} must be a whole number, not {number}")
+    try:
+        return operator.index(number)
+    except TypeError:
+        raise TypeError(f"{name} must be a whole number, not {number!r}") from None
+
+
+def text(name: str, value: Any) -> str:
+    """Returns a string."""
+    if not isinstance(value, str):
+        raise TypeError(f"{name} must be a string, not {value!r}")
+    return value

@@ -28,11 +28,14 @@ class Slices:
     """
 
     def __init__(self, array: Any, memory: int | None):
-        if isinstance(array, np.ma.MaskedArray):
+        # Dask tells by this empty array what its blocks are.
+        if isinstance(array, np.ma.MaskedArray) or isinstance(getattr(array, "_meta", None), np.ma.MaskedArray):
             raise TypeError("the array is masked; fill its masked values first: array.filled(0)")
         shape = tuple(array.shape)
         if len(shape) != 3:
             raise ValueError(f"the array has {len(shape)} dimensions, but a volume has 3: z, y, x")
+        if any(points != points for points in shape):
+            raise ValueError("the array does not know its shape; call array.compute_chunk_sizes() first")
         if 0 in shape:
             raise ValueError(f"the array has the shape {shape}, but each side must be at least 1")
         dtype = np.dtype(array.dtype)

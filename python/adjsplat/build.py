@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import glob
-import operator
 import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -12,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .arguments import byte_count, output_path, thread_count
+from .arguments import byte_count, output_path, text, thread_count, whole
 from .arrays import Slices, is_array
-from .convert import TURNED
+from .convert import TURNED, from_xarray
 from .model import Model
 from .transfer import TransferFunction, as_transfer
 
@@ -36,8 +35,7 @@ class _Place:
         matrix = _numbers("direction", None if direction is None else np.ravel(direction), 9)
         # The library takes a vector for each axis, which is a column of the matrix.
         self.direction = None if matrix is None else (matrix.reshape(3, 3) * turned[:, None]).T.tolist()
-        # Files of other formats know micrometres by these letters.
-        self.unit = "um" if unit in ("\u00b5m", "\u03bcm") else unit
+        self.unit = None if unit is None else text("unit", unit)
 
 
 class _Reading:
@@ -71,11 +69,13 @@ class _Packing:
     def __init__(self, lanes: str, value_bits: int | None, normal_bits: int | None, memory: Any, threads: int | None):
         if lanes not in ("x", "xy", "xyz"):
             raise ValueError(f'lanes are "{lanes}", but must be x, xy or xyz')
-        if value_bits not in (None, 8, 16):
+        self.lanes = len(lanes)
+        self.value_bits = None if value_bits is None else whole("value_bits", value_bits)
+        self.normal_bits = None if normal_bits is None else whole("normal_bits", normal_bits)
+        if self.value_bits not in (None, 8, 16):
             raise ValueError(f"value_bits are {value_bits}, but must be 8 or 16")
-        if normal_bits not in (None, 0, 8, 16):
+        if self.normal_bits not in (None, 0, 8, 16):
             raise ValueError(f"normal_bits are {normal_bits}, but must be 0, 8 or 16")
-        self.lanes, self.value_bits, self.normal_bits = len(lanes), value_bits, normal_bits
         self.memory, self.threads = byte_count(memory), thread_count(threads)
 
 
@@ -112,6 +112,7 @@ def build(
 
     * a numpy array (z, y, x) of any real number type, byte order and strides; whole slices are read in place;
     * a zarr or dask array, or anything with `shape`, `dtype` and slices, of which a few slices at a time are in memory;
+    * an xarray DataArray; its coordinates give spacing and origin, if they are regular and you give neither;
     * a SimpleITK image, which brings its own spacing, origin, direction and frame;
     * a path, or a list or pattern of paths of slices, that `adj build` reads: DICOM, Zarr and OME-Zarr, TIFF, NRRD,
       MetaImage, NIfTI, VTK, SLC, raw; or `phantom:NAME`.
@@ -131,7 +132,8 @@ def build(
 
     `memory` bounds the bytes of the process (or "256MiB") while a file is written; `threads` defaults to all processors.
     The result depends on neither. `progress(phase, done, total)` is called about twenty times a second; what it raises
-    stops the build, as Ctrl-C does, and no file is left.
+    stops the build, as Ctrl-C does, and no file is left. Of two builds that write one file at the same time, the later
+    one's file stays.
 
     Of files: `shape` (z, y, x), `dtype` and `skip` describe one without a header; `volume_index`, `level` and `series`
     choose one of several volumes, resolutions or DICOM series; `outside_files` allows headers to name files in other
@@ -154,6 +156,10 @@ def build(
         from SimpleITK import GetArrayViewFromImage
 
         volume = GetArrayViewFromImage(volume)
+    elif type(volume).__module__.partition(".")[0] == "xarray":
+        if all(part is None for part in (spacing, origin, direction)) and frame == "RAS":
+            volume, (spacing, origin, direction), own_unit = from_xarray(volume)
+            unit = own_unit if unit is None else unit
     place = _Place(spacing, origin, direction, frame, unit)
     packing = _Packing(lanes, value_bits, normal_bits, memory, threads)
     if is_array(volume):
@@ -192,8 +198,12 @@ def build(
 def _chosen(visible: Any, transfer: Any, labels: Any) -> str | None:
     """Returns what is visible: a transfer function's JSON, "file" for the file's own palette, or None."""
     if visible is not None:
-        low, high = visible
-        return TransferFunction.range(low, high).to_json()
+        need = f"visible must be two values (low, high), each a number or None for an open end, not {visible!r}"
+        if isinstance(visible, (str, bytes)) or not isinstance(visible, Sequence | np.ndarray):
+            raise TypeError(need)
+        if len(visible) != 2:
+            raise ValueError(need)
+        return TransferFunction.range(*visible).to_json()
     if transfer is not None:
         return as_transfer(transfer).to_json()
     if labels is None or isinstance(labels, str) and labels == "file":
@@ -235,7 +245,7 @@ def _numbers(name: str, numbers: Any, count: int) -> np.ndarray | None:
 
 
 def _whole(name: str, numbers: Any) -> list[int]:
-    whole = [operator.index(number) for number in numbers]
-    if len(whole) != 3 or min(whole) < 0:
+    found = [whole(name, number) for number in numbers]
+    if len(found) != 3 or min(found) < 0:
         raise ValueError(f"{name} must be three whole numbers (z, y, x), not {numbers!r}")
-    return whole
+    return found

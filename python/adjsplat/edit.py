@@ -10,7 +10,10 @@ import numpy as np
 from . import _native
 from .arguments import byte_count, output_path, thread_count
 from .build import Progress
-from .model import Model
+from .model import Model, with_look_of
+
+#: Voxels whose places in a mask are looked up at once.
+LOOKED_UP = 1 << 20
 
 
 class _Step:
@@ -58,7 +61,7 @@ class Edit:
         if mask.dtype != bool:
             positions = self._positions(mask)
         elif mask.shape == self._model.shape:
-            positions = np.argwhere(mask)
+            positions = self._visible_in(mask)
         elif mask.shape == (self._model.count,):
             positions = self._model.coordinates()[mask]
         else:
@@ -77,12 +80,20 @@ class Edit:
     ) -> Model:
         """Writes the edited voxels to the file `path`, whole or not at all, and opens it; arguments are those of `build`.
 
-        Raises `ValueError` if no voxel is left.
+        The file keeps the transfer function that the model's file has; the model that is returned is drawn with that of
+        this model. Raises `ValueError` if no voxel is left.
         """
         path = output_path(path)
         native = self._model._open
         saved = _native.save_edited(native, path, self._steps, byte_count(memory), thread_count(threads), progress)
-        return Model(saved, path)
+        return with_look_of(Model(saved, path), self._model)
+
+    def _visible_in(self, mask: np.ndarray) -> np.ndarray:
+        """Returns the visible voxels where a dense mask is true; a part of them at a time is looked up."""
+        positions = self._model.coordinates()
+        parts = [positions[first : first + LOOKED_UP] for first in range(0, len(positions), LOOKED_UP)]
+        inside = [mask[tuple(part.T)] for part in parts]
+        return positions[np.concatenate(inside)] if inside else positions
 
     def _positions(self, coordinates: Any) -> np.ndarray:
         positions = np.asarray(coordinates)

@@ -43,7 +43,10 @@ def write(
     out = path_in_folder(path)
     if model.path is not None and os.path.exists(out) and os.path.samefile(model.path, out):
         raise ValueError(f"{out} is the model itself, which the export would replace; give another name")
-    fill = None if fill is None else float(fill)
+    try:
+        fill = None if fill is None else float(fill)
+    except OverflowError:
+        raise ValueError("fill is beyond all sample types") from None
     voxels, nbytes, name, filled, rounding, notes = _native.export(model._open, out, fill, progress)
     for note in notes:
         if note.startswith("warning: "):

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 
 def expanded(key: Any) -> tuple[Any, ...]:
     """Returns the parts of an index for z, y and x."""
@@ -26,12 +28,13 @@ def covered(part: Any, points: int, axis: int) -> tuple[int, int, Any]:
         low = min(picked[0], picked[-1])
         return low, max(picked[0], picked[-1]) - low + 1, slice(None, None, step)
     try:
-        index = part.__index__()
+        # A truth value is a mask to numpy, not 0 or 1.
+        index = None if isinstance(part, (bool, np.bool_)) else part.__index__()
     except (AttributeError, TypeError):
+        index = None
+    if index is None:
         kind = type(part).__name__
-        raise TypeError(
-            f"a model is indexed by whole numbers and slices, not {kind}; take f.to_numpy() first"
-        ) from None
+        raise TypeError(f"a model is indexed by whole numbers and slices, not {kind}; take f.to_numpy() first")
     if not -points <= index < points:
         raise IndexError(f"index {index} is out of bounds for axis {axis} with {points} points")
     return index % points, 1, 0

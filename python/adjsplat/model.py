@@ -111,11 +111,14 @@ class Model:
         self._open.verify(self._path or "memory")
 
     def save(self, path: str | os.PathLike[str]) -> Model:
-        """Writes the model to a file, whole or not at all, and opens it. The file keeps the transfer function that it was
-        built with, not that of `with_transfer`."""
+        """Writes the model to a file, whole or not at all, and opens it.
+
+        The file says which values the build stored, and so it keeps the transfer function of the build. The model that is
+        returned is drawn with the same function as this one.
+        """
         path = output_path(path)
         self._open.save(path)
-        return open(path)
+        return with_look_of(open(path), self)
 
     # --- The grid
 
@@ -190,7 +193,10 @@ class Model:
 
     @property
     def dtype(self) -> np.dtype:
-        """The type that values are handed out in: the smallest of whole numbers that holds all, else a float."""
+        """The type that values are handed out in: the smallest of whole numbers that holds all, else a float.
+
+        It is float64 if the volume was, or if single precision would not tell the values apart.
+        """
         low, step = self._open.value_scale
         high = low + step * (2 ** self._open.bits[0] - 1)
         highest = self.attrs.get("values", {})
@@ -201,9 +207,13 @@ class Model:
             for name in ("uint8", "int16", "uint16", "int32", "uint32"):
                 if np.iinfo(name).min <= min(low, 0) and high <= np.iinfo(name).max:
                     return np.dtype(name)
-        # Single precision keeps codes apart unless they are far from 0, by their distances.
-        is_fine = step == 0 or max(abs(low), abs(high)) / step < 2**22
-        return np.dtype("float32" if is_fine and max(abs(low), abs(high)) < 1e38 else "float64")
+        source = self.attrs.get("source")
+        if isinstance(source, dict) and source.get("sample_type") == "f64":
+            return np.dtype("float64")
+        # Single precision keeps codes apart unless they are far from 0, by their distances, or very small.
+        largest = max(abs(low), abs(high))
+        is_fine = step == 0 or largest / step < 2**22
+        return np.dtype("float32" if is_fine and (largest == 0 or 1e-30 < largest < 1e38) else "float64")
 
     @property
     def transfer(self) -> TransferFunction:
@@ -284,10 +294,15 @@ class Model:
         self, low: tuple[int, int, int], shape: tuple[int, int, int], *, dtype: Any = None, fill: float = 0
     ) -> np.ndarray:
         """Returns the box of `shape` (z, y, x) whose first point is `low`, dense; `fill` stands for what is not visible."""
+        if min(*low, *shape) < 0:
+            raise ValueError(f"a block at {low} of the shape {shape} reaches beyond the volume")
         dtype = np.dtype(self.dtype if dtype is None else dtype).newbyteorder("=")
         if dtype not in _NATIVE:
             raise ValueError(f"dtype is {dtype}, but must be one of {', '.join(map(str, _NATIVE))}")
-        if dtype.kind != "f" and not (float(fill).is_integer() and np.iinfo(dtype).min <= fill <= np.iinfo(dtype).max):
+        if isinstance(fill, int) and abs(fill) > 2**53:
+            raise ValueError(f"fill is beyond {dtype}: choose another number")
+        is_whole = float(fill).is_integer()
+        if dtype.kind != "f" and not (is_whole and np.iinfo(dtype).min <= fill <= np.iinfo(dtype).max):
             raise ValueError(f"{dtype} does not hold {fill}, which is to fill the block: choose another dtype")
         out = np.zeros(shape, dtype) if fill == 0 else np.full(shape, fill, dtype)
         if out.size:
@@ -306,6 +321,9 @@ class Model:
             ranges.append(covered(part, points, axis))
         low, shape, within = zip(*ranges)
         return self.block(low, shape)[within]
+
+    #: `value in f` would compare whole slices; `f.values()` has the values.
+    __contains__ = None
 
     def __len__(self) -> int:
         return self.shape[0]
@@ -391,6 +409,11 @@ class Model:
 
 
 _NATIVE = tuple(np.dtype(name) for name in ("u1", "i1", "u2", "i2", "u4", "i4", "f4", "f8"))
+
+
+def with_look_of(model: Model, other: Model) -> Model:
+    """Returns the voxels of `model`, drawn with the transfer function of `other`."""
+    return _with_text(model, other._open.transfer)
 
 
 def _reopened(path: str, transfer: str) -> Model:

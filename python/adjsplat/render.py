@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import operator
 import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from . import _native
-from .arguments import thread_count
+from .arguments import byte_count, text, thread_count, whole
 from .indices import covered, expanded
 from .model import Model, open
 from .pictures import linear_colour, over, to_srgb8
@@ -30,16 +29,19 @@ class _Look:
         exposure: float | None,
         sharpness: float | None,
         crop: Any,
+        clip: Any,
         threads: int | None,
     ):
-        columns, rows = (operator.index(side) for side in size)
+        columns, rows = (whole("columns and rows", side) for side in size)
         if not (1 <= columns <= 16384 and 1 <= rows <= 16384):
             raise ValueError(f"size is {size}, but columns and rows must be 1 to 16384")
         self.size = [columns, rows]
-        self.quality, self.mode, self.sampling = quality, mode, sampling
+        self.quality, self.mode = text("quality", quality), text("mode", mode)
+        self.sampling = None if sampling is None else text("sampling", sampling)
         self.lighting, self.exposure, self.sharpness = bool(lighting), exposure, sharpness
         self.threads = thread_count(threads)
         self.crop = None if crop is None else _crop(model, crop)
+        self.clip = None if clip is None else _clip(clip)
 
 
 def _crop(model: Model, crop: Any) -> list[list[int]]:
@@ -52,6 +54,14 @@ def _crop(model: Model, crop: Any) -> list[list[int]]:
         low.append(first)
         high.append(first + length - 1)
     return [low[::-1], high[::-1]]
+
+
+def _clip(clip: Any) -> list[list[float]]:
+    """Returns a plane's point and normal."""
+    plane = np.asarray(clip, dtype=np.float64)
+    if plane.shape != (2, 3):
+        raise ValueError(f"clip must be a point and a normal, each (x, y, z), not {clip!r}")
+    return plane.tolist()
 
 
 class Renderer:
@@ -108,7 +118,7 @@ class Renderer:
         crop: Any = None,
     ) -> list[dict[str, Any]]:
         """Returns the cameras of several orbits (azimuth, elevation), which look at one point and have one scale."""
-        look = _Look(self.model, size, "standard", "composite", None, True, None, None, crop, None)
+        look = _Look(self.model, size, "standard", "composite", None, True, None, None, crop, None, None)
         texts = _native.cameras(self.model._open, look, [tuple(orbit) for orbit in orbits], zoom, perspective, up)
         return [json.loads(text) for text in texts]
 
@@ -130,6 +140,7 @@ class Renderer:
         exposure: float | None = None,
         sharpness: float | None = None,
         crop: Any = None,
+        clip: Any = None,
         background: Any = None,
         dtype: Any = np.float32,
         threads: int | None = None,
@@ -142,17 +153,17 @@ class Renderer:
         if dtype not in (np.dtype(np.float32), np.dtype(np.uint8)):
             raise ValueError(f"dtype is {dtype}, but a picture is float32 (linear) or uint8 (sRGB)")
         behind = None if background is None else linear_colour(background)
-        look = _Look(self.model, size, quality, mode, sampling, lighting, exposure, sharpness, crop, threads)
+        look = _Look(self.model, size, quality, mode, sampling, lighting, exposure, sharpness, crop, clip, threads)
         if camera is None:
-            text = _native.cameras(native, look, [(azimuth, elevation)], zoom, perspective, up)[0]
+            view = _native.cameras(native, look, [(azimuth, elevation)], zoom, perspective, up)[0]
         elif (azimuth, elevation, zoom, perspective, up) != (0.0, 0.0, 1.0, None, "z"):
             raise ValueError("camera is the whole view; leave out azimuth, elevation, zoom, perspective and up")
         else:
-            text = json.dumps(dict(camera), default=lambda numbers: np.asarray(numbers).tolist())
+            view = _camera_json(camera)
         if self._device is None:
-            picture = _native.render(native, look, text, max_error)
+            picture = _native.render(native, look, view, max_error)
         else:
-            picture = self._device.render(native, look, text, max_error)
+            picture = self._device.render(native, look, view, max_error)
         if behind is not None:
             picture = over(picture, behind)
         return picture if dtype == np.float32 else to_srgb8(picture)
@@ -178,8 +189,23 @@ class Renderer:
         raise TypeError("a renderer cannot be pickled: its device belongs to this process; pickle the model")
 
 
+def _camera_json(camera: Mapping[str, Any]) -> str:
+    def plain(numbers: Any) -> Any:
+        array = np.asarray(numbers)
+        if array.dtype.kind not in "uif":
+            raise TypeError(f"a camera has real numbers, not {numbers!r}")
+        return array.tolist()
+
+    try:
+        return json.dumps(dict(camera), default=plain, allow_nan=False)
+    except ValueError:
+        raise ValueError("the numbers of a camera must be finite") from None
+
+
 def _opened(model: Model, device: str, vram: int | None) -> _native.Device | None:
     """Returns the graphics device that `device` asks for; None for the processor."""
+    text("device", device)
+    vram = byte_count(vram, "vram")
     if device == "cpu":
         return None
     if device != "auto":
@@ -212,6 +238,7 @@ def render(
     exposure: float | None = None,
     sharpness: float | None = None,
     crop: Any = None,
+    clip: Any = None,
     background: Any = None,
     dtype: Any = np.float32,
     threads: int | None = None,
@@ -231,7 +258,8 @@ def render(
     is "draft", "standard", "high" or "reference", and `sampling` "fewest", "enough", "every" or "finer"; `max_error`
     chooses both: the first of nine settings, from fast to slow, whose measured error (of a linear sample from 0 to 1) is
     within it. `lighting=False` leaves out the light; `exposure` is the brightness of "xray"; `sharpness` is from 0 to 1.
-    `crop` is an index such as `np.s_[10:50]`. `background` is a colour; without one the picture is transparent.
+    `crop` is an index such as `np.s_[10:50]`; `clip` a point and a normal in the world, ((x, y, z), (x, y, z)), of the plane
+    in front of which voxels are drawn. `background` is a colour; without one the picture is transparent.
 
     `device` is as for `Renderer`, which saves time for many pictures on a graphics device. Other threads of Python run
     meanwhile. The processor gives the same bits for any number of `threads`.

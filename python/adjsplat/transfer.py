@@ -12,6 +12,7 @@ import numpy as np
 
 from . import _native
 from ._optional import needed
+from .arguments import whole
 
 #: Opacities below this are drawn as nothing: it is less than one step of an 8-bit picture.
 FAINT = 1 / 255
@@ -33,7 +34,7 @@ class TransferFunction:
     __slots__ = ("_text",)
 
     def __init__(self, document: Mapping[str, Any] | str):
-        text = document if isinstance(document, str) else json.dumps(document, default=_plain)
+        text = document if isinstance(document, str) else _json(document)
         self._text = _native.transfer_json(text)
 
     @classmethod
@@ -70,7 +71,10 @@ class TransferFunction:
         """
         # Infinity is an open end, too.
         given = (("low", low, -math.inf), ("high", high, math.inf))
-        ends = {name: float(end) for name, end, no_end in given if end is not None and end != no_end}
+        ends = {name: end for name, end, no_end in given if end is not None and end != no_end}
+        if any(isinstance(end, (str, bytes)) for end in ends.values()):
+            raise TypeError(f"a range has numbers as its ends, not {low!r} and {high!r}")
+        ends = {name: float(end) for name, end in ends.items()}
         return cls({"kind": "range", "opacity": opacity, **ends})
 
     @classmethod
@@ -124,7 +128,7 @@ class TransferFunction:
                 name, colour, opacity = (*look, 1.0)[:3]
             else:
                 name, colour, opacity = str(label), look, 1.0
-            return {"label": int(label), "name": name, "colour": _colour(colour), "opacity": opacity}
+            return {"label": whole("a label", label), "name": name, "colour": _colour(colour), "opacity": opacity}
 
         return cls(
             {"kind": "labels", "labels": [entry(label, look) for label, look in labels.items()], "others": others}
@@ -159,6 +163,8 @@ class TransferFunction:
         share = np.linspace(0, 1, samples)
         opacities = _opacities(opacity, share)
         opacities[opacities < FAINT] = 0.0
+        if isinstance(cmap, str) and cmap not in colormaps:
+            raise ValueError(f'matplotlib has no colour map "{cmap}"')
         colours = (colormaps[cmap] if isinstance(cmap, str) else cmap)(share)[:, :3]
         points = [(v, tuple(c), o) for v, c, o in zip(low + share * (high - low), colours, opacities)]
         if opacities[0] > 0:
@@ -240,6 +246,13 @@ def _opacities(opacity: str | float | Sequence[float], share: np.ndarray) -> np.
     if given.ndim != 1 or given.size == 0 or not ((given >= 0) & (given <= 1)).all():
         raise ValueError("opacities must be numbers from 0 to 1")
     return np.interp(share, np.linspace(0, 1, given.size), given) if given.size > 1 else np.full(share.shape, given[0])
+
+
+def _json(document: Mapping[str, Any]) -> str:
+    try:
+        return json.dumps(document, default=_plain, allow_nan=False)
+    except ValueError:
+        raise ValueError("the numbers of a transfer function must be finite") from None
 
 
 def _plain(number: Any) -> Any:

@@ -32,6 +32,10 @@ pub(crate) fn exception(error: Error) -> PyErr {
 
 /// Returns an `OSError`, or the class of it that the system's number of the error stands for.
 fn os_error(action: &str, path: &Path, source: &std::io::Error) -> PyErr {
+    // The bytes were read, but they are not what they should be: no text, for example.
+    if source.kind() == std::io::ErrorKind::InvalidData {
+        return PyValueError::new_err(format!("cannot {action} {}: {source}", path.display()));
+    }
     let Some(number) = source.raw_os_error() else {
         return PyOSError::new_err(format!("cannot {action} {}: {source}", path.display()));
     };

@@ -1,6 +1,6 @@
 //! Pictures of a model by the processor, and the settings and cameras that all pictures share.
 
-use adjsplat::splat::{Camera, Frame, Mode, Orbit, Quality, Sampling, Settings, Up};
+use adjsplat::splat::{Camera, ClipPlane, Frame, Mode, Orbit, Quality, Sampling, Settings, Up};
 use adjsplat::traverse::VoxelBox;
 use adjsplat_judge::dial;
 use numpy::{IntoPyArray, PyArray3, PyArrayMethods};
@@ -25,6 +25,8 @@ pub(crate) struct Look {
     sharpness: Option<f32>,
     /// Lowest and highest coordinates (x, y, z) of the voxels to draw, inclusive.
     crop: Option<[[u16; 3]; 2]>,
+    /// A point of the plane in front of which voxels are drawn, and its normal, in the world.
+    clip: Option<[[f64; 3]; 2]>,
     threads: Option<usize>,
 }
 
@@ -55,6 +57,7 @@ impl Look {
             .with_sampling(sampling)
             .with_exposure(self.exposure)
             .with_crop(crop)
+            .with_clip(self.clip.map(|[point, normal]| ClipPlane { point, normal }))
             .with_threads(threads_or_all(self.threads)?);
         if let Some(sharpness) = self.sharpness {
             settings.kernel = Some(quality.kernel().sharpened(sharpness).map_err(exception)?);

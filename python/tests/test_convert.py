@@ -103,3 +103,42 @@ def test_an_absent_package_is_named(model, package, use, monkeypatch):
     monkeypatch.setattr("importlib.import_module", lambda name: without(name))
     with pytest.raises(ImportError, match=f"pip install {package}"):
         use(model)
+
+
+@pytest.mark.parametrize("chunks", [None, (8, 8, 8)])
+def test_an_xarray_keeps_its_place(volume, chunks):
+    pytest.importorskip("xarray")
+    turned = np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]])
+    for direction in (np.eye(3), np.diag([1, -1, 1]), turned):
+        f = adj.build(
+            volume, visible=(60, None), spacing=(1, 1.5, 2.5), origin=(10, -20, 30), direction=direction, unit="mm"
+        )
+        g = adj.build(f.to_xarray(chunks=chunks), visible=(60, None))
+        assert (g.spacing, g.origin, g.direction, g.unit) == (f.spacing, f.origin, f.direction, "mm")
+        assert (g.to_numpy() == f.to_numpy()).all()
+
+
+def test_coordinates_of_an_xarray_give_its_place(volume):
+    xarray = pytest.importorskip("xarray")
+    z, y, x = volume.shape
+    coordinates = {"z": 5 + 2.5 * np.arange(z), "y": 9 - 0.5 * np.arange(y), "x": np.arange(x)}
+    array = xarray.DataArray(volume, dims=("z", "y", "x"), coords=coordinates)
+    for given in (array, array.transpose("x", "z", "y")):
+        f = adj.build(given, visible=(60, None))
+        assert f.shape == volume.shape and f.spacing == (1, 0.5, 2.5) and f.origin == (0, 9, 5)
+        assert f.direction == (1, 0, 0, 0, -1, 0, 0, 0, 1)
+    assert adj.build(array, visible=(60, None), spacing=(3, 3, 3)).spacing == (3, 3, 3)
+    assert adj.build(array.drop_vars("y"), visible=(60, None)).spacing == (1, 1, 1)
+    uneven = array.assign_coords(y=np.arange(y) ** 2)
+    with pytest.raises(ValueError, match="the coordinates of y are not regular"):
+        adj.build(uneven, visible=(60, None))
+
+
+def test_values_of_double_precision_stay_apart():
+    for low, step in ((0, 1e-60), (1e9, 0.01), (0.1, 0.1)):
+        array = low + step * np.arange(60.0).reshape(3, 4, 5)
+        f = adj.build(array, visible=(array[1, 0, 0], None))
+        assert f.dtype == np.float64
+        # Codes of eight bits: half of one of 255 steps.
+        assert np.allclose(f.values(), array[array >= array[1, 0, 0]], rtol=0, atol=40 * step / 255 * 0.51)
+        assert np.unique(f.values()).size == f.count

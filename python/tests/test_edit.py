@@ -36,6 +36,22 @@ def test_an_edit_without_effect_gives_the_same_voxels(model, tmp_path):
         assert (same.coordinates() == model.coordinates()).all() and (same.normals() == model.normals()).all()
 
 
+def test_a_dense_mask_is_looked_up_at_the_visible_voxels(model, tmp_path, monkeypatch):
+    monkeypatch.setattr(adj.edit, "LOOKED_UP", 100)
+    mask = np.zeros(model.shape, bool)
+    mask[:, ::2] = True
+    g = model.edit().remove(mask).save(tmp_path / "g.adj")
+    assert g.count == (model.coordinates()[:, 1] % 2 == 1).sum() > 0
+
+
+def test_another_transfer_function_stays_with_what_an_edit_or_a_copy_returns(model, tmp_path):
+    shown = model.with_transfer(adj.TransferFunction.range(150, opacity=0.3))
+    assert shown.save(tmp_path / "a.adj").transfer == shown.transfer
+    assert shown.edit().remove(model.coordinates()[:1]).save(tmp_path / "b.adj").transfer == shown.transfer
+    # The files keep that of the build, which says what is stored.
+    assert adj.open(tmp_path / "a.adj").transfer == adj.open(tmp_path / "b.adj").transfer == model.transfer
+
+
 def test_the_callers_array_may_change_before_the_edit_is_saved(model, tmp_path):
     positions = model.coordinates()[:5].astype(np.uint32)
     edit = model.edit().remove(positions)

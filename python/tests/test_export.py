@@ -1,5 +1,6 @@
 """Exports, read back by numpy, nibabel, zarr and SimpleITK; the program's tests look at every format and type."""
 
+import json
 import os
 
 import numpy as np
@@ -38,11 +39,23 @@ def test_double_precision_stays_as_it_is(tmp_path):
     assert tiny.export(tmp_path / "b.npz").fill == 0 and (np.load(tmp_path / "b.npz")["values"] > 0).sum() == tiny.count
 
 
-def test_micrometres_have_one_name(tmp_path, volume):
+@pytest.mark.parametrize("unit", ["\u00b5m", "\u03bcm", "micron", "micrometers", "Micrometre", "um"])
+def test_units_are_known_by_all_their_names(tmp_path, volume, unit):
     nibabel = pytest.importorskip("nibabel")
-    f = adj.build(volume, visible=VISIBLE, unit="\u00b5m")
-    f.export(tmp_path / "a.nii")
-    assert f.unit == "um" and nibabel.load(tmp_path / "a.nii").header.get_xyzt_units()[0] == "micron"
+    f = adj.build(volume, visible=VISIBLE, unit=unit)
+    assert f.export(tmp_path / "a.nii").notes == ()
+    assert nibabel.load(tmp_path / "a.nii").header.get_xyzt_units()[0] == "micron"
+    f.export(tmp_path / "a.zarr")
+    attributes = json.loads((tmp_path / "a.zarr" / ".zattrs").read_text())
+    assert [axis["unit"] for axis in attributes["multiscales"][0]["axes"]] == 3 * ["micrometer"]
+
+
+def test_units_that_a_format_has_no_name_for_are_left_out_with_a_note(tmp_path, volume):
+    f = adj.build(volume, visible=VISIBLE, unit="l\u00e9gua")
+    for name in ("a.nrrd", "a.nii", "a.mha", "a.zarr"):
+        (note,) = f.export(tmp_path / name).notes
+        assert note.endswith('has no name for the unit "l\u00e9gua", which is left out')
+    assert b"unit" not in (tmp_path / "a.nrrd").read_bytes()[:400]
 
 
 def test_a_fill_value_stands_for_what_is_not_visible(model, tmp_path):

@@ -88,7 +88,7 @@ def test_colour_maps_of_matplotlib(opacity):
         (lambda: TransferFunction.points([(1, (1, 2), 0)]), ValueError),
         (lambda: TransferFunction.points([(1, "#000000", 1.5)]), ValueError),
         (lambda: TransferFunction.points([(float("inf"), "#000000", 1)]), ValueError),
-        (lambda: TransferFunction.labels({1.5: "#000000"}, others="some"), ValueError),
+        (lambda: TransferFunction.labels({1: "#000000"}, others="some"), ValueError),
         (lambda: TransferFunction.contour(1, cap="left"), ValueError),
         (lambda: TransferFunction.preset("bone"), ValueError),
         (lambda: TransferFunction.from_json("{"), ValueError),

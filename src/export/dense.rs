@@ -13,7 +13,7 @@ use adjsplat::volume::{Grid, SampleType};
 use super::output::{Progress, Written, write_file};
 use super::samples::{encoded, fill, rounding, sample_type};
 use super::voxels::StoredVoxels;
-use super::{ExportFormat, ExportReport, metaimage, nifti, npz, nrrd, vti, zarr};
+use super::{ExportFormat, ExportReport, metaimage, nifti, npz, nrrd, units, vti, zarr};
 
 /// A dense volume of little-endian samples, made from visible voxels and a fill value.
 pub(crate) struct DenseVolume<'a> {
@@ -123,6 +123,7 @@ pub(crate) fn export(
 ) -> Result<ExportReport> {
     let [nx, ny, nz] = volume.grid().dims;
     let mut notes: Vec<String> = volume.warning.clone().into_iter().collect();
+    notes.extend(units::note(format, volume.grid().unit.as_deref()));
     progress.begin(nz.into());
     let bytes = match format {
         ExportFormat::Zarr => {

@@ -33,6 +33,7 @@ mod output;
 mod ply;
 mod samples;
 mod spz;
+mod units;
 mod vdb;
 mod voxels;
 mod vti;

@@ -7,6 +7,7 @@ use std::io::Write;
 
 use super::dense::DenseVolume;
 use super::output::{Progress, Written};
+use super::units;
 use adjsplat::volume::SampleType;
 
 pub(crate) fn write(out: &mut dyn Write, volume: &DenseVolume, progress: &Progress) -> Written {
@@ -32,7 +33,7 @@ fn header(volume: &DenseVolume) -> String {
         SampleType::F32 => "MET_FLOAT",
         SampleType::F64 => "MET_DOUBLE",
     };
-    let unit = grid.unit.as_deref().filter(|unit| ["um", "mm", "cm"].contains(unit));
+    let unit = units::metaimage_name(grid.unit.as_deref());
     let unit = unit.map_or(String::new(), |unit| format!("DistanceUnits = {unit}\n"));
     format!(
         "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = False\n\

@@ -13,6 +13,7 @@ use flate2::write::GzEncoder;
 
 use super::dense::DenseVolume;
 use super::output::{Progress, Written};
+use super::units;
 use adjsplat::volume::{Grid, SampleType};
 
 /// Longest axis of NIfTI-1, in points.
@@ -153,12 +154,7 @@ impl Placement {
             qform_code: i16::from(rotation.is_some()),
             quaternion,
             origin: grid.origin,
-            units: match grid.unit.as_deref() {
-                Some("m") => 1,
-                Some("mm") => 2,
-                Some("um") => 3,
-                _ => 0,
-            },
+            units: units::nifti_code(grid.unit.as_deref()),
         }
     }
 }

@@ -9,6 +9,7 @@ use flate2::write::GzEncoder;
 
 use super::dense::DenseVolume;
 use super::output::{Progress, Written};
+use super::units;
 use adjsplat::volume::SampleType;
 
 pub(crate) fn write(out: &mut dyn Write, volume: &DenseVolume, progress: &Progress) -> Written {
@@ -35,8 +36,7 @@ fn header(volume: &DenseVolume) -> String {
         SampleType::F32 => "float",
         SampleType::F64 => "double",
     };
-    // A quote or a line break would end the unit or the field.
-    let unit = grid.unit.as_deref().filter(|unit| !unit.contains(['"', '\\']) && !unit.contains(char::is_control));
+    let unit = units::nrrd_name(grid.unit.as_deref());
     let unit = unit.map_or(String::new(), |unit| format!("space units: \"{unit}\" \"{unit}\" \"{unit}\"\n"));
     format!(
         "NRRD0004\ntype: {sample_type}\ndimension: 3\nspace: right-anterior-superior\nsizes: {nx} {ny} {nz}\n\

@@ -12,6 +12,7 @@ use glam::DVec3;
 use serde_json::Value;
 
 use super::output::{Progress, Written};
+use super::units;
 
 /// The voxels of an arena that are exported, and what the file says of the volume that it was built from.
 pub(crate) struct StoredVoxels<'a> {
@@ -48,7 +49,7 @@ impl<'a> StoredVoxels<'a> {
         // For people, and so not always there.
         let description: Value = serde_json::from_slice(arena.description()).unwrap_or(Value::Null);
         let type_name = description["source"]["sample_type"].as_str();
-        let unit = description["unit"].as_str().map(str::to_owned);
+        let unit = description["unit"].as_str().map(units::symbol);
         let mut voxels = StoredVoxels {
             arena,
             grid: Grid { unit, ..facts.grid.clone() },

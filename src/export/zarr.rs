@@ -18,6 +18,7 @@ use serde_json::{Value, json};
 use super::dense::DenseVolume;
 use super::nifti;
 use super::output::Progress;
+use super::units;
 use adjsplat::error::{Error, Result};
 use adjsplat::file::write_folder_atomically;
 use adjsplat::volume::{Grid, SampleType};
@@ -108,14 +109,7 @@ fn is_upright(grid: &Grid) -> bool {
 /// Returns the attributes of the group: the axes and the place of its level, slowest axis first.
 fn attributes(volume: &DenseVolume) -> Value {
     let grid = volume.grid();
-    let unit = grid.unit.as_deref().and_then(|unit| match unit {
-        "m" => Some("meter"),
-        "cm" => Some("centimeter"),
-        "mm" => Some("millimeter"),
-        "um" => Some("micrometer"),
-        "nm" => Some("nanometer"),
-        _ => None,
-    });
+    let unit = units::ome_name(grid.unit.as_deref());
     let axis = |name: &str| match unit {
         Some(unit) => json!({ "name": name, "type": "space", "unit": unit }),
         None => json!({ "name": name, "type": "space" }),

@@ -33,8 +33,9 @@ pub fn write_folder_atomically<T>(
         return Err(Error::input(parent.display().to_string(), "is no folder; create it first"));
     }
     let temporary = TemporaryFolder::new(parent)?;
-    let result = write(temporary.folder.path())?;
-    flush(temporary.folder.path(), stop)?;
+    let folder = temporary.folder.path();
+    let written = write(folder).and_then(|result| flush(folder, stop).map(|()| result));
+    let result = written.map_err(|error| named(error, folder, path))?;
     if stop() {
         return Err(Error::Interrupted);
     }
@@ -44,6 +45,17 @@ pub fn write_folder_atomically<T>(
     // The name must be on disk too. Where folders cannot be flushed, the folder is still complete.
     let _ = File::open(parent).and_then(|folder| folder.sync_all());
     Ok(result)
+}
+
+/// Returns the error with the folder's final name in place of the temporary one, which nobody chose.
+fn named(error: Error, temporary: &Path, path: &Path) -> Error {
+    match error {
+        Error::Io { action, path: at, source } => {
+            let at = at.strip_prefix(temporary).map_or_else(|_| at.clone(), |part| path.join(part));
+            Error::Io { action, path: at, source }
+        }
+        other => other,
+    }
 }
 
 fn check_absent(path: &Path) -> Result<()> {
